@@ -1,0 +1,57 @@
+// A .umbel file: one continuous-LOD asset, read page by page. docs/format.md has every byte.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "umbel/lod.hpp"
+
+namespace umbel {
+
+struct AssetInfo {
+  uint16_t version_major = 1, version_minor = 0;
+  uint64_t file_bytes = 0;
+  uint32_t pages = 0;
+  bool normals = false, tangents = false, uvs = false, colors = false;
+  Aabb bounds;
+  uint64_t source_triangles = 0, source_vertices = 0, source_digest = 0;
+  uint32_t max_triangles = 0, max_vertices = 0;  ///< limits that every cluster keeps
+  std::string metadata;                          ///< JSON, as given to write_asset
+};
+
+/// Writes beside `path` and renames, so that a file of that name is always whole. `metadata` is
+/// a JSON object that comes back as AssetInfo::metadata. Returns the bytes written. Throws kIo.
+UMBEL_API uint64_t write_asset(const std::filesystem::path& path, const lod::Dag& dag,
+                               const std::string& metadata = "{}",
+                               const BuildOptions& options = {});
+
+/// An open asset: tables in memory, pages read when asked for. Safe to use from many threads.
+class UMBEL_API Asset {
+ public:
+  /// Reads and checks header and tables. Throws kIo, kCorrupt, kUnsupported (a newer version).
+  explicit Asset(const std::filesystem::path& path);
+  Asset(Asset&&) noexcept;
+  Asset& operator=(Asset&&) noexcept;
+  ~Asset();
+
+  const AssetInfo& info() const;
+  const lod::Tables& tables() const;
+  /// Reads one cluster out of its page. Throws kCorrupt if the page's checksum does not hold.
+  lod::ClusterGeometry geometry(uint32_t cluster) const;
+  /// Whether the page of this group holds what its checksum says.
+  bool page_is_whole(uint32_t group) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Everything that lod::verify checks, and every page's checksum. A file that cannot be opened
+/// as an asset at all gives a report with checksum_errors and the sentence, not an exception,
+/// unless it does not exist.
+UMBEL_API lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts = 64,
+                                         uint32_t seed = 1, const BuildOptions& options = {});
+
+}  // namespace umbel

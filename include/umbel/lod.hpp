@@ -1,0 +1,183 @@
+// Continuous level of detail: a mesh as a DAG of clusters from which any cut is one surface.
+//
+// Level 0 is the mesh itself, cut into clusters. Groups of 24 to 32 neighbouring clusters are
+// simplified to half, with what they share with other groups held fixed, and the result is cut
+// into the clusters of the next level, until one group is left (Karis, "Nanite: A Deep Dive",
+// 2021). A cluster belongs to one group, `group`, and was made by simplifying another,
+// `generating_group` (none at level 0).
+//
+// Whether a group must be refined is a test of that group alone: is its error, that of its
+// *simplified* form, too large as seen from here? A cluster is in the cut if its group must be
+// refined and its generating group need not be. Errors and spheres never shrink from a
+// generating group to the groups of what it generated, so the tests agree with each other and
+// the cut has no hole and no overlap.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "umbel/mesh.hpp"
+#include "umbel/types.hpp"
+
+namespace umbel::lod {
+
+struct Cluster {
+  uint32_t group;             ///< the group it belongs to
+  uint32_t generating_group;  ///< the group whose simplification made it; kNone at level 0
+  uint32_t material;          ///< of all its triangles
+  uint32_t vertex_count;      ///< <= 256, unique vertices
+  uint32_t triangle_count;    ///< >= 1
+  Aabb box;                   ///< of its triangles
+  bool operator==(const Cluster&) const = default;
+};
+
+/// What it took to simplify a group, in the order in which it is tried.
+enum class Rung : uint32_t {
+  kRegular = 0,     ///< edge collapse that keeps attribute seams
+  kPermissive = 1,  ///< edge collapse across attribute seams
+  kPrune = 2,       ///< small separate components removed as well
+  kSloppy = 3,      ///< vertices merged by grid cell, error amplified
+  kRoot = 4,        ///< not simplified: nothing coarser exists
+};
+
+struct Group {
+  Range clusters;   ///< of Tables::clusters; a group's clusters are consecutive
+  uint32_t level;   ///< 0 is the finest
+  Rung rung;
+  Sphere sphere;    ///< contains its triangles and the spheres of its generating groups
+  float error;      ///< object-space error once simplified, >= its generating groups'; infinite
+                    ///< exactly for root groups
+  bool operator==(const Group&) const = default;
+};
+
+/// A node of the selection hierarchy: its sphere contains and its error bounds everything below.
+struct Node {
+  Sphere sphere;
+  float error;
+  uint32_t group;   ///< a leaf's group; kNone for an inner node
+  Range children;   ///< of Tables::nodes; empty for a leaf
+  bool operator==(const Node&) const = default;
+};
+
+/// All that selection needs, without any geometry.
+struct Tables {
+  std::vector<Range> levels;  ///< of `groups`, finest first
+  std::vector<Group> groups;
+  std::vector<Cluster> clusters;
+  std::vector<Node> nodes;  ///< nodes[0] is the root; one tree over the levels' trees
+};
+
+/// Triangles and vertices of one cluster, wherever they are stored. Triangles are triples of
+/// indices into the cluster's own vertices.
+struct ClusterGeometry {
+  std::vector<Vec3> positions;
+  std::vector<Vec3> normals;    ///< this and the following: empty where the mesh has none
+  std::vector<Vec4> tangents;
+  std::vector<Vec2> uvs;
+  std::vector<Vec4> colors;
+  std::vector<uint8_t> triangles;  ///< 3 a triangle
+};
+
+struct Config {
+  uint32_t max_triangles = 128;  ///< a cluster, 4..256
+  uint32_t max_vertices = 128;   ///< a cluster, 6..256
+  uint32_t min_group = 24, max_group = 32;  ///< clusters in a group, 2 <= min <= max
+  float ratio = 0.5f;            ///< triangles kept a level, [0.1, 0.9]
+  bool attributes = true;        ///< weigh normals, UVs and colours in the error, keep seams
+  float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
+};
+
+struct Report {
+  uint64_t input_triangles = 0, input_vertices = 0;
+  uint64_t degenerate_triangles = 0;  ///< kept in level 0, left out of all coarser levels
+  uint32_t root_groups = 0, stuck_groups = 0;  ///< stuck: roots that are not the last level's
+                                               ///< only one
+  uint64_t root_triangles = 0;
+  std::array<uint64_t, 5> groups_by_rung{};
+  double seconds = 0;
+};
+
+struct Dag {
+  Tables tables;
+  Mesh vertices;  ///< welded input; `triangles` and `materials` are empty
+  std::vector<uint32_t> vertex_offsets;    ///< clusters + 1, into cluster_vertices
+  std::vector<uint32_t> triangle_offsets;  ///< clusters + 1, in triangles
+  std::vector<uint32_t> cluster_vertices;  ///< index into `vertices`
+  std::vector<uint8_t> cluster_triangles;  ///< 3 a triangle: index into the cluster's vertices
+  uint64_t source_digest = 0;              ///< triangle_set_digest of the input
+  Config config;
+  Report report;
+
+  ClusterGeometry geometry(uint32_t cluster) const;
+};
+
+/// Builds the DAG. The mesh must be valid; it is welded first. Deterministic.
+UMBEL_API Dag build(const MeshView& mesh, const Config& config = {},
+                    const BuildOptions& options = {});
+
+// ---- selection ----------------------------------------------------------------------------
+
+/// What decides whether a group must be refined. Use one of the makers below.
+struct View {
+  enum class Kind : uint32_t { kError, kCamera, kLevel } kind = Kind::kError;
+  float error = 0;      ///< kError: refine where group error > this
+  Vec3 eye{0, 0, 0};    ///< kCamera: refine where error > threshold * max(distance, 0), with
+  float threshold = 0;  ///<   distance from the eye to the group's sphere (negative inside)
+  uint32_t level = 0;   ///< kLevel: refine where group level >= this, and roots
+};
+UMBEL_API View view_error(float error);
+/// `pixel_error` pixels of a picture `height` pixels high with the vertical field of view
+/// `fov_y` in radians, seen from `eye`.
+UMBEL_API View view_camera(const Vec3& eye, float fov_y, uint32_t height, float pixel_error);
+UMBEL_API View view_level(uint32_t level);
+
+/// The test of one group. All arithmetic is in 32-bit floats in the order written in select.cpp.
+UMBEL_API bool must_refine(const Group& group, const View& view);
+
+/// The clusters of the cut, ascending, by testing every cluster.
+UMBEL_API std::vector<uint32_t> select(const Tables& tables, const View& view);
+/// The same cut through the hierarchy, without visiting what is fine or coarse enough.
+UMBEL_API std::vector<uint32_t> select_hierarchy(const Tables& tables, const View& view);
+/// The smallest error whose cut has at most this many triangles (the coarsest cut's error where
+/// none has so few).
+UMBEL_API float error_for_triangles(const Tables& tables, uint64_t max_triangles);
+/// The largest error of the groups that a cut stands for (0 for level 0 alone).
+UMBEL_API float cut_error(const Tables& tables, std::span<const uint32_t> cut);
+
+/// One cut as an ordinary mesh: vertices of different clusters that are equal become one.
+using GeometryReader = std::function<ClusterGeometry(uint32_t cluster)>;
+UMBEL_API Mesh cut_mesh(const Tables& tables, const GeometryReader& geometry,
+                        std::span<const uint32_t> cut);
+
+// ---- proof --------------------------------------------------------------------------------
+
+struct VerifyConfig {
+  uint32_t cuts = 64;  ///< random cuts: half by error, half by camera from inside and outside
+  uint32_t seed = 1;
+  uint32_t max_triangles = 256, max_vertices = 256;  ///< limits that the asset claims
+  uint64_t source_triangles = 0, source_digest = 0;  ///< of the mesh that it was built from
+};
+
+struct VerifyReport {
+  bool ok = true;
+  uint32_t cuts = 0;
+  uint64_t cracks = 0;    ///< edges of a cut, or of a group's border, that are open unexplained
+  uint64_t overlaps = 0;  ///< edges of a cut with more triangles than the input explains
+  uint64_t limit_violations = 0;  ///< clusters over a limit, indices out of range, bad links
+  bool monotone = true;           ///< errors and spheres never shrink towards the root
+  uint64_t checksum_errors = 0;   ///< filled in by asset::verify
+  std::vector<std::string> problems;  ///< a sentence each, the first 32
+};
+
+/// Checks the tables, the size limits, that errors and spheres are monotone, that level 0 is the
+/// source, that simplification kept every group's border, and random cuts. An edge (a pair of
+/// positions) of a cut is good if two triangles share it; any other is explained if its ends are
+/// joined by open or over-shared edges of the source.
+UMBEL_API VerifyReport verify(const Tables& tables, const GeometryReader& geometry,
+                              const VerifyConfig& config, const BuildOptions& options = {});
+
+}  // namespace umbel::lod

@@ -1,0 +1,91 @@
+// Triangle meshes as views and as values, and what is done to them before anything else:
+// validation, welding, and procedural shapes to test with.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "umbel/types.hpp"
+
+namespace umbel {
+
+/// A triangle mesh that somebody else owns. Optional streams are empty or have one element
+/// a vertex (`materials`: one a triangle).
+struct MeshView {
+  std::span<const Vec3> positions;
+  std::span<const Triangle> triangles;
+  std::span<const Vec3> normals;        ///< unit length where known; zero is legal
+  std::span<const Vec4> tangents;       ///< xyz unit length, w = -1 or 1 (glTF)
+  std::span<const Vec2> uvs;            ///< first texture coordinate set
+  std::span<const Vec4> colors;         ///< linear RGBA in [0, 1]
+  std::span<const uint32_t> materials;  ///< material index of each triangle
+};
+
+/// A triangle mesh that owns its arrays.
+struct Mesh {
+  std::vector<Vec3> positions;
+  std::vector<Triangle> triangles;
+  std::vector<Vec3> normals;
+  std::vector<Vec4> tangents;
+  std::vector<Vec2> uvs;
+  std::vector<Vec4> colors;
+  std::vector<uint32_t> materials;
+
+  MeshView view() const {
+    return {positions, triangles, normals, tangents, uvs, colors, materials};
+  }
+};
+
+/// Throws kInvalidArgument if a stream's length does not fit, and kInvalidMesh naming the
+/// first offender if a triangle's index is out of range or a vertex *that a triangle uses*
+/// has a NaN or infinite position or attribute. Degenerate and duplicate triangles are legal,
+/// and so is anything in vertices that no triangle uses.
+UMBEL_API void validate(const MeshView& mesh, const BuildOptions& options = {});
+
+struct DropResult {
+  Mesh mesh;
+  size_t dropped;  ///< triangles removed
+};
+
+/// Removes the triangles that `validate` would reject, and nothing else (vertices stay).
+UMBEL_API DropResult drop_invalid(const MeshView& mesh, const BuildOptions& options = {});
+
+/// Merges vertices whose position and attributes are equal and whose triangles have the same
+/// material, and removes vertices that no triangle uses. Keeps every triangle, their order and
+/// their corner order. Vertices are numbered by first use, so a vertex never has triangles of
+/// two materials. -0 equals 0. The mesh must be valid.
+UMBEL_API Mesh weld(const MeshView& mesh, const BuildOptions& options = {});
+
+/// For each vertex the lowest index of a vertex at exactly the same position (-0 equals 0).
+UMBEL_API std::vector<uint32_t> position_ids(std::span<const Vec3> positions);
+
+/// Rounds every position to a multiple of `step` (> 0, a power of two), so that vertices that
+/// are shared stay shared. Returns the largest distance that a vertex moved.
+UMBEL_API float snap_to_grid(std::span<Vec3> positions, float step);
+
+/// The box around the positions that triangles use; empty for an empty mesh.
+UMBEL_API Aabb bounds(const MeshView& mesh);
+
+/// The box around each triangle.
+UMBEL_API std::vector<Aabb> triangle_boxes(const MeshView& mesh, const BuildOptions& options = {});
+
+/// Order-independent 64-bit digest of the triangles as a set, by position alone (each triangle
+/// rotated to a normal form, so corner rotation does not matter but orientation does).
+UMBEL_API uint64_t triangle_set_digest(const MeshView& mesh);
+
+/// Procedural meshes, welded and consistently oriented unless said otherwise.
+namespace shapes {
+UMBEL_API Mesh grid(uint32_t columns, uint32_t rows);         ///< unit square in z = 0
+UMBEL_API Mesh sphere(uint32_t subdivisions);                 ///< icosphere, 20 * 4^n triangles
+UMBEL_API Mesh torus(uint32_t rings, uint32_t sides);         ///< radii 1 and 0.35
+UMBEL_API Mesh moebius(uint32_t segments, uint32_t width);    ///< one border, not orientable
+UMBEL_API Mesh fan(uint32_t triangles);                       ///< one vertex of that valence
+UMBEL_API Mesh soup(uint32_t triangles, uint32_t seed);       ///< random, unconnected
+UMBEL_API Mesh tetrahedra(uint32_t count);                    ///< that many closed components
+UMBEL_API Mesh terrain(uint32_t columns, uint32_t rows, uint32_t seed);  ///< fractal heights
+/// An icosphere displaced by noise along its normals: closed, irregular, any size.
+UMBEL_API Mesh blob(uint32_t subdivisions, uint32_t seed);
+}  // namespace shapes
+
+}  // namespace umbel

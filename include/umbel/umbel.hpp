@@ -1,0 +1,9 @@
+// All of Umbel's C++ interface.
+#pragma once
+
+#include "umbel/asset.hpp"
+#include "umbel/cluster.hpp"
+#include "umbel/lod.hpp"
+#include "umbel/mesh.hpp"
+#include "umbel/types.hpp"
+#include "umbel/version.hpp"
