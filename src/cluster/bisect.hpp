@@ -1,0 +1,40 @@
+// Recursive axis-aligned bisection for one worker thread at a time.
+//
+// `umbel::build_clusters` is the parallel form for large inputs. A Bisector gives exactly the same
+// clusters on one thread and keeps its scratch memory from call to call, so that many small inputs
+// can be clustered from inside a parallel loop without allocating:
+//
+//   thread_local cluster::Bisector bisector;     // or one a tbb::enumerable_thread_specific
+//   bisector.build(input, config, clusters);     // `clusters` keeps its capacity as well
+//
+// It starts no parallel work and reports no progress. It checks the config and that boxes and
+// centroids are finite, and throws as build_clusters does. It looks at no vertex array, so item
+// vertices may be indices into an arbitrarily large mesh at no cost.
+//
+// The units of connection weights: one unit of weight that a split cuts costs as much as one more
+// item in the box of the node that is split, if the split is even, and n^2 / (4 i (n - i)) times
+// that if it leaves i of n items on the left (ratio cut).
+#pragma once
+
+#include <memory>
+
+#include "umbel/cluster.hpp"
+
+namespace umbel::cluster {
+
+class Bisector {
+ public:
+  Bisector();
+  ~Bisector();
+  Bisector(Bisector&&) noexcept;
+  Bisector& operator=(Bisector&&) noexcept;
+
+  /// Not thread-safe: one Bisector a thread. `out` is overwritten and keeps its capacity.
+  void build(const ClusterInput& input, const ClusterConfig& config, Clusters& out);
+
+ private:
+  struct Scratch;
+  std::unique_ptr<Scratch> scratch_;
+};
+
+}  // namespace umbel::cluster
