@@ -1,0 +1,60 @@
+#include "bind.hpp"
+
+namespace umbel::python {
+
+std::vector<uint32_t> offsets_of(std::span<const Range> ranges) {
+  std::vector<uint32_t> offsets;
+  offsets.reserve(ranges.size() + 1);
+  offsets.push_back(ranges.empty() ? 0 : ranges.front().offset);
+  for (const Range& range : ranges) offsets.push_back(range.offset + range.count);
+  return offsets;
+}
+
+MeshView MeshArrays::view() const {
+  return {rows_of<Vec3>(positions),    rows_of<Triangle>(triangles), rows_of<Vec3>(normals),
+          rows_of<Vec4>(tangents),     rows_of<Vec2>(uvs),           rows_of<Vec4>(colors),
+          rows_of<uint32_t>(materials)};
+}
+
+namespace {
+
+template <typename Scalar, typename T>
+nb::object take_or_none(std::vector<T>&& values) {
+  return values.empty() ? nb::none() : take<Scalar>(std::move(values));
+}
+
+}  // namespace
+
+nb::dict dict_of(Mesh&& mesh) {
+  nb::dict result;
+  result["positions"] = take<float>(std::move(mesh.positions));
+  result["triangles"] = take<uint32_t>(std::move(mesh.triangles));
+  result["normals"] = take_or_none<float>(std::move(mesh.normals));
+  result["tangents"] = take_or_none<float>(std::move(mesh.tangents));
+  result["uvs"] = take_or_none<float>(std::move(mesh.uvs));
+  result["colors"] = take_or_none<float>(std::move(mesh.colors));
+  result["materials"] = take_or_none<uint32_t>(std::move(mesh.materials));
+  return result;
+}
+
+bool PythonProgress::report(float fraction, std::string_view stage) {
+  using std::chrono::steady_clock;
+  const auto now = steady_clock::now();
+  if (stage == stage_ && fraction < 1.0f && now - last_ < std::chrono::milliseconds(20)) {
+    return true;
+  }
+  last_ = now;
+  stage_ = stage;
+  nb::gil_scoped_acquire acquire;
+  try {
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    if (callback_.is_none()) return true;
+    const nb::object answer = callback_(fraction, nb::str(stage.data(), stage.size()));
+    return !answer.is(nb::bool_(false));
+  } catch (...) {
+    raised_ = std::current_exception();
+    return false;
+  }
+}
+
+}  // namespace umbel::python

@@ -1,0 +1,133 @@
+// What every binding shares: arrays in, arrays out, and calls that run without the GIL and can
+// be stopped from Python.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <array>
+#include <chrono>
+#include <exception>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "umbel/mesh.hpp"
+#include "umbel/types.hpp"
+
+namespace umbel::python {
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+/// A contiguous (n, columns) array that is only read.
+template <typename Scalar, size_t columns>
+using Rows = nb::ndarray<const Scalar, nb::shape<-1, columns>, nb::c_contig, nb::device::cpu>;
+/// A contiguous (n,) array that is only read.
+template <typename Scalar>
+using Flat = nb::ndarray<const Scalar, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+/// The rows of an array as values of T, which has the same layout.
+template <typename T, typename Array>
+std::span<const T> rows_of(const Array& array) {
+  return {reinterpret_cast<const T*>(array.data()), array.shape(0)};
+}
+template <typename T, typename Array>
+std::span<const T> rows_of(const std::optional<Array>& array) {
+  return array ? rows_of<T>(*array) : std::span<const T>{};
+}
+
+/// NumPy array over memory that `owner` keeps alive: (n,) where T is a Scalar, else (n, columns).
+template <typename Scalar, typename T>
+nb::object array_over(std::span<T> values, nb::handle owner) {
+  constexpr size_t columns = sizeof(T) / sizeof(Scalar);
+  static std::remove_const_t<Scalar> nothing{};  // an array needs an address even when empty
+  Scalar* data = values.empty() ? &nothing : reinterpret_cast<Scalar*>(values.data());
+  const size_t shape[2] = {values.size(), columns};
+  return nb::cast(nb::ndarray<nb::numpy, Scalar>(data, columns == 1 ? 1 : 2, shape, owner));
+}
+
+/// NumPy array that takes the vector over without copying it.
+template <typename Scalar, typename T>
+nb::object take(std::vector<T>&& values) {
+  auto owner = std::make_unique<std::vector<T>>(std::move(values));
+  const std::span<T> span(*owner);
+  nb::capsule capsule(owner.get(),
+                      [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  owner.release();
+  return array_over<Scalar>(span, capsule);
+}
+
+/// (n + 1) offsets from ranges that follow each other.
+std::vector<uint32_t> offsets_of(std::span<const Range> ranges);
+
+/// A mesh's arrays as Python gave them; keeps them alive for as long as it lives.
+struct MeshArrays {
+  Rows<float, 3> positions;
+  Rows<uint32_t, 3> triangles;
+  std::optional<Rows<float, 3>> normals;
+  std::optional<Rows<float, 4>> tangents;
+  std::optional<Rows<float, 2>> uvs;
+  std::optional<Rows<float, 4>> colors;
+  std::optional<Flat<uint32_t>> materials;
+
+  MeshView view() const;
+};
+
+/// The arrays of a mesh by name; None where it has none.
+nb::dict dict_of(Mesh&& mesh);
+
+/// Forwards progress to a Python callable and notices Ctrl-C, a few times a second.
+class PythonProgress {
+ public:
+  explicit PythonProgress(const nb::object& callback) : callback_(callback) {}
+  /// False if the build should stop. Takes the GIL.
+  bool report(float fraction, std::string_view stage);
+  /// Raises what stopped the build, if that was a Python exception.
+  void rethrow() const {
+    if (raised_) std::rethrow_exception(raised_);
+  }
+
+ private:
+  const nb::object& callback_;
+  std::exception_ptr raised_;
+  std::string stage_;
+  std::chrono::steady_clock::time_point last_{};
+};
+
+/// Runs work(options) without the GIL.
+template <typename Work>
+auto run(const nb::object& callback, uint32_t threads, const Work& work) {
+  PythonProgress progress(callback);
+  BuildOptions options;
+  options.threads = threads;
+  options.progress = [&](float fraction, std::string_view stage) {
+    return progress.report(fraction, stage);
+  };
+  try {
+    nb::gil_scoped_release release;
+    return work(options);
+  } catch (const Error&) {
+    progress.rethrow();
+    throw;
+  }
+}
+
+void bind_errors(nb::module_& module);
+void bind_mesh(nb::module_& module);
+void bind_cluster(nb::module_& module);
+void bind_lod(nb::module_& module);
+void bind_asset(nb::module_& module);
+
+}  // namespace umbel::python
+
+/// The vertex codecs that compressed glTF needs.
+void bind_meshopt(nanobind::module_& module);

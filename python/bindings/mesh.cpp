@@ -1,0 +1,113 @@
+// Validation, welding, snapping and the procedural shapes.
+#include "umbel/mesh.hpp"
+
+#include "bind.hpp"
+
+namespace umbel::python {
+namespace {
+
+nb::object bounds_of(const MeshArrays& mesh) {
+  const Aabb box = bounds(mesh.view());
+  if (box.min.x > box.max.x) return nb::none();
+  return nb::make_tuple(nb::make_tuple(box.min.x, box.min.y, box.min.z),
+                        nb::make_tuple(box.max.x, box.max.y, box.max.z));
+}
+
+nb::tuple snapped(const Rows<float, 3>& positions, float step) {
+  const auto given = rows_of<Vec3>(positions);
+  std::vector<Vec3> copy(given.begin(), given.end());
+  const float moved = snap_to_grid(copy, step);
+  return nb::make_tuple(take<float>(std::move(copy)), moved);
+}
+
+void bind_shapes(nb::module_& module) {
+  nb::module_ shapes = module.def_submodule("shapes", "Procedural meshes, as dicts of arrays.");
+  shapes.def(
+      "grid", [](uint32_t c, uint32_t r) { return dict_of(shapes::grid(c, r)); }, "columns"_a,
+      "rows"_a);
+  shapes.def("sphere", [](uint32_t n) { return dict_of(shapes::sphere(n)); }, "subdivisions"_a);
+  shapes.def(
+      "torus", [](uint32_t r, uint32_t s) { return dict_of(shapes::torus(r, s)); }, "rings"_a,
+      "sides"_a);
+  shapes.def(
+      "moebius", [](uint32_t s, uint32_t w) { return dict_of(shapes::moebius(s, w)); },
+      "segments"_a, "width"_a);
+  shapes.def("fan", [](uint32_t n) { return dict_of(shapes::fan(n)); }, "triangles"_a);
+  shapes.def(
+      "soup", [](uint32_t n, uint32_t seed) { return dict_of(shapes::soup(n, seed)); },
+      "triangles"_a, "seed"_a = 1);
+  shapes.def("tetrahedra", [](uint32_t n) { return dict_of(shapes::tetrahedra(n)); }, "count"_a);
+  shapes.def(
+      "terrain",
+      [](uint32_t c, uint32_t r, uint32_t seed) { return dict_of(shapes::terrain(c, r, seed)); },
+      "columns"_a, "rows"_a, "seed"_a = 1);
+  shapes.def(
+      "blob", [](uint32_t n, uint32_t seed) { return dict_of(shapes::blob(n, seed)); },
+      "subdivisions"_a, "seed"_a = 1);
+}
+
+}  // namespace
+
+void bind_mesh(nb::module_& module) {
+  nb::class_<MeshArrays>(module, "MeshArrays",
+                         "A mesh's arrays, checked for type and shape and kept alive.")
+      .def(
+          "__init__",
+          [](MeshArrays* self, Rows<float, 3> positions, Rows<uint32_t, 3> triangles,
+             std::optional<Rows<float, 3>> normals, std::optional<Rows<float, 4>> tangents,
+             std::optional<Rows<float, 2>> uvs, std::optional<Rows<float, 4>> colors,
+             std::optional<Flat<uint32_t>> materials) {
+            new (self) MeshArrays{std::move(positions), std::move(triangles), std::move(normals),
+                                  std::move(tangents),  std::move(uvs),       std::move(colors),
+                                  std::move(materials)};
+          },
+          "positions"_a, "triangles"_a, "normals"_a = nb::none(), "tangents"_a = nb::none(),
+          "uvs"_a = nb::none(), "colors"_a = nb::none(), "materials"_a = nb::none());
+  module.def(
+      "validate",
+      [](const MeshArrays& mesh, const nb::object& progress, uint32_t threads) {
+        run(progress, threads, [&](const BuildOptions& o) { validate(mesh.view(), o); });
+      },
+      "mesh"_a, "progress"_a = nb::none(), "threads"_a = 0,
+      "Raises umbel.Error naming the first triangle or vertex at fault.");
+  module.def(
+      "drop_invalid",
+      [](const MeshArrays& mesh, const nb::object& progress, uint32_t threads) {
+        DropResult result = run(
+            progress, threads, [&](const BuildOptions& o) { return drop_invalid(mesh.view(), o); });
+        return nb::make_tuple(dict_of(std::move(result.mesh)), result.dropped);
+      },
+      "mesh"_a, "progress"_a = nb::none(), "threads"_a = 0, "(mesh, triangles dropped)");
+  module.def(
+      "weld",
+      [](const MeshArrays& mesh, const nb::object& progress, uint32_t threads) {
+        return dict_of(
+            run(progress, threads, [&](const BuildOptions& o) { return weld(mesh.view(), o); }));
+      },
+      "mesh"_a, "progress"_a = nb::none(), "threads"_a = 0,
+      "Equal vertices become one, unused ones go; triangles keep their order.");
+  module.def("snap_to_grid", &snapped, "positions"_a, "step"_a,
+             "(positions rounded to multiples of step, largest distance moved)");
+  module.def("bounds", &bounds_of, "mesh"_a, "((x, y, z), (x, y, z)), or None if empty");
+  module.def(
+      "position_ids",
+      [](const Rows<float, 3>& positions) {
+        return take<uint32_t>(position_ids(rows_of<Vec3>(positions)));
+      },
+      "positions"_a, "(n,) lowest index of a vertex at the same position");
+  module.def(
+      "triangle_boxes",
+      [](const MeshArrays& mesh, uint32_t threads) {
+        return take<float>(run(nb::none(), threads, [&](const BuildOptions& o) {
+          return triangle_boxes(mesh.view(), o);
+        }));
+      },
+      "mesh"_a, "threads"_a = 0, "(m, 6) min x, y, z, max x, y, z of each triangle");
+  module.def(
+      "triangle_set_digest",
+      [](const MeshArrays& mesh) { return triangle_set_digest(mesh.view()); }, "mesh"_a,
+      "64-bit digest of the triangles as a set of positions, whatever their order");
+  bind_shapes(module);
+}
+
+}  // namespace umbel::python

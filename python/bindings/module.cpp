@@ -1,0 +1,15 @@
+// The extension module umbel._umbel: one bind_ function a concept, each in its own file.
+#include "bind.hpp"
+#include "umbel/version.hpp"
+
+NB_MODULE(_umbel, module) {
+  using namespace umbel::python;
+  module.doc() = "Umbel's C++ library; use it through the package umbel.";
+  module.attr("__version__") = UMBEL_VERSION;
+  bind_errors(module);
+  bind_mesh(module);
+  bind_cluster(module);
+  bind_lod(module);
+  bind_asset(module);
+  bind_meshopt(module);
+}
