@@ -1,0 +1,46 @@
+# The library `umbel` (umbel::umbel), static or shared.
+
+configure_file(cmake/version.hpp.in ${PROJECT_BINARY_DIR}/include/umbel/version.hpp)
+
+file(GLOB_RECURSE umbel_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/*.cpp)
+
+# The objects are one target, so that tests can link those of a shared library too, whose inner
+# functions are not exported.
+add_library(umbel_objects OBJECT ${umbel_sources})
+umbel_compile_options(umbel_objects)
+target_include_directories(
+  umbel_objects
+  PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
+         $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>
+  PRIVATE ${PROJECT_SOURCE_DIR}/src)
+target_link_libraries(umbel_objects PUBLIC TBB::tbb PRIVATE umbel_meshoptimizer)
+
+# Makes a library of the objects, Umbel's and meshoptimizer's.
+function(umbel_add_library name kind)
+  add_library(${name} ${kind} $<TARGET_OBJECTS:umbel_objects>)
+  target_compile_features(${name} PUBLIC cxx_std_20)
+  target_include_directories(
+    ${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
+                   $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include>
+                   $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_link_libraries(${name} PRIVATE TBB::tbb)
+  if(umbel_meshoptimizer_is_package)
+    target_link_libraries(${name} PRIVATE meshoptimizer::meshoptimizer)
+  else()
+    target_sources(${name} PRIVATE $<TARGET_OBJECTS:umbel_meshoptimizer>)
+  endif()
+endfunction()
+
+if(UMBEL_BUILD_SHARED)
+  umbel_add_library(umbel SHARED)
+  target_compile_definitions(umbel_objects PUBLIC UMBEL_SHARED PRIVATE UMBEL_EXPORTS)
+  target_compile_definitions(umbel PUBLIC UMBEL_SHARED)
+  umbel_add_library(umbel_internal STATIC)
+  set_target_properties(umbel_internal PROPERTIES EXCLUDE_FROM_ALL ON)
+else()
+  umbel_add_library(umbel STATIC)
+  add_library(umbel_internal ALIAS umbel)
+endif()
+add_library(umbel::umbel ALIAS umbel)
+set_target_properties(umbel PROPERTIES VERSION ${PROJECT_VERSION}
+                                       SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
