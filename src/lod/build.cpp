@@ -1,0 +1,285 @@
+// Builds the DAG of clusters of continuous level of detail (Karis, "Nanite: A Deep Dive",
+// SIGGRAPH 2021): clusters, groups, simplification of each group with its border locked, clusters
+// again, until one group is left. Groups of a level are independent and run in parallel; results
+// are joined in the order of the groups.
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <memory>
+
+#include "base/parallel.hpp"
+#include "base/progress.hpp"
+#include "lod/bounds.hpp"
+#include "lod/cut_clusters.hpp"
+#include "lod/group.hpp"
+#include "lod/hierarchy.hpp"
+#include "lod/simplify.hpp"
+#include "lod/source.hpp"
+#include "umbel/lod.hpp"
+
+#include <tbb/enumerable_thread_specific.h>
+
+namespace umbel::lod {
+namespace {
+
+// A level that keeps more than this part of the triangles counts as idle.
+constexpr double kLeastProgress = 0.98;
+// Idle levels before the last resort is allowed, and after it before the build ends with what is
+// left as its roots.
+constexpr int kPatience = 2;
+
+void check(const Config& config) {
+  const auto require = [](bool holds, const std::string& sentence) {
+    if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
+  };
+  require(config.max_triangles >= 4 && config.max_triangles <= 256,
+          "max_triangles is " + std::to_string(config.max_triangles) + ", must be in [4, 256]");
+  require(config.max_vertices >= 6 && config.max_vertices <= 256,
+          "max_vertices is " + std::to_string(config.max_vertices) + ", must be in [6, 256]");
+  require(config.min_group >= 2 && config.min_group <= config.max_group && config.max_group <= 1024,
+          "group size is " + std::to_string(config.min_group) + ":" +
+              std::to_string(config.max_group) + ", must be 2 <= min <= max <= 1024");
+  require(config.ratio >= 0.1f && config.ratio <= 0.9f,
+          "ratio is " + std::to_string(config.ratio) + ", must be in [0.1, 0.9]");
+  for (float weight : {config.normal_weight, config.uv_weight, config.color_weight})
+    require(weight >= 0.0f && weight <= 1e3f,
+            "an attribute weight is " + std::to_string(weight) + ", must be in [0, 1000]");
+}
+
+class Builder {
+ public:
+  Builder(const MeshView& mesh, const Config& config, const BuildOptions& options)
+      : config_(config),
+        progress_(options),
+        source_(make_source(mesh, BuildOptions{})),
+        grouper_(source_),
+        locked_(source_.mesh.positions.size(), 0),
+        workers_([this] { return std::make_unique<Worker>(source_, config_); }) {
+    dag_.config = config;
+    dag_.source_digest = triangle_set_digest(mesh);
+    dag_.vertex_offsets = dag_.triangle_offsets = {0};
+    report().input_triangles = mesh.triangles.size();
+    report().input_vertices = mesh.positions.size();
+  }
+
+  Dag run() {
+    progress_.report(0.0, "clusters");
+    cut_mesh(source_, config_, {}, pending_);
+    count_degenerate();
+    for (size_t c = 0; c < pending_.size(); ++c) own_spheres_.push_back(leaf_sphere(c));
+    int idle = 0;
+    bool last_resort = false;
+    while (pending_.size() > 0 && !is_coarsest()) {
+      const double enough = pending_.triangle_count() * kLeastProgress;
+      simplify_level(last_resort);
+      if (pending_.triangle_count() <= enough) {
+        idle = 0;
+      } else if (++idle >= kPatience) {
+        if (last_resort) break;
+        last_resort = true;
+        idle = 0;
+      }
+    }
+    if (pending_.size() > 0) emit_roots(is_coarsest());
+    finish();
+    return std::move(dag_);
+  }
+
+ private:
+  struct Worker {
+    GroupSimplifier simplifier;
+    ClusterCutter cutter;
+    Worker(const Source& source, const Config& config)
+        : simplifier(source, config), cutter(config) {}
+  };
+  struct GroupResult {
+    Simplified simplified;
+    ClusterSet clusters;  // of the simplified triangles; generating_group is set when joined
+  };
+
+  Report& report() { return dag_.report; }
+  Tables& tables() { return dag_.tables; }
+
+  // Nothing is gained by levels above a single cluster's worth of triangles.
+  bool is_coarsest() const {
+    return pending_.size() == 1 || pending_.triangle_count() <= config_.max_triangles;
+  }
+
+  void count_degenerate() {
+    const auto& ids = source_.position_ids;
+    for (const Triangle& t : source_.mesh.triangles) {
+      const uint32_t a = ids[t[0]], b = ids[t[1]], c = ids[t[2]];
+      if (a == b || b == c || c == a) ++report().degenerate_triangles;
+    }
+  }
+
+  Sphere leaf_sphere(size_t cluster) const {
+    std::vector<Vec3> points;
+    for (uint32_t v : pending_.cluster_vertices(cluster))
+      points.push_back(source_.mesh.positions[v]);
+    return bounding_sphere(points);
+  }
+
+  // One round over all pending clusters.
+  void simplify_level(bool last_resort) {
+    const Clusters groups = grouper_.group(pending_, locked_, config_);
+    grouper_.lock_borders(pending_, groups, locked_);
+    std::vector<GroupResult> results(groups.ranges.size());
+    constexpr size_t kBatch = 256;  // groups between two calls of the progress callback
+    for (size_t begin = 0; begin < results.size(); begin += kBatch) {
+      const size_t count = std::min(kBatch, results.size() - begin);
+      parallel_for(count, 1, [&](size_t i) {
+        const Range range = groups.ranges[begin + i];
+        results[begin + i] = simplify_group(
+            std::span(groups.items).subspan(range.offset, range.count), last_resort);
+      });
+      // Half of what is left to do is this level.
+      const double level_part = static_cast<double>(begin + count) / results.size();
+      progress_.report(done_ + (1.0 - done_) * 0.5 * level_part, "levels of detail");
+    }
+    done_ += (1.0 - done_) * 0.5;
+    join(groups, results);
+  }
+
+  GroupResult simplify_group(std::span<const uint32_t> clusters, bool last_resort) {
+    Worker& worker = *workers_.local();
+    GroupResult result;
+    result.simplified = worker.simplifier.simplify(pending_, clusters, locked_, last_resort);
+    if (result.simplified.done)
+      worker.cutter.cut(source_, result.simplified.triangles, kNone, result.clusters);
+    return result;
+  }
+
+  void join(const Clusters& groups, std::vector<GroupResult>& results) {
+    ClusterSet next;
+    std::vector<Sphere> next_spheres;
+    const bool vanished = std::all_of(results.begin(), results.end(), [](const GroupResult& r) {
+      return r.simplified.done && r.clusters.size() == 0;
+    });
+    // A mesh of degenerate triangles alone leaves nothing to show; its level 0 is the root.
+    if (vanished) return;
+    bool progress = false;
+    const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
+    for (size_t g = 0; g < results.size(); ++g) {
+      const Range range = groups.ranges[g];
+      const auto members = std::span(groups.items).subspan(range.offset, range.count);
+      if (!results[g].simplified.done) {
+        for (uint32_t c : members) {
+          next.append(pending_, c);
+          next_spheres.push_back(own_spheres_[c]);
+        }
+        continue;
+      }
+      progress = true;
+      const uint32_t id = emit_group(members, results[g].simplified.error, results[g].simplified.rung);
+      ClusterSet& made = results[g].clusters;
+      for (size_t c = 0; c < made.size(); ++c) {
+        made.generating_group[c] = id;
+        next.append(made, c);
+        next_spheres.push_back(tables().groups[id].sphere);
+      }
+      made.clear();
+    }
+    if (!progress) return;
+    const uint32_t end = static_cast<uint32_t>(tables().groups.size());
+    tables().levels.push_back({first_group, end - first_group});
+    pending_ = std::move(next);
+    own_spheres_ = std::move(next_spheres);
+  }
+
+  // Moves clusters into the DAG as one group. `error` is of its simplification alone.
+  uint32_t emit_group(std::span<const uint32_t> members, float error, Rung rung) {
+    const uint32_t id = static_cast<uint32_t>(tables().groups.size());
+    std::vector<uint32_t> generators;
+    std::vector<Sphere> spheres;
+    Group group;
+    group.clusters = {static_cast<uint32_t>(tables().clusters.size()),
+                      static_cast<uint32_t>(members.size())};
+    group.level = static_cast<uint32_t>(tables().levels.size());
+    group.rung = rung;
+    group.error = error;
+    for (uint32_t c : members) {
+      const uint32_t generator = pending_.generating_group[c];
+      if (generator == kNone) {
+        spheres.push_back(own_spheres_[c]);
+      } else if (std::find(generators.begin(), generators.end(), generator) == generators.end()) {
+        generators.push_back(generator);
+        spheres.push_back(own_spheres_[c]);
+        // Deviations add up (triangle inequality), whatever the quadrics of one step say.
+        const double below = tables().groups[generator].error * (1.0 + kErrorMargin);
+        group.error = std::max(group.error, static_cast<float>(below + error));
+      }
+      emit_cluster(c, id);
+    }
+    group.sphere = enclosing_sphere(spheres);
+    if (rung == Rung::kRoot) group.error = std::numeric_limits<float>::infinity();
+    tables().groups.push_back(group);
+    ++report().groups_by_rung[static_cast<size_t>(rung)];
+    return id;
+  }
+
+  void emit_cluster(uint32_t c, uint32_t group) {
+    const auto vertices = pending_.cluster_vertices(c);
+    const auto corners = pending_.cluster_corners(c);
+    tables().clusters.push_back({group, pending_.generating_group[c], pending_.material[c],
+                                 static_cast<uint32_t>(vertices.size()),
+                                 static_cast<uint32_t>(corners.size() / 3), pending_.boxes[c]});
+    dag_.cluster_vertices.insert(dag_.cluster_vertices.end(), vertices.begin(), vertices.end());
+    dag_.cluster_triangles.insert(dag_.cluster_triangles.end(), corners.begin(), corners.end());
+    dag_.vertex_offsets.push_back(static_cast<uint32_t>(dag_.cluster_vertices.size()));
+    dag_.triangle_offsets.push_back(static_cast<uint32_t>(dag_.cluster_triangles.size() / 3));
+  }
+
+  // What is left becomes one root group, or several where simplification could go no further and
+  // one group would be too large.
+  void emit_roots(bool coarsest) {
+    report().root_triangles = pending_.triangle_count();
+    const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
+    Clusters roots;
+    if (coarsest || pending_.size() <= config_.max_group) {
+      for (uint32_t c = 0; c < pending_.size(); ++c) roots.items.push_back(c);
+      roots.ranges = {{0, static_cast<uint32_t>(pending_.size())}};
+    } else {
+      roots = grouper_.group(pending_, locked_, config_);
+    }
+    for (const Range& range : roots.ranges)
+      emit_group(std::span(roots.items).subspan(range.offset, range.count), 0.0f, Rung::kRoot);
+    report().root_groups = static_cast<uint32_t>(roots.ranges.size());
+    report().stuck_groups = coarsest ? 0 : report().root_groups;
+    tables().levels.push_back({first_group, report().root_groups});
+  }
+
+  void finish() {
+    tables().nodes = build_hierarchy(tables());
+    dag_.vertices = std::move(source_.mesh);
+    dag_.vertices.triangles = {};
+    dag_.vertices.materials = {};
+    progress_.report(1.0, "done");
+  }
+
+  Config config_;
+  Progress progress_;
+  Source source_;
+  Grouper grouper_;
+  std::vector<uint8_t> locked_;  // by position id
+  tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
+  ClusterSet pending_;
+  std::vector<Sphere> own_spheres_;  // of each pending cluster: its generating group's, or its own
+  double done_ = 0.1;                // part of all work
+  Dag dag_;
+};
+
+}  // namespace
+
+Dag build(const MeshView& mesh, const Config& config, const BuildOptions& options) {
+  check(config);
+  validate(mesh, options.threads == 0 ? BuildOptions{} : BuildOptions{{}, options.threads});
+  const auto start = std::chrono::steady_clock::now();
+  Dag dag;
+  with_threads(options.threads, [&] { dag = Builder(mesh, config, options).run(); });
+  dag.report.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return dag;
+}
+
+}  // namespace umbel::lod

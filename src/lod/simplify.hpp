@@ -1,0 +1,79 @@
+// Simplifies one group of clusters to fewer triangles with its border held fixed.
+//
+// The work is meshoptimizer's edge collapse by quadrics (Garland & Heckbert 1997, attributes by
+// Hoppe 1999). Around it stands a ladder: edge collapse that keeps attribute seams; edge collapse
+// across them; removal of small separate components; merging of vertices by grid cell. Whatever
+// comes back is checked edge by edge (topology.hpp), so that a group's result fits its neighbours
+// in every cut; where it does not, the vertices around the fault are held and it is tried again.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "lod/cluster_set.hpp"
+#include "lod/source.hpp"
+#include "lod/topology.hpp"
+
+namespace umbel::lod {
+
+struct Simplified {
+  bool done = false;                ///< false: too little could be removed; the rest is unset
+  std::vector<Triangle> triangles;  ///< indices into the source's vertices
+  float error = 0;                  ///< of this step alone, in object space
+  Rung rung = Rung::kRegular;
+};
+
+/// Keeps its scratch memory from group to group; one a thread.
+class GroupSimplifier {
+ public:
+  GroupSimplifier(const Source& source, const Config& config);
+
+  /// `locked` is by position id. `last_resort` allows Rung::kSloppy.
+  Simplified simplify(const ClusterSet& set, std::span<const uint32_t> clusters,
+                      std::span<const uint8_t> locked, bool last_resort);
+
+ private:
+  struct Candidate {
+    std::vector<Triangle> triangles;  // local vertices
+    float error = 0;
+    Rung rung = Rung::kRegular;
+    bool valid = false;
+  };
+
+  void gather(const ClusterSet& set, std::span<const uint32_t> clusters,
+              std::span<const uint8_t> locked);
+  void gather_attributes();
+  uint32_t local_vertex(uint32_t vertex, std::span<const uint8_t> locked);
+  uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
+  void drop_repeated_triangles();
+  Candidate collapse(size_t target, unsigned options);
+  Candidate collapse_checked(size_t target, unsigned options, Rung rung);
+  Candidate prune(const Candidate& from, size_t target);
+  Candidate merge_cells(size_t target);
+  std::span<const std::pair<uint32_t, uint32_t>> faults(std::span<const Triangle> triangles);
+  bool mixes_materials(std::span<const Triangle> triangles) const;
+  void hold_around(uint32_t position);
+
+  const Source& source_;
+  const Config& config_;
+  std::vector<float> attribute_weights_;
+  PieceTopology topology_;
+
+  // The piece: vertices and positions are numbered from 0.
+  std::vector<uint32_t> vertices_;          // local -> source vertex
+  std::vector<uint32_t> position_of_;       // local vertex -> local position
+  std::vector<Vec3> positions_;             // of local vertices, scaled
+  std::vector<float> attributes_;           // attribute_weights_.size() a local vertex
+  std::vector<uint8_t> flags_;              // meshoptimizer's, of local vertices
+  std::vector<uint8_t> locked_;             // of local positions
+  std::vector<uint32_t> components_;        // of local positions
+  std::vector<uint32_t> position_ids_;      // local position -> position id
+  std::vector<Triangle> triangles_;         // local vertices
+  std::vector<Triangle> position_triangles_;
+  std::vector<uint8_t> held_;               // local positions held for one more try
+  std::vector<Triangle> result_positions_;
+  std::vector<uint32_t> vertex_table_, position_table_;  // open addressing, kNone empty
+};
+
+}  // namespace umbel::lod

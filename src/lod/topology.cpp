@@ -1,0 +1,123 @@
+#include "lod/topology.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <numeric>
+
+namespace umbel::lod {
+namespace {
+
+constexpr uint64_t kEmpty = ~uint64_t{0};
+
+uint32_t find_root(std::vector<uint32_t>& parent, uint32_t i) {
+  while (parent[i] != i) i = parent[i] = parent[parent[i]];
+  return i;
+}
+
+// Calls visit(lower end, higher end, direction) for the three edges of every triangle that has
+// three distinct corners.
+template <typename Visit>
+void for_each_edge(std::span<const Triangle> triangles, std::span<const uint32_t> ids,
+                   const Visit& visit) {
+  for (const Triangle& t : triangles) {
+    const uint32_t a = ids[t[0]], b = ids[t[1]], c = ids[t[2]];
+    if (a == b || b == c || c == a) continue;
+    visit(std::min(a, b), std::max(a, b), a < b);
+    visit(std::min(b, c), std::max(b, c), b < c);
+    visit(std::min(c, a), std::max(c, a), c < a);
+  }
+}
+
+}  // namespace
+
+std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
+                                           std::span<const uint32_t> position_ids) {
+  const size_t count = position_ids.size();
+  // Bucket the edges by their lower end; buckets are short, so sorting them is cheap.
+  std::vector<uint32_t> offsets(count + 1, 0);
+  for_each_edge(triangles, position_ids, [&](uint32_t a, uint32_t, bool) { ++offsets[a + 1]; });
+  std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
+  std::vector<uint64_t> ends(offsets.back());  // higher end and direction
+  std::vector<uint32_t> cursor(offsets.begin(), offsets.end() - 1);
+  for_each_edge(triangles, position_ids, [&](uint32_t a, uint32_t b, bool direction) {
+    ends[cursor[a]++] = uint64_t{b} << 1 | uint64_t{direction};
+  });
+
+  std::vector<uint32_t> parent(count);
+  std::iota(parent.begin(), parent.end(), 0u);
+  std::vector<uint8_t> irregular(count, 0);
+  for (size_t a = 0; a < count; ++a) {
+    const auto begin = ends.begin() + offsets[a], end = ends.begin() + offsets[a + 1];
+    std::sort(begin, end);
+    for (auto i = begin; i != end;) {
+      const uint32_t b = static_cast<uint32_t>(*i >> 1);
+      const auto run = std::find_if(i, end, [&](uint64_t e) { return e >> 1 != b; });
+      if (run - i != 2 || *i == *(i + 1)) {
+        irregular[a] = irregular[b] = 1;
+        const uint32_t ra = find_root(parent, static_cast<uint32_t>(a));
+        const uint32_t rb = find_root(parent, b);
+        parent[std::max(ra, rb)] = std::min(ra, rb);
+      }
+      i = run;
+    }
+  }
+  std::vector<uint32_t> component(count);
+  for (size_t i = 0; i < count; ++i)
+    component[i] = irregular[i] ? find_root(parent, static_cast<uint32_t>(i)) : kNone;
+  return component;
+}
+
+PieceTopology::Entry& PieceTopology::entry(uint32_t a, uint32_t b) {
+  const uint64_t key = uint64_t{std::min(a, b)} << 32 | std::max(a, b);
+  uint64_t slot = (key * 0x9e3779b97f4a7c15ull) >> 20 & mask_;
+  while (table_[slot].key != kEmpty && table_[slot].key != key) slot = (slot + 1) & mask_;
+  if (table_[slot].key == kEmpty) {
+    table_[slot] = {key, 0, 0};
+    used_.push_back(static_cast<uint32_t>(slot));
+  }
+  return table_[slot];
+}
+
+void PieceTopology::reset(size_t edges) {
+  const size_t size = std::bit_ceil(edges * 2 + 16);
+  if (size > table_.size()) {
+    table_.assign(size, {kEmpty, 0, 0});
+  } else {
+    for (uint32_t slot : used_) table_[slot].key = kEmpty;
+  }
+  used_.clear();
+  mask_ = table_.size() - 1;
+}
+
+void PieceTopology::set_piece(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
+                              std::span<const uint32_t> component) {
+  piece_ = triangles;
+  locked_ = locked;
+  component_ = component;
+}
+
+std::span<const std::pair<uint32_t, uint32_t>> PieceTopology::violations(
+    std::span<const Triangle> result) {
+  reset(3 * (piece_.size() + result.size()));
+  violations_.clear();
+  for (const Triangle& t : result)
+    for (int i = 0; i < 3; ++i) ++entry(t[i], t[(i + 1) % 3]).after;
+  // Of the edges before, only those between two locked vertices matter: their number is known to
+  // the neighbours.
+  for (const Triangle& t : piece_)
+    for (int i = 0; i < 3; ++i) {
+      const uint32_t a = t[i], b = t[(i + 1) % 3];
+      if (locked_[a] && locked_[b]) ++entry(a, b).before;
+    }
+  for (uint32_t slot : used_) {
+    const Entry& e = table_[slot];
+    const uint32_t a = static_cast<uint32_t>(e.key >> 32), b = static_cast<uint32_t>(e.key);
+    if (component_[a] != kNone && component_[a] == component_[b]) continue;
+    const bool fixed = locked_[a] && locked_[b];
+    const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
+    if (parity_changed || e.after > 2 || (fixed && e.after > e.before)) violations_.push_back({a, b});
+  }
+  return violations_;
+}
+
+}  // namespace umbel::lod

@@ -1,0 +1,53 @@
+// Which edges of a mesh are irregular, by position, and whether a simplified piece brought new
+// ones. An edge is regular if two triangles share it, and run along it in opposite directions.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "umbel/types.hpp"
+
+namespace umbel::lod {
+
+/// For each position (index of `position_ids`) the component of the graph of irregular edges, or
+/// kNone for a position that touches none.
+/// Degenerate triangles (two corners at one position) are left out.
+std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
+                                           std::span<const uint32_t> position_ids);
+
+/// Compares a piece of a surface before and after simplification. Edge collapse is a simplicial
+/// map, so it keeps the boundary of the piece modulo 2; what it may do wrong is to close a loop
+/// of three edges that bounds no triangle, after which four triangles share an edge (the link
+/// condition of Dey et al. 1999), and to lay an edge between two vertices of the piece's border,
+/// where a neighbouring piece may lay one too. Reusable; not thread-safe.
+class PieceTopology {
+ public:
+  /// Positions of the piece are numbered 0..; `locked[p]` says that a neighbour has p too, and
+  /// `component[p]` is that of irregular_components.
+  void set_piece(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
+                 std::span<const uint32_t> component);
+
+  /// The edges of `result` that neither the rule of two triangles nor the source explains, as
+  /// pairs of positions, in a fixed order. Empty: the result can take the piece's place in every
+  /// cut.
+  std::span<const std::pair<uint32_t, uint32_t>> violations(std::span<const Triangle> result);
+
+ private:
+  struct Entry {
+    uint64_t key;
+    uint32_t before, after;
+  };
+  Entry& entry(uint32_t a, uint32_t b);
+  void reset(size_t edges);
+
+  std::vector<Entry> table_;
+  std::vector<uint32_t> used_;
+  uint64_t mask_ = 0;
+  std::span<const Triangle> piece_;
+  std::span<const uint8_t> locked_;
+  std::span<const uint32_t> component_;
+  std::vector<std::pair<uint32_t, uint32_t>> violations_;
+};
+
+}  // namespace umbel::lod
