@@ -1,0 +1,138 @@
+// One cut as an ordinary mesh. Clusters carry their own copies of the vertices on their borders;
+// here copies that are equal in every bit become one vertex again.
+#include <bit>
+#include <cstring>
+
+#include "umbel/lod.hpp"
+
+namespace umbel::lod {
+namespace {
+
+/// All bits of one vertex: position 3, normal 3, tangent 4, uv 2, color 4.
+using Key = std::array<uint32_t, 16>;
+
+template <typename T>
+void put(Key& key, size_t at, const std::vector<T>& stream, size_t i) {
+  if (!stream.empty()) std::memcpy(&key[at], &stream[i], sizeof(T));
+}
+
+Key key_of(const ClusterGeometry& g, size_t i) {
+  Key key{};
+  put(key, 0, g.positions, i);
+  put(key, 3, g.normals, i);
+  put(key, 6, g.tangents, i);
+  put(key, 10, g.uvs, i);
+  put(key, 12, g.colors, i);
+  return key;
+}
+
+uint64_t hash(const Key& key) {
+  uint64_t h = 0x9e3779b97f4a7c15ull;
+  for (const uint32_t word : key) h = std::rotl((h ^ word) * 0xff51afd7ed558ccdull, 29);
+  return h ^ (h >> 32);
+}
+
+/// Vertices so far, found again by an open-addressing table of their indices.
+class VertexSet {
+ public:
+  explicit VertexSet(size_t expected)
+      : slots_(std::bit_ceil(std::max<size_t>(16, 2 * expected)), kNone) {}
+
+  /// The index of the equal vertex, and whether it is new.
+  std::pair<uint32_t, bool> insert(const Key& key) {
+    if (2 * (keys_.size() + 1) > slots_.size()) grow();
+    uint32_t& slot = find(key);
+    if (slot != kNone) return {slot, false};
+    slot = static_cast<uint32_t>(keys_.size());
+    keys_.push_back(key);
+    return {slot, true};
+  }
+
+ private:
+  uint32_t& find(const Key& key) {
+    size_t at = hash(key) & (slots_.size() - 1);
+    while (slots_[at] != kNone && keys_[slots_[at]] != key) at = (at + 1) & (slots_.size() - 1);
+    return slots_[at];
+  }
+
+  void grow() {
+    slots_.assign(slots_.size() * 2, kNone);
+    for (size_t i = 0; i < keys_.size(); ++i) find(keys_[i]) = static_cast<uint32_t>(i);
+  }
+
+  std::vector<uint32_t> slots_;
+  std::vector<Key> keys_;
+};
+
+void check(const ClusterGeometry& g, uint32_t cluster) {
+  const size_t n = g.positions.size();
+  const auto fits = [&](size_t size) { return size == 0 || size == n; };
+  const char* wrong = nullptr;
+  if (!fits(g.normals.size()) || !fits(g.tangents.size()) || !fits(g.uvs.size()) ||
+      !fits(g.colors.size()))
+    wrong = "has attributes that are not one a vertex";
+  if (g.triangles.size() % 3 != 0) wrong = "has triangle indices that are not three a triangle";
+  for (const uint8_t v : g.triangles)
+    if (v >= n) wrong = "has a triangle whose vertex index is out of range";
+  if (wrong)
+    throw Error(ErrorCode::kCorrupt, "cut_mesh: cluster " + std::to_string(cluster) + " " + wrong);
+}
+
+/// Appends vertex `i`. A stream that only some clusters have is filled with zeros in the others.
+template <typename T>
+void append(std::vector<T>& out, size_t index, const std::vector<T>& stream, size_t i) {
+  if (stream.empty() && out.empty()) return;
+  out.resize(index, T{});
+  out.push_back(stream.empty() ? T{} : stream[i]);
+}
+
+void append_vertex(Mesh& mesh, const ClusterGeometry& g, size_t i) {
+  const size_t index = mesh.positions.size();
+  mesh.positions.push_back(g.positions[i]);
+  append(mesh.normals, index, g.normals, i);
+  append(mesh.tangents, index, g.tangents, i);
+  append(mesh.uvs, index, g.uvs, i);
+  append(mesh.colors, index, g.colors, i);
+}
+
+}  // namespace
+
+Mesh cut_mesh(const Tables& tables, const GeometryReader& geometry, std::span<const uint32_t> cut) {
+  size_t triangles = 0;
+  bool materials = false;
+  for (const uint32_t c : cut) {
+    if (c >= tables.clusters.size())
+      throw Error(ErrorCode::kInvalidArgument, "cut_mesh: cluster " + std::to_string(c) +
+                                                   " of the cut is out of range, there are " +
+                                                   std::to_string(tables.clusters.size()));
+    triangles += tables.clusters[c].triangle_count;
+    materials |= tables.clusters[c].material != 0;
+  }
+  Mesh mesh;
+  mesh.triangles.reserve(triangles);
+  VertexSet vertices(triangles / 2);
+  std::vector<uint32_t> index;
+  for (const uint32_t c : cut) {
+    const ClusterGeometry g = geometry(c);
+    check(g, c);
+    index.clear();
+    for (size_t i = 0; i < g.positions.size(); ++i) {
+      const auto [vertex, is_new] = vertices.insert(key_of(g, i));
+      if (is_new) append_vertex(mesh, g, i);
+      index.push_back(vertex);
+    }
+    for (size_t t = 0; t < g.triangles.size(); t += 3)
+      mesh.triangles.push_back(
+          {index[g.triangles[t]], index[g.triangles[t + 1]], index[g.triangles[t + 2]]});
+    if (materials) mesh.materials.resize(mesh.triangles.size(), tables.clusters[c].material);
+  }
+  // A stream that ended before the last vertices, because their clusters lack it.
+  const size_t n = mesh.positions.size();
+  if (!mesh.normals.empty()) mesh.normals.resize(n);
+  if (!mesh.tangents.empty()) mesh.tangents.resize(n);
+  if (!mesh.uvs.empty()) mesh.uvs.resize(n);
+  if (!mesh.colors.empty()) mesh.colors.resize(n);
+  return mesh;
+}
+
+}  // namespace umbel::lod

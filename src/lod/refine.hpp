@@ -1,0 +1,52 @@
+// The one test that selection is made of: is this error, seen from here, too large?
+//
+// It is arithmetic in 32-bit floats in exactly the order below, so that a selection on another
+// processor, on a GPU or in a browser can give the same cut. The file must be compiled without
+// contraction of a * b + c into one rounding.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "umbel/lod.hpp"
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+namespace umbel::lod {
+
+/// sqrt(x^2 + y^2 + z^2) with the sum from left to right. Where that sum would overflow or lose
+/// digits to underflow, the same of components scaled by a power of two, which is exact: the
+/// relative error is below 2^-21 for every input whose length is a normal float.
+inline float vector_length(float x, float y, float z) {
+  constexpr float kSmallest = 0x1p-100f;
+  constexpr float kUp = 0x1p96f;
+  constexpr float kDown = 0x1p-96f;
+  const float square = x * x + y * y + z * z;
+  if (square >= kSmallest && square <= std::numeric_limits<float>::max()) return std::sqrt(square);
+  const float in = square < kSmallest ? kUp : kDown;
+  const float out = square < kSmallest ? kDown : kUp;
+  x *= in, y *= in, z *= in;
+  return std::sqrt(x * x + y * y + z * z) * out;
+}
+
+/// Distance from `eye` to the sphere, 0 inside it, and never infinite, so that a threshold of
+/// zero times it is zero.
+inline float distance_outside(const Sphere& sphere, const Vec3& eye) {
+  const float d =
+      vector_length(sphere.center.x - eye.x, sphere.center.y - eye.y, sphere.center.z - eye.z) -
+      sphere.radius;
+  return std::min(std::max(d, 0.0f), std::numeric_limits<float>::max());
+}
+
+/// kError and kCamera, for a group or for a node of the hierarchy. Infinite errors are always
+/// too large.
+inline bool error_too_large(const Sphere& sphere, float error, const View& view) {
+  if (error == std::numeric_limits<float>::infinity()) return true;
+  if (view.kind == View::Kind::kError) return error > view.error;
+  return error > view.threshold * distance_outside(sphere, view.eye);
+}
+
+}  // namespace umbel::lod
