@@ -1,0 +1,238 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "umbel/lod.hpp"
+
+namespace umbel::lod {
+namespace {
+
+VerifyReport check(const Mesh& mesh, const Dag& dag, uint32_t cuts = 24) {
+  VerifyConfig config;
+  config.cuts = cuts;
+  config.max_triangles = dag.config.max_triangles;
+  config.max_vertices = dag.config.max_vertices;
+  config.source_triangles = mesh.triangles.size();
+  config.source_digest = triangle_set_digest(mesh.view());
+  return verify(dag.tables, [&](uint32_t c) { return dag.geometry(c); }, config);
+}
+
+std::string first_problem(const VerifyReport& report) {
+  return report.problems.empty() ? "" : report.problems[0];
+}
+
+bool same_bytes(const Dag& a, const Dag& b) {
+  return a.tables.groups == b.tables.groups && a.tables.clusters == b.tables.clusters &&
+         a.tables.levels == b.tables.levels && a.tables.nodes == b.tables.nodes &&
+         a.cluster_vertices == b.cluster_vertices && a.cluster_triangles == b.cluster_triangles &&
+         a.vertices.positions == b.vertices.positions;
+}
+
+struct Case {
+  const char* name;
+  Mesh mesh;
+};
+
+std::vector<Case> all_shapes() {
+  std::vector<Case> cases;
+  cases.push_back({"grid", shapes::grid(90, 70)});
+  cases.push_back({"sphere", shapes::sphere(5)});
+  cases.push_back({"torus", shapes::torus(120, 60)});
+  cases.push_back({"moebius", shapes::moebius(400, 8)});
+  cases.push_back({"fan", shapes::fan(3000)});
+  cases.push_back({"soup", shapes::soup(3000, 1)});
+  cases.push_back({"tetrahedra", shapes::tetrahedra(1000)});
+  cases.push_back({"terrain", shapes::terrain(80, 80, 1)});
+  cases.push_back({"blob", shapes::blob(5, 1)});
+  return cases;
+}
+
+TEST(Build, every_shape_is_verified) {
+  for (const Case& c : all_shapes()) {
+    const Dag dag = build(c.mesh.view());
+    const VerifyReport report = check(c.mesh, dag);
+    EXPECT_TRUE(report.ok) << c.name << ": " << first_problem(report);
+  }
+}
+
+TEST(Build, connected_shapes_end_in_one_root_of_one_cluster) {
+  for (const Mesh& mesh : {shapes::grid(90, 70), shapes::sphere(5), shapes::torus(120, 60),
+                           shapes::terrain(80, 80, 1), shapes::blob(5, 1)}) {
+    const Dag dag = build(mesh.view());
+    EXPECT_EQ(dag.report.root_groups, 1u);
+    EXPECT_EQ(dag.report.stuck_groups, 0u);
+    EXPECT_LE(dag.report.root_triangles, 128u);
+    EXPECT_EQ(dag.tables.groups.back().error, std::numeric_limits<float>::infinity());
+  }
+}
+
+TEST(Build, many_components_end_in_one_root) {
+  const Dag dag = build(shapes::tetrahedra(2000).view());
+  EXPECT_EQ(dag.report.root_groups, 1u);
+  EXPECT_GT(dag.report.groups_by_rung[static_cast<size_t>(Rung::kPrune)], 0u);
+}
+
+TEST(Build, same_bytes_for_any_thread_count) {
+  const Mesh mesh = shapes::blob(6, 3);
+  BuildOptions one, two, eight;
+  one.threads = 1, two.threads = 2, eight.threads = 8;
+  const Dag a = build(mesh.view(), {}, one);
+  EXPECT_TRUE(same_bytes(a, build(mesh.view(), {}, two)));
+  EXPECT_TRUE(same_bytes(a, build(mesh.view(), {}, eight)));
+}
+
+TEST(Build, clusters_keep_their_limits) {
+  const Mesh mesh = shapes::blob(5, 2);
+  Config config;
+  config.max_triangles = 64;
+  config.max_vertices = 40;
+  const Dag dag = build(mesh.view(), config);
+  for (const Cluster& c : dag.tables.clusters) {
+    EXPECT_LE(c.triangle_count, 64u);
+    EXPECT_LE(c.vertex_count, 40u);
+    EXPECT_GE(c.triangle_count, 1u);
+  }
+  EXPECT_TRUE(check(mesh, dag).ok);
+}
+
+TEST(Build, group_sizes_are_as_asked) {
+  Config config;
+  config.min_group = 8;
+  config.max_group = 12;
+  const Dag dag = build(shapes::blob(6, 2).view(), config);
+  for (const Group& g : dag.tables.groups) EXPECT_LE(g.clusters.count, 12u);
+  // Level 0 has enough clusters for every group but one to be of full size.
+  const Range level = dag.tables.levels[0];
+  uint32_t small = 0;
+  for (uint32_t g = level.offset; g < level.offset + level.count; ++g)
+    small += dag.tables.groups[g].clusters.count < 8;
+  EXPECT_LE(small, 1u);
+}
+
+TEST(Build, empty_mesh_gives_an_empty_dag) {
+  const Dag dag = build(MeshView{});
+  EXPECT_TRUE(dag.tables.groups.empty());
+  EXPECT_TRUE(dag.tables.nodes.empty());
+  EXPECT_EQ(dag.report.root_groups, 0u);
+  EXPECT_TRUE(check(Mesh{}, dag).ok);
+}
+
+TEST(Build, one_triangle_and_two_apart_are_their_own_root) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {5, 5, 5}, {6, 5, 5}, {5, 6, 5}};
+  mesh.triangles = {{0, 1, 2}};
+  EXPECT_EQ(build(mesh.view()).report.root_triangles, 1u);
+  mesh.triangles.push_back({3, 4, 5});
+  const Dag dag = build(mesh.view());
+  EXPECT_EQ(dag.report.root_groups, 1u);
+  EXPECT_EQ(dag.report.root_triangles, 2u);
+  EXPECT_TRUE(check(mesh, dag).ok);
+}
+
+TEST(Build, everything_at_one_point_keeps_level_zero) {
+  Mesh mesh;
+  mesh.positions.assign(30000, Vec3{1, 2, 3});
+  for (uint32_t i = 0; i < 10000; ++i) mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  const Dag dag = build(mesh.view());
+  EXPECT_EQ(dag.report.degenerate_triangles, 10000u);
+  uint64_t triangles = 0;
+  for (const Cluster& c : dag.tables.clusters)
+    if (c.generating_group == kNone) triangles += c.triangle_count;
+  EXPECT_EQ(triangles, 10000u);
+  EXPECT_TRUE(check(mesh, dag).ok) << first_problem(check(mesh, dag));
+}
+
+TEST(Build, unwelded_input_does_not_crack) {
+  const Mesh welded = shapes::blob(5, 7);
+  Mesh soup;
+  for (const Triangle& t : welded.triangles) {
+    const uint32_t base = static_cast<uint32_t>(soup.positions.size());
+    for (uint32_t v : t) {
+      soup.positions.push_back(welded.positions[v]);
+      // A normal per face makes every vertex distinct, so that welding cannot hide the seams.
+      soup.normals.push_back({static_cast<float>(base), 1.0f, 0.0f});
+    }
+    soup.triangles.push_back({base, base + 1, base + 2});
+  }
+  const Dag dag = build(soup.view());
+  const VerifyReport report = check(soup, dag);
+  EXPECT_TRUE(report.ok) << first_problem(report);
+  EXPECT_EQ(report.cracks, 0u);
+}
+
+TEST(Build, materials_never_mix_in_a_cluster) {
+  Mesh mesh = shapes::blob(5, 4);
+  for (size_t i = 0; i < mesh.triangles.size(); ++i)
+    mesh.materials.push_back(mesh.positions[mesh.triangles[i][0]].x > 0 ? 1 : 0);
+  const Dag dag = build(mesh.view());
+  EXPECT_TRUE(check(mesh, dag).ok);
+  bool seen[2] = {};
+  for (const Cluster& c : dag.tables.clusters) seen[c.material] = true;
+  EXPECT_TRUE(seen[0] && seen[1]);
+}
+
+TEST(Build, scale_does_not_matter) {
+  const Mesh mesh = shapes::blob(4, 5);
+  const Dag reference = build(mesh.view());
+  for (float scale : {0x1p-60f, 0x1p50f}) {
+    Mesh scaled = mesh;
+    for (Vec3& p : scaled.positions) p = {p.x * scale, p.y * scale, p.z * scale};
+    const Dag dag = build(scaled.view());
+    ASSERT_EQ(dag.tables.groups.size(), reference.tables.groups.size());
+    EXPECT_EQ(dag.cluster_triangles, reference.cluster_triangles);
+    for (size_t g = 0; g + 1 < dag.tables.groups.size(); ++g)
+      EXPECT_NEAR(dag.tables.groups[g].error / scale / reference.tables.groups[g].error, 1.0, 1e-3);
+  }
+}
+
+TEST(Build, cancelling_throws_and_progress_never_falls) {
+  const Mesh mesh = shapes::blob(5, 1);
+  float last = 0;
+  BuildOptions options;
+  options.progress = [&](float fraction, std::string_view) {
+    EXPECT_GE(fraction, last);
+    EXPECT_LE(fraction, 1.0f);
+    last = fraction;
+    return true;
+  };
+  build(mesh.view(), {}, options);
+  EXPECT_EQ(last, 1.0f);
+  options.progress = [](float fraction, std::string_view) { return fraction < 0.3f; };
+  try {
+    build(mesh.view(), {}, options);
+    FAIL() << "not cancelled";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kCancelled);
+  }
+}
+
+TEST(Build, impossible_configs_and_bad_meshes_are_refused) {
+  const Mesh mesh = shapes::grid(4, 4);
+  const auto code = [&](const Config& config, const Mesh& m) {
+    try {
+      build(m.view(), config);
+    } catch (const Error& error) {
+      return error.code();
+    }
+    return ErrorCode::kIo;
+  };
+  Config config;
+  config.max_triangles = 3;
+  EXPECT_EQ(code(config, mesh), ErrorCode::kInvalidArgument);
+  config = {};
+  config.min_group = 40;
+  EXPECT_EQ(code(config, mesh), ErrorCode::kInvalidArgument);
+  config = {};
+  config.ratio = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(code(config, mesh), ErrorCode::kInvalidArgument);
+  Mesh bad = mesh;
+  bad.positions[3].y = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(code({}, bad), ErrorCode::kInvalidMesh);
+  bad = mesh;
+  bad.triangles[2][1] = 1000;
+  EXPECT_EQ(code({}, bad), ErrorCode::kInvalidMesh);
+}
+
+}  // namespace
+}  // namespace umbel::lod
