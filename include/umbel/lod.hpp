@@ -176,7 +176,9 @@ struct VerifyReport {
 /// Checks the tables, the size limits, that errors and spheres are monotone, that level 0 is the
 /// source, that simplification kept every group's border, and random cuts. An edge (a pair of
 /// positions) of a cut is good if two triangles share it; any other is explained if its ends are
-/// joined by open or over-shared edges of the source.
+/// joined by irregular edges of the source: those that not exactly two triangles share, or that two
+/// share running in the same direction (duplicates, surfaces without orientation). Borders of
+/// groups are compared modulo 2, as edge collapse keeps them.
 UMBEL_API VerifyReport verify(const Tables& tables, const GeometryReader& geometry,
                               const VerifyConfig& config, const BuildOptions& options = {});
 
