@@ -1,0 +1,74 @@
+# The commands of this repository; `make help` lists them.
+
+.DEFAULT_GOAL := help
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+
+# Warnings are errors in CI only: a new compiler's new warning should stop nobody's work.
+export UMBEL_WERROR ?= $(if $(CI),ON,OFF)
+ifneq ($(shell command -v ccache),)
+export CMAKE_CXX_COMPILER_LAUNCHER ?= ccache
+endif
+
+MESH ?=
+JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+PYTEST_ARGS ?=
+CTEST_ARGS ?=
+
+# Everything that the installed package is made of; folders are listed for the files that leave.
+PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.md) cmake include \
+             src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
+
+.PHONY: help setup tools build test test-cpp test-python test-install test-asan test-tsan \
+        demo lint format bench clean
+
+help:  ## what there is to make
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
+
+tools:
+	@scripts/setup.sh
+
+.venv/.installed: $(PACKAGE) scripts/requirements.txt | tools
+	@scripts/install_package.sh
+	@touch $@
+
+setup: tools .venv/.installed  ## everything needed, and the command .venv/bin/umbel
+
+build: setup  ## the library, the C++ tests and the benchmarks, in build/release
+	@cmake --build build/release
+
+test: test-cpp test-python test-install  ## every test
+
+test-cpp: build  ## the C++ tests
+	@ctest --test-dir build/release --output-on-failure --no-tests=error -j $(JOBS) $(CTEST_ARGS)
+
+test-python: setup  ## the Python tests
+	@.venv/bin/python -m pytest $(PYTEST_ARGS)
+
+test-install: build  ## projects that use Umbel by find_package and by add_subdirectory
+	@scripts/test_install.sh
+
+test-asan: sanitize-asan  ## the C++ tests under the address and undefined-behaviour sanitizers
+
+test-tsan: sanitize-tsan  ## the C++ tests under the thread sanitizer
+
+sanitize-%: tools
+	@cmake --preset $* -DUMBEL_WERROR=$(UMBEL_WERROR)
+	@cmake --build --preset $*
+	@ctest --preset $* -j $(JOBS) $(CTEST_ARGS)
+
+demo: setup  ## a real scan to a verified LOD asset; MESH=my.glb for your own
+	@.venv/bin/python scripts/demo.py $(if $(MESH),"$(MESH)")
+
+lint: setup  ## formatting, clang-tidy (changed files; all with ALL=1 or in CI), ruff, mypy, layers
+	@.venv/bin/python scripts/lint.py $(if $(or $(ALL),$(CI)),--all)
+
+format: tools  ## formats the C++ and the Python
+	@.venv/bin/python scripts/lint.py --fix
+
+bench: build  ## every program in bench/
+	@scripts/bench.sh
+
+clean:  ## removes what was built; .venv stays
+	@rm -rf build .mypy_cache .ruff_cache .pytest_cache .venv/.installed

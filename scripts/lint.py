@@ -1,0 +1,138 @@
+"""Runs every check of `make lint`, or with --fix what can be put right by itself.
+
+All checks run, whatever the ones before them say; the exit status is 1 if any failed.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+TOOLS = Path(sys.executable).parent
+COMPILE_COMMANDS = ROOT / "build" / "release" / "compile_commands.json"
+CPP_SUFFIXES = (".cpp", ".hpp", ".cu", ".cuh", ".h")
+PYTHON = ["python", "scripts", "tests"]
+
+
+def output_of(*command: str) -> list[str]:
+    """The lines that a command prints; none if it fails."""
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.splitlines() if done.returncode == 0 else []
+
+
+def run(*command: str | Path) -> bool:
+    """Runs a command that speaks for itself; whether it succeeded."""
+    return subprocess.run([str(part) for part in command], cwd=ROOT, check=False).returncode == 0
+
+
+def repository_files() -> list[str]:
+    """Everything that is committed or could be."""
+    listed = output_of("git", "ls-files", "--cached", "--others", "--exclude-standard")
+    return sorted(path for path in set(listed) if (ROOT / path).is_file())
+
+
+def cpp_files() -> list[str]:
+    """The repository's C++ and CUDA files."""
+    return [path for path in repository_files() if path.endswith(CPP_SUFFIXES)]
+
+
+def changed_files() -> set[str]:
+    """What differs from the branch that this one will go into, committed or not."""
+    base = next(iter(output_of("git", "merge-base", "HEAD", "origin/HEAD")), "HEAD")
+    committed = output_of("git", "diff", "--name-only", base)
+    return set(committed) | set(output_of("git", "ls-files", "--others", "--exclude-standard"))
+
+
+def clang_format(fix: bool) -> bool:
+    """Formatting of the C++ sources."""
+    mode = ["-i"] if fix else ["--dry-run", "--Werror"]
+    files = cpp_files()
+    return not files or run(TOOLS / "clang-format", *mode, *files)
+
+
+def ruff(fix: bool) -> bool:
+    """Formatting and lint of the Python sources."""
+    folders = [folder for folder in PYTHON if (ROOT / folder).is_dir()]
+    check = run(TOOLS / "ruff", "check", *(["--fix"] if fix else []), *folders)
+    return run(TOOLS / "ruff", "format", *([] if fix else ["--check"]), *folders) and check
+
+
+def mypy() -> bool:
+    """Types of the installed package, whose stub exists only there."""
+    return run(TOOLS / "mypy")
+
+
+def layers() -> bool:
+    """The order of the folders of src/."""
+    return run(sys.executable, ROOT / "scripts" / "check_layers.py")
+
+
+def tidy_one(source: str) -> tuple[str, bool, str]:
+    """clang-tidy on one source file: its name, whether it is clean, what was said."""
+    # GCC's own flags in compile_commands.json are unknown to clang.
+    command = [TOOLS / "clang-tidy", "--quiet", "-p", COMPILE_COMMANDS.parent,
+               "--extra-arg=-Wno-unknown-warning-option", "--warnings-as-errors=*", source]  # fmt: skip
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return source, done.returncode == 0, done.stdout if done.stdout.strip() else done.stderr
+
+
+def compiled_sources() -> set[str]:
+    """The sources of this repository that the build folder compiles."""
+    entries = json.loads(COMPILE_COMMANDS.read_text(encoding="utf-8"))
+    paths = (Path(entry["directory"], entry["file"]).resolve() for entry in entries)
+    return {str(path.relative_to(ROOT)) for path in paths if path.is_relative_to(ROOT)}
+
+
+def clang_tidy(sources: Iterable[str]) -> bool:
+    """clang-tidy on those of the sources that are compiled, on all cores."""
+    if not COMPILE_COMMANDS.is_file():
+        print(f"there is no {COMPILE_COMMANDS.relative_to(ROOT)}: run `make build` first")
+        return False
+    wanted = sorted(compiled_sources() & set(sources))
+    clean = True
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for source, passed, said in pool.map(tidy_one, wanted):
+            if not passed:
+                clean = False
+                print(f"-- {source}\n{said}")
+    print(f"{len(wanted)} files")
+    return clean
+
+
+def main() -> int:
+    """Runs the checks and sums them up."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--all", action="store_true", help="clang-tidy on all files")
+    parser.add_argument("--fix", action="store_true", help="format instead of checking")
+    options = parser.parse_args()
+
+    checks: dict[str, Callable[[], bool]] = {
+        "clang-format": lambda: clang_format(options.fix),
+        "ruff": lambda: ruff(options.fix),
+    }
+    if not options.fix:
+        checks["layers"] = layers
+        checks["mypy"] = mypy
+        tidied = set(cpp_files()) if options.all else changed_files()
+        checks["clang-tidy"] = lambda: clang_tidy(tidied)
+
+    failed = []
+    for name, check in checks.items():
+        print(f"== {name}", flush=True)
+        started = time.monotonic()
+        if not check():
+            failed.append(name)
+        print(f"   {'failed' if name in failed else 'ok'}, {time.monotonic() - started:.1f} s")
+    if failed:
+        print(f"lint: failed: {', '.join(failed)}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

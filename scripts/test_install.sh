@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# Uses Umbel as other projects do: the static library, installed, by find_package; the sources by
+# add_subdirectory, as a shared library; and that shared library, installed, by find_package.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+root=$PWD
+work=$root/build/test_install
+log=$work/log
+rm -rf "$work/static" "$work/shared" "$work/use_static" "$work/use_shared"
+mkdir -p "$work"
+
+step() {
+  local name=$1
+  shift
+  if ! "$@" >"$log" 2>&1; then
+    cat "$log" >&2
+    echo "test-install: $name: failed" >&2
+    exit 1
+  fi
+  echo "test-install: $name: ok"
+}
+
+# The environment's oneTBB, where the build found that one.
+tbb=$(sed -n 's/^TBB_DIR:[A-Z]*=//p' build/release/CMakeCache.txt)
+
+use_package() {
+  local prefix=$1 build=$2
+  cmake -S tests/install/package -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+    -DCMAKE_PREFIX_PATH="$prefix" -DTBB_DIR="$tbb"
+  cmake --build "$build"
+  # Only the installed copy may be used.
+  if grep -q "$root/include" "$build/build.ninja"; then
+    echo "the installed package points back into the source tree"
+    return 1
+  fi
+  "$build/use_umbel"
+}
+
+use_sources() {
+  cmake -S tests/install/subdirectory -B "$work/subdirectory" -G Ninja -DCMAKE_BUILD_TYPE=Debug \
+    -DUMBEL_SOURCE_DIR="$root" -DBUILD_SHARED_LIBS=ON -DUMBEL_INSTALL=ON -DTBB_DIR="$tbb"
+  cmake --build "$work/subdirectory"
+  "$work/subdirectory/use_umbel"
+}
+
+step "install the static library" \
+  cmake --install build/release --prefix "$work/static" --component library
+step "find_package, static library" use_package "$work/static" "$work/use_static"
+step "add_subdirectory, shared library" use_sources
+step "install the shared library" \
+  cmake --install "$work/subdirectory" --prefix "$work/shared" --component library
+step "find_package, shared library" use_package "$work/shared" "$work/use_shared"
+echo "5 passed, 0 failed"
