@@ -1,0 +1,81 @@
+"""Umbel: triangle meshes as clusters and continuous levels of detail.
+
+Every name is imported when it is first used, so `import umbel` itself costs nothing.
+
+    mesh = umbel.load("dragon.ply")
+    lod = umbel.build_lod(mesh)
+    lod.save("dragon.umbel")
+
+    asset = umbel.Asset("dragon.umbel")
+    coarse = asset.mesh(asset.cut(triangles=10_000))
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._umbel import __version__ as __version__
+    from .asset import Asset as Asset
+    from .camera import Camera as Camera
+    from .cluster import Clusters as Clusters
+    from .cluster import build_clusters as build_clusters
+    from .cluster import cluster_mesh as cluster_mesh
+    from .colors import cluster_colors as cluster_colors
+    from .colors import colored_clusters as colored_clusters
+    from .errors import Cancelled as Cancelled
+    from .errors import Error as Error
+    from .io import load as load
+    from .io import save as save
+    from .lod import Lod as Lod
+    from .lod import build_lod as build_lod
+    from .mesh import Mesh as Mesh
+    from .repair import drop_invalid as drop_invalid
+    from .repair import snap as snap
+    from .repair import validate as validate
+    from .repair import weld as weld
+    from .proof import VerifyReport as VerifyReport
+    from .proof import verify as verify
+
+_HOME = {
+    "__version__": "_umbel",
+    "Asset": "asset",
+    "Camera": "camera",
+    "Clusters": "cluster",
+    "build_clusters": "cluster",
+    "cluster_mesh": "cluster",
+    "cluster_colors": "colors",
+    "colored_clusters": "colors",
+    "Cancelled": "errors",
+    "Error": "errors",
+    "load": "io",
+    "save": "io",
+    "Lod": "lod",
+    "build_lod": "lod",
+    "Mesh": "mesh",
+    "drop_invalid": "repair",
+    "snap": "repair",
+    "validate": "repair",
+    "weld": "repair",
+    "VerifyReport": "proof",
+    "verify": "proof",
+}
+_MODULES = {"shapes"}
+
+__all__ = sorted(_HOME) + sorted(_MODULES)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    elif name in _MODULES:
+        value = import_module(f".{name}", __name__)
+    else:
+        raise AttributeError(f"module 'umbel' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))

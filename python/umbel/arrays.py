@@ -1,0 +1,77 @@
+"""From whatever holds a mesh to the arrays that the library reads, copying only where it must."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _umbel
+from .errors import Error
+from .mesh import Material, Mesh
+
+
+def rows(name: str, values: ArrayLike, columns: int) -> NDArray[np.float32]:
+    """`values` as contiguous float32 (n, columns); umbel.Error if that is not its shape."""
+    with np.errstate(over="ignore"):  # too large for float32 becomes inf, which validation names
+        array = np.ascontiguousarray(values, dtype=np.float32)
+    if array.size == 0:
+        return array.reshape(0, columns)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise Error(f"{name} must have shape (n, {columns}), not {array.shape}")
+    return array
+
+
+def indices(name: str, values: ArrayLike, columns: int = 0) -> NDArray[np.uint32]:
+    """`values` as contiguous uint32 (n,), or (n, columns); negative or huge ones raise."""
+    array = np.asarray(values)
+    if array.size == 0:
+        return np.empty((0, columns) if columns else (0,), np.uint32)
+    if array.ndim != (2 if columns else 1) or (columns and array.shape[1] != columns):
+        raise Error(f"{name} must have shape (n,{f' {columns}' if columns else ''}), not {array.shape}")
+    if array.dtype.kind not in "iu":
+        raise Error(f"{name} must be integers, not {array.dtype}")
+    if array.dtype.kind == "i" or array.dtype.itemsize > 4:
+        wrong = np.flatnonzero((array < 0) | (array > 0xFFFFFFFE))
+        if wrong.size:
+            row = int(wrong[0]) // max(columns, 1)
+            raise Error(f"{name}[{row}] holds {array.flat[wrong[0]]}, which is out of range")
+    return np.ascontiguousarray(array, dtype=np.uint32)
+
+
+def as_mesh(source: Any) -> Mesh:
+    """A Mesh from a Mesh, a file's path, anything with .vertices and .faces such as a
+    trimesh.Trimesh, or a pair (positions, triangles)."""
+    if isinstance(source, (str, os.PathLike)):
+        from .io import load
+
+        return load(source)
+    return Mesh.from_any(source)
+
+
+def native(mesh: Mesh) -> _umbel.MeshArrays:
+    """The mesh as the library sees it. The arrays are shared, not copied, where types fit."""
+
+    def optional(name: str, columns: int) -> NDArray[np.float32] | None:
+        values = getattr(mesh, name)
+        return None if values is None else rows(name, values, columns)
+
+    return _umbel.MeshArrays(
+        rows("positions", mesh.positions, 3),
+        indices("triangles", mesh.triangles, 3),
+        normals=optional("normals", 3),
+        tangents=optional("tangents", 4),
+        uvs=optional("uvs", 2),
+        colors=optional("colors", 4),
+        materials=None
+        if mesh.material_ids is None
+        else indices("material_ids", mesh.material_ids),
+    )
+
+
+def mesh_of(arrays: dict[str, Any], materials: list[Material], name: str = "") -> Mesh:
+    """A Mesh from the library's arrays, whose `materials` are a number a triangle."""
+    ids = arrays.pop("materials", None)
+    return Mesh(**arrays, material_ids=ids, materials=materials, name=name)

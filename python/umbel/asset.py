@@ -1,0 +1,93 @@
+""".umbel files."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _umbel
+from .arrays import indices, mesh_of
+from .camera import Camera
+from .errors import Error
+from .mesh import Material, Mesh
+from .metadata import materials_from_json
+from .proof import VerifyReport, verify
+from .repair import Progress
+from .tables import Tables
+
+
+class Asset:
+    """An open .umbel file: tables in memory, geometry read page by page as it is needed. Safe to
+    use from many threads."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        text = os.fspath(path)
+        if isinstance(text, str) and "://" in text:
+            raise Error(f"{text}: assets are opened from files only")
+        self.path = text
+        self._native = _umbel.Asset(text)
+        self._info: dict[str, Any] | None = None
+
+    def __repr__(self) -> str:
+        return f"umbel.Asset({self.path!r})"
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """What the file says of itself: format version, sizes, bounds, limits, and the metadata
+        written with it."""
+        if self._info is None:
+            info = self._native.info
+            try:
+                info["metadata"] = json.loads(info["metadata"] or "{}")
+            except ValueError as error:
+                raise Error(f"{self.path}: the metadata is no JSON ({error})") from None
+            self._info = info
+        return self._info
+
+    @property
+    def tables(self) -> Tables:
+        """Levels, groups, clusters and nodes."""
+        return Tables(self._native.tables)
+
+    def cut(
+        self,
+        *,
+        error: float | None = None,
+        camera: Camera | None = None,
+        level: int | None = None,
+        triangles: int | None = None,
+    ) -> NDArray[np.uint32]:
+        """The clusters of a cut; exactly one of the arguments, as `Tables.cut` has them."""
+        return self.tables.cut(error=error, camera=camera, level=level, triangles=triangles)
+
+    def mesh(self, cut: ArrayLike) -> Mesh:
+        """A cut as an ordinary mesh, its clusters joined where they meet."""
+        metadata = self.info["metadata"]
+        materials = materials_from_json(metadata.get("materials", []))
+        return cut_mesh(self._native, cut, materials, metadata.get("name", ""))
+
+    def cluster(self, index: int) -> Mesh:
+        """The triangles of one cluster."""
+        return mesh_of(self._native.geometry(index), [])
+
+    def verify(
+        self,
+        cuts: int = 64,
+        *,
+        seed: int = 1,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> VerifyReport:
+        """The same as `umbel.verify` on this file."""
+        return verify(self.path, cuts, seed=seed, progress=progress, threads=threads)
+
+
+def cut_mesh(
+    native: _umbel.Asset | _umbel.Dag, cut: ArrayLike, materials: list[Material], name: str
+) -> Mesh:
+    """One cut of a DAG, wherever it is stored."""
+    return mesh_of(native.mesh(indices("cut", cut)), materials, name)

@@ -1,0 +1,206 @@
+"""Building continuous levels of detail."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _umbel
+from .arrays import as_mesh, native
+from .asset import cut_mesh
+from .camera import Camera
+from .errors import Error
+from .mesh import Material, Mesh
+from .metadata import encode, materials_to_json
+from .proof import VerifyReport
+from .repair import Progress, drop_invalid as drop_invalid_triangles, grid_step, snap
+from .tables import Tables
+
+
+class Lod:
+    """A mesh as a DAG of clusters, in memory. `build_lod` makes it, `save` writes it."""
+
+    def __init__(
+        self,
+        dag: _umbel.Dag,
+        report: dict[str, Any],
+        config: dict[str, Any],
+        source: dict[str, Any],
+        materials: list[Material],
+        name: str,
+    ) -> None:
+        self._native = dag
+        self._materials = materials
+        self._name = name
+        self.report = report
+        """What was built: counts, groups by how they were simplified, `seconds` of the build."""
+        self.config = config
+        """The settings that it was built with."""
+        self.source = source
+        """What it was built from."""
+
+    def __repr__(self) -> str:
+        tables = self.tables
+        return f"<Lod: {len(tables.clusters)} clusters on {len(tables.levels)} levels>"
+
+    @property
+    def tables(self) -> Tables:
+        """Levels, groups, clusters and nodes as NumPy views."""
+        return Tables(self._native.tables)
+
+    @property
+    def levels(self) -> NDArray[Any]:
+        """See `Tables.levels`."""
+        return self.tables.levels
+
+    @property
+    def groups(self) -> NDArray[Any]:
+        """See `Tables.groups`."""
+        return self.tables.groups
+
+    @property
+    def clusters(self) -> NDArray[Any]:
+        """See `Tables.clusters`."""
+        return self.tables.clusters
+
+    @property
+    def nodes(self) -> NDArray[Any]:
+        """See `Tables.nodes`."""
+        return self.tables.nodes
+
+    def cut(
+        self,
+        *,
+        error: float | None = None,
+        camera: Camera | None = None,
+        level: int | None = None,
+        triangles: int | None = None,
+    ) -> NDArray[np.uint32]:
+        """The clusters of a cut; exactly one of the arguments, as `Tables.cut` has them."""
+        return self.tables.cut(error=error, camera=camera, level=level, triangles=triangles)
+
+    def mesh(self, cut: ArrayLike) -> Mesh:
+        """A cut as an ordinary mesh, its clusters joined where they meet."""
+        return cut_mesh(self._native, cut, self._materials, self._name)
+
+    def verify(
+        self,
+        cuts: int = 64,
+        *,
+        seed: int = 1,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> VerifyReport:
+        """The checks of `umbel.verify`, without those of a file."""
+        return VerifyReport(**self._native.verify(cuts, seed, progress, threads))
+
+    def metadata(self) -> dict[str, Any]:
+        """What `save` writes beside the geometry. Holds nothing that differs between two builds
+        of the same mesh."""
+        report = {key: value for key, value in self.report.items() if key != "seconds"}
+        return {
+            "generator": f"umbel {_umbel.__version__}",
+            "name": self._name,
+            "config": self.config,
+            "source": self.source,
+            "report": report,
+            "materials": materials_to_json(self._materials),
+        }
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> int:
+        """Writes the asset beside `path` and renames it, so that a file of that name is always
+        whole. Returns its bytes."""
+        return self._native.save(os.fspath(path), encode(self.metadata()), progress, threads)
+
+
+def build_lod(
+    mesh: Any,
+    *,
+    max_triangles: int = 128,
+    max_vertices: int = 128,
+    group_size: Sequence[int] = (24, 32),
+    ratio: float = 0.5,
+    attributes: str = "auto",
+    normal_weight: float = 0.5,
+    uv_weight: float = 0.5,
+    color_weight: float = 0.5,
+    drop_invalid: bool = False,
+    precision: str | float | None = None,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> Lod:
+    """Builds the DAG of a mesh, a path, or anything with .vertices and .faces.
+
+    max_triangles, max_vertices: most a cluster may have (4..256, 6..256).
+    group_size: least and most clusters that are simplified together.
+    ratio: triangles that each level keeps of the one before (0.1..0.9).
+    attributes: "auto" keeps normals, tangents, UVs and colours and weighs them in the error by
+        the weights; "none" drops them. Materials stay either way.
+    drop_invalid: leave out triangles with NaN, infinite or missing vertices instead of raising.
+    precision: snap positions to a power-of-two grid first; None keeps every bit. A number is a
+        length in the mesh's unit, a string as in `umbel build --precision`.
+    progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
+    """
+    given = as_mesh(mesh)
+    source = _describe(mesh, given)
+    if attributes not in ("auto", "none"):
+        raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
+    if attributes == "none":
+        given = replace(given, normals=None, tangents=None, uvs=None, colors=None)
+    extra: dict[str, Any] = {"dropped_triangles": 0}
+    if drop_invalid:
+        given, extra["dropped_triangles"] = drop_invalid_triangles(given, threads=threads)
+    if precision is not None:
+        extra["grid_step"] = grid_step(given, precision)
+        given, extra["largest_move"] = snap(given, extra["grid_step"])
+
+    low, high = _pair(group_size)
+    config: dict[str, Any] = {
+        "max_triangles": max_triangles,
+        "max_vertices": max_vertices,
+        "min_group": low,
+        "max_group": high,
+        "ratio": ratio,
+        "attributes": attributes == "auto",
+        "normal_weight": normal_weight,
+        "uv_weight": uv_weight,
+        "color_weight": color_weight,
+    }
+    dag = _umbel.build_lod(native(given), _native_config(config), progress, threads)
+    return Lod(dag, {**dag.report, **extra}, config, source, given.materials, given.name)
+
+
+def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:
+    native_config = _umbel.LodConfig()
+    for key, value in config.items():
+        try:
+            setattr(native_config, key, value)
+        except TypeError:
+            raise Error(f"{key} cannot be {value!r}") from None
+    return native_config
+
+
+def _pair(group_size: Sequence[int]) -> tuple[int, int]:
+    try:
+        low, high = (int(value) for value in group_size)
+    except (TypeError, ValueError):
+        raise Error(f"group_size must be two integers, not {group_size!r}") from None
+    return low, high
+
+
+def _describe(source: Any, mesh: Mesh) -> dict[str, Any]:
+    described: dict[str, Any] = {"triangles": len(mesh.triangles), "vertices": len(mesh.positions)}
+    if isinstance(source, (str, os.PathLike)):
+        described["file"] = Path(source).name
+    return described
