@@ -3,6 +3,7 @@
 #include <bit>
 #include <cstring>
 
+#include "lod/interner.hpp"
 #include "umbel/lod.hpp"
 
 namespace umbel::lod {
@@ -26,42 +27,13 @@ Key key_of(const ClusterGeometry& g, size_t i) {
   return key;
 }
 
-uint64_t hash(const Key& key) {
-  uint64_t h = 0x9e3779b97f4a7c15ull;
-  for (const uint32_t word : key) h = std::rotl((h ^ word) * 0xff51afd7ed558ccdull, 29);
-  return h ^ (h >> 32);
-}
-
-/// Vertices so far, found again by an open-addressing table of their indices.
-class VertexSet {
- public:
-  explicit VertexSet(size_t expected)
-      : slots_(std::bit_ceil(std::max<size_t>(16, 2 * expected)), kNone) {}
-
-  /// The index of the equal vertex, and whether it is new.
-  std::pair<uint32_t, bool> insert(const Key& key) {
-    if (2 * (keys_.size() + 1) > slots_.size()) grow();
-    uint32_t& slot = find(key);
-    if (slot != kNone) return {slot, false};
-    slot = static_cast<uint32_t>(keys_.size());
-    keys_.push_back(key);
-    return {slot, true};
+struct KeyHash {
+  uint64_t operator()(const Key& key) const {
+    uint64_t h = 0;
+    for (size_t i = 0; i < key.size(); i += 2)
+      h = std::rotl(h, 27) * 0x9e3779b97f4a7c15ull ^ (uint64_t{key[i]} << 32 | key[i + 1]);
+    return mix_bits(h);
   }
-
- private:
-  uint32_t& find(const Key& key) {
-    size_t at = hash(key) & (slots_.size() - 1);
-    while (slots_[at] != kNone && keys_[slots_[at]] != key) at = (at + 1) & (slots_.size() - 1);
-    return slots_[at];
-  }
-
-  void grow() {
-    slots_.assign(slots_.size() * 2, kNone);
-    for (size_t i = 0; i < keys_.size(); ++i) find(keys_[i]) = static_cast<uint32_t>(i);
-  }
-
-  std::vector<uint32_t> slots_;
-  std::vector<Key> keys_;
 };
 
 void check(const ClusterGeometry& g, uint32_t cluster) {
@@ -110,7 +82,7 @@ Mesh cut_mesh(const Tables& tables, const GeometryReader& geometry, std::span<co
   }
   Mesh mesh;
   mesh.triangles.reserve(triangles);
-  VertexSet vertices(triangles / 2);
+  Interner<Key, KeyHash> vertices(triangles / 2);
   std::vector<uint32_t> index;
   for (const uint32_t c : cut) {
     const ClusterGeometry g = geometry(c);

@@ -1,0 +1,74 @@
+// What verification found: counts, and the first sentences.
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <utility>
+
+#include "umbel/lod.hpp"
+
+namespace umbel::lod {
+
+/// Nine digits, enough to tell any two floats apart.
+inline std::string text(double value) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.9g", value);
+  return buffer;
+}
+inline std::string text(const Vec3& p) {
+  return "(" + text(p.x) + ", " + text(p.y) + ", " + text(p.z) + ")";
+}
+inline std::string text(const Sphere& s) {
+  return "sphere of radius " + text(s.radius) + " around " + text(s.center);
+}
+inline std::string number(uint64_t value) { return std::to_string(value); }
+
+/// Counts every finding and keeps the sentences of the first few of each stage, so that one kind
+/// of damage does not hide another. A sentence is a function, called only if it is kept.
+class Findings {
+ public:
+  explicit Findings(VerifyReport& report) : report_(report) {}
+
+  void begin_stage() { in_stage_ = 0; }
+
+  template <typename Sentence>
+  void limit(const Sentence& sentence) {
+    ++report_.limit_violations;
+    keep(sentence);
+  }
+  template <typename Sentence>
+  void not_monotone(const Sentence& sentence) {
+    report_.monotone = false;
+    keep(sentence);
+  }
+  template <typename Sentence>
+  void crack(const Sentence& sentence, uint64_t count = 1) {
+    report_.cracks += count;
+    keep(sentence);
+  }
+  template <typename Sentence>
+  void overlap(const Sentence& sentence, uint64_t count = 1) {
+    report_.overlaps += count;
+    keep(sentence);
+  }
+  /// A finding that no count stands for.
+  template <typename Sentence>
+  void other(const Sentence& sentence) {
+    keep(sentence);
+  }
+
+ private:
+  static constexpr size_t kMost = 32, kMostInStage = 8;
+
+  template <typename Sentence>
+  void keep(const Sentence& sentence) {
+    report_.ok = false;
+    if (report_.problems.size() < kMost && in_stage_++ < kMostInStage)
+      report_.problems.push_back(sentence());
+  }
+
+  VerifyReport& report_;
+  size_t in_stage_ = 0;
+};
+
+}  // namespace umbel::lod
