@@ -1,0 +1,41 @@
+// Vertices as keys: compared by the bits of their values, with -0 counted as 0.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+
+#include "base/hash.hpp"
+#include "umbel/types.hpp"
+
+namespace umbel {
+
+/// -0 becomes 0; every other value keeps its bits.
+template <typename Vector>
+Vector without_negative_zero(const Vector& v) {
+  auto floats = std::bit_cast<std::array<float, sizeof(Vector) / sizeof(float)>>(v);
+  for (float& f : floats) f += 0.0f;
+  return std::bit_cast<Vector>(floats);
+}
+
+template <typename Vector>
+std::array<uint32_t, sizeof(Vector) / 4> value_bits(const Vector& v) {
+  return std::bit_cast<std::array<uint32_t, sizeof(Vector) / 4>>(without_negative_zero(v));
+}
+
+template <typename Vector>
+bool same_value(const Vector& a, const Vector& b) {
+  return value_bits(a) == value_bits(b);
+}
+
+template <typename Vector>
+uint64_t hash_value(const Vector& v, uint64_t seed) {
+  const auto bits = value_bits(v);
+  uint64_t hash = seed;
+  for (size_t i = 0; i + 1 < bits.size(); i += 2)
+    hash = mix64(hash ^ (bits[i] | uint64_t{bits[i + 1]} << 32));
+  if constexpr (bits.size() % 2 == 1) hash = mix64(hash ^ bits.back());
+  return hash;
+}
+
+}  // namespace umbel
