@@ -1,0 +1,28 @@
+// The named configurations.
+#include <algorithm>
+#include <string>
+
+#include "umbel/cluster.hpp"
+
+namespace umbel {
+
+ClusterConfig cluster_preset(std::string_view name, uint32_t max_items) {
+  if (max_items == 0)
+    throw Error(ErrorCode::kInvalidArgument, "max_items must be at least 1, not 0");
+  ClusterConfig config;
+  config.max_items = max_items;
+  config.min_items = std::max(max_items / 4, 1u);
+  if (name == "quality") return config;
+  if (name == "fast") {
+    config.presplit_threshold = max_items <= kNone / 8 ? max_items * 8 : kNone;
+    return config;
+  }
+  if (name == "exact") {
+    config.min_items = max_items;
+    return config;
+  }
+  throw Error(ErrorCode::kInvalidArgument, "there is no cluster preset \"" + std::string(name) +
+                                               "\"; there are quality, fast and exact");
+}
+
+}  // namespace umbel

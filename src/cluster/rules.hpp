@@ -1,0 +1,50 @@
+// Which splits are legal and what missing items cost: the one cost model of all splitters.
+#pragma once
+
+#include <cstdint>
+
+#include "umbel/cluster.hpp"
+
+namespace umbel::cluster {
+
+struct Rules {
+  explicit Rules(const ClusterConfig& config) : config(config) {}
+
+  /// Whether n items can be cut into clusters that are all within [min_items, max_items].
+  bool divisible(uint32_t n) const {
+    const uint64_t slack = config.max_items - config.min_items;
+    return n % config.min_items <= slack * (n / config.min_items);
+  }
+
+  /// Items that n lack to fill all their clusters.
+  uint32_t missing(uint32_t n) const {
+    const uint32_t rest = n % config.max_items;
+    return rest ? config.max_items - rest : 0;
+  }
+
+  /// What n items weigh in the surface area heuristic.
+  float weight(uint32_t n) const {
+    return static_cast<float>(n) + config.underfill_cost * static_cast<float>(missing(n));
+  }
+
+  /// Whether n items may be split after the first i. Where n is not divisible itself, one side
+  /// has to carry the undersized cluster; where it is, neither may.
+  bool legal(uint32_t i, uint32_t n) const {
+    return divisible(n) ? divisible(i) && divisible(n - i) : divisible(i) || divisible(n - i);
+  }
+
+  /// The legal split nearest to the middle, of full clusters on the left where that is legal.
+  uint32_t middle(uint32_t n) const {
+    const uint32_t full = (n / 2 + config.max_items / 2) / config.max_items * config.max_items;
+    if (full > 0 && full < n && legal(full, n)) return full;
+    for (uint32_t d = 0; d < n; ++d) {
+      if (n / 2 > d && legal(n / 2 - d, n)) return n / 2 - d;
+      if (n / 2 + d > 0 && n / 2 + d < n && legal(n / 2 + d, n)) return n / 2 + d;
+    }
+    return n / 2;
+  }
+
+  ClusterConfig config;
+};
+
+}  // namespace umbel::cluster

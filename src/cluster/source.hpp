@@ -1,0 +1,49 @@
+// Where items come from: boxes with centroids, or the triangles of a mesh, whose boxes are made
+// when they are looked at.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "base/math.hpp"
+#include "umbel/cluster.hpp"
+
+namespace umbel::cluster {
+
+struct Source {
+  static Source of(const ClusterInput& input) {
+    Source s;
+    s.boxes = input.boxes;
+    s.centroids = input.centroids;
+    s.connections = input.connections;
+    s.vertices = input.item_vertices.data();
+    s.arity = input.item_vertices.empty() ? 0 : input.vertices_per_item;
+    s.shared_vertex_weight = input.shared_vertex_weight;
+    return s;
+  }
+  static Source of(const MeshView& mesh, float shared_vertex_weight) {
+    Source s;
+    s.positions = mesh.positions.data();
+    s.vertices = reinterpret_cast<const uint32_t*>(mesh.triangles.data());
+    s.arity = 3;
+    s.shared_vertex_weight = shared_vertex_weight;
+    return s;
+  }
+
+  Aabb box(uint32_t item) const {
+    if (!positions) return boxes[item];
+    const uint32_t* t = vertices + size_t(item) * 3;
+    const Vec3 &a = positions[t[0]], &b = positions[t[1]], &c = positions[t[2]];
+    return {min(min(a, b), c), max(max(a, b), c)};
+  }
+
+  std::span<const Aabb> boxes;
+  std::span<const Vec3> centroids;
+  Connections connections;
+  const Vec3* positions = nullptr;
+  const uint32_t* vertices = nullptr;  ///< `arity` an item
+  uint32_t arity = 0;                  ///< 0: items have no vertices
+  float shared_vertex_weight = 0.0f;
+};
+
+}  // namespace umbel::cluster

@@ -1,0 +1,190 @@
+#include "cluster/validate.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "base/math.hpp"
+#include "base/parallel.hpp"
+
+namespace umbel::cluster {
+namespace {
+
+[[noreturn]] void bad_argument(const std::string& sentence) {
+  throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+std::string number(float value) {
+  char text[32];
+  snprintf(text, sizeof text, "%g", static_cast<double>(value));
+  return text;
+}
+
+void check_fraction(const char* name, float value) {
+  // Written so that NaN fails as well.
+  if (!(value >= 0.0f && value <= 1.0f))
+    bad_argument(std::string(name) + " must be within [0, 1], not " + number(value));
+}
+
+void check_connections(const ClusterInput& input) {
+  const Connections& c = input.connections;
+  const size_t items = input.boxes.size();
+  if (c.ranges.empty()) {
+    if (!c.targets.empty()) bad_argument("connections have targets but no ranges");
+    return;
+  }
+  if (c.ranges.size() != items)
+    bad_argument("connections.ranges has " + std::to_string(c.ranges.size()) +
+                 " elements, but there are " + std::to_string(items) + " items");
+  if (!c.weights.empty() && c.weights.size() != c.targets.size())
+    bad_argument("connections.weights has " + std::to_string(c.weights.size()) +
+                 " elements, but there are " + std::to_string(c.targets.size()) + " targets");
+  for (size_t i = 0; i < items; ++i)
+    if (uint64_t(c.ranges[i].offset) + c.ranges[i].count > c.targets.size())
+      bad_argument("connections.ranges[" + std::to_string(i) + "] ends past the " +
+                   std::to_string(c.targets.size()) + " targets");
+  for (size_t i = 0; i < c.targets.size(); ++i)
+    if (c.targets[i] >= items)
+      bad_argument("connections.targets[" + std::to_string(i) + "] is " +
+                   std::to_string(c.targets[i]) + ", but there are " + std::to_string(items) +
+                   " items");
+  for (size_t i = 0; i < c.weights.size(); ++i)
+    if (!(c.weights[i] >= 0.0f && std::isfinite(c.weights[i])))
+      bad_argument("connections.weights[" + std::to_string(i) + "] must be finite and >= 0, not " +
+                   number(c.weights[i]));
+}
+
+void check_vertices(const ClusterInput& input, const ClusterConfig& config) {
+  const size_t items = input.boxes.size();
+  if (!(input.shared_vertex_weight >= 0.0f && std::isfinite(input.shared_vertex_weight)))
+    bad_argument("shared_vertex_weight must be finite and >= 0, not " +
+                 number(input.shared_vertex_weight));
+  if (input.item_vertices.empty()) {
+    if (items == 0) return;
+    if (config.max_vertices) bad_argument("max_vertices is set, but items have no vertices");
+    if (input.shared_vertex_weight > 0.0f)
+      bad_argument("shared_vertex_weight is set, but items have no vertices");
+    return;
+  }
+  if (input.vertices_per_item == 0) bad_argument("vertices_per_item must be at least 1, not 0");
+  if (input.item_vertices.size() != uint64_t(items) * input.vertices_per_item)
+    bad_argument("item_vertices has " + std::to_string(input.item_vertices.size()) +
+                 " elements, but " + std::to_string(items) + " items of " +
+                 std::to_string(input.vertices_per_item) + " vertices need " +
+                 std::to_string(uint64_t(items) * input.vertices_per_item));
+  if (config.max_vertices && config.max_vertices < input.vertices_per_item)
+    bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
+                 ", too few for one item of " + std::to_string(input.vertices_per_item) +
+                 " vertices");
+}
+
+void check_segments(const ClusterInput& input) {
+  const size_t items = input.boxes.size();
+  uint64_t end = 0;
+  bool ascending = true;
+  for (size_t s = 0; s < input.segments.size(); ++s) {
+    const Range& r = input.segments[s];
+    if (uint64_t(r.offset) + r.count > items)
+      bad_argument("segments[" + std::to_string(s) + "] ends at " +
+                   std::to_string(uint64_t(r.offset) + r.count) + ", but there are " +
+                   std::to_string(items) + " items");
+    if (r.count == 0) continue;
+    ascending &= r.offset >= end;
+    end = uint64_t(r.offset) + r.count;
+  }
+  if (ascending) return;
+  std::vector<Range> sorted;
+  for (const Range& r : input.segments)
+    if (r.count) sorted.push_back(r);
+  std::sort(sorted.begin(), sorted.end(),
+            [](const Range& a, const Range& b) { return a.offset < b.offset; });
+  for (size_t s = 1; s < sorted.size(); ++s)
+    if (sorted[s].offset < sorted[s - 1].offset + sorted[s - 1].count)
+      bad_argument("segments overlap at item " + std::to_string(sorted[s].offset));
+}
+
+[[noreturn]] void report_triangle(const MeshView& mesh, size_t i) {
+  for (const uint32_t v : mesh.triangles[i]) {
+    const std::string what = "triangle " + std::to_string(i) + " uses vertex " + std::to_string(v);
+    if (v >= mesh.positions.size())
+      throw Error(ErrorCode::kInvalidMesh, what + ", but there are " +
+                                               std::to_string(mesh.positions.size()) +
+                                               " positions");
+    if (!is_finite(mesh.positions[v]))
+      throw Error(ErrorCode::kInvalidMesh, what + ", whose position is NaN or infinite");
+  }
+  throw Error(ErrorCode::kInvalidMesh, "triangle " + std::to_string(i) + " is invalid");
+}
+
+}  // namespace
+
+void validate_config(const ClusterConfig& config) {
+  if (config.min_items == 0) bad_argument("min_items must be at least 1, not 0");
+  if (config.max_items == 0) bad_argument("max_items must be at least 1, not 0");
+  if (config.min_items > config.max_items)
+    bad_argument("min_items is " + std::to_string(config.min_items) + ", more than max_items, " +
+                 std::to_string(config.max_items));
+  check_fraction("underfill_cost", config.underfill_cost);
+  check_fraction("overlap_cost", config.overlap_cost);
+  check_fraction("vertex_underfill_cost", config.vertex_underfill_cost);
+}
+
+void validate_layout(const ClusterInput& input, const ClusterConfig& config) {
+  // The last index is kNone, "no such element".
+  if (input.boxes.size() >= kNone)
+    bad_argument("there are " + std::to_string(input.boxes.size()) +
+                 " items, more than 32-bit indices can name");
+  if (!input.centroids.empty() && input.centroids.size() != input.boxes.size())
+    bad_argument("centroids has " + std::to_string(input.centroids.size()) +
+                 " elements, but there are " + std::to_string(input.boxes.size()) + " boxes");
+  check_connections(input);
+  check_vertices(input, config);
+  check_segments(input);
+}
+
+void validate_triangles(const MeshView& mesh, const ClusterConfig& config,
+                        float shared_vertex_weight, const BuildOptions& options) {
+  if (mesh.triangles.size() >= kNone)
+    bad_argument("there are " + std::to_string(mesh.triangles.size()) +
+                 " triangles, more than 32-bit indices can name");
+  if (!(shared_vertex_weight >= 0.0f && std::isfinite(shared_vertex_weight)))
+    bad_argument("shared_vertex_weight must be finite and >= 0, not " +
+                 number(shared_vertex_weight));
+  if (config.max_vertices && config.max_vertices < 3)
+    bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
+                 ", too few for one triangle");
+  const auto is_valid = [&](const Triangle& t) {
+    for (const uint32_t v : t)
+      if (v >= mesh.positions.size() || !is_finite(mesh.positions[v])) return false;
+    return true;
+  };
+  constexpr size_t kChunk = 1 << 16;
+  std::vector<uint8_t> bad((mesh.triangles.size() + kChunk - 1) / kChunk, 0);
+  with_threads(options.threads, [&] {
+    parallel_chunks(mesh.triangles.size(), kChunk, [&](size_t begin, size_t end) {
+      bool valid = true;
+      for (size_t i = begin; i < end; ++i) valid &= is_valid(mesh.triangles[i]);
+      bad[begin / kChunk] = !valid;
+    });
+  });
+  for (size_t c = 0; c < bad.size(); ++c)
+    if (bad[c])
+      for (size_t i = c * kChunk;; ++i)
+        if (!is_valid(mesh.triangles[i])) report_triangle(mesh, i);
+}
+
+void validate_boxes(const ClusterInput& input, size_t begin, size_t end) {
+  for (size_t i = begin; i < end; ++i) {
+    const Aabb& b = input.boxes[i];
+    const std::string item = "item " + std::to_string(i);
+    if (!is_finite(b.min) || !is_finite(b.max))
+      throw Error(ErrorCode::kInvalidMesh, "the box of " + item + " has a NaN or infinite corner");
+    if (is_empty(b))
+      throw Error(ErrorCode::kInvalidMesh, "the box of " + item + " has its min above its max");
+    if (!input.centroids.empty() && !is_finite(input.centroids[i]))
+      throw Error(ErrorCode::kInvalidMesh, "the centroid of " + item + " is NaN or infinite");
+  }
+}
+
+}  // namespace umbel::cluster
