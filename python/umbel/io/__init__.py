@@ -1,0 +1,101 @@
+"""Reading and writing meshes: .glb .gltf .obj .ply .stl in, .glb .obj .ply out."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from umbel.errors import Error
+from umbel.io.files import read_bytes
+from umbel.io.scene import Instance, Scene
+from umbel.mesh import Mesh
+
+__all__ = ["Instance", "Scene", "load", "load_scene", "save"]
+
+_READABLE = (".glb", ".gltf", ".obj", ".ply", ".stl")
+_WRITABLE = (".glb", ".obj", ".ply")
+
+
+def load(path: str | os.PathLike[str]) -> Mesh:
+    """Reads a mesh file as one mesh, as drawn: all primitives, node transforms and instances.
+
+    Formats: .glb .gltf .obj .ply .stl, each also inside .gz. What a file's first bytes say wins
+    over its extension. Raises `umbel.Error` naming the file and what is wrong with it. NaN and
+    indices beyond the vertices are not looked for; `umbel.validate` does that.
+    """
+    return load_scene(path).flatten()
+
+
+def load_scene(path: str | os.PathLike[str]) -> Scene:
+    """Reads a mesh file with its instances apart; else like `load`."""
+    file = Path(path)
+    name = file.name.removesuffix(".gz")
+    stem, extension = os.path.splitext(name)
+    data = read_bytes(file)
+    kind = _sniffed(data) or extension.lower()
+    if kind not in _READABLE:
+        raise Error(f"{file}: cannot read '{extension}' files; {', '.join(_READABLE)} can be read")
+    try:
+        scene = _read(kind, data, file)
+    except Error:
+        raise
+    except MemoryError:
+        raise Error(f"{file} does not fit into memory") from None
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as e:
+        raise Error(f"{file} is corrupt: {type(e).__name__}: {e}") from e
+    scene.name = stem
+    for mesh in scene.meshes:
+        mesh.name = mesh.name or stem
+    return scene
+
+
+def save(path: str | os.PathLike[str], mesh: object) -> None:
+    """Writes a mesh (anything that `Mesh.from_any` takes) as .glb, .ply or .obj.
+
+    The file is written beside its name and renamed when whole, so a failure leaves nothing.
+    Raises `umbel.Error` if the folder cannot be written, the disk is full or the extension is
+    unknown. Positions, normals and UVs come back to the bit from all three.
+    """
+    file = Path(path)
+    extension = file.suffix.lower()
+    if extension not in _WRITABLE:
+        raise Error(f"{file}: cannot write '{file.suffix}' files; {', '.join(_WRITABLE)} can be")
+    whole = Mesh.from_any(mesh)
+    if extension == ".ply":
+        from umbel.io.ply import write_ply as write
+    elif extension == ".obj":
+        from umbel.io.obj import write_obj as write
+    else:
+        from umbel.io.glb_writer import write_glb as write
+    write(file, whole)
+
+
+def _sniffed(data: bytes) -> str:
+    """The format that the first bytes prove, or nothing."""
+    if data[:4] == b"glTF":
+        return ".glb"
+    if data[:4] in (b"ply\n", b"ply\r", b"ply "):
+        return ".ply"
+    head = data[:512].lstrip(b"\xef\xbb\xbf \t\r\n")
+    if head[:1] == b"{" and b'"asset"' in data:
+        return ".gltf"
+    return ""
+
+
+def _read(kind: str, data: bytes, file: Path) -> Scene:
+    where = str(file)
+    if kind == ".ply":
+        from umbel.io.ply import read_ply
+
+        return read_ply(data, where)
+    if kind == ".obj":
+        from umbel.io.obj import read_obj
+
+        return read_obj(data, where, file.parent)
+    if kind == ".stl":
+        from umbel.io.stl import read_stl
+
+        return read_stl(data, where)
+    from umbel.io.gltf import read_gltf
+
+    return read_gltf(data, where, file.parent)

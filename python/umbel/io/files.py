@@ -1,0 +1,92 @@
+"""Files as bytes: reading them whole, and writing so that a half-written one is never seen."""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import os
+import tempfile
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel.errors import Error
+
+Bytes = bytes | bytearray | memoryview
+
+
+def read_bytes(path: Path) -> bytes:
+    """The file's bytes, unpacked if it is gzip."""
+    try:
+        if path.is_dir():
+            raise Error(f"{path} is a folder, not a mesh file")
+        data = path.read_bytes()
+    except OSError as error:
+        raise Error(f"cannot read {path}: {error.strerror or error}") from None
+    if not data:
+        raise Error(f"{path} is empty")
+    if data[:2] == b"\x1f\x8b":
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error, MemoryError) as error:
+            raise Error(f"{path} is not a whole gzip file: {error}") from None
+    return data
+
+
+def numbers(text: bytes, expected: int | None, what: str, dtype: Any = np.float64) -> NDArray[Any]:
+    """The white-space separated numbers in `text`; `expected` of them unless None."""
+    if not text.strip():
+        values = np.zeros(0, dtype)
+    else:
+        try:
+            values = np.fromstring(text, dtype=dtype, sep=" ")  # type: ignore[call-overload]
+        except (ValueError, DeprecationWarning):
+            raise Error(f"{what}: {_first_bad_word(text)!r} is no number") from None
+    if expected is not None and len(values) != expected:
+        raise Error(f"{what}: expected {expected} numbers, found {len(values)}")
+    return values
+
+
+def _first_bad_word(text: bytes) -> str:
+    for word in text.split():
+        try:
+            float(word)
+        except ValueError:
+            return word[:40].decode("utf-8", "replace")
+    return "(something)"
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A binary file to write that takes the name `path` only when all of it is on disk."""
+    temporary = ""
+    try:
+        handle, temporary = tempfile.mkstemp(
+            dir=path.parent or Path(), prefix=f".{path.name}.", suffix=".part"
+        )
+        with os.fdopen(handle, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, path)
+    except BaseException as error:
+        if temporary:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+        if isinstance(error, OSError):
+            raise Error(f"cannot write {path}: {error.strerror or error}") from None
+        raise
+
+
+def write_all(path: Path, chunks: Iterable[Any]) -> None:
+    """Writes the chunks (bytes or contiguous arrays) one after another; all or nothing."""
+    with replacing(path) as file:
+        for chunk in chunks:
+            file.write(memoryview(chunk).cast("B") if isinstance(chunk, np.ndarray) else chunk)

@@ -1,0 +1,168 @@
+"""A scene: meshes, the places where they stand, and all of it as the one mesh that is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from umbel.errors import Error
+from umbel.mesh import (
+    Float64Array,
+    Material,
+    Mesh,
+    UInt32Array,
+    any_tangents,
+    area_weighted_normals,
+    normalized,
+)
+
+_MOST_VERTICES = 0xFFFFFFFF
+
+
+@dataclass
+class Instance:
+    """A mesh in the world."""
+
+    mesh: int  #: index into `Scene.meshes`
+    #: (4, 4) float64, mesh to world, acting on column vectors
+    transform: Float64Array = field(default_factory=lambda: np.eye(4))
+    name: str = ""
+
+
+@dataclass
+class Scene:
+    """What a file holds. Every mesh's `material_ids` index the scene's one list of materials."""
+
+    meshes: list[Mesh] = field(default_factory=list)
+    materials: list[Material] = field(default_factory=list)
+    instances: list[Instance] = field(default_factory=list)
+    name: str = ""
+
+    def flatten(self) -> Mesh:
+        """Everything as one mesh, as drawn: each instance transformed and appended in order.
+
+        Mirroring transforms flip the winding, so that front faces stay in front, and the tangents'
+        handedness. Where only some meshes have an attribute, the others get area-weighted
+        normals, white, UV zero, or tangents that fit the normal.
+        """
+        vertices = sum(len(self.meshes[i.mesh].positions) for i in self.instances)
+        triangles = sum(len(self.meshes[i.mesh].triangles) for i in self.instances)
+        if max(vertices, triangles) > _MOST_VERTICES:
+            raise Error(
+                f"the scene as drawn has {triangles} triangles on {vertices} vertices, more than "
+                f"32-bit indices can number"
+            )
+        placed = [transformed(self.meshes[i.mesh], i.transform) for i in self.instances]
+        flat = join(placed, [(k, m.triangles, m.material_ids) for k, m in enumerate(placed)])
+        materials, ids = with_default(self.materials, flat.material_ids)
+        return replace(flat, material_ids=ids, materials=materials, name=self.name)
+
+
+#: "this triangle has no material", until `with_default` gives it one.
+NO_MATERIAL = 0xFFFFFFFF
+
+Part = tuple[int, UInt32Array, UInt32Array | None]
+
+
+def with_default(
+    materials: list[Material], ids: UInt32Array | None
+) -> tuple[list[Material], UInt32Array | None]:
+    """The materials, with one more for the triangles that have none where there are such."""
+    if ids is None or not (ids == NO_MATERIAL).any():
+        return materials, ids
+    if not materials and (ids == NO_MATERIAL).all():
+        return materials, None
+    ids = np.where(ids == NO_MATERIAL, np.uint32(len(materials)), ids)
+    return [*materials, Material(name="default", metallic=1.0)], ids
+
+
+def join(blocks: list[Mesh], parts: list[Part]) -> Mesh:
+    """One mesh of the vertices of `blocks` and the triangles of `parts`, each of which is
+    (index of its block, triangles, material ids). Indices beyond a block stay beyond the mesh."""
+    if len(blocks) == 1 and len(parts) == 1:
+        return replace(blocks[0], triangles=parts[0][1], material_ids=parts[0][2])
+    if not parts:
+        return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+    counts = np.array([len(b.positions) for b in blocks], np.int64)
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    triangles = [_shifted(t, int(counts[b]), int(offsets[b])) for b, t, _ in parts]
+    blocks = _with_all_attributes(blocks, parts)
+    ids = None
+    if any(m is not None for _, _, m in parts):
+        ids = np.concatenate(
+            [np.full(len(t), NO_MATERIAL, np.uint32) if m is None else m for _, t, m in parts]
+        )
+
+    def column(attribute: str) -> np.ndarray | None:
+        arrays = [getattr(b, attribute) for b in blocks]
+        return None if arrays[0] is None else np.concatenate(arrays)
+
+    return Mesh(
+        np.concatenate([b.positions for b in blocks]),
+        np.concatenate(triangles),
+        normals=column("normals"),
+        tangents=column("tangents"),
+        uvs=column("uvs"),
+        colors=column("colors"),
+        material_ids=ids,
+    )
+
+
+def transformed(mesh: Mesh, matrix: Float64Array) -> Mesh:
+    """The mesh moved by a (4, 4) matrix: normals by the inverse transpose, tangents along the
+    surface, winding and handedness flipped if the matrix mirrors. Identity copies nothing."""
+    if np.array_equal(matrix, np.eye(4)):
+        return mesh
+    linear = np.asarray(matrix, np.float64)[:3, :3]
+    with np.errstate(all="ignore"):
+        mirrored = bool(np.linalg.det(linear) < 0)
+        points = mesh.positions.astype(np.float64) @ linear.T + matrix[:3, 3]
+        positions = points.astype(np.float32)
+        # Cofactors are the inverse transpose times the determinant, and exist where that is zero.
+        cofactors = np.stack([np.cross(linear[(k + 1) % 3], linear[(k + 2) % 3]) for k in range(3)])
+        normals, tangents = mesh.normals, mesh.tangents
+        if normals is not None:
+            normals = normalized((normals @ cofactors.T) * (-1.0 if mirrored else 1.0))
+        if tangents is not None:
+            along = normalized(tangents[:, :3] @ linear.T)
+            w = -tangents[:, 3:] if mirrored else tangents[:, 3:]
+            tangents = np.concatenate([along, w], axis=1)
+    triangles = np.ascontiguousarray(mesh.triangles[:, [0, 2, 1]]) if mirrored else mesh.triangles
+    return replace(
+        mesh, positions=positions, triangles=triangles, normals=normals, tangents=tangents
+    )
+
+
+def _shifted(triangles: UInt32Array, count: int, offset: int) -> UInt32Array:
+    if len(triangles) and int(triangles.max()) >= count:
+        return np.where(triangles < count, triangles + np.uint32(offset), np.uint32(NO_MATERIAL))
+    return triangles + np.uint32(offset)
+
+
+def _with_all_attributes(blocks: list[Mesh], parts: list[Part]) -> list[Mesh]:
+    wanted = {
+        key
+        for key in ("normals", "tangents", "uvs", "colors")
+        if any(getattr(b, key) is not None for b in blocks)
+    }
+    if "tangents" in wanted:
+        wanted.add("normals")
+    return [_filled(block, k, parts, wanted) for k, block in enumerate(blocks)]
+
+
+def _filled(block: Mesh, index: int, parts: list[Part], wanted: set[str]) -> Mesh:
+    n = len(block.positions)
+    normals, tangents, uvs, colors = block.normals, block.tangents, block.uvs, block.colors
+    if normals is None and "normals" in wanted:
+        own = [t for b, t, _ in parts if b == index]
+        triangles = np.concatenate(own) if own else np.zeros((0, 3), np.uint32)
+        normals = area_weighted_normals(block.positions, triangles)
+    if tangents is None and "tangents" in wanted:
+        assert normals is not None
+        tangents = any_tangents(normals)
+    if uvs is None and "uvs" in wanted:
+        uvs = np.zeros((n, 2), np.float32)
+    if colors is None and "colors" in wanted:
+        colors = np.ones((n, 4), np.float32)
+    return replace(block, normals=normals, tangents=tangents, uvs=uvs, colors=colors)
