@@ -67,8 +67,8 @@ lint: setup  ## formatting, clang-tidy (changed files; all with ALL=1 or in CI),
 format: tools  ## formats the C++ and the Python
 	@.venv/bin/python scripts/lint.py --fix
 
-bench: build  ## every program in bench/
-	@scripts/bench.sh
+bench: build  ## every program in bench/ on the dragon, or on MESH=... (a binary PLY file)
+	@PYTHONDONTWRITEBYTECODE=1 scripts/bench.sh $(if $(MESH),"$(MESH)")
 
 clean:  ## removes what was built; .venv stays
 	@rm -rf build .mypy_cache .ruff_cache .pytest_cache .venv/.installed

@@ -47,7 +47,7 @@ def layer_of_include(include: str) -> str | None:
 def problems_of(path: Path, layer: str, root: Path) -> list[str]:
     """What is wrong with one file's includes, as messages that an editor can jump to."""
     if layer not in LAYERS:
-        return [f"{path.relative_to(root)}: `{layer}` is no layer; add it to LAYERS where it belongs"]
+        return [f"{path.relative_to(root)}: `{layer}` is no layer: give it its place in LAYERS"]
     text = path.read_text(encoding="utf-8")
     found = []
     for match in INCLUDE.finditer(text):
