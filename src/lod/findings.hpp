@@ -1,7 +1,6 @@
 // What verification found: counts, and the first sentences.
 #pragma once
 
-#include <cstdio>
 #include <string>
 #include <utility>
 
@@ -10,18 +9,10 @@
 namespace umbel::lod {
 
 /// Nine digits, enough to tell any two floats apart.
-inline std::string text(double value) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.9g", value);
-  return buffer;
-}
-inline std::string text(const Vec3& p) {
-  return "(" + text(p.x) + ", " + text(p.y) + ", " + text(p.z) + ")";
-}
-inline std::string text(const Sphere& s) {
-  return "sphere of radius " + text(s.radius) + " around " + text(s.center);
-}
-inline std::string number(uint64_t value) { return std::to_string(value); }
+std::string text(double value);
+std::string text(const Vec3& position);
+std::string text(const Sphere& sphere);
+std::string number(uint64_t value);
 
 /// Counts every finding and keeps the sentences of the first few of each stage, so that one kind
 /// of damage does not hide another. A sentence is a function, called only if it is kept.

@@ -168,7 +168,7 @@ class Reader {
           {first + g.triangles[t], first + g.triangles[t + 1], first + g.triangles[t + 2]});
   }
 
-  /// Components of positions joined by the source's open and over-shared edges, by union-find.
+  /// Components of positions joined by the source's irregular edges, by union-find.
   void explain_edges() {
     std::vector<uint8_t> forward(topology_.edges.size(), 0), backward(topology_.edges.size(), 0);
     for (uint32_t c = 0; c < tables_.clusters.size(); ++c) {
@@ -187,10 +187,8 @@ class Reader {
     for (size_t e = 0; e < topology_.edges.size(); ++e) {
       const uint32_t triangles = forward[e] + backward[e];
       if (triangles == 0) continue;
-      if (triangles == 2) {
-        topology_.oriented &= forward[e] == 1;
-        continue;
-      }
+      if (triangles == 2 && forward[e] == 1) continue;
+      topology_.oriented &= triangles != 2;
       const uint32_t a = find(topology_.edges[e] >> 32);
       const uint32_t b = find(static_cast<uint32_t>(topology_.edges[e]));
       parent[std::max(a, b)] = std::min(a, b);

@@ -24,8 +24,8 @@ struct Topology {
   std::vector<uint64_t> side_offsets;  ///< clusters + 1
   std::vector<uint32_t> cluster_positions;
   std::vector<uint64_t> position_offsets;  ///< clusters + 1
-  /// Of each edge: whether its ends are joined by edges of the source that are not shared by two
-  /// triangles, so that the edge need not be either.
+  /// Of each edge: whether its ends are joined by irregular edges of the source, those that are
+  /// not shared by two triangles running in opposite directions, so that it need not be either.
   std::vector<uint8_t> explained;
   bool oriented = true;  ///< no two triangles of the source run the same way along their edge
   bool complete = true;  ///< every cluster could be read
