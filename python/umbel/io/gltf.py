@@ -1,0 +1,299 @@
+"""glTF 2.0, .gltf and .glb: what a scene draws, in the rest pose.
+
+Every primitive mode that makes triangles, sparse and normalised accessors, skins, default morph
+weights, and the extensions KHR_mesh_quantization, KHR_draco_mesh_compression,
+EXT_meshopt_compression and EXT_mesh_gpu_instancing.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel.errors import Error, LoadWarning
+from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
+from umbel.io.gltf_materials import read_material
+from umbel.io.gltf_nodes import Nodes, instance_matrices
+from umbel.io.polygons import strips
+from umbel.io.scene import NO_MATERIAL, Instance, Part, Scene, join, with_default
+from umbel.mesh import Float32Array, Float64Array, Material, Mesh, UInt32Array, normalized
+
+_DRACO = "KHR_draco_mesh_compression"
+_UNDERSTOOD = {
+    _DRACO,
+    *MESHOPT,
+    "KHR_mesh_quantization",
+    "EXT_mesh_gpu_instancing",
+    "KHR_lights_punctual",
+    "KHR_animation_pointer",
+    "KHR_xmp_json_ld",
+    "KHR_node_visibility",
+}
+#: Extensions that change how a surface looks, never where it is.
+_LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_")
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4, "TEXCOORD_0": 2}
+
+
+def read_gltf(data: bytes, where: str, folder: Path | None = None) -> Scene:
+    """The scene in a .gltf or .glb file's bytes; `where` names the file in errors, external
+    buffers are read from `folder`."""
+    root, binary = parse_container(data, where)
+    _check_header(root, where)
+    return _Reader(Buffers(root, binary, where, folder)).scene()
+
+
+def _check_header(root: Json, where: str) -> None:
+    version = str((root.get("asset") or {}).get("version", ""))
+    if not version.startswith("2."):
+        raise Error(f"{where}: glTF version {version or '(none)'!s}, only 2 can be read")
+    for name in root.get("extensionsRequired") or []:
+        if name not in _UNDERSTOOD and not str(name).startswith(_LOOKS):
+            raise Error(f"{where} requires the glTF extension {name}, which is not supported")
+
+
+class _Reader:
+    def __init__(self, buffers: Buffers) -> None:
+        self.buffers = buffers
+        self.where = buffers.where
+        self.root = buffers.root
+        self.nodes = Nodes(buffers)
+        self.materials = [read_material(m, self.root) for m in self.root.get("materials") or []]
+        self.meshes: list[Mesh] = []
+        self._made: dict[tuple[Any, ...], int | None] = {}
+
+    def scene(self) -> Scene:
+        instances: list[Instance] = []
+        for index in self.nodes.drawn():
+            node = self.nodes.node(index)
+            if "mesh" not in node:
+                continue
+            mesh = self._mesh_of(index, node)
+            if mesh is None:
+                continue
+            name = str(node.get("name", ""))
+            world = np.eye(4) if "skin" in node else self.nodes.world(index)
+            for matrix in instance_matrices(node, self.buffers, index):
+                instances.append(Instance(mesh, world @ matrix, name))
+        return self._with_materials(Scene(self.meshes, self.materials, instances))
+
+    def _with_materials(self, scene: Scene) -> Scene:
+        """Gives the scene and each of its meshes the same list, with a default if one is needed."""
+        if not any(m.material_ids is not None for m in scene.meshes):
+            return replace(scene, materials=self.materials)
+        every = np.concatenate(
+            [m.material_ids for m in scene.meshes if m.material_ids is not None]
+        )
+        materials, _ = with_default(self.materials, every)
+        for mesh in scene.meshes:
+            mesh.materials = materials
+            if mesh.material_ids is not None:
+                _, mesh.material_ids = with_default(self.materials, mesh.material_ids)
+        return replace(scene, materials=materials)
+
+    def _mesh_of(self, node_index: int, node: Json) -> int | None:
+        user = f"nodes[{node_index}]"
+        entry = self.buffers.item("meshes", node["mesh"], user)
+        weights = node.get("weights", entry.get("weights"))
+        key = (node["mesh"], node.get("skin"), tuple(weights or ()))
+        if key not in self._made:
+            joints = None if "skin" not in node else self.nodes.joint_matrices(node["skin"], user)
+            mesh = self._mesh(entry, node["mesh"], weights or [], joints)
+            self._made[key] = None if mesh is None else len(self.meshes)
+            if mesh is not None:
+                self.meshes.append(mesh)
+        return self._made[key]
+
+    def _mesh(
+        self, entry: Json, index: int, weights: list[float], joints: Float64Array | None
+    ) -> Mesh | None:
+        blocks: list[Mesh] = []
+        parts: list[Part] = []
+        shared: dict[str, int] = {}
+        skipped = 0
+        for k, primitive in enumerate(entry.get("primitives") or []):
+            name = f"meshes[{index}].primitives[{k}]"
+            mode = primitive.get("mode", _TRIANGLES)
+            if mode not in (_TRIANGLES, _STRIP, _FAN):
+                skipped += 1
+                continue
+            if "POSITION" not in (primitive.get("attributes") or {}):
+                continue
+            block, corners = self._primitive(primitive, name, weights, joints, shared, blocks)
+            material = primitive.get("material")
+            if material is not None:
+                self.buffers.item("materials", material, name)
+            triangles = _triangulated(corners, mode, f"{self.where}: {name}")
+            ids = np.full(len(triangles), NO_MATERIAL if material is None else material, np.uint32)
+            parts.append((block, triangles, ids if self.materials else None))
+        if skipped:
+            warnings.warn(
+                f"{self.where}: meshes[{index}] has {skipped} primitives of points or lines, "
+                f"which are left out",
+                LoadWarning,
+                stacklevel=2,
+            )
+        if not parts:
+            return None
+        return replace(join(blocks, parts), name=str(entry.get("name", "")))
+
+    def _primitive(
+        self,
+        primitive: Json,
+        name: str,
+        weights: list[float],
+        joints: Float64Array | None,
+        shared: dict[str, int],
+        blocks: list[Mesh],
+    ) -> tuple[int, UInt32Array]:
+        """The number of the block of vertices that a primitive uses, made if no earlier primitive
+        of the mesh has the same, and its indices."""
+        draco = (primitive.get("extensions") or {}).get(_DRACO)
+        targets = primitive.get("targets") if any(weights) else None
+        key = repr((sorted(primitive["attributes"].items()), targets, draco))
+        if draco is not None:
+            from umbel.io.gltf_draco import read_draco
+
+            arrays, corners = read_draco(primitive, draco, self.buffers, name)
+        else:
+            arrays = {} if key in shared else self._attributes(primitive["attributes"], name)
+            corners = None
+        if key not in shared:
+            if targets:
+                _apply_morph(arrays, targets, weights, self.buffers, name)
+            if joints is not None:
+                _apply_skin(arrays, joints, self.where, name)
+            shared[key] = len(blocks)
+            blocks.append(_block(arrays))
+        if corners is None:
+            if "indices" in primitive:
+                corners = self.buffers.indices(primitive["indices"], name)
+            else:
+                corners = np.arange(len(blocks[shared[key]].positions), dtype=np.uint32)
+        return shared[key], corners
+
+    def _attributes(self, attributes: Json, name: str) -> dict[str, NDArray[Any]]:
+        out: dict[str, NDArray[Any]] = {}
+        for semantic, accessor in attributes.items():
+            user = f"{name}.{semantic}"
+            if semantic in _WIDTHS or semantic == "COLOR_0" or semantic.startswith("WEIGHTS_"):
+                out[semantic] = self.buffers.floats(accessor, user)
+            elif semantic.startswith("JOINTS_"):
+                out[semantic] = self.buffers.array(accessor, user)[0]
+        check_attributes(out, self.where, name)
+        return out
+
+
+def check_attributes(arrays: dict[str, NDArray[Any]], where: str, name: str) -> None:
+    """Raises unless all attributes have POSITION's count and their own width."""
+    count = len(arrays["POSITION"])
+    for semantic, array in arrays.items():
+        if len(array) != count:
+            raise Error(f"{where}: {name} has {count} positions and {len(array)} of {semantic}")
+        width = _WIDTHS.get(semantic)
+        if (width and array.shape[1] != width) or (
+            semantic == "COLOR_0" and array.shape[1] not in (3, 4)
+        ):
+            raise Error(f"{where}: {name} has {semantic} of {array.shape[1]} components")
+
+
+def _block(arrays: dict[str, NDArray[Any]]) -> Mesh:
+    return Mesh(
+        arrays["POSITION"],
+        np.zeros((0, 3), np.uint32),
+        normals=arrays.get("NORMAL"),
+        tangents=arrays.get("TANGENT"),
+        uvs=arrays.get("TEXCOORD_0"),
+        colors=arrays.get("COLOR_0"),
+    )
+
+
+def _triangulated(corners: UInt32Array, mode: int, what: str) -> UInt32Array:
+    if mode == _TRIANGLES:
+        whole = len(corners) - len(corners) % 3
+        if whole != len(corners):
+            warnings.warn(
+                f"{what} has {len(corners)} indices; those after the last whole triangle are "
+                f"left out",
+                LoadWarning,
+                stacklevel=2,
+            )
+        return corners[:whole].reshape(-1, 3)
+    if len(corners) < 3:
+        return np.zeros((0, 3), np.uint32)
+    if mode == _STRIP:
+        return strips(np.array([len(corners)]), corners, restart=None)
+    hub = np.full(len(corners) - 2, corners[0])
+    return np.stack([corners[1:-1], corners[2:], hub], axis=1)
+
+
+def _apply_morph(
+    arrays: dict[str, NDArray[Any]],
+    targets: list[Json],
+    weights: list[float],
+    buffers: Buffers,
+    name: str,
+) -> None:
+    for k, (target, weight) in enumerate(zip(targets, weights, strict=False)):
+        for semantic, accessor in target.items():
+            if not weight or semantic not in ("POSITION", "NORMAL", "TANGENT"):
+                continue
+            if semantic not in arrays:
+                continue
+            delta = buffers.floats(accessor, f"{name}.targets[{k}].{semantic}")
+            if delta.shape != (len(arrays[semantic]), 3):
+                raise Error(f"{buffers.where}: {name}.targets[{k}] does not fit its primitive")
+            moved = arrays[semantic].copy()
+            moved[:, :3] += np.float32(weight) * delta
+            arrays[semantic] = moved
+
+
+def _apply_skin(
+    arrays: dict[str, NDArray[Any]], joints: Float64Array, where: str, name: str
+) -> None:
+    """Places vertices as the skin's joints do in the rest pose."""
+    sets = [k for k in range(8) if f"JOINTS_{k}" in arrays and f"WEIGHTS_{k}" in arrays]
+    if not sets:
+        return
+    index = np.concatenate([arrays[f"JOINTS_{k}"] for k in sets], axis=1)
+    weight = np.concatenate([arrays[f"WEIGHTS_{k}"] for k in sets], axis=1).astype(np.float64)
+    if index.shape != weight.shape or index.dtype.kind != "u":
+        raise Error(f"{where}: {name} has joints and weights that do not fit each other")
+    if index.size and int(index[weight != 0].max(initial=0)) >= len(joints):
+        raise Error(f"{where}: {name} names joint {int(index.max())} of {len(joints)}")
+    index = np.where(weight != 0, index, 0)
+    matrix = np.zeros((len(index), 3, 4))
+    with np.errstate(all="ignore"):
+        for k in range(index.shape[1]):
+            matrix += weight[:, k, None, None] * joints[index[:, k], :3]
+        total = weight.sum(axis=1)
+        matrix[total > 0] /= total[total > 0, None, None]
+        matrix[~(total > 0)] = np.eye(4)[:3]
+        linear = matrix[:, :, :3]
+        arrays["POSITION"] = (_applied(linear, arrays["POSITION"]) + matrix[:, :, 3]).astype(
+            np.float32
+        )
+        determinant = np.sign(np.linalg.det(linear))
+        if "NORMAL" in arrays:
+            a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
+            cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+            turned = _applied(cofactors, arrays["NORMAL"])
+            arrays["NORMAL"] = normalized(turned * np.where(determinant < 0, -1, 1)[:, None])
+        if "TANGENT" in arrays:
+            tangent = arrays["TANGENT"].copy()
+            tangent[:, :3] = normalized(_applied(linear, tangent[:, :3]))
+            tangent[determinant < 0, 3] *= -1
+            arrays["TANGENT"] = tangent
+
+
+def _applied(matrices: Float64Array, vectors: Float32Array) -> Float64Array:
+    out: Float64Array = np.einsum("nij,nj->ni", matrices, vectors.astype(np.float64))
+    return out
+
+
+__all__ = ["Material", "check_attributes", "read_gltf"]
