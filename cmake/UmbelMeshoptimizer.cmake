@@ -76,7 +76,8 @@ endfunction()
 
 function(umbel_meshoptimizer_from_github)
   include(FetchContent)
-  message(STATUS "meshoptimizer: fetching ${umbel_meshoptimizer_tag} from its repository")
+  message(STATUS "meshoptimizer: fetching ${umbel_meshoptimizer_tag} from its repository "
+                 "(if that fails: install cargo, or set UMBEL_MESHOPTIMIZER_DIR)")
   FetchContent_Declare(
     umbel_meshoptimizer_sources
     GIT_REPOSITORY https://github.com/zeux/meshoptimizer.git
