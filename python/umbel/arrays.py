@@ -74,4 +74,6 @@ def native(mesh: Mesh) -> _umbel.MeshArrays:
 def mesh_of(arrays: dict[str, Any], materials: list[Material], name: str = "") -> Mesh:
     """A Mesh from the library's arrays, whose `materials` are a number a triangle."""
     ids = arrays.pop("materials", None)
+    if ids is not None and not materials and not ids.any():
+        ids = None  # one material that nothing is known of is no material
     return Mesh(**arrays, material_ids=ids, materials=materials, name=name)
