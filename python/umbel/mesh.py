@@ -97,12 +97,16 @@ class Mesh:
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def __repr__(self) -> str:
-        extras = [k for k in ("normals", "tangents", "uvs", "colors") if getattr(self, k) is not None]
+        extras = [
+            k for k in ("normals", "tangents", "uvs", "colors") if getattr(self, k) is not None
+        ]
         if self.material_ids is not None:
             extras.append(f"{len(self.materials)} materials")
         name = f" {self.name!r}" if self.name else ""
         tail = f", {', '.join(extras)}" if extras else ""
-        return f"<Mesh{name}: {len(self.triangles)} triangles, {len(self.positions)} vertices{tail}>"
+        return (
+            f"<Mesh{name}: {len(self.triangles)} triangles, {len(self.positions)} vertices{tail}>"
+        )
 
     @staticmethod
     def from_any(obj: Any) -> Mesh:
@@ -148,7 +152,8 @@ def normalized(vectors: NDArray[Any]) -> Float32Array:
         v = v / largest
         v = v / np.sqrt((v * v).sum(axis=1, keepdims=True))
     v[~np.isfinite(v).all(axis=1)] = 0.0
-    return v.astype(np.float32)
+    out: Float32Array = v.astype(np.float32)
+    return out
 
 
 def any_tangents(normals: Float32Array) -> Float32Array:
@@ -176,7 +181,8 @@ def to_uint32(indices: NDArray[Any]) -> UInt32Array:
         good = (indices >= 0) & (indices <= _UINT32_MAX)
         if indices.dtype.kind == "f":
             good &= indices == np.floor(indices)
-        return np.where(good, indices, _UINT32_MAX).astype(np.uint32)
+        out: UInt32Array = np.where(good, indices, _UINT32_MAX).astype(np.uint32)
+    return out
 
 
 def to_unit_floats(values: NDArray[Any]) -> Float32Array:
@@ -261,7 +267,7 @@ def _from_trimesh_like(obj: Any) -> Mesh:
     visual = getattr(obj, "visual", None)
     uvs = getattr(visual, "uv", None)
     colors = None
-    if getattr(visual, "kind", None) == "vertex":
+    if visual is not None and getattr(visual, "kind", None) == "vertex":
         colors = np.asarray(visual.vertex_colors)
     normals = None
     # trimesh computes vertex normals when asked; only those that it was given are taken.

@@ -41,7 +41,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
         raise
     except MemoryError:
         raise Error(f"{file} does not fit into memory") from None
-    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as e:
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
         raise Error(f"{file} is corrupt: {type(e).__name__}: {e}") from e
     scene.name = stem
     for mesh in scene.meshes:
@@ -62,9 +62,9 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
         raise Error(f"{file}: cannot write '{file.suffix}' files; {', '.join(_WRITABLE)} can be")
     whole = Mesh.from_any(mesh)
     if extension == ".ply":
-        from umbel.io.ply import write_ply as write
+        from umbel.io.ply_writer import write_ply as write
     elif extension == ".obj":
-        from umbel.io.obj import write_obj as write
+        from umbel.io.obj_writer import write_obj as write
     else:
         from umbel.io.glb_writer import write_glb as write
     write(file, whole)

@@ -6,6 +6,7 @@ import contextlib
 import gzip
 import os
 import tempfile
+import warnings
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -15,8 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error
-
-Bytes = bytes | bytearray | memoryview
 
 
 def read_bytes(path: Path) -> bytes:
@@ -43,7 +42,9 @@ def numbers(text: bytes, expected: int | None, what: str, dtype: Any = np.float6
         values = np.zeros(0, dtype)
     else:
         try:
-            values = np.fromstring(text, dtype=dtype, sep=" ")  # type: ignore[call-overload]
+            with warnings.catch_warnings():  # NumPy before 2.3 only warns of bad words
+                warnings.simplefilter("error", DeprecationWarning)
+                values = np.fromstring(text, dtype=dtype, sep=" ")
         except (ValueError, DeprecationWarning):
             raise Error(f"{what}: {_first_bad_word(text)!r} is no number") from None
     if expected is not None and len(values) != expected:
@@ -85,8 +86,8 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
         raise
 
 
-def write_all(path: Path, chunks: Iterable[Any]) -> None:
-    """Writes the chunks (bytes or contiguous arrays) one after another; all or nothing."""
+def write_all(path: Path, chunks: Iterable[bytes]) -> None:
+    """Writes the chunks one after another; all or nothing."""
     with replacing(path) as file:
         for chunk in chunks:
-            file.write(memoryview(chunk).cast("B") if isinstance(chunk, np.ndarray) else chunk)
+            file.write(chunk)

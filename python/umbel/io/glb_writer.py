@@ -4,6 +4,7 @@ the same material."""
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -104,10 +105,7 @@ def _runs(mesh: Mesh) -> tuple[UInt32Array, list[tuple[int, int, int | None]]]:
         triangles, ids = triangles[order], ids[order]
     edges = [0, *(np.flatnonzero(np.diff(ids)) + 1).tolist(), len(ids)]
     known = len(mesh.materials)
-    return triangles, [
-        (a, b, int(ids[a]) if ids[a] < known else None)
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    return triangles, [(a, b, int(ids[a]) if ids[a] < known else None) for a, b in pairwise(edges)]
 
 
 def _primitives(

@@ -86,9 +86,7 @@ class _Reader:
         """Gives the scene and each of its meshes the same list, with a default if one is needed."""
         if not any(m.material_ids is not None for m in scene.meshes):
             return replace(scene, materials=self.materials)
-        every = np.concatenate(
-            [m.material_ids for m in scene.meshes if m.material_ids is not None]
-        )
+        every = np.concatenate([m.material_ids for m in scene.meshes if m.material_ids is not None])
         materials, _ = with_default(self.materials, every)
         for mesh in scene.meshes:
             mesh.materials = materials

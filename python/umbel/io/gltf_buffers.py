@@ -85,7 +85,9 @@ class Buffers:
         if not isinstance(entries, list):
             raise Error(f"{self.where}: '{table}' is no array")
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(entries):
-            raise Error(f"{self.where}: {user} refers to {table}[{index}], there are {len(entries)}")
+            raise Error(
+                f"{self.where}: {user} refers to {table}[{index}], there are {len(entries)}"
+            )
         entry = entries[index]
         if not isinstance(entry, dict):
             raise Error(f"{self.where}: {table}[{index}] is no object")
@@ -131,7 +133,9 @@ class Buffers:
         parsed = urllib.parse.urlparse(uri)
         path = urllib.parse.unquote(parsed.path)
         if parsed.scheme or parsed.netloc or not path or path.startswith("/") or "\0" in path:
-            raise Error(f"{self.where}: {name} is at {uri[:80]!r}; only files beside it can be read")
+            raise Error(
+                f"{self.where}: {name} is at {uri[:80]!r}; only files beside it can be read"
+            )
         if self._folder is None:
             raise Error(f"{self.where}: {name} is another file, {uri[:80]!r}")
         try:

@@ -20,7 +20,7 @@ def read_material(entry: Json, root: Json) -> Material:
         base_color=_color(pbr.get("baseColorFactor"), (1.0, 1.0, 1.0, 1.0)),
         metallic=float(pbr.get("metallicFactor", 1.0)),
         roughness=float(pbr.get("roughnessFactor", 1.0)),
-        emissive=tuple(v * float(strength) for v in emissive),  # type: ignore[arg-type]
+        emissive=tuple(v * float(strength) for v in emissive),
         double_sided=bool(entry.get("doubleSided", False)),
         alpha_mode=str(entry.get("alphaMode", "OPAQUE")),
         alpha_cutoff=float(entry.get("alphaCutoff", 0.5)),

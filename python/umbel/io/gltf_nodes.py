@@ -19,9 +19,7 @@ class Nodes:
         self.where = buffers.where
         entries = buffers.root.get("nodes") or []
         self._count = len(entries)
-        self._children = [
-            self._child_list(self.node(k), k) for k in range(self._count)
-        ]
+        self._children = [self._child_list(self.node(k), k) for k in range(self._count)]
         self._parents = self._parents_of_all()
         self._worlds: dict[int, Float64Array] = {}
         self._check_tree()
@@ -126,7 +124,7 @@ def instance_matrices(node: Json, buffers: Buffers, index: int) -> list[Float64A
         raise Error(f"{buffers.where}: {name} have attributes of different counts")
     n = counts.pop()
     translation = given.get("TRANSLATION", np.zeros((n, 3), np.float32))
-    rotation = given.get("ROTATION", np.tile(np.float32([0, 0, 0, 1]), (n, 1)))
+    rotation = given.get("ROTATION", np.tile(np.array([0, 0, 0, 1], np.float32), (n, 1)))
     scale = given.get("SCALE", np.ones((n, 3), np.float32))
     if (translation.shape[1], rotation.shape[1], scale.shape[1]) != (3, 4, 3):
         raise Error(f"{buffers.where}: {name} have attributes of the wrong width")
@@ -136,11 +134,13 @@ def instance_matrices(node: Json, buffers: Buffers, index: int) -> list[Float64A
 def _local(node: Json, what: str) -> Float64Array:
     if "matrix" in node:
         values = _vector(node["matrix"], 16, what, "matrix")
-        return values.reshape(4, 4).T
+        matrix: Float64Array = values.reshape(4, 4).T
+        return matrix
     translation = _vector(node.get("translation", (0, 0, 0)), 3, what, "translation")
     rotation = _vector(node.get("rotation", (0, 0, 0, 1)), 4, what, "rotation")
     scale = _vector(node.get("scale", (1, 1, 1)), 3, what, "scale")
-    return _composed(translation[None], rotation[None], scale[None])[0]
+    out: Float64Array = _composed(translation[None], rotation[None], scale[None])[0]
+    return out
 
 
 def _vector(values: Any, size: int, what: str, key: str) -> Float64Array:

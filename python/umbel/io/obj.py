@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
-from umbel.io.files import numbers, replacing
+from umbel.io.files import numbers
+from umbel.io.mtl import read_mtl
 from umbel.io.polygons import fans
 from umbel.io.scene import NO_MATERIAL, Instance, Scene, with_default
 from umbel.mesh import (
@@ -26,8 +27,6 @@ from umbel.mesh import (
     UInt32Array,
     area_weighted_normals,
 )
-
-_CHUNK = 1 << 16  # rows formatted at once
 
 
 def read_obj(data: bytes, where: str, folder: Path | None = None) -> Scene:
@@ -431,7 +430,7 @@ def _libraries(lines: _Lines, folder: Path | None, where: str) -> dict[str, Mate
                 warnings.warn(f"{where}: no material library {name!r}", LoadWarning, stacklevel=4)
                 continue
             try:
-                found.update(_read_mtl((folder / name.replace("\\", "/")).read_bytes()))
+                found.update(read_mtl((folder / name.replace("\\", "/")).read_bytes()))
             except OSError as error:
                 warnings.warn(
                     f"{where}: cannot read {name!r}: {error.strerror}", LoadWarning, stacklevel=4
@@ -444,131 +443,3 @@ def _is_file(folder: Path, name: str) -> bool:
         return (folder / name.replace("\\", "/")).is_file()
     except (OSError, ValueError):
         return False
-
-
-_MAPS = {
-    "map_kd": "base_color", "map_bump": "normal", "bump": "normal", "norm": "normal",
-    "map_ke": "emissive", "map_d": "alpha", "map_pr": "roughness", "map_pm": "metallic",
-    "map_ks": "specular",
-}  # fmt: skip
-
-
-def _read_mtl(data: bytes) -> dict[str, Material]:
-    found: dict[str, Material] = {}
-    current = Material()
-    for raw in data.decode("utf-8", "replace").splitlines():
-        words = raw.split("#", 1)[0].split() if "#" in raw else raw.split()
-        if len(words) < 2:
-            continue
-        key, values = words[0].lower(), _some_floats(words[1:])
-        r, g, b, a = current.base_color
-        if key == "newmtl":
-            current = Material(name=raw.split(None, 1)[1].strip())
-            found[current.name] = current
-        elif key == "kd" and values:
-            r, g, b = (values * 3)[:3] if len(values) < 3 else values[:3]
-            current.base_color = (r, g, b, a)
-        elif key == "ke" and values:
-            r, g, b = (values * 3)[:3] if len(values) < 3 else values[:3]
-            current.emissive = (r, g, b)
-        elif key in ("d", "tr") and values:
-            alpha = values[-1] if key == "d" else 1.0 - values[0]
-            current.base_color = (r, g, b, alpha)
-            current.alpha_mode = "BLEND" if alpha < 1.0 else "OPAQUE"
-        elif key == "pm" and values:
-            current.metallic = values[0]
-        elif key == "pr" and values:
-            current.roughness = values[0]
-        elif key == "ns" and values:  # Blinn-Phong exponent to roughness (Karis 2013)
-            current.roughness = min(1.0, (2.0 / (max(values[0], 0.0) + 2.0)) ** 0.25)
-        elif key in _MAPS:
-            current.textures[_MAPS[key]] = {"uri": words[-1], "line": raw.strip()}
-    return found
-
-
-def _some_floats(words: list[str]) -> list[float]:
-    out = []
-    for word in words:
-        try:
-            out.append(float(word))
-        except ValueError:
-            break
-    return out
-
-
-# --- writing ----------------------------------------------------------------------------------
-
-
-def write_obj(path: Path, mesh: Mesh) -> None:
-    """Writes OBJ text with nine significant digits, which give every float back to the bit, and
-    beside it a .mtl if the mesh has materials."""
-    materials = mesh.materials if mesh.material_ids is not None else []
-    library = path.with_suffix(".mtl")
-    names = _unique_names(materials)
-    if materials:
-        with replacing(library) as file:
-            file.write(_mtl_text(materials, names).encode())
-    with replacing(path) as file:
-        if materials:
-            file.write(f"mtllib {library.name}\n".encode())
-        points: NDArray[Any] = mesh.positions
-        if mesh.colors is not None:
-            points = np.concatenate([points, mesh.colors[:, :3]], axis=1)
-        _write_rows(file, "v" + " %.9g" * points.shape[1], points)
-        if mesh.uvs is not None:
-            _write_rows(file, "vt %.9g %.9g", mesh.uvs)
-        if mesh.normals is not None:
-            _write_rows(file, "vn %.9g %.9g %.9g", mesh.normals)
-        corner = {
-            (False, False): " %d",
-            (True, False): " %d/%d",
-            (False, True): " %d//%d",
-            (True, True): " %d/%d/%d",
-        }[mesh.uvs is not None, mesh.normals is not None]
-        faces = np.repeat(mesh.triangles.astype(np.int64) + 1, corner.count("%d"), axis=1)
-        for start, stop, material in _runs(mesh):
-            if material is not None and material < len(names):
-                file.write(f"usemtl {names[material]}\n".encode())
-            _write_rows(file, "f" + corner * 3, faces[start:stop])
-
-
-def _runs(mesh: Mesh) -> list[tuple[int, int, int | None]]:
-    """Ranges of consecutive triangles of the same material."""
-    m = len(mesh.triangles)
-    if mesh.material_ids is None or not m:
-        return [(0, m, None)]
-    cuts = np.flatnonzero(np.diff(mesh.material_ids)) + 1
-    edges = [0, *cuts.tolist(), m]
-    return [
-        (a, b, int(mesh.material_ids[a])) for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
-
-
-def _write_rows(file: Any, row: str, table: NDArray[Any]) -> None:
-    for start in range(0, len(table), _CHUNK):
-        part = table[start : start + _CHUNK]
-        file.write(((row + "\n") * len(part) % tuple(part.reshape(-1).tolist())).encode())
-
-
-def _unique_names(materials: list[Material]) -> list[str]:
-    names: list[str] = []
-    seen: set[str] = set()
-    for k, material in enumerate(materials):
-        name = re.sub(r"\s+", "_", material.name.strip()) or f"material_{k}"
-        while name in seen:
-            name = f"{name}_{k}"
-        seen.add(name)
-        names.append(name)
-    return names
-
-
-def _mtl_text(materials: list[Material], names: list[str]) -> str:
-    out = []
-    for material, name in zip(materials, names, strict=True):
-        r, g, b, a = material.base_color
-        out.append(
-            f"newmtl {name}\nKd {r:.9g} {g:.9g} {b:.9g}\nd {a:.9g}\n"
-            "Ke {:.9g} {:.9g} {:.9g}\n".format(*material.emissive)
-            + f"Pm {material.metallic:.9g}\nPr {material.roughness:.9g}\n"
-        )
-    return "\n".join(out)

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
-from umbel.io.files import numbers, write_all
+from umbel.io.files import numbers
 from umbel.io.polygons import fans, strips
 from umbel.io.scene import Instance, Scene
 from umbel.mesh import Float32Array, Material, Mesh, UInt32Array, to_uint32, to_unit_floats
@@ -31,13 +31,13 @@ _BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": 
 _LONGEST_HEADER = 1 << 20
 _MOST_MATERIALS = 1 << 16
 
-_POSITION = [("x", "y", "z")]
-_NORMAL = [("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z")]
-_UV = [("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t")]
-_COLOR = [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green",
+POSITION = [("x", "y", "z")]
+NORMAL = [("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z")]
+UV = [("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t")]
+COLOR = [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green",
           "diffuse_blue")]  # fmt: skip
-_ALPHA = [("alpha",), ("a",), ("diffuse_alpha",)]
-_TANGENT = [("tx", "ty", "tz", "tw")]
+ALPHA = [("alpha",), ("a",), ("diffuse_alpha",)]
+TANGENT = [("tx", "ty", "tz", "tw")]
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
 _MATERIAL_ID = ("material_index", "material_id", "material")
 
@@ -292,9 +292,7 @@ def _ascii_element(
     if not element.has_lists:
         stop = start + element.count * columns_least
         table = values[start:stop].reshape(element.count, columns_least)
-        return {
-            p.name: _typed(table[:, k], p.type) for k, p in enumerate(element.properties)
-        }, stop
+        return {p.name: _typed(table[:, k], p.type) for k, p in enumerate(element.properties)}, stop
     # A file of numbers is a binary file whose every item is a double.
     doubles = _Element(
         element.name,
@@ -326,7 +324,7 @@ def _typed(values: NDArray[Any], type_name: str) -> NDArray[Any]:
 # --- mesh -------------------------------------------------------------------------------------
 
 
-def _stack(columns: _Columns, choices: list[tuple[str, ...]]) -> NDArray[Any] | None:
+def _stack(columns: _Columns, choices: Sequence[tuple[str, ...]]) -> NDArray[Any] | None:
     """The first choice of names that are all there, as (n, k) in the columns' own type."""
     for names in choices:
         picked = [columns.get(name) for name in names]
@@ -346,7 +344,7 @@ def _mesh(columns: dict[str, _Columns], where: str) -> Mesh:
     vertex = columns.get("vertex")
     if vertex is None:
         raise Error(f"{where} has no element 'vertex'")
-    points = _stack(vertex, _POSITION)
+    points = _stack(vertex, POSITION)
     if points is None:
         raise Error(f"{where}: element 'vertex' lacks x, y or z")
     _warn_of_lost_precision(points, where)
@@ -358,9 +356,9 @@ def _mesh(columns: dict[str, _Columns], where: str) -> Mesh:
     mesh = Mesh(
         positions,
         triangles,
-        normals=_floats(_stack(vertex, _NORMAL)),
-        tangents=_floats(_stack(vertex, _TANGENT)),
-        uvs=_floats(_stack(vertex, _UV)),
+        normals=_floats(_stack(vertex, NORMAL)),
+        tangents=_floats(_stack(vertex, TANGENT)),
+        uvs=_floats(_stack(vertex, UV)),
         colors=_vertex_colors(vertex),
         material_ids=ids,
         materials=materials,
@@ -386,12 +384,12 @@ def _warn_of_lost_precision(points: NDArray[Any], where: str) -> None:
 
 
 def _vertex_colors(vertex: _Columns) -> Float32Array | None:
-    rgb = _stack(vertex, _COLOR)
+    rgb = _stack(vertex, COLOR)
     if rgb is None:
         return None
     out = np.ones((len(rgb), 4), np.float32)
     out[:, :3] = _unit(rgb)
-    alpha = _stack(vertex, _ALPHA)
+    alpha = _stack(vertex, ALPHA)
     if alpha is not None:
         out[:, 3:] = _unit(alpha)
     return out
@@ -435,7 +433,7 @@ def _triangles(
         if parents is None and len(triangles):
             parents = np.arange(len(triangles))
         if len(triangles):
-            parents = np.concatenate([parents, np.full(len(more), -1)])  # type: ignore[list-item]
+            parents = np.concatenate([parents, np.full(len(more), -1)])
             triangles = np.concatenate([triangles, more])
         else:
             triangles, parents = more, np.full(len(more), -1)
@@ -501,40 +499,3 @@ def _with_corner_uvs(mesh: Mesh, faces: _Columns) -> Mesh:
         material_ids=mesh.material_ids,
         materials=mesh.materials,
     )
-
-
-# --- writing ----------------------------------------------------------------------------------
-
-
-def write_ply(path: Path, mesh: Mesh) -> None:
-    """Writes binary little-endian PLY. Floats are kept to the bit; colours become bytes, and of
-    the materials only their numbers stay."""
-    n, m = len(mesh.positions), len(mesh.triangles)
-    fields: list[tuple[str, str, Any]] = [
-        (name, "<f4", mesh.positions[:, k]) for k, name in enumerate(_POSITION[0])
-    ]
-    for names, array in ((_NORMAL[0], mesh.normals), (_UV[0], mesh.uvs), (_TANGENT[0], mesh.tangents)):
-        if array is not None:
-            fields += [(name, "<f4", array[:, k]) for k, name in enumerate(names)]
-    if mesh.colors is not None:
-        with np.errstate(invalid="ignore"):
-            colors = np.nan_to_num(np.clip(np.rint(mesh.colors * 255.0), 0, 255)).astype(np.uint8)
-        names = (*_COLOR[0], *_ALPHA[0])
-        fields += [(name, "|u1", colors[:, k]) for k, name in enumerate(names)]
-    vertices = np.empty(n, [(name, kind) for name, kind, _ in fields])
-    for name, _, values in fields:
-        vertices[name] = values
-    face_fields: list[tuple[Any, ...]] = [("n", "u1"), ("v", "<i4", (3,))]
-    if mesh.material_ids is not None:
-        face_fields.append(("material_index", "<i4"))
-    faces = np.empty(m, face_fields)
-    faces["n"] = 3
-    faces["v"] = mesh.triangles.view(np.int32)
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
-    lines += [f"property {'uchar' if k == '|u1' else 'float'} {name}" for name, k, _ in fields]
-    lines += [f"element face {m}", "property list uchar int vertex_indices"]
-    if mesh.material_ids is not None:
-        faces["material_index"] = mesh.material_ids.view(np.int32)
-        lines.append("property int material_index")
-    header = "\n".join([*lines, "end_header", ""]).encode()
-    write_all(path, [header, vertices.tobytes(), faces.tobytes()])

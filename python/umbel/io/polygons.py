@@ -40,4 +40,5 @@ def strips(counts: NDArray[np.int64], values: NDArray[Any], restart: int | None)
     odd = place[last] % 2 == 1
     a = np.where(odd, last - 1, last - 2)
     b = np.where(odd, last - 2, last - 1)
-    return to_uint32(values)[np.stack([a, b, last], axis=1)]
+    out: UInt32Array = to_uint32(values)[np.stack([a, b, last], axis=1)]
+    return out

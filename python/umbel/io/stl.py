@@ -36,13 +36,16 @@ def _is_ascii(data: bytes) -> bool:
 
 def _binary(data: bytes, where: str) -> Float32Array:
     if len(data) < _HEADER:
-        raise Error(f"{where} is cut short: a binary STL has at least {_HEADER} bytes, this has "
-                    f"{len(data)}")
+        raise Error(
+            f"{where} is cut short: a binary STL has at least {_HEADER} bytes, this has {len(data)}"
+        )
     count = int.from_bytes(data[80:84], "little")
     have = (len(data) - _HEADER) // _RECORD.itemsize
     if count > have:
-        raise Error(f"{where} is cut short or no STL: the header says {count} triangles, there "
-                    f"are bytes for {have}")
+        raise Error(
+            f"{where} is cut short or no STL: the header says {count} triangles, there "
+            f"are bytes for {have}"
+        )
     records = np.frombuffer(data, _RECORD, count, _HEADER)
     return np.ascontiguousarray(records["corners"]).reshape(-1, 3)
 

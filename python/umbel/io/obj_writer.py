@@ -1,0 +1,65 @@
+"""Writes a mesh as OBJ text, with its materials in an MTL beside it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel.io.files import replacing
+from umbel.io.mtl import mtl_text, unique_names
+from umbel.mesh import Mesh
+
+_CHUNK = 1 << 16  # rows formatted at once
+
+
+def write_obj(path: Path, mesh: Mesh) -> None:
+    """Writes OBJ text with nine significant digits, which give every float back to the bit, and
+    beside it a .mtl if the mesh has materials."""
+    materials = mesh.materials if mesh.material_ids is not None else []
+    library = path.with_suffix(".mtl")
+    names = unique_names(materials)
+    if materials:
+        with replacing(library) as file:
+            file.write(mtl_text(materials, names).encode())
+    with replacing(path) as file:
+        if materials:
+            file.write(f"mtllib {library.name}\n".encode())
+        points: NDArray[Any] = mesh.positions
+        if mesh.colors is not None:
+            points = np.concatenate([points, mesh.colors[:, :3]], axis=1)
+        _write_rows(file, "v" + " %.9g" * points.shape[1], points)
+        if mesh.uvs is not None:
+            _write_rows(file, "vt %.9g %.9g", mesh.uvs)
+        if mesh.normals is not None:
+            _write_rows(file, "vn %.9g %.9g %.9g", mesh.normals)
+        corner = {
+            (False, False): " %d",
+            (True, False): " %d/%d",
+            (False, True): " %d//%d",
+            (True, True): " %d/%d/%d",
+        }[mesh.uvs is not None, mesh.normals is not None]
+        faces = np.repeat(mesh.triangles.astype(np.int64) + 1, corner.count("%d"), axis=1)
+        for start, stop, material in _runs(mesh):
+            if material is not None and material < len(names):
+                file.write(f"usemtl {names[material]}\n".encode())
+            _write_rows(file, "f" + corner * 3, faces[start:stop])
+
+
+def _runs(mesh: Mesh) -> list[tuple[int, int, int | None]]:
+    """Ranges of consecutive triangles of the same material."""
+    m = len(mesh.triangles)
+    if mesh.material_ids is None or not m:
+        return [(0, m, None)]
+    cuts = np.flatnonzero(np.diff(mesh.material_ids)) + 1
+    edges = [0, *cuts.tolist(), m]
+    return [(a, b, int(mesh.material_ids[a])) for a, b in pairwise(edges)]
+
+
+def _write_rows(file: Any, row: str, table: NDArray[Any]) -> None:
+    for start in range(0, len(table), _CHUNK):
+        part = table[start : start + _CHUNK]
+        file.write(((row + "\n") * len(part) % tuple(part.reshape(-1).tolist())).encode())

@@ -1,0 +1,50 @@
+"""Writes a mesh as binary little-endian PLY."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from umbel.io.files import write_all
+from umbel.io.ply import ALPHA, COLOR, NORMAL, POSITION, TANGENT, UV
+from umbel.mesh import Mesh
+
+
+def write_ply(path: Path, mesh: Mesh) -> None:
+    """Writes binary little-endian PLY. Floats are kept to the bit; colours become bytes, and of
+    the materials only their numbers stay."""
+    n, m = len(mesh.positions), len(mesh.triangles)
+    fields: list[tuple[str, str, Any]] = [
+        (name, "<f4", mesh.positions[:, k]) for k, name in enumerate(POSITION[0])
+    ]
+    for names, array in (
+        (NORMAL[0], mesh.normals),
+        (UV[0], mesh.uvs),
+        (TANGENT[0], mesh.tangents),
+    ):
+        if array is not None:
+            fields += [(name, "<f4", array[:, k]) for k, name in enumerate(names)]
+    if mesh.colors is not None:
+        with np.errstate(invalid="ignore"):
+            colors = np.nan_to_num(np.clip(np.rint(mesh.colors * 255.0), 0, 255)).astype(np.uint8)
+        names = (*COLOR[0], *ALPHA[0])
+        fields += [(name, "|u1", colors[:, k]) for k, name in enumerate(names)]
+    vertices = np.empty(n, [(name, kind) for name, kind, _ in fields])
+    for name, _, values in fields:
+        vertices[name] = values
+    face_fields: list[tuple[Any, ...]] = [("n", "u1"), ("v", "<i4", (3,))]
+    if mesh.material_ids is not None:
+        face_fields.append(("material_index", "<i4"))
+    faces = np.empty(m, face_fields)
+    faces["n"] = 3
+    faces["v"] = mesh.triangles.view(np.int32)
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
+    lines += [f"property {'uchar' if k == '|u1' else 'float'} {name}" for name, k, _ in fields]
+    lines += [f"element face {m}", "property list uchar int vertex_indices"]
+    if mesh.material_ids is not None:
+        faces["material_index"] = mesh.material_ids.view(np.int32)
+        lines.append("property int material_index")
+    header = "\n".join([*lines, "end_header", ""]).encode()
+    write_all(path, [header, vertices.tobytes(), faces.tobytes()])
