@@ -1,0 +1,80 @@
+"""Where the real meshes are, and how the command line is run."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = Path(os.environ.get("UMBEL_DATA", ROOT.parent / "shared" / "data"))
+COMMAND = [sys.executable, "-m", "umbel"]
+
+
+@dataclass
+class Outcome:
+    """How a command ended and what it said."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> dict[str, Any]:
+        return json.loads(self.out)
+
+
+Umbel = Callable[..., Outcome]
+
+
+@pytest.fixture
+def umbel_command() -> Umbel:
+    """Runs `umbel ARGUMENTS` in a process of its own."""
+
+    def run(*arguments: object, **options: Any) -> Outcome:
+        done = subprocess.run(
+            [*COMMAND, *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+            **options,
+        )
+        return Outcome(done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """The folder of real meshes."""
+    if not DATA.is_dir():
+        pytest.skip(f"no meshes at {DATA}; set UMBEL_DATA")
+    return DATA
+
+
+@pytest.fixture(scope="session")
+def blob_ply(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A closed mesh of 20,480 triangles in a file."""
+    import umbel
+
+    path = tmp_path_factory.mktemp("meshes") / "blob.ply"
+    umbel.save(path, umbel.shapes.blob(5))
+    return path
+
+
+@pytest.fixture(scope="session")
+def blob_asset(blob_ply: Path) -> Path:
+    """The asset of that mesh."""
+    import umbel
+
+    path = blob_ply.with_suffix(".umbel")
+    umbel.build_lod(blob_ply).save(path)
+    return path

@@ -1,0 +1,175 @@
+"""Clusters from Python: every way in, and what must hold of what comes out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+import umbel
+
+
+@pytest.fixture(scope="module")
+def blob() -> umbel.Mesh:
+    return umbel.shapes.blob(5)
+
+
+def assert_partition(clusters: umbel.Clusters, items: int) -> None:
+    assert np.array_equal(np.sort(clusters.items), np.arange(items))
+    assert clusters.offsets[0] == 0 and clusters.offsets[-1] == items
+    assert (np.diff(clusters.offsets.astype(np.int64)) > 0).all()
+
+
+@pytest.mark.parametrize("preset", ["quality", "fast", "exact"])
+@pytest.mark.parametrize("limit", [7, 64, 128, 1000])
+def test_every_triangle_is_in_one_cluster(blob: umbel.Mesh, preset: str, limit: int) -> None:
+    clusters = umbel.cluster_mesh(blob, max_triangles=limit, preset=preset)
+    assert_partition(clusters, len(blob.triangles))
+    assert np.diff(clusters.offsets).max() <= limit
+    assert clusters.items.dtype == np.uint32 and clusters.offsets.dtype == np.uint32
+
+
+def test_vertex_limit_is_kept(blob: umbel.Mesh) -> None:
+    clusters = umbel.cluster_mesh(blob, max_triangles=128, max_vertices=48)
+    for begin, end in zip(clusters.offsets[:-1], clusters.offsets[1:], strict=True):
+        assert len(np.unique(blob.triangles[clusters.items[begin:end]])) <= 48
+    assert clusters.metrics()["max_vertices"] <= 48
+
+
+def test_exact_leaves_one_cluster_smaller(blob: umbel.Mesh) -> None:
+    sizes = np.diff(umbel.cluster_mesh(blob, max_triangles=100, preset="exact").offsets)
+    assert (sizes != 100).sum() <= 1
+
+
+def test_morton_clusters_are_full_and_larger(blob: umbel.Mesh) -> None:
+    bisected = umbel.cluster_mesh(blob)
+    morton = umbel.cluster_mesh(blob, method="morton")
+    assert_partition(morton, len(blob.triangles))
+    assert (np.diff(morton.offsets)[:-1] == 128).all()
+    ratio = "surface_area_ratio"
+    assert morton.metrics()[ratio] > bisected.metrics()[ratio]
+
+
+def test_metrics_equal_brute_force(blob: umbel.Mesh) -> None:
+    clusters = umbel.cluster_mesh(blob, max_triangles=64)
+    metrics = clusters.metrics()
+
+    def area(points: np.ndarray) -> float:
+        x, y, z = np.ptp(points.reshape(-1, 3).astype(np.float64), axis=0)
+        return 2 * (x * y + y * z + z * x)
+
+    parts = np.split(clusters.items, clusters.offsets[1:-1])
+    whole = area(blob.positions[blob.triangles])
+    areas = np.array([area(blob.positions[blob.triangles[part]]) for part in parts])
+    sizes = np.array([len(part) for part in parts])
+    vertices = [len(np.unique(blob.triangles[part])) for part in parts]
+    assert metrics["clusters"] == len(parts)
+    assert metrics["mean_fill"] == pytest.approx(sizes.sum() / (len(parts) * 64))
+    assert (metrics["min_size"], metrics["max_size"]) == (sizes.min(), sizes.max())
+    assert metrics["mean_vertices"] == pytest.approx(np.mean(vertices))
+    assert metrics["max_vertices"] == max(vertices)
+    assert metrics["surface_area_ratio"] == pytest.approx(areas.sum() / whole, rel=1e-4)
+    assert metrics["sah"] == pytest.approx((areas * sizes).sum() / whole, rel=1e-4)
+    # The same quantity by random lines, so only roughly the same number.
+    assert metrics["overlap"] == pytest.approx(metrics["surface_area_ratio"], rel=0.1)
+
+
+def test_thread_count_changes_nothing(blob: umbel.Mesh) -> None:
+    one, two = (umbel.cluster_mesh(blob, threads=n) for n in (1, 2))
+    assert np.array_equal(one.items, two.items) and np.array_equal(one.offsets, two.offsets)
+
+
+def test_meshes_come_in_many_forms(blob: umbel.Mesh, tmp_path) -> None:
+    path = tmp_path / "blob.ply"
+    umbel.save(path, blob)
+    forms = [
+        path,
+        str(path),
+        trimesh.Trimesh(blob.positions, blob.triangles, process=False),
+        SimpleNamespace(vertices=blob.positions.tolist(), faces=blob.triangles.tolist()),
+        SimpleNamespace(vertices=blob.positions.astype(">f8"), faces=blob.triangles.astype("i8")),
+        SimpleNamespace(vertices=np.asfortranarray(blob.positions), faces=blob.triangles[:, ::1]),
+    ]
+    expected = umbel.cluster_mesh(blob).items
+    for form in forms:
+        assert np.array_equal(umbel.cluster_mesh(form).items, expected)
+
+
+def test_build_clusters_of_boxes_keeps_segments_apart() -> None:
+    rng = np.random.default_rng(3)
+    low = rng.random((1000, 3), np.float32)
+    boxes = np.hstack([low, low + np.float32(0.01)])
+    segments = np.array([[0, 300], [300, 700]])
+    clusters = umbel.build_clusters(boxes, max_items=32, min_items=16, segments=segments)
+    assert_partition(clusters, 1000)
+    labels = clusters.labels()
+    assert not set(labels[:300]) & set(labels[300:])
+    assert clusters.segments[:, 1].sum() == len(clusters)
+    for (begin, count), (first, _) in zip(clusters.segments.tolist(), segments, strict=True):
+        assert clusters.ranges[begin, 0] == first and count > 0
+
+
+def test_connections_keep_the_connected_together() -> None:
+    # Two interleaved families of points on a line; only connections tell them apart.
+    x = np.repeat(np.arange(32), 2).astype(np.float32)
+    points = np.stack([x, np.tile([0, 1e-3], 32), np.zeros(64)], axis=1).astype(np.float32)
+    boxes = np.hstack([points, points])
+    family = np.arange(64) % 2
+    targets = [np.flatnonzero((family == family[i]) & (np.arange(64) != i)) for i in range(64)]
+    offsets = np.concatenate([[0], np.cumsum([len(t) for t in targets])])
+
+    def cost(clusters: umbel.Clusters) -> float:
+        return clusters.metrics()["ratio_cut"]
+
+    connections = (offsets, np.concatenate(targets), np.full(offsets[-1], 1e4, np.float32))
+    given = umbel.build_clusters(boxes, 32, "exact", connections=connections)
+    assert cost(given) == 0
+    assert all(len(set(family[part])) == 1 for part in np.split(given.items, [32]))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"max_triangles": 0}, "max_items"),
+        ({"min_triangles": 200}, "min_items"),
+        ({"preset": "best"}, "best"),
+        ({"method": "magic"}, "magic"),
+        ({"underfill_cost": 2.0}, "underfill"),
+        ({"overlap_cost": float("nan")}, "overlap"),
+        ({"max_triangles": -1}, "-1"),
+        ({"max_vertices": -1}, "max_vertices"),
+        ({"shared_vertex_weight": -1.0}, "shared_vertex_weight"),
+    ],
+)
+def test_bad_arguments_are_named(blob: umbel.Mesh, arguments: dict, word: str) -> None:
+    with pytest.raises(umbel.Error, match=word):
+        umbel.cluster_mesh(blob, **arguments)
+
+
+def test_bad_boxes_are_named() -> None:
+    boxes = np.zeros((4, 6), np.float32)
+    boxes[2, 1] = np.nan
+    with pytest.raises(umbel.Error, match="2"):
+        umbel.build_clusters(boxes)
+    with pytest.raises(umbel.Error, match="shape"):
+        umbel.build_clusters(np.zeros((4, 5)))
+
+
+def test_nothing_makes_no_clusters() -> None:
+    empty = umbel.Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.uint32))
+    clusters = umbel.cluster_mesh(empty)
+    assert len(clusters) == 0 and clusters.offsets.tolist() == [0] and len(clusters.items) == 0
+    assert clusters.metrics()["clusters"] == 0
+    assert len(umbel.build_clusters(np.zeros((0, 6)))) == 0
+
+
+def test_coloured_clusters_show_every_triangle(blob: umbel.Mesh) -> None:
+    clusters = umbel.cluster_mesh(blob)
+    shown = umbel.colored_clusters(blob, clusters)
+    assert np.array_equal(
+        shown.positions[shown.triangles], blob.positions[blob.triangles[clusters.items]]
+    )
+    of_triangle = shown.colors[shown.triangles]
+    assert (of_triangle == of_triangle[:, :1]).all()
+    assert len(np.unique(of_triangle[:, 0], axis=0)) == len(clusters)
