@@ -1,7 +1,9 @@
 // Bisection of one set of items that fits a cache, depth-first, by one thread.
 //
 // Items are sorted once an axis by centroid; splits keep the three orders sorted by stable
-// partition. Every legal position of every axis is a candidate.
+// partition. Every legal position of every axis is a candidate, but few are looked at: areas grow
+// along an order, so the cost of all positions between two others has a lower bound, and only
+// where that is below the best cost known is it worth to sweep item by item (search_splits.cpp).
 #pragma once
 
 #include <array>
@@ -23,24 +25,48 @@ class Block {
   void bisect(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
               uint32_t count);
 
+  /// The same in two steps, for a caller that has the boxes at hand: room for `count` boxes
+  /// whose tags are the items' indices, then the bisection of what was put there.
+  BoxRecord* prepare(const Source& source, const Rules& rules, uint32_t count);
+  void bisect_prepared(uint32_t* items, uint8_t* first);
+
  private:
   struct Split {
     float cost;
     uint32_t position = 0;  ///< items on the left; 0: none found
     int axis = 0;
   };
+  struct Gap {              ///< the positions between two chunk borders of an axis
+    float bound;
+    int axis;
+    uint32_t chunk;
+  };
 
-  void load(uint32_t count);
-  void sort_axis(int axis, uint32_t count);
+  void sort_axis(int axis);
+  void sort_long_axis(int axis);
+  void settle_ties(int axis);
   void split(uint32_t begin, uint32_t end, uint32_t depth);
   bool is_leaf(uint32_t begin, uint32_t end);
   void make_leaf(uint32_t begin, uint32_t end, int axis);
+  BoxRecord bounds(uint32_t begin, uint32_t end) const;
+  BoxRecord normalise(uint32_t begin, uint32_t end, BoxRecord bounds);
   Split median(uint32_t begin, uint32_t end) const;
+  void partition(uint32_t begin, uint32_t end, const Split& split);
+
+  // search_splits.cpp
   Split cheapest(uint32_t begin, uint32_t end);
+  uint32_t chunk_size(uint32_t n) const;
+  BoxRecord reduce_chunks(uint32_t begin, uint32_t n, uint32_t step);
+  void weigh_borders(uint32_t n, uint32_t step, Split& best);
+  void list_gaps(uint32_t n, uint32_t step, const Split& best);
+  void search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap, Split& best);
+  void fill_weights(uint32_t n);
+
+  // sweep_splits.cpp
+  Split cheapest_by_sweep(uint32_t begin, uint32_t end);
   void sweep(uint32_t begin, uint32_t end, int axis, bool vertex_bound, Split& best);
   void add_overlap(const uint32_t* order, uint32_t n);
   void weigh_vertices(const uint32_t* order, uint32_t n);
-  void partition(uint32_t begin, uint32_t end, const Split& split);
   uint32_t count_vertices(uint32_t begin, uint32_t end);
   void number_vertices(uint32_t begin, uint32_t end);
 
@@ -48,17 +74,28 @@ class Block {
   const Rules* rules_ = nullptr;
   uint32_t* items_ = nullptr;
   uint8_t* first_ = nullptr;
-  float pad_ = 0.0f;
+  uint32_t count_ = 0;
+  Float4 pad_{};                        ///< of the node at hand
 
-  std::vector<uint32_t> ids_;           ///< item of each local index
-  std::vector<BoxRecord> boxes_;        ///< by local index
+  std::vector<BoxRecord> boxes_;        ///< by local index; the tag is the item
+  std::array<std::vector<float>, 3> centers_;
   std::array<std::vector<uint32_t>, 3> orders_;
   std::vector<uint32_t> spare_;
   std::vector<uint8_t> right_;          ///< by local index: on the right of the split
-  std::vector<float> left_area_, right_area_, extra_;
-  std::vector<float> left_weight_, right_weight_;
+  std::vector<uint32_t> words_;
+  std::vector<uint64_t> long_words_, spare_long_words_;
+
+  // By chunk border: the boxes of all before and of all after, and their areas.
+  std::array<std::vector<BoxRecord>, 3> before_, after_;
+  std::array<std::vector<float>, 3> area_before_, area_after_;
+  std::vector<float> gap_areas_;
+  std::vector<Gap> gaps_;
+  std::vector<float> weights_;          ///< Rules::weight(i)
+  uint32_t weights_max_items_ = 0;
+  float weights_underfill_ = -1.0f;
+
+  std::vector<float> left_area_, right_area_, extra_, left_weight_, right_weight_;
   std::vector<BoxRecord> left_boxes_;
-  std::vector<uint64_t> words_, spare_words_;
   VertexTable table_;
   std::vector<uint32_t> numbers_;       ///< of the vertices of a vertex-bound node
   std::vector<uint8_t> seen_;

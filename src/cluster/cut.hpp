@@ -19,7 +19,7 @@ namespace umbel::cluster {
 class Cut {
  public:
   /// Prepares for nodes of these items; local index i is items[i].
-  void load(const Source& source, const std::vector<uint32_t>& items, uint32_t count);
+  void load(const Source& source, const uint32_t* items, uint32_t count);
   bool active() const { return explicit_ || vertex_weight_ > 0.0f; }
 
   /// To be called once a node, with the items in any fixed order.

@@ -8,10 +8,12 @@
 namespace umbel::cluster {
 
 struct Rules {
-  explicit Rules(const ClusterConfig& config) : config(config) {}
+  explicit Rules(const ClusterConfig& config)
+      : config(config), simple(config.max_items - config.min_items >= config.min_items - 1) {}
 
   /// Whether n items can be cut into clusters that are all within [min_items, max_items].
   bool divisible(uint32_t n) const {
+    if (simple) return n >= config.min_items;
     const uint64_t slack = config.max_items - config.min_items;
     return n % config.min_items <= slack * (n / config.min_items);
   }
@@ -29,9 +31,12 @@ struct Rules {
 
   /// Whether n items may be split after the first i. Where n is not divisible itself, one side
   /// has to carry the undersized cluster; where it is, neither may.
-  bool legal(uint32_t i, uint32_t n) const {
-    return divisible(n) ? divisible(i) && divisible(n - i) : divisible(i) || divisible(n - i);
+  bool legal(uint32_t i, uint32_t n, bool n_is_divisible) const {
+    if (!n_is_divisible) return divisible(i) || divisible(n - i);
+    if (simple) return i >= config.min_items && n - i >= config.min_items;
+    return divisible(i) && divisible(n - i);
   }
+  bool legal(uint32_t i, uint32_t n) const { return legal(i, n, divisible(n)); }
 
   /// The legal split nearest to the middle, of full clusters on the left where that is legal.
   uint32_t middle(uint32_t n) const {
@@ -45,6 +50,7 @@ struct Rules {
   }
 
   ClusterConfig config;
+  bool simple;  ///< every n >= min_items is divisible
 };
 
 }  // namespace umbel::cluster
