@@ -138,7 +138,22 @@ class Builder {
       progress_.report(done_ + (1.0 - done_) * 0.5 * level_part, "levels of detail");
     }
     done_ += (1.0 - done_) * 0.5;
+    keep_one_triangle(groups, results);
     join(groups, results);
+  }
+
+  // Where every triangle that is left is degenerate, groups leave nothing behind; a DAG still ends
+  // in a root, so the first triangle stays.
+  void keep_one_triangle(const Clusters& groups, std::vector<GroupResult>& results) {
+    if (std::any_of(results.begin(), results.end(), [](const GroupResult& r) {
+          return !r.simplified.done || r.clusters.size() > 0;
+        }))
+      return;
+    const uint32_t c = groups.items[groups.ranges[0].offset];
+    const auto vertices = pending_.cluster_vertices(c);
+    const auto corners = pending_.cluster_corners(c);
+    Triangle first{vertices[corners[0]], vertices[corners[1]], vertices[corners[2]]};
+    workers_.local()->cutter.cut(source_, {&first, 1}, kNone, results[0].clusters);
   }
 
   GroupResult simplify_group(std::span<const uint32_t> clusters, bool last_resort) {
@@ -153,11 +168,6 @@ class Builder {
   void join(const Clusters& groups, std::vector<GroupResult>& results) {
     ClusterSet next;
     std::vector<Sphere> next_spheres;
-    const bool vanished = std::all_of(results.begin(), results.end(), [](const GroupResult& r) {
-      return r.simplified.done && r.clusters.size() == 0;
-    });
-    // A mesh of degenerate triangles alone leaves nothing to show; its level 0 is the root.
-    if (vanished) return;
     bool progress = false;
     const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
     for (size_t g = 0; g < results.size(); ++g) {

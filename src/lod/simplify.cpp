@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "base/math.hpp"
+#include "lod/repair.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -17,6 +18,8 @@ namespace {
 constexpr double kGoodEnough = 0.7;
 // And one that keeps more than this after the last rung is not worth a level.
 constexpr double kStuck = 0.85;
+// Rounds of repair of one result: mending an edge can uncover another.
+constexpr int kMostRepairs = 4;
 // Tries with more and more vertices held before a rung is given up.
 constexpr int kMostTries = 8;
 // Merging vertices by cell loses the look sooner than its distance says.
@@ -138,7 +141,19 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
   for (const Triangle& t : triangles_)
     position_triangles_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
   topology_.set_piece(position_triangles_, locked_, components_);
+  find_spare_vertices();
   gather_attributes();
+}
+
+void GroupSimplifier::find_spare_vertices() {
+  spare_.assign(vertices_.size(), 1);
+  std::vector<uint32_t> first(position_ids_.size(), kNone);
+  for (uint32_t v = 0; v < vertices_.size(); ++v) {
+    const uint32_t p = position_of_[v];
+    if (first[p] != kNone) spare_[v] = spare_[first[p]] = 0;
+    if (locked_[p] || components_[p] != kNone) spare_[v] = 0;
+    first[p] = v;
+  }
 }
 
 void GroupSimplifier::gather_attributes() {
@@ -208,7 +223,12 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsi
     Candidate result = collapse(target, options);
     result.rung = rung;
     if (mixes_materials(result.triangles)) return result;
-    const auto found = faults(result.triangles);
+    auto found = faults(result.triangles);
+    for (int round = 0; round < kMostRepairs && !found.empty(); ++round) {
+      const float moved = repair({position_of_, positions_, locked_, spare_}, found, result.triangles);
+      result.error = std::max(result.error, moved / source_.scale);
+      found = faults(result.triangles);
+    }
     if (found.empty()) {
       result.valid = true;
       return result;

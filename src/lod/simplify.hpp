@@ -44,6 +44,7 @@ class GroupSimplifier {
   void gather(const ClusterSet& set, std::span<const uint32_t> clusters,
               std::span<const uint8_t> locked);
   void gather_attributes();
+  void find_spare_vertices();
   uint32_t local_vertex(uint32_t vertex, std::span<const uint8_t> locked);
   uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
   void drop_repeated_triangles();
@@ -69,6 +70,7 @@ class GroupSimplifier {
   std::vector<uint8_t> locked_;             // of local positions
   std::vector<uint32_t> components_;        // of local positions
   std::vector<uint32_t> position_ids_;      // local position -> position id
+  std::vector<uint8_t> spare_;              // local vertices that repair may bring back
   std::vector<Triangle> triangles_;         // local vertices
   std::vector<Triangle> position_triangles_;
   std::vector<uint8_t> held_;               // local positions held for one more try
