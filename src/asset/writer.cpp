@@ -1,0 +1,156 @@
+// Writes an asset: pages in file order, coarsest level first, encoded in parallel a batch at a
+// time; then the head, which needs their checksums, in front of them.
+#include <algorithm>
+#include <numeric>
+
+#include "asset/bytes.hpp"
+#include "asset/file.hpp"
+#include "asset/format.hpp"
+#include "asset/page.hpp"
+#include "asset/structure.hpp"
+#include "base/hash.hpp"
+#include "base/math.hpp"
+#include "base/parallel.hpp"
+#include "base/progress.hpp"
+
+namespace umbel {
+namespace asset {
+namespace {
+
+constexpr uint64_t kBatchBytes = uint64_t{8} << 20;
+
+void require(bool met, const std::string& sentence) {
+  if (!met) throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+template <typename Vector>
+void check_stream(const char* name, const std::vector<Vector>& stream, size_t vertices) {
+  require(stream.empty() || stream.size() == vertices,
+          std::string("the DAG's ") + name + " has " + std::to_string(stream.size()) +
+              " elements, but there are " + std::to_string(vertices) + " vertices");
+}
+
+void check_offsets(const char* name, const std::vector<uint32_t>& offsets, size_t clusters,
+                   size_t size) {
+  require(offsets.size() == clusters + 1 && offsets.front() == 0 && offsets.back() == size &&
+              std::is_sorted(offsets.begin(), offsets.end()),
+          std::string("the DAG's ") + name + " must rise from 0 to " + std::to_string(size) +
+              " in " + std::to_string(clusters + 1) + " elements");
+}
+
+void check_cluster(const lod::Dag& dag, uint32_t cluster) {
+  const uint32_t begin = dag.vertex_offsets[cluster], end = dag.vertex_offsets[cluster + 1];
+  const std::string name = "cluster " + std::to_string(cluster);
+  require(end - begin <= kMaxLocalVertices,
+          name + " has " + std::to_string(end - begin) + " vertices, more than 256");
+  for (uint32_t i = begin; i < end; ++i)
+    require(dag.cluster_vertices[i] < dag.vertices.positions.size(),
+            name + " uses vertex " + std::to_string(dag.cluster_vertices[i]) + " of " +
+                std::to_string(dag.vertices.positions.size()));
+  const size_t last = size_t{3} * dag.triangle_offsets[cluster + 1];
+  for (size_t i = size_t{3} * dag.triangle_offsets[cluster]; i < last; ++i)
+    require(dag.cluster_triangles[i] < end - begin,
+            name + " has a triangle with the local vertex " +
+                std::to_string(dag.cluster_triangles[i]) + " of " + std::to_string(end - begin));
+}
+
+/// Refuses what cannot be stored or read back; what is merely wrong is lod::verify's to find.
+void check_dag(const lod::Dag& dag) {
+  const std::string problem = structural_problem(dag.tables);
+  require(problem.empty(), problem);
+  const size_t clusters = dag.tables.clusters.size(), vertices = dag.vertices.positions.size();
+  check_stream("normals", dag.vertices.normals, vertices);
+  check_stream("tangents", dag.vertices.tangents, vertices);
+  check_stream("uvs", dag.vertices.uvs, vertices);
+  check_stream("colors", dag.vertices.colors, vertices);
+  if (clusters == 0) return;
+  require(dag.cluster_triangles.size() % 3 == 0, "the DAG's cluster_triangles has " +
+                                                     std::to_string(dag.cluster_triangles.size()) +
+                                                     " elements, not three a triangle");
+  check_offsets("vertex_offsets", dag.vertex_offsets, clusters, dag.cluster_vertices.size());
+  check_offsets("triangle_offsets", dag.triangle_offsets, clusters,
+                dag.cluster_triangles.size() / 3);
+  for (uint32_t c = 0; c < clusters; ++c) check_cluster(dag, c);
+}
+
+AssetInfo info_of(const lod::Dag& dag, const std::string& metadata) {
+  AssetInfo info;
+  info.normals = !dag.vertices.normals.empty();
+  info.tangents = !dag.vertices.tangents.empty();
+  info.uvs = !dag.vertices.uvs.empty();
+  info.colors = !dag.vertices.colors.empty();
+  for (const lod::Cluster& cluster : dag.tables.clusters) extend(info.bounds, cluster.box);
+  info.source_triangles = dag.report.input_triangles;
+  info.source_vertices = dag.report.input_vertices;
+  info.source_digest = dag.source_digest;
+  info.max_triangles = dag.config.max_triangles;
+  info.max_vertices = dag.config.max_vertices;
+  info.metadata = metadata;
+  return info;
+}
+
+/// Groups in file order: coarsest level first, within a level as they are numbered.
+std::vector<uint32_t> page_order(const lod::Tables& tables) {
+  std::vector<uint32_t> order(tables.groups.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    return tables.groups[a].level > tables.groups[b].level;
+  });
+  return order;
+}
+
+/// Places every page after the head; returns the size of the file.
+uint64_t place_pages(const lod::Dag& dag, Head& head) {
+  const std::vector<uint32_t> order = page_order(dag.tables);
+  const uint32_t attributes = attributes_of(head.info);
+  head.pages.resize(order.size());
+  uint64_t at = head_bytes(head);
+  for (size_t i = 0; i < order.size(); ++i) {
+    head.pages[i] = {at, page_bytes(dag, attributes, order[i]), 0, order[i]};
+    at += head.pages[i].bytes;
+  }
+  return at;
+}
+
+void write_pages(OutputFile& file, const lod::Dag& dag, Head& head, Progress& progress) {
+  const uint32_t attributes = attributes_of(head.info);
+  std::vector<std::byte> batch;
+  for (size_t begin = 0; begin < head.pages.size();) {
+    progress.report(static_cast<double>(begin) / static_cast<double>(head.pages.size()), "writing");
+    const uint64_t start = head.pages[begin].offset;
+    uint64_t stop = start;
+    size_t end = begin;
+    do {
+      stop += head.pages[end++].bytes;
+    } while (end < head.pages.size() && stop - start + head.pages[end].bytes <= kBatchBytes);
+    batch.resize(stop - start);
+    parallel_for(end - begin, 1, [&](size_t i) {
+      PageEntry& page = head.pages[begin + i];
+      const std::span<std::byte> bytes = std::span(batch).subspan(page.offset - start, page.bytes);
+      encode_page(dag, attributes, page.group, bytes);
+      page.checksum = xxh64(bytes.data(), bytes.size());
+    });
+    file.write(start, batch);
+    begin = end;
+  }
+}
+
+}  // namespace
+}  // namespace asset
+
+uint64_t write_asset(const std::filesystem::path& path, const lod::Dag& dag,
+                     const std::string& metadata, const BuildOptions& options) {
+  using namespace asset;
+  Progress progress(options);
+  check_dag(dag);
+  Head head{info_of(dag, metadata), dag.tables, {}};
+  head.info.file_bytes = place_pages(dag, head);
+  OutputFile file(path);
+  with_threads(options.threads, [&] { write_pages(file, dag, head, progress); });
+  file.write(0, encode_head(head));
+  progress.report(1, "writing");
+  file.commit();
+  return head.info.file_bytes;
+}
+
+}  // namespace umbel
