@@ -16,12 +16,13 @@
 // - If L <= 200 R, then d' - D' >= R m/(1 + m) - 2vL >= R(0.99e-4 - 0.96e-4) > 0, and rounding is
 //   monotone: d >= D.
 // - Else D' >= 0.99 L, and d' >= D' - 2vL >= D'(1 - 2.1v): d(1 + 7e-7) >= D.
-// Clamping both to [0, largest float] keeps that. The node need not be refined: E <= T * D,
-// rounded. Then T * d >= (T * D)/(1 + 7e-7), and rounding the products costs a factor (1 + u)
-// each or, where they are subnormal, s/2; E exceeds e by more than all of that, so e <= T * d
-// as rounded, and the child need not be refined either. (If T * D is infinite, T * d is at least
-// the largest float over 1 + 1e-6, and e at most that over 1 + k.) With an infinite T nothing
-// but an infinite error is ever too large. By induction the same holds down to the leaves.
+// Limiting lengths to the largest float keeps l >= L - |c - C|, and limiting D and d to 0 from
+// below keeps their order. Now let the node need no refinement: E <= T * D, rounded. Then T * d is
+// at least (T * D)/(1 + 7e-7), and rounding the products costs a factor (1 + u) each or, where
+// they are subnormal, s/2; E exceeds e by more than all of that, so e <= T * d as rounded, and the
+// child need not be refined either. (If T * D is infinite, T * d is at least the largest float
+// over 1 + 1e-6, and e at most that over 1 + k.) With an infinite T nothing but an infinite error
+// is ever too large. By induction the same holds down to the leaves.
 #include "lod/hierarchy.hpp"
 
 #include <algorithm>

@@ -32,13 +32,13 @@ inline float vector_length(float x, float y, float z) {
   return std::sqrt(x * x + y * y + z * z) * out;
 }
 
-/// Distance from `eye` to the sphere, 0 inside it, and never infinite, so that a threshold of
-/// zero times it is zero.
+/// Distance from `eye` to the sphere, 0 inside it. Never infinite, so that a threshold of zero
+/// times it is zero; the length is limited before the radius is taken off, because a length that
+/// overflows at one sphere need not at another within it.
 inline float distance_outside(const Sphere& sphere, const Vec3& eye) {
-  const float d =
-      vector_length(sphere.center.x - eye.x, sphere.center.y - eye.y, sphere.center.z - eye.z) -
-      sphere.radius;
-  return std::min(std::max(d, 0.0f), std::numeric_limits<float>::max());
+  const float length =
+      vector_length(sphere.center.x - eye.x, sphere.center.y - eye.y, sphere.center.z - eye.z);
+  return std::max(std::min(length, std::numeric_limits<float>::max()) - sphere.radius, 0.0f);
 }
 
 /// kError and kCamera, for a group or for a node of the hierarchy. Infinite errors are always

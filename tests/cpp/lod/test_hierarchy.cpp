@@ -96,6 +96,38 @@ TEST(Hierarchy, a_node_that_need_not_be_refined_has_no_child_that_must_be) {
   }
 }
 
+// Where the margins of enclosing_node are needed most: one child gives the node both its error
+// and its reach, the eye stands on the line through both centres, from just outside the sphere to
+// very far, and the threshold is the last one at which the node need not be refined.
+TEST(Hierarchy, a_node_hides_nothing_even_where_it_is_tight) {
+  Random random(6);
+  for (const Placement& place : placements()) {
+    for (int i = 0; i < 20000; ++i) {
+      Node children[2] = {};
+      for (Node& child : children) child.sphere = testing::random_sphere(random, place);
+      children[0].error = static_cast<float>(random.log_between(1e-3, 1) * place.scale);
+      const Node node = enclosing_node(children, 2);
+      const Vec3 &c = children[0].sphere.center, &o = node.sphere.center;
+      double x = double{c.x} - o.x, y = double{c.y} - o.y, z = double{c.z} - o.z;
+      const double length = std::sqrt(x * x + y * y + z * z);
+      if (length == 0) continue;
+      const double far = double{node.sphere.radius} * (1 + random.log_between(1e-7, 1e6)) / length;
+      const Vec3 eye{static_cast<float>(o.x + far * x), static_cast<float>(o.y + far * y),
+                     static_cast<float>(o.z + far * z)};
+      if (!std::isfinite(eye.x) || !std::isfinite(eye.y) || !std::isfinite(eye.z)) continue;
+      const float distance = distance_outside(node.sphere, eye);
+      if (distance == 0) continue;
+      View view = testing::camera(eye, std::nextafter(node.error / distance, 0.0f));
+      if (!std::isfinite(view.threshold)) continue;
+      for (int k = 0; k < 3 && error_too_large(node.sphere, node.error, view); ++k)
+        view.threshold = std::nextafter(view.threshold, std::numeric_limits<float>::max());
+      if (error_too_large(node.sphere, node.error, view)) continue;
+      ASSERT_FALSE(error_too_large(children[0].sphere, children[0].error, view))
+          << "scale " << place.scale << ", distance " << far;
+    }
+  }
+}
+
 TEST(Hierarchy, cuts_equal_those_of_flat_selection) {
   Random random(2);
   for (const Placement& place : placements()) {
