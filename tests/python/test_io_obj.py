@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from io_helpers import corners
 
+from io_helpers import corners
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
 
@@ -99,7 +99,9 @@ def test_corners_share_vertices_where_all_their_indices_agree(tmp_path: Path) ->
 
 
 def test_comments_blank_lines_continuations_and_windows_line_ends(tmp_path: Path) -> None:
-    text = "# 1\r\n\r\n  v 0 0 0 # a\r\nv 1 0 0\r\n\tv 0 1 0\r\nf 1 \\\r\n 2 3 # f 1 1 1\r\n#f 3 2 1"
+    text = (
+        "# 1\r\n\r\n  v 0 0 0 # a\r\nv 1 0 0\r\n\tv 0 1 0\r\nf 1 \\\r\n 2 3 # f 1 1 1\r\n#f 3 2 1"
+    )
     mesh = read(tmp_path, text)
     assert mesh.triangles.tolist() == [[0, 1, 2]]
     assert mesh.positions.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, corners
 
+from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, corners
 from umbel.errors import Error
 from umbel.io import load
 

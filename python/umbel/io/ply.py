@@ -407,9 +407,8 @@ def _index_list(columns: _Columns, element: str, where: str) -> _List | None:
         column = columns.get(name)
         if isinstance(column, _List):
             return column
-    lists = any(isinstance(c, _List) for c in columns.values())
-    if columns and not lists and element == "face":
-        raise Error(f"{where}: element 'face' has no list of vertex indices")
+    if columns and element == "face":
+        raise Error(f"{where}: element 'face' has no list 'vertex_indices'")
     return None
 
 
