@@ -181,7 +181,7 @@ class Builder {
         continue;
       }
       progress = true;
-      const uint32_t id = emit_group(members, results[g].simplified.error, results[g].simplified.rung);
+      const uint32_t id = emit_group(members, results[g].simplified);
       ClusterSet& made = results[g].clusters;
       for (size_t c = 0; c < made.size(); ++c) {
         made.generating_group[c] = id;
@@ -197,8 +197,8 @@ class Builder {
     own_spheres_ = std::move(next_spheres);
   }
 
-  // Moves clusters into the DAG as one group. `error` is of its simplification alone.
-  uint32_t emit_group(std::span<const uint32_t> members, float error, Rung rung) {
+  // Moves clusters into the DAG as one group.
+  uint32_t emit_group(std::span<const uint32_t> members, const Simplified& simplified) {
     const uint32_t id = static_cast<uint32_t>(tables().groups.size());
     std::vector<uint32_t> generators;
     std::vector<Sphere> spheres;
@@ -206,8 +206,8 @@ class Builder {
     group.clusters = {static_cast<uint32_t>(tables().clusters.size()),
                       static_cast<uint32_t>(members.size())};
     group.level = static_cast<uint32_t>(tables().levels.size());
-    group.rung = rung;
-    group.error = error;
+    group.rung = simplified.rung;
+    group.error = std::max(simplified.error, simplified.vanished);
     for (uint32_t c : members) {
       const uint32_t generator = pending_.generating_group[c];
       if (generator == kNone) {
@@ -217,14 +217,14 @@ class Builder {
         spheres.push_back(own_spheres_[c]);
         // Deviations add up (triangle inequality), whatever the quadrics of one step say.
         const double below = tables().groups[generator].error * (1.0 + kErrorMargin);
-        group.error = std::max(group.error, static_cast<float>(below + error));
+        group.error = std::max(group.error, static_cast<float>(below + simplified.error));
       }
       emit_cluster(c, id);
     }
     group.sphere = enclosing_sphere(spheres);
-    if (rung == Rung::kRoot) group.error = std::numeric_limits<float>::infinity();
+    if (group.rung == Rung::kRoot) group.error = std::numeric_limits<float>::infinity();
     tables().groups.push_back(group);
-    ++report().groups_by_rung[static_cast<size_t>(rung)];
+    ++report().groups_by_rung[static_cast<size_t>(group.rung)];
     return id;
   }
 
@@ -252,8 +252,10 @@ class Builder {
     } else {
       roots = grouper_.group(pending_, locked_, config_);
     }
+    Simplified root;
+    root.rung = Rung::kRoot;
     for (const Range& range : roots.ranges)
-      emit_group(std::span(roots.items).subspan(range.offset, range.count), 0.0f, Rung::kRoot);
+      emit_group(std::span(roots.items).subspan(range.offset, range.count), root);
     report().root_groups = static_cast<uint32_t>(roots.ranges.size());
     report().stuck_groups = coarsest ? 0 : report().root_groups;
     tables().levels.push_back({first_group, report().root_groups});

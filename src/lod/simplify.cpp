@@ -20,6 +20,8 @@ constexpr double kGoodEnough = 0.7;
 constexpr double kStuck = 0.85;
 // Rounds of repair of one result: mending an edge can uncover another.
 constexpr int kMostRepairs = 4;
+// Components come back if that lowers the radius of the largest one that is gone to this part.
+constexpr float kWorthwhile = 0.8f;
 // Tries with more and more vertices held before a rung is given up.
 constexpr int kMostTries = 8;
 // Merging vertices by cell loses the look sooner than its distance says.
@@ -77,6 +79,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   Simplified result;
   if (!best.valid || best.triangles.size() > kStuck * before) return result;
   result.done = true;
+  result.vanished = settle_vanished(good, best.triangles);
   result.error = best.error;
   result.rung = best.rung;
   result.triangles = std::move(best.triangles);
@@ -142,6 +145,7 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
     position_triangles_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
   topology_.set_piece(position_triangles_, locked_, components_);
   find_spare_vertices();
+  find_components();
   gather_attributes();
 }
 
@@ -262,62 +266,81 @@ bool GroupSimplifier::mixes_materials(std::span<const Triangle> triangles) const
   });
 }
 
-// Removes the smallest components that no neighbour touches, never the last one. What it loses
-// is farther than half its diagonal from nothing that is left.
-GroupSimplifier::Candidate GroupSimplifier::prune(const Candidate& from, size_t target) {
-  std::vector<uint32_t> parent(position_ids_.size());
-  std::iota(parent.begin(), parent.end(), 0u);
+void GroupSimplifier::find_components() {
+  component_of_.resize(position_ids_.size());
+  std::iota(component_of_.begin(), component_of_.end(), 0u);
   const auto root = [&](uint32_t p) {
-    while (parent[p] != p) p = parent[p] = parent[parent[p]];
+    while (component_of_[p] != p) p = component_of_[p] = component_of_[component_of_[p]];
     return p;
   };
-  for (const Triangle& t : from.triangles)
+  for (const Triangle& t : position_triangles_)
     for (int i = 1; i < 3; ++i) {
-      const uint32_t a = root(position_of_[t[0]]), b = root(position_of_[t[i]]);
-      parent[std::max(a, b)] = std::min(a, b);
+      const uint32_t a = root(t[0]), b = root(t[i]);
+      component_of_[std::max(a, b)] = std::min(a, b);
     }
-  struct Component {
-    uint32_t root = 0, triangles = 0;
-    bool fixed = false;
-    Aabb box;
-    float radius() const { return 0.5f * length(box.max - box.min); }
-  };
-  std::vector<Component> components;
-  std::vector<uint32_t> index(position_ids_.size(), kNone);
-  for (const Triangle& t : from.triangles) {
-    const uint32_t r = root(position_of_[t[0]]);
-    if (index[r] == kNone) {
-      index[r] = static_cast<uint32_t>(components.size());
-      components.push_back({});
-      components.back().root = r;
+  // Roots are the lowest of their component, so one pass numbers all.
+  parts_.clear();
+  for (uint32_t p = 0; p < component_of_.size(); ++p) {
+    if (component_of_[p] == p) {
+      component_of_[p] = static_cast<uint32_t>(parts_.size());
+      parts_.push_back({});
+    } else {
+      component_of_[p] = component_of_[component_of_[p]];
     }
-    Component& component = components[index[r]];
-    ++component.triangles;
-    for (uint32_t v : t) {
-      extend(component.box, positions_[v]);
-      component.fixed |= locked_[position_of_[v]] != 0;
-    }
+    parts_[component_of_[p]].fixed |= locked_[p] != 0;
   }
-  std::vector<uint32_t> order(components.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
-    return components[a].radius() < components[b].radius();
+  for (uint32_t v = 0; v < vertices_.size(); ++v)
+    extend(parts_[component_of_[position_of_[v]]].box, positions_[v]);
+}
+
+// A component that is gone was nowhere nearer to what is left than half its diagonal, whatever the
+// quadrics of a thin or flat one say. The largest come back as they were where that lowers the
+// error much at a small price. Returns the radius of the largest that stays away.
+float GroupSimplifier::settle_vanished(size_t most_triangles, std::vector<Triangle>& triangles) {
+  if (parts_.size() == 1 && !triangles.empty()) return 0.0f;
+  std::vector<uint8_t> present(parts_.size(), 0);
+  for (const Triangle& t : triangles) present[component_of_[position_of_[t[0]]]] = 1;
+  std::vector<uint32_t> vanished, triangles_of(parts_.size(), 0);
+  for (const Triangle& t : position_triangles_)
+    if (const uint32_t part = component_of_[t[0]]; !present[part] && triangles_of[part]++ == 0)
+      vanished.push_back(part);
+  if (vanished.empty()) return 0.0f;
+  std::stable_sort(vanished.begin(), vanished.end(), [&](uint32_t a, uint32_t b) {
+    return parts_[a].radius() > parts_[b].radius();
   });
-  Candidate result;
-  result.rung = Rung::kPrune;
-  result.error = from.error;
+  size_t restored = 0, count = triangles.size();
+  while (restored < vanished.size() && count + triangles_of[vanished[restored]] <= most_triangles)
+    count += triangles_of[vanished[restored++]];
+  const float largest = parts_[vanished[0]].radius();
+  const float left = restored < vanished.size() ? parts_[vanished[restored]].radius() : 0.0f;
+  if (left > kWorthwhile * largest) return largest / source_.scale;
+  for (size_t i = 0; i < restored; ++i) present[vanished[i]] = 2;
+  for (const Triangle& t : triangles_)
+    if (present[component_of_[position_of_[t[0]]]] == 2) triangles.push_back(t);
+  return left / source_.scale;
+}
+
+// Removes the smallest components that no neighbour touches, never the last one.
+GroupSimplifier::Candidate GroupSimplifier::prune(const Candidate& from, size_t target) {
+  std::vector<uint32_t> triangles_of(parts_.size(), 0);
+  for (const Triangle& t : from.triangles) ++triangles_of[component_of_[position_of_[t[0]]]];
+  std::vector<uint32_t> order(parts_.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::erase_if(order, [&](uint32_t part) { return triangles_of[part] == 0; });
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    return parts_[a].radius() < parts_[b].radius();
+  });
+  std::vector<uint8_t> removed(parts_.size(), 0);
   size_t left = from.triangles.size();
-  std::vector<uint8_t> removed(components.size(), 0);
   for (size_t i = 0; i + 1 < order.size() && left > target; ++i) {
-    const Component& component = components[order[i]];
-    if (component.fixed) continue;
+    if (parts_[order[i]].fixed) continue;
     removed[order[i]] = 1;
-    left -= component.triangles;
-    result.error = std::max(result.error, component.radius() / source_.scale);
+    left -= triangles_of[order[i]];
   }
-  for (const Triangle& t : from.triangles)
-    if (!removed[index[root(position_of_[t[0]])]]) result.triangles.push_back(t);
-  result.valid = from.valid;
+  Candidate result = from;
+  result.rung = Rung::kPrune;
+  std::erase_if(result.triangles,
+                [&](const Triangle& t) { return removed[component_of_[position_of_[t[0]]]]; });
   return result;
 }
 

@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "base/math.hpp"
 #include "lod/cluster_set.hpp"
 #include "lod/source.hpp"
 #include "lod/topology.hpp"
@@ -20,7 +21,8 @@ namespace umbel::lod {
 struct Simplified {
   bool done = false;                ///< false: too little could be removed; the rest is unset
   std::vector<Triangle> triangles;  ///< indices into the source's vertices
-  float error = 0;                  ///< of this step alone, in object space
+  float error = 0;     ///< how far this step moved the surface, in object space
+  float vanished = 0;  ///< half the diagonal of the largest component that it removed whole
   Rung rung = Rung::kRegular;
 };
 
@@ -41,10 +43,18 @@ class GroupSimplifier {
     bool valid = false;
   };
 
+  struct Part {
+    bool fixed = false;  // a neighbour touches it
+    Aabb box;            // scaled
+    float radius() const { return 0.5f * length(box.max - box.min); }
+  };
+
   void gather(const ClusterSet& set, std::span<const uint32_t> clusters,
               std::span<const uint8_t> locked);
   void gather_attributes();
   void find_spare_vertices();
+  void find_components();
+  float settle_vanished(size_t most_triangles, std::vector<Triangle>& triangles);
   uint32_t local_vertex(uint32_t vertex, std::span<const uint8_t> locked);
   uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
   void drop_repeated_triangles();
@@ -71,6 +81,8 @@ class GroupSimplifier {
   std::vector<uint32_t> components_;        // of local positions
   std::vector<uint32_t> position_ids_;      // local position -> position id
   std::vector<uint8_t> spare_;              // local vertices that repair may bring back
+  std::vector<uint32_t> component_of_;      // local position -> index into parts_
+  std::vector<Part> parts_;                 // connected components
   std::vector<Triangle> triangles_;         // local vertices
   std::vector<Triangle> position_triangles_;
   std::vector<uint8_t> held_;               // local positions held for one more try
