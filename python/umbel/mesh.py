@@ -156,6 +156,19 @@ def normalized(vectors: NDArray[Any]) -> Float32Array:
     return out
 
 
+def unit_normals(normals: Float32Array) -> Float32Array:
+    """The normals, those whose length is off by over a hundredth (scanners write sums of face
+    normals) made unit length. Zero and non-finite ones stay, and so does every bit of the rest."""
+    with np.errstate(all="ignore"):
+        length = np.sqrt((normals.astype(np.float64) ** 2).sum(axis=1))
+        wrong = np.flatnonzero((np.abs(length - 1.0) > 0.01) & (length > 0) & np.isfinite(length))
+    if not len(wrong):
+        return normals
+    out = normals.copy()
+    out[wrong] = normalized(normals[wrong])
+    return out
+
+
 def any_tangents(normals: Float32Array) -> Float32Array:
     """(n, 4) float32 tangents that fit the normals and nothing more, for vertices whose source
     gives none: unit length, at a right angle to the normal, w = 1."""
@@ -181,7 +194,8 @@ def to_uint32(indices: NDArray[Any]) -> UInt32Array:
         good = (indices >= 0) & (indices <= _UINT32_MAX)
         if indices.dtype.kind == "f":
             good &= indices == np.floor(indices)
-        out: UInt32Array = np.where(good, indices, _UINT32_MAX).astype(np.uint32)
+        out: UInt32Array = np.where(good, indices, 0).astype(np.uint32)
+    out[~good] = _UINT32_MAX
     return out
 
 

@@ -121,7 +121,7 @@ def test_attributes_that_some_primitives_lack_are_filled_in(tmp_path: Path) -> N
 def test_interleaved_vertices(tmp_path: Path) -> None:
     table = np.zeros(4, [("p", "<f4", 3), ("n", "i1", 4), ("uv", "<u2", 2)])
     table["p"] = TETRA_POSITIONS
-    table["n"] = [[127, 0, 0, 9], [0, -128, 0, 9], [0, 0, -127, 9], [127, 127, 0, 9]]
+    table["n"] = [[127, 0, 0, 9], [0, -128, 0, 9], [0, 0, -127, 9], [90, 0, 90, 9]]
     table["uv"] = [[0, 65535], [65535, 0], [32768, 1], [2, 3]]
     b = GltfBuilder()
     view = b.view(table.tobytes(), byteStride=table.itemsize)
@@ -136,7 +136,8 @@ def test_interleaved_vertices(tmp_path: Path) -> None:
         one(b.primitive({"POSITION": p, "NORMAL": n, "TEXCOORD_0": uv}, INDICES), builder=b),
     )
     assert np.array_equal(mesh.positions, TETRA_POSITIONS)
-    assert mesh.normals.tolist() == [[1, 0, 0], [0, -1, 0], [0, 0, -1], [1, 1, 0]]
+    expected = np.float32([[127, 0, 0], [0, -127, 0], [0, 0, -127], [90, 0, 90]]) / np.float32(127)
+    assert np.array_equal(mesh.normals, expected)
     assert np.array_equal(mesh.uvs, (table["uv"] / 65535).astype(np.float32))
 
 
@@ -488,7 +489,7 @@ def skinned() -> GltfBuilder:
 
 def test_skinned_meshes_stand_where_their_joints_put_them(tmp_path: Path) -> None:
     mesh = read(tmp_path, skinned())
-    expected = TETRA_POSITIONS + [2, 0, 0]
+    expected = TETRA_POSITIONS + np.array([2, 0, 0])
     expected[3] = [2, 0, 6]
     assert np.allclose(mesh.positions, expected, atol=1e-6)
 

@@ -52,6 +52,7 @@ def test_any_mixture_reads_as_a_plain_reader_does(
         "vt": rng.random((n + int(rng.integers(0, 3)), 2)).astype(np.float32),
         "vn": rng.random((n + int(rng.integers(0, 3)), 3)).astype(np.float32),
     }
+    tables["vn"] /= np.linalg.norm(tables["vn"], axis=1, keepdims=True)
     lines = [
         f"{key} " + " ".join(f"{x:.9g}" for x in row) for key, t in tables.items() for row in t
     ]

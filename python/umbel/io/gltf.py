@@ -21,7 +21,15 @@ from umbel.io.gltf_materials import read_material
 from umbel.io.gltf_nodes import Nodes, instance_matrices
 from umbel.io.polygons import strips
 from umbel.io.scene import NO_MATERIAL, Instance, Part, Scene, join, with_default
-from umbel.mesh import Float32Array, Float64Array, Material, Mesh, UInt32Array, normalized
+from umbel.mesh import (
+    Float32Array,
+    Float64Array,
+    Material,
+    Mesh,
+    UInt32Array,
+    normalized,
+    unit_normals,
+)
 
 _DRACO = "KHR_draco_mesh_compression"
 _UNDERSTOOD = {
@@ -204,7 +212,7 @@ def _block(arrays: dict[str, NDArray[Any]]) -> Mesh:
     return Mesh(
         arrays["POSITION"],
         np.zeros((0, 3), np.uint32),
-        normals=arrays.get("NORMAL"),
+        normals=unit_normals(arrays["NORMAL"]) if "NORMAL" in arrays else None,
         tangents=arrays.get("TANGENT"),
         uvs=arrays.get("TEXCOORD_0"),
         colors=arrays.get("COLOR_0"),

@@ -26,6 +26,7 @@ from umbel.mesh import (
     Mesh,
     UInt32Array,
     area_weighted_normals,
+    unit_normals,
 )
 
 
@@ -382,7 +383,7 @@ def _vertices(
 
 def _normals(given: Float32Array, which: NDArray[np.int64], mesh: Mesh) -> Float32Array:
     padded = np.zeros((len(given) + 1, 3), np.float32)
-    padded[1:] = given
+    padded[1:] = unit_normals(given)
     out = padded[which]
     missing = which == 0
     if missing.any():

@@ -26,6 +26,7 @@ def write_obj(path: Path, mesh: Mesh) -> None:
         with replacing(library) as file:
             file.write(mtl_text(materials, names).encode())
     with replacing(path) as file:
+        file.write(b"# written by umbel\n")
         if materials:
             file.write(f"mtllib {library.name}\n".encode())
         points: NDArray[Any] = mesh.positions

@@ -18,7 +18,15 @@ from umbel.errors import Error, LoadWarning
 from umbel.io.files import numbers
 from umbel.io.polygons import fans, strips
 from umbel.io.scene import Instance, Scene
-from umbel.mesh import Float32Array, Material, Mesh, UInt32Array, to_uint32, to_unit_floats
+from umbel.mesh import (
+    Float32Array,
+    Material,
+    Mesh,
+    UInt32Array,
+    to_uint32,
+    to_unit_floats,
+    unit_normals,
+)
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -351,12 +359,13 @@ def _mesh(columns: dict[str, _Columns], where: str) -> Mesh:
     positions = _floats(points)
     assert positions is not None
     faces = columns.get("face", {})
+    normals = _floats(_stack(vertex, NORMAL))
     triangles, parents = _triangles(columns, where)
     materials, ids = _materials(faces, parents, where)
     mesh = Mesh(
         positions,
         triangles,
-        normals=_floats(_stack(vertex, NORMAL)),
+        normals=None if normals is None else unit_normals(normals),
         tangents=_floats(_stack(vertex, TANGENT)),
         uvs=_floats(_stack(vertex, UV)),
         colors=_vertex_colors(vertex),

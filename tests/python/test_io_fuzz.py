@@ -1,0 +1,138 @@
+"""Damaged files: whatever bytes are flipped or missing, a file loads or raises umbel.Error."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, GltfBuilder, bumpy_sphere, ply_bytes
+from test_io_gltf import skinned
+from test_io_save import full_mesh
+from umbel.errors import Error
+from umbel.io import load, save
+
+ROUNDS = 120
+XYZ = [("float", "x"), ("float", "y"), ("float", "z")]
+
+
+def ply(fmt: str) -> bytes:
+    polygons = [([0, 1, 2], 1), ([0, 1, 2, 3], 2), ([3, 2, 1], 0)]
+    face = [("list", "uchar", "int", "vertex_indices"), ("uchar", "material_index")]
+    return ply_bytes(
+        [
+            ("vertex", XYZ, [tuple(p) for p in TETRA_POSITIONS.tolist()]),
+            ("face", face, polygons),
+            ("tristrips", [("list", "int", "int", "vertex_indices")], [([0, 1, 2, -1, 3, 2, 1],)]),
+        ],
+        fmt,
+    )
+
+
+def saved(folder: Path, extension: str) -> bytes:
+    path = folder / f"source{extension}"
+    save(path, full_mesh())
+    return path.read_bytes()
+
+
+def stl(kind: str) -> bytes:
+    points = TETRA_POSITIONS[TETRA_TRIANGLES]
+    if kind == "ascii":
+        facets = "".join(
+            "facet normal 0 0 0\nouter loop\n"
+            + "".join("vertex {} {} {}\n".format(*p) for p in t.tolist())
+            + "endloop\nendfacet\n"
+            for t in points
+        )
+        return f"solid x\n{facets}endsolid x\n".encode()
+    records = np.zeros(4, [("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")])
+    records["p"] = points
+    return bytes(80) + (4).to_bytes(4, "little") + records.tobytes()
+
+
+def meshopt() -> bytes:
+    codec = pytest.importorskip("umbel._umbel")
+    positions, triangles = bumpy_sphere(4)
+    flat = triangles.reshape(-1)
+    b = GltfBuilder()
+    b.root["buffers"] = [{"byteLength": 1 << 16}]
+    name = "EXT_meshopt_compression"
+    padded = np.zeros((len(positions), 4), np.float32)
+    padded[:, :3] = positions
+    stream = codec.meshopt_encode_vertex(padded.view(np.uint8))
+    view = b.meshopt_view(stream, len(positions), 16, "ATTRIBUTES", name)
+    position = b.add("accessors", {"bufferView": view, "componentType": 5126,
+                                   "count": len(positions), "type": "VEC3"})  # fmt: skip
+    stream = codec.meshopt_encode_index(flat, len(positions))
+    view = b.meshopt_view(stream, len(flat), 4, "TRIANGLES", name)
+    indices = b.add("accessors", {"bufferView": view, "componentType": 5125,
+                                  "count": len(flat), "type": "SCALAR"})  # fmt: skip
+    b.scene(b.node(mesh=b.mesh(b.primitive({"POSITION": position}, indices))))
+    return b.glb()
+
+
+def instanced() -> bytes:
+    b = GltfBuilder()
+    attributes = {"TRANSLATION": b.accessor(TETRA_POSITIONS)}
+    extensions = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    b.scene(b.node(mesh=b.tetra(), extensions=extensions))
+    return b.gltf()
+
+
+SOURCES: dict[str, Any] = {
+    "ascii.ply": lambda folder: ply("ascii"),
+    "little.ply": lambda folder: ply("binary_little_endian"),
+    "big.ply": lambda folder: ply("binary_big_endian"),
+    "full.ply": lambda folder: saved(folder, ".ply"),
+    "full.glb": lambda folder: saved(folder, ".glb"),
+    "full.obj": lambda folder: saved(folder, ".obj"),
+    "ascii.stl": lambda folder: stl("ascii"),
+    "binary.stl": lambda folder: stl("binary"),
+    "skinned.glb": lambda folder: skinned().glb(),
+    "meshopt.glb": lambda folder: meshopt(),
+    "instanced.gltf": lambda folder: instanced(),
+}
+
+
+def damage(data: bytes, rng: np.random.Generator) -> bytes:
+    out = bytearray(data)
+    kind = rng.integers(0, 4)
+    if kind == 0:
+        return bytes(out[: rng.integers(0, len(out))])
+    # Headers are where damage has the strangest effects.
+    reach = len(out) if kind == 1 else min(len(out), 600)
+    for _ in range(rng.integers(1, 9)):
+        at = int(rng.integers(0, reach))
+        if kind == 3:
+            out[at : at + 1] = bytes(rng.choice(list(b'0123456789-.eE,:{}[]"\n /x'), 2).tolist())
+        else:
+            out[at] = int(rng.integers(0, 256))
+    return bytes(out)
+
+
+@pytest.mark.parametrize("name", sorted(SOURCES))
+def test_damaged_files_load_or_raise_a_sentence(tmp_path: Path, name: str) -> None:
+    data = SOURCES[name](tmp_path)
+    (tmp_path / name).write_bytes(data)
+    assert len(load(tmp_path / name).triangles) > 0
+    rng = np.random.default_rng(sum(name.encode()))
+    path = tmp_path / f"damaged-{name}"
+    loaded = 0
+    for _ in range(ROUNDS):
+        path.write_bytes(damage(data, rng))
+        start = time.perf_counter()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                mesh = load(path)
+            assert mesh.triangles.shape[1:] == (3,)
+            assert mesh.normals is None or len(mesh.normals) == len(mesh.positions)
+            loaded += 1
+        except Error as error:
+            assert "damaged" in str(error)
+        assert time.perf_counter() - start < 5
+    assert loaded < ROUNDS
