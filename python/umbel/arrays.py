@@ -76,4 +76,6 @@ def mesh_of(arrays: dict[str, Any], materials: list[Material], name: str = "") -
     ids = arrays.pop("materials", None)
     if ids is not None and not materials and not ids.any():
         ids = None  # one material that nothing is known of is no material
+    elif ids is None and materials:
+        ids = np.zeros(len(arrays["triangles"]), np.uint32)
     return Mesh(**arrays, material_ids=ids, materials=materials, name=name)
