@@ -101,6 +101,15 @@ void encode_page(const lod::Dag& dag, uint32_t attributes, uint32_t group,
   }
 }
 
+PageHeader decode_page_header(std::span<const std::byte> bytes) {
+  ByteReader in(bytes);
+  PageHeader header;
+  header.group = in.u32();
+  header.clusters = in.range();
+  header.attributes = in.u32();
+  return header;
+}
+
 ClusterEntry decode_cluster_entry(std::span<const std::byte> bytes, uint32_t attributes,
                                   uint64_t size_of_page) {
   ByteReader in(bytes);

@@ -13,6 +13,12 @@ namespace umbel::asset {
 inline constexpr uint64_t kPageHeaderBytes = 16, kClusterEntryBytes = 16;
 inline constexpr uint32_t kMaxLocalVertices = 256;  // triangles have 8-bit local indices
 
+struct PageHeader {
+  uint32_t group;
+  Range clusters;
+  uint32_t attributes;
+};
+
 /// Where a cluster's data is in its page.
 struct ClusterEntry {
   uint32_t offset, vertex_count, triangle_count, material;
@@ -27,6 +33,8 @@ void encode_page(const lod::Dag& dag, uint32_t attributes, uint32_t group,
 /// Bytes of a cluster's data; at most 256 vertices are possible.
 uint64_t cluster_bytes(uint32_t attributes, uint64_t vertices, uint64_t triangles);
 
+/// Decodes `kPageHeaderBytes`. Throws kCorrupt if there are fewer.
+PageHeader decode_page_header(std::span<const std::byte> bytes);
 /// Decodes `kClusterEntryBytes`. Throws kCorrupt if what it names is not inside the page.
 ClusterEntry decode_cluster_entry(std::span<const std::byte> entry, uint32_t attributes,
                                   uint64_t size_of_page);

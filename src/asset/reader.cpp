@@ -1,5 +1,6 @@
 // An open asset. The head is read and checked once; pages are read when asked for, and the first
 // read of a page checks its checksum.
+#include <algorithm>
 #include <atomic>
 
 #include "asset/bytes.hpp"
@@ -26,6 +27,7 @@ struct Asset::State {
   void read_head();
   void index_pages();
   bool has_right_checksum(const PageEntry& page) const;
+  void check_page(const PageEntry& page) const;
   lod::ClusterGeometry read_cluster(const PageEntry& page, uint32_t index) const;
 };
 
@@ -60,6 +62,17 @@ bool Asset::State::has_right_checksum(const PageEntry& page) const {
   std::vector<std::byte> bytes(page.bytes);
   file.read(page.offset, bytes);
   return xxh64(bytes.data(), bytes.size()) == page.checksum;
+}
+
+void Asset::State::check_page(const PageEntry& page) const {
+  const std::string name = "the page of group " + std::to_string(page.group);
+  if (!has_right_checksum(page)) asset::corrupt("the checksum of " + name + " does not hold");
+  std::vector<std::byte> bytes(std::min(page.bytes, asset::kPageHeaderBytes));
+  file.read(page.offset, bytes);
+  const asset::PageHeader header = asset::decode_page_header(bytes);
+  const Range& clusters = head.tables.groups[page.group].clusters;
+  if (header.group != page.group || header.clusters != clusters || header.attributes != attributes)
+    asset::corrupt(name + " does not say what the tables say of it");
 }
 
 lod::ClusterGeometry Asset::State::read_cluster(const PageEntry& page, uint32_t index) const {
@@ -104,9 +117,7 @@ lod::ClusterGeometry Asset::geometry(uint32_t cluster) const {
   const PageEntry& page = state_->head.pages[page_index];
   std::atomic<bool>& whole = state_->known_whole[page_index];
   if (!whole.load(std::memory_order_relaxed)) {
-    if (!state_->has_right_checksum(page))
-      asset::corrupt("the checksum of the page of group " + std::to_string(group) +
-                     " does not hold");
+    state_->check_page(page);
     whole.store(true, std::memory_order_relaxed);
   }
   try {

@@ -1,0 +1,82 @@
+#include <gtest/gtest.h>
+
+#include "asset/scratch.hpp"
+#include "asset/synthetic_dag.hpp"
+#include "umbel/asset.hpp"
+
+namespace umbel {
+namespace {
+
+using testing::read_bytes;
+using testing::Scratch;
+using testing::write_bytes;
+
+bool names(const lod::VerifyReport& report, const std::string& words) {
+  for (const std::string& problem : report.problems)
+    if (problem.find(words) != std::string::npos) return true;
+  return false;
+}
+
+lod::Dag built() { return lod::build(shapes::blob(5, 3).view()); }
+
+TEST(VerifyAsset, of_a_built_asset_is_ok) {
+  const Scratch scratch;
+  const lod::Dag dag = built();
+  write_asset(scratch / "a.umbel", dag);
+  const auto report = verify_asset(scratch / "a.umbel", 16);
+  EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems.front());
+  EXPECT_EQ(report.cuts, 16u);
+}
+
+TEST(VerifyAsset, of_an_empty_asset_is_ok) {
+  const Scratch scratch;
+  write_asset(scratch / "a.umbel", lod::build(Mesh{}.view()));
+  const auto report = verify_asset(scratch / "a.umbel", 4);
+  EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems.front());
+}
+
+TEST(VerifyAsset, reports_damaged_pages_by_group) {
+  const Scratch scratch;
+  write_asset(scratch / "a.umbel", built());
+  std::vector<char> bytes = read_bytes(scratch / "a.umbel");
+  bytes[bytes.size() - 200] ^= 4;
+  write_bytes(scratch / "a.umbel", bytes);
+  const auto report = verify_asset(scratch / "a.umbel", 4);
+  EXPECT_FALSE(report.ok);
+  EXPECT_EQ(report.checksum_errors, 1u);
+  EXPECT_TRUE(names(report, "page of group"));
+}
+
+TEST(VerifyAsset, reports_what_cannot_be_opened) {
+  const Scratch scratch;
+  write_asset(scratch / "a.umbel", built());
+  const std::vector<char> whole = read_bytes(scratch / "a.umbel");
+  std::vector<char> bytes = whole;
+  bytes.resize(whole.size() / 2);
+  write_bytes(scratch / "short.umbel", bytes);
+  EXPECT_TRUE(names(verify_asset(scratch / "short.umbel"), "bytes, but it has"));
+  bytes = whole;
+  bytes[700] ^= 1;
+  write_bytes(scratch / "tables.umbel", bytes);
+  EXPECT_TRUE(names(verify_asset(scratch / "tables.umbel"), "checksum of the tables"));
+  write_bytes(scratch / "other.umbel", {'p', 'l', 'y'});
+  EXPECT_TRUE(names(verify_asset(scratch / "other.umbel"), "not a .umbel file"));
+  for (const char* name : {"short.umbel", "tables.umbel", "other.umbel"}) {
+    const auto report = verify_asset(scratch / name);
+    EXPECT_FALSE(report.ok) << name;
+    EXPECT_GE(report.checksum_errors, 1u) << name;
+  }
+}
+
+TEST(VerifyAsset, throws_for_a_missing_file) {
+  const Scratch scratch;
+  try {
+    verify_asset(scratch / "missing.umbel");
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kIo);
+  }
+}
+
+}  // namespace
+}  // namespace umbel
