@@ -21,7 +21,10 @@ struct Side {
 class Mender {
  public:
   Mender(const RepairInput& input, std::vector<Triangle>& triangles)
-      : input_(input), triangles_(triangles) {}
+      : input_(input), triangles_(triangles), first_(input.locked.size(), kNone) {
+    for (size_t i = 0; i < triangles.size(); ++i)
+      for (uint32_t k = 0; k < 3; ++k) link(i, k);
+  }
 
   void mend(uint32_t a, uint32_t b) {
     std::vector<Side> forward, backward;
@@ -43,18 +46,57 @@ class Mender {
   const Vec3& point(uint32_t vertex) const { return input_.positions[vertex]; }
   static bool is_gone(const Triangle& t) { return t[0] == t[1]; }
 
-  void find_sides(uint32_t a, uint32_t b, std::vector<Side>& forward, std::vector<Side>& backward) {
-    for (size_t i = 0; i < triangles_.size(); ++i) {
-      const Triangle& t = triangles_[i];
-      if (is_gone(t)) continue;
-      for (int k = 0; k < 3; ++k) {
-        const uint32_t p = position(t[k]), q = position(t[(k + 1) % 3]);
-        if (p == a && q == b)
-          forward.push_back({i, {t[k], t[(k + 1) % 3], t[(k + 2) % 3]}});
-        else if (p == b && q == a)
-          backward.push_back({i, {t[k], t[(k + 1) % 3], t[(k + 2) % 3]}});
-      }
+  // Every corner of a triangle is in the list of its position. Where a triangle has changed since,
+  // its old entries stay and are told by no longer having that position.
+  void link(size_t triangle, uint32_t corner) {
+    const uint32_t p = position(triangles_[triangle][corner]);
+    next_.push_back(first_[p]);
+    corner_.push_back(static_cast<uint32_t>(3 * triangle + corner));
+    first_[p] = static_cast<uint32_t>(next_.size() - 1);
+  }
+
+  void replace(size_t triangle, const Triangle& t) {
+    const Triangle old = triangles_[triangle];
+    triangles_[triangle] = t;
+    for (uint32_t k = 0; k < 3; ++k)
+      if (position(old[k]) != position(t[k])) link(triangle, k);
+  }
+
+  void add(const Triangle& t) {
+    triangles_.push_back(t);
+    for (uint32_t k = 0; k < 3; ++k) link(triangles_.size() - 1, k);
+  }
+
+  // Calls visit(triangle index, corner) for the triangles at a position, in descending order of
+  // when they came there.
+  template <typename Visit>
+  void for_each_at(uint32_t p, const Visit& visit) const {
+    for (uint32_t e = first_[p]; e != kNone; e = next_[e]) {
+      const size_t i = corner_[e] / 3;
+      const uint32_t k = corner_[e] % 3;
+      if (!is_gone(triangles_[i]) && position(triangles_[i][k]) == p) visit(i, k);
     }
+  }
+
+  void find_sides(uint32_t a, uint32_t b, std::vector<Side>& forward, std::vector<Side>& backward) {
+    for_each_at(a, [&](size_t i, uint32_t k) {
+      const Triangle& t = triangles_[i];
+      const uint32_t v0 = t[k], v1 = t[(k + 1) % 3], v2 = t[(k + 2) % 3];
+      if (position(v1) == b) forward.push_back({i, {v0, v1, v2}});
+      if (position(v2) == b) backward.push_back({i, {v2, v0, v1}});
+    });
+    sort_unique(forward);
+    sort_unique(backward);
+  }
+
+  // A corner that changed and changed back is in its list twice.
+  static void sort_unique(std::vector<Side>& sides) {
+    std::sort(sides.begin(), sides.end(),
+              [](const Side& l, const Side& r) { return l.index < r.index; });
+    const auto end = std::unique(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
+      return l.index == r.index;
+    });
+    sides.erase(end, sides.end());
   }
 
   bool remove_back_to_back(std::span<const Side> forward, std::span<const Side> backward) {
@@ -69,14 +111,12 @@ class Mender {
   }
 
   bool edge_exists(uint32_t p, uint32_t q) const {
-    return std::any_of(triangles_.begin(), triangles_.end(), [&](const Triangle& t) {
-      bool has_p = false, has_q = false;
-      for (uint32_t v : t) {
-        has_p |= position(v) == p;
-        has_q |= position(v) == q;
-      }
-      return has_p && has_q && !is_gone(t);
+    bool found = false;
+    for_each_at(p, [&](size_t i, uint32_t k) {
+      const Triangle& t = triangles_[i];
+      found |= position(t[(k + 1) % 3]) == q || position(t[(k + 2) % 3]) == q;
     });
+    return found;
   }
 
   // The quad a, y, b, x of triangles (a, b, x) and (b, a, y), cut along x y instead of a b.
@@ -115,8 +155,8 @@ class Mender {
     if (!best) return false;
     const auto [a, b, x] = best->s.t;
     const uint32_t y = best->t.t[2];
-    triangles_[best->s.index] = {a, y, x};
-    triangles_[best->t.index] = {y, b, x};
+    replace(best->s.index, {a, y, x});
+    replace(best->t.index, {y, b, x});
     deviation_ = std::max(deviation_, best->deviation);
     return true;
   }
@@ -151,10 +191,10 @@ class Mender {
       }
     }
     if (best == kNone) return false;
-    triangles_[s.index] = {a, y, best};
-    triangles_[t.index] = {y, b, best};
-    triangles_.push_back({b, x, best});
-    triangles_.push_back({x, a, best});
+    replace(s.index, {a, y, best});
+    replace(t.index, {y, b, best});
+    add({b, x, best});
+    add({x, a, best});
     deviation_ = std::max(deviation_,
                           std::fabs(dot(point(best) - middle, normal)) / length(normal));
     used_[best] = 1;
@@ -170,7 +210,9 @@ class Mender {
 
   const RepairInput& input_;
   std::vector<Triangle>& triangles_;
-  std::vector<uint8_t> used_;  // local vertices that triangles have
+  std::vector<uint32_t> first_;          // of each position: index into next_ and corner_
+  std::vector<uint32_t> next_, corner_;  // corner: 3 * triangle + k
+  std::vector<uint8_t> used_;            // local vertices that triangles have
   float deviation_ = 0.0f;
 };
 

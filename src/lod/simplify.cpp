@@ -18,8 +18,6 @@ namespace {
 constexpr double kGoodEnough = 0.7;
 // And one that keeps more than this after the last rung is not worth a level.
 constexpr double kStuck = 0.85;
-// Rounds of repair of one result: mending an edge can uncover another.
-constexpr int kMostRepairs = 4;
 // Components come back if that lowers the radius of the largest one that is gone to this part.
 constexpr float kWorthwhile = 0.8f;
 // Tries with more and more vertices held before a rung is given up.
@@ -63,7 +61,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
 
   Candidate best;
   best.triangles = triangles_;
-  best.valid = faults(triangles_).empty();
+  best.valid = true;  // the piece itself, less what is degenerate or repeated
   const auto consider = [&](Candidate candidate) {
     if (candidate.valid && (!best.valid || candidate.triangles.size() < best.triangles.size()))
       best = std::move(candidate);
@@ -179,7 +177,7 @@ void GroupSimplifier::gather_attributes() {
 
 // A triangle that is there twice with the same vertices and the same front looks as one does.
 void GroupSimplifier::drop_repeated_triangles() {
-  std::vector<uint32_t> table(std::bit_ceil(2 * triangles_.size() + 1), kNone);
+  triangle_table_.assign(std::bit_ceil(2 * triangles_.size() + 1), kNone);
   const auto normal_form = [](const Triangle& t) {
     const size_t first = std::min_element(t.begin(), t.end()) - t.begin();
     return Triangle{t[first], t[(first + 1) % 3], t[(first + 2) % 3]};
@@ -189,9 +187,9 @@ void GroupSimplifier::drop_repeated_triangles() {
     const Triangle t = normal_form(triangles_[i]);
     const uint32_t key = hash(hash(t[0]) + t[1]) + t[2];
     const uint32_t slot =
-        find_slot(table, key, [&](uint32_t j) { return normal_form(triangles_[j]) == t; });
-    if (table[slot] != kNone) continue;
-    table[slot] = static_cast<uint32_t>(kept);
+        find_slot(triangle_table_, key, [&](uint32_t j) { return normal_form(triangles_[j]) == t; });
+    if (triangle_table_[slot] != kNone) continue;
+    triangle_table_[slot] = static_cast<uint32_t>(kept);
     triangles_[kept++] = triangles_[i];
   }
   triangles_.resize(kept);
@@ -228,7 +226,8 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsi
     result.rung = rung;
     if (mixes_materials(result.triangles)) return result;
     auto found = faults(result.triangles);
-    for (int round = 0; round < kMostRepairs && !found.empty(); ++round) {
+    for (size_t before = found.size() + 1; !found.empty() && found.size() < before;) {
+      before = found.size();
       const float moved = repair({position_of_, positions_, locked_, spare_}, found, result.triangles);
       result.error = std::max(result.error, moved / source_.scale);
       found = faults(result.triangles);

@@ -87,7 +87,8 @@ class GroupSimplifier {
   std::vector<Triangle> position_triangles_;
   std::vector<uint8_t> held_;               // local positions held for one more try
   std::vector<Triangle> result_positions_;
-  std::vector<uint32_t> vertex_table_, position_table_;  // open addressing, kNone empty
+  // Open addressing, kNone empty.
+  std::vector<uint32_t> vertex_table_, position_table_, triangle_table_;
 };
 
 }  // namespace umbel::lod

@@ -91,24 +91,23 @@ void PieceTopology::reset(size_t edges) {
 
 void PieceTopology::set_piece(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
                               std::span<const uint32_t> component) {
-  piece_ = triangles;
   locked_ = locked;
   component_ = component;
+  // Of the piece's own edges only those between two locked vertices matter: their number is known
+  // to the neighbours.
+  fixed_edges_.clear();
+  for (const Triangle& t : triangles)
+    for (int i = 0; i < 3; ++i)
+      if (locked[t[i]] && locked[t[(i + 1) % 3]]) fixed_edges_.push_back({t[i], t[(i + 1) % 3]});
 }
 
 std::span<const std::pair<uint32_t, uint32_t>> PieceTopology::violations(
     std::span<const Triangle> result) {
-  reset(3 * (piece_.size() + result.size()));
+  reset(3 * result.size() + fixed_edges_.size());
   violations_.clear();
   for (const Triangle& t : result)
     for (int i = 0; i < 3; ++i) ++entry(t[i], t[(i + 1) % 3]).after;
-  // Of the edges before, only those between two locked vertices matter: their number is known to
-  // the neighbours.
-  for (const Triangle& t : piece_)
-    for (int i = 0; i < 3; ++i) {
-      const uint32_t a = t[i], b = t[(i + 1) % 3];
-      if (locked_[a] && locked_[b]) ++entry(a, b).before;
-    }
+  for (const auto& [a, b] : fixed_edges_) ++entry(a, b).before;
   for (uint32_t slot : used_) {
     const Entry& e = table_[slot];
     const uint32_t a = static_cast<uint32_t>(e.key >> 32), b = static_cast<uint32_t>(e.key);

@@ -44,7 +44,7 @@ class PieceTopology {
   std::vector<Entry> table_;
   std::vector<uint32_t> used_;
   uint64_t mask_ = 0;
-  std::span<const Triangle> piece_;
+  std::vector<std::pair<uint32_t, uint32_t>> fixed_edges_;  // of the piece: both ends locked
   std::span<const uint8_t> locked_;
   std::span<const uint32_t> component_;
   std::vector<std::pair<uint32_t, uint32_t>> violations_;
