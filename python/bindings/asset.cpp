@@ -8,8 +8,8 @@ namespace {
 
 nb::object tuple_of(const Vec3& v) { return nb::make_tuple(v.x, v.y, v.z); }
 
-nb::dict info_dict(const AssetInfo& info) {
-  nb::dict result;
+Dict info_dict(const AssetInfo& info) {
+  Dict result;
   result["format_version"] =
       std::to_string(info.version_major) + "." + std::to_string(info.version_minor);
   result["file_bytes"] = info.file_bytes;

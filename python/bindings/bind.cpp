@@ -20,13 +20,13 @@ namespace {
 
 template <typename Scalar, typename T>
 nb::object take_or_none(std::vector<T>&& values) {
-  return values.empty() ? nb::none() : take<Scalar>(std::move(values));
+  return values.empty() ? nb::none() : nb::cast(take<Scalar>(std::move(values)));
 }
 
 }  // namespace
 
-nb::dict dict_of(Mesh&& mesh) {
-  nb::dict result;
+Dict dict_of(Mesh&& mesh) {
+  Dict result;
   result["positions"] = take<float>(std::move(mesh.positions));
   result["triangles"] = take<uint32_t>(std::move(mesh.triangles));
   result["normals"] = take_or_none<float>(std::move(mesh.normals));

@@ -8,6 +8,7 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 
 #include <array>
 #include <chrono>
@@ -17,6 +18,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -35,6 +37,11 @@ using Rows = nb::ndarray<const Scalar, nb::shape<-1, columns>, nb::c_contig, nb:
 template <typename Scalar>
 using Flat = nb::ndarray<const Scalar, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
+/// An array that is given back.
+template <typename Scalar>
+using Array = nb::ndarray<nb::numpy, Scalar>;
+using Dict = nb::typed<nb::dict, nb::str, nb::any>;
+
 /// The rows of an array as values of T, which has the same layout.
 template <typename T, typename Array>
 std::span<const T> rows_of(const Array& array) {
@@ -47,17 +54,17 @@ std::span<const T> rows_of(const std::optional<Array>& array) {
 
 /// NumPy array over memory that `owner` keeps alive: (n,) where T is a Scalar, else (n, columns).
 template <typename Scalar, typename T>
-nb::object array_over(std::span<T> values, nb::handle owner) {
+Array<Scalar> array_over(std::span<T> values, nb::handle owner) {
   constexpr size_t columns = sizeof(T) / sizeof(Scalar);
   static std::remove_const_t<Scalar> nothing{};  // an array needs an address even when empty
   Scalar* data = values.empty() ? &nothing : reinterpret_cast<Scalar*>(values.data());
   const size_t shape[2] = {values.size(), columns};
-  return nb::cast(nb::ndarray<nb::numpy, Scalar>(data, columns == 1 ? 1 : 2, shape, owner));
+  return Array<Scalar>(data, columns == 1 ? 1 : 2, shape, owner);
 }
 
 /// NumPy array that takes the vector over without copying it.
 template <typename Scalar, typename T>
-nb::object take(std::vector<T>&& values) {
+Array<Scalar> take(std::vector<T>&& values) {
   auto owner = std::make_unique<std::vector<T>>(std::move(values));
   const std::span<T> span(*owner);
   nb::capsule capsule(owner.get(),
@@ -83,7 +90,7 @@ struct MeshArrays {
 };
 
 /// The arrays of a mesh by name; None where it has none.
-nb::dict dict_of(Mesh&& mesh);
+Dict dict_of(Mesh&& mesh);
 
 /// Forwards progress to a Python callable and notices Ctrl-C, a few times a second.
 class PythonProgress {

@@ -6,7 +6,9 @@
 namespace umbel::python {
 namespace {
 
-nb::tuple tuple_of(Clusters&& clusters) {
+using ClusterArrays = nb::typed<nb::tuple, Array<uint32_t>, Array<uint32_t>, Array<uint32_t>>;
+
+ClusterArrays tuple_of(Clusters&& clusters) {
   return nb::make_tuple(take<uint32_t>(std::move(clusters.items)),
                         take<uint32_t>(std::move(clusters.ranges)),
                         take<uint32_t>(std::move(clusters.segments)));
@@ -69,8 +71,8 @@ void check_items(const Clusters& clusters, size_t count) {
   }
 }
 
-nb::dict metrics_dict(const ClusterMetrics& metrics) {
-  nb::dict result;
+Dict metrics_dict(const ClusterMetrics& metrics) {
+  Dict result;
   result["clusters"] = metrics.clusters;
   result["mean_fill"] = metrics.mean_fill;
   result["min_size"] = metrics.min_size;
@@ -84,9 +86,9 @@ nb::dict metrics_dict(const ClusterMetrics& metrics) {
   return result;
 }
 
-nb::dict mesh_metrics(const MeshArrays& mesh, const Flat<uint32_t>& items,
-                      const Rows<uint32_t, 2>& ranges, uint32_t max_items,
-                      float shared_vertex_weight, uint32_t threads) {
+Dict mesh_metrics(const MeshArrays& mesh, const Flat<uint32_t>& items,
+                  const Rows<uint32_t, 2>& ranges, uint32_t max_items, float shared_vertex_weight,
+                  uint32_t threads) {
   const Clusters clusters = clusters_of(items, ranges);
   return metrics_dict(run(nb::none(), threads, [&](const BuildOptions& options) {
     const MeshView view = mesh.view();

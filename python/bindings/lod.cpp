@@ -17,8 +17,8 @@ void check_cut(const lod::Tables& tables, std::span<const uint32_t> cut) {
   }
 }
 
-nb::dict report_dict(const lod::VerifyReport& report) {
-  nb::dict result;
+Dict report_dict(const lod::VerifyReport& report) {
+  Dict result;
   result["ok"] = report.ok;
   result["cuts"] = report.cuts;
   result["cracks"] = report.cracks;
@@ -32,7 +32,7 @@ nb::dict report_dict(const lod::VerifyReport& report) {
   return result;
 }
 
-nb::dict geometry_dict(lod::ClusterGeometry&& geometry) {
+Dict geometry_dict(lod::ClusterGeometry&& geometry) {
   Mesh mesh;
   mesh.positions = std::move(geometry.positions);
   mesh.normals = std::move(geometry.normals);
@@ -47,8 +47,8 @@ nb::dict geometry_dict(lod::ClusterGeometry&& geometry) {
   return dict_of(std::move(mesh));
 }
 
-nb::dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
-                  const Flat<uint32_t>& cut) {
+Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
+              const Flat<uint32_t>& cut) {
   const auto clusters = rows_of<uint32_t>(cut);
   check_cut(tables, clusters);
   Mesh mesh;
@@ -63,7 +63,7 @@ namespace {
 
 /// A table as (rows, words) of 32-bit words, without a copy; umbel.lod gives the words names.
 template <typename T>
-nb::object words_of(const std::vector<T>& table, nb::handle owner) {
+Array<const uint32_t> words_of(const std::vector<T>& table, nb::handle owner) {
   static_assert(sizeof(T) % 4 == 0);
   return array_over<const uint32_t>(std::span<const T>(table), owner);
 }
@@ -140,8 +140,8 @@ void bind_config(nb::module_& module) {
       .def_rw("color_weight", &lod::Config::color_weight);
 }
 
-nb::dict build_report(const lod::Report& report) {
-  nb::dict result;
+Dict build_report(const lod::Report& report) {
+  Dict result;
   result["input_triangles"] = report.input_triangles;
   result["input_vertices"] = report.input_vertices;
   result["degenerate_triangles"] = report.degenerate_triangles;
@@ -158,8 +158,8 @@ nb::dict build_report(const lod::Report& report) {
   return result;
 }
 
-nb::dict verify_dag(const lod::Dag& dag, uint32_t cuts, uint32_t seed, const nb::object& progress,
-                    uint32_t threads) {
+Dict verify_dag(const lod::Dag& dag, uint32_t cuts, uint32_t seed, const nb::object& progress,
+                uint32_t threads) {
   return report_dict(run(progress, threads, [&](const BuildOptions& options) {
     lod::VerifyConfig config;
     config.cuts = cuts;

@@ -9,11 +9,11 @@ namespace umbel::python {
 /// Throws kInvalidArgument naming the first index that is no cluster.
 void check_cut(const lod::Tables& tables, std::span<const uint32_t> cut);
 
-nb::dict report_dict(const lod::VerifyReport& report);
-nb::dict geometry_dict(lod::ClusterGeometry&& geometry);
+Dict report_dict(const lod::VerifyReport& report);
+Dict geometry_dict(lod::ClusterGeometry&& geometry);
 
 /// One cut as the arrays of a mesh; reads and welds without the GIL.
-nb::dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
-                  const Flat<uint32_t>& cut);
+Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
+              const Flat<uint32_t>& cut);
 
 }  // namespace umbel::python

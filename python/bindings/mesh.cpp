@@ -6,43 +6,45 @@
 namespace umbel::python {
 namespace {
 
-nb::object bounds_of(const MeshArrays& mesh) {
+using Point = std::tuple<float, float, float>;
+
+std::optional<std::tuple<Point, Point>> bounds_of(const MeshArrays& mesh) {
   const Aabb box = bounds(mesh.view());
-  if (box.min.x > box.max.x) return nb::none();
-  return nb::make_tuple(nb::make_tuple(box.min.x, box.min.y, box.min.z),
-                        nb::make_tuple(box.max.x, box.max.y, box.max.z));
+  if (box.min.x > box.max.x) return std::nullopt;
+  return std::tuple{Point{box.min.x, box.min.y, box.min.z}, Point{box.max.x, box.max.y, box.max.z}};
 }
 
-nb::tuple snapped(const Rows<float, 3>& positions, float step) {
+std::tuple<Array<float>, float> snapped(const Rows<float, 3>& positions, float step) {
   const auto given = rows_of<Vec3>(positions);
   std::vector<Vec3> copy(given.begin(), given.end());
   const float moved = snap_to_grid(copy, step);
-  return nb::make_tuple(take<float>(std::move(copy)), moved);
+  return {take<float>(std::move(copy)), moved};
 }
 
 void bind_shapes(nb::module_& module) {
-  nb::module_ shapes = module.def_submodule("shapes", "Procedural meshes, as dicts of arrays.");
-  shapes.def(
-      "grid", [](uint32_t c, uint32_t r) { return dict_of(shapes::grid(c, r)); }, "columns"_a,
+  module.def(
+      "shape_grid", [](uint32_t c, uint32_t r) { return dict_of(shapes::grid(c, r)); }, "columns"_a,
       "rows"_a);
-  shapes.def("sphere", [](uint32_t n) { return dict_of(shapes::sphere(n)); }, "subdivisions"_a);
-  shapes.def(
-      "torus", [](uint32_t r, uint32_t s) { return dict_of(shapes::torus(r, s)); }, "rings"_a,
+  module.def(
+      "shape_sphere", [](uint32_t n) { return dict_of(shapes::sphere(n)); }, "subdivisions"_a);
+  module.def(
+      "shape_torus", [](uint32_t r, uint32_t s) { return dict_of(shapes::torus(r, s)); }, "rings"_a,
       "sides"_a);
-  shapes.def(
-      "moebius", [](uint32_t s, uint32_t w) { return dict_of(shapes::moebius(s, w)); },
+  module.def(
+      "shape_moebius", [](uint32_t s, uint32_t w) { return dict_of(shapes::moebius(s, w)); },
       "segments"_a, "width"_a);
-  shapes.def("fan", [](uint32_t n) { return dict_of(shapes::fan(n)); }, "triangles"_a);
-  shapes.def(
-      "soup", [](uint32_t n, uint32_t seed) { return dict_of(shapes::soup(n, seed)); },
+  module.def("shape_fan", [](uint32_t n) { return dict_of(shapes::fan(n)); }, "triangles"_a);
+  module.def(
+      "shape_soup", [](uint32_t n, uint32_t seed) { return dict_of(shapes::soup(n, seed)); },
       "triangles"_a, "seed"_a = 1);
-  shapes.def("tetrahedra", [](uint32_t n) { return dict_of(shapes::tetrahedra(n)); }, "count"_a);
-  shapes.def(
-      "terrain",
+  module.def(
+      "shape_tetrahedra", [](uint32_t n) { return dict_of(shapes::tetrahedra(n)); }, "count"_a);
+  module.def(
+      "shape_terrain",
       [](uint32_t c, uint32_t r, uint32_t seed) { return dict_of(shapes::terrain(c, r, seed)); },
       "columns"_a, "rows"_a, "seed"_a = 1);
-  shapes.def(
-      "blob", [](uint32_t n, uint32_t seed) { return dict_of(shapes::blob(n, seed)); },
+  module.def(
+      "shape_blob", [](uint32_t n, uint32_t seed) { return dict_of(shapes::blob(n, seed)); },
       "subdivisions"_a, "seed"_a = 1);
 }
 
@@ -75,7 +77,7 @@ void bind_mesh(nb::module_& module) {
       [](const MeshArrays& mesh, const nb::object& progress, uint32_t threads) {
         DropResult result = run(
             progress, threads, [&](const BuildOptions& o) { return drop_invalid(mesh.view(), o); });
-        return nb::make_tuple(dict_of(std::move(result.mesh)), result.dropped);
+        return std::tuple{dict_of(std::move(result.mesh)), result.dropped};
       },
       "mesh"_a, "progress"_a = nb::none(), "threads"_a = 0, "(mesh, triangles dropped)");
   module.def(

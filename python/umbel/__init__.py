@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from .lod import Lod as Lod
     from .lod import build_lod as build_lod
     from .mesh import Mesh as Mesh
+    from .proof import VerifyReport as VerifyReport
+    from .proof import verify as verify
     from .repair import drop_invalid as drop_invalid
     from .repair import snap as snap
     from .repair import validate as validate
     from .repair import weld as weld
-    from .proof import VerifyReport as VerifyReport
-    from .proof import verify as verify
 
 _HOME = {
     "__version__": "_umbel",

@@ -30,7 +30,9 @@ def indices(name: str, values: ArrayLike, columns: int = 0) -> NDArray[np.uint32
     if array.size == 0:
         return np.empty((0, columns) if columns else (0,), np.uint32)
     if array.ndim != (2 if columns else 1) or (columns and array.shape[1] != columns):
-        raise Error(f"{name} must have shape (n,{f' {columns}' if columns else ''}), not {array.shape}")
+        raise Error(
+            f"{name} must have shape (n,{f' {columns}' if columns else ''}), not {array.shape}"
+        )
     if array.dtype.kind not in "iu":
         raise Error(f"{name} must be integers, not {array.dtype}")
     if array.dtype.kind == "i" or array.dtype.itemsize > 4:
@@ -65,9 +67,7 @@ def native(mesh: Mesh) -> _umbel.MeshArrays:
         tangents=optional("tangents", 4),
         uvs=optional("uvs", 2),
         colors=optional("colors", 4),
-        materials=None
-        if mesh.material_ids is None
-        else indices("material_ids", mesh.material_ids),
+        materials=None if mesh.material_ids is None else indices("material_ids", mesh.material_ids),
     )
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +19,8 @@ from .errors import Error
 from .mesh import Material, Mesh
 from .metadata import encode, materials_to_json
 from .proof import VerifyReport
-from .repair import Progress, drop_invalid as drop_invalid_triangles, grid_step, snap
+from .repair import Progress, grid_step, snap
+from .repair import drop_invalid as drop_invalid_triangles
 from .tables import Tables
 
 

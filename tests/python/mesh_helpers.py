@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from umbel import Mesh
 
-_ODD = np.random.default_rng(20).integers(0, 2**63, 64, dtype=np.uint64) * np.uint64(2) + np.uint64(1)
+_ODD = np.random.default_rng(20).integers(0, 2**63, 64, dtype=np.uint64) * np.uint64(2) + np.uint64(
+    1
+)
 
 
 def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -32,7 +35,9 @@ def triangle_keys(mesh: Mesh, attributes: bool = True) -> NDArray[np.uint64]:
     turned = np.take_along_axis(corners, (first[:, None] + np.arange(3)) % 3, axis=1)
     # Equal corners leave the turn open: all three turns are tried and the least key is taken.
     turns = [np.roll(turned, k, axis=1) for k in range(3)]
-    keys = np.stack([_mixed(_mixed(_mixed(t[:, 0]) + t[:, 1]) + t[:, 2]) for t in turns]).min(axis=0)
+    keys = np.stack([_mixed(_mixed(_mixed(t[:, 0]) + t[:, 1]) + t[:, 2]) for t in turns]).min(
+        axis=0
+    )
     if attributes and mesh.material_ids is not None and mesh.material_ids.any():
         keys = _mixed(keys + mesh.material_ids.astype(np.uint64) * _ODD[61])
     return np.sort(keys)

@@ -12,21 +12,57 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import umbel
 from conftest import COMMAND, Umbel
 from mesh_helpers import is_closed, triangle_keys
 
-BUILD_FIELDS = """input_triangles input_vertices levels groups clusters triangles_all_levels
-root_groups root_triangles stuck_groups mean_fill max_cluster_vertices seconds triangles_per_second
-peak_rss_bytes file_bytes bytes_per_input_triangle sha256""".split()
+BUILD_FIELDS = [
+    "input_triangles",
+    "input_vertices",
+    "levels",
+    "groups",
+    "clusters",
+    "triangles_all_levels",
+    "root_groups",
+    "root_triangles",
+    "stuck_groups",
+    "mean_fill",
+    "max_cluster_vertices",
+    "seconds",
+    "triangles_per_second",
+    "peak_rss_bytes",
+    "file_bytes",
+    "bytes_per_input_triangle",
+    "sha256",
+]
 NOT_STORED = {"seconds", "triangles_per_second", "peak_rss_bytes"}
 INFO_FIELDS = [f for f in BUILD_FIELDS if f not in NOT_STORED] + [
     *("format_version", "pages", "materials", "instances", "bounds")
 ]
-VERIFY_FIELDS = "ok cuts cracks overlaps limit_violations monotone checksum_errors".split()
-EXTRACT_FIELDS = "triangles vertices max_error".split()
-CLUSTER_FIELDS = """clusters mean_fill min_size max_size mean_vertices max_vertices
-surface_area_ratio sah overlap seconds triangles_per_second""".split()
+VERIFY_FIELDS = [
+    "ok",
+    "cuts",
+    "cracks",
+    "overlaps",
+    "limit_violations",
+    "monotone",
+    "checksum_errors",
+]
+EXTRACT_FIELDS = ["triangles", "vertices", "max_error"]
+CLUSTER_FIELDS = [
+    "clusters",
+    "mean_fill",
+    "min_size",
+    "max_size",
+    "mean_vertices",
+    "max_vertices",
+    "surface_area_ratio",
+    "sah",
+    "overlap",
+    "seconds",
+    "triangles_per_second",
+]
 
 
 def test_build_says_what_it_made(
@@ -146,7 +182,9 @@ def test_verify_says_what_holds(umbel_command: Umbel, blob_asset: Path) -> None:
     assert done.status == 0 and set(VERIFY_FIELDS) <= set(done.json)
     said = done.json
     assert said["ok"] is True and said["monotone"] is True and said["cuts"] == 10
-    assert [said[k] for k in ("cracks", "overlaps", "limit_violations", "checksum_errors")] == [0] * 4
+    assert [said[k] for k in ("cracks", "overlaps", "limit_violations", "checksum_errors")] == [
+        0
+    ] * 4
     assert umbel_command("verify", blob_asset, "--json").json["cuts"] == 64
 
 

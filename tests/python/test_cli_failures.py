@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 import umbel
 from conftest import COMMAND, Outcome, Umbel
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import umbel
 from conftest import DATA, Umbel
 from mesh_helpers import triangle_keys

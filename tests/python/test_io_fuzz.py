@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import json
 import time
 import warnings
 from pathlib import Path
@@ -136,3 +138,75 @@ def test_damaged_files_load_or_raise_a_sentence(tmp_path: Path, name: str) -> No
             assert "damaged" in str(error)
         assert time.perf_counter() - start < 5
     assert loaded < ROUNDS
+
+
+def paths(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Where every value of some JSON is."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value)
+    out = []
+    for key, child in inner:
+        out.append((*at, key))
+        if isinstance(child, (dict, list)):
+            out += paths(child, (*at, key))
+    return out
+
+
+STRANGE: list[Any] = [
+    None, True, -1, 0, 1, 3, 255, 2**31, 2**63, 10**30, 0.5, 1e308, -1e-300, "", "x", "VEC3", [],
+    {}, [0], [[0]], {"a": 1}, [1e308] * 3, [None] * 4,
+]  # fmt: skip
+
+
+def glb_of(root: Any, binary: bytes) -> bytes:
+    text = json.dumps(root).encode()
+    text += b" " * (-len(text) % 4)
+    out = len(text).to_bytes(4, "little") + b"JSON" + text
+    out += len(binary).to_bytes(4, "little") + b"BIN\0" + binary
+    return b"glTF" + (2).to_bytes(4, "little") + (12 + len(out)).to_bytes(4, "little") + out
+
+
+@pytest.mark.parametrize("name", ["full.glb", "skinned.glb", "meshopt.glb", "sparse.glb"])
+def test_strange_json_loads_or_raises_a_sentence(tmp_path: Path, name: str) -> None:
+    data = sparse() if name == "sparse.glb" else SOURCES[name](tmp_path)
+    size = int.from_bytes(data[12:16], "little")
+    root, binary = json.loads(data[20 : 20 + size]), data[28 + size :]
+    rng = np.random.default_rng(len(data))
+    path = tmp_path / f"damaged-{name}"
+    for place in paths(root):
+        for _ in range(4):
+            changed = copy.deepcopy(root)
+            at = changed
+            for key in place[:-1]:
+                at = at[key]
+            choice = int(rng.integers(-1, len(STRANGE)))
+            if choice < 0:
+                del at[place[-1]]
+            else:
+                at[place[-1]] = STRANGE[choice]
+            path.write_bytes(glb_of(changed, binary))
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    load(path)
+            except Error as error:
+                assert "damaged" in str(error)
+
+
+def sparse() -> bytes:
+    b = GltfBuilder()
+    base = b.accessor(TETRA_POSITIONS)
+    b.root["accessors"][base]["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": b.view(b"\1\0"), "componentType": 5123, "byteOffset": 0},
+        "values": {"bufferView": b.view(np.ones(3, np.float32).tobytes())},
+    }
+    indices = TETRA_TRIANGLES.astype(np.uint8).reshape(-1)
+    primitive = b.primitive({"POSITION": base}, indices, targets=[{"POSITION": base}])
+    attributes = {"TRANSLATION": b.accessor(TETRA_POSITIONS)}
+    node = b.node(mesh=b.mesh(primitive, weights=[1.0]), translation=[1, 0, 0],
+                  extensions={"EXT_mesh_gpu_instancing": {"attributes": attributes}})  # fmt: skip
+    b.root["materials"] = [{"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1],
+                            "baseColorTexture": {"index": 0}}}]  # fmt: skip
+    primitive["material"] = 0
+    b.scene(b.node(children=[node]))
+    return b.glb()

@@ -125,9 +125,9 @@ def command(
 
 def _write(output: Path, mesh: Mesh, clusters: Clusters) -> None:
     if output.suffix.lower() == ".npz":
-        from ..io.files import replacing
-
         import numpy as np
+
+        from ..io.files import replacing
 
         arrays: dict[str, Any] = {"items": clusters.items, "offsets": clusters.offsets}
         with replacing(output) as file:

@@ -13,7 +13,8 @@ from .run import Json, Threads, ends_cleanly, is_asset, show
 @ends_cleanly
 def command(
     path: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Asset (.umbel) or mesh (.glb .gltf .obj .ply .stl).")
+        Path,
+        typer.Argument(metavar="FILE", help="Asset (.umbel) or mesh (.glb .gltf .obj .ply .stl)."),
     ],
     as_json: Json = False,
     threads: Threads = 0,
