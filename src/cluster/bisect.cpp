@@ -14,6 +14,7 @@
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "cluster/block.hpp"
+#include "cluster/split_cells.hpp"
 #include "cluster/validate.hpp"
 
 namespace umbel {
@@ -59,8 +60,40 @@ class Meter {
   std::atomic<uint64_t> done_{0};
 };
 
+// Above this, nodes are split by runs of items; below, by the items themselves, in a cache.
+constexpr uint32_t kBlock = 1 << 13;
+// Connections between items have no meaning between runs, so blocks are larger where there are any.
+constexpr uint32_t kConnectedBlock = 1 << 16;
+
+uint32_t block_size(const Source& source, const Rules& rules) {
+  const bool connected = !source.connections.ranges.empty() || source.shared_vertex_weight > 0;
+  // A part must be no smaller than one cluster.
+  return std::max(connected ? kConnectedBlock : kBlock, rules.config.max_items);
+}
+
+template <typename LocalBlock>
+void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
+                    uint32_t count, const BoxRecord* bounds, const LocalBlock& local,
+                    const std::function<void(uint32_t)>& done) {
+  const uint32_t most = block_size(source, rules);
+  if (count <= most) {
+    local().bisect(source, rules, items, first, count);
+    return done(count);
+  }
+  split_cells(source, rules, items, count, most, bounds, [&](const CellSet& set, const Part& part) {
+    Block& block = local();
+    BoxRecord* box = block.prepare(source, rules, part.count);
+    for (const Cell& cell : part.cells)
+      for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i)
+        *box++ = record_of(source, set.order[i], set.scale);
+    block.bisect_prepared(items + part.offset, first + part.offset, set.scale);
+    done(part.count);
+  });
+}
+
 Clusters build(const Source& source, uint32_t count, std::span<const Range> input_segments,
-               const ClusterConfig& config, const BuildOptions& options) {
+               const ClusterConfig& config, const BuildOptions& options,
+               const BoxRecord* bounds) {
   const Rules rules(config);
   const std::vector<Range> segments = segments_of(input_segments, count);
   Clusters out;
@@ -73,9 +106,9 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
   with_threads(options.threads, [&] {
     parallel_for(segments.size(), 1, [&](size_t s) {
       const Range& r = segments[s];
-      blocks.local().bisect(source, rules, out.items.data() + r.offset, first.data() + r.offset,
-                            r.count);
-      meter.add(r.count);
+      bisect_segment(
+          source, rules, out.items.data() + r.offset, first.data() + r.offset, r.count,
+          r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); }, [&](uint32_t items) { meter.add(items); });
     });
   });
   collect(segments, first, out);
@@ -108,9 +141,19 @@ void Bisector::build(const ClusterInput& input, const ClusterConfig& config, Clu
   out.items.resize(count);
   std::iota(out.items.begin(), out.items.end(), 0u);
   scratch_->first.assign(count, 0);
-  for (const Range& r : segments)
-    scratch_->block.bisect(source, rules, out.items.data() + r.offset,
-                           scratch_->first.data() + r.offset, r.count);
+  const auto bisect = [&] {
+    for (const Range& r : segments)
+      bisect_segment(
+          source, rules, out.items.data() + r.offset, scratch_->first.data() + r.offset, r.count,
+          nullptr, [&]() -> Block& { return scratch_->block; }, [](uint32_t) {});
+  };
+  bool large = false;
+  for (const Range& r : segments) large |= r.count > block_size(source, rules);
+  if (large) {
+    with_threads(1, bisect);  // the splits of large nodes would otherwise go to other threads
+  } else {
+    bisect();
+  }
   collect(segments, scratch_->first, out);
 }
 
@@ -126,15 +169,18 @@ Clusters build_clusters(const ClusterInput& input, const ClusterConfig& config,
     });
   });
   return cluster::build(cluster::Source::of(input), static_cast<uint32_t>(input.boxes.size()),
-                        input.segments, config, options);
+                        input.segments, config, options,
+                        nullptr);
 }
 
 Clusters cluster_mesh(const MeshView& mesh, const ClusterConfig& config,
                       float shared_vertex_weight, const BuildOptions& options) {
   cluster::validate_config(config);
-  cluster::validate_triangles(mesh, config, shared_vertex_weight, options);
+  const cluster::BoxRecord bounds =
+      cluster::validate_triangles(mesh, config, shared_vertex_weight, options);
   return cluster::build(cluster::Source::of(mesh, shared_vertex_weight),
-                        static_cast<uint32_t>(mesh.triangles.size()), {}, config, options);
+                        static_cast<uint32_t>(mesh.triangles.size()), {}, config, options,
+                        &bounds);
 }
 
 }  // namespace umbel

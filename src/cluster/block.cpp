@@ -56,7 +56,7 @@ BoxRecord* Block::prepare(const Source& source, const Rules& rules, uint32_t cou
   return boxes_.data();
 }
 
-void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
+void Block::bisect_prepared(uint32_t* items, uint8_t* first, float scale) {
   items_ = items;
   first_ = first;
   if (count_ == 0) return;
@@ -64,20 +64,22 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
   cut_.load(*source_, items_, count_);
   BoxRecord all = BoxRecord::empty();
   for (uint32_t i = 0; i < count_; ++i) all.extend(boxes_[i]);
-  if (const float scale = scale_for(all); scale != 1.0f)
-    for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(scale);
-  for (int axis = 0; axis < 3; ++axis) sort_axis(axis);
+  if (const float more = scale_for(all); more != 1.0f) {
+    for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(more);
+    scale *= more;
+  }
+  for (int axis = 0; axis < 3; ++axis) sort_axis(axis, scale);
   split(0, count_, 2 * std::bit_width(count_) + 8);
 }
 
 // By centres rounded to 16 bits first: two cheap passes over words that stay in the nearest
 // cache. What those bits cannot tell apart, settle_ties does.
-void Block::sort_axis(int axis) {
+void Block::sort_axis(int axis, float scale) {
   float* centers = centers_[axis].data();
   float low = std::numeric_limits<float>::max(), high = -low;
   for (uint32_t i = 0; i < count_; ++i) {
     centers[i] = source_->centroids.empty() ? boxes_[i].center(axis)
-                                            : (&source_->centroids[boxes_[i].tag()].x)[axis];
+                                            : (&source_->centroids[boxes_[i].tag()].x)[axis] * scale;
     low = std::min(low, centers[i]);
     high = std::max(high, centers[i]);
   }
@@ -86,9 +88,9 @@ void Block::sort_axis(int axis) {
   words_.resize(2 * size_t(count_));
   uint32_t *words = words_.data(), *spare = words + count_;
   const float range = high * 0.5f - low * 0.5f;
-  const float scale = range > 0x1p-100f ? 32767.0f / range : 0.0f;
+  const float step = range > 0x1p-100f ? 65535.0f / range : 0.0f;
   for (uint32_t i = 0; i < count_; ++i) {
-    const uint32_t key = static_cast<uint32_t>((centers[i] * 0.5f - low * 0.5f) * scale) & 0xffffu;
+    const uint32_t key = static_cast<uint32_t>((centers[i] * 0.5f - low * 0.5f) * step) & 0xffffu;
     words[i] = key << 16 | i;
     ++offsets[0][key & 0xff];
     ++offsets[1][key >> 8];

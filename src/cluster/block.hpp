@@ -26,9 +26,10 @@ class Block {
               uint32_t count);
 
   /// The same in two steps, for a caller that has the boxes at hand: room for `count` boxes
-  /// whose tags are the items' indices, then the bisection of what was put there.
+  /// whose tags are the items' indices, then the bisection of what was put there, which was
+  /// scaled by `scale`.
   BoxRecord* prepare(const Source& source, const Rules& rules, uint32_t count);
-  void bisect_prepared(uint32_t* items, uint8_t* first);
+  void bisect_prepared(uint32_t* items, uint8_t* first, float scale = 1.0f);
 
  private:
   struct Split {
@@ -42,7 +43,7 @@ class Block {
     uint32_t chunk;
   };
 
-  void sort_axis(int axis);
+  void sort_axis(int axis, float scale);
   void sort_long_axis(int axis);
   void settle_ties(int axis);
   void split(uint32_t begin, uint32_t end, uint32_t depth);

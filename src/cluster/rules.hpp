@@ -1,6 +1,7 @@
 // Which splits are legal and what missing items cost: the one cost model of all splitters.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "umbel/cluster.hpp"
@@ -38,16 +39,18 @@ struct Rules {
   }
   bool legal(uint32_t i, uint32_t n) const { return legal(i, n, divisible(n)); }
 
-  /// The legal split nearest to the middle, of full clusters on the left where that is legal.
-  uint32_t middle(uint32_t n) const {
-    const uint32_t full = (n / 2 + config.max_items / 2) / config.max_items * config.max_items;
-    if (full > 0 && full < n && legal(full, n)) return full;
+  /// The legal split near i, of full clusters on the left where that is legal.
+  uint32_t full_near(uint32_t i, uint32_t n) const {
+    const uint64_t whole = (uint64_t(i) + config.max_items / 2) / config.max_items;
+    const uint64_t full = std::max<uint64_t>(whole, 1) * config.max_items;
+    if (full < n && legal(uint32_t(full), n)) return uint32_t(full);
     for (uint32_t d = 0; d < n; ++d) {
-      if (n / 2 > d && legal(n / 2 - d, n)) return n / 2 - d;
-      if (n / 2 + d > 0 && n / 2 + d < n && legal(n / 2 + d, n)) return n / 2 + d;
+      if (i > d && i - d < n && legal(i - d, n)) return i - d;
+      if (i < n - d && i + d > 0 && legal(i + d, n)) return i + d;
     }
     return n / 2;
   }
+  uint32_t middle(uint32_t n) const { return full_near(n / 2, n); }
 
   ClusterConfig config;
   bool simple;  ///< every n >= min_items is divisible

@@ -143,7 +143,7 @@ void validate_layout(const ClusterInput& input, const ClusterConfig& config) {
   check_segments(input);
 }
 
-void validate_triangles(const MeshView& mesh, const ClusterConfig& config,
+BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
                         float shared_vertex_weight, const BuildOptions& options) {
   if (mesh.triangles.size() >= kNone)
     bad_argument("there are " + std::to_string(mesh.triangles.size()) +
@@ -159,19 +159,40 @@ void validate_triangles(const MeshView& mesh, const ClusterConfig& config,
       if (v >= mesh.positions.size() || !is_finite(mesh.positions[v])) return false;
     return true;
   };
-  constexpr size_t kChunk = 1 << 16;
-  std::vector<uint8_t> bad((mesh.triangles.size() + kChunk - 1) / kChunk, 0);
+  constexpr size_t kChunk = 1 << 14;
+  struct Summary {
+    BoxRecord box = BoxRecord::empty();
+    bool bad = false;
+  };
+  std::vector<Summary> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
   with_threads(options.threads, [&] {
     parallel_chunks(mesh.triangles.size(), kChunk, [&](size_t begin, size_t end) {
-      bool valid = true;
-      for (size_t i = begin; i < end; ++i) valid &= is_valid(mesh.triangles[i]);
-      bad[begin / kChunk] = !valid;
+      Summary part;
+      Float4 zero{};  // stays 0 unless something is not finite
+      for (size_t i = begin; i < end; ++i) {
+        for (const uint32_t v : mesh.triangles[i]) {
+          if (v >= mesh.positions.size()) {
+            part.bad = true;
+            continue;
+          }
+          const Vec3& p = mesh.positions[v];
+          const Float4 point{p.x, p.y, p.z, 0};
+          zero += point * Float4{};
+          part.box.extend({point, -point});
+        }
+      }
+      part.bad |= !(zero[0] == 0 && zero[1] == 0 && zero[2] == 0);
+      parts[begin / kChunk] = part;
     });
   });
-  for (size_t c = 0; c < bad.size(); ++c)
-    if (bad[c])
-      for (size_t i = c * kChunk;; ++i)
-        if (!is_valid(mesh.triangles[i])) report_triangle(mesh, i);
+  BoxRecord all = BoxRecord::empty();
+  for (size_t c = 0; c < parts.size(); ++c) {
+    all.extend(parts[c].box);
+    if (!parts[c].bad) continue;
+    for (size_t i = c * kChunk;; ++i)
+      if (!is_valid(mesh.triangles[i])) report_triangle(mesh, i);
+  }
+  return all;
 }
 
 void validate_boxes(const ClusterInput& input, size_t begin, size_t end) {

@@ -1,6 +1,7 @@
 // Checks of everything that a caller may get wrong. Each failure is one sentence.
 #pragma once
 
+#include "cluster/box_record.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster {
@@ -14,8 +15,8 @@ void validate_layout(const ClusterInput& input, const ClusterConfig& config);
 void validate_boxes(const ClusterInput& input, size_t begin, size_t end);
 
 /// A mesh that is to be clustered: indices within the positions, and finite positions where
-/// triangles use them. Attributes do not matter.
-void validate_triangles(const MeshView& mesh, const ClusterConfig& config,
+/// triangles use them. Attributes do not matter. Returns the box of the triangles.
+BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
                         float shared_vertex_weight, const BuildOptions& options);
 
 }  // namespace umbel::cluster

@@ -1,0 +1,197 @@
+// One pass finds each item's cell and grows the cells' boxes, a counting sort brings the items of
+// a cell together. Boxes and counts of threads are merged by minimum and sum, which are exact, so
+// it does not matter which thread saw what.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include "base/parallel.hpp"
+#include "cluster/cells.hpp"
+
+namespace umbel::cluster {
+namespace {
+
+constexpr uint32_t kMaxAxisBits = 12;
+constexpr size_t kChunk = 1 << 14;
+
+struct Bounds {
+  BoxRecord boxes = BoxRecord::empty(), centers = BoxRecord::empty();
+  void extend(const Bounds& o) {
+    boxes.extend(o.boxes);
+    centers.extend(o.centers);
+  }
+};
+
+// At the input's own scale.
+Bounds bounds_of(const Source& source, const uint32_t* items, uint32_t count) {
+  std::vector<Bounds> parts((count + kChunk - 1) / kChunk);
+  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    Bounds b;
+    for (size_t i = begin; i < end; ++i) {
+      const BoxRecord record = record_of(source, items[i], 1.0f);
+      const Float4 center = center_of(source, record, 1.0f);
+      b.boxes.extend(record);
+      b.centers.extend({center, -center});
+    }
+    parts[begin / kChunk] = b;
+  });
+  Bounds all;
+  for (const Bounds& b : parts) all.extend(b);
+  if (source.centroids.empty()) all.centers = all.boxes;
+  return all;
+}
+
+float scale_for(const BoxRecord& b) {
+  float magnitude = 0, extent = 0;
+  for (int k = 0; k < 3; ++k) {
+    magnitude = std::max({magnitude, std::abs(b.low[k]), std::abs(b.negated_high[k])});
+    extent = std::max(extent, b.negated_high[k] * -0.5f - b.low[k] * 0.5f);
+  }
+  if (extent == 0.0f || (extent > 0x1p-30f && magnitude < 0x1p40f)) return 1.0f;
+  return std::ldexp(1.0f, std::clamp(std::min(-std::ilogb(extent), 40 - std::ilogb(magnitude)),
+                                     -126, 127));
+}
+
+// A grid whose cells are numbered along a Morton curve; each bit of the number halves the cells
+// along the axis on which they are longest, so that flat and long inputs get useful cells too.
+class Grid {
+ public:
+  Grid(const BoxRecord& centers, uint32_t bits) {
+    std::array<float, 3> length;
+    for (int k = 0; k < 3; ++k) length[k] = centers.extent(k);
+    std::array<std::vector<uint32_t>, 3> bits_of;
+    for (uint32_t bit = bits; bit-- > 0;) {
+      int axis = -1;
+      for (int k = 0; k < 3; ++k)
+        if (bits_of[k].size() < kMaxAxisBits && (axis < 0 || length[k] > length[axis])) axis = k;
+      if (axis < 0 || length[axis] <= 0x1p-100f) break;
+      bits_of[axis].push_back(bit);
+      length[axis] *= 0.5f;
+    }
+    origin_ = centers.low;
+    for (int k = 0; k < 3; ++k) {
+      const uint32_t cells = 1u << bits_of[k].size();
+      scale_[k] = cells > 1 ? float(cells) / centers.extent(k) : 0.0f;
+      last_[k] = static_cast<int>(cells) - 1;
+      spread_[k].assign(cells, 0);
+      for (uint32_t v = 0; v < cells; ++v)
+        for (size_t b = 0; b < bits_of[k].size(); ++b)
+          spread_[k][v] |= (v >> (bits_of[k].size() - 1 - b) & 1) << bits_of[k][b];
+    }
+  }
+  int place(Float4 center, int k) const {
+    return std::min(static_cast<int>((center[k] - origin_[k]) * scale_[k]), last_[k]);
+  }
+  uint32_t code(Float4 center) const {
+    return spread_[0][place(center, 0)] | spread_[1][place(center, 1)] |
+           spread_[2][place(center, 2)];
+  }
+  std::array<uint16_t, 3> places(Float4 center) const {
+    return {uint16_t(place(center, 0)), uint16_t(place(center, 1)), uint16_t(place(center, 2))};
+  }
+
+ private:
+  std::array<std::vector<uint32_t>, 3> spread_;
+  Float4 origin_{}, scale_{};
+  std::array<int, 3> last_;
+};
+
+// What one thread has seen.
+struct Tally {
+  std::vector<uint32_t> number;  ///< of each code's cell, 0: none yet
+  std::vector<Cell> cells{1};
+  std::vector<uint32_t> codes{0};
+
+  Cell& at(uint32_t code) {
+    uint32_t& n = number[code];
+    if (n == 0) {
+      n = static_cast<uint32_t>(cells.size());
+      cells.emplace_back();
+      codes.push_back(code);
+    }
+    return cells[n];
+  }
+};
+
+// Numbers the cells by code, and leaves their numbers in the first tally.
+void merge(std::vector<Tally*>& tallies, std::vector<Cell>& cells) {
+  Tally& all = *tallies[0];
+  for (size_t t = 1; t < tallies.size(); ++t)
+    for (size_t c = 1; c < tallies[t]->cells.size(); ++c) {
+      const Cell& from = tallies[t]->cells[c];
+      Cell& to = all.at(tallies[t]->codes[c]);
+      to.box.extend(from.box);
+      to.count += from.count;
+      to.place = from.place;
+    }
+  cells.reserve(all.cells.size());
+  for (uint32_t& n : all.number) {
+    if (n == 0) continue;
+    cells.push_back(all.cells[n]);
+    n = static_cast<uint32_t>(cells.size() - 1);
+  }
+  uint32_t begin = 0;
+  for (Cell& cell : cells) {
+    cell.begin = begin;
+    begin += cell.count;
+  }
+}
+
+// Brings the items of each cell together, in the order in which they came.
+void sort_by_cell(const uint32_t* items, const std::vector<uint32_t>& number_of_code,
+                  const std::vector<uint32_t>& codes, CellSet& set) {
+  const size_t count = codes.size(), chunk = (count + 7) / 8;
+  std::vector<std::vector<uint32_t>> next((count + chunk - 1) / chunk);
+  parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
+    std::vector<uint32_t>& own = next[begin / chunk];
+    own.assign(set.cells.size(), 0);
+    for (size_t i = begin; i < end; ++i) ++own[number_of_code[codes[i]]];
+  });
+  for (size_t c = 0; c < set.cells.size(); ++c) {
+    uint32_t at = set.cells[c].begin;
+    for (auto& own : next) at += std::exchange(own[c], at);
+  }
+  set.order.resize(count);
+  parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
+    std::vector<uint32_t>& own = next[begin / chunk];
+    for (size_t i = begin; i < end; ++i) set.order[own[number_of_code[codes[i]]]++] = items[i];
+  });
+}
+
+}  // namespace
+
+CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
+                   const BoxRecord* bounds) {
+  CellSet set;
+  const Bounds all = bounds ? Bounds{*bounds, *bounds} : bounds_of(source, items, count);
+  set.scale = scale_for(all.boxes);
+  BoxRecord centers = all.centers;
+  centers.scale(set.scale);
+  const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 1, 6, 21);
+  const Grid grid(centers, bits);
+  std::vector<uint32_t> codes(count);
+  tbb::enumerable_thread_specific<Tally> tallies([&] {
+    Tally tally;
+    tally.number.assign(size_t(1) << bits, 0);
+    return tally;
+  });
+  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    Tally& tally = tallies.local();
+    for (size_t i = begin; i < end; ++i) {
+      const BoxRecord record = record_of(source, items[i], set.scale);
+      const Float4 center = center_of(source, record, set.scale);
+      Cell& cell = tally.at(codes[i] = grid.code(center));
+      if (cell.count++ == 0) cell.place = grid.places(center);
+      cell.box.extend(record);
+    }
+  });
+  std::vector<Tally*> list;
+  for (Tally& tally : tallies) list.push_back(&tally);
+  merge(list, set.cells);
+  sort_by_cell(items, list[0]->number, codes, set);
+  return set;
+}
+
+}  // namespace umbel::cluster
