@@ -19,6 +19,7 @@ from umbel.errors import Error, LoadWarning
 from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
 from umbel.io.gltf_materials import read_material
 from umbel.io.gltf_nodes import Nodes, instance_matrices
+from umbel.io.gltf_schema import check_schema
 from umbel.io.polygons import strips
 from umbel.io.scene import NO_MATERIAL, Instance, Part, Scene, join, with_default
 from umbel.mesh import (
@@ -52,6 +53,7 @@ def read_gltf(data: bytes, where: str, folder: Path | None = None) -> Scene:
     """The scene in a .gltf or .glb file's bytes; `where` names the file in errors, external
     buffers are read from `folder`."""
     root, binary = parse_container(data, where)
+    check_schema(root, where)
     _check_header(root, where)
     return _Reader(Buffers(root, binary, where, folder)).scene()
 

@@ -96,8 +96,6 @@ class Buffers:
     def number(self, entry: Json, key: str, user: str, default: int | None = None) -> int:
         """A count or an offset: an integer that is not negative."""
         value = entry.get(key, default)
-        if isinstance(value, float) and value.is_integer():
-            value = int(value)
         if not isinstance(value, int) or isinstance(value, bool) or value < 0:
             raise Error(f"{self.where}: {user} has {key} {value!r}")
         return value
@@ -240,7 +238,9 @@ class Buffers:
     def _with_sparse(self, values: NDArray[Any], sparse: Json, name: str) -> NDArray[Any]:
         name = f"{name}.sparse"
         count = self.number(sparse, "count", name)
-        places, entries = sparse["indices"], sparse["values"]
+        places, entries = sparse.get("indices"), sparse.get("values")
+        if places is None or entries is None:
+            raise Error(f"{self.where}: {name} lacks its indices or values")
         kind = _COMPONENTS.get(places.get("componentType", 0))
         if kind is None or kind[1] != "u":
             raise Error(f"{self.where}: {name} has indices of no integer type")
