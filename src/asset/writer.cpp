@@ -19,54 +19,56 @@ namespace {
 
 constexpr uint64_t kBatchBytes = uint64_t{8} << 20;
 
-void require(bool met, const std::string& sentence) {
-  if (!met) throw Error(ErrorCode::kInvalidArgument, sentence);
+[[noreturn]] void refuse(const std::string& sentence) {
+  throw Error(ErrorCode::kInvalidArgument, sentence);
 }
 
 template <typename Vector>
 void check_stream(const char* name, const std::vector<Vector>& stream, size_t vertices) {
-  require(stream.empty() || stream.size() == vertices,
-          std::string("the DAG's ") + name + " has " + std::to_string(stream.size()) +
-              " elements, but there are " + std::to_string(vertices) + " vertices");
+  if (!stream.empty() && stream.size() != vertices)
+    refuse(std::string("the DAG's ") + name + " has " + std::to_string(stream.size()) +
+           " elements, but there are " + std::to_string(vertices) + " vertices");
 }
 
 void check_offsets(const char* name, const std::vector<uint32_t>& offsets, size_t clusters,
                    size_t size) {
-  require(offsets.size() == clusters + 1 && offsets.front() == 0 && offsets.back() == size &&
-              std::is_sorted(offsets.begin(), offsets.end()),
-          std::string("the DAG's ") + name + " must rise from 0 to " + std::to_string(size) +
-              " in " + std::to_string(clusters + 1) + " elements");
+  if (offsets.size() != clusters + 1 || offsets.front() != 0 || offsets.back() != size ||
+      !std::is_sorted(offsets.begin(), offsets.end()))
+    refuse(std::string("the DAG's ") + name + " must rise from 0 to " + std::to_string(size) +
+           " in " + std::to_string(clusters + 1) + " elements");
 }
 
 void check_cluster(const lod::Dag& dag, uint32_t cluster) {
   const uint32_t begin = dag.vertex_offsets[cluster], end = dag.vertex_offsets[cluster + 1];
-  const std::string name = "cluster " + std::to_string(cluster);
-  require(end - begin <= kMaxLocalVertices,
-          name + " has " + std::to_string(end - begin) + " vertices, more than 256");
+  const auto refuse_cluster = [&](const std::string& what) {
+    refuse("cluster " + std::to_string(cluster) + " has " + what);
+  };
+  if (end - begin > kMaxLocalVertices)
+    refuse_cluster(std::to_string(end - begin) + " vertices, more than 256");
   for (uint32_t i = begin; i < end; ++i)
-    require(dag.cluster_vertices[i] < dag.vertices.positions.size(),
-            name + " uses vertex " + std::to_string(dag.cluster_vertices[i]) + " of " +
-                std::to_string(dag.vertices.positions.size()));
+    if (dag.cluster_vertices[i] >= dag.vertices.positions.size())
+      refuse_cluster("the vertex " + std::to_string(dag.cluster_vertices[i]) + " of " +
+                     std::to_string(dag.vertices.positions.size()));
   const size_t last = size_t{3} * dag.triangle_offsets[cluster + 1];
   for (size_t i = size_t{3} * dag.triangle_offsets[cluster]; i < last; ++i)
-    require(dag.cluster_triangles[i] < end - begin,
-            name + " has a triangle with the local vertex " +
-                std::to_string(dag.cluster_triangles[i]) + " of " + std::to_string(end - begin));
+    if (dag.cluster_triangles[i] >= end - begin)
+      refuse_cluster("a triangle with the local vertex " +
+                     std::to_string(dag.cluster_triangles[i]) + " of " +
+                     std::to_string(end - begin));
 }
 
 /// Refuses what cannot be stored or read back; what is merely wrong is lod::verify's to find.
 void check_dag(const lod::Dag& dag) {
-  const std::string problem = structural_problem(dag.tables);
-  require(problem.empty(), problem);
+  if (const std::string problem = structural_problem(dag.tables); !problem.empty()) refuse(problem);
   const size_t clusters = dag.tables.clusters.size(), vertices = dag.vertices.positions.size();
   check_stream("normals", dag.vertices.normals, vertices);
   check_stream("tangents", dag.vertices.tangents, vertices);
   check_stream("uvs", dag.vertices.uvs, vertices);
   check_stream("colors", dag.vertices.colors, vertices);
   if (clusters == 0) return;
-  require(dag.cluster_triangles.size() % 3 == 0, "the DAG's cluster_triangles has " +
-                                                     std::to_string(dag.cluster_triangles.size()) +
-                                                     " elements, not three a triangle");
+  if (dag.cluster_triangles.size() % 3 != 0)
+    refuse("the DAG's cluster_triangles has " + std::to_string(dag.cluster_triangles.size()) +
+           " elements, not three a triangle");
   check_offsets("vertex_offsets", dag.vertex_offsets, clusters, dag.cluster_vertices.size());
   check_offsets("triangle_offsets", dag.triangle_offsets, clusters,
                 dag.cluster_triangles.size() / 3);

@@ -40,8 +40,11 @@ inline std::vector<char> read_bytes(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
+/// In place where the size stays: some file systems flush a file that was emptied and rewritten.
 inline void write_bytes(const std::filesystem::path& path, const std::vector<char>& bytes) {
-  std::ofstream file(path, std::ios::binary);
+  std::error_code error;
+  const bool in_place = std::filesystem::file_size(path, error) == bytes.size() && !error;
+  std::ofstream file(path, in_place ? std::ios::binary | std::ios::in : std::ios::binary);
   file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
-#include <cstdlib>
+#include <functional>
 
 #include "asset/scratch.hpp"
 #include "asset/synthetic_dag.hpp"
