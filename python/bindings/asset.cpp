@@ -41,7 +41,7 @@ void bind_asset(nb::module_& module) {
             nb::gil_scoped_release release;
             new (self) Asset(path);
           },
-          "path"_a)
+          "path"_a, nb::sig("def __init__(self, path: str | os.PathLike[str]) -> None"))
       .def_prop_ro("info", [](const Asset& asset) { return info_dict(asset.info()); })
       .def_prop_ro(
           "tables", [](const Asset& asset) -> const lod::Tables& { return asset.tables(); },
@@ -68,7 +68,9 @@ void bind_asset(nb::module_& module) {
           return verify_asset(path, cuts, seed, options);
         }));
       },
-      "path"_a, "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0);
+      "path"_a, "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0,
+      nb::sig("def verify_asset(path: str | os.PathLike[str], cuts: int = 64, seed: int = 1, "
+              "progress: object | None = None, threads: int = 0) -> dict[str, typing.Any]"));
 }
 
 }  // namespace umbel::python

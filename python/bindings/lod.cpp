@@ -205,7 +205,9 @@ void bind_dag(nb::module_& module) {
               return write_asset(path, dag, metadata, options);
             });
           },
-          "path"_a, "metadata"_a = "{}", "progress"_a = nb::none(), "threads"_a = 0);
+          "path"_a, "metadata"_a = "{}", "progress"_a = nb::none(), "threads"_a = 0,
+          nb::sig("def save(self, path: str | os.PathLike[str], metadata: str = '{}', "
+                  "progress: object | None = None, threads: int = 0) -> int"));
   module.def(
       "build_lod",
       [](const MeshArrays& mesh, const lod::Config& config, const nb::object& progress,

@@ -5,7 +5,7 @@
 NB_MODULE(_umbel, module) {
   using namespace umbel::python;
   module.doc() = "Umbel's C++ library; use it through the package umbel.";
-  module.attr("__version__") = UMBEL_VERSION;
+  module.def("version", [] { return UMBEL_VERSION; }, "The version of the library.");
   bind_errors(module);
   bind_mesh(module);
   bind_cluster(module);

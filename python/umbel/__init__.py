@@ -16,7 +16,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ._umbel import __version__ as __version__
     from .asset import Asset as Asset
     from .camera import Camera as Camera
     from .cluster import Clusters as Clusters
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from .repair import weld as weld
 
 _HOME = {
-    "__version__": "_umbel",
     "Asset": "asset",
     "Camera": "camera",
     "Clusters": "cluster",
@@ -65,9 +63,15 @@ _MODULES = {"shapes"}
 
 __all__ = sorted(_HOME) + sorted(_MODULES)
 
+if TYPE_CHECKING:
+    __version__: str
+
 
 def __getattr__(name: str) -> Any:
-    if name in _HOME:
+    value: Any
+    if name == "__version__":
+        value = import_module("._umbel", __name__).version()
+    elif name in _HOME:
         value = getattr(import_module(f".{_HOME[name]}", __name__), name)
     elif name in _MODULES:
         value = import_module(f".{name}", __name__)

@@ -106,7 +106,7 @@ class Lod:
         of the same mesh."""
         report = {key: value for key, value in self.report.items() if key != "seconds"}
         return {
-            "generator": f"umbel {_umbel.__version__}",
+            "generator": f"umbel {_umbel.version()}",
             "name": self._name,
             "config": self.config,
             "source": self.source,

@@ -103,8 +103,10 @@ class Tables:
         return self._native.select(self._view(chosen[0], given[chosen[0]]), hierarchy)
 
     def _view(self, kind: str, value: Any) -> _umbel.View:
-        if kind == "camera":
+        if isinstance(value, Camera):
             return value.view()
+        if kind == "camera":
+            raise Error(f"camera must be an umbel.Camera, not a {type(value).__name__}")
         if not value >= 0:
             raise Error(f"{kind} must not be negative, and is {value}")
         if kind == "error":
