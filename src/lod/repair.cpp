@@ -182,7 +182,7 @@ class Mender {
     uint32_t best = kNone;
     float nearest = dot(point(b) - point(a), point(b) - point(a));
     for (uint32_t v = 0; v < input_.spare.size(); ++v) {
-      if (!input_.spare[v] || used_[v]) continue;
+      if (!input_.spare[v] || used_[v] || input_.patch_of[v] != input_.patch_of[a]) continue;
       const Vec3 d = point(v) - middle;
       if (dot(d, d) < nearest && faces_alike(a, y, v) && faces_alike(y, b, v) &&
           faces_alike(b, x, v) && faces_alike(x, a, v)) {

@@ -19,6 +19,7 @@ struct RepairInput {
   std::span<const uint32_t> position_of;  ///< local vertex -> local position
   std::span<const Vec3> positions;        ///< of local vertices
   std::span<const uint8_t> locked;        ///< of local positions
+  std::span<const uint64_t> patch_of;     ///< of local vertices: component and material
   std::span<const uint8_t> spare;  ///< of local vertices: may be brought back to split an edge
                                    ///< (not locked, alone at its position)
 };

@@ -228,7 +228,8 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsi
     auto found = faults(result.triangles);
     for (size_t before = found.size() + 1; !found.empty() && found.size() < before;) {
       before = found.size();
-      const float moved = repair({position_of_, positions_, locked_, spare_}, found, result.triangles);
+      const float moved = repair({position_of_, positions_, locked_, patch_of_, spare_}, found,
+                                 result.triangles);
       result.error = std::max(result.error, moved / source_.scale);
       found = faults(result.triangles);
     }
@@ -288,8 +289,12 @@ void GroupSimplifier::find_components() {
     }
     parts_[component_of_[p]].fixed |= locked_[p] != 0;
   }
-  for (uint32_t v = 0; v < vertices_.size(); ++v)
-    extend(parts_[component_of_[position_of_[v]]].box, positions_[v]);
+  patch_of_.resize(vertices_.size());
+  for (uint32_t v = 0; v < vertices_.size(); ++v) {
+    const uint32_t component = component_of_[position_of_[v]];
+    extend(parts_[component].box, positions_[v]);
+    patch_of_[v] = uint64_t{source_.material(vertices_[v])} << 32 | component;
+  }
 }
 
 // A component that is gone was nowhere nearer to what is left than half its diagonal, whatever the

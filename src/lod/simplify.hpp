@@ -82,6 +82,7 @@ class GroupSimplifier {
   std::vector<uint32_t> position_ids_;      // local position -> position id
   std::vector<uint8_t> spare_;              // local vertices that repair may bring back
   std::vector<uint32_t> component_of_;      // local position -> index into parts_
+  std::vector<uint64_t> patch_of_;          // local vertex -> component and material
   std::vector<Part> parts_;                 // connected components
   std::vector<Triangle> triangles_;         // local vertices
   std::vector<Triangle> position_triangles_;
