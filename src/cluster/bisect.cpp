@@ -71,6 +71,18 @@ uint32_t block_size(const Source& source, const Rules& rules) {
   return std::max(connected ? kConnectedBlock : kBlock, rules.config.max_items);
 }
 
+void load(const Source& source, const CellSet& set, const Part& part, BoxRecord* boxes) {
+  const uint32_t* order = set.order.data();
+  const uint32_t last = static_cast<uint32_t>(set.order.size()) - 1;
+  for (const Cell& cell : part.cells) {
+    for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i) {
+      source.prefetch(order[std::min(i + 24, last)]);
+      source.prefetch_box(order[std::min(i + 8, last)]);
+      *boxes++ = record_of(source, order[i], set.scale).tagged(order[i]);
+    }
+  }
+}
+
 template <typename LocalBlock>
 void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
                     uint32_t count, const BoxRecord* bounds, const LocalBlock& local,
@@ -82,10 +94,7 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
   }
   split_cells(source, rules, items, count, most, bounds, [&](const CellSet& set, const Part& part) {
     Block& block = local();
-    BoxRecord* box = block.prepare(source, rules, part.count);
-    for (const Cell& cell : part.cells)
-      for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i)
-        *box++ = record_of(source, set.order[i], set.scale);
+    load(source, set, part, block.prepare(source, rules, part.count));
     block.bisect_prepared(items + part.offset, first + part.offset, set.scale);
     done(part.count);
   });

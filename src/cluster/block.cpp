@@ -34,8 +34,7 @@ void Block::bisect(const Source& source, const Rules& rules, uint32_t* items, ui
   if (count == 0) return;
   BoxRecord* boxes = prepare(source, rules, count);
   for (uint32_t i = 0; i < count; ++i) {
-    boxes[i] = BoxRecord::from(source.box(items[i]));
-    boxes[i].set_tag(items[i]);
+    boxes[i] = source.record(items[i]).tagged(items[i]);
   }
   bisect_prepared(items, first);
 }
@@ -72,8 +71,8 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first, float scale) {
   split(0, count_, 2 * std::bit_width(count_) + 8);
 }
 
-// By centres rounded to 16 bits first: two cheap passes over words that stay in the nearest
-// cache. What those bits cannot tell apart, settle_ties does.
+// By centres rounded to as many bits as a word has beside the index: two cheap passes over words
+// that stay in the nearest cache. What those bits cannot tell apart, settle_tie does.
 void Block::sort_axis(int axis, float scale) {
   float* centers = centers_[axis].data();
   float low = std::numeric_limits<float>::max(), high = -low;
@@ -83,57 +82,61 @@ void Block::sort_axis(int axis, float scale) {
     low = std::min(low, centers[i]);
     high = std::max(high, centers[i]);
   }
-  if (count_ > 0x10000) return sort_long_axis(axis);
-  std::array<uint32_t, 256> offsets[2] = {};
-  words_.resize(2 * size_t(count_));
+  if (count_ < 128 || count_ > 0x10000) return sort_exactly(axis);
+  constexpr uint32_t kDigits[2] = {0x3ff, 0x3ff};
+  const uint32_t index_bits = std::max<uint32_t>(std::bit_width(count_ - 1), 12);
+  const uint32_t key_bits = 32 - index_bits, index_mask = (1u << index_bits) - 1;
+  std::array<uint32_t, 1024> offsets[2] = {};
+  if (words_.size() < 2 * size_t(count_)) words_.resize(2 * size_t(count_));
   uint32_t *words = words_.data(), *spare = words + count_;
   const float range = high * 0.5f - low * 0.5f;
-  const float step = range > 0x1p-100f ? 65535.0f / range : 0.0f;
+  const uint32_t last = (1u << key_bits) - 1;
+  const float step = range > 0x1p-100f ? static_cast<float>(last) / range : 0.0f;
   for (uint32_t i = 0; i < count_; ++i) {
-    const uint32_t key = static_cast<uint32_t>((centers[i] * 0.5f - low * 0.5f) * step) & 0xffffu;
-    words[i] = key << 16 | i;
-    ++offsets[0][key & 0xff];
-    ++offsets[1][key >> 8];
+    const float place = (centers[i] * 0.5f - low * 0.5f) * step;
+    const uint32_t key = std::min(static_cast<uint32_t>(static_cast<int32_t>(place)), last);
+    words[i] = key << index_bits | i;
+    ++offsets[0][key & kDigits[0]];
+    ++offsets[1][key >> 10];
   }
   for (int pass = 0; pass < 2; ++pass) {
     uint32_t sum = 0;
     for (uint32_t& offset : offsets[pass]) sum += std::exchange(offset, sum);
+    const uint32_t shift = index_bits + 10 * pass;
     for (uint32_t i = 0; i < count_; ++i)
-      spare[offsets[pass][words[i] >> (16 + 8 * pass) & 0xff]++] = words[i];
+      spare[offsets[pass][words[i] >> shift & kDigits[pass]]++] = words[i];
     std::swap(words, spare);
   }
-  settle_ties(axis);
-  for (uint32_t i = 0; i < count_; ++i) orders_[axis][i] = words[i] & 0xffffu;
+  for (uint32_t i = 1; i < count_; ++i)
+    if ((words[i] ^ words[i - 1]) <= index_mask) i = settle_tie(axis, words, i - 1, index_bits);
+  for (uint32_t i = 0; i < count_; ++i) orders_[axis][i] = words[i] & index_mask;
 }
 
-void Block::settle_ties(int axis) {
+uint32_t Block::settle_tie(int axis, uint32_t* words, uint32_t begin, uint32_t index_bits) {
   const float* centers = centers_[axis].data();
-  uint32_t* words = words_.data();
-  for (uint32_t begin = 0, end; begin < count_; begin = end) {
-    const uint32_t key = words[begin] >> 16;
-    for (end = begin + 1; end < count_ && words[end] >> 16 == key;) ++end;
-    if (end - begin < 2) continue;
-    std::sort(words + begin, words + end, [&](uint32_t a, uint32_t b) {
-      const float ca = centers[a & 0xffffu], cb = centers[b & 0xffffu];
-      return ca != cb ? ca < cb : a < b;
-    });
-  }
+  const uint32_t index_mask = (1u << index_bits) - 1;
+  uint32_t end = begin + 2;
+  while (end < count_ && (words[end] ^ words[begin]) <= index_mask) ++end;
+  std::sort(words + begin, words + end, [&](uint32_t a, uint32_t b) {
+    const float ca = centers[a & index_mask], cb = centers[b & index_mask];
+    return ca != cb ? ca < cb : a < b;
+  });
+  return end - 1;
 }
 
-void Block::sort_long_axis(int axis) {
-  long_words_.resize(count_);
-  spare_long_words_.resize(count_);
-  uint32_t low = 0xffffffffu, high = 0;
-  for (uint32_t i = 0; i < count_; ++i) {
-    const uint32_t key = float_to_key(centers_[axis][i]);
-    low = std::min(low, key);
-    high = std::max(high, key);
-    long_words_[i] = uint64_t(key) << 32 | i;
+void Block::sort_exactly(int axis) {
+  if (long_words_.size() < count_) {
+    long_words_.resize(count_);
+    spare_long_words_.resize(count_);
   }
-  for (uint64_t& word : long_words_) word -= uint64_t(low) << 32;
-  const uint64_t* sorted = radix_sort(long_words_.data(), spare_long_words_.data(), count_, 32,
-                                      32 + std::bit_width(high - low));
-  for (uint32_t i = 0; i < count_; ++i) orders_[axis][i] = static_cast<uint32_t>(sorted[i]);
+  uint64_t* words = long_words_.data();
+  for (uint32_t i = 0; i < count_; ++i)
+    words[i] = uint64_t(float_to_key(centers_[axis][i])) << 32 | i;
+  if (count_ < 128)
+    std::sort(words, words + count_);
+  else
+    words = radix_sort(words, spare_long_words_.data(), count_, 32, 64);
+  for (uint32_t i = 0; i < count_; ++i) orders_[axis][i] = static_cast<uint32_t>(words[i]);
 }
 
 void Block::split(uint32_t begin, uint32_t end, uint32_t depth) {

@@ -44,8 +44,8 @@ class Block {
   };
 
   void sort_axis(int axis, float scale);
-  void sort_long_axis(int axis);
-  void settle_ties(int axis);
+  uint32_t settle_tie(int axis, uint32_t* words, uint32_t begin, uint32_t index_bits);
+  void sort_exactly(int axis);
   void split(uint32_t begin, uint32_t end, uint32_t depth);
   bool is_leaf(uint32_t begin, uint32_t end);
   void make_leaf(uint32_t begin, uint32_t end, int axis);

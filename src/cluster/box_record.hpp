@@ -50,6 +50,9 @@ struct alignas(32) BoxRecord {
 
   uint32_t tag() const { return std::bit_cast<uint32_t>(float(low[3])); }
   void set_tag(uint32_t tag) { low[3] = std::bit_cast<float>(tag); }
+  BoxRecord tagged(uint32_t tag) const {
+    return {Float4{low[0], low[1], low[2], std::bit_cast<float>(tag)}, negated_high};
+  }
 
   /// Half the area of the box after it has grown by `pad` in each direction. A little padding
   /// makes boxes without area, those of points on one line, comparable by their length.

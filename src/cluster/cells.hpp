@@ -24,16 +24,17 @@ struct CellSet {
 };
 
 inline BoxRecord record_of(const Source& source, uint32_t item, float scale) {
-  BoxRecord record = BoxRecord::from(source.box(item));
+  BoxRecord record = source.record(item);
   if (scale != 1.0f) record.scale(scale);
-  record.set_tag(item);
   return record;
 }
 
-inline Float4 center_of(const Source& source, const BoxRecord& record, float scale) {
+/// The record must have no tag: as a float that is a denormal number, and slow to multiply.
+inline Float4 center_of(const Source& source, const BoxRecord& record, uint32_t item,
+                        float scale) {
   if (source.centroids.empty())
     return record.low * splat(0.5f) - record.negated_high * splat(0.5f);
-  const Vec3& c = source.centroids[record.tag()];
+  const Vec3& c = source.centroids[item];
   return Float4{c.x, c.y, c.z, 0} * splat(scale);
 }
 

@@ -31,7 +31,7 @@ Bounds bounds_of(const Source& source, const uint32_t* items, uint32_t count) {
     Bounds b;
     for (size_t i = begin; i < end; ++i) {
       const BoxRecord record = record_of(source, items[i], 1.0f);
-      const Float4 center = center_of(source, record, 1.0f);
+      const Float4 center = center_of(source, record, items[i], 1.0f);
       b.boxes.extend(record);
       b.centers.extend({center, -center});
     }
@@ -169,7 +169,7 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   set.scale = scale_for(all.boxes);
   BoxRecord centers = all.centers;
   centers.scale(set.scale);
-  const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 1, 6, 21);
+  const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 2, 6, 21);
   const Grid grid(centers, bits);
   std::vector<uint32_t> codes(count);
   tbb::enumerable_thread_specific<Tally> tallies([&] {
@@ -181,7 +181,7 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
     Tally& tally = tallies.local();
     for (size_t i = begin; i < end; ++i) {
       const BoxRecord record = record_of(source, items[i], set.scale);
-      const Float4 center = center_of(source, record, set.scale);
+      const Float4 center = center_of(source, record, items[i], set.scale);
       Cell& cell = tally.at(codes[i] = grid.code(center));
       if (cell.count++ == 0) cell.place = grid.places(center);
       cell.box.extend(record);

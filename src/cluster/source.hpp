@@ -6,6 +6,7 @@
 #include <span>
 
 #include "base/math.hpp"
+#include "cluster/box_record.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster {
@@ -36,6 +37,26 @@ struct Source {
     const Vec3 &a = positions[t[0]], &b = positions[t[1]], &c = positions[t[2]];
     return {min(min(a, b), c), max(max(a, b), c)};
   }
+
+  BoxRecord record(uint32_t item) const {
+    if (!positions) return BoxRecord::from(boxes[item]);
+    const uint32_t* t = vertices + size_t(item) * 3;
+    const Float4 a = load(positions[t[0]]), b = load(positions[t[1]]), c = load(positions[t[2]]);
+    return {min4(min4(a, b), c), -max4(max4(a, b), c)};
+  }
+
+  /// Starts to bring an item closer, to be called some items before `prefetch_box` is.
+  void prefetch(uint32_t item) const {
+    __builtin_prefetch(positions ? static_cast<const void*>(vertices + size_t(item) * 3)
+                                 : &boxes[item]);
+  }
+  /// The same for what the item refers to, to be called some items before its box is needed.
+  void prefetch_box(uint32_t item) const {
+    if (!positions) return;
+    for (int k = 0; k < 3; ++k) __builtin_prefetch(&positions[vertices[size_t(item) * 3 + k]]);
+  }
+
+  static Float4 load(const Vec3& p) { return Float4{p.x, p.y, p.z, 0}; }
 
   std::span<const Aabb> boxes;
   std::span<const Vec3> centroids;

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kBins = 64;
 constexpr uint32_t kParallel = 1 << 15;  ///< items from which on the two sides run in parallel
-constexpr size_t kFewCells = 64;         ///< too few to choose from: a finer grid is made
+constexpr size_t kFewCells = 8;         ///< too few to choose from: a finer grid is made
 constexpr uint32_t kMaxGrids = 8;        ///< one inside another
 
 struct Node {
@@ -187,8 +187,8 @@ class Splitter {
                  Part& right) const {
     std::vector<Item> items;
     const auto key = [&](uint32_t item) {
-      return Item{float(center_of(source_, record_of(source_, item, set.scale), set.scale)[axis]),
-                  item};
+      const BoxRecord record = record_of(source_, item, set.scale);
+      return Item{float(center_of(source_, record, item, set.scale)[axis]), item};
     };
     for (const Cell& cell : part.cells)
       if (cell.place[axis] == layer)
