@@ -22,7 +22,10 @@ struct AssetInfo {
 };
 
 /// Writes beside `path` and renames, so that a file of that name is always whole. `metadata` is
-/// a JSON object that comes back as AssetInfo::metadata. Returns the bytes written. Throws kIo.
+/// a JSON object that comes back as AssetInfo::metadata. Returns the bytes written. Throws kIo,
+/// kCancelled, and kInvalidArgument for a DAG that cannot be stored (a range or index out of its
+/// table, clusters not in one group each, nodes that are no tree). A DAG that is merely wrong
+/// (an error too low, a triangle missing) is stored as it is; verify_asset tells.
 UMBEL_API uint64_t write_asset(const std::filesystem::path& path, const lod::Dag& dag,
                                const std::string& metadata = "{}",
                                const BuildOptions& options = {});
