@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <map>
 #include <set>
 
@@ -97,6 +98,45 @@ TEST(Select, threads_do_not_matter) {
     with_threads(8, [&] { many = select(tables, view); });
     EXPECT_EQ(one, many);
   }
+}
+
+// A generating group must never be refined without the groups of what it generated, or the cut
+// has both. Eyes stand on the line through both centres, where the spheres leave least room, and
+// thresholds are the last at which the coarser group need not be refined.
+TEST(Select, no_group_is_refined_below_one_that_is_not) {
+  const Tables& tables = blob_dag().tables;
+  Random random(3);
+  size_t tight = 0;
+  for (const Cluster& cluster : tables.clusters) {
+    if (cluster.generating_group == kNone) continue;
+    const Group& fine = tables.groups[cluster.generating_group];
+    const Group& coarse = tables.groups[cluster.group];
+    if (std::isinf(coarse.error)) continue;
+    const Vec3 &c = fine.sphere.center, &o = coarse.sphere.center;
+    const double x = double{c.x} - o.x, y = double{c.y} - o.y, z = double{c.z} - o.z;
+    const double length = std::sqrt(x * x + y * y + z * z);
+    if (length == 0) continue;
+    for (int i = 0; i < 100; ++i) {
+      const double far = coarse.sphere.radius * (1 + random.log_between(1e-7, 1e6)) / length;
+      View view = camera({static_cast<float>(o.x + far * x), static_cast<float>(o.y + far * y),
+                          static_cast<float>(o.z + far * z)},
+                         1e30f);
+      // The smallest threshold at which the coarse group need not be refined, by bisection of the
+      // bits of positive floats, which are in order.
+      uint32_t low = 0, high = std::bit_cast<uint32_t>(view.threshold);
+      while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+        view.threshold = std::bit_cast<float>(middle);
+        (must_refine(coarse, view) ? low : high) = middle;
+      }
+      view.threshold = std::bit_cast<float>(high);
+      if (must_refine(coarse, view)) continue;  // the eye is inside, and always refines
+      ++tight;
+      ASSERT_FALSE(must_refine(fine, view)) << "group " << cluster.group << " from "
+                                            << cluster.generating_group << ", distance " << far;
+    }
+  }
+  EXPECT_GT(tight, 10000u);
 }
 
 TEST(Select, cut_of_closed_mesh_is_closed) {
