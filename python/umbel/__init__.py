@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from . import shapes as shapes
     from .asset import Asset as Asset
     from .camera import Camera as Camera
     from .cluster import Clusters as Clusters
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
     from .colors import colored_clusters as colored_clusters
     from .errors import Cancelled as Cancelled
     from .errors import Error as Error
+    from .errors import LoadWarning as LoadWarning
     from .io import load as load
     from .io import save as save
     from .lod import Lod as Lod
     from .lod import build_lod as build_lod
+    from .mesh import Material as Material
     from .mesh import Mesh as Mesh
     from .proof import VerifyReport as VerifyReport
     from .proof import verify as verify
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from .repair import snap as snap
     from .repair import validate as validate
     from .repair import weld as weld
+    from .tables import Tables as Tables
 
 _HOME = {
     "Asset": "asset",
@@ -47,15 +51,18 @@ _HOME = {
     "colored_clusters": "colors",
     "Cancelled": "errors",
     "Error": "errors",
+    "LoadWarning": "errors",
     "load": "io",
     "save": "io",
     "Lod": "lod",
     "build_lod": "lod",
+    "Material": "mesh",
     "Mesh": "mesh",
     "drop_invalid": "repair",
     "snap": "repair",
     "validate": "repair",
     "weld": "repair",
+    "Tables": "tables",
     "VerifyReport": "proof",
     "verify": "proof",
 }

@@ -4,6 +4,7 @@ gives the same text, so it holds no times and no paths."""
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -25,10 +26,25 @@ def materials_from_json(items: list[dict[str, Any]]) -> list[Material]:
         known = {key: value for key, value in item.items() if key in _KNOWN}
         for key in _TUPLES:
             if key in known:
-                known[key] = tuple(known[key])
+                known[key] = tuple(0.0 if v is None else v for v in known[key])
         materials.append(Material(**known))
     return materials
 
 
+def plain(value: Any) -> Any:
+    """The value as JSON and any terminal can say it: tuples as lists, NumPy's numbers as plain
+    ones, None for what is not finite, "?" for what is no text."""
+    if isinstance(value, dict):
+        return {plain(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, str):
+        return value.encode("utf-8", "replace").decode()
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def encode(metadata: dict[str, Any]) -> str:
-    return json.dumps(metadata, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    """The metadata as text; equal metadata give equal text."""
+    return json.dumps(plain(metadata), sort_keys=True, separators=(",", ":"), allow_nan=False)

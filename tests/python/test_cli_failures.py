@@ -206,3 +206,31 @@ def test_nobody_reading_the_output_is_no_crash(blob_asset: Path) -> None:
     )
     os.close(write)
     assert done.returncode == 1 and "Traceback" not in done.stderr
+
+
+def test_names_that_are_no_text_are_no_crash(
+    umbel_command: Umbel, blob_ply: Path, tmp_path: Path
+) -> None:
+    source = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.ply"))
+    source.write_bytes(blob_ply.read_bytes())
+    asset = source.with_suffix(".umbel")
+    assert umbel_command("build", source, "-o", asset, "--json").status == 0
+    assert umbel_command("info", asset, "--json").json["source"]["file"] == "caf?.ply"
+    assert umbel_command("info", asset).status == 0
+    assert umbel_command("verify", asset, "--json").json["ok"] is True
+    assert_one_sentence(umbel_command("info", source.with_name("\udce9.ply")))
+
+
+def test_sigterm_while_starting_shows_no_traceback(blob_asset: Path) -> None:
+    for moment in (0.05, 0.1, 0.15, 0.2, 0.3):
+        process = subprocess.Popen(
+            [*COMMAND, "info", str(blob_asset)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        time.sleep(moment)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=10)
+        assert "Traceback" not in err
+        assert process.returncode in (0, 128 + signal.SIGTERM, -signal.SIGTERM)

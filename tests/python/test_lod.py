@@ -131,7 +131,7 @@ def test_bad_arguments_are_named(blob: umbel.Mesh, arguments: dict, word: str) -
 def test_attributes_and_materials_stay(blob: umbel.Mesh) -> None:
     rng = np.random.default_rng(1)
     n = len(blob.positions)
-    materials = [umbel.mesh.Material(name=str(k), roughness=k / 4) for k in range(3)]
+    materials = [umbel.Material(name=str(k), roughness=k / 4) for k in range(3)]
     mesh = umbel.Mesh(
         blob.positions,
         blob.triangles,

@@ -5,43 +5,34 @@ Exit status: 0 done, 1 the input or an argument is at fault, 2 usage, 3 a check 
 
 from __future__ import annotations
 
-import typer
-
-from . import build, cluster, extract, info, verify
-from .run import handle_signals
-
-app = typer.Typer(
-    name="umbel",
-    help="Triangle meshes as clusters and continuous levels of detail.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        from .. import __version__
-
-        typer.echo(f"umbel {__version__}")
-        raise typer.Exit
+class Terminated(BaseException):
+    """SIGTERM arrived."""
 
 
-@app.callback()
-def _umbel(
-    version: bool = typer.Option(
-        False, "--version", callback=_print_version, is_eager=True, help="Say the version and exit."
-    ),
-) -> None:
-    pass
-
-
-for _module in (build, info, verify, extract, cluster):
-    app.command(_module.__name__.rpartition(".")[2])(_module.command)
+def _terminate(_number: int, _frame: FrameType | None) -> NoReturn:
+    raise Terminated
 
 
 def main() -> None:
     """The entry point of the command `umbel`."""
-    handle_signals()
-    app(prog_name="umbel")
+    signal.signal(signal.SIGTERM, _terminate)
+    # Commands end cleanly by themselves; this is for what comes before them, imports above all.
+    try:
+        from .app import app
+
+        app(prog_name="umbel")
+    except KeyboardInterrupt:
+        _end("interrupted", signal.SIGINT)
+    except Terminated:
+        _end("terminated", signal.SIGTERM)
+
+
+def _end(word: str, number: signal.Signals) -> NoReturn:
+    print(f"umbel: {word}", file=sys.stderr)
+    sys.exit(128 + number)

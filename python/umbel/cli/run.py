@@ -5,17 +5,17 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
-import math
 import os
 import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any, NoReturn, TypeVar
 
 import typer
+
+from . import Terminated
 
 FAULT, USAGE, CHECK_FAILED = 1, 2, 3
 
@@ -27,19 +27,6 @@ Threads = Annotated[
 ]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
-
-
-class Terminated(BaseException):
-    """SIGTERM arrived."""
-
-
-def handle_signals() -> None:
-    """Makes SIGTERM end a command the way Ctrl-C does: cleanly, from the next progress report."""
-
-    def terminate(_number: int, _frame: FrameType | None) -> NoReturn:
-        raise Terminated
-
-    signal.signal(signal.SIGTERM, terminate)
 
 
 def say(sentence: str) -> None:
@@ -108,31 +95,22 @@ def is_asset(path: Path) -> bool:
     return path.suffix.lower() == ".umbel"
 
 
-def finite(value: Any) -> Any:
-    """The value as JSON can say it: tuples as lists, NumPy's numbers as plain ones, and None for
-    what is not finite."""
-    if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(item) for item in value]
-    if hasattr(value, "item"):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def show(result: dict[str, Any], as_json: bool, title: str) -> None:
     """The result: one JSON object, a table on a terminal, plain lines elsewhere."""
+    from ..metadata import plain
+
+    result = plain(result)
     if as_json:
-        print(json.dumps(finite(result), allow_nan=False))
+        print(json.dumps(result, allow_nan=False))
     elif sys.stdout.isatty():
-        _print_table(result, title)
+        _print_table(result, plain(title))
     else:
         for key, value in _rows(result):
             print(f"{key}: {value}")
 
 
 def _rows(result: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    for key, value in finite(result).items():
+    for key, value in result.items():
         name = f"{prefix}{key}"
         if isinstance(value, dict):
             yield from _rows(value, f"{name}.")
