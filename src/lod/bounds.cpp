@@ -49,6 +49,23 @@ struct Ball {
 
 double coordinate(const Vec3& v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
+// Symmetric inputs are served best by the middle of their box.
+template <typename Get>
+Ball around_box(const size_t (&low)[3], const size_t (&high)[3], size_t count, const Get& get) {
+  double middle[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    const Sphere l = get(low[axis]), h = get(high[axis]);
+    middle[axis] = 0.5 * (coordinate(l.center, axis) - l.radius) +
+                   0.5 * (coordinate(h.center, axis) + h.radius);
+  }
+  Ball ball{{middle[0], middle[1], middle[2]}, 0};
+  for (size_t i = 0; i < count; ++i) {
+    const Sphere s = get(i);
+    ball.radius = std::max(ball.radius, distance(ball.center, to_point(s.center)) + s.radius);
+  }
+  return ball;
+}
+
 template <typename Get>
 Ball ritter(size_t count, const Get& get) {
   size_t low[3] = {}, high[3] = {};
@@ -72,13 +89,14 @@ Ball ritter(size_t count, const Get& get) {
     ball = {to_point(a.center), a.radius};
     ball.grow(to_point(b.center), b.radius);
   }
+  const Ball boxed = around_box(low, high, count, get);
   for (int round = 0; round < 3; ++round) {
     Ball next = ball;
     next.radius *= 0.9;
     for (size_t i = 0; i < count; ++i) next.grow(to_point(get(i).center), get(i).radius);
     if (round == 0 || next.radius < ball.radius) ball = next;
   }
-  return ball;
+  return boxed.radius < ball.radius ? boxed : ball;
 }
 
 // The centre is rounded to float first and the radius measured from there.
