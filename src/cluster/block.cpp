@@ -41,7 +41,8 @@ void Block::bisect(const Source& source, const Rules& rules, uint32_t* items, ui
 
 BoxRecord* Block::prepare(const Source& source, const Rules& rules, uint32_t count) {
   source_ = &source;
-  rules_ = &rules;
+  rules_ = rules;
+  most_items_ = rules.config.max_items;
   count_ = count;
   if (boxes_.size() < count) {
     boxes_.resize(count);
@@ -67,6 +68,7 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first, float scale) {
     for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(more);
     scale *= more;
   }
+  if (rules_.config.max_vertices) expect_vertices();
   for (int axis = 0; axis < 3; ++axis) sort_axis(axis, scale);
   split(0, count_, 2 * std::bit_width(count_) + 8);
 }
@@ -141,29 +143,32 @@ void Block::sort_exactly(int axis) {
 
 void Block::split(uint32_t begin, uint32_t end, uint32_t depth) {
   const uint32_t n = end - begin;
-  if (is_leaf(begin, end)) return make_leaf(begin, end, 0);
-  const ClusterConfig& config = rules_->config;
-  const uint32_t presplit = config.presplit_threshold;
-  Split best{};
-  if (depth > 0 && !(presplit && n > presplit)) best = cheapest(begin, end);
-  if (!best.position) best = median(begin, end);
-  const uint32_t middle = begin + best.position;
-  if (!config.max_vertices && std::max(middle - begin, end - middle) <= config.max_items) {
-    make_leaf(begin, middle, best.axis);
-    return make_leaf(middle, end, best.axis);
-  }
-  partition(begin, end, best);
-  const uint32_t left = depth > 0 ? depth - 1 : 0;
-  split(begin, middle, left);
-  split(middle, end, left);
+  if (is_leaf(begin, end, 0)) return make_leaf(begin, end, 0);
+  split_node(begin, end, depth);
 }
 
-bool Block::is_leaf(uint32_t begin, uint32_t end) {
-  const ClusterConfig& config = rules_->config;
+void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {
+  const ClusterConfig& config = rules_.config;
+  const uint32_t presplit = config.presplit_threshold;
+  Split best{};
+  if (depth > 0 && !(presplit && end - begin > presplit)) best = cheapest(begin, end);
+  if (!best.position) best = median(begin, end);
+  const uint32_t middle = begin + best.position;
+  const bool left_leaf = is_leaf(begin, middle, best.axis);
+  const bool right_leaf = is_leaf(middle, end, best.axis);
+  // Leaves need no other order than the one at hand.
+  if (!left_leaf || !right_leaf) partition(begin, end, best);
+  const uint32_t left = depth > 0 ? depth - 1 : 0;
+  left_leaf ? make_leaf(begin, middle, best.axis) : split_node(begin, middle, left);
+  right_leaf ? make_leaf(middle, end, best.axis) : split_node(middle, end, left);
+}
+
+bool Block::is_leaf(uint32_t begin, uint32_t end, int axis) {
+  const ClusterConfig& config = rules_.config;
   const uint32_t n = end - begin;
-  if (n > config.max_items) return false;
+  if (n > most_items_) return false;
   return n == 1 || !config.max_vertices || uint64_t(n) * source_->arity <= config.max_vertices ||
-         count_vertices(begin, end) <= config.max_vertices;
+         count_vertices(begin, end, axis) <= config.max_vertices;
 }
 
 void Block::make_leaf(uint32_t begin, uint32_t end, int axis) {
@@ -197,7 +202,7 @@ Block::Split Block::median(uint32_t begin, uint32_t end) const {
   for (int k = 1; k < 3; ++k)
     if (all.extent(k) > all.extent(axis)) axis = k;
   const uint32_t n = end - begin;
-  return {0.0f, n > rules_->config.max_items ? rules_->middle(n) : n / 2, axis};
+  return {0.0f, n > most_items_ ? rules_.middle(n) : n / 2, axis};
 }
 
 void Block::partition(uint32_t begin, uint32_t end, const Split& split) {

@@ -47,7 +47,9 @@ class Block {
   uint32_t settle_tie(int axis, uint32_t* words, uint32_t begin, uint32_t index_bits);
   void sort_exactly(int axis);
   void split(uint32_t begin, uint32_t end, uint32_t depth);
-  bool is_leaf(uint32_t begin, uint32_t end);
+  void expect_vertices();
+  void split_node(uint32_t begin, uint32_t end, uint32_t depth);
+  bool is_leaf(uint32_t begin, uint32_t end, int axis);
   void make_leaf(uint32_t begin, uint32_t end, int axis);
   BoxRecord bounds(uint32_t begin, uint32_t end) const;
   BoxRecord normalise(uint32_t begin, uint32_t end, BoxRecord bounds);
@@ -68,11 +70,12 @@ class Block {
   void sweep(uint32_t begin, uint32_t end, int axis, bool vertex_bound, Split& best);
   void add_overlap(const uint32_t* order, uint32_t n);
   void weigh_vertices(const uint32_t* order, uint32_t n);
-  uint32_t count_vertices(uint32_t begin, uint32_t end);
+  uint32_t count_vertices(uint32_t begin, uint32_t end, int axis);
   void number_vertices(uint32_t begin, uint32_t end);
 
   const Source* source_ = nullptr;
-  const Rules* rules_ = nullptr;
+  Rules rules_{ClusterConfig{}};        ///< max_items is what vertices will let a cluster have
+  uint32_t most_items_ = 0;             ///< the limit that was asked for
   uint32_t* items_ = nullptr;
   uint8_t* first_ = nullptr;
   uint32_t count_ = 0;
@@ -98,6 +101,7 @@ class Block {
   std::vector<float> left_area_, right_area_, extra_, left_weight_, right_weight_;
   std::vector<BoxRecord> left_boxes_;
   VertexTable table_;
+  QuickVertexCount quick_count_;
   std::vector<uint32_t> numbers_;       ///< of the vertices of a vertex-bound node
   std::vector<uint8_t> seen_;
   Cut cut_;

@@ -14,8 +14,8 @@ namespace umbel::cluster {
 
 Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
   const uint32_t n = end - begin;
-  const ClusterConfig& config = rules_->config;
-  if (cut_.active() || config.overlap_cost > 0.0f || n <= config.max_items)
+  const ClusterConfig& config = rules_.config;
+  if (cut_.active() || config.overlap_cost > 0.0f || n <= most_items_)
     return cheapest_by_sweep(begin, end);
   fill_weights(n);
   const uint32_t step = chunk_size(n);
@@ -36,7 +36,7 @@ Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
 }
 
 uint32_t Block::chunk_size(uint32_t n) const {
-  const ClusterConfig& config = rules_->config;
+  const ClusterConfig& config = rules_.config;
   if (config.min_items == config.max_items) return config.max_items;
   return std::clamp(std::bit_floor(n) / 32, 8u, 1u << 20);
 }
@@ -71,7 +71,7 @@ BoxRecord Block::reduce_chunks(uint32_t begin, uint32_t n, uint32_t step) {
 
 void Block::weigh_borders(uint32_t n, uint32_t step, Split& best) {
   const uint32_t chunks = (n + step - 1) / step;
-  const bool divisible = rules_->divisible(n);
+  const bool divisible = rules_.divisible(n);
   for (int axis = 0; axis < 3; ++axis) {
     float* left = area_before_[axis].data();
     float* right = area_after_[axis].data();
@@ -84,14 +84,14 @@ void Block::weigh_borders(uint32_t n, uint32_t step, Split& best) {
     for (uint32_t c = 1; c < chunks; ++c) {
       const uint32_t i = c * step;
       const float cost = left[c] * weights_[i] + right[c] * weights_[n - i];
-      if (cost < best.cost && rules_->legal(i, n, divisible)) best = {cost, i, axis};
+      if (cost < best.cost && rules_.legal(i, n, divisible)) best = {cost, i, axis};
     }
   }
 }
 
 void Block::list_gaps(uint32_t n, uint32_t step, const Split& best) {
   const uint32_t chunks = (n + step - 1) / step;
-  const uint32_t least = rules_->divisible(n) ? rules_->config.min_items : 1;
+  const uint32_t least = rules_.divisible(n) ? rules_.config.min_items : 1;
   gaps_.clear();
   for (int axis = 0; axis < 3; ++axis) {
     const float* left = area_before_[axis].data();
@@ -108,7 +108,7 @@ void Block::list_gaps(uint32_t n, uint32_t step, const Split& best) {
 void Block::search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap, Split& best) {
   const uint32_t* order = orders_[gap.axis].data() + begin;
   const uint32_t start = gap.chunk * step, stop = std::min(start + step, n);
-  const bool divisible = rules_->divisible(n);
+  const bool divisible = rules_.divisible(n);
   if (gap_areas_.size() < step) gap_areas_.resize(step);
   BoxRecord box = before_[gap.axis][gap.chunk];
   for (uint32_t i = start; i + 1 < stop; ++i) {
@@ -120,19 +120,19 @@ void Block::search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap
     box.extend(boxes_[order[i]]);
     const float cost =
         gap_areas_[i - 1 - start] * weights_[i] + box.half_area(pad_) * weights_[n - i];
-    if (cost < best.cost && rules_->legal(i, n, divisible)) best = {cost, i, gap.axis};
+    if (cost < best.cost && rules_.legal(i, n, divisible)) best = {cost, i, gap.axis};
   }
 }
 
 void Block::fill_weights(uint32_t n) {
-  const ClusterConfig& config = rules_->config;
+  const ClusterConfig& config = rules_.config;
   if (weights_max_items_ != config.max_items || weights_underfill_ != config.underfill_cost) {
     weights_.clear();
     weights_max_items_ = config.max_items;
     weights_underfill_ = config.underfill_cost;
   }
   for (uint32_t i = static_cast<uint32_t>(weights_.size()); i <= n; ++i)
-    weights_.push_back(rules_->weight(i));
+    weights_.push_back(rules_.weight(i));
 }
 
 }  // namespace umbel::cluster

@@ -17,14 +17,14 @@ Block::Split Block::cheapest_by_sweep(uint32_t begin, uint32_t end) {
   for (auto* array : {&left_area_, &right_area_, &extra_, &left_weight_, &right_weight_})
     if (array->size() < n) array->resize(n);
   normalise(begin, end, bounds(begin, end));
-  const bool vertex_bound = n <= rules_->config.max_items;
-  const bool divisible = rules_->divisible(n);
+  const bool vertex_bound = n <= most_items_;
+  const bool divisible = rules_.divisible(n);
   if (vertex_bound) {
     number_vertices(begin, end);
   } else {
     for (uint32_t i = 1; i < n; ++i) {
-      left_weight_[i - 1] = rules_->legal(i, n, divisible) ? rules_->weight(i) : kInfinity;
-      right_weight_[i - 1] = rules_->weight(n - i);
+      left_weight_[i - 1] = rules_.legal(i, n, divisible) ? rules_.weight(i) : kInfinity;
+      right_weight_[i - 1] = rules_.weight(n - i);
     }
   }
   if (cut_.active()) cut_.enter(orders_[0].data() + begin, n);
@@ -53,7 +53,7 @@ void Block::sweep(uint32_t begin, uint32_t end, int axis, bool vertex_bound, Spl
   } else {
     std::fill_n(extra_.begin(), n, 0.0f);
   }
-  if (rules_->config.overlap_cost > 0.0f) add_overlap(order, n);
+  if (rules_.config.overlap_cost > 0.0f) add_overlap(order, n);
   if (vertex_bound) weigh_vertices(order, n);
   for (uint32_t i = 0; i + 1 < n; ++i) {
     const float cost =
@@ -69,7 +69,7 @@ void Block::add_overlap(const uint32_t* order, uint32_t n) {
     left.extend(boxes_[order[i]]);
     left_boxes_[i] = left;
   }
-  const float scale = rules_->config.overlap_cost * static_cast<float>(n);
+  const float scale = rules_.config.overlap_cost * static_cast<float>(n);
   for (uint32_t i = n - 1; i > 0; --i) {
     right.extend(boxes_[order[i]]);
     BoxRecord both = right;
@@ -80,13 +80,13 @@ void Block::add_overlap(const uint32_t* order, uint32_t n) {
 }
 
 void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
-  const uint32_t arity = source_->arity, limit = rules_->config.max_vertices;
+  const uint32_t arity = source_->arity, limit = rules_.config.max_vertices;
   const uint32_t total = table_.count();
-  const float price = rules_->config.vertex_underfill_cost * static_cast<float>(n) /
+  const float price = rules_.config.vertex_underfill_cost * static_cast<float>(n) /
                       static_cast<float>(total);
   // A side of limit / arity items fits whatever they are; smaller ones are a waste.
   const uint32_t least =
-      std::min({std::max(limit / arity, 1u), rules_->config.min_items, std::max(n / 2, 1u)});
+      std::min({std::max(limit / arity, 1u), rules_.config.min_items, std::max(n / 2, 1u)});
   const auto weight = [&](uint32_t items, uint32_t vertices) {
     if (items < least) return kInfinity;
     const uint32_t missing = (vertices + limit - 1) / limit * limit - vertices;
@@ -109,11 +109,47 @@ void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
     right_weight_[i - 1] = weight(n - i, vertices += count_new(order[i]));
 }
 
-uint32_t Block::count_vertices(uint32_t begin, uint32_t end) {
+// Where clusters will run out of vertices before they are full of items, splits must aim at the
+// number of items that they will have, or each full node ends in two half-full ones. A few samples
+// of neighbours tell.
+void Block::expect_vertices() {
+  constexpr uint32_t kSamples = 4;
+  const uint32_t arity = source_->arity, limit = rules_.config.max_vertices;
+  const uint32_t length = std::min(most_items_, count_);
+  if (uint64_t(length) * arity <= limit) return;
+  uint64_t vertices = 0;
+  for (uint32_t s = 0; s < kSamples; ++s) {
+    const uint32_t begin = uint32_t(uint64_t(count_ - length) * s / (kSamples - 1));
+    table_.clear(size_t(length) * arity);
+    for (uint32_t i = begin; i < begin + length; ++i)
+      for (uint32_t k = 0; k < arity; ++k)
+        table_.insert(source_->vertices[size_t(boxes_[i].tag()) * arity + k]);
+    vertices += table_.count();
+  }
+  const double mean = double(vertices) / kSamples;
+  if (mean <= limit) return;
+  // Shapes differ, and those with a longer border need more vertices.
+  constexpr double kMargin = 0.9;
+  ClusterConfig config = rules_.config;
+  config.max_items = std::clamp(uint32_t(kMargin * length * limit / mean),
+                                std::min(limit / arity, most_items_), most_items_);
+  config.min_items = std::min(config.min_items, config.max_items);
+  rules_ = Rules(config);
+}
+
+uint32_t Block::count_vertices(uint32_t begin, uint32_t end, int axis) {
   const uint32_t arity = source_->arity;
+  quick_count_.clear();
+  for (uint32_t i = begin; i < end; ++i) {
+    const uint32_t item = boxes_[orders_[axis][i]].tag();
+    const uint32_t* vertices = source_->vertices + size_t(item) * arity;
+    for (uint32_t k = 0; k < arity; ++k) quick_count_.insert(vertices[k]);
+  }
+  if (quick_count_.count() <= rules_.config.max_vertices) return quick_count_.count();
   table_.clear(size_t(end - begin) * arity);
   for (uint32_t i = begin; i < end; ++i) {
-    const uint32_t* vertices = source_->vertices + size_t(boxes_[orders_[0][i]].tag()) * arity;
+    const uint32_t item = boxes_[orders_[axis][i]].tag();
+    const uint32_t* vertices = source_->vertices + size_t(item) * arity;
     for (uint32_t k = 0; k < arity; ++k) table_.insert(vertices[k]);
   }
   return table_.count();
