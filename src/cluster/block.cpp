@@ -66,64 +66,99 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first, float scale) {
   for (uint32_t i = 0; i < count_; ++i) all.extend(boxes_[i]);
   if (const float more = scale_for(all); more != 1.0f) {
     for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(more);
+    all.scale(more);
     scale *= more;
   }
   if (rules_.config.max_vertices) expect_vertices();
-  for (int axis = 0; axis < 3; ++axis) sort_axis(axis, scale);
+  find_centers(scale);
+  const bool own = source_->centroids.empty();
+  for (int axis = 0; axis < 3; ++axis) {
+    float low = 2 * all.low[axis], high = -2 * all.negated_high[axis];
+    if (!own) {
+      const auto ends = std::minmax_element(centers_[axis].begin(), centers_[axis].begin() + count_);
+      low = *ends.first;
+      high = *ends.second;
+    }
+    sort_axis(axis, low, high);
+  }
   split(0, count_, 2 * std::bit_width(count_) + 8);
 }
 
-// By centres rounded to as many bits as a word has beside the index: two cheap passes over words
-// that stay in the nearest cache. What those bits cannot tell apart, settle_tie does.
-void Block::sort_axis(int axis, float scale) {
-  float* centers = centers_[axis].data();
-  float low = std::numeric_limits<float>::max(), high = -low;
+// Twice the centroids, by axis.
+void Block::find_centers(float scale) {
+  const Int4 mask{-1, -1, -1, 0};  // without the tag, which as a float is slow to compute with
   for (uint32_t i = 0; i < count_; ++i) {
-    centers[i] = source_->centroids.empty() ? boxes_[i].center(axis)
-                                            : (&source_->centroids[boxes_[i].tag()].x)[axis] * scale;
-    low = std::min(low, centers[i]);
-    high = std::max(high, centers[i]);
+    const BoxRecord& box = boxes_[i];
+    Float4 c = std::bit_cast<Float4>(std::bit_cast<Int4>(box.low) & mask) - box.negated_high;
+    if (!source_->centroids.empty()) {
+      const Vec3& given = source_->centroids[box.tag()];
+      c = Float4{given.x, given.y, given.z, 0} * splat(scale);
+    }
+    for (int axis = 0; axis < 3; ++axis) centers_[axis][i] = c[axis];
   }
+}
+
+// By centres rounded to as many bits as a word has beside the index: two cheap passes over words
+// that stay in the nearest cache. What those bits cannot tell apart, settle_ties does.
+void Block::sort_axis(int axis, float low, float high) {
   if (count_ < 128 || count_ > 0x10000) return sort_exactly(axis);
-  constexpr uint32_t kDigits[2] = {0x3ff, 0x3ff};
+  const float* centers = centers_[axis].data();
   const uint32_t index_bits = std::max<uint32_t>(std::bit_width(count_ - 1), 12);
-  const uint32_t key_bits = 32 - index_bits, index_mask = (1u << index_bits) - 1;
+  const uint32_t index_mask = (1u << index_bits) - 1;
   std::array<uint32_t, 1024> offsets[2] = {};
   if (words_.size() < 2 * size_t(count_)) words_.resize(2 * size_t(count_));
   uint32_t *words = words_.data(), *spare = words + count_;
   const float range = high * 0.5f - low * 0.5f;
-  const uint32_t last = (1u << key_bits) - 1;
-  const float step = range > 0x1p-100f ? static_cast<float>(last) / range : 0.0f;
+  const float last = static_cast<float>((1 << (32 - index_bits)) - 1);
+  const float step = range > 0x1p-100f ? last / range : 0.0f;
   for (uint32_t i = 0; i < count_; ++i) {
-    const float place = (centers[i] * 0.5f - low * 0.5f) * step;
-    const uint32_t key = std::min(static_cast<uint32_t>(static_cast<int32_t>(place)), last);
-    words[i] = key << index_bits | i;
-    ++offsets[0][key & kDigits[0]];
+    const float place = std::clamp((centers[i] * 0.5f - low * 0.5f) * step, 0.0f, last);
+    words[i] = static_cast<uint32_t>(static_cast<int32_t>(place)) << index_bits | i;
+  }
+  for (uint32_t i = 0; i < count_; ++i) {
+    const uint32_t key = words[i] >> index_bits;
+    ++offsets[0][key & 0x3ff];
     ++offsets[1][key >> 10];
   }
   for (int pass = 0; pass < 2; ++pass) {
     uint32_t sum = 0;
     for (uint32_t& offset : offsets[pass]) sum += std::exchange(offset, sum);
-    const uint32_t shift = index_bits + 10 * pass;
-    for (uint32_t i = 0; i < count_; ++i)
-      spare[offsets[pass][words[i] >> shift & kDigits[pass]]++] = words[i];
+    const uint32_t shift = index_bits + 10 * pass, count = count_;
+    for (uint32_t i = 0; i < count; ++i) {
+      const uint32_t word = words[i];
+      spare[offsets[pass][word >> shift & 0x3ff]++] = word;
+    }
     std::swap(words, spare);
   }
-  for (uint32_t i = 1; i < count_; ++i)
-    if ((words[i] ^ words[i - 1]) <= index_mask) i = settle_tie(axis, words, i - 1, index_bits);
-  for (uint32_t i = 0; i < count_; ++i) orders_[axis][i] = words[i] & index_mask;
+  settle_ties(axis, words, index_mask);
+  uint32_t* order = orders_[axis].data();
+  for (uint32_t i = 0; i < count_; ++i) order[i] = words[i] & index_mask;
 }
 
-uint32_t Block::settle_tie(int axis, uint32_t* words, uint32_t begin, uint32_t index_bits) {
+// Equal keys are in order of their indices already, and most of them stand for equal centres.
+void Block::settle_ties(int axis, uint32_t* words, uint32_t index_mask) {
+  constexpr uint32_t kMostSteps = 16;
   const float* centers = centers_[axis].data();
-  const uint32_t index_mask = (1u << index_bits) - 1;
-  uint32_t end = begin + 2;
-  while (end < count_ && (words[end] ^ words[begin]) <= index_mask) ++end;
-  std::sort(words + begin, words + end, [&](uint32_t a, uint32_t b) {
-    const float ca = centers[a & index_mask], cb = centers[b & index_mask];
-    return ca != cb ? ca < cb : a < b;
-  });
-  return end - 1;
+  const auto same_key = [&](uint32_t a, uint32_t b) { return (a ^ b) <= index_mask; };
+  const auto center = [&](uint32_t word) { return centers[word & index_mask]; };
+  for (uint32_t i = 1; i < count_; ++i) {
+    const uint32_t word = words[i];
+    if (!same_key(word, words[i - 1]) || !(center(words[i - 1]) > center(word))) continue;
+    uint32_t at = i;
+    for (; at > 0 && i - at < kMostSteps; --at) {
+      if (!same_key(word, words[at - 1]) || !(center(words[at - 1]) > center(word))) break;
+      words[at] = words[at - 1];
+    }
+    words[at] = word;
+    if (i - at < kMostSteps) continue;
+    uint32_t begin = at, end = i + 1;
+    while (begin > 0 && same_key(word, words[begin - 1])) --begin;
+    while (end < count_ && same_key(word, words[end])) ++end;
+    std::sort(words + begin, words + end, [&](uint32_t a, uint32_t b) {
+      return center(a) != center(b) ? center(a) < center(b) : a < b;
+    });
+    i = end - 1;
+  }
 }
 
 void Block::sort_exactly(int axis) {
@@ -142,7 +177,6 @@ void Block::sort_exactly(int axis) {
 }
 
 void Block::split(uint32_t begin, uint32_t end, uint32_t depth) {
-  const uint32_t n = end - begin;
   if (is_leaf(begin, end, 0)) return make_leaf(begin, end, 0);
   split_node(begin, end, depth);
 }

@@ -43,8 +43,9 @@ class Block {
     uint32_t chunk;
   };
 
-  void sort_axis(int axis, float scale);
-  uint32_t settle_tie(int axis, uint32_t* words, uint32_t begin, uint32_t index_bits);
+  void find_centers(float scale);
+  void sort_axis(int axis, float low, float high);
+  void settle_ties(int axis, uint32_t* words, uint32_t index_mask);
   void sort_exactly(int axis);
   void split(uint32_t begin, uint32_t end, uint32_t depth);
   void expect_vertices();

@@ -74,28 +74,23 @@ class Grid {
     for (int k = 0; k < 3; ++k) {
       const uint32_t cells = 1u << bits_of[k].size();
       scale_[k] = cells > 1 ? float(cells) / centers.extent(k) : 0.0f;
-      last_[k] = static_cast<int>(cells) - 1;
+      last_[k] = static_cast<float>(cells - 1);
       spread_[k].assign(cells, 0);
       for (uint32_t v = 0; v < cells; ++v)
         for (size_t b = 0; b < bits_of[k].size(); ++b)
           spread_[k][v] |= (v >> (bits_of[k].size() - 1 - b) & 1) << bits_of[k][b];
     }
   }
-  int place(Float4 center, int k) const {
-    return std::min(static_cast<int>((center[k] - origin_[k]) * scale_[k]), last_[k]);
+  Int4 place(Float4 center) const {
+    return __builtin_convertvector(min4((center - origin_) * scale_, last_), Int4);
   }
-  uint32_t code(Float4 center) const {
-    return spread_[0][place(center, 0)] | spread_[1][place(center, 1)] |
-           spread_[2][place(center, 2)];
-  }
-  std::array<uint16_t, 3> places(Float4 center) const {
-    return {uint16_t(place(center, 0)), uint16_t(place(center, 1)), uint16_t(place(center, 2))};
+  uint32_t code(Int4 place) const {
+    return spread_[0][place[0]] | spread_[1][place[1]] | spread_[2][place[2]];
   }
 
  private:
   std::array<std::vector<uint32_t>, 3> spread_;
-  Float4 origin_{}, scale_{};
-  std::array<int, 3> last_;
+  Float4 origin_{}, scale_{}, last_{};
 };
 
 // What one thread has seen.
@@ -182,8 +177,10 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
     for (size_t i = begin; i < end; ++i) {
       const BoxRecord record = record_of(source, items[i], set.scale);
       const Float4 center = center_of(source, record, items[i], set.scale);
-      Cell& cell = tally.at(codes[i] = grid.code(center));
-      if (cell.count++ == 0) cell.place = grid.places(center);
+      const Int4 place = grid.place(center);
+      Cell& cell = tally.at(codes[i] = grid.code(place));
+      if (cell.count++ == 0)
+        cell.place = {uint16_t(place[0]), uint16_t(place[1]), uint16_t(place[2])};
       cell.box.extend(record);
     }
   });

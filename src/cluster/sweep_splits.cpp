@@ -127,7 +127,7 @@ void Block::expect_vertices() {
     vertices += table_.count();
   }
   const double mean = double(vertices) / kSamples;
-  if (mean <= limit) return;
+  if (mean <= 1.35 * limit) return;
   // Shapes differ, and those with a longer border need more vertices.
   constexpr double kMargin = 0.9;
   ClusterConfig config = rules_.config;
