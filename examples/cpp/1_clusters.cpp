@@ -3,7 +3,7 @@
 #include <umbel/umbel.hpp>
 
 int main() {
-  const umbel::Mesh mesh = umbel::shapes::blob(6);
+  const umbel::Mesh mesh = umbel::shapes::blob(6, 1);
   const umbel::MeshView view = mesh.view();
 
   const umbel::ClusterConfig config = umbel::cluster_preset("quality", 128);

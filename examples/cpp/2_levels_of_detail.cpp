@@ -5,7 +5,7 @@
 
 int main(int argc, char** argv) try {
   const std::string path = argc > 1 ? argv[1] : "blob.umbel";
-  const umbel::Mesh mesh = umbel::shapes::blob(6);
+  const umbel::Mesh mesh = umbel::shapes::blob(6, 1);
 
   umbel::BuildOptions options;
   options.progress = [](float fraction, std::string_view stage) {
