@@ -26,7 +26,9 @@
 
 #ifdef UMBEL_HAS_CLUSTERLOD
 #include "meshoptimizer.h"
+#ifndef __clang_analyzer__  // it is not ours to analyse
 #define CLUSTERLOD_IMPLEMENTATION
+#endif
 #include "clusterlod.h"
 #endif
 
@@ -57,7 +59,7 @@ static_assert(std::is_trivially_copyable_v<Outcome>);
 double status_kib(const char* key) {
   std::ifstream file("/proc/self/status");
   for (std::string line; std::getline(file, line);)
-    if (line.rfind(key, 0) == 0) return std::atof(line.c_str() + std::strlen(key));
+    if (line.rfind(key, 0) == 0) return std::strtod(line.c_str() + std::strlen(key), nullptr);
   return 0;
 }
 
@@ -139,8 +141,9 @@ struct PeerDag {
     lod::Group entry{};
     entry.clusters = {static_cast<uint32_t>(tables.clusters.size()), static_cast<uint32_t>(count)};
     entry.level = static_cast<uint32_t>(group.depth);
-    entry.error = group.simplified.error == FLT_MAX ? std::numeric_limits<float>::infinity()
-                                                    : group.simplified.error;
+    entry.error = group.simplified.error == std::numeric_limits<float>::max()
+                      ? std::numeric_limits<float>::infinity()
+                      : group.simplified.error;
     tables.groups.push_back(entry);
     for (size_t i = 0; i < count; ++i) {
       const clodCluster& cluster = clusters[i];
@@ -275,7 +278,7 @@ Options parse(int count, char** arguments) {
     const std::string argument = arguments[i];
     const bool has_value = i + 1 < count;
     if (argument == "--runs" && has_value)
-      options.runs = std::max(1, std::atoi(arguments[++i]));
+      options.runs = static_cast<int>(std::max(1L, std::strtol(arguments[++i], nullptr, 10)));
     else if (argument == "--triangles" && has_value)
       options.triangles = std::strtoull(arguments[++i], nullptr, 10);
     else if (argument == "--samples" && has_value)

@@ -164,10 +164,11 @@ void verify_cuts(const Tables& tables, const Topology& topology, const VerifyCon
     cuts = config.cuts;  // of nothing
     return;
   }
+  const size_t levels = std::min(tables.levels.size(), kMostLevels);
   std::vector<View> views;
+  views.reserve(size_t{config.cuts} + levels + 1);
   ViewMaker maker(tables, config.seed);
   for (uint32_t i = 0; i < config.cuts; ++i) views.push_back(maker.make(i));
-  const size_t levels = std::min(tables.levels.size(), kMostLevels);
   for (size_t level = 0; level <= levels; ++level)
     views.push_back(view_level(static_cast<uint32_t>(level)));
   // A source of degenerate triangles alone is nothing to see, and may become nothing.
