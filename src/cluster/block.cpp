@@ -141,15 +141,21 @@ void Block::settle_ties(int axis, uint32_t* words, uint32_t index_mask) {
   const float* centers = centers_[axis].data();
   const auto same_key = [&](uint32_t a, uint32_t b) { return (a ^ b) <= index_mask; };
   const auto center = [&](uint32_t word) { return centers[word & index_mask]; };
+  float previous = center(words[0]);
   for (uint32_t i = 1; i < count_; ++i) {
     const uint32_t word = words[i];
-    if (!same_key(word, words[i - 1]) || !(center(words[i - 1]) > center(word))) continue;
+    const float own = center(word);
+    // One rare branch instead of two, of which the first would be hard to predict.
+    const bool wrong = same_key(word, words[i - 1]) & (previous > own);
+    previous = own;
+    if (!wrong) continue;
     uint32_t at = i;
     for (; at > 0 && i - at < kMostSteps; --at) {
       if (!same_key(word, words[at - 1]) || !(center(words[at - 1]) > center(word))) break;
       words[at] = words[at - 1];
     }
     words[at] = word;
+    previous = center(words[i]);
     if (i - at < kMostSteps) continue;
     uint32_t begin = at, end = i + 1;
     while (begin > 0 && same_key(word, words[begin - 1])) --begin;
@@ -158,6 +164,7 @@ void Block::settle_ties(int axis, uint32_t* words, uint32_t index_mask) {
       return center(a) != center(b) ? center(a) < center(b) : a < b;
     });
     i = end - 1;
+    previous = center(words[i]);
   }
 }
 
@@ -220,14 +227,14 @@ BoxRecord Block::bounds(uint32_t begin, uint32_t end) const {
 
 // Sets the padding that suits a node, and scales its boxes up where splitting off something far
 // away has left only tiny ones.
-BoxRecord Block::normalise(uint32_t begin, uint32_t end, BoxRecord bounds) {
+void Block::normalise(uint32_t begin, uint32_t end, const BoxRecord& bounds) {
+  BoxRecord scaled = bounds;
   if (const float extent = bounds.longest(); extent > 0.0f && extent < 0x1p-40f) {
     const float scale = scale_for(bounds);
-    bounds.scale(scale);
+    scaled.scale(scale);
     for (uint32_t i = begin; i < end; ++i) boxes_[orders_[0][i]].scale(scale);
   }
-  pad_ = pad_for(bounds);
-  return bounds;
+  pad_ = pad_for(scaled);
 }
 
 Block::Split Block::median(uint32_t begin, uint32_t end) const {

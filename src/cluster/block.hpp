@@ -53,7 +53,7 @@ class Block {
   bool is_leaf(uint32_t begin, uint32_t end, int axis);
   void make_leaf(uint32_t begin, uint32_t end, int axis);
   BoxRecord bounds(uint32_t begin, uint32_t end) const;
-  BoxRecord normalise(uint32_t begin, uint32_t end, BoxRecord bounds);
+  void normalise(uint32_t begin, uint32_t end, const BoxRecord& bounds);
   Split median(uint32_t begin, uint32_t end) const;
   void partition(uint32_t begin, uint32_t end, const Split& split);
 

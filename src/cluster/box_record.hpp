@@ -13,6 +13,8 @@ namespace umbel::cluster {
 
 /// Four floats on which arithmetic works lane by lane (an extension of GCC and Clang).
 typedef float Float4 __attribute__((vector_size(16)));
+/// May alias a BoxRecord.
+typedef float Float8 __attribute__((vector_size(32), may_alias));
 typedef int32_t Int4 __attribute__((vector_size(16)));
 
 inline Float4 min4(Float4 a, Float4 b) { return a < b ? a : b; }

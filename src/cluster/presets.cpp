@@ -12,6 +12,8 @@ ClusterConfig cluster_preset(std::string_view name, uint32_t max_items) {
   ClusterConfig config;
   config.max_items = max_items;
   config.min_items = std::max(max_items / 4, 1u);
+  // A little more than the default: clusters as full as those of other builders, at less area.
+  config.underfill_cost = 0.6f;
   if (name == "quality") return config;
   if (name == "fast") {
     config.presplit_threshold = max_items <= kNone / 8 ? max_items * 8 : kNone;

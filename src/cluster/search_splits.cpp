@@ -11,6 +11,53 @@
 #include "cluster/block.hpp"
 
 namespace umbel::cluster {
+namespace {
+
+// The box of each chunk, and of all chunks before each.
+__attribute__((always_inline)) inline void reduce(const BoxRecord* boxes, const uint32_t* order,
+                                                  uint32_t n, uint32_t step, BoxRecord* chunk,
+                                                  BoxRecord* before) {
+  const Float8* const all_boxes = reinterpret_cast<const Float8*>(boxes);
+  *before = BoxRecord::empty();
+  Float8 all = *reinterpret_cast<const Float8*>(before);
+  for (uint32_t i = 0; i < n;) {
+    const uint32_t stop = n - i < step ? n : i + step;
+    Float8 box = all_boxes[order[i++]];
+    for (; i < stop; ++i) {
+      const Float8 next = all_boxes[order[i]];
+      box = box < next ? box : next;
+    }
+    *reinterpret_cast<Float8*>(chunk++) = box;
+    all = all < box ? all : box;
+    *reinterpret_cast<Float8*>(++before) = all;
+  }
+}
+
+void reduce_axis_generic(const BoxRecord* boxes, const uint32_t* order, uint32_t n, uint32_t step,
+                         BoxRecord* chunk, BoxRecord* before) {
+  reduce(boxes, order, n, step, chunk, before);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) void reduce_axis_avx2(const BoxRecord* boxes,
+                                                      const uint32_t* order, uint32_t n,
+                                                      uint32_t step, BoxRecord* chunk,
+                                                      BoxRecord* before) {
+  reduce(boxes, order, n, step, chunk, before);
+}
+#endif
+
+// Minimums are exact: the result does not depend on the machine.
+void reduce_axis(const BoxRecord* boxes, const uint32_t* order, uint32_t n, uint32_t step,
+                 BoxRecord* chunk, BoxRecord* before) {
+#if defined(__x86_64__)
+  static const bool has_avx2 = __builtin_cpu_supports("avx2");
+  if (has_avx2) return reduce_axis_avx2(boxes, order, n, step, chunk, before);
+#endif
+  reduce_axis_generic(boxes, order, n, step, chunk, before);
+}
+
+}  // namespace
 
 Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
   const uint32_t n = end - begin;
@@ -52,16 +99,7 @@ BoxRecord Block::reduce_chunks(uint32_t begin, uint32_t n, uint32_t step) {
     }
     BoxRecord* chunk = after_[axis].data();
     BoxRecord* before = before_[axis].data();
-    const uint32_t* order = orders_[axis].data() + begin;
-    before[0] = BoxRecord::empty();
-    for (uint32_t c = 0, i = 0; c < chunks; ++c) {
-      const uint32_t stop = std::min(i + step, n);
-      BoxRecord box = boxes[order[i++]];
-      for (; i < stop; ++i) box.extend(boxes[order[i]]);
-      chunk[c] = box;
-      box.extend(before[c]);
-      before[c + 1] = box;
-    }
+    reduce_axis(boxes, orders_[axis].data() + begin, n, step, chunk, before);
     all = before[chunks];
     chunk[chunks] = BoxRecord::empty();
     for (uint32_t c = chunks; c-- > 0;) chunk[c].extend(chunk[c + 1]);
