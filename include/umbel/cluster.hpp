@@ -43,6 +43,8 @@ struct ClusterConfig {
   float vertex_underfill_cost = 0.5f;  ///< [0, 1]: the same for missing vertices
   /// Nodes with more items than this are split at the median without a sweep; 0: never.
   uint32_t presplit_threshold = 0;
+  /// Try some thirty positions an axis instead of all legal ones: faster, slightly larger boxes.
+  bool coarse = false;
 };
 
 /// `quality` (the default: lowest area), `fast`, or `exact` (all clusters of a segment have

@@ -16,7 +16,7 @@ ClusterConfig cluster_preset(std::string_view name, uint32_t max_items) {
   config.underfill_cost = 0.6f;
   if (name == "quality") return config;
   if (name == "fast") {
-    config.presplit_threshold = max_items <= kNone / 8 ? max_items * 8 : kNone;
+    config.coarse = true;
     return config;
   }
   if (name == "exact") {

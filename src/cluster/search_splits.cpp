@@ -76,6 +76,7 @@ Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
   Split best{std::numeric_limits<float>::infinity()};
   weigh_borders(n, step, best);
   if (config.min_items == config.max_items && n % step == 0) return best;
+  if (config.coarse && best.position) return best;
   list_gaps(n, step, best);
   for (const Gap& gap : gaps_)
     if (gap.bound < best.cost) search_gap(begin, n, step, gap, best);
@@ -85,6 +86,9 @@ Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
 uint32_t Block::chunk_size(uint32_t n) const {
   const ClusterConfig& config = rules_.config;
   if (config.min_items == config.max_items) return config.max_items;
+  // Multiples of the step should include those of full clusters.
+  if (config.coarse && n > config.max_items)
+    return std::max(config.max_items / 8 * std::max(n / (config.max_items * 4), 1u), 1u);
   return std::clamp(std::bit_floor(n) / 32, 8u, 1u << 20);
 }
 

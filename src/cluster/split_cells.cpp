@@ -115,11 +115,30 @@ class Splitter {
     int longest = 0;
     for (int k = 1; k < 3; ++k)
       if (extent.box.extent(k) > extent.box.extent(longest)) longest = k;
+    if (presplit && n > presplit)
+      if (const Choice half = plane_nearest_to_half(node.part, longest); half.position) return half;
     if (node.depth == 0 || (presplit && n > presplit)) return {rules_.middle(n), longest};
     const Choice best = cheapest(node.part, extent);
     if (best.position == 0) return {rules_.middle(n), longest};
     if (rules_.legal(best.position, n)) return best;
     return {rules_.full_near(best.position, n), best.axis};
+  }
+
+  // A plane of the grid with at least a quarter of the items on each side, where there is one:
+  // no layer has to be cut then.
+  Choice plane_nearest_to_half(const Part& part, int axis) const {
+    std::vector<uint32_t> layers(size_t(1) << 12, 0);
+    for (const Cell& cell : part.cells) layers[cell.place[axis]] += cell.count;
+    const uint32_t n = part.count;
+    Choice best{0, axis};
+    uint32_t before = 0;
+    for (const uint32_t layer : layers) {
+      before += layer;
+      const auto off = [&](uint32_t i) { return i > n / 2 ? i - n / 2 : n / 2 - i; };
+      if (before < n / 4 || before > n - n / 4 || !rules_.legal(before, n)) continue;
+      if (best.position == 0 || off(before) < off(best.position)) best.position = before;
+    }
+    return best;
   }
 
   Choice cheapest(const Part& part, const Extent& extent) const {
