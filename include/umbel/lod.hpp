@@ -178,7 +178,7 @@ struct VerifyReport {
 /// positions) of a cut is good if two triangles share it; any other is explained if its ends are
 /// joined by irregular edges of the source: those that not exactly two triangles share, or that two
 /// share running in the same direction (duplicates, surfaces without orientation). Borders of
-/// groups are compared modulo 2, as edge collapse keeps them.
+/// groups are compared side by side where the source has no irregular edge, else modulo 2.
 UMBEL_API VerifyReport verify(const Tables& tables, const GeometryReader& geometry,
                               const VerifyConfig& config, const BuildOptions& options = {});
 
