@@ -10,6 +10,7 @@
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "lod/bounds.hpp"
+#include "lod/chords.hpp"
 #include "lod/cut_clusters.hpp"
 #include "lod/group.hpp"
 #include "lod/hierarchy.hpp"
@@ -130,16 +131,36 @@ class Builder {
       const size_t count = std::min(kBatch, results.size() - begin);
       parallel_for(count, 1, [&](size_t i) {
         const Range range = groups.ranges[begin + i];
-        results[begin + i] = simplify_group(
-            std::span(groups.items).subspan(range.offset, range.count), last_resort);
+        results[begin + i] =
+            simplify_group(std::span(groups.items).subspan(range.offset, range.count),
+                           {.chords = true, .last_resort = last_resort});
       });
       // Half of what is left to do is this level.
       const double level_part = static_cast<double>(begin + count) / results.size();
       progress_.report(done_ + (1.0 - done_) * 0.5 * level_part, "levels of detail");
     }
     done_ += (1.0 - done_) * 0.5;
+    settle_chords(groups, results, last_resort);
     keep_one_triangle(groups, results);
     join(groups, results);
+  }
+
+  // Groups with a chord that another group has or had are simplified again without any.
+  void settle_chords(const Clusters& groups, std::vector<GroupResult>& results, bool last_resort) {
+    for (const GroupResult& r : results) chords_.insert(r.simplified.fixed_edges);
+    std::vector<size_t> refused;
+    for (size_t g = 0; g < results.size(); ++g) {
+      if (chords_.contains_any(results[g].simplified.chords))
+        refused.push_back(g);
+      else
+        chords_.insert(results[g].simplified.chords);
+    }
+    parallel_for(refused.size(), 1, [&](size_t i) {
+      const Range range = groups.ranges[refused[i]];
+      results[refused[i]] =
+          simplify_group(std::span(groups.items).subspan(range.offset, range.count),
+                         {.chords = false, .last_resort = last_resort});
+    });
   }
 
   // Where every triangle that is left is degenerate, groups leave nothing behind; a DAG still ends
@@ -156,10 +177,10 @@ class Builder {
     workers_.local()->cutter.cut(source_, {&first, 1}, kNone, results[0].clusters);
   }
 
-  GroupResult simplify_group(std::span<const uint32_t> clusters, bool last_resort) {
+  GroupResult simplify_group(std::span<const uint32_t> clusters, Allowance allow) {
     Worker& worker = *workers_.local();
     GroupResult result;
-    result.simplified = worker.simplifier.simplify(pending_, clusters, locked_, last_resort);
+    result.simplified = worker.simplifier.simplify(pending_, clusters, locked_, allow);
     if (result.simplified.done)
       worker.cutter.cut(source_, result.simplified.triangles, kNone, result.clusters);
     return result;
@@ -274,6 +295,7 @@ class Builder {
   Source source_;
   Grouper grouper_;
   std::vector<uint8_t> locked_;  // by position id
+  ChordRegistry chords_;
   tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
   ClusterSet pending_;
   std::vector<Sphere> own_spheres_;  // of each pending cluster: its generating group's, or its own

@@ -1,5 +1,5 @@
 // Mends what edge collapse without the link condition leaves behind: edges with too many triangles
-// and new edges between two vertices of the border (topology.hpp).
+// and, where they must not be, chords (topology.hpp).
 //
 // Two triangles back to back on three positions bound nothing and are taken out. Otherwise the edge
 // is flipped in the sheet where that moves the surface least, or, where no flip is sound, split by

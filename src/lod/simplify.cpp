@@ -52,7 +52,8 @@ GroupSimplifier::GroupSimplifier(const Source& source, const Config& config)
 }
 
 Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint32_t> clusters,
-                                     std::span<const uint8_t> locked, bool last_resort) {
+                                     std::span<const uint8_t> locked, Allowance allow) {
+  allow_ = allow;
   gather(set, clusters, locked);
   size_t before = 0;
   for (uint32_t c : clusters) before += set.triangle_offsets[c + 1] - set.triangle_offsets[c];
@@ -71,15 +72,22 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
     if (best.triangles.size() > good)
       consider(collapse_checked(target, meshopt_SimplifyPermissive, Rung::kPermissive));
     if (best.triangles.size() > good) consider(prune(best, target));
-    if (last_resort && best.triangles.size() > good) consider(merge_cells(target));
+    if (allow.last_resort && best.triangles.size() > good) consider(merge_cells(target));
   }
 
   Simplified result;
+  const auto to_ids = [&](std::span<const PositionPair> edges) {
+    std::vector<PositionPair> ids;
+    for (const auto& [a, b] : edges) ids.push_back({position_ids_[a], position_ids_[b]});
+    return ids;
+  };
+  result.fixed_edges = to_ids(topology_.fixed_edges());
   if (!best.valid || best.triangles.size() > kStuck * before) return result;
   result.done = true;
   result.vanished = settle_vanished(good, best.triangles);
   result.error = best.error;
   result.rung = best.rung;
+  result.chords = to_ids(best.chords);
   result.triangles = std::move(best.triangles);
   for (Triangle& t : result.triangles)
     for (uint32_t& v : t) v = vertices_[v];
@@ -234,7 +242,7 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsi
       found = faults(result.triangles);
     }
     if (found.empty()) {
-      result.valid = true;
+      accept(result);
       return result;
     }
     // If the triangles at one end of an edge do not change, that edge cannot come into being.
@@ -250,12 +258,17 @@ void GroupSimplifier::hold_around(uint32_t position) {
       held_[t[0]] = held_[t[1]] = held_[t[2]] = 1;
 }
 
-std::span<const std::pair<uint32_t, uint32_t>> GroupSimplifier::faults(
-    std::span<const Triangle> triangles) {
+std::span<const PositionPair> GroupSimplifier::faults(std::span<const Triangle> triangles) {
   result_positions_.clear();
   for (const Triangle& t : triangles)
     result_positions_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
-  return topology_.violations(result_positions_);
+  return topology_.violations(result_positions_, allow_.chords);
+}
+
+// Of a candidate in which `faults` has just found none.
+void GroupSimplifier::accept(Candidate& candidate) {
+  candidate.valid = true;
+  candidate.chords.assign(topology_.chords().begin(), topology_.chords().end());
 }
 
 bool GroupSimplifier::mixes_materials(std::span<const Triangle> triangles) const {
@@ -365,7 +378,7 @@ GroupSimplifier::Candidate GroupSimplifier::merge_cells(size_t target) {
   result.triangles.resize(count / 3);
   result.error *= kCellErrorFactor / source_.scale *
                   meshopt_simplifyScale(&positions_[0].x, positions_.size(), sizeof(Vec3));
-  result.valid = !mixes_materials(result.triangles) && faults(result.triangles).empty();
+  if (!mixes_materials(result.triangles) && faults(result.triangles).empty()) accept(result);
   return result;
 }
 

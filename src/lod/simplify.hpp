@@ -24,6 +24,14 @@ struct Simplified {
   float error = 0;     ///< how far this step moved the surface, in object space
   float vanished = 0;  ///< half the diagonal of the largest component that it removed whole
   Rung rung = Rung::kRegular;
+  std::vector<PositionPair> fixed_edges;  ///< of the group itself, see topology.hpp; always set
+  std::vector<PositionPair> chords;       ///< new edges between two locked vertices
+};
+
+/// What a simplification may do beyond the usual.
+struct Allowance {
+  bool chords = true;        ///< new edges between locked vertices, for the registry to judge
+  bool last_resort = false;  ///< Rung::kSloppy
 };
 
 /// Keeps its scratch memory from group to group; one a thread.
@@ -31,15 +39,16 @@ class GroupSimplifier {
  public:
   GroupSimplifier(const Source& source, const Config& config);
 
-  /// `locked` is by position id. `last_resort` allows Rung::kSloppy.
+  /// `locked` is by position id.
   Simplified simplify(const ClusterSet& set, std::span<const uint32_t> clusters,
-                      std::span<const uint8_t> locked, bool last_resort);
+                      std::span<const uint8_t> locked, Allowance allow);
 
  private:
   struct Candidate {
     std::vector<Triangle> triangles;  // local vertices
     float error = 0;
     Rung rung = Rung::kRegular;
+    std::vector<PositionPair> chords;  // local positions
     bool valid = false;
   };
 
@@ -62,7 +71,8 @@ class GroupSimplifier {
   Candidate collapse_checked(size_t target, unsigned options, Rung rung);
   Candidate prune(const Candidate& from, size_t target);
   Candidate merge_cells(size_t target);
-  std::span<const std::pair<uint32_t, uint32_t>> faults(std::span<const Triangle> triangles);
+  std::span<const PositionPair> faults(std::span<const Triangle> triangles);
+  void accept(Candidate& candidate);
   bool mixes_materials(std::span<const Triangle> triangles) const;
   void hold_around(uint32_t position);
 
@@ -70,6 +80,7 @@ class GroupSimplifier {
   const Config& config_;
   std::vector<float> attribute_weights_;
   PieceTopology topology_;
+  Allowance allow_;
 
   // The piece: vertices and positions are numbered from 0.
   std::vector<uint32_t> vertices_;          // local -> source vertex

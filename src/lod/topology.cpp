@@ -101,10 +101,11 @@ void PieceTopology::set_piece(std::span<const Triangle> triangles, std::span<con
       if (locked[t[i]] && locked[t[(i + 1) % 3]]) fixed_edges_.push_back({t[i], t[(i + 1) % 3]});
 }
 
-std::span<const std::pair<uint32_t, uint32_t>> PieceTopology::violations(
-    std::span<const Triangle> result) {
+std::span<const PositionPair> PieceTopology::violations(std::span<const Triangle> result,
+                                                        bool allow_chords) {
   reset(3 * result.size() + fixed_edges_.size());
   violations_.clear();
+  chords_.clear();
   for (const Triangle& t : result)
     for (int i = 0; i < 3; ++i) ++entry(t[i], t[(i + 1) % 3]).after;
   for (const auto& [a, b] : fixed_edges_) ++entry(a, b).before;
@@ -114,7 +115,11 @@ std::span<const std::pair<uint32_t, uint32_t>> PieceTopology::violations(
     if (component_[a] != kNone && component_[a] == component_[b]) continue;
     const bool fixed = locked_[a] && locked_[b];
     const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
-    if (parity_changed || e.after > 2 || (fixed && e.after > e.before)) violations_.push_back({a, b});
+    const bool chord = fixed && e.before == 0 && e.after == 2;
+    if (chord && allow_chords)
+      chords_.push_back({a, b});
+    else if (parity_changed || e.after > 2 || (fixed && e.after > e.before))
+      violations_.push_back({a, b});
   }
   return violations_;
 }

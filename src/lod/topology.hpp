@@ -10,6 +10,8 @@
 
 namespace umbel::lod {
 
+using PositionPair = std::pair<uint32_t, uint32_t>;
+
 /// For each position (index of `position_ids`) the component of the graph of irregular edges, or
 /// kNone for a position that touches none.
 /// Degenerate triangles (two corners at one position) are left out.
@@ -19,8 +21,9 @@ std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
 /// Compares a piece of a surface before and after simplification. Edge collapse is a simplicial
 /// map, so it keeps the boundary of the piece modulo 2; what it may do wrong is to close a loop
 /// of three edges that bounds no triangle, after which four triangles share an edge (the link
-/// condition of Dey et al. 1999), and to lay an edge between two vertices of the piece's border,
-/// where a neighbouring piece may lay one too. Reusable; not thread-safe.
+/// condition of Dey et al. 1999), and to lay a *chord*, a new edge between two vertices of the
+/// piece's border, where a neighbouring piece may have or lay one too (chords.hpp). Reusable; not
+/// thread-safe.
 class PieceTopology {
  public:
   /// Positions of the piece are numbered 0..; `locked[p]` says that a neighbour has p too, and
@@ -28,10 +31,16 @@ class PieceTopology {
   void set_piece(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
                  std::span<const uint32_t> component);
 
-  /// The edges of `result` that neither the rule of two triangles nor the source explains, as
-  /// pairs of positions, in a fixed order. Empty: the result can take the piece's place in every
-  /// cut.
-  std::span<const std::pair<uint32_t, uint32_t>> violations(std::span<const Triangle> result);
+  /// The edges of `result` that neither the rule of two triangles nor the source explains, in a
+  /// fixed order. Empty: the result can take the piece's place in every cut, provided that nobody
+  /// else has its chords. With `allow_chords` they are collected, otherwise they count as
+  /// violations.
+  std::span<const PositionPair> violations(std::span<const Triangle> result, bool allow_chords);
+
+  /// Of the last result that was looked at.
+  std::span<const PositionPair> chords() const { return chords_; }
+  /// The edges of the piece itself between two locked vertices, each as often as a triangle has it.
+  std::span<const PositionPair> fixed_edges() const { return fixed_edges_; }
 
  private:
   struct Entry {
@@ -44,10 +53,10 @@ class PieceTopology {
   std::vector<Entry> table_;
   std::vector<uint32_t> used_;
   uint64_t mask_ = 0;
-  std::vector<std::pair<uint32_t, uint32_t>> fixed_edges_;  // of the piece: both ends locked
+  std::vector<PositionPair> fixed_edges_;
   std::span<const uint8_t> locked_;
   std::span<const uint32_t> component_;
-  std::vector<std::pair<uint32_t, uint32_t>> violations_;
+  std::vector<PositionPair> violations_, chords_;
 };
 
 }  // namespace umbel::lod

@@ -1,0 +1,33 @@
+// Keeps two pieces of the surface from having an edge between the same two positions.
+//
+// A chord is an edge that simplification laid between two locked vertices. If another group has, or
+// ever had, an edge between the same two, some cut may show both, and four triangles share an edge.
+// That other edge then was an edge between two locked vertices of its group in some round up to
+// now: in the earlier of the two rounds in which the two edges' groups are drawn, the two sides are
+// in different groups and share both ends. So it is enough to remember those edges of all rounds,
+// which are few, and to refuse a chord that is among them.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "lod/topology.hpp"
+
+namespace umbel::lod {
+
+/// A set of edges, as unordered pairs of position ids.
+class ChordRegistry {
+ public:
+  void insert(std::span<const PositionPair> edges);
+  bool contains_any(std::span<const PositionPair> edges) const;
+
+ private:
+  size_t slot_of(uint64_t key) const;
+  void grow();
+
+  std::vector<uint64_t> table_;  // open addressing
+  size_t count_ = 0;
+};
+
+}  // namespace umbel::lod
