@@ -18,9 +18,6 @@ function(umbel_compile_options target)
     target_compile_options(${target} PRIVATE /W4 $<$<BOOL:${UMBEL_WERROR}>:/WX>)
     target_compile_definitions(${target} PRIVATE NOMINMAX)
   else()
-    # RelWithDebInfo would come with -O2, and CMake's own Release flags differ between compilers.
-    target_compile_options(
-      ${target} PRIVATE -Wall -Wextra $<$<BOOL:${UMBEL_WERROR}>:-Werror>
-                        $<$<CONFIG:Release,RelWithDebInfo>:-O3>)
+    target_compile_options(${target} PRIVATE -Wall -Wextra $<$<BOOL:${UMBEL_WERROR}>:-Werror>)
   endif()
 endfunction()

@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from typing import Any, NoReturn
 
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -68,7 +69,7 @@ def umbel(*arguments: str | Path) -> tuple[dict[str, Any], float]:
     """Runs one command of umbel; its JSON answer and the seconds that the process took."""
     command = [str(UMBEL), *map(str, arguments), "--json"]
     shown = [Path(part).name if "/" in part else part for part in command[:-1]]
-    console.print(f"[bold]$ {' '.join(shown)}[/]")
+    console.print(f"[bold]$ {' '.join(shown)}[/]", soft_wrap=True)
     started = time.perf_counter()
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     seconds = time.perf_counter() - started
@@ -87,7 +88,7 @@ def build_table(
     mesh: Path, built: dict[str, Any], verified: dict[str, Any], verify_seconds: float
 ) -> Table:
     """What the asset is, and that it is right."""
-    table = Table(title=f"{mesh.name} as a continuous-LOD asset", show_header=False)
+    table = Table(title=f"{mesh.name} as a continuous-LOD asset", show_header=False, box=SIMPLE)
     table.add_column(style="bold")
     table.add_column(justify="right")
     rows = {
@@ -127,8 +128,8 @@ def main() -> int:
 
     built, _ = umbel("build", mesh, "-o", asset)
     verified, verify_seconds = umbel("verify", asset)
-    cuts = Table(title="three cuts of it")
-    for column in ("file", "triangles", "vertices", "largest error", "size", "seconds"):
+    cuts = Table(title="three cuts of it", box=SIMPLE)
+    for column in ("file", "triangles", "vertices", "max error", "size", "seconds"):
         cuts.add_column(column, justify="left" if column == "file" else "right", no_wrap=True)
     for wanted in cuts_of(built["input_triangles"]):
         target = OUTPUT / f"{mesh.stem}_{wanted}.glb"
