@@ -95,7 +95,7 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
   split_cells(source, rules, items, count, most, bounds, [&](const CellSet& set, const Part& part) {
     Block& block = local();
     load(source, set, part, block.prepare(source, rules, part.count));
-    block.bisect_prepared(items + part.offset, first + part.offset, set.scale);
+    block.bisect_prepared(items + part.offset, first + part.offset);
     done(part.count);
   });
 }

@@ -56,7 +56,7 @@ BoxRecord* Block::prepare(const Source& source, const Rules& rules, uint32_t cou
   return boxes_.data();
 }
 
-void Block::bisect_prepared(uint32_t* items, uint8_t* first, float scale) {
+void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
   items_ = items;
   first_ = first;
   if (count_ == 0) return;
@@ -67,10 +67,9 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first, float scale) {
   if (const float more = scale_for(all); more != 1.0f) {
     for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(more);
     all.scale(more);
-    scale *= more;
   }
   if (rules_.config.max_vertices) expect_vertices();
-  find_centers(scale);
+  find_centers();
   const bool own = source_->centroids.empty();
   for (int axis = 0; axis < 3; ++axis) {
     float low = 2 * all.low[axis], high = -2 * all.negated_high[axis];
@@ -84,15 +83,15 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first, float scale) {
   split(0, count_, 2 * std::bit_width(count_) + 8);
 }
 
-// Twice the centroids, by axis.
-void Block::find_centers(float scale) {
+// Given centroids, or twice the boxes' centres: only their order matters.
+void Block::find_centers() {
   const Int4 mask{-1, -1, -1, 0};  // without the tag, which as a float is slow to compute with
   for (uint32_t i = 0; i < count_; ++i) {
     const BoxRecord& box = boxes_[i];
     Float4 c = std::bit_cast<Float4>(std::bit_cast<Int4>(box.low) & mask) - box.negated_high;
     if (!source_->centroids.empty()) {
       const Vec3& given = source_->centroids[box.tag()];
-      c = Float4{given.x, given.y, given.z, 0} * splat(scale);
+      c = Float4{given.x, given.y, given.z, 0};
     }
     for (int axis = 0; axis < 3; ++axis) centers_[axis][i] = c[axis];
   }

@@ -26,10 +26,10 @@ class Block {
               uint32_t count);
 
   /// The same in two steps, for a caller that has the boxes at hand: room for `count` boxes
-  /// whose tags are the items' indices, then the bisection of what was put there, which was
-  /// scaled by `scale`.
+  /// whose tags are the items' indices, then the bisection of what was put there, at any
+  /// scale that is a power of two.
   BoxRecord* prepare(const Source& source, const Rules& rules, uint32_t count);
-  void bisect_prepared(uint32_t* items, uint8_t* first, float scale = 1.0f);
+  void bisect_prepared(uint32_t* items, uint8_t* first);
 
  private:
   struct Split {
@@ -43,7 +43,7 @@ class Block {
     uint32_t chunk;
   };
 
-  void find_centers(float scale);
+  void find_centers();
   void sort_axis(int axis, float low, float high);
   void settle_ties(int axis, uint32_t* words, uint32_t index_mask);
   void sort_exactly(int axis);

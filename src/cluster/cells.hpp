@@ -21,6 +21,7 @@ struct CellSet {
   std::vector<uint32_t> order;  ///< items by cell, cells along a Morton curve
   std::vector<Cell> cells;      ///< that are not empty
   float scale = 1.0f;           ///< of the boxes: a power of two
+  float centroid_scale = 1.0f;  ///< of given centroids: another
 };
 
 inline BoxRecord record_of(const Source& source, uint32_t item, float scale) {
@@ -29,13 +30,13 @@ inline BoxRecord record_of(const Source& source, uint32_t item, float scale) {
   return record;
 }
 
-/// The record must have no tag: as a float that is a denormal number, and slow to multiply.
+/// A given centroid at `centroid_scale`, or the centre of the record. The record must have no tag: as a float that is a denormal number, and slow to multiply.
 inline Float4 center_of(const Source& source, const BoxRecord& record, uint32_t item,
-                        float scale) {
+                        float centroid_scale) {
   if (source.centroids.empty())
     return record.low * splat(0.5f) - record.negated_high * splat(0.5f);
   const Vec3& c = source.centroids[item];
-  return Float4{c.x, c.y, c.z, 0} * splat(scale);
+  return Float4{c.x, c.y, c.z, 0} * splat(centroid_scale);
 }
 
 /// `bounds` is the box of all items where the caller knows it, or null. The result does not

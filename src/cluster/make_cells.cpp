@@ -162,8 +162,9 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   CellSet set;
   const Bounds all = bounds ? Bounds{*bounds, *bounds} : bounds_of(source, items, count);
   set.scale = scale_for(all.boxes);
+  set.centroid_scale = source.centroids.empty() ? set.scale : scale_for(all.centers);
   BoxRecord centers = all.centers;
-  centers.scale(set.scale);
+  centers.scale(set.centroid_scale);
   const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 2, 6, 21);
   const Grid grid(centers, bits);
   std::vector<uint32_t> codes(count);
@@ -176,7 +177,7 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
     Tally& tally = tallies.local();
     for (size_t i = begin; i < end; ++i) {
       const BoxRecord record = record_of(source, items[i], set.scale);
-      const Float4 center = center_of(source, record, items[i], set.scale);
+      const Float4 center = center_of(source, record, items[i], set.centroid_scale);
       const Int4 place = grid.place(center);
       Cell& cell = tally.at(codes[i] = grid.code(place));
       if (cell.count++ == 0)

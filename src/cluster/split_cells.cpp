@@ -207,7 +207,7 @@ class Splitter {
     std::vector<Item> items;
     const auto key = [&](uint32_t item) {
       const BoxRecord record = record_of(source_, item, set.scale);
-      return Item{float(center_of(source_, record, item, set.scale)[axis]), item};
+      return Item{float(center_of(source_, record, item, set.centroid_scale)[axis]), item};
     };
     for (const Cell& cell : part.cells)
       if (cell.place[axis] == layer)

@@ -193,6 +193,7 @@ TEST(Bisect, every_item_is_in_one_cluster_for_random_inputs_and_configs) {
     config.underfill_cost = float(random() % 3) * 0.5f;
     config.overlap_cost = float(random() % 3) * 0.5f;
     config.presplit_threshold = random() % 3 ? 0 : random() % 1000;
+    config.coarse = random() % 3 == 0;
     if (!items.vertices.empty() && random() % 2) config.max_vertices = 3 + random() % 200;
     if (random() % 2) {
       for (uint32_t at = 0; at < count;) {
@@ -363,6 +364,29 @@ TEST(Bisect, extreme_extents_are_clustered_as_well_as_usual_ones) {
   Items denormal = items;
   for (Aabb& b : denormal.boxes) b = {b.min * 1e-42f, b.max * 1e-42f};
   cluster(denormal, config);
+}
+
+TEST(Bisect, given_centroids_may_lie_anywhere) {
+  for (const uint32_t count : {3000u, 30000u}) {
+    Items items = random_items(count, 23, 1e-6f);
+    for (const float scale : {1.0f, 1e-30f, 1e30f, 3e38f}) {
+      items.centroids.clear();
+      for (const Aabb& b : items.boxes)
+        items.centroids.push_back((b.min - Vec3{0.5f, 0.5f, 0.5f}) * scale);
+      cluster(items, limits(32, 128));
+      cluster(items, limits(128, 128));
+    }
+  }
+}
+
+TEST(Bisect, fast_preset_has_little_more_area_than_quality) {
+  const Mesh mesh = grid(300, 300, 8.0f);
+  const Items items = items_of(mesh);
+  const auto area = [&](const char* preset) {
+    const ClusterConfig config = cluster_preset(preset);
+    return cluster_metrics(items.input(), cluster(items, config), 128).surface_area_ratio;
+  };
+  EXPECT_LE(area("fast"), 1.2 * area("quality"));
 }
 
 TEST(Bisect, one_far_item_does_not_spoil_the_rest) {
