@@ -55,7 +55,8 @@ std::span<const T> rows_of(const std::optional<Array>& array) {
 /// NumPy array over memory that `owner` keeps alive: (n,) where T is a Scalar, else (n, columns).
 template <typename Scalar, typename T>
 Array<Scalar> array_over(std::span<T> values, nb::handle owner) {
-  constexpr size_t columns = sizeof(T) / sizeof(Scalar);
+  constexpr size_t size = sizeof(T);
+  constexpr size_t columns = size / sizeof(Scalar);
   static std::remove_const_t<Scalar> nothing{};  // an array needs an address even when empty
   Scalar* data = values.empty() ? &nothing : reinterpret_cast<Scalar*>(values.data());
   const size_t shape[2] = {values.size(), columns};

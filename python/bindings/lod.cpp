@@ -115,7 +115,7 @@ void bind_tables(nb::module_& module) {
 }
 
 void bind_views(nb::module_& module) {
-  nb::class_<lod::View>(module, "View", "What decides whether a group must be refined.");
+  const nb::class_<lod::View> view(module, "View", "What decides whether a group must be refined.");
   module.def("view_error", &lod::view_error, "error"_a);
   module.def(
       "view_camera",
