@@ -128,7 +128,7 @@ def main() -> int:
 
     built, _ = umbel("build", mesh, "-o", asset)
     verified, verify_seconds = umbel("verify", asset)
-    cuts = Table(title="three cuts of it", box=SIMPLE)
+    cuts = Table(title="three cuts of it", box=SIMPLE, pad_edge=False, collapse_padding=True)
     for column in ("file", "triangles", "vertices", "max error", "size", "seconds"):
         cuts.add_column(column, justify="left" if column == "file" else "right", no_wrap=True)
     for wanted in cuts_of(built["input_triangles"]):
