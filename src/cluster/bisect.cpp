@@ -117,7 +117,8 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
       const Range& r = segments[s];
       bisect_segment(
           source, rules, out.items.data() + r.offset, first.data() + r.offset, r.count,
-          r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); }, [&](uint32_t items) { meter.add(items); });
+          r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); },
+          [&](uint32_t items) { meter.add(items); });
     });
   });
   collect(segments, first, out);
@@ -172,11 +173,7 @@ Clusters build_clusters(const ClusterInput& input, const ClusterConfig& config,
                         const BuildOptions& options) {
   cluster::validate_config(config);
   cluster::validate_layout(input, config);
-  with_threads(options.threads, [&] {
-    parallel_chunks(input.boxes.size(), 1 << 16, [&](size_t begin, size_t end) {
-      cluster::validate_boxes(input, begin, end);
-    });
-  });
+  with_threads(options.threads, [&] { cluster::validate_all_boxes(input); });
   return cluster::build(cluster::Source::of(input), static_cast<uint32_t>(input.boxes.size()),
                         input.segments, config, options,
                         nullptr);

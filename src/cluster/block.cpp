@@ -74,7 +74,8 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
   for (int axis = 0; axis < 3; ++axis) {
     float low = 2 * all.low[axis], high = -2 * all.negated_high[axis];
     if (!own) {
-      const auto ends = std::minmax_element(centers_[axis].begin(), centers_[axis].begin() + count_);
+      const float* centers = centers_[axis].data();
+      const auto ends = std::minmax_element(centers, centers + count_);
       low = *ends.first;
       high = *ends.second;
     }

@@ -30,7 +30,8 @@ inline BoxRecord record_of(const Source& source, uint32_t item, float scale) {
   return record;
 }
 
-/// A given centroid at `centroid_scale`, or the centre of the record. The record must have no tag: as a float that is a denormal number, and slow to multiply.
+/// A given centroid at `centroid_scale`, or the centre of the record. The record must have no tag:
+/// as a float that is a denormal number, and slow to multiply.
 inline Float4 center_of(const Source& source, const BoxRecord& record, uint32_t item,
                         float centroid_scale) {
   if (source.centroids.empty())

@@ -116,7 +116,8 @@ double explicit_ratio_cut(const ClusterInput& input, const Clusters& clusters,
       const uint32_t item = clusters.items[i];
       const Range& list = c.ranges[item];
       for (uint32_t k = list.offset; k < list.offset + list.count; ++k)
-        if (cluster_of[c.targets[k]] != cluster_of[item]) cut += c.weights.empty() ? 1 : c.weights[k];
+        if (cluster_of[c.targets[k]] != cluster_of[item])
+          cut += c.weights.empty() ? 1 : c.weights[k];
     }
     sum += cut / r.count;
   }
@@ -191,7 +192,8 @@ ClusterMetrics cluster_metrics(const ClusterInput& input, const Clusters& cluste
       const uint32_t item = clusters.items[i];
       cluster_of[item] = static_cast<uint32_t>(c);
       extend(boxes[c], input.boxes[item]);
-      for (uint32_t k = 0; k < arity; ++k) table.insert(input.item_vertices[size_t(item) * arity + k]);
+      for (uint32_t k = 0; k < arity; ++k)
+        table.insert(input.item_vertices[size_t(item) * arity + k]);
     }
     extend(bounds, boxes[c]);
     items += r.count;

@@ -208,4 +208,26 @@ void validate_boxes(const ClusterInput& input, size_t begin, size_t end) {
   }
 }
 
+void validate_all_boxes(const ClusterInput& input) {
+  constexpr size_t kChunk = 1 << 14;
+  const size_t count = input.boxes.size();
+  std::vector<uint8_t> bad((count + kChunk - 1) / kChunk, 0);
+  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    Float4 zero{};  // stays 0 unless something is not finite
+    bool valid = true;
+    for (size_t i = begin; i < end; ++i) {
+      const BoxRecord box = BoxRecord::from(input.boxes[i]);
+      zero += box.low * Float4{} + box.negated_high * Float4{};
+      valid &= !is_empty(input.boxes[i]);
+      if (input.centroids.empty()) continue;
+      const Vec3& c = input.centroids[i];
+      zero += Float4{c.x, c.y, c.z, 0} * Float4{};
+    }
+    bad[begin / kChunk] = !(valid && zero[0] == 0 && zero[1] == 0 && zero[2] == 0);
+  });
+  // The first offender is named, whichever thread finds one first.
+  for (size_t c = 0; c < bad.size(); ++c)
+    if (bad[c]) validate_boxes(input, c * kChunk, std::min(count, (c + 1) * kChunk));
+}
+
 }  // namespace umbel::cluster

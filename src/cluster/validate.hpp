@@ -14,6 +14,9 @@ void validate_layout(const ClusterInput& input, const ClusterConfig& config);
 /// Throws kInvalidMesh with the first item in [begin, end) whose box or centroid is not finite.
 void validate_boxes(const ClusterInput& input, size_t begin, size_t end);
 
+/// The same for all items, in parallel.
+void validate_all_boxes(const ClusterInput& input);
+
 /// A mesh that is to be clustered: indices within the positions, and finite positions where
 /// triangles use them. Attributes do not matter. Returns the box of the triangles.
 BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,

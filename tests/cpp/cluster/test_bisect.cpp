@@ -347,7 +347,8 @@ TEST(Bisect, degenerate_inputs_end_in_valid_clusters) {
 TEST(Bisect, extreme_extents_are_clustered_as_well_as_usual_ones) {
   const Items items = random_items(20000, 17);
   const ClusterConfig config = limits(32, 128);
-  const double usual = cluster_metrics(items.input(), cluster(items, config), 128).surface_area_ratio;
+  const Clusters base = cluster(items, config);
+  const double usual = cluster_metrics(items.input(), base, 128).surface_area_ratio;
   for (const float scale : {1e-20f, 1e-30f, 1e15f, 1e18f, 3e38f}) {
     Items scaled = items;
     for (Aabb& b : scaled.boxes) b = {b.min * scale, b.max * scale};
