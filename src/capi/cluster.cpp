@@ -1,0 +1,192 @@
+// The cluster functions of umbel.h.
+#include <algorithm>
+#include <string>
+
+#include "capi/cluster_input.hpp"
+#include "capi/guard.hpp"
+#include "capi/structs.hpp"
+#include "cluster/validate.hpp"
+
+namespace umbel::capi {
+namespace {
+
+umbel_cluster_config as_c(const ClusterConfig& config) {
+  umbel_cluster_config result{};
+  result.struct_size = sizeof result;
+  result.min_items = config.min_items;
+  result.max_items = config.max_items;
+  result.max_vertices = config.max_vertices;
+  result.underfill_cost = config.underfill_cost;
+  result.overlap_cost = config.overlap_cost;
+  result.vertex_underfill_cost = config.vertex_underfill_cost;
+  result.presplit_threshold = config.presplit_threshold;
+  result.coarse = config.coarse ? 1 : 0;
+  return result;
+}
+
+size_t most_clusters(size_t items, const ClusterConfig& config) {
+  return config.max_vertices ? items : (items + config.min_items - 1) / config.min_items;
+}
+
+umbel_cluster_capacity requirements(const ClusterArrays& arrays, const ClusterConfig& config) {
+  cluster::validate_config(config);
+  umbel_cluster_capacity needed{};
+  needed.items = arrays.item_count();
+  if (arrays.segments().empty()) {
+    needed.segments = needed.items ? 1 : 0;
+    needed.ranges = most_clusters(needed.items, config);
+    return needed;
+  }
+  needed.segments = arrays.segments().size();
+  for (size_t s = 0; s < needed.segments; ++s) {
+    const Range& r = arrays.segments()[s];
+    if (uint64_t(r.offset) + r.count > needed.items)
+      throw Error(ErrorCode::kInvalidArgument,
+                  "segments[" + std::to_string(s) + "] ends at " +
+                      std::to_string(uint64_t(r.offset) + r.count) + ", but there are " +
+                      std::to_string(needed.items) + " items");
+    needed.ranges += most_clusters(r.count, config);
+  }
+  return needed;
+}
+
+[[noreturn]] void too_small(const char* name, size_t capacity, size_t needed) {
+  throw CapacityError{"output->" + std::string(name) + "_capacity is " + std::to_string(capacity) +
+                      ", but " + std::to_string(needed) + " are needed"};
+}
+
+void check_array(const void* array, size_t capacity, const char* name) {
+  if (!array && capacity > 0)
+    throw Error(ErrorCode::kInvalidArgument, "output->" + std::string(name) +
+                                                 "s is NULL, but its capacity is " +
+                                                 std::to_string(capacity));
+}
+
+void set_counts(umbel_cluster_output* output, const umbel_cluster_capacity& counts) {
+  output->range_count = counts.ranges;
+  output->item_count = counts.items;
+  output->segment_count = counts.segments;
+}
+
+// Throws if an array is too small, with the counts set to what is needed.
+void check_capacity(umbel_cluster_output* output, const umbel_cluster_capacity& needed) {
+  if (output->item_capacity < needed.items) {
+    set_counts(output, needed);
+    too_small("item", output->item_capacity, needed.items);
+  }
+  if (output->segments && output->segment_capacity < needed.segments) {
+    set_counts(output, needed);
+    too_small("segment", output->segment_capacity, needed.segments);
+  }
+}
+
+template <typename To, typename From>
+void copy(const std::vector<From>& from, To* to) {
+  static_assert(sizeof(To) == sizeof(From));
+  if (!from.empty()) std::memcpy(to, from.data(), from.size() * sizeof(From));
+}
+
+void build(const umbel_cluster_input* input, const umbel_cluster_config* config_given,
+           const umbel_build_options* options_given, umbel_cluster_output* output) {
+  read_struct(output, "output");
+  set_counts(output, {});
+  check_array(output->ranges, output->range_capacity, "range");
+  check_array(output->items, output->item_capacity, "item");
+  check_array(output->segments, output->segment_capacity, "segment");
+  const BuildOptions options = build_options(options_given);
+  const ClusterConfig config = cluster_config(config_given);
+  ClusterArrays arrays(input);
+  check_capacity(output, requirements(arrays, config));
+
+  const Clusters clusters =
+      arrays.is_mesh_alone()
+          ? cluster_mesh(arrays.mesh(), config, arrays.shared_vertex_weight(), options)
+          : build_clusters(arrays.items(options), config, options);
+
+  umbel_cluster_capacity made{};
+  made.ranges = clusters.ranges.size();
+  made.items = clusters.items.size();
+  made.segments = clusters.segments.size();
+  set_counts(output, made);
+  if (output->range_capacity < made.ranges)
+    too_small("range", output->range_capacity, made.ranges);
+  copy(clusters.ranges, output->ranges);
+  copy(clusters.items, output->items);
+  if (output->segments) copy(clusters.segments, output->segments);
+}
+
+ClusterMetrics measure(const umbel_cluster_input* input, const umbel_cluster_output* clusters,
+                       uint32_t max_items) {
+  ClusterArrays arrays(input);
+  const umbel_cluster_output given = read_struct(clusters, "clusters");
+  if ((!given.ranges && given.range_count > 0) || (!given.items && given.item_count > 0))
+    throw Error(ErrorCode::kInvalidArgument, "clusters->ranges or clusters->items is NULL");
+  Clusters copied;
+  const auto* ranges = reinterpret_cast<const Range*>(given.ranges);
+  copied.ranges.assign(ranges, ranges + given.range_count);
+  copied.items.assign(given.items, given.items + given.item_count);
+  return cluster_metrics(arrays.items({}), copied, max_items);
+}
+
+umbel_cluster_quality as_c(const ClusterMetrics& metrics) {
+  umbel_cluster_quality result{};
+  result.min_size = metrics.min_size;
+  result.max_size = metrics.max_size;
+  result.max_vertices = metrics.max_vertices;
+  result.clusters = metrics.clusters;
+  result.mean_fill = metrics.mean_fill;
+  result.mean_vertices = metrics.mean_vertices;
+  result.surface_area_ratio = metrics.surface_area_ratio;
+  result.sah = metrics.sah;
+  result.overlap = metrics.overlap;
+  result.ratio_cut = metrics.ratio_cut;
+  return result;
+}
+
+}  // namespace
+}  // namespace umbel::capi
+
+void umbel_cluster_config_init_sized(umbel_cluster_config* config, size_t size) {
+  if (!config) return;
+  const umbel_cluster_config defaults = umbel::capi::as_c(umbel::ClusterConfig{});
+  std::memset(config, 0, size);
+  std::memcpy(config, &defaults, std::min(size, sizeof defaults));
+  const auto given_size = static_cast<uint32_t>(size);
+  std::memcpy(config, &given_size, std::min(size, sizeof given_size));
+}
+
+umbel_result umbel_cluster_config_preset(umbel_cluster_config* config, const char* name,
+                                         uint32_t max_items) {
+  using namespace umbel;
+  return capi::guard([&] {
+    if (!name) throw Error(ErrorCode::kInvalidArgument, "name is NULL");
+    capi::write_struct(capi::as_c(cluster_preset(name, max_items)), config, "config");
+  });
+}
+
+umbel_result umbel_cluster_requirements(const umbel_cluster_input* input,
+                                        const umbel_cluster_config* config,
+                                        umbel_cluster_capacity* capacity) {
+  using namespace umbel;
+  return capi::guard([&] {
+    const capi::ClusterArrays arrays(input);
+    capi::write_struct(capi::requirements(arrays, capi::cluster_config(config)), capacity,
+                       "capacity");
+  });
+}
+
+umbel_result umbel_cluster_build(const umbel_cluster_input* input,
+                                 const umbel_cluster_config* config,
+                                 const umbel_build_options* options,
+                                 umbel_cluster_output* output) {
+  return umbel::capi::guard([&] { umbel::capi::build(input, config, options, output); });
+}
+
+umbel_result umbel_cluster_metrics(const umbel_cluster_input* input,
+                                   const umbel_cluster_output* clusters, uint32_t max_items,
+                                   umbel_cluster_quality* quality) {
+  using namespace umbel;
+  return capi::guard([&] {
+    capi::write_struct(capi::as_c(capi::measure(input, clusters, max_items)), quality, "quality");
+  });
+}

@@ -1,0 +1,119 @@
+#include "capi/cluster_input.hpp"
+
+#include <cstddef>
+#include <string>
+
+#include "capi/structs.hpp"
+
+namespace umbel::capi {
+namespace {
+
+// The structs of umbel.h stand for the C++ ones in arrays.
+static_assert(sizeof(umbel_vec3) == sizeof(Vec3) && alignof(umbel_vec3) == alignof(Vec3));
+static_assert(sizeof(umbel_aabb) == sizeof(Aabb) && alignof(umbel_aabb) == alignof(Aabb));
+static_assert(offsetof(umbel_aabb, max) == offsetof(Aabb, max));
+static_assert(sizeof(umbel_range) == sizeof(Range) && alignof(umbel_range) == alignof(Range));
+static_assert(offsetof(umbel_range, count) == offsetof(Range, count));
+static_assert(sizeof(Triangle) == 3 * sizeof(uint32_t) && alignof(Triangle) == alignof(uint32_t));
+
+[[noreturn]] void bad_argument(const std::string& sentence) {
+  throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+template <typename To, typename From>
+std::span<const To> view(const From* array, size_t count, const char* name) {
+  if (!array && count > 0)
+    bad_argument(std::string(name) + " is NULL, but has " + std::to_string(count) + " elements");
+  return {reinterpret_cast<const To*>(array), array ? count : 0};
+}
+
+}  // namespace
+
+BuildOptions build_options(const umbel_build_options* options) {
+  BuildOptions result;
+  if (!options) return result;
+  const umbel_build_options given = read_struct(options, "options");
+  result.threads = given.threads;
+  if (given.progress)
+    result.progress = [given](float fraction, std::string_view stage) {
+      return given.progress(fraction, std::string(stage).c_str(), given.progress_user) != 0;
+    };
+  return result;
+}
+
+ClusterConfig cluster_config(const umbel_cluster_config* config) {
+  ClusterConfig result;
+  if (!config) return result;
+  const umbel_cluster_config given = read_struct(config, "config");
+  result.min_items = given.min_items;
+  result.max_items = given.max_items;
+  result.max_vertices = given.max_vertices;
+  result.underfill_cost = given.underfill_cost;
+  result.overlap_cost = given.overlap_cost;
+  result.vertex_underfill_cost = given.vertex_underfill_cost;
+  result.presplit_threshold = given.presplit_threshold;
+  result.coarse = given.coarse != 0;
+  return result;
+}
+
+ClusterArrays::ClusterArrays(const umbel_cluster_input* input) {
+  const umbel_cluster_input in = read_struct(input, "input");
+  // Before any size is multiplied. The last index is kNone, "no such element".
+  if (in.item_count >= kNone)
+    bad_argument("input->item_count is " + std::to_string(in.item_count) +
+                 ", more than 32-bit indices can name");
+  item_count_ = in.item_count;
+  has_positions_ = in.positions != nullptr;
+  if (in.item_vertices) {
+    if (in.vertices_per_item == 0)
+      bad_argument("input->vertices_per_item must be at least 1, not 0");
+    input_.item_vertices = {in.item_vertices, in.item_count * in.vertices_per_item};
+    input_.vertices_per_item = in.vertices_per_item;
+  }
+  if (has_positions_) {
+    read_positions(in);
+  } else {
+    input_.boxes = view<Aabb>(in.boxes, item_count_, "input->boxes");
+  }
+  if (in.centroids) input_.centroids = view<Vec3>(in.centroids, item_count_, "input->centroids");
+  if (in.connection_ranges) {
+    input_.connections.ranges = view<Range>(in.connection_ranges, item_count_, "");
+    input_.connections.targets = view<uint32_t>(in.connection_targets, in.connection_count,
+                                                "input->connection_targets");
+    if (in.connection_weights)
+      input_.connections.weights = {in.connection_weights, in.connection_count};
+  } else if (in.connection_targets || in.connection_weights || in.connection_count > 0) {
+    bad_argument("input->connection_ranges is NULL, but there are connections");
+  }
+  input_.segments = view<Range>(in.segments, in.segment_count, "input->segments");
+  input_.shared_vertex_weight = in.shared_vertex_weight;
+}
+
+void ClusterArrays::read_positions(const umbel_cluster_input& in) {
+  if (in.boxes) bad_argument("input has both boxes and positions: give one of them");
+  if (item_count_ > 0 && !in.item_vertices)
+    bad_argument("input->positions are given, but input->item_vertices is NULL");
+  if (in.item_vertices && in.vertices_per_item != 3)
+    bad_argument("input->vertices_per_item must be 3 where positions are given, not " +
+                 std::to_string(in.vertices_per_item));
+  mesh_.positions = view<Vec3>(in.positions, in.position_count, "input->positions");
+  mesh_.triangles = view<Triangle>(in.item_vertices, item_count_, "input->item_vertices");
+}
+
+bool ClusterArrays::is_mesh_alone() const {
+  return has_positions_ && input_.centroids.empty() && input_.segments.empty() &&
+         input_.connections.ranges.empty();
+}
+
+const ClusterInput& ClusterArrays::items(const BuildOptions& options) {
+  if (has_positions_ && boxes_.size() != item_count_) {
+    BuildOptions quiet;  // progress must not start again with what comes after
+    quiet.threads = options.threads;
+    validate(mesh_, quiet);
+    boxes_ = triangle_boxes(mesh_, quiet);
+    input_.boxes = boxes_;
+  }
+  return input_;
+}
+
+}  // namespace umbel::capi

@@ -1,0 +1,44 @@
+// What umbel.h's cluster functions are given, as the C++ interface takes it.
+#pragma once
+
+#include <vector>
+
+#include "umbel/cluster.hpp"
+#include "umbel/umbel.h"
+
+namespace umbel::capi {
+
+/// The caller's options; none where `options` is NULL.
+BuildOptions build_options(const umbel_build_options* options);
+
+ClusterConfig cluster_config(const umbel_cluster_config* config);
+
+/// Views of the caller's arrays. Checks that what must be there is there; what the arrays hold is
+/// checked by who reads them.
+class ClusterArrays {
+ public:
+  explicit ClusterArrays(const umbel_cluster_input* input);
+
+  size_t item_count() const { return item_count_; }
+  std::span<const Range> segments() const { return input_.segments; }
+  bool has_positions() const { return has_positions_; }
+  float shared_vertex_weight() const { return input_.shared_vertex_weight; }
+
+  /// Whether `mesh` alone is all that there is to cluster.
+  bool is_mesh_alone() const;
+  /// The triangles, where there are positions.
+  const MeshView& mesh() const { return mesh_; }
+  /// The items. Makes the boxes first where there are positions.
+  const ClusterInput& items(const BuildOptions& options);
+
+ private:
+  void read_positions(const umbel_cluster_input& in);
+
+  size_t item_count_ = 0;
+  bool has_positions_ = false;
+  ClusterInput input_;
+  MeshView mesh_;
+  std::vector<Aabb> boxes_;
+};
+
+}  // namespace umbel::capi

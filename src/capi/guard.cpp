@@ -1,0 +1,94 @@
+// Turns exceptions into results. The sentence is kept in memory that is there from the start, so
+// that even running out of memory can be reported.
+#include "capi/guard.hpp"
+
+#include <algorithm>
+#include <new>
+#include <stdexcept>
+#include <string_view>
+
+#include "umbel/types.hpp"
+#include "umbel/version.hpp"
+
+namespace umbel::capi {
+namespace {
+
+thread_local char last_error[1024] = "";
+
+umbel_result fail(umbel_result result, std::string_view sentence) noexcept {
+  const size_t length = std::min(sentence.size(), sizeof last_error - 1);
+  std::copy_n(sentence.data(), length, last_error);
+  last_error[length] = '\0';
+  return result;
+}
+
+umbel_result result_of(ErrorCode code) noexcept {
+  switch (code) {
+    case ErrorCode::kInvalidArgument:
+      return UMBEL_ERROR_INVALID_ARGUMENT;
+    case ErrorCode::kInvalidMesh:
+      return UMBEL_ERROR_INVALID_MESH;
+    case ErrorCode::kIo:
+      return UMBEL_ERROR_IO;
+    case ErrorCode::kCorrupt:
+      return UMBEL_ERROR_CORRUPT;
+    case ErrorCode::kUnsupported:
+      return UMBEL_ERROR_UNSUPPORTED;
+    case ErrorCode::kCancelled:
+      return UMBEL_ERROR_CANCELLED;
+  }
+  return UMBEL_ERROR_INTERNAL;
+}
+
+}  // namespace
+
+umbel_result report_exception() noexcept {
+  try {
+    throw;
+  } catch (const Error& error) {
+    return fail(result_of(error.code()), error.what());
+  } catch (const CapacityError& error) {
+    return fail(UMBEL_ERROR_CAPACITY, error.sentence);
+  } catch (const std::bad_alloc&) {
+    return fail(UMBEL_ERROR_OUT_OF_MEMORY, "out of memory");
+  } catch (const std::length_error&) {
+    // What containers throw for sizes that no memory could hold.
+    return fail(UMBEL_ERROR_OUT_OF_MEMORY, "out of memory: an array would be larger than can be");
+  } catch (const std::exception& error) {
+    return fail(UMBEL_ERROR_INTERNAL, error.what());
+  } catch (...) {
+    return fail(UMBEL_ERROR_INTERNAL, "an exception of an unknown kind");
+  }
+}
+
+}  // namespace umbel::capi
+
+const char* umbel_last_error(void) { return umbel::capi::last_error; }
+
+const char* umbel_result_name(umbel_result result) {
+  switch (result) {
+    case UMBEL_OK:
+      return "ok";
+    case UMBEL_ERROR_INVALID_ARGUMENT:
+      return "invalid argument";
+    case UMBEL_ERROR_INVALID_MESH:
+      return "invalid mesh";
+    case UMBEL_ERROR_IO:
+      return "input or output failed";
+    case UMBEL_ERROR_CORRUPT:
+      return "corrupt file";
+    case UMBEL_ERROR_UNSUPPORTED:
+      return "unsupported";
+    case UMBEL_ERROR_CANCELLED:
+      return "cancelled";
+    case UMBEL_ERROR_CAPACITY:
+      return "capacity too small";
+    case UMBEL_ERROR_OUT_OF_MEMORY:
+      return "out of memory";
+    case UMBEL_ERROR_INTERNAL:
+      return "internal fault";
+  }
+  return "unknown result";
+}
+
+const char* umbel_version(void) { return UMBEL_VERSION; }
