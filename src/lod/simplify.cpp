@@ -94,15 +94,19 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   return result;
 }
 
+uint32_t GroupSimplifier::add_position(uint32_t position_id, std::span<const uint8_t> locked) {
+  position_ids_.push_back(position_id);
+  locked_.push_back(locked[position_id]);
+  components_.push_back(source_.irregular_components[position_id]);
+  return static_cast<uint32_t>(position_ids_.size() - 1);
+}
+
 uint32_t GroupSimplifier::local_position(uint32_t position_id, std::span<const uint8_t> locked) {
+  // Each vertex comes here once, so without wedges each position does.
+  if (!source_.has_wedges) return add_position(position_id, locked);
   const uint32_t slot = find_slot(position_table_, position_id,
                                   [&](uint32_t p) { return position_ids_[p] == position_id; });
-  if (position_table_[slot] == kNone) {
-    position_table_[slot] = static_cast<uint32_t>(position_ids_.size());
-    position_ids_.push_back(position_id);
-    locked_.push_back(locked[position_id]);
-    components_.push_back(source_.irregular_components[position_id]);
-  }
+  if (position_table_[slot] == kNone) position_table_[slot] = add_position(position_id, locked);
   return position_table_[slot];
 }
 
@@ -131,7 +135,7 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
   for (uint32_t c : clusters) most_vertices += set.cluster_vertices(c).size();
   const size_t table_size = std::bit_ceil(2 * most_vertices + 1);
   vertex_table_.assign(table_size, kNone);
-  position_table_.assign(table_size, kNone);
+  if (source_.has_wedges) position_table_.assign(table_size, kNone);
 
   uint32_t local[256];
   for (uint32_t c : clusters) {
@@ -183,8 +187,11 @@ void GroupSimplifier::gather_attributes() {
   }
 }
 
-// A triangle that is there twice with the same vertices and the same front looks as one does.
+// A triangle that is there twice with the same vertices and the same front looks as one does. Its
+// edges are irregular.
 void GroupSimplifier::drop_repeated_triangles() {
+  if (std::all_of(components_.begin(), components_.end(), [](uint32_t c) { return c == kNone; }))
+    return;
   triangle_table_.assign(std::bit_ceil(2 * triangles_.size() + 1), kNone);
   const auto normal_form = [](const Triangle& t) {
     const size_t first = std::min_element(t.begin(), t.end()) - t.begin();

@@ -65,6 +65,7 @@ class GroupSimplifier {
   void find_components();
   float settle_vanished(size_t most_triangles, std::vector<Triangle>& triangles);
   uint32_t local_vertex(uint32_t vertex, std::span<const uint8_t> locked);
+  uint32_t add_position(uint32_t position_id, std::span<const uint8_t> locked);
   uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
   void drop_repeated_triangles();
   Candidate collapse(size_t target, unsigned options);

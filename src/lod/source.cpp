@@ -32,6 +32,8 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
       throw Error(ErrorCode::kInvalidMesh, "coordinate " + std::to_string(c) +
                                                " is too large: the limit is 1e18 in magnitude");
   source.position_ids = position_ids(mesh.positions);
+  for (uint32_t v = 0; v < source.position_ids.size(); ++v)
+    source.has_wedges |= source.position_ids[v] != v;
   source.irregular_components = irregular_components(mesh.triangles, source.position_ids);
   if (!mesh.triangles.empty()) source.scale = simplification_scale(box);
 

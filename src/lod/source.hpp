@@ -11,6 +11,7 @@ namespace umbel::lod {
 struct Source {
   Mesh mesh;                                    ///< welded
   std::vector<uint32_t> position_ids;           ///< one a vertex
+  bool has_wedges = false;                      ///< several vertices at one position
   std::vector<uint32_t> irregular_components;   ///< one a position id, see topology.hpp
   std::vector<uint32_t> vertex_materials;       ///< one a vertex; empty where all are 0
   std::vector<uint8_t> several_materials;       ///< position ids where materials meet, or empty
