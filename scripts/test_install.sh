@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Uses Umbel as other projects do: the static library, installed, by find_package; the sources by
-# add_subdirectory, as a shared library; and that shared library, installed, by find_package.
+# add_subdirectory, as a shared library; and that shared library, installed, by find_package. Each
+# from C++ and from C.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -35,6 +36,7 @@ use_package() {
     return 1
   fi
   "$build/use_umbel"
+  "$build/use_umbel_c"
 }
 
 use_sources() {
@@ -42,6 +44,7 @@ use_sources() {
     -DUMBEL_SOURCE_DIR="$root" -DBUILD_SHARED_LIBS=ON -DUMBEL_INSTALL=ON -DTBB_DIR="$tbb"
   cmake --build "$work/subdirectory"
   "$work/subdirectory/use_umbel"
+  "$work/subdirectory/use_umbel_c"
 }
 
 step "install the static library" \

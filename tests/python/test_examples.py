@@ -100,6 +100,12 @@ def test_cpp_examples_run(installed: Path, tmp_path: Path) -> None:
     assert ": ok" in _run(build / "2_levels_of_detail", folder=tmp_path)
 
 
+def test_c_example_runs(installed: Path, tmp_path: Path) -> None:
+    build = tmp_path / "build"
+    _cpp(ROOT / "examples" / "c", installed, build)
+    assert "clusters" in _run(build / "1_clusters", folder=tmp_path)
+
+
 def _readme(language: str) -> str:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)

@@ -1,0 +1,92 @@
+/* Clusters of a generated grid, and how good they are: two calls, all memory the caller's. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <umbel/umbel.h>
+
+enum { COLUMNS = 200, ROWS = 100 };
+
+static umbel_vec3 positions[(COLUMNS + 1) * (ROWS + 1)];
+static uint32_t indices[COLUMNS * ROWS * 2][3];
+
+static void make_grid(void) {
+  size_t triangle = 0;
+  for (uint32_t y = 0; y <= ROWS; ++y) {
+    for (uint32_t x = 0; x <= COLUMNS; ++x) {
+      umbel_vec3* p = &positions[y * (COLUMNS + 1) + x];
+      p->x = (float)x;
+      p->y = (float)y;
+      p->z = 5.0f * sinf(0.1f * (float)x) * cosf(0.1f * (float)y);
+    }
+  }
+  for (uint32_t y = 0; y < ROWS; ++y) {
+    for (uint32_t x = 0; x < COLUMNS; ++x) {
+      const uint32_t v = y * (COLUMNS + 1) + x, above = v + COLUMNS + 1;
+      const uint32_t two[2][3] = {{v, v + 1, above}, {v + 1, above + 1, above}};
+      memcpy(indices[triangle], two, sizeof two);
+      triangle += 2;
+    }
+  }
+}
+
+static int show(float fraction, const char* stage, void* user) {
+  (void)user;
+  fprintf(stderr, "%3.0f %% %s\n", 100.0 * (double)fraction, stage);
+  return 1; /* 0 would cancel */
+}
+
+static void check(umbel_result result) {
+  if (result == UMBEL_OK) return;
+  fprintf(stderr, "%s: %s\n", umbel_result_name(result), umbel_last_error());
+  exit(1);
+}
+
+int main(void) {
+  make_grid();
+
+  umbel_cluster_input input;
+  umbel_cluster_input_init(&input);
+  input.item_count = COLUMNS * ROWS * 2;
+  input.item_vertices = indices[0];
+  input.vertices_per_item = 3;
+  input.positions = positions;
+  input.position_count = sizeof positions / sizeof *positions;
+
+  umbel_cluster_config config;
+  umbel_cluster_config_init(&config);
+  check(umbel_cluster_config_preset(&config, "quality", 128));
+  config.max_vertices = 128;
+
+  /* The first call says how much room any result can need. */
+  umbel_cluster_capacity needed;
+  umbel_cluster_capacity_init(&needed);
+  check(umbel_cluster_requirements(&input, &config, &needed));
+
+  umbel_cluster_output output;
+  umbel_cluster_output_init(&output);
+  output.ranges = malloc(needed.ranges * sizeof *output.ranges);
+  output.items = malloc(needed.items * sizeof *output.items);
+  if (!output.ranges || !output.items) return 1;
+  output.range_capacity = needed.ranges;
+  output.item_capacity = needed.items;
+
+  /* The second one fills it. */
+  umbel_build_options options;
+  umbel_build_options_init(&options);
+  options.progress = show;
+  check(umbel_cluster_build(&input, &config, &options, &output));
+
+  umbel_cluster_quality quality;
+  umbel_cluster_quality_init(&quality);
+  check(umbel_cluster_metrics(&input, &output, config.max_items, &quality));
+
+  printf("%zu triangles in %zu clusters, %.1f %% full, at most %u vertices, ",
+         output.item_count, output.range_count, 100 * quality.mean_fill, quality.max_vertices);
+  printf("surface area ratio %.2f\n", quality.surface_area_ratio);
+  printf("cluster 0 has %u triangles; the first is number %u\n", output.ranges[0].count,
+         output.items[output.ranges[0].offset]);
+
+  free(output.ranges);
+  free(output.items);
+  return 0;
+}
