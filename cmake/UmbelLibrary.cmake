@@ -35,6 +35,8 @@ if(UMBEL_BUILD_SHARED)
   umbel_add_library(umbel SHARED)
   target_compile_definitions(umbel_objects PUBLIC UMBEL_SHARED PRIVATE UMBEL_EXPORTS)
   target_compile_definitions(umbel PUBLIC UMBEL_SHARED)
+  # oneTBB may come from a Python environment, where the loader would not look for it.
+  set_target_properties(umbel PROPERTIES INSTALL_RPATH_USE_LINK_PATH ON)
   if(CMAKE_SYSTEM_NAME STREQUAL "Linux")
     # What is missing should be missed here, not by whoever links the library.
     target_link_options(umbel PRIVATE LINKER:-z,defs)

@@ -27,8 +27,9 @@ tbb=$(sed -n 's/^TBB_DIR:[A-Z]*=//p' build/release/CMakeCache.txt)
 
 use_package() {
   local prefix=$1 build=$2
+  shift 2
   cmake -S tests/install/package -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
-    -DCMAKE_PREFIX_PATH="$prefix" -DTBB_DIR="$tbb"
+    -DCMAKE_PREFIX_PATH="$prefix" "$@"
   cmake --build "$build"
   # Only the installed copy may be used.
   if grep -q "$root/include" "$build/build.ninja"; then
@@ -40,7 +41,7 @@ use_package() {
 }
 
 use_sources() {
-  cmake -S tests/install/subdirectory -B "$work/subdirectory" -G Ninja -DCMAKE_BUILD_TYPE=Debug \
+  cmake -S tests/install/subdirectory -B "$work/subdirectory" -G Ninja -DCMAKE_BUILD_TYPE=Release \
     -DUMBEL_SOURCE_DIR="$root" -DBUILD_SHARED_LIBS=ON -DUMBEL_INSTALL=ON -DTBB_DIR="$tbb"
   cmake --build "$work/subdirectory"
   "$work/subdirectory/use_umbel"
@@ -49,7 +50,7 @@ use_sources() {
 
 step "install the static library" \
   cmake --install build/release --prefix "$work/static" --component library
-step "find_package, static library" use_package "$work/static" "$work/use_static"
+step "find_package, static library" use_package "$work/static" "$work/use_static" -DTBB_DIR="$tbb"
 step "add_subdirectory, shared library" use_sources
 step "install the shared library" \
   cmake --install "$work/subdirectory" --prefix "$work/shared" --component library
