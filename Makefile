@@ -36,6 +36,7 @@ tools:
 setup: tools .venv/.installed  ## everything needed, and the command .venv/bin/umbel
 
 build: setup  ## the library, the C++ tests and the benchmarks, in build/release
+	@cmake -DUMBEL_WERROR=$(UMBEL_WERROR) build/release >build/configure.log
 	@cmake --build build/release
 
 test: test-cpp test-python test-install  ## every test
