@@ -317,7 +317,7 @@ struct GoodCall : Call {
     input.boxes = reinterpret_cast<const umbel_aabb*>(boxes.data());
     input.item_vertices = mesh.triangles[0].data();
     input.vertices_per_item = 3;
-    reserve(boxes.size(), boxes.size(), 1);
+    reserve(boxes.size(), boxes.size(), 2);
   }
   Mesh mesh;
   std::vector<Aabb> boxes;
