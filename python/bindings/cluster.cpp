@@ -114,7 +114,8 @@ void bind_config(nb::module_& module) {
       .def_rw("underfill_cost", &ClusterConfig::underfill_cost)
       .def_rw("overlap_cost", &ClusterConfig::overlap_cost)
       .def_rw("vertex_underfill_cost", &ClusterConfig::vertex_underfill_cost)
-      .def_rw("presplit_threshold", &ClusterConfig::presplit_threshold);
+      .def_rw("presplit_threshold", &ClusterConfig::presplit_threshold)
+      .def_rw("coarse", &ClusterConfig::coarse);
   module.def(
       "cluster_preset",
       [](const std::string& name, uint32_t max_items) { return cluster_preset(name, max_items); },

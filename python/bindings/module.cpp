@@ -12,4 +12,5 @@ NB_MODULE(_umbel, module) {
   bind_lod(module);
   bind_asset(module);
   bind_meshopt(module);
+  bind_peers(module);
 }

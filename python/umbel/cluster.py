@@ -80,6 +80,7 @@ def cluster_mesh(
     overlap_cost: float | None = None,
     vertex_underfill_cost: float | None = None,
     presplit_threshold: int | None = None,
+    coarse: bool | None = None,
     shared_vertex_weight: float = 0.0,
     method: str = "bisect",
     progress: Progress | None = None,
@@ -91,7 +92,8 @@ def cluster_mesh(
     max_vertices: most unique vertices a cluster; 0 for no limit.
     preset: "quality" (lowest area), "fast", or "exact" (all clusters full but one). What it says
         is overridden by min_triangles, underfill_cost, overlap_cost, vertex_underfill_cost
-        (prices in [0, 1]) and presplit_threshold (larger nodes are split without a sweep).
+        (prices in [0, 1]), presplit_threshold (larger nodes are split without a sweep) and coarse
+        (some thirty positions an axis are tried instead of all).
     shared_vertex_weight: what a vertex shared by two triangles weighs as a connection that a cut
         would break; 0 for no connections.
     method: "bisect", or "morton": the fastest, with three to four times the area, where only
@@ -109,6 +111,7 @@ def cluster_mesh(
             "overlap_cost": overlap_cost,
             "vertex_underfill_cost": vertex_underfill_cost,
             "presplit_threshold": presplit_threshold,
+            "coarse": coarse,
         },
     )
     arrays = native(as_mesh(mesh))
@@ -136,6 +139,7 @@ def build_clusters(
     overlap_cost: float | None = None,
     vertex_underfill_cost: float | None = None,
     presplit_threshold: int | None = None,
+    coarse: bool | None = None,
     centroids: ArrayLike | None = None,
     connections: tuple[ArrayLike, ArrayLike, ArrayLike | None] | None = None,
     item_vertices: ArrayLike | None = None,
@@ -165,6 +169,7 @@ def build_clusters(
             "overlap_cost": overlap_cost,
             "vertex_underfill_cost": vertex_underfill_cost,
             "presplit_threshold": presplit_threshold,
+            "coarse": coarse,
         },
     )
     given = _umbel.ClusterInput(

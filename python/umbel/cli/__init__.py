@@ -1,4 +1,4 @@
-"""The command line: `umbel build`, `info`, `verify`, `extract`, `cluster`.
+"""The command line: `umbel build`, `info`, `verify`, `extract`, `cluster`, `bench`.
 
 Exit status: 0 done, 1 the input or an argument is at fault, 2 usage, 3 a check did not hold.
 """

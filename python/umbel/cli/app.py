@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from . import build, cluster, extract, info, verify
+from . import bench, build, cluster, extract, info, verify
 
 app = typer.Typer(
     name="umbel",
@@ -35,3 +35,4 @@ def _umbel(
 
 for _module in (build, info, verify, extract, cluster):
     app.command(_module.__name__.rpartition(".")[2])(_module.command)
+app.add_typer(bench.app, name="bench")

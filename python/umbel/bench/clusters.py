@@ -1,0 +1,288 @@
+"""Clusters of triangles: Umbel's presets and the Morton order beside meshoptimizer.
+
+Every method makes clusters of at most 128 triangles. Seconds are taken in C++ around the build
+alone, on meshes that are welded first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _umbel, shapes
+from ..arrays import native
+from ..errors import Cancelled, Error
+from ..mesh import Mesh
+from ..repair import Progress, validate, weld
+from . import charts
+from .table import Column, Row, csv_text, geometric_means, markdown
+from .timing import Machine, Timed, cores, take_turns, this_machine
+
+MAX_TRIANGLES = 128
+BASELINE = "meshoptimizer Spatial v128"
+
+COLUMNS = [
+    Column("mesh", "mesh"),
+    Column("triangles", "triangles", ",d"),
+    Column("method", "method"),
+    Column("threads", "threads", "d"),
+    Column("seconds", "seconds", ".4f"),
+    Column("mtriangles_per_second", "M/s", ".2f"),
+    Column("ratio", "speed ratio", ".2f"),
+    Column("mean_fill", "fill", ".3f"),
+    Column("mean_vertices", "vertices", ".1f"),
+    Column("surface_area_ratio", "area ratio", ".3f"),
+    Column("sah", "SAH", ".1f"),
+    Column("overlap", "overlap", ".3f"),
+]
+MEANS = [column for column in COLUMNS[2:] if column.field not in ("threads", "seconds")]
+METRICS = ("clusters", "mean_fill", "mean_vertices", "surface_area_ratio", "sah", "overlap")
+LEGEND = (
+    f"Clusters of at most {MAX_TRIANGLES} triangles. Speed ratio: to `{BASELINE}`. One thread is "
+    "timed by the processor time that it used, several by the wall clock; medians of runs that "
+    "took turns. Vertices: unique ones a cluster. v128, v256: the most vertices a cluster may have."
+)
+
+Made = tuple[NDArray[np.uint32], NDArray[np.uint32]]
+"""Items in cluster order, and offset and count of each cluster."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to cluster: from a mesh's arrays to items, ranges and seconds."""
+
+    name: str
+    threads: int
+    make: Callable[[_umbel.MeshArrays], tuple[NDArray[np.uint32], NDArray[np.uint32], float]]
+
+    def timed(self, arrays: _umbel.MeshArrays) -> tuple[Made, float]:
+        items, ranges, seconds = self.make(arrays)
+        return (items, ranges), seconds
+
+
+@dataclass
+class Comparison:
+    """What `compare` found."""
+
+    machine: Machine
+    rows: list[Row]
+    """One for each mesh and method."""
+    frontier: list[Row] = field(default_factory=list)
+    """Fill and area of each mesh, for several weights of fill."""
+
+    @property
+    def means(self) -> list[Row]:
+        """Geometric means over the meshes, a row for each method."""
+        fields = [column.field for column in MEANS[1:]]
+        return geometric_means(self.rows, "method", fields)
+
+    def fields(self) -> dict[str, Any]:
+        """All of it, for JSON."""
+        return {
+            "rows": self.rows,
+            "means": self.means,
+            "frontier": self.frontier,
+            "machine": self.machine.fields(),
+        }
+
+
+def methods(threads: int = 0) -> list[Method]:
+    """All that is compared; `threads` (0: all cores) is for the method on several threads."""
+    many = threads or cores()
+
+    def ours(name: str, preset: str, threads: int = 1, **changes: Any) -> Method:
+        return Method(
+            name,
+            threads,
+            partial(_umbel.timed_cluster_mesh, config=_config(preset, **changes), threads=threads),
+        )
+
+    spatial, flex = _umbel.meshopt_meshlets_spatial, _umbel.meshopt_meshlets_flex
+    found = [ours("quality", "quality"), ours("quality v128", "quality", max_vertices=128)]
+    if many > 1:
+        found.append(ours(f"quality, {many} threads", "quality", many))
+    return [
+        *found,
+        ours("fast", "fast"),
+        ours("exact", "exact"),
+        Method(
+            "Morton",
+            1,
+            partial(_umbel.timed_cluster_mesh, config=_config("quality"), morton=True, threads=1),
+        ),
+        Method(BASELINE, 1, partial(spatial, max_vertices=128)),
+        Method("meshoptimizer Spatial v256", 1, partial(spatial, max_vertices=256)),
+        Method("meshoptimizer Flex v128", 1, partial(flex, max_vertices=128)),
+    ]
+
+
+def _config(preset: str, **changes: Any) -> _umbel.ClusterConfig:
+    config = _umbel.cluster_preset(preset, MAX_TRIANGLES)
+    for name, value in changes.items():
+        setattr(config, name, value)
+    return config
+
+
+PROCEDURAL: dict[str, Callable[[], Mesh]] = {
+    "blob": lambda: shapes.blob(6),
+    "terrain": lambda: shapes.terrain(256, 256),
+    "soup": lambda: shapes.soup(60_000),
+}
+"""The meshes to compare on where none are given."""
+
+
+def compare(
+    meshes: Mapping[str, Callable[[], Mesh]],
+    *,
+    runs: int = 5,
+    frontier: bool = False,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> Comparison:
+    """Times all methods on meshes, which are loaded one at a time, and with `frontier` builds
+    clusters for several weights of fill too. A `progress` that returns False cancels."""
+    found = Comparison(this_machine(), [])
+    for number, (name, load) in enumerate(meshes.items()):
+        mesh = load()
+        validate(mesh, threads=threads)
+        welded = weld(mesh, threads=threads)
+        if not len(welded.triangles):
+            raise Error(f"{name} has no triangles to cluster")
+        arrays = native(welded)
+        part = partial(_report, progress, name, number / len(meshes), 1 / len(meshes))
+        found.rows += _rows(name, arrays, len(welded.triangles), runs, part, threads)
+        if frontier:
+            found.frontier += _frontier(name, arrays, threads)
+    return found
+
+
+def _report(
+    progress: Progress | None, mesh: str, start: float, share: float, fraction: float, what: str
+) -> None:
+    if progress is not None and progress(start + share * fraction, f"{mesh}: {what}") is False:
+        raise Cancelled("cancelled")
+
+
+def _rows(
+    name: str,
+    arrays: _umbel.MeshArrays,
+    triangles: int,
+    runs: int,
+    report: Callable[[float, str], None],
+    threads: int,
+) -> list[Row]:
+    compared = methods(threads)
+    timings = take_turns([Timed(m.name, partial(m.timed, arrays)) for m in compared], runs, report)
+    by_name = {m.name: timing.seconds for m, timing in zip(compared, timings, strict=True)}
+    rows = []
+    for method, timing in zip(compared, timings, strict=True):
+        metrics = _metrics(arrays, timing.result, threads)
+        rows.append(
+            {
+                "mesh": name,
+                "triangles": triangles,
+                "method": method.name,
+                "threads": method.threads,
+                "seconds": timing.seconds,
+                "mtriangles_per_second": triangles / timing.seconds * 1e-6,
+                "ratio": by_name[BASELINE] / timing.seconds,
+                **{key: metrics[key] for key in METRICS},
+            }
+        )
+    return rows
+
+
+def _metrics(arrays: _umbel.MeshArrays, made: Made, threads: int) -> dict[str, Any]:
+    return _umbel.mesh_cluster_metrics(arrays, *made, MAX_TRIANGLES, threads=threads)
+
+
+def _frontier(name: str, arrays: _umbel.MeshArrays, threads: int) -> list[Row]:
+    """Fill against area: each library's own price of fill, from none to much."""
+    rows = []
+    for weight in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
+        ours = _umbel.timed_cluster_mesh(
+            arrays, _config("quality", min_items=32, underfill_cost=weight), threads=threads
+        )
+        theirs = _umbel.meshopt_meshlets_spatial(arrays, max_vertices=256, fill_weight=weight)
+        for method, made in (("quality", ours), ("meshoptimizer Spatial v256", theirs)):
+            metrics = _metrics(arrays, made[:2], threads)
+            rows.append(
+                {
+                    "mesh": name,
+                    "method": method,
+                    "fill_weight": weight,
+                    "mean_fill": metrics["mean_fill"],
+                    "surface_area_ratio": metrics["surface_area_ratio"],
+                }
+            )
+    return sorted(rows, key=lambda row: row["method"])
+
+
+def report(found: Comparison) -> str:
+    """The comparison as a Markdown document."""
+    return "\n\n".join(
+        [
+            "# Clusters",
+            "\n".join(found.machine.sentences()),
+            LEGEND,
+            markdown(COLUMNS, found.rows).rstrip(),
+            "Geometric means over the meshes:",
+            markdown(MEANS, found.means),
+        ]
+    )
+
+
+def write(found: Comparison, folder: Path) -> list[Path]:
+    """Writes the tables, and charts if matplotlib is there; the files written."""
+    from ..io.files import write_all
+
+    tables = {"clusters.md": report(found), "clusters.csv": csv_text(found.rows)}
+    if found.frontier:
+        tables["clusters_frontier.csv"] = csv_text(found.frontier)
+    for name, text in tables.items():
+        write_all(folder / name, [text.encode()])
+    written = [folder / name for name in tables]
+    return written + (_charts(found, folder) if charts.available() else [])
+
+
+def _charts(found: Comparison, folder: Path) -> list[Path]:
+    meshes = list(dict.fromkeys(row["mesh"] for row in found.rows))
+    written = []
+    for mesh in meshes:
+        path = folder / f"clusters_{re.sub(r'[^A-Za-z0-9._-]', '_', mesh)}.png"
+        speed = _panel(mesh, found.rows, "mtriangles_per_second", "surface_area_ratio")
+        charts.draw(path, [speed], "million triangles/s", "surface-area ratio", log_x=True)
+        written.append(path)
+    if found.frontier:
+        path = folder / "clusters_frontier.png"
+        panels = [_panel(m, found.frontier, "mean_fill", "surface_area_ratio") for m in meshes]
+        charts.draw(path, panels, "fill", "surface-area ratio")
+        written.append(path)
+    return written
+
+
+def _panel(mesh: str, rows: Sequence[Row], x: str, y: str) -> charts.Panel:
+    """A mesh's rows as points, a series for each method."""
+    series: dict[str, list[Row]] = {}
+    for row in rows:
+        if row["mesh"] == mesh:
+            series.setdefault(row["method"], []).append(row)
+    return charts.Panel(
+        mesh,
+        [
+            charts.Series(
+                method,
+                [row[x] for row in points],
+                [row[y] for row in points],
+                ours=not method.startswith("meshoptimizer"),
+            )
+            for method, points in series.items()
+        ],
+    )
