@@ -45,12 +45,12 @@ enum class Rung : uint32_t {
 };
 
 struct Group {
-  Range clusters;   ///< of Tables::clusters; a group's clusters are consecutive
-  uint32_t level;   ///< 0 is the finest
+  Range clusters;  ///< of Tables::clusters; a group's clusters are consecutive
+  uint32_t level;  ///< 0 is the finest
   Rung rung;
-  Sphere sphere;    ///< contains its triangles and the spheres of its generating groups
-  float error;      ///< object-space error once simplified, >= its generating groups'; infinite
-                    ///< exactly for root groups
+  Sphere sphere;  ///< contains its triangles and the spheres of its generating groups
+  float error;    ///< object-space error once simplified, >= its generating groups'; infinite
+                  ///< exactly for root groups
   bool operator==(const Group&) const = default;
 };
 
@@ -58,8 +58,8 @@ struct Group {
 struct Node {
   Sphere sphere;
   float error;
-  uint32_t group;   ///< a leaf's group; kNone for an inner node
-  Range children;   ///< of Tables::nodes; empty for a leaf
+  uint32_t group;  ///< a leaf's group; kNone for an inner node
+  Range children;  ///< of Tables::nodes; empty for a leaf
   bool operator==(const Node&) const = default;
 };
 
@@ -75,7 +75,7 @@ struct Tables {
 /// indices into the cluster's own vertices.
 struct ClusterGeometry {
   std::vector<Vec3> positions;
-  std::vector<Vec3> normals;    ///< this and the following: empty where the mesh has none
+  std::vector<Vec3> normals;  ///< this and the following: empty where the mesh has none
   std::vector<Vec4> tangents;
   std::vector<Vec2> uvs;
   std::vector<Vec4> colors;
@@ -83,17 +83,17 @@ struct ClusterGeometry {
 };
 
 struct Config {
-  uint32_t max_triangles = 128;  ///< a cluster, 4..256
-  uint32_t max_vertices = 128;   ///< a cluster, 6..256
+  uint32_t max_triangles = 128;             ///< a cluster, 4..256
+  uint32_t max_vertices = 128;              ///< a cluster, 6..256
   uint32_t min_group = 24, max_group = 32;  ///< clusters in a group, 2 <= min <= max
-  float ratio = 0.5f;            ///< triangles kept a level, [0.1, 0.9]
-  bool attributes = true;        ///< weigh normals, UVs and colours in the error, keep seams
+  float ratio = 0.5f;                       ///< triangles kept a level, [0.1, 0.9]
+  bool attributes = true;  ///< weigh normals, UVs and colours in the error, keep seams
   float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
 };
 
 struct Report {
   uint64_t input_triangles = 0, input_vertices = 0;
-  uint64_t degenerate_triangles = 0;  ///< kept in level 0, left out of all coarser levels
+  uint64_t degenerate_triangles = 0;           ///< kept in level 0, left out of all coarser levels
   uint32_t root_groups = 0, stuck_groups = 0;  ///< stuck: roots that are not the last level's
                                                ///< only one
   uint64_t root_triangles = 0;
@@ -103,7 +103,7 @@ struct Report {
 
 struct Dag {
   Tables tables;
-  Mesh vertices;  ///< welded input; `triangles` and `materials` are empty
+  Mesh vertices;                           ///< welded input; `triangles` and `materials` are empty
   std::vector<uint32_t> vertex_offsets;    ///< clusters + 1, into cluster_vertices
   std::vector<uint32_t> triangle_offsets;  ///< clusters + 1, in triangles
   std::vector<uint32_t> cluster_vertices;  ///< index into `vertices`
@@ -167,9 +167,9 @@ struct VerifyReport {
   uint32_t cuts = 0;
   uint64_t cracks = 0;    ///< edges of a cut, or of a group's border, that are open unexplained
   uint64_t overlaps = 0;  ///< edges of a cut with more triangles than the input explains
-  uint64_t limit_violations = 0;  ///< clusters over a limit, indices out of range, bad links
-  bool monotone = true;           ///< errors and spheres never shrink towards the root
-  uint64_t checksum_errors = 0;   ///< filled in by asset::verify
+  uint64_t limit_violations = 0;      ///< clusters over a limit, indices out of range, bad links
+  bool monotone = true;               ///< errors and spheres never shrink towards the root
+  uint64_t checksum_errors = 0;       ///< filled in by asset::verify
   std::vector<std::string> problems;  ///< a sentence each, the first 32
 };
 

@@ -76,13 +76,13 @@ UMBEL_API uint64_t triangle_set_digest(const MeshView& mesh);
 
 /// Procedural meshes, welded and consistently oriented unless said otherwise.
 namespace shapes {
-UMBEL_API Mesh grid(uint32_t columns, uint32_t rows);         ///< unit square in z = 0
-UMBEL_API Mesh sphere(uint32_t subdivisions);                 ///< icosphere, 20 * 4^n triangles
-UMBEL_API Mesh torus(uint32_t rings, uint32_t sides);         ///< radii 1 and 0.35
-UMBEL_API Mesh moebius(uint32_t segments, uint32_t width);    ///< one border, not orientable
-UMBEL_API Mesh fan(uint32_t triangles);                       ///< one vertex of that valence
-UMBEL_API Mesh soup(uint32_t triangles, uint32_t seed);       ///< random, unconnected
-UMBEL_API Mesh tetrahedra(uint32_t count);                    ///< that many closed components
+UMBEL_API Mesh grid(uint32_t columns, uint32_t rows);       ///< unit square in z = 0
+UMBEL_API Mesh sphere(uint32_t subdivisions);               ///< icosphere, 20 * 4^n triangles
+UMBEL_API Mesh torus(uint32_t rings, uint32_t sides);       ///< radii 1 and 0.35
+UMBEL_API Mesh moebius(uint32_t segments, uint32_t width);  ///< one border, not orientable
+UMBEL_API Mesh fan(uint32_t triangles);                     ///< one vertex of that valence
+UMBEL_API Mesh soup(uint32_t triangles, uint32_t seed);     ///< random, unconnected
+UMBEL_API Mesh tetrahedra(uint32_t count);                  ///< that many closed components
 UMBEL_API Mesh terrain(uint32_t columns, uint32_t rows, uint32_t seed);  ///< fractal heights
 /// An icosphere displaced by noise along its normals: closed, irregular, any size.
 UMBEL_API Mesh blob(uint32_t subdivisions, uint32_t seed);

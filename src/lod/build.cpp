@@ -2,6 +2,8 @@
 // SIGGRAPH 2021): clusters, groups, simplification of each group with its border locked, clusters
 // again, until one group is left. Groups of a level are independent and run in parallel; results
 // are joined in the order of the groups.
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
 #include <chrono>
 #include <limits>
@@ -17,8 +19,6 @@
 #include "lod/simplify.hpp"
 #include "lod/source.hpp"
 #include "umbel/lod.hpp"
-
-#include <tbb/enumerable_thread_specific.h>
 
 namespace umbel::lod {
 namespace {

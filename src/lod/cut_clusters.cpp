@@ -20,9 +20,8 @@ void sort_by_material(const Source& source, std::span<Triangle> triangles,
   segments.clear();
   if (source.vertex_materials.empty()) return;
   const auto material = [&](const Triangle& t) { return source.vertex_materials[t[0]]; };
-  std::stable_sort(triangles.begin(), triangles.end(), [&](const Triangle& a, const Triangle& b) {
-    return material(a) < material(b);
-  });
+  std::stable_sort(triangles.begin(), triangles.end(),
+                   [&](const Triangle& a, const Triangle& b) { return material(a) < material(b); });
   for (uint32_t begin = 0; begin < triangles.size();) {
     uint32_t end = begin;
     while (end < triangles.size() && material(triangles[end]) == material(triangles[begin])) ++end;

@@ -30,11 +30,11 @@ void for_each_position(const Source& source, std::span<const uint32_t> vertices,
 }
 
 struct Shared {
-  std::vector<uint32_t> offsets;    // clusters + 1, into slots
-  std::vector<uint32_t> slots;      // shared position slots of each cluster
+  std::vector<uint32_t> offsets;        // clusters + 1, into slots
+  std::vector<uint32_t> slots;          // shared position slots of each cluster
   std::vector<uint32_t> owner_offsets;  // slots + 1, into owners
-  std::vector<uint32_t> owners;     // clusters of each slot
-  std::vector<float> weights;       // of each slot
+  std::vector<uint32_t> owners;         // clusters of each slot
+  std::vector<float> weights;           // of each slot
 };
 
 // Positions that more than one cluster uses, as clusters -> slots and slots -> clusters.

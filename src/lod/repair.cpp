@@ -93,9 +93,8 @@ class Mender {
   static void sort_unique(std::vector<Side>& sides) {
     std::sort(sides.begin(), sides.end(),
               [](const Side& l, const Side& r) { return l.index < r.index; });
-    const auto end = std::unique(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
-      return l.index == r.index;
-    });
+    const auto end = std::unique(sides.begin(), sides.end(),
+                                 [](const Side& l, const Side& r) { return l.index == r.index; });
     sides.erase(end, sides.end());
   }
 
@@ -195,8 +194,8 @@ class Mender {
     replace(t.index, {y, b, best});
     add({b, x, best});
     add({x, a, best});
-    deviation_ = std::max(deviation_,
-                          std::fabs(dot(point(best) - middle, normal)) / length(normal));
+    deviation_ =
+        std::max(deviation_, std::fabs(dot(point(best) - middle, normal)) / length(normal));
     used_[best] = 1;
     return true;
   }

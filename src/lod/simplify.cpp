@@ -46,9 +46,11 @@ GroupSimplifier::GroupSimplifier(const Source& source, const Config& config)
     : source_(source), config_(config) {
   if (!config.attributes) return;
   const Mesh& mesh = source.mesh;
-  if (!mesh.normals.empty()) attribute_weights_.insert(attribute_weights_.end(), 3, config.normal_weight);
+  if (!mesh.normals.empty())
+    attribute_weights_.insert(attribute_weights_.end(), 3, config.normal_weight);
   if (!mesh.uvs.empty()) attribute_weights_.insert(attribute_weights_.end(), 2, config.uv_weight);
-  if (!mesh.colors.empty()) attribute_weights_.insert(attribute_weights_.end(), 4, config.color_weight);
+  if (!mesh.colors.empty())
+    attribute_weights_.insert(attribute_weights_.end(), 4, config.color_weight);
 }
 
 Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint32_t> clusters,
@@ -201,8 +203,8 @@ void GroupSimplifier::drop_repeated_triangles() {
   for (size_t i = 0; i < triangles_.size(); ++i) {
     const Triangle t = normal_form(triangles_[i]);
     const uint32_t key = hash(hash(t[0]) + t[1]) + t[2];
-    const uint32_t slot =
-        find_slot(triangle_table_, key, [&](uint32_t j) { return normal_form(triangles_[j]) == t; });
+    const uint32_t slot = find_slot(triangle_table_, key,
+                                    [&](uint32_t j) { return normal_form(triangles_[j]) == t; });
     if (triangle_table_[slot] != kNone) continue;
     triangle_table_[slot] = static_cast<uint32_t>(kept);
     triangles_[kept++] = triangles_[i];
@@ -224,9 +226,9 @@ GroupSimplifier::Candidate GroupSimplifier::collapse(size_t target, unsigned opt
   result.triangles.resize(triangles_.size());
   const size_t attributes = attribute_weights_.size();
   const size_t count = meshopt_simplifyWithAttributes(
-      result.triangles.data()->data(), indices(triangles_), 3 * triangles_.size(),
-      &positions_[0].x, positions_.size(), sizeof(Vec3), attributes_.data(),
-      attributes * sizeof(float), attribute_weights_.data(), attributes, flags_.data(), 3 * target,
+      result.triangles.data()->data(), indices(triangles_), 3 * triangles_.size(), &positions_[0].x,
+      positions_.size(), sizeof(Vec3), attributes_.data(), attributes * sizeof(float),
+      attribute_weights_.data(), attributes, flags_.data(), 3 * target,
       std::numeric_limits<float>::max(), options, &result.error);
   result.triangles.resize(count / 3);
   result.error /= source_.scale;
@@ -243,8 +245,8 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsi
     auto found = faults(result.triangles);
     for (size_t before = found.size() + 1; !found.empty() && found.size() < before;) {
       before = found.size();
-      const float moved = repair({position_of_, positions_, locked_, patch_of_, spare_}, found,
-                                 result.triangles);
+      const float moved =
+          repair({position_of_, positions_, locked_, patch_of_, spare_}, found, result.triangles);
       result.error = std::max(result.error, moved / source_.scale);
       found = faults(result.triangles);
     }
@@ -329,9 +331,8 @@ float GroupSimplifier::settle_vanished(size_t most_triangles, std::vector<Triang
     if (const uint32_t part = component_of_[t[0]]; !present[part] && triangles_of[part]++ == 0)
       vanished.push_back(part);
   if (vanished.empty()) return 0.0f;
-  std::stable_sort(vanished.begin(), vanished.end(), [&](uint32_t a, uint32_t b) {
-    return parts_[a].radius() > parts_[b].radius();
-  });
+  std::stable_sort(vanished.begin(), vanished.end(),
+                   [&](uint32_t a, uint32_t b) { return parts_[a].radius() > parts_[b].radius(); });
   size_t restored = 0, count = triangles.size();
   while (restored < vanished.size() && count + triangles_of[vanished[restored]] <= most_triangles)
     count += triangles_of[vanished[restored++]];
@@ -351,9 +352,8 @@ GroupSimplifier::Candidate GroupSimplifier::prune(const Candidate& from, size_t 
   std::vector<uint32_t> order(parts_.size());
   std::iota(order.begin(), order.end(), 0u);
   std::erase_if(order, [&](uint32_t part) { return triangles_of[part] == 0; });
-  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
-    return parts_[a].radius() < parts_[b].radius();
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint32_t a, uint32_t b) { return parts_[a].radius() < parts_[b].radius(); });
   std::vector<uint8_t> removed(parts_.size(), 0);
   size_t left = from.triangles.size();
   for (size_t i = 0; i + 1 < order.size() && left > target; ++i) {
@@ -372,16 +372,16 @@ GroupSimplifier::Candidate GroupSimplifier::prune(const Candidate& from, size_t 
 GroupSimplifier::Candidate GroupSimplifier::merge_cells(size_t target) {
   for (size_t v = 0; v < vertices_.size(); ++v) {
     const uint32_t p = position_of_[v];
-    flags_[v] = locked_[p] || (!source_.several_materials.empty() &&
-                               source_.several_materials[position_ids_[p]]);
+    flags_[v] = locked_[p] ||
+                (!source_.several_materials.empty() && source_.several_materials[position_ids_[p]]);
   }
   Candidate result;
   result.rung = Rung::kSloppy;
   result.triangles.resize(triangles_.size());
   const size_t count = meshopt_simplifySloppy(
-      result.triangles.data()->data(), indices(triangles_), 3 * triangles_.size(),
-      &positions_[0].x, positions_.size(), sizeof(Vec3), flags_.data(), 3 * target,
-      std::numeric_limits<float>::max(), &result.error);
+      result.triangles.data()->data(), indices(triangles_), 3 * triangles_.size(), &positions_[0].x,
+      positions_.size(), sizeof(Vec3), flags_.data(), 3 * target, std::numeric_limits<float>::max(),
+      &result.error);
   result.triangles.resize(count / 3);
   result.error *= kCellErrorFactor / source_.scale *
                   meshopt_simplifyScale(&positions_[0].x, positions_.size(), sizeof(Vec3));

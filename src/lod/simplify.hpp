@@ -21,7 +21,7 @@ namespace umbel::lod {
 struct Simplified {
   bool done = false;                ///< false: too little could be removed; the rest is unset
   std::vector<Triangle> triangles;  ///< indices into the source's vertices
-  float error = 0;     ///< how far this step moved the surface, in object space
+  float error = 0;                  ///< how far this step moved the surface, in object space
   float vanished = 0;  ///< half the diagonal of the largest component that it removed whole
   Rung rung = Rung::kRegular;
   std::vector<PositionPair> fixed_edges;  ///< of the group itself, see topology.hpp; always set
@@ -84,21 +84,21 @@ class GroupSimplifier {
   Allowance allow_;
 
   // The piece: vertices and positions are numbered from 0.
-  std::vector<uint32_t> vertices_;          // local -> source vertex
-  std::vector<uint32_t> position_of_;       // local vertex -> local position
-  std::vector<Vec3> positions_;             // of local vertices, scaled
-  std::vector<float> attributes_;           // attribute_weights_.size() a local vertex
-  std::vector<uint8_t> flags_;              // meshoptimizer's, of local vertices
-  std::vector<uint8_t> locked_;             // of local positions
-  std::vector<uint32_t> components_;        // of local positions
-  std::vector<uint32_t> position_ids_;      // local position -> position id
-  std::vector<uint8_t> spare_;              // local vertices that repair may bring back
-  std::vector<uint32_t> component_of_;      // local position -> index into parts_
-  std::vector<uint64_t> patch_of_;          // local vertex -> component and material
-  std::vector<Part> parts_;                 // connected components
-  std::vector<Triangle> triangles_;         // local vertices
+  std::vector<uint32_t> vertices_;      // local -> source vertex
+  std::vector<uint32_t> position_of_;   // local vertex -> local position
+  std::vector<Vec3> positions_;         // of local vertices, scaled
+  std::vector<float> attributes_;       // attribute_weights_.size() a local vertex
+  std::vector<uint8_t> flags_;          // meshoptimizer's, of local vertices
+  std::vector<uint8_t> locked_;         // of local positions
+  std::vector<uint32_t> components_;    // of local positions
+  std::vector<uint32_t> position_ids_;  // local position -> position id
+  std::vector<uint8_t> spare_;          // local vertices that repair may bring back
+  std::vector<uint32_t> component_of_;  // local position -> index into parts_
+  std::vector<uint64_t> patch_of_;      // local vertex -> component and material
+  std::vector<Part> parts_;             // connected components
+  std::vector<Triangle> triangles_;     // local vertices
   std::vector<Triangle> position_triangles_;
-  std::vector<uint8_t> held_;               // local positions held for one more try
+  std::vector<uint8_t> held_;  // local positions held for one more try
   std::vector<Triangle> result_positions_;
   // Open addressing, kNone empty.
   std::vector<uint32_t> vertex_table_, position_table_, triangle_table_;

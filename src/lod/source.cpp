@@ -37,7 +37,8 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
   source.irregular_components = irregular_components(mesh.triangles, source.position_ids);
   if (!mesh.triangles.empty()) source.scale = simplification_scale(box);
 
-  if (std::any_of(mesh.materials.begin(), mesh.materials.end(), [](uint32_t m) { return m != 0; })) {
+  if (std::any_of(mesh.materials.begin(), mesh.materials.end(),
+                  [](uint32_t m) { return m != 0; })) {
     source.vertex_materials.resize(mesh.positions.size());
     for (size_t i = 0; i < mesh.triangles.size(); ++i)
       for (uint32_t v : mesh.triangles[i]) source.vertex_materials[v] = mesh.materials[i];

@@ -9,12 +9,12 @@
 namespace umbel::lod {
 
 struct Source {
-  Mesh mesh;                                    ///< welded
-  std::vector<uint32_t> position_ids;           ///< one a vertex
-  bool has_wedges = false;                      ///< several vertices at one position
-  std::vector<uint32_t> irregular_components;   ///< one a position id, see topology.hpp
-  std::vector<uint32_t> vertex_materials;       ///< one a vertex; empty where all are 0
-  std::vector<uint8_t> several_materials;       ///< position ids where materials meet, or empty
+  Mesh mesh;                                   ///< welded
+  std::vector<uint32_t> position_ids;          ///< one a vertex
+  bool has_wedges = false;                     ///< several vertices at one position
+  std::vector<uint32_t> irregular_components;  ///< one a position id, see topology.hpp
+  std::vector<uint32_t> vertex_materials;      ///< one a vertex; empty where all are 0
+  std::vector<uint8_t> several_materials;      ///< position ids where materials meet, or empty
   /// Power of two by which positions are multiplied for simplification, so that areas and volumes
   /// of very small and very large meshes stay within the range of float.
   float scale = 1.0f;
