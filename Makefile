@@ -21,7 +21,7 @@ PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
 .PHONY: help setup tools build test test-cpp test-python test-install test-asan test-tsan \
-        demo lint format bench clean
+        fuzz demo lint format bench clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
@@ -58,6 +58,9 @@ sanitize-%: tools
 	@cmake --preset $* -DUMBEL_WERROR=$(UMBEL_WERROR)
 	@cmake --build --preset $*
 	@ctest --preset $* -j $(JOBS) $(CTEST_ARGS)
+
+fuzz: tools  ## the fuzzers, a minute each, under the sanitizers; SECONDS_EACH=600 for longer
+	@scripts/fuzz.sh
 
 demo: setup  ## a real scan to a verified LOD asset; MESH=my.glb for your own
 	@.venv/bin/python scripts/demo.py $(if $(MESH),"$(MESH)")
