@@ -42,6 +42,13 @@ struct InputArrays {
   }
 };
 
+/// The mesh, if it is valid. Progress is only told of the build after it, so that it never falls.
+MeshView checked(const MeshArrays& mesh, const BuildOptions& options) {
+  const MeshView view = mesh.view();
+  validate(view, {nullptr, options.threads});
+  return view;
+}
+
 /// Clusters as Python holds them; copied, since the library takes vectors.
 Clusters clusters_of(const Flat<uint32_t>& items, const Rows<uint32_t, 2>& ranges) {
   const auto item_span = rows_of<uint32_t>(items);
@@ -91,8 +98,7 @@ Dict mesh_metrics(const MeshArrays& mesh, const Flat<uint32_t>& items,
                   uint32_t threads) {
   const Clusters clusters = clusters_of(items, ranges);
   return metrics_dict(run(nb::none(), threads, [&](const BuildOptions& options) {
-    const MeshView view = mesh.view();
-    validate(view, options);
+    const MeshView view = checked(mesh, options);
     check_items(clusters, view.triangles.size());
     const std::vector<Aabb> boxes = triangle_boxes(view, options);
     ClusterInput input;
@@ -164,8 +170,7 @@ void bind_cluster(nb::module_& module) {
       [](const MeshArrays& mesh, const ClusterConfig& config, float shared_vertex_weight,
          const nb::object& progress, uint32_t threads) {
         return tuple_of(run(progress, threads, [&](const BuildOptions& options) {
-          const MeshView view = mesh.view();
-          validate(view, options);
+          const MeshView view = checked(mesh, options);
           return cluster_mesh(view, config, shared_vertex_weight, options);
         }));
       },
@@ -176,8 +181,7 @@ void bind_cluster(nb::module_& module) {
       [](const MeshArrays& mesh, const ClusterConfig& config, const nb::object& progress,
          uint32_t threads) {
         return tuple_of(run(progress, threads, [&](const BuildOptions& options) {
-          const MeshView view = mesh.view();
-          validate(view, options);
+          const MeshView view = checked(mesh, options);
           return cluster_mesh_morton(view, config, options);
         }));
       },

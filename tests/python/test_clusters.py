@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 import trimesh
 
 import umbel
+from umbel import _umbel
 
 
 @pytest.fixture(scope="module")
@@ -174,3 +177,118 @@ def test_coloured_clusters_show_every_triangle(blob: umbel.Mesh) -> None:
     of_triangle = shown.colors[shown.triangles]
     assert (of_triangle == of_triangle[:, :1]).all()
     assert len(np.unique(of_triangle[:, 0], axis=0)) == len(clusters)
+
+
+def fields_of(bound: type) -> set[str]:
+    return {name for name in vars(bound) if not name.startswith("_")}
+
+
+def test_every_field_of_the_library_can_be_given() -> None:
+    config = fields_of(_umbel.ClusterConfig)
+    assert {"min_items", "coarse"} <= config
+    of_boxes = set(inspect.signature(umbel.build_clusters).parameters)
+    assert config <= of_boxes
+    given = re.findall(r"(\w+): ", inspect.getdoc(_umbel.ClusterInput.__init__) or "")
+    known = set(given) - {"self", "return"}
+    assert {"boxes", "segments", "item_vertices"} <= known
+    known = {"connections" if name.startswith("connection_") else name for name in known}
+    assert known <= of_boxes
+    of_mesh = set(inspect.signature(umbel.cluster_mesh).parameters)
+    assert {name.replace("_items", "_triangles") for name in config} <= of_mesh
+    assert {"shared_vertex_weight", "progress", "threads"} <= of_mesh & of_boxes
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"min_triangles": 100},
+        {"underfill_cost": 0.0},
+        {"overlap_cost": 1.0},
+        {"presplit_threshold": 200},
+        {"coarse": True},
+        {"shared_vertex_weight": 1.0},
+        {"max_vertices": 60},
+        {"max_vertices": 40, "vertex_underfill_cost": 0.0},
+    ],
+)
+def test_every_knob_reaches_the_library(blob: umbel.Mesh, changes: dict) -> None:
+    without = dict(list(changes.items())[:-1])
+    plain = umbel.cluster_mesh(blob, **without)
+    turned = umbel.cluster_mesh(blob, **changes)
+    assert_partition(turned, len(blob.triangles))
+    assert not np.array_equal(plain.items, turned.items)
+    # The same through boxes of one's own.
+    corners = blob.positions[blob.triangles]
+    boxes = np.hstack([corners.min(axis=1), corners.max(axis=1)])
+    renamed = {key.replace("_triangles", "_items"): value for key, value in changes.items()}
+    own = umbel.build_clusters(boxes, item_vertices=blob.triangles, **renamed)
+    assert np.array_equal(own.items, turned.items) and np.array_equal(own.offsets, turned.offsets)
+    metrics, own_metrics = turned.metrics(), own.metrics()
+    assert own_metrics == pytest.approx(metrics, rel=1e-6)
+
+
+def test_quads_count_four_vertices_each() -> None:
+    size = 24
+    rows, columns = np.divmod(np.arange(size * size), size)
+    corner = rows * (size + 1) + columns
+    quads = np.stack([corner, corner + 1, corner + size + 2, corner + size + 1], axis=1)
+    low = np.stack([columns, rows, np.zeros_like(rows)], axis=1).astype(np.float32)
+    boxes = np.hstack([low, low + np.float32([1, 1, 0])])
+    clusters = umbel.build_clusters(boxes, 64, item_vertices=quads, max_vertices=40, min_items=8)
+    parts = np.split(clusters.items, clusters.offsets[1:-1])
+    assert max(len(np.unique(quads[part])) for part in parts) <= 40
+    assert clusters.metrics()["mean_vertices"] == pytest.approx(
+        np.mean([len(np.unique(quads[part])) for part in parts])
+    )
+
+
+def test_given_centroids_decide_where_items_go() -> None:
+    boxes = np.zeros((64, 6), np.float32)
+    boxes[:, 3:] = 1
+    side = np.arange(64) % 2
+    centroids = np.stack([side * 10.0, np.zeros(64), np.zeros(64)], axis=1)
+    clusters = umbel.build_clusters(boxes, 32, "exact", centroids=centroids)
+    assert [set(side[part]) for part in np.split(clusters.items, [32])] == [{0}, {1}]
+
+
+def test_empty_segments_have_no_clusters_and_gaps_stay() -> None:
+    low = np.random.default_rng(5).random((50, 3), np.float32)
+    segments = [[0, 0], [10, 20], [30, 0], [40, 10], [50, 0]]
+    clusters = umbel.build_clusters(np.hstack([low, low]), 8, segments=np.array(segments))
+    assert [int(n == 0) for n in clusters.segments[:, 1]] == [1, 0, 1, 0, 1]
+    assert clusters.items[:10].tolist() == list(range(10))
+    assert clusters.items[30:40].tolist() == list(range(30, 40))
+    with pytest.raises(umbel.Error, match="ranges"):
+        _ = clusters.offsets
+    labels = clusters.labels()
+    assert (labels[[*range(10), *range(30, 40)]] == 0xFFFFFFFF).all()
+    assert (labels[10:30] < len(clusters)).all() and (labels[40:] < len(clusters)).all()
+
+
+@pytest.mark.parametrize("way", ["mesh", "boxes", "morton"])
+def test_progress_is_told_and_can_cancel(way: str) -> None:
+    mesh = umbel.shapes.blob(6)
+    corners = mesh.positions[mesh.triangles]
+    boxes = np.hstack([corners.min(axis=1), corners.max(axis=1)])
+
+    def build(progress) -> umbel.Clusters:
+        if way == "boxes":
+            return umbel.build_clusters(boxes, progress=progress)
+        return umbel.cluster_mesh(
+            mesh, progress=progress, method="morton" if way == "morton" else "bisect"
+        )
+
+    told: list[tuple[float, str]] = []
+    made = build(lambda fraction, stage: told.append((fraction, stage)))
+    fractions = [fraction for fraction, _ in told]
+    assert told and fractions == sorted(fractions) and fractions[0] >= 0 and fractions[-1] <= 1
+    assert all(stage for _, stage in told) and len(made) > 0
+    with pytest.raises(umbel.Cancelled) as caught:
+        build(lambda fraction, stage: False)
+    assert caught.value.code == "cancelled"
+
+    def explode(fraction: float, stage: str) -> None:
+        raise RuntimeError("of one's own")
+
+    with pytest.raises(RuntimeError, match="of one's own"):
+        build(explode)
