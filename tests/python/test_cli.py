@@ -261,6 +261,16 @@ def test_cluster_takes_all_its_flags(umbel_command: Umbel, blob_ply: Path) -> No
     assert morton["mean_fill"] == pytest.approx(1.0)
 
 
+def test_cluster_weights_leave_fewer_vertices(umbel_command: Umbel, blob_ply: Path) -> None:
+    flags = ("--max-triangles", 40, "--json")
+    plain = umbel_command("cluster", blob_ply, *flags).json
+    weighed = umbel_command("cluster", blob_ply, "--weights", "shared-vertices", *flags).json
+    assert plain["ratio_cut"] == 0 and weighed["ratio_cut"] > 0
+    assert weighed["mean_vertices"] < plain["mean_vertices"]
+    all_vertices = [said["mean_vertices"] * said["clusters"] for said in (plain, weighed)]
+    assert all_vertices[1] < 1.01 * all_vertices[0]
+
+
 def test_cluster_writes_arrays_and_colours(
     umbel_command: Umbel, blob_ply: Path, tmp_path: Path
 ) -> None:
