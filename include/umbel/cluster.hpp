@@ -1,6 +1,7 @@
 // Spatial clusters of any items that have boxes: triangles, or clusters themselves.
 #pragma once
 
+#include <array>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -74,6 +75,54 @@ UMBEL_API Clusters cluster_mesh(const MeshView& mesh, const ClusterConfig& confi
 /// three to four times the area (src/cluster/morton.cpp). Only max_items is used.
 UMBEL_API Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
                                        const BuildOptions& options = {});
+
+/// Most vertices and triangles of a cluster that order_clusters and cluster_bounds can take:
+/// meshoptimizer's limits. ClusterConfig::max_vertices and max_items keep them.
+inline constexpr uint32_t kMaxMeshletVertices = 256, kMaxMeshletTriangles = 512;
+
+/// Clusters as mesh shaders, rasterisers and cluster acceleration structures take them: each with
+/// vertices and byte-sized indices of its own.
+struct ClusterMeshlets {
+  /// Clusters::items with the triangles of each cluster in their new order; the clusters' ranges
+  /// hold as they are.
+  std::vector<uint32_t> items;
+  /// Cluster c has vertices[vertex_offsets[c] .. vertex_offsets[c + 1]); one more than clusters.
+  std::vector<uint32_t> vertex_offsets;
+  std::vector<uint32_t> vertices;  ///< mesh vertices, in the order in which triangles use them
+  /// Corners of triangle items[i], as indices into its cluster's vertices; zero where items[i] is
+  /// in no cluster. One an item.
+  std::vector<std::array<uint8_t, 3>> corners;
+};
+
+/// Orders the triangles and vertices of each cluster for vertex reuse and rasterisation, with
+/// meshoptimizer's meshlet optimiser (src/cluster/order.cpp). At `level` 0 triangles keep their
+/// corner order; levels 1 to 9 try harder to make what is stored compress well (3 is a good value),
+/// and may rotate corners. Every triangle stays in its cluster. Deterministic for any thread count.
+/// Throws kInvalidArgument for a cluster of more than kMaxMeshletVertices or kMaxMeshletTriangles,
+/// or one that is not of this mesh; kInvalidMesh for an index out of range; kCancelled;
+/// kUnsupported for a level above 0 where Umbel was built with a meshoptimizer before 1.2.
+UMBEL_API ClusterMeshlets order_clusters(const MeshView& mesh, const Clusters& clusters,
+                                         int level = 0, const BuildOptions& options = {});
+
+/// What a cluster can be culled by. With e the eye: the cluster is outside a frustum that misses
+/// `sphere`, and faces away as a whole, no triangle's front side being visible, where
+///   dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff   or, without the apex,
+///   dot(center - e, cone_axis) >= cone_cutoff * length(center - e) + radius.
+struct ClusterBounds {
+  Sphere sphere;       ///< contains all the cluster's triangles
+  Vec3 cone_apex;      ///< behind every triangle
+  Vec3 cone_axis;      ///< unit length: where the triangles face; zero if there is no such cone
+  float cone_cutoff;   ///< sine of the cone's half angle, and a little; 1 if there is no cone
+  bool operator==(const ClusterBounds&) const = default;
+};
+
+/// Bounding sphere and normal cone of each cluster, with meshoptimizer's bounds as a start
+/// (src/cluster/cluster_bounds.cpp) and rounded so that they hold for any mesh, however far from
+/// the origin, however large or small. Triangles without area are in the sphere, but not in the
+/// cone. Deterministic for any thread count.
+/// Throws as order_clusters does, and kInvalidMesh for a NaN or infinite position.
+UMBEL_API std::vector<ClusterBounds> cluster_bounds(const MeshView& mesh, const Clusters& clusters,
+                                                    const BuildOptions& options = {});
 
 /// How good clusters are (src/cluster/metrics.cpp).
 struct ClusterMetrics {
