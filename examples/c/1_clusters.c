@@ -80,8 +80,8 @@ int main(void) {
   umbel_cluster_quality_init(&quality);
   check(umbel_cluster_metrics(&input, &output, config.max_items, &quality));
 
-  printf("%zu triangles in %zu clusters, %.1f %% full, at most %u vertices, ",
-         output.item_count, output.range_count, 100 * quality.mean_fill, quality.max_vertices);
+  printf("%zu triangles in %zu clusters, %.1f %% full, at most %u vertices, ", output.item_count,
+         output.range_count, 100 * quality.mean_fill, quality.max_vertices);
   printf("surface area ratio %.2f\n", quality.surface_area_ratio);
   printf("cluster 0 has %u triangles; the first is number %u\n", output.ranges[0].count,
          output.items[output.ranges[0].offset]);

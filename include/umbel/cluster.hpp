@@ -14,9 +14,9 @@ namespace umbel {
 /// Weighted adjacency between items: item i is connected to
 /// targets[ranges[i].offset .. + count) with those weights. Should be symmetric.
 struct Connections {
-  std::span<const Range> ranges;    ///< one an item, or empty: no connections
+  std::span<const Range> ranges;  ///< one an item, or empty: no connections
   std::span<const uint32_t> targets;
-  std::span<const float> weights;   ///< >= 0, one a target, or empty: all 1
+  std::span<const float> weights;  ///< >= 0, one a target, or empty: all 1
 };
 
 struct ClusterInput {
@@ -36,11 +36,11 @@ struct ClusterInput {
 };
 
 struct ClusterConfig {
-  uint32_t min_items = 64;          ///< >= 1, <= max_items
-  uint32_t max_items = 128;         ///< >= 1
-  uint32_t max_vertices = 0;        ///< most unique vertices a cluster; 0: no limit
-  float underfill_cost = 0.5f;      ///< [0, 1]: price of items missing to full clusters
-  float overlap_cost = 0.0f;        ///< [0, 1]: price of overlap between the two sides
+  uint32_t min_items = 64;             ///< >= 1, <= max_items
+  uint32_t max_items = 128;            ///< >= 1
+  uint32_t max_vertices = 0;           ///< most unique vertices a cluster; 0: no limit
+  float underfill_cost = 0.5f;         ///< [0, 1]: price of items missing to full clusters
+  float overlap_cost = 0.0f;           ///< [0, 1]: price of overlap between the two sides
   float vertex_underfill_cost = 0.5f;  ///< [0, 1]: the same for missing vertices
   /// Nodes with more items than this are split at the median without a sweep; 0: never.
   uint32_t presplit_threshold = 0;
@@ -53,9 +53,9 @@ struct ClusterConfig {
 UMBEL_API ClusterConfig cluster_preset(std::string_view name, uint32_t max_items = 128);
 
 struct Clusters {
-  std::vector<Range> ranges;     ///< of `items`, one a cluster
-  std::vector<uint32_t> items;   ///< a permutation of all item indices, in cluster order
-  std::vector<Range> segments;   ///< of `ranges`, one a segment
+  std::vector<Range> ranges;    ///< of `items`, one a cluster
+  std::vector<uint32_t> items;  ///< a permutation of all item indices, in cluster order
+  std::vector<Range> segments;  ///< of `ranges`, one a segment
 };
 
 /// Recursive axis-aligned bisection by cost (src/cluster/bisect.cpp). Every item of a segment
@@ -109,10 +109,10 @@ UMBEL_API ClusterMeshlets order_clusters(const MeshView& mesh, const Clusters& c
 ///   dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff   or, without the apex,
 ///   dot(center - e, cone_axis) >= cone_cutoff * length(center - e) + radius.
 struct ClusterBounds {
-  Sphere sphere;       ///< contains all the cluster's triangles
-  Vec3 cone_apex;      ///< behind every triangle
-  Vec3 cone_axis;      ///< unit length: where the triangles face; zero if there is no such cone
-  float cone_cutoff;   ///< sine of the cone's half angle, and a little; 1 if there is no cone
+  Sphere sphere;      ///< contains all the cluster's triangles
+  Vec3 cone_apex;     ///< behind every triangle
+  Vec3 cone_axis;     ///< unit length: where the triangles face; zero if there is no such cone
+  float cone_cutoff;  ///< sine of the cone's half angle, and a little; 1 if there is no cone
   bool operator==(const ClusterBounds&) const = default;
 };
 
@@ -127,15 +127,15 @@ UMBEL_API std::vector<ClusterBounds> cluster_bounds(const MeshView& mesh, const 
 /// How good clusters are (src/cluster/metrics.cpp).
 struct ClusterMetrics {
   size_t clusters = 0;
-  double mean_fill = 0;           ///< items / (clusters * max_items)
+  double mean_fill = 0;  ///< items / (clusters * max_items)
   uint32_t min_size = 0, max_size = 0;
-  double mean_vertices = 0;       ///< unique vertices a cluster (0 where items have none)
+  double mean_vertices = 0;  ///< unique vertices a cluster (0 where items have none)
   uint32_t max_vertices = 0;
   double surface_area_ratio = 0;  ///< sum of cluster box areas / area of the box of all
   double sah = 0;                 ///< the same, each weighted by its items
-  double overlap = 0;  ///< mean number of cluster boxes that a random line through the box of
-                       ///< all pierces (uniform lines: by Crofton the same as the area ratio,
-                       ///< but sampled, and so an independent check)
+  double overlap = 0;    ///< mean number of cluster boxes that a random line through the box of
+                         ///< all pierces (uniform lines: by Crofton the same as the area ratio,
+                         ///< but sampled, and so an independent check)
   double ratio_cut = 0;  ///< sum over clusters of cut connection weight / items (Wei & Cheng)
 };
 UMBEL_API ClusterMetrics cluster_metrics(const ClusterInput& input, const Clusters& clusters,

@@ -64,7 +64,7 @@ typedef enum umbel_result {
   UMBEL_ERROR_CANCELLED = 6,         ///< the progress callback asked to stop
   UMBEL_ERROR_CAPACITY = 7,          ///< an output array is too small; its count says what it needs
   UMBEL_ERROR_OUT_OF_MEMORY = 8,
-  UMBEL_ERROR_INTERNAL = 9           ///< a fault of the library itself
+  UMBEL_ERROR_INTERNAL = 9  ///< a fault of the library itself
 } umbel_result;
 
 /// One sentence about this thread's last call that failed, naming the argument, the index and the
@@ -233,8 +233,8 @@ static inline void umbel_cluster_config_init(umbel_cluster_config* config) {
 
 /// Sets an initialised config to one of the presets: "quality" (lowest area), "fast", or "exact"
 /// (all clusters of a segment have `max_items` items but one). Leaves it as it is on failure.
-UMBEL_C_API umbel_result umbel_cluster_config_preset(umbel_cluster_config* config,
-                                                     const char* name, uint32_t max_items);
+UMBEL_C_API umbel_result umbel_cluster_config_preset(umbel_cluster_config* config, const char* name,
+                                                     uint32_t max_items);
 
 /// How much room umbel_cluster_build needs. Looks at counts, segments and the config only, not at
 /// boxes, vertices or connections.
@@ -266,8 +266,7 @@ UMBEL_C_API umbel_result umbel_cluster_build(const umbel_cluster_input* input,
 /// `item_count` are read. `max_items` is what a full cluster has.
 UMBEL_C_API umbel_result umbel_cluster_metrics(const umbel_cluster_input* input,
                                                const umbel_cluster_output* clusters,
-                                               uint32_t max_items,
-                                               umbel_cluster_quality* quality);
+                                               uint32_t max_items, umbel_cluster_quality* quality);
 
 #ifdef __cplusplus
 }

@@ -41,10 +41,10 @@ umbel_cluster_capacity requirements(const ClusterArrays& arrays, const ClusterCo
   for (size_t s = 0; s < needed.segments; ++s) {
     const Range& r = arrays.segments()[s];
     if (uint64_t(r.offset) + r.count > needed.items)
-      throw Error(ErrorCode::kInvalidArgument,
-                  "segments[" + std::to_string(s) + "] ends at " +
-                      std::to_string(uint64_t(r.offset) + r.count) + ", but there are " +
-                      std::to_string(needed.items) + " items");
+      throw Error(ErrorCode::kInvalidArgument, "segments[" + std::to_string(s) + "] ends at " +
+                                                   std::to_string(uint64_t(r.offset) + r.count) +
+                                                   ", but there are " +
+                                                   std::to_string(needed.items) + " items");
     needed.ranges += most_clusters(r.count, config);
   }
   return needed;
@@ -108,8 +108,7 @@ void build(const umbel_cluster_input* input, const umbel_cluster_config* config_
   made.items = clusters.items.size();
   made.segments = clusters.segments.size();
   set_counts(output, made);
-  if (output->range_capacity < made.ranges)
-    too_small("range", output->range_capacity, made.ranges);
+  if (output->range_capacity < made.ranges) too_small("range", output->range_capacity, made.ranges);
   copy(clusters.ranges, output->ranges);
   copy(clusters.items, output->items);
   if (output->segments) copy(clusters.segments, output->segments);
@@ -177,8 +176,7 @@ umbel_result umbel_cluster_requirements(const umbel_cluster_input* input,
 
 umbel_result umbel_cluster_build(const umbel_cluster_input* input,
                                  const umbel_cluster_config* config,
-                                 const umbel_build_options* options,
-                                 umbel_cluster_output* output) {
+                                 const umbel_build_options* options, umbel_cluster_output* output) {
   return umbel::capi::guard([&] { umbel::capi::build(input, config, options, output); });
 }
 

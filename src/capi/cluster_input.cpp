@@ -78,8 +78,8 @@ ClusterArrays::ClusterArrays(const umbel_cluster_input* input) {
   if (in.centroids) input_.centroids = view<Vec3>(in.centroids, item_count_, "input->centroids");
   if (in.connection_ranges) {
     input_.connections.ranges = view<Range>(in.connection_ranges, item_count_, "");
-    input_.connections.targets = view<uint32_t>(in.connection_targets, in.connection_count,
-                                                "input->connection_targets");
+    input_.connections.targets =
+        view<uint32_t>(in.connection_targets, in.connection_count, "input->connection_targets");
     if (in.connection_weights)
       input_.connections.weights = {in.connection_weights, in.connection_count};
   } else if (in.connection_targets || in.connection_weights || in.connection_count > 0) {

@@ -15,7 +15,8 @@ struct CapacityError {
 /// Turns the exception that is being handled into a result and this thread's last sentence.
 umbel_result report_exception() noexcept;
 
-/// Runs `work` and reports whatever it throws. A template, since std::function may have to allocate.
+/// Runs `work` and reports whatever it throws. A template, since std::function may have to
+/// allocate.
 template <typename Work>
 umbel_result guard(const Work& work) noexcept {
   try {

@@ -5,12 +5,11 @@
 // those in double precision and rounded outwards: a cutoff from a cosine near 1 in floats would
 // call flat clusters invisible that are seen at a grazing angle.
 #include <meshoptimizer.h>
+#include <tbb/enumerable_thread_specific.h>
 
 #include <cmath>
 #include <optional>
 #include <string>
-
-#include <tbb/enumerable_thread_specific.h>
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
@@ -137,8 +136,7 @@ ClusterBounds bounds_of(const MeshView& mesh, const Meshlet& meshlet, Unit& unit
       meshopt_computeSphereBounds(points, unit.points.size(), sizeof(Vec3), nullptr, 0);
   ClusterBounds bounds{};
   bounds.cone_cutoff = 1;
-  bounds.sphere.center =
-      narrow(unit.outward({ball.center[0], ball.center[1], ball.center[2]}));
+  bounds.sphere.center = narrow(unit.outward({ball.center[0], ball.center[1], ball.center[2]}));
   bounds.sphere.radius = radius_around(mesh, meshlet, bounds.sphere.center);
   bounds.cone_apex = bounds.sphere.center;
   const Vec3 axis{found.cone_axis[0], found.cone_axis[1], found.cone_axis[2]};

@@ -17,10 +17,9 @@ void check_item(const MeshView& mesh, const Clusters& clusters, uint32_t at) {
                  ", but there are " + std::to_string(mesh.triangles.size()) + " triangles");
   for (const uint32_t v : mesh.triangles[item])
     if (v >= mesh.positions.size())
-      throw Error(ErrorCode::kInvalidMesh, "triangle " + std::to_string(item) + " uses vertex " +
-                                               std::to_string(v) + ", but there are " +
-                                               std::to_string(mesh.positions.size()) +
-                                               " positions");
+      throw Error(ErrorCode::kInvalidMesh,
+                  "triangle " + std::to_string(item) + " uses vertex " + std::to_string(v) +
+                      ", but there are " + std::to_string(mesh.positions.size()) + " positions");
 }
 
 }  // namespace

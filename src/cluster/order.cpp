@@ -3,12 +3,11 @@
 // three, then vertices by first use. The optimiser moves triangles without saying which is which,
 // so they are found again by their vertices.
 #include <meshoptimizer.h>
+#include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
 #include <string>
 #include <tuple>
-
-#include <tbb/enumerable_thread_specific.h>
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
@@ -74,8 +73,9 @@ void check_level(int level) {
                 "level must be within [0, 9], not " + std::to_string(level));
 #if MESHOPTIMIZER_VERSION < 1020
   if (level > 0)
-    throw Error(ErrorCode::kUnsupported,
-                "levels above 0 need meshoptimizer 1.2, and this library was built with an older one");
+    throw Error(
+        ErrorCode::kUnsupported,
+        "levels above 0 need meshoptimizer 1.2, and this library was built with an older one");
 #endif
 }
 

@@ -125,8 +125,7 @@ class Case {
     for (uint32_t i = 0; i < count_; ++i) {
       float v[6];
       const bool own = bytes_.remaining_bytes() > 8;
-      for (float& x : v)
-        x = own ? number() : (likes(6) ? step : 1.0f) * float(noise() % grid);
+      for (float& x : v) x = own ? number() : (likes(6) ? step : 1.0f) * float(noise() % grid);
       // Mostly legal, or nothing beyond the checks would ever run.
       if (noise() % 256)
         for (int k = 0; k < 3; ++k)
@@ -139,9 +138,11 @@ class Case {
   }
 
   float number() {
-    constexpr float kSpecial[] = {0.0f,   -0.0f,  1.0f,     -1.0f,    1e18f,   -1e18f, 3e38f,
-                                  -3e38f, 1e-38f, 1e-45f,   HUGE_VALF, 1e30f,  1e-30f, 16777216.0f,
-                                  -HUGE_VALF, std::numeric_limits<float>::quiet_NaN()};
+    constexpr float kSpecial[] = {
+        0.0f,   -0.0f,       1.0f,       -1.0f,
+        1e18f,  -1e18f,      3e38f,      -3e38f,
+        1e-38f, 1e-45f,      HUGE_VALF,  1e30f,
+        1e-30f, 16777216.0f, -HUGE_VALF, std::numeric_limits<float>::quiet_NaN()};
     const uint8_t kind = bytes_.ConsumeIntegral<uint8_t>();
     if (kind < 16) return kSpecial[kind];
     if (kind < 32) return kSpecial[kind % 16 % 14] * 0.5f;
@@ -194,8 +195,7 @@ void check_vertices(const Case& c, const Result& r, const umbel_range& range) {
   if (c.config.max_vertices == 0 || range.count <= 1) return;
   std::set<uint32_t> unique;
   for (uint32_t i = range.offset; i < range.offset + range.count; ++i) {
-    const uint32_t* v =
-        c.input.item_vertices + size_t(r.items[i]) * c.input.vertices_per_item;
+    const uint32_t* v = c.input.item_vertices + size_t(r.items[i]) * c.input.vertices_per_item;
     unique.insert(v, v + c.input.vertices_per_item);
   }
   expect(unique.size() <= c.config.max_vertices, "too many vertices in a cluster");

@@ -31,18 +31,16 @@ int main(void) {
   output.range_capacity = COUNT;
   output.items = items;
   output.item_capacity = COUNT;
-  if (umbel_cluster_requirements(&input, &config, &needed) != UMBEL_OK ||
-      needed.ranges > COUNT || needed.items != COUNT ||
-      umbel_cluster_build(&input, &config, NULL, &output) != UMBEL_OK ||
+  if (umbel_cluster_requirements(&input, &config, &needed) != UMBEL_OK || needed.ranges > COUNT ||
+      needed.items != COUNT || umbel_cluster_build(&input, &config, NULL, &output) != UMBEL_OK ||
       umbel_cluster_metrics(&input, &output, config.max_items, &quality) != UMBEL_OK) {
     fprintf(stderr, "%s\n", umbel_last_error());
     return 1;
   }
   input.boxes = NULL;
   missing = umbel_cluster_build(&input, &config, NULL, &output);
-  printf("umbel %s from C: %zu clusters of %u to %u; %s: %s\n", umbel_version(),
-         quality.clusters, quality.min_size, quality.max_size, umbel_result_name(missing),
-         umbel_last_error());
+  printf("umbel %s from C: %zu clusters of %u to %u; %s: %s\n", umbel_version(), quality.clusters,
+         quality.min_size, quality.max_size, umbel_result_name(missing), umbel_last_error());
   return quality.clusters > 0 && quality.max_size <= config.max_items &&
                  missing == UMBEL_ERROR_INVALID_ARGUMENT && umbel_last_error()[0]
              ? 0

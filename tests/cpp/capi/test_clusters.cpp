@@ -215,9 +215,9 @@ TEST(Capi, metrics_equal_the_cpp_metrics_for_random_input) {
     call.set(items.input);
     call.set(items.config);
     ASSERT_EQ(call.run(), UMBEL_OK) << umbel_last_error();
-    ASSERT_EQ(umbel_cluster_metrics(&call.input, &call.output, items.config.max_items,
-                                    &call.quality),
-              UMBEL_OK)
+    ASSERT_EQ(
+        umbel_cluster_metrics(&call.input, &call.output, items.config.max_items, &call.quality),
+        UMBEL_OK)
         << umbel_last_error();
     EXPECT_EQ(call.quality.struct_size, sizeof call.quality);
     EXPECT_EQ(call.quality.clusters, expected.clusters);
@@ -505,9 +505,7 @@ TEST(CapiMistakes, small_arrays_are_named_with_what_they_need) {
 TEST(CapiMistakes, clusters_that_are_none_are_named) {
   GoodCall c;
   ASSERT_EQ(c.build(), UMBEL_OK);
-  const auto measure = [&] {
-    return umbel_cluster_metrics(&c.input, &c.output, 128, &c.quality);
-  };
+  const auto measure = [&] { return umbel_cluster_metrics(&c.input, &c.output, 128, &c.quality); };
   const auto invalid = UMBEL_ERROR_INVALID_ARGUMENT;
   ASSERT_EQ(measure(), UMBEL_OK);
   expect_failure(umbel_cluster_metrics(&c.input, &c.output, 0, &c.quality), invalid, "max_items");

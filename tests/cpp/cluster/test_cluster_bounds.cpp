@@ -61,8 +61,7 @@ void expect_culls_nothing_visible(const Mesh& mesh, const Clusters& clusters, si
     const Vec3d eye{b.sphere.center.x + far * d.x / size, b.sphere.center.y + far * d.y / size,
                     b.sphere.center.z + far * d.z / size};
     const Vec3d to_apex = wide(b.cone_apex) - eye, to_center = wide(b.sphere.center) - eye;
-    const bool by_apex =
-        dot(to_apex, wide(b.cone_axis)) >= double(b.cone_cutoff) * length(to_apex);
+    const bool by_apex = dot(to_apex, wide(b.cone_axis)) >= double(b.cone_cutoff) * length(to_apex);
     const bool by_sphere = dot(to_center, wide(b.cone_axis)) >=
                            double(b.cone_cutoff) * length(to_center) + double(b.sphere.radius);
     if (!by_apex && !by_sphere) continue;

@@ -1,6 +1,5 @@
 // Ordered clusters are the same clusters, and reuse vertices better.
 #include <gtest/gtest.h>
-
 #include <meshoptimizer.h>
 
 #include <algorithm>
@@ -59,9 +58,9 @@ size_t transformed(const Mesh& mesh, const Clusters& clusters, const std::vector
     std::vector<uint32_t> indices;
     for (uint32_t i = r.offset; i < r.offset + r.count; ++i)
       for (const uint32_t v : mesh.triangles[items[i]]) indices.push_back(v);
-    total += meshopt_analyzeVertexCache(indices.data(), indices.size(), mesh.positions.size(), 16,
-                                        0, 0)
-                 .vertices_transformed;
+    total +=
+        meshopt_analyzeVertexCache(indices.data(), indices.size(), mesh.positions.size(), 16, 0, 0)
+            .vertices_transformed;
   }
   return total;
 }
