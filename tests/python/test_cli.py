@@ -257,6 +257,11 @@ def test_cluster_takes_all_its_flags(umbel_command: Umbel, blob_ply: Path) -> No
     assert said["max_size"] <= 60 and said["min_size"] >= 1
     said = umbel_command("cluster", blob_ply, "--max-vertices", 40, "--json").json
     assert said["max_vertices"] <= 40
+    flags = ("--max-vertices", 40, "--vertex-underfill", 0, "--presplit", 300)
+    cheap = umbel_command("cluster", blob_ply, *flags, "--json").json
+    assert cheap["max_vertices"] <= 40 and cheap["clusters"] != said["clusters"]
+    done = umbel_command("cluster", blob_ply, "--vertex-underfill", 2)
+    assert done.status == 1 and "vertex_underfill_cost" in done.err
     morton = umbel_command("cluster", blob_ply, "--method", "morton", "--json").json
     assert morton["mean_fill"] == pytest.approx(1.0)
 

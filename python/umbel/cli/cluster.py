@@ -64,6 +64,13 @@ def command(
     overlap: Annotated[
         float | None, typer.Option(metavar="C", help="Price of overlapping boxes, 0 to 1.")
     ] = None,
+    vertex_underfill: Annotated[
+        float | None, typer.Option(metavar="C", help="Price of missing vertices, 0 to 1.")
+    ] = None,
+    presplit: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Halve larger parts without a search; 0: never."),
+    ] = None,
     weights: Annotated[
         Weights, typer.Option(help="What keeps triangles together besides place.")
     ] = Weights.none,
@@ -104,6 +111,8 @@ def command(
             min_triangles=min_triangles,
             underfill_cost=underfill,
             overlap_cost=overlap,
+            vertex_underfill_cost=vertex_underfill,
+            presplit_threshold=presplit,
             shared_vertex_weight=1.0 if weights is Weights.shared_vertices else 0.0,
             method=method.value,
             progress=bar,
