@@ -49,17 +49,27 @@ void expect_contains(const Mesh& mesh, const Clusters& clusters, size_t c, const
       ASSERT_LE(length(wide(mesh.positions[v]) - wide(sphere.center)), double(sphere.radius));
 }
 
-// Eyes all around, many near the cone's border, where mistakes would show.
+// An eye in any direction, or one just inside the cone, where mistakes would show.
+Vec3d eye_for(const ClusterBounds& b, int k, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  const double far = double(b.sphere.radius) * std::pow(10.0, k % 5 - 1);
+  const Vec3d any{normal(random), normal(random), normal(random)}, axis = wide(b.cone_axis);
+  const double size = length(any), along = dot(any, axis);
+  if (k % 2 || b.cone_cutoff == 1)
+    return {b.sphere.center.x + far * any.x / size, b.sphere.center.y + far * any.y / size,
+            b.sphere.center.z + far * any.z / size};
+  const Vec3d across{any.x - along * axis.x, any.y - along * axis.y, any.z - along * axis.z};
+  const double sine = double(b.cone_cutoff) + 1e-7, cosine = std::sqrt(1 - sine * sine);
+  const double u = far * sine, v = far * cosine / length(across);
+  return {b.cone_apex.x - u * axis.x - v * across.x, b.cone_apex.y - u * axis.y - v * across.y,
+          b.cone_apex.z - u * axis.z - v * across.z};
+}
+
 void expect_culls_nothing_visible(const Mesh& mesh, const Clusters& clusters, size_t c,
                                   const ClusterBounds& b, std::mt19937& random, size_t& culled) {
-  std::normal_distribution<double> normal;
   const Range& r = clusters.ranges[c];
   for (int k = 0; k < 40; ++k) {
-    const double far = double(b.sphere.radius) * std::pow(10.0, k % 5 - 1);
-    Vec3d d{normal(random), normal(random), normal(random)};
-    const double size = length(d);
-    const Vec3d eye{b.sphere.center.x + far * d.x / size, b.sphere.center.y + far * d.y / size,
-                    b.sphere.center.z + far * d.z / size};
+    const Vec3d eye = eye_for(b, k, random);
     const Vec3d to_apex = wide(b.cone_apex) - eye, to_center = wide(b.sphere.center) - eye;
     const bool by_apex = dot(to_apex, wide(b.cone_axis)) >= double(b.cone_cutoff) * length(to_apex);
     const bool by_sphere = dot(to_center, wide(b.cone_axis)) >=
@@ -72,10 +82,16 @@ void expect_culls_nothing_visible(const Mesh& mesh, const Clusters& clusters, si
   }
 }
 
+Mesh flattened(Mesh mesh, float height) {
+  for (Vec3& p : mesh.positions) p.z *= height;
+  return mesh;
+}
+
 TEST(ClusterBounds, spheres_contain_and_cones_cull_nothing_visible) {
   std::mt19937 random(1);
-  for (const Mesh& shape : {shapes::blob(5, 1), shapes::terrain(60, 40, 2), shapes::grid(40, 40),
-                            shapes::torus(60, 30), shapes::soup(1000, 3)}) {
+  for (const Mesh& shape :
+       {shapes::blob(5, 1), shapes::terrain(60, 40, 2), shapes::grid(40, 40), shapes::torus(60, 30),
+        shapes::soup(1000, 3), flattened(shapes::terrain(60, 40, 2), 2e-4f)}) {
     for (const auto& [scale, offset] :
          {std::pair{1.0f, 0.0f}, {1.0f, 3000.0f}, {1e-20f, 0.0f}, {1e18f, 0.0f}, {1e30f, 1e30f}}) {
       const Mesh mesh = moved(shape, scale, offset);
