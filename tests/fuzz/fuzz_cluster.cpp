@@ -270,6 +270,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   }
   check(c, one);
   expect(build(c, room, 2, two) == UMBEL_OK && same(one, two), "threads change the result");
+  // Thousands of lines against all boxes: slow under the sanitizers.
+  if (size % 16 != 0) return 0;
   umbel_cluster_quality quality;
   umbel_cluster_quality_init(&quality);
   expect(umbel_cluster_metrics(&c.input, &one.output, c.config.max_items, &quality) == UMBEL_OK,
