@@ -13,6 +13,7 @@
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "cluster/bisect_micros.hpp"
 #include "cluster/block.hpp"
 #include "cluster/split_cells.hpp"
 #include "cluster/validate.hpp"
@@ -65,6 +66,9 @@ constexpr uint32_t kBlock = 1 << 13;
 // Connections between items have no meaning between runs, so blocks are larger where there are any.
 constexpr uint32_t kConnectedBlock = 1 << 16;
 
+// Fewer items than this are not worth micro-clusters.
+constexpr uint32_t kMicrosFrom = 1 << 10;
+
 uint32_t block_size(const Source& source, const Rules& rules) {
   const bool connected = !source.connections.ranges.empty() || source.shared_vertex_weight > 0;
   // A part must be no smaller than one cluster.
@@ -83,10 +87,31 @@ void load(const Source& source, const CellSet& set, const Part& part, BoxRecord*
   }
 }
 
+// What has to be looked at item by item does not suit micro-clusters.
+bool suits_micros(const Source& source, const Rules& rules, uint32_t count) {
+  const ClusterConfig& config = rules.config;
+  return config.coarse && rules.simple && config.max_items >= 16 && !config.max_vertices &&
+         config.overlap_cost == 0.0f && !config.presplit_threshold &&
+         source.connections.ranges.empty() && source.shared_vertex_weight == 0.0f &&
+         source.centroids.empty() && count > kMicrosFrom;
+}
+
 template <typename LocalBlock>
 void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
                     uint32_t count, const BoxRecord* bounds, const LocalBlock& local,
-                    const std::function<void(uint32_t)>& done) {
+                    const std::function<void(uint32_t)>& done, bool by_micros = true) {
+  if (by_micros && suits_micros(source, rules, count)) {
+    const BoxRecord box = bounds ? *bounds : box_of(source, items, count);
+    if (suits_small_boxes(box)) {
+      std::atomic<uint32_t> rest = count;
+      bisect_micros(source, rules, items, first, count, box, [&](uint32_t offset, uint32_t n) {
+        rest -= n;
+        bisect_segment(source, rules, items + offset, first + offset, n, nullptr, local, done,
+                       false);
+      });
+      return done(rest);
+    }
+  }
   const uint32_t most = block_size(source, rules);
   if (count <= most) {
     local().bisect(source, rules, items, first, count);
