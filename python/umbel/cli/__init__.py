@@ -11,28 +11,29 @@ from types import FrameType
 from typing import NoReturn
 
 
-class Terminated(BaseException):
-    """SIGTERM arrived."""
+class Stopped(BaseException):
+    """SIGINT or SIGTERM arrived. Not KeyboardInterrupt, which typer ends without a word."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.word = "interrupted" if number == signal.SIGINT else "terminated"
+        self.status = 128 + number
 
 
-def _terminate(_number: int, _frame: FrameType | None) -> NoReturn:
-    raise Terminated
+def _stop(number: int, _frame: FrameType | None) -> NoReturn:
+    raise Stopped(number)
 
 
 def main() -> None:
     """The entry point of the command `umbel`."""
-    signal.signal(signal.SIGTERM, _terminate)
+    signal.signal(signal.SIGTERM, _stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not if it is ignored
+        signal.signal(signal.SIGINT, _stop)
     # Commands end cleanly by themselves; this is for what comes before them, imports above all.
     try:
         from .app import app
 
         app(prog_name="umbel")
-    except KeyboardInterrupt:
-        _end("interrupted", signal.SIGINT)
-    except Terminated:
-        _end("terminated", signal.SIGTERM)
-
-
-def _end(word: str, number: signal.Signals) -> NoReturn:
-    print(f"umbel: {word}", file=sys.stderr)
-    sys.exit(128 + number)
+    except Stopped as stopped:
+        print(f"umbel: {stopped.word}", file=sys.stderr)
+        sys.exit(stopped.status)

@@ -6,7 +6,6 @@ import contextlib
 import functools
 import json
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -15,7 +14,7 @@ from typing import Annotated, Any, NoReturn, TypeVar
 
 import typer
 
-from . import Terminated
+from . import Stopped
 
 FAULT, USAGE, CHECK_FAILED = 1, 2, 3
 
@@ -59,10 +58,8 @@ def ends_cleanly(command: Command) -> Command:
             return result
         except Error as error:
             fail(_one_line(str(error)))
-        except KeyboardInterrupt:
-            fail("interrupted", 128 + signal.SIGINT)
-        except Terminated:
-            fail("terminated", 128 + signal.SIGTERM)
+        except Stopped as stopped:
+            fail(stopped.word, stopped.status)
         except MemoryError:
             fail("not enough memory")
         except BrokenPipeError:
