@@ -103,13 +103,11 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
   if (by_micros && suits_micros(source, rules, count)) {
     const BoxRecord box = bounds ? *bounds : box_of(source, items, count);
     if (suits_small_boxes(box)) {
-      std::atomic<uint32_t> rest = count;
-      bisect_micros(source, rules, items, first, count, box, [&](uint32_t offset, uint32_t n) {
-        rest -= n;
-        bisect_segment(source, rules, items + offset, first + offset, n, nullptr, local, done,
-                       false);
-      });
-      return done(rest);
+      const auto exact = [&](uint32_t offset, uint32_t n) {
+        bisect_segment(source, rules, items + offset, first + offset, n, nullptr, local,
+                       [](uint32_t) {}, false);
+      };
+      return bisect_micros(source, rules, items, first, count, box, exact, done);
     }
   }
   const uint32_t most = block_size(source, rules);

@@ -45,9 +45,10 @@ class Splitter {
  public:
   using Exact = std::function<void(uint32_t, uint32_t)>;
 
-  Splitter(const Rules& rules, MicroSet& set, uint32_t* items, uint8_t* first, const Exact& exact)
+  Splitter(const Rules& rules, MicroSet& set, uint32_t* items, uint8_t* first, const Exact& exact,
+           const std::function<void(uint32_t)>& done)
       : rules_(rules), set_(set), spare_(set.micros.size()), items_(items), first_(first),
-        exact_(exact), weights_(kTabled) {
+        exact_(exact), done_(done), weights_(kTabled) {
     for (uint32_t i = 0; i < kTabled; ++i) weights_[i] = rules.weight(i);
   }
 
@@ -58,7 +59,7 @@ class Splitter {
       root.box = join(root.box, micro.box);
       root.centers = join(root.centers, centers_of(micro.box));
     }
-    split(root);
+    split_part(root);
   }
 
  private:
@@ -77,8 +78,13 @@ class Splitter {
       split(left);
       split(right);
     } else {
-      tbb::parallel_invoke([&] { split(left); }, [&] { split(right); });
+      tbb::parallel_invoke([&] { split_part(left); }, [&] { split_part(right); });
     }
+  }
+
+  void split_part(const Node& node) {
+    split(node);
+    if (node.count < kParallel) done_(node.count);
   }
 
   void finish(const Node& node, bool is_leaf) {
@@ -234,6 +240,7 @@ class Splitter {
   uint32_t* items_;
   uint8_t* first_;
   const Exact& exact_;
+  const std::function<void(uint32_t)>& done_;
   std::vector<float> weights_;
 };
 
@@ -241,12 +248,13 @@ class Splitter {
 
 void bisect_micros(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
                    uint32_t count, const BoxRecord& bounds,
-                   const std::function<void(uint32_t, uint32_t)>& exact) {
+                   const std::function<void(uint32_t, uint32_t)>& exact,
+                   const std::function<void(uint32_t)>& done) {
   // Large enough to save most of the work, small enough to leave a choice of legal sizes.
   const ClusterConfig& config = rules.config;
   const uint32_t most = std::min(config.max_items / 4, (config.max_items - config.min_items) / 3);
   MicroSet set = make_micros(source, items, count, bounds, std::max(most, 1u));
-  Splitter(rules, set, items, first, exact).run(count);
+  Splitter(rules, set, items, first, exact, done).run(count);
 }
 
 }  // namespace umbel::cluster
