@@ -149,7 +149,8 @@ class Splitter {
       count += b.counts[axis][i - 1];
       if (count < least) continue;
       if (node.count - count < least) break;
-      const float cost = half_area(side) * weight(count) + right_area[i] * weight(node.count - count);
+      const float cost =
+          half_area(side) * weight(count) + right_area[i] * weight(node.count - count);
       if (cost < best_cost) {
         best_cost = cost;
         best.axis = axis;

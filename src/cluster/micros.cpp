@@ -1,5 +1,5 @@
-// Micro-clusters by a recursive counting sort: items go to the cells of a grid along a Morton curve,
-// and crowded cells are grids of their own (as the buckets of a most-significant-digit radix sort).
+// Micro-clusters by a recursive counting sort: items go to the cells of a grid along a Morton
+// curve, and crowded cells are grids of their own (as the buckets of a most-significant-digit radix sort).
 // The largest cells of the binary hierarchy over the curve that hold few enough items become
 // micro-clusters.
 #include "cluster/micros.hpp"
