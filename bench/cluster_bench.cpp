@@ -119,13 +119,16 @@ Entry peer(const Mesh& mesh, size_t max_vertices) {
   out->vertices.resize(indices);
   out->triangles.resize(indices);
   const auto work = [=, &mesh] {
-    out->count = meshopt_buildMeshletsSpatial(
-        out->list.data(), out->vertices.data(), out->triangles.data(), mesh.triangles[0].data(),
-        indices, &mesh.positions[0].x, mesh.positions.size(), sizeof(umbel::Vec3), max_vertices, 32,
-        128, 0.5f);
+    out->count = meshopt_buildMeshletsSpatial(out->list.data(), out->vertices.data(),
+                                              out->triangles.data(), mesh.triangles[0].data(),
+                                              indices, &mesh.positions[0].x, mesh.positions.size(),
+                                              sizeof(umbel::Vec3), max_vertices, 32, 128, 0.5f);
   };
-  return {"meshoptimizer v" + std::to_string(max_vertices), work,
-          [=, &mesh] { return measure(mesh, *out); }};
+  return {"meshoptimizer v" + std::to_string(max_vertices),
+          work,
+          [=, &mesh] { return measure(mesh, *out); },
+          false,
+          {}};
 }
 
 Entry ours(const std::string& name, const Mesh& mesh, const umbel::ClusterInput& input,
@@ -135,7 +138,9 @@ Entry ours(const std::string& name, const Mesh& mesh, const umbel::ClusterInput&
   options.threads = threads;
   return {name,
           [=, &mesh] { *clusters = umbel::cluster_mesh(mesh.view(), config, 0.0f, options); },
-          [=, &input] { return measure(input, *clusters); }, threads != 1};
+          [=, &input] { return measure(input, *clusters); },
+          threads != 1,
+          {}};
 }
 
 std::vector<Entry> entries_for(const Mesh& mesh, const umbel::ClusterInput& input, bool all) {
@@ -159,11 +164,11 @@ std::vector<Entry> entries_for(const Mesh& mesh, const umbel::ClusterInput& inpu
 }
 
 void print(const std::string& name, size_t triangles, const Result& r, const Result& base) {
-  printf("  %-24s %8.1f ms %7.2f M/s %6.2fx  fill %.3f  area ratio %7.3f (%.3f)"
-         "  vertices %.1f  min %u\n",
-         name.c_str(), r.seconds * 1e3, double(triangles) / r.seconds * 1e-6,
-         base.seconds / r.seconds, r.fill, r.area_ratio, r.area_ratio / base.area_ratio, r.vertices,
-         r.min_size);
+  printf(
+      "  %-24s %8.1f ms %7.2f M/s %6.2fx  fill %.3f  area ratio %7.3f (%.3f)"
+      "  vertices %.1f  min %u\n",
+      name.c_str(), r.seconds * 1e3, double(triangles) / r.seconds * 1e-6, base.seconds / r.seconds,
+      r.fill, r.area_ratio, r.area_ratio / base.area_ratio, r.vertices, r.min_size);
   fflush(stdout);
 }
 
@@ -177,7 +182,7 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     if (argument == "--runs" && i + 1 < argc) {
-      runs = std::atoi(argv[++i]);
+      runs = static_cast<int>(std::strtol(argv[++i], nullptr, 10));
       continue;
     }
     if (argument == "--short") {

@@ -112,7 +112,7 @@ struct Dag {
   Config config;
   Report report;
 
-  ClusterGeometry geometry(uint32_t cluster) const;
+  UMBEL_API ClusterGeometry geometry(uint32_t cluster) const;
 };
 
 /// Builds the DAG. The mesh must be valid; it is welded first. Deterministic.

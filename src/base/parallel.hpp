@@ -2,14 +2,14 @@
 // number, so nothing depends on which thread finishes first.
 #pragma once
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
+
 #include <cstddef>
 #include <functional>
 
 #include "umbel/types.hpp"
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 
 namespace umbel {
 

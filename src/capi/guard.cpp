@@ -17,7 +17,7 @@ thread_local char last_error[1024] = "";
 
 umbel_result fail(umbel_result result, std::string_view sentence) noexcept {
   const size_t length = std::min(sentence.size(), sizeof last_error - 1);
-  std::copy_n(sentence.data(), length, last_error);
+  std::copy_n(sentence.begin(), length, last_error);
   last_error[length] = '\0';
   return result;
 }

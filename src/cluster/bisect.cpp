@@ -5,11 +5,11 @@
 // of nv_cluster_builder's published description.
 #include "cluster/bisect.hpp"
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <atomic>
 #include <numeric>
 #include <thread>
-
-#include <tbb/enumerable_thread_specific.h>
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
@@ -77,8 +77,9 @@ uint32_t block_size(const Source& source, const Rules& rules) {
 
 void load(const Source& source, const CellSet& set, const Part& part, BoxRecord* boxes) {
   const uint32_t* order = set.order.data();
-  const uint32_t last = static_cast<uint32_t>(set.order.size()) - 1;
   for (const Cell& cell : part.cells) {
+    // Not beyond the cell: other parts' items are another thread's.
+    const uint32_t last = cell.begin + cell.count - 1;
     for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i) {
       source.prefetch(order[std::min(i + 24, last)]);
       source.prefetch_box(order[std::min(i + 8, last)]);
@@ -104,8 +105,9 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
     const BoxRecord box = bounds ? *bounds : box_of(source, items, count);
     if (suits_small_boxes(box)) {
       const auto exact = [&](uint32_t offset, uint32_t n) {
-        bisect_segment(source, rules, items + offset, first + offset, n, nullptr, local,
-                       [](uint32_t) {}, false);
+        bisect_segment(
+            source, rules, items + offset, first + offset, n, nullptr, local, [](uint32_t) {},
+            false);
       };
       return bisect_micros(source, rules, items, first, count, box, exact, done);
     }
@@ -124,8 +126,7 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
 }
 
 Clusters build(const Source& source, uint32_t count, std::span<const Range> input_segments,
-               const ClusterConfig& config, const BuildOptions& options,
-               const BoxRecord* bounds) {
+               const ClusterConfig& config, const BuildOptions& options, const BoxRecord* bounds) {
   const Rules rules(config);
   const std::vector<Range> segments = segments_of(input_segments, count);
   Clusters out;
@@ -198,18 +199,16 @@ Clusters build_clusters(const ClusterInput& input, const ClusterConfig& config,
   cluster::validate_layout(input, config);
   with_threads(options.threads, [&] { cluster::validate_all_boxes(input); });
   return cluster::build(cluster::Source::of(input), static_cast<uint32_t>(input.boxes.size()),
-                        input.segments, config, options,
-                        nullptr);
+                        input.segments, config, options, nullptr);
 }
 
-Clusters cluster_mesh(const MeshView& mesh, const ClusterConfig& config,
-                      float shared_vertex_weight, const BuildOptions& options) {
+Clusters cluster_mesh(const MeshView& mesh, const ClusterConfig& config, float shared_vertex_weight,
+                      const BuildOptions& options) {
   cluster::validate_config(config);
   const cluster::BoxRecord bounds =
       cluster::validate_triangles(mesh, config, shared_vertex_weight, options);
   return cluster::build(cluster::Source::of(mesh, shared_vertex_weight),
-                        static_cast<uint32_t>(mesh.triangles.size()), {}, config, options,
-                        &bounds);
+                        static_cast<uint32_t>(mesh.triangles.size()), {}, config, options, &bounds);
 }
 
 }  // namespace umbel

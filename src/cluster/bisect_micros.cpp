@@ -13,7 +13,7 @@ namespace umbel::cluster {
 namespace {
 
 constexpr uint32_t kMostBins = 32;
-constexpr uint32_t kParallel = 1 << 15;  ///< items from which on the two sides run in parallel
+constexpr uint32_t kParallel = 1 << 15;    ///< items from which on the two sides run in parallel
 constexpr uint32_t kTabled = 1 << 12;      ///< weights of fewer items are looked up
 constexpr uint32_t kMostSorted = 1 << 12;  ///< micro-clusters
 
@@ -24,8 +24,8 @@ SmallBox centers_of(SmallBox box) {
 }
 
 struct Node {
-  uint32_t begin, end;      ///< of the micro-clusters
-  uint32_t offset, count;   ///< of the items
+  uint32_t begin, end;     ///< of the micro-clusters
+  uint32_t offset, count;  ///< of the items
   uint32_t depth;
   SmallBox box, centers;
 };
@@ -36,7 +36,7 @@ struct Bins {
 };
 
 struct Choice {
-  int axis = -1;            ///< -1: none
+  int axis = -1;  ///< -1: none
   uint32_t bin = 0, position = 0;
   SmallBox left, right;
 };
@@ -47,14 +47,25 @@ class Splitter {
 
   Splitter(const Rules& rules, MicroSet& set, uint32_t* items, uint8_t* first, const Exact& exact,
            const std::function<void(uint32_t)>& done)
-      : rules_(rules), set_(set), spare_(set.micros.size()), items_(items), first_(first),
-        exact_(exact), done_(done), weights_(kTabled) {
+      : rules_(rules),
+        set_(set),
+        spare_(set.micros.size()),
+        items_(items),
+        first_(first),
+        exact_(exact),
+        done_(done),
+        weights_(kTabled) {
     for (uint32_t i = 0; i < kTabled; ++i) weights_[i] = rules.weight(i);
   }
 
   void run(uint32_t count) {
-    Node root{0, uint32_t(set_.micros.size()), 0, count, 2 * uint32_t(std::bit_width(count)) + 8,
-              empty_small_box(), empty_small_box()};
+    Node root{0,
+              uint32_t(set_.micros.size()),
+              0,
+              count,
+              2 * uint32_t(std::bit_width(count)) + 8,
+              empty_small_box(),
+              empty_small_box()};
     for (const Micro& micro : set_.micros) {
       root.box = join(root.box, micro.box);
       root.centers = join(root.centers, centers_of(micro.box));
@@ -180,8 +191,13 @@ class Splitter {
     std::copy_n(spare, r, micros + l);
     const uint32_t depth = node.depth - 1;
     left = {node.begin, l, node.offset, choice.position, depth, choice.left, centers[0]};
-    right = {l, node.end, node.offset + choice.position, node.count - choice.position, depth,
-             choice.right, centers[1]};
+    right = {l,
+             node.end,
+             node.offset + choice.position,
+             node.count - choice.position,
+             depth,
+             choice.right,
+             centers[1]};
   }
 
   // Where all planes between bins leave too few items on one side, as those of a crowd and a few

@@ -16,8 +16,7 @@ float scale_for(const BoxRecord& bounds) {
     extent = std::max(extent, bounds.negated_high[k] * -0.5f - bounds.low[k] * 0.5f);
     magnitude = std::max({magnitude, std::abs(bounds.low[k]), std::abs(bounds.negated_high[k])});
   }
-  if (extent == 0.0f || (extent > 0x1p-30f && extent < 0x1p30f && magnitude < 0x1p60f))
-    return 1.0f;
+  if (extent == 0.0f || (extent > 0x1p-30f && extent < 0x1p30f && magnitude < 0x1p60f)) return 1.0f;
   const int most = 60 - std::ilogb(magnitude);
   return std::ldexp(1.0f, std::clamp(std::min(-std::ilogb(extent), most), -126, 127));
 }

@@ -37,7 +37,7 @@ class Block {
     uint32_t position = 0;  ///< items on the left; 0: none found
     int axis = 0;
   };
-  struct Gap {              ///< the positions between two chunk borders of an axis
+  struct Gap {  ///< the positions between two chunk borders of an axis
     float bound;
     int axis;
     uint32_t chunk;
@@ -75,18 +75,18 @@ class Block {
   void number_vertices(uint32_t begin, uint32_t end);
 
   const Source* source_ = nullptr;
-  Rules rules_{ClusterConfig{}};        ///< max_items is what vertices will let a cluster have
-  uint32_t most_items_ = 0;             ///< the limit that was asked for
+  Rules rules_{ClusterConfig{}};  ///< max_items is what vertices will let a cluster have
+  uint32_t most_items_ = 0;       ///< the limit that was asked for
   uint32_t* items_ = nullptr;
   uint8_t* first_ = nullptr;
   uint32_t count_ = 0;
-  Float4 pad_{};                        ///< of the node at hand
+  Float4 pad_{};  ///< of the node at hand
 
-  std::vector<BoxRecord> boxes_;        ///< by local index; the tag is the item
+  std::vector<BoxRecord> boxes_;  ///< by local index; the tag is the item
   std::array<std::vector<float>, 3> centers_;
   std::array<std::vector<uint32_t>, 3> orders_;
   std::vector<uint32_t> spare_;
-  std::vector<uint8_t> right_;          ///< by local index: on the right of the split
+  std::vector<uint8_t> right_;  ///< by local index: on the right of the split
   std::vector<uint32_t> words_;
   std::vector<uint64_t> long_words_, spare_long_words_;
 
@@ -95,7 +95,7 @@ class Block {
   std::array<std::vector<float>, 3> area_before_, area_after_;
   std::vector<float> gap_areas_;
   std::vector<Gap> gaps_;
-  std::vector<float> weights_;          ///< Rules::weight(i)
+  std::vector<float> weights_;  ///< Rules::weight(i)
   uint32_t weights_max_items_ = 0;
   float weights_underfill_ = -1.0f;
 
@@ -103,7 +103,7 @@ class Block {
   std::vector<BoxRecord> left_boxes_;
   VertexTable table_;
   QuickVertexCount quick_count_;
-  std::vector<uint32_t> numbers_;       ///< of the vertices of a vertex-bound node
+  std::vector<uint32_t> numbers_;  ///< of the vertices of a vertex-bound node
   std::vector<uint8_t> seen_;
   Cut cut_;
 };

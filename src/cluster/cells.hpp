@@ -34,8 +34,7 @@ inline BoxRecord record_of(const Source& source, uint32_t item, float scale) {
 /// as a float that is a denormal number, and slow to multiply.
 inline Float4 center_of(const Source& source, const BoxRecord& record, uint32_t item,
                         float centroid_scale) {
-  if (source.centroids.empty())
-    return record.low * splat(0.5f) - record.negated_high * splat(0.5f);
+  if (source.centroids.empty()) return record.low * splat(0.5f) - record.negated_high * splat(0.5f);
   const Vec3& c = source.centroids[item];
   return Float4{c.x, c.y, c.z, 0} * splat(centroid_scale);
 }

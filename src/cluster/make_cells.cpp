@@ -1,11 +1,11 @@
 // One pass finds each item's cell and grows the cells' boxes, a counting sort brings the items of
 // a cell together. Boxes and counts of threads are merged by minimum and sum, which are exact, so
 // it does not matter which thread saw what.
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
-
-#include <tbb/enumerable_thread_specific.h>
 
 #include "base/parallel.hpp"
 #include "cluster/cells.hpp"
@@ -50,8 +50,8 @@ float scale_for(const BoxRecord& b) {
     extent = std::max(extent, b.negated_high[k] * -0.5f - b.low[k] * 0.5f);
   }
   if (extent == 0.0f || (extent > 0x1p-30f && magnitude < 0x1p40f)) return 1.0f;
-  return std::ldexp(1.0f, std::clamp(std::min(-std::ilogb(extent), 40 - std::ilogb(magnitude)),
-                                     -126, 127));
+  return std::ldexp(
+      1.0f, std::clamp(std::min(-std::ilogb(extent), 40 - std::ilogb(magnitude)), -126, 127));
 }
 
 // A grid whose cells are numbered along a Morton curve; each bit of the number halves the cells

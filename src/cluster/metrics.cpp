@@ -63,9 +63,11 @@ Line random_line(Random& random, const Vec3d& center, double radius) {
 }
 
 bool pierces(const Line& line, const Aabb& box) {
+  const double lows[3] = {box.min.x, box.min.y, box.min.z};
+  const double highs[3] = {box.max.x, box.max.y, box.max.z};
   double near = -HUGE_VAL, far = HUGE_VAL;
   for (int k = 0; k < 3; ++k) {
-    const double low = (&box.min.x)[k], high = (&box.max.x)[k];
+    const double low = lows[k], high = highs[k];
     const double inverse = 1 / line.direction.v[k];
     double a = (low - line.origin.v[k]) * inverse, b = (high - line.origin.v[k]) * inverse;
     if (a > b) std::swap(a, b);
@@ -80,8 +82,10 @@ double sampled_overlap(const std::vector<Aabb>& boxes, const Aabb& bounds) {
   constexpr size_t kLines = 4096, kChunk = 64;
   Vec3d center{};
   double radius = 0;
+  const double lows[3] = {bounds.min.x, bounds.min.y, bounds.min.z};
+  const double highs[3] = {bounds.max.x, bounds.max.y, bounds.max.z};
   for (int k = 0; k < 3; ++k) {
-    const double low = (&bounds.min.x)[k], high = (&bounds.max.x)[k];
+    const double low = lows[k], high = highs[k];
     center.v[k] = 0.5 * (low + high);
     radius += 0.25 * (high - low) * (high - low);
   }
@@ -160,10 +164,10 @@ void check(const ClusterInput& input, const Clusters& clusters) {
   }
   for (size_t i = 0; i < clusters.items.size(); ++i)
     if (clusters.items[i] >= input.boxes.size())
-      throw Error(ErrorCode::kInvalidArgument,
-                  "clusters.items[" + std::to_string(i) + "] is " +
-                      std::to_string(clusters.items[i]) + ", but there are " +
-                      std::to_string(input.boxes.size()) + " items");
+      throw Error(ErrorCode::kInvalidArgument, "clusters.items[" + std::to_string(i) + "] is " +
+                                                   std::to_string(clusters.items[i]) +
+                                                   ", but there are " +
+                                                   std::to_string(input.boxes.size()) + " items");
 }
 
 }  // namespace

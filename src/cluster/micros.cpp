@@ -1,6 +1,6 @@
 // Micro-clusters by a recursive counting sort: items go to the cells of a grid along a Morton
-// curve, and crowded cells are grids of their own (as the buckets of a most-significant-digit radix sort).
-// The largest cells of the binary hierarchy over the curve that hold few enough items become
+// curve, and crowded cells are grids of their own (as the buckets of a most-significant-digit radix
+// sort). The largest cells of the binary hierarchy over the curve that hold few enough items become
 // micro-clusters.
 #include "cluster/micros.hpp"
 
@@ -163,8 +163,7 @@ MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count
                      const BoxRecord& bounds, uint32_t most) {
   const Rounding rounding(bounds);
   std::array<uint32_t, 3> low{}, high;
-  for (int k = 0; k < 3; ++k)
-    high[k] = static_cast<uint32_t>(bounds.extent(k) * rounding.scale[0]);
+  for (int k = 0; k < 3; ++k) high[k] = static_cast<uint32_t>(bounds.extent(k) * rounding.scale[0]);
   const SmallGrid grid(low, high, kMostBits);
   const uint32_t cells = 1u << grid.bits();
   std::unique_ptr<SmallBox[]> boxes(new SmallBox[count]), sorted(new SmallBox[count]);

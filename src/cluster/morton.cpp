@@ -21,10 +21,11 @@ constexpr float kCells = 1024.0f;
 // so that no extent overflows or vanishes.
 struct Grid {
   explicit Grid(const Aabb& box) {
-    const Vec3 size[2] = {box.min, box.max};
+    const double low[3] = {box.min.x, box.min.y, box.min.z};
+    const double high[3] = {box.max.x, box.max.y, box.max.z};
     for (int k = 0; k < 3; ++k) {
-      origin[k] = (&size[0].x)[k];
-      const double extent = double((&size[1].x)[k]) - origin[k];
+      origin[k] = low[k];
+      const double extent = high[k] - low[k];
       scale[k] = extent > 0 ? double(kCells) / extent : 0.0;
     }
   }

@@ -39,9 +39,8 @@ void reduce_axis_generic(const BoxRecord* boxes, const uint32_t* order, uint32_t
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) void reduce_axis_avx2(const BoxRecord* boxes,
-                                                      const uint32_t* order, uint32_t n,
-                                                      uint32_t step, BoxRecord* chunk,
+__attribute__((target("avx2"))) void reduce_axis_avx2(const BoxRecord* boxes, const uint32_t* order,
+                                                      uint32_t n, uint32_t step, BoxRecord* chunk,
                                                       BoxRecord* before) {
   reduce(boxes, order, n, step, chunk, before);
 }

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kBins = 64;
 constexpr uint32_t kParallel = 1 << 15;  ///< items from which on the two sides run in parallel
-constexpr size_t kFewCells = 8;         ///< too few to choose from: a finer grid is made
+constexpr size_t kFewCells = 8;          ///< too few to choose from: a finer grid is made
 constexpr uint32_t kMaxGrids = 8;        ///< one inside another
 
 struct Node {
@@ -152,8 +152,8 @@ class Splitter {
       }
     }
     const float length = extent.box.longest();
-    const Float4 pad = splat(
-        length > 0 ? std::ldexp(1.0f, std::max(std::ilogb(length) - 20, -60)) : 1.0f);
+    const Float4 pad =
+        splat(length > 0 ? std::ldexp(1.0f, std::max(std::ilogb(length) - 20, -60)) : 1.0f);
     Choice best{0, 0};
     float best_cost = std::numeric_limits<float>::infinity();
     for (int k = 0; k < 3; ++k) {
@@ -207,7 +207,7 @@ class Splitter {
     std::vector<Item> items;
     const auto key = [&](uint32_t item) {
       const BoxRecord record = record_of(source_, item, set.scale);
-      return Item{float(center_of(source_, record, item, set.centroid_scale)[axis]), item};
+      return Item{center_of(source_, record, item, set.centroid_scale)[axis], item};
     };
     for (const Cell& cell : part.cells)
       if (cell.place[axis] == layer)

@@ -48,8 +48,8 @@ void Block::sweep(uint32_t begin, uint32_t end, int axis, bool vertex_bound, Spl
     cut_.sweep(order, n, extra_.data());
     const float scale = left.half_area(pad_) * 0.25f * static_cast<float>(n);
     for (uint32_t i = 1; i < n; ++i)
-      extra_[i - 1] *= scale * (static_cast<float>(n) / static_cast<float>(i)) /
-                       static_cast<float>(n - i);
+      extra_[i - 1] *=
+          scale * (static_cast<float>(n) / static_cast<float>(i)) / static_cast<float>(n - i);
   } else {
     std::fill_n(extra_.begin(), n, 0.0f);
   }
@@ -82,8 +82,8 @@ void Block::add_overlap(const uint32_t* order, uint32_t n) {
 void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
   const uint32_t arity = source_->arity, limit = rules_.config.max_vertices;
   const uint32_t total = table_.count();
-  const float price = rules_.config.vertex_underfill_cost * static_cast<float>(n) /
-                      static_cast<float>(total);
+  const float price =
+      rules_.config.vertex_underfill_cost * static_cast<float>(n) / static_cast<float>(total);
   // A side of limit / arity items fits whatever they are; smaller ones are a waste.
   const uint32_t least =
       std::min({std::max(limit / arity, 1u), rules_.config.min_items, std::max(n / 2, 1u)});

@@ -108,9 +108,8 @@ void check_segments(const ClusterInput& input) {
   for (const uint32_t v : mesh.triangles[i]) {
     const std::string what = "triangle " + std::to_string(i) + " uses vertex " + std::to_string(v);
     if (v >= mesh.positions.size())
-      throw Error(ErrorCode::kInvalidMesh, what + ", but there are " +
-                                               std::to_string(mesh.positions.size()) +
-                                               " positions");
+      throw Error(ErrorCode::kInvalidMesh,
+                  what + ", but there are " + std::to_string(mesh.positions.size()) + " positions");
     if (!is_finite(mesh.positions[v]))
       throw Error(ErrorCode::kInvalidMesh, what + ", whose position is NaN or infinite");
   }
@@ -144,7 +143,7 @@ void validate_layout(const ClusterInput& input, const ClusterConfig& config) {
 }
 
 BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
-                        float shared_vertex_weight, const BuildOptions& options) {
+                             float shared_vertex_weight, const BuildOptions& options) {
   if (mesh.triangles.size() >= kNone)
     bad_argument("there are " + std::to_string(mesh.triangles.size()) +
                  " triangles, more than 32-bit indices can name");

@@ -20,6 +20,6 @@ void validate_all_boxes(const ClusterInput& input);
 /// A mesh that is to be clustered: indices within the positions, and finite positions where
 /// triangles use them. Attributes do not matter. Returns the box of the triangles.
 BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
-                        float shared_vertex_weight, const BuildOptions& options);
+                             float shared_vertex_weight, const BuildOptions& options);
 
 }  // namespace umbel::cluster

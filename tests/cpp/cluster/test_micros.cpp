@@ -24,8 +24,9 @@ std::vector<Aabb> random_boxes(uint32_t count, uint32_t seed, float flat = 1.0f)
   std::vector<Aabb> boxes;
   for (uint32_t i = 0; i < count; ++i) {
     const Vec3 p{rounded(unit(random)), rounded(unit(random)), rounded(unit(random) * flat)};
-    boxes.push_back({p, {p.x + rounded(0.03f * unit(random)), p.y + rounded(0.03f * unit(random)),
-                         p.z + rounded(0.03f * unit(random))}});
+    boxes.push_back({p,
+                     {p.x + rounded(0.03f * unit(random)), p.y + rounded(0.03f * unit(random)),
+                      p.z + rounded(0.03f * unit(random))}});
   }
   return boxes;
 }
@@ -80,8 +81,7 @@ TEST(Micros, degenerate_inputs_end_in_valid_clusters) {
   inputs[1].assign(50000, {{1, 2, 3}, {1, 2, 3}});
   for (int i = 1; i <= 50000; ++i)
     inputs[2].push_back({{-float(i), -float(i), -float(i)}, {float(i), float(i), float(i)}});
-  for (int i = 0; i < 50000; ++i)
-    inputs[3].push_back({{float(i), 0, 0}, {float(i + 1), 0, 0}});
+  for (int i = 0; i < 50000; ++i) inputs[3].push_back({{float(i), 0, 0}, {float(i + 1), 0, 0}});
   for (const float size : {1e-44f, 1e-30f, 1e30f, 1.5e38f}) {
     inputs.push_back(random_boxes(50000, 5));
     for (Aabb& b : inputs.back())
