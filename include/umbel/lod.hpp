@@ -94,8 +94,8 @@ struct Config {
 struct Report {
   uint64_t input_triangles = 0, input_vertices = 0;
   uint64_t degenerate_triangles = 0;           ///< kept in level 0, left out of all coarser levels
-  uint32_t root_groups = 0, stuck_groups = 0;  ///< stuck: roots that are not the last level's
-                                               ///< only one
+  uint32_t root_groups = 0, stuck_groups = 0;  ///< stuck: all roots, if more than one cluster's
+                                               ///< worth of triangles is left in them
   uint64_t root_triangles = 0;
   std::array<uint64_t, 5> groups_by_rung{};
   double seconds = 0;

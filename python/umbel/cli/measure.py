@@ -47,10 +47,9 @@ def table_counts(tables: Tables, max_triangles: int) -> dict[str, Any]:
             roots["cluster_offset"].tolist(), roots["cluster_count"].tolist(), strict=True
         )
     )
-    # A root is stuck unless it is all that the last level has.
-    last = len(tables.levels) - 1
-    finished = last >= 0 and tables.levels["count"][last] == 1 and (roots["level"] == last).any()
-    stuck_groups = len(roots) - int(finished)
+    # The rule of the builder: roots are stuck unless no more than one cluster's worth is left.
+    finished = roots["cluster_count"].sum() <= 1 or root_triangles <= max_triangles
+    stuck_groups = 0 if finished else len(roots)
     return {
         "levels": len(tables.levels),
         "groups": len(groups),
