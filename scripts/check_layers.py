@@ -23,7 +23,13 @@ LAYERS = [
 ]
 
 # Public headers that are not named after a folder.
-HEADER_LAYERS = {"types.hpp": "base", "version.hpp": "base", "umbel.h": "capi"}
+HEADER_LAYERS = {
+    "types.hpp": "base",
+    "version.hpp": "base",
+    "triangle_bvh.hpp": "bvh",
+    "bvh_traverse.hpp": "bvh",
+    "umbel.h": "capi",
+}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]', re.MULTILINE)
 

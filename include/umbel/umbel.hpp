@@ -2,8 +2,10 @@
 #pragma once
 
 #include "umbel/asset.hpp"
+#include "umbel/bvh.hpp"
 #include "umbel/cluster.hpp"
 #include "umbel/lod.hpp"
 #include "umbel/mesh.hpp"
+#include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
 #include "umbel/version.hpp"

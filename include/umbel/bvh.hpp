@@ -1,0 +1,152 @@
+// Bounding volume hierarchies: the binary tree that every builder gives, the builders, the
+// passes that improve any tree, and what a tree costs. For tracing rays see triangle_bvh.hpp.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "umbel/mesh.hpp"
+#include "umbel/types.hpp"
+
+namespace umbel::bvh {
+
+/// What one visit of an inner node and one test of a primitive cost, in any unit. The defaults
+/// are those of Meister & Bittner 2016.
+struct CostModel {
+  float traversal = 3.0f;     ///< k_T > 0
+  float intersection = 2.0f;  ///< k_I > 0
+  bool operator==(const CostModel&) const = default;
+};
+
+/// A box with two children, or a leaf with `count` primitives.
+struct Node {
+  Vec3 min;
+  uint32_t first;  ///< inner: index of the left child (the right one follows it);
+                   ///< leaf: offset of its primitives
+  Vec3 max;
+  uint32_t count;  ///< 0 for an inner node
+  bool is_leaf() const { return count != 0; }
+  Aabb box() const { return {min, max}; }
+  bool operator==(const Node&) const = default;
+};
+static_assert(sizeof(Node) == 32);
+
+/// A binary tree: nodes[0] is the root, and children come after their parent, so a loop from the
+/// back visits them bottom-up. No nodes for no primitives. A node's box is exactly the union of
+/// what lies below it (with spatial splits: of the parts that lie below it).
+struct Bvh2 {
+  std::vector<Node> nodes;
+  /// Primitive indices in the order of the leaves: each once; with spatial splits at least once.
+  std::vector<uint32_t> primitives;
+};
+
+enum class Builder : uint32_t {
+  kSweep,          ///< full-sweep SAH: the reference
+  kBinned,         ///< binned SAH (Wald 2007)
+  kSpatial,        ///< SAH with spatial splits (Stich et al. 2009); needs triangles
+  kLbvh,           ///< linear BVH (Karras 2012)
+  kHlbvh,          ///< hierarchical LBVH (Garanzha et al. 2011)
+  kKmeans,         ///< k-means (Meister & Bittner 2016)
+  kAgglomerative,  ///< locally-ordered agglomeration with a heap (Walter et al. 2008)
+  kAac,            ///< approximate agglomerative clustering (Gu et al. 2013)
+  kPloc,           ///< parallel locally-ordered clustering (Meister & Bittner 2018)
+  kAtrbvh,         ///< treelets restructured agglomeratively (Domingues & Pedrini 2015)
+  kInsertion,      ///< incremental insertion (Goldsmith & Salmon 1987, Bittner et al. 2015)
+};
+
+/// The command line's and Python's name: "sweep", "binned", "sbvh", "lbvh", "hlbvh", "kmeans",
+/// "agglomerative", "aac", "ploc", "atrbvh", "insertion".
+UMBEL_API std::string_view name(Builder builder);
+/// Throws kInvalidArgument, listing the names that there are.
+UMBEL_API Builder builder_by_name(std::string_view name);
+/// Every builder that this library was built with.
+UMBEL_API std::span<const Builder> builders();
+
+/// What to do with a triangle that has a NaN or infinite vertex.
+enum class InvalidTriangles : uint32_t { kRefuse, kDrop };
+
+enum class KmeansDistance : uint32_t {
+  kEuclidean,  ///< squared distance of the boxes' corners, means
+  kManhattan,  ///< 1-norm of the boxes' corners, component-wise medians
+};
+
+struct KmeansConfig {
+  uint32_t clusters = 8;    ///< k, 2..64
+  uint32_t candidates = 5;  ///< p, 1..64: the best of p becomes the next representative
+  uint32_t iterations = 2;  ///< i, 0..100 Lloyd iterations
+  KmeansDistance distance = KmeansDistance::kEuclidean;
+};
+
+struct Config {
+  Builder builder = Builder::kBinned;
+  CostModel cost;
+  uint32_t max_leaf_size = 8;  ///< most primitives a leaf, 1..255
+  uint32_t max_depth = 96;     ///< deepest level of a leaf (the root is 0), 8..255; see docs
+  InvalidTriangles invalid = InvalidTriangles::kRefuse;
+
+  uint32_t bins = 32;               ///< binned: bins an axis, 4..256
+  float spatial_budget = 0.3f;      ///< spatial: references beyond the input's, as a fraction, 0..4
+  float spatial_overlap = 1e-5f;    ///< spatial: Stich's alpha, 0..1
+  uint32_t morton_bits = 63;        ///< lbvh: 30 or 63
+  uint32_t hlbvh_bits = 15;         ///< hlbvh: leading code bits built by SAH, 3..30
+  uint32_t ploc_radius = 16;        ///< ploc: neighbours searched each way, 1..128
+  uint32_t treelet_size = 9;        ///< atrbvh: leaves of a treelet, 3..15
+  uint32_t treelet_rounds = 2;      ///< atrbvh: 1..16
+  uint32_t reinsertion_rounds = 0;  ///< passes of parallel reinsertion after any builder, 0..64
+  KmeansConfig kmeans;
+};
+
+/// "fast", "quality" (the default) and "best". Throws kInvalidArgument for other names.
+UMBEL_API Config preset(std::string_view name);
+
+/// Builds over boxes. Empty boxes, NaN and infinities are refused (kInvalidMesh, naming the
+/// first); kSpatial is (kInvalidArgument), because it needs triangles to split.
+UMBEL_API Bvh2 build(std::span<const Aabb> boxes, const Config& config = {},
+                     const BuildOptions& options = {});
+
+/// Builds over triangles: primitives are triangle indices. Degenerate and duplicate triangles
+/// are legal; for invalid ones see Config::invalid; indices out of range are always refused.
+UMBEL_API Bvh2 build(const MeshView& mesh, const Config& config = {},
+                     const BuildOptions& options = {});
+
+// Passes. Each keeps the primitives below the root and never raises the SAH cost.
+
+/// Makes a leaf of every subtree with at most `max_leaf_size` primitives that costs less as one.
+UMBEL_API void collapse_leaves(Bvh2& tree, const CostModel& cost, uint32_t max_leaf_size,
+                               const BuildOptions& options = {});
+
+/// Moves subtrees to where they enlarge the tree least (Meister & Bittner 2018), in rounds until
+/// one gains nothing.
+UMBEL_API void reinsert(Bvh2& tree, uint32_t rounds, const BuildOptions& options = {});
+
+/// Lays nodes out depth-first, the larger child first, and primitives in the order of the leaves.
+UMBEL_API void reorder(Bvh2& tree, const BuildOptions& options = {});
+
+/// Expected cost of a random line: sum over nodes of area / root area times k_T (inner nodes) or
+/// k_I times primitives (leaves) (Goldsmith & Salmon 1987). 0 for an empty tree; where the root has
+/// no area, the cost of visiting every node.
+UMBEL_API double sah_cost(const Bvh2& tree, const CostModel& cost = {});
+
+/// End-point overlap (Aila, Karras & Laine 2013): the cost of the surface inside boxes of subtrees
+/// that it does not belong to, over the total surface.
+UMBEL_API double end_point_overlap(const Bvh2& tree, const MeshView& mesh,
+                                   const CostModel& cost = {}, const BuildOptions& options = {});
+
+struct Statistics {
+  uint32_t nodes;       ///< inner nodes and leaves
+  uint32_t leaves;
+  uint32_t max_depth;   ///< of a leaf; the root is 0
+  uint32_t references;  ///< primitives in leaves, repeats counted
+  double sah_cost;
+  uint64_t bytes;
+};
+UMBEL_API Statistics statistics(const Bvh2& tree, const CostModel& cost = {});
+
+/// Checks a tree from whatever source: links in range and each node reached once, children after
+/// parents, boxes enclosing their children, every primitive below `primitive_count` and present
+/// (exactly once unless `repeats`). Throws kCorrupt with the first fault.
+UMBEL_API void check(const Bvh2& tree, uint32_t primitive_count, bool repeats = false);
+
+}  // namespace umbel::bvh

@@ -1,0 +1,29 @@
+// The builders, one file each. All take boxes that build.cpp has checked and scaled (finite, not
+// empty, at least one, coordinates within about 1e6) and give a tree with exact boxes, children
+// after parents and the primitives of each leaf in ascending order; build.cpp runs the passes that
+// the configuration asks for afterwards. A builder that makes one leaf a primitive leaves larger
+// leaves to collapse_leaves.
+#pragma once
+
+#include <span>
+
+#include "base/progress.hpp"
+#include "umbel/bvh.hpp"
+
+namespace umbel::bvh {
+
+using Boxes = std::span<const Aabb>;
+
+Bvh2 build_sweep(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_binned(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_spatial(const MeshView& mesh, Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_lbvh(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_hlbvh(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_kmeans(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_agglomerative(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_aac(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_ploc(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_atrbvh(Boxes boxes, const Config& config, Progress& progress);
+Bvh2 build_insertion(Boxes boxes, const Config& config, Progress& progress);
+
+}  // namespace umbel::bvh
