@@ -135,7 +135,7 @@ UMBEL_API double end_point_overlap(const Bvh2& tree, const MeshView& mesh,
                                    const CostModel& cost = {}, const BuildOptions& options = {});
 
 struct Statistics {
-  uint32_t nodes;       ///< inner nodes and leaves
+  uint32_t nodes;  ///< inner nodes and leaves
   uint32_t leaves;
   uint32_t max_depth;   ///< of a leaf; the root is 0
   uint32_t references;  ///< primitives in leaves, repeats counted

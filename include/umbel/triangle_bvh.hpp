@@ -59,9 +59,9 @@ enum class Simd : uint32_t { kAuto, kPortable, kAvx2, kAvx512 };
 
 struct TriangleBvhConfig {
   bvh::Config tree = bvh::preset("quality");
-  uint32_t width = 8;         ///< children a node: 2, 4 or 8
-  bool compact = false;       ///< share vertices between triangles: half the memory, slower rays
-  Simd simd = Simd::kAuto;    ///< kUnsupported is thrown where the machine lacks what is asked for
+  uint32_t width = 8;       ///< children a node: 2, 4 or 8
+  bool compact = false;     ///< share vertices between triangles: half the memory, slower rays
+  Simd simd = Simd::kAuto;  ///< kUnsupported is thrown where the machine lacks what is asked for
 };
 
 struct RefitReport {
@@ -73,7 +73,7 @@ struct RefitReport {
 
 struct TriangleBvhStatistics {
   uint32_t width;
-  uint32_t nodes;   ///< of this width
+  uint32_t nodes;  ///< of this width
   uint32_t leaves;
   uint32_t max_depth;
   uint32_t references;
