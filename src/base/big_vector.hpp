@@ -1,0 +1,46 @@
+// A vector for arrays that are read at random: aligned to cache lines, and on large pages where
+// the system has them, because page-table misses cost as much as cache misses there.
+#pragma once
+
+#include <cstddef>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#if defined(__linux__)
+#include <sys/mman.h>
+#endif
+
+namespace umbel {
+
+template <typename T>
+struct BigAllocator {
+  using value_type = T;
+  static constexpr size_t kLine = 64, kPage = size_t{1} << 21;
+
+  BigAllocator() = default;
+  template <typename U>
+  BigAllocator(const BigAllocator<U>& /*other*/) {}  // NOLINT(google-explicit-constructor)
+
+  T* allocate(size_t count) {
+    if (count > (static_cast<size_t>(-1) - kPage) / sizeof(T)) throw std::bad_alloc();
+    const size_t bytes = count * sizeof(T);
+    const size_t alignment = bytes >= kPage ? kPage : kLine;
+    void* memory = ::operator new(bytes, std::align_val_t{alignment});
+#if defined(__linux__)
+    // Only advice: where it is refused, small pages do.
+    if (bytes >= kPage) (void)madvise(memory, bytes, MADV_HUGEPAGE);
+#endif
+    return static_cast<T*>(memory);
+  }
+  void deallocate(T* memory, size_t count) {
+    const size_t alignment = count * sizeof(T) >= kPage ? kPage : kLine;
+    ::operator delete(memory, std::align_val_t{alignment});
+  }
+  bool operator==(const BigAllocator&) const { return true; }
+};
+
+template <typename T>
+using BigVector = std::vector<T, BigAllocator<T>>;
+
+}  // namespace umbel
