@@ -1,0 +1,197 @@
+// The parallel primitives over which an algorithm is written once for CPU and GPU: a function
+// template over an executor, which takes raw pointers and function objects marked
+// UMBEL_HOST_DEVICE, and keeps every intermediate in the executor's buffers.
+//
+// Results do not depend on the number of threads. They are the same bytes on every executor as
+// long as what is given to `reduce` is exactly associative (minima, maxima, integer sums).
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <type_traits>
+#include <utility>
+
+#include "base/parallel.hpp"
+#include "base/radix_sort_pairs.hpp"
+
+#if defined(__linux__)
+#include <sys/mman.h>
+#endif
+
+#if defined(__CUDACC__)
+#define UMBEL_HOST_DEVICE __host__ __device__
+#else
+#define UMBEL_HOST_DEVICE
+#endif
+
+namespace umbel {
+
+/// Adds to a counter that several threads share and gives its old value. What a thread wrote
+/// before is seen by every thread that adds later.
+UMBEL_HOST_DEVICE inline uint32_t atomic_add(uint32_t* counter, uint32_t amount) {
+#if defined(__CUDA_ARCH__)
+  __threadfence();
+  const uint32_t old = atomicAdd(counter, amount);
+  __threadfence();
+  return old;
+#else
+  return std::atomic_ref<uint32_t>(*counter).fetch_add(amount, std::memory_order_acq_rel);
+#endif
+}
+
+/// Memory of an executor: `size` elements without a value, given back at the end of the scope.
+template <typename T>
+class CpuBuffer {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  CpuBuffer() = default;
+  explicit CpuBuffer(size_t size) : size_(size) {
+    if (size == 0) return;
+    const bool huge = size * sizeof(T) >= kHugePage;
+    alignment_ = std::align_val_t(huge ? kHugePage : 64);
+    const size_t bytes = size * sizeof(T);
+    data_ = static_cast<T*>(::operator new(bytes, alignment_));
+#if defined(__linux__) && defined(MADV_HUGEPAGE)
+    // Touching fresh memory in small pages costs more than a pass of a radix sort.
+    if (huge) madvise(data_, bytes, MADV_HUGEPAGE);
+#endif
+  }
+  CpuBuffer(CpuBuffer&& o) noexcept
+      : data_(std::exchange(o.data_, nullptr)), size_(o.size_), alignment_(o.alignment_) {}
+  CpuBuffer& operator=(CpuBuffer&& o) noexcept {
+    std::swap(data_, o.data_);
+    std::swap(size_, o.size_);
+    std::swap(alignment_, o.alignment_);
+    return *this;
+  }
+  ~CpuBuffer() {
+    if (data_) ::operator delete(data_, alignment_);
+  }
+
+  T* data() const { return data_; }
+  size_t size() const { return size_; }
+  T& operator[](size_t i) const { return data_[i]; }
+
+ private:
+  static constexpr size_t kHugePage = size_t(1) << 21;
+  T* data_ = nullptr;
+  size_t size_ = 0;
+  std::align_val_t alignment_{64};
+};
+
+/// The executor on the processor's cores, by oneTBB.
+class CpuExec {
+ public:
+  template <typename T>
+  using Buffer = CpuBuffer<T>;
+
+  template <typename T>
+  Buffer<T> allocate(size_t size) {
+    return Buffer<T>(size);
+  }
+
+  /// The value at an address of this executor's memory, once all work before is done. The only
+  /// member that waits.
+  template <typename T>
+  T read(const T* value) {
+    return *value;
+  }
+
+  /// body(i) for i in [0, n), in any order.
+  template <typename Body>
+  void for_each(size_t n, const Body& body) {
+    parallel_for(n, kGrain, body);
+  }
+
+  /// *result = op(... op(op(init, map(0)), map(1)) ..., map(n - 1)).
+  template <typename T, typename Map, typename Op>
+  void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
+    Buffer<T> partial(chunks(n));
+    each_chunk(n, [&](size_t chunk, size_t begin, size_t end) {
+      T value = map(begin);
+      for (size_t i = begin + 1; i < end; ++i) value = op(value, map(i));
+      partial[chunk] = value;
+    });
+    T value = init;
+    for (size_t c = 0; c < partial.size(); ++c) value = op(value, partial[c]);
+    *result = value;
+  }
+
+  /// out[i] = in(0) + ... + in(i - 1) for i in [0, n]: n + 1 elements, the last one the total.
+  /// in(i) may read out[i].
+  template <typename T, typename In>
+  void exclusive_scan(size_t n, const In& in, T* out) {
+    Buffer<T> sums(chunks(n));
+    each_chunk(n, [&](size_t chunk, size_t begin, size_t end) {
+      T sum = 0;
+      for (size_t i = begin; i < end; ++i) sum += in(i);
+      sums[chunk] = sum;
+    });
+    T total = 0;
+    for (size_t c = 0; c < sums.size(); ++c) total += std::exchange(sums[c], total);
+    each_chunk(n, [&](size_t chunk, size_t begin, size_t end) {
+      T sum = sums[chunk];
+      for (size_t i = begin; i < end; ++i) {
+        const T value = in(i);
+        out[i] = sum;
+        sum += value;
+      }
+    });
+    out[n] = total;
+  }
+
+  /// Writes the i in [0, n) for which keep(i) holds, ascending, and how many there are.
+  template <typename Keep>
+  void select(size_t n, const Keep& keep, uint32_t* out, uint32_t* count) {
+    Buffer<uint32_t> starts(chunks(n));
+    each_chunk(n, [&](size_t chunk, size_t begin, size_t end) {
+      uint32_t kept = 0;
+      for (size_t i = begin; i < end; ++i) kept += keep(i) ? 1u : 0u;
+      starts[chunk] = kept;
+    });
+    uint32_t total = 0;
+    for (size_t c = 0; c < starts.size(); ++c) total += std::exchange(starts[c], total);
+    each_chunk(n, [&](size_t chunk, size_t begin, size_t end) {
+      uint32_t at = starts[chunk];
+      for (size_t i = begin; i < end; ++i)
+        if (keep(i)) out[at++] = static_cast<uint32_t>(i);
+    });
+    *count = total;
+  }
+
+  /// Where runs of equal neighbours begin: starts[0, *runs), and starts[*runs] = n. `starts` has
+  /// room for n + 1.
+  template <typename Key>
+  void run_length(size_t n, const Key* keys, uint32_t* starts, uint32_t* runs) {
+    select(n, [=](size_t i) { return i == 0 || keys[i] != keys[i - 1]; }, starts, runs);
+    starts[*runs] = static_cast<uint32_t>(n);
+  }
+
+  /// Sorts pairs by bits [first_bit, last_bit) of their keys; equal ones keep their order.
+  template <typename Key>
+  void radix_sort_pairs(size_t n, Key* keys, uint32_t* values, uint32_t first_bit,
+                        uint32_t last_bit) {
+    using Item = KeyAndValue<Key>;
+    Buffer<Item> items(n), spare(n);
+    umbel::radix_sort_pairs(n, keys, values, first_bit, last_bit, items.data(), spare.data());
+  }
+
+ private:
+  static constexpr size_t kGrain = 1024;
+  static constexpr size_t kChunk = 8192;
+
+  static size_t chunks(size_t n) { return (n + kChunk - 1) / kChunk; }
+
+  template <typename Body>
+  static void each_chunk(size_t n, const Body& body) {
+    parallel_for(chunks(n), 1, [&](size_t chunk) {
+      body(chunk, chunk * kChunk, std::min(n, (chunk + 1) * kChunk));
+    });
+  }
+};
+
+}  // namespace umbel
