@@ -28,6 +28,7 @@ HEADER_LAYERS = {
     "version.hpp": "base",
     "triangle_bvh.hpp": "bvh",
     "bvh_traverse.hpp": "bvh",
+    "ray_arrays.hpp": "bvh",
     "umbel.h": "capi",
 }
 

@@ -6,6 +6,7 @@
 #include "umbel/cluster.hpp"
 #include "umbel/lod.hpp"
 #include "umbel/mesh.hpp"
+#include "umbel/ray_arrays.hpp"
 #include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
 #include "umbel/version.hpp"
