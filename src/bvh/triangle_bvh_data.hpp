@@ -5,7 +5,6 @@
 
 #include <bit>
 #include <cstdint>
-#include <span>
 
 #include "base/big_vector.hpp"
 #include "base/math.hpp"
@@ -41,6 +40,7 @@ struct TriangleBvhData {
   uint32_t reference_count = 0;
   uint32_t compact = 0;  ///< 1: leaves hold vertex numbers; 0: they hold corners
   uint32_t masked = 0;   ///< 1: leaves hold masks; 0: all bits are set in all masks
+  uint32_t repeats = 0;  ///< 1: a triangle may be in more than one leaf
   bvh::CostModel cost;
   double sah_cost = 0, built_sah_cost = 0;  ///< of the binary tree; of it when it was built
   Aabb bounds;                              ///< of the triangles; empty where there are none
@@ -56,9 +56,11 @@ struct TriangleBvhData {
   BigVector<uint32_t> leaves;
   BigVector<Vec3> vertices;  ///< compact: what the vertex numbers mean; else empty
 
-  // Chosen for this machine by select_kernels, never stored.
+  // Set by prepare_rays, never stored.
   const RayKernels* kernels = nullptr;
-  Simd simd = Simd::kAuto;
+  Simd simd = Simd::kAuto;  ///< as asked for
+  float reach = 0;  ///< the largest coordinate of any box, by amount
+  float scale = 1;  ///< power of two that brings triangles of extreme size into a safe range
 
   uint32_t node_words() const { return 7 * width; }
   uint32_t corner_words() const { return compact ? 3 : 9; }
@@ -122,8 +124,11 @@ struct TriangleBvhData {
 /// Only a name for TriangleBvh's private part.
 struct TriangleBvh::Data : TriangleBvhData {};
 
-/// Sets data.kernels and data.simd for this machine. Throws kUnsupported where it lacks what is
-/// asked for. To be called on every Data that was made or loaded.
-void select_kernels(TriangleBvhData& data, Simd simd);
+/// Chooses the ray kernels for this machine and what they need to know of the boxes. To be called
+/// on every Data that was made, loaded or refitted. Throws kUnsupported where the machine lacks
+/// the instructions asked for.
+void prepare_rays(TriangleBvhData& data, Simd simd);
+/// As before, after a change of boxes.
+void prepare_rays(TriangleBvhData& data);
 
 }  // namespace umbel

@@ -1,0 +1,21 @@
+// The ray queries, one table of functions for each node width and instruction set.
+#pragma once
+
+#include "bvh/triangle_bvh_data.hpp"
+
+namespace umbel {
+
+/// Each takes a tree with at least one node and any ray.
+struct RayKernels {
+  Hit (*intersect)(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options);
+  bool (*occluded)(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options);
+  size_t (*all_hits)(const TriangleBvhData& tree, const Ray& ray, std::span<Hit> hits,
+                     const RayOptions& options);
+};
+
+const RayKernels* portable_kernels(uint32_t width);
+/// Null where they are not compiled for this processor family.
+const RayKernels* avx2_kernels(uint32_t width);
+const RayKernels* avx512_kernels(uint32_t width);
+
+}  // namespace umbel

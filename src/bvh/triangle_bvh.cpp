@@ -1,0 +1,132 @@
+// TriangleBvh: how it is made, and its ray queries, which go to the kernels of this machine.
+#include "umbel/triangle_bvh.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "base/parallel.hpp"
+#include "bvh/ray_kernels.hpp"
+#include "bvh/widen.hpp"
+
+namespace umbel {
+namespace {
+
+/// Rays that one task traces: enough to hide what starting it costs.
+constexpr size_t kRaysAtOnce = 256;
+
+void check_config(const TriangleBvhConfig& config) {
+  if (config.width != 2 && config.width != 4 && config.width != 8)
+    throw Error(ErrorCode::kInvalidArgument,
+                "width must be 2, 4 or 8, but is " + std::to_string(config.width));
+}
+
+void check_masks(std::span<const uint32_t> masks, size_t triangles) {
+  if (!masks.empty() && masks.size() != triangles)
+    throw Error(ErrorCode::kInvalidArgument, "masks must be empty or one a triangle: there are " +
+                                                 std::to_string(masks.size()) + " masks and " +
+                                                 std::to_string(triangles) + " triangles");
+}
+
+void check_same_length(size_t queries, size_t results, const char* what) {
+  if (queries != results)
+    throw Error(ErrorCode::kInvalidArgument,
+                std::string(what) + " must be as many as the rays: there are " +
+                    std::to_string(results) + " and " + std::to_string(queries) + " rays");
+}
+
+TriangleBvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh,
+                          const TriangleBvhConfig& config, std::span<const uint32_t> masks,
+                          uint32_t threads) {
+  TriangleBvhData data;
+  with_threads(threads, [&] {
+    data = widen_tree(tree, mesh, {config.width, config.compact}, masks);
+    data.cost = config.tree.cost;
+    data.sah_cost = data.built_sah_cost = bvh::sah_cost(tree, config.tree.cost);
+  });
+  prepare_rays(data, config.simd);
+  return data;
+}
+
+}  // namespace
+
+TriangleBvh::TriangleBvh() : data_(std::make_unique<Data>()) { prepare_rays(*data_, Simd::kAuto); }
+TriangleBvh::~TriangleBvh() = default;
+// What was moved from stays a tree without triangles, so that every query on it has an answer.
+TriangleBvh::TriangleBvh(TriangleBvh&& other) noexcept : data_(std::make_unique<Data>()) {
+  prepare_rays(*data_, Simd::kAuto);
+  data_.swap(other.data_);
+}
+TriangleBvh& TriangleBvh::operator=(TriangleBvh&& other) noexcept {
+  data_.swap(other.data_);
+  return *this;
+}
+
+TriangleBvh TriangleBvh::build(const MeshView& mesh, const TriangleBvhConfig& config,
+                               std::span<const uint32_t> masks, const BuildOptions& options) {
+  check_config(config);
+  check_masks(masks, mesh.triangles.size());
+  const bvh::Bvh2 tree = bvh::build(mesh, config.tree, options);
+  TriangleBvh result;
+  static_cast<TriangleBvhData&>(*result.data_) =
+      make_data(tree, mesh, config, masks, options.threads);
+  return result;
+}
+
+TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
+                               const TriangleBvhConfig& config, std::span<const uint32_t> masks,
+                               const BuildOptions& options) {
+  check_config(config);
+  check_masks(masks, mesh.triangles.size());
+  bvh::check(tree, static_cast<uint32_t>(mesh.triangles.size()), true);
+  TriangleBvh result;
+  static_cast<TriangleBvhData&>(*result.data_) =
+      make_data(tree, mesh, config, masks, options.threads);
+  return result;
+}
+
+Hit TriangleBvh::intersect(const Ray& ray, const RayOptions& options) const {
+  return data_->kernels->intersect(*data_, ray, options);
+}
+
+bool TriangleBvh::occluded(const Ray& ray, const RayOptions& options) const {
+  return data_->kernels->occluded(*data_, ray, options);
+}
+
+size_t TriangleBvh::all_hits(const Ray& ray, std::span<Hit> hits, const RayOptions& options) const {
+  return data_->kernels->all_hits(*data_, ray, hits, options);
+}
+
+void TriangleBvh::intersect(std::span<const Ray> rays, std::span<Hit> hits,
+                            const RayOptions& options, uint32_t threads) const {
+  check_same_length(rays.size(), hits.size(), "hits");
+  with_threads(threads, [&] {
+    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i)
+        hits[i] = data_->kernels->intersect(*data_, rays[i], options);
+    });
+  });
+}
+
+void TriangleBvh::occluded(std::span<const Ray> rays, std::span<uint8_t> results,
+                           const RayOptions& options, uint32_t threads) const {
+  check_same_length(rays.size(), results.size(), "results");
+  with_threads(threads, [&] {
+    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i)
+        results[i] = data_->kernels->occluded(*data_, rays[i], options) ? 1 : 0;
+    });
+  });
+}
+
+TriangleBvhStatistics TriangleBvh::statistics() const {
+  const Data& d = *data_;
+  return {d.width,           d.node_count(), d.leaf_count, d.nodes.empty() ? 0 : d.max_depth,
+          d.reference_count, d.sah_cost,     d.bytes()};
+}
+
+Aabb TriangleBvh::bounds() const { return data_->bounds; }
+
+uint32_t TriangleBvh::triangle_count() const { return data_->triangle_count; }
+
+}  // namespace umbel

@@ -1,0 +1,325 @@
+// Collapses a binary tree into one with up to 8 children a node, at the least expected cost over
+// all ways to do so, by dynamic programming (Ylitie, Karras & Laine 2017); leaves are packs of at
+// most 8 triangles, which cost little more than one, so subtrees become leaves where that is
+// cheaper than to walk them.
+#include "bvh/widen.hpp"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <string>
+
+#include "base/parallel.hpp"
+
+namespace umbel {
+namespace {
+
+// What a visit costs, in any unit: of a node, of a leaf, and of each triangle of it. Measured with
+// ray_bench (see docs/bvh.md).
+constexpr float kNodeCost = 1.0f, kLeafCost = 0.6f, kTriangleCost = 0.1f;
+
+constexpr uint32_t kMaxWidth = 8;
+/// A subtree of more primitives than fit a leaf; how many more does not matter.
+constexpr uint8_t kTooMany = kMaxLeafTriangles + 1;
+
+/// For one binary node: how best to make 1, 2, ... width children of its subtree.
+struct Plan {
+  std::array<float, kMaxWidth> cost;  ///< [i - 1]: of at most i children
+  /// [i - 1]: how many of i go to the left; 0: as for i - 1. [0]: how many of the node's own width.
+  std::array<uint8_t, kMaxWidth> left_share;
+  uint8_t primitives;  ///< below, at most kTooMany
+  bool is_leaf;        ///< one child of it is a leaf
+};
+
+float leaf_cost(float area, uint32_t primitives) {
+  // Larger leaves than a pack become nodes of packs.
+  const uint32_t packs = (primitives + kMaxLeafTriangles - 1) / kMaxLeafTriangles;
+  return area * ((packs > 1 ? kNodeCost : 0.0f) + kLeafCost * static_cast<float>(packs) +
+                 kTriangleCost * static_cast<float>(primitives));
+}
+
+class Planner {
+ public:
+  Planner(const bvh::Bvh2& tree, uint32_t width)
+      : tree_(tree), width_(width), plans_(tree.nodes.size()) {
+    for (size_t i = tree.nodes.size(); i-- > 0;) plan(i);
+  }
+  const Plan& operator[](uint32_t node) const { return plans_[node]; }
+
+ private:
+  void plan(size_t index) {
+    const bvh::Node& node = tree_.nodes[index];
+    Plan& p = plans_[index];
+    const float area = half_area(node.box());
+    if (node.is_leaf()) {
+      p.primitives = static_cast<uint8_t>(std::min<uint32_t>(node.count, kTooMany));
+      p.is_leaf = true;
+      p.left_share.fill(0);
+      p.cost.fill(leaf_cost(area, node.count));
+      return;
+    }
+    const Plan &left = plans_[node.first], &right = plans_[node.first + 1];
+    p.primitives =
+        static_cast<uint8_t>(std::min<uint32_t>(left.primitives + right.primitives, kTooMany));
+    float best[kMaxWidth] = {};
+    for (uint32_t children = 2; children <= width_; ++children)
+      best[children - 1] = distribute(left, right, children, p.left_share[children - 1]);
+    // One child: a node of its own, or a leaf.
+    p.cost[0] = best[width_ - 1] + area * kNodeCost;
+    p.left_share[0] = p.left_share[width_ - 1];
+    p.is_leaf = false;
+    if (p.primitives <= kMaxLeafTriangles) {
+      const float as_leaf = leaf_cost(area, p.primitives);
+      p.is_leaf = as_leaf <= p.cost[0];
+      p.cost[0] = std::min(p.cost[0], as_leaf);
+    }
+    for (uint32_t children = 2; children <= width_; ++children) {
+      p.cost[children - 1] = std::min(best[children - 1], p.cost[children - 2]);
+      if (best[children - 1] >= p.cost[children - 2]) p.left_share[children - 1] = 0;
+    }
+  }
+
+  static float distribute(const Plan& left, const Plan& right, uint32_t children, uint8_t& share) {
+    float best = std::numeric_limits<float>::infinity();
+    share = 1;
+    for (uint32_t k = 1; k < children; ++k) {
+      const float cost = left.cost[k - 1] + right.cost[children - k - 1];
+      if (cost < best) {
+        best = cost;
+        share = static_cast<uint8_t>(k);
+      }
+    }
+    return best;
+  }
+
+  const bvh::Bvh2& tree_;
+  uint32_t width_;
+  BigVector<Plan> plans_;
+};
+
+struct Leaf {
+  uint32_t first, count;
+};
+
+/// Lays out nodes depth-first, and says which primitives each leaf holds.
+class Emitter {
+ public:
+  Emitter(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out)
+      : tree_(tree), plans_(plans), out_(out) {
+    order_.reserve(tree.primitives.size());
+    leaves_.reserve(tree.primitives.size() / 3);
+    work_.push_back({0, 0, 0, kNone, 0, 0});
+    while (!work_.empty()) {
+      const Work work = work_.back();
+      work_.pop_back();
+      emit(work);
+    }
+  }
+  const std::vector<uint32_t>& order() const { return order_; }
+  const std::vector<Leaf>& leaves() const { return leaves_; }
+
+ private:
+  /// A node to be made: of a binary node, or where `count` is not 0 of a run of primitives of a
+  /// binary leaf that is larger than a pack.
+  struct Work {
+    uint32_t node, first, count;
+    uint32_t parent, slot;
+    uint32_t depth;
+  };
+
+  void emit(const Work& work) {
+    const uint32_t index = add_node(work);
+    if (work.count > 0)
+      emit_run(work, index);
+    else
+      emit_children(work, index);
+  }
+
+  uint32_t add_node(const Work& work) {
+    const uint32_t index = out_.node_count();
+    if (out_.nodes.size() + out_.node_words() > out_.nodes.capacity())
+      out_.nodes.reserve(2 * out_.nodes.capacity() + out_.node_words());
+    out_.nodes.resize(out_.nodes.size() + out_.node_words());
+    if (work.parent != kNone) out_.set_link(work.parent, work.slot, index);
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    const Aabb nowhere{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
+    for (uint32_t slot = 0; slot < out_.width; ++slot) {
+      out_.set_box(index, slot, nowhere);
+      out_.set_link(index, slot, kNoChild);
+    }
+    return index;
+  }
+
+  void emit_children(const Work& work, uint32_t index) {
+    children_.clear();
+    const bvh::Node& node = tree_.nodes[work.node];
+    const Plan& plan = plans_[work.node];
+    if (plan.is_leaf) {
+      children_.push_back(work.node);
+    } else {
+      collect(node.first, plan.left_share[0]);
+      collect(node.first + 1, out_.width - plan.left_share[0]);
+    }
+    for (uint32_t slot = 0; slot < children_.size(); ++slot) {
+      const uint32_t child = children_[slot];
+      const bvh::Node& c = tree_.nodes[child];
+      out_.set_box(index, slot, c.box());
+      if (!plans_[child].is_leaf) continue;
+      if (plans_[child].primitives == kTooMany)
+        work_.push_back({child, c.first, c.count, index, slot, work.depth + 1});
+      else
+        add_leaf_of(child, index, slot, work.depth + 1);
+    }
+    // Backwards, so that the first child follows its parent in memory.
+    for (auto slot = static_cast<uint32_t>(children_.size()); slot-- > 0;)
+      if (!plans_[children_[slot]].is_leaf)
+        work_.push_back({children_[slot], 0, 0, index, slot, work.depth + 1});
+  }
+
+  void collect(uint32_t node, uint32_t children) {
+    const Plan& plan = plans_[node];
+    while (children > 1 && plan.left_share[children - 1] == 0) --children;
+    if (children == 1) {
+      children_.push_back(node);
+      return;
+    }
+    const uint32_t share = plan.left_share[children - 1];
+    collect(tree_.nodes[node].first, share);
+    collect(tree_.nodes[node].first + 1, children - share);
+  }
+
+  void emit_run(const Work& work, uint32_t index) {
+    const Aabb box = tree_.nodes[work.node].box();
+    uint32_t part = kMaxLeafTriangles;
+    while (uint64_t{part} * out_.width < work.count) part *= out_.width;
+    for (uint32_t slot = 0; slot * part < work.count; ++slot) {
+      const uint32_t first = work.first + slot * part;
+      const uint32_t count = std::min(part, work.count - slot * part);
+      out_.set_box(index, slot, box);
+      if (part > kMaxLeafTriangles) {
+        work_.push_back({work.node, first, count, index, slot, work.depth + 1});
+        continue;
+      }
+      members_.assign(tree_.primitives.begin() + first, tree_.primitives.begin() + first + count);
+      add_leaf(index, slot, work.depth + 1);
+    }
+  }
+
+  void add_leaf_of(uint32_t node, uint32_t parent, uint32_t slot, uint32_t depth) {
+    members_.clear();
+    gather(node);
+    add_leaf(parent, slot, depth);
+  }
+
+  /// At most kMaxLeafTriangles primitives, so the recursion is shallow.
+  void gather(uint32_t index) {
+    const bvh::Node& node = tree_.nodes[index];
+    if (node.is_leaf()) {
+      const uint32_t* first = tree_.primitives.data() + node.first;
+      members_.insert(members_.end(), first, first + node.count);
+      return;
+    }
+    gather(node.first);
+    gather(node.first + 1);
+  }
+
+  void add_leaf(uint32_t parent, uint32_t slot, uint32_t depth) {
+    std::sort(members_.begin(), members_.end());
+    members_.erase(std::unique(members_.begin(), members_.end()), members_.end());
+    const auto first = static_cast<uint32_t>(order_.size());
+    const auto count = static_cast<uint32_t>(members_.size());
+    order_.insert(order_.end(), members_.begin(), members_.end());
+    leaves_.push_back({first, count});
+    out_.set_link(parent, slot, kLeafBit | (count - 1) << kLeafSizeShift | first);
+    out_.max_depth = std::max(out_.max_depth, depth);
+  }
+
+  const bvh::Bvh2& tree_;
+  const Planner& plans_;
+  TriangleBvhData& out_;
+  std::vector<Work> work_;
+  std::vector<uint32_t> children_, members_, order_;
+  std::vector<Leaf> leaves_;
+};
+
+/// The vertices that the tree's triangles use, in the order in which leaves come to them, and for
+/// each vertex of the mesh its place among them.
+std::vector<uint32_t> collect_vertices(const MeshView& mesh, std::span<const uint32_t> order,
+                                       BigVector<Vec3>& vertices) {
+  std::vector<uint32_t> places(mesh.positions.size(), kNone);
+  for (const uint32_t primitive : order)
+    for (const uint32_t vertex : mesh.triangles[primitive]) {
+      if (places[vertex] != kNone) continue;
+      places[vertex] = static_cast<uint32_t>(vertices.size());
+      vertices.push_back(mesh.positions[vertex]);
+    }
+  return places;
+}
+
+void fill_leaf(const MeshView& mesh, std::span<const uint32_t> masks,
+               std::span<const uint32_t> places, const uint32_t* order, const Leaf& leaf,
+               TriangleBvhData& out) {
+  uint32_t* const words = out.leaves.data() + size_t{leaf.first} * out.reference_words();
+  const uint32_t n = leaf.count, corners = out.corner_words();
+  for (uint32_t i = 0; i < n; ++i) {
+    const uint32_t primitive = order[leaf.first + i];
+    const Triangle& triangle = mesh.triangles[primitive];
+    for (uint32_t corner = 0; corner < 3; ++corner) {
+      if (out.compact) {
+        words[corner * n + i] = places[triangle[corner]];
+        continue;
+      }
+      const Vec3& p = mesh.positions[triangle[corner]];
+      words[(3 * corner) * n + i] = std::bit_cast<uint32_t>(p.x);
+      words[(3 * corner + 1) * n + i] = std::bit_cast<uint32_t>(p.y);
+      words[(3 * corner + 2) * n + i] = std::bit_cast<uint32_t>(p.z);
+    }
+    words[corners * n + i] = primitive;
+    if (out.masked) words[(corners + 1) * n + i] = masks[primitive];
+  }
+}
+
+void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
+  for (const uint32_t primitive : order)
+    for (const uint32_t vertex : mesh.triangles[primitive])
+      if (vertex >= mesh.positions.size())
+        throw Error(ErrorCode::kInvalidMesh,
+                    "triangle " + std::to_string(primitive) + " has vertex index " +
+                        std::to_string(vertex) + ", but there are " +
+                        std::to_string(mesh.positions.size()) + " vertices");
+}
+
+}  // namespace
+
+TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
+                           std::span<const uint32_t> masks) {
+  TriangleBvhData out;
+  out.width = options.width;
+  out.compact = options.compact;
+  out.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
+  out.triangle_count = static_cast<uint32_t>(mesh.triangles.size());
+  if (tree.nodes.empty()) return out;
+  if (tree.primitives.size() > kMaxReferences)
+    throw Error(ErrorCode::kUnsupported, "a tree of " + std::to_string(tree.primitives.size()) +
+                                             " references is larger than the " +
+                                             std::to_string(kMaxReferences) + " supported");
+  out.bounds = tree.nodes[0].box();
+
+  const Planner plans(tree, options.width);
+  out.nodes.reserve(size_t{out.node_words()} * (tree.primitives.size() / 8 + 1));
+  const Emitter emitter(tree, plans, out);
+  const std::vector<uint32_t>& order = emitter.order();
+  check_triangles(mesh, order);
+  out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());
+  out.reference_count = static_cast<uint32_t>(order.size());
+
+  std::vector<uint32_t> places;
+  if (options.compact) places = collect_vertices(mesh, order, out.vertices);
+  out.leaves.resize(size_t{out.reference_count} * out.reference_words() + kLeafPadding);
+  parallel_for(emitter.leaves().size(), 1024, [&](size_t i) {
+    fill_leaf(mesh, masks, places, order.data(), emitter.leaves()[i], out);
+  });
+  return out;
+}
+
+}  // namespace umbel

@@ -1,0 +1,21 @@
+// Makes a wide tree of a binary one.
+#pragma once
+
+#include <span>
+
+#include "bvh/triangle_bvh_data.hpp"
+
+namespace umbel {
+
+struct WidenOptions {
+  uint32_t width = 8;
+  bool compact = false;
+};
+
+/// `tree` is sound (bvh::check) and over the triangles of `mesh`; `masks` is empty or one a
+/// triangle. Throws kInvalidMesh for an index out of range in a triangle of the tree. The result
+/// does not depend on the number of threads. Leaves costs and kernels to the caller.
+TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
+                           std::span<const uint32_t> masks);
+
+}  // namespace umbel
