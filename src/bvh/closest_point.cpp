@@ -1,0 +1,182 @@
+// The point of the surface closest to another: nodes by the distance of their boxes, nearest
+// first, in single precision and with a margin; triangles in double precision. Of points at
+// exactly the same distance the lowest primitive's is taken, so that the answer depends neither on
+// the tree nor on the order of visits. Points of a batch are visited along a Morton curve, each
+// with the answer of the one before as a bound.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "bvh/point_order.hpp"
+#include "bvh/triangle_geometry.hpp"
+#include "bvh/walk.hpp"
+
+namespace umbel {
+namespace {
+
+/// The power of two that brings a coordinate to between 1 and 4, but for the smallest.
+float unit_scale(float largest) {
+  const uint32_t exponent = std::bit_cast<uint32_t>(largest) >> 23;
+  return std::bit_cast<float>((254u - std::clamp(exponent, 1u, 253u)) << 23);
+}
+
+float largest_coordinate(const Vec3& p) {
+  return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+}
+
+// Squared distances of boxes, rounded, against the limit that a squared distance of triangles,
+// rounded otherwise, sets: with these margins no box is left out that has an equal in it.
+constexpr double kRelativeMargin = 4e-6, kAbsoluteMargin = 1e-13;
+
+template <uint32_t kWidth>
+class ClosestSearch {
+ public:
+  ClosestSearch(const TriangleBvhData& data, const Vec3& point, float max_distance)
+      : data_(data),
+        point_(point),
+        scale_(unit_scale(std::max({largest_coordinate(point), largest_coordinate(data.bounds.min),
+                                    largest_coordinate(data.bounds.max)}))),
+        scaled_(point * scale_),
+        best_{double(max_distance) * max_distance, 0, 0} {
+    set_limit();
+  }
+
+  /// Something lies within `distance`: no need to look beyond. Slightly wrong values are allowed
+  /// for, as coordinates are rounded.
+  void bound(double distance) {
+    const double scaled = distance * scale_ * (1 + 1e-5) + 2e-6;
+    limit_ = std::min(limit_, static_cast<float>(scaled * scaled));
+  }
+
+  ClosestPoint run() {
+    stack_[size_++] = {0, 0};
+    while (size_ > 0) {
+      const Entry entry = stack_[--size_];
+      if (entry.distance2 > limit_) continue;
+      if (TriangleBvhData::is_leaf(entry.link))
+        visit_leaf(entry.link);
+      else
+        visit_node(entry.link);
+    }
+    return result();
+  }
+
+ private:
+  struct Entry {
+    float distance2;  ///< scaled
+    uint32_t link;
+  };
+
+  void set_limit() {
+    const double scale = scale_;
+    limit_ = static_cast<float>(best_.distance2 * scale * scale * (1 + kRelativeMargin) +
+                                kAbsoluteMargin);
+  }
+
+  void visit_node(uint32_t node) {
+    const uint32_t* words = data_.nodes.data() + size_t{node} * (7 * kWidth);
+    float distance2[kWidth];
+    box_distances(NodeBoxes<kWidth>{reinterpret_cast<const float*>(words)}, distance2);
+    // The nearest child ends on top.
+    const size_t base = size_;
+    for (uint32_t slot = 0; slot < kWidth; ++slot) {
+      const uint32_t link = words[6 * kWidth + slot];
+      if (!(distance2[slot] <= limit_) || link == kNoChild) continue;
+      size_t at = size_++;
+      for (; at > base && stack_[at - 1].distance2 < distance2[slot]; --at)
+        stack_[at] = stack_[at - 1];
+      stack_[at] = {distance2[slot], link};
+    }
+  }
+
+  void box_distances(const NodeBoxes<kWidth>& boxes, float* distance2) const {
+    const float s = scale_, x = scaled_.x, y = scaled_.y, z = scaled_.z;
+    const auto outside = [s](float low, float high, float p) {
+      const float below = low * s - p, above = p - high * s;
+      const float farther = below > above ? below : above;
+      return farther > 0.0f ? farther : 0.0f;
+    };
+    for (uint32_t i = 0; i < kWidth; ++i) {
+      const float dx = outside(boxes.min_x()[i], boxes.max_x()[i], x);
+      const float dy = outside(boxes.min_y()[i], boxes.max_y()[i], y);
+      const float dz = outside(boxes.min_z()[i], boxes.max_z()[i], z);
+      distance2[i] = dx * dx + dy * dy + dz * dz;
+    }
+  }
+
+  void visit_leaf(uint32_t link) {
+    data_.for_each_triangle(link, [&](const LeafTriangle& triangle) {
+      const TrianglePoint p = closest_on_triangle(point_, triangle.p0, triangle.p1, triangle.p2);
+      if (p.distance2 > best_.distance2 ||
+          (p.distance2 == best_.distance2 && triangle.primitive >= primitive_))
+        return;
+      best_ = p;
+      primitive_ = triangle.primitive;
+      corners_[0] = triangle.p0, corners_[1] = triangle.p1, corners_[2] = triangle.p2;
+    });
+    const float before = limit_;
+    set_limit();
+    limit_ = std::min(limit_, before);
+  }
+
+  ClosestPoint result() const {
+    if (primitive_ == kNone) return {};
+    const Vec3d a = to_double(corners_[0]);
+    const Vec3d p =
+        a + (to_double(corners_[1]) - a) * best_.u + (to_double(corners_[2]) - a) * best_.v;
+    return {{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)},
+            static_cast<float>(
+                std::min<double>(std::sqrt(best_.distance2), std::numeric_limits<float>::max())),
+            primitive_,
+            static_cast<float>(best_.u),
+            static_cast<float>(best_.v)};
+  }
+
+  const TriangleBvhData& data_;
+  Vec3 point_;
+  float scale_;
+  Vec3 scaled_;
+  float limit_ = std::numeric_limits<float>::infinity();
+  TrianglePoint best_;
+  uint32_t primitive_ = kNone;
+  Vec3 corners_[3]{};
+  Entry stack_[kMaxWalkDepth * (kWidth - 1) + 1];
+  size_t size_ = 0;
+};
+
+template <uint32_t kWidth>
+ClosestPoint closest(const TriangleBvhData& data, const Vec3& point, float max_distance,
+                     const ClosestPoint* neighbour) {
+  if (data.nodes.empty() || !is_finite(point) || !(max_distance >= 0)) return {};
+  ClosestSearch<kWidth> search(data, point, max_distance);
+  if (neighbour && neighbour->primitive != kNone)
+    search.bound(length(to_double(neighbour->point) - to_double(point)));
+  return search.run();
+}
+
+}  // namespace
+
+ClosestPoint TriangleBvh::closest_point(const Vec3& point, float max_distance) const {
+  return with_width(*data_, [&](auto width) {
+    return closest<decltype(width)::value>(*data_, point, max_distance, nullptr);
+  });
+}
+
+void TriangleBvh::closest_point(std::span<const Vec3> points, std::span<ClosestPoint> results,
+                                float max_distance, uint32_t threads) const {
+  if (points.size() != results.size())
+    throw Error(ErrorCode::kInvalidArgument, "there are " + std::to_string(points.size()) +
+                                                 " points but room for " +
+                                                 std::to_string(results.size()) + " results");
+  with_threads(threads, [&] {
+    with_width(*data_, [&](auto width) {
+      for_points_in_order<ClosestPoint>(points, [&](size_t i, ClosestPoint& last) {
+        results[i] = closest<decltype(width)::value>(*data_, points[i], max_distance, &last);
+        last = results[i];
+      });
+    });
+  });
+}
+
+}  // namespace umbel
