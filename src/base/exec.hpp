@@ -10,16 +10,11 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <new>
-#include <type_traits>
 #include <utility>
 
+#include "base/cpu_buffer.hpp"
 #include "base/parallel.hpp"
 #include "base/radix_sort_pairs.hpp"
-
-#if defined(__linux__)
-#include <sys/mman.h>
-#endif
 
 #if defined(__CUDACC__)
 #define UMBEL_HOST_DEVICE __host__ __device__
@@ -41,47 +36,6 @@ UMBEL_HOST_DEVICE inline uint32_t atomic_add(uint32_t* counter, uint32_t amount)
   return std::atomic_ref<uint32_t>(*counter).fetch_add(amount, std::memory_order_acq_rel);
 #endif
 }
-
-/// Memory of an executor: `size` elements without a value, given back at the end of the scope.
-template <typename T>
-class CpuBuffer {
-  static_assert(std::is_trivially_copyable_v<T>);
-
- public:
-  CpuBuffer() = default;
-  explicit CpuBuffer(size_t size) : size_(size) {
-    if (size == 0) return;
-    const bool huge = size * sizeof(T) >= kHugePage;
-    alignment_ = std::align_val_t(huge ? kHugePage : 64);
-    const size_t bytes = size * sizeof(T);
-    data_ = static_cast<T*>(::operator new(bytes, alignment_));
-#if defined(__linux__) && defined(MADV_HUGEPAGE)
-    // Touching fresh memory in small pages costs more than a pass of a radix sort.
-    if (huge) madvise(data_, bytes, MADV_HUGEPAGE);
-#endif
-  }
-  CpuBuffer(CpuBuffer&& o) noexcept
-      : data_(std::exchange(o.data_, nullptr)), size_(o.size_), alignment_(o.alignment_) {}
-  CpuBuffer& operator=(CpuBuffer&& o) noexcept {
-    std::swap(data_, o.data_);
-    std::swap(size_, o.size_);
-    std::swap(alignment_, o.alignment_);
-    return *this;
-  }
-  ~CpuBuffer() {
-    if (data_) ::operator delete(data_, alignment_);
-  }
-
-  T* data() const { return data_; }
-  size_t size() const { return size_; }
-  T& operator[](size_t i) const { return data_[i]; }
-
- private:
-  static constexpr size_t kHugePage = size_t(1) << 21;
-  T* data_ = nullptr;
-  size_t size_ = 0;
-  std::align_val_t alignment_{64};
-};
 
 /// The executor on the processor's cores, by oneTBB.
 class CpuExec {
@@ -175,9 +129,8 @@ class CpuExec {
   template <typename Key>
   void radix_sort_pairs(size_t n, Key* keys, uint32_t* values, uint32_t first_bit,
                         uint32_t last_bit) {
-    using Item = KeyAndValue<Key>;
-    Buffer<Item> items(n), spare(n);
-    umbel::radix_sort_pairs(n, keys, values, first_bit, last_bit, items.data(), spare.data());
+    Buffer<KeyAndValue<Key>> items(n);
+    umbel::radix_sort_pairs(n, keys, values, first_bit, last_bit, items.data());
   }
 
  private:

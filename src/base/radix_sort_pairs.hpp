@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/cpu_buffer.hpp"
 #include "base/parallel.hpp"
 
 namespace umbel {
@@ -27,6 +28,7 @@ struct KeyAndValue {
 namespace detail {
 
 inline constexpr uint32_t kDigitBits = 11;
+inline constexpr size_t kCached = size_t(1) << 15;  // pairs that are sorted within the cache
 inline constexpr size_t kBuckets = size_t(1) << kDigitBits;
 using Histogram = std::array<uint32_t, kBuckets>;
 
@@ -79,6 +81,14 @@ void insertion_sort(KeyAndValue<Key>* items, size_t count, BitRange bits) {
     for (; at > 0 && bits.of(items[at - 1].key) > key; --at) items[at] = items[at - 1];
     items[at] = item;
   }
+}
+
+/// Scratch memory for kCached pairs, which a thread keeps for its next bucket.
+template <typename Key>
+KeyAndValue<Key>* spare_items() {
+  thread_local CpuBuffer<KeyAndValue<Key>> spare;
+  if (spare.size() == 0) spare = CpuBuffer<KeyAndValue<Key>>(kCached);
+  return spare.data();
 }
 
 /// One pass by a digit into `out`; `offsets` holds the digit's counts.
@@ -135,14 +145,16 @@ void sort_in_cache(KeyAndValue<Key>* items, KeyAndValue<Key>* spare, size_t coun
   for (size_t i = 0; i < count; ++i) out.write(i, items[i]);
 }
 
-/// Splits items source(0..count) by the highest digit into `items`, then sorts each bucket.
+/// Splits source(0), ... source(count - 1) by the highest digit into `items`, then sorts each
+/// bucket.
 template <typename Key, typename Source>
 void sort_by_buckets(Source source, size_t count, BitRange bits, KeyAndValue<Key>* items,
-                     KeyAndValue<Key>* spare, PairOutput<Key> out) {
-  constexpr size_t kCached = size_t(1) << 15, kChunk = size_t(1) << 16;
+                     PairOutput<Key> out) {
+  using Item = KeyAndValue<Key>;
+  constexpr size_t kChunk = size_t(1) << 16;
   if (count <= kCached || bits.size() == 0) {
     for (size_t i = 0; i < count; ++i) items[i] = source(i);
-    sort_in_cache(items, spare, count, bits, out);
+    sort_in_cache(items, spare_items<Key>(), count, bits, out);
     return;
   }
   const BitRange digit{bits.last - std::min(bits.size(), kDigitBits), bits.last};
@@ -165,30 +177,31 @@ void sort_by_buckets(Source source, size_t count, BitRange bits, KeyAndValue<Key
   parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
     Histogram& offsets = counts[begin / chunk];
     for (size_t i = begin; i < end; ++i) {
-      const KeyAndValue<Key> item = source(i);
+      const Item item = source(i);
       items[offsets[digit.of(item.key)]++] = item;
     }
   });
   parallel_for(buckets, 8, [&](size_t b) {
     const size_t begin = starts[b], size = starts[b + 1] - begin;
+    if (size == 0) return;
     if (size <= kCached) {
-      sort_in_cache(items + begin, spare + begin, size, rest, out + begin);
+      sort_in_cache(items + begin, spare_items<Key>(), size, rest, out + begin);
     } else {
-      sort_by_buckets(ItemInput<Key>{items + begin}, size, rest, spare + begin, items + begin,
-                      out + begin);
+      const CpuBuffer<Item> spare(size);
+      sort_by_buckets(ItemInput<Key>{items + begin}, size, rest, spare.data(), out + begin);
     }
   });
 }
 
 }  // namespace detail
 
-/// Sorts by bits [first_bit, last_bit) of the keys; `items` and `spare` are scratch memory for n.
+/// Sorts by bits [first_bit, last_bit) of the keys; `items` is scratch memory for n.
 template <typename Key>
 void radix_sort_pairs(size_t n, Key* keys, uint32_t* values, uint32_t first_bit, uint32_t last_bit,
-                      KeyAndValue<Key>* items, KeyAndValue<Key>* spare) {
+                      KeyAndValue<Key>* items) {
   if (n < 2 || last_bit <= first_bit) return;
   detail::sort_by_buckets(detail::PairInput<Key>{keys, values}, n,
-                          detail::BitRange{first_bit, last_bit}, items, spare,
+                          detail::BitRange{first_bit, last_bit}, items,
                           detail::PairOutput<Key>{keys, values});
 }
 

@@ -1,0 +1,32 @@
+// When a subtree is cheaper as one leaf, for builders that decide it while they build.
+#pragma once
+
+#include "base/exec.hpp"
+#include "base/math.hpp"
+#include "umbel/bvh.hpp"
+
+namespace umbel::bvh {
+
+/// Costs in units of area times the cost model's.
+struct LeafRule {
+  float traversal, intersection;
+  uint32_t max_leaf_size;
+
+  explicit LeafRule(const Config& config)
+      : traversal(config.cost.traversal),
+        intersection(config.cost.intersection),
+        max_leaf_size(config.max_leaf_size) {}
+
+  UMBEL_HOST_DEVICE static float area(const Aabb& b) {
+    const Vec3 d = b.max - b.min;
+    return d.x * d.y + d.y * d.z + d.z * d.x;
+  }
+  UMBEL_HOST_DEVICE float leaf_cost(const Aabb& box, uint32_t count) const {
+    return area(box) * (intersection * static_cast<float>(count));
+  }
+  UMBEL_HOST_DEVICE float inner_cost(const Aabb& box, float left, float right) const {
+    return area(box) * traversal + (left + right);
+  }
+};
+
+}  // namespace umbel::bvh
