@@ -3,8 +3,8 @@
 #include <array>
 #include <optional>
 
-#include "asset/bytes.hpp"
 #include "asset/structure.hpp"
+#include "base/bytes.hpp"
 #include "base/hash.hpp"
 
 namespace umbel::asset {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "asset/bytes.hpp"
+#include "base/bytes.hpp"
 
 namespace umbel::asset {
 namespace {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <atomic>
 
-#include "asset/bytes.hpp"
-#include "asset/file.hpp"
 #include "asset/format.hpp"
 #include "asset/page.hpp"
+#include "base/bytes.hpp"
+#include "base/file.hpp"
 #include "base/hash.hpp"
 
 namespace umbel {
@@ -17,7 +17,7 @@ using asset::PageEntry;
 struct Asset::State {
   explicit State(const std::filesystem::path& path) : file(path) {}
 
-  asset::InputFile file;
+  InputFile file;
   asset::Head head;
   uint32_t attributes = 0;
   std::vector<uint32_t> page_of_group;
@@ -34,12 +34,12 @@ struct Asset::State {
 void Asset::State::read_head() {
   std::vector<std::byte> bytes(asset::kPrologueBytes);
   const auto read_up_to = [&](uint64_t size) {
-    if (size > file.size()) asset::corrupt("the file ends within its header");
+    if (size > file.size()) corrupt("the file ends within its header");
     const size_t have = bytes.size();
     bytes.resize(size);
     file.read(have, std::span(bytes).subspan(have));
   };
-  if (file.size() < bytes.size()) asset::corrupt("this is not a .umbel file");
+  if (file.size() < bytes.size()) corrupt("this is not a .umbel file");
   file.read(0, bytes);
   read_up_to(asset::header_bytes_in(bytes));
   read_up_to(asset::head_bytes_in(bytes, file.size()));
@@ -66,19 +66,19 @@ bool Asset::State::has_right_checksum(const PageEntry& page) const {
 
 void Asset::State::check_page(const PageEntry& page) const {
   const std::string name = "the page of group " + std::to_string(page.group);
-  if (!has_right_checksum(page)) asset::corrupt("the checksum of " + name + " does not hold");
+  if (!has_right_checksum(page)) corrupt("the checksum of " + name + " does not hold");
   std::vector<std::byte> bytes(std::min(page.bytes, asset::kPageHeaderBytes));
   file.read(page.offset, bytes);
   const asset::PageHeader header = asset::decode_page_header(bytes);
   const Range& clusters = head.tables.groups[page.group].clusters;
   if (header.group != page.group || header.clusters != clusters || header.attributes != attributes)
-    asset::corrupt(name + " does not say what the tables say of it");
+    corrupt(name + " does not say what the tables say of it");
 }
 
 lod::ClusterGeometry Asset::State::read_cluster(const PageEntry& page, uint32_t index) const {
   const uint64_t at = asset::kPageHeaderBytes + asset::kClusterEntryBytes * uint64_t{index};
   std::array<std::byte, asset::kClusterEntryBytes> entry_bytes;
-  if (at + entry_bytes.size() > page.bytes) asset::corrupt("its page is too short");
+  if (at + entry_bytes.size() > page.bytes) corrupt("its page is too short");
   file.read(page.offset + at, entry_bytes);
   const ClusterEntry entry = asset::decode_cluster_entry(entry_bytes, attributes, page.bytes);
   std::vector<std::byte> data(

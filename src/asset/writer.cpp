@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <numeric>
 
-#include "asset/bytes.hpp"
-#include "asset/file.hpp"
 #include "asset/format.hpp"
 #include "asset/page.hpp"
 #include "asset/structure.hpp"
+#include "base/bytes.hpp"
+#include "base/file.hpp"
 #include "base/hash.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
