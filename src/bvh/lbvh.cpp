@@ -1,14 +1,11 @@
 // Linear BVH on the processor: the radix tree over sorted Morton codes (Karras, "Maximizing
 // Parallelism in the Construction of BVHs, Octrees, and k-d Trees", 2012), cut into subtrees that
-// are built one after another by MortonStack.
-
-#include <algorithm>
-#include <atomic>
+// MortonStack builds.
 
 #include "base/morton.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/config.hpp"
-#include "bvh/morton_subtrees.hpp"
+#include "bvh/morton_stack.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -59,24 +56,18 @@ Bvh2 build(Boxes boxes, uint32_t bits, const Config& config, Progress& progress)
   const auto order = morton_order<Key>(exec, boxes.data(), n, bits);
   progress.report(0.5, "sorting by Morton code");
   const Cut cut = cut_radix_tree(order.codes.data(), n);
-  std::vector<MortonSubtree> subtrees(cut.ranges.size());
-  std::vector<Node*> ends(cut.ranges.size());
-  // Leaves take more than one primitive, so most of this stays untouched.
-  auto nodes = exec.allocate<Node>(2 * size_t(n));
-  std::atomic<size_t> used = 0;
+  std::vector<Subtree> subtrees(cut.ranges.size());
+  SubtreeStore store(2 * size_t(n));
   parallel_for(cut.ranges.size(), 1, [&](size_t s) {
     const auto [offset, count] = cut.ranges[s];
-    thread_local CpuBuffer<Node> scratch;
-    if (scratch.size() == 0) scratch = CpuBuffer<Node>(2 * kMostCodes);
-    Node* const scratch_end = scratch.data() + scratch.size();
     MortonStack<Key> stack(order.codes.data(), order.primitives.data(), boxes.data(),
                            LeafRule(config));
-    subtrees[s] = stack.build(offset, offset + count, scratch_end);
-    const size_t written = 2 * size_t(subtrees[s].pairs);
-    ends[s] = nodes.data() + used.fetch_add(written) + written;
-    std::copy(scratch_end - written, scratch_end, ends[s] - written);
+    subtrees[s] =
+        stack.build(offset, offset + count, SubtreeStore::scratch_end(2 * size_t(kMostCodes)));
+    store.keep(subtrees[s]);
   });
-  Bvh2 tree = join_subtrees(cut.top, subtrees, ends, {order.primitives.data(), n});
+  Bvh2 tree =
+      join_subtrees(cut.top, subtrees, {order.primitives.data(), order.primitives.data() + n});
   if (config.max_depth < 3 * bits + balanced_depth(n)) limit_depth(tree, config.max_depth);
   return tree;
 }

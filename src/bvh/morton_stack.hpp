@@ -8,12 +8,11 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
-#include <span>
-#include <vector>
 
 #include "base/exec.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/leaf_rule.hpp"
+#include "bvh/subtrees.hpp"
 
 namespace umbel::bvh {
 
@@ -38,12 +37,6 @@ UMBEL_HOST_DEVICE inline uint32_t radix_split(const Key* codes, uint32_t begin, 
   return high;
 }
 
-/// A finished subtree: its root, and how many pairs of nodes lie below it.
-struct MortonSubtree {
-  Node root;
-  uint32_t pairs;
-};
-
 /// Builds subtrees over ranges of sorted codes.
 template <typename Key>
 class MortonStack {
@@ -51,9 +44,8 @@ class MortonStack {
   MortonStack(const Key* codes, const uint32_t* primitives, const Aabb* boxes, LeafRule rule)
       : codes_(codes), primitives_(primitives), boxes_(boxes), rule_(rule) {}
 
-  /// The range is a subtree of the radix tree. Nodes are written before `nodes_end`, and an inner
-  /// node's `first` is how many nodes before that its children lie.
-  MortonSubtree build(uint32_t begin, uint32_t end, Node* nodes_end) {
+  /// The range is a subtree of the radix tree. Its nodes are written before `nodes_end`.
+  Subtree build(uint32_t begin, uint32_t end, Node* nodes_end) {
     nodes_end_ = next_ = nodes_end;
     size_ = 0;
     int behind = -1;
@@ -65,7 +57,7 @@ class MortonStack {
       while (size_ > 1 && stack_[size_ - 1].bits_behind > before) merge();
       behind = before;
     }
-    return {stack_[0].node, stack_[0].pairs};
+    return {stack_[0].node, stack_[0].pairs, nodes_end, 0};
   }
 
  private:
@@ -125,70 +117,5 @@ class MortonStack {
   Entry stack_[100];
   uint32_t size_ = 0;
 };
-
-/// An inner node above subtrees: each child is another one behind it in the array, or ~subtree.
-struct TopNode {
-  uint32_t left, right;
-};
-
-/// Makes a tree of subtrees: `ends[i]` is where the nodes of `subtrees[i]` end, `top` is empty for
-/// a single one. Nodes come depth-first, the left child first.
-inline Bvh2 join_subtrees(std::span<const TopNode> top, std::span<const MortonSubtree> subtrees,
-                          std::span<Node* const> ends, std::span<const uint32_t> order) {
-  std::vector<MortonSubtree> above(top.size());
-  const auto child = [&](uint32_t id) -> const MortonSubtree& {
-    return int32_t(id) < 0 ? subtrees[~id] : above[id];
-  };
-  for (size_t t = top.size(); t-- > 0;) {
-    const MortonSubtree &left = child(top[t].left), &right = child(top[t].right);
-    Aabb box = left.root.box();
-    extend(box, right.root.box());
-    above[t] = {{box.min, 0, box.max, 0}, left.pairs + right.pairs + 1};
-  }
-  Bvh2 tree;
-  tree.primitives.assign(order.begin(), order.end());
-  tree.nodes = large_vector<Node>(2 * size_t((top.empty() ? subtrees[0] : above[0]).pairs) + 1);
-
-  // Where the pairs below each subtree begin.
-  std::vector<uint32_t> bases(subtrees.size(), 1);
-  const auto place = [&](uint32_t id, uint32_t base, Node& slot) {
-    slot = child(id).root;
-    if (int32_t(id) >= 0) {
-      above[id].root.first = base;
-    } else {
-      bases[~id] = base;
-    }
-    if (!slot.is_leaf()) slot.first = base;
-  };
-  if (top.empty()) {
-    place(~0u, 1, tree.nodes[0]);
-  } else {
-    place(0, 1, tree.nodes[0]);
-  }
-  for (const TopNode& node : top) {
-    const uint32_t base = above[&node - top.data()].root.first;
-    place(node.left, base + 2, tree.nodes[base]);
-    place(node.right, base + 2 + 2 * child(node.left).pairs, tree.nodes[base + 1]);
-  }
-  parallel_for(subtrees.size(), 1, [&](size_t s) {
-    const uint32_t count = 2 * subtrees[s].pairs, end = bases[s] + count;
-    const Node* from = ends[s] - count;
-    const auto sort_leaf = [&](const Node& leaf) {
-      uint32_t* primitives = tree.primitives.data() + leaf.first;
-      if (leaf.count > 1) std::sort(primitives, primitives + leaf.count);
-    };
-    if (subtrees[s].root.is_leaf()) sort_leaf(subtrees[s].root);
-    for (uint32_t i = 0; i < count; ++i) {
-      Node node = from[i];
-      if (node.is_leaf()) {
-        sort_leaf(node);
-      } else {
-        node.first = end - node.first;
-      }
-      tree.nodes[bases[s] + i] = node;
-    }
-  });
-  return tree;
-}
 
 }  // namespace umbel::bvh

@@ -1,0 +1,87 @@
+#include "bvh/subtrees.hpp"
+
+namespace umbel::bvh {
+namespace {
+
+class Joiner {
+ public:
+  Joiner(std::span<const TopNode> top, std::span<const Subtree> subtrees,
+         std::vector<uint32_t> primitives)
+      : top_(top), subtrees_(subtrees), above_(top.size()), bases_(subtrees.size()) {
+    tree_.primitives = std::move(primitives);
+  }
+
+  Bvh2 join() {
+    for (size_t t = top_.size(); t-- > 0;) unite(t);
+    const uint32_t root = top_.empty() ? ~0u : 0u;
+    tree_.nodes = large_vector<Node>(2 * size_t(child(root).pairs) + 1);
+    place(root, 1, 0);
+    for (size_t t = 0; t < top_.size(); ++t) {
+      const uint32_t base = above_[t].root.first;
+      place(top_[t].left, base + 2, base);
+      place(top_[t].right, base + 2 + 2 * child(top_[t].left).pairs, base + 1);
+    }
+    parallel_for(subtrees_.size(), 1, [&](size_t s) { copy(subtrees_[s], bases_[s]); });
+    return std::move(tree_);
+  }
+
+ private:
+  const Subtree& child(uint32_t id) const {
+    return static_cast<int32_t>(id) < 0 ? subtrees_[~id] : above_[id];
+  }
+
+  void unite(size_t t) {
+    const Subtree &left = child(top_[t].left), &right = child(top_[t].right);
+    Aabb box = left.root.box();
+    extend(box, right.root.box());
+    above_[t] = {{box.min, 0, box.max, 0}, left.pairs + right.pairs + 1, nullptr, 0};
+  }
+
+  /// The nodes below this child begin at `base`; it is itself the node `slot`.
+  void place(uint32_t id, uint32_t base, uint32_t slot) {
+    Node& node = tree_.nodes[slot];
+    node = child(id).root;
+    if (static_cast<int32_t>(id) < 0) {
+      bases_[~id] = base;
+      if (node.is_leaf()) finish_leaf(node, subtrees_[~id].leaf_base);
+    } else {
+      above_[id].root.first = base;
+    }
+    if (!node.is_leaf()) node.first = base;
+  }
+
+  void finish_leaf(Node& leaf, uint32_t leaf_base) {
+    leaf.first += leaf_base;
+    uint32_t* primitives = tree_.primitives.data() + leaf.first;
+    if (leaf.count > 1) std::sort(primitives, primitives + leaf.count);
+  }
+
+  void copy(const Subtree& subtree, uint32_t base) {
+    const uint32_t count = 2 * subtree.pairs, end = base + count;
+    const Node* from = subtree.nodes_end - count;
+    for (uint32_t i = 0; i < count; ++i) {
+      Node node = from[i];
+      if (node.is_leaf()) {
+        finish_leaf(node, subtree.leaf_base);
+      } else {
+        node.first = end - node.first;
+      }
+      tree_.nodes[base + i] = node;
+    }
+  }
+
+  std::span<const TopNode> top_;
+  std::span<const Subtree> subtrees_;
+  std::vector<Subtree> above_;
+  std::vector<uint32_t> bases_;  // where the nodes below each subtree begin
+  Bvh2 tree_;
+};
+
+}  // namespace
+
+Bvh2 join_subtrees(std::span<const TopNode> top, std::span<const Subtree> subtrees,
+                   std::vector<uint32_t> primitives) {
+  return Joiner(top, subtrees, std::move(primitives)).join();
+}
+
+}  // namespace umbel::bvh

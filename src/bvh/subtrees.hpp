@@ -1,0 +1,62 @@
+// A tree made of subtrees that were built by themselves.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/cpu_buffer.hpp"
+#include "base/math.hpp"
+#include "base/parallel.hpp"
+#include "umbel/bvh.hpp"
+
+namespace umbel::bvh {
+
+/// The nodes below `root` lie depth-first in the 2 x `pairs` nodes before `nodes_end`. An inner
+/// node's `first` is how many nodes before `nodes_end` its children lie; a leaf's is relative to
+/// `leaf_base`.
+struct Subtree {
+  Node root;
+  uint32_t pairs;
+  const Node* nodes_end;
+  uint32_t leaf_base;
+};
+
+/// Keeps the nodes of finished subtrees until they are joined.
+class SubtreeStore {
+ public:
+  explicit SubtreeStore(size_t most_nodes) : nodes_(most_nodes) {}
+
+  /// Memory for the nodes of the subtree that this thread builds next. Its content is lost with the
+  /// next call.
+  static Node* scratch_end(size_t most_nodes) {
+    thread_local CpuBuffer<Node> scratch;
+    if (scratch.size() < most_nodes) scratch = CpuBuffer<Node>(most_nodes);
+    return scratch.data() + scratch.size();
+  }
+  /// Copies a subtree out of the scratch memory.
+  void keep(Subtree& subtree) {
+    const size_t count = 2 * size_t(subtree.pairs);
+    Node* to = nodes_.data() + used_.fetch_add(count);
+    std::copy(subtree.nodes_end - count, subtree.nodes_end, to);
+    subtree.nodes_end = to + count;
+  }
+
+ private:
+  CpuBuffer<Node> nodes_;
+  std::atomic<size_t> used_ = 0;
+};
+
+/// An inner node above subtrees: each child is another one behind it in the array, or ~subtree.
+struct TopNode {
+  uint32_t left, right;
+};
+
+/// Joins subtrees: `top` is empty for a single one. Nodes come depth-first, the left child first,
+/// and primitives ascend in each leaf.
+Bvh2 join_subtrees(std::span<const TopNode> top, std::span<const Subtree> subtrees,
+                   std::vector<uint32_t> primitives);
+
+}  // namespace umbel::bvh
