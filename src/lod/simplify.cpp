@@ -70,7 +70,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
       best = std::move(candidate);
   };
   if (best.triangles.size() > target) {
-    consider(collapse_checked(target, 0, Rung::kRegular));
+    consider(collapse_regular(target));
     if (best.triangles.size() > good)
       consider(collapse_checked(target, meshopt_SimplifyPermissive, Rung::kPermissive));
     if (best.triangles.size() > good) consider(prune(best, target));
@@ -210,6 +210,18 @@ void GroupSimplifier::drop_repeated_triangles() {
     triangles_[kept++] = triangles_[i];
   }
   triangles_.resize(kept);
+}
+
+GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
+  collapser_.run({triangles_, position_of_, positions_, attributes_, attribute_weights_, locked_,
+                  components_, allow_.chords},
+                 target);
+  Candidate result;
+  result.triangles = collapser_.triangles();
+  result.error = collapser_.error() / source_.scale;
+  result.chords = collapser_.chords();
+  result.valid = true;
+  return result;
 }
 
 GroupSimplifier::Candidate GroupSimplifier::collapse(size_t target, unsigned options) {

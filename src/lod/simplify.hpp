@@ -13,6 +13,7 @@
 
 #include "base/math.hpp"
 #include "lod/cluster_set.hpp"
+#include "lod/collapse.hpp"
 #include "lod/source.hpp"
 #include "lod/topology.hpp"
 
@@ -68,6 +69,7 @@ class GroupSimplifier {
   uint32_t add_position(uint32_t position_id, std::span<const uint8_t> locked);
   uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
   void drop_repeated_triangles();
+  Candidate collapse_regular(size_t target);
   Candidate collapse(size_t target, unsigned options);
   Candidate collapse_checked(size_t target, unsigned options, Rung rung);
   Candidate prune(const Candidate& from, size_t target);
@@ -81,6 +83,7 @@ class GroupSimplifier {
   const Config& config_;
   std::vector<float> attribute_weights_;
   PieceTopology topology_;
+  EdgeCollapser collapser_;
   Allowance allow_;
 
   // The piece: vertices and positions are numbered from 0.
