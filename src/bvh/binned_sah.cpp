@@ -1,133 +1,343 @@
 // Binned SAH (Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007): every
 // node is split at the cheapest plane of a regular grid over its centroids, on three axes.
-#include <algorithm>
-#include <array>
-#include <numeric>
+//
+// What is binned and moved are boxes rounded to 15 bits a coordinate. They are rounded anew, from
+// the boxes themselves, wherever the grid has become too coarse for the node. The last few
+// primitives are swept exactly, and node boxes are those of the input.
+//
+// Large nodes are split by all threads together, then subtrees are built side by side into places
+// of their own, and at last copied together, depth-first.
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <thread>
 
 #include "base/parallel.hpp"
-#include "bvh/box4.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/config.hpp"
+#include "bvh/emitter.hpp"
+#include "bvh/short_bins.hpp"
+#include "bvh/small_sweep.hpp"
 
 namespace umbel::bvh {
 namespace {
 
-constexpr uint32_t kParallel = 1 << 12;
-constexpr uint32_t kMaxBins = 256;
+constexpr uint32_t kBlock = 1 << 12;  ///< primitives of a subtree that one thread builds
+constexpr uint32_t kChunk = 1 << 14;  ///< primitives of a large node that one thread takes
+constexpr float kCoarse = 1.0f / 16;  ///< of the frame's size; smaller nodes get their own
 
-struct Bin {
-  Box4 box = Box4::empty();
-  uint32_t count = 0;
+/// Records that are being split, and as much room to move them to.
+struct Records {
+  ShortBox* now;
+  ShortBox* spare;
+  Records after(uint32_t count) const { return {spare + count, now + count}; }
 };
 
-class Binned {
+float longest_of(const ShortBounds& bounds, const Frame& frame) {
+  const Float4 e = steps_of(bounds.box) * frame.unit;
+  return std::max({e[0], e[1], e[2]});
+}
+
+template <typename Body>
+void for_chunks(uint32_t count, const Body& body) {
+  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    body(static_cast<uint32_t>(begin), static_cast<uint32_t>(end));
+  });
+}
+
+ShortBounds bounds_in_parallel(const ShortBox* boxes, uint32_t count) {
+  std::vector<ShortBounds> parts((count + kChunk - 1) / kChunk);
+  for_chunks(count, [&](uint32_t begin, uint32_t end) {
+    parts[begin / kChunk] = bounds_of(boxes + begin, end - begin);
+  });
+  ShortBounds all;
+  for (const ShortBounds& part : parts) all.extend(part);
+  return all;
+}
+
+/// Rounds the boxes anew, to a grid that just holds them.
+Frame round_anew(Boxes boxes, ShortBox* records, uint32_t count) {
+  std::vector<Box4> parts((count + kChunk - 1) / kChunk);
+  for_chunks(count, [&](uint32_t begin, uint32_t end) {
+    Box4 part = Box4::empty();
+    for (uint32_t i = begin; i < end; ++i) part.extend(Box4::load(boxes[tag_of(records[i])]));
+    parts[begin / kChunk] = part;
+  });
+  Box4 all = Box4::empty();
+  for (const Box4& part : parts) all.extend(part);
+  const Frame frame(all);
+  for_chunks(count, [&](uint32_t begin, uint32_t end) {
+    for (uint32_t i = begin; i < end; ++i) {
+      const uint32_t tag = tag_of(records[i]);
+      records[i] = frame.rounded(boxes[tag], tag);
+    }
+  });
+  return frame;
+}
+
+/// Halves the records by centre along the longest axis, or in their order where all centres agree.
+uint32_t halve(ShortBox* records, uint32_t count, const ShortBounds& bounds, const Frame& frame) {
+  int axis = 0;
+  float longest = 0;
+  for (int k = 0; k < 3; ++k) {
+    const float range = float(-int(bounds.centers[k + 4]) - int(bounds.centers[k])) * frame.unit[k];
+    if (range > longest) {
+      longest = range;
+      axis = k;
+    }
+  }
+  const uint32_t middle = count / 2;
+  if (longest > 0) {
+    std::nth_element(records, records + middle, records + count,
+                     [axis](const ShortBox& a, const ShortBox& b) {
+                       const int p = int(a[axis]) - int(a[axis + 4]);
+                       const int q = int(b[axis]) - int(b[axis + 4]);
+                       return p != q ? p < q : tag_of(a) < tag_of(b);
+                     });
+  }
+  return middle;
+}
+
+/// Builds a subtree on one thread.
+class Block {
  public:
-  Binned(Boxes boxes, const Config& config) : boxes_(boxes), config_(config) {
-    tree_.nodes.resize(2 * boxes.size() - 1);
-    tree_.primitives.resize(boxes.size());
-    std::iota(tree_.primitives.begin(), tree_.primitives.end(), 0u);
-  }
+  Block(Boxes boxes, const Config& config, Emitter& out)
+      : boxes_(boxes), config_(config), out_(out), small_(boxes, out), bins_(config.bins) {}
 
-  Bvh2 build() {
-    split(0, static_cast<uint32_t>(boxes_.size()), 0, 1, 0);
-    return std::move(tree_);
-  }
-
- private:
-  Box4 split(uint32_t begin, uint32_t end, uint32_t index, uint32_t free, uint32_t depth) {
-    const uint32_t n = end - begin;
-    if (n == 1) {
-      const Box4 box = Box4::from(boxes_[tree_.primitives[begin]]);
-      tree_.nodes[index] = box.node(begin, 1);
-      return box;
+  Subtree split(Records records, uint32_t count, Frame frame, uint32_t slot, uint32_t depth) {
+    if (count <= SmallSweep::kMost) {
+      for (uint32_t i = 0; i < count; ++i) small_.ids()[i] = tag_of(records.now[i]);
+      return small_.build(count, slot, depth);
     }
-    uint32_t middle = cut(begin, end);
-    const uint32_t larger = std::max(middle - begin, end - middle);
-    if (!fits_depth(larger, config_.max_depth - depth - 1)) {
-      middle = begin + n / 2;
-      std::sort(tree_.primitives.begin() + begin, tree_.primitives.begin() + end);
+    ShortBounds bounds = bounds_of(records.now, count);
+    if (longest_of(bounds, frame) < frame.longest * kCoarse) {
+      frame = round_anew(boxes_, records.now, count);
+      bounds = bounds_of(records.now, count);
     }
-    Box4 left, right;
-    const auto go_left = [&] { left = split(begin, middle, free, free + 2, depth + 1); };
-    const auto go_right = [&] {
-      right = split(middle, end, free + 1, free + 2 * (middle - begin), depth + 1);
+    const ShortCut at = cut(records, count, bounds, frame, depth);
+    const uint32_t pair = out_.add_pair();
+    Subtree left, right;
+    const auto go_left = [&] {
+      left = split(records.after(0), at.left_count, frame, pair, depth + 1);
     };
-    if (n < kParallel) {
+    const auto go_right = [&] {
+      right =
+          split(records.after(at.left_count), count - at.left_count, frame, pair + 1, depth + 1);
+    };
+    if (at.left_area >= at.right_area) {
       go_left();
       go_right();
     } else {
-      tbb::parallel_invoke(go_left, go_right);
+      go_right();
+      go_left();
     }
-    left.extend(right);
-    tree_.nodes[index] = left.node(free, 0);
-    return left;
+    return out_.join(slot, pair, count, left, right, splat(0.0f));
   }
 
-  uint32_t cut(uint32_t begin, uint32_t end) {
-    Box4 box = Box4::empty(), centers = Box4::empty();
-    for (uint32_t i = begin; i < end; ++i) {
-      const Box4 b = Box4::from(boxes_[tree_.primitives[i]]);
-      const Float4 c = b.center2();
-      box.extend(b);
-      centers.extend({c, -c});
+ private:
+  /// Moves the records to the spare room, those of the left child first.
+  ShortCut cut(Records records, uint32_t count, const ShortBounds& bounds, const Frame& frame,
+               uint32_t depth) {
+    const ShortBinning binning(bounds, frame, config_.bins);
+    binning.clear(bins_.data());
+    binning.add(records.now, count, bins_.data());
+    ShortCut cut = binning.cheapest(bins_.data(), count);
+    const uint32_t larger = std::max(cut.left_count, count - cut.left_count);
+    if (cut.axis < 0 || !fits_depth(larger, out_.max_depth - depth - 1)) {
+      cut.left_count = halve(records.now, count, bounds, frame);
+      std::copy_n(records.now, count, records.spare);
+      return cut;
     }
-    const uint32_t bins = config_.bins;
-    const Float4 pad = box.pad(), range = centers.extents();
-    float best = box.half_area(pad) * float(end - begin) * 0.99999f;
-    int best_axis = -1;
-    uint32_t best_bin = 0;
-    const auto bin_of = [&](uint32_t primitive, int axis) {
-      const float at = (Box4::from(boxes_[primitive]).center2()[axis] - centers.low[axis]) *
-                       (float(bins) / range[axis]);
-      return std::min(static_cast<uint32_t>(at), bins - 1);
-    };
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!(range[axis] > 1e-20f)) continue;
-      std::array<Bin, kMaxBins> bin;
-      for (uint32_t i = begin; i < end; ++i) {
-        Bin& b = bin[bin_of(tree_.primitives[i], axis)];
-        b.box.extend(Box4::from(boxes_[tree_.primitives[i]]));
-        ++b.count;
-      }
-      std::array<float, kMaxBins> right;
-      Box4 side = Box4::empty();
-      for (uint32_t b = bins - 1; b > 0; --b) {
-        side.extend(bin[b].box);
-        right[b] = side.half_area(pad);
-      }
-      side = Box4::empty();
-      uint32_t count = 0;
-      for (uint32_t b = 1; b < bins; ++b) {
-        side.extend(bin[b - 1].box);
-        count += bin[b - 1].count;
-        if (count == 0 || count == end - begin) continue;
-        const float cost =
-            side.half_area(pad) * float(count) + right[b] * float(end - begin - count);
-        if (cost < best) {
-          best = cost;
-          best_axis = axis;
-          best_bin = b;
-        }
-      }
-    }
-    if (best_axis < 0) return begin + (end - begin) / 2;
-    const auto first = tree_.primitives.begin();
-    const auto middle = std::partition(first + begin, first + end, [&](uint32_t primitive) {
-      return bin_of(primitive, best_axis) < best_bin;
-    });
-    return static_cast<uint32_t>(middle - first);
+    partition(records.now, count, cut, records.spare, records.spare + cut.left_count);
+    return cut;
   }
 
   Boxes boxes_;
   const Config& config_;
-  Bvh2 tree_;
+  Emitter& out_;
+  SmallSweep small_;
+  std::vector<ShortBin> bins_;
+};
+
+/// A node above the blocks, or a block.
+struct Top {
+  Box4 box;
+  std::unique_ptr<Top> left, right;
+  uint32_t begin, count;    ///< primitives
+  uint32_t node_count = 0;  ///< of a block
+};
+
+class Binned {
+ public:
+  Binned(Boxes boxes, const Config& config, Progress& progress)
+      : boxes_(boxes), config_(config), progress_(progress), count_(uint32_t(boxes.size())) {}
+
+  Bvh2 build() {
+    records_ = std::make_unique_for_overwrite<ShortBox[]>(2 * size_t(count_));
+    nodes_ = std::make_unique_for_overwrite<Node[]>(2 * size_t(count_));
+    primitives_ = std::make_unique_for_overwrite<uint32_t[]>(count_);
+    const Frame frame = round_all();
+    const std::unique_ptr<Top> root =
+        split({records_.get(), records_.get() + count_}, 0, count_, frame, 0);
+    return assemble(*root);
+  }
+
+ private:
+  Frame round_all() {
+    std::vector<Box4> parts((count_ + kChunk - 1) / kChunk);
+    for_chunks(count_, [&](uint32_t begin, uint32_t end) {
+      Box4 part = Box4::empty();
+      for (uint32_t i = begin; i < end; ++i) part.extend(Box4::load(boxes_[i]));
+      parts[begin / kChunk] = part;
+    });
+    Box4 all = Box4::empty();
+    for (const Box4& part : parts) all.extend(part);
+    const Frame frame(all);
+    for_chunks(count_, [&](uint32_t begin, uint32_t end) {
+      for (uint32_t i = begin; i < end; ++i) records_[i] = frame.rounded(boxes_[i], i);
+    });
+    return frame;
+  }
+
+  std::unique_ptr<Top> split(Records records, uint32_t begin, uint32_t count, Frame frame,
+                             uint32_t depth) {
+    auto top = std::make_unique<Top>();
+    top->begin = begin;
+    top->count = count;
+    if (count <= kBlock) {
+      build_block(records, frame, depth, *top);
+      return top;
+    }
+    ShortBounds bounds = bounds_in_parallel(records.now, count);
+    if (longest_of(bounds, frame) < frame.longest * kCoarse) {
+      frame = round_anew(boxes_, records.now, count);
+      bounds = bounds_in_parallel(records.now, count);
+    }
+    const uint32_t left_count = cut(records, count, bounds, frame, depth);
+    tbb::parallel_invoke(
+        [&] { top->left = split(records.after(0), begin, left_count, frame, depth + 1); },
+        [&] {
+          top->right = split(records.after(left_count), begin + left_count, count - left_count,
+                             frame, depth + 1);
+        });
+    top->box = top->left->box;
+    top->box.extend(top->right->box);
+    return top;
+  }
+
+  uint32_t cut(Records records, uint32_t count, const ShortBounds& bounds, const Frame& frame,
+               uint32_t depth) {
+    const ShortBinning binning(bounds, frame, config_.bins);
+    const uint32_t chunks = (count + kChunk - 1) / kChunk, bins = config_.bins;
+    std::vector<ShortBin> parts(size_t(chunks) * bins), sum(bins);
+    for_chunks(count, [&](uint32_t begin, uint32_t end) {
+      ShortBin* part = parts.data() + size_t(begin / kChunk) * bins;
+      binning.clear(part);
+      binning.add(records.now + begin, end - begin, part);
+    });
+    binning.clear(sum.data());
+    for (uint32_t c = 0; c < chunks; ++c)
+      binning.merge(parts.data() + size_t(c) * bins, sum.data());
+    const ShortCut cut = binning.cheapest(sum.data(), count);
+    const uint32_t larger = std::max(cut.left_count, count - cut.left_count);
+    if (cut.axis < 0 || !fits_depth(larger, config_.max_depth - depth - 1)) {
+      const uint32_t middle = halve(records.now, count, bounds, frame);
+      std::copy_n(records.now, count, records.spare);
+      return middle;
+    }
+    std::vector<uint32_t> left_before(chunks);
+    uint32_t left = 0;
+    for (uint32_t c = 0; c < chunks; ++c) {
+      left_before[c] = left;
+      left += ShortBinning::left_count(parts.data() + size_t(c) * bins, cut);
+    }
+    for_chunks(count, [&](uint32_t begin, uint32_t end) {
+      const uint32_t before = left_before[begin / kChunk];
+      partition(records.now + begin, end - begin, cut, records.spare + before,
+                records.spare + left + (begin - before));
+    });
+    return left;
+  }
+
+  void build_block(Records records, const Frame& frame, uint32_t depth, Top& top) {
+    Emitter out{nodes_.get() + 2 * size_t(top.begin), primitives_.get() + top.begin, config_.cost,
+                config_.max_leaf_size, config_.max_depth};
+    if (config_.reinsertion_rounds > 0) out.max_leaf_size = 1;
+    Block block(boxes_, config_, out);
+    top.box = block.split(records, top.count, frame, 0, depth).box;
+    top.node_count = out.node_count;
+    const uint32_t done = done_.fetch_add(top.count, std::memory_order_relaxed) + top.count;
+    if (std::this_thread::get_id() == caller_)
+      progress_.report(0.1 + 0.8 * double(done) / double(count_), "binning");
+  }
+
+  Bvh2 assemble(const Top& root) {
+    struct Step {
+      const Top* top;
+      uint32_t slot;
+    };
+    struct Copy {
+      const Top* top;
+      uint32_t slot, nodes, primitives;
+    };
+    std::vector<Step> stack{{&root, 0}};
+    std::vector<Copy> copies;
+    std::vector<Node> upper;
+    std::vector<uint32_t> upper_slots;
+    uint32_t nodes = 1, primitives = 0;
+    while (!stack.empty()) {
+      const Step s = stack.back();
+      stack.pop_back();
+      if (!s.top->left) {
+        copies.push_back({s.top, s.slot, nodes, primitives});
+        nodes += s.top->node_count - 1;
+        primitives += s.top->count;
+        continue;
+      }
+      upper.push_back(s.top->box.node(nodes, 0));
+      upper_slots.push_back(s.slot);
+      const Step left{s.top->left.get(), nodes}, right{s.top->right.get(), nodes + 1};
+      nodes += 2;
+      const float left_area = left.top->box.half_area(splat(0.0f));
+      const bool left_first = left_area >= right.top->box.half_area(splat(0.0f));
+      stack.push_back(left_first ? right : left);
+      stack.push_back(left_first ? left : right);
+    }
+    Bvh2 tree;
+    tree.nodes.resize(nodes);
+    tree.primitives.resize(primitives);
+    for (size_t i = 0; i < upper.size(); ++i) tree.nodes[upper_slots[i]] = upper[i];
+    parallel_for(copies.size(), 1, [&](size_t i) {
+      const Copy& c = copies[i];
+      const Node* from = nodes_.get() + 2 * size_t(c.top->begin);
+      const auto moved = [&](Node node) {
+        node.first += node.is_leaf() ? c.primitives : c.nodes - 1;
+        return node;
+      };
+      tree.nodes[c.slot] = moved(from[0]);
+      for (uint32_t k = 1; k < c.top->node_count; ++k) tree.nodes[c.nodes + k - 1] = moved(from[k]);
+      std::copy_n(primitives_.get() + c.top->begin, c.top->count,
+                  tree.primitives.begin() + c.primitives);
+    });
+    return tree;
+  }
+
+  Boxes boxes_;
+  const Config& config_;
+  Progress& progress_;
+  const uint32_t count_;
+  const std::thread::id caller_ = std::this_thread::get_id();
+  std::atomic<uint32_t> done_{0};
+  std::unique_ptr<ShortBox[]> records_;
+  std::unique_ptr<Node[]> nodes_;
+  std::unique_ptr<uint32_t[]> primitives_;
 };
 
 }  // namespace
 
 Bvh2 build_binned(Boxes boxes, const Config& config, Progress& progress) {
   progress.report(0.1, "binning");
-  return Binned(boxes, config).build();
+  return Binned(boxes, config, progress).build();
 }
 
 }  // namespace umbel::bvh

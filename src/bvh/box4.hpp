@@ -35,6 +35,17 @@ struct Box4 {
   static Box4 from(const Aabb& b) {
     return {Float4{b.min.x, b.min.y, b.min.z, 0}, Float4{-b.max.x, -b.max.y, -b.max.z, 0}};
   }
+  /// The same but for lane 3, which has no meaning then.
+  static Box4 load(const Aabb& b) {
+#if defined(__SSE2__)
+    static_assert(sizeof(Aabb) == 24);
+    const __m128 z_and_max = _mm_loadu_ps(&b.min.z);
+    return {Float4(_mm_loadu_ps(&b.min.x)),
+            -Float4(_mm_shuffle_ps(z_and_max, z_and_max, _MM_SHUFFLE(0, 3, 2, 1)))};
+#else
+    return from(b);
+#endif
+  }
   void extend(const Box4& o) {
     low = min4(low, o.low);
     negated_high = min4(negated_high, o.negated_high);

@@ -31,7 +31,7 @@ struct Entry {
 
 constexpr std::array kEntries{
     Entry{Builder::kSweep, "sweep", build_sweep},
-    Entry{Builder::kBinned, "binned", build_binned},
+    Entry{Builder::kBinned, "binned", build_binned, nullptr, true},
     Entry{Builder::kSpatial, "sbvh"},
     Entry{Builder::kLbvh, "lbvh", build_lbvh, nullptr, true},
     Entry{Builder::kHlbvh, "hlbvh"},
