@@ -1,0 +1,345 @@
+// Saving and loading of a TriangleBvh: a header, and the arrays as they are in memory, aligned so
+// that a file can be mapped. docs/bvh.md has every byte. Loading checks the checksums first and
+// then, because a checksum proves nothing about who wrote it, every link: what it returns is a
+// tree, and no query on it can leave its arrays or go round in circles.
+#include <array>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "base/bytes.hpp"
+#include "base/file.hpp"
+#include "base/hash.hpp"
+#include "base/parallel.hpp"
+#include "bvh/walk.hpp"
+
+namespace umbel {
+namespace {
+
+constexpr std::array<char, 8> kMagic{'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'};
+constexpr uint16_t kMajor = 1, kMinor = 0;
+constexpr uint64_t kHeaderBytes = 192, kAlignment = 64;
+constexpr uint32_t kCompact = 1, kMasked = 2, kRepeats = 4;
+
+/// Where an array lies in the file.
+struct Section {
+  uint64_t offset, bytes, checksum;
+};
+constexpr size_t kSections = 3;  // nodes, leaves, vertices
+
+using SectionBytes = std::array<std::span<std::byte>, kSections>;
+
+/// The arrays as bytes, in the order of the file.
+SectionBytes sections_of(TriangleBvhData& data) {
+  return {std::as_writable_bytes(std::span(data.nodes)),
+          std::as_writable_bytes(std::span(data.leaves)),
+          std::as_writable_bytes(std::span(data.vertices))};
+}
+
+/// The file's words as this machine's, or the reverse.
+void swap_words(std::span<std::byte> bytes) {
+  if constexpr (std::endian::native == std::endian::little) return;
+  for (size_t i = 0; i + 4 <= bytes.size(); i += 4) {
+    uint32_t word;
+    std::memcpy(&word, bytes.data() + i, 4);
+    word = little_endian(word);
+    std::memcpy(bytes.data() + i, &word, 4);
+  }
+}
+
+/// Checksums of large arrays take as long as reading them, so each is hashed on its own core.
+std::array<uint64_t, kSections> checksums(const SectionBytes& sections) {
+  std::array<uint64_t, kSections> sums{};
+  parallel_for(kSections, 1,
+               [&](size_t i) { sums[i] = xxh64(sections[i].data(), sections[i].size()); });
+  return sums;
+}
+
+std::array<std::byte, kHeaderBytes> encode_header(const TriangleBvhData& data,
+                                                  const std::array<Section, kSections>& sections,
+                                                  uint64_t file_bytes) {
+  std::array<std::byte, kHeaderBytes> header{};
+  ByteWriter out(header);
+  out.bytes(kMagic.data(), kMagic.size());
+  out.u16(kMajor), out.u16(kMinor);
+  out.u32(static_cast<uint32_t>(kHeaderBytes));
+  out.u64(file_bytes);
+  out.u32(data.width), out.u32(data.max_depth);
+  out.u32(data.triangle_count), out.u32(data.leaf_count), out.u32(data.reference_count);
+  out.u32((data.compact ? kCompact : 0) | (data.masked ? kMasked : 0) |
+          (data.repeats ? kRepeats : 0));
+  out.f32(data.cost.traversal), out.f32(data.cost.intersection);
+  out.u64(std::bit_cast<uint64_t>(data.sah_cost));
+  out.u64(std::bit_cast<uint64_t>(data.built_sah_cost));
+  out.vec3(data.bounds.min), out.vec3(data.bounds.max);
+  out.u64(0);
+  for (const Section& section : sections)
+    out.u64(section.offset), out.u64(section.bytes), out.u64(section.checksum);
+  out.u64(xxh64(header.data(), out.position()));
+  return header;
+}
+
+struct Header {
+  TriangleBvhData data;  ///< without its arrays
+  std::array<Section, kSections> sections;
+};
+
+Header decode_header(std::span<const std::byte> bytes, uint64_t file_bytes) {
+  if (std::memcmp(bytes.data(), kMagic.data(), kMagic.size()) != 0)
+    corrupt("it does not begin as a .umbvh file does");
+  ByteReader in(bytes);
+  in.skip_to(kHeaderBytes - 8);
+  const uint64_t checksum = in.u64();
+  in.skip_to(8);
+  const uint16_t major = in.u16();
+  if (checksum != xxh64(bytes.data(), kHeaderBytes - 8))
+    corrupt("the header's checksum does not fit");
+  if (major != kMajor)
+    throw Error(ErrorCode::kUnsupported, "its format version is " + std::to_string(major) +
+                                             ", this library reads " + std::to_string(kMajor));
+  in.u16();
+  if (in.u32() != kHeaderBytes) corrupt("the header's size is wrong");
+  if (in.u64() != file_bytes) corrupt("the file is not as long as its header says");
+  Header header{};
+  TriangleBvhData& data = header.data;
+  data.width = in.u32(), data.max_depth = in.u32();
+  data.triangle_count = in.u32(), data.leaf_count = in.u32(), data.reference_count = in.u32();
+  const uint32_t flags = in.u32();
+  if (flags > (kCompact | kMasked | kRepeats)) corrupt("the header has unknown flags");
+  data.compact = (flags & kCompact) != 0, data.masked = (flags & kMasked) != 0;
+  data.repeats = (flags & kRepeats) != 0;
+  data.cost.traversal = in.f32(), data.cost.intersection = in.f32();
+  data.sah_cost = std::bit_cast<double>(in.u64());
+  data.built_sah_cost = std::bit_cast<double>(in.u64());
+  data.bounds.min = in.vec3(), data.bounds.max = in.vec3();
+  if (in.u64() != 0) corrupt("the header's reserved bytes are not zero");
+  for (Section& section : header.sections)
+    section.offset = in.u64(), section.bytes = in.u64(), section.checksum = in.u64();
+  return header;
+}
+
+/// What the header says of the arrays must agree with itself before anything is allocated.
+void check_header(const Header& header, uint64_t file_bytes) {
+  const TriangleBvhData& data = header.data;
+  if (data.width != 2 && data.width != 4 && data.width != 8)
+    corrupt("its width is " + std::to_string(data.width));
+  if (data.max_depth > kMaxWalkDepth) corrupt("it is " + std::to_string(data.max_depth) + " deep");
+  if (data.reference_count > kMaxReferences) corrupt("it has too many references");
+  if (!(data.cost.traversal > 0) || !(data.cost.intersection > 0) ||
+      !std::isfinite(data.cost.traversal) || !std::isfinite(data.cost.intersection) ||
+      !(data.sah_cost >= 0) || !(data.built_sah_cost >= 0))
+    corrupt("its costs are not positive numbers");
+  uint64_t end = kHeaderBytes;
+  for (const Section& section : header.sections) {
+    if (section.offset != aligned(end, kAlignment) || section.offset > file_bytes ||
+        section.bytes > file_bytes - section.offset)
+      corrupt("its arrays are not where they should be");
+    end = section.offset + section.bytes;
+  }
+  if (end != file_bytes) corrupt("bytes follow its last array");
+  const uint64_t leaf_words =
+      data.reference_count == 0
+          ? 0
+          : uint64_t{data.reference_count} * data.reference_words() + kLeafPadding;
+  if (header.sections[0].bytes % (uint64_t{4} * data.node_words()) != 0 ||
+      header.sections[0].bytes / (uint64_t{4} * data.node_words()) >= kLeafBit ||
+      header.sections[1].bytes != 4 * leaf_words || header.sections[2].bytes % sizeof(Vec3) != 0 ||
+      (!data.compact && header.sections[2].bytes != 0) ||
+      (header.sections[0].bytes == 0) != (data.reference_count == 0))
+    corrupt("its arrays do not have the sizes that its header asks for");
+}
+
+/// Every node reached once from one before it, every leaf within the references, and no more of
+/// either than the header says.
+class TreeChecker {
+ public:
+  explicit TreeChecker(const TriangleBvhData& data)
+      : data_(data), depth_(data.node_count(), 0), is_covered_(data.reference_count, 0) {}
+
+  void run() {
+    for (uint32_t node = 0; node < data_.node_count(); ++node) {
+      if (node > 0 && depth_[node] == 0) fail(node, "is not reached from the root");
+      check_node(node);
+    }
+    if (leaves_ != data_.leaf_count || covered_ != data_.reference_count ||
+        deepest_ != data_.max_depth)
+      corrupt("its leaves are not those that its header counts");
+  }
+
+ private:
+  [[noreturn]] static void fail(uint32_t node, const char* what) {
+    corrupt("node " + std::to_string(node) + " " + what);
+  }
+
+  void check_node(uint32_t node) {
+    bool is_empty_node = true;
+    for (uint32_t slot = 0; slot < data_.width; ++slot) {
+      const uint32_t link = data_.link(node, slot);
+      const Aabb box = data_.box(node, slot);
+      if (has_nan(box)) fail(node, "has a box that is not a number");
+      if (link == kNoChild) continue;
+      is_empty_node = false;
+      if (!is_finite(box.min) || !is_finite(box.max) || is_empty(box))
+        fail(node, "has a box that is empty or not finite");
+      deepest_ = std::max(deepest_, depth_[node] + 1);
+      if (TriangleBvhData::is_leaf(link))
+        check_leaf(node, link, box);
+      else
+        check_child(node, link, box);
+    }
+    if (is_empty_node) fail(node, "has no children");
+  }
+
+  static bool has_nan(const Aabb& box) {
+    const float sum = (box.min.x * 0 + box.min.y * 0 + box.min.z * 0) +
+                      (box.max.x * 0 + box.max.y * 0 + box.max.z * 0);
+    if (sum == 0) return false;
+    return std::isnan(box.min.x) || std::isnan(box.min.y) || std::isnan(box.min.z) ||
+           std::isnan(box.max.x) || std::isnan(box.max.y) || std::isnan(box.max.z);
+  }
+
+  void check_child(uint32_t node, uint32_t child, const Aabb& box) {
+    if (child <= node || child >= data_.node_count()) fail(node, "has a child out of range");
+    if (depth_[child] != 0) fail(child, "has two parents");
+    depth_[child] = depth_[node] + 1;
+    if (depth_[child] > kMaxWalkDepth) fail(child, "is too deep");
+    for (uint32_t slot = 0; slot < data_.width; ++slot) {
+      if (data_.link(child, slot) == kNoChild) continue;
+      Aabb both = data_.box(child, slot);
+      extend(both, box);
+      if (!(both == box)) fail(child, "reaches out of its parent's box");
+    }
+  }
+
+  void check_leaf(uint32_t node, uint32_t link, const Aabb& box) {
+    Aabb both = data_.bounds;
+    extend(both, box);
+    if (!(both == data_.bounds)) fail(node, "reaches out of the bounds");
+    const uint32_t size = TriangleBvhData::leaf_size(link);
+    const uint64_t first = TriangleBvhData::first_reference(link);
+    if (first + size > data_.reference_count) fail(node, "has a leaf out of range");
+    for (uint64_t i = first; i < first + size; ++i) {
+      if (is_covered_[i]) fail(node, "has a leaf that overlaps another");
+      is_covered_[i] = 1;
+    }
+    covered_ += size;
+    ++leaves_;
+    check_triangles(node, link);
+  }
+
+  void check_triangles(uint32_t node, uint32_t link) const {
+    const uint32_t n = TriangleBvhData::leaf_size(link), rows = data_.corner_words();
+    const uint32_t* const words =
+        data_.leaves.data() +
+        size_t{TriangleBvhData::first_reference(link)} * data_.reference_words();
+    for (uint32_t i = 0; i < rows * n; ++i) {
+      const bool fits = data_.compact ? words[i] < data_.vertices.size()
+                                      : std::isfinite(std::bit_cast<float>(words[i]));
+      if (!fits) fail(node, "has a leaf with a corner that is not finite or not there");
+    }
+    for (uint32_t i = 0; i < n; ++i)
+      if (words[rows * n + i] >= data_.triangle_count)
+        fail(node, "has a leaf with a triangle out of range");
+  }
+
+  const TriangleBvhData& data_;
+  std::vector<uint32_t> depth_;
+  std::vector<uint8_t> is_covered_;
+  uint32_t leaves_ = 0, covered_ = 0, deepest_ = 0;
+};
+
+void check_tree(const TriangleBvhData& data) {
+  for (size_t i = 0; i < data.vertices.size(); ++i)
+    if (!is_finite(data.vertices[i])) corrupt("vertex " + std::to_string(i) + " is not finite");
+  if (data.nodes.empty()) {
+    if (data.leaf_count != 0 || data.max_depth != 0 || !is_empty(data.bounds))
+      corrupt("it has no nodes, but is not empty");
+    return;
+  }
+  if (!is_finite(data.bounds.min) || !is_finite(data.bounds.max) || is_empty(data.bounds))
+    corrupt("its bounds are empty or not finite");
+  TreeChecker(data).run();
+}
+
+/// What lies between arrays, so that every byte of a file is accounted for.
+void check_padding(const InputFile& file, const std::array<Section, kSections>& sections) {
+  uint64_t end = kHeaderBytes;
+  for (const Section& section : sections) {
+    std::array<std::byte, kAlignment> padding{};
+    const std::span used = std::span(padding).first(section.offset - end);
+    file.read(end, used);
+    for (const std::byte b : used)
+      if (b != std::byte{0}) corrupt("bytes between its arrays are not zero");
+    end = section.offset + section.bytes;
+  }
+}
+
+void read_arrays(const InputFile& file, Header& header) {
+  TriangleBvhData& data = header.data;
+  data.nodes.resize(header.sections[0].bytes / 4);
+  data.leaves.resize(header.sections[1].bytes / 4);
+  data.vertices.resize(header.sections[2].bytes / sizeof(Vec3));
+  const SectionBytes sections = sections_of(data);
+  for (size_t i = 0; i < kSections; ++i) file.read(header.sections[i].offset, sections[i]);
+  const auto sums = checksums(sections);
+  for (size_t i = 0; i < kSections; ++i)
+    if (sums[i] != header.sections[i].checksum)
+      corrupt("the checksum of array " + std::to_string(i) + " does not fit");
+  for (const std::span<std::byte> section : sections) swap_words(section);
+}
+
+TriangleBvhData read_file(const std::string& path) {
+  const InputFile file(path);
+  if (file.size() < kHeaderBytes) corrupt("it is shorter than a header");
+  std::array<std::byte, kHeaderBytes> bytes;
+  file.read(0, bytes);
+  Header header = decode_header(bytes, file.size());
+  check_header(header, file.size());
+  check_padding(file, header.sections);
+  read_arrays(file, header);
+  check_tree(header.data);
+  return std::move(header.data);
+}
+
+}  // namespace
+
+void TriangleBvh::save(const std::string& path) const {
+  OutputFile file(path);
+  // Only a machine of the other byte order writes something else than what it holds.
+  TriangleBvhData swapped;
+  TriangleBvhData* data = data_.get();
+  if constexpr (std::endian::native != std::endian::little) {
+    swapped = *data_;
+    data = &swapped;
+    for (const std::span<std::byte> section : sections_of(swapped)) swap_words(section);
+  }
+  const SectionBytes bytes = sections_of(*data);
+  const auto sums = checksums(bytes);
+  std::array<Section, kSections> sections;
+  uint64_t end = kHeaderBytes;
+  for (size_t i = 0; i < kSections; ++i) {
+    sections[i] = {aligned(end, kAlignment), bytes[i].size(), sums[i]};
+    const std::array<std::byte, kAlignment> zeros{};
+    file.write(end, std::span(zeros).first(sections[i].offset - end));
+    file.write(sections[i].offset, bytes[i]);
+    end = sections[i].offset + sections[i].bytes;
+  }
+  file.write(0, encode_header(*data, sections, end));
+  file.commit();
+}
+
+TriangleBvh TriangleBvh::load(const std::string& path, Simd simd) {
+  TriangleBvh result;
+  try {
+    static_cast<TriangleBvhData&>(*result.data_) = read_file(path);
+  } catch (const Error& error) {
+    // Sentences about the contents do not name the file; those of the system do.
+    if (error.code() == ErrorCode::kIo) throw;
+    throw Error(error.code(), path + " cannot be read: " + error.what());
+  }
+  prepare_rays(*result.data_, simd);
+  return result;
+}
+
+}  // namespace umbel
