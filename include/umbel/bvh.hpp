@@ -79,6 +79,18 @@ struct KmeansConfig {
   KmeansDistance distance = KmeansDistance::kEuclidean;
 };
 
+/// The slides' settings "q1" to "q5", from k 8, p 5, i 0 to k 64, p 30, i 15. Throws
+/// kInvalidArgument for other names.
+UMBEL_API KmeansConfig kmeans_preset(std::string_view name);
+
+struct AacConfig {
+  uint32_t leaf_size = 4;  ///< delta, 2..128: fewer primitives are not halved any more
+  float epsilon = 0.2f;    ///< 0..0.5: x primitives hand up in proportion to x^(0.5 - epsilon)
+};
+
+/// "fast" (the default) and "hq", the paper's two settings. Throws kInvalidArgument for others.
+UMBEL_API AacConfig aac_preset(std::string_view name);
+
 struct Config {
   Builder builder = Builder::kBinned;
   CostModel cost;
@@ -96,6 +108,7 @@ struct Config {
   uint32_t treelet_rounds = 2;      ///< atrbvh: 1..16
   uint32_t reinsertion_rounds = 0;  ///< passes of parallel reinsertion after any builder, 0..64
   KmeansConfig kmeans;
+  AacConfig aac;
 };
 
 /// "fast", "quality" (the default) and "best". Throws kInvalidArgument for other names.

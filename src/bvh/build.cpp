@@ -37,7 +37,7 @@ constexpr std::array kEntries{
     Entry{Builder::kHlbvh, "hlbvh"},
     Entry{Builder::kKmeans, "kmeans", build_kmeans},
     Entry{Builder::kAgglomerative, "agglomerative"},
-    Entry{Builder::kAac, "aac"},
+    Entry{Builder::kAac, "aac", build_aac},
     Entry{Builder::kPloc, "ploc"},
     Entry{Builder::kAtrbvh, "atrbvh"},
     Entry{Builder::kInsertion, "insertion"},

@@ -45,7 +45,7 @@ class BinaryMaker {
 
 Bvh2 build_kmeans(Boxes boxes, const Config& config, Progress& progress) {
   // Agglomeration is better at few primitives than the dice.
-  constexpr uint32_t kFew = 16;
+  constexpr uint32_t kFew = 64;
   BigVector<Merge> merges(boxes.size() - 1);
   MergeItem root;
   {
