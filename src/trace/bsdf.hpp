@@ -1,0 +1,52 @@
+// How a surface scatters light: Lambert's diffuse reflection under a rough GGX reflection, in
+// which no energy appears and, where the colours are white, none is lost.
+#pragma once
+
+#include "trace/vector.hpp"
+
+namespace umbel::trace {
+
+/// What a material is at one point.
+struct SurfaceColor {
+  Vec3 base;
+  float metallic, roughness, specular;
+};
+
+struct BsdfValue {
+  Vec3 value;     ///< reflectance times the cosine
+  float density;  ///< of sampling this direction, per steradian
+};
+
+struct BsdfSample {
+  Vec3 direction;
+  Vec3 weight;    ///< reflectance times the cosine over the density
+  float density;  ///< 0: no direction; the path ends
+};
+
+/// For one point and the direction `wo` to where the light goes; directions are in the frame in
+/// which the normal is z, and all point away from the surface.
+class Bsdf {
+ public:
+  Bsdf(const SurfaceColor& color, const Vec3& wo);
+
+  BsdfValue evaluate(const Vec3& wi) const;
+  BsdfSample sample(const Vec2& u, float choice) const;
+
+ private:
+  Vec3 wo_;
+  Vec3 diffuse_;
+  Vec3 f0_{0, 0, 0};
+  Vec3 gain_{0, 0, 0};  ///< of the reflection, for what bounces between facets
+  float f90_ = 0.0f;
+  float alpha_ = 1.0f;
+  float reflect_ = 0.0f;  ///< probability of sampling the reflection
+};
+
+/// The part A + B of the light from above that a rough reflection sends on, where A is to be
+/// multiplied by the reflectance at normal incidence and B by that at grazing angles.
+struct ReflectionAlbedo {
+  float a, b;
+};
+ReflectionAlbedo reflection_albedo(float cosine, float roughness);
+
+}  // namespace umbel::trace

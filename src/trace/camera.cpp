@@ -1,0 +1,55 @@
+// Perspective cameras with a pinhole or a thin lens (Cook, Porter & Carpenter 1984).
+#include "trace/camera.hpp"
+
+#include <string>
+
+namespace umbel::trace {
+namespace {
+
+void require(bool holds, const char* sentence) {
+  if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+}  // namespace
+
+RayCamera::RayCamera(const Camera& camera, uint32_t width, uint32_t height)
+    : position_(camera.position),
+      scale_(2.0f * std::tan(camera.fov_y / 2.0f) / static_cast<float>(height)),
+      center_x_(static_cast<float>(width) / 2.0f),
+      center_y_(static_cast<float>(height) / 2.0f),
+      lens_radius_(camera.lens_radius),
+      focus_distance_(camera.focus_distance) {
+  require(is_finite(camera.position) && is_finite(camera.target) && is_finite(camera.up),
+          "the camera's position, target and up must be finite");
+  require(camera.fov_y > 0.0f && camera.fov_y < kPi,
+          "the camera's field of view must be between 0 and 180 degrees");
+  require(camera.lens_radius >= 0.0f && std::isfinite(camera.lens_radius),
+          "the camera's lens radius must be 0 or more");
+  require(camera.focus_distance >= 0.0f && std::isfinite(camera.focus_distance),
+          "the camera's focus distance must be 0 or more");
+  const Vec3 none{0, 0, 0};
+  const Vec3 forward = normalized(camera.target - camera.position, none);
+  require(!is_black(forward), "the camera's target must be apart from its position");
+  Vec3 right = normalized(cross(forward, normalized(camera.up, none)), none);
+  // Looking along `up`, any picture is upright.
+  if (is_black(right)) right = frame_around(forward).x;
+  frame_ = {right, cross(right, forward), -forward};
+  if (focus_distance_ == 0.0f) focus_distance_ = length(camera.target - camera.position);
+}
+
+Ray RayCamera::ray(float x, float y, const Vec2& lens) const {
+  const Vec3 through{(x - center_x_) * scale_, (center_y_ - y) * scale_, -1.0f};
+  Ray ray;
+  ray.origin = position_;
+  if (lens_radius_ == 0.0f) {
+    ray.direction = normalized(frame_.to_world(through), -frame_.z);
+    return ray;
+  }
+  const Vec2 disc = on_disc(lens);
+  const Vec3 from{disc.x * lens_radius_, disc.y * lens_radius_, 0.0f};
+  ray.origin = position_ + frame_.to_world(from);
+  ray.direction = normalized(frame_.to_world(through * focus_distance_ - from), -frame_.z);
+  return ray;
+}
+
+}  // namespace umbel::trace

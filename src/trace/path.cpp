@@ -1,0 +1,259 @@
+// Path tracing (Kajiya 1986) with next-event estimation and Russian roulette (Arvo & Kirk 1990).
+// Light that shadow rays and bounces both find is weighted by the power heuristic (Veach 1997).
+#include "trace/path.hpp"
+
+#include <limits>
+
+#include "trace/surface.hpp"
+
+namespace umbel::trace {
+namespace {
+
+constexpr uint32_t kMostLayers = 256;  // of what is not opaque, before a ray is stopped
+
+/// The dimensions of one bounce.
+enum Dimension : uint32_t {
+  kScatter,
+  kLobe,
+  kShadow,
+  kLight = kShadow + 2,
+  kThrough = kLight + 2,
+  kDimensions
+};
+
+float power_weight(float own, float other) {
+  if (!(other > 0.0f)) return 1.0f;
+  if (!(own > 0.0f)) return 0.0f;
+  const float ratio = other / own;
+  return 1.0f / (1.0f + ratio * ratio);
+}
+
+class Path {
+ public:
+  Path(const PathContext& context, const Sampler& sampler, Statistics& counts)
+      : context_(context), scene_(context.scene), sampler_(sampler), counts_(counts) {}
+
+  Vec3 follow(Ray ray) {
+    for (uint32_t bounce = 0;; ++bounce) {
+      dimension_ = kFirstBounceDimension + bounce * kDimensions;
+      const Hit hit = first_hit(ray, bounce == 0 ? counts_.primary : counts_.bounce);
+      if (!hit.hit()) {
+        add_background(ray.direction, bounce);
+        return light_;
+      }
+      const Surface surface = surface_at(scene_, hit, ray.direction);
+      add_emission(surface, ray.direction, hit.t, bounce);
+      // The ray after the last bounce brings what the bounce was weighted for, and no more.
+      if (bounce > context_.settings.max_bounces) return light_;
+      const Frame frame = frame_around(surface.shading);
+      const Bsdf bsdf(surface.color, frame.to_local(-ray.direction));
+      add_direct(surface, frame, bsdf, bounce);
+      if (!scatter(surface, frame, bsdf, bounce, ray)) return light_;
+    }
+  }
+
+ private:
+  /// The nearest hit that is not looked through.
+  Hit first_hit(Ray& ray, uint64_t& counter) {
+    ++counter;
+    Hit hit = scene_.bvh.intersect(ray);
+    if (!scene_.see_through) return hit;
+    for (uint32_t layer = 0; hit.hit(); ++layer) {
+      const float opacity = opacity_at(scene_, hit);
+      if (opacity >= 1.0f || layer == kMostLayers) return hit;
+      const uint32_t seed = combine(dimension_ + kThrough, layer);
+      if (opacity > 0.0f && sampler_.point(seed).x < opacity) return hit;
+      ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
+      ++counts_.continued;
+      hit = scene_.bvh.intersect(ray);
+    }
+    return hit;
+  }
+
+  /// The part of light that comes through along a ray.
+  float visibility(Ray ray) {
+    ++counts_.shadow;
+    if (!scene_.see_through) return scene_.bvh.occluded(ray) ? 0.0f : 1.0f;
+    if (scene_.bvh.occluded(ray, {.mask = kOpaqueBit})) return 0.0f;
+    float through = 1.0f;
+    for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
+      ++counts_.continued;
+      const Hit hit = scene_.bvh.intersect(ray, {.mask = kSeeThroughBit});
+      if (!hit.hit()) return through;
+      through *= 1.0f - opacity_at(scene_, hit);
+      if (through <= 0.0f) return 0.0f;
+      ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
+    }
+    return 0.0f;
+  }
+
+  void add(Vec3 radiance, bool indirect) {
+    const float limit = context_.settings.clamp;
+    if (indirect && limit > 0.0f) {
+      const float brightness = max_component(radiance);
+      if (brightness > limit) radiance = radiance * (limit / brightness);
+    }
+    // Overflow in one sample must not spoil the pixel's sum.
+    if (is_finite(radiance)) light_ += radiance;
+  }
+
+  void add_background(const Vec3& direction, uint32_t bounce) {
+    Vec3 sky = scene_.sky.radiance(direction), sun = scene_.sun.radiance(direction);
+    if (bounce > 0) {
+      sky = sky *
+            power_weight(density_, context_.plan.expected[kSky] * scene_.sky.density(direction));
+      sun = sun * power_weight(density_, context_.plan.expected[kSun] * scene_.sun.density());
+    }
+    add(throughput_ * (sky + sun), bounce > 1);
+  }
+
+  void add_emission(const Surface& surface, const Vec3& direction, float distance,
+                    uint32_t bounce) {
+    if (is_black(surface.emission)) return;
+    float weight = 1.0f;
+    if (bounce > 0) {
+      const float cosine = std::abs(dot(surface.face, direction));
+      const float by_area = scene_.light_density[surface.material];
+      const float by_angle = by_area * distance * distance / std::max(cosine, 1e-6f);
+      weight = power_weight(density_, context_.plan.expected[kTriangles] * by_angle);
+    }
+    add(throughput_ * surface.emission * weight, bounce > 1);
+  }
+
+  /// Light straight from sun, sky and triangles.
+  void add_direct(const Surface& surface, const Frame& frame, const Bsdf& bsdf, uint32_t bounce) {
+    const ShadowPlan& plan = context_.plan;
+    for (uint32_t i = 0; i < plan.rays; ++i) {
+      Vec2 u = sampler_.point(dimension_ + kShadow + i);
+      const LightKind kind = choose_kind(plan.chances[i], u.x);
+      float distance = std::numeric_limits<float>::infinity();
+      LightSample sample;
+      if (kind == kSun) {
+        sample = scene_.sun.sample(u);
+      } else if (kind == kSky) {
+        sample = scene_.sky.sample(u);
+      } else {
+        const float choice = sampler_.point(dimension_ + kLight + i).x;
+        sample = sample_triangle(surface.point, choice, u, distance);
+      }
+      sample.density *= plan.expected[kind];
+      add_shadowed(surface, frame, bsdf, sample, distance, bounce);
+    }
+  }
+
+  /// A kind by its chance; the number that chose it is stretched to be used again.
+  static LightKind choose_kind(const std::array<float, kLightKinds>& chances, float& u) {
+    uint32_t kind = 0;
+    float low = 0.0f;
+    while (kind + 1 < kLightKinds && u >= low + chances[kind]) low += chances[kind++];
+    u = std::clamp((u - low) / chances[kind], 0.0f, 0x1.fffffep-1f);
+    return static_cast<LightKind>(kind);
+  }
+
+  LightSample sample_triangle(const Vec3& from, float choice, const Vec2& p, float& distance) {
+    const uint32_t triangle = scene_.lights[scene_.light_choices.choose(choice).index];
+    const TriangleRecord& record = scene_.triangles[triangle];
+    // A uniform point (Turk 1990).
+    const float root = std::sqrt(p.x);
+    const float u = root * (1.0f - p.y), v = root * p.y;
+    const Vec3 &a = scene_.positions[record.corners[0]], &b = scene_.positions[record.corners[1]],
+               &c = scene_.positions[record.corners[2]];
+    const Vec3 point = a * (1.0f - u - v) + b * u + c * v;
+    const Vec3 way = point - from;
+    const float far = length(way);
+    const Vec3 direction = normalized(way, {0, 0, 0});
+    const Vec3 face =
+        normalized(cross(normalized(b - a, {0, 0, 0}), normalized(c - a, {0, 0, 0})), {0, 0, 0});
+    const float cosine = std::abs(dot(face, direction));
+    if (!(far > 0.0f) || !(cosine > 0.0f)) return {direction, {0, 0, 0}, 0.0f};
+    // Stops short of the light, so that it does not shadow itself.
+    distance = far * (1.0f - 1e-4f);
+    return {direction, emission_at(scene_, triangle, u, v),
+            scene_.light_density[record.material] * far * far / cosine};
+  }
+
+  void add_shadowed(const Surface& surface, const Frame& frame, const Bsdf& bsdf,
+                    const LightSample& sample, float distance, uint32_t bounce) {
+    if (!(sample.density > 0.0f) || is_black(sample.radiance)) return;
+    if (dot(sample.direction, surface.face) <= 0.0f) return;
+    const BsdfValue value = bsdf.evaluate(frame.to_local(sample.direction));
+    if (is_black(value.value)) return;
+    const float weight = power_weight(sample.density, value.density) / sample.density;
+    const Vec3 light = throughput_ * value.value * sample.radiance * weight;
+    Ray ray;
+    ray.origin = surface.origin(sample.direction);
+    ray.direction = sample.direction;
+    ray.t_max = distance;
+    const float through = visibility(ray);
+    if (through > 0.0f) add(light * through, bounce > 0);
+  }
+
+  /// Chooses where the path goes on; false if it ends.
+  bool scatter(const Surface& surface, const Frame& frame, const Bsdf& bsdf, uint32_t bounce,
+               Ray& ray) {
+    const Vec2 lobe = sampler_.point(dimension_ + kLobe);
+    const BsdfSample sample = bsdf.sample(sampler_.point(dimension_ + kScatter), lobe.x);
+    if (!(sample.density > 0.0f)) return false;
+    const Vec3 direction = frame.to_world(sample.direction);
+    // A shading normal may ask for light from below the surface, where there is none.
+    if (dot(direction, surface.face) <= 0.0f) return false;
+    throughput_ = throughput_ * sample.weight;
+    if (bounce + 1 >= context_.settings.roulette_from) {
+      const float survival = std::min(max_component(throughput_), 0.95f);
+      if (!(lobe.y < survival)) return false;
+      throughput_ = throughput_ * (1.0f / survival);
+    }
+    density_ = sample.density;
+    ray = Ray{};
+    ray.origin = surface.origin(direction);
+    ray.direction = direction;
+    return true;
+  }
+
+  const PathContext& context_;
+  const Scene::Data& scene_;
+  const Sampler& sampler_;
+  Statistics& counts_;
+  uint32_t dimension_ = 0;
+  float density_ = 0.0f;  ///< of the last scattering
+  Vec3 throughput_{1, 1, 1};
+  Vec3 light_{0, 0, 0};
+};
+
+}  // namespace
+
+ShadowPlan plan_shadows(const Scene::Data& scene, uint32_t shadow_samples) {
+  using Kinds = std::array<float, kLightKinds>;
+  const Kinds outside{scene.sun.is_black() ? 0.0f : 1.0f, scene.sky.is_black() ? 0.0f : 1.0f, 0.0f};
+  const Kinds inside{0.0f, 0.0f, scene.light_choices.empty() ? 0.0f : 1.0f};
+  const auto count = [](const Kinds& kinds) {
+    return kinds[kSun] + kinds[kSky] + kinds[kTriangles];
+  };
+  const Kinds every{outside[kSun], outside[kSky], inside[kTriangles]};
+  ShadowPlan plan;
+  if (shadow_samples == 0 || count(every) == 0.0f) return plan;
+  plan.rays = shadow_samples;
+  if (shadow_samples == 1) {
+    plan.chances[0] = every;
+  } else if (count(outside) > 0.0f && count(inside) > 0.0f) {
+    plan.chances = {outside, inside};
+  } else if (count(outside) == 2.0f) {
+    plan.chances = {Kinds{1.0f, 0.0f, 0.0f}, Kinds{0.0f, 1.0f, 0.0f}};
+  } else {
+    plan.chances = {every, every};
+  }
+  for (uint32_t i = 0; i < plan.rays; ++i) {
+    const float kinds = count(plan.chances[i]);
+    for (uint32_t k = 0; k < kLightKinds; ++k) {
+      plan.chances[i][k] /= kinds;
+      plan.expected[k] += plan.chances[i][k];
+    }
+  }
+  return plan;
+}
+
+Vec3 trace_path(const PathContext& context, Ray ray, const Sampler& sampler, Statistics& counts) {
+  return Path(context, sampler, counts).follow(ray);
+}
+
+}  // namespace umbel::trace

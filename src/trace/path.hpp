@@ -1,0 +1,38 @@
+// The light that comes back along one ray.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "trace/sampler.hpp"
+#include "trace/scene_data.hpp"
+#include "umbel/trace.hpp"
+
+namespace umbel::trace {
+
+enum LightKind : uint32_t { kSun, kSky, kTriangles, kLightKinds };
+
+/// Which kind of light each shadow ray of a hit goes to.
+struct ShadowPlan {
+  uint32_t rays = 0;
+  std::array<std::array<float, kLightKinds>, 2> chances{};  ///< of each ray
+  std::array<float, kLightKinds> expected{};                ///< rays of each kind
+};
+
+/// Two rays: one to sun or sky and one to an emissive triangle; what a scene lacks leaves its ray
+/// to the rest. One ray goes to a kind at random.
+ShadowPlan plan_shadows(const Scene::Data& scene, uint32_t shadow_samples);
+
+struct PathContext {
+  const Scene::Data& scene;
+  const Settings& settings;
+  ShadowPlan plan;
+};
+
+/// The dimensions of a sampler that a path's start uses; bounces come after them.
+inline constexpr uint32_t kPixelDimension = 0, kLensDimension = 1, kFirstBounceDimension = 2;
+
+/// Radiance against the direction of `ray`. Counts its rays.
+Vec3 trace_path(const PathContext& context, Ray ray, const Sampler& sampler, Statistics& counts);
+
+}  // namespace umbel::trace

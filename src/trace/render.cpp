@@ -1,0 +1,158 @@
+// Pictures: tiles in parallel, every sample of a pixel in its order, so that neither the threads
+// nor the number of calls that a picture is made by change a bit of it.
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <string>
+#include <thread>
+
+#include "base/parallel.hpp"
+#include "base/progress.hpp"
+#include "trace/camera.hpp"
+#include "trace/path.hpp"
+#include "umbel/trace.hpp"
+
+namespace umbel::trace {
+namespace {
+
+constexpr uint32_t kTile = 16;
+
+void require(bool holds, const std::string& sentence) {
+  if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+void check(const Settings& s) {
+  constexpr uint32_t kLargest = 32768, kMostSamples = 1u << 24;
+  require(s.width >= 1 && s.width <= kLargest && s.height >= 1 && s.height <= kLargest,
+          "a picture of " + std::to_string(s.width) + " x " + std::to_string(s.height) +
+              " pixels: each must be from 1 to 32768");
+  require(s.samples >= 1 && s.samples <= kMostSamples,
+          "samples is " + std::to_string(s.samples) + ", but must be from 1 to 16777216");
+  require(s.max_bounces <= 1024,
+          "max_bounces is " + std::to_string(s.max_bounces) + ", but must be at most 1024");
+  require(s.shadow_samples <= 2,
+          "shadow_samples is " + std::to_string(s.shadow_samples) + ", but must be 0, 1 or 2");
+  require(s.clamp >= 0.0f && std::isfinite(s.clamp), "clamp must be 0 or more");
+}
+
+void check(const Film& film, const Settings& s) {
+  const bool empty = film.sums.empty() && film.samples == 0;
+  require(empty || (film.width == s.width && film.height == s.height &&
+                    film.sums.size() == size_t(s.width) * s.height),
+          "the film is not of the settings' size");
+  require(film.samples <= (1u << 24) - s.samples, "the film has too many samples");
+}
+
+/// Distance from a pixel's middle by a tent filter that is two pixels wide.
+float tent(float u) {
+  return u < 0.5f ? std::sqrt(2.0f * u) - 1.0f : 1.0f - std::sqrt(2.0f - 2.0f * u);
+}
+
+struct Tiles {
+  uint32_t across, down;
+  explicit Tiles(const Settings& s)
+      : across((s.width + kTile - 1) / kTile), down((s.height + kTile - 1) / kTile) {}
+  size_t count() const { return size_t(across) * down; }
+};
+
+class Renderer {
+ public:
+  Renderer(const Scene& scene, const Camera& camera, const Settings& settings, const Film& film)
+      : settings_(settings),
+        camera_(camera, settings.width, settings.height),
+        first_(film.samples),
+        tiles_(settings),
+        context_{scene.data(), settings_, plan_shadows(scene.data(), settings.shadow_samples)} {}
+
+  /// Adds to `sums`; gives what was traced.
+  Statistics run(std::vector<Vec3>& sums, Progress& progress) {
+    const std::thread::id caller = std::this_thread::get_id();
+    std::vector<Statistics> counts(tiles_.count());
+    std::atomic<size_t> done{0};
+    parallel_for(tiles_.count(), 1, [&](size_t tile) {
+      counts[tile] = render_tile(tile, sums);
+      const size_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
+      if (std::this_thread::get_id() == caller)
+        progress.report(static_cast<double>(finished) / static_cast<double>(tiles_.count()),
+                        "tracing");
+    });
+    Statistics total;
+    for (const Statistics& c : counts) {
+      total.primary += c.primary;
+      total.bounce += c.bounce;
+      total.shadow += c.shadow;
+      total.continued += c.continued;
+    }
+    return total;
+  }
+
+ private:
+  Statistics render_tile(size_t tile, std::vector<Vec3>& sums) const {
+    Statistics counts;
+    const uint32_t left = static_cast<uint32_t>(tile % tiles_.across) * kTile;
+    const uint32_t top = static_cast<uint32_t>(tile / tiles_.across) * kTile;
+    for (uint32_t y = top; y < std::min(top + kTile, settings_.height); ++y)
+      for (uint32_t x = left; x < std::min(left + kTile, settings_.width); ++x)
+        render_pixel(x, y, sums[size_t(y) * settings_.width + x], counts);
+    return counts;
+  }
+
+  void render_pixel(uint32_t x, uint32_t y, Vec3& sum, Statistics& counts) const {
+    const uint32_t pixel = y * settings_.width + x;
+    for (uint32_t i = 0; i < settings_.samples; ++i) {
+      const Sampler sampler(settings_.seed, pixel, first_ + i);
+      const Vec2 u = sampler.point(kPixelDimension);
+      const Ray ray =
+          camera_.ray(static_cast<float>(x) + 0.5f + tent(u.x),
+                      static_cast<float>(y) + 0.5f + tent(u.y), sampler.point(kLensDimension));
+      sum += trace_path(context_, ray, sampler, counts);
+    }
+  }
+
+  Settings settings_;
+  RayCamera camera_;
+  uint32_t first_;
+  Tiles tiles_;
+  PathContext context_;
+};
+
+}  // namespace
+
+Image Film::image() const {
+  Image result{width, height, sums};
+  const float scale = samples > 0 ? 1.0f / static_cast<float>(samples) : 0.0f;
+  for (Vec3& pixel : result.pixels) pixel = pixel * scale;
+  return result;
+}
+
+void accumulate(const Scene& scene, const Camera& camera, const Settings& settings, Film& film,
+                const BuildOptions& options) {
+  check(settings);
+  check(film, settings);
+  Progress progress(options);
+  Renderer renderer(scene, camera, settings, film);
+  std::vector<Vec3> sums = film.sums;
+  sums.resize(size_t(settings.width) * settings.height, Vec3{0, 0, 0});
+  Statistics traced;
+  const auto began = std::chrono::steady_clock::now();
+  with_threads(options.threads, [&] { traced = renderer.run(sums, progress); });
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - began;
+  film.width = settings.width;
+  film.height = settings.height;
+  film.samples += settings.samples;
+  film.sums = std::move(sums);
+  film.statistics.primary += traced.primary;
+  film.statistics.bounce += traced.bounce;
+  film.statistics.shadow += traced.shadow;
+  film.statistics.continued += traced.continued;
+  film.statistics.seconds += took.count();
+}
+
+Picture render(const Scene& scene, const Camera& camera, const Settings& settings,
+               const BuildOptions& options) {
+  Film film;
+  accumulate(scene, camera, settings, film, options);
+  return {film.image(), film.statistics};
+}
+
+}  // namespace umbel::trace

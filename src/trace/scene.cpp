@@ -1,0 +1,228 @@
+// Building a scene: checks, copies, lights.
+#include <array>
+#include <string>
+#include <utility>
+
+#include "base/parallel.hpp"
+#include "trace/scene_data.hpp"
+
+namespace umbel::trace {
+namespace {
+
+[[noreturn]] void refuse(const std::string& sentence) {
+  throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+void check_range(const std::string& what, float value, float low, float high) {
+  if (value >= low && value <= high) return;
+  refuse(what + " is " + std::to_string(value) + ", but must be from " + std::to_string(low) +
+         " to " + std::to_string(high));
+}
+
+void check_color(const std::string& what, const Vec3& color, float high) {
+  check_range(what, std::min({color.x, color.y, color.z}), 0.0f, high);
+  check_range(what, max_component(color), 0.0f, high);
+  if (std::isnan(color.x + color.y + color.z)) refuse(what + " has a NaN");
+}
+
+void check_use(const std::string& what, const TextureUse& use, size_t textures) {
+  if (use.texture == kNone) return;
+  if (use.texture >= textures)
+    refuse(what + " uses texture " + std::to_string(use.texture) + ", but there are only " +
+           std::to_string(textures));
+  if (!std::isfinite(use.offset.x + use.offset.y + use.scale.x + use.scale.y + use.rotation))
+    refuse(what + " places its texture by numbers that are not finite");
+}
+
+constexpr float kBrightest = 1e9f;
+
+void check_material(const Material& m, size_t index, size_t textures) {
+  const std::string name = "materials[" + std::to_string(index) + "]";
+  check_color(name + ".base_color", m.base_color, 1.0f);
+  check_range(name + ".alpha", m.alpha, 0.0f, 1.0f);
+  check_range(name + ".metallic", m.metallic, 0.0f, 1.0f);
+  check_range(name + ".roughness", m.roughness, 0.0f, 1.0f);
+  check_range(name + ".specular", m.specular, 0.0f, 1.0f);
+  check_range(name + ".alpha_cutoff", m.alpha_cutoff, 0.0f, 1e6f);
+  check_color(name + ".emission", m.emission, kBrightest);
+  check_use(name + ".base_color_texture", m.base_color_texture, textures);
+  check_use(name + ".metallic_roughness_texture", m.metallic_roughness_texture, textures);
+  check_use(name + ".emission_texture", m.emission_texture, textures);
+  check_use(name + ".normal_texture", m.normal_texture, textures);
+  if (m.alpha_mode > AlphaMode::kBlend) refuse(name + ".alpha_mode is none");
+}
+
+void check_texture(const TextureView& t, size_t index) {
+  const std::string name = "textures[" + std::to_string(index) + "]";
+  constexpr uint32_t kLargest = 65536;
+  if (t.width == 0 || t.height == 0 || t.width > kLargest || t.height > kLargest)
+    refuse(name + " has " + std::to_string(t.width) + " x " + std::to_string(t.height) +
+           " texels, but must have from 1 to 65536 each way");
+  const size_t bytes = size_t(4) * t.width * t.height;
+  if (t.texels.size() != bytes)
+    refuse(name + " has " + std::to_string(t.texels.size()) + " bytes, but must have " +
+           std::to_string(bytes));
+}
+
+void check_environment(const Environment& e) {
+  check_color("environment.color", e.color, kBrightest);
+  check_color("environment.ground_albedo", e.ground_albedo, 1.0f);
+  check_range("environment.turbidity", e.turbidity, 1.7f, 10.0f);
+  check_range("environment.sun_radius", e.sun_radius, 0.001f, 0.5f);
+  check_range("environment.sun_strength", e.sun_strength, 0.0f, 1e6f);
+  check_range("environment.sky_strength", e.sky_strength, 0.0f, 1e6f);
+  const auto has_direction = [](const Vec3& v) { return is_finite(v) && !is_black(v); };
+  if (!has_direction(e.up)) refuse("environment.up is no direction");
+  if (e.kind == Environment::Kind::kSky && !has_direction(e.sun_direction))
+    refuse("environment.sun_direction is no direction");
+}
+
+void check_look(const MeshView& mesh, const Look& look) {
+  for (size_t i = 0; i < look.textures.size(); ++i) check_texture(look.textures[i], i);
+  for (size_t i = 0; i < look.materials.size(); ++i)
+    check_material(look.materials[i], i, look.textures.size());
+  check_environment(look.environment);
+  if (look.materials.empty()) return;
+  for (size_t i = 0; i < mesh.materials.size(); ++i) {
+    if (mesh.materials[i] >= look.materials.size())
+      refuse("triangle " + std::to_string(i) + " has material " +
+             std::to_string(mesh.materials[i]) + ", but there are only " +
+             std::to_string(look.materials.size()));
+  }
+}
+
+Material plain_material() {
+  Material plain;
+  plain.base_color = {0.75f, 0.75f, 0.75f};
+  plain.specular = 0.0f;
+  return plain;
+}
+
+double area_of(const Scene::Data& scene, const Triangle& t) {
+  const Vec3& o = scene.positions[t[0]];
+  const auto edge = [&](uint32_t i) {
+    const Vec3& p = scene.positions[i];
+    return std::array<double, 3>{double{p.x} - o.x, double{p.y} - o.y, double{p.z} - o.z};
+  };
+  const auto a = edge(t[1]), b = edge(t[2]);
+  const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2],
+               z = a[0] * b[1] - a[1] * b[0];
+  return 0.5 * std::sqrt(x * x + y * y + z * z);
+}
+
+void find_lights(Scene::Data& scene) {
+  std::vector<double> strength(scene.materials.size());
+  for (size_t m = 0; m < strength.size(); ++m)
+    strength[m] = luminance(mean_emission(scene, scene.materials[m]));
+  std::vector<double> weights;
+  for (size_t i = 0; i < scene.triangles.size(); ++i) {
+    const TriangleRecord& record = scene.triangles[i];
+    if (!(strength[record.material] > 0.0)) continue;
+    const double weight = strength[record.material] * area_of(scene, record.corners);
+    if (!(weight > 0.0)) continue;
+    scene.lights.push_back(static_cast<uint32_t>(i));
+    weights.push_back(weight);
+  }
+  scene.light_choices = AliasTable(weights);
+  scene.light_density.assign(strength.size(), 0.0f);
+  if (scene.light_choices.empty()) return;
+  for (size_t m = 0; m < strength.size(); ++m)
+    scene.light_density[m] = static_cast<float>(strength[m] / scene.light_choices.total());
+}
+
+template <typename T>
+void copy(std::span<const T> from, std::vector<T>& to) {
+  to.assign(from.begin(), from.end());
+}
+
+void fill(Scene::Data& scene, const MeshView& mesh, const Look& look) {
+  scene.bounds = bounds(mesh);
+  copy(mesh.positions, scene.positions);
+  copy(mesh.normals, scene.normals);
+  copy(mesh.uvs, scene.uvs);
+  copy(mesh.colors, scene.colors);
+  copy(look.materials, scene.materials);
+  if (scene.materials.empty()) scene.materials.push_back(plain_material());
+  for (const TextureView& texture : look.textures) scene.textures.emplace_back(texture);
+  scene.triangles.resize(mesh.triangles.size());
+  const bool one_material = mesh.materials.empty() || look.materials.empty();
+  parallel_for(scene.triangles.size(), 4096, [&](size_t i) {
+    scene.triangles[i] = {mesh.triangles[i], one_material ? 0 : mesh.materials[i]};
+  });
+  scene.up = normalized(look.environment.up, {0, 1, 0});
+  scene.sky = Sky(look.environment);
+  scene.sun = Sun(look.environment);
+  for (const Material& m : scene.materials) scene.see_through |= is_see_through(m);
+  find_lights(scene);
+}
+
+void check_bvh(const TriangleBvh& bvh, size_t triangles) {
+  if (bvh.triangle_count() != triangles)
+    refuse("the hierarchy has " + std::to_string(bvh.triangle_count()) +
+           " triangles, but the scene has " + std::to_string(triangles));
+}
+
+}  // namespace
+
+bool is_see_through(const Material& m) { return m.alpha_mode != AlphaMode::kOpaque; }
+
+Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
+  if (m.emission_texture.texture == kNone) return m.emission;
+  const Vec4& mean = scene.textures[m.emission_texture.texture].mean();
+  return m.emission * Vec3{mean.x, mean.y, mean.z};
+}
+
+Scene::Scene() : data_(std::make_unique<Data>()) {
+  data_->materials.push_back(plain_material());
+  data_->light_density.assign(1, 0.0f);
+  data_->sky = Sky(Environment{});
+  data_->sun = Sun(Environment{});
+}
+Scene::~Scene() = default;
+Scene::Scene(Scene&&) noexcept = default;
+Scene& Scene::operator=(Scene&&) noexcept = default;
+
+std::vector<uint32_t> Scene::masks(const MeshView& mesh, std::span<const Material> materials) {
+  if (std::none_of(materials.begin(), materials.end(), is_see_through)) return {};
+  std::vector<uint32_t> bits(mesh.triangles.size());
+  for (size_t i = 0; i < bits.size(); ++i) {
+    const uint32_t m = mesh.materials.empty() ? 0 : mesh.materials[i];
+    const bool see_through = m < materials.size() && is_see_through(materials[m]);
+    bits[i] = see_through ? kSeeThroughBit : kOpaqueBit;
+  }
+  return bits;
+}
+
+Scene Scene::build(const MeshView& mesh, const Look& look, const TriangleBvhConfig& config,
+                   const BuildOptions& options) {
+  validate(mesh, {.progress = {}, .threads = options.threads});
+  check_look(mesh, look);
+  TriangleBvh bvh = TriangleBvh::build(mesh, config, masks(mesh, look.materials), options);
+  return build(mesh, look, std::move(bvh), {.progress = {}, .threads = options.threads});
+}
+
+Scene Scene::build(const MeshView& mesh, const Look& look, TriangleBvh bvh,
+                   const BuildOptions& options) {
+  Scene scene;
+  with_threads(options.threads, [&] {
+    validate(mesh);
+    check_look(mesh, look);
+    check_bvh(bvh, mesh.triangles.size());
+    *scene.data_ = Data{};
+    fill(*scene.data_, mesh, look);
+  });
+  scene.data_->bvh = std::move(bvh);
+  return scene;
+}
+
+void Scene::replace_bvh(TriangleBvh bvh) {
+  check_bvh(bvh, data_->triangles.size());
+  data_->bvh = std::move(bvh);
+}
+
+const TriangleBvh& Scene::bvh() const { return data_->bvh; }
+Aabb Scene::bounds() const { return data_->bounds; }
+uint32_t Scene::triangle_count() const { return static_cast<uint32_t>(data_->triangles.size()); }
+uint32_t Scene::light_count() const { return static_cast<uint32_t>(data_->lights.size()); }
+
+}  // namespace umbel::trace

@@ -1,0 +1,51 @@
+// What a Scene holds: the mesh as flat arrays, materials, textures, lights.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "trace/alias_table.hpp"
+#include "trace/sky.hpp"
+#include "trace/texture.hpp"
+#include "trace/vector.hpp"
+#include "umbel/trace.hpp"
+
+namespace umbel::trace {
+
+/// Bits of a triangle's ray mask.
+inline constexpr uint32_t kOpaqueBit = 1, kSeeThroughBit = 2;
+
+/// One cache line's quarter a triangle, so that a hit finds all its indices at once.
+struct TriangleRecord {
+  Triangle corners;
+  uint32_t material;
+};
+
+struct Scene::Data {
+  TriangleBvh bvh;
+  Aabb bounds;
+  std::vector<Vec3> positions;
+  std::vector<Vec3> normals;  ///< empty, or one a vertex
+  std::vector<Vec2> uvs;      ///< likewise
+  std::vector<Vec4> colors;   ///< likewise
+  std::vector<TriangleRecord> triangles;
+  std::vector<Material> materials;
+  std::vector<Texture> textures;
+  Vec3 up{0, 1, 0};
+  Sky sky;
+  Sun sun;
+
+  bool see_through = false;      ///< some material is not opaque
+  std::vector<uint32_t> lights;  ///< emissive triangles
+  AliasTable light_choices;      ///< by area and mean luminance
+  /// Of each material: probability density of the point that is sampled on a light, by area.
+  std::vector<float> light_density;
+};
+
+/// Whether rays may pass through a surface of this material.
+bool is_see_through(const Material& material);
+
+/// The direct product of a material's emission and what its texture says on the whole.
+Vec3 mean_emission(const Scene::Data& scene, const Material& material);
+
+}  // namespace umbel::trace

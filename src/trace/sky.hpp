@@ -1,0 +1,65 @@
+// The light from outside the scene: a sky as a table of radiance, and a sun as a bright disc.
+#pragma once
+
+#include <vector>
+
+#include "trace/alias_table.hpp"
+#include "trace/vector.hpp"
+#include "umbel/trace.hpp"
+
+namespace umbel::trace {
+
+/// A direction towards light, what comes from there, and its probability density per steradian.
+struct LightSample {
+  Vec3 direction;
+  Vec3 radiance;
+  float density;
+};
+
+/// A clear sky (Preetham, Shirley & Smits, "A Practical Analytic Model for Daylight", 1999) with
+/// the ground below it, or one constant colour, tabled over cells of equal solid angle.
+class Sky {
+ public:
+  Sky() = default;
+  explicit Sky(const Environment& environment);
+
+  bool is_black() const { return choices_.empty(); }
+  Vec3 radiance(const Vec3& direction) const;
+  LightSample sample(const Vec2& u) const;
+  float density(const Vec3& direction) const;
+
+ private:
+  static constexpr uint32_t kColumns = 256, kRows = 256;
+  float column_of(const Vec3& local) const;
+
+  bool constant_ = false;
+  Vec3 color_{0, 0, 0};
+  Frame frame_{};  ///< z is up
+  std::vector<Vec3> texels_;
+  std::vector<float> densities_;
+  AliasTable choices_;
+};
+
+/// A disc of constant radiance, infinitely far away.
+class Sun {
+ public:
+  Sun() = default;
+  explicit Sun(const Environment& environment);
+
+  bool is_black() const { return trace::is_black(radiance_); }
+  Vec3 radiance(const Vec3& direction) const {
+    // The chord, because cosines of small angles have few digits.
+    const Vec3 chord = direction - frame_.z;
+    return dot(chord, chord) <= 2.0f * cap_ ? radiance_ : Vec3{0, 0, 0};
+  }
+  LightSample sample(const Vec2& u) const;
+  float density() const { return density_; }  ///< within the disc
+
+ private:
+  Frame frame_{};
+  float cap_ = -1.0f;  ///< 1 - cosine of the disc's radius
+  float density_ = 0.0f;
+  Vec3 radiance_{0, 0, 0};
+};
+
+}  // namespace umbel::trace
