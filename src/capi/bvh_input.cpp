@@ -1,0 +1,95 @@
+#include "capi/bvh_input.hpp"
+
+#include <cstddef>
+
+#include "capi/structs.hpp"
+
+namespace umbel::capi {
+namespace {
+
+static_assert(uint32_t{UMBEL_BVH_INSERTION} == uint32_t(bvh::Builder::kInsertion));
+static_assert(uint32_t{UMBEL_BVH_KMEANS} == uint32_t(bvh::Builder::kKmeans));
+static_assert(uint32_t{UMBEL_SIMD_AVX512} == uint32_t(Simd::kAvx512));
+
+}  // namespace
+
+umbel_bvh_config as_c(const TriangleBvhConfig& config) {
+  const bvh::Config& tree = config.tree;
+  umbel_bvh_config result{};
+  result.struct_size = sizeof result;
+  result.builder = static_cast<uint32_t>(tree.builder);
+  result.traversal_cost = tree.cost.traversal;
+  result.intersection_cost = tree.cost.intersection;
+  result.max_leaf_size = tree.max_leaf_size;
+  result.max_depth = tree.max_depth;
+  result.drop_invalid = tree.invalid == bvh::InvalidTriangles::kDrop;
+  result.bins = tree.bins;
+  result.spatial_budget = tree.spatial_budget;
+  result.spatial_overlap = tree.spatial_overlap;
+  result.morton_bits = tree.morton_bits;
+  result.hlbvh_bits = tree.hlbvh_bits;
+  result.ploc_radius = tree.ploc_radius;
+  result.treelet_size = tree.treelet_size;
+  result.treelet_rounds = tree.treelet_rounds;
+  result.reinsertion_rounds = tree.reinsertion_rounds;
+  result.kmeans_clusters = tree.kmeans.clusters;
+  result.kmeans_candidates = tree.kmeans.candidates;
+  result.kmeans_iterations = tree.kmeans.iterations;
+  result.kmeans_manhattan = tree.kmeans.distance == bvh::KmeansDistance::kManhattan;
+  result.width = config.width;
+  result.compact = config.compact;
+  result.simd = static_cast<uint32_t>(config.simd);
+  return result;
+}
+
+TriangleBvhConfig bvh_config(const umbel_bvh_config* config) {
+  if (!config) return {};
+  const umbel_bvh_config given = read_struct(config, "config");
+  TriangleBvhConfig result;
+  bvh::Config& tree = result.tree;
+  tree.builder = static_cast<bvh::Builder>(given.builder);
+  tree.cost = {given.traversal_cost, given.intersection_cost};
+  tree.max_leaf_size = given.max_leaf_size;
+  tree.max_depth = given.max_depth;
+  tree.invalid = given.drop_invalid ? bvh::InvalidTriangles::kDrop : bvh::InvalidTriangles::kRefuse;
+  tree.bins = given.bins;
+  tree.spatial_budget = given.spatial_budget;
+  tree.spatial_overlap = given.spatial_overlap;
+  tree.morton_bits = given.morton_bits;
+  tree.hlbvh_bits = given.hlbvh_bits;
+  tree.ploc_radius = given.ploc_radius;
+  tree.treelet_size = given.treelet_size;
+  tree.treelet_rounds = given.treelet_rounds;
+  tree.reinsertion_rounds = given.reinsertion_rounds;
+  tree.kmeans.clusters = given.kmeans_clusters;
+  tree.kmeans.candidates = given.kmeans_candidates;
+  tree.kmeans.iterations = given.kmeans_iterations;
+  tree.kmeans.distance =
+      given.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
+  result.width = given.width;
+  result.compact = given.compact != 0;
+  result.simd = static_cast<Simd>(given.simd);
+  if (given.simd > uint32_t{UMBEL_SIMD_AVX512})
+    throw Error(ErrorCode::kInvalidArgument,
+                "config->simd is " + std::to_string(given.simd) + ", but its values are 0 to 3");
+  return result;
+}
+
+BvhMesh bvh_mesh(const umbel_bvh_mesh* mesh) {
+  const umbel_bvh_mesh given = read_struct(mesh, "mesh");
+  // Before any size is multiplied. The last index is kNone, "no such triangle".
+  if (given.triangle_count >= kNone)
+    throw Error(ErrorCode::kInvalidArgument, "mesh->triangle_count is " +
+                                                 std::to_string(given.triangle_count) +
+                                                 ", more than 32-bit indices can name");
+  BvhMesh result;
+  result.view.positions =
+      elements<const Vec3>(given.positions, given.position_count, "mesh->positions");
+  const auto corners =
+      elements<const uint32_t>(given.triangles, 3 * given.triangle_count, "mesh->triangles");
+  result.view.triangles = {reinterpret_cast<const Triangle*>(corners.data()), given.triangle_count};
+  if (given.masks) result.masks = {given.masks, given.triangle_count};
+  return result;
+}
+
+}  // namespace umbel::capi

@@ -1,0 +1,46 @@
+// What umbel.h's functions of hierarchies are given, as the C++ interface takes it.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "umbel/triangle_bvh.hpp"
+#include "umbel/umbel.h"
+
+/// What a C caller holds.
+struct umbel_bvh {
+  umbel::TriangleBvh bvh;
+};
+
+namespace umbel::capi {
+
+/// The caller's config; the defaults where `config` is NULL.
+TriangleBvhConfig bvh_config(const umbel_bvh_config* config);
+umbel_bvh_config as_c(const TriangleBvhConfig& config);
+
+struct BvhMesh {
+  MeshView view;
+  std::span<const uint32_t> masks;
+};
+/// Views of the caller's arrays. What they hold is checked by who reads them.
+BvhMesh bvh_mesh(const umbel_bvh_mesh* mesh);
+
+/// `count` elements of the caller's array; throws if that is NULL and `count` is not 0.
+template <typename To, typename From>
+std::span<To> elements(From* array, size_t count, const char* name) {
+  static_assert(sizeof(To) == sizeof(From) && alignof(To) == alignof(From));
+  if (!array && count > 0)
+    throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is NULL, but there are " +
+                                                 std::to_string(count) + " elements");
+  return {reinterpret_cast<To*>(array), array ? count : 0};
+}
+
+/// Throws if an argument that must be there is not.
+template <typename T>
+T& required(T* pointer, const char* name) {
+  if (!pointer) throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is NULL");
+  return *pointer;
+}
+
+}  // namespace umbel::capi
