@@ -1,4 +1,4 @@
-"""Umbel: triangle meshes as clusters and continuous levels of detail.
+"""Umbel: triangle meshes as clusters, acceleration structures and continuous levels of detail.
 
 Every name is imported when it is first used, so `import umbel` itself costs nothing.
 
@@ -18,6 +18,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from . import shapes as shapes
     from .asset import Asset as Asset
+    from .bvh import Bvh as Bvh
+    from .bvh import Bvh2 as Bvh2
+    from .bvh import build_bvh2 as build_bvh2
     from .camera import Camera as Camera
     from .cluster import Clusters as Clusters
     from .cluster import build_clusters as build_clusters
@@ -40,9 +43,13 @@ if TYPE_CHECKING:
     from .repair import validate as validate
     from .repair import weld as weld
     from .tables import Tables as Tables
+    from .trimesh_ray import trimesh_rays as trimesh_rays
 
 _HOME = {
     "Asset": "asset",
+    "Bvh": "bvh",
+    "Bvh2": "bvh",
+    "build_bvh2": "bvh",
     "Camera": "camera",
     "Clusters": "cluster",
     "build_clusters": "cluster",
@@ -63,6 +70,7 @@ _HOME = {
     "validate": "repair",
     "weld": "repair",
     "Tables": "tables",
+    "trimesh_rays": "trimesh_ray",
     "VerifyReport": "proof",
     "verify": "proof",
 }

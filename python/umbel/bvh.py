@@ -1,0 +1,610 @@
+"""Bounding volume hierarchies: rays, distances and overlaps over triangles, and the trees of every
+builder."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _umbel
+from .arrays import as_mesh, indices, native, rows
+from .errors import Error
+from .mesh import Mesh
+from .repair import Progress
+
+PRESETS = ("fast", "quality", "best")
+DISTANCES = ("euclidean", "manhattan")
+
+NODE = np.dtype([("min", "<f4", 3), ("first", "<u4"), ("max", "<f4", 3), ("count", "<u4")])
+"""A node of a `Bvh2`."""
+
+
+def builders() -> tuple[str, ...]:
+    """The names of all builders that the library was built with."""
+    return tuple(_umbel.bvh_builders())
+
+
+@dataclass(frozen=True)
+class Hits:
+    """The nearest hit of each ray, at (1 - u - v) p0 + u p1 + v p2 of its triangle."""
+
+    t: NDArray[np.float32]
+    """(n,) in lengths of the ray's direction; infinite where missed."""
+    primitive: NDArray[np.int32]
+    """(n,) triangle; -1 where missed."""
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        """(n,) whether each ray hit anything."""
+        return self.primitive >= 0
+
+
+@dataclass(frozen=True)
+class AllHits:
+    """Several hits a ray: those of ray i are at [offsets[i], offsets[i + 1]) of the other arrays,
+    nearest first."""
+
+    offsets: NDArray[np.int64]
+    """(n + 1,)"""
+    t: NDArray[np.float32]
+    primitive: NDArray[np.int32]
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """(n,) hits of each ray."""
+        return np.diff(self.offsets)
+
+    @property
+    def ray(self) -> NDArray[np.int64]:
+        """(h,) the ray of each hit."""
+        return np.repeat(np.arange(len(self)), self.counts)
+
+
+@dataclass(frozen=True)
+class ClosestPoints:
+    """The point of the surface that is nearest to each query point."""
+
+    point: NDArray[np.float32]
+    """(n, 3)"""
+    distance: NDArray[np.float32]
+    """(n,) infinite where nothing lies within the distance asked for."""
+    primitive: NDArray[np.int32]
+    """(n,) triangle; -1 where there is none."""
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.distance)
+
+
+@dataclass(frozen=True)
+class Refit:
+    """What became of a hierarchy that followed moved vertices."""
+
+    sah_cost: float
+    built_sah_cost: float
+    """When the tree was built."""
+    rebuild_advised: bool
+    """Whether the cost has grown so much that a new build would pay."""
+
+
+def _config(builder: str, changes: dict[str, Any]) -> _umbel.BvhConfig:
+    """The config of a preset or of a builder, with what is not None in `changes`."""
+    if not isinstance(builder, str):
+        raise Error(f"builder must be a name, not {builder!r}")
+    if builder in PRESETS:
+        config = _umbel.bvh_preset(builder)
+    elif builder in builders():
+        config = _umbel.BvhConfig()
+        config.builder = builder
+    else:
+        names = ", ".join((*PRESETS, *builders()))
+        raise Error(f"builder is {builder!r}, but must be one of {names}")
+    invalid = changes.pop("invalid", "refuse")
+    if invalid not in ("refuse", "drop"):
+        raise Error(f"invalid must be 'refuse' or 'drop', not {invalid!r}")
+    config.drop_invalid = invalid == "drop"
+    distance = changes.pop("distance", None)
+    if distance is not None:
+        if distance not in DISTANCES:
+            raise Error(f"distance must be {' or '.join(map(repr, DISTANCES))}, not {distance!r}")
+        config.manhattan = distance == "manhattan"
+    for key, value in changes.items():
+        if value is None:
+            continue
+        try:
+            setattr(config, key, value)
+        except (TypeError, RuntimeError):
+            raise Error(f"{key} cannot be {value!r}") from None
+    return config
+
+
+def _mesh_of(positions: Any, triangles: ArrayLike | None) -> Mesh:
+    return as_mesh(positions) if triangles is None else Mesh(positions, triangles)  # type: ignore[arg-type]
+
+
+def _geometry(mesh: Mesh) -> _umbel.MeshArrays:
+    """Positions and triangles alone: attributes are no matter of a hierarchy."""
+    return native(Mesh(mesh.positions, mesh.triangles))
+
+
+def _threads(threads: int) -> int:
+    if isinstance(threads, bool) or not 0 <= threads <= 0xFFFFFFFF:
+        raise Error(f"threads cannot be {threads}")
+    return threads
+
+
+class Bvh2:
+    """A binary tree, as a builder gave it. `nodes[0]` is the root, and children come after their
+    parent. Made by `build_bvh2`."""
+
+    def __init__(
+        self,
+        tree: _umbel.Bvh2,
+        config: _umbel.BvhConfig,
+        mesh: _umbel.MeshArrays | None,
+    ) -> None:
+        self._native = tree
+        self._config = config
+        self._mesh = mesh
+
+    @property
+    def nodes(self) -> NDArray[Any]:
+        """(n,) `min first max count`, a read-only view. A leaf has `count` primitives from
+        `primitives[first]` on; an inner node has count 0 and the children first and first + 1."""
+        words = self._native.nodes
+        return words.view(NODE).reshape(len(words))
+
+    @property
+    def primitives(self) -> NDArray[np.uint32]:
+        """(p,) in the order of the leaves: each box or triangle once, or, with spatial splits, at
+        least once. A read-only view."""
+        return self._native.primitives
+
+    def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
+        """`nodes leaves max_depth references sah_cost bytes`."""
+        return self._native.statistics(*(cost or self._config.cost))
+
+    def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
+        """Expected cost of a random line, for (traversal, intersection) costs; those of the build
+        where None."""
+        return float(self.statistics(cost)["sah_cost"])
+
+    def epo(self, cost: tuple[float, float] | None = None, *, threads: int = 0) -> float:
+        """End-point overlap (Aila, Karras & Laine 2013); only for trees over triangles."""
+        if self._mesh is None:
+            raise Error("epo needs triangles, and this tree was built over boxes")
+        costs = cost or self._config.cost
+        return self._native.end_point_overlap(self._mesh, *costs, threads=_threads(threads))
+
+    def __repr__(self) -> str:
+        return f"<Bvh2: {len(self._native.nodes)} nodes, {len(self._native.primitives)} primitives>"
+
+
+def build_bvh2(
+    source: Any,
+    triangles: ArrayLike | None = None,
+    *,
+    builder: str = "quality",
+    cost: tuple[float, float] | None = None,
+    max_leaf_size: int | None = None,
+    max_depth: int | None = None,
+    invalid: str = "refuse",
+    bins: int | None = None,
+    spatial_budget: float | None = None,
+    spatial_overlap: float | None = None,
+    morton_bits: int | None = None,
+    hlbvh_bits: int | None = None,
+    ploc_radius: int | None = None,
+    treelet_size: int | None = None,
+    treelet_rounds: int | None = None,
+    reinsertion_rounds: int | None = None,
+    clusters: int | None = None,
+    candidates: int | None = None,
+    iterations: int | None = None,
+    distance: str | None = None,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> Bvh2:
+    """A binary tree over a mesh (as `umbel.Bvh` takes it), or over (n, 6) boxes: min x, y, z,
+    max x, y, z of each. The other arguments are those of `umbel.Bvh`."""
+    changes = {
+        "cost": cost,
+        "max_leaf_size": max_leaf_size,
+        "max_depth": max_depth,
+        "invalid": invalid,
+        "bins": bins,
+        "spatial_budget": spatial_budget,
+        "spatial_overlap": spatial_overlap,
+        "morton_bits": morton_bits,
+        "hlbvh_bits": hlbvh_bits,
+        "ploc_radius": ploc_radius,
+        "treelet_size": treelet_size,
+        "treelet_rounds": treelet_rounds,
+        "reinsertion_rounds": reinsertion_rounds,
+        "clusters": clusters,
+        "candidates": candidates,
+        "iterations": iterations,
+        "distance": distance,
+    }
+    config = _config(builder, changes)
+    boxes = None if triangles is not None else _boxes_of(source)
+    if boxes is not None:
+        tree = _umbel.build_bvh2_boxes(boxes, config, progress, _threads(threads))
+        return Bvh2(tree, config, None)
+    mesh = _geometry(_mesh_of(source, triangles))
+    return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, _threads(threads)), config, mesh)
+
+
+def _boxes_of(source: Any) -> NDArray[np.float32] | None:
+    """The boxes, if `source` is an array of them and not a mesh."""
+    if isinstance(source, (str, os.PathLike, Mesh)) or hasattr(source, "faces"):
+        return None
+    if isinstance(source, (tuple, list)) and len(source) == 2 and np.ndim(source[0]) == 2:
+        return None  # (positions, triangles)
+    return rows("boxes", source, 6)
+
+
+class Bvh:
+    """A hierarchy over triangles that answers rays, distances and overlaps. It holds all that it
+    needs: the mesh need not be kept."""
+
+    def __init__(
+        self,
+        positions: Any,
+        triangles: ArrayLike | None = None,
+        builder: str = "quality",
+        width: int = 8,
+        threads: int = 0,
+        *,
+        compact: bool = False,
+        masks: ArrayLike | None = None,
+        cost: tuple[float, float] | None = None,
+        max_leaf_size: int | None = None,
+        max_depth: int | None = None,
+        invalid: str = "refuse",
+        bins: int | None = None,
+        spatial_budget: float | None = None,
+        spatial_overlap: float | None = None,
+        morton_bits: int | None = None,
+        hlbvh_bits: int | None = None,
+        ploc_radius: int | None = None,
+        treelet_size: int | None = None,
+        treelet_rounds: int | None = None,
+        reinsertion_rounds: int | None = None,
+        clusters: int | None = None,
+        candidates: int | None = None,
+        iterations: int | None = None,
+        distance: str | None = None,
+        simd: str = "auto",
+        keep_tree: bool = False,
+        progress: Progress | None = None,
+    ) -> None:
+        """
+        positions: (n, 3), with triangles (m, 3); or, alone, a mesh: an `umbel.Mesh`, the path of a
+            file, anything with .vertices and .faces, a pair (positions, triangles).
+        builder: a preset, "fast", "quality" or "best", or one of `umbel.bvh.builders()`.
+        width: children a node, 2, 4 or 8.
+        compact: share vertices between triangles: less memory, slower rays.
+        masks: (m,) bits of each triangle; a query sees those that share a bit with its mask.
+        cost: (traversal, intersection) of the surface-area heuristic.
+        invalid: "refuse" or "drop" triangles with a NaN or infinite vertex.
+        bins: of binned; spatial_budget, spatial_overlap: of sbvh; morton_bits: of lbvh;
+            hlbvh_bits: of hlbvh; ploc_radius: of ploc; treelet_size, treelet_rounds: of atrbvh;
+            clusters, candidates, iterations and distance ("euclidean" or "manhattan"): k, p, i
+            and the distance of kmeans; reinsertion_rounds: after any.
+        simd: "auto", "portable", "avx2" or "avx512"; results are the same for all.
+        keep_tree: keep the binary tree too, for `tree` and `epo`.
+        """
+        changes = {
+            "cost": cost,
+            "max_leaf_size": max_leaf_size,
+            "max_depth": max_depth,
+            "invalid": invalid,
+            "bins": bins,
+            "spatial_budget": spatial_budget,
+            "spatial_overlap": spatial_overlap,
+            "morton_bits": morton_bits,
+            "hlbvh_bits": hlbvh_bits,
+            "ploc_radius": ploc_radius,
+            "treelet_size": treelet_size,
+            "treelet_rounds": treelet_rounds,
+            "reinsertion_rounds": reinsertion_rounds,
+            "clusters": clusters,
+            "candidates": candidates,
+            "iterations": iterations,
+            "distance": distance,
+        }
+        config = _config(builder, changes)
+        mesh = _mesh_of(positions, triangles)
+        geometry = _geometry(mesh)
+        form = (_width(width), bool(compact), str(simd), _masks(masks))
+        self.tree: Bvh2 | None = None
+        """The binary tree, where it was kept."""
+        if keep_tree:
+            made = _umbel.build_bvh2_mesh(geometry, config, progress, _threads(threads))
+            self.tree = Bvh2(made, config, geometry)
+            self._native = _umbel.TriangleBvh.widen(
+                made, geometry, config, *form, threads=_threads(threads)
+            )
+        else:
+            self._native = _umbel.TriangleBvh.build(
+                geometry, config, *form, progress=progress, threads=_threads(threads)
+            )
+        self._triangles: NDArray[np.uint32] | None = mesh.triangles
+
+    @classmethod
+    def _of(
+        cls,
+        bvh: _umbel.TriangleBvh,
+        triangles: NDArray[np.uint32] | None,
+        tree: Bvh2 | None = None,
+    ) -> Bvh:
+        self = cls.__new__(cls)
+        self._native = bvh
+        self.tree = tree
+        self._triangles = triangles
+        return self
+
+    @classmethod
+    def from_tree(
+        cls,
+        tree: Bvh2,
+        positions: Any,
+        triangles: ArrayLike | None = None,
+        width: int = 8,
+        threads: int = 0,
+        *,
+        compact: bool = False,
+        masks: ArrayLike | None = None,
+        simd: str = "auto",
+        progress: Progress | None = None,
+    ) -> Bvh:
+        """The hierarchy that a tree over the triangles of this mesh becomes."""
+        mesh = _mesh_of(positions, triangles)
+        bvh = _umbel.TriangleBvh.widen(
+            tree._native,
+            _geometry(mesh),
+            tree._config,
+            _width(width),
+            bool(compact),
+            str(simd),
+            masks=_masks(masks),
+            progress=progress,
+            threads=_threads(threads),
+        )
+        return cls._of(bvh, mesh.triangles, tree)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, simd: str = "auto") -> Bvh:
+        """Reads what `save` wrote; a file that is not whole is refused."""
+        return cls._of(_umbel.TriangleBvh.load(os.fspath(path), simd), None)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a `.umbvh` file, beside its name first, so that no half file is left."""
+        self._native.save(os.fspath(path))
+
+    # Rays. `origins` and `directions` are (n, 3), or (3,) for all rays; `t_min` and `t_max` are
+    # numbers, or (n,). float32 in C order is read where it lies.
+
+    def intersect(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = math.inf,
+        *,
+        mask: int = 0xFFFFFFFF,
+        cull_back_faces: bool = False,
+        threads: int = 0,
+    ) -> Hits:
+        """The nearest hit of each ray: the points origin + t direction, t_min <= t <= t_max.
+
+        A ray with a NaN, a zero direction or an empty interval hits nothing. `cull_back_faces`
+        passes through triangles that are seen from behind."""
+        rays = _rays(origins, directions, t_min, t_max, mask)
+        return Hits(*self._native.intersect(*rays, mask, cull_back_faces, _threads(threads)))
+
+    def occluded(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = math.inf,
+        *,
+        mask: int = 0xFFFFFFFF,
+        cull_back_faces: bool = False,
+        threads: int = 0,
+    ) -> NDArray[np.bool_]:
+        """(n,) whether each ray hits anything; faster than asking for the nearest."""
+        rays = _rays(origins, directions, t_min, t_max, mask)
+        return self._native.occluded(*rays, mask, cull_back_faces, _threads(threads))
+
+    def all_hits(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = math.inf,
+        *,
+        max_hits: int = 0,
+        mask: int = 0xFFFFFFFF,
+        cull_back_faces: bool = False,
+        threads: int = 0,
+    ) -> AllHits:
+        """The nearest `max_hits` hits of each ray (0: all), each triangle at most once."""
+        if isinstance(max_hits, bool) or max_hits < 0:
+            raise Error(f"max_hits cannot be {max_hits}")
+        rays = _rays(origins, directions, t_min, t_max, mask)
+        return AllHits(
+            *self._native.all_hits(*rays, max_hits, mask, cull_back_faces, _threads(threads))
+        )
+
+    # Distances.
+
+    def closest_point(
+        self, points: ArrayLike, max_distance: float = math.inf, *, threads: int = 0
+    ) -> ClosestPoints:
+        """The nearest point of the surface to each of (n, 3) points, within `max_distance`."""
+        if math.isnan(max_distance) or max_distance < 0:
+            raise Error(f"max_distance cannot be {max_distance}")
+        return ClosestPoints(
+            *self._native.closest_point(
+                rows("points", points, 3), min(max_distance, math.inf), _threads(threads)
+            )
+        )
+
+    def contains(self, points: ArrayLike, *, threads: int = 0) -> NDArray[np.bool_]:
+        """(n,) whether each of (n, 3) points lies inside; the mesh must be closed."""
+        return self._native.contains(rows("points", points, 3), _threads(threads))
+
+    def signed_distance(self, points: ArrayLike, *, threads: int = 0) -> NDArray[np.float32]:
+        """(n,) distance of each of (n, 3) points to the surface, negative inside."""
+        return self._native.signed_distance(rows("points", points, 3), _threads(threads))
+
+    # Overlaps: (k,) int32 indices of the triangles that touch a region, sorted.
+
+    def overlaps_box(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.int32]:
+        """Triangles that touch the box from `low` to `high`, both (3,)."""
+        return self._native.overlaps_box(_point("low", low), _point("high", high))
+
+    def overlaps_sphere(self, center: ArrayLike, radius: float) -> NDArray[np.int32]:
+        """Triangles that touch the ball around `center`, (3,)."""
+        return self._native.overlaps_sphere(_point("center", center), float(radius))
+
+    def overlaps_frustum(self, planes: ArrayLike) -> NDArray[np.int32]:
+        """Triangles that touch the points with a x + b y + c z + d >= 0 for all planes, (6, 4)
+        rows of a, b, c, d; near its edges a few more."""
+        array = rows("planes", planes, 4)
+        if len(array) != 6:
+            raise Error(f"planes must have shape (6, 4), not {array.shape}")
+        return self._native.overlaps_frustum(array)
+
+    def refit(
+        self,
+        positions: ArrayLike,
+        triangles: ArrayLike | None = None,
+        *,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> Refit:
+        """Follows moved vertices: (n, 3) new positions of the same triangles. `triangles` is only
+        needed after `load`. No other thread may use the hierarchy meanwhile."""
+        same = self._triangles if triangles is None else indices("triangles", triangles, 3)
+        if same is None:
+            raise Error("triangles must be given to refit a hierarchy that was loaded from a file")
+        arrays = native(Mesh(rows("positions", positions, 3), same))
+        report = Refit(*self._native.refit(arrays, progress, _threads(threads)))
+        self._triangles = same
+        self.tree = None  # its boxes are those of the old positions
+        return report
+
+    def statistics(self) -> dict[str, Any]:
+        """`width nodes leaves max_depth references sah_cost bytes`."""
+        return self._native.statistics()
+
+    @property
+    def sah_cost(self) -> float:
+        """Expected cost of a random line through the binary tree that this was made from."""
+        return float(self._native.statistics()["sah_cost"])
+
+    @property
+    def epo(self) -> float:
+        """End-point overlap of the binary tree, which must have been kept: see `Bvh2.epo`."""
+        if self.tree is None:
+            raise Error("epo needs the binary tree: build with keep_tree=True")
+        return self.tree.epo()
+
+    @property
+    def bounds(self) -> NDArray[np.float32] | None:
+        """(2, 3) least and greatest corner; None without triangles."""
+        box = np.array(self._native.bounds, np.float32)
+        return None if (box[0] > box[1]).any() else box
+
+    def __len__(self) -> int:
+        return self._native.triangle_count
+
+    def __repr__(self) -> str:
+        found = self._native.statistics()
+        return f"<Bvh: {len(self)} triangles, {found['nodes']} nodes of {found['width']}>"
+
+
+def _width(width: int) -> int:
+    if width not in (2, 4, 8):
+        raise Error(f"width must be 2, 4 or 8, not {width!r}")
+    return int(width)
+
+
+def _masks(masks: ArrayLike | None) -> NDArray[np.uint32] | None:
+    if masks is None:
+        return None
+    array = np.asarray(masks)
+    if array.ndim != 1 or array.dtype.kind not in "iub":
+        raise Error(f"masks must be integers of shape (m,), not {array.dtype} {array.shape}")
+    if array.size and (int(array.min()) < 0 or int(array.max()) > 0xFFFFFFFF):
+        raise Error("masks must be from 0 to 0xffffffff")
+    return np.ascontiguousarray(array, dtype=np.uint32)
+
+
+def _point(name: str, value: ArrayLike) -> Sequence[float]:
+    array = np.asarray(value, dtype=np.float32)
+    if array.shape != (3,):
+        raise Error(f"{name} must have shape (3,), not {array.shape}")
+    return tuple(array.tolist())
+
+
+def _rays(
+    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike, mask: int
+) -> tuple[Any, ...]:
+    """The arrays of rays as the library reads them, and checked."""
+    if not 0 <= mask <= 0xFFFFFFFF:
+        raise Error(f"mask must be from 0 to 0xffffffff, not {mask}")
+    starts, ways = _vectors("origins", origins), _vectors("directions", directions)
+    count = max(len(starts), len(ways)) if len(starts) and len(ways) else 0
+    return (
+        starts,
+        ways,
+        _interval("t_min", t_min, 0.0, count),
+        _interval("t_max", t_max, math.inf, count),
+    )
+
+
+def _vectors(name: str, values: ArrayLike) -> NDArray[np.float32]:
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise Error(f"{name} must hold numbers, not {array.dtype}")
+    return rows(name, array[None] if array.shape == (3,) else array, 3)
+
+
+def _interval(
+    name: str, values: ArrayLike, default: float, count: int
+) -> NDArray[np.float32] | None:
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise Error(f"{name} must hold numbers, not {array.dtype}")
+    if array.ndim > 1:
+        raise Error(f"{name} must be a number or of shape (n,), not {array.shape}")
+    if array.ndim == 0:
+        if float(array) == default:
+            return None
+        array = array[None]
+    elif array.size == 0 and count > 0:
+        raise Error(f"{name} is empty, but there are {count} rays")
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(array, dtype=np.float32)
