@@ -73,7 +73,7 @@ std::array<std::byte, kHeaderBytes> encode_header(const TriangleBvhData& data,
   out.u64(std::bit_cast<uint64_t>(data.sah_cost));
   out.u64(std::bit_cast<uint64_t>(data.built_sah_cost));
   out.vec3(data.bounds.min), out.vec3(data.bounds.max);
-  out.u64(0);
+  out.u64(0), out.u64(0);
   for (const Section& section : sections)
     out.u64(section.offset), out.u64(section.bytes), out.u64(section.checksum);
   out.u64(xxh64(header.data(), out.position()));
@@ -113,7 +113,7 @@ Header decode_header(std::span<const std::byte> bytes, uint64_t file_bytes) {
   data.sah_cost = std::bit_cast<double>(in.u64());
   data.built_sah_cost = std::bit_cast<double>(in.u64());
   data.bounds.min = in.vec3(), data.bounds.max = in.vec3();
-  if (in.u64() != 0) corrupt("the header's reserved bytes are not zero");
+  if (in.u64() != 0 || in.u64() != 0) corrupt("the header's reserved bytes are not zero");
   for (Section& section : header.sections)
     section.offset = in.u64(), section.bytes = in.u64(), section.checksum = in.u64();
   return header;
