@@ -32,7 +32,7 @@ struct Entry {
 constexpr std::array kEntries{
     Entry{Builder::kSweep, "sweep", build_sweep},
     Entry{Builder::kBinned, "binned", build_binned, nullptr, true},
-    Entry{Builder::kSpatial, "sbvh"},
+    Entry{Builder::kSpatial, "sbvh", nullptr, build_spatial, true},
     Entry{Builder::kLbvh, "lbvh", build_lbvh, nullptr, true},
     Entry{Builder::kHlbvh, "hlbvh"},
     Entry{Builder::kKmeans, "kmeans", build_kmeans},

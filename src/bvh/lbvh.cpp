@@ -1,5 +1,5 @@
 // Linear BVH on the processor: the radix tree over sorted Morton codes (Karras, "Maximizing
-// Parallelism in the Construction of BVHs, Octrees, and k-d Trees", 2012), cut into subtrees that
+// Parallelism in the Construction of BVHs, Octrees, and k-d Trees", 2012), cut into parts that
 // MortonStack builds.
 
 #include "base/morton.hpp"
@@ -12,7 +12,7 @@ namespace {
 
 constexpr uint32_t kMostCodes = 1u << 14;  // of a subtree: its nodes stay in the cache
 
-/// Ranges of codes that are subtrees, and the nodes above them.
+/// Ranges of codes that are parts, and the nodes above them.
 struct Cut {
   std::vector<Range> ranges;
   std::vector<TopNode> top;
@@ -56,18 +56,18 @@ Bvh2 build(Boxes boxes, uint32_t bits, const Config& config, Progress& progress)
   const auto order = morton_order<Key>(exec, boxes.data(), n, bits);
   progress.report(0.5, "sorting by Morton code");
   const Cut cut = cut_radix_tree(order.codes.data(), n);
-  std::vector<Subtree> subtrees(cut.ranges.size());
-  SubtreeStore store(2 * size_t(n));
+  std::vector<TreePart> parts(cut.ranges.size());
+  PartStore store(2 * size_t(n));
   parallel_for(cut.ranges.size(), 1, [&](size_t s) {
     const auto [offset, count] = cut.ranges[s];
     MortonStack<Key> stack(order.codes.data(), order.primitives.data(), boxes.data(),
                            LeafRule(config));
-    subtrees[s] =
-        stack.build(offset, offset + count, SubtreeStore::scratch_end(2 * size_t(kMostCodes)));
-    store.keep(subtrees[s]);
+    parts[s] =
+        stack.build(offset, offset + count, PartStore::scratch_end(2 * size_t(kMostCodes)));
+    store.keep(parts[s]);
   });
   Bvh2 tree =
-      join_subtrees(cut.top, subtrees, {order.primitives.data(), order.primitives.data() + n});
+      join_parts(cut.top, parts, {order.primitives.data(), order.primitives.data() + n});
   if (config.max_depth < 3 * bits + balanced_depth(n)) limit_depth(tree, config.max_depth);
   return tree;
 }

@@ -12,7 +12,7 @@
 #include "base/exec.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/leaf_rule.hpp"
-#include "bvh/subtrees.hpp"
+#include "bvh/tree_parts.hpp"
 
 namespace umbel::bvh {
 
@@ -45,7 +45,7 @@ class MortonStack {
       : codes_(codes), primitives_(primitives), boxes_(boxes), rule_(rule) {}
 
   /// The range is a subtree of the radix tree. Its nodes are written before `nodes_end`.
-  Subtree build(uint32_t begin, uint32_t end, Node* nodes_end) {
+  TreePart build(uint32_t begin, uint32_t end, Node* nodes_end) {
     nodes_end_ = next_ = nodes_end;
     size_ = 0;
     int behind = -1;

@@ -1,13 +1,13 @@
-#include "bvh/subtrees.hpp"
+#include "bvh/tree_parts.hpp"
 
 namespace umbel::bvh {
 namespace {
 
 class Joiner {
  public:
-  Joiner(std::span<const TopNode> top, std::span<const Subtree> subtrees,
+  Joiner(std::span<const TopNode> top, std::span<const TreePart> parts,
          std::vector<uint32_t> primitives)
-      : top_(top), subtrees_(subtrees), above_(top.size()), bases_(subtrees.size()) {
+      : top_(top), parts_(parts), above_(top.size()), bases_(parts.size()) {
     tree_.primitives = std::move(primitives);
   }
 
@@ -21,17 +21,17 @@ class Joiner {
       place(top_[t].left, base + 2, base);
       place(top_[t].right, base + 2 + 2 * child(top_[t].left).pairs, base + 1);
     }
-    parallel_for(subtrees_.size(), 1, [&](size_t s) { copy(subtrees_[s], bases_[s]); });
+    parallel_for(parts_.size(), 1, [&](size_t s) { copy(parts_[s], bases_[s]); });
     return std::move(tree_);
   }
 
  private:
-  const Subtree& child(uint32_t id) const {
-    return static_cast<int32_t>(id) < 0 ? subtrees_[~id] : above_[id];
+  const TreePart& child(uint32_t id) const {
+    return static_cast<int32_t>(id) < 0 ? parts_[~id] : above_[id];
   }
 
   void unite(size_t t) {
-    const Subtree &left = child(top_[t].left), &right = child(top_[t].right);
+    const TreePart &left = child(top_[t].left), &right = child(top_[t].right);
     Aabb box = left.root.box();
     extend(box, right.root.box());
     above_[t] = {{box.min, 0, box.max, 0}, left.pairs + right.pairs + 1, nullptr, 0};
@@ -43,7 +43,7 @@ class Joiner {
     node = child(id).root;
     if (static_cast<int32_t>(id) < 0) {
       bases_[~id] = base;
-      if (node.is_leaf()) finish_leaf(node, subtrees_[~id].leaf_base);
+      if (node.is_leaf()) finish_leaf(node, parts_[~id].leaf_base);
     } else {
       above_[id].root.first = base;
     }
@@ -56,7 +56,7 @@ class Joiner {
     if (leaf.count > 1) std::sort(primitives, primitives + leaf.count);
   }
 
-  void copy(const Subtree& subtree, uint32_t base) {
+  void copy(const TreePart& subtree, uint32_t base) {
     const uint32_t count = 2 * subtree.pairs, end = base + count;
     const Node* from = subtree.nodes_end - count;
     for (uint32_t i = 0; i < count; ++i) {
@@ -71,17 +71,17 @@ class Joiner {
   }
 
   std::span<const TopNode> top_;
-  std::span<const Subtree> subtrees_;
-  std::vector<Subtree> above_;
+  std::span<const TreePart> parts_;
+  std::vector<TreePart> above_;
   std::vector<uint32_t> bases_;  // where the nodes below each subtree begin
   Bvh2 tree_;
 };
 
 }  // namespace
 
-Bvh2 join_subtrees(std::span<const TopNode> top, std::span<const Subtree> subtrees,
-                   std::vector<uint32_t> primitives) {
-  return Joiner(top, subtrees, std::move(primitives)).join();
+Bvh2 join_parts(std::span<const TopNode> top, std::span<const TreePart> parts,
+                std::vector<uint32_t> primitives) {
+  return Joiner(top, parts, std::move(primitives)).join();
 }
 
 }  // namespace umbel::bvh

@@ -1,4 +1,4 @@
-// A tree made of subtrees that were built by themselves.
+// A tree made of parts: subtrees that were built by themselves.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace umbel::bvh {
 /// The nodes below `root` lie depth-first in the 2 x `pairs` nodes before `nodes_end`. An inner
 /// node's `first` is how many nodes before `nodes_end` its children lie; a leaf's is relative to
 /// `leaf_base`.
-struct Subtree {
+struct TreePart {
   Node root;
   uint32_t pairs;
   const Node* nodes_end;
@@ -25,9 +25,9 @@ struct Subtree {
 };
 
 /// Keeps the nodes of finished subtrees until they are joined.
-class SubtreeStore {
+class PartStore {
  public:
-  explicit SubtreeStore(size_t most_nodes) : nodes_(most_nodes) {}
+  explicit PartStore(size_t most_nodes) : nodes_(most_nodes) {}
 
   /// Memory for the nodes of the subtree that this thread builds next. Its content is lost with the
   /// next call.
@@ -37,7 +37,7 @@ class SubtreeStore {
     return scratch.data() + scratch.size();
   }
   /// Copies a subtree out of the scratch memory.
-  void keep(Subtree& subtree) {
+  void keep(TreePart& subtree) {
     const size_t count = 2 * size_t(subtree.pairs);
     Node* to = nodes_.data() + used_.fetch_add(count);
     std::copy(subtree.nodes_end - count, subtree.nodes_end, to);
@@ -56,7 +56,7 @@ struct TopNode {
 
 /// Joins subtrees: `top` is empty for a single one. Nodes come depth-first, the left child first,
 /// and primitives ascend in each leaf.
-Bvh2 join_subtrees(std::span<const TopNode> top, std::span<const Subtree> subtrees,
-                   std::vector<uint32_t> primitives);
+Bvh2 join_parts(std::span<const TopNode> top, std::span<const TreePart> parts,
+                std::vector<uint32_t> primitives);
 
 }  // namespace umbel::bvh

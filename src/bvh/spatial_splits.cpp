@@ -1,0 +1,241 @@
+// SAH with spatial splits (Stich, Friedrich and Dietrich, "Spatial Splits in Bounding Volume
+// Hierarchies", 2009): where the boxes of the best partition overlap, a plane may cut triangles in
+// two instead, each part with a box of its own. Both kinds of split are searched in bins; spatial
+// bins hold exactly clipped parts. References that are better left whole stay whole.
+//
+// References live in one array. A node owns a stretch of it with some slack, which bounds how
+// often references are split below; what is left of it goes to the children by a fixed rule, so
+// nothing depends on the order in which subtrees are built.
+#include <bit>
+#include <memory>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "bvh/builders.hpp"
+#include "bvh/config.hpp"
+#include "bvh/leaf_rule.hpp"
+#include "bvh/split_search.hpp"
+#include "bvh/tree_parts.hpp"
+
+namespace umbel::bvh {
+namespace {
+
+/// References [begin, begin + count) of an array, which may become more until `limit`.
+struct Stretch {
+  uint32_t begin, count, limit, depth;
+  uint32_t slack() const { return limit - begin - count; }
+};
+
+/// A subtree that one thread builds, or two such trees.
+struct Branch {
+  std::unique_ptr<Branch> left, right;
+  TreePart part{};
+  const uint32_t* primitives = nullptr;
+  uint32_t primitive_count = 0;
+};
+
+class SpatialBuilder {
+ public:
+  SpatialBuilder(const MeshView& mesh, Boxes boxes, const Config& config)
+      : mesh_(mesh),
+        config_(config),
+        rule_(config),
+        count_(static_cast<uint32_t>(boxes.size())),
+        capacity_(count_ + budget(boxes.size(), config.spatial_budget)),
+        references_(capacity_),
+        primitives_(capacity_),
+        store_(2 * size_t(capacity_)) {
+    parallel_for(count_, 4096, [&](size_t i) {
+      references_[i] = tagged(Box4::from(boxes[i]), static_cast<uint32_t>(i));
+    });
+    Box4 root = Box4::empty();
+    for (uint32_t i = 0; i < count_; ++i) root.extend(references_[i]);
+    least_overlap_ = config.spatial_overlap * root.half_area(root.pad());
+  }
+
+  Bvh2 build() {
+    Branch root;
+    grow({0, count_, capacity_, 0}, root);
+    std::vector<TopNode> top;
+    std::vector<TreePart> parts;
+    std::vector<uint32_t> primitives;
+    flatten(root, top, parts, primitives);
+    return join_parts(top, parts, std::move(primitives));
+  }
+
+ private:
+  static constexpr uint32_t kSequential = 1u << 12;
+
+  static uint32_t budget(size_t count, float fraction) {
+    return static_cast<uint32_t>(
+        std::min(double(count) * double(fraction), double(kMaxPrimitives) - double(count)));
+  }
+
+  void grow(const Stretch& stretch, Branch& branch) {
+    if (stretch.count <= kSequential) {
+      grow_part(stretch, branch);
+      return;
+    }
+    Stretch left, right;
+    divide(stretch, left, right);
+    branch.left = std::make_unique<Branch>();
+    branch.right = std::make_unique<Branch>();
+    tbb::parallel_invoke([&] { grow(left, *branch.left); }, [&] { grow(right, *branch.right); });
+  }
+
+  uint32_t flatten(const Branch& branch, std::vector<TopNode>& top, std::vector<TreePart>& parts,
+                   std::vector<uint32_t>& primitives) {
+    if (!branch.left) {
+      primitives.insert(primitives.end(), branch.primitives,
+                        branch.primitives + branch.primitive_count);
+      parts.push_back(branch.part);
+      parts.back().leaf_base = static_cast<uint32_t>(primitives.size());
+      return ~static_cast<uint32_t>(parts.size() - 1);
+    }
+    const auto id = static_cast<uint32_t>(top.size());
+    top.emplace_back();
+    const uint32_t left = flatten(*branch.left, top, parts, primitives);
+    const uint32_t right = flatten(*branch.right, top, parts, primitives);
+    top[id] = {left, right};
+    return id;
+  }
+
+  /// A finished subtree; its primitives lie before those of the subtrees finished earlier.
+  struct Grown {
+    Node node;
+    uint32_t pairs, primitives;
+    float cost;
+  };
+
+  /// Where a subtree's nodes and primitives go, from the back.
+  struct Output {
+    Node* nodes_end;
+    Node* next_node;
+    uint32_t* primitives_end;
+    uint32_t* next_primitive;
+  };
+
+  void grow_part(const Stretch& stretch, Branch& branch) {
+    Node* end = PartStore::scratch_end(2 * size_t(stretch.limit - stretch.begin));
+    uint32_t* primitives_end = primitives_.data() + stretch.limit;
+    Output out{end, end, primitives_end, primitives_end};
+    const Grown grown = grow_below(stretch, out);
+    branch.part = {grown.node, grown.pairs, end, 0};
+    store_.keep(branch.part);
+    branch.primitives = out.next_primitive;
+    branch.primitive_count = grown.primitives;
+  }
+
+  Grown grow_below(const Stretch& stretch, Output& out) {
+    if (stretch.count == 1) {
+      const Box4& reference = references_[stretch.begin];
+      *--out.next_primitive = triangle_of(reference);
+      return make_leaf(reference, 1, out);
+    }
+    Stretch left, right;
+    divide(stretch, left, right);
+    const Grown second = grow_below(right, out);
+    const Grown first = grow_below(left, out);
+    return join(first, second, out);
+  }
+
+  Grown make_leaf(const Box4& box, uint32_t count, const Output& out) const {
+    // Counted from the end: see TreePart::leaf_base.
+    const auto first = static_cast<uint32_t>(out.next_primitive - out.primitives_end);
+    const Node node = box.node(first, count);
+    return {node, 0, count, rule_.leaf_cost(node.box(), count)};
+  }
+
+  Grown join(const Grown& left, const Grown& right, Output& out) const {
+    Box4 box = Box4::from(left.node.box());
+    box.extend(Box4::from(right.node.box()));
+    Node node = box.node(0, 0);
+    const float inner = rule_.inner_cost(node.box(), left.cost, right.cost);
+    const uint32_t references = left.primitives + right.primitives;
+    // Parts of one triangle count once in a leaf, so even more of them may fit.
+    if (references <= 2 * rule_.max_leaf_size) {
+      const uint32_t count = count_distinct(out.next_primitive, references);
+      if (count <= rule_.max_leaf_size && rule_.leaf_cost(node.box(), count) <= inner) {
+        out.next_node += 2 * (left.pairs + right.pairs);
+        keep_distinct(out.next_primitive, references);
+        out.next_primitive += references - count;
+        return make_leaf(box, count, out);
+      }
+    }
+    *--out.next_node = right.node;
+    *--out.next_node = left.node;
+    node.first = static_cast<uint32_t>(out.nodes_end - out.next_node);
+    return {node, left.pairs + right.pairs + 1, references, inner};
+  }
+
+  static uint32_t count_distinct(const uint32_t* values, uint32_t count) {
+    uint32_t distinct = 0;
+    for (uint32_t i = 0; i < count; ++i)
+      distinct += std::find(values, values + i, values[i]) == values + i;
+    return distinct;
+  }
+
+  /// The distinct values, at the end.
+  static void keep_distinct(uint32_t* values, uint32_t count) {
+    uint32_t* const end = values + count;
+    uint32_t* kept = end;
+    for (uint32_t* value = end; value-- != values;)
+      if (std::find(kept, end, *value) == end) *--kept = *value;
+  }
+
+  /// Splits a stretch of at least two references into two that are not empty.
+  void divide(const Stretch& stretch, Stretch& left, Stretch& right) {
+    Box4* references = references_.data() + stretch.begin;
+    const uint32_t n = stretch.count, levels = config_.max_depth - stretch.depth - 1;
+    const NodeBounds bounds = bounds_of(references, n);
+    Split split = best_partition(references, n, bounds);
+    const bool roomy = stretch.slack() > 0 && fits_depth(size_t(n) + stretch.slack(), levels);
+    if (roomy && split.overlap > least_overlap_) {
+      const Split cut = best_cut(references, n, bounds, mesh_);
+      if (cut.cost < split.cost && cut.left_count + cut.right_count <= n + stretch.slack())
+        split = cut;
+    }
+    Halves halves = split.is_cut ? cut_references(references, n, stretch.slack(), split, mesh_)
+                                 : partition_references(references, n, split);
+    if (!fits_depth(std::max(halves.left_count, halves.right_count), levels)) {
+      // Only a partition comes here: with a cut there is room for every reference.
+      std::copy(halves.right, halves.right + halves.right_count, references + halves.left_count);
+      halves = {n / 2, n - n / 2, copy_to_scratch(references + n / 2, n - n / 2)};
+    }
+    place(stretch, halves, split, left, right);
+  }
+
+  /// Hands the slack down and moves the right half to its own stretch.
+  void place(const Stretch& stretch, const Halves& halves, const Split& split, Stretch& left,
+             Stretch& right) {
+    const uint32_t slack = stretch.limit - stretch.begin - halves.left_count - halves.right_count;
+    const double left_weight = split.left_weight(halves.left_count);
+    const double right_weight = split.right_weight(halves.right_count);
+    const double share =
+        left_weight + right_weight > 0 ? left_weight / (left_weight + right_weight) : 0.5;
+    const uint32_t left_limit =
+        stretch.begin + halves.left_count + static_cast<uint32_t>(double(slack) * share);
+    left = {stretch.begin, halves.left_count, left_limit, stretch.depth + 1};
+    right = {left_limit, halves.right_count, stretch.limit, stretch.depth + 1};
+    std::copy(halves.right, halves.right + halves.right_count, references_.data() + left_limit);
+  }
+
+  const MeshView& mesh_;
+  const Config& config_;
+  const LeafRule rule_;
+  const uint32_t count_;
+  const uint32_t capacity_;
+  CpuBuffer<Box4> references_;
+  CpuBuffer<uint32_t> primitives_;
+  PartStore store_;
+  float least_overlap_ = 0;
+};
+
+}  // namespace
+
+Bvh2 build_spatial(const MeshView& mesh, Boxes boxes, const Config& config, Progress& progress) {
+  progress.report(0.1, "splitting in space");
+  return SpatialBuilder(mesh, boxes, config).build();
+}
+
+}  // namespace umbel::bvh

@@ -1,0 +1,330 @@
+#include "bvh/split_search.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include "base/cpu_buffer.hpp"
+#include "base/parallel.hpp"
+#include "bvh/clip_triangle.hpp"
+
+namespace umbel::bvh {
+namespace {
+
+typedef int32_t Int4 __attribute__((vector_size(16)));
+
+constexpr uint32_t kPartitionBins = 32;
+constexpr uint32_t kCutBins = 16;
+constexpr uint32_t kChunk = 1u << 14;
+
+/// add(result, begin, end) over fixed chunks, whose results are joined in their order.
+template <typename Result, typename Add>
+Result accumulate(uint32_t count, const Add& add) {
+  Result all;
+  if (count <= kChunk) {
+    add(all, 0u, count);
+    return all;
+  }
+  std::vector<Result> parts((count + kChunk - 1) / kChunk);
+  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    add(parts[begin / kChunk], static_cast<uint32_t>(begin), static_cast<uint32_t>(end));
+  });
+  for (const Result& part : parts) all.join(part);
+  return all;
+}
+
+struct Bounds {
+  Box4 box = Box4::empty(), centers = Box4::empty();
+  void join(const Bounds& o) {
+    box.extend(o.box);
+    centers.extend(o.centers);
+  }
+};
+
+/// Bin numbers of three axes at once; never out of range, whatever rounding does.
+struct Grid {
+  Float4 origin, scale;
+  int32_t last;
+
+  Grid(const Box4& box, uint32_t bins) : origin(box.low), last(int32_t(bins) - 1) {
+    const Float4 extents = box.extents();
+    for (int a = 0; a < 4; ++a) scale[a] = a < 3 && extents[a] > 0 ? float(bins) / extents[a] : 0;
+  }
+  Grid(const Split& split, uint32_t bins)
+      : origin(split.origin), scale(split.scale), last(int32_t(bins) - 1) {}
+
+  Int4 of(Float4 at) const {
+    const Int4 bin = __builtin_convertvector((at - origin) * scale, Int4);
+    const Int4 most = {last, last, last, last}, none = {0, 0, 0, 0};
+    const Int4 low = bin < most ? bin : most;
+    return low > none ? low : none;
+  }
+  int32_t of(Float4 at, int axis) const {
+    const auto bin = static_cast<int32_t>((at[axis] - origin[axis]) * scale[axis]);
+    return std::clamp(bin, 0, last);
+  }
+};
+
+template <uint32_t bins>
+struct PartitionBins {
+  Box4 box[3][bins];
+  uint32_t count[3][bins] = {};
+
+  PartitionBins() {
+    for (auto& axis : box) std::fill(axis, axis + bins, Box4::empty());
+  }
+  void join(const PartitionBins& o) {
+    for (int a = 0; a < 3; ++a) {
+      for (uint32_t b = 0; b < bins; ++b) {
+        box[a][b].extend(o.box[a][b]);
+        count[a][b] += o.count[a][b];
+      }
+    }
+  }
+};
+
+struct CutBins {
+  Box4 box[3][kCutBins];
+  uint32_t enter[3][kCutBins] = {}, leave[3][kCutBins] = {};
+
+  CutBins() {
+    for (auto& axis : box) std::fill(axis, axis + kCutBins, Box4::empty());
+  }
+  void join(const CutBins& o) {
+    for (int a = 0; a < 3; ++a) {
+      for (uint32_t b = 0; b < kCutBins; ++b) {
+        box[a][b].extend(o.box[a][b]);
+        enter[a][b] += o.enter[a][b];
+        leave[a][b] += o.leave[a][b];
+      }
+    }
+  }
+};
+
+/// The cheapest plane between bins of an axis. `left` of them are counted by where references
+/// begin, the rest by where they end.
+void sweep_bins(const Box4* box, const uint32_t* enter, const uint32_t* leave, uint32_t bins,
+                int axis, Float4 pad, Split& best) {
+  float right_area[64];
+  uint32_t right_count[64];
+  Box4 side = Box4::empty();
+  uint32_t count = 0;
+  for (uint32_t b = bins - 1; b > 0; --b) {
+    side.extend(box[b]);
+    count += leave[b];
+    right_count[b] = count;
+    right_area[b] = count > 0 ? side.half_area(pad) : 0;
+  }
+  side = Box4::empty();
+  count = 0;
+  for (uint32_t b = 1; b < bins; ++b) {
+    side.extend(box[b - 1]);
+    count += enter[b - 1];
+    if (count == 0) continue;
+    if (right_count[b] == 0) break;
+    const float area = side.half_area(pad);
+    const float cost = area * float(count) + right_area[b] * float(right_count[b]);
+    if (cost < best.cost) {
+      best.cost = cost;
+      best.axis = axis;
+      best.bin = b;
+      best.left_area = area;
+      best.right_area = right_area[b];
+      best.left_count = count;
+      best.right_count = right_count[b];
+    }
+  }
+}
+
+void find_sides(const Box4* box, uint32_t bins, Split& split) {
+  split.left_box = split.right_box = Box4::empty();
+  for (uint32_t b = 0; b < bins; ++b)
+    (b < split.bin ? split.left_box : split.right_box).extend(box[b]);
+}
+
+template <uint32_t bins>
+Split partition_by_bins(const Box4* references, uint32_t count, const NodeBounds& bounds) {
+  using Bins = PartitionBins<bins>;
+  const Grid grid(bounds.centers, bins);
+  const Bins all = accumulate<Bins>(count, [&](Bins& part, uint32_t begin, uint32_t end) {
+    for (uint32_t i = begin; i < end; ++i) {
+      const Box4 box = references[i];
+      const Int4 bin = grid.of(box.center2());
+      for (int a = 0; a < 3; ++a) {
+        part.box[a][bin[a]].extend(box);
+        ++part.count[a][bin[a]];
+      }
+    }
+  });
+  Split best;
+  best.origin = grid.origin;
+  best.scale = grid.scale;
+  for (int a = 0; a < 3; ++a)
+    if (grid.scale[a] > 0)
+      sweep_bins(all.box[a], all.count[a], all.count[a], bins, a, bounds.pad, best);
+  if (best.axis >= 0) find_sides(all.box[best.axis], bins, best);
+  return best;
+}
+
+/// Adds a reference to the bins of an axis from `first` to `last`, one part to each.
+void chop(const Box4& reference, const Corners& corners, int axis, int32_t first, int32_t last,
+          float origin, float width, CutBins& bins) {
+  Box4 rest = reference;
+  ++bins.enter[axis][first];
+  ++bins.leave[axis][last];
+  for (int32_t b = first; b < last; ++b) {
+    Box4 before, behind;
+    clip_triangle(corners, rest, axis, origin + float(b + 1) * width, before, behind);
+    if (!is_empty(before)) bins.box[axis][b].extend(before);
+    if (is_empty(behind)) return;
+    rest = behind;
+  }
+  bins.box[axis][last].extend(rest);
+}
+
+Box4* scratch_for(size_t count) {
+  thread_local CpuBuffer<Box4> scratch;
+  if (scratch.size() < count) scratch = CpuBuffer<Box4>(count);
+  return scratch.data();
+}
+
+uint32_t bins_for(uint32_t count) { return count < 256 ? 16 : kPartitionBins; }
+
+}  // namespace
+
+NodeBounds bounds_of(const Box4* references, uint32_t count) {
+  const Bounds all = accumulate<Bounds>(count, [&](Bounds& part, uint32_t begin, uint32_t end) {
+    for (uint32_t i = begin; i < end; ++i) {
+      const Float4 center = references[i].center2();
+      part.box.extend(references[i]);
+      part.centers.extend({center, -center});
+    }
+  });
+  return {all.box, all.centers, all.box.pad()};
+}
+
+Split best_partition(const Box4* references, uint32_t count, const NodeBounds& bounds) {
+  Split best = bins_for(count) == 16 ? partition_by_bins<16>(references, count, bounds)
+                                     : partition_by_bins<kPartitionBins>(references, count, bounds);
+  if (best.axis < 0) return best;
+  const Box4 both = intersection(best.left_box, best.right_box);
+  best.overlap = is_empty(both) ? 0 : both.half_area(bounds.pad);
+  return best;
+}
+
+Split best_cut(const Box4* references, uint32_t count, const NodeBounds& bounds,
+               const MeshView& mesh) {
+  const Grid grid(bounds.box, kCutBins);
+  const Float4 width = bounds.box.extents() * splat(1.0f / kCutBins);
+  const CutBins all = accumulate<CutBins>(count, [&](CutBins& part, uint32_t begin, uint32_t end) {
+    for (uint32_t i = begin; i < end; ++i) {
+      const Box4& box = references[i];
+      const Int4 first = grid.of(box.low), last = grid.of(-box.negated_high);
+      const bool whole = first[0] == last[0] && first[1] == last[1] && first[2] == last[2];
+      if (whole) {
+        for (int a = 0; a < 3; ++a) {
+          part.box[a][first[a]].extend(box);
+          ++part.enter[a][first[a]];
+          ++part.leave[a][first[a]];
+        }
+        continue;
+      }
+      const Corners corners(mesh, triangle_of(box));
+      for (int a = 0; a < 3; ++a)
+        chop(box, corners, a, first[a], last[a], grid.origin[a], width[a], part);
+    }
+  });
+  Split best;
+  best.is_cut = true;
+  best.origin = grid.origin;
+  best.scale = grid.scale;
+  for (int a = 0; a < 3; ++a)
+    if (grid.scale[a] > 0)
+      sweep_bins(all.box[a], all.enter[a], all.leave[a], kCutBins, a, bounds.pad, best);
+  if (best.axis < 0) return best;
+  find_sides(all.box[best.axis], kCutBins, best);
+  best.plane = grid.origin[best.axis] + float(best.bin) * width[best.axis];
+  return best;
+}
+
+Halves partition_references(Box4* references, uint32_t count, const Split& split) {
+  Box4* right = scratch_for(count);
+  if (split.axis < 0) {
+    const uint32_t half = count / 2;
+    std::copy(references + half, references + count, right);
+    return {half, count - half, right};
+  }
+  const Grid grid(split, bins_for(count));
+  uint32_t left_count = 0, right_count = 0;
+  for (uint32_t i = 0; i < count; ++i) {
+    const Box4 reference = references[i];
+    const bool is_left = grid.of(reference.center2(), split.axis) < int32_t(split.bin);
+    references[left_count] = reference;
+    right[right_count] = reference;
+    left_count += is_left;
+    right_count += !is_left;
+  }
+  return {left_count, right_count, right};
+}
+
+Halves cut_references(Box4* references, uint32_t count, uint32_t slack, const Split& split,
+                      const MeshView& mesh) {
+  // The left half may outgrow what has been read, so both go to scratch memory first.
+  Box4* left = scratch_for(2 * (size_t(count) + slack));
+  Box4* right = left + count + slack;
+  uint32_t left_count = 0, right_count = 0, splits_left = slack;
+  const Grid grid(split, kCutBins);
+  const int axis = split.axis;
+  const auto add = [&](const Box4& box, uint32_t triangle, bool is_left) {
+    (is_left ? left[left_count++] : right[right_count++]) = tagged(box, triangle);
+  };
+  const float left_references = float(split.left_count),
+              right_references = float(split.right_count);
+  const float cost = split.left_area * left_references + split.right_area * right_references;
+  const Float4 pad = splat(0);
+  for (uint32_t i = 0; i < count; ++i) {
+    const Box4 reference = references[i];
+    const uint32_t triangle = triangle_of(reference);
+    const bool starts_left = grid.of(reference.low, axis) < int32_t(split.bin);
+    const bool ends_left = grid.of(-reference.negated_high, axis) < int32_t(split.bin);
+    if (starts_left == ends_left) {
+      add(reference, triangle, starts_left);
+      continue;
+    }
+    Box4 before, behind;
+    clip_triangle(Corners(mesh, triangle), reference, axis, split.plane, before, behind);
+    Box4 with_left = split.left_box, with_right = split.right_box;
+    with_left.extend(reference);
+    with_right.extend(reference);
+    const float all_left =
+        with_left.half_area(pad) * left_references + split.right_area * (right_references - 1);
+    const float all_right =
+        split.left_area * (left_references - 1) + with_right.half_area(pad) * right_references;
+    const bool both = !is_empty(before) && !is_empty(behind);
+    if (both && splits_left > 0 && cost < std::min(all_left, all_right)) {
+      add(before, triangle, true);
+      add(behind, triangle, false);
+      --splits_left;
+    } else if (!both) {
+      add(reference, triangle, !is_empty(before));
+    } else {
+      add(reference, triangle, all_left <= all_right);
+    }
+  }
+  if (left_count == 0 || right_count == 0) {
+    // Left whole, all of them would be on one side.
+    Box4* from = left_count == 0 ? right : left;
+    const uint32_t n = left_count + right_count, half = n / 2;
+    std::copy(from, from + half, references);
+    return {half, n - half, from + half};
+  }
+  std::copy(left, left + left_count, references);
+  return {left_count, right_count, right};
+}
+
+const Box4* copy_to_scratch(const Box4* references, uint32_t count) {
+  Box4* scratch = scratch_for(count);
+  std::copy(references, references + count, scratch);
+  return scratch;
+}
+
+}  // namespace umbel::bvh
