@@ -36,7 +36,7 @@ constexpr std::array kEntries{
     Entry{Builder::kLbvh, "lbvh", build_lbvh, nullptr, true},
     Entry{Builder::kHlbvh, "hlbvh"},
     Entry{Builder::kKmeans, "kmeans", build_kmeans},
-    Entry{Builder::kAgglomerative, "agglomerative"},
+    Entry{Builder::kAgglomerative, "agglomerative", build_agglomerative},
     Entry{Builder::kAac, "aac", build_aac},
     Entry{Builder::kPloc, "ploc"},
     Entry{Builder::kAtrbvh, "atrbvh"},
@@ -180,6 +180,12 @@ void unscale(Bvh2& tree, Boxes boxes, float scale, bool parts) {
   }
 }
 
+/// Without area, builders cannot know which leaves are cheap.
+bool has_area(const Node& node) {
+  const Vec3 e = node.max - node.min;
+  return (e.x > 0) + (e.y > 0) + (e.z > 0) >= 2;
+}
+
 Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config, Progress& progress) {
   const bool parts = config.builder == Builder::kSpatial;
   const float scale = scale_of(bounds_of(boxes));
@@ -189,7 +195,8 @@ Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config, Prog
     progress.report(0.8, "reinserting");
     kReinsert(tree, config.reinsertion_rounds, {});
   }
-  if (!entry_of(config.builder).is_final || config.reinsertion_rounds > 0) {
+  if (!entry_of(config.builder).is_final || config.reinsertion_rounds > 0 ||
+      !has_area(tree.nodes[0])) {
     progress.report(0.9, "collapsing leaves");
     limit_depth(tree, config.max_depth);
     collapse_leaves(tree, config.cost, config.max_leaf_size);
