@@ -38,18 +38,18 @@ struct RayFrame {
 /// them all, so that a tie is broken by primitive and not by the tree.
 inline constexpr float kTieSlack = 1.0f / (1 << 18);
 
-inline float cull_distance(float t) { return t + std::fabs(t) * kTieSlack; }
+static inline float cull_distance(float t) { return t + std::fabs(t) * kTieSlack; }
 
-inline float power_of_two(int exponent) {
+static inline float power_of_two(int exponent) {
   return std::bit_cast<float>(static_cast<uint32_t>(exponent + 127) << 23);
 }
 /// Of a finite value; -127 for zero and denormals.
-inline int exponent_of(float value) {
+static inline int exponent_of(float value) {
   return static_cast<int>((std::bit_cast<uint32_t>(value) >> 23) & 255u) - 127;
 }
 
 /// False where the ray can hit nothing.
-inline bool make_frame(const TriangleBvhData& tree, const Ray& ray, RayFrame& f) {
+static inline bool make_frame(const TriangleBvhData& tree, const Ray& ray, RayFrame& f) {
   constexpr float kMax = std::numeric_limits<float>::max();
   float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
   const float o[3] = {ray.origin.x, ray.origin.y, ray.origin.z};

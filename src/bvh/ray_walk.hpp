@@ -1,14 +1,15 @@
-// The walk through a wide tree, for any instruction set. `Lanes` says how boxes and triangles are
-// tested:
-//   kWidth                                   slots a node
-//   boxes(node, frame, cull, near)           mask of the slots whose box the ray meets in
-//                                            [t_min, cull], and where it enters them
-//   triangles(tree, link, frame, options, cull, hits)  mask of the triangles that the ray's line
-//                                            meets, with t, u, v
+// The walk through a wide tree, for any instruction set. `Lanes`, made of a ray's frame, says how
+// boxes and triangles are tested:
+//   kWidth                           slots a node
+//   visit(node, cull, top)           the nearest child whose box the ray meets in [t_min, cull], or
+//                                    kNoChild; puts the others on the stack, the furthest first
+//   triangles(tree, link, cull_back, t_max, hits)  which triangles of a leaf the ray meets in
+//                                    [t_min, t_max]
 // Children are visited from near to far; those further than the nearest hit are skipped.
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 
 #include "bvh/ray_kernels.hpp"
@@ -16,25 +17,31 @@
 
 namespace umbel {
 
+/// Of the triangles that are hit: t, and the barycentric coordinates times the determinant.
 struct LeafHits {
-  float t[kMaxLeafTriangles], u[kMaxLeafTriangles], v[kMaxLeafTriangles];
+  alignas(32) float t[kMaxLeafTriangles];
+  alignas(32) float v[kMaxLeafTriangles];
+  alignas(32) float w[kMaxLeafTriangles];
+  alignas(32) float determinant[kMaxLeafTriangles];
 };
 
+/// Where a box is entered is in the upper half, so that entries compare as integers where t >= 0.
 struct StackEntry {
-  float near;
   uint32_t link;
+  float near;
 };
 
 /// Room for what a walk may have to come back to; on the heap only for trees of absurd depth.
-template <uint32_t width>
+template <typename Lanes>
 class WalkStack {
  public:
   explicit WalkStack(const TriangleBvhData& tree) {
-    // A node leaves at most width - 1 siblings behind, and is written whole.
-    const size_t need = size_t{tree.max_depth} * (width - 1) + 2 * size_t{width};
-    if (need <= kSmall) return;
-    large_ = std::make_unique_for_overwrite<StackEntry[]>(need);
-    base_ = large_.get();
+    // A node leaves at most width - 1 siblings behind; eight are written at once.
+    const size_t need = size_t{tree.max_depth} * (Lanes::kWidth - 1) + 16;
+    if (need > kSmall) [[unlikely]] {
+      large_ = std::make_unique_for_overwrite<StackEntry[]>(need);
+      base_ = large_.get();
+    }
   }
   StackEntry* base() { return base_; }
 
@@ -45,13 +52,14 @@ class WalkStack {
   StackEntry* base_ = small_;
 };
 
-inline const uint32_t* leaf_words(const TriangleBvhData& tree, uint32_t link) {
+static inline const uint32_t* leaf_words(const TriangleBvhData& tree, uint32_t link) {
   return tree.leaves.data() +
          size_t{TriangleBvhData::first_reference(link)} * tree.reference_words();
 }
 
 /// Keeps the lanes whose triangle the ray's mask sees.
-inline uint32_t visible(const TriangleBvhData& tree, uint32_t link, uint32_t lanes, uint32_t mask) {
+static inline uint32_t visible(const TriangleBvhData& tree, uint32_t link, uint32_t lanes,
+                               uint32_t mask) {
   if (!tree.masked) return mask == 0 ? 0 : lanes;
   const uint32_t n = TriangleBvhData::leaf_size(link);
   const uint32_t* masks = leaf_words(tree, link) + size_t{tree.corner_words() + 1} * n;
@@ -62,45 +70,92 @@ inline uint32_t visible(const TriangleBvhData& tree, uint32_t link, uint32_t lan
   return lanes;
 }
 
-/// Visits leaves from near to far. leaf(link, cull) may lower cull, and ends the walk by true.
-template <typename Lanes, typename Leaf>
-bool walk(const TriangleBvhData& tree, const RayFrame& frame, float& cull, const Leaf& leaf) {
-  constexpr uint32_t kWidth = Lanes::kWidth;
-  WalkStack<kWidth> room(tree);
-  StackEntry* const base = room.base();
-  StackEntry* top = base;
-  uint32_t link = 0;
-  while (true) {
-    if (TriangleBvhData::is_leaf(link)) {
-      if (leaf(link)) return true;
-    } else {
-      const uint32_t* node = tree.nodes.data() + size_t{link} * (7 * kWidth);
-      float near[kWidth];
-      StackEntry* const first = top;
-      for (uint32_t rest = Lanes::boxes(node, frame, cull, near); rest != 0; rest &= rest - 1) {
-        const auto slot = static_cast<uint32_t>(std::countr_zero(rest));
-        StackEntry* place = top++;
-        for (; place != first && place[-1].near < near[slot]; --place) *place = place[-1];
-        *place = {near[slot], node[6 * kWidth + slot]};
+static inline Hit hit_of(const LeafHits& hits, uint32_t lane, uint32_t primitive) {
+  return {hits.t[lane], primitive, hits.v[lane] / hits.determinant[lane],
+          hits.w[lane] / hits.determinant[lane]};
+}
+
+/// Pushes the slots of a mask, the furthest first, and takes the nearest off again.
+template <uint32_t width>
+static inline uint32_t push_sorted(const uint32_t* node, uint32_t slots, const float* near,
+                                   StackEntry*& top) {
+  StackEntry* const first = top;
+  for (; slots != 0; slots &= slots - 1) {
+    const auto slot = static_cast<uint32_t>(std::countr_zero(slots));
+    StackEntry* place = top++;
+    for (; place != first && place[-1].near < near[slot]; --place) *place = place[-1];
+    *place = {node[6 * width + slot], near[slot]};
+  }
+  return (--top)->link;
+}
+
+/// The box test in plain C++. `Tag` keeps the instruction sets' forms apart.
+template <typename Tag, uint32_t width>
+class PlainBoxes {
+ public:
+  explicit PlainBoxes(const RayFrame& frame)
+      : f_(frame), t_min_(frame.t_min - std::fabs(frame.t_min) * kTieSlack) {}
+
+  uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
+    float near[width], far[width];
+    for (uint32_t i = 0; i < width; ++i) {
+      near[i] = t_min_;
+      far[i] = cull;
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      const uint32_t* low = node + static_cast<size_t>(2 * axis) * width;
+      const bool flip = f_.inv[axis] < 0.0f;
+      const uint32_t *near_planes = low + (flip ? width : 0),
+                     *far_planes = low + (flip ? 0 : width);
+      for (uint32_t i = 0; i < width; ++i) {
+        const float a = std::bit_cast<float>(near_planes[i]) * f_.inv[axis] + f_.near_b[axis];
+        const float b = std::bit_cast<float>(far_planes[i]) * f_.inv[axis] + f_.far_b[axis];
+        near[i] = a > near[i] ? a : near[i];
+        far[i] = b < far[i] ? b : far[i];
       }
     }
+    uint32_t slots = 0;
+    for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(near[i] <= far[i]) << i;
+    return slots == 0 ? kNoChild : push_sorted<width>(node, slots, near, top);
+  }
+
+ private:
+  const RayFrame& f_;
+  float t_min_;
+};
+
+/// Visits leaves from near to far. leaf(link) may lower cull, and ends the walk by true.
+template <typename Lanes, typename Leaf>
+static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const float& cull,
+                        const Leaf& leaf) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  WalkStack<Lanes> room(tree);
+  StackEntry* top = room.base();
+  *top++ = {kNoChild, -kInfinity};
+  const uint32_t* const nodes = tree.nodes.data();
+  uint32_t link = 0;
+  while (true) {
+    while (!TriangleBvhData::is_leaf(link))
+      link = lanes.visit(nodes + size_t{link} * (7 * Lanes::kWidth), cull, top);
+    if (link != kNoChild && leaf(link)) return true;
     do {
-      if (top == base) return false;
-      --top;
+      link = (--top)->link;
     } while (top->near > cull);
-    link = top->link;
+    // The stack's first entry, which no distance skips.
+    if (link == kNoChild) return false;
   }
 }
 
 template <typename Lanes>
-Hit intersect_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options) {
+static Hit intersect_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options) {
   Hit best;
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return best;
   float t_max = frame.t_max, cull = cull_distance(t_max);
-  walk<Lanes>(tree, frame, cull, [&](uint32_t link) {
+  const Lanes tester(frame);
+  walk(tree, tester, cull, [&](uint32_t link) {
     LeafHits hits;
-    uint32_t lanes = Lanes::triangles(tree, link, frame, options, t_max, hits);
+    uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, t_max, hits);
     if (lanes == 0) return false;
     lanes = visible(tree, link, lanes, options.mask);
     const uint32_t* primitives =
@@ -110,7 +165,7 @@ Hit intersect_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions&
       const float t = hits.t[lane];
       if (t > t_max || (t == t_max && best.hit() && primitives[lane] >= best.primitive)) continue;
       t_max = t;
-      best = {t, primitives[lane], hits.u[lane], hits.v[lane]};
+      best = hit_of(hits, lane, primitives[lane]);
     }
     cull = cull_distance(t_max);
     return false;
@@ -120,20 +175,21 @@ Hit intersect_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions&
 }
 
 template <typename Lanes>
-bool occluded_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options) {
+static bool occluded_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options) {
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return false;
-  float cull = cull_distance(frame.t_max);
-  return walk<Lanes>(tree, frame, cull, [&](uint32_t link) {
+  const float cull = cull_distance(frame.t_max);
+  const Lanes tester(frame);
+  return walk(tree, tester, cull, [&](uint32_t link) {
     LeafHits hits;
-    const uint32_t lanes = Lanes::triangles(tree, link, frame, options, frame.t_max, hits);
+    const uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, frame.t_max, hits);
     return lanes != 0 && visible(tree, link, lanes, options.mask) != 0;
   });
 }
 
 template <typename Lanes>
-size_t all_hits_ray(const TriangleBvhData& tree, const Ray& ray, std::span<Hit> found,
-                    const RayOptions& options) {
+static size_t all_hits_ray(const TriangleBvhData& tree, const Ray& ray, std::span<Hit> found,
+                           const RayOptions& options) {
   RayFrame frame;
   if (found.empty() || !make_frame(tree, ray, frame)) return 0;
   const auto precedes = [](const Hit& a, const Hit& b) {
@@ -141,15 +197,16 @@ size_t all_hits_ray(const TriangleBvhData& tree, const Ray& ray, std::span<Hit> 
   };
   size_t count = 0;
   float t_max = frame.t_max, cull = cull_distance(t_max);
-  walk<Lanes>(tree, frame, cull, [&](uint32_t link) {
+  const Lanes tester(frame);
+  walk(tree, tester, cull, [&](uint32_t link) {
     LeafHits hits;
-    uint32_t lanes = Lanes::triangles(tree, link, frame, options, t_max, hits);
+    uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, t_max, hits);
     lanes = visible(tree, link, lanes, options.mask);
     const uint32_t* primitives =
         leaf_words(tree, link) + size_t{tree.corner_words()} * TriangleBvhData::leaf_size(link);
     for (; lanes != 0; lanes &= lanes - 1) {
       const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-      const Hit hit{hits.t[lane], primitives[lane], hits.u[lane], hits.v[lane]};
+      const Hit hit = hit_of(hits, lane, primitives[lane]);
       const auto end = found.begin() + static_cast<std::ptrdiff_t>(count);
       const auto place = std::lower_bound(found.begin(), end, hit, precedes);
       // Spatial splits put a triangle into several leaves.

@@ -1,31 +1,28 @@
 // The watertight ray-triangle test (Woop, Benthin & Wald 2013), one triangle at a time. SIMD
-// forms do the same operations in the same order, so that results agree bit by bit.
+// forms do the same operations in the same order, so that results agree bit by bit. What this and
+// the next headers define has internal linkage, because it is compiled for several instruction
+// sets.
 #pragma once
 
 #include "bvh/ray_frame.hpp"
 
 namespace umbel {
 
-/// The edge functions of a triangle whose sign alone decides whether it is hit.
-struct EdgeSigns {
-  bool any_negative, any_positive;
-  bool inside() const { return !(any_negative && any_positive); }
-};
-
 /// In double precision, where the product of two floats is exact: what float arithmetic calls
-/// zero is decided here, the same way for both triangles of an edge. Never inlined into a hot loop.
+/// zero is decided here, the same way for both triangles of an edge.
 struct ExactEdges {
   float u, v, w;
 };
-inline ExactEdges exact_edges(float ax, float ay, float bx, float by, float cx, float cy) {
+static inline ExactEdges exact_edges(float ax, float ay, float bx, float by, float cx, float cy) {
   const double u = double{cx} * by - double{cy} * bx;
   const double v = double{ax} * cy - double{ay} * cx;
   const double w = double{bx} * ay - double{by} * ax;
   return {static_cast<float>(u), static_cast<float>(v), static_cast<float>(w)};
 }
 
+/// v and w are those of Hit times `determinant`.
 struct TriangleHit {
-  float t, u, v;
+  float t, v, w, determinant;
 };
 
 /// The corners' coordinates along the frame's axes kx, ky, kz.
@@ -34,8 +31,8 @@ struct FrameTriangle {
 };
 
 /// True where the ray's line meets the triangle; the interval is the caller's to check.
-inline bool test_triangle(const RayFrame& f, const FrameTriangle& triangle, bool cull_back,
-                          TriangleHit& hit) {
+static inline bool test_triangle(const RayFrame& f, const FrameTriangle& triangle, bool cull_back,
+                                 TriangleHit& hit) {
   const float ox = f.origin[f.kx], oy = f.origin[f.ky], oz = f.origin[f.kz];
   const float az = (triangle.a[2] - oz) * f.scale, bz = (triangle.b[2] - oz) * f.scale,
               cz = (triangle.c[2] - oz) * f.scale;
@@ -58,8 +55,9 @@ inline bool test_triangle(const RayFrame& f, const FrameTriangle& triangle, bool
   if (determinant == 0.0f) return false;
   const float depth = (u * az + v * bz) + w * cz;
   hit.t = (depth / determinant) * (f.sz * f.unscale);
-  hit.u = v / determinant;
-  hit.v = w / determinant;
+  hit.v = v;
+  hit.w = w;
+  hit.determinant = determinant;
   return true;
 }
 

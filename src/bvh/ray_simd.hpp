@@ -1,0 +1,220 @@
+// The ray kernels in 256-bit vectors, for the translation units that turn on an instruction set
+// before they include this. What the sets do differently comes from `Isa`:
+//   mask_le(a, b), mask_eq(a, b)   which lanes have a <= b, a == b
+//   load(words, n), load_ids       the first n of eight; the other lanes may hold anything
+//   push(node, slots, near, top)   puts the slots of a mask on the stack, the furthest first, but
+//                                  for the nearest, whose link it returns; two slots at least
+// Box tests only cull, so how they round does not matter (see ray_frame.hpp); triangle tests do
+// what test_triangle does, in the same order and without fused operations.
+#pragma once
+
+#include <immintrin.h>
+
+#include "bvh/ray_walk.hpp"
+
+#define UMBEL_SIMD [[gnu::always_inline]] inline
+
+namespace umbel {
+
+/// The box test of the eight slots of a node.
+template <typename Isa>
+class BoxTester {
+ public:
+  UMBEL_SIMD explicit BoxTester(const RayFrame& f) {
+    for (int axis = 0; axis < 3; ++axis) {
+      inv_[axis] = _mm256_set1_ps(f.inv[axis]);
+      near_b_[axis] = _mm256_set1_ps(f.near_b[axis]);
+      far_b_[axis] = _mm256_set1_ps(f.far_b[axis]);
+      const ptrdiff_t flip = f.inv[axis] < 0.0f ? 8 : 0;
+      near_at_[axis] = 16 * axis + flip;
+      far_at_[axis] = 16 * axis + (8 - flip);
+    }
+    t_min_ = _mm256_set1_ps(f.t_min - std::fabs(f.t_min) * kTieSlack);
+  }
+
+  UMBEL_SIMD uint32_t operator()(const uint32_t* node, float cull, __m256& near) const {
+    const auto* planes = reinterpret_cast<const float*>(node);
+    const __m256 nx = at(planes + near_at_[0], 0, near_b_), fx = at(planes + far_at_[0], 0, far_b_);
+    const __m256 ny = at(planes + near_at_[1], 1, near_b_), fy = at(planes + far_at_[1], 1, far_b_);
+    const __m256 nz = at(planes + near_at_[2], 2, near_b_), fz = at(planes + far_at_[2], 2, far_b_);
+    near = _mm256_max_ps(_mm256_max_ps(nx, ny), _mm256_max_ps(nz, t_min_));
+    const __m256 far =
+        _mm256_min_ps(_mm256_min_ps(fx, fy), _mm256_min_ps(fz, _mm256_set1_ps(cull)));
+    return Isa::mask_le(near, far);
+  }
+
+ private:
+  UMBEL_SIMD __m256 at(const float* planes, int axis, const __m256* b) const {
+    return _mm256_fmadd_ps(_mm256_load_ps(planes), inv_[axis], b[axis]);
+  }
+
+  __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
+  ptrdiff_t near_at_[3], far_at_[3];  ///< of the planes in a node
+};
+
+/// Woop's test of the triangles of a leaf.
+template <typename Isa>
+class TriangleTester {
+ public:
+  UMBEL_SIMD explicit TriangleTester(const RayFrame& f)
+      : ox_(_mm256_set1_ps(f.origin[f.kx])),
+        oy_(_mm256_set1_ps(f.origin[f.ky])),
+        oz_(_mm256_set1_ps(f.origin[f.kz])),
+        sx_(_mm256_set1_ps(f.sx)),
+        sy_(_mm256_set1_ps(f.sy)),
+        scale_(_mm256_set1_ps(f.scale)),
+        t_scale_(_mm256_set1_ps(f.sz * f.unscale)),
+        t_min_(_mm256_set1_ps(f.t_min)),
+        kx_(static_cast<uint32_t>(f.kx)),
+        ky_(static_cast<uint32_t>(f.ky)),
+        kz_(static_cast<uint32_t>(f.kz)),
+        scaled_(f.scale != 1.0f) {}
+
+  UMBEL_SIMD uint32_t operator()(const TriangleBvhData& tree, uint32_t link, bool cull_back,
+                                 float t_max, LeafHits& hits) const {
+    const uint32_t n = TriangleBvhData::leaf_size(link);
+    const uint32_t* words = leaf_words(tree, link);
+    const Corner a = corner(tree, words, n, 0), b = corner(tree, words, n, 1),
+                 c = corner(tree, words, n, 2);
+    Edges e{edge(c, b), edge(a, c), edge(b, a)};
+    const __m256 zero = _mm256_setzero_ps();
+    const __m256 least = _mm256_min_ps(e.u, _mm256_min_ps(e.v, e.w));
+    const __m256 most = _mm256_max_ps(e.u, _mm256_max_ps(e.v, e.w));
+    uint32_t lanes = Isa::mask_le(zero, least);
+    if (!cull_back) lanes |= Isa::mask_le(most, zero);
+    lanes &= (1u << n) - 1;
+    if (lanes == 0) return 0;
+    // Edge functions of both signs are right as they are: rounding never turns a sign around.
+    const uint32_t zeros = lanes & (Isa::mask_eq(least, zero) | Isa::mask_eq(most, zero));
+    if (zeros != 0) [[unlikely]]
+      lanes = settle_zeros(a, b, c, zeros, lanes, cull_back, e);
+    const __m256 determinant = _mm256_add_ps(_mm256_add_ps(e.u, e.v), e.w);
+    const __m256 depth = _mm256_add_ps(
+        _mm256_add_ps(_mm256_mul_ps(e.u, a.z), _mm256_mul_ps(e.v, b.z)), _mm256_mul_ps(e.w, c.z));
+    const __m256 t = _mm256_mul_ps(_mm256_div_ps(depth, determinant), t_scale_);
+    lanes &= Isa::mask_le(t_min_, t) & Isa::mask_le(t, _mm256_set1_ps(t_max)) &
+             ~Isa::mask_eq(determinant, zero);
+    if (lanes == 0) return 0;
+    _mm256_store_ps(hits.t, t);
+    _mm256_store_ps(hits.v, e.v);
+    _mm256_store_ps(hits.w, e.w);
+    _mm256_store_ps(hits.determinant, determinant);
+    return lanes;
+  }
+
+ private:
+  struct Corner {
+    __m256 x, y, z;
+  };
+  struct Edges {
+    __m256 u, v, w;
+  };
+
+  UMBEL_SIMD Corner corner(const TriangleBvhData& tree, const uint32_t* words, uint32_t n,
+                           uint32_t index) const {
+    __m256 x, y, z;
+    if (tree.compact) {
+      const auto* vertices = reinterpret_cast<const float*>(tree.vertices.data());
+      const __m256i ids = Isa::load_ids(words + size_t{index} * n, n);
+      const __m256i at = _mm256_add_epi32(ids, _mm256_add_epi32(ids, ids));
+      x = Isa::gather(vertices + kx_, at, n);
+      y = Isa::gather(vertices + ky_, at, n);
+      z = Isa::gather(vertices + kz_, at, n);
+    } else {
+      const uint32_t* rows = words + size_t{3} * index * n;
+      x = Isa::load(rows + size_t{kx_} * n, n);
+      y = Isa::load(rows + size_t{ky_} * n, n);
+      z = Isa::load(rows + size_t{kz_} * n, n);
+    }
+    x = _mm256_sub_ps(x, ox_);
+    y = _mm256_sub_ps(y, oy_);
+    z = _mm256_sub_ps(z, oz_);
+    if (scaled_) [[unlikely]] {
+      x = _mm256_mul_ps(x, scale_);
+      y = _mm256_mul_ps(y, scale_);
+      z = _mm256_mul_ps(z, scale_);
+    }
+    return {_mm256_sub_ps(x, _mm256_mul_ps(sx_, z)), _mm256_sub_ps(y, _mm256_mul_ps(sy_, z)), z};
+  }
+
+  UMBEL_SIMD static __m256 edge(const Corner& p, const Corner& q) {
+    return _mm256_sub_ps(_mm256_mul_ps(p.x, q.y), _mm256_mul_ps(p.y, q.x));
+  }
+
+  /// Computes the edge functions of the lanes `zeros` again, and returns what is left of `lanes`.
+  [[gnu::noinline]] static uint32_t settle_zeros(const Corner& a, const Corner& b, const Corner& c,
+                                                 uint32_t zeros, uint32_t lanes, bool cull_back,
+                                                 Edges& e) {
+    alignas(32) float coordinates[6][8], edges[3][8];
+    const __m256 vectors[6] = {a.x, a.y, b.x, b.y, c.x, c.y};
+    for (int i = 0; i < 6; ++i) _mm256_store_ps(coordinates[i], vectors[i]);
+    _mm256_store_ps(edges[0], e.u);
+    _mm256_store_ps(edges[1], e.v);
+    _mm256_store_ps(edges[2], e.w);
+    for (; zeros != 0; zeros &= zeros - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(zeros));
+      const ExactEdges exact = exact_edges(coordinates[0][i], coordinates[1][i], coordinates[2][i],
+                                           coordinates[3][i], coordinates[4][i], coordinates[5][i]);
+      edges[0][i] = exact.u;
+      edges[1][i] = exact.v;
+      edges[2][i] = exact.w;
+      const bool negative = exact.u < 0.0f || exact.v < 0.0f || exact.w < 0.0f;
+      const bool positive = exact.u > 0.0f || exact.v > 0.0f || exact.w > 0.0f;
+      if (negative && (cull_back || positive)) lanes &= ~(1u << i);
+    }
+    e = {_mm256_load_ps(edges[0]), _mm256_load_ps(edges[1]), _mm256_load_ps(edges[2])};
+    return lanes;
+  }
+
+  __m256 ox_, oy_, oz_, sx_, sy_, scale_, t_scale_, t_min_;
+  uint32_t kx_, ky_, kz_;
+  bool scaled_;
+};
+
+/// Nodes of eight slots.
+template <typename Isa>
+class WideLanes {
+ public:
+  static constexpr uint32_t kWidth = 8;
+
+  UMBEL_SIMD explicit WideLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
+
+  UMBEL_SIMD uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
+    __m256 near;
+    const uint32_t slots = boxes_(node, cull, near);
+    if (slots == 0) return kNoChild;
+    if ((slots & (slots - 1)) == 0) return node[48 + std::countr_zero(slots)];
+    return Isa::push(node, slots, near, top);
+  }
+  UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
+                                float t_max, LeafHits& hits) const {
+    return triangles_(tree, link, cull_back, t_max, hits);
+  }
+
+ private:
+  BoxTester<Isa> boxes_;
+  TriangleTester<Isa> triangles_;
+};
+
+/// Nodes of two or four slots, whose boxes the compiler vectorises.
+template <typename Isa, uint32_t width>
+class NarrowLanes {
+ public:
+  static constexpr uint32_t kWidth = width;
+
+  UMBEL_SIMD explicit NarrowLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
+
+  UMBEL_SIMD uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
+    return boxes_.visit(node, cull, top);
+  }
+  UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
+                                float t_max, LeafHits& hits) const {
+    return triangles_(tree, link, cull_back, t_max, hits);
+  }
+
+ private:
+  PlainBoxes<Isa, width> boxes_;
+  TriangleTester<Isa> triangles_;
+};
+
+}  // namespace umbel
