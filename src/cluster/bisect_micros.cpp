@@ -1,265 +1,263 @@
 // Nodes are split by the surface area heuristic between bins of micro-clusters (binned as by Wald,
-// "On fast construction of SAH-based bounding volume hierarchies", 2007).
+// "On fast construction of SAH-based bounding volume hierarchies", 2007), or within a bin where
+// that fills the clusters: then one micro-cluster is cut item by item.
 #include "cluster/bisect_micros.hpp"
 
 #include <algorithm>
 #include <bit>
-#include <limits>
+#include <utility>
 #include <vector>
 
 #include "base/parallel.hpp"
+#include "cluster/micro_bins.hpp"
 
 namespace umbel::cluster {
 namespace {
 
-constexpr uint32_t kMostBins = 32;
-constexpr uint32_t kParallel = 1 << 15;    ///< items from which on the two sides run in parallel
-constexpr uint32_t kTabled = 1 << 12;      ///< weights of fewer items are looked up
-constexpr uint32_t kMostSorted = 1 << 12;  ///< micro-clusters
-
-// {low.xyz, -, -high.xyz, -} of centres; the same operations as for boxes.
-SmallBox centers_of(SmallBox box) {
-  const SmallBox c = SmallBox(center_of(box));
-  return __builtin_shufflevector(c, -c, 0, 1, 2, 3, 8, 9, 10, 11);
-}
+constexpr uint32_t kParallel = 1 << 15;  ///< items from which on the two sides run in parallel
+constexpr uint32_t kGroup = 16;          ///< micro-clusters that stand for one
+constexpr size_t kFewGroups = 64;        ///< too few to choose from
+constexpr uint32_t kMostRoundings = 4;   ///< one inside another
 
 struct Node {
-  uint32_t begin, end;     ///< of the micro-clusters
+  const Micro* begin;
+  const Micro* end;
   uint32_t offset, count;  ///< of the items
   uint32_t depth;
-  SmallBox box, centers;
+  SmallBox centers;
 };
 
-struct Bins {
-  SmallBox boxes[3][kMostBins];
-  uint32_t counts[3][kMostBins];
+// Where items go, and who takes those that suit no micro-clusters.
+struct Target {
+  const Source& source;
+  const Rules& rules;
+  const MicroBins& bins;
+  MicroSizes sizes;
+  uint32_t* items;
+  uint8_t* first;
+  const std::function<void(uint32_t, uint32_t)>& exact;
+  const std::function<void(uint32_t)>& done;
 };
 
-struct Choice {
-  int axis = -1;  ///< -1: none
-  uint32_t bin = 0, position = 0;
-  SmallBox left, right;
-};
+void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
+            uint32_t roundings);
 
+// Items that are in place, to be looked at more closely.
+void round_again(const Target& target, uint32_t offset, uint32_t count, uint32_t roundings) {
+  if (roundings < kMostRoundings) {
+    const BoxRecord box = box_of(target.source, target.items + offset, count);
+    if (suits_small_boxes(box)) return bisect(target, offset, count, box, roundings + 1);
+  }
+  target.exact(offset, count);
+}
+
+uint32_t* write_items(const Micro& micro, uint32_t* to) {
+  for (uint32_t i = 0; i < micro.count; ++i) *to++ = tag_of(micro.items[i]);
+  return to;
+}
+
+// An order of places that depends on nothing but geometry, up to equal rounded boxes.
+bool is_before(SmallBox a, SmallBox b, int axis) {
+  const uint16_t x = center_of(a)[axis], y = center_of(b)[axis];
+  if (x != y) return x < y;
+  for (const int k : {0, 1, 2, 4, 5, 6})
+    if (a[k] != b[k]) return a[k] < b[k];
+  return tag_of(a) < tag_of(b);
+}
+
+// Bisects one node and all below it: while it is large by groups, then by micro-clusters.
 class Splitter {
  public:
-  using Exact = std::function<void(uint32_t, uint32_t)>;
+  Splitter(const Target& target, uint32_t roundings) : target_(target), roundings_(roundings) {}
 
-  Splitter(const Rules& rules, MicroSet& set, uint32_t* items, uint8_t* first, const Exact& exact,
-           const std::function<void(uint32_t)>& done)
-      : rules_(rules),
-        set_(set),
-        spare_(set.micros.size()),
-        items_(items),
-        first_(first),
-        exact_(exact),
-        done_(done),
-        weights_(kTabled) {
-    for (uint32_t i = 0; i < kTabled; ++i) weights_[i] = rules.weight(i);
-  }
-
-  void run(uint32_t count) {
-    Node root{0,
-              uint32_t(set_.micros.size()),
-              0,
-              count,
-              2 * uint32_t(std::bit_width(count)) + 8,
-              empty_small_box(),
-              empty_small_box()};
-    for (const Micro& micro : set_.micros) {
-      root.box = join(root.box, micro.box);
-      root.centers = join(root.centers, centers_of(micro.box));
+  // A node of groups.
+  void run(const Node& node) {
+    if (node.count < kParallel || size_t(node.end - node.begin) < kFewGroups || node.depth == 0)
+      return run_alone(node);
+    const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
+    if (choice.axis < 0 || choice.position != choice.before) return run_alone(node);
+    const size_t count = size_t(node.end - node.begin);
+    std::vector<Micro> copy(count + 1);
+    Node left, right;
+    {
+      std::vector<Micro> spare(count + 1), between(count + 1);
+      origin_ = copy.data();
+      spare_ = spare.data();
+      between_ = between.data();
+      std::copy(node.begin, node.end, copy.begin());
+      Node own = node;
+      own.begin = copy.data();
+      own.end = own.begin + count;
+      separate(own, choice, left, right);
     }
-    split_part(root);
+    tbb::parallel_invoke([&] { Splitter(target_, roundings_).run(left); },
+                         [&] { Splitter(target_, roundings_).run(right); });
   }
 
  private:
+  // Cuts make more micro-clusters: at most one a level at any time, as the left side lies behind
+  // the right and is gone when that is split.
+  void run_alone(const Node& node) {
+    size_t count = 0;
+    for (const Micro* group = node.begin; group < node.end; ++group) count += group->part_count;
+    const size_t room = count + node.depth + 1;
+    std::vector<Micro> micros(room), spare(room), between(room);
+    Micro* to = micros.data();
+    Node own = node;
+    own.centers = empty_small_box();
+    for (const Micro* group = node.begin; group < node.end; ++group)
+      to = std::copy_n(group->parts, group->part_count, to);
+    for (size_t m = 0; m < count; ++m) own.centers = join(own.centers, centers_of(micros[m].box));
+    origin_ = micros.data();
+    spare_ = spare.data();
+    between_ = between.data();
+    own.begin = origin_;
+    own.end = origin_ + count;
+    split(own);
+    target_.done(node.count);
+  }
+
   void split(const Node& node) {
-    if (node.count <= rules_.config.max_items) return finish(node, true);
+    if (node.count <= target_.rules.config.max_items) return finish(node, true);
     if (node.depth == 0) return finish(node, false);
-    std::array<uint32_t, 3> factor;
-    const Choice choice = cheapest(node, factor);
+    const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
+    if (choice.axis < 0) return finish(node, false);
     Node left, right;
-    if (choice.axis >= 0) {
-      separate(node, choice, factor[choice.axis], left, right);
-    } else if (node.end - node.begin > kMostSorted || !separate_sorted(node, left, right)) {
-      return finish(node, false);
-    }
-    if (node.count < kParallel) {
-      split(left);
-      split(right);
-    } else {
-      tbb::parallel_invoke([&] { split_part(left); }, [&] { split_part(right); });
-    }
+    separate(node, choice, left, right);
+    split(left);
+    split(right);
   }
 
-  void split_part(const Node& node) {
-    split(node);
-    if (node.count < kParallel) done_(node.count);
-  }
-
-  void finish(const Node& node, bool is_leaf) {
-    uint32_t* to = items_ + node.offset;
-    for (uint32_t m = node.begin; m < node.end; ++m) {
-      const Micro& micro = set_.micros[m];
-      to = std::copy_n(set_.order.data() + micro.begin, micro.count, to);
-    }
+  void finish(const Node& node, bool is_leaf) const {
+    uint32_t* to = target_.items + node.offset;
+    for (const Micro* micro = node.begin; micro < node.end; ++micro) to = write_items(*micro, to);
     if (is_leaf)
-      first_[node.offset] = 1;
+      target_.first[node.offset] = 1;
+    else if (node.depth > 0)
+      round_again(target_, node.offset, node.count, roundings_);
     else
-      exact_(node.offset, node.count);
+      target_.exact(node.offset, node.count);
   }
 
-  float weight(uint32_t n) const { return n < kTabled ? weights_[n] : rules_.weight(n); }
-
-  Choice cheapest(const Node& node, std::array<uint32_t, 3>& factor) const {
-    const uint32_t bins = node.end - node.begin < 64 ? 16 : kMostBins;
-    Bins b;
-    for (int k = 0; k < 3; ++k) {
-      const uint32_t extent = uint32_t(-int(node.centers[k]) - int(node.centers[k + 4]));
-      factor[k] = (bins << 16) / (extent + 1);
-      std::fill_n(b.boxes[k], bins, empty_small_box());
-      std::fill_n(b.counts[k], bins, 0u);
-    }
-    for (uint32_t m = node.begin; m < node.end; ++m) {
-      const SmallBox box = set_.micros[m].box;
-      const uint32_t count = set_.micros[m].count;
-      const Center8 c = center_of(box) - Center8(node.centers);
-      for (int k = 0; k < 3; ++k) {
-        const uint32_t bin = c[k] * factor[k] >> 16;
-        b.boxes[k][bin] = join(b.boxes[k][bin], box);
-        b.counts[k][bin] += count;
-      }
-    }
-    Choice best;
-    float best_cost = std::numeric_limits<float>::infinity();
-    for (int k = 0; k < 3; ++k)
-      if (node.centers[k] + node.centers[k + 4] != 0) weigh(node, b, k, bins, best, best_cost);
-    if (best.axis < 0) return best;
-    best.left = best.right = empty_small_box();
-    for (uint32_t i = 0; i < bins; ++i) {
-      SmallBox& side = i < best.bin ? best.left : best.right;
-      side = join(side, b.boxes[best.axis][i]);
-    }
-    return best;
-  }
-
-  void weigh(const Node& node, const Bins& b, int axis, uint32_t bins, Choice& best,
-             float& best_cost) const {
-    const uint32_t least = rules_.config.min_items;
-    std::array<float, kMostBins> right_area;
-    SmallBox side = empty_small_box();
-    for (uint32_t i = bins - 1; i > 0; --i) {
-      side = join(side, b.boxes[axis][i]);
-      right_area[i] = half_area(side);
-    }
-    side = empty_small_box();
-    uint32_t count = 0;
-    for (uint32_t i = 1; i < bins; ++i) {
-      side = join(side, b.boxes[axis][i - 1]);
-      count += b.counts[axis][i - 1];
-      if (count < least) continue;
-      if (node.count - count < least) break;
-      const float cost =
-          half_area(side) * weight(count) + right_area[i] * weight(node.count - count);
-      if (cost < best_cost) {
-        best_cost = cost;
-        best.axis = axis;
-        best.bin = i;
-        best.position = count;
-      }
-    }
-  }
-
-  void separate(const Node& node, const Choice& choice, uint32_t factor, Node& left, Node& right) {
-    Micro* micros = set_.micros.data();
-    Micro* spare = spare_.data() + node.begin;
+  // The right side comes first in memory.
+  void separate(const Node& node, const Choice& choice, Node& left, Node& right) {
+    Micro* micros = origin_ + (node.begin - origin_);
+    Micro* spare = spare_ + (node.begin - origin_);
     const int axis = choice.axis;
-    const uint32_t origin = uint16_t(node.centers[axis]);
-    uint32_t l = node.begin, r = 0;
-    SmallBox centers[2] = {empty_small_box(), empty_small_box()};
-    for (uint32_t m = node.begin; m < node.end; ++m) {
-      const Micro micro = micros[m];
-      const Center8 c = center_of(micro.box);
-      const uint32_t is_right = ((c[axis] - origin) * factor >> 16) >= choice.bin;
-      micros[l] = micro;
-      spare[r] = micro;
-      l += 1 - is_right;
+    const uint32_t cut_bin = choice.bin, is_cut = choice.position != choice.before;
+    size_t l = 0, r = 0, b = 0;
+    SmallBox centers[3] = {empty_small_box(), empty_small_box(), empty_small_box()};
+    for (const Micro* m = node.begin; m < node.end; ++m) {
+      const Micro micro = *m;
+      const uint32_t bin = choice.places.of(micro.box)[axis];
+      const uint32_t is_left = bin < cut_bin, is_between = (bin == cut_bin) & is_cut;
+      const uint32_t is_right = 1 - is_left - is_between;
+      micros[r] = micro;
+      spare[l] = micro;
+      between_[b] = micro;
+      l += is_left;
       r += is_right;
-      centers[is_right] = join(centers[is_right], centers_of(micro.box));
+      b += is_between;
+      SmallBox& side = centers[is_left + 2 * is_between];
+      side = join(side, centers_of(micro.box));
     }
-    std::copy_n(spare, r, micros + l);
+    const auto give = [&](const Micro& micro, bool to_left) {
+      (to_left ? spare[l++] : micros[r++]) = micro;
+      centers[to_left] = join(centers[to_left], centers_of(micro.box));
+    };
+    if (is_cut) {
+      std::sort(between_, between_ + b,
+                [axis](const Micro& x, const Micro& y) { return is_before(x.box, y.box, axis); });
+      uint32_t wanted = choice.position - choice.before;
+      for (size_t k = 0; k < b; ++k) {
+        Micro& micro = between_[k];
+        if (wanted > 0 && micro.count > wanted) {
+          give(cut(micro, wanted, axis), true);
+          wanted = 0;
+        }
+        give(micro, wanted > 0);
+        if (wanted > 0) wanted -= micro.count;
+      }
+    }
+    std::copy_n(spare, l, micros + r);
     const uint32_t depth = node.depth - 1;
-    left = {node.begin, l, node.offset, choice.position, depth, choice.left, centers[0]};
-    right = {l,
-             node.end,
-             node.offset + choice.position,
-             node.count - choice.position,
-             depth,
-             choice.right,
-             centers[1]};
+    right = {micros, micros + r, node.offset + choice.position, node.count - choice.position,
+             depth,  centers[0]};
+    left = {micros + r, micros + r + l, node.offset, choice.position, depth, centers[1]};
   }
 
-  // Where all planes between bins leave too few items on one side, as those of a crowd and a few
-  // outliers do, the micro-clusters are sorted instead.
-  bool separate_sorted(const Node& node, Node& left, Node& right) {
-    const uint32_t n = node.end - node.begin, least = rules_.config.min_items;
-    Micro* micros = set_.micros.data() + node.begin;
-    std::vector<float> right_area(n);
-    float best_cost = std::numeric_limits<float>::infinity();
-    int best_axis = -1;
-    uint32_t best = 0;
-    for (int k = 0; k < 3; ++k) {
-      sort_along(micros, n, k);
-      SmallBox side = empty_small_box();
-      for (uint32_t i = n - 1; i > 0; --i) {
-        side = join(side, micros[i].box);
-        right_area[i] = half_area(side);
-      }
-      side = empty_small_box();
-      uint32_t count = 0;
-      for (uint32_t i = 1; i < n; ++i) {
-        side = join(side, micros[i - 1].box);
-        count += micros[i - 1].count;
-        if (count < least || node.count - count < least) continue;
-        const float cost =
-            half_area(side) * weight(count) + right_area[i] * weight(node.count - count);
-        if (cost < best_cost) best_cost = cost, best_axis = k, best = i;
-      }
-    }
-    if (best_axis < 0) return false;
-    sort_along(micros, n, best_axis);
-    left = part_of(node, node.begin, node.begin + best, node.offset);
-    right = part_of(node, node.begin + best, node.end, node.offset + left.count);
-    return true;
+  // Takes the first `count` items along an axis out of a micro-cluster.
+  Micro cut(Micro& micro, uint32_t count, int axis) const {
+    SmallBox* items = micro.items;
+    std::nth_element(items, items + count, items + micro.count,
+                     [axis](SmallBox a, SmallBox b) { return is_before(a, b, axis); });
+    Micro taken{empty_small_box(), {items}, count, 0};
+    for (uint32_t i = 0; i < count; ++i) taken.box = join(taken.box, items[i]);
+    SmallBox rest = empty_small_box();
+    for (uint32_t i = count; i < micro.count; ++i) rest = join(rest, items[i]);
+    micro = {rest, {items + count}, micro.count - count, 0};
+    return taken;
   }
 
-  static void sort_along(Micro* micros, uint32_t n, int axis) {
-    std::sort(micros, micros + n, [axis](const Micro& a, const Micro& b) {
-      const uint16_t x = center_of(a.box)[axis], y = center_of(b.box)[axis];
-      return x != y ? x < y : a.begin < b.begin;
-    });
-  }
-
-  Node part_of(const Node& node, uint32_t begin, uint32_t end, uint32_t offset) const {
-    Node part{begin, end, offset, 0, node.depth - 1, empty_small_box(), empty_small_box()};
-    for (uint32_t m = begin; m < end; ++m) {
-      part.count += set_.micros[m].count;
-      part.box = join(part.box, set_.micros[m].box);
-      part.centers = join(part.centers, centers_of(set_.micros[m].box));
-    }
-    return part;
-  }
-
-  const Rules& rules_;
-  MicroSet& set_;
-  std::vector<Micro> spare_;
-  uint32_t* items_;
-  uint8_t* first_;
-  const Exact& exact_;
-  const std::function<void(uint32_t)>& done_;
-  std::vector<float> weights_;
+  const Target& target_;
+  const uint32_t roundings_;
+  Micro* origin_ = nullptr;
+  Micro* spare_ = nullptr;
+  Micro* between_ = nullptr;
 };
+
+// Crowds are clustered by themselves, in places behind all others. What is left must not be less
+// than a cluster, or the crowd next to it takes it.
+void bisect_crowds(const Target& target, const MicroSet& set, uint32_t offset, uint32_t others,
+                   uint32_t roundings) {
+  std::vector<Micro> crowds = set.crowds;
+  uint32_t taken = 0;
+  uint32_t* to = target.items + offset;
+  if (others > 0 && others < target.rules.config.min_items) {
+    SmallBox box = empty_small_box();
+    for (const Micro& group : set.groups) {
+      box = join(box, group.box);
+      for (uint32_t m = 0; m < group.part_count; ++m) to = write_items(group.parts[m], to);
+    }
+    const auto area = [&](const Micro& crowd) { return box_area(join(crowd.box, box)); };
+    const auto next =
+        std::min_element(crowds.begin(), crowds.end(),
+                         [&](const Micro& a, const Micro& b) { return area(a) < area(b); });
+    std::swap(crowds[0], *next);
+    taken = others;
+  } else {
+    to += others;
+  }
+  std::vector<Range> ranges;
+  for (const Micro& crowd : crowds) {
+    const uint32_t begin = uint32_t(to - target.items) - taken;
+    to = write_items(crowd, to);
+    ranges.push_back({begin, crowd.count + std::exchange(taken, 0u)});
+  }
+  parallel_for(ranges.size(), 16, [&](size_t c) {
+    round_again(target, ranges[c].offset, ranges[c].count, roundings);
+  });
+}
+
+void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
+            uint32_t roundings) {
+  const MicroSet set =
+      make_micros(target.source, target.items + offset, count, bounds, target.sizes);
+  uint32_t others = count;
+  for (const Micro& crowd : set.crowds) others -= crowd.count;
+  const bool few = others < target.rules.config.min_items;
+  if ((set.groups.empty() || few) && set.crowds.size() < 2) return target.exact(offset, count);
+  bisect_crowds(target, set, offset, others, roundings);
+  if (few) return;
+  Node root{set.groups.data(),
+            set.groups.data() + set.groups.size(),
+            offset,
+            others,
+            2 * uint32_t(std::bit_width(count)) + 8,
+            empty_small_box()};
+  for (const Micro& group : set.groups) root.centers = join(root.centers, centers_of(group.box));
+  Splitter(target, roundings).run(root);
+}
 
 }  // namespace
 
@@ -267,11 +265,12 @@ void bisect_micros(const Source& source, const Rules& rules, uint32_t* items, ui
                    uint32_t count, const BoxRecord& bounds,
                    const std::function<void(uint32_t, uint32_t)>& exact,
                    const std::function<void(uint32_t)>& done) {
-  // Large enough to save most of the work, small enough to leave a choice of legal sizes.
-  const ClusterConfig& config = rules.config;
-  const uint32_t most = std::min(config.max_items / 4, (config.max_items - config.min_items) / 3);
-  MicroSet set = make_micros(source, items, count, bounds, std::max(most, 1u));
-  Splitter(rules, set, items, first, exact, done).run(count);
+  const uint32_t most = rules.config.max_items;
+  // Large enough to save most of the work, small enough for clusters of good shape.
+  const uint32_t micro = std::max(most / 3, 1u);
+  const MicroSizes sizes{micro, kGroup * micro, most};
+  const MicroBins bins(rules);
+  bisect({source, rules, bins, sizes, items, first, exact, done}, 0, count, bounds, 0);
 }
 
 }  // namespace umbel::cluster

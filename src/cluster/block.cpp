@@ -119,8 +119,7 @@ void Block::sort_axis(int axis, float low, float high) {
     ++offsets[0][key & 0x3ff];
     ++offsets[1][key >> 10];
   }
-  const bool coarse = rules_.config.coarse;  // then the upper digit is enough
-  for (int pass = coarse; pass < 2; ++pass) {
+  for (int pass = 0; pass < 2; ++pass) {
     uint32_t sum = 0;
     for (uint32_t& offset : offsets[pass]) sum += std::exchange(offset, sum);
     const uint32_t shift = index_bits + 10 * pass, count = count_;
@@ -130,7 +129,7 @@ void Block::sort_axis(int axis, float low, float high) {
     }
     std::swap(words, spare);
   }
-  if (!coarse) settle_ties(axis, words, index_mask);
+  settle_ties(axis, words, index_mask);
   uint32_t* order = orders_[axis].data();
   for (uint32_t i = 0; i < count_; ++i) order[i] = words[i] & index_mask;
 }

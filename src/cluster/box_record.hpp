@@ -66,4 +66,11 @@ struct alignas(32) BoxRecord {
   }
 };
 
+/// Whether two boxes are the same, whatever their tags.
+inline bool same_box(const BoxRecord& a, const BoxRecord& b) {
+  for (int k = 0; k < 3; ++k)
+    if (a.low[k] != b.low[k] || a.negated_high[k] != b.negated_high[k]) return false;
+  return true;
+}
+
 }  // namespace umbel::cluster

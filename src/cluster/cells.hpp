@@ -39,7 +39,8 @@ inline Float4 center_of(const Source& source, const BoxRecord& record, uint32_t 
   return Float4{c.x, c.y, c.z, 0} * splat(centroid_scale);
 }
 
-/// `bounds` is the box of all items where the caller knows it, or null. The result does not
+/// `bounds` is a box that holds all items where the caller knows one, or null: it saves a pass if
+/// it is the smallest, and does not change the result. The result does not
 /// depend on the order of `items`, except for the order within cells.
 CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
                    const BoxRecord* bounds);

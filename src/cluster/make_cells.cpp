@@ -188,6 +188,12 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   std::vector<Tally*> list;
   for (Tally& tally : tallies) list.push_back(&tally);
   merge(list, set.cells);
+  if (bounds) {
+    BoxRecord own = BoxRecord::empty(), given = *bounds;
+    for (const Cell& cell : set.cells) own.extend(cell.box);
+    given.scale(set.scale);
+    if (!same_box(own, given)) return make_cells(source, items, count, nullptr);
+  }
   sort_by_cell(items, list[0]->number, codes, set);
   return set;
 }

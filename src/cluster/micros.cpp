@@ -6,7 +6,7 @@
 
 #include <bit>
 #include <cmath>
-#include <memory>
+#include <utility>
 
 #include "base/parallel.hpp"
 
@@ -16,6 +16,7 @@ namespace {
 constexpr size_t kChunk = 1 << 15;
 constexpr uint32_t kMostBits = 11;
 constexpr uint32_t kMostAxisBits = 8;
+constexpr uint32_t kItemsPerCell = 4;
 
 // Cells that are numbered along a Morton curve. Each bit of the number halves the cells along the
 // axis on which they are longest, so that flat and long inputs get useful cells too.
@@ -25,7 +26,7 @@ class SmallGrid {
             uint32_t bits) {
     std::array<uint32_t, 3> length, axis_bits{};
     for (int k = 0; k < 3; ++k) {
-      origin_[k] = low[k];
+      origin_[k] = static_cast<uint16_t>(low[k]);
       length[k] = high[k] - low[k] + 1;
     }
     std::array<uint8_t, kMostBits> axes;
@@ -39,7 +40,12 @@ class SmallGrid {
       axes[bits_++] = static_cast<uint8_t>(axis);
     }
     for (int k = 0; k < 3; ++k) {
-      factor_[k] = (1u << (16 + axis_bits[k])) / (high[k] - low[k] + 1);
+      // The multiplier moves the largest place to the top of 16 bits.
+      const uint32_t last = high[k] - low[k];
+      const uint32_t shift = last ? 16 - std::bit_width(last) : 0;
+      multiplier_[k] = static_cast<uint16_t>(1u << shift);
+      factor_[k] = static_cast<uint16_t>(
+          axis_bits[k] ? (uint64_t(1) << (16 + axis_bits[k])) / (uint64_t(last + 1) << shift) : 0);
       spread_[k][0] = 0;
     }
     std::array<uint32_t, 3> filled{1, 1, 1};
@@ -52,74 +58,115 @@ class SmallGrid {
   }
   uint32_t bits() const { return bits_; }
   uint32_t code(Center8 c) const {
-    return spread_[0][(c[0] - origin_[0]) * factor_[0] >> 16] |
-           spread_[1][(c[1] - origin_[1]) * factor_[1] >> 16] |
-           spread_[2][(c[2] - origin_[2]) * factor_[2] >> 16];
+    const Center8 place = multiply_high((c - origin_) * multiplier_, factor_);
+    return spread_[0][place[0]] | spread_[1][place[1]] | spread_[2][place[2]];
   }
 
  private:
   uint32_t bits_ = 0;
-  std::array<uint32_t, 3> origin_, factor_;
+  Center8 origin_{}, multiplier_{}, factor_{};
   std::array<std::array<uint16_t, 1 << kMostAxisBits>, 3> spread_;
 };
 
 // Sorts one range of items in a cache.
 class Sorter {
  public:
-  Sorter(uint32_t* order, uint32_t most) : order_(order), most_(most) {}
+  explicit Sorter(const MicroSizes& sizes) : sizes_(sizes) {}
 
   // Items are in `from`; `to` is room for as many.
-  void sort(SmallBox* from, SmallBox* to, uint32_t begin, uint32_t n) {
-    if (n <= most_) return emit(from, begin, n);
-    Center8 low = center_of(from[begin]), high = low;
-    for (uint32_t i = begin + 1; i < begin + n; ++i) {
+  void sort(SmallBox* from, SmallBox* to, uint32_t n) {
+    const bool is_group = begin_group(n);
+    sort_grouped(from, to, n);
+    if (is_group) end_group();
+  }
+
+  /// Once all is sorted: groups whose parts are in micros.
+  void refer(std::vector<Micro>& all) {
+    for (Micro& group : groups_) {
+      group.parts = micros.data() + firsts_[&group - groups_.data()];
+      all.push_back(group);
+    }
+  }
+
+  std::vector<Micro> micros, crowds;
+
+ private:
+  bool begin_group(uint32_t n) {
+    if (grouped_ || n > sizes_.group) return false;
+    firsts_.push_back(static_cast<uint32_t>(micros.size()));
+    return grouped_ = true;
+  }
+
+  void end_group() {
+    Micro group{empty_small_box(), {nullptr}, 0, 0};
+    for (size_t m = firsts_.back(); m < micros.size(); ++m) {
+      group.box = join(group.box, micros[m].box);
+      group.count += micros[m].count;
+      ++group.part_count;
+    }
+    if (group.count)
+      groups_.push_back(group);
+    else
+      firsts_.pop_back();
+    grouped_ = false;
+  }
+
+  void sort_grouped(SmallBox* from, SmallBox* to, uint32_t n) {
+    if (n <= sizes_.micro) return emit(from, n);
+    Center8 low = center_of(from[0]), high = low;
+    for (uint32_t i = 1; i < n; ++i) {
       const Center8 c = center_of(from[i]);
       low = c < low ? c : low;
       high = c > high ? c : high;
     }
     const SmallGrid grid({low[0], low[1], low[2]}, {high[0], high[1], high[2]},
-                         std::min<uint32_t>(std::bit_width(n), kMostBits));
-    if (grid.bits() == 0) return emit(from, begin, n);
+                         std::clamp<uint32_t>(std::bit_width(n / kItemsPerCell), 3, kMostBits));
+    if (grid.bits() == 0) return emit(from, n);
     std::array<uint32_t, (1 << kMostBits) + 1> ends;
     const uint32_t cells = 1u << grid.bits();
     std::fill_n(ends.begin(), cells + 1, 0u);
     if (codes_.size() < n) codes_.resize(n);
+    uint16_t* codes = codes_.data();
     for (uint32_t i = 0; i < n; ++i) {
-      codes_[i] = static_cast<uint16_t>(grid.code(center_of(from[begin + i])));
-      ++ends[codes_[i] + 1];
+      codes[i] = static_cast<uint16_t>(grid.code(center_of(from[i])));
+      ++ends[codes[i] + 1];
     }
     // ends[c + 1] is where cell c starts, until its items have come.
-    uint32_t sum = begin;
+    uint32_t sum = 0;
     for (uint32_t c = 0; c < cells; ++c) sum += std::exchange(ends[c + 1], sum);
-    ends[0] = begin;
-    for (uint32_t i = 0; i < n; ++i) to[ends[codes_[i] + 1]++] = from[begin + i];
+    for (uint32_t i = 0; i < n; ++i) to[ends[codes[i] + 1]++] = from[i];
     walk(to, from, ends.data(), 0, grid.bits());
   }
 
-  std::vector<Micro> micros;
-
- private:
   // The cells from `code` on that share all but the last `level` bits.
   void walk(SmallBox* from, SmallBox* to, const uint32_t* ends, uint32_t code, uint32_t level) {
     const uint32_t begin = ends[code], n = ends[code + (1u << level)] - begin;
     if (n == 0) return;
-    if (n <= most_) return emit(from, begin, n);
-    if (level == 0) return sort(from, to, begin, n);
-    walk(from, to, ends, code, level - 1);
-    walk(from, to, ends, code + (1u << (level - 1)), level - 1);
-  }
-
-  void emit(const SmallBox* from, uint32_t begin, uint32_t n) {
-    SmallBox box = empty_small_box();
-    for (uint32_t i = begin; i < begin + n; ++i) {
-      box = join(box, from[i]);
-      order_[i] = tag_of(from[i]);
+    const bool is_group = begin_group(n);
+    if (n <= sizes_.micro) {
+      emit(from + begin, n);
+    } else if (level == 0) {
+      sort_grouped(from + begin, to + begin, n);
+    } else {
+      walk(from, to, ends, code, level - 1);
+      walk(from, to, ends, code + (1u << (level - 1)), level - 1);
     }
-    micros.push_back({box, begin, n});
+    if (is_group) end_group();
   }
 
-  uint32_t* order_;
-  const uint32_t most_;
+  void emit(SmallBox* items, uint32_t n) {
+    SmallBox box = empty_small_box();
+    for (uint32_t i = 0; i < n; ++i) box = join(box, items[i]);
+    if (n >= sizes_.crowd) return crowds.push_back({box, {items}, n, 0});
+    const bool is_group = begin_group(0);
+    micros.push_back({box, {items}, n, 0});
+    if (is_group) end_group();
+  }
+
+  const MicroSizes& sizes_;
+  bool grouped_ = false;
+  std::vector<Micro> groups_;
+  std::vector<uint32_t> firsts_;  ///< of their parts
   std::vector<uint16_t> codes_;
 };
 
@@ -151,7 +198,11 @@ BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count) {
   std::vector<BoxRecord> parts((count + kChunk - 1) / kChunk);
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     BoxRecord box = BoxRecord::empty();
-    for (size_t i = begin; i < end; ++i) box.extend(source.record(items[i]));
+    for (size_t i = begin; i < end; ++i) {
+      source.prefetch(items[std::min(i + 24, end - 1)]);
+      source.prefetch_box(items[std::min(i + 8, end - 1)]);
+      box.extend(source.record(items[i]));
+    }
     parts[begin / kChunk] = box;
   });
   BoxRecord all = BoxRecord::empty();
@@ -160,26 +211,61 @@ BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count) {
 }
 
 MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count,
-                     const BoxRecord& bounds, uint32_t most) {
+                     const BoxRecord& bounds, const MicroSizes& sizes) {
+  const auto again = [&](const BoxRecord& smallest) {
+    return suits_small_boxes(smallest) ? make_micros(source, items, count, smallest, sizes)
+                                       : MicroSet(0);
+  };
   const Rounding rounding(bounds);
+  MicroSet set(count);
+  SmallBox *boxes = set.boxes.get(), *sorted = set.sorted.get();
+  if (count <= kChunk) {
+    BoxRecord smallest = BoxRecord::empty();
+    for (uint32_t i = 0; i < count; ++i) {
+      source.prefetch(items[std::min(i + 24, count - 1)]);
+      source.prefetch_box(items[std::min(i + 8, count - 1)]);
+      const BoxRecord record = source.record(items[i]);
+      smallest.extend(record);
+      boxes[i] = rounding.round(record, items[i]);
+    }
+    if (!same_box(smallest, bounds)) return again(smallest);
+    Sorter sorter(sizes);
+    sorter.sort(boxes, sorted, count);
+    sorter.refer(set.groups);
+    set.micros.push_back(std::move(sorter.micros));
+    set.crowds = std::move(sorter.crowds);
+    return set;
+  }
   std::array<uint32_t, 3> low{}, high;
   for (int k = 0; k < 3; ++k) high[k] = static_cast<uint32_t>(bounds.extent(k) * rounding.scale[0]);
   const SmallGrid grid(low, high, kMostBits);
   const uint32_t cells = 1u << grid.bits();
-  std::unique_ptr<SmallBox[]> boxes(new SmallBox[count]), sorted(new SmallBox[count]);
-  std::unique_ptr<uint16_t[]> codes(new uint16_t[count]);
+  HugeArray<uint16_t> codes(count);
   // Few chunks, so that their counts cost little.
   const size_t chunk = std::max<size_t>(kChunk, (count + 63) / 64);
   std::vector<std::vector<uint32_t>> next((count + chunk - 1) / chunk);
+  std::vector<BoxRecord> parts(next.size());
   parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
     std::vector<uint32_t>& own = next[begin / chunk];
-    own.assign(cells, 0);
+    // Neighbours often share a cell, and two counts at one address would wait for each other.
+    std::vector<uint32_t> counts(2 * size_t(cells), 0);
+    BoxRecord part = BoxRecord::empty();
     for (size_t i = begin; i < end; ++i) {
-      const SmallBox box = rounding.round(source.record(items[i]), items[i]);
+      const BoxRecord record = source.record(items[i]);
+      part.extend(record);
+      const SmallBox box = rounding.round(record, items[i]);
       boxes[i] = box;
-      ++own[codes[i] = static_cast<uint16_t>(grid.code(center_of(box)))];
+      const uint32_t code = grid.code(center_of(box));
+      codes[i] = static_cast<uint16_t>(code);
+      ++counts[2 * code + (i & 1)];
     }
+    own.resize(cells);
+    for (uint32_t c = 0; c < cells; ++c) own[c] = counts[2 * c] + counts[2 * c + 1];
+    parts[begin / chunk] = part;
   });
+  BoxRecord smallest = BoxRecord::empty();
+  for (const BoxRecord& part : parts) smallest.extend(part);
+  if (!same_box(smallest, bounds)) return again(smallest);
   std::vector<uint32_t> begins(cells + 1);
   uint32_t sum = 0;
   for (uint32_t c = 0; c < cells; ++c) {
@@ -195,20 +281,19 @@ MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count
   std::vector<uint32_t> tasks{0};
   for (uint32_t c = 1; c <= cells; ++c)
     if (begins[c] - begins[tasks.back()] >= kChunk || c == cells) tasks.push_back(c);
-  MicroSet set;
-  set.order.resize(count);
-  std::vector<std::vector<Micro>> micros(tasks.size() - 1);
-  parallel_for(micros.size(), 1, [&](size_t t) {
-    Sorter sorter(set.order.data(), most);
+  set.micros.resize(tasks.size() - 1);
+  std::vector<std::vector<Micro>> groups(set.micros.size()), crowds(set.micros.size());
+  parallel_for(groups.size(), 1, [&](size_t t) {
+    Sorter sorter(sizes);
     for (uint32_t c = tasks[t]; c < tasks[t + 1]; ++c)
       if (begins[c + 1] > begins[c])
-        sorter.sort(sorted.get(), boxes.get(), begins[c], begins[c + 1] - begins[c]);
-    micros[t] = std::move(sorter.micros);
+        sorter.sort(sorted + begins[c], boxes + begins[c], begins[c + 1] - begins[c]);
+    sorter.refer(groups[t]);
+    set.micros[t] = std::move(sorter.micros);
+    crowds[t] = std::move(sorter.crowds);
   });
-  size_t total = 0;
-  for (const auto& part : micros) total += part.size();
-  set.micros.reserve(total);
-  for (const auto& part : micros) set.micros.insert(set.micros.end(), part.begin(), part.end());
+  for (const auto& part : groups) set.groups.insert(set.groups.end(), part.begin(), part.end());
+  for (const auto& part : crowds) set.crowds.insert(set.crowds.end(), part.begin(), part.end());
   return set;
 }
 

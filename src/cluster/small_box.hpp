@@ -38,23 +38,34 @@ inline SmallBox pack(Int4 a, Int4 b) {
 #endif
 }
 
-/// The first four lanes, from -32768 to 32767, as floats.
-inline Float4 floats_of(SmallBox b) {
-#if defined(__SSE2__)
-  return Float4(_mm_cvtepi32_ps(_mm_srai_epi32(_mm_unpacklo_epi16(__m128i(b), __m128i(b)), 16)));
-#else
-  return Float4{float(b[0]), float(b[1]), float(b[2]), float(b[3])};
-#endif
-}
-
 /// The centre, at the same scale, in lanes 0 to 2.
 inline Center8 center_of(SmallBox b) { return Center8(b - swap_halves(b)) >> 1; }
 
-/// Half the area of the box after it has grown by one unit, so that flat boxes count.
-inline float half_area(SmallBox b) {
-  const Float4 e = splat(1.0f) - floats_of(b + swap_halves(b));
-  const Float4 p = e * __builtin_shufflevector(e, e, 1, 2, 0, 3);
-  return p[0] + p[1] + p[2];
+/// Products of unsigned lanes without their low 16 bits.
+inline Center8 multiply_high(Center8 a, Center8 b) {
+#if defined(__SSE2__)
+  return Center8(_mm_mulhi_epu16(__m128i(a), __m128i(b)));
+#else
+  Center8 high;
+  for (int k = 0; k < 8; ++k) high[k] = static_cast<uint16_t>(uint32_t(a[k]) * b[k] >> 16);
+  return high;
+#endif
+}
+
+/// An eighth of the area of the box after it has grown by two units, so that flat boxes count.
+inline float box_area(SmallBox b) {
+  constexpr int16_t kGrown = 2;
+  const SmallBox two{kGrown, kGrown, kGrown, 0, 0, 0, 0, 0};
+  const SmallBox mask{-1, -1, -1, 0, 0, 0, 0, 0};
+  const SmallBox e = SmallBox(Center8(two - (b + swap_halves(b))) >> 1) & mask;
+#if defined(__SSE2__)
+  const __m128i turned = _mm_shufflelo_epi16(__m128i(e), _MM_SHUFFLE(3, 0, 2, 1));
+  const __m128i pairs = _mm_madd_epi16(__m128i(e), turned);
+  return static_cast<float>(
+      _mm_cvtsi128_si32(_mm_add_epi32(pairs, _mm_shuffle_epi32(pairs, _MM_SHUFFLE(1, 1, 1, 1)))));
+#else
+  return static_cast<float>(int32_t(e[0]) * e[1] + int32_t(e[1]) * e[2] + int32_t(e[2]) * e[0]);
+#endif
 }
 
 inline uint32_t tag_of(SmallBox b) { return uint16_t(b[3]) | uint32_t(uint16_t(b[7])) << 16; }

@@ -1,6 +1,7 @@
 #include "cluster/validate.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -116,6 +117,76 @@ void check_segments(const ClusterInput& input) {
   throw Error(ErrorCode::kInvalidMesh, "triangle " + std::to_string(i) + " is invalid");
 }
 
+// The box of all positions, where each may be used. Reads everything once and in order.
+bool positions_tell(const MeshView& mesh, BoxRecord& box) {
+  constexpr size_t kChunk = 1 << 15;
+  const size_t triangles = mesh.triangles.size(), positions = mesh.positions.size();
+  if (positions / 4 > triangles) return false;
+  std::vector<uint8_t> bad((triangles + kChunk - 1) / kChunk, 0);
+  parallel_chunks(triangles, kChunk, [&](size_t begin, size_t end) {
+    uint32_t last = 0;
+    for (size_t i = begin; i < end; ++i)
+      for (const uint32_t v : mesh.triangles[i]) last = std::max(last, v);
+    bad[begin / kChunk] = last >= positions;
+  });
+  std::vector<BoxRecord> parts((positions + kChunk - 1) / kChunk);
+  parallel_chunks(positions, kChunk, [&](size_t begin, size_t end) {
+    BoxRecord part = BoxRecord::empty();
+    Float4 zero{};  // stays 0 unless something is not finite
+    for (size_t i = begin; i < end; ++i) {
+      const Vec3& p = mesh.positions[i];
+      const Float4 point{p.x, p.y, p.z, 0};
+      zero += point * Float4{};
+      part.extend({point, -point});
+    }
+    if (!(zero[0] == 0 && zero[1] == 0 && zero[2] == 0)) part.low = splat(-HUGE_VALF);
+    parts[begin / kChunk] = part;
+  });
+  for (const BoxRecord& part : parts) box.extend(part);
+  return std::find(bad.begin(), bad.end(), 1) == bad.end() && box.low[3] == 0;
+}
+
+// The box of all positions that are used.
+BoxRecord check_corners(const MeshView& mesh) {
+  const auto is_valid = [&](const Triangle& t) {
+    for (const uint32_t v : t)
+      if (v >= mesh.positions.size() || !is_finite(mesh.positions[v])) return false;
+    return true;
+  };
+  constexpr size_t kChunk = 1 << 14;
+  struct Summary {
+    BoxRecord box = BoxRecord::empty();
+    bool bad = false;
+  };
+  std::vector<Summary> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
+  parallel_chunks(mesh.triangles.size(), kChunk, [&](size_t begin, size_t end) {
+    Summary part;
+    Float4 zero{};  // stays 0 unless something is not finite
+    for (size_t i = begin; i < end; ++i) {
+      for (const uint32_t v : mesh.triangles[i]) {
+        if (v >= mesh.positions.size()) {
+          part.bad = true;
+          continue;
+        }
+        const Vec3& p = mesh.positions[v];
+        const Float4 point{p.x, p.y, p.z, 0};
+        zero += point * Float4{};
+        part.box.extend({point, -point});
+      }
+    }
+    part.bad |= !(zero[0] == 0 && zero[1] == 0 && zero[2] == 0);
+    parts[begin / kChunk] = part;
+  });
+  BoxRecord all = BoxRecord::empty();
+  for (size_t c = 0; c < parts.size(); ++c) {
+    all.extend(parts[c].box);
+    if (!parts[c].bad) continue;
+    for (size_t i = c * kChunk;; ++i)
+      if (!is_valid(mesh.triangles[i])) report_triangle(mesh, i);
+  }
+  return all;
+}
+
 }  // namespace
 
 void validate_config(const ClusterConfig& config) {
@@ -153,45 +224,11 @@ BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
   if (config.max_vertices && config.max_vertices < 3)
     bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
                  ", too few for one triangle");
-  const auto is_valid = [&](const Triangle& t) {
-    for (const uint32_t v : t)
-      if (v >= mesh.positions.size() || !is_finite(mesh.positions[v])) return false;
-    return true;
-  };
-  constexpr size_t kChunk = 1 << 14;
-  struct Summary {
-    BoxRecord box = BoxRecord::empty();
-    bool bad = false;
-  };
-  std::vector<Summary> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
+  BoxRecord box = BoxRecord::empty();
   with_threads(options.threads, [&] {
-    parallel_chunks(mesh.triangles.size(), kChunk, [&](size_t begin, size_t end) {
-      Summary part;
-      Float4 zero{};  // stays 0 unless something is not finite
-      for (size_t i = begin; i < end; ++i) {
-        for (const uint32_t v : mesh.triangles[i]) {
-          if (v >= mesh.positions.size()) {
-            part.bad = true;
-            continue;
-          }
-          const Vec3& p = mesh.positions[v];
-          const Float4 point{p.x, p.y, p.z, 0};
-          zero += point * Float4{};
-          part.box.extend({point, -point});
-        }
-      }
-      part.bad |= !(zero[0] == 0 && zero[1] == 0 && zero[2] == 0);
-      parts[begin / kChunk] = part;
-    });
+    if (!positions_tell(mesh, box)) box = check_corners(mesh);
   });
-  BoxRecord all = BoxRecord::empty();
-  for (size_t c = 0; c < parts.size(); ++c) {
-    all.extend(parts[c].box);
-    if (!parts[c].bad) continue;
-    for (size_t i = c * kChunk;; ++i)
-      if (!is_valid(mesh.triangles[i])) report_triangle(mesh, i);
-  }
-  return all;
+  return box;
 }
 
 void validate_boxes(const ClusterInput& input, size_t begin, size_t end) {

@@ -146,5 +146,78 @@ TEST(Micros, one_far_item_costs_little_area) {
   EXPECT_LT(area("fast"), 1.3 * area("quality"));
 }
 
+double fill_of(const Clusters& c, uint32_t most) {
+  return double(c.items.size()) / (double(c.ranges.size()) * most);
+}
+
+TEST(Micros, clusters_are_nearly_as_full_as_with_the_quality_preset) {
+  for (const float flat : {1.0f, 0.02f}) {
+    const std::vector<Aabb> boxes = random_boxes(50000, 11, flat);
+    const Clusters quality = build_clusters(input_of(boxes), cluster_preset("quality"));
+    EXPECT_GT(fill_of(fast(boxes), 128), fill_of(quality, 128) - 0.07);
+  }
+}
+
+TEST(Micros, crowds_too_small_to_see_are_divided_by_place) {
+  // Each crowd is two cubes far apart in its own scale; no cluster should have items of both.
+  std::mt19937 random(12);
+  std::uniform_real_distribution<float> unit(0, 1);
+  std::vector<Aabb> boxes;
+  for (int crowd = 0; crowd < 20; ++crowd) {
+    const float at = float(crowd) * 1000;
+    for (int i = 0; i < 512; ++i) {
+      const float x = at + 0.001f * unit(random) + (i % 2 ? 0.02f : 0.0f),
+                  y = 0.001f * unit(random);
+      boxes.push_back({{x, y, 0}, {x, y, 0}});
+    }
+  }
+  const Clusters c = fast(boxes);
+  expect_valid(c, uint32_t(boxes.size()), 32, 128);
+  for (const Range& r : c.ranges) {
+    const uint32_t first = c.items[r.offset];
+    for (uint32_t i = r.offset; i < r.offset + r.count; ++i) {
+      EXPECT_EQ(c.items[i] / 512, first / 512);
+      EXPECT_EQ(c.items[i] % 2, first % 2);
+    }
+  }
+}
+
+TEST(Micros, a_few_items_beside_a_crowd_are_in_full_enough_clusters) {
+  for (const uint32_t others : {1u, 31u, 32u, 100u, 200u}) {
+    std::vector<Aabb> boxes(2000, {{1, 1, 1}, {1, 1, 1}});
+    for (uint32_t i = 0; i < others; ++i)
+      boxes.push_back({{float(i + 2), 0, 0}, {float(i + 3), 1, 1}});
+    const Clusters c = fast(boxes);
+    expect_valid(c, uint32_t(boxes.size()), 32, 128);
+    for (const Range& r : c.ranges) EXPECT_GE(r.count, 32u);
+  }
+}
+
+TEST(Micros, positions_that_no_triangle_uses_change_nothing) {
+  Mesh mesh;
+  const std::vector<Aabb> boxes = random_boxes(50000, 13);
+  for (const Aabb& b : boxes) {
+    const uint32_t v = uint32_t(mesh.positions.size());
+    mesh.positions.insert(mesh.positions.end(), {b.min, b.max, {b.min.x, b.max.y, b.min.z}});
+    mesh.triangles.push_back({v, v + 1, v + 2});
+  }
+  for (const char* preset : {"fast", "quality"}) {
+    const Clusters base = cluster_mesh(mesh.view(), cluster_preset(preset));
+    for (const float far : {-100.0f, 1e30f, NAN, INFINITY}) {
+      Mesh other = mesh;
+      other.positions.push_back({far, 0.5f, 0.5f});
+      const Clusters c = cluster_mesh(other.view(), cluster_preset(preset));
+      EXPECT_TRUE(base.items == c.items && base.ranges == c.ranges) << preset << " " << far;
+    }
+  }
+}
+
+TEST(Micros, used_positions_at_one_place_among_unused_ones_are_legal) {
+  Mesh mesh;
+  for (uint32_t i = 0; i < 20000; ++i) mesh.positions.push_back({float(i), 1, 2});
+  mesh.triangles.assign(20000, {7, 7, 7});
+  expect_valid(cluster_mesh(mesh.view(), cluster_preset("fast")), 20000, 32, 128);
+}
+
 }  // namespace
 }  // namespace umbel

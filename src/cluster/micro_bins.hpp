@@ -1,0 +1,64 @@
+// The cheapest split of a node of micro-clusters.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "cluster/micros.hpp"
+#include "cluster/rules.hpp"
+
+namespace umbel::cluster {
+
+/// {low.xyz, -, -high.xyz, -} of centres, by the same operations as for boxes.
+inline SmallBox centers_of(SmallBox box) {
+  const SmallBox c = SmallBox(center_of(box));
+  return __builtin_shufflevector(c, -c, 0, 1, 2, 3, 8, 9, 10, 11);
+}
+
+/// The bins that centres fall into, on three axes at once.
+struct BinPlaces {
+  Center8 origin{}, multiplier{}, factor{};
+  Center8 of(SmallBox box) const {
+    return multiply_high((center_of(box) - origin) * multiplier, factor);
+  }
+};
+
+struct Choice {
+  int axis = -1;          ///< -1: none
+  uint32_t bin = 0;       ///< all bins below it are on the left
+  uint32_t before = 0;    ///< items in those
+  uint32_t position = 0;  ///< items on the left: `before`, or so many that the bin is cut
+  BinPlaces places;
+};
+
+class MicroBins {
+ public:
+  explicit MicroBins(const Rules& rules);
+
+  /// Splits `count` items in micro-clusters [begin, end), whose centres fill `centers`.
+  Choice cheapest(const Micro* begin, const Micro* end, uint32_t count, SmallBox centers) const;
+
+ private:
+  static constexpr uint32_t kMost = 32;
+  static constexpr uint32_t kTabled = 1 << 12;  ///< weights of fewer items are looked up
+
+  struct Bins {
+    uint32_t count;  ///< a axis
+    SmallBox boxes[3][kMost];
+    uint32_t counts[3][kMost];
+  };
+
+  void weigh(const Bins& bins, int axis, uint32_t count, Choice& best, float& best_cost) const;
+  float weight(uint32_t n) const { return n < kTabled ? weights_[n] : rules_.weight(n); }
+  uint32_t whole(uint32_t n) const {
+    return n < kTabled ? whole_[n] : n - n % rules_.config.max_items;
+  }
+
+  const Rules& rules_;
+  std::vector<float> weights_;
+  std::vector<uint32_t> whole_;  ///< items in full clusters
+};
+
+}  // namespace umbel::cluster
