@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel.errors import Error
+
+if TYPE_CHECKING:
+    from umbel.io.images import TextureImage
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
@@ -22,7 +25,8 @@ class Material:
     """What a surface is made of: glTF's metallic-roughness model.
 
     `textures` maps a slot ("base_color", "normal", ...) to what the file says about the image,
-    untouched; nothing in this package looks inside yet.
+    untouched; `images` maps it to the image itself where the file has it, for `umbel.render`.
+    Images are not part of what makes two materials equal, and are not stored in assets.
     """
 
     name: str = ""
@@ -34,6 +38,7 @@ class Material:
     alpha_mode: str = "OPAQUE"  #: OPAQUE, MASK or BLEND
     alpha_cutoff: float = 0.5  #: used by MASK
     textures: dict[str, dict[str, Any]] = field(default_factory=dict)
+    images: dict[str, TextureImage] = field(default_factory=dict, repr=False, compare=False)
 
 
 @dataclass(eq=False)

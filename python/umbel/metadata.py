@@ -5,18 +5,23 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from typing import Any
 
 from .mesh import Material
 
 _TUPLES = ("base_color", "emissive")
-_KNOWN = {field.name for field in fields(Material)}
+_KNOWN = {field.name for field in fields(Material)} - {"images"}
 
 
 def materials_to_json(materials: list[Material]) -> list[dict[str, Any]]:
-    """Each material as a dict of its fields."""
-    return [asdict(material) for material in materials]
+    """Each material as a dict of its fields, without its images."""
+    items = []
+    for material in materials:
+        item = asdict(replace(material, images={}))
+        del item["images"]
+        items.append(item)
+    return items
 
 
 def materials_from_json(items: list[dict[str, Any]]) -> list[Material]:

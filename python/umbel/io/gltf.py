@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
 from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
+from umbel.io.gltf_images import attach_images
 from umbel.io.gltf_materials import read_material
 from umbel.io.gltf_nodes import Nodes, instance_matrices
 from umbel.io.gltf_schema import check_schema
@@ -74,6 +75,7 @@ class _Reader:
         self.root = buffers.root
         self.nodes = Nodes(buffers)
         self.materials = [read_material(m, self.root) for m in self.root.get("materials") or []]
+        attach_images(self.materials, buffers)
         self.meshes: list[Mesh] = []
         self._made: dict[tuple[Any, ...], int | None] = {}
 

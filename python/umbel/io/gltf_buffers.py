@@ -75,7 +75,7 @@ class Buffers:
         self.root = root
         self.where = where
         self._binary = binary
-        self._folder = folder
+        self.folder = folder
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, tuple[bytes, int | None]] = {}
 
@@ -114,7 +114,7 @@ class Buffers:
                 raise Error(f"{self.where}: {name} has no data")
             data = self._binary
         elif isinstance(uri, str) and uri.startswith("data:"):
-            data = _data_uri(uri, f"{self.where}: {name}")
+            data = data_uri(uri, f"{self.where}: {name}")
         elif isinstance(uri, str):
             data = self._external(uri, name)
         else:
@@ -134,10 +134,10 @@ class Buffers:
             raise Error(
                 f"{self.where}: {name} is at {uri[:80]!r}; only files beside it can be read"
             )
-        if self._folder is None:
+        if self.folder is None:
             raise Error(f"{self.where}: {name} is another file, {uri[:80]!r}")
         try:
-            return read_bytes(self._folder / path)
+            return read_bytes(self.folder / path)
         except Error as error:
             raise Error(f"{self.where}: {name}: {error}") from None
 
@@ -283,7 +283,8 @@ def _extension(entry: Json, names: tuple[str, ...]) -> Json | None:
     return None
 
 
-def _data_uri(uri: str, what: str) -> bytes:
+def data_uri(uri: str, what: str) -> bytes:
+    """What a data URI holds."""
     head, _, body = uri.partition(",")
     try:
         if head.endswith(";base64"):

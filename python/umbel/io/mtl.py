@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
+from umbel.io.images import TextureImage, beside
 from umbel.mesh import Material
 
 _MAPS = {
@@ -13,8 +15,9 @@ _MAPS = {
 }  # fmt: skip
 
 
-def read_mtl(data: bytes) -> dict[str, Material]:
-    """The materials of a library by name; what makes no sense in it is stepped over."""
+def read_mtl(data: bytes, folder: Path | None = None) -> dict[str, Material]:
+    """The materials of a library by name; what makes no sense in it is stepped over. Images are
+    those of files below `folder`."""
     found: dict[str, Material] = {}
     current = Material()
     for raw in data.decode("utf-8", "replace").splitlines():
@@ -44,6 +47,9 @@ def read_mtl(data: bytes) -> dict[str, Material]:
             current.roughness = min(1.0, (2.0 / (max(values[0], 0.0) + 2.0)) ** 0.25)
         elif key in _MAPS:
             current.textures[_MAPS[key]] = {"uri": words[-1], "line": raw.strip()}
+            path = beside(folder, words[-1])
+            if path is not None:
+                current.images[_MAPS[key]] = TextureImage(path=path, bottom_up=True)
     return found
 
 

@@ -431,7 +431,8 @@ def _libraries(lines: _Lines, folder: Path | None, where: str) -> dict[str, Mate
                 warnings.warn(f"{where}: no material library {name!r}", LoadWarning, stacklevel=4)
                 continue
             try:
-                found.update(read_mtl((folder / name.replace("\\", "/")).read_bytes()))
+                library = folder / name.replace("\\", "/")
+                found.update(read_mtl(library.read_bytes(), library.parent))
             except OSError as error:
                 warnings.warn(
                     f"{where}: cannot read {name!r}: {error.strerror}", LoadWarning, stacklevel=4

@@ -1,0 +1,219 @@
+// The path tracer: looks, scenes, cameras, and films that pictures grow on.
+#include "umbel/trace.hpp"
+
+#include <nanobind/stl/string_view.h>
+#include <nanobind/stl/vector.h>
+
+#include "bind.hpp"
+
+namespace umbel::python {
+namespace {
+
+using Triple = std::array<float, 3>;
+using Texels = nb::ndarray<const uint8_t, nb::shape<-1, -1, 4>, nb::c_contig, nb::device::cpu>;
+/// Index, offset u v, scale u v, rotation; an index of -1 stands for no texture.
+using Use = std::tuple<int64_t, float, float, float, float, float>;
+
+Vec3 vec3(const Triple& t) { return {t[0], t[1], t[2]}; }
+Triple triple(const Vec3& v) { return {v.x, v.y, v.z}; }
+
+trace::TextureUse texture_use(const Use& use) {
+  const auto [index, u, v, scale_u, scale_v, rotation] = use;
+  return {index < 0 ? kNone : static_cast<uint32_t>(index), {u, v}, {scale_u, scale_v}, rotation};
+}
+
+/// A texture as Python gave it, kept alive.
+struct TextureInput {
+  Texels texels;
+  trace::TextureView view;
+};
+
+/// Makes a struct's vector member a property that is a tuple in Python.
+template <typename T, typename Class>
+void triple_property(Class& binding, const char* name, Vec3 T::* member) {
+  binding.def_prop_rw(
+      name, [member](const T& self) { return triple(self.*member); },
+      [member](T& self, const Triple& value) { self.*member = vec3(value); });
+}
+
+template <typename Class>
+void use_property(Class& binding, const char* name, trace::TextureUse trace::Material::* member) {
+  binding.def_prop_rw(
+      name,
+      [member](const trace::Material& self) {
+        const trace::TextureUse& use = self.*member;
+        const int64_t index = use.texture == kNone ? -1 : static_cast<int64_t>(use.texture);
+        return Use{index, use.offset.x, use.offset.y, use.scale.x, use.scale.y, use.rotation};
+      },
+      [member](trace::Material& self, const Use& use) { self.*member = texture_use(use); });
+}
+
+void bind_look(nb::module_& module) {
+  using trace::Environment, trace::Material;
+  nb::enum_<trace::AlphaMode>(module, "TraceAlpha")
+      .value("opaque", trace::AlphaMode::kOpaque)
+      .value("mask", trace::AlphaMode::kMask)
+      .value("blend", trace::AlphaMode::kBlend);
+  nb::enum_<trace::Wrap>(module, "TraceWrap")
+      .value("repeat", trace::Wrap::kRepeat)
+      .value("clamp", trace::Wrap::kClamp)
+      .value("mirror", trace::Wrap::kMirror);
+
+  nb::class_<Material> material(module, "TraceMaterial");
+  material.def(nb::init<>())
+      .def_rw("alpha", &Material::alpha)
+      .def_rw("metallic", &Material::metallic)
+      .def_rw("roughness", &Material::roughness)
+      .def_rw("specular", &Material::specular)
+      .def_rw("alpha_mode", &Material::alpha_mode)
+      .def_rw("alpha_cutoff", &Material::alpha_cutoff);
+  triple_property(material, "base_color", &Material::base_color);
+  triple_property(material, "emission", &Material::emission);
+  use_property(material, "base_color_texture", &Material::base_color_texture);
+  use_property(material, "metallic_roughness_texture", &Material::metallic_roughness_texture);
+  use_property(material, "emission_texture", &Material::emission_texture);
+  use_property(material, "normal_texture", &Material::normal_texture);
+
+  nb::class_<TextureInput>(module, "TraceTexture")
+      .def(
+          "__init__",
+          [](TextureInput* self, Texels texels, bool srgb, bool nearest, trace::Wrap u,
+             trace::Wrap v) {
+            const auto height = static_cast<uint32_t>(texels.shape(0));
+            const auto width = static_cast<uint32_t>(texels.shape(1));
+            const std::span<const uint8_t> bytes(texels.data(), texels.size());
+            new (self) TextureInput{std::move(texels), {bytes, width, height, srgb, nearest, u, v}};
+          },
+          "texels"_a, "srgb"_a, "nearest"_a, "wrap_u"_a, "wrap_v"_a);
+
+  nb::class_<Environment> environment(module, "TraceEnvironment");
+  environment.def(nb::init<>())
+      .def_prop_rw(
+          "constant",
+          [](const Environment& self) { return self.kind == Environment::Kind::kConstant; },
+          [](Environment& self, bool constant) {
+            self.kind = constant ? Environment::Kind::kConstant : Environment::Kind::kSky;
+          })
+      .def_rw("turbidity", &Environment::turbidity)
+      .def_rw("sun_radius", &Environment::sun_radius)
+      .def_rw("sun_strength", &Environment::sun_strength)
+      .def_rw("sky_strength", &Environment::sky_strength);
+  triple_property(environment, "color", &Environment::color);
+  triple_property(environment, "up", &Environment::up);
+  triple_property(environment, "sun_direction", &Environment::sun_direction);
+  triple_property(environment, "ground_albedo", &Environment::ground_albedo);
+}
+
+trace::Scene build_scene(const MeshArrays& mesh, const std::vector<trace::Material>& materials,
+                         const std::vector<const TextureInput*>& textures,
+                         const trace::Environment& environment, const std::string& preset,
+                         const nb::object& progress, uint32_t threads) {
+  std::vector<trace::TextureView> views;
+  for (const TextureInput* texture : textures) views.push_back(texture->view);
+  const trace::Look look{materials, views, environment};
+  TriangleBvhConfig config;
+  config.tree = bvh::preset(preset);
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return trace::Scene::build(mesh.view(), look, config, options);
+  });
+}
+
+void bind_scene(nb::module_& module) {
+  nb::class_<trace::Camera> camera(module, "TraceCamera");
+  camera.def(nb::init<>())
+      .def_rw("fov_y", &trace::Camera::fov_y)
+      .def_rw("lens_radius", &trace::Camera::lens_radius)
+      .def_rw("focus_distance", &trace::Camera::focus_distance);
+  triple_property(camera, "position", &trace::Camera::position);
+  triple_property(camera, "target", &trace::Camera::target);
+  triple_property(camera, "up", &trace::Camera::up);
+
+  const auto viewpoint = [](float azimuth, float elevation, float fov_y, float margin) {
+    return trace::Viewpoint{azimuth, elevation, fov_y, margin};
+  };
+  nb::class_<trace::Scene>(module, "TraceScene")
+      .def_prop_ro("triangle_count", &trace::Scene::triangle_count)
+      .def_prop_ro("light_count", &trace::Scene::light_count)
+      .def(
+          "auto_camera",
+          [=](const trace::Scene& scene, uint32_t width, uint32_t height, float azimuth,
+              float elevation, float fov_y, float margin) {
+            const nb::gil_scoped_release release;
+            return trace::auto_camera(scene, width, height,
+                                      viewpoint(azimuth, elevation, fov_y, margin));
+          },
+          "width"_a, "height"_a, "azimuth"_a, "elevation"_a, "fov_y"_a, "margin"_a);
+  module.def("trace_scene", &build_scene, "mesh"_a, "materials"_a, "textures"_a, "environment"_a,
+             "preset"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  module.def(
+      "trace_frame",
+      [=](const MeshArrays& mesh, const Triple& up, uint32_t width, uint32_t height, float azimuth,
+          float elevation, float fov_y, float margin) {
+        const nb::gil_scoped_release release;
+        return trace::frame(mesh.view(), vec3(up), width, height,
+                            viewpoint(azimuth, elevation, fov_y, margin));
+      },
+      "mesh"_a, "up"_a, "width"_a, "height"_a, "azimuth"_a, "elevation"_a, "fov_y"_a, "margin"_a);
+}
+
+Dict statistics_of(const trace::Film& film) {
+  const trace::Statistics& s = film.statistics;
+  Dict result;
+  result["primary_rays"] = s.primary;
+  result["bounce_rays"] = s.bounce;
+  result["shadow_rays"] = s.shadow;
+  result["continued_rays"] = s.continued;
+  result["rays"] = s.rays();
+  result["seconds"] = s.seconds;
+  return result;
+}
+
+/// (height, width, 3) float32
+Array<float> pixels_of(const trace::Film& film) {
+  auto owner = std::make_unique<std::vector<Vec3>>(film.image().pixels);
+  static float nothing = 0.0f;
+  float* data = owner->empty() ? &nothing : &owner->front().x;
+  const size_t shape[3] = {film.height, film.width, 3};
+  nb::capsule capsule(owner.get(),
+                      [](void* p) noexcept { delete static_cast<std::vector<Vec3>*>(p); });
+  owner.release();
+  return Array<float>(data, 3, shape, capsule);
+}
+
+void bind_film(nb::module_& module) {
+  using trace::Settings;
+  nb::class_<Settings>(module, "TraceSettings")
+      .def(nb::init<>())
+      .def_rw("width", &Settings::width)
+      .def_rw("height", &Settings::height)
+      .def_rw("samples", &Settings::samples)
+      .def_rw("seed", &Settings::seed)
+      .def_rw("max_bounces", &Settings::max_bounces)
+      .def_rw("roulette_from", &Settings::roulette_from)
+      .def_rw("shadow_samples", &Settings::shadow_samples)
+      .def_rw("clamp", &Settings::clamp);
+  nb::class_<trace::Film>(module, "TraceFilm", "A picture that grows: sums of samples.")
+      .def(nb::init<>())
+      .def_ro("samples", &trace::Film::samples)
+      .def_prop_ro("statistics", &statistics_of)
+      .def("pixels", &pixels_of, "(height, width, 3) float32: the means so far")
+      .def(
+          "add",
+          [](trace::Film& film, const trace::Scene& scene, const trace::Camera& camera,
+             const Settings& settings, const nb::object& progress, uint32_t threads) {
+            run(progress, threads, [&](const BuildOptions& options) {
+              trace::accumulate(scene, camera, settings, film, options);
+            });
+          },
+          "scene"_a, "camera"_a, "settings"_a, "progress"_a = nb::none(), "threads"_a = 0);
+}
+
+}  // namespace
+
+void bind_trace(nb::module_& module) {
+  bind_look(module);
+  bind_scene(module);
+  bind_film(module);
+}
+
+}  // namespace umbel::python

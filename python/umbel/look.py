@@ -1,0 +1,187 @@
+"""Materials, textures and light as the path tracer takes them."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from . import _umbel
+from .errors import Error, LoadWarning
+from .io.images import TextureImage
+from .mesh import Material, Mesh
+
+#: Up, and the front from which azimuths count: glTF's and OBJ's axes, and those of CAD and maps.
+AXES = {"y": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "z": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))}
+
+#: Slots of a material that are rendered, and whether their colours are sRGB-encoded.
+_SLOTS = {"base_color": True, "metallic_roughness": False, "emissive": True, "normal": False}
+
+
+@dataclass(frozen=True)
+class Environment:
+    """The light around a mesh: a clear sky with a sun (Preetham, Shirley & Smits 1999), or one
+    colour from everywhere.
+
+    Angles are in degrees; azimuths count from the front (+Z where Y is up) to the right."""
+
+    sun_azimuth: float = 80.0
+    sun_elevation: float = 48.0  #: lifted to 3 where lower
+    sun_size: float = 0.53  #: radius of the disc, 0.06 to 28; the real one is 0.27
+    sun: float = 1.0  #: strength, times the model's
+    sky: float = 1.0  #: strength, times the model's
+    turbidity: float = 3.0  #: haze, 1.7 to 10
+    ground: Sequence[float] = (0.3, 0.29, 0.27)  #: albedo below the horizon
+    color: Sequence[float] | None = None  #: radiance from everywhere instead of sky and sun
+
+    def native(self, up: str) -> _umbel.TraceEnvironment:
+        """For the tracer, with the axis that points up."""
+        zenith, front = (np.array(axis) for axis in axes_of(up))
+        azimuth, elevation = math.radians(self.sun_azimuth), math.radians(self.sun_elevation)
+        level = front * math.cos(azimuth) + np.cross(zenith, front) * math.sin(azimuth)
+        sun = level * math.cos(elevation) + zenith * math.sin(elevation)
+        out = _umbel.TraceEnvironment()
+        out.up = triple(zenith, "up")
+        out.sun_direction = triple(sun, "the sun's angles")
+        out.sun_radius = math.radians(self.sun_size)
+        out.sun_strength, out.sky_strength = self.sun, self.sky
+        out.turbidity = self.turbidity
+        out.ground_albedo = triple(self.ground, "ground")
+        if self.color is not None:
+            out.constant = True
+            out.color = triple(self.color, "color")
+        return out
+
+
+def axes_of(up: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Up and front for the name of an axis."""
+    if up not in AXES:
+        raise Error(f"up must be {' or '.join(map(repr, AXES))}, not {up!r}")
+    return AXES[up]
+
+
+def triple(values: Any, what: str) -> tuple[float, float, float]:
+    """Three numbers."""
+    try:
+        x, y, z = (float(v) for v in values)
+    except (TypeError, ValueError):
+        raise Error(f"{what} must be three numbers, not {values!r}") from None
+    return x, y, z
+
+
+def without(mesh: Mesh, patterns: Sequence[str]) -> Mesh:
+    """The mesh without the triangles of materials whose names match (`*` and `?` as in shells).
+    Raises for a pattern that matches no material."""
+    if not patterns:
+        return mesh
+    names = [material.name for material in mesh.materials]
+    hidden: set[int] = set()
+    for pattern in patterns:
+        found = [k for k, name in enumerate(names) if fnmatch.fnmatchcase(name, pattern)]
+        if not found:
+            known = ", ".join(sorted(set(names))) or "none"
+            raise Error(f"no material is named {pattern!r}; there are {known}")
+        hidden.update(found)
+    if mesh.material_ids is None:
+        return mesh
+    kept = ~np.isin(mesh.material_ids, sorted(hidden))
+    return replace(mesh, triangles=mesh.triangles[kept], material_ids=mesh.material_ids[kept])
+
+
+class Look:
+    """A mesh's materials and their textures, made native; textures that several materials use
+    are decoded once."""
+
+    def __init__(self, mesh: Mesh, warn: bool = True) -> None:
+        self.materials: list[_umbel.TraceMaterial] = []
+        self.textures: list[_umbel.TraceTexture] = []
+        self._indices: dict[tuple[int, bool], int] = {}
+        self._images: list[TextureImage] = []  # keeps the ids in use
+        self._warn = warn
+        self._has_uvs = mesh.uvs is not None
+        if mesh.material_ids is None:
+            return  # the tracer's own plain material
+        self.materials = [self._material(material) for material in mesh.materials]
+
+    def _material(self, material: Material) -> _umbel.TraceMaterial:
+        if replace(material, name="") == Material():
+            return plain()  # the file says nothing: no white that never gets dark
+        out = _umbel.TraceMaterial()
+        r, g, b, alpha = (_unit(v) for v in material.base_color)
+        out.base_color, out.alpha = (r, g, b), alpha
+        out.metallic, out.roughness = _unit(material.metallic), _unit(material.roughness)
+        out.emission = triple(material.emissive, f"the emission of {material.name!r}")
+        out.alpha_cutoff = max(material.alpha_cutoff, 0.0)
+        modes = {"MASK": _umbel.TraceAlpha.mask, "BLEND": _umbel.TraceAlpha.blend}
+        out.alpha_mode = modes.get(material.alpha_mode, _umbel.TraceAlpha.opaque)
+        out.base_color_texture = self._use(material, "base_color")
+        out.metallic_roughness_texture = self._use(material, "metallic_roughness")
+        out.emission_texture = self._use(material, "emissive")
+        out.normal_texture = self._use(material, "normal")
+        if any(material.emissive) or "emissive" not in material.images:
+            return out
+        out.emission_texture = _NO_TEXTURE
+        return out
+
+    def _use(self, material: Material, slot: str) -> tuple[int, float, float, float, float, float]:
+        image = material.images.get(slot)
+        if image is None or not self._has_uvs:
+            return _NO_TEXTURE
+        info = material.textures.get(slot, {})
+        moved = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
+        if moved.get("texCoord", info.get("texCoord", 0)) != 0:
+            self._say(f"the {slot} texture of material {material.name!r} uses other UVs than the "
+                      "first and is left out")
+            return _NO_TEXTURE
+        index = self._texture(image, _SLOTS[slot], material.name)
+        if index < 0:
+            return _NO_TEXTURE
+        if image.bottom_up:
+            return index, 0.0, 1.0, 1.0, -1.0, 0.0
+        try:
+            u, v = (float(x) for x in moved.get("offset", (0, 0)))
+            su, sv = (float(x) for x in moved.get("scale", (1, 1)))
+            return index, u, v, su, sv, float(moved.get("rotation", 0))
+        except (TypeError, ValueError):
+            self._say(f"material {material.name!r} places its {slot} texture by no numbers")
+            return index, 0.0, 0.0, 1.0, 1.0, 0.0
+
+    def _texture(self, image: TextureImage, srgb: bool, name: str) -> int:
+        key = (id(image.data) if image.data is not None else hash(image.path), srgb)
+        if key not in self._indices:
+            self._images.append(image)
+            try:
+                texels = image.texels()
+            except Error as error:
+                self._say(f"material {name!r} loses a texture: {error}")
+                self._indices[key] = -1
+                return -1
+            wrap = [getattr(_umbel.TraceWrap, w) for w in (image.wrap_u, image.wrap_v)]
+            self._indices[key] = len(self.textures)
+            self.textures.append(_umbel.TraceTexture(texels, srgb, image.nearest, *wrap))
+        return self._indices[key]
+
+    def _say(self, sentence: str) -> None:
+        if self._warn:
+            warnings.warn(sentence, LoadWarning, stacklevel=2)
+
+
+_NO_TEXTURE = (-1, 0.0, 0.0, 1.0, 1.0, 0.0)
+
+
+def plain(albedo: float = 0.75) -> _umbel.TraceMaterial:
+    """Lambert's grey, for what nothing is known of."""
+    out = _umbel.TraceMaterial()
+    out.base_color = (albedo, albedo, albedo)
+    out.specular = 0.0
+    return out
+
+
+def _unit(value: float) -> float:
+    """Rounding of a file's writer is not its reader's fault; NaN stays for the tracer to name."""
+    return float(np.clip(value, 0.0, 1.0))
