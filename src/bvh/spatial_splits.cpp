@@ -7,6 +7,7 @@
 // often references are split below; what is left of it goes to the children by a fixed rule, so
 // nothing depends on the order in which subtrees are built.
 #include <bit>
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -104,6 +105,7 @@ class SpatialBuilder {
   struct Grown {
     Node node;
     uint32_t pairs, primitives;
+    uint32_t references;  ///< before parts of one triangle in a leaf became one
     float cost;
   };
 
@@ -130,20 +132,21 @@ class SpatialBuilder {
     if (stretch.count == 1) {
       const Box4& reference = references_[stretch.begin];
       *--out.next_primitive = triangle_of(reference);
-      return make_leaf(reference, 1, out);
+      return make_leaf(reference, 1, 1, out);
     }
     Stretch left, right;
     divide(stretch, left, right);
     const Grown second = grow_below(right, out);
+    left.limit = stretch.limit - second.references;
     const Grown first = grow_below(left, out);
     return join(first, second, out);
   }
 
-  Grown make_leaf(const Box4& box, uint32_t count, const Output& out) const {
+  Grown make_leaf(const Box4& box, uint32_t count, uint32_t references, const Output& out) const {
     // Counted from the end: see TreePart::leaf_base.
     const auto first = static_cast<uint32_t>(out.next_primitive - out.primitives_end);
     const Node node = box.node(first, count);
-    return {node, 0, count, rule_.leaf_cost(node.box(), count)};
+    return {node, 0, count, references, rule_.leaf_cost(node.box(), count)};
   }
 
   Grown join(const Grown& left, const Grown& right, Output& out) const {
@@ -151,21 +154,22 @@ class SpatialBuilder {
     box.extend(Box4::from(right.node.box()));
     Node node = box.node(0, 0);
     const float inner = rule_.inner_cost(node.box(), left.cost, right.cost);
-    const uint32_t references = left.primitives + right.primitives;
+    const uint32_t primitives = left.primitives + right.primitives;
+    const uint32_t references = left.references + right.references;
     // Parts of one triangle count once in a leaf, so even more of them may fit.
-    if (references <= 2 * rule_.max_leaf_size) {
-      const uint32_t count = count_distinct(out.next_primitive, references);
+    if (primitives <= 2 * rule_.max_leaf_size) {
+      const uint32_t count = count_distinct(out.next_primitive, primitives);
       if (count <= rule_.max_leaf_size && rule_.leaf_cost(node.box(), count) <= inner) {
         out.next_node += 2 * (left.pairs + right.pairs);
-        keep_distinct(out.next_primitive, references);
-        out.next_primitive += references - count;
-        return make_leaf(box, count, out);
+        keep_distinct(out.next_primitive, primitives);
+        out.next_primitive += primitives - count;
+        return make_leaf(box, count, references, out);
       }
     }
     *--out.next_node = right.node;
     *--out.next_node = left.node;
     node.first = static_cast<uint32_t>(out.nodes_end - out.next_node);
-    return {node, left.pairs + right.pairs + 1, references, inner};
+    return {node, left.pairs + right.pairs + 1, primitives, references, inner};
   }
 
   static uint32_t count_distinct(const uint32_t* values, uint32_t count) {
@@ -202,15 +206,24 @@ class SpatialBuilder {
       std::copy(halves.right, halves.right + halves.right_count, references + halves.left_count);
       halves = {n / 2, n - n / 2, copy_to_scratch(references + n / 2, n - n / 2)};
     }
-    place(stretch, halves, split, left, right);
+    place(stretch, halves, left, right);
+  }
+
+  /// How much there is to gain by splitting: boxes with volume hold more than their triangles.
+  static double waste(const Box4* references, uint32_t count) {
+    double sum = 0;
+    for (uint32_t i = 0; i < count; ++i) {
+      const Float4 e = references[i].extents();
+      sum += double(std::sqrt(e[0] * e[1] * e[2]));
+    }
+    return sum;
   }
 
   /// Hands the slack down and moves the right half to its own stretch.
-  void place(const Stretch& stretch, const Halves& halves, const Split& split, Stretch& left,
-             Stretch& right) {
+  void place(const Stretch& stretch, const Halves& halves, Stretch& left, Stretch& right) {
     const uint32_t slack = stretch.limit - stretch.begin - halves.left_count - halves.right_count;
-    const double left_weight = split.left_weight(halves.left_count);
-    const double right_weight = split.right_weight(halves.right_count);
+    const double left_weight = waste(references_.data() + stretch.begin, halves.left_count);
+    const double right_weight = waste(halves.right, halves.right_count);
     const double share =
         left_weight + right_weight > 0 ? left_weight / (left_weight + right_weight) : 0.5;
     const uint32_t left_limit =

@@ -12,8 +12,9 @@ namespace {
 
 typedef int32_t Int4 __attribute__((vector_size(16)));
 
-constexpr uint32_t kPartitionBins = 32;
+constexpr uint32_t kPartitionBins = 64;
 constexpr uint32_t kCutBins = 16;
+constexpr uint32_t kSweepMost = 16;
 constexpr uint32_t kChunk = 1u << 14;
 
 /// add(result, begin, end) over fixed chunks, whose results are joined in their order.
@@ -165,20 +166,115 @@ Split partition_by_bins(const Box4* references, uint32_t count, const NodeBounds
   return best;
 }
 
+/// All partitions of a few references by their centres.
+Split partition_by_sweep(const Box4* references, uint32_t count, Float4 pad) {
+  Split best;
+  // Two can be told apart in one way only.
+  for (int axis = 0; axis < (count == 2 ? 1 : 3); ++axis) {
+    uint8_t order[kSweepMost];
+    float center[kSweepMost], right_area[kSweepMost];
+    for (uint32_t i = 0; i < count; ++i) {
+      center[i] = references[i].center2()[axis];
+      uint32_t at = i;
+      for (; at > 0 && center[order[at - 1]] > center[i]; --at) order[at] = order[at - 1];
+      order[at] = static_cast<uint8_t>(i);
+    }
+    Box4 side = Box4::empty();
+    for (uint32_t i = count - 1; i > 0; --i) {
+      side.extend(references[order[i]]);
+      right_area[i] = side.half_area(pad);
+    }
+    side = Box4::empty();
+    uint32_t mask = 0;
+    for (uint32_t i = 1; i < count; ++i) {
+      side.extend(references[order[i - 1]]);
+      mask |= 1u << order[i - 1];
+      const float cost = side.half_area(pad) * float(i) + right_area[i] * float(count - i);
+      if (cost < best.cost) {
+        best.cost = cost;
+        best.axis = axis;
+        best.mask = mask;
+      }
+    }
+  }
+  best.left_box = best.right_box = Box4::empty();
+  for (uint32_t i = 0; i < count; ++i)
+    (best.mask >> i & 1 ? best.left_box : best.right_box).extend(references[i]);
+  return best;
+}
+
+/// Where planes across an axis meet a triangle. Without a margin for rounding: for estimates only.
+class Slicer {
+ public:
+  Slicer(const Corners& corners, int axis) : axis_(axis) {
+    const Float4 *low = &corners.at[0], *middle = &corners.at[1], *high = &corners.at[2];
+    const auto order = [&](const Float4*& a, const Float4*& b) {
+      if ((*b)[axis] < (*a)[axis]) std::swap(a, b);
+    };
+    order(low, middle);
+    order(middle, high);
+    order(low, middle);
+    low_ = *low;
+    middle_ = *middle;
+    high_end_ = (*high)[axis];
+    slope_ = slope(*low, *high);
+    low_slope_ = slope(*low, *middle);
+    high_slope_ = slope(*middle, *high);
+  }
+
+  Box4 at(float plane) const {
+    const float s = std::clamp(plane, low_[axis_], high_end_);
+    const Float4 p = low_ + slope_ * splat(s - low_[axis_]);
+    const Float4 q = s < middle_[axis_] ? low_ + low_slope_ * splat(s - low_[axis_])
+                                        : middle_ + high_slope_ * splat(s - middle_[axis_]);
+    return {min4(p, q), min4(-p, -q)};
+  }
+  const Float4& middle() const { return middle_; }
+
+ private:
+  Float4 slope(Float4 from, Float4 to) const {
+    const float along = to[axis_] - from[axis_];
+    return along > 0 ? (to - from) * splat(1.0f / along) : splat(0);
+  }
+
+  int axis_;
+  Float4 low_, middle_, slope_, low_slope_, high_slope_;
+  float high_end_;
+};
+
 /// Adds a reference to the bins of an axis from `first` to `last`, one part to each.
 void chop(const Box4& reference, const Corners& corners, int axis, int32_t first, int32_t last,
           float origin, float width, CutBins& bins) {
-  Box4 rest = reference;
   ++bins.enter[axis][first];
   ++bins.leave[axis][last];
-  for (int32_t b = first; b < last; ++b) {
-    Box4 before, behind;
-    clip_triangle(corners, rest, axis, origin + float(b + 1) * width, before, behind);
-    if (!is_empty(before)) bins.box[axis][b].extend(before);
-    if (is_empty(behind)) return;
-    rest = behind;
+  if (last - first < 2) {
+    // Nearly as good as clipping, and most are such.
+    Box4 before = reference, behind = reference;
+    if (first < last) {
+      const float plane = origin + float(last) * width;
+      before.negated_high[axis] = -plane;
+      behind.low[axis] = plane;
+    }
+    bins.box[axis][first].extend(before);
+    bins.box[axis][last].extend(behind);
+    return;
   }
-  bins.box[axis][last].extend(rest);
+  const Slicer slicer(corners, axis);
+  const float middle = slicer.middle()[axis];
+  float from = reference.low[axis];
+  Box4 side = slicer.at(from);
+  for (int32_t b = first; b <= last; ++b) {
+    const float to = b < last ? origin + float(b + 1) * width : -reference.negated_high[axis];
+    Box4 part = side;
+    side = slicer.at(to);
+    part.extend(side);
+    if (from < middle && middle < to) part.extend({slicer.middle(), -slicer.middle()});
+    part = intersection(part, reference);
+    part.low[axis] = from;
+    part.negated_high[axis] = -to;
+    if (!is_empty(part)) bins.box[axis][b].extend(part);
+    from = to;
+  }
 }
 
 Box4* scratch_for(size_t count) {
@@ -187,6 +283,7 @@ Box4* scratch_for(size_t count) {
   return scratch.data();
 }
 
+uint32_t cut_bins_for(uint32_t count) { return count < 16 ? 4 : count < 64 ? 8 : kCutBins; }
 uint32_t bins_for(uint32_t count) { return count < 256 ? 16 : kPartitionBins; }
 
 }  // namespace
@@ -203,8 +300,10 @@ NodeBounds bounds_of(const Box4* references, uint32_t count) {
 }
 
 Split best_partition(const Box4* references, uint32_t count, const NodeBounds& bounds) {
-  Split best = bins_for(count) == 16 ? partition_by_bins<16>(references, count, bounds)
-                                     : partition_by_bins<kPartitionBins>(references, count, bounds);
+  Split best = count <= kSweepMost ? partition_by_sweep(references, count, bounds.pad)
+               : bins_for(count) == 16
+                   ? partition_by_bins<16>(references, count, bounds)
+                   : partition_by_bins<kPartitionBins>(references, count, bounds);
   if (best.axis < 0) return best;
   const Box4 both = intersection(best.left_box, best.right_box);
   best.overlap = is_empty(both) ? 0 : both.half_area(bounds.pad);
@@ -213,8 +312,9 @@ Split best_partition(const Box4* references, uint32_t count, const NodeBounds& b
 
 Split best_cut(const Box4* references, uint32_t count, const NodeBounds& bounds,
                const MeshView& mesh) {
-  const Grid grid(bounds.box, kCutBins);
-  const Float4 width = bounds.box.extents() * splat(1.0f / kCutBins);
+  const uint32_t bins = cut_bins_for(count);
+  const Grid grid(bounds.box, bins);
+  const Float4 width = bounds.box.extents() * splat(1.0f / float(bins));
   const CutBins all = accumulate<CutBins>(count, [&](CutBins& part, uint32_t begin, uint32_t end) {
     for (uint32_t i = begin; i < end; ++i) {
       const Box4& box = references[i];
@@ -239,9 +339,9 @@ Split best_cut(const Box4* references, uint32_t count, const NodeBounds& bounds,
   best.scale = grid.scale;
   for (int a = 0; a < 3; ++a)
     if (grid.scale[a] > 0)
-      sweep_bins(all.box[a], all.enter[a], all.leave[a], kCutBins, a, bounds.pad, best);
+      sweep_bins(all.box[a], all.enter[a], all.leave[a], bins, a, bounds.pad, best);
   if (best.axis < 0) return best;
-  find_sides(all.box[best.axis], kCutBins, best);
+  find_sides(all.box[best.axis], bins, best);
   best.plane = grid.origin[best.axis] + float(best.bin) * width[best.axis];
   return best;
 }
@@ -257,7 +357,9 @@ Halves partition_references(Box4* references, uint32_t count, const Split& split
   uint32_t left_count = 0, right_count = 0;
   for (uint32_t i = 0; i < count; ++i) {
     const Box4 reference = references[i];
-    const bool is_left = grid.of(reference.center2(), split.axis) < int32_t(split.bin);
+    const bool is_left = split.mask != 0
+                             ? (split.mask >> i & 1) != 0
+                             : grid.of(reference.center2(), split.axis) < int32_t(split.bin);
     references[left_count] = reference;
     right[right_count] = reference;
     left_count += is_left;
@@ -272,7 +374,7 @@ Halves cut_references(Box4* references, uint32_t count, uint32_t slack, const Sp
   Box4* left = scratch_for(2 * (size_t(count) + slack));
   Box4* right = left + count + slack;
   uint32_t left_count = 0, right_count = 0, splits_left = slack;
-  const Grid grid(split, kCutBins);
+  const Grid grid(split, cut_bins_for(count));
   const int axis = split.axis;
   const auto add = [&](const Box4& box, uint32_t triangle, bool is_left) {
     (is_left ? left[left_count++] : right[right_count++]) = tagged(box, triangle);

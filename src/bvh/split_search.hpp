@@ -33,6 +33,7 @@ struct Split {
   float cost = std::numeric_limits<float>::infinity();
   bool is_cut = false;
   int axis = -1;             ///< -1: nothing tells the references apart
+  uint32_t mask = 0;         ///< bit i: reference i goes left. 0: by bins
   uint32_t bin = 0;          ///< the first one on the right
   Float4 origin{}, scale{};  ///< of the bins
   float plane = 0;           ///< of a cut
@@ -40,9 +41,6 @@ struct Split {
   float overlap = 0;  ///< area of what both sides cover, of a partition
   Box4 left_box{}, right_box{};
   uint32_t left_count = 0, right_count = 0;
-
-  double left_weight(uint32_t count) const { return double(left_area) * count; }
-  double right_weight(uint32_t count) const { return double(right_area) * count; }
 };
 
 /// The left half in place, the right one in this thread's scratch memory.
