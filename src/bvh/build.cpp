@@ -40,7 +40,7 @@ constexpr std::array kEntries{
     Entry{Builder::kAac, "aac", build_aac},
     Entry{Builder::kPloc, "ploc"},
     Entry{Builder::kAtrbvh, "atrbvh"},
-    Entry{Builder::kInsertion, "insertion"},
+    Entry{Builder::kInsertion, "insertion", build_insertion},
 };
 constexpr Reinsertion kReinsert = nullptr;
 
