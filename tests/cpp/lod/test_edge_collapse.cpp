@@ -1,0 +1,211 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <random>
+
+#include "base/math.hpp"
+#include "lod/bucket_queue.hpp"
+#include "lod/collapse.hpp"
+#include "umbel/mesh.hpp"
+
+namespace umbel::lod {
+namespace {
+
+/// A mesh as one piece, nothing locked but what a test locks.
+struct Piece {
+  explicit Piece(Mesh m) : mesh(std::move(m)) {
+    position_of.resize(mesh.positions.size());
+    std::iota(position_of.begin(), position_of.end(), 0u);
+    locked.assign(mesh.positions.size(), 0);
+    component.assign(mesh.positions.size(), kNone);
+  }
+
+  CollapseInput input() const {
+    return {mesh.triangles, position_of, mesh.positions, attributes,
+            weights,        locked,      component,      chords};
+  }
+
+  Mesh mesh;
+  std::vector<uint32_t> position_of;
+  std::vector<float> attributes, weights;
+  std::vector<uint8_t> locked;
+  std::vector<uint32_t> component;
+  bool chords = true;
+};
+
+std::map<std::pair<uint32_t, uint32_t>, int> edges(std::span<const Triangle> triangles,
+                                                   std::span<const uint32_t> ids) {
+  std::map<std::pair<uint32_t, uint32_t>, int> result;
+  for (const Triangle& t : triangles)
+    for (int i = 0; i < 3; ++i) {
+      const uint32_t a = ids[t[i]], b = ids[t[(i + 1) % 3]];
+      ++result[{std::min(a, b), std::max(a, b)}];
+    }
+  return result;
+}
+
+TEST(BucketQueue, gives_keys_in_the_order_of_their_values_to_within_a_bucket) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> exponent(-60.0f, 60.0f);
+  BucketQueue queue;
+  queue.reset(1000);
+  std::vector<float> values(1000);
+  for (int round = 0; round < 3; ++round)
+    for (uint32_t key = 0; key < 1000; ++key)
+      queue.set(key, values[key] = std::exp2(exponent(random)));
+  for (uint32_t key = 0; key < 1000; key += 7) queue.remove(key);
+  float last = 0.0f;
+  size_t count = 0;
+  for (; !queue.empty(); ++count) {
+    const uint32_t key = queue.pop();
+    EXPECT_NE(key % 7, 0u);
+    EXPECT_FALSE(queue.contains(key));
+    EXPECT_GT(values[key], last / 1.0625f);
+    last = std::max(last, values[key]);
+  }
+  EXPECT_EQ(count, 1000u - 143u);
+}
+
+TEST(BucketQueue, takes_zero_and_infinity) {
+  BucketQueue queue;
+  queue.reset(3);
+  queue.set(0, std::numeric_limits<float>::infinity());
+  queue.set(1, 1.0f);
+  queue.set(2, 0.0f);
+  EXPECT_EQ(queue.pop(), 2u);
+  EXPECT_EQ(queue.pop(), 1u);
+  EXPECT_EQ(queue.pop(), 0u);
+  EXPECT_TRUE(queue.empty());
+}
+
+TEST(EdgeCollapser, reaches_its_target_on_closed_surfaces_and_keeps_them_closed) {
+  EdgeCollapser collapser;
+  for (const Mesh& mesh : {shapes::blob(4, 3), shapes::torus(40, 20), shapes::sphere(3)}) {
+    const Piece piece(mesh);
+    for (size_t part : {2, 8, 30}) {
+      collapser.run(piece.input(), mesh.triangles.size() / part);
+      EXPECT_LE(collapser.triangles().size(), mesh.triangles.size() / part);
+      EXPECT_GE(collapser.triangles().size() + 2, mesh.triangles.size() / part);
+      for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+        EXPECT_EQ(count, 2);
+    }
+  }
+}
+
+TEST(EdgeCollapser, stops_at_a_tetrahedron) {
+  const Piece piece(shapes::sphere(1));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 0);
+  EXPECT_GE(collapser.triangles().size(), 4u);
+  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+    EXPECT_EQ(count, 2);
+}
+
+TEST(EdgeCollapser, a_flat_sheet_shrinks_to_few_triangles_without_error) {
+  const Piece piece(shapes::grid(20, 20));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 20);
+  EXPECT_LE(collapser.triangles().size(), 20u);
+  EXPECT_LT(collapser.error(), 1e-6f);
+  double area = 0;
+  for (const Triangle& t : collapser.triangles()) {
+    const auto& p = piece.mesh.positions;
+    area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
+  }
+  EXPECT_NEAR(area, 1.0, 1e-5);
+}
+
+TEST(EdgeCollapser, locked_positions_and_their_edges_stay) {
+  Piece piece(shapes::blob(4, 5));
+  for (uint32_t v = 0; v < piece.locked.size(); ++v)
+    piece.locked[v] = std::fabs(piece.mesh.positions[v].z) < 0.1f;
+  EdgeCollapser collapser;
+  for (bool chords : {false, true}) {
+    piece.chords = chords;
+    collapser.run(piece.input(), piece.mesh.triangles.size() / 3);
+    const auto before = edges(piece.mesh.triangles, piece.position_of);
+    const auto after = edges(collapser.triangles(), piece.position_of);
+    const auto is_locked = [&](const auto& e) {
+      return piece.locked[e.first] && piece.locked[e.second];
+    };
+    size_t gone = 0;
+    std::vector<PositionPair> made;
+    for (const auto& [edge, count] : before) gone += is_locked(edge) && !after.contains(edge);
+    for (const auto& [edge, count] : after)
+      if (is_locked(edge) && !before.contains(edge)) made.push_back(edge);
+    EXPECT_EQ(gone, 0u);
+    auto said = collapser.chords();
+    std::sort(said.begin(), said.end());
+    EXPECT_EQ(said, made);
+    if (!chords) {
+      EXPECT_TRUE(made.empty());
+    }
+  }
+}
+
+TEST(EdgeCollapser, the_stated_error_is_of_the_size_of_the_deviation) {
+  // All vertices stay on the unit sphere, so the surface is at most its sagitta inside.
+  const Piece piece(shapes::sphere(4));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), piece.mesh.triangles.size() / 8);
+  double deepest = 0;
+  for (const Triangle& t : collapser.triangles()) {
+    const auto& p = piece.mesh.positions;
+    deepest = std::max(deepest, 1.0 - length((p[t[0]] + p[t[1]] + p[t[2]]) * (1.0f / 3.0f)));
+  }
+  EXPECT_GT(collapser.error(), 0.2 * deepest);
+  EXPECT_LT(collapser.error(), 5.0 * deepest);
+}
+
+TEST(EdgeCollapser, a_seam_keeps_its_two_sides) {
+  // Two halves of a grid with vertices and an attribute of their own along the middle.
+  Mesh mesh = shapes::grid(16, 16);
+  Piece piece(mesh);
+  std::map<uint32_t, uint32_t> twin;
+  auto& m = piece.mesh;
+  const auto is_right = [&](const Triangle& t) {
+    return m.positions[t[0]].x + m.positions[t[1]].x + m.positions[t[2]].x > 1.5f;
+  };
+  for (uint32_t v = 0; v < mesh.positions.size(); ++v) piece.attributes.push_back(0.0f);
+  for (Triangle& t : m.triangles)
+    for (uint32_t& v : t)
+      if (is_right(t) && std::fabs(m.positions[v].x - 0.5f) < 1e-6f) {
+        if (!twin.contains(v)) {
+          twin[v] = static_cast<uint32_t>(m.positions.size());
+          m.positions.push_back(m.positions[v]);
+          piece.position_of.push_back(v);
+          piece.attributes.push_back(1.0f);
+        }
+      }
+  for (Triangle& t : m.triangles) {
+    if (!is_right(t)) continue;
+    for (uint32_t& v : t) {
+      if (twin.contains(v)) v = twin[v];
+      piece.attributes[v] = 1.0f;
+    }
+  }
+  piece.weights = {1.0f};
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 60);
+  EXPECT_LE(collapser.triangles().size(), 60u);
+  for (const Triangle& t : collapser.triangles()) {
+    EXPECT_EQ(piece.attributes[t[0]], piece.attributes[t[1]]);
+    EXPECT_EQ(piece.attributes[t[1]], piece.attributes[t[2]]);
+  }
+}
+
+TEST(EdgeCollapser, runs_do_not_depend_on_those_before) {
+  const Piece large(shapes::blob(4, 1)), small(shapes::torus(12, 9));
+  EdgeCollapser used, fresh;
+  used.run(large.input(), 100);
+  used.run(small.input(), 90);
+  fresh.run(small.input(), 90);
+  EXPECT_EQ(used.triangles(), fresh.triangles());
+  EXPECT_EQ(used.error(), fresh.error());
+}
+
+}  // namespace
+}  // namespace umbel::lod
