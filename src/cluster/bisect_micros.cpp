@@ -267,7 +267,7 @@ void bisect_micros(const Source& source, const Rules& rules, uint32_t* items, ui
                    const std::function<void(uint32_t)>& done) {
   const uint32_t most = rules.config.max_items;
   // Large enough to save most of the work, small enough for clusters of good shape.
-  const uint32_t micro = std::max(most / 3, 1u);
+  const uint32_t micro = std::max(most / 2, 1u);
   const MicroSizes sizes{micro, kGroup * micro, most};
   const MicroBins bins(rules);
   bisect({source, rules, bins, sizes, items, first, exact, done}, 0, count, bounds, 0);

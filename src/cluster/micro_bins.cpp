@@ -9,7 +9,7 @@ namespace umbel::cluster {
 namespace {
 
 constexpr size_t kFewMicros = 32, kManyMicros = 64;  ///< that are worth more bins
-constexpr float kJump = 0.4f;  ///< by which areas grow as soon as a bin is entered
+constexpr float kJump = 0.25f;  ///< by which areas grow as soon as a bin is entered
 
 BinPlaces places_for(SmallBox centers, uint32_t bins) {
   BinPlaces places;
