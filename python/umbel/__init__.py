@@ -22,9 +22,13 @@ if TYPE_CHECKING:
     from .bvh import Bvh2 as Bvh2
     from .bvh import build_bvh2 as build_bvh2
     from .camera import Camera as Camera
+    from .cluster import ClusterBounds as ClusterBounds
     from .cluster import Clusters as Clusters
+    from .cluster import Meshlets as Meshlets
     from .cluster import build_clusters as build_clusters
+    from .cluster import cluster_bounds as cluster_bounds
     from .cluster import cluster_mesh as cluster_mesh
+    from .cluster import order_clusters as order_clusters
     from .colors import cluster_colors as cluster_colors
     from .colors import colored_clusters as colored_clusters
     from .errors import Cancelled as Cancelled
@@ -34,8 +38,11 @@ if TYPE_CHECKING:
     from .io import save as save
     from .lod import Lod as Lod
     from .lod import build_lod as build_lod
+    from .look import Environment as Environment
     from .mesh import Material as Material
     from .mesh import Mesh as Mesh
+    from .picture import save_picture as save_picture
+    from .picture import tone_map as tone_map
     from .proof import VerifyReport as VerifyReport
     from .proof import verify as verify
     from .repair import drop_invalid as drop_invalid
@@ -43,6 +50,9 @@ if TYPE_CHECKING:
     from .repair import validate as validate
     from .repair import weld as weld
     from .tables import Tables as Tables
+    from .trace import Film as Film
+    from .trace import Renderer as Renderer
+    from .trace import render as render
     from .trimesh_ray import trimesh_rays as trimesh_rays
 
 _HOME = {
@@ -51,9 +61,13 @@ _HOME = {
     "Bvh2": "bvh",
     "build_bvh2": "bvh",
     "Camera": "camera",
+    "ClusterBounds": "cluster",
     "Clusters": "cluster",
+    "Meshlets": "cluster",
     "build_clusters": "cluster",
+    "cluster_bounds": "cluster",
     "cluster_mesh": "cluster",
+    "order_clusters": "cluster",
     "cluster_colors": "colors",
     "colored_clusters": "colors",
     "Cancelled": "errors",
@@ -63,6 +77,7 @@ _HOME = {
     "save": "io",
     "Lod": "lod",
     "build_lod": "lod",
+    "Environment": "look",
     "Material": "mesh",
     "Mesh": "mesh",
     "drop_invalid": "repair",
@@ -70,6 +85,11 @@ _HOME = {
     "validate": "repair",
     "weld": "repair",
     "Tables": "tables",
+    "save_picture": "picture",
+    "tone_map": "picture",
+    "Film": "trace",
+    "Renderer": "trace",
+    "render": "trace",
     "trimesh_rays": "trimesh_ray",
     "VerifyReport": "proof",
     "verify": "proof",

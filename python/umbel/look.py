@@ -135,8 +135,10 @@ class Look:
         info = material.textures.get(slot, {})
         moved = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
         if moved.get("texCoord", info.get("texCoord", 0)) != 0:
-            self._say(f"the {slot} texture of material {material.name!r} uses other UVs than the "
-                      "first and is left out")
+            self._say(
+                f"the {slot} texture of material {material.name!r} uses other UVs than the "
+                "first and is left out"
+            )
             return _NO_TEXTURE
         index = self._texture(image, _SLOTS[slot], material.name)
         if index < 0:

@@ -16,17 +16,20 @@ from .io.files import replacing
 
 FORMATS = (".png", ".exr")
 _MIDDLE_GREY = 0.26
+_BRIGHT = 1.6  # before the curve, which shows it as 0.94 of white
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def auto_exposure(pixels: ArrayLike) -> float:
     """The exposure in stops that puts the geometric mean of a picture's luminance, of what is not
-    black, at a middle grey. Between -8 and 8."""
+    black, at a middle grey, or less where a tenth of the picture would turn white. Between -8
+    and 8."""
     luminance = _rgb(pixels).astype(np.float64) @ _LUMINANCE
     lit = luminance[np.isfinite(luminance) & (luminance > 1e-5)]
     if not lit.size:
         return 0.0
     stops = math.log2(_MIDDLE_GREY) - float(np.log2(lit).mean())
+    stops = min(stops, math.log2(_BRIGHT / float(np.percentile(lit, 90))))
     return min(max(stops, -8.0), 8.0)
 
 

@@ -20,8 +20,9 @@ from .repair import Progress
 
 _FOV = 35.0
 _AZIMUTH, _ELEVATION, _MARGIN = 35.0, 15.0, 0.06
-#: Side of the square that stands for the ground, in diagonals of the mesh's box.
-_GROUND_SIZE = 60.0
+#: Half the sides of the nested squares that make the ground, in diagonals of the mesh's box. The
+#: outer ones reach the horizon, and the inner one is small because its coordinates must be fine.
+_GROUND = (2.0, 16.0, 128.0, 1024.0)
 
 
 class Renderer:
@@ -260,14 +261,19 @@ def _with_ground(
     low, high = bounds.astype(np.float64)
     zenith, front = (np.array(axis) for axis in axes_of(up))
     side = np.cross(zenith, front)
-    size = float(np.linalg.norm(high - low)) * _GROUND_SIZE / 2
+    size = float(np.linalg.norm(high - low))
     # A little lower, so that faces that lie on the floor are not in it.
     middle = (low + high) / 2 - zenith * (float(zenith @ (high - low)) * 0.5005)
-    corners = [middle + size * (a * front + b * side) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    n = len(mesh.positions)
+    ring = [a * front + b * side for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1))]
+    corners = np.array([middle + size * half * corner for half in _GROUND for corner in ring])
+    faces = np.array(_ground_triangles(), np.uint32) + np.uint32(len(mesh.positions))
 
     def grown(values: Any, row: Sequence[float]) -> Any:
-        return None if values is None else np.concatenate([values, np.full((4, len(row)), row)])
+        return (
+            None
+            if values is None
+            else np.concatenate([values, np.full((len(corners), len(row)), row)])
+        )
 
     ids = mesh.material_ids
     if ids is None:
@@ -275,17 +281,25 @@ def _with_ground(
     floor = plain(0.5)
     placed = replace(
         mesh,
-        positions=np.concatenate([mesh.positions, np.array(corners)]),
-        triangles=np.concatenate(
-            [mesh.triangles, np.array([[n, n + 1, n + 2], [n, n + 2, n + 3]], np.uint32)]
-        ),
+        positions=np.concatenate([mesh.positions, corners]),
+        triangles=np.concatenate([mesh.triangles, faces]),
         normals=grown(mesh.normals, tuple(zenith)),
         tangents=grown(mesh.tangents, (1.0, 0.0, 0.0, 1.0)),
         uvs=grown(mesh.uvs, (0.0, 0.0)),
         colors=grown(mesh.colors, (1.0, 1.0, 1.0, 1.0)),
-        material_ids=np.concatenate([ids, np.full(2, len(materials), np.uint32)]),
+        material_ids=np.concatenate([ids, np.full(len(faces), len(materials), np.uint32)]),
     )
     return placed, [*materials, floor]
+
+
+def _ground_triangles() -> list[tuple[int, int, int]]:
+    """The innermost square and the rings around it, four corners each."""
+    found = [(0, 1, 2), (0, 2, 3)]
+    for inner in range(0, 4 * len(_GROUND) - 4, 4):
+        for k in range(4):
+            a, b = inner + k, inner + (k + 1) % 4
+            found += [(a, a + 4, b + 4), (a, b + 4, b)]
+    return found
 
 
 def _numbers(text: str, count: int, whole: str) -> list[float]:

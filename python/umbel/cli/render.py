@@ -1,0 +1,278 @@
+"""`umbel render`: path-traced pictures of a mesh or of an asset."""
+
+from __future__ import annotations
+
+import enum
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .run import Json, Threads, check_output, ends_cleanly, fail, is_asset, show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..mesh import Mesh
+    from ..trace import Film, Renderer
+
+_COARSE = 20_000  # triangles of the cut on which an asset's cameras are chosen
+
+
+class Accel(str, enum.Enum):
+    bvh = "bvh"
+    kdtree = "kdtree"
+    lod = "lod"
+
+
+class Up(str, enum.Enum):
+    y = "y"
+    z = "z"
+
+
+@ends_cleanly
+def command(
+    source: Annotated[
+        Path, typer.Argument(metavar="INPUT", help="Mesh (.glb .gltf .obj .ply .stl) or asset.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="OUT", help="Picture: .png (tone-mapped) or .exr (linear)."
+        ),
+    ],
+    width: Annotated[int, typer.Option(metavar="N", help="Pixels.")] = 1024,
+    height: Annotated[int, typer.Option(metavar="N", help="Pixels.")] = 768,
+    spp: Annotated[int, typer.Option(metavar="N", help="Paths a pixel.")] = 64,
+    camera: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="auto|x,y,z:tx,ty,tz:fov",
+            help="From a point to a point with the vertical field of view in degrees; auto: the "
+            "mesh fills the picture; auto:AZIMUTH,ELEVATION[:FOV]: from this direction. Several "
+            "cameras make OUT-1, OUT-2, ...  [default: auto]",
+        ),
+    ] = None,
+    accel: Annotated[
+        Accel | None,
+        typer.Option(
+            help="bvh: all triangles; lod: the cut that the camera needs, of an asset.  "
+            "[default: bvh, lod for assets]"
+        ),
+    ] = None,
+    pixel_error: Annotated[
+        float | None,
+        typer.Option(metavar="P", help="Error of a cut in pixels, with lod.  [default: 1]"),
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 1,
+    bounces: Annotated[int, typer.Option(metavar="N", help="Most bounces of a path.")] = 32,
+    shadow_samples: Annotated[
+        int, typer.Option(metavar="N", help="Rays to lights at each hit: 0, 1 or 2.")
+    ] = 2,
+    clamp: Annotated[
+        float,
+        typer.Option(metavar="R", help="Most radiance of one indirect sample; 0: no limit."),
+    ] = 8.0,
+    exposure: Annotated[
+        str, typer.Option(metavar="auto|STOPS", help="Brightness of a PNG.")
+    ] = "auto",
+    up: Annotated[Up, typer.Option(help="Axis to the zenith.")] = Up.y,
+    ground: Annotated[bool, typer.Option("--ground", help="Put a floor under the mesh.")] = False,
+    sun: Annotated[
+        str | None,
+        typer.Option(metavar="AZIMUTH,ELEVATION", help="Where the sun stands, in degrees."),
+    ] = None,
+    light: Annotated[
+        str,
+        typer.Option(metavar="sky|R,G,B", help="A sky with a sun, or one colour from everywhere."),
+    ] = "sky",
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MATERIAL", help="Leave out triangles; * and ? match any name."),
+    ] = None,
+    progressive: Annotated[
+        bool, typer.Option("--progressive", help="Write OUT after 1, 2, 4, ... paths a pixel.")
+    ] = False,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Render path-traced pictures of a mesh, or of the cut of an asset that a camera needs."""
+    check_output(output, ".png", ".exr")
+    if spp < 1:
+        fail(f"--spp must be at least 1, not {spp}")
+    from ..picture import check_format, save_picture, tone_map
+
+    check_format(output)
+    if exposure != "auto":
+        tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
+    method = _accel(source, accel, pixel_error)
+    from ..trace import Renderer
+    from .progress import Bar
+
+    cameras = camera or ["auto"]
+    outputs = _outputs(output, len(cameras))
+    began = time.perf_counter()
+    with Bar() as bar:
+        options: dict[str, Any] = {
+            "environment": _environment(sun, light),
+            "up": up.value,
+            "ground": ground,
+            "hide": hide or [],
+            "threads": threads,
+        }
+
+        def prepare(mesh: Mesh) -> Renderer:
+            return Renderer(mesh, **options, progress=_part(bar, 0.0, 0.05))
+
+        views = _Views(source, method, pixel_error or 1.0, prepare)
+        results = []
+        for k, (text, path) in enumerate(zip(cameras, outputs, strict=True)):
+            renderer, native = views.renderer(text, width, height)
+            film = renderer.film(
+                native,
+                width=width,
+                height=height,
+                seed=seed,
+                max_bounces=bounces,
+                shadow_samples=shadow_samples,
+                clamp=clamp,
+            )
+            bounds = [0.05 + 0.95 * (k + i) / len(cameras) for i in (0, 1)]
+            for film_now in _passes(film, spp, progressive, _part(bar, *bounds)):
+                save_picture(path, film_now.pixels, exposure)
+            results.append(_result(path, renderer, film))
+    show(_summary(results, spp, method, time.perf_counter() - began), as_json, str(output))
+
+
+def _accel(source: Path, accel: Accel | None, pixel_error: float | None) -> Accel:
+    if accel is None:
+        accel = Accel.lod if is_asset(source) else Accel.bvh
+    if accel is Accel.kdtree:
+        fail("--accel kdtree: pictures are traced through bvh only in this version")
+    if accel is Accel.lod and not is_asset(source):
+        fail(f"--accel lod needs a .umbel asset, and {source} is a mesh; umbel build makes one")
+    if pixel_error is not None:
+        if accel is not Accel.lod:
+            fail("--pixel-error is for cuts of a .umbel asset, with --accel lod")
+        if not pixel_error > 0:
+            fail(f"--pixel-error must be more than 0, not {pixel_error}")
+    return accel
+
+
+def _environment(sun: str | None, light: str) -> Any:
+    from ..look import Environment
+
+    if light != "sky":
+        if sun is not None:
+            fail("--sun needs --light sky")
+        return Environment(color=_floats(light, 3, "--light must be sky or R,G,B"))
+    if sun is None:
+        return Environment()
+    azimuth, elevation = _floats(sun, 2, "--sun must be AZIMUTH,ELEVATION")
+    return Environment(sun_azimuth=azimuth, sun_elevation=elevation)
+
+
+def _floats(text: str, count: int, rule: str) -> list[float]:
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        fail(f"{rule}, not {text!r}")
+    return values
+
+
+def _outputs(output: Path, count: int) -> list[Path]:
+    if count == 1:
+        return [output]
+    return [output.with_name(f"{output.stem}-{k + 1}{output.suffix}") for k in range(count)]
+
+
+def _part(bar: Any, begin: float, end: float) -> Callable[[float, str], None]:
+    return lambda fraction, stage: bar(begin + (end - begin) * fraction, stage)
+
+
+def _passes(film: Film, spp: int, progressive: bool, progress: Any) -> Any:
+    """Yields the film when it is to be written."""
+    if not progressive:
+        yield film.add(spp, progress=progress)
+        return
+    while film.samples < spp:
+        before, samples = film.samples, min(max(film.samples, 1), spp - film.samples)
+        yield film.add(samples, progress=_part(progress, before / spp, (before + samples) / spp))
+
+
+class _Views:
+    """Renderers for cameras: one for a mesh, one for each camera's cut of an asset."""
+
+    def __init__(
+        self,
+        source: Path,
+        method: Accel,
+        pixel_error: float,
+        prepare: Callable[[Mesh], Renderer],
+    ) -> None:
+        self._prepare, self._pixel_error = prepare, pixel_error
+        self._asset = None
+        if not is_asset(source):
+            from ..io import load
+
+            self._whole = prepare(load(source))
+            return
+        from ..asset import Asset
+
+        asset = Asset(source)
+        if method is Accel.lod:
+            self._asset = asset
+            self._whole = prepare(asset.mesh(asset.cut(triangles=_COARSE)))
+        else:
+            self._whole = prepare(asset.mesh(asset.cut(level=0)))
+
+    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Any]:
+        """What shows the view, and its camera."""
+        native = self._whole.camera(text, width, height)
+        if self._asset is None:
+            return self._whole, native
+        from ..camera import Camera
+
+        view = Camera(
+            native.position,
+            native.target,
+            fov_y=native.fov_y,
+            height=height,
+            pixel_error=self._pixel_error,
+        )
+        return self._prepare(self._asset.mesh(self._asset.cut(camera=view))), native
+
+
+def _result(path: Path, renderer: Renderer, film: Film) -> dict[str, Any]:
+    camera = film.camera
+    return {
+        "output": str(path),
+        "position": list(camera.position),
+        "target": list(camera.target),
+        "fov": camera.fov_y * 57.29577951308232,
+        "triangles": renderer.triangles,
+        **film.statistics,
+    }
+
+
+def _summary(
+    results: list[dict[str, Any]], spp: int, method: Accel, total: float
+) -> dict[str, Any]:
+    counts = ("primary_rays", "bounce_rays", "shadow_rays", "continued_rays", "rays")
+    seconds = sum(r["seconds"] for r in results)
+    rays = {key: sum(r[key] for r in results) for key in counts}
+    summary: dict[str, Any] = {
+        "seconds": seconds,
+        "total_seconds": total,
+        "mrays_per_second": rays["rays"] / seconds / 1e6 if seconds > 0 else 0.0,
+        "triangles": max(r["triangles"] for r in results),
+        "samples": spp,
+        "accel": method.value,
+        **rays,
+    }
+    if len(results) == 1:
+        return summary | {k: results[0][k] for k in ("output", "position", "target", "fov")}
+    return summary | {f"view_{k + 1}": r for k, r in enumerate(results)}
