@@ -16,7 +16,7 @@ namespace {
 
 // What a visit costs, in any unit: of a node, of a leaf, and of each triangle of it. Measured with
 // ray_bench (see docs/bvh.md).
-constexpr float kNodeCost = 1.0f, kLeafCost = 0.6f, kTriangleCost = 0.1f;
+constexpr float kNodeCost = 1.0f, kLeafCost = 0.5f, kTriangleCost = 0.06f;
 
 constexpr uint32_t kMaxWidth = 8;
 /// A subtree of more primitives than fit a leaf; how many more does not matter.

@@ -1,0 +1,95 @@
+// Wide trees: every triangle is in one leaf with its own corners, and inside every box above it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/parallel.hpp"
+#include "bvh/widen.hpp"
+#include "umbel/mesh.hpp"
+
+namespace umbel {
+namespace {
+
+bool holds(const Aabb& outer, const Aabb& inner) {
+  const Aabb joined{min(outer.min, inner.min), max(outer.max, inner.max)};
+  return joined == outer;
+}
+
+/// Checks all below a node; returns the box around the triangles there.
+Aabb check_node(const TriangleBvhData& data, const Mesh& mesh, uint32_t node, uint32_t depth,
+                std::vector<uint32_t>& seen) {
+  Aabb all;
+  for (uint32_t slot = 0; slot < data.width; ++slot) {
+    const uint32_t link = data.link(node, slot);
+    if (link == kNoChild) continue;
+    Aabb box;
+    if (TriangleBvhData::is_leaf(link)) {
+      EXPECT_LE(depth + 1, data.max_depth);
+      data.for_each_triangle(link, [&](const LeafTriangle& t) {
+        const Triangle& triangle = mesh.triangles[t.primitive];
+        EXPECT_EQ(t.p0, mesh.positions[triangle[0]]);
+        EXPECT_EQ(t.p1, mesh.positions[triangle[1]]);
+        EXPECT_EQ(t.p2, mesh.positions[triangle[2]]);
+        for (const Vec3& p : {t.p0, t.p1, t.p2}) extend(box, p);
+        seen.push_back(t.primitive);
+      });
+    } else {
+      EXPECT_GT(link, node) << "children come after their parent";
+      box = check_node(data, mesh, link, depth + 1, seen);
+    }
+    EXPECT_TRUE(holds(data.box(node, slot), box));
+    extend(all, box);
+  }
+  return all;
+}
+
+class Widen : public ::testing::TestWithParam<uint32_t> {};
+
+TEST_P(Widen, every_triangle_is_in_one_leaf_and_in_the_boxes_above) {
+  for (const Mesh& mesh : {shapes::blob(4, 1), shapes::soup(2000, 2), shapes::grid(1, 1)})
+    for (const bool compact : {false, true}) {
+      const bvh::Bvh2 tree = bvh::build(mesh.view());
+      const TriangleBvhData data = widen_tree(tree, mesh.view(), {GetParam(), compact}, {});
+      std::vector<uint32_t> seen;
+      const Aabb box = check_node(data, mesh, 0, 0, seen);
+      EXPECT_EQ(box, data.bounds);
+      std::sort(seen.begin(), seen.end());
+      ASSERT_EQ(seen.size(), mesh.triangles.size());
+      for (uint32_t i = 0; i < seen.size(); ++i) ASSERT_EQ(seen[i], i);
+    }
+}
+
+TEST_P(Widen, leaves_larger_than_a_pack_are_cut_up) {
+  Mesh mesh = shapes::soup(250, 3);
+  bvh::Bvh2 tree;
+  const Aabb box = bounds(mesh.view());
+  tree.nodes = {{box.min, 0, box.max, 250}};
+  for (uint32_t i = 0; i < 250; ++i) tree.primitives.push_back(i);
+  const TriangleBvhData data = widen_tree(tree, mesh.view(), {GetParam(), false}, {});
+  std::vector<uint32_t> seen;
+  check_node(data, mesh, 0, 0, seen);
+  std::sort(seen.begin(), seen.end());
+  EXPECT_EQ(seen, tree.primitives);
+}
+
+TEST_P(Widen, the_result_does_not_depend_on_threads) {
+  const Mesh mesh = shapes::blob(4, 1);
+  const bvh::Bvh2 tree = bvh::build(mesh.view());
+  TriangleBvhData one, two;
+  with_threads(1, [&] { one = widen_tree(tree, mesh.view(), {GetParam(), false}, {}); });
+  with_threads(2, [&] { two = widen_tree(tree, mesh.view(), {GetParam(), false}, {}); });
+  EXPECT_EQ(one.nodes, two.nodes);
+  EXPECT_EQ(one.leaves, two.leaves);
+}
+
+TEST_P(Widen, a_vertex_out_of_range_is_refused) {
+  Mesh mesh = shapes::grid(4, 4);
+  const bvh::Bvh2 tree = bvh::build(mesh.view());
+  mesh.triangles[7][2] = 1000;
+  EXPECT_THROW(widen_tree(tree, mesh.view(), {GetParam(), false}, {}), Error);
+}
+
+INSTANTIATE_TEST_SUITE_P(Widths, Widen, ::testing::Values(2u, 4u, 8u));
+
+}  // namespace
+}  // namespace umbel
