@@ -8,7 +8,9 @@
 // Large nodes are split by all threads together, then subtrees are built side by side into places
 // of their own, and at last copied together, depth-first.
 #include <atomic>
+#include <exception>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <thread>
 
@@ -24,6 +26,7 @@ namespace {
 
 constexpr uint32_t kBlock = 1 << 12;  ///< primitives of a subtree that one thread builds
 constexpr uint32_t kChunk = 1 << 14;  ///< primitives of a large node that one thread takes
+constexpr uint32_t kExact = 256;      ///< primitives from which on cuts between planes count
 constexpr float kCoarse = 1.0f / 16;  ///< of the frame's size; smaller nodes get their own
 
 /// Records that are being split, and as much room to move them to.
@@ -141,7 +144,15 @@ class Block {
     const ShortBinning binning(bounds, frame, config_.bins);
     binning.clear(bins_.data());
     binning.add(records.now, count, bins_.data());
-    ShortCut cut = binning.cheapest(bins_.data(), count);
+    ShortCut cut = binning.cheapest(bins_.data(), count, planes_);
+    if (count > kExact) {
+      const ShortWindows windows = binning.windows(planes_, count, cut);
+      if (windows.any) {
+        for (std::vector<uint64_t>& items : items_) items.clear();
+        ShortBinning::collect(records.now, 0, count, windows, items_);
+        cut = binning.search(records.now, bins_.data(), count, planes_, windows, items_, cut);
+      }
+    }
     const uint32_t larger = std::max(cut.left_count, count - cut.left_count);
     if (cut.axis < 0 || !fits_depth(larger, out_.max_depth - depth - 1)) {
       cut.left_count = halve(records.now, count, bounds, frame);
@@ -157,6 +168,8 @@ class Block {
   Emitter& out_;
   SmallSweep small_;
   std::vector<ShortBin> bins_;
+  ShortPlanes planes_;
+  ShortItems items_;
 };
 
 /// A node above the blocks, or a block.
@@ -179,6 +192,7 @@ class Binned {
     const Frame frame = round_all();
     const std::unique_ptr<Top> root =
         split({records_.get(), records_.get() + count_}, 0, count_, frame, 0);
+    if (cancelled_) std::rethrow_exception(cancellation_);
     return assemble(*root);
   }
 
@@ -204,6 +218,7 @@ class Binned {
     auto top = std::make_unique<Top>();
     top->begin = begin;
     top->count = count;
+    if (cancelled_) return top;
     if (count <= kBlock) {
       build_block(records, frame, depth, *top);
       return top;
@@ -220,6 +235,8 @@ class Binned {
           top->right = split(records.after(left_count), begin + left_count, count - left_count,
                              frame, depth + 1);
         });
+    // oneTBB skips what has not begun when a task runs out of memory.
+    if (!top->left || !top->right) return top;
     top->box = top->left->box;
     top->box.extend(top->right->box);
     return top;
@@ -227,8 +244,10 @@ class Binned {
 
   uint32_t cut(Records records, uint32_t count, const ShortBounds& bounds, const Frame& frame,
                uint32_t depth) {
-    const ShortBinning binning(bounds, frame, config_.bins);
-    const uint32_t chunks = (count + kChunk - 1) / kChunk, bins = config_.bins;
+    // Narrow bins leave little to search between their planes, and cost nothing here.
+    const uint32_t bins = std::min(4 * config_.bins, kMaxBins);
+    const ShortBinning binning(bounds, frame, bins);
+    const uint32_t chunks = (count + kChunk - 1) / kChunk;
     std::vector<ShortBin> parts(size_t(chunks) * bins), sum(bins);
     for_chunks(count, [&](uint32_t begin, uint32_t end) {
       ShortBin* part = parts.data() + size_t(begin / kChunk) * bins;
@@ -238,19 +257,32 @@ class Binned {
     binning.clear(sum.data());
     for (uint32_t c = 0; c < chunks; ++c)
       binning.merge(parts.data() + size_t(c) * bins, sum.data());
-    const ShortCut cut = binning.cheapest(sum.data(), count);
+    const auto planes = std::make_unique_for_overwrite<ShortPlanes>();
+    ShortCut cut = binning.cheapest(sum.data(), count, *planes);
+    const ShortWindows windows = binning.windows(*planes, count, cut);
+    if (windows.any) {
+      std::vector<ShortItems> found(chunks);
+      for_chunks(count, [&](uint32_t begin, uint32_t end) {
+        ShortBinning::collect(records.now + begin, begin, end - begin, windows,
+                              found[begin / kChunk]);
+      });
+      for (uint32_t c = 1; c < chunks; ++c)
+        for (int axis = 0; axis < 3; ++axis)
+          found[0][axis].insert(found[0][axis].end(), found[c][axis].begin(), found[c][axis].end());
+      cut = binning.search(records.now, sum.data(), count, *planes, windows, found[0], cut);
+    }
     const uint32_t larger = std::max(cut.left_count, count - cut.left_count);
     if (cut.axis < 0 || !fits_depth(larger, config_.max_depth - depth - 1)) {
       const uint32_t middle = halve(records.now, count, bounds, frame);
       std::copy_n(records.now, count, records.spare);
       return middle;
     }
-    std::vector<uint32_t> left_before(chunks);
-    uint32_t left = 0;
-    for (uint32_t c = 0; c < chunks; ++c) {
-      left_before[c] = left;
-      left += ShortBinning::left_count(parts.data() + size_t(c) * bins, cut);
-    }
+    std::vector<uint32_t> left_in(chunks), left_before(chunks);
+    for_chunks(count, [&](uint32_t begin, uint32_t end) {
+      left_in[begin / kChunk] = count_left(records.now + begin, end - begin, cut);
+    });
+    std::exclusive_scan(left_in.begin(), left_in.end(), left_before.begin(), 0u);
+    const uint32_t left = cut.left_count;
     for_chunks(count, [&](uint32_t begin, uint32_t end) {
       const uint32_t before = left_before[begin / kChunk];
       partition(records.now + begin, end - begin, cut, records.spare + before,
@@ -267,8 +299,19 @@ class Binned {
     top.box = block.split(records, top.count, frame, 0, depth).box;
     top.node_count = out.node_count;
     const uint32_t done = done_.fetch_add(top.count, std::memory_order_relaxed) + top.count;
-    if (std::this_thread::get_id() == caller_)
-      progress_.report(0.1 + 0.8 * double(done) / double(count_), "binning");
+    if (std::this_thread::get_id() == caller_) report(0.1 + 0.8 * double(done) / double(count_));
+  }
+
+  // An exception would have oneTBB skip parts of what the other threads are doing, without a word
+  // to them; so it waits until they have seen that they should stop.
+  void report(double fraction) {
+    if (cancelled_) return;
+    try {
+      progress_.report(fraction, "binning");
+    } catch (...) {
+      cancellation_ = std::current_exception();
+      cancelled_ = true;
+    }
   }
 
   Bvh2 assemble(const Top& root) {
@@ -328,6 +371,8 @@ class Binned {
   const uint32_t count_;
   const std::thread::id caller_ = std::this_thread::get_id();
   std::atomic<uint32_t> done_{0};
+  std::atomic<bool> cancelled_{false};
+  std::exception_ptr cancellation_;
   std::unique_ptr<ShortBox[]> records_;
   std::unique_ptr<Node[]> nodes_;
   std::unique_ptr<uint32_t[]> primitives_;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "bvh/short_box.hpp"
 
@@ -34,30 +35,60 @@ ShortBounds bounds_of(const ShortBox* boxes, uint32_t count);
 struct ShortCut {
   int axis = -1;
   int threshold = 0;
-  uint32_t bin = 0;
+  float cost = 0;  ///< half areas times counts
   uint32_t left_count = 0;
   float left_area = 0, right_area = 0;
 
   bool is_left(const ShortBox& b) const { return int(b[axis]) - int(b[axis + 4]) < threshold; }
 };
 
+/// For each plane b, the one below bin b: half areas on both sides, boxes on the left.
+struct ShortPlanes {
+  std::array<Float4, kMaxBins + 1> left_area, right_area;
+  std::array<Int4, kMaxBins + 1> before;
+};
+
+/// Bins of each axis between whose planes there may be a better cut, and their centres, doubled.
+struct ShortWindows {
+  std::array<uint32_t, 3> first_bin{}, last_bin{};
+  ShortBox low, high;  ///< from low up to, but not with, high
+  bool any = false;
+};
+
+/// The boxes in each axis' window: twice the centre, from the window's low on, above the index.
+using ShortItems = std::array<std::vector<uint64_t>, 3>;
+
 class ShortBinning {
  public:
   ShortBinning(const ShortBounds& bounds, const Frame& frame, uint32_t bins);
 
-  uint32_t bins() const { return bins_; }
   void clear(ShortBin* bins) const;
   void add(const ShortBox* boxes, uint32_t count, ShortBin* bins) const;
   void merge(const ShortBin* from, ShortBin* into) const;
-  ShortCut cheapest(const ShortBin* bins, uint32_t count) const;
-  static uint32_t left_count(const ShortBin* bins, const ShortCut& cut);
+  /// The cheapest of the planes between bins.
+  ShortCut cheapest(const ShortBin* bins, uint32_t count, ShortPlanes& planes) const;
+
+  /// Where a cut between two planes may be cheaper than `cut`.
+  ShortWindows windows(const ShortPlanes& planes, uint32_t count, const ShortCut& cut) const;
+  /// Appends the boxes in the windows; the first of `boxes` has the index `first`.
+  static void collect(const ShortBox* boxes, uint32_t first, uint32_t count,
+                      const ShortWindows& windows, ShortItems& items);
+  /// The cheapest cut among `cut` and all those inside the windows. Sorts `items`.
+  ShortCut search(const ShortBox* boxes, const ShortBin* bins, uint32_t count,
+                  const ShortPlanes& planes, const ShortWindows& windows, ShortItems& items,
+                  ShortCut cut) const;
 
  private:
+  int edge(uint32_t bin, int axis) const;
+  float half_area(ShortBox box) const;
+
   ShortBounds bounds_;
   ShortBox lowest_{}, factor_{};
   Float4 unit_, pad_;
   uint32_t bins_;
 };
+
+uint32_t count_left(const ShortBox* boxes, uint32_t count, const ShortCut& cut);
 
 /// Moves the boxes left of the cut to `left`, the others to `right`, in the order that they have.
 void partition(const ShortBox* boxes, uint32_t count, const ShortCut& cut, ShortBox* left,
