@@ -1,0 +1,110 @@
+// What is refused, and that it is refused with a sentence that names it.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+
+#include "trace/scenes.hpp"
+#include "umbel/trace.hpp"
+
+namespace umbel::trace {
+namespace {
+
+using namespace testing;
+
+void expect_refused(const std::function<void()>& call, const std::string& named) {
+  try {
+    call();
+    ADD_FAILURE() << "not refused: " << named;
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find(named), std::string::npos) << error.what();
+  }
+}
+
+TEST(TraceArguments, materials_out_of_range_are_named) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const auto refused = [](const std::function<void(Material&)>& change, const std::string& named) {
+    std::vector<Material> materials(2);
+    change(materials[1]);
+    expect_refused([&] { scene_of(square(1), materials, constant(1)); }, "materials[1]." + named);
+  };
+  refused([](Material& m) { m.base_color.y = 1.5f; }, "base_color");
+  refused([&](Material& m) { m.base_color.z = nan; }, "base_color");
+  refused([&](Material& m) { m.metallic = nan; }, "metallic");
+  refused([](Material& m) { m.roughness = -0.1f; }, "roughness");
+  refused([](Material& m) { m.alpha = 2.0f; }, "alpha");
+  refused([](Material& m) { m.emission.x = -1.0f; }, "emission");
+  refused([](Material& m) { m.emission.x = INFINITY; }, "emission");
+  refused([](Material& m) { m.normal_texture.texture = 3; }, "normal_texture");
+}
+
+TEST(TraceArguments, a_look_must_fit_its_mesh) {
+  Mesh mesh = square(1);
+  mesh.materials = {0, 2};
+  expect_refused([&] { scene_of(mesh, {Material{}, Material{}}, constant(1)); }, "triangle 1");
+  const std::vector<uint8_t> texels(15);
+  const TextureView texture{.texels = texels, .width = 2, .height = 2};
+  expect_refused([&] { scene_of(square(1), {}, constant(1), {texture}); }, "textures[0]");
+  mesh.materials.clear();
+  mesh.positions[2].x = std::numeric_limits<float>::quiet_NaN();
+  expect_refused([&] { scene_of(mesh, {}, constant(1)); }, "vertex 2");
+}
+
+TEST(TraceArguments, environments_out_of_range_are_named) {
+  const auto refused = [](const std::function<void(Environment&)>& change,
+                          const std::string& named) {
+    Environment environment;
+    change(environment);
+    expect_refused([&] { scene_of(square(1), {}, environment); }, "environment." + named);
+  };
+  refused([](Environment& e) { e.turbidity = 0.0f; }, "turbidity");
+  refused([](Environment& e) { e.sun_radius = 0.0f; }, "sun_radius");
+  refused([](Environment& e) { e.sun_strength = -1.0f; }, "sun_strength");
+  refused([](Environment& e) { e.up = {0, 0, 0}; }, "up");
+  refused([](Environment& e) { e.sun_direction = {0, NAN, 0}; }, "sun_direction");
+  refused([](Environment& e) { e.ground_albedo = {2, 0, 0}; }, "ground_albedo");
+}
+
+TEST(TraceArguments, settings_and_cameras_out_of_range_are_refused) {
+  const Scene scene = scene_of(square(1), {}, constant(1));
+  const auto refused = [&](const std::function<void(Settings&, Camera&)>& change,
+                           const std::string& named) {
+    Settings settings = small_picture(4, 1);
+    Camera camera = from_above();
+    change(settings, camera);
+    expect_refused([&] { render(scene, camera, settings); }, named);
+  };
+  refused([](Settings& s, Camera&) { s.width = 0; }, "0 x 4");
+  refused([](Settings& s, Camera&) { s.height = 100000; }, "100000");
+  refused([](Settings& s, Camera&) { s.samples = 0; }, "samples");
+  refused([](Settings& s, Camera&) { s.max_bounces = 5000; }, "max_bounces");
+  refused([](Settings& s, Camera&) { s.shadow_samples = 3; }, "shadow_samples");
+  refused([](Settings& s, Camera&) { s.clamp = -1.0f; }, "clamp");
+  refused([](Settings&, Camera& c) { c.target = c.position; }, "target");
+  refused([](Settings&, Camera& c) { c.fov_y = 4.0f; }, "field of view");
+  refused([](Settings&, Camera& c) { c.position.x = NAN; }, "finite");
+  refused([](Settings&, Camera& c) { c.lens_radius = -1.0f; }, "lens");
+}
+
+TEST(TraceArguments, another_size_or_hierarchy_is_refused) {
+  Scene scene = scene_of(square(1), {}, constant(1));
+  Film film;
+  accumulate(scene, from_above(), small_picture(4, 1), film);
+  expect_refused([&] { accumulate(scene, from_above(), small_picture(5, 1), film); }, "film");
+  expect_refused([&] { scene.replace_bvh(TriangleBvh::build(shapes::sphere(1).view(), quick())); },
+                 "triangles");
+}
+
+TEST(TraceArguments, a_cancelled_film_is_as_before) {
+  const Scene scene = scene_of(square(1), {}, constant(1));
+  Film film;
+  accumulate(scene, from_above(), small_picture(64, 1), film);
+  const Film before = film;
+  const BuildOptions stop{.progress = [](float, std::string_view) { return false; }, .threads = 1};
+  EXPECT_THROW(accumulate(scene, from_above(), small_picture(64, 1), film, stop), Error);
+  EXPECT_EQ(film.samples, before.samples);
+  EXPECT_EQ(film.sums, before.sums);
+}
+
+}  // namespace
+}  // namespace umbel::trace
