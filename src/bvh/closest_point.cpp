@@ -8,6 +8,7 @@
 #include <cmath>
 #include <string>
 
+#include "bvh/float4.hpp"
 #include "bvh/point_order.hpp"
 #include "bvh/triangle_geometry.hpp"
 #include "bvh/walk.hpp"
@@ -63,6 +64,8 @@ class ClosestSearch {
   }
 
  private:
+  static constexpr uint32_t kLanes = kWidth < 4 ? 4 : kWidth;
+
   struct Entry {
     float distance2;  ///< scaled
     uint32_t link;
@@ -76,13 +79,22 @@ class ClosestSearch {
 
   void visit_node(uint32_t node) {
     const uint32_t* words = data_.nodes.data() + size_t{node} * (7 * kWidth);
-    float distance2[kWidth];
-    box_distances(NodeBoxes<kWidth>{reinterpret_cast<const float*>(words)}, distance2);
-    // The nearest child ends on top.
+    const auto* planes = reinterpret_cast<const float*>(words);
+    float distance2[kLanes];
+    uint32_t near = 0;
+    for (uint32_t i = 0; i < kWidth; i += 4) {
+      const auto plane = [&](uint32_t k) { return Float4::load(planes + size_t{k} * kWidth + i); };
+      near |=
+          box_distances(plane(0), plane(1), plane(2), plane(3), plane(4), plane(5), distance2 + i)
+          << i;
+    }
+    // Two slots are half of what was computed. The nearest child ends on top.
+    near &= (1u << kWidth) - 1;
     const size_t base = size_;
-    for (uint32_t slot = 0; slot < kWidth; ++slot) {
+    for (; near != 0; near &= near - 1) {
+      const auto slot = static_cast<uint32_t>(std::countr_zero(near));
       const uint32_t link = words[6 * kWidth + slot];
-      if (!(distance2[slot] <= limit_) || link == kNoChild) continue;
+      if (link == kNoChild) continue;
       size_t at = size_++;
       for (; at > base && stack_[at - 1].distance2 < distance2[slot]; --at)
         stack_[at] = stack_[at - 1];
@@ -90,31 +102,55 @@ class ClosestSearch {
     }
   }
 
-  void box_distances(const NodeBoxes<kWidth>& boxes, float* distance2) const {
-    const float s = scale_, x = scaled_.x, y = scaled_.y, z = scaled_.z;
-    const auto outside = [s](float low, float high, float p) {
-      const float below = low * s - p, above = p - high * s;
-      const float farther = below > above ? below : above;
-      return farther > 0.0f ? farther : 0.0f;
+  /// Squared distances of four boxes; the bits of those within the limit.
+  uint32_t box_distances(Float4 low_x, Float4 high_x, Float4 low_y, Float4 high_y, Float4 low_z,
+                         Float4 high_z, float* distance2) const {
+    const Float4 scale = Float4::all(scale_), zero = Float4::all(0);
+    const auto outside = [&](Float4 low, Float4 high, float p) {
+      const Float4 at = Float4::all(p);
+      return max(max(low * scale - at, at - high * scale), zero);
     };
-    for (uint32_t i = 0; i < kWidth; ++i) {
-      const float dx = outside(boxes.min_x()[i], boxes.max_x()[i], x);
-      const float dy = outside(boxes.min_y()[i], boxes.max_y()[i], y);
-      const float dz = outside(boxes.min_z()[i], boxes.max_z()[i], z);
-      distance2[i] = dx * dx + dy * dy + dz * dz;
-    }
+    const Float4 dx = outside(low_x, high_x, scaled_.x), dy = outside(low_y, high_y, scaled_.y);
+    const Float4 dz = outside(low_z, high_z, scaled_.z);
+    const Float4 squared = dx * dx + dy * dy + dz * dz;
+    squared.store(distance2);
+    return at_most(squared, Float4::all(limit_));
   }
 
   void visit_leaf(uint32_t link) {
-    data_.for_each_triangle(link, [&](const LeafTriangle& triangle) {
-      const TrianglePoint p = closest_on_triangle(point_, triangle.p0, triangle.p1, triangle.p2);
-      if (p.distance2 > best_.distance2 ||
-          (p.distance2 == best_.distance2 && triangle.primitive >= primitive_))
-        return;
-      best_ = p;
-      primitive_ = triangle.primitive;
-      corners_[0] = triangle.p0, corners_[1] = triangle.p1, corners_[2] = triangle.p2;
-    });
+    const uint32_t n = TriangleBvhData::leaf_size(link);
+    float distance2[kMaxLeafTriangles];
+    uint32_t near = (1u << n) - 1;
+    if (!data_.compact) near &= triangle_distances(link, n, distance2);
+    for (; near != 0; near &= near - 1) {
+      const auto i = static_cast<uint32_t>(std::countr_zero(near));
+      if (!data_.compact && distance2[i] > limit_) continue;
+      visit_triangle(data_.triangle(link, i));
+    }
+  }
+
+  /// Of the boxes around a leaf's triangles, as box_distances. Most triangles need no more.
+  uint32_t triangle_distances(uint32_t link, uint32_t n, float* distance2) const {
+    const auto* rows = reinterpret_cast<const float*>(data_.leaves.data()) +
+                       size_t{TriangleBvhData::first_reference(link)} * data_.reference_words();
+    uint32_t near = 0;
+    for (uint32_t i = 0; i < n; i += 4) {
+      const auto row = [&](uint32_t k) { return Float4::load(rows + size_t{k} * n + i); };
+      const auto low = [&](uint32_t k) { return min(min(row(k), row(k + 3)), row(k + 6)); };
+      const auto high = [&](uint32_t k) { return max(max(row(k), row(k + 3)), row(k + 6)); };
+      near |= box_distances(low(0), high(0), low(1), high(1), low(2), high(2), distance2 + i) << i;
+    }
+    return near;
+  }
+
+  void visit_triangle(const LeafTriangle& triangle) {
+    const TrianglePoint p = closest_on_triangle(point_, triangle.p0, triangle.p1, triangle.p2);
+    if (p.distance2 > best_.distance2 ||
+        (p.distance2 == best_.distance2 && triangle.primitive >= primitive_))
+      return;
+    best_ = p;
+    primitive_ = triangle.primitive;
+    corners_[0] = triangle.p0, corners_[1] = triangle.p1, corners_[2] = triangle.p2;
     const float before = limit_;
     set_limit();
     limit_ = std::min(limit_, before);

@@ -1,0 +1,381 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "bvh/oracle.hpp"
+
+namespace umbel {
+namespace {
+
+using namespace testing;
+
+struct Named {
+  std::string name;
+  Mesh mesh;
+};
+
+Mesh doubled(Mesh mesh) {
+  const std::vector<Triangle> once = mesh.triangles;
+  for (const Triangle& t : once) mesh.triangles.push_back({t[0], t[2], t[1]});
+  return mesh;
+}
+
+/// A triangle, segments and points in one mesh.
+Mesh degenerate() {
+  Mesh mesh = shapes::grid(3, 3);
+  mesh.triangles.push_back({0, 0, 0});
+  mesh.triangles.push_back({0, 5, 0});
+  mesh.triangles.push_back({1, 2, 3});  // on one line
+  return mesh;
+}
+
+std::vector<Named> small_meshes() {
+  return {{"sphere", shapes::sphere(2)},
+          {"torus", shapes::torus(14, 9)},
+          {"soup", shapes::soup(300, 1)},
+          {"grid", shapes::grid(9, 7)},
+          {"fan", shapes::fan(60)},
+          {"blob, far away", transformed(shapes::blob(2, 3), 1, {1000, -2000, 500})},
+          {"moebius", shapes::moebius(30, 3)},
+          {"doubled", doubled(shapes::sphere(1))},
+          {"degenerate", degenerate()},
+          {"one triangle", shapes::soup(1, 5)}};
+}
+
+std::string described(const TriangleBvhConfig& c) {
+  return std::string(bvh::name(c.tree.builder)) + ", width " + std::to_string(c.width) +
+         (c.compact ? ", compact" : "") + ", simd " + std::to_string(static_cast<int>(c.simd));
+}
+
+/// Every builder, width, instruction set, compact and not.
+std::vector<TriangleBvhConfig> all_configs() {
+  std::vector<TriangleBvhConfig> all;
+  const std::vector<Simd> paths = simd_paths();
+  for (const bvh::Builder builder : bvh::builders())
+    for (const uint32_t width : {2u, 4u, 8u})
+      for (const Simd simd : paths)
+        for (const bool compact : {false, true}) {
+          TriangleBvhConfig config;
+          config.tree = bvh::Config{};
+          config.tree.builder = builder;
+          config.width = width, config.simd = simd, config.compact = compact;
+          all.push_back(config);
+        }
+  return all;
+}
+
+void expect_right_hits(const TriangleBvh& tree, const MeshView& mesh, const std::vector<Ray>& rays,
+                       const std::vector<Truth>& truths, const std::string& what) {
+  for (size_t i = 0; i < rays.size(); ++i) {
+    const Hit hit = tree.intersect(rays[i]);
+    ASSERT_TRUE(is_right(mesh, rays[i], truths[i], hit)) << what << ", ray " << i;
+    ASSERT_EQ(tree.occluded(rays[i]), hit.hit()) << what << ", ray " << i;
+  }
+}
+
+std::vector<Truth> truths_of(const MeshView& mesh, const std::vector<Ray>& rays) {
+  std::vector<Truth> truths;
+  for (const Ray& ray : rays) truths.push_back(trace_all(mesh, ray));
+  return truths;
+}
+
+TEST(BvhOracle, closest_and_any_hits_of_every_tree_equal_brute_force) {
+  const std::vector<TriangleBvhConfig> configs = all_configs();
+  for (const Named& named : small_meshes()) {
+    const MeshView mesh = named.mesh.view();
+    const std::vector<Ray> rays = adversarial_rays(mesh, 280, 11);
+    const std::vector<Truth> truths = truths_of(mesh, rays);
+    // Of the rays that are aimed at something, most meet it: the comparison is not idle.
+    for (const TriangleBvhConfig& config : configs)
+      expect_right_hits(TriangleBvh::build(mesh, config), mesh, rays, truths,
+                        named.name + ", " + described(config));
+  }
+}
+
+TEST(BvhOracle, every_instruction_set_gives_the_same_bits) {
+  for (const Named& named : small_meshes()) {
+    const MeshView mesh = named.mesh.view();
+    const std::vector<Ray> rays = adversarial_rays(mesh, 280, 12);
+    for (const uint32_t width : {2u, 4u, 8u})
+      for (const bool compact : {false, true}) {
+        TriangleBvhConfig config;
+        config.width = width, config.compact = compact, config.simd = Simd::kPortable;
+        const TriangleBvh portable = TriangleBvh::build(mesh, config);
+        for (const Simd simd : simd_paths()) {
+          config.simd = simd;
+          const TriangleBvh other = TriangleBvh::build(mesh, config);
+          for (size_t i = 0; i < rays.size(); ++i)
+            ASSERT_EQ(portable.intersect(rays[i]), other.intersect(rays[i]))
+                << named.name << ", " << described(config) << ", ray " << i;
+        }
+      }
+  }
+}
+
+TEST(BvhOracle, rays_that_are_aimed_at_a_mesh_find_it) {
+  const Mesh sphere = shapes::sphere(2);
+  size_t found = 0;
+  const std::vector<Ray> rays = adversarial_rays(sphere.view(), 700, 13);
+  const TriangleBvh tree = TriangleBvh::build(sphere.view());
+  for (const Ray& ray : rays) found += tree.intersect(ray).hit();
+  EXPECT_GT(found, 350u);
+}
+
+TEST(BvhOracle, all_hits_are_the_triangles_on_the_ray_in_order) {
+  for (const Named& named : small_meshes()) {
+    const MeshView mesh = named.mesh.view();
+    for (const uint32_t width : {2u, 8u}) {
+      TriangleBvhConfig config;
+      config.width = width;
+      const TriangleBvh tree = TriangleBvh::build(mesh, config);
+      const std::vector<Ray> rays = adversarial_rays(mesh, 140, 14);
+      for (size_t r = 0; r < rays.size(); ++r) {
+        const Ray& ray = rays[r];
+        std::vector<Hit> hits(mesh.triangles.size() + 1);
+        hits.resize(tree.all_hits(ray, hits));
+        std::set<uint32_t> met;
+        for (size_t i = 0; i < hits.size(); ++i) {
+          ASSERT_TRUE(met.insert(hits[i].primitive).second);
+          if (i > 0) {
+            ASSERT_LE(hits[i - 1].t, hits[i].t);
+          }
+        }
+        for (uint32_t i = 0; i < mesh.triangles.size(); ++i) {
+          const Triangle& t = mesh.triangles[i];
+          const Crossing x =
+              cross_triangle(ray, mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]);
+          if (met.contains(i)) {
+            ASSERT_TRUE(x.is_possible) << named.name;
+          } else {
+            ASSERT_FALSE(x.is_certain && x.t - x.tolerance > ray.t_min &&
+                         x.t + x.tolerance < ray.t_max)
+                << named.name << ", ray " << r << " misses " << i;
+          }
+        }
+        ASSERT_EQ(tree.intersect(ray), hits.empty() ? Hit{} : hits[0]);
+        // With room for fewer, the nearest.
+        std::vector<Hit> two(2);
+        two.resize(tree.all_hits(ray, two));
+        ASSERT_EQ(two.size(), std::min<size_t>(2, hits.size()));
+        ASSERT_TRUE(std::equal(two.begin(), two.end(), hits.begin()));
+      }
+    }
+  }
+}
+
+TEST(BvhOracle, batches_equal_single_rays) {
+  const Mesh mesh = shapes::blob(3, 1);
+  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const std::vector<Ray> rays = adversarial_rays(mesh.view(), 3000, 15);
+  std::vector<Hit> hits(rays.size());
+  std::vector<uint8_t> occluded(rays.size());
+  tree.intersect(rays, hits);
+  tree.occluded(rays, occluded);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    EXPECT_EQ(hits[i], tree.intersect(rays[i]));
+    EXPECT_EQ(occluded[i] != 0, hits[i].hit());
+  }
+}
+
+// ---- real meshes --------------------------------------------------------------------------------
+
+const char* const kRealMeshes[] = {"armadillo_86k.ply",
+                                   "bunny_69k.ply",
+                                   "cad_brick_housing_24k.ply",
+                                   "cad_gears_19k.ply",
+                                   "dragon_11k_res4.ply",
+                                   "gargo_50k_normals_colors.ply",
+                                   "sibenik_75k.ply",
+                                   "nasty_boeing_2k.ply",
+                                   "nasty_bunny_dup_16k.ply",
+                                   "nasty_capsule_10k.ply",
+                                   "nasty_chair_13k.ply",
+                                   "nasty_conrod_soup_6k.ply",
+                                   "nasty_cycloidal_43k.ply",
+                                   "nasty_mpi_180.ply",
+                                   "nasty_office_chair_7k.ply",
+                                   "nasty_synth_all_degenerate.ply",
+                                   "nasty_synth_bowtie_vertex.ply",
+                                   "nasty_synth_book_edge.ply",
+                                   "nasty_synth_moebius.ply",
+                                   "nasty_synth_klein_bottle.ply",
+                                   "nasty_synth_dup_flipped.ply",
+                                   "nasty_synth_t_junctions.ply",
+                                   "nasty_synth_fan_50k.ply",
+                                   "nasty_synth_needles_20k.ply",
+                                   "nasty_synth_same_centroid_20k.ply",
+                                   "nasty_synth_identical_10k.ply",
+                                   "nasty_synth_components_10k.ply",
+                                   "nasty_synth_isolated_vertices.ply",
+                                   "nasty_synth_single_triangle.ply",
+                                   "nasty_synth_dragon_ecef_f32.ply",
+                                   "nasty_synth_dragon_tiny.ply",
+                                   "nasty_synth_dragon_scale_1e15.ply",
+                                   "nasty_tetfaces_96k.ply",
+                                   "nasty_trumpet_24k.ply"};
+
+TEST(BvhOracle, hits_on_real_meshes_equal_brute_force) {
+  size_t read = 0;
+  for (const char* name : kRealMeshes) {
+    const auto mesh = read_mesh(name);
+    if (!mesh) continue;
+    ++read;
+    const std::vector<Ray> rays = adversarial_rays(mesh->view(), 28, 21);
+    const std::vector<Truth> truths = truths_of(mesh->view(), rays);
+    for (const uint32_t width : {2u, 4u, 8u}) {
+      TriangleBvhConfig config;
+      config.width = width;
+      config.compact = width == 4;
+      expect_right_hits(TriangleBvh::build(mesh->view(), config), mesh->view(), rays, truths,
+                        std::string(name) + ", " + described(config));
+    }
+  }
+  if (read == 0) GTEST_SKIP() << "no meshes";
+}
+
+TEST(BvhOracle, hits_on_large_meshes_equal_brute_force) {
+  const char* const names[] = {"dragon_871k.ply", "conference_331k.ply", "bench_arch_329k.ply",
+                               "bench_scan_1111k.ply"};
+  size_t read = 0;
+  for (const char* name : names) {
+    const auto mesh = read_mesh(name);
+    if (!mesh) continue;
+    ++read;
+    const std::vector<Ray> rays = adversarial_rays(mesh->view(), 14, 22);
+    expect_right_hits(TriangleBvh::build(mesh->view()), mesh->view(), rays,
+                      truths_of(mesh->view(), rays), name);
+  }
+  if (read == 0) GTEST_SKIP() << "no meshes";
+}
+
+TEST(BvhOracle, every_builder_takes_every_nasty_mesh) {
+  size_t read = 0;
+  for (const char* name : kRealMeshes) {
+    if (!std::string(name).starts_with("nasty_synth")) continue;
+    const auto mesh = read_mesh(name);
+    if (!mesh) continue;
+    ++read;
+    const std::vector<Ray> rays = adversarial_rays(mesh->view(), 14, 23);
+    const std::vector<Truth> truths = truths_of(mesh->view(), rays);
+    for (const bvh::Builder builder : bvh::builders()) {
+      TriangleBvhConfig config;
+      config.tree = bvh::Config{};
+      config.tree.builder = builder;
+      expect_right_hits(TriangleBvh::build(mesh->view(), config), mesh->view(), rays, truths,
+                        std::string(name) + ", " + described(config));
+    }
+  }
+  if (read == 0) GTEST_SKIP() << "no meshes";
+}
+
+// ---- watertightness -----------------------------------------------------------------------------
+
+/// From points inside at every vertex and the middle of every edge: all must hit.
+void expect_no_leak(const Mesh& mesh, const Vec3& inside, const std::string& what) {
+  for (const uint32_t width : {2u, 4u, 8u})
+    for (const Simd simd : simd_paths()) {
+      TriangleBvhConfig config;
+      config.width = width, config.simd = simd, config.compact = width == 4;
+      const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+      const auto expect_hit = [&](const Vec3& at) {
+        const Ray ray{inside, 0, {at.x - inside.x, at.y - inside.y, at.z - inside.z}};
+        ASSERT_TRUE(tree.intersect(ray).hit()) << what << ", " << described(config);
+        ASSERT_TRUE(tree.occluded(ray)) << what << ", " << described(config);
+      };
+      for (const Triangle& t : mesh.triangles)
+        for (int k = 0; k < 3; ++k) {
+          const Vec3 &a = mesh.positions[t[k]], &b = mesh.positions[t[(k + 1) % 3]];
+          expect_hit(a);
+          expect_hit({a.x * 0.5f + b.x * 0.5f, a.y * 0.5f + b.y * 0.5f, a.z * 0.5f + b.z * 0.5f});
+        }
+    }
+}
+
+TEST(BvhOracle, no_ray_passes_between_triangles_at_any_scale) {
+  for (int power = -15; power <= 15; power += 3) {
+    const auto scale = static_cast<float>(std::pow(10.0, power));
+    const std::string what = "scale 1e" + std::to_string(power);
+    const auto moved = [&](const Mesh& mesh, const Vec3& by) {
+      return transformed(mesh, scale, {by.x * scale, by.y * scale, by.z * scale});
+    };
+    expect_no_leak(moved(shapes::sphere(2), {0, 0, 0}), {0, 0, 0}, what);
+    expect_no_leak(moved(shapes::sphere(2), {7, -5, 3}),
+                   {7.1f * scale, -5.2f * scale, 3.05f * scale}, what + ", moved");
+    expect_no_leak(moved(shapes::blob(2, 7), {0, 0, 0}),
+                   {0.01f * scale, 0.02f * scale, 0.03f * scale}, what + ", blob");
+    expect_no_leak(moved(shapes::torus(16, 12), {0, 0, 0}), {scale, 0, 0}, what + ", torus");
+  }
+}
+
+// ---- what has no answer -------------------------------------------------------------------------
+
+TEST(BvhOracle, empty_meshes_answer_every_query) {
+  std::vector<TriangleBvh> trees;
+  trees.emplace_back();
+  for (const bvh::Builder builder : bvh::builders()) {
+    TriangleBvhConfig config;
+    config.tree = bvh::Config{};
+    config.tree.builder = builder;
+    trees.push_back(TriangleBvh::build(MeshView{}, config));
+  }
+  for (TriangleBvh& tree : trees) {
+    const Ray ray{{0, 0, 0}, 0, {1, 0, 0}};
+    EXPECT_FALSE(tree.intersect(ray).hit());
+    EXPECT_FALSE(tree.occluded(ray));
+    std::vector<Hit> hits(3);
+    EXPECT_EQ(tree.all_hits(ray, hits), 0u);
+    EXPECT_EQ(tree.closest_point(Vec3{1, 2, 3}).primitive, kNone);
+    EXPECT_FALSE(tree.contains(Vec3{0, 0, 0}));
+    EXPECT_EQ(tree.signed_distance(Vec3{0, 0, 0}), std::numeric_limits<float>::infinity());
+    EXPECT_TRUE(tree.overlaps(Aabb{{-1, -1, -1}, {1, 1, 1}}).empty());
+    EXPECT_TRUE(tree.overlaps(Sphere{{0, 0, 0}, 1}).empty());
+    EXPECT_TRUE(tree.overlaps(Frustum{}).empty());
+    EXPECT_FALSE(tree.refit(MeshView{}).rebuild_advised);
+    EXPECT_EQ(tree.statistics().nodes, 0u);
+    EXPECT_EQ(tree.triangle_count(), 0u);
+  }
+}
+
+TEST(BvhOracle, rays_that_are_none_hit_nothing) {
+  const Mesh mesh = shapes::sphere(2);
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  for (const TriangleBvhConfig& config : all_configs()) {
+    if (config.tree.builder != bvh::builders()[0]) continue;
+    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    const Ray rays[] = {{{kNan, 0, 0}, 0, {1, 0, 0}},     {{0, 0, 0}, 0, {1, kNan, 0}},
+                        {{0, 0, 0}, 0, {0, 0, 0}},        {{0, 0, 0}, 2, {1, 0, 0}, 1},
+                        {{0, 0, 0}, kNan, {1, 0, 0}},     {{0, 0, 0}, 0, {1, 0, 0}, kNan},
+                        {{0, 0, 0}, 0, {-0.0f, 0, -0.0f}}};
+    for (const Ray& ray : rays) {
+      EXPECT_FALSE(tree.intersect(ray).hit());
+      EXPECT_FALSE(tree.occluded(ray));
+    }
+  }
+}
+
+TEST(BvhOracle, triangles_that_are_not_finite_are_refused_or_dropped) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  Mesh mesh = shapes::sphere(2);
+  mesh.positions[5].y = kNan;
+  mesh.positions[17].x = std::numeric_limits<float>::infinity();
+  const Mesh kept = drop_invalid(mesh.view()).mesh;
+  const std::vector<Ray> rays = adversarial_rays(kept.view(), 100, 31);
+  for (const bvh::Builder builder : bvh::builders()) {
+    TriangleBvhConfig config;
+    config.tree = bvh::Config{};
+    config.tree.builder = builder;
+    EXPECT_THROW(TriangleBvh::build(mesh.view(), config), Error);
+    config.tree.invalid = bvh::InvalidTriangles::kDrop;
+    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    const TriangleBvh whole = TriangleBvh::build(kept.view(), config);
+    EXPECT_EQ(tree.triangle_count(), mesh.triangles.size());
+    for (const Ray& ray : rays) EXPECT_EQ(tree.intersect(ray).t, whole.intersect(ray).t);
+    mesh.triangles[3][1] = 100000;
+    EXPECT_THROW(TriangleBvh::build(mesh.view(), config), Error);
+    mesh.triangles[3][1] = shapes::sphere(2).triangles[3][1];
+  }
+}
+
+}  // namespace
+}  // namespace umbel
