@@ -1,0 +1,130 @@
+"""`umbel bvh`: builds one acceleration structure and measures it."""
+
+from __future__ import annotations
+
+import enum
+import statistics
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .run import Json, Threads, check_output, ends_cleanly, fail, show
+
+if TYPE_CHECKING:
+    from ..bench.rays import Rays
+    from ..bvh import Bvh
+
+PICTURE = 512
+RUNS = 3
+
+
+class Device(str, enum.Enum):
+    cpu = "cpu"
+    cuda = "cuda"
+
+
+@ends_cleanly
+def command(
+    source: Annotated[
+        Path, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
+    ],
+    builder: Annotated[
+        str,
+        typer.Option(
+            help="fast, quality or best, or a builder: sweep, binned, sbvh, lbvh, kmeans, ..."
+        ),
+    ] = "quality",
+    device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
+    width: Annotated[int, typer.Option(metavar="2|4|8", help="Children a node.")] = 8,
+    cost: Annotated[
+        str, typer.Option(metavar="T,I", help="Costs of traversal and intersection.")
+    ] = "3,2",
+    max_leaf_size: Annotated[int, typer.Option(metavar="N", help="Most triangles a leaf.")] = 8,
+    compact: Annotated[bool, typer.Option(help="Share vertices: smaller, slower rays.")] = False,
+    drop_invalid: Annotated[
+        bool, typer.Option(help="Leave out triangles with a NaN or infinite vertex.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT.umbvh", help="Keep it.")
+    ] = None,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Build a bounding volume hierarchy over a mesh and measure it: its cost, and its rays a second
+    (three views of 512 x 512 pixels, and a diffuse bounce from what they hit)."""
+    if device is Device.cuda:
+        fail("this build of Umbel has no CUDA support; use --device cpu")
+    if output is not None:
+        check_output(output, ".umbvh")
+    costs = _costs(cost)
+
+    from ..bench.rays import diffuse_rays, primary_rays
+    from ..bvh import Bvh, build_bvh2
+    from ..io import load
+    from .progress import Bar
+
+    mesh = load(source)
+    with Bar() as bar:
+        began = time.perf_counter()
+        tree = build_bvh2(
+            mesh,
+            builder=builder,
+            cost=costs,
+            max_leaf_size=max_leaf_size,
+            invalid="drop" if drop_invalid else "refuse",
+            progress=bar,
+            threads=threads,
+        )
+        built = time.perf_counter()
+        bvh = Bvh.from_tree(tree, mesh, width=width, compact=compact, threads=threads)
+        widened = time.perf_counter()
+    if output is not None:
+        bvh.save(output)
+    binary, wide = tree.statistics(costs), bvh.statistics()
+    result: dict[str, Any] = {
+        "builder": builder,
+        "triangles": len(mesh.triangles),
+        "width": width,
+        "nodes": binary["nodes"],
+        "leaves": binary["leaves"],
+        "max_depth": binary["max_depth"],
+        "references": binary["references"],
+        "sah_cost": binary["sah_cost"],
+        "epo": tree.epo(costs, threads=threads),
+        "build_seconds": built - began,
+        "widen_seconds": widened - built,
+        "wide_nodes": wide["nodes"],
+        "bytes": wide["bytes"],
+    }
+    low_high = bvh.bounds
+    rays = [None, None] if low_high is None else [primary_rays(*low_high, PICTURE), None]
+    if rays[0] is not None:
+        hits = bvh.intersect(*rays[0], threads=threads)
+        rays[1] = diffuse_rays(mesh, rays[0], hits.t, hits.primitive)
+    for name, batch in zip(("primary", "diffuse"), rays, strict=True):
+        result[f"{name}_mrays_per_second"] = _speed(bvh, batch, threads)
+    if output is not None:
+        result["file_bytes"] = output.stat().st_size
+    show(result, as_json, str(source))
+
+
+def _costs(text: str) -> tuple[float, float]:
+    try:
+        traversal, intersection = (float(part) for part in text.split(","))
+    except ValueError:
+        fail(f"--cost is {text!r}, but must be two numbers such as 3,2")
+    return traversal, intersection
+
+
+def _speed(bvh: Bvh, rays: Rays | None, threads: int) -> float:
+    """The median of some runs, in millions of rays a second."""
+    if rays is None or len(rays[0]) == 0:
+        return 0.0
+    seconds = []
+    for _ in range(RUNS):
+        began = time.perf_counter()
+        bvh.intersect(*rays, threads=threads)
+        seconds.append(time.perf_counter() - began)
+    return len(rays[0]) / max(statistics.median(seconds), 1e-9) / 1e6
