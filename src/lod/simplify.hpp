@@ -1,7 +1,6 @@
 // Simplifies one group of clusters to fewer triangles with its border held fixed.
 //
-// The work is meshoptimizer's edge collapse by quadrics (Garland & Heckbert 1997, attributes by
-// Hoppe 1999). Around it stands a ladder: edge collapse that keeps attribute seams; edge collapse
+// A ladder: edge collapse that keeps attribute seams (collapse.hpp); meshoptimizer's edge collapse
 // across them; removal of small separate components; merging of vertices by grid cell. Whatever
 // comes back is checked edge by edge (topology.hpp), so that a group's result fits its neighbours
 // in every cut; where it does not, the vertices around the fault are held and it is tried again.
