@@ -17,6 +17,11 @@ struct Connections {
   std::span<const Range> ranges;  ///< one an item, or empty: no connections
   std::span<const uint32_t> targets;
   std::span<const float> weights;  ///< >= 0, one a target, or empty: all 1
+  /// One a target, or empty. Bit k is set where vertex k of item i is one of the target's as well.
+  /// With ClusterInput::vertices_per_item, from 1 to 8, they stand for `item_vertices` where
+  /// vertices have no indices: ClusterConfig::max_vertices then counts by them. All pairs of items
+  /// that share a vertex must be connected, in both directions.
+  std::span<const uint8_t> vertex_bits = {};
 };
 
 struct ClusterInput {
@@ -24,7 +29,7 @@ struct ClusterInput {
   std::span<const Vec3> centroids;  ///< one an item, or empty: the boxes' centres
   Connections connections;
   /// Vertex indices of each item, `vertices_per_item` apiece (3 for triangles), or empty.
-  /// Needed for ClusterConfig::max_vertices.
+  /// ClusterConfig::max_vertices needs these, or Connections::vertex_bits.
   std::span<const uint32_t> item_vertices;
   uint32_t vertices_per_item = 0;
   /// Weight of one shared vertex as a connection between two items, made from `item_vertices`

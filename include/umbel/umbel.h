@@ -122,7 +122,8 @@ typedef struct umbel_cluster_input {
   /// One an item, or NULL: the boxes' centres.
   const umbel_vec3* centroids;
   /// `item_count * vertices_per_item` vertex indices, or NULL. Needed for
-  /// umbel_cluster_config.max_vertices, for `shared_vertex_weight` and with `positions`.
+  /// umbel_cluster_config.max_vertices (or the connections' vertex bits are), for
+  /// `shared_vertex_weight` and with `positions`.
   const uint32_t* item_vertices;
   /// Vertex positions, from which the boxes are made; `vertices_per_item` must be 3. NULL if
   /// `boxes` are given.
@@ -133,6 +134,11 @@ typedef struct umbel_cluster_input {
   const umbel_range* connection_ranges;  ///< one an item
   const uint32_t* connection_targets;    ///< `connection_count` item indices
   const float* connection_weights;       ///< `connection_count`, >= 0, or NULL: all 1
+  /// `connection_count`, or NULL. Bit k is set where vertex k of the item is one of the target's as
+  /// well. With `vertices_per_item` from 1 to 8 they stand for `item_vertices` where vertices have
+  /// no indices: umbel_cluster_config.max_vertices then counts by them. All pairs of items that
+  /// share a vertex must be connected, in both directions.
+  const uint8_t* connection_vertex_bits;
   size_t connection_count;
   /// Item ranges that are clustered each by itself. They must not overlap, may be empty and in any
   /// order; items in none stay where they are. None (0): one segment of all items.
@@ -195,6 +201,46 @@ typedef struct umbel_cluster_quality {
   double overlap;             ///< mean number of cluster boxes that a random line pierces
   double ratio_cut;           ///< sum over clusters of cut connection weight / items
 } umbel_cluster_quality;
+
+/// Arrays of the caller for umbel_cluster_order, and how much of them was filled.
+typedef struct umbel_cluster_meshlets {
+  uint32_t struct_size;
+  uint32_t reserved;  ///< 0
+  /// out: the clusters' items with the triangles of each cluster in their new order; the clusters'
+  /// ranges hold as they are.
+  uint32_t* items;
+  size_t item_capacity;  ///< in: as many as the clusters have items are needed
+  size_t item_count;     ///< out
+  /// out: cluster c has vertices[vertex_offsets[c]] up to vertices[vertex_offsets[c + 1]].
+  uint32_t* vertex_offsets;
+  size_t vertex_offset_capacity;  ///< in: one more than clusters are needed
+  size_t vertex_offset_count;     ///< out
+  uint32_t* vertices;             ///< out: mesh vertices, in the order in which triangles use them
+  size_t vertex_capacity;         ///< in: three an item are always enough
+  size_t vertex_count;            ///< out
+  /// out: the three corners of each item, as indices into its cluster's vertices; zero where an
+  /// item is in no cluster.
+  uint8_t* corners;
+  size_t corner_capacity;  ///< in: three an item are needed
+  size_t corner_count;     ///< out
+} umbel_cluster_meshlets;
+
+/// What a cluster can be culled by. With e the eye: the cluster is outside a frustum that misses
+/// the sphere, and faces away as a whole where
+///   dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff   or, without the apex,
+///   dot(center - e, cone_axis) >= cone_cutoff * length(center - e) + radius.
+typedef struct umbel_cull_bounds {
+  umbel_vec3 center;  ///< of a sphere that contains all the cluster's triangles
+  float radius;
+  umbel_vec3 cone_apex;  ///< behind every triangle
+  umbel_vec3 cone_axis;  ///< unit length: where the triangles face; zero if there is no such cone
+  float cone_cutoff;     ///< sine of the cone's half angle, and a little; 1 if there is no cone
+} umbel_cull_bounds;
+
+static inline void umbel_cluster_meshlets_init(umbel_cluster_meshlets* meshlets) {
+  memset(meshlets, 0, sizeof *meshlets);
+  meshlets->struct_size = (uint32_t)sizeof *meshlets;
+}
 
 static inline void umbel_build_options_init(umbel_build_options* options) {
   memset(options, 0, sizeof *options);
@@ -267,6 +313,24 @@ UMBEL_C_API umbel_result umbel_cluster_build(const umbel_cluster_input* input,
 UMBEL_C_API umbel_result umbel_cluster_metrics(const umbel_cluster_input* input,
                                                const umbel_cluster_output* clusters,
                                                uint32_t max_items, umbel_cluster_quality* quality);
+
+/// Orders the triangles and vertices of each cluster for vertex reuse and rasterisation, as mesh
+/// shaders take them: at most 256 vertices and 512 triangles a cluster. `input` must be triangles
+/// with positions; `clusters->ranges`, `range_count`, `items` and `item_count` are read. At `level`
+/// 0 triangles keep their corner order; levels 1 to 9 try harder to make what is stored compress
+/// well (3 is a good value), and may rotate corners. Arrays and counts of `meshlets` are filled as
+/// those of umbel_cluster_build are; where an array is too small, nothing is written to any.
+UMBEL_C_API umbel_result umbel_cluster_order(const umbel_cluster_input* input,
+                                             const umbel_cluster_output* clusters, int level,
+                                             const umbel_build_options* options,
+                                             umbel_cluster_meshlets* meshlets);
+
+/// Bounding sphere and normal cone of each cluster, for culling: bounds[0 .. range_count), of which
+/// `capacity` must be at least as many. `input` and `clusters` as for umbel_cluster_order.
+UMBEL_C_API umbel_result umbel_cluster_cull_bounds(const umbel_cluster_input* input,
+                                                   const umbel_cluster_output* clusters,
+                                                   const umbel_build_options* options,
+                                                   umbel_cull_bounds* bounds, size_t capacity);
 
 // ---- bounding volume hierarchies ---------------------------------------------------------------
 //

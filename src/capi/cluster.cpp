@@ -117,13 +117,7 @@ void build(const umbel_cluster_input* input, const umbel_cluster_config* config_
 ClusterMetrics measure(const umbel_cluster_input* input, const umbel_cluster_output* clusters,
                        uint32_t max_items) {
   ClusterArrays arrays(input);
-  const umbel_cluster_output given = read_struct(clusters, "clusters");
-  if ((!given.ranges && given.range_count > 0) || (!given.items && given.item_count > 0))
-    throw Error(ErrorCode::kInvalidArgument, "clusters->ranges or clusters->items is NULL");
-  Clusters copied;
-  const auto* ranges = reinterpret_cast<const Range*>(given.ranges);
-  copied.ranges.assign(ranges, ranges + given.range_count);
-  copied.items.assign(given.items, given.items + given.item_count);
+  const Clusters copied = given_clusters(clusters);
   return cluster_metrics(arrays.items({}), copied, max_items);
 }
 

@@ -56,6 +56,17 @@ ClusterConfig cluster_config(const umbel_cluster_config* config) {
   return result;
 }
 
+Clusters given_clusters(const umbel_cluster_output* clusters) {
+  const umbel_cluster_output given = read_struct(clusters, "clusters");
+  if ((!given.ranges && given.range_count > 0) || (!given.items && given.item_count > 0))
+    bad_argument("clusters->ranges or clusters->items is NULL");
+  Clusters copied;
+  const auto* ranges = reinterpret_cast<const Range*>(given.ranges);
+  copied.ranges.assign(ranges, ranges + given.range_count);
+  copied.items.assign(given.items, given.items + given.item_count);
+  return copied;
+}
+
 ClusterArrays::ClusterArrays(const umbel_cluster_input* input) {
   const umbel_cluster_input in = read_struct(input, "input");
   // Before any size is multiplied. The last index is kNone, "no such element".
@@ -82,7 +93,12 @@ ClusterArrays::ClusterArrays(const umbel_cluster_input* input) {
         view<uint32_t>(in.connection_targets, in.connection_count, "input->connection_targets");
     if (in.connection_weights)
       input_.connections.weights = {in.connection_weights, in.connection_count};
-  } else if (in.connection_targets || in.connection_weights || in.connection_count > 0) {
+    if (in.connection_vertex_bits) {
+      input_.connections.vertex_bits = {in.connection_vertex_bits, in.connection_count};
+      input_.vertices_per_item = in.vertices_per_item;
+    }
+  } else if (in.connection_targets || in.connection_weights || in.connection_vertex_bits ||
+             in.connection_count > 0) {
     bad_argument("input->connection_ranges is NULL, but there are connections");
   }
   input_.segments = view<Range>(in.segments, in.segment_count, "input->segments");

@@ -13,6 +13,9 @@ BuildOptions build_options(const umbel_build_options* options);
 
 ClusterConfig cluster_config(const umbel_cluster_config* config);
 
+/// A copy of the caller's clusters: ranges and items only.
+Clusters given_clusters(const umbel_cluster_output* clusters);
+
 /// Views of the caller's arrays. Checks that what must be there is there; what the arrays hold is
 /// checked by who reads them.
 class ClusterArrays {

@@ -61,6 +61,7 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
   if (count_ == 0) return;
   for (uint32_t i = 0; i < count_; ++i) items_[i] = boxes_[i].tag();
   cut_.load(*source_, items_, count_);
+  shared_.load(*source_, items_, count_);
   BoxRecord all = BoxRecord::empty();
   for (uint32_t i = 0; i < count_; ++i) all.extend(boxes_[i]);
   if (const float more = scale_for(all); more != 1.0f) {

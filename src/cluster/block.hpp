@@ -13,6 +13,7 @@
 #include "cluster/box_record.hpp"
 #include "cluster/cut.hpp"
 #include "cluster/rules.hpp"
+#include "cluster/shared_bits.hpp"
 #include "cluster/source.hpp"
 #include "cluster/vertex_table.hpp"
 
@@ -105,7 +106,9 @@ class Block {
   QuickVertexCount quick_count_;
   std::vector<uint32_t> numbers_;  ///< of the vertices of a vertex-bound node
   std::vector<uint8_t> seen_;
+  uint32_t node_vertices_ = 0;  ///< of the same node
   Cut cut_;
+  SharedBits shared_;
 };
 
 }  // namespace umbel::cluster

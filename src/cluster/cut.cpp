@@ -6,7 +6,7 @@ namespace umbel::cluster {
 
 void Cut::load(const Source& source, const uint32_t* items, uint32_t count) {
   explicit_ = !source.connections.ranges.empty() && !source.connections.targets.empty();
-  vertex_weight_ = source.arity ? source.shared_vertex_weight : 0.0f;
+  vertex_weight_ = source.vertices ? source.shared_vertex_weight : 0.0f;
   arity_ = source.arity;
   if (!active()) return;
   change_.resize(count + 1);

@@ -13,14 +13,23 @@
 
 namespace umbel::cluster {
 
+/// Whether connections say which vertices items share. Where nothing is connected, no bit is
+/// needed.
+inline bool has_vertex_bits(const ClusterInput& input) {
+  const Connections& c = input.connections;
+  return input.item_vertices.empty() &&
+         (!c.vertex_bits.empty() ||
+          (input.vertices_per_item > 0 && !c.ranges.empty() && c.targets.empty()));
+}
+
 struct Source {
   static Source of(const ClusterInput& input) {
     Source s;
     s.boxes = input.boxes;
     s.centroids = input.centroids;
     s.connections = input.connections;
-    s.vertices = input.item_vertices.data();
-    s.arity = input.item_vertices.empty() ? 0 : input.vertices_per_item;
+    s.vertices = input.item_vertices.empty() ? nullptr : input.item_vertices.data();
+    if (s.vertices || has_vertex_bits(input)) s.arity = input.vertices_per_item;
     s.shared_vertex_weight = input.shared_vertex_weight;
     return s;
   }
@@ -71,7 +80,7 @@ struct Source {
   std::span<const Vec3> centroids;
   Connections connections;
   const Vec3* positions = nullptr;
-  const uint32_t* vertices = nullptr;  ///< `arity` an item
+  const uint32_t* vertices = nullptr;  ///< `arity` an item, or null: connections have their bits
   uint32_t arity = 0;                  ///< 0: items have no vertices
   float shared_vertex_weight = 0.0f;
 };

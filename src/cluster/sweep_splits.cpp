@@ -81,7 +81,7 @@ void Block::add_overlap(const uint32_t* order, uint32_t n) {
 
 void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
   const uint32_t arity = source_->arity, limit = rules_.config.max_vertices;
-  const uint32_t total = table_.count();
+  const uint32_t total = node_vertices_;
   const float price =
       rules_.config.vertex_underfill_cost * static_cast<float>(n) / static_cast<float>(total);
   // A side of limit / arity items fits whatever they are; smaller ones are a waste.
@@ -92,7 +92,9 @@ void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
     const uint32_t missing = (vertices + limit - 1) / limit * limit - vertices;
     return static_cast<float>(items) + price * static_cast<float>(missing);
   };
+  const auto start = [&] { shared_.active() ? shared_.clear() : seen_.assign(total, 0); };
   const auto count_new = [&](uint32_t item) {
+    if (shared_.active()) return shared_.insert(item);
     uint32_t fresh = 0;
     for (uint32_t k = 0; k < arity; ++k) {
       uint8_t& seen = seen_[numbers_[size_t(item) * arity + k]];
@@ -101,10 +103,10 @@ void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
     }
     return fresh;
   };
-  seen_.assign(total, 0);
+  start();
   for (uint32_t i = 0, vertices = 0; i + 1 < n; ++i)
     left_weight_[i] = weight(i + 1, vertices += count_new(order[i]));
-  seen_.assign(total, 0);
+  start();
   for (uint32_t i = n - 1, vertices = 0; i > 0; --i)
     right_weight_[i - 1] = weight(n - i, vertices += count_new(order[i]));
 }
@@ -120,6 +122,11 @@ void Block::expect_vertices() {
   uint64_t vertices = 0;
   for (uint32_t s = 0; s < kSamples; ++s) {
     const uint32_t begin = uint32_t(uint64_t(count_ - length) * s / (kSamples - 1));
+    if (shared_.active()) {
+      shared_.clear();
+      for (uint32_t i = begin; i < begin + length; ++i) vertices += shared_.insert(i);
+      continue;
+    }
     table_.clear(size_t(length) * arity);
     for (uint32_t i = begin; i < begin + length; ++i)
       for (uint32_t k = 0; k < arity; ++k)
@@ -138,6 +145,11 @@ void Block::expect_vertices() {
 }
 
 uint32_t Block::count_vertices(uint32_t begin, uint32_t end, int axis) {
+  if (shared_.active()) {
+    shared_.clear();
+    for (uint32_t i = begin; i < end; ++i) shared_.insert(orders_[axis][i]);
+    return shared_.count();
+  }
   const uint32_t arity = source_->arity;
   quick_count_.clear();
   for (uint32_t i = begin; i < end; ++i) {
@@ -156,6 +168,10 @@ uint32_t Block::count_vertices(uint32_t begin, uint32_t end, int axis) {
 }
 
 void Block::number_vertices(uint32_t begin, uint32_t end) {
+  if (shared_.active()) {
+    node_vertices_ = count_vertices(begin, end, 0);
+    return;
+  }
   const uint32_t arity = source_->arity;
   numbers_.resize(std::max(numbers_.size(), size_t(count_) * arity));
   table_.clear(size_t(end - begin) * arity);
@@ -165,6 +181,7 @@ void Block::number_vertices(uint32_t begin, uint32_t end) {
     for (uint32_t k = 0; k < arity; ++k)
       numbers_[size_t(local) * arity + k] = table_.insert(vertices[k]);
   }
+  node_vertices_ = table_.count();
 }
 
 }  // namespace umbel::cluster

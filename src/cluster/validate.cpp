@@ -8,6 +8,7 @@
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "cluster/source.hpp"
 
 namespace umbel::cluster {
 namespace {
@@ -38,6 +39,9 @@ void check_connections(const ClusterInput& input) {
   if (c.ranges.size() != items)
     bad_argument("connections.ranges has " + std::to_string(c.ranges.size()) +
                  " elements, but there are " + std::to_string(items) + " items");
+  if (!c.vertex_bits.empty() && c.vertex_bits.size() != c.targets.size())
+    bad_argument("connections.vertex_bits has " + std::to_string(c.vertex_bits.size()) +
+                 " elements, but there are " + std::to_string(c.targets.size()) + " targets");
   if (!c.weights.empty() && c.weights.size() != c.targets.size())
     bad_argument("connections.weights has " + std::to_string(c.weights.size()) +
                  " elements, but there are " + std::to_string(c.targets.size()) + " targets");
@@ -56,6 +60,26 @@ void check_connections(const ClusterInput& input) {
                    number(c.weights[i]));
 }
 
+void check_vertex_bits(const ClusterInput& input) {
+  const std::span<const uint8_t> bits = input.connections.vertex_bits;
+  const uint32_t arity = input.vertices_per_item;
+  if (arity < 1 || arity > 8)
+    bad_argument("vertices_per_item must be from 1 to 8 where connections have vertex_bits, not " +
+                 std::to_string(arity));
+  for (size_t i = 0; i < bits.size(); ++i)
+    if (bits[i] >> arity)
+      bad_argument("connections.vertex_bits[" + std::to_string(i) + "] is " +
+                   std::to_string(bits[i]) + ", but items have " + std::to_string(arity) +
+                   " vertices");
+}
+
+void check_vertex_limit(const ClusterInput& input, const ClusterConfig& config) {
+  if (config.max_vertices && config.max_vertices < input.vertices_per_item)
+    bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
+                 ", too few for one item of " + std::to_string(input.vertices_per_item) +
+                 " vertices");
+}
+
 void check_vertices(const ClusterInput& input, const ClusterConfig& config) {
   const size_t items = input.boxes.size();
   if (!(input.shared_vertex_weight >= 0.0f && std::isfinite(input.shared_vertex_weight)))
@@ -63,9 +87,13 @@ void check_vertices(const ClusterInput& input, const ClusterConfig& config) {
                  number(input.shared_vertex_weight));
   if (input.item_vertices.empty()) {
     if (items == 0) return;
-    if (config.max_vertices) bad_argument("max_vertices is set, but items have no vertices");
+    const bool has_bits = has_vertex_bits(input);
+    if (has_bits) check_vertex_bits(input);
+    if (config.max_vertices && !has_bits)
+      bad_argument("max_vertices is set, but items have no vertices");
     if (input.shared_vertex_weight > 0.0f)
       bad_argument("shared_vertex_weight is set, but items have no vertices");
+    if (has_bits) check_vertex_limit(input, config);
     return;
   }
   if (input.vertices_per_item == 0) bad_argument("vertices_per_item must be at least 1, not 0");
@@ -74,10 +102,7 @@ void check_vertices(const ClusterInput& input, const ClusterConfig& config) {
                  " elements, but " + std::to_string(items) + " items of " +
                  std::to_string(input.vertices_per_item) + " vertices need " +
                  std::to_string(uint64_t(items) * input.vertices_per_item));
-  if (config.max_vertices && config.max_vertices < input.vertices_per_item)
-    bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
-                 ", too few for one item of " + std::to_string(input.vertices_per_item) +
-                 " vertices");
+  check_vertex_limit(input, config);
 }
 
 void check_segments(const ClusterInput& input) {
