@@ -3,7 +3,7 @@
 // bounce rays: one from each primary hit, cosine-distributed. Repetitions are interleaved, medians
 // of processor time are printed, as Markdown, and hits are compared.
 //
-//   ray_bench [--embree LIBRARY] [--runs N] [--size PIXELS] [--only TEXT] [--reps-of TEXT N]
+//   ray_bench [--embree LIBRARY] [--runs N] [--size PIXELS] [--only TEXT]
 //             MESH.ply|MESH.obj...
 #include <dlfcn.h>
 

@@ -13,3 +13,5 @@ foreach(source ${umbel_bench_sources})
     target_compile_definitions(${name} PRIVATE UMBEL_HAS_CLUSTERLOD)
   endif()
 endforeach()
+
+include(UmbelTinybvh)

@@ -289,6 +289,15 @@ void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
                         std::to_string(mesh.positions.size()) + " vertices");
 }
 
+bool has_repeats(std::span<const uint32_t> order, size_t triangles) {
+  std::vector<bool> seen(triangles);
+  for (const uint32_t primitive : order) {
+    if (seen[primitive]) return true;
+    seen[primitive] = true;
+  }
+  return false;
+}
+
 }  // namespace
 
 TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
@@ -312,6 +321,7 @@ TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const Wi
   check_triangles(mesh, order);
   out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());
   out.reference_count = static_cast<uint32_t>(order.size());
+  out.repeats = has_repeats(order, mesh.triangles.size()) ? 1 : 0;
 
   std::vector<uint32_t> places;
   if (options.compact) places = collect_vertices(mesh, order, out.vertices);

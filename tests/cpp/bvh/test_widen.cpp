@@ -72,6 +72,16 @@ TEST_P(Widen, leaves_larger_than_a_pack_are_cut_up) {
   EXPECT_EQ(seen, tree.primitives);
 }
 
+TEST_P(Widen, triangles_in_several_leaves_are_noted) {
+  const Mesh mesh = shapes::soup(2000, 2);
+  bvh::Config config;
+  EXPECT_EQ(widen_tree(bvh::build(mesh.view()), mesh.view(), {GetParam(), false}, {}).repeats, 0u);
+  config.builder = bvh::Builder::kSpatial;
+  const bvh::Bvh2 tree = bvh::build(mesh.view(), config);
+  ASSERT_GT(tree.primitives.size(), mesh.triangles.size());
+  EXPECT_EQ(widen_tree(tree, mesh.view(), {GetParam(), false}, {}).repeats, 1u);
+}
+
 TEST_P(Widen, the_result_does_not_depend_on_threads) {
   const Mesh mesh = shapes::blob(4, 1);
   const bvh::Bvh2 tree = bvh::build(mesh.view());
