@@ -7,7 +7,8 @@
 //   - what it hits is possible, and lies where the answer says, within the tolerance, and
 //   - nothing that is hit for certain lies clearly before it.
 // The tolerance is a few units of the last place of the largest coordinate that the test works
-// with: the distance from the ray's origin to the triangle's farthest corner.
+// with: the distance from the ray's origin to the triangle's farthest corner. The tolerance of t
+// grows where the triangle is seen at a low angle, and where it is thin.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -105,11 +106,17 @@ inline Crossing cross_triangle(const Ray& ray, const Vec3& p0, const Vec3& p1, c
     const double u = nearest.u, v = nearest.v, w = 1 - u - v;
     const auto height = [&](const Vec3d& p, const Vec3d& q) { return size / length(q - p); };
     const double inside = std::min({u * height(c, a), v * height(a, b), w * height(b, c)});
+    // Where a triangle is so thin that its weights are uncertain, so is the place along it.
+    const double edge = std::max({length(b - a), length(c - b), length(a - c)});
+    const double depths[3] = {dot(a, unit), dot(b, unit), dot(c, unit)};
+    const double depth =
+        std::max({depths[0], depths[1], depths[2]}) - std::min({depths[0], depths[1], depths[2]});
+    const double slide = std::min(1.0, tolerance * edge / (size * slope)) * depth;
     const double spread = tolerance / slope;
     const bool is_possible = nearest.distance2 <= 4 * spread * spread;
     const bool is_certain =
         nearest.distance2 <= 1e-20 * reach * reach && slope > 1e-2 && inside > 2 * spread;
-    return {t / speed, (spread + tolerance) / speed, is_possible, is_certain};
+    return {t / speed, (spread + tolerance + slide) / speed, is_possible, is_certain};
   }
   return {0, std::numeric_limits<double>::infinity(), true, false};
 }
