@@ -124,6 +124,32 @@ UMBEL_API Bvh2 build(std::span<const Aabb> boxes, const Config& config = {},
 UMBEL_API Bvh2 build(const MeshView& mesh, const Config& config = {},
                      const BuildOptions& options = {});
 
+/// A box with up to 64 children, or a leaf.
+struct KaryNode {
+  Vec3 min;
+  uint32_t first;  ///< inner: index of the first child (the others follow it);
+                   ///< leaf: offset of its primitives
+  Vec3 max;
+  uint16_t children;  ///< 0 for a leaf
+  uint16_t count;     ///< primitives of a leaf; 0 for an inner node
+  bool is_leaf() const { return children == 0; }
+  Aabb box() const { return {min, max}; }
+  bool operator==(const KaryNode&) const = default;
+};
+static_assert(sizeof(KaryNode) == 32);
+
+/// nodes[0] is the root, and children come after their parent. No nodes for no primitives.
+struct KaryTree {
+  std::vector<KaryNode> nodes;
+  std::vector<uint32_t> primitives;  ///< in the order of the leaves, each once
+};
+
+/// The clusters of k-means as they are, before they become a binary tree: a node has two to
+/// `config.kmeans.clusters` children, a leaf at most `config.max_leaf_size` primitives. No level
+/// is deeper than 80. Refuses what `build` refuses of boxes.
+UMBEL_API KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config = {},
+                                     const BuildOptions& options = {});
+
 // Passes. Each keeps the primitives below the root and never raises the SAH cost.
 
 /// Makes a leaf of every subtree with at most `max_leaf_size` primitives that costs less as one.
