@@ -21,6 +21,8 @@ struct InputArrays {
   std::optional<Rows<uint32_t, 2>> connection_ranges;
   std::optional<Flat<uint32_t>> connection_targets;
   std::optional<Flat<float>> connection_weights;
+  std::optional<Flat<uint8_t>> connection_vertex_bits;
+  uint32_t vertices_per_item;
   std::optional<nb::ndarray<const uint32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>>
       item_vertices;
   float shared_vertex_weight;
@@ -31,7 +33,9 @@ struct InputArrays {
     input.boxes = rows_of<Aabb>(boxes);
     input.centroids = rows_of<Vec3>(centroids);
     input.connections = {rows_of<Range>(connection_ranges), rows_of<uint32_t>(connection_targets),
-                         rows_of<float>(connection_weights)};
+                         rows_of<float>(connection_weights),
+                         rows_of<uint8_t>(connection_vertex_bits)};
+    input.vertices_per_item = vertices_per_item;
     if (item_vertices) {
       input.item_vertices = {item_vertices->data(), item_vertices->size()};
       input.vertices_per_item = static_cast<uint32_t>(item_vertices->shape(1));
@@ -111,6 +115,37 @@ Dict mesh_metrics(const MeshArrays& mesh, const Flat<uint32_t>& items,
   }));
 }
 
+using MeshletArrays =
+    nb::typed<nb::tuple, Array<uint32_t>, Array<uint32_t>, Array<uint32_t>, Array<uint8_t>>;
+
+void bind_shapes_of_clusters(nb::module_& module) {
+  module.def(
+      "order_clusters",
+      [](const MeshArrays& mesh, const Flat<uint32_t>& items, const Rows<uint32_t, 2>& ranges,
+         int level, const nb::object& progress, uint32_t threads) -> MeshletArrays {
+        const Clusters clusters = clusters_of(items, ranges);
+        ClusterMeshlets made = run(progress, threads, [&](const BuildOptions& options) {
+          return order_clusters(mesh.view(), clusters, level, options);
+        });
+        return nb::make_tuple(
+            take<uint32_t>(std::move(made.items)), take<uint32_t>(std::move(made.vertex_offsets)),
+            take<uint32_t>(std::move(made.vertices)), take<uint8_t>(std::move(made.corners)));
+      },
+      "mesh"_a, "items"_a, "ranges"_a, "level"_a = 0, "progress"_a = nb::none(), "threads"_a = 0,
+      "(items, vertex_offsets, vertices, corners (n, 3))");
+  module.def(
+      "cluster_bounds",
+      [](const MeshArrays& mesh, const Flat<uint32_t>& items, const Rows<uint32_t, 2>& ranges,
+         const nb::object& progress, uint32_t threads) {
+        const Clusters clusters = clusters_of(items, ranges);
+        return take<float>(run(progress, threads, [&](const BuildOptions& options) {
+          return cluster_bounds(mesh.view(), clusters, options);
+        }));
+      },
+      "mesh"_a, "items"_a, "ranges"_a, "progress"_a = nb::none(), "threads"_a = 0,
+      "(k, 11): centre, radius, cone apex, cone axis, cone cutoff");
+}
+
 void bind_config(nb::module_& module) {
   nb::class_<ClusterConfig>(module, "ClusterConfig", "Limits and prices of a clustering.")
       .def(nb::init<>())
@@ -132,6 +167,7 @@ void bind_config(nb::module_& module) {
 
 void bind_cluster(nb::module_& module) {
   bind_config(module);
+  bind_shapes_of_clusters(module);
   nb::class_<InputArrays>(module, "ClusterInput", "What build_clusters works on.")
       .def(
           "__init__",
@@ -139,6 +175,7 @@ void bind_cluster(nb::module_& module) {
              std::optional<Rows<uint32_t, 2>> connection_ranges,
              std::optional<Flat<uint32_t>> connection_targets,
              std::optional<Flat<float>> connection_weights,
+             std::optional<Flat<uint8_t>> connection_vertex_bits, uint32_t vertices_per_item,
              std::optional<nb::ndarray<const uint32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>>
                  item_vertices,
              float shared_vertex_weight, std::optional<Rows<uint32_t, 2>> segments) {
@@ -147,12 +184,15 @@ void bind_cluster(nb::module_& module) {
                                    std::move(connection_ranges),
                                    std::move(connection_targets),
                                    std::move(connection_weights),
+                                   std::move(connection_vertex_bits),
+                                   vertices_per_item,
                                    std::move(item_vertices),
                                    shared_vertex_weight,
                                    std::move(segments)};
           },
           "boxes"_a, "centroids"_a = nb::none(), "connection_ranges"_a = nb::none(),
           "connection_targets"_a = nb::none(), "connection_weights"_a = nb::none(),
+          "connection_vertex_bits"_a = nb::none(), "vertices_per_item"_a = 0,
           "item_vertices"_a = nb::none(), "shared_vertex_weight"_a = 0.0f,
           "segments"_a = nb::none());
   module.def(

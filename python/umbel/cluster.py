@@ -55,7 +55,7 @@ class Clusters:
         return self._measure()
 
 
-def _config(preset: str, max_items: int, changes: dict[str, Any]) -> _umbel.ClusterConfig:
+def _config(preset: str, max_items: int, **changes: Any) -> _umbel.ClusterConfig:
     if isinstance(max_items, bool) or not 0 <= max_items <= 0xFFFFFFFF:
         raise Error(f"the most items of a cluster cannot be {max_items}")
     config = _umbel.cluster_preset(preset, max_items)
@@ -93,7 +93,7 @@ def cluster_mesh(
     preset: "quality" (lowest area), "fast", or "exact" (all clusters full but one). What it says
         is overridden by min_triangles, underfill_cost, overlap_cost, vertex_underfill_cost
         (prices in [0, 1]), presplit_threshold (larger nodes are split without a sweep) and coarse
-        (some thirty positions an axis are tried instead of all).
+        (groups of neighbours are split instead of triangles).
     shared_vertex_weight: what a vertex shared by two triangles weighs as a connection that a cut
         would break; 0 for no connections.
     method: "bisect", or "morton": the fastest, with three to four times the area, where only
@@ -104,15 +104,13 @@ def cluster_mesh(
     config = _config(
         preset,
         max_triangles,
-        {
-            "min_items": min_triangles,
-            "max_vertices": max_vertices,
-            "underfill_cost": underfill_cost,
-            "overlap_cost": overlap_cost,
-            "vertex_underfill_cost": vertex_underfill_cost,
-            "presplit_threshold": presplit_threshold,
-            "coarse": coarse,
-        },
+        min_items=min_triangles,
+        max_vertices=max_vertices,
+        underfill_cost=underfill_cost,
+        overlap_cost=overlap_cost,
+        vertex_underfill_cost=vertex_underfill_cost,
+        presplit_threshold=presplit_threshold,
+        coarse=coarse,
     )
     arrays = native(as_mesh(mesh))
     if method == "morton":
@@ -126,6 +124,69 @@ def cluster_mesh(
         )
 
     return Clusters(*made, measure)
+
+
+@dataclass(frozen=True)
+class Meshlets:
+    """Clusters as mesh shaders and rasterisers take them."""
+
+    items: NDArray[np.uint32]
+    """(m,) Clusters.items with the triangles of each cluster in their new order; the clusters'
+    ranges hold as they are."""
+    vertex_offsets: NDArray[np.uint32]
+    """(k + 1,) cluster i has vertices[vertex_offsets[i]:vertex_offsets[i + 1]]."""
+    vertices: NDArray[np.uint32]
+    """Mesh vertices, in the order in which triangles use them."""
+    corners: NDArray[np.uint8]
+    """(m, 3) corners of each triangle, as indices into its cluster's vertices."""
+
+
+@dataclass(frozen=True)
+class ClusterBounds:
+    """What clusters can be culled by. Seen from e, a cluster faces away as a whole where
+    dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff."""
+
+    centers: NDArray[np.float32]
+    """(k, 3) of spheres that contain all of a cluster's triangles."""
+    radii: NDArray[np.float32]
+    """(k,)"""
+    cone_apexes: NDArray[np.float32]
+    """(k, 3) behind every triangle."""
+    cone_axes: NDArray[np.float32]
+    """(k, 3) of unit length: where the triangles face; zero if there is no such cone."""
+    cone_cutoffs: NDArray[np.float32]
+    """(k,) sine of the cone's half angle, and a little; 1 if there is no cone."""
+
+
+def order_clusters(
+    mesh: Any,
+    clusters: Clusters,
+    level: int = 0,
+    *,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> Meshlets:
+    """The triangles and vertices of each cluster in an order for vertex reuse and rasterisation.
+    Clusters may have up to 256 vertices and 512 triangles.
+
+    level: at 0 triangles keep their corner order; 1 to 9 try harder to make what is stored
+        compress well (3 is a good value), and may rotate corners.
+    """
+    arrays = native(as_mesh(mesh))
+    return Meshlets(
+        *_umbel.order_clusters(arrays, clusters.items, clusters.ranges, level, progress, threads)
+    )
+
+
+def cluster_bounds(
+    mesh: Any, clusters: Clusters, *, progress: Progress | None = None, threads: int = 0
+) -> ClusterBounds:
+    """Bounding sphere and normal cone of each cluster, for culling. Clusters as for
+    `order_clusters`."""
+    arrays = native(as_mesh(mesh))
+    made = _umbel.cluster_bounds(arrays, clusters.items, clusters.ranges, progress, threads)
+    columns = np.split(made, [3, 4, 7, 10], axis=1)
+    return ClusterBounds(columns[0], columns[1][:, 0], columns[2], columns[3], columns[4][:, 0])
 
 
 def build_clusters(
@@ -142,6 +203,8 @@ def build_clusters(
     coarse: bool | None = None,
     centroids: ArrayLike | None = None,
     connections: tuple[ArrayLike, ArrayLike, ArrayLike | None] | None = None,
+    connection_vertex_bits: ArrayLike | None = None,
+    vertices_per_item: int = 0,
     item_vertices: ArrayLike | None = None,
     shared_vertex_weight: float = 0.0,
     segments: ArrayLike | None = None,
@@ -154,6 +217,9 @@ def build_clusters(
     centroids: (n, 3); the boxes' centres where None.
     connections: (offsets, targets, weights): item i is connected to
         targets[offsets[i]:offsets[i + 1]], with those weights (None: all 1). Should be symmetric.
+    connection_vertex_bits: one byte a target, with vertices_per_item from 1 to 8: bit k is set
+        where vertex k of the item is one of the target's as well. For max_vertices where vertices
+        have no indices; all pairs that share a vertex must be connected, in both directions.
     item_vertices: (n, v) vertex indices of each item, which max_vertices and
         shared_vertex_weight need.
     segments: (s, 2) offset and count of item ranges that are clustered each by itself.
@@ -162,15 +228,13 @@ def build_clusters(
     config = _config(
         preset,
         max_items,
-        {
-            "min_items": min_items,
-            "max_vertices": max_vertices,
-            "underfill_cost": underfill_cost,
-            "overlap_cost": overlap_cost,
-            "vertex_underfill_cost": vertex_underfill_cost,
-            "presplit_threshold": presplit_threshold,
-            "coarse": coarse,
-        },
+        min_items=min_items,
+        max_vertices=max_vertices,
+        underfill_cost=underfill_cost,
+        overlap_cost=overlap_cost,
+        vertex_underfill_cost=vertex_underfill_cost,
+        presplit_threshold=presplit_threshold,
+        coarse=coarse,
     )
     given = _umbel.ClusterInput(
         rows("boxes", boxes, 6),
@@ -178,6 +242,8 @@ def build_clusters(
         item_vertices=None if item_vertices is None else _vertices(item_vertices),
         shared_vertex_weight=shared_vertex_weight,
         segments=None if segments is None else indices("segments", segments, 2),
+        connection_vertex_bits=_bits(connection_vertex_bits),
+        vertices_per_item=vertices_per_item,
         **_connection_arrays(connections),
     )
     made = _umbel.build_clusters(given, config, progress, threads)
@@ -186,6 +252,15 @@ def build_clusters(
         return _umbel.cluster_metrics(given, made[0], made[1], max_items)
 
     return Clusters(*made, measure)
+
+
+def _bits(connection_vertex_bits: ArrayLike | None) -> NDArray[np.uint8] | None:
+    if connection_vertex_bits is None:
+        return None
+    bits = indices("connection_vertex_bits", connection_vertex_bits)
+    if (bits > 0xFF).any():
+        raise Error(f"connection_vertex_bits holds {bits.max()}, more than a byte")
+    return bits.astype(np.uint8)
 
 
 def _vertices(item_vertices: ArrayLike) -> NDArray[np.uint32]:
