@@ -62,12 +62,10 @@ Bvh2 build(Boxes boxes, uint32_t bits, const Config& config, Progress& progress)
     const auto [offset, count] = cut.ranges[s];
     MortonStack<Key> stack(order.codes.data(), order.primitives.data(), boxes.data(),
                            LeafRule(config));
-    parts[s] =
-        stack.build(offset, offset + count, PartStore::scratch_end(2 * size_t(kMostCodes)));
+    parts[s] = stack.build(offset, offset + count, PartStore::scratch_end(2 * size_t(kMostCodes)));
     store.keep(parts[s]);
   });
-  Bvh2 tree =
-      join_parts(cut.top, parts, {order.primitives.data(), order.primitives.data() + n});
+  Bvh2 tree = join_parts(cut.top, parts, {order.primitives.data(), order.primitives.data() + n});
   if (config.max_depth < 3 * bits + balanced_depth(n)) limit_depth(tree, config.max_depth);
   return tree;
 }

@@ -59,7 +59,7 @@ struct TriangleBvhData {
   // Set by prepare_rays, never stored.
   const RayKernels* kernels = nullptr;
   Simd simd = Simd::kAuto;  ///< as asked for
-  float reach = 0;  ///< the largest coordinate of any box, by amount
+  float reach = 0;          ///< the largest coordinate of any box, by amount
   float scale = 1;  ///< power of two that brings triangles of extreme size into a safe range
 
   uint32_t node_words() const { return 7 * width; }

@@ -98,13 +98,14 @@ def command(
         "wide_nodes": wide["nodes"],
         "bytes": wide["bytes"],
     }
-    low_high = bvh.bounds
-    rays = [None, None] if low_high is None else [primary_rays(*low_high, PICTURE), None]
-    if rays[0] is not None:
-        hits = bvh.intersect(*rays[0], threads=threads)
-        rays[1] = diffuse_rays(mesh, rays[0], hits.t, hits.primitive)
-    for name, batch in zip(("primary", "diffuse"), rays, strict=True):
-        result[f"{name}_mrays_per_second"] = _speed(bvh, batch, threads)
+    box = bvh.bounds
+    primary = diffuse = None
+    if box is not None:
+        primary = primary_rays(box[0], box[1], PICTURE)
+        hits = bvh.intersect(primary[0], primary[1], threads=threads)
+        diffuse = diffuse_rays(mesh, primary, hits.t, hits.primitive)
+    result["primary_mrays_per_second"] = _speed(bvh, primary, threads)
+    result["diffuse_mrays_per_second"] = _speed(bvh, diffuse, threads)
     if output is not None:
         result["file_bytes"] = output.stat().st_size
     show(result, as_json, str(source))
@@ -125,6 +126,6 @@ def _speed(bvh: Bvh, rays: Rays | None, threads: int) -> float:
     seconds = []
     for _ in range(RUNS):
         began = time.perf_counter()
-        bvh.intersect(*rays, threads=threads)
+        bvh.intersect(rays[0], rays[1], threads=threads)
         seconds.append(time.perf_counter() - began)
     return len(rays[0]) / max(statistics.median(seconds), 1e-9) / 1e6

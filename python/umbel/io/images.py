@@ -67,6 +67,7 @@ def beside(folder: Path | None, name: str) -> Path | None:
     relative = PurePosixPath(name.replace("\\", "/"))
     if folder is None or not name or "\0" in name or "://" in name:
         return None
-    if not relative.parts or relative.is_absolute() or ".." in relative.parts or ":" in relative.parts[0]:
+    parts = relative.parts
+    if not parts or relative.is_absolute() or ".." in parts or ":" in parts[0]:
         return None
     return folder / relative
