@@ -19,7 +19,6 @@ namespace {
 
 using BoxBuilder = Bvh2 (*)(Boxes, const Config&, Progress&);
 using TriangleBuilder = Bvh2 (*)(const MeshView&, Boxes, const Config&, Progress&);
-using Reinsertion = void (*)(Bvh2&, uint32_t, const BuildOptions&);
 
 struct Entry {
   Builder builder;
@@ -42,7 +41,6 @@ constexpr std::array kEntries{
     Entry{Builder::kAtrbvh, "atrbvh"},
     Entry{Builder::kInsertion, "insertion", build_insertion},
 };
-constexpr Reinsertion kReinsert = nullptr;
 
 constexpr size_t kChunk = size_t{1} << 14;
 
@@ -62,10 +60,6 @@ void check_supported(const Config& config) {
   if (!is_built(entry))
     throw Error(ErrorCode::kUnsupported,
                 "this build has no builder \"" + std::string(entry.name) + "\"");
-  if (config.reinsertion_rounds > 0 && !kReinsert)
-    throw Error(ErrorCode::kUnsupported,
-                "this build has no reinsertion, but reinsertion_rounds is " +
-                    std::to_string(config.reinsertion_rounds));
 }
 
 void check_count(size_t primitives) {
@@ -193,7 +187,7 @@ Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config, Prog
                             : run_scaled(mesh, boxes, scale, config, progress);
   if (config.reinsertion_rounds > 0) {
     progress.report(0.8, "reinserting");
-    kReinsert(tree, config.reinsertion_rounds, {});
+    reinsert(tree, config.reinsertion_rounds, {});
   }
   if (!entry_of(config.builder).is_final || config.reinsertion_rounds > 0 ||
       !has_area(tree.nodes[0])) {
@@ -296,7 +290,7 @@ Config preset(std::string_view name) {
   }
   if (name == "best") {
     if (is_built(entry_of(Builder::kSpatial))) config.builder = Builder::kSpatial;
-    if (kReinsert) config.reinsertion_rounds = 2;
+    config.reinsertion_rounds = 2;
     return config;
   }
   throw Error(ErrorCode::kInvalidArgument, "there is no preset \"" + std::string(name) +
