@@ -571,7 +571,12 @@ def _point(name: str, value: ArrayLike) -> Sequence[float]:
 
 def _rays(
     origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike, mask: int
-) -> tuple[Any, ...]:
+) -> tuple[
+    NDArray[np.float32],
+    NDArray[np.float32],
+    NDArray[np.float32] | None,
+    NDArray[np.float32] | None,
+]:
     """The arrays of rays as the library reads them, and checked."""
     if not 0 <= mask <= 0xFFFFFFFF:
         raise Error(f"mask must be from 0 to 0xffffffff, not {mask}")

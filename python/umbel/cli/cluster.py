@@ -117,7 +117,9 @@ def command(
             overlap_cost=overlap,
             vertex_underfill_cost=vertex_underfill,
             presplit_threshold=presplit,
-            shared_vertex_weight=SHARED_VERTEX_WEIGHT if weights is Weights.shared_vertices else 0.0,
+            shared_vertex_weight=SHARED_VERTEX_WEIGHT
+            if weights is Weights.shared_vertices
+            else 0.0,
             method=method.value,
             progress=bar,
             threads=threads,

@@ -54,7 +54,8 @@ def decode(data: bytes, what: str) -> NDArray[np.uint8]:
                     raise Error(f"{what} has {image.width} x {image.height} pixels, too many")
                 if image.mode.startswith(("I;16", "I")):  # 16 bits a channel: Pillow would clip
                     high = np.asarray(image).astype(np.uint32) >> 8
-                    image = Image.fromarray(high.astype(np.uint8))
+                    low = Image.fromarray(high.astype(np.uint8))
+                    return np.ascontiguousarray(low.convert("RGBA"), np.uint8)
                 return np.ascontiguousarray(image.convert("RGBA"), np.uint8)
     except Error:
         raise
