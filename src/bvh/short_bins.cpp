@@ -15,7 +15,7 @@ constexpr float kWorth = 0.99f;
 
 void add_one(const ShortBox* box, ShortBox lowest, ShortBox factor, ShortBin* bins) {
   const ShortBox b = *box;
-  const ShortBox at = multiply_high(center2(b) - lowest, factor);
+  const ShortBox at = multiply_high(difference(center2(b), lowest), factor);
   for (int axis = 0; axis < 3; ++axis) {
     ShortBin& bin = bins[uint16_t(at[axis])];
     bin.box[axis] = join(bin.box[axis], b);

@@ -13,6 +13,7 @@
 namespace umbel::bvh {
 
 typedef int16_t ShortBox __attribute__((vector_size(16)));
+typedef uint16_t WrappingBox __attribute__((vector_size(16)));
 typedef int32_t Int4 __attribute__((vector_size(16)));
 
 inline constexpr int kShortSteps = 32767;
@@ -51,6 +52,11 @@ inline ShortBox center2(ShortBox b) {
 #endif
 }
 
+/// a - b modulo 2^16.
+inline ShortBox difference(ShortBox a, ShortBox b) {
+  return ShortBox(WrappingBox(a) - WrappingBox(b));
+}
+
 /// The high halves of the products, without signs.
 inline ShortBox multiply_high(ShortBox a, ShortBox b) {
 #if defined(__SSE2__)
@@ -66,7 +72,7 @@ inline uint32_t tag_of(ShortBox b) { return uint16_t(b[3]) | uint32_t(uint16_t(b
 
 /// Extents in steps, as floats, in lanes 0 to 2.
 inline Float4 steps_of(ShortBox b) {
-  const ShortBox e = ShortBox{} - (b + swap_halves(b));
+  const WrappingBox e = WrappingBox{} - (WrappingBox(b) + WrappingBox(swap_halves(b)));
 #if defined(__SSE2__)
   return Float4(_mm_cvtepi32_ps(_mm_unpacklo_epi16(__m128i(e), _mm_setzero_si128())));
 #else

@@ -100,35 +100,33 @@ Sky::Sky(const Environment& environment) {
   const Vec3 sun = frame_.to_local(sun_of(environment, up));
   const ClearSky clear(environment.turbidity, std::acos(std::clamp(sun.z, -1.0f, 1.0f)));
   const float scale = static_cast<float>(environment.sky_strength / kUnit);
-  texels_.resize(size_t(kColumns) * kRows);
   Vec3 irradiance = sun_illuminance(sun.z, environment.turbidity) *
                     static_cast<float>(sun.z * environment.sun_strength / kUnit);
-  const float cell = 4.0f * kPi / static_cast<float>(texels_.size());
-  for (uint32_t row = kRows / 2; row < kRows; ++row) {
-    const float z = 2.0f * (static_cast<float>(row) + 0.5f) / kRows - 1.0f;
+  constexpr float kCell = 2.0f * kPi / kGround;
+  texels_.resize(kGround + 1);
+  for (uint32_t row = 0; row < kRows; ++row) {
+    const float z = (static_cast<float>(row) + 0.5f) / kRows;
     const float r = std::sqrt(1.0f - z * z);
     for (uint32_t column = 0; column < kColumns; ++column) {
       const float phi = 2.0f * kPi * (static_cast<float>(column) + 0.5f) / kColumns;
       const Vec3 d{r * std::cos(phi), r * std::sin(phi), z};
       const double gamma = std::acos(std::clamp(dot(d, sun), -1.0f, 1.0f));
       const Vec3 color = clear.at({z, gamma}) * scale;
-      texels_[size_t(row) * kColumns + column] = color;
-      irradiance += color * (z * cell);
+      texels_[row * kColumns + column] = color;
+      irradiance += color * (z * kCell);
     }
   }
-  const Vec3 ground = irradiance * environment.ground_albedo * (1.0f / kPi);
-  std::fill_n(texels_.begin(), texels_.size() / 2, ground);
+  texels_[kGround] = irradiance * environment.ground_albedo * (1.0f / kPi);
 
   std::vector<double> weights(texels_.size());
   std::transform(texels_.begin(), texels_.end(), weights.begin(),
-                 [](const Vec3& c) { return double{luminance(c)}; });
+                 [](const Vec3& c) { return double{luminance(c)} * kCell; });
+  weights[kGround] *= kGround;
   choices_ = AliasTable(weights);
-  densities_.resize(texels_.size());
-  for (size_t i = 0; i < weights.size(); ++i)
-    densities_[i] = static_cast<float>(weights[i] / std::max(choices_.total(), 1e-300) / cell);
+  density_scale_ = static_cast<float>(1.0 / std::max(choices_.total(), 1e-300));
 }
 
-float Sky::column_of(const Vec3& local) const {
+float Sky::column_of(const Vec3& local) {
   const float phi = std::atan2(local.y, local.x);
   return (phi < 0.0f ? phi + 2.0f * kPi : phi) * (kColumns / (2.0f * kPi));
 }
@@ -138,15 +136,14 @@ Vec3 Sky::radiance(const Vec3& direction) const {
   if (texels_.empty()) return {0, 0, 0};
   const Vec3 local = frame_.to_local(direction);
   // Sky and ground are not mixed: the horizon is sharp.
-  if (local.z < 0.0f) return texels_.front();
+  if (local.z < 0.0f) return texels_[kGround];
   const float x = column_of(local) - 0.5f, floor_x = std::floor(x);
-  const float y = std::max((local.z + 1.0f) * (kRows / 2) - 0.5f, float{kRows / 2});
-  const uint32_t y0 = std::min(static_cast<uint32_t>(y), kRows - 1);
-  const uint32_t y1 = std::min(y0 + 1, kRows - 1);
+  const float y = std::clamp(local.z * kRows - 0.5f, 0.0f, float{kRows - 1});
+  const uint32_t y0 = static_cast<uint32_t>(y), y1 = std::min(y0 + 1, kRows - 1);
   const uint32_t x0 = static_cast<uint32_t>(floor_x + kColumns) % kColumns;
   const uint32_t x1 = (x0 + 1) % kColumns;
-  const float tx = x - floor_x, ty = std::clamp(y - static_cast<float>(y0), 0.0f, 1.0f);
-  const auto at = [&](uint32_t cx, uint32_t cy) { return texels_[size_t(cy) * kColumns + cx]; };
+  const float tx = x - floor_x, ty = y - static_cast<float>(y0);
+  const auto at = [&](uint32_t cx, uint32_t cy) { return texels_[cy * kColumns + cx]; };
   return lerp(lerp(at(x0, y0), at(x1, y0), tx), lerp(at(x0, y1), at(x1, y1), tx), ty);
 }
 
@@ -158,10 +155,15 @@ LightSample Sky::sample(const Vec2& u) const {
     phi = 2.0f * kPi * u.y;
   } else {
     const AliasTable::Choice choice = choices_.choose(u.x);
-    const uint32_t row = choice.index / kColumns, column = choice.index % kColumns;
-    z = 2.0f * (static_cast<float>(row) + choice.rest) / kRows - 1.0f;
-    phi = 2.0f * kPi * (static_cast<float>(column) + u.y) / kColumns;
-    density = densities_[choice.index];
+    density = density_of(choice.index);
+    if (choice.index == kGround) {
+      z = -choice.rest;
+      phi = 2.0f * kPi * u.y;
+    } else {
+      const uint32_t row = choice.index / kColumns, column = choice.index % kColumns;
+      z = (static_cast<float>(row) + choice.rest) / kRows;
+      phi = 2.0f * kPi * (static_cast<float>(column) + u.y) / kColumns;
+    }
   }
   const float r = std::sqrt(std::max(0.0f, 1.0f - z * z));
   const Vec3 local{r * std::cos(phi), r * std::sin(phi), z};
@@ -173,9 +175,9 @@ float Sky::density(const Vec3& direction) const {
   if (is_black()) return 0.0f;
   if (constant_) return 1.0f / (4.0f * kPi);
   const Vec3 local = frame_.to_local(direction);
-  const float y = std::clamp((local.z + 1.0f) * (kRows / 2), 0.0f, float{kRows - 1});
-  const uint32_t column = static_cast<uint32_t>(column_of(local)) % kColumns;
-  return densities_[size_t(static_cast<uint32_t>(y)) * kColumns + column];
+  if (local.z < 0.0f) return density_of(kGround);
+  const uint32_t row = std::min(static_cast<uint32_t>(local.z * kRows), kRows - 1);
+  return density_of(row * kColumns + static_cast<uint32_t>(column_of(local)) % kColumns);
 }
 
 Sun::Sun(const Environment& environment) {

@@ -17,7 +17,8 @@ struct LightSample {
 };
 
 /// A clear sky (Preetham, Shirley & Smits, "A Practical Analytic Model for Daylight", 1999) with
-/// the ground below it, or one constant colour, tabled over cells of equal solid angle.
+/// the ground below it, or one constant colour. The upper half is tabled over cells of equal solid
+/// angle, few enough to stay in a core's cache.
 class Sky {
  public:
   Sky() = default;
@@ -29,14 +30,16 @@ class Sky {
   float density(const Vec3& direction) const;
 
  private:
-  static constexpr uint32_t kColumns = 256, kRows = 256;
-  float column_of(const Vec3& local) const;
+  static constexpr uint32_t kColumns = 128, kRows = 64;
+  static constexpr uint32_t kGround = kColumns * kRows;  ///< the choice below the horizon
+  static float column_of(const Vec3& local);
+  float density_of(uint32_t choice) const { return luminance(texels_[choice]) * density_scale_; }
 
   bool constant_ = false;
   Vec3 color_{0, 0, 0};
-  Frame frame_{};  ///< z is up
-  std::vector<Vec3> texels_;
-  std::vector<float> densities_;
+  Frame frame_{};             ///< z is up
+  std::vector<Vec3> texels_;  ///< rows from the horizon to the zenith, then the ground
+  float density_scale_ = 0.0f;
   AliasTable choices_;
 };
 

@@ -292,3 +292,83 @@ def test_progress_is_told_and_can_cancel(way: str) -> None:
 
     with pytest.raises(RuntimeError, match="of one's own"):
         build(explode)
+
+
+@pytest.mark.parametrize("level", [0, 3])
+def test_ordered_clusters_are_the_same_clusters(blob: umbel.Mesh, level: int) -> None:
+    clusters = umbel.cluster_mesh(blob, max_vertices=128)
+    try:
+        made = umbel.order_clusters(blob, clusters, level)
+    except umbel.Error as error:
+        assert level > 0 and "meshoptimizer" in str(error)
+        return
+    assert made.corners.shape == (len(blob.triangles), 3) and made.corners.dtype == np.uint8
+    assert len(made.vertex_offsets) == len(clusters) + 1
+    for c, (begin, end) in enumerate(zip(clusters.offsets[:-1], clusters.offsets[1:], strict=True)):
+        assert set(made.items[begin:end]) == set(clusters.items[begin:end])
+        own = made.vertices[made.vertex_offsets[c] : made.vertex_offsets[c + 1]]
+        assert len(np.unique(own)) == len(own) <= 128
+        named = own[made.corners[begin:end]]
+        assert np.array_equal(np.sort(named), np.sort(blob.triangles[made.items[begin:end]]))
+
+
+def test_cluster_bounds_hold_their_triangles(blob: umbel.Mesh) -> None:
+    clusters = umbel.cluster_mesh(blob, max_vertices=128)
+    bounds = umbel.cluster_bounds(blob, clusters)
+    corners = blob.positions[blob.triangles].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for c, (begin, end) in enumerate(zip(clusters.offsets[:-1], clusters.offsets[1:], strict=True)):
+        own = clusters.items[begin:end]
+        distances = np.linalg.norm(corners[own] - bounds.centers[c], axis=2)
+        assert distances.max() <= bounds.radii[c] * (1 + 1e-6)
+        if bounds.cone_cutoffs[c] < 1:
+            cosine = np.sqrt(1 - float(bounds.cone_cutoffs[c]) ** 2)
+            assert (normals[own] @ bounds.cone_axes[c] >= cosine - 1e-5).all()
+
+
+def test_order_and_bounds_name_what_is_wrong(blob: umbel.Mesh) -> None:
+    large = umbel.cluster_mesh(blob, max_triangles=1000)
+    with pytest.raises(umbel.Error, match="512"):
+        umbel.order_clusters(blob, large)
+    with pytest.raises(umbel.Error, match="512"):
+        umbel.cluster_bounds(blob, large)
+    with pytest.raises(umbel.Error):
+        umbel.order_clusters(umbel.shapes.blob(2), umbel.cluster_mesh(blob, max_vertices=128))
+
+
+def test_vertex_bits_limit_clusters_as_vertex_indices_do(blob: umbel.Mesh) -> None:
+    triangles = blob.triangles
+    low = blob.positions[triangles].min(axis=1)
+    boxes = np.hstack([low, blob.positions[triangles].max(axis=1)])
+    users: dict[int, list[int]] = {}
+    for t, corners in enumerate(triangles.tolist()):
+        for v in corners:
+            users.setdefault(v, []).append(t)
+    offsets, targets, bits = [0], [], []
+    for t, corners in enumerate(triangles.tolist()):
+        shared: dict[int, int] = {}
+        for k, v in enumerate(corners):
+            for other in users[v]:
+                if other != t:
+                    shared[other] = shared.get(other, 0) | 1 << k
+        targets += shared.keys()
+        bits += shared.values()
+        offsets.append(len(targets))
+    links = (offsets, targets, None)
+    by_bits = umbel.build_clusters(
+        boxes,
+        connections=links,
+        connection_vertex_bits=bits,
+        vertices_per_item=3,
+        max_vertices=48,
+    )
+    by_indices = umbel.build_clusters(
+        boxes, connections=links, item_vertices=triangles, max_vertices=48
+    )
+    assert np.array_equal(by_bits.items, by_indices.items)
+    assert np.array_equal(by_bits.ranges, by_indices.ranges)
+    with pytest.raises(umbel.Error, match="vertices_per_item"):
+        umbel.build_clusters(boxes, connections=links, connection_vertex_bits=bits)
+    with pytest.raises(umbel.Error, match="byte"):
+        umbel.build_clusters(boxes, connections=links, connection_vertex_bits=[256] * len(bits))

@@ -172,13 +172,11 @@ TEST(EdgeCollapser, a_seam_keeps_its_two_sides) {
   for (uint32_t v = 0; v < mesh.positions.size(); ++v) piece.attributes.push_back(0.0f);
   for (Triangle& t : m.triangles)
     for (uint32_t& v : t)
-      if (is_right(t) && std::fabs(m.positions[v].x - 0.5f) < 1e-6f) {
-        if (!twin.contains(v)) {
-          twin[v] = static_cast<uint32_t>(m.positions.size());
-          m.positions.push_back(m.positions[v]);
-          piece.position_of.push_back(v);
-          piece.attributes.push_back(1.0f);
-        }
+      if (is_right(t) && std::fabs(m.positions[v].x - 0.5f) < 1e-6f && !twin.contains(v)) {
+        twin[v] = static_cast<uint32_t>(m.positions.size());
+        m.positions.push_back(m.positions[v]);
+        piece.position_of.push_back(v);
+        piece.attributes.push_back(1.0f);
       }
   for (Triangle& t : m.triangles) {
     if (!is_right(t)) continue;
