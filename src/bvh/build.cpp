@@ -33,7 +33,7 @@ constexpr std::array kEntries{
     Entry{Builder::kBinned, "binned", build_binned, nullptr, true},
     Entry{Builder::kSpatial, "sbvh", nullptr, build_spatial, true},
     Entry{Builder::kLbvh, "lbvh", build_lbvh, nullptr, true},
-    Entry{Builder::kHlbvh, "hlbvh"},
+    Entry{Builder::kHlbvh, "hlbvh", build_hlbvh},
     Entry{Builder::kKmeans, "kmeans", build_kmeans},
     Entry{Builder::kAgglomerative, "agglomerative", build_agglomerative},
     Entry{Builder::kAac, "aac", build_aac},

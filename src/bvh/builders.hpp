@@ -26,4 +26,7 @@ Bvh2 build_ploc(Boxes boxes, const Config& config, Progress& progress);
 Bvh2 build_atrbvh(Boxes boxes, const Config& config, Progress& progress);
 Bvh2 build_insertion(Boxes boxes, const Config& config, Progress& progress);
 
+/// The full sweep over boxes that stand for `counts` primitives each: a tree with one box a leaf.
+Bvh2 sweep_clusters(Boxes boxes, std::span<const uint32_t> counts, const Config& config);
+
 }  // namespace umbel::bvh

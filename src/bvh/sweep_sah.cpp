@@ -25,9 +25,21 @@ struct Split {
   int axis = 0;
 };
 
+struct OneEach {
+  uint32_t operator()(uint32_t /*primitive*/) const { return 1; }
+};
+
+struct CountsEach {
+  const uint32_t* counts;
+  uint32_t operator()(uint32_t primitive) const { return counts[primitive]; }
+};
+
+/// Count: how many primitives each of the boxes stands for.
+template <typename Count>
 class Sweep {
  public:
-  Sweep(Boxes boxes, const Config& config) : boxes_(boxes), config_(config) {
+  Sweep(Boxes boxes, const Count& count, const Config& config)
+      : boxes_(boxes), count_(count), config_(config) {
     const size_t n = boxes.size();
     tree_.nodes.resize(2 * n - 1);
     tree_.primitives.resize(n);
@@ -88,16 +100,20 @@ class Sweep {
   Split cheapest(uint32_t begin, uint32_t end) {
     const uint32_t n = end - begin;
     Box4 whole = Box4::empty();
-    for (uint32_t i = begin; i < end; ++i) whole.extend(Box4::from(boxes_[orders_[0][i]]));
+    uint32_t all = 0;
+    for (uint32_t i = begin; i < end; ++i) {
+      whole.extend(Box4::from(boxes_[orders_[0][i]]));
+      all += count_(orders_[0][i]);
+    }
     const Float4 pad = whole.pad();
     Split best;
-    for (int axis = 0; axis < 3; ++axis) sweep(begin, n, axis, pad, best);
+    for (int axis = 0; axis < 3; ++axis) sweep(begin, n, all, axis, pad, best);
     // Where nothing is gained, all positions cost the same but for rounding.
-    if (!(best.cost < whole.half_area(pad) * float(n) * 0.99999f)) best.position = n / 2;
+    if (!(best.cost < whole.half_area(pad) * float(all) * 0.99999f)) best.position = n / 2;
     return best;
   }
 
-  void sweep(uint32_t begin, uint32_t n, int axis, Float4 pad, Split& best) {
+  void sweep(uint32_t begin, uint32_t n, uint32_t all, int axis, Float4 pad, Split& best) {
     const uint32_t* order = orders_[axis].data() + begin;
     float* right_areas = right_areas_.data() + begin;
     Box4 box = Box4::empty();
@@ -106,9 +122,11 @@ class Sweep {
       right_areas[i] = box.half_area(pad);
     }
     box = Box4::empty();
+    uint32_t left = 0;
     for (uint32_t i = 1; i < n; ++i) {
       box.extend(Box4::from(boxes_[order[i - 1]]));
-      const float cost = box.half_area(pad) * float(i) + right_areas[i] * float(n - i);
+      left += count_(order[i - 1]);
+      const float cost = box.half_area(pad) * float(left) + right_areas[i] * float(all - left);
       if (cost < best.cost) best = {cost, i, axis};
     }
   }
@@ -135,6 +153,7 @@ class Sweep {
   }
 
   Boxes boxes_;
+  Count count_;
   const Config& config_;
   Bvh2 tree_;
   std::array<std::vector<uint32_t>, 3> orders_;
@@ -147,9 +166,13 @@ class Sweep {
 
 Bvh2 build_sweep(Boxes boxes, const Config& config, Progress& progress) {
   progress.report(0.1, "sorting centroids");
-  Sweep sweep(boxes, config);
+  Sweep sweep(boxes, OneEach{}, config);
   progress.report(0.2, "sweeping");
   return sweep.build();
+}
+
+Bvh2 sweep_clusters(Boxes boxes, std::span<const uint32_t> counts, const Config& config) {
+  return Sweep(boxes, CountsEach{counts.data()}, config).build();
 }
 
 }  // namespace umbel::bvh

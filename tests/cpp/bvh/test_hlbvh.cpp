@@ -1,0 +1,83 @@
+#include <gtest/gtest.h>
+
+#include "base/morton.hpp"
+#include "bvh/oracle.hpp"
+#include "bvh/tree_tests.hpp"
+
+namespace umbel::bvh {
+namespace {
+
+Config hlbvh(uint32_t bits) {
+  Config config;
+  config.builder = Builder::kHlbvh;
+  config.hlbvh_bits = bits;
+  return config;
+}
+
+double cost_of(const std::vector<Aabb>& boxes, Config config) {
+  return sah_cost(build(boxes, config), config.cost);
+}
+
+TEST(Hlbvh, trees_are_sound_for_all_leading_bits) {
+  for (const uint32_t bits : {3u, 15u, 16u, 30u}) {
+    SCOPED_TRACE(bits);
+    expect_sound_builder(hlbvh(bits));
+  }
+}
+
+TEST(Hlbvh, trees_keep_leaf_size_and_depth) {
+  Config config = hlbvh(15);
+  config.max_leaf_size = 1;
+  config.max_depth = 16;
+  expect_sound_builder(config);
+}
+
+TEST(Hlbvh, bits_from_3_to_30_are_taken) {
+  for (const uint32_t bits : {0u, 2u, 31u}) {
+    try {
+      build(random_boxes(10, 1), hlbvh(bits));
+      FAIL() << bits;
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("hlbvh_bits is " + std::to_string(bits)),
+                std::string::npos);
+    }
+  }
+}
+
+TEST(Hlbvh, subtrees_of_one_prefix_are_kept_together) {
+  // Below the tree of treelets, leading bits agree; and a treelet lies below one node.
+  const auto boxes = random_boxes(50000, 3);
+  Config config = hlbvh(9);
+  config.max_leaf_size = 1;
+  const Bvh2 tree = build(boxes, config);
+  Aabb centers;
+  for (const Aabb& box : boxes) extend(centers, box.min + box.max);
+  const MortonGrid grid = MortonGrid::around(centers, 20);
+  std::vector<uint64_t> prefixes;
+  for (const uint32_t primitive : tree.primitives) {
+    const uint64_t prefix = grid.code<uint64_t>(boxes[primitive]) >> 51;
+    if (prefixes.empty() || prefixes.back() != prefix) prefixes.push_back(prefix);
+  }
+  ASSERT_EQ(prefixes.size(), 512u);
+  std::sort(prefixes.begin(), prefixes.end());
+  for (uint64_t i = 0; i < 512; ++i) EXPECT_EQ(prefixes[i], i);
+}
+
+TEST(Hlbvh, more_leading_bits_make_better_trees) {
+  const Mesh mesh = shapes::blob(6, 4);
+  const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
+  Config linear;
+  linear.builder = Builder::kLbvh;
+  EXPECT_LT(cost_of(boxes, hlbvh(15)), cost_of(boxes, linear));
+  EXPECT_LT(cost_of(boxes, hlbvh(30)), cost_of(boxes, hlbvh(9)));
+}
+
+TEST(Hlbvh, with_all_bits_for_the_sweep_is_near_the_sweep) {
+  const auto boxes = random_boxes(5000, 2);
+  Config sweep;
+  sweep.builder = Builder::kSweep;
+  EXPECT_LT(cost_of(boxes, hlbvh(30)), 1.02 * cost_of(boxes, sweep));
+}
+
+}  // namespace
+}  // namespace umbel::bvh
