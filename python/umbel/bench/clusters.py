@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from .. import _umbel, shapes
 from ..arrays import native
-from ..errors import Cancelled, Error
+from ..errors import Error
 from ..mesh import Mesh
 from ..repair import Progress, validate, weld
 from . import charts
 from .table import Column, Row, csv_text, geometric_means, markdown
-from .timing import Machine, Timed, cores, take_turns, this_machine
+from .timing import Machine, Span, Timed, cores, take_turns, this_machine
 
 MAX_TRIANGLES = 128
 BASELINE = "meshoptimizer Spatial v128"
@@ -156,18 +156,11 @@ def compare(
         if not len(welded.triangles):
             raise Error(f"{name} has no triangles to cluster")
         arrays = native(welded)
-        part = partial(_report, progress, name, number / len(meshes), 1 / len(meshes))
+        part = Span(progress, name, number / len(meshes), (number + 1) / len(meshes))
         found.rows += _rows(name, arrays, len(welded.triangles), runs, part, threads)
         if frontier:
             found.frontier += _frontier(name, arrays, threads)
     return found
-
-
-def _report(
-    progress: Progress | None, mesh: str, start: float, share: float, fraction: float, what: str
-) -> None:
-    if progress is not None and progress(start + share * fraction, f"{mesh}: {what}") is False:
-        raise Cancelled("cancelled")
 
 
 def _rows(

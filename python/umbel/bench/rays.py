@@ -50,18 +50,32 @@ def diffuse_rays(
 ) -> Rays:
     """A ray from each hit, its direction distributed by the cosine to the surface's normal."""
     hit = primitive >= 0
-    origins, directions = rays[0][hit].astype(np.float64), rays[1][hit].astype(np.float64)
-    corners = mesh.positions[mesh.triangles[primitive[hit]]].astype(np.float64)
+    points, normals = surface(mesh, (rays[0][hit], rays[1][hit]), t[hit], primitive[hit])
+    out = cosine_directions(normals, np.random.default_rng(seed))
+    return points.astype(np.float32), out.astype(np.float32)
+
+
+def surface(
+    mesh: Mesh, rays: Rays, t: NDArray[np.float32], primitive: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points a little above where rays hit, and unit normals on the rays' side."""
+    origins, directions = rays[0].astype(np.float64), rays[1].astype(np.float64)
+    corners = mesh.positions[mesh.triangles[primitive]].astype(np.float64)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(lengths > 0, normals / np.maximum(lengths, 1e-300), -directions)
     normals *= -np.sign(np.einsum("ij,ij->i", normals, directions))[:, None]
+    extent = float(np.abs(mesh.positions).max(initial=0.0))
+    return origins + directions * t[:, None] + normals * max(extent, 1e-30) * 1e-6, normals
+
+
+def cosine_directions(
+    normals: NDArray[np.float64], dice: np.random.Generator
+) -> NDArray[np.float64]:
+    """A direction about each normal, distributed by the cosine to it."""
     # A point on the unit sphere around the normal's end lies in a direction of that distribution.
-    ball = np.random.default_rng(seed).normal(size=normals.shape)
+    ball = dice.normal(size=normals.shape)
     ball /= np.linalg.norm(ball, axis=1, keepdims=True)
     out = normals + ball * 0.9999
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    points = origins + directions * t[hit, None]
-    extent = float(np.abs(mesh.positions).max(initial=0.0))
-    points += normals * max(extent, 1e-30) * 1e-6
-    return points.astype(np.float32), out.astype(np.float32)
+    unit: NDArray[np.float64] = out / np.linalg.norm(out, axis=1, keepdims=True)
+    return unit

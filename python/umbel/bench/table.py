@@ -72,17 +72,23 @@ def print_table(title: str, columns: Sequence[Column], rows: Iterable[Row], grou
 
 def geometric_means(rows: Sequence[Row], by: str, fields: Sequence[str]) -> list[Row]:
     """A row for each value of the field `by`, with the geometric means of the fields over the
-    rows that have it; None where one of them is 0."""
+    rows that have them; None where one of them is 0, and where no row has one."""
     groups: dict[Any, list[Row]] = {}
     for row in rows:
         groups.setdefault(row[by], []).append(row)
     return [
-        {by: key, **{field: _geometric_mean([row[field] for row in group]) for field in fields}}
+        {
+            by: key,
+            **{
+                field: _geometric_mean([row[field] for row in group if row[field] is not None])
+                for field in fields
+            },
+        }
         for key, group in groups.items()
     ]
 
 
 def _geometric_mean(values: Sequence[float]) -> float | None:
-    if any(value <= 0 for value in values):
+    if not values or any(value <= 0 for value in values):
         return None
     return math.exp(math.fsum(map(math.log, values)) / len(values))

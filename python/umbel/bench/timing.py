@@ -11,11 +11,38 @@ from statistics import median
 from typing import Any, Generic, TypeVar
 
 from .. import _umbel
+from ..errors import Cancelled
+from ..repair import Progress
 
 RESOLUTION = 1e-6  # seconds: the clock's; whatever is faster took this
 BUSY_LOAD = 0.25  # of a core: more than this was going on beside the benchmark
 
 Result = TypeVar("Result")
+
+
+class Span:
+    """The part [begin, end] of a long job's progress; what it says starts with `name`."""
+
+    def __init__(
+        self, progress: Progress | None, name: str, begin: float = 0.0, end: float = 1.0
+    ) -> None:
+        self._progress, self._name = progress, name
+        self._begin, self._end = begin, end
+
+    def part(self, begin: float, end: float) -> Span:
+        """A part of this part."""
+        size = self._end - self._begin
+        return Span(
+            self._progress, self._name, self._begin + begin * size, self._begin + end * size
+        )
+
+    def __call__(self, fraction: float, what: str) -> None:
+        """Raises Cancelled if whoever is told wants no more."""
+        if self._progress is None:
+            return
+        done = self._begin + (self._end - self._begin) * fraction
+        if self._progress(done, f"{self._name}: {what}") is False:
+            raise Cancelled("cancelled")
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""`umbel bench`: comparisons with other libraries, a command each."""
+"""`umbel bench`: comparisons, a command each."""
 
 from __future__ import annotations
 
@@ -14,10 +14,14 @@ import typer
 from .run import Json, Threads, ends_cleanly, fail, say, show
 
 if TYPE_CHECKING:
+    from ..bench import bvh as bvh_bench
+    from ..bench.bvh_scenes import Kmeans
     from ..bench.clusters import Comparison
     from ..mesh import Mesh
 
-app = typer.Typer(help="Comparisons with other libraries.", no_args_is_help=True)
+_PLANT = 200_000  # triangles, where no scene is named
+
+app = typer.Typer(help="Comparisons: of builders, and with other libraries.", no_args_is_help=True)
 
 Inputs = Annotated[
     list[Path] | None,
@@ -63,6 +67,98 @@ def clusters(
         show(found.fields(), as_json, "clusters")
     else:
         _print(found)
+
+
+@app.command()
+@ends_cleanly
+def bvh(
+    scenes: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[SCENES]...", help="Meshes; without any, a generated one."),
+    ] = None,
+    generated: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Also a generated plant of about N triangles."),
+    ] = None,
+    kmeans: Annotated[
+        str | None,
+        typer.Option(metavar="K,P,I", help="Parameters of k-means, instead of each scene's own."),
+    ] = None,
+    samples: Annotated[int, typer.Option(min=1, metavar="N", help="Paths traced a pixel.")] = 1,
+    share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, metavar="F", help="Of each picture that is traced.")
+    ] = 0.05,
+    width: Annotated[
+        list[int] | None,
+        typer.Option(metavar="2|4|8", help="Children a node; several times.  [default: 2, 8]"),
+    ] = None,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="builders|stages|iterations", help="Only this; several times.  [default: all]"
+        ),
+    ] = None,
+    output: Folder = None,
+    runs: Runs = 3,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Builders of hierarchies: what a tree costs, how fast rays pass it, and both together, as in
+    the evaluation of the k-means builder (Meister & Bittner 2016)."""
+    _check(scenes or [], output)
+    widths = list(dict.fromkeys(width or (2, 8)))
+    if not set(widths) <= {2, 4, 8}:
+        fail("--width must be 2, 4 or 8")
+    parameters = None if kmeans is None else _kmeans(kmeans)
+
+    from ..bench import bvh as bench
+    from ..bench import charts
+    from .progress import Bar
+
+    inputs = _loaders(scenes or [])
+    if generated is not None or not inputs:
+        inputs |= bench.generated(_PLANT if generated is None else generated)
+    effort = bench.Effort(runs, samples, share, widths, threads, part or bench.PARTS)
+    with Bar() as bar:
+        found = bench.compare(inputs, effort, kmeans=parameters, progress=bar)
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bench.write(found, output)
+    if as_json:
+        show(found.fields(), as_json, "bvh")
+    else:
+        _print_bvh(found)
+
+
+def _kmeans(text: str) -> Kmeans:
+    from ..bench.bvh_scenes import Kmeans
+
+    try:
+        clusters, candidates, iterations = (int(part) for part in text.split(","))
+    except ValueError:
+        fail(f"--kmeans is {text!r}, but must be three whole numbers such as 8,5,2")
+    return Kmeans(clusters, candidates, iterations)
+
+
+def _print_bvh(found: bvh_bench.Comparison) -> None:
+    from ..bench import bvh as bench
+    from ..bench import bvh_kmeans
+    from ..bench.table import print_table
+
+    if not sys.stdout.isatty():
+        print(bench.report(found), end="")
+        return
+    print(*found.machine.sentences(), sep="\n")
+    for title, columns, rows, group in (
+        ("Builders", bench.COLUMNS, found.rows, "scene"),
+        ("Geometric means over the scenes", bench.MEANS, found.means, "width"),
+        ("Which for how many samples", bench.CHEAPEST, found.cheapest, "scene"),
+        ("k-means by stage", bvh_kmeans.STAGES, found.stages, "scene"),
+        ("SAH cost of k-means", bvh_kmeans.ITERATIONS, found.iterations, "scene"),
+    ):
+        if rows:
+            print_table(title, columns, rows, group=group)
 
 
 def _check(inputs: list[Path], output: Path | None) -> None:
