@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <ctime>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -176,8 +177,7 @@ void print(const std::string& name, size_t triangles, const Result& r, const Res
 
 int main(int argc, char** argv) {
   int runs = 5;
-  double product = 1;
-  int meshes = 0;
+  std::map<std::string, std::vector<double>> ratios;
   bool all = true;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
@@ -202,10 +202,14 @@ int main(int argc, char** argv) {
       Result result = entries[e].measure();
       result.seconds = entries[e].median();
       if (e == 0) base = result;
-      if (e == 1) product *= base.seconds / result.seconds;
+      ratios[entries[e].name].push_back(base.seconds / result.seconds);
       print(entries[e].name, n, result, base);
     }
-    ++meshes;
   }
-  if (meshes) printf("geometric mean of quality's ratio: %.2fx\n", std::pow(product, 1.0 / meshes));
+  for (const auto& [name, of_meshes] : ratios) {
+    double logarithms = 0;
+    for (const double ratio : of_meshes) logarithms += std::log(ratio);
+    printf("geometric mean %-24s %6.2fx\n", name.c_str(),
+           std::exp(logarithms / double(of_meshes.size())));
+  }
 }

@@ -143,47 +143,66 @@ class Splitter {
   void separate(const Node& node, const Choice& choice, Node& left, Node& right) {
     Micro* micros = origin_ + (node.begin - origin_);
     Micro* spare = spare_ + (node.begin - origin_);
-    const int axis = choice.axis;
-    const uint32_t cut_bin = choice.bin, is_cut = choice.position != choice.before;
-    size_t l = 0, r = 0, b = 0;
-    SmallBox centers[3] = {empty_small_box(), empty_small_box(), empty_small_box()};
-    for (const Micro* m = node.begin; m < node.end; ++m) {
-      const Micro micro = *m;
-      const uint32_t bin = choice.places.of(micro.box)[axis];
-      const uint32_t is_left = bin < cut_bin, is_between = (bin == cut_bin) & is_cut;
-      const uint32_t is_right = 1 - is_left - is_between;
-      micros[r] = micro;
-      spare[l] = micro;
-      between_[b] = micro;
-      l += is_left;
-      r += is_right;
-      b += is_between;
-      SmallBox& side = centers[is_left + 2 * is_between];
-      side = join(side, centers_of(micro.box));
-    }
-    const auto give = [&](const Micro& micro, bool to_left) {
-      (to_left ? spare[l++] : micros[r++]) = micro;
-      centers[to_left] = join(centers[to_left], centers_of(micro.box));
-    };
-    if (is_cut) {
-      std::sort(between_, between_ + b,
-                [axis](const Micro& x, const Micro& y) { return is_before(x.box, y.box, axis); });
-      uint32_t wanted = choice.position - choice.before;
-      for (size_t k = 0; k < b; ++k) {
-        Micro& micro = between_[k];
-        if (wanted > 0 && micro.count > wanted) {
-          give(cut(micro, wanted, axis), true);
-          wanted = 0;
-        }
-        give(micro, wanted > 0);
-        if (wanted > 0) wanted -= micro.count;
-      }
-    }
+    Sides sides;
+    if (choice.position == choice.before)
+      divide<false>(node, choice, micros, spare, sides);
+    else
+      divide<true>(node, choice, micros, spare, sides);
+    const size_t l = sides.left, r = sides.right;
     std::copy_n(spare, l, micros + r);
     const uint32_t depth = node.depth - 1;
     right = {micros, micros + r, node.offset + choice.position, node.count - choice.position,
-             depth,  centers[0]};
-    left = {micros + r, micros + r + l, node.offset, choice.position, depth, centers[1]};
+             depth,  sides.right_centers};
+    left = {micros + r, micros + r + l, node.offset, choice.position, depth, sides.left_centers};
+  }
+
+  struct Sides {
+    size_t left = 0, right = 0;  ///< micro-clusters
+    SmallBox left_centers = empty_small_box(), right_centers = empty_small_box();
+  };
+
+  template <bool kCut>
+  void divide(const Node& node, const Choice& choice, Micro* micros, Micro* spare, Sides& sides) {
+    size_t l = 0, r = 0, b = 0;
+    SmallBox left_centers = empty_small_box(), right_centers = left_centers;
+    for (const Micro* m = node.begin; m < node.end; ++m) {
+      const Micro micro = *m;
+      const uint32_t bin = choice.places.of(m->box, choice.axis);
+      const uint32_t is_left = bin < choice.bin, is_between = kCut && bin == choice.bin;
+      const SmallBox centers = centers_of(micro.box);
+      micros[r] = micro;
+      spare[l] = micro;
+      if constexpr (kCut) between_[b] = micro;
+      l += is_left;
+      r += 1 - is_left - is_between;
+      b += is_between;
+      left_centers = join(left_centers, only_if(is_left, centers));
+      right_centers = join(right_centers, only_if(1 - is_left - is_between, centers));
+    }
+    sides = {l, r, left_centers, right_centers};
+    if constexpr (kCut) cut_between(b, choice, micros, spare, sides);
+  }
+
+  // Gives the first micro-clusters of the bin that is cut to the left, until that has its items.
+  void cut_between(size_t count, const Choice& choice, Micro* micros, Micro* spare, Sides& sides) {
+    const int axis = choice.axis;
+    const auto give = [&](const Micro& micro, bool to_left) {
+      (to_left ? spare[sides.left++] : micros[sides.right++]) = micro;
+      SmallBox& centers = to_left ? sides.left_centers : sides.right_centers;
+      centers = join(centers, centers_of(micro.box));
+    };
+    std::sort(between_, between_ + count,
+              [axis](const Micro& x, const Micro& y) { return is_before(x.box, y.box, axis); });
+    uint32_t wanted = choice.position - choice.before;
+    for (size_t k = 0; k < count; ++k) {
+      Micro& micro = between_[k];
+      if (wanted > 0 && micro.count > wanted) {
+        give(cut(micro, wanted, axis), true);
+        wanted = 0;
+      }
+      give(micro, wanted > 0);
+      if (wanted > 0) wanted -= micro.count;
+    }
   }
 
   // Takes the first `count` items along an axis out of a micro-cluster.

@@ -11,17 +11,15 @@
 
 namespace umbel::cluster {
 
-/// {low.xyz, -, -high.xyz, -} of centres, by the same operations as for boxes.
-inline SmallBox centers_of(SmallBox box) {
-  const SmallBox c = SmallBox(center_of(box));
-  return __builtin_shufflevector(c, -c, 0, 1, 2, 3, 8, 9, 10, 11);
-}
-
 /// The bins that centres fall into, on three axes at once.
 struct BinPlaces {
   Center8 origin{}, multiplier{}, factor{};
   Center8 of(SmallBox box) const {
     return multiply_high((center_of(box) - origin) * multiplier, factor);
+  }
+  uint32_t of(const SmallBox& box, int axis) const {
+    const uint16_t place = uint16_t(uint16_t(box[axis] - box[axis + 4]) >> 1) - origin[axis];
+    return uint32_t(uint16_t(place * multiplier[axis])) * factor[axis] >> 16;
   }
 };
 

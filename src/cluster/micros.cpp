@@ -113,13 +113,10 @@ class Sorter {
 
   void sort_grouped(SmallBox* from, SmallBox* to, uint32_t n) {
     if (n <= sizes_.micro) return emit(from, n);
-    Center8 low = center_of(from[0]), high = low;
-    for (uint32_t i = 1; i < n; ++i) {
-      const Center8 c = center_of(from[i]);
-      low = c < low ? c : low;
-      high = c > high ? c : high;
-    }
-    const SmallGrid grid({low[0], low[1], low[2]}, {high[0], high[1], high[2]},
+    SmallBox centers = empty_small_box();
+    for (uint32_t i = 0; i < n; ++i) centers = join(centers, centers_of(from[i]));
+    const auto bound = [&](int lane) { return uint32_t(std::abs(int(centers[lane]))); };
+    const SmallGrid grid({bound(0), bound(1), bound(2)}, {bound(4), bound(5), bound(6)},
                          std::clamp<uint32_t>(std::bit_width(n / kItemsPerCell), 3, kMostBits));
     if (grid.bits() == 0) return emit(from, n);
     std::array<uint32_t, (1 << kMostBits) + 1> ends;

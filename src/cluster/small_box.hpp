@@ -23,6 +23,12 @@ inline SmallBox empty_small_box() {
   return SmallBox{kBig, kBig, kBig, kBig, kBig, kBig, kBig, kBig};
 }
 inline SmallBox join(SmallBox a, SmallBox b) { return a < b ? a : b; }
+/// The box where `holds` is 1, the empty one where it is 0.
+inline SmallBox only_if(uint32_t holds, SmallBox box) {
+  const int16_t all = static_cast<int16_t>(-static_cast<int>(holds));
+  const SmallBox mask{all, all, all, all, all, all, all, all};
+  return (box & mask) | (empty_small_box() & ~mask);
+}
 inline SmallBox swap_halves(SmallBox b) {
   return __builtin_shufflevector(b, b, 4, 5, 6, 7, 0, 1, 2, 3);
 }
@@ -40,6 +46,12 @@ inline SmallBox pack(Int4 a, Int4 b) {
 
 /// The centre, at the same scale, in lanes 0 to 2.
 inline Center8 center_of(SmallBox b) { return Center8(b - swap_halves(b)) >> 1; }
+
+/// {low.xyz, -, -high.xyz, -} of centres, by the same operations as for boxes.
+inline SmallBox centers_of(SmallBox box) {
+  const SmallBox c = SmallBox(center_of(box));
+  return __builtin_shufflevector(c, -c, 0, 1, 2, 3, 8, 9, 10, 11);
+}
 
 /// Products of unsigned lanes without their low 16 bits.
 inline Center8 multiply_high(Center8 a, Center8 b) {
