@@ -17,12 +17,9 @@
 #include <vector>
 
 #include "closest_point.hpp"
+#include "peak_memory.hpp"
 #include "ply_reader.hpp"
 #include "umbel/lod.hpp"
-
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
 #ifdef UMBEL_HAS_CLUSTERLOD
 #include "meshoptimizer.h"
@@ -54,25 +51,6 @@ struct Outcome {
   bench::Deviation deviation;
 };
 static_assert(std::is_trivially_copyable_v<Outcome>);
-
-/// A line of /proc/self/status, in KiB; 0 where there is no such file.
-double status_kib(const char* key) {
-  std::ifstream file("/proc/self/status");
-  for (std::string line; std::getline(file, line);)
-    if (line.rfind(key, 0) == 0) return std::strtod(line.c_str() + std::strlen(key), nullptr);
-  return 0;
-}
-
-/// Memory that `work` needs at its peak, above what the process has already.
-double peak_mib(const std::function<void()>& work) {
-#ifdef __GLIBC__
-  malloc_trim(0);
-#endif
-  std::ofstream("/proc/self/clear_refs") << "5";  // sets the peak to what is resident now
-  const double before = status_kib("VmRSS:");
-  work();
-  return (status_kib("VmHWM:") - before) / 1024;
-}
 
 double median_seconds(int runs, const std::function<void()>& work) {
   std::vector<double> times;
@@ -110,7 +88,7 @@ Outcome measure_ours(const umbel::Mesh& mesh, const Options& options, uint32_t t
   build_options.threads = threads;
   Outcome outcome;
   lod::Dag dag;
-  outcome.peak_mib = peak_mib([&] { dag = lod::build(mesh.view(), config, build_options); });
+  outcome.peak_mib = bench::peak_mib([&] { dag = lod::build(mesh.view(), config, build_options); });
   outcome.seconds =
       median_seconds(options.runs, [&] { dag = lod::build(mesh.view(), config, build_options); });
   outcome.clusters = dag.tables.clusters.size();
@@ -186,7 +164,7 @@ void build_peer(const umbel::Mesh& source, PeerDag& dag) {
 Outcome measure_peer(const umbel::Mesh& mesh, const Options& options) {
   Outcome outcome;
   PeerDag dag;
-  outcome.peak_mib = peak_mib([&] { build_peer(mesh, dag); });
+  outcome.peak_mib = bench::peak_mib([&] { build_peer(mesh, dag); });
   outcome.seconds = median_seconds(options.runs, [&] { build_peer(mesh, dag); });
   outcome.clusters = dag.tables.clusters.size();
   for (const lod::Group& group : dag.tables.groups)

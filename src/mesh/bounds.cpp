@@ -1,4 +1,7 @@
 // Boxes around the positions that triangles use: of the whole mesh, and of each triangle.
+#include <cmath>
+#include <limits>
+
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
@@ -7,10 +10,21 @@
 namespace umbel {
 namespace {
 
+constexpr float kNanValue = std::numeric_limits<float>::quiet_NaN();
+constexpr Vec3 kNan{kNanValue, kNanValue, kNanValue};
+
 Aabb triangle_box(const MeshView& mesh, size_t triangle) {
   Aabb box;
   for (uint32_t vertex : mesh.triangles[triangle]) extend(box, mesh.positions[vertex]);
   return box;
+}
+
+bool has_nan(const MeshView& mesh, size_t triangle) {
+  for (uint32_t vertex : mesh.triangles[triangle]) {
+    const Vec3& p = mesh.positions[vertex];
+    if (std::isnan(p.x) || std::isnan(p.y) || std::isnan(p.z)) return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -35,7 +49,10 @@ std::vector<Aabb> triangle_boxes(const MeshView& mesh, const BuildOptions& optio
   with_threads(options.threads, [&] {
     check_indices(mesh);
     boxes.resize(mesh.triangles.size());
-    parallel_for(boxes.size(), 1 << 13, [&](size_t i) { boxes[i] = triangle_box(mesh, i); });
+    parallel_for(boxes.size(), 1 << 13, [&](size_t i) {
+      // Minima and maxima would lose a NaN in silence.
+      boxes[i] = has_nan(mesh, i) ? Aabb{kNan, kNan} : triangle_box(mesh, i);
+    });
   });
   progress.report(1, "boxing triangles");
   return boxes;

@@ -64,10 +64,13 @@ TEST(BisectConnections, vertex_limit_is_kept_and_clusters_stay_full) {
   const Mesh flat = grid(200, 200);
   for (const uint32_t limit : {3u, 10u, 64u, 128u, 255u})
     checked(items_of(flat), limits(32, 128, limit));
+  ClusterConfig config = cluster_preset("quality");
+  config.max_vertices = 128;
+  // 42 triangles of their own vertices fill a cluster of 128 vertices; of a grid, 128 have 81.
   const Items loose = items_of(soup(20000, 4));
-  const Clusters c = checked(loose, limits(32, 128, 128));
-  // 42 triangles of their own vertices fill a cluster of 128 vertices.
-  EXPECT_GE(20000.0 / double(c.ranges.size()), 0.95 * 42);
+  for (const ClusterConfig& c : {config, limits(32, 128, 128)})
+    EXPECT_GE(20000.0 / double(checked(loose, c).ranges.size()), 0.95 * 42);
+  EXPECT_GE(80000.0 / double(checked(items_of(flat), config).ranges.size()), 0.95 * 128);
 }
 
 // Connections between all triangles that share a vertex, with bits for which.
