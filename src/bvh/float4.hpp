@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 
 #if defined(__SSE2__) || defined(_M_X64)
 #include <emmintrin.h>
@@ -28,6 +29,10 @@ class Float4 {
   /// Bit i is set where lane i of a is at most that of b.
   friend uint32_t at_most(Float4 a, Float4 b) {
     return static_cast<uint32_t>(_mm_movemask_ps(_mm_cmple_ps(a.lanes_, b.lanes_)));
+  }
+  /// Lane i of the j-th becomes lane j of the i-th.
+  friend void transpose(Float4& a, Float4& b, Float4& c, Float4& d) {
+    _MM_TRANSPOSE4_PS(a.lanes_, b.lanes_, c.lanes_, d.lanes_);
   }
 
  private:
@@ -63,6 +68,11 @@ class Float4 {
     uint32_t bits = 0;
     for (uint32_t i = 0; i < 4; ++i) bits |= uint32_t{a.lanes_[i] <= b.lanes_[i]} << i;
     return bits;
+  }
+  friend void transpose(Float4& a, Float4& b, Float4& c, Float4& d) {
+    const std::array<Float4*, 4> rows = {&a, &b, &c, &d};
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < i; ++j) std::swap(rows[i]->lanes_[j], rows[j]->lanes_[i]);
   }
 
  private:

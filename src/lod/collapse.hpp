@@ -9,12 +9,14 @@
 // a bucket of the queue.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "lod/bucket_queue.hpp"
+#include "lod/quadric.hpp"
 #include "lod/topology.hpp"
 #include "umbel/types.hpp"
 
@@ -49,46 +51,54 @@ class EdgeCollapser {
   const std::vector<PositionPair>& chords() const { return chords_; }
 
  private:
-  // v A v + 2 b v + c of the vector v from the position or vertex that it belongs to, which keeps
-  // its precision where positions are large.
-  struct Quadric {
-    float xx, yy, zz, xy, xz, yz;
-    float x, y, z;
-    float c;
-    float weight;
-    float unused;  // 48 bytes
+  struct alignas(16) Point {
+    float x, y, z, unused;
   };
   enum class Kind : uint8_t { kFixed, kInterior, kBorder };
+  // Of a position: a triangle there, by its other two positions in the triangle's order.
+  struct Spoke {
+    uint32_t next, prev;
+  };
   struct Ring {
     uint32_t offset, count;
   };
   struct Choice {
-    float rank;  // order of collapses; see settle_scale
-    float cost;  // squared distance times weight
+    float rank;  // order of collapses
     uint32_t target;
   };
 
   void load(const CollapseInput& input);
+  void count_wedges();
   void build_rings();
   void find_kinds();
   Kind kind_of(uint32_t p);
   void build_quadrics();
   void settle_scale(uint32_t p);
-  void note_error(uint32_t p, const Choice& choice);
   void add_rim_quadrics(uint32_t p);
   void build_attribute_quadrics();
+  void finish();
 
-  std::span<const uint32_t> ring(uint32_t p) const {
-    return {rings_.data() + ring_of_[p].offset, ring_of_[p].count};
+  Vec3 point(uint32_t p) const { return {points_[p].x, points_[p].y, points_[p].z}; }
+  std::span<const Spoke> ring(uint32_t p) const {
+    return {spokes_.data() + ring_of_[p].offset, ring_of_[p].count};
   }
-  // Of corners; without wedges vertices and positions are the same.
-  const std::vector<uint32_t>& vertices() const {
-    return has_wedges_ ? corner_vertex_ : corner_position_;
+  // The corner at p of its i-th triangle: 3 t + k is the k-th of triangle t.
+  uint32_t corner(uint32_t p, size_t i) const { return corners_[ring_of_[p].offset + i]; }
+  uint32_t& vertex(uint32_t c) { return triangles_.data()->data()[c]; }
+  uint32_t vertex(uint32_t c) const { return triangles_.data()->data()[c]; }
+  Triangle positions_of(const Triangle& t) const {
+    if (!has_wedges_) return t;
+    return {input_.position_of[t[0]], input_.position_of[t[1]], input_.position_of[t[2]]};
   }
+  static uint32_t next(uint32_t c) { return c % 3 == 2 ? c - 2 : c + 1; }
+  static uint32_t prev(uint32_t c) { return c % 3 == 0 ? c + 2 : c - 1; }
   uint32_t corner_before(uint32_t p, uint32_t q) const;
+
   float attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const;
-  Choice position_cost(uint32_t p, uint32_t target) const;
-  Choice cost(uint32_t p, uint32_t corner, uint32_t target, bool after) const;
+  float clamped_attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const;
+  Choice position_choice(uint32_t p, uint32_t target) const;
+  Choice cheapest_position(uint32_t p) const;
+  Choice choice(uint32_t p, uint32_t corner, uint32_t target, bool after) const;
   template <typename Visit>
   void for_each_target(uint32_t p, const Visit& visit) const;
   void enqueue_best(uint32_t p);
@@ -98,16 +108,15 @@ class EdgeCollapser {
 
   bool is_legal(uint32_t p, uint32_t target);
   bool keeps_link(uint32_t p, uint32_t target);
+  void list_neighbours(uint32_t p, uint32_t target);
   bool keeps_facing(uint32_t p, uint32_t target) const;
   bool map_wedges(uint32_t p, uint32_t target);
   void collapse(uint32_t p, uint32_t target);
+  void move_ring(uint32_t p, uint32_t target);
+  void rename(uint32_t at, uint32_t p, uint32_t target);
   void note_chords(uint32_t target);
-  void remove_corner(uint32_t p, uint32_t triangle);
   void merge_quadrics(uint32_t p, uint32_t target);
-
-  // Corner 4 t + k is the k-th of triangle t.
-  static uint32_t next(uint32_t c) { return (c & 3) == 2 ? c - 2 : c + 1; }
-  static uint32_t prev(uint32_t c) { return (c & 3) == 0 ? c + 2 : c - 1; }
+  void merge_attributes(uint32_t from, uint32_t to, const Vec3& d);
 
   CollapseInput input_;
   bool has_wedges_ = false;
@@ -115,24 +124,23 @@ class EdgeCollapser {
   size_t live_ = 0;     // triangles
   float worst_ = 0.0f;  // squared distance
 
-  std::vector<Vec3> points_;               // of positions
-  std::vector<uint32_t> corner_position_;  // 4 a triangle
-  std::vector<uint32_t> corner_vertex_;    // 4 a triangle
-  std::vector<uint8_t> dead_;              // triangles
-  std::vector<Ring> ring_of_;              // of positions
-  std::vector<uint32_t> rings_;            // corners; merged rings are appended
+  std::vector<Point> points_;        // of positions
+  std::vector<Triangle> triangles_;  // of vertices
+  std::vector<uint8_t> dead_;        // triangles
+  std::vector<Ring> ring_of_;        // of positions
+  std::vector<Spoke> spokes_;        // merged rings are appended
+  std::vector<uint32_t> corners_;    // of spokes_
   std::vector<Kind> kinds_;
   std::vector<uint8_t> wedge_counts_;        // vertices at a position, at most 3 counted
-  std::vector<Quadric> quadrics_;            // of positions
+  std::vector<Quadric> quadrics_;            // of positions; scale: from cost to rank
   std::vector<Quadric> attribute_quadrics_;  // of vertices
   std::vector<float> gradients_;             // of vertices: 4 an attribute
   std::vector<float> values_;                // of vertices: weighted attributes
-  std::vector<float> scales_;                // of positions: from cost to rank
   std::vector<float> drifts_;  // of positions: how far vertices that ended there have moved
   std::vector<Choice> choices_;
   std::vector<uint8_t> stale_;   // of positions: the choice is to be made anew
   std::vector<uint32_t> marks_;  // of positions
-  std::vector<uint32_t> slots_;  // of positions: corners
+  std::vector<uint32_t> slots_;  // of positions: index in a ring
   std::vector<uint8_t> wedge_seen_;
   std::vector<Choice> candidates_;
   uint32_t stamp_ = 0;
@@ -141,10 +149,30 @@ class EdgeCollapser {
   // Of the collapse being looked at.
   std::array<std::pair<uint32_t, uint32_t>, 2> wedge_map_;
   uint32_t wedge_map_count_ = 0;
-  std::vector<uint32_t> neighbours_;
+  std::vector<uint32_t> neighbours_;  // of p but for the target, third corners at the edge first
+  size_t opposites_ = 0;              // how many those are
 
   std::vector<Triangle> result_;
   std::vector<PositionPair> chords_;
 };
+
+// Calls visit(corner at p, target, whether the target comes after p there) for the neighbours
+// that p may move to: all from the interior, along the border from there.
+template <typename Visit>
+void EdgeCollapser::for_each_target(uint32_t p, const Visit& visit) const {
+  const auto spokes = ring(p);
+  const auto is_in = [&](uint32_t x, uint32_t Spoke::* side) {
+    return std::any_of(spokes.begin(), spokes.end(), [&](const Spoke& s) { return s.*side == x; });
+  };
+  for (size_t i = 0; i < spokes.size(); ++i) {
+    const auto [n, q] = spokes[i];
+    if (kinds_[p] == Kind::kInterior) {
+      visit(corner(p, i), n, true);
+    } else {
+      if (!is_in(n, &Spoke::prev)) visit(corner(p, i), n, true);
+      if (!is_in(q, &Spoke::next)) visit(corner(p, i), q, false);
+    }
+  }
+}
 
 }  // namespace umbel::lod

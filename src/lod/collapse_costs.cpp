@@ -1,0 +1,230 @@
+// Costs of the collapses of EdgeCollapser.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "bvh/float4.hpp"
+#include "lod/collapse.hpp"
+#include "lod/quadric.hpp"
+
+namespace umbel::lod {
+namespace {
+
+// Where the surface is flat, all collapses cost nothing: short edges go first.
+constexpr float kShape = 1e-4f;
+// A rim (border of the mesh, seam of attributes) is held by planes that stand on it.
+constexpr float kBorderWeight = 10.0f, kSeamWeight = 1.0f;
+
+}  // namespace
+
+void EdgeCollapser::build_quadrics() {
+  quadrics_.assign(points_.size(), Quadric{});
+  for (const Triangle& t : input_.triangles) {
+    const Triangle p = positions_of(t);
+    const Vec3 origin = point(p[0]);
+    const Vec3 n = cross(point(p[1]) - origin, point(p[2]) - origin);
+    const float size = length(n);
+    if (!(size > 0.0f)) continue;
+    Quadric plane{};
+    add_plane(plane, n, 0.5f / size);
+    plane.weight = 0.5f * size;
+    for (uint32_t v : p) add(quadrics_[v], plane);
+  }
+  for (uint32_t p = 0; p < points_.size(); ++p) settle_scale(p);
+  for (uint32_t p = 0; p < points_.size(); ++p)
+    if (kinds_[p] == Kind::kBorder || (kinds_[p] == Kind::kInterior && wedge_counts_[p] > 1))
+      add_rim_quadrics(p);
+}
+
+// Between the integral of the squared distance, which keeps means low but lets small details go by
+// any distance, and its mean, which keeps the largest distance low.
+void EdgeCollapser::settle_scale(uint32_t p) {
+  const float weight = quadrics_[p].weight;
+  quadrics_[p].scale = weight > 0.0f ? 1.0f / std::sqrt(weight) : 0.0f;
+}
+
+void EdgeCollapser::add_rim_quadrics(uint32_t p) {
+  const auto add = [&](uint32_t corner, uint32_t other, float weight) {
+    const Triangle q = positions_of(triangles_[corner / 3]);
+    const Vec3 n = cross(point(q[1]) - point(q[0]), point(q[2]) - point(q[0]));
+    const Vec3 edge = point(other) - point(p);
+    const Vec3 m = cross(edge, n);
+    const float size = length(m);
+    if (size > 0.0f) add_plane(quadrics_[p], m * (1.0f / size), weight * dot(edge, edge));
+  };
+  for_each_target(p, [&](uint32_t c, uint32_t q, bool) {
+    if (kinds_[p] == Kind::kBorder) {
+      add(c, q, kBorderWeight);
+    } else {
+      const uint32_t opposite = corner_before(p, q);
+      if (opposite != kNone && vertex(opposite) != vertex(c)) {
+        add(c, q, kSeamWeight);
+        add(opposite, q, kSeamWeight);
+      }
+    }
+  });
+}
+
+// Within a triangle an attribute is a linear function of the point; its quadric is the squared
+// difference from that.
+void EdgeCollapser::build_attribute_quadrics() {
+  const uint32_t n = attribute_count_;
+  if (n == 0) return;
+  const size_t count = input_.position_of.size();
+  Aabb box;
+  for (const Point& p : points_) extend(box, Vec3{p.x, p.y, p.z});
+  const Vec3 d = box.max - box.min;
+  const float extent = std::max({d.x, d.y, d.z});
+  values_.resize(count * n);
+  for (size_t i = 0; i < values_.size(); ++i)
+    values_[i] = input_.attributes[i] * input_.attribute_weights[i % n] * extent;
+  attribute_quadrics_.assign(count, Quadric{});
+  gradients_.assign(4 * count * n, 0.0f);
+  for (const Triangle& t : input_.triangles) {
+    const Vec3& origin = input_.positions[t[0]];
+    const Vec3 e1 = input_.positions[t[1]] - origin, e2 = input_.positions[t[2]] - origin;
+    const float d11 = dot(e1, e1), d12 = dot(e1, e2), d22 = dot(e2, e2);
+    const float determinant = d11 * d22 - d12 * d12;
+    const float area = 0.5f * length(cross(e1, e2));
+    for (uint32_t v : t) attribute_quadrics_[v].weight += area;
+    if (!(determinant > 1e-6f * d11 * d22)) continue;
+    const Vec3 gu = (e1 * d22 - e2 * d12) * (1.0f / determinant);
+    const Vec3 gv = (e2 * d11 - e1 * d12) * (1.0f / determinant);
+    Quadric sum{};
+    for (uint32_t k = 0; k < n; ++k) {
+      const float s0 = values_[size_t{t[0]} * n + k];
+      const float s1 = values_[size_t{t[1]} * n + k] - s0, s2 = values_[size_t{t[2]} * n + k] - s0;
+      const Vec3 g = gu * s1 + gv * s2;
+      add_plane(sum, g, area);
+      for (uint32_t v : t) {
+        float* out = &gradients_[4 * (size_t{v} * n + k)];
+        out[0] += area * g.x, out[1] += area * g.y, out[2] += area * g.z;
+      }
+    }
+    for (uint32_t v : t) add(attribute_quadrics_[v], sum);
+  }
+}
+
+// The corner at p of the triangle in which q comes before p, or kNone.
+uint32_t EdgeCollapser::corner_before(uint32_t p, uint32_t q) const {
+  const auto spokes = ring(p);
+  for (size_t i = 0; i < spokes.size(); ++i)
+    if (spokes[i].prev == q) return corner(p, i);
+  return kNone;
+}
+
+float EdgeCollapser::attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const {
+  const uint32_t n = attribute_count_;
+  const Quadric& q = attribute_quadrics_[from];
+  const float* a = &values_[size_t{from} * n];
+  const float* b = &values_[size_t{to} * n];
+  const float* g = &gradients_[4 * size_t{from} * n];
+  float cost = value_at(q, d), squares = 0.0f;
+  for (uint32_t k = 0; k < n; ++k, g += 4) {
+    const float difference = b[k] - a[k];
+    cost -= 2.0f * difference * (g[0] * d.x + g[1] * d.y + g[2] * d.z + g[3]);
+    squares += difference * difference;
+  }
+  return cost + q.weight * squares;
+}
+
+EdgeCollapser::Choice EdgeCollapser::position_choice(uint32_t p, uint32_t target) const {
+  const Vec3 d = point(target) - point(p);
+  const Quadric& q = quadrics_[p];
+  const float sum = std::max(value_at(q, d), 0.0f);
+  return {(sum + kShape * q.weight * dot(d, d)) * q.scale, target};
+}
+
+// As position_choice for all targets, four at once.
+EdgeCollapser::Choice EdgeCollapser::cheapest_position(uint32_t p) const {
+  const Quadric& q = quadrics_[p];
+  const Float4 xx = Float4::all(q.xx), yy = Float4::all(q.yy), zz = Float4::all(q.zz);
+  const Float4 xy = Float4::all(q.xy), xz = Float4::all(q.xz), yz = Float4::all(q.yz);
+  const Float4 x2 = Float4::all(2.0f * q.x), y2 = Float4::all(2.0f * q.y);
+  const Float4 z2 = Float4::all(2.0f * q.z), c = Float4::all(q.c);
+  const Float4 shape = Float4::all(kShape * q.weight), scale = Float4::all(q.scale);
+  const Float4 origin = Float4::load(&points_[p].x);
+  const auto spokes = ring(p);
+  Choice best{std::numeric_limits<float>::infinity(), kNone};
+  for (size_t begin = 0; begin < spokes.size(); begin += 4) {
+    std::array<uint32_t, 4> targets;
+    for (size_t i = 0; i < 4; ++i) targets[i] = spokes[std::min(begin + i, spokes.size() - 1)].next;
+    Float4 dx = Float4::load(&points_[targets[0]].x) - origin;
+    Float4 dy = Float4::load(&points_[targets[1]].x) - origin;
+    Float4 dz = Float4::load(&points_[targets[2]].x) - origin;
+    Float4 d3 = Float4::load(&points_[targets[3]].x) - origin;
+    transpose(dx, dy, dz, d3);
+    const Float4 mx = xx * dx + xy * dy + xz * dz, my = xy * dx + yy * dy + yz * dz;
+    const Float4 mz = xz * dx + yz * dy + zz * dz;
+    const Float4 value = c + (mx + x2) * dx + (my + y2) * dy + (mz + z2) * dz;
+    // In this order max keeps what is not a number, which then is never the least.
+    const Float4 sum = max(Float4::all(0.0f), value);
+    std::array<float, 4> ranks;
+    ((sum + shape * (dx * dx + dy * dy + dz * dz)) * scale).store(ranks.data());
+    for (size_t i = 0; i < 4; ++i)
+      if (ranks[i] < best.rank) best = {ranks[i], targets[i]};
+  }
+  return best;
+}
+
+// No attribute looks worse than a surface that is off by the length of the edge.
+float EdgeCollapser::clamped_attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const {
+  const float most = attribute_quadrics_[from].weight * dot(d, d);
+  return std::clamp(attribute_cost(from, to, d), 0.0f, most);
+}
+
+EdgeCollapser::Choice EdgeCollapser::choice(uint32_t p, uint32_t corner, uint32_t target,
+                                            bool after) const {
+  Choice result = position_choice(p, target);
+  if (attribute_count_ == 0) return result;
+  const Vec3 d = point(target) - point(p);
+  float sum =
+      clamped_attribute_cost(vertex(corner), vertex(after ? next(corner) : prev(corner)), d);
+  if (has_wedges_ && wedge_counts_[p] > 1) {
+    const uint32_t other = corner_before(p, target);
+    if (other != kNone) sum += clamped_attribute_cost(vertex(other), vertex(prev(other)), d);
+  }
+  result.rank += sum * quadrics_[p].scale;
+  return result;
+}
+
+// Adds p's to the target's, and what the collapse costs to the error.
+void EdgeCollapser::merge_quadrics(uint32_t p, uint32_t target) {
+  const Vec3 d = point(target) - point(p);
+  const bool merges = kinds_[target] != Kind::kFixed;
+  const float value = std::max(value_at(quadrics_[p], d), 0.0f);
+  float cost = value;
+  if (attribute_count_ > 0) {
+    if (!has_wedges_) wedge_map_[0] = {p, target}, wedge_map_count_ = 1;
+    for (uint32_t i = 0; i < wedge_map_count_; ++i) {
+      const auto [from, to] = wedge_map_[i];
+      cost += clamped_attribute_cost(from, to, d);
+      if (merges) merge_attributes(from, to, d);
+    }
+  }
+  // A point of the surface moves no farther than the vertices of its triangle.
+  const float drift = drifts_[p] + length(d), weight = quadrics_[p].weight;
+  drifts_[target] = std::max(drifts_[target], drift);
+  if (weight > 0.0f) worst_ = std::max(worst_, std::min(cost / weight, drift * drift));
+  if (!merges) return;
+  add_moved(quadrics_[target], quadrics_[p], d, value);
+  settle_scale(target);
+}
+
+void EdgeCollapser::merge_attributes(uint32_t from, uint32_t to, const Vec3& d) {
+  const uint32_t n = attribute_count_;
+  const Quadric& q = attribute_quadrics_[from];
+  Quadric& sum = attribute_quadrics_[to];
+  add_moved(sum, q, d, std::max(attribute_cost(from, to, d), 0.0f));
+  for (uint32_t k = 0; k < n; ++k) {
+    const float difference = values_[size_t{to} * n + k] - values_[size_t{from} * n + k];
+    const float* g = &gradients_[4 * (size_t{from} * n + k)];
+    float* out = &gradients_[4 * (size_t{to} * n + k)];
+    sum.x -= difference * g[0], sum.y -= difference * g[1], sum.z -= difference * g[2];
+    for (int i = 0; i < 3; ++i) out[i] += g[i];
+    out[3] += g[3] + g[0] * d.x + g[1] * d.y + g[2] * d.z - q.weight * difference;
+  }
+}
+
+}  // namespace umbel::lod
