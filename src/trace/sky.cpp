@@ -135,10 +135,13 @@ Vec3 Sky::radiance(const Vec3& direction) const {
   if (constant_) return color_;
   if (texels_.empty()) return {0, 0, 0};
   const Vec3 local = frame_.to_local(direction);
+  return local.z < 0.0f ? texels_[kGround] : interpolated(column_of(local), local.z * kRows);
+}
+
+Vec3 Sky::interpolated(float column, float row) const {
+  const float x = column - 0.5f, floor_x = std::floor(x);
   // Sky and ground are not mixed: the horizon is sharp.
-  if (local.z < 0.0f) return texels_[kGround];
-  const float x = column_of(local) - 0.5f, floor_x = std::floor(x);
-  const float y = std::clamp(local.z * kRows - 0.5f, 0.0f, float{kRows - 1});
+  const float y = std::clamp(row - 0.5f, 0.0f, float{kRows - 1});
   const uint32_t y0 = static_cast<uint32_t>(y), y1 = std::min(y0 + 1, kRows - 1);
   const uint32_t x0 = static_cast<uint32_t>(floor_x + kColumns) % kColumns;
   const uint32_t x1 = (x0 + 1) % kColumns;
@@ -148,27 +151,19 @@ Vec3 Sky::radiance(const Vec3& direction) const {
 }
 
 LightSample Sky::sample(const Vec2& u) const {
-  float z, phi;
-  float density = 1.0f / (4.0f * kPi);
-  if (constant_) {
-    z = 1.0f - 2.0f * u.x;
-    phi = 2.0f * kPi * u.y;
-  } else {
-    const AliasTable::Choice choice = choices_.choose(u.x);
-    density = density_of(choice.index);
-    if (choice.index == kGround) {
-      z = -choice.rest;
-      phi = 2.0f * kPi * u.y;
-    } else {
-      const uint32_t row = choice.index / kColumns, column = choice.index % kColumns;
-      z = (static_cast<float>(row) + choice.rest) / kRows;
-      phi = 2.0f * kPi * (static_cast<float>(column) + u.y) / kColumns;
-    }
-  }
-  const float r = std::sqrt(std::max(0.0f, 1.0f - z * z));
-  const Vec3 local{r * std::cos(phi), r * std::sin(phi), z};
-  const Vec3 direction = constant_ ? local : frame_.to_world(local);
-  return {direction, radiance(direction), density};
+  const auto direction = [](float z, float turn) {
+    const float r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * turn;
+    return Vec3{r * std::cos(phi), r * std::sin(phi), z};
+  };
+  if (constant_) return {direction(1.0f - 2.0f * u.x, u.y), color_, 1.0f / (4.0f * kPi)};
+  const AliasTable::Choice choice = choices_.choose(u.x);
+  const float density = density_of(choice.index);
+  if (choice.index == kGround)
+    return {frame_.to_world(direction(-choice.rest, u.y)), texels_[kGround], density};
+  const float row = static_cast<float>(choice.index / kColumns) + choice.rest;
+  const float column = static_cast<float>(choice.index % kColumns) + u.y;
+  return {frame_.to_world(direction(row / kRows, column / kColumns)), interpolated(column, row),
+          density};
 }
 
 float Sky::density(const Vec3& direction) const {

@@ -33,6 +33,7 @@ class Sky {
   static constexpr uint32_t kColumns = 128, kRows = 64;
   static constexpr uint32_t kGround = kColumns * kRows;  ///< the choice below the horizon
   static float column_of(const Vec3& local);
+  Vec3 interpolated(float column, float row) const;
   float density_of(uint32_t choice) const { return luminance(texels_[choice]) * density_scale_; }
 
   bool constant_ = false;
