@@ -87,7 +87,7 @@ struct Environment {
   Vec3 color{1, 1, 1};                     ///< radiance of kConstant
   Vec3 up{0, 1, 0};                        ///< to the zenith
   Vec3 sun_direction{0.5f, 0.75f, 0.43f};  ///< to the sun; lifted to 3 degrees where lower
-  float turbidity = 3.0f;                  ///< haze, 1.7 (clear) .. 10 (thick)
+  float turbidity = 2.0f;                  ///< haze, 1.7 (clear) .. 10 (thick)
   float sun_radius = 0.0093f;              ///< angle in radians, 0.001..0.5: softness of shadows
                                            ///< (the real one: 0.0047)
   float sun_strength = 1.0f;               ///< times the model's, >= 0
@@ -153,7 +153,7 @@ UMBEL_API Camera auto_camera(const Scene& scene, uint32_t width, uint32_t height
                              const Viewpoint& viewpoint = {});
 
 struct Settings {
-  uint32_t width = 1024, height = 768;  ///< 1..32768 each
+  uint32_t width = 1024, height = 768;  ///< 1..32768 each, 2^28 pixels in all
   uint32_t samples = 64;                ///< paths a pixel, 1..2^24
   uint32_t seed = 1;
   uint32_t max_bounces = 32;    ///< 0: what the camera sees, lit directly; ..1024

@@ -13,13 +13,16 @@ from . import _umbel
 class Camera:
     """Asks for detail so that errors stay below `pixel_error` pixels of a picture `height`
     pixels high with the vertical field of view `fov_y` in radians, seen from `position` in the
-    mesh's unit. A cut covers the whole mesh, so `target` does not change it."""
+    mesh's unit. A cut covers the whole mesh, so `target` and `up` do not change it; a picture
+    needs the target, and takes the zenith where `up` is None."""
 
     position: Sequence[float]
     target: Sequence[float] | None = None
     fov_y: float = math.pi / 3
     height: int = 1080
     pixel_error: float = 1.0
+    up: Sequence[float] | None = None
+    name: str = ""  #: of a camera that a file has
 
     def view(self) -> _umbel.View:
         x, y, z = (float(value) for value in self.position)

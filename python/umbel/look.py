@@ -35,7 +35,7 @@ class Environment:
     sun_size: float = 0.53  #: radius of the disc, 0.06 to 28; the real one is 0.27
     sun: float = 1.0  #: strength, times the model's
     sky: float = 1.0  #: strength, times the model's
-    turbidity: float = 3.0  #: haze, 1.7 to 10
+    turbidity: float = 2.0  #: haze, 1.7 to 10
     ground: Sequence[float] = (0.3, 0.29, 0.27)  #: albedo below the horizon
     color: Sequence[float] | None = None  #: radiance from everywhere instead of sky and sun
 
@@ -94,13 +94,13 @@ def without(mesh: Mesh, patterns: Sequence[str]) -> Mesh:
 
 
 class Look:
-    """A mesh's materials and their textures, made native; textures that several materials use
-    are decoded once."""
+    """A mesh's materials and their textures, made native; a texture that several materials
+    use in the same way is decoded once."""
 
     def __init__(self, mesh: Mesh, warn: bool = True) -> None:
         self.materials: list[_umbel.TraceMaterial] = []
         self.textures: list[_umbel.TraceTexture] = []
-        self._indices: dict[tuple[int, bool], int] = {}
+        self._indices: dict[tuple[Any, ...], int] = {}
         self._images: list[TextureImage] = []  # keeps the ids in use
         self._warn = warn
         self._has_uvs = mesh.uvs is not None
@@ -154,7 +154,8 @@ class Look:
             return index, 0.0, 0.0, 1.0, 1.0, 0.0
 
     def _texture(self, image: TextureImage, srgb: bool, name: str) -> int:
-        key = (id(image.data) if image.data is not None else hash(image.path), srgb)
+        source = image.path if image.data is None else id(image.data)
+        key = (source, srgb, image.nearest, image.wrap_u, image.wrap_v)
         if key not in self._indices:
             self._images.append(image)
             try:

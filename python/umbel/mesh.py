@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from umbel.errors import Error
 
 if TYPE_CHECKING:
+    from umbel.camera import Camera
     from umbel.io.images import TextureImage
 
 Float32Array = NDArray[np.float32]
@@ -62,6 +63,7 @@ class Mesh:
     material_ids: UInt32Array | None = None  #: (m,) uint32, index into `materials`
     materials: list[Material] = field(default_factory=list)
     name: str = ""
+    cameras: list[Camera] = field(default_factory=list)  #: perspective cameras of the file
 
     def __post_init__(self) -> None:
         self.positions = _floats(self.positions, 3, "positions")

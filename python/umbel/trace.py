@@ -80,30 +80,44 @@ class Renderer:
         """A camera as `umbel.render` describes it, for a picture of this size."""
         width, height = _size(width, height)
         if isinstance(camera, Camera):
-            if camera.target is None:
-                raise Error("a camera for a picture needs a target")
-            return self._native(camera.position, camera.target, camera.fov_y)
+            return self._native(camera)
         if not isinstance(camera, str):
             raise Error(f"camera must be an umbel.Camera or a text, not {camera!r}")
         word, _, rest = camera.partition(":")
         if word == "auto":
             return self._auto(rest, width, height, camera)
+        if word == "file":
+            return self._native(self._of_file(rest))
         parts = camera.split(":")
         if len(parts) not in (2, 3):
-            raise Error(f"camera must be auto or x,y,z:tx,ty,tz:fov, not {camera!r}")
+            raise Error(f"camera must be auto, file or x,y,z:tx,ty,tz:fov, not {camera!r}")
         fov = math.radians(_numbers(parts[2], 1, camera)[0] if len(parts) == 3 else _FOV)
-        return self._native(_numbers(parts[0], 3, camera), _numbers(parts[1], 3, camera), fov)
+        ends = [_numbers(part, 3, camera) for part in parts[:2]]
+        return self._native(Camera(ends[0], ends[1], fov_y=fov))
 
-    def _native(
-        self, position: Sequence[float], target: Sequence[float], fov_y: float
-    ) -> _umbel.TraceCamera:
+    def _native(self, camera: Camera) -> _umbel.TraceCamera:
+        if camera.target is None:
+            raise Error("a camera for a picture needs a target")
         out = _umbel.TraceCamera()
-        out.position = triple(position, "the camera's position")
-        out.target = triple(target, "the camera's target")
-        x, y, z = axes_of(self.up)[0]
-        out.up = (x, y, z)
-        out.fov_y = fov_y
+        out.position = triple(camera.position, "the camera's position")
+        out.target = triple(camera.target, "the camera's target")
+        up = axes_of(self.up)[0] if camera.up is None else camera.up
+        out.up = triple(up, "the camera's up")
+        out.fov_y = camera.fov_y
         return out
+
+    def _of_file(self, which: str) -> Camera:
+        """A camera of the mesh's file by its name or its number from 1; the first for ""."""
+        cameras = self.mesh.cameras
+        if not cameras:
+            raise Error("the mesh's file has no perspective camera")
+        for k, camera in enumerate(cameras):
+            if which in ("", camera.name, str(k + 1)):
+                return camera
+        known = ", ".join(
+            f"{k + 1} ({c.name})" if c.name else str(k + 1) for k, c in enumerate(cameras)
+        )
+        raise Error(f"the file has no camera {which!r}; there are {known}")
 
     def _auto(self, text: str, width: int, height: int, whole: str) -> _umbel.TraceCamera:
         """`auto`, or from outside `auto:AZIMUTH,ELEVATION[:FOV]`."""
@@ -213,7 +227,8 @@ def render(
 
     camera: "auto" finds a view that the mesh fills, or one inside a room;
         "auto:AZIMUTH,ELEVATION[:FOV]" the same from this direction, in degrees;
-        "x,y,z:tx,ty,tz[:FOV]" from a point to a point; or an `umbel.Camera` with a target.
+        "x,y,z:tx,ty,tz[:FOV]" from a point to a point; "file" is the first camera that a glTF
+        file has, "file:NAME" or "file:NUMBER" another; or an `umbel.Camera` with a target.
     samples: paths a pixel; noise falls with their square root.
     seed: another one gives other noise; the same gives the same bytes, for any threads.
     max_bounces: after which a path ends, if Russian roulette has not ended it.
@@ -278,7 +293,7 @@ def _with_ground(
     ids = mesh.material_ids
     if ids is None:
         ids, materials = np.zeros(len(mesh.triangles), np.uint32), [plain()]
-    floor = plain(0.5)
+    floor = plain(0.4)
     placed = replace(
         mesh,
         positions=np.concatenate([mesh.positions, corners]),

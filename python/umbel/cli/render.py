@@ -48,10 +48,11 @@ def command(
     camera: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="auto|x,y,z:tx,ty,tz:fov",
+            metavar="auto|file|x,y,z:tx,ty,tz:fov",
             help="From a point to a point with the vertical field of view in degrees; auto: the "
-            "mesh fills the picture; auto:AZIMUTH,ELEVATION[:FOV]: from this direction. Several "
-            "cameras make OUT-1, OUT-2, ...  [default: auto]",
+            "mesh fills the picture; auto:AZIMUTH,ELEVATION[:FOV]: from this direction; file: all "
+            "cameras of a glTF file; file:NAME or file:NUMBER: one of them. Several cameras make "
+            "OUT-1, OUT-2, ...  [default: auto]",
         ),
     ] = None,
     accel: Annotated[
@@ -110,8 +111,6 @@ def command(
     from ..trace import Renderer
     from .progress import Bar
 
-    cameras = camera or ["auto"]
-    outputs = _outputs(output, len(cameras))
     began = time.perf_counter()
     with Bar() as bar:
         options: dict[str, Any] = {
@@ -126,6 +125,8 @@ def command(
             return Renderer(mesh, **options, progress=_part(bar, 0.0, 0.05))
 
         views = _Views(source, method, pixel_error or 1.0, prepare)
+        cameras = [text for given in camera or ["auto"] for text in views.named(given)]
+        outputs = _outputs(output, len(cameras))
         results = []
         for k, (text, path) in enumerate(zip(cameras, outputs, strict=True)):
             renderer, native = views.renderer(text, width, height)
@@ -229,6 +230,11 @@ class _Views:
         else:
             self._whole = prepare(asset.mesh(asset.cut(level=0)))
 
+    def named(self, text: str) -> list[str]:
+        """One text a camera: `file` stands for all of the file's."""
+        count = len(self._whole.mesh.cameras)
+        return [f"file:{k + 1}" for k in range(count)] if text == "file" and count else [text]
+
     def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Any]:
         """What shows the view, and its camera."""
         native = self._whole.camera(text, width, height)
@@ -238,7 +244,6 @@ class _Views:
 
         view = Camera(
             native.position,
-            native.target,
             fov_y=native.fov_y,
             height=height,
             pixel_error=self._pixel_error,

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from umbel.camera import Camera
 from umbel.errors import Error, LoadWarning
 from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
+from umbel.io.gltf_cameras import read_camera
 from umbel.io.gltf_images import attach_images
 from umbel.io.gltf_materials import read_material
 from umbel.io.gltf_nodes import Nodes, instance_matrices
@@ -77,12 +79,15 @@ class _Reader:
         self.materials = [read_material(m, self.root) for m in self.root.get("materials") or []]
         attach_images(self.materials, buffers)
         self.meshes: list[Mesh] = []
+        self.cameras: list[Camera] = []
         self._made: dict[tuple[Any, ...], int | None] = {}
 
     def scene(self) -> Scene:
         instances: list[Instance] = []
         for index in self.nodes.drawn():
             node = self.nodes.node(index)
+            if "camera" in node:
+                self._add_camera(index, node)
             if "mesh" not in node:
                 continue
             mesh = self._mesh_of(index, node)
@@ -92,7 +97,15 @@ class _Reader:
             world = np.eye(4) if "skin" in node else self.nodes.world(index)
             for matrix in instance_matrices(node, self.buffers, index):
                 instances.append(Instance(mesh, world @ matrix, name))
-        return self._with_materials(Scene(self.meshes, self.materials, instances))
+        scene = Scene(self.meshes, self.materials, instances, cameras=self.cameras)
+        return self._with_materials(scene)
+
+    def _add_camera(self, index: int, node: Json) -> None:
+        entry = self.buffers.item("cameras", node["camera"], f"nodes[{index}]")
+        name = str(node.get("name") or entry.get("name") or "")
+        camera = read_camera(entry, name, self.nodes.world(index))
+        if camera is not None:
+            self.cameras.append(camera)
 
     def _with_materials(self, scene: Scene) -> Scene:
         """Gives the scene and each of its meshes the same list, with a default if one is needed."""

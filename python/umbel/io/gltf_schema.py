@@ -28,6 +28,7 @@ _SCHEMA: Json = {
     "nodes": [
         {
             "mesh": "integer", "skin": "integer", "children": _INDICES, "name": "text",
+            "camera": "integer",
             "matrix": _NUMBERS, "translation": _NUMBERS, "rotation": _NUMBERS, "scale": _NUMBERS,
             "weights": _NUMBERS,
             "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"*": "integer"}},
@@ -51,6 +52,7 @@ _SCHEMA: Json = {
             ],
         }
     ],
+    "cameras": [{"name": "text", "perspective": {"yfov": "number"}}],
     "skins": [{"joints": _INDICES, "inverseBindMatrices": "integer"}],
     "accessors": [
         {

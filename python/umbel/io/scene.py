@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from umbel.mesh import (
     area_weighted_normals,
     normalized,
 )
+
+if TYPE_CHECKING:
+    from umbel.camera import Camera
 
 _MOST_VERTICES = 0xFFFFFFFF
 
@@ -38,6 +42,7 @@ class Scene:
     materials: list[Material] = field(default_factory=list)
     instances: list[Instance] = field(default_factory=list)
     name: str = ""
+    cameras: list[Camera] = field(default_factory=list)  #: perspective ones, in the world
 
     def flatten(self) -> Mesh:
         """Everything as one mesh, as drawn: each instance transformed and appended in order.
@@ -56,7 +61,9 @@ class Scene:
         placed = [transformed(self.meshes[i.mesh], i.transform) for i in self.instances]
         flat = join(placed, [(k, m.triangles, m.material_ids) for k, m in enumerate(placed)])
         materials, ids = with_default(self.materials, flat.material_ids)
-        return replace(flat, material_ids=ids, materials=materials, name=self.name)
+        return replace(
+            flat, material_ids=ids, materials=materials, name=self.name, cameras=self.cameras
+        )
 
 
 #: "this triangle has no material", until `with_default` gives it one.

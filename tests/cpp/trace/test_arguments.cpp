@@ -76,6 +76,7 @@ TEST(TraceArguments, settings_and_cameras_out_of_range_are_refused) {
   };
   refused([](Settings& s, Camera&) { s.width = 0; }, "0 x 4");
   refused([](Settings& s, Camera&) { s.height = 100000; }, "100000");
+  refused([](Settings& s, Camera&) { s.width = s.height = 32768; }, "268435456");
   refused([](Settings& s, Camera&) { s.samples = 0; }, "samples");
   refused([](Settings& s, Camera&) { s.max_bounces = 5000; }, "max_bounces");
   refused([](Settings& s, Camera&) { s.shadow_samples = 3; }, "shadow_samples");
