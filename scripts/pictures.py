@@ -1,4 +1,4 @@
-"""Makes the pictures in docs/images again: `umbel render` on real meshes, the results as JPEG files.
+"""Makes the pictures in docs/images again: `umbel render` on real meshes, results as JPEG files.
 
     .venv/bin/python scripts/pictures.py [NAME...]
 
