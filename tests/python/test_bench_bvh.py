@@ -212,6 +212,16 @@ def test_camera_rays_pass_through_the_pixels(blob: umbel.Mesh) -> None:
     assert 0.98 * corner < angles.max() <= corner + 1e-3
 
 
+def test_sketches_show_the_silhouette() -> None:
+    ball = umbel.shapes.sphere(5)
+    made = scene("ball", lambda: ball)
+    grey = paths.sketch(umbel.Bvh(ball), ball, made.cameras[0])
+    assert grey.shape == (180, 240) and (grey[0] == 255).all() and grey[90, 120] < 255
+    # The ball just fills the picture: its disc, and nothing else, is darker than the sky.
+    share = np.pi / 4 * (1 - 0.06) ** 2 * 180**2 / grey.size
+    assert (grey < 255).mean() == pytest.approx(share, rel=0.1)
+
+
 def test_a_share_of_a_picture_is_spread_over_it() -> None:
     x, y = paths._pixels(0.1)
     assert len(set(zip(x.tolist(), y.tolist(), strict=True))) == len(x) == 307 * 256
@@ -295,11 +305,11 @@ def test_command_writes_tables_and_charts(umbel_command: Umbel, tmp_path: Path) 
         assert re.search(rf"\| 4 \| {r['builder']} \| .* \| {r['sah_cost']:.1f} \|", text)
     assert "zero build time" in text and said["machine"]["cpu"] in text
 
-    images = {f"bvh_a_mesh_{kind}.png" for kind in ("width4", "stages", "iterations")}
+    images = {f"bvh_a_mesh_{kind}.png" for kind in ("width4", "stages", "iterations", "views")}
     if HAS_MATPLOTLIB:
         for name in images:
             data = (folder / name).read_bytes()
-            assert data.startswith(b"\x89PNG\r\n\x1a\n") and 5000 < len(data) < 150_000
+            assert data.startswith(b"\x89PNG\r\n\x1a\n") and 3000 < len(data) < 150_000
     written = {path.name for path in folder.iterdir()} - images
     tables = {"bvh.csv", "bvh_cheapest.csv", "bvh_stages.csv", "bvh_iterations.csv"}
     assert written == {"bvh.md"} | tables

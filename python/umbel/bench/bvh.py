@@ -15,16 +15,19 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..bvh import Bvh, Bvh2, build_bvh2, builders
 from ..errors import Error
 from ..mesh import Mesh
 from ..repair import Progress
 from . import bvh_charts, bvh_kmeans, charts
 from .bvh_scenes import COSTS, GENERATED, Kmeans, Scene, scene
-from .paths import HEIGHT, WIDTH, View, path_view, trace
+from .paths import HEIGHT, WIDTH, View, path_view, sketch, trace
 from .plant import plant
 from .table import Column, Row, csv_text, geometric_means, markdown
-from .timing import Machine, Span, Timed, cores, take_turns, this_machine
+from .timing import Machine, Span, Timed, Timing, cores, take_turns, this_machine
 
 BASELINE = "sweep"
 LQ, HQ = 8, 128
@@ -118,6 +121,8 @@ class Comparison:
     """Build time of k-means by stage."""
     iterations: list[Row] = field(default_factory=list)
     """SAH cost of k-means after some iterations."""
+    sketches: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
+    """Of each scene: what its views show, side by side, in grey."""
 
     @property
     def means(self) -> list[Row]:
@@ -175,7 +180,9 @@ def compare(
         spans = _spans(report.part(0.02, 1.0), effort.parts)
         runs, threads = effort.build_runs(on.mesh), effort.threads
         if "builders" in spans:
-            found.rows += _rows(on, effort, spans["builders"])
+            trees = _built(on, effort, spans["builders"].part(0.0, 0.5))
+            found.rows += _rows(on, trees, effort, spans["builders"].part(0.5, 1.0))
+            found.sketches[name] = _sketches(on, trees[0].result, threads)
         if "stages" in spans:
             found.stages += bvh_kmeans.stage_rows(name, on.mesh, runs, threads, spans["stages"])
         if "iterations" in spans:
@@ -199,22 +206,40 @@ def _spans(report: Span, parts: Sequence[str]) -> dict[str, Span]:
     return spans
 
 
-def _rows(on: Scene, effort: Effort, report: Span) -> list[Row]:
-    compared = methods(on.kmeans)
+def _built(on: Scene, effort: Effort, report: Span) -> list[Timing[Bvh2]]:
+    """The tree of each method."""
     clock = clock_of(effort.threads)
-    built = take_turns(
-        [Timed(f"building {m.name}", partial(_build, on.mesh, m, effort, clock)) for m in compared],
+    return take_turns(
+        [
+            Timed(f"building {method.name}", partial(_build, on.mesh, method, effort, clock))
+            for method in methods(on.kmeans)
+        ],
         effort.build_runs(on.mesh),
-        report.part(0.0, 0.4),
+        report,
     )
+
+
+def _rows(on: Scene, built: Sequence[Timing[Bvh2]], effort: Effort, report: Span) -> list[Row]:
     rows = []
-    for method, timing in zip(compared, built, strict=True):
-        report(0.4, f"measuring {method.name}")
+    for number, (method, timing) in enumerate(zip(methods(on.kmeans), built, strict=True)):
+        report(0.2 * number / len(built), f"measuring {method.name}")
         rows.append(_tree_row(on, method.name, timing.result, timing.seconds, effort.threads))
-    reference = Bvh.from_tree(built[0].result, on.mesh, threads=effort.threads)
-    views = [
+    trees = [timing.result for timing in built]
+    views = _views(on, trees[0], effort)
+    traced: list[Row] = []
+    for number, width in enumerate(effort.widths):
+        part = report.part(*(0.2 + 0.8 * (number + k) / len(effort.widths) for k in (0, 1)))
+        measured = _traced(on.mesh, trees, views, width, effort, part)
+        traced += [{**row, **extra} for row, extra in zip(rows, measured, strict=True)]
+    return normalised(traced)
+
+
+def _views(on: Scene, tree: Bvh2, effort: Effort) -> list[View]:
+    """The rays, found with any tree."""
+    bvh = Bvh.from_tree(tree, on.mesh, threads=effort.threads)
+    return [
         path_view(
-            reference,
+            bvh,
             on.mesh,
             camera,
             samples=effort.samples,
@@ -224,13 +249,11 @@ def _rows(on: Scene, effort: Effort, report: Span) -> list[Row]:
         )
         for number, camera in enumerate(on.cameras)
     ]
-    trees = [timing.result for timing in built]
-    traced: list[Row] = []
-    for number, width in enumerate(effort.widths):
-        part = report.part(*(0.5 + 0.5 * (number + k) / len(effort.widths) for k in (0, 1)))
-        measured = _traced(on.mesh, trees, views, width, effort, part)
-        traced += [{**row, **extra} for row, extra in zip(rows, measured, strict=True)]
-    return normalised(traced)
+
+
+def _sketches(on: Scene, tree: Bvh2, threads: int) -> NDArray[np.uint8]:
+    bvh = Bvh.from_tree(tree, on.mesh, threads=threads)
+    return np.hstack([sketch(bvh, on.mesh, camera) for camera in on.cameras])
 
 
 def clock_of(threads: int) -> Callable[[], float]:
@@ -446,4 +469,5 @@ def write(found: Comparison, folder: Path) -> list[Path]:
     written = [folder / name for name in texts]
     if not charts.available():
         return written
-    return written + bvh_charts.draw(folder, found.rows, found.stages, found.iterations)
+    drawn = bvh_charts.draw(folder, found.rows, found.stages, found.iterations)
+    return written + drawn + bvh_charts.save_sketches(folder, found.sketches)

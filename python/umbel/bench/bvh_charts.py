@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..io.files import replacing
 from .table import Row
@@ -46,8 +49,7 @@ def draw(
         for row in all_rows:
             groups.setdefault((row["scene"], row.get("width")), []).append(row)
         for (scene, width), own in groups.items():
-            stem = re.sub(r"[^A-Za-z0-9._-]", "_", scene)
-            path = folder / f"bvh_{stem}_{kind if width is None else f'width{width}'}.png"
+            path = _file(folder, scene, kind if width is None else f"width{width}")
             draw_one(path, own)
             written.append(path)
     return written
@@ -117,6 +119,24 @@ def draw_iterations(path: Path, rows: Sequence[Row]) -> None:
     axes.grid(alpha=0.3)
     figure.legend(loc="outside right upper", frameon=False)
     _save(figure, path)
+
+
+def save_sketches(folder: Path, sketches: Mapping[str, NDArray[np.uint8]]) -> list[Path]:
+    """Writes grey pictures; the files written."""
+    from PIL import Image
+
+    written = []
+    for scene, grey in sketches.items():
+        path = _file(folder, scene, "views")
+        with replacing(path) as file:
+            Image.fromarray(grey).quantize(64).save(file, "PNG", optimize=True)
+        written.append(path)
+    return written
+
+
+def _file(folder: Path, scene: str, kind: str) -> Path:
+    stem = re.sub(r"[^A-Za-z0-9._-]", "_", scene)
+    return folder / f"bvh_{stem}_{kind}.png"
 
 
 def _rank(builder: str) -> int:

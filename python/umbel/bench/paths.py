@@ -123,6 +123,11 @@ def camera_rays(camera: TraceCamera, samples: int, share: float, dice: np.random
     """Rays through each pixel of so many tiles of 16 x 16, spread over the picture."""
     pixels = (np.repeat(numbers, samples) for numbers in _pixels(share))
     x, y = (numbers + dice.random(len(numbers)) for numbers in pixels)
+    return _through(camera, x / WIDTH, y / HEIGHT)
+
+
+def _through(camera: TraceCamera, x: Floats, y: Floats) -> Rays:
+    """Rays through points of a picture of the usual shape, from 0 to 1, the top left first."""
     position, target = np.array(camera.position), np.array(camera.target)
     forward = (target - position) / np.linalg.norm(target - position)
     right = np.cross(forward, camera.up)
@@ -131,12 +136,28 @@ def camera_rays(camera: TraceCamera, samples: int, share: float, dice: np.random
     high = math.tan(camera.fov_y / 2)
     wide = high * WIDTH / HEIGHT
     directions = (
-        forward
-        + ((x / WIDTH * 2 - 1) * wide)[:, None] * right
-        - ((y / HEIGHT * 2 - 1) * high)[:, None] * upwards
+        forward + ((x * 2 - 1) * wide)[:, None] * right - ((y * 2 - 1) * high)[:, None] * upwards
     )
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return _rays(np.broadcast_to(position, directions.shape), directions)
+
+
+def sketch(bvh: Bvh, mesh: Mesh, camera: TraceCamera, height: int = 180) -> NDArray[np.uint8]:
+    """(height, height * 4 / 3) grey: what a camera sees, shaded by the slope of the surface."""
+    width, fine = height * WIDTH // HEIGHT, 3
+    y, x = ((numbers.ravel() + 0.5) / fine for numbers in np.indices((height * fine, width * fine)))
+    rays = _through(camera, x / width, y / height)
+    hits = bvh.intersect(*rays)
+    grey = np.full(len(x), 1.0)
+    hit = hits.hit
+    if hit.any():
+        seen = rays[0][hit], rays[1][hit]
+        _, normals = surface(mesh, seen, hits.t[hit], hits.primitive[hit])
+        facing = np.abs(np.einsum("ij,ij->i", normals, seen[1].astype(np.float64)))
+        grey[hit] = 0.15 + 0.55 * facing + 0.2 * np.abs(normals[:, 1])
+    mean = grey.reshape(height, fine, width, fine).mean(axis=(1, 3))
+    rounded: NDArray[np.uint8] = np.round(mean * 255).astype(np.uint8)
+    return rounded
 
 
 def _pixels(share: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
