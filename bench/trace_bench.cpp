@@ -42,13 +42,14 @@ double median(std::vector<double> values) {
 std::vector<Ray> camera_rays(const trace::Camera& camera, const Options& options) {
   const trace::RayCamera rays(camera, options.size, options.size);
   std::vector<Ray> result;
-  for (uint32_t tile = 0; tile < options.size * options.size / 256; ++tile) {
-    const uint32_t across = options.size / 16;
+  const uint32_t across = options.size / 16;
+  for (uint32_t tile = 0; tile < across * across; ++tile) {
+    const uint32_t left = tile % across * 16, top = tile / across * 16;
     for (uint32_t i = 0; i < 256 * options.samples; ++i) {
-      const uint32_t pixel = i / options.samples;
+      const uint32_t pixel = i / options.samples, row = pixel / 16, column = pixel % 16;
       const Vec2 u = trace::Sampler(1, tile, i).point(0);
-      const float x = static_cast<float>(tile % across * 16 + pixel % 16) + u.x;
-      const float y = static_cast<float>(tile / across * 16 + pixel / 16) + u.y;
+      const float x = static_cast<float>(left + column) + u.x;
+      const float y = static_cast<float>(top + row) + u.y;
       result.push_back(rays.ray(x, y, {0, 0}));
     }
   }

@@ -160,8 +160,9 @@ LightSample Sky::sample(const Vec2& u) const {
   const float density = density_of(choice.index);
   if (choice.index == kGround)
     return {frame_.to_world(direction(-choice.rest, u.y)), texels_[kGround], density};
-  const float row = static_cast<float>(choice.index / kColumns) + choice.rest;
-  const float column = static_cast<float>(choice.index % kColumns) + u.y;
+  const uint32_t whole_row = choice.index / kColumns, whole_column = choice.index % kColumns;
+  const float row = static_cast<float>(whole_row) + choice.rest;
+  const float column = static_cast<float>(whole_column) + u.y;
   return {frame_.to_world(direction(row / kRows, column / kColumns)), interpolated(column, row),
           density};
 }

@@ -81,6 +81,20 @@ TEST(Sky, samples_have_the_density_and_radiance_that_it_states) {
   EXPECT_NEAR(by_samples / by_sphere, 1.0, 0.01);
 }
 
+TEST(Sky, densities_of_all_directions_sum_up_to_one) {
+  for (const Environment& environment : {Environment{}, constant(3)}) {
+    const Sky sky(environment);
+    double sum = 0;
+    constexpr uint32_t kSamples = 1 << 18;
+    for (uint32_t i = 0; i < kSamples; ++i) {
+      const Vec2 u = Sampler(1, 0, i).point(0);
+      const float z = 1 - 2 * u.x, r = std::sqrt(std::max(0.0f, 1 - z * z)), phi = 2 * kPi * u.y;
+      sum += sky.density({r * std::cos(phi), r * std::sin(phi), z}) * 4 * kPi / kSamples;
+    }
+    EXPECT_NEAR(sum, 1.0, 2e-3);
+  }
+}
+
 TEST(Sky, density_of_a_sampled_direction_is_the_sample_s) {
   const Sky sky(Environment{});
   uint32_t equal = 0;
@@ -119,6 +133,7 @@ TEST(Sun, is_a_disc_of_the_asked_radius) {
     EXPECT_LT(std::acos(std::min(s.direction.y, 1.0f)), 0.0102f);
     irradiance += s.radiance.y / s.density / 256;
   }
+  EXPECT_NEAR(sun.density() * 2 * kPi * (1 - std::cos(0.01)), 1.0, 1e-3);
   environment.sun_radius = 0.2f;  // larger, but not brighter on the whole
   const LightSample wide = Sun(environment).sample({0.3f, 0.8f});
   EXPECT_NEAR(wide.radiance.y / wide.density, irradiance, 1e-3 * irradiance);

@@ -140,6 +140,46 @@ TEST(Render, shadow_rays_change_the_noise_and_not_the_picture) {
   EXPECT_NEAR(means[1] / means[2], 1.0, 0.01);
 }
 
+TEST(Render, russian_roulette_changes_the_noise_and_not_the_picture) {
+  // In a pit light comes by many bounces.
+  Mesh mesh = square(1);
+  for (const float side : {-1.0f, 1.0f}) {
+    Mesh wall = square(1);
+    for (Vec3& p : wall.positions) p = {side, p.x, p.y + 1};
+    append(mesh, wall, {0, 0, 0}, 0);
+    for (Vec3& p : wall.positions) p = {p.y, side, p.z};
+    append(mesh, wall, {0, 0, 0}, 0);
+  }
+  const Scene scene = scene_of(mesh, {lambert(0.9f)}, constant(1));
+  Settings settings = small_picture(16, 1024);
+  settings.max_bounces = 300;
+  const Picture ended = render(scene, from_above(1.0f, 1.0f), settings);
+  settings.roulette_from = 60;
+  const Picture long_paths = render(scene, from_above(1.0f, 1.0f), settings);
+  EXPECT_GT(long_paths.statistics.bounce, ended.statistics.bounce * 5 / 4);
+  EXPECT_LT(mean(long_paths.image), 0.97);
+  EXPECT_NEAR(mean(ended.image) / mean(long_paths.image), 1.0, 0.005);
+}
+
+TEST(Render, errors_fall_with_the_root_of_the_samples_or_faster) {
+  Material light = lambert(0.0f);
+  light.emission = {5, 5, 5};
+  Mesh mesh = square(100);
+  append(mesh, square(0.5f), {0, 0, 1}, 1);
+  const Scene scene = scene_of(mesh, {lambert(0.6f), light}, constant(0));
+  const double expected = 0.6 * 5 * square_form_factor(0.5, 1);
+  const auto error = [&](uint32_t samples) {
+    double sum = 0;
+    const Image image = render(scene, from_above(0.9f, 1e-3f), small_picture(24, samples)).image;
+    for (const Vec3& p : image.pixels) sum += (p.x / expected - 1) * (p.x / expected - 1);
+    return std::sqrt(sum / static_cast<double>(image.pixels.size()));
+  };
+  const double few = error(16), many = error(256);
+  EXPECT_GT(few, 0.0);
+  EXPECT_LT(many, few / 4);
+  EXPECT_LT(many, 0.01);
+}
+
 TEST(Render, what_is_half_transparent_passes_half_the_light) {
   Material veil = lambert(0.0f);
   veil.alpha = 0.5f;
