@@ -3,6 +3,7 @@
 #include "trace/path.hpp"
 
 #include <limits>
+#include <numbers>
 
 #include "trace/surface.hpp"
 
@@ -144,8 +145,13 @@ class Path {
   /// A kind by its chance; the number that chose it is stretched to be used again.
   static LightKind choose_kind(const std::array<float, kLightKinds>& chances, float& u) {
     uint32_t kind = 0;
-    float low = 0.0f;
-    while (kind + 1 < kLightKinds && u >= low + chances[kind]) low += chances[kind++];
+    float low = 0.0f, high = 0.0f;
+    for (uint32_t k = 0; k < kLightKinds && u >= high; ++k) {
+      if (!(chances[k] > 0.0f)) continue;
+      kind = k;
+      low = high;
+      high += chances[k];
+    }
     u = std::clamp((u - low) / chances[kind], 0.0f, 0x1.fffffep-1f);
     return static_cast<LightKind>(kind);
   }
@@ -220,33 +226,50 @@ class Path {
   Vec3 light_{0, 0, 0};
 };
 
+constexpr double kLeastShare = 0.125;  // power says little about what a lamp lights from nearby
+
+/// How much light of each kind meets the scene, roughly.
+std::array<double, kLightKinds> powers_of(const Scene::Data& scene) {
+  // A quarter of the surface is a convex body's mean shadow (Cauchy).
+  const double shadow = std::max(0.5 * double{half_area(scene.bounds)}, 1e-300);
+  return {scene.sun.power() * shadow, scene.sky.power() * shadow,
+          2.0 * std::numbers::pi * scene.light_choices.total()};
+}
+
+/// Leaves no kind more than one ray as long as others can take the rest.
+void cap(std::array<double, kLightKinds>& counts) {
+  for (uint32_t round = 0; round < kLightKinds; ++round) {
+    double excess = 0.0, others = 0.0;
+    for (double& count : counts) {
+      if (count < 1.0) others += count;
+      if (count > 1.0) excess += count - 1.0;
+    }
+    if (!(excess > 0.0) || !(others > 0.0)) return;
+    for (double& count : counts) count = count < 1.0 ? count * (1.0 + excess / others) : 1.0;
+  }
+}
+
 }  // namespace
 
 ShadowPlan plan_shadows(const Scene::Data& scene, uint32_t shadow_samples) {
-  using Kinds = std::array<float, kLightKinds>;
-  const Kinds outside{scene.sun.is_black() ? 0.0f : 1.0f, scene.sky.is_black() ? 0.0f : 1.0f, 0.0f};
-  const Kinds inside{0.0f, 0.0f, scene.light_choices.empty() ? 0.0f : 1.0f};
-  const auto count = [](const Kinds& kinds) {
-    return kinds[kSun] + kinds[kSky] + kinds[kTriangles];
-  };
-  const Kinds every{outside[kSun], outside[kSky], inside[kTriangles]};
+  std::array<double, kLightKinds> counts = powers_of(scene);
+  const double power = counts[kSun] + counts[kSky] + counts[kTriangles];
   ShadowPlan plan;
-  if (shadow_samples == 0 || count(every) == 0.0f) return plan;
+  if (shadow_samples == 0 || scene.triangles.empty() || !(power > 0.0)) return plan;
   plan.rays = shadow_samples;
-  if (shadow_samples == 1) {
-    plan.chances[0] = every;
-  } else if (count(outside) > 0.0f && count(inside) > 0.0f) {
-    plan.chances = {outside, inside};
-  } else if (count(outside) == 2.0f) {
-    plan.chances = {Kinds{1.0f, 0.0f, 0.0f}, Kinds{0.0f, 1.0f, 0.0f}};
-  } else {
-    plan.chances = {every, every};
-  }
-  for (uint32_t i = 0; i < plan.rays; ++i) {
-    const float kinds = count(plan.chances[i]);
-    for (uint32_t k = 0; k < kLightKinds; ++k) {
-      plan.chances[i][k] /= kinds;
-      plan.expected[k] += plan.chances[i][k];
+  double sum = 0.0;
+  for (double& count : counts)
+    if (count > 0.0) sum += count = std::max(count / power, kLeastShare);
+  for (double& count : counts) count *= plan.rays / sum;
+  cap(counts);
+  // Ray i takes what lies between i and i + 1 where the counts stand side by side.
+  double low = 0.0;
+  for (uint32_t k = 0; k < kLightKinds; low += counts[k++]) {
+    plan.expected[k] = static_cast<float>(counts[k]);
+    for (uint32_t i = 0; i < plan.rays; ++i) {
+      const double overlap = std::min(low + counts[k], i + 1.0) - std::max<double>(low, i);
+      // What rounding leaves is no chance: its light would not be weighted for it.
+      if (overlap > 1e-6) plan.chances[i][k] = static_cast<float>(overlap);
     }
   }
   return plan;

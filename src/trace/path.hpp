@@ -19,8 +19,8 @@ struct ShadowPlan {
   std::array<float, kLightKinds> expected{};                ///< rays of each kind
 };
 
-/// Two rays: one to sun or sky and one to an emissive triangle; what a scene lacks leaves its ray
-/// to the rest. One ray goes to a kind at random.
+/// Rays go to kinds in proportion to their light: each gets an eighth at least, and of two rays one
+/// at most where others can take the second.
 ShadowPlan plan_shadows(const Scene::Data& scene, uint32_t shadow_samples);
 
 struct PathContext {

@@ -1,6 +1,7 @@
 // The light from outside the scene: a sky as a table of radiance, and a sun as a bright disc.
 #pragma once
 
+#include <numbers>
 #include <vector>
 
 #include "trace/alias_table.hpp"
@@ -28,6 +29,8 @@ class Sky {
   Vec3 radiance(const Vec3& direction) const;
   LightSample sample(const Vec2& u) const;
   float density(const Vec3& direction) const;
+  /// Luminance summed over all directions.
+  double power() const { return (constant_ ? 4.0 * std::numbers::pi : 1.0) * choices_.total(); }
 
  private:
   static constexpr uint32_t kColumns = 128, kRows = 64;
@@ -58,6 +61,8 @@ class Sun {
   }
   LightSample sample(const Vec2& u) const;
   float density() const { return density_; }  ///< within the disc
+  /// Luminance summed over the disc.
+  double power() const { return is_black() ? 0.0 : double{luminance(radiance_)} / density_; }
 
  private:
   Frame frame_{};
