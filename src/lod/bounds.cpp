@@ -69,14 +69,14 @@ Ball around_box(const size_t (&low)[3], const size_t (&high)[3], size_t count, c
 template <typename Get>
 Ball ritter(size_t count, const Get& get) {
   size_t low[3] = {}, high[3] = {};
-  for (size_t i = 1; i < count; ++i) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double least[3] = {kInfinity, kInfinity, kInfinity}, most[3] = {-kInfinity, -kInfinity, -kInfinity};
+  for (size_t i = 0; i < count; ++i) {
     const Sphere s = get(i);
     for (int axis = 0; axis < 3; ++axis) {
-      const Sphere l = get(low[axis]), h = get(high[axis]);
-      if (coordinate(s.center, axis) - s.radius < coordinate(l.center, axis) - l.radius)
-        low[axis] = i;
-      if (coordinate(s.center, axis) + s.radius > coordinate(h.center, axis) + h.radius)
-        high[axis] = i;
+      const double x = coordinate(s.center, axis);
+      if (x - s.radius < least[axis]) least[axis] = x - s.radius, low[axis] = i;
+      if (x + s.radius > most[axis]) most[axis] = x + s.radius, high[axis] = i;
     }
   }
   Ball ball{to_point(get(0).center), get(0).radius};

@@ -52,12 +52,13 @@ class Builder {
   Builder(const MeshView& mesh, const Config& config, const BuildOptions& options)
       : config_(config),
         progress_(options),
-        source_(make_source(mesh, BuildOptions{})),
         grouper_(source_),
-        locked_(source_.mesh.positions.size(), 0),
         workers_([this] { return std::make_unique<Worker>(source_, config_); }) {
     dag_.config = config;
-    dag_.source_digest = triangle_set_digest(mesh);
+    tbb::parallel_invoke([&] { source_ = make_source(mesh, BuildOptions{}); },
+                         [&] { dag_.source_digest = triangle_set_digest(mesh); });
+    grouper_.reset();
+    locked_.assign(source_.mesh.positions.size(), 0);
     dag_.vertex_offsets = dag_.triangle_offsets = {0};
     report().input_triangles = mesh.triangles.size();
     report().input_vertices = mesh.positions.size();
@@ -66,8 +67,13 @@ class Builder {
   Dag run() {
     progress_.report(0.0, "clusters");
     cut_mesh(source_, config_, {}, pending_);
-    count_degenerate();
-    for (size_t c = 0; c < pending_.size(); ++c) own_spheres_.push_back(leaf_sphere(c));
+    order_vertices(source_, pending_);
+    tbb::parallel_invoke(
+        [&] { report().degenerate_triangles = settle_source(source_, pending_); },
+        [&] {
+          own_spheres_.resize(pending_.size());
+          parallel_for(pending_.size(), 64, [&](size_t c) { own_spheres_[c] = leaf_sphere(c); });
+        });
     int idle = 0;
     bool last_resort = false;
     while (pending_.size() > 0 && !is_coarsest()) {
@@ -104,14 +110,6 @@ class Builder {
   // Nothing is gained by levels above a single cluster's worth of triangles.
   bool is_coarsest() const {
     return pending_.size() == 1 || pending_.triangle_count() <= config_.max_triangles;
-  }
-
-  void count_degenerate() {
-    const auto& ids = source_.position_ids;
-    for (const Triangle& t : source_.mesh.triangles) {
-      const uint32_t a = ids[t[0]], b = ids[t[1]], c = ids[t[2]];
-      if (a == b || b == c || c == a) ++report().degenerate_triangles;
-    }
   }
 
   Sphere leaf_sphere(size_t cluster) const {
@@ -187,44 +185,42 @@ class Builder {
   }
 
   void join(const Clusters& groups, std::vector<GroupResult>& results) {
-    ClusterSet next;
+    std::vector<ClusterRef> next;
     std::vector<Sphere> next_spheres;
-    bool progress = false;
     const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
     for (size_t g = 0; g < results.size(); ++g) {
       const Range range = groups.ranges[g];
       const auto members = std::span(groups.items).subspan(range.offset, range.count);
       if (!results[g].simplified.done) {
         for (uint32_t c : members) {
-          next.append(pending_, c);
+          next.push_back({&pending_, c});
           next_spheres.push_back(own_spheres_[c]);
         }
         continue;
       }
-      progress = true;
       const uint32_t id = emit_group(members, results[g].simplified);
       ClusterSet& made = results[g].clusters;
-      for (size_t c = 0; c < made.size(); ++c) {
-        made.generating_group[c] = id;
-        next.append(made, c);
+      std::fill(made.generating_group.begin(), made.generating_group.end(), id);
+      for (uint32_t c = 0; c < made.size(); ++c) {
+        next.push_back({&made, c});
         next_spheres.push_back(tables().groups[id].sphere);
       }
-      made.clear();
     }
-    if (!progress) return;
     const uint32_t end = static_cast<uint32_t>(tables().groups.size());
+    if (end == first_group) return;
     tables().levels.push_back({first_group, end - first_group});
-    pending_ = std::move(next);
+    emit_clusters(first_group);
+    pending_ = gather_clusters(next);
     own_spheres_ = std::move(next_spheres);
   }
 
-  // Moves clusters into the DAG as one group.
+  // A new group of pending clusters, which `emit_clusters` then moves into the DAG.
   uint32_t emit_group(std::span<const uint32_t> members, const Simplified& simplified) {
     const uint32_t id = static_cast<uint32_t>(tables().groups.size());
     std::vector<uint32_t> generators;
     std::vector<Sphere> spheres;
     Group group;
-    group.clusters = {static_cast<uint32_t>(tables().clusters.size()),
+    group.clusters = {static_cast<uint32_t>(tables().clusters.size() + emitted_.size()),
                       static_cast<uint32_t>(members.size())};
     group.level = static_cast<uint32_t>(tables().levels.size());
     group.rung = simplified.rung;
@@ -240,7 +236,7 @@ class Builder {
         const double below = tables().groups[generator].error * (1.0 + kErrorMargin);
         group.error = std::max(group.error, static_cast<float>(below + simplified.error));
       }
-      emit_cluster(c, id);
+      emitted_.push_back(c);
     }
     group.sphere = enclosing_sphere(spheres);
     if (group.rung == Rung::kRoot) group.error = std::numeric_limits<float>::infinity();
@@ -249,16 +245,40 @@ class Builder {
     return id;
   }
 
-  void emit_cluster(uint32_t c, uint32_t group) {
-    const auto vertices = pending_.cluster_vertices(c);
-    const auto corners = pending_.cluster_corners(c);
-    tables().clusters.push_back({group, pending_.generating_group[c], pending_.material[c],
-                                 static_cast<uint32_t>(vertices.size()),
-                                 static_cast<uint32_t>(corners.size() / 3), pending_.boxes[c]});
-    dag_.cluster_vertices.insert(dag_.cluster_vertices.end(), vertices.begin(), vertices.end());
-    dag_.cluster_triangles.insert(dag_.cluster_triangles.end(), corners.begin(), corners.end());
-    dag_.vertex_offsets.push_back(static_cast<uint32_t>(dag_.cluster_vertices.size()));
-    dag_.triangle_offsets.push_back(static_cast<uint32_t>(dag_.cluster_triangles.size() / 3));
+  // Those of the groups from `first_group` on.
+  void emit_clusters(uint32_t first_group) {
+    const size_t first = tables().clusters.size();
+    tables().clusters.resize(first + emitted_.size());
+    for (size_t i = 0; i < emitted_.size(); ++i) {
+      const uint32_t c = emitted_[i];
+      dag_.vertex_offsets.push_back(
+          dag_.vertex_offsets.back() + static_cast<uint32_t>(pending_.cluster_vertices(c).size()));
+      dag_.triangle_offsets.push_back(dag_.triangle_offsets.back() +
+                                      pending_.triangle_offsets[c + 1] -
+                                      pending_.triangle_offsets[c]);
+    }
+    dag_.cluster_vertices.resize(dag_.vertex_offsets.back());
+    dag_.cluster_triangles.resize(3 * size_t{dag_.triangle_offsets.back()});
+    parallel_for(emitted_.size(), 128, [&](size_t i) {
+      const uint32_t c = emitted_[i];
+      const auto vertices = pending_.cluster_vertices(c);
+      const auto corners = pending_.cluster_corners(c);
+      tables().clusters[first + i] = {kNone,
+                                      pending_.generating_group[c],
+                                      pending_.material[c],
+                                      static_cast<uint32_t>(vertices.size()),
+                                      static_cast<uint32_t>(corners.size() / 3),
+                                      pending_.boxes[c]};
+      std::ranges::copy(vertices, dag_.cluster_vertices.begin() + dag_.vertex_offsets[first + i]);
+      std::ranges::copy(corners, dag_.cluster_triangles.begin() +
+                                     3 * size_t{dag_.triangle_offsets[first + i]});
+    });
+    emitted_.clear();
+    for (uint32_t g = first_group; g < tables().groups.size(); ++g) {
+      const Range range = tables().groups[g].clusters;
+      for (uint32_t c = range.offset; c < range.offset + range.count; ++c)
+        tables().clusters[c].group = g;
+    }
   }
 
   // What is left becomes one root group, or several where simplification could go no further and
@@ -277,6 +297,7 @@ class Builder {
     root.rung = Rung::kRoot;
     for (const Range& range : roots.ranges)
       emit_group(std::span(roots.items).subspan(range.offset, range.count), root);
+    emit_clusters(first_group);
     report().root_groups = static_cast<uint32_t>(roots.ranges.size());
     report().stuck_groups = coarsest ? 0 : report().root_groups;
     tables().levels.push_back({first_group, report().root_groups});
@@ -298,6 +319,7 @@ class Builder {
   ChordRegistry chords_;
   tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
   ClusterSet pending_;
+  std::vector<uint32_t> emitted_;    // pending clusters of new groups, group by group
   std::vector<Sphere> own_spheres_;  // of each pending cluster: its generating group's, or its own
   double done_ = 0.1;                // part of all work
   Dag dag_;

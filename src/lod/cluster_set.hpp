@@ -44,14 +44,14 @@ struct ClusterSet {
     boxes.push_back(box);
   }
 
-  void append_all(const ClusterSet& other) {
-    for (size_t i = 0; i < other.size(); ++i) append(other, i);
-  }
-
-  void append(const ClusterSet& other, size_t i) {
-    append(other.cluster_vertices(i), other.cluster_corners(i), other.generating_group[i],
-           other.material[i], other.boxes[i]);
-  }
 };
+
+struct ClusterRef {
+  const ClusterSet* set;
+  uint32_t index;
+};
+
+/// Copies of clusters of several sets, in their order.
+ClusterSet gather_clusters(std::span<const ClusterRef> clusters);
 
 }  // namespace umbel::lod

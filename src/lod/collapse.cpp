@@ -195,8 +195,8 @@ bool EdgeCollapser::is_legal(uint32_t p, uint32_t target) {
 bool EdgeCollapser::keeps_link(uint32_t p, uint32_t target) {
   list_neighbours(p, target);
   const uint32_t around = ring_of_[p].count;
-  // The last triangle of a component stays, and so does one whose place another takes.
-  if (around == 1 && ring_of_[target].count == 1) return false;
+  // The last triangles of a component stay, and so does one whose place another takes.
+  if (around == opposites_ && ring_of_[target].count == around) return false;
   const bool closes = around == 3 && opposites_ == 2;
   for (const Spoke& s : ring(target)) {
     if (marks_[s.next] == stamp_ || marks_[s.prev] == stamp_) return false;
@@ -323,21 +323,23 @@ void EdgeCollapser::move_ring(uint32_t p, uint32_t target) {
   for (uint32_t x : neighbours_) rename(x, p, target);
 }
 
-// In the ring of a neighbour.
+// In the ring of a neighbour. The triangle at the edge, if it is there, goes.
 void EdgeCollapser::rename(uint32_t at, uint32_t p, uint32_t target) {
   Ring& r = ring_of_[at];
-  for (uint32_t i = r.offset; i < r.offset + r.count;) {
-    Spoke& s = spokes_[i];
-    s.next = s.next == p ? target : s.next;
-    s.prev = s.prev == p ? target : s.prev;
-    if (s.next == s.prev) {
-      const uint32_t last = r.offset + --r.count;
-      s = spokes_[last];
-      corners_[i] = corners_[last];
-    } else {
-      ++i;
-    }
+  Spoke* spokes = spokes_.data() + r.offset;
+  const uint32_t count = r.count;
+  uint32_t gone = count;
+  for (uint32_t i = 0; i < count; ++i) {
+    const uint32_t n = spokes[i].next == p ? target : spokes[i].next;
+    const uint32_t q = spokes[i].prev == p ? target : spokes[i].prev;
+    spokes[i] = {n, q};
+    gone = n == q ? i : gone;
   }
+  if (gone == count) return;
+  spokes[gone] = spokes[--r.count];
+  corners_[r.offset + gone] = corners_[r.offset + r.count];
+  if (std::any_of(spokes, spokes + r.count, [](const Spoke& s) { return s.next == s.prev; }))
+    rename(at, p, target);
 }
 
 void EdgeCollapser::note_chords(uint32_t target) {

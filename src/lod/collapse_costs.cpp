@@ -29,7 +29,12 @@ void EdgeCollapser::build_quadrics() {
     Quadric plane{};
     add_plane(plane, n, 0.5f / size);
     plane.weight = 0.5f * size;
-    for (uint32_t v : p) add(quadrics_[v], plane);
+    // All else in the quadric of a plane through its origin is 0.
+    const Float4 first = Float4::load(&plane.xx), second = Float4::load(&plane.xz);
+    for (uint32_t v : p) {
+      (Float4::load(&quadrics_[v].xx) + first).store(&quadrics_[v].xx);
+      (Float4::load(&quadrics_[v].xz) + second).store(&quadrics_[v].xz);
+    }
   }
   for (uint32_t p = 0; p < points_.size(); ++p) settle_scale(p);
   for (uint32_t p = 0; p < points_.size(); ++p)

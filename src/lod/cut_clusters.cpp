@@ -46,7 +46,7 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
                     std::span<const Aabb> boxes, std::span<const uint32_t> items,
                     uint32_t generating_group, ClusterSet& out) {
   // Open addressing over at most 256 vertices.
-  constexpr uint32_t kSlots = 1024;
+  constexpr uint32_t kSlots = 512;
   uint32_t keys[kSlots];
   uint8_t values[kSlots];
   std::fill(keys, keys + kSlots, kNone);
@@ -57,7 +57,7 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
   for (uint32_t item : items) {
     extend(box, boxes[item]);
     for (uint32_t v : triangles[item]) {
-      uint32_t slot = (v * 0x9e3779b1u) >> 22;
+      uint32_t slot = (v * 0x9e3779b1u) >> 23;
       while (keys[slot] != kNone && keys[slot] != v) slot = (slot + 1) % kSlots;
       if (keys[slot] == kNone) {
         keys[slot] = v;
@@ -114,7 +114,10 @@ void cut_mesh(const Source& source, const Config& config, const BuildOptions& op
                      chunks[begin / kChunk]);
     }
   });
-  for (const ClusterSet& chunk : chunks) out.append_all(chunk);
+  std::vector<ClusterRef> all;
+  for (const ClusterSet& chunk : chunks)
+    for (uint32_t i = 0; i < chunk.size(); ++i) all.push_back({&chunk, i});
+  out = gather_clusters(all);
 }
 
 }  // namespace umbel::lod

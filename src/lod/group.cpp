@@ -22,6 +22,10 @@ constexpr uint32_t kMostOwners = 64;
 template <typename Visit>
 void for_each_position(const Source& source, std::span<const uint32_t> vertices,
                        std::vector<uint32_t>& scratch, const Visit& visit) {
+  if (!source.has_wedges) {
+    for (uint32_t v : vertices) visit(v);
+    return;
+  }
   scratch.clear();
   for (uint32_t v : vertices) scratch.push_back(source.position_ids[v]);
   std::sort(scratch.begin(), scratch.end());

@@ -17,8 +17,10 @@ namespace umbel::lod {
 /// position id. Scratch is kept from round to round.
 class Grouper {
  public:
-  explicit Grouper(const Source& source)
-      : source_(source), owners_(source.mesh.positions.size(), 0) {}
+  explicit Grouper(const Source& source) : source_(source) {}
+
+  /// Once the source is there.
+  void reset() { owners_.assign(source_.mesh.positions.size(), 0); }
 
   Clusters group(const ClusterSet& set, std::span<const uint8_t> locked, const Config& config);
 

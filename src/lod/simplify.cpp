@@ -71,6 +71,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   };
   if (best.triangles.size() > target) {
     consider(collapse_regular(target));
+    if (best.triangles.size() > good) prepare_repair();
     if (best.triangles.size() > good)
       consider(collapse_checked(target, meshopt_SimplifyPermissive, Rung::kPermissive));
     if (best.triangles.size() > good) consider(prune(best, target));
@@ -86,7 +87,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.fixed_edges = to_ids(topology_.fixed_edges());
   if (!best.valid || best.triangles.size() > kStuck * before) return result;
   result.done = true;
-  result.vanished = settle_vanished(good, best.triangles);
+  if (best.rung != Rung::kRegular) result.vanished = settle_vanished(good, best.triangles);
   result.error = best.error;
   result.rung = best.rung;
   result.chords = to_ids(best.chords);
@@ -156,9 +157,13 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
   for (const Triangle& t : triangles_)
     position_triangles_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
   topology_.set_piece(position_triangles_, locked_, components_);
+  gather_attributes();
+}
+
+// What the rungs below the first need to know. No component vanishes in the first.
+void GroupSimplifier::prepare_repair() {
   find_spare_vertices();
   find_components();
-  gather_attributes();
 }
 
 void GroupSimplifier::find_spare_vertices() {

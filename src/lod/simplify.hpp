@@ -61,6 +61,7 @@ class GroupSimplifier {
   void gather(const ClusterSet& set, std::span<const uint32_t> clusters,
               std::span<const uint8_t> locked);
   void gather_attributes();
+  void prepare_repair();
   void find_spare_vertices();
   void find_components();
   float settle_vanished(size_t most_triangles, std::vector<Triangle>& triangles);

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <utility>
 
 #include "base/math.hpp"
+#include "base/parallel.hpp"
 #include "lod/topology.hpp"
 
 namespace umbel::lod {
@@ -20,6 +23,25 @@ float simplification_scale(const Aabb& box) {
   return std::ldexp(1.0f, -std::ilogb(extent));
 }
 
+// Where vertices have nothing but a position, welding has left one at each.
+std::vector<uint32_t> find_position_ids(const Mesh& mesh) {
+  const bool only_positions = mesh.normals.empty() && mesh.tangents.empty() && mesh.uvs.empty() &&
+                              mesh.colors.empty() && mesh.materials.empty();
+  if (!only_positions) return position_ids(mesh.positions);
+  std::vector<uint32_t> ids(mesh.positions.size());
+  std::iota(ids.begin(), ids.end(), 0u);
+  return ids;
+}
+
+// The i-th becomes the `from[i]`-th of what was there.
+template <typename Value>
+void permute(std::vector<Value>& values, const std::vector<uint32_t>& from) {
+  if (values.empty()) return;
+  std::vector<Value> result(from.size());
+  parallel_for(from.size(), 1 << 14, [&](size_t i) { result[i] = values[from[i]]; });
+  values = std::move(result);
+}
+
 }  // namespace
 
 Source make_source(const MeshView& input, const BuildOptions& options) {
@@ -31,10 +53,9 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
     if (!mesh.triangles.empty() && std::fabs(c) > kLargestCoordinate)
       throw Error(ErrorCode::kInvalidMesh, "coordinate " + std::to_string(c) +
                                                " is too large: the limit is 1e18 in magnitude");
-  source.position_ids = position_ids(mesh.positions);
+  source.position_ids = find_position_ids(mesh);
   for (uint32_t v = 0; v < source.position_ids.size(); ++v)
     source.has_wedges |= source.position_ids[v] != v;
-  source.irregular_components = irregular_components(mesh.triangles, source.position_ids);
   if (!mesh.triangles.empty()) source.scale = simplification_scale(box);
 
   if (std::any_of(mesh.materials.begin(), mesh.materials.end(),
@@ -49,6 +70,49 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
     }
   }
   return source;
+}
+
+void order_vertices(Source& source, ClusterSet& clusters) {
+  const size_t count = source.mesh.positions.size();
+  std::vector<uint32_t> number(count, kNone), from;
+  from.reserve(count);
+  for (uint32_t& v : clusters.vertices) {
+    if (number[v] == kNone) {
+      number[v] = static_cast<uint32_t>(from.size());
+      from.push_back(v);
+    }
+    v = number[v];
+  }
+  Mesh& mesh = source.mesh;
+  permute(mesh.positions, from);
+  permute(mesh.normals, from);
+  permute(mesh.tangents, from);
+  permute(mesh.uvs, from);
+  permute(mesh.colors, from);
+  permute(source.vertex_materials, from);
+  permute(source.several_materials, from);
+  permute(source.position_ids, from);
+  for (uint32_t& id : source.position_ids) id = number[id];
+}
+
+size_t settle_source(Source& source, const ClusterSet& clusters) {
+  std::vector<Triangle>& triangles = source.mesh.triangles;
+  triangles.clear();
+  for (size_t c = 0; c < clusters.size(); ++c) {
+    const auto vertices = clusters.cluster_vertices(c);
+    const auto corners = clusters.cluster_corners(c);
+    for (size_t i = 0; i < corners.size(); i += 3)
+      triangles.push_back(
+          {vertices[corners[i]], vertices[corners[i + 1]], vertices[corners[i + 2]]});
+  }
+  const auto& ids = source.position_ids;
+  source.irregular_components = irregular_components(triangles, ids);
+  const auto degenerate = std::count_if(triangles.begin(), triangles.end(), [&](const Triangle& t) {
+    const uint32_t a = ids[t[0]], b = ids[t[1]], c = ids[t[2]];
+    return a == b || b == c || c == a;
+  });
+  triangles = {};
+  return static_cast<size_t>(degenerate);
 }
 
 }  // namespace umbel::lod

@@ -4,12 +4,13 @@
 #include <cstdint>
 #include <vector>
 
+#include "lod/cluster_set.hpp"
 #include "umbel/lod.hpp"
 
 namespace umbel::lod {
 
 struct Source {
-  Mesh mesh;                                   ///< welded
+  Mesh mesh;  ///< welded; its triangles are there until the first clusters are
   std::vector<uint32_t> position_ids;          ///< one a vertex
   bool has_wedges = false;                     ///< several vertices at one position
   std::vector<uint32_t> irregular_components;  ///< one a position id, see topology.hpp
@@ -24,7 +25,15 @@ struct Source {
   }
 };
 
-/// Welds and prepares a valid mesh.
+/// Welds and prepares a valid mesh, but for its irregular components.
 Source make_source(const MeshView& mesh, const BuildOptions& options);
+
+/// Numbers vertices anew in the order in which `clusters` use them, so that neighbours are near
+/// each other in memory. The mesh's triangles are not.
+void order_vertices(Source& source, ClusterSet& clusters);
+
+/// Finds the irregular components of the surface in `clusters`, and lets go of the mesh's
+/// triangles. Returns how many are degenerate.
+size_t settle_source(Source& source, const ClusterSet& clusters);
 
 }  // namespace umbel::lod
