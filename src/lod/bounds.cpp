@@ -70,7 +70,8 @@ template <typename Get>
 Ball ritter(size_t count, const Get& get) {
   size_t low[3] = {}, high[3] = {};
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  double least[3] = {kInfinity, kInfinity, kInfinity}, most[3] = {-kInfinity, -kInfinity, -kInfinity};
+  double least[3] = {kInfinity, kInfinity, kInfinity},
+         most[3] = {-kInfinity, -kInfinity, -kInfinity};
   for (size_t i = 0; i < count; ++i) {
     const Sphere s = get(i);
     for (int axis = 0; axis < 3; ++axis) {

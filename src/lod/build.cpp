@@ -68,12 +68,12 @@ class Builder {
     progress_.report(0.0, "clusters");
     cut_mesh(source_, config_, {}, pending_);
     order_vertices(source_, pending_);
-    tbb::parallel_invoke(
-        [&] { report().degenerate_triangles = settle_source(source_, pending_); },
-        [&] {
-          own_spheres_.resize(pending_.size());
-          parallel_for(pending_.size(), 64, [&](size_t c) { own_spheres_[c] = leaf_sphere(c); });
-        });
+    tbb::parallel_invoke([&] { report().degenerate_triangles = settle_source(source_, pending_); },
+                         [&] {
+                           own_spheres_.resize(pending_.size());
+                           parallel_for(pending_.size(), 64,
+                                        [&](size_t c) { own_spheres_[c] = leaf_sphere(c); });
+                         });
     int idle = 0;
     bool last_resort = false;
     while (pending_.size() > 0 && !is_coarsest()) {
@@ -251,8 +251,8 @@ class Builder {
     tables().clusters.resize(first + emitted_.size());
     for (size_t i = 0; i < emitted_.size(); ++i) {
       const uint32_t c = emitted_[i];
-      dag_.vertex_offsets.push_back(
-          dag_.vertex_offsets.back() + static_cast<uint32_t>(pending_.cluster_vertices(c).size()));
+      dag_.vertex_offsets.push_back(dag_.vertex_offsets.back() +
+                                    static_cast<uint32_t>(pending_.cluster_vertices(c).size()));
       dag_.triangle_offsets.push_back(dag_.triangle_offsets.back() +
                                       pending_.triangle_offsets[c + 1] -
                                       pending_.triangle_offsets[c]);
@@ -270,8 +270,8 @@ class Builder {
                                       static_cast<uint32_t>(corners.size() / 3),
                                       pending_.boxes[c]};
       std::ranges::copy(vertices, dag_.cluster_vertices.begin() + dag_.vertex_offsets[first + i]);
-      std::ranges::copy(corners, dag_.cluster_triangles.begin() +
-                                     3 * size_t{dag_.triangle_offsets[first + i]});
+      std::ranges::copy(
+          corners, dag_.cluster_triangles.begin() + 3 * size_t{dag_.triangle_offsets[first + i]});
     });
     emitted_.clear();
     for (uint32_t g = first_group; g < tables().groups.size(); ++g) {

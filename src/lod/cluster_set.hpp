@@ -43,7 +43,6 @@ struct ClusterSet {
     material.push_back(cluster_material);
     boxes.push_back(box);
   }
-
 };
 
 struct ClusterRef {

@@ -81,7 +81,7 @@ void EdgeCollapser::build_rings() {
   uint32_t offset = 0;
   for (Ring& r : ring_of_) {
     r.offset = offset;
-    offset += std::exchange(r.count, 0);
+    offset += blocks(std::exchange(r.count, 0));
   }
   spokes_.resize(offset);
   corners_.resize(offset);
@@ -293,7 +293,7 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
 void EdgeCollapser::move_ring(uint32_t p, uint32_t target) {
   const Ring old = ring_of_[p], kept = ring_of_[target];
   const uint32_t offset = static_cast<uint32_t>(spokes_.size());
-  spokes_.resize(offset + old.count + kept.count);
+  spokes_.resize(offset + blocks(old.count + kept.count));
   corners_.resize(spokes_.size());
   uint32_t end = offset;
   const auto append = [&](uint32_t from) {
@@ -316,30 +316,38 @@ void EdgeCollapser::move_ring(uint32_t p, uint32_t target) {
   }
   for (uint32_t i = kept.offset; i < kept.offset + kept.count; ++i)
     if (spokes_[i].next != p && spokes_[i].prev != p) append(i);
-  spokes_.resize(end);
-  corners_.resize(end);
   ring_of_[p].count = 0;
   ring_of_[target] = {offset, end - offset};
+  spokes_.resize(offset + blocks(end - offset));
+  corners_.resize(spokes_.size());
   for (uint32_t x : neighbours_) rename(x, p, target);
+  for (size_t i = 0; i < opposites_; ++i) remove_folded(neighbours_[i]);
 }
 
-// In the ring of a neighbour. The triangle at the edge, if it is there, goes.
+// In the ring of a neighbour, whole blocks at a time: what is behind the ring's end does not count.
 void EdgeCollapser::rename(uint32_t at, uint32_t p, uint32_t target) {
-  Ring& r = ring_of_[at];
-  Spoke* spokes = spokes_.data() + r.offset;
-  const uint32_t count = r.count;
-  uint32_t gone = count;
-  for (uint32_t i = 0; i < count; ++i) {
-    const uint32_t n = spokes[i].next == p ? target : spokes[i].next;
-    const uint32_t q = spokes[i].prev == p ? target : spokes[i].prev;
-    spokes[i] = {n, q};
-    gone = n == q ? i : gone;
+  const Ring r = ring_of_[at];
+  for (uint32_t begin = 0; begin < r.count; begin += kBlock) {
+    Spoke* block = &spokes_[r.offset + begin];
+    for (uint32_t i = 0; i < kBlock; ++i) {
+      block[i].next = block[i].next == p ? target : block[i].next;
+      block[i].prev = block[i].prev == p ? target : block[i].prev;
+    }
   }
-  if (gone == count) return;
-  spokes[gone] = spokes[--r.count];
-  corners_[r.offset + gone] = corners_[r.offset + r.count];
-  if (std::any_of(spokes, spokes + r.count, [](const Spoke& s) { return s.next == s.prev; }))
-    rename(at, p, target);
+}
+
+// From the ring of a third corner at the edge.
+void EdgeCollapser::remove_folded(uint32_t at) {
+  Ring& r = ring_of_[at];
+  for (uint32_t i = r.offset; i < r.offset + r.count;) {
+    if (spokes_[i].next != spokes_[i].prev) {
+      ++i;
+      continue;
+    }
+    const uint32_t last = r.offset + --r.count;
+    spokes_[i] = spokes_[last];
+    corners_[i] = corners_[last];
+  }
 }
 
 void EdgeCollapser::note_chords(uint32_t target) {

@@ -59,6 +59,9 @@ class EdgeCollapser {
   struct Spoke {
     uint32_t next, prev;
   };
+  // Rings have room for whole blocks of spokes.
+  static constexpr uint32_t kBlock = 4;
+  static uint32_t blocks(uint32_t count) { return (count + kBlock - 1) / kBlock * kBlock; }
   struct Ring {
     uint32_t offset, count;
   };
@@ -114,6 +117,7 @@ class EdgeCollapser {
   void collapse(uint32_t p, uint32_t target);
   void move_ring(uint32_t p, uint32_t target);
   void rename(uint32_t at, uint32_t p, uint32_t target);
+  void remove_folded(uint32_t at);
   void note_chords(uint32_t target);
   void merge_quadrics(uint32_t p, uint32_t target);
   void merge_attributes(uint32_t from, uint32_t to, const Vec3& d);

@@ -14,6 +14,18 @@ uint32_t find_root(std::vector<uint32_t>& parent, uint32_t i) {
   return i;
 }
 
+// Most vertices have about three edges to later ones, two triangles at each.
+template <typename Iterator>
+void sort_few(Iterator begin, Iterator end) {
+  if (end - begin > 16) return std::sort(begin, end);
+  for (auto i = begin; i != end; ++i) {
+    const auto value = *i;
+    auto j = i;
+    for (; j != begin && value < *(j - 1); --j) *j = *(j - 1);
+    *j = value;
+  }
+}
+
 // Calls visit(lower end, higher end, direction) for the three edges of every triangle that has
 // three distinct corners.
 template <typename Visit>
@@ -48,7 +60,7 @@ std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
   std::vector<uint8_t> irregular(count, 0);
   for (size_t a = 0; a < count; ++a) {
     const auto begin = ends.begin() + offsets[a], end = ends.begin() + offsets[a + 1];
-    std::sort(begin, end);
+    sort_few(begin, end);
     for (auto i = begin; i != end;) {
       const uint32_t b = static_cast<uint32_t>(*i >> 1);
       const auto run = std::find_if(i, end, [&](uint64_t e) { return e >> 1 != b; });
