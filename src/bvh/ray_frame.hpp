@@ -18,16 +18,26 @@
 
 #include <bit>
 #include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <limits>
 
 #include "bvh/triangle_bvh_data.hpp"
 
 namespace umbel {
 
+/// Four lanes on which arithmetic works one by one (an extension of GCC and Clang).
+typedef float Quad __attribute__((vector_size(16)));
+typedef int32_t QuadBits __attribute__((vector_size(16)));
+
 struct RayFrame {
-  float inv[3], near_b[3], far_b[3];
-  float origin[3];
+  // Of x, y and z; the fourth lane means nothing.
+  alignas(16) float inv[4];
+  alignas(16) float near_b[4];
+  alignas(16) float far_b[4];
+  alignas(16) float origin[4];
   float sx, sy, sz;    ///< Woop's shear
-  int kx, ky, kz;      ///< Woop's axes
+  uint32_t kx, ky, kz;  ///< Woop's axes
   float t_min, t_max;  /// in units of the scaled direction
   float t_unit;        ///< what t is to be multiplied by to give the ray's own
   float scale;         ///< what triangles are multiplied by: a power of two
@@ -48,54 +58,64 @@ static inline int exponent_of(float value) {
   return static_cast<int>((std::bit_cast<uint32_t>(value) >> 23) & 255u) - 127;
 }
 
+/// The axis of the largest component, by whether x exceeds y (bit 0), x exceeds z, y exceeds z.
+inline constexpr uint8_t kLargestAxis[8] = {2, 2, 2, 0, 1, 2, 1, 0};
+
 /// False where the ray can hit nothing.
 static inline bool make_frame(const TriangleBvhData& tree, const Ray& ray, RayFrame& f) {
   constexpr float kMax = std::numeric_limits<float>::max();
-  float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-  const float o[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
-  const float a[3] = {std::fabs(d[0]), std::fabs(d[1]), std::fabs(d[2])};
-  const int kz = a[0] > a[1] ? (a[0] > a[2] ? 0 : 2) : (a[1] > a[2] ? 1 : 2);
-  float largest = a[kz];
-  const float sum = a[0] + a[1] + a[2] + std::fabs(o[0]) + std::fabs(o[1]) + std::fabs(o[2]);
+  static_assert(offsetof(Ray, t_min) == 12 && offsetof(Ray, t_max) == 28);
+  Quad o, d;
+  std::memcpy(&o, &ray.origin, sizeof o);
+  std::memcpy(&d, &ray.direction, sizeof d);
+  constexpr int32_t kSign = std::numeric_limits<int32_t>::min();
+  const QuadBits signs = QuadBits(d) & kSign;
+  Quad a = Quad(QuadBits(d) & ~kSign);
+  const Quad away = Quad(QuadBits(o) & ~kSign), sums = a + away;
   // Written so that a NaN anywhere fails.
-  if (!(sum <= kMax) || !(largest > 0.0f) || !(ray.t_min <= ray.t_max)) return false;
+  if (!(sums[0] + sums[1] + sums[2] <= kMax) || !(ray.t_min <= ray.t_max)) return false;
+  float largest = std::max(std::max(a[0], a[1]), a[2]);
+  if (!(largest > 0.0f)) return false;
+  const uint32_t kz = kLargestAxis[uint32_t{a[0] > a[1]} | uint32_t{a[0] > a[2]} << 1 |
+                                   uint32_t{a[1] > a[2]} << 2];
 
   f.t_min = ray.t_min;
   f.t_max = ray.t_max;
   f.t_unit = 1.0f;
-  if (largest < 0x1p-20f || largest > 0x1p20f) {
+  if (largest < 0x1p-20f || largest > 0x1p20f) [[unlikely]] {
     const int exponent = std::min(std::max(exponent_of(largest), -126), 126);
     f.t_unit = power_of_two(-exponent);
     const float inverse = power_of_two(exponent);
     f.t_min *= inverse;
     f.t_max *= inverse;
-    for (float& component : d) component *= f.t_unit;
+    d *= f.t_unit;
+    a *= f.t_unit;
     largest *= f.t_unit;
   }
 
-  const float reach =
-      std::max(tree.reach, std::max(std::fabs(o[0]), std::max(std::fabs(o[1]), std::fabs(o[2]))));
+  const float reach = std::max(std::max(tree.reach, away[0]), std::max(away[1], away[2]));
   const float slack = 0x1p-20f * reach, smallest = 0x1p-40f * largest;
-  for (int axis = 0; axis < 3; ++axis) {
-    const float component =
-        std::fabs(d[axis]) < smallest ? std::copysign(smallest, d[axis]) : d[axis];
-    f.inv[axis] = 1.0f / component;
-    const float b = -o[axis] * f.inv[axis], e = slack * std::fabs(f.inv[axis]);
-    f.near_b[axis] = b - e;
-    f.far_b[axis] = b + e;
-    f.origin[axis] = o[axis];
-  }
-  f.kz = kz;
+  const Quad component = Quad(QuadBits(a < smallest ? Quad{} + smallest : a) | signs);
+  const Quad inv = 1.0f / component, b = -o * inv, e = Quad(QuadBits(inv) & ~kSign) * slack;
+  const Quad near_b = b - e, far_b = b + e;
+  std::memcpy(f.inv, &inv, sizeof inv);
+  std::memcpy(f.near_b, &near_b, sizeof near_b);
+  std::memcpy(f.far_b, &far_b, sizeof far_b);
+  std::memcpy(f.origin, &o, sizeof o);
   // The other two in the order that keeps a triangle's winding.
-  const int next = kz == 2 ? 0 : kz + 1, last = kz == 0 ? 2 : kz - 1;
-  const bool flip = d[kz] < 0.0f;
+  alignas(16) float directions[4];
+  std::memcpy(directions, &d, sizeof d);
+  const uint32_t next = kz == 2 ? 0 : kz + 1, last = kz == 0 ? 2 : kz - 1;
+  const bool flip = directions[kz] < 0.0f;
   f.kx = flip ? last : next;
   f.ky = flip ? next : last;
-  f.sz = 1.0f / d[kz];
-  f.sx = d[f.kx] * f.sz;
-  f.sy = d[f.ky] * f.sz;
+  f.kz = kz;
+  // The largest component is not too small, so this is its reciprocal.
+  f.sz = f.inv[kz];
+  f.sx = directions[f.kx] * f.sz;
+  f.sy = directions[f.ky] * f.sz;
   f.scale = tree.scale;
-  f.unscale = 1.0f / tree.scale;
+  f.unscale = tree.unscale;
   return true;
 }
 

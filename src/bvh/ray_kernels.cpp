@@ -59,13 +59,14 @@ void prepare_rays(TriangleBvhData& data, Simd simd) {
   data.kernels = data.nodes.empty() ? &kEmptyTree : kernels;
   data.simd = simd;
   data.reach = 0;
-  data.scale = 1;
+  data.scale = data.unscale = 1;
   if (data.nodes.empty()) return;
   for (const float c : {data.bounds.min.x, data.bounds.min.y, data.bounds.min.z, data.bounds.max.x,
                         data.bounds.max.y, data.bounds.max.z})
     data.reach = std::max(data.reach, std::fabs(c));
   if (data.reach > 0x1p20f || (data.reach < 0x1p-20f && data.reach > 0))
     data.scale = power_of_two(std::clamp(-exponent_of(data.reach), -126, 126));
+  data.unscale = 1 / data.scale;
 }
 
 void prepare_rays(TriangleBvhData& data) { prepare_rays(data, data.simd); }

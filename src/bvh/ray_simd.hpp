@@ -65,9 +65,9 @@ class TriangleTester {
         scale_(_mm256_set1_ps(f.scale)),
         t_scale_(_mm256_set1_ps(f.sz * f.unscale)),
         t_min_(_mm256_set1_ps(f.t_min)),
-        kx_(static_cast<uint32_t>(f.kx)),
-        ky_(static_cast<uint32_t>(f.ky)),
-        kz_(static_cast<uint32_t>(f.kz)),
+        kx_(f.kx),
+        ky_(f.ky),
+        kz_(f.kz),
         scaled_(f.scale != 1.0f) {}
 
   UMBEL_SIMD uint32_t operator()(const TriangleBvhData& tree, uint32_t link, bool cull_back,

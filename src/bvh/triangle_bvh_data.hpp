@@ -61,6 +61,7 @@ struct TriangleBvhData {
   Simd simd = Simd::kAuto;  ///< as asked for
   float reach = 0;          ///< the largest coordinate of any box, by amount
   float scale = 1;  ///< power of two that brings triangles of extreme size into a safe range
+  float unscale = 1;  ///< 1 / scale
 
   uint32_t node_words() const { return 7 * width; }
   uint32_t corner_words() const { return compact ? 3 : 9; }
