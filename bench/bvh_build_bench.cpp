@@ -7,47 +7,15 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 #include <string>
 #include <vector>
 
-#include "ply_reader.hpp"
+#include "mesh_reader.hpp"
 #include "umbel/bvh.hpp"
 
 namespace {
 
 namespace bvh = umbel::bvh;
-
-/// Vertices and polygons, which become fans.
-umbel::Mesh read_obj(const std::string& path) {
-  std::ifstream file(path);
-  umbel::Mesh mesh;
-  for (std::string line; std::getline(file, line);) {
-    std::istringstream words(line);
-    std::string word;
-    words >> word;
-    if (word == "v") {
-      umbel::Vec3 p{};
-      words >> p.x >> p.y >> p.z;
-      mesh.positions.push_back(p);
-    }
-    if (word != "f") continue;
-    std::vector<uint32_t> corners;
-    while (words >> word) {
-      const long index = std::strtol(word.c_str(), nullptr, 10);
-      corners.push_back(
-          static_cast<uint32_t>(index < 0 ? long(mesh.positions.size()) + index : index - 1));
-    }
-    for (size_t k = 2; k < corners.size(); ++k)
-      mesh.triangles.push_back({corners[0], corners[k - 1], corners[k]});
-  }
-  return mesh;
-}
-
-umbel::Mesh read_mesh(const std::string& path) {
-  return path.ends_with(".obj") ? read_obj(path) : bench::read_ply(path);
-}
 
 double median(std::vector<double> times) {
   std::sort(times.begin(), times.end());
@@ -95,7 +63,7 @@ int main(int argc, char** argv) {
   }
   if (builders.empty()) builders.assign(bvh::builders().begin(), bvh::builders().end());
   for (const std::string& path : paths) {
-    const umbel::Mesh mesh = read_mesh(path);
+    const umbel::Mesh mesh = bench::read_mesh(path);
     std::printf("%s: %zu triangles, medians of %d\n", path.c_str(), mesh.triangles.size(), runs);
     std::printf("  %-14s %8s %8s %5s %8s %9s %9s %9s %9s %5s\n", "builder", "1T s", "2T s", "x",
                 "M tri/s", "SAH(3,2)", "SAH(1,1)", "nodes", "leaves", "depth");

@@ -1,13 +1,15 @@
 // Single rays on one core: ours beside Embree 4 (any libembree4, opened at run time) and tinybvh's
 // BVH8_CPU (where CMake found it), in one program. Primary rays: three views in tiles of 4 x 4;
 // bounce rays: one from each primary hit, cosine-distributed. Repetitions are interleaved, medians
-// of processor time are printed, as Markdown, and hits are compared.
+// of processor time are printed, as Markdown, and hits are compared. Like is compared with like:
+// our default with what the peers build without spatial splits, "best" with what they build with.
 //
 //   ray_bench [--embree LIBRARY] [--runs N] [--size PIXELS] [--only TEXT]
 //             MESH.ply|MESH.obj...
 #include <dlfcn.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -20,7 +22,9 @@
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
-#include "ply_reader.hpp"
+#include "bvh/widen.hpp"
+#include "mesh_reader.hpp"
+#include "traversal_counts.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 #ifdef UMBEL_HAS_TINYBVH
@@ -49,9 +53,14 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// Anything that traces: built once, then traced many times.
+/// Like is compared with like.
+enum class Kind { kPlain, kSpatialSplits, kShown };
+
+/// Anything that traces: built a few times, then traced many times.
 struct Tracer {
   std::string name;
+  Kind kind = Kind::kShown;
+  bool is_ours = false;
   double build_seconds = 0;
   double bytes_per_triangle = 0;
   std::function<void(const std::vector<Ray>&, std::vector<Hit>&)> trace;
@@ -60,12 +69,15 @@ struct Tracer {
 
 // ---------------------------------------------------------------- ours
 
-Tracer make_ours(const std::string& name, const Mesh& mesh, const TriangleBvhConfig& config) {
+Tracer make_ours(const std::string& name, Kind kind, const Mesh& mesh,
+                 const TriangleBvhConfig& config) {
   const double start = cpu_seconds();
   const auto tree = std::make_shared<TriangleBvh>(
       TriangleBvh::build(mesh.view(), config, {}, {.progress = {}, .threads = 1}));
   Tracer tracer;
   tracer.name = name;
+  tracer.kind = kind;
+  tracer.is_ours = true;
   tracer.build_seconds = cpu_seconds() - start;
   tracer.bytes_per_triangle =
       static_cast<double>(tree->statistics().bytes) / static_cast<double>(mesh.triangles.size());
@@ -94,6 +106,8 @@ struct Embree {
   void (*commit_geometry)(void*);
   uint32_t (*attach)(void*, void*);
   void (*commit_scene)(void*);
+  void (*release_scene)(void*);
+  void (*release_geometry)(void*);
   void (*intersect)(void*, EmbreeRayHit*, void*);
   void (*monitor)(void*, bool (*)(void*, ssize_t, bool), void*);
   void* device;
@@ -119,6 +133,8 @@ std::unique_ptr<Embree> open_embree(const std::string& path) {
   find(library, "rtcCommitGeometry", e->commit_geometry);
   find(library, "rtcAttachGeometry", e->attach);
   find(library, "rtcCommitScene", e->commit_scene);
+  find(library, "rtcReleaseScene", e->release_scene);
+  find(library, "rtcReleaseGeometry", e->release_geometry);
   find(library, "rtcIntersect1", e->intersect);
   find(library, "rtcSetDeviceMemoryMonitorFunction", e->monitor);
   e->device = e->new_device("threads=1,set_affinity=0");
@@ -135,7 +151,7 @@ std::unique_ptr<Embree> open_embree(const std::string& path) {
 Tracer make_embree(Embree& e, const char* name, int quality, const Mesh& mesh) {
   constexpr int kTriangles = 0, kIndices = 0, kVertices = 1, kUint3 = 0x5003, kFloat3 = 0x9003;
   const double start = cpu_seconds();
-  void* const scene = e.new_scene(e.device);
+  const std::shared_ptr<void> scene(e.new_scene(e.device), e.release_scene);
   void* const geometry = e.new_geometry(e.device, kTriangles);
   // Padded by one vertex, as Embree asks.
   void* const vertices =
@@ -145,12 +161,14 @@ Tracer make_embree(Embree& e, const char* name, int quality, const Mesh& mesh) {
   std::memcpy(indices, mesh.triangles.data(), 12 * mesh.triangles.size());
   const int64_t before = e.memory;
   e.geometry_quality(geometry, quality);
-  e.scene_quality(scene, quality);
+  e.scene_quality(scene.get(), quality);
   e.commit_geometry(geometry);
-  e.attach(scene, geometry);
-  e.commit_scene(scene);
+  e.attach(scene.get(), geometry);
+  e.release_geometry(geometry);
+  e.commit_scene(scene.get());
   Tracer tracer;
   tracer.name = std::string("Embree ") + name;
+  tracer.kind = quality == 2 ? Kind::kSpatialSplits : Kind::kPlain;
   tracer.build_seconds = cpu_seconds() - start;
   tracer.bytes_per_triangle =
       static_cast<double>(e.memory - before) / static_cast<double>(mesh.triangles.size());
@@ -163,7 +181,7 @@ Tracer make_embree(Embree& e, const char* name, int quality, const Mesh& mesh) {
       r.t_near = ray.t_min;
       r.t_far = ray.t_max;
       r.mask = r.geometry = r.primitive = r.instances[0] = umbel::kNone;
-      e.intersect(scene, &r, nullptr);
+      e.intersect(scene.get(), &r, nullptr);
       hits[i] = {r.t_far, r.geometry == umbel::kNone ? umbel::kNone : r.primitive, r.u, r.v};
     }
   };
@@ -189,6 +207,7 @@ Tracer make_tinybvh(bool spatial_splits, const Mesh& mesh) {
     tree->Build(corners->data(), count);
   Tracer tracer;
   tracer.name = spatial_splits ? "tinybvh BVH8 HQ" : "tinybvh BVH8";
+  tracer.kind = spatial_splits ? Kind::kSpatialSplits : Kind::kPlain;
   tracer.build_seconds = cpu_seconds() - start;
   tracer.trace = [tree, corners](const std::vector<Ray>& rays, std::vector<Hit>& hits) {
     for (size_t i = 0; i < rays.size(); ++i) {
@@ -277,40 +296,6 @@ std::vector<Ray> bounce_rays(const Mesh& mesh, const std::vector<Ray>& rays,
   return result;
 }
 
-// ---------------------------------------------------------------- meshes
-
-/// Positions and faces of an OBJ file, faces as fans.
-Mesh read_obj(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) bench::fail(path, "cannot be opened");
-  Mesh mesh;
-  std::string line;
-  while (std::getline(file, line)) {
-    std::istringstream words(line);
-    std::string word;
-    words >> word;
-    if (word == "v") {
-      Vec3 p{};
-      words >> p.x >> p.y >> p.z;
-      mesh.positions.push_back(p);
-    } else if (word == "f") {
-      std::vector<uint32_t> corners;
-      while (words >> word) {
-        const long index = std::strtol(word.c_str(), nullptr, 10);
-        const auto count = static_cast<long>(mesh.positions.size());
-        corners.push_back(static_cast<uint32_t>(index < 0 ? count + index : index - 1));
-      }
-      for (size_t i = 2; i < corners.size(); ++i)
-        mesh.triangles.push_back({corners[0], corners[i - 1], corners[i]});
-    }
-  }
-  return mesh;
-}
-
-Mesh read_mesh(const std::string& path) {
-  return path.ends_with(".obj") ? read_obj(path) : bench::read_ply(path);
-}
-
 // ---------------------------------------------------------------- measuring
 
 struct Options {
@@ -330,44 +315,57 @@ size_t disagreements(const std::vector<Hit>& a, const std::vector<Hit>& b) {
   return count;
 }
 
-std::vector<Tracer> make_tracers(const Mesh& mesh, const Options& options, Embree* embree) {
-  std::vector<Tracer> tracers;
-  const auto wanted = [&](const char* name) {
-    return options.only.empty() || std::strstr(name, options.only.c_str());
+using Factory = std::function<Tracer()>;
+
+std::vector<Factory> make_factories(const Mesh& mesh, const Options& options, Embree* embree) {
+  std::vector<Factory> factories;
+  const auto add_ours = [&](const char* name, Kind kind, const TriangleBvhConfig& config) {
+    if (!options.only.empty() && !std::strstr(name, options.only.c_str()) && !factories.empty())
+      return;
+    if (config.simd == umbel::Simd::kAvx2 && !__builtin_cpu_supports("avx2")) return;
+    factories.push_back([=, &mesh] { return make_ours(name, kind, mesh, config); });
   };
-  const auto add_ours = [&](const char* name, const TriangleBvhConfig& config) {
-    if (!wanted(name) && !tracers.empty()) return;
-    try {
-      tracers.push_back(make_ours(name, mesh, config));
-    } catch (const umbel::Error& error) {
-      fprintf(stderr, "%s: %s\n", name, error.what());
-    }
-  };
-  add_ours("umbel", {});
+  add_ours("umbel", Kind::kPlain, {});
   TriangleBvhConfig config;
-  config.compact = true;
-  add_ours("umbel compact", config);
-  config = {};
-  config.simd = umbel::Simd::kAvx2;
-  add_ours("umbel AVX2", config);
-  config.simd = umbel::Simd::kPortable;
-  add_ours("umbel portable", config);
+  config.tree = umbel::bvh::preset("best");
+  add_ours("umbel best", Kind::kSpatialSplits, config);
+  config.tree = umbel::bvh::preset("fast");
+  add_ours("umbel fast", Kind::kShown, config);
   config = {};
   config.tree.builder = umbel::bvh::Builder::kSweep;
-  add_ours("umbel sweep", config);
-  config.tree = umbel::bvh::preset("fast");
-  add_ours("umbel fast", config);
-  config.tree = umbel::bvh::preset("best");
-  add_ours("umbel best", config);
+  add_ours("umbel sweep", Kind::kShown, config);
+  config = {};
+  config.compact = true;
+  add_ours("umbel compact", Kind::kShown, config);
+  config = {};
+  config.simd = umbel::Simd::kAvx2;
+  add_ours("umbel AVX2", Kind::kShown, config);
+  config.simd = umbel::Simd::kPortable;
+  add_ours("umbel portable", Kind::kShown, config);
   if (embree) {
     constexpr const char* kNames[] = {"LOW", "MEDIUM", "HIGH"};
     for (int quality = 0; quality < 3; ++quality)
-      tracers.push_back(make_embree(*embree, kNames[quality], quality, mesh));
+      factories.push_back(
+          [=, &mesh] { return make_embree(*embree, kNames[quality], quality, mesh); });
   }
 #ifdef UMBEL_HAS_TINYBVH
-  tracers.push_back(make_tinybvh(false, mesh));
-  tracers.push_back(make_tinybvh(true, mesh));
+  for (const bool splits : {false, true})
+    factories.push_back([=, &mesh] { return make_tinybvh(splits, mesh); });
 #endif
+  return factories;
+}
+
+/// Builds all in turn, a few times; the median counts.
+std::vector<Tracer> make_tracers(const std::vector<Factory>& factories, size_t runs) {
+  std::vector<Tracer> tracers(factories.size());
+  std::vector<std::vector<double>> seconds(factories.size());
+  for (size_t run = 0; run < std::min<size_t>(runs, 3); ++run)
+    for (size_t i = 0; i < factories.size(); ++i) {
+      tracers[i] = {};  // what it holds is not needed any more
+      tracers[i] = factories[i]();
+      seconds[i].push_back(tracers[i].build_seconds);
+    }
+  for (size_t i = 0; i < tracers.size(); ++i) tracers[i].build_seconds = median(seconds[i]);
   return tracers;
 }
 
@@ -392,9 +390,93 @@ std::vector<size_t> measure(std::vector<Tracer>& tracers, const std::vector<Ray>
   return differences;
 }
 
-void run_mesh(const std::string& path, const Options& options, Embree* embree) {
-  const Mesh mesh = read_mesh(path);
-  std::vector<Tracer> tracers = make_tracers(mesh, options, embree);
+/// Ours over the best peer of its kind; builds over Embree's of the kind, MEDIUM or HIGH.
+struct Ratios {
+  std::string mesh;
+  Kind kind;
+  double build, primary, bounce;
+};
+
+double best_peer(const std::vector<Tracer>& tracers, Kind kind,
+                 std::vector<double> Tracer::* speeds) {
+  double best = 0;
+  for (const Tracer& t : tracers)
+    if (!t.is_ours && t.kind == kind) best = std::max(best, median(t.*speeds));
+  return best;
+}
+
+void add_ratios(const std::string& mesh, const std::vector<Tracer>& tracers,
+                std::vector<Ratios>& ratios) {
+  for (const Tracer& t : tracers) {
+    if (!t.is_ours || t.kind == Kind::kShown) continue;
+    double build = 0;
+    for (const Tracer& peer : tracers)
+      if (peer.name == (t.kind == Kind::kPlain ? "Embree MEDIUM" : "Embree HIGH"))
+        build = peer.build_seconds / t.build_seconds;
+    const double primary = best_peer(tracers, t.kind, &Tracer::primary);
+    const double bounce = best_peer(tracers, t.kind, &Tracer::bounce);
+    if (primary > 0)
+      ratios.push_back(
+          {mesh, t.kind, build, median(t.primary) / primary, median(t.bounce) / bounce});
+  }
+}
+
+void print_ratios(const std::vector<Ratios>& ratios, Kind kind, const char* title) {
+  printf("\n%s\n\n| | build | primary | bounce |\n|---|--:|--:|--:|\n", title);
+  double build = 0, primary = 0, bounce = 0;
+  int count = 0;
+  for (const Ratios& r : ratios) {
+    if (r.kind != kind) continue;
+    printf("| %s | %.3f | %.3f | %.3f |\n", r.mesh.c_str(), r.build, r.primary, r.bounce);
+    build += std::log(r.build);
+    primary += std::log(r.primary);
+    bounce += std::log(r.bounce);
+    ++count;
+  }
+  printf("| geometric mean | %.3f | %.3f | %.3f |\n", std::exp(build / count),
+         std::exp(primary / count), std::exp(bounce / count));
+}
+
+void print_counts(const Mesh& mesh, const char* preset, const std::vector<Ray>& primary,
+                  const std::vector<Ray>& bounce) {
+  umbel::TriangleBvhData tree;
+  umbel::with_threads(1, [&] {
+    tree = umbel::widen_tree(umbel::bvh::build(mesh.view(), umbel::bvh::preset(preset)),
+                             mesh.view(), {}, {});
+  });
+  umbel::prepare_rays(tree, umbel::Simd::kPortable);
+  const auto p = bench::count_traversal(tree, primary), b = bench::count_traversal(tree, bounce);
+  printf(
+      "%s, a ray: primary %.2f nodes, %.2f leaves, %.2f triangles; "
+      "bounce %.2f nodes, %.2f leaves, %.2f triangles\n",
+      preset, p.nodes, p.leaves, p.triangles, b.nodes, b.leaves, b.triangles);
+}
+
+/// By the wall clock, because two threads are at work.
+void print_refit(const Mesh& mesh, size_t runs) {
+  using Clock = std::chrono::steady_clock;
+  for (const bool compact : {false, true}) {
+    TriangleBvhConfig config;
+    config.compact = compact;
+    TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    for (const uint32_t threads : {1u, 2u}) {
+      std::vector<double> seconds;
+      for (size_t run = 0; run < 3 * runs; ++run) {
+        const auto start = Clock::now();
+        tree.refit(mesh.view(), {.progress = {}, .threads = threads});
+        seconds.push_back(std::chrono::duration<double>(Clock::now() - start).count());
+      }
+      printf("refit%s, %u thread%s: %.1f M triangles/s\n", compact ? " compact" : "", threads,
+             threads == 1 ? "" : "s",
+             1e-6 * static_cast<double>(mesh.triangles.size()) / median(seconds));
+    }
+  }
+}
+
+void run_mesh(const std::string& path, const Options& options, Embree* embree,
+              std::vector<Ratios>& ratios) {
+  const Mesh mesh = bench::read_mesh(path);
+  std::vector<Tracer> tracers = make_tracers(make_factories(mesh, options, embree), options.runs);
   const std::vector<Ray> primary = primary_rays(mesh, options.size);
   std::vector<Hit> hits, bounce_hits;
   const auto primary_differences = measure(tracers, primary, &Tracer::primary, options.runs, hits);
@@ -403,25 +485,21 @@ void run_mesh(const std::string& path, const Options& options, Embree* embree) {
       measure(tracers, bounce, &Tracer::bounce, options.runs, bounce_hits);
 
   printf("\n%s: %zu triangles, %zu primary rays, %zu bounce rays, medians of %zu\n\n",
-         path.substr(path.rfind('/') + 1).c_str(), mesh.triangles.size(), primary.size(),
-         bounce.size(), options.runs);
+         bench::file_name(path).c_str(), mesh.triangles.size(), primary.size(), bounce.size(),
+         options.runs);
   printf("| | build s | primary M/s | bounce M/s | B/triangle | other hits |\n");
   printf("|---|--:|--:|--:|--:|--:|\n");
-  double best_primary = 0, best_bounce = 0;
   for (size_t i = 0; i < tracers.size(); ++i) {
     const Tracer& t = tracers[i];
-    const double p = median(t.primary), b = median(t.bounce);
-    printf("| %s | %.3f | %.2f | %.2f | %.1f | %zu + %zu |\n", t.name.c_str(), t.build_seconds, p,
-           b, t.bytes_per_triangle, primary_differences[i], bounce_differences[i]);
-    if (t.name.starts_with("umbel")) continue;
-    best_primary = std::max(best_primary, p);
-    best_bounce = std::max(best_bounce, b);
+    printf("| %s | %.3f | %.2f | %.2f | %.1f | %zu + %zu |\n", t.name.c_str(), t.build_seconds,
+           median(t.primary), median(t.bounce), t.bytes_per_triangle, primary_differences[i],
+           bounce_differences[i]);
   }
-  if (best_primary > 0)
-    for (const Tracer& t : tracers)
-      if (t.name.starts_with("umbel"))
-        printf("%s over the best peer: primary %.3f, bounce %.3f\n", t.name.c_str(),
-               median(t.primary) / best_primary, median(t.bounce) / best_bounce);
+  add_ratios(bench::file_name(path), tracers, ratios);
+  tracers.clear();
+  printf("\n");
+  for (const char* preset : {"quality", "best"}) print_counts(mesh, preset, primary, bounce);
+  print_refit(mesh, options.runs);
   fflush(stdout);
 }
 
@@ -454,6 +532,12 @@ int main(int argc, char** argv) {
     return 2;
   }
   const auto embree = options.embree.empty() ? nullptr : open_embree(options.embree);
-  for (const std::string& path : options.meshes) run_mesh(path, options, embree.get());
+  std::vector<Ratios> ratios;
+  for (const std::string& path : options.meshes) run_mesh(path, options, embree.get(), ratios);
+  if (ratios.empty()) return 0;
+  print_ratios(ratios, Kind::kPlain,
+               "umbel over the fastest of the peers without spatial splits; build: Embree MEDIUM");
+  print_ratios(ratios, Kind::kSpatialSplits,
+               "umbel best over the fastest of the peers with spatial splits; build: Embree HIGH");
   return 0;
 }

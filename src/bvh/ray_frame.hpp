@@ -36,12 +36,12 @@ struct RayFrame {
   alignas(16) float near_b[4];
   alignas(16) float far_b[4];
   alignas(16) float origin[4];
-  float sx, sy, sz;    ///< Woop's shear
+  float sx, sy, sz;     ///< Woop's shear
   uint32_t kx, ky, kz;  ///< Woop's axes
-  float t_min, t_max;  /// in units of the scaled direction
-  float t_unit;        ///< what t is to be multiplied by to give the ray's own
-  float scale;         ///< what triangles are multiplied by: a power of two
-  float unscale;       ///< 1 / scale
+  float t_min, t_max;   /// in units of the scaled direction
+  float t_unit;         ///< what t is to be multiplied by to give the ray's own
+  float scale;          ///< what triangles are multiplied by: a power of two
+  float unscale;        ///< 1 / scale
 };
 
 /// Hits closer together than this fraction may come from boxes in either order: culling keeps
@@ -76,8 +76,8 @@ static inline bool make_frame(const TriangleBvhData& tree, const Ray& ray, RayFr
   if (!(sums[0] + sums[1] + sums[2] <= kMax) || !(ray.t_min <= ray.t_max)) return false;
   float largest = std::max(std::max(a[0], a[1]), a[2]);
   if (!(largest > 0.0f)) return false;
-  const uint32_t kz = kLargestAxis[uint32_t{a[0] > a[1]} | uint32_t{a[0] > a[2]} << 1 |
-                                   uint32_t{a[1] > a[2]} << 2];
+  const uint32_t kz =
+      kLargestAxis[uint32_t{a[0] > a[1]} | uint32_t{a[0] > a[2]} << 1 | uint32_t{a[1] > a[2]} << 2];
 
   f.t_min = ray.t_min;
   f.t_max = ray.t_max;

@@ -60,7 +60,7 @@ struct TriangleBvhData {
   const RayKernels* kernels = nullptr;
   Simd simd = Simd::kAuto;  ///< as asked for
   float reach = 0;          ///< the largest coordinate of any box, by amount
-  float scale = 1;  ///< power of two that brings triangles of extreme size into a safe range
+  float scale = 1;    ///< power of two that brings triangles of extreme size into a safe range
   float unscale = 1;  ///< 1 / scale
 
   uint32_t node_words() const { return 7 * width; }

@@ -1,0 +1,42 @@
+// What a nearest-hit query does on average: the walk of the ray kernels, counting.
+#pragma once
+
+#include <vector>
+
+#include "bvh/portable_lanes.hpp"
+
+namespace bench {
+
+struct TraversalCounts {
+  double nodes = 0, leaves = 0, triangles = 0;
+};
+
+class CountingLanes : public umbel::PortableLanes<8> {
+ public:
+  static inline TraversalCounts counts;
+
+  using PortableLanes::PortableLanes;
+
+  uint32_t visit(const uint32_t* node, float cull, umbel::StackEntry*& top) const {
+    ++counts.nodes;
+    return PortableLanes::visit(node, cull, top);
+  }
+  uint32_t triangles(const umbel::TriangleBvhData& tree, uint32_t link, bool cull_back, float t_max,
+                     umbel::LeafHits& hits) const {
+    ++counts.leaves;
+    counts.triangles += umbel::TriangleBvhData::leaf_size(link);
+    return PortableLanes::triangles(tree, link, cull_back, t_max, hits);
+  }
+};
+
+/// Means over the rays.
+inline TraversalCounts count_traversal(const umbel::TriangleBvhData& tree,
+                                       const std::vector<umbel::Ray>& rays) {
+  TraversalCounts& counts = CountingLanes::counts;
+  counts = {};
+  for (const umbel::Ray& ray : rays) umbel::intersect_ray<CountingLanes>(tree, ray, {});
+  const auto n = static_cast<double>(rays.size());
+  return {counts.nodes / n, counts.leaves / n, counts.triangles / n};
+}
+
+}  // namespace bench
