@@ -28,6 +28,15 @@ inline Float4 max4(Float4 a, Float4 b) {
 }
 inline Float4 magnitude(Float4 x) { return max4(x, -x); }
 
+/// `v` with another value for an axis. To write one lane in memory and then read all four would
+/// wait for the store.
+inline Float4 with_lane(Float4 v, int axis, float value) {
+  typedef int32_t Bits __attribute__((vector_size(16)));
+  constexpr Bits kLanes[3] = {{-1, 0, 0, 0}, {0, -1, 0, 0}, {0, 0, -1, 0}};
+  const Bits lane = kLanes[axis];
+  return Float4((Bits(splat(value)) & lane) | (Bits(v) & ~lane));
+}
+
 /// Empty, with an extent below 0, where the boxes do not meet.
 inline Box4 intersection(const Box4& a, const Box4& b) {
   return {max4(a.low, b.low), max4(a.negated_high, b.negated_high)};
@@ -60,8 +69,8 @@ inline void clip_triangle(const Corners& corners, const Box4& box, int axis, flo
       behind.extend(p);
     }
   }
-  before.negated_high[axis] = -plane;
-  behind.low[axis] = plane;
+  before.negated_high = with_lane(before.negated_high, axis, -plane);
+  behind.low = with_lane(behind.low, axis, plane);
   before = intersection(before, box);
   behind = intersection(behind, box);
 }

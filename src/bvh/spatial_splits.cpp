@@ -66,6 +66,11 @@ class SpatialBuilder {
 
  private:
   static constexpr uint32_t kSequential = 1u << 12;
+  // Where cuts are not searched, because they gain next to nothing for the time: few references,
+  // which become one pack of a wide tree anyway, and overlaps of less than this part of the node.
+  static constexpr uint32_t kWholeBelow = 8;
+  static constexpr uint32_t kFew = 4;
+  static constexpr float kWorthOverlap = 0.3f;
 
   static uint32_t budget(size_t count, float fraction) {
     return static_cast<uint32_t>(
@@ -129,17 +134,60 @@ class SpatialBuilder {
   }
 
   Grown grow_below(const Stretch& stretch, Output& out) {
-    if (stretch.count == 1) {
-      const Box4& reference = references_[stretch.begin];
-      *--out.next_primitive = triangle_of(reference);
-      return make_leaf(reference, 1, 1, out);
-    }
+    if (stretch.count <= kFew && stretch.depth + stretch.count <= config_.max_depth)
+      return grow_few(references_.data() + stretch.begin, stretch.count, out);
+    if (stretch.count == 1) return grow_one(references_[stretch.begin], out);
     Stretch left, right;
     divide(stretch, left, right);
     const Grown second = grow_below(right, out);
     left.limit = stretch.limit - second.references;
     const Grown first = grow_below(left, out);
     return join(first, second, out);
+  }
+
+  Grown grow_one(const Box4& reference, Output& out) const {
+    *--out.next_primitive = triangle_of(reference);
+    return make_leaf(reference, 1, 1, out);
+  }
+
+  /// All partitions are tried.
+  Grown grow_few(Box4* references, uint32_t count, Output& out) const {
+    if (count == 1) return grow_one(references[0], out);
+    uint32_t left = 1;
+    if (count > 2) {
+      Box4 ordered[kFew];
+      const uint32_t mask = best_of_few(references, count);
+      left = static_cast<uint32_t>(std::popcount(mask));
+      for (uint32_t i = 0, l = 0, r = left; i < count; ++i)
+        ordered[mask >> i & 1 ? l++ : r++] = references[i];
+      std::copy_n(ordered, count, references);
+    }
+    const Grown second = grow_few(references + left, count - left, out);
+    const Grown first = grow_few(references, left, out);
+    return join(first, second, out);
+  }
+
+  /// The bits of those that go to the left.
+  static uint32_t best_of_few(const Box4* references, uint32_t count) {
+    float best = std::numeric_limits<float>::infinity();
+    uint32_t best_mask = 1;
+    Float4 pad = splat(0);
+    for (uint32_t i = 0; i < count; ++i) {
+      const Float4 own = references[i].pad();
+      pad = own[0] > pad[0] ? own : pad;
+    }
+    for (uint32_t mask = 1; mask < 1u << (count - 1); ++mask) {
+      Box4 side[2] = {Box4::empty(), Box4::empty()};
+      for (uint32_t i = 0; i < count; ++i) side[mask >> i & 1].extend(references[i]);
+      const auto left = static_cast<uint32_t>(std::popcount(mask));
+      const float cost =
+          side[1].half_area(pad) * float(left) + side[0].half_area(pad) * float(count - left);
+      if (cost < best) {
+        best = cost;
+        best_mask = mask;
+      }
+    }
+    return best_mask;
   }
 
   Grown make_leaf(const Box4& box, uint32_t count, uint32_t references, const Output& out) const {
@@ -194,7 +242,8 @@ class SpatialBuilder {
     const NodeBounds bounds = bounds_of(references, n);
     Split split = best_partition(references, n, bounds);
     const bool roomy = stretch.slack() > 0 && fits_depth(size_t(n) + stretch.slack(), levels);
-    if (roomy && split.overlap > least_overlap_) {
+    const float worth = std::max(least_overlap_, kWorthOverlap * bounds.box.half_area(bounds.pad));
+    if (roomy && n > kWholeBelow && split.overlap > worth) {
       const Split cut = best_cut(references, n, bounds, mesh_);
       if (cut.cost < split.cost && cut.left_count + cut.right_count <= n + stretch.slack())
         split = cut;
@@ -212,6 +261,7 @@ class SpatialBuilder {
   /// How much there is to gain by splitting: boxes with volume hold more than their triangles.
   static double waste(const Box4* references, uint32_t count) {
     double sum = 0;
+    if (count <= kWholeBelow) return sum;
     for (uint32_t i = 0; i < count; ++i) {
       const Float4 e = references[i].extents();
       sum += double(std::sqrt(e[0] * e[1] * e[2]));

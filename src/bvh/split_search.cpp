@@ -252,8 +252,8 @@ void chop(const Box4& reference, const Corners& corners, int axis, int32_t first
     Box4 before = reference, behind = reference;
     if (first < last) {
       const float plane = origin + float(last) * width;
-      before.negated_high[axis] = -plane;
-      behind.low[axis] = plane;
+      before.negated_high = with_lane(before.negated_high, axis, -plane);
+      behind.low = with_lane(behind.low, axis, plane);
     }
     bins.box[axis][first].extend(before);
     bins.box[axis][last].extend(behind);
@@ -270,8 +270,8 @@ void chop(const Box4& reference, const Corners& corners, int axis, int32_t first
     part.extend(side);
     if (from < middle && middle < to) part.extend({slicer.middle(), -slicer.middle()});
     part = intersection(part, reference);
-    part.low[axis] = from;
-    part.negated_high[axis] = -to;
+    part.low = with_lane(part.low, axis, from);
+    part.negated_high = with_lane(part.negated_high, axis, -to);
     if (!is_empty(part)) bins.box[axis][b].extend(part);
     from = to;
   }
