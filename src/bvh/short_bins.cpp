@@ -10,8 +10,9 @@ namespace umbel::bvh {
 namespace {
 
 // A cut between two planes is looked for where it may cost less than this part of the cheapest
-// plane's cost. One gets trees as good as the full sweep's at three times the search.
-constexpr float kWorth = 0.99f;
+// plane's cost. One gets trees as good as the full sweep's at three times the search; much less
+// than this gives trees that cost 3 % more now and then.
+constexpr float kWorth = 0.97f;
 
 void add_one(const ShortBox* box, ShortBox lowest, ShortBox factor, ShortBin* bins) {
   const ShortBox b = *box;
