@@ -18,7 +18,6 @@
 
 #include <bit>
 #include <cmath>
-#include <cstddef>
 #include <cstring>
 #include <limits>
 
@@ -61,13 +60,17 @@ static inline int exponent_of(float value) {
 /// The axis of the largest component, by whether x exceeds y (bit 0), x exceeds z, y exceeds z.
 inline constexpr uint8_t kLargestAxis[8] = {2, 2, 2, 0, 1, 2, 1, 0};
 
+/// kx and ky for kz, in the order that keeps a triangle's winding for positive directions; the
+/// other way around for negative ones. Tables, because branches on directions are often
+/// mispredicted.
+inline constexpr uint8_t kOtherAxes[3][2] = {{1, 2}, {2, 0}, {0, 1}};
+
 /// False where the ray can hit nothing.
 static inline bool make_frame(const TriangleBvhData& tree, const Ray& ray, RayFrame& f) {
   constexpr float kMax = std::numeric_limits<float>::max();
-  static_assert(offsetof(Ray, t_min) == 12 && offsetof(Ray, t_max) == 28);
-  Quad o, d;
-  std::memcpy(&o, &ray.origin, sizeof o);
-  std::memcpy(&d, &ray.direction, sizeof d);
+  // Number by number: a ray that was only just written so cannot be read in one piece yet.
+  const Quad o = {ray.origin.x, ray.origin.y, ray.origin.z, 0};
+  Quad d = {ray.direction.x, ray.direction.y, ray.direction.z, 1};
   constexpr int32_t kSign = std::numeric_limits<int32_t>::min();
   const QuadBits signs = QuadBits(d) & kSign;
   Quad a = Quad(QuadBits(d) & ~kSign);
@@ -102,13 +105,11 @@ static inline bool make_frame(const TriangleBvhData& tree, const Ray& ray, RayFr
   std::memcpy(f.near_b, &near_b, sizeof near_b);
   std::memcpy(f.far_b, &far_b, sizeof far_b);
   std::memcpy(f.origin, &o, sizeof o);
-  // The other two in the order that keeps a triangle's winding.
   alignas(16) float directions[4];
   std::memcpy(directions, &d, sizeof d);
-  const uint32_t next = kz == 2 ? 0 : kz + 1, last = kz == 0 ? 2 : kz - 1;
-  const bool flip = directions[kz] < 0.0f;
-  f.kx = flip ? last : next;
-  f.ky = flip ? next : last;
+  const uint32_t is_negative = std::bit_cast<uint32_t>(directions[kz]) >> 31;
+  f.kx = kOtherAxes[kz][is_negative];
+  f.ky = kOtherAxes[kz][1 - is_negative];
   f.kz = kz;
   // The largest component is not too small, so this is its reciprocal.
   f.sz = f.inv[kz];
