@@ -11,22 +11,26 @@ struct TraversalCounts {
   double nodes = 0, leaves = 0, triangles = 0;
 };
 
-class CountingLanes : public umbel::PortableLanes<8> {
+class CountingLanes {
  public:
+  static constexpr uint32_t kWidth = 8;
   static inline TraversalCounts counts;
 
-  using PortableLanes::PortableLanes;
+  explicit CountingLanes(const umbel::RayFrame& frame) : lanes_(frame) {}
 
   uint32_t visit(const uint32_t* node, float cull, umbel::StackEntry*& top) const {
     ++counts.nodes;
-    return PortableLanes::visit(node, cull, top);
+    return lanes_.visit(node, cull, top);
   }
   uint32_t triangles(const umbel::TriangleBvhData& tree, uint32_t link, bool cull_back, float t_max,
                      umbel::LeafHits& hits) const {
     ++counts.leaves;
     counts.triangles += umbel::TriangleBvhData::leaf_size(link);
-    return PortableLanes::triangles(tree, link, cull_back, t_max, hits);
+    return lanes_.triangles(tree, link, cull_back, t_max, hits);
   }
+
+ private:
+  umbel::PortableLanes<kWidth> lanes_;
 };
 
 /// Means over the rays.

@@ -178,7 +178,7 @@ class SpatialBuilder {
     }
     for (uint32_t mask = 1; mask < 1u << (count - 1); ++mask) {
       Box4 side[2] = {Box4::empty(), Box4::empty()};
-      for (uint32_t i = 0; i < count; ++i) side[mask >> i & 1].extend(references[i]);
+      for (uint32_t i = 0; i < count; ++i) side[mask >> i & 1u].extend(references[i]);
       const auto left = static_cast<uint32_t>(std::popcount(mask));
       const float cost =
           side[1].half_area(pad) * float(left) + side[0].half_area(pad) * float(count - left);
