@@ -160,6 +160,12 @@ UMBEL_API void collapse_leaves(Bvh2& tree, const CostModel& cost, uint32_t max_l
 /// one gains nothing.
 UMBEL_API void reinsert(Bvh2& tree, uint32_t rounds, const BuildOptions& options = {});
 
+/// Joins the largest `treelet_size` (3..15) subtrees below each node anew, always the two with the
+/// smallest common box, where that is cheaper (Domingues & Pedrini 2015), in rounds (0..16). Leaves
+/// stay as they are.
+UMBEL_API void restructure_treelets(Bvh2& tree, uint32_t treelet_size = 9, uint32_t rounds = 2,
+                                    const CostModel& cost = {}, const BuildOptions& options = {});
+
 /// Lays nodes out depth-first, the larger child first, and primitives in the order of the leaves.
 UMBEL_API void reorder(Bvh2& tree, const BuildOptions& options = {});
 

@@ -37,8 +37,8 @@ constexpr std::array kEntries{
     Entry{Builder::kKmeans, "kmeans", build_kmeans},
     Entry{Builder::kAgglomerative, "agglomerative", build_agglomerative},
     Entry{Builder::kAac, "aac", build_aac},
-    Entry{Builder::kPloc, "ploc"},
-    Entry{Builder::kAtrbvh, "atrbvh"},
+    Entry{Builder::kPloc, "ploc", build_ploc},
+    Entry{Builder::kAtrbvh, "atrbvh", build_atrbvh},
     Entry{Builder::kInsertion, "insertion", build_insertion},
 };
 

@@ -12,10 +12,9 @@ struct LeafRule {
   float traversal, intersection;
   uint32_t max_leaf_size;
 
-  explicit LeafRule(const Config& config)
-      : traversal(config.cost.traversal),
-        intersection(config.cost.intersection),
-        max_leaf_size(config.max_leaf_size) {}
+  explicit LeafRule(const Config& config) : LeafRule(config.cost, config.max_leaf_size) {}
+  LeafRule(const CostModel& cost, uint32_t leaf_size)
+      : traversal(cost.traversal), intersection(cost.intersection), max_leaf_size(leaf_size) {}
 
   UMBEL_HOST_DEVICE static float area(const Aabb& b) {
     const Vec3 d = b.max - b.min;

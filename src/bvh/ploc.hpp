@@ -1,0 +1,148 @@
+// Parallel locally-ordered clustering (Meister & Bittner, "Parallel Locally-Ordered Clustering for
+// Bounding Volume Hierarchy Construction", 2018), for any executor: clusters in Morton order each
+// look for the neighbour within a radius with which they have the smallest box; those that found
+// each other merge, all at once, until one is left.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <utility>
+
+#include "base/morton.hpp"
+#include "bvh/merge_tree.hpp"
+
+namespace umbel::bvh {
+
+/// A cluster that is not merged yet.
+struct PlocCluster {
+  Aabb box;
+  Subtree subtree;
+  uint32_t count;  ///< primitives
+};
+
+/// What is compared: the area of the common box; of pairs as near, first those that differ least in
+/// the bits of their places. That orders pairs totally, so that some two always find each other;
+/// and among clusters that are all alike every one finds a partner.
+struct PlocDistance {
+  float area = std::numeric_limits<float>::infinity();
+  uint32_t bits = 0xffffffffu;
+
+  UMBEL_HOST_DEVICE bool operator<(const PlocDistance& o) const {
+    return area < o.area || (area == o.area && bits < o.bits);
+  }
+};
+
+UMBEL_HOST_DEVICE inline uint32_t nearest_within(const PlocCluster* clusters, uint32_t count,
+                                                 uint32_t i, uint32_t radius) {
+  const uint32_t begin = i > radius ? i - radius : 0;
+  const uint32_t end = count - i > radius + 1 ? i + radius + 1 : count;
+  const Aabb box = clusters[i].box;
+  PlocDistance least;
+  uint32_t nearest = i;
+  for (uint32_t j = begin; j < end; ++j) {
+    if (j == i) continue;
+    const PlocDistance distance{area_of(united(box, clusters[j].box)), i ^ j};
+    if (!(distance < least)) continue;
+    least = distance;
+    nearest = j;
+  }
+  return nearest;
+}
+
+template <typename Exec>
+class Ploc {
+ public:
+  /// Writes the n - 1 merges of n > 0 boxes and returns the root.
+  Subtree run(Exec& exec, const Aabb* boxes, uint32_t n, uint32_t radius, Merge* merges) {
+    clusters_ = exec.template allocate<PlocCluster>(n);
+    merged_ = exec.template allocate<PlocCluster>(n);
+    nearest_ = exec.template allocate<uint32_t>(n);
+    first_ = exec.template allocate<uint32_t>(n + 1);
+    place_ = exec.template allocate<uint32_t>(n + 1);
+    gather(exec, boxes, n);
+    uint32_t made = 0;
+    for (uint32_t left = n; left > 1;) {
+      uint32_t pairs = find_pairs(exec, left, radius);
+      // Where boxes grow from one to the next, few find each other.
+      if (pairs < left / kFew) pairs = pair_neighbors(exec, left);
+      merge(exec, left, made, merges);
+      made += pairs;
+      left -= pairs;
+    }
+    return exec.read(clusters_.data()).subtree;
+  }
+
+ private:
+  static constexpr uint32_t kFew = 64;
+
+  void gather(Exec& exec, const Aabb* boxes, uint32_t n) {
+    const auto order = morton_order<uint64_t>(exec, boxes, n, 21);
+    exec.for_each(n, [=, to = clusters_.data(),
+                      primitives = order.primitives.data()] UMBEL_HOST_DEVICE(size_t i) {
+      to[i] = {boxes[primitives[i]], Subtree::of_primitive(primitives[i]), 1};
+    });
+  }
+
+  uint32_t find_pairs(Exec& exec, uint32_t count, uint32_t radius) {
+    exec.for_each(
+        count, [=, clusters = clusters_.data(), to = nearest_.data()] UMBEL_HOST_DEVICE(size_t i) {
+          to[i] = nearest_within(clusters, count, static_cast<uint32_t>(i), radius);
+        });
+    return count_pairs(exec, count);
+  }
+
+  uint32_t pair_neighbors(Exec& exec, uint32_t count) {
+    exec.for_each(count, [=, to = nearest_.data()] UMBEL_HOST_DEVICE(size_t i) {
+      const auto other = static_cast<uint32_t>(i ^ 1);
+      to[i] = other < count ? other : static_cast<uint32_t>(i);
+    });
+    return count_pairs(exec, count);
+  }
+
+  /// Numbers the pairs, and the clusters that there will be.
+  uint32_t count_pairs(Exec& exec, uint32_t count) {
+    const uint32_t* nearest = nearest_.data();
+    exec.exclusive_scan(
+        count,
+        [=] UMBEL_HOST_DEVICE(size_t i) -> uint32_t {
+          return nearest[nearest[i]] == i && i < nearest[i];
+        },
+        first_.data());
+    exec.exclusive_scan(
+        count,
+        [=] UMBEL_HOST_DEVICE(size_t i) -> uint32_t {
+          return !(nearest[nearest[i]] == i && nearest[i] < i);
+        },
+        place_.data());
+    return exec.read(first_.data() + count);
+  }
+
+  void merge(Exec& exec, uint32_t count, uint32_t made, Merge* merges) {
+    exec.for_each(count,
+                  [=, from = clusters_.data(), to = merged_.data(), nearest = nearest_.data(),
+                   first = first_.data(), place = place_.data()] UMBEL_HOST_DEVICE(size_t i) {
+                    const uint32_t other = nearest[i];
+                    const bool is_pair = other != i && nearest[other] == i;
+                    if (is_pair && other < i) return;
+                    PlocCluster cluster = from[i];
+                    if (is_pair) {
+                      const PlocCluster& right = from[other];
+                      const uint32_t merge = made + first[i];
+                      cluster.box = united(cluster.box, right.box);
+                      cluster.count += right.count;
+                      merges[merge] = {cluster.box, cluster.subtree, right.subtree, cluster.count};
+                      cluster.subtree = Subtree::of_merge(merge);
+                    }
+                    to[place[i]] = cluster;
+                  });
+    std::swap(clusters_, merged_);
+  }
+
+  template <typename T>
+  using Buffer = typename Exec::template Buffer<T>;
+
+  Buffer<PlocCluster> clusters_, merged_;
+  Buffer<uint32_t> nearest_, first_, place_;
+};
+
+}  // namespace umbel::bvh
