@@ -408,19 +408,23 @@ def _legend(effort: Effort) -> str:
         if effort.threads == 1
         else f"{effort.threads or cores()} threads, timed by the wall clock."
     )
-    part = "" if effort.share >= 1 else f" in {effort.share:.3g} of the pictures' tiles"
-    paths = "1 path" if effort.samples == 1 else f"{effort.samples} paths"
-    return (
+    parts = [
         f"{how} Medians of {effort.runs} runs that took turns; scenes of over {LARGE:,} triangles "
         f"are built once, and their EPO is left out. At most 8 triangles a leaf, costs "
-        f"{COSTS[0]:g} and {COSTS[1]:g}.\n\n"
-        f"Three views of {WIDTH} x {HEIGHT}, two shadow rays at each hit. {paths} a pixel{part} "
-        f"were traced; the total times, those of one picture with {LQ} (LQ) and {HQ} (HQ) samples "
-        "a pixel, are extrapolated from that: build, widening and tracing. Width: children a node "
-        "of what is traced.\n\n"
-        "Ratios are to the full sweep of the same width with zero build time: for speed more is "
-        "better, for the others less."
-    )
+        f"{COSTS[0]:g} and {COSTS[1]:g}."
+    ]
+    if "builders" in effort.parts:
+        share = "" if effort.share >= 1 else f" in {effort.share:.3g} of the pictures' tiles"
+        paths = "1 path" if effort.samples == 1 else f"{effort.samples} paths"
+        parts += [
+            f"Three views of {WIDTH} x {HEIGHT}, two shadow rays at each hit. {paths} a pixel"
+            f"{share} were traced; the total times, those of one picture with {LQ} (LQ) and {HQ} "
+            "(HQ) samples a pixel, are extrapolated from that: build, widening and tracing. Width: "
+            "children a node of what is traced.",
+            "Ratios are to the full sweep of the same width with zero build time: for speed more "
+            "is better, for the others less.",
+        ]
+    return "\n\n".join(parts)
 
 
 def report(found: Comparison) -> str:
