@@ -42,6 +42,7 @@ def row(builder: str, build: float, sample: float, **changes: object) -> dict:
         "build_seconds": build,
         "widen_seconds": 0.0,
         "sample_seconds": sample,
+        "sample_rays": 5e6,
         "sah_cost": 100.0,
         "epo": 10.0,
         "mrays_per_second": 1 / sample,
@@ -84,6 +85,7 @@ def test_the_cheapest_builder_is_the_lower_envelope() -> None:
     ]
     chosen = [(r["builder"], r["from_samples"]) for r in bench.cheapest(rows)]
     assert chosen == [("lbvh", 0.0), ("binned", 1.0), ("sweep", 7.0)]
+    assert [r["from_mrays"] for r in bench.cheapest(rows)] == [0.0, 5.0, 35.0]
     for samples in np.linspace(0.0, 20.0, 41):
         (best,) = [name for name, begin in chosen if begin <= samples][-1:]
         cost = {r["builder"]: r["build_seconds"] + samples * r["sample_seconds"] for r in rows}
@@ -103,6 +105,7 @@ def test_a_sample_is_scaled_from_the_paths_to_the_pixels() -> None:
         "view1_mrays_per_second": pytest.approx(0.002),
         "view2_mrays_per_second": pytest.approx(0.008),
         "sample_seconds": pytest.approx((8.0 + 2.0) / 2),
+        "sample_rays": pytest.approx(16_000),
     }
 
 

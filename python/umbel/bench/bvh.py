@@ -63,7 +63,8 @@ CHEAPEST = [
     Column("scene", "scene"),
     Column("width", "width", "d"),
     Column("builder", "builder"),
-    Column("from_samples", "cheapest from samples a pixel", ".3g"),
+    Column("from_samples", "from samples a pixel", ".3g"),
+    Column("from_mrays", "from M rays", ".3g"),
 ]
 
 
@@ -325,7 +326,7 @@ def _traced(
 
 
 def trace_figures(seconds: Sequence[float], views: Sequence[View]) -> Row:
-    """Rays a second, and the seconds of one sample of every pixel of a picture, which is the mean
+    """Rays a second, and the seconds and rays of one sample of every pixel of a picture, means
     over the views."""
     rays = sum(view.rays for view in views)
     pixels = WIDTH * HEIGHT
@@ -339,6 +340,7 @@ def trace_figures(seconds: Sequence[float], views: Sequence[View]) -> Row:
         "sample_seconds": fmean(
             own / view.paths * pixels for own, view in zip(seconds, views, strict=True)
         ),
+        "sample_rays": fmean(view.rays / view.paths * pixels for view in views),
     }
 
 
@@ -378,7 +380,8 @@ def _total_ratio(row: Row, to: Row, samples: int) -> float:
 
 def cheapest(rows: Sequence[Row]) -> list[Row]:
     """For each scene and width the builders that make a picture soonest for some number of samples
-    a pixel, and from which number on: the lower envelope of build + samples * trace."""
+    a pixel, and from which number, and how many rays, on: the lower envelope of
+    build + samples * trace."""
     groups: dict[tuple[str, int], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["scene"], row["width"]), []).append(row)
@@ -444,7 +447,7 @@ def report(found: Comparison) -> str:
             "## Geometric means over the scenes",
             markdown(MEANS, found.means).rstrip(),
             "## Which builder for how many samples",
-            "The builder that makes one picture soonest, from so many samples a pixel on.",
+            "The builder that makes one picture soonest from so many samples, or rays, on.",
             markdown(CHEAPEST, found.cheapest).rstrip(),
         ]
     for title, columns, rows in (
