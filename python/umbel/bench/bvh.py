@@ -393,7 +393,15 @@ def cheapest(rows: Sequence[Row]) -> list[Row]:
         ]
         start, best = 0.0, min(lines)
         while True:
-            found.append({"scene": name, "width": width, "builder": best[2], "from_samples": start})
+            found.append(
+                {
+                    "scene": name,
+                    "width": width,
+                    "builder": best[2],
+                    "from_samples": start,
+                    "from_mrays": start * group[0]["sample_rays"] * 1e-6,
+                }
+            )
             later = [
                 ((line[0] - best[0]) / (best[1] - line[1]), line[1], line)
                 for line in lines
