@@ -136,14 +136,12 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
   Meter meter(options, count);
   meter.report(0);
   tbb::enumerable_thread_specific<Block> blocks;
-  with_threads(options.threads, [&] {
-    parallel_for(segments.size(), 1, [&](size_t s) {
-      const Range& r = segments[s];
-      bisect_segment(
-          source, rules, out.items.data() + r.offset, first.data() + r.offset, r.count,
-          r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); },
-          [&](uint32_t items) { meter.add(items); });
-    });
+  parallel_for(segments.size(), 1, [&](size_t s) {
+    const Range& r = segments[s];
+    bisect_segment(
+        source, rules, out.items.data() + r.offset, first.data() + r.offset, r.count,
+        r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); },
+        [&](uint32_t items) { meter.add(items); });
   });
   collect(segments, first, out);
   meter.report(1);
@@ -197,18 +195,27 @@ Clusters build_clusters(const ClusterInput& input, const ClusterConfig& config,
                         const BuildOptions& options) {
   cluster::validate_config(config);
   cluster::validate_layout(input, config);
-  with_threads(options.threads, [&] { cluster::validate_all_boxes(input); });
-  return cluster::build(cluster::Source::of(input), static_cast<uint32_t>(input.boxes.size()),
-                        input.segments, config, options, nullptr);
+  Clusters clusters;
+  with_threads(options.threads, [&] {
+    cluster::validate_all_boxes(input);
+    clusters = cluster::build(cluster::Source::of(input), static_cast<uint32_t>(input.boxes.size()),
+                              input.segments, config, options, nullptr);
+  });
+  return clusters;
 }
 
 Clusters cluster_mesh(const MeshView& mesh, const ClusterConfig& config, float shared_vertex_weight,
                       const BuildOptions& options) {
   cluster::validate_config(config);
-  const cluster::BoxRecord bounds =
-      cluster::validate_triangles(mesh, config, shared_vertex_weight, options);
-  return cluster::build(cluster::Source::of(mesh, shared_vertex_weight),
-                        static_cast<uint32_t>(mesh.triangles.size()), {}, config, options, &bounds);
+  Clusters clusters;
+  with_threads(options.threads, [&] {
+    const cluster::BoxRecord bounds =
+        cluster::validate_triangles(mesh, config, shared_vertex_weight);
+    clusters =
+        cluster::build(cluster::Source::of(mesh, shared_vertex_weight),
+                       static_cast<uint32_t>(mesh.triangles.size()), {}, config, options, &bounds);
+  });
+  return clusters;
 }
 
 }  // namespace umbel

@@ -14,7 +14,7 @@ namespace umbel::cluster {
 namespace {
 
 constexpr uint32_t kMaxAxisBits = 12;
-constexpr size_t kChunk = 1 << 14;
+constexpr size_t kChunk = 1 << 13;
 
 struct Bounds {
   BoxRecord boxes = BoxRecord::empty(), centers = BoxRecord::empty();

@@ -43,7 +43,7 @@ struct Grid {
 Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
                              const BuildOptions& options) {
   cluster::validate_config(config);
-  cluster::validate_triangles(mesh, ClusterConfig{}, 0.0f, options);
+  with_threads(options.threads, [&] { cluster::validate_triangles(mesh, ClusterConfig{}, 0.0f); });
   Progress progress(options);
   progress.report(0, "clustering");
   const cluster::Source source = cluster::Source::of(mesh, 0.0f);

@@ -16,9 +16,9 @@ namespace umbel::cluster {
 namespace {
 
 constexpr int kBins = 64;
-constexpr uint32_t kParallel = 1 << 15;  ///< items from which on the two sides run in parallel
-constexpr size_t kFewCells = 8;          ///< too few to choose from: a finer grid is made
-constexpr uint32_t kMaxGrids = 8;        ///< one inside another
+constexpr size_t kChunk = 1 << 13;  ///< cells that one thread bins
+constexpr size_t kFewCells = 8;     ///< too few to choose from: a finer grid is made
+constexpr uint32_t kMaxGrids = 8;   ///< one inside another
 
 struct Node {
   Part part;
@@ -28,6 +28,11 @@ struct Node {
 struct Bin {
   BoxRecord box = BoxRecord::empty();
   uint32_t count = 0;
+  template <typename Items>
+  void add(const Items& items) {
+    box.extend(items.box);
+    count += items.count;
+  }
 };
 
 struct Choice {
@@ -93,12 +98,7 @@ class Splitter {
     separate(set, node.part, choice, left.part, right.part);
     node.part.cells = {};
     const auto go = [&](Node& side) { split(set, std::move(side), grids, false); };
-    if (n < kParallel) {
-      go(left);
-      go(right);
-    } else {
-      tbb::parallel_invoke([&] { go(left); }, [&] { go(right); });
-    }
+    tbb::parallel_invoke([&] { go(left); }, [&] { go(right); });
   }
 
   void split_again(const CellSet& set, const Node& node, uint32_t grids) const {
@@ -141,16 +141,28 @@ class Splitter {
     return best;
   }
 
-  Choice cheapest(const Part& part, const Extent& extent) const {
+  using Bins = std::array<std::array<Bin, kBins>, 3>;
+
+  Bins fill_bins(const Part& part, const Extent& extent) const {
     const std::array<int, 3> shift{extent.shift(0), extent.shift(1), extent.shift(2)};
-    std::array<std::array<Bin, kBins>, 3> bins;
-    for (const Cell& cell : part.cells) {
-      for (int k = 0; k < 3; ++k) {
-        Bin& bin = bins[k][(cell.place[k] >> shift[k]) - (extent.low[k] >> shift[k])];
-        bin.box.extend(cell.box);
-        bin.count += cell.count;
+    const size_t count = part.cells.size();
+    std::vector<Bins> parts((count + kChunk - 1) / kChunk);
+    parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+      Bins& bins = parts[begin / kChunk];
+      for (size_t c = begin; c < end; ++c) {
+        const Cell& cell = part.cells[c];
+        for (int k = 0; k < 3; ++k)
+          bins[k][(cell.place[k] >> shift[k]) - (extent.low[k] >> shift[k])].add(cell);
       }
-    }
+    });
+    for (size_t p = 1; p < parts.size(); ++p)
+      for (int k = 0; k < 3; ++k)
+        for (int b = 0; b < kBins; ++b) parts[0][k][b].add(parts[p][k][b]);
+    return parts[0];
+  }
+
+  Choice cheapest(const Part& part, const Extent& extent) const {
+    const Bins bins = fill_bins(part, extent);
     const float length = extent.box.longest();
     const Float4 pad =
         splat(length > 0 ? std::ldexp(1.0f, std::max(std::ilogb(length) - 20, -60)) : 1.0f);

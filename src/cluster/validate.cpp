@@ -144,7 +144,7 @@ void check_segments(const ClusterInput& input) {
 
 // The box of all positions, where each may be used. Reads everything once and in order.
 bool positions_tell(const MeshView& mesh, BoxRecord& box) {
-  constexpr size_t kChunk = 1 << 15;
+  constexpr size_t kChunk = 1 << 13;
   const size_t triangles = mesh.triangles.size(), positions = mesh.positions.size();
   if (positions / 4 > triangles) return false;
   std::vector<uint8_t> bad((triangles + kChunk - 1) / kChunk, 0);
@@ -239,7 +239,7 @@ void validate_layout(const ClusterInput& input, const ClusterConfig& config) {
 }
 
 BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
-                             float shared_vertex_weight, const BuildOptions& options) {
+                             float shared_vertex_weight) {
   if (mesh.triangles.size() >= kNone)
     bad_argument("there are " + std::to_string(mesh.triangles.size()) +
                  " triangles, more than 32-bit indices can name");
@@ -250,9 +250,7 @@ BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
     bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
                  ", too few for one triangle");
   BoxRecord box = BoxRecord::empty();
-  with_threads(options.threads, [&] {
-    if (!positions_tell(mesh, box)) box = check_corners(mesh);
-  });
+  if (!positions_tell(mesh, box)) box = check_corners(mesh);
   return box;
 }
 

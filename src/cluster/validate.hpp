@@ -21,6 +21,6 @@ void validate_all_boxes(const ClusterInput& input);
 /// triangles use them. Attributes do not matter. Returns a box that holds all triangles: theirs,
 /// unless positions that no triangle uses lie outside of it.
 BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
-                             float shared_vertex_weight, const BuildOptions& options);
+                             float shared_vertex_weight);
 
 }  // namespace umbel::cluster
