@@ -19,7 +19,7 @@ struct BinPlaces {
   }
   uint32_t of(const SmallBox& box, int axis) const {
     const uint16_t place = uint16_t(uint16_t(box[axis] - box[axis + 4]) >> 1) - origin[axis];
-    return uint32_t(uint16_t(place * multiplier[axis])) * factor[axis] >> 16;
+    return uint32_t(uint16_t(uint32_t(place) * multiplier[axis])) * factor[axis] >> 16;
   }
 };
 

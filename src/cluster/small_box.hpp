@@ -45,7 +45,7 @@ inline SmallBox pack(Int4 a, Int4 b) {
 }
 
 /// The centre, at the same scale, in lanes 0 to 2.
-inline Center8 center_of(SmallBox b) { return Center8(b - swap_halves(b)) >> 1; }
+inline Center8 center_of(SmallBox b) { return (Center8(b) - Center8(swap_halves(b))) >> 1; }
 
 /// {low.xyz, -, -high.xyz, -} of centres, by the same operations as for boxes.
 inline SmallBox centers_of(SmallBox box) {
@@ -69,7 +69,8 @@ inline float box_area(SmallBox b) {
   constexpr int16_t kGrown = 2;
   const SmallBox two{kGrown, kGrown, kGrown, 0, 0, 0, 0, 0};
   const SmallBox mask{-1, -1, -1, 0, 0, 0, 0, 0};
-  const SmallBox e = SmallBox(Center8(two - (b + swap_halves(b))) >> 1) & mask;
+  const Center8 twice = Center8(two) - (Center8(b) + Center8(swap_halves(b)));
+  const SmallBox e = SmallBox(twice >> 1) & mask;
 #if defined(__SSE2__)
   const __m128i turned = _mm_shufflelo_epi16(__m128i(e), _MM_SHUFFLE(3, 0, 2, 1));
   const __m128i pairs = _mm_madd_epi16(__m128i(e), turned);
