@@ -127,8 +127,9 @@ EdgeCollapser::Kind EdgeCollapser::kind_of(uint32_t p) {
     };
     while (!begins(spokes[first])) ++first;
   }
+  // Where two triangles end alike the walk may come to a circle without the first.
   size_t steps = 1;
-  for (uint32_t i = first; marks_[spokes[i].prev] == is_next; ++steps) {
+  for (uint32_t i = first; steps <= spokes.size() && marks_[spokes[i].prev] == is_next; ++steps) {
     i = slots_[spokes[i].prev];
     if (i == first) break;
   }

@@ -195,6 +195,16 @@ TEST(EdgeCollapser, a_seam_keeps_its_two_sides) {
   }
 }
 
+TEST(EdgeCollapser, ends_where_triangles_around_a_vertex_run_into_a_circle) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 2}};
+  const Piece piece(mesh);
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 0);
+  EXPECT_GE(collapser.triangles().size(), 1u);
+}
+
 TEST(EdgeCollapser, runs_do_not_depend_on_those_before) {
   const Piece large(shapes::blob(4, 1)), small(shapes::torus(12, 9));
   EdgeCollapser used, fresh;
