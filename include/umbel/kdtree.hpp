@@ -1,0 +1,94 @@
+// SAH kd-trees: space itself is cut in two, again and again, and each leaf lists the triangles
+// that reach into it. `build` gives the bare tree; `KdTree` answers rays.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "umbel/bvh.hpp"
+#include "umbel/mesh.hpp"
+#include "umbel/types.hpp"
+
+namespace umbel::kdtree {
+
+/// 8 bytes. Nodes lie depth-first: the child below the plane follows its parent.
+struct Node {
+  union {
+    float at;        ///< inner: where the plane cuts the axis
+    uint32_t first;  ///< leaf: offset of its references
+  };
+  uint32_t link;  ///< lowest 2 bits: the axis, or 3 for a leaf; the others: the index of the child
+                  ///< above the plane, or how many references the leaf has
+  bool is_leaf() const { return (link & 3) == 3; }
+  uint32_t axis() const { return link & 3; }
+  uint32_t above() const { return link >> 2; }
+  uint32_t count() const { return link >> 2; }
+
+  static Node inner(uint32_t axis, float at, uint32_t above) {
+    Node node;
+    node.at = at;
+    node.link = above << 2 | axis;
+    return node;
+  }
+  static Node leaf(uint32_t first, uint32_t count) {
+    Node node;
+    node.first = first;
+    node.link = count << 2 | 3;
+    return node;
+  }
+};
+static_assert(sizeof(Node) == 8);
+
+/// nodes[0] is the root and its cell is `bounds`. No nodes for no triangles.
+struct Tree {
+  std::vector<Node> nodes;
+  /// Triangle indices, ascending in each leaf. Leaves with the same triangles share their list.
+  std::vector<uint32_t> references;
+  Aabb bounds;
+};
+
+enum class Builder : uint32_t {
+  kExact,   ///< every plane that could be best is considered (Wald & Havran 2006)
+  kBinned,  ///< planes between bins, until few triangles are left
+};
+
+/// "exact" and "binned".
+UMBEL_API std::string_view name(Builder builder);
+/// Throws kInvalidArgument, listing the names that there are.
+UMBEL_API Builder builder_by_name(std::string_view name);
+
+struct Config {
+  Builder builder = Builder::kExact;
+  bvh::CostModel cost;        ///< as of the BVHs
+  float empty_bonus = 0.2f;   ///< 0..0.9: cutting off empty space is that much cheaper
+  uint32_t max_depth = 0;     ///< 1..64; 0: 8 + 1.3 log2(triangles), at most 64
+  uint32_t bad_refines = 3;   ///< 0..64: splits on one path that may cost more than a leaf; what
+                              ///< did not pay in the end becomes a leaf after all
+  float max_references = 16;  ///< 1..64: most references a triangle, which bounds memory
+  uint32_t bins = 64;         ///< binned: bins an axis, 4..256
+  bvh::InvalidTriangles invalid = bvh::InvalidTriangles::kRefuse;
+};
+
+/// Triangles are clipped exactly to the cells of the tree ("perfect splits"). Degenerate and
+/// duplicate triangles are legal; for invalid ones see Config::invalid; indices out of range are
+/// always refused. The build needs at most 300 bytes times `max_references` a triangle, and about
+/// 400 bytes a triangle on meshes of little overlap.
+UMBEL_API Tree build(const MeshView& mesh, const Config& config = {},
+                     const BuildOptions& options = {});
+
+struct Statistics {
+  uint32_t nodes;         ///< inner nodes and leaves
+  uint32_t leaves;        ///< empty ones included
+  uint32_t empty_leaves;
+  uint32_t max_depth;     ///< of a leaf; the root is 0
+  uint64_t references;    ///< of all leaves, also where they share a list
+  double sah_cost;        ///< expected cost of a random line through the bounds
+  double inner_visits;    ///< inner nodes that such a line visits
+  double leaf_visits;     ///< leaves that such a line visits
+  double tests;           ///< references in the leaves that such a line visits
+  uint64_t bytes;
+};
+UMBEL_API Statistics statistics(const Tree& tree, const bvh::CostModel& cost = {});
+
+}  // namespace umbel::kdtree

@@ -1,0 +1,123 @@
+// From a mesh to a kd-tree: checks the input, and runs a builder.
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "base/parallel.hpp"
+#include "kdtree/builders.hpp"
+#include "kdtree/clip.hpp"
+#include "mesh/streams.hpp"
+
+namespace umbel::kdtree {
+namespace {
+
+constexpr std::array<std::string_view, 2> kNames{"exact", "binned"};
+
+/// Nodes are numbered by 30 bits.
+constexpr uint64_t kMostReferences = uint64_t{1} << 28;
+
+void check_range(const char* name, double value, double low, double high) {
+  if (value >= low && value <= high) return;
+  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
+                                               ", but must be from " + std::to_string(low) +
+                                               " to " + std::to_string(high));
+}
+
+void check_cost(const char* name, float value) {
+  if (value > 0 && std::isfinite(value)) return;
+  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
+                                               ", but must be positive and finite");
+}
+
+void check_config(const Config& c) {
+  if (static_cast<size_t>(c.builder) >= kNames.size())
+    throw Error(ErrorCode::kInvalidArgument,
+                "builder " + std::to_string(static_cast<uint32_t>(c.builder)) + " does not exist");
+  if (c.invalid != bvh::InvalidTriangles::kRefuse && c.invalid != bvh::InvalidTriangles::kDrop)
+    throw Error(ErrorCode::kInvalidArgument, "invalid must be to refuse or to drop");
+  check_cost("cost.traversal", c.cost.traversal);
+  check_cost("cost.intersection", c.cost.intersection);
+  check_range("empty_bonus", double(c.empty_bonus), 0, 0.9);
+  check_range("max_depth", c.max_depth, 0, 64);
+  check_range("bad_refines", c.bad_refines, 0, 64);
+  check_range("max_references", double(c.max_references), 1, 64);
+  check_range("bins", c.bins, 4, 256);
+}
+
+/// The triangles that a tree is built over.
+std::vector<uint32_t> usable_triangles(const MeshView& mesh, const Config& config,
+                                       const BuildOptions& options) {
+  if (config.invalid == bvh::InvalidTriangles::kRefuse) validate(mesh, options);
+  check_indices(mesh);
+  std::vector<uint32_t> usable;
+  usable.reserve(mesh.triangles.size());
+  for (size_t i = 0; i < mesh.triangles.size(); ++i)
+    if (first_invalid_corner(mesh, i) == 3) usable.push_back(static_cast<uint32_t>(i));
+  return usable;
+}
+
+uint32_t depth_limit(const Config& config, size_t count) {
+  if (config.max_depth > 0) return config.max_depth;
+  return std::min(64u, static_cast<uint32_t>(8 + 1.3 * std::log2(double(count))));
+}
+
+CostRule cost_rule(const Config& config, const Aabb& bounds) {
+  double longest = 0;
+  for (uint32_t axis = 0; axis < 3; ++axis)
+    longest = std::max(longest,
+                       double(component(bounds.max, axis)) - double(component(bounds.min, axis)));
+  return {config.cost.traversal, config.cost.intersection, 1 - double(config.empty_bonus),
+          longest * 1e-9};
+}
+
+Tree build_usable(const MeshView& mesh, std::span<const uint32_t> triangles, const Config& config) {
+  std::vector<Aabb> boxes(triangles.size());
+  parallel_for(triangles.size(), 4096, [&](size_t i) {
+    for (const Vec3& corner : corners_of(mesh, triangles[i])) extend(boxes[i], corner);
+  });
+  Aabb bounds;
+  for (const Aabb& box : boxes) extend(bounds, box);
+  const double spare = double(triangles.size()) * (double(config.max_references) - 1);
+  const uint64_t room = kMostReferences - triangles.size();
+  const Allowance allowance{depth_limit(config, triangles.size()), config.bad_refines,
+                            std::min(static_cast<uint64_t>(spare), room)};
+  const Input input{mesh, triangles, boxes, bounds, cost_rule(config, bounds), allowance};
+  Branch root;
+  (config.builder == Builder::kExact ? build_exact : build_binned)(input, config, root);
+  return join(root, bounds);
+}
+
+}  // namespace
+
+std::string_view name(Builder builder) { return kNames.at(static_cast<size_t>(builder)); }
+
+Builder builder_by_name(std::string_view name) {
+  for (size_t i = 0; i < kNames.size(); ++i)
+    if (kNames[i] == name) return static_cast<Builder>(i);
+  throw Error(ErrorCode::kInvalidArgument, "there is no kd-tree builder \"" + std::string(name) +
+                                               "\"; the builders are exact, binned");
+}
+
+Tree build(const MeshView& mesh, const Config& config, const BuildOptions& options) {
+  check_config(config);
+  if (mesh.triangles.size() >= kMostReferences)
+    throw Error(ErrorCode::kUnsupported,
+                std::to_string(mesh.triangles.size()) + " triangles are more than the " +
+                    std::to_string(kMostReferences) + " that a kd-tree can hold");
+  MeshView geometry;
+  geometry.positions = mesh.positions;
+  geometry.triangles = mesh.triangles;
+  Progress progress(options);
+  progress.report(0, "building");
+  Tree tree;
+  with_threads(options.threads, [&] {
+    const std::vector<uint32_t> triangles =
+        usable_triangles(geometry, config, {.progress = {}, .threads = 0});
+    progress.report(0.05, "building");
+    if (!triangles.empty()) tree = build_usable(geometry, triangles, config);
+  });
+  progress.report(1, "building");
+  return tree;
+}
+
+}  // namespace umbel::kdtree

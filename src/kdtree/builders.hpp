@@ -1,0 +1,24 @@
+// The builders of kd-trees, for build().
+#pragma once
+
+#include <span>
+
+#include "base/progress.hpp"
+#include "kdtree/grow.hpp"
+
+namespace umbel::kdtree {
+
+/// What a builder is given: some triangles of a mesh, all finite, and their boxes; not none.
+struct Input {
+  const MeshView& mesh;
+  std::span<const uint32_t> triangles;
+  std::span<const Aabb> boxes;
+  Aabb bounds;
+  CostRule rule;
+  Allowance allowance;
+};
+
+void build_exact(const Input& input, const Config& config, Branch& root);
+void build_binned(const Input& input, const Config& config, Branch& root);
+
+}  // namespace umbel::kdtree

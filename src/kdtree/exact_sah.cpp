@@ -1,0 +1,14 @@
+// Exact SAH kd-trees in O(N log N) (Wald & Havran 2006), subtrees and the lists of large nodes in
+// parallel (after Choi et al., "Parallel SAH k-D Tree Construction", 2010).
+#include "kdtree/builders.hpp"
+#include "kdtree/event_set.hpp"
+
+namespace umbel::kdtree {
+
+void build_exact(const Input& input, const Config& /*config*/, Branch& root) {
+  Grower<EventSet>(input.rule)
+      .grow(EventSet(input.mesh, input.rule, input.triangles, input.boxes), input.bounds,
+            input.allowance, root);
+}
+
+}  // namespace umbel::kdtree

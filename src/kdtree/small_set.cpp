@@ -1,0 +1,117 @@
+#include "kdtree/small_set.hpp"
+
+namespace umbel::kdtree {
+
+double SmallSet::grow(const CostRule& rule, const Aabb& cell, const Allowance& left,
+                      Subtree& out) const {
+  const double as_leaf = rule.leaf(count_);
+  bool is_bad = false;
+  Split best;
+  // No subtree costs less than a visit of its root.
+  if (as_leaf > rule.traversal && left.levels > 0) best = best_split(rule, cell);
+  SmallSet below(mesh_), above(mesh_);
+  if (!is_worth(rule, best, count_, left, is_bad) || !split(cell, best, left.spare, below, above)) {
+    add_leaf(triangles(), out);
+    return as_leaf;
+  }
+  const auto [first, second] = shares(left, count_, is_bad, below.count_, above.count_);
+  const size_t node = out.nodes.size(), reference = out.references.size();
+  const Aabb low = cell_below(cell, best), high = cell_above(cell, best);
+  out.nodes.emplace_back();
+  const double cost_below = below.grow(rule, low, first, out);
+  const auto middle = static_cast<uint32_t>(out.nodes.size());
+  const double cost_above = above.grow(rule, high, second, out);
+  out.nodes[node] = Node::inner(best.axis, best.at, middle);
+  const double cost = rule.traversal + (rule.area(low) * cost_below + rule.area(high) * cost_above) /
+                                           rule.area(cell);
+  if (cost < as_leaf) return cost;
+  out.nodes.resize(node);
+  out.references.resize(reference);
+  add_leaf(triangles(), out);
+  return as_leaf;
+}
+
+Split SmallSet::best_split(const CostRule& rule, const Aabb& cell) const {
+  Split best;
+  for (uint32_t axis = 0; axis < 3; ++axis) {
+    if (!(component(cell.min, axis) < component(cell.max, axis))) continue;
+    bool has_flat = false;
+    for (uint32_t i = 0; i < count_; ++i) has_flat |= low_[axis][i] == high_[axis][i];
+    const PlaneCost cost(rule, cell, axis);
+    if (has_flat)
+      search_flat(cost, best);
+    else
+      search_axis(cost, best);
+  }
+  return best;
+}
+
+void SmallSet::search_axis(const PlaneCost& cost, Split& best) const {
+  const float *low = low_[cost.axis()], *high = high_[cost.axis()];
+  float planes[2 * kMost];
+  uint32_t count = 0;
+  for (uint32_t i = 0; i < count_; ++i) {
+    planes[count] = low[i];
+    count += low[i] > cost.low();
+    planes[count] = high[i];
+    count += high[i] < cost.high();
+  }
+  // Counters of all planes at once, which the compiler turns into vector comparisons.
+  int32_t below[2 * kMost] = {}, above[2 * kMost] = {};
+  const uint32_t padded = std::min((count + 3) / 4 * 4, 2 * kMost);
+  for (uint32_t k = count; k < padded; ++k) planes[k] = cost.low();
+  for (uint32_t i = 0; i < count_; ++i) {
+    const float l = low[i], h = high[i];
+    for (uint32_t k = 0; k < padded; ++k) {
+      below[k] += l < planes[k];
+      above[k] += h > planes[k];
+    }
+  }
+  for (uint32_t k = 0; k < count; ++k) {
+    const Split split{cost(planes[k], static_cast<uint32_t>(below[k]),
+                           static_cast<uint32_t>(above[k])),
+                      planes[k], cost.axis(), false};
+    if (split < best) best = split;
+  }
+}
+
+void SmallSet::search_flat(const PlaneCost& cost, Split& best) const {
+  const float *low = low_[cost.axis()], *high = high_[cost.axis()];
+  const auto consider = [&](float at) {
+    uint32_t below = 0, above = 0, flat = 0;
+    for (uint32_t i = 0; i < count_; ++i) {
+      below += low[i] < at;
+      above += high[i] > at;
+      flat += low[i] == at && high[i] == at;
+    }
+    cost.consider(at, below, flat, above, best);
+  };
+  for (uint32_t i = 0; i < count_; ++i) {
+    consider(low[i]);
+    if (high[i] > low[i]) consider(high[i]);
+  }
+}
+
+bool SmallSet::split(const Aabb& cell, const Split& split, uint64_t spare, SmallSet& below,
+                     SmallSet& above) const {
+  const float *low = low_[split.axis], *high = high_[split.axis];
+  uint64_t repeats = 0;
+  for (uint32_t i = 0; i < count_; ++i) {
+    Aabb box{{low_[0][i], low_[1][i], low_[2][i]}, {high_[0][i], high_[1][i], high_[2][i]}};
+    const bool is_flat = low[i] == high[i] && low[i] == split.at;
+    if (is_flat ? split.flat_below : high[i] <= split.at) {
+      below.push(triangle_[i], box);
+    } else if (is_flat || low[i] >= split.at) {
+      above.push(triangle_[i], box);
+    } else {
+      const Halves halves = halves_of(mesh_, triangle_[i], cell, split);
+      const bool in_below = !is_empty(halves.below), in_above = !is_empty(halves.above);
+      if (in_below) below.push(triangle_[i], halves.below);
+      if (in_above) above.push(triangle_[i], halves.above);
+      repeats += in_below && in_above ? 1 : 0;
+    }
+  }
+  return repeats <= spare;
+}
+
+}  // namespace umbel::kdtree

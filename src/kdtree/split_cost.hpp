@@ -1,0 +1,104 @@
+// What a split of a kd-tree's cell costs by the surface area heuristic (MacDonald & Booth 1990),
+// with the bonus for empty space of Wald & Havran 2006. In double: no mesh is so large or so small
+// that areas overflow or vanish.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+
+#include "umbel/kdtree.hpp"
+
+namespace umbel::kdtree {
+
+inline float component(const Vec3& v, uint32_t axis) { return (&v.x)[axis]; }
+inline float& component(Vec3& v, uint32_t axis) { return (&v.x)[axis]; }
+
+/// Where to cut a cell, and which side the triangles go to that lie in the plane.
+struct Split {
+  double cost = std::numeric_limits<double>::infinity();
+  float at = 0;
+  uint32_t axis = 3;
+  bool flat_below = false;
+
+  bool exists() const { return axis < 3; }
+  /// In an order in which the best does not depend on the order of the search.
+  bool operator<(const Split& o) const {
+    if (cost != o.cost) return cost < o.cost;
+    if (axis != o.axis) return axis < o.axis;
+    return at != o.at ? at < o.at : flat_below < o.flat_below;
+  }
+};
+
+/// What all of a build shares.
+struct CostRule {
+  double traversal, intersection, empty_factor;
+  /// Added to every extent: far below what matters, but cells without area compare by length.
+  double pad;
+
+  double area(const Aabb& cell) const {
+    const double x = double(cell.max.x) - double(cell.min.x) + pad,
+                 y = double(cell.max.y) - double(cell.min.y) + pad,
+                 z = double(cell.max.z) - double(cell.min.z) + pad;
+    return x * (y + z) + y * z;
+  }
+  double leaf(size_t count) const { return intersection * double(count); }
+};
+
+/// Costs of planes across one axis of a cell.
+class PlaneCost {
+ public:
+  PlaneCost(const CostRule& rule, const Aabb& cell, uint32_t axis)
+      : rule_(rule), axis_(axis), low_(component(cell.min, axis)), high_(component(cell.max, axis)) {
+    const auto extent = [&](uint32_t a) {
+      return double(component(cell.max, a)) - double(component(cell.min, a)) + rule.pad;
+    };
+    const double b = extent((axis + 1) % 3), c = extent((axis + 2) % 3);
+    slope_ = b + c;
+    base_ = b * c;
+    scale_ = rule.intersection / rule.area(cell);
+  }
+
+  uint32_t axis() const { return axis_; }
+  float low() const { return low_; }
+  float high() const { return high_; }
+
+  /// Of a plane with that many triangles on its sides.
+  double operator()(float at, size_t below, size_t above) const {
+    const double area_below = (double(at) - double(low_) + rule_.pad) * slope_ + base_;
+    const double area_above = (double(high_) - double(at) + rule_.pad) * slope_ + base_;
+    const double cost = rule_.traversal +
+                        scale_ * (area_below * double(below) + area_above * double(above));
+    return below == 0 || above == 0 ? cost * rule_.empty_factor : cost;
+  }
+
+  /// The better of both sides for `flat` triangles that lie in the plane.
+  void consider(float at, size_t below, size_t flat, size_t above, Split& best) const {
+    // At the end of a cell only triangles in that very plane can be cut off.
+    const bool at_low = at <= low_, at_high = at >= high_;
+    if ((at_low || at_high) && flat == 0) return;
+    if (!at_low) keep({(*this)(at, below, above + flat), at, axis_, false}, best);
+    if (flat > 0 && !at_high) keep({(*this)(at, below + flat, above), at, axis_, true}, best);
+  }
+
+ private:
+  static void keep(const Split& split, Split& best) {
+    if (split < best) best = split;
+  }
+
+  const CostRule& rule_;
+  uint32_t axis_;
+  float low_, high_;
+  double slope_, base_, scale_;
+};
+
+/// The two cells.
+inline Aabb cell_below(Aabb cell, const Split& split) {
+  component(cell.max, split.axis) = split.at;
+  return cell;
+}
+inline Aabb cell_above(Aabb cell, const Split& split) {
+  component(cell.min, split.axis) = split.at;
+  return cell;
+}
+
+}  // namespace umbel::kdtree
