@@ -2,12 +2,18 @@
 // that reach into it. `build` gives the bare tree; `KdTree` answers rays.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "umbel/bvh.hpp"
 #include "umbel/mesh.hpp"
+#include "umbel/ray_arrays.hpp"
+#include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel::kdtree {
@@ -78,17 +84,82 @@ UMBEL_API Tree build(const MeshView& mesh, const Config& config = {},
                      const BuildOptions& options = {});
 
 struct Statistics {
-  uint32_t nodes;         ///< inner nodes and leaves
-  uint32_t leaves;        ///< empty ones included
+  uint32_t nodes;   ///< inner nodes and leaves
+  uint32_t leaves;  ///< empty ones included
   uint32_t empty_leaves;
-  uint32_t max_depth;     ///< of a leaf; the root is 0
-  uint64_t references;    ///< of all leaves, also where they share a list
-  double sah_cost;        ///< expected cost of a random line through the bounds
-  double inner_visits;    ///< inner nodes that such a line visits
-  double leaf_visits;     ///< leaves that such a line visits
-  double tests;           ///< references in the leaves that such a line visits
+  uint32_t max_depth;   ///< of a leaf; the root is 0
+  uint64_t references;  ///< of all leaves, also where they share a list
+  double sah_cost;      ///< expected cost of a random line through the bounds
+  double inner_visits;  ///< inner nodes that such a line visits
+  double leaf_visits;   ///< leaves that such a line visits
+  double tests;         ///< references in the leaves that such a line visits
   uint64_t bytes;
 };
 UMBEL_API Statistics statistics(const Tree& tree, const bvh::CostModel& cost = {});
+
+/// How rays find their way. All visit the same leaves in the same order and give the same hits.
+enum class Traversal : uint32_t {
+  kStack,  ///< the far child waits on a stack (Havran 2000, TA-B), whichever way planes are met
+  kRopes,  ///< from leaf to neighbouring leaf (Havran et al. 1998), without a stack but where a
+           ///< ray runs so close to an edge of cells that rounding decides its neighbour
+  kShortStack,  ///< a stack of a few entries; what it has lost is found again from the root (Horn
+                ///< et al. 2007), by a trail of bits (Laine 2010)
+};
+
+/// "stack", "ropes" and "short-stack".
+UMBEL_API std::string_view name(Traversal traversal);
+/// Throws kInvalidArgument, listing the names that there are.
+UMBEL_API Traversal traversal_by_name(std::string_view name);
+
+struct KdTreeConfig {
+  Config tree;
+  Traversal traversal = Traversal::kStack;
+  bool compact = false;     ///< share vertices between triangles: less memory, slower rays
+  Simd simd = Simd::kAuto;  ///< kUnsupported is thrown where the machine lacks what is asked for
+};
+
+/// A kd-tree that answers rays. It holds all that it needs: the mesh it was built from need not be
+/// kept. Queries mean what they mean for TriangleBvh, and give the same hits.
+class UMBEL_API KdTree {
+ public:
+  KdTree();  ///< no triangles; every query misses
+  ~KdTree();
+  KdTree(KdTree&&) noexcept;
+  KdTree& operator=(KdTree&&) noexcept;
+
+  /// `masks` is empty (all bits set) or one a triangle.
+  static KdTree build(const MeshView& mesh, const KdTreeConfig& config = {},
+                      std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+  /// Of a tree over the triangles of `mesh`, which is checked.
+  static KdTree of(const Tree& tree, const MeshView& mesh, const KdTreeConfig& config = {},
+                   std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+
+  Hit intersect(const Ray& ray, const RayOptions& options = {}) const;
+  bool occluded(const Ray& ray, const RayOptions& options = {}) const;
+  size_t all_hits(const Ray& ray, std::span<Hit> hits, const RayOptions& options = {}) const;
+
+  // Batches, in parallel (threads: 0 means all cores). Both spans have the same length.
+  void intersect(std::span<const Ray> rays, std::span<Hit> hits, const RayOptions& options = {},
+                 uint32_t threads = 0) const;
+  void occluded(std::span<const Ray> rays, std::span<uint8_t> results,
+                const RayOptions& options = {}, uint32_t threads = 0) const;
+
+  /// Other ways to go through the same tree. Ropes are made when they are first asked for.
+  void set_traversal(Traversal traversal);
+  Traversal traversal() const;
+
+  Statistics statistics() const;
+  Aabb bounds() const;
+  uint32_t triangle_count() const;  ///< of the mesh, dropped ones included
+
+ private:
+  struct Data;
+  std::unique_ptr<Data> data_;
+};
+
+/// Throws kCorrupt with the first fault of a tree from whatever source: links out of range, nodes
+/// that are not reached once and depth-first, planes outside their cells, references to triangles
+/// beyond `triangle_count`, leaves deeper than 64.
+UMBEL_API void check(const Tree& tree, uint32_t triangle_count);
 
 }  // namespace umbel::kdtree

@@ -2,6 +2,8 @@
 // minimums.
 #pragma once
 
+#include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include "umbel/bvh.hpp"
@@ -15,6 +17,13 @@ namespace umbel::bvh {
 /// Four floats on which arithmetic works lane by lane (an extension of GCC and Clang).
 typedef float Float4 __attribute__((vector_size(16)));
 
+typedef int32_t Int4 __attribute__((vector_size(16)));
+
+inline Float4 load4(const float* p) {
+  Float4 v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
+}
 inline Float4 splat(float x) { return Float4{x, x, x, x}; }
 inline Float4 min4(Float4 a, Float4 b) {
 #if defined(__SSE2__)

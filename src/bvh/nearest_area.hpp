@@ -4,20 +4,11 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 
 #include "bvh/box4.hpp"
 
 namespace umbel::bvh {
-
-typedef int32_t Int4 __attribute__((vector_size(16)));
-
-inline Float4 load4(const float* p) {
-  Float4 v;
-  std::memcpy(&v, p, sizeof v);
-  return v;
-}
 
 /// Six numbers a box: its low corner and its negated high one, so that a union is a minimum.
 struct BoxColumns {

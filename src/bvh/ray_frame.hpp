@@ -66,7 +66,7 @@ inline constexpr uint8_t kLargestAxis[8] = {2, 2, 2, 0, 1, 2, 1, 0};
 inline constexpr uint8_t kOtherAxes[3][2] = {{1, 2}, {2, 0}, {0, 1}};
 
 /// False where the ray can hit nothing.
-static inline bool make_frame(const TriangleBvhData& tree, const Ray& ray, RayFrame& f) {
+static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f) {
   constexpr float kMax = std::numeric_limits<float>::max();
   // Number by number: a ray that was only just written so cannot be read in one piece yet.
   const Quad o = {ray.origin.x, ray.origin.y, ray.origin.z, 0};

@@ -1,11 +1,9 @@
 // Chooses the ray kernels of this machine.
 #include "bvh/ray_kernels.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <string>
 
-#include "bvh/ray_frame.hpp"
+#include "bvh/leaf_store.hpp"
 
 namespace umbel {
 namespace {
@@ -39,34 +37,28 @@ bool has_avx512() { return false; }
 #endif
 
 const RayKernels* kernels_for(uint32_t width, Simd simd) {
-  if (simd == Simd::kPortable) return portable_kernels(width);
-  const RayKernels* const avx512 = has_avx512() ? avx512_kernels(width) : nullptr;
-  const RayKernels* const avx2 = has_avx2() ? avx2_kernels(width) : nullptr;
-  if (simd == Simd::kAvx512) return avx512;
-  if (simd == Simd::kAvx2) return avx2;
-  if (avx512) return avx512;
-  return avx2 ? avx2 : portable_kernels(width);
+  if (simd == Simd::kAvx512) return avx512_kernels(width);
+  return simd == Simd::kAvx2 ? avx2_kernels(width) : portable_kernels(width);
 }
 
 }  // namespace
 
-void prepare_rays(TriangleBvhData& data, Simd simd) {
-  const RayKernels* const kernels = kernels_for(data.width, simd);
-  if (!kernels)
+Simd choose_simd(Simd wanted) {
+  const bool there = wanted == Simd::kAvx512 ? has_avx512() : wanted != Simd::kAvx2 || has_avx2();
+  if (!there)
     throw Error(ErrorCode::kUnsupported, std::string("simd asks for ") +
-                                             (simd == Simd::kAvx512 ? "AVX-512" : "AVX2") +
+                                             (wanted == Simd::kAvx512 ? "AVX-512" : "AVX2") +
                                              ", which this machine or this build does not have");
+  if (wanted != Simd::kAuto) return wanted;
+  if (has_avx512()) return Simd::kAvx512;
+  return has_avx2() ? Simd::kAvx2 : Simd::kPortable;
+}
+
+void prepare_rays(TriangleBvhData& data, Simd simd) {
+  const RayKernels* const kernels = kernels_for(data.width, choose_simd(simd));
   data.kernels = data.nodes.empty() ? &kEmptyTree : kernels;
   data.simd = simd;
-  data.reach = 0;
-  data.scale = data.unscale = 1;
-  if (data.nodes.empty()) return;
-  for (const float c : {data.bounds.min.x, data.bounds.min.y, data.bounds.min.z, data.bounds.max.x,
-                        data.bounds.max.y, data.bounds.max.z})
-    data.reach = std::max(data.reach, std::fabs(c));
-  if (data.reach > 0x1p20f || (data.reach < 0x1p-20f && data.reach > 0))
-    data.scale = power_of_two(std::clamp(-exponent_of(data.reach), -126, 126));
-  data.unscale = 1 / data.scale;
+  prepare_scale(data);
 }
 
 void prepare_rays(TriangleBvhData& data) { prepare_rays(data, data.simd); }

@@ -18,4 +18,8 @@ const RayKernels* portable_kernels(uint32_t width);
 const RayKernels* avx2_kernels(uint32_t width);
 const RayKernels* avx512_kernels(uint32_t width);
 
+/// What kAuto means on this machine, or `wanted` itself. Throws kUnsupported where the machine
+/// lacks the instructions asked for.
+Simd choose_simd(Simd wanted);
+
 }  // namespace umbel

@@ -70,9 +70,9 @@ class TriangleTester {
         kz_(f.kz),
         scaled_(f.scale != 1.0f) {}
 
-  UMBEL_SIMD uint32_t operator()(const TriangleBvhData& tree, uint32_t link, bool cull_back,
-                                 float t_max, LeafHits& hits) const {
-    const uint32_t n = TriangleBvhData::leaf_size(link);
+  UMBEL_SIMD uint32_t operator()(const LeafStore& tree, uint32_t link, bool cull_back, float t_max,
+                                 LeafHits& hits) const {
+    const uint32_t n = LeafStore::leaf_size(link);
     const uint32_t* words = leaf_words(tree, link);
     const Corner a = corner(tree, words, n, 0), b = corner(tree, words, n, 1),
                  c = corner(tree, words, n, 2);
@@ -110,7 +110,7 @@ class TriangleTester {
     __m256 u, v, w;
   };
 
-  UMBEL_SIMD Corner corner(const TriangleBvhData& tree, const uint32_t* words, uint32_t n,
+  UMBEL_SIMD Corner corner(const LeafStore& tree, const uint32_t* words, uint32_t n,
                            uint32_t index) const {
     __m256 x, y, z;
     if (tree.compact) {

@@ -52,13 +52,13 @@ class WalkStack {
   StackEntry* base_ = small_;
 };
 
-static inline const uint32_t* leaf_words(const TriangleBvhData& tree, uint32_t link) {
+static inline const uint32_t* leaf_words(const LeafStore& tree, uint32_t link) {
   return tree.leaves.data() +
          size_t{TriangleBvhData::first_reference(link)} * tree.reference_words();
 }
 
 /// Keeps the lanes whose triangle the ray's mask sees.
-static inline uint32_t visible(const TriangleBvhData& tree, uint32_t link, uint32_t lanes,
+static inline uint32_t visible(const LeafStore& tree, uint32_t link, uint32_t lanes,
                                uint32_t mask) {
   if (!tree.masked) return mask == 0 ? 0 : lanes;
   const uint32_t n = TriangleBvhData::leaf_size(link);
@@ -146,8 +146,10 @@ static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const f
   }
 }
 
-template <typename Lanes>
-static Hit intersect_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options) {
+// The queries, over any structure with a `walk` such as the one above.
+
+template <typename Lanes, typename Tree>
+static Hit intersect_ray(const Tree& tree, const Ray& ray, const RayOptions& options) {
   Hit best;
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return best;
@@ -159,7 +161,7 @@ static Hit intersect_ray(const TriangleBvhData& tree, const Ray& ray, const RayO
     if (lanes == 0) return false;
     lanes = visible(tree, link, lanes, options.mask);
     const uint32_t* primitives =
-        leaf_words(tree, link) + size_t{tree.corner_words()} * TriangleBvhData::leaf_size(link);
+        leaf_words(tree, link) + size_t{tree.corner_words()} * LeafStore::leaf_size(link);
     for (; lanes != 0; lanes &= lanes - 1) {
       const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
       const float t = hits.t[lane];
@@ -174,8 +176,8 @@ static Hit intersect_ray(const TriangleBvhData& tree, const Ray& ray, const RayO
   return best;
 }
 
-template <typename Lanes>
-static bool occluded_ray(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options) {
+template <typename Lanes, typename Tree>
+static bool occluded_ray(const Tree& tree, const Ray& ray, const RayOptions& options) {
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return false;
   const float cull = cull_distance(frame.t_max);
@@ -187,8 +189,8 @@ static bool occluded_ray(const TriangleBvhData& tree, const Ray& ray, const RayO
   });
 }
 
-template <typename Lanes>
-static size_t all_hits_ray(const TriangleBvhData& tree, const Ray& ray, std::span<Hit> found,
+template <typename Lanes, typename Tree>
+static size_t all_hits_ray(const Tree& tree, const Ray& ray, std::span<Hit> found,
                            const RayOptions& options) {
   RayFrame frame;
   if (found.empty() || !make_frame(tree, ray, frame)) return 0;
@@ -203,7 +205,7 @@ static size_t all_hits_ray(const TriangleBvhData& tree, const Ray& ray, std::spa
     uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, t_max, hits);
     lanes = visible(tree, link, lanes, options.mask);
     const uint32_t* primitives =
-        leaf_words(tree, link) + size_t{tree.corner_words()} * TriangleBvhData::leaf_size(link);
+        leaf_words(tree, link) + size_t{tree.corner_words()} * LeafStore::leaf_size(link);
     for (; lanes != 0; lanes &= lanes - 1) {
       const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
       const Hit hit = hit_of(hits, lane, primitives[lane]);
@@ -229,6 +231,8 @@ static size_t all_hits_ray(const TriangleBvhData& tree, const Ray& ray, std::spa
 }
 
 template <typename Lanes>
-constexpr RayKernels kernels_of{intersect_ray<Lanes>, occluded_ray<Lanes>, all_hits_ray<Lanes>};
+constexpr RayKernels kernels_of{intersect_ray<Lanes, TriangleBvhData>,
+                                occluded_ray<Lanes, TriangleBvhData>,
+                                all_hits_ray<Lanes, TriangleBvhData>};
 
 }  // namespace umbel

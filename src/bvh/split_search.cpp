@@ -10,8 +10,6 @@
 namespace umbel::bvh {
 namespace {
 
-typedef int32_t Int4 __attribute__((vector_size(16)));
-
 constexpr uint32_t kPartitionBins = 64;
 constexpr uint32_t kCutBins = 16;
 constexpr uint32_t kSweepMost = 16;

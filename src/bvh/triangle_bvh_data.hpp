@@ -31,24 +31,14 @@ struct LeafTriangle {
   uint32_t mask;
 };
 
-struct TriangleBvhData {
-  // What a file has to hold.
-  uint32_t width = 8;           ///< slots a node: 2, 4 or 8
-  uint32_t max_depth = 0;       ///< of a leaf; the children of node 0 have depth 1
+/// The triangles of a structure's leaves, and what rays have to know of their size.
+struct LeafStore {
   uint32_t triangle_count = 0;  ///< of the mesh, dropped ones included
-  uint32_t leaf_count = 0;
   uint32_t reference_count = 0;
   uint32_t compact = 0;  ///< 1: leaves hold vertex numbers; 0: they hold corners
   uint32_t masked = 0;   ///< 1: leaves hold masks; 0: all bits are set in all masks
-  uint32_t repeats = 0;  ///< 1: a triangle may be in more than one leaf
-  bvh::CostModel cost;
-  double sah_cost = 0, built_sah_cost = 0;  ///< of the binary tree; of it when it was built
-  Aabb bounds;                              ///< of the triangles; empty where there are none
+  Aabb bounds;           ///< of the triangles; empty where there are none
 
-  /// node_words() a node: for each slot its lowest x, then for each its highest x, the same for y
-  /// and z, then its link (see box(), link()). Children come after their parent, node 0 is the
-  /// root; there are none without triangles.
-  BigVector<uint32_t> nodes;
   /// reference_words() a reference. A leaf of n triangles is n times that many consecutive words:
   /// n times p0.x, n times p0.y, ... n times p2.z (compact: n times each vertex number), n times
   /// the primitive's number, n times its mask where masked. kLeafPadding words follow the last
@@ -56,45 +46,23 @@ struct TriangleBvhData {
   BigVector<uint32_t> leaves;
   BigVector<Vec3> vertices;  ///< compact: what the vertex numbers mean; else empty
 
-  // Set by prepare_rays, never stored.
-  const RayKernels* kernels = nullptr;
-  Simd simd = Simd::kAuto;  ///< as asked for
-  float reach = 0;          ///< the largest coordinate of any box, by amount
+  // Set by prepare_scale, never stored.
+  float reach = 0;    ///< the largest coordinate of any box, by amount
   float scale = 1;    ///< power of two that brings triangles of extreme size into a safe range
   float unscale = 1;  ///< 1 / scale
 
-  uint32_t node_words() const { return 7 * width; }
   uint32_t corner_words() const { return compact ? 3 : 9; }
   uint32_t reference_words() const { return corner_words() + 1 + masked; }
-  uint32_t node_count() const { return static_cast<uint32_t>(nodes.size() / node_words()); }
-  /// Nodes and triangles: everything that a query may touch.
-  uint64_t bytes() const {
-    return nodes.size() * sizeof(uint32_t) + leaves.size() * sizeof(uint32_t) +
-           vertices.size() * sizeof(Vec3);
+  uint64_t leaf_bytes() const {
+    return leaves.size() * sizeof(uint32_t) + vertices.size() * sizeof(Vec3);
   }
 
-  /// kNoChild for a slot without a child (which may lie between slots that have one), a leaf's
-  /// link, or the index of a node.
-  uint32_t link(uint32_t node, uint32_t slot) const {
-    return nodes[size_t{node} * node_words() + 6 * width + slot];
-  }
   static bool is_leaf(uint32_t link) { return (link & kLeafBit) != 0; }
   static uint32_t leaf_size(uint32_t link) { return ((link >> kLeafSizeShift) & 7u) + 1; }
   static uint32_t first_reference(uint32_t link) { return link & ((1u << kLeafSizeShift) - 1); }
-
-  /// A box that holds all below the slot, and may be a little larger.
-  Aabb box(uint32_t node, uint32_t slot) const {
-    const uint32_t* planes = nodes.data() + size_t{node} * node_words() + slot;
-    const auto plane = [&](uint32_t i) { return std::bit_cast<float>(planes[i * width]); };
-    return {{plane(0), plane(2), plane(4)}, {plane(1), plane(3), plane(5)}};
-  }
-  void set_box(uint32_t node, uint32_t slot, const Aabb& box) {
-    uint32_t* planes = nodes.data() + size_t{node} * node_words() + slot;
-    const float values[6] = {box.min.x, box.max.x, box.min.y, box.max.y, box.min.z, box.max.z};
-    for (uint32_t i = 0; i < 6; ++i) planes[i * width] = std::bit_cast<uint32_t>(values[i]);
-  }
-  void set_link(uint32_t node, uint32_t slot, uint32_t link) {
-    nodes[size_t{node} * node_words() + 6 * width + slot] = link;
+  /// The link of the leaf of 1 to 8 triangles that begins there.
+  static uint32_t leaf_link(uint32_t first, uint32_t count) {
+    return kLeafBit | (count - 1) << kLeafSizeShift | first;
   }
 
   /// Triangle i of a leaf, 0 <= i < leaf_size(link).
@@ -119,6 +87,51 @@ struct TriangleBvhData {
   template <typename Visit>
   void for_each_triangle(uint32_t link, const Visit& visit) const {
     for (uint32_t i = 0; i < leaf_size(link); ++i) visit(triangle(link, i));
+  }
+};
+
+struct TriangleBvhData : LeafStore {
+  // What a file has to hold.
+  uint32_t width = 8;      ///< slots a node: 2, 4 or 8
+  uint32_t max_depth = 0;  ///< of a leaf; the children of node 0 have depth 1
+  uint32_t leaf_count = 0;
+  uint32_t repeats = 0;  ///< 1: a triangle may be in more than one leaf
+  bvh::CostModel cost;
+  double sah_cost = 0, built_sah_cost = 0;  ///< of the binary tree; of it when it was built
+
+  /// node_words() a node: for each slot its lowest x, then for each its highest x, the same for y
+  /// and z, then its link (see box(), link()). Children come after their parent, node 0 is the
+  /// root; there are none without triangles.
+  BigVector<uint32_t> nodes;
+
+  // Set by prepare_rays, never stored.
+  const RayKernels* kernels = nullptr;
+  Simd simd = Simd::kAuto;  ///< as asked for
+
+  uint32_t node_words() const { return 7 * width; }
+  uint32_t node_count() const { return static_cast<uint32_t>(nodes.size() / node_words()); }
+  /// Nodes and triangles: everything that a query may touch.
+  uint64_t bytes() const { return nodes.size() * sizeof(uint32_t) + leaf_bytes(); }
+
+  /// kNoChild for a slot without a child (which may lie between slots that have one), a leaf's
+  /// link, or the index of a node.
+  uint32_t link(uint32_t node, uint32_t slot) const {
+    return nodes[size_t{node} * node_words() + 6 * width + slot];
+  }
+
+  /// A box that holds all below the slot, and may be a little larger.
+  Aabb box(uint32_t node, uint32_t slot) const {
+    const uint32_t* planes = nodes.data() + size_t{node} * node_words() + slot;
+    const auto plane = [&](uint32_t i) { return std::bit_cast<float>(planes[i * width]); };
+    return {{plane(0), plane(2), plane(4)}, {plane(1), plane(3), plane(5)}};
+  }
+  void set_box(uint32_t node, uint32_t slot, const Aabb& box) {
+    uint32_t* planes = nodes.data() + size_t{node} * node_words() + slot;
+    const float values[6] = {box.min.x, box.max.x, box.min.y, box.max.y, box.min.z, box.max.z};
+    for (uint32_t i = 0; i < 6; ++i) planes[i * width] = std::bit_cast<uint32_t>(values[i]);
+  }
+  void set_link(uint32_t node, uint32_t slot, uint32_t link) {
+    nodes[size_t{node} * node_words() + 6 * width + slot] = link;
   }
 };
 

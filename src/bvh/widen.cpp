@@ -10,6 +10,7 @@
 #include <string>
 
 #include "base/parallel.hpp"
+#include "bvh/leaf_store.hpp"
 
 namespace umbel {
 namespace {
@@ -230,7 +231,7 @@ class Emitter {
     const auto count = static_cast<uint32_t>(members_.size());
     order_.insert(order_.end(), members_.begin(), members_.end());
     leaves_.push_back({first, count});
-    out_.set_link(parent, slot, kLeafBit | (count - 1) << kLeafSizeShift | first);
+    out_.set_link(parent, slot, LeafStore::leaf_link(first, count));
     out_.max_depth = std::max(out_.max_depth, depth);
   }
 
@@ -241,43 +242,6 @@ class Emitter {
   std::vector<uint32_t> children_, members_, order_;
   std::vector<Leaf> leaves_;
 };
-
-/// The vertices that the tree's triangles use, in the order in which leaves come to them, and for
-/// each vertex of the mesh its place among them.
-std::vector<uint32_t> collect_vertices(const MeshView& mesh, std::span<const uint32_t> order,
-                                       BigVector<Vec3>& vertices) {
-  std::vector<uint32_t> places(mesh.positions.size(), kNone);
-  for (const uint32_t primitive : order)
-    for (const uint32_t vertex : mesh.triangles[primitive]) {
-      if (places[vertex] != kNone) continue;
-      places[vertex] = static_cast<uint32_t>(vertices.size());
-      vertices.push_back(mesh.positions[vertex]);
-    }
-  return places;
-}
-
-void fill_leaf(const MeshView& mesh, std::span<const uint32_t> masks,
-               std::span<const uint32_t> places, const uint32_t* order, const Leaf& leaf,
-               TriangleBvhData& out) {
-  uint32_t* const words = out.leaves.data() + size_t{leaf.first} * out.reference_words();
-  const uint32_t n = leaf.count, corners = out.corner_words();
-  for (uint32_t i = 0; i < n; ++i) {
-    const uint32_t primitive = order[leaf.first + i];
-    const Triangle& triangle = mesh.triangles[primitive];
-    for (uint32_t corner = 0; corner < 3; ++corner) {
-      if (out.compact) {
-        words[corner * n + i] = places[triangle[corner]];
-        continue;
-      }
-      const Vec3& p = mesh.positions[triangle[corner]];
-      words[(3 * corner) * n + i] = std::bit_cast<uint32_t>(p.x);
-      words[(3 * corner + 1) * n + i] = std::bit_cast<uint32_t>(p.y);
-      words[(3 * corner + 2) * n + i] = std::bit_cast<uint32_t>(p.z);
-    }
-    words[corners * n + i] = primitive;
-    if (out.masked) words[(corners + 1) * n + i] = masks[primitive];
-  }
-}
 
 void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
   for (const uint32_t primitive : order)
@@ -327,7 +291,8 @@ TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const Wi
   if (options.compact) places = collect_vertices(mesh, order, out.vertices);
   out.leaves.resize(size_t{out.reference_count} * out.reference_words() + kLeafPadding);
   parallel_for(emitter.leaves().size(), 1024, [&](size_t i) {
-    fill_leaf(mesh, masks, places, order.data(), emitter.leaves()[i], out);
+    const Leaf& leaf = emitter.leaves()[i];
+    fill_leaf(mesh, masks, places, order, LeafStore::leaf_link(leaf.first, leaf.count), out);
   });
   return out;
 }

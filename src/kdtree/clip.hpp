@@ -71,8 +71,7 @@ inline ClipPolygon clipped(const Corners& corners, const Aabb& cell) {
 }
 
 struct ClipBox {
-  double low[3] = {std::numeric_limits<double>::infinity(),
-                   std::numeric_limits<double>::infinity(),
+  double low[3] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
                    std::numeric_limits<double>::infinity()};
   double high[3] = {-std::numeric_limits<double>::infinity(),
                     -std::numeric_limits<double>::infinity(),

@@ -24,10 +24,9 @@ float key_to_float(uint32_t key) {
 bool precedes(const Event& a, const Event& b) { return a.at != b.at ? a.at < b.at : a.id < b.id; }
 
 uint32_t events_before(const EventList& list, float at) {
-  return static_cast<uint32_t>(
-      std::lower_bound(list.begin(), list.end(), at,
-                       [](const Event& e, float x) { return e.at < x; }) -
-      list.begin());
+  return static_cast<uint32_t>(std::lower_bound(list.begin(), list.end(), at,
+                                                [](const Event& e, float x) { return e.at < x; }) -
+                               list.begin());
 }
 
 uint32_t events_after(const EventList& list, float at) {

@@ -42,7 +42,7 @@ inline bool is_worth(const CostRule& rule, const Split& split, uint32_t count,
   const double leaf = rule.leaf(count);
   is_bad = split.cost >= leaf;
   if (!is_bad) return true;
-  return left.bad_refines > 0 && !(count < kFew && split.cost > 4 * leaf);
+  return left.bad_refines > 0 && count >= kFew;
 }
 
 /// Hands down what is left: spare references in proportion to those that there are.
@@ -120,9 +120,9 @@ class Grower {
     const auto middle = static_cast<uint32_t>(out.nodes.size());
     const double cost_above = grow_here(above, high, second, out);
     out.nodes[node] = Node::inner(split.axis, split.at, middle);
-    const double cost = rule_.traversal +
-                        (rule_.area(low) * cost_below + rule_.area(high) * cost_above) /
-                            rule_.area(cell);
+    const double cost =
+        rule_.traversal +
+        (rule_.area(low) * cost_below + rule_.area(high) * cost_above) / rule_.area(cell);
     if (cost < rule_.leaf(set.size())) return cost;
     out.nodes.resize(node);
     out.references.resize(reference);

@@ -18,8 +18,8 @@ class Joiner {
     const size_t index = tree_.nodes.size();
     tree_.nodes.emplace_back();
     add(*branch.below);
-    tree_.nodes[index] = Node::inner(branch.split.axis, branch.split.at,
-                                     static_cast<uint32_t>(tree_.nodes.size()));
+    tree_.nodes[index] =
+        Node::inner(branch.split.axis, branch.split.at, static_cast<uint32_t>(tree_.nodes.size()));
     add(*branch.above);
   }
 

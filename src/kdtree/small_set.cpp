@@ -1,5 +1,7 @@
 #include "kdtree/small_set.hpp"
 
+#include "bvh/box4.hpp"
+
 namespace umbel::kdtree {
 
 double SmallSet::grow(const CostRule& rule, const Aabb& cell, const Allowance& left,
@@ -22,8 +24,9 @@ double SmallSet::grow(const CostRule& rule, const Aabb& cell, const Allowance& l
   const auto middle = static_cast<uint32_t>(out.nodes.size());
   const double cost_above = above.grow(rule, high, second, out);
   out.nodes[node] = Node::inner(best.axis, best.at, middle);
-  const double cost = rule.traversal + (rule.area(low) * cost_below + rule.area(high) * cost_above) /
-                                           rule.area(cell);
+  const double cost =
+      rule.traversal +
+      (rule.area(low) * cost_below + rule.area(high) * cost_above) / rule.area(cell);
   if (cost < as_leaf) return cost;
   out.nodes.resize(node);
   out.references.resize(reference);
@@ -47,8 +50,11 @@ Split SmallSet::best_split(const CostRule& rule, const Aabb& cell) const {
 }
 
 void SmallSet::search_axis(const PlaneCost& cost, Split& best) const {
+  using bvh::Float4;
+  using bvh::splat;
+  constexpr uint32_t kLanes = 8;
   const float *low = low_[cost.axis()], *high = high_[cost.axis()];
-  float planes[2 * kMost];
+  alignas(16) float planes[2 * kMost + kLanes];
   uint32_t count = 0;
   for (uint32_t i = 0; i < count_; ++i) {
     planes[count] = low[i];
@@ -56,21 +62,30 @@ void SmallSet::search_axis(const PlaneCost& cost, Split& best) const {
     planes[count] = high[i];
     count += high[i] < cost.high();
   }
-  // Counters of all planes at once, which the compiler turns into vector comparisons.
-  int32_t below[2 * kMost] = {}, above[2 * kMost] = {};
-  const uint32_t padded = std::min((count + 3) / 4 * 4, 2 * kMost);
-  for (uint32_t k = count; k < padded; ++k) planes[k] = cost.low();
-  for (uint32_t i = 0; i < count_; ++i) {
-    const float l = low[i], h = high[i];
-    for (uint32_t k = 0; k < padded; ++k) {
-      below[k] += l < planes[k];
-      above[k] += h > planes[k];
+  if (count == 0) return;
+  // A plane more than once does no harm.
+  for (uint32_t k = 0; k < kLanes; ++k) planes[count + k] = planes[0];
+  const PlaneCost::Lanes lanes(cost);
+  Float4 least = splat(std::numeric_limits<float>::infinity()), where = splat(0);
+  for (uint32_t k = 0; k < count; k += kLanes) {
+    const Float4 p = bvh::load4(planes + k), q = bvh::load4(planes + k + 4);
+    bvh::Int4 p_below{}, p_above{}, q_below{}, q_above{};
+    for (uint32_t i = 0; i < count_; ++i) {
+      const Float4 l = splat(low[i]), h = splat(high[i]);
+      // Comparisons give 0 or -1.
+      p_below -= l < p;
+      p_above -= h > p;
+      q_below -= l < q;
+      q_above -= h > q;
     }
+    const Float4 p_cost = lanes(p, p_below, p_above), q_cost = lanes(q, q_below, q_above);
+    where = p_cost < least ? p : where;
+    least = p_cost < least ? p_cost : least;
+    where = q_cost < least ? q : where;
+    least = q_cost < least ? q_cost : least;
   }
-  for (uint32_t k = 0; k < count; ++k) {
-    const Split split{cost(planes[k], static_cast<uint32_t>(below[k]),
-                           static_cast<uint32_t>(above[k])),
-                      planes[k], cost.axis(), false};
+  for (uint32_t lane = 0; lane < 4; ++lane) {
+    const Split split{double(least[lane]), where[lane], cost.axis(), false};
     if (split < best) best = split;
   }
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "bvh/box4.hpp"
 #include "umbel/kdtree.hpp"
 
 namespace umbel::kdtree {
@@ -48,7 +49,10 @@ struct CostRule {
 class PlaneCost {
  public:
   PlaneCost(const CostRule& rule, const Aabb& cell, uint32_t axis)
-      : rule_(rule), axis_(axis), low_(component(cell.min, axis)), high_(component(cell.max, axis)) {
+      : rule_(rule),
+        axis_(axis),
+        low_(component(cell.min, axis)),
+        high_(component(cell.max, axis)) {
     const auto extent = [&](uint32_t a) {
       return double(component(cell.max, a)) - double(component(cell.min, a)) + rule.pad;
     };
@@ -66,10 +70,36 @@ class PlaneCost {
   double operator()(float at, size_t below, size_t above) const {
     const double area_below = (double(at) - double(low_) + rule_.pad) * slope_ + base_;
     const double area_above = (double(high_) - double(at) + rule_.pad) * slope_ + base_;
-    const double cost = rule_.traversal +
-                        scale_ * (area_below * double(below) + area_above * double(above));
+    const double cost =
+        rule_.traversal + scale_ * (area_below * double(below) + area_above * double(above));
     return below == 0 || above == 0 ? cost * rule_.empty_factor : cost;
   }
+
+  /// The same of four planes, in single precision. What is rounded are shares of the cell's
+  /// extent and area, so no coordinates are too large or too small.
+  class Lanes {
+   public:
+    explicit Lanes(const PlaneCost& c) {
+      const double extent = double(c.high_) - double(c.low_) + 2 * c.rule_.pad;
+      middle_ = bvh::splat(static_cast<float>((double(c.low_) + double(c.high_)) / 2));
+      to_share_ = bvh::splat(static_cast<float>(2 / extent));
+      fixed_ = bvh::splat(static_cast<float>(c.scale_ * (c.base_ + extent * c.slope_ / 2)));
+      moving_ = bvh::splat(static_cast<float>(c.scale_ * extent * c.slope_ / 2));
+      traversal_ = bvh::splat(static_cast<float>(c.rule_.traversal));
+      empty_ = bvh::splat(static_cast<float>(c.rule_.empty_factor));
+    }
+    bvh::Float4 operator()(bvh::Float4 at, bvh::Int4 below, bvh::Int4 above) const {
+      const bvh::Float4 moved = (at - middle_) * to_share_ * moving_;
+      const auto below_f = __builtin_convertvector(below, bvh::Float4);
+      const auto above_f = __builtin_convertvector(above, bvh::Float4);
+      const bvh::Float4 sum = traversal_ + (fixed_ + moved) * below_f + (fixed_ - moved) * above_f;
+      const bvh::Int4 is_empty = (below == 0) | (above == 0);
+      return is_empty ? sum * empty_ : sum;
+    }
+
+   private:
+    bvh::Float4 middle_, to_share_, fixed_, moving_, traversal_, empty_;
+  };
 
   /// The better of both sides for `flat` triangles that lie in the plane.
   void consider(float at, size_t below, size_t flat, size_t above, Split& best) const {

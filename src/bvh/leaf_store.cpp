@@ -1,0 +1,59 @@
+#include "bvh/leaf_store.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "bvh/ray_frame.hpp"
+
+namespace umbel {
+
+std::vector<uint32_t> collect_vertices(const MeshView& mesh, std::span<const uint32_t> order,
+                                       BigVector<Vec3>& vertices) {
+  std::vector<uint32_t> places(mesh.positions.size(), kNone);
+  for (const uint32_t primitive : order)
+    for (const uint32_t vertex : mesh.triangles[primitive]) {
+      if (places[vertex] != kNone) continue;
+      places[vertex] = static_cast<uint32_t>(vertices.size());
+      vertices.push_back(mesh.positions[vertex]);
+    }
+  return places;
+}
+
+void fill_leaf(const MeshView& mesh, std::span<const uint32_t> masks,
+               std::span<const uint32_t> places, std::span<const uint32_t> order, uint32_t link,
+               LeafStore& out) {
+  const uint32_t first = LeafStore::first_reference(link), n = LeafStore::leaf_size(link);
+  uint32_t* const words = out.leaves.data() + size_t{first} * out.reference_words();
+  const uint32_t corners = out.corner_words();
+  for (uint32_t i = 0; i < n; ++i) {
+    const uint32_t primitive = order[first + i];
+    const Triangle& triangle = mesh.triangles[primitive];
+    for (uint32_t corner = 0; corner < 3; ++corner) {
+      if (out.compact) {
+        words[corner * n + i] = places[triangle[corner]];
+        continue;
+      }
+      const Vec3& p = mesh.positions[triangle[corner]];
+      words[(3 * corner) * n + i] = std::bit_cast<uint32_t>(p.x);
+      words[(3 * corner + 1) * n + i] = std::bit_cast<uint32_t>(p.y);
+      words[(3 * corner + 2) * n + i] = std::bit_cast<uint32_t>(p.z);
+    }
+    words[corners * n + i] = primitive;
+    if (out.masked) words[(corners + 1) * n + i] = masks[primitive];
+  }
+}
+
+void prepare_scale(LeafStore& store) {
+  store.reach = 0;
+  store.scale = store.unscale = 1;
+  if (store.reference_count == 0) return;
+  const Aabb& box = store.bounds;
+  for (const float c : {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z})
+    store.reach = std::max(store.reach, std::fabs(c));
+  if (store.reach > 0x1p20f || (store.reach < 0x1p-20f && store.reach > 0))
+    store.scale = power_of_two(std::clamp(-exponent_of(store.reach), -126, 126));
+  store.unscale = 1 / store.scale;
+}
+
+}  // namespace umbel

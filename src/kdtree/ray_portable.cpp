@@ -1,0 +1,17 @@
+// Ray kernels in plain C++, for machines without AVX2 and as the reference for the others.
+#include "bvh/plain_triangles.hpp"
+#include "kdtree/ray_kernels.hpp"
+#include "kdtree/ray_walk.hpp"
+
+namespace umbel {
+namespace {
+
+struct Plain {};
+
+}  // namespace
+
+const KdRayKernels* portable_kd_kernels(kdtree::Traversal traversal) {
+  return kd_kernels<PlainTriangles<Plain>>(traversal);
+}
+
+}  // namespace umbel
