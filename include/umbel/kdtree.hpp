@@ -69,8 +69,8 @@ struct Config {
   bvh::CostModel cost;        ///< as of the BVHs
   float empty_bonus = 0.2f;   ///< 0..0.9: cutting off empty space is that much cheaper
   uint32_t max_depth = 0;     ///< 1..64; 0: 8 + 1.3 log2(triangles), at most 64
-  uint32_t bad_refines = 3;   ///< 0..64: splits on one path that may cost more than a leaf; what
-                              ///< did not pay in the end becomes a leaf after all
+  uint32_t bad_refines = 3;   ///< 0..64: splits on one path that may cost more than a leaf, of 16
+                              ///< triangles or more; what did not pay becomes a leaf after all
   float max_references = 16;  ///< 1..64: most references a triangle, which bounds memory
   uint32_t bins = 64;         ///< binned: bins an axis, 4..256
   bvh::InvalidTriangles invalid = bvh::InvalidTriangles::kRefuse;

@@ -4,6 +4,7 @@
 #include "umbel/asset.hpp"
 #include "umbel/bvh.hpp"
 #include "umbel/cluster.hpp"
+#include "umbel/kdtree.hpp"
 #include "umbel/lod.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/ray_arrays.hpp"

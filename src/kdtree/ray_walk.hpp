@@ -29,35 +29,31 @@ static inline PlanePass pass_of(const RayFrame& f, uint32_t axis, float plane) {
 struct RayPart {
   float from, to;
   PlanePass entry;     ///< where the ray comes in
-  int32_t entry_axis;  ///< of the face it comes in by: 3 if it may be either of two; -1: it begins
-                       ///< inside
+  int32_t entry_axis;  ///< of the face there; 3: there are several; -1: it begins inside
 };
 
 static inline bool enter_bounds(const KdTreeData& tree, const RayFrame& f, float cull,
                                 RayPart& part) {
   part.from = f.t_min - std::fabs(f.t_min) * kTieSlack;
   part.to = cull;
-  part.entry_axis = -1;
   const float* low = &tree.bounds.min.x;
   const float* high = &tree.bounds.max.x;
-  float first_high = f.t_min, second_high = f.t_min;
-  for (int32_t axis = 0; axis < 3; ++axis) {
+  float near_high[3];
+  for (uint32_t axis = 0; axis < 3; ++axis) {
     const bool flip = f.inv[axis] < 0.0f;
-    const auto a = static_cast<uint32_t>(axis);
-    const PlanePass near = pass_of(f, a, flip ? high[axis] : low[axis]);
-    const PlanePass far = pass_of(f, a, flip ? low[axis] : high[axis]);
-    if (near.low > part.from) {
-      part.from = near.low;
-      part.entry_axis = axis;
-      second_high = first_high > second_high ? first_high : second_high;
-      first_high = near.high;
-    } else {
-      second_high = near.high > second_high ? near.high : second_high;
-    }
+    const PlanePass near = pass_of(f, axis, flip ? high[axis] : low[axis]);
+    const PlanePass far = pass_of(f, axis, flip ? low[axis] : high[axis]);
+    near_high[axis] = near.high;
+    if (near.low > part.from) part.from = near.low;
     if (far.high < part.to) part.to = far.high;
   }
-  part.entry = {part.from, first_high > second_high ? first_high : second_high};
-  if (part.entry_axis >= 0 && second_high >= part.from) part.entry_axis = 3;
+  part.entry = {part.from, f.t_min};
+  part.entry_axis = -1;
+  for (int32_t axis = 0; axis < 3; ++axis) {
+    if (near_high[axis] < part.from) continue;
+    part.entry_axis = part.entry_axis < 0 ? axis : 3;
+    if (near_high[axis] > part.entry.high) part.entry.high = near_high[axis];
+  }
   return part.from <= part.to;
 }
 
