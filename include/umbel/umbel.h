@@ -398,6 +398,8 @@ typedef struct umbel_bvh_config {
   uint32_t kmeans_candidates;   ///< [1, 64] kmeans: p
   uint32_t kmeans_iterations;   ///< [0, 100] kmeans: i
   uint32_t kmeans_manhattan;    ///< nonzero: the Manhattan distance and medians
+  uint32_t aac_leaf_size;       ///< [2, 128] aac: fewer triangles are not halved any more
+  float aac_epsilon;            ///< [0, 0.5] aac: n triangles hand up some n^(0.5 - epsilon) nodes
   uint32_t width;               ///< children a node of a umbel_bvh: 2, 4 or 8
   uint32_t compact;             ///< nonzero: triangles share vertices; less memory, slower rays
   uint32_t simd;                ///< umbel_simd: what queries use; results are the same for all
@@ -566,7 +568,9 @@ static inline void umbel_bvh2_statistics_init(umbel_bvh2_statistics* statistics)
 UMBEL_C_API umbel_result umbel_bvh_config_preset(umbel_bvh_config* config, const char* name);
 
 /// Sets how a tree is built to the defaults of a builder: "sweep", "binned", "sbvh", "lbvh",
-/// "hlbvh", "kmeans", "agglomerative", "aac", "ploc", "atrbvh" or "insertion".
+/// "hlbvh", "kmeans", "agglomerative", "aac", "ploc", "atrbvh" or "insertion"; or to settings that
+/// a paper names: "kmeans-q1" to "kmeans-q5", "aac-fast" or "aac-hq". `width`, `compact` and `simd`
+/// stay. Leaves the config as it is on failure.
 UMBEL_C_API umbel_result umbel_bvh_config_builder(umbel_bvh_config* config, const char* name);
 
 /// Builds over triangles. Degenerate and duplicate triangles are legal; indices out of range are

@@ -197,8 +197,8 @@ std::vector<std::string> builder_names() {
 
 void bind_config(nb::module_& module) {
   using bvh::Config;
-  nb::class_<Config>(module, "BvhConfig", "How a tree is built.")
-      .def(nb::init<>())
+  nb::class_<Config> config(module, "BvhConfig", "How a tree is built.");
+  config.def(nb::init<>())
       .def_prop_rw(
           "builder", [](const Config& c) { return std::string(bvh::name(c.builder)); },
           [](Config& c, const std::string& name) { c.builder = bvh::builder_by_name(name); })
@@ -224,24 +224,28 @@ void bind_config(nb::module_& module) {
       .def_rw("treelet_rounds", &Config::treelet_rounds)
       .def_rw("reinsertion_rounds", &Config::reinsertion_rounds)
       .def_prop_rw(
-          "clusters", [](const Config& c) { return c.kmeans.clusters; },
-          [](Config& c, uint32_t value) { c.kmeans.clusters = value; })
-      .def_prop_rw(
-          "candidates", [](const Config& c) { return c.kmeans.candidates; },
-          [](Config& c, uint32_t value) { c.kmeans.candidates = value; })
-      .def_prop_rw(
-          "iterations", [](const Config& c) { return c.kmeans.iterations; },
-          [](Config& c, uint32_t value) { c.kmeans.iterations = value; })
-      .def_prop_rw(
           "manhattan",
           [](const Config& c) { return c.kmeans.distance == bvh::KmeansDistance::kManhattan; },
           [](Config& c, bool manhattan) {
             c.kmeans.distance =
                 manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
           });
+  const auto define = [&](const char* name, auto of) {
+    using Value = std::remove_reference_t<decltype(of(std::declval<Config&>()))>;
+    config.def_prop_rw(
+        name, [of](Config& c) { return of(c); }, [of](Config& c, Value value) { of(c) = value; });
+  };
+  define("clusters", [](Config& c) -> uint32_t& { return c.kmeans.clusters; });
+  define("candidates", [](Config& c) -> uint32_t& { return c.kmeans.candidates; });
+  define("iterations", [](Config& c) -> uint32_t& { return c.kmeans.iterations; });
+  define("aac_leaf_size", [](Config& c) -> uint32_t& { return c.aac.leaf_size; });
+  define("aac_epsilon", [](Config& c) -> float& { return c.aac.epsilon; });
   module.def(
       "bvh_preset", [](const std::string& name) { return bvh::preset(name); }, "name"_a,
       "The config called fast, quality or best.");
+  module.def(
+      "bvh_builder_preset", [](const std::string& name) { return bvh::builder_preset(name); },
+      "name"_a, "A builder with its defaults, or with settings that have a name.");
   module.def("bvh_builders", &builder_names, "The names of all builders.");
 }
 

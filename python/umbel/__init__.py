@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from . import bvh as bvh
     from . import shapes as shapes
     from .asset import Asset as Asset
     from .bvh import Bvh as Bvh
@@ -94,7 +95,7 @@ _HOME = {
     "VerifyReport": "proof",
     "verify": "proof",
 }
-_MODULES = {"shapes"}
+_MODULES = {"bvh", "shapes"}
 
 __all__ = sorted(_HOME) + sorted(_MODULES)
 

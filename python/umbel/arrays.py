@@ -13,10 +13,22 @@ from .errors import Error
 from .mesh import Material, Mesh
 
 
+def numbers(name: str, values: ArrayLike) -> NDArray[Any]:
+    """`values` as an array of real numbers; umbel.Error if they are none."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise Error(f"{name} must be an array, but its rows differ in length") from None
+    if array.dtype.kind not in "fiub":
+        raise Error(f"{name} must hold numbers, not {array.dtype}")
+    return array
+
+
 def rows(name: str, values: ArrayLike, columns: int) -> NDArray[np.float32]:
     """`values` as contiguous float32 (n, columns); umbel.Error if that is not its shape."""
+    array = numbers(name, values)
     with np.errstate(over="ignore"):  # too large for float32 becomes inf, which validation names
-        array = np.ascontiguousarray(values, dtype=np.float32)
+        array = np.ascontiguousarray(array, dtype=np.float32)
     if array.size == 0:
         return array.reshape(0, columns)
     if array.ndim != 2 or array.shape[1] != columns:

@@ -4,22 +4,70 @@ builder."""
 from __future__ import annotations
 
 import math
+import operator
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, indices, native, rows
+from .arrays import as_mesh, indices, native, numbers, rows
 from .errors import Error
 from .mesh import Mesh
 from .repair import Progress
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 PRESETS = ("fast", "quality", "best")
 DISTANCES = ("euclidean", "manhattan")
+
+
+class TreeOptions(TypedDict, total=False):
+    """How a tree is built; what is left out, or None, is as the preset or builder has it."""
+
+    cost: tuple[float, float] | None
+    """(traversal, intersection) of the surface-area heuristic."""
+    max_leaf_size: int | None
+    """Most triangles a leaf, 1 to 255."""
+    max_depth: int | None
+    """Deepest level of a leaf, 8 to 255."""
+    invalid: Literal["refuse", "drop"] | None
+    """What to do with triangles that have a NaN or infinite vertex."""
+    reinsertion_rounds: int | None
+    """Rounds of reinsertion after any builder, 0 to 64."""
+    bins: int | None
+    """binned: bins an axis, 4 to 256."""
+    spatial_budget: float | None
+    """sbvh: references beyond the mesh's triangles, as a fraction, 0 to 4."""
+    spatial_overlap: float | None
+    """sbvh: the overlap from which on spatial splits are tried, 0 to 1."""
+    morton_bits: int | None
+    """lbvh: 30 or 63."""
+    hlbvh_bits: int | None
+    """hlbvh: leading bits of the code that are built by SAH, 3 to 30."""
+    ploc_radius: int | None
+    """ploc: neighbours searched each way, 1 to 128."""
+    treelet_size: int | None
+    """atrbvh: leaves of a treelet, 3 to 15."""
+    treelet_rounds: int | None
+    """atrbvh: 1 to 16."""
+    clusters: int | None
+    """kmeans: k, 2 to 64."""
+    candidates: int | None
+    """kmeans: p, 1 to 64."""
+    iterations: int | None
+    """kmeans: i, 0 to 100."""
+    distance: Literal["euclidean", "manhattan"] | None
+    """kmeans: of the boxes' corners; with "manhattan", medians instead of means."""
+    aac_leaf_size: int | None
+    """aac: fewer triangles are not halved any more, 2 to 128."""
+    aac_epsilon: float | None
+    """aac: n triangles hand up some n^(0.5 - epsilon) nodes, 0 to 0.5."""
+
 
 NODE = np.dtype([("min", "<f4", 3), ("first", "<u4"), ("max", "<f4", 3), ("count", "<u4")])
 """A node of a `Bvh2`."""
@@ -104,35 +152,41 @@ class Refit:
     """Whether the cost has grown so much that a new build would pay."""
 
 
-def _config(builder: str, changes: dict[str, Any]) -> _umbel.BvhConfig:
-    """The config of a preset or of a builder, with what is not None in `changes`."""
-    if not isinstance(builder, str):
-        raise Error(f"builder must be a name, not {builder!r}")
-    if builder in PRESETS:
-        config = _umbel.bvh_preset(builder)
-    elif builder in builders():
-        config = _umbel.BvhConfig()
-        config.builder = builder
-    else:
-        names = ", ".join((*PRESETS, *builders()))
-        raise Error(f"builder is {builder!r}, but must be one of {names}")
-    invalid = changes.pop("invalid", "refuse")
-    if invalid not in ("refuse", "drop"):
-        raise Error(f"invalid must be 'refuse' or 'drop', not {invalid!r}")
-    config.drop_invalid = invalid == "drop"
-    distance = changes.pop("distance", None)
-    if distance is not None:
-        if distance not in DISTANCES:
-            raise Error(f"distance must be {' or '.join(map(repr, DISTANCES))}, not {distance!r}")
-        config.manhattan = distance == "manhattan"
-    for key, value in changes.items():
-        if value is None:
-            continue
+def _config(builder: str, options: TreeOptions) -> _umbel.BvhConfig:
+    """The config of a preset or of a builder, with what is not None in `options`."""
+    unknown = next((name for name in options if name not in TreeOptions.__annotations__), None)
+    if unknown is not None:
+        raise TypeError(f"there is no option {unknown!r}")
+    changes = {name: value for name, value in options.items() if value is not None}
+    config = _preset(builder)
+    config.drop_invalid = _choice("invalid", changes, ("refuse", "drop")) == "drop"
+    if "distance" in changes:
+        config.manhattan = _choice("distance", changes, DISTANCES) == "manhattan"
+    for name, value in changes.items():
         try:
-            setattr(config, key, value)
+            setattr(config, name, value)
         except (TypeError, RuntimeError):
-            raise Error(f"{key} cannot be {value!r}") from None
+            raise Error(f"{name} cannot be {value!r}") from None
     return config
+
+
+def _preset(name: str) -> _umbel.BvhConfig:
+    if not isinstance(name, str):
+        raise Error(f"builder must be a name, not {name!r}")
+    if name in PRESETS:
+        return _umbel.bvh_preset(name)
+    if name.partition("-")[0] not in builders():
+        names = ", ".join((*PRESETS, *builders()))
+        raise Error(f"builder is {name!r}, but must be one of {names}")
+    return _umbel.bvh_builder_preset(name)
+
+
+def _choice(name: str, changes: dict[str, Any], values: tuple[str, ...]) -> str:
+    """Takes an option out of `changes`; the first of its values where it is not there."""
+    value = changes.pop(name, values[0])
+    if value not in values:
+        raise Error(f"{name} must be {' or '.join(map(repr, values))}, not {value!r}")
+    return str(value)
 
 
 def _mesh_of(positions: Any, triangles: ArrayLike | None) -> Mesh:
@@ -144,10 +198,24 @@ def _geometry(mesh: Mesh) -> _umbel.MeshArrays:
     return native(Mesh(mesh.positions, mesh.triangles))
 
 
+def _whole(name: str, value: int, most: int = 0xFFFFFFFF) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise Error(f"{name} must be a whole number, not {value!r}") from None
+    if not 0 <= number <= most:
+        raise Error(f"{name} must be from 0 to {most}, not {number}")
+    return number
+
+
 def _threads(threads: int) -> int:
-    if isinstance(threads, bool) or not 0 <= threads <= 0xFFFFFFFF:
-        raise Error(f"threads cannot be {threads}")
-    return threads
+    return _whole("threads", threads)
+
+
+def _number(name: str, value: float) -> float:
+    if not isinstance(value, (int, float, np.number)):
+        raise Error(f"{name} must be a number, not {value!r}")
+    return float(value)
 
 
 class Bvh2:
@@ -202,48 +270,13 @@ def build_bvh2(
     triangles: ArrayLike | None = None,
     *,
     builder: str = "quality",
-    cost: tuple[float, float] | None = None,
-    max_leaf_size: int | None = None,
-    max_depth: int | None = None,
-    invalid: str = "refuse",
-    bins: int | None = None,
-    spatial_budget: float | None = None,
-    spatial_overlap: float | None = None,
-    morton_bits: int | None = None,
-    hlbvh_bits: int | None = None,
-    ploc_radius: int | None = None,
-    treelet_size: int | None = None,
-    treelet_rounds: int | None = None,
-    reinsertion_rounds: int | None = None,
-    clusters: int | None = None,
-    candidates: int | None = None,
-    iterations: int | None = None,
-    distance: str | None = None,
     progress: Progress | None = None,
     threads: int = 0,
+    **options: Unpack[TreeOptions],
 ) -> Bvh2:
     """A binary tree over a mesh (as `umbel.Bvh` takes it), or over (n, 6) boxes: min x, y, z,
     max x, y, z of each. The other arguments are those of `umbel.Bvh`."""
-    changes = {
-        "cost": cost,
-        "max_leaf_size": max_leaf_size,
-        "max_depth": max_depth,
-        "invalid": invalid,
-        "bins": bins,
-        "spatial_budget": spatial_budget,
-        "spatial_overlap": spatial_overlap,
-        "morton_bits": morton_bits,
-        "hlbvh_bits": hlbvh_bits,
-        "ploc_radius": ploc_radius,
-        "treelet_size": treelet_size,
-        "treelet_rounds": treelet_rounds,
-        "reinsertion_rounds": reinsertion_rounds,
-        "clusters": clusters,
-        "candidates": candidates,
-        "iterations": iterations,
-        "distance": distance,
-    }
-    config = _config(builder, changes)
+    config = _config(builder, options)
     boxes = None if triangles is not None else _boxes_of(source)
     if boxes is not None:
         tree = _umbel.build_bvh2_boxes(boxes, config, progress, _threads(threads))
@@ -275,66 +308,27 @@ class Bvh:
         *,
         compact: bool = False,
         masks: ArrayLike | None = None,
-        cost: tuple[float, float] | None = None,
-        max_leaf_size: int | None = None,
-        max_depth: int | None = None,
-        invalid: str = "refuse",
-        bins: int | None = None,
-        spatial_budget: float | None = None,
-        spatial_overlap: float | None = None,
-        morton_bits: int | None = None,
-        hlbvh_bits: int | None = None,
-        ploc_radius: int | None = None,
-        treelet_size: int | None = None,
-        treelet_rounds: int | None = None,
-        reinsertion_rounds: int | None = None,
-        clusters: int | None = None,
-        candidates: int | None = None,
-        iterations: int | None = None,
-        distance: str | None = None,
         simd: str = "auto",
         keep_tree: bool = False,
         progress: Progress | None = None,
+        **options: Unpack[TreeOptions],
     ) -> None:
         """
         positions: (n, 3), with triangles (m, 3); or, alone, a mesh: an `umbel.Mesh`, the path of a
             file, anything with .vertices and .faces, a pair (positions, triangles).
-        builder: a preset, "fast", "quality" or "best", or one of `umbel.bvh.builders()`.
+        builder: a preset, "fast", "quality" or "best"; one of `umbel.bvh.builders()`; or settings
+            that a paper names, "kmeans-q1" to "kmeans-q5", "aac-fast" or "aac-hq".
         width: children a node, 2, 4 or 8.
         compact: share vertices between triangles: less memory, slower rays.
         masks: (m,) bits of each triangle; a query sees those that share a bit with its mask.
-        cost: (traversal, intersection) of the surface-area heuristic.
-        invalid: "refuse" or "drop" triangles with a NaN or infinite vertex.
-        bins: of binned; spatial_budget, spatial_overlap: of sbvh; morton_bits: of lbvh;
-            hlbvh_bits: of hlbvh; ploc_radius: of ploc; treelet_size, treelet_rounds: of atrbvh;
-            clusters, candidates, iterations and distance ("euclidean" or "manhattan"): k, p, i
-            and the distance of kmeans; reinsertion_rounds: after any.
         simd: "auto", "portable", "avx2" or "avx512"; results are the same for all.
         keep_tree: keep the binary tree too, for `tree` and `epo`.
+        options: those of the tree, see `umbel.bvh.TreeOptions`.
         """
-        changes = {
-            "cost": cost,
-            "max_leaf_size": max_leaf_size,
-            "max_depth": max_depth,
-            "invalid": invalid,
-            "bins": bins,
-            "spatial_budget": spatial_budget,
-            "spatial_overlap": spatial_overlap,
-            "morton_bits": morton_bits,
-            "hlbvh_bits": hlbvh_bits,
-            "ploc_radius": ploc_radius,
-            "treelet_size": treelet_size,
-            "treelet_rounds": treelet_rounds,
-            "reinsertion_rounds": reinsertion_rounds,
-            "clusters": clusters,
-            "candidates": candidates,
-            "iterations": iterations,
-            "distance": distance,
-        }
-        config = _config(builder, changes)
+        config = _config(builder, options)
         mesh = _mesh_of(positions, triangles)
         geometry = _geometry(mesh)
-        form = (_width(width), bool(compact), str(simd), _masks(masks))
+        form = (_width(width), bool(compact), str(simd), _masks(masks, len(mesh.triangles)))
         self.tree: Bvh2 | None = None
         """The binary tree, where it was kept."""
         if keep_tree:
@@ -385,7 +379,7 @@ class Bvh:
             _width(width),
             bool(compact),
             str(simd),
-            masks=_masks(masks),
+            masks=_masks(masks, len(mesh.triangles)),
             progress=progress,
             threads=_threads(threads),
         )
@@ -418,8 +412,9 @@ class Bvh:
 
         A ray with a NaN, a zero direction or an empty interval hits nothing. `cull_back_faces`
         passes through triangles that are seen from behind."""
-        rays = _rays(origins, directions, t_min, t_max, mask)
-        return Hits(*self._native.intersect(*rays, mask, cull_back_faces, _threads(threads)))
+        rays = _rays(origins, directions, t_min, t_max)
+        bits = _whole("mask", mask)
+        return Hits(*self._native.intersect(*rays, bits, cull_back_faces, _threads(threads)))
 
     def occluded(
         self,
@@ -433,8 +428,9 @@ class Bvh:
         threads: int = 0,
     ) -> NDArray[np.bool_]:
         """(n,) whether each ray hits anything; faster than asking for the nearest."""
-        rays = _rays(origins, directions, t_min, t_max, mask)
-        return self._native.occluded(*rays, mask, cull_back_faces, _threads(threads))
+        rays = _rays(origins, directions, t_min, t_max)
+        bits = _whole("mask", mask)
+        return self._native.occluded(*rays, bits, cull_back_faces, _threads(threads))
 
     def all_hits(
         self,
@@ -449,11 +445,11 @@ class Bvh:
         threads: int = 0,
     ) -> AllHits:
         """The nearest `max_hits` hits of each ray (0: all), each triangle at most once."""
-        if isinstance(max_hits, bool) or max_hits < 0:
-            raise Error(f"max_hits cannot be {max_hits}")
-        rays = _rays(origins, directions, t_min, t_max, mask)
+        most = _whole("max_hits", max_hits)
+        rays = _rays(origins, directions, t_min, t_max)
+        bits = _whole("mask", mask)
         return AllHits(
-            *self._native.all_hits(*rays, max_hits, mask, cull_back_faces, _threads(threads))
+            *self._native.all_hits(*rays, most, bits, cull_back_faces, _threads(threads))
         )
 
     # Distances.
@@ -462,12 +458,11 @@ class Bvh:
         self, points: ArrayLike, max_distance: float = math.inf, *, threads: int = 0
     ) -> ClosestPoints:
         """The nearest point of the surface to each of (n, 3) points, within `max_distance`."""
-        if math.isnan(max_distance) or max_distance < 0:
+        limit = _number("max_distance", max_distance)
+        if not limit >= 0:
             raise Error(f"max_distance cannot be {max_distance}")
         return ClosestPoints(
-            *self._native.closest_point(
-                rows("points", points, 3), min(max_distance, math.inf), _threads(threads)
-            )
+            *self._native.closest_point(rows("points", points, 3), limit, _threads(threads))
         )
 
     def contains(self, points: ArrayLike, *, threads: int = 0) -> NDArray[np.bool_]:
@@ -486,7 +481,7 @@ class Bvh:
 
     def overlaps_sphere(self, center: ArrayLike, radius: float) -> NDArray[np.int32]:
         """Triangles that touch the ball around `center`, (3,)."""
-        return self._native.overlaps_sphere(_point("center", center), float(radius))
+        return self._native.overlaps_sphere(_point("center", center), _number("radius", radius))
 
     def overlaps_frustum(self, planes: ArrayLike) -> NDArray[np.int32]:
         """Triangles that touch the points with a x + b y + c z + d >= 0 for all planes, (6, 4)
@@ -551,26 +546,28 @@ def _width(width: int) -> int:
     return int(width)
 
 
-def _masks(masks: ArrayLike | None) -> NDArray[np.uint32] | None:
+def _masks(masks: ArrayLike | None, triangles: int) -> NDArray[np.uint32] | None:
     if masks is None:
         return None
     array = np.asarray(masks)
-    if array.ndim != 1 or array.dtype.kind not in "iub":
-        raise Error(f"masks must be integers of shape (m,), not {array.dtype} {array.shape}")
+    if array.shape != (triangles,) or (triangles > 0 and array.dtype.kind not in "iub"):
+        raise Error(
+            f"masks must be integers of shape ({triangles},), not {array.dtype} {array.shape}"
+        )
     if array.size and (int(array.min()) < 0 or int(array.max()) > 0xFFFFFFFF):
         raise Error("masks must be from 0 to 0xffffffff")
     return np.ascontiguousarray(array, dtype=np.uint32)
 
 
 def _point(name: str, value: ArrayLike) -> Sequence[float]:
-    array = np.asarray(value, dtype=np.float32)
+    array = numbers(name, value)
     if array.shape != (3,):
         raise Error(f"{name} must have shape (3,), not {array.shape}")
     return tuple(array.tolist())
 
 
 def _rays(
-    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike, mask: int
+    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike
 ) -> tuple[
     NDArray[np.float32],
     NDArray[np.float32],
@@ -578,8 +575,6 @@ def _rays(
     NDArray[np.float32] | None,
 ]:
     """The arrays of rays as the library reads them, and checked."""
-    if not 0 <= mask <= 0xFFFFFFFF:
-        raise Error(f"mask must be from 0 to 0xffffffff, not {mask}")
     starts, ways = _vectors("origins", origins), _vectors("directions", directions)
     count = max(len(starts), len(ways)) if len(starts) and len(ways) else 0
     return (
@@ -591,18 +586,14 @@ def _rays(
 
 
 def _vectors(name: str, values: ArrayLike) -> NDArray[np.float32]:
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiub":
-        raise Error(f"{name} must hold numbers, not {array.dtype}")
+    array = numbers(name, values)
     return rows(name, array[None] if array.shape == (3,) else array, 3)
 
 
 def _interval(
     name: str, values: ArrayLike, default: float, count: int
 ) -> NDArray[np.float32] | None:
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiub":
-        raise Error(f"{name} must hold numbers, not {array.dtype}")
+    array = numbers(name, values)
     if array.ndim > 1:
         raise Error(f"{name} must be a number or of shape (n,), not {array.shape}")
     if array.ndim == 0:

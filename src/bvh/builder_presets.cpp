@@ -1,4 +1,5 @@
 // The settings that papers give names to.
+#include <algorithm>
 #include <string>
 
 #include "umbel/bvh.hpp"
@@ -42,6 +43,22 @@ AacConfig aac_preset(std::string_view name) {
       {"hq", {.leaf_size = 20, .epsilon = 0.1f}},
   };
   return by_name(kPresets, name, "AAC");
+}
+
+Config builder_preset(std::string_view name) {
+  const size_t dash = std::min(name.find('-'), name.size());
+  Config config;
+  config.builder = builder_by_name(name.substr(0, dash));
+  if (dash == name.size()) return config;
+  const std::string_view settings = name.substr(dash + 1);
+  if (config.builder == Builder::kKmeans)
+    config.kmeans = kmeans_preset(settings);
+  else if (config.builder == Builder::kAac)
+    config.aac = aac_preset(settings);
+  else
+    throw Error(ErrorCode::kInvalidArgument, "there is no builder \"" + std::string(name) +
+                                                 "\"; only kmeans and aac have presets");
+  return config;
 }
 
 }  // namespace umbel::bvh

@@ -139,11 +139,8 @@ umbel_result umbel_bvh_config_preset(umbel_bvh_config* config, const char* name)
 }
 
 umbel_result umbel_bvh_config_builder(umbel_bvh_config* config, const char* name) {
-  return capi::guard([&] {
-    bvh::Config tree;
-    tree.builder = bvh::builder_by_name(&capi::required(name, "name"));
-    capi::set_tree(config, tree);
-  });
+  return capi::guard(
+      [&] { capi::set_tree(config, bvh::builder_preset(&capi::required(name, "name"))); });
 }
 
 umbel_result umbel_bvh_build(const umbel_bvh_mesh* mesh, const umbel_bvh_config* config,

@@ -36,6 +36,8 @@ umbel_bvh_config as_c(const TriangleBvhConfig& config) {
   result.kmeans_candidates = tree.kmeans.candidates;
   result.kmeans_iterations = tree.kmeans.iterations;
   result.kmeans_manhattan = tree.kmeans.distance == bvh::KmeansDistance::kManhattan;
+  result.aac_leaf_size = tree.aac.leaf_size;
+  result.aac_epsilon = tree.aac.epsilon;
   result.width = config.width;
   result.compact = config.compact;
   result.simd = static_cast<uint32_t>(config.simd);
@@ -66,6 +68,7 @@ TriangleBvhConfig bvh_config(const umbel_bvh_config* config) {
   tree.kmeans.iterations = given.kmeans_iterations;
   tree.kmeans.distance =
       given.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
+  tree.aac = {given.aac_leaf_size, given.aac_epsilon};
   result.width = given.width;
   result.compact = given.compact != 0;
   result.simd = static_cast<Simd>(given.simd);

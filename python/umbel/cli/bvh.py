@@ -14,7 +14,7 @@ from .run import Json, Threads, check_output, ends_cleanly, fail, show
 
 if TYPE_CHECKING:
     from ..bench.rays import Rays
-    from ..bvh import Bvh
+    from ..bvh import Bvh, TreeOptions
 
 PICTURE = 512
 RUNS = 3
@@ -25,6 +25,16 @@ class Device(str, enum.Enum):
     cuda = "cuda"
 
 
+class Distance(str, enum.Enum):
+    euclidean = "euclidean"
+    manhattan = "manhattan"
+
+
+def _knob(metavar: str | None, text: str) -> Any:
+    """An option of one builder."""
+    return typer.Option(metavar=metavar, help=text, rich_help_panel="Settings of builders")
+
+
 @ends_cleanly
 def command(
     source: Annotated[
@@ -33,7 +43,8 @@ def command(
     builder: Annotated[
         str,
         typer.Option(
-            help="fast, quality or best, or a builder: sweep, binned, sbvh, lbvh, kmeans, ..."
+            help="fast, quality or best; a builder: sweep, binned, sbvh, lbvh, kmeans, "
+            "agglomerative, aac, insertion, ...; or kmeans-q1 to kmeans-q5, aac-fast, aac-hq."
         ),
     ] = "quality",
     device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
@@ -42,10 +53,46 @@ def command(
         str, typer.Option(metavar="T,I", help="Costs of traversal and intersection.")
     ] = "3,2",
     max_leaf_size: Annotated[int, typer.Option(metavar="N", help="Most triangles a leaf.")] = 8,
+    max_depth: Annotated[
+        int | None, typer.Option(metavar="N", help="Deepest level of a leaf, 8 to 255.")
+    ] = None,
     compact: Annotated[bool, typer.Option(help="Share vertices: smaller, slower rays.")] = False,
     drop_invalid: Annotated[
         bool, typer.Option(help="Leave out triangles with a NaN or infinite vertex.")
     ] = False,
+    reinsertion_rounds: Annotated[
+        int | None, _knob("N", "Rounds of reinsertion, after any builder: 0 to 64.")
+    ] = None,
+    bins: Annotated[int | None, _knob("N", "binned: bins an axis, 4 to 256.")] = None,
+    spatial_budget: Annotated[
+        float | None, _knob("F", "sbvh: references beyond the triangles, as a fraction: 0 to 4.")
+    ] = None,
+    spatial_overlap: Annotated[
+        float | None, _knob("F", "sbvh: overlap from which on spatial splits are tried: 0 to 1.")
+    ] = None,
+    morton_bits: Annotated[int | None, _knob("30|63", "lbvh: bits of the code.")] = None,
+    hlbvh_bits: Annotated[
+        int | None, _knob("N", "hlbvh: leading bits of the code built by SAH, 3 to 30.")
+    ] = None,
+    clusters: Annotated[int | None, _knob("K", "kmeans: clusters a node, 2 to 64.")] = None,
+    candidates: Annotated[
+        int | None, _knob("P", "kmeans: candidates a representative, 1 to 64.")
+    ] = None,
+    iterations: Annotated[int | None, _knob("I", "kmeans: Lloyd iterations, 0 to 100.")] = None,
+    distance: Annotated[
+        Distance | None, _knob(None, "kmeans: distance of boxes, by means or by medians.")
+    ] = None,
+    aac_leaf_size: Annotated[
+        int | None, _knob("N", "aac: fewer triangles are not halved any more, 2 to 128.")
+    ] = None,
+    aac_epsilon: Annotated[
+        float | None, _knob("E", "aac: n triangles hand up some n^(0.5-E) nodes, 0 to 0.5.")
+    ] = None,
+    ploc_radius: Annotated[
+        int | None, _knob("N", "ploc: neighbours searched each way, 1 to 128.")
+    ] = None,
+    treelet_size: Annotated[int | None, _knob("N", "atrbvh: leaves of a treelet, 3 to 15.")] = None,
+    treelet_rounds: Annotated[int | None, _knob("N", "atrbvh: rounds, 1 to 16.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="OUT.umbvh", help="Keep it.")
     ] = None,
@@ -59,6 +106,27 @@ def command(
     if output is not None:
         check_output(output, ".umbvh")
     costs = _costs(cost)
+    options: TreeOptions = {
+        "cost": costs,
+        "max_leaf_size": max_leaf_size,
+        "max_depth": max_depth,
+        "invalid": "drop" if drop_invalid else "refuse",
+        "reinsertion_rounds": reinsertion_rounds,
+        "bins": bins,
+        "spatial_budget": spatial_budget,
+        "spatial_overlap": spatial_overlap,
+        "morton_bits": morton_bits,
+        "hlbvh_bits": hlbvh_bits,
+        "clusters": clusters,
+        "candidates": candidates,
+        "iterations": iterations,
+        "distance": None if distance is None else distance.value,
+        "aac_leaf_size": aac_leaf_size,
+        "aac_epsilon": aac_epsilon,
+        "ploc_radius": ploc_radius,
+        "treelet_size": treelet_size,
+        "treelet_rounds": treelet_rounds,
+    }
 
     from ..bench.rays import diffuse_rays, primary_rays
     from ..bvh import Bvh, build_bvh2
@@ -68,15 +136,7 @@ def command(
     mesh = load(source)
     with Bar() as bar:
         began = time.perf_counter()
-        tree = build_bvh2(
-            mesh,
-            builder=builder,
-            cost=costs,
-            max_leaf_size=max_leaf_size,
-            invalid="drop" if drop_invalid else "refuse",
-            progress=bar,
-            threads=threads,
-        )
+        tree = build_bvh2(mesh, builder=builder, progress=bar, threads=threads, **options)
         built = time.perf_counter()
         bvh = Bvh.from_tree(tree, mesh, width=width, compact=compact, threads=threads)
         widened = time.perf_counter()
