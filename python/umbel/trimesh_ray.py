@@ -6,7 +6,7 @@ everything in trimesh that asks `mesh.ray` (`mesh.contains`, proximity, ...) use
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,26 @@ def trimesh_rays(mesh: Any, **options: Any) -> RayMeshIntersector:
     return RayMeshIntersector(mesh, **options)
 
 
+class _Made(NamedTuple):
+    """A hierarchy around the origin, where 32 bits hold most of what 64 did."""
+
+    bvh: Bvh
+    center: NDArray[np.float64]
+    size: float
+    """No less than the mesh's diagonal."""
+
+    def cast(
+        self, origins: NDArray[np.float64], directions: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The rays in 32 bits. Those from afar start near the mesh, in 64 bits, and so stay
+        exact."""
+        starts = origins - self.center
+        with np.errstate(all="ignore"):
+            ahead = -np.einsum("ij,ij->i", starts, directions) - self.size
+            starts += np.maximum(ahead, 0.0)[:, None] * directions
+            return starts.astype(np.float32), directions.astype(np.float32)
+
+
 class RayMeshIntersector:
     """Ray queries on a `trimesh.Trimesh`. Follows the mesh when it changes."""
 
@@ -38,19 +58,19 @@ class RayMeshIntersector:
         self.mesh = geometry
         self._scale_to_box = scale_to_box
         self._options = options
-        self._made: tuple[int, Bvh, NDArray[np.float64]] | None = None
+        self._made: tuple[int, _Made] | None = None
 
-    def _bvh(self) -> tuple[Bvh, NDArray[np.float64]]:
-        """The hierarchy of the mesh as it is now, and the point that is its origin."""
+    def _bvh(self) -> _Made:
+        """The hierarchy of the mesh as it is now."""
         state = hash(self.mesh)
         if self._made is None or self._made[0] != state:
-            # Around the origin, 32 bits hold most of what 64 did.
             bounds = self.mesh.bounds
-            center = np.zeros(3) if bounds is None else np.asarray(bounds, np.float64).mean(axis=0)
+            box = np.zeros((2, 3)) if bounds is None else np.asarray(bounds, np.float64)
+            center = box.mean(axis=0)
             positions = np.asarray(self.mesh.vertices, np.float64) - center
             bvh = Bvh(positions.astype(np.float32), np.asarray(self.mesh.faces), **self._options)
-            self._made = (state, bvh, center)
-        return self._made[1], self._made[2]
+            self._made = (state, _Made(bvh, center, float(np.linalg.norm(box[1] - box[0]))))
+        return self._made[1]
 
     def _rays(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike
@@ -99,9 +119,9 @@ class RayMeshIntersector:
         `return_locations`, locations (m, 3). At most `max_hits` a ray, only the first without
         `multiple_hits`."""
         origins, directions = self._rays(ray_origins, ray_directions)
-        bvh, center = self._bvh()
-        starts = (origins - center).astype(np.float32)
-        ways = directions.astype(np.float32)
+        made = self._bvh()
+        bvh = made.bvh
+        starts, ways = made.cast(origins, directions)
         if multiple_hits:
             index_tri, index_ray, u, v = self._all_hits(bvh, starts, ways, max_hits)
         else:
@@ -160,24 +180,24 @@ class RayMeshIntersector:
     ) -> NDArray[np.int64]:
         """(n,) the first triangle that each ray hits; -1 where none."""
         origins, directions = self._rays(ray_origins, ray_directions)
-        bvh, center = self._bvh()
-        return bvh.intersect(origins - center, directions).primitive.astype(np.int64)
+        made = self._bvh()
+        return made.bvh.intersect(*made.cast(origins, directions)).primitive.astype(np.int64)
 
     def intersects_any(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, **_kwargs: Any
     ) -> NDArray[np.bool_]:
         """(n,) whether each ray hits the surface."""
         origins, directions = self._rays(ray_origins, ray_directions)
-        bvh, center = self._bvh()
-        return bvh.occluded(origins - center, directions)
+        made = self._bvh()
+        return made.bvh.occluded(*made.cast(origins, directions))
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
         """(n,) whether each of (n, 3) points is inside the mesh, which must be watertight."""
         array = np.asarray(points, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] != 3:
             raise Error("points must be (n,3)")
-        bvh, center = self._bvh()
-        return bvh.contains(array - center)
+        made = self._bvh()
+        return made.bvh.contains(array - made.center)
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_made": None}

@@ -1,10 +1,11 @@
 // Whether a tree from an unknown source is one. Children come after their parents, so once every
 // node but the root has exactly one parent, every node lies below the root.
+#include "bvh/check.hpp"
+
 #include <string>
 #include <vector>
 
 #include "base/math.hpp"
-#include "umbel/bvh.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -26,13 +27,10 @@ bool encloses(const Node& outer, const Node& inner) {
 
 class Checker {
  public:
-  Checker(const Bvh2& tree, uint32_t primitive_count)
-      : tree_(tree),
-        has_parent_(tree.nodes.size(), 0),
-        in_leaf_(tree.primitives.size(), 0),
-        uses_(primitive_count, 0) {}
+  explicit Checker(const Bvh2& tree)
+      : tree_(tree), has_parent_(tree.nodes.size(), 0), in_leaf_(tree.primitives.size(), 0) {}
 
-  void run(bool repeats) {
+  void run(uint32_t primitive_count) {
     for (size_t i = 0; i < tree_.nodes.size(); ++i) {
       check_box(tree_.nodes[i], i);
       if (tree_.nodes[i].is_leaf())
@@ -44,7 +42,7 @@ class Checker {
       if (!has_parent_[i]) fail(node_name(i) + " has no parent");
     for (size_t i = 0; i < in_leaf_.size(); ++i)
       if (!in_leaf_[i]) fail("entry " + std::to_string(i) + " of the primitives is in no leaf");
-    check_uses(repeats);
+    check_range(primitive_count);
   }
 
  private:
@@ -79,28 +77,38 @@ class Checker {
     }
   }
 
-  void check_uses(bool repeats) {
-    for (size_t i = 0; i < tree_.primitives.size(); ++i) {
-      const uint32_t primitive = tree_.primitives[i];
-      if (primitive >= uses_.size())
-        fail("entry " + std::to_string(i) + " of the primitives is " + std::to_string(primitive) +
-             ", but there are " + std::to_string(uses_.size()) + " primitives");
-      if (uses_[primitive] && !repeats)
-        fail("primitive " + std::to_string(primitive) + " is in the tree twice");
-      uses_[primitive] = 1;
-    }
-    for (size_t i = 0; i < uses_.size(); ++i)
-      if (!uses_[i]) fail("primitive " + std::to_string(i) + " is not in the tree");
+  void check_range(uint32_t primitive_count) {
+    for (size_t i = 0; i < tree_.primitives.size(); ++i)
+      if (tree_.primitives[i] >= primitive_count)
+        fail("entry " + std::to_string(i) + " of the primitives is " +
+             std::to_string(tree_.primitives[i]) + ", but there are " +
+             std::to_string(primitive_count) + " primitives");
   }
 
   const Bvh2& tree_;
-  std::vector<uint8_t> has_parent_, in_leaf_, uses_;
+  std::vector<uint8_t> has_parent_, in_leaf_;
 };
+
+void check_uses(const Bvh2& tree, uint32_t primitive_count, bool repeats) {
+  std::vector<uint8_t> uses(primitive_count, 0);
+  for (const uint32_t primitive : tree.primitives) {
+    if (uses[primitive] && !repeats)
+      fail("primitive " + std::to_string(primitive) + " is in the tree twice");
+    uses[primitive] = 1;
+  }
+  for (size_t i = 0; i < uses.size(); ++i)
+    if (!uses[i]) fail("primitive " + std::to_string(i) + " is not in the tree");
+}
 
 }  // namespace
 
+void check_structure(const Bvh2& tree, uint32_t primitive_count) {
+  Checker(tree).run(primitive_count);
+}
+
 void check(const Bvh2& tree, uint32_t primitive_count, bool repeats) {
-  Checker(tree, primitive_count).run(repeats);
+  check_structure(tree, primitive_count);
+  check_uses(tree, primitive_count, repeats);
 }
 
 }  // namespace umbel::bvh

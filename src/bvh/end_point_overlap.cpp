@@ -2,6 +2,11 @@
 // 2013): the surface that lies in the boxes of subtrees which it does not belong to, weighed by
 // what a visit of their roots costs. Each triangle goes down the tree and is clipped to the box of
 // every node it meets; as boxes shrink on the way, a node clips only what its parent left over.
+//
+// Where all triangles meet most boxes (a fan's hub, needles, one centroid for all) that would take
+// the square of their number; there the overlap is estimated from triangles at even distances in
+// the order of the leaves.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
@@ -13,7 +18,12 @@
 namespace umbel::bvh {
 namespace {
 
-constexpr size_t kChunk = 1024;
+constexpr size_t kChunk = 256;
+
+// Visits from which on there is no more than an estimate, in all and a triangle; meshes that are
+// meant to be traced need some 40 a triangle. Of so many triangles the need is estimated.
+constexpr double kMaxVisits = 5e7, kMaxMeanVisits = 200;
+constexpr size_t kTrial = 512;
 
 // What below would leave an array is refused; the rest of bvh::check is not needed here, and a tree
 // may lack triangles that were dropped.
@@ -153,18 +163,25 @@ class Descent {
   // Twice the area of a triangle, and twice its weighted area in boxes it does not belong to.
   struct Areas {
     double own = 0, overlap = 0;
+    size_t visits = 0;
+    void add(const Areas& other) {
+      own += other.own;
+      overlap += other.overlap;
+      visits += other.visits;
+    }
   };
   Areas operator()(uint32_t triangle) {
     Visit root{0, {}};
     for (uint32_t vertex : mesh_.triangles[triangle])
       root.polygon.push(to_double(mesh_.positions[vertex]));
-    Areas areas{root.polygon.area(), 0};
+    Areas areas{root.polygon.area(), 0, 0};
     if (!(areas.own > 0) || !std::isfinite(areas.own)) return {};
     stack_.assign(1, root);
     while (!stack_.empty()) {
       Visit visit = stack_.back();
       stack_.pop_back();
       areas.overlap += enter(visit, triangle);
+      ++areas.visits;
     }
     return areas;
   }
@@ -214,29 +231,43 @@ class Descent {
   std::vector<Visit> stack_;
 };
 
+// The areas of every `stride`-th triangle. The parts are numbered by position, so that the sum does
+// not depend on the threads.
+Descent::Areas sum_of(const Descent& descent, const Homes& homes, size_t stride) {
+  const size_t count = (homes.triangles.size() + stride - 1) / stride;
+  std::vector<Descent::Areas> sums((count + kChunk - 1) / kChunk);
+  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    Descent own = descent;
+    for (size_t i = begin; i < end; ++i) sums[begin / kChunk].add(own(homes.triangles[i * stride]));
+  });
+  Descent::Areas sum;
+  for (const Descent::Areas& part : sums) sum.add(part);
+  return sum;
+}
+
+// 1, or how many triangles each one that is measured stands for.
+size_t stride_for(const Descent& descent, const Homes& homes) {
+  const size_t count = homes.triangles.size();
+  const size_t trial = std::max<size_t>(1, count / kTrial);
+  const double visits = double(sum_of(descent, homes, trial).visits) * double(trial);
+  return static_cast<size_t>(
+      std::ceil(visits / std::max(kMaxVisits, kMaxMeanVisits * double(count))));
+}
+
 }  // namespace
 
 double end_point_overlap(const Bvh2& tree, const MeshView& mesh, const CostModel& cost,
                          const BuildOptions& options) {
   check_references(tree, mesh);
   if (tree.nodes.empty()) return 0;
-  double own = 0, overlap = 0;
+  Descent::Areas sum;
   with_threads(options.threads, [&] {
     const Order order = depth_first_order(tree);
     const Homes homes = homes_of(tree, order, mesh.triangles.size());
-    std::vector<Descent::Areas> sums((homes.triangles.size() + kChunk - 1) / kChunk);
-    parallel_chunks(homes.triangles.size(), kChunk, [&](size_t begin, size_t end) {
-      Descent descent(tree, mesh, cost, order, homes);
-      Descent::Areas& sum = sums[begin / kChunk];
-      for (size_t i = begin; i < end; ++i) {
-        const Descent::Areas areas = descent(homes.triangles[i]);
-        sum.own += areas.own;
-        sum.overlap += areas.overlap;
-      }
-    });
-    for (const Descent::Areas& sum : sums) own += sum.own, overlap += sum.overlap;
+    const Descent descent(tree, mesh, cost, order, homes);
+    sum = sum_of(descent, homes, std::max<size_t>(1, stride_for(descent, homes)));
   });
-  return own > 0 ? overlap / own : 0;
+  return sum.own > 0 ? sum.overlap / sum.own : 0;
 }
 
 }  // namespace umbel::bvh

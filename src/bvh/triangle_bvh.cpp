@@ -5,7 +5,9 @@
 #include <string>
 #include <utility>
 
+#include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "bvh/check.hpp"
 #include "bvh/ray_kernels.hpp"
 #include "bvh/widen.hpp"
 
@@ -33,6 +35,21 @@ void check_same_length(size_t queries, size_t results, const char* what) {
     throw Error(ErrorCode::kInvalidArgument,
                 std::string(what) + " must be as many as the rays: there are " +
                     std::to_string(results) + " and " + std::to_string(queries) + " rays");
+}
+
+/// A tree lacks no triangle but those that its build was to drop.
+void check_presence(const bvh::Bvh2& tree, const MeshView& mesh, bvh::InvalidTriangles invalid) {
+  std::vector<uint8_t> is_there(mesh.triangles.size(), 0);
+  for (const uint32_t primitive : tree.primitives) is_there[primitive] = 1;
+  const auto is_dropped = [&](const Triangle& triangle) {
+    return invalid == bvh::InvalidTriangles::kDrop &&
+           std::any_of(triangle.begin(), triangle.end(), [&](uint32_t vertex) {
+             return vertex < mesh.positions.size() && !is_finite(mesh.positions[vertex]);
+           });
+  };
+  for (size_t i = 0; i < is_there.size(); ++i)
+    if (!is_there[i] && !is_dropped(mesh.triangles[i]))
+      throw Error(ErrorCode::kCorrupt, "primitive " + std::to_string(i) + " is not in the tree");
 }
 
 TriangleBvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh,
@@ -78,7 +95,8 @@ TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
                                const BuildOptions& options) {
   check_config(config);
   check_masks(masks, mesh.triangles.size());
-  bvh::check(tree, static_cast<uint32_t>(mesh.triangles.size()), true);
+  bvh::check_structure(tree, static_cast<uint32_t>(mesh.triangles.size()));
+  check_presence(tree, mesh, config.tree.invalid);
   TriangleBvh result;
   static_cast<TriangleBvhData&>(*result.data_) =
       make_data(tree, mesh, config, masks, options.threads);

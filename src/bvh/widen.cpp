@@ -245,12 +245,17 @@ class Emitter {
 
 void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
   for (const uint32_t primitive : order)
-    for (const uint32_t vertex : mesh.triangles[primitive])
+    for (const uint32_t vertex : mesh.triangles[primitive]) {
       if (vertex >= mesh.positions.size())
         throw Error(ErrorCode::kInvalidMesh,
                     "triangle " + std::to_string(primitive) + " has vertex index " +
                         std::to_string(vertex) + ", but there are " +
                         std::to_string(mesh.positions.size()) + " vertices");
+      if (!is_finite(mesh.positions[vertex]))
+        throw Error(ErrorCode::kInvalidMesh, "triangle " + std::to_string(primitive) +
+                                                 ": the position of vertex " +
+                                                 std::to_string(vertex) + " is not finite");
+    }
 }
 
 bool has_repeats(std::span<const uint32_t> order, size_t triangles) {

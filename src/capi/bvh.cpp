@@ -3,6 +3,7 @@
 #include <cstring>
 #include <memory>
 
+#include "bvh/check.hpp"
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/guard.hpp"
@@ -90,10 +91,8 @@ umbel_bvh2_capacity requirements(size_t primitive_count, const bvh::Config& conf
 
 umbel_bvh2_statistics measure(const umbel_bvh2* tree, const bvh::CostModel& cost) {
   const bvh::Bvh2 copied = tree_of(tree);
-  uint32_t highest = 0;
-  for (const uint32_t primitive : copied.primitives) highest = std::max(highest, primitive);
   // Whether every primitive is there cannot be known without their number.
-  bvh::check(copied, copied.primitives.empty() ? 0 : highest + 1, true);
+  bvh::check_structure(copied, kNone);
   const bvh::Statistics found = bvh::statistics(copied, cost);
   umbel_bvh2_statistics result{};
   result.nodes = found.nodes;

@@ -538,7 +538,8 @@ def test_invalid_triangles_are_refused_or_dropped(builder: str) -> None:
     with pytest.raises(umbel.Error, match="not finite") as refused:
         umbel.Bvh(positions, sphere.triangles, builder=builder)
     assert refused.value.code == "invalid_mesh"
-    bvh = umbel.Bvh(positions, sphere.triangles, builder=builder, invalid="drop")
+    bvh = umbel.Bvh(positions, sphere.triangles, builder=builder, invalid="drop", keep_tree=True)
+    assert math.isfinite(bvh.epo)
     gone = np.isin(sphere.triangles, (5, 17)).any(axis=1)
     kept = umbel.Bvh(sphere.positions, sphere.triangles[~gone])
     origins, directions = _rays(300, 15)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <iterator>
@@ -15,7 +16,8 @@ namespace {
 
 using namespace bvh_call;
 
-umbel_bvh* const kUnset = reinterpret_cast<umbel_bvh*>(alignof(umbel_bvh));
+/// What a failing call must replace by NULL.
+umbel_bvh* const kUnset = reinterpret_cast<umbel_bvh*>(uintptr_t{16});
 
 struct GoodCall : Call {
   GoodCall() {
@@ -301,6 +303,26 @@ TEST(CapiBvhMistakes, a_tree_of_another_mesh_is_refused) {
   expect_failure(umbel_bvh_from_bvh2(&tree.tree, &call.mesh, nullptr, nullptr, &made),
                  UMBEL_ERROR_INVALID_MESH, "finite");
   EXPECT_EQ(made, nullptr);
+}
+
+TEST(CapiBvhMistakes, trees_that_lack_dropped_triangles_are_whole) {
+  Call call;
+  call.source.positions[5].x = kNan;
+  call.config.drop_invalid = 1;
+  Tree tree(call.mesh.triangle_count);
+  ASSERT_EQ(umbel_bvh2_build_triangles(&call.mesh, &call.config, nullptr, &tree.tree), UMBEL_OK);
+  EXPECT_LT(tree.tree.primitive_count, call.mesh.triangle_count);
+  umbel_bvh2_statistics found;
+  umbel_bvh2_statistics_init(&found);
+  EXPECT_EQ(umbel_bvh2_get_statistics(&tree.tree, nullptr, &found), UMBEL_OK) << umbel_last_error();
+  umbel_bvh* made = nullptr;
+  EXPECT_EQ(umbel_bvh_from_bvh2(&tree.tree, &call.mesh, &call.config, nullptr, &made), UMBEL_OK)
+      << umbel_last_error();
+  umbel_bvh_free(made);
+  // Who did not ask for that gets no tree with holes.
+  call.config.drop_invalid = 0;
+  expect_failure(umbel_bvh_from_bvh2(&tree.tree, &call.mesh, &call.config, nullptr, &made),
+                 UMBEL_ERROR_CORRUPT, "is not in the tree");
 }
 
 TEST(CapiBvhMistakes, refit_takes_the_triangles_of_the_build) {
