@@ -22,7 +22,7 @@ constexpr size_t kChunk = 256;
 
 // Visits from which on there is no more than an estimate, in all and a triangle; meshes that are
 // meant to be traced need some 40 a triangle. Of so many triangles the need is estimated.
-constexpr double kMaxVisits = 5e7, kMaxMeanVisits = 200;
+constexpr double kMaxVisits = 2e7, kMaxMeanVisits = 200;
 constexpr size_t kTrial = 512;
 
 // What below would leave an array is refused; the rest of bvh::check is not needed here, and a tree

@@ -84,7 +84,7 @@ def test_every_setting_arrives(bvh_command: Run, small_ply: Path) -> None:
     plain = {b: umbel.build_bvh2(small_ply, builder=b).statistics((3, 2)) for b in BUILDERS}
     for builder, flags in (
         ("binned", "--max-leaf-size 1"),
-        ("binned", "--max-depth 10"),
+        ("binned", "--max-depth 11"),
         ("binned", "--bins 4"),
         ("binned", "--reinsertion-rounds 3"),
         ("kmeans", "--clusters 3"),
