@@ -114,10 +114,6 @@ struct Config {
 /// "fast", "quality" (the default) and "best". Throws kInvalidArgument for other names.
 UMBEL_API Config preset(std::string_view name);
 
-/// A builder with its defaults, by its name, or with the settings that its paper names: "kmeans-q1"
-/// to "kmeans-q5", "aac-fast", "aac-hq". Throws kInvalidArgument for other names.
-UMBEL_API Config builder_preset(std::string_view name);
-
 /// Builds over boxes. Empty boxes, NaN and infinities are refused (kInvalidMesh, naming the
 /// first); kSpatial is (kInvalidArgument), because it needs triangles to split.
 UMBEL_API Bvh2 build(std::span<const Aabb> boxes, const Config& config = {},

@@ -3,6 +3,8 @@
 
 #include "umbel/asset.hpp"
 #include "umbel/bvh.hpp"
+#include "umbel/bvh_presets.hpp"
+#include "umbel/bvh_traverse.hpp"
 #include "umbel/cluster.hpp"
 #include "umbel/kdtree.hpp"
 #include "umbel/lod.hpp"

@@ -5,6 +5,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "bind.hpp"
+#include "umbel/bvh_presets.hpp"
 #include "umbel/ray_arrays.hpp"
 #include "umbel/triangle_bvh.hpp"
 

@@ -8,6 +8,7 @@
 #include "capi/cluster_input.hpp"
 #include "capi/guard.hpp"
 #include "capi/structs.hpp"
+#include "umbel/bvh_presets.hpp"
 
 namespace umbel::capi {
 namespace {
