@@ -84,7 +84,7 @@ UMBEL_C_API const char* umbel_version(void);
 // program works with a newer library (fields it does not know keep their defaults), and with an
 // older one as long as what that does not know is zero (UMBEL_ERROR_UNSUPPORTED otherwise).
 // Other languages set `struct_size` to the struct's size and all else to zero, and call
-// umbel_cluster_config_init_sized for the one struct whose defaults are not zero.
+// the _init_sized function of configs (umbel_ray_options.mask: all ones), whose defaults are not.
 
 typedef struct umbel_vec3 {
   float x, y, z;

@@ -54,6 +54,7 @@ def test_python_examples_take_files(blob_ply: Path, tmp_path: Path) -> None:
         *(sys.executable, folder / "2_levels_of_detail.py", blob_ply, "x.umbel"), folder=tmp_path
     )
     assert "verified: True" in said and (tmp_path / "x.umbel").is_file()
+    assert "trimesh:" in _run(sys.executable, folder / "4_rays.py", blob_ply, folder=tmp_path)
 
 
 def test_shell_example_runs(blob_ply: Path, tmp_path: Path, path_with_umbel: str) -> None:
@@ -98,12 +99,15 @@ def test_cpp_examples_run(installed: Path, tmp_path: Path) -> None:
     _cpp(ROOT / "examples" / "cpp", installed, build)
     assert "clusters" in _run(build / "1_clusters", folder=tmp_path)
     assert ": ok" in _run(build / "2_levels_of_detail", folder=tmp_path)
+    assert "nodes from the file" in _run(build / "3_rays", folder=tmp_path)
 
 
-def test_c_example_runs(installed: Path, tmp_path: Path) -> None:
+def test_c_examples_run(installed: Path, tmp_path: Path) -> None:
     build = tmp_path / "build"
     _cpp(ROOT / "examples" / "c", installed, build)
     assert "clusters" in _run(build / "1_clusters", folder=tmp_path)
+    picture = _run(build / "2_rays", folder=tmp_path)
+    assert picture.count("#") > 300 and picture.count(".") > 300
 
 
 def _readme(language: str) -> str:
