@@ -27,6 +27,7 @@ HEADER_LAYERS = {
     "types.hpp": "base",
     "version.hpp": "base",
     "triangle_bvh.hpp": "bvh",
+    "bvh_presets.hpp": "bvh",
     "bvh_traverse.hpp": "bvh",
     "ray_arrays.hpp": "bvh",
     "umbel.h": "capi",
