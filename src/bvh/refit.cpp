@@ -1,8 +1,10 @@
 // Follows moved vertices: takes the new corners in, leaf by leaf in parallel, and then recomputes
-// the boxes above from the last node to the first, children before parents. The tree's shape
+// the boxes above, children before parents, subtrees side by side. The tree's shape
 // stays, so its quality falls as the mesh deforms. By how much is told by the cost of the wide
 // tree, before against after, because the binary tree that it came from is gone.
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <bit>
 #include <string>
 #include <vector>
@@ -54,30 +56,16 @@ class Refit {
 
   /// Returns what the tree costs now as a multiple of what it cost before.
   double run() {
-    if (data_.compact) move_vertices();
     Costs costs = move_leaves();
     const Aabb before = data_.bounds;
-    data_.bounds = move_nodes(costs);
+    data_.bounds = move_node(0, 0, costs);
     costs.before.add(before, data_.cost.traversal);
     costs.after.add(data_.bounds, data_.cost.traversal);
     return costs.after.relative_to(data_.bounds) / costs.before.relative_to(before);
   }
 
  private:
-  /// Shared vertices, from whichever of their triangles: all say the same.
-  void move_vertices() {
-    for (uint32_t node = 0; node < data_.node_count(); ++node)
-      for (uint32_t slot = 0; slot < data_.width; ++slot) {
-        const uint32_t link = data_.link(node, slot);
-        if (link == kNoChild || !TriangleBvhData::is_leaf(link)) continue;
-        const uint32_t n = TriangleBvhData::leaf_size(link);
-        const uint32_t* const words = leaf_words(link);
-        for (uint32_t i = 0; i < n; ++i)
-          for (uint32_t corner = 0; corner < 3; ++corner)
-            data_.vertices[words[corner * n + i]] =
-                mesh_.positions[mesh_.triangles[words[3 * n + i]][corner]];
-      }
-  }
+  static constexpr uint32_t kParallelLevels = 3;
 
   Costs move_leaves() {
     std::vector<Costs> parts((data_.node_count() + kNodesAtOnce - 1) / kNodesAtOnce);
@@ -118,7 +106,10 @@ class Refit {
       for (uint32_t corner = 0; corner < 3; ++corner) {
         const Vec3& p = mesh_.positions[triangle[corner]];
         extend(box, p);
-        if (data_.compact) continue;
+        if (data_.compact) {
+          move_vertex(data_.vertices[words[corner * n + i]], p);
+          continue;
+        }
         uint32_t* const row = words + size_t{3} * corner * n + i;
         row[0] = std::bit_cast<uint32_t>(p.x);
         row[n] = std::bit_cast<uint32_t>(p.y);
@@ -128,21 +119,44 @@ class Refit {
     return box;
   }
 
-  /// Boxes of inner nodes; returns the root's.
-  Aabb move_nodes(Costs& costs) {
-    std::vector<Aabb> boxes(data_.node_count());
-    for (uint32_t node = data_.node_count(); node-- > 0;)
-      for (uint32_t slot = 0; slot < data_.width; ++slot) {
-        const uint32_t link = data_.link(node, slot);
-        if (link == kNoChild) continue;
-        if (!TriangleBvhData::is_leaf(link)) {
-          costs.before.add(data_.box(node, slot), data_.cost.traversal);
-          costs.after.add(boxes[link], data_.cost.traversal);
-          data_.set_box(node, slot, boxes[link]);
-        }
-        extend(boxes[node], data_.box(node, slot));
-      }
-    return boxes[0];
+  /// Several leaves may do so at once: all say the same.
+  static void move_vertex(Vec3& vertex, const Vec3& p) {
+    std::atomic_ref(vertex.x).store(p.x, std::memory_order_relaxed);
+    std::atomic_ref(vertex.y).store(p.y, std::memory_order_relaxed);
+    std::atomic_ref(vertex.z).store(p.z, std::memory_order_relaxed);
+  }
+
+  /// Boxes of inner nodes; returns that of all below. Sums are taken in the order of the slots,
+  /// whatever the threads.
+  Aabb move_node(uint32_t node, uint32_t level, Costs& costs) {
+    Aabb box;
+    if (level >= kParallelLevels) {
+      for (uint32_t slot = 0; slot < data_.width; ++slot)
+        extend(box, move_child(node, slot, level, costs));
+      return box;
+    }
+    std::array<Aabb, 8> boxes;
+    std::array<Costs, 8> parts;
+    parallel_for(data_.width, 1, [&](size_t slot) {
+      boxes[slot] = move_child(node, static_cast<uint32_t>(slot), level, parts[slot]);
+    });
+    for (uint32_t slot = 0; slot < data_.width; ++slot) {
+      extend(box, boxes[slot]);
+      costs.add(parts[slot]);
+    }
+    return box;
+  }
+
+  Aabb move_child(uint32_t node, uint32_t slot, uint32_t level, Costs& costs) {
+    const uint32_t link = data_.link(node, slot);
+    if (link == kNoChild) return {};
+    const Aabb before = data_.box(node, slot);
+    if (TriangleBvhData::is_leaf(link)) return before;
+    const Aabb box = move_node(link, level + 1, costs);
+    costs.before.add(before, data_.cost.traversal);
+    costs.after.add(box, data_.cost.traversal);
+    data_.set_box(node, slot, box);
+    return box;
   }
 
   TriangleBvhData& data_;
