@@ -45,15 +45,17 @@ void fill_leaf(const MeshView& mesh, std::span<const uint32_t> masks,
 }
 
 void prepare_scale(LeafStore& store) {
-  store.reach = 0;
   store.scale = store.unscale = 1;
   if (store.reference_count == 0) return;
-  const Aabb& box = store.bounds;
-  for (const float c : {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z})
-    store.reach = std::max(store.reach, std::fabs(c));
-  if (store.reach > 0x1p20f || (store.reach < 0x1p-20f && store.reach > 0))
-    store.scale = power_of_two(std::clamp(-exponent_of(store.reach), -126, 126));
-  store.unscale = 1 / store.scale;
+  const Vec3 &low = store.bounds.min, &high = store.bounds.max;
+  store.reach[0] = std::max(std::fabs(low.x), std::fabs(high.x));
+  store.reach[1] = std::max(std::fabs(low.y), std::fabs(high.y));
+  store.reach[2] = std::max(std::fabs(low.z), std::fabs(high.z));
+  const float furthest = std::max({store.reach[0], store.reach[1], store.reach[2]});
+  if (furthest > 0x1p20f || (furthest < 0x1p-20f && furthest > 0)) {
+    store.scale = power_of_two(std::clamp(-exponent_of(furthest), -126, 126));
+    store.unscale = 1 / store.scale;
+  }
 }
 
 }  // namespace umbel

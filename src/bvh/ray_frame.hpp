@@ -3,12 +3,12 @@
 // Boxes (after Ize 2013). For a plane p of an axis, t = p * inv + b with b = -o * inv costs one
 // multiplication and one addition, but its rounding error does not shrink with t: each of the
 // four roundings (inv, b, product, sum) is at most 2^-24 of a value no larger than (|p| + |o|)
-// |inv|. With E >= |p|, |o| for all planes and axes, |error| <= 4 * 2^-24 * 2 E |inv| = 2^-21 E
+// |inv|. With E >= |p|, |o| for all planes of the axis, |error| <= 4 * 2^-24 * 2 E |inv| = 2^-21 E
 // |inv|. So b is moved by twice that away from the box, once for the near and once for the far
 // planes, and no box that the exact ray meets is missed, for any sign of t. It amounts to boxes
-// larger by 2^-20 E. A direction component smaller than 2^-40 of the largest is replaced by that:
-// over the distance that matters the ray moves by less than 2^-38 E, within the same allowance,
-// and no infinity arises.
+// larger by 2^-20 E. A direction component smaller than 2^-40 of the largest is replaced by that,
+// so that no infinity arises: over the distance that matters the ray moves by less than 2^-38 of
+// the largest E of the three axes, by which boxes are larger, too.
 //
 // Triangles (Woop et al. 2013): axes are permuted so that the largest component of the direction
 // is kz, and sheared so that the ray runs along it. The direction is first scaled by a power of
@@ -96,8 +96,12 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
     largest *= f.t_unit;
   }
 
-  const float reach = std::max(std::max(tree.reach, away[0]), std::max(away[1], away[2]));
-  const float slack = 0x1p-20f * reach, smallest = 0x1p-40f * largest;
+  Quad reach;
+  std::memcpy(&reach, tree.reach, sizeof reach);
+  reach = reach > away ? reach : away;
+  const float furthest = std::max(std::max(reach[0], reach[1]), reach[2]);
+  const Quad slack = reach * 0x1p-20f + furthest * 0x1p-38f;
+  const float smallest = 0x1p-40f * largest;
   const Quad component = Quad(QuadBits(a < smallest ? Quad{} + smallest : a) | signs);
   const Quad inv = 1.0f / component, b = -o * inv, e = Quad(QuadBits(inv) & ~kSign) * slack;
   const Quad near_b = b - e, far_b = b + e;

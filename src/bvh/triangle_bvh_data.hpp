@@ -47,7 +47,8 @@ struct LeafStore {
   BigVector<Vec3> vertices;  ///< compact: what the vertex numbers mean; else empty
 
   // Set by prepare_scale, never stored.
-  float reach = 0;    ///< the largest coordinate of any box, by amount
+  /// The largest coordinate of any box on each axis, by amount.
+  alignas(16) float reach[4] = {};
   float scale = 1;    ///< power of two that brings triangles of extreme size into a safe range
   float unscale = 1;  ///< 1 / scale
 
