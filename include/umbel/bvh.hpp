@@ -72,11 +72,24 @@ enum class KmeansDistance : uint32_t {
   kManhattan,  ///< 1-norm of the boxes' corners, component-wise medians
 };
 
+/// Where the time of k-means goes, by the stages of Meister & Bittner's charts: seconds,
+/// summed over the threads.
+struct KmeansTimes {
+  double seeding = 0;        ///< choosing representatives
+  double iterations = 0;     ///< assigning primitives and moving representatives
+  double reordering = 0;     ///< moving primitives to their clusters
+  double agglomeration = 0;  ///< binary trees, with their boxes
+};
+
 struct KmeansConfig {
   uint32_t clusters = 8;    ///< k, 2..64
   uint32_t candidates = 5;  ///< p, 1..64: the best of p becomes the next representative
   uint32_t iterations = 2;  ///< i, 0..100 Lloyd iterations
   KmeansDistance distance = KmeansDistance::kEuclidean;
+  /// Clusters that the treelet of a node hands up to the one above it, 0..32. 1 is the paper's
+  /// algorithm; 0 and what is too much mean as many as make treelets of 64 clusters.
+  uint32_t handed_up = 0;
+  KmeansTimes* times = nullptr;  ///< where a build writes its times, if anywhere
 };
 
 /// The slides' settings "q1" to "q5", from k 8, p 5, i 0 to k 64, p 30, i 15. Throws
@@ -91,6 +104,29 @@ struct AacConfig {
 /// "fast" (the default) and "hq", the paper's two settings. Throws kInvalidArgument for others.
 UMBEL_API AacConfig aac_preset(std::string_view name);
 
+/// What each builder takes beside cost, max_leaf_size and max_depth:
+///
+/// | builder       | field                 | range           | default | source |
+/// |---------------|-----------------------|-----------------|---------|-----------------------------|
+/// | sweep         | none                  |                 |         | MacDonald & Booth 1990 |
+/// | binned        | bins                  | 4..256          | 32      | Wald 2007 | | sbvh |
+/// spatial_budget        | 0..4            | 0.3     | Stich et al. 2009           | | sbvh |
+/// spatial_overlap       | 0..1            | 1e-5    | their alpha                 | | lbvh |
+/// morton_bits           | 30, 63          | 63      | Karras 2012                 | | hlbvh |
+/// hlbvh_bits            | 3..30           | 15      | Garanzha et al. 2011        | | kmeans |
+/// kmeans.clusters       | 2..64           | 8       | Meister & Bittner 2016: k   | | kmeans |
+/// kmeans.candidates     | 1..64           | 5       | their p                     | | kmeans |
+/// kmeans.iterations     | 0..100          | 2       | their i                     | | kmeans |
+/// kmeans.distance       | both            | squared | their slides                | | kmeans |
+/// kmeans.handed_up      | 0..32           | 0       | 1 is theirs                 | |
+/// agglomerative | none                  |                 |         | Walter et al. 2008 | | aac
+/// | aac.leaf_size         | 2..128          | 4       | Gu et al. 2013: delta       | | aac |
+/// aac.epsilon           | 0..0.5          | 0.2     | their epsilon               | | ploc |
+/// ploc_radius           | 1..128          | 16      | Meister & Bittner 2018      | | atrbvh |
+/// treelet_size          | 3..15           | 9       | Domingues & Pedrini 2015    | | atrbvh |
+/// treelet_rounds        | 1..16           | 2       | theirs                      | | insertion |
+/// none                  |                 |         | Bittner et al. 2015         | | any |
+/// reinsertion_rounds    | 0..64           | 0       | Meister & Bittner 2018      |
 struct Config {
   Builder builder = Builder::kBinned;
   CostModel cost;

@@ -49,13 +49,18 @@ class KmeansRecursion {
   Result run(Maker& maker, Progress& progress) {
     divide_large(progress);
     run_tasks(maker, progress);
+    StageClock clock;
     for (size_t i = clusters_.size(); i-- > 0;) {
       Cluster& cluster = clusters_[i];
       if (cluster.parts > 0)
         results_[i] = maker.inner({&results_[cluster.first], cluster.parts}, cluster.offset);
     }
+    clock.lap(times_.agglomeration);
     return results_[0];
   }
+
+  /// Of the run.
+  const KmeansTimes& times() const { return times_; }
 
  private:
   static constexpr uint32_t kTask = 1 << 14;  ///< items; they and their copies fit into the cache
@@ -92,6 +97,7 @@ class KmeansRecursion {
       clusters_[i].parts = static_cast<uint32_t>(clusters_.size()) - clusters_[i].first;
     }
     results_.resize(clusters_.size());
+    times_ = splitter.times();
   }
 
   void run_tasks(Maker& maker, Progress& progress) {
@@ -103,11 +109,16 @@ class KmeansRecursion {
       progress.report(0.3 + 0.6 * double(begin) / double(tasks.size()), "clustering");
       const size_t count = std::min(kBatch, tasks.size() - begin);
       std::vector<Maker> makers(count, maker.for_task());
+      std::vector<KmeansTimes> times(count);
       parallel_for(count, 1, [&](size_t i) {
         const uint32_t cluster = tasks[begin + i];
-        results_[cluster] = Task{*this, makers[i], {config_, grid_}, {}}.run(clusters_[cluster]);
+        Task task{*this, makers[i], {config_, grid_}, {}, 0};
+        results_[cluster] = task.run(clusters_[cluster]);
+        times[i] = task.splitter.times();
+        times[i].agglomeration = task.making;
       });
       for (size_t i = 0; i < count; ++i) {
+        times_ = times_ + times[i];
         Result& result = results_[tasks[begin + i]];
         result = maker.adopt(makers[i], result);
       }
@@ -119,10 +130,11 @@ class KmeansRecursion {
     Maker& maker;
     KmeansSplitter splitter;
     std::vector<Result> stack;  ///< of parts whose cluster is not finished
+    double making;              ///< seconds
 
     Result run(const Cluster& cluster) {
       const KmeansItem* items = &recursion.items_[cluster.level % 2][cluster.offset];
-      if (cluster.count <= recursion.stop_) return maker.leaf(items, cluster.offset, cluster.count);
+      if (cluster.count <= recursion.stop_) return make_leaf(items, cluster);
       const std::span<const uint32_t> sizes = recursion.divide(splitter, cluster, false);
       uint32_t part_sizes[64];
       const auto parts = static_cast<uint32_t>(sizes.size());
@@ -133,8 +145,17 @@ class KmeansRecursion {
         stack.push_back(part);
         offset += part_sizes[i];
       }
+      StageClock clock;
       const Result result = maker.inner(std::span(stack).last(parts), cluster.offset);
+      clock.lap(making);
       stack.resize(stack.size() - parts);
+      return result;
+    }
+
+    Result make_leaf(const KmeansItem* items, const Cluster& cluster) {
+      StageClock clock;
+      const Result result = maker.leaf(items, cluster.offset, cluster.count);
+      clock.lap(making);
       return result;
     }
   };
@@ -145,6 +166,7 @@ class KmeansRecursion {
   BigVector<KmeansItem> items_[2];  ///< those of level i are in items_[i % 2]
   std::vector<Cluster> clusters_;   ///< the large ones and the tasks, parts after wholes
   std::vector<Result> results_;
+  KmeansTimes times_;
 };
 
 }  // namespace umbel::bvh

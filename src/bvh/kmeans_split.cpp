@@ -276,7 +276,9 @@ std::span<const uint32_t> KmeansSplitter::split_evenly(const KmeansItem* items, 
 template <KmeansDistance kDistance>
 std::span<const uint32_t> KmeansSplitter::split_by(Cluster cluster, KmeansItem* moved,
                                                    KmeansDice dice) {
+  StageClock clock;
   choose_representatives<kDistance>(cluster, dice);
+  clock.lap(times_.seeding);
   if (used_ == 1 && !choose_farthest<kDistance>(cluster))
     return split_evenly(cluster.items, moved, cluster.count);
   assign<kDistance>(cluster);
@@ -293,7 +295,10 @@ std::span<const uint32_t> KmeansSplitter::split_by(Cluster cluster, KmeansItem* 
       return split_evenly(cluster.items, moved, cluster.count);
     assign<kDistance>(cluster);
   }
-  return gather(cluster, moved);
+  clock.lap(times_.iterations);
+  const std::span<const uint32_t> sizes = gather(cluster, moved);
+  clock.lap(times_.reordering);
+  return sizes;
 }
 
 std::span<const uint32_t> KmeansSplitter::split(KmeansItem* items, KmeansItem* moved,

@@ -3,6 +3,7 @@
 // is integers, so the result does not depend on how the work is divided among threads.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -76,6 +77,24 @@ struct KmeansDice {
   }
 };
 
+inline KmeansTimes operator+(const KmeansTimes& a, const KmeansTimes& b) {
+  return {a.seeding + b.seeding, a.iterations + b.iterations, a.reordering + b.reordering,
+          a.agglomeration + b.agglomeration};
+}
+
+/// Adds the time since the last lap, or since it was made, to a stage.
+class StageClock {
+ public:
+  void lap(double& stage) {
+    const auto now = std::chrono::steady_clock::now();
+    stage += std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
 /// Divides clusters. Keeps its memory from one to the next, so make one a thread.
 class KmeansSplitter {
  public:
@@ -91,6 +110,9 @@ class KmeansSplitter {
   /// The same for items that distance does not tell apart: parts of about equal size, in order.
   std::span<const uint32_t> split_evenly(const KmeansItem* items, KmeansItem* moved,
                                          uint32_t count);
+
+  /// Of all splits so far.
+  const KmeansTimes& times() const { return times_; }
 
  private:
   static constexpr uint32_t kMost = 64;     ///< representatives
@@ -131,6 +153,7 @@ class KmeansSplitter {
   std::vector<float> nearest_;         ///< distance of each item to its nearest representative
   std::vector<float> values_;          ///< of one component, grouped by representative
   std::vector<uint32_t> sizes_;
+  KmeansTimes times_;
 };
 
 }  // namespace umbel::bvh

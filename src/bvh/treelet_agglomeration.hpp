@@ -17,6 +17,7 @@ struct MergeItem {
   Aabb box;
   Subtree subtree;
   uint32_t count;
+  uint32_t slot;  ///< of a merge that is not made yet
 };
 
 class TreeletAgglomeration {
@@ -30,18 +31,21 @@ class TreeletAgglomeration {
   void add(const MergeItem& item) {
     boxes().put(size_, item.box);
     subtrees_[size_] = item.subtree;
+    slots_[size_] = item.slot;
     counts_[size_++] = item.count;
   }
 
-  /// Merges all items, at least one, into one. The i-th merge is stored as merges[slot(i)].
-  template <typename Slot>
-  MergeItem run(Merge* merges, const Slot& slot) {
-    if (size_ > 2)
+  uint32_t size() const { return size_; }
+  MergeItem item(uint32_t i) { return {boxes().get(i), subtrees_[i], counts_[i], slots_[i]}; }
+
+  /// Merges until `left` items are left. Each merge takes the slot of one of its two.
+  void run(Merge* merges, uint32_t left) {
+    if (size_ > left && size_ > 2)
       for (uint32_t i = 0; i < size_; ++i) find_nearest(i);
-    for (uint32_t made = 0; size_ > 1; ++made) {
+    while (size_ > left) {
       uint32_t a = size_ > 2 ? closest() : 0, b = size_ > 2 ? nearest_[a] : 1;
       if (a < b) std::swap(a, b);
-      const uint32_t merge = slot(made);
+      const uint32_t merge = slots_[b];
       merges[merge] = {united(boxes().get(a), boxes().get(b)), subtrees_[a], subtrees_[b],
                        counts_[a] + counts_[b]};
       boxes().put(a, merges[merge].box);
@@ -50,7 +54,6 @@ class TreeletAgglomeration {
       remove(b);
       if (size_ > 2) update(a == size_ ? b : a, b);
     }
-    return {boxes().get(0), subtrees_[0], counts_[0]};
   }
 
  private:
@@ -75,6 +78,7 @@ class TreeletAgglomeration {
     const uint32_t last = --size_;
     boxes().copy(b, last);
     subtrees_[b] = subtrees_[last];
+    slots_[b] = slots_[last];
     counts_[b] = counts_[last];
     nearest_[b] = nearest_[last];
     distances_[b] = distances_[last];
@@ -103,6 +107,7 @@ class TreeletAgglomeration {
   float distances_[kMost];
   uint32_t nearest_[kMost];
   Subtree subtrees_[kMost];
+  uint32_t slots_[kMost];
   uint32_t counts_[kMost];
   uint32_t size_ = 0;
 };
