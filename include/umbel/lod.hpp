@@ -87,6 +87,9 @@ struct Config {
   uint32_t max_vertices = 128;              ///< a cluster, 6..256
   uint32_t min_group = 24, max_group = 32;  ///< clusters in a group, 2 <= min <= max
   float ratio = 0.5f;                       ///< triangles kept a level, [0.1, 0.9]
+  /// Positions are first moved to multiples of this power of two, and what they move by is added
+  /// to every group's error; 0: they stay as they are.
+  float position_step = 0;
   bool attributes = true;  ///< weigh normals, UVs and colours in the error, keep seams
   float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
 };
@@ -98,6 +101,7 @@ struct Report {
                                                ///< worth of triangles is left in them
   uint64_t root_triangles = 0;
   std::array<uint64_t, 5> groups_by_rung{};
+  float largest_move = 0;  ///< the farthest that Config::position_step moved a vertex
   double seconds = 0;
 };
 

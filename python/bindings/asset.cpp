@@ -18,6 +18,11 @@ Dict info_dict(const AssetInfo& info) {
   result["tangents"] = info.tangents;
   result["uvs"] = info.uvs;
   result["colors"] = info.colors;
+  result["position_step"] = info.position_step;
+  result["uv_step"] = info.uv_step;
+  result["normal_bits"] = info.normal_bits;
+  result["tangent_bits"] = info.tangent_bits;
+  result["color_bits"] = info.color_bits;
   const bool empty = info.bounds.min.x > info.bounds.max.x;
   result["bounds"] =
       empty ? nb::object(nb::none())

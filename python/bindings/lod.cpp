@@ -134,6 +134,7 @@ void bind_config(nb::module_& module) {
       .def_rw("min_group", &lod::Config::min_group)
       .def_rw("max_group", &lod::Config::max_group)
       .def_rw("ratio", &lod::Config::ratio)
+      .def_rw("position_step", &lod::Config::position_step)
       .def_rw("attributes", &lod::Config::attributes)
       .def_rw("normal_weight", &lod::Config::normal_weight)
       .def_rw("uv_weight", &lod::Config::uv_weight)
@@ -154,6 +155,7 @@ Dict build_report(const lod::Report& report) {
     rungs[kRungs[i]] = report.groups_by_rung[i];
   }
   result["groups_by_rung"] = rungs;
+  result["largest_move"] = report.largest_move;
   result["seconds"] = report.seconds;
   return result;
 }
@@ -200,14 +202,17 @@ void bind_dag(nb::module_& module) {
       .def(
           "save",
           [](const Dag& dag, const std::filesystem::path& path, const std::string& metadata,
-             const nb::object& progress, uint32_t threads) {
+             bool exact, const nb::object& progress, uint32_t threads) {
             return run(progress, threads, [&](const BuildOptions& options) {
-              return write_asset(path, dag, metadata, options);
+              return write_asset(path, dag, metadata, options,
+                                 exact ? AssetConfig::exact() : AssetConfig{});
             });
           },
-          "path"_a, "metadata"_a = "{}", "progress"_a = nb::none(), "threads"_a = 0,
+          "path"_a, "metadata"_a = "{}", "exact"_a = false, "progress"_a = nb::none(),
+          "threads"_a = 0,
           nb::sig("def save(self, path: str | os.PathLike[str], metadata: str = '{}', "
-                  "progress: object | None = None, threads: int = 0) -> int"));
+                  "exact: bool = False, progress: object | None = None, threads: int = 0) "
+                  "-> int"));
   module.def(
       "build_lod",
       [](const MeshArrays& mesh, const lod::Config& config, const nb::object& progress,

@@ -19,7 +19,7 @@ from .errors import Error
 from .mesh import Material, Mesh
 from .metadata import encode, materials_to_json
 from .proof import VerifyReport
-from .repair import Progress, grid_step, snap
+from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
 from .tables import Tables
 
@@ -118,12 +118,19 @@ class Lod:
         self,
         path: str | os.PathLike[str],
         *,
+        exact: bool | None = None,
         progress: Progress | None = None,
         threads: int = 0,
     ) -> int:
         """Writes the asset beside `path` and renames it, so that a file of that name is always
-        whole. Returns its bytes."""
-        return self._native.save(os.fspath(path), encode(self.metadata()), progress, threads)
+        whole. Returns its bytes.
+
+        exact: keep every bit of normals, tangents, UVs and colours, or store them in fewer bits
+            (docs/format.md); None: as the build did with positions, exactly without `precision`.
+        """
+        keep = self.config["position_step"] == 0 if exact is None else exact
+        metadata = encode(self.metadata())
+        return self._native.save(os.fspath(path), metadata, keep, progress, threads)
 
 
 def build_lod(
@@ -150,8 +157,9 @@ def build_lod(
     attributes: "auto" keeps normals, tangents, UVs and colours and weighs them in the error by
         the weights; "none" drops them. Materials stay either way.
     drop_invalid: leave out triangles with NaN, infinite or missing vertices instead of raising.
-    precision: snap positions to a power-of-two grid first; None keeps every bit. A number is a
-        length in the mesh's unit, a string as in `umbel build --precision`.
+    precision: snap positions to a power-of-two grid first, which makes files several times
+        smaller; None keeps every bit. A number is a length in the mesh's unit, a string as in
+        `umbel build --precision`.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
     given = as_mesh(mesh)
@@ -165,7 +173,6 @@ def build_lod(
         given, extra["dropped_triangles"] = drop_invalid_triangles(given, threads=threads)
     if precision is not None:
         extra["grid_step"] = grid_step(given, precision)
-        given, extra["largest_move"] = snap(given, extra["grid_step"])
 
     low, high = _pair(group_size)
     config: dict[str, Any] = {
@@ -174,6 +181,7 @@ def build_lod(
         "min_group": low,
         "max_group": high,
         "ratio": ratio,
+        "position_step": extra.get("grid_step", 0.0),
         "attributes": attributes == "auto",
         "normal_weight": normal_weight,
         "uv_weight": uv_weight,

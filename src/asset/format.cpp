@@ -1,8 +1,10 @@
 #include "asset/format.hpp"
 
+#include <algorithm>
 #include <array>
 #include <optional>
 
+#include "asset/box_steps.hpp"
 #include "asset/structure.hpp"
 #include "base/bytes.hpp"
 #include "base/hash.hpp"
@@ -21,7 +23,16 @@ constexpr uint32_t four_letters(const char (&name)[5]) {
          static_cast<uint32_t>(name[2]) << 16 | static_cast<uint32_t>(name[3]) << 24;
 }
 
-enum SectionIndex { kMetadata, kLevels, kGroups, kClusters, kNodes, kPages, kSectionCount };
+enum SectionIndex {
+  kMetadata,
+  kAttributes,
+  kLevels,
+  kGroups,
+  kClusters,
+  kNodes,
+  kPages,
+  kSectionCount
+};
 
 struct SectionKind {
   uint32_t id;
@@ -30,9 +41,10 @@ struct SectionKind {
 };
 
 constexpr std::array<SectionKind, kSectionCount> kSections{{{four_letters("META"), "META", 1},
+                                                            {four_letters("ATTR"), "ATTR", 16},
                                                             {four_letters("LEVL"), "LEVL", 8},
                                                             {four_letters("GRUP"), "GRUP", 36},
-                                                            {four_letters("CLUS"), "CLUS", 44},
+                                                            {four_letters("CLUS"), "CLUS", 24},
                                                             {four_letters("NODE"), "NODE", 32},
                                                             {four_letters("PAGE"), "PAGE", 32}}};
 
@@ -47,9 +59,10 @@ struct Layout {
 };
 
 Layout layout_of(const Head& head) {
-  const uint64_t counts[kSectionCount] = {head.info.metadata.size(), head.tables.levels.size(),
-                                          head.tables.groups.size(), head.tables.clusters.size(),
-                                          head.tables.nodes.size(),  head.pages.size()};
+  const uint64_t counts[kSectionCount] = {
+      head.info.metadata.size(),  head.format.attributes.size(), head.tables.levels.size(),
+      head.tables.groups.size(),  head.tables.clusters.size(),   head.tables.nodes.size(),
+      head.pages.size()};
   Layout layout;
   uint64_t at = kHeaderBytes + kSectionCount * kSectionEntryBytes;
   for (size_t i = 0; i < kSectionCount; ++i) {
@@ -78,14 +91,19 @@ void write(ByteWriter& out, const lod::Group& group) {
   out.f32(group.error);
 }
 
-void write(ByteWriter& out, const lod::Cluster& cluster) {
-  out.u32(cluster.group);
+void write(ByteWriter& out, const AttributeFormat& attribute) {
+  out.u32(attribute.attribute);
+  out.u32(static_cast<uint32_t>(attribute.coding));
+  out.u32(attribute.bits);
+  out.f32(attribute.step);
+}
+
+void write(ByteWriter& out, const lod::Cluster& cluster, const Aabb& bounds) {
   out.u32(cluster.generating_group);
   out.u32(cluster.material);
-  out.u32(cluster.vertex_count);
-  out.u32(cluster.triangle_count);
-  out.vec3(cluster.box.min);
-  out.vec3(cluster.box.max);
+  out.u16(static_cast<uint16_t>(cluster.vertex_count));
+  out.u16(static_cast<uint16_t>(cluster.triangle_count));
+  for (const uint16_t step : box_steps(cluster.box, bounds)) out.u16(step);
 }
 
 void write(ByteWriter& out, const lod::Node& node) {
@@ -118,14 +136,32 @@ void read(ByteReader& in, lod::Group& group) {
   group.error = in.f32();
 }
 
-void read(ByteReader& in, lod::Cluster& cluster) {
-  cluster.group = in.u32();
+void read(ByteReader& in, AttributeFormat& attribute) {
+  attribute.attribute = in.u32();
+  attribute.coding = static_cast<Coding>(in.u32());
+  attribute.bits = in.u32();
+  attribute.step = in.f32();
+}
+
+void read(ByteReader& in, lod::Cluster& cluster, const Aabb& bounds) {
   cluster.generating_group = in.u32();
   cluster.material = in.u32();
-  cluster.vertex_count = in.u32();
-  cluster.triangle_count = in.u32();
-  cluster.box.min = in.vec3();
-  cluster.box.max = in.vec3();
+  cluster.vertex_count = in.u16();
+  cluster.triangle_count = in.u16();
+  std::array<uint16_t, 6> steps;
+  for (uint16_t& step : steps) step = in.u16();
+  cluster.box = box_of_steps(steps, bounds);
+}
+
+/// Which group each cluster is in, from the groups' ranges; what they leave out is in none.
+void assign_groups(lod::Tables& tables) {
+  for (lod::Cluster& cluster : tables.clusters) cluster.group = kNone;
+  for (uint32_t g = 0; g < tables.groups.size(); ++g) {
+    const Range& range = tables.groups[g].clusters;
+    const uint64_t end = std::min<uint64_t>(uint64_t{range.offset} + range.count,
+                                            tables.clusters.size());
+    for (uint64_t c = range.offset; c < end; ++c) tables.clusters[c].group = g;
+  }
 }
 
 void read(ByteReader& in, lod::Node& node) {
@@ -142,18 +178,19 @@ void read(ByteReader& in, PageEntry& page) {
   page.group = in.u32();
 }
 
-template <typename Element>
-void write_table(ByteWriter& out, const Section& section, const std::vector<Element>& table) {
+template <typename Element, typename... Bounds>
+void write_table(ByteWriter& out, const Section& section, const std::vector<Element>& table,
+                 const Bounds&... bounds) {
   out.skip_to(section.offset);
-  for (const Element& element : table) write(out, element);
+  for (const Element& element : table) write(out, element, bounds...);
 }
 
-template <typename Element>
-std::vector<Element> read_table(ByteReader& in, const Section& section) {
+template <typename Element, typename... Bounds>
+std::vector<Element> read_table(ByteReader& in, const Section& section, const Bounds&... bounds) {
   std::vector<Element> table(section.count);
   for (size_t i = 0; i < table.size(); ++i) {
     in.skip_to(section.offset + i * section.element_bytes);
-    read(in, table[i]);
+    read(in, table[i], bounds...);
   }
   return table;
 }
@@ -168,7 +205,7 @@ void write_header(ByteWriter& out, const AssetInfo& info, uint64_t head_size,
   out.u64(head_size);
   out.u64(head_checksum);
   out.u32(kSectionCount);
-  out.u32(attributes_of(info));
+  out.u32(0);
   out.u32(info.max_triangles);
   out.u32(info.max_vertices);
   out.u64(info.source_triangles);
@@ -196,16 +233,7 @@ Header read_header(std::span<const std::byte> bytes) {
   header.head_bytes = in.u64();
   header.head_checksum = in.u64();
   header.sections = in.u32();
-  const uint32_t attributes = in.u32();
-  if (attributes > (kNormals | kTangents | kUvs | kColors))
-    throw Error(ErrorCode::kUnsupported,
-                "the file has vertex attributes that this version of "
-                "Umbel does not know (flags " +
-                    std::to_string(attributes) + ")");
-  info.normals = attributes & kNormals;
-  info.tangents = attributes & kTangents;
-  info.uvs = attributes & kUvs;
-  info.colors = attributes & kColors;
+  in.skip_to(48);
   info.max_triangles = in.u32();
   info.max_vertices = in.u32();
   info.source_triangles = in.u64();
@@ -282,9 +310,17 @@ void check_pages(const Head& head, uint64_t head_size) {
 
 }  // namespace
 
-uint32_t attributes_of(const AssetInfo& info) {
-  return (info.normals ? kNormals : 0u) | (info.tangents ? kTangents : 0u) |
-         (info.uvs ? kUvs : 0u) | (info.colors ? kColors : 0u);
+void describe_format(const VertexFormat& format, AssetInfo& info) {
+  for (const AttributeFormat& f : format.attributes) {
+    const bool has_bits = f.coding != Coding::kFloats && f.coding != Coding::kGrid;
+    const uint32_t bits = has_bits ? f.bits : 0;
+    const float step = f.coding == Coding::kGrid ? f.step : 0;
+    if (f.attribute == kPositions) info.position_step = step;
+    if (f.attribute == kNormals) info.normals = true, info.normal_bits = bits;
+    if (f.attribute == kTangents) info.tangents = true, info.tangent_bits = bits;
+    if (f.attribute == kUvs) info.uvs = true, info.uv_step = step;
+    if (f.attribute == kColors) info.colors = true, info.color_bits = bits;
+  }
 }
 
 uint64_t head_bytes(const Head& head) { return layout_of(head).bytes; }
@@ -304,9 +340,10 @@ std::vector<std::byte> encode_head(const Head& head) {
   }
   out.skip_to(layout.sections[kMetadata].offset);
   out.bytes(head.info.metadata.data(), head.info.metadata.size());
+  write_table(out, layout.sections[kAttributes], head.format.attributes);
   write_table(out, layout.sections[kLevels], head.tables.levels);
   write_table(out, layout.sections[kGroups], head.tables.groups);
-  write_table(out, layout.sections[kClusters], head.tables.clusters);
+  write_table(out, layout.sections[kClusters], head.tables.clusters, head.info.bounds);
   write_table(out, layout.sections[kNodes], head.tables.nodes);
   write_table(out, layout.sections[kPages], head.pages);
 
@@ -361,9 +398,14 @@ Head decode_head(std::span<const std::byte> bytes) {
   in.skip_to(sections[kMetadata].offset);
   const auto metadata = in.bytes(sections[kMetadata].count);
   head.info.metadata.assign(reinterpret_cast<const char*>(metadata.data()), metadata.size());
+  if (sections[kAttributes].count > kMaxComponents)
+    corrupt("there are " + std::to_string(sections[kAttributes].count) + " attributes");
+  head.format = make_format(read_table<AttributeFormat>(in, sections[kAttributes]));
+  describe_format(head.format, head.info);
   head.tables.levels = read_table<Range>(in, sections[kLevels]);
   head.tables.groups = read_table<lod::Group>(in, sections[kGroups]);
-  head.tables.clusters = read_table<lod::Cluster>(in, sections[kClusters]);
+  head.tables.clusters = read_table<lod::Cluster>(in, sections[kClusters], head.info.bounds);
+  assign_groups(head.tables);
   head.tables.nodes = read_table<lod::Node>(in, sections[kNodes]);
   head.pages = read_table<PageEntry>(in, sections[kPages]);
   head.info.pages = static_cast<uint32_t>(head.pages.size());

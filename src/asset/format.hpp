@@ -7,14 +7,13 @@
 #include <span>
 #include <vector>
 
+#include "asset/vertex_codec.hpp"
 #include "umbel/asset.hpp"
 
 namespace umbel::asset {
 
-inline constexpr uint16_t kVersionMajor = 1, kVersionMinor = 0;
+inline constexpr uint16_t kVersionMajor = 2, kVersionMinor = 0;
 inline constexpr uint64_t kPageAlignment = 64;
-
-enum Attributes : uint32_t { kNormals = 1, kTangents = 2, kUvs = 4, kColors = 8 };
 
 struct PageEntry {
   uint64_t offset;  // from the start of the file, a multiple of kPageAlignment
@@ -25,11 +24,13 @@ struct PageEntry {
 
 struct Head {
   AssetInfo info;
+  VertexFormat format;
   lod::Tables tables;
   std::vector<PageEntry> pages;  // in file order
 };
 
-uint32_t attributes_of(const AssetInfo& info);
+/// Says in `info` what attributes there are, and how they are stored.
+void describe_format(const VertexFormat& format, AssetInfo& info);
 
 /// Size of the head, and so where the first page begins.
 uint64_t head_bytes(const Head& head);

@@ -1,148 +1,173 @@
 #include "asset/page.hpp"
 
 #include <algorithm>
+#include <limits>
 
+#include "asset/format.hpp"
 #include "base/bytes.hpp"
 
 namespace umbel::asset {
 namespace {
 
-constexpr uint64_t kClusterAlignment = 16;
-
-uint64_t vertex_bytes(uint32_t attributes) {
-  return 12 + (attributes & kNormals ? 12 : 0) + (attributes & kTangents ? 16 : 0) +
-         (attributes & kUvs ? 8 : 0) + (attributes & kColors ? 16 : 0);
+std::span<const uint32_t> vertices_of(const lod::Dag& dag, uint32_t cluster) {
+  return std::span(dag.cluster_vertices)
+      .subspan(dag.vertex_offsets[cluster],
+               dag.vertex_offsets[cluster + 1] - dag.vertex_offsets[cluster]);
 }
 
-uint32_t vertices_of(const lod::Dag& dag, uint32_t cluster) {
-  return dag.vertex_offsets[cluster + 1] - dag.vertex_offsets[cluster];
+std::span<const uint8_t> triangles_of(const lod::Dag& dag, uint32_t cluster) {
+  const size_t first = dag.triangle_offsets[cluster], last = dag.triangle_offsets[cluster + 1];
+  return std::span(dag.cluster_triangles).subspan(3 * first, 3 * (last - first));
 }
 
-uint32_t triangles_of(const lod::Dag& dag, uint32_t cluster) {
-  return dag.triangle_offsets[cluster + 1] - dag.triangle_offsets[cluster];
-}
+/// The integers of a group's clusters, one after the other.
+struct Integers {
+  std::vector<int32_t> values;
+  std::vector<size_t> first;  // of each cluster
+};
 
-uint64_t first_data(uint32_t clusters) {
-  return aligned(kPageHeaderBytes + kClusterEntryBytes * uint64_t{clusters}, kClusterAlignment);
-}
-
-template <typename Vector>
-void write_stream(ByteWriter& out, const std::vector<Vector>& stream,
-                  std::span<const uint32_t> vertices) {
-  for (uint32_t vertex : vertices) out.vector(stream[vertex]);
-}
-
-void write_cluster(ByteWriter& out, const lod::Dag& dag, uint32_t attributes, uint32_t cluster) {
-  const std::span<const uint32_t> vertices =
-      std::span(dag.cluster_vertices)
-          .subspan(dag.vertex_offsets[cluster], vertices_of(dag, cluster));
-  write_stream(out, dag.vertices.positions, vertices);
-  if (attributes & kNormals) write_stream(out, dag.vertices.normals, vertices);
-  if (attributes & kTangents) write_stream(out, dag.vertices.tangents, vertices);
-  if (attributes & kUvs) write_stream(out, dag.vertices.uvs, vertices);
-  if (attributes & kColors) write_stream(out, dag.vertices.colors, vertices);
-  out.bytes(dag.cluster_triangles.data() + size_t{3} * dag.triangle_offsets[cluster],
-            size_t{3} * triangles_of(dag, cluster));
-}
-
-template <typename Vector>
-std::vector<Vector> read_stream(ByteReader& in, bool present, uint32_t count) {
-  std::vector<Vector> stream;
-  if (!present) return stream;
-  stream.resize(count);
-  if constexpr (std::endian::native == std::endian::little) {
-    const auto bytes = in.bytes(count * sizeof(Vector));
-    if (count > 0) std::memcpy(stream.data(), bytes.data(), bytes.size());
-  } else {
-    for (Vector& v : stream) v = in.vector<Vector>();
+Integers quantize_group(const lod::Dag& dag, const VertexFormat& format, const Range& clusters) {
+  Integers all;
+  size_t vertices = 0;
+  for (uint32_t i = 0; i < clusters.count; ++i) {
+    all.first.push_back(vertices * components(format));
+    vertices += vertices_of(dag, clusters.offset + i).size();
   }
-  return stream;
+  all.values.resize(vertices * components(format));
+  for (uint32_t i = 0; i < clusters.count; ++i) {
+    const auto mine = vertices_of(dag, clusters.offset + i);
+    quantize(format, dag.vertices, mine,
+             std::span(all.values).subspan(all.first[i], mine.size() * components(format)));
+  }
+  return all;
+}
+
+std::vector<ComponentRange> ranges_of(const VertexFormat& format, std::span<const int32_t> values) {
+  const uint32_t stride = components(format);
+  std::vector<ComponentRange> ranges(stride, {0, 0});
+  for (uint32_t c = 0; c < stride && !values.empty(); ++c) {
+    int32_t lowest = values[c], highest = values[c];
+    for (size_t i = c; i < values.size(); i += stride) {
+      lowest = std::min(lowest, values[i]);
+      highest = std::max(highest, values[i]);
+    }
+    const uint32_t reach = static_cast<uint32_t>(highest) - static_cast<uint32_t>(lowest);
+    ranges[c] = {lowest, static_cast<uint32_t>(std::bit_width(reach))};
+  }
+  return ranges;
+}
+
+void encode_cluster(const lod::Dag& dag, const VertexFormat& format, uint32_t cluster,
+                    const int32_t* integers, std::span<const ComponentRange> ranges,
+                    std::vector<std::byte>& page) {
+  BitWriter out(page);
+  const size_t vertices = vertices_of(dag, cluster).size();
+  const Walk walk =
+      encode_triangles(triangles_of(dag, cluster), static_cast<uint32_t>(vertices), out);
+  const uint32_t stride = components(format);
+  std::vector<int32_t> ordered(vertices * stride);
+  for (size_t v = 0; v < vertices; ++v)
+    std::copy_n(integers + size_t{walk.vertices[v]} * stride, stride, ordered.data() + v * stride);
+  encode_vertices(format, ordered, walk.parents, ranges, out);
+  out.finish();
 }
 
 }  // namespace
 
-uint64_t cluster_bytes(uint32_t attributes, uint64_t vertices, uint64_t triangles) {
-  return vertex_bytes(attributes) * vertices + 3 * triangles;
+uint64_t page_header_bytes(const VertexFormat& format, uint32_t clusters) {
+  return kPageHeaderBytes + kComponentBytes * components(format) + kClusterEntryBytes * clusters;
 }
 
-uint64_t page_bytes(const lod::Dag& dag, uint32_t attributes, uint32_t group) {
+std::vector<std::byte> encode_page(const lod::Dag& dag, const VertexFormat& format,
+                                   uint32_t group) {
   const Range clusters = dag.tables.groups[group].clusters;
-  uint64_t at = first_data(clusters.count);
-  for (uint32_t c = clusters.offset; c < clusters.offset + clusters.count; ++c)
-    at = aligned(at + cluster_bytes(attributes, vertices_of(dag, c), triangles_of(dag, c)),
-                 kClusterAlignment);
-  if (at >= kNone)
+  const Integers integers = quantize_group(dag, format, clusters);
+  const std::vector<ComponentRange> ranges = ranges_of(format, integers.values);
+  std::vector<std::byte> page(page_header_bytes(format, clusters.count));
+  std::vector<uint32_t> ends;
+  for (uint32_t i = 0; i < clusters.count; ++i) {
+    encode_cluster(dag, format, clusters.offset + i, integers.values.data() + integers.first[i],
+                   ranges, page);
+    ends.push_back(static_cast<uint32_t>(page.size()));
+  }
+  // A cluster has at most 256 vertices of 16 components; only the number of clusters is free.
+  if (page.size() >= std::numeric_limits<uint32_t>::max() / 2)
     throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group) + " takes " +
-                                                 std::to_string(at) +
-                                                 " bytes, but a page has at most 4 GiB");
-  return aligned(at, kPageAlignment);
-}
-
-void encode_page(const lod::Dag& dag, uint32_t attributes, uint32_t group,
-                 std::span<std::byte> page) {
-  std::fill(page.begin(), page.end(), std::byte{0});
-  const Range clusters = dag.tables.groups[group].clusters;
+                                                 std::to_string(page.size()) +
+                                                 " bytes, but a page has at most 2 GiB");
+  page.resize(aligned(page.size(), kPageAlignment));
   ByteWriter out(page);
   out.u32(group);
   out.u32(clusters.offset);
   out.u32(clusters.count);
-  out.u32(attributes);
-  uint64_t data = first_data(clusters.count);
-  for (uint32_t i = 0; i < clusters.count; ++i) {
-    const uint32_t c = clusters.offset + i;
-    out.skip_to(kPageHeaderBytes + kClusterEntryBytes * i);
-    out.u32(static_cast<uint32_t>(data));
-    out.u32(vertices_of(dag, c));
-    out.u32(triangles_of(dag, c));
-    out.u32(dag.tables.clusters[c].material);
-    out.skip_to(data);
-    write_cluster(out, dag, attributes, c);
-    data = aligned(out.position(), kClusterAlignment);
+  out.u32(components(format));
+  for (const ComponentRange& range : ranges) {
+    out.u32(static_cast<uint32_t>(range.lowest));
+    out.u32(range.bits);
   }
+  for (uint32_t i = 0; i < clusters.count; ++i) {
+    const uint32_t cluster = clusters.offset + i;
+    out.u32(ends[i]);
+    out.u16(static_cast<uint16_t>(vertices_of(dag, cluster).size() - 1));
+    out.u16(static_cast<uint16_t>(triangles_of(dag, cluster).size() / 3 - 1));
+  }
+  return page;
 }
 
-PageHeader decode_page_header(std::span<const std::byte> bytes) {
-  ByteReader in(bytes);
+PageHeader decode_page_header(const VertexFormat& format, std::span<const std::byte> page) {
+  ByteReader in(page);
   PageHeader header;
   header.group = in.u32();
   header.clusters = in.range();
-  header.attributes = in.u32();
+  if (const uint32_t count = in.u32(); count != components(format))
+    corrupt("a page has vertices of " + std::to_string(count) + " components, not of " +
+            std::to_string(components(format)));
+  header.ranges.resize(components(format));
+  for (ComponentRange& range : header.ranges) {
+    range.lowest = static_cast<int32_t>(in.u32());
+    range.bits = in.u32();
+    if (range.bits > 32) corrupt("a page's components have " + std::to_string(range.bits) + " bits");
+  }
   return header;
 }
 
-ClusterEntry decode_cluster_entry(std::span<const std::byte> bytes, uint32_t attributes,
-                                  uint64_t size_of_page) {
-  ByteReader in(bytes);
+ClusterEntry decode_cluster_entry(const VertexFormat& format, const PageHeader& header,
+                                  std::span<const std::byte> page, uint32_t index,
+                                  uint64_t page_bytes) {
+  const uint64_t first = page_header_bytes(format, 0);
+  ByteReader in(page);
   ClusterEntry entry;
-  entry.offset = in.u32();
-  entry.vertex_count = in.u32();
-  entry.triangle_count = in.u32();
-  entry.material = in.u32();
-  if (entry.vertex_count > kMaxLocalVertices)
-    corrupt("a cluster has " + std::to_string(entry.vertex_count) + " vertices, more than 256");
-  const uint64_t size = cluster_bytes(attributes, entry.vertex_count, entry.triangle_count);
-  if (entry.offset > size_of_page || size > size_of_page - entry.offset)
-    corrupt("a cluster's data lies outside its page");
+  entry.begin = static_cast<uint32_t>(page_header_bytes(format, header.clusters.count));
+  if (index > 0) {
+    in.skip_to(first + kClusterEntryBytes * (uint64_t{index} - 1));
+    entry.begin = in.u32();
+  }
+  in.skip_to(first + kClusterEntryBytes * uint64_t{index});
+  entry.end = in.u32();
+  entry.vertex_count = in.u16() + 1u;
+  entry.triangle_count = in.u16() + 1u;
+  if (entry.vertex_count > kMaxLocal || entry.triangle_count > kMaxLocal)
+    corrupt("a cluster has " + std::to_string(entry.vertex_count) + " vertices and " +
+            std::to_string(entry.triangle_count) + " triangles, but at most 256 are possible");
+  if (entry.begin > entry.end || entry.end > page_bytes)
+    corrupt("a cluster's data lie outside its page");
   return entry;
 }
 
-lod::ClusterGeometry decode_cluster(std::span<const std::byte> data, uint32_t attributes,
-                                    const ClusterEntry& entry) {
-  ByteReader in(data);
+lod::ClusterGeometry decode_cluster(const VertexFormat& format, const PageHeader& header,
+                                    const ClusterEntry& entry, std::span<const std::byte> data) {
   lod::ClusterGeometry geometry;
-  const uint32_t count = entry.vertex_count;
-  geometry.positions = read_stream<Vec3>(in, true, count);
-  geometry.normals = read_stream<Vec3>(in, attributes & kNormals, count);
-  geometry.tangents = read_stream<Vec4>(in, attributes & kTangents, count);
-  geometry.uvs = read_stream<Vec2>(in, attributes & kUvs, count);
-  geometry.colors = read_stream<Vec4>(in, attributes & kColors, count);
-  const auto indices = in.bytes(size_t{3} * entry.triangle_count);
-  const auto* first = reinterpret_cast<const uint8_t*>(indices.data());
-  geometry.triangles.assign(first, first + indices.size());
-  const auto highest = std::max_element(geometry.triangles.begin(), geometry.triangles.end());
-  if (highest != geometry.triangles.end() && *highest >= count)
-    corrupt("a triangle has the local vertex " + std::to_string(*highest) + " of " +
-            std::to_string(count));
+  BitReader in(data);
+  geometry.triangles.resize(size_t{3} * entry.triangle_count);
+  std::array<Parents, kMaxLocal> parents;
+  const std::span<Parents> mine = std::span(parents).first(entry.vertex_count);
+  decode_triangles(in, geometry.triangles, mine);
+  std::array<int32_t, size_t{kMaxLocal} * kMaxComponents> integers;
+  const std::span<int32_t> values =
+      std::span(integers).first(size_t{entry.vertex_count} * components(format));
+  decode_vertices(format, mine, header.ranges, in, values);
+  in.finish();
+  dequantize(format, values, geometry);
   return geometry;
 }
 

@@ -4,42 +4,43 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
-#include "asset/format.hpp"
+#include "asset/vertex_codec.hpp"
 #include "umbel/lod.hpp"
 
 namespace umbel::asset {
 
-inline constexpr uint64_t kPageHeaderBytes = 16, kClusterEntryBytes = 16;
-inline constexpr uint32_t kMaxLocalVertices = 256;  // triangles have 8-bit local indices
+inline constexpr uint64_t kPageHeaderBytes = 16, kComponentBytes = 8, kClusterEntryBytes = 8;
+/// A cluster's counts are stored in a byte each, less one.
+inline constexpr uint32_t kMaxLocal = 256;
 
 struct PageHeader {
   uint32_t group;
   Range clusters;
-  uint32_t attributes;
+  std::vector<ComponentRange> ranges;
 };
 
-/// Where a cluster's data is in its page.
+/// Where a cluster's data are in its page.
 struct ClusterEntry {
-  uint32_t offset, vertex_count, triangle_count, material;
+  uint32_t begin, end, vertex_count, triangle_count;
 };
 
-/// Size of the page of `group`, and the page. The DAG has been checked by the writer; throws
-/// kInvalidArgument if the page would be too large for its 32-bit offsets.
-uint64_t page_bytes(const lod::Dag& dag, uint32_t attributes, uint32_t group);
-void encode_page(const lod::Dag& dag, uint32_t attributes, uint32_t group,
-                 std::span<std::byte> page);
+/// The page of `group`, a multiple of kPageAlignment long. The DAG has been checked by the writer.
+std::vector<std::byte> encode_page(const lod::Dag& dag, const VertexFormat& format, uint32_t group);
 
-/// Bytes of a cluster's data; at most 256 vertices are possible.
-uint64_t cluster_bytes(uint32_t attributes, uint64_t vertices, uint64_t triangles);
-
-/// Decodes `kPageHeaderBytes`. Throws kCorrupt if there are fewer.
-PageHeader decode_page_header(std::span<const std::byte> bytes);
-/// Decodes `kClusterEntryBytes`. Throws kCorrupt if what it names is not inside the page.
-ClusterEntry decode_cluster_entry(std::span<const std::byte> entry, uint32_t attributes,
-                                  uint64_t size_of_page);
-/// Decodes a cluster's data. Throws kCorrupt if a local index is out of range.
-lod::ClusterGeometry decode_cluster(std::span<const std::byte> data, uint32_t attributes,
-                                    const ClusterEntry& entry);
+/// The bytes in front of a page's clusters.
+uint64_t page_header_bytes(const VertexFormat& format, uint32_t clusters);
+/// Decodes the page's header, without the clusters' entries. Throws kCorrupt if there are fewer bytes, or impossible values.
+PageHeader decode_page_header(const VertexFormat& format, std::span<const std::byte> page);
+/// The entry of the page's cluster `index` < header.clusters.count; of the page's `page_bytes`,
+/// `page` needs only what page_header_bytes counts. Throws kCorrupt if its data are not inside.
+ClusterEntry decode_cluster_entry(const VertexFormat& format, const PageHeader& header,
+                                  std::span<const std::byte> page, uint32_t index,
+                                  uint64_t page_bytes);
+/// Decodes a cluster from its bytes [begin, end) of the page. Throws kCorrupt if they are not those
+/// of its vertices and triangles.
+lod::ClusterGeometry decode_cluster(const VertexFormat& format, const PageHeader& header,
+                                    const ClusterEntry& entry, std::span<const std::byte> data);
 
 }  // namespace umbel::asset

@@ -19,7 +19,6 @@ struct Asset::State {
 
   InputFile file;
   asset::Head head;
-  uint32_t attributes = 0;
   std::vector<uint32_t> page_of_group;
   std::vector<uint32_t> group_of_cluster;  // by the groups' ranges: where it is stored
   std::vector<std::atomic<bool>> known_whole;
@@ -47,7 +46,6 @@ void Asset::State::read_head() {
 }
 
 void Asset::State::index_pages() {
-  attributes = asset::attributes_of(head.info);
   page_of_group.resize(head.pages.size());
   for (uint32_t i = 0; i < head.pages.size(); ++i) page_of_group[head.pages[i].group] = i;
   group_of_cluster.resize(head.tables.clusters.size());
@@ -67,24 +65,25 @@ bool Asset::State::has_right_checksum(const PageEntry& page) const {
 void Asset::State::check_page(const PageEntry& page) const {
   const std::string name = "the page of group " + std::to_string(page.group);
   if (!has_right_checksum(page)) corrupt("the checksum of " + name + " does not hold");
-  std::vector<std::byte> bytes(std::min(page.bytes, asset::kPageHeaderBytes));
+  std::vector<std::byte> bytes(page.bytes);
   file.read(page.offset, bytes);
-  const asset::PageHeader header = asset::decode_page_header(bytes);
+  const asset::PageHeader header = asset::decode_page_header(head.format, bytes);
   const Range& clusters = head.tables.groups[page.group].clusters;
-  if (header.group != page.group || header.clusters != clusters || header.attributes != attributes)
+  if (header.group != page.group || header.clusters != clusters)
     corrupt(name + " does not say what the tables say of it");
 }
 
 lod::ClusterGeometry Asset::State::read_cluster(const PageEntry& page, uint32_t index) const {
-  const uint64_t at = asset::kPageHeaderBytes + asset::kClusterEntryBytes * uint64_t{index};
-  std::array<std::byte, asset::kClusterEntryBytes> entry_bytes;
-  if (at + entry_bytes.size() > page.bytes) corrupt("its page is too short");
-  file.read(page.offset + at, entry_bytes);
-  const ClusterEntry entry = asset::decode_cluster_entry(entry_bytes, attributes, page.bytes);
-  std::vector<std::byte> data(
-      asset::cluster_bytes(attributes, entry.vertex_count, entry.triangle_count));
-  file.read(page.offset + entry.offset, data);
-  return asset::decode_cluster(data, attributes, entry);
+  const Range& clusters = head.tables.groups[page.group].clusters;
+  std::vector<std::byte> bytes(
+      std::min(page.bytes, asset::page_header_bytes(head.format, clusters.count)));
+  file.read(page.offset, bytes);
+  const asset::PageHeader header = asset::decode_page_header(head.format, bytes);
+  const ClusterEntry entry =
+      asset::decode_cluster_entry(head.format, header, bytes, index, page.bytes);
+  std::vector<std::byte> data(entry.end - entry.begin);
+  file.read(page.offset + entry.begin, data);
+  return asset::decode_cluster(head.format, header, entry, data);
 }
 
 Asset::Asset(const std::filesystem::path& path) {

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "asset/format.hpp"
+#include "asset/choose_format.hpp"
 #include "asset/page.hpp"
 #include "asset/structure.hpp"
 #include "base/bytes.hpp"
@@ -17,7 +18,7 @@ namespace umbel {
 namespace asset {
 namespace {
 
-constexpr uint64_t kBatchBytes = uint64_t{8} << 20;
+constexpr size_t kBatchPages = 256;
 
 [[noreturn]] void refuse(const std::string& sentence) {
   throw Error(ErrorCode::kInvalidArgument, sentence);
@@ -43,8 +44,10 @@ void check_cluster(const lod::Dag& dag, uint32_t cluster) {
   const auto refuse_cluster = [&](const std::string& what) {
     refuse("cluster " + std::to_string(cluster) + " has " + what);
   };
-  if (end - begin > kMaxLocalVertices)
-    refuse_cluster(std::to_string(end - begin) + " vertices, more than 256");
+  const uint32_t triangles = dag.triangle_offsets[cluster + 1] - dag.triangle_offsets[cluster];
+  if (end - begin < 1 || end - begin > kMaxLocal || triangles < 1 || triangles > kMaxLocal)
+    refuse_cluster(std::to_string(end - begin) + " vertices and " + std::to_string(triangles) +
+                   " triangles, but must have 1 to 256 of each");
   for (uint32_t i = begin; i < end; ++i)
     if (dag.cluster_vertices[i] >= dag.vertices.positions.size())
       refuse_cluster("the vertex " + std::to_string(dag.cluster_vertices[i]) + " of " +
@@ -77,10 +80,6 @@ void check_dag(const lod::Dag& dag) {
 
 AssetInfo info_of(const lod::Dag& dag, const std::string& metadata) {
   AssetInfo info;
-  info.normals = !dag.vertices.normals.empty();
-  info.tangents = !dag.vertices.tangents.empty();
-  info.uvs = !dag.vertices.uvs.empty();
-  info.colors = !dag.vertices.colors.empty();
   for (const lod::Cluster& cluster : dag.tables.clusters) extend(info.bounds, cluster.box);
   info.source_triangles = dag.report.input_triangles;
   info.source_vertices = dag.report.input_vertices;
@@ -101,54 +100,42 @@ std::vector<uint32_t> page_order(const lod::Tables& tables) {
   return order;
 }
 
-/// Places every page after the head; returns the size of the file.
-uint64_t place_pages(const lod::Dag& dag, Head& head) {
+/// Encodes pages in parallel, a batch at a time, and places each behind the one before; returns
+/// where the last ends.
+uint64_t write_pages(OutputFile& file, const lod::Dag& dag, Head& head, Progress& progress) {
   const std::vector<uint32_t> order = page_order(dag.tables);
-  const uint32_t attributes = attributes_of(head.info);
   head.pages.resize(order.size());
   uint64_t at = head_bytes(head);
-  for (size_t i = 0; i < order.size(); ++i) {
-    head.pages[i] = {at, page_bytes(dag, attributes, order[i]), 0, order[i]};
-    at += head.pages[i].bytes;
+  std::vector<std::vector<std::byte>> batch;
+  for (size_t begin = 0; begin < order.size(); begin += batch.size()) {
+    progress.report(static_cast<double>(begin) / static_cast<double>(order.size()), "writing");
+    batch.resize(std::min(kBatchPages, order.size() - begin));
+    parallel_for(batch.size(), 1, [&](size_t i) {
+      batch[i] = encode_page(dag, head.format, order[begin + i]);
+    });
+    for (size_t i = 0; i < batch.size(); ++i) {
+      file.write(at, batch[i]);
+      head.pages[begin + i] = {at, batch[i].size(), xxh64(batch[i].data(), batch[i].size()),
+                               order[begin + i]};
+      at += batch[i].size();
+    }
   }
   return at;
-}
-
-void write_pages(OutputFile& file, const lod::Dag& dag, Head& head, Progress& progress) {
-  const uint32_t attributes = attributes_of(head.info);
-  std::vector<std::byte> batch;
-  for (size_t begin = 0; begin < head.pages.size();) {
-    progress.report(static_cast<double>(begin) / static_cast<double>(head.pages.size()), "writing");
-    const uint64_t start = head.pages[begin].offset;
-    uint64_t stop = start;
-    size_t end = begin;
-    do {
-      stop += head.pages[end++].bytes;
-    } while (end < head.pages.size() && stop - start + head.pages[end].bytes <= kBatchBytes);
-    batch.resize(stop - start);
-    parallel_for(end - begin, 1, [&](size_t i) {
-      PageEntry& page = head.pages[begin + i];
-      const std::span<std::byte> bytes = std::span(batch).subspan(page.offset - start, page.bytes);
-      encode_page(dag, attributes, page.group, bytes);
-      page.checksum = xxh64(bytes.data(), bytes.size());
-    });
-    file.write(start, batch);
-    begin = end;
-  }
 }
 
 }  // namespace
 }  // namespace asset
 
 uint64_t write_asset(const std::filesystem::path& path, const lod::Dag& dag,
-                     const std::string& metadata, const BuildOptions& options) {
+                     const std::string& metadata, const BuildOptions& options,
+                     const AssetConfig& config) {
   using namespace asset;
   Progress progress(options);
   check_dag(dag);
-  Head head{info_of(dag, metadata), dag.tables, {}};
-  head.info.file_bytes = place_pages(dag, head);
+  Head head{info_of(dag, metadata), choose_format(dag, config), dag.tables, {}};
   OutputFile file(path);
-  with_threads(options.threads, [&] { write_pages(file, dag, head, progress); });
+  with_threads(options.threads,
+               [&] { head.info.file_bytes = write_pages(file, dag, head, progress); });
   file.write(0, encode_head(head));
   progress.report(1, "writing");
   file.commit();

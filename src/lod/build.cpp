@@ -327,12 +327,31 @@ class Builder {
 
 }  // namespace
 
+namespace {
+
+Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& options) {
+  if (config.position_step == 0) return Builder(mesh, config, options).run();
+  std::vector<Vec3> positions(mesh.positions.begin(), mesh.positions.end());
+  const float moved = snap_to_grid(positions, config.position_step);
+  MeshView snapped = mesh;
+  snapped.positions = positions;
+  Dag dag = Builder(snapped, config, options).run();
+  // Adding the same to all keeps them monotone.
+  for (Group& group : dag.tables.groups) group.error += moved;
+  for (Node& node : dag.tables.nodes) node.error += moved;
+  dag.config.position_step = config.position_step;
+  dag.report.largest_move = moved;
+  return dag;
+}
+
+}  // namespace
+
 Dag build(const MeshView& mesh, const Config& config, const BuildOptions& options) {
   check(config);
   validate(mesh, options.threads == 0 ? BuildOptions{} : BuildOptions{{}, options.threads});
   const auto start = std::chrono::steady_clock::now();
   Dag dag;
-  with_threads(options.threads, [&] { dag = Builder(mesh, config, options).run(); });
+  with_threads(options.threads, [&] { dag = build_valid(mesh, config, options); });
   dag.report.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return dag;

@@ -1,0 +1,149 @@
+// Streams of bits, the lowest bit of a byte first, and Rice codes in them (Rice, "Some Practical
+// Universal Noiseless Coding Techniques", 1979).
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <vector>
+
+#include "base/bytes.hpp"
+
+namespace umbel {
+
+/// Longest run of zeros before a Rice code's quotient ends; a longer one is followed by the number
+/// itself.
+inline constexpr uint32_t kRiceEscape = 16;
+
+/// Bits of the Rice code of `value` with parameter k.
+constexpr uint32_t rice_bits(uint32_t value, uint32_t k) {
+  const uint32_t quotient = value >> k;
+  return quotient < kRiceEscape ? quotient + 1 + k : kRiceEscape + 32;
+}
+
+/// Small numbers of either sign as small numbers: 0, -1, 1, -2, ... as 0, 1, 2, 3, ...
+constexpr uint32_t zigzag(int32_t value) {
+  return static_cast<uint32_t>(value) << 1 ^ static_cast<uint32_t>(value >> 31);
+}
+constexpr int32_t unzigzag(uint32_t value) {
+  return static_cast<int32_t>(value >> 1 ^ (0u - (value & 1)));
+}
+
+/// Appends to a vector of bytes.
+class BitWriter {
+ public:
+  explicit BitWriter(std::vector<std::byte>& out) : out_(out) {}
+
+  /// The lowest `count` <= 32 bits of `value`; those above must be 0.
+  void write(uint32_t value, uint32_t count) {
+    held_ |= uint64_t{value} << bits_;
+    for (bits_ += count; bits_ >= 8; bits_ -= 8) emit();
+  }
+
+  void rice(uint32_t value, uint32_t k) {
+    const uint32_t quotient = value >> k;
+    if (quotient >= kRiceEscape) {
+      write(0, kRiceEscape);
+      write(value, 32);
+      return;
+    }
+    write(1u << quotient, quotient + 1);
+    write(value & ((1u << k) - 1), k);
+  }
+
+  /// Fills the last byte with zeros.
+  void finish() {
+    if (bits_ > 0) emit();
+    bits_ = 0;
+  }
+
+ private:
+  void emit() {
+    out_.push_back(static_cast<std::byte>(held_ & 0xff));
+    held_ >>= 8;
+  }
+
+  std::vector<std::byte>& out_;
+  uint64_t held_ = 0;
+  uint32_t bits_ = 0;
+};
+
+/// Past the end it reads zeros; `finish` tells, so that inner loops need no checks.
+class BitReader {
+ public:
+  explicit BitReader(std::span<const std::byte> in) : next_(in.data()), end_(next_ + in.size()) {}
+
+  /// `count` <= 32 bits.
+  uint32_t read(uint32_t count) {
+    refill();
+    return take(count);
+  }
+
+  /// How many zeros come before the next one, which is read too; `most` < 32 zeros end by themselves.
+  uint32_t zeros(uint32_t most) {
+    refill();
+    const auto count = static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << most));
+    skip(std::min(count + 1, most));
+    return count;
+  }
+
+  uint32_t rice(uint32_t k) {
+    refill();
+    const auto quotient = static_cast<uint32_t>(std::countr_zero(held_ | 1u << kRiceEscape));
+    if (quotient == kRiceEscape) {
+      skip(kRiceEscape);
+      return take(32);
+    }
+    skip(quotient + 1);
+    return quotient << k | take(k);
+  }
+
+  /// Throws kCorrupt unless what was read ends in the last byte of the input.
+  void finish() const {
+    const int64_t left = bits_ + 8 * ((end_ - next_) - past_end_);
+    if (left < 0) corrupt("a stream of bits ends too early");
+    if (left >= 8) corrupt("a stream of bits goes on too long");
+  }
+
+ private:
+  /// At least 56 bits are held afterwards.
+  void refill() {
+    if (end_ - next_ >= 8) {
+      uint64_t word;
+      std::memcpy(&word, next_, 8);
+      held_ |= little_endian(word) << bits_;
+      const uint32_t bytes = (63 - bits_) >> 3;
+      next_ += bytes;
+      bits_ += bytes * 8;
+      return;
+    }
+    for (; bits_ <= 56; bits_ += 8) {
+      if (next_ == end_)
+        ++past_end_;
+      else
+        held_ |= uint64_t{static_cast<uint8_t>(*next_++)} << bits_;
+    }
+  }
+
+  uint32_t take(uint32_t count) {
+    const auto value = static_cast<uint32_t>(held_ & ((uint64_t{1} << count) - 1));
+    skip(count);
+    return value;
+  }
+
+  void skip(uint32_t count) {
+    held_ >>= count;
+    bits_ -= count;
+  }
+
+  const std::byte* next_;
+  const std::byte* end_;
+  uint64_t held_ = 0;
+  uint32_t bits_ = 0;
+  int64_t past_end_ = 0;  // bytes
+};
+
+}  // namespace umbel
