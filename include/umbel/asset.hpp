@@ -42,8 +42,7 @@ struct AssetConfig {
 /// table, clusters not in one group each, nodes that are no tree). A DAG that is merely wrong
 /// (an error too low, a triangle missing) is stored as it is; verify_asset tells.
 UMBEL_API uint64_t write_asset(const std::filesystem::path& path, const lod::Dag& dag,
-                               const std::string& metadata = "{}",
-                               const BuildOptions& options = {},
+                               const std::string& metadata = "{}", const BuildOptions& options = {},
                                const AssetConfig& config = {});
 
 /// An open asset: tables in memory, pages read when asked for. Safe to use from many threads.

@@ -17,15 +17,23 @@ enum Apex : uint32_t {
   kNothing = 4,  ///< there is no triangle after all; four zeros and no one
 };
 
+// Not bytes: those may alias anything, and would keep the decoder's state out of registers.
 struct Gate {
-  uint8_t a, b, across;
-  bool open;
+  uint16_t a, b, across;
+  uint16_t open;
 };
+
+Parents parents_of(const Gate& gate) {
+  return {static_cast<uint8_t>(gate.a), static_cast<uint8_t>(gate.b),
+          static_cast<uint8_t>(gate.across)};
+}
 
 /// Bits of a number below `count`.
 uint32_t bits_below(uint32_t count) { return count < 2 ? 0 : uint32_t(std::bit_width(count - 1)); }
 
-/// The open gates: a stack, and the last one that begins and that ends at each vertex.
+/// The gates in the order in which they were opened, and the last open one that begins and that
+/// ends at each vertex. First opened, first passed: so the walk grows as a disc, and hardly ever
+/// meets itself anywhere but beside a gate.
 class Front {
  public:
   Front() {
@@ -33,36 +41,37 @@ class Front {
     into_.fill(kNoGate);
   }
 
-  /// The last open gate, closed; false if there is none.
+  /// The first open gate, closed; false if there is none.
   bool pop(Gate& gate) {
-    while (count_ > 0) {
-      gate = gates_[--count_];
+    while (first_ < count_) {
+      gate = gates_[first_++];
       if (!gate.open) continue;
-      forget(static_cast<uint16_t>(count_));
+      forget(static_cast<uint16_t>(first_ - 1));
       return true;
     }
     return false;
   }
 
-  void push(uint8_t a, uint8_t b, uint8_t across) {
+  void push(uint32_t a, uint32_t b, uint32_t across) {
     from_[a] = into_[b] = static_cast<uint16_t>(count_);
-    gates_[count_++] = {a, b, across, true};
+    gates_[count_++] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b),
+                        static_cast<uint16_t>(across), 1};
   }
 
   /// Closes an open gate from a to b, if there is one.
-  bool close(uint8_t a, uint8_t b) {
+  bool close(uint32_t a, uint32_t b) {
     uint16_t gate = from_[a];
     if (gate == kNoGate || gates_[gate].b != b) gate = into_[b];
     if (gate == kNoGate || gates_[gate].a != a) return false;
-    gates_[gate].open = false;
+    gates_[gate].open = 0;
     forget(gate);
     return true;
   }
 
   /// The end of an open gate that begins at v; -1 if none is known.
-  int after(uint8_t v) const { return from_[v] == kNoGate ? -1 : gates_[from_[v]].b; }
+  int after(uint32_t v) const { return from_[v] == kNoGate ? -1 : gates_[from_[v]].b; }
   /// The beginning of an open gate that ends at v.
-  int before(uint8_t v) const { return into_[v] == kNoGate ? -1 : gates_[into_[v]].a; }
+  int before(uint32_t v) const { return into_[v] == kNoGate ? -1 : gates_[into_[v]].a; }
 
  private:
   void forget(uint16_t gate) {
@@ -72,10 +81,10 @@ class Front {
     if (into == gate) into = kNoGate;
   }
 
-  // A triangle opens two gates at most and takes one away; a start opens three.
+  // A triangle opens three gates at most.
   std::array<Gate, 3 * kMaxVertices> gates_;
   std::array<uint16_t, kMaxVertices> from_, into_;
-  uint32_t count_ = 0;
+  uint32_t first_ = 0, count_ = 0;
 };
 
 /// Triangles by their directed edges.
@@ -176,7 +185,8 @@ class Encoder {
     visit(corner / 3);
     const uint8_t c = triangles_[EdgeTable::turned(corner, 2)];
     write_apex(gate, c);
-    for (const uint8_t v : {gate.a, gate.b, numbers_[c]}) walk_.triangles.push_back(v);
+    for (const uint32_t v : {uint32_t{gate.a}, uint32_t{gate.b}, uint32_t{numbers_[c]}})
+      walk_.triangles.push_back(static_cast<uint8_t>(v));
     pass_edge(b, c, a);
     pass_edge(c, a, b);
   }
@@ -184,7 +194,7 @@ class Encoder {
   void write_apex(const Gate& gate, uint8_t c) {
     if (!is_known_[c]) {
       out_.write(1, 1);
-      number(c, {gate.a, gate.b, gate.across});
+      number(c, parents_of(gate));
     } else if (front_.after(gate.b) == numbers_[c]) {
       out_.write(2, 2);
     } else if (front_.before(gate.a) == numbers_[c]) {
@@ -215,10 +225,11 @@ class Encoder {
 
 class Decoder {
  public:
-  Decoder(BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents)
+  Decoder(const BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents)
       : in_(in), triangles_(triangles), parents_(parents) {}
 
-  void run() {
+  /// Returns the reader behind what was read.
+  BitReader run() {
     Gate gate;
     while (at_ < triangles_.size()) {
       if (front_.pop(gate))
@@ -227,38 +238,40 @@ class Decoder {
         start();
     }
     while (known_ < parents_.size()) number_at_start();
+    return in_;
   }
 
  private:
-  uint8_t number(Parents parents) {
+  uint32_t number(Parents parents) {
     if (known_ >= parents_.size()) corrupt("a cluster's triangles have more vertices than it has");
     parents_[known_] = parents;
-    return static_cast<uint8_t>(known_++);
+    return known_++;
   }
 
-  uint8_t number_at_start() {
+  uint32_t number_at_start() {
     const auto before = static_cast<uint8_t>(std::max(known_, 1u) - 1);
     return number({before, before, before});
   }
 
-  uint8_t named() {
-    const uint32_t vertex = in_.read(bits_below(known_));
+  uint32_t named() {
+    const uint32_t vertex = in_.take(bits_below(known_));
     if (vertex >= known_)
       corrupt("a triangle has the local vertex " + std::to_string(vertex) + " of " +
               std::to_string(known_));
-    return static_cast<uint8_t>(vertex);
+    return vertex;
   }
 
-  void add(uint8_t a, uint8_t b, uint8_t c) {
-    triangles_[at_] = a;
-    triangles_[at_ + 1] = b;
-    triangles_[at_ + 2] = c;
+  void add(uint32_t a, uint32_t b, uint32_t c) {
+    triangles_[at_] = static_cast<uint8_t>(a);
+    triangles_[at_ + 1] = static_cast<uint8_t>(b);
+    triangles_[at_ + 2] = static_cast<uint8_t>(c);
     at_ += 3;
   }
 
   void start() {
-    uint8_t corners[3];
-    for (uint8_t& corner : corners) corner = in_.read(1) ? number_at_start() : named();
+    in_.refill();
+    uint32_t corners[3];
+    for (uint32_t& corner : corners) corner = in_.take(1) ? number_at_start() : named();
     const auto [a, b, c] = corners;
     add(a, b, c);
     pass_edge(a, b, c);
@@ -267,27 +280,28 @@ class Decoder {
   }
 
   void pass_gate(const Gate& gate) {
-    const uint32_t apex = in_.zeros(kNothing);
+    in_.refill();
+    const uint32_t apex = in_.take_zeros(kNothing);
     if (apex == kNothing) return;
-    const uint8_t c = read_apex(gate, apex);
+    const uint32_t c = read_apex(gate, apex);
     add(gate.a, gate.b, c);
     pass_edge(gate.b, c, gate.a);
     pass_edge(c, gate.a, gate.b);
   }
 
-  uint8_t read_apex(const Gate& gate, uint32_t apex) {
-    if (apex == kNew) return number({gate.a, gate.b, gate.across});
+  uint32_t read_apex(const Gate& gate, uint32_t apex) {
+    if (apex == kNew) return number(parents_of(gate));
     if (apex == kNamed) return named();
     const int c = apex == kAfter ? front_.after(gate.b) : front_.before(gate.a);
     if (c < 0) corrupt("a triangle leans on a gate that is not there");
-    return static_cast<uint8_t>(c);
+    return static_cast<uint32_t>(c);
   }
 
-  void pass_edge(uint8_t a, uint8_t b, uint8_t c) {
-    if (!front_.close(a, b) && in_.read(1)) front_.push(b, a, c);
+  void pass_edge(uint32_t a, uint32_t b, uint32_t c) {
+    if (!front_.close(a, b) && in_.take(1)) front_.push(b, a, c);
   }
 
-  BitReader& in_;
+  BitReader in_;
   std::span<uint8_t> triangles_;
   std::span<Parents> parents_;
   size_t at_ = 0;
@@ -302,7 +316,7 @@ Walk encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, Bit
 }
 
 void decode_triangles(BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents) {
-  Decoder(in, triangles, parents).run();
+  in = Decoder(in, triangles, parents).run();
 }
 
 }  // namespace umbel::asset

@@ -6,7 +6,7 @@
 // that was not visited. A gate (a, b) leads to the triangle (a, b, c); c is new, or the far end of
 // an open gate beside this one, or named. Each of the other two edges closes an open gate, or gets
 // a bit that says whether it is a gate itself. Vertices are numbered in the order of the walk.
-// Any triangles can be coded, whatever their edges share; smooth surfaces take about 3.5 bits each.
+// Any triangles can be coded, whatever their edges share; smooth surfaces take about 3.3 bits each.
 #pragma once
 
 #include <array>
@@ -28,8 +28,8 @@ struct Parents {
 /// What the walk makes of a cluster.
 struct Walk {
   std::vector<uint8_t> triangles;  ///< in the order of the walk, in the walk's numbers
-  std::vector<uint8_t> vertices;   ///< by their new numbers, the old ones; those of no triangle last
-  std::vector<Parents> parents;    ///< of each vertex, in new numbers
+  std::vector<uint8_t> vertices;  ///< by their new numbers, the old ones; those of no triangle last
+  std::vector<Parents> parents;   ///< of each vertex, in new numbers
 };
 
 /// Writes triangles, triples of vertices < `vertices` <= 256.

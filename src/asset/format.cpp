@@ -60,8 +60,8 @@ struct Layout {
 
 Layout layout_of(const Head& head) {
   const uint64_t counts[kSectionCount] = {
-      head.info.metadata.size(),  head.format.attributes.size(), head.tables.levels.size(),
-      head.tables.groups.size(),  head.tables.clusters.size(),   head.tables.nodes.size(),
+      head.info.metadata.size(), head.format.attributes.size(), head.tables.levels.size(),
+      head.tables.groups.size(), head.tables.clusters.size(),   head.tables.nodes.size(),
       head.pages.size()};
   Layout layout;
   uint64_t at = kHeaderBytes + kSectionCount * kSectionEntryBytes;
@@ -158,8 +158,8 @@ void assign_groups(lod::Tables& tables) {
   for (lod::Cluster& cluster : tables.clusters) cluster.group = kNone;
   for (uint32_t g = 0; g < tables.groups.size(); ++g) {
     const Range& range = tables.groups[g].clusters;
-    const uint64_t end = std::min<uint64_t>(uint64_t{range.offset} + range.count,
-                                            tables.clusters.size());
+    const uint64_t end =
+        std::min<uint64_t>(uint64_t{range.offset} + range.count, tables.clusters.size());
     for (uint64_t c = range.offset; c < end; ++c) tables.clusters[c].group = g;
   }
 }

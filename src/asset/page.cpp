@@ -126,7 +126,8 @@ PageHeader decode_page_header(const VertexFormat& format, std::span<const std::b
   for (ComponentRange& range : header.ranges) {
     range.lowest = static_cast<int32_t>(in.u32());
     range.bits = in.u32();
-    if (range.bits > 32) corrupt("a page's components have " + std::to_string(range.bits) + " bits");
+    if (range.bits > 32)
+      corrupt("a page's components have " + std::to_string(range.bits) + " bits");
   }
   return header;
 }

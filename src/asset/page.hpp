@@ -31,7 +31,8 @@ std::vector<std::byte> encode_page(const lod::Dag& dag, const VertexFormat& form
 
 /// The bytes in front of a page's clusters.
 uint64_t page_header_bytes(const VertexFormat& format, uint32_t clusters);
-/// Decodes the page's header, without the clusters' entries. Throws kCorrupt if there are fewer bytes, or impossible values.
+/// Decodes the page's header, without the clusters' entries. Throws kCorrupt if there are fewer
+/// bytes, or impossible values.
 PageHeader decode_page_header(const VertexFormat& format, std::span<const std::byte> page);
 /// The entry of the page's cluster `index` < header.clusters.count; of the page's `page_bytes`,
 /// `page` needs only what page_header_bytes counts. Throws kCorrupt if its data are not inside.

@@ -183,8 +183,9 @@ VertexFormat make_format(std::vector<AttributeFormat> attributes) {
   for (const AttributeFormat& f : attributes) {
     const bool is_known = f.attribute == kPositions || f.attribute == kNormals ||
                           f.attribute == kTangents || f.attribute == kUvs || f.attribute == kColors;
-    if (!is_known || (f.attribute <= seen && seen + f.attribute > 0) ||
-        !is_allowed(f, has_octahedral_normals))
+    const bool is_first = &f == attributes.data();
+    if (!is_known || is_first != (f.attribute == kPositions) ||
+        (!is_first && f.attribute <= seen) || !is_allowed(f, has_octahedral_normals))
       corrupt("attribute " + std::to_string(f.attribute) + " has the coding " +
               std::to_string(static_cast<uint32_t>(f.coding)) + " with " + std::to_string(f.bits) +
               " bits and the step " + std::to_string(f.step) + ", which cannot be");

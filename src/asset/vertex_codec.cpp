@@ -29,13 +29,15 @@ uint32_t predicted(const VertexFormat& format, uint32_t component, const int32_t
 uint32_t best_parameter(std::span<const uint32_t> remainders) {
   if (std::all_of(remainders.begin(), remainders.end(), [](uint32_t r) { return r == 0; }))
     return kAllZero;
+  // The best is near the mean's logarithm, or below where outliers have raised the mean.
+  uint64_t sum = 0;
+  for (const uint32_t r : remainders) sum += r;
+  const auto near = static_cast<uint32_t>(std::bit_width(sum / remainders.size()));
   uint32_t best = 0;
   uint64_t least = ~uint64_t{0};
-  for (uint32_t k = 0; k < kAllZero; ++k) {
+  for (uint32_t k = near - std::min(near, 4u); k <= std::min(near + 1, kAllZero - 1); ++k) {
     uint64_t bits = 0;
     for (const uint32_t r : remainders) bits += rice_bits(r, k);
-    // The sum falls, then rises.
-    if (bits > least) break;
     if (bits < least) best = k, least = bits;
   }
   return best;
@@ -53,9 +55,9 @@ void encode_vertices(const VertexFormat& format, std::span<const int32_t> intege
   for (uint32_t c = 0; c < stride; ++c) {
     const std::span<uint32_t> mine = std::span(remainders).subspan(c * (count - 1), count - 1);
     for (size_t v = 1; v < count; ++v)
-      mine[v - 1] = zigzag(static_cast<int32_t>(
-          static_cast<uint32_t>(integers[v * stride + c]) -
-          predicted(format, c, integers.data() + c, stride, parents[v])));
+      mine[v - 1] = zigzag(
+          static_cast<int32_t>(static_cast<uint32_t>(integers[v * stride + c]) -
+                               predicted(format, c, integers.data() + c, stride, parents[v])));
     parameters[c] = best_parameter(mine);
     out.write(parameters[c], kParameterBits);
     out.write(static_cast<uint32_t>(integers[c]) - static_cast<uint32_t>(ranges[c].lowest),
@@ -73,15 +75,15 @@ void decode_vertices(const VertexFormat& format, std::span<const Parents> parent
   std::array<uint32_t, kMaxComponents> parameters{};
   for (uint32_t c = 0; c < stride; ++c) {
     parameters[c] = in.read(kParameterBits);
-    integers[c] = static_cast<int32_t>(static_cast<uint32_t>(ranges[c].lowest) +
-                                       in.read(ranges[c].bits));
+    integers[c] =
+        static_cast<int32_t>(static_cast<uint32_t>(ranges[c].lowest) + in.read(ranges[c].bits));
   }
   for (size_t v = 1; v < parents.size(); ++v)
     for (uint32_t c = 0; c < stride; ++c) {
       const uint32_t remainder = parameters[c] == kAllZero ? 0 : in.rice(parameters[c]);
-      integers[v * stride + c] = static_cast<int32_t>(
-          predicted(format, c, integers.data() + c, stride, parents[v]) +
-          static_cast<uint32_t>(unzigzag(remainder)));
+      integers[v * stride + c] =
+          static_cast<int32_t>(predicted(format, c, integers.data() + c, stride, parents[v]) +
+                               static_cast<uint32_t>(unzigzag(remainder)));
     }
 }
 

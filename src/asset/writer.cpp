@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
-#include "asset/format.hpp"
 #include "asset/choose_format.hpp"
+#include "asset/format.hpp"
 #include "asset/page.hpp"
 #include "asset/structure.hpp"
 #include "base/bytes.hpp"
@@ -44,6 +44,14 @@ void check_cluster(const lod::Dag& dag, uint32_t cluster) {
   const auto refuse_cluster = [&](const std::string& what) {
     refuse("cluster " + std::to_string(cluster) + " has " + what);
   };
+  const lod::Cluster& entry = dag.tables.clusters[cluster];
+  if (entry.vertex_count > 0xffff || entry.triangle_count > 0xffff)
+    refuse_cluster("the counts " + std::to_string(entry.vertex_count) + " and " +
+                   std::to_string(entry.triangle_count) + ", more than 65535");
+  const Range& range = dag.tables.groups[entry.group].clusters;
+  if (cluster - range.offset >= range.count)
+    refuse_cluster("the group " + std::to_string(entry.group) +
+                   ", in whose range of clusters it is not");
   const uint32_t triangles = dag.triangle_offsets[cluster + 1] - dag.triangle_offsets[cluster];
   if (end - begin < 1 || end - begin > kMaxLocal || triangles < 1 || triangles > kMaxLocal)
     refuse_cluster(std::to_string(end - begin) + " vertices and " + std::to_string(triangles) +
@@ -110,9 +118,8 @@ uint64_t write_pages(OutputFile& file, const lod::Dag& dag, Head& head, Progress
   for (size_t begin = 0; begin < order.size(); begin += batch.size()) {
     progress.report(static_cast<double>(begin) / static_cast<double>(order.size()), "writing");
     batch.resize(std::min(kBatchPages, order.size() - begin));
-    parallel_for(batch.size(), 1, [&](size_t i) {
-      batch[i] = encode_page(dag, head.format, order[begin + i]);
-    });
+    parallel_for(batch.size(), 1,
+                 [&](size_t i) { batch[i] = encode_page(dag, head.format, order[begin + i]); });
     for (size_t i = 0; i < batch.size(); ++i) {
       file.write(at, batch[i]);
       head.pages[begin + i] = {at, batch[i].size(), xxh64(batch[i].data(), batch[i].size()),

@@ -82,34 +82,7 @@ class BitReader {
     return take(count);
   }
 
-  /// How many zeros come before the next one, which is read too; `most` < 32 zeros end by themselves.
-  uint32_t zeros(uint32_t most) {
-    refill();
-    const auto count = static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << most));
-    skip(std::min(count + 1, most));
-    return count;
-  }
-
-  uint32_t rice(uint32_t k) {
-    refill();
-    const auto quotient = static_cast<uint32_t>(std::countr_zero(held_ | 1u << kRiceEscape));
-    if (quotient == kRiceEscape) {
-      skip(kRiceEscape);
-      return take(32);
-    }
-    skip(quotient + 1);
-    return quotient << k | take(k);
-  }
-
-  /// Throws kCorrupt unless what was read ends in the last byte of the input.
-  void finish() const {
-    const int64_t left = bits_ + 8 * ((end_ - next_) - past_end_);
-    if (left < 0) corrupt("a stream of bits ends too early");
-    if (left >= 8) corrupt("a stream of bits goes on too long");
-  }
-
- private:
-  /// At least 56 bits are held afterwards.
+  /// Afterwards `take` and `take_zeros` may read 56 bits in all.
   void refill() {
     if (end_ - next_ >= 8) {
       uint64_t word;
@@ -134,6 +107,28 @@ class BitReader {
     return value;
   }
 
+  /// How many zeros come before the next one, which is read too; `most` < 32 zeros end by
+  /// themselves.
+  uint32_t take_zeros(uint32_t most) {
+    const auto count = static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << most));
+    skip(std::min(count + 1, most));
+    return count;
+  }
+
+  uint32_t rice(uint32_t k) {
+    refill();
+    const uint32_t quotient = take_zeros(kRiceEscape);
+    return quotient == kRiceEscape ? take(32) : quotient << k | take(k);
+  }
+
+  /// Throws kCorrupt unless what was read ends in the last byte of the input.
+  void finish() const {
+    const int64_t left = bits_ + 8 * ((end_ - next_) - past_end_);
+    if (left < 0) corrupt("a stream of bits ends too early");
+    if (left >= 8) corrupt("a stream of bits goes on too long");
+  }
+
+ private:
   void skip(uint32_t count) {
     held_ >>= count;
     bits_ -= count;

@@ -51,7 +51,7 @@ class Walk:
     """The triangles of a cluster, and from which vertices each vertex is predicted."""
 
     def __init__(self, bits: Bits, vertices: int, triangles: int):
-        self.bits, self.seen = bits, 0
+        self.bits, self.seen, self.next = bits, 0, 0
         self.triangles: list[tuple[int, int, int]] = []
         self.parents: list[tuple[int, int, int]] = []
         self.gates: list[tuple[int, int, int]] = []
@@ -91,12 +91,12 @@ class Walk:
             del self.ends[b]
 
     def pop(self) -> tuple[int, int, int] | None:
-        while self.gates:
-            gate = len(self.gates) - 1
+        while self.next < len(self.gates):
+            gate = self.next
+            self.next += 1
             if gate in self.open:
                 self.close(gate)
-                return self.gates.pop()
-            self.gates.pop()
+                return self.gates[gate]
         return None
 
     def pass_edge(self, x: int, y: int, w: int) -> None:
@@ -111,9 +111,7 @@ class Walk:
             self.gates.append((y, x, w))
 
     def start(self) -> None:
-        a, b, c = (
-            self.new_after_last() if self.bits.take(1) else self.index() for _ in range(3)
-        )
+        a, b, c = (self.new_after_last() if self.bits.take(1) else self.index() for _ in range(3))
         self.triangles.append((a, b, c))
         for edge in ((a, b, c), (b, c, a), (c, a, b)):
             self.pass_edge(*edge)

@@ -95,7 +95,7 @@ void put(std::vector<char>& bytes, size_t at, size_t size, uint64_t value) {
   for (size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<char>(value >> (8 * i));
 }
 
-constexpr size_t kHeaderBytes = 128, kSectionBytes = 32, kPageSection = 5;
+constexpr size_t kHeaderBytes = 128, kSectionBytes = 32, kSections = 7, kPageSection = 6;
 
 void repair_page_checksums(std::vector<char>& bytes) {
   const size_t table = get(bytes, kHeaderBytes + kPageSection * kSectionBytes + 8, 8);
@@ -193,7 +193,7 @@ std::vector<char> with_longer_header(const std::vector<char>& whole) {
   put(bytes, 16, 8, bytes.size());
   const size_t head = get(whole, 24, 8) + kMore;
   put(bytes, 24, 8, head);
-  for (size_t section = 0; section < 6; ++section) {
+  for (size_t section = 0; section < kSections; ++section) {
     const size_t at = kHeaderBytes + kMore + section * kSectionBytes + 8;
     put(bytes, at, 8, get(bytes, at, 8) + kMore);
   }
@@ -215,7 +215,7 @@ TEST(AssetDamage, a_longer_header_of_a_newer_minor_version_is_read) {
 TEST(AssetDamage, a_newer_major_version_is_unsupported) {
   const Scratch scratch;
   std::vector<char> bytes = small_asset(scratch);
-  put(bytes, 8, 2, 2);
+  put(bytes, 8, 2, 3);
   repair_checksums(bytes);
   write_bytes(scratch / "b.umbel", bytes);
   EXPECT_EQ(failure_of(scratch / "b.umbel"), ErrorCode::kUnsupported);
