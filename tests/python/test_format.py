@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from io_helpers import DATA
-from reference_reader import Reader
 
 import umbel
+from io_helpers import DATA
+from reference_reader import Reader
 
 MESHES = ["Fox.glb", "littlest_tokyo.glb", "cad_gears_19k.ply", "gargo_50k_normals_colors.ply"]
 
