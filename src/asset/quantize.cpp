@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdlib>
 
 #include "asset/vertex_codec.hpp"
 #include "base/bytes.hpp"
@@ -46,7 +47,7 @@ Vec3 from_octahedron(float x, float y) {
   return v * (1.0f / std::sqrt(dot(v, v)));
 }
 
-float octahedral_scale(uint32_t bits) { return static_cast<float>((1u << (bits - 1)) - 1); }
+float octahedral_scale(uint32_t bits) { return static_cast<float>((1u << bits) / 2 - 1); }
 
 Vec3 decoded_normal(const int32_t* in, uint32_t bits) {
   const float scale = 1.0f / octahedral_scale(bits);
@@ -55,21 +56,24 @@ Vec3 decoded_normal(const int32_t* in, uint32_t bits) {
 
 // ---- tangents: an angle in the plane of the decoded normal
 
-/// Two unit vectors at right angles to n and each other (Duff et al., "Building an Orthonormal
-/// Basis, Revisited", 2017).
+/// Two unit vectors at right angles to a normal and each other (Duff et al., "Building an
+/// Orthonormal Basis, Revisited", 2017). Which hemisphere the normal is in is told by its integers:
+/// rounding may tell it differently elsewhere.
 struct Plane {
   Vec3 u, v;
 };
-Plane plane_of(const Vec3& n) {
-  const float sign = std::copysign(1.0f, n.z);
+Plane plane_of(const int32_t* normal, uint32_t bits) {
+  const Vec3 n = decoded_normal(normal, bits);
+  const int64_t most = (int64_t{1} << bits) / 2 - 1;
+  const int64_t sum = std::abs(int64_t{normal[0]}) + std::abs(int64_t{normal[1]});
+  const float sign = sum > most ? -1.0f : 1.0f;
   const float a = -1.0f / (sign + n.z), b = n.x * n.y * a;
   return {{1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}};
 }
 
 constexpr float kTurn = 6.28318530717958648f;
 
-int32_t angle_of(const Vec4& tangent, const Vec3& normal, uint32_t bits) {
-  const Plane plane = plane_of(normal);
+int32_t angle_of(const Vec4& tangent, const Plane& plane, uint32_t bits) {
   const Vec3 t{tangent.x, tangent.y, tangent.z};
   const float angle = std::atan2(dot(t, plane.v), dot(t, plane.u));
   if (!std::isfinite(angle)) return 0;
@@ -77,8 +81,7 @@ int32_t angle_of(const Vec4& tangent, const Vec3& normal, uint32_t bits) {
   return rounded(angle / kTurn * steps) & static_cast<int32_t>((1u << bits) - 1);
 }
 
-Vec4 decoded_tangent(const int32_t* in, const Vec3& normal, uint32_t bits) {
-  const Plane plane = plane_of(normal);
+Vec4 decoded_tangent(const int32_t* in, const Plane& plane, uint32_t bits) {
   const float angle = static_cast<float>(in[0]) * (kTurn / static_cast<float>(1u << bits));
   const Vec3 t = plane.u * std::cos(angle) + plane.v * std::sin(angle);
   return {t.x, t.y, t.z, in[1] != 0 ? -1.0f : 1.0f};
@@ -130,16 +133,38 @@ bool is_allowed(const AttributeFormat& f, bool has_octahedral_normals) {
   return false;
 }
 
-void put_floats(const float* values, uint32_t count, const AttributeFormat& format, int32_t* out) {
-  for (uint32_t i = 0; i < count; ++i)
-    out[i] = format.coding == Coding::kGrid ? on_grid(values[i], format.step) : ordered(values[i]);
+template <typename Vector>
+using FloatsOf = std::array<float, sizeof(Vector) / sizeof(float)>;
+
+template <typename Vector>
+void put_floats(const Vector& value, const AttributeFormat& format, int32_t* out) {
+  for (const float f : std::bit_cast<FloatsOf<Vector>>(value))
+    *out++ = format.coding == Coding::kGrid ? on_grid(f, format.step) : ordered(f);
 }
 
-void get_floats(const int32_t* in, uint32_t count, const AttributeFormat& format, float* values) {
-  if (format.coding == Coding::kGrid)
-    for (uint32_t i = 0; i < count; ++i) values[i] = static_cast<float>(in[i]) * format.step;
-  else
-    for (uint32_t i = 0; i < count; ++i) values[i] = unordered(in[i]);
+template <typename Vector>
+void get_floats(const int32_t* in, const AttributeFormat& format, Vector& value) {
+  FloatsOf<Vector> floats;
+  for (float& f : floats) {
+    f = format.coding == Coding::kGrid ? static_cast<float>(*in) * format.step : unordered(*in);
+    ++in;
+  }
+  value = std::bit_cast<Vector>(floats);
+}
+
+void put_stream(const Mesh& streams, uint32_t vertex, const AttributeFormat& format, int32_t* out) {
+  switch (format.attribute) {
+    case kNormals:
+      return put_floats(streams.normals[vertex], format, out);
+    case kTangents:
+      return put_floats(streams.tangents[vertex], format, out);
+    case kUvs:
+      return put_floats(streams.uvs[vertex], format, out);
+    case kColors:
+      return put_floats(streams.colors[vertex], format, out);
+    default:
+      return put_floats(streams.positions[vertex], format, out);
+  }
 }
 
 /// One attribute of all the vertices, whose integers are `stride` apart.
@@ -155,19 +180,14 @@ void quantize_one(const AttributeFormat& format, const int32_t* normals, uint32_
       out[1] = rounded(p.y * octahedral_scale(format.bits));
     } else if (format.coding == Coding::kAngle) {
       const Vec4& t = streams.tangents[v];
-      out[0] = angle_of(t, decoded_normal(normals + i * stride, normal_bits), format.bits);
+      out[0] = angle_of(t, plane_of(normals + i * stride, normal_bits), format.bits);
       out[1] = t.w < 0;
     } else if (format.coding == Coding::kSrgb) {
       const Vec4& c = streams.colors[v];
       const float srgb[4] = {to_srgb(c.x), to_srgb(c.y), to_srgb(c.z), c.w};
       for (int k = 0; k < 4; ++k) out[k] = rounded(std::clamp(srgb[k], 0.0f, 1.0f) * levels);
     } else {
-      const float* values = format.attribute == kPositions  ? &streams.positions[v].x
-                            : format.attribute == kNormals  ? &streams.normals[v].x
-                            : format.attribute == kTangents ? &streams.tangents[v].x
-                            : format.attribute == kUvs      ? &streams.uvs[v].x
-                                                            : &streams.colors[v].x;
-      put_floats(values, components_of(format), format, out);
+      put_stream(streams, v, format, out);
     }
   }
 }
@@ -225,16 +245,14 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
       stream.resize(count);
       for (size_t v = 0; v < count; ++v) decoded(in + v * stride, stream[v]);
     };
-    const auto floats = [&](const int32_t* i, auto& value) {
-      get_floats(i, sizeof(value) / sizeof(float), f, &value.x);
-    };
+    const auto floats = [&](const int32_t* i, auto& value) { get_floats(i, f, value); };
     if (f.coding == Coding::kOctahedral) {
       normal_bits = f.bits, normal_at = at;
       fill(geometry.normals,
            [&](const int32_t* i, Vec3& n) { n = decoded_normal(i, normal_bits); });
     } else if (f.coding == Coding::kAngle) {
       fill(geometry.tangents, [&](const int32_t* i, Vec4& t) {
-        t = decoded_tangent(i, decoded_normal(i - at + normal_at, normal_bits), f.bits);
+        t = decoded_tangent(i, plane_of(i - at + normal_at, normal_bits), f.bits);
       });
     } else if (f.coding == Coding::kSrgb) {
       const float scale = 1.0f / static_cast<float>((1u << f.bits) - 1);

@@ -168,9 +168,9 @@ def decode_octahedral(i: np.ndarray, bits: int) -> np.ndarray:
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-def decode_tangents(i: np.ndarray, bits: int, normals: np.ndarray) -> np.ndarray:
+def decode_tangents(i: np.ndarray, bits: int, normals: np.ndarray, below: np.ndarray) -> np.ndarray:
     x, y, z = normals.T
-    g = np.copysign(1.0, z)
+    g = np.where(below, -1.0, 1.0)
     p = -1 / (g + z)
     q = x * y * p
     u = np.stack([1 + g * x * x * p, g * q, -g * x], axis=1)
@@ -199,8 +199,9 @@ def decode_values(rows: np.ndarray, attributes: list[Attribute]) -> dict[str, np
             value = i * attribute.step
         elif attribute.coding == 2:
             value = decode_octahedral(i, attribute.bits)
+            below = np.abs(i).sum(axis=1) > 2 ** (attribute.bits - 1) - 1
         elif attribute.coding == 3:
-            value = decode_tangents(i, attribute.bits, values["normals"])
+            value = decode_tangents(i, attribute.bits, values["normals"], below)
         else:
             value = decode_srgb(i, attribute.bits)
         values[NAMES[attribute.flag]] = value

@@ -46,14 +46,14 @@ def expect_same(path: Path, groups: list[int] | None = None) -> None:
         assert np.array_equal(reader.box(i)[1], tables.clusters["box_max"][i])
     for group in range(len(reader.groups)) if groups is None else groups:
         for i, cluster in enumerate(reader.group(group)):
-            mine = asset._native.geometry(int(reader.groups[group][0]) + i)
-            assert np.array_equal(cluster["triangles"], mine["triangles"])
-            assert np.array_equal(cluster["positions"], mine["positions"])
+            mine = asset.cluster(int(reader.groups[group][0]) + i)
+            assert np.array_equal(cluster["triangles"], mine.triangles)
+            assert np.array_equal(cluster["positions"], mine.positions)
             for name in ("normals", "tangents", "uvs", "colors"):
-                value = mine[name]
+                value = getattr(mine, name)
                 assert (name in cluster) == (value is not None)
                 if value is not None:
-                    assert np.allclose(cluster[name], value, atol=2e-6, equal_nan=True), name
+                    assert np.allclose(cluster[name], value, atol=2e-5, equal_nan=True), name
 
 
 @pytest.mark.parametrize("precision", [None, "16bits", "8bits"])

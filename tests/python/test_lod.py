@@ -237,8 +237,13 @@ def test_asset_gives_what_the_lod_gives(lod: umbel.Lod, tmp_path: Path) -> None:
     path = tmp_path / "blob.umbel"
     assert lod.save(path) == path.stat().st_size
     asset = umbel.Asset(path)
-    for name in ("levels", "groups", "clusters", "nodes"):
+    for name in ("levels", "groups", "nodes"):
         assert np.array_equal(getattr(asset.tables, name), getattr(lod, name))
+    stored, built = asset.tables.clusters, lod.clusters
+    for name in ("group", "generating_group", "material", "vertex_count", "triangle_count"):
+        assert np.array_equal(stored[name], built[name])
+    assert np.all(stored["box_min"] <= built["box_min"])
+    assert np.all(stored["box_max"] >= built["box_max"])
     for wish in ({"level": 0}, {"error": 0.01}, {"triangles": 3000}):
         cut = asset.cut(**wish)
         assert np.array_equal(cut, lod.cut(**wish))

@@ -48,7 +48,7 @@ double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   }
   for (uint8_t& v : decoded) v = walk.vertices[v];
   EXPECT_TRUE(sorted(decoded) == sorted(triangles));
-  return triangles.empty() ? 0 : 8.0 * double(bytes.size()) / double(triangles.size() / 3);
+  return triangles.empty() ? 0 : 24.0 * double(bytes.size()) / double(triangles.size());
 }
 
 Triangles local_triangles(const Mesh& mesh) {
