@@ -47,7 +47,9 @@ Vec3 from_octahedron(float x, float y) {
   return v * (1.0f / std::sqrt(dot(v, v)));
 }
 
-float octahedral_scale(uint32_t bits) { return static_cast<float>((1u << bits) / 2 - 1); }
+/// The largest integer of a component, 1 on the octahedron.
+int32_t octahedral_steps(uint32_t bits) { return (int32_t{1} << bits) / 2 - 1; }
+float octahedral_scale(uint32_t bits) { return static_cast<float>(octahedral_steps(bits)); }
 
 Vec3 decoded_normal(const int32_t* in, uint32_t bits) {
   const float scale = 1.0f / octahedral_scale(bits);
@@ -64,9 +66,8 @@ struct Plane {
 };
 Plane plane_of(const int32_t* normal, uint32_t bits) {
   const Vec3 n = decoded_normal(normal, bits);
-  const int64_t most = (int64_t{1} << bits) / 2 - 1;
   const int64_t sum = std::abs(int64_t{normal[0]}) + std::abs(int64_t{normal[1]});
-  const float sign = sum > most ? -1.0f : 1.0f;
+  const float sign = sum > octahedral_steps(bits) ? -1.0f : 1.0f;
   const float a = -1.0f / (sign + n.z), b = n.x * n.y * a;
   return {{1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}};
 }
@@ -225,7 +226,7 @@ uint32_t components(const VertexFormat& format) {
 void quantize(const VertexFormat& format, const Mesh& streams, std::span<const uint32_t> vertices,
               std::span<int32_t> out) {
   int32_t* at = out.data();
-  const int32_t* normals = nullptr;
+  const int32_t* normals = at;
   uint32_t normal_bits = 0;
   for (const AttributeFormat& f : format.attributes) {
     if (f.coding == Coding::kOctahedral) normals = at, normal_bits = f.bits;
