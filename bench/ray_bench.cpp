@@ -25,6 +25,7 @@
 #include "bvh/widen.hpp"
 #include "mesh_reader.hpp"
 #include "traversal_counts.hpp"
+#include "umbel/kdtree.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 #ifdef UMBEL_HAS_TINYBVH
@@ -77,6 +78,23 @@ Tracer make_ours(const std::string& name, Kind kind, const Mesh& mesh,
   Tracer tracer;
   tracer.name = name;
   tracer.kind = kind;
+  tracer.is_ours = true;
+  tracer.build_seconds = cpu_seconds() - start;
+  tracer.bytes_per_triangle =
+      static_cast<double>(tree->statistics().bytes) / static_cast<double>(mesh.triangles.size());
+  tracer.trace = [tree](const std::vector<Ray>& rays, std::vector<Hit>& hits) {
+    for (size_t i = 0; i < rays.size(); ++i) hits[i] = tree->intersect(rays[i]);
+  };
+  return tracer;
+}
+
+Tracer make_kdtree(const std::string& name, const Mesh& mesh,
+                   const umbel::kdtree::KdTreeConfig& config) {
+  const double start = cpu_seconds();
+  const auto tree = std::make_shared<umbel::kdtree::KdTree>(
+      umbel::kdtree::KdTree::build(mesh.view(), config, {}, {.progress = {}, .threads = 1}));
+  Tracer tracer;
+  tracer.name = name;
   tracer.is_ours = true;
   tracer.build_seconds = cpu_seconds() - start;
   tracer.bytes_per_triangle =
@@ -342,6 +360,25 @@ std::vector<Factory> make_factories(const Mesh& mesh, const Options& options, Em
   add_ours("umbel AVX2", Kind::kShown, config);
   config.simd = umbel::Simd::kPortable;
   add_ours("umbel portable", Kind::kShown, config);
+  config = {};
+  config.width = 2;
+  add_ours("umbel width 2", Kind::kShown, config);
+  const auto add_kdtree = [&](const char* name, const umbel::kdtree::KdTreeConfig& config) {
+    if (!options.only.empty() && !std::strstr(name, options.only.c_str())) return;
+    factories.push_back([=, &mesh] { return make_kdtree(name, mesh, config); });
+  };
+  umbel::kdtree::KdTreeConfig kd;
+  add_kdtree("umbel kd-tree, stack", kd);
+  kd.traversal = umbel::kdtree::Traversal::kRopes;
+  add_kdtree("umbel kd-tree, ropes", kd);
+  kd.traversal = umbel::kdtree::Traversal::kShortStack;
+  add_kdtree("umbel kd-tree, short stack", kd);
+  kd = {};
+  kd.tree.builder = umbel::kdtree::Builder::kBinned;
+  add_kdtree("umbel kd-tree, binned", kd);
+  kd = {};
+  kd.compact = true;
+  add_kdtree("umbel kd-tree, compact", kd);
   if (embree) {
     constexpr const char* kNames[] = {"LOW", "MEDIUM", "HIGH"};
     for (int quality = 0; quality < 3; ++quality)

@@ -157,6 +157,14 @@ class UMBEL_API KdTree {
   std::unique_ptr<Data> data_;
 };
 
+// Rays whose parts lie in arrays of their own: see ray_arrays.hpp.
+UMBEL_API void intersect(const KdTree& tree, const RayArrays& rays, const HitArrays& hits,
+                         const RayOptions& options = {}, uint32_t threads = 0);
+UMBEL_API void occluded(const KdTree& tree, const RayArrays& rays, std::span<uint8_t> results,
+                        const RayOptions& options = {}, uint32_t threads = 0);
+UMBEL_API AllHits all_hits(const KdTree& tree, const RayArrays& rays, size_t max_hits = 0,
+                           const RayOptions& options = {}, uint32_t threads = 0);
+
 /// Throws kCorrupt with the first fault of a tree from whatever source: links out of range, nodes
 /// that are not reached once and depth-first, planes outside their cells, references to triangles
 /// beyond `triangle_count`, leaves deeper than 64.

@@ -13,6 +13,7 @@ NB_MODULE(_umbel, module) {
   bind_asset(module);
   bind_trace(module);
   bind_bvh(module);
+  bind_kdtree(module);
   bind_meshopt(module);
   bind_peers(module);
 }

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .errors import LoadWarning as LoadWarning
     from .io import load as load
     from .io import save as save
+    from .kdtree import KdTree as KdTree
     from .lod import Lod as Lod
     from .lod import build_lod as build_lod
     from .look import Environment as Environment
@@ -76,6 +77,7 @@ _HOME = {
     "LoadWarning": "errors",
     "load": "io",
     "save": "io",
+    "KdTree": "kdtree",
     "Lod": "lod",
     "build_lod": "lod",
     "Environment": "look",

@@ -15,6 +15,7 @@ from .run import Json, Threads, check_output, ends_cleanly, fail, show
 if TYPE_CHECKING:
     from ..bench.rays import Rays
     from ..bvh import Bvh, TreeOptions
+    from ..kdtree import KdTree
 
 PICTURE = 512
 RUNS = 3
@@ -179,7 +180,7 @@ def _costs(text: str) -> tuple[float, float]:
     return traversal, intersection
 
 
-def _speed(bvh: Bvh, rays: Rays | None, threads: int) -> float:
+def _speed(bvh: Bvh | KdTree, rays: Rays | None, threads: int) -> float:
     """The median of some runs, in millions of rays a second."""
     if rays is None or len(rays[0]) == 0:
         return 0.0

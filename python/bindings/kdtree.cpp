@@ -1,0 +1,105 @@
+// Kd-trees that answer rays.
+#include "umbel/kdtree.hpp"
+
+#include "bind.hpp"
+#include "rays.hpp"
+
+namespace umbel::python {
+namespace {
+
+using kdtree::KdTree;
+using kdtree::KdTreeConfig;
+
+Dict statistics_dict(const KdTree& tree) {
+  const kdtree::Statistics s = tree.statistics();
+  Dict result;
+  result["nodes"] = s.nodes;
+  result["leaves"] = s.leaves;
+  result["empty_leaves"] = s.empty_leaves;
+  result["max_depth"] = s.max_depth;
+  result["references"] = s.references;
+  result["sah_cost"] = s.sah_cost;
+  result["inner_visits"] = s.inner_visits;
+  result["leaf_visits"] = s.leaf_visits;
+  result["tests"] = s.tests;
+  result["bytes"] = s.bytes;
+  return result;
+}
+
+void bind_config(nb::module_& module) {
+  nb::class_<KdTreeConfig>(module, "KdTreeConfig", "How a kd-tree is built and traced.")
+      .def(nb::init<>())
+      .def_prop_rw(
+          "builder", [](const KdTreeConfig& c) { return std::string(name(c.tree.builder)); },
+          [](KdTreeConfig& c, const std::string& name) {
+            c.tree.builder = kdtree::builder_by_name(name);
+          })
+      .def_prop_rw(
+          "traversal", [](const KdTreeConfig& c) { return std::string(name(c.traversal)); },
+          [](KdTreeConfig& c, const std::string& name) {
+            c.traversal = kdtree::traversal_by_name(name);
+          })
+      .def_prop_rw(
+          "cost",
+          [](const KdTreeConfig& c) {
+            return std::tuple{c.tree.cost.traversal, c.tree.cost.intersection};
+          },
+          [](KdTreeConfig& c, const std::tuple<float, float>& cost) {
+            c.tree.cost = {std::get<0>(cost), std::get<1>(cost)};
+          })
+      .def_prop_rw(
+          "drop_invalid",
+          [](const KdTreeConfig& c) { return c.tree.invalid == bvh::InvalidTriangles::kDrop; },
+          [](KdTreeConfig& c, bool drop) {
+            c.tree.invalid = drop ? bvh::InvalidTriangles::kDrop : bvh::InvalidTriangles::kRefuse;
+          })
+      .def_rw("compact", &KdTreeConfig::compact)
+      .def_prop_rw(
+          "empty_bonus", [](const KdTreeConfig& c) { return c.tree.empty_bonus; },
+          [](KdTreeConfig& c, float value) { c.tree.empty_bonus = value; })
+      .def_prop_rw(
+          "max_depth", [](const KdTreeConfig& c) { return c.tree.max_depth; },
+          [](KdTreeConfig& c, uint32_t value) { c.tree.max_depth = value; })
+      .def_prop_rw(
+          "bad_refines", [](const KdTreeConfig& c) { return c.tree.bad_refines; },
+          [](KdTreeConfig& c, uint32_t value) { c.tree.bad_refines = value; })
+      .def_prop_rw(
+          "max_references", [](const KdTreeConfig& c) { return c.tree.max_references; },
+          [](KdTreeConfig& c, float value) { c.tree.max_references = value; })
+      .def_prop_rw(
+          "bins", [](const KdTreeConfig& c) { return c.tree.bins; },
+          [](KdTreeConfig& c, uint32_t value) { c.tree.bins = value; });
+}
+
+}  // namespace
+
+void bind_kdtree(nb::module_& module) {
+  bind_config(module);
+  nb::class_<KdTree> tree(module, "KdTree", "A kd-tree over triangles.");
+  tree.def_static(
+          "build",
+          [](const MeshArrays& mesh, const KdTreeConfig& config,
+             const std::optional<Flat<uint32_t>>& masks, const nb::object& progress,
+             uint32_t threads) {
+            return run(progress, threads, [&](const BuildOptions& options) {
+              return KdTree::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
+            });
+          },
+          "mesh"_a, "config"_a, "masks"_a = nb::none(), "progress"_a = nb::none(), "threads"_a = 0)
+      .def_prop_rw(
+          "traversal", [](const KdTree& self) { return std::string(name(self.traversal())); },
+          [](KdTree& self, const std::string& name) {
+            self.set_traversal(kdtree::traversal_by_name(name));
+          })
+      .def("statistics", &statistics_dict)
+      .def_prop_ro("bounds",
+                   [](const KdTree& self) {
+                     const Aabb box = self.bounds();
+                     return std::tuple{std::array{box.min.x, box.min.y, box.min.z},
+                                       std::array{box.max.x, box.max.y, box.max.z}};
+                   })
+      .def_prop_ro("triangle_count", &KdTree::triangle_count);
+  bind_rays(tree);
+}
+
+}  // namespace umbel::python

@@ -1,0 +1,72 @@
+"""`umbel kdtree`: builds one kd-tree and measures it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .bvh import PICTURE, _costs, _speed
+from .run import Json, Threads, ends_cleanly, show
+
+
+@ends_cleanly
+def command(
+    source: Annotated[
+        Path, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
+    ],
+    builder: Annotated[str, typer.Option(help="exact or binned.")] = "exact",
+    ropes: Annotated[bool, typer.Option(help="Trace by ropes instead of with a stack.")] = False,
+    cost: Annotated[
+        str, typer.Option(metavar="T,I", help="Costs of traversal and intersection.")
+    ] = "3,2",
+    compact: Annotated[bool, typer.Option(help="Share vertices: smaller, slower rays.")] = False,
+    drop_invalid: Annotated[
+        bool, typer.Option(help="Leave out triangles with a NaN or infinite vertex.")
+    ] = False,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Build an SAH kd-tree over a mesh and measure it: its cost, and its rays a second (three views
+    of 512 x 512 pixels, and a diffuse bounce from what they hit)."""
+    costs = _costs(cost)
+
+    from ..bench.rays import diffuse_rays, primary_rays
+    from ..io import load
+    from ..kdtree import KdTree
+    from .progress import Bar
+
+    mesh = load(source)
+    with Bar() as bar:
+        began = time.perf_counter()
+        tree = KdTree(
+            mesh,
+            builder=builder,
+            ropes=ropes,
+            cost=costs,
+            compact=compact,
+            invalid="drop" if drop_invalid else "refuse",
+            progress=bar,
+            threads=threads,
+        )
+        built = time.perf_counter()
+    found = tree.statistics()
+    result: dict[str, Any] = {
+        "builder": builder,
+        "traversal": tree.traversal,
+        "triangles": len(mesh.triangles),
+        **found,
+        "references_per_triangle": found["references"] / max(len(mesh.triangles), 1),
+        "build_seconds": built - began,
+    }
+    box = tree.bounds
+    primary = diffuse = None
+    if box is not None:
+        primary = primary_rays(box[0], box[1], PICTURE)
+        hits = tree.intersect(primary[0], primary[1], threads=threads)
+        diffuse = diffuse_rays(mesh, primary, hits.t, hits.primitive)
+    result["primary_mrays_per_second"] = _speed(tree, primary, threads)
+    result["diffuse_mrays_per_second"] = _speed(tree, diffuse, threads)
+    show(result, as_json, str(source))

@@ -1,0 +1,169 @@
+"""SAH kd-trees: rays over triangles, in cells that do not overlap."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _umbel
+from .bvh import AllHits, Hits, _geometry, _mesh_of, _rays, _threads
+from .errors import Error
+from .repair import Progress
+
+BUILDERS = ("exact", "binned")
+TRAVERSALS = ("stack", "ropes", "short-stack")
+
+
+class KdTree:
+    """A kd-tree over triangles that answers rays as `umbel.Bvh` does, with the same hits. It holds
+    all that it needs: the mesh need not be kept."""
+
+    def __init__(
+        self,
+        positions: Any,
+        triangles: ArrayLike | None = None,
+        builder: str = "exact",
+        ropes: bool = False,
+        threads: int = 0,
+        *,
+        traversal: str | None = None,
+        compact: bool = False,
+        masks: ArrayLike | None = None,
+        cost: tuple[float, float] | None = None,
+        empty_bonus: float | None = None,
+        max_depth: int | None = None,
+        bad_refines: int | None = None,
+        max_references: float | None = None,
+        bins: int | None = None,
+        invalid: str = "refuse",
+        progress: Progress | None = None,
+    ) -> None:
+        """
+        positions: (n, 3), with triangles (m, 3); or, alone, a mesh: an `umbel.Mesh`, the path of a
+            file, anything with .vertices and .faces, a pair (positions, triangles).
+        builder: "exact" (every plane that could be best) or "binned".
+        ropes: go from leaf to leaf by links between neighbours instead of with a stack.
+        traversal: "stack", "ropes" or "short-stack", in place of `ropes`; hits are the same.
+        compact: share vertices between triangles: less memory, slower rays.
+        masks: (m,) bits of each triangle; a query sees those that share a bit with its mask.
+        cost: (traversal, intersection) of the surface-area heuristic.
+        empty_bonus: 0..0.9, how much cheaper it is to cut off empty space.
+        max_depth: 1..64; 8 + 1.3 log2(m) where None.
+        bad_refines: 0..64 splits on one path that may cost more than a leaf.
+        max_references: 1..64, most references a triangle, which bounds memory.
+        bins: 4..256, of binned.
+        invalid: "refuse" or "drop" triangles with a NaN or infinite vertex.
+        """
+        config = _umbel.KdTreeConfig()
+        if invalid not in ("refuse", "drop"):
+            raise Error(f"invalid must be 'refuse' or 'drop', not {invalid!r}")
+        config.drop_invalid = invalid == "drop"
+        config.compact = bool(compact)
+        options: dict[str, Any] = {
+            "builder": builder,
+            "traversal": traversal or ("ropes" if ropes else "stack"),
+            "cost": cost,
+            "empty_bonus": empty_bonus,
+            "max_depth": max_depth,
+            "bad_refines": bad_refines,
+            "max_references": max_references,
+            "bins": bins,
+        }
+        for key, value in options.items():
+            if value is None:
+                continue
+            try:
+                setattr(config, key, value)
+            except (TypeError, RuntimeError):
+                raise Error(f"{key} cannot be {value!r}") from None
+        mesh = _geometry(_mesh_of(positions, triangles))
+        bits = None if masks is None else np.ascontiguousarray(masks, dtype=np.uint32)
+        self._native = _umbel.KdTree.build(mesh, config, bits, progress, _threads(threads))
+
+    # Rays: arguments and results as in `umbel.Bvh`.
+
+    def intersect(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = math.inf,
+        *,
+        mask: int = 0xFFFFFFFF,
+        cull_back_faces: bool = False,
+        threads: int = 0,
+    ) -> Hits:
+        """The nearest hit of each ray: the points origin + t direction, t_min <= t <= t_max."""
+        rays = _rays(origins, directions, t_min, t_max, mask)
+        return Hits(*self._native.intersect(*rays, mask, cull_back_faces, _threads(threads)))
+
+    def occluded(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = math.inf,
+        *,
+        mask: int = 0xFFFFFFFF,
+        cull_back_faces: bool = False,
+        threads: int = 0,
+    ) -> NDArray[np.bool_]:
+        """(n,) whether each ray hits anything; faster than asking for the nearest."""
+        rays = _rays(origins, directions, t_min, t_max, mask)
+        return self._native.occluded(*rays, mask, cull_back_faces, _threads(threads))
+
+    def all_hits(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        t_min: ArrayLike = 0.0,
+        t_max: ArrayLike = math.inf,
+        *,
+        max_hits: int = 0,
+        mask: int = 0xFFFFFFFF,
+        cull_back_faces: bool = False,
+        threads: int = 0,
+    ) -> AllHits:
+        """The nearest `max_hits` hits of each ray (0: all), each triangle at most once."""
+        if isinstance(max_hits, bool) or max_hits < 0:
+            raise Error(f"max_hits cannot be {max_hits}")
+        rays = _rays(origins, directions, t_min, t_max, mask)
+        return AllHits(
+            *self._native.all_hits(*rays, max_hits, mask, cull_back_faces, _threads(threads))
+        )
+
+    @property
+    def traversal(self) -> str:
+        """ "stack", "ropes" or "short-stack"; may be changed."""
+        return self._native.traversal
+
+    @traversal.setter
+    def traversal(self, name: str) -> None:
+        if name not in TRAVERSALS:
+            raise Error(f"traversal must be {' or '.join(map(repr, TRAVERSALS))}, not {name!r}")
+        self._native.traversal = name
+
+    def statistics(self) -> dict[str, Any]:
+        """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests
+        bytes`; visits and tests are those that a random line is expected to make."""
+        return self._native.statistics()
+
+    @property
+    def sah_cost(self) -> float:
+        """Expected cost of a random line."""
+        return float(self._native.statistics()["sah_cost"])
+
+    @property
+    def bounds(self) -> NDArray[np.float32] | None:
+        """(2, 3) least and greatest corner; None without triangles."""
+        box = np.array(self._native.bounds, np.float32)
+        return None if (box[0] > box[1]).any() else box
+
+    def __len__(self) -> int:
+        return self._native.triangle_count
+
+    def __repr__(self) -> str:
+        return f"<KdTree: {len(self)} triangles, {self._native.statistics()['nodes']} nodes>"

@@ -1,0 +1,121 @@
+"""Kd-trees: the hits of the BVH by every way to trace, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import umbel
+from conftest import Umbel
+from umbel.kdtree import BUILDERS, TRAVERSALS
+
+FIELDS = {
+    *("builder", "nodes", "leaves", "max_depth", "sah_cost", "build_seconds", "bytes"),
+    *("primary_mrays_per_second", "diffuse_mrays_per_second", "references_per_triangle"),
+}
+
+
+def _rays(count: int = 2000) -> tuple[np.ndarray, np.ndarray]:
+    dice = np.random.default_rng(1)
+    origins = dice.normal(size=(count, 3)).astype(np.float32)
+    return origins, (dice.normal(size=(count, 3)) * 0.3 - origins).astype(np.float32)
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("traversal", TRAVERSALS)
+def test_hits_are_those_of_the_bvh(builder: str, traversal: str) -> None:
+    mesh = umbel.shapes.blob(4)
+    tree, bvh = umbel.KdTree(mesh, builder=builder, traversal=traversal), umbel.Bvh(mesh)
+    rays = _rays()
+    found, expected = tree.intersect(*rays), bvh.intersect(*rays)
+    for name in ("t", "primitive", "u", "v"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name)), name
+    assert found.hit.any() and not found.hit.all()
+    assert np.array_equal(tree.occluded(*rays), bvh.occluded(*rays))
+    several, same = tree.all_hits(*rays), bvh.all_hits(*rays)
+    assert np.array_equal(several.offsets, same.offsets)
+    assert np.array_equal(several.primitive, same.primitive)
+    near = tree.intersect(*rays, t_min=0.1, t_max=0.8, threads=1)
+    assert np.array_equal(near.t, bvh.intersect(*rays, t_min=0.1, t_max=0.8).t)
+
+
+def test_masks_are_those_of_the_bvh() -> None:
+    mesh = umbel.shapes.blob(3)
+    masks = 1 << np.arange(len(mesh.triangles)) % 3
+    tree, bvh = umbel.KdTree(mesh, masks=masks), umbel.Bvh(mesh, masks=masks)
+    rays = _rays()
+    for mask in (1, 6, 8):
+        found = tree.intersect(*rays, mask=mask, cull_back_faces=mask == 6)
+        expected = bvh.intersect(*rays, mask=mask, cull_back_faces=mask == 6)
+        assert np.array_equal(found.primitive, expected.primitive)
+    with pytest.raises(umbel.Error, match="masks"):
+        umbel.KdTree(mesh, masks=masks[1:])
+
+
+def test_ropes_are_a_traversal_that_can_be_changed() -> None:
+    mesh = umbel.shapes.torus(20, 10)
+    tree = umbel.KdTree(mesh.positions, mesh.triangles, ropes=True)
+    assert tree.traversal == "ropes"
+    rays = _rays(200)
+    by_ropes = tree.intersect(*rays)
+    tree.traversal = "stack"
+    assert np.array_equal(by_ropes.t, tree.intersect(*rays).t)
+    with pytest.raises(umbel.Error, match="traversal"):
+        tree.traversal = "rope"
+
+
+def test_statistics_agree_with_each_other() -> None:
+    mesh = umbel.shapes.blob(3)
+    tree = umbel.KdTree(mesh, cost=(1.0, 4.0))
+    found = tree.statistics()
+    assert found["nodes"] == 2 * found["leaves"] - 1
+    assert found["references"] >= len(tree) == len(mesh.triangles)
+    assert tree.sah_cost == pytest.approx(found["inner_visits"] + 4 * found["tests"])
+    assert np.array_equal(tree.bounds, umbel.Bvh(mesh).bounds)
+    assert str(found["nodes"]) in repr(tree)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"builder": "octree"},
+        {"traversal": "rope"},
+        {"cost": (0.0, 1.0)},
+        {"empty_bonus": 2.0},
+        {"max_depth": 65},
+        {"max_depth": -1},
+        {"bins": "many"},
+        {"invalid": "ignore"},
+        {"threads": -1},
+    ],
+)
+def test_refuses_what_is_wrong(options: dict) -> None:
+    with pytest.raises(umbel.Error):
+        umbel.KdTree(umbel.shapes.sphere(1), **options)
+
+
+def test_invalid_triangles_are_refused_or_dropped() -> None:
+    mesh = umbel.shapes.sphere(2)
+    positions = mesh.positions.copy()
+    positions[0] = np.nan
+    with pytest.raises(umbel.Error, match="vertex"):
+        umbel.KdTree(positions, mesh.triangles)
+    tree = umbel.KdTree(positions, mesh.triangles, invalid="drop")
+    primitive = tree.intersect(*_rays()).primitive
+    assert not np.isin(mesh.triangles[primitive[primitive >= 0]], 0).any()
+
+
+def test_no_triangles_no_hits() -> None:
+    tree = umbel.KdTree(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+    assert tree.bounds is None and not tree.occluded(*_rays(5)).any()
+
+
+def test_command_says_what_it_built(umbel_command: Umbel, blob_ply: Path) -> None:
+    done = umbel_command("kdtree", blob_ply, "--ropes", "--json")
+    assert done.status == 0 and set(done.json) >= FIELDS
+    said = done.json
+    assert said["traversal"] == "ropes" and said["triangles"] == 20_480
+    assert said["primary_mrays_per_second"] > 0 and said["diffuse_mrays_per_second"] > 0
+    assert umbel_command("kdtree", blob_ply, "--builder", "octree").status == 1
