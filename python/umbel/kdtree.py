@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .bvh import AllHits, Hits, _geometry, _mesh_of, _rays, _threads
+from .bvh import AllHits, Hits, _geometry, _masks, _mesh_of, _rays, _threads, _whole
 from .errors import Error
 from .repair import Progress
 
@@ -79,9 +79,14 @@ class KdTree:
                 setattr(config, key, value)
             except (TypeError, RuntimeError):
                 raise Error(f"{key} cannot be {value!r}") from None
-        mesh = _geometry(_mesh_of(positions, triangles))
-        bits = None if masks is None else np.ascontiguousarray(masks, dtype=np.uint32)
-        self._native = _umbel.KdTree.build(mesh, config, bits, progress, _threads(threads))
+        mesh = _mesh_of(positions, triangles)
+        self._native = _umbel.KdTree.build(
+            _geometry(mesh),
+            config,
+            _masks(masks, len(mesh.triangles)),
+            progress,
+            _threads(threads),
+        )
 
     # Rays: arguments and results as in `umbel.Bvh`.
 
@@ -97,8 +102,10 @@ class KdTree:
         threads: int = 0,
     ) -> Hits:
         """The nearest hit of each ray: the points origin + t direction, t_min <= t <= t_max."""
-        rays = _rays(origins, directions, t_min, t_max, mask)
-        return Hits(*self._native.intersect(*rays, mask, cull_back_faces, _threads(threads)))
+        rays = _rays(origins, directions, t_min, t_max)
+        return Hits(
+            *self._native.intersect(*rays, _whole("mask", mask), cull_back_faces, _threads(threads))
+        )
 
     def occluded(
         self,
@@ -112,8 +119,10 @@ class KdTree:
         threads: int = 0,
     ) -> NDArray[np.bool_]:
         """(n,) whether each ray hits anything; faster than asking for the nearest."""
-        rays = _rays(origins, directions, t_min, t_max, mask)
-        return self._native.occluded(*rays, mask, cull_back_faces, _threads(threads))
+        rays = _rays(origins, directions, t_min, t_max)
+        return self._native.occluded(
+            *rays, _whole("mask", mask), cull_back_faces, _threads(threads)
+        )
 
     def all_hits(
         self,
@@ -128,11 +137,15 @@ class KdTree:
         threads: int = 0,
     ) -> AllHits:
         """The nearest `max_hits` hits of each ray (0: all), each triangle at most once."""
-        if isinstance(max_hits, bool) or max_hits < 0:
-            raise Error(f"max_hits cannot be {max_hits}")
-        rays = _rays(origins, directions, t_min, t_max, mask)
+        rays = _rays(origins, directions, t_min, t_max)
         return AllHits(
-            *self._native.all_hits(*rays, max_hits, mask, cull_back_faces, _threads(threads))
+            *self._native.all_hits(
+                *rays,
+                _whole("max_hits", max_hits),
+                _whole("mask", mask),
+                cull_back_faces,
+                _threads(threads),
+            )
         )
 
     @property
