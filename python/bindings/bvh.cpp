@@ -139,6 +139,7 @@ void bind_config(nb::module_& module) {
   define("clusters", [](Config& c) -> uint32_t& { return c.kmeans.clusters; });
   define("candidates", [](Config& c) -> uint32_t& { return c.kmeans.candidates; });
   define("iterations", [](Config& c) -> uint32_t& { return c.kmeans.iterations; });
+  define("handed_up", [](Config& c) -> uint32_t& { return c.kmeans.handed_up; });
   define("aac_leaf_size", [](Config& c) -> uint32_t& { return c.aac.leaf_size; });
   define("aac_epsilon", [](Config& c) -> float& { return c.aac.epsilon; });
   module.def(
@@ -148,6 +149,19 @@ void bind_config(nb::module_& module) {
       "bvh_builder_preset", [](const std::string& name) { return bvh::builder_preset(name); },
       "name"_a, "A builder with its defaults, or with settings that have a name.");
   module.def("bvh_builders", &builder_names, "The names of all builders.");
+}
+
+Dict kmeans_times(const MeshArrays& mesh, const bvh::Config& given, const nb::object& progress) {
+  bvh::KmeansTimes times;
+  bvh::Config config = given;
+  config.kmeans.times = &times;
+  run(progress, 1, [&](const BuildOptions& options) { bvh::build(mesh.view(), config, options); });
+  Dict result;
+  result["seeding"] = times.seeding;
+  result["iterations"] = times.iterations;
+  result["reordering"] = times.reordering;
+  result["agglomeration"] = times.agglomeration;
+  return result;
 }
 
 void bind_tree(nb::module_& module) {
@@ -198,6 +212,8 @@ void bind_tree(nb::module_& module) {
         });
       },
       "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  module.def("kmeans_times", &kmeans_times, "mesh"_a, "config"_a, "progress"_a = nb::none(),
+             "Seconds of each stage of a build on one thread.");
 }
 
 TriangleBvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool compact,

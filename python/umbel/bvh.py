@@ -63,6 +63,9 @@ class TreeOptions(TypedDict, total=False):
     """kmeans: i, 0 to 100."""
     distance: Literal["euclidean", "manhattan"] | None
     """kmeans: of the boxes' corners; with "manhattan", medians instead of means."""
+    handed_up: int | None
+    """kmeans: clusters that a node's treelet hands up, 0 to 32; 1 is the algorithm as published,
+    0 as many as a treelet can take."""
     aac_leaf_size: int | None
     """aac: fewer triangles are not halved any more, 2 to 128."""
     aac_epsilon: float | None
@@ -283,6 +286,15 @@ def build_bvh2(
         return Bvh2(tree, config, None)
     mesh = _geometry(_mesh_of(source, triangles))
     return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, _threads(threads)), config, mesh)
+
+
+def kmeans_times(
+    source: Any, *, progress: Progress | None = None, **options: Unpack[TreeOptions]
+) -> dict[str, float]:
+    """Where the time of the builder kmeans goes, on one thread over a mesh: wall-clock seconds of
+    `seeding`, `iterations`, `reordering` and `agglomeration`."""
+    config = _config("kmeans", options)
+    return _umbel.kmeans_times(_geometry(as_mesh(source)), config, progress)
 
 
 def _boxes_of(source: Any) -> NDArray[np.float32] | None:

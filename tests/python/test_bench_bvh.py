@@ -6,6 +6,7 @@ import csv
 import importlib.util
 import math
 import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from umbel.bench import bvh_kmeans, paths
 from umbel.bench.bvh_scenes import PRESETS, SETTINGS, Kmeans, scene
 from umbel.bench.plant import GROUND, plant
 from umbel.bench.timing import Span
+from umbel.bvh import build_bvh2, builders, kmeans_times
 
 HAS_MATPLOTLIB = importlib.util.find_spec("matplotlib") is not None
 QUICK = bench.Effort(runs=1, share=0.003, threads=1)
@@ -113,12 +115,13 @@ def test_a_sample_is_scaled_from_the_paths_to_the_pixels() -> None:
 def test_every_builder_is_compared_at_every_width(
     found: bench.Comparison, blob: umbel.Mesh
 ) -> None:
-    names = [*umbel.bvh.builders(), "best"]
+    names = [*builders(), "kmeans 2016", "best"]
     for width in (2, 8):
         own = [r for r in found.rows if r["width"] == width]
         assert own[0]["builder"] == "sweep" and sorted(r["builder"] for r in own) == sorted(names)
     for r in found.rows:
-        tree = umbel.bvh.build_bvh2(blob, builder=r["builder"])
+        handed_up = 1 if r["builder"] == "kmeans 2016" else None
+        tree = build_bvh2(blob, builder=r["builder"].removesuffix(" 2016"), handed_up=handed_up)
         assert r["sah_cost"] == tree.sah_cost((3, 2)) and r["epo"] == tree.epo((3, 2))
         assert r["build_seconds"] > 0 and r["mrays_per_second"] > 0 and r["hq_ratio"] > 0
         assert r["lq_seconds"] == pytest.approx(
@@ -144,12 +147,17 @@ def test_kmeans_is_taken_apart(found: bench.Comparison) -> None:
     assert sweep == next(r["sah_cost"] for r in found.rows if r["builder"] == "sweep")
 
 
-def test_time_between_reports_belongs_to_the_stage_reported_before() -> None:
-    times = iter([10.0, 11.0, 13.0, 16.0, 20.0])
-    clock = bvh_kmeans.StageClock(lambda: next(times))
-    for stage in ("a", "b", "b", "a"):
-        clock(0.0, stage)
-    assert clock.stop() == {"a": 1.0 + 4.0, "b": 2.0 + 3.0}
+def test_stages_are_scaled_to_processor_time() -> None:
+    seconds = bvh_kmeans.processor_seconds({"seeding": 1.0, "iterations": 2.0}, 8.0, 4.0)
+    assert seconds == {"seeding": 0.5, "iterations": 1.0, "other": 2.5}
+
+
+def test_stages_make_a_whole(blob: umbel.Mesh) -> None:
+    began = time.perf_counter()
+    stages = kmeans_times(blob, clusters=16, iterations=5)
+    whole = time.perf_counter() - began
+    assert set(stages) | {"other"} == set(bvh_kmeans.STAGE_NAMES)
+    assert all(seconds > 0 for seconds in stages.values()) and sum(stages.values()) < whole
 
 
 def test_parts_can_be_left_out(blob: umbel.Mesh) -> None:

@@ -21,6 +21,7 @@ GROUPS = {
 }
 COLORS = {
     "kmeans": "#c0392b",
+    "kmeans 2016": "#e6a197",
     "lbvh": "#2d6fb7",
     "hlbvh": "#3f9b57",
     "atrbvh": "#e08e1b",
