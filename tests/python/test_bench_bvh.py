@@ -141,8 +141,9 @@ def test_kmeans_is_taken_apart(found: bench.Comparison) -> None:
     for r in found.stages:
         assert r["seconds"] >= 0 and r["stage"]
         assert Kmeans(r["clusters"], r["candidates"], r["iterations"]) == PRESETS[r["preset"]]
-    tried = {(r["clusters"], r["iterations"]) for r in found.iterations}
-    assert tried == {(k, i) for k, _ in bvh_kmeans.SEEDED for i in bvh_kmeans.COUNTS}
+    tried = {(r["builder"], r["clusters"], r["iterations"]) for r in found.iterations}
+    ways = [(v, k) for v in bvh_kmeans.VARIANTS for k, _ in bvh_kmeans.SEEDED]
+    assert tried == {(v, k, i) for v, k in ways for i in bvh_kmeans.COUNTS}
     (sweep,) = {r["sweep"] for r in found.iterations}
     assert sweep == next(r["sah_cost"] for r in found.rows if r["builder"] == "sweep")
 

@@ -83,9 +83,13 @@ def methods(kmeans: Kmeans) -> list[Method]:
     found = []
     for name in sorted(builders(), key=lambda name: name != BASELINE):
         own = {"builder": name, **(kmeans.arguments() if name == "kmeans" else {})}
-        found.append(Method(name, own))
         if name == "kmeans":
-            found.append(Method("kmeans 2016", {**own, "handed_up": 1}))
+            found += [
+                Method(variant, {**own, "handed_up": handed_up})
+                for variant, handed_up in bvh_kmeans.VARIANTS.items()
+            ]
+        else:
+            found.append(Method(name, own))
     return [*found, Method("best", {"builder": "best"})]
 
 

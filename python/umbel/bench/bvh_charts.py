@@ -106,14 +106,22 @@ def draw_stages(path: Path, rows: Sequence[Row]) -> None:
 def draw_iterations(path: Path, rows: Sequence[Row]) -> None:
     """Lines of the SAH cost against iterations, one for each k."""
     figure, axes = _axes((9, 4.4))
-    for key in dict.fromkeys((row["clusters"], row["candidates"]) for row in rows):
-        own = [row for row in rows if (row["clusters"], row["candidates"]) == key]
-        axes.plot(
-            [row["iterations"] for row in own],
-            [row["sah_cost"] for row in own],
-            marker="o",
-            label=f"k = {key[0]}, p = {key[1]}",
-        )
+    seeded = list(dict.fromkeys((row["clusters"], row["candidates"]) for row in rows))
+    for variant, (line, dot) in {"kmeans 2016": ("-", "o"), "kmeans": (":", ".")}.items():
+        for number, key in enumerate(seeded):
+            own = [
+                row
+                for row in rows
+                if (row["clusters"], row["candidates"]) == key and row["builder"] == variant
+            ]
+            axes.plot(
+                [row["iterations"] for row in own],
+                [row["sah_cost"] for row in own],
+                linestyle=line,
+                marker=dot,
+                color=f"C{number}",
+                label=f"{variant}, k = {key[0]}, p = {key[1]}",
+            )
     axes.axhline(rows[0]["sweep"], color="black", linestyle="--", linewidth=1, label="full sweep")
     axes.set_title(f"{rows[0]['scene']}: SAH cost of k-means", fontsize=11)
     axes.set(xlabel="iterations", ylabel="SAH cost (traversal 3, intersection 2)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
-from ..bvh import Bvh2, build_bvh2, kmeans_times
+from ..bvh import build_bvh2, kmeans_times
 from ..mesh import Mesh
 from .bvh_scenes import COSTS, PRESETS, Kmeans
 from .table import Column, Row
@@ -15,6 +15,9 @@ SEEDED = ((8, 5), (16, 5), (32, 20), (64, 30))
 """k and p."""
 COUNTS = (0, 1, 2, 3, 5, 7, 10)
 """Iterations."""
+
+VARIANTS = {"kmeans 2016": 1, "kmeans": None}
+"""As published, and as it is here; by how many clusters a treelet hands up."""
 
 STAGES = [
     Column("scene", "scene"),
@@ -27,6 +30,7 @@ STAGES = [
 ]
 ITERATIONS = [
     Column("scene", "scene"),
+    Column("builder", "builder"),
     Column("clusters", "k", "d"),
     Column("candidates", "p", "d"),
     Column("iterations", "i", "d"),
@@ -82,13 +86,29 @@ def iteration_rows(name: str, mesh: Mesh, threads: int, report: Span) -> list[Ro
     """SAH costs after several numbers of iterations, for several k, and that of the full sweep."""
     sweep = build_bvh2(mesh, builder="sweep", cost=COSTS, threads=threads).sah_cost()
     rows = []
-    tried = [Kmeans(k, p, i) for k, p in SEEDED for i in COUNTS]
-    for number, kmeans in enumerate(tried):
-        report(number / len(tried), f"k-means with {kmeans}")
-        cost = _build(mesh, kmeans, threads).sah_cost()
-        rows.append({"scene": name, **kmeans.arguments(), "sah_cost": cost, "sweep": sweep})
+    tried = [
+        (builder, handed_up, Kmeans(k, p, i))
+        for builder, handed_up in VARIANTS.items()
+        for k, p in SEEDED
+        for i in COUNTS
+    ]
+    for number, (builder, handed_up, kmeans) in enumerate(tried):
+        report(number / len(tried), f"{builder} with {kmeans}")
+        tree = build_bvh2(
+            mesh,
+            builder="kmeans",
+            cost=COSTS,
+            handed_up=handed_up,
+            threads=threads,
+            **kmeans.arguments(),
+        )
+        rows.append(
+            {
+                "scene": name,
+                "builder": builder,
+                **kmeans.arguments(),
+                "sah_cost": tree.sah_cost(),
+                "sweep": sweep,
+            }
+        )
     return rows
-
-
-def _build(mesh: Mesh, kmeans: Kmeans, threads: int) -> Bvh2:
-    return build_bvh2(mesh, builder="kmeans", cost=COSTS, threads=threads, **kmeans.arguments())
