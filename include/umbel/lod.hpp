@@ -38,9 +38,10 @@ struct Cluster {
 /// What it took to simplify a group, in the order in which it is tried.
 enum class Rung : uint32_t {
   kRegular = 0,     ///< edge collapse that keeps attribute seams
-  kPermissive = 1,  ///< edge collapse across attribute seams
+  kPermissive = 1,  ///< edge collapse across attribute seams and of irregular vertices
   kPrune = 2,       ///< small separate components removed as well
-  kSloppy = 3,      ///< vertices merged by grid cell, error amplified
+  kSloppy = 3,      ///< vertices merged by grid cell, or sheets of the surface left out or
+                    ///< capped; error amplified
   kRoot = 4,        ///< not simplified: nothing coarser exists
 };
 

@@ -101,8 +101,11 @@ void EdgeCollapser::build_rings() {
 
 void EdgeCollapser::find_kinds() {
   kinds_.resize(points_.size());
-  for (uint32_t p = 0; p < points_.size(); ++p)
+  for (uint32_t p = 0; p < points_.size(); ++p) {
     kinds_[p] = input_.locked[p] ? Kind::kFixed : kind_of(p);
+    if (input_.loose && !input_.locked[p] && kinds_[p] == Kind::kFixed)
+      kinds_[p] = Kind::kIrregular;
+  }
 }
 
 // Interior: its triangles form one closed fan. Border: one open fan. Anything else stays.
@@ -189,8 +192,10 @@ void EdgeCollapser::choose(uint32_t p, const Choice& choice) {
 }
 
 bool EdgeCollapser::is_legal(uint32_t p, uint32_t target) {
-  return keeps_link(p, target) && keeps_facing(p, target) &&
-         (!has_wedges_ || map_wedges(p, target));
+  if (input_.loose ? !keeps_irregular_link(p, target) : !keeps_link(p, target)) return false;
+  if (!input_.any_turn && !keeps_facing(p, target)) return false;
+  if (!has_wedges_) return true;
+  return map_wedges(p, target) || (input_.loose && map_wedges_loosely(p, target));
 }
 
 bool EdgeCollapser::keeps_link(uint32_t p, uint32_t target) {
@@ -230,6 +235,31 @@ void EdgeCollapser::list_neighbours(uint32_t p, uint32_t target) {
     if (marks_[s.prev] != stamp_) add(s.prev);
 }
 
+// An edge that comes to have four triangles must be explained by the source: its ends are in one
+// component of irregular edges. So must be those that have an odd number already.
+bool EdgeCollapser::keeps_irregular_link(uint32_t p, uint32_t target) {
+  const uint32_t component = input_.component[target];
+  if (input_.component[p] != kNone && input_.component[p] != component) return false;
+  const uint32_t is_opposite = ++stamp_, is_other = ++stamp_;
+  neighbours_.clear();
+  const auto add = [&](uint32_t x, uint32_t mark) {
+    if (x == target || marks_[x] >= is_opposite) return;
+    marks_[x] = mark;
+    neighbours_.push_back(x);
+  };
+  for (const Spoke& s : ring(p))
+    if (s.next == target || s.prev == target) add(s.next == target ? s.prev : s.next, is_opposite);
+  opposites_ = neighbours_.size();
+  for (const Spoke& s : ring(p)) add(s.next, is_other), add(s.prev, is_other);
+  for (const Spoke& s : ring(target))
+    for (uint32_t x : {s.next, s.prev})
+      if (marks_[x] == is_other && (component == kNone || input_.component[x] != component))
+        return false;
+  return input_.chords || !input_.locked[target] ||
+         std::none_of(neighbours_.begin() + opposites_, neighbours_.end(),
+                      [&](uint32_t x) { return input_.locked[x] != 0; });
+}
+
 bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
   const Vec3 from = point(p), to = point(target);
   for (const Spoke& s : ring(p)) {
@@ -248,22 +278,53 @@ bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
 
 // What each vertex at p becomes; false unless the triangles at the edge say it for all.
 bool EdgeCollapser::map_wedges(uint32_t p, uint32_t target) {
-  wedge_map_count_ = 0;
+  wedge_map_.clear();
   const auto spokes = ring(p);
   for (size_t i = 0; i < spokes.size(); ++i) {
     const bool after = spokes[i].next == target;
     if (!after && spokes[i].prev != target) continue;
     const uint32_t c = corner(p, i);
     const uint32_t from = vertex(c), to = vertex(after ? next(c) : prev(c));
-    if (wedge_map_count_ == 1 && wedge_map_[0].first == from) {
+    if (wedge_map_.size() == 1 && wedge_map_[0].first == from) {
       if (wedge_map_[0].second != to) return false;
-    } else if (wedge_map_count_ < 2) {
-      wedge_map_[wedge_map_count_++] = {from, to};
+    } else if (wedge_map_.size() < 2) {
+      wedge_map_.emplace_back(from, to);
     } else {
       return false;
     }
   }
-  return wedge_map_count_ == wedge_counts_[p];
+  return wedge_map_.size() == wedge_counts_[p];
+}
+
+// As the triangles at the edge say, where they do; else the first vertex there of the same
+// material.
+bool EdgeCollapser::map_wedges_loosely(uint32_t p, uint32_t target) {
+  wedge_map_.clear();
+  const auto same_material = [&](uint32_t a, uint32_t b) {
+    return input_.materials.empty() || input_.materials[a] == input_.materials[b];
+  };
+  const auto add = [&](uint32_t from, uint32_t to) {
+    if (mapped(from) == kNone && same_material(from, to)) wedge_map_.emplace_back(from, to);
+  };
+  const auto at_p = ring(p), at_target = ring(target);
+  for (size_t i = 0; i < at_p.size(); ++i) {
+    const uint32_t c = corner(p, i);
+    if (at_p[i].next == target) add(vertex(c), vertex(next(c)));
+    if (at_p[i].prev == target) add(vertex(c), vertex(prev(c)));
+  }
+  for (size_t i = 0; i < at_p.size(); ++i) {
+    const uint32_t from = vertex(corner(p, i));
+    for (size_t j = 0; j < at_target.size() && mapped(from) == kNone; ++j)
+      add(from, vertex(corner(target, j)));
+    if (mapped(from) == kNone) return false;
+  }
+  return true;
+}
+
+uint32_t EdgeCollapser::mapped(uint32_t vertex) const {
+  for (const auto& [from, to] : wedge_map_)
+    if (from == vertex) return to;
+  return kNone;
 }
 
 // `keeps_link` has just left the neighbours of p.
@@ -310,7 +371,7 @@ void EdgeCollapser::move_ring(uint32_t p, uint32_t target) {
     }
     uint32_t& v = vertex(c);
     if (has_wedges_)
-      v = wedge_map_[v == wedge_map_[0].first ? 0 : 1].second;
+      v = mapped(v);
     else
       v = target;
     append(i);

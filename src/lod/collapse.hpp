@@ -10,7 +10,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -34,6 +33,11 @@ struct CollapseInput {
   std::span<const uint8_t> locked;           ///< of positions: stays where it is
   std::span<const uint32_t> component;       ///< of positions, see topology.hpp
   bool chords = true;                        ///< new edges between locked positions are legal
+  /// Irregular positions may move too, within their component, and vertices may become any of
+  /// their own material. The result must be checked.
+  bool loose = false;
+  bool any_turn = false;                     ///< triangles may turn over
+  std::span<const uint32_t> materials = {};  ///< of vertices; empty: one
 };
 
 /// Reusable; not thread-safe.
@@ -54,7 +58,7 @@ class EdgeCollapser {
   struct alignas(16) Point {
     float x, y, z, unused;
   };
-  enum class Kind : uint8_t { kFixed, kInterior, kBorder };
+  enum class Kind : uint8_t { kFixed, kInterior, kBorder, kIrregular };
   // Of a position: a triangle there, by its other two positions in the triangle's order.
   struct Spoke {
     uint32_t next, prev;
@@ -112,8 +116,11 @@ class EdgeCollapser {
   bool is_legal(uint32_t p, uint32_t target);
   bool keeps_link(uint32_t p, uint32_t target);
   void list_neighbours(uint32_t p, uint32_t target);
+  bool keeps_irregular_link(uint32_t p, uint32_t target);
   bool keeps_facing(uint32_t p, uint32_t target) const;
   bool map_wedges(uint32_t p, uint32_t target);
+  bool map_wedges_loosely(uint32_t p, uint32_t target);
+  uint32_t mapped(uint32_t vertex) const;
   void collapse(uint32_t p, uint32_t target);
   void move_ring(uint32_t p, uint32_t target);
   void rename(uint32_t at, uint32_t p, uint32_t target);
@@ -151,8 +158,7 @@ class EdgeCollapser {
   BucketQueue queue_;
 
   // Of the collapse being looked at.
-  std::array<std::pair<uint32_t, uint32_t>, 2> wedge_map_;
-  uint32_t wedge_map_count_ = 0;
+  std::vector<std::pair<uint32_t, uint32_t>> wedge_map_;
   std::vector<uint32_t> neighbours_;  // of p but for the target, third corners at the edge first
   size_t opposites_ = 0;              // how many those are
 
@@ -172,6 +178,9 @@ void EdgeCollapser::for_each_target(uint32_t p, const Visit& visit) const {
     const auto [n, q] = spokes[i];
     if (kinds_[p] == Kind::kInterior) {
       visit(corner(p, i), n, true);
+    } else if (kinds_[p] == Kind::kIrregular) {
+      visit(corner(p, i), n, true);
+      if (!is_in(q, &Spoke::next)) visit(corner(p, i), q, false);
     } else {
       if (!is_in(n, &Spoke::prev)) visit(corner(p, i), n, true);
       if (!is_in(q, &Spoke::next)) visit(corner(p, i), q, false);

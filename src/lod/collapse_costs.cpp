@@ -201,9 +201,8 @@ void EdgeCollapser::merge_quadrics(uint32_t p, uint32_t target) {
   const float value = std::max(value_at(quadrics_[p], d), 0.0f);
   float cost = value;
   if (attribute_count_ > 0) {
-    if (!has_wedges_) wedge_map_[0] = {p, target}, wedge_map_count_ = 1;
-    for (uint32_t i = 0; i < wedge_map_count_; ++i) {
-      const auto [from, to] = wedge_map_[i];
+    if (!has_wedges_) wedge_map_.assign({{p, target}});
+    for (const auto& [from, to] : wedge_map_) {
       cost += clamped_attribute_cost(from, to, d);
       if (merges) merge_attributes(from, to, d);
     }

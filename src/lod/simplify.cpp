@@ -10,6 +10,7 @@
 
 #include "base/math.hpp"
 #include "lod/repair.hpp"
+#include "lod/sheets.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -74,8 +75,15 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
     if (best.triangles.size() > good) prepare_repair();
     if (best.triangles.size() > good)
       consider(collapse_checked(target, meshopt_SimplifyPermissive, Rung::kPermissive));
+    if (best.triangles.size() > good) consider(collapse_loosely(target, false));
     if (best.triangles.size() > good) consider(prune(best, target));
-    if (allow.last_resort && best.triangles.size() > good) consider(merge_cells(target));
+    if (allow.last_resort) {
+      if (best.triangles.size() > good) consider(collapse_loosely(target, true));
+      if (best.triangles.size() > good) consider(prune(best, target));
+      if (best.triangles.size() > good) consider(exchange_sheets(best, target, drop_sheets));
+      if (best.triangles.size() > good) consider(merge_cells(target));
+      if (best.triangles.size() > good) consider(exchange_sheets(best, target, cap_sheets));
+    }
   }
 
   Simplified result;
@@ -229,6 +237,23 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   return result;
 }
 
+// Our own edge collapse once more, with irregular vertices and across seams.
+GroupSimplifier::Candidate GroupSimplifier::collapse_loosely(size_t target, bool any_turn) {
+  if (!source_.vertex_materials.empty()) {
+    materials_.clear();
+    for (uint32_t v : vertices_) materials_.push_back(source_.material(v));
+  }
+  collapser_.run({triangles_, position_of_, positions_, attributes_, attribute_weights_, locked_,
+                  components_, allow_.chords, true, any_turn, materials_},
+                 target);
+  Candidate result;
+  result.rung = Rung::kPermissive;
+  result.triangles = collapser_.triangles();
+  result.error = collapser_.error() / source_.scale;
+  if (!mixes_materials(result.triangles) && faults(result.triangles).empty()) accept(result);
+  return result;
+}
+
 GroupSimplifier::Candidate GroupSimplifier::collapse(size_t target, unsigned options) {
   options |= meshopt_SimplifyErrorAbsolute;
   if (!attribute_weights_.empty()) options |= meshopt_SimplifyErrorClamped;
@@ -259,14 +284,7 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsi
     Candidate result = collapse(target, options);
     result.rung = rung;
     if (mixes_materials(result.triangles)) return result;
-    auto found = faults(result.triangles);
-    for (size_t before = found.size() + 1; !found.empty() && found.size() < before;) {
-      before = found.size();
-      const float moved =
-          repair({position_of_, positions_, locked_, patch_of_, spare_}, found, result.triangles);
-      result.error = std::max(result.error, moved / source_.scale);
-      found = faults(result.triangles);
-    }
+    const auto found = repair_faults(result);
     if (found.empty()) {
       accept(result);
       return result;
@@ -275,6 +293,19 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsi
     for (const auto& [a, b] : found) hold_around(locked_[b] && !locked_[a] ? b : a);
   }
   return {};
+}
+
+// Returns those that are left.
+std::span<const PositionPair> GroupSimplifier::repair_faults(Candidate& candidate) {
+  auto found = faults(candidate.triangles);
+  for (size_t before = found.size() + 1; !found.empty() && found.size() < before;) {
+    before = found.size();
+    const float moved =
+        repair({position_of_, positions_, locked_, patch_of_, spare_}, found, candidate.triangles);
+    candidate.error = std::max(candidate.error, moved / source_.scale);
+    found = faults(candidate.triangles);
+  }
+  return found;
 }
 
 void GroupSimplifier::hold_around(uint32_t position) {
@@ -385,6 +416,18 @@ GroupSimplifier::Candidate GroupSimplifier::prune(const Candidate& from, size_t 
   return result;
 }
 
+GroupSimplifier::Candidate GroupSimplifier::exchange_sheets(const Candidate& from, size_t target,
+                                                            SheetChange change) {
+  Candidate result;
+  result.rung = Rung::kSloppy;
+  result.triangles = from.triangles;
+  const float moved = change({position_of_, positions_, locked_, components_, materials_}, target,
+                             result.triangles);
+  result.error = std::max(from.error, moved / source_.scale);
+  if (!mixes_materials(result.triangles) && faults(result.triangles).empty()) accept(result);
+  return result;
+}
+
 // Vertices in one cell of a grid become one (Rossignac & Borrel 1993).
 GroupSimplifier::Candidate GroupSimplifier::merge_cells(size_t target) {
   for (size_t v = 0; v < vertices_.size(); ++v) {
@@ -402,7 +445,7 @@ GroupSimplifier::Candidate GroupSimplifier::merge_cells(size_t target) {
   result.triangles.resize(count / 3);
   result.error *= kCellErrorFactor / source_.scale *
                   meshopt_simplifyScale(&positions_[0].x, positions_.size(), sizeof(Vec3));
-  if (!mixes_materials(result.triangles) && faults(result.triangles).empty()) accept(result);
+  if (!mixes_materials(result.triangles) && repair_faults(result).empty()) accept(result);
   return result;
 }
 

@@ -13,6 +13,7 @@
 #include "base/math.hpp"
 #include "lod/cluster_set.hpp"
 #include "lod/collapse.hpp"
+#include "lod/sheets.hpp"
 #include "lod/source.hpp"
 #include "lod/topology.hpp"
 
@@ -70,11 +71,15 @@ class GroupSimplifier {
   uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
   void drop_repeated_triangles();
   Candidate collapse_regular(size_t target);
+  Candidate collapse_loosely(size_t target, bool any_turn);
   Candidate collapse(size_t target, unsigned options);
   Candidate collapse_checked(size_t target, unsigned options, Rung rung);
   Candidate prune(const Candidate& from, size_t target);
+  using SheetChange = float (*)(const SheetInput&, size_t, std::vector<Triangle>&);
+  Candidate exchange_sheets(const Candidate& from, size_t target, SheetChange change);
   Candidate merge_cells(size_t target);
   std::span<const PositionPair> faults(std::span<const Triangle> triangles);
+  std::span<const PositionPair> repair_faults(Candidate& candidate);
   void accept(Candidate& candidate);
   bool mixes_materials(std::span<const Triangle> triangles) const;
   void hold_around(uint32_t position);
@@ -101,7 +106,8 @@ class GroupSimplifier {
   std::vector<Part> parts_;             // connected components
   std::vector<Triangle> triangles_;     // local vertices
   std::vector<Triangle> position_triangles_;
-  std::vector<uint8_t> held_;  // local positions held for one more try
+  std::vector<uint32_t> materials_;  // of local vertices; empty: one
+  std::vector<uint8_t> held_;        // local positions held for one more try
   std::vector<Triangle> result_positions_;
   // Open addressing, kNone empty.
   std::vector<uint32_t> vertex_table_, position_table_, triangle_table_;

@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <map>
 
 #include "umbel/lod.hpp"
 
@@ -46,6 +48,55 @@ std::vector<Case> all_shapes() {
   cases.push_back({"terrain", shapes::terrain(80, 80, 1)});
   cases.push_back({"blob", shapes::blob(5, 1)});
   return cases;
+}
+
+// The surface of a lattice of bars, `cells` in each direction: closed, connected, with very many
+// handles, which no edge collapse takes away.
+Mesh lattice(int cells) {
+  const int size = 2 * cells + 1;
+  const auto is_solid = [&](int x, int y, int z) {
+    if (std::min({x, y, z}) < 0 || std::max({x, y, z}) >= size) return false;
+    return x % 2 + y % 2 + z % 2 <= 1;
+  };
+  Mesh mesh;
+  std::map<std::array<int, 3>, uint32_t> vertices;
+  const auto vertex = [&](const std::array<int, 3>& at) {
+    const auto [i, is_new] = vertices.insert({at, static_cast<uint32_t>(vertices.size())});
+    if (is_new) mesh.positions.push_back({float(at[0]), float(at[1]), float(at[2])});
+    return i->second;
+  };
+  for (int z = 0; z < size; ++z)
+    for (int y = 0; y < size; ++y)
+      for (int x = 0; x < size; ++x)
+        for (int axis = 0; axis < 3 && is_solid(x, y, z); ++axis)
+          for (int side : {0, 1}) {
+            std::array<int, 3> across = {x, y, z};
+            across[axis] += side == 0 ? -1 : 1;
+            if (is_solid(across[0], across[1], across[2])) continue;
+            std::array<int, 3> corner = {x, y, z};
+            corner[axis] += side;
+            std::array<uint32_t, 4> quad;
+            for (int i = 0; i < 4; ++i) {
+              std::array<int, 3> at = corner;
+              at[(axis + 1) % 3] += i == 1 || i == 2;
+              at[(axis + 2) % 3] += i >= 2;
+              quad[i] = vertex(at);
+            }
+            if (side == 0) std::swap(quad[1], quad[3]);
+            mesh.triangles.push_back({quad[0], quad[1], quad[2]});
+            mesh.triangles.push_back({quad[0], quad[2], quad[3]});
+          }
+  return mesh;
+}
+
+TEST(Build, a_surface_with_many_handles_ends_in_one_root) {
+  const Mesh mesh = lattice(8);
+  const Dag dag = build(mesh.view());
+  const VerifyReport report = check(mesh, dag);
+  EXPECT_TRUE(report.ok) << first_problem(report);
+  EXPECT_EQ(dag.report.root_groups, 1u);
+  EXPECT_EQ(dag.report.stuck_groups, 0u);
+  EXPECT_LE(dag.report.root_triangles, dag.config.max_triangles);
 }
 
 TEST(Build, every_shape_is_verified) {
