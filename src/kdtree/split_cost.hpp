@@ -11,8 +11,10 @@
 
 namespace umbel::kdtree {
 
-inline float component(const Vec3& v, uint32_t axis) { return (&v.x)[axis]; }
-inline float& component(Vec3& v, uint32_t axis) { return (&v.x)[axis]; }
+inline float component(const Vec3& v, uint32_t axis) {
+  return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
+}
+inline float& component(Vec3& v, uint32_t axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
 /// Where to cut a cell, and which side the triangles go to that lie in the plane.
 struct Split {
