@@ -2,7 +2,10 @@
 // (its raster settings, on the one thread that it uses), with the same meshoptimizer, in one
 // program. Every measurement runs in a process of its own, so that peaks of memory are apart.
 //
-//   lod_bench [--runs N] [--triangles N] [--samples N] MESH.ply...
+// With --processor-time seconds are those of all threads together, for a machine that is busy with
+// other things.
+//
+//   lod_bench [--runs N] [--triangles N] [--samples N] [--processor-time] MESH.ply...
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -10,6 +13,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <string>
 #include <thread>
@@ -40,6 +44,7 @@ struct Options {
   int runs = 5;
   uint64_t triangles = 10000;
   size_t samples = 400000;
+  bool processor_time = false;
   std::vector<std::string> meshes;
 };
 
@@ -52,13 +57,17 @@ struct Outcome {
 };
 static_assert(std::is_trivially_copyable_v<Outcome>);
 
-double median_seconds(int runs, const std::function<void()>& work) {
+double seconds_now(bool of_processor) {
+  if (of_processor) return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+double median_seconds(const Options& options, const std::function<void()>& work) {
   std::vector<double> times;
-  for (int i = 0; i < runs; ++i) {
-    const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < options.runs; ++i) {
+    const double start = seconds_now(options.processor_time);
     work();
-    times.push_back(
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    times.push_back(seconds_now(options.processor_time) - start);
   }
   std::sort(times.begin(), times.end());
   return times[times.size() / 2];
@@ -90,7 +99,7 @@ Outcome measure_ours(const umbel::Mesh& mesh, const Options& options, uint32_t t
   lod::Dag dag;
   outcome.peak_mib = bench::peak_mib([&] { dag = lod::build(mesh.view(), config, build_options); });
   outcome.seconds =
-      median_seconds(options.runs, [&] { dag = lod::build(mesh.view(), config, build_options); });
+      median_seconds(options, [&] { dag = lod::build(mesh.view(), config, build_options); });
   outcome.clusters = dag.tables.clusters.size();
   outcome.levels = dag.tables.levels.size();
   outcome.fill = fill_of(dag.cluster_triangles.size() / 3, outcome.clusters);
@@ -165,7 +174,7 @@ Outcome measure_peer(const umbel::Mesh& mesh, const Options& options) {
   Outcome outcome;
   PeerDag dag;
   outcome.peak_mib = bench::peak_mib([&] { build_peer(mesh, dag); });
-  outcome.seconds = median_seconds(options.runs, [&] { build_peer(mesh, dag); });
+  outcome.seconds = median_seconds(options, [&] { build_peer(mesh, dag); });
   outcome.clusters = dag.tables.clusters.size();
   for (const lod::Group& group : dag.tables.groups)
     outcome.levels = std::max<uint64_t>(outcome.levels, group.level + 1);
@@ -261,8 +270,11 @@ Options parse(int count, char** arguments) {
       options.triangles = std::strtoull(arguments[++i], nullptr, 10);
     else if (argument == "--samples" && has_value)
       options.samples = std::max<size_t>(2, std::strtoull(arguments[++i], nullptr, 10));
+    else if (argument == "--processor-time")
+      options.processor_time = true;
     else if (argument.rfind("--", 0) == 0)
-      bench::fail(argument, "is not an option; there are --runs, --triangles and --samples");
+      bench::fail(argument,
+                  "is not an option; there are --runs, --triangles, --samples, --processor-time");
     else
       options.meshes.push_back(argument);
   }
@@ -274,15 +286,18 @@ Options parse(int count, char** arguments) {
 int main(int count, char** arguments) {
   const Options options = parse(count, arguments);
   if (options.meshes.empty()) {
-    std::fprintf(stderr, "usage: %s [--runs N] [--triangles N] [--samples N] MESH.ply...\n",
-                 arguments[0]);
+    std::fprintf(
+        stderr,
+        "usage: %s [--runs N] [--triangles N] [--samples N] [--processor-time] MESH.ply...\n",
+        arguments[0]);
     return 2;
   }
   std::printf(
-      "%s, %u hardware threads. Median of %d runs. Distances are those of the cut with at "
+      "%s, %u hardware threads. Median of %d runs, %s time. Distances are those of the cut with at "
       "most %llu triangles\nto the source and back, %zu samples, in millionths of the "
       "source's diagonal; \"promised\" is the error that the\nbuilder states for the cut.\n\n",
       machine().c_str(), std::thread::hardware_concurrency(), options.runs,
+      options.processor_time ? "processor" : "elapsed",
       static_cast<unsigned long long>(options.triangles), options.samples);
   std::printf(
       "| mesh | builder | seconds | speed-up | M triangles/s | peak MiB | fill %% | levels | "
