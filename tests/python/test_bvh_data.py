@@ -113,9 +113,13 @@ def _truth(
             slope = np.abs(steep) / area
             t = np.einsum("ij,ij->i", normal, p[triangle, 0] - starts[ray]) / steep
             spread = slack[ray] / slope
+            # Where a triangle is so thin that its weights are uncertain, so is the place along it.
+            depths = np.einsum("ikj,ij->ik", p[triangle], d[ray])
+            edge = np.linalg.norm(p - np.roll(p, 1, axis=1), axis=2).max(axis=1)[triangle]
+            slide = np.minimum(1.0, slack[ray] * edge / (area * slope)) * np.ptp(depths, axis=1)
         inside = np.maximum(low[triangle, ray], -high[triangle, ray])
         certain = (inside > 4 * slack[ray]) & (slope > 1e-2)
-        found.append((ray, triangle + part.start, t, slack[ray] + spread, certain))
+        found.append((ray, triangle + part.start, t, slack[ray] + spread + slide, certain))
     return Truth(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
