@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> paths;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--runs") && i + 1 < argc)
-      runs = std::max(std::atoi(argv[++i]), 1);
+      runs = std::max(static_cast<int>(std::strtol(argv[++i], nullptr, 10)), 1);
     else if (!std::strcmp(argv[i], "--grow"))
       grow = true;
     else

@@ -254,8 +254,9 @@ void add_view(const Vec3& eye, const Vec3& target, uint32_t size, std::vector<Ra
   for (uint32_t tile_y = 0; tile_y < size; tile_y += 4)
     for (uint32_t tile_x = 0; tile_x < size; tile_x += 4)
       for (uint32_t i = 0; i < 16; ++i) {
-        const float x = (static_cast<float>(tile_x + i % 4) + 0.5f) * scale - 0.55f;
-        const float y = (static_cast<float>(tile_y + i / 4) + 0.5f) * scale - 0.55f;
+        const uint32_t column = tile_x + i % 4, row = tile_y + i / 4;
+        const float x = (static_cast<float>(column) + 0.5f) * scale - 0.55f;
+        const float y = (static_cast<float>(row) + 0.5f) * scale - 0.55f;
         Ray ray;
         ray.origin = eye;
         ray.direction = normalized(forward + right * x + above * y);

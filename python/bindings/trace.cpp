@@ -174,9 +174,8 @@ Array<float> pixels_of(const trace::Film& film) {
   static float nothing = 0.0f;
   float* data = owner->empty() ? &nothing : &owner->front().x;
   const size_t shape[3] = {film.height, film.width, 3};
-  nb::capsule capsule(owner.get(),
+  nb::capsule capsule(owner.release(),
                       [](void* p) noexcept { delete static_cast<std::vector<Vec3>*>(p); });
-  owner.release();
   return Array<float>(data, 3, shape, capsule);
 }
 

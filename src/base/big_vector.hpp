@@ -15,7 +15,7 @@ namespace umbel {
 
 template <typename T>
 struct BigAllocator {
-  using value_type = T;
+  using value_type = T;  // NOLINT(readability-identifier-naming): the standard's name
   static constexpr size_t kLine = 64, kPage = size_t{1} << 21;
 
   BigAllocator() = default;

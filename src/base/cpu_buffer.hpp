@@ -20,10 +20,11 @@ inline constexpr size_t kHugePage = size_t(1) << 21;
 /// small ones can cost more than a pass of a radix sort.
 inline void prefer_huge_pages(void* memory, size_t bytes) {
 #if defined(__linux__) && defined(MADV_HUGEPAGE)
-  const uintptr_t begin = (reinterpret_cast<uintptr_t>(memory) + kHugePage - 1) / kHugePage;
-  const uintptr_t end = (reinterpret_cast<uintptr_t>(memory) + bytes) / kHugePage;
-  if (begin < end)
-    madvise(reinterpret_cast<void*>(begin * kHugePage), (end - begin) * kHugePage, MADV_HUGEPAGE);
+  const size_t past_a_page = reinterpret_cast<uintptr_t>(memory) % kHugePage;
+  const size_t before_a_page = past_a_page == 0 ? 0 : kHugePage - past_a_page;
+  if (bytes < before_a_page + kHugePage) return;
+  madvise(static_cast<char*>(memory) + before_a_page,
+          (bytes - before_a_page) / kHugePage * kHugePage, MADV_HUGEPAGE);
 #else
   (void)memory;
   (void)bytes;

@@ -1,8 +1,8 @@
 // The settings that papers give names to.
-#include "umbel/bvh_presets.hpp"
-
 #include <algorithm>
 #include <string>
+
+#include "umbel/bvh_presets.hpp"
 
 namespace umbel::bvh {
 namespace {

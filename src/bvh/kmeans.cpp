@@ -30,7 +30,7 @@ class BinaryMaker {
   BinaryMaker(Merge* merges, uint32_t handed) : merges_(merges), handed_(handed) {}
 
   BinaryMaker for_task() const { return *this; }
-  const Result& adopt(BinaryMaker& /*of_task*/, const Result& result) const { return result; }
+  Result adopt(BinaryMaker& /*of_task*/, const Result& result) const { return result; }
 
   Result leaf(const KmeansItem* items, uint32_t offset, uint32_t count) {
     treelet_.clear();

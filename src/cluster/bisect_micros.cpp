@@ -151,8 +151,9 @@ class Splitter {
     const size_t l = sides.left, r = sides.right;
     std::copy_n(spare, l, micros + r);
     const uint32_t depth = node.depth - 1;
-    right = {micros, micros + r, node.offset + choice.position, node.count - choice.position,
-             depth,  sides.right_centers};
+    right = {
+        micros, micros + r,         node.offset + choice.position, node.count - choice.position,
+        depth,  sides.right_centers};
     left = {micros + r, micros + r + l, node.offset, choice.position, depth, sides.left_centers};
   }
 
