@@ -107,7 +107,7 @@ class Block {
   Block(Boxes boxes, const Config& config, Emitter& out)
       : boxes_(boxes), config_(config), out_(out), small_(boxes, out), bins_(config.bins) {}
 
-  Subtree split(Records records, uint32_t count, Frame frame, uint32_t slot, uint32_t depth) {
+  BuiltSubtree split(Records records, uint32_t count, Frame frame, uint32_t slot, uint32_t depth) {
     if (count <= SmallSweep::kMost) {
       for (uint32_t i = 0; i < count; ++i) small_.ids()[i] = tag_of(records.now[i]);
       return small_.build(count, slot, depth);
@@ -119,7 +119,7 @@ class Block {
     }
     const ShortCut at = cut(records, count, bounds, frame, depth);
     const uint32_t pair = out_.add_pair();
-    Subtree left, right;
+    BuiltSubtree left, right;
     const auto go_left = [&] {
       left = split(records.after(0), at.left_count, frame, pair, depth + 1);
     };

@@ -9,7 +9,7 @@
 namespace umbel::bvh {
 
 /// A finished subtree: its box, and its cost (not divided by the root's area).
-struct Subtree {
+struct BuiltSubtree {
   Box4 box;
   float cost;
 };
@@ -29,7 +29,7 @@ struct Emitter {
   }
 
   /// Makes a leaf of the `count` primitives that were written last.
-  Subtree make_leaf(uint32_t slot, uint32_t count, const Box4& box, float area) const {
+  BuiltSubtree make_leaf(uint32_t slot, uint32_t count, const Box4& box, float area) const {
     const uint32_t first = primitive_count - count;
     std::sort(primitives + first, primitives + primitive_count);
     nodes[slot] = box.node(first, count);
@@ -37,8 +37,8 @@ struct Emitter {
   }
 
   /// Joins the children at `pair`, whose `count` primitives and whose nodes were written last.
-  Subtree join(uint32_t slot, uint32_t pair, uint32_t count, const Subtree& left,
-               const Subtree& right, Float4 pad) {
+  BuiltSubtree join(uint32_t slot, uint32_t pair, uint32_t count, const BuiltSubtree& left,
+                    const BuiltSubtree& right, Float4 pad) {
     Box4 box = left.box;
     box.extend(right.box);
     const float area = box.half_area(pad);

@@ -2,6 +2,7 @@
 // several threads filled give the same tree.
 #include "bvh/short_bins.hpp"
 
+#include <algorithm>
 #include <bit>
 
 #include "base/radix_sort.hpp"
@@ -79,7 +80,8 @@ float ShortBinning::half_area(ShortBox box) const {
 
 /// The lowest centre, doubled, that is not below bin `bin`.
 int ShortBinning::edge(uint32_t bin, int axis) const {
-  const uint32_t factor = uint16_t(factor_[axis]);
+  // Nothing is cut along an axis without extent, whose factor is 0.
+  const uint32_t factor = std::max<uint32_t>(uint16_t(factor_[axis]), 1);
   return int(lowest_[axis]) + int(((bin << 16) + factor - 1) / factor);
 }
 

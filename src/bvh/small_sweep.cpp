@@ -16,7 +16,7 @@ Float4 negated_extents(const Box4& b, Float4 pad) { return b.low + b.negated_hig
 
 }  // namespace
 
-Subtree SmallSweep::build(uint32_t count, uint32_t slot, uint32_t depth) {
+BuiltSubtree SmallSweep::build(uint32_t count, uint32_t slot, uint32_t depth) {
   Box4 whole = Box4::empty();
   for (uint32_t i = 0; i < count; ++i) {
     boxes_[i] = Box4::load(all_boxes_[ids_[i]]);
@@ -60,13 +60,13 @@ void SmallSweep::sort(uint32_t count) {
   }
 }
 
-Subtree SmallSweep::leaf(uint32_t begin, uint32_t slot) {
+BuiltSubtree SmallSweep::leaf(uint32_t begin, uint32_t slot) {
   const uint32_t own = orders_[0][begin];
   out_.primitives[out_.primitive_count++] = ids_[own];
   return out_.make_leaf(slot, 1, boxes_[own], boxes_[own].half_area(pad_));
 }
 
-Subtree SmallSweep::split(uint32_t begin, uint32_t count, uint32_t slot, uint32_t depth) {
+BuiltSubtree SmallSweep::split(uint32_t begin, uint32_t count, uint32_t slot, uint32_t depth) {
   if (count == 1) return leaf(begin, slot);
   Choice choice{0, 1, 0, 0};
   if (count > 2) {
@@ -79,7 +79,7 @@ Subtree SmallSweep::split(uint32_t begin, uint32_t count, uint32_t slot, uint32_
     choice.right_area = boxes_[orders_[0][begin + 1]].half_area(pad_);
   }
   const uint32_t pair = out_.add_pair(), middle = begin + choice.position;
-  Subtree left, right;
+  BuiltSubtree left, right;
   if (choice.left_area >= choice.right_area) {
     left = split(begin, choice.position, pair, depth + 1);
     right = split(middle, count - choice.position, pair + 1, depth + 1);

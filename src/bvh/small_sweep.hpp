@@ -16,7 +16,7 @@ class SmallSweep {
   SmallSweep(std::span<const Aabb> boxes, Emitter& out) : all_boxes_(boxes), out_(out) {}
 
   /// Builds node `slot`, at `depth`, of the primitives `ids()[0 .. count)`, at most kMost.
-  Subtree build(uint32_t count, uint32_t slot, uint32_t depth);
+  BuiltSubtree build(uint32_t count, uint32_t slot, uint32_t depth);
   uint32_t* ids() { return ids_.data(); }
 
  private:
@@ -26,8 +26,8 @@ class SmallSweep {
   };
 
   void sort(uint32_t count);
-  Subtree split(uint32_t begin, uint32_t count, uint32_t slot, uint32_t depth);
-  Subtree leaf(uint32_t begin, uint32_t slot);
+  BuiltSubtree split(uint32_t begin, uint32_t count, uint32_t slot, uint32_t depth);
+  BuiltSubtree leaf(uint32_t begin, uint32_t slot);
   Choice cheapest(uint32_t begin, uint32_t count);
   void partition(uint32_t begin, uint32_t count, const Choice& choice);
 

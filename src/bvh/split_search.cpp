@@ -179,6 +179,7 @@ Split partition_by_sweep(const Box4* references, uint32_t count, Float4 pad) {
     }
     Box4 side = Box4::empty();
     for (uint32_t i = count - 1; i > 0; --i) {
+      // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): at most kSweepMost references
       side.extend(references[order[i]]);
       right_area[i] = side.half_area(pad);
     }

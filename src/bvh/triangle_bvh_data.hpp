@@ -110,7 +110,9 @@ struct TriangleBvhData : LeafStore {
   Simd simd = Simd::kAuto;  ///< as asked for
 
   uint32_t node_words() const { return 7 * width; }
-  uint32_t node_count() const { return static_cast<uint32_t>(nodes.size() / node_words()); }
+  uint32_t node_count() const {
+    return width == 0 ? 0 : static_cast<uint32_t>(nodes.size() / node_words());
+  }
   /// Nodes and triangles: everything that a query may touch.
   uint64_t bytes() const { return nodes.size() * sizeof(uint32_t) + leaf_bytes(); }
 
