@@ -88,7 +88,8 @@ TEST_P(BothBuilders, take_any_scale) {
 TEST_P(BothBuilders, keep_what_floats_can_tell_apart_far_from_the_origin) {
   std::vector<Aabb> boxes;
   for (int i = 0; i < 256; ++i) {
-    const float x = 1e7f + float(i % 16) * 4, y = 3e7f + float(i / 16) * 8;
+    const auto row = i / 16, column = i % 16;
+    const float x = 1e7f + float(column) * 4, y = 3e7f + float(row) * 8;
     boxes.push_back({{x, y, 0}, {x + 1, y + 2, 0}});
   }
   Config config = with(GetParam());

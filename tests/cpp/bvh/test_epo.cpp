@@ -62,7 +62,8 @@ double by_pieces(const bvh::Bvh2& tree, const MeshView& mesh, int steps) {
       for (int j = 0; j < 2 * (steps - i) - 1; ++j) {
         // The centres of steps^2 equal triangles.
         const double u = (i + (j % 2 ? 2.0 : 1.0) / 3) / steps;
-        const double v = (j / 2 + (j % 2 ? 2.0 : 1.0) / 3) / steps;
+        const auto row = j / 2;
+        const double v = (row + (j % 2 ? 2.0 : 1.0) / 3) / steps;
         const Vec3d p = a + ab * u + ac * v;
         for (size_t n = 0; n < tree.nodes.size(); ++n) {
           const bvh::Node& node = tree.nodes[n];

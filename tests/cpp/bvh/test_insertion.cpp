@@ -30,7 +30,8 @@ TEST(Insertion, trees_are_sound) {
 TEST(Insertion, neighbors_become_siblings) {
   std::vector<Aabb> boxes;
   for (int i = 0; i < 8; ++i) {
-    const float x = 100.0f * float(i % 4), y = 100.0f * float(i % 2), z = float(i / 4);
+    const int layer = i / 4;
+    const float x = 100.0f * float(i % 4), y = 100.0f * float(i % 2), z = float(layer);
     boxes.push_back({{x, y, z}, {x + 1, y + 1, z + 1}});
   }
   Config config = insertion();
