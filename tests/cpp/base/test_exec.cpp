@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "base/exec.hpp"
@@ -20,7 +21,7 @@ std::vector<Key> random_keys(size_t n, uint32_t bits, uint32_t seed) {
   return keys;
 }
 
-/// Compares with std::stable_sort by bits [first, last).
+/// Compares with a sort by bits [first, last) and then by place.
 template <typename Key>
 void expect_sorted(const std::vector<Key>& keys, uint32_t first, uint32_t last,
                    uint32_t threads = 0) {
@@ -30,8 +31,9 @@ void expect_sorted(const std::vector<Key>& keys, uint32_t first, uint32_t last,
   };
   std::vector<uint32_t> expected(keys.size());
   std::iota(expected.begin(), expected.end(), 0u);
-  std::stable_sort(expected.begin(), expected.end(),
-                   [&](uint32_t a, uint32_t b) { return digits(keys[a]) < digits(keys[b]); });
+  std::sort(expected.begin(), expected.end(), [&](uint32_t a, uint32_t b) {
+    return std::pair(digits(keys[a]), a) < std::pair(digits(keys[b]), b);
+  });
   std::vector<Key> sorted = keys;
   std::vector<uint32_t> values(keys.size());
   std::iota(values.begin(), values.end(), 0u);
