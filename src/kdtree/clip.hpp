@@ -4,8 +4,11 @@
 // rays allow for (see bvh/ray_frame.hpp).
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "base/math.hpp"
 #include "kdtree/split_cost.hpp"
@@ -55,6 +58,13 @@ inline void clip(ClipPolygon& polygon, uint32_t axis, double sign, double plane)
   polygon = kept;
 }
 
+/// How far beyond a face at `at` a triangle is kept that reaches to `reach`. A box that was rounded
+/// to the face may have brought it into the cell: cut at the face itself, all but its corner there
+/// would be lost.
+inline double clip_slack(float at, double reach) {
+  return std::fabs(double{at}) * 0x1p-22 + reach * 0x1p-40;
+}
+
 inline ClipPolygon clipped(const Corners& corners, const Aabb& cell) {
   ClipPolygon polygon;
   Aabb box;
@@ -64,8 +74,11 @@ inline ClipPolygon clipped(const Corners& corners, const Aabb& cell) {
   }
   for (uint32_t axis = 0; axis < 3; ++axis) {
     const float low = component(cell.min, axis), high = component(cell.max, axis);
-    if (component(box.min, axis) < low) clip(polygon, axis, -1, low);
-    if (component(box.max, axis) > high) clip(polygon, axis, 1, high);
+    const double least = component(box.min, axis), most = component(box.max, axis);
+    const double reach = std::max(std::fabs(least), std::fabs(most));
+    const double floor = low - clip_slack(low, reach), ceiling = high + clip_slack(high, reach);
+    if (least < floor) clip(polygon, axis, -1, floor);
+    if (most > ceiling) clip(polygon, axis, 1, ceiling);
   }
   return polygon;
 }

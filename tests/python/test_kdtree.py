@@ -119,3 +119,19 @@ def test_command_says_what_it_built(umbel_command: Umbel, blob_ply: Path) -> Non
     assert said["traversal"] == "ropes" and said["triangles"] == 20_480
     assert said["primary_mrays_per_second"] > 0 and said["diffuse_mrays_per_second"] > 0
     assert umbel_command("kdtree", blob_ply, "--builder", "octree").status == 1
+
+
+@pytest.mark.filterwarnings("ignore::umbel.LoadWarning")
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_walls_that_rounding_has_bent_are_not_lost(data: Path, builder: str) -> None:
+    # Sponza's walls leave their planes by the last bit of a coordinate.
+    mesh = umbel.load(data / "sponza_dabrovic_66k.obj")
+    low, high = mesh.positions.min(0), mesh.positions.max(0)
+    rng = np.random.default_rng(1)
+    origins = (low + (high - low) * rng.random((50_000, 3))).astype(np.float32)
+    directions = rng.normal(size=(50_000, 3)).astype(np.float32)
+    tree = umbel.KdTree(mesh.positions, mesh.triangles, builder=builder)
+    expected = umbel.Bvh(mesh.positions, mesh.triangles).intersect(origins, directions)
+    hits = tree.intersect(origins, directions)
+    assert np.array_equal(hits.primitive, expected.primitive)
+    assert np.array_equal(hits.t, expected.t)
