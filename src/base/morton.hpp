@@ -59,8 +59,8 @@ struct MortonGrid {
 /// Primitives in the order of their codes; equal codes in the order of the primitives.
 template <typename Exec, typename Key>
 struct MortonOrder {
-  Exec::template Buffer<Key> codes;
-  Exec::template Buffer<uint32_t> primitives;
+  typename Exec::template Buffer<Key> codes;
+  typename Exec::template Buffer<uint32_t> primitives;
 };
 
 /// Codes of `bits` an axis: at most 10 for 32-bit keys, 21 for 64-bit ones. n > 0.

@@ -26,7 +26,7 @@ namespace umbel::bvh {
 template <typename Maker>
 class KmeansRecursion {
  public:
-  using Result = Maker::Result;
+  using Result = typename Maker::Result;
 
   /// Clusters of at most `stop` items are leaves. At least one box.
   KmeansRecursion(Boxes boxes, const KmeansConfig& config, uint32_t stop)
