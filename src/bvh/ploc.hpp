@@ -139,7 +139,7 @@ class Ploc {
   }
 
   template <typename T>
-  using Buffer = Exec::template Buffer<T>;
+  using Buffer = typename Exec::template Buffer<T>;
 
   Buffer<PlocCluster> clusters_, merged_;
   Buffer<uint32_t> nearest_, first_, place_;

@@ -221,7 +221,7 @@ class TreeletRounds {
 
  private:
   template <typename T>
-  using Buffer = Exec::template Buffer<T>;
+  using Buffer = typename Exec::template Buffer<T>;
 
   Exec& exec_;
   TreeletInput tree_;
