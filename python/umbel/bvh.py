@@ -4,7 +4,6 @@ builder."""
 from __future__ import annotations
 
 import math
-import operator
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from . import _umbel
 from .arrays import as_mesh, indices, native, numbers, rows
 from .errors import Error
 from .mesh import Mesh
+from .rays import RayQueries, mask_array, thread_count
 from .repair import Progress
 
 if TYPE_CHECKING:
@@ -79,52 +79,6 @@ NODE = np.dtype([("min", "<f4", 3), ("first", "<u4"), ("max", "<f4", 3), ("count
 def builders() -> tuple[str, ...]:
     """The names of all builders that the library was built with."""
     return tuple(_umbel.bvh_builders())
-
-
-@dataclass(frozen=True)
-class Hits:
-    """The nearest hit of each ray, at (1 - u - v) p0 + u p1 + v p2 of its triangle."""
-
-    t: NDArray[np.float32]
-    """(n,) in lengths of the ray's direction; infinite where missed."""
-    primitive: NDArray[np.int32]
-    """(n,) triangle; -1 where missed."""
-    u: NDArray[np.float32]
-    v: NDArray[np.float32]
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    @property
-    def hit(self) -> NDArray[np.bool_]:
-        """(n,) whether each ray hit anything."""
-        return self.primitive >= 0
-
-
-@dataclass(frozen=True)
-class AllHits:
-    """Several hits a ray: those of ray i are at [offsets[i], offsets[i + 1]) of the other arrays,
-    nearest first."""
-
-    offsets: NDArray[np.int64]
-    """(n + 1,)"""
-    t: NDArray[np.float32]
-    primitive: NDArray[np.int32]
-    u: NDArray[np.float32]
-    v: NDArray[np.float32]
-
-    def __len__(self) -> int:
-        return len(self.offsets) - 1
-
-    @property
-    def counts(self) -> NDArray[np.int64]:
-        """(n,) hits of each ray."""
-        return np.diff(self.offsets)
-
-    @property
-    def ray(self) -> NDArray[np.int64]:
-        """(h,) the ray of each hit."""
-        return np.repeat(np.arange(len(self)), self.counts)
 
 
 @dataclass(frozen=True)
@@ -201,20 +155,6 @@ def _geometry(mesh: Mesh) -> _umbel.MeshArrays:
     return native(Mesh(mesh.positions, mesh.triangles))
 
 
-def _whole(name: str, value: int, most: int = 0xFFFFFFFF) -> int:
-    try:
-        number = operator.index(value)
-    except TypeError:
-        raise Error(f"{name} must be a whole number, not {value!r}") from None
-    if not 0 <= number <= most:
-        raise Error(f"{name} must be from 0 to {most}, not {number}")
-    return number
-
-
-def _threads(threads: int) -> int:
-    return _whole("threads", threads)
-
-
 def _number(name: str, value: float) -> float:
     if not isinstance(value, (int, float, np.number)):
         raise Error(f"{name} must be a number, not {value!r}")
@@ -262,7 +202,7 @@ class Bvh2:
         if self._mesh is None:
             raise Error("epo needs triangles, and this tree was built over boxes")
         costs = cost or self._config.cost
-        return self._native.end_point_overlap(self._mesh, *costs, threads=_threads(threads))
+        return self._native.end_point_overlap(self._mesh, *costs, threads=thread_count(threads))
 
     def __repr__(self) -> str:
         return f"<Bvh2: {len(self._native.nodes)} nodes, {len(self._native.primitives)} primitives>"
@@ -282,10 +222,10 @@ def build_bvh2(
     config = _config(builder, options)
     boxes = None if triangles is not None else _boxes_of(source)
     if boxes is not None:
-        tree = _umbel.build_bvh2_boxes(boxes, config, progress, _threads(threads))
+        tree = _umbel.build_bvh2_boxes(boxes, config, progress, thread_count(threads))
         return Bvh2(tree, config, None)
     mesh = _geometry(_mesh_of(source, triangles))
-    return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, _threads(threads)), config, mesh)
+    return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, thread_count(threads)), config, mesh)
 
 
 def kmeans_times(
@@ -306,9 +246,11 @@ def _boxes_of(source: Any) -> NDArray[np.float32] | None:
     return rows("boxes", source, 6)
 
 
-class Bvh:
+class Bvh(RayQueries):
     """A hierarchy over triangles that answers rays, distances and overlaps. It holds all that it
     needs: the mesh need not be kept."""
+
+    _native: _umbel.TriangleBvh
 
     def __init__(
         self,
@@ -340,18 +282,18 @@ class Bvh:
         config = _config(builder, options)
         mesh = _mesh_of(positions, triangles)
         geometry = _geometry(mesh)
-        form = (_width(width), bool(compact), str(simd), _masks(masks, len(mesh.triangles)))
+        form = (_width(width), bool(compact), str(simd), mask_array(masks, len(mesh.triangles)))
         self.tree: Bvh2 | None = None
         """The binary tree, where it was kept."""
         if keep_tree:
-            made = _umbel.build_bvh2_mesh(geometry, config, progress, _threads(threads))
+            made = _umbel.build_bvh2_mesh(geometry, config, progress, thread_count(threads))
             self.tree = Bvh2(made, config, geometry)
             self._native = _umbel.TriangleBvh.widen(
-                made, geometry, config, *form, threads=_threads(threads)
+                made, geometry, config, *form, threads=thread_count(threads)
             )
         else:
             self._native = _umbel.TriangleBvh.build(
-                geometry, config, *form, progress=progress, threads=_threads(threads)
+                geometry, config, *form, progress=progress, threads=thread_count(threads)
             )
         self._triangles: NDArray[np.uint32] | None = mesh.triangles
 
@@ -391,9 +333,9 @@ class Bvh:
             _width(width),
             bool(compact),
             str(simd),
-            masks=_masks(masks, len(mesh.triangles)),
+            masks=mask_array(masks, len(mesh.triangles)),
             progress=progress,
-            threads=_threads(threads),
+            threads=thread_count(threads),
         )
         return cls._of(bvh, mesh.triangles, tree)
 
@@ -409,61 +351,6 @@ class Bvh:
     # Rays. `origins` and `directions` are (n, 3), or (3,) for all rays; `t_min` and `t_max` are
     # numbers, or (n,). float32 in C order is read where it lies.
 
-    def intersect(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        t_min: ArrayLike = 0.0,
-        t_max: ArrayLike = math.inf,
-        *,
-        mask: int = 0xFFFFFFFF,
-        cull_back_faces: bool = False,
-        threads: int = 0,
-    ) -> Hits:
-        """The nearest hit of each ray: the points origin + t direction, t_min <= t <= t_max.
-
-        A ray with a NaN, a zero direction or an empty interval hits nothing. `cull_back_faces`
-        passes through triangles that are seen from behind."""
-        rays = _rays(origins, directions, t_min, t_max)
-        bits = _whole("mask", mask)
-        return Hits(*self._native.intersect(*rays, bits, cull_back_faces, _threads(threads)))
-
-    def occluded(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        t_min: ArrayLike = 0.0,
-        t_max: ArrayLike = math.inf,
-        *,
-        mask: int = 0xFFFFFFFF,
-        cull_back_faces: bool = False,
-        threads: int = 0,
-    ) -> NDArray[np.bool_]:
-        """(n,) whether each ray hits anything; faster than asking for the nearest."""
-        rays = _rays(origins, directions, t_min, t_max)
-        bits = _whole("mask", mask)
-        return self._native.occluded(*rays, bits, cull_back_faces, _threads(threads))
-
-    def all_hits(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        t_min: ArrayLike = 0.0,
-        t_max: ArrayLike = math.inf,
-        *,
-        max_hits: int = 0,
-        mask: int = 0xFFFFFFFF,
-        cull_back_faces: bool = False,
-        threads: int = 0,
-    ) -> AllHits:
-        """The nearest `max_hits` hits of each ray (0: all), each triangle at most once."""
-        most = _whole("max_hits", max_hits)
-        rays = _rays(origins, directions, t_min, t_max)
-        bits = _whole("mask", mask)
-        return AllHits(
-            *self._native.all_hits(*rays, most, bits, cull_back_faces, _threads(threads))
-        )
-
     # Distances.
 
     def closest_point(
@@ -474,16 +361,16 @@ class Bvh:
         if not limit >= 0:
             raise Error(f"max_distance cannot be {max_distance}")
         return ClosestPoints(
-            *self._native.closest_point(rows("points", points, 3), limit, _threads(threads))
+            *self._native.closest_point(rows("points", points, 3), limit, thread_count(threads))
         )
 
     def contains(self, points: ArrayLike, *, threads: int = 0) -> NDArray[np.bool_]:
         """(n,) whether each of (n, 3) points lies inside; the mesh must be closed."""
-        return self._native.contains(rows("points", points, 3), _threads(threads))
+        return self._native.contains(rows("points", points, 3), thread_count(threads))
 
     def signed_distance(self, points: ArrayLike, *, threads: int = 0) -> NDArray[np.float32]:
         """(n,) distance of each of (n, 3) points to the surface, negative inside."""
-        return self._native.signed_distance(rows("points", points, 3), _threads(threads))
+        return self._native.signed_distance(rows("points", points, 3), thread_count(threads))
 
     # Overlaps: (k,) int32 indices of the triangles that touch a region, sorted.
 
@@ -517,7 +404,7 @@ class Bvh:
         if same is None:
             raise Error("triangles must be given to refit a hierarchy that was loaded from a file")
         arrays = native(Mesh(rows("positions", positions, 3), same))
-        report = Refit(*self._native.refit(arrays, progress, _threads(threads)))
+        report = Refit(*self._native.refit(arrays, progress, thread_count(threads)))
         self._triangles = same
         self.tree = None  # its boxes are those of the old positions
         return report
@@ -558,61 +445,8 @@ def _width(width: int) -> int:
     return int(width)
 
 
-def _masks(masks: ArrayLike | None, triangles: int) -> NDArray[np.uint32] | None:
-    if masks is None:
-        return None
-    array = np.asarray(masks)
-    if array.shape != (triangles,) or (triangles > 0 and array.dtype.kind not in "iub"):
-        raise Error(
-            f"masks must be integers of shape ({triangles},), not {array.dtype} {array.shape}"
-        )
-    if array.size and (int(array.min()) < 0 or int(array.max()) > 0xFFFFFFFF):
-        raise Error("masks must be from 0 to 0xffffffff")
-    return np.ascontiguousarray(array, dtype=np.uint32)
-
-
 def _point(name: str, value: ArrayLike) -> Sequence[float]:
     array = numbers(name, value)
     if array.shape != (3,):
         raise Error(f"{name} must have shape (3,), not {array.shape}")
     return tuple(array.tolist())
-
-
-def _rays(
-    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike
-) -> tuple[
-    NDArray[np.float32],
-    NDArray[np.float32],
-    NDArray[np.float32] | None,
-    NDArray[np.float32] | None,
-]:
-    """The arrays of rays as the library reads them, and checked."""
-    starts, ways = _vectors("origins", origins), _vectors("directions", directions)
-    count = max(len(starts), len(ways)) if len(starts) and len(ways) else 0
-    return (
-        starts,
-        ways,
-        _interval("t_min", t_min, 0.0, count),
-        _interval("t_max", t_max, math.inf, count),
-    )
-
-
-def _vectors(name: str, values: ArrayLike) -> NDArray[np.float32]:
-    array = numbers(name, values)
-    return rows(name, array[None] if array.shape == (3,) else array, 3)
-
-
-def _interval(
-    name: str, values: ArrayLike, default: float, count: int
-) -> NDArray[np.float32] | None:
-    array = numbers(name, values)
-    if array.ndim > 1:
-        raise Error(f"{name} must be a number or of shape (n,), not {array.shape}")
-    if array.ndim == 0:
-        if float(array) == default:
-            return None
-        array = array[None]
-    elif array.size == 0 and count > 0:
-        raise Error(f"{name} is empty, but there are {count} rays")
-    with np.errstate(over="ignore"):
-        return np.ascontiguousarray(array, dtype=np.float32)

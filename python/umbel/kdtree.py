@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .bvh import AllHits, Hits, _geometry, _masks, _mesh_of, _rays, _threads, _whole
+from .bvh import _geometry, _mesh_of
 from .errors import Error
+from .rays import RayQueries, mask_array, thread_count
 from .repair import Progress
 
 BUILDERS = ("exact", "binned")
 TRAVERSALS = ("stack", "ropes", "short-stack")
 
 
-class KdTree:
+class KdTree(RayQueries):
     """A kd-tree over triangles that answers rays as `umbel.Bvh` does, with the same hits. It holds
     all that it needs: the mesh need not be kept."""
+
+    _native: _umbel.KdTree
 
     def __init__(
         self,
@@ -83,69 +85,9 @@ class KdTree:
         self._native = _umbel.KdTree.build(
             _geometry(mesh),
             config,
-            _masks(masks, len(mesh.triangles)),
+            mask_array(masks, len(mesh.triangles)),
             progress,
-            _threads(threads),
-        )
-
-    # Rays: arguments and results as in `umbel.Bvh`.
-
-    def intersect(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        t_min: ArrayLike = 0.0,
-        t_max: ArrayLike = math.inf,
-        *,
-        mask: int = 0xFFFFFFFF,
-        cull_back_faces: bool = False,
-        threads: int = 0,
-    ) -> Hits:
-        """The nearest hit of each ray: the points origin + t direction, t_min <= t <= t_max."""
-        rays = _rays(origins, directions, t_min, t_max)
-        return Hits(
-            *self._native.intersect(*rays, _whole("mask", mask), cull_back_faces, _threads(threads))
-        )
-
-    def occluded(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        t_min: ArrayLike = 0.0,
-        t_max: ArrayLike = math.inf,
-        *,
-        mask: int = 0xFFFFFFFF,
-        cull_back_faces: bool = False,
-        threads: int = 0,
-    ) -> NDArray[np.bool_]:
-        """(n,) whether each ray hits anything; faster than asking for the nearest."""
-        rays = _rays(origins, directions, t_min, t_max)
-        return self._native.occluded(
-            *rays, _whole("mask", mask), cull_back_faces, _threads(threads)
-        )
-
-    def all_hits(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        t_min: ArrayLike = 0.0,
-        t_max: ArrayLike = math.inf,
-        *,
-        max_hits: int = 0,
-        mask: int = 0xFFFFFFFF,
-        cull_back_faces: bool = False,
-        threads: int = 0,
-    ) -> AllHits:
-        """The nearest `max_hits` hits of each ray (0: all), each triangle at most once."""
-        rays = _rays(origins, directions, t_min, t_max)
-        return AllHits(
-            *self._native.all_hits(
-                *rays,
-                _whole("max_hits", max_hits),
-                _whole("mask", mask),
-                cull_back_faces,
-                _threads(threads),
-            )
+            thread_count(threads),
         )
 
     @property
