@@ -24,14 +24,10 @@
 #include <vector>
 
 #include "bvh/triangle_geometry.hpp"
+#include "data_folder.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 namespace umbel::testing {
-
-inline std::filesystem::path data_folder() {
-  if (const char* folder = std::getenv("UMBEL_DATA")) return folder;
-  return std::filesystem::path(__FILE__).parent_path() / "../../../../shared/data";
-}
 
 /// A binary PLY file of float x y z first in each vertex and triangles as `list uchar int`;
 /// nothing where there is none, or one of another kind.

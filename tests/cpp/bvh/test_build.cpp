@@ -7,6 +7,7 @@
 #include "../../../bench/ply_reader.hpp"
 #include "base/math.hpp"
 #include "bvh/tree_tests.hpp"
+#include "data_folder.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -49,8 +50,8 @@ std::vector<Aabb> growing(uint32_t count, float smallest, float factor) {
   return boxes;
 }
 
-class BothBuilders : public testing::TestWithParam<Builder> {};
-INSTANTIATE_TEST_SUITE_P(Build, BothBuilders, testing::Values(Builder::kSweep, Builder::kBinned),
+class BothBuilders : public ::testing::TestWithParam<Builder> {};
+INSTANTIATE_TEST_SUITE_P(Build, BothBuilders, ::testing::Values(Builder::kSweep, Builder::kBinned),
                          [](const auto& info) { return std::string(name(info.param)); });
 
 TEST_P(BothBuilders, are_sound) { expect_sound_builder(with(GetParam())); }
@@ -302,10 +303,7 @@ TEST(Build, refuses_impossible_configurations_naming_field_and_value) {
   refuses("builder", [](Config& c) { c.builder = Builder::kSpatial; });
 }
 
-fs::path data_folder() {
-  if (const char* folder = std::getenv("UMBEL_DATA")) return folder;
-  return fs::path(__FILE__).parent_path() / "../../../../shared/data";
-}
+using umbel::testing::data_folder;
 
 TEST(Build, real_meshes_give_sound_trees_of_the_sweeps_cost) {
   if (!fs::exists(data_folder())) GTEST_SKIP() << "no meshes";

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "data_folder.hpp"
 #include "umbel/mesh.hpp"
 
 namespace umbel {
@@ -13,10 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path data_folder() {
-  if (const char* folder = std::getenv("UMBEL_DATA")) return folder;
-  return fs::path(__FILE__).parent_path() / "../../../../shared/data";
-}
+using testing::data_folder;
 
 /// Reads the plainest binary PLY: float x y z, and lists of three 32-bit indices.
 std::optional<Mesh> read_plain_ply(const fs::path& path) {
