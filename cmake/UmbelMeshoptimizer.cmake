@@ -10,6 +10,8 @@
 #
 # Sets UMBEL_CLUSTERLOD_DIR to the folder of clusterlod.h, where there is one.
 
+include(UmbelCargo)
+
 set(umbel_meshoptimizer_version 1.0)
 set(umbel_meshoptimizer_tag v1.2)
 set(UMBEL_MESHOPTIMIZER auto CACHE STRING "Where meshoptimizer comes from: auto, system, cargo, github")
@@ -33,45 +35,11 @@ macro(umbel_meshoptimizer_from_system)
   endif()
 endmacro()
 
-# Asks Cargo where the crate's sources lie, which downloads them if need be. Cargo runs on a copy
-# of the manifest, because it writes a Cargo.lock beside it.
 function(umbel_meshoptimizer_from_cargo)
-  find_program(UMBEL_CARGO cargo)
-  mark_as_advanced(UMBEL_CARGO)
-  if(NOT UMBEL_CARGO)
-    message(STATUS "meshoptimizer: no cargo here to fetch the crate with")
-    return()
+  umbel_crate_folder(meshoptimizer meshopt folder)
+  if(folder)
+    set(umbel_meshoptimizer_found "${folder}/vendor" PARENT_SCOPE)
   endif()
-  set(manifest_folder ${PROJECT_BINARY_DIR}/meshoptimizer-crate)
-  file(COPY ${PROJECT_SOURCE_DIR}/cmake/meshoptimizer/ DESTINATION ${manifest_folder})
-  set(ask ${UMBEL_CARGO} metadata --format-version 1 --manifest-path ${manifest_folder}/Cargo.toml)
-  execute_process(
-    COMMAND ${ask} --offline
-    OUTPUT_VARIABLE answer ERROR_QUIET RESULT_VARIABLE status)
-  if(NOT status EQUAL 0)
-    message(STATUS "meshoptimizer: fetching the crate with cargo")
-    execute_process(
-      COMMAND ${ask}
-      OUTPUT_VARIABLE answer ERROR_VARIABLE error RESULT_VARIABLE status)
-  endif()
-  if(NOT status EQUAL 0)
-    string(STRIP "${error}" error)
-    message(STATUS "meshoptimizer: cargo could not fetch the crate: ${error}")
-    return()
-  endif()
-  string(JSON count LENGTH "${answer}" packages)
-  math(EXPR last "${count} - 1")
-  foreach(i RANGE ${last})
-    string(JSON name GET "${answer}" packages ${i} name)
-    if(name STREQUAL "meshopt")
-      string(JSON manifest GET "${answer}" packages ${i} manifest_path)
-      file(TO_CMAKE_PATH "${manifest}" manifest)
-      get_filename_component(folder "${manifest}" DIRECTORY)
-      set(umbel_meshoptimizer_found "${folder}/vendor" PARENT_SCOPE)
-      return()
-    endif()
-  endforeach()
-  message(STATUS "meshoptimizer: cargo's answer names no crate `meshopt`")
 endfunction()
 
 function(umbel_meshoptimizer_from_github)
