@@ -20,7 +20,7 @@ CTEST_ARGS ?=
 PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.md) cmake include \
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
-.PHONY: help setup tools build test test-cpp test-python test-install test-asan test-tsan \
+.PHONY: help setup tools build test test-cpp test-python test-viewer test-install test-asan test-tsan \
         fuzz demo lint format bench clean
 
 help:  ## what there is to make
@@ -39,13 +39,16 @@ build: setup  ## the library, the C++ tests and the benchmarks, in build/release
 	@cmake -DUMBEL_WERROR=$(UMBEL_WERROR) build/release >build/configure.log
 	@cmake --build build/release
 
-test: test-cpp test-python test-install  ## every test
+test: test-cpp test-python test-viewer test-install  ## every test
 
 test-cpp: build  ## the C++ tests
 	@ctest --test-dir build/release --output-on-failure --no-tests=error -j $(JOBS) $(CTEST_ARGS)
 
 test-python: setup  ## the Python tests
 	@.venv/bin/python -m pytest $(PYTEST_ARGS)
+
+test-viewer: setup  ## the web viewer's tests
+	@scripts/node.sh test
 
 test-install: build  ## projects that use Umbel by find_package and by add_subdirectory
 	@scripts/test_install.sh

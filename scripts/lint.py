@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TOOLS = Path(sys.executable).parent
 COMPILE_COMMANDS = ROOT / "build" / "release" / "compile_commands.json"
 CPP_SUFFIXES = (".cpp", ".hpp", ".cu", ".cuh", ".h")
-PYTHON = ["python", "scripts", "tests"]
+PYTHON = ["python", "scripts", "tests", "viewer/tests"]
 
 
 def output_of(*command: str) -> list[str]:
@@ -86,6 +86,11 @@ def layers() -> bool:
     return run(sys.executable, ROOT / "scripts" / "check_layers.py")
 
 
+def viewer(fix: bool) -> bool:
+    """Formatting, lint and types of the web viewer."""
+    return run(ROOT / "scripts" / "node.sh", "format" if fix else "lint")
+
+
 def tidy_one(source: str) -> tuple[str, bool, str]:
     """clang-tidy on one source file: its name, whether it is clean, what was said."""
     command = [TOOLS / "clang-tidy", "--quiet", "--warnings-as-errors=*"]
@@ -127,6 +132,7 @@ def main() -> int:
     checks: dict[str, Callable[[], bool]] = {
         "clang-format": lambda: clang_format(options.fix),
         "ruff": lambda: ruff(options.fix),
+        "viewer": lambda: viewer(options.fix),
     }
     if not options.fix:
         checks["layers"] = layers

@@ -1,0 +1,3 @@
+import { makeAssets } from "../assets.js";
+
+export default makeAssets;

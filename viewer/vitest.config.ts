@@ -1,0 +1,9 @@
+import { defineConfig } from "vitest/config";
+
+export default defineConfig({
+  test: {
+    include: ["tests/unit/**/*.test.ts"],
+    globalSetup: ["tests/unit/setup.ts"],
+    pool: "threads",
+  },
+});
