@@ -7,7 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../viewer"
 
-if ! command -v npm >/dev/null || ! node -e 'process.exit(parseInt(process.versions.node) < 20)'; then
+if ! command -v npm >/dev/null || ! node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)'; then
   echo "viewer: $1 is left out: it needs Node 20 or newer"
   exit "$([[ -n ${CI:-} ]] && echo 1 || echo 0)"
 fi
