@@ -148,6 +148,12 @@ class UMBEL_API KdTree {
   void set_traversal(Traversal traversal);
   Traversal traversal() const;
 
+  /// Writes beside `path`, then renames. Ropes are not kept. Format: docs/kdtree.md.
+  void save(const std::string& path) const;
+  /// Throws kIo, kCorrupt or kUnsupported; no query on what it returns can leave the file's arrays.
+  static KdTree load(const std::string& path, Traversal traversal = Traversal::kStack,
+                     Simd simd = Simd::kAuto);
+
   Statistics statistics() const;
   Aabb bounds() const;
   uint32_t triangle_count() const;  ///< of the mesh, dropped ones included

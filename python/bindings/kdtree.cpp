@@ -91,6 +91,21 @@ void bind_kdtree(nb::module_& module) {
           [](KdTree& self, const std::string& name) {
             self.set_traversal(kdtree::traversal_by_name(name));
           })
+      .def(
+          "save",
+          [](const KdTree& self, const std::string& path) {
+            nb::gil_scoped_release release;
+            self.save(path);
+          },
+          "path"_a)
+      .def_static(
+          "load",
+          [](const std::string& path, const std::string& traversal) {
+            const kdtree::Traversal wanted = kdtree::traversal_by_name(traversal);
+            nb::gil_scoped_release release;
+            return KdTree::load(path, wanted);
+          },
+          "path"_a, "traversal"_a)
       .def("statistics", &statistics_dict)
       .def_prop_ro("bounds",
                    [](const KdTree& self) {

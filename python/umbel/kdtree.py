@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,14 @@ from .repair import Progress
 
 BUILDERS = ("exact", "binned")
 TRAVERSALS = ("stack", "ropes", "short-stack")
+
+
+def _traversal(ropes: bool, name: str | None) -> str:
+    if name is None:
+        return "ropes" if ropes else "stack"
+    if name not in TRAVERSALS:
+        raise Error(f"traversal must be {' or '.join(map(repr, TRAVERSALS))}, not {name!r}")
+    return name
 
 
 class KdTree(RayQueries):
@@ -66,7 +75,7 @@ class KdTree(RayQueries):
         config.compact = bool(compact)
         options: dict[str, Any] = {
             "builder": builder,
-            "traversal": traversal or ("ropes" if ropes else "stack"),
+            "traversal": _traversal(ropes, traversal),
             "cost": cost,
             "empty_bonus": empty_bonus,
             "max_depth": max_depth,
@@ -90,6 +99,25 @@ class KdTree(RayQueries):
             thread_count(threads),
         )
 
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        ropes: bool = False,
+        *,
+        traversal: str | None = None,
+    ) -> KdTree:
+        """Reads what `save` wrote; a file that is not whole is refused."""
+        self = cls.__new__(cls)
+        way = _traversal(ropes, traversal)
+        self._native = _umbel.KdTree.load(os.fspath(path), way)
+        return self
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a `.umkd` file, beside its name first, so that no half file is left. Ropes are
+        not kept."""
+        self._native.save(os.fspath(path))
+
     @property
     def traversal(self) -> str:
         """ "stack", "ropes" or "short-stack"; may be changed."""
@@ -97,9 +125,7 @@ class KdTree(RayQueries):
 
     @traversal.setter
     def traversal(self, name: str) -> None:
-        if name not in TRAVERSALS:
-            raise Error(f"traversal must be {' or '.join(map(repr, TRAVERSALS))}, not {name!r}")
-        self._native.traversal = name
+        self._native.traversal = _traversal(False, name)
 
     def statistics(self) -> dict[str, Any]:
         """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests

@@ -2,69 +2,29 @@
 // that a file can be mapped. docs/bvh.md has every byte. Loading checks the checksums first and
 // then, because a checksum proves nothing about who wrote it, every link: what it returns is a
 // tree, and no query on it can leave its arrays or go round in circles.
-#include <array>
-#include <atomic>
 #include <bit>
 #include <cmath>
 #include <string>
 
-#include "base/bytes.hpp"
-#include "base/file.hpp"
-#include "base/hash.hpp"
-#include "base/parallel.hpp"
+#include "base/container.hpp"
 #include "bvh/walk.hpp"
 
 namespace umbel {
 namespace {
 
-constexpr std::array<char, 8> kMagic{'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'};
-constexpr uint16_t kMajor = 1, kMinor = 0;
-constexpr uint64_t kHeaderBytes = 192, kAlignment = 64;
+constexpr ContainerKind kKind{".umbvh", {'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'}, 1, 0};
 constexpr uint32_t kCompact = 1, kMasked = 2, kRepeats = 4;
 
-/// Where an array lies in the file.
-struct Section {
-  uint64_t offset, bytes, checksum;
-};
-constexpr size_t kSections = 3;  // nodes, leaves, vertices
-
-using SectionBytes = std::array<std::span<std::byte>, kSections>;
-
 /// The arrays as bytes, in the order of the file.
-SectionBytes sections_of(TriangleBvhData& data) {
+ContainerArrays arrays_of(TriangleBvhData& data) {
   return {std::as_writable_bytes(std::span(data.nodes)),
           std::as_writable_bytes(std::span(data.leaves)),
           std::as_writable_bytes(std::span(data.vertices))};
 }
 
-/// The file's words as this machine's, or the reverse.
-void swap_words(std::span<std::byte> bytes) {
-  if constexpr (std::endian::native == std::endian::little) return;
-  for (size_t i = 0; i + 4 <= bytes.size(); i += 4) {
-    uint32_t word;
-    std::memcpy(&word, bytes.data() + i, 4);
-    word = little_endian(word);
-    std::memcpy(bytes.data() + i, &word, 4);
-  }
-}
-
-/// Checksums of large arrays take as long as reading them, so each is hashed on its own core.
-std::array<uint64_t, kSections> checksums(const SectionBytes& sections) {
-  std::array<uint64_t, kSections> sums{};
-  parallel_for(kSections, 1,
-               [&](size_t i) { sums[i] = xxh64(sections[i].data(), sections[i].size()); });
-  return sums;
-}
-
-std::array<std::byte, kHeaderBytes> encode_header(const TriangleBvhData& data,
-                                                  const std::array<Section, kSections>& sections,
-                                                  uint64_t file_bytes) {
-  std::array<std::byte, kHeaderBytes> header{};
-  ByteWriter out(header);
-  out.bytes(kMagic.data(), kMagic.size());
-  out.u16(kMajor), out.u16(kMinor);
-  out.u32(static_cast<uint32_t>(kHeaderBytes));
-  out.u64(file_bytes);
+ContainerFields encode(const TriangleBvhData& data) {
+  ContainerFields fields{};
+  ByteWriter out(fields);
   out.u32(data.width), out.u32(data.max_depth);
   out.u32(data.triangle_count), out.u32(data.leaf_count), out.u32(data.reference_count);
   out.u32((data.compact ? kCompact : 0) | (data.masked ? kMasked : 0) |
@@ -73,36 +33,13 @@ std::array<std::byte, kHeaderBytes> encode_header(const TriangleBvhData& data,
   out.u64(std::bit_cast<uint64_t>(data.sah_cost));
   out.u64(std::bit_cast<uint64_t>(data.built_sah_cost));
   out.vec3(data.bounds.min), out.vec3(data.bounds.max);
-  out.u64(0), out.u64(0);
-  for (const Section& section : sections)
-    out.u64(section.offset), out.u64(section.bytes), out.u64(section.checksum);
-  out.u64(xxh64(header.data(), out.position()));
-  return header;
+  return fields;
 }
 
-struct Header {
-  TriangleBvhData data;  ///< without its arrays
-  std::array<Section, kSections> sections;
-};
-
-Header decode_header(std::span<const std::byte> bytes, uint64_t file_bytes) {
-  if (std::memcmp(bytes.data(), kMagic.data(), kMagic.size()) != 0)
-    corrupt("it does not begin as a .umbvh file does");
-  ByteReader in(bytes);
-  in.skip_to(kHeaderBytes - 8);
-  const uint64_t checksum = in.u64();
-  in.skip_to(8);
-  const uint16_t major = in.u16();
-  if (checksum != xxh64(bytes.data(), kHeaderBytes - 8))
-    corrupt("the header's checksum does not fit");
-  if (major != kMajor)
-    throw Error(ErrorCode::kUnsupported, "its format version is " + std::to_string(major) +
-                                             ", this library reads " + std::to_string(kMajor));
-  in.u16();
-  if (in.u32() != kHeaderBytes) corrupt("the header's size is wrong");
-  if (in.u64() != file_bytes) corrupt("the file is not as long as its header says");
-  Header header{};
-  TriangleBvhData& data = header.data;
+/// All but the arrays.
+TriangleBvhData decode(const ContainerFields& fields) {
+  ByteReader in(fields);
+  TriangleBvhData data;
   data.width = in.u32(), data.max_depth = in.u32();
   data.triangle_count = in.u32(), data.leaf_count = in.u32(), data.reference_count = in.u32();
   const uint32_t flags = in.u32();
@@ -114,14 +51,11 @@ Header decode_header(std::span<const std::byte> bytes, uint64_t file_bytes) {
   data.built_sah_cost = std::bit_cast<double>(in.u64());
   data.bounds.min = in.vec3(), data.bounds.max = in.vec3();
   if (in.u64() != 0 || in.u64() != 0) corrupt("the header's reserved bytes are not zero");
-  for (Section& section : header.sections)
-    section.offset = in.u64(), section.bytes = in.u64(), section.checksum = in.u64();
-  return header;
+  return data;
 }
 
 /// What the header says of the arrays must agree with itself before anything is allocated.
-void check_header(const Header& header, uint64_t file_bytes) {
-  const TriangleBvhData& data = header.data;
+void check_header(const TriangleBvhData& data, const ContainerFile& file) {
   if (data.width != 2 && data.width != 4 && data.width != 8)
     corrupt("its width is " + std::to_string(data.width));
   if (data.max_depth > kMaxWalkDepth) corrupt("it is " + std::to_string(data.max_depth) + " deep");
@@ -130,23 +64,14 @@ void check_header(const Header& header, uint64_t file_bytes) {
       !std::isfinite(data.cost.traversal) || !std::isfinite(data.cost.intersection) ||
       !(data.sah_cost >= 0) || !(data.built_sah_cost >= 0))
     corrupt("its costs are not positive numbers");
-  uint64_t end = kHeaderBytes;
-  for (const Section& section : header.sections) {
-    if (section.offset != aligned(end, kAlignment) || section.offset > file_bytes ||
-        section.bytes > file_bytes - section.offset)
-      corrupt("its arrays are not where they should be");
-    end = section.offset + section.bytes;
-  }
-  if (end != file_bytes) corrupt("bytes follow its last array");
   const uint64_t leaf_words =
       data.reference_count == 0
           ? 0
           : uint64_t{data.reference_count} * data.reference_words() + kLeafPadding;
-  if (header.sections[0].bytes % (uint64_t{4} * data.node_words()) != 0 ||
-      header.sections[0].bytes / (uint64_t{4} * data.node_words()) >= kLeafBit ||
-      header.sections[1].bytes != 4 * leaf_words || header.sections[2].bytes % sizeof(Vec3) != 0 ||
-      (!data.compact && header.sections[2].bytes != 0) ||
-      (header.sections[0].bytes == 0) != (data.reference_count == 0))
+  const uint64_t node_bytes = uint64_t{4} * data.node_words();
+  if (file.bytes(0) % node_bytes != 0 || file.bytes(0) / node_bytes >= kLeafBit ||
+      file.bytes(1) != 4 * leaf_words || file.bytes(2) % sizeof(Vec3) != 0 ||
+      (!data.compact && file.bytes(2) != 0) || (file.bytes(0) == 0) != (data.reference_count == 0))
     corrupt("its arrays do not have the sizes that its header asks for");
 }
 
@@ -262,82 +187,27 @@ void check_tree(const TriangleBvhData& data) {
   TreeChecker(data).run();
 }
 
-/// What lies between arrays, so that every byte of a file is accounted for.
-void check_padding(const InputFile& file, const std::array<Section, kSections>& sections) {
-  uint64_t end = kHeaderBytes;
-  for (const Section& section : sections) {
-    std::array<std::byte, kAlignment> padding{};
-    const std::span used = std::span(padding).first(section.offset - end);
-    file.read(end, used);
-    for (const std::byte b : used)
-      if (b != std::byte{0}) corrupt("bytes between its arrays are not zero");
-    end = section.offset + section.bytes;
-  }
-}
-
-void read_arrays(const InputFile& file, Header& header) {
-  TriangleBvhData& data = header.data;
-  data.nodes.resize(header.sections[0].bytes / 4);
-  data.leaves.resize(header.sections[1].bytes / 4);
-  data.vertices.resize(header.sections[2].bytes / sizeof(Vec3));
-  const SectionBytes sections = sections_of(data);
-  for (size_t i = 0; i < kSections; ++i) file.read(header.sections[i].offset, sections[i]);
-  const auto sums = checksums(sections);
-  for (size_t i = 0; i < kSections; ++i)
-    if (sums[i] != header.sections[i].checksum)
-      corrupt("the checksum of array " + std::to_string(i) + " does not fit");
-  for (const std::span<std::byte> section : sections) swap_words(section);
-}
-
 TriangleBvhData read_file(const std::string& path) {
-  const InputFile file(path);
-  if (file.size() < kHeaderBytes) corrupt("it is shorter than a header");
-  std::array<std::byte, kHeaderBytes> bytes;
-  file.read(0, bytes);
-  Header header = decode_header(bytes, file.size());
-  check_header(header, file.size());
-  check_padding(file, header.sections);
-  read_arrays(file, header);
-  check_tree(header.data);
-  return std::move(header.data);
+  const ContainerFile file(path, kKind);
+  TriangleBvhData data = decode(file.fields());
+  check_header(data, file);
+  data.nodes.resize(file.bytes(0) / 4);
+  data.leaves.resize(file.bytes(1) / 4);
+  data.vertices.resize(file.bytes(2) / sizeof(Vec3));
+  file.read(arrays_of(data));
+  check_tree(data);
+  return data;
 }
 
 }  // namespace
 
 void TriangleBvh::save(const std::string& path) const {
-  OutputFile file(path);
-  // Only a machine of the other byte order writes something else than what it holds.
-  TriangleBvhData swapped;
-  TriangleBvhData* data = data_.get();
-  if constexpr (std::endian::native != std::endian::little) {
-    swapped = *data_;
-    data = &swapped;
-    for (const std::span<std::byte> section : sections_of(swapped)) swap_words(section);
-  }
-  const SectionBytes bytes = sections_of(*data);
-  const auto sums = checksums(bytes);
-  std::array<Section, kSections> sections;
-  uint64_t end = kHeaderBytes;
-  for (size_t i = 0; i < kSections; ++i) {
-    sections[i] = {aligned(end, kAlignment), bytes[i].size(), sums[i]};
-    const std::array<std::byte, kAlignment> zeros{};
-    file.write(end, std::span(zeros).first(sections[i].offset - end));
-    file.write(sections[i].offset, bytes[i]);
-    end = sections[i].offset + sections[i].bytes;
-  }
-  file.write(0, encode_header(*data, sections, end));
-  file.commit();
+  write_container(path, kKind, encode(*data_), arrays_of(*data_));
 }
 
 TriangleBvh TriangleBvh::load(const std::string& path, Simd simd) {
   TriangleBvh result;
-  try {
-    static_cast<TriangleBvhData&>(*result.data_) = read_file(path);
-  } catch (const Error& error) {
-    // Sentences about the contents do not name the file; those of the system do.
-    if (error.code() == ErrorCode::kIo) throw;
-    throw Error(error.code(), path + " cannot be read: " + error.what());
-  }
+  static_cast<TriangleBvhData&>(*result.data_) = reading(path, [&] { return read_file(path); });
   prepare_rays(*result.data_, simd);
   return result;
 }

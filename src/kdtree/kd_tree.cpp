@@ -73,9 +73,7 @@ void fill_leaves(const Tree& tree, const MeshView& mesh, std::span<const uint32_
   uint32_t filled = 0;
   for (const Node& node : tree.nodes) {
     if (!node.is_leaf() || node.first < filled) continue;  // else shared
-    for (uint32_t done = 0; done < node.count(); done += kMaxLeafTriangles)
-      links.push_back(LeafStore::leaf_link(node.first + done,
-                                           std::min(kMaxLeafTriangles, node.count() - done)));
+    visit_links(node, [&](uint32_t link) { links.push_back(link); });
     filled += node.count();
   }
   std::vector<uint32_t> places;
@@ -106,9 +104,6 @@ KdTreeData make_data(const Tree& tree, const MeshView& mesh, const KdTreeConfig&
 }
 
 }  // namespace
-
-/// Only a name for KdTree's private part.
-struct KdTree::Data : KdTreeData {};
 
 std::string_view name(Traversal traversal) {
   check_traversal(traversal);

@@ -1,6 +1,8 @@
 // What a KdTree holds.
 #pragma once
 
+#include <algorithm>
+
 #include "bvh/triangle_bvh_data.hpp"
 #include "umbel/kdtree.hpp"
 
@@ -30,6 +32,17 @@ struct KdTreeData : LeafStore {
   BigVector<RopeLeaf> rope_leaves;
   BigVector<uint32_t> rope_leaf_of;  ///< by node; only those of leaves mean anything
 };
+
+/// Only a name for KdTree's private part.
+struct kdtree::KdTree::Data : KdTreeData {};
+
+/// Calls visit(link) for the triangles of a leaf, eight at a time.
+template <typename Visit>
+void visit_links(const kdtree::Node& leaf, const Visit& visit) {
+  for (uint32_t done = 0; done < leaf.count(); done += kMaxLeafTriangles)
+    visit(
+        LeafStore::leaf_link(leaf.first + done, std::min(kMaxLeafTriangles, leaf.count() - done)));
+}
 
 /// Makes rope_leaves and rope_leaf_of.
 void make_ropes(KdTreeData& data);

@@ -12,7 +12,7 @@ from conftest import Umbel
 from umbel.kdtree import BUILDERS, TRAVERSALS
 
 FIELDS = {
-    *("builder", "nodes", "leaves", "max_depth", "sah_cost", "build_seconds", "bytes"),
+    *("builder", "nodes", "leaves", "max_depth", "sah_cost", "epo", "build_seconds", "bytes"),
     *("primary_mrays_per_second", "diffuse_mrays_per_second", "references_per_triangle"),
 }
 
@@ -77,6 +77,28 @@ def test_statistics_agree_with_each_other() -> None:
     assert str(found["nodes"]) in repr(tree)
 
 
+def test_a_saved_tree_is_loaded_as_it_was(tmp_path: Path) -> None:
+    mesh = umbel.shapes.blob(3)
+    tree = umbel.KdTree(mesh)
+    tree.save(tmp_path / "a.umkd")
+    loaded = umbel.KdTree.load(tmp_path / "a.umkd", ropes=True)
+    assert loaded.traversal == "ropes"
+    rays = _rays()
+    assert np.array_equal(loaded.intersect(*rays).primitive, tree.intersect(*rays).primitive)
+    loaded.traversal = "stack"
+    loaded.save(tmp_path / "b.umkd")
+    whole = (tmp_path / "a.umkd").read_bytes()
+    assert (tmp_path / "b.umkd").read_bytes() == whole
+    assert len(loaded) == len(tree) and np.array_equal(loaded.bounds, tree.bounds)
+    (tmp_path / "b.umkd").write_bytes(whole[:-1])
+    with pytest.raises(umbel.Error, match=r"b\.umkd cannot be read"):
+        umbel.KdTree.load(tmp_path / "b.umkd")
+    with pytest.raises(umbel.Error):
+        umbel.KdTree.load(tmp_path / "missing.umkd")
+    with pytest.raises(umbel.Error, match="traversal"):
+        umbel.KdTree.load(tmp_path / "a.umkd", traversal="rope")
+
+
 @pytest.mark.parametrize(
     "options",
     [
@@ -112,13 +134,17 @@ def test_no_triangles_no_hits() -> None:
     assert tree.bounds is None and not tree.occluded(*_rays(5)).any()
 
 
-def test_command_says_what_it_built(umbel_command: Umbel, blob_ply: Path) -> None:
-    done = umbel_command("kdtree", blob_ply, "--ropes", "--json")
+def test_command_says_what_it_built(umbel_command: Umbel, blob_ply: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "kept.umkd"
+    done = umbel_command("kdtree", blob_ply, "--ropes", "--json", "-o", kept)
     assert done.status == 0 and set(done.json) >= FIELDS
     said = done.json
     assert said["traversal"] == "ropes" and said["triangles"] == 20_480
     assert said["primary_mrays_per_second"] > 0 and said["diffuse_mrays_per_second"] > 0
+    assert said["file_bytes"] == kept.stat().st_size
+    assert umbel.KdTree.load(kept).statistics()["nodes"] == said["nodes"]
     assert umbel_command("kdtree", blob_ply, "--builder", "octree").status == 1
+    assert umbel_command("kdtree", blob_ply, "-o", tmp_path / "kept.umbvh").status == 1
 
 
 @pytest.mark.filterwarnings("ignore::umbel.LoadWarning")

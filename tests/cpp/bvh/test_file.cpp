@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "asset/scratch.hpp"
-#include "base/hash.hpp"
+#include "base/container_faults.hpp"
 #include "bvh/oracle.hpp"
 
 namespace umbel {
@@ -36,7 +35,7 @@ void ask_everything(const TriangleBvh& tree) {
   }
 }
 
-std::optional<ErrorCode> failure_of(const std::filesystem::path& path) {
+Failure failure_of(const std::filesystem::path& path) {
   try {
     ask_everything(TriangleBvh::load(path.string()));
   } catch (const Error& error) {
@@ -98,140 +97,42 @@ TEST(BvhFile, a_loaded_tree_can_be_refitted) {
   EXPECT_EQ(tree.bounds(), bounds(moved.view()));
 }
 
-TEST(BvhFile, any_byte_that_is_changed_is_noticed) {
+std::vector<char> bytes_of(const Mesh& mesh, const TriangleBvhConfig& config = {}) {
   const Scratch scratch;
+  TriangleBvh::build(mesh.view(), config).save((scratch / "a").string());
+  return read_bytes(scratch / "a");
+}
+
+TEST(BvhFile, any_byte_that_is_changed_is_noticed) {
   for (const TriangleBvhConfig& config : kinds()) {
-    TriangleBvh::build(shapes::sphere(0).view(), config).save((scratch / "a").string());
-    const std::vector<char> whole = read_bytes(scratch / "a");
+    const std::vector<char> whole = bytes_of(shapes::sphere(0), config);
     ASSERT_LT(whole.size(), 4000u);
-    for (size_t at = 0; at < whole.size(); ++at)
-      for (const int flip : {0xff, 0x01}) {
-        std::vector<char> bytes = whole;
-        bytes[at] = static_cast<char>(bytes[at] ^ flip);
-        write_bytes(scratch / "b", bytes);
-        ASSERT_EQ(failure_of(scratch / "b"), ErrorCode::kCorrupt) << "byte " << at;
-      }
+    expect_changed_bytes_are_noticed(whole, failure_of);
   }
 }
 
 TEST(BvhFile, any_length_but_the_right_one_is_noticed) {
-  const Scratch scratch;
-  for (const TriangleBvhConfig& config : kinds()) {
-    TriangleBvh::build(shapes::sphere(0).view(), config).save((scratch / "a").string());
-    std::vector<char> bytes = read_bytes(scratch / "a");
-    write_bytes(scratch / "b", bytes);
-    for (size_t size = bytes.size(); size-- > 0;) {
-      std::filesystem::resize_file(scratch / "b", size);
-      ASSERT_EQ(failure_of(scratch / "b"), ErrorCode::kCorrupt) << size << " bytes";
-    }
-    bytes.push_back(0);
-    write_bytes(scratch / "b", bytes);
-    ASSERT_EQ(failure_of(scratch / "b"), ErrorCode::kCorrupt);
-  }
-}
-
-// ---- files whose checksums are right and whose contents are not ---------------------------------
-
-uint64_t get(const std::vector<char>& bytes, size_t at) {
-  uint64_t value = 0;
-  for (size_t i = 0; i < 8; ++i)
-    value |= uint64_t{static_cast<unsigned char>(bytes[at + i])} << (8 * i);
-  return value;
-}
-
-void put(std::vector<char>& bytes, size_t at, size_t size, uint64_t value) {
-  for (size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<char>(value >> (8 * i));
-}
-
-void repair_checksums(std::vector<char>& bytes) {
-  for (size_t entry = 112; entry < 184; entry += 24) {
-    const uint64_t offset = get(bytes, entry), size = get(bytes, entry + 8);
-    if (offset > bytes.size() || size > bytes.size() - offset) continue;
-    put(bytes, entry + 16, 8, xxh64(bytes.data() + offset, size));
-  }
-  put(bytes, 184, 8, xxh64(bytes.data(), 184));
-}
-
-TEST(BvhFile, repairing_checksums_repairs_nothing_in_a_whole_file) {
-  const Scratch scratch;
-  TriangleBvh::build(shapes::sphere(1).view()).save((scratch / "a").string());
-  const std::vector<char> whole = read_bytes(scratch / "a");
-  std::vector<char> bytes = whole;
-  repair_checksums(bytes);
-  EXPECT_TRUE(bytes == whole);
+  for (const TriangleBvhConfig& config : kinds())
+    expect_other_lengths_are_noticed(bytes_of(shapes::sphere(0), config), failure_of);
 }
 
 TEST(BvhFile, wrong_words_under_right_checksums_are_errors_or_harmless) {
-  const Scratch scratch;
-  for (const TriangleBvhConfig& config : kinds()) {
-    TriangleBvh::build(shapes::sphere(1).view(), config).save((scratch / "a").string());
-    const std::vector<char> whole = read_bytes(scratch / "a");
-    size_t refused = 0;
-    for (size_t at = 0; at + 4 <= whole.size(); at += 4)
-      for (const uint64_t value : {0xffffffffu, 0x7fffffffu, 0u, 1u, 0x80000000u, 0xf0000005u}) {
-        std::vector<char> bytes = whole;
-        put(bytes, at, 4, value);
-        repair_checksums(bytes);
-        write_bytes(scratch / "b", bytes);
-        const std::optional<ErrorCode> failure = failure_of(scratch / "b");
-        if (!failure) continue;
-        ++refused;
-        ASSERT_TRUE(*failure == ErrorCode::kCorrupt || *failure == ErrorCode::kUnsupported)
-            << "byte " << at;
-      }
-    EXPECT_GT(refused, 300u);
-  }
+  for (const TriangleBvhConfig& config : kinds())
+    EXPECT_GT(count_wrong_words_refused(bytes_of(shapes::sphere(1), config), failure_of), 300u);
 }
 
 TEST(BvhFile, random_changes_under_right_checksums_never_crash) {
-  const Scratch scratch;
-  uint64_t state = 7;
-  for (const TriangleBvhConfig& config : kinds()) {
-    TriangleBvh::build(shapes::blob(2, 1).view(), config).save((scratch / "a").string());
-    const std::vector<char> whole = read_bytes(scratch / "a");
-    for (int run = 0; run < 400; ++run) {
-      std::vector<char> bytes = whole;
-      for (uint64_t change = mix64(++state) % 4 + 1; change > 0; --change) {
-        const size_t at = mix64(++state) % (run % 4 ? bytes.size() : 1024);
-        bytes[at] = static_cast<char>(mix64(++state));
-      }
-      repair_checksums(bytes);
-      write_bytes(scratch / "b", bytes);
-      (void)failure_of(scratch / "b");
-    }
-  }
+  for (const TriangleBvhConfig& config : kinds())
+    ask_files_with_random_changes(bytes_of(shapes::blob(2, 1), config), failure_of);
 }
 
-TEST(BvhFile, a_newer_version_is_unsupported) {
-  const Scratch scratch;
-  TriangleBvh::build(shapes::sphere(1).view()).save((scratch / "a").string());
-  std::vector<char> bytes = read_bytes(scratch / "a");
-  put(bytes, 8, 2, 2);
-  repair_checksums(bytes);
-  write_bytes(scratch / "b", bytes);
-  EXPECT_EQ(failure_of(scratch / "b"), ErrorCode::kUnsupported);
-}
-
-TEST(BvhFile, files_that_are_none_are_refused) {
-  const Scratch scratch;
-  EXPECT_EQ(failure_of(scratch / "missing"), ErrorCode::kIo);
-  EXPECT_EQ(failure_of(std::filesystem::temp_directory_path()), ErrorCode::kIo);
-  if (std::filesystem::exists("/dev/zero")) {
-    EXPECT_EQ(failure_of("/dev/zero"), ErrorCode::kIo);
-  }
+TEST(BvhFile, files_that_are_none_or_newer_are_refused) {
+  expect_other_files_are_refused(bytes_of(shapes::sphere(1)), failure_of);
 }
 
 TEST(BvhFile, what_cannot_be_written_leaves_what_was_there) {
-  const Scratch scratch;
   const TriangleBvh tree = TriangleBvh::build(shapes::sphere(1).view());
-  EXPECT_THROW(tree.save((scratch / "no_folder" / "a").string()), Error);
-  EXPECT_THROW(tree.save(std::filesystem::temp_directory_path().string()), Error);
-  if (std::filesystem::exists("/dev/full")) {
-    EXPECT_THROW(tree.save("/dev/full"), Error);
-  }
-  tree.save((scratch / "a").string());
-  tree.save((scratch / "a").string());
-  EXPECT_EQ(scratch.files(), 1u);
+  expect_saving_is_whole_or_nothing([&](const std::string& path) { tree.save(path); });
 }
 
 }  // namespace
