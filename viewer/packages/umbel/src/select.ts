@@ -3,10 +3,19 @@
 
 import { NONE, type Tables } from "./tables.js";
 
-export type View =
-  | { kind: "error"; error: number }
-  | { kind: "camera"; eye: readonly [number, number, number]; threshold: number }
-  | { kind: "level"; level: number };
+export interface CameraView {
+  kind: "camera";
+  eye: readonly [number, number, number];
+  threshold: number;
+  /**
+   * The view's volume: planes (x, y, z, w), inside where x px + y py + z pz + w >= 0. What is
+   * outside may have `offscreen` times the error.
+   */
+  planes?: Float32Array;
+  offscreen?: number;
+}
+
+export type View = { kind: "error"; error: number } | CameraView | { kind: "level"; level: number };
 
 const f = Math.fround;
 const LARGEST = f(3.4028234663852886e38);
@@ -20,7 +29,7 @@ export function cameraView(
   fovY: number,
   height: number,
   pixelError: number,
-): View {
+): CameraView {
   const threshold = f((2 * f(pixelError) * Math.tan(0.5 * f(fovY))) / height);
   return { kind: "camera", eye: [f(eye[0]), f(eye[1]), f(eye[2])], threshold };
 }
@@ -50,12 +59,28 @@ export function distanceOutside(
   return Math.max(f(Math.min(lengthOf(dx, dy, dz), LARGEST) - sphere[at + 3]), 0);
 }
 
+/** Whether sphere `i` lies outside one of the planes. */
+export function isOutside(planes: Float32Array, sphere: Float32Array, i: number): boolean {
+  const at = 4 * i;
+  for (let p = 0; p < planes.length; p += 4) {
+    const distance =
+      planes[p] * sphere[at] +
+      planes[p + 1] * sphere[at + 1] +
+      planes[p + 2] * sphere[at + 2] +
+      planes[p + 3];
+    if (distance < -sphere[at + 3]) return true;
+  }
+  return false;
+}
+
 function tooLarge(sphere: Float32Array, i: number, error: number, view: View): boolean {
   if (error === Infinity) return true;
   if (view.kind === "error") return error > f(view.error);
   if (view.kind === "level") return true;
   const distance = distanceOutside(sphere, i, view.eye[0], view.eye[1], view.eye[2]);
-  return error > f(f(view.threshold) * distance);
+  const isHidden = view.planes !== undefined && isOutside(view.planes, sphere, i);
+  const threshold = isHidden ? view.threshold * (view.offscreen ?? 1) : view.threshold;
+  return error > f(f(threshold) * distance);
 }
 
 /** Whether a group's simplified form is not good enough. */

@@ -1,0 +1,19 @@
+// Reads, decodes, selects and streams .umbel assets.
+
+export type { Attribute, AttributeName, Values } from "./attributes.js";
+export { UmbelError, type UmbelErrorKind } from "./errors.js";
+export { bytesPerVertex, packGroup, type RenderGroup } from "./pack.js";
+export { type GroupGeometry, readPage } from "./page.js";
+export { ABSENT, DAMAGED, LOADING, RESIDENT, Residency } from "./residency.js";
+export { type CameraView, cameraView, mustRefine, select, type View } from "./select.js";
+export { BlobSource, type ByteSource, type HttpOptions, HttpSource } from "./source.js";
+export { AssetStream } from "./stream.js";
+export {
+  type AssetInfo,
+  Streamer,
+  type StreamListener,
+  type StreamOptions,
+  type StreamStatistics,
+  type StreamUpdate,
+} from "./streamer.js";
+export { NONE, readHeader, readTables, type Tables } from "./tables.js";

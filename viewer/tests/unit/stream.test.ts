@@ -1,0 +1,246 @@
+import { describe, expect, test } from "vitest";
+import { isDrawn, keepDrawable, makeDag, settle } from "../../packages/umbel/src/refinement.js";
+import { RESIDENT, Residency } from "../../packages/umbel/src/residency.js";
+import { cameraView, drawnClusters, mustRefine, select } from "../../packages/umbel/src/select.js";
+import { BlobSource, type ByteSource } from "../../packages/umbel/src/source.js";
+import {
+  Streamer,
+  type StreamStatistics,
+  type StreamUpdate,
+} from "../../packages/umbel/src/streamer.js";
+import { readTables } from "../../packages/umbel/src/tables.js";
+import { assetBytes } from "../assets.js";
+
+const FILE = assetBytes("planet");
+const TABLES = readTables(FILE);
+const NEAR = [0, 0, 1.3] as const;
+const HUGE = 2 ** 30;
+
+function random(seed: number): () => number {
+  return () => {
+    seed = (Math.imul(seed, 1664525) + 1013904223) >>> 0;
+    return seed / 2 ** 32;
+  };
+}
+
+function targetOf(view: Parameters<typeof mustRefine>[2]): Uint8Array {
+  return Uint8Array.from({ length: TABLES.groups.count }, (_, g) =>
+    Number(mustRefine(TABLES, g, view)),
+  );
+}
+
+/** Every path from a source cluster to a root has exactly one drawn cluster. */
+function expectOneSurface(refined: Uint8Array): void {
+  const dag = makeDag(TABLES);
+  for (let g = 0; g < dag.groups; ++g)
+    if (refined[g])
+      for (let i = dag.coarser.offsets[g]; i < dag.coarser.offsets[g + 1]; ++i)
+        expect(refined[dag.coarser.targets[i]]).toBe(1);
+}
+
+class MemorySource implements ByteSource {
+  fetched = 0;
+  requests = 0;
+  private readonly source: BlobSource;
+
+  constructor(private readonly bytes: Uint8Array) {
+    this.source = new BlobSource(new Blob([bytes as Uint8Array<ArrayBuffer>]));
+  }
+
+  async read(offset: number, length: number): Promise<Uint8Array> {
+    ++this.requests;
+    const part = await this.source.read(offset, length);
+    this.fetched += part.length;
+    return part;
+  }
+
+  get size(): number {
+    return this.bytes.length;
+  }
+
+  close(): void {}
+}
+
+/** A stream whose updates are kept, and that is waited for. */
+class Watched {
+  readonly resident = new Set<number>();
+  readonly updates: StreamUpdate[] = [];
+  cut: number[] = [];
+  problems: string[] = [];
+  private wake: (() => void) | undefined;
+  streamer!: Streamer;
+
+  static async open(source: ByteSource, budget: number): Promise<Watched> {
+    const watched = new Watched();
+    watched.streamer = await Streamer.open(source, { budget }, watched);
+    return watched;
+  }
+
+  update(update: StreamUpdate): void {
+    for (const group of update.removed) this.resident.delete(group);
+    for (const { group } of update.added) this.resident.add(group);
+    if (update.cuts) this.cut = this.expand(update.cuts[0]);
+    if (update.statistics.residentBytes > update.statistics.budget) this.problems.push("budget");
+    this.updates.push({ ...update, added: [] });
+    this.wake?.();
+  }
+
+  connection(): void {}
+
+  get last(): StreamStatistics {
+    return this.updates[this.updates.length - 1].statistics;
+  }
+
+  async until(condition: (statistics: StreamStatistics) => boolean): Promise<void> {
+    do
+      await new Promise<void>((wake) => {
+        this.wake = wake;
+      });
+    while (!condition(this.last));
+  }
+
+  private expand(runs: Uint32Array): number[] {
+    const { groups } = TABLES;
+    const cut: number[] = [];
+    for (let i = 0; i < runs.length; i += 3) {
+      let group = 0;
+      while (groups.firstCluster[group] + groups.clusterCount[group] <= runs[i]) ++group;
+      if (!this.resident.has(group)) this.problems.push(`group ${group} is drawn but not here`);
+      for (let c = runs[i]; c < runs[i] + runs[i + 1]; ++c) cut.push(c);
+    }
+    return cut;
+  }
+}
+
+describe("refinement", () => {
+  test("with every page here, what is drawn is what is wanted", () => {
+    const dag = makeDag(TABLES);
+    const all = new Uint8Array(dag.groups).fill(1);
+    const target = targetOf(cameraView(NEAR, 0.8, 800, 4));
+    const before = targetOf(cameraView([0, 3, 0], 0.8, 800, 1));
+    expect(settle(dag, target, before, all)).toEqual(target);
+  });
+
+  test("whatever is here, it is one surface that needs nothing that is not", () => {
+    const dag = makeDag(TABLES);
+    const next = random(5);
+    let before = new Uint8Array(dag.groups);
+    for (let round = 0; round < 60; ++round) {
+      const share = next();
+      const here = Uint8Array.from({ length: dag.groups }, (_, g) =>
+        // What was drawn stays, as residency sees to.
+        Number(
+          TABLES.groups.error[g] === Infinity ||
+            next() < share ||
+            (before[g] !== 0 && isDrawn(dag, before, g)),
+        ),
+      );
+      const eye = [next() * 4 - 2, next() * 4 - 2, next() * 4 - 2] as const;
+      const target = targetOf(cameraView(eye, 0.8, 800, 1 + 8 * next()));
+      const refined = settle(dag, target, before, here);
+      expectOneSurface(refined);
+      for (let g = 0; g < dag.groups; ++g)
+        if (refined[g] && isDrawn(dag, refined, g)) expect(here[g]).toBe(1);
+      expect(drawnClusters(TABLES, refined).length).toBeGreaterThan(0);
+      before = new Uint8Array(refined);
+    }
+  });
+
+  test("a group between what is here and what is wanted is not needed", () => {
+    const dag = makeDag(TABLES);
+    const target = targetOf({ kind: "error", error: 0 });
+    const here = Uint8Array.from({ length: dag.groups }, (_, g) => Number(isDrawn(dag, target, g)));
+    const refined = target.slice();
+    keepDrawable(dag, refined, here);
+    expect(refined).toEqual(target);
+    expect(here.filter((is) => !is).length).toBeGreaterThan(10);
+  });
+});
+
+describe("streaming", () => {
+  test("ends at the library's cut, with the coarse first and little more than its bytes", async () => {
+    const source = new MemorySource(FILE);
+    const watched = await Watched.open(source, HUGE);
+    const view = cameraView(NEAR, 0.8, 800, 2);
+    watched.streamer.setViews([view]);
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    expect(watched.cut).toEqual(select(TABLES, view));
+    expect(watched.problems).toEqual([]);
+    const cuts = watched.updates.filter((u) => u.cuts).map((u) => u.statistics.triangles);
+    expect(cuts.find((triangles) => triangles > 0)).toBeLessThan(watched.last.triangles / 8);
+    expect(watched.last.fetchedBytes).toBeLessThan(
+      1.3 * watched.last.wantedFileBytes + TABLES.header.headBytes,
+    );
+  });
+
+  test("follows a camera within its budget, without a hole", async () => {
+    const budget = 3_000_000;
+    const watched = await Watched.open(new MemorySource(FILE), budget);
+    for (let i = 0; i < 40; ++i) {
+      const angle = i / 4;
+      const distance = 1.25 + (i % 10) / 4;
+      const eye = [Math.sin(angle) * distance, 0.2, Math.cos(angle) * distance] as const;
+      watched.streamer.setViews([cameraView(eye, 0.8, 900, 1)]);
+      const waits = i % 7 === 6 || i === 39;
+      await watched.until((s) => !waits || (s.isSettled && s.missingPages === 0));
+    }
+    expect(watched.problems).toEqual([]);
+    expect(watched.last.scale).toBeGreaterThan(1);
+    expect(watched.updates.some((u) => u.removed.length > 0)).toBe(true);
+    expect(watched.last.triangles).toBeGreaterThan(20_000);
+  });
+
+  test("a budget that shrinks is kept, and one that grows is used", async () => {
+    const watched = await Watched.open(new MemorySource(FILE), HUGE);
+    const view = cameraView(NEAR, 0.8, 900, 1);
+    watched.streamer.setViews([view]);
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    const before = watched.last;
+    watched.problems = [];
+    watched.streamer.setBudget(before.residentBytes / 3);
+    await watched.until(
+      (s) => s.isSettled && s.missingPages === 0 && s.residentBytes <= before.residentBytes / 3,
+    );
+    expect(watched.last.triangles).toBeLessThan(before.triangles);
+    watched.streamer.setBudget(HUGE);
+    await watched.until((s) => s.isSettled && s.missingPages === 0 && s.scale === 1);
+    expect(watched.last.triangles).toBe(before.triangles);
+  });
+
+  test("a damaged page stays coarse and is counted", async () => {
+    const bad = FILE.slice();
+    const view = cameraView(NEAR, 0.8, 900, 1);
+    const fine = TABLES.clusters.generating.length;
+    const cut = select(TABLES, view).filter((c) => c < fine / 2);
+    const group = TABLES.groups.firstCluster.findIndex(
+      (first, g) => first <= cut[40] && cut[40] < first + TABLES.groups.clusterCount[g],
+    );
+    bad[TABLES.pages.offset[TABLES.groups.page[group]] + 40] ^= 1;
+    const watched = await Watched.open(new MemorySource(bad), HUGE);
+    watched.streamer.setViews([view]);
+    await watched.until((s) => s.damagedPages === 1 && s.missingPages === 1);
+    expect(watched.problems).toEqual([]);
+    expect(watched.last.triangles).toBeGreaterThan(10_000);
+    expect(watched.cut).not.toContain(cut[40]);
+  });
+
+  test("a thousand cuts keep no more than one", async () => {
+    const residency = new Residency(TABLES, 4_000_000, 16, 12);
+    const next = random(9);
+    for (let i = 0; i < 1000; ++i) {
+      const eye = [next() * 6 - 3, next() * 6 - 3, next() * 6 - 3] as const;
+      residency.setViews([cameraView(eye, 0.8, 800, 2)]);
+      residency.plan();
+      for (let n = residency.next(), k = 0; n && k < 40; n = residency.next(), ++k)
+        residency.arrived(n.page);
+      residency.settle();
+      if (!residency.next() && residency.isHungry) residency.unblock();
+    }
+    const held = residency.state.reduce(
+      (sum, state, page) => (state === RESIDENT ? sum + residency.pageBytes[page] : sum),
+      0,
+    );
+    expect(held).toBeLessThanOrEqual(4_000_000);
+    expect(residency.bytes).toBeLessThanOrEqual(4_000_000);
+  });
+});
