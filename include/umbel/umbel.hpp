@@ -8,6 +8,7 @@
 #include "umbel/cluster.hpp"
 #include "umbel/kdtree.hpp"
 #include "umbel/lod.hpp"
+#include "umbel/lod_select.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/ray_arrays.hpp"
 #include "umbel/triangle_bvh.hpp"

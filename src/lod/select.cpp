@@ -2,18 +2,92 @@
 // 2021): a cluster is in the cut if its group must be refined and the group that it was made
 // from need not be. Errors and spheres never shrink from a generating group to the groups of
 // what it generated, so along every path through the DAG exactly one cluster answers yes.
+#include <algorithm>
+#include <bit>
 #include <numeric>
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
-#include "lod/hierarchy.hpp"
-#include "lod/refine.hpp"
-#include "umbel/lod.hpp"
+#include "lod/cull.hpp"
 
 namespace umbel::lod {
 namespace {
 
 constexpr size_t kChunk = 1 << 14;
+
+// What is known of a group before its clusters are looked at.
+enum : uint8_t { kRefined = 1, kVisible = 2 };
+
+bool in_cut(const Cluster& cluster, const std::vector<uint8_t>& groups) {
+  return groups[cluster.group] == (kRefined | kVisible) &&
+         (cluster.generating_group == kNone || !(groups[cluster.generating_group] & kRefined));
+}
+
+// Whether a walk of the hierarchy must look below this inner node.
+bool opens(const Node& node, const View& view, const Culling& culling) {
+  if (view.kind != View::Kind::kLevel && !error_too_large(node.sphere, node.error, view))
+    return false;
+  return !is_node_outside(node.sphere, culling.planes);
+}
+
+bool is_shown(const Group& group, const View& view, const Culling& culling) {
+  return must_refine(group, view) && !is_outside(group.sphere, culling.planes);
+}
+
+// A set of groups that gives them back in the order of their clusters.
+class GroupSet {
+ public:
+  explicit GroupSet(const Tables& tables)
+      : tables_(tables), words_((tables.groups.size() + 63) / 64, 0) {}
+
+  void insert(uint32_t group) { words_[group / 64] |= uint64_t{1} << group % 64; }
+
+  std::vector<uint32_t> in_order() const {
+    std::vector<uint32_t> groups;
+    for (size_t w = 0; w < words_.size(); ++w)
+      for (uint64_t bits = words_[w]; bits; bits &= bits - 1)
+        groups.push_back(static_cast<uint32_t>(64 * w + std::countr_zero(bits)));
+    const auto earlier = [&](uint32_t a, uint32_t b) {
+      return tables_.groups[a].clusters.offset < tables_.groups[b].clusters.offset;
+    };
+    // They are unless the tables come from elsewhere.
+    if (!std::is_sorted(groups.begin(), groups.end(), earlier))
+      std::sort(groups.begin(), groups.end(), earlier);
+    return groups;
+  }
+
+ private:
+  const Tables& tables_;
+  std::vector<uint64_t> words_;
+};
+
+// Appends the clusters of the cut that a group has.
+void append_cut(const Tables& tables, const View& view, const Culling& culling, uint32_t group,
+                std::vector<uint32_t>& cut) {
+  const bool culls = !culling.planes.empty() || !culling.facing.empty();
+  const Range& range = tables.groups[group].clusters;
+  // Clusters made from the same group stand together, so the last answer often holds.
+  uint32_t asked = kNone;
+  bool generating_refined = false;
+  for (uint32_t c = range.offset; c < range.offset + range.count; ++c) {
+    const uint32_t generating = tables.clusters[c].generating_group;
+    if (generating != asked) {
+      generating_refined = generating != kNone && must_refine(tables.groups[generating], view);
+      asked = generating;
+    }
+    if (generating_refined || (culls && !is_visible(tables, c, view, culling))) continue;
+    cut.push_back(c);
+  }
+}
+
+std::vector<uint32_t> cut_of(const Tables& tables, const View& view, const Culling& culling,
+                             const GroupSet& groups) {
+  std::vector<uint32_t> cut;
+  for (const uint32_t g : groups.in_order()) append_cut(tables, view, culling, g, cut);
+  return cut;
+}
+
+}  // namespace
 
 void check(const View& view) {
   const char* wrong = nullptr;
@@ -33,31 +107,26 @@ void check(const View& view) {
   if (wrong) throw Error(ErrorCode::kInvalidArgument, wrong);
 }
 
-bool in_cut(const Cluster& cluster, const std::vector<uint8_t>& refined) {
-  return refined[cluster.group] &&
-         (cluster.generating_group == kNone || !refined[cluster.generating_group]);
-}
-
-/// Groups that must be refined, found from the root of the hierarchy down.
-std::vector<uint32_t> refined_groups(const Tables& tables, const View& view) {
-  std::vector<uint32_t> found, stack;
-  if (!tables.nodes.empty()) stack.push_back(0);
-  while (!stack.empty()) {
-    const Node& node = tables.nodes[stack.back()];
-    stack.pop_back();
-    if (node.group != kNone) {
-      if (must_refine(tables.groups[node.group], view)) found.push_back(node.group);
-    } else if (view.kind == View::Kind::kLevel || error_too_large(node.sphere, node.error, view)) {
-      for (uint32_t i = 0; i < node.children.count; ++i) stack.push_back(node.children.offset + i);
-    }
+void check(const Tables& tables, const View& view, const Culling& culling) {
+  check(view);
+  const auto reject = [](const std::string& sentence) {
+    throw Error(ErrorCode::kInvalidArgument, sentence);
+  };
+  for (size_t i = 0; i < culling.planes.size(); ++i) {
+    const Plane& plane = culling.planes[i];
+    const double length = std::hypot(double{plane.normal.x}, plane.normal.y, plane.normal.z);
+    if (!(std::fabs(length - 1) <= 1e-5) || !std::isfinite(plane.offset))
+      reject("Culling::planes[" + std::to_string(i) +
+             "] must have a normal of length 1 and a finite offset, but has the length " +
+             std::to_string(length) + " and the offset " + std::to_string(plane.offset));
   }
-  std::sort(found.begin(), found.end(), [&](uint32_t a, uint32_t b) {
-    return tables.groups[a].clusters.offset < tables.groups[b].clusters.offset;
-  });
-  return found;
+  if (culling.facing.empty()) return;
+  if (culling.facing.size() != tables.clusters.size())
+    reject("Culling::facing has " + std::to_string(culling.facing.size()) +
+           " elements, but there are " + std::to_string(tables.clusters.size()) + " clusters");
+  if (view.kind != View::Kind::kCamera)
+    reject("Culling::facing needs a camera: other views have no eye");
 }
-
-}  // namespace
 
 bool must_refine(const Group& group, const View& view) {
   if (view.kind == View::Kind::kLevel)
@@ -66,16 +135,31 @@ bool must_refine(const Group& group, const View& view) {
 }
 
 std::vector<uint32_t> select(const Tables& tables, const View& view) {
-  check(view);
-  std::vector<uint8_t> refined(tables.groups.size());
-  parallel_for(tables.groups.size(), kChunk,
-               [&](size_t g) { refined[g] = must_refine(tables.groups[g], view); });
+  return select(tables, view, Culling{});
+}
+
+std::vector<uint32_t> select_hierarchy(const Tables& tables, const View& view) {
+  return select_hierarchy(tables, view, Culling{});
+}
+
+std::vector<uint32_t> select(const Tables& tables, const View& view, const Culling& culling) {
+  check(tables, view, culling);
+  std::vector<uint8_t> groups(tables.groups.size());
+  parallel_for(tables.groups.size(), kChunk, [&](size_t g) {
+    const Group& group = tables.groups[g];
+    groups[g] = static_cast<uint8_t>((must_refine(group, view) ? kRefined : 0) |
+                                     (is_outside(group.sphere, culling.planes) ? 0 : kVisible));
+  });
 
   const size_t count = tables.clusters.size();
+  const auto chosen = [&](size_t c) {
+    return in_cut(tables.clusters[c], groups) &&
+           is_visible(tables, static_cast<uint32_t>(c), view, culling);
+  };
   std::vector<size_t> offsets((count + kChunk - 1) / kChunk + 1, 0);
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     size_t selected = 0;
-    for (size_t c = begin; c < end; ++c) selected += in_cut(tables.clusters[c], refined);
+    for (size_t c = begin; c < end; ++c) selected += chosen(c);
     offsets[begin / kChunk + 1] = selected;
   });
   std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
@@ -84,60 +168,50 @@ std::vector<uint32_t> select(const Tables& tables, const View& view) {
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     size_t at = offsets[begin / kChunk];
     for (size_t c = begin; c < end; ++c)
-      if (in_cut(tables.clusters[c], refined)) cut[at++] = static_cast<uint32_t>(c);
+      if (chosen(c)) cut[at++] = static_cast<uint32_t>(c);
   });
   return cut;
 }
 
-std::vector<uint32_t> select_hierarchy(const Tables& tables, const View& view) {
-  check(view);
-  std::vector<uint32_t> cut;
-  for (const uint32_t g : refined_groups(tables, view)) {
-    const Range& range = tables.groups[g].clusters;
-    // Clusters made from the same group stand together, so the last answer often holds.
-    uint32_t asked = kNone;
-    bool generating_refined = false;
-    for (uint32_t c = range.offset; c < range.offset + range.count; ++c) {
-      const uint32_t generating = tables.clusters[c].generating_group;
-      if (generating != asked) {
-        generating_refined = generating != kNone && must_refine(tables.groups[generating], view);
-        asked = generating;
-      }
-      if (!generating_refined) cut.push_back(c);
+std::vector<uint32_t> select_hierarchy(const Tables& tables, const View& view,
+                                       const Culling& culling) {
+  check(tables, view, culling);
+  GroupSet groups(tables);
+  std::vector<uint32_t> stack;
+  if (!tables.nodes.empty()) stack.push_back(0);
+  while (!stack.empty()) {
+    const Node& node = tables.nodes[stack.back()];
+    stack.pop_back();
+    if (node.group != kNone) {
+      if (is_shown(tables.groups[node.group], view, culling)) groups.insert(node.group);
+    } else if (opens(node, view, culling)) {
+      for (uint32_t i = 0; i < node.children.count; ++i) stack.push_back(node.children.offset + i);
     }
   }
-  return cut;
+  return cut_of(tables, view, culling, groups);
 }
 
-float error_for_triangles(const Tables& tables, uint64_t max_triangles) {
-  // A cluster is in the cut of every error in [its generating group's, its group's).
-  struct Event {
-    float error;
-    int64_t triangles;
-  };
-  std::vector<Event> events;
-  events.reserve(2 * tables.clusters.size());
-  int64_t triangles = 0;
-  float coarsest = 0;
-  for (const Group& group : tables.groups)
-    if (std::isfinite(group.error)) coarsest = std::max(coarsest, group.error);
-  for (const Cluster& cluster : tables.clusters) {
-    const float enters =
-        cluster.generating_group == kNone ? 0.0f : tables.groups[cluster.generating_group].error;
-    const float leaves = tables.groups[cluster.group].error;
-    if (!(enters < leaves)) continue;
-    events.push_back({enters, cluster.triangle_count});
-    if (std::isfinite(leaves)) events.push_back({leaves, -int64_t{cluster.triangle_count}});
+std::vector<uint32_t> select_breadth_first(const Tables& tables, const View& view,
+                                           const Culling& culling) {
+  check(tables, view, culling);
+  GroupSet groups(tables);
+  std::vector<uint32_t> layer, next;
+  if (!tables.nodes.empty()) layer.push_back(0);
+  while (!layer.empty()) {
+    // Each node says by itself how many nodes of the next layer are below it: nothing, for a leaf.
+    // A scan of those numbers is where each of them writes its children.
+    next.clear();
+    for (const uint32_t n : layer) {
+      const Node& node = tables.nodes[n];
+      if (node.group != kNone) {
+        if (is_shown(tables.groups[node.group], view, culling)) groups.insert(node.group);
+      } else if (opens(node, view, culling)) {
+        for (uint32_t i = 0; i < node.children.count; ++i) next.push_back(node.children.offset + i);
+      }
+    }
+    std::swap(layer, next);
   }
-  std::sort(events.begin(), events.end(),
-            [](const Event& a, const Event& b) { return a.error < b.error; });
-  size_t i = 0;
-  for (float error = 0; true; error = events[i].error) {
-    for (; i < events.size() && events[i].error <= error; ++i) triangles += events[i].triangles;
-    if (triangles <= static_cast<int64_t>(std::min<uint64_t>(max_triangles, INT64_MAX)))
-      return error;
-    if (i == events.size()) return coarsest;
-  }
+  return cut_of(tables, view, culling, groups);
 }
 
 float cut_error(const Tables& tables, std::span<const uint32_t> cut) {
