@@ -16,6 +16,10 @@
 
 namespace umbel::lod {
 
+/// Throws kCorrupt, naming the first fault, unless every index in the tables leads to what it
+/// should. Tables that were built or read from a file need not be asked; selection trusts them.
+UMBEL_API void validate(const Tables& tables);
+
 /// A half-space: p is inside where normal.p + offset >= 0.
 struct Plane {
   Vec3 normal;  ///< unit length to within 1e-5

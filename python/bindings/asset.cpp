@@ -64,7 +64,15 @@ void bind_asset(nb::module_& module) {
             return cut_dict(
                 asset.tables(), [&](uint32_t cluster) { return asset.geometry(cluster); }, cut);
           },
-          "cut"_a);
+          "cut"_a)
+      .def(
+          "facing",
+          [](const Asset& asset, const nb::object& progress, uint32_t threads) {
+            return facing_array(
+                asset.tables(), [&](uint32_t cluster) { return asset.geometry(cluster); }, progress,
+                threads);
+          },
+          "progress"_a = nb::none(), "threads"_a = 0);
   module.def(
       "verify_asset",
       [](const std::filesystem::path& path, uint32_t cuts, uint32_t seed,

@@ -1,8 +1,11 @@
 // Continuous level of detail: building, selecting, taking cuts out as meshes, checking.
 #include "umbel/lod.hpp"
 
+#include <cstring>
+
 #include "lod.hpp"
 #include "umbel/asset.hpp"
+#include "umbel/lod_select.hpp"
 
 namespace umbel::python {
 
@@ -47,6 +50,13 @@ Dict geometry_dict(lod::ClusterGeometry&& geometry) {
   return dict_of(std::move(mesh));
 }
 
+nb::object facing_array(const lod::Tables& tables, const lod::GeometryReader& geometry,
+                        const nb::object& progress, uint32_t threads) {
+  return nb::cast(take<float>(run(progress, threads, [&](const BuildOptions& options) {
+    return lod::facing_bounds(tables, geometry, options);
+  })));
+}
+
 Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
               const Flat<uint32_t>& cut) {
   const auto clusters = rows_of<uint32_t>(cut);
@@ -68,9 +78,35 @@ Array<const uint32_t> words_of(const std::vector<T>& table, nb::handle owner) {
   return array_over<const uint32_t>(std::span<const T>(table), owner);
 }
 
+template <typename T>
+std::vector<T> table_of(
+    const nb::ndarray<const uint32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>& words,
+    const char* name) {
+  if (words.shape(1) != sizeof(T) / 4)
+    throw Error(ErrorCode::kInvalidArgument,
+                std::string(name) + " must have " + std::to_string(sizeof(T) / 4) +
+                    " words a row, not " + std::to_string(words.shape(1)));
+  std::vector<T> table(words.shape(0));
+  if (!table.empty())
+    std::memcpy(static_cast<void*>(table.data()), words.data(), table.size() * sizeof(T));
+  return table;
+}
+
 void bind_tables(nb::module_& module) {
   using lod::Tables;
+  using Words = nb::ndarray<const uint32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
   nb::class_<Tables>(module, "Tables", "All that selection needs, without geometry.")
+      .def(
+          "__init__",
+          [](Tables* self, const Words& levels, const Words& groups, const Words& clusters,
+             const Words& nodes) {
+            Tables tables{table_of<Range>(levels, "levels"), table_of<lod::Group>(groups, "groups"),
+                          table_of<lod::Cluster>(clusters, "clusters"),
+                          table_of<lod::Node>(nodes, "nodes")};
+            lod::validate(tables);
+            new (self) Tables(std::move(tables));
+          },
+          "levels"_a, "groups"_a, "clusters"_a, "nodes"_a)
       .def_prop_ro("levels",
                    [](nb::handle_t<Tables> self) {
                      return words_of(nb::cast<const Tables&>(self).levels, self);
@@ -88,42 +124,12 @@ void bind_tables(nb::module_& module) {
                      return words_of(nb::cast<const Tables&>(self).nodes, self);
                    })
       .def(
-          "select",
-          [](const Tables& tables, const lod::View& view, bool hierarchy) {
-            std::vector<uint32_t> cut;
-            {
-              nb::gil_scoped_release release;
-              cut = hierarchy ? lod::select_hierarchy(tables, view) : lod::select(tables, view);
-            }
-            return take<uint32_t>(std::move(cut));
-          },
-          "view"_a, "hierarchy"_a = true, "(c,) clusters of the cut, ascending")
-      .def(
-          "error_for_triangles",
-          [](const Tables& tables, uint64_t count) {
-            nb::gil_scoped_release release;
-            return lod::error_for_triangles(tables, count);
-          },
-          "max_triangles"_a)
-      .def(
           "cut_error",
           [](const Tables& tables, const Flat<uint32_t>& cut) {
             check_cut(tables, rows_of<uint32_t>(cut));
             return lod::cut_error(tables, rows_of<uint32_t>(cut));
           },
           "cut"_a);
-}
-
-void bind_views(nb::module_& module) {
-  const nb::class_<lod::View> view(module, "View", "What decides whether a group must be refined.");
-  module.def("view_error", &lod::view_error, "error"_a);
-  module.def(
-      "view_camera",
-      [](std::array<float, 3> eye, float fov_y, uint32_t height, float pixel_error) {
-        return lod::view_camera({eye[0], eye[1], eye[2]}, fov_y, height, pixel_error);
-      },
-      "eye"_a, "fov_y"_a, "height"_a, "pixel_error"_a);
-  module.def("view_level", &lod::view_level, "level"_a);
 }
 
 void bind_config(nb::module_& module) {
@@ -197,6 +203,14 @@ void bind_dag(nb::module_& module) {
                 dag.tables, [&](uint32_t cluster) { return dag.geometry(cluster); }, cut);
           },
           "cut"_a)
+      .def(
+          "facing",
+          [](const Dag& dag, const nb::object& progress, uint32_t threads) {
+            return facing_array(
+                dag.tables, [&](uint32_t cluster) { return dag.geometry(cluster); }, progress,
+                threads);
+          },
+          "progress"_a = nb::none(), "threads"_a = 0)
       .def("verify", &verify_dag, "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(),
            "threads"_a = 0)
       .def(
@@ -228,9 +242,9 @@ void bind_dag(nb::module_& module) {
 
 void bind_lod(nb::module_& module) {
   bind_config(module);
-  bind_views(module);
   bind_tables(module);
   bind_dag(module);
+  bind_select(module);
 }
 
 }  // namespace umbel::python

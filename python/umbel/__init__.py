@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from .bvh import Bvh2 as Bvh2
     from .bvh import build_bvh2 as build_bvh2
     from .camera import Camera as Camera
+    from .camera import angular_error as angular_error
+    from .camera import pixel_error as pixel_error
     from .cluster import ClusterBounds as ClusterBounds
     from .cluster import Clusters as Clusters
     from .cluster import Meshlets as Meshlets
@@ -63,6 +65,8 @@ _HOME = {
     "Bvh2": "bvh",
     "build_bvh2": "bvh",
     "Camera": "camera",
+    "angular_error": "camera",
+    "pixel_error": "camera",
     "ClusterBounds": "cluster",
     "Clusters": "cluster",
     "Meshlets": "cluster",

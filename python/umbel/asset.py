@@ -11,16 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
 from .arrays import indices, mesh_of
-from .camera import Camera
 from .errors import Error
 from .mesh import Material, Mesh
 from .metadata import materials_from_json
 from .proof import VerifyReport, verify
 from .repair import Progress
-from .tables import Tables
+from .tables import HasTables
 
 
-class Asset:
+class Asset(HasTables):
     """An open .umbel file: tables in memory, geometry read page by page as it is needed. Safe to
     use from many threads."""
 
@@ -47,22 +46,6 @@ class Asset:
                 raise Error(f"{self.path}: the metadata is no JSON ({error})") from None
             self._info = info
         return self._info
-
-    @property
-    def tables(self) -> Tables:
-        """Levels, groups, clusters and nodes."""
-        return Tables(self._native.tables)
-
-    def cut(
-        self,
-        *,
-        error: float | None = None,
-        camera: Camera | None = None,
-        level: int | None = None,
-        triangles: int | None = None,
-    ) -> NDArray[np.uint32]:
-        """The clusters of a cut; exactly one of the arguments, as `Tables.cut` has them."""
-        return self.tables.cut(error=error, camera=camera, level=level, triangles=triangles)
 
     def mesh(self, cut: ArrayLike) -> Mesh:
         """A cut as an ordinary mesh, its clusters joined where they meet."""

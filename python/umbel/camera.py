@@ -1,4 +1,4 @@
-"""A viewpoint, as far as level of detail is concerned."""
+"""A viewpoint, as far as level of detail is concerned, and what errors look like from there."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from . import _umbel
+from .errors import Error
 
 
 @dataclass(frozen=True)
@@ -25,5 +29,36 @@ class Camera:
     name: str = ""  #: of a camera that a file has
 
     def view(self) -> _umbel.View:
-        x, y, z = (float(value) for value in self.position)
-        return _umbel.view_camera((x, y, z), self.fov_y, self.height, self.pixel_error)
+        eye = _triple(self.position)
+        return _umbel.view_camera(eye, self.fov_y, self.height, self.pixel_error)
+
+    def planes(
+        self, aspect: float = 1.0, *, near: float = 0.0, far: float = math.inf
+    ) -> NDArray[np.float32]:
+        """(5, 4), or (6, 4) with a finite `far`: the frustum of a picture `aspect` times as wide
+        as high, as inward unit normals n and offsets d; a point p is inside where n . p + d >= 0.
+        Left, right, bottom, top, near, far."""
+        if self.target is None:
+            raise Error("a frustum needs the camera's target")
+        eye, target = _triple(self.position), _triple(self.target)
+        up = (0.0, 1.0, 0.0) if self.up is None else _triple(self.up)
+        if self.up is None and eye[0] == target[0] and eye[2] == target[2]:
+            up = (0.0, 0.0, 1.0)
+        return _umbel.frustum_planes(eye, target, up, self.fov_y, aspect, near, far)
+
+
+def _triple(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def angular_error(error: float, distance: float) -> float:
+    """The angle in radians under which `error` is seen from `distance`, in the same unit:
+    asin(error / distance), and pi / 2 from where the distance is not larger."""
+    return _umbel.angular_error(error, distance)
+
+
+def pixel_error(error: float, distance: float, fov_y: float, height: int) -> float:
+    """The same in pixels of a picture `height` pixels high with the vertical field of view `fov_y`
+    in radians: error / distance * height / (2 tan(fov_y / 2))."""
+    return _umbel.pixel_error(error, distance, fov_y, height)

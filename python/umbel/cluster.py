@@ -157,6 +157,23 @@ class ClusterBounds:
     cone_cutoffs: NDArray[np.float32]
     """(k,) sine of the cone's half angle, and a little; 1 if there is no cone."""
 
+    @staticmethod
+    def of_rows(rows: NDArray[np.float32]) -> ClusterBounds:
+        """From (k, 11) centre, radius, cone apex, axis and cutoff."""
+        columns = np.split(rows, [3, 4, 7, 10], axis=1)
+        return ClusterBounds(columns[0], columns[1][:, 0], columns[2], columns[3], columns[4][:, 0])
+
+    def rows(self) -> NDArray[np.float32]:
+        """What `of_rows` takes."""
+        columns = [
+            self.centers,
+            self.radii[:, None],
+            self.cone_apexes,
+            self.cone_axes,
+            self.cone_cutoffs[:, None],
+        ]
+        return np.ascontiguousarray(np.hstack(columns), dtype=np.float32)
+
 
 def order_clusters(
     mesh: Any,
@@ -184,9 +201,9 @@ def cluster_bounds(
     """Bounding sphere and normal cone of each cluster, for culling. Clusters as for
     `order_clusters`."""
     arrays = native(as_mesh(mesh))
-    made = _umbel.cluster_bounds(arrays, clusters.items, clusters.ranges, progress, threads)
-    columns = np.split(made, [3, 4, 7, 10], axis=1)
-    return ClusterBounds(columns[0], columns[1][:, 0], columns[2], columns[3], columns[4][:, 0])
+    return ClusterBounds.of_rows(
+        _umbel.cluster_bounds(arrays, clusters.items, clusters.ranges, progress, threads)
+    )
 
 
 def build_clusters(

@@ -14,17 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 from . import _umbel
 from .arrays import as_mesh, native
 from .asset import cut_mesh
-from .camera import Camera
 from .errors import Error
 from .mesh import Material, Mesh
 from .metadata import encode, materials_to_json
 from .proof import VerifyReport
 from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
-from .tables import Tables
+from .tables import HasTables
 
 
-class Lod:
+class Lod(HasTables):
     """A mesh as a DAG of clusters, in memory. `build_lod` makes it, `save` writes it."""
 
     def __init__(
@@ -51,11 +50,6 @@ class Lod:
         return f"<Lod: {len(tables.clusters)} clusters on {len(tables.levels)} levels>"
 
     @property
-    def tables(self) -> Tables:
-        """Levels, groups, clusters and nodes as NumPy views."""
-        return Tables(self._native.tables)
-
-    @property
     def levels(self) -> NDArray[Any]:
         """See `Tables.levels`."""
         return self.tables.levels
@@ -74,17 +68,6 @@ class Lod:
     def nodes(self) -> NDArray[Any]:
         """See `Tables.nodes`."""
         return self.tables.nodes
-
-    def cut(
-        self,
-        *,
-        error: float | None = None,
-        camera: Camera | None = None,
-        level: int | None = None,
-        triangles: int | None = None,
-    ) -> NDArray[np.uint32]:
-        """The clusters of a cut; exactly one of the arguments, as `Tables.cut` has them."""
-        return self.tables.cut(error=error, camera=camera, level=level, triangles=triangles)
 
     def mesh(self, cut: ArrayLike) -> Mesh:
         """A cut as an ordinary mesh, its clusters joined where they meet."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import indices
+from .arrays import indices, numbers, rows
 from .camera import Camera
+from .cluster import ClusterBounds
 from .errors import Error
 
 LEVEL = np.dtype([("offset", "<u4"), ("count", "<u4")])
@@ -56,6 +58,25 @@ class Tables:
         self._native = native
 
     @staticmethod
+    def of_arrays(
+        levels: NDArray[Any], groups: NDArray[Any], clusters: NDArray[Any], nodes: NDArray[Any]
+    ) -> Tables:
+        """From structured arrays (LEVEL, GROUP, CLUSTER, NODE), as other programs may have stored
+        them. Raises where an index leads nowhere."""
+        words = [
+            np.ascontiguousarray(table, dtype).view(np.uint32).reshape(len(table), -1)
+            if len(table)
+            else np.empty((0, dtype.itemsize // 4), np.uint32)
+            for table, dtype in (
+                (levels, LEVEL),
+                (groups, GROUP),
+                (clusters, CLUSTER),
+                (nodes, NODE),
+            )
+        ]
+        return Tables(_umbel.Tables(*words))
+
+    @staticmethod
     def _named(words: NDArray[np.uint32], dtype: np.dtype[Any]) -> NDArray[Any]:
         return words.view(dtype).reshape(len(words))
 
@@ -87,33 +108,99 @@ class Tables:
         camera: Camera | None = None,
         level: int | None = None,
         triangles: int | None = None,
-        hierarchy: bool = True,
+        bytes: int | None = None,
+        vertex_bytes: int = 32,
+        planes: ArrayLike | None = None,
+        facing: ClusterBounds | None = None,
+        method: str = "hierarchy",
     ) -> NDArray[np.uint32]:
-        """The clusters, ascending, that show the mesh with at most this `error` (in its unit),
-        as this `camera` needs it, as it is on this `level` (0: the mesh itself), or with at most
-        this many `triangles` where such a cut exists. `hierarchy` finds them through the nodes,
-        without looking at all groups; the answer is the same."""
-        given = {"error": error, "camera": camera, "level": level, "triangles": triangles}
-        chosen = [name for name, value in given.items() if value is not None]
-        if len(chosen) != 1:
-            raise Error(
-                "a cut needs exactly one of error, camera, level and triangles, "
-                f"not {' and '.join(chosen) or 'none'}"
-            )
-        return self._native.select(self._view(chosen[0], given[chosen[0]]), hierarchy)
+        """The clusters, ascending, that show the mesh as asked.
 
-    def _view(self, kind: str, value: Any) -> _umbel.View:
-        if isinstance(value, Camera):
-            return value.view()
-        if kind == "camera":
-            raise Error(f"camera must be an umbel.Camera, not a {type(value).__name__}")
-        if not value >= 0:
-            raise Error(f"{kind} must not be negative, and is {value}")
-        if kind == "error":
-            return _umbel.view_error(value)
-        if kind == "level":
-            return _umbel.view_level(min(int(value), NONE))
-        return _umbel.view_error(self._native.error_for_triangles(min(int(value), 2**63)))
+        error, camera, level: with at most this error (in the mesh's unit), as this camera needs
+            it, or as it is on this level (0: the mesh itself). At most one of them.
+        triangles, bytes: at most so much in all, by making the error or the camera's pixels
+            larger as far as that takes, and no further; where no cut is so small, the coarsest.
+            Bytes are `vertex_bytes` a vertex and 3 a triangle. At most one of them, not with
+            `level`; alone they find the smallest error.
+        planes: (p, 4) inward unit normals and offsets as `Camera.planes` gives them; what is
+            wholly outside one of them is left out, and costs nothing.
+        facing: what `facing` of a Lod or an Asset gives; clusters that turn their back on the
+            camera are left out.
+        method: "hierarchy" goes down the nodes, "breadth_first" does so layer by layer, "flat"
+            tests every cluster. The answer is the same.
+        """
+        view = self.view(
+            error=error,
+            camera=camera,
+            level=level,
+            triangles=triangles,
+            bytes=bytes,
+            vertex_bytes=vertex_bytes,
+            planes=planes,
+            facing=facing,
+        )
+        return _umbel.select(self._native, view, method, _planes(planes), _facing(facing))
+
+    def view(
+        self,
+        *,
+        error: float | None = None,
+        camera: Camera | None = None,
+        level: int | None = None,
+        triangles: int | None = None,
+        bytes: int | None = None,
+        vertex_bytes: int = 32,
+        planes: ArrayLike | None = None,
+        facing: ClusterBounds | None = None,
+        transforms: ArrayLike | None = None,
+    ) -> _umbel.View:
+        """What decides a cut, with the `error` or `threshold` that a budget leads to. Arguments
+        as for `cut`; with `transforms` the budget is for all instances together."""
+        given = {"error": error, "camera": camera, "level": level}
+        chosen = [name for name, value in given.items() if value is not None]
+        budget = triangles if bytes is None else bytes
+        if len(chosen) > 1 or (triangles is not None and bytes is not None):
+            raise Error(
+                "a cut needs one of error, camera and level, and at most one of triangles and "
+                f"bytes, not {' and '.join(chosen) or 'both'}"
+            )
+        if not chosen and budget is None:
+            raise Error("a cut needs one of error, camera, level, triangles and bytes")
+        view = _view(chosen[0], given[chosen[0]]) if chosen else _umbel.view_error(0)
+        if budget is None:
+            return view
+        if not budget >= 0:
+            name = "triangles" if bytes is None else "bytes"
+            raise Error(f"{name} must not be negative, and is {budget}")
+        costs = (
+            np.ascontiguousarray(self.clusters["triangle_count"])
+            if bytes is None
+            else _umbel.byte_costs(self._native, vertex_bytes)
+        )
+        return _umbel.view_for_budget(
+            self._native,
+            view,
+            costs,
+            min(int(budget), 2**63),
+            _planes(planes),
+            _facing(facing),
+            None if transforms is None else _transforms(transforms),
+        )
+
+    def instance_cuts(
+        self,
+        transforms: ArrayLike,
+        view: _umbel.View,
+        *,
+        planes: ArrayLike | None = None,
+        facing: ClusterBounds | None = None,
+    ) -> list[NDArray[np.uint32]]:
+        """A cut for each instance. `transforms` are (i, 3, 4) or (i, 4, 4), from the mesh's space
+        to the scene's; `view` (see `Tables.view`) and `planes` are of the scene."""
+        offsets, clusters = _umbel.select_instances(
+            self._native, view, _transforms(transforms), _planes(planes), _facing(facing)
+        )
+        return np.split(clusters, offsets[1:-1]) if len(offsets) > 1 else []
 
     def cut_error(self, cut: ArrayLike) -> float:
         """The largest error of what a cut shows, in the mesh's unit; 0 for level 0."""
@@ -122,3 +209,62 @@ class Tables:
     def cut_triangles(self, cut: ArrayLike) -> int:
         """How many triangles a cut has."""
         return int(self.clusters["triangle_count"][indices("cut", cut)].sum(dtype=np.int64))
+
+
+def _view(kind: str, value: Any) -> _umbel.View:
+    if isinstance(value, Camera):
+        return value.view()
+    if kind == "camera":
+        raise Error(f"camera must be an umbel.Camera, not a {type(value).__name__}")
+    if not value >= 0:
+        raise Error(f"{kind} must not be negative, and is {value}")
+    if kind == "error":
+        return _umbel.view_error(value)
+    return _umbel.view_level(min(int(value), NONE))
+
+
+def _planes(planes: ArrayLike | None) -> NDArray[np.float32] | None:
+    return None if planes is None else rows("planes", planes, 4)
+
+
+def _facing(facing: ClusterBounds | None) -> NDArray[np.float32] | None:
+    return None if facing is None else facing.rows()
+
+
+def _transforms(transforms: ArrayLike) -> NDArray[np.float32]:
+    array = numbers("transforms", transforms)
+    if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)):
+        raise Error(f"transforms must have shape (i, 3, 4) or (i, 4, 4), not {array.shape}")
+    return np.ascontiguousarray(array[:, :3], dtype=np.float32).reshape(-1, 12)
+
+
+class HasTables:
+    """What everything with tables and geometry can be asked: a Lod, an Asset."""
+
+    _native: Any
+
+    @property
+    def tables(self) -> Tables:
+        """Levels, groups, clusters and nodes as NumPy views."""
+        return Tables(self._native.tables)
+
+    def cut(
+        self,
+        *,
+        error: float | None = None,
+        camera: Camera | None = None,
+        level: int | None = None,
+        triangles: int | None = None,
+        bytes: int | None = None,
+        **more: Any,
+    ) -> NDArray[np.uint32]:
+        """The clusters of a cut; all arguments as `Tables.cut` has them."""
+        return self.tables.cut(
+            error=error, camera=camera, level=level, triangles=triangles, bytes=bytes, **more
+        )
+
+    def facing(
+        self, *, progress: Callable[[float, str], Any] | None = None, threads: int = 0
+    ) -> ClusterBounds:
+        """Spheres and cones of normals of all clusters, for `Tables.cut`. Reads all geometry."""
+        return ClusterBounds.of_rows(self._native.facing(progress, threads))

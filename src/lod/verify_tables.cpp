@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/math.hpp"
+#include "umbel/lod_select.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -253,6 +254,14 @@ void verify_monotone(const Tables& tables, Findings& findings) {
       });
   }
   for (uint32_t n = 0; n < tables.nodes.size(); ++n) verify_node(tables, n, findings);
+}
+
+void validate(const Tables& tables) {
+  VerifyReport report;
+  Findings findings(report);
+  if (verify_links(tables, findings)) return;
+  throw Error(ErrorCode::kCorrupt,
+              report.problems.empty() ? "the tables' links do not fit" : report.problems.front());
 }
 
 }  // namespace umbel::lod

@@ -191,8 +191,8 @@ TEST(CulledSelect, instances_see_what_a_moved_mesh_would) {
     const Vec3 p = random.point();
     // Eyes on a coarse grid are exact in both spaces.
     const Vec3 eye{std::round(16 * p.x) + 8, std::round(16 * p.y), std::round(16 * p.z) + 16};
-    const View view = i % 4 ? testing::camera(eye, std::ldexp(1.0f, -static_cast<int>(i % 16)))
-                            : view_error(std::ldexp(1.0f, -static_cast<int>(i % 16)));
+    const View view = i % 4 ? testing::camera(eye, std::ldexp(1.0f, -i % 16))
+                            : view_error(std::ldexp(1.0f, -i % 16));
     const InstanceCuts cuts = select_instances(dag.tables, view, {}, {&transform, 1});
     ASSERT_EQ(cuts.offsets,
               (std::vector<uint32_t>{0, static_cast<uint32_t>(cuts.clusters.size())}));
