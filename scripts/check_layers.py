@@ -30,6 +30,7 @@ HEADER_LAYERS = {
     "bvh_presets.hpp": "bvh",
     "bvh_traverse.hpp": "bvh",
     "ray_arrays.hpp": "bvh",
+    "lod_select.hpp": "lod",
     "umbel.h": "capi",
 }
 

@@ -92,20 +92,16 @@ void bind_select(nb::module_& module) {
   module.def(
       "select_instances",
       [](const Tables& tables, const View& view, const Transforms& transforms, const Planes& planes,
-         const Facing& facing) {
+         const Facing& facing) -> std::tuple<Array<uint32_t>, Array<uint32_t>> {
         lod::InstanceCuts cuts;
         {
           nb::gil_scoped_release release;
           cuts = lod::select_instances(tables, view, culling_of(planes, facing),
                                        rows_of<lod::Transform>(transforms));
         }
-        return nb::make_tuple(take<uint32_t>(std::move(cuts.offsets)),
-                              take<uint32_t>(std::move(cuts.clusters)));
+        return {take<uint32_t>(std::move(cuts.offsets)), take<uint32_t>(std::move(cuts.clusters))};
       },
-      "tables"_a, "view"_a, "transforms"_a, "planes"_a = nb::none(), "facing"_a = nb::none(),
-      nb::sig("def select_instances(tables: Tables, view: View, transforms: numpy.typing.NDArray, "
-              "planes: numpy.typing.NDArray | None = None, facing: numpy.typing.NDArray | None = "
-              "None) -> tuple[numpy.typing.NDArray, numpy.typing.NDArray]"));
+      "tables"_a, "view"_a, "transforms"_a, "planes"_a = nb::none(), "facing"_a = nb::none());
   module.def(
       "view_for_budget",
       [](const Tables& tables, const View& view, const Flat<uint32_t>& costs, uint64_t budget,

@@ -6,8 +6,7 @@ import json
 import os
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _umbel
 from .arrays import indices, mesh_of
@@ -22,6 +21,8 @@ from .tables import HasTables
 class Asset(HasTables):
     """An open .umbel file: tables in memory, geometry read page by page as it is needed. Safe to
     use from many threads."""
+
+    _native: _umbel.Asset
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         text = os.fspath(path)

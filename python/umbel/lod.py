@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
@@ -25,6 +24,8 @@ from .tables import HasTables
 
 class Lod(HasTables):
     """A mesh as a DAG of clusters, in memory. `build_lod` makes it, `save` writes it."""
+
+    _native: _umbel.Dag
 
     def __init__(
         self,

@@ -241,7 +241,7 @@ def _transforms(transforms: ArrayLike) -> NDArray[np.float32]:
 class HasTables:
     """What everything with tables and geometry can be asked: a Lod, an Asset."""
 
-    _native: Any
+    _native: _umbel.Dag | _umbel.Asset
 
     @property
     def tables(self) -> Tables:

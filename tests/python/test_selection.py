@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference_select import Selector
 
 import umbel
+from reference_select import Selector
 from umbel import _umbel
 from umbel.tables import CLUSTER, GROUP, LEVEL, NODE, Tables
 
@@ -183,7 +183,7 @@ def test_tables_that_lead_nowhere_are_refused(lod: umbel.Lod) -> None:
         Tables.of_arrays(lod.levels, lod.groups, clusters, lod.nodes)
     nodes = lod.nodes.copy()
     nodes["child_offset"][0] = 0
-    with pytest.raises(umbel.Error, match="[Nn]ode"):
+    with pytest.raises(umbel.Error, match="ode"):
         Tables.of_arrays(lod.levels, lod.groups, lod.clusters, nodes)
 
 
