@@ -4,11 +4,17 @@
 // multiplication and one addition, but its rounding error does not shrink with t: each of the
 // four roundings (inv, b, product, sum) is at most 2^-24 of a value no larger than (|p| + |o|)
 // |inv|. With E >= |p|, |o| for all planes of the axis, |error| <= 4 * 2^-24 * 2 E |inv| = 2^-21 E
-// |inv|. So b is moved by twice that away from the box, once for the near and once for the far
-// planes, and no box that the exact ray meets is missed, for any sign of t. It amounts to boxes
-// larger by 2^-20 E. A direction component smaller than 2^-40 of the largest is replaced by that,
+// |inv|. So b is moved by four times that away from the box, once for the near and once for the
+// far planes, and no box that the exact ray meets is missed, for any sign of t. It amounts to boxes
+// larger by 2^-19 E. A direction component smaller than 2^-40 of the largest is replaced by that,
 // so that no infinity arises: over the distance that matters the ray moves by less than 2^-38 of
 // the largest E of the three axes, by which boxes are larger, too.
+//
+// A triangle seen on edge has no sharp t, and one without area may even be said to be hit beside
+// its corners. So a hit has to meet the triangle's own box, too, in an interval that is wider by
+// half as much, and its t is no less than where that begins (see settle). All boxes around it are
+// then met no later than the hit: which there are, and in which order they come, makes no
+// difference to what is hit and where.
 //
 // Triangles (Woop et al. 2013): axes are permuted so that the largest component of the direction
 // is kz, and sheared so that the ray runs along it. The direction is first scaled by a power of
@@ -42,12 +48,6 @@ struct RayFrame {
   float scale;          ///< what triangles are multiplied by: a power of two
   float unscale;        ///< 1 / scale
 };
-
-/// Hits closer together than this fraction may come from boxes in either order: culling keeps
-/// them all, so that a tie is broken by primitive and not by the tree.
-inline constexpr float kTieSlack = 1.0f / (1 << 18);
-
-static inline float cull_distance(float t) { return t + std::fabs(t) * kTieSlack; }
 
 static inline float power_of_two(int exponent) {
   return std::bit_cast<float>(static_cast<uint32_t>(exponent + 127) << 23);
@@ -100,7 +100,7 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   std::memcpy(&reach, tree.reach, sizeof reach);
   reach = reach > away ? reach : away;
   const float furthest = std::max(std::max(reach[0], reach[1]), reach[2]);
-  const Quad slack = reach * 0x1p-20f + furthest * 0x1p-38f;
+  const Quad slack = reach * 0x1p-19f + furthest * 0x1p-37f;
   const float smallest = 0x1p-40f * largest;
   const Quad component = Quad(QuadBits(a < smallest ? Quad{} + smallest : a) | signs);
   const Quad inv = 1.0f / component, b = -o * inv, e = Quad(QuadBits(inv) & ~kSign) * slack;

@@ -29,7 +29,7 @@ class BoxTester {
       near_at_[axis] = 16 * axis + flip;
       far_at_[axis] = 16 * axis + (8 - flip);
     }
-    t_min_ = _mm256_set1_ps(f.t_min - std::fabs(f.t_min) * kTieSlack);
+    t_min_ = _mm256_set1_ps(f.t_min);
   }
 
   UMBEL_SIMD uint32_t operator()(const uint32_t* node, float cull, __m256& near) const {

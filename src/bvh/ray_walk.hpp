@@ -70,8 +70,8 @@ static inline uint32_t visible(const LeafStore& tree, uint32_t link, uint32_t la
   return lanes;
 }
 
-static inline Hit hit_of(const LeafHits& hits, uint32_t lane, uint32_t primitive) {
-  return {hits.t[lane], primitive, hits.v[lane] / hits.determinant[lane],
+static inline Hit hit_of(const LeafHits& hits, uint32_t lane, float t, uint32_t primitive) {
+  return {t, primitive, hits.v[lane] / hits.determinant[lane],
           hits.w[lane] / hits.determinant[lane]};
 }
 
@@ -93,8 +93,7 @@ static inline uint32_t push_sorted(const uint32_t* node, uint32_t slots, const f
 template <typename Tag, uint32_t width>
 class PlainBoxes {
  public:
-  explicit PlainBoxes(const RayFrame& frame)
-      : f_(frame), t_min_(frame.t_min - std::fabs(frame.t_min) * kTieSlack) {}
+  explicit PlainBoxes(const RayFrame& frame) : f_(frame), t_min_(frame.t_min) {}
 
   uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
     float near[width], far[width];
@@ -148,12 +147,17 @@ static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const f
 
 // The queries, over any structure with a `walk` such as the one above.
 
-template <typename Lanes, typename Tree>
-static Hit intersect_ray(const Tree& tree, const Ray& ray, const RayOptions& options) {
+struct LeafPlace {
+  uint32_t link, lane;
+};
+
+/// Where not every hit is settled, that is left to do for the one that is returned: `place` is
+/// where its triangle lies.
+template <bool settled, typename Lanes, typename Tree>
+[[gnu::always_inline]] static inline Hit nearest_hit(const Tree& tree, const RayFrame& frame,
+                                                     const RayOptions& options, LeafPlace& place) {
   Hit best;
-  RayFrame frame;
-  if (!make_frame(tree, ray, frame)) return best;
-  float t_max = frame.t_max, cull = cull_distance(t_max);
+  float t_max = frame.t_max, cull = t_max;
   const Lanes tester(frame);
   walk(tree, tester, cull, [&](uint32_t link) {
     LeafHits hits;
@@ -164,15 +168,45 @@ static Hit intersect_ray(const Tree& tree, const Ray& ray, const RayOptions& opt
         leaf_words(tree, link) + size_t{tree.corner_words()} * LeafStore::leaf_size(link);
     for (; lanes != 0; lanes &= lanes - 1) {
       const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-      const float t = hits.t[lane];
+      float t = hits.t[lane];
+      if constexpr (settled)
+        if (!settle(frame, tree.triangle(link, lane), t)) continue;
       if (t > t_max || (t == t_max && best.hit() && primitives[lane] >= best.primitive)) continue;
       t_max = t;
-      best = hit_of(hits, lane, primitives[lane]);
+      best = hit_of(hits, lane, t, primitives[lane]);
+      place = {link, lane};
     }
-    cull = cull_distance(t_max);
+    cull = t_max;
     return false;
   });
-  if (best.hit()) best.t *= frame.t_unit;
+  return best;
+}
+
+template <typename Lanes, typename Tree>
+[[gnu::noinline]] static Hit nearest_settled_hit(const Tree& tree, const Ray& ray,
+                                                 const RayOptions& options) {
+  // Made again, because the other walk's is best kept out of memory.
+  RayFrame frame;
+  if (!make_frame(tree, ray, frame)) return {};
+  LeafPlace place{};
+  Hit best = nearest_hit<true, Lanes>(tree, frame, options, place);
+  best.t *= frame.t_unit;
+  return best;
+}
+
+/// To settle only the nearest hit is enough, unless it is moved or refused: all others come later
+/// even before they are settled, and settling never makes them earlier.
+template <typename Lanes, typename Tree>
+static Hit intersect_ray(const Tree& tree, const Ray& ray, const RayOptions& options) {
+  RayFrame frame;
+  if (!make_frame(tree, ray, frame)) return {};
+  LeafPlace place{};
+  Hit best = nearest_hit<false, Lanes>(tree, frame, options, place);
+  if (!best.hit()) return best;
+  float t = best.t;
+  if (!settle(frame, tree.triangle(place.link, place.lane), t) || t != best.t) [[unlikely]]
+    return nearest_settled_hit<Lanes>(tree, ray, options);
+  best.t *= frame.t_unit;
   return best;
 }
 
@@ -180,12 +214,18 @@ template <typename Lanes, typename Tree>
 static bool occluded_ray(const Tree& tree, const Ray& ray, const RayOptions& options) {
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return false;
-  const float cull = cull_distance(frame.t_max);
   const Lanes tester(frame);
-  return walk(tree, tester, cull, [&](uint32_t link) {
+  return walk(tree, tester, frame.t_max, [&](uint32_t link) {
     LeafHits hits;
-    const uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, frame.t_max, hits);
-    return lanes != 0 && visible(tree, link, lanes, options.mask) != 0;
+    uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, frame.t_max, hits);
+    if (lanes == 0) return false;
+    lanes = visible(tree, link, lanes, options.mask);
+    for (; lanes != 0; lanes &= lanes - 1) {
+      const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
+      float t = hits.t[lane];
+      if (settle(frame, tree.triangle(link, lane), t) && t <= frame.t_max) return true;
+    }
+    return false;
   });
 }
 
@@ -198,9 +238,9 @@ static size_t all_hits_ray(const Tree& tree, const Ray& ray, std::span<Hit> foun
     return a.t != b.t ? a.t < b.t : a.primitive < b.primitive;
   };
   size_t count = 0;
-  float t_max = frame.t_max, cull = cull_distance(t_max);
+  float t_max = frame.t_max;
   const Lanes tester(frame);
-  walk(tree, tester, cull, [&](uint32_t link) {
+  walk(tree, tester, t_max, [&](uint32_t link) {
     LeafHits hits;
     uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, t_max, hits);
     lanes = visible(tree, link, lanes, options.mask);
@@ -208,7 +248,9 @@ static size_t all_hits_ray(const Tree& tree, const Ray& ray, std::span<Hit> foun
         leaf_words(tree, link) + size_t{tree.corner_words()} * LeafStore::leaf_size(link);
     for (; lanes != 0; lanes &= lanes - 1) {
       const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-      const Hit hit = hit_of(hits, lane, primitives[lane]);
+      float t = hits.t[lane];
+      if (!settle(frame, tree.triangle(link, lane), t) || t > t_max) continue;
+      const Hit hit = hit_of(hits, lane, t, primitives[lane]);
       const auto end = found.begin() + static_cast<std::ptrdiff_t>(count);
       const auto place = std::lower_bound(found.begin(), end, hit, precedes);
       // Spatial splits put a triangle into several leaves.
@@ -223,7 +265,6 @@ static size_t all_hits_ray(const Tree& tree, const Ray& ray, std::span<Hit> foun
       *place = hit;
       if (count == found.size()) t_max = std::min(t_max, found.back().t);
     }
-    cull = cull_distance(t_max);
     return false;
   });
   for (size_t i = 0; i < count; ++i) found[i].t *= frame.t_unit;

@@ -93,6 +93,44 @@ TEST(BvhOracle, closest_and_any_hits_of_every_tree_equal_brute_force) {
   }
 }
 
+/// Triangles without area, as far as floats can tell, on a few lines.
+Mesh without_area() {
+  Mesh mesh;
+  std::mt19937 random(9);
+  std::uniform_real_distribution<float> unit(-1, 1);
+  for (int line = 0; line < 4; ++line) {
+    const Vec3 along{unit(random), unit(random), unit(random)};
+    for (uint32_t i = 0; i < 90; ++i) {
+      const float s = unit(random);
+      if (i % 3 == 2) {
+        const auto n = static_cast<uint32_t>(mesh.positions.size());
+        mesh.triangles.push_back({n - 2, n - 1, n});
+      }
+      mesh.positions.push_back({along.x * s, along.y * s, along.z * s});
+    }
+  }
+  return mesh;
+}
+
+TEST(BvhOracle, which_tree_is_asked_makes_no_difference) {
+  std::vector<Named> meshes = small_meshes();
+  meshes.push_back({"without area", without_area()});
+  const std::vector<TriangleBvhConfig> configs = all_configs();
+  for (const Named& named : meshes) {
+    const MeshView mesh = named.mesh.view();
+    const std::vector<Ray> rays = adversarial_rays(mesh, 420, 16);
+    const TriangleBvh first = TriangleBvh::build(mesh);
+    std::vector<Hit> hits;
+    for (const Ray& ray : rays) hits.push_back(first.intersect(ray));
+    for (const TriangleBvhConfig& config : configs) {
+      const TriangleBvh tree = TriangleBvh::build(mesh, config);
+      for (size_t i = 0; i < rays.size(); ++i)
+        ASSERT_EQ(tree.intersect(rays[i]), hits[i])
+            << named.name << ", " << described(config) << ", ray " << i;
+    }
+  }
+}
+
 TEST(BvhOracle, every_instruction_set_gives_the_same_bits) {
   for (const Named& named : small_meshes()) {
     const MeshView mesh = named.mesh.view();
