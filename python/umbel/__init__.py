@@ -58,6 +58,9 @@ if TYPE_CHECKING:
     from .trace import Renderer as Renderer
     from .trace import render as render
     from .trimesh_ray import trimesh_rays as trimesh_rays
+    from .viewer import View as View
+    from .viewer import export_viewer as export_viewer
+    from .viewer import view as view
 
 _HOME = {
     "Asset": "asset",
@@ -98,6 +101,9 @@ _HOME = {
     "Renderer": "trace",
     "render": "trace",
     "trimesh_rays": "trimesh_ray",
+    "View": "viewer",
+    "export_viewer": "viewer",
+    "view": "viewer",
     "VerifyReport": "proof",
     "verify": "proof",
 }

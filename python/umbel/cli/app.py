@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from . import bench, build, bvh, cluster, extract, info, kdtree, render, verify
+from . import bench, build, bvh, cluster, extract, info, kdtree, render, verify, view
 
 app = typer.Typer(
     name="umbel",
@@ -33,6 +33,6 @@ def _umbel(
     pass
 
 
-for _module in (build, info, verify, extract, render, cluster, bvh, kdtree):
+for _module in (build, info, verify, extract, render, cluster, bvh, kdtree, view):
     app.command(_module.__name__.rpartition(".")[2])(_module.command)
 app.add_typer(bench.app, name="bench")

@@ -16,7 +16,9 @@ export const DAMAGED = 3;
 
 /** By how much the allowed error grows or shrinks at a time to meet the budget. */
 const STEP = 2 ** 0.25;
-const LARGEST_SCALE = 2 ** 20;
+const LARGEST_SCALE = 2 ** 24;
+const LEAST_THRESHOLD = 2 ** -20;
+const LEAST_ERROR = 2 ** -40;
 /** Of the budget, for what is wanted; the rest is for what is drawn until that is here. */
 const SHARE = 0.75;
 /** The allowed errors, in multiples, that are fetched one after the other. */
@@ -333,7 +335,9 @@ export function groupsOf({ pages }: Tables, page: number): number[] {
 
 function scaled(view: View, scale: number): View {
   if (scale === 1) return view;
-  if (view.kind === "camera") return { ...view, threshold: view.threshold * scale };
-  if (view.kind === "error") return { ...view, error: view.error * scale };
+  // Views that allow no error at all must give way too.
+  if (view.kind === "camera")
+    return { ...view, threshold: Math.max(view.threshold, LEAST_THRESHOLD) * scale };
+  if (view.kind === "error") return { ...view, error: Math.max(view.error, LEAST_ERROR) * scale };
   return { kind: "level", level: view.level + Math.ceil(Math.log2(scale)) };
 }

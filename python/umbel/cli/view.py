@@ -1,0 +1,44 @@
+"""`umbel view`: the web viewer."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .run import Json, Threads, ends_cleanly, say, show
+
+
+@ends_cleanly
+def command(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="N", help="Port to serve on; 0: any free one.")
+    ] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Serve only; do not open the browser.")
+    ] = False,
+    export: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write a folder for a static host instead of serving."),
+    ] = None,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Show an asset in the browser, until Ctrl-C; or write the page and it to a folder.
+
+    The page and the asset are served to this machine only."""
+    from ..viewer import export_viewer, view
+
+    if export is not None:
+        index = export_viewer(path, export)
+        show({"url": index.absolute().as_uri(), "folder": str(export)}, as_json, str(path))
+        return
+    shown = view(path, port=port)
+    show({"url": shown.url}, as_json, str(path))
+    if not no_browser and not shown.open():
+        say("there is no browser here: open the address above in one")
+    sys.stdout.flush()
+    shown.wait()

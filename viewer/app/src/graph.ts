@@ -1,0 +1,83 @@
+// A number with its recent past as a small line.
+
+import { h } from "./dom";
+
+const POINTS = 60;
+const WIDTH = 64;
+const HEIGHT = 18;
+
+export class Graph {
+  readonly element: HTMLElement;
+  private readonly value = h("span", { className: "value" });
+  private readonly canvas = h("canvas", { width: 2 * WIDTH, height: 2 * HEIGHT });
+  private readonly points: number[] = [];
+
+  constructor(
+    name: string,
+    id: string,
+    private readonly format: (value: number) => string,
+  ) {
+    this.element = h(
+      "div",
+      { className: "graph", data: { counter: id } },
+      h("span", { className: "name", textContent: name }),
+      this.canvas,
+      this.value,
+    );
+    this.canvas.setAttribute("aria-hidden", "true");
+  }
+
+  push(value: number): void {
+    this.points.push(value);
+    if (this.points.length > POINTS) this.points.shift();
+    this.value.textContent = this.format(value);
+    this.value.dataset.value = String(value);
+    this.draw();
+  }
+
+  private draw(): void {
+    const context = this.canvas.getContext("2d") as CanvasRenderingContext2D;
+    const most = Math.max(...this.points, 1e-9) * 1.1;
+    const { width, height } = this.canvas;
+    context.clearRect(0, 0, width, height);
+    context.beginPath();
+    this.points.forEach((point, i) => {
+      const x = width - ((this.points.length - 1 - i) * width) / (POINTS - 1);
+      context.lineTo(x, height - 2 - (point / most) * (height - 4));
+    });
+    context.strokeStyle = getComputedStyle(this.canvas).color;
+    context.lineWidth = 2;
+    context.lineJoin = "round";
+    context.stroke();
+  }
+}
+
+const STATES = ["--page-absent", "--page-loading", "--page-resident", "--page-damaged"];
+
+/** The pages of the file, in its order, and where each is. */
+export class PageStrip {
+  readonly element = h("canvas", { className: "strip", width: 520, height: 44 });
+
+  constructor() {
+    this.element.setAttribute("role", "img");
+  }
+
+  draw(pages: Uint8Array): void {
+    const context = this.element.getContext("2d") as CanvasRenderingContext2D;
+    const style = getComputedStyle(this.element);
+    const colors = STATES.map((name) => style.getPropertyValue(name));
+    const { width, height } = this.element;
+    context.clearRect(0, 0, width, height);
+    const rows = pages.length > 520 ? 4 : 2;
+    const columns = Math.max(Math.ceil(pages.length / rows), 1);
+    const [w, hgt] = [width / columns, height / rows];
+    let resident = 0;
+    pages.forEach((state, i) => {
+      if (state === 2) ++resident;
+      context.fillStyle = colors[state] as string;
+      const [x, y] = [(i % columns) * w, Math.floor(i / columns) * hgt];
+      context.fillRect(x, y, Math.max(w - (w > 3 ? 1 : 0), 0.5), hgt - 2);
+    });
+    this.element.setAttribute("aria-label", `${resident} of ${pages.length} pages are in memory.`);
+  }
+}

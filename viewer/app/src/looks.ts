@@ -1,0 +1,119 @@
+// What the colours of clusters say, for each way of looking at an asset.
+
+import type { ClusterInfo, TintFunction, UmbelMesh } from "umbel/three";
+
+export type Look = "shaded" | "clusters" | "groups" | "levels" | "error" | "overlap" | "pages";
+
+export interface LookInfo {
+  name: string;
+  about: string;
+  key: string;
+}
+
+export const LOOKS: Record<Look, LookInfo> = {
+  shaded: { name: "Shaded", about: "The surface as it is.", key: "1" },
+  clusters: { name: "Clusters", about: "Each cluster in a colour of its own.", key: "2" },
+  groups: {
+    name: "Groups",
+    about: "Clusters that are exchanged together share a colour.",
+    key: "3",
+  },
+  levels: { name: "Levels", about: "From the finest level to the coarsest.", key: "4" },
+  error: { name: "Error", about: "How far each cluster may be from the full mesh.", key: "5" },
+  overlap: {
+    name: "Overlap",
+    about: "The clusters’ boxes: the denser, the more overlap.",
+    key: "6",
+  },
+  pages: { name: "Pages", about: "Where something finer is still on its way.", key: "7" },
+};
+
+type Rgb = readonly [number, number, number];
+
+/** Stops of the scale from fine to coarse: equal steps of lightness, told apart by all. */
+const SCALE: readonly Rgb[] = [
+  [0.27, 0.2, 0.5],
+  [0.21, 0.41, 0.64],
+  [0.16, 0.6, 0.62],
+  [0.42, 0.76, 0.47],
+  [0.82, 0.83, 0.36],
+  [0.96, 0.64, 0.35],
+];
+
+export function scaleColor(t: number): Rgb {
+  const at = Math.min(Math.max(t, 0), 1) * (SCALE.length - 1);
+  const i = Math.min(Math.floor(at), SCALE.length - 2);
+  const f = at - i;
+  const [a, b] = [SCALE[i], SCALE[i + 1]];
+  return [a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1]), a[2] + f * (b[2] - a[2])];
+}
+
+export function scaleGradient(): string {
+  const stops = SCALE.map((c) => `rgb(${c.map((x) => Math.round(255 * x)).join(" ")})`);
+  return `linear-gradient(to right, ${stops.join(", ")})`;
+}
+
+/** A colour that neighbouring numbers do not share: hues by the golden angle. */
+function numberColor(n: number): Rgb {
+  const hue = (n * 0.618034) % 1;
+  const light = 0.62 + 0.14 * ((n * 0.7548777) % 1);
+  const channel = (shift: number) => {
+    const k = (hue * 12 + shift) % 12;
+    return light - 0.24 * Math.max(-1, Math.min(k - 3, 9 - k, 1));
+  };
+  return [channel(0), channel(8), channel(4)];
+}
+
+const HERE: Rgb = [0.29, 0.62, 0.6];
+const WAITS: Rgb = [0.95, 0.68, 0.28];
+const PICKED: Rgb = [1, 0.42, 0.24];
+
+function opaque(rgb: Rgb): readonly [number, number, number, number] {
+  return [rgb[0], rgb[1], rgb[2], 1];
+}
+
+/** Where an error lies between the smallest and the greatest of an asset, by its logarithm. */
+function errorFraction(error: number, coarsest: number): number {
+  return error <= 0 ? 0 : 1 + Math.log10(error / coarsest) / 4;
+}
+
+function lookTint(look: Look, mesh: UmbelMesh): TintFunction | undefined {
+  const { levels, coarsestError } = mesh.info;
+  switch (look) {
+    case "clusters":
+      return ({ cluster }) => opaque(numberColor(cluster));
+    case "groups":
+      return ({ group }) => opaque(numberColor(group));
+    case "levels":
+      return ({ level }) => opaque(scaleColor(level / Math.max(levels - 1, 1)));
+    case "error":
+      return ({ error }) => opaque(scaleColor(errorFraction(error, coarsestError)));
+    case "pages":
+      return ({ waits }) => opaque(waits ? WAITS : HERE);
+    default:
+      return undefined;
+  }
+}
+
+/** The tint of a look, with one cluster picked out. */
+export function tintOf(
+  look: Look,
+  mesh: UmbelMesh,
+  picked: number | undefined,
+): TintFunction | undefined {
+  const tint = lookTint(look, mesh);
+  if (picked === undefined) return tint;
+  return (cluster: ClusterInfo) =>
+    cluster.cluster === picked ? opaque(PICKED) : (tint?.(cluster) ?? [0, 0, 0, 0]);
+}
+
+export interface Legend {
+  low: string;
+  high: string;
+}
+
+export function legendOf(look: Look): Legend | undefined {
+  if (look === "levels") return { low: "fine", high: "coarse" };
+  if (look === "error") return { low: "exact", high: "far off" };
+  return undefined;
+}

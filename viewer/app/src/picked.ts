@@ -1,0 +1,53 @@
+// The numbers of a cluster that was clicked.
+
+import { Vector3 } from "three";
+import type { ClusterInfo, UmbelMesh } from "umbel/three";
+import { count, h, significant } from "./dom";
+
+const NONE = 0xffffffff;
+
+export function pickedCard(
+  mesh: UmbelMesh,
+  cluster: ClusterInfo,
+  pixelsPerUnit: number,
+  close: () => void,
+): HTMLElement {
+  const size = cluster.box.getSize(new Vector3()).toArray().map(significant).join(" × ");
+  const materials = mesh.info.metadata.materials;
+  const named = Array.isArray(materials)
+    ? (materials[cluster.material] as { name?: string } | undefined)?.name
+    : undefined;
+  const pixels = (error: number) =>
+    error === Infinity ? "" : ` (${significant(error * pixelsPerUnit)} px)`;
+  const rows: [string, string][] = [
+    ["Level", `${cluster.level} of ${mesh.info.levels - 1}`],
+    ["Group", count(cluster.group)],
+    [
+      "Made from",
+      cluster.generating === NONE ? "the source" : `group ${count(cluster.generating)}`,
+    ],
+    ["Triangles", count(cluster.triangles)],
+    ["Vertices", count(cluster.vertices)],
+    ["Error", significant(cluster.error) + pixels(cluster.error)],
+    ["Once coarser", significant(cluster.groupError) + pixels(cluster.groupError)],
+    ["Material", named || String(cluster.material)],
+    ["Box", size],
+  ];
+  return h(
+    "div",
+    { className: "picked", id: "picked" },
+    h(
+      "header",
+      {},
+      h("h2", { textContent: `Cluster ${count(cluster.cluster)}` }),
+      h("button", {
+        type: "button",
+        textContent: "×",
+        title: "Let go (Esc)",
+        onclick: close,
+        aria: { label: "Let go" },
+      }),
+    ),
+    h("dl", {}, ...rows.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])),
+  );
+}

@@ -1,0 +1,358 @@
+// The canvas: renderer, light, camera and what moves it, and one or two assets side by side.
+
+import {
+  BoxGeometry,
+  Color,
+  DirectionalLight,
+  HemisphereLight,
+  InstancedMesh,
+  LineBasicMaterial,
+  Matrix4,
+  MeshBasicMaterial,
+  MOUSE,
+  NormalBlending,
+  PerspectiveCamera,
+  Raycaster,
+  Scene,
+  type Sphere,
+  TOUCH,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { type ClusterInfo, sphereOf, type UmbelIntersection, type UmbelMesh } from "umbel/three";
+import { tintOf } from "./looks";
+import type { CameraPose, State } from "./state";
+
+const FIELD_OF_VIEW = 40;
+const MAX_PIXEL_RATIO = 2;
+const BOX_OPACITY = 0.05;
+
+export interface FrameCounts {
+  triangles: number;
+  clusters: number;
+  draws: number;
+  /** Milliseconds between this frame and the one before; 0 where nothing moved before. */
+  interval: number;
+  /** Milliseconds that the page's thread was busy with this frame. */
+  work: number;
+  updateWork: number;
+}
+
+export class Stage {
+  readonly canvas: HTMLCanvasElement;
+  readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
+  readonly controls: OrbitControls;
+  /** Left and right; the right one is there to be compared with. */
+  meshes: [UmbelMesh | undefined, UmbelMesh | undefined] = [undefined, undefined];
+  onFrame: ((counts: FrameCounts) => void) | undefined;
+  picked: number | undefined;
+  /** Whether the right one has the same pixel error as the left, or none. */
+  rightFollows = false;
+  /** Asks for what moves the camera before each frame; true while it does. */
+  beforeFrame: ((time: number) => boolean) | undefined;
+
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly key = new DirectionalLight(0xfff4e6, 2.1);
+  private readonly fill = new DirectionalLight(0xcfe2ff, 0.55);
+  private readonly sky = new HemisphereLight(0xf0f4ff, 0x5a5148, 1.15);
+  private readonly lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
+  private boxes: InstancedMesh | undefined;
+  private isAsked = false;
+  private lastFrame = 0;
+  private wasMoving = false;
+  private cutKey: unknown;
+
+  constructor(
+    host: HTMLElement,
+    private readonly state: State,
+  ) {
+    this.renderer = new WebGLRenderer({
+      antialias: true,
+      alpha: true,
+      preserveDrawingBuffer: false,
+    });
+    this.renderer.setClearAlpha(0);
+    this.canvas = this.renderer.domElement;
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("aria-label", "The model. Drag to turn, scroll to come closer.");
+    host.append(this.canvas);
+    this.scene.add(this.sky, this.key, this.key.target, this.fill, this.fill.target);
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.enableDamping = true;
+    this.controls.dampingFactor = 0.12;
+    this.controls.zoomToCursor = true;
+    this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
+    this.controls.touches = { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_PAN };
+    this.controls.addEventListener("change", () => this.ask());
+    new ResizeObserver(() => this.resize(host)).observe(host);
+    this.resize(host);
+    this.canvas.addEventListener("webglcontextrestored", () => this.ask());
+  }
+
+  private resize(host: HTMLElement): void {
+    const { clientWidth: width, clientHeight: height } = host;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, MAX_PIXEL_RATIO));
+    this.renderer.setSize(width, height, false);
+    this.ask();
+  }
+
+  /** Height of the picture in pixels of the screen. */
+  get height(): number {
+    return this.renderer.getDrawingBufferSize(new Vector2()).y;
+  }
+
+  setMesh(side: 0 | 1, mesh: UmbelMesh | undefined): void {
+    this.meshes[side]?.dispose();
+    this.meshes[side] = mesh;
+    if (mesh) {
+      mesh.onChange = () => this.ask();
+      this.scene.add(mesh);
+    }
+    this.apply();
+  }
+
+  /** Brings what is set to the meshes. */
+  apply(): void {
+    const { look, wireframe, pixelError, frozen } = this.state;
+    const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+    const theme = document.documentElement.dataset.theme;
+    const isDark = theme ? theme === "dark" : dark;
+    this.lineMaterial.color = new Color(isDark ? 0x0b0d10 : 0x1c2127);
+    for (const mesh of this.meshes) {
+      if (!mesh) continue;
+      mesh.setTint(tintOf(look, mesh, this.picked));
+      mesh.setLines(wireframe ? this.lineMaterial : undefined);
+      mesh.isFrozen = frozen;
+      for (const material of mesh.materials) {
+        material.polygonOffset = wireframe;
+        material.polygonOffsetFactor = 1;
+        material.polygonOffsetUnits = 1;
+      }
+    }
+    this.meshes.forEach((mesh, side) => {
+      if (mesh && (side === 0 || this.rightFollows)) mesh.pixelError = pixelError;
+    });
+    this.cutKey = undefined;
+    this.ask();
+  }
+
+  /** Turns the camera to the whole of the asset. */
+  frameAll(): void {
+    const mesh = this.meshes[0];
+    if (!mesh) return;
+    const { center, radius } = sphereOf(mesh);
+    const size = radius > 0 ? radius : 1;
+    const half = Math.min(this.camera.aspect, 1) * Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
+    const distance = (0.82 * size) / Math.sin(Math.atan(half));
+    const direction = new Vector3(0.45, 0.22, 1).normalize();
+    this.setPose({
+      position: center.clone().addScaledVector(direction, distance).toArray(),
+      target: center.toArray(),
+    });
+  }
+
+  get pose(): CameraPose {
+    return {
+      position: this.camera.position.toArray(),
+      target: this.controls.target.toArray(),
+    };
+  }
+
+  setPose({ position, target }: CameraPose): void {
+    this.camera.position.set(...position);
+    this.controls.target.set(...target);
+    this.controls.update();
+    this.ask();
+  }
+
+  /** Moves camera and target together, in the camera's directions and units of its distance. */
+  fly(right: number, up: number, forward: number): void {
+    const distance = this.camera.position.distanceTo(this.controls.target);
+    const move = new Vector3(right, up, -forward)
+      .multiplyScalar(distance)
+      .applyQuaternion(this.camera.quaternion);
+    this.camera.position.add(move);
+    this.controls.target.add(move);
+    this.ask();
+  }
+
+  /** Draws a frame soon. */
+  ask(): void {
+    if (this.isAsked) return;
+    this.isAsked = true;
+    requestAnimationFrame((time) => {
+      this.isAsked = false;
+      this.frame(time);
+    });
+  }
+
+  private frame(time: number): void {
+    const start = performance.now();
+    const interval = this.wasMoving && this.lastFrame ? time - this.lastFrame : 0;
+    this.lastFrame = time;
+    const isDriven = this.beforeFrame?.(time) ?? false;
+    const isDamping = this.controls.update();
+    this.wasMoving = isDriven || isDamping;
+    if (this.wasMoving) this.ask();
+    this.draw();
+    const [mesh] = this.meshes;
+    this.onFrame?.({
+      triangles: mesh?.drawn.triangles ?? 0,
+      clusters: mesh?.drawn.clusters ?? 0,
+      draws: mesh?.drawn.calls ?? 0,
+      interval,
+      work: performance.now() - start,
+      updateWork: mesh?.updateTime ?? 0,
+    });
+  }
+
+  private draw(): void {
+    const { renderer } = this;
+    const size = renderer.getSize(new Vector2());
+    const [left, right] = this.meshes;
+    const { layout, wipe } = this.state;
+    renderer.setScissorTest(false);
+    renderer.clear();
+    if (layout === "single" || !right) {
+      this.drawMesh(left, [0, 0, size.x, size.y], [0, 0, size.x, size.y]);
+      return;
+    }
+    renderer.setScissorTest(true);
+    const middle = Math.round(size.x * (layout === "side" ? 0.5 : wipe));
+    const whole = [0, 0, size.x, size.y] as const;
+    const parts = [
+      [0, 0, middle, size.y],
+      [middle, 0, size.x - middle, size.y],
+    ] as const;
+    this.drawMesh(left, layout === "side" ? parts[0] : whole, parts[0]);
+    this.drawMesh(right, layout === "side" ? parts[1] : whole, parts[1]);
+  }
+
+  private drawMesh(
+    mesh: UmbelMesh | undefined,
+    viewport: readonly [number, number, number, number],
+    scissor: readonly [number, number, number, number],
+  ): void {
+    const { camera, renderer } = this;
+    renderer.setViewport(...viewport);
+    renderer.setScissor(...scissor);
+    camera.aspect = viewport[2] / Math.max(viewport[3], 1);
+    this.placeLight();
+    for (const each of this.meshes) if (each) each.visible = each === mesh;
+    if (mesh) {
+      this.setDepths(mesh);
+      mesh.update(camera, renderer);
+      this.updateBoxes(mesh);
+    }
+    renderer.render(this.scene, camera);
+  }
+
+  private setDepths(mesh: UmbelMesh): void {
+    const { center, radius } = sphereOf(mesh).applyMatrix4(mesh.matrixWorld) as Sphere;
+    const distance = this.camera.position.distanceTo(center);
+    const size = Math.max(radius, 1e-20);
+    this.camera.far = distance + 1.1 * size;
+    this.camera.near = Math.max(distance - 1.1 * size, this.camera.far * 2e-4);
+    this.camera.updateProjectionMatrix();
+    this.controls.minDistance = size * 1e-3;
+    this.controls.maxDistance = size * 50;
+  }
+
+  /** The key light comes from above the viewer's left shoulder, wherever they stand. */
+  private placeLight(): void {
+    const { camera, controls } = this;
+    const at = controls.target;
+    const place = (light: DirectionalLight, x: number, y: number, z: number) => {
+      light.target.position.copy(at);
+      light.position.set(x, y, z).applyQuaternion(camera.quaternion).add(at);
+      light.target.updateMatrixWorld();
+    };
+    place(this.key, -0.6, 0.9, 0.8);
+    place(this.fill, 0.9, 0.1, 0.15);
+  }
+
+  private updateBoxes(mesh: UmbelMesh): void {
+    if (this.state.look !== "overlap") {
+      if (this.boxes) this.boxes.visible = false;
+      return;
+    }
+    const key = mesh.statistics && `${mesh.id} ${mesh.cutVersion}`;
+    if (this.boxes && this.cutKey === key) {
+      this.boxes.visible = true;
+      return;
+    }
+    this.cutKey = key;
+    const clusters = [...mesh.clusters()];
+    if (this.boxes) {
+      this.scene.remove(this.boxes);
+      this.boxes.dispose();
+    }
+    const material = new MeshBasicMaterial({
+      color: 0xf28c3a,
+      transparent: true,
+      opacity: BOX_OPACITY,
+      depthTest: false,
+      depthWrite: false,
+      blending: NormalBlending,
+    });
+    this.boxes = new InstancedMesh(
+      new BoxGeometry(1, 1, 1),
+      material,
+      Math.max(clusters.length, 1),
+    );
+    this.boxes.count = clusters.length;
+    this.boxes.frustumCulled = false;
+    const [size, middle, matrix] = [new Vector3(), new Vector3(), new Matrix4()];
+    clusters.forEach(({ box }, i) => {
+      box.getSize(size);
+      box.getCenter(middle);
+      matrix.makeScale(size.x, size.y, size.z).setPosition(middle);
+      this.boxes?.setMatrixAt(i, matrix);
+    });
+    this.scene.add(this.boxes);
+  }
+
+  /** The cluster at a place on the page, and the asset that it is of. */
+  pick(
+    x: number,
+    y: number,
+  ): { mesh: UmbelMesh; cluster: ClusterInfo; distance: number } | undefined {
+    const rectangle = this.canvas.getBoundingClientRect();
+    let u = (x - rectangle.left) / rectangle.width;
+    const v = (y - rectangle.top) / rectangle.height;
+    const { layout, wipe } = this.state;
+    let [mesh] = this.meshes;
+    this.camera.aspect = rectangle.width / rectangle.height;
+    if (layout !== "single" && this.meshes[1]) {
+      if (u > (layout === "side" ? 0.5 : wipe)) mesh = this.meshes[1];
+      if (layout === "side") {
+        u = (2 * u) % 1;
+        this.camera.aspect /= 2;
+      }
+    }
+    if (!mesh) return undefined;
+    this.camera.updateProjectionMatrix();
+    const raycaster = new Raycaster();
+    raycaster.setFromCamera(new Vector2(2 * u - 1, 1 - 2 * v), this.camera);
+    const [nearest] = raycaster.intersectObject(mesh, false) as UmbelIntersection[];
+    return nearest && { mesh, cluster: nearest.cluster, distance: nearest.distance };
+  }
+
+  /** The picture as it is now, on its background. */
+  async picture(background: (context: CanvasRenderingContext2D) => void): Promise<Blob> {
+    this.draw();
+    const copy = document.createElement("canvas");
+    copy.width = this.canvas.width;
+    copy.height = this.canvas.height;
+    const context = copy.getContext("2d") as CanvasRenderingContext2D;
+    background(context);
+    context.drawImage(this.canvas, 0, 0);
+    return new Promise((resolve, reject) => {
+      copy.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))), "image/png");
+    });
+  }
+}

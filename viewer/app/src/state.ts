@@ -1,0 +1,85 @@
+// What a person has set, and how a link carries it.
+
+import type { Look } from "./looks";
+import { LOOKS } from "./looks";
+
+export type Layout = "single" | "side" | "wipe";
+
+export interface State {
+  look: Look;
+  wireframe: boolean;
+  pixelError: number;
+  /** Frames a second to keep by choosing the pixel error; 0 leaves it alone. */
+  frameRate: number;
+  frozen: boolean;
+  /** Bytes. */
+  budget: number;
+  layout: Layout;
+  /** Where the wipe stands, from 0 (left) to 1. */
+  wipe: number;
+}
+
+export interface CameraPose {
+  position: [number, number, number];
+  target: [number, number, number];
+}
+
+export function defaultState(): State {
+  const isSmall = matchMedia("(max-width: 700px)").matches;
+  return {
+    look: "shaded",
+    wireframe: false,
+    pixelError: 1,
+    frameRate: 0,
+    frozen: false,
+    budget: (isSmall ? 128 : 512) * 2 ** 20,
+    layout: "single",
+    wipe: 0.5,
+  };
+}
+
+/** The part of a link behind #. */
+export function writeLink(state: State, pose: CameraPose): string {
+  const link = new URLSearchParams();
+  const round = (numbers: readonly number[]) =>
+    numbers.map((n) => Number(n.toPrecision(7))).join(",");
+  link.set("eye", round(pose.position));
+  link.set("target", round(pose.target));
+  link.set("look", state.look);
+  link.set("pixels", String(Number(state.pixelError.toPrecision(4))));
+  if (state.wireframe) link.set("wireframe", "1");
+  if (state.frameRate) link.set("fps", String(state.frameRate));
+  if (state.layout !== "single") link.set("layout", state.layout);
+  if (state.layout === "wipe") link.set("wipe", state.wipe.toFixed(3));
+  return link.toString().replaceAll("%2C", ",");
+}
+
+function vector(text: string | null): [number, number, number] | undefined {
+  const [x, y, z] = (text ?? "").split(",").map(Number);
+  return [x, y, z].every((n) => Number.isFinite(n) && text) ? [x, y, z] : undefined;
+}
+
+export function readLink(hash: string, state: State): CameraPose | undefined {
+  const link = new URLSearchParams(hash.replace(/^#/, ""));
+  const look = link.get("look");
+  if (look && look in LOOKS) state.look = look as Look;
+  const pixels = Number(link.get("pixels"));
+  if (pixels > 0) state.pixelError = Math.min(Math.max(pixels, PIXELS.low), PIXELS.high);
+  state.wireframe = link.get("wireframe") === "1";
+  const fps = Number(link.get("fps"));
+  if (fps > 0) state.frameRate = Math.min(fps, 240);
+  const layout = link.get("layout");
+  if (layout === "side" || layout === "wipe") state.layout = layout;
+  const wipe = Number(link.get("wipe"));
+  if (wipe > 0 && wipe < 1) state.wipe = wipe;
+  const budget = Number(link.get("budget"));
+  if (budget > 0) state.budget = budget * 2 ** 20;
+  const position = vector(link.get("eye"));
+  const target = vector(link.get("target"));
+  return position && target ? { position, target } : undefined;
+}
+
+/** The range of the pixel error. */
+export const PIXELS = { low: 0.25, high: 64 };
+/** The range of the budget, in bytes. */
+export const BUDGETS = { low: 2 ** 22, high: 2 ** 31 };

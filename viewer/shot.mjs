@@ -1,0 +1,17 @@
+import { chromium } from "@playwright/test";
+const [url, out, w=1280, h=800, js] = process.argv.slice(2);
+const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--headless=new","--use-angle=swiftshader","--enable-unsafe-swiftshader","--no-sandbox","--ignore-gpu-blocklist"] });
+const page = await browser.newPage({ viewport: { width: +w, height: +h } });
+page.on("console", m => console.log("console", m.type(), m.text()));
+page.on("pageerror", e => console.log("error", e));
+const t0 = Date.now();
+await page.goto(url);
+await page.waitForFunction(() => { const m = window.umbelViewer?.stage.meshes[0]; return m?.statistics?.triangles > 0 && m.drawn.triangles>0; }, null, { timeout: 20000 }).catch(e=>console.log("timeout"));
+console.log("first", Date.now()-t0);
+await page.waitForFunction(() => { const s = window.umbelViewer?.stage.meshes[0]?.statistics; return s?.isSettled && s.missingPages === 0; }, null, { timeout: 30000 }).catch(e=>console.log("timeout"));
+console.log("settled", Date.now()-t0);
+if (js) await page.evaluate(js);
+await page.waitForTimeout(1200);
+console.log(JSON.stringify(await page.evaluate(() => { const m = window.umbelViewer?.stage.meshes[0]; return m && { s: m.statistics, d: m.drawn, u: m.updateTime }; })));
+await page.screenshot({ path: out });
+await browser.close();
