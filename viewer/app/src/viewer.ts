@@ -1,6 +1,6 @@
 // The viewer: opens assets, and joins the stage with what stands around it.
 
-import { UmbelError } from "umbel";
+import { AssetStream, UmbelError } from "umbel";
 import { UmbelMesh } from "umbel/three";
 import { count, h } from "./dom";
 import { LOOKS, type Look } from "./looks";
@@ -9,9 +9,14 @@ import { Panel } from "./panel";
 import { CameraPath } from "./path";
 import { pickedCard } from "./picked";
 import { type FrameCounts, Stage } from "./stage";
-import { defaultState, type Layout, PIXELS, readLink, writeLink } from "./state";
+import { type CameraPose, type Layout, PIXELS, readLink, type State, writeLink } from "./state";
 
 type Source = string | File;
+
+interface Opening {
+  pose?: CameraPose | undefined;
+  early?: Promise<AssetStream> | undefined;
+}
 
 const COUNTER_INTERVAL = 200;
 /** A click that moves farther than this, in pixels, is a drag. */
@@ -24,7 +29,6 @@ function nameOf(source: Source): string {
 }
 
 export class Viewer {
-  readonly state = defaultState();
   readonly stage: Stage;
   private readonly panel: Panel;
   private readonly path = new CameraPath();
@@ -51,7 +55,10 @@ export class Viewer {
   private counterTimer = 0;
   private damagedShown = 0;
 
-  constructor(private readonly root: HTMLElement) {
+  constructor(
+    private readonly root: HTMLElement,
+    readonly state: State,
+  ) {
     this.applyTheme(localStorage.getItem("umbel-theme") ?? "");
     const host = h("div", { className: "stage" });
     this.panel = new Panel(this.state, {
@@ -80,8 +87,6 @@ export class Viewer {
       host,
       this.progress,
       this.title,
-      this.names,
-      this.divider,
       this.panel.element,
       this.sheetButton,
       this.notice.element,
@@ -92,16 +97,16 @@ export class Viewer {
     );
     if (matchMedia("(max-width: 700px)").matches) this.togglePanel();
     this.stage = new Stage(host, this.state);
+    host.append(this.names, this.divider);
     this.stage.onFrame = (counts) => this.onFrame(counts);
     this.stage.beforeFrame = (time) => this.moveCamera(time);
     this.listen(host);
   }
 
-  /** Opens what the page's address names. */
-  start(): void {
+  /** Shows the asset that the page's address names, which may be on its way already. */
+  start(asset: string | undefined, early: Promise<AssetStream> | undefined): void {
     const search = new URLSearchParams(location.search);
     const pose = readLink(location.hash, this.state);
-    const asset = search.get("asset") ?? document.body.dataset.asset;
     this.other = search.get("compare") ?? undefined;
     if (this.other && this.state.layout === "single") this.state.layout = "wipe";
     this.panel.update();
@@ -113,12 +118,10 @@ export class Viewer {
       );
       return;
     }
-    void this.open(asset).then(() => {
-      if (pose) this.stage.setPose(pose);
-    });
+    void this.open(asset, { pose, early });
   }
 
-  async open(source: Source): Promise<void> {
+  async open(source: Source, { pose, early }: Opening = {}): Promise<void> {
     const turn = ++this.opened;
     this.problem.hide();
     this.letGo();
@@ -126,11 +129,12 @@ export class Viewer {
     this.progress.classList.remove("done");
     this.progress.style.width = "6%";
     try {
-      const mesh = await this.load(source, this.state.pixelError);
+      const mesh = await this.load(source, this.state.pixelError, early);
       if (turn !== this.opened) return mesh.dispose();
       this.source = source;
       this.stage.setMesh(0, mesh);
-      this.stage.frameAll();
+      if (pose) this.stage.setPose(pose);
+      else this.stage.frameAll();
       this.showTitle(mesh, source);
       await this.setLayout(this.state.layout);
     } catch (error) {
@@ -138,8 +142,13 @@ export class Viewer {
     }
   }
 
-  private async load(source: Source, pixelError: number): Promise<UmbelMesh> {
-    const mesh = await UmbelMesh.load(source, { budget: this.state.budget, pixelError });
+  private async load(
+    source: Source,
+    pixelError: number,
+    early?: Promise<AssetStream>,
+  ): Promise<UmbelMesh> {
+    const stream = early ?? AssetStream.open(source, { budget: this.state.budget });
+    const mesh = new UmbelMesh(await stream, { pixelError });
     mesh.onConnection = (isLost) => {
       if (isLost) this.notice.show("The connection is lost. Trying again …", true);
       else this.notice.show("The connection is back.");
@@ -384,7 +393,7 @@ export class Viewer {
   }
 
   private togglePanel(): void {
-    const isClosed = this.panel.element.classList.toggle("closed");
+    const isClosed = this.root.classList.toggle("plain");
     this.sheetButton.setAttribute("aria-expanded", String(!isClosed));
   }
 
@@ -428,7 +437,8 @@ export class Viewer {
     );
     this.divider.addEventListener("pointermove", (event) => {
       if (!this.divider.hasPointerCapture(event.pointerId)) return;
-      this.state.wipe = Math.min(Math.max(event.clientX / innerWidth, 0.02), 0.98);
+      const { left, width } = host.getBoundingClientRect();
+      this.state.wipe = Math.min(Math.max((event.clientX - left) / width, 0.02), 0.98);
       this.placeDivider();
     });
   }

@@ -6,23 +6,20 @@ import type { AssetInfo, StreamListener, StreamOptions } from "./streamer.js";
 import type { FromWorker, ToWorker } from "./worker/messages.js";
 
 export class AssetStream {
+  /** Told what arrives, once views are set. */
+  listener: StreamListener | undefined;
+
   private constructor(
     private readonly worker: Worker,
     readonly info: AssetInfo,
   ) {}
 
-  /**
-   * Opens the asset at an address or in a local file; rejects with an UmbelError. Geometry comes to
-   * the listener once views are set.
-   */
-  static open(
-    source: string | Blob,
-    options: StreamOptions,
-    listener: StreamListener,
-  ): Promise<AssetStream> {
+  /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
+  static open(source: string | Blob, options: StreamOptions): Promise<AssetStream> {
     const worker = new Worker(new URL("./worker/stream_worker.js", import.meta.url), {
       type: "module",
     });
+    let stream: AssetStream | undefined;
     return new Promise((resolve, reject) => {
       const fail = (error: UmbelError) => {
         worker.terminate();
@@ -33,10 +30,11 @@ export class AssetStream {
       worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
         if (data.type === "opened") {
           worker.onerror = null;
-          resolve(new AssetStream(worker, data.info));
+          stream = new AssetStream(worker, data.info);
+          resolve(stream);
         } else if (data.type === "failed") fail(new UmbelError(data.kind, data.message));
-        else if (data.type === "update") listener.update(data.update);
-        else listener.connection(data.isLost);
+        else if (data.type === "update") stream?.listener?.update(data.update);
+        else stream?.listener?.connection(data.isLost);
       };
       const address = typeof source === "string" ? new URL(source, document.baseURI).href : source;
       send(worker, { type: "open", source: address, options });

@@ -77,6 +77,7 @@ interface Resident {
 
 /** Time to bring new groups to the GPU in a frame, in milliseconds. */
 const UPLOAD_TIME = 6;
+const DEFAULT_BUDGET = 2 ** 28;
 const MAX_SLOTS = 1 << 22;
 
 export class UmbelMesh extends Object3D {
@@ -114,11 +115,16 @@ export class UmbelMesh extends Object3D {
   private runGroups: Resident[] = [];
   private lastView = "";
 
-  private constructor(
-    private stream: AssetStream,
-    options: UmbelMeshOptions,
+  /** Of a stream that is open; its budget stays as it was opened with. */
+  constructor(
+    private readonly stream: AssetStream,
+    options: Omit<UmbelMeshOptions, "budget"> = {},
   ) {
     super();
+    stream.listener = {
+      update: (update) => this.receive(update),
+      connection: (isLost) => this.onConnection?.(isLost),
+    };
     this.pixelError = options.pixelError ?? 1;
     this.offscreen = options.offscreen ?? 4;
     const { attributes, low, high } = stream.info;
@@ -134,17 +140,8 @@ export class UmbelMesh extends Object3D {
 
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
   static async load(source: string | Blob, options: UmbelMeshOptions = {}): Promise<UmbelMesh> {
-    let mesh: UmbelMesh | undefined;
-    const stream = await AssetStream.open(
-      source,
-      { budget: options.budget ?? 2 ** 28 },
-      {
-        update: (update) => mesh?.receive(update),
-        connection: (isLost) => mesh?.onConnection?.(isLost),
-      },
-    );
-    mesh = new UmbelMesh(stream, options);
-    return mesh;
+    const budget = options.budget ?? DEFAULT_BUDGET;
+    return new UmbelMesh(await AssetStream.open(source, { budget }), options);
   }
 
   get info(): AssetInfo {
