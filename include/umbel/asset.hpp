@@ -1,27 +1,80 @@
-// A .umbel file: one continuous-LOD asset, read page by page. docs/format.md has every byte.
+// A .umbel file: continuous-LOD assets, read page by page. docs/format.md has every byte.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "umbel/lod.hpp"
 
 namespace umbel {
 
 struct AssetInfo {
-  uint16_t version_major = 2, version_minor = 0;
+  uint16_t version_major = 3, version_minor = 0;
   uint64_t file_bytes = 0;
+  uint64_t head_bytes = 0;  ///< what opening reads
+  /// A hash of the whole file: of the hashes of its parts.
+  uint64_t checksum = 0;
   uint32_t pages = 0;
+  uint32_t page_bytes = 0;                       ///< most of a page, unless one group takes more
+  uint32_t max_triangles = 0, max_vertices = 0;  ///< limits that every cluster keeps
+  std::string metadata;                          ///< JSON, as given to write_asset
+
+  // Of all meshes together; of the first one where they differ in what they have.
   bool normals = false, tangents = false, uvs = false, colors = false;
   float position_step = 0;  ///< positions are multiples of it; 0: any floats
   float uv_step = 0;        ///< likewise
   uint32_t normal_bits = 0, tangent_bits = 0, color_bits = 0;  ///< see AssetConfig; 0: floats
+  Aabb bounds;  ///< of the meshes, each where it is without any instance
+  uint64_t source_triangles = 0, source_vertices = 0;
+  uint64_t source_digest = 0;  ///< the sum of the meshes'
+};
+
+/// One of an asset's meshes. Its groups, clusters and nodes are numbered from 0.
+struct AssetMesh {
   Aabb bounds;
   uint64_t source_triangles = 0, source_vertices = 0, source_digest = 0;
-  uint32_t max_triangles = 0, max_vertices = 0;  ///< limits that every cluster keeps
-  std::string metadata;                          ///< JSON, as given to write_asset
+  uint32_t groups = 0, clusters = 0;
+};
+
+/// A mesh where it is in the scene.
+struct Instance {
+  uint32_t mesh;
+  /// Three rows of four: x' = t[0] x + t[1] y + t[2] z + t[3], and so on.
+  std::array<float, 12> transform{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+  bool operator==(const Instance&) const = default;
+};
+
+/// What a group's clusters were made from, as a reader meets it on its way from coarse to fine.
+struct GroupRef {
+  uint32_t group;
+  uint32_t page;     ///< where it is
+  uint32_t parents;  ///< groups that have clusters made from it
+  Sphere sphere;     ///< this and the error are the group's own
+  float error;
+  bool operator==(const GroupRef&) const = default;
+};
+
+/// A group as its page has it.
+struct PageGroup {
+  uint32_t mesh, id;  ///< of Asset::meshes(), and in that mesh's tables
+  lod::Group group;
+  uint32_t parents;                    ///< groups that have clusters made from it
+  std::vector<GroupRef> children;      ///< that its clusters were made from
+  std::vector<lod::Cluster> clusters;  ///< the mesh's clusters group.clusters
+  uint32_t offset, bytes;              ///< of its part, in the page
+};
+
+/// A page that was read and whose checksum held.
+struct AssetPage {
+  uint32_t index = 0;
+  std::vector<PageGroup> groups;
+  std::vector<std::byte> bytes;
 };
 
 /// How exactly attributes are kept; 0 everywhere, and for those that do not fit (colours outside
@@ -32,42 +85,81 @@ struct AssetConfig {
   uint32_t tangent_bits = 10;  ///< of the angle about the normal, 2..16; needs normal_bits
   uint32_t color_bits = 8;     ///< of red, green, blue (as sRGB) and alpha, 2..16
   float uv_step = 0x1p-14f;    ///< texture coordinates become multiples of this power of two
+  /// Groups that together take at most so much form a page, what is read at once: a multiple of
+  /// 4096, up to 1 GiB.
+  uint32_t page_bytes = 128 << 10;
 
   static AssetConfig exact() { return {0, 0, 0, 0}; }
 };
 
-/// Writes beside `path` and renames, so that a file of that name is always whole. `metadata` is
-/// a JSON object that comes back as AssetInfo::metadata. Returns the bytes written. Throws kIo,
-/// kCancelled, and kInvalidArgument for a DAG that cannot be stored (a range or index out of its
-/// table, clusters not in one group each, nodes that are no tree). A DAG that is merely wrong
-/// (an error too low, a triangle missing) is stored as it is; verify_asset tells.
+/// All that an asset may hold.
+struct AssetContents {
+  std::vector<const lod::Dag*> meshes;
+  /// Where meshes are; none: each once, where it is.
+  std::vector<Instance> instances;
+  std::string metadata = "{}";   ///< a JSON object that comes back as AssetInfo::metadata
+  std::string materials = "{}";  ///< a JSON object: see docs/format.md, section MTRL
+  /// Files that `materials` refers to: images.
+  std::vector<std::vector<std::byte>> files;
+};
+
+/// Writes beside `path` and renames, so that a file of that name is always whole. Returns the bytes
+/// written. Throws kIo, kCancelled, and kInvalidArgument for a DAG that cannot be stored (a range
+/// or index out of its table, clusters not in one group each, nodes that are no tree), an instance
+/// of no mesh, or a configuration out of range. A DAG that is merely wrong (an error too low, a
+/// triangle missing) is stored as it is; verify_asset tells.
+UMBEL_API uint64_t write_asset(const std::filesystem::path& path, const AssetContents& contents,
+                               const BuildOptions& options = {}, const AssetConfig& config = {});
+/// The same for one mesh.
 UMBEL_API uint64_t write_asset(const std::filesystem::path& path, const lod::Dag& dag,
                                const std::string& metadata = "{}", const BuildOptions& options = {},
                                const AssetConfig& config = {});
 
-/// An open asset: tables in memory, pages read when asked for. Safe to use from many threads.
+/// An open asset. Opening reads the head alone; tables are read when first asked for, and pages
+/// when needed. Safe to use from many threads.
 class UMBEL_API Asset {
  public:
-  /// Reads and checks header and tables. Throws kIo, kCorrupt, kUnsupported (a newer version).
+  /// Reads and checks the head. Throws kIo, kCorrupt, kUnsupported (a newer version).
   explicit Asset(const std::filesystem::path& path);
   Asset(Asset&&) noexcept;
   Asset& operator=(Asset&&) noexcept;
   ~Asset();
 
   const AssetInfo& info() const;
-  const lod::Tables& tables() const;
-  /// Reads one cluster out of its page. Throws kCorrupt if the page's checksum does not hold.
-  lod::ClusterGeometry geometry(uint32_t cluster) const;
-  /// Whether the page of this group holds what its checksum says.
-  bool page_is_whole(uint32_t group) const;
+  const std::vector<AssetMesh>& meshes() const;
+  const std::vector<Instance>& instances() const;
+  /// JSON; docs/format.md, section MTRL.
+  const std::string& materials() const;
+  /// A file that `materials` refers to. Throws kCorrupt if its checksum does not hold.
+  std::vector<std::byte> file(uint32_t index) const;
+  uint32_t files() const;
+
+  /// The groups of a mesh that no cluster was made from: where a reader that goes from coarse to
+  /// fine begins.
+  std::span<const GroupRef> roots(uint32_t mesh = 0) const;
+  /// Bytes of a page. Throws kInvalidArgument for one that is not there.
+  uint32_t page_bytes(uint32_t page) const;
+  /// Reads a page. Throws kCorrupt if its checksum does not hold or its contents are impossible.
+  AssetPage read_page(uint32_t page) const;
+  /// The clusters of groups[index] of a page of this asset.
+  std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
+  /// Whether the page holds what its checksum says.
+  bool page_is_whole(uint32_t page) const;
+
+  /// All that selection needs, for those who want it at once: the first call reads every page.
+  /// Throws kCorrupt if pages do not fit together.
+  const lod::Tables& tables(uint32_t mesh = 0) const;
+  /// One cluster, by its number in the mesh's tables. Its group is decoded up to it, and kept for
+  /// the next call.
+  lod::ClusterGeometry geometry(uint32_t cluster, uint32_t mesh = 0) const;
 
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
 
-/// Everything that lod::verify checks, and every page's checksum. A file that cannot be opened
-/// as an asset at all gives a report with checksum_errors and the sentence, not an exception,
+/// Everything that lod::verify checks of every mesh, and every checksum. A file that cannot be
+/// opened as an asset at all gives a report with checksum_errors and the sentence, not an exception,
 /// unless it does not exist.
 UMBEL_API lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts = 64,
                                          uint32_t seed = 1, const BuildOptions& options = {});

@@ -5,31 +5,60 @@
 namespace umbel::asset {
 namespace {
 
-constexpr uint32_t kMaxVertices = 256;
-constexpr uint16_t kNoGate = 0xffff;
+constexpr uint16_t kNoGate = 3 * kMaxLocal;
 
-/// How a gate's third vertex is named: by so many zeros before a one.
+/// What the third vertex of a gate's triangle is.
 enum Apex : uint32_t {
   kNew = 0,      ///< the next number
   kAfter = 1,    ///< the end of an open gate that begins at b
   kBefore = 2,   ///< the beginning of an open gate that ends at a
   kNamed = 3,    ///< its number follows
-  kNothing = 4,  ///< there is no triangle after all; four zeros and no one
+  kNothing = 4,  ///< there is no triangle after all
 };
+
+/// One word of the prefix code: a triangle's apex, and whether its edges (b, c) and (c, a) are
+/// gates. Edges that close a gate count as gates here.
+struct Symbol {
+  uint8_t apex, right, left;
+  uint8_t length;  ///< bits
+  uint8_t code;    ///< the first bit lowest
+};
+
+constexpr uint32_t kLongest = 8;
+/// From how often each occurs on scans; complete, so that any bits are words.
+constexpr std::array<Symbol, 13> kSymbols{{{kNew, 1, 1, 1, 0b1},
+                                           {kAfter, 1, 1, 3, 0b110},
+                                           {kBefore, 1, 1, 3, 0b010},
+                                           {kNew, 0, 1, 4, 0b1100},
+                                           {kNew, 1, 0, 4, 0b0100},
+                                           {kNew, 0, 0, 5, 0b11000},
+                                           {kAfter, 1, 0, 5, 0b01000},
+                                           {kBefore, 0, 1, 5, 0b10000},
+                                           {kNamed, 1, 1, 6, 0b100000},
+                                           {kNamed, 0, 1, 8, 0b11000000},
+                                           {kNamed, 1, 0, 8, 0b01000000},
+                                           {kNamed, 0, 0, 8, 0b10000000},
+                                           {kNothing, 0, 0, 8, 0b00000000}}};
+
+/// The symbol that any eight bits begin with.
+constexpr std::array<Symbol, 1u << kLongest> decoding_table() {
+  std::array<Symbol, 1u << kLongest> table{};
+  for (uint32_t bits = 0; bits < table.size(); ++bits)
+    for (const Symbol& symbol : kSymbols)
+      if ((bits & ((1u << symbol.length) - 1)) == symbol.code) table[bits] = symbol;
+  return table;
+}
+constexpr auto kDecodingTable = decoding_table();
 
 // Not bytes: those may alias anything, and would keep the decoder's state out of registers.
 struct Gate {
   uint16_t a, b, across;
-  uint16_t open;
 };
 
 Parents parents_of(const Gate& gate) {
   return {static_cast<uint8_t>(gate.a), static_cast<uint8_t>(gate.b),
           static_cast<uint8_t>(gate.across)};
 }
-
-/// Bits of a number below `count`.
-uint32_t bits_below(uint32_t count) { return count < 2 ? 0 : uint32_t(std::bit_width(count - 1)); }
 
 /// The gates in the order in which they were opened, and the last open one that begins and that
 /// ends at each vertex. First opened, first passed: so the walk grows as a disc, and hardly ever
@@ -39,52 +68,59 @@ class Front {
   Front() {
     from_.fill(kNoGate);
     into_.fill(kNoGate);
+    open_.fill(0);
+    // No vertex has this number, so that what is asked of no gate is never true.
+    gates_[kNoGate] = {0xffff, 0xffff, 0xffff};
   }
 
   /// The first open gate, closed; false if there is none.
   bool pop(Gate& gate) {
-    while (first_ < count_) {
-      gate = gates_[first_++];
-      if (!gate.open) continue;
-      forget(static_cast<uint16_t>(first_ - 1));
-      return true;
+    while (open_[word_] == 0) {
+      if (word_ >= count_ / 64) return false;
+      ++word_;
     }
-    return false;
+    const uint32_t first = 64 * word_ + static_cast<uint32_t>(std::countr_zero(open_[word_]));
+    gate = gates_[first];
+    close_gate(first);
+    return true;
   }
 
   void push(uint32_t a, uint32_t b, uint32_t across) {
     from_[a] = into_[b] = static_cast<uint16_t>(count_);
-    gates_[count_++] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b),
-                        static_cast<uint16_t>(across), 1};
+    gates_[count_] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b),
+                      static_cast<uint16_t>(across)};
+    open_[count_ / 64] |= uint64_t{1} << (count_ % 64);
+    ++count_;
   }
 
-  /// Closes an open gate from a to b, if there is one.
+  /// Closes an open gate from a to b, if one is known.
   bool close(uint32_t a, uint32_t b) {
-    uint16_t gate = from_[a];
-    if (gate == kNoGate || gates_[gate].b != b) gate = into_[b];
-    if (gate == kNoGate || gates_[gate].a != a) return false;
-    gates_[gate].open = 0;
-    forget(gate);
+    uint32_t gate = from_[a];
+    if (gates_[gate].b != b) gate = into_[b];
+    if (gates_[gate].a != a) return false;
+    close_gate(gate);
     return true;
   }
 
-  /// The end of an open gate that begins at v; -1 if none is known.
-  int after(uint32_t v) const { return from_[v] == kNoGate ? -1 : gates_[from_[v]].b; }
-  /// The beginning of an open gate that ends at v.
-  int before(uint32_t v) const { return into_[v] == kNoGate ? -1 : gates_[into_[v]].a; }
+  /// The end of the last open gate that begins at v; 0xffff if none is known.
+  uint32_t after(uint32_t v) const { return gates_[from_[v]].b; }
+  /// The beginning of the last open gate that ends at v.
+  uint32_t before(uint32_t v) const { return gates_[into_[v]].a; }
 
  private:
-  void forget(uint16_t gate) {
+  void close_gate(uint32_t gate) {
+    open_[gate / 64] &= ~(uint64_t{1} << (gate % 64));
     uint16_t& from = from_[gates_[gate].a];
     uint16_t& into = into_[gates_[gate].b];
-    if (from == gate) from = kNoGate;
-    if (into == gate) into = kNoGate;
+    from = from == gate ? kNoGate : from;
+    into = into == gate ? kNoGate : into;
   }
 
   // A triangle opens three gates at most.
-  std::array<Gate, 3 * kMaxVertices> gates_;
-  std::array<uint16_t, kMaxVertices> from_, into_;
-  uint32_t first_ = 0, count_ = 0;
+  std::array<Gate, kNoGate + 1> gates_;
+  std::array<uint16_t, kMaxLocal> from_, into_;
+  std::array<uint64_t, kNoGate / 64 + 1> open_;
+  uint32_t word_ = 0, count_ = 0;
 };
 
 /// Triangles by their directed edges.
@@ -168,9 +204,9 @@ class Encoder {
     }
     const uint8_t a = triangles_[3 * triangle], b = triangles_[3 * triangle + 1],
                   c = triangles_[3 * triangle + 2];
-    pass_edge(a, b, c);
-    pass_edge(b, c, a);
-    pass_edge(c, a, b);
+    out_.write(pass_edge(a, b, c), 1);
+    out_.write(pass_edge(b, c, a), 1);
+    out_.write(pass_edge(c, a, b), 1);
     // Gates are kept in the walk's numbers.
     for (Gate gate; left_ > 0 && front_.pop(gate);) pass_gate(gate);
   }
@@ -179,38 +215,45 @@ class Encoder {
     const uint8_t a = walk_.vertices[gate.a], b = walk_.vertices[gate.b];
     const uint32_t corner = edges_.find(a, b, visited_);
     if (corner == kNone) {
-      out_.write(0, kNothing);
+      write(kNothing, false, false);
       return;
     }
     visit(corner / 3);
     const uint8_t c = triangles_[EdgeTable::turned(corner, 2)];
-    write_apex(gate, c);
+    const uint32_t apex = apex_of(gate, c), seen = known();
+    if (apex == kNew) number(c, parents_of(gate));
     for (const uint32_t v : {uint32_t{gate.a}, uint32_t{gate.b}, uint32_t{numbers_[c]}})
       walk_.triangles.push_back(static_cast<uint8_t>(v));
-    pass_edge(b, c, a);
-    pass_edge(c, a, b);
+    const bool right = pass_edge(b, c, a), left = pass_edge(c, a, b);
+    if (write(apex, right, left) == kNamed) out_.write(numbers_[c], bits_below(seen));
   }
 
-  void write_apex(const Gate& gate, uint8_t c) {
-    if (!is_known_[c]) {
-      out_.write(1, 1);
-      number(c, parents_of(gate));
-    } else if (front_.after(gate.b) == numbers_[c]) {
-      out_.write(2, 2);
-    } else if (front_.before(gate.a) == numbers_[c]) {
-      out_.write(4, 3);
-    } else {
-      out_.write(8, 4);
-      out_.write(numbers_[c], bits_below(known()));
-    }
+  uint32_t apex_of(const Gate& gate, uint8_t c) const {
+    if (!is_known_[c]) return kNew;
+    if (front_.after(gate.b) == numbers_[c]) return kAfter;
+    return front_.before(gate.a) == numbers_[c] ? kBefore : kNamed;
   }
 
-  /// The edge (a, b) of a triangle with the third vertex c.
-  void pass_edge(uint8_t a, uint8_t b, uint8_t c) {
-    if (front_.close(numbers_[a], numbers_[b])) return;
+  /// Writes the symbol, or that of the same triangle by name where it has none (with edges from a
+  /// vertex to itself, a gate beside this one may be gone by the time that it would be closed).
+  uint32_t write(uint32_t apex, bool right, bool left) {
+    for (const Symbol& s : kSymbols)
+      if (s.apex == apex && s.right == right && s.left == left) {
+        out_.write(s.code, s.length);
+        return apex;
+      }
+    return write(kNamed, right, left);
+  }
+
+  /// The edge (a, b) of a triangle with the third vertex c: whether it is or closes a gate.
+  bool pass_edge(uint8_t a, uint8_t b, uint8_t c) {
+    if (front_.close(numbers_[a], numbers_[b])) return true;
     const bool is_gate = edges_.find(b, a, visited_) != kNone;
-    out_.write(is_gate, 1);
-    if (is_gate) front_.push(numbers_[b], numbers_[a], numbers_[c]);
+    if (is_gate)
+      front_.push(numbers_[b], numbers_[a], numbers_[c]);
+    else
+      walk_.border.push_back({numbers_[a], numbers_[b]});
+    return is_gate;
   }
 
   std::span<const uint8_t> triangles_;
@@ -225,11 +268,11 @@ class Encoder {
 
 class Decoder {
  public:
-  Decoder(const BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents)
-      : in_(in), triangles_(triangles), parents_(parents) {}
+  Decoder(const BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents,
+          BorderEdges& border)
+      : in_(in), triangles_(triangles), parents_(parents), border_(border) {}
 
-  /// Returns the reader behind what was read.
-  BitReader run() {
+  void run() {
     Gate gate;
     while (at_ < triangles_.size()) {
       if (front_.pop(gate))
@@ -238,8 +281,10 @@ class Decoder {
         start();
     }
     while (known_ < parents_.size()) number_at_start();
-    return in_;
   }
+
+  const BitReader& reader() const { return in_; }
+  uint32_t border_edges() const { return border_edges_; }
 
  private:
   uint32_t number(Parents parents) {
@@ -274,38 +319,55 @@ class Decoder {
     for (uint32_t& corner : corners) corner = in_.take(1) ? number_at_start() : named();
     const auto [a, b, c] = corners;
     add(a, b, c);
-    pass_edge(a, b, c);
-    pass_edge(b, c, a);
-    pass_edge(c, a, b);
+    pass_edge(a, b, c, in_.take(1));
+    pass_edge(b, c, a, in_.take(1));
+    pass_edge(c, a, b, in_.take(1));
   }
 
   void pass_gate(const Gate& gate) {
     in_.refill();
-    const uint32_t apex = in_.take_zeros(kNothing);
-    if (apex == kNothing) return;
-    const uint32_t c = read_apex(gate, apex);
+    const Symbol symbol = kDecodingTable[in_.peek(kLongest)];
+    in_.skip(symbol.length);
+    if (symbol.apex == kNew && gate.a != gate.b) {
+      const uint32_t c = number(parents_of(gate));
+      add(gate.a, gate.b, c);
+      // No gate is at a new vertex, so none can be closed.
+      open_edge(gate.b, c, gate.a, symbol.right);
+      open_edge(c, gate.a, gate.b, symbol.left);
+      return;
+    }
+    if (symbol.apex == kNothing) return;
+    const uint32_t c = read_apex(gate, symbol.apex);
     add(gate.a, gate.b, c);
-    pass_edge(gate.b, c, gate.a);
-    pass_edge(c, gate.a, gate.b);
+    pass_edge(gate.b, c, gate.a, symbol.right);
+    pass_edge(c, gate.a, gate.b, symbol.left);
   }
 
   uint32_t read_apex(const Gate& gate, uint32_t apex) {
     if (apex == kNew) return number(parents_of(gate));
     if (apex == kNamed) return named();
-    const int c = apex == kAfter ? front_.after(gate.b) : front_.before(gate.a);
-    if (c < 0) corrupt("a triangle leans on a gate that is not there");
-    return static_cast<uint32_t>(c);
+    const uint32_t c = apex == kAfter ? front_.after(gate.b) : front_.before(gate.a);
+    if (c >= kMaxLocal) corrupt("a triangle leans on a gate that is not there");
+    return c;
   }
 
-  void pass_edge(uint32_t a, uint32_t b, uint32_t c) {
-    if (!front_.close(a, b) && in_.take(1)) front_.push(b, a, c);
+  void pass_edge(uint32_t a, uint32_t b, uint32_t c, uint32_t is_gate) {
+    if (!front_.close(a, b)) open_edge(a, b, c, is_gate);
+  }
+
+  void open_edge(uint32_t a, uint32_t b, uint32_t c, uint32_t is_gate) {
+    if (is_gate)
+      front_.push(b, a, c);
+    else
+      border_[border_edges_++] = {static_cast<uint8_t>(a), static_cast<uint8_t>(b)};
   }
 
   BitReader in_;
   std::span<uint8_t> triangles_;
   std::span<Parents> parents_;
+  BorderEdges& border_;
   size_t at_ = 0;
-  uint32_t known_ = 0;
+  uint32_t known_ = 0, border_edges_ = 0;
   Front front_;
 };
 
@@ -315,8 +377,12 @@ Walk encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, Bit
   return Encoder(triangles, vertices, out).run();
 }
 
-void decode_triangles(BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents) {
-  in = Decoder(in, triangles, parents).run();
+uint32_t decode_triangles(BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents,
+                          BorderEdges& border) {
+  Decoder decoder(in, triangles, parents, border);
+  decoder.run();
+  in = decoder.reader();
+  return decoder.border_edges();
 }
 
 }  // namespace umbel::asset

@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 
-#include "asset/box_steps.hpp"
-#include "asset/structure.hpp"
-#include "base/bytes.hpp"
 #include "base/hash.hpp"
+#include "base/math.hpp"
 
 namespace umbel::asset {
 namespace {
@@ -15,7 +14,7 @@ namespace {
 // As in PNG: a transfer that rewrites line ends or clears the eighth bit breaks it.
 constexpr std::array<unsigned char, 8> kMagic{0xAB, 'U', 'M', 'B', 'L', '\r', '\n', 0x1A};
 constexpr uint64_t kHeaderBytes = 128, kMaxHeaderBytes = 4096;
-constexpr uint64_t kSectionEntryBytes = 32;
+constexpr uint64_t kSectionEntryBytes = 40;
 constexpr uint32_t kMaxSections = 1024;
 
 constexpr uint32_t four_letters(const char (&name)[5]) {
@@ -25,12 +24,15 @@ constexpr uint32_t four_letters(const char (&name)[5]) {
 
 enum SectionIndex {
   kMetadata,
+  kMaterials,
   kAttributes,
+  kMeshes,
   kLevels,
-  kGroups,
-  kClusters,
-  kNodes,
+  kRoots,
+  kInstances,
+  kFiles,
   kPages,
+  kNodes,
   kSectionCount
 };
 
@@ -38,19 +40,25 @@ struct SectionKind {
   uint32_t id;
   const char* name;
   uint32_t element_bytes;
+  bool in_head = true;
 };
 
-constexpr std::array<SectionKind, kSectionCount> kSections{{{four_letters("META"), "META", 1},
-                                                            {four_letters("ATTR"), "ATTR", 16},
-                                                            {four_letters("LEVL"), "LEVL", 8},
-                                                            {four_letters("GRUP"), "GRUP", 36},
-                                                            {four_letters("CLUS"), "CLUS", 24},
-                                                            {four_letters("NODE"), "NODE", 32},
-                                                            {four_letters("PAGE"), "PAGE", 32}}};
+constexpr std::array<SectionKind, kSectionCount> kSections{
+    {{four_letters("META"), "META", 1},
+     {four_letters("MTRL"), "MTRL", 1},
+     {four_letters("ATTR"), "ATTR", 24},
+     {four_letters("MESH"), "MESH", 88},
+     {four_letters("LEVL"), "LEVL", 8},
+     {four_letters("ROOT"), "ROOT", 32},
+     {four_letters("INST"), "INST", 64},
+     {four_letters("FILE"), "FILE", 24},
+     {four_letters("PAGE"), "PAGE", 24},
+     {four_letters("NODE"), "NODE", kNodeBytes, false}}};
 
 struct Section {
   uint64_t offset, count;
   uint32_t element_bytes;
+  uint64_t checksum;
 };
 
 struct Layout {
@@ -60,15 +68,18 @@ struct Layout {
 
 Layout layout_of(const Head& head) {
   const uint64_t counts[kSectionCount] = {
-      head.info.metadata.size(), head.format.attributes.size(), head.tables.levels.size(),
-      head.tables.groups.size(), head.tables.clusters.size(),   head.tables.nodes.size(),
-      head.pages.size()};
+      head.info.metadata.size(), head.materials.size(), head.attributes.size(),
+      head.meshes.size(),        head.levels.size(),    head.roots.size(),
+      head.instances.size(),     head.files.size(),     head.pages.size(),
+      head.nodes.count};
   Layout layout;
   uint64_t at = kHeaderBytes + kSectionCount * kSectionEntryBytes;
   for (size_t i = 0; i < kSectionCount; ++i) {
-    layout.sections[i] = {at, counts[i], kSections[i].element_bytes};
-    at = aligned(at + counts[i] * kSections[i].element_bytes, 8);
+    layout.sections[i] = {at, counts[i], kSections[i].element_bytes, 0};
+    if (kSections[i].in_head) at = aligned(at + counts[i] * kSections[i].element_bytes, 8);
   }
+  layout.sections[kNodes].offset = head.nodes.offset;
+  layout.sections[kNodes].checksum = head.nodes.checksum;
   layout.bytes = aligned(at, kPageAlignment);
   return layout;
 }
@@ -83,27 +94,28 @@ void write(ByteWriter& out, const Sphere& sphere) {
   out.f32(sphere.radius);
 }
 
-void write(ByteWriter& out, const lod::Group& group) {
-  write(out, group.clusters);
-  out.u32(group.level);
-  out.u32(static_cast<uint32_t>(group.rung));
-  write(out, group.sphere);
-  out.f32(group.error);
-}
-
 void write(ByteWriter& out, const AttributeFormat& attribute) {
   out.u32(attribute.attribute);
+  out.u32(attribute.set);
   out.u32(static_cast<uint32_t>(attribute.coding));
+  out.u16(attribute.components);
+  out.u16(attribute.is_smooth);
   out.u32(attribute.bits);
   out.f32(attribute.step);
 }
 
-void write(ByteWriter& out, const lod::Cluster& cluster, const Aabb& bounds) {
-  out.u32(cluster.generating_group);
-  out.u32(cluster.material);
-  out.u16(static_cast<uint16_t>(cluster.vertex_count));
-  out.u16(static_cast<uint16_t>(cluster.triangle_count));
-  for (const uint16_t step : box_steps(cluster.box, bounds)) out.u16(step);
+void write(ByteWriter& out, const MeshEntry& entry) {
+  out.u64(entry.mesh.source_triangles);
+  out.u64(entry.mesh.source_vertices);
+  out.u64(entry.mesh.source_digest);
+  out.vec3(entry.mesh.bounds.min);
+  out.vec3(entry.mesh.bounds.max);
+  write(out, entry.attributes);
+  write(out, entry.levels);
+  write(out, entry.roots);
+  write(out, entry.nodes);
+  out.u32(entry.mesh.groups);
+  out.u32(entry.mesh.clusters);
 }
 
 void write(ByteWriter& out, const lod::Node& node) {
@@ -113,13 +125,27 @@ void write(ByteWriter& out, const lod::Node& node) {
   write(out, node.children);
 }
 
+void write(ByteWriter& out, const Instance& instance) {
+  for (const float f : instance.transform) out.f32(f);
+  out.u32(instance.mesh);
+  out.u32(0);
+  out.u64(0);
+}
+
+void write(ByteWriter& out, const FileEntry& file) {
+  out.u64(file.offset);
+  out.u64(file.bytes);
+  out.u64(file.checksum);
+}
+
 void write(ByteWriter& out, const PageEntry& page) {
   out.u64(page.offset);
-  out.u64(page.bytes);
+  out.u32(page.bytes);
+  out.u32(page.groups);
   out.u64(page.checksum);
-  out.u32(page.group);
-  out.u32(0);
 }
+
+void write(ByteWriter& out, const GroupRef& reference) { write_group_ref(out, reference); }
 
 void read(ByteReader& in, Range& range) { range = in.range(); }
 
@@ -128,40 +154,28 @@ Sphere read_sphere(ByteReader& in) {
   return {center, in.f32()};
 }
 
-void read(ByteReader& in, lod::Group& group) {
-  group.clusters = in.range();
-  group.level = in.u32();
-  group.rung = static_cast<lod::Rung>(in.u32());
-  group.sphere = read_sphere(in);
-  group.error = in.f32();
-}
-
 void read(ByteReader& in, AttributeFormat& attribute) {
   attribute.attribute = in.u32();
+  attribute.set = in.u32();
   attribute.coding = static_cast<Coding>(in.u32());
+  attribute.components = in.u16();
+  attribute.is_smooth = in.u16();
   attribute.bits = in.u32();
   attribute.step = in.f32();
 }
 
-void read(ByteReader& in, lod::Cluster& cluster, const Aabb& bounds) {
-  cluster.generating_group = in.u32();
-  cluster.material = in.u32();
-  cluster.vertex_count = in.u16();
-  cluster.triangle_count = in.u16();
-  std::array<uint16_t, 6> steps;
-  for (uint16_t& step : steps) step = in.u16();
-  cluster.box = box_of_steps(steps, bounds);
-}
-
-/// Which group each cluster is in, from the groups' ranges; what they leave out is in none.
-void assign_groups(lod::Tables& tables) {
-  for (lod::Cluster& cluster : tables.clusters) cluster.group = kNone;
-  for (uint32_t g = 0; g < tables.groups.size(); ++g) {
-    const Range& range = tables.groups[g].clusters;
-    const uint64_t end =
-        std::min<uint64_t>(uint64_t{range.offset} + range.count, tables.clusters.size());
-    for (uint64_t c = range.offset; c < end; ++c) tables.clusters[c].group = g;
-  }
+void read(ByteReader& in, MeshEntry& entry) {
+  entry.mesh.source_triangles = in.u64();
+  entry.mesh.source_vertices = in.u64();
+  entry.mesh.source_digest = in.u64();
+  entry.mesh.bounds.min = in.vec3();
+  entry.mesh.bounds.max = in.vec3();
+  entry.attributes = in.range();
+  entry.levels = in.range();
+  entry.roots = in.range();
+  entry.nodes = in.range();
+  entry.mesh.groups = in.u32();
+  entry.mesh.clusters = in.u32();
 }
 
 void read(ByteReader& in, lod::Node& node) {
@@ -171,28 +185,46 @@ void read(ByteReader& in, lod::Node& node) {
   node.children = in.range();
 }
 
+void read(ByteReader& in, GroupRef& reference) { reference = read_group_ref(in); }
+
+void read(ByteReader& in, Instance& instance) {
+  for (float& f : instance.transform) f = in.f32();
+  instance.mesh = in.u32();
+}
+
+void read(ByteReader& in, FileEntry& file) {
+  file.offset = in.u64();
+  file.bytes = in.u64();
+  file.checksum = in.u64();
+}
+
 void read(ByteReader& in, PageEntry& page) {
   page.offset = in.u64();
-  page.bytes = in.u64();
+  page.bytes = in.u32();
+  page.groups = in.u32();
   page.checksum = in.u64();
-  page.group = in.u32();
 }
 
-template <typename Element, typename... Bounds>
-void write_table(ByteWriter& out, const Section& section, const std::vector<Element>& table,
-                 const Bounds&... bounds) {
+template <typename Element>
+void write_table(ByteWriter& out, const Section& section, const std::vector<Element>& table) {
   out.skip_to(section.offset);
-  for (const Element& element : table) write(out, element, bounds...);
+  for (const Element& element : table) write(out, element);
 }
 
-template <typename Element, typename... Bounds>
-std::vector<Element> read_table(ByteReader& in, const Section& section, const Bounds&... bounds) {
+template <typename Element>
+std::vector<Element> read_table(ByteReader& in, const Section& section) {
   std::vector<Element> table(section.count);
   for (size_t i = 0; i < table.size(); ++i) {
     in.skip_to(section.offset + i * section.element_bytes);
-    read(in, table[i], bounds...);
+    read(in, table[i]);
   }
   return table;
+}
+
+std::string read_text(ByteReader& in, const Section& section) {
+  in.skip_to(section.offset);
+  const auto bytes = in.bytes(section.count);
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
 void write_header(ByteWriter& out, const AssetInfo& info, uint64_t head_size,
@@ -205,19 +237,14 @@ void write_header(ByteWriter& out, const AssetInfo& info, uint64_t head_size,
   out.u64(head_size);
   out.u64(head_checksum);
   out.u32(kSectionCount);
-  out.u32(0);
+  out.u32(info.page_bytes);
   out.u32(info.max_triangles);
   out.u32(info.max_vertices);
-  out.u64(info.source_triangles);
-  out.u64(info.source_vertices);
-  out.u64(info.source_digest);
-  out.vec3(info.bounds.min);
-  out.vec3(info.bounds.max);
 }
 
 struct Header {
   AssetInfo info;
-  uint64_t header_bytes, head_bytes, head_checksum;
+  uint64_t header_bytes, head_checksum;
   uint32_t sections;
 };
 
@@ -230,25 +257,29 @@ Header read_header(std::span<const std::byte> bytes) {
   info.version_minor = in.u16();
   header.header_bytes = in.u32();
   info.file_bytes = in.u64();
-  header.head_bytes = in.u64();
+  info.head_bytes = in.u64();
   header.head_checksum = in.u64();
   header.sections = in.u32();
-  in.skip_to(48);
+  info.page_bytes = in.u32();
   info.max_triangles = in.u32();
   info.max_vertices = in.u32();
-  info.source_triangles = in.u64();
-  info.source_vertices = in.u64();
-  info.source_digest = in.u64();
-  info.bounds.min = in.vec3();
-  info.bounds.max = in.vec3();
+  in.skip_to(header.header_bytes - 8);
+  info.checksum = in.u64();
   return header;
 }
 
+bool inside(uint64_t offset, uint64_t bytes, uint64_t begin, uint64_t end) {
+  return offset >= begin && offset <= end && bytes <= end - offset;
+}
+
 void check_section(const SectionKind& kind, const Section& section, uint64_t bytes,
-                   uint64_t head_size) {
+                   const AssetInfo& info) {
   const std::string name = std::string("section ") + kind.name;
-  if (section.offset > head_size || bytes > head_size - section.offset)
-    corrupt(name + " lies outside the head of " + std::to_string(head_size) + " bytes");
+  const bool fits = kind.in_head ? inside(section.offset, bytes, 0, info.head_bytes)
+                                 : inside(section.offset, bytes, info.head_bytes, info.file_bytes);
+  if (!fits)
+    corrupt(name + " of " + std::to_string(bytes) + " bytes at byte " +
+            std::to_string(section.offset) + " is not where it must be");
   if (section.element_bytes < kind.element_bytes)
     corrupt(name + " has elements of " + std::to_string(section.element_bytes) +
             " bytes, but they need " + std::to_string(kind.element_bytes));
@@ -269,12 +300,12 @@ std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head
   for (uint32_t i = 0; i < header.sections; ++i) {
     in.skip_to(header.header_bytes + i * kSectionEntryBytes);
     const uint32_t id = in.u32(), element_bytes = in.u32();
-    const uint64_t offset = in.u64(), bytes = in.u64(), count = in.u64();
+    const uint64_t offset = in.u64(), bytes = in.u64(), count = in.u64(), checksum = in.u64();
     for (size_t kind = 0; kind < kSectionCount; ++kind) {
       if (kSections[kind].id != id) continue;
       if (found[kind]) corrupt(std::string("section ") + kSections[kind].name + " is there twice");
-      found[kind] = Section{offset, count, element_bytes};
-      check_section(kSections[kind], *found[kind], bytes, head.size());
+      found[kind] = Section{offset, count, element_bytes, checksum};
+      check_section(kSections[kind], *found[kind], bytes, header.info);
     }
   }
   std::array<Section, kSectionCount> sections;
@@ -285,27 +316,80 @@ std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head
   return sections;
 }
 
-void check_pages(const Head& head, uint64_t head_size) {
-  const size_t groups = head.tables.groups.size();
-  if (head.pages.size() != groups)
-    corrupt("there are " + std::to_string(head.pages.size()) + " pages, but " +
-            std::to_string(groups) + " groups");
-  std::vector<uint8_t> has_page(groups);
-  uint64_t earliest = head_size;  // pages do not overlap, so reading all is reading the file once
+void check_range(const char* what, size_t mesh, const Range& range, size_t size) {
+  if (range.offset > size || range.count > size - range.offset)
+    corrupt("mesh " + std::to_string(mesh) + " has " + what + " [" + std::to_string(range.offset) +
+            ", " + std::to_string(uint64_t{range.offset} + range.count) + "), but there are " +
+            std::to_string(size));
+}
+
+void check_meshes(const Head& head) {
+  uint64_t groups = 0, clusters = 0, groups_in_pages = 0;
+  for (size_t i = 0; i < head.meshes.size(); ++i) {
+    const MeshEntry& entry = head.meshes[i];
+    check_range("attributes", i, entry.attributes, head.attributes.size());
+    check_range("levels", i, entry.levels, head.levels.size());
+    check_range("roots", i, entry.roots, head.roots.size());
+    check_range("nodes", i, entry.nodes, head.nodes.count);
+    if (entry.attributes.count > kMaxAttributes)
+      corrupt("mesh " + std::to_string(i) + " has " + std::to_string(entry.attributes.count) +
+              " attributes");
+    for (uint32_t r = 0; r < entry.roots.count; ++r) {
+      const GroupRef& root = head.roots[entry.roots.offset + r];
+      if (root.group >= entry.mesh.groups || root.page >= head.pages.size())
+        corrupt("root " + std::to_string(r) + " is group " + std::to_string(root.group) +
+                " in page " + std::to_string(root.page) + ", which is not there");
+    }
+    groups += entry.mesh.groups;
+    clusters += entry.mesh.clusters;
+  }
+  for (const PageEntry& page : head.pages) groups_in_pages += page.groups;
+  if (groups != groups_in_pages)
+    corrupt("the pages have " + std::to_string(groups_in_pages) + " groups, but the meshes " +
+            std::to_string(groups));
+  // What a table of them takes must not be more than the file can back.
+  if (clusters > head.info.file_bytes)
+    corrupt("the meshes have " + std::to_string(clusters) + " clusters");
+  for (const Instance& instance : head.instances) {
+    if (instance.mesh >= head.meshes.size())
+      corrupt("an instance is of mesh " + std::to_string(instance.mesh) + ", but there are " +
+              std::to_string(head.meshes.size()));
+    for (const float f : instance.transform)
+      if (!std::isfinite(f)) corrupt("an instance's transform is not finite");
+  }
+}
+
+void check_pages(const Head& head) {
+  uint64_t earliest = head.info.head_bytes;  // so that reading all pages is reading the file once
   for (size_t i = 0; i < head.pages.size(); ++i) {
     const PageEntry& page = head.pages[i];
-    const std::string name = "page " + std::to_string(i);
-    if (page.offset % kPageAlignment != 0 || page.offset < earliest ||
-        page.offset > head.info.file_bytes || page.bytes > head.info.file_bytes - page.offset)
-      corrupt(name + " has " + std::to_string(page.bytes) + " bytes at byte " +
-              std::to_string(page.offset) + " of a file of " +
-              std::to_string(head.info.file_bytes));
+    if (page.offset % kPageAlignment != 0 ||
+        !inside(page.offset, page.bytes, earliest, head.info.file_bytes) ||
+        page.groups > page.bytes / 64)
+      corrupt("page " + std::to_string(i) + " has " + std::to_string(page.groups) + " groups in " +
+              std::to_string(page.bytes) + " bytes at byte " + std::to_string(page.offset) +
+              " of a file of " + std::to_string(head.info.file_bytes));
     earliest = page.offset + page.bytes;
-    if (page.group >= groups)
-      corrupt(name + " holds group " + std::to_string(page.group) + ", but there are " +
-              std::to_string(groups));
-    if (has_page[page.group]++) corrupt("group " + std::to_string(page.group) + " has two pages");
   }
+  for (size_t i = 0; i < head.files.size(); ++i)
+    if (!inside(head.files[i].offset, head.files[i].bytes, earliest, head.info.file_bytes))
+      corrupt("embedded file " + std::to_string(i) + " has " +
+              std::to_string(head.files[i].bytes) + " bytes at byte " +
+              std::to_string(head.files[i].offset) + " of a file of " +
+              std::to_string(head.info.file_bytes));
+}
+
+void describe(Head& head) {
+  AssetInfo& info = head.info;
+  info.pages = static_cast<uint32_t>(head.pages.size());
+  for (const MeshEntry& entry : head.meshes) {
+    const AssetMesh& mesh = entry.mesh;
+    info.source_triangles += mesh.source_triangles;
+    info.source_vertices += mesh.source_vertices;
+    info.source_digest += mesh.source_digest;
+    extend(info.bounds, mesh.bounds);
+  }
+  if (!head.meshes.empty()) describe_format(format_of(head, head.meshes.front()), info);
 }
 
 }  // namespace
@@ -323,30 +407,71 @@ void describe_format(const VertexFormat& format, AssetInfo& info) {
   }
 }
 
+void write_group_ref(ByteWriter& out, const GroupRef& reference) {
+  out.u32(reference.group);
+  out.u32(reference.page);
+  out.u32(reference.parents);
+  out.f32(reference.error);
+  write(out, reference.sphere);
+}
+
+GroupRef read_group_ref(ByteReader& in) {
+  GroupRef reference;
+  reference.group = in.u32();
+  reference.page = in.u32();
+  reference.parents = in.u32();
+  reference.error = in.f32();
+  reference.sphere = read_sphere(in);
+  return reference;
+}
+
+VertexFormat format_of(const Head& head, const MeshEntry& mesh) {
+  const auto first = head.attributes.begin() + mesh.attributes.offset;
+  return make_format({first, first + mesh.attributes.count});
+}
+
+std::vector<std::byte> encode_nodes(std::span<const lod::Node> nodes) {
+  std::vector<std::byte> bytes(kNodeBytes * nodes.size());
+  ByteWriter out(bytes);
+  for (const lod::Node& node : nodes) write(out, node);
+  return bytes;
+}
+
+std::vector<lod::Node> decode_nodes(std::span<const std::byte> bytes, uint64_t count,
+                                    uint32_t element_bytes) {
+  ByteReader in(bytes);
+  return read_table<lod::Node>(in, {0, count, element_bytes, 0});
+}
+
 uint64_t head_bytes(const Head& head) { return layout_of(head).bytes; }
 
 std::vector<std::byte> encode_head(const Head& head) {
-  const Layout layout = layout_of(head);
+  Layout layout = layout_of(head);
   std::vector<std::byte> bytes(layout.bytes);
   ByteWriter out(bytes);
+  out.skip_to(layout.sections[kMetadata].offset);
+  out.bytes(head.info.metadata.data(), head.info.metadata.size());
+  out.skip_to(layout.sections[kMaterials].offset);
+  out.bytes(head.materials.data(), head.materials.size());
+  write_table(out, layout.sections[kAttributes], head.attributes);
+  write_table(out, layout.sections[kMeshes], head.meshes);
+  write_table(out, layout.sections[kLevels], head.levels);
+  write_table(out, layout.sections[kRoots], head.roots);
+  write_table(out, layout.sections[kInstances], head.instances);
+  write_table(out, layout.sections[kFiles], head.files);
+  write_table(out, layout.sections[kPages], head.pages);
+
   out.skip_to(kHeaderBytes);
   for (size_t i = 0; i < kSectionCount; ++i) {
     const Section& section = layout.sections[i];
+    const uint64_t size = section.count * section.element_bytes;
     out.u32(kSections[i].id);
     out.u32(section.element_bytes);
     out.u64(section.offset);
-    out.u64(section.count * section.element_bytes);
+    out.u64(size);
     out.u64(section.count);
+    out.u64(kSections[i].in_head ? xxh64(bytes.data() + section.offset, size) : section.checksum);
   }
-  out.skip_to(layout.sections[kMetadata].offset);
-  out.bytes(head.info.metadata.data(), head.info.metadata.size());
-  write_table(out, layout.sections[kAttributes], head.format.attributes);
-  write_table(out, layout.sections[kLevels], head.tables.levels);
-  write_table(out, layout.sections[kGroups], head.tables.groups);
-  write_table(out, layout.sections[kClusters], head.tables.clusters, head.info.bounds);
-  write_table(out, layout.sections[kNodes], head.tables.nodes);
-  write_table(out, layout.sections[kPages], head.pages);
-
   out.skip_to(0);
   write_header(out, head.info, layout.bytes,
                xxh64(bytes.data() + kHeaderBytes, bytes.size() - kHeaderBytes));
@@ -381,9 +506,9 @@ uint64_t head_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) {
   if (header.info.file_bytes != file_bytes)
     corrupt("the header says that the file has " + std::to_string(header.info.file_bytes) +
             " bytes, but it has " + std::to_string(file_bytes));
-  if (header.head_bytes < bytes.size() || header.head_bytes > file_bytes)
-    corrupt("the header says that the head has " + std::to_string(header.head_bytes) + " bytes");
-  return header.head_bytes;
+  if (header.info.head_bytes < bytes.size() || header.info.head_bytes > file_bytes)
+    corrupt("the header says that the head has " + std::to_string(header.info.head_bytes) + " bytes");
+  return header.info.head_bytes;
 }
 
 Head decode_head(std::span<const std::byte> bytes) {
@@ -395,23 +520,20 @@ Head decode_head(std::span<const std::byte> bytes) {
   Head head;
   head.info = header.info;
   ByteReader in(bytes);
-  in.skip_to(sections[kMetadata].offset);
-  const auto metadata = in.bytes(sections[kMetadata].count);
-  head.info.metadata.assign(reinterpret_cast<const char*>(metadata.data()), metadata.size());
-  if (sections[kAttributes].count > kMaxComponents)
-    corrupt("there are " + std::to_string(sections[kAttributes].count) + " attributes");
-  head.format = make_format(read_table<AttributeFormat>(in, sections[kAttributes]));
-  describe_format(head.format, head.info);
-  head.tables.levels = read_table<Range>(in, sections[kLevels]);
-  head.tables.groups = read_table<lod::Group>(in, sections[kGroups]);
-  head.tables.clusters = read_table<lod::Cluster>(in, sections[kClusters], head.info.bounds);
-  assign_groups(head.tables);
-  head.tables.nodes = read_table<lod::Node>(in, sections[kNodes]);
+  head.info.metadata = read_text(in, sections[kMetadata]);
+  head.materials = read_text(in, sections[kMaterials]);
+  head.attributes = read_table<AttributeFormat>(in, sections[kAttributes]);
+  head.meshes = read_table<MeshEntry>(in, sections[kMeshes]);
+  head.levels = read_table<Range>(in, sections[kLevels]);
+  head.roots = read_table<GroupRef>(in, sections[kRoots]);
+  head.instances = read_table<Instance>(in, sections[kInstances]);
+  head.files = read_table<FileEntry>(in, sections[kFiles]);
   head.pages = read_table<PageEntry>(in, sections[kPages]);
-  head.info.pages = static_cast<uint32_t>(head.pages.size());
-  if (const std::string problem = structural_problem(head.tables); !problem.empty())
-    corrupt(problem);
-  check_pages(head, header.head_bytes);
+  const Section& nodes = sections[kNodes];
+  head.nodes = {nodes.offset, nodes.count, nodes.element_bytes, nodes.checksum};
+  check_meshes(head);
+  check_pages(head);
+  describe(head);
   return head;
 }
 

@@ -1,175 +1,121 @@
 #include "asset/page.hpp"
 
-#include <algorithm>
-#include <limits>
-
-#include "asset/format.hpp"
+#include "asset/group_part.hpp"
 #include "base/bytes.hpp"
 
 namespace umbel::asset {
 namespace {
 
-std::span<const uint32_t> vertices_of(const lod::Dag& dag, uint32_t cluster) {
-  return std::span(dag.cluster_vertices)
-      .subspan(dag.vertex_offsets[cluster],
-               dag.vertex_offsets[cluster + 1] - dag.vertex_offsets[cluster]);
+void write(ByteWriter& out, const EncodedGroup& encoded, uint32_t offset) {
+  const lod::Group& group = encoded.group;
+  out.u32(encoded.mesh);
+  out.u32(encoded.id);
+  out.u32(group.clusters.offset);
+  out.u32(group.clusters.count);
+  out.u32(group.level);
+  out.u32(static_cast<uint32_t>(group.rung));
+  out.u32(encoded.parents);
+  out.u32(encoded.references);
+  out.vec3(group.sphere.center);
+  out.f32(group.sphere.radius);
+  out.f32(group.error);
+  out.u32(offset);
+  out.u32(static_cast<uint32_t>(encoded.part.size()));
+  out.u32(0);
 }
 
-std::span<const uint8_t> triangles_of(const lod::Dag& dag, uint32_t cluster) {
-  const size_t first = dag.triangle_offsets[cluster], last = dag.triangle_offsets[cluster + 1];
-  return std::span(dag.cluster_triangles).subspan(3 * first, 3 * (last - first));
+/// Returns the number of the group's references.
+uint32_t read(ByteReader& in, PageGroup& record) {
+  record.mesh = in.u32();
+  record.id = in.u32();
+  record.group.clusters = in.range();
+  record.group.level = in.u32();
+  record.group.rung = static_cast<lod::Rung>(in.u32());
+  record.parents = in.u32();
+  const uint32_t references = in.u32();
+  record.group.sphere.center = in.vec3();
+  record.group.sphere.radius = in.f32();
+  record.group.error = in.f32();
+  record.offset = in.u32();
+  record.bytes = in.u32();
+  return references;
 }
 
-/// The integers of a group's clusters, one after the other.
-struct Integers {
-  std::vector<int32_t> values;
-  std::vector<size_t> first;  // of each cluster
-};
-
-Integers quantize_group(const lod::Dag& dag, const VertexFormat& format, const Range& clusters) {
-  Integers all;
-  size_t vertices = 0;
-  for (uint32_t i = 0; i < clusters.count; ++i) {
-    all.first.push_back(vertices * components(format));
-    vertices += vertices_of(dag, clusters.offset + i).size();
-  }
-  all.values.resize(vertices * components(format));
-  for (uint32_t i = 0; i < clusters.count; ++i) {
-    const auto mine = vertices_of(dag, clusters.offset + i);
-    quantize(format, dag.vertices, mine,
-             std::span(all.values).subspan(all.first[i], mine.size() * components(format)));
-  }
-  return all;
-}
-
-std::vector<ComponentRange> ranges_of(const VertexFormat& format, std::span<const int32_t> values) {
-  const uint32_t stride = components(format);
-  std::vector<ComponentRange> ranges(stride, {0, 0});
-  for (uint32_t c = 0; c < stride && !values.empty(); ++c) {
-    int32_t lowest = values[c], highest = values[c];
-    for (size_t i = c; i < values.size(); i += stride) {
-      lowest = std::min(lowest, values[i]);
-      highest = std::max(highest, values[i]);
-    }
-    const uint32_t reach = static_cast<uint32_t>(highest) - static_cast<uint32_t>(lowest);
-    ranges[c] = {lowest, static_cast<uint32_t>(std::bit_width(reach))};
-  }
-  return ranges;
-}
-
-void encode_cluster(const lod::Dag& dag, const VertexFormat& format, uint32_t cluster,
-                    const int32_t* integers, std::span<const ComponentRange> ranges,
-                    std::vector<std::byte>& page) {
-  BitWriter out(page);
-  const size_t vertices = vertices_of(dag, cluster).size();
-  const Walk walk =
-      encode_triangles(triangles_of(dag, cluster), static_cast<uint32_t>(vertices), out);
-  const uint32_t stride = components(format);
-  std::vector<int32_t> ordered(vertices * stride);
-  for (size_t v = 0; v < vertices; ++v)
-    std::copy_n(integers + size_t{walk.vertices[v]} * stride, stride, ordered.data() + v * stride);
-  encode_vertices(format, ordered, walk.parents, ranges, out);
-  out.finish();
+void check(const PageGroup& record, const Head& head, uint64_t page_size) {
+  const std::string name = "group " + std::to_string(record.id);
+  if (record.mesh >= head.meshes.size())
+    corrupt(name + " is of mesh " + std::to_string(record.mesh) + ", but there are " +
+            std::to_string(head.meshes.size()));
+  const AssetMesh& mesh = head.meshes[record.mesh].mesh;
+  if (record.id >= mesh.groups)
+    corrupt("a page holds " + name + ", but there are " + std::to_string(mesh.groups));
+  const Range& clusters = record.group.clusters;
+  if (clusters.offset > mesh.clusters || clusters.count > mesh.clusters - clusters.offset)
+    corrupt(name + " has clusters that are not there");
+  if (record.group.rung > lod::Rung::kRoot)
+    corrupt(name + " has the unknown rung " +
+            std::to_string(static_cast<uint32_t>(record.group.rung)));
+  if (record.offset > page_size || record.bytes > page_size - record.offset)
+    corrupt(name + " lies outside its page");
 }
 
 }  // namespace
 
-uint64_t page_header_bytes(const VertexFormat& format, uint32_t clusters) {
-  return kPageHeaderBytes + kComponentBytes * components(format) + kClusterEntryBytes * clusters;
+uint64_t page_bytes(std::span<const EncodedGroup> groups) {
+  uint64_t bytes = kPageHeaderBytes + kGroupRecordBytes * groups.size();
+  for (const EncodedGroup& group : groups) bytes += group.part.size();
+  return aligned(bytes, kPageAlignment);
 }
 
-std::vector<std::byte> encode_page(const lod::Dag& dag, const VertexFormat& format,
-                                   uint32_t group) {
-  const Range clusters = dag.tables.groups[group].clusters;
-  const Integers integers = quantize_group(dag, format, clusters);
-  const std::vector<ComponentRange> ranges = ranges_of(format, integers.values);
-  std::vector<std::byte> page(page_header_bytes(format, clusters.count));
-  std::vector<uint32_t> ends;
-  for (uint32_t i = 0; i < clusters.count; ++i) {
-    encode_cluster(dag, format, clusters.offset + i, integers.values.data() + integers.first[i],
-                   ranges, page);
-    ends.push_back(static_cast<uint32_t>(page.size()));
-  }
-  // A cluster has at most 256 vertices of 16 components; only the number of clusters is free.
-  if (page.size() >= std::numeric_limits<uint32_t>::max() / 2)
-    throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group) + " takes " +
-                                                 std::to_string(page.size()) +
-                                                 " bytes, but a page has at most 2 GiB");
-  page.resize(aligned(page.size(), kPageAlignment));
+std::vector<std::byte> encode_page(uint32_t index, std::span<const EncodedGroup> groups) {
+  std::vector<std::byte> page(page_bytes(groups));
   ByteWriter out(page);
-  out.u32(group);
-  out.u32(clusters.offset);
-  out.u32(clusters.count);
-  out.u32(components(format));
-  for (const ComponentRange& range : ranges) {
-    out.u32(static_cast<uint32_t>(range.lowest));
-    out.u32(range.bits);
+  out.u32(index);
+  out.u32(static_cast<uint32_t>(groups.size()));
+  out.u64(0);
+  uint64_t at = kPageHeaderBytes + kGroupRecordBytes * groups.size();
+  for (const EncodedGroup& group : groups) {
+    write(out, group, static_cast<uint32_t>(at));
+    at += group.part.size();
   }
-  for (uint32_t i = 0; i < clusters.count; ++i) {
-    const uint32_t cluster = clusters.offset + i;
-    out.u32(ends[i]);
-    out.u16(static_cast<uint16_t>(vertices_of(dag, cluster).size() - 1));
-    out.u16(static_cast<uint16_t>(triangles_of(dag, cluster).size() / 3 - 1));
-  }
+  for (const EncodedGroup& group : groups) out.bytes(group.part.data(), group.part.size());
   return page;
 }
 
-PageHeader decode_page_header(const VertexFormat& format, std::span<const std::byte> page) {
-  ByteReader in(page);
-  PageHeader header;
-  header.group = in.u32();
-  header.clusters = in.range();
-  if (const uint32_t count = in.u32(); count != components(format))
-    corrupt("a page has vertices of " + std::to_string(count) + " components, not of " +
-            std::to_string(components(format)));
-  header.ranges.resize(components(format));
-  for (ComponentRange& range : header.ranges) {
-    range.lowest = static_cast<int32_t>(in.u32());
-    range.bits = in.u32();
-    if (range.bits > 32)
-      corrupt("a page's components have " + std::to_string(range.bits) + " bits");
+AssetPage decode_page(const Head& head, std::span<const VertexFormat> formats, uint32_t index,
+                      std::vector<std::byte> bytes) {
+  AssetPage page;
+  page.index = index;
+  ByteReader in(bytes);
+  if (const uint32_t said = in.u32(); said != index)
+    corrupt("page " + std::to_string(index) + " says that it is page " + std::to_string(said));
+  const uint32_t groups = in.u32();
+  if (groups != head.pages[index].groups || groups > bytes.size() / kGroupRecordBytes)
+    corrupt("page " + std::to_string(index) + " has " + std::to_string(groups) + " groups, not " +
+            std::to_string(head.pages[index].groups));
+  page.groups.resize(groups);
+  uint64_t end = kPageHeaderBytes + kGroupRecordBytes * groups;
+  for (uint32_t g = 0; g < groups; ++g) {
+    PageGroup& record = page.groups[g];
+    in.skip_to(kPageHeaderBytes + kGroupRecordBytes * g);
+    const uint32_t references = read(in, record);
+    check(record, head, bytes.size());
+    if (record.offset < end) corrupt("two groups of a page overlap");
+    end = uint64_t{record.offset} + record.bytes;
+    const auto part = std::span(bytes).subspan(record.offset, record.bytes);
+    PartTables tables = decode_tables(formats[record.mesh], head.meshes[record.mesh].mesh.bounds,
+                                      record.group.clusters.count, references, part);
+    for (const GroupRef& child : tables.children)
+      if (child.page >= head.pages.size() || child.group >= head.meshes[record.mesh].mesh.groups)
+        corrupt("group " + std::to_string(record.id) + " was made from group " +
+                std::to_string(child.group) + " in page " + std::to_string(child.page) +
+                ", which is not there");
+    record.children = std::move(tables.children);
+    record.clusters = std::move(tables.clusters);
+    for (lod::Cluster& cluster : record.clusters) cluster.group = record.id;
   }
-  return header;
-}
-
-ClusterEntry decode_cluster_entry(const VertexFormat& format, const PageHeader& header,
-                                  std::span<const std::byte> page, uint32_t index,
-                                  uint64_t page_bytes) {
-  const uint64_t first = page_header_bytes(format, 0);
-  ByteReader in(page);
-  ClusterEntry entry;
-  entry.begin = static_cast<uint32_t>(page_header_bytes(format, header.clusters.count));
-  if (index > 0) {
-    in.skip_to(first + kClusterEntryBytes * (uint64_t{index} - 1));
-    entry.begin = in.u32();
-  }
-  in.skip_to(first + kClusterEntryBytes * uint64_t{index});
-  entry.end = in.u32();
-  entry.vertex_count = in.u16() + 1u;
-  entry.triangle_count = in.u16() + 1u;
-  if (entry.vertex_count > kMaxLocal || entry.triangle_count > kMaxLocal)
-    corrupt("a cluster has " + std::to_string(entry.vertex_count) + " vertices and " +
-            std::to_string(entry.triangle_count) + " triangles, but at most 256 are possible");
-  if (entry.begin > entry.end || entry.end > page_bytes)
-    corrupt("a cluster's data lie outside its page");
-  return entry;
-}
-
-lod::ClusterGeometry decode_cluster(const VertexFormat& format, const PageHeader& header,
-                                    const ClusterEntry& entry, std::span<const std::byte> data) {
-  lod::ClusterGeometry geometry;
-  BitReader in(data);
-  geometry.triangles.resize(size_t{3} * entry.triangle_count);
-  std::array<Parents, kMaxLocal> parents;
-  const std::span<Parents> mine = std::span(parents).first(entry.vertex_count);
-  decode_triangles(in, geometry.triangles, mine);
-  std::array<int32_t, size_t{kMaxLocal} * kMaxComponents> integers;
-  const std::span<int32_t> values =
-      std::span(integers).first(size_t{entry.vertex_count} * components(format));
-  decode_vertices(format, mine, header.ranges, in, values);
-  in.finish();
-  dequantize(format, values, geometry);
-  return geometry;
+  page.bytes = std::move(bytes);
+  return page;
 }
 
 }  // namespace umbel::asset

@@ -1,4 +1,4 @@
-// A page: the geometry of one group's clusters, readable by itself. docs/format.md has every byte.
+// A page: groups that are read together. docs/format.md has every byte.
 #pragma once
 
 #include <cstddef>
@@ -6,42 +6,28 @@
 #include <span>
 #include <vector>
 
-#include "asset/vertex_codec.hpp"
-#include "umbel/lod.hpp"
+#include "asset/format.hpp"
+#include "umbel/asset.hpp"
 
 namespace umbel::asset {
 
-inline constexpr uint64_t kPageHeaderBytes = 16, kComponentBytes = 8, kClusterEntryBytes = 8;
-/// A cluster's counts are stored in a byte each, less one.
-inline constexpr uint32_t kMaxLocal = 256;
+inline constexpr uint64_t kPageHeaderBytes = 16, kGroupRecordBytes = 64;
 
-struct PageHeader {
-  uint32_t group;
-  Range clusters;
-  std::vector<ComponentRange> ranges;
+/// A group with its part encoded.
+struct EncodedGroup {
+  uint32_t mesh, id;
+  lod::Group group;
+  uint32_t parents, references;
+  std::vector<std::byte> part;
 };
 
-/// Where a cluster's data are in its page.
-struct ClusterEntry {
-  uint32_t begin, end, vertex_count, triangle_count;
-};
+/// A multiple of kPageAlignment.
+uint64_t page_bytes(std::span<const EncodedGroup> groups);
+std::vector<std::byte> encode_page(uint32_t index, std::span<const EncodedGroup> groups);
 
-/// The page of `group`, a multiple of kPageAlignment long. The DAG has been checked by the writer.
-std::vector<std::byte> encode_page(const lod::Dag& dag, const VertexFormat& format, uint32_t group);
-
-/// The bytes in front of a page's clusters.
-uint64_t page_header_bytes(const VertexFormat& format, uint32_t clusters);
-/// Decodes the page's header, without the clusters' entries. Throws kCorrupt if there are fewer
-/// bytes, or impossible values.
-PageHeader decode_page_header(const VertexFormat& format, std::span<const std::byte> page);
-/// The entry of the page's cluster `index` < header.clusters.count; of the page's `page_bytes`,
-/// `page` needs only what page_header_bytes counts. Throws kCorrupt if its data are not inside.
-ClusterEntry decode_cluster_entry(const VertexFormat& format, const PageHeader& header,
-                                  std::span<const std::byte> page, uint32_t index,
-                                  uint64_t page_bytes);
-/// Decodes a cluster from its bytes [begin, end) of the page. Throws kCorrupt if they are not those
-/// of its vertices and triangles.
-lod::ClusterGeometry decode_cluster(const VertexFormat& format, const PageHeader& header,
-                                    const ClusterEntry& entry, std::span<const std::byte> data);
+/// Decodes a page's groups, without their geometry, and takes its bytes. `formats` are the meshes'.
+/// Throws kCorrupt for impossible values.
+AssetPage decode_page(const Head& head, std::span<const VertexFormat> formats, uint32_t index,
+                      std::vector<std::byte> bytes);
 
 }  // namespace umbel::asset

@@ -195,26 +195,38 @@ void quantize_one(const AttributeFormat& format, const int32_t* normals, uint32_
 
 }  // namespace
 
+bool is_known(const AttributeFormat& f) {
+  const bool attribute = f.attribute == kPositions || f.attribute == kNormals ||
+                         f.attribute == kTangents || f.attribute == kUvs || f.attribute == kColors;
+  return attribute && f.set == 0 && f.coding <= Coding::kSrgb;
+}
+
 VertexFormat make_format(std::vector<AttributeFormat> attributes) {
   VertexFormat format;
-  uint32_t seen = 0;
   bool has_octahedral_normals = false;
-  if (attributes.empty() || attributes[0].attribute != kPositions)
-    corrupt("the vertices have no positions");
-  for (const AttributeFormat& f : attributes) {
-    const bool is_known = f.attribute == kPositions || f.attribute == kNormals ||
-                          f.attribute == kTangents || f.attribute == kUvs || f.attribute == kColors;
-    const bool is_first = &f == attributes.data();
-    if (!is_known || is_first != (f.attribute == kPositions) ||
-        (!is_first && f.attribute <= seen) || !is_allowed(f, has_octahedral_normals))
+  if (attributes.empty() || attributes[0].attribute != kPositions || !is_known(attributes[0]))
+    corrupt("the vertices have no positions that this version can read");
+  const AttributeFormat* before = nullptr;
+  for (AttributeFormat& f : attributes) {
+    const bool rises = before == nullptr || before->attribute < f.attribute ||
+                       (before->attribute == f.attribute && before->set < f.set);
+    if (is_known(f) && f.components == 0) {
+      f.components = static_cast<uint16_t>(components_of(f));
+      f.is_smooth = f.attribute != kPositions && f.attribute != kUvs;
+    }
+    if (!rises || f.components == 0 || f.components > kMaxComponents || f.is_smooth > 1 ||
+        (is_known(f) &&
+         (f.components != components_of(f) || !is_allowed(f, has_octahedral_normals))))
       corrupt("attribute " + std::to_string(f.attribute) + " has the coding " +
               std::to_string(static_cast<uint32_t>(f.coding)) + " with " + std::to_string(f.bits) +
               " bits and the step " + std::to_string(f.step) + ", which cannot be");
-    seen = f.attribute;
     has_octahedral_normals |= f.coding == Coding::kOctahedral;
-    const bool is_flat = f.attribute == kPositions || f.attribute == kUvs;
-    format.is_smooth.insert(format.is_smooth.end(), components_of(f), !is_flat);
+    format.is_smooth.insert(format.is_smooth.end(), f.components,
+                            static_cast<uint8_t>(f.is_smooth));
+    before = &f;
   }
+  if (format.is_smooth.size() > kMaxComponents)
+    corrupt("the vertices have " + std::to_string(format.is_smooth.size()) + " components");
   format.attributes = std::move(attributes);
   return format;
 }
@@ -242,18 +254,21 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
   uint32_t at = 0, normal_bits = 0, normal_at = 0;
   for (const AttributeFormat& f : format.attributes) {
     const int32_t* in = integers.data() + at;
+    at += f.components;
+    if (!is_known(f)) continue;
     const auto fill = [&](auto& stream, const auto& decoded) {
       stream.resize(count);
       for (size_t v = 0; v < count; ++v) decoded(in + v * stride, stream[v]);
     };
     const auto floats = [&](const int32_t* i, auto& value) { get_floats(i, f, value); };
     if (f.coding == Coding::kOctahedral) {
-      normal_bits = f.bits, normal_at = at;
+      normal_bits = f.bits, normal_at = at - f.components;
       fill(geometry.normals,
            [&](const int32_t* i, Vec3& n) { n = decoded_normal(i, normal_bits); });
     } else if (f.coding == Coding::kAngle) {
       fill(geometry.tangents, [&](const int32_t* i, Vec4& t) {
-        t = decoded_tangent(i, plane_of(i - at + normal_at, normal_bits), f.bits);
+        const int32_t* const normal = i - (at - f.components) + normal_at;
+        t = decoded_tangent(i, plane_of(normal, normal_bits), f.bits);
       });
     } else if (f.coding == Coding::kSrgb) {
       const float scale = 1.0f / static_cast<float>((1u << f.bits) - 1);
@@ -272,7 +287,6 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
     } else {
       fill(geometry.colors, floats);
     }
-    at += components_of(f);
   }
 }
 

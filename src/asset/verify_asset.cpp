@@ -19,28 +19,40 @@ void add_checksum_error(lod::VerifyReport& report, const std::string& sentence) 
 
 /// A page that has become unreadable counts as one that is not whole.
 std::vector<uint8_t> broken_pages(const Asset& asset, const BuildOptions& options) {
-  std::vector<uint8_t> broken(asset.tables().groups.size());
+  std::vector<uint8_t> broken(asset.info().pages);
   with_threads(options.threads, [&] {
-    parallel_for(broken.size(), 16, [&](size_t group) {
+    parallel_for(broken.size(), 16, [&](size_t page) {
       try {
-        broken[group] = !asset.page_is_whole(static_cast<uint32_t>(group));
+        broken[page] = !asset.page_is_whole(static_cast<uint32_t>(page));
       } catch (const Error&) {
-        broken[group] = true;
+        broken[page] = true;
       }
     });
   });
   return broken;
 }
 
-lod::VerifyConfig config_of(const AssetInfo& info, uint32_t cuts, uint32_t seed) {
+lod::VerifyConfig config_of(const AssetInfo& info, const AssetMesh& mesh, uint32_t cuts,
+                            uint32_t seed) {
   lod::VerifyConfig config;
   config.cuts = cuts;
   config.seed = seed;
   config.max_triangles = info.max_triangles;
   config.max_vertices = info.max_vertices;
-  config.source_triangles = info.source_triangles;
-  config.source_digest = info.source_digest;
+  config.source_triangles = mesh.source_triangles;
+  config.source_digest = mesh.source_digest;
   return config;
+}
+
+void add(lod::VerifyReport& report, const lod::VerifyReport& more) {
+  report.ok &= more.ok;
+  report.cuts += more.cuts;
+  report.cracks += more.cracks;
+  report.overlaps += more.overlaps;
+  report.limit_violations += more.limit_violations;
+  report.monotone &= more.monotone;
+  for (const std::string& problem : more.problems)
+    if (report.problems.size() < kMaxProblems) report.problems.push_back(problem);
 }
 
 }  // namespace
@@ -51,15 +63,17 @@ lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts,
   try {
     const Asset asset(path);
     const std::vector<uint8_t> broken = broken_pages(asset, options);
-    for (size_t group = 0; group < broken.size(); ++group)
-      if (broken[group])
-        add_checksum_error(report, "the checksum of the page of group " + std::to_string(group) +
-                                       " does not hold");
+    for (size_t page = 0; page < broken.size(); ++page)
+      if (broken[page])
+        add_checksum_error(report,
+                           "the checksum of page " + std::to_string(page) + " does not hold");
+    for (uint32_t file = 0; file < asset.files(); ++file) asset.file(file);
     // Geometry that is known to be damaged would only add its consequences to the causes.
     if (!report.ok) return report;
-    return lod::verify(
-        asset.tables(), [&](uint32_t cluster) { return asset.geometry(cluster); },
-        config_of(asset.info(), cuts, seed), options);
+    for (uint32_t m = 0; m < asset.meshes().size(); ++m)
+      add(report, lod::verify(
+                      asset.tables(m), [&](uint32_t cluster) { return asset.geometry(cluster, m); },
+                      config_of(asset.info(), asset.meshes()[m], cuts, seed), options));
   } catch (const Error& error) {
     if (error.code() != ErrorCode::kCorrupt && error.code() != ErrorCode::kUnsupported) throw;
     add_checksum_error(report, error.what());

@@ -5,13 +5,14 @@
 namespace umbel::asset {
 namespace {
 
-constexpr uint32_t kParameterBits = 5;
+constexpr uint32_t kParameterBits = 5, kDampingBits = 2;
 constexpr uint32_t kAllZero = 31;  ///< in place of a Rice parameter: every remainder is 0
 
 // Sums of 32-bit integers wrap: any file decodes to something, on every machine to the same.
-uint32_t predicted_flat(const int32_t* column, uint32_t stride, const Parents& p) {
-  const auto at = [&](uint32_t v) { return static_cast<uint32_t>(column[v * stride]); };
-  return at(p.a) + at(p.b) - at(p.across);
+uint32_t predicted_flat(const int32_t* column, uint32_t stride, const Parents& p, int damping) {
+  const auto at = [&](uint32_t v) { return int64_t{column[v * stride]}; };
+  const int64_t sum = at(p.a) + at(p.b), across = at(p.across);
+  return static_cast<uint32_t>(sum - across - ((damping * (sum - 2 * across)) >> 4));
 }
 
 uint32_t predicted_smooth(const int32_t* column, uint32_t stride, const Parents& p) {
@@ -20,9 +21,26 @@ uint32_t predicted_smooth(const int32_t* column, uint32_t stride, const Parents&
 }
 
 uint32_t predicted(const VertexFormat& format, uint32_t component, const int32_t* column,
-                   uint32_t stride, const Parents& parents) {
+                   uint32_t stride, const Parents& parents, int damping) {
   return format.is_smooth[component] ? predicted_smooth(column, stride, parents)
-                                     : predicted_flat(column, stride, parents);
+                                     : predicted_flat(column, stride, parents, damping);
+}
+
+/// The damping with the least sum of remainders of the positions.
+int best_damping(std::span<const int32_t> integers, uint32_t stride,
+                 std::span<const Parents> parents, std::span<const uint32_t> source) {
+  int best = 0;
+  uint64_t least = ~uint64_t{0};
+  for (int damping = 0; damping < 1 << kDampingBits; ++damping) {
+    uint64_t sum = 0;
+    for (size_t v = 1; v < parents.size(); ++v)
+      for (uint32_t c = 0; c < 3 && source[v] == kNone; ++c)
+        sum += zigzag(static_cast<int32_t>(
+            static_cast<uint32_t>(integers[v * stride + c]) -
+            predicted_flat(integers.data() + c, stride, parents[v], damping)));
+    if (sum < least) best = damping, least = sum;
+  }
+  return best;
 }
 
 /// The parameter with the shortest code.
@@ -46,45 +64,59 @@ uint32_t best_parameter(std::span<const uint32_t> remainders) {
 }  // namespace
 
 void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
-                     std::span<const Parents> parents, std::span<const ComponentRange> ranges,
-                     BitWriter& out) {
+                     std::span<const Parents> parents, std::span<const uint32_t> source,
+                     std::span<const ComponentRange> ranges, BitWriter& out) {
   const uint32_t stride = components(format);
-  const size_t count = parents.size();
-  std::vector<uint32_t> remainders(stride * (count - 1));
+  const int damping = best_damping(integers, stride, parents, source);
+  out.write(static_cast<uint32_t>(damping), kDampingBits);
+  std::vector<uint32_t> own;
+  for (uint32_t v = 1; v < parents.size(); ++v)
+    if (source[v] == kNone) own.push_back(v);
+  std::vector<uint32_t> remainders(stride * own.size());
   std::array<uint32_t, kMaxComponents> parameters{};
   for (uint32_t c = 0; c < stride; ++c) {
-    const std::span<uint32_t> mine = std::span(remainders).subspan(c * (count - 1), count - 1);
-    for (size_t v = 1; v < count; ++v)
-      mine[v - 1] = zigzag(
-          static_cast<int32_t>(static_cast<uint32_t>(integers[v * stride + c]) -
-                               predicted(format, c, integers.data() + c, stride, parents[v])));
+    const std::span<uint32_t> mine = std::span(remainders).subspan(c * own.size(), own.size());
+    for (size_t i = 0; i < own.size(); ++i)
+      mine[i] = zigzag(static_cast<int32_t>(
+          static_cast<uint32_t>(integers[own[i] * stride + c]) -
+          predicted(format, c, integers.data() + c, stride, parents[own[i]], damping)));
     parameters[c] = best_parameter(mine);
     out.write(parameters[c], kParameterBits);
-    out.write(static_cast<uint32_t>(integers[c]) - static_cast<uint32_t>(ranges[c].lowest),
-              ranges[c].bits);
+    if (source[0] == kNone)
+      out.write(static_cast<uint32_t>(integers[c]) - static_cast<uint32_t>(ranges[c].lowest),
+                ranges[c].bits);
   }
-  for (size_t v = 0; v + 1 < count; ++v)
+  for (size_t i = 0; i < own.size(); ++i)
     for (uint32_t c = 0; c < stride; ++c)
-      if (parameters[c] != kAllZero) out.rice(remainders[c * (count - 1) + v], parameters[c]);
+      if (parameters[c] != kAllZero) out.rice(remainders[c * own.size() + i], parameters[c]);
 }
 
 void decode_vertices(const VertexFormat& format, std::span<const Parents> parents,
-                     std::span<const ComponentRange> ranges, BitReader& in,
-                     std::span<int32_t> integers) {
+                     std::span<const uint32_t> source, std::span<const ComponentRange> ranges,
+                     BitReader& in, std::span<int32_t> group, uint32_t first) {
   const uint32_t stride = components(format);
+  int32_t* const integers = group.data() + size_t{first} * stride;
   std::array<uint32_t, kMaxComponents> parameters{};
+  const auto damping = static_cast<int>(in.read(kDampingBits));
   for (uint32_t c = 0; c < stride; ++c) {
     parameters[c] = in.read(kParameterBits);
-    integers[c] =
-        static_cast<int32_t>(static_cast<uint32_t>(ranges[c].lowest) + in.read(ranges[c].bits));
+    if (source[0] == kNone)
+      integers[c] =
+          static_cast<int32_t>(static_cast<uint32_t>(ranges[c].lowest) + in.read(ranges[c].bits));
   }
-  for (size_t v = 1; v < parents.size(); ++v)
-    for (uint32_t c = 0; c < stride; ++c) {
-      const uint32_t remainder = parameters[c] == kAllZero ? 0 : in.rice(parameters[c]);
-      integers[v * stride + c] =
-          static_cast<int32_t>(predicted(format, c, integers.data() + c, stride, parents[v]) +
-                               static_cast<uint32_t>(unzigzag(remainder)));
+  for (size_t v = 0; v < parents.size(); ++v) {
+    int32_t* const vertex = integers + v * stride;
+    if (source[v] != kNone) {
+      std::copy_n(group.data() + size_t{source[v]} * stride, stride, vertex);
+      continue;
     }
+    for (uint32_t c = 0; c < stride && v > 0; ++c) {
+      const uint32_t remainder = parameters[c] == kAllZero ? 0 : in.rice(parameters[c]);
+      vertex[c] = static_cast<int32_t>(
+          predicted(format, c, integers + c, stride, parents[v], damping) +
+          static_cast<uint32_t>(unzigzag(remainder)));
+    }
+  }
 }
 
 }  // namespace umbel::asset

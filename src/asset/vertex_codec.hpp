@@ -29,18 +29,24 @@ struct AttributeFormat {
   Coding coding;
   uint32_t bits;
   float step;
+  uint32_t set = 0;         ///< for attributes that may be there several times
+  uint16_t components = 0;  ///< integers a vertex; 0: those of the coding
+  uint16_t is_smooth = 0;   ///< predicted by the mean, not the parallelogram
 };
 
-/// All attributes of an asset, positions first, then as their flags rise.
+/// All attributes of a mesh, positions first, then as their flags and sets rise. Those that this
+/// version does not know have components, which are decoded and left.
 struct VertexFormat {
   std::vector<AttributeFormat> attributes;
-  std::vector<bool> is_smooth;  ///< by component: predicted by the mean, not the parallelogram
+  std::vector<uint8_t> is_smooth;  ///< by component
 };
 
-/// The widest format has 16 components.
-inline constexpr uint32_t kMaxComponents = 16;
+inline constexpr uint32_t kMaxAttributes = 32, kMaxComponents = 64;
 
-/// Throws kCorrupt if a file could not have it.
+/// Whether this version can decode the attribute.
+bool is_known(const AttributeFormat& attribute);
+/// Fills in components and prediction where they are left open. Throws kCorrupt if a file could
+/// not have it.
 VertexFormat make_format(std::vector<AttributeFormat> attributes);
 uint32_t components(const VertexFormat& format);
 
@@ -57,12 +63,15 @@ struct ComponentRange {
   uint32_t bits;  ///< <= 32
 };
 
-/// Writes `integers`, those of `parents.size()` vertices in the order of the walk.
+/// Writes `integers`, those of `parents.size()` vertices in the order of the walk, but for those
+/// whose source (their equal among the group's earlier vertices) is not kNone.
 void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
-                     std::span<const Parents> parents, std::span<const ComponentRange> ranges,
-                     BitWriter& out);
+                     std::span<const Parents> parents, std::span<const uint32_t> source,
+                     std::span<const ComponentRange> ranges, BitWriter& out);
+/// Reads them into `group`, the integers of the group's vertices, from its vertex `first` on.
+/// Sources are below that.
 void decode_vertices(const VertexFormat& format, std::span<const Parents> parents,
-                     std::span<const ComponentRange> ranges, BitReader& in,
-                     std::span<int32_t> integers);
+                     std::span<const uint32_t> source, std::span<const ComponentRange> ranges,
+                     BitReader& in, std::span<int32_t> group, uint32_t first);
 
 }  // namespace umbel::asset

@@ -1,10 +1,13 @@
-// Writes an asset: pages in file order, coarsest level first, encoded in parallel a batch at a
-// time; then the head, which needs their checksums, in front of them.
+// Writes an asset. Groups are encoded in parallel, coarsest first, and as many of them as fit form
+// a page; what they were made from is in a later page, so references are filled in once all pages
+// are known. The head, which needs everybody's checksums, comes last, in front.
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "asset/choose_format.hpp"
 #include "asset/format.hpp"
+#include "asset/group_part.hpp"
 #include "asset/page.hpp"
 #include "asset/structure.hpp"
 #include "base/bytes.hpp"
@@ -18,7 +21,8 @@ namespace umbel {
 namespace asset {
 namespace {
 
-constexpr size_t kBatchPages = 256;
+constexpr size_t kBatch = 256;  // groups
+constexpr uint64_t kMaxPageBytes = 1u << 30;
 
 [[noreturn]] void refuse(const std::string& sentence) {
   throw Error(ErrorCode::kInvalidArgument, sentence);
@@ -45,9 +49,6 @@ void check_cluster(const lod::Dag& dag, uint32_t cluster) {
     refuse("cluster " + std::to_string(cluster) + " has " + what);
   };
   const lod::Cluster& entry = dag.tables.clusters[cluster];
-  if (entry.vertex_count > 0xffff || entry.triangle_count > 0xffff)
-    refuse_cluster("the counts " + std::to_string(entry.vertex_count) + " and " +
-                   std::to_string(entry.triangle_count) + ", more than 65535");
   const Range& range = dag.tables.groups[entry.group].clusters;
   if (cluster - range.offset >= range.count)
     refuse_cluster("the group " + std::to_string(entry.group) +
@@ -56,6 +57,10 @@ void check_cluster(const lod::Dag& dag, uint32_t cluster) {
   if (end - begin < 1 || end - begin > kMaxLocal || triangles < 1 || triangles > kMaxLocal)
     refuse_cluster(std::to_string(end - begin) + " vertices and " + std::to_string(triangles) +
                    " triangles, but must have 1 to 256 of each");
+  if (entry.vertex_count != end - begin || entry.triangle_count != triangles)
+    refuse_cluster("the counts " + std::to_string(entry.vertex_count) + " and " +
+                   std::to_string(entry.triangle_count) + ", but " + std::to_string(end - begin) +
+                   " vertices and " + std::to_string(triangles) + " triangles");
   for (uint32_t i = begin; i < end; ++i)
     if (dag.cluster_vertices[i] >= dag.vertices.positions.size())
       refuse_cluster("the vertex " + std::to_string(dag.cluster_vertices[i]) + " of " +
@@ -86,67 +91,229 @@ void check_dag(const lod::Dag& dag) {
   for (uint32_t c = 0; c < clusters; ++c) check_cluster(dag, c);
 }
 
-AssetInfo info_of(const lod::Dag& dag, const std::string& metadata) {
-  AssetInfo info;
-  for (const lod::Cluster& cluster : dag.tables.clusters) extend(info.bounds, cluster.box);
-  info.source_triangles = dag.report.input_triangles;
-  info.source_vertices = dag.report.input_vertices;
-  info.source_digest = dag.source_digest;
-  info.max_triangles = dag.config.max_triangles;
-  info.max_vertices = dag.config.max_vertices;
-  info.metadata = metadata;
-  return info;
+void check_contents(const AssetContents& contents, const AssetConfig& config) {
+  if (config.page_bytes < kPageAlignment || config.page_bytes % kPageAlignment != 0 ||
+      config.page_bytes > kMaxPageBytes)
+    refuse("page_bytes is " + std::to_string(config.page_bytes) +
+           ", but must be a multiple of 4096 up to 1 GiB");
+  for (const lod::Dag* dag : contents.meshes) {
+    if (dag == nullptr) refuse("one of the asset's meshes is null");
+    check_dag(*dag);
+  }
+  for (size_t i = 0; i < contents.instances.size(); ++i) {
+    const Instance& instance = contents.instances[i];
+    const auto& t = instance.transform;
+    if (instance.mesh >= contents.meshes.size() ||
+        !std::all_of(t.begin(), t.end(), [](float f) { return std::isfinite(f); }))
+      refuse("instance " + std::to_string(i) + " is of mesh " + std::to_string(instance.mesh) +
+             " of " + std::to_string(contents.meshes.size()) +
+             ", or its transform is not finite");
+  }
 }
 
-/// Groups in file order: coarsest level first, within a level as they are numbered.
-std::vector<uint32_t> page_order(const lod::Tables& tables) {
-  std::vector<uint32_t> order(tables.groups.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
-    return tables.groups[a].level > tables.groups[b].level;
-  });
-  return order;
+/// Appends to one of the head's tables what is one mesh's, and returns where it is.
+template <typename Element>
+Range append(std::vector<Element>& table, std::span<const Element> more) {
+  const Range range{static_cast<uint32_t>(table.size()), static_cast<uint32_t>(more.size())};
+  table.insert(table.end(), more.begin(), more.end());
+  return range;
 }
 
-/// Encodes pages in parallel, a batch at a time, and places each behind the one before; returns
-/// where the last ends.
-uint64_t write_pages(OutputFile& file, const lod::Dag& dag, Head& head, Progress& progress) {
-  const std::vector<uint32_t> order = page_order(dag.tables);
-  head.pages.resize(order.size());
-  uint64_t at = head_bytes(head);
-  std::vector<std::vector<std::byte>> batch;
-  for (size_t begin = 0; begin < order.size(); begin += batch.size()) {
-    progress.report(static_cast<double>(begin) / static_cast<double>(order.size()), "writing");
-    batch.resize(std::min(kBatchPages, order.size() - begin));
-    parallel_for(batch.size(), 1,
-                 [&](size_t i) { batch[i] = encode_page(dag, head.format, order[begin + i]); });
-    for (size_t i = 0; i < batch.size(); ++i) {
-      file.write(at, batch[i]);
-      head.pages[begin + i] = {at, batch[i].size(), xxh64(batch[i].data(), batch[i].size()),
-                               order[begin + i]};
-      at += batch[i].size();
+class Writer {
+ public:
+  Writer(const AssetContents& contents, const AssetConfig& config, Progress& progress)
+      : contents_(contents), config_(config), progress_(progress) {}
+
+  uint64_t write(OutputFile& file) {
+    for (const lod::Dag* dag : contents_.meshes) add_mesh(*dag);
+    order_groups();
+    encode_groups();
+    fill_pages();
+    refer_to_pages();
+    for (size_t m = 0; m < contents_.meshes.size(); ++m) add_roots(m);
+    head_.info.metadata = contents_.metadata;
+    head_.info.page_bytes = config_.page_bytes;
+    head_.materials = contents_.materials;
+    head_.instances = contents_.instances;
+    head_.files.resize(contents_.files.size());
+    write_pages(file);
+    write_tail(file);
+    file.write(0, encode_head(head_));
+    return head_.info.file_bytes;
+  }
+
+ private:
+  /// Where a group is, and what its page must say of it.
+  struct Place {
+    std::vector<uint32_t> children;
+    uint32_t parents = 0, page = 0;
+  };
+
+  void add_mesh(const lod::Dag& dag) {
+    MeshEntry entry;
+    for (const lod::Cluster& cluster : dag.tables.clusters)
+      extend(entry.mesh.bounds, cluster.box);
+    entry.mesh.source_triangles = dag.report.input_triangles;
+    entry.mesh.source_vertices = dag.report.input_vertices;
+    entry.mesh.source_digest = dag.source_digest;
+    entry.mesh.groups = static_cast<uint32_t>(dag.tables.groups.size());
+    entry.mesh.clusters = static_cast<uint32_t>(dag.tables.clusters.size());
+    formats_.push_back(choose_format(dag, config_));
+    entry.attributes =
+        append<AttributeFormat>(head_.attributes, std::span(formats_.back().attributes));
+    entry.levels = append<Range>(head_.levels, dag.tables.levels);
+    entry.nodes = append<lod::Node>(nodes_, dag.tables.nodes);
+    head_.meshes.push_back(entry);
+    head_.info.max_triangles = std::max(head_.info.max_triangles, dag.config.max_triangles);
+    head_.info.max_vertices = std::max(head_.info.max_vertices, dag.config.max_vertices);
+
+    std::vector<Place>& places = places_.emplace_back(entry.mesh.groups);
+    for (uint32_t g = 0; g < entry.mesh.groups; ++g) {
+      places[g].children = children_of(dag.tables, g);
+      if (places[g].children.size() > kMaxReferences)
+        refuse("group " + std::to_string(g) + " was made from " +
+               std::to_string(places[g].children.size()) + " groups, but at most 65535 can be");
+      for (const uint32_t child : places[g].children) ++places[child].parents;
     }
   }
-  return at;
-}
+
+  /// Coarsest first in every mesh, meshes side by side: any prefix of the pages shows all of them.
+  void order_groups() {
+    std::vector<uint32_t> depth;  // below the coarsest level of its mesh
+    for (uint32_t m = 0; m < contents_.meshes.size(); ++m) {
+      const auto& groups = contents_.meshes[m]->tables.groups;
+      uint32_t coarsest = 0;
+      for (const lod::Group& group : groups) coarsest = std::max(coarsest, group.level);
+      for (uint32_t g = 0; g < groups.size(); ++g) {
+        depth.push_back(coarsest - groups[g].level);
+        encoded_.push_back({m, g, groups[g], places_[m][g].parents,
+                            static_cast<uint32_t>(places_[m][g].children.size()),
+                            {}});
+      }
+    }
+    std::vector<uint32_t> order(depth.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](uint32_t a, uint32_t b) { return depth[a] < depth[b]; });
+    std::vector<EncodedGroup> ordered;
+    ordered.reserve(order.size());
+    for (const uint32_t i : order) ordered.push_back(std::move(encoded_[i]));
+    encoded_ = std::move(ordered);
+  }
+
+  void encode_groups() {
+    for (size_t begin = 0; begin < encoded_.size(); begin += kBatch) {
+      progress_.report(static_cast<double>(begin) / static_cast<double>(encoded_.size()),
+                       "writing");
+      parallel_for(std::min(kBatch, encoded_.size() - begin), 1, [&](size_t i) {
+        EncodedGroup& group = encoded_[begin + i];
+        const EncodedMesh mesh{*contents_.meshes[group.mesh], formats_[group.mesh],
+                               head_.meshes[group.mesh].mesh.bounds};
+        group.part = encode_part(mesh, group.id, places_[group.mesh][group.id].children);
+      });
+    }
+  }
+
+  void fill_pages() {
+    uint64_t bytes = 0;
+    for (size_t i = 0; i < encoded_.size(); ++i) {
+      const uint64_t more = kGroupRecordBytes + encoded_[i].part.size();
+      if (pages_.empty() || bytes + more > config_.page_bytes) {
+        pages_.push_back({static_cast<uint32_t>(i), 0});
+        bytes = kPageHeaderBytes;
+      }
+      bytes += more;
+      ++pages_.back().count;
+      places_[encoded_[i].mesh][encoded_[i].id].page = static_cast<uint32_t>(pages_.size() - 1);
+    }
+  }
+
+  GroupRef reference_to(uint32_t mesh, uint32_t group) const {
+    const lod::Group& g = contents_.meshes[mesh]->tables.groups[group];
+    const Place& place = places_[mesh][group];
+    return {group, place.page, place.parents, g.sphere, g.error};
+  }
+
+  void refer_to_pages() {
+    for (EncodedGroup& group : encoded_) {
+      const std::vector<uint32_t>& children = places_[group.mesh][group.id].children;
+      for (size_t i = 0; i < children.size(); ++i)
+        write_reference(group.part, i, reference_to(group.mesh, children[i]));
+    }
+  }
+
+  void add_roots(size_t mesh) {
+    std::vector<GroupRef> roots;
+    for (uint32_t g = 0; g < places_[mesh].size(); ++g)
+      if (places_[mesh][g].parents == 0)
+        roots.push_back(reference_to(static_cast<uint32_t>(mesh), g));
+    head_.meshes[mesh].roots = append<GroupRef>(head_.roots, roots);
+  }
+
+  void write_pages(OutputFile& file) {
+    head_.pages.resize(pages_.size());
+    uint64_t at = head_bytes(head_);
+    for (uint32_t p = 0; p < pages_.size(); ++p) {
+      const auto groups = std::span(encoded_).subspan(pages_[p].offset, pages_[p].count);
+      const std::vector<std::byte> page = encode_page(p, groups);
+      file.write(at, page);
+      head_.pages[p] = {at, static_cast<uint32_t>(page.size()), pages_[p].count,
+                        xxh64(page.data(), page.size())};
+      at += page.size();
+    }
+    head_.info.file_bytes = at;
+  }
+
+  /// What lies behind the pages.
+  void write_tail(OutputFile& file) {
+    uint64_t& at = head_.info.file_bytes;
+    const std::vector<std::byte> nodes = encode_nodes(nodes_);
+    file.write(at, nodes);
+    head_.nodes = {at, nodes_.size(), kNodeBytes, xxh64(nodes.data(), nodes.size())};
+    at += nodes.size();
+    for (size_t i = 0; i < contents_.files.size(); ++i) {
+      const std::vector<std::byte>& bytes = contents_.files[i];
+      file.write(at, bytes);
+      head_.files[i] = {at, bytes.size(), xxh64(bytes.data(), bytes.size())};
+      at += bytes.size();
+    }
+  }
+
+  const AssetContents& contents_;
+  const AssetConfig& config_;
+  Progress& progress_;
+  Head head_;
+  std::vector<VertexFormat> formats_;
+  std::vector<lod::Node> nodes_;
+  std::vector<std::vector<Place>> places_;  // by mesh and group
+  std::vector<EncodedGroup> encoded_;       // in file order
+  std::vector<Range> pages_;                // of encoded_
+};
 
 }  // namespace
 }  // namespace asset
 
+uint64_t write_asset(const std::filesystem::path& path, const AssetContents& contents,
+                     const BuildOptions& options, const AssetConfig& config) {
+  using namespace asset;
+  Progress progress(options);
+  check_contents(contents, config);
+  OutputFile file(path);
+  uint64_t bytes = 0;
+  with_threads(options.threads,
+               [&] { bytes = Writer(contents, config, progress).write(file); });
+  progress.report(1, "writing");
+  file.commit();
+  return bytes;
+}
+
 uint64_t write_asset(const std::filesystem::path& path, const lod::Dag& dag,
                      const std::string& metadata, const BuildOptions& options,
                      const AssetConfig& config) {
-  using namespace asset;
-  Progress progress(options);
-  check_dag(dag);
-  Head head{info_of(dag, metadata), choose_format(dag, config), dag.tables, {}};
-  OutputFile file(path);
-  with_threads(options.threads,
-               [&] { head.info.file_bytes = write_pages(file, dag, head, progress); });
-  file.write(0, encode_head(head));
-  progress.report(1, "writing");
-  file.commit();
-  return head.info.file_bytes;
+  AssetContents contents;
+  contents.meshes = {&dag};
+  contents.metadata = metadata;
+  return write_asset(path, contents, options, config);
 }
 
 }  // namespace umbel

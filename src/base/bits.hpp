@@ -24,6 +24,11 @@ constexpr uint32_t rice_bits(uint32_t value, uint32_t k) {
   return quotient < kRiceEscape ? quotient + 1 + k : kRiceEscape + 32;
 }
 
+/// Bits of a number below `count`.
+constexpr uint32_t bits_below(uint32_t count) {
+  return count < 2 ? 0 : static_cast<uint32_t>(std::bit_width(count - 1));
+}
+
 /// Small numbers of either sign as small numbers: 0, -1, 1, -2, ... as 0, 1, 2, 3, ...
 constexpr uint32_t zigzag(int32_t value) {
   return static_cast<uint32_t>(value) << 1 ^ static_cast<uint32_t>(value >> 31);
@@ -102,9 +107,19 @@ class BitReader {
   }
 
   uint32_t take(uint32_t count) {
-    const auto value = static_cast<uint32_t>(held_ & ((uint64_t{1} << count) - 1));
+    const uint32_t value = peek(count);
     skip(count);
     return value;
+  }
+
+  /// The next `count` <= 32 bits, which stay.
+  uint32_t peek(uint32_t count) const {
+    return static_cast<uint32_t>(held_ & ((uint64_t{1} << count) - 1));
+  }
+  /// What was peeked at.
+  void skip(uint32_t count) {
+    held_ >>= count;
+    bits_ -= count;
   }
 
   /// How many zeros come before the next one, which is read too; `most` < 32 zeros end by
@@ -129,11 +144,6 @@ class BitReader {
   }
 
  private:
-  void skip(uint32_t count) {
-    held_ >>= count;
-    bits_ -= count;
-  }
-
   const std::byte* next_;
   const std::byte* end_;
   uint64_t held_ = 0;

@@ -26,7 +26,7 @@ using umbel::xxh64;
 
 // ---- the file's checksums (docs/format.md) -----------------------------------------------------
 
-constexpr size_t kHeaderBytes = 128, kSectionBytes = 32, kPageBytes = 32;
+constexpr size_t kHeaderBytes = 128, kSectionBytes = 40, kElementBytes = 24;
 
 uint64_t get(const std::vector<uint8_t>& bytes, size_t at, size_t size) {
   uint64_t value = 0;
@@ -38,12 +38,15 @@ void put(std::vector<uint8_t>& bytes, size_t at, uint64_t value) {
   for (size_t i = 0; i < 8; ++i) bytes[at + i] = static_cast<uint8_t>(value >> (8 * i));
 }
 
-void repair_pages(std::vector<uint8_t>& bytes, size_t table, size_t size) {
-  for (size_t i = 0; i + kPageBytes <= size; i += kPageBytes) {
-    const size_t offset = get(bytes, table + i, 8), page = get(bytes, table + i + 8, 8);
-    if (offset > bytes.size() || page > bytes.size() - offset) continue;
-    put(bytes, table + i + 16, xxh64(bytes.data() + offset, page));
-  }
+void repair(std::vector<uint8_t>& bytes, size_t checksum_at, size_t offset, size_t size) {
+  if (offset <= bytes.size() && size <= bytes.size() - offset)
+    put(bytes, checksum_at, xxh64(bytes.data() + offset, size));
+}
+
+// Of the tables whose elements have an offset, a size of `size_bytes` bytes, and end in a checksum.
+void repair_elements(std::vector<uint8_t>& bytes, size_t table, size_t size, size_t size_bytes) {
+  for (size_t i = 0; i + kElementBytes <= size; i += kElementBytes)
+    repair(bytes, table + i + 16, get(bytes, table + i, 8), get(bytes, table + i + 8, size_bytes));
 }
 
 void repair_checksums(std::vector<uint8_t>& bytes) {
@@ -51,13 +54,18 @@ void repair_checksums(std::vector<uint8_t>& bytes) {
   const size_t header = get(bytes, 12, 4);
   if (header < kHeaderBytes || header > bytes.size()) return;
   const uint64_t sections = std::min<uint64_t>(get(bytes, 40, 4), 16);
-  for (uint64_t s = 0; s < sections; ++s) {
-    const size_t entry = header + s * kSectionBytes;
-    if (entry + kSectionBytes > bytes.size()) break;
-    const size_t offset = get(bytes, entry + 8, 8), size = get(bytes, entry + 16, 8);
-    const bool inside = offset <= bytes.size() && size <= bytes.size() - offset;
-    if (inside && std::memcmp(&bytes[entry], "PAGE", 4) == 0) repair_pages(bytes, offset, size);
-  }
+  for (const bool pages : {true, false})
+    for (uint64_t s = 0; s < sections; ++s) {
+      const size_t entry = header + s * kSectionBytes;
+      if (entry + kSectionBytes > bytes.size()) break;
+      const size_t offset = get(bytes, entry + 8, 8), size = get(bytes, entry + 16, 8);
+      if (offset > bytes.size() || size > bytes.size() - offset) continue;
+      if (pages && std::memcmp(&bytes[entry], "PAGE", 4) == 0)
+        repair_elements(bytes, offset, size, 4);
+      if (pages && std::memcmp(&bytes[entry], "FILE", 4) == 0)
+        repair_elements(bytes, offset, size, 8);
+      if (!pages) repair(bytes, entry + 32, offset, size);
+    }
   const size_t head = get(bytes, 24, 8);
   if (head >= header && head <= bytes.size())
     put(bytes, 32, xxh64(bytes.data() + header, head - header));
@@ -113,7 +121,8 @@ void write_seeds(const std::filesystem::path& folder) {
 void read_everything(const std::filesystem::path& path) {
   const umbel::Asset asset(path);
   const umbel::lod::Tables& tables = asset.tables();
-  for (uint32_t group = 0; group < tables.groups.size(); ++group) asset.page_is_whole(group);
+  for (uint32_t page = 0; page < asset.info().pages; ++page) asset.page_is_whole(page);
+  for (uint32_t file = 0; file < asset.files(); ++file) asset.file(file);
   const auto view = umbel::lod::view_error(umbel::lod::error_for_triangles(tables, 100));
   const auto geometry = [&](uint32_t cluster) { return asset.geometry(cluster); };
   umbel::lod::cut_mesh(tables, geometry, umbel::lod::select(tables, view));

@@ -33,18 +33,39 @@ class Bits:
         return self.take(32) if quotient == 16 else quotient << k | self.take(k)
 
 
+    def below(self, count: int) -> int:
+        value = self.take(max(count - 1, 0).bit_length())
+        assert value < count
+        return value
+
+
 @dataclass
 class Attribute:
     flag: int
+    set: int
     coding: int
+    components: int
+    smooth: int
     bits: int
     step: float
 
-    @property
-    def components(self) -> int:
-        if self.coding in (2, 3):
-            return 2
-        return {0: 3, 1: 3, 2: 4, 4: 2, 8: 4}[self.flag]
+
+# The apex, and whether the edges (b, c) and (c, a) are gates, by the bits of the word.
+WORDS = {
+    "1": ("new", 1, 1),
+    "011": ("from", 1, 1),
+    "010": ("into", 1, 1),
+    "0011": ("new", 0, 1),
+    "0010": ("new", 1, 0),
+    "00011": ("new", 0, 0),
+    "00010": ("from", 1, 0),
+    "00001": ("into", 0, 1),
+    "000001": ("named", 1, 1),
+    "00000011": ("named", 0, 1),
+    "00000010": ("named", 1, 0),
+    "00000001": ("named", 0, 0),
+    "00000000": ("nothing", 0, 0),
+}
 
 
 class Walk:
@@ -55,6 +76,7 @@ class Walk:
         self.triangles: list[tuple[int, int, int]] = []
         self.parents: list[tuple[int, int, int]] = []
         self.gates: list[tuple[int, int, int]] = []
+        self.border: list[tuple[int, int]] = []
         self.open: set[int] = set()
         self.begins: dict[int, int] = {}
         self.ends: dict[int, int] = {}
@@ -77,11 +99,6 @@ class Walk:
         before = max(self.seen, 1) - 1
         return self.new(before, before, before)
 
-    def index(self) -> int:
-        index = self.bits.take(max(self.seen - 1, 0).bit_length())
-        assert index < self.seen
-        return index
-
     def close(self, gate: int) -> None:
         a, b, _ = self.gates[gate]
         self.open.discard(gate)
@@ -99,65 +116,115 @@ class Walk:
                 return self.gates[gate]
         return None
 
-    def pass_edge(self, x: int, y: int, w: int) -> None:
+    def pass_edge(self, x: int, y: int, w: int, is_gate: int) -> None:
         gate = self.begins.get(x)
         if gate is None or self.gates[gate][1] != y:
             gate = self.ends.get(y)
         if gate is not None and self.gates[gate][0] == x:
             self.close(gate)
-        elif self.bits.take(1):
+        elif is_gate:
             self.begins[y] = self.ends[x] = len(self.gates)
             self.open.add(len(self.gates))
             self.gates.append((y, x, w))
+        else:
+            self.border.append((x, y))
 
     def start(self) -> None:
-        a, b, c = (self.new_after_last() if self.bits.take(1) else self.index() for _ in range(3))
+        take, below = self.bits.take, self.bits.below
+        a, b, c = (self.new_after_last() if take(1) else below(self.seen) for _ in range(3))
         self.triangles.append((a, b, c))
         for edge in ((a, b, c), (b, c, a), (c, a, b)):
-            self.pass_edge(*edge)
+            self.pass_edge(*edge, take(1))
 
     def cross(self, a: int, b: int, across: int) -> None:
-        kind = self.bits.zeros(4)
-        if kind == 4:
+        word = ""
+        while word not in WORDS:
+            word += str(self.bits.take(1))
+        apex, right, left = WORDS[word]
+        if apex == "nothing":
             return
-        if kind == 0:
+        if apex == "new":
             c = self.new(a, b, across)
-        elif kind == 1:
+        elif apex == "from":
             c = self.gates[self.begins[b]][1]
-        elif kind == 2:
+        elif apex == "into":
             c = self.gates[self.ends[a]][0]
         else:
-            c = self.index()
+            c = self.bits.below(self.seen)
         self.triangles.append((a, b, c))
-        self.pass_edge(b, c, a)
-        self.pass_edge(c, a, b)
+        self.pass_edge(b, c, a, right)
+        self.pass_edge(c, a, b, left)
+
+
+class Borders:
+    """The borders of a group's clusters, whose vertices are numbered one after the other."""
+
+    def __init__(self) -> None:
+        self.next: dict[int, int] = {}
+        self.previous: dict[int, int] = {}
+        self.vertices: list[int] = []
+
+    def add(self, first: int, walk: Walk) -> list[int]:
+        """The next cluster's border vertices."""
+        for x, y in walk.border:
+            self.next[first + x] = first + y
+            self.previous[first + y] = first + x
+        mine = range(first, first + walk.seen)
+        return [v for v in mine if v in self.next or v in self.previous]
+
+    def read_shared(self, bits: Bits, first: int, walk: Walk) -> dict[int, int]:
+        """The vertices of the next cluster that earlier ones have, and which those are."""
+        equal: dict[int, int] = {}
+        mine = self.add(first, walk)
+        if bits.take(1):
+            for v in mine:
+                if v not in equal and bits.take(1):
+                    equal[v] = self.vertices[bits.below(len(self.vertices))]
+                    for ahead, back in ((self.next, self.previous), (self.previous, self.next)):
+                        w, u = ahead.get(v), back.get(equal[v])
+                        while w is not None and u is not None and w not in equal and bits.take(1):
+                            equal[w] = u
+                            w, u = ahead.get(w), back.get(u)
+        self.vertices += mine
+        return equal
 
 
 def signed(value: int) -> int:
     return (value + 2**31) % 2**32 - 2**31
 
 
-def read_vertices(bits: Bits, walk: Walk, attributes: list[Attribute], ranges: list) -> np.ndarray:
-    """The integers of a cluster's vertices, a row each."""
-    smooth = [a.flag not in (0, 4) for a in attributes for _ in range(a.components)]
-    columns = range(len(smooth))
-    parameters, first = [], []
+def read_vertices(
+    bits: Bits,
+    walk: Walk,
+    attributes: list[Attribute],
+    ranges: list,
+    rows: list[list[int]],
+    equal: dict[int, int],
+) -> None:
+    """Appends the integers of a cluster's vertices to those of its group."""
+    smooth = [a.smooth for a in attributes for _ in range(a.components)]
+    damping, parameters, values = bits.take(2), [], []
+    base = len(rows)
     for lowest, width in ranges:
         parameters.append(bits.take(5))
-        first.append(signed(lowest + bits.take(width)))
-    rows = [first]
-    for a, b, across in walk.parents[1:]:
+        values.append(0 if base in equal else signed(lowest + bits.take(width)))
+    rows.append(rows[equal[base]] if base in equal else values)
+    for v in range(base + 1, base + walk.seen):
+        if v in equal:
+            rows.append(rows[equal[v]])
+            continue
+        a, b, across = (rows[base + parent] for parent in walk.parents[v - base])
         row = []
-        for i in columns:
-            r = 0 if parameters[i] == 31 else bits.rice(parameters[i])
+        for i, k in enumerate(parameters):
+            r = 0 if k == 31 else bits.rice(k)
             remainder = r // 2 if r % 2 == 0 else -(r + 1) // 2
             if smooth[i]:
-                predicted = (rows[a][i] + rows[b][i]) // 2
+                predicted = (a[i] + b[i]) // 2
             else:
-                predicted = rows[a][i] + rows[b][i] - rows[across][i]
+                predicted = a[i] + b[i] - across[i]
+                predicted -= damping * (a[i] + b[i] - 2 * across[i]) // 16
             row.append(signed(predicted + remainder))
         rows.append(row)
-    return np.array(rows, np.int64)
 
 
 def decode_octahedral(i: np.ndarray, bits: int) -> np.ndarray:
@@ -192,6 +259,8 @@ def decode_values(rows: np.ndarray, attributes: list[Attribute]) -> dict[str, np
     for attribute in attributes:
         i = rows[:, at : at + attribute.components]
         at += attribute.components
+        if attribute.set > 0 or attribute.flag not in NAMES or attribute.coding > 4:
+            continue
         if attribute.coding == 0:
             words = np.where(i < 0, i ^ 0x7FFFFFFF, i).astype(np.int32)
             value = words.view(np.float32)
@@ -208,60 +277,101 @@ def decode_values(rows: np.ndarray, attributes: list[Attribute]) -> dict[str, np
     return values
 
 
+def numbers(layout: str, data: bytes, offset: int, count: int, stride: int) -> list[tuple]:
+    return [struct.unpack_from(layout, data, offset + i * stride) for i in range(count)]
+
+
+@dataclass
+class Group:
+    mesh: int
+    first_cluster: int
+    level: int
+    rung: int
+    parents: int
+    sphere: tuple[float, ...]
+    error: float
+    references: list[tuple]
+    """Group, page, parents, error, centre, radius."""
+    boxes: list[np.ndarray]
+    materials: list[int]
+    made_from: list[int]
+    """Of each cluster, the group or none."""
+    clusters: list[dict[str, np.ndarray]]
+
+
 class Reader:
-    """An asset: `header` and `tables` as they are in the file, clusters when asked for."""
+    """An asset: the sections as they are in the file, and pages when asked for."""
 
     def __init__(self, path: Path):
         self.data = data = path.read_bytes()
         assert data[:8] == b"\xabUMBL\r\n\x1a"
         major, _, size, file_bytes, head_bytes = struct.unpack_from("<HHIQQ", data, 8)
-        assert major == 2
+        assert major == 3
         assert file_bytes == len(data)
         (count,) = struct.unpack_from("<I", data, 40)
-        self.source_triangles, self.source_vertices = struct.unpack_from("<QQ", data, 56)
-        self.low = np.frombuffer(data, "<f4", 3, 80)
-        self.high = np.frombuffer(data, "<f4", 3, 92)
         self.sections = {}
-        for i in range(count):
-            name, stride, offset, length, rows = struct.unpack_from("<4sIQQQ", data, size + 32 * i)
-            assert offset + length <= head_bytes
+        for name, stride, offset, length, rows, _ in numbers("<4sIQQQQ", data, size, count, 40):
+            assert offset + length <= (len(data) if name == b"NODE" else head_bytes)
             self.sections[name.decode()] = (offset, stride, rows)
-        self.metadata = data[self.sections["META"][0] :][: self.sections["META"][2]].decode()
-        self.attributes = [Attribute(*row) for row in self.rows("ATTR", "<IIIf")]
+        self.metadata, self.materials = self.text("META"), self.text("MTRL")
+        self.attributes = [Attribute(*row) for row in self.rows("ATTR", "<IIIHHIf")]
+        self.meshes = self.rows("MESH", "<QQQ6f10I")
         self.levels = self.rows("LEVL", "<II")
-        self.groups = self.rows("GRUP", "<IIIIfffff")
-        self.clusters = self.rows("CLUS", "<IIHH6H")
+        self.roots = self.rows("ROOT", "<IIIfffff")
+        self.instances = self.rows("INST", "<12fI")
+        self.pages = self.rows("PAGE", "<QIIQ")
         self.nodes = self.rows("NODE", "<fffffIII")
-        self.pages = {row[3]: row[:3] for row in self.rows("PAGE", "<QQQII")}
+
+    def text(self, section: str) -> str:
+        offset, _, count = self.sections[section]
+        return self.data[offset : offset + count].decode()
 
     def rows(self, section: str, layout: str) -> list[tuple]:
         offset, stride, count = self.sections[section]
-        return [struct.unpack_from(layout, self.data, offset + i * stride) for i in range(count)]
+        return numbers(layout, self.data, offset, count, stride)
 
-    def box(self, cluster: int) -> np.ndarray:
-        """Lowest and highest corner."""
-        q = np.array(self.clusters[cluster][4:], np.float64).reshape(2, 3)
-        low, high = self.low.astype(np.float64), self.high.astype(np.float64)
-        return (low + (high - low) * (q / 65535)).astype(np.float32)
+    def file(self, index: int) -> bytes:
+        offset, size, _ = self.rows("FILE", "<QQQ")[index]
+        return self.data[offset : offset + size]
 
-    def group(self, group: int) -> list[dict[str, np.ndarray]]:
-        """The clusters of a group: their triangles and attributes."""
-        offset, size, _ = self.pages[group]
+    def page(self, index: int) -> dict[tuple[int, int], Group]:
+        """The page's groups by mesh and number."""
+        offset, size, count, _ = self.pages[index]
         page = self.data[offset : offset + size]
-        name, first, count, components = struct.unpack_from("<IIII", page)
-        assert (name, first, count) == (group, *self.groups[group][:2])
-        assert components == sum(a.components for a in self.attributes)
-        ranges = [struct.unpack_from("<iI", page, 16 + 8 * i) for i in range(components)]
-        entries = 16 + 8 * components
-        begin, made = entries + 8 * count, []
-        for i in range(count):
-            end, vertices, triangles = struct.unpack_from("<IHH", page, entries + 8 * i)
-            bits = Bits(page[begin:end])
+        assert struct.unpack_from("<II", page) == (index, count)
+        groups = {}
+        for row in numbers("<8I5f2I", page, 16, count, 64):
+            mesh, number, first, clusters, level, rung, parents, references = row[:8]
+            part = page[row[13] : row[13] + row[14]]
+            made = self.part(part, mesh, clusters, references)
+            groups[mesh, number] = Group(
+                mesh, first, level, rung, parents, row[8:12], row[12], *made
+            )
+        return groups
+
+    def part(self, part: bytes, mesh: int, clusters: int, references: int) -> tuple:
+        entry = self.meshes[mesh]
+        attributes = self.attributes[entry[9] : entry[9] + entry[10]]
+        low, high = np.array(entry[3:9], np.float64).reshape(2, 3)
+        components = sum(a.components for a in attributes)
+        refs = numbers("<IIIfffff", part, 0, references, 32)
+        ranges = numbers("<iI", part, 32 * references, components, 8)
+        begin = 32 * references + 8 * components
+        records = numbers("<IBBHI6H", part, begin, clusters, 24)
+        begin += 24 * clusters
+        borders, rows, made, boxes = Borders(), [], [], []
+        for end, vertices, triangles, _, _, *box in records:
+            bits = Bits(part[begin:end])
             walk = Walk(bits, vertices + 1, triangles + 1)
-            rows = read_vertices(bits, walk, self.attributes, ranges)
+            first = len(rows)
+            equal = borders.read_shared(bits, first, walk)
+            read_vertices(bits, walk, attributes, ranges, rows, equal)
             assert 0 <= bits.left < 8
             assert bits.value == 0
-            cluster = decode_values(rows, self.attributes)
-            made.append({"triangles": np.array(walk.triangles), **cluster})
+            values = decode_values(np.array(rows[first:], np.int64), attributes)
+            made.append({"triangles": np.array(walk.triangles), **values})
+            q = np.array(box, np.float64).reshape(2, 3)
+            boxes.append((low + (high - low) * (q / 65535)).astype(np.float32))
             begin = end
-        return made
+        made_from = [NONE if record[3] == 0xFFFF else refs[record[3]][0] for record in records]
+        return refs, boxes, [record[4] for record in records], made_from, made

@@ -32,8 +32,12 @@ double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   BitReader in(bytes);
   Triangles decoded(triangles.size());
   std::vector<Parents> parents(vertices);
-  decode_triangles(in, decoded, parents);
+  BorderEdges border;
+  const uint32_t edges = decode_triangles(in, decoded, parents, border);
   EXPECT_NO_THROW(in.finish());
+  EXPECT_EQ(edges, walk.border.size());
+  for (uint32_t e = 0; e < std::min<size_t>(edges, walk.border.size()); ++e)
+    EXPECT_TRUE(border[e].from == walk.border[e].from && border[e].to == walk.border[e].to);
 
   EXPECT_TRUE(decoded == walk.triangles);
   std::vector<bool> seen(vertices);
@@ -67,7 +71,7 @@ TEST(Connectivity, comes_back_for_shapes) {
 TEST(Connectivity, takes_few_bits_for_a_smooth_surface) {
   const Mesh mesh = shapes::grid(11, 11);
   EXPECT_LT(expect_round_trip(local_triangles(mesh), static_cast<uint32_t>(mesh.positions.size())),
-            3.6);
+            2.9);
 }
 
 TEST(Connectivity, comes_back_for_any_triangles) {
@@ -95,8 +99,10 @@ TEST(Connectivity, of_garbage_is_refused_or_in_range) {
     Triangles triangles(3 * (1 + random() % 256));
     std::vector<Parents> parents(1 + random() % 256);
     BitReader in(bytes);
+    BorderEdges border;
     try {
-      decode_triangles(in, triangles, parents);
+      const uint32_t edges = decode_triangles(in, triangles, parents, border);
+      ASSERT_LE(edges, triangles.size());
       for (const uint8_t v : triangles) ASSERT_LT(v, parents.size());
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kCorrupt);

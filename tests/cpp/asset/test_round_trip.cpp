@@ -25,7 +25,9 @@ void expect_round_trip(const lod::Dag& dag) {
   EXPECT_EQ(asset.info().file_bytes, bytes);
   EXPECT_EQ(std::filesystem::file_size(scratch / "a.umbel"), bytes);
   EXPECT_EQ(asset.info().metadata, "{\"name\": \"a\"}");
-  EXPECT_EQ(asset.info().pages, dag.tables.groups.size());
+  ASSERT_EQ(asset.meshes().size(), 1u);
+  EXPECT_EQ(asset.meshes()[0].groups, dag.tables.groups.size());
+  EXPECT_EQ(asset.meshes()[0].clusters, dag.tables.clusters.size());
   EXPECT_EQ(asset.info().source_digest, dag.source_digest);
   EXPECT_EQ(asset.info().source_triangles, dag.report.input_triangles);
   EXPECT_EQ(asset.info().source_vertices, dag.report.input_vertices);
@@ -37,7 +39,7 @@ void expect_round_trip(const lod::Dag& dag) {
   EXPECT_EQ(asset.tables().groups, dag.tables.groups);
   testing::expect_same_clusters(asset.tables().clusters, dag.tables.clusters);
   EXPECT_EQ(asset.tables().nodes, dag.tables.nodes);
-  for (uint32_t g = 0; g < dag.tables.groups.size(); ++g) EXPECT_TRUE(asset.page_is_whole(g));
+  for (uint32_t p = 0; p < asset.info().pages; ++p) EXPECT_TRUE(asset.page_is_whole(p));
   for (uint32_t c = 0; c < dag.tables.clusters.size(); ++c)
     EXPECT_TRUE(triangles_of(asset.geometry(c)) == triangles_of(dag.geometry(c))) << c;
 }
@@ -97,18 +99,91 @@ TEST(AssetRoundTrip, can_be_read_from_many_threads_and_moved) {
   EXPECT_EQ(right, 4 * dag.tables.clusters.size());
 }
 
-TEST(AssetRoundTrip, stores_the_coarsest_level_first) {
+TEST(AssetRoundTrip, stores_the_coarsest_level_first_and_parents_before_children) {
   const Scratch scratch;
-  const lod::Dag dag = synthetic_dag(shapes::blob(3, 1));
-  write_asset(scratch / "a.umbel", dag);
-  // Damage near the end is damage to the finest level, and the root's page is untouched.
-  std::vector<char> bytes = read_bytes(scratch / "a.umbel");
-  bytes[bytes.size() - 100] ^= 1;
-  testing::write_bytes(scratch / "b.umbel", bytes);
-  const Asset asset(scratch / "b.umbel");
-  const auto groups = static_cast<uint32_t>(dag.tables.groups.size());
-  EXPECT_TRUE(asset.page_is_whole(groups - 1));
-  EXPECT_FALSE(asset.page_is_whole(groups - 2));
+  const lod::Dag dag = synthetic_dag(shapes::blob(5, 1), {64, 8});
+  AssetConfig config;
+  config.page_bytes = 16384;
+  write_asset(scratch / "a.umbel", dag, "{}", {}, config);
+  const Asset asset(scratch / "a.umbel");
+  ASSERT_GT(asset.info().pages, 4u);
+  uint32_t level = 1;
+  std::vector<uint32_t> page_of(dag.tables.groups.size(), kNone);
+  for (uint32_t p = 0; p < asset.info().pages; ++p) {
+    const AssetPage page = asset.read_page(p);
+    EXPECT_EQ(page.bytes.size(), asset.page_bytes(p));
+    EXPECT_TRUE(page.groups.size() == 1 || page.bytes.size() <= config.page_bytes);
+    for (const PageGroup& group : page.groups) {
+      EXPECT_LE(group.group.level, level);
+      level = group.group.level;
+      EXPECT_EQ(page_of[group.id], kNone);
+      page_of[group.id] = p;
+    }
+  }
+  for (const GroupRef& root : asset.roots()) {
+    EXPECT_EQ(root.parents, 0u);
+    EXPECT_EQ(root.page, page_of[root.group]);
+  }
+  for (uint32_t p = 0; p < asset.info().pages; ++p)
+    for (const PageGroup& group : asset.read_page(p).groups)
+      for (const GroupRef& child : group.children) {
+        EXPECT_EQ(child.page, page_of[child.group]);
+        EXPECT_GE(child.page, p);
+      }
+}
+
+TEST(AssetRoundTrip, gives_several_meshes_with_instances_materials_and_files) {
+  const Scratch scratch;
+  const lod::Dag first = synthetic_dag(shapes::blob(3, 1), {64, 4});
+  const lod::Dag second = synthetic_dag(with_attributes(shapes::torus(12, 8)));
+  const lod::Dag nothing = synthetic_dag(Mesh{});
+  AssetContents contents;
+  contents.meshes = {&first, &nothing, &second};
+  contents.instances = {{2, {2, 0, 0, 1, 0, 2, 0, 2, 0, 0, 2, 3}}, {0}, {2}};
+  contents.materials = "{\"materials\": [{}]}";
+  contents.files = {{std::byte{7}}, {}, {std::byte{1}, std::byte{2}}};
+  write_asset(scratch / "a.umbel", contents, {}, AssetConfig::exact());
+  const Asset asset(scratch / "a.umbel");
+  EXPECT_EQ(asset.instances(), contents.instances);
+  EXPECT_EQ(asset.materials(), contents.materials);
+  ASSERT_EQ(asset.files(), 3u);
+  for (uint32_t f = 0; f < 3; ++f) EXPECT_EQ(asset.file(f), contents.files[f]);
+  ASSERT_EQ(asset.meshes().size(), 3u);
+  EXPECT_EQ(asset.info().source_triangles,
+            first.report.input_triangles + second.report.input_triangles);
+  for (uint32_t m = 0; m < 3; ++m) {
+    const lod::Dag& dag = *contents.meshes[m];
+    EXPECT_EQ(asset.tables(m).groups, dag.tables.groups);
+    EXPECT_EQ(asset.tables(m).nodes, dag.tables.nodes);
+    EXPECT_EQ(asset.tables(m).levels, dag.tables.levels);
+    EXPECT_EQ(asset.meshes()[m].source_digest, dag.source_digest);
+    for (uint32_t c = 0; c < dag.tables.clusters.size(); ++c)
+      EXPECT_TRUE(triangles_of(asset.geometry(c, m)) == triangles_of(dag.geometry(c))) << m;
+  }
+  EXPECT_TRUE(asset.roots(1).empty());
+  EXPECT_THROW(asset.roots(3), Error);
+  EXPECT_THROW(asset.tables(3), Error);
+  EXPECT_THROW(asset.file(3), Error);
+}
+
+TEST(AssetRoundTrip, refuses_contents_that_do_not_fit_together) {
+  const Scratch scratch;
+  const lod::Dag dag = synthetic_dag(shapes::fan(3));
+  AssetContents contents;
+  contents.meshes = {&dag};
+  contents.instances = {{1}};
+  EXPECT_THROW(write_asset(scratch / "a.umbel", contents), Error);
+  contents.instances = {{0, {std::numeric_limits<float>::infinity()}}};
+  EXPECT_THROW(write_asset(scratch / "a.umbel", contents), Error);
+  contents.instances.clear();
+  contents.meshes.push_back(nullptr);
+  EXPECT_THROW(write_asset(scratch / "a.umbel", contents), Error);
+  for (const uint32_t bytes : {0u, 100u, 5000u, 0xfffff000u}) {
+    AssetConfig config;
+    config.page_bytes = bytes;
+    EXPECT_THROW(write_asset(scratch / "a.umbel", dag, "{}", {}, config), Error) << bytes;
+  }
+  EXPECT_EQ(scratch.files(), 0u);
 }
 
 TEST(AssetRoundTrip, refuses_indices_that_do_not_exist) {
@@ -117,7 +192,7 @@ TEST(AssetRoundTrip, refuses_indices_that_do_not_exist) {
   write_asset(scratch / "a.umbel", dag);
   const Asset asset(scratch / "a.umbel");
   EXPECT_THROW(asset.geometry(static_cast<uint32_t>(dag.tables.clusters.size())), Error);
-  EXPECT_THROW(asset.page_is_whole(static_cast<uint32_t>(dag.tables.groups.size())), Error);
+  EXPECT_THROW(asset.page_is_whole(asset.info().pages), Error);
   EXPECT_THROW(asset.geometry(kNone), Error);
 }
 

@@ -145,6 +145,7 @@ TEST(WriteAsset, refuses_what_is_structurally_impossible) {
       {"group", [](lod::Dag& d) { d.tables.clusters[3].group = 10000; }},
       {"group that it is not in", [](lod::Dag& d) { d.tables.clusters[0].group = 1; }},
       {"vertex count", [](lod::Dag& d) { d.tables.clusters[3].vertex_count = 65536; }},
+      {"triangle count", [](lod::Dag& d) { d.tables.clusters[0].triangle_count = 1; }},
       {"no triangles", [](lod::Dag& d) { d.triangle_offsets[1] = 0; }},
       {"generating group", [](lod::Dag& d) { d.tables.clusters[3].generating_group = 10000; }},
       {"children", [](lod::Dag& d) { d.tables.nodes[0].children.count = 10000; }},
@@ -175,7 +176,6 @@ TEST(WriteAsset, stores_what_is_merely_wrong) {
       {"level", [](lod::Dag& d) { d.tables.groups[1].level = 9; }},
       {"rung", [](lod::Dag& d) { d.tables.groups[1].rung = lod::Rung::kRoot; }},
       {"generating group", [](lod::Dag& d) { d.tables.clusters[0].generating_group = 1; }},
-      {"triangle count", [](lod::Dag& d) { d.tables.clusters[0].triangle_count = 1; }},
       {"node", [](lod::Dag& d) { d.tables.nodes[2].children.count = 1; }},
       {"triangle dropped", [](lod::Dag& d) {
          d.cluster_triangles.resize(d.cluster_triangles.size() - 3);
