@@ -159,8 +159,8 @@ class UMBEL_API Asset {
 };
 
 /// Everything that lod::verify checks of every mesh, and every checksum. A file that cannot be
-/// opened as an asset at all gives a report with checksum_errors and the sentence, not an exception,
-/// unless it does not exist.
+/// opened as an asset at all gives a report with checksum_errors and the sentence, not an
+/// exception, unless it does not exist.
 UMBEL_API lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts = 64,
                                          uint32_t seed = 1, const BuildOptions& options = {});
 

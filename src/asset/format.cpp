@@ -68,10 +68,9 @@ struct Layout {
 
 Layout layout_of(const Head& head) {
   const uint64_t counts[kSectionCount] = {
-      head.info.metadata.size(), head.materials.size(), head.attributes.size(),
-      head.meshes.size(),        head.levels.size(),    head.roots.size(),
-      head.instances.size(),     head.files.size(),     head.pages.size(),
-      head.nodes.count};
+      head.info.metadata.size(), head.materials.size(), head.attributes.size(), head.meshes.size(),
+      head.levels.size(),        head.roots.size(),     head.instances.size(),  head.files.size(),
+      head.pages.size(),         head.nodes.count};
   Layout layout;
   uint64_t at = kHeaderBytes + kSectionCount * kSectionEntryBytes;
   for (size_t i = 0; i < kSectionCount; ++i) {
@@ -373,9 +372,8 @@ void check_pages(const Head& head) {
   }
   for (size_t i = 0; i < head.files.size(); ++i)
     if (!inside(head.files[i].offset, head.files[i].bytes, earliest, head.info.file_bytes))
-      corrupt("embedded file " + std::to_string(i) + " has " +
-              std::to_string(head.files[i].bytes) + " bytes at byte " +
-              std::to_string(head.files[i].offset) + " of a file of " +
+      corrupt("embedded file " + std::to_string(i) + " has " + std::to_string(head.files[i].bytes) +
+              " bytes at byte " + std::to_string(head.files[i].offset) + " of a file of " +
               std::to_string(head.info.file_bytes));
 }
 
@@ -507,7 +505,8 @@ uint64_t head_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) {
     corrupt("the header says that the file has " + std::to_string(header.info.file_bytes) +
             " bytes, but it has " + std::to_string(file_bytes));
   if (header.info.head_bytes < bytes.size() || header.info.head_bytes > file_bytes)
-    corrupt("the header says that the head has " + std::to_string(header.info.head_bytes) + " bytes");
+    corrupt("the header says that the head has " + std::to_string(header.info.head_bytes) +
+            " bytes");
   return header.info.head_bytes;
 }
 

@@ -75,8 +75,8 @@ class GroupEncoder {
   void encode(uint32_t cluster, size_t index) {
     BitWriter out(part_);
     const std::span<const uint32_t> vertices = vertices_of(dag_, cluster);
-    const Walk walk = encode_triangles(triangles_of(dag_, cluster),
-                                       static_cast<uint32_t>(vertices.size()), out);
+    const Walk walk =
+        encode_triangles(triangles_of(dag_, cluster), static_cast<uint32_t>(vertices.size()), out);
     const uint32_t stride = components(format_);
     ids_.resize(vertices.size());
     ordered_.resize(vertices.size() * stride);
@@ -197,8 +197,7 @@ PartTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_
       corrupt("a cluster was made from group " + std::to_string(reference) + " of " +
               std::to_string(references));
     cluster.group = kNone;
-    cluster.generating_group =
-        reference == kNoReference ? kNone : tables.children[reference].group;
+    cluster.generating_group = reference == kNoReference ? kNone : tables.children[reference].group;
     std::array<uint16_t, 6> steps;
     for (uint16_t& step : steps) step = in.u16();
     cluster.box = box_of_steps(steps, bounds);
@@ -233,10 +232,10 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
     decode_shared(in, borders, sources);
     decode_vertices(format, mine, sources, tables.ranges, in, integers, first);
     in.finish();
-    dequantize(format,
-               std::span(integers).subspan(size_t{first} * stride,
-                                           size_t{cluster.vertex_count} * stride),
-               all[i]);
+    dequantize(
+        format,
+        std::span(integers).subspan(size_t{first} * stride, size_t{cluster.vertex_count} * stride),
+        all[i]);
     begin = tables.ends[i];
     first += cluster.vertex_count;
   }

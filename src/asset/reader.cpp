@@ -103,9 +103,9 @@ std::vector<lod::ClusterGeometry> Asset::State::decode(const AssetPage& page, si
   const PageGroup& group = page.groups[index];
   const auto part = std::span(page.bytes).subspan(group.offset, group.bytes);
   const asset::VertexFormat& format = formats[group.mesh];
-  const auto tables = asset::decode_tables(
-      format, meshes[group.mesh].bounds, group.group.clusters.count,
-      static_cast<uint32_t>(group.children.size()), part);
+  const auto tables =
+      asset::decode_tables(format, meshes[group.mesh].bounds, group.group.clusters.count,
+                           static_cast<uint32_t>(group.children.size()), part);
   try {
     return asset::decode_clusters(format, tables, part, tables.clusters.size());
   } catch (const Error& error) {
@@ -129,8 +129,7 @@ AllTables Asset::State::read_tables() const {
     for (uint32_t i = 0; i < page.groups.size(); ++i) {
       const PageGroup& group = page.groups[i];
       AllTables::Place& place = all.places[group.mesh][group.id];
-      if (place.page != kNone)
-        corrupt("group " + std::to_string(group.id) + " is in two places");
+      if (place.page != kNone) corrupt("group " + std::to_string(group.id) + " is in two places");
       place = {p, i};
       lod::Tables& tables = all.meshes[group.mesh];
       tables.groups[group.id] = group.group;
@@ -147,8 +146,8 @@ AllTables Asset::State::read_tables() const {
     references[m].insert(references[m].end(), roots, roots + entry.roots.count);
     for (const GroupRef& reference : references[m]) {
       const lod::Group& group = all.meshes[m].groups[reference.group];
-      const bool same_error = std::bit_cast<uint32_t>(group.error) ==
-                              std::bit_cast<uint32_t>(reference.error);
+      const bool same_error =
+          std::bit_cast<uint32_t>(group.error) == std::bit_cast<uint32_t>(reference.error);
       if (all.places[m][reference.group].page != reference.page || !same_error ||
           std::bit_cast<std::array<uint32_t, 4>>(group.sphere) !=
               std::bit_cast<std::array<uint32_t, 4>>(reference.sphere))
@@ -157,10 +156,10 @@ AllTables Asset::State::read_tables() const {
     }
   }
   const asset::NodeSection& section = head.nodes;
-  const std::vector<lod::Node> nodes = asset::decode_nodes(
-      read(section.offset, section.count * section.element_bytes, section.checksum,
-           "the table of nodes"),
-      section.count, section.element_bytes);
+  const std::vector<lod::Node> nodes =
+      asset::decode_nodes(read(section.offset, section.count * section.element_bytes,
+                               section.checksum, "the table of nodes"),
+                          section.count, section.element_bytes);
   for (size_t m = 0; m < head.meshes.size(); ++m) {
     const Range& range = head.meshes[m].nodes;
     all.meshes[m].nodes.assign(nodes.begin() + range.offset,

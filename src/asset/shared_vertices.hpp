@@ -56,7 +56,7 @@ class SharedVertices {
   void list_last_cluster();
 
   GroupBorders borders_;
-  std::vector<uint32_t> ids_, source_;           // of all vertices
+  std::vector<uint32_t> ids_, source_;            // of all vertices
   std::vector<uint32_t> heads_, next_with_hash_;  // border vertices by their ids
 };
 

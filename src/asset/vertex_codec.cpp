@@ -35,9 +35,9 @@ int best_damping(std::span<const int32_t> integers, uint32_t stride,
     uint64_t sum = 0;
     for (size_t v = 1; v < parents.size(); ++v)
       for (uint32_t c = 0; c < 3 && source[v] == kNone; ++c)
-        sum += zigzag(static_cast<int32_t>(
-            static_cast<uint32_t>(integers[v * stride + c]) -
-            predicted_flat(integers.data() + c, stride, parents[v], damping)));
+        sum += zigzag(
+            static_cast<int32_t>(static_cast<uint32_t>(integers[v * stride + c]) -
+                                 predicted_flat(integers.data() + c, stride, parents[v], damping)));
     if (sum < least) best = damping, least = sum;
   }
   return best;
@@ -112,9 +112,9 @@ void decode_vertices(const VertexFormat& format, std::span<const Parents> parent
     }
     for (uint32_t c = 0; c < stride && v > 0; ++c) {
       const uint32_t remainder = parameters[c] == kAllZero ? 0 : in.rice(parameters[c]);
-      vertex[c] = static_cast<int32_t>(
-          predicted(format, c, integers + c, stride, parents[v], damping) +
-          static_cast<uint32_t>(unzigzag(remainder)));
+      vertex[c] =
+          static_cast<int32_t>(predicted(format, c, integers + c, stride, parents[v], damping) +
+                               static_cast<uint32_t>(unzigzag(remainder)));
     }
   }
 }

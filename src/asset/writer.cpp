@@ -106,8 +106,7 @@ void check_contents(const AssetContents& contents, const AssetConfig& config) {
     if (instance.mesh >= contents.meshes.size() ||
         !std::all_of(t.begin(), t.end(), [](float f) { return std::isfinite(f); }))
       refuse("instance " + std::to_string(i) + " is of mesh " + std::to_string(instance.mesh) +
-             " of " + std::to_string(contents.meshes.size()) +
-             ", or its transform is not finite");
+             " of " + std::to_string(contents.meshes.size()) + ", or its transform is not finite");
   }
 }
 
@@ -151,8 +150,7 @@ class Writer {
 
   void add_mesh(const lod::Dag& dag) {
     MeshEntry entry;
-    for (const lod::Cluster& cluster : dag.tables.clusters)
-      extend(entry.mesh.bounds, cluster.box);
+    for (const lod::Cluster& cluster : dag.tables.clusters) extend(entry.mesh.bounds, cluster.box);
     entry.mesh.source_triangles = dag.report.input_triangles;
     entry.mesh.source_vertices = dag.report.input_vertices;
     entry.mesh.source_digest = dag.source_digest;
@@ -186,7 +184,10 @@ class Writer {
       for (const lod::Group& group : groups) coarsest = std::max(coarsest, group.level);
       for (uint32_t g = 0; g < groups.size(); ++g) {
         depth.push_back(coarsest - groups[g].level);
-        encoded_.push_back({m, g, groups[g], places_[m][g].parents,
+        encoded_.push_back({m,
+                            g,
+                            groups[g],
+                            places_[m][g].parents,
                             static_cast<uint32_t>(places_[m][g].children.size()),
                             {}});
       }
@@ -300,8 +301,7 @@ uint64_t write_asset(const std::filesystem::path& path, const AssetContents& con
   check_contents(contents, config);
   OutputFile file(path);
   uint64_t bytes = 0;
-  with_threads(options.threads,
-               [&] { bytes = Writer(contents, config, progress).write(file); });
+  with_threads(options.threads, [&] { bytes = Writer(contents, config, progress).write(file); });
   progress.report(1, "writing");
   file.commit();
   return bytes;

@@ -32,7 +32,6 @@ class Bits:
         quotient = self.zeros(16)
         return self.take(32) if quotient == 16 else quotient << k | self.take(k)
 
-
     def below(self, count: int) -> int:
         value = self.take(max(count - 1, 0).bit_length())
         assert value < count
