@@ -1,16 +1,21 @@
-// Follows moved vertices: takes the new corners in, leaf by leaf in parallel, and then recomputes
-// the boxes above, children before parents, subtrees side by side. The tree's shape
-// stays, so its quality falls as the mesh deforms. By how much is told by the cost of the wide
-// tree, before against after, because the binary tree that it came from is gone.
+// Follows moved vertices. Nodes are taken in blocks, in parallel: first the new corners go into the
+// block's leaves, in the order of memory, then boxes follow upwards within the block, children
+// before parents. What depends on other blocks is left for the end, and is little: children lie
+// close behind their parents. The tree's shape stays, so its quality falls as the mesh deforms. By
+// how much is told by the cost of the wide tree, before against after, because the binary tree that
+// it came from is gone.
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <bit>
+#include <cstring>
+#include <limits>
 #include <string>
 #include <vector>
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "bvh/float4.hpp"
 #include "bvh/walk.hpp"
 
 namespace umbel {
@@ -42,80 +47,197 @@ struct Cost {
   }
 };
 
-struct Costs {
+/// What one block of nodes leaves to the others.
+struct Block {
   Cost before, after;
-  void add(const Costs& other) {
-    before.add(other.before);
-    after.add(other.after);
+  std::vector<uint32_t> unfinished;  ///< nodes with a child in another block, the last one first
+};
+
+/// A box as two vectors, whose fourth lanes mean nothing.
+struct LaneBox {
+  Float4 low = Float4::all(std::numeric_limits<float>::infinity());
+  Float4 high = Float4::all(-std::numeric_limits<float>::infinity());
+
+  void extend(const Float4& point) {
+    low = min(low, point);
+    high = max(high, point);
+  }
+  void extend(const LaneBox& other) {
+    low = min(low, other.low);
+    high = max(high, other.high);
+  }
+  Aabb bounds() const {
+    float least[4], most[4];
+    low.store(least);
+    high.store(most);
+    return {{least[0], least[1], least[2]}, {most[0], most[1], most[2]}};
   }
 };
 
+template <uint32_t kWidth>
 class Refit {
  public:
-  Refit(TriangleBvhData& data, const MeshView& mesh) : data_(data), mesh_(mesh) {}
+  Refit(TriangleBvhData& data, const MeshView& mesh)
+      : data_(data), mesh_(mesh), boxes_(data.node_count()), is_done_(data.node_count()) {}
 
   /// Returns what the tree costs now as a multiple of what it cost before.
   double run() {
-    Costs costs = move_leaves();
-    const Aabb before = data_.bounds;
-    data_.bounds = move_node(0, 0, costs);
-    costs.before.add(before, data_.cost.traversal);
-    costs.after.add(data_.bounds, data_.cost.traversal);
-    return costs.after.relative_to(data_.bounds) / costs.before.relative_to(before);
+    std::vector<Block> blocks((data_.node_count() + kNodesAtOnce - 1) / kNodesAtOnce);
+    parallel_chunks(data_.node_count(), kNodesAtOnce, [&](size_t begin, size_t end) {
+      move_block(static_cast<uint32_t>(begin), static_cast<uint32_t>(end),
+                 blocks[begin / kNodesAtOnce]);
+    });
+    const Aabb old_bounds = data_.bounds;
+    Cost before, after;
+    for (size_t i = blocks.size(); i-- > 0;) {
+      for (const uint32_t node : blocks[i].unfinished) {
+        move_inner_boxes(node);
+        after.add(cost_of(node));
+      }
+      before.add(blocks[i].before);
+      after.add(blocks[i].after);
+    }
+    data_.bounds = boxes_[0].bounds();
+    before.add(old_bounds, data_.cost.traversal);
+    after.add(data_.bounds, data_.cost.traversal);
+    return after.relative_to(data_.bounds) / before.relative_to(old_bounds);
   }
 
  private:
-  static constexpr uint32_t kParallelLevels = 3;
+  static constexpr uint32_t kNodesAhead = 128 / kWidth;
+  using Corners = std::array<Triangle, size_t{kNodesAhead} * kWidth * kMaxLeafTriangles>;
 
-  Costs move_leaves() {
-    std::vector<Costs> parts((data_.node_count() + kNodesAtOnce - 1) / kNodesAtOnce);
-    parallel_chunks(data_.node_count(), kNodesAtOnce, [&](size_t begin, size_t end) {
-      Costs& part = parts[begin / kNodesAtOnce];
-      for (size_t node = begin; node < end; ++node)
-        move_leaves_of(static_cast<uint32_t>(node), part);
-    });
-    Costs sum;
-    for (const Costs& part : parts) sum.add(part);
-    return sum;
-  }
-
-  void move_leaves_of(uint32_t node, Costs& costs) {
-    for (uint32_t slot = 0; slot < data_.width; ++slot) {
-      const uint32_t link = data_.link(node, slot);
-      if (link == kNoChild || !TriangleBvhData::is_leaf(link)) continue;
-      const double visit = double(data_.cost.intersection) * TriangleBvhData::leaf_size(link);
-      costs.before.add(data_.box(node, slot), visit);
-      const Aabb box = move_leaf(link);
-      costs.after.add(box, visit);
-      data_.set_box(node, slot, box);
+  void move_block(uint32_t begin, uint32_t end, Block& block) {
+    // Indices are gathered ahead of positions: two loops with nothing to wait for keep more of what
+    // lies anywhere in memory under way than one.
+    Corners corners;
+    for (uint32_t node = begin; node < end; node += kNodesAhead) {
+      const uint32_t next = std::min(node + kNodesAhead, end);
+      gather_corners(node, next, corners);
+      const Triangle* triangles = corners.data();
+      for (uint32_t i = node; i < next; ++i) {
+        block.before.add(cost_of(i));
+        move_leaves_of(i, triangles);
+      }
+    }
+    for (uint32_t node = end; node-- > begin;) {
+      if (has_child_outside(node, end)) {
+        block.unfinished.push_back(node);
+        continue;
+      }
+      move_inner_boxes(node);
+      block.after.add(cost_of(node));
+      is_done_[node] = 1;
     }
   }
 
+  const uint32_t* links_of(uint32_t node) const {
+    return data_.nodes.data() + size_t{node} * (7 * kWidth) + size_t{6} * kWidth;
+  }
   uint32_t* leaf_words(uint32_t link) {
     return data_.leaves.data() +
            size_t{TriangleBvhData::first_reference(link)} * data_.reference_words();
   }
+  template <typename Visit>
+  void for_each_leaf(uint32_t node, const Visit& visit) {
+    const uint32_t* links = links_of(node);
+    for (uint32_t slot = 0; slot < kWidth; ++slot)
+      if (links[slot] != kNoChild && TriangleBvhData::is_leaf(links[slot]))
+        visit(slot, links[slot]);
+  }
 
-  Aabb move_leaf(uint32_t link) {
+  void gather_corners(uint32_t begin, uint32_t end, Corners& corners) {
+    Triangle* next = corners.data();
+    for (uint32_t node = begin; node < end; ++node)
+      for_each_leaf(node, [&](uint32_t, uint32_t link) {
+        const uint32_t n = TriangleBvhData::leaf_size(link);
+        const uint32_t* primitives = leaf_words(link) + size_t{data_.corner_words()} * n;
+        for (uint32_t i = 0; i < n; ++i) *next++ = mesh_.triangles[primitives[i]];
+      });
+  }
+
+  /// Leaves the box of the leaves in boxes_, and `triangles` behind theirs.
+  void move_leaves_of(uint32_t node, const Triangle*& triangles) {
+    LaneBox all;
+    for_each_leaf(node, [&](uint32_t slot, uint32_t link) {
+      const LaneBox box = move_leaf(link, triangles);
+      triangles += TriangleBvhData::leaf_size(link);
+      data_.set_box(node, slot, box.bounds());
+      all.extend(box);
+    });
+    boxes_[node] = all;
+  }
+
+  LaneBox move_leaf(uint32_t link, const Triangle* triangles) {
     const uint32_t n = TriangleBvhData::leaf_size(link);
     uint32_t* const words = leaf_words(link);
-    const uint32_t* const primitives = words + size_t{data_.corner_words()} * n;
-    Aabb box;
-    for (uint32_t i = 0; i < n; ++i) {
-      const Triangle& triangle = mesh_.triangles[primitives[i]];
-      for (uint32_t corner = 0; corner < 3; ++corner) {
-        const Vec3& p = mesh_.positions[triangle[corner]];
-        extend(box, p);
-        if (data_.compact) {
-          move_vertex(data_.vertices[words[corner * n + i]], p);
-          continue;
-        }
-        uint32_t* const row = words + size_t{3} * corner * n + i;
-        row[0] = std::bit_cast<uint32_t>(p.x);
-        row[n] = std::bit_cast<uint32_t>(p.y);
-        row[size_t{2} * n] = std::bit_cast<uint32_t>(p.z);
+    if (data_.compact) return move_vertices(words, n, triangles);
+    return n == 1 ? move_triangle(words, triangles[0]) : move_triangles(words, n, triangles);
+  }
+
+  Float4 position(uint32_t vertex) const {
+    const Vec3& p = mesh_.positions[vertex];
+    // Four floats are read at once, but nothing behind the last vertex.
+    if (&p != last_) [[likely]]
+      return Float4::load(reinterpret_cast<const float*>(&p));
+    const float padded[4] = {p.x, p.y, p.z, 0};
+    return Float4::load(padded);
+  }
+
+  LaneBox move_triangle(uint32_t* words, const Triangle& triangle) {
+    LaneBox box;
+    for (uint32_t corner = 0; corner < 3; ++corner) {
+      box.extend(position(triangle[corner]));
+      std::memcpy(words + size_t{3} * corner, &mesh_.positions[triangle[corner]], sizeof(Vec3));
+    }
+    return box;
+  }
+
+  /// The same corner of four of n triangles, the last one again where there are fewer.
+  std::array<Float4, 4> four_corners(const Triangle* triangles, uint32_t first, uint32_t n,
+                                     uint32_t corner, LaneBox& box) const {
+    const auto at = [&](uint32_t i) {
+      return position(triangles[std::min(first + i, n - 1)][corner]);
+    };
+    std::array<Float4, 4> four = {at(0), at(1), at(2), at(3)};
+    for (const Float4& p : four) box.extend(p);
+    transpose(four[0], four[1], four[2], four[3]);
+    return four;
+  }
+
+  /// Of at least two triangles. Rows are written four words at a time, in their order, so that each
+  /// overwrites what was written beyond the one before. What is written beyond the last, which is
+  /// over some primitives' numbers, is put back.
+  LaneBox move_triangles(uint32_t* words, uint32_t n, const Triangle* triangles) {
+    auto* const rows = reinterpret_cast<float*>(words);
+    uint32_t* const primitives = words + size_t{9} * n;
+    const std::array<uint32_t, 3> kept = {primitives[0], primitives[1], primitives[2]};
+    LaneBox box;
+    for (uint32_t corner = 0; corner < 3; ++corner) {
+      float* const row = rows + size_t{3} * corner * n;
+      const std::array<Float4, 4> first = four_corners(triangles, 0, n, corner, box);
+      if (n <= 4) {
+        for (size_t axis = 0; axis < 3; ++axis) first[axis].store(row + axis * n);
+        continue;
+      }
+      const std::array<Float4, 4> second = four_corners(triangles, 4, n, corner, box);
+      for (size_t axis = 0; axis < 3; ++axis) {
+        first[axis].store(row + axis * n);
+        second[axis].store(row + axis * n + 4);
       }
     }
+    for (uint32_t i = 0; i < (n <= 4 ? 4 : 8) - n; ++i) primitives[i] = kept[i];
+    return box;
+  }
+
+  LaneBox move_vertices(const uint32_t* words, uint32_t n, const Triangle* triangles) {
+    LaneBox box;
+    for (uint32_t corner = 0; corner < 3; ++corner)
+      for (uint32_t i = 0; i < n; ++i) {
+        const uint32_t vertex = triangles[i][corner];
+        box.extend(position(vertex));
+        move_vertex(data_.vertices[words[corner * n + i]], mesh_.positions[vertex]);
+      }
     return box;
   }
 
@@ -126,65 +248,74 @@ class Refit {
     std::atomic_ref(vertex.z).store(p.z, std::memory_order_relaxed);
   }
 
-  /// Boxes of inner nodes; returns that of all below. Sums are taken in the order of the slots,
-  /// whatever the threads.
-  Aabb move_node(uint32_t node, uint32_t level, Costs& costs) {
-    Aabb box;
-    if (level >= kParallelLevels) {
-      for (uint32_t slot = 0; slot < data_.width; ++slot)
-        extend(box, move_child(node, slot, level, costs));
-      return box;
-    }
-    std::array<Aabb, 8> boxes;
-    std::array<Costs, 8> parts;
-    parallel_for(data_.width, 1, [&](size_t slot) {
-      boxes[slot] = move_child(node, static_cast<uint32_t>(slot), level, parts[slot]);
+  bool has_child_outside(uint32_t node, uint32_t end) const {
+    const uint32_t* links = links_of(node);
+    return std::any_of(links, links + kWidth, [&](uint32_t link) {
+      return !TriangleBvhData::is_leaf(link) && (link >= end || !is_done_[link]);
     });
-    for (uint32_t slot = 0; slot < data_.width; ++slot) {
-      extend(box, boxes[slot]);
-      costs.add(parts[slot]);
-    }
-    return box;
   }
 
-  Aabb move_child(uint32_t node, uint32_t slot, uint32_t level, Costs& costs) {
-    const uint32_t link = data_.link(node, slot);
-    if (link == kNoChild) return {};
-    const Aabb before = data_.box(node, slot);
-    if (TriangleBvhData::is_leaf(link)) return before;
-    const Aabb box = move_node(link, level + 1, costs);
-    costs.before.add(before, data_.cost.traversal);
-    costs.after.add(box, data_.cost.traversal);
-    data_.set_box(node, slot, box);
-    return box;
+  void move_inner_boxes(uint32_t node) {
+    const uint32_t* links = links_of(node);
+    for (uint32_t slot = 0; slot < kWidth; ++slot) {
+      if (TriangleBvhData::is_leaf(links[slot])) continue;
+      data_.set_box(node, slot, boxes_[links[slot]].bounds());
+      boxes_[node].extend(boxes_[links[slot]]);
+    }
+  }
+
+  /// Of the visits of a node's children.
+  Cost cost_of(uint32_t node) const {
+    const uint32_t* links = links_of(node);
+    const auto* planes = reinterpret_cast<const float*>(links - size_t{6} * kWidth);
+    std::array<double, kWidth> visits, areas;
+    for (uint32_t i = 0; i < kWidth; ++i) {
+      const double leaf = double(data_.cost.intersection) * TriangleBvhData::leaf_size(links[i]);
+      visits[i] = TriangleBvhData::is_leaf(links[i]) ? leaf : double(data_.cost.traversal);
+      const double x = double(planes[kWidth + i]) - planes[i];
+      const double y = double(planes[3 * kWidth + i]) - planes[2 * kWidth + i];
+      const double z = double(planes[5 * kWidth + i]) - planes[4 * kWidth + i];
+      areas[i] = x * y + y * z + z * x;
+    }
+    Cost sum;
+    for (uint32_t i = 0; i < kWidth; ++i) {
+      if (links[i] == kNoChild) continue;
+      sum.by_visits += visits[i];
+      sum.by_area += visits[i] * areas[i];
+    }
+    return sum;
   }
 
   TriangleBvhData& data_;
   const MeshView& mesh_;
+  const Vec3* last_ = mesh_.positions.data() + mesh_.positions.size() - 1;
+  BigVector<LaneBox> boxes_;  ///< of all below a node, once it is done
+  BigVector<uint8_t> is_done_;
 };
 
 bool any_vertex_is_not_finite(std::span<const Vec3> positions) {
   std::vector<uint8_t> bad((positions.size() + kVerticesAtOnce - 1) / kVerticesAtOnce);
   parallel_chunks(positions.size(), kVerticesAtOnce, [&](size_t begin, size_t end) {
-    // A product with 0 is NaN for what is not finite, and sums keep it.
-    float sum = 0;
-    for (size_t i = begin; i < end; ++i)
-      sum += positions[i].x * 0.0f + positions[i].y * 0.0f + positions[i].z * 0.0f;
-    bad[begin / kVerticesAtOnce] = sum != 0;
+    // As integers, whose sums and comparisons compilers turn into vectors: an exponent of ones.
+    const auto* const numbers = reinterpret_cast<const float*>(positions.data() + begin);
+    int32_t is_bad = 0;
+    for (size_t i = 0; i < 3 * (end - begin); ++i)
+      is_bad |= (std::bit_cast<int32_t>(numbers[i]) & 0x7fffffff) > 0x7f7fffff ? -1 : 0;
+    bad[begin / kVerticesAtOnce] = is_bad != 0;
   });
   return std::find(bad.begin(), bad.end(), 1) != bad.end();
 }
 
 bool any_index_is_out_of_range(const MeshView& mesh) {
-  std::vector<uint32_t> highest((mesh.triangles.size() + kVerticesAtOnce - 1) / kVerticesAtOnce);
+  const auto count = static_cast<uint32_t>(std::min<size_t>(mesh.positions.size(), kNone));
+  std::vector<uint8_t> bad((mesh.triangles.size() + kVerticesAtOnce - 1) / kVerticesAtOnce);
   parallel_chunks(mesh.triangles.size(), kVerticesAtOnce, [&](size_t begin, size_t end) {
-    uint32_t most = 0;
-    for (size_t i = begin; i < end; ++i)
-      most = std::max({most, mesh.triangles[i][0], mesh.triangles[i][1], mesh.triangles[i][2]});
-    highest[begin / kVerticesAtOnce] = most;
+    const auto* const indices = reinterpret_cast<const uint32_t*>(mesh.triangles.data() + begin);
+    uint32_t is_bad = 0;
+    for (size_t i = 0; i < 3 * (end - begin); ++i) is_bad |= indices[i] >= count ? ~0u : 0u;
+    bad[begin / kVerticesAtOnce] = is_bad != 0;
   });
-  return std::any_of(highest.begin(), highest.end(),
-                     [&](uint32_t index) { return index >= mesh.positions.size(); });
+  return std::find(bad.begin(), bad.end(), 1) != bad.end();
 }
 
 /// Only what the tree holds: triangles that were dropped at the build may still be invalid.
@@ -227,7 +358,8 @@ RefitReport TriangleBvh::refit(const MeshView& mesh, const BuildOptions& options
   progress.report(0, "refit");
   with_threads(options.threads, [&] {
     check_mesh(data, mesh);
-    if (!data.nodes.empty()) data.sah_cost *= Refit(data, mesh).run();
+    if (!data.nodes.empty())
+      with_width(data, [&](auto width) { data.sah_cost *= Refit<width>(data, mesh).run(); });
     prepare_rays(data);
   });
   progress.report(1, "refit");
