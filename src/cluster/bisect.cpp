@@ -75,16 +75,17 @@ uint32_t block_size(const Source& source, const Rules& rules) {
   return std::max(connected ? kConnectedBlock : kBlock, rules.config.max_items);
 }
 
-void load(const Source& source, const CellSet& set, const Part& part, BoxRecord* boxes) {
-  const uint32_t* order = set.order.data();
-  for (const Cell& cell : part.cells) {
-    // Not beyond the cell: other parts' items are another thread's.
-    const uint32_t last = cell.begin + cell.count - 1;
-    for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i) {
-      source.prefetch(order[std::min(i + 24, last)]);
-      source.prefetch_box(order[std::min(i + 8, last)]);
-      *boxes++ = record_of(source, order[i], set.scale).tagged(order[i]);
-    }
+// Puts a part's items in place, and their boxes into `boxes`.
+void load(const Source& source, const CellSet& set, const Part& part, uint32_t* items,
+          BoxRecord* boxes) {
+  uint32_t* to = items;
+  for (const Cell& cell : part.cells)
+    for (uint32_t i = 0; i < cell.count; ++i) *to++ = set.order[cell.begin + i];
+  const uint32_t last = part.count - 1;
+  for (uint32_t i = 0; i < part.count; ++i) {
+    source.prefetch(items[std::min(i + 24, last)]);
+    source.prefetch_box(items[std::min(i + 8, last)]);
+    boxes[i] = record_of(source, items[i], set.scale).tagged(items[i]);
   }
 }
 
@@ -119,8 +120,9 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
   }
   split_cells(source, rules, items, count, most, bounds, [&](const CellSet& set, const Part& part) {
     Block& block = local();
-    load(source, set, part, block.prepare(source, rules, part.count));
-    block.bisect_prepared(items + part.offset, first + part.offset);
+    uint32_t* own = items + part.offset;
+    load(source, set, part, own, block.prepare(source, rules, part.count));
+    block.bisect_prepared(own, first + part.offset);
     done(part.count);
   });
 }

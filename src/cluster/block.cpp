@@ -2,6 +2,8 @@
 
 #include <bit>
 #include <cmath>
+#include <cstring>
+#include <limits>
 
 #include "base/radix_sort.hpp"
 
@@ -49,7 +51,7 @@ BoxRecord* Block::prepare(const Source& source, const Rules& rules, uint32_t cou
     right_.resize(count);
     for (int axis = 0; axis < 3; ++axis) {
       orders_[axis].resize(count);
-      centers_[axis].resize(count);
+      centers_[axis].resize(count + 3);  // four are read at a time
     }
   }
   return boxes_.data();
@@ -70,23 +72,15 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
   }
   if (rules_.config.max_vertices) expect_vertices();
   find_centers();
-  const bool own = source_->centroids.empty();
-  for (int axis = 0; axis < 3; ++axis) {
-    float low = 2 * all.low[axis], high = -2 * all.negated_high[axis];
-    if (!own) {
-      const float* centers = centers_[axis].data();
-      const auto ends = std::minmax_element(centers, centers + count_);
-      low = *ends.first;
-      high = *ends.second;
-    }
-    sort_axis(axis, low, high);
-  }
+  for (int axis = 0; axis < 3; ++axis) sort_axis(axis);
   split(0, count_, 2 * std::bit_width(count_) + 8);
 }
 
 // Given centroids, or twice the boxes' centres: only their order matters.
 void Block::find_centers() {
   const Int4 mask{-1, -1, -1, 0};  // without the tag, which as a float is slow to compute with
+  lowest_ = splat(std::numeric_limits<float>::max());
+  highest_ = -lowest_;
   for (uint32_t i = 0; i < count_; ++i) {
     const BoxRecord& box = boxes_[i];
     Float4 c = std::bit_cast<Float4>(std::bit_cast<Int4>(box.low) & mask) - box.negated_high;
@@ -94,77 +88,70 @@ void Block::find_centers() {
       const Vec3& given = source_->centroids[box.tag()];
       c = Float4{given.x, given.y, given.z, 0};
     }
+    lowest_ = min4(lowest_, c);
+    highest_ = max4(highest_, c);
     for (int axis = 0; axis < 3; ++axis) centers_[axis][i] = c[axis];
   }
 }
 
 // By centres rounded to as many bits as a word has beside the index: two cheap passes over words
 // that stay in the nearest cache. What those bits cannot tell apart, settle_ties does.
-void Block::sort_axis(int axis, float low, float high) {
+void Block::sort_axis(int axis) {
   if (count_ < 128 || count_ > 0x10000) return sort_exactly(axis);
+  constexpr uint32_t kDigit = 10;
+  const uint32_t count = count_, index_bits = std::max<uint32_t>(std::bit_width(count - 1), 12);
   const float* centers = centers_[axis].data();
-  const uint32_t index_bits = std::max<uint32_t>(std::bit_width(count_ - 1), 12);
-  const uint32_t index_mask = (1u << index_bits) - 1;
-  std::array<uint32_t, 1024> offsets[2] = {};
-  if (words_.size() < 2 * size_t(count_)) words_.resize(2 * size_t(count_));
-  uint32_t *words = words_.data(), *spare = words + count_;
-  const float range = high * 0.5f - low * 0.5f;
+  const float low = lowest_[axis] * 0.5f, range = highest_[axis] * 0.5f - low;
   const float last = static_cast<float>((1 << (32 - index_bits)) - 1);
   const float step = range > 0x1p-100f ? last / range : 0.0f;
-  for (uint32_t i = 0; i < count_; ++i) {
-    const float place = std::clamp((centers[i] * 0.5f - low * 0.5f) * step, 0.0f, last);
-    words[i] = static_cast<uint32_t>(static_cast<int32_t>(place)) << index_bits | i;
+  if (words_.size() < 2 * size_t(count) + 4) words_.resize(2 * size_t(count) + 4);
+  uint32_t *spare = words_.data(), *words = spare + count;  // with room behind the last
+  Int4 index{0, 1, 2, 3};
+  for (uint32_t i = 0; i < count; i += 4, index += 4) {
+    Float4 center;
+    memcpy(&center, centers + i, sizeof center);
+    const Float4 place = min4((center * splat(0.5f) - splat(low)) * splat(step), splat(last));
+    const Int4 word = __builtin_convertvector(place, Int4) << int(index_bits) | index;
+    memcpy(words + i, &word, sizeof word);
   }
-  for (uint32_t i = 0; i < count_; ++i) {
+  std::array<uint32_t, 1 << kDigit> offsets[2] = {};
+  for (uint32_t i = 0; i < count; ++i) {
     const uint32_t key = words[i] >> index_bits;
-    ++offsets[0][key & 0x3ff];
-    ++offsets[1][key >> 10];
+    ++offsets[0][key & ((1u << kDigit) - 1)];
+    ++offsets[1][key >> kDigit];
   }
-  for (int pass = 0; pass < 2; ++pass) {
+  for (auto& of_digit : offsets) {
     uint32_t sum = 0;
-    for (uint32_t& offset : offsets[pass]) sum += std::exchange(offset, sum);
-    const uint32_t shift = index_bits + 10 * pass, count = count_;
-    for (uint32_t i = 0; i < count; ++i) {
-      const uint32_t word = words[i];
-      spare[offsets[pass][word >> shift & 0x3ff]++] = word;
-    }
-    std::swap(words, spare);
+    for (uint32_t& offset : of_digit) sum += std::exchange(offset, sum);
   }
-  settle_ties(axis, words, index_mask);
+  for (uint32_t i = 0; i < count; ++i)
+    spare[offsets[0][words[i] >> index_bits & ((1u << kDigit) - 1)]++] = words[i];
   uint32_t* order = orders_[axis].data();
-  for (uint32_t i = 0; i < count_; ++i) order[i] = words[i] & index_mask;
+  const uint32_t index_mask = (1u << index_bits) - 1;
+  for (uint32_t i = 0; i < count; ++i)
+    order[offsets[1][spare[i] >> (index_bits + kDigit)]++] = spare[i] & index_mask;
+  settle_ties(axis);
 }
 
 // Equal keys are in order of their indices already, and most of them stand for equal centres.
-void Block::settle_ties(int axis, uint32_t* words, uint32_t index_mask) {
-  constexpr uint32_t kMostSteps = 16;
+void Block::settle_ties(int axis) {
   const float* centers = centers_[axis].data();
-  const auto same_key = [&](uint32_t a, uint32_t b) { return (a ^ b) <= index_mask; };
-  const auto center = [&](uint32_t word) { return centers[word & index_mask]; };
-  float previous = center(words[0]);
-  for (uint32_t i = 1; i < count_; ++i) {
-    const uint32_t word = words[i];
-    const float own = center(word);
-    // One rare branch instead of two, of which the first would be hard to predict.
-    const bool wrong = same_key(word, words[i - 1]) & (previous > own);
-    previous = own;
-    if (!wrong) continue;
-    uint32_t at = i;
-    for (; at > 0 && i - at < kMostSteps; --at) {
-      if (!same_key(word, words[at - 1]) || !(center(words[at - 1]) > center(word))) break;
-      words[at] = words[at - 1];
+  uint32_t* order = orders_[axis].data();
+  const uint32_t count = count_;
+  uint32_t steps = 0;
+  float previous = centers[order[0]];
+  for (uint32_t i = 1; i < count; ++i) {
+    const uint32_t item = order[i];
+    const float own = centers[item];
+    if (!(previous > own)) {
+      previous = own;
+      continue;
     }
-    words[at] = word;
-    previous = center(words[i]);
-    if (i - at < kMostSteps) continue;
-    uint32_t begin = at, end = i + 1;
-    while (begin > 0 && same_key(word, words[begin - 1])) --begin;
-    while (end < count_ && same_key(word, words[end])) ++end;
-    std::sort(words + begin, words + end, [&](uint32_t a, uint32_t b) {
-      return center(a) != center(b) ? center(a) < center(b) : a < b;
-    });
-    i = end - 1;
-    previous = center(words[i]);
+    uint32_t at = i;
+    for (; at > 0 && centers[order[at - 1]] > own; --at) order[at] = order[at - 1];
+    order[at] = item;
+    steps += i - at;
+    if (steps > count) return sort_exactly(axis);
   }
 }
 

@@ -45,8 +45,8 @@ class Block {
   };
 
   void find_centers();
-  void sort_axis(int axis, float low, float high);
-  void settle_ties(int axis, uint32_t* words, uint32_t index_mask);
+  void sort_axis(int axis);
+  void settle_ties(int axis);
   void sort_exactly(int axis);
   void split(uint32_t begin, uint32_t end, uint32_t depth);
   void expect_vertices();
@@ -85,6 +85,7 @@ class Block {
 
   std::vector<BoxRecord> boxes_;  ///< by local index; the tag is the item
   std::array<std::vector<float>, 3> centers_;
+  Float4 lowest_{}, highest_{};  ///< centre an axis
   std::array<std::vector<uint32_t>, 3> orders_;
   std::vector<uint32_t> spare_;
   std::vector<uint8_t> right_;  ///< by local index: on the right of the split

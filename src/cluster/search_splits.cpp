@@ -88,7 +88,7 @@ uint32_t Block::chunk_size(uint32_t n) const {
   // Multiples of the step should include those of full clusters.
   if (config.coarse && n > config.max_items)
     return std::max(config.max_items / 8 * std::max(n / (config.max_items * 4), 1u), 1u);
-  return std::clamp(std::bit_floor(n) / 32, 8u, 1u << 20);
+  return std::clamp(std::bit_floor(n) / 32, 16u, 1u << 20);
 }
 
 BoxRecord Block::reduce_chunks(uint32_t begin, uint32_t n, uint32_t step) {
