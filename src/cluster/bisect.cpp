@@ -62,7 +62,7 @@ class Meter {
 };
 
 // Above this, nodes are split by runs of items; below, by the items themselves, in a cache.
-constexpr uint32_t kBlock = 1 << 13;
+constexpr uint32_t kBlock = 1 << 12;
 // Connections between items have no meaning between runs, so blocks are larger where there are any.
 constexpr uint32_t kConnectedBlock = 1 << 16;
 

@@ -97,9 +97,13 @@ class Block {
   std::array<std::vector<float>, 3> area_before_, area_after_;
   std::vector<float> gap_areas_;
   std::vector<Gap> gaps_;
-  std::vector<float> weights_;  ///< Rules::weight(i)
-  uint32_t weights_max_items_ = 0;
-  float weights_underfill_ = -1.0f;
+  struct Weights {  ///< Rules::weight(i)
+    std::vector<float> of;
+    uint32_t max_items = 0;
+    float underfill_cost = -1.0f;
+  };
+  std::array<Weights, 2> weights_;       ///< for large nodes, and for those near the leaves
+  const float* node_weights_ = nullptr;  ///< for the node at hand
 
   std::vector<float> left_area_, right_area_, extra_, left_weight_, right_weight_;
   std::vector<BoxRecord> left_boxes_;

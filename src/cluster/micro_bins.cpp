@@ -25,9 +25,10 @@ BinPlaces places_for(SmallBox centers, uint32_t bins) {
 
 }  // namespace
 
-MicroBins::MicroBins(const Rules& rules) : rules_(rules), weights_(kTabled), whole_(kTabled) {
+MicroBins::MicroBins(const Rules& rules) : rules_(rules), weights_(kTabled), last_weights_(kTabled), whole_(kTabled) {
   for (uint32_t i = 0; i < kTabled; ++i) {
-    weights_[i] = rules.weight(i);
+    weights_[i] = rules.weight(i, rules.config.underfill_cost);
+    last_weights_[i] = rules.weight(i, rules.underfill_cost(1));
     whole_[i] = i - i % rules.config.max_items;
   }
 }
@@ -62,6 +63,12 @@ void MicroBins::weigh(const Bins& bins, int axis, uint32_t count, Choice& best,
                       float& best_cost) const {
   const uint32_t least = rules_.config.min_items;
   const bool divisible = rules_.divisible(count);
+  const float underfill_cost = rules_.underfill_cost(count);
+  const float* table =
+      (underfill_cost == rules_.config.underfill_cost ? weights_ : last_weights_).data();
+  const auto weight = [&](uint32_t n) {
+    return n < kTabled ? table[n] : rules_.weight(n, underfill_cost);
+  };
   std::array<float, kMost + 1> right_area;
   right_area[bins.count] = 0;
   SmallBox side = empty_small_box();

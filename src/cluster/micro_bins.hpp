@@ -49,13 +49,12 @@ class MicroBins {
   };
 
   void weigh(const Bins& bins, int axis, uint32_t count, Choice& best, float& best_cost) const;
-  float weight(uint32_t n) const { return n < kTabled ? weights_[n] : rules_.weight(n); }
   uint32_t whole(uint32_t n) const {
     return n < kTabled ? whole_[n] : n - n % rules_.config.max_items;
   }
 
   const Rules& rules_;
-  std::vector<float> weights_;
+  std::vector<float> weights_, last_weights_;  ///< in large nodes, and in those near the leaves
   std::vector<uint32_t> whole_;  ///< items in full clusters
 };
 

@@ -25,9 +25,16 @@ struct Rules {
     return rest ? config.max_items - rest : 0;
   }
 
-  /// What n items weigh in the surface area heuristic.
-  float weight(uint32_t n) const {
-    return static_cast<float>(n) + config.underfill_cost * static_cast<float>(missing(n));
+  /// What a missing item costs where a node of n items is split: three times as much where the
+  /// split is one of the last, which decides how many clusters there will be.
+  float underfill_cost(uint32_t n) const {
+    const bool is_near_leaves = n <= 3 * uint64_t(config.max_items);
+    return is_near_leaves ? std::min(3.0f * config.underfill_cost, 1.0f) : config.underfill_cost;
+  }
+
+  /// What i items weigh in the surface area heuristic, at that cost.
+  float weight(uint32_t i, float underfill_cost) const {
+    return static_cast<float>(i) + underfill_cost * static_cast<float>(missing(i));
   }
 
   /// Whether n items may be split after the first i. Where n is not divisible itself, one side

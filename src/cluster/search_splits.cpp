@@ -124,7 +124,7 @@ void Block::weigh_borders(uint32_t n, uint32_t step, Split& best) {
     left[chunks] = right[0] = before_[axis][chunks].half_area(pad_);
     for (uint32_t c = 1; c < chunks; ++c) {
       const uint32_t i = c * step;
-      const float cost = left[c] * weights_[i] + right[c] * weights_[n - i];
+      const float cost = left[c] * node_weights_[i] + right[c] * node_weights_[n - i];
       if (cost < best.cost && rules_.legal(i, n, divisible)) best = {cost, i, axis};
     }
   }
@@ -140,7 +140,7 @@ void Block::list_gaps(uint32_t n, uint32_t step, const Split& best) {
     for (uint32_t c = 0; c < chunks; ++c) {
       const uint32_t first = c * step + 1, last = std::min((c + 1) * step, n) - 1;
       if (last < first || last < least || n - first < least) continue;
-      const float bound = left[c] * weights_[first] + right[c + 1] * weights_[n - last];
+      const float bound = left[c] * node_weights_[first] + right[c + 1] * node_weights_[n - last];
       if (bound < best.cost) gaps_.push_back({bound, axis, c});
     }
   }
@@ -160,20 +160,20 @@ void Block::search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap
   for (uint32_t i = stop - 1; i > start; --i) {
     box.extend(boxes_[order[i]]);
     const float cost =
-        gap_areas_[i - 1 - start] * weights_[i] + box.half_area(pad_) * weights_[n - i];
+        gap_areas_[i - 1 - start] * node_weights_[i] + box.half_area(pad_) * node_weights_[n - i];
     if (cost < best.cost && rules_.legal(i, n, divisible)) best = {cost, i, gap.axis};
   }
 }
 
 void Block::fill_weights(uint32_t n) {
-  const ClusterConfig& config = rules_.config;
-  if (weights_max_items_ != config.max_items || weights_underfill_ != config.underfill_cost) {
-    weights_.clear();
-    weights_max_items_ = config.max_items;
-    weights_underfill_ = config.underfill_cost;
-  }
-  for (uint32_t i = static_cast<uint32_t>(weights_.size()); i <= n; ++i)
-    weights_.push_back(rules_.weight(i));
+  const float underfill_cost = rules_.underfill_cost(n);
+  const uint32_t max_items = rules_.config.max_items;
+  Weights& weights = weights_[underfill_cost != rules_.config.underfill_cost];
+  if (weights.max_items != max_items || weights.underfill_cost != underfill_cost)
+    weights = {{}, max_items, underfill_cost};
+  for (uint32_t i = static_cast<uint32_t>(weights.of.size()); i <= n; ++i)
+    weights.of.push_back(rules_.weight(i, underfill_cost));
+  node_weights_ = weights.of.data();
 }
 
 }  // namespace umbel::cluster

@@ -166,6 +166,7 @@ class Splitter {
     const float length = extent.box.longest();
     const Float4 pad =
         splat(length > 0 ? std::ldexp(1.0f, std::max(std::ilogb(length) - 20, -60)) : 1.0f);
+    const float underfill_cost = rules_.underfill_cost(part.count);
     Choice best{0, 0};
     float best_cost = std::numeric_limits<float>::infinity();
     for (int k = 0; k < 3; ++k) {
@@ -181,8 +182,8 @@ class Splitter {
         side.extend(bins[k][b - 1].box);
         count += bins[k][b - 1].count;
         if (count == 0 || count == part.count) continue;
-        const float cost = side.half_area(pad) * rules_.weight(count) +
-                           right_area[b] * rules_.weight(part.count - count);
+        const float cost = side.half_area(pad) * rules_.weight(count, underfill_cost) +
+                           right_area[b] * rules_.weight(part.count - count, underfill_cost);
         if (cost < best_cost) {
           best_cost = cost;
           best = {count, k};

@@ -22,9 +22,11 @@ Block::Split Block::cheapest_by_sweep(uint32_t begin, uint32_t end) {
   if (vertex_bound) {
     number_vertices(begin, end);
   } else {
+    const float underfill_cost = rules_.underfill_cost(n);
     for (uint32_t i = 1; i < n; ++i) {
-      left_weight_[i - 1] = rules_.legal(i, n, divisible) ? rules_.weight(i) : kInfinity;
-      right_weight_[i - 1] = rules_.weight(n - i);
+      const bool legal = rules_.legal(i, n, divisible);
+      left_weight_[i - 1] = legal ? rules_.weight(i, underfill_cost) : kInfinity;
+      right_weight_[i - 1] = rules_.weight(n - i, underfill_cost);
     }
   }
   if (cut_.active()) cut_.enter(orders_[0].data() + begin, n);
