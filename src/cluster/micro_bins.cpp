@@ -25,9 +25,10 @@ BinPlaces places_for(SmallBox centers, uint32_t bins) {
 
 }  // namespace
 
-MicroBins::MicroBins(const Rules& rules) : rules_(rules), weights_(kTabled), last_weights_(kTabled), whole_(kTabled) {
+MicroBins::MicroBins(const Rules& rules)
+    : rules_(rules), weights_(kTabled), last_weights_(kTabled), whole_(kTabled) {
   for (uint32_t i = 0; i < kTabled; ++i) {
-    weights_[i] = rules.weight(i, rules.config.underfill_cost);
+    weights_[i] = rules.weight(i, rules.underfill_cost(kNone));
     last_weights_[i] = rules.weight(i, rules.underfill_cost(1));
     whole_[i] = i - i % rules.config.max_items;
   }
@@ -65,7 +66,7 @@ void MicroBins::weigh(const Bins& bins, int axis, uint32_t count, Choice& best,
   const bool divisible = rules_.divisible(count);
   const float underfill_cost = rules_.underfill_cost(count);
   const float* table =
-      (underfill_cost == rules_.config.underfill_cost ? weights_ : last_weights_).data();
+      (underfill_cost == rules_.underfill_cost(kNone) ? weights_ : last_weights_).data();
   const auto weight = [&](uint32_t n) {
     return n < kTabled ? table[n] : rules_.weight(n, underfill_cost);
   };

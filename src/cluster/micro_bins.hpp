@@ -55,7 +55,7 @@ class MicroBins {
 
   const Rules& rules_;
   std::vector<float> weights_, last_weights_;  ///< in large nodes, and in those near the leaves
-  std::vector<uint32_t> whole_;  ///< items in full clusters
+  std::vector<uint32_t> whole_;                ///< items in full clusters
 };
 
 }  // namespace umbel::cluster

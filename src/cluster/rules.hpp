@@ -26,10 +26,11 @@ struct Rules {
   }
 
   /// What a missing item costs where a node of n items is split: three times as much where the
-  /// split is one of the last, which decides how many clusters there will be.
+  /// split is one of the last, which decides how many clusters there will be, and twice as much
+  /// where the vertices will leave clusters less full.
   float underfill_cost(uint32_t n) const {
-    const bool is_near_leaves = n <= 3 * uint64_t(config.max_items);
-    return is_near_leaves ? std::min(3.0f * config.underfill_cost, 1.0f) : config.underfill_cost;
+    const float cost = config.underfill_cost * (config.max_vertices ? 2.0f : 1.0f);
+    return std::min(n <= 3 * uint64_t(config.max_items) ? 3.0f * cost : cost, 1.0f);
   }
 
   /// What i items weigh in the surface area heuristic, at that cost.

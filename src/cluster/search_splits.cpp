@@ -168,7 +168,7 @@ void Block::search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap
 void Block::fill_weights(uint32_t n) {
   const float underfill_cost = rules_.underfill_cost(n);
   const uint32_t max_items = rules_.config.max_items;
-  Weights& weights = weights_[underfill_cost != rules_.config.underfill_cost];
+  Weights& weights = weights_[underfill_cost != rules_.underfill_cost(kNone)];
   if (weights.max_items != max_items || weights.underfill_cost != underfill_cost)
     weights = {{}, max_items, underfill_cost};
   for (uint32_t i = static_cast<uint32_t>(weights.of.size()); i <= n; ++i)
