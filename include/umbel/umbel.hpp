@@ -11,6 +11,7 @@
 #include "umbel/lod_select.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/ray_arrays.hpp"
+#include "umbel/stream.hpp"
 #include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
 #include "umbel/version.hpp"

@@ -1,0 +1,334 @@
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "asset/scratch.hpp"
+#include "base/math.hpp"
+#include "lod/edge_count.hpp"
+#include "lod/verify_geometry.hpp"
+#include "umbel/stream.hpp"
+
+namespace umbel {
+namespace {
+
+using testing::Scratch;
+
+/// A surface of some 80,000 triangles in pages of 16 KiB, and the edges of all its clusters.
+class World {
+ public:
+  World() : asset_(written()), progress_(options_) {
+    lod::Findings findings(report_);
+    topology_ = lod::read_topology(
+        asset_.tables(), [&](uint32_t c) { return asset_.geometry(c); }, {}, findings, progress_);
+  }
+
+  const Asset& asset() const { return asset_; }
+  uint64_t bytes() const {
+    uint64_t all = 0;
+    for (uint32_t p = 0; p < asset_.info().pages; ++p) all += asset_.page_bytes(p);
+    return all;
+  }
+
+  std::vector<uint32_t> clusters(const Residency& residency) const {
+    std::vector<uint32_t> cut;
+    for (const StreamCluster& c : residency.cut()) {
+      const auto page = residency.page(c.page);
+      EXPECT_NE(page, nullptr);
+      cut.push_back(page->groups[c.group].group.clusters.offset + c.cluster);
+    }
+    std::sort(cut.begin(), cut.end());
+    return cut;
+  }
+
+  /// Every edge of what is shown has two triangles.
+  void expect_whole(const Residency& residency) {
+    lod::EdgeCount edges(topology_);
+    uint32_t bad_edges = 0;
+    const std::vector<uint32_t> cut = clusters(residency);
+    EXPECT_FALSE(cut.empty());
+    EXPECT_EQ(std::adjacent_find(cut.begin(), cut.end()), cut.end());
+    edges.count(cut, [&](const lod::BadEdge&) { ++bad_edges; });
+    EXPECT_EQ(bad_edges, 0u);
+  }
+
+ private:
+  std::filesystem::path written() {
+    lod::Config config;
+    config.max_triangles = 64;
+    config.min_group = 8;
+    config.max_group = 12;
+    AssetConfig stored;
+    stored.page_bytes = 16384;
+    write_asset(scratch_ / "a.umbel", lod::build(shapes::blob(6, 3).view(), config), "{}", {},
+                stored);
+    return scratch_ / "a.umbel";
+  }
+
+  Scratch scratch_;
+  Asset asset_;
+  lod::VerifyReport report_;
+  BuildOptions options_;
+  Progress progress_;
+  lod::Topology topology_;
+};
+
+World& world() {
+  static World world;
+  return world;
+}
+
+/// Brings pages when told to, in the order in which they were asked for; may be told to fail.
+class Postman : public PageLoader {
+ public:
+  explicit Postman(const Asset& asset) : asset_(asset) {}
+  void request(uint32_t page) override { asked.push_back(page), ++requests[page]; }
+  bool cancel(uint32_t page) override { return std::erase(asked, page) > 0; }
+  std::vector<PageArrival> poll() override {
+    std::vector<PageArrival> brought;
+    for (uint32_t i = 0; i < per_poll && !asked.empty(); ++i) {
+      const uint32_t page = asked.front();
+      asked.erase(asked.begin());
+      if (lost.contains(page)) continue;
+      if (broken.contains(page))
+        brought.push_back({page, nullptr, "page " + std::to_string(page) + " is broken"});
+      else
+        brought.push_back({page, std::make_shared<const AssetPage>(asset_.read_page(page)), ""});
+    }
+    return brought;
+  }
+
+  uint32_t per_poll = 4;
+  std::vector<uint32_t> asked;
+  std::map<uint32_t, uint32_t> requests;
+  std::set<uint32_t> broken, lost;
+
+ private:
+  const Asset& asset_;
+};
+
+struct Streamed {
+  Postman* postman;
+  Residency residency;
+  double now = 0;
+
+  explicit Streamed(ResidencyConfig config = {}) : Streamed(config, new Postman(world().asset())) {}
+  Streamed(const ResidencyConfig& config, Postman* loader)
+      : postman(loader), residency(world().asset(), config, std::unique_ptr<PageLoader>(loader)) {}
+
+  ResidencyStep step(const lod::View& view) {
+    now += 1.0 / 60;
+    const StreamView views[] = {{0, view}};
+    return residency.step(views, now);
+  }
+  ResidencyStep settle(const lod::View& view) {
+    ResidencyStep last;
+    for (int i = 0; i < 400; ++i) last = step(view);
+    return last;
+  }
+};
+
+lod::View seen_from(const Vec3& eye, float pixels = 1) {
+  return lod::view_camera(eye, 1, 1080, pixels);
+}
+
+TEST(Residency, shows_the_ideal_cut_once_all_is_there) {
+  Streamed s;
+  for (const lod::View& view : {seen_from({0, 0, 3}), seen_from({1.1f, 0, 0}),
+                                lod::view_error(0.01f), lod::view_error(0)}) {
+    const ResidencyStep last = s.settle(view);
+    EXPECT_EQ(last.missing_groups, 0u);
+    EXPECT_LE(last.worst_error, 1);
+    EXPECT_EQ(world().clusters(s.residency), lod::select(world().asset().tables(), view));
+  }
+}
+
+TEST(Residency, shows_a_whole_surface_within_its_budget_at_every_step) {
+  for (const double share : {0.1, 0.25, 0.6}) {
+    ResidencyConfig config;
+    config.budget_bytes = static_cast<uint64_t>(share * static_cast<double>(world().bytes()));
+    config.loads_in_flight = 3;
+    Streamed s(config);
+    s.postman->per_poll = 1;
+    for (int i = 0; i < 150; ++i) {
+      const float angle = 0.05f * static_cast<float>(i);
+      const float r = 1.1f + 0.8f * std::sin(3 * angle);
+      s.step(seen_from({r * std::cos(angle), r * std::sin(angle), 0.3f}, 0.5f));
+      world().expect_whole(s.residency);
+      EXPECT_LE(s.residency.statistics().resident_bytes, config.budget_bytes);
+    }
+    EXPECT_GT(s.residency.statistics().loads, 5u);
+    if (share < 0.5) {
+      EXPECT_GT(s.residency.statistics().evictions, 0u);
+    }
+  }
+}
+
+TEST(Residency, keeps_the_roots_and_starts_with_them) {
+  Streamed s;
+  s.postman->per_poll = 0;
+  s.step(seen_from({0, 0, 1.2f}));
+  world().expect_whole(s.residency);
+  EXPECT_GT(s.residency.statistics().pinned_bytes, 0u);
+  const uint32_t root = world().asset().roots()[0].page;
+  EXPECT_NE(s.residency.page(root), nullptr);
+}
+
+TEST(Residency, comes_to_rest_when_the_camera_does) {
+  for (const double share : {0.08, 0.15, 0.3}) {
+    ResidencyConfig config;
+    config.budget_bytes = static_cast<uint64_t>(share * static_cast<double>(world().bytes()));
+    Streamed s(config);
+    const lod::View view = seen_from({1.3f, 0, 0}, 0.2f);
+    EXPECT_GT(s.settle(view).missing_groups, 0u);
+    const uint64_t loads = s.residency.statistics().loads;
+    s.settle(view);
+    EXPECT_EQ(s.residency.statistics().loads, loads) << share;
+    EXPECT_EQ(s.residency.statistics().in_flight, 0u);
+  }
+}
+
+TEST(Residency, asks_for_parents_before_their_children) {
+  Streamed s;
+  s.postman->per_poll = 1;
+  std::set<std::pair<uint32_t, uint32_t>> known;  // groups by mesh that something referred to
+  for (int i = 0; i < 50; ++i) {
+    s.step(seen_from({1.1f, 0, 0}));
+    std::set<uint32_t> referred;
+    for (const uint32_t page : s.residency.resident_pages())
+      for (const PageGroup& group : s.residency.page(page)->groups)
+        for (const GroupRef& child : group.children) referred.insert(child.page);
+    for (const uint32_t page : s.postman->asked) EXPECT_TRUE(referred.contains(page));
+  }
+}
+
+TEST(Residency, cancels_what_is_not_wanted_any_more) {
+  ResidencyConfig config;
+  config.loads_in_flight = 20;
+  Streamed s(config);
+  s.postman->per_poll = 2;
+  for (int i = 0; i < 4; ++i) s.step(seen_from({1.1f, 0, 0}, 0.3f));
+  EXPECT_FALSE(s.postman->asked.empty());
+  const ResidencyStep away = s.step(seen_from({1000, 0, 0}));
+  EXPECT_GT(away.cancelled, 0u);
+  EXPECT_TRUE(s.postman->asked.empty());
+}
+
+TEST(Residency, bounds_what_a_step_does) {
+  ResidencyConfig config;
+  config.loads_in_flight = 50;
+  config.bytes_per_step = 40000;
+  config.evictions_per_step = 1;
+  config.budget_bytes = world().bytes() / 4;
+  Streamed s(config);
+  s.postman->per_poll = 50;
+  for (int i = 0; i < 60; ++i) {
+    const ResidencyStep step =
+        s.step(seen_from({1.2f * std::cos(0.1f * static_cast<float>(i)), 1.2f, 0}, 0.3f));
+    EXPECT_LE(step.loaded, 3u);
+    EXPECT_LE(step.evicted, 1u);
+    EXPECT_LE(s.residency.statistics().resident_bytes, config.budget_bytes);
+    EXPECT_LE(s.residency.statistics().in_flight, 50u);
+  }
+}
+
+TEST(Residency, tries_broken_pages_again_later_and_then_stays_coarse) {
+  ResidencyConfig config;
+  config.attempts = 3;
+  config.backoff_seconds = 0.2;
+  Streamed s(config);
+  const lod::View view = lod::view_error(0);
+  std::mt19937 random(1);
+  for (uint32_t p = 1; p < world().asset().info().pages; ++p)
+    if (random() % 4 == 0) s.postman->broken.insert(p);
+  for (int i = 0; i < 400; ++i) {
+    s.step(view);
+    if (i % 20 == 0) world().expect_whole(s.residency);
+  }
+  const ResidencyStatistics said = s.residency.statistics();
+  EXPECT_FALSE(said.given_up.empty());
+  EXPECT_EQ(said.failures, 3 * said.given_up.size());
+  EXPECT_NE(said.last_problem.find("is broken"), std::string::npos);
+  for (const uint32_t page : said.given_up) {
+    EXPECT_TRUE(s.postman->broken.contains(page));
+    EXPECT_EQ(s.postman->requests[page], 3u);
+  }
+  // Repaired and forgiven, all comes.
+  s.postman->broken.clear();
+  s.residency.forgive();
+  EXPECT_EQ(s.settle(view).missing_groups, 0u);
+  EXPECT_TRUE(s.residency.statistics().given_up.empty());
+}
+
+TEST(Residency, asks_again_for_what_never_comes) {
+  ResidencyConfig config;
+  config.slow_seconds = 0.1;
+  config.attempts = 4;
+  config.backoff_seconds = 0.05;
+  Streamed s(config);
+  for (uint32_t p = 1; p < world().asset().info().pages; p += 3) s.postman->lost.insert(p);
+  const lod::View view = lod::view_error(0);
+  s.settle(view);
+  world().expect_whole(s.residency);
+  const ResidencyStatistics said = s.residency.statistics();
+  EXPECT_GT(said.slow_loads, 0u);
+  EXPECT_FALSE(said.given_up.empty());
+  s.postman->lost.clear();
+  s.residency.forgive();
+  EXPECT_EQ(s.settle(view).missing_groups, 0u);
+}
+
+TEST(Residency, loads_on_threads_while_the_camera_moves) {
+  ResidencyConfig config;
+  config.budget_bytes = world().bytes() / 3;
+  config.threads = 3;
+  Residency residency(world().asset(), config);
+  for (int i = 0; i < 100; ++i) {
+    const float angle = 0.06f * static_cast<float>(i);
+    const StreamView views[] = {{0, seen_from({1.3f * std::cos(angle), 1.3f * std::sin(angle), 0})},
+                                {0, seen_from({0, 0, 4})}};
+    residency.step(views, 0.01 * i);
+    if (i % 10 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  // And comes to its end with loads under way.
+  EXPECT_GT(residency.statistics().loads, 0u);
+}
+
+TEST(Residency, shows_several_views_of_what_it_has) {
+  Streamed s;
+  const StreamView views[] = {{0, lod::view_error(0.02f)}, {0, lod::view_error(0.001f)}};
+  for (int i = 0; i < 400; ++i) s.residency.step(views, s.now += 0.01);
+  std::vector<uint32_t> cuts[2];
+  for (const StreamCluster& c : s.residency.cut())
+    cuts[c.view].push_back(s.residency.page(c.page)->groups[c.group].group.clusters.offset +
+                           c.cluster);
+  for (int v = 0; v < 2; ++v) {
+    std::sort(cuts[v].begin(), cuts[v].end());
+    EXPECT_EQ(cuts[v], lod::select(world().asset().tables(), views[v].view));
+  }
+}
+
+TEST(Residency, refuses_what_cannot_be) {
+  ResidencyConfig config;
+  config.budget_bytes = 100;
+  EXPECT_THROW(Residency(world().asset(), config), Error);
+  config = {};
+  config.hysteresis = 0.5f;
+  EXPECT_THROW(Residency(world().asset(), config), Error);
+  config = {};
+  config.backoff_seconds = std::nan("");
+  EXPECT_THROW(Residency(world().asset(), config), Error);
+  Residency residency(world().asset());
+  const StreamView wrong[] = {{7, lod::view_error(1)}};
+  EXPECT_THROW(residency.step(wrong, 0), Error);
+  const StreamView levels[] = {{0, lod::view_level(1)}};
+  EXPECT_THROW(residency.step(levels, 0), Error);
+  EXPECT_THROW(residency.set_budget(1), Error);
+}
+
+}  // namespace
+}  // namespace umbel
