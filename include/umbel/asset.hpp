@@ -115,12 +115,29 @@ UMBEL_API uint64_t write_asset(const std::filesystem::path& path, const lod::Dag
                                const std::string& metadata = "{}", const BuildOptions& options = {},
                                const AssetConfig& config = {});
 
+/// Where an asset's bytes come from: a file, memory, a server. `read` is called from many threads
+/// at once, and may throw anything.
+class UMBEL_API ByteSource {
+ public:
+  virtual ~ByteSource() = default;
+  virtual uint64_t size() const = 0;
+  /// Fills `out` from `offset` on, all of it within size().
+  virtual void read(uint64_t offset, std::span<std::byte> out) const = 0;
+};
+
+/// Throw kIo. A file that becomes shorter while it is open is an error if it is read by position,
+/// and ends the process if it is mapped.
+UMBEL_API std::shared_ptr<const ByteSource> open_file(const std::filesystem::path& path);
+UMBEL_API std::shared_ptr<const ByteSource> map_file(const std::filesystem::path& path);
+UMBEL_API std::shared_ptr<const ByteSource> from_memory(std::vector<std::byte> bytes);
+
 /// An open asset. Opening reads the head alone; tables are read when first asked for, and pages
 /// when needed. Safe to use from many threads.
 class UMBEL_API Asset {
  public:
   /// Reads and checks the head. Throws kIo, kCorrupt, kUnsupported (a newer version).
   explicit Asset(const std::filesystem::path& path);
+  explicit Asset(std::shared_ptr<const ByteSource> source);
   Asset(Asset&&) noexcept;
   Asset& operator=(Asset&&) noexcept;
   ~Asset();
@@ -163,5 +180,7 @@ class UMBEL_API Asset {
 /// exception, unless it does not exist.
 UMBEL_API lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts = 64,
                                          uint32_t seed = 1, const BuildOptions& options = {});
+UMBEL_API lod::VerifyReport verify_asset(const Asset& asset, uint32_t cuts = 64, uint32_t seed = 1,
+                                         const BuildOptions& options = {});
 
 }  // namespace umbel

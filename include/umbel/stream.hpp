@@ -13,6 +13,7 @@
 
 #include "umbel/asset.hpp"
 #include "umbel/lod.hpp"
+#include "umbel/lod_select.hpp"
 
 namespace umbel {
 
@@ -54,10 +55,25 @@ class PageLoader {
 /// that are under way.
 UMBEL_API std::unique_ptr<PageLoader> make_thread_loader(const Asset& asset, uint32_t threads);
 
-/// One mesh as somebody sees it: kError or kCamera, in the mesh's own space.
+/// A line to a server or a disk, for simulations.
+struct LinkModel {
+  double latency_seconds = 0.05;
+  double bytes_per_second = 20e6;
+  double failure_rate = 0;  ///< of loads that fail when they would have come, [0, 1]
+  double slow_rate = 0;     ///< of loads that take ten times the latency and time
+  uint32_t seed = 1;
+};
+/// Brings pages of `asset` as the line would by `*clock`, in seconds, which the caller sets before
+/// each step. All pages are read at once, here. Deterministic.
+UMBEL_API std::unique_ptr<PageLoader> make_model_loader(const Asset& asset, const LinkModel& link,
+                                                        std::shared_ptr<const double> clock);
+
+/// One mesh as somebody sees it: kError or kCamera, in the mesh's own space. What lies outside a
+/// plane is shown as coarse as it may be.
 struct StreamView {
   uint32_t mesh = 0;
   lod::View view;
+  std::vector<lod::Plane> planes{};
 };
 
 /// A cluster of a cut: clusters[cluster] of groups[group] of the page.
@@ -105,10 +121,14 @@ class UMBEL_API Residency {
   std::shared_ptr<const AssetPage> page(uint32_t page) const;
   /// Pages that are in memory, ascending.
   std::vector<uint32_t> resident_pages() const;
+  /// Pages that the last step's views show, or would: ascending.
+  std::vector<uint32_t> wanted_pages() const;
   ResidencyStatistics statistics() const;
   /// Tries pages again that were given up.
   void forgive();
   void set_budget(uint64_t bytes);
+  /// Ends loading, and waits for reads that are under way; pages stay, and nothing more comes.
+  void close();
 
  private:
   struct State;

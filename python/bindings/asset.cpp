@@ -1,6 +1,8 @@
 // .umbel files: opening, reading cuts, proving.
 #include "umbel/asset.hpp"
 
+#include <cstring>
+
 #include "lod.hpp"
 
 namespace umbel::python {
@@ -13,7 +15,10 @@ Dict info_dict(const AssetInfo& info) {
   result["format_version"] =
       std::to_string(info.version_major) + "." + std::to_string(info.version_minor);
   result["file_bytes"] = info.file_bytes;
+  result["head_bytes"] = info.head_bytes;
+  result["checksum"] = info.checksum;
   result["pages"] = info.pages;
+  result["page_bytes"] = info.page_bytes;
   result["normals"] = info.normals;
   result["tangents"] = info.tangents;
   result["uvs"] = info.uvs;
@@ -36,6 +41,96 @@ Dict info_dict(const AssetInfo& info) {
   return result;
 }
 
+/// Bytes that a Python callable gives: read(offset, size) -> bytes.
+class PythonSource : public ByteSource {
+ public:
+  PythonSource(uint64_t size, nb::object read) : size_(size), read_(std::move(read)) {}
+  PythonSource(const PythonSource&) = delete;
+  ~PythonSource() override {
+    const nb::gil_scoped_acquire acquire;
+    read_.reset();
+  }
+  uint64_t size() const override { return size_; }
+  void read(uint64_t offset, std::span<std::byte> out) const override {
+    const nb::gil_scoped_acquire acquire;
+    std::string problem;
+    try {
+      const nb::object answer = read_(offset, out.size());
+      const nb::bytes bytes(answer);
+      if (bytes.size() == out.size()) {
+        if (!out.empty()) std::memcpy(out.data(), bytes.data(), out.size());
+        return;
+      }
+      problem = "gave " + std::to_string(bytes.size()) + " bytes";
+    } catch (const std::exception& error) {
+      problem = std::string("failed: ") + error.what();
+    }
+    throw Error(ErrorCode::kIo, "reading " + std::to_string(out.size()) + " bytes at byte " +
+                                    std::to_string(offset) + " " + problem);
+  }
+
+ private:
+  uint64_t size_;
+  nb::object read_;
+};
+
+Array<float> transforms_of(const Asset& asset) {
+  std::vector<std::array<float, 12>> rows;
+  for (const Instance& instance : asset.instances()) rows.push_back(instance.transform);
+  return take<float>(std::move(rows));
+}
+
+Array<uint32_t> instance_meshes_of(const Asset& asset) {
+  std::vector<uint32_t> meshes;
+  for (const Instance& instance : asset.instances()) meshes.push_back(instance.mesh);
+  return take<uint32_t>(std::move(meshes));
+}
+
+nb::list meshes_of(const Asset& asset) {
+  nb::list list;
+  for (const AssetMesh& mesh : asset.meshes()) {
+    Dict entry;
+    const bool empty = mesh.bounds.min.x > mesh.bounds.max.x;
+    entry["bounds"] =
+        empty ? nb::object(nb::none())
+              : nb::object(nb::make_tuple(tuple_of(mesh.bounds.min), tuple_of(mesh.bounds.max)));
+    entry["source_triangles"] = mesh.source_triangles;
+    entry["source_vertices"] = mesh.source_vertices;
+    entry["source_digest"] = mesh.source_digest;
+    entry["groups"] = mesh.groups;
+    entry["clusters"] = mesh.clusters;
+    list.append(entry);
+  }
+  return list;
+}
+
+uint64_t write(const std::filesystem::path& path, const nb::list& dags, const std::string& metadata,
+               const std::string& materials, const nb::list& files,
+               const Flat<uint32_t>& instance_meshes, const Rows<float, 12>& transforms, bool exact,
+               uint32_t page_bytes, const nb::object& progress, uint32_t threads) {
+  AssetContents contents;
+  for (const nb::handle dag : dags) contents.meshes.push_back(nb::cast<const lod::Dag*>(dag));
+  contents.metadata = metadata;
+  contents.materials = materials;
+  for (const nb::handle file : files) {
+    const auto bytes = nb::cast<nb::bytes>(file);
+    const auto* first = static_cast<const std::byte*>(bytes.data());
+    contents.files.emplace_back(first, first + bytes.size());
+  }
+  const auto rows = rows_of<std::array<float, 12>>(transforms);
+  const auto meshes = rows_of<uint32_t>(instance_meshes);
+  if (rows.size() != meshes.size())
+    throw Error(ErrorCode::kInvalidArgument, "there must be a transform for each of the " +
+                                                 std::to_string(meshes.size()) +
+                                                 " instances, not " + std::to_string(rows.size()));
+  for (size_t i = 0; i < rows.size(); ++i) contents.instances.push_back({meshes[i], rows[i]});
+  AssetConfig config = exact ? AssetConfig::exact() : AssetConfig{};
+  config.page_bytes = page_bytes;
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return write_asset(path, contents, options, config);
+  });
+}
+
 }  // namespace
 
 void bind_asset(nb::module_& module) {
@@ -47,32 +142,78 @@ void bind_asset(nb::module_& module) {
             new (self) Asset(path);
           },
           "path"_a, nb::sig("def __init__(self, path: str | os.PathLike[str]) -> None"))
+      .def_static(
+          "from_source",
+          [](uint64_t size, nb::object read) {
+            auto source = std::make_shared<const PythonSource>(size, std::move(read));
+            const nb::gil_scoped_release release;
+            return Asset(std::move(source));
+          },
+          "size"_a, "read"_a)
       .def_prop_ro("info", [](const Asset& asset) { return info_dict(asset.info()); })
-      .def_prop_ro(
-          "tables", [](const Asset& asset) -> const lod::Tables& { return asset.tables(); },
-          nb::rv_policy::reference_internal)
+      .def_prop_ro("meshes", &meshes_of)
+      .def("transforms", &transforms_of)
+      .def("instance_meshes", &instance_meshes_of)
+      .def_prop_ro("materials", [](const Asset& asset) { return asset.materials(); })
+      .def_prop_ro("files", &Asset::files)
+      .def(
+          "file",
+          [](const Asset& asset, uint32_t index) {
+            std::vector<std::byte> bytes;
+            {
+              const nb::gil_scoped_release release;
+              bytes = asset.file(index);
+            }
+            return nb::bytes(bytes.data(), bytes.size());
+          },
+          "index"_a)
+      .def(
+          "tables",
+          [](const Asset& asset, uint32_t mesh) -> const lod::Tables& {
+            const nb::gil_scoped_release release;
+            return asset.tables(mesh);
+          },
+          "mesh"_a = 0, nb::rv_policy::reference_internal)
       .def(
           "geometry",
-          [](const Asset& asset, uint32_t cluster) {
-            check_cut(asset.tables(), {&cluster, 1});
-            return geometry_dict(asset.geometry(cluster));
+          [](const Asset& asset, uint32_t cluster, uint32_t mesh) {
+            lod::ClusterGeometry geometry;
+            {
+              const nb::gil_scoped_release release;
+              check_cut(asset.tables(mesh), {&cluster, 1});
+              geometry = asset.geometry(cluster, mesh);
+            }
+            return geometry_dict(std::move(geometry));
           },
-          "cluster"_a)
+          "cluster"_a, "mesh"_a = 0)
       .def(
           "mesh",
-          [](const Asset& asset, const Flat<uint32_t>& cut) {
+          [](const Asset& asset, const Flat<uint32_t>& cut, uint32_t mesh) {
             return cut_dict(
-                asset.tables(), [&](uint32_t cluster) { return asset.geometry(cluster); }, cut);
+                asset.tables(mesh), [&](uint32_t cluster) { return asset.geometry(cluster, mesh); },
+                cut);
           },
-          "cut"_a)
+          "cut"_a, "mesh"_a = 0)
       .def(
           "facing",
-          [](const Asset& asset, const nb::object& progress, uint32_t threads) {
+          [](const Asset& asset, const nb::object& progress, uint32_t threads, uint32_t mesh) {
             return facing_array(
-                asset.tables(), [&](uint32_t cluster) { return asset.geometry(cluster); }, progress,
-                threads);
+                asset.tables(mesh), [&](uint32_t cluster) { return asset.geometry(cluster, mesh); },
+                progress, threads);
           },
-          "progress"_a = nb::none(), "threads"_a = 0);
+          "progress"_a = nb::none(), "threads"_a = 0, "mesh"_a = 0)
+      .def(
+          "verify",
+          [](const Asset& asset, uint32_t cuts, uint32_t seed, const nb::object& progress,
+             uint32_t threads) {
+            return report_dict(run(progress, threads, [&](const BuildOptions& options) {
+              return verify_asset(asset, cuts, seed, options);
+            }));
+          },
+          "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0);
+  module.def("write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "files"_a,
+             "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a,
+             "progress"_a = nb::none(), "threads"_a = 0);
   module.def(
       "verify_asset",
       [](const std::filesystem::path& path, uint32_t cuts, uint32_t seed,

@@ -4,7 +4,6 @@
 #include <cstring>
 
 #include "lod.hpp"
-#include "umbel/asset.hpp"
 #include "umbel/lod_select.hpp"
 
 namespace umbel::python {
@@ -212,21 +211,7 @@ void bind_dag(nb::module_& module) {
           },
           "progress"_a = nb::none(), "threads"_a = 0)
       .def("verify", &verify_dag, "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(),
-           "threads"_a = 0)
-      .def(
-          "save",
-          [](const Dag& dag, const std::filesystem::path& path, const std::string& metadata,
-             bool exact, const nb::object& progress, uint32_t threads) {
-            return run(progress, threads, [&](const BuildOptions& options) {
-              return write_asset(path, dag, metadata, options,
-                                 exact ? AssetConfig::exact() : AssetConfig{});
-            });
-          },
-          "path"_a, "metadata"_a = "{}", "exact"_a = false, "progress"_a = nb::none(),
-          "threads"_a = 0,
-          nb::sig("def save(self, path: str | os.PathLike[str], metadata: str = '{}', "
-                  "exact: bool = False, progress: object | None = None, threads: int = 0) "
-                  "-> int"));
+           "threads"_a = 0);
   module.def(
       "build_lod",
       [](const MeshArrays& mesh, const lod::Config& config, const nb::object& progress,

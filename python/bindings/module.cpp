@@ -11,6 +11,7 @@ NB_MODULE(_umbel, module) {
   bind_cluster(module);
   bind_lod(module);
   bind_asset(module);
+  bind_stream(module);
   bind_trace(module);
   bind_bvh(module);
   bind_kdtree(module);

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .kdtree import KdTree as KdTree
     from .lod import Lod as Lod
     from .lod import build_lod as build_lod
+    from .lod import save_asset as save_asset
     from .look import Environment as Environment
     from .mesh import Material as Material
     from .mesh import Mesh as Mesh
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from .repair import snap as snap
     from .repair import validate as validate
     from .repair import weld as weld
+    from .stream import Residency as Residency
     from .tables import Tables as Tables
     from .trace import Film as Film
     from .trace import Renderer as Renderer
@@ -87,6 +89,7 @@ _HOME = {
     "KdTree": "kdtree",
     "Lod": "lod",
     "build_lod": "lod",
+    "save_asset": "lod",
     "Environment": "look",
     "Material": "mesh",
     "Mesh": "mesh",
@@ -94,6 +97,7 @@ _HOME = {
     "snap": "repair",
     "validate": "repair",
     "weld": "repair",
+    "Residency": "stream",
     "Tables": "tables",
     "save_picture": "picture",
     "tone_map": "picture",

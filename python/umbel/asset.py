@@ -4,32 +4,43 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
 from .arrays import indices, mesh_of
 from .errors import Error
+from .gltf_look import read_materials
 from .mesh import Material, Mesh
-from .metadata import materials_from_json
-from .proof import VerifyReport, verify
+from .proof import VerifyReport
+from .remote import readable, remote
 from .repair import Progress
-from .tables import HasTables
+from .tables import HasTables, Tables
 
 
 class Asset(HasTables):
     """An open .umbel file: tables in memory, geometry read page by page as it is needed. Safe to
-    use from many threads."""
+    use from many threads.
+
+    source: a path; a URL that fsspec understands (https://, s3://, zip://..::.., memory://: the
+        extra `umbel[remote]`), read in ranges; or an open binary file.
+    """
 
     _native: _umbel.Asset
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        text = os.fspath(path)
-        if isinstance(text, str) and "://" in text:
-            raise Error(f"{text}: assets are opened from files only")
-        self.path = text
-        self._native = _umbel.Asset(text)
+    def __init__(self, source: str | os.PathLike[str] | BinaryIO) -> None:
+        if isinstance(source, (str, os.PathLike)):
+            self.path = os.fspath(source)
+            if "://" in self.path:
+                self._native = _umbel.Asset.from_source(*remote(self.path))
+            else:
+                self._native = _umbel.Asset(self.path)
+        else:
+            self.path = str(getattr(source, "name", source))
+            self._native = _umbel.Asset.from_source(*readable(source))
         self._info: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -48,15 +59,41 @@ class Asset(HasTables):
             self._info = info
         return self._info
 
-    def mesh(self, cut: ArrayLike) -> Mesh:
-        """A cut as an ordinary mesh, its clusters joined where they meet."""
-        metadata = self.info["metadata"]
-        materials = materials_from_json(metadata.get("materials", []))
-        return cut_mesh(self._native, cut, materials, metadata.get("name", ""))
+    @property
+    def meshes(self) -> list[dict[str, Any]]:
+        """Each mesh's `bounds source_triangles source_vertices source_digest groups clusters`."""
+        return self._native.meshes
 
-    def cluster(self, index: int) -> Mesh:
+    @property
+    def instances(self) -> list[tuple[int, NDArray[np.float32]]]:
+        """Which mesh is where: (index, (3, 4) matrix that takes column vectors to the world). None:
+        every mesh once, where it is."""
+        meshes, rows = self._native.instance_meshes(), self._native.transforms()
+        return [(int(m), row.reshape(3, 4)) for m, row in zip(meshes, rows, strict=True)]
+
+    @property
+    def materials(self) -> list[Material]:
+        """The materials, with their images."""
+        folder = None if "://" in self.path else Path(self.path).absolute().parent
+        return read_materials(self._native.materials, self._native.file, folder)
+
+    @property
+    def tables(self) -> Tables:
+        """Levels, groups, clusters and nodes of the first mesh. The first call reads every page."""
+        return self.mesh_tables(0)
+
+    def mesh_tables(self, mesh: int) -> Tables:
+        """Levels, groups, clusters and nodes of one mesh."""
+        return Tables(self._native.tables(mesh))
+
+    def mesh(self, cut: ArrayLike, mesh: int = 0) -> Mesh:
+        """A cut of one of the meshes as an ordinary mesh, its clusters joined where they meet."""
+        arrays = self._native.mesh(indices("cut", cut), mesh)
+        return mesh_of(arrays, self.materials, self.info["metadata"].get("name", ""))
+
+    def cluster(self, index: int, mesh: int = 0) -> Mesh:
         """The triangles of one cluster."""
-        return mesh_of(self._native.geometry(index), [])
+        return mesh_of(self._native.geometry(index, mesh), [])
 
     def verify(
         self,
@@ -67,11 +104,4 @@ class Asset(HasTables):
         threads: int = 0,
     ) -> VerifyReport:
         """The same as `umbel.verify` on this file."""
-        return verify(self.path, cuts, seed=seed, progress=progress, threads=threads)
-
-
-def cut_mesh(
-    native: _umbel.Asset | _umbel.Dag, cut: ArrayLike, materials: list[Material], name: str
-) -> Mesh:
-    """One cut of a DAG, wherever it is stored."""
-    return mesh_of(native.mesh(indices("cut", cut)), materials, name)
+        return VerifyReport(**self._native.verify(cuts, seed, progress, threads))

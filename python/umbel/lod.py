@@ -8,18 +8,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, native
-from .asset import cut_mesh
+from .arrays import as_mesh, indices, mesh_of, native
 from .errors import Error
+from .gltf_look import write_materials
 from .mesh import Material, Mesh
-from .metadata import encode, materials_to_json
+from .metadata import encode
 from .proof import VerifyReport
 from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
 from .tables import HasTables
+
+PAGE_BYTES = 128 << 10
+"""Most bytes of a page of several groups, unless something else is asked for."""
 
 
 class Lod(HasTables):
@@ -72,7 +76,7 @@ class Lod(HasTables):
 
     def mesh(self, cut: ArrayLike) -> Mesh:
         """A cut as an ordinary mesh, its clusters joined where they meet."""
-        return cut_mesh(self._native, cut, self._materials, self._name)
+        return mesh_of(self._native.mesh(indices("cut", cut)), self._materials, self._name)
 
     def verify(
         self,
@@ -95,7 +99,6 @@ class Lod(HasTables):
             "config": self.config,
             "source": self.source,
             "report": report,
-            "materials": materials_to_json(self._materials),
         }
 
     def save(
@@ -103,6 +106,8 @@ class Lod(HasTables):
         path: str | os.PathLike[str],
         *,
         exact: bool | None = None,
+        textures: str = "embed",
+        page_bytes: int = PAGE_BYTES,
         progress: Progress | None = None,
         threads: int = 0,
     ) -> int:
@@ -111,10 +116,67 @@ class Lod(HasTables):
 
         exact: keep every bit of normals, tangents, UVs and colours, or store them in fewer bits
             (docs/format.md); None: as the build did with positions, exactly without `precision`.
+        textures: "embed" the materials' images, leave them "external" where they are files of
+            their own, or "none".
+        page_bytes: what is read at once, at most, where one group does not take more.
         """
-        keep = self.config["position_step"] == 0 if exact is None else exact
-        metadata = encode(self.metadata())
-        return self._native.save(os.fspath(path), metadata, keep, progress, threads)
+        return save_asset(
+            path,
+            [self],
+            metadata=self.metadata(),
+            exact=exact,
+            textures=textures,
+            page_bytes=page_bytes,
+            progress=progress,
+            threads=threads,
+        )
+
+
+def save_asset(
+    path: str | os.PathLike[str],
+    lods: Sequence[Lod],
+    instances: Sequence[tuple[int, ArrayLike]] = (),
+    *,
+    metadata: dict[str, Any] | None = None,
+    exact: bool | None = None,
+    textures: str = "embed",
+    page_bytes: int = PAGE_BYTES,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> int:
+    """Writes several meshes as one asset, with the materials of the first, which the others must
+    share. Returns its bytes.
+
+    instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
+        vectors from the mesh to the world). None: every mesh once, where it is.
+    metadata: what `Asset.info["metadata"]` shall be.
+    The rest is as `Lod.save` has it.
+    """
+    meshes = np.array([mesh for mesh, _ in instances], np.int64)
+    rows = [np.asarray(matrix, np.float64) for _, matrix in instances]
+    if any(row.shape not in ((3, 4), (4, 4)) for row in rows):
+        raise Error("an instance's transform must have shape (3, 4) or (4, 4)")
+    transforms = np.array([row[:3] for row in rows], np.float32)
+    if len(meshes) and not 0 <= meshes.min() <= meshes.max() < len(lods):
+        raise Error(f"an instance is of mesh {meshes.max()}, but there are {len(lods)}")
+    keep = exact
+    if keep is None:
+        keep = any(lod.config["position_step"] == 0 for lod in lods)
+    folder = Path(os.fspath(path)).absolute().parent
+    materials, files = write_materials(lods[0]._materials if lods else [], textures, folder)
+    return _umbel.write_asset(
+        os.fspath(path),
+        [lod._native for lod in lods],
+        encode(metadata if metadata is not None else {"generator": f"umbel {_umbel.version()}"}),
+        materials,
+        files,
+        meshes.astype(np.uint32),
+        transforms.reshape(-1, 12),
+        keep,
+        page_bytes,
+        progress,
+        threads,
+    )
 
 
 def build_lod(

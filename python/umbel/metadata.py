@@ -1,39 +1,11 @@
-"""The JSON that travels in an asset: what made it, from what, and its materials. The same build
-gives the same text, so it holds no times and no paths."""
+"""The JSON that travels in an asset: what made it, and from what. The same build gives the same
+text, so it holds no times and no paths."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, fields, replace
 from typing import Any
-
-from .mesh import Material
-
-_TUPLES = ("base_color", "emissive")
-_KNOWN = {field.name for field in fields(Material)} - {"images"}
-
-
-def materials_to_json(materials: list[Material]) -> list[dict[str, Any]]:
-    """Each material as a dict of its fields, without its images."""
-    items = []
-    for material in materials:
-        item = asdict(replace(material, images={}))
-        del item["images"]
-        items.append(item)
-    return items
-
-
-def materials_from_json(items: list[dict[str, Any]]) -> list[Material]:
-    """The materials again; fields that this version does not know are left out."""
-    materials = []
-    for item in items:
-        known = {key: value for key, value in item.items() if key in _KNOWN}
-        for key in _TUPLES:
-            if key in known:
-                known[key] = tuple(0.0 if v is None else v for v in known[key])
-        materials.append(Material(**known))
-    return materials
 
 
 def plain(value: Any) -> Any:

@@ -7,7 +7,6 @@
 #include "asset/group_part.hpp"
 #include "asset/page.hpp"
 #include "asset/structure.hpp"
-#include "base/file.hpp"
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
 
@@ -41,9 +40,9 @@ struct Decoded {
 }  // namespace
 
 struct Asset::State {
-  explicit State(const std::filesystem::path& path) : file(path) {}
+  explicit State(std::shared_ptr<const ByteSource> bytes) : source(std::move(bytes)) {}
 
-  InputFile file;
+  std::shared_ptr<const ByteSource> source;
   asset::Head head;
   std::vector<AssetMesh> meshes;
   std::vector<asset::VertexFormat> formats;
@@ -67,15 +66,15 @@ struct Asset::State {
 void Asset::State::read_head() {
   std::vector<std::byte> bytes(asset::kPrologueBytes);
   const auto read_up_to = [&](uint64_t size) {
-    if (size > file.size()) corrupt("the file ends within its header");
+    if (size > source->size()) corrupt("the file ends within its header");
     const size_t have = bytes.size();
     bytes.resize(size);
-    file.read(have, std::span(bytes).subspan(have));
+    source->read(have, std::span(bytes).subspan(have));
   };
-  if (file.size() < bytes.size()) corrupt("this is not a .umbel file");
-  file.read(0, bytes);
+  if (source->size() < bytes.size()) corrupt("this is not a .umbel file");
+  source->read(0, bytes);
   read_up_to(asset::header_bytes_in(bytes));
-  read_up_to(asset::head_bytes_in(bytes, file.size()));
+  read_up_to(asset::head_bytes_in(bytes, source->size()));
   head = asset::decode_head(bytes);
   for (const MeshEntry& entry : head.meshes) {
     meshes.push_back(entry.mesh);
@@ -86,7 +85,7 @@ void Asset::State::read_head() {
 std::vector<std::byte> Asset::State::read(uint64_t offset, uint64_t size, uint64_t checksum,
                                           const std::string& name) const {
   std::vector<std::byte> bytes(size);
-  file.read(offset, bytes);
+  source->read(offset, bytes);
   if (xxh64(bytes.data(), bytes.size()) != checksum)
     corrupt("the checksum of " + name + " does not hold");
   return bytes;
@@ -191,8 +190,13 @@ std::shared_ptr<const Decoded> Asset::State::group(uint32_t mesh, uint32_t group
   return result;
 }
 
-Asset::Asset(const std::filesystem::path& path) {
-  state_ = std::make_unique<State>(path);
+Asset::Asset(std::shared_ptr<const ByteSource> source)
+    : state_(std::make_unique<State>(std::move(source))) {
+  if (!state_->source) throw Error(ErrorCode::kInvalidArgument, "the source of the asset is null");
+  state_->read_head();
+}
+
+Asset::Asset(const std::filesystem::path& path) : state_(std::make_unique<State>(open_file(path))) {
   try {
     state_->read_head();
   } catch (const Error& error) {
@@ -251,7 +255,7 @@ bool Asset::page_is_whole(uint32_t page) const {
   if (page >= state_->head.pages.size()) out_of_range("page", page, state_->head.pages.size());
   const PageEntry& entry = state_->head.pages[page];
   std::vector<std::byte> bytes(entry.bytes);
-  state_->file.read(entry.offset, bytes);
+  state_->source->read(entry.offset, bytes);
   return xxh64(bytes.data(), bytes.size()) == entry.checksum;
 }
 

@@ -1,6 +1,6 @@
 // Everything about an asset that can be checked: that it opens, that every page is what its
 // checksum says, and then what lod::verify proves.
-#include <atomic>
+#include <optional>
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
@@ -57,11 +57,10 @@ void add(lod::VerifyReport& report, const lod::VerifyReport& more) {
 
 }  // namespace
 
-lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts, uint32_t seed,
+lod::VerifyReport verify_asset(const Asset& asset, uint32_t cuts, uint32_t seed,
                                const BuildOptions& options) {
   lod::VerifyReport report;
   try {
-    const Asset asset(path);
     const std::vector<uint8_t> broken = broken_pages(asset, options);
     for (size_t page = 0; page < broken.size(); ++page)
       if (broken[page])
@@ -79,6 +78,20 @@ lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts,
     add_checksum_error(report, error.what());
   }
   return report;
+}
+
+lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts, uint32_t seed,
+                               const BuildOptions& options) {
+  std::optional<Asset> asset;
+  try {
+    asset.emplace(path);
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kCorrupt && error.code() != ErrorCode::kUnsupported) throw;
+    lod::VerifyReport report;
+    add_checksum_error(report, error.what());
+    return report;
+  }
+  return verify_asset(*asset, cuts, seed, options);
 }
 
 }  // namespace umbel

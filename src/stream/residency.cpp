@@ -10,6 +10,7 @@
 #include <limits>
 #include <utility>
 
+#include "base/math.hpp"
 #include "lod/refine.hpp"
 #include "umbel/stream.hpp"
 
@@ -19,8 +20,16 @@ namespace {
 /// What is infinitely too coarse (the eye is inside its sphere) is worth this much.
 constexpr float kMostUrgent = 1e6f;
 
-/// How many times too large an error is as seen from a view.
-float times_too_large(const Sphere& sphere, float error, const lod::View& view) {
+bool is_outside(const Sphere& sphere, std::span<const lod::Plane> planes) {
+  return std::any_of(planes.begin(), planes.end(), [&](const lod::Plane& plane) {
+    return dot(plane.normal, sphere.center) + plane.offset < -sphere.radius;
+  });
+}
+
+/// How many times too large an error is as seen from a view; 0 where it is small enough.
+float times_too_large(const Sphere& sphere, float error, const StreamView& seen) {
+  const lod::View& view = seen.view;
+  if (error != std::numeric_limits<float>::infinity() && is_outside(sphere, seen.planes)) return 0;
   if (!lod::error_too_large(sphere, error, view)) return 0;
   const float allowed = view.kind == lod::View::Kind::kError
                             ? view.error
@@ -252,7 +261,7 @@ void Residency::State::select(uint32_t index, const StreamView& view, double now
   open.clear();
   std::vector<Visit>& notes = visits[view.mesh];
   const auto meet = [&](const GroupRef& reference, uint32_t from_page) {
-    const float ratio = times_too_large(reference.sphere, reference.error, view.view);
+    const float ratio = times_too_large(reference.sphere, reference.error, view);
     if (!(ratio > 0)) return;
     Visit& visit = notes[reference.group];
     if (visit.walk != walk) visit = {walk, 0, false};
@@ -378,15 +387,17 @@ ResidencyStep Residency::step(std::span<const StreamView> views, double now) {
           "a view must be of an error or a camera, with finite values that are not negative");
   }
   ResidencyStep result;
-  state.take_arrivals(now, result);
+  if (state.loader) state.take_arrivals(now, result);
   ++state.step_number;
   state.touched.clear();
   state.links.clear();
   state.cut.clear();
   for (uint32_t i = 0; i < views.size(); ++i) state.select(i, views[i], now, result);
   state.hand_worth_up();
-  state.cancel_stale(result);
-  state.ask(now, result);
+  if (state.loader) {
+    state.cancel_stale(result);
+    state.ask(now, result);
+  }
   ++state.statistics.steps;
   return result;
 }
@@ -399,6 +410,12 @@ std::shared_ptr<const AssetPage> Residency::page(uint32_t page) const {
 
 std::vector<uint32_t> Residency::resident_pages() const {
   std::vector<uint32_t> pages = state_->resident;
+  std::sort(pages.begin(), pages.end());
+  return pages;
+}
+
+std::vector<uint32_t> Residency::wanted_pages() const {
+  std::vector<uint32_t> pages = state_->touched;
   std::sort(pages.begin(), pages.end());
   return pages;
 }
@@ -416,6 +433,11 @@ void Residency::forgive() {
     state_->pages[page].failures = 0;
   }
   state_->statistics.given_up.clear();
+}
+
+void Residency::close() {
+  state_->loader.reset();
+  state_->in_flight.clear();
 }
 
 void Residency::set_budget(uint64_t bytes) {

@@ -43,7 +43,8 @@ def _asset_info(path: Path) -> dict[str, Any]:
         **table_counts(asset.tables, info["max_triangles"]),
         "pages": info["pages"],
         "materials": _material_count(asset),
-        "instances": 1,
+        "meshes": len(asset.meshes),
+        "instances": len(asset.instances) or len(asset.meshes),
         "bounds": info["bounds"],
         "attributes": [name for name in names if info[name]],
         "max_triangles": info["max_triangles"],
@@ -58,7 +59,7 @@ def _asset_info(path: Path) -> dict[str, Any]:
 
 
 def _material_count(asset: Any) -> int:
-    named = len(asset.info["metadata"].get("materials", []))
+    named = len(asset.materials)
     highest = int(asset.tables.clusters["material"].max(initial=0))
     return max(named, highest + 1 if highest else 0)
 

@@ -122,7 +122,7 @@ struct Streamed {
 
   ResidencyStep step(const lod::View& view) {
     now += 1.0 / 60;
-    const StreamView views[] = {{0, view}};
+    const StreamView views[] = {{0, view, {}}};
     return residency.step(views, now);
   }
   ResidencyStep settle(const lod::View& view) {
@@ -289,8 +289,9 @@ TEST(Residency, loads_on_threads_while_the_camera_moves) {
   Residency residency(world().asset(), config);
   for (int i = 0; i < 100; ++i) {
     const float angle = 0.06f * static_cast<float>(i);
-    const StreamView views[] = {{0, seen_from({1.3f * std::cos(angle), 1.3f * std::sin(angle), 0})},
-                                {0, seen_from({0, 0, 4})}};
+    const StreamView views[] = {
+        {0, seen_from({1.3f * std::cos(angle), 1.3f * std::sin(angle), 0}), {}},
+        {0, seen_from({0, 0, 4}), {}}};
     residency.step(views, 0.01 * i);
     if (i % 10 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
@@ -300,7 +301,7 @@ TEST(Residency, loads_on_threads_while_the_camera_moves) {
 
 TEST(Residency, shows_several_views_of_what_it_has) {
   Streamed s;
-  const StreamView views[] = {{0, lod::view_error(0.02f)}, {0, lod::view_error(0.001f)}};
+  const StreamView views[] = {{0, lod::view_error(0.02f), {}}, {0, lod::view_error(0.001f), {}}};
   for (int i = 0; i < 400; ++i) s.residency.step(views, s.now += 0.01);
   std::vector<uint32_t> cuts[2];
   for (const StreamCluster& c : s.residency.cut())
@@ -310,6 +311,39 @@ TEST(Residency, shows_several_views_of_what_it_has) {
     std::sort(cuts[v].begin(), cuts[v].end());
     EXPECT_EQ(cuts[v], lod::select(world().asset().tables(), views[v].view));
   }
+}
+
+TEST(Residency, keeps_what_is_out_of_sight_coarse) {
+  const Vec3 eye{3, 0, 0};
+  const std::vector<lod::Plane> planes = lod::frustum_planes({eye, {3, 1, 0}, {0, 0, 1}});
+  Streamed s;
+  const StreamView away[] = {{0, seen_from(eye, 0.1f), planes}};
+  for (int i = 0; i < 100; ++i) s.residency.step(away, s.now += 0.01);
+  world().expect_whole(s.residency);
+  const size_t far_off = s.residency.cut().size();
+  const StreamView towards[] = {
+      {0, seen_from(eye, 0.1f), lod::frustum_planes({eye, {0, 0, 0}, {0, 0, 1}})}};
+  for (int i = 0; i < 400; ++i) s.residency.step(towards, s.now += 0.01);
+  world().expect_whole(s.residency);
+  EXPECT_EQ(world().clusters(s.residency), lod::select(world().asset().tables(), towards[0].view));
+}
+
+TEST(Residency, on_a_line_of_a_simulation_takes_the_time_that_it_takes) {
+  const auto clock = std::make_shared<double>(0);
+  const LinkModel link{0.05, 1e6, 0.1, 0.1};
+  Residency residency(world().asset(), {}, make_model_loader(world().asset(), link, clock));
+  const StreamView all[] = {{0, lod::view_error(0), {}}};
+  double now = 0;
+  for (; now < 20; now += 1.0 / 60) {
+    *clock = now;
+    if (residency.step(all, now).missing_groups == 0) break;
+    world().expect_whole(residency);
+  }
+  // Two pages are not as much as a second's bytes, and none comes before the latency has passed.
+  EXPECT_GT(now, static_cast<double>(world().bytes() - 40000) / 1e6);
+  EXPECT_LT(now, 20);
+  EXPECT_GT(residency.statistics().failures, 0u);
+  EXPECT_THROW(make_model_loader(world().asset(), {-1}, clock), Error);
 }
 
 TEST(Residency, refuses_what_cannot_be) {
@@ -323,9 +357,9 @@ TEST(Residency, refuses_what_cannot_be) {
   config.backoff_seconds = std::nan("");
   EXPECT_THROW(Residency(world().asset(), config), Error);
   Residency residency(world().asset());
-  const StreamView wrong[] = {{7, lod::view_error(1)}};
+  const StreamView wrong[] = {{7, lod::view_error(1), {}}};
   EXPECT_THROW(residency.step(wrong, 0), Error);
-  const StreamView levels[] = {{0, lod::view_level(1)}};
+  const StreamView levels[] = {{0, lod::view_level(1), {}}};
   EXPECT_THROW(residency.step(levels, 0), Error);
   EXPECT_THROW(residency.set_budget(1), Error);
 }

@@ -1,0 +1,170 @@
+// Residency: pages of an asset in memory under a budget.
+#include "umbel/stream.hpp"
+
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <ctime>
+
+#include "lod.hpp"
+
+namespace umbel::python {
+namespace {
+
+Dict step_dict(const ResidencyStep& step) {
+  Dict result;
+  result["worst_error"] = step.worst_error;
+  result["open_groups"] = step.open_groups;
+  result["missing_groups"] = step.missing_groups;
+  result["loaded"] = step.loaded;
+  result["evicted"] = step.evicted;
+  result["requested"] = step.requested;
+  result["cancelled"] = step.cancelled;
+  return result;
+}
+
+Dict statistics_dict(const ResidencyStatistics& s) {
+  Dict result;
+  result["steps"] = s.steps;
+  result["resident_bytes"] = s.resident_bytes;
+  result["pinned_bytes"] = s.pinned_bytes;
+  result["loaded_bytes"] = s.loaded_bytes;
+  result["evicted_bytes"] = s.evicted_bytes;
+  result["loads"] = s.loads;
+  result["reloads"] = s.reloads;
+  result["evictions"] = s.evictions;
+  result["cancellations"] = s.cancellations;
+  result["failures"] = s.failures;
+  result["slow_loads"] = s.slow_loads;
+  result["refused"] = s.refused;
+  result["resident_pages"] = s.resident_pages;
+  result["in_flight"] = s.in_flight;
+  nb::list given_up;
+  for (const uint32_t page : s.given_up) given_up.append(page);
+  result["given_up"] = given_up;
+  result["last_problem"] = s.last_problem;
+  return result;
+}
+
+/// The clusters that one view shows, by their numbers in its mesh's tables, ascending.
+Array<uint32_t> clusters_of(const Residency& residency, uint32_t view) {
+  std::vector<uint32_t> clusters;
+  std::shared_ptr<const AssetPage> page;
+  uint32_t held = kNone;
+  for (const StreamCluster& c : residency.cut()) {
+    if (c.view != view) continue;
+    if (c.page != held) page = residency.page(c.page), held = c.page;
+    clusters.push_back(page->groups[c.group].group.clusters.offset + c.cluster);
+  }
+  std::sort(clusters.begin(), clusters.end());
+  return take<uint32_t>(std::move(clusters));
+}
+
+/// Threads may wait for the GIL to read a Python source: whoever waits for them must not hold it.
+struct PythonResidency : Residency {
+  using Residency::Residency;
+  /// On a line of a simulation, whose time is that of the steps.
+  PythonResidency(const Asset& asset, const ResidencyConfig& config, const LinkModel& link,
+                  std::shared_ptr<double> time)
+      : Residency(asset, config, make_model_loader(asset, link, time)), clock(std::move(time)) {}
+  PythonResidency(const PythonResidency&) = delete;
+  ~PythonResidency() { end(); }
+  void end() {
+    const nb::gil_scoped_release release;
+    close();
+  }
+
+  std::shared_ptr<double> clock;
+};
+
+double processor_seconds() {
+  timespec time;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+using View = std::tuple<uint32_t, lod::View, std::optional<Rows<float, 4>>>;
+
+}  // namespace
+
+void bind_stream(nb::module_& module) {
+  nb::class_<PythonResidency>(module, "Residency", "Pages of an asset in memory.")
+      .def(
+          "__init__",
+          [](PythonResidency* self, const Asset& asset, uint64_t budget_bytes,
+             uint32_t loads_in_flight, uint64_t bytes_per_step, uint32_t evictions_per_step,
+             float hysteresis, uint32_t attempts, double backoff_seconds, double slow_seconds,
+             uint32_t threads, const std::optional<std::array<double, 4>>& link) {
+            ResidencyConfig config;
+            config.budget_bytes = budget_bytes;
+            config.loads_in_flight = loads_in_flight;
+            config.bytes_per_step = bytes_per_step;
+            config.evictions_per_step = evictions_per_step;
+            config.hysteresis = hysteresis;
+            config.attempts = attempts;
+            config.backoff_seconds = backoff_seconds;
+            config.slow_seconds = slow_seconds;
+            config.threads = threads;
+            const nb::gil_scoped_release release;
+            if (!link) {
+              new (self) PythonResidency(asset, config);
+              return;
+            }
+            const auto& [latency, bandwidth, failures, slow] = *link;
+            new (self) PythonResidency(asset, config, LinkModel{latency, bandwidth, failures, slow},
+                                       std::make_shared<double>(0));
+          },
+          "asset"_a, "budget_bytes"_a, "loads_in_flight"_a, "bytes_per_step"_a,
+          "evictions_per_step"_a, "hysteresis"_a, "attempts"_a, "backoff_seconds"_a,
+          "slow_seconds"_a, "threads"_a, "link"_a = nb::none(), nb::keep_alive<1, 2>())
+      .def(
+          "step",
+          [](PythonResidency& residency, const std::vector<View>& views, double now) {
+            std::vector<StreamView> list;
+            for (const auto& [mesh, view, planes] : views) {
+              StreamView& one = list.emplace_back();
+              one.mesh = mesh;
+              one.view = view;
+              if (!planes) continue;
+              for (const auto& p : rows_of<std::array<float, 4>>(*planes))
+                one.planes.push_back({{p[0], p[1], p[2]}, p[3]});
+            }
+            if (residency.clock) *residency.clock = now;
+            ResidencyStep step;
+            double seconds = 0;
+            {
+              const nb::gil_scoped_release release;
+              const double before = processor_seconds();
+              step = residency.step(list, now);
+              seconds = processor_seconds() - before;
+            }
+            Dict result = step_dict(step);
+            result["seconds"] = seconds;
+            return result;
+          },
+          "views"_a, "now"_a)
+      .def(
+          "clusters",
+          [](const PythonResidency& residency, uint32_t view) {
+            return clusters_of(residency, view);
+          },
+          "view"_a)
+      .def(
+          "wanted_pages",
+          [](const PythonResidency& residency) { return take<uint32_t>(residency.wanted_pages()); })
+      .def("resident_pages",
+           [](const PythonResidency& residency) {
+             return take<uint32_t>(residency.resident_pages());
+           })
+      .def_prop_ro(
+          "statistics",
+          [](const PythonResidency& residency) { return statistics_dict(residency.statistics()); })
+      .def("forgive", [](PythonResidency& residency) { residency.forgive(); })
+      .def("close", &PythonResidency::end)
+      .def(
+          "set_budget",
+          [](PythonResidency& residency, uint64_t bytes) { residency.set_budget(bytes); },
+          "bytes"_a);
+}
+
+}  // namespace umbel::python

@@ -1,0 +1,82 @@
+// A line with a latency and a bandwidth, in the time of a simulation: requests travel side by side,
+// bytes one after the other, and some loads fail or are slow, as a hash of page and attempt says.
+#include <algorithm>
+#include <map>
+
+#include "base/hash.hpp"
+#include "umbel/stream.hpp"
+
+namespace umbel {
+namespace {
+
+struct Transfer {
+  uint32_t page;
+  double ready;
+  bool fails;
+};
+
+class ModelLoader : public PageLoader {
+ public:
+  ModelLoader(const Asset& asset, const LinkModel& link, std::shared_ptr<const double> clock)
+      : link_(link), clock_(std::move(clock)), attempts_(asset.info().pages) {
+    for (uint32_t p = 0; p < asset.info().pages; ++p)
+      pages_.push_back(std::make_shared<const AssetPage>(asset.read_page(p)));
+  }
+
+  void request(uint32_t page) override {
+    const bool is_slow = chance(page, 1) < link_.slow_rate;
+    const bool fails = chance(page, 2) < link_.failure_rate;
+    ++attempts_[page];
+    const double times = is_slow ? 10 : 1;
+    const double begins = std::max(free_, *clock_ + times * link_.latency_seconds);
+    const double takes =
+        times * static_cast<double>(pages_[page]->bytes.size()) / link_.bytes_per_second;
+    free_ = std::max(free_, *clock_) + (is_slow ? 0 : takes);
+    under_way_.push_back({page, begins + takes, fails});
+  }
+
+  bool cancel(uint32_t page) override {
+    return std::erase_if(under_way_, [&](const Transfer& t) {
+             return t.page == page && t.ready > *clock_;
+           }) > 0;
+  }
+
+  std::vector<PageArrival> poll() override {
+    std::vector<PageArrival> arrivals;
+    for (const Transfer& t : under_way_) {
+      if (t.ready > *clock_) continue;
+      if (t.fails)
+        arrivals.push_back({t.page, nullptr, "the line failed"});
+      else
+        arrivals.push_back({t.page, pages_[t.page], {}});
+    }
+    std::erase_if(under_way_, [&](const Transfer& t) { return t.ready <= *clock_; });
+    return arrivals;
+  }
+
+ private:
+  /// In [0, 1), for the page's next attempt.
+  double chance(uint32_t page, uint32_t salt) const {
+    const uint32_t key[] = {page, attempts_[page], link_.seed, salt};
+    return static_cast<double>(xxh64(key, sizeof key) >> 11) * 0x1p-53;
+  }
+
+  LinkModel link_;
+  std::shared_ptr<const double> clock_;
+  std::vector<std::shared_ptr<const AssetPage>> pages_;
+  std::vector<uint32_t> attempts_;
+  std::vector<Transfer> under_way_;
+  double free_ = 0;  // when the line has sent all that was asked for
+};
+
+}  // namespace
+
+std::unique_ptr<PageLoader> make_model_loader(const Asset& asset, const LinkModel& link,
+                                              std::shared_ptr<const double> clock) {
+  if (!(link.latency_seconds >= 0) || !(link.bytes_per_second > 0) || !clock)
+    throw Error(ErrorCode::kInvalidArgument,
+                "a line needs a latency that is not negative, a bandwidth and a clock");
+  return std::make_unique<ModelLoader>(asset, link, std::move(clock));
+}
+
+}  // namespace umbel

@@ -1,0 +1,199 @@
+"""Assets from elsewhere than files, and residency."""
+
+import functools
+import http.server
+import threading
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import umbel
+
+
+class RangeHandler(http.server.SimpleHTTPRequestHandler):
+    """A file server that knows ranges, and counts what it sends."""
+
+    sent = 0
+
+    def do_GET(self) -> None:
+        data = (Path(self.directory) / self.path.lstrip("/")).read_bytes()
+        span = self.headers.get("Range", "")
+        status, first, last = 200, 0, len(data) - 1
+        if span.startswith("bytes="):
+            low, high = span[6:].split("-")
+            status, first, last = 206, int(low), min(int(high or last), last)
+        body = data[first : last + 1]
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Accept-Ranges", "bytes")
+        if status == 206:
+            self.send_header("Content-Range", f"bytes {first}-{last}/{len(data)}")
+        self.end_headers()
+        type(self).sent += len(body)
+        self.wfile.write(body)
+
+    def log_message(self, *args: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("assets")
+    lod = umbel.build_lod(umbel.shapes.blob(6, seed=2), precision="14bits")
+    lod.save(folder / "a.umbel", page_bytes=16384)
+    return folder
+
+
+@pytest.fixture
+def server(folder: Path) -> Iterator[str]:
+    RangeHandler.sent = 0
+    handler = functools.partial(RangeHandler, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+def expect_same(asset: umbel.Asset, folder: Path) -> None:
+    given = umbel.Asset(folder / "a.umbel")
+    assert asset.info == given.info
+    cut = asset.cut(triangles=3000)
+    assert np.array_equal(cut, given.cut(triangles=3000))
+    assert np.array_equal(asset.mesh(cut).positions, given.mesh(cut).positions)
+    assert asset.verify(4).ok
+
+
+def test_an_asset_opens_from_a_server_with_few_bytes(server: str, folder: Path) -> None:
+    pytest.importorskip("aiohttp")
+    asset = umbel.Asset(f"{server}/a.umbel")
+    assert RangeHandler.sent == asset.info["head_bytes"] < asset.info["file_bytes"] / 20
+    expect_same(asset, folder)
+    with pytest.raises(umbel.Error, match="cannot open"):
+        umbel.Asset(f"{server}/missing.umbel")
+
+
+def test_an_asset_opens_from_memory_an_archive_and_an_open_file(folder: Path) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    data = (folder / "a.umbel").read_bytes()
+    with fsspec.open("memory://box/a.umbel", "wb") as file:
+        file.write(data)
+    expect_same(umbel.Asset("memory://box/a.umbel"), folder)
+    with zipfile.ZipFile(folder / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("inside/a.umbel", data)
+    expect_same(umbel.Asset(f"zip://inside/a.umbel::file://{folder / 'a.zip'}"), folder)
+    with (folder / "a.umbel").open("rb") as file:
+        expect_same(umbel.Asset(file), folder)
+
+
+def test_a_source_that_fails_or_gives_too_little_is_an_error(folder: Path) -> None:
+    class Broken:
+        def __init__(self, file: object, keep: int) -> None:
+            self.file, self.keep = file, keep
+
+        def seek(self, *args: int) -> int:
+            return self.file.seek(*args)
+
+        def read(self, count: int) -> bytes:
+            if self.keep < 0:
+                raise OSError("the line is dead")
+            return self.file.read(min(count, self.keep))
+
+    with (folder / "a.umbel").open("rb") as file:
+        with pytest.raises(umbel.Error, match="gave 100 bytes"):
+            umbel.Asset(Broken(file, 100))
+        with pytest.raises(umbel.Error, match="the line is dead"):
+            umbel.Asset(Broken(file, -1))
+    with pytest.raises(umbel.Error, match="an open file"):
+        umbel.Asset(17)
+
+
+def test_residency_over_a_server_comes_to_the_ideal_cut(server: str) -> None:
+    pytest.importorskip("aiohttp")
+    asset = umbel.Asset(f"{server}/a.umbel")
+    residency = umbel.Residency(asset)
+    error = 0.005
+    for _ in range(3000):
+        step = residency.step([error])
+        if step["missing_groups"] == 0:
+            break
+        time.sleep(0.005)
+    assert step["worst_error"] <= 1
+    assert np.array_equal(residency.cut(), asset.cut(error=error))
+    said = residency.statistics
+    assert said["resident_pages"] == len(residency.resident_pages)
+    assert said["given_up"] == []
+    residency.close()
+    assert residency.step([error])["missing_groups"] == 0
+
+
+def test_residency_says_what_it_cannot_do(folder: Path) -> None:
+    asset = umbel.Asset(folder / "a.umbel")
+    with pytest.raises(umbel.Error, match="budget"):
+        umbel.Residency(asset, budget=10)
+    residency = umbel.Residency(asset)
+    with pytest.raises(umbel.Error):
+        residency.step([(3, 0.1)])
+    with pytest.raises(umbel.Error, match="negative"):
+        residency.step([-1.0])
+    with pytest.raises(umbel.Error):
+        residency.set_budget(1)
+
+
+def test_several_meshes_instances_and_textures_come_back(tmp_path: Path) -> None:
+    from umbel.io.images import TextureImage
+
+    pixels = tmp_path / "red.png"
+    from PIL import Image
+
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(pixels)
+    material = umbel.Material(
+        name="red",
+        roughness=0.25,
+        emissive=(2.0, 0.5, 0.0),
+        textures={"base_color": {"index": 5, "texCoord": 0}},
+        images={"base_color": TextureImage(path=pixels, wrap_u="clamp", nearest=True)},
+    )
+    blob = umbel.shapes.blob(3, seed=1)
+    painted = umbel.Mesh(
+        blob.positions,
+        blob.triangles,
+        uvs=blob.positions[:, :2].copy(),
+        material_ids=np.zeros(len(blob.triangles), np.uint32),
+        materials=[material],
+    )
+    lods = [umbel.build_lod(painted), umbel.build_lod(umbel.shapes.torus(24, 12))]
+    moved = np.eye(4)
+    moved[:3, 3] = (1, 2, 3)
+    places = [(1, np.eye(4)), (0, moved), (1, 2 * moved[:3])]
+    for textures in ("embed", "external"):
+        umbel.save_asset(tmp_path / "a.umbel", lods, places, textures=textures)
+        asset = umbel.Asset(tmp_path / "a.umbel")
+        assert [mesh for mesh, _ in asset.instances] == [1, 0, 1]
+        for (_, given), (_, stored) in zip(places, asset.instances, strict=True):
+            assert np.array_equal(np.float32(given)[:3], stored)
+        assert len(asset.meshes) == 2
+        for index, lod in enumerate(lods):
+            cut = asset.mesh_tables(index).cut(level=0)
+            assert len(asset.mesh(cut, index).triangles) == asset.meshes[index]["source_triangles"]
+            assert len(lod.clusters) == asset.meshes[index]["clusters"]
+        (again,) = asset.materials
+        assert (again.name, again.roughness, again.emissive) == ("red", 0.25, (2.0, 0.5, 0.0))
+        image = again.images["base_color"]
+        assert (image.wrap_u, image.wrap_v, image.nearest) == ("clamp", "repeat", True)
+        assert (image.path is None) == (textures == "embed")
+        assert np.array_equal(image.texels()[0, 0], [255, 0, 0, 255])
+        assert asset.verify(4).ok
+    umbel.save_asset(tmp_path / "a.umbel", lods, textures="none")
+    assert not umbel.Asset(tmp_path / "a.umbel").materials[0].images
+    with pytest.raises(umbel.Error, match="instance"):
+        umbel.save_asset(tmp_path / "a.umbel", lods, [(2, np.eye(4))])
+    with pytest.raises(umbel.Error, match="shape"):
+        umbel.save_asset(tmp_path / "a.umbel", lods, [(0, np.eye(3))])
+    with pytest.raises(umbel.Error, match="textures"):
+        umbel.save_asset(tmp_path / "a.umbel", lods, textures="some")
