@@ -2,15 +2,7 @@
 
 import { AssetStream } from "umbel";
 import { h } from "./dom";
-import { defaultState } from "./state";
-import type { Viewer } from "./viewer";
-
-declare global {
-  interface Window {
-    /** For tests and for whoever embeds the page. */
-    umbelViewer?: Viewer;
-  }
-}
+import { defaultState, readLink } from "./state";
 
 function say(root: HTMLElement, title: string, message: string): void {
   root.append(
@@ -21,6 +13,7 @@ function say(root: HTMLElement, title: string, message: string): void {
 async function main(): Promise<void> {
   const root = document.getElementById("app") as HTMLElement;
   const state = defaultState();
+  const pose = readLink(location.hash, state);
   // The asset is on its way while the rest of the program is.
   const asset = new URLSearchParams(location.search).get("asset") ?? document.body.dataset.asset;
   const early = asset && AssetStream.open(asset, { budget: state.budget });
@@ -28,8 +21,9 @@ async function main(): Promise<void> {
   try {
     const { Viewer } = await import("./viewer");
     const viewer = new Viewer(root, state);
-    window.umbelViewer = viewer;
-    viewer.start(asset, early || undefined);
+    // For tests, and for whoever embeds the page.
+    Object.assign(globalThis, { umbelViewer: viewer });
+    viewer.start(asset, { pose, early: early || undefined });
   } catch (error) {
     const hasWebGL2 = document.createElement("canvas").getContext("webgl2") !== null;
     root.replaceChildren();

@@ -9,7 +9,7 @@ import { Panel } from "./panel";
 import { CameraPath } from "./path";
 import { pickedCard } from "./picked";
 import { type FrameCounts, Stage } from "./stage";
-import { type CameraPose, type Layout, PIXELS, readLink, type State, writeLink } from "./state";
+import { type CameraPose, type Layout, PIXELS, type State, writeLink } from "./state";
 
 type Source = string | File;
 
@@ -104,9 +104,8 @@ export class Viewer {
   }
 
   /** Shows the asset that the page's address names, which may be on its way already. */
-  start(asset: string | undefined, early: Promise<AssetStream> | undefined): void {
+  start(asset: string | undefined, opening: Opening): void {
     const search = new URLSearchParams(location.search);
-    const pose = readLink(location.hash, this.state);
     this.other = search.get("compare") ?? undefined;
     if (this.other && this.state.layout === "single") this.state.layout = "wipe";
     this.panel.update();
@@ -118,7 +117,7 @@ export class Viewer {
       );
       return;
     }
-    void this.open(asset, { pose, early });
+    void this.open(asset, opening);
   }
 
   async open(source: Source, { pose, early }: Opening = {}): Promise<void> {

@@ -190,6 +190,19 @@ describe("streaming", () => {
     expect(watched.last.triangles).toBeGreaterThan(20_000);
   });
 
+  test("goes far coarser without fetching what lies between", async () => {
+    const watched = await Watched.open(new MemorySource(FILE), HUGE);
+    watched.streamer.setViews([cameraView(NEAR, 0.8, 900, 0.5)]);
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    const fine = watched.last.fetchedBytes;
+    const view = cameraView([0, 0, 9], 0.8, 900, 16);
+    watched.streamer.setViews([view]);
+    await watched.until((s) => s.isSettled && s.missingPages === 0);
+    expect(watched.cut).toEqual(select(TABLES, view));
+    expect(watched.last.fetchedBytes - fine).toBeLessThan(fine / 4);
+    expect(watched.problems).toEqual([]);
+  });
+
   test("a budget that shrinks is kept, and one that grows is used", async () => {
     const watched = await Watched.open(new MemorySource(FILE), HUGE);
     const view = cameraView(NEAR, 0.8, 900, 1);

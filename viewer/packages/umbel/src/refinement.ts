@@ -16,7 +16,6 @@ interface Links {
 
 export interface Dag {
   groups: number;
-  level: Uint32Array;
   /** For each group those that its clusters were made from. */
   finer: Links;
   /** For each group those that hold what it was simplified to. */
@@ -44,7 +43,6 @@ export function makeDag({ groups, clusters }: Pick<Tables, "groups" | "clusters"
   }
   return {
     groups: groups.count,
-    level: groups.level,
     finer: links(groups.count, from, to),
     coarser: links(groups.count, to, from),
     hasSource,
@@ -99,24 +97,38 @@ export function keepDrawable(dag: Dag, refined: Uint8Array, isResident: Uint8Arr
   }
 }
 
-/** Takes out of a drawable refinement what is not in `target`, wherever the coarser is here. */
+/**
+ * Takes out of a drawable refinement all that is not in `target`, and puts back what hides groups
+ * that would be drawn then but are not here.
+ */
 export function coarsen(
   dag: Dag,
   refined: Uint8Array,
   target: Uint8Array,
   isResident: Uint8Array,
 ): void {
-  const { finer, coarser, level } = dag;
-  const surplus: number[] = [];
-  for (let g = 0; g < dag.groups; ++g) if (refined[g] && !target[g]) surplus.push(g);
-  surplus.sort((a, b) => level[a] - level[b]);
-  for (const g of surplus) {
-    let canLeave = true;
-    for (let i = finer.offsets[g]; canLeave && i < finer.offsets[g + 1]; ++i)
-      canLeave = refined[finer.targets[i]] === 0;
-    for (let i = coarser.offsets[g]; canLeave && i < coarser.offsets[g + 1]; ++i)
-      canLeave = isResident[coarser.targets[i]] !== 0;
-    if (canLeave) refined[g] = 0;
+  const { finer, coarser } = dag;
+  const adding: number[] = [];
+  const toHide: number[] = [];
+  const checkLater = (group: number) => {
+    if (!isResident[group]) toHide.push(group);
+  };
+  for (let g = 0; g < dag.groups; ++g) {
+    refined[g] &= target[g];
+    if (refined[g]) checkLater(g);
+  }
+  const add = (group: number) => {
+    if (refined[group]) return;
+    refined[group] = 1;
+    adding.push(group);
+  };
+  for (let hidden = toHide.pop(); hidden !== undefined; hidden = toHide.pop()) {
+    if (!isDrawn(dag, refined, hidden)) continue;
+    for (let i = finer.offsets[hidden]; i < finer.offsets[hidden + 1]; ++i) add(finer.targets[i]);
+    for (let g = adding.pop(); g !== undefined; g = adding.pop()) {
+      checkLater(g);
+      for (let i = coarser.offsets[g]; i < coarser.offsets[g + 1]; ++i) add(coarser.targets[i]);
+    }
   }
 }
 

@@ -1,0 +1,28 @@
+import { defineConfig } from "@playwright/test";
+
+// The system's Chromium, with WebGL2 in software.
+export default defineConfig({
+  testDir: "tests/browser",
+  globalSetup: "./tests/browser/setup.ts",
+  outputDir: "../build/viewer/browser",
+  snapshotPathTemplate: "{testDir}/pictures/{arg}{ext}",
+  workers: 1,
+  timeout: 60_000,
+  expect: { timeout: 20_000, toMatchSnapshot: { maxDiffPixelRatio: 0.02, threshold: 0.15 } },
+  reporter: [["list"]],
+  use: {
+    viewport: { width: 720, height: 360 },
+    colorScheme: "light",
+    launchOptions: {
+      executablePath: process.env.UMBEL_CHROMIUM ?? "/usr/bin/chromium",
+      args: [
+        "--headless",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--js-flags=--expose-gc",
+      ],
+    },
+  },
+});

@@ -1,0 +1,79 @@
+import { readTables } from "../../packages/umbel/src/tables.js";
+import { assetBytes } from "../assets.js";
+import { expect, lookAt, settled, statistics, test } from "./page.js";
+
+const PLANET = "/?asset=planet.umbel";
+const TABLES = readTables(assetBytes("planet"));
+
+test("a host without ranges serves as well", async ({ page, host }) => {
+  host.hasRanges = false;
+  await page.goto(host.url + PLANET);
+  await settled(page);
+  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  expect(host.sent).toBeLessThanOrEqual(2 * assetBytes("planet").length);
+});
+
+test("a damaged page stays coarse and is reported", async ({ page, host }) => {
+  // A page of the finest levels, in the middle of what is seen, is hard to tell: all of level 3.
+  const { first, count } = TABLES.levels[3];
+  host.damage = (bytes) => {
+    for (let g = first; g < first + count; ++g)
+      bytes[TABLES.pages.offset[TABLES.groups.page[g]] + 48] ^= 1;
+  };
+  await page.goto(`${host.url}${PLANET}#pixels=0.5`);
+  await expect(page.locator(".notice")).toContainText("it stays coarse there");
+  const { damagedPages, triangles } = await statistics(page);
+  expect(damagedPages).toBeGreaterThan(0);
+  expect(triangles).toBeGreaterThan(500);
+  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+});
+
+test("what is not there is said to be not there", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=nothing.umbel`);
+  await expect(page.getByRole("alert")).toContainText("Not found");
+  await expect(page.getByRole("alert")).toContainText("There is no file at");
+});
+
+test("another kind of file is said to be that", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=index.html`);
+  await expect(page.getByRole("alert")).toContainText("This is not an .umbel file.");
+});
+
+test("damaged tables are said to be that", async ({ page, host }) => {
+  host.damage = (bytes) => {
+    bytes[700] ^= 1;
+  };
+  await page.goto(host.url + PLANET);
+  await expect(page.getByRole("alert")).toContainText("The file is damaged");
+});
+
+test("a lost connection is said, and what was wanted comes once it is back", async ({
+  page,
+  host,
+}) => {
+  await page.goto(`${host.url}${PLANET}#pixels=32`);
+  const before = await settled(page);
+  host.isDown = true;
+  await page.locator("#pixels").evaluate((input: HTMLInputElement) => {
+    input.value = "0.2";
+    input.dispatchEvent(new Event("input"));
+  });
+  await expect(page.locator(".notice")).toContainText("The connection is lost");
+  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  host.isDown = false;
+  await page.waitForFunction(
+    (few) =>
+      globalThis.umbelViewer?.stage.meshes[0].statistics?.isSettled &&
+      globalThis.umbelViewer.stage.meshes[0].statistics.triangles > 2 * few,
+    before.triangles,
+  );
+  await expect(page.locator(".notice")).toContainText("The connection is back");
+});
+
+test("a browser without WebGL 2 gets a sentence", async ({ page, host }) => {
+  await page.addInitScript(() => {
+    HTMLCanvasElement.prototype.getContext = () => null;
+  });
+  await page.goto(host.url + PLANET);
+  await expect(page.getByRole("alert")).toContainText("It needs WebGL 2");
+});

@@ -1,0 +1,124 @@
+// What the browser's tests share: a host, and questions to the page.
+
+import { join } from "node:path";
+import { test as base, type Page } from "@playwright/test";
+import type { StreamStatistics } from "../../packages/umbel/src/index.js";
+import { ASSETS, ROOT } from "../assets.js";
+import { Host } from "./host.js";
+
+export { expect } from "@playwright/test";
+
+/** The part of the page's viewer that tests ask. */
+interface PageViewer {
+  state: { pixelError: number; look: string };
+  stage: {
+    meshes: {
+      statistics?: StreamStatistics;
+      drawn: { triangles: number; clusters: number; calls: number };
+      pixelError: number;
+      pages: Uint8Array;
+    }[];
+    pose: Pose;
+    height: number;
+    camera: { getEffectiveFOV(): number };
+    setPose(pose: Pose): void;
+  };
+}
+
+export interface Pose {
+  position: [number, number, number];
+  target: [number, number, number];
+}
+
+declare global {
+  var umbelViewer: PageViewer | undefined;
+}
+
+export const test = base.extend<{ host: Host }>({
+  // biome-ignore lint/correctness/noEmptyPattern: Playwright reads the names from the pattern
+  host: async ({}, use) => {
+    const host = new Host([join(ROOT, "viewer/dist"), ASSETS]);
+    await host.start();
+    await use(host);
+    host.stop();
+  },
+});
+
+/** Waits until what is drawn is what is wanted; a few frames more, so that it is on the screen. */
+export async function settled(page: Page): Promise<StreamStatistics> {
+  await page.waitForFunction(() => {
+    const mesh = globalThis.umbelViewer?.stage.meshes[0];
+    const statistics = mesh?.statistics;
+    return mesh && statistics?.isSettled && statistics.triangles > 0 && mesh.drawn.triangles > 0;
+  });
+  await quiet(page);
+  return statistics(page);
+}
+
+/** Waits until the statistics have not changed for some frames. */
+export async function quiet(page: Page): Promise<void> {
+  await page.evaluate(async () => {
+    const frame = () => new Promise((next) => requestAnimationFrame(next));
+    for (let same = 0, last = ""; same < 6; ) {
+      await frame();
+      await new Promise((next) => setTimeout(next, 30));
+      const mesh = globalThis.umbelViewer?.stage.meshes[0];
+      const now = JSON.stringify([
+        mesh?.statistics,
+        mesh?.drawn,
+        globalThis.umbelViewer?.stage.pose,
+      ]);
+      same = now === last ? same + 1 : 0;
+      last = now;
+    }
+  });
+}
+
+export function statistics(page: Page): Promise<StreamStatistics> {
+  return page.evaluate(
+    () => globalThis.umbelViewer?.stage.meshes[0].statistics as StreamStatistics,
+  );
+}
+
+/** Sets a range input, as a hand would. */
+export async function slide(page: Page, selector: string, value: number): Promise<void> {
+  await page.locator(selector).evaluate((input: HTMLInputElement, to) => {
+    input.value = String(to);
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  }, value);
+}
+
+/** The picture alone, without what floats over it. */
+export function canvasPicture(page: Page): Promise<Buffer> {
+  return page.locator(".stage canvas").screenshot();
+}
+
+export interface Look {
+  /** Share of the picture's pixels that are not background. */
+  covered: number;
+  colors: number;
+}
+
+/** What is on the canvas: how much of it is covered and by how many colours. */
+export async function lookAt(page: Page): Promise<Look> {
+  const png = (await canvasPicture(page)).toString("base64");
+  return page.evaluate(async (data) => {
+    const image = await createImageBitmap(
+      await (await fetch(`data:image/png;base64,${data}`)).blob(),
+    );
+    const canvas = new OffscreenCanvas(image.width, image.height);
+    const context = canvas.getContext("2d") as OffscreenCanvasRenderingContext2D;
+    context.drawImage(image, 0, 0);
+    const { data: pixels } = context.getImageData(0, 0, image.width, image.height);
+    const hues = new Set<number>();
+    let covered = 0;
+    for (let i = 0; i < pixels.length; i += 4) {
+      const [r, g, b] = [pixels[i], pixels[i + 1], pixels[i + 2]];
+      // The background is a light grey without a hue, brighter than anything on it.
+      if (Math.min(r, g, b) > 212) continue;
+      ++covered;
+      hues.add(((r >> 5) << 6) | ((g >> 5) << 3) | (b >> 5));
+    }
+    return { covered: (4 * covered) / pixels.length, colors: hues.size };
+  }, png);
+}

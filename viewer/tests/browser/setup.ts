@@ -1,0 +1,5 @@
+import { makeAssets } from "../assets.js";
+
+export default function setup(): void {
+  makeAssets();
+}

@@ -1,0 +1,275 @@
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { cameraView, select } from "../../packages/umbel/src/select.js";
+import { readTables } from "../../packages/umbel/src/tables.js";
+import { ASSETS, assetBytes } from "../assets.js";
+import {
+  canvasPicture,
+  expect,
+  lookAt,
+  type Pose,
+  quiet,
+  settled,
+  slide,
+  statistics,
+  test,
+} from "./page.js";
+
+const PLANET = "/?asset=planet.umbel";
+/** With few triangles, which software draws fast. */
+const COARSE = `${PLANET}#pixels=6`;
+const TABLES = readTables(assetBytes("planet"));
+
+/** Triangles that the library draws from a pose. */
+function libraryTriangles(pose: Pose, fov: number, height: number, pixels: number): number {
+  const view = cameraView(pose.position, (fov * Math.PI) / 180, height, pixels);
+  return select(TABLES, view).reduce((sum, c) => sum + TABLES.clusters.triangles[c], 0);
+}
+
+test("opens, streams and shows", async ({ page, host }) => {
+  const problems: string[] = [];
+  page.on("pageerror", (error) => problems.push(error.message));
+  page.on("console", (message) => {
+    if (message.type() === "error") problems.push(message.text());
+  });
+  await page.goto(host.url + PLANET);
+  const { triangles, fetchedBytes } = await settled(page);
+  expect(triangles).toBeGreaterThan(5000);
+  expect(fetchedBytes).toBeLessThan(assetBytes("planet").length / 2);
+  expect(fetchedBytes).toBe(host.sent);
+  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  await expect(page.locator(".title h1")).toHaveText("planet.umbel");
+  await expect(page.locator(".title p")).toHaveText(
+    `327,680 triangles, ${TABLES.levels.length} levels`,
+  );
+  await expect(page.locator('[data-counter="draws"] .value')).toHaveText("1");
+  expect(problems).toEqual([]);
+});
+
+test("turning and coming closer change the cut", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  const before = await settled(page);
+  await page.mouse.move(210, 180);
+  await page.mouse.wheel(0, -1200);
+  await page.waitForFunction(
+    (triangles) =>
+      (globalThis.umbelViewer?.stage.meshes[0].statistics?.triangles ?? 0) > 1.3 * triangles,
+    before.triangles,
+  );
+  const close = await settled(page);
+  await page.mouse.down();
+  await page.mouse.move(330, 200, { steps: 4 });
+  await page.mouse.up();
+  const turned = await settled(page);
+  expect(turned.fetchedBytes).toBeGreaterThan(close.fetchedBytes);
+});
+
+test("the error slider draws as many triangles as the library says", async ({ page, host }) => {
+  await page.goto(host.url + PLANET);
+  await settled(page);
+  const seen = [];
+  for (const at of [0.1, 0.35, 0.6, 0.85]) {
+    await slide(page, "#pixels", at);
+    const { triangles } = await settled(page);
+    const { pose, fov, height, pixels } = await page.evaluate(() => {
+      const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+      const fov = stage.camera.getEffectiveFOV();
+      return { pose: stage.pose, fov, height: stage.height, pixels: stage.meshes[0].pixelError };
+    });
+    expect(triangles).toBe(libraryTriangles(pose, fov, height, pixels));
+    seen.push(triangles);
+  }
+  expect(seen).toEqual([...seen].sort((a, b) => b - a));
+  expect(new Set(seen).size).toBe(seen.length);
+});
+
+test("the budget is kept along a camera path", async ({ page, host }) => {
+  await page.goto(`${host.url}${PLANET}#pixels=0.5&look=shaded&budget=4`);
+  await settled(page);
+  const most = await page.evaluate(async () => {
+    const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+    let most = 0;
+    for (let i = 0; i < 60; ++i) {
+      const angle = i / 10;
+      const distance = 1.6 + Math.sin(i / 4);
+      stage.setPose({
+        position: [Math.sin(angle) * distance, 0.4, Math.cos(angle) * distance],
+        target: [0, 0, 0],
+      });
+      await new Promise((next) => requestAnimationFrame(next));
+      most = Math.max(most, stage.meshes[0].statistics?.residentBytes ?? 0);
+    }
+    return most;
+  });
+  const { budget, scale } = await settled(page);
+  expect(budget).toBe(4 * 2 ** 20);
+  expect(most).toBeLessThanOrEqual(budget);
+  expect(most).toBeGreaterThan(budget / 2);
+  expect(scale).toBeGreaterThan(1);
+  await expect(page.getByText("The memory allows")).toBeVisible();
+});
+
+test("every look shows something else", async ({ page, host }) => {
+  await page.goto(`${host.url}${COARSE}`);
+  await settled(page);
+  const colors: Record<string, number> = {};
+  const pictures = new Set<string>();
+  for (const look of ["shaded", "clusters", "groups", "levels", "error", "overlap", "pages"]) {
+    await page.locator(`[data-look=${look}]`).click();
+    await quiet(page);
+    colors[look] = (await lookAt(page)).colors;
+    pictures.add((await canvasPicture(page)).toString("base64"));
+  }
+  await page.keyboard.press("1");
+  await page.keyboard.press("w");
+  await quiet(page);
+  pictures.add((await canvasPicture(page)).toString("base64"));
+  expect(pictures.size).toBe(8);
+  expect(colors.clusters).toBeGreaterThan(3 * colors.shaded);
+});
+
+test("pictures are as they were", async ({ page, host }) => {
+  const pose = "eye=1.5,1.2,2.2&target=0,0,0&pixels=6";
+  for (const look of ["shaded", "clusters", "levels"]) {
+    await page.goto("about:blank");
+    await page.goto(
+      `${host.url}${PLANET}#${pose}&look=${look}&wireframe=${Number(look === "levels")}`,
+    );
+    await settled(page);
+    expect(await canvasPicture(page)).toMatchSnapshot(`${look}.png`);
+  }
+});
+
+test("a frozen cut stays while the camera goes", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  const before = await settled(page);
+  await page.keyboard.press("f");
+  await page.mouse.move(210, 180);
+  await page.mouse.wheel(0, -1500);
+  await quiet(page);
+  expect((await statistics(page)).triangles).toBe(before.triangles);
+  await page.keyboard.press("f");
+  expect((await settled(page)).triangles).not.toBe(before.triangles);
+});
+
+test("a click picks a cluster and tells its numbers", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  await page.mouse.click(210, 180);
+  const card = page.locator("#picked");
+  await expect(card.locator("h2")).toHaveText(/^Cluster [\d,]+$/);
+  const cluster = Number(((await card.locator("h2").textContent()) ?? "").replace(/\D/g, ""));
+  await expect(card).toContainText(`Triangles${TABLES.clusters.triangles[cluster]}`);
+  await expect(card).toContainText(`Vertices${TABLES.clusters.vertices[cluster]}`);
+  await page.keyboard.press("Escape");
+  await expect(card).toHaveCount(0);
+  await page.mouse.click(20, 340);
+  await expect(card).toHaveCount(0);
+});
+
+test("a link carries camera and look", async ({ page, host, context }) => {
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  await page.keyboard.press("3");
+  await page.mouse.move(210, 180);
+  await page.mouse.wheel(0, -400);
+  await settled(page);
+  const pose = await page.evaluate(() => globalThis.umbelViewer?.stage.pose as Pose);
+  await page.locator("#share").click();
+  await expect(page.locator(".notice")).toHaveText("Link copied.");
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  const other = await context.newPage();
+  await other.goto(link);
+  await settled(other);
+  const there = await other.evaluate(() => globalThis.umbelViewer?.stage.pose as Pose);
+  for (let i = 0; i < 3; ++i) expect(there.position[i]).toBeCloseTo(pose.position[i], 4);
+  await expect(other.locator("[data-look=groups]")).toHaveAttribute("aria-pressed", "true");
+});
+
+test("side by side and wipe draw the full mesh beside it", async ({ page, host }) => {
+  await page.goto(`${host.url}${COARSE}`);
+  const { triangles } = await settled(page);
+  for (const layout of ["side", "wipe"]) {
+    await page.locator(`[data-layout=${layout}]`).click();
+    await page.waitForFunction(
+      (few) => {
+        const right = globalThis.umbelViewer?.stage.meshes[1];
+        return right?.statistics?.isSettled && right.statistics.triangles > 10 * few;
+      },
+      triangles,
+      { timeout: 30_000 },
+    );
+    await quiet(page);
+    await expect(page.locator(".names")).toContainText("Full mesh");
+  }
+  const full = await page.evaluate(
+    () => globalThis.umbelViewer?.stage.meshes[1].statistics?.triangles,
+  );
+  expect(full).toBe(TABLES.header.sourceTriangles);
+  await page.locator("[data-layout=single]").click();
+  await expect(page.locator(".divider")).toBeHidden();
+});
+
+test("a dropped file opens", async ({ page, host }) => {
+  await page.goto(host.url);
+  await expect(page.getByRole("alert")).toContainText("Drop an .umbel file here");
+  const bytes = readFileSync(join(ASSETS, "blob_16bits_compact.umbel")).toString("base64");
+  const transfer = await page.evaluateHandle(async (data) => {
+    const blob = await (await fetch(`data:application/octet-stream;base64,${data}`)).blob();
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([blob], "blob.umbel"));
+    return transfer;
+  }, bytes);
+  await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
+  await settled(page);
+  await expect(page.locator(".title h1")).toHaveText("blob.umbel");
+});
+
+test("camera paths are recorded, saved and replayed", async ({ page, host }) => {
+  await page.goto(`${host.url}${COARSE}`);
+  await settled(page);
+  await page.keyboard.press("r");
+  await page.mouse.move(210, 180);
+  await page.mouse.down();
+  await page.mouse.move(300, 170, { steps: 4 });
+  await page.mouse.up();
+  await page.waitForTimeout(200);
+  await page.keyboard.press("r");
+  const waiting = page.waitForEvent("download");
+  await page.getByRole("button", { name: "Save path" }).click();
+  const saved = JSON.parse(readFileSync(await (await waiting).path(), "utf-8"));
+  expect(saved.kind).toBe("umbel-camera-path");
+  expect(saved.keys.length).toBeGreaterThan(1);
+  const end: [number, number, number] = saved.keys[saved.keys.length - 1].position;
+  await page.keyboard.press("Home");
+  await page.locator("#replay").click();
+  await page.waitForFunction(
+    (wanted) =>
+      globalThis.umbelViewer?.stage.pose.position.every((x, i) => Math.abs(x - wanted[i]) < 1e-3),
+    end,
+  );
+});
+
+test("a picture is saved", async ({ page, host }) => {
+  await page.goto(`${host.url}${COARSE}`);
+  await settled(page);
+  const waiting = page.waitForEvent("download");
+  await page.keyboard.press("s");
+  const download = await waiting;
+  expect(download.suggestedFilename()).toBe("planet.umbel.png");
+  const png = readFileSync(await download.path());
+  expect(png.subarray(1, 4).toString()).toBe("PNG");
+  expect(png.length).toBeGreaterThan(5000);
+});
+
+test("a phone has the picture first and the settings in a sheet", async ({ page, host }) => {
+  await page.setViewportSize({ width: 390, height: 780 });
+  await page.goto(`${host.url}${COARSE}`);
+  await settled(page);
+  await expect(page.locator("#panel")).toBeHidden();
+  await page.getByRole("button", { name: "Settings" }).click();
+  await expect(page.locator("#panel")).toBeVisible();
+  const { width } = await page.evaluate(() => ({ width: document.documentElement.scrollWidth }));
+  expect(width).toBe(390);
+});
