@@ -5,5 +5,6 @@ export default defineConfig({
     include: ["tests/unit/**/*.test.ts"],
     globalSetup: ["tests/unit/setup.ts"],
     pool: "threads",
+    testTimeout: 30_000,
   },
 });

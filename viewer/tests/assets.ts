@@ -45,12 +45,27 @@ export function assetBytes(name: string): Uint8Array {
 /** What the reference reader and the library say of an asset. */
 export interface Said {
   levels: [number, number][];
-  groups: [number, number, number, number][];
-  spheres: string;
-  clusters: string;
-  boxes: string;
-  geometry: Record<string, Record<string, string>[]>;
+  source_triangles: number;
+  groups: number;
+  triangles: string;
+  pages: Record<string, SaidGroup[]>;
   views: SaidView[];
+}
+
+export interface SaidGroup {
+  group: number;
+  mesh: number;
+  first_cluster: number;
+  level: number;
+  rung: number;
+  parents: number;
+  /** Centre, radius, error. */
+  sphere: string;
+  references: [number, number, number][];
+  made_from: number[];
+  materials: number[];
+  boxes: string;
+  clusters: Record<string, string>[];
 }
 
 export interface SaidView {

@@ -79,25 +79,39 @@ def views(asset: umbel.Asset) -> list[dict[str, Any]]:
 def dump(path: Path) -> None:
     """Writes the JSON beside an asset."""
     reader, asset = Reader(path), umbel.Asset(path)
-    count = len(reader.groups)
-    geometry = {}
-    for group in sorted({0, count // 3, count // 2, count - 1}) if count else []:
-        geometry[group] = [
+    count = len(reader.pages)
+    pages = {}
+    for page in sorted({0, count // 2, count - 1}) if count else []:
+        pages[page] = [
             {
-                name: encoded(value, "<u4" if name == "triangles" else "<f4")
-                for name, value in cluster.items()
+                "group": number,
+                "mesh": group.mesh,
+                "first_cluster": group.first_cluster,
+                "level": group.level,
+                "rung": group.rung,
+                "parents": group.parents,
+                "sphere": encoded([*group.sphere, group.error], "<f4"),
+                "references": [row[:3] for row in group.references],
+                "made_from": group.made_from,
+                "materials": group.materials,
+                "boxes": encoded(group.boxes, "<f4"),
+                "clusters": [
+                    {
+                        name: encoded(value, "<u4" if name == "triangles" else "<f4")
+                        for name, value in cluster.items()
+                    }
+                    for cluster in group.clusters
+                ],
             }
-            for cluster in reader.group(group)
+            for (_, number), group in reader.page(page).items()
         ]
-    clusters = np.array([row[:4] for row in reader.clusters], np.uint32).reshape(-1, 4)
-    boxes = np.array([reader.box(i) for i in range(len(reader.clusters))], np.float32)
+    tables = asset.tables
     said = {
-        "levels": reader.levels,
-        "groups": [[*row[:4]] for row in reader.groups],
-        "spheres": encoded([row[4:9] for row in reader.groups], "<f4"),
-        "clusters": encoded(clusters, "<u4"),
-        "boxes": encoded(boxes, "<f4"),
-        "geometry": geometry,
+        "levels": [list(level) for level in reader.levels],
+        "source_triangles": reader.meshes[0][0] if reader.meshes else 0,
+        "groups": len(tables.groups),
+        "triangles": encoded(tables.clusters["triangle_count"], "<u4"),
+        "pages": pages,
         "views": views(asset),
     }
     path.with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")

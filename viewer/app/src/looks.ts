@@ -78,7 +78,7 @@ function errorFraction(error: number, coarsest: number): number {
 }
 
 function lookTint(look: Look, mesh: UmbelMesh): TintFunction | undefined {
-  const { levels, coarsestError } = mesh.info;
+  const { levels } = mesh.info;
   switch (look) {
     case "clusters":
       return ({ cluster }) => opaque(numberColor(cluster));
@@ -87,7 +87,7 @@ function lookTint(look: Look, mesh: UmbelMesh): TintFunction | undefined {
     case "levels":
       return ({ level }) => opaque(scaleColor(level / Math.max(levels - 1, 1)));
     case "error":
-      return ({ error }) => opaque(scaleColor(errorFraction(error, coarsestError)));
+      return ({ error }) => opaque(scaleColor(errorFraction(error, mesh.coarsestError)));
     case "pages":
       return ({ waits }) => opaque(waits ? WAITS : HERE);
     default:

@@ -13,10 +13,7 @@ export function pickedCard(
   close: () => void,
 ): HTMLElement {
   const size = cluster.box.getSize(new Vector3()).toArray().map(significant).join(" × ");
-  const materials = mesh.info.metadata.materials;
-  const named = Array.isArray(materials)
-    ? (materials[cluster.material] as { name?: string } | undefined)?.name
-    : undefined;
+  const named = mesh.materials.names[cluster.material];
   const pixels = (error: number) =>
     error === Infinity ? "" : ` (${significant(error * pixelsPerUnit)} px)`;
   const rows: [string, string][] = [
@@ -31,6 +28,9 @@ export function pickedCard(
     ["Error", significant(cluster.error) + pixels(cluster.error)],
     ["Once coarser", significant(cluster.groupError) + pixels(cluster.groupError)],
     ["Material", named || String(cluster.material)],
+    ...(mesh.info.instances.length > 1
+      ? ([["Instance", count(cluster.instance)]] as [string, string][])
+      : []),
     ["Box", size],
   ];
   return h(

@@ -7,6 +7,7 @@ import {
   HemisphereLight,
   InstancedMesh,
   LineBasicMaterial,
+  type Material,
   Matrix4,
   MeshBasicMaterial,
   MOUSE,
@@ -127,11 +128,8 @@ export class Stage {
       mesh.setTint(tintOf(look, mesh, this.picked));
       mesh.setLines(wireframe ? this.lineMaterial : undefined);
       mesh.isFrozen = frozen;
-      for (const material of mesh.materials) {
-        material.polygonOffset = wireframe;
-        material.polygonOffsetFactor = 1;
-        material.polygonOffsetUnits = 1;
-      }
+      mesh.onMaterial = (material) => setOffset(material, wireframe);
+      for (const material of mesh.materials.all) setOffset(material, wireframe);
     }
     this.meshes.forEach((mesh, side) => {
       if (mesh && (side === 0 || this.rightFollows)) mesh.pixelError = pixelError;
@@ -165,7 +163,10 @@ export class Stage {
   setPose({ position, target }: CameraPose): void {
     this.camera.position.set(...position);
     this.controls.target.set(...target);
+    // Without damping an update also ends what still turns.
+    this.controls.enableDamping = false;
     this.controls.update();
+    this.controls.enableDamping = true;
     this.ask();
   }
 
@@ -307,10 +308,10 @@ export class Stage {
     this.boxes.count = clusters.length;
     this.boxes.frustumCulled = false;
     const [size, middle, matrix] = [new Vector3(), new Vector3(), new Matrix4()];
-    clusters.forEach(({ box }, i) => {
+    clusters.forEach(({ box, matrix: world }, i) => {
       box.getSize(size);
       box.getCenter(middle);
-      matrix.makeScale(size.x, size.y, size.z).setPosition(middle);
+      matrix.makeScale(size.x, size.y, size.z).setPosition(middle).premultiply(world);
       this.boxes?.setMatrixAt(i, matrix);
     });
     this.scene.add(this.boxes);
@@ -355,4 +356,11 @@ export class Stage {
       copy.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))), "image/png");
     });
   }
+}
+
+/** Moves faces back a little, so that lines on them are seen. */
+function setOffset(material: Material, isBehindLines: boolean): void {
+  material.polygonOffset = isBehindLines;
+  material.polygonOffsetFactor = 1;
+  material.polygonOffsetUnits = 1;
 }

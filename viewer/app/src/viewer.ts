@@ -178,13 +178,13 @@ export class Viewer {
   }
 
   private showTitle(mesh: UmbelMesh, source: Source): void {
-    const { sourceTriangles, levels, metadata } = mesh.info;
+    const { instancedTriangles, levels, metadata } = mesh.info;
     const name =
       typeof metadata.name === "string" && metadata.name ? metadata.name : nameOf(source);
     document.title = `${name} – Umbel`;
     this.title.replaceChildren(
       h("h1", { textContent: name }),
-      h("p", { textContent: `${count(sourceTriangles)} triangles, ${levels} levels` }),
+      h("p", { textContent: `${count(instancedTriangles)} triangles, ${levels} levels` }),
     );
   }
 

@@ -1,8 +1,9 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { cameraView, select } from "../../packages/umbel/src/select.js";
-import { readTables } from "../../packages/umbel/src/tables.js";
-import { ASSETS, assetBytes } from "../assets.js";
+import type { GroupInfo } from "../../packages/umbel/src/page.js";
+import { cameraView } from "../../packages/umbel/src/select.js";
+import { ASSETS, assetBytes, said, words } from "../assets.js";
+import { select, whole } from "../whole.js";
 import {
   canvasPicture,
   expect,
@@ -18,12 +19,14 @@ import {
 const PLANET = "/?asset=planet.umbel";
 /** With few triangles, which software draws fast. */
 const COARSE = `${PLANET}#pixels=6`;
-const TABLES = readTables(assetBytes("planet"));
+const ASSET = whole("planet");
+const LEVELS = said("planet").levels.length;
+const TRIANGLES = words(said("planet").triangles);
 
 /** Triangles that the library draws from a pose. */
 function libraryTriangles(pose: Pose, fov: number, height: number, pixels: number): number {
   const view = cameraView(pose.position, (fov * Math.PI) / 180, height, pixels);
-  return select(TABLES, view).reduce((sum, c) => sum + TABLES.clusters.triangles[c], 0);
+  return select(ASSET, view).reduce((sum, c) => sum + TRIANGLES[c], 0);
 }
 
 test("opens, streams and shows", async ({ page, host }) => {
@@ -39,9 +42,7 @@ test("opens, streams and shows", async ({ page, host }) => {
   expect(fetchedBytes).toBe(host.sent);
   expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
   await expect(page.locator(".title h1")).toHaveText("planet.umbel");
-  await expect(page.locator(".title p")).toHaveText(
-    `327,680 triangles, ${TABLES.levels.length} levels`,
-  );
+  await expect(page.locator(".title p")).toHaveText(`327,680 triangles, ${LEVELS} levels`);
   await expect(page.locator('[data-counter="draws"] .value')).toHaveText("1");
   expect(problems).toEqual([]);
 });
@@ -159,8 +160,12 @@ test("a click picks a cluster and tells its numbers", async ({ page, host }) => 
   const card = page.locator("#picked");
   await expect(card.locator("h2")).toHaveText(/^Cluster [\d,]+$/);
   const cluster = Number(((await card.locator("h2").textContent()) ?? "").replace(/\D/g, ""));
-  await expect(card).toContainText(`Triangles${TABLES.clusters.triangles[cluster]}`);
-  await expect(card).toContainText(`Vertices${TABLES.clusters.vertices[cluster]}`);
+  await expect(card).toContainText(`Triangles${TRIANGLES[cluster]}`);
+  const group = ASSET.catalog.info.find(
+    (info) =>
+      info && info.firstCluster <= cluster && cluster - info.firstCluster < info.clusterCount,
+  ) as GroupInfo;
+  await expect(card).toContainText(`Group${group.group}`);
   await page.keyboard.press("Escape");
   await expect(card).toHaveCount(0);
   await page.mouse.click(20, 340);
@@ -206,7 +211,7 @@ test("side by side and wipe draw the full mesh beside it", async ({ page, host }
   const full = await page.evaluate(
     () => globalThis.umbelViewer?.stage.meshes[1].statistics?.triangles,
   );
-  expect(full).toBe(TABLES.header.sourceTriangles);
+  expect(full).toBe(ASSET.head.meshes[0].sourceTriangles);
   await page.locator("[data-layout=single]").click();
   await expect(page.locator(".divider")).toBeHidden();
 });

@@ -1,18 +1,23 @@
 // What a vertex has, and how its integers become values: the codings of docs/format.md, `ATTR`.
 
-import { UmbelError } from "./errors.js";
+import { corrupt, UmbelError } from "./errors.js";
 
 export type AttributeName = "positions" | "normals" | "tangents" | "uvs" | "colors";
 
-export interface Attribute {
-  name: AttributeName;
+export interface AttributeRow {
+  kind: number;
+  set: number;
   coding: number;
-  bits: number;
-  step: number;
   /** Integers of a vertex. */
   components: number;
-  /** Floats of a vertex, once decoded. */
-  width: number;
+  isSmooth: boolean;
+  bits: number;
+  step: number;
+}
+
+export interface Attribute extends AttributeRow {
+  /** Undefined for what this reader does not know: its integers are decoded and left. */
+  name: AttributeName | undefined;
 }
 
 export type Values = Partial<Record<AttributeName, Float32Array>>;
@@ -24,6 +29,7 @@ const NAMES = new Map<number, AttributeName>([
   [4, "uvs"],
   [8, "colors"],
 ]);
+/** Floats of a vertex, once decoded. */
 const WIDTHS: Record<AttributeName, number> = {
   positions: 3,
   normals: 3,
@@ -39,23 +45,22 @@ const CODINGS: Record<AttributeName, readonly number[]> = {
   colors: [0, 4],
 };
 
-export function makeAttribute(flag: number, coding: number, bits: number, step: number): Attribute {
-  const name = NAMES.get(flag);
-  if (!name || !CODINGS[name].includes(coding) || (coding >= 2 && (bits < 2 || bits > 16)))
-    throw new UmbelError(
-      "version",
-      `The file codes a vertex attribute in a way that this viewer does not know (${flag}, ${coding}, ${bits}).`,
-    );
-  const width = WIDTHS[name];
-  return { name, coding, bits, step, width, components: coding === 2 || coding === 3 ? 2 : width };
+export function makeAttribute(row: AttributeRow): Attribute {
+  const name = row.set === 0 ? NAMES.get(row.kind) : undefined;
+  const isKnown = name !== undefined && CODINGS[name].includes(row.coding);
+  if (isKnown) {
+    const components = row.coding === 2 || row.coding === 3 ? 2 : WIDTHS[name];
+    if (row.components !== components || (row.coding >= 2 && (row.bits < 2 || row.bits > 16)))
+      corrupt(`The file is damaged: its ${name} have an impossible coding.`);
+  } else if (row.kind === 0 && row.set === 0)
+    throw new UmbelError("version", "The file codes positions in a way that is not known here.");
+  return { ...row, name: isKnown ? name : undefined };
 }
 
 /** For each component: 1 if it is predicted by a mean. */
 export function smoothComponents(attributes: readonly Attribute[]): Uint8Array {
   return Uint8Array.from(
-    attributes.flatMap((a) =>
-      Array<number>(a.components).fill(a.name === "positions" || a.name === "uvs" ? 0 : 1),
-    ),
+    attributes.flatMap((a) => Array<number>(a.components).fill(a.isSmooth ? 1 : 0)),
   );
 }
 
@@ -162,14 +167,16 @@ export function decodeValues(
   let at = 0;
   let normalAt = 0;
   let normalBits = 2;
-  for (const { name, coding, bits, step, width, components } of attributes) {
+  for (const { name, coding, bits, step, components } of attributes) {
     const column = { rows, stride, at, count };
     if (name === "normals") {
       normalAt = at;
       normalBits = bits;
     }
-    if (coding === 0) values[name] = floats(column, width);
-    else if (coding === 1) values[name] = steps(column, width, step);
+    if (name === undefined) {
+      // It is left.
+    } else if (coding === 0) values[name] = floats(column, WIDTHS[name]);
+    else if (coding === 1) values[name] = steps(column, WIDTHS[name], step);
     else if (coding === 2) values[name] = normals(column, bits);
     else if (coding === 3) values[name] = tangents(column, bits, normalAt, normalBits);
     else values[name] = colors(column, bits);

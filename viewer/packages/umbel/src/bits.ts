@@ -1,5 +1,7 @@
 // A stream of bits, the lowest of a byte first.
 
+import { corrupt } from "./errors.js";
+
 /** Bytes that a reader may touch behind the last; whoever makes a reader must see that they are. */
 export const BIT_PADDING = 8;
 
@@ -10,7 +12,7 @@ export class BitReader {
   constructor(private readonly view: DataView) {}
 
   /** The next 25 bits or more, lowest first, without taking them. */
-  private peek(): number {
+  peek(): number {
     return this.view.getUint32(this.at >>> 3, true) >>> (this.at & 7);
   }
 
@@ -25,17 +27,21 @@ export class BitReader {
     return value;
   }
 
-  /** How many zeros come before the next one, which is taken too; after `most` (<= 16) zeros, that. */
-  zeros(most: number): number {
-    const word = this.peek() | (1 << most);
-    const count = 31 - Math.clz32(word & -word);
-    this.at += count < most ? count + 1 : most;
-    return count;
+  /** A number below `count`. */
+  below(count: number): number {
+    const value = count < 2 ? 0 : this.take(32 - Math.clz32(count - 1));
+    if (value >= count) corrupt(`a number of a page is ${value}, not below ${count}`);
+    return value;
   }
 
   rice(k: number): number {
-    const quotient = this.zeros(16);
-    if (quotient === 16) return this.take(32);
+    const word = this.peek() | 0x10000;
+    const quotient = 31 - Math.clz32(word & -word);
+    if (quotient === 16) {
+      this.at += 16;
+      return this.take(32);
+    }
+    this.at += quotient + 1;
     return ((quotient << k) | this.take(k)) >>> 0;
   }
 }

@@ -9,20 +9,42 @@ const MAX_GATES = 3 * 256;
 const NO_GATE = 0xffff;
 
 const NEW = 0;
-const AFTER = 1;
-const BEFORE = 2;
+const FROM = 1;
+const INTO = 2;
 const NAMED = 3;
 const NOTHING = 4;
 
-/** Bits of a number below `count`. */
-function bitsBelow(count: number): number {
-  return count < 2 ? 0 : 32 - Math.clz32(count - 1);
+/** What each word of the code says, by its bits as they are read. */
+const WORDS: readonly [string, number, number, number][] = [
+  ["1", NEW, 1, 1],
+  ["011", FROM, 1, 1],
+  ["010", INTO, 1, 1],
+  ["0011", NEW, 0, 1],
+  ["0010", NEW, 1, 0],
+  ["00011", NEW, 0, 0],
+  ["00010", FROM, 1, 0],
+  ["00001", INTO, 0, 1],
+  ["000001", NAMED, 1, 1],
+  ["00000011", NAMED, 0, 1],
+  ["00000010", NAMED, 1, 0],
+  ["00000001", NAMED, 0, 0],
+  ["00000000", NOTHING, 0, 0],
+];
+/** For each next eight bits: length of the word, apex, right, left, in 4, 3, 1 and 1 bits. */
+const TABLE = new Uint16Array(256);
+for (const [word, apex, right, left] of WORDS) {
+  const low = [...word].reduce((sum, bit, i) => sum | (Number(bit) << i), 0);
+  for (let high = 0; high < 1 << (8 - word.length); ++high)
+    TABLE[low | (high << word.length)] = word.length | (apex << 4) | (right << 7) | (left << 8);
 }
 
 /** Decodes one cluster after another; keeps its scratch memory between them. */
 export class TriangleDecoder {
   /** For each vertex of the last cluster: the three that it is predicted from (a, b, across). */
   readonly parents = new Uint8Array(3 * MAX_VERTICES);
+  /** The border edges of the last cluster, from and to, in the order of the walk. */
+  readonly border = new Uint8Array(2 * MAX_GATES);
+  borderEdges = 0;
 
   private readonly gateA = new Uint8Array(MAX_GATES);
   private readonly gateB = new Uint8Array(MAX_GATES);
@@ -48,6 +70,7 @@ export class TriangleDecoder {
     this.vertices = vertices;
     this.opened = 0;
     this.seen = 0;
+    this.borderEdges = 0;
     this.from.fill(NO_GATE);
     this.into.fill(NO_GATE);
     let first = 0;
@@ -57,28 +80,36 @@ export class TriangleDecoder {
       let a: number;
       let b: number;
       let c: number;
+      let right: number;
+      let left: number;
       if (first < this.opened) {
         const gate = first++;
         this.forget(gate);
-        const apex = bits.zeros(NOTHING);
+        const word = TABLE[bits.peek() & 0xff];
+        bits.at += word & 15;
+        const apex = (word >> 4) & 7;
         if (apex === NOTHING) continue;
         a = this.gateA[gate];
         b = this.gateB[gate];
         c = this.apex(apex, gate);
+        right = (word >> 7) & 1;
+        left = word >> 8;
       } else {
         a = this.corner();
         b = this.corner();
         c = this.corner();
-        this.pass(a, b, c);
+        this.pass(a, b, c, bits.take(1));
+        right = -1;
+        left = -1;
       }
       out[at] = base + a;
       out[at + 1] = base + b;
       out[at + 2] = base + c;
       at += 3;
-      this.pass(b, c, a);
-      this.pass(c, a, b);
+      this.pass(b, c, a, right < 0 ? bits.take(1) : right);
+      this.pass(c, a, b, left < 0 ? bits.take(1) : left);
     }
-    while (this.seen < vertices) this.numberAtStart();
+    while (this.seen < vertices) this.numberAfterLast();
   }
 
   private number(a: number, b: number, across: number): number {
@@ -90,29 +121,23 @@ export class TriangleDecoder {
     return vertex;
   }
 
-  private numberAtStart(): number {
+  private numberAfterLast(): number {
     const before = Math.max(this.seen, 1) - 1;
     return this.number(before, before, before);
   }
 
-  private named(): number {
-    const vertex = this.bits.take(bitsBelow(this.seen));
-    if (vertex >= this.seen) corrupt(`a triangle has the local vertex ${vertex} of ${this.seen}`);
-    return vertex;
-  }
-
   private corner(): number {
-    return this.bits.take(1) ? this.numberAtStart() : this.named();
+    return this.bits.take(1) ? this.numberAfterLast() : this.bits.below(this.seen);
   }
 
   private apex(kind: number, gate: number): number {
     const a = this.gateA[gate];
     const b = this.gateB[gate];
     if (kind === NEW) return this.number(a, b, this.gateAcross[gate]);
-    if (kind === NAMED) return this.named();
-    const other = kind === AFTER ? this.from[b] : kind === BEFORE ? this.into[a] : NO_GATE;
+    if (kind === NAMED) return this.bits.below(this.seen);
+    const other = kind === FROM ? this.from[b] : this.into[a];
     if (other === NO_GATE) corrupt("a triangle leans on a gate that is not there");
-    return kind === AFTER ? this.gateB[other] : this.gateA[other];
+    return kind === FROM ? this.gateB[other] : this.gateA[other];
   }
 
   private forget(gate: number): void {
@@ -123,13 +148,13 @@ export class TriangleDecoder {
   }
 
   /** Passes the edge from x to y, opposite to w. */
-  private pass(x: number, y: number, w: number): void {
+  private pass(x: number, y: number, w: number, isGate: number): void {
     let gate = this.from[x];
     if (gate === NO_GATE || this.gateB[gate] !== y) gate = this.into[y];
     if (gate !== NO_GATE && this.gateA[gate] === x) {
       this.gateOpen[gate] = 0;
       this.forget(gate);
-    } else if (this.bits.take(1)) {
+    } else if (isGate) {
       const opened = this.opened++;
       this.from[y] = opened;
       this.into[x] = opened;
@@ -137,6 +162,10 @@ export class TriangleDecoder {
       this.gateB[opened] = x;
       this.gateAcross[opened] = w;
       this.gateOpen[opened] = 1;
+    } else {
+      const edge = this.borderEdges++;
+      this.border[2 * edge] = x;
+      this.border[2 * edge + 1] = y;
     }
   }
 }

@@ -1,11 +1,13 @@
 // Reads, decodes, selects and streams .umbel assets.
 
 export type { Attribute, AttributeName, Values } from "./attributes.js";
+export { Catalog } from "./catalog.js";
 export { UmbelError, type UmbelErrorKind } from "./errors.js";
+export { type Head, NONE, readHead, readHeader } from "./head.js";
 export { bytesPerVertex, packGroup, type RenderGroup } from "./pack.js";
-export { type GroupGeometry, readPage } from "./page.js";
-export { ABSENT, DAMAGED, LOADING, RESIDENT, Residency } from "./residency.js";
-export { type CameraView, cameraView, mustRefine, select, type View } from "./select.js";
+export { type GroupGeometry, type GroupInfo, readPage } from "./page.js";
+export { ABSENT, DAMAGED, LOADING, type MeshView, RESIDENT, Residency } from "./residency.js";
+export { type CameraView, cameraView, mustRefine, type View } from "./select.js";
 export { BlobSource, type ByteSource, type HttpOptions, HttpSource } from "./source.js";
 export { AssetStream } from "./stream.js";
 export {
@@ -16,4 +18,3 @@ export {
   type StreamStatistics,
   type StreamUpdate,
 } from "./streamer.js";
-export { NONE, readHeader, readTables, type Tables } from "./tables.js";

@@ -1,11 +1,14 @@
 // A group as the GPU takes it, and what a program may ask of its clusters.
 
 import type { Attribute } from "./attributes.js";
-import type { GroupGeometry } from "./page.js";
-import { NONE, type Tables } from "./tables.js";
+import type { Catalog } from "./catalog.js";
+import { NONE } from "./head.js";
+import type { GroupGeometry, GroupInfo } from "./page.js";
 
 export interface RenderGroup {
+  /** Groups and clusters of all meshes are numbered through. */
   group: number;
+  mesh: number;
   level: number;
   /** Error once simplified; infinite for a root. */
   error: number;
@@ -34,31 +37,37 @@ export interface RenderGroup {
 /** With the number of the cluster's place on the GPU, which every vertex carries. */
 export function bytesPerVertex(attributes: readonly Attribute[]): number {
   const bytes = { positions: 12, normals: 8, tangents: 0, uvs: 8, colors: 8 };
-  return attributes.reduce((sum, { name }) => sum + bytes[name], 4);
+  return attributes.reduce((sum, { name }) => sum + (name ? bytes[name] : 0), 4);
 }
 
 export const BYTES_PER_TRIANGLE = 12;
 
-export function packGroup(tables: Tables, geometry: GroupGeometry): RenderGroup {
-  const { groups, clusters } = tables;
-  const { group, firstCluster, clusterCount, values } = geometry;
-  const end = firstCluster + clusterCount;
-  const generating = clusters.generating.slice(firstCluster, end);
+/** Bytes that a group takes on the GPU. */
+export function memoryOf(info: GroupInfo, attributes: readonly Attribute[]): number {
+  const { clusterCount, vertexOffsets, triangleOffsets } = info;
+  return (
+    vertexOffsets[clusterCount] * bytesPerVertex(attributes) +
+    triangleOffsets[clusterCount] * BYTES_PER_TRIANGLE
+  );
+}
+
+export function packGroup({ info, indices, values }: GroupGeometry, catalog: Catalog): RenderGroup {
   const packed: RenderGroup = {
-    group,
-    level: groups.level[group],
-    error: groups.error[group],
-    sphere: groups.sphere.slice(4 * group, 4 * group + 4),
-    firstCluster,
-    clusterCount,
-    vertexOffsets: geometry.vertexOffsets,
-    triangleOffsets: geometry.triangleOffsets,
-    indices: geometry.indices,
+    group: info.group,
+    mesh: info.mesh,
+    level: info.level,
+    error: info.error,
+    sphere: Float32Array.from(info.sphere),
+    firstCluster: info.firstCluster,
+    clusterCount: info.clusterCount,
+    vertexOffsets: info.vertexOffsets.slice(),
+    triangleOffsets: info.triangleOffsets.slice(),
+    indices,
     positions: values.positions ?? new Float32Array(0),
-    generating,
-    generatingError: Float32Array.from(generating, (g) => (g === NONE ? 0 : groups.error[g])),
-    material: clusters.material.slice(firstCluster, end),
-    boxes: clusters.box.slice(6 * firstCluster, 6 * end),
+    generating: info.generating.slice(),
+    generatingError: Float32Array.from(info.generating, (g) => (g === NONE ? 0 : catalog.error[g])),
+    material: info.material.slice(),
+    boxes: info.boxes.slice(),
   };
   if (values.normals) packed.normals = packNormals(values.normals);
   if (values.uvs) packed.uvs = values.uvs;

@@ -1,37 +1,66 @@
-// A page of an .umbel file: the geometry of a group, as docs/format.md describes it under "Page".
+// A page of an .umbel file: what some groups say of themselves and of those they were made from, and
+// their geometry, as docs/format.md describes it under "Page".
 
 import { decodeValues, type Values } from "./attributes.js";
 import { BIT_PADDING, BitReader } from "./bits.js";
 import { TriangleDecoder } from "./connectivity.js";
 import { corrupt, UmbelError } from "./errors.js";
-import type { Tables } from "./tables.js";
+import { type Head, NONE, type Reference, readReference } from "./head.js";
+import { SharedVertices } from "./shared_vertices.js";
 import { decodeVertices } from "./vertices.js";
 import { hasChecksum } from "./xxh64.js";
 
-/** The clusters of one group, their vertices and triangles one after the other. */
-export interface GroupGeometry {
+/** What is known of a group once its page was read. Groups and clusters are numbered through. */
+export interface GroupInfo {
   group: number;
+  mesh: number;
+  page: number;
+  level: number;
+  rung: number;
+  parents: number;
+  /** Once simplified; infinite for a root. */
+  error: number;
+  /** Centre and radius. */
+  sphere: readonly [number, number, number, number];
+  /** The groups that its clusters were made from. */
+  references: Reference[];
   firstCluster: number;
   clusterCount: number;
-  /** Where each cluster's vertices begin, and behind the last. */
+  /** Where each cluster's vertices and triangles begin, and behind the last. */
   vertexOffsets: Uint32Array;
-  /** Where each cluster's triangles begin, and behind the last. */
   triangleOffsets: Uint32Array;
+  /** For each cluster the group that it was made from, or NONE. */
+  generating: Uint32Array;
+  material: Uint32Array;
+  /** Lowest and highest corner, six a cluster. */
+  boxes: Float32Array;
+}
+
+export interface GroupGeometry {
+  info: GroupInfo;
   /** Three vertices a triangle, counted from the group's first. */
   indices: Uint32Array;
   values: Values;
 }
 
-const triangles = new TriangleDecoder();
+const GROUP_ROW = 64;
+const CLUSTER_ROW = 24;
 
 /** Decodes the bytes of page `page`; throws an UmbelError of kind "corrupt" if they are damaged. */
-export function readPage(tables: Tables, page: number, bytes: Uint8Array): GroupGeometry[] {
-  const { pages } = tables;
+export function readPage(head: Head, page: number, bytes: Uint8Array): GroupGeometry[] {
+  const { pages } = head;
   const stored = new DataView(pages.checksum.buffer, 8 * page, 8);
   if (bytes.length !== pages.size[page] || !hasChecksum(bytes, stored, 0))
     corrupt(`Page ${page} of the file is damaged.`);
+  const padded = new Uint8Array(bytes.length + BIT_PADDING);
+  padded.set(bytes);
+  const view = new DataView(padded.buffer);
   try {
-    return [readGroup(tables, pages.group[page], bytes)];
+    if (view.getUint32(0, true) !== page || view.getUint32(4, true) !== pages.groups[page])
+      corrupt(`Page ${page} of the file is another.`);
+    return Array.from({ length: pages.groups[page] }, (_, i) =>
+      new GroupReader(head, page, view, 16 + GROUP_ROW * i).read(),
+    );
   } catch (error) {
     if (error instanceof UmbelError) throw error;
     if (error instanceof RangeError) corrupt(`Page ${page} of the file ends too early.`);
@@ -39,67 +68,130 @@ export function readPage(tables: Tables, page: number, bytes: Uint8Array): Group
   }
 }
 
-function readGroup(tables: Tables, group: number, bytes: Uint8Array): GroupGeometry {
-  const { groups, clusters, smooth, attributes } = tables;
-  const padded = new Uint8Array(bytes.length + BIT_PADDING);
-  padded.set(bytes);
-  const view = new DataView(padded.buffer);
-  const stride = smooth.length;
-  const firstCluster = groups.firstCluster[group];
-  const clusterCount = groups.clusterCount[group];
-  if (
-    view.getUint32(0, true) !== group ||
-    view.getUint32(4, true) !== firstCluster ||
-    view.getUint32(8, true) !== clusterCount ||
-    view.getUint32(12, true) !== stride
-  )
-    corrupt(`The page of group ${group} is another's.`);
+const walk = new TriangleDecoder();
 
-  const ranges = { lowest: new Int32Array(stride), bits: new Uint8Array(stride) };
-  for (let i = 0; i < stride; ++i) {
-    ranges.lowest[i] = view.getInt32(16 + 8 * i, true);
-    const width = view.getUint32(20 + 8 * i, true);
-    if (width > 32) corrupt(`The page of group ${group} has a component of ${width} bits.`);
-    ranges.bits[i] = width;
+class GroupReader {
+  private readonly part: DataView;
+  private readonly info: GroupInfo;
+  private readonly componentsAt: number;
+  private readonly clustersAt: number;
+
+  constructor(
+    private readonly head: Head,
+    page: number,
+    view: DataView,
+    row: number,
+  ) {
+    const word = (i: number) => view.getUint32(row + 4 * i, true);
+    const float = (i: number) => view.getFloat32(row + 4 * i, true);
+    const mesh = head.meshes[word(0)];
+    const clusterCount = word(3);
+    if (!mesh || word(1) >= mesh.groups || word(2) + clusterCount > mesh.clusters)
+      corrupt(`A group of page ${page} is not in the file's tables.`);
+    if (word(13) + word(14) > view.byteLength - BIT_PADDING)
+      corrupt(`A group of page ${page} does not lie in it.`);
+    this.part = new DataView(view.buffer, word(13), word(14) + BIT_PADDING);
+    this.componentsAt = 32 * word(7);
+    this.clustersAt = this.componentsAt + 8 * mesh.smooth.length;
+    if (this.clustersAt + CLUSTER_ROW * clusterCount > word(14))
+      corrupt(`A group of page ${page} is larger than its part.`);
+    this.info = {
+      group: mesh.firstGroup + word(1),
+      mesh: word(0),
+      page,
+      firstCluster: mesh.firstCluster + word(2),
+      clusterCount,
+      level: word(4),
+      rung: word(5),
+      parents: word(6),
+      sphere: [float(8), float(9), float(10), float(11)],
+      error: float(12),
+      references: this.references(mesh.firstGroup, mesh.groups, word(7)),
+      vertexOffsets: new Uint32Array(clusterCount + 1),
+      triangleOffsets: new Uint32Array(clusterCount + 1),
+      generating: new Uint32Array(clusterCount),
+      material: new Uint32Array(clusterCount),
+      boxes: new Float32Array(6 * clusterCount),
+    };
   }
 
-  const vertexOffsets = new Uint32Array(clusterCount + 1);
-  const triangleOffsets = new Uint32Array(clusterCount + 1);
-  for (let i = 0; i < clusterCount; ++i) {
-    vertexOffsets[i + 1] = vertexOffsets[i] + clusters.vertices[firstCluster + i];
-    triangleOffsets[i + 1] = triangleOffsets[i] + clusters.triangles[firstCluster + i];
+  read(): GroupGeometry {
+    const { info, part } = this;
+    const { attributes } = this.mesh;
+    for (let i = 0; i < info.clusterCount; ++i) this.readCluster(i);
+    const vertexCount = info.vertexOffsets[info.clusterCount];
+    const indices = new Uint32Array(3 * info.triangleOffsets[info.clusterCount]);
+    const rows = new Int32Array(this.mesh.smooth.length * vertexCount);
+    const shared = new SharedVertices(vertexCount);
+    const ranges = this.ranges();
+    const bits = new BitReader(part);
+    let begin = this.clustersAt + CLUSTER_ROW * info.clusterCount;
+    for (let i = 0; i < info.clusterCount; ++i) {
+      const end = part.getUint32(this.clustersAt + CLUSTER_ROW * i, true);
+      const first = info.vertexOffsets[i];
+      const count = info.vertexOffsets[i + 1] - first;
+      const firstTriangle = info.triangleOffsets[i];
+      const triangles = info.triangleOffsets[i + 1] - firstTriangle;
+      bits.at = 8 * begin;
+      walk.decode(bits, count, triangles, indices, 3 * firstTriangle, first);
+      shared.read(bits, walk, first, count);
+      decodeVertices(
+        bits,
+        this.mesh.smooth,
+        ranges,
+        walk.parents,
+        shared.equal,
+        rows,
+        first,
+        count,
+      );
+      if (Math.ceil(bits.at / 8) !== end) corrupt(`Cluster ${info.firstCluster + i} is damaged.`);
+      begin = end;
+    }
+    return { info, indices, values: decodeValues(attributes, rows, vertexCount) };
   }
-  const vertexCount = vertexOffsets[clusterCount];
-  const indices = new Uint32Array(3 * triangleOffsets[clusterCount]);
-  const rows = new Int32Array(stride * vertexCount);
 
-  const entries = 16 + 8 * stride;
-  const bits = new BitReader(view);
-  let begin = entries + 8 * clusterCount;
-  for (let i = 0; i < clusterCount; ++i) {
-    const end = view.getUint32(entries + 8 * i, true);
-    const v = view.getUint16(entries + 8 * i + 4, true) + 1;
-    const t = view.getUint16(entries + 8 * i + 6, true) + 1;
-    if (
-      v !== vertexOffsets[i + 1] - vertexOffsets[i] ||
-      t !== triangleOffsets[i + 1] - triangleOffsets[i] ||
-      end < begin ||
-      end > bytes.length
-    )
-      corrupt(`Cluster ${firstCluster + i} is not as large in its page as in the tables.`);
-    bits.at = 8 * begin;
-    triangles.decode(bits, v, t, indices, 3 * triangleOffsets[i], vertexOffsets[i]);
-    decodeVertices(bits, smooth, ranges, triangles.parents, v, rows, stride * vertexOffsets[i]);
-    if (Math.ceil(bits.at / 8) !== end) corrupt(`Cluster ${firstCluster + i} is damaged.`);
-    begin = end;
+  private get mesh() {
+    return this.head.meshes[this.info.mesh] as Head["meshes"][number];
   }
-  return {
-    group,
-    firstCluster,
-    clusterCount,
-    vertexOffsets,
-    triangleOffsets,
-    indices,
-    values: decodeValues(attributes, rows, vertexCount),
-  };
+
+  private references(firstGroup: number, groups: number, count: number): Reference[] {
+    if (32 * count > this.part.byteLength) corrupt("A group's references do not lie in its part.");
+    return Array.from({ length: count }, (_, i) => {
+      const reference = readReference(this.part, 32 * i, firstGroup);
+      if (reference.group - firstGroup >= groups || reference.page >= this.head.pages.count)
+        corrupt("A group was made from one that is not there.");
+      return reference;
+    });
+  }
+
+  private ranges(): { lowest: Int32Array; bits: Uint8Array } {
+    const count = this.mesh.smooth.length;
+    const ranges = { lowest: new Int32Array(count), bits: new Uint8Array(count) };
+    for (let i = 0; i < count; ++i) {
+      ranges.lowest[i] = this.part.getInt32(this.componentsAt + 8 * i, true);
+      const width = this.part.getUint32(this.componentsAt + 8 * i + 4, true);
+      if (width > 32) corrupt(`Group ${this.info.group} has a component of ${width} bits.`);
+      ranges.bits[i] = width;
+    }
+    return ranges;
+  }
+
+  private readCluster(i: number): void {
+    const { info, part } = this;
+    const { low, high } = this.mesh;
+    const row = this.clustersAt + CLUSTER_ROW * i;
+    info.vertexOffsets[i + 1] = info.vertexOffsets[i] + part.getUint8(row + 4) + 1;
+    info.triangleOffsets[i + 1] = info.triangleOffsets[i] + part.getUint8(row + 5) + 1;
+    const from = part.getUint16(row + 6, true);
+    if (from !== 0xffff && from >= info.references.length)
+      corrupt(`Cluster ${info.firstCluster + i} was made from no group of the page.`);
+    info.generating[i] = from === 0xffff ? NONE : (info.references[from] as Reference).group;
+    info.material[i] = part.getUint32(row + 8, true);
+    for (let j = 0; j < 6; ++j) {
+      const axis = j % 3;
+      const q = part.getUint16(row + 12 + 2 * j, true);
+      info.boxes[6 * i + j] = low[axis] + (high[axis] - low[axis]) * (q / 65535);
+    }
+  }
 }

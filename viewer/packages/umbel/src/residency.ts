@@ -1,13 +1,14 @@
 // Which pages are here, which to fetch next and which to let go, under a budget of bytes.
 //
-// What is wanted is found by selection; of that, the coarse comes first where it is much cheaper,
-// so that something is seen soon. What does not fit the budget is wanted coarser: the allowed
-// error grows for all alike until it does. A page that is drawn, or that the coarsest picture
-// needs, never leaves.
+// What is wanted is found by selection among the groups that are known; pages make more known. What
+// does not fit the budget is wanted coarser: the allowed error grows for all alike until it does. A
+// page that is drawn, or that holds the coarsest picture, never leaves.
 
-import { type Dag, isDrawn, keepDrawable, makeDag, settle } from "./refinement.js";
-import { distanceOutside, refinedGroups, type View } from "./select.js";
-import type { Tables } from "./tables.js";
+import { Catalog } from "./catalog.js";
+import type { Head } from "./head.js";
+import type { GroupInfo } from "./page.js";
+import { isDrawn, keepDrawable, settle } from "./refinement.js";
+import { distanceOutside, type View } from "./select.js";
 
 export const ABSENT = 0;
 export const LOADING = 1;
@@ -21,30 +22,40 @@ const LEAST_THRESHOLD = 2 ** -20;
 const LEAST_ERROR = 2 ** -40;
 /** Of the budget, for what is wanted; the rest is for what is drawn until that is here. */
 const SHARE = 0.75;
-/** The allowed errors, in multiples, that are fetched one after the other. */
-const STAGES = [64, 8, 1];
-/** A coarser stage is fetched first if what it lacks is so many times less. */
-const CHEAPER = 3;
+const LEAST_SHARE = 0.02;
+/** Bytes that a page takes for each byte in the file, until a page was read. */
+const FIRST_GROWTH = 10;
 
-interface ViewState {
+/** What is to be seen of a mesh. */
+export interface MeshView {
+  mesh: number;
   view: View;
+}
+
+interface ViewState extends MeshView {
   /** The groups to refine, and those refined in what is drawn. */
   target: Uint8Array;
   refined: Uint8Array;
 }
 
 export class Residency {
-  readonly dag: Dag;
+  readonly catalog: Catalog;
   readonly state: Uint8Array;
-  /** Bytes that each page takes once it is here. */
-  readonly pageBytes: Float64Array;
   /** Bytes of what is here or on its way. */
   bytes = 0;
   /** How many times the wanted error is allowed, to meet the budget. */
   scale = 1;
-  /** Bytes, file bytes and number of pages of the cut that is wanted. */
+  /**
+   * Memory of the cut that is wanted, file bytes of all pages that tell of its groups, and pages of
+   * it that are not here yet.
+   */
   wanted = { bytes: 0, fileBytes: 0, missing: 0 };
 
+  /** Bytes that each page takes once it is here; guessed until it was read. */
+  private readonly pageBytes: Float64Array;
+  private growth = FIRST_GROWTH;
+  private readBytes = 0;
+  private readFileBytes = 0;
   private readonly isResident: Uint8Array;
   private readonly isPinned: Uint8Array;
   private readonly lastUse: Float64Array;
@@ -52,41 +63,43 @@ export class Residency {
   private queue = new Set<number>();
   private isWanted: Uint8Array;
   private tick = 0;
+  /** Of the budget, what is wanted may take; less while what is drawn stands in its way. */
+  private share = SHARE;
 
+  /** @param memoryOf the bytes that a group takes */
   constructor(
-    private readonly tables: Tables,
+    private readonly head: Head,
     private budget: number,
-    bytesPerVertex: number,
-    bytesPerTriangle: number,
+    private readonly memoryOf: (info: GroupInfo) => number,
   ) {
-    this.dag = makeDag(tables);
-    const { pages, groups, clusters } = tables;
-    this.state = new Uint8Array(pages.count);
-    this.pageBytes = new Float64Array(pages.count);
-    this.lastUse = new Float64Array(pages.count);
-    this.isPinned = new Uint8Array(pages.count);
-    this.isWanted = new Uint8Array(pages.count);
-    this.isResident = new Uint8Array(groups.count);
-    for (let g = 0; g < groups.count; ++g) {
-      const end = groups.firstCluster[g] + groups.clusterCount[g];
-      for (let c = groups.firstCluster[g]; c < end; ++c)
-        this.pageBytes[groups.page[g]] +=
-          clusters.vertices[c] * bytesPerVertex + clusters.triangles[c] * bytesPerTriangle;
-      if (groups.error[g] === Infinity) this.isPinned[groups.page[g]] = 1;
-    }
+    this.catalog = new Catalog(head);
+    const { count } = head.pages;
+    this.state = new Uint8Array(count);
+    this.pageBytes = new Float64Array(count);
+    this.lastUse = new Float64Array(count);
+    this.isPinned = new Uint8Array(count);
+    this.isWanted = new Uint8Array(count);
+    this.isResident = new Uint8Array(head.groups);
+    for (const { roots } of head.meshes) for (const { page } of roots) this.isPinned[page] = 1;
   }
 
   setBudget(bytes: number): void {
     this.budget = bytes;
+    this.share = SHARE;
   }
 
-  setViews(views: readonly View[]): void {
-    const { count } = this.tables.groups;
-    this.views = views.map((view, i) => ({
-      view,
-      target: this.views[i]?.target ?? new Uint8Array(count),
-      refined: this.views[i]?.refined ?? new Uint8Array(count),
-    }));
+  setViews(views: readonly MeshView[]): void {
+    this.share = Math.min(1.1 * this.share, SHARE);
+    const { count } = this.catalog;
+    this.views = views.map(({ mesh, view }, i) => {
+      const before = this.views[i]?.mesh === mesh ? this.views[i] : undefined;
+      return {
+        mesh,
+        view,
+        target: before?.target ?? new Uint8Array(count),
+        refined: before?.refined ?? new Uint8Array(count),
+      };
+    });
   }
 
   get viewCount(): number {
@@ -95,36 +108,38 @@ export class Residency {
 
   /** The groups that are refined in what is drawn of a view. */
   refined(view: number): Uint8Array {
-    return this.views[view].refined;
+    return (this.views[view] as ViewState).refined;
   }
 
-  /** The groups that should be. */
-  target(view: number): Uint8Array {
-    return this.views[view].target;
+  /** Whether a group that is not refined in what is drawn of a view should be. */
+  waits(view: number, group: number): boolean {
+    const state = this.views[view] as ViewState;
+    if (this.catalog.info[group]) return state.target[group] === 1;
+    return this.catalog.mustRefine(group, scaled(state.view, this.scale));
   }
 
   /** Whether everything wanted is drawn. */
   get isSettled(): boolean {
+    if (this.wanted.missing > 0) return false;
     return this.views.every(({ target, refined }) => target.every((t, g) => t === refined[g]));
   }
 
-  /** Decides anew what is wanted and what to fetch, and lets go what must leave for it. */
-  plan(): void {
+  /** Decides anew what is wanted, what to fetch and what is drawn; whether that has changed. */
+  plan(): boolean {
     ++this.tick;
     this.fitScale();
-    const fine = this.targets(this.scale);
+    const { targets, needed } = this.wants(this.scale);
     this.views.forEach((state, i) => {
-      state.target = fine[i];
+      state.target = targets[i] as Uint8Array;
     });
-    this.settle();
-    this.makeQueue(fine);
+    this.makeQueue(needed);
+    return this.settle();
   }
 
-  /** Decides anew what is drawn of the views; whether that has changed. */
-  settle(): boolean {
+  private settle(): boolean {
     let changed = false;
     for (const state of this.views) {
-      const refined = settle(this.dag, state.target, state.refined, this.isResident);
+      const refined = settle(this.catalog, state.target, state.refined, this.isResident);
       changed ||= refined.some((r, g) => r !== state.refined[g]);
       state.refined = refined;
     }
@@ -138,12 +153,10 @@ export class Residency {
         this.queue.delete(page);
         continue;
       }
-      const evicted = this.makeRoom(this.pageBytes[page]);
+      const evicted = this.makeRoom(this.memoryOfPage(page));
       // Without its roots nothing could be drawn at all, however small the budget.
       if (!evicted && !this.isPinned[page]) return undefined;
-      this.queue.delete(page);
-      this.state[page] = LOADING;
-      this.bytes += this.pageBytes[page];
+      this.load(page);
       return { page, evicted: evicted ?? [] };
     }
     return undefined;
@@ -152,18 +165,41 @@ export class Residency {
   /** Takes `page` too, if it is among those to fetch and there is room without eviction. */
   takeAlso(page: number): boolean {
     if (!this.queue.has(page) || this.state[page] !== ABSENT) return false;
-    if (this.bytes + this.pageBytes[page] > this.budget) return false;
-    this.queue.delete(page);
-    this.state[page] = LOADING;
-    this.bytes += this.pageBytes[page];
+    if (this.bytes + this.memoryOfPage(page) > this.budget) return false;
+    this.load(page);
     return true;
   }
 
-  arrived(page: number): void {
+  private load(page: number): void {
+    this.queue.delete(page);
+    this.state[page] = LOADING;
+    this.pageBytes[page] = this.memoryOfPage(page);
+    this.bytes += this.pageBytes[page];
+  }
+
+  /**
+   * A page was read. The pages that leave for it, which may be itself if it is larger than it was
+   * thought to be: then it is known, but not here.
+   */
+  arrived(page: number, infos: readonly GroupInfo[]): number[] {
+    this.catalog.add(page, infos);
+    const memory = infos.reduce((sum, info) => sum + this.memoryOf(info), 0);
+    this.readBytes += memory;
+    this.readFileBytes += this.head.pages.size[page];
+    this.growth = this.readBytes / Math.max(this.readFileBytes, 1);
+    this.bytes -= this.pageBytes[page];
+    this.pageBytes[page] = memory;
+    const evicted = this.makeRoom(memory);
+    if (!evicted && !this.isPinned[page]) {
+      this.state[page] = ABSENT;
+      return [page];
+    }
+    this.bytes += memory;
     this.state[page] = RESIDENT;
-    if (this.isWanted[page]) --this.wanted.missing;
     this.lastUse[page] = this.tick;
-    this.markGroups(page, 1);
+    if (this.isWanted[page]) --this.wanted.missing;
+    for (const { group } of infos) this.isResident[group] = 1;
+    return evicted ?? [];
   }
 
   /** The page could not be had: for now, or for good. */
@@ -179,17 +215,17 @@ export class Residency {
 
   /**
    * When what is drawn leaves no room for what is wanted: draws only what is wanted or coarser,
-   * and allows more error if that was so already.
+   * and wants less if that was so already.
    */
   unblock(): void {
     let changed = false;
     for (const state of this.views) {
       const refined = state.target.slice();
-      keepDrawable(this.dag, refined, this.isResident);
+      keepDrawable(this.catalog, refined, this.isResident);
       changed ||= refined.some((r, g) => r !== state.refined[g]);
       state.refined = refined;
     }
-    if (!changed) this.scale = Math.min(this.scale * STEP, LARGEST_SCALE);
+    if (!changed) this.share = Math.max(0.85 * this.share, LEAST_SHARE);
   }
 
   /** Whether something is still to be fetched, now or once there is room. */
@@ -198,36 +234,47 @@ export class Residency {
     return false;
   }
 
-  private markGroups(page: number, value: number): void {
-    for (const group of groupsOf(this.tables, page)) this.isResident[group] = value;
+  private memoryOfPage(page: number): number {
+    return this.catalog.groupsOfPage[page]
+      ? (this.pageBytes[page] as number)
+      : this.head.pages.size[page] * this.growth;
   }
 
-  private targets(scale: number): Uint8Array[] {
-    return this.views.map(({ view }) => {
-      const target = new Uint8Array(this.tables.groups.count);
-      refinedGroups(this.tables, scaled(view, scale), (group) => {
+  /** What the views refine at a scale of the error, and the pages that are needed for it. */
+  private wants(scale: number): { targets: Uint8Array[]; needed: Uint8Array } {
+    const { catalog } = this;
+    const needed = new Uint8Array(this.state.length);
+    const targets = this.views.map(({ mesh, view }) => {
+      const target = new Uint8Array(catalog.count);
+      catalog.walk(mesh, scaled(view, scale), (group) => {
+        if (!catalog.info[group]) {
+          needed[catalog.page[group]] = 1;
+          return false;
+        }
         target[group] = 1;
+        return true;
       });
       return target;
     });
+    this.addDrawn(targets, needed);
+    return { targets, needed };
   }
 
-  /** The pages that some targets draw from. */
-  private needed(targets: readonly Uint8Array[]): Uint8Array {
-    const needed = new Uint8Array(this.tables.pages.count);
-    const { page } = this.tables.groups;
-    for (const target of targets)
-      for (let g = 0; g < target.length; ++g)
-        if (target[g] && !needed[page[g]] && isDrawn(this.dag, target, g)) needed[page[g]] = 1;
-    return needed;
-  }
-
-  private bytesOf(needed: Uint8Array): number {
-    return needed.reduce((sum, is, page) => (is ? sum + this.pageBytes[page] : sum), 0);
+  /** Adds the pages that some refinements draw from. */
+  private addDrawn(refinements: readonly Uint8Array[], needed: Uint8Array): void {
+    const { page } = this.catalog;
+    for (const refined of refinements)
+      for (let g = 0; g < refined.length; ++g)
+        if (refined[g] && !needed[page[g]] && isDrawn(this.catalog, refined, g))
+          needed[page[g]] = 1;
   }
 
   private fits(scale: number): boolean {
-    return this.bytesOf(this.needed(this.targets(scale))) <= SHARE * this.budget;
+    const { needed } = this.wants(scale);
+    let bytes = 0;
+    for (let page = 0; page < needed.length; ++page)
+      if (needed[page]) bytes += this.memoryOfPage(page);
+    return bytes <= this.share * this.budget;
   }
 
   private fitScale(): void {
@@ -240,60 +287,51 @@ export class Residency {
     }
   }
 
-  private makeQueue(fine: readonly Uint8Array[]): void {
-    const stages = STAGES.map((factor) => {
-      const targets = factor === 1 ? fine : this.targets(this.scale * factor);
-      const needed = this.needed(targets);
-      const missing: number[] = [];
-      let missingBytes = 0;
-      for (let page = 0; page < needed.length; ++page) {
-        if (!needed[page]) continue;
-        this.lastUse[page] = this.tick;
-        if (this.state[page] === RESIDENT) continue;
-        missingBytes += this.pageBytes[page];
-        if (this.state[page] === ABSENT) missing.push(page);
-      }
-      return { needed, missing, missingBytes };
-    });
-    const last = stages[stages.length - 1];
-    this.isWanted = last.needed;
+  private makeQueue(needed: Uint8Array): void {
+    this.isWanted = needed;
     this.wanted = { bytes: 0, fileBytes: 0, missing: 0 };
-    last.needed.forEach((is, page) => {
-      if (!is) return;
-      this.wanted.bytes += this.pageBytes[page];
-      this.wanted.fileBytes += this.tables.pages.size[page];
+    const missing: number[] = [];
+    for (let page = 0; page < needed.length; ++page) {
+      if (!needed[page] || this.state[page] === DAMAGED) continue;
+      this.lastUse[page] = this.tick;
+      this.wanted.bytes += this.memoryOfPage(page);
       if (this.state[page] !== RESIDENT) ++this.wanted.missing;
-    });
-    const queued = new Set<number>();
-    for (let page = 0; page < this.isPinned.length; ++page)
-      if (this.isPinned[page]) queued.add(page);
-    for (let i = 0; i < stages.length; ++i) {
-      const next = stages[i + 1];
-      if (next && stages[i].missingBytes * CHEAPER > next.missingBytes) continue;
-      for (const page of this.byPriority(stages[i].missing)) queued.add(page);
+      if (this.state[page] === ABSENT) missing.push(page);
     }
-    this.queue = queued;
+    this.queue = new Set(this.byPriority(missing));
+    this.wanted.fileBytes = this.fileBytes(needed);
+  }
+
+  private fileBytes(needed: Uint8Array): number {
+    const told = needed.slice();
+    for (const { target } of this.views)
+      for (let g = 0; g < target.length; ++g) if (target[g]) told[this.catalog.page[g]] = 1;
+    let bytes = 0;
+    for (let page = 0; page < told.length; ++page)
+      if (told[page]) bytes += this.head.pages.size[page];
+    return bytes;
   }
 
   /** Coarse before fine, and near before far. */
   private byPriority(pages: readonly number[]): number[] {
-    const urgency = new Map(pages.map((page) => [page, this.urgency(page)]));
+    if (pages.length < 2) return [...pages];
+    const urgency = new Map<number, number>();
+    for (let group = 0; group < this.catalog.count; ++group) {
+      const page = this.catalog.page[group];
+      if (this.isWanted[page] && this.state[page] === ABSENT)
+        urgency.set(page, Math.max(urgency.get(page) ?? 0, this.urgency(group)));
+    }
     return [...pages].sort((a, b) => (urgency.get(b) ?? 0) - (urgency.get(a) ?? 0));
   }
 
-  private urgency(page: number): number {
-    const { groups } = this.tables;
+  private urgency(group: number): number {
+    const { spheres } = this.catalog;
+    const error = Math.min(this.catalog.error[group], 3e38);
     let most = 0;
-    for (const group of groupsOf(this.tables, page)) {
-      const error = Math.min(groups.error[group], 3e38);
-      for (const { view } of this.views) {
-        if (view.kind !== "camera") most = Math.max(most, error);
-        else {
-          const [x, y, z] = view.eye;
-          const distance = distanceOutside(groups.sphere, group, x, y, z);
-          most = Math.max(most, error / Math.max(distance, groups.sphere[4 * group + 3] * 0.1));
-        }
-      }
+    for (const { view } of this.views) {
+      if (view.kind !== "camera") return error;
+      const distance = distanceOutside(spheres, group, view.eye);
+      most = Math.max(most, error / Math.max(distance, spheres[4 * group + 3] * 0.1));
     }
     return most;
   }
@@ -301,7 +339,11 @@ export class Residency {
   /** Lets go the pages unused for longest until `bytes` fit; undefined if they cannot. */
   private makeRoom(bytes: number): number[] | undefined {
     if (this.bytes + bytes <= this.budget) return [];
-    const inUse = this.inUse();
+    const inUse = new Uint8Array(this.state.length);
+    this.addDrawn(
+      this.views.map(({ refined }) => refined),
+      inUse,
+    );
     const idle: number[] = [];
     for (let page = 0; page < this.state.length; ++page)
       if (this.state[page] === RESIDENT && !inUse[page] && !this.isPinned[page]) idle.push(page);
@@ -317,20 +359,11 @@ export class Residency {
     if (bytes > 0 && this.bytes - freed + bytes > this.budget) return undefined;
     for (const page of evicted) {
       this.state[page] = ABSENT;
-      this.markGroups(page, 0);
+      for (const group of this.catalog.groupsOfPage[page] ?? []) this.isResident[group] = 0;
     }
     this.bytes -= freed;
     return evicted;
   }
-
-  /** The pages that what is drawn needs. */
-  private inUse(): Uint8Array {
-    return this.needed(this.views.map(({ refined }) => refined));
-  }
-}
-
-export function groupsOf({ pages }: Tables, page: number): number[] {
-  return [pages.group[page]];
 }
 
 function scaled(view: View, scale: number): View {

@@ -1,7 +1,5 @@
-// Selection of a cut: which groups must be refined, seen from a view, and so which clusters are
-// drawn. The arithmetic is that of docs/lod.md, "to the last bit", in binary32.
-
-import { NONE, type Tables } from "./tables.js";
+// Selection of a cut: which groups must be refined, seen from a view, and what of that is in the
+// picture. The arithmetic is that of docs/selection.md, "to the last bit", in binary32.
 
 export interface CameraView {
   kind: "camera";
@@ -16,6 +14,9 @@ export interface CameraView {
 }
 
 export type View = { kind: "error"; error: number } | CameraView | { kind: "level"; level: number };
+
+/** Spheres of four floats each: centre and radius. */
+export type Spheres = Float32Array;
 
 const f = Math.fround;
 const LARGEST = f(3.4028234663852886e38);
@@ -46,94 +47,69 @@ function lengthOf(x: number, y: number, z: number): number {
 
 /** Distance from a point to sphere `i`, 0 inside it. */
 export function distanceOutside(
-  sphere: Float32Array,
+  spheres: Spheres,
   i: number,
-  x: number,
-  y: number,
-  z: number,
+  [x, y, z]: readonly [number, number, number],
 ): number {
   const at = 4 * i;
-  const dx = f(sphere[at] - x);
-  const dy = f(sphere[at + 1] - y);
-  const dz = f(sphere[at + 2] - z);
-  return Math.max(f(Math.min(lengthOf(dx, dy, dz), LARGEST) - sphere[at + 3]), 0);
+  const dx = f(spheres[at] - x);
+  const dy = f(spheres[at + 1] - y);
+  const dz = f(spheres[at + 2] - z);
+  return Math.max(f(Math.min(lengthOf(dx, dy, dz), LARGEST) - spheres[at + 3]), 0);
+}
+
+/** Whether a group's simplified form is not good enough. */
+export function mustRefine(
+  spheres: Spheres,
+  i: number,
+  error: number,
+  level: number,
+  view: View,
+): boolean {
+  if (error === Infinity) return true;
+  if (view.kind === "level") return level >= view.level;
+  if (view.kind === "error") return error > f(view.error);
+  const isHidden = view.planes !== undefined && isSphereOutside(view.planes, spheres, i);
+  const threshold = isHidden ? view.threshold * (view.offscreen ?? 1) : view.threshold;
+  return error > f(f(threshold) * distanceOutside(spheres, i, view.eye));
+}
+
+function side(planes: ArrayLike<number>, p: number, x: number, y: number, z: number): number {
+  return f(f(f(f(planes[p] * x) + f(planes[p + 1] * y)) + f(planes[p + 2] * z)) + planes[p + 3]);
 }
 
 /** Whether sphere `i` lies outside one of the planes. */
-export function isOutside(planes: Float32Array, sphere: Float32Array, i: number): boolean {
+export function isSphereOutside(planes: ArrayLike<number>, spheres: Spheres, i: number): boolean {
   const at = 4 * i;
+  for (let p = 0; p < planes.length; p += 4)
+    if (side(planes, p, spheres[at], spheres[at + 1], spheres[at + 2]) < -spheres[at + 3])
+      return true;
+  return false;
+}
+
+/** Whether a box (lowest and highest corner) lies outside one of the planes. */
+export function isBoxOutside(planes: ArrayLike<number>, box: ArrayLike<number>, at = 0): boolean {
   for (let p = 0; p < planes.length; p += 4) {
-    const distance =
-      planes[p] * sphere[at] +
-      planes[p + 1] * sphere[at + 1] +
-      planes[p + 2] * sphere[at + 2] +
-      planes[p + 3];
-    if (distance < -sphere[at + 3]) return true;
+    const x = box[at + (planes[p] >= 0 ? 3 : 0)];
+    const y = box[at + (planes[p + 1] >= 0 ? 4 : 1)];
+    const z = box[at + (planes[p + 2] >= 0 ? 5 : 2)];
+    if (side(planes, p, x, y, z) < 0) return true;
   }
   return false;
 }
 
-function tooLarge(sphere: Float32Array, i: number, error: number, view: View): boolean {
-  if (error === Infinity) return true;
-  if (view.kind === "error") return error > f(view.error);
-  if (view.kind === "level") return true;
-  const distance = distanceOutside(sphere, i, view.eye[0], view.eye[1], view.eye[2]);
-  const isHidden = view.planes !== undefined && isOutside(view.planes, sphere, i);
-  const threshold = isHidden ? view.threshold * (view.offscreen ?? 1) : view.threshold;
-  return error > f(f(threshold) * distance);
+/** A cluster's sphere (centre, radius) and the cone of its triangles (axis, cutoff). */
+export interface Facing {
+  sphere: readonly [number, number, number, number];
+  axis: readonly [number, number, number];
+  cutoff: number;
 }
 
-/** Whether a group's simplified form is not good enough. */
-export function mustRefine({ groups }: Pick<Tables, "groups">, group: number, view: View): boolean {
-  const error = groups.error[group];
-  if (view.kind === "level") return groups.level[group] >= view.level || error === Infinity;
-  return tooLarge(groups.sphere, group, error, view);
-}
-
-/** Calls `found` with each group that must be refined, from the root of the hierarchy down. */
-export function refinedGroups(
-  tables: Pick<Tables, "groups" | "nodes">,
-  view: View,
-  found: (group: number) => void,
-): void {
-  const { nodes } = tables;
-  const stack = nodes.count ? [0] : [];
-  for (let n = stack.pop(); n !== undefined; n = stack.pop()) {
-    const group = nodes.group[n];
-    if (group !== NONE) {
-      if (mustRefine(tables, group, view)) found(group);
-    } else if (tooLarge(nodes.sphere, n, nodes.error[n], view)) {
-      const first = nodes.firstChild[n];
-      for (let i = nodes.childCount[n] - 1; i >= 0; --i) stack.push(first + i);
-    }
-  }
-}
-
-/** The clusters of the cut, rising: those whose group must be refined and generating group not. */
-export function select(
-  tables: Pick<Tables, "groups" | "nodes" | "clusters">,
-  view: View,
-): number[] {
-  const refined = new Uint8Array(tables.groups.count);
-  refinedGroups(tables, view, (group) => {
-    refined[group] = 1;
-  });
-  return drawnClusters(tables, refined);
-}
-
-/** The clusters that are drawn when exactly these groups are refined. */
-export function drawnClusters(
-  { groups, clusters }: Pick<Tables, "groups" | "clusters">,
-  refined: Uint8Array,
-): number[] {
-  const drawn: number[] = [];
-  for (let g = 0; g < groups.count; ++g) {
-    if (!refined[g]) continue;
-    const end = groups.firstCluster[g] + groups.clusterCount[g];
-    for (let c = groups.firstCluster[g]; c < end; ++c) {
-      const generating = clusters.generating[c];
-      if (generating === NONE || !refined[generating]) drawn.push(c);
-    }
-  }
-  return drawn;
+/** Whether all triangles of a cluster are turned away from a point. */
+export function facesAway({ sphere, axis, cutoff }: Facing, eye: readonly number[]): boolean {
+  const x = f(sphere[0] - eye[0]);
+  const y = f(sphere[1] - eye[1]);
+  const z = f(sphere[2] - eye[2]);
+  const along = f(f(f(x * axis[0]) + f(y * axis[1])) + f(z * axis[2]));
+  return along >= f(f(cutoff * lengthOf(x, y, z)) + sphere[3]);
 }

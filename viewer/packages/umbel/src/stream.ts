@@ -1,7 +1,7 @@
 // A stream as the page sees it: a worker that is told what is seen and answers with geometry.
 
 import { UmbelError } from "./errors.js";
-import type { View } from "./select.js";
+import type { MeshView } from "./residency.js";
 import type { AssetInfo, StreamListener, StreamOptions } from "./streamer.js";
 import type { FromWorker, ToWorker } from "./worker/messages.js";
 
@@ -9,9 +9,13 @@ export class AssetStream {
   /** Told what arrives, once views are set. */
   listener: StreamListener | undefined;
 
+  private readonly files = new Map<number, (bytes: Uint8Array | undefined) => void>();
+
   private constructor(
     private readonly worker: Worker,
     readonly info: AssetInfo,
+    /** Where the asset is; undefined for a local file. */
+    readonly address: string | undefined,
   ) {}
 
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
@@ -19,6 +23,7 @@ export class AssetStream {
     const worker = new Worker(new URL("./worker/stream_worker.js", import.meta.url), {
       type: "module",
     });
+    const address = typeof source === "string" ? new URL(source, document.baseURI).href : undefined;
     let stream: AssetStream | undefined;
     return new Promise((resolve, reject) => {
       const fail = (error: UmbelError) => {
@@ -30,23 +35,31 @@ export class AssetStream {
       worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
         if (data.type === "opened") {
           worker.onerror = null;
-          stream = new AssetStream(worker, data.info);
+          stream = new AssetStream(worker, data.info, address);
           resolve(stream);
         } else if (data.type === "failed") fail(new UmbelError(data.kind, data.message));
         else if (data.type === "update") stream?.listener?.update(data.update);
+        else if (data.type === "file") stream?.files.get(data.index)?.(data.bytes);
         else stream?.listener?.connection(data.isLost);
       };
-      const address = typeof source === "string" ? new URL(source, document.baseURI).href : source;
-      send(worker, { type: "open", source: address, options });
+      send(worker, { type: "open", source: address ?? (source as Blob), options });
     });
   }
 
-  setViews(views: View[]): void {
+  setViews(views: MeshView[]): void {
     send(this.worker, { type: "views", views });
   }
 
   setBudget(bytes: number): void {
     send(this.worker, { type: "budget", bytes });
+  }
+
+  /** The bytes of an embedded file; undefined if it could not be read. */
+  readFile(index: number): Promise<Uint8Array | undefined> {
+    return new Promise((resolve) => {
+      this.files.set(index, resolve);
+      send(this.worker, { type: "file", index });
+    });
   }
 
   close(): void {

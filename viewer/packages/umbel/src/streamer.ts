@@ -1,19 +1,19 @@
 // Streams an asset: what the views want is fetched, decoded and handed over as groups for the GPU,
 // with the list of clusters to draw. Runs in a worker, but needs none.
 
+import type { Catalog } from "./catalog.js";
 import { UmbelError } from "./errors.js";
-import { BYTES_PER_TRIANGLE, bytesPerVertex, packGroup, type RenderGroup } from "./pack.js";
+import { HEADER_SIZE, type Head, type Instance, NONE, readHead, readHeader } from "./head.js";
+import { memoryOf, packGroup, type RenderGroup } from "./pack.js";
 import { readPage } from "./page.js";
 import { isDrawn } from "./refinement.js";
-import { groupsOf, Residency } from "./residency.js";
-import type { View } from "./select.js";
+import { type MeshView, Residency } from "./residency.js";
 import type { ByteSource } from "./source.js";
-import { HEADER_SIZE, NONE, readHeader, readTables, type Tables } from "./tables.js";
 
-/** What is asked for first: for most assets all tables, and some of the picture. */
-const FIRST_BYTES = 1 << 16;
-/** Asked for with the rest of the tables, so that there is a picture at once. */
-const FIRST_PAGES = 1 << 15;
+/** What is asked for first: for most assets the whole head, and the coarsest picture. */
+const FIRST_BYTES = 1 << 15;
+/** Asked for with the rest of a larger head, so that there is a picture at once. */
+const FIRST_PAGES = 1 << 14;
 const MAX_REQUESTS = 6;
 const MAX_REQUEST_BYTES = 1 << 18;
 const RETRY_AFTER = 4000;
@@ -22,18 +22,27 @@ const RETRY_AFTER = 4000;
 export interface AssetInfo {
   fileBytes: number;
   headBytes: number;
+  /** Of the full meshes, all together, each once. */
   sourceTriangles: number;
   sourceVertices: number;
+  /** The same with every instance counted. */
+  instancedTriangles: number;
   levels: number;
   groups: number;
   clusters: number;
   pages: number;
+  meshes: MeshInfo[];
+  instances: Instance[];
+  metadata: Record<string, unknown>;
+  /** glTF's materials, textures, samplers and images. */
+  materials: Record<string, unknown>;
+}
+
+export interface MeshInfo {
   low: [number, number, number];
   high: [number, number, number];
-  /** The greatest error that is not infinite. */
-  coarsestError: number;
+  levels: number;
   attributes: string[];
-  metadata: Record<string, unknown>;
 }
 
 export interface StreamStatistics {
@@ -97,17 +106,14 @@ export class Streamer {
 
   private constructor(
     private readonly source: ByteSource,
-    readonly tables: Tables,
+    readonly head: Head,
     private readonly prefix: Uint8Array,
     private budget: number,
     private readonly listener: StreamListener,
   ) {
-    this.info = infoOf(tables);
-    this.residency = new Residency(
-      tables,
-      budget,
-      bytesPerVertex(tables.attributes),
-      BYTES_PER_TRIANGLE,
+    this.info = infoOf(head);
+    this.residency = new Residency(head, budget, (info) =>
+      memoryOf(info, (head.meshes[info.mesh] as Head["meshes"][number]).attributes),
     );
   }
 
@@ -128,7 +134,7 @@ export class Streamer {
       all.set(rest, bytes.length);
       bytes = all;
     }
-    return new Streamer(source, readTables(bytes), bytes, options.budget, listener);
+    return new Streamer(source, readHead(bytes), bytes, options.budget, listener);
   }
 
   close(): void {
@@ -136,7 +142,7 @@ export class Streamer {
     this.source.close();
   }
 
-  setViews(views: readonly View[]): void {
+  setViews(views: readonly MeshView[]): void {
     this.residency.setViews(views);
     this.schedule(true);
   }
@@ -145,6 +151,13 @@ export class Streamer {
     this.budget = bytes;
     this.residency.setBudget(bytes);
     this.schedule(true);
+  }
+
+  /** The bytes of an embedded file. */
+  readFile(index: number): Promise<Uint8Array> {
+    const file = this.head.files[index];
+    if (!file) throw new UmbelError("corrupt", `The file has no embedded file ${index}.`);
+    return this.source.read(file.offset, file.size);
   }
 
   /** Steps once all that happens at the same time has happened. */
@@ -160,14 +173,13 @@ export class Streamer {
 
   private step(): void {
     if (this.residency.viewCount === 0) return;
-    const start = performance.now();
     if (this.needsPlan) {
       this.needsPlan = false;
-      this.residency.plan();
+      const start = performance.now();
+      if (this.residency.plan()) this.cutChanged = true;
       this.selectTime = performance.now() - start;
-      this.cutChanged = true;
       this.drop(this.residency.trim());
-    } else if (this.residency.settle()) this.cutChanged = true;
+    }
     this.fetchMore();
     if (this.requests === 0 && this.residency.isHungry) {
       this.residency.unblock();
@@ -188,7 +200,7 @@ export class Streamer {
 
   /** The page with those beside it in the file that are wanted too. */
   private run(page: number): number[] {
-    const { offset, size } = this.tables.pages;
+    const { offset, size } = this.head.pages;
     const run = [page];
     let bytes = size[page];
     const grow = (next: number, end: number) => {
@@ -203,7 +215,7 @@ export class Streamer {
   }
 
   private async fetch(run: number[]): Promise<void> {
-    const { offset, size } = this.tables.pages;
+    const { offset, size } = this.head.pages;
     const begin = offset[run[0]];
     const last = run[run.length - 1];
     const length = offset[last] + size[last] - begin;
@@ -225,14 +237,19 @@ export class Streamer {
     } finally {
       --this.requests;
     }
-    this.schedule();
+    this.schedule(true);
   }
 
   private take(page: number, bytes: Uint8Array): void {
     try {
-      for (const geometry of readPage(this.tables, page, bytes))
-        this.added.push(packGroup(this.tables, geometry));
-      this.residency.arrived(page);
+      const groups = readPage(this.head, page, bytes);
+      const evicted = this.residency.arrived(
+        page,
+        groups.map(({ info }) => info),
+      );
+      this.drop(evicted.filter((other) => other !== page));
+      if (evicted.includes(page)) return;
+      for (const group of groups) this.added.push(packGroup(group, this.residency.catalog));
     } catch (error) {
       if (!(error instanceof UmbelError)) throw error;
       ++this.damaged;
@@ -241,7 +258,11 @@ export class Streamer {
   }
 
   private drop(pages: readonly number[]): void {
-    for (const page of pages) this.removed.push(...groupsOf(this.tables, page));
+    for (const page of pages) {
+      const groups = this.residency.catalog.groupsOfPage[page] ?? [];
+      this.removed.push(...groups);
+      this.added = this.added.filter(({ group }) => !groups.includes(group));
+    }
   }
 
   private emit(): void {
@@ -285,13 +306,9 @@ export class Streamer {
   }
 
   private cuts(): Cut[] {
-    return Array.from({ length: this.residency.viewCount }, (_, view) =>
-      cutOf(
-        this.tables,
-        this.residency.refined(view),
-        this.residency.target(view),
-        (group, refined) => isDrawn(this.residency.dag, refined, group),
-      ),
+    const { residency } = this;
+    return Array.from({ length: residency.viewCount }, (_, view) =>
+      cutOf(residency.catalog, residency.refined(view), (group) => residency.waits(view, group)),
     );
   }
 }
@@ -302,59 +319,54 @@ interface Cut {
   clusters: number;
 }
 
-function cutOf(
-  { groups, clusters }: Tables,
-  refined: Uint8Array,
-  target: Uint8Array,
-  draws: (group: number, refined: Uint8Array) => boolean,
-): Cut {
+function cutOf(catalog: Catalog, refined: Uint8Array, isWaiting: (group: number) => boolean): Cut {
   const runs: number[] = [];
   let triangles = 0;
-  let drawn = 0;
-  for (let g = 0; g < groups.count; ++g) {
-    if (!refined[g] || !draws(g, refined)) continue;
-    const end = groups.firstCluster[g] + groups.clusterCount[g];
+  let clusters = 0;
+  for (let g = 0; g < catalog.count; ++g) {
+    const info = catalog.info[g];
+    if (!refined[g] || !info || !isDrawn(catalog, refined, g)) continue;
     let last = -1;
-    for (let c = groups.firstCluster[g]; c < end; ++c) {
-      const generating = clusters.generating[c];
+    for (let i = 0; i < info.clusterCount; ++i) {
+      const generating = info.generating[i];
       if (generating !== NONE && refined[generating]) continue;
-      const waits = generating !== NONE && target[generating] ? 1 : 0;
+      const waits = generating !== NONE && isWaiting(generating) ? 1 : 0;
       const at = runs.length - 3;
-      if (last === c - 1 && last >= 0 && runs[at + 2] === waits) ++runs[at + 1];
-      else runs.push(c, 1, waits);
-      last = c;
-      triangles += clusters.triangles[c];
-      ++drawn;
+      if (last === i - 1 && last >= 0 && runs[at + 2] === waits) ++(runs[at + 1] as number);
+      else runs.push(info.firstCluster + i, 1, waits);
+      last = i;
+      triangles += info.triangleOffsets[i + 1] - info.triangleOffsets[i];
+      ++clusters;
     }
   }
-  return { runs: Uint32Array.from(runs), triangles, clusters: drawn };
+  return { runs: Uint32Array.from(runs), triangles, clusters };
 }
 
-function infoOf({
-  header,
-  levels,
-  groups,
-  clusters,
-  pages,
-  attributes,
-  metadata,
-}: Tables): AssetInfo {
-  let coarsestError = 0;
-  for (const error of groups.error)
-    if (error < Infinity) coarsestError = Math.max(coarsestError, error);
+function infoOf(head: Head): AssetInfo {
+  const { header, meshes, instances, pages } = head;
+  const sum = (of: (mesh: Head["meshes"][number]) => number) =>
+    meshes.reduce((total, mesh) => total + of(mesh), 0);
   return {
     fileBytes: header.fileBytes,
     headBytes: header.headBytes,
-    sourceTriangles: header.sourceTriangles,
-    sourceVertices: header.sourceVertices,
-    levels: levels.length,
-    groups: groups.count,
-    clusters: clusters.count,
+    sourceTriangles: sum((mesh) => mesh.sourceTriangles),
+    sourceVertices: sum((mesh) => mesh.sourceVertices),
+    instancedTriangles: instances.reduce(
+      (total, { mesh }) => total + (meshes[mesh]?.sourceTriangles ?? 0),
+      0,
+    ),
+    levels: meshes.reduce((most, mesh) => Math.max(most, mesh.levels), 0),
+    groups: head.groups,
+    clusters: head.clusters,
     pages: pages.count,
-    low: [header.low[0], header.low[1], header.low[2]],
-    high: [header.high[0], header.high[1], header.high[2]],
-    coarsestError,
-    attributes: attributes.map(({ name }) => name),
-    metadata,
+    meshes: meshes.map(({ low, high, levels, attributes }) => ({
+      low: [low[0], low[1], low[2]],
+      high: [high[0], high[1], high[2]],
+      levels,
+      attributes: attributes.flatMap(({ name }) => name ?? []),
+    })),
+    instances,
+    metadata: head.metadata,
+    materials: head.materials,
   };
 }

@@ -37,7 +37,10 @@ export class Arena {
   private readonly contents = new Map<RenderGroup, Place>();
   private readonly edgeOffsets = new Map<RenderGroup, Uint32Array>();
 
-  constructor(layout: Layout, first: RenderGroup) {
+  constructor(
+    readonly layout: Layout,
+    first: RenderGroup,
+  ) {
     const vertices = Math.max(VERTICES, first.positions.length / 3);
     const indices = Math.max(3 * Math.ceil(VERTICES * TRIANGLES_PER_VERTEX), first.indices.length);
     this.vertices = new Allocator(vertices);

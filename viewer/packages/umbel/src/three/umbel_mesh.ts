@@ -26,11 +26,11 @@ import {
 import type { RenderGroup } from "../pack.js";
 import { cameraView, type View } from "../select.js";
 import { AssetStream } from "../stream.js";
-import type { AssetInfo, StreamStatistics, StreamUpdate } from "../streamer.js";
+import type { AssetInfo, MeshInfo, StreamStatistics, StreamUpdate } from "../streamer.js";
 import { Allocator } from "./allocator.js";
 import { Arena, type Layout, type Place } from "./arena.js";
 import { Batch, LineBatch } from "./batch.js";
-import { makeMaterials } from "./materials.js";
+import { Materials } from "./materials.js";
 import { Tint } from "./tint.js";
 
 export interface UmbelMeshOptions {
@@ -55,7 +55,10 @@ export interface ClusterInfo {
   material: number;
   triangles: number;
   vertices: number;
+  /** In the mesh's own space; the instance's matrix brings it into the object's. */
   box: Box3;
+  instance: number;
+  matrix: Matrix4;
   /** Whether something finer is wanted here but has not arrived. */
   waits: boolean;
 }
@@ -65,6 +68,18 @@ export type TintFunction = (cluster: ClusterInfo) => readonly [number, number, n
 
 export interface UmbelIntersection extends Intersection {
   cluster: ClusterInfo;
+}
+
+/** An asset's mesh where it stands in the object, and what is drawn of it. */
+interface Instance {
+  mesh: number;
+  /** From the mesh to the object, and back. */
+  matrix: Matrix4;
+  cut: Uint32Array;
+  /** The groups of the cut's runs. */
+  groups: Resident[];
+  batches: Map<Arena, Batch[]>;
+  lines: Map<Arena, LineBatch>;
 }
 
 /** A group in memory and where it is. */
@@ -90,29 +105,30 @@ export class UmbelMesh extends Object3D {
   pages: Uint8Array = new Uint8Array(0);
   /** Draw calls, triangles and clusters of the last frame, after culling. */
   readonly drawn = { calls: 0, triangles: 0, clusters: 0 };
+  /** The greatest error that is not infinite, of what has arrived. */
+  coarsestError = 0;
   /** Rises whenever other clusters are to be drawn. */
   cutVersion = 0;
   /** Time of `update` on the page's thread in the last frame, in milliseconds. */
   updateTime = 0;
-  materials: Material[];
+  readonly materials: Materials;
+  /** Told of each material that is made, as groups that have it arrive. */
+  onMaterial: ((material: Material) => void) | undefined;
   readonly box: Box3;
   onConnection: ((isLost: boolean) => void) | undefined;
   /** Told when something has arrived or changed, so that a frame is worth drawing. */
   onChange: (() => void) | undefined;
 
-  private readonly layout: Layout;
+  private readonly layouts: Layout[];
+  private readonly instances: Instance[];
   private readonly offscreen: number;
   private readonly queue: StreamUpdate[] = [];
   private readonly arenas = new Set<Arena>();
   private readonly resident = new Map<number, Resident>();
-  private readonly batches = new Map<Arena, Batch[]>();
-  private readonly lineBatches = new Map<Arena, LineBatch>();
   private readonly slots = new Allocator(MAX_SLOTS);
   private readonly tint = new Tint();
   private tintFunction: TintFunction | undefined;
   private lineMaterial: Material | undefined;
-  private cut: Uint32Array = new Uint32Array(0);
-  private runGroups: Resident[] = [];
   private lastView = "";
 
   /** Of a stream that is open; its budget stays as it was opened with. */
@@ -127,15 +143,35 @@ export class UmbelMesh extends Object3D {
     };
     this.pixelError = options.pixelError ?? 1;
     this.offscreen = options.offscreen ?? 4;
-    const { attributes, low, high } = stream.info;
-    this.layout = {
+    const { meshes, instances } = stream.info;
+    this.layouts = meshes.map(({ attributes }) => ({
       normals: attributes.includes("normals"),
       uvs: attributes.includes("uvs"),
       colors: attributes.includes("colors"),
-    };
-    this.box = new Box3(new Vector3(...low), new Vector3(...high));
-    this.materials = makeMaterials(stream.info);
-    for (const material of this.materials) this.tint.applyTo(material);
+    }));
+    this.instances = instances.map(({ mesh, matrix }) => ({
+      mesh,
+      matrix: matrixOf(matrix),
+      cut: new Uint32Array(0),
+      groups: [],
+      batches: new Map(),
+      lines: new Map(),
+    }));
+    this.box = new Box3();
+    for (const { mesh, matrix } of this.instances) {
+      const { low, high } = meshes[mesh] as MeshInfo;
+      if (low[0] > high[0]) continue;
+      this.box.union(new Box3(new Vector3(...low), new Vector3(...high)).applyMatrix4(matrix));
+    }
+    if (this.box.isEmpty()) this.box.set(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
+    this.materials = new Materials(
+      stream,
+      (material) => {
+        this.tint.applyTo(material);
+        this.onMaterial?.(material);
+      },
+      () => this.onChange?.(),
+    );
   }
 
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
@@ -162,8 +198,10 @@ export class UmbelMesh extends Object3D {
   setLines(material: Material | undefined): void {
     if (material === this.lineMaterial) return;
     this.lineMaterial = material;
-    for (const batch of this.lineBatches.values()) this.remove(batch);
-    this.lineBatches.clear();
+    for (const { lines } of this.instances) {
+      for (const batch of lines.values()) this.remove(batch);
+      lines.clear();
+    }
   }
 
   /** Frees all memory; the object is of no use after that. */
@@ -172,7 +210,7 @@ export class UmbelMesh extends Object3D {
     this.removeFromParent();
     this.clear();
     for (const arena of this.arenas) arena.dispose();
-    for (const material of this.materials) material.dispose();
+    this.materials.dispose();
     this.tint.dispose();
     this.arenas.clear();
     this.resident.clear();
@@ -190,28 +228,39 @@ export class UmbelMesh extends Object3D {
     this.updateTime = performance.now() - start;
   }
 
-  /** The clusters that are drawn, culled ones too. */
+  /** The clusters that are drawn, culled ones too; of every instance. */
   *clusters(): Generator<ClusterInfo> {
-    for (let i = 0; i < this.runGroups.length; ++i) {
-      const first = this.cut[3 * i];
-      for (let c = first; c < first + this.cut[3 * i + 1]; ++c)
-        yield clusterInfo(this.runGroups[i].group, c, this.cut[3 * i + 2] === 1);
+    for (let i = 0; i < this.instances.length; ++i) yield* this.instanceClusters(i);
+  }
+
+  private *instanceClusters(number: number): Generator<ClusterInfo> {
+    const { cut, groups, matrix } = this.instances[number] as Instance;
+    for (let i = 0; i < groups.length; ++i) {
+      const first = cut[3 * i];
+      for (let c = first; c < first + cut[3 * i + 1]; ++c) {
+        const info = clusterInfo((groups[i] as Resident).group, c, cut[3 * i + 2] === 1);
+        yield { ...info, instance: number, matrix };
+      }
     }
   }
 
   override raycast(raycaster: Raycaster, intersections: Intersection[]): void {
-    const ray = raycaster.ray.clone().applyMatrix4(this.matrixWorld.clone().invert());
+    const world = new Matrix4();
     const point = new Vector3();
-    for (const cluster of this.clusters()) {
-      if (!ray.intersectsBox(cluster.box)) continue;
-      const hit = this.intersectCluster(ray, cluster);
-      if (!hit) continue;
-      point.copy(hit).applyMatrix4(this.matrixWorld);
-      const distance = raycaster.ray.origin.distanceTo(point);
-      if (distance < raycaster.near || distance > raycaster.far) continue;
-      const found: UmbelIntersection = { distance, point: point.clone(), object: this, cluster };
-      intersections.push(found);
-    }
+    this.instances.forEach(({ matrix }, number) => {
+      world.multiplyMatrices(this.matrixWorld, matrix);
+      const ray = raycaster.ray.clone().applyMatrix4(world.clone().invert());
+      for (const cluster of this.instanceClusters(number)) {
+        if (!ray.intersectsBox(cluster.box)) continue;
+        const hit = this.intersectCluster(ray, cluster);
+        if (!hit) continue;
+        point.copy(hit).applyMatrix4(world);
+        const distance = raycaster.ray.origin.distanceTo(point);
+        if (distance < raycaster.near || distance > raycaster.far) continue;
+        const found: UmbelIntersection = { distance, point: point.clone(), object: this, cluster };
+        intersections.push(found);
+      }
+    });
   }
 
   private intersectCluster(ray: Ray, { group, cluster }: ClusterInfo): Vector3 | undefined {
@@ -258,19 +307,23 @@ export class UmbelMesh extends Object3D {
     this.statistics = update.statistics;
     this.pages = update.pages;
     if (!update.cuts) return;
-    this.cut = update.cuts[0];
+    const groupOf = this.groupsByCluster();
+    update.cuts.forEach((cut, i) => {
+      const instance = this.instances[i] as Instance;
+      instance.cut = cut;
+      instance.groups = [];
+      for (let run = 0; run < cut.length; run += 3)
+        instance.groups.push(groupOf.get(cut[run]) as Resident);
+    });
     ++this.cutVersion;
-    this.runGroups = this.findGroups(this.cut);
   }
 
-  private findGroups(cut: Uint32Array): Resident[] {
-    const byCluster = new Map<number, Resident>();
+  private groupsByCluster(): Map<number, Resident> {
+    const groups = new Map<number, Resident>();
     for (const resident of this.resident.values()) {
       const { firstCluster, clusterCount } = resident.group;
-      for (let c = firstCluster; c < firstCluster + clusterCount; ++c) byCluster.set(c, resident);
+      for (let c = firstCluster; c < firstCluster + clusterCount; ++c) groups.set(c, resident);
     }
-    const groups: Resident[] = [];
-    for (let i = 0; i < cut.length; i += 3) groups.push(byCluster.get(cut[i]) as Resident);
     return groups;
   }
 
@@ -279,17 +332,20 @@ export class UmbelMesh extends Object3D {
     this.tint.reserve(slot + group.clusterCount);
     let [arena, place] = this.findRoom(group, slot);
     if (!place) {
-      arena = new Arena(this.layout, group);
+      arena = new Arena(this.layouts[group.mesh] as Layout, group);
       this.arenas.add(arena);
       place = arena.put(group, slot);
     }
     const box = new Box3();
     for (let i = 0; i < group.clusterCount; ++i) box.union(boxOf(group, i));
+    this.coarsestError = Math.max(this.coarsestError, ...group.generatingError);
     this.resident.set(group.group, { group, arena: arena as Arena, place: place as Place, box });
   }
 
   private findRoom(group: RenderGroup, slot: number): [Arena?, Place?] {
+    const layout = this.layouts[group.mesh] as Layout;
     for (const arena of this.arenas) {
+      if (!isSameLayout(arena.layout, layout)) continue;
       const place = arena.put(group, slot);
       if (place) return [arena, place];
     }
@@ -306,52 +362,72 @@ export class UmbelMesh extends Object3D {
   }
 
   private removeArena(arena: Arena): void {
-    for (const batch of this.batches.get(arena) ?? []) if (batch) this.remove(batch);
-    const lines = this.lineBatches.get(arena);
-    if (lines) this.remove(lines);
-    this.batches.delete(arena);
-    this.lineBatches.delete(arena);
+    for (const { batches, lines } of this.instances) {
+      for (const batch of batches.get(arena) ?? []) if (batch) this.remove(batch);
+      const line = lines.get(arena);
+      if (line) this.remove(line);
+      batches.delete(arena);
+      lines.delete(arena);
+    }
     this.arenas.delete(arena);
     arena.dispose();
   }
 
   /** Tells the stream what the camera sees, if that has changed. */
   private look(camera: Camera, height: number): void {
-    const view = viewOf(camera, this.matrixWorld, height, this.pixelError, this.offscreen);
-    const key = JSON.stringify(view, (_, value: unknown) =>
-      value instanceof Float32Array ? [...value] : value,
-    );
+    const key = [
+      height,
+      this.pixelError,
+      ...camera.matrixWorld.elements,
+      ...camera.projectionMatrix.elements,
+      ...this.matrixWorld.elements,
+    ].join();
     if (key === this.lastView) return;
     this.lastView = key;
-    this.stream.setViews([view]);
+    const world = new Matrix4();
+    this.stream.setViews(
+      this.instances.map(({ mesh, matrix }) => {
+        world.multiplyMatrices(this.matrixWorld, matrix);
+        return { mesh, view: viewOf(camera, world, height, this.pixelError, this.offscreen) };
+      }),
+    );
   }
 
-  /** Lists what of the cut is in view, for the GPU. */
+  /** Lists what of the cuts is in view, for the GPU. */
   private makeRanges(camera: Camera): void {
-    const frustum = frustumOf(camera, this.matrixWorld);
-    for (const batches of this.batches.values()) for (const batch of batches) batch?.ranges.clear();
-    for (const batch of this.lineBatches.values()) batch.ranges.clear();
     const { drawn } = this;
     drawn.calls = drawn.triangles = drawn.clusters = 0;
+    const world = new Matrix4();
+    for (const instance of this.instances) {
+      const all = [...[...instance.batches.values()].flat(), ...instance.lines.values()];
+      for (const batch of all) batch?.ranges.clear();
+      world.multiplyMatrices(this.matrixWorld, instance.matrix);
+      this.addRuns(instance, frustumOf(camera, world));
+      for (const batches of instance.batches.values())
+        for (const batch of batches) this.show(batch);
+      for (const batch of instance.lines.values()) this.show(batch);
+    }
+  }
+
+  private show(batch: Batch | LineBatch | undefined): void {
+    if (!batch) return;
+    batch.visible = batch.ranges.length > 0;
+    if (batch.visible) ++this.drawn.calls;
+  }
+
+  private addRuns(instance: Instance, frustum: Frustum): void {
     const isVisible = new Map<Resident, boolean>();
-    this.runGroups.forEach((resident, i) => {
+    instance.groups.forEach((resident, i) => {
       let visible = isVisible.get(resident);
       if (visible === undefined) {
         visible = frustum.intersectsBox(resident.box);
         isVisible.set(resident, visible);
       }
-      if (visible) this.addRun(resident, this.cut[3 * i], this.cut[3 * i + 1]);
+      if (visible) this.addRun(instance, resident, instance.cut[3 * i], instance.cut[3 * i + 1]);
     });
-    for (const batches of this.batches.values())
-      for (const batch of batches) {
-        if (!batch) continue;
-        batch.visible = batch.ranges.length > 0;
-        if (batch.visible) ++drawn.calls;
-      }
-    for (const batch of this.lineBatches.values()) if (batch.ranges.length > 0) ++drawn.calls;
   }
 
-  private addRun(resident: Resident, first: number, count: number): void {
+  private addRun(instance: Instance, resident: Resident, first: number, count: number): void {
     const { group, arena, place } = resident;
     const { triangleOffsets, material } = group;
     const begin = first - group.firstCluster;
@@ -361,42 +437,47 @@ export class UmbelMesh extends Object3D {
       let j = i + 1;
       while (j < end && material[j] === material[i]) ++j;
       const triangles = triangleOffsets[j] - start;
-      this.batch(arena, material[i]).ranges.add(place.index + 3 * start, 3 * triangles);
+      const batch = this.batch(instance, arena, material[i]);
+      batch.ranges.add(place.index + 3 * start, 3 * triangles);
       this.drawn.triangles += triangles;
       i = j - 1;
     }
     this.drawn.clusters += count;
     if (!this.lineMaterial) return;
-    const lines = this.lines(arena, this.lineMaterial);
+    const lines = this.lines(instance, arena, this.lineMaterial);
     const edges = arena.edgesOf(group);
     if (edges) lines.ranges.add(edges[begin], edges[end] - edges[begin]);
   }
 
-  private batch(arena: Arena, material: number): Batch {
-    let batches = this.batches.get(arena);
+  private batch(instance: Instance, arena: Arena, material: number): Batch {
+    let batches = instance.batches.get(arena);
     if (!batches) {
       batches = [];
-      this.batches.set(arena, batches);
+      instance.batches.set(arena, batches);
     }
     let batch = batches[material];
     if (!batch) {
-      batch = new Batch(arena.geometry, this.materials[material] ?? this.materials[0]);
+      const used = this.materials.of(material, arena.layout);
+      batch = this.place(new Batch(arena.geometry, used), instance);
       batches[material] = batch;
-      this.add(batch);
-      batch.updateWorldMatrix(false, false);
     }
     return batch;
   }
 
-  private lines(arena: Arena, material: Material): LineBatch {
-    let lines = this.lineBatches.get(arena);
+  private lines(instance: Instance, arena: Arena, material: Material): LineBatch {
+    let lines = instance.lines.get(arena);
     if (!lines) {
-      lines = new LineBatch(arena.lines(), material);
-      this.lineBatches.set(arena, lines);
-      this.add(lines);
-      lines.updateWorldMatrix(false, false);
+      lines = this.place(new LineBatch(arena.lines(), material), instance);
+      instance.lines.set(arena, lines);
     }
     return lines;
+  }
+
+  private place<T extends Object3D>(object: T, { matrix }: Instance): T {
+    object.matrix.copy(matrix);
+    this.add(object);
+    object.updateMatrixWorld(true);
+    return object;
   }
 
   private paint(): void {
@@ -421,7 +502,11 @@ function boxOf(group: RenderGroup, i: number): Box3 {
   );
 }
 
-function clusterInfo(group: RenderGroup, cluster: number, waits: boolean): ClusterInfo {
+function clusterInfo(
+  group: RenderGroup,
+  cluster: number,
+  waits: boolean,
+): Omit<ClusterInfo, "instance" | "matrix"> {
   const i = cluster - group.firstCluster;
   return {
     cluster,
@@ -436,6 +521,15 @@ function clusterInfo(group: RenderGroup, cluster: number, waits: boolean): Clust
     box: boxOf(group, i),
     waits,
   };
+}
+
+function isSameLayout(a: Layout, b: Layout): boolean {
+  return a.normals === b.normals && a.uvs === b.uvs && a.colors === b.colors;
+}
+
+/** Of three rows of four. */
+function matrixOf(rows: Float32Array): Matrix4 {
+  return new Matrix4().fromArray([...rows, 0, 0, 0, 1]).transpose();
 }
 
 function frustumOf(camera: Camera, world: Matrix4): Frustum {

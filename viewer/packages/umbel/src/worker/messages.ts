@@ -1,17 +1,19 @@
 // What a stream's worker and its owner say to each other.
 
 import type { UmbelErrorKind } from "../errors.js";
-import type { View } from "../select.js";
+import type { MeshView } from "../residency.js";
 import type { AssetInfo, StreamOptions, StreamUpdate } from "../streamer.js";
 
 export type ToWorker =
   | { type: "open"; source: string | Blob; options: StreamOptions }
-  | { type: "views"; views: View[] }
+  | { type: "views"; views: MeshView[] }
   | { type: "budget"; bytes: number }
+  | { type: "file"; index: number }
   | { type: "close" };
 
 export type FromWorker =
   | { type: "opened"; info: AssetInfo }
   | { type: "update"; update: StreamUpdate }
+  | { type: "file"; index: number; bytes: Uint8Array | undefined }
   | { type: "connection"; isLost: boolean }
   | { type: "failed"; kind: UmbelErrorKind; message: string };

@@ -41,9 +41,19 @@ async function open(message: ToWorker & { type: "open" }): Promise<void> {
   }
 }
 
+async function sendFile(index: number): Promise<void> {
+  try {
+    const bytes = await streamer?.readFile(index);
+    say({ type: "file", index, bytes });
+  } catch {
+    say({ type: "file", index, bytes: undefined });
+  }
+}
+
 scope.onmessage = ({ data }) => {
   if (data.type === "open") void open(data);
   else if (data.type === "views") streamer?.setViews(data.views);
   else if (data.type === "budget") streamer?.setBudget(data.bytes);
+  else if (data.type === "file") void sendFile(data.index);
   else streamer?.close();
 };
