@@ -66,6 +66,14 @@ if ((${#missing[@]})); then
   fi
 fi
 
+# The viewer's tests in a browser want one; without it they are left out.
+if have npm && ! have chromium && [[ $(id -u) == 0 ]] && have apt-get; then
+  echo "setup: installing chromium with apt-get"
+  export DEBIAN_FRONTEND=noninteractive
+  { quietly apt-get update && quietly apt-get install -y --no-install-recommends chromium; } ||
+    echo "setup: apt-get could not install chromium; the log is $log"
+fi
+
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' ||
   fail "Umbel needs Python 3.10 or newer, and $python is $("$python" --version 2>&1);" \
        "name another with PYTHON=..."

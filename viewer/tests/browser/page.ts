@@ -90,7 +90,9 @@ export async function slide(page: Page, selector: string, value: number): Promis
 
 /** The picture alone, without what floats over it. */
 export function canvasPicture(page: Page): Promise<Buffer> {
-  return page.locator(".stage canvas").screenshot();
+  return page.locator(".stage canvas").screenshot({
+    style: ".title, .names, .divider, .progress, .notice, .sheet { visibility: hidden }",
+  });
 }
 
 export interface Look {

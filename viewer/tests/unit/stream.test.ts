@@ -181,7 +181,7 @@ describe("streaming", () => {
     const watched = await Watched.open(new MemorySource(FILE), budget);
     for (let i = 0; i < 40; ++i) {
       const angle = i / 4;
-      const distance = 4 + (i % 10) / 2;
+      const distance = 1.3 + (i % 10) / 4;
       const eye = [Math.sin(angle) * distance, 0.2, Math.cos(angle) * distance] as const;
       watched.streamer.setViews(seen(cameraView(eye, 0.8, 900, 0.5)));
       const waits = i % 7 === 6 || i === 39;
@@ -208,7 +208,7 @@ describe("streaming", () => {
 
   test("a budget that shrinks is kept, and one that grows is used", async () => {
     const watched = await Watched.open(new MemorySource(FILE), HUGE);
-    const view = cameraView([0, 0, 5], 0.8, 900, 0.5);
+    const view = cameraView(NEAR, 0.8, 900, 1);
     watched.streamer.setViews(seen(view));
     await watched.until((s) => s.isSettled && s.missingPages === 0);
     const before = watched.last;

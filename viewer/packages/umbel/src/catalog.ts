@@ -96,6 +96,11 @@ export class Catalog {
     for (const g of touched) reached[g] = 0;
   }
 
+  /** How many groups hold what a group was simplified to. */
+  parentsOf(group: number): number {
+    return this.parents[group];
+  }
+
   mustRefine(group: number, view: View): boolean {
     // A level is known only once the page was read, and its page is needed to know.
     const level = this.info[group]?.level ?? 0xffff;

@@ -1,28 +1,27 @@
 // Which pages are here, which to fetch next and which to let go, under a budget of bytes.
 //
-// What is wanted is found by selection among the groups that are known; pages make more known. What
-// does not fit the budget is wanted coarser: the allowed error grows for all alike until it does. A
-// page that is drawn, or that holds the coarsest picture, never leaves.
+// What is wanted is found by selection among the groups that are known; pages make more known. Where
+// that does not fit the budget, groups are refined in the order of how much their error is seen, as
+// far as the budget goes. A page that is drawn, or that holds the coarsest picture, never leaves.
 
 import { Catalog } from "./catalog.js";
 import type { Head } from "./head.js";
+import { Heap } from "./heap.js";
 import type { GroupInfo } from "./page.js";
 import { isDrawn, keepDrawable, settle } from "./refinement.js";
-import { distanceOutside, type View } from "./select.js";
+import { distanceOutside, isSphereOutside, type View } from "./select.js";
 
 export const ABSENT = 0;
 export const LOADING = 1;
 export const RESIDENT = 2;
 export const DAMAGED = 3;
 
-/** By how much the allowed error grows or shrinks at a time to meet the budget. */
-const STEP = 2 ** 0.25;
-const LARGEST_SCALE = 2 ** 24;
-const LEAST_THRESHOLD = 2 ** -20;
-const LEAST_ERROR = 2 ** -40;
 /** Of the budget, for what is wanted; the rest is for what is drawn until that is here. */
 const SHARE = 0.75;
 const LEAST_SHARE = 0.02;
+const LARGEST_SCALE = 2 ** 24;
+/** How near a group is at most taken to be, in its sphere's radii. */
+const NEAREST = 1e-3;
 /** Bytes that a page takes for each byte in the file, until a page was read. */
 const FIRST_GROWTH = 10;
 
@@ -43,7 +42,7 @@ export class Residency {
   readonly state: Uint8Array;
   /** Bytes of what is here or on its way. */
   bytes = 0;
-  /** How many times the wanted error is allowed, to meet the budget. */
+  /** How many times the wanted error is seen where the budget allows no finer; 1 if it does. */
   scale = 1;
   /**
    * Memory of the cut that is wanted, file bytes of all pages that tell of its groups, and pages of
@@ -115,7 +114,7 @@ export class Residency {
   waits(view: number, group: number): boolean {
     const state = this.views[view] as ViewState;
     if (this.catalog.info[group]) return state.target[group] === 1;
-    return this.catalog.mustRefine(group, scaled(state.view, this.scale));
+    return this.scale === 1 && this.catalog.mustRefine(group, state.view);
   }
 
   /** Whether everything wanted is drawn. */
@@ -127,8 +126,10 @@ export class Residency {
   /** Decides anew what is wanted, what to fetch and what is drawn; whether that has changed. */
   plan(): boolean {
     ++this.tick;
-    this.fitScale();
-    const { targets, needed } = this.wants(this.scale);
+    let { targets, needed } = this.wants();
+    this.scale = 1;
+    const limit = this.share * this.budget;
+    if (this.memoryOfPages(needed) > limit) ({ targets, needed } = this.wantsWithin(limit));
     this.views.forEach((state, i) => {
       state.target = targets[i] as Uint8Array;
     });
@@ -240,13 +241,13 @@ export class Residency {
       : this.head.pages.size[page] * this.growth;
   }
 
-  /** What the views refine at a scale of the error, and the pages that are needed for it. */
-  private wants(scale: number): { targets: Uint8Array[]; needed: Uint8Array } {
+  /** What the views refine, and the pages that are needed for it. */
+  private wants(): { targets: Uint8Array[]; needed: Uint8Array } {
     const { catalog } = this;
     const needed = new Uint8Array(this.state.length);
     const targets = this.views.map(({ mesh, view }) => {
       const target = new Uint8Array(catalog.count);
-      catalog.walk(mesh, scaled(view, scale), (group) => {
+      catalog.walk(mesh, view, (group) => {
         if (!catalog.info[group]) {
           needed[catalog.page[group]] = 1;
           return false;
@@ -269,22 +270,64 @@ export class Residency {
           needed[page[g]] = 1;
   }
 
-  private fits(scale: number): boolean {
-    const { needed } = this.wants(scale);
+  private memoryOfPages(needed: Uint8Array): number {
     let bytes = 0;
     for (let page = 0; page < needed.length; ++page)
       if (needed[page]) bytes += this.memoryOfPage(page);
-    return bytes <= this.share * this.budget;
+    return bytes;
   }
 
-  private fitScale(): void {
-    if (this.fits(this.scale)) {
-      while (this.scale > 1 && this.fits(Math.max(this.scale / STEP, 1)))
-        this.scale = Math.max(this.scale / STEP, 1);
-    } else {
-      do this.scale *= STEP;
-      while (this.scale < LARGEST_SCALE && !this.fits(this.scale));
+  /** What the views refine with a limit of bytes: what is seen most first, of all views together. */
+  private wantsWithin(limit: number): { targets: Uint8Array[]; needed: Uint8Array } {
+    const { catalog, views } = this;
+    const targets = views.map(() => new Uint8Array(catalog.count));
+    const open = new OpenPages(this.state.length, (page) => this.memoryOfPage(page));
+    const reached = views.map(() => new Map<number, number>());
+    const heap = new Heap();
+    const offer = (view: number, group: number) => {
+      const urgency = this.urgency(group, (views[view] as ViewState).view);
+      heap.push(urgency, view * catalog.count + group);
+    };
+    views.forEach(({ mesh }, view) => {
+      for (const { group } of this.head.meshes[mesh]?.roots ?? []) offer(view, group);
+    });
+    for (let next = heap.pop(); next; next = heap.pop()) {
+      const view = Math.floor(next.value / catalog.count);
+      const group = next.value % catalog.count;
+      const state = views[view] as ViewState;
+      if (!catalog.mustRefine(group, state.view)) continue;
+      const page = catalog.page[group];
+      open.add(page);
+      if (!catalog.info[group]) {
+        if (open.bytes > limit && !this.isPinned[page]) {
+          open.remove(page);
+          this.scale = Math.max(this.scale, next.urgency);
+        }
+        continue;
+      }
+      const target = targets[view] as Uint8Array;
+      target[group] = 1;
+      // Groups that are refined all over are not drawn any more.
+      const hidden = (catalog.coarser[group] as number[]).filter(
+        (above) => !isDrawn(catalog, target, above),
+      );
+      for (const above of hidden) open.remove(catalog.page[above]);
+      if (open.bytes > limit && !this.isPinned[page]) {
+        target[group] = 0;
+        open.remove(page);
+        for (const above of hidden) open.add(catalog.page[above]);
+        this.scale = Math.max(this.scale, next.urgency);
+        continue;
+      }
+      const counts = reached[view] as Map<number, number>;
+      for (const finer of catalog.finer[group] as Uint32Array) {
+        const count = (counts.get(finer) ?? 0) + 1;
+        counts.set(finer, count);
+        if (count === catalog.parentsOf(finer)) offer(view, finer);
+      }
     }
+    this.scale = Math.min(this.scale, LARGEST_SCALE);
+    return { targets, needed: open.needed() };
   }
 
   private makeQueue(needed: Uint8Array): void {
@@ -319,21 +362,26 @@ export class Residency {
     for (let group = 0; group < this.catalog.count; ++group) {
       const page = this.catalog.page[group];
       if (this.isWanted[page] && this.state[page] === ABSENT)
-        urgency.set(page, Math.max(urgency.get(page) ?? 0, this.urgency(group)));
+        urgency.set(page, Math.max(urgency.get(page) ?? 0, this.greatestUrgency(group)));
     }
     return [...pages].sort((a, b) => (urgency.get(b) ?? 0) - (urgency.get(a) ?? 0));
   }
 
-  private urgency(group: number): number {
+  private greatestUrgency(group: number): number {
+    return this.views.reduce((most, { view }) => Math.max(most, this.urgency(group, view)), 0);
+  }
+
+  /** How many times the error that a view allows is seen of a group that is not refined. */
+  private urgency(group: number, view: View): number {
     const { spheres } = this.catalog;
     const error = Math.min(this.catalog.error[group], 3e38);
-    let most = 0;
-    for (const { view } of this.views) {
-      if (view.kind !== "camera") return error;
-      const distance = distanceOutside(spheres, group, view.eye);
-      most = Math.max(most, error / Math.max(distance, spheres[4 * group + 3] * 0.1));
-    }
-    return most;
+    if (view.kind !== "camera") return error;
+    // From within a sphere all of its groups are too coarse: then those with more error first.
+    const least = NEAREST * spheres[4 * group + 3];
+    const distance = Math.max(distanceOutside(spheres, group, view.eye), least);
+    const isHidden = view.planes !== undefined && isSphereOutside(view.planes, spheres, group);
+    const factor = isHidden ? (view.offscreen ?? 1) : 1;
+    return error / Math.max(view.threshold * factor * distance, 1e-38);
   }
 
   /** Lets go the pages unused for longest until `bytes` fit; undefined if they cannot. */
@@ -366,11 +414,27 @@ export class Residency {
   }
 }
 
-function scaled(view: View, scale: number): View {
-  if (scale === 1) return view;
-  // Views that allow no error at all must give way too.
-  if (view.kind === "camera")
-    return { ...view, threshold: Math.max(view.threshold, LEAST_THRESHOLD) * scale };
-  if (view.kind === "error") return { ...view, error: Math.max(view.error, LEAST_ERROR) * scale };
-  return { kind: "level", level: view.level + Math.ceil(Math.log2(scale)) };
+/** Pages with how many groups are drawn of each, and the memory of those with any. */
+class OpenPages {
+  bytes = 0;
+  private readonly drawn: Uint32Array;
+
+  constructor(
+    pages: number,
+    private readonly memoryOf: (page: number) => number,
+  ) {
+    this.drawn = new Uint32Array(pages);
+  }
+
+  add(page: number): void {
+    if (this.drawn[page]++ === 0) this.bytes += this.memoryOf(page);
+  }
+
+  remove(page: number): void {
+    if (--this.drawn[page] === 0) this.bytes -= this.memoryOf(page);
+  }
+
+  needed(): Uint8Array {
+    return Uint8Array.from(this.drawn, (count) => Number(count > 0));
+  }
 }
