@@ -73,6 +73,7 @@ enum class ErrorCode {
   kCorrupt,          ///< a file's bytes are not what its format says
   kUnsupported,      ///< valid input that this build or version cannot handle
   kCancelled,        ///< the progress callback asked to stop
+  kDevice,           ///< a call of CUDA failed; the message ends with CUDA's own words
 };
 
 /// Every failure of the library. `what()` is one sentence that names the offending

@@ -64,7 +64,8 @@ typedef enum umbel_result {
   UMBEL_ERROR_CANCELLED = 6,         ///< the progress callback asked to stop
   UMBEL_ERROR_CAPACITY = 7,          ///< an output array is too small; its count says what it needs
   UMBEL_ERROR_OUT_OF_MEMORY = 8,
-  UMBEL_ERROR_INTERNAL = 9  ///< a fault of the library itself
+  UMBEL_ERROR_INTERNAL = 9,  ///< a fault of the library itself
+  UMBEL_ERROR_DEVICE = 10    ///< a call of CUDA failed; the sentence ends with CUDA's own words
 } umbel_result;
 
 /// One sentence about this thread's last call that failed, naming the argument, the index and the

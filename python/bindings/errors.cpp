@@ -18,6 +18,8 @@ const char* name_of(ErrorCode code) {
       return "unsupported";
     case ErrorCode::kCancelled:
       return "cancelled";
+    case ErrorCode::kDevice:
+      return "device";
   }
   return "unknown";
 }

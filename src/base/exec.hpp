@@ -1,6 +1,6 @@
 // The parallel primitives over which an algorithm is written once for CPU and GPU: a function
 // template over an executor, which takes raw pointers and function objects marked
-// UMBEL_HOST_DEVICE, and keeps every intermediate in the executor's buffers.
+// UMBEL_HOST_DEVICE or UMBEL_DEVICE_LAMBDA, and keeps every intermediate in the executor's buffers.
 //
 // Results do not depend on the number of threads. They are the same bytes on every executor as
 // long as what is given to `reduce` is exactly associative (minima, maxima, integer sums).
@@ -13,14 +13,9 @@
 #include <utility>
 
 #include "base/cpu_buffer.hpp"
+#include "base/host_device.hpp"
 #include "base/parallel.hpp"
 #include "base/radix_sort_pairs.hpp"
-
-#if defined(__CUDACC__)
-#define UMBEL_HOST_DEVICE __host__ __device__
-#else
-#define UMBEL_HOST_DEVICE
-#endif
 
 namespace umbel {
 

@@ -4,48 +4,57 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/host_device.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel {
 
-inline Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vec3 operator*(const Vec3& a, float s) { return {a.x * s, a.y * s, a.z * s}; }
-inline Vec3 operator*(float s, const Vec3& a) { return a * s; }
+UMBEL_HOST_DEVICE inline Vec3 operator+(const Vec3& a, const Vec3& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+UMBEL_HOST_DEVICE inline Vec3 operator-(const Vec3& a, const Vec3& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+UMBEL_HOST_DEVICE inline Vec3 operator*(const Vec3& a, float s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+UMBEL_HOST_DEVICE inline Vec3 operator*(float s, const Vec3& a) { return a * s; }
 
-inline float dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline Vec3 cross(const Vec3& a, const Vec3& b) {
+UMBEL_HOST_DEVICE inline float dot(const Vec3& a, const Vec3& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+UMBEL_HOST_DEVICE inline Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline float length(const Vec3& a) { return std::sqrt(dot(a, a)); }
+UMBEL_HOST_DEVICE inline float length(const Vec3& a) { return std::sqrt(dot(a, a)); }
 
-inline Vec3 min(const Vec3& a, const Vec3& b) {
+UMBEL_HOST_DEVICE inline Vec3 min(const Vec3& a, const Vec3& b) {
   return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
 }
-inline Vec3 max(const Vec3& a, const Vec3& b) {
+UMBEL_HOST_DEVICE inline Vec3 max(const Vec3& a, const Vec3& b) {
   return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
 }
 
-inline bool is_finite(const Vec3& a) {
+UMBEL_HOST_DEVICE inline bool is_finite(const Vec3& a) {
   return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
 }
 
-inline bool is_empty(const Aabb& b) {
+UMBEL_HOST_DEVICE inline bool is_empty(const Aabb& b) {
   return b.min.x > b.max.x || b.min.y > b.max.y || b.min.z > b.max.z;
 }
-inline void extend(Aabb& b, const Vec3& p) {
+UMBEL_HOST_DEVICE inline void extend(Aabb& b, const Vec3& p) {
   b.min = min(b.min, p);
   b.max = max(b.max, p);
 }
-inline void extend(Aabb& b, const Aabb& o) {
+UMBEL_HOST_DEVICE inline void extend(Aabb& b, const Aabb& o) {
   b.min = min(b.min, o.min);
   b.max = max(b.max, o.max);
 }
 // Halved before the sum, so that boxes near the largest float do not overflow.
-inline Vec3 center(const Aabb& b) { return b.min * 0.5f + b.max * 0.5f; }
+UMBEL_HOST_DEVICE inline Vec3 center(const Aabb& b) { return b.min * 0.5f + b.max * 0.5f; }
 
 /// Half the surface area; 0 for an empty box.
-inline float half_area(const Aabb& b) {
+UMBEL_HOST_DEVICE inline float half_area(const Aabb& b) {
   if (is_empty(b)) return 0.0f;
   const Vec3 d = b.max - b.min;
   return d.x * d.y + d.y * d.z + d.z * d.x;

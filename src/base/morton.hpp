@@ -70,17 +70,17 @@ MortonOrder<Exec, Key> morton_order(Exec& exec, const Aabb* boxes, size_t n, uin
   auto centers = exec.template allocate<Aabb>(1);
   exec.reduce(
       n, Aabb{},
-      [=] UMBEL_HOST_DEVICE(size_t i) {
+      [=] UMBEL_DEVICE_LAMBDA(size_t i) {
         const Vec3 center = boxes[i].min + boxes[i].max;
         return Aabb{center, center};
       },
-      [] UMBEL_HOST_DEVICE(Aabb a, const Aabb& b) {
+      [] UMBEL_DEVICE_LAMBDA(Aabb a, const Aabb& b) {
         extend(a, b);
         return a;
       },
       centers.data());
   exec.for_each(n, [=, around = centers.data(), codes = order.codes.data(),
-                    primitives = order.primitives.data()] UMBEL_HOST_DEVICE(size_t i) {
+                    primitives = order.primitives.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
     codes[i] = MortonGrid::around(*around, bits).template code<Key>(boxes[i]);
     primitives[i] = static_cast<uint32_t>(i);
   });

@@ -27,7 +27,7 @@ Treelets find_treelets(CpuExec& exec, const MortonOrder<CpuExec, uint64_t>& orde
   const size_t n = boxes.size();
   auto prefixes = exec.allocate<uint32_t>(n);
   exec.for_each(n, [codes = order.codes.data(), to = prefixes.data(),
-                    shift = 3 * kBits - leading_bits] UMBEL_HOST_DEVICE(size_t i) {
+                    shift = 3 * kBits - leading_bits] UMBEL_DEVICE_LAMBDA(size_t i) {
     to[i] = static_cast<uint32_t>(codes[i] >> shift);
   });
   auto starts = exec.allocate<uint32_t>(n + 1);
@@ -40,7 +40,7 @@ Treelets find_treelets(CpuExec& exec, const MortonOrder<CpuExec, uint64_t>& orde
   all.boxes.resize(treelets);
   exec.for_each(treelets,
                 [from = starts.data(), primitives = order.primitives.data(), in = boxes.data(),
-                 counts = all.counts.data(), out = all.boxes.data()] UMBEL_HOST_DEVICE(size_t t) {
+                 counts = all.counts.data(), out = all.boxes.data()] UMBEL_DEVICE_LAMBDA(size_t t) {
                   Aabb box;
                   for (uint32_t i = from[t]; i < from[t + 1]; ++i) extend(box, in[primitives[i]]);
                   out[t] = box;

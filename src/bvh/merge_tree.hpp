@@ -16,10 +16,12 @@ struct Subtree {
   static constexpr uint32_t kPrimitive = 0x80000000u;
 
   uint32_t link;
-  static Subtree of_primitive(uint32_t primitive) { return {primitive | kPrimitive}; }
-  static Subtree of_merge(uint32_t merge) { return {merge}; }
-  bool is_primitive() const { return (link & kPrimitive) != 0; }
-  uint32_t index() const { return link & ~kPrimitive; }
+  UMBEL_HOST_DEVICE static Subtree of_primitive(uint32_t primitive) {
+    return {primitive | kPrimitive};
+  }
+  UMBEL_HOST_DEVICE static Subtree of_merge(uint32_t merge) { return {merge}; }
+  UMBEL_HOST_DEVICE bool is_primitive() const { return (link & kPrimitive) != 0; }
+  UMBEL_HOST_DEVICE uint32_t index() const { return link & ~kPrimitive; }
 };
 
 struct Merge {
@@ -32,12 +34,12 @@ struct Merge {
 Bvh2 emit(const BigVector<Merge>& merges, Subtree root, Boxes boxes);
 
 /// Half the area of a box that is not empty.
-inline float area_of(const Aabb& b) {
+UMBEL_HOST_DEVICE inline float area_of(const Aabb& b) {
   const Vec3 d = b.max - b.min;
   return d.x * d.y + d.z * (d.x + d.y);
 }
 
-inline Aabb united(Aabb a, const Aabb& b) {
+UMBEL_HOST_DEVICE inline Aabb united(Aabb a, const Aabb& b) {
   extend(a, b);
   return a;
 }

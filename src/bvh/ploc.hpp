@@ -72,27 +72,26 @@ class Ploc {
     return exec.read(clusters_.data()).subtree;
   }
 
- private:
-  static constexpr uint32_t kFew = 64;
+  // The steps of `run`. They are public because CUDA takes no lambdas from private members.
 
   void gather(Exec& exec, const Aabb* boxes, uint32_t n) {
     const auto order = morton_order<uint64_t>(exec, boxes, n, 21);
     exec.for_each(n, [=, to = clusters_.data(),
-                      primitives = order.primitives.data()] UMBEL_HOST_DEVICE(size_t i) {
+                      primitives = order.primitives.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
       to[i] = {boxes[primitives[i]], Subtree::of_primitive(primitives[i]), 1};
     });
   }
 
   uint32_t find_pairs(Exec& exec, uint32_t count, uint32_t radius) {
-    exec.for_each(
-        count, [=, clusters = clusters_.data(), to = nearest_.data()] UMBEL_HOST_DEVICE(size_t i) {
-          to[i] = nearest_within(clusters, count, static_cast<uint32_t>(i), radius);
-        });
+    exec.for_each(count, [=, clusters = clusters_.data(),
+                          to = nearest_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+      to[i] = nearest_within(clusters, count, static_cast<uint32_t>(i), radius);
+    });
     return count_pairs(exec, count);
   }
 
   uint32_t pair_neighbors(Exec& exec, uint32_t count) {
-    exec.for_each(count, [=, to = nearest_.data()] UMBEL_HOST_DEVICE(size_t i) {
+    exec.for_each(count, [=, to = nearest_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
       const auto other = static_cast<uint32_t>(i ^ 1);
       to[i] = other < count ? other : static_cast<uint32_t>(i);
     });
@@ -104,13 +103,13 @@ class Ploc {
     const uint32_t* nearest = nearest_.data();
     exec.exclusive_scan(
         count,
-        [=] UMBEL_HOST_DEVICE(size_t i) -> uint32_t {
+        [=] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
           return nearest[nearest[i]] == i && i < nearest[i];
         },
         first_.data());
     exec.exclusive_scan(
         count,
-        [=] UMBEL_HOST_DEVICE(size_t i) -> uint32_t {
+        [=] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
           return !(nearest[nearest[i]] == i && nearest[i] < i);
         },
         place_.data());
@@ -120,7 +119,7 @@ class Ploc {
   void merge(Exec& exec, uint32_t count, uint32_t made, Merge* merges) {
     exec.for_each(count,
                   [=, from = clusters_.data(), to = merged_.data(), nearest = nearest_.data(),
-                   first = first_.data(), place = place_.data()] UMBEL_HOST_DEVICE(size_t i) {
+                   first = first_.data(), place = place_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
                     const uint32_t other = nearest[i];
                     const bool is_pair = other != i && nearest[other] == i;
                     if (is_pair && other < i) return;
@@ -137,6 +136,9 @@ class Ploc {
                   });
     std::swap(clusters_, merged_);
   }
+
+ private:
+  static constexpr uint32_t kFew = 64;
 
   template <typename T>
   using Buffer = typename Exec::template Buffer<T>;

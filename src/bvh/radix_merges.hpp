@@ -20,12 +20,12 @@ Subtree radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitiv
   auto begins = exec.template allocate<uint32_t>(n);  // of the codes below a merge
   auto ends = exec.template allocate<uint32_t>(n);    // the last one
   auto root = exec.template allocate<Subtree>(1);
-  exec.for_each(n, [arrived = arrived.data(), root = root.data()] UMBEL_HOST_DEVICE(size_t i) {
+  exec.for_each(n, [arrived = arrived.data(), root = root.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
     arrived[i] = 0;
     if (i == 0) *root = {};
   });
   exec.for_each(n, [=, arrived = arrived.data(), begins = begins.data(), ends = ends.data(),
-                    root = root.data()] UMBEL_HOST_DEVICE(size_t leaf) {
+                    root = root.data()] UMBEL_DEVICE_LAMBDA(size_t leaf) {
     auto begin = static_cast<uint32_t>(leaf), end = begin;
     Subtree subtree = Subtree::of_primitive(primitives[leaf]);
     while (end - begin < n - 1) {

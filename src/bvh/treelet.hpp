@@ -189,7 +189,7 @@ class TreeletRounds {
     item_parents_ = exec.template allocate<uint32_t>(tree.items);
     exec.for_each(tree.items - 1,
                   [merges = tree.merges, of_merges = merge_parents_.data(),
-                   of_items = item_parents_.data(), root] UMBEL_HOST_DEVICE(size_t i) {
+                   of_items = item_parents_.data(), root] UMBEL_DEVICE_LAMBDA(size_t i) {
                     const auto id = static_cast<uint32_t>(i);
                     for (const Subtree s : {merges[i].left, merges[i].right})
                       (s.is_primitive() ? of_items : of_merges)[s.index()] = id;
@@ -199,10 +199,10 @@ class TreeletRounds {
 
   void run_round(uint32_t size) {
     exec_.for_each(tree_.items,
-                   [arrived = arrived_.data()] UMBEL_HOST_DEVICE(size_t i) { arrived[i] = 0; });
+                   [arrived = arrived_.data()] UMBEL_DEVICE_LAMBDA(size_t i) { arrived[i] = 0; });
     exec_.for_each(tree_.items, [tree = tree_, rule = rule_, size, costs = costs_.data(),
                                  arrived = arrived_.data(), of_merges = merge_parents_.data(),
-                                 of_items = item_parents_.data()] UMBEL_HOST_DEVICE(size_t item) {
+                                 of_items = item_parents_.data()] UMBEL_DEVICE_LAMBDA(size_t item) {
       Treelet treelet(tree, costs, rule);
       uint32_t node = of_items[item];
       while (node != kNone && atomic_add(&arrived[node], 1) != 0) {

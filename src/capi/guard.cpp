@@ -36,6 +36,8 @@ umbel_result result_of(ErrorCode code) noexcept {
       return UMBEL_ERROR_UNSUPPORTED;
     case ErrorCode::kCancelled:
       return UMBEL_ERROR_CANCELLED;
+    case ErrorCode::kDevice:
+      return UMBEL_ERROR_DEVICE;
   }
   return UMBEL_ERROR_INTERNAL;
 }
@@ -87,6 +89,8 @@ const char* umbel_result_name(umbel_result result) {
       return "out of memory";
     case UMBEL_ERROR_INTERNAL:
       return "internal fault";
+    case UMBEL_ERROR_DEVICE:
+      return "device failed";
   }
   return "unknown result";
 }

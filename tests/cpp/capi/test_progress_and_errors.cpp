@@ -120,9 +120,9 @@ TEST(CapiErrors, callers_of_a_newer_version_are_served_while_what_is_new_is_zero
 }
 
 TEST(CapiErrors, results_have_names) {
-  for (int i = 0; i <= UMBEL_ERROR_INTERNAL; ++i)
+  for (int i = 0; i <= UMBEL_ERROR_DEVICE; ++i)
     EXPECT_STRNE(umbel_result_name(umbel_result(i)), "unknown result") << i;
-  EXPECT_STREQ(umbel_result_name(umbel_result(UMBEL_ERROR_INTERNAL + 1)), "unknown result");
+  EXPECT_STREQ(umbel_result_name(umbel_result(UMBEL_ERROR_DEVICE + 1)), "unknown result");
 }
 
 TEST(CapiErrors, version_is_the_version) { EXPECT_STREQ(umbel_version(), UMBEL_VERSION); }
