@@ -26,12 +26,14 @@ LAYERS = [
 HEADER_LAYERS = {
     "types.hpp": "base",
     "version.hpp": "base",
+    "frame_clusters.hpp": "cluster",
     "triangle_bvh.hpp": "bvh",
     "bvh_presets.hpp": "bvh",
     "bvh_traverse.hpp": "bvh",
     "ray_arrays.hpp": "bvh",
     "lod_select.hpp": "lod",
     "umbel.h": "capi",
+    "umbel_cuda.h": "capi",
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]', re.MULTILINE)

@@ -16,6 +16,7 @@
 #include "base/host_device.hpp"
 #include "base/parallel.hpp"
 #include "base/radix_sort_pairs.hpp"
+#include "base/team.hpp"
 
 namespace umbel {
 
@@ -35,6 +36,8 @@ UMBEL_HOST_DEVICE inline uint32_t atomic_add(uint32_t* counter, uint32_t amount)
 /// The executor on the processor's cores, by oneTBB.
 class CpuExec {
  public:
+  static constexpr bool kSerialTeams = true;  ///< teams are single threads
+
   template <typename T>
   using Buffer = CpuBuffer<T>;
 
@@ -54,6 +57,17 @@ class CpuExec {
   template <typename Body>
   void for_each(size_t n, const Body& body) {
     parallel_for(n, kGrain, body);
+  }
+
+  /// body(team, i, shared) for i in [0, n), in any order. See base/team.hpp.
+  template <typename Body>
+  void for_each_team(size_t n, const Body& body) {
+    using Shared = typename Body::Shared;
+    constexpr size_t kTeams = 16;  // in turn, with the same memory
+    parallel_chunks(n, kTeams, [&](size_t begin, size_t end) {
+      const Buffer<Shared> shared(1);
+      for (size_t i = begin; i < end; ++i) body(SerialTeam{}, i, *shared.data());
+    });
   }
 
   /// *result = op(... op(op(init, map(0)), map(1)) ..., map(n - 1)).

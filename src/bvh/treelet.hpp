@@ -187,14 +187,19 @@ class TreeletRounds {
     arrived_ = exec.template allocate<uint32_t>(tree.items);
     merge_parents_ = exec.template allocate<uint32_t>(tree.items);
     item_parents_ = exec.template allocate<uint32_t>(tree.items);
-    exec.for_each(tree.items - 1,
-                  [merges = tree.merges, of_merges = merge_parents_.data(),
-                   of_items = item_parents_.data(), root] UMBEL_DEVICE_LAMBDA(size_t i) {
-                    const auto id = static_cast<uint32_t>(i);
-                    for (const Subtree s : {merges[i].left, merges[i].right})
-                      (s.is_primitive() ? of_items : of_merges)[s.index()] = id;
-                    if (id == root.index()) of_merges[i] = kNone;
-                  });
+    find_parents(root);
+  }
+
+  /// Part of the constructor, from which CUDA takes no lambda.
+  void find_parents(Subtree root) {
+    exec_.for_each(tree_.items - 1,
+                   [merges = tree_.merges, of_merges = merge_parents_.data(),
+                    of_items = item_parents_.data(), root] UMBEL_DEVICE_LAMBDA(size_t i) {
+                     const auto id = static_cast<uint32_t>(i);
+                     for (const Subtree s : {merges[i].left, merges[i].right})
+                       (s.is_primitive() ? of_items : of_merges)[s.index()] = id;
+                     if (id == root.index()) of_merges[i] = kNone;
+                   });
   }
 
   void run_round(uint32_t size) {

@@ -1,0 +1,83 @@
+# UMBEL_CUDA: the library `umbel_cuda` (umbel::cuda), its tests and its benchmark. AUTO builds them
+# where there is a CUDA compiler.
+
+set(UMBEL_CUDA AUTO CACHE STRING "Build umbel::cuda: AUTO (where there is a CUDA compiler), ON, OFF")
+set_property(CACHE UMBEL_CUDA PROPERTY STRINGS AUTO ON OFF)
+
+# umbel::cuda is the first to need CUDA, so this decides whether there is any.
+set(umbel_has_cuda OFF)
+if(UMBEL_CUDA STREQUAL "AUTO")
+  include(CheckLanguage)
+  check_language(CUDA)
+  if(CMAKE_CUDA_COMPILER)
+    set(umbel_has_cuda ON)
+  endif()
+elseif(UMBEL_CUDA)
+  set(umbel_has_cuda ON)
+endif()
+if(NOT umbel_has_cuda)
+  return()
+endif()
+
+# Machine code for Turing, Ampere, Ada and Hopper, and PTX for what comes after.
+if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
+  set(CMAKE_CUDA_ARCHITECTURES 75-real 80-real 86-real 89-real 90)
+endif()
+enable_language(CUDA)
+find_package(CUDAToolkit REQUIRED)
+if(CUDAToolkit_VERSION VERSION_LESS 12.4)
+  message(FATAL_ERROR "umbel::cuda needs CUDA 12.4 or newer, and this is ${CUDAToolkit_VERSION}; "
+                      "-DUMBEL_CUDA=OFF builds without it")
+endif()
+message(STATUS "CUDA ${CUDAToolkit_VERSION}: ${CMAKE_CUDA_COMPILER}, for ${CMAKE_CUDA_ARCHITECTURES}")
+
+# How every target with CUDA sources is compiled. Nothing is contracted into fused operations, as on
+# the processor: the same bytes everywhere.
+function(umbel_cuda_compile_options target)
+  set_target_properties(
+    ${target}
+    PROPERTIES CUDA_STANDARD 20
+               CUDA_STANDARD_REQUIRED ON
+               CXX_STANDARD 20
+               CXX_EXTENSIONS OFF
+               POSITION_INDEPENDENT_CODE ON
+               CUDA_RUNTIME_LIBRARY Static)
+  target_compile_options(
+    ${target}
+    PRIVATE
+      $<$<COMPILE_LANGUAGE:CUDA>:--extended-lambda --expt-relaxed-constexpr --fmad=false>
+      $<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-Wall,-Wextra,-ffp-contract=off>
+      $<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;${umbel_float_options}>
+      $<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<BOOL:${UMBEL_WERROR}>>:-Werror=all-warnings>)
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src)
+endfunction()
+
+add_library(umbel_cuda STATIC ${PROJECT_SOURCE_DIR}/src/cuda/frame_clusters.cu
+                              ${PROJECT_SOURCE_DIR}/src/capi/cuda_frames.cpp)
+umbel_cuda_compile_options(umbel_cuda)
+target_link_libraries(umbel_cuda PUBLIC umbel_internal PRIVATE TBB::tbb CUDA::cudart_static)
+add_library(umbel::cuda ALIAS umbel_cuda)
+
+# The C interface by itself, for Python and other languages that load libraries.
+add_library(umbel_cuda_c SHARED $<TARGET_OBJECTS:umbel_cuda>)
+set_target_properties(umbel_cuda_c PROPERTIES LINKER_LANGUAGE CXX)
+target_link_libraries(umbel_cuda_c PRIVATE umbel_internal TBB::tbb CUDA::cudart_static)
+
+if(UMBEL_BUILD_TESTS)
+  file(GLOB umbel_cuda_test_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/cuda/*.cu)
+  add_executable(umbel_cuda_tests ${umbel_cuda_test_sources})
+  umbel_cuda_compile_options(umbel_cuda_tests)
+  target_link_libraries(umbel_cuda_tests PRIVATE umbel_cuda umbel_internal TBB::tbb
+                                                 CUDA::cudart_static GTest::gtest_main)
+  gtest_discover_tests(umbel_cuda_tests WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
+                       DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+                       PROPERTIES LABELS cuda TIMEOUT 600)
+endif()
+
+if(UMBEL_BUILD_BENCH)
+  add_executable(cuda_bench ${PROJECT_SOURCE_DIR}/bench/cuda/cuda_bench.cu)
+  umbel_cuda_compile_options(cuda_bench)
+  set_target_properties(cuda_bench PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bench)
+  target_include_directories(cuda_bench PRIVATE ${PROJECT_SOURCE_DIR}/bench)
+  target_link_libraries(cuda_bench PRIVATE umbel_cuda umbel_internal TBB::tbb CUDA::cudart_static)
+endif()

@@ -1,0 +1,107 @@
+// Umbel on CUDA devices: clusters of meshes that change every frame, with the same bytes as on the
+// processor (frame_clusters.hpp). Part of the library umbel::cuda, which is built with UMBEL_CUDA.
+//
+// - All pointers but `scratch_bytes` are to memory of the device, aligned as their types are. Where
+//   it comes from does not matter: cudaMalloc, PyTorch, CuPy, or a buffer of Vulkan or Direct3D
+//   that was imported by cudaImportExternalMemory.
+// - Every function puts its work into `stream` and returns; none allocates, none waits, so all can
+//   be captured in a graph, which may be replayed for new positions in the same memory.
+// - Scratch memory is asked for by size first, as with CUB: with `scratch` null a function only
+// sets
+//   `scratch_bytes`, which depends on nothing but sizes and the config, and looks at no other
+//   pointer. Otherwise `scratch` must be aligned to 256 bytes and have that many. Calls on the same
+//   stream may share it.
+// - Values of positions and indices are not checked: an index must be below the number of vertices.
+//   NaN and infinite positions give clusters of some order, each triangle in one of them.
+// - Errors throw umbel::Error: kInvalidArgument, kUnsupported, or kDevice with CUDA's own words.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "umbel/frame_clusters.hpp"
+#include "umbel/types.hpp"
+
+struct CUstream_st;
+
+namespace umbel::cuda {
+
+/// A cudaStream_t; null is the default stream.
+using Stream = CUstream_st*;
+
+/// The triangles of a frame.
+struct DeviceMesh {
+  const void* positions;        ///< three floats a vertex
+  size_t position_stride = 12;  ///< bytes from one vertex to the next: a multiple of 4, at least 12
+  const uint32_t* indices;      ///< three a triangle
+  const uint32_t* items = nullptr;  ///< what each triangle is called; null: by its place
+  uint32_t triangles = 0;
+};
+
+/// Clusters of a frame. Cluster c has triangles [offsets[c], offsets[c + 1]).
+struct DeviceClusters {
+  uint32_t* items;    ///< one a triangle: what they are called, in cluster order
+  uint32_t* indices;  ///< three a triangle: the index buffer in cluster order
+  uint32_t* offsets;  ///< room for max_frame_clusters(...) + 1
+  Aabb* boxes;        ///< room for max_frame_clusters(...)
+  uint32_t* count;    ///< one: how many clusters there are
+};
+
+/// Areas of clusters. All are shares of the area of the box of all clusters, times 2^40.
+struct DeviceDrift {
+  uint64_t* now;       ///< room for max_frame_clusters(...)
+  uint64_t* at_build;  ///< the same
+  uint64_t* total;     ///< two: the sum of `now` and the sum of `at_build`
+};
+
+/// The sums of DeviceDrift::total, once they have been copied to the host.
+inline ClusterDrift drift_of(const uint64_t total[2]) {
+  constexpr double kWhole = double(uint64_t(1) << 40);
+  return {double(total[0]) / kWhole, double(total[1]) / kWhole};
+}
+
+/// Clusters of the mesh's positions. For frames after the first, mesh.indices and mesh.items may be
+/// those of the last frame's clusters (`out` must be other arrays): triangles with equal codes then
+/// keep the last frame's order, and reading in cluster order is faster.
+UMBEL_API void build_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
+                                    const FrameClusterConfig& config, const DeviceClusters& out,
+                                    Stream stream = nullptr);
+
+/// Measures clusters by their boxes; with `is_new`, which follows a build, this is what later
+/// measures are compared with.
+UMBEL_API void measure_frame_clusters(void* scratch, size_t& scratch_bytes, uint32_t triangles,
+                                      const FrameClusterConfig& config,
+                                      const DeviceClusters& clusters, const DeviceDrift& drift,
+                                      bool is_new, Stream stream = nullptr);
+
+/// Makes the boxes of clusters for new positions, and measures. Of the mesh, only the positions and
+/// the number of triangles are used.
+UMBEL_API void refit_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
+                                    const FrameClusterConfig& config,
+                                    const DeviceClusters& clusters, const DeviceDrift& drift,
+                                    Stream stream = nullptr);
+
+/// After a refit, builds up to `budget` of the clusters anew whose areas have grown by the largest
+/// factors since they were built; the others come first, in their old order. `out` and `out_drift`
+/// are other arrays, but drift.now and drift.total may be shared. The config has no vertex limit.
+UMBEL_API void rebuild_worst_frame_clusters(void* scratch, size_t& scratch_bytes,
+                                            const DeviceMesh& mesh,
+                                            const FrameClusterConfig& config, uint32_t budget,
+                                            const DeviceClusters& clusters,
+                                            const DeviceDrift& drift, const DeviceClusters& out,
+                                            const DeviceDrift& out_drift, Stream stream = nullptr);
+
+/// Vertices of each cluster's own, as mesh shaders and cluster acceleration structures take them.
+struct DeviceVertexLists {
+  uint32_t* offsets;   ///< room for max_frame_clusters(...) + 1
+  uint32_t* vertices;  ///< room for three a triangle
+  uint8_t* corners;    ///< three a triangle: its corners among its cluster's vertices
+};
+
+/// The config has a vertex limit, or clusters of at most 85 triangles, which have not more than
+/// 255.
+UMBEL_API void list_frame_vertices(void* scratch, size_t& scratch_bytes, uint32_t triangles,
+                                   const FrameClusterConfig& config, const DeviceClusters& clusters,
+                                   const DeviceVertexLists& out, Stream stream = nullptr);
+
+}  // namespace umbel::cuda

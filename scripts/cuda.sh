@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# What `make cuda` does: builds umbel::cuda, its tests and its benchmark in build/cuda, with the CUDA
+# toolkit that is installed (nvcc on the PATH, or CUDACXX), or else with one made of wheels in
+# build/cuda-toolkit. No GPU is needed.
+#
+#   CUDA_ARCHS="90" scripts/cuda.sh     builds for these architectures only
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+fail() {
+  printf 'cuda: %s\n' "$*" >&2
+  exit 1
+}
+
+# The wheels become a toolkit by the two links that a linker and CMake look for.
+toolkit_of_wheels() {
+  local venv=build/cuda-toolkit
+  if ! cmp -s scripts/requirements-cuda.txt "$venv/requirements.txt"; then
+    echo "cuda: installing the CUDA toolkit as wheels into $venv (some 300 MB)" >&2
+    rm -rf "$venv"
+    "${PYTHON:-python3}" -m venv "$venv"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+      -r scripts/requirements-cuda.txt >&2 || fail "pip could not install the CUDA wheels"
+    cp scripts/requirements-cuda.txt "$venv/requirements.txt"
+  fi
+  local root
+  root=$("$venv/bin/python" -c 'import nvidia, pathlib; print(pathlib.Path(list(nvidia.__path__)[0]) / "cu13")')
+  ln -sfn lib "$root/lib64"
+  ln -sfn libcudart.so.13 "$root/lib/libcudart.so"
+  echo "$root"
+}
+
+mkdir -p build
+arguments=()
+if [[ -z ${CUDACXX:-} ]] && ! command -v nvcc >/dev/null 2>&1; then
+  root=$(toolkit_of_wheels)
+  arguments+=("-DCMAKE_CUDA_COMPILER=$root/bin/nvcc" "-DCUDAToolkit_ROOT=$root")
+fi
+if [[ -n ${CUDA_ARCHS:-} ]]; then
+  arguments+=("-DCMAKE_CUDA_ARCHITECTURES=${CUDA_ARCHS// /;}")
+fi
+if command -v ccache >/dev/null 2>&1; then
+  arguments+=(-DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
+fi
+# oneTBB may be a wheel in .venv.
+if [[ -x .venv/bin/python ]]; then
+  arguments+=("-DPython_EXECUTABLE=$PWD/.venv/bin/python")
+fi
+
+cmake --preset cuda -DUMBEL_WERROR="${UMBEL_WERROR:-OFF}" "${arguments[@]}" "$@" \
+  >build/cuda-configure.log 2>&1 || {
+  tail -n 20 build/cuda-configure.log >&2
+  fail "CMake failed; the log is build/cuda-configure.log"
+}
+grep -E '^-- CUDA [0-9]' build/cuda-configure.log
+cmake --build --preset cuda --target umbel_cuda umbel_cuda_c umbel_cuda_tests cuda_bench

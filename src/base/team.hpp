@@ -1,0 +1,55 @@
+// Teams: lanes that work on one thing together and share a little fast memory. On the processor a
+// team is one thread; on a device it is a warp or a block. An algorithm is written once, for a
+// team of any size:
+//
+//   struct Body {
+//     static constexpr uint32_t kLanes = 32;  // of a device's team: 32, or 64 to 1024
+//     struct Shared { ... };                  // memory of the team, without a value at first
+//     template <typename Team>
+//     UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const;
+//   };
+//   exec.for_each_team(n, body);
+//
+// What one lane writes to shared memory others may read after the next sync(), which all lanes
+// must reach. reduce() gives every lane the result, and is a sync() itself.
+#pragma once
+
+#include <cstdint>
+
+#include "base/host_device.hpp"
+
+namespace umbel {
+
+/// For bodies that share nothing.
+struct NothingShared {};
+
+/// A team of one thread.
+struct SerialTeam {
+  static constexpr bool kIsSerial = true;
+
+  static constexpr uint32_t size() { return 1; }
+  static constexpr uint32_t rank() { return 0; }
+  void sync() const {}
+
+  /// op over the values of all lanes; op must be exactly associative and commutative.
+  template <typename T, typename Op>
+  T reduce(const T& value, const Op&) const {
+    return value;
+  }
+  /// The lanes with a smaller rank for which `flag` holds.
+  uint32_t rank_among(bool) const { return 0; }
+  /// The lanes for which `flag` holds.
+  uint32_t count(bool flag) const { return flag ? 1 : 0; }
+
+  static uint32_t add(uint32_t* counter, uint32_t amount) {
+    const uint32_t old = *counter;
+    *counter += amount;
+    return old;
+  }
+  template <typename T>
+  static void lower(T* least, T value) {
+    if (value < *least) *least = value;
+  }
+};
+
+}  // namespace umbel

@@ -1,0 +1,103 @@
+// Boxes rounded to a grid of 2^15 cells over a block of triangles: all decisions about a block are
+// made on integers, so every executor makes the same ones.
+#pragma once
+
+#include <cstdint>
+
+#include "base/math.hpp"
+#include "base/team.hpp"
+
+#if defined(__CUDA_ARCH__) || defined(__CUDACC__)
+#define UMBEL_BOX_VECTORS 0
+#elif defined(__GNUC__)
+#define UMBEL_BOX_VECTORS 1
+#else
+#define UMBEL_BOX_VECTORS 0
+#endif
+
+namespace umbel::cluster {
+
+/// The same in whole words, which the lanes of a team can lower together.
+struct WideBox {
+  int32_t low[6];
+
+  UMBEL_HOST_DEVICE static WideBox empty() {
+    constexpr int32_t e = 32767;
+    return {{e, e, e, e, e, e}};
+  }
+};
+
+/// Minima and negated maxima, so that a union is a minimum of all six.
+struct alignas(16) ShortBox {
+  static constexpr int16_t kEmpty = 32767;
+
+  int16_t low[8];  ///< the last two are not used
+
+  UMBEL_HOST_DEVICE static ShortBox empty() {
+    return {{kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty}};
+  }
+  UMBEL_HOST_DEVICE uint32_t extent(int axis) const {
+    return uint32_t(-int32_t(low[axis + 3]) - int32_t(low[axis]));
+  }
+  /// The sum of both planes: twice the centre.
+  UMBEL_HOST_DEVICE uint32_t middle(int axis) const {
+    return uint32_t(int32_t(low[axis]) - int32_t(low[axis + 3]));
+  }
+  UMBEL_HOST_DEVICE void join(const ShortBox& o) {
+#if UMBEL_BOX_VECTORS
+    typedef int16_t Lanes __attribute__((vector_size(16), may_alias));
+    auto& mine = *reinterpret_cast<Lanes*>(low);
+    const auto& other = *reinterpret_cast<const Lanes*>(o.low);
+    mine = mine < other ? mine : other;
+#else
+    for (int k = 0; k < 6; ++k) low[k] = o.low[k] < low[k] ? o.low[k] : low[k];
+#endif
+  }
+  UMBEL_HOST_DEVICE void join(const WideBox& o) {
+    for (int k = 0; k < 6; ++k) low[k] = o.low[k] < low[k] ? int16_t(o.low[k]) : low[k];
+  }
+};
+
+/// Half the surface area, of sides that are a cell longer: what is flat has an area too, of its
+/// length. Below 2^32.
+UMBEL_HOST_DEVICE inline uint64_t padded_area(const ShortBox& box) {
+  const uint64_t x = box.extent(0) + 1, y = box.extent(1) + 1, z = box.extent(2) + 1;
+  return x * y + z * (x + y);
+}
+
+/// Adds an item's box to what lanes of a team share.
+template <typename Team>
+UMBEL_HOST_DEVICE void join_shared(const Team&, ShortBox& into, const ShortBox& box) {
+  into.join(box);
+}
+template <typename Team>
+UMBEL_HOST_DEVICE void join_shared(const Team& team, WideBox& into, const ShortBox& box) {
+  for (int k = 0; k < 6; ++k) team.lower(&into.low[k], int32_t(box.low[k]));
+}
+
+/// Rounds boxes to the grid over `frame`.
+struct BlockGrid {
+  Vec3 origin;
+  float scale;
+
+  UMBEL_HOST_DEVICE static BlockGrid over(const Aabb& frame) {
+    const double x = double(frame.max.x) - double(frame.min.x),
+                 y = double(frame.max.y) - double(frame.min.y),
+                 z = double(frame.max.z) - double(frame.min.z);
+    const double xy = x > y ? x : y, longest = xy > z ? xy : z;
+    const double scale = longest > 0 ? 32760.0 / longest : 0.0;
+    return {frame.min, float(scale < 3e38 ? scale : 3e38)};
+  }
+  UMBEL_HOST_DEVICE int16_t cell(float p, float from) const {
+    const float x = (p * 0.5f - from * 0.5f) * scale * 2.0f;
+    const float below = x < 32766.0f ? x : 32766.0f;
+    return static_cast<int16_t>(below > 0 ? below : 0.0f);
+  }
+  UMBEL_HOST_DEVICE ShortBox round(const Aabb& box) const {
+    return {{cell(box.min.x, origin.x), cell(box.min.y, origin.y), cell(box.min.z, origin.z),
+             int16_t(-cell(box.max.x, origin.x)), int16_t(-cell(box.max.y, origin.y)),
+             int16_t(-cell(box.max.z, origin.z)), 0, 0}};
+  }
+};
+
+}  // namespace umbel::cluster

@@ -1,0 +1,197 @@
+// The executor on a CUDA device (see base/exec.hpp): CUB's device-wide primitives on one stream.
+//
+// Nothing is allocated, and but for `read` nothing waits, so all work can be captured in a graph.
+// Intermediates and CUB's own scratch come from an arena; over an arena that only counts nothing is
+// run, which is how the size of the scratch memory is asked for.
+#pragma once
+
+#include <cuda_runtime.h>
+#include <thrust/iterator/counting_iterator.h>
+#include <thrust/iterator/transform_iterator.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_reduce.cuh>
+#include <cub/device/device_scan.cuh>
+#include <cub/device/device_select.cuh>
+
+#include "base/exec.hpp"
+#include "cuda/arena.hpp"
+#include "cuda/device_team.cuh"
+#include "cuda/status.cuh"
+
+namespace umbel::cuda {
+
+namespace detail {
+
+inline constexpr uint32_t kThreads = 256;
+
+template <typename Body>
+__global__ void __launch_bounds__(kThreads) run_each(size_t n, Body body) {
+  const size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i < n) body(i);
+}
+
+template <typename Body>
+inline constexpr uint32_t kTeamsPerBlock = Body::kLanes == kWarp ? 4 : 1;
+
+template <typename Body>
+__global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
+    run_teams(size_t n, Body body) {
+  using Team = std::conditional_t<Body::kLanes == kWarp, WarpTeam, BlockTeam>;
+  using Shared = typename Body::Shared;
+  constexpr uint32_t kTeams = kTeamsPerBlock<Body>;
+  __shared__ alignas(16) unsigned char shared[kTeams * sizeof(Shared)];
+  const uint32_t team = threadIdx.x / Body::kLanes;
+  const size_t i = size_t(blockIdx.x) * kTeams + team;
+  if (i < n) body(Team{}, i, reinterpret_cast<Shared*>(shared)[team]);
+}
+
+// Function objects whose results CUB can name without calling them.
+template <typename T, typename Map>
+struct Mapped {
+  Map map;
+  __device__ T operator()(size_t i) const { return map(i); }
+};
+template <typename T, typename Op>
+struct Folded {
+  Op op;
+  __device__ T operator()(const T& a, const T& b) const { return op(a, b); }
+};
+template <typename T, typename In>
+struct UpTo {
+  In in;
+  size_t n;
+  __device__ T operator()(size_t i) const { return i < n ? static_cast<T>(in(i)) : T(0); }
+};
+template <typename Keep>
+struct Kept {
+  Keep keep;
+  __device__ bool operator()(uint32_t i) const { return keep(size_t(i)); }
+};
+
+}  // namespace detail
+
+class CudaExec {
+ public:
+  static constexpr bool kSerialTeams = false;
+
+  template <typename T>
+  using Buffer = ArenaBuffer<T>;
+
+  CudaExec(cudaStream_t stream, Arena& arena) : stream_(stream), arena_(arena) {}
+
+  template <typename T>
+  Buffer<T> allocate(size_t size) {
+    return Buffer<T>(arena_, size);
+  }
+
+  /// Waits for the stream, which must not be captured. T{} while the arena counts.
+  template <typename T>
+  T read(const T* value) {
+    T result{};
+    if (arena_.counts()) return result;
+    check(cudaMemcpyAsync(&result, value, sizeof(T), cudaMemcpyDeviceToHost, stream_),
+          "copying a value from the device");
+    check(cudaStreamSynchronize(stream_), "waiting for the stream");
+    return result;
+  }
+
+  template <typename Body>
+  void for_each(size_t n, const Body& body) {
+    if (n == 0 || arena_.counts()) return;
+    detail::run_each<<<blocks(n, detail::kThreads), detail::kThreads, 0, stream_>>>(n, body);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  template <typename Body>
+  void for_each_team(size_t n, const Body& body) {
+    constexpr uint32_t kTeams = detail::kTeamsPerBlock<Body>;
+    if (n == 0 || arena_.counts()) return;
+    detail::run_teams<<<blocks(n, kTeams), Body::kLanes * kTeams, 0, stream_>>>(n, body);
+    check(cudaGetLastError(), "starting a kernel of teams");
+  }
+
+  template <typename T, typename Map, typename Op>
+  void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
+    const auto indices = thrust::counting_iterator<size_t>(0);
+    with_scratch("reducing", [&](void* scratch, size_t& bytes) {
+      return cub::DeviceReduce::TransformReduce(scratch, bytes, indices, result, int64_t(n),
+                                                detail::Folded<T, Op>{op},
+                                                detail::Mapped<T, Map>{map}, init, stream_);
+    });
+  }
+
+  template <typename T, typename In>
+  void exclusive_scan(size_t n, const In& in, T* out) {
+    const auto values = thrust::make_transform_iterator(thrust::counting_iterator<size_t>(0),
+                                                        detail::UpTo<T, In>{in, n});
+    with_scratch("scanning", [&](void* scratch, size_t& bytes) {
+      return cub::DeviceScan::ExclusiveSum(scratch, bytes, values, out, int64_t(n) + 1, stream_);
+    });
+  }
+
+  template <typename Keep>
+  void select(size_t n, const Keep& keep, uint32_t* out, uint32_t* count) {
+    const auto indices = thrust::counting_iterator<uint32_t>(0);
+    with_scratch("selecting", [&](void* scratch, size_t& bytes) {
+      return cub::DeviceSelect::If(scratch, bytes, indices, out, count, int64_t(n),
+                                   detail::Kept<Keep>{keep}, stream_);
+    });
+  }
+
+  template <typename Key>
+  void run_length(size_t n, const Key* keys, uint32_t* starts, uint32_t* runs) {
+    select(n, [=] __device__(size_t i) { return i == 0 || keys[i] != keys[i - 1]; }, starts, runs);
+    for_each(1, [=] __device__(size_t) { starts[*runs] = static_cast<uint32_t>(n); });
+  }
+
+  template <typename Key>
+  void radix_sort_pairs(size_t n, Key* keys, uint32_t* values, uint32_t first_bit,
+                        uint32_t last_bit) {
+    if (n < 2 || last_bit <= first_bit) return;
+    const auto other_keys = allocate<Key>(n);
+    const auto other_values = allocate<uint32_t>(n);
+    cub::DoubleBuffer<Key> key_buffers(keys, other_keys.data());
+    cub::DoubleBuffer<uint32_t> value_buffers(values, other_values.data());
+    with_scratch("sorting", [&](void* scratch, size_t& bytes) {
+      return cub::DeviceRadixSort::SortPairs(scratch, bytes, key_buffers, value_buffers, int64_t(n),
+                                             int(first_bit), int(last_bit), stream_);
+    });
+    if (arena_.counts()) return;
+    // After an odd number of passes the result is in the other buffers.
+    copy_home(keys, key_buffers.Current(), n);
+    copy_home(values, value_buffers.Current(), n);
+  }
+
+ private:
+  static uint32_t blocks(size_t n, uint32_t each) {
+    const size_t count = (n + each - 1) / each;
+    if (count > 0x7fffffffu)
+      throw Error(ErrorCode::kUnsupported, "more work than a grid of a CUDA device can have");
+    return static_cast<uint32_t>(count);
+  }
+
+  /// Asks CUB for its scratch size, and if anything is to be done, does it.
+  template <typename Call>
+  void with_scratch(const char* what, const Call& call) {
+    size_t bytes = 0;
+    check(call(nullptr, bytes), what);
+    // A null pointer would be taken for the question again.
+    const Buffer<unsigned char> scratch(arena_, bytes > 0 ? bytes : 1);
+    if (!arena_.counts()) check(call(scratch.data(), bytes), what);
+  }
+
+  template <typename T>
+  void copy_home(T* home, const T* from, size_t n) {
+    if (from == home) return;
+    check(cudaMemcpyAsync(home, from, n * sizeof(T), cudaMemcpyDeviceToDevice, stream_),
+          "copying on the device");
+  }
+
+  cudaStream_t stream_;
+  Arena& arena_;
+};
+
+}  // namespace umbel::cuda
