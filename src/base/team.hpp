@@ -27,27 +27,27 @@ struct NothingShared {};
 struct SerialTeam {
   static constexpr bool kIsSerial = true;
 
-  static constexpr uint32_t size() { return 1; }
-  static constexpr uint32_t rank() { return 0; }
-  void sync() const {}
+  UMBEL_HOST_DEVICE static constexpr uint32_t size() { return 1; }
+  UMBEL_HOST_DEVICE static constexpr uint32_t rank() { return 0; }
+  UMBEL_HOST_DEVICE void sync() const {}
 
   /// op over the values of all lanes; op must be exactly associative and commutative.
   template <typename T, typename Op>
-  T reduce(const T& value, const Op&) const {
+  UMBEL_HOST_DEVICE T reduce(const T& value, const Op&) const {
     return value;
   }
   /// The lanes with a smaller rank for which `flag` holds.
-  uint32_t rank_among(bool) const { return 0; }
+  UMBEL_HOST_DEVICE uint32_t rank_among(bool) const { return 0; }
   /// The lanes for which `flag` holds.
-  uint32_t count(bool flag) const { return flag ? 1 : 0; }
+  UMBEL_HOST_DEVICE uint32_t count(bool flag) const { return flag ? 1 : 0; }
 
-  static uint32_t add(uint32_t* counter, uint32_t amount) {
+  UMBEL_HOST_DEVICE static uint32_t add(uint32_t* counter, uint32_t amount) {
     const uint32_t old = *counter;
     *counter += amount;
     return old;
   }
   template <typename T>
-  static void lower(T* least, T value) {
+  UMBEL_HOST_DEVICE static void lower(T* least, T value) {
     if (value < *least) *least = value;
   }
 };

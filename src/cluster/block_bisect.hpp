@@ -5,8 +5,8 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
-#include <type_traits>
 
 #include "cluster/block_boxes.hpp"
 
@@ -111,15 +111,21 @@ class BlockBisector {
   }
 
  private:
-  /// Bins of a node along an axis, by the middles of boxes.
+  /// Bins of a node along an axis, by the middles of boxes, which are within [2 * min, 2 * max] of
+  /// the node's. All numbers have 16 bits.
   struct Binning {
-    uint32_t from, factor;
+    uint32_t from, scale, factor;
 
     UMBEL_HOST_DEVICE static Binning of(const ShortBox& box, int axis) {
-      // Middles are within [2 * min, 2 * max].
-      return {uint32_t(2 * int32_t(box.low[axis])), (kBins << 16) / (2 * box.extent(axis) + 1)};
+      const uint32_t range = 2 * box.extent(axis);
+      if (range == 0) return {uint32_t(2 * int32_t(box.low[axis])), 1, 0};
+      const uint32_t shift = uint32_t(std::countl_zero(uint16_t(range)));
+      return {uint32_t(2 * int32_t(box.low[axis])), 1u << shift,
+              (1u << 31) / ((range << shift) + 1)};
     }
-    UMBEL_HOST_DEVICE uint32_t bin(uint32_t middle) const { return (middle - from) * factor >> 16; }
+    UMBEL_HOST_DEVICE uint32_t bin(uint32_t middle) const {
+      return ((middle - from) * scale * factor >> 16) / ((1u << 15) / kBins);
+    }
   };
 
   UMBEL_HOST_DEVICE void fill_bins(const Node& node) {
@@ -130,16 +136,41 @@ class BlockBisector {
     team_.sync();
     const Binning x = Binning::of(node.box, 0), y = Binning::of(node.box, 1),
                   z = Binning::of(node.box, 2);
-    for (uint32_t i = node.begin + team_.rank(); i < node.end; i += team_.size()) {
-      const ShortBox& item = m_.items[m_.order[i]];
-      add(0, x.bin(item.middle(0)), item);
-      add(1, y.bin(item.middle(1)), item);
-      add(2, z.bin(item.middle(2)), item);
-    }
+#if UMBEL_BOX_VECTORS
+    if constexpr (Team::kIsSerial) {
+      fill_serially(node, x, y, z);
+    } else
+#endif
+      for (uint32_t i = node.begin + team_.rank(); i < node.end; i += team_.size()) {
+        const ShortBox& item = m_.items[m_.order[i]];
+        add(0, x.bin(item.middle(0)), item);
+        add(1, y.bin(item.middle(1)), item);
+        add(2, z.bin(item.middle(2)), item);
+      }
     team_.sync();
     for (uint32_t sweep = team_.rank(); sweep < 6; sweep += team_.size()) accumulate(sweep);
     team_.sync();
   }
+#if UMBEL_BOX_VECTORS
+  /// All three axes at once.
+  void fill_serially(const Node& node, const Binning& x, const Binning& y, const Binning& z) {
+    const auto of = [](uint32_t a, uint32_t b, uint32_t c) {
+      return _mm_setr_epi16(int16_t(a), int16_t(b), int16_t(c), 0, 0, 0, 0, 0);
+    };
+    const __m128i from = of(x.from, y.from, z.from), scale = of(x.scale, y.scale, z.scale),
+                  factor = of(x.factor, y.factor, z.factor);
+    constexpr int kShift = 15 - std::countr_zero(kBins);
+    for (uint32_t i = node.begin; i < node.end; ++i) {
+      const ShortBox& item = m_.items[m_.order[i]];
+      const __m128i box = item.load(), middle = _mm_sub_epi16(box, _mm_srli_si128(box, 8));
+      const __m128i scaled = _mm_mullo_epi16(_mm_sub_epi16(middle, from), scale);
+      const __m128i bins = _mm_srli_epi16(_mm_mulhi_epu16(scaled, factor), kShift);
+      add(0, uint32_t(_mm_extract_epi16(bins, 0)), item);
+      add(1, uint32_t(_mm_extract_epi16(bins, 1)), item);
+      add(2, uint32_t(_mm_extract_epi16(bins, 2)), item);
+    }
+  }
+#endif
   UMBEL_HOST_DEVICE void add(int axis, uint32_t bin, const ShortBox& item) {
     join_shared(team_, m_.bins[axis][bin], item);
     team_.add(&m_.counts[axis][bin], 1);
@@ -178,9 +209,10 @@ class BlockBisector {
       const uint32_t before = m_.before[axis][bin], inside = m_.counts[axis][bin];
       if (inside == 0) continue;
       const uint32_t after = items - before - inside;
+      const uint64_t right_area = padded_area(m_.rights[axis][bin]);
       if (bin > 0 && rules_.legal(before, items)) {
         const uint64_t cost = padded_area(m_.lefts[axis][bin - 1]) * rules_.weight(before) +
-                              padded_area(m_.rights[axis][bin]) * rules_.weight(items - before);
+                              right_area * rules_.weight(items - before);
         best = cheaper(best, {cost, before, i * 4});
       }
       // Cuts through the bin that leave full clusters on one side.
@@ -190,7 +222,7 @@ class BlockBisector {
         const uint32_t left = k == 1 ? from_left : items - from_right;
         if (left <= before || left >= before + inside || !rules_.legal(left, items)) continue;
         const uint64_t cost = padded_area(m_.lefts[axis][bin]) * rules_.weight(left) +
-                              padded_area(m_.rights[axis][bin]) * rules_.weight(items - left);
+                              right_area * rules_.weight(items - left);
         best = cheaper(best, {cost, left, i * 4 + k});
       }
     }
@@ -203,20 +235,18 @@ class BlockBisector {
   }
 
   UMBEL_HOST_DEVICE void divide(const Node& node, const BlockCut& cut) {
-    const uint32_t axis = cut.axis(), bin = cut.bin();
+    const uint32_t axis = cut.axis();
     const Binning binning = Binning::of(node.box, int(axis));
-    // Items of the bin with keys below this go left.
-    const uint32_t bound = cut.through() ? find_bound(node, cut, binning) : 0;
-    const auto goes_left = [&](uint32_t item) {
-      const uint32_t of_item = binning.bin(m_.items[item].middle(int(axis)));
-      return of_item < bin || (of_item == bin && key(axis, item) < bound);
-    };
+    // What has a key below this goes left.
+    const uint32_t bound =
+        cut.through() ? find_bound(node, cut, binning)
+                      : first_middle(node, binning, int(axis), cut.bin()) * BlockLimits::kItems;
     uint32_t left = node.begin, right = node.begin + cut.left;
     for (uint32_t base = node.begin; base < node.end; base += team_.size()) {
       const uint32_t i = base + team_.rank();
       const bool present = i < node.end;
       const uint16_t item = present ? m_.order[i] : 0;
-      const bool is_left = present && goes_left(item);
+      const bool is_left = present && key(axis, item) < bound;
       if constexpr (Team::kIsSerial) {
         m_.other[is_left ? left : right] = item;
         left += is_left;
@@ -235,6 +265,20 @@ class BlockBisector {
       m_.order[i] = m_.other[i];
     if (team_.rank() == 0) push_halves(node, cut);
     team_.sync();
+  }
+
+  /// The least middle in the bin or behind it.
+  UMBEL_HOST_DEVICE static uint32_t first_middle(const Node& node, const Binning& binning, int axis,
+                                                 uint32_t bin) {
+    uint32_t low = binning.from, high = low + 2 * node.box.extent(axis) + 1;
+    while (low < high) {
+      const uint32_t middle = low + (high - low) / 2;
+      if (binning.bin(middle) < bin)
+        low = middle + 1;
+      else
+        high = middle;
+    }
+    return low;
   }
 
   UMBEL_HOST_DEVICE void push_halves(const Node& node, const BlockCut& cut) {

@@ -2,17 +2,15 @@
 // made on integers, so every executor makes the same ones.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 
 #include "base/math.hpp"
 #include "base/team.hpp"
+#include "cluster/frame_mesh.hpp"
 
-#if defined(__CUDA_ARCH__) || defined(__CUDACC__)
-#define UMBEL_BOX_VECTORS 0
-#elif defined(__GNUC__)
-#define UMBEL_BOX_VECTORS 1
-#else
-#define UMBEL_BOX_VECTORS 0
+#if UMBEL_BOX_VECTORS
+#include <emmintrin.h>
 #endif
 
 namespace umbel::cluster {
@@ -27,35 +25,40 @@ struct WideBox {
   }
 };
 
-/// Minima and negated maxima, so that a union is a minimum of all six.
+/// Minima and, from the fifth on, negated maxima, so that a union is a minimum of all eight. The
+/// fourth and the last are nothing.
 struct alignas(16) ShortBox {
   static constexpr int16_t kEmpty = 32767;
 
-  int16_t low[8];  ///< the last two are not used
+  int16_t low[8];
 
   UMBEL_HOST_DEVICE static ShortBox empty() {
     return {{kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty}};
   }
   UMBEL_HOST_DEVICE uint32_t extent(int axis) const {
-    return uint32_t(-int32_t(low[axis + 3]) - int32_t(low[axis]));
+    return uint32_t(-int32_t(low[axis + 4]) - int32_t(low[axis]));
   }
-  /// The sum of both planes: twice the centre.
+  /// The sum of both planes: twice the centre. Below 2^16.
   UMBEL_HOST_DEVICE uint32_t middle(int axis) const {
-    return uint32_t(int32_t(low[axis]) - int32_t(low[axis + 3]));
+    return uint32_t(int32_t(low[axis]) - int32_t(low[axis + 4]));
   }
   UMBEL_HOST_DEVICE void join(const ShortBox& o) {
 #if UMBEL_BOX_VECTORS
-    typedef int16_t Lanes __attribute__((vector_size(16), may_alias));
-    auto& mine = *reinterpret_cast<Lanes*>(low);
-    const auto& other = *reinterpret_cast<const Lanes*>(o.low);
-    mine = mine < other ? mine : other;
+    store(_mm_min_epi16(load(), o.load()));
 #else
-    for (int k = 0; k < 6; ++k) low[k] = o.low[k] < low[k] ? o.low[k] : low[k];
+    for (int k = 0; k < 8; ++k) low[k] = o.low[k] < low[k] ? o.low[k] : low[k];
 #endif
   }
   UMBEL_HOST_DEVICE void join(const WideBox& o) {
-    for (int k = 0; k < 6; ++k) low[k] = o.low[k] < low[k] ? int16_t(o.low[k]) : low[k];
+    for (int k = 0; k < 6; ++k) {
+      int16_t& mine = low[k < 3 ? k : k + 1];
+      mine = o.low[k] < mine ? int16_t(o.low[k]) : mine;
+    }
   }
+#if UMBEL_BOX_VECTORS
+  __m128i load() const { return _mm_load_si128(reinterpret_cast<const __m128i*>(low)); }
+  void store(__m128i v) { _mm_store_si128(reinterpret_cast<__m128i*>(low), v); }
+#endif
 };
 
 /// Half the surface area, of sides that are a cell longer: what is flat has an area too, of its
@@ -72,7 +75,7 @@ UMBEL_HOST_DEVICE void join_shared(const Team&, ShortBox& into, const ShortBox& 
 }
 template <typename Team>
 UMBEL_HOST_DEVICE void join_shared(const Team& team, WideBox& into, const ShortBox& box) {
-  for (int k = 0; k < 6; ++k) team.lower(&into.low[k], int32_t(box.low[k]));
+  for (int k = 0; k < 6; ++k) team.lower(&into.low[k], int32_t(box.low[k < 3 ? k : k + 1]));
 }
 
 /// Rounds boxes to the grid over `frame`.
@@ -90,14 +93,37 @@ struct BlockGrid {
   }
   UMBEL_HOST_DEVICE int16_t cell(float p, float from) const {
     const float x = (p * 0.5f - from * 0.5f) * scale * 2.0f;
-    const float below = x < 32766.0f ? x : 32766.0f;
+    const float below = x < kLast ? x : kLast;
     return static_cast<int16_t>(below > 0 ? below : 0.0f);
   }
   UMBEL_HOST_DEVICE ShortBox round(const Aabb& box) const {
-    return {{cell(box.min.x, origin.x), cell(box.min.y, origin.y), cell(box.min.z, origin.z),
+    return {{cell(box.min.x, origin.x), cell(box.min.y, origin.y), cell(box.min.z, origin.z), 0,
              int16_t(-cell(box.max.x, origin.x)), int16_t(-cell(box.max.y, origin.y)),
-             int16_t(-cell(box.max.z, origin.z)), 0, 0}};
+             int16_t(-cell(box.max.z, origin.z)), 0}};
   }
+  UMBEL_HOST_DEVICE ShortBox round(const FrameMesh& mesh, uint32_t place) const {
+#if UMBEL_BOX_VECTORS
+    const BoxRecord box = mesh.record(place);
+    ShortBox result;
+    result.store(_mm_packs_epi32(cells(box.low),
+                                 _mm_sub_epi32(_mm_setzero_si128(), cells(-box.negated_high))));
+    return result;
+#else
+    return round(mesh.box(place));
+#endif
+  }
+
+ private:
+  static constexpr float kLast = 32766.0f;
+
+#if UMBEL_BOX_VECTORS
+  __m128i cells(Float4 p) const {
+    const Float4 from{origin.x, origin.y, origin.z, 0};
+    const Float4 x = (p * splat(0.5f) - from * splat(0.5f)) * splat(scale) * splat(2.0f);
+    const Float4 inside = max4(min4(x, splat(kLast)), splat(0.0f));
+    return _mm_cvttps_epi32(std::bit_cast<__m128>(inside * Float4{1, 1, 1, 0}));
+  }
+#endif
 };
 
 }  // namespace umbel::cluster

@@ -8,6 +8,7 @@
 
 #include "base/math.hpp"
 #include "base/morton.hpp"
+#include "cluster/frame_mesh.hpp"
 
 namespace umbel::cluster {
 
@@ -38,16 +39,19 @@ struct CodeGrid {
   /// Longer than this much of the longest axis is large. Measured on eight scenes, of .12 to .5.
   static constexpr double kLarge = 0.35;
 
-  float origin[3];  ///< of the axes by falling extent, in units of 1 / prescale
-  float scale[3];   ///< cells such a unit
-  float last[3];    ///< cells, less one
-  float large;      ///< the sides of large boxes are longer, in such units
-  uint8_t large_bit;
-  float prescale;   ///< a power of two, with which no extent overflows or vanishes
-  uint8_t axes[3];  ///< by falling extent
-  uint8_t of_all;   ///< bits that all axes have
-  uint8_t of_two;   ///< more bits that the two longer ones have
-  uint8_t turn_of_all[3], turn_of_two[2];  ///< places within three, or two bits
+  // By axis; the fourth is nothing.
+  alignas(16) float origin[4];  ///< in units of 1 / prescale
+  alignas(16) float scale[4];   ///< cells such a unit
+  alignas(16) float last[4];    ///< cells, less one
+  float prescale;               ///< a power of two, with which no extent overflows or vanishes
+  float large;                  ///< the sides of large boxes are longer, in such units
+  uint32_t turn[3];             ///< places within the three bits that all axes have
+  uint32_t longest, second;     ///< axes
+  uint32_t of_all;              ///< bits that all axes have
+  uint32_t of_two;              ///< more bits that the two longer ones have
+  uint32_t longest_first;       ///< of those two: 1 or 0
+  uint32_t large_bit;
+  uint32_t has_more;  ///< whether the longest axis has more bits than all have: 1 or 0
 
   /// `centers` holds the centres of all boxes; codes have at most `bits` bits.
   UMBEL_HOST_DEVICE static CodeGrid around(const Aabb& centers, uint32_t bits) {
@@ -55,24 +59,28 @@ struct CodeGrid {
                                double(centers.max.y) - double(centers.min.y),
                                double(centers.max.z) - double(centers.min.z)};
     CodeGrid grid{};
-    for (uint8_t k = 0; k < 3; ++k) grid.axes[k] = k;
-    sort_falling(extents, grid.axes);
-    const double sorted[3] = {extents[grid.axes[0]], extents[grid.axes[1]], extents[grid.axes[2]]};
+    uint32_t axes[3] = {0, 1, 2};
+    sort_falling(extents, axes);
     uint32_t counts[3] = {0, 0, 0};
-    share_out(sorted, bits - 1, counts);
-    grid.of_all = uint8_t(counts[2]);
-    grid.of_two = uint8_t(counts[1] - counts[2]);
-    grid.take_turns(sorted, counts);
+    share_out(extents, axes, bits - 1, counts);
+    grid.longest = axes[0];
+    grid.second = axes[1];
+    grid.of_all = counts[axes[2]];
+    grid.of_two = counts[axes[1]] - grid.of_all;
+    grid.has_more = counts[axes[0]] > grid.of_all ? 1 : 0;
+    grid.take_turns(extents, counts);
     int exponent = 0;
-    if (sorted[0] > 0 && sorted[0] < 1e300) frexp(sorted[0], &exponent);
+    const double most = extents[axes[0]];
+    if (most > 0 && most < 1e300) frexp(most, &exponent);
     const int shift = exponent < -126 ? 126 : -exponent;
     grid.prescale = float(ldexp(1.0, shift));
-    grid.large = float(ldexp(sorted[0], shift) * kLarge);
-    grid.large_bit = uint8_t(bits - 1);
+    grid.large = float(ldexp(most, shift) * kLarge);
+    grid.large_bit = bits - 1;
+    const float lows[3] = {centers.min.x, centers.min.y, centers.min.z};
     for (int k = 0; k < 3; ++k) {
       const double cells = double(uint32_t(1) << counts[k]);
-      grid.origin[k] = pick(centers.min, grid.axes[k]) * grid.prescale;
-      grid.scale[k] = counts[k] > 0 ? float(cells / ldexp(sorted[k], shift)) : 0.0f;
+      grid.origin[k] = lows[k] * grid.prescale;
+      grid.scale[k] = counts[k] > 0 ? float(cells / ldexp(extents[k], shift)) : 0.0f;
       grid.last[k] = float(cells - 1);
     }
     return grid;
@@ -80,49 +88,95 @@ struct CodeGrid {
 
   template <typename Key>
   UMBEL_HOST_DEVICE Key code(const Aabb& box) const {
-    const Vec3 center = umbel::center(box);
-    const Key x = cell(pick(center, axes[0]), 0), y = cell(pick(center, axes[1]), 1),
-              z = cell(pick(center, axes[2]), 2);
-    const Key mask = (Key(1) << of_all) - 1;
-    const Key all = spread_bits(x & mask) << turn_of_all[0] |
-                    spread_bits(y & mask) << turn_of_all[1] |
-                    spread_bits(z & mask) << turn_of_all[2];
-    const Key x_above = x >> of_all, y_above = y >> of_all;
-    const Key two_mask = (Key(1) << of_two) - 1;
-    const Key two = spread_pairs(x_above & two_mask) << turn_of_two[0] | spread_pairs(y_above)
-                                                                             << turn_of_two[1];
-    const Key is_large = longest_side(box) * prescale > large ? 1 : 0;
-    return is_large << large_bit | all | two << 3 * of_all |
-           (x_above >> of_two) << (3 * of_all + 2 * of_two);
+    const Vec3 c = center(box), sides = box.max - box.min;
+    const bool is_large =
+        sides.x * prescale > large || sides.y * prescale > large || sides.z * prescale > large;
+    return joined<Key>(cell(c.x, 0), cell(c.y, 1), cell(c.z, 2), is_large);
   }
+#if UMBEL_BOX_VECTORS
+  /// The same.
+  template <typename Key>
+  Key code(const BoxRecord& box) const {
+    const Float4 center = box.low * splat(0.5f) - box.negated_high * splat(0.5f);
+    const Float4 x = (center * splat(prescale) - of(origin)) * of(scale);
+    const Float4 below = min4(x, of(last));
+    const Int4 cells = __builtin_convertvector(max4(below, splat(0.0f)), Int4);
+    const Int4 longer = -(box.low + box.negated_high) * splat(prescale) > splat(large);
+    const bool is_large = (longer[0] | longer[1] | longer[2]) != 0;
+    if constexpr (sizeof(Key) > sizeof(uint32_t))
+      return joined<Key>(uint32_t(cells[0]), uint32_t(cells[1]), uint32_t(cells[2]), is_large);
+    else
+      return joined(cells, is_large);
+  }
+#endif
 
  private:
-  UMBEL_HOST_DEVICE static float pick(const Vec3& v, uint8_t axis) {
-    return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
+#if UMBEL_BOX_VECTORS
+  static Float4 of(const float* values) { return *reinterpret_cast<const Float4*>(values); }
+
+  /// The bits of all axes are spread at once.
+  uint32_t joined(Int4 cells, bool is_large) const {
+    typedef uint32_t Words __attribute__((vector_size(16)));
+    const auto words = std::bit_cast<Words>(cells);
+    const Words all = spread_bits_of(words & ((1u << of_all) - 1));
+    const uint32_t code =
+        uint32_t(is_large) << large_bit | all[0] << turn[0] | all[1] << turn[1] | all[2] << turn[2];
+    if (!has_more) return code;
+    const Words above = words >> of_all;
+    const Words pairs = spread_pairs_of(above & ((1u << of_two) - 1));
+    const uint32_t two = pairs[longest] << longest_first | pairs[second] << (1 - longest_first);
+    return code | two << 3 * of_all | (above[longest] >> of_two) << (3 * of_all + 2 * of_two);
   }
-  UMBEL_HOST_DEVICE static float longest_side(const Aabb& box) {
-    const Vec3 sides = box.max - box.min;
-    const float xy = sides.x > sides.y ? sides.x : sides.y;
-    return xy > sides.z ? xy : sides.z;
+  template <typename Words>
+  static Words spread_bits_of(Words x) {
+    x = (x | x << 16) & 0x030000ffu;
+    x = (x | x << 8) & 0x0300f00fu;
+    x = (x | x << 4) & 0x030c30c3u;
+    return (x | x << 2) & 0x09249249u;
+  }
+  template <typename Words>
+  static Words spread_pairs_of(Words x) {
+    x = (x | x << 8) & 0x00ff00ffu;
+    x = (x | x << 4) & 0x0f0f0f0fu;
+    x = (x | x << 2) & 0x33333333u;
+    return (x | x << 1) & 0x55555555u;
+  }
+#endif
+  template <typename Key>
+  UMBEL_HOST_DEVICE Key joined(uint32_t x, uint32_t y, uint32_t z, bool is_large) const {
+    const Key mask = (Key(1) << of_all) - 1;
+    const Key all = spread_bits(Key(x) & mask) << turn[0] | spread_bits(Key(y) & mask) << turn[1] |
+                    spread_bits(Key(z) & mask) << turn[2];
+    const Key head = Key(is_large ? 1 : 0) << large_bit;
+    if (!has_more) return head | all;
+    const Key a = Key(longest == 0 ? x : longest == 1 ? y : z) >> of_all;
+    const Key b = Key(second == 0 ? x : second == 1 ? y : z) >> of_all;
+    const Key of_pair = (Key(1) << of_two) - 1;
+    const Key two = spread_pairs(a & of_pair) << longest_first | spread_pairs(b)
+                                                                     << (1 - longest_first);
+    return head | all | two << 3 * of_all | (a >> of_two) << (3 * of_all + 2 * of_two);
   }
   /// Orders three names by their values.
-  UMBEL_HOST_DEVICE static void sort_falling(const double* values, uint8_t* names) {
+  UMBEL_HOST_DEVICE static void sort_falling(const double* values, uint32_t* names) {
     for (int pass = 0; pass < 2; ++pass)
       for (int k = 0; k < 2; ++k)
         if (values[names[k]] < values[names[k + 1]]) {
-          const uint8_t name = names[k];
+          const uint32_t name = names[k];
           names[k] = names[k + 1];
           names[k + 1] = name;
         }
   }
-  /// Gives each bit to the axis with the longest cells.
-  UMBEL_HOST_DEVICE static void share_out(const double* extents, uint32_t bits, uint32_t* counts) {
+  /// Gives each bit to the axis with the longest cells; of equal ones to the first of `axes`.
+  UMBEL_HOST_DEVICE static void share_out(const double* extents, const uint32_t* axes,
+                                          uint32_t bits, uint32_t* counts) {
     double sides[3] = {extents[0], extents[1], extents[2]};
     for (uint32_t bit = 0; bit < bits; ++bit) {
       int chosen = -1;
-      for (int k = 0; k < 3; ++k)
+      for (int i = 0; i < 3; ++i) {
+        const auto k = int(axes[i]);
         if (counts[k] < kMostBits && sides[k] > 0 && (chosen < 0 || sides[k] > sides[chosen]))
           chosen = k;
+      }
       if (chosen < 0) return;
       ++counts[chosen];
       sides[chosen] *= 0.5;
@@ -130,15 +184,12 @@ struct CodeGrid {
   }
   /// Of bits that go together, that of the longest side is the highest.
   UMBEL_HOST_DEVICE void take_turns(const double* extents, const uint32_t* counts) {
-    uint8_t names[3] = {0, 1, 2};
+    uint32_t axes[3] = {longest, second, 3 - longest - second};
     double sides[3];
     for (int k = 0; k < 3; ++k) sides[k] = ldexp(extents[k], int(of_all) - int(counts[k]));
-    sort_falling(sides, names);
-    for (uint8_t k = 0; k < 3; ++k) turn_of_all[names[k]] = uint8_t(2 - k);
-    for (int k = 0; k < 2; ++k) sides[k] = ldexp(sides[k], of_two);
-    const bool y_first = sides[1] > sides[0];
-    turn_of_two[0] = y_first ? 0 : 1;
-    turn_of_two[1] = y_first ? 1 : 0;
+    sort_falling(sides, axes);
+    for (uint32_t k = 0; k < 3; ++k) turn[axes[k]] = 2 - k;
+    longest_first = sides[second] > sides[longest] ? 0 : 1;
   }
   /// NaN falls into the last cell.
   UMBEL_HOST_DEVICE uint32_t cell(float center, int k) const {

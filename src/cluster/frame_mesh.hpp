@@ -6,6 +6,12 @@
 #include <cstdint>
 
 #include "base/math.hpp"
+#if defined(__SSE2__) && !defined(__CUDACC__)
+#define UMBEL_BOX_VECTORS 1
+#include "cluster/source.hpp"
+#else
+#define UMBEL_BOX_VECTORS 0
+#endif
 
 namespace umbel::cluster {
 
@@ -34,7 +40,34 @@ struct FrameMesh {
     return {min(min(a, b), c), max(max(a, b), c)};
   }
   UMBEL_HOST_DEVICE uint32_t item(uint32_t place) const { return items ? items[place] : place; }
+
+#if UMBEL_BOX_VECTORS
+  /// The same box, in a third of the instructions.
+  BoxRecord record(uint32_t place) const {
+    const Triangle& t = triangles[place];
+    const Float4 a = load(t[0]), b = load(t[1]), c = load(t[2]);
+    return {min4(min4(a, b), c), -max4(max4(a, b), c)};
+  }
+  /// Starts to bring a triangle closer, to be called some before `prefetch_box` is.
+  void prefetch(uint32_t place) const { __builtin_prefetch(&triangles[place]); }
+  void prefetch_box(uint32_t place) const {
+    for (const uint32_t v : triangles[place])
+      __builtin_prefetch(positions.first + v * positions.stride);
+  }
+
+ private:
+  Float4 load(uint32_t v) const {
+    return Source::load(*reinterpret_cast<const Vec3*>(positions.first + v * positions.stride));
+  }
+#endif
 };
+
+#if UMBEL_BOX_VECTORS
+inline Aabb box_of(const BoxRecord& r) {
+  return {{r.low[0], r.low[1], r.low[2]},
+          {-r.negated_high[0], -r.negated_high[1], -r.negated_high[2]}};
+}
+#endif
 
 /// Clusters as arrays. Cluster c has the triangles [offsets[c], offsets[c + 1]).
 struct FrameClusters {
@@ -56,6 +89,32 @@ struct UniteBoxes {
 UMBEL_HOST_DEVICE inline Aabb with_positive_zeros(const Aabb& box) {
   const Vec3 zero{0, 0, 0};
   return {box.min + zero, box.max + zero};
+}
+
+/// The box around the triangles at places[0, count), by a team. Calls visit(i) for each on the way.
+template <typename Team, typename Visit>
+UMBEL_HOST_DEVICE Aabb gather_box(const Team& team, const FrameMesh& mesh, const uint32_t* places,
+                                  uint32_t count, const Visit& visit) {
+#if UMBEL_BOX_VECTORS
+  if constexpr (Team::kIsSerial) {
+    constexpr uint32_t kAhead = 16;
+    BoxRecord box = BoxRecord::empty();
+    for (uint32_t i = 0; i < count; ++i) {
+      // Of the next cluster too, which lies behind; never past the last triangle's place.
+      if (i + 2 * kAhead < count) mesh.prefetch(places[i + 2 * kAhead]);
+      if (i + kAhead < count) mesh.prefetch_box(places[i + kAhead]);
+      visit(i);
+      box.extend(mesh.record(places[i]));
+    }
+    return box_of(box);
+  }
+#endif
+  Aabb box;
+  for (uint32_t i = team.rank(); i < count; i += team.size()) {
+    visit(i);
+    extend(box, mesh.box(places[i]));
+  }
+  return team.reduce(box, UniteBoxes{});
 }
 
 }  // namespace umbel::cluster

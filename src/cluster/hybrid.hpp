@@ -74,21 +74,18 @@ struct BisectBlock {
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t block, Shared& memory) const {
     const uint32_t begin = cuts[block], count = cuts[block + 1] - begin;
     if (count == 0) return;
-    Aabb frame;
-    for (uint32_t i = team.rank(); i < count; i += team.size()) {
-      extend(frame, mesh.box(places[begin + i]));
-      first[begin + i] = 0;
-    }
-    frame = team.reduce(frame, UniteBoxes{});
+    const uint32_t* of_block = places + begin;
+    const Aabb frame =
+        gather_box(team, mesh, of_block, count, [&](uint32_t i) { first[begin + i] = 0; });
     const BlockGrid grid = BlockGrid::over(frame);
     for (uint32_t i = team.rank(); i < count; i += team.size())
-      memory.items[i] = grid.round(mesh.box(places[begin + i]));
+      memory.items[i] = grid.round(mesh, of_block[i]);
     team.sync();
     BlockBisector<Team, Bin>(team, rules, memory).run(count, grid.round(frame), [&](uint32_t i) {
       first[begin + i] = 1;
     });
     for (uint32_t i = team.rank(); i < count; i += team.size())
-      ordered[begin + i] = places[begin + memory.order[i]];
+      ordered[begin + i] = of_block[memory.order[i]];
   }
 };
 

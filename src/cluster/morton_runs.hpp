@@ -18,6 +18,45 @@ struct TriangleOrder {
   typename Exec::template Buffer<uint32_t> places;
 };
 
+template <typename Key>
+UMBEL_HOST_DEVICE Key code_of(const CodeGrid& grid, const FrameMesh& mesh, uint32_t place) {
+#if UMBEL_BOX_VECTORS
+  return grid.template code<Key>(mesh.record(place));
+#else
+  return grid.template code<Key>(mesh.box(place));
+#endif
+}
+
+/// The box around the centres of all triangles' boxes.
+template <typename Exec>
+void bound_centers(Exec& exec, const FrameMesh& mesh, Aabb* centers) {
+#if UMBEL_BOX_VECTORS
+  BoxRecord bounds;
+  exec.reduce(
+      mesh.size(), BoxRecord::empty(),
+      [=](size_t i) {
+        const BoxRecord box = mesh.record(uint32_t(i));
+        const Float4 c = box.low * splat(0.5f) - box.negated_high * splat(0.5f);
+        return BoxRecord{c, -c};
+      },
+      [](BoxRecord a, const BoxRecord& b) {
+        a.extend(b);
+        return a;
+      },
+      &bounds);
+  *centers = box_of(bounds);
+#else
+  exec.reduce(
+      mesh.count, Aabb{},
+      [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+        if (i >= mesh.size()) return Aabb{};
+        const Vec3 c = center(mesh.box(uint32_t(i)));
+        return Aabb{c, c};
+      },
+      UniteBoxes{}, centers);
+#endif
+}
+
 /// Codes of `bits` bits in all: at most 30 for 32-bit keys, 61 for 64-bit ones.
 template <typename Key, typename Exec>
 TriangleOrder<Exec, Key> order_triangles(Exec& exec, const FrameMesh& mesh, uint32_t bits) {
@@ -26,14 +65,7 @@ TriangleOrder<Exec, Key> order_triangles(Exec& exec, const FrameMesh& mesh, uint
                                  exec.template allocate<uint32_t>(n)};
   const auto centers = exec.template allocate<Aabb>(1);
   const auto grid = exec.template allocate<CodeGrid>(1);
-  exec.reduce(
-      n, Aabb{},
-      [=] UMBEL_DEVICE_LAMBDA(size_t i) {
-        if (i >= mesh.size()) return Aabb{};
-        const Vec3 c = center(mesh.box(uint32_t(i)));
-        return Aabb{c, c};
-      },
-      UniteBoxes{}, centers.data());
+  bound_centers(exec, mesh, centers.data());
   exec.for_each(1, [=, centers = centers.data(), grid = grid.data()] UMBEL_DEVICE_LAMBDA(size_t) {
     *grid = CodeGrid::around(*centers, bits);
   });
@@ -61,15 +93,12 @@ struct WriteClusters {
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t cluster, Shared&) const {
     if (cluster >= *out.count) return;
-    const uint32_t end = out.offsets[cluster + 1];
-    Aabb box;
-    for (uint32_t i = out.offsets[cluster] + team.rank(); i < end; i += team.size()) {
-      const uint32_t place = places[i];
-      out.items[i] = mesh.item(place);
-      out.triangles[i] = mesh.triangles[place];
-      extend(box, mesh.box(place));
-    }
-    box = team.reduce(box, UniteBoxes{});
+    const uint32_t begin = out.offsets[cluster], end = out.offsets[cluster + 1];
+    const Aabb box = gather_box(team, mesh, places + begin, end - begin, [&](uint32_t i) {
+      const uint32_t place = places[begin + i];
+      out.items[begin + i] = mesh.item(place);
+      out.triangles[begin + i] = mesh.triangles[place];
+    });
     if (team.rank() == 0) out.boxes[cluster] = with_positive_zeros(box);
   }
 };

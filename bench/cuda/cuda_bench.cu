@@ -1,0 +1,378 @@
+// Clusters on the device: builds, refits and partial rebuilds beside what their memory traffic
+// alone would take, beside a plain version made of thrust::stable_sort_by_key and straightforward
+// kernels, and beside the same algorithms on one core of the processor. Prints Markdown.
+//
+//   cuda_bench [--runs N] [--large MILLIONS] MESH.ply...
+#include <cuda_runtime.h>
+#include <thrust/device_vector.h>
+#include <thrust/execution_policy.h>
+#include <thrust/reduce.h>
+#include <thrust/sequence.h>
+#include <thrust/sort.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "base/math.hpp"
+#include "base/morton.hpp"
+#include "cuda/status.cuh"
+#include "ply_reader.hpp"
+#include "umbel/cuda.hpp"
+
+namespace {
+
+using namespace umbel;
+using cuda::check;
+
+template <typename T>
+class Device {
+ public:
+  explicit Device(size_t size) {
+    check(cudaMalloc(&memory_, std::max<size_t>(size, 1) * sizeof(T)), "allocating");
+  }
+  Device(const T* values, size_t size) : Device(size) {
+    check(cudaMemcpy(memory_, values, size * sizeof(T), cudaMemcpyHostToDevice), "copying");
+  }
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
+  ~Device() { cudaFree(memory_); }
+  T* data() const { return memory_; }
+
+ private:
+  T* memory_ = nullptr;
+};
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// Milliseconds of each of several works, by events; they take turns, after a warm-up.
+std::vector<double> time_all(const std::vector<std::function<void(cudaStream_t)>>& works, int runs,
+                             cudaStream_t stream) {
+  cudaEvent_t begin, end;
+  check(cudaEventCreate(&begin), "making an event");
+  check(cudaEventCreate(&end), "making an event");
+  std::vector<std::vector<double>> times(works.size());
+  for (int run = -3; run < runs; ++run)
+    for (size_t k = 0; k < works.size(); ++k) {
+      check(cudaEventRecord(begin, stream), "recording");
+      works[k](stream);
+      check(cudaEventRecord(end, stream), "recording");
+      check(cudaEventSynchronize(end), "waiting");
+      float milliseconds = 0;
+      check(cudaEventElapsedTime(&milliseconds, begin, end), "timing");
+      if (run >= 0) times[k].push_back(milliseconds);
+    }
+  cudaEventDestroy(begin);
+  cudaEventDestroy(end);
+  std::vector<double> medians;
+  for (const auto& of_work : times) medians.push_back(median(of_work));
+  return medians;
+}
+
+/// The same work as one launch.
+class Graph {
+ public:
+  Graph(const std::function<void(cudaStream_t)>& work, cudaStream_t stream) {
+    cudaGraph_t graph;
+    check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), "capturing");
+    work(stream);
+    check(cudaStreamEndCapture(stream, &graph), "capturing");
+    check(cudaGraphInstantiate(&replay_, graph, 0), "instantiating a graph");
+    cudaGraphDestroy(graph);
+  }
+  Graph(const Graph&) = delete;
+  Graph& operator=(const Graph&) = delete;
+  ~Graph() { cudaGraphExecDestroy(replay_); }
+  void operator()(cudaStream_t stream) const {
+    check(cudaGraphLaunch(replay_, stream), "replaying");
+  }
+
+ private:
+  cudaGraphExec_t replay_ = nullptr;
+};
+
+// ---- the plain version
+// ---------------------------------------------------------------------------
+
+__global__ void box_each(const Vec3* positions, const Triangle* triangles, uint32_t n,
+                         Aabb* boxes) {
+  const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
+  if (i >= n) return;
+  Aabb box;
+  for (int k = 0; k < 3; ++k) extend(box, positions[triangles[i][k]]);
+  boxes[i] = box;
+}
+__global__ void code_each(const Aabb* boxes, uint32_t n, Aabb all, uint32_t* codes) {
+  const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
+  if (i >= n) return;
+  const MortonGrid grid = MortonGrid::around({all.min + all.min, all.max + all.max}, 10);
+  codes[i] = grid.code<uint32_t>(boxes[i]);
+}
+__global__ void gather_each(const Triangle* triangles, const uint32_t* items, uint32_t n,
+                            Triangle* out) {
+  const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
+  if (i < n) out[i] = triangles[items[i]];
+}
+__global__ void box_clusters(const Aabb* boxes, const uint32_t* items, uint32_t n, Aabb* out) {
+  const uint32_t c = blockIdx.x * blockDim.x + threadIdx.x;
+  if (c * 128 >= n) return;
+  Aabb box;
+  for (uint32_t i = c * 128; i < min(c * 128 + 128, n); ++i) extend(box, boxes[items[i]]);
+  out[c] = box;
+}
+
+struct Unite {
+  __host__ __device__ Aabb operator()(Aabb a, const Aabb& b) const {
+    extend(a, b);
+    return a;
+  }
+};
+
+struct Plain {
+  const Vec3* positions;
+  const Triangle* triangles;
+  uint32_t n;
+  Device<Aabb> boxes, cluster_boxes;
+  Device<uint32_t> codes, items;
+  Device<Triangle> out;
+
+  Plain(const Vec3* p, const Triangle* t, uint32_t count)
+      : positions(p),
+        triangles(t),
+        n(count),
+        boxes(count),
+        cluster_boxes(count / 128 + 1),
+        codes(count),
+        items(count),
+        out(count) {}
+
+  void operator()(cudaStream_t stream) {
+    const uint32_t blocks = (n + 255) / 256;
+    const auto policy = thrust::cuda::par.on(stream);
+    box_each<<<blocks, 256, 0, stream>>>(positions, triangles, n, boxes.data());
+    const Aabb all = thrust::reduce(policy, boxes.data(), boxes.data() + n, Aabb{}, Unite{});
+    code_each<<<blocks, 256, 0, stream>>>(boxes.data(), n, all, codes.data());
+    thrust::sequence(policy, items.data(), items.data() + n);
+    thrust::stable_sort_by_key(policy, codes.data(), codes.data() + n, items.data());
+    gather_each<<<blocks, 256, 0, stream>>>(triangles, items.data(), n, out.data());
+    box_clusters<<<(n / 128 + 256) / 256, 256, 0, stream>>>(boxes.data(), items.data(), n,
+                                                            cluster_boxes.data());
+    check(cudaGetLastError(), "the plain version");
+  }
+};
+
+// ---- what is measured
+// ----------------------------------------------------------------------------
+
+/// Bytes that each step must move, each input read and each output written once a pass.
+struct Traffic {
+  double bounds, codes, sort, write;
+  double morton() const { return bounds + codes + sort + write; }
+
+  Traffic(double triangles, double vertices, double code_bits) {
+    const double mesh = 12 * triangles + 12 * vertices, key = code_bits > 32 ? 8 : 4;
+    const double passes = std::ceil(code_bits / 8);
+    bounds = mesh;
+    codes = mesh + (key + 4) * triangles;
+    // A histogram of the keys, then read and written once a pass.
+    sort = key * triangles + passes * 2 * (key + 4) * triangles;
+    write = mesh + (4 + 12 + 4) * triangles + 24 * triangles / 128;
+  }
+};
+
+double seconds_of_thread() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+}
+
+double processor_milliseconds(const Mesh& mesh, const FrameClusterConfig& config, double& area) {
+  FrameClusterer clusters(mesh.triangles, mesh.positions.size(), config);
+  std::vector<double> times;
+  for (int run = 0; run < 3; ++run) {
+    const double start = seconds_of_thread();
+    clusters.build(mesh.positions, {nullptr, 1});
+    times.push_back(1e3 * (seconds_of_thread() - start));
+  }
+  area = clusters.drift().area_ratio;
+  return median(times);
+}
+
+struct Arrays {
+  Device<uint32_t> items, indices, offsets, count;
+  Device<Aabb> boxes;
+  Device<uint64_t> now, at_build, total;
+
+  Arrays(uint32_t n, uint32_t most)
+      : items(n),
+        indices(size_t(n) * 3),
+        offsets(most + 1),
+        count(1),
+        boxes(most),
+        now(most),
+        at_build(most),
+        total(2) {}
+  cuda::DeviceClusters view() const {
+    return {items.data(), indices.data(), offsets.data(), boxes.data(), count.data()};
+  }
+  cuda::DeviceDrift drift() const { return {now.data(), at_build.data(), total.data()}; }
+};
+
+/// Scratch for a call, and the call as work for a stream.
+class Call {
+ public:
+  explicit Call(std::function<void(void*, size_t&, cudaStream_t)> call) : call_(std::move(call)) {
+    call_(nullptr, bytes_, nullptr);
+    check(cudaMalloc(&scratch_, bytes_), "allocating scratch memory");
+  }
+  Call(const Call&) = delete;
+  Call& operator=(const Call&) = delete;
+  ~Call() { cudaFree(scratch_); }
+  void operator()(cudaStream_t stream) { call_(scratch_, bytes_, stream); }
+  size_t bytes() const { return bytes_; }
+
+ private:
+  std::function<void(void*, size_t&, cudaStream_t)> call_;
+  void* scratch_ = nullptr;
+  size_t bytes_ = 0;
+};
+
+double copy_bandwidth(cudaStream_t stream) {
+  constexpr size_t kBytes = size_t(1) << 30;
+  const Device<char> from(kBytes), to(kBytes);
+  const auto copy = [&](cudaStream_t s) {
+    check(cudaMemcpyAsync(to.data(), from.data(), kBytes, cudaMemcpyDeviceToDevice, s), "copying");
+  };
+  return 2.0 * double(kBytes) / (1e-3 * time_all({copy}, 20, stream)[0]);
+}
+
+void row(const char* what, double milliseconds, double floor_ms, uint32_t n, const char* note) {
+  printf("| %s | %.4f | %.4f | %.2f | %.0f | %s |\n", what, milliseconds, floor_ms,
+         milliseconds / floor_ms, double(n) / milliseconds / 1e3, note);
+}
+
+void measure(const std::string& name, const Mesh& mesh, int runs, double bandwidth,
+             bool with_processor, cudaStream_t stream) {
+  const auto n = uint32_t(mesh.triangles.size());
+  const Device<Vec3> positions(mesh.positions.data(), mesh.positions.size());
+  const Device<Triangle> triangles(mesh.triangles.data(), n);
+  const cuda::DeviceMesh input{positions.data(), sizeof(Vec3),
+                               reinterpret_cast<const uint32_t*>(triangles.data()), nullptr, n};
+  FrameClusterConfig morton, hybrid;
+  morton.method = FrameMethod::kMorton;
+  const Arrays a(n, max_frame_clusters(n, morton)), h(n, max_frame_clusters(n, hybrid)),
+      next(n, max_frame_clusters(n, hybrid));
+  Call build_a([&](void* s, size_t& b, cudaStream_t t) {
+    cuda::build_frame_clusters(s, b, input, morton, a.view(), t);
+  });
+  Call build_h([&](void* s, size_t& b, cudaStream_t t) {
+    cuda::build_frame_clusters(s, b, input, hybrid, h.view(), t);
+  });
+  Call measure_h([&](void* s, size_t& b, cudaStream_t t) {
+    cuda::measure_frame_clusters(s, b, n, hybrid, h.view(), h.drift(), true, t);
+  });
+  cuda::DeviceMesh ordered = input;
+  ordered.indices = h.indices.data();
+  ordered.items = h.items.data();
+  Call update_h([&](void* s, size_t& b, cudaStream_t t) {
+    cuda::build_frame_clusters(s, b, ordered, hybrid, next.view(), t);
+  });
+  Call refit_h([&](void* s, size_t& b, cudaStream_t t) {
+    cuda::refit_frame_clusters(s, b, input, hybrid, h.view(), h.drift(), t);
+  });
+  const uint32_t budget = n / 128 / 10;
+  Call worst_h([&](void* s, size_t& b, cudaStream_t t) {
+    cuda::rebuild_worst_frame_clusters(s, b, input, hybrid, budget, h.view(), h.drift(),
+                                       next.view(), next.drift(), t);
+  });
+  build_h(stream);
+  measure_h(stream);
+  check(cudaStreamSynchronize(stream), "waiting");
+  const Graph graph_a(std::ref(build_a), stream), graph_h(std::ref(build_h), stream),
+      graph_refit(std::ref(refit_h), stream);
+  Plain plain(positions.data(), triangles.data(), n);
+  const std::vector<double> ms =
+      time_all({std::ref(build_a), std::ref(graph_a), std::ref(build_h), std::ref(graph_h),
+                std::ref(update_h), std::ref(refit_h), std::ref(graph_refit), std::ref(worst_h),
+                std::ref(plain)},
+               runs, stream);
+  const Traffic traffic(n, double(mesh.positions.size()), n > (1u << 22) ? 61 : 30);
+  const auto floor_of = [&](double bytes) { return 1e3 * bytes / bandwidth; };
+  const double build_floor = floor_of(traffic.morton());
+  const double refit_floor =
+      floor_of(12.0 * n + 12.0 * double(mesh.positions.size()) + 24.0 * n / 128);
+  printf("\n## %s: %u triangles, %zu vertices\n\n", name.c_str(), n, mesh.positions.size());
+  printf(
+      "| | ms | floor by traffic, ms | times the floor | M triangles/s | "
+      "|\n|---|--:|--:|--:|--:|---|\n");
+  row("Morton", ms[0], build_floor, n, "");
+  row("Morton, graph", ms[1], build_floor, n, "");
+  row("hybrid", ms[2], build_floor, n, "");
+  row("hybrid, graph", ms[3], build_floor, n, "");
+  row("hybrid, update in cluster order", ms[4], build_floor, n, "same positions");
+  row("refit and measure", ms[5], refit_floor, n, "");
+  row("refit and measure, graph", ms[6], refit_floor, n, "");
+  row("partial rebuild, a tenth", ms[7], build_floor, n, "");
+  row("plain (thrust)", ms[8], build_floor, n, "the seed's way");
+  uint64_t total[2];
+  check(cudaMemcpy(total, h.total.data(), sizeof total, cudaMemcpyDeviceToHost), "copying");
+  printf(
+      "\nplain / Morton: %.2f. Hybrid / Morton: %.2f. Area ratio of hybrid: %.3f. Scratch memory: "
+      "%.1f and %.1f bytes a triangle.\n",
+      ms[8] / ms[0], ms[2] / ms[0], cuda::drift_of(total).area_ratio, double(build_a.bytes()) / n,
+      double(build_h.bytes()) / n);
+  if (!with_processor) return;
+  double area_morton = 0, area_hybrid = 0;
+  const double cpu_morton = processor_milliseconds(mesh, morton, area_morton);
+  const double cpu_hybrid = processor_milliseconds(mesh, hybrid, area_hybrid);
+  printf(
+      "One core of this machine's processor: Morton %.1f ms (area ratio %.3f), hybrid %.1f ms "
+      "(%.3f).\n",
+      cpu_morton, area_morton, cpu_hybrid, area_hybrid);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  int runs = 50;
+  uint32_t large = 0;
+  std::vector<std::string> meshes;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "--runs" && i + 1 < argc)
+      runs = std::max(1, atoi(argv[++i]));
+    else if (argument == "--large" && i + 1 < argc)
+      large = uint32_t(std::max(0, atoi(argv[++i])));
+    else
+      meshes.push_back(argument);
+  }
+  cudaDeviceProp device;
+  check(cudaGetDeviceProperties(&device, 0), "asking for the device");
+  cudaStream_t stream;
+  check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
+  const double bandwidth = copy_bandwidth(stream);
+  printf(
+      "# Clusters on %s\n\n%d multiprocessors, compute capability %d.%d. A copy on the device "
+      "moves "
+      "%.0f GB/s, reading and writing; floors are by that. Medians of %d runs, by events.\n",
+      device.name, device.multiProcessorCount, device.major, device.minor, bandwidth / 1e9, runs);
+  for (const std::string& path : meshes)
+    measure(path.substr(path.find_last_of('/') + 1), bench::read_ply(path), runs, bandwidth, true,
+            stream);
+  if (large > 0) {
+    const auto side = uint32_t(std::sqrt(double(large) * 5e5));
+    measure("terrain", shapes::terrain(side, side, 1), runs, bandwidth, false, stream);
+  }
+  return 0;
+} catch (const std::exception& error) {
+  fprintf(stderr, "cuda_bench: %s\n", error.what());
+  return 1;
+}

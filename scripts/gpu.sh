@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# What `make gpu` does, on a machine with a GPU, nvcc, CMake and ninja, and without a network: builds
+# with CUDA, runs the tests on the device, the small ones again under compute-sanitizer's memcheck
+# and racecheck, and the benchmark, and writes bench/results/gpu-<device>.md. Under eight minutes.
+#
+# What CMake would download elsewhere is taken from build/gpu-carry, which `make gpu-carry` fills on a
+# machine with a network (some 30 MB): oneTBB as a wheel, GoogleTest's and meshoptimizer's sources,
+# and the mesh for the benchmark. Carry it along with the repository.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+carry=$PWD/build/gpu-carry
+started=$SECONDS
+
+fail() {
+  printf 'gpu: %s\n' "$*" >&2
+  exit 1
+}
+step() { printf '== %s (%d s)\n' "$*" $((SECONDS - started)); }
+
+command -v nvidia-smi >/dev/null 2>&1 && nvidia-smi -L 2>/dev/null | grep -q GPU ||
+  fail "there is no NVIDIA GPU here (nvidia-smi lists none); \`make cuda\` builds without one"
+command -v nvcc >/dev/null 2>&1 || [[ -x /usr/local/cuda/bin/nvcc ]] ||
+  fail "there is no nvcc here: put CUDA's bin folder on the PATH"
+command -v nvcc >/dev/null 2>&1 || export PATH=/usr/local/cuda/bin:$PATH
+for tool in cmake ninja; do
+  command -v "$tool" >/dev/null 2>&1 || fail "there is no $tool here"
+done
+
+device=$(nvidia-smi --query-gpu=name --format=csv,noheader -i 0)
+arch=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader -i 0 | tr -d '. ')
+arguments=()
+if [[ -d $carry ]]; then
+  arguments+=("-DTBB_DIR=$carry/tbb/lib/cmake/tbb" "-DUMBEL_MESHOPTIMIZER_DIR=$carry/meshoptimizer"
+    "-DUMBEL_GOOGLETEST_DIR=$carry/googletest")
+  export LD_LIBRARY_PATH=$carry/tbb/lib:${LD_LIBRARY_PATH:-}
+fi
+
+step "building for $device, compute capability $arch"
+CUDA_ARCHS=$arch scripts/cuda.sh "${arguments[@]}"
+
+step "tests"
+status=0
+ctest --test-dir build/cuda -L cuda --output-on-failure --no-tests=error || status=1
+
+results=bench/results/gpu-$(tr -cs 'A-Za-z0-9\n' '-' <<<"${device,,}").md
+sanitizer=""
+if command -v compute-sanitizer >/dev/null 2>&1; then
+  for tool in memcheck racecheck; do
+    step "compute-sanitizer $tool"
+    if timeout 100 compute-sanitizer --tool "$tool" --error-exitcode 9 build/cuda/umbel_cuda_tests \
+      --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:FrameClustersOnDevice.vertex*' \
+      >"build/sanitizer-$tool.log" 2>&1; then
+      sanitizer+="$tool found nothing. "
+    else
+      tail -n 20 "build/sanitizer-$tool.log"
+      sanitizer+="$tool failed. "
+      status=1
+    fi
+  done
+else
+  sanitizer="There is no compute-sanitizer here. "
+fi
+
+step "benchmark"
+meshes=()
+for mesh in "$carry"/dragon_871k.ply "${MESH:-}"; do
+  [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
+done
+timeout 150 build/cuda/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
+printf '\nTests: %s. %s\n' "$([[ $status == 0 ]] && echo passed || echo failed)" "$sanitizer" >>"$results"
+[[ -n ${OUT:-} ]] && cp "$results" "$OUT/" || true
+step "done: $results"
+exit $status

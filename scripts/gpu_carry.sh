@@ -1,0 +1,44 @@
+#!/usr/bin/env bash
+# What `make gpu-carry` does: puts into build/gpu-carry what `make gpu` needs on a machine without a
+# network. Needs a network itself, or Debian's libgtest-dev and a build of this repository.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+carry=build/gpu-carry
+fail() {
+  printf 'gpu-carry: %s\n' "$*" >&2
+  exit 1
+}
+rm -rf "$carry"
+mkdir -p "$carry"
+
+echo "gpu-carry: oneTBB"
+"${PYTHON:-python3}" -m venv "$carry/venv"
+"$carry/venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile \
+  "$(grep -oE '^tbb-devel==[0-9.]+' scripts/requirements.txt)" || fail "pip could not install oneTBB"
+mkdir -p "$carry/tbb"
+cp -r "$carry"/venv/include "$carry/tbb/"
+mkdir -p "$carry/tbb/lib"
+cp -r "$carry"/venv/lib/cmake "$carry/tbb/lib/"
+cp -P "$carry"/venv/lib/libtbb.so* "$carry"/venv/lib/libtbbmalloc*.so* "$carry/tbb/lib/"
+rm -rf "$carry/venv"
+
+echo "gpu-carry: meshoptimizer"
+sources=$(grep -ohE 'built from .*' build/*/configure.log build/*.log 2>/dev/null | tail -n 1 | cut -c12-)
+[[ -d $sources/src ]] || fail "run \`make build\` first: it fetches meshoptimizer"
+mkdir -p "$carry/meshoptimizer"
+cp -r "$sources/src" "$carry/meshoptimizer/"
+
+echo "gpu-carry: GoogleTest"
+[[ -d /usr/src/googletest/googletest ]] || fail "there is no /usr/src/googletest: install googletest"
+mkdir -p "$carry/googletest"
+cp -rL /usr/src/googletest/googletest/{include,src} "$carry/googletest/"
+
+mesh=${MESH:-${UMBEL_DATA:-../shared/data}/dragon_871k.ply}
+if [[ -f $mesh ]]; then
+  cp "$mesh" "$carry/dragon_871k.ply"
+else
+  echo "gpu-carry: there is no $mesh; the benchmark will use a generated mesh only"
+fi
+chmod -R u+w "$carry"
+du -sh "$carry"

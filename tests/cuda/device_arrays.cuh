@@ -1,0 +1,77 @@
+// Arrays on the device for tests: filled with rubbish, with a guard behind them that must survive.
+#pragma once
+
+#include <cuda_runtime.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <vector>
+
+#include "cuda/status.cuh"
+
+namespace umbel::cuda {
+
+inline bool has_device() {
+  int count = 0;
+  const bool found = cudaGetDeviceCount(&count) == cudaSuccess && count > 0;
+  cudaGetLastError();
+  return found;
+}
+
+/// Tests of this fixture need a device; they are built where there is none.
+class OnDevice : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!has_device()) GTEST_SKIP() << "there is no CUDA device here";
+  }
+};
+
+template <typename T>
+class DeviceArray {
+ public:
+  explicit DeviceArray(size_t size) : size_(size) {
+    check(cudaMalloc(&memory_, bytes() + kGuard), "allocating on the device");
+    check(cudaMemset(memory_, 0xa5, bytes() + kGuard), "filling device memory");
+  }
+  explicit DeviceArray(const std::vector<T>& values) : DeviceArray(values.size()) {
+    check(cudaMemcpy(memory_, values.data(), bytes(), cudaMemcpyHostToDevice), "copying");
+  }
+  DeviceArray(const DeviceArray&) = delete;
+  DeviceArray& operator=(const DeviceArray&) = delete;
+  ~DeviceArray() {
+    std::vector<unsigned char> guard(kGuard), expected(kGuard, 0xa5);
+    cudaMemcpy(guard.data(), reinterpret_cast<char*>(memory_) + bytes(), kGuard,
+               cudaMemcpyDeviceToHost);
+    EXPECT_EQ(guard, expected) << "something was written behind an array";
+    cudaFree(memory_);
+  }
+
+  T* data() const { return memory_; }
+  size_t size() const { return size_; }
+  std::vector<T> read() const { return read(size_); }
+  std::vector<T> read(size_t count) const {
+    std::vector<T> values(count);
+    check(cudaDeviceSynchronize(), "waiting for the device");
+    check(cudaMemcpy(values.data(), memory_, count * sizeof(T), cudaMemcpyDeviceToHost), "copying");
+    return values;
+  }
+  void write(const std::vector<T>& values) {
+    check(cudaMemcpy(memory_, values.data(), values.size() * sizeof(T), cudaMemcpyHostToDevice),
+          "copying");
+  }
+
+ private:
+  static constexpr size_t kGuard = 256;
+  size_t bytes() const { return (size_ > 0 ? size_ : 1) * sizeof(T); }
+
+  size_t size_;
+  T* memory_ = nullptr;
+};
+
+/// Whether two arrays are the same bytes.
+template <typename T>
+bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+}  // namespace umbel::cuda

@@ -1,0 +1,212 @@
+#include <numeric>
+#include <random>
+
+#include "cuda/cuda_exec.cuh"
+#include "device_arrays.cuh"
+
+namespace umbel::cuda {
+namespace {
+
+const std::vector<size_t> kSizes = {0, 1, 2, 31, 33, 1000, 8193, 300007};
+
+/// Runs `work` twice: once to count the scratch, once over exactly that much.
+template <typename Work>
+void run(const Work& work) {
+  Arena counting;
+  CudaExec counted(nullptr, counting);
+  work(counted);
+  const DeviceArray<unsigned char> scratch(counting.most());
+  Arena arena(scratch.data(), counting.most());
+  CudaExec exec(nullptr, arena);
+  work(exec);
+  check(cudaDeviceSynchronize(), "running");
+}
+
+template <typename Key>
+std::vector<Key> random_keys(size_t n, uint32_t bits) {
+  std::mt19937_64 random(n);
+  std::vector<Key> keys(n);
+  for (Key& key : keys) key = static_cast<Key>(random() >> (64 - bits));
+  return keys;
+}
+
+class ExecOnDevice : public OnDevice {
+ public:
+  void for_each(size_t n) {
+    const DeviceArray<uint32_t> visits(std::vector<uint32_t>(n, 0));
+    run([&](CudaExec& exec) {
+      exec.for_each(n, [v = visits.data()] __device__(size_t i) { atomic_add(&v[i], 1); });
+    });
+    EXPECT_EQ(visits.read(), std::vector<uint32_t>(n, 1));
+  }
+  void reduce(size_t n) {
+    const auto keys = random_keys<uint32_t>(n, 32);
+    const DeviceArray<uint32_t> values(keys);
+    const DeviceArray<uint64_t> sum(1);
+    run([&](CudaExec& exec) {
+      exec.reduce(
+          n, uint64_t(5), [v = values.data()] __device__(size_t i) { return uint64_t(v[i]); },
+          [] __device__(uint64_t a, uint64_t b) { return a + b; }, sum.data());
+    });
+    EXPECT_EQ(sum.read()[0], std::accumulate(keys.begin(), keys.end(), uint64_t(5)));
+  }
+  void scan(size_t n) {
+    const auto keys = random_keys<uint32_t>(n, 8);
+    std::vector<uint32_t> expected(n + 1), in_place = keys;
+    in_place.push_back(0);
+    CpuExec().exclusive_scan(n, [&](size_t i) { return keys[i]; }, expected.data());
+    const DeviceArray<uint32_t> values(in_place), out(n + 1);
+    run([&](CudaExec& exec) {
+      exec.exclusive_scan(n, [v = values.data()] __device__(size_t i) { return v[i]; }, out.data());
+    });
+    EXPECT_EQ(out.read(), expected);
+    run([&](CudaExec& exec) {
+      exec.exclusive_scan(
+          n, [v = values.data()] __device__(size_t i) { return v[i]; }, values.data());
+    });
+    EXPECT_EQ(values.read(), expected);
+  }
+  void select(size_t n) {
+    const auto keys = random_keys<uint32_t>(n, 3);
+    std::vector<uint32_t> expected(n);
+    uint32_t kept = 0;
+    CpuExec().select(n, [&](size_t i) { return keys[i] < 3; }, expected.data(), &kept);
+    expected.resize(kept);
+    const DeviceArray<uint32_t> values(keys), out(n), count(1);
+    run([&](CudaExec& exec) {
+      exec.select(
+          n, [v = values.data()] __device__(size_t i) { return v[i] < 3; }, out.data(),
+          count.data());
+    });
+    ASSERT_EQ(count.read()[0], kept);
+    EXPECT_EQ(out.read(kept), expected);
+  }
+  template <typename Key>
+  void run_length(size_t n) {
+    auto keys = random_keys<Key>(n, 10);
+    std::sort(keys.begin(), keys.end());
+    std::vector<uint32_t> expected(n + 1);
+    uint32_t runs = 0;
+    CpuExec().run_length(n, keys.data(), expected.data(), &runs);
+    expected.resize(runs + 1);
+    const DeviceArray<Key> values(keys);
+    const DeviceArray<uint32_t> starts(n + 1), count(1);
+    run([&](CudaExec& exec) { exec.run_length(n, values.data(), starts.data(), count.data()); });
+    ASSERT_EQ(count.read()[0], runs);
+    EXPECT_EQ(starts.read(runs + 1), expected);
+  }
+  template <typename Key>
+  void sort(size_t n, uint32_t first, uint32_t last) {
+    auto keys = random_keys<Key>(n, sizeof(Key) * 8);
+    std::vector<uint32_t> values(n);
+    std::iota(values.begin(), values.end(), 0u);
+    DeviceArray<Key> device_keys(keys);
+    DeviceArray<uint32_t> device_values(values);
+    CpuExec().radix_sort_pairs(n, keys.data(), values.data(), first, last);
+    run([&](CudaExec& exec) {
+      // The same answer twice: the second time there is nothing left to move.
+      exec.radix_sort_pairs(n, device_keys.data(), device_values.data(), first, last);
+    });
+    EXPECT_EQ(device_keys.read(), keys);
+    EXPECT_EQ(device_values.read(), values);
+  }
+};
+
+TEST_F(ExecOnDevice, for_each_visits_each_index_once) {
+  for (const size_t n : kSizes) for_each(n);
+}
+TEST_F(ExecOnDevice, reduce_sums) {
+  for (const size_t n : kSizes) reduce(n);
+}
+TEST_F(ExecOnDevice, scan_gives_the_sums_before_and_the_total) {
+  for (const size_t n : kSizes) scan(n);
+}
+TEST_F(ExecOnDevice, select_keeps_the_order) {
+  for (const size_t n : kSizes) select(n);
+}
+TEST_F(ExecOnDevice, runs_cover_equal_neighbours) {
+  for (const size_t n : kSizes) {
+    run_length<uint32_t>(n);
+    run_length<uint64_t>(n);
+  }
+}
+TEST_F(ExecOnDevice, sort_is_stable_and_by_the_given_bits) {
+  for (const size_t n : kSizes) {
+    sort<uint32_t>(n, 0, 30);
+    sort<uint32_t>(n, 7, 19);
+    sort<uint64_t>(n, 0, 61);
+    sort<uint64_t>(n, 33, 33);
+  }
+}
+
+/// Folds, counts and ranks by teams, all into a number for each index.
+template <uint32_t lanes>
+struct Fold {
+  static constexpr uint32_t kLanes = lanes;
+  struct Shared {
+    uint32_t least, sum;
+  };
+  struct Most {
+    UMBEL_HOST_DEVICE uint64_t operator()(uint64_t a, uint64_t b) const { return a > b ? a : b; }
+  };
+  uint64_t* out;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const {
+    if (team.rank() == 0) shared.least = ~0u, shared.sum = 0;
+    team.sync();
+    uint32_t flagged = 0, rank_sum = 0;
+    uint64_t most = 0;
+    for (uint32_t base = 0; base < 1024; base += team.size()) {
+      const uint32_t i = base + team.rank();
+      const uint32_t value = (i * 2654435761u + uint32_t(index)) >> 8;
+      team.lower(&shared.least, value);
+      team.add(&shared.sum, value & 15);
+      most = Most()(most, uint64_t(value) << 20 | i);
+      const bool flag = value % 3 == 0;
+      // Ranks count from the start of all indices, so they do not depend on the team's size.
+      const uint32_t rank = flagged + team.rank_among(flag);
+      flagged += team.count(flag);
+      if (flag) rank_sum += rank * (i + 1);
+    }
+    team.add(&shared.sum, rank_sum);
+    most = team.reduce(most, Most());
+    team.sync();
+    if (team.rank() == 0)
+      out[index] = most ^ uint64_t(shared.least) << 7 ^ uint64_t(shared.sum) << 31 ^ flagged;
+  }
+};
+
+template <uint32_t lanes>
+void expect_teams_to_fold() {
+  constexpr size_t n = 37;
+  std::vector<uint64_t> expected(n);
+  CpuExec().for_each_team(n, Fold<lanes>{expected.data()});
+  const DeviceArray<uint64_t> out(n);
+  run([&](CudaExec& exec) { exec.for_each_team(n, Fold<lanes>{out.data()}); });
+  EXPECT_EQ(out.read(), expected);
+}
+
+class TeamsOnDevice : public OnDevice {};
+TEST_F(TeamsOnDevice, warps_and_blocks_do_what_one_thread_does) {
+  expect_teams_to_fold<32>();
+  expect_teams_to_fold<256>();
+  expect_teams_to_fold<1024>();
+}
+
+TEST(WithoutDevice, errors_end_with_the_words_of_cuda) {
+  if (has_device()) GTEST_SKIP() << "there is a CUDA device here";
+  Arena arena;
+  CudaExec exec(nullptr, arena);
+  uint32_t* none = nullptr;
+  try {
+    exec.radix_sort_pairs(100, none, none, 0, 30);
+    FAIL() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kDevice);
+    EXPECT_NE(std::string(error.what()).find("CUDA says: "), std::string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace umbel::cuda
