@@ -131,6 +131,34 @@ TEST(FrameClusters, morton_runs_are_in_the_order_of_interleaved_bits) {
   }
 }
 
+#if UMBEL_BOX_VECTORS
+TEST(FrameClusters, vectors_round_as_scalars_do) {
+  for (const float scale : {1e-41f, 1e-20f, 1.0f, 1e20f, 8e37f}) {
+    Mesh mesh = soup(3000, 21);
+    for (Vec3& p : mesh.positions) p = (p - Vec3{1, 0.3f, 0.1f}) * scale;
+    const cluster::FrameMesh view{{reinterpret_cast<const char*>(mesh.positions.data()), 12},
+                                  mesh.triangles.data(),
+                                  nullptr,
+                                  3000};
+    Aabb centers, frame;
+    for (uint32_t i = 0; i < 3000; ++i) {
+      const Vec3 c = center(view.box(i));
+      extend(centers, c);
+      extend(frame, view.box(i));
+    }
+    const auto small = cluster::CodeGrid::around(centers, 30);
+    const auto large = cluster::CodeGrid::around(centers, 61);
+    const auto block = cluster::BlockGrid::over(frame);
+    for (uint32_t i = 0; i < 3000; ++i) {
+      ASSERT_EQ(small.code<uint32_t>(view.record(i)), small.code<uint32_t>(view.box(i)));
+      ASSERT_EQ(large.code<uint64_t>(view.record(i)), large.code<uint64_t>(view.box(i)));
+      const cluster::ShortBox a = block.round(view, i), b = block.round(view.box(i));
+      ASSERT_TRUE(std::equal(a.low, a.low + 8, b.low));
+    }
+  }
+}
+#endif
+
 TEST(FrameClusters, large_triangles_are_apart) {
   Mesh mesh = soup(3000, 3);
   for (int i = 0; i < 64; ++i) {
