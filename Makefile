@@ -21,7 +21,7 @@ PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
 .PHONY: help setup tools build test test-cpp test-python test-viewer test-install test-asan test-tsan \
-        fuzz demo lint format bench clean
+        fuzz cuda gpu gpu-carry demo lint format bench clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
@@ -64,6 +64,15 @@ sanitize-%: tools
 
 fuzz: tools  ## the fuzzers, a minute each, under the sanitizers; SECONDS_EACH=600 for longer
 	@scripts/fuzz.sh
+
+cuda: tools  ## umbel::cuda with its tests and benchmark, in build/release; no GPU needed
+	@scripts/cuda.sh
+
+gpu:  ## on a machine with a GPU: builds, tests, sanitizes, measures; see scripts/gpu.sh
+	@scripts/gpu.sh
+
+gpu-carry: build  ## what `make gpu` needs on a machine without a network, into build/gpu-carry
+	@scripts/gpu_carry.sh
 
 demo: setup  ## a real scan to a verified LOD asset; MESH=my.glb for your own
 	@.venv/bin/python scripts/demo.py $(if $(MESH),"$(MESH)")

@@ -64,7 +64,8 @@ set_target_properties(umbel_cuda_c PROPERTIES LINKER_LANGUAGE CXX)
 target_link_libraries(umbel_cuda_c PRIVATE umbel_internal TBB::tbb CUDA::cudart_static)
 
 if(UMBEL_BUILD_TESTS)
-  file(GLOB umbel_cuda_test_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/cuda/*.cu)
+  file(GLOB umbel_cuda_test_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/cuda/*.cu
+       ${PROJECT_SOURCE_DIR}/tests/cuda/*.cpp)
   add_executable(umbel_cuda_tests ${umbel_cuda_test_sources})
   umbel_cuda_compile_options(umbel_cuda_tests)
   target_link_libraries(umbel_cuda_tests PRIVATE umbel_cuda umbel_internal TBB::tbb

@@ -1,6 +1,22 @@
 # The C++ tests: one program, umbel_tests.
 
-find_package(GTest QUIET)
+# UMBEL_GOOGLETEST_DIR names a folder of GoogleTest's sources (holds src/ and include/) to use where
+# there is no package.
+set(UMBEL_GOOGLETEST_DIR "" CACHE PATH "A folder of GoogleTest's sources (holds src/)")
+mark_as_advanced(UMBEL_GOOGLETEST_DIR)
+if(UMBEL_GOOGLETEST_DIR)
+  add_library(gtest_main STATIC EXCLUDE_FROM_ALL ${UMBEL_GOOGLETEST_DIR}/src/gtest-all.cc
+                                                 ${UMBEL_GOOGLETEST_DIR}/src/gtest_main.cc)
+  target_compile_features(gtest_main PUBLIC cxx_std_14)
+  target_include_directories(gtest_main SYSTEM PUBLIC ${UMBEL_GOOGLETEST_DIR}/include
+                             PRIVATE ${UMBEL_GOOGLETEST_DIR})
+  find_package(Threads REQUIRED)
+  target_link_libraries(gtest_main PUBLIC Threads::Threads)
+  add_library(GTest::gtest_main ALIAS gtest_main)
+  set(GTest_FOUND ON)
+else()
+  find_package(GTest QUIET)
+endif()
 if(NOT GTest_FOUND)
   message(FATAL_ERROR "The tests need GoogleTest: install libgtest-dev (Debian, Ubuntu), or leave "
                       "the tests out with -DUMBEL_BUILD_TESTS=OFF.")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What `make cuda` does: builds umbel::cuda, its tests and its benchmark in build/cuda, with the CUDA
+# What `make cuda` does: builds umbel::cuda, its tests and its benchmark in build/release, with the CUDA
 # toolkit that is installed (nvcc on the PATH, or CUDACXX), or else with one made of wheels in
 # build/cuda-toolkit. No GPU is needed.
 #
@@ -47,10 +47,14 @@ if [[ -x .venv/bin/python ]]; then
   arguments+=("-DPython_EXECUTABLE=$PWD/.venv/bin/python")
 fi
 
-cmake --preset cuda -DUMBEL_WERROR="${UMBEL_WERROR:-OFF}" "${arguments[@]}" "$@" \
-  >build/cuda-configure.log 2>&1 || {
-  tail -n 20 build/cuda-configure.log >&2
-  fail "CMake failed; the log is build/cuda-configure.log"
-}
-grep -E '^-- CUDA [0-9]' build/cuda-configure.log
-cmake --build --preset cuda --target umbel_cuda umbel_cuda_c umbel_cuda_tests cuda_bench
+build=build/release
+configure=(cmake --preset release)
+if [[ -f $build/CMakeCache.txt ]]; then configure=(cmake "$build"); fi
+log=build/cuda-configure.log
+if ! "${configure[@]}" -DUMBEL_CUDA=ON -DUMBEL_BUILD_TESTS=ON -DUMBEL_BUILD_BENCH=ON \
+  -DUMBEL_WERROR="${UMBEL_WERROR:-OFF}" "${arguments[@]}" "$@" >"$log" 2>&1; then
+  tail -n 20 "$log" >&2
+  fail "CMake failed; the log is $log"
+fi
+grep -E '^-- CUDA [0-9]' "$log"
+cmake --build "$build" --target umbel_cuda umbel_cuda_c umbel_cuda_tests cuda_bench

@@ -41,14 +41,14 @@ CUDA_ARCHS=$arch scripts/cuda.sh "${arguments[@]}"
 
 step "tests"
 status=0
-ctest --test-dir build/cuda -L cuda --output-on-failure --no-tests=error || status=1
+ctest --test-dir build/release -L cuda --output-on-failure --no-tests=error || status=1
 
 results=bench/results/gpu-$(tr -cs 'A-Za-z0-9\n' '-' <<<"${device,,}").md
 sanitizer=""
 if command -v compute-sanitizer >/dev/null 2>&1; then
   for tool in memcheck racecheck; do
     step "compute-sanitizer $tool"
-    if timeout 100 compute-sanitizer --tool "$tool" --error-exitcode 9 build/cuda/umbel_cuda_tests \
+    if timeout 100 compute-sanitizer --tool "$tool" --error-exitcode 9 build/release/umbel_cuda_tests \
       --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:FrameClustersOnDevice.vertex*' \
       >"build/sanitizer-$tool.log" 2>&1; then
       sanitizer+="$tool found nothing. "
@@ -67,7 +67,7 @@ meshes=()
 for mesh in "$carry"/dragon_871k.ply "${MESH:-}"; do
   [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
 done
-timeout 150 build/cuda/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
+timeout 150 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
 printf '\nTests: %s. %s\n' "$([[ $status == 0 ]] && echo passed || echo failed)" "$sanitizer" >>"$results"
 [[ -n ${OUT:-} ]] && cp "$results" "$OUT/" || true
 step "done: $results"

@@ -1,80 +1,74 @@
-// Clusters as runs of triangles in Morton order of their box centres (Morton, "A computer
-// oriented geodetic data base", 1966): one radix sort, then a cut at every max_items-th.
+// Clusters of a mesh by its Morton order: runs of it, and blocks of it that are bisected. See
+// cluster/morton_runs.hpp and cluster/hybrid.hpp.
 #include <algorithm>
-#include <cmath>
 
-#include "base/math.hpp"
-#include "base/parallel.hpp"
 #include "base/progress.hpp"
-#include "base/radix_sort.hpp"
-#include "cluster/morton_code.hpp"
-#include "cluster/source.hpp"
+#include "cluster/build_frame.hpp"
 #include "cluster/validate.hpp"
+#include "umbel/frame_clusters.hpp"
 
 namespace umbel {
 namespace {
 
-constexpr size_t kChunk = 1 << 15;
-constexpr float kCells = 1024.0f;
-
-// Maps centres to cells of a 1024^3 grid over their box. Each axis has its own scale, in double
-// so that no extent overflows or vanishes.
-struct Grid {
-  explicit Grid(const Aabb& box) {
-    const double low[3] = {box.min.x, box.min.y, box.min.z};
-    const double high[3] = {box.max.x, box.max.y, box.max.z};
-    for (int k = 0; k < 3; ++k) {
-      origin[k] = low[k];
-      const double extent = high[k] - low[k];
-      scale[k] = extent > 0 ? double(kCells) / extent : 0.0;
-    }
-  }
-  uint32_t cell(float center, int k) const {
-    return static_cast<uint32_t>(std::clamp((double(center) - origin[k]) * scale[k], 0.0, 1023.0));
-  }
-  uint32_t code(const Vec3& c) const {
-    return cluster::morton30(cell(c.x, 0), cell(c.y, 1), cell(c.z, 2));
-  }
-  double origin[3], scale[3];
-};
+cluster::FrameMesh checked(const MeshView& mesh, const BuildOptions& options) {
+  with_threads(options.threads, [&] { cluster::validate_triangles(mesh, ClusterConfig{}, 0.0f); });
+  return {{reinterpret_cast<const char*>(mesh.positions.data()), sizeof(Vec3)},
+          mesh.triangles.data(),
+          nullptr,
+          static_cast<uint32_t>(mesh.triangles.size())};
+}
 
 }  // namespace
 
 Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
                              const BuildOptions& options) {
   cluster::validate_config(config);
-  with_threads(options.threads, [&] { cluster::validate_triangles(mesh, ClusterConfig{}, 0.0f); });
+  const cluster::FrameMesh input = checked(mesh, options);
   Progress progress(options);
   progress.report(0, "clustering");
-  const cluster::Source source = cluster::Source::of(mesh, 0.0f);
-  const size_t count = mesh.triangles.size();
   Clusters out;
-  if (count == 0) return out;
-  std::vector<uint64_t> words(count), spare(count);
-  const uint64_t* sorted = nullptr;
+  if (input.count == 0) return out;
   with_threads(options.threads, [&] {
-    std::vector<Aabb> boxes((count + kChunk - 1) / kChunk);
-    parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
-      Aabb box;
-      for (size_t i = begin; i < end; ++i) extend(box, center(source.box(uint32_t(i))));
-      boxes[begin / kChunk] = box;
-    });
-    Aabb bounds;
-    for (const Aabb& box : boxes) extend(bounds, box);
-    const Grid grid(bounds);
-    parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        words[i] = uint64_t(grid.code(center(source.box(uint32_t(i))))) << 32 | i;
-    });
-    progress.report(0.4, "clustering");
-    sorted = radix_sort(words.data(), spare.data(), count, 32, 62);
+    CpuExec exec;
+    const auto order = cluster::order_triangles<uint32_t>(exec, input, 30);
+    progress.report(0.9, "clustering");
+    out.items.assign(order.places.data(), order.places.data() + input.count);
+  });
+  for (uint32_t i = 0; i < input.count; i += std::min(config.max_items, input.count - i))
+    out.ranges.push_back({i, std::min(config.max_items, input.count - i)});
+  out.segments.push_back({0, static_cast<uint32_t>(out.ranges.size())});
+  progress.report(1, "clustering");
+  return out;
+}
+
+Clusters cluster_mesh_hybrid(const MeshView& mesh, const ClusterConfig& config,
+                             const BuildOptions& options) {
+  cluster::validate_config(config);
+  FrameClusterConfig frame;
+  frame.max_triangles = config.max_items;
+  frame.min_triangles = std::min(config.min_items, std::max(config.max_items / 2, 1u));
+  frame.max_vertices = config.max_vertices;
+  const auto rules = cluster::FrameRules::of(frame, mesh.triangles.size());
+  const cluster::FrameMesh input = checked(mesh, options);
+  Progress progress(options);
+  progress.report(0, "clustering");
+  Clusters out;
+  if (input.count == 0) return out;
+  const uint32_t most = rules.most_clusters(input.count);
+  const CpuBuffer<uint32_t> items(input.count), offsets(size_t(most) + 1), count(1);
+  const CpuBuffer<Triangle> triangles(input.count);
+  const CpuBuffer<Aabb> boxes(most);
+  with_threads(options.threads, [&] {
+    CpuExec exec;
+    cluster::build_frame(
+        exec, input, rules,
+        {items.data(), triangles.data(), offsets.data(), boxes.data(), count.data()});
   });
   progress.report(0.9, "clustering");
-  out.items.resize(count);
-  for (size_t i = 0; i < count; ++i) out.items[i] = static_cast<uint32_t>(sorted[i]);
-  for (size_t i = 0; i < count; i += config.max_items)
-    out.ranges.push_back({uint32_t(i), uint32_t(std::min<size_t>(config.max_items, count - i))});
-  out.segments.push_back({0, static_cast<uint32_t>(out.ranges.size())});
+  out.items.assign(items.data(), items.data() + input.count);
+  for (uint32_t c = 0; c < count[0]; ++c)
+    out.ranges.push_back({offsets[c], offsets[c + 1] - offsets[c]});
+  out.segments.push_back({0, count[0]});
   progress.report(1, "clustering");
   return out;
 }
