@@ -132,6 +132,7 @@ auto run(const nb::object& callback, uint32_t threads, const Work& work) {
 void bind_errors(nb::module_& module);
 void bind_mesh(nb::module_& module);
 void bind_cluster(nb::module_& module);
+void bind_frame_clusters(nb::module_& module);
 void bind_lod(nb::module_& module);
 void bind_asset(nb::module_& module);
 void bind_stream(nb::module_& module);

@@ -2,6 +2,7 @@
 #include "umbel/cluster.hpp"
 
 #include "bind.hpp"
+#include "umbel/frame_clusters.hpp"
 
 namespace umbel::python {
 namespace {
@@ -223,6 +224,17 @@ void bind_cluster(nb::module_& module) {
         return tuple_of(run(progress, threads, [&](const BuildOptions& options) {
           const MeshView view = checked(mesh, options);
           return cluster_mesh_morton(view, config, options);
+        }));
+      },
+      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0,
+      "(items, ranges (k, 2), segments (s, 2))");
+  module.def(
+      "cluster_mesh_hybrid",
+      [](const MeshArrays& mesh, const ClusterConfig& config, const nb::object& progress,
+         uint32_t threads) {
+        return tuple_of(run(progress, threads, [&](const BuildOptions& options) {
+          const MeshView view = checked(mesh, options);
+          return cluster_mesh_hybrid(view, config, options);
         }));
       },
       "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0,

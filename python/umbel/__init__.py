@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from .errors import Cancelled as Cancelled
     from .errors import Error as Error
     from .errors import LoadWarning as LoadWarning
+    from .frame_clusters import Drift as Drift
+    from .frame_clusters import FrameClusters as FrameClusters
+    from .frame_clusters import RebuildPolicy as RebuildPolicy
     from .io import load as load
     from .io import save as save
     from .kdtree import KdTree as KdTree
@@ -84,6 +87,9 @@ _HOME = {
     "Cancelled": "errors",
     "Error": "errors",
     "LoadWarning": "errors",
+    "Drift": "frame_clusters",
+    "FrameClusters": "frame_clusters",
+    "RebuildPolicy": "frame_clusters",
     "load": "io",
     "save": "io",
     "KdTree": "kdtree",

@@ -14,7 +14,7 @@ from .arrays import as_mesh, indices, native, rows
 from .errors import Error
 from .repair import Progress
 
-METHODS = ("bisect", "morton")
+METHODS = ("bisect", "morton", "hybrid")
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,8 @@ def cluster_mesh(
     shared_vertex_weight: what a vertex shared by two triangles weighs as a connection that a cut
         would break; 0 for no connections.
     method: "bisect", or "morton": the fastest, with three to four times the area, where only
-        max_triangles counts.
+        max_triangles counts; or "hybrid": between them in price, and nearly as good as "bisect",
+        where max_triangles (up to 512), min_triangles and max_vertices count.
     """
     if method not in METHODS:
         raise Error(f"method must be {' or '.join(map(repr, METHODS))}, not {method!r}")
@@ -115,6 +116,8 @@ def cluster_mesh(
     arrays = native(as_mesh(mesh))
     if method == "morton":
         made = _umbel.cluster_mesh_morton(arrays, config, progress, threads)
+    elif method == "hybrid":
+        made = _umbel.cluster_mesh_hybrid(arrays, config, progress, threads)
     else:
         made = _umbel.cluster_mesh(arrays, config, shared_vertex_weight, progress, threads)
 

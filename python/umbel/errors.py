@@ -7,7 +7,8 @@ class Error(ValueError):
     """Input, an argument or a file is at fault; the message is one sentence that names it.
 
     `code` says what kind of failure the library met: "invalid_argument", "invalid_mesh", "io",
-    "corrupt", "unsupported", "cancelled" or "device"; it is empty where the package itself raised."""
+    "corrupt", "unsupported", "cancelled" or "device"; it is empty where the package itself
+    raised."""
 
     code: str = ""
 

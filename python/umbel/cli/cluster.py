@@ -23,6 +23,7 @@ SHARED_VERTEX_WEIGHT = 0.3
 class Method(str, enum.Enum):
     bisect = "bisect"
     morton = "morton"
+    hybrid = "hybrid"
 
 
 class Device(str, enum.Enum):

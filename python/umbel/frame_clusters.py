@@ -1,0 +1,157 @@
+"""Clusters of meshes that change every frame: the same triangles, new positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _umbel
+from .mesh import as_mesh
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How far clusters have drifted since they were built."""
+
+    area_ratio: float
+    """Sum of the clusters' box areas over that of the box of all."""
+    area_ratio_at_build: float
+    """The same when each cluster was built."""
+
+    @property
+    def growth(self) -> float:
+        """The first over the second."""
+        before = self.area_ratio_at_build
+        return self.area_ratio / before if before > 0 else 1.0
+
+
+@dataclass(frozen=True)
+class RebuildPolicy:
+    """When to build clusters of a moving mesh anew, from how far they have drifted."""
+
+    threshold: float = 1.25
+    """Rebuild when the growth of the area ratio reaches this (> 1)."""
+    least_period: int = 1
+    """Frames between two rebuilds, at least."""
+    most_period: int = 0
+    """Frames after which to rebuild in any case; 0: never."""
+    budget: float = 1.0
+    """Share of the clusters that a rebuild may build anew, the worst ones; 1: all of them."""
+
+    def decide(self, drift: Drift, frames: int) -> str:
+        """What to do `frames` after the last rebuild: "keep", "rebuild" or "rebuild_worst"."""
+        due = 0 < self.most_period <= frames
+        drifted = drift.growth >= self.threshold and frames >= self.least_period
+        if not due and not drifted:
+            return "keep"
+        return "rebuild_worst" if self.budget < 1.0 else "rebuild"
+
+
+class FrameClusters:
+    """Clusters of one mesh through its frames.
+
+    mesh: a mesh, a path, or anything with .vertices and .faces; its positions are the first frame.
+    method: "morton" (runs in Morton order, the fastest) or "hybrid" (blocks of that order,
+        bisected: a third of the area).
+    max_triangles: of a cluster, up to 512.
+    min_triangles: hybrid only; 0 for a quarter of max_triangles.
+    max_vertices: of a cluster, 3 to 256; 0 for no limit.
+    underfill_cost: hybrid only, in [0, 4]: the price of triangles missing to full clusters.
+    code_bits: of the Morton codes, 30 or 61; 0 chooses by the number of triangles.
+    """
+
+    def __init__(
+        self,
+        mesh: Any,
+        method: str = "hybrid",
+        *,
+        max_triangles: int = 128,
+        min_triangles: int = 0,
+        max_vertices: int = 0,
+        underfill_cost: float = 1.0,
+        code_bits: int = 0,
+        threads: int = 0,
+    ) -> None:
+        source = as_mesh(mesh)
+        self._threads = threads
+        self._native = _umbel.FrameClusterer(
+            np.ascontiguousarray(source.triangles, np.uint32),
+            len(source.positions),
+            method,
+            max_triangles,
+            min_triangles,
+            max_vertices,
+            underfill_cost,
+            code_bits,
+        )
+        self.build(source.positions)
+
+    def __len__(self) -> int:
+        return int(self._native.count())
+
+    def build(self, positions: ArrayLike) -> None:
+        """Clusters of these positions alone, whatever came before."""
+        self._native.build(_positions(positions), self._threads)
+
+    def update(self, positions: ArrayLike) -> None:
+        """As `build`, but triangles with equal codes keep the last frame's order."""
+        self._native.update(_positions(positions), self._threads)
+
+    def refit(self, positions: ArrayLike) -> Drift:
+        """Keeps the clusters and makes their boxes anew."""
+        return Drift(*self._native.refit(_positions(positions), self._threads))
+
+    def rebuild_worst(self, positions: ArrayLike, clusters: int) -> Drift:
+        """Refits, and builds up to `clusters` of those anew that have grown the most."""
+        return Drift(*self._native.rebuild_worst(_positions(positions), clusters, self._threads))
+
+    def step(self, positions: ArrayLike, policy: RebuildPolicy, frames: int) -> str:
+        """Refits, asks the policy, `frames` after the last rebuild, and does what it says; tells
+        what that was."""
+        action = policy.decide(self.refit(positions), frames)
+        if action == "rebuild":
+            self.build(positions)
+        elif action == "rebuild_worst":
+            self.rebuild_worst(positions, max(1, round(policy.budget * len(self))))
+        return action
+
+    @property
+    def drift(self) -> Drift:
+        """As last measured."""
+        return Drift(*self._native.drift())
+
+    @property
+    def items(self) -> NDArray[np.uint32]:
+        """(m,) triangle indices, in cluster order."""
+        return self._native.items()
+
+    @property
+    def triangles(self) -> NDArray[np.uint32]:
+        """(m, 3) the same triangles: a new index buffer."""
+        return self._native.triangles()
+
+    @property
+    def offsets(self) -> NDArray[np.uint32]:
+        """(k + 1,) cluster c has the triangles [offsets[c], offsets[c + 1])."""
+        return self._native.offsets()
+
+    @property
+    def boxes(self) -> NDArray[np.float32]:
+        """(k, 6) minima and maxima."""
+        return self._native.boxes()
+
+    def vertex_lists(
+        self,
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint8]]:
+        """(k + 1,) offsets into (v,) mesh vertices of each cluster, and (m, 3) corners of each
+        triangle among its cluster's vertices. Needs clusters of at most 256 vertices."""
+        return _umbel.list_frame_vertices(self._native, self._threads)
+
+
+def _positions(positions: ArrayLike) -> NDArray[np.float32]:
+    return np.ascontiguousarray(positions, np.float32)
