@@ -24,6 +24,8 @@ std::tuple<double, double> pair_of(const ClusterDrift& drift) {
   return {drift.area_ratio, drift.area_ratio_at_build};
 }
 
+using ListArrays = nb::typed<nb::tuple, Array<uint32_t>, Array<uint32_t>, Array<uint8_t>>;
+
 /// A copy: the clusters' own arrays change with the next frame.
 template <typename Scalar, typename T>
 Array<Scalar> copied(std::span<const T> values) {
@@ -88,7 +90,7 @@ void bind_frame_clusters(nb::module_& module) {
       .def("boxes", [](const FrameClusterer& self) { return copied<float>(self.boxes()); });
   module.def(
       "list_frame_vertices",
-      [](const FrameClusterer& clusters, uint32_t threads) {
+      [](const FrameClusterer& clusters, uint32_t threads) -> ListArrays {
         FrameVertexLists lists = run(nb::none(), threads, [&](const BuildOptions& options) {
           return list_frame_vertices(clusters, options);
         });

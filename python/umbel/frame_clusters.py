@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _umbel
-from .mesh import as_mesh
+from .arrays import as_mesh
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
