@@ -56,12 +56,19 @@ export function scaleGradient(): string {
 /** A colour that neighbouring numbers do not share: hues by the golden angle. */
 function numberColor(n: number): Rgb {
   const hue = (n * 0.618034) % 1;
-  const light = 0.62 + 0.14 * ((n * 0.7548777) % 1);
+  const light = 0.62 + 0.16 * ((n * 0.7548777) % 1);
   const channel = (shift: number) => {
     const k = (hue * 12 + shift) % 12;
-    return light - 0.24 * Math.max(-1, Math.min(k - 3, 9 - k, 1));
+    return light - 0.17 * Math.max(-1, Math.min(k - 3, 9 - k, 1));
   };
   return [channel(0), channel(8), channel(4)];
+}
+
+/** Odd levels are paler, so that neighbours are told apart. */
+function levelColor(level: number, levels: number): Rgb {
+  const [r, g, b] = scaleColor(level / Math.max(levels - 1, 1));
+  const pale = level % 2 ? 0.22 : 0;
+  return [r + pale * (1 - r), g + pale * (1 - g), b + pale * (1 - b)];
 }
 
 const HERE: Rgb = [0.29, 0.62, 0.6];
@@ -85,7 +92,7 @@ function lookTint(look: Look, mesh: UmbelMesh): TintFunction | undefined {
     case "groups":
       return ({ group }) => opaque(numberColor(group));
     case "levels":
-      return ({ level }) => opaque(scaleColor(level / Math.max(levels - 1, 1)));
+      return ({ level }) => opaque(levelColor(level, levels));
     case "error":
       return ({ error }) => opaque(scaleColor(errorFraction(error, mesh.coarsestError)));
     case "pages":
