@@ -5,7 +5,8 @@
 // With --processor-time seconds are those of all threads together, for a machine that is busy with
 // other things.
 //
-//   lod_bench [--runs N] [--triangles N] [--samples N] [--processor-time] MESH.ply...
+//   lod_bench [--runs N] [--triangles N] [--samples N] [--processor-time] [--measured-error]
+//             MESH.ply...
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -45,6 +46,7 @@ struct Options {
   uint64_t triangles = 10000;
   size_t samples = 400000;
   bool processor_time = false;
+  bool measured_error = false;
   std::vector<std::string> meshes;
 };
 
@@ -93,6 +95,7 @@ Outcome measure_ours(const umbel::Mesh& mesh, const Options& options, uint32_t t
                      bool with_cut) {
   lod::Config config;
   config.max_triangles = config.max_vertices = kMaxTriangles;
+  config.measured_error = options.measured_error;
   umbel::BuildOptions build_options;
   build_options.threads = threads;
   Outcome outcome;
@@ -272,9 +275,12 @@ Options parse(int count, char** arguments) {
       options.samples = std::max<size_t>(2, std::strtoull(arguments[++i], nullptr, 10));
     else if (argument == "--processor-time")
       options.processor_time = true;
+    else if (argument == "--measured-error")
+      options.measured_error = true;
     else if (argument.rfind("--", 0) == 0)
       bench::fail(argument,
-                  "is not an option; there are --runs, --triangles, --samples, --processor-time");
+                  "is not an option; there are --runs, --triangles, --samples, --processor-time, "
+                  "--measured-error");
     else
       options.meshes.push_back(argument);
   }
@@ -286,10 +292,10 @@ Options parse(int count, char** arguments) {
 int main(int count, char** arguments) {
   const Options options = parse(count, arguments);
   if (options.meshes.empty()) {
-    std::fprintf(
-        stderr,
-        "usage: %s [--runs N] [--triangles N] [--samples N] [--processor-time] MESH.ply...\n",
-        arguments[0]);
+    std::fprintf(stderr,
+                 "usage: %s [--runs N] [--triangles N] [--samples N] [--processor-time] "
+                 "[--measured-error] MESH.ply...\n",
+                 arguments[0]);
     return 2;
   }
   std::printf(

@@ -93,6 +93,13 @@ struct Config {
   float position_step = 0;
   bool attributes = true;  ///< weigh normals, UVs and colours in the error, keep seams
   float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
+  /// When to stop before one cluster's worth of triangles is left; what is left then are the roots.
+  uint32_t max_levels = 0;      ///< most levels, 0: no limit
+  uint64_t stop_triangles = 0;  ///< stop as soon as no more than these are left
+  float max_error = std::numeric_limits<float>::infinity();  ///< no group gets a larger error
+  /// Errors are distances to the source, sampled in both directions through hierarchies over both
+  /// surfaces (docs/lod.md), instead of sums of what each step moved. Slower, and closer.
+  bool measured_error = false;
 };
 
 struct Report {
@@ -102,6 +109,10 @@ struct Report {
                                                ///< worth of triangles is left in them
   uint64_t root_triangles = 0;
   std::array<uint64_t, 5> groups_by_rung{};
+  /// With Config::measured_error, over all groups that have a distance to the source: the mean of
+  /// log2(estimate / measured distance), and how many were underestimated.
+  double mean_log2_overestimate = 0;
+  uint64_t measured_groups = 0, underestimated_groups = 0;
   float largest_move = 0;  ///< the farthest that Config::position_step moved a vertex
   double seconds = 0;
 };

@@ -13,6 +13,7 @@
 
 #include "umbel/cluster.hpp"
 #include "umbel/lod.hpp"
+#include "umbel/triangle_bvh.hpp"
 
 namespace umbel::lod {
 
@@ -20,16 +21,10 @@ namespace umbel::lod {
 /// should. Tables that were built or read from a file need not be asked; selection trusts them.
 UMBEL_API void validate(const Tables& tables);
 
-/// A half-space: p is inside where normal.p + offset >= 0.
-struct Plane {
-  Vec3 normal;  ///< unit length to within 1e-5
-  float offset;
-  bool operator==(const Plane&) const = default;
-};
-
 /// What need not be drawn. Nothing here changes which level of detail is right where.
 struct Culling {
-  std::span<const Plane> planes;  ///< clusters wholly outside one of them are left out
+  /// Clusters wholly outside one of them are left out. Normals of unit length, to within 1e-5.
+  std::span<const Plane> planes;
   /// One a cluster, or none: clusters that face away from View::eye as a whole are left out. Only
   /// for cameras, and for surfaces of which only the front is seen.
   std::span<const ClusterBounds> facing;

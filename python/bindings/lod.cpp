@@ -49,11 +49,11 @@ Dict geometry_dict(lod::ClusterGeometry&& geometry) {
   return dict_of(std::move(mesh));
 }
 
-nb::object facing_array(const lod::Tables& tables, const lod::GeometryReader& geometry,
-                        const nb::object& progress, uint32_t threads) {
-  return nb::cast(take<float>(run(progress, threads, [&](const BuildOptions& options) {
+Array<float> facing_array(const lod::Tables& tables, const lod::GeometryReader& geometry,
+                          const nb::object& progress, uint32_t threads) {
+  return take<float>(run(progress, threads, [&](const BuildOptions& options) {
     return lod::facing_bounds(tables, geometry, options);
-  })));
+  }));
 }
 
 Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,

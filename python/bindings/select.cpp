@@ -12,11 +12,11 @@ using Facing = std::optional<Rows<float, 11>>;
 using Transforms = Rows<float, 12>;
 
 static_assert(sizeof(ClusterBounds) == 11 * sizeof(float));
-static_assert(sizeof(lod::Plane) == 4 * sizeof(float));
+static_assert(sizeof(Plane) == 4 * sizeof(float));
 static_assert(sizeof(lod::Transform) == 12 * sizeof(float));
 
 lod::Culling culling_of(const Planes& planes, const Facing& facing) {
-  return {rows_of<lod::Plane>(planes), rows_of<ClusterBounds>(facing)};
+  return {rows_of<Plane>(planes), rows_of<ClusterBounds>(facing)};
 }
 
 std::vector<uint32_t> select_by(const std::string& method, const Tables& tables, const View& view,

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <limits>
 #include <memory>
 
@@ -16,6 +17,7 @@
 #include "lod/cut_clusters.hpp"
 #include "lod/group.hpp"
 #include "lod/hierarchy.hpp"
+#include "lod/measure.hpp"
 #include "lod/simplify.hpp"
 #include "lod/source.hpp"
 #include "umbel/lod.hpp"
@@ -28,6 +30,7 @@ constexpr double kLeastProgress = 0.98;
 // Idle levels before the last resort is allowed, and after it before the build ends with what is
 // left as its roots.
 constexpr int kPatience = 2;
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 void check(const Config& config) {
   const auto require = [](bool holds, const std::string& sentence) {
@@ -45,6 +48,8 @@ void check(const Config& config) {
   for (float weight : {config.normal_weight, config.uv_weight, config.color_weight})
     require(weight >= 0.0f && weight <= 1e3f,
             "an attribute weight is " + std::to_string(weight) + ", must be in [0, 1000]");
+  require(config.max_error >= 0.0f,
+          "max_error is " + std::to_string(config.max_error) + ", must be at least 0");
 }
 
 class Builder {
@@ -74,9 +79,13 @@ class Builder {
                            parallel_for(pending_.size(), 64,
                                         [&](size_t c) { own_spheres_[c] = leaf_sphere(c); });
                          });
+    if (config_.measured_error) {
+      meter_ = std::make_unique<ErrorMeter>(source_, pending_);
+      samples_ = meter_->first_samples(pending_);
+    }
     int idle = 0;
     bool last_resort = false;
-    while (pending_.size() > 0 && !is_coarsest()) {
+    while (pending_.size() > 0 && !is_coarsest() && !is_deep_enough()) {
       const double enough = pending_.triangle_count() * kLeastProgress;
       simplify_level(last_resort);
       if (pending_.triangle_count() <= enough) {
@@ -87,7 +96,7 @@ class Builder {
         idle = 0;
       }
     }
-    if (pending_.size() > 0) emit_roots(is_coarsest());
+    if (pending_.size() > 0) emit_roots();
     finish();
     return std::move(dag_);
   }
@@ -102,6 +111,7 @@ class Builder {
   struct GroupResult {
     Simplified simplified;
     ClusterSet clusters;  // of the simplified triangles; generating_group is set when joined
+    Measured measured;    // with Config::measured_error
   };
 
   Report& report() { return dag_.report; }
@@ -110,6 +120,12 @@ class Builder {
   // Nothing is gained by levels above a single cluster's worth of triangles.
   bool is_coarsest() const {
     return pending_.size() == 1 || pending_.triangle_count() <= config_.max_triangles;
+  }
+
+  // Whether the caller wants no more.
+  bool is_deep_enough() const {
+    return pending_.triangle_count() <= config_.stop_triangles ||
+           (config_.max_levels > 0 && dag_.tables.levels.size() + 1 >= config_.max_levels);
   }
 
   Sphere leaf_sphere(size_t cluster) const {
@@ -140,6 +156,7 @@ class Builder {
     done_ += (1.0 - done_) * 0.5;
     settle_chords(groups, results, last_resort);
     keep_one_triangle(groups, results);
+    if (meter_) measure(groups, results);
     join(groups, results);
   }
 
@@ -184,30 +201,79 @@ class Builder {
     return result;
   }
 
+  void measure(const Clusters& groups, std::vector<GroupResult>& results) {
+    parallel_for(results.size(), 1, [&](size_t g) {
+      if (!results[g].simplified.done) return;
+      const Range range = groups.ranges[g];
+      std::vector<Vec3> samples;
+      for (uint32_t c : std::span(groups.items).subspan(range.offset, range.count))
+        samples.insert(samples.end(), samples_[c].begin(), samples_[c].end());
+      results[g].measured = meter_->measure(results[g].clusters, samples,
+                                            static_cast<uint32_t>(tables().levels.size()));
+    });
+  }
+
+  // Of a group's simplified form. Deviations add up (triangle inequality), whatever the quadrics of
+  // one step say; if the distance to the source is known, it alone counts.
+  float error_of(std::span<const uint32_t> members, const GroupResult& result) const {
+    const Simplified& simplified = result.simplified;
+    float least = 0, sum = std::max(simplified.error, simplified.vanished);
+    for (uint32_t c : members) {
+      const uint32_t generator = pending_.generating_group[c];
+      if (generator == kNone) continue;
+      const double below = dag_.tables.groups[generator].error * (1.0 + kErrorMargin);
+      least = std::max(least, static_cast<float>(below));
+      sum = std::max(sum, static_cast<float>(below + simplified.error));
+    }
+    if (!result.measured.valid) return sum;
+    return std::max({least, simplified.vanished, result.measured.bound});
+  }
+
+  void compare(const GroupResult& result, std::span<const uint32_t> members) {
+    if (!result.measured.valid || !(result.measured.distance > 0)) return;
+    GroupResult unmeasured;
+    unmeasured.simplified.error = result.simplified.error;
+    unmeasured.simplified.vanished = result.simplified.vanished;
+    const double ratio = error_of(members, unmeasured) / double{result.measured.distance};
+    ++report().measured_groups;
+    if (ratio < 1) ++report().underestimated_groups;
+    if (ratio > 0) sum_of_logs_ += std::log2(ratio);
+  }
+
   void join(const Clusters& groups, std::vector<GroupResult>& results) {
     std::vector<ClusterRef> next;
+    std::vector<std::vector<Vec3>> next_samples;
     std::vector<Sphere> next_spheres;
     const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
     for (size_t g = 0; g < results.size(); ++g) {
       const Range range = groups.ranges[g];
       const auto members = std::span(groups.items).subspan(range.offset, range.count);
-      if (!results[g].simplified.done) {
+      const float error = error_of(members, results[g]);
+      if (!results[g].simplified.done || error > config_.max_error) {
         for (uint32_t c : members) {
           next.push_back({&pending_, c});
           next_spheres.push_back(own_spheres_[c]);
+          if (meter_) next_samples.push_back(std::move(samples_[c]));
         }
         continue;
       }
-      const uint32_t id = emit_group(members, results[g].simplified);
+      if (meter_) compare(results[g], members);
+      const uint32_t id = emit_group(members, results[g].simplified.rung, error);
       ClusterSet& made = results[g].clusters;
       std::fill(made.generating_group.begin(), made.generating_group.end(), id);
       for (uint32_t c = 0; c < made.size(); ++c) {
         next.push_back({&made, c});
         next_spheres.push_back(tables().groups[id].sphere);
+        if (meter_) next_samples.push_back(std::move(results[g].measured.samples[c]));
       }
     }
+    samples_ = std::move(next_samples);
     const uint32_t end = static_cast<uint32_t>(tables().groups.size());
-    if (end == first_group) return;
+    if (end == first_group) {
+      pending_ = gather_clusters(next);
+      own_spheres_ = std::move(next_spheres);
+      return;
+    }
     tables().levels.push_back({first_group, end - first_group});
     emit_clusters(first_group);
     pending_ = gather_clusters(next);
@@ -215,7 +281,7 @@ class Builder {
   }
 
   // A new group of pending clusters, which `emit_clusters` then moves into the DAG.
-  uint32_t emit_group(std::span<const uint32_t> members, const Simplified& simplified) {
+  uint32_t emit_group(std::span<const uint32_t> members, Rung rung, float error) {
     const uint32_t id = static_cast<uint32_t>(tables().groups.size());
     std::vector<uint32_t> generators;
     std::vector<Sphere> spheres;
@@ -223,8 +289,8 @@ class Builder {
     group.clusters = {static_cast<uint32_t>(tables().clusters.size() + emitted_.size()),
                       static_cast<uint32_t>(members.size())};
     group.level = static_cast<uint32_t>(tables().levels.size());
-    group.rung = simplified.rung;
-    group.error = std::max(simplified.error, simplified.vanished);
+    group.rung = rung;
+    group.error = error;
     for (uint32_t c : members) {
       const uint32_t generator = pending_.generating_group[c];
       if (generator == kNone) {
@@ -232,14 +298,10 @@ class Builder {
       } else if (std::find(generators.begin(), generators.end(), generator) == generators.end()) {
         generators.push_back(generator);
         spheres.push_back(own_spheres_[c]);
-        // Deviations add up (triangle inequality), whatever the quadrics of one step say.
-        const double below = tables().groups[generator].error * (1.0 + kErrorMargin);
-        group.error = std::max(group.error, static_cast<float>(below + simplified.error));
       }
       emitted_.push_back(c);
     }
     group.sphere = enclosing_sphere(spheres);
-    if (group.rung == Rung::kRoot) group.error = std::numeric_limits<float>::infinity();
     tables().groups.push_back(group);
     ++report().groups_by_rung[static_cast<size_t>(group.rung)];
     return id;
@@ -283,7 +345,9 @@ class Builder {
 
   // What is left becomes one root group, or several where simplification could go no further and
   // one group would be too large.
-  void emit_roots(bool coarsest) {
+  void emit_roots() {
+    const bool coarsest = is_coarsest();
+    const bool wished = is_deep_enough() || config_.max_error < kInfinity;
     report().root_triangles = pending_.triangle_count();
     const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
     Clusters roots;
@@ -293,17 +357,17 @@ class Builder {
     } else {
       roots = grouper_.group(pending_, locked_, config_);
     }
-    Simplified root;
-    root.rung = Rung::kRoot;
     for (const Range& range : roots.ranges)
-      emit_group(std::span(roots.items).subspan(range.offset, range.count), root);
+      emit_group(std::span(roots.items).subspan(range.offset, range.count), Rung::kRoot, kInfinity);
     emit_clusters(first_group);
     report().root_groups = static_cast<uint32_t>(roots.ranges.size());
-    report().stuck_groups = coarsest ? 0 : report().root_groups;
+    report().stuck_groups = coarsest || wished ? 0 : report().root_groups;
     tables().levels.push_back({first_group, report().root_groups});
   }
 
   void finish() {
+    if (report().measured_groups > 0)
+      report().mean_log2_overestimate = sum_of_logs_ / report().measured_groups;
     tables().nodes = build_hierarchy(tables());
     dag_.vertices = std::move(source_.mesh);
     dag_.vertices.triangles = {};
@@ -321,7 +385,10 @@ class Builder {
   ClusterSet pending_;
   std::vector<uint32_t> emitted_;    // pending clusters of new groups, group by group
   std::vector<Sphere> own_spheres_;  // of each pending cluster: its generating group's, or its own
-  double done_ = 0.1;                // part of all work
+  std::unique_ptr<ErrorMeter> meter_;       // with Config::measured_error
+  std::vector<std::vector<Vec3>> samples_;  // of each pending cluster, see measure.hpp
+  double sum_of_logs_ = 0;
+  double done_ = 0.1;  // part of all work
   Dag dag_;
 };
 
