@@ -32,6 +32,7 @@ HEADER_LAYERS = {
     "bvh_traverse.hpp": "bvh",
     "ray_arrays.hpp": "bvh",
     "lod_select.hpp": "lod",
+    "umbel_lod.h": "capi",
     "umbel.h": "capi",
     "umbel_cuda.h": "capi",
 }

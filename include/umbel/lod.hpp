@@ -93,6 +93,9 @@ struct Config {
   float position_step = 0;
   bool attributes = true;  ///< weigh normals, UVs and colours in the error, keep seams
   float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
+  /// Vertices that stay take the attributes that fit best to all that they stand for, instead of
+  /// their own, where they are alone at their position.
+  bool refit_attributes = true;
   /// When to stop before one cluster's worth of triangles is left; what is left then are the roots.
   uint32_t max_levels = 0;      ///< most levels, 0: no limit
   uint64_t stop_triangles = 0;  ///< stop as soon as no more than these are left
@@ -131,9 +134,37 @@ struct Dag {
   UMBEL_API ClusterGeometry geometry(uint32_t cluster) const;
 };
 
-/// Builds the DAG. The mesh must be valid; it is welded first. Deterministic.
+/// A group as a decimation of the caller's own gets it.
+struct DecimationInput {
+  /// The group's vertices, numbered from 0, and its triangles; `materials` is one a triangle or
+  /// empty. Several vertices may be at one position, as along seams.
+  MeshView mesh;
+  /// One a vertex: 1 where another group has the vertex's position too. Such positions must stay,
+  /// and so must every edge between two of them that is the border of the group.
+  std::span<const uint8_t> locked;
+  size_t target;  ///< triangles that should be left
+};
+
+struct DecimationResult {
+  /// Of the input's vertices and, from their number on, of `added`.
+  std::vector<Triangle> triangles;
+  /// New vertices: positions, and every other stream that the input has. No triangles.
+  Mesh added;
+  /// One an added vertex; empty where all of the group is of one material.
+  std::vector<uint32_t> added_materials;
+  float error = 0;  ///< how far the surface moved at most, in the mesh's unit
+};
+
+/// Simplifies one group. Returns false to leave it to the library, which also takes over where the
+/// result has more than 85 % of the triangles, mixes materials in a triangle, or does not have the
+/// group's border. Called by several threads at once unless BuildOptions::threads is 1. The DAG is
+/// deterministic if this is. Throws what it likes: it ends the build.
+using Decimator = std::function<bool(const DecimationInput& input, DecimationResult& result)>;
+
+/// Builds the DAG. The mesh must be valid; it is welded first. Deterministic. Throws
+/// kInvalidArgument where `decimate` gives indices or values that no mesh can have.
 UMBEL_API Dag build(const MeshView& mesh, const Config& config = {},
-                    const BuildOptions& options = {});
+                    const BuildOptions& options = {}, const Decimator& decimate = {});
 
 // ---- selection ----------------------------------------------------------------------------
 

@@ -54,16 +54,15 @@ void check(const Config& config) {
 
 class Builder {
  public:
-  Builder(const MeshView& mesh, const Config& config, const BuildOptions& options)
-      : config_(config),
-        progress_(options),
-        grouper_(source_),
-        workers_([this] { return std::make_unique<Worker>(source_, config_); }) {
+  Builder(const MeshView& mesh, const Config& config, const BuildOptions& options,
+          const Decimator& decimate)
+      : config_(config), progress_(options), grouper_(source_), workers_([this, &decimate] {
+          return std::make_unique<Worker>(source_, config_, decimate);
+        }) {
     dag_.config = config;
     tbb::parallel_invoke([&] { source_ = make_source(mesh, BuildOptions{}); },
                          [&] { dag_.source_digest = triangle_set_digest(mesh); });
-    grouper_.reset();
-    locked_.assign(source_.mesh.positions.size(), 0);
+    grow();
     dag_.vertex_offsets = dag_.triangle_offsets = {0};
     report().input_triangles = mesh.triangles.size();
     report().input_vertices = mesh.positions.size();
@@ -105,8 +104,8 @@ class Builder {
   struct Worker {
     GroupSimplifier simplifier;
     ClusterCutter cutter;
-    Worker(const Source& source, const Config& config)
-        : simplifier(source, config), cutter(config) {}
+    Worker(const Source& source, const Config& config, const Decimator& decimate)
+        : simplifier(source, config, decimate), cutter(config) {}
   };
   struct GroupResult {
     Simplified simplified;
@@ -116,6 +115,12 @@ class Builder {
 
   Report& report() { return dag_.report; }
   Tables& tables() { return dag_.tables; }
+
+  // Whenever the source has got vertices.
+  void grow() {
+    grouper_.grow();
+    locked_.resize(source_.mesh.positions.size(), 0);
+  }
 
   // Nothing is gained by levels above a single cluster's worth of triangles.
   bool is_coarsest() const {
@@ -155,6 +160,7 @@ class Builder {
     }
     done_ += (1.0 - done_) * 0.5;
     settle_chords(groups, results, last_resort);
+    settle_added(results);
     keep_one_triangle(groups, results);
     if (meter_) measure(groups, results);
     join(groups, results);
@@ -178,6 +184,27 @@ class Builder {
     });
   }
 
+  // Vertices that groups have made get their numbers, and triangles of them become clusters.
+  void settle_added(std::vector<GroupResult>& results) {
+    std::vector<size_t> with_added;
+    for (size_t g = 0; g < results.size(); ++g) {
+      Simplified& simplified = results[g].simplified;
+      if (simplified.added.position_ids.empty()) continue;
+      with_added.push_back(g);
+      const uint32_t first = append_vertices(source_, simplified.added);
+      for (Triangle& t : simplified.triangles)
+        for (uint32_t& v : t)
+          if (v >= kAddedVertex) v = first + (v - kAddedVertex);
+      simplified.added = {};
+    }
+    if (with_added.empty()) return;
+    grow();
+    parallel_for(with_added.size(), 1, [&](size_t i) {
+      GroupResult& result = results[with_added[i]];
+      workers_.local()->cutter.cut(source_, result.simplified.triangles, kNone, result.clusters);
+    });
+  }
+
   // Where every triangle that is left is degenerate, groups leave nothing behind; a DAG still ends
   // in a root, so the first triangle stays.
   void keep_one_triangle(const Clusters& groups, std::vector<GroupResult>& results) {
@@ -196,7 +223,7 @@ class Builder {
     Worker& worker = *workers_.local();
     GroupResult result;
     result.simplified = worker.simplifier.simplify(pending_, clusters, locked_, allow);
-    if (result.simplified.done)
+    if (result.simplified.done && result.simplified.added.position_ids.empty())
       worker.cutter.cut(source_, result.simplified.triangles, kNone, result.clusters);
     return result;
   }
@@ -396,13 +423,14 @@ class Builder {
 
 namespace {
 
-Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& options) {
-  if (config.position_step == 0) return Builder(mesh, config, options).run();
+Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& options,
+                const Decimator& decimate) {
+  if (config.position_step == 0) return Builder(mesh, config, options, decimate).run();
   std::vector<Vec3> positions(mesh.positions.begin(), mesh.positions.end());
   const float moved = snap_to_grid(positions, config.position_step);
   MeshView snapped = mesh;
   snapped.positions = positions;
-  Dag dag = Builder(snapped, config, options).run();
+  Dag dag = Builder(snapped, config, options, decimate).run();
   // Adding the same to all keeps them monotone.
   for (Group& group : dag.tables.groups) group.error += moved;
   for (Node& node : dag.tables.nodes) node.error += moved;
@@ -413,12 +441,13 @@ Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& 
 
 }  // namespace
 
-Dag build(const MeshView& mesh, const Config& config, const BuildOptions& options) {
+Dag build(const MeshView& mesh, const Config& config, const BuildOptions& options,
+          const Decimator& decimate) {
   check(config);
   validate(mesh, options.threads == 0 ? BuildOptions{} : BuildOptions{{}, options.threads});
   const auto start = std::chrono::steady_clock::now();
   Dag dag;
-  with_threads(options.threads, [&] { dag = build_valid(mesh, config, options); });
+  with_threads(options.threads, [&] { dag = build_valid(mesh, config, options, decimate); });
   dag.report.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return dag;

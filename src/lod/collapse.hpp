@@ -51,6 +51,10 @@ class EdgeCollapser {
   /// The largest root of mean squared distance of one collapse from the planes it stands for, in
   /// the units of the positions.
   float error() const;
+  /// Moves `values`, the attributes of a vertex that is left, to those that fit best to all that it
+  /// stands for. False where that is not known to be better: it stands for itself alone, or
+  /// others stand at its position, or the border of the piece does.
+  bool refit(uint32_t vertex, std::span<float> values) const;
   /// New edges between locked positions of different components.
   const std::vector<PositionPair>& chords() const { return chords_; }
 
@@ -132,8 +136,9 @@ class EdgeCollapser {
   CollapseInput input_;
   bool has_wedges_ = false;
   uint32_t attribute_count_ = 0;
-  size_t live_ = 0;     // triangles
-  float worst_ = 0.0f;  // squared distance
+  float extent_ = 0.0f;  // of the piece
+  size_t live_ = 0;      // triangles
+  float worst_ = 0.0f;   // squared distance
 
   std::vector<Point> points_;        // of positions
   std::vector<Triangle> triangles_;  // of vertices

@@ -80,10 +80,10 @@ void EdgeCollapser::build_attribute_quadrics() {
   Aabb box;
   for (const Point& p : points_) extend(box, Vec3{p.x, p.y, p.z});
   const Vec3 d = box.max - box.min;
-  const float extent = std::max({d.x, d.y, d.z});
+  extent_ = std::max({d.x, d.y, d.z});
   values_.resize(count * n);
   for (size_t i = 0; i < values_.size(); ++i)
-    values_[i] = input_.attributes[i] * input_.attribute_weights[i % n] * extent;
+    values_[i] = input_.attributes[i] * input_.attribute_weights[i % n] * extent_;
   attribute_quadrics_.assign(count, Quadric{});
   gradients_.assign(4 * count * n, 0.0f);
   for (const Triangle& t : input_.triangles) {
@@ -132,6 +132,25 @@ float EdgeCollapser::attribute_cost(uint32_t from, uint32_t to, const Vec3& d) c
     squares += difference * difference;
   }
   return cost + q.weight * squares;
+}
+
+// The sum of squared differences is least where its derivative by the value is 0.
+bool EdgeCollapser::refit(uint32_t vertex, std::span<float> values) const {
+  const uint32_t p = input_.position_of[vertex];
+  const float weight = attribute_count_ > 0 ? attribute_quadrics_[vertex].weight : 0.0f;
+  if (kinds_[p] != Kind::kInterior || wedge_counts_[p] != 1 || drifts_[p] == 0.0f ||
+      !(weight > 0.0f))
+    return false;
+  bool moved = false;
+  for (uint32_t k = 0; k < attribute_count_; ++k) {
+    const float unit = input_.attribute_weights[k] * extent_;
+    const float difference =
+        gradients_[4 * (size_t{vertex} * attribute_count_ + k) + 3] / (weight * unit);
+    if (!std::isfinite(difference) || difference == 0.0f) continue;
+    values[k] += difference;
+    moved = true;
+  }
+  return moved;
 }
 
 EdgeCollapser::Choice EdgeCollapser::position_choice(uint32_t p, uint32_t target) const {

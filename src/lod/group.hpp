@@ -19,8 +19,8 @@ class Grouper {
  public:
   explicit Grouper(const Source& source) : source_(source) {}
 
-  /// Once the source is there.
-  void reset() { owners_.assign(source_.mesh.positions.size(), 0); }
+  /// Whenever the source has got vertices.
+  void grow() { owners_.resize(source_.mesh.positions.size(), 0); }
 
   Clusters group(const ClusterSet& set, std::span<const uint8_t> locked, const Config& config);
 

@@ -43,8 +43,9 @@ uint32_t find_slot(const std::vector<uint32_t>& table, uint32_t key, const Match
 
 }  // namespace
 
-GroupSimplifier::GroupSimplifier(const Source& source, const Config& config)
-    : source_(source), config_(config) {
+GroupSimplifier::GroupSimplifier(const Source& source, const Config& config,
+                                 const Decimator& decimate)
+    : source_(source), config_(config), decimate_(decimate) {
   if (!config.attributes) return;
   const Mesh& mesh = source.mesh;
   if (!mesh.normals.empty())
@@ -70,7 +71,10 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
     if (candidate.valid && (!best.valid || candidate.triangles.size() < best.triangles.size()))
       best = std::move(candidate);
   };
-  if (best.triangles.size() > target) {
+  const size_t worthwhile = static_cast<size_t>(before * kStuck);
+  const bool by_caller =
+      decimate_ && best.triangles.size() > target && ask_caller(target, worthwhile, best);
+  if (!by_caller && best.triangles.size() > target) {
     consider(collapse_regular(target));
     if (best.triangles.size() > good) prepare_repair();
     if (best.triangles.size() > good)
@@ -93,15 +97,17 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
     return ids;
   };
   result.fixed_edges = to_ids(topology_.fixed_edges());
-  if (!best.valid || best.triangles.size() > kStuck * before) return result;
+  if (!best.valid || best.triangles.size() > worthwhile) return result;
   result.done = true;
   if (best.rung != Rung::kRegular) result.vanished = settle_vanished(good, best.triangles);
   result.error = best.error;
   result.rung = best.rung;
   result.chords = to_ids(best.chords);
-  result.triangles = std::move(best.triangles);
+  result.added = std::move(best.added);
+  result.triangles = best.triangles;
   for (Triangle& t : result.triangles)
     for (uint32_t& v : t) v = vertices_[v];
+  add_refitted(best, result);
   return result;
 }
 
@@ -234,6 +240,7 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   result.error = collapser_.error() / source_.scale;
   result.chords = collapser_.chords();
   result.valid = true;
+  if (config_.refit_attributes && !attribute_weights_.empty()) refit_attributes(result);
   return result;
 }
 
@@ -241,7 +248,7 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
 GroupSimplifier::Candidate GroupSimplifier::collapse_loosely(size_t target, bool any_turn) {
   if (!source_.vertex_materials.empty()) {
     materials_.clear();
-    for (uint32_t v : vertices_) materials_.push_back(source_.material(v));
+    for (uint32_t v = 0; v < vertices_.size(); ++v) materials_.push_back(material(v));
   }
   collapser_.run({triangles_, position_of_, positions_, attributes_, attribute_weights_, locked_,
                   components_, allow_.chords, true, any_turn, materials_},
@@ -331,8 +338,8 @@ void GroupSimplifier::accept(Candidate& candidate) {
 bool GroupSimplifier::mixes_materials(std::span<const Triangle> triangles) const {
   if (source_.vertex_materials.empty()) return false;
   return std::any_of(triangles.begin(), triangles.end(), [&](const Triangle& t) {
-    const uint32_t m = source_.material(vertices_[t[0]]);
-    return source_.material(vertices_[t[1]]) != m || source_.material(vertices_[t[2]]) != m;
+    const uint32_t m = material(t[0]);
+    return material(t[1]) != m || material(t[2]) != m;
   });
 }
 
@@ -363,7 +370,7 @@ void GroupSimplifier::find_components() {
   for (uint32_t v = 0; v < vertices_.size(); ++v) {
     const uint32_t component = component_of_[position_of_[v]];
     extend(parts_[component].box, positions_[v]);
-    patch_of_[v] = uint64_t{source_.material(vertices_[v])} << 32 | component;
+    patch_of_[v] = uint64_t{material(v)} << 32 | component;
   }
 }
 

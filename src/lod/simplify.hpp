@@ -20,9 +20,11 @@
 namespace umbel::lod {
 
 struct Simplified {
-  bool done = false;                ///< false: too little could be removed; the rest is unset
-  std::vector<Triangle> triangles;  ///< indices into the source's vertices
-  float error = 0;                  ///< how far this step moved the surface, in object space
+  bool done = false;  ///< false: too little could be removed; the rest is unset
+  /// Indices into the source's vertices, or kAddedVertex and more.
+  std::vector<Triangle> triangles;
+  AddedVertices added;
+  float error = 0;     ///< how far this step moved the surface, in object space
   float vanished = 0;  ///< half the diagonal of the largest component that it removed whole
   Rung rung = Rung::kRegular;
   std::vector<PositionPair> fixed_edges;  ///< of the group itself, see topology.hpp; always set
@@ -38,7 +40,7 @@ struct Allowance {
 /// Keeps its scratch memory from group to group; one a thread.
 class GroupSimplifier {
  public:
-  GroupSimplifier(const Source& source, const Config& config);
+  GroupSimplifier(const Source& source, const Config& config, const Decimator& decimate);
 
   /// `locked` is by position id.
   Simplified simplify(const ClusterSet& set, std::span<const uint32_t> clusters,
@@ -51,6 +53,10 @@ class GroupSimplifier {
     Rung rung = Rung::kRegular;
     std::vector<PositionPair> chords;  // local positions
     bool valid = false;
+    AddedVertices added;
+    // New attributes of gathered vertices, attribute_weights_.size() each.
+    std::vector<uint32_t> refitted;
+    std::vector<float> refits;
   };
 
   struct Part {
@@ -70,7 +76,17 @@ class GroupSimplifier {
   uint32_t add_position(uint32_t position_id, std::span<const uint8_t> locked);
   uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
   void drop_repeated_triangles();
+  bool ask_caller(size_t target, size_t most, Candidate& candidate);
+  Mesh gathered_mesh() const;
+  void take_added(const DecimationResult& made, AddedVertices& added);
+  void forget_added();
+  uint32_t material(uint32_t local) const {
+    const uint32_t v = vertices_[local];
+    return v >= kAddedVertex ? added_materials_[v - kAddedVertex] : source_.material(v);
+  }
   Candidate collapse_regular(size_t target);
+  void refit_attributes(Candidate& candidate) const;
+  void add_refitted(const Candidate& candidate, Simplified& result) const;
   Candidate collapse_loosely(size_t target, bool any_turn);
   Candidate collapse(size_t target, unsigned options);
   Candidate collapse_checked(size_t target, unsigned options, Rung rung);
@@ -86,13 +102,15 @@ class GroupSimplifier {
 
   const Source& source_;
   const Config& config_;
+  const Decimator& decimate_;
   std::vector<float> attribute_weights_;
   PieceTopology topology_;
   EdgeCollapser collapser_;
   Allowance allow_;
 
   // The piece: vertices and positions are numbered from 0.
-  std::vector<uint32_t> vertices_;      // local -> source vertex
+  std::vector<uint32_t> vertices_;  // local -> source vertex, or kAddedVertex and more
+  std::vector<uint32_t> added_materials_;
   std::vector<uint32_t> position_of_;   // local vertex -> local position
   std::vector<Vec3> positions_;         // of local vertices, scaled
   std::vector<float> attributes_;       // attribute_weights_.size() a local vertex

@@ -72,6 +72,38 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
   return source;
 }
 
+void append_vertex(Mesh& to, const Mesh& from, uint32_t vertex) {
+  const auto append = [&](auto& stream, const auto& values) {
+    if (!values.empty()) stream.push_back(values[vertex]);
+  };
+  append(to.positions, from.positions);
+  append(to.normals, from.normals);
+  append(to.tangents, from.tangents);
+  append(to.uvs, from.uvs);
+  append(to.colors, from.colors);
+}
+
+uint32_t append_vertices(Source& source, const AddedVertices& added) {
+  const uint32_t first = static_cast<uint32_t>(source.mesh.positions.size());
+  const size_t count = added.mesh.positions.size();
+  if (first + count >= kAddedVertex)
+    throw Error(ErrorCode::kUnsupported, "the levels of detail have over 2^31 vertices");
+  for (uint32_t v = 0; v < count; ++v) {
+    append_vertex(source.mesh, added.mesh, v);
+    const uint32_t shared = added.position_ids[v];
+    const uint32_t earlier = first + (shared - kAddedVertex);
+    source.position_ids.push_back(shared == kNone          ? first + v
+                                  : shared >= kAddedVertex ? source.position_ids[earlier]
+                                                           : shared);
+    source.irregular_components.push_back(kNone);
+    source.has_wedges |= shared != kNone;
+    if (source.vertex_materials.empty()) continue;
+    source.vertex_materials.push_back(added.materials[v]);
+    source.several_materials.push_back(0);
+  }
+  return first;
+}
+
 void order_vertices(Source& source, ClusterSet& clusters) {
   const size_t count = source.mesh.positions.size();
   std::vector<uint32_t> number(count, kNone), from;

@@ -25,6 +25,23 @@ struct Source {
   }
 };
 
+/// Vertices that simplification made. In triangles they are kAddedVertex plus their number here.
+struct AddedVertices {
+  Mesh mesh;  ///< no triangles
+  /// Of a vertex at the same position; kAddedVertex plus its number for an earlier one of these;
+  /// kNone: a new position.
+  std::vector<uint32_t> position_ids;
+  std::vector<uint32_t> materials;  ///< one a vertex
+};
+inline constexpr uint32_t kAddedVertex = 0x80000000u;
+
+/// Appends a copy of a vertex of `from` to `to`, in every stream that `from` has.
+void append_vertex(Mesh& to, const Mesh& from, uint32_t vertex);
+
+/// Gives the vertices a place in the source; returns the number of the first. Throws kUnsupported
+/// where there would be too many.
+uint32_t append_vertices(Source& source, const AddedVertices& added);
+
 /// Welds and prepares a valid mesh, but for its irregular components.
 Source make_source(const MeshView& mesh, const BuildOptions& options);
 

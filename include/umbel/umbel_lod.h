@@ -1,0 +1,308 @@
+// Continuous level of detail from C: building it, and selecting what to draw. C99.
+//
+//   umbel_lod_mesh mesh;
+//   umbel_lod_mesh_init(&mesh);
+//   mesh.positions = positions;
+//   mesh.position_count = vertex_count;
+//   mesh.triangles = indices;
+//   mesh.triangle_count = triangle_count;
+//
+//   umbel_lod* lod;
+//   if (umbel_lod_build(&mesh, NULL, NULL, &lod) != UMBEL_OK) puts(umbel_last_error());
+//
+//   umbel_lod_view view;
+//   umbel_lod_view_camera(eye, fov_y, height, pixel_error, &view);
+//   size_t count;
+//   umbel_lod_select(umbel_lod_get_tables(lod), &view, NULL, UMBEL_LOD_HIERARCHY, NULL, 0, &count);
+//   uint32_t* cut = malloc(count * sizeof *cut);
+//   umbel_lod_select(umbel_lod_get_tables(lod), &view, NULL, UMBEL_LOD_HIERARCHY, cut, count,
+//                    &count);
+//   umbel_lod_free(lod);
+//
+// docs/lod.md says what is built, docs/selection.md what is selected, to the last bit. Whatever the
+// library made it owns until the matching _free; what is given to it may go once a call returned.
+// Any number of threads may ask the same object at the same time.
+#ifndef UMBEL_UMBEL_LOD_H
+#define UMBEL_UMBEL_LOD_H
+
+#include "umbel/umbel.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+// ---- building ----------------------------------------------------------------------------------
+
+typedef struct umbel_vec2 {
+  float x, y;
+} umbel_vec2;
+
+typedef struct umbel_vec4 {
+  float x, y, z, w;
+} umbel_vec4;
+
+/// Triangles with attributes. All but positions and triangles may be NULL.
+typedef struct umbel_lod_mesh {
+  uint32_t struct_size;
+  uint32_t reserved;            ///< 0
+  const umbel_vec3* positions;  ///< `position_count`, as all streams of vertices
+  size_t position_count;
+  const uint32_t* triangles;  ///< 3 a triangle, counter-clockwise from outside
+  size_t triangle_count;
+  const umbel_vec3* normals;
+  const umbel_vec4* tangents;  ///< w = -1 or 1
+  const umbel_vec2* uvs;
+  const umbel_vec4* colors;   ///< linear RGBA in [0, 1]
+  const uint32_t* materials;  ///< one a triangle
+} umbel_lod_mesh;
+
+/// One group for a decimation of the caller's own, see umbel_lod_config.
+typedef struct umbel_lod_decimation {
+  umbel_lod_mesh mesh;    ///< the group's vertices, numbered from 0, and triangles
+  const uint8_t* locked;  ///< one a vertex: 1 where it must stay, as must border edges between such
+  size_t target;          ///< triangles that should be left
+
+  uint32_t* triangles;    ///< out: 3 a triangle; there is room for as many as mesh has
+  size_t triangle_count;  ///< out
+  float error;            ///< out: how far the surface moved at most
+  uint32_t reserved;      ///< 0
+  /// out: new vertices, numbered from mesh.position_count on, in every stream that mesh has; there
+  /// is room for as many as mesh has. Materials (one a vertex) matter where mesh has several.
+  umbel_vec3* added_positions;
+  umbel_vec3* added_normals;
+  umbel_vec4* added_tangents;
+  umbel_vec2* added_uvs;
+  umbel_vec4* added_colors;
+  uint32_t* added_materials;
+  size_t added_count;  ///< out
+} umbel_lod_decimation;
+
+/// Returns nonzero if it simplified the group, 0 to leave it to the library, which also takes over
+/// where the result has over 85 % of the triangles or not the group's border. Called by several
+/// threads at once unless umbel_build_options.threads is 1.
+typedef int (*umbel_lod_decimate)(umbel_lod_decimation* group, void* user);
+
+/// How to build. The defaults in brackets are those of umbel_lod_config_init.
+typedef struct umbel_lod_config {
+  uint32_t struct_size;
+  uint32_t max_triangles;     ///< [128] a cluster, 4..256
+  uint32_t max_vertices;      ///< [128] a cluster, 6..256
+  uint32_t min_group;         ///< [24] clusters that are simplified together
+  uint32_t max_group;         ///< [32] at most 1024
+  float ratio;                ///< [0.5] triangles that each level keeps, in [0.1, 0.9]
+  float position_step;        ///< [0] positions are moved to multiples of this power of two; 0: not
+  uint32_t attributes;        ///< [1] nonzero: attributes weigh in the error, seams are kept
+  float normal_weight;        ///< [0.5] in [0, 1000], as the other weights
+  float uv_weight;            ///< [0.5]
+  float color_weight;         ///< [0.5]
+  uint32_t refit_attributes;  ///< [1] nonzero: vertices that stay take what fits best to all that
+                              ///< they stand for
+  uint32_t max_levels;        ///< [0] 0: no limit
+  float max_error;            ///< [infinity] no group gets a larger error
+  uint64_t stop_triangles;    ///< [0] stop as soon as no more than these are left
+  uint32_t
+      measured_error;  ///< [0] nonzero: errors are distances to the source, measured by samples
+  uint32_t reserved;   ///< 0
+  umbel_lod_decimate decimate;  ///< [NULL]
+  void* decimate_user;          ///< handed to `decimate`
+} umbel_lod_config;
+
+/// What was built.
+typedef struct umbel_lod_report {
+  uint32_t struct_size;
+  uint32_t root_groups;
+  uint32_t stuck_groups;  ///< all roots, if more than one cluster's worth of triangles is left
+                          ///< though nobody asked to stop
+  uint32_t levels;
+  uint64_t input_triangles, input_vertices, degenerate_triangles, root_triangles;
+  /// Groups by what it took to simplify them: regular, permissive, prune, sloppy, root.
+  uint64_t groups_by_rung[5];
+  double seconds;
+} umbel_lod_report;
+
+typedef struct umbel_lod umbel_lod;
+
+static inline void umbel_lod_mesh_init(umbel_lod_mesh* mesh) {
+  memset(mesh, 0, sizeof *mesh);
+  mesh->struct_size = (uint32_t)sizeof *mesh;
+}
+
+static inline void umbel_lod_report_init(umbel_lod_report* report) {
+  memset(report, 0, sizeof *report);
+  report->struct_size = (uint32_t)sizeof *report;
+}
+
+/// Sets the first `size` bytes of a config to the defaults.
+UMBEL_C_API void umbel_lod_config_init_sized(umbel_lod_config* config, size_t size);
+
+static inline void umbel_lod_config_init(umbel_lod_config* config) {
+  umbel_lod_config_init_sized(config, sizeof *config);
+}
+
+/// Builds the levels of detail of a mesh. `config` and `options` may be NULL. *lod is NULL after
+/// any failure.
+UMBEL_C_API umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel_lod_config* config,
+                                         const umbel_build_options* options, umbel_lod** lod);
+UMBEL_C_API void umbel_lod_free(umbel_lod* lod);
+
+UMBEL_C_API umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report);
+
+/// Writes a .umbel file beside `path` and renames it. `exact`: keep every bit of the attributes.
+UMBEL_C_API umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,
+                                        const umbel_build_options* options);
+
+/// Proves the DAG with that many random cuts; UMBEL_ERROR_CORRUPT and a sentence where it fails.
+UMBEL_C_API umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed,
+                                          const umbel_build_options* options);
+
+/// A mesh that the library owns.
+typedef struct umbel_mesh umbel_mesh;
+/// A cut as an ordinary mesh, its clusters joined where they meet.
+UMBEL_C_API umbel_result umbel_lod_cut_mesh(const umbel_lod* lod, const uint32_t* cut, size_t count,
+                                            umbel_mesh** mesh);
+/// Its arrays, which stay the library's.
+UMBEL_C_API umbel_result umbel_mesh_arrays(const umbel_mesh* mesh, umbel_lod_mesh* arrays);
+UMBEL_C_API void umbel_mesh_free(umbel_mesh* mesh);
+
+// ---- tables ------------------------------------------------------------------------------------
+
+typedef struct umbel_lod_group {
+  umbel_range clusters;
+  uint32_t level;  ///< 0 is the finest
+  uint32_t rung;   ///< 0 regular, 1 permissive, 2 prune, 3 sloppy, 4 root
+  umbel_sphere sphere;
+  float error;  ///< once simplified; infinite for a root
+} umbel_lod_group;
+
+typedef struct umbel_lod_cluster {
+  uint32_t group;
+  uint32_t generating_group;  ///< UMBEL_NONE at level 0
+  uint32_t material;
+  uint32_t vertex_count, triangle_count;
+  umbel_aabb box;
+} umbel_lod_cluster;
+
+typedef struct umbel_lod_node {
+  umbel_sphere sphere;
+  float error;
+  uint32_t group;  ///< UMBEL_NONE for an inner node
+  umbel_range children;
+} umbel_lod_node;
+
+/// All that selection needs.
+typedef struct umbel_lod_arrays {
+  uint32_t struct_size;
+  uint32_t reserved;          ///< 0
+  const umbel_range* levels;  ///< of groups, finest first
+  size_t level_count;
+  const umbel_lod_group* groups;
+  size_t group_count;
+  const umbel_lod_cluster* clusters;
+  size_t cluster_count;
+  const umbel_lod_node* nodes;
+  size_t node_count;
+} umbel_lod_arrays;
+
+static inline void umbel_lod_arrays_init(umbel_lod_arrays* arrays) {
+  memset(arrays, 0, sizeof *arrays);
+  arrays->struct_size = (uint32_t)sizeof *arrays;
+}
+
+typedef struct umbel_lod_tables umbel_lod_tables;
+
+/// Those of a build; they live as long as it. NULL for NULL.
+UMBEL_C_API const umbel_lod_tables* umbel_lod_get_tables(const umbel_lod* lod);
+/// Those of a file.
+UMBEL_C_API umbel_result umbel_lod_tables_open(const char* path, umbel_lod_tables** tables);
+/// A checked copy of arrays from anywhere; UMBEL_ERROR_CORRUPT where an index leads nowhere.
+UMBEL_C_API umbel_result umbel_lod_tables_create(const umbel_lod_arrays* arrays,
+                                                 umbel_lod_tables** tables);
+/// Of tables that were opened or created.
+UMBEL_C_API void umbel_lod_tables_free(umbel_lod_tables* tables);
+/// The arrays, which stay the library's.
+UMBEL_C_API umbel_result umbel_lod_tables_arrays(const umbel_lod_tables* tables,
+                                                 umbel_lod_arrays* arrays);
+
+// ---- selection ---------------------------------------------------------------------------------
+
+typedef enum umbel_lod_view_kind {
+  UMBEL_LOD_BY_ERROR = 0,
+  UMBEL_LOD_BY_CAMERA = 1,
+  UMBEL_LOD_BY_LEVEL = 2
+} umbel_lod_view_kind;
+
+/// What decides whether a group must be refined; made by one of the three functions below.
+typedef struct umbel_lod_view {
+  uint32_t kind;  ///< umbel_lod_view_kind
+  float error;
+  umbel_vec3 eye;
+  float threshold;
+  uint32_t level;
+} umbel_lod_view;
+
+UMBEL_C_API umbel_result umbel_lod_view_error(float error, umbel_lod_view* view);
+UMBEL_C_API umbel_result umbel_lod_view_camera(const float eye[3], float fov_y, uint32_t height,
+                                               float pixel_error, umbel_lod_view* view);
+UMBEL_C_API umbel_result umbel_lod_view_level(uint32_t level, umbel_lod_view* view);
+
+typedef struct umbel_lod_culling {
+  const umbel_plane* planes;  ///< clusters wholly outside one of them are left out
+  size_t plane_count;
+  const umbel_cull_bounds* facing;  ///< one a cluster, or NULL: those that face away are left out
+  size_t facing_count;
+} umbel_lod_culling;
+
+/// left, right, bottom, top, near and, if far_plane is finite, far.
+UMBEL_C_API umbel_result umbel_lod_frustum(const float eye[3], const float target[3],
+                                           const float up[3], float fov_y, float aspect,
+                                           float near_plane, float far_plane, umbel_plane planes[6],
+                                           size_t* count);
+/// Spheres and cones of all clusters: bounds[0 .. clusters), of which `capacity` must be as many.
+UMBEL_C_API umbel_result umbel_lod_facing(const umbel_lod* lod, const umbel_build_options* options,
+                                          umbel_cull_bounds* bounds, size_t capacity);
+
+typedef enum umbel_lod_method {
+  UMBEL_LOD_FLAT = 0,
+  UMBEL_LOD_HIERARCHY = 1,
+  UMBEL_LOD_BREADTH_FIRST = 2
+} umbel_lod_method;
+
+/// The clusters of the cut, ascending, the same for every method. `culling` may be NULL. *count is
+/// how many there are; with `cut` NULL nothing is written, and where `capacity` is too small the
+/// result is UMBEL_ERROR_CAPACITY.
+UMBEL_C_API umbel_result umbel_lod_select(const umbel_lod_tables* tables,
+                                          const umbel_lod_view* view,
+                                          const umbel_lod_culling* culling, umbel_lod_method method,
+                                          uint32_t* cut, size_t capacity, size_t* count);
+
+/// Three rows of four: from the mesh's space to the scene's.
+typedef struct umbel_transform {
+  float rows[12];
+} umbel_transform;
+
+/// A cut for each instance, with view and planes of the scene: instance i has
+/// clusters[offsets[i] .. offsets[i + 1]). `offsets` has room for instance_count + 1.
+UMBEL_C_API umbel_result umbel_lod_select_instances(
+    const umbel_lod_tables* tables, const umbel_lod_view* view, const umbel_lod_culling* culling,
+    const umbel_transform* instances, size_t instance_count, uint32_t* offsets, uint32_t* clusters,
+    size_t capacity, size_t* count);
+
+/// The finest view, by error or camera, not finer than `view`, whose cut costs at most `budget`.
+/// `costs` are one a cluster; NULL: their triangles. `culling` and `instances` may be NULL.
+UMBEL_C_API umbel_result umbel_lod_view_for_budget(const umbel_lod_tables* tables,
+                                                   const umbel_lod_view* view,
+                                                   const uint32_t* costs, uint64_t budget,
+                                                   const umbel_lod_culling* culling,
+                                                   const umbel_transform* instances,
+                                                   size_t instance_count, umbel_lod_view* result);
+
+/// asin(error / distance), pi / 2 from where the distance is not larger; NaN for a negative error.
+UMBEL_C_API double umbel_angular_error(double error, double distance);
+/// error / distance * height / (2 tan(fov_y / 2)); NaN for a negative error.
+UMBEL_C_API double umbel_pixel_error(double error, double distance, double fov_y, uint32_t height);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif  // UMBEL_UMBEL_LOD_H

@@ -1,0 +1,185 @@
+#include "capi/lod_input.hpp"
+
+#include "capi/structs.hpp"
+
+namespace umbel::capi {
+namespace {
+
+umbel_lod_config config_as_c(const lod::Config& config) {
+  umbel_lod_config result{};
+  result.struct_size = sizeof result;
+  result.max_triangles = config.max_triangles;
+  result.max_vertices = config.max_vertices;
+  result.min_group = config.min_group;
+  result.max_group = config.max_group;
+  result.ratio = config.ratio;
+  result.position_step = config.position_step;
+  result.attributes = config.attributes ? 1 : 0;
+  result.normal_weight = config.normal_weight;
+  result.uv_weight = config.uv_weight;
+  result.color_weight = config.color_weight;
+  result.refit_attributes = config.refit_attributes ? 1 : 0;
+  result.max_levels = config.max_levels;
+  result.max_error = config.max_error;
+  result.stop_triangles = config.stop_triangles;
+  result.measured_error = config.measured_error ? 1 : 0;
+  return result;
+}
+
+umbel_lod_config read(const umbel_lod_config* config) {
+  const umbel_lod_config defaults = config_as_c(lod::Config{});
+  return config ? read_struct(config, "config", defaults) : defaults;
+}
+
+// Room for the caller's answer, and what it is made of.
+class Answer {
+ public:
+  explicit Answer(const lod::DecimationInput& input) : input_(input) {
+    const MeshView& mesh = input.mesh;
+    triangles_.resize(mesh.triangles.size());
+    const size_t count = mesh.positions.size();
+    added_.positions.resize(count);
+    if (!mesh.normals.empty()) added_.normals.resize(count);
+    if (!mesh.tangents.empty()) added_.tangents.resize(count);
+    if (!mesh.uvs.empty()) added_.uvs.resize(count);
+    if (!mesh.colors.empty()) added_.colors.resize(count);
+    if (!mesh.materials.empty()) materials_.assign(count, mesh.materials.front());
+  }
+
+  umbel_lod_decimation question() {
+    umbel_lod_decimation group{};
+    group.mesh = mesh_as_c(input_.mesh);
+    group.locked = input_.locked.data();
+    group.target = input_.target;
+    group.triangles = triangles_.empty() ? nullptr : triangles_[0].data();
+    const auto place = [](auto*& to, auto& stream) {
+      to = stream.empty() ? nullptr
+                          : reinterpret_cast<std::remove_reference_t<decltype(to)>>(stream.data());
+    };
+    place(group.added_positions, added_.positions);
+    place(group.added_normals, added_.normals);
+    place(group.added_tangents, added_.tangents);
+    place(group.added_uvs, added_.uvs);
+    place(group.added_colors, added_.colors);
+    place(group.added_materials, materials_);
+    return group;
+  }
+
+  void read(const umbel_lod_decimation& group, lod::DecimationResult& result) {
+    check(group.triangle_count, triangles_.size(), "triangle_count");
+    check(group.added_count, added_.positions.size(), "added_count");
+    triangles_.resize(group.triangle_count);
+    result.triangles = std::move(triangles_);
+    result.error = group.error;
+    const auto take = [&](auto& from, auto& to) {
+      if (!from.empty()) from.resize(group.added_count);
+      to = std::move(from);
+    };
+    take(added_.positions, result.added.positions);
+    take(added_.normals, result.added.normals);
+    take(added_.tangents, result.added.tangents);
+    take(added_.uvs, result.added.uvs);
+    take(added_.colors, result.added.colors);
+    take(materials_, result.added_materials);
+  }
+
+ private:
+  static void check(size_t count, size_t room, const char* name) {
+    if (count > room)
+      throw Error(ErrorCode::kInvalidArgument,
+                  "decimate: " + std::string(name) + " is " + std::to_string(count) +
+                      ", but there is room for " + std::to_string(room));
+  }
+
+  const lod::DecimationInput& input_;
+  std::vector<Triangle> triangles_;
+  Mesh added_;
+  std::vector<uint32_t> materials_;
+};
+
+}  // namespace
+
+MeshView lod_mesh(const umbel_lod_mesh* given) {
+  const umbel_lod_mesh mesh = read_struct(given, "mesh");
+  MeshView view;
+  view.positions = elements<const Vec3>(mesh.positions, mesh.position_count, "mesh->positions");
+  if (!mesh.triangles && mesh.triangle_count > 0)
+    throw Error(ErrorCode::kInvalidArgument,
+                "mesh->triangles is NULL, but there are " + std::to_string(mesh.triangle_count));
+  view.triangles = {reinterpret_cast<const Triangle*>(mesh.triangles), mesh.triangle_count};
+  const auto optional = [&](auto& to, const auto* from, size_t count) {
+    using To = typename std::remove_reference_t<decltype(to)>::element_type;
+    if (from) to = elements<To>(from, count, "mesh");
+  };
+  optional(view.normals, mesh.normals, mesh.position_count);
+  optional(view.tangents, mesh.tangents, mesh.position_count);
+  optional(view.uvs, mesh.uvs, mesh.position_count);
+  optional(view.colors, mesh.colors, mesh.position_count);
+  optional(view.materials, mesh.materials, mesh.triangle_count);
+  return view;
+}
+
+umbel_lod_mesh mesh_as_c(const MeshView& mesh) {
+  umbel_lod_mesh result{};
+  result.struct_size = sizeof result;
+  const auto place = [](auto*& to, const auto& stream) {
+    if (!stream.empty())
+      to = reinterpret_cast<std::remove_reference_t<decltype(to)>>(stream.data());
+  };
+  place(result.positions, mesh.positions);
+  place(result.triangles, mesh.triangles);
+  place(result.normals, mesh.normals);
+  place(result.tangents, mesh.tangents);
+  place(result.uvs, mesh.uvs);
+  place(result.colors, mesh.colors);
+  place(result.materials, mesh.materials);
+  result.position_count = mesh.positions.size();
+  result.triangle_count = mesh.triangles.size();
+  return result;
+}
+
+lod::Config lod_config(const umbel_lod_config* given) {
+  const umbel_lod_config config = read(given);
+  lod::Config result;
+  result.max_triangles = config.max_triangles;
+  result.max_vertices = config.max_vertices;
+  result.min_group = config.min_group;
+  result.max_group = config.max_group;
+  result.ratio = config.ratio;
+  result.position_step = config.position_step;
+  result.attributes = config.attributes != 0;
+  result.normal_weight = config.normal_weight;
+  result.uv_weight = config.uv_weight;
+  result.color_weight = config.color_weight;
+  result.refit_attributes = config.refit_attributes != 0;
+  result.max_levels = config.max_levels;
+  result.max_error = config.max_error;
+  result.stop_triangles = config.stop_triangles;
+  result.measured_error = config.measured_error != 0;
+  return result;
+}
+
+lod::Decimator lod_decimator(const umbel_lod_config* given) {
+  const umbel_lod_config config = read(given);
+  if (!config.decimate) return {};
+  return [decimate = config.decimate, user = config.decimate_user](
+             const lod::DecimationInput& input, lod::DecimationResult& result) {
+    Answer answer(input);
+    umbel_lod_decimation group = answer.question();
+    if (decimate(&group, user) == 0) return false;
+    answer.read(group, result);
+    return true;
+  };
+}
+
+}  // namespace umbel::capi
+
+void umbel_lod_config_init_sized(umbel_lod_config* config, size_t size) {
+  using namespace umbel::capi;
+  if (!config) return;
+  const umbel_lod_config defaults = read(nullptr);
+  std::memset(config, 0, size);
+  std::memcpy(config, &defaults, std::min(size, sizeof defaults));
+  const auto given_size = static_cast<uint32_t>(size);
+  std::memcpy(config, &given_size, std::min(size, sizeof given_size));
+}

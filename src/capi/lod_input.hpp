@@ -1,0 +1,32 @@
+// What umbel_lod.h's functions are given, as the C++ interface takes it.
+#pragma once
+
+#include "capi/bvh_input.hpp"
+#include "umbel/lod_select.hpp"
+#include "umbel/umbel_lod.h"
+
+/// What a C caller holds.
+struct umbel_lod_tables {
+  umbel::lod::Tables tables;
+};
+struct umbel_lod {
+  umbel::lod::Dag dag;
+  umbel_lod_tables tables;  ///< a copy of its tables
+};
+struct umbel_mesh {
+  umbel::Mesh mesh;
+};
+
+namespace umbel::capi {
+
+/// Views of the caller's arrays. What they hold is checked by who reads them.
+MeshView lod_mesh(const umbel_lod_mesh* mesh);
+/// The arrays of a mesh, as C sees them.
+umbel_lod_mesh mesh_as_c(const MeshView& mesh);
+
+/// The caller's config; the defaults where `config` is NULL.
+lod::Config lod_config(const umbel_lod_config* config);
+/// Its callback, if it has one.
+lod::Decimator lod_decimator(const umbel_lod_config* config);
+
+}  // namespace umbel::capi

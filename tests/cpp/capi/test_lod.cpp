@@ -1,0 +1,336 @@
+// Levels of detail from C: the same as from C++, and mistakes in sentences.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "umbel/asset.hpp"
+#include "umbel/lod_select.hpp"
+#include "umbel/umbel_lod.h"
+
+namespace umbel {
+namespace {
+
+umbel_lod_mesh c_mesh(const Mesh& mesh) {
+  umbel_lod_mesh result;
+  umbel_lod_mesh_init(&result);
+  result.positions = reinterpret_cast<const umbel_vec3*>(mesh.positions.data());
+  result.position_count = mesh.positions.size();
+  result.triangles = mesh.triangles[0].data();
+  result.triangle_count = mesh.triangles.size();
+  if (!mesh.uvs.empty()) result.uvs = reinterpret_cast<const umbel_vec2*>(mesh.uvs.data());
+  if (!mesh.materials.empty()) result.materials = mesh.materials.data();
+  return result;
+}
+
+umbel_lod_config small_config() {
+  umbel_lod_config config;
+  umbel_lod_config_init(&config);
+  config.max_triangles = 32;
+  config.max_vertices = 64;
+  config.min_group = 4;
+  config.max_group = 8;
+  return config;
+}
+
+lod::Config small_cpp_config() {
+  lod::Config config;
+  config.max_triangles = 32;
+  config.max_vertices = 64;
+  config.min_group = 4;
+  config.max_group = 8;
+  return config;
+}
+
+Mesh blob() {
+  Mesh mesh = shapes::blob(4, 5);
+  for (const Vec3& p : mesh.positions) mesh.uvs.push_back({p.x, p.y});
+  return mesh;
+}
+
+struct Free {
+  void operator()(umbel_lod* lod) const { umbel_lod_free(lod); }
+  void operator()(umbel_lod_tables* tables) const { umbel_lod_tables_free(tables); }
+  void operator()(umbel_mesh* mesh) const { umbel_mesh_free(mesh); }
+};
+
+std::unique_ptr<umbel_lod, Free> built(const Mesh& mesh, const umbel_lod_config& config) {
+  const umbel_lod_mesh given = c_mesh(mesh);
+  umbel_lod* lod = nullptr;
+  EXPECT_EQ(umbel_lod_build(&given, &config, nullptr, &lod), UMBEL_OK) << umbel_last_error();
+  return std::unique_ptr<umbel_lod, Free>(lod);
+}
+
+std::vector<uint32_t> selected(const umbel_lod_tables* tables, const umbel_lod_view& view,
+                               const umbel_lod_culling* culling, umbel_lod_method method) {
+  size_t count = 0;
+  EXPECT_EQ(umbel_lod_select(tables, &view, culling, method, nullptr, 0, &count), UMBEL_OK);
+  std::vector<uint32_t> cut(count);
+  EXPECT_EQ(umbel_lod_select(tables, &view, culling, method, cut.data(), count, &count), UMBEL_OK);
+  return cut;
+}
+
+TEST(LodFromC, builds_what_cpp_builds) {
+  const Mesh mesh = blob();
+  const auto lod = built(mesh, small_config());
+  const lod::Dag dag = lod::build(mesh.view(), small_cpp_config());
+  umbel_lod_arrays arrays;
+  umbel_lod_arrays_init(&arrays);
+  ASSERT_EQ(umbel_lod_tables_arrays(umbel_lod_get_tables(lod.get()), &arrays), UMBEL_OK);
+  ASSERT_EQ(arrays.group_count, dag.tables.groups.size());
+  ASSERT_EQ(arrays.cluster_count, dag.tables.clusters.size());
+  ASSERT_EQ(arrays.node_count, dag.tables.nodes.size());
+  EXPECT_EQ(std::memcmp(arrays.groups, dag.tables.groups.data(),
+                        arrays.group_count * sizeof *arrays.groups),
+            0);
+  EXPECT_EQ(std::memcmp(arrays.clusters, dag.tables.clusters.data(),
+                        arrays.cluster_count * sizeof *arrays.clusters),
+            0);
+  umbel_lod_report report;
+  umbel_lod_report_init(&report);
+  ASSERT_EQ(umbel_lod_get_report(lod.get(), &report), UMBEL_OK);
+  EXPECT_EQ(report.root_groups, 1u);
+  EXPECT_EQ(report.levels, dag.tables.levels.size());
+  EXPECT_EQ(report.input_triangles, mesh.triangles.size());
+  EXPECT_EQ(report.groups_by_rung[0], dag.report.groups_by_rung[0]);
+  EXPECT_EQ(umbel_lod_verify(lod.get(), 16, 1, nullptr), UMBEL_OK) << umbel_last_error();
+}
+
+TEST(LodFromC, selects_what_cpp_selects) {
+  const auto lod = built(blob(), small_config());
+  const lod::Dag dag = lod::build(blob().view(), small_cpp_config());
+  const umbel_lod_tables* tables = umbel_lod_get_tables(lod.get());
+  const float eye[] = {0.4f, 0.2f, 2.5f}, target[] = {0, 0, 0}, up[] = {0, 1, 0};
+  umbel_plane planes[6];
+  size_t plane_count = 0;
+  ASSERT_EQ(umbel_lod_frustum(eye, target, up, 0.5f, 1.5f, 0.1f, 10, planes, &plane_count),
+            UMBEL_OK);
+  ASSERT_EQ(plane_count, 6u);
+  const auto cpp_planes =
+      lod::frustum_planes({{0.4f, 0.2f, 2.5f}, {0, 0, 0}, {0, 1, 0}, 0.5f, 1.5f, 0.1f, 10});
+  std::vector<umbel_cull_bounds> facing(dag.tables.clusters.size());
+  ASSERT_EQ(umbel_lod_facing(lod.get(), nullptr, facing.data(), facing.size()), UMBEL_OK);
+  const auto cpp_facing =
+      lod::facing_bounds(dag.tables, [&](uint32_t c) { return dag.geometry(c); });
+  const umbel_lod_culling culling{planes, plane_count, facing.data(), facing.size()};
+  for (const float pixels : {0.1f, 2.0f, 20.0f, 500.0f}) {
+    umbel_lod_view view;
+    ASSERT_EQ(umbel_lod_view_camera(eye, 1, 1000, pixels, &view), UMBEL_OK);
+    const lod::View cpp_view = lod::view_camera({0.4f, 0.2f, 2.5f}, 1, 1000, pixels);
+    for (const auto method : {UMBEL_LOD_FLAT, UMBEL_LOD_HIERARCHY, UMBEL_LOD_BREADTH_FIRST}) {
+      EXPECT_EQ(selected(tables, view, nullptr, method), lod::select(dag.tables, cpp_view));
+      EXPECT_EQ(selected(tables, view, &culling, method),
+                lod::select(dag.tables, cpp_view, {cpp_planes, cpp_facing}));
+    }
+  }
+  umbel_lod_view view;
+  ASSERT_EQ(umbel_lod_view_error(0.01f, &view), UMBEL_OK);
+  EXPECT_EQ(selected(tables, view, nullptr, UMBEL_LOD_FLAT),
+            lod::select(dag.tables, lod::view_error(0.01f)));
+  ASSERT_EQ(umbel_lod_view_level(2, &view), UMBEL_OK);
+  EXPECT_EQ(selected(tables, view, nullptr, UMBEL_LOD_HIERARCHY),
+            lod::select(dag.tables, lod::view_level(2)));
+}
+
+TEST(LodFromC, budgets_and_instances_are_those_of_cpp) {
+  const auto lod = built(blob(), small_config());
+  const lod::Dag dag = lod::build(blob().view(), small_cpp_config());
+  const umbel_lod_tables* tables = umbel_lod_get_tables(lod.get());
+  umbel_lod_view view, fitting;
+  ASSERT_EQ(umbel_lod_view_error(0, &view), UMBEL_OK);
+  ASSERT_EQ(umbel_lod_view_for_budget(tables, &view, nullptr, 1000, nullptr, nullptr, 0, &fitting),
+            UMBEL_OK);
+  EXPECT_EQ(fitting.error, lod::error_for_triangles(dag.tables, 1000));
+  const std::vector<umbel_transform> two = {{{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}},
+                                            {{2, 0, 0, 9, 0, 2, 0, 0, 0, 0, 2, 0}}};
+  std::vector<uint32_t> offsets(3), clusters(2 * dag.tables.clusters.size());
+  size_t count = 0;
+  ASSERT_EQ(umbel_lod_select_instances(tables, &fitting, nullptr, two.data(), 2, offsets.data(),
+                                       clusters.data(), clusters.size(), &count),
+            UMBEL_OK);
+  const lod::Transform cpp[] = {lod::Transform{}, {{2, 0, 0, 9, 0, 2, 0, 0, 0, 0, 2, 0}}};
+  const lod::InstanceCuts cuts =
+      lod::select_instances(dag.tables, lod::view_error(fitting.error), {}, cpp);
+  clusters.resize(count);
+  EXPECT_EQ(offsets, cuts.offsets);
+  EXPECT_EQ(clusters, cuts.clusters);
+  EXPECT_DOUBLE_EQ(umbel_angular_error(1, 2), std::asin(0.5));
+  EXPECT_DOUBLE_EQ(umbel_pixel_error(1, 2, 1, 100), lod::pixel_error(1, 2, 1, 100));
+  EXPECT_TRUE(std::isnan(umbel_angular_error(-1, 2)));
+}
+
+TEST(LodFromC, gives_cuts_as_meshes_and_files) {
+  const Mesh mesh = blob();
+  const auto lod = built(mesh, small_config());
+  umbel_lod_view view;
+  umbel_lod_view_level(0, &view);
+  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
+  umbel_mesh* made = nullptr;
+  ASSERT_EQ(umbel_lod_cut_mesh(lod.get(), cut.data(), cut.size(), &made), UMBEL_OK);
+  const std::unique_ptr<umbel_mesh, Free> owner(made);
+  umbel_lod_mesh arrays;
+  umbel_lod_mesh_init(&arrays);
+  ASSERT_EQ(umbel_mesh_arrays(made, &arrays), UMBEL_OK);
+  EXPECT_EQ(arrays.triangle_count, mesh.triangles.size());
+  EXPECT_NE(arrays.uvs, nullptr);
+  EXPECT_EQ(arrays.normals, nullptr);
+
+  const auto path = std::filesystem::temp_directory_path() / "umbel_test_lod_from_c.umbel";
+  ASSERT_EQ(umbel_lod_save(lod.get(), path.c_str(), 1, nullptr), UMBEL_OK) << umbel_last_error();
+  umbel_lod_tables* opened = nullptr;
+  ASSERT_EQ(umbel_lod_tables_open(path.c_str(), &opened), UMBEL_OK) << umbel_last_error();
+  const std::unique_ptr<umbel_lod_tables, Free> tables(opened);
+  umbel_lod_view_error(0.02f, &view);
+  EXPECT_EQ(selected(opened, view, nullptr, UMBEL_LOD_HIERARCHY),
+            selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_FLAT));
+  std::filesystem::remove(path);
+}
+
+TEST(LodFromC, tables_can_come_from_anywhere_and_are_checked) {
+  const auto lod = built(blob(), small_config());
+  umbel_lod_arrays arrays;
+  umbel_lod_arrays_init(&arrays);
+  ASSERT_EQ(umbel_lod_tables_arrays(umbel_lod_get_tables(lod.get()), &arrays), UMBEL_OK);
+  umbel_lod_tables* made = nullptr;
+  ASSERT_EQ(umbel_lod_tables_create(&arrays, &made), UMBEL_OK) << umbel_last_error();
+  umbel_lod_tables_free(made);
+  std::vector<umbel_lod_cluster> wrong(arrays.clusters, arrays.clusters + arrays.cluster_count);
+  wrong.back().generating_group = 1u << 20;
+  arrays.clusters = wrong.data();
+  EXPECT_EQ(umbel_lod_tables_create(&arrays, &made), UMBEL_ERROR_CORRUPT);
+  EXPECT_EQ(made, nullptr);
+  EXPECT_NE(std::string(umbel_last_error()).find("1048576"), std::string::npos);
+}
+
+struct Calls {
+  int count = 0;
+  size_t vertices = 0;
+};
+
+// The edges that one triangle has, in its direction.
+std::vector<std::pair<uint32_t, uint32_t>> border_of(const umbel_lod_mesh& mesh) {
+  std::set<std::pair<uint32_t, uint32_t>> edges;
+  for (size_t i = 0; i < 3 * mesh.triangle_count; ++i)
+    edges.insert({mesh.triangles[i], mesh.triangles[i % 3 == 2 ? i - 2 : i + 1]});
+  std::vector<std::pair<uint32_t, uint32_t>> border;
+  for (const auto& [a, b] : edges)
+    if (edges.count({b, a}) == 0) border.emplace_back(a, b);
+  return border;
+}
+
+// A fan from the border to a new vertex above, where that is few enough triangles.
+int fan_around_a_new_vertex(umbel_lod_decimation* group, void* user) {
+  auto& calls = *static_cast<Calls*>(user);
+  ++calls.count;
+  calls.vertices += group->mesh.position_count;
+  const auto border = border_of(group->mesh);
+  if (border.empty() || border.size() > group->target) return 0;
+  for (const auto& [a, b] : border) {
+    uint32_t* t = group->triangles + 3 * group->triangle_count++;
+    t[0] = a;
+    t[1] = b;
+    t[2] = static_cast<uint32_t>(group->mesh.position_count);
+  }
+  const umbel_vec3& first = group->mesh.positions[border[0].first];
+  const umbel_vec3& second = group->mesh.positions[border[border.size() / 2].first];
+  group->added_positions[0] = {(first.x + second.x) / 2, (first.y + second.y) / 2, 0.25f};
+  group->added_uvs[0] = {first.x, first.y};
+  group->added_count = 1;
+  group->error = 0.25f;
+  return 1;
+}
+
+TEST(LodFromC, decimation_of_the_callers_own_may_add_vertices) {
+  Mesh mesh = shapes::grid(40, 40);
+  for (const Vec3& p : mesh.positions) mesh.uvs.push_back({p.x, p.y});
+  umbel_lod_config config = small_config();
+  Calls calls;
+  config.decimate = fan_around_a_new_vertex;
+  config.decimate_user = &calls;
+  umbel_build_options options;
+  umbel_build_options_init(&options);
+  options.threads = 1;
+  const umbel_lod_mesh given = c_mesh(mesh);
+  umbel_lod* made = nullptr;
+  ASSERT_EQ(umbel_lod_build(&given, &config, &options, &made), UMBEL_OK) << umbel_last_error();
+  const std::unique_ptr<umbel_lod, Free> lod(made);
+  EXPECT_GT(calls.count, 5);
+  EXPECT_GT(calls.vertices, 500u);
+  EXPECT_EQ(umbel_lod_verify(lod.get(), 16, 1, nullptr), UMBEL_OK) << umbel_last_error();
+  umbel_lod_view view;
+  umbel_lod_view_error(0.3f, &view);
+  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
+  umbel_mesh* shown = nullptr;
+  ASSERT_EQ(umbel_lod_cut_mesh(lod.get(), cut.data(), cut.size(), &shown), UMBEL_OK);
+  const std::unique_ptr<umbel_mesh, Free> owner(shown);
+  umbel_lod_mesh arrays;
+  umbel_lod_mesh_init(&arrays);
+  umbel_mesh_arrays(shown, &arrays);
+  bool raised = false;
+  for (size_t v = 0; v < arrays.position_count; ++v) raised |= arrays.positions[v].z == 0.25f;
+  EXPECT_TRUE(raised);
+}
+
+TEST(LodFromC, mistakes_are_named) {
+  const auto expect = [](umbel_result got, umbel_result wanted, const char* part) {
+    EXPECT_EQ(got, wanted) << part;
+    EXPECT_NE(std::string(umbel_last_error()).find(part), std::string::npos) << umbel_last_error();
+  };
+  const Mesh mesh = blob();
+  umbel_lod_mesh given = c_mesh(mesh);
+  umbel_lod* lod = nullptr;
+  umbel_lod_config config = small_config();
+  expect(umbel_lod_build(nullptr, nullptr, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT, "mesh");
+  expect(umbel_lod_build(&given, nullptr, nullptr, nullptr), UMBEL_ERROR_INVALID_ARGUMENT, "lod");
+  given.struct_size = 0;
+  expect(umbel_lod_build(&given, nullptr, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT,
+         "struct_size");
+  given = c_mesh(mesh);
+  given.triangles = nullptr;
+  expect(umbel_lod_build(&given, nullptr, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT,
+         "triangles");
+  given = c_mesh(mesh);
+  config.max_triangles = 1000;
+  expect(umbel_lod_build(&given, &config, nullptr, &lod), UMBEL_ERROR_INVALID_ARGUMENT, "1000");
+  EXPECT_EQ(lod, nullptr);
+  umbel_build_options options;
+  umbel_build_options_init(&options);
+  options.progress = [](float, const char*, void*) { return 0; };
+  config = small_config();
+  expect(umbel_lod_build(&given, &config, &options, &lod), UMBEL_ERROR_CANCELLED, "cancel");
+
+  const auto good = built(mesh, small_config());
+  const umbel_lod_tables* tables = umbel_lod_get_tables(good.get());
+  umbel_lod_view view;
+  expect(umbel_lod_view_error(-1, &view), UMBEL_ERROR_INVALID_ARGUMENT, "error");
+  ASSERT_EQ(umbel_lod_view_error(0, &view), UMBEL_OK);
+  size_t count = 0;
+  expect(umbel_lod_select(nullptr, &view, nullptr, UMBEL_LOD_FLAT, nullptr, 0, &count),
+         UMBEL_ERROR_INVALID_ARGUMENT, "tables");
+  expect(umbel_lod_select(tables, nullptr, nullptr, UMBEL_LOD_FLAT, nullptr, 0, &count),
+         UMBEL_ERROR_INVALID_ARGUMENT, "view");
+  expect(umbel_lod_select(tables, &view, nullptr, static_cast<umbel_lod_method>(3), nullptr, 0,
+                          &count),
+         UMBEL_ERROR_INVALID_ARGUMENT, "method");
+  uint32_t one = 0;
+  expect(umbel_lod_select(tables, &view, nullptr, UMBEL_LOD_FLAT, &one, 1, &count),
+         UMBEL_ERROR_CAPACITY, "capacity");
+  EXPECT_GT(count, 1u);
+  view.kind = 9;
+  expect(umbel_lod_select(tables, &view, nullptr, UMBEL_LOD_FLAT, &one, 1, &count),
+         UMBEL_ERROR_INVALID_ARGUMENT, "kind");
+  umbel_lod_tables* opened = nullptr;
+  expect(umbel_lod_tables_open("/nowhere/at.all", &opened), UMBEL_ERROR_IO, "nowhere");
+  EXPECT_EQ(umbel_lod_get_tables(nullptr), nullptr);
+  umbel_lod_free(nullptr);
+  umbel_lod_tables_free(nullptr);
+  umbel_mesh_free(nullptr);
+}
+
+}  // namespace
+}  // namespace umbel
