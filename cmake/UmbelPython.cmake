@@ -19,6 +19,10 @@ nanobind_add_module(_umbel NB_STATIC ${umbel_binding_sources})
 umbel_compile_options(_umbel)
 target_include_directories(_umbel PRIVATE ${PROJECT_SOURCE_DIR}/python/bindings)
 target_link_libraries(_umbel PRIVATE umbel_internal umbel_meshoptimizer_library TBB::tbb)
+if(UMBEL_CLUSTERLOD_DIR)
+  target_include_directories(_umbel SYSTEM PRIVATE ${UMBEL_CLUSTERLOD_DIR})
+  target_compile_definitions(_umbel PRIVATE UMBEL_HAS_CLUSTERLOD)
+endif()
 
 # The wheel `tbb` puts its library into the environment's lib folder, which is
 # .../lib/pythonX.Y/site-packages/umbel/../../.. ; the second form is for lib64.

@@ -1,7 +1,10 @@
 // Continuous level of detail: building, selecting, taking cuts out as meshes, checking.
 #include "umbel/lod.hpp"
 
+#include <cmath>
 #include <cstring>
+#include <mutex>
+#include <type_traits>
 
 #include "lod.hpp"
 #include "umbel/lod_select.hpp"
@@ -143,7 +146,12 @@ void bind_config(nb::module_& module) {
       .def_rw("attributes", &lod::Config::attributes)
       .def_rw("normal_weight", &lod::Config::normal_weight)
       .def_rw("uv_weight", &lod::Config::uv_weight)
-      .def_rw("color_weight", &lod::Config::color_weight);
+      .def_rw("color_weight", &lod::Config::color_weight)
+      .def_rw("refit_attributes", &lod::Config::refit_attributes)
+      .def_rw("max_levels", &lod::Config::max_levels)
+      .def_rw("stop_triangles", &lod::Config::stop_triangles)
+      .def_rw("max_error", &lod::Config::max_error)
+      .def_rw("measured_error", &lod::Config::measured_error);
 }
 
 Dict build_report(const lod::Report& report) {
@@ -161,6 +169,11 @@ Dict build_report(const lod::Report& report) {
   }
   result["groups_by_rung"] = rungs;
   result["largest_move"] = report.largest_move;
+  if (report.measured_groups > 0) {
+    result["measured_groups"] = report.measured_groups;
+    result["underestimated_groups"] = report.underestimated_groups;
+    result["mean_overestimate"] = std::exp2(report.mean_log2_overestimate);
+  }
   result["seconds"] = report.seconds;
   return result;
 }
@@ -178,6 +191,60 @@ Dict verify_dag(const lod::Dag& dag, uint32_t cuts, uint32_t seed, const nb::obj
     return lod::verify(
         dag.tables, [&](uint32_t cluster) { return dag.geometry(cluster); }, config, options);
   }));
+}
+
+template <typename T>
+std::vector<T> rows_from(const nb::dict& answer, const char* key) {
+  using Scalar = std::conditional_t<std::is_same_v<T, Triangle> || std::is_same_v<T, uint32_t>,
+                                    uint32_t, float>;
+  std::vector<T> rows;
+  if (!answer.contains(key)) return rows;
+  const auto words =
+      nb::cast<nb::ndarray<const Scalar, nb::c_contig, nb::device::cpu>>(answer[key]);
+  if (words.size() % (sizeof(T) / 4) != 0)
+    throw Error(ErrorCode::kInvalidArgument,
+                std::string("decimate: ") + key + " has rows of another length");
+  rows.resize(words.size() * 4 / sizeof(T));
+  if (!rows.empty()) std::memcpy(static_cast<void*>(rows.data()), words.data(), words.size() * 4);
+  return rows;
+}
+
+/// Calls a Python decimation on whatever thread; what it raises is kept, and ends the build.
+bool ask_python(const nb::object& decimate, const lod::DecimationInput& input,
+                lod::DecimationResult& result, std::exception_ptr& raised, std::mutex& mutex) {
+  nb::gil_scoped_acquire acquire;
+  try {
+    const MeshView& view = input.mesh;
+    Mesh mesh;
+    mesh.positions.assign(view.positions.begin(), view.positions.end());
+    mesh.triangles.assign(view.triangles.begin(), view.triangles.end());
+    mesh.normals.assign(view.normals.begin(), view.normals.end());
+    mesh.tangents.assign(view.tangents.begin(), view.tangents.end());
+    mesh.uvs.assign(view.uvs.begin(), view.uvs.end());
+    mesh.colors.assign(view.colors.begin(), view.colors.end());
+    mesh.materials.assign(view.materials.begin(), view.materials.end());
+    std::vector<uint8_t> locked(input.locked.begin(), input.locked.end());
+    const nb::object given =
+        decimate(dict_of(std::move(mesh)), take<uint8_t>(std::move(locked)), input.target);
+    if (given.is_none()) return false;
+    const auto answer = nb::cast<nb::dict>(given);
+    result.triangles = rows_from<Triangle>(answer, "triangles");
+    result.added.positions = rows_from<Vec3>(answer, "positions");
+    result.added.normals = rows_from<Vec3>(answer, "normals");
+    result.added.tangents = rows_from<Vec4>(answer, "tangents");
+    result.added.uvs = rows_from<Vec2>(answer, "uvs");
+    result.added.colors = rows_from<Vec4>(answer, "colors");
+    result.added_materials = rows_from<uint32_t>(answer, "materials");
+    result.error = nb::cast<float>(answer["error"]);
+    return true;
+  } catch (const nb::python_error&) {
+    const std::scoped_lock lock(mutex);
+    if (!raised) raised = std::current_exception();
+  } catch (const nb::cast_error&) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "decimate gave arrays of another type, or no number for its error");
+  }
+  throw Error(ErrorCode::kCancelled, "decimate raised an exception");
 }
 
 void bind_dag(nb::module_& module) {
@@ -215,12 +282,25 @@ void bind_dag(nb::module_& module) {
   module.def(
       "build_lod",
       [](const MeshArrays& mesh, const lod::Config& config, const nb::object& progress,
-         uint32_t threads) {
-        return run(progress, threads, [&](const BuildOptions& options) {
-          return lod::build(mesh.view(), config, options);
-        });
+         uint32_t threads, const nb::object& decimate) {
+        std::exception_ptr raised;
+        std::mutex mutex;
+        const auto build = [&](const BuildOptions& options) {
+          lod::Decimator decimator;
+          if (!decimate.is_none())
+            decimator = [&](const lod::DecimationInput& input, lod::DecimationResult& result) {
+              return ask_python(decimate, input, result, raised, mutex);
+            };
+          return lod::build(mesh.view(), config, options, decimator);
+        };
+        try {
+          return run(progress, threads, build);
+        } catch (const Error&) {
+          if (raised) std::rethrow_exception(raised);
+          throw;
+        }
       },
-      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0, "decimate"_a = nb::none());
 }
 
 }  // namespace

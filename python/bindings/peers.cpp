@@ -173,6 +173,7 @@ TimedClusters timed_clusters(const MeshArrays& mesh, const ClusterConfig& config
 }  // namespace
 
 void bind_peers(nb::module_& module) {
+  bind_peer_lod(module);
   module.def("timed_cluster_mesh", &timed_clusters, "mesh"_a, "config"_a, "morton"_a = false,
              "threads"_a = 1,
              "(items, ranges (k, 2), seconds): processor time of one thread, else wall time.");

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, indices, mesh_of, native
+from .arrays import as_mesh, indices, mesh_of, native, rows
 from .errors import Error
 from .gltf_look import write_materials
 from .mesh import Material, Mesh
@@ -179,6 +180,29 @@ def save_asset(
     )
 
 
+Decimate = Callable[[Mesh, NDArray[np.bool_], int], Any]
+"""See `build_lod`."""
+
+
+def _decimator(decimate: Decimate) -> Callable[[dict[str, Any], NDArray[np.uint8], int], Any]:
+    def ask(arrays: dict[str, Any], locked: NDArray[np.uint8], target: int) -> Any:
+        answer = decimate(mesh_of(arrays, []), locked.astype(bool), target)
+        if answer is None:
+            return None
+        triangles, error, *rest = answer
+        made: dict[str, Any] = {"triangles": indices("triangles", triangles, 3), "error": error}
+        for mesh in rest[:1]:
+            made["positions"] = rows("positions", mesh.positions, 3)
+            for name, columns in (("normals", 3), ("tangents", 4), ("uvs", 2), ("colors", 4)):
+                if getattr(mesh, name) is not None:
+                    made[name] = rows(name, getattr(mesh, name), columns)
+        if len(rest) > 1:
+            made["materials"] = indices("materials", rest[1])
+        return made
+
+    return ask
+
+
 def build_lod(
     mesh: Any,
     *,
@@ -190,6 +214,12 @@ def build_lod(
     normal_weight: float = 0.5,
     uv_weight: float = 0.5,
     color_weight: float = 0.5,
+    refit_attributes: bool = True,
+    measured_error: bool = False,
+    max_levels: int = 0,
+    stop_triangles: int = 0,
+    max_error: float = math.inf,
+    decimate: Decimate | None = None,
     drop_invalid: bool = False,
     precision: str | float | None = None,
     progress: Progress | None = None,
@@ -202,6 +232,20 @@ def build_lod(
     ratio: triangles that each level keeps of the one before (0.1..0.9).
     attributes: "auto" keeps normals, tangents, UVs and colours and weighs them in the error by
         the weights; "none" drops them. Materials stay either way.
+    refit_attributes: vertices that stay take the normals, UVs and colours that fit best to all
+        that they stand for.
+    measured_error: errors are distances to the source in both directions, measured by samples,
+        instead of sums of what each step moved; takes about twice as long.
+    max_levels, stop_triangles, max_error: stop after so many levels (0: no limit), as soon as no
+        more triangles than that are left, and before any group's error gets larger. What is left
+        then are the roots.
+    decimate: simplifies a group instead of the library. Called with a Mesh of the group, (n,) bool
+        `locked` (vertices that must stay, and the border between them), and the number of
+        triangles that should be left. Returns None to leave the group to the library, or
+        (triangles, error), or (triangles, error, added) where `added` is a Mesh without triangles
+        whose vertices follow the group's own, or (triangles, error, added, materials) with one
+        material a vertex where the group has several. Called from one
+        thread at a time, not always from the one that builds.
     drop_invalid: leave out triangles with NaN, infinite or missing vertices instead of raising.
     precision: snap positions to a power-of-two grid first, which makes files several times
         smaller; None keeps every bit. A number is a length in the mesh's unit, a string as in
@@ -232,8 +276,20 @@ def build_lod(
         "normal_weight": normal_weight,
         "uv_weight": uv_weight,
         "color_weight": color_weight,
+        "refit_attributes": refit_attributes,
+        "max_levels": max_levels,
+        "stop_triangles": stop_triangles,
+        "measured_error": measured_error,
     }
-    dag = _umbel.build_lod(native(given), _native_config(config), progress, threads)
+    if max_error != math.inf:
+        config["max_error"] = max_error
+    dag = _umbel.build_lod(
+        native(given),
+        _native_config(config),
+        progress,
+        threads,
+        None if decimate is None else _decimator(decimate),
+    )
     return Lod(dag, {**dag.report, **extra}, config, source, given.materials, given.name)
 
 

@@ -56,9 +56,12 @@ class Builder {
  public:
   Builder(const MeshView& mesh, const Config& config, const BuildOptions& options,
           const Decimator& decimate)
-      : config_(config), progress_(options), grouper_(source_), workers_([this, &decimate] {
-          return std::make_unique<Worker>(source_, config_, decimate);
-        }) {
+      : config_(config),
+        groups_of_(config),
+        progress_(options),
+        grouper_(source_),
+        workers_(
+            [this, &decimate] { return std::make_unique<Worker>(source_, config_, decimate); }) {
     dag_.config = config;
     tbb::parallel_invoke([&] { source_ = make_source(mesh, BuildOptions{}); },
                          [&] { dag_.source_digest = triangle_set_digest(mesh); });
@@ -90,7 +93,9 @@ class Builder {
       if (pending_.triangle_count() <= enough) {
         idle = 0;
       } else if (++idle >= kPatience) {
-        if (last_resort) break;
+        // Small groups may be nothing but borders: at the very last, larger ones.
+        if (last_resort && uint64_t{groups_of_.max_group} >= pending_.size()) break;
+        if (last_resort) grow_groups();
         last_resort = true;
         idle = 0;
       }
@@ -111,10 +116,17 @@ class Builder {
     Simplified simplified;
     ClusterSet clusters;  // of the simplified triangles; generating_group is set when joined
     Measured measured;    // with Config::measured_error
+    std::vector<Vec3> new_positions;  // that the group did not have
   };
 
   Report& report() { return dag_.report; }
   Tables& tables() { return dag_.tables; }
+
+  void grow_groups() {
+    constexpr uint32_t kTimes = 4, kMost = 1u << 16;
+    groups_of_.min_group = std::min(groups_of_.min_group * kTimes, kMost);
+    groups_of_.max_group = std::min(groups_of_.max_group * kTimes, kMost);
+  }
 
   // Whenever the source has got vertices.
   void grow() {
@@ -142,7 +154,7 @@ class Builder {
 
   // One round over all pending clusters.
   void simplify_level(bool last_resort) {
-    const Clusters groups = grouper_.group(pending_, locked_, config_);
+    const Clusters groups = grouper_.group(pending_, locked_, groups_of_);
     grouper_.lock_borders(pending_, groups, locked_);
     std::vector<GroupResult> results(groups.ranges.size());
     constexpr size_t kBatch = 256;  // groups between two calls of the progress callback
@@ -192,6 +204,9 @@ class Builder {
       if (simplified.added.position_ids.empty()) continue;
       with_added.push_back(g);
       const uint32_t first = append_vertices(source_, simplified.added);
+      for (size_t v = 0; v < simplified.added.position_ids.size(); ++v)
+        if (simplified.added.position_ids[v] == kNone)
+          results[g].new_positions.push_back(simplified.added.mesh.positions[v]);
       for (Triangle& t : simplified.triangles)
         for (uint32_t& v : t)
           if (v >= kAddedVertex) v = first + (v - kAddedVertex);
@@ -205,18 +220,31 @@ class Builder {
     });
   }
 
-  // Where every triangle that is left is degenerate, groups leave nothing behind; a DAG still ends
-  // in a root, so the first triangle stays.
+  // Groups may leave nothing behind, where every triangle is degenerate, or where one group is all
+  // that is left. A DAG still ends in a root: the first triangle stays, or where it has two sides
+  // both, so that a closed surface stays closed.
   void keep_one_triangle(const Clusters& groups, std::vector<GroupResult>& results) {
     if (std::any_of(results.begin(), results.end(), [](const GroupResult& r) {
           return !r.simplified.done || r.clusters.size() > 0;
         }))
       return;
-    const uint32_t c = groups.items[groups.ranges[0].offset];
-    const auto vertices = pending_.cluster_vertices(c);
-    const auto corners = pending_.cluster_corners(c);
-    Triangle first{vertices[corners[0]], vertices[corners[1]], vertices[corners[2]]};
-    workers_.local()->cutter.cut(source_, {&first, 1}, kNone, results[0].clusters);
+    std::vector<Triangle> kept;
+    const Range first = groups.ranges[0];
+    for (uint32_t c : std::span(groups.items).subspan(first.offset, first.count)) {
+      const auto vertices = pending_.cluster_vertices(c);
+      const auto corners = pending_.cluster_corners(c);
+      for (size_t i = 0; i < corners.size(); i += 3) {
+        const Triangle t{vertices[corners[i]], vertices[corners[i + 1]], vertices[corners[i + 2]]};
+        if (kept.empty()) kept = {t};
+        if (kept.size() == 1 && !is_degenerate(t)) kept = {t, {t[0], t[2], t[1]}};
+      }
+    }
+    workers_.local()->cutter.cut(source_, kept, kNone, results[0].clusters);
+  }
+
+  bool is_degenerate(const Triangle& t) const {
+    const auto& ids = source_.position_ids;
+    return ids[t[0]] == ids[t[1]] || ids[t[1]] == ids[t[2]] || ids[t[2]] == ids[t[0]];
   }
 
   GroupResult simplify_group(std::span<const uint32_t> clusters, Allowance allow) {
@@ -285,7 +313,8 @@ class Builder {
         continue;
       }
       if (meter_) compare(results[g], members);
-      const uint32_t id = emit_group(members, results[g].simplified.rung, error);
+      const uint32_t id =
+          emit_group(members, results[g].simplified.rung, error, results[g].new_positions);
       ClusterSet& made = results[g].clusters;
       std::fill(made.generating_group.begin(), made.generating_group.end(), id);
       for (uint32_t c = 0; c < made.size(); ++c) {
@@ -308,7 +337,8 @@ class Builder {
   }
 
   // A new group of pending clusters, which `emit_clusters` then moves into the DAG.
-  uint32_t emit_group(std::span<const uint32_t> members, Rung rung, float error) {
+  uint32_t emit_group(std::span<const uint32_t> members, Rung rung, float error,
+                      std::span<const Vec3> new_positions = {}) {
     const uint32_t id = static_cast<uint32_t>(tables().groups.size());
     std::vector<uint32_t> generators;
     std::vector<Sphere> spheres;
@@ -328,6 +358,7 @@ class Builder {
       }
       emitted_.push_back(c);
     }
+    for (const Vec3& p : new_positions) spheres.push_back({p, 0.0f});
     group.sphere = enclosing_sphere(spheres);
     tables().groups.push_back(group);
     ++report().groups_by_rung[static_cast<size_t>(group.rung)];
@@ -403,6 +434,7 @@ class Builder {
   }
 
   Config config_;
+  Config groups_of_;  // the same, but for the sizes of groups once nothing else helps
   Progress progress_;
   Source source_;
   Grouper grouper_;

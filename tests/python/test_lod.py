@@ -305,3 +305,51 @@ def test_odd_meshes_build_and_verify(mesh: umbel.Mesh, tmp_path: Path) -> None:
     asset = umbel.Asset(tmp_path / "odd.umbel")
     fine = asset.mesh(asset.cut(level=0))
     assert np.array_equal(triangle_keys(fine), triangle_keys(mesh))
+
+
+def test_decimation_of_ones_own_may_add_vertices(blob: umbel.Mesh) -> None:
+    calls = []
+
+    def fan(group: umbel.Mesh, locked: np.ndarray, target: int) -> object:
+        calls.append((len(group.triangles), target))
+        edges = np.concatenate([group.triangles[:, [i, (i + 1) % 3]] for i in range(3)])
+        known = {tuple(edge) for edge in edges.tolist()}
+        border = [(a, b) for a, b in known if (b, a) not in known]
+        if not border or len(border) > target or not locked[[a for a, _ in border]].all():
+            return None
+        new = len(group.positions)
+        triangles = np.array([(a, b, new) for a, b in sorted(border)], np.uint32)
+        middle = group.positions[[a for a, _ in border]].mean(axis=0, keepdims=True)
+        return triangles, 0.5, umbel.Mesh(middle, np.empty((0, 3), np.uint32))
+
+    built = umbel.build_lod(
+        blob, max_triangles=64, group_size=(4, 8), decimate=fan, progress=None, threads=2
+    )
+    assert len(calls) > 5 and all(target < triangles for triangles, target in calls)
+    assert built.verify(cuts=8).ok
+    assert is_closed(built.mesh(built.cut(level=2)))
+
+    def broken(*_: object) -> object:
+        raise RuntimeError("mine")
+
+    with pytest.raises(RuntimeError, match="mine"):
+        umbel.build_lod(blob, decimate=broken)
+    with pytest.raises(umbel.Error, match="decimate"):
+        umbel.build_lod(blob, decimate=lambda group, *_: ([[0, 1, 10**6]], 0.0))
+
+
+def test_building_stops_where_it_is_asked_to(blob: umbel.Mesh) -> None:
+    small = {"max_triangles": 32, "group_size": (4, 8)}
+    assert len(umbel.build_lod(blob, **small, max_levels=2).levels) == 2
+    assert umbel.build_lod(blob, **small, stop_triangles=2000).report["root_triangles"] <= 2000
+    errors = umbel.build_lod(blob, **small, max_error=0.02).groups["error"]
+    assert errors[np.isfinite(errors)].max() <= 0.02
+    with pytest.raises(umbel.Error, match="max_error"):
+        umbel.build_lod(blob, max_error=-1)
+
+
+def test_measured_errors_say_how_far_estimates_were_off(blob: umbel.Mesh) -> None:
+    built = umbel.build_lod(blob, max_triangles=32, group_size=(4, 8), measured_error=True)
+    assert built.report["measured_groups"] > 10
+    assert 0.1 < built.report["mean_overestimate"] < 100
+    assert built.report["underestimated_groups"] <= built.report["measured_groups"]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..bench import bvh as bvh_bench
     from ..bench.bvh_scenes import Kmeans
     from ..bench.clusters import Comparison
+    from ..bench.lod import Comparison as LodComparison
     from ..mesh import Mesh
 
 _PLANT = 200_000  # triangles, where no scene is named
@@ -129,6 +130,50 @@ def bvh(
         show(found.fields(), as_json, "bvh")
     else:
         _print_bvh(found)
+
+
+@app.command()
+@ends_cleanly
+def lod(
+    inputs: Inputs = None,
+    output: Folder = None,
+    samples: Annotated[
+        int, typer.Option(min=100, metavar="N", help="Points on each surface.")
+    ] = 50_000,
+    as_json: Json = False,
+) -> None:
+    """Levels of detail: how far cuts of 10 %, 1 % and 0.1 % of the triangles are from the mesh,
+    beside meshoptimizer's clusterlod.h."""
+    _check(inputs or [], output)
+
+    from ..bench import charts
+    from ..bench import lod as bench
+    from .progress import Bar
+
+    with Bar() as bar:
+        found = bench.compare(
+            _loaders(inputs) if inputs else bench.PROCEDURAL, samples=samples, progress=bar
+        )
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bench.write(found, output)
+    if as_json:
+        show(found.fields(), as_json, "lod")
+    else:
+        _print_lod(found)
+
+
+def _print_lod(found: LodComparison) -> None:
+    from ..bench.lod import COLUMNS, RATIOS, report
+    from ..bench.table import print_table
+
+    if not sys.stdout.isatty():
+        print(report(found), end="")
+        return
+    print(*found.machine.sentences(), sep="\n")
+    print_table("Levels of detail", COLUMNS, found.rows, group="mesh")
+    print_table("Ours over clusterlod.h's, geometric means", RATIOS, found.ratios, group="share")
 
 
 def _kmeans(text: str) -> Kmeans:

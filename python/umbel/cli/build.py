@@ -60,6 +60,13 @@ def command(
             "--drop-invalid", help="Leave out triangles with NaN, infinite or missing vertices."
         ),
     ] = False,
+    measured_error: Annotated[
+        bool,
+        typer.Option(
+            "--measured-error",
+            help="Measure errors as distances to the mesh, in both directions; twice as slow.",
+        ),
+    ] = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -83,6 +90,7 @@ def command(
             group_size=sizes,
             attributes=attributes.value,
             drop_invalid=drop_invalid,
+            measured_error=measured_error,
             precision=precision,
             progress=bar,
             threads=threads,

@@ -113,7 +113,11 @@ TEST_P(RandomMeshes, end_in_one_proved_root_and_threads_do_not_matter) {
     const Mesh mesh = random_mesh(random);
     const Config config = random_config(random);
     const Dag dag = build(mesh.view(), config, one);
-    ASSERT_EQ(dag.report.root_groups, 1u);
+    ASSERT_EQ(dag.report.root_groups, 1u)
+        << mesh.triangles.size() << " triangles, at most " << config.max_triangles << " and "
+        << config.max_vertices << " vertices a cluster, groups of " << config.min_group << " to "
+        << config.max_group << ", " << config.ratio << " are kept, " << mesh.materials.size()
+        << " materials, " << dag.report.root_triangles << " are left";
     ASSERT_EQ(dag.report.stuck_groups, 0u);
     const VerifyReport report =
         verify(dag.tables, testing::reader_of(dag), testing::verify_config_of(dag, mesh, 4));

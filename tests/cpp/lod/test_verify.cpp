@@ -215,7 +215,7 @@ TEST(Verify, a_moved_vertex_is_named) {
   const uint32_t c = specimen.coarse_cluster();
   // Its own copy, so that no other cluster's vertex moves.
   Vec3 moved = dag.vertices.positions[dag.cluster_vertices[dag.vertex_offsets[c]]];
-  moved.x = std::nextafter(moved.x, 0.0f);
+  moved.x += 3;  // out of the sphere of the group that the cluster was made from
   dag.cluster_vertices[dag.vertex_offsets[c]] =
       static_cast<uint32_t>(dag.vertices.positions.size());
   dag.vertices.positions.push_back(moved);
