@@ -21,6 +21,8 @@ namespace umbel::lod {
 /// should. Tables that were built or read from a file need not be asked; selection trusts them.
 UMBEL_API void validate(const Tables& tables);
 
+using umbel::Plane;
+
 /// What need not be drawn. Nothing here changes which level of detail is right where.
 struct Culling {
   /// Clusters wholly outside one of them are left out. Normals of unit length, to within 1e-5.
