@@ -125,7 +125,7 @@ class ClusterSet {
     if (size <= capacity_) return;
     const uint32_t capacity = std::max(size, 2 * capacity_ + 16);
     std::vector<float> floats(size_t{6} * (capacity + 4));
-    for (size_t c = 0; c < 6; ++c)
+    for (size_t c = 0; c < 6 && size_ > 0; ++c)
       std::copy_n(floats_.data() + c * (capacity_ + 4), size_, &floats[c * (capacity + 4)]);
     floats_ = std::move(floats);
     distances_.resize(capacity + 4);

@@ -26,7 +26,7 @@ namespace {
 
 constexpr uint32_t kBlock = 1 << 12;  ///< primitives of a subtree that one thread builds
 constexpr uint32_t kChunk = 1 << 14;  ///< primitives of a large node that one thread takes
-constexpr uint32_t kExact = 256;      ///< primitives from which on cuts between planes count
+constexpr uint32_t kExact = 2048;     ///< primitives from which on cuts between planes count
 constexpr float kCoarse = 1.0f / 16;  ///< of the frame's size; smaller nodes get their own
 
 /// Records that are being split, and as much room to move them to.

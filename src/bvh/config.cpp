@@ -44,7 +44,7 @@ void check_config(const Config& c, size_t primitives) {
   check_cost("cost.traversal", c.cost.traversal);
   check_cost("cost.intersection", c.cost.intersection);
   check_range("max_leaf_size", c.max_leaf_size, 1, 255);
-  check_range("max_depth", c.max_depth, 8, 255);
+  check_range("max_depth", c.max_depth, 8, kDeepest);
   check_range("bins", c.bins, 4, 256);
   check_range("spatial_budget", double(c.spatial_budget), 0, 4);
   check_range("spatial_overlap", double(c.spatial_overlap), 0, 1);

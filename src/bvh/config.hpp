@@ -16,6 +16,9 @@ inline constexpr size_t kMaxPrimitives = (size_t{1} << 31) - 1;
 /// `primitives` cannot be told apart within max_depth.
 void check_config(const Config& config, size_t primitives);
 
+/// The most that Config::max_depth may be.
+inline constexpr uint32_t kDeepest = 255;
+
 /// Levels of a balanced tree with one primitive a leaf.
 inline uint32_t balanced_depth(size_t primitives) {
   return primitives < 2 ? 0 : static_cast<uint32_t>(std::bit_width(primitives - 1));

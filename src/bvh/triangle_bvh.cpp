@@ -8,6 +8,7 @@
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "bvh/check.hpp"
+#include "bvh/config.hpp"
 #include "bvh/ray_kernels.hpp"
 #include "bvh/widen.hpp"
 
@@ -53,11 +54,11 @@ void check_presence(const bvh::Bvh2& tree, const MeshView& mesh, bvh::InvalidTri
 }
 
 TriangleBvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh,
-                          const TriangleBvhConfig& config, std::span<const uint32_t> masks,
-                          uint32_t threads) {
+                          const TriangleBvhConfig& config, const WidenOptions& options,
+                          std::span<const uint32_t> masks, uint32_t threads) {
   TriangleBvhData data;
   with_threads(threads, [&] {
-    data = widen_tree(tree, mesh, {config.width, config.compact}, masks);
+    data = widen_tree(tree, mesh, options, masks);
     data.cost = config.tree.cost;
     data.sah_cost = data.built_sah_cost = bvh::sah_cost(tree, config.tree.cost);
   });
@@ -84,9 +85,12 @@ TriangleBvh TriangleBvh::build(const MeshView& mesh, const TriangleBvhConfig& co
   check_config(config);
   check_masks(masks, mesh.triangles.size());
   const bvh::Bvh2 tree = bvh::build(mesh, config.tree, options);
+  WidenOptions widening{config.width, config.compact};
+  widening.is_valid = true;
+  widening.may_repeat = config.tree.builder == bvh::Builder::kSpatial;
   TriangleBvh result;
   static_cast<TriangleBvhData&>(*result.data_) =
-      make_data(tree, mesh, config, masks, options.threads);
+      make_data(tree, mesh, config, widening, masks, options.threads);
   return result;
 }
 
@@ -97,9 +101,16 @@ TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
   check_masks(masks, mesh.triangles.size());
   bvh::check_structure(tree, static_cast<uint32_t>(mesh.triangles.size()));
   check_presence(tree, mesh, config.tree.invalid);
+  const bvh::Bvh2* source = &tree;
+  bvh::Bvh2 shallow;
+  if (bvh::statistics(tree).max_depth > bvh::kDeepest) {
+    shallow = tree;
+    bvh::limit_depth(shallow, bvh::kDeepest);
+    source = &shallow;
+  }
   TriangleBvh result;
   static_cast<TriangleBvhData&>(*result.data_) =
-      make_data(tree, mesh, config, masks, options.threads);
+      make_data(*source, mesh, config, {config.width, config.compact}, masks, options.threads);
   return result;
 }
 

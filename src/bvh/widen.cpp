@@ -23,9 +23,11 @@ constexpr uint32_t kMaxWidth = 8;
 /// A subtree of more primitives than fit a leaf; how many more does not matter.
 constexpr uint8_t kTooMany = kMaxLeafTriangles + 1;
 
+/// [i - 1]: what a binary node's subtree costs as at most i children.
+using Costs = std::array<float, kMaxWidth>;
+
 /// For one binary node: how best to make 1, 2, ... width children of its subtree.
 struct Plan {
-  std::array<float, kMaxWidth> cost;  ///< [i - 1]: of at most i children
   /// [i - 1]: how many of i go to the left; 0: as for i - 1. [0]: how many of the node's own width.
   std::array<uint8_t, kMaxWidth> left_share;
   uint8_t primitives;  ///< below, at most kTooMany
@@ -43,48 +45,63 @@ class Planner {
  public:
   Planner(const bvh::Bvh2& tree, uint32_t width)
       : tree_(tree), width_(width), plans_(tree.nodes.size()) {
-    for (size_t i = tree.nodes.size(); i-- > 0;) plan(i);
+    Costs costs;
+    plan(0, costs);
   }
   const Plan& operator[](uint32_t node) const { return plans_[node]; }
 
  private:
-  void plan(size_t index) {
+  /// As deep as the tree, whose depth is bounded.
+  void plan(uint32_t index, Costs& costs) {
     const bvh::Node& node = tree_.nodes[index];
     Plan& p = plans_[index];
     const float area = half_area(node.box());
+    p.left_share.fill(0);
     if (node.is_leaf()) {
       p.primitives = static_cast<uint8_t>(std::min<uint32_t>(node.count, kTooMany));
       p.is_leaf = true;
-      p.left_share.fill(0);
-      p.cost.fill(leaf_cost(area, node.count));
+      costs.fill(leaf_cost(area, node.count));
       return;
     }
-    const Plan &left = plans_[node.first], &right = plans_[node.first + 1];
-    p.primitives =
-        static_cast<uint8_t>(std::min<uint32_t>(left.primitives + right.primitives, kTooMany));
+    Costs left, right;
+    plan(node.first, left);
+    plan(node.first + 1, right);
+    p.primitives = static_cast<uint8_t>(std::min<uint32_t>(
+        plans_[node.first].primitives + plans_[node.first + 1].primitives, kTooMany));
+    // A binary leaf is one child whatever room there is, and the other side takes what is left.
+    const bool left_is_leaf = tree_.nodes[node.first].is_leaf();
+    const bool right_is_leaf = tree_.nodes[node.first + 1].is_leaf();
     float best[kMaxWidth] = {};
-    for (uint32_t children = 2; children <= width_; ++children)
-      best[children - 1] = distribute(left, right, children, p.left_share[children - 1]);
+    for (uint32_t children = 2; children <= width_; ++children) {
+      uint8_t& share = p.left_share[children - 1];
+      if (left_is_leaf || right_is_leaf) {
+        share = static_cast<uint8_t>(left_is_leaf ? 1 : children - 1);
+        best[children - 1] = left[share - 1] + right[children - share - 1];
+      } else {
+        best[children - 1] = distribute(left, right, children, share);
+      }
+    }
     // One child: a node of its own, or a leaf.
-    p.cost[0] = best[width_ - 1] + area * kNodeCost;
+    costs[0] = best[width_ - 1] + area * kNodeCost;
     p.left_share[0] = p.left_share[width_ - 1];
     p.is_leaf = false;
     if (p.primitives <= kMaxLeafTriangles) {
       const float as_leaf = leaf_cost(area, p.primitives);
-      p.is_leaf = as_leaf <= p.cost[0];
-      p.cost[0] = std::min(p.cost[0], as_leaf);
+      p.is_leaf = as_leaf <= costs[0];
+      costs[0] = std::min(costs[0], as_leaf);
     }
     for (uint32_t children = 2; children <= width_; ++children) {
-      p.cost[children - 1] = std::min(best[children - 1], p.cost[children - 2]);
-      if (best[children - 1] >= p.cost[children - 2]) p.left_share[children - 1] = 0;
+      costs[children - 1] = std::min(best[children - 1], costs[children - 2]);
+      if (best[children - 1] >= costs[children - 2]) p.left_share[children - 1] = 0;
     }
   }
 
-  static float distribute(const Plan& left, const Plan& right, uint32_t children, uint8_t& share) {
+  static float distribute(const Costs& left, const Costs& right, uint32_t children,
+                          uint8_t& share) {
     float best = std::numeric_limits<float>::infinity();
     share = 1;
     for (uint32_t k = 1; k < children; ++k) {
-      const float cost = left.cost[k - 1] + right.cost[children - k - 1];
+      const float cost = left[k - 1] + right[children - k - 1];
       if (cost < best) {
         best = cost;
         share = static_cast<uint8_t>(k);
@@ -287,10 +304,10 @@ TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const Wi
   out.nodes.reserve(size_t{out.node_words()} * (tree.primitives.size() / 8 + 1));
   const Emitter emitter(tree, plans, out);
   const std::vector<uint32_t>& order = emitter.order();
-  check_triangles(mesh, order);
+  if (!options.is_valid) check_triangles(mesh, order);
   out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());
   out.reference_count = static_cast<uint32_t>(order.size());
-  out.repeats = has_repeats(order, mesh.triangles.size()) ? 1 : 0;
+  out.repeats = options.may_repeat && has_repeats(order, mesh.triangles.size()) ? 1 : 0;
 
   std::vector<uint32_t> places;
   if (options.compact) places = collect_vertices(mesh, order, out.vertices);

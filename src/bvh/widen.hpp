@@ -10,6 +10,9 @@ namespace umbel {
 struct WidenOptions {
   uint32_t width = 8;
   bool compact = false;
+  // What is known of a tree that was only just built need not be looked for.
+  bool is_valid = false;   ///< the tree's triangles have indices in range and finite corners
+  bool may_repeat = true;  ///< a triangle may be in several leaves
 };
 
 /// `tree` is sound (bvh::check) and over the triangles of `mesh`; `masks` is empty or one a

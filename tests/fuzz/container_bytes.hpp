@@ -2,6 +2,7 @@
 // lies behind them is reached.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -79,7 +80,8 @@ inline Bytes file_of(const std::vector<Bytes>& seeds, const uint8_t* data, size_
     bytes[at] = data[i + 3];
     // Large numbers are beyond most ranges, and small ones within.
     if (data[i + 2] & 0x40) std::memset(&bytes[4 * word], data[i + 3], 4);
-    if (data[i + 2] & 0x80) bytes.resize(bytes.size() - data[i + 3] % 64);
+    if (data[i + 2] & 0x80)
+      bytes.resize(bytes.size() - std::min<size_t>(data[i + 3] % 64, bytes.size()));
     if (bytes.size() < 8) break;
   }
   return bytes;

@@ -95,6 +95,35 @@ TEST_P(Widen, the_result_does_not_depend_on_threads) {
   EXPECT_EQ(one.leaves, two.leaves);
 }
 
+TEST_P(Widen, trees_of_any_depth_are_taken) {
+  // Each node is a leaf and all the rest.
+  const Mesh mesh = shapes::soup(20000, 4);
+  const Aabb box = bounds(mesh.view());
+  bvh::Bvh2 chain;
+  const auto count = static_cast<uint32_t>(mesh.triangles.size());
+  chain.nodes.push_back({box.min, 1, box.max, 0});
+  for (uint32_t i = 0; i < count; ++i) {
+    chain.primitives.push_back(i);
+    if (i + 1 == count) break;
+    Aabb own;
+    for (const uint32_t vertex : mesh.triangles[i]) extend(own, mesh.positions[vertex]);
+    chain.nodes.push_back({own.min, i, own.max, 1});
+    const bool is_last = i + 2 == count;
+    chain.nodes.push_back({box.min, is_last ? i + 1 : 2 * i + 3, box.max, is_last ? 1u : 0u});
+  }
+  TriangleBvhConfig config;
+  config.width = GetParam();
+  const TriangleBvh tree = TriangleBvh::widen(chain, mesh.view(), config);
+  const TriangleBvh usual = TriangleBvh::build(mesh.view());
+  for (uint32_t i = 0; i < 50; ++i) {
+    const Vec3& p = mesh.positions[i];
+    const Ray ray{{p.x, p.y, p.z - 1}, 0, {0.1f, 0.2f, 1}};
+    EXPECT_EQ(tree.intersect(ray), usual.intersect(ray));
+    EXPECT_EQ(tree.closest_point(ray.origin).distance, usual.closest_point(ray.origin).distance);
+    EXPECT_EQ(tree.overlaps(Sphere{p, 0.1f}), usual.overlaps(Sphere{p, 0.1f}));
+  }
+}
+
 TEST_P(Widen, a_vertex_out_of_range_is_refused) {
   Mesh mesh = shapes::grid(4, 4);
   const bvh::Bvh2 tree = bvh::build(mesh.view());

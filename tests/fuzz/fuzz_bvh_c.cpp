@@ -1,0 +1,272 @@
+// Fuzzes the C interface of hierarchies: the bytes become a mesh (NaN, infinite and huge positions,
+// indices out of range, triangles without area among them), settings, rays, points and a tree that
+// may be none. Whatever is accepted must give the hits that another tree over the same mesh gives.
+#include <fuzzer/FuzzedDataProvider.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "umbel/umbel.h"
+
+namespace {
+
+[[noreturn]] void fail(const char* what) {
+  std::fprintf(stderr, "fuzz_bvh_c: %s (%s)\n", what, umbel_last_error());
+  std::abort();
+}
+
+void expect(bool ok, const char* what) {
+  if (!ok) fail(what);
+}
+
+/// True where the call went well; else there must be a sentence, and not about the library itself.
+bool went_well(umbel_result result) {
+  expect(result != UMBEL_ERROR_INTERNAL, "a fault of the library");
+  if (result != UMBEL_OK) expect(umbel_last_error()[0] != '\0', "an error without a sentence");
+  return result == UMBEL_OK;
+}
+
+struct Free {
+  void operator()(umbel_bvh* bvh) const { umbel_bvh_free(bvh); }
+};
+using Bvh = std::unique_ptr<umbel_bvh, Free>;
+
+class Case {
+ public:
+  Case(const uint8_t* data, size_t size) : bytes_(data, size) {
+    mood_ = bytes_.ConsumeIntegral<uint8_t>();
+    umbel_bvh_config_init(&config);
+    read_config();
+    read_mesh();
+    umbel_build_options_init(&options);
+    options.threads = 1 + bytes_.ConsumeIntegral<uint8_t>() % 2;
+    for (uint32_t i = bytes_.ConsumeIntegralInRange<uint32_t>(0, 24); i-- > 0;) {
+      rays.push_back({point(), 0, point(), std::numeric_limits<float>::infinity()});
+      if (likes(4)) rays.back().t_min = number(), rays.back().t_max = number();
+      points.push_back(rays.back().origin);
+    }
+    umbel_ray_options_init(&ray_options);
+    if (likes(5)) ray_options.mask = bytes_.ConsumeIntegral<uint8_t>();
+    ray_options.cull_back_faces = likes(6) ? 1 : 0;
+    ray_options.threads = 1;
+  }
+
+  Bvh build(const umbel_bvh_config* with) const {
+    umbel_bvh* bvh = nullptr;
+    const bool ok = went_well(umbel_bvh_build(&mesh, with, &options, &bvh));
+    expect(ok == (bvh != nullptr), "success without a hierarchy, or the other way around");
+    return Bvh(bvh);
+  }
+
+  bool likes(int bit) const { return mood_ >> bit & 1; }
+  uint32_t triangle_count() const { return static_cast<uint32_t>(triangles_.size() / 3); }
+  /// Positions within what watertightness, and that all trees agree, is promised for.
+  bool is_tame() const { return likes(0); }
+
+  void move_positions() {
+    for (umbel_vec3& p : positions_)
+      if (bytes_.ConsumeIntegral<uint8_t>() % 2) p = point();
+    mesh.positions = positions_.data();
+  }
+  /// Overwrites a few words of a tree.
+  void spoil(std::vector<umbel_bvh2_node>& nodes, std::vector<uint32_t>& primitives) {
+    for (uint32_t i = bytes_.ConsumeIntegralInRange<uint32_t>(0, 3); i-- > 0;) {
+      const auto value =
+          bytes_.ConsumeIntegral<uint32_t>() >> bytes_.ConsumeIntegral<uint8_t>() % 32;
+      const auto at = bytes_.ConsumeIntegral<uint16_t>();
+      if (nodes.empty() || primitives.empty()) return;
+      umbel_bvh2_node& node = nodes[at % nodes.size()];
+      switch (bytes_.ConsumeIntegral<uint8_t>() % 4) {
+        case 0:
+          node.first = value;
+          break;
+        case 1:
+          node.count = value;
+          break;
+        case 2:
+          primitives[at % primitives.size()] = value;
+          break;
+        default:
+          node.min = point();
+      }
+    }
+  }
+
+  umbel_bvh_config config;
+  umbel_bvh_mesh mesh;
+  umbel_build_options options;
+  umbel_ray_options ray_options;
+  std::vector<umbel_ray> rays;
+  std::vector<umbel_vec3> points;
+
+ private:
+  void read_config() {
+    config.builder = bytes_.ConsumeIntegral<uint8_t>() % 12;
+    config.width =
+        likes(1) ? 2u << bytes_.ConsumeIntegral<uint8_t>() % 3 : bytes_.ConsumeIntegral<uint8_t>();
+    config.compact = bytes_.ConsumeIntegral<uint8_t>() % 2;
+    config.drop_invalid = bytes_.ConsumeIntegral<uint8_t>() % 2;
+    config.simd = bytes_.ConsumeIntegral<uint8_t>() % 4;
+    uint32_t* const counts[] = {
+        &config.max_leaf_size,   &config.max_depth,         &config.bins,
+        &config.morton_bits,     &config.hlbvh_bits,        &config.ploc_radius,
+        &config.treelet_size,    &config.treelet_rounds,    &config.reinsertion_rounds,
+        &config.kmeans_clusters, &config.kmeans_candidates, &config.kmeans_iterations,
+        &config.aac_leaf_size};
+    float* const numbers[] = {&config.traversal_cost, &config.intersection_cost,
+                              &config.spatial_budget, &config.spatial_overlap, &config.aac_epsilon};
+    for (uint32_t i = bytes_.ConsumeIntegralInRange<uint32_t>(0, 5); i-- > 0;)
+      *counts[bytes_.ConsumeIntegral<uint8_t>() % std::size(counts)] =
+          bytes_.ConsumeIntegral<uint8_t>();
+    if (likes(2))
+      *numbers[bytes_.ConsumeIntegral<uint8_t>() % std::size(numbers)] =
+          bytes_.ConsumeIntegral<uint8_t>() % 2 ? bytes_.ConsumeProbability<float>() : number();
+  }
+
+  void read_mesh() {
+    umbel_bvh_mesh_init(&mesh);
+    const auto vertices = bytes_.ConsumeIntegralInRange<uint32_t>(0, 60);
+    for (uint32_t i = 0; i < vertices; ++i) positions_.push_back(point());
+    const auto count = vertices == 0 ? 0 : bytes_.ConsumeIntegralInRange<uint32_t>(0, 80);
+    for (uint32_t i = 0; i < 3 * count; ++i)
+      triangles_.push_back(bytes_.ConsumeIntegral<uint8_t>() % vertices);
+    if (likes(7) && !triangles_.empty())
+      triangles_[bytes_.ConsumeIntegral<uint8_t>() % triangles_.size()] =
+          bytes_.ConsumeIntegral<uint32_t>();
+    mesh.positions = positions_.data();
+    mesh.position_count = positions_.size();
+    mesh.triangles = triangles_.data();
+    mesh.triangle_count = count;
+    if (!likes(3)) return;
+    for (uint32_t i = 0; i < count; ++i) masks_.push_back(bytes_.ConsumeIntegral<uint8_t>());
+    mesh.masks = masks_.data();
+  }
+
+  umbel_vec3 point() { return {number(), number(), number()}; }
+
+  /// On a coarse grid, where corners coincide and triangles lie in planes and on lines; seldom, if
+  /// not tame, anything at all.
+  float number() {
+    const auto kind = bytes_.ConsumeIntegral<uint8_t>();
+    if (is_tame() || kind < 240) return float(kind % 16) / 8 - 1;
+    const auto bits = bytes_.ConsumeIntegral<uint32_t>();
+    float value;
+    std::memcpy(&value, &bits, sizeof value);
+    return value;
+  }
+
+  FuzzedDataProvider bytes_;
+  uint8_t mood_;
+  std::vector<umbel_vec3> positions_;
+  std::vector<uint32_t> triangles_, masks_;
+};
+
+std::vector<umbel_hit> nearest_hits(const Case& c, const umbel_bvh* bvh) {
+  std::vector<umbel_hit> hits(c.rays.size());
+  expect(went_well(
+             umbel_bvh_intersect(bvh, c.rays.data(), c.rays.size(), &c.ray_options, hits.data())),
+         "rays are refused");
+  return hits;
+}
+
+bool are_equal(const umbel_hit& a, const umbel_hit& b) {
+  return a.t == b.t && a.primitive == b.primitive && a.u == b.u && a.v == b.v;
+}
+
+void ask(const Case& c, const umbel_bvh* bvh) {
+  const size_t n = c.rays.size();
+  const std::vector<umbel_hit> hits = nearest_hits(c, bvh);
+  std::vector<uint8_t> flags(n);
+  expect(umbel_bvh_occluded(bvh, c.rays.data(), n, &c.ray_options, flags.data()) == UMBEL_OK,
+         "rays are refused");
+  constexpr size_t kRoom = 3;
+  std::vector<umbel_hit> all(kRoom * n);
+  std::vector<uint32_t> counts(n);
+  expect(umbel_bvh_all_hits(bvh, c.rays.data(), n, &c.ray_options, kRoom, all.data(),
+                            counts.data()) == UMBEL_OK,
+         "rays are refused");
+  for (size_t i = 0; i < n; ++i) {
+    const bool is_hit = hits[i].primitive != UMBEL_NONE;
+    expect(!is_hit || hits[i].primitive < c.triangle_count(), "a hit of no triangle");
+    expect(is_hit == (flags[i] != 0), "closest and any hit disagree");
+    expect(is_hit == (counts[i] > 0), "closest and all hits disagree");
+    expect(!is_hit || are_equal(hits[i], all[kRoom * i]), "the first of all hits is another");
+  }
+  std::vector<umbel_closest_point> closest(n);
+  std::vector<float> distances(n);
+  expect(umbel_bvh_closest_point(bvh, c.points.data(), n, std::numeric_limits<float>::infinity(), 1,
+                                 closest.data()) == UMBEL_OK &&
+             umbel_bvh_contains(bvh, c.points.data(), n, 1, flags.data()) == UMBEL_OK &&
+             umbel_bvh_signed_distance(bvh, c.points.data(), n, 1, distances.data()) == UMBEL_OK,
+         "points are refused");
+  for (size_t i = 0; i + 1 < n; ++i) {
+    const umbel_aabb box{c.points[i], c.points[i + 1]};
+    size_t count = 0;
+    if (!went_well(umbel_bvh_overlaps_box(bvh, &box, nullptr, 0, &count))) continue;
+    std::vector<uint32_t> found(count);
+    expect(umbel_bvh_overlaps_box(bvh, &box, found.data(), count, &count) == UMBEL_OK,
+           "a box is refused the second time");
+    for (const uint32_t triangle : found)
+      expect(triangle < c.triangle_count(), "an overlap of no triangle");
+  }
+  umbel_bvh_statistics statistics;
+  umbel_bvh_statistics_init(&statistics);
+  expect(umbel_bvh_get_statistics(bvh, &statistics) == UMBEL_OK, "no statistics");
+}
+
+void compare(const Case& c, const umbel_bvh* bvh, const umbel_bvh* other) {
+  const std::vector<umbel_hit> one = nearest_hits(c, bvh), two = nearest_hits(c, other);
+  for (size_t i = 0; i < one.size(); ++i)
+    expect(are_equal(one[i], two[i]), "two trees give different hits");
+}
+
+/// A tree of the caller, spoilt or not.
+void widen(Case& c) {
+  umbel_bvh2_capacity capacity;
+  umbel_bvh2_capacity_init(&capacity);
+  if (!went_well(umbel_bvh2_requirements(c.mesh.triangle_count, &c.config, &capacity))) return;
+  std::vector<umbel_bvh2_node> nodes(capacity.nodes);
+  std::vector<uint32_t> primitives(capacity.primitives);
+  umbel_bvh2 tree;
+  umbel_bvh2_init(&tree);
+  tree.nodes = nodes.data();
+  tree.node_capacity = nodes.size();
+  tree.primitives = primitives.data();
+  tree.primitive_capacity = primitives.size();
+  if (!went_well(umbel_bvh2_build_triangles(&c.mesh, &c.config, &c.options, &tree))) return;
+  nodes.resize(tree.node_count);
+  primitives.resize(tree.primitive_count);
+  c.spoil(nodes, primitives);
+  umbel_bvh* bvh = nullptr;
+  if (went_well(umbel_bvh_from_bvh2(&tree, &c.mesh, &c.config, &c.options, &bvh))) ask(c, bvh);
+  umbel_bvh_free(bvh);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  Case c(data, size);
+  const Bvh bvh = c.build(&c.config);
+  if (bvh) {
+    ask(c, bvh.get());
+    umbel_bvh_config usual;
+    umbel_bvh_config_init(&usual);
+    usual.drop_invalid = c.config.drop_invalid;
+    const Bvh other = c.build(&usual);
+    expect(other != nullptr, "one tree can be built and another not");
+    if (c.is_tame()) compare(c, bvh.get(), other.get());
+  }
+  widen(c);
+  if (bvh) {
+    c.move_positions();
+    went_well(umbel_bvh_refit(bvh.get(), &c.mesh, &c.options, nullptr));
+    ask(c, bvh.get());
+  }
+  return 0;
+}
