@@ -36,15 +36,15 @@ message(STATUS "CUDA ${CUDAToolkit_VERSION}: ${CMAKE_CUDA_COMPILER}, for ${CMAKE
 function(umbel_cuda_compile_options target)
   set_target_properties(
     ${target}
-    PROPERTIES CUDA_STANDARD 20
-               CUDA_STANDARD_REQUIRED ON
-               CXX_STANDARD 20
+    PROPERTIES CXX_STANDARD 20
                CXX_EXTENSIONS OFF
                POSITION_INDEPENDENT_CODE ON
                CUDA_RUNTIME_LIBRARY Static)
   target_compile_options(
     ${target}
     PRIVATE
+      # CMake before 3.26 knows no CUDA_STANDARD 20.
+      $<$<COMPILE_LANGUAGE:CUDA>:-std=c++20>
       $<$<COMPILE_LANGUAGE:CUDA>:--extended-lambda --expt-relaxed-constexpr --fmad=false>
       $<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-Wall,-Wextra,-ffp-contract=off>
       $<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;${umbel_float_options}>
