@@ -15,6 +15,7 @@ namespace {
 
 constexpr uint32_t kMaxAxisBits = 12;
 constexpr size_t kChunk = 1 << 13;
+constexpr size_t kBatch = 64;  ///< items whose cells are fetched at the same time
 
 struct Bounds {
   BoxRecord boxes = BoxRecord::empty(), centers = BoxRecord::empty();
@@ -93,45 +94,51 @@ class Grid {
   Float4 origin_{}, scale_{}, last_{};
 };
 
-// What one thread has seen.
-struct Tally {
-  std::vector<uint32_t> number;  ///< of each code's cell, 0: none yet
-  std::vector<Cell> cells{1};
-  std::vector<uint32_t> codes{0};
+using Place = std::array<uint16_t, 3>;
 
-  Cell& at(uint32_t code) {
+// The boxes of the cells that one thread has seen, numbered in the order in which they came.
+class Tally {
+ public:
+  explicit Tally(uint32_t bits) : number(size_t(1) << bits, kNone) {}
+
+  void prefetch(uint32_t code) const { __builtin_prefetch(&number[code]); }
+  // The number of a code's cell, which may be a new one.
+  uint32_t find(uint32_t code, Int4 place) {
     uint32_t& n = number[code];
-    if (n == 0) {
-      n = static_cast<uint32_t>(cells.size());
-      cells.emplace_back();
+    if (n == kNone) {
+      n = static_cast<uint32_t>(boxes.size());
+      boxes.push_back(BoxRecord::empty());
       codes.push_back(code);
+      places.push_back({uint16_t(place[0]), uint16_t(place[1]), uint16_t(place[2])});
     }
-    return cells[n];
+    __builtin_prefetch(&boxes[n]);
+    return n;
   }
+
+  std::vector<uint32_t> number;  ///< of each code's cell
+  std::vector<BoxRecord> boxes;
+  std::vector<uint32_t> codes;
+  std::vector<Place> places;
 };
 
 // Numbers the cells by code, and leaves their numbers in the first tally.
-void merge(std::vector<Tally*>& tallies, std::vector<Cell>& cells) {
+std::vector<Cell> merge(std::vector<Tally*>& tallies) {
   Tally& all = *tallies[0];
-  for (size_t t = 1; t < tallies.size(); ++t)
-    for (size_t c = 1; c < tallies[t]->cells.size(); ++c) {
-      const Cell& from = tallies[t]->cells[c];
-      Cell& to = all.at(tallies[t]->codes[c]);
-      to.box.extend(from.box);
-      to.count += from.count;
-      to.place = from.place;
+  for (size_t t = 1; t < tallies.size(); ++t) {
+    const Tally& other = *tallies[t];
+    for (size_t c = 0; c < other.boxes.size(); ++c) {
+      const Place& p = other.places[c];
+      all.boxes[all.find(other.codes[c], Int4{p[0], p[1], p[2], 0})].extend(other.boxes[c]);
     }
-  cells.reserve(all.cells.size());
+  }
+  std::vector<Cell> cells;
+  cells.reserve(all.boxes.size());
   for (uint32_t& n : all.number) {
-    if (n == 0) continue;
-    cells.push_back(all.cells[n]);
+    if (n == kNone) continue;
+    cells.push_back({all.boxes[n], 0, 0, all.places[n]});
     n = static_cast<uint32_t>(cells.size() - 1);
   }
-  uint32_t begin = 0;
-  for (Cell& cell : cells) {
-    cell.begin = begin;
-    begin += cell.count;
-  }
+  return cells;
 }
 
 // Brings the items of each cell together, in the order in which they came.
@@ -144,9 +151,11 @@ void sort_by_cell(const uint32_t* items, const std::vector<uint32_t>& number_of_
     own.assign(set.cells.size(), 0);
     for (size_t i = begin; i < end; ++i) ++own[number_of_code[codes[i]]];
   });
+  uint32_t at = 0;
   for (size_t c = 0; c < set.cells.size(); ++c) {
-    uint32_t at = set.cells[c].begin;
+    set.cells[c].begin = at;
     for (auto& own : next) at += std::exchange(own[c], at);
+    set.cells[c].count = at - set.cells[c].begin;
   }
   set.order.resize(count);
   parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
@@ -168,26 +177,27 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 2, 6, 21);
   const Grid grid(centers, bits);
   std::vector<uint32_t> codes(count);
-  tbb::enumerable_thread_specific<Tally> tallies([&] {
-    Tally tally;
-    tally.number.assign(size_t(1) << bits, 0);
-    return tally;
-  });
+  tbb::enumerable_thread_specific<Tally> tallies([&] { return Tally(bits); });
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     Tally& tally = tallies.local();
-    for (size_t i = begin; i < end; ++i) {
-      const BoxRecord record = record_of(source, items[i], set.scale);
-      const Float4 center = center_of(source, record, items[i], set.centroid_scale);
-      const Int4 place = grid.place(center);
-      Cell& cell = tally.at(codes[i] = grid.code(place));
-      if (cell.count++ == 0)
-        cell.place = {uint16_t(place[0]), uint16_t(place[1]), uint16_t(place[2])};
-      cell.box.extend(record);
+    std::array<BoxRecord, kBatch> records;
+    std::array<Int4, kBatch> places;
+    std::array<uint32_t, kBatch> cells;
+    for (size_t first = begin; first < end; first += kBatch) {
+      const size_t n = std::min(kBatch, end - first);
+      for (size_t i = 0; i < n; ++i) {
+        const uint32_t item = items[first + i];
+        records[i] = record_of(source, item, set.scale);
+        places[i] = grid.place(center_of(source, records[i], item, set.centroid_scale));
+        tally.prefetch(codes[first + i] = grid.code(places[i]));
+      }
+      for (size_t i = 0; i < n; ++i) cells[i] = tally.find(codes[first + i], places[i]);
+      for (size_t i = 0; i < n; ++i) tally.boxes[cells[i]].extend(records[i]);
     }
   });
   std::vector<Tally*> list;
   for (Tally& tally : tallies) list.push_back(&tally);
-  merge(list, set.cells);
+  set.cells = merge(list);
   if (bounds) {
     BoxRecord own = BoxRecord::empty(), given = *bounds;
     for (const Cell& cell : set.cells) own.extend(cell.box);
