@@ -8,7 +8,7 @@
 namespace umbel::cluster {
 namespace {
 
-constexpr size_t kFewMicros = 32, kManyMicros = 64;  ///< that are worth more bins
+constexpr size_t kFewMicros = 128, kManyMicros = 256;  ///< that are worth more bins
 constexpr float kJump = 0.25f;  ///< by which areas grow as soon as a bin is entered
 
 BinPlaces places_for(SmallBox centers, uint32_t bins) {
