@@ -61,6 +61,9 @@ struct Source {
     __builtin_prefetch(positions ? static_cast<const void*>(vertices + size_t(item) * 3)
                                  : &boxes[item]);
   }
+  void prefetch_vertices(uint32_t item) const {
+    __builtin_prefetch(vertices + size_t(item) * arity);
+  }
   /// The same for what the item refers to, to be called some items before its box is needed.
   void prefetch_box(uint32_t item) const {
     if (!positions) return;

@@ -121,22 +121,38 @@ void Block::expect_vertices() {
   const uint32_t arity = source_->arity, limit = rules_.config.max_vertices;
   const uint32_t length = std::min(most_items_, count_);
   if (uint64_t(length) * arity <= limit) return;
-  uint64_t vertices = 0;
-  for (uint32_t s = 0; s < kSamples; ++s) {
-    const uint32_t begin = uint32_t(uint64_t(count_ - length) * s / (kSamples - 1));
-    if (shared_.active()) {
-      shared_.clear();
-      for (uint32_t i = begin; i < begin + length; ++i) vertices += shared_.insert(i);
-      continue;
+  const auto mean_of_samples = [&](const auto& count_vertices) {
+    uint64_t vertices = 0;
+    for (uint32_t s = 0; s < kSamples; ++s) {
+      const uint32_t begin = uint32_t(uint64_t(count_ - length) * s / (kSamples - 1));
+      vertices += count_vertices(begin, begin + length);
     }
-    table_.clear(size_t(length) * arity);
-    for (uint32_t i = begin; i < begin + length; ++i)
-      for (uint32_t k = 0; k < arity; ++k)
-        table_.insert(source_->vertices[size_t(boxes_[i].tag()) * arity + k]);
-    vertices += table_.count();
-  }
-  const double mean = double(vertices) / kSamples;
-  if (mean <= 1.35 * limit) return;
+    return double(vertices) / kSamples;
+  };
+  const auto vertices_of = [&](uint32_t i) {
+    return source_->vertices + size_t(boxes_[i].tag()) * arity;
+  };
+  const auto count_quickly = [&](uint32_t begin, uint32_t end) {
+    quick_count_.clear();
+    for (uint32_t i = begin; i < end; ++i) quick_count_.insert(vertices_of(i), arity);
+    return quick_count_.count();
+  };
+  const auto count_by_bits = [&](uint32_t begin, uint32_t end) {
+    shared_.clear();
+    for (uint32_t i = begin; i < end; ++i) shared_.insert(i);
+    return shared_.count();
+  };
+  const auto count_exactly = [&](uint32_t begin, uint32_t end) {
+    table_.clear(size_t(end - begin) * arity);
+    for (uint32_t i = begin; i < end; ++i)
+      for (uint32_t k = 0; k < arity; ++k) table_.insert(vertices_of(i)[k]);
+    return table_.count();
+  };
+  const double many = 1.35 * limit;
+  if (!shared_.active() && mean_of_samples(count_quickly) <= many) return;
+  const double mean =
+      shared_.active() ? mean_of_samples(count_by_bits) : mean_of_samples(count_exactly);
+  if (mean <= many) return;
   // Shapes differ, and those with a longer border need more vertices.
   constexpr double kMargin = 0.9;
   ClusterConfig config = rules_.config;
@@ -153,11 +169,12 @@ uint32_t Block::count_vertices(uint32_t begin, uint32_t end, int axis) {
     return shared_.count();
   }
   const uint32_t arity = source_->arity;
+  const uint32_t* order = orders_[axis].data();
+  for (uint32_t i = begin; i < end; ++i) source_->prefetch_vertices(boxes_[order[i]].tag());
   quick_count_.clear();
   for (uint32_t i = begin; i < end; ++i) {
-    const uint32_t item = boxes_[orders_[axis][i]].tag();
-    const uint32_t* vertices = source_->vertices + size_t(item) * arity;
-    for (uint32_t k = 0; k < arity; ++k) quick_count_.insert(vertices[k]);
+    const uint32_t item = boxes_[order[i]].tag();
+    quick_count_.insert(source_->vertices + size_t(item) * arity, arity);
   }
   if (quick_count_.count() <= rules_.config.max_vertices) return quick_count_.count();
   table_.clear(size_t(end - begin) * arity);

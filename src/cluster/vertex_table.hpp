@@ -20,10 +20,16 @@ class QuickVertexCount {
     stamp_ += uint64_t(1) << 32;
     count_ = 0;
   }
-  void insert(uint32_t vertex) {
-    uint64_t& slot = slots_[vertex * 0x9e3779b1u >> (32 - kBits)];
-    count_ += slot != (stamp_ | vertex);
-    slot = stamp_ | vertex;
+  void insert(const uint32_t* vertices, uint32_t count) {
+    uint64_t* const slots = slots_.data();
+    const uint64_t stamp = stamp_;
+    uint32_t fresh = 0;
+    for (uint32_t k = 0; k < count; ++k) {
+      uint64_t& slot = slots[vertices[k] * 0x9e3779b1u >> (32 - kBits)];
+      fresh += slot != (stamp | vertices[k]);
+      slot = stamp | vertices[k];
+    }
+    count_ += fresh;
   }
   uint32_t count() const { return count_; }
 
