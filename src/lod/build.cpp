@@ -272,7 +272,9 @@ class Builder {
   // one step say; if the distance to the source is known, it alone counts.
   float error_of(std::span<const uint32_t> members, const GroupResult& result) const {
     const Simplified& simplified = result.simplified;
-    float least = 0, sum = std::max(simplified.error, simplified.vanished);
+    // What attributes lose does not add up from level to level.
+    const float lost = std::max(simplified.attribute_error, simplified.vanished);
+    float least = 0, sum = std::max(simplified.error, lost);
     for (uint32_t c : members) {
       const uint32_t generator = pending_.generating_group[c];
       if (generator == kNone) continue;
@@ -281,13 +283,14 @@ class Builder {
       sum = std::max(sum, static_cast<float>(below + simplified.error));
     }
     if (!result.measured.valid) return sum;
-    return std::max({least, simplified.vanished, result.measured.bound});
+    return std::max({least, lost, result.measured.bound});
   }
 
   void compare(const GroupResult& result, std::span<const uint32_t> members) {
     if (!result.measured.valid || !(result.measured.distance > 0)) return;
     GroupResult unmeasured;
     unmeasured.simplified.error = result.simplified.error;
+    unmeasured.simplified.attribute_error = result.simplified.attribute_error;
     unmeasured.simplified.vanished = result.simplified.vanished;
     const double ratio = error_of(members, unmeasured) / double{result.measured.distance};
     ++report().measured_groups;

@@ -17,6 +17,7 @@ constexpr double kLeastCosine = 0.25;
 }  // namespace
 
 float EdgeCollapser::error() const { return std::sqrt(worst_); }
+float EdgeCollapser::attribute_error() const { return std::sqrt(worst_attributes_); }
 
 void EdgeCollapser::run(const CollapseInput& input, size_t target) {
   load(input);
@@ -43,7 +44,7 @@ void EdgeCollapser::load(const CollapseInput& input) {
   input_ = input;
   has_wedges_ = input.locked.size() != input.position_of.size();
   attribute_count_ = static_cast<uint32_t>(input.attribute_weights.size());
-  worst_ = 0.0f;
+  worst_ = worst_attributes_ = 0.0f;
   chords_.clear();
   triangles_.assign(input.triangles.begin(), input.triangles.end());
   live_ = triangles_.size();

@@ -51,6 +51,8 @@ class EdgeCollapser {
   /// The largest root of mean squared distance of one collapse from the planes it stands for, in
   /// the units of the positions.
   float error() const;
+  /// The same of the attributes, as a length.
+  float attribute_error() const;
   /// Moves `values`, the attributes of a vertex that is left, to those that fit best to all that it
   /// stands for. False where that is not known to be better: it stands for itself alone, or
   /// others stand at its position, or the border of the piece does.
@@ -138,7 +140,7 @@ class EdgeCollapser {
   uint32_t attribute_count_ = 0;
   float extent_ = 0.0f;  // of the piece
   size_t live_ = 0;      // triangles
-  float worst_ = 0.0f;   // squared distance
+  float worst_ = 0.0f, worst_attributes_ = 0.0f;  // squared distances
 
   std::vector<Point> points_;        // of positions
   std::vector<Triangle> triangles_;  // of vertices

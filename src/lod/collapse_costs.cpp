@@ -218,18 +218,21 @@ void EdgeCollapser::merge_quadrics(uint32_t p, uint32_t target) {
   const Vec3 d = point(target) - point(p);
   const bool merges = kinds_[target] != Kind::kFixed;
   const float value = std::max(value_at(quadrics_[p], d), 0.0f);
-  float cost = value;
+  float attributes = 0.0f;
   if (attribute_count_ > 0) {
     if (!has_wedges_) wedge_map_.assign({{p, target}});
     for (const auto& [from, to] : wedge_map_) {
-      cost += clamped_attribute_cost(from, to, d);
+      attributes += clamped_attribute_cost(from, to, d);
       if (merges) merge_attributes(from, to, d);
     }
   }
   // A point of the surface moves no farther than the vertices of its triangle.
   const float drift = drifts_[p] + length(d), weight = quadrics_[p].weight;
   drifts_[target] = std::max(drifts_[target], drift);
-  if (weight > 0.0f) worst_ = std::max(worst_, std::min(cost / weight, drift * drift));
+  if (weight > 0.0f) {
+    worst_ = std::max(worst_, std::min(value / weight, drift * drift));
+    worst_attributes_ = std::max(worst_attributes_, std::min(attributes / weight, drift * drift));
+  }
   if (!merges) return;
   add_moved(quadrics_[target], quadrics_[p], d, value);
   settle_scale(target);

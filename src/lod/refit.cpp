@@ -59,10 +59,7 @@ void GroupSimplifier::add_refitted(const Candidate& candidate, Simplified& resul
       refit_normal(mesh, value);
       value += 3;
     }
-    if (!mesh.uvs.empty()) {
-      mesh.uvs.back() = {value[0], value[1]};
-      value += 2;
-    }
+    if (!mesh.uvs.empty()) value += 2;  // charts must not shift under their seams
     if (!mesh.colors.empty()) {
       const auto unit = [](float x) { return std::clamp(x, 0.0f, 1.0f); };
       mesh.colors.back() = {unit(value[0]), unit(value[1]), unit(value[2]), unit(value[3])};

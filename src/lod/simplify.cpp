@@ -101,6 +101,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.done = true;
   if (best.rung != Rung::kRegular) result.vanished = settle_vanished(good, best.triangles);
   result.error = best.error;
+  result.attribute_error = best.attribute_error;
   result.rung = best.rung;
   result.chords = to_ids(best.chords);
   result.added = std::move(best.added);
@@ -238,6 +239,7 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   Candidate result;
   result.triangles = collapser_.triangles();
   result.error = collapser_.error() / source_.scale;
+  result.attribute_error = collapser_.attribute_error() / source_.scale;
   result.chords = collapser_.chords();
   result.valid = true;
   if (config_.refit_attributes && !attribute_weights_.empty()) refit_attributes(result);
@@ -257,6 +259,7 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_loosely(size_t target, bool
   result.rung = Rung::kPermissive;
   result.triangles = collapser_.triangles();
   result.error = collapser_.error() / source_.scale;
+  result.attribute_error = collapser_.attribute_error() / source_.scale;
   if (!mixes_materials(result.triangles) && faults(result.triangles).empty()) accept(result);
   return result;
 }

@@ -24,8 +24,9 @@ struct Simplified {
   /// Indices into the source's vertices, or kAddedVertex and more.
   std::vector<Triangle> triangles;
   AddedVertices added;
-  float error = 0;     ///< how far this step moved the surface, in object space
-  float vanished = 0;  ///< half the diagonal of the largest component that it removed whole
+  float error = 0;            ///< how far this step moved the surface, in object space
+  float attribute_error = 0;  ///< how much worse it made attributes, as a length
+  float vanished = 0;         ///< half the diagonal of the largest component that it removed whole
   Rung rung = Rung::kRegular;
   std::vector<PositionPair> fixed_edges;  ///< of the group itself, see topology.hpp; always set
   std::vector<PositionPair> chords;       ///< new edges between two locked vertices
@@ -49,7 +50,7 @@ class GroupSimplifier {
  private:
   struct Candidate {
     std::vector<Triangle> triangles;  // local vertices
-    float error = 0;
+    float error = 0, attribute_error = 0;
     Rung rung = Rung::kRegular;
     std::vector<PositionPair> chords;  // local positions
     bool valid = false;
