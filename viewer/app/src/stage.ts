@@ -10,6 +10,7 @@ import {
   type Material,
   Matrix4,
   MeshBasicMaterial,
+  type MeshStandardMaterial,
   MOUSE,
   NormalBlending,
   PerspectiveCamera,
@@ -29,6 +30,7 @@ import type { CameraPose, State } from "./state";
 const FIELD_OF_VIEW = 40;
 const MAX_PIXEL_RATIO = 2;
 const BOX_OPACITY = 0.05;
+const MOST_METAL = 0.4;
 
 export interface FrameCounts {
   triangles: number;
@@ -61,6 +63,7 @@ export class Stage {
   private readonly sky = new HemisphereLight(0xf0f4ff, 0x5a5148, 1.15);
   private readonly lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
   private boxes: InstancedMesh | undefined;
+  private home: Vector3 | undefined;
   private isAsked = false;
   private lastFrame = 0;
   private wasMoving = false;
@@ -128,8 +131,8 @@ export class Stage {
       mesh.setTint(tintOf(look, mesh, this.picked));
       mesh.setLines(wireframe ? this.lineMaterial : undefined);
       mesh.isFrozen = frozen;
-      mesh.onMaterial = (material) => setOffset(material, wireframe);
-      for (const material of mesh.materials.all) setOffset(material, wireframe);
+      mesh.onMaterial = (material) => this.prepare(material);
+      for (const material of mesh.materials.all) this.prepare(material);
     }
     this.meshes.forEach((mesh, side) => {
       if (mesh && (side === 0 || this.rightFollows)) mesh.pixelError = pixelError;
@@ -138,19 +141,38 @@ export class Stage {
     this.ask();
   }
 
+  private prepare(material: Material): void {
+    const { wireframe } = this.state;
+    // Moves faces back a little, so that lines on them are seen.
+    material.polygonOffset = wireframe;
+    material.polygonOffsetFactor = 1;
+    material.polygonOffsetUnits = 1;
+    // Metals mirror what is around them, and here is nothing: with lamps alone they would be black.
+    const standard = material as MeshStandardMaterial;
+    if (standard.metalness > MOST_METAL) standard.metalness = MOST_METAL;
+  }
+
   /** Turns the camera to the whole of the asset. */
   frameAll(): void {
     const mesh = this.meshes[0];
     if (!mesh) return;
     const { center, radius } = sphereOf(mesh);
     const size = radius > 0 ? radius : 1;
-    const half = Math.min(this.camera.aspect, 1) * Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
+    const [width, height] = this.renderer.getSize(new Vector2()).toArray();
+    const parts = this.state.layout === "side" ? 2 : 1;
+    const half = Math.min(width / parts / height, 1) * Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
     const distance = (0.82 * size) / Math.sin(Math.atan(half));
     const direction = new Vector3(0.45, 0.22, 1).normalize();
     this.setPose({
       position: center.clone().addScaledVector(direction, distance).toArray(),
       target: center.toArray(),
     });
+    this.home = this.camera.position.clone();
+  }
+
+  /** Whether the camera is where `frameAll` put it. */
+  get isHome(): boolean {
+    return this.home !== undefined && this.camera.position.distanceTo(this.home) === 0;
   }
 
   get pose(): CameraPose {
@@ -356,11 +378,4 @@ export class Stage {
       copy.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))), "image/png");
     });
   }
-}
-
-/** Moves faces back a little, so that lines on them are seen. */
-function setOffset(material: Material, isBehindLines: boolean): void {
-  material.polygonOffset = isBehindLines;
-  material.polygonOffsetFactor = 1;
-  material.polygonOffsetUnits = 1;
 }

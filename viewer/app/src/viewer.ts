@@ -201,8 +201,10 @@ export class Viewer {
   }
 
   private async setLayout(layout: Layout): Promise<void> {
-    this.state.layout = layout;
     const { stage } = this;
+    const wasHome = stage.isHome;
+    this.state.layout = layout;
+    if (wasHome) stage.frameAll();
     if (layout === "single") stage.setMesh(1, undefined);
     else if (!stage.meshes[1] && this.source) {
       try {

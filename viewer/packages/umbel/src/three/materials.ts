@@ -128,13 +128,15 @@ export class Materials {
   ): Material {
     const pbr = gltf.pbrMetallicRoughness ?? {};
     const [r = 1, g = 1, b = 1, a = 1] = pbr.baseColorFactor ?? [];
+    // What is said to be blended but lets nothing through is drawn as what is solid.
+    const isBlended = gltf.alphaMode === "BLEND" && (a < 1 || pbr.baseColorTexture !== undefined);
     const shared = {
       name: gltf.name ?? "",
       color: new Color(r, g, b),
       side: gltf.doubleSided ? DoubleSide : FrontSide,
-      transparent: gltf.alphaMode === "BLEND",
-      depthWrite: gltf.alphaMode !== "BLEND",
-      opacity: gltf.alphaMode === "BLEND" ? a : 1,
+      transparent: isBlended,
+      depthWrite: !isBlended,
+      opacity: isBlended ? a : 1,
       alphaTest: gltf.alphaMode === "MASK" ? (gltf.alphaCutoff ?? 0.5) : 0,
     };
     if (gltf.extensions && "KHR_materials_unlit" in gltf.extensions) {

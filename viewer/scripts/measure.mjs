@@ -1,0 +1,131 @@
+// Measures the viewer in headless Chromium, with WebGL2 in software:
+//
+//     umbel build dragon.ply -o dragon.umbel --precision 16bits
+//     npm run measure -- dragon.umbel
+//
+// It prints one JSON object: milliseconds from the start of the page's loading until the first
+// triangles are drawn (the median of seven loads), bytes that came over the line until then, and
+// until what is drawn is within one pixel, beside those of the pages that hold it; milliseconds of
+// the page's thread for a new cut; and the heap before and after a thousand cuts.
+
+import { spawn } from "node:child_process";
+import { resolve } from "node:path";
+import { chromium } from "@playwright/test";
+
+const LOADS = 7;
+const CUTS = 1000;
+
+const [asset] = process.argv.slice(2);
+if (!asset) throw new Error("usage: npm run measure -- FILE.umbel");
+const server = spawn(process.env.UMBEL ?? "umbel", [
+  "view",
+  resolve(asset),
+  "--no-browser",
+  "--json",
+]);
+const url = await new Promise((found, failed) => {
+  server.stdout.once("data", (line) => found(JSON.parse(line).url));
+  server.once("error", failed);
+});
+const browser = await chromium.launch({
+  executablePath: process.env.UMBEL_CHROMIUM ?? "/usr/bin/chromium",
+  args: [
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--js-flags=--expose-gc",
+  ],
+});
+
+function median(numbers) {
+  return numbers.sort((a, b) => a - b)[Math.floor(numbers.length / 2)];
+}
+
+async function load() {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
+  const page = await context.newPage();
+  await page.addInitScript(() => {
+    const look = () => {
+      const mesh = globalThis.umbelViewer?.stage.meshes[0];
+      if (mesh?.drawn.triangles > 0) {
+        const { fetchedBytes } = mesh.statistics;
+        const page = performance
+          .getEntriesByType("resource")
+          .reduce(
+            (sum, { transferSize, name }) => sum + (/umbel$/.test(name) ? 0 : transferSize),
+            0,
+          );
+        globalThis.firstPicture = { time: performance.now(), fetchedBytes, pageBytes: page };
+      } else requestAnimationFrame(look);
+    };
+    requestAnimationFrame(look);
+  });
+  await page.goto(url);
+  await page.waitForFunction(() => {
+    const statistics = globalThis.umbelViewer?.stage.meshes[0]?.statistics;
+    return globalThis.firstPicture && statistics?.isSettled && statistics.triangles > 0;
+  });
+  return { page, context, first: await page.evaluate(() => globalThis.firstPicture) };
+}
+
+const times = [];
+let last;
+for (let i = 0; i < LOADS; ++i) {
+  await last?.context.close();
+  last = await load();
+  times.push(last.first.time);
+}
+const { page, first } = last;
+const settled = await page.evaluate(() => globalThis.umbelViewer.stage.meshes[0].statistics);
+const cuts = await page.evaluate(async (count) => {
+  const { stage } = globalThis.umbelViewer;
+  const [mesh] = stage.meshes;
+  const { position, target } = stage.pose;
+  const heap = () => {
+    gc();
+    return performance.memory.usedJSHeapSize;
+  };
+  const work = [];
+  const turn = async (i) => {
+    const angle = i / 7;
+    const d = position.map((x, axis) => x - target[axis]);
+    const zoom = 0.7 + 0.6 * ((i * 0.618) % 1);
+    stage.setPose({
+      position: [
+        target[0] + zoom * (d[0] * Math.cos(angle) - d[2] * Math.sin(angle)),
+        target[1] + zoom * d[1],
+        target[2] + zoom * (d[0] * Math.sin(angle) + d[2] * Math.cos(angle)),
+      ],
+      target,
+    });
+    const version = mesh.cutVersion;
+    mesh.update(stage.camera, stage.renderer);
+    for (let wait = 0; wait < 20 && mesh.cutVersion === version; ++wait) {
+      await new Promise((next) => setTimeout(next, 2));
+      mesh.update(stage.camera, stage.renderer);
+    }
+    work.push(mesh.updateTime);
+  };
+  for (let i = 0; i < 100; ++i) await turn(i);
+  const before = heap();
+  for (let i = 0; i < count; ++i) await turn(i);
+  return { before, after: heap(), work: work.sort((a, b) => a - b)[work.length >> 1] };
+}, CUTS);
+process.stdout.write(
+  `${JSON.stringify({
+    first_picture_ms: Math.round(median(times)),
+    first_picture_ms_all: times.map(Math.round),
+    first_picture_asset_bytes: first.fetchedBytes,
+    first_picture_page_bytes: first.pageBytes,
+    fetched_bytes: settled.fetchedBytes,
+    ideal_bytes: settled.wantedFileBytes,
+    ratio: settled.fetchedBytes / settled.wantedFileBytes,
+    select_ms_in_worker: settled.selectTime,
+    page_thread_ms_per_cut: cuts.work,
+    heap_bytes_before: cuts.before,
+    heap_bytes_after: cuts.after,
+  })}\n`,
+);
+await browser.close();
+server.kill();
