@@ -25,9 +25,9 @@
 #include "ply_reader.hpp"
 #include "umbel/cuda.hpp"
 
+namespace umbel {
 namespace {
 
-using namespace umbel;
 using cuda::check;
 
 template <typename T>
@@ -125,7 +125,7 @@ __global__ void box_clusters(const Aabb* boxes, const uint32_t* items, uint32_t 
   const uint32_t c = blockIdx.x * blockDim.x + threadIdx.x;
   if (c * 128 >= n) return;
   Aabb box;
-  for (uint32_t i = c * 128; i < min(c * 128 + 128, n); ++i) extend(box, boxes[items[i]]);
+  for (uint32_t i = c * 128; i < ::min(c * 128 + 128, n); ++i) extend(box, boxes[items[i]]);
   out[c] = box;
 }
 
@@ -339,9 +339,7 @@ void measure(const std::string& name, const Mesh& mesh, int runs, double bandwid
       cpu_morton, area_morton, cpu_hybrid, area_hybrid);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) try {
+void run_all(int argc, char** argv) {
   int runs = 50;
   uint32_t large = 0;
   std::vector<std::string> meshes;
@@ -371,6 +369,13 @@ int main(int argc, char** argv) try {
     const auto side = uint32_t(std::sqrt(double(large) * 5e5));
     measure("terrain", shapes::terrain(side, side, 1), runs, bandwidth, false, stream);
   }
+}
+
+}  // namespace
+}  // namespace umbel
+
+int main(int argc, char** argv) try {
+  umbel::run_all(argc, argv);
   return 0;
 } catch (const std::exception& error) {
   fprintf(stderr, "cuda_bench: %s\n", error.what());
