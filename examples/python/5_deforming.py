@@ -1,6 +1,6 @@
 """A mesh that twists, bends and shakes, and what becomes of its clusters: charts and pictures.
 
-    python examples/python/deforming.py MESH [FOLDER] [--frames 300]
+    python examples/python/5_deforming.py [MESH [FOLDER]] [--frames 300]
 
 Compares clusters that are kept as they were (with boxes that hold them through all frames),
 refitted, built anew in every frame, and built anew when a policy says so. Needs matplotlib.
@@ -155,18 +155,21 @@ def picture(path: Path, positions: np.ndarray, clusters: umbel.FrameClusters, sa
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("mesh")
+    parser.add_argument("mesh", nargs="?", help="without it a small generated mesh, quickly")
     parser.add_argument("folder", nargs="?", default=".")
-    parser.add_argument("--frames", type=int, default=300)
-    parser.add_argument("--samples", type=int, default=16, help="a pixel of the pictures")
+    parser.add_argument("--frames", type=int)
+    parser.add_argument("--samples", type=int, help="a pixel of the pictures; 0: none")
     options = parser.parse_args()
+    quick = options.mesh is None
+    frames = options.frames or (12 if quick else 300)
+    samples = (0 if quick else 16) if options.samples is None else options.samples
     folder = Path(options.folder)
     folder.mkdir(parents=True, exist_ok=True)
-    mesh = umbel.load(options.mesh)
+    mesh = umbel.shapes.blob(5) if quick else umbel.load(options.mesh)
     policy = umbel.RebuildPolicy(threshold=1.15)
     part = umbel.RebuildPolicy(threshold=1.15, budget=0.1)
-    rows, costs, rebuilds = run(mesh, options.frames, policy, part)
-    chart(folder / "deforming.png", rows, costs, rebuilds, options.frames)
+    rows, costs, rebuilds = run(mesh, frames, policy, part)
+    chart(folder / "deforming.png", rows, costs, rebuilds, frames)
     print(f"{'':18}{'overlap, mean':>14}{'worst':>8}{'ms a frame, mean':>18}{'median':>9}")
     for name, values in rows.items():
         print(
@@ -174,16 +177,16 @@ def main() -> None:
             f"{np.mean(costs[name]):18.1f}{np.median(costs[name]):9.1f}"
         )
     for name, at in rebuilds.items():
-        print(f"{name}: rebuilt in {len(at)} of {options.frames} frames")
-    if options.samples > 0:
+        print(f"{name}: rebuilt in {len(at)} of {frames} frames")
+    if samples > 0:
         rest, size = unit_scaled(mesh.positions)
         worst = deformed(rest, size, 0.5)
         still = umbel.Mesh(positions=rest, triangles=mesh.triangles)
         clusters = umbel.FrameClusters(still)
-        picture(folder / "deforming-rest.png", rest, clusters, options.samples)
-        picture(folder / "deforming-kept.png", worst, clusters, options.samples)
+        picture(folder / "deforming-rest.png", rest, clusters, samples)
+        picture(folder / "deforming-kept.png", worst, clusters, samples)
         clusters.build(worst)
-        picture(folder / "deforming-rebuilt.png", worst, clusters, options.samples)
+        picture(folder / "deforming-rebuilt.png", worst, clusters, samples)
 
 
 if __name__ == "__main__":
