@@ -232,8 +232,8 @@ def build_lod(
     ratio: triangles that each level keeps of the one before (0.1..0.9).
     attributes: "auto" keeps normals, tangents, UVs and colours and weighs them in the error by
         the weights; "none" drops them. Materials stay either way.
-    refit_attributes: vertices that stay take the normals, UVs and colours that fit best to all
-        that they stand for.
+    refit_attributes: vertices that stay take the normals and colours that fit best to all that
+        they stand for.
     measured_error: errors are distances to the source in both directions, measured by samples,
         instead of sums of what each step moved; takes about twice as long.
     max_levels, stop_triangles, max_error: stop after so many levels (0: no limit), as soon as no
