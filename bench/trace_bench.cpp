@@ -57,12 +57,13 @@ std::vector<Ray> camera_rays(const trace::Camera& camera, const Options& options
 }
 
 /// A diffuse bounce from each hit.
-std::vector<Ray> bounces(const Mesh& mesh, const std::vector<Ray>& rays, const TriangleBvh& bvh) {
+std::vector<Ray> bounces(const Mesh& mesh, const std::vector<Ray>& rays,
+                         const TriangleQueries& structure) {
   using trace::operator*, trace::operator-;
-  const float offset = 1e-5f * length(bvh.bounds().max - bvh.bounds().min);
+  const float offset = 1e-5f * length(structure.bounds().max - structure.bounds().min);
   std::vector<Ray> result;
   for (size_t i = 0; i < rays.size(); ++i) {
-    const Hit hit = bvh.intersect(rays[i]);
+    const Hit hit = structure.intersect(rays[i]);
     if (!hit.hit()) continue;
     const Triangle& t = mesh.triangles[hit.primitive];
     const Vec3 p = mesh.positions[t[0]];
@@ -79,10 +80,10 @@ std::vector<Ray> bounces(const Mesh& mesh, const std::vector<Ray>& rays, const T
   return result;
 }
 
-double rate_of(const TriangleBvh& bvh, const std::vector<Ray>& rays) {
+double rate_of(const TriangleQueries& structure, const std::vector<Ray>& rays) {
   std::vector<Hit> hits(rays.size());
   const double start = cpu_seconds();
-  bvh.intersect(rays, hits, {}, 1);
+  structure.intersect(rays, hits, {}, 1);
   return static_cast<double>(rays.size()) / (cpu_seconds() - start);
 }
 
@@ -91,7 +92,7 @@ void run_mesh(const std::string& path, const Options& options) {
   const trace::Scene scene = trace::Scene::build(mesh.view());
   const trace::Camera camera = trace::auto_camera(scene, options.size, options.size);
   const std::vector<Ray> primary = camera_rays(camera, options);
-  const std::vector<Ray> bounce = bounces(mesh, primary, scene.bvh());
+  const std::vector<Ray> bounce = bounces(mesh, primary, scene.structure());
   trace::Settings settings;
   settings.width = settings.height = options.size;
   settings.samples = options.samples;
@@ -101,8 +102,8 @@ void run_mesh(const std::string& path, const Options& options) {
     const double start = cpu_seconds();
     counts = trace::render(scene, camera, settings, {.progress = {}, .threads = 1}).statistics;
     seconds.push_back(cpu_seconds() - start);
-    primary_rates.push_back(rate_of(scene.bvh(), primary));
-    bounce_rates.push_back(rate_of(scene.bvh(), bounce));
+    primary_rates.push_back(rate_of(scene.structure(), primary));
+    bounce_rates.push_back(rate_of(scene.structure(), bounce));
   }
   const double time = median(seconds);
   const auto first = static_cast<double>(counts.primary), all = static_cast<double>(counts.rays());

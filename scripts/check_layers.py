@@ -28,6 +28,7 @@ HEADER_LAYERS = {
     "version.hpp": "base",
     "frame_clusters.hpp": "cluster",
     "triangle_bvh.hpp": "bvh",
+    "triangle_queries.hpp": "bvh",
     "bvh_presets.hpp": "bvh",
     "bvh_traverse.hpp": "bvh",
     "ray_arrays.hpp": "bvh",

@@ -1,10 +1,8 @@
 // SAH kd-trees: space itself is cut in two, again and again, and each leaf lists the triangles
-// that reach into it. `build` gives the bare tree; `KdTree` answers rays.
+// that reach into it. `build` gives the bare tree; `KdTree` answers queries.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -12,9 +10,7 @@
 
 #include "umbel/bvh.hpp"
 #include "umbel/mesh.hpp"
-#include "umbel/ray_arrays.hpp"
-#include "umbel/triangle_bvh.hpp"
-#include "umbel/types.hpp"
+#include "umbel/triangle_queries.hpp"
 
 namespace umbel::kdtree {
 
@@ -118,12 +114,12 @@ struct KdTreeConfig {
   Simd simd = Simd::kAuto;  ///< kUnsupported is thrown where the machine lacks what is asked for
 };
 
-/// A kd-tree that answers rays. It holds all that it needs: the mesh it was built from need not be
-/// kept. Queries mean what they mean for TriangleBvh, and give the same hits.
-class UMBEL_API KdTree {
+/// A kd-tree that answers rays, distances and overlaps. It holds all that it needs: the mesh it was
+/// built from need not be kept.
+class UMBEL_API KdTree : public TriangleQueries {
  public:
   KdTree();  ///< no triangles; every query misses
-  ~KdTree();
+  ~KdTree() override;
   KdTree(KdTree&&) noexcept;
   KdTree& operator=(KdTree&&) noexcept;
 
@@ -133,16 +129,6 @@ class UMBEL_API KdTree {
   /// Of a tree over the triangles of `mesh`, which is checked.
   static KdTree of(const Tree& tree, const MeshView& mesh, const KdTreeConfig& config = {},
                    std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
-
-  Hit intersect(const Ray& ray, const RayOptions& options = {}) const;
-  bool occluded(const Ray& ray, const RayOptions& options = {}) const;
-  size_t all_hits(const Ray& ray, std::span<Hit> hits, const RayOptions& options = {}) const;
-
-  // Batches, in parallel (threads: 0 means all cores). Both spans have the same length.
-  void intersect(std::span<const Ray> rays, std::span<Hit> hits, const RayOptions& options = {},
-                 uint32_t threads = 0) const;
-  void occluded(std::span<const Ray> rays, std::span<uint8_t> results,
-                const RayOptions& options = {}, uint32_t threads = 0) const;
 
   /// Other ways to go through the same tree. Ropes are made when they are first asked for.
   void set_traversal(Traversal traversal);
@@ -155,21 +141,12 @@ class UMBEL_API KdTree {
                      Simd simd = Simd::kAuto);
 
   Statistics statistics() const;
-  Aabb bounds() const;
-  uint32_t triangle_count() const;  ///< of the mesh, dropped ones included
 
  private:
   struct Data;
-  std::unique_ptr<Data> data_;
+  Data& data();
+  const Data& data() const;
 };
-
-// Rays whose parts lie in arrays of their own: see ray_arrays.hpp.
-UMBEL_API void intersect(const KdTree& tree, const RayArrays& rays, const HitArrays& hits,
-                         const RayOptions& options = {}, uint32_t threads = 0);
-UMBEL_API void occluded(const KdTree& tree, const RayArrays& rays, std::span<uint8_t> results,
-                        const RayOptions& options = {}, uint32_t threads = 0);
-UMBEL_API AllHits all_hits(const KdTree& tree, const RayArrays& rays, size_t max_hits = 0,
-                           const RayOptions& options = {}, uint32_t threads = 0);
 
 /// Throws kCorrupt with the first fault of a tree from whatever source: links out of range, nodes
 /// that are not reached once and depth-first, planes outside their cells, references to triangles

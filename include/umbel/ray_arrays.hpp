@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "umbel/triangle_bvh.hpp"
+#include "umbel/triangle_queries.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel {
@@ -33,12 +33,14 @@ struct HitArrays {
 };
 
 /// The nearest hit of each ray, in parallel (threads: 0 means all cores).
-UMBEL_API void intersect(const TriangleBvh& bvh, const RayArrays& rays, const HitArrays& hits,
-                         const RayOptions& options = {}, uint32_t threads = 0);
+UMBEL_API void intersect(const TriangleQueries& structure, const RayArrays& rays,
+                         const HitArrays& hits, const RayOptions& options = {},
+                         uint32_t threads = 0);
 
 /// 1 for each ray that hits anything, else 0; `results` has one element a ray.
-UMBEL_API void occluded(const TriangleBvh& bvh, const RayArrays& rays, std::span<uint8_t> results,
-                        const RayOptions& options = {}, uint32_t threads = 0);
+UMBEL_API void occluded(const TriangleQueries& structure, const RayArrays& rays,
+                        std::span<uint8_t> results, const RayOptions& options = {},
+                        uint32_t threads = 0);
 
 /// The hits of ray i are those at [offsets[i], offsets[i + 1]).
 struct AllHits {
@@ -47,7 +49,8 @@ struct AllHits {
 };
 
 /// The nearest `max_hits` hits of each ray (0: all of them) in the order of (t, primitive).
-UMBEL_API AllHits all_hits(const TriangleBvh& bvh, const RayArrays& rays, size_t max_hits = 0,
-                           const RayOptions& options = {}, uint32_t threads = 0);
+UMBEL_API AllHits all_hits(const TriangleQueries& structure, const RayArrays& rays,
+                           size_t max_hits = 0, const RayOptions& options = {},
+                           uint32_t threads = 0);
 
 }  // namespace umbel

@@ -1,4 +1,5 @@
-// A path tracer over triangle_bvh.hpp: pictures of meshes, and the rays that compare hierarchies.
+// A path tracer over triangle_queries.hpp: pictures of meshes, and the rays that compare
+// structures.
 //
 //   const trace::Scene scene = trace::Scene::build(mesh.view(), look);
 //   const trace::Camera camera = trace::auto_camera(scene, 1024, 768);
@@ -114,17 +115,17 @@ class UMBEL_API Scene {
   /// or is out of range.
   static Scene build(const MeshView& mesh, const Look& look = {},
                      const TriangleBvhConfig& config = {}, const BuildOptions& options = {});
-  /// The same over a hierarchy of the same triangles, built with `masks` of the same look.
-  static Scene build(const MeshView& mesh, const Look& look, TriangleBvh bvh,
-                     const BuildOptions& options = {});
+  /// The same over any structure of the same triangles, built with `masks` of the same look.
+  static Scene build(const MeshView& mesh, const Look& look,
+                     std::unique_ptr<TriangleQueries> structure, const BuildOptions& options = {});
 
-  /// What TriangleBvh::build must be given for rays to see through what is not opaque: bit 0 for
-  /// opaque triangles, bit 1 for the others. Empty where all are opaque.
+  /// The masks that a structure must be built with for rays to see through what is not opaque: bit
+  /// 0 for opaque triangles, bit 1 for the others. Empty where all are opaque.
   static std::vector<uint32_t> masks(const MeshView& mesh, std::span<const Material> materials);
 
-  /// Other hierarchies over the same triangles give the same picture in another time.
-  void replace_bvh(TriangleBvh bvh);
-  const TriangleBvh& bvh() const;
+  /// Other structures over the same triangles give the same picture in another time.
+  void replace_structure(std::unique_ptr<TriangleQueries> structure);
+  const TriangleQueries& structure() const;
   Aabb bounds() const;
   uint32_t triangle_count() const;
   uint32_t light_count() const;  ///< emissive triangles

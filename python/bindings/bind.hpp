@@ -137,6 +137,7 @@ void bind_lod(nb::module_& module);
 void bind_asset(nb::module_& module);
 void bind_stream(nb::module_& module);
 void bind_trace(nb::module_& module);
+void bind_queries(nb::module_& module);
 void bind_bvh(nb::module_& module);
 void bind_kdtree(nb::module_& module);
 void bind_peers(nb::module_& module);

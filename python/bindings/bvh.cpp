@@ -5,67 +5,11 @@
 #include <nanobind/stl/vector.h>
 
 #include "bind.hpp"
-#include "rays.hpp"
 #include "umbel/bvh_presets.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 namespace umbel::python {
 namespace {
-
-using ClosestTuple =
-    nb::typed<nb::tuple, Array<float>, Array<float>, Array<int32_t>, Array<float>, Array<float>>;
-
-ClosestTuple closest_points(const TriangleBvh& bvh, const Rows<float, 3>& points,
-                            float max_distance, uint32_t threads) {
-  const auto given = rows_of<Vec3>(points);
-  std::vector<Vec3> point(given.size());
-  std::vector<float> distance(given.size()), u(given.size()), v(given.size());
-  std::vector<uint32_t> primitive(given.size());
-  std::vector<ClosestPoint> found(std::min(given.size(), kSlice));
-  sliced(given.size(), [&](size_t begin, size_t n) {
-    bvh.closest_point(given.subspan(begin, n), std::span(found).first(n), max_distance, threads);
-    for (size_t i = 0; i < n; ++i) {
-      point[begin + i] = found[i].point;
-      distance[begin + i] = found[i].distance;
-      primitive[begin + i] = found[i].primitive;
-      u[begin + i] = found[i].u;
-      v[begin + i] = found[i].v;
-    }
-  });
-  return nb::make_tuple(take<float>(std::move(point)), take_as(std::move(distance)),
-                        signed_indices(std::move(primitive)), take_as(std::move(u)),
-                        take_as(std::move(v)));
-}
-
-Array<bool> contains_points(const TriangleBvh& bvh, const Rows<float, 3>& points,
-                            uint32_t threads) {
-  const auto given = rows_of<Vec3>(points);
-  std::vector<uint8_t> results(given.size());
-  sliced(given.size(), [&](size_t begin, size_t n) {
-    bvh.contains(given.subspan(begin, n), std::span(results).subspan(begin, n), threads);
-  });
-  return bools(std::move(results));
-}
-
-Array<float> signed_distances(const TriangleBvh& bvh, const Rows<float, 3>& points,
-                              uint32_t threads) {
-  const auto given = rows_of<Vec3>(points);
-  std::vector<float> results(given.size());
-  sliced(given.size(), [&](size_t begin, size_t n) {
-    bvh.signed_distance(given.subspan(begin, n), std::span(results).subspan(begin, n), threads);
-  });
-  return take_as(std::move(results));
-}
-
-template <typename Region>
-Array<int32_t> overlapping(const TriangleBvh& bvh, const Region& region) {
-  std::vector<uint32_t> found;
-  {
-    nb::gil_scoped_release release;
-    found = bvh.overlaps(region);
-  }
-  return signed_indices(std::move(found));
-}
 
 Dict statistics_dict(const bvh::Statistics& s) {
   Dict result;
@@ -235,7 +179,7 @@ TriangleBvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool 
               "simd must be auto, portable, avx2 or avx512, not " + simd);
 }
 
-void bind_builds(nb::class_<TriangleBvh>& bvh) {
+void bind_builds(nb::class_<TriangleBvh, TriangleQueries>& bvh) {
   bvh.def_static(
          "build",
          [](const MeshArrays& mesh, const bvh::Config& tree, uint32_t width, bool compact,
@@ -290,54 +234,15 @@ void bind_builds(nb::class_<TriangleBvh>& bvh) {
           "(sah_cost, built_sah_cost, rebuild_advised)");
 }
 
-void bind_queries(nb::class_<TriangleBvh>& bvh) {
-  bind_rays(bvh);
-  bvh.def("closest_point", &closest_points, "points"_a, "max_distance"_a, "threads"_a = 0)
-      .def("contains", &contains_points, "points"_a, "threads"_a = 0)
-      .def("signed_distance", &signed_distances, "points"_a, "threads"_a = 0)
-      .def(
-          "overlaps_box",
-          [](const TriangleBvh& self, const std::array<float, 3>& low,
-             const std::array<float, 3>& high) {
-            return overlapping(self, Aabb{{low[0], low[1], low[2]}, {high[0], high[1], high[2]}});
-          },
-          "min"_a, "max"_a)
-      .def(
-          "overlaps_sphere",
-          [](const TriangleBvh& self, const std::array<float, 3>& center, float radius) {
-            return overlapping(self, Sphere{{center[0], center[1], center[2]}, radius});
-          },
-          "center"_a, "radius"_a)
-      .def(
-          "overlaps_frustum",
-          [](const TriangleBvh& self,
-             nb::ndarray<const float, nb::shape<6, 4>, nb::c_contig, nb::device::cpu> planes) {
-            Frustum frustum;
-            for (size_t i = 0; i < frustum.size(); ++i) {
-              const float* p = planes.data() + 4 * i;
-              frustum[i] = {{p[0], p[1], p[2]}, p[3]};
-            }
-            return overlapping(self, frustum);
-          },
-          "planes"_a);
-}
-
 }  // namespace
 
 void bind_bvh(nb::module_& module) {
   bind_config(module);
   bind_tree(module);
-  nb::class_<TriangleBvh> bvh(module, "TriangleBvh", "A hierarchy over triangles.");
+  nb::class_<TriangleBvh, TriangleQueries> bvh(module, "TriangleBvh",
+                                               "A hierarchy over triangles.");
   bind_builds(bvh);
-  bind_queries(bvh);
-  bvh.def("statistics", [](const TriangleBvh& self) { return statistics_dict(self.statistics()); })
-      .def_prop_ro("bounds",
-                   [](const TriangleBvh& self) {
-                     const Aabb box = self.bounds();
-                     return std::tuple{std::array{box.min.x, box.min.y, box.min.z},
-                                       std::array{box.max.x, box.max.y, box.max.z}};
-                   })
-      .def_prop_ro("triangle_count", &TriangleBvh::triangle_count);
+  bvh.def("statistics", [](const TriangleBvh& self) { return statistics_dict(self.statistics()); });
 }
 
 }  // namespace umbel::python

@@ -2,7 +2,6 @@
 #include "umbel/kdtree.hpp"
 
 #include "bind.hpp"
-#include "rays.hpp"
 
 namespace umbel::python {
 namespace {
@@ -75,7 +74,7 @@ void bind_config(nb::module_& module) {
 
 void bind_kdtree(nb::module_& module) {
   bind_config(module);
-  nb::class_<KdTree> tree(module, "KdTree", "A kd-tree over triangles.");
+  nb::class_<KdTree, TriangleQueries> tree(module, "KdTree", "A kd-tree over triangles.");
   tree.def_static(
           "build",
           [](const MeshArrays& mesh, const KdTreeConfig& config,
@@ -106,15 +105,7 @@ void bind_kdtree(nb::module_& module) {
             return KdTree::load(path, wanted);
           },
           "path"_a, "traversal"_a)
-      .def("statistics", &statistics_dict)
-      .def_prop_ro("bounds",
-                   [](const KdTree& self) {
-                     const Aabb box = self.bounds();
-                     return std::tuple{std::array{box.min.x, box.min.y, box.min.z},
-                                       std::array{box.max.x, box.max.y, box.max.z}};
-                   })
-      .def_prop_ro("triangle_count", &KdTree::triangle_count);
-  bind_rays(tree);
+      .def("statistics", &statistics_dict);
 }
 
 }  // namespace umbel::python

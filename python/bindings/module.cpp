@@ -14,6 +14,7 @@ NB_MODULE(_umbel, module) {
   bind_asset(module);
   bind_stream(module);
   bind_trace(module);
+  bind_queries(module);
   bind_bvh(module);
   bind_kdtree(module);
   bind_meshopt(module);

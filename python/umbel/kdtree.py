@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _umbel
 from .bvh import _geometry, _mesh_of
 from .errors import Error
-from .rays import RayQueries, mask_array, thread_count
+from .queries import TriangleQueries
+from .rays import mask_array, thread_count
 from .repair import Progress
 
 BUILDERS = ("exact", "binned")
@@ -26,8 +26,8 @@ def _traversal(ropes: bool, name: str | None) -> str:
     return name
 
 
-class KdTree(RayQueries):
-    """A kd-tree over triangles that answers rays as `umbel.Bvh` does, with the same hits. It holds
+class KdTree(TriangleQueries):
+    """A kd-tree over triangles that answers what `umbel.Bvh` does, with the same results. It holds
     all that it needs: the mesh need not be kept."""
 
     _native: _umbel.KdTree
@@ -136,15 +136,6 @@ class KdTree(RayQueries):
     def sah_cost(self) -> float:
         """Expected cost of a random line."""
         return float(self._native.statistics()["sah_cost"])
-
-    @property
-    def bounds(self) -> NDArray[np.float32] | None:
-        """(2, 3) least and greatest corner; None without triangles."""
-        box = np.array(self._native.bounds, np.float32)
-        return None if (box[0] > box[1]).any() else box
-
-    def __len__(self) -> int:
-        return self._native.triangle_count
 
     def __repr__(self) -> str:
         return f"<KdTree: {len(self)} triangles, {self._native.statistics()['nodes']} nodes>"

@@ -63,7 +63,7 @@ class AllHits:
 class RayQueries:
     """Rays through a structure over triangles."""
 
-    _native: _umbel.TriangleBvh | _umbel.KdTree
+    _native: _umbel.TriangleQueries
 
     def intersect(
         self,

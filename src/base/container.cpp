@@ -27,7 +27,7 @@ void swap_words(std::span<std::byte> bytes) {
 }
 
 /// Checksums of large arrays take as long as reading them, so each is hashed on its own core.
-std::array<uint64_t, kContainerArrays> checksums(const ContainerArrays& arrays) {
+std::array<uint64_t, kContainerArrays> checksums(const ContainerBytes& arrays) {
   std::array<uint64_t, kContainerArrays> sums{};
   parallel_for(kContainerArrays, 1,
                [&](size_t i) { sums[i] = xxh64(arrays[i].data(), arrays[i].size()); });
@@ -35,7 +35,7 @@ std::array<uint64_t, kContainerArrays> checksums(const ContainerArrays& arrays) 
 }
 
 void write_little_endian(const std::string& path, const ContainerKind& kind,
-                         const ContainerFields& fields, const ContainerArrays& arrays) {
+                         const ContainerFields& fields, const ContainerBytes& arrays) {
   OutputFile file(path);
   Header header{};
   ByteWriter out(header);
@@ -66,11 +66,11 @@ void write_little_endian(const std::string& path, const ContainerKind& kind,
 }  // namespace
 
 void write_container(const std::string& path, const ContainerKind& kind,
-                     const ContainerFields& fields, const ContainerArrays& arrays) {
+                     const ContainerFields& fields, const ContainerBytes& arrays) {
   if constexpr (std::endian::native == std::endian::little)
     return write_little_endian(path, kind, fields, arrays);
   std::array<std::vector<std::byte>, kContainerArrays> swapped;
-  ContainerArrays views;
+  ContainerBytes views;
   for (size_t i = 0; i < kContainerArrays; ++i) {
     swapped[i].assign(arrays[i].begin(), arrays[i].end());
     swap_words(swapped[i]);
@@ -128,7 +128,9 @@ void ContainerFile::check_sections() const {
 
 void ContainerFile::read(const ContainerArrays& arrays) const {
   for (size_t i = 0; i < kContainerArrays; ++i) file_.read(sections_[i].offset, arrays[i]);
-  const auto sums = checksums(arrays);
+  ContainerBytes bytes;
+  std::copy(arrays.begin(), arrays.end(), bytes.begin());
+  const auto sums = checksums(bytes);
   for (size_t i = 0; i < kContainerArrays; ++i)
     if (sums[i] != sections_[i].checksum)
       corrupt("the checksum of array " + std::to_string(i) + " does not fit");

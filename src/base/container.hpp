@@ -30,10 +30,21 @@ struct ContainerKind {
 inline constexpr size_t kContainerArrays = 3;
 using ContainerFields = std::array<std::byte, 88>;
 using ContainerArrays = std::array<std::span<std::byte>, kContainerArrays>;
+using ContainerBytes = std::array<std::span<const std::byte>, kContainerArrays>;
+
+/// Arrays as bytes, to be filled or to be kept.
+template <typename... Arrays>
+ContainerArrays container_arrays(Arrays&... arrays) {
+  return {std::as_writable_bytes(std::span(arrays))...};
+}
+template <typename... Arrays>
+ContainerBytes container_bytes(const Arrays&... arrays) {
+  return {std::as_bytes(std::span(arrays))...};
+}
 
 /// Arrays of 32-bit words. Written beside `path`, then renamed.
 void write_container(const std::string& path, const ContainerKind& kind,
-                     const ContainerFields& fields, const ContainerArrays& arrays);
+                     const ContainerFields& fields, const ContainerBytes& arrays);
 
 /// Throws kIo, kCorrupt, or kUnsupported for another major version.
 class ContainerFile {

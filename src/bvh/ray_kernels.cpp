@@ -4,23 +4,10 @@
 #include <string>
 
 #include "bvh/leaf_store.hpp"
+#include "bvh/shape_kernels.hpp"
 
 namespace umbel {
 namespace {
-
-/// For trees without nodes, so that no kernel has to ask.
-Hit miss(const TriangleBvhData& /*tree*/, const Ray& /*ray*/, const RayOptions& /*options*/) {
-  return {};
-}
-bool nothing_between(const TriangleBvhData& /*tree*/, const Ray& /*ray*/,
-                     const RayOptions& /*options*/) {
-  return false;
-}
-size_t no_hits(const TriangleBvhData& /*tree*/, const Ray& /*ray*/, std::span<Hit> /*hits*/,
-               const RayOptions& /*options*/) {
-  return 0;
-}
-constexpr RayKernels kEmptyTree{miss, nothing_between, no_hits};
 
 #if defined(__GNUC__) && defined(__x86_64__)
 bool has_avx2() {
@@ -56,7 +43,8 @@ Simd choose_simd(Simd wanted) {
 
 void prepare_rays(TriangleBvhData& data, Simd simd) {
   const RayKernels* const kernels = kernels_for(data.width, choose_simd(simd));
-  data.kernels = data.nodes.empty() ? &kEmptyTree : kernels;
+  data.rays = data.nodes.empty() ? &kNoRays : kernels;
+  data.shapes = shape_kernels(data.width);
   data.simd = simd;
   prepare_scale(data);
 }

@@ -5,13 +5,16 @@
 
 namespace umbel {
 
-/// Each takes a tree with at least one node and any ray.
+/// Each takes the structure that it was made for, which has at least one triangle, and any ray.
 struct RayKernels {
-  Hit (*intersect)(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options);
-  bool (*occluded)(const TriangleBvhData& tree, const Ray& ray, const RayOptions& options);
-  size_t (*all_hits)(const TriangleBvhData& tree, const Ray& ray, std::span<Hit> hits,
+  Hit (*intersect)(const LeafStore& tree, const Ray& ray, const RayOptions& options);
+  bool (*occluded)(const LeafStore& tree, const Ray& ray, const RayOptions& options);
+  size_t (*all_hits)(const LeafStore& tree, const Ray& ray, std::span<Hit> hits,
                      const RayOptions& options);
 };
+
+/// For structures without triangles, so that no kernel has to ask.
+extern const RayKernels kNoRays;
 
 const RayKernels* portable_kernels(uint32_t width);
 /// Null where they are not compiled for this processor family.

@@ -197,7 +197,8 @@ template <typename Lanes, typename Tree>
 /// To settle only the nearest hit is enough, unless it is moved or refused: all others come later
 /// even before they are settled, and settling never makes them earlier.
 template <typename Lanes, typename Tree>
-static Hit intersect_ray(const Tree& tree, const Ray& ray, const RayOptions& options) {
+static Hit intersect_ray(const LeafStore& store, const Ray& ray, const RayOptions& options) {
+  const auto& tree = static_cast<const Tree&>(store);
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return {};
   LeafPlace place{};
@@ -211,7 +212,8 @@ static Hit intersect_ray(const Tree& tree, const Ray& ray, const RayOptions& opt
 }
 
 template <typename Lanes, typename Tree>
-static bool occluded_ray(const Tree& tree, const Ray& ray, const RayOptions& options) {
+static bool occluded_ray(const LeafStore& store, const Ray& ray, const RayOptions& options) {
+  const auto& tree = static_cast<const Tree&>(store);
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return false;
   const Lanes tester(frame);
@@ -230,8 +232,9 @@ static bool occluded_ray(const Tree& tree, const Ray& ray, const RayOptions& opt
 }
 
 template <typename Lanes, typename Tree>
-static size_t all_hits_ray(const Tree& tree, const Ray& ray, std::span<Hit> found,
+static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit> found,
                            const RayOptions& options) {
+  const auto& tree = static_cast<const Tree&>(store);
   RayFrame frame;
   if (found.empty() || !make_frame(tree, ray, frame)) return 0;
   const auto precedes = [](const Hit& a, const Hit& b) {

@@ -353,7 +353,7 @@ void check_mesh(const TriangleBvhData& data, const MeshView& mesh) {
 }  // namespace
 
 RefitReport TriangleBvh::refit(const MeshView& mesh, const BuildOptions& options) {
-  TriangleBvhData& data = *data_;
+  TriangleBvhData& data = this->data();
   Progress progress(options);
   progress.report(0, "refit");
   with_threads(options.threads, [&] {

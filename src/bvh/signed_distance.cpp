@@ -1,20 +1,21 @@
 // Distance to the surface of a closed mesh, negative inside.
+#include <algorithm>
 #include <string>
 #include <vector>
 
 #include "base/parallel.hpp"
-#include "umbel/triangle_bvh.hpp"
+#include "umbel/triangle_queries.hpp"
 
 namespace umbel {
 
-float TriangleBvh::signed_distance(const Vec3& point) const {
+float TriangleQueries::signed_distance(const Vec3& point) const {
   const float distance = closest_point(point).distance;
   // A point of the surface is on neither side.
   return distance > 0 && contains(point) ? -distance : distance;
 }
 
-void TriangleBvh::signed_distance(std::span<const Vec3> points, std::span<float> results,
-                                  uint32_t threads) const {
+void TriangleQueries::signed_distance(std::span<const Vec3> points, std::span<float> results,
+                                      uint32_t threads) const {
   if (points.size() != results.size())
     throw Error(ErrorCode::kInvalidArgument, "there are " + std::to_string(points.size()) +
                                                  " points but room for " +

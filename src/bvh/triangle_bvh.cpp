@@ -1,4 +1,4 @@
-// TriangleBvh: how it is made, and its ray queries, which go to the kernels of this machine.
+// TriangleBvh: how it is made.
 #include "umbel/triangle_bvh.hpp"
 
 #include <algorithm>
@@ -15,9 +15,6 @@
 namespace umbel {
 namespace {
 
-/// Rays that one task traces: enough to hide what starting it costs.
-constexpr size_t kRaysAtOnce = 256;
-
 void check_config(const TriangleBvhConfig& config) {
   if (config.width != 2 && config.width != 4 && config.width != 8)
     throw Error(ErrorCode::kInvalidArgument,
@@ -29,13 +26,6 @@ void check_masks(std::span<const uint32_t> masks, size_t triangles) {
     throw Error(ErrorCode::kInvalidArgument, "masks must be empty or one a triangle: there are " +
                                                  std::to_string(masks.size()) + " masks and " +
                                                  std::to_string(triangles) + " triangles");
-}
-
-void check_same_length(size_t queries, size_t results, const char* what) {
-  if (queries != results)
-    throw Error(ErrorCode::kInvalidArgument,
-                std::string(what) + " must be as many as the rays: there are " +
-                    std::to_string(results) + " and " + std::to_string(queries) + " rays");
 }
 
 /// A tree lacks no triangle but those that its build was to drop.
@@ -68,15 +58,14 @@ TriangleBvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh,
 
 }  // namespace
 
-TriangleBvh::TriangleBvh() : data_(std::make_unique<Data>()) { prepare_rays(*data_, Simd::kAuto); }
+TriangleBvh::TriangleBvh() : TriangleQueries(std::make_unique<Data>()) {
+  prepare_rays(data(), Simd::kAuto);
+}
 TriangleBvh::~TriangleBvh() = default;
 // What was moved from stays a tree without triangles, so that every query on it has an answer.
-TriangleBvh::TriangleBvh(TriangleBvh&& other) noexcept : data_(std::make_unique<Data>()) {
-  prepare_rays(*data_, Simd::kAuto);
-  data_.swap(other.data_);
-}
+TriangleBvh::TriangleBvh(TriangleBvh&& other) noexcept : TriangleBvh() { swap(other); }
 TriangleBvh& TriangleBvh::operator=(TriangleBvh&& other) noexcept {
-  data_.swap(other.data_);
+  swap(other);
   return *this;
 }
 
@@ -89,7 +78,7 @@ TriangleBvh TriangleBvh::build(const MeshView& mesh, const TriangleBvhConfig& co
   widening.is_valid = true;
   widening.may_repeat = config.tree.builder == bvh::Builder::kSpatial;
   TriangleBvh result;
-  static_cast<TriangleBvhData&>(*result.data_) =
+  static_cast<TriangleBvhData&>(result.data()) =
       make_data(tree, mesh, config, widening, masks, options.threads);
   return result;
 }
@@ -109,53 +98,15 @@ TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
     source = &shallow;
   }
   TriangleBvh result;
-  static_cast<TriangleBvhData&>(*result.data_) =
+  static_cast<TriangleBvhData&>(result.data()) =
       make_data(*source, mesh, config, {config.width, config.compact}, masks, options.threads);
   return result;
 }
 
-Hit TriangleBvh::intersect(const Ray& ray, const RayOptions& options) const {
-  return data_->kernels->intersect(*data_, ray, options);
-}
-
-bool TriangleBvh::occluded(const Ray& ray, const RayOptions& options) const {
-  return data_->kernels->occluded(*data_, ray, options);
-}
-
-size_t TriangleBvh::all_hits(const Ray& ray, std::span<Hit> hits, const RayOptions& options) const {
-  return data_->kernels->all_hits(*data_, ray, hits, options);
-}
-
-void TriangleBvh::intersect(std::span<const Ray> rays, std::span<Hit> hits,
-                            const RayOptions& options, uint32_t threads) const {
-  check_same_length(rays.size(), hits.size(), "hits");
-  with_threads(threads, [&] {
-    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        hits[i] = data_->kernels->intersect(*data_, rays[i], options);
-    });
-  });
-}
-
-void TriangleBvh::occluded(std::span<const Ray> rays, std::span<uint8_t> results,
-                           const RayOptions& options, uint32_t threads) const {
-  check_same_length(rays.size(), results.size(), "results");
-  with_threads(threads, [&] {
-    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        results[i] = data_->kernels->occluded(*data_, rays[i], options) ? 1 : 0;
-    });
-  });
-}
-
 TriangleBvhStatistics TriangleBvh::statistics() const {
-  const Data& d = *data_;
+  const Data& d = data();
   return {d.width,           d.node_count(), d.leaf_count, d.nodes.empty() ? 0 : d.max_depth,
           d.reference_count, d.sah_cost,     d.bytes()};
 }
-
-Aabb TriangleBvh::bounds() const { return data_->bounds; }
-
-uint32_t TriangleBvh::triangle_count() const { return data_->triangle_count; }
 
 }  // namespace umbel

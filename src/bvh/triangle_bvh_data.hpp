@@ -23,6 +23,7 @@ inline constexpr uint32_t kLeafPadding = 8;
 inline constexpr uint32_t kMaxReferences = (1u << kLeafSizeShift) - kMaxLeafTriangles;
 
 struct RayKernels;
+struct ShapeKernels;
 
 /// One triangle of a leaf, with the very floats of the mesh it came from.
 struct LeafTriangle {
@@ -31,8 +32,15 @@ struct LeafTriangle {
   uint32_t mask;
 };
 
-/// The triangles of a structure's leaves, and what rays have to know of their size.
+/// The triangles of a structure's leaves, what rays have to know of their size, and the queries.
 struct LeafStore {
+  LeafStore() = default;
+  LeafStore(const LeafStore&) = default;
+  LeafStore(LeafStore&&) = default;
+  LeafStore& operator=(const LeafStore&) = default;
+  LeafStore& operator=(LeafStore&&) = default;
+  virtual ~LeafStore() = default;
+
   uint32_t triangle_count = 0;  ///< of the mesh, dropped ones included
   uint32_t reference_count = 0;
   uint32_t compact = 0;  ///< 1: leaves hold vertex numbers; 0: they hold corners
@@ -51,6 +59,10 @@ struct LeafStore {
   alignas(16) float reach[4] = {};
   float scale = 1;    ///< power of two that brings triangles of extreme size into a safe range
   float unscale = 1;  ///< 1 / scale
+
+  // Set with the structure's nodes, never stored.
+  const RayKernels* rays = nullptr;
+  const ShapeKernels* shapes = nullptr;
 
   uint32_t corner_words() const { return compact ? 3 : 9; }
   uint32_t reference_words() const { return corner_words() + 1 + masked; }
@@ -106,7 +118,6 @@ struct TriangleBvhData : LeafStore {
   BigVector<uint32_t> nodes;
 
   // Set by prepare_rays, never stored.
-  const RayKernels* kernels = nullptr;
   Simd simd = Simd::kAuto;  ///< as asked for
 
   uint32_t node_words() const { return 7 * width; }
@@ -140,8 +151,12 @@ struct TriangleBvhData : LeafStore {
 
 /// Only a name for TriangleBvh's private part.
 struct TriangleBvh::Data : TriangleBvhData {};
+inline TriangleBvh::Data& TriangleBvh::data() { return static_cast<Data&>(*store_); }
+inline const TriangleBvh::Data& TriangleBvh::data() const {
+  return static_cast<const Data&>(*store_);
+}
 
-/// Chooses the ray kernels for this machine and what they need to know of the boxes. To be called
+/// Chooses the kernels for this machine and what they need to know of the boxes. To be called
 /// on every Data that was made, loaded or refitted. Throws kUnsupported where the machine lacks
 /// the instructions asked for.
 void prepare_rays(TriangleBvhData& data, Simd simd);

@@ -15,13 +15,6 @@ namespace {
 constexpr ContainerKind kKind{".umbvh", {'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'}, 1, 0};
 constexpr uint32_t kCompact = 1, kMasked = 2, kRepeats = 4;
 
-/// The arrays as bytes, in the order of the file.
-ContainerArrays arrays_of(TriangleBvhData& data) {
-  return {std::as_writable_bytes(std::span(data.nodes)),
-          std::as_writable_bytes(std::span(data.leaves)),
-          std::as_writable_bytes(std::span(data.vertices))};
-}
-
 ContainerFields encode(const TriangleBvhData& data) {
   ContainerFields fields{};
   ByteWriter out(fields);
@@ -194,7 +187,7 @@ TriangleBvhData read_file(const std::string& path) {
   data.nodes.resize(file.bytes(0) / 4);
   data.leaves.resize(file.bytes(1) / 4);
   data.vertices.resize(file.bytes(2) / sizeof(Vec3));
-  file.read(arrays_of(data));
+  file.read(container_arrays(data.nodes, data.leaves, data.vertices));
   check_tree(data);
   return data;
 }
@@ -202,13 +195,14 @@ TriangleBvhData read_file(const std::string& path) {
 }  // namespace
 
 void TriangleBvh::save(const std::string& path) const {
-  write_container(path, kKind, encode(*data_), arrays_of(*data_));
+  const Data& d = data();
+  write_container(path, kKind, encode(d), container_bytes(d.nodes, d.leaves, d.vertices));
 }
 
 TriangleBvh TriangleBvh::load(const std::string& path, Simd simd) {
   TriangleBvh result;
-  static_cast<TriangleBvhData&>(*result.data_) = reading(path, [&] { return read_file(path); });
-  prepare_rays(*result.data_, simd);
+  static_cast<TriangleBvhData&>(result.data()) = reading(path, [&] { return read_file(path); });
+  prepare_rays(result.data(), simd);
   return result;
 }
 

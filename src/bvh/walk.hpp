@@ -1,4 +1,4 @@
-// Every leaf of a TriangleBvh whose boxes pass a test, in no particular order.
+// Nodes as boxes and links, and the walk to every leaf whose boxes pass a test.
 #pragma once
 
 #include <array>
@@ -23,39 +23,64 @@ struct NodeBoxes {
   const float* max_z() const { return planes + 5 * kWidth; }
 };
 
-/// `test(NodeBoxes<kWidth>, uint32_t* passes)` sets passes[slot] for each slot, whatever for those
-/// without a child; `leaf(link)` takes what passed.
-template <uint32_t kWidth, typename Test, typename Leaf>
-void walk_leaves(const TriangleBvhData& data, const Test& test, const Leaf& leaf) {
-  if (data.nodes.empty()) return;
-  std::array<uint32_t, kMaxWalkDepth*(kWidth - 1) + 1> stack;
+/// The nodes of a TriangleBvh, as the queries below see those of any structure:
+///   kWidth, kDepth              slots a node, deepest level of a leaf
+///   Link                        names a node or a leaf; kNoLink is neither
+///   root(), is_leaf(link)
+///   children(link)              the boxes and links of a node's slots
+///   visit_runs(link, visit)     calls visit(run) for the leaf store's runs of a leaf
+///   repeats()                   whether a triangle may be in several leaves
+template <uint32_t width>
+class WideNodes {
+ public:
+  static constexpr uint32_t kWidth = width, kDepth = kMaxWalkDepth;
+  using Link = uint32_t;
+  static constexpr Link kNoLink = kNoChild;
+
+  struct Children {
+    const uint32_t* words;
+    NodeBoxes<width> boxes() const { return {reinterpret_cast<const float*>(words)}; }
+    Link link(uint32_t slot) const { return words[6 * width + slot]; }
+  };
+
+  explicit WideNodes(const LeafStore& store) : data_(static_cast<const TriangleBvhData&>(store)) {}
+
+  Link root() const { return 0; }
+  static bool is_leaf(Link link) { return TriangleBvhData::is_leaf(link); }
+  Children children(Link node) const {
+    return {data_.nodes.data() + size_t{node} * data_.node_words()};
+  }
+  template <typename Visit>
+  void visit_runs(Link leaf, const Visit& visit) const {
+    visit(leaf);
+  }
+  bool repeats() const { return data_.repeats != 0; }
+
+ private:
+  const TriangleBvhData& data_;
+};
+
+/// Every leaf whose boxes pass a test, in no particular order. `test(NodeBoxes, uint32_t* passes)`
+/// sets passes[slot] for each slot, whatever for those without a child; `run(link)` takes runs.
+template <typename Nodes, typename Test, typename Run>
+void walk_leaves(const Nodes& nodes, const Test& test, const Run& run) {
+  using Link = typename Nodes::Link;
+  if (nodes.is_leaf(nodes.root())) return nodes.visit_runs(nodes.root(), run);
+  std::array<Link, Nodes::kDepth*(Nodes::kWidth - 1) + 1> stack;
   size_t waiting = 0;
-  stack[waiting++] = 0;
+  stack[waiting++] = nodes.root();
   while (waiting > 0) {
-    const uint32_t* words = data.nodes.data() + size_t{stack[--waiting]} * (7 * kWidth);
-    uint32_t passes[kWidth];
-    test(NodeBoxes<kWidth>{reinterpret_cast<const float*>(words)}, passes);
-    for (uint32_t slot = 0; slot < kWidth; ++slot) {
-      const uint32_t link = words[6 * kWidth + slot];
-      if (!passes[slot] || link == kNoChild) continue;
-      if (TriangleBvhData::is_leaf(link))
-        leaf(link);
+    const auto children = nodes.children(stack[--waiting]);
+    uint32_t passes[Nodes::kWidth];
+    test(children.boxes(), passes);
+    for (uint32_t slot = 0; slot < Nodes::kWidth; ++slot) {
+      const Link link = children.link(slot);
+      if (!passes[slot] || link == Nodes::kNoLink) continue;
+      if (nodes.is_leaf(link))
+        nodes.visit_runs(link, run);
       else
         stack[waiting++] = link;
     }
-  }
-}
-
-/// Calls body(std::integral_constant<uint32_t, width>) for the data's width.
-template <typename Body>
-decltype(auto) with_width(const TriangleBvhData& data, const Body& body) {
-  switch (data.width) {
-    case 2:
-      return body(std::integral_constant<uint32_t, 2>());
-    case 4:
-      return body(std::integral_constant<uint32_t, 4>());
-    default:
-      return body(std::integral_constant<uint32_t, 8>());
   }
 }
 

@@ -1,4 +1,4 @@
-// KdTree: how it is made, and its queries, which go to the kernels of this machine.
+// KdTree: how it is made.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -7,32 +7,17 @@
 #include "base/parallel.hpp"
 #include "bvh/leaf_store.hpp"
 #include "bvh/ray_kernels.hpp"
+#include "bvh/shape_kernels.hpp"
+#include "kdtree/cell_nodes.hpp"
 #include "kdtree/ray_kernels.hpp"
 
 namespace umbel {
-namespace {
-
-/// For trees without nodes, so that no kernel has to ask.
-Hit miss(const KdTreeData& /*tree*/, const Ray& /*ray*/, const RayOptions& /*options*/) {
-  return {};
-}
-bool nothing_between(const KdTreeData& /*tree*/, const Ray& /*ray*/,
-                     const RayOptions& /*options*/) {
-  return false;
-}
-size_t no_hits(const KdTreeData& /*tree*/, const Ray& /*ray*/, std::span<Hit> /*hits*/,
-               const RayOptions& /*options*/) {
-  return 0;
-}
-constexpr KdRayKernels kEmptyTree{miss, nothing_between, no_hits};
-
-}  // namespace
-
 void prepare_rays(KdTreeData& data) {
   // Leaves are too small for AVX-512 to bring anything.
   const bool is_plain = choose_simd(data.simd) == Simd::kPortable;
-  data.kernels = is_plain ? portable_kd_kernels(data.traversal) : avx2_kd_kernels(data.traversal);
-  if (data.nodes.empty()) data.kernels = &kEmptyTree;
+  data.rays = is_plain ? portable_kd_kernels(data.traversal) : avx2_kd_kernels(data.traversal);
+  if (data.nodes.empty()) data.rays = &kNoRays;
+  data.shapes = &shape_kernels_of<KdNodes>;
   if (data.traversal == kdtree::Traversal::kRopes) make_ropes(data);
   prepare_scale(data);
 }
@@ -42,21 +27,11 @@ namespace {
 
 constexpr std::array<std::string_view, 3> kTraversals{"stack", "ropes", "short-stack"};
 
-/// Rays that one task traces: enough to hide what starting it costs.
-constexpr size_t kRaysAtOnce = 256;
-
 void check_masks(std::span<const uint32_t> masks, size_t triangles) {
   if (!masks.empty() && masks.size() != triangles)
     throw Error(ErrorCode::kInvalidArgument, "masks must be empty or one a triangle: there are " +
                                                  std::to_string(masks.size()) + " masks and " +
                                                  std::to_string(triangles) + " triangles");
-}
-
-void check_same_length(size_t rays, size_t results, const char* what) {
-  if (rays != results)
-    throw Error(ErrorCode::kInvalidArgument,
-                std::string(what) + " must be as many as the rays: there are " +
-                    std::to_string(results) + " and " + std::to_string(rays) + " rays");
 }
 
 void check_traversal(Traversal traversal) {
@@ -117,12 +92,12 @@ Traversal traversal_by_name(std::string_view name) {
                                                "\"; there are stack, ropes, short-stack");
 }
 
-KdTree::KdTree() : data_(std::make_unique<Data>()) { prepare_rays(*data_); }
+KdTree::KdTree() : TriangleQueries(std::make_unique<Data>()) { prepare_rays(data()); }
 KdTree::~KdTree() = default;
 // What was moved from stays a tree without triangles, so that every query on it has an answer.
-KdTree::KdTree(KdTree&& other) noexcept : KdTree() { data_.swap(other.data_); }
+KdTree::KdTree(KdTree&& other) noexcept : KdTree() { swap(other); }
 KdTree& KdTree::operator=(KdTree&& other) noexcept {
-  data_.swap(other.data_);
+  swap(other);
   return *this;
 }
 
@@ -134,7 +109,7 @@ KdTree KdTree::build(const MeshView& mesh, const KdTreeConfig& config,
   const Tree tree = kdtree::build(mesh, config.tree, options);
   KdTree result;
   with_threads(options.threads, [&] {
-    static_cast<KdTreeData&>(*result.data_) = make_data(tree, mesh, config, masks);
+    static_cast<KdTreeData&>(result.data()) = make_data(tree, mesh, config, masks);
   });
   return result;
 }
@@ -154,64 +129,26 @@ KdTree KdTree::of(const Tree& tree, const MeshView& mesh, const KdTreeConfig& co
                                              std::to_string(kMaxReferences) + " supported");
   KdTree result;
   with_threads(options.threads, [&] {
-    static_cast<KdTreeData&>(*result.data_) = make_data(tree, mesh, config, masks);
+    static_cast<KdTreeData&>(result.data()) = make_data(tree, mesh, config, masks);
   });
   return result;
 }
 
-Hit KdTree::intersect(const Ray& ray, const RayOptions& options) const {
-  return data_->kernels->intersect(*data_, ray, options);
-}
-
-bool KdTree::occluded(const Ray& ray, const RayOptions& options) const {
-  return data_->kernels->occluded(*data_, ray, options);
-}
-
-size_t KdTree::all_hits(const Ray& ray, std::span<Hit> hits, const RayOptions& options) const {
-  return data_->kernels->all_hits(*data_, ray, hits, options);
-}
-
-void KdTree::intersect(std::span<const Ray> rays, std::span<Hit> hits, const RayOptions& options,
-                       uint32_t threads) const {
-  check_same_length(rays.size(), hits.size(), "hits");
-  with_threads(threads, [&] {
-    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        hits[i] = data_->kernels->intersect(*data_, rays[i], options);
-    });
-  });
-}
-
-void KdTree::occluded(std::span<const Ray> rays, std::span<uint8_t> results,
-                      const RayOptions& options, uint32_t threads) const {
-  check_same_length(rays.size(), results.size(), "results");
-  with_threads(threads, [&] {
-    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        results[i] = data_->kernels->occluded(*data_, rays[i], options) ? 1 : 0;
-    });
-  });
-}
-
 void KdTree::set_traversal(Traversal traversal) {
   check_traversal(traversal);
-  data_->traversal = traversal;
-  prepare_rays(*data_);
+  data().traversal = traversal;
+  prepare_rays(data());
 }
 
-Traversal KdTree::traversal() const { return data_->traversal; }
+Traversal KdTree::traversal() const { return data().traversal; }
 
 Statistics KdTree::statistics() const {
-  Statistics s = data_->statistics;
-  s.bytes = data_->nodes.size() * sizeof(Node) + data_->leaf_bytes() +
-            data_->rope_leaves.size() * sizeof(RopeLeaf) +
-            data_->rope_leaf_of.size() * sizeof(uint32_t);
+  const Data& d = data();
+  Statistics s = d.statistics;
+  s.bytes = d.nodes.size() * sizeof(Node) + d.leaf_bytes() +
+            d.rope_leaves.size() * sizeof(RopeLeaf) + d.rope_leaf_of.size() * sizeof(uint32_t);
   return s;
 }
-
-Aabb KdTree::bounds() const { return data_->bounds; }
-
-uint32_t KdTree::triangle_count() const { return data_->triangle_count; }
 
 }  // namespace kdtree
 }  // namespace umbel

@@ -21,7 +21,7 @@
 
 namespace umbel {
 
-const KdRayKernels* avx2_kd_kernels(kdtree::Traversal traversal) {
+const RayKernels* avx2_kd_kernels(kdtree::Traversal traversal) {
   return kd_kernels<TriangleTester<Avx2>>(traversal);
 }
 
@@ -35,6 +35,6 @@ const KdRayKernels* avx2_kd_kernels(kdtree::Traversal traversal) {
 
 #else
 namespace umbel {
-const KdRayKernels* avx2_kd_kernels(kdtree::Traversal /*traversal*/) { return nullptr; }
+const RayKernels* avx2_kd_kernels(kdtree::Traversal /*traversal*/) { return nullptr; }
 }  // namespace umbel
 #endif

@@ -10,7 +10,7 @@ struct Plain {};
 
 }  // namespace
 
-const KdRayKernels* portable_kd_kernels(kdtree::Traversal traversal) {
+const RayKernels* portable_kd_kernels(kdtree::Traversal traversal) {
   return kd_kernels<PlainTriangles<Plain>>(traversal);
 }
 

@@ -281,12 +281,12 @@ static inline bool walk(const KdTreeData& tree, const KdLanes<Triangles, travers
 }
 
 template <typename Lanes>
-constexpr KdRayKernels kd_kernels_of{intersect_ray<Lanes, KdTreeData>,
-                                     occluded_ray<Lanes, KdTreeData>,
-                                     all_hits_ray<Lanes, KdTreeData>};
+constexpr RayKernels kd_kernels_of{intersect_ray<Lanes, KdTreeData>,
+                                   occluded_ray<Lanes, KdTreeData>,
+                                   all_hits_ray<Lanes, KdTreeData>};
 
 template <typename Triangles>
-static const KdRayKernels* kd_kernels(kdtree::Traversal traversal) {
+static const RayKernels* kd_kernels(kdtree::Traversal traversal) {
   using kdtree::Traversal;
   switch (traversal) {
     case Traversal::kRopes:

@@ -8,8 +8,6 @@
 
 namespace umbel {
 
-struct KdRayKernels;
-
 /// Deepest leaf that there may be.
 inline constexpr uint32_t kMaxKdDepth = 64;
 
@@ -28,13 +26,16 @@ struct KdTreeData : LeafStore {
   // Never stored.
   kdtree::Traversal traversal = kdtree::Traversal::kStack;
   Simd simd = Simd::kAuto;  ///< as asked for
-  const KdRayKernels* kernels = nullptr;
   BigVector<RopeLeaf> rope_leaves;
   BigVector<uint32_t> rope_leaf_of;  ///< by node; only those of leaves mean anything
 };
 
 /// Only a name for KdTree's private part.
 struct kdtree::KdTree::Data : KdTreeData {};
+inline kdtree::KdTree::Data& kdtree::KdTree::data() { return static_cast<Data&>(*store_); }
+inline const kdtree::KdTree::Data& kdtree::KdTree::data() const {
+  return static_cast<const Data&>(*store_);
+}
 
 /// Calls visit(link) for the triangles of a leaf, eight at a time.
 template <typename Visit>

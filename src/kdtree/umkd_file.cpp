@@ -16,13 +16,6 @@ using kdtree::Node;
 constexpr ContainerKind kKind{".umkd", {'\x89', 'U', 'M', 'K', 'D', '\r', '\n', '\x1a'}, 1, 0};
 constexpr uint32_t kCompact = 1, kMasked = 2;
 
-/// The arrays as bytes, in the order of the file.
-ContainerArrays arrays_of(KdTreeData& data) {
-  return {std::as_writable_bytes(std::span(data.nodes)),
-          std::as_writable_bytes(std::span(data.leaves)),
-          std::as_writable_bytes(std::span(data.vertices))};
-}
-
 ContainerFields encode(const KdTreeData& data) {
   ContainerFields fields{};
   ByteWriter out(fields);
@@ -112,7 +105,7 @@ KdTreeData read_file(const std::string& path) {
   data.nodes.resize(file.bytes(0) / sizeof(Node));
   data.leaves.resize(file.bytes(1) / 4);
   data.vertices.resize(file.bytes(2) / sizeof(Vec3));
-  file.read(arrays_of(data));
+  file.read(container_arrays(data.nodes, data.leaves, data.vertices));
   for (const Vec3& vertex : data.vertices)
     if (!is_within(vertex, data.bounds)) corrupt("a vertex lies out of the bounds");
   const kdtree::Tree tree = tree_of(data);
@@ -126,13 +119,14 @@ KdTreeData read_file(const std::string& path) {
 namespace kdtree {
 
 void KdTree::save(const std::string& path) const {
-  write_container(path, kKind, encode(*data_), arrays_of(*data_));
+  const Data& d = data();
+  write_container(path, kKind, encode(d), container_bytes(d.nodes, d.leaves, d.vertices));
 }
 
 KdTree KdTree::load(const std::string& path, Traversal traversal, Simd simd) {
   (void)name(traversal);  // throws where there is none
   KdTree result;
-  KdTreeData& data = *result.data_;
+  KdTreeData& data = result.data();
   data = reading(path, [&] { return read_file(path); });
   data.traversal = traversal;
   data.simd = simd;

@@ -156,9 +156,10 @@ void fill(Scene::Data& scene, const MeshView& mesh, const Look& look) {
   find_lights(scene);
 }
 
-void check_bvh(const TriangleBvh& bvh, size_t triangles) {
-  if (bvh.triangle_count() != triangles)
-    refuse("the hierarchy has " + std::to_string(bvh.triangle_count()) +
+void check_structure(const TriangleQueries* structure, size_t triangles) {
+  if (!structure) refuse("there is no structure");
+  if (structure->triangle_count() != triangles)
+    refuse("the structure has " + std::to_string(structure->triangle_count()) +
            " triangles, but the scene has " + std::to_string(triangles));
 }
 
@@ -173,6 +174,7 @@ Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
 }
 
 Scene::Scene() : data_(std::make_unique<Data>()) {
+  data_->structure = std::make_unique<TriangleBvh>();
   data_->materials.push_back(plain_material());
   data_->light_density.assign(1, 0.0f);
   data_->sky = Sky(Environment{});
@@ -197,30 +199,31 @@ Scene Scene::build(const MeshView& mesh, const Look& look, const TriangleBvhConf
                    const BuildOptions& options) {
   validate(mesh, {.progress = {}, .threads = options.threads});
   check_look(mesh, look);
-  TriangleBvh bvh = TriangleBvh::build(mesh, config, masks(mesh, look.materials), options);
+  auto bvh = std::make_unique<TriangleBvh>(
+      TriangleBvh::build(mesh, config, masks(mesh, look.materials), options));
   return build(mesh, look, std::move(bvh), {.progress = {}, .threads = options.threads});
 }
 
-Scene Scene::build(const MeshView& mesh, const Look& look, TriangleBvh bvh,
-                   const BuildOptions& options) {
+Scene Scene::build(const MeshView& mesh, const Look& look,
+                   std::unique_ptr<TriangleQueries> structure, const BuildOptions& options) {
   Scene scene;
   with_threads(options.threads, [&] {
     validate(mesh);
     check_look(mesh, look);
-    check_bvh(bvh, mesh.triangles.size());
+    check_structure(structure.get(), mesh.triangles.size());
     *scene.data_ = Data{};
     fill(*scene.data_, mesh, look);
   });
-  scene.data_->bvh = std::move(bvh);
+  scene.data_->structure = std::move(structure);
   return scene;
 }
 
-void Scene::replace_bvh(TriangleBvh bvh) {
-  check_bvh(bvh, data_->triangles.size());
-  data_->bvh = std::move(bvh);
+void Scene::replace_structure(std::unique_ptr<TriangleQueries> structure) {
+  check_structure(structure.get(), data_->triangles.size());
+  data_->structure = std::move(structure);
 }
 
-const TriangleBvh& Scene::bvh() const { return data_->bvh; }
+const TriangleQueries& Scene::structure() const { return *data_->structure; }
 Aabb Scene::bounds() const { return data_->bounds; }
 uint32_t Scene::triangle_count() const { return static_cast<uint32_t>(data_->triangles.size()); }
 uint32_t Scene::light_count() const { return static_cast<uint32_t>(data_->lights.size()); }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "trace/alias_table.hpp"
@@ -22,7 +23,7 @@ struct TriangleRecord {
 };
 
 struct Scene::Data {
-  TriangleBvh bvh;
+  std::unique_ptr<TriangleQueries> structure;  ///< never null
   Aabb bounds;
   std::vector<Vec3> positions;
   std::vector<Vec3> normals;  ///< empty, or one a vertex

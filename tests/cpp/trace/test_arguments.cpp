@@ -92,8 +92,12 @@ TEST(TraceArguments, another_size_or_hierarchy_is_refused) {
   Film film;
   accumulate(scene, from_above(), small_picture(4, 1), film);
   expect_refused([&] { accumulate(scene, from_above(), small_picture(5, 1), film); }, "film");
-  expect_refused([&] { scene.replace_bvh(TriangleBvh::build(shapes::sphere(1).view(), quick())); },
-                 "triangles");
+  expect_refused(
+      [&] {
+        scene.replace_structure(
+            std::make_unique<TriangleBvh>(TriangleBvh::build(shapes::sphere(1).view(), quick())));
+      },
+      "triangles");
 }
 
 TEST(TraceArguments, a_cancelled_film_is_as_before) {

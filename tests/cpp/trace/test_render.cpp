@@ -273,7 +273,7 @@ TEST(Render, every_builder_gives_the_same_picture) {
     config.tree = {};
     config.tree.builder = builder;
     config.width = 4;
-    scene.replace_bvh(TriangleBvh::build(mesh.view(), config));
+    scene.replace_structure(std::make_unique<TriangleBvh>(TriangleBvh::build(mesh.view(), config)));
     EXPECT_EQ(render(scene, camera, small_picture(32, 8)).image.pixels, expected.pixels);
   }
 }

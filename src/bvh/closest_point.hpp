@@ -2,11 +2,12 @@
 // first, in single precision and with a margin; triangles in double precision. Of points at
 // exactly the same distance the lowest primitive's is taken, so that the answer depends neither on
 // the tree nor on the order of visits. Points of a batch are visited along a Morton curve, each
-// with the answer of the one before as a bound.
+// with the answer of the one before as a bound. For the nodes of any structure: see walk.hpp.
+#pragma once
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <string>
 
 #include "bvh/float4.hpp"
 #include "bvh/point_order.hpp"
@@ -14,27 +15,28 @@
 #include "bvh/walk.hpp"
 
 namespace umbel {
-namespace {
+namespace closest {
 
 /// The power of two that brings a coordinate to between 1 and 4, but for the smallest.
-float unit_scale(float largest) {
+inline float unit_scale(float largest) {
   const uint32_t exponent = std::bit_cast<uint32_t>(largest) >> 23;
   return std::bit_cast<float>((254u - std::clamp(exponent, 1u, 253u)) << 23);
 }
 
-float largest_coordinate(const Vec3& p) {
+inline float largest_coordinate(const Vec3& p) {
   return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
 }
 
 // Squared distances of boxes, rounded, against the limit that a squared distance of triangles,
 // rounded otherwise, sets: with these margins no box is left out that has an equal in it.
-constexpr double kRelativeMargin = 4e-6, kAbsoluteMargin = 1e-13;
+inline constexpr double kRelativeMargin = 4e-6, kAbsoluteMargin = 1e-13;
 
-template <uint32_t kWidth>
-class ClosestSearch {
+template <typename Nodes>
+class Search {
  public:
-  ClosestSearch(const TriangleBvhData& data, const Vec3& point, float max_distance)
+  Search(const LeafStore& data, const Vec3& point, float max_distance)
       : data_(data),
+        nodes_(data),
         point_(point),
         scale_(unit_scale(std::max({largest_coordinate(point), largest_coordinate(data.bounds.min),
                                     largest_coordinate(data.bounds.max)}))),
@@ -51,12 +53,12 @@ class ClosestSearch {
   }
 
   ClosestPoint run() {
-    stack_[size_++] = {0, 0};
+    stack_[size_++] = {0, nodes_.root()};
     while (size_ > 0) {
       const Entry entry = stack_[--size_];
       if (entry.distance2 > limit_) continue;
-      if (TriangleBvhData::is_leaf(entry.link))
-        visit_leaf(entry.link);
+      if (nodes_.is_leaf(entry.link))
+        nodes_.visit_runs(entry.link, [&](uint32_t run) { visit_run(run); });
       else
         visit_node(entry.link);
     }
@@ -64,11 +66,12 @@ class ClosestSearch {
   }
 
  private:
-  static constexpr uint32_t kLanes = kWidth < 4 ? 4 : kWidth;
+  static constexpr uint32_t kWidth = Nodes::kWidth, kLanes = kWidth < 4 ? 4 : kWidth;
+  using Link = typename Nodes::Link;
 
   struct Entry {
     float distance2;  ///< scaled
-    uint32_t link;
+    Link link;
   };
 
   void set_limit() {
@@ -77,9 +80,9 @@ class ClosestSearch {
                                 kAbsoluteMargin);
   }
 
-  void visit_node(uint32_t node) {
-    const uint32_t* words = data_.nodes.data() + size_t{node} * (7 * kWidth);
-    const auto* planes = reinterpret_cast<const float*>(words);
+  void visit_node(Link node) {
+    const auto children = nodes_.children(node);
+    const float* const planes = children.boxes().planes;
     float distance2[kLanes];
     uint32_t near = 0;
     for (uint32_t i = 0; i < kWidth; i += 4) {
@@ -93,8 +96,8 @@ class ClosestSearch {
     const size_t base = size_;
     for (; near != 0; near &= near - 1) {
       const auto slot = static_cast<uint32_t>(std::countr_zero(near));
-      const uint32_t link = words[6 * kWidth + slot];
-      if (link == kNoChild) continue;
+      const Link link = children.link(slot);
+      if (link == Nodes::kNoLink) continue;
       size_t at = size_++;
       for (; at > base && stack_[at - 1].distance2 < distance2[slot]; --at)
         stack_[at] = stack_[at - 1];
@@ -117,8 +120,8 @@ class ClosestSearch {
     return at_most(squared, Float4::all(limit_));
   }
 
-  void visit_leaf(uint32_t link) {
-    const uint32_t n = TriangleBvhData::leaf_size(link);
+  void visit_run(uint32_t link) {
+    const uint32_t n = LeafStore::leaf_size(link);
     float distance2[kMaxLeafTriangles];
     uint32_t near = (1u << n) - 1;
     if (!data_.compact) near &= triangle_distances(link, n, distance2);
@@ -132,7 +135,7 @@ class ClosestSearch {
   /// Of the boxes around a leaf's triangles, as box_distances. Most triangles need no more.
   uint32_t triangle_distances(uint32_t link, uint32_t n, float* distance2) const {
     const auto* rows = reinterpret_cast<const float*>(data_.leaves.data()) +
-                       size_t{TriangleBvhData::first_reference(link)} * data_.reference_words();
+                       size_t{LeafStore::first_reference(link)} * data_.reference_words();
     uint32_t near = 0;
     for (uint32_t i = 0; i < n; i += 4) {
       const auto row = [&](uint32_t k) { return Float4::load(rows + size_t{k} * n + i); };
@@ -169,7 +172,8 @@ class ClosestSearch {
             static_cast<float>(best_.v)};
   }
 
-  const TriangleBvhData& data_;
+  const LeafStore& data_;
+  Nodes nodes_;
   Vec3 point_;
   float scale_;
   Vec3 scaled_;
@@ -177,41 +181,33 @@ class ClosestSearch {
   TrianglePoint best_;
   uint32_t primitive_ = kNone;
   Vec3 corners_[3]{};
-  Entry stack_[kMaxWalkDepth * (kWidth - 1) + 1];
+  Entry stack_[Nodes::kDepth * (kWidth - 1) + 1];
   size_t size_ = 0;
 };
 
-template <uint32_t kWidth>
-ClosestPoint closest(const TriangleBvhData& data, const Vec3& point, float max_distance,
-                     const ClosestPoint* neighbour) {
-  if (data.nodes.empty() || !is_finite(point) || !(max_distance >= 0)) return {};
-  ClosestSearch<kWidth> search(data, point, max_distance);
+template <typename Nodes>
+ClosestPoint find(const LeafStore& data, const Vec3& point, float max_distance,
+                  const ClosestPoint* neighbour) {
+  if (data.reference_count == 0 || !is_finite(point) || !(max_distance >= 0)) return {};
+  Search<Nodes> search(data, point, max_distance);
   if (neighbour && neighbour->primitive != kNone)
     search.bound(length(to_double(neighbour->point) - to_double(point)));
   return search.run();
 }
 
-}  // namespace
+}  // namespace closest
 
-ClosestPoint TriangleBvh::closest_point(const Vec3& point, float max_distance) const {
-  return with_width(*data_, [&](auto width) {
-    return closest<decltype(width)::value>(*data_, point, max_distance, nullptr);
-  });
+template <typename Nodes>
+ClosestPoint closest_point_of(const LeafStore& data, const Vec3& point, float max_distance) {
+  return closest::find<Nodes>(data, point, max_distance, nullptr);
 }
 
-void TriangleBvh::closest_point(std::span<const Vec3> points, std::span<ClosestPoint> results,
-                                float max_distance, uint32_t threads) const {
-  if (points.size() != results.size())
-    throw Error(ErrorCode::kInvalidArgument, "there are " + std::to_string(points.size()) +
-                                                 " points but room for " +
-                                                 std::to_string(results.size()) + " results");
-  with_threads(threads, [&] {
-    with_width(*data_, [&](auto width) {
-      for_points_in_order<ClosestPoint>(points, [&](size_t i, ClosestPoint& last) {
-        results[i] = closest<decltype(width)::value>(*data_, points[i], max_distance, &last);
-        last = results[i];
-      });
-    });
+template <typename Nodes>
+void closest_points_of(const LeafStore& data, std::span<const Vec3> points,
+                       std::span<ClosestPoint> results, float max_distance) {
+  for_points_in_order<ClosestPoint>(points, [&](size_t i, ClosestPoint& last) {
+    results[i] = closest::find<Nodes>(data, points[i], max_distance, &last);
+    last = results[i];
   });
 }
 

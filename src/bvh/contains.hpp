@@ -2,11 +2,12 @@
 // crosses. The ray is moved aside by an infinitely small amount (Edelsbrunner & Muecke,
 // "Simulation of Simplicity", 1990) and every decision is an exact sign, so a ray through a
 // vertex or along an edge crosses exactly the triangles that its neighbour crosses, and boxes are
-// compared without rounding at all.
+// compared without rounding at all. For the nodes of any structure: see walk.hpp.
+#pragma once
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "bvh/orientation.hpp"
@@ -14,13 +15,13 @@
 #include "bvh/walk.hpp"
 
 namespace umbel {
-namespace {
+namespace inside {
 
 using orientation::Point2;
 
 /// Which side of a -> b the point p lies on once it is moved by (e, e^2) for an infinitely small
 /// e; 0 only where a equals b.
-int perturbed_side(const Point2& a, const Point2& b, const Point2& p) {
+inline int perturbed_side(const Point2& a, const Point2& b, const Point2& p) {
   if (const int side = orientation::orient2d(a, b, p)) return side;
   if (a.y != b.y) return a.y > b.y ? 1 : -1;
   return (b.x > a.x) - (b.x < a.x);
@@ -84,11 +85,13 @@ class Crossings {
   std::vector<uint32_t> met_;
 };
 
-template <uint32_t kWidth, typename Ray>
-bool crosses_odd(const TriangleBvhData& data, const Vec3& p) {
-  Crossings crossings(data.repeats != 0);
-  walk_leaves<kWidth>(
-      data, [&](const NodeBoxes<kWidth>& boxes, uint32_t* passes) { Ray::test(p, boxes, passes); },
+template <typename Nodes, typename Ray>
+bool crosses_odd(const LeafStore& data, const Vec3& p) {
+  const Nodes nodes(data);
+  Crossings crossings(nodes.repeats());
+  walk_leaves(
+      nodes,
+      [&](const NodeBoxes<Nodes::kWidth>& boxes, uint32_t* passes) { Ray::test(p, boxes, passes); },
       [&](uint32_t link) {
         data.for_each_triangle(link, [&](const LeafTriangle& triangle) {
           if (Ray::crosses(p, triangle)) crossings.add(triangle.primitive);
@@ -99,7 +102,7 @@ bool crosses_odd(const TriangleBvhData& data, const Vec3& p) {
 
 /// Of the six sides of the bounds the one that a ray reaches soonest, in parts of the extent: it
 /// meets the fewest boxes.
-int nearest_side(const Aabb& b, const Vec3& p) {
+inline int nearest_side(const Aabb& b, const Vec3& p) {
   const auto share = [](float way, float low, float high) {
     return way / std::max(high - low, std::numeric_limits<float>::min());
   };
@@ -110,51 +113,44 @@ int nearest_side(const Aabb& b, const Vec3& p) {
   return static_cast<int>(std::min_element(ways, ways + 6) - ways);
 }
 
-bool in_box(const Aabb& b, const Vec3& p) {
+inline bool in_box(const Aabb& b, const Vec3& p) {
   return p.x >= b.min.x && p.x <= b.max.x && p.y >= b.min.y && p.y <= b.max.y && p.z >= b.min.z &&
          p.z <= b.max.z;
 }
 
-template <uint32_t kWidth>
-bool is_inside(const TriangleBvhData& data, const Vec3& p) {
-  if (data.nodes.empty() || !in_box(data.bounds, p)) return false;
+template <typename Nodes>
+bool is_inside(const LeafStore& data, const Vec3& p) {
+  if (data.reference_count == 0 || !in_box(data.bounds, p)) return false;
   switch (nearest_side(data.bounds, p)) {
     case 0:
-      return crosses_odd<kWidth, AxisRay<0, false>>(data, p);
+      return crosses_odd<Nodes, AxisRay<0, false>>(data, p);
     case 1:
-      return crosses_odd<kWidth, AxisRay<0, true>>(data, p);
+      return crosses_odd<Nodes, AxisRay<0, true>>(data, p);
     case 2:
-      return crosses_odd<kWidth, AxisRay<1, false>>(data, p);
+      return crosses_odd<Nodes, AxisRay<1, false>>(data, p);
     case 3:
-      return crosses_odd<kWidth, AxisRay<1, true>>(data, p);
+      return crosses_odd<Nodes, AxisRay<1, true>>(data, p);
     case 4:
-      return crosses_odd<kWidth, AxisRay<2, false>>(data, p);
+      return crosses_odd<Nodes, AxisRay<2, false>>(data, p);
     default:
-      return crosses_odd<kWidth, AxisRay<2, true>>(data, p);
+      return crosses_odd<Nodes, AxisRay<2, true>>(data, p);
   }
 }
 
 struct Nothing {};
 
-}  // namespace
+}  // namespace inside
 
-bool TriangleBvh::contains(const Vec3& point) const {
-  return with_width(*data_,
-                    [&](auto width) { return is_inside<decltype(width)::value>(*data_, point); });
+template <typename Nodes>
+bool contains_of(const LeafStore& data, const Vec3& point) {
+  return inside::is_inside<Nodes>(data, point);
 }
 
-void TriangleBvh::contains(std::span<const Vec3> points, std::span<uint8_t> results,
-                           uint32_t threads) const {
-  if (points.size() != results.size())
-    throw Error(ErrorCode::kInvalidArgument, "there are " + std::to_string(points.size()) +
-                                                 " points but room for " +
-                                                 std::to_string(results.size()) + " results");
-  with_threads(threads, [&] {
-    with_width(*data_, [&](auto width) {
-      for_points_in_order<Nothing>(points, [&](size_t i, Nothing&) {
-        results[i] = is_inside<decltype(width)::value>(*data_, points[i]) ? 1 : 0;
-      });
-    });
+template <typename Nodes>
+void contains_all_of(const LeafStore& data, std::span<const Vec3> points,
+                     std::span<uint8_t> results) {
+  for_points_in_order<inside::Nothing>(points, [&](size_t i, inside::Nothing&) {
+    results[i] = inside::is_inside<Nodes>(data, points[i]) ? 1 : 0;
   });
 }
 

@@ -1,0 +1,99 @@
+"""The queries that every structure over triangles answers: rays, distances and overlaps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _umbel
+from .arrays import numbers, rows
+from .errors import Error
+from .rays import RayQueries, thread_count
+
+
+@dataclass(frozen=True)
+class ClosestPoints:
+    """The point of the surface that is nearest to each query point."""
+
+    point: NDArray[np.float32]
+    """(n, 3)"""
+    distance: NDArray[np.float32]
+    """(n,) infinite where nothing lies within the distance asked for."""
+    primitive: NDArray[np.int32]
+    """(n,) triangle; -1 where there is none."""
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.distance)
+
+
+class TriangleQueries(RayQueries):
+    """Rays, distances and overlaps. Results do not depend on the structure."""
+
+    _native: _umbel.TriangleQueries
+
+    # Distances.
+
+    def closest_point(
+        self, points: ArrayLike, max_distance: float = math.inf, *, threads: int = 0
+    ) -> ClosestPoints:
+        """The nearest point of the surface to each of (n, 3) points, within `max_distance`."""
+        limit = _number("max_distance", max_distance)
+        if not limit >= 0:
+            raise Error(f"max_distance cannot be {max_distance}")
+        return ClosestPoints(
+            *self._native.closest_point(rows("points", points, 3), limit, thread_count(threads))
+        )
+
+    def contains(self, points: ArrayLike, *, threads: int = 0) -> NDArray[np.bool_]:
+        """(n,) whether each of (n, 3) points lies inside; the mesh must be closed."""
+        return self._native.contains(rows("points", points, 3), thread_count(threads))
+
+    def signed_distance(self, points: ArrayLike, *, threads: int = 0) -> NDArray[np.float32]:
+        """(n,) distance of each of (n, 3) points to the surface, negative inside."""
+        return self._native.signed_distance(rows("points", points, 3), thread_count(threads))
+
+    # Overlaps: (k,) int32 indices of the triangles that touch a region, sorted.
+
+    def overlaps_box(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.int32]:
+        """Triangles that touch the box from `low` to `high`, both (3,)."""
+        return self._native.overlaps_box(_point("low", low), _point("high", high))
+
+    def overlaps_sphere(self, center: ArrayLike, radius: float) -> NDArray[np.int32]:
+        """Triangles that touch the ball around `center`, (3,)."""
+        return self._native.overlaps_sphere(_point("center", center), _number("radius", radius))
+
+    def overlaps_frustum(self, planes: ArrayLike) -> NDArray[np.int32]:
+        """Triangles that touch the points with a x + b y + c z + d >= 0 for all planes, (6, 4)
+        rows of a, b, c, d; near its edges a few more."""
+        array = rows("planes", planes, 4)
+        if len(array) != 6:
+            raise Error(f"planes must have shape (6, 4), not {array.shape}")
+        return self._native.overlaps_frustum(array)
+
+    @property
+    def bounds(self) -> NDArray[np.float32] | None:
+        """(2, 3) least and greatest corner; None without triangles."""
+        box = np.array(self._native.bounds, np.float32)
+        return None if (box[0] > box[1]).any() else box
+
+    def __len__(self) -> int:
+        return self._native.triangle_count
+
+
+def _number(name: str, value: float) -> float:
+    if not isinstance(value, (int, float, np.number)):
+        raise Error(f"{name} must be a number, not {value!r}")
+    return float(value)
+
+
+def _point(name: str, value: ArrayLike) -> Sequence[float]:
+    array = numbers(name, value)
+    if array.shape != (3,):
+        raise Error(f"{name} must have shape (3,), not {array.shape}")
+    return tuple(array.tolist())
