@@ -14,6 +14,7 @@ LAYERS = [
     "cluster",
     "bvh",
     "kdtree",
+    "uniform",
     "lod",
     "asset",
     "stream",

@@ -15,4 +15,5 @@
 #include "umbel/stream.hpp"
 #include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
+#include "umbel/uniform.hpp"
 #include "umbel/version.hpp"

@@ -140,6 +140,7 @@ void bind_trace(nb::module_& module);
 void bind_queries(nb::module_& module);
 void bind_bvh(nb::module_& module);
 void bind_kdtree(nb::module_& module);
+void bind_uniform(nb::module_& module);
 void bind_peers(nb::module_& module);
 void bind_peer_lod(nb::module_& module);
 

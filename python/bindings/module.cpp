@@ -17,6 +17,7 @@ NB_MODULE(_umbel, module) {
   bind_queries(module);
   bind_bvh(module);
   bind_kdtree(module);
+  bind_uniform(module);
   bind_meshopt(module);
   bind_peers(module);
 }

@@ -5,6 +5,8 @@
 #include <nanobind/stl/vector.h>
 
 #include "bind.hpp"
+#include "umbel/kdtree.hpp"
+#include "umbel/uniform.hpp"
 
 namespace umbel::python {
 namespace {
@@ -104,17 +106,41 @@ void bind_look(nb::module_& module) {
   triple_property(environment, "ground_albedo", &Environment::ground_albedo);
 }
 
+/// The structure that rays go through, by the name that the command line has for it.
+std::unique_ptr<TriangleQueries> build_structure(const MeshView& mesh, const std::string& accel,
+                                                 const std::string& preset,
+                                                 std::span<const uint32_t> masks,
+                                                 const BuildOptions& options) {
+  if (accel == "kdtree")
+    return std::make_unique<kdtree::KdTree>(kdtree::KdTree::build(mesh, {}, masks, options));
+  if (accel == "grid")
+    return std::make_unique<uniform::TwoLevelGrid>(
+        uniform::TwoLevelGrid::build(mesh, {}, masks, options));
+  if (accel == "bih")
+    return std::make_unique<uniform::IntervalHierarchy>(
+        uniform::IntervalHierarchy::build(mesh, {}, masks, options));
+  if (accel != "bvh")
+    throw Error(ErrorCode::kInvalidArgument,
+                "accel must be bvh, kdtree, grid or bih, not " + accel);
+  TriangleBvhConfig config;
+  config.tree = bvh::preset(preset);
+  return std::make_unique<TriangleBvh>(TriangleBvh::build(mesh, config, masks, options));
+}
+
 trace::Scene build_scene(const MeshArrays& mesh, const std::vector<trace::Material>& materials,
                          const std::vector<const TextureInput*>& textures,
-                         const trace::Environment& environment, const std::string& preset,
-                         const nb::object& progress, uint32_t threads) {
+                         const trace::Environment& environment, const std::string& accel,
+                         const std::string& preset, const nb::object& progress, uint32_t threads) {
   std::vector<trace::TextureView> views;
   for (const TextureInput* texture : textures) views.push_back(texture->view);
   const trace::Look look{materials, views, environment};
-  TriangleBvhConfig config;
-  config.tree = bvh::preset(preset);
   return run(progress, threads, [&](const BuildOptions& options) {
-    return trace::Scene::build(mesh.view(), look, config, options);
+    const MeshView view = mesh.view();
+    validate(view, {.progress = {}, .threads = options.threads});
+    auto structure =
+        build_structure(view, accel, preset, trace::Scene::masks(view, materials), options);
+    return trace::Scene::build(view, look, std::move(structure),
+                               {.progress = {}, .threads = options.threads});
   });
 }
 
@@ -144,7 +170,7 @@ void bind_scene(nb::module_& module) {
           },
           "width"_a, "height"_a, "azimuth"_a, "elevation"_a, "fov_y"_a, "margin"_a);
   module.def("trace_scene", &build_scene, "mesh"_a, "materials"_a, "textures"_a, "environment"_a,
-             "preset"_a, "progress"_a = nb::none(), "threads"_a = 0);
+             "accel"_a, "preset"_a, "progress"_a = nb::none(), "threads"_a = 0);
   module.def(
       "trace_frame",
       [=](const MeshArrays& mesh, const Triple& up, uint32_t width, uint32_t height, float azimuth,

@@ -63,6 +63,8 @@ if TYPE_CHECKING:
     from .trace import Renderer as Renderer
     from .trace import render as render
     from .trimesh_ray import trimesh_rays as trimesh_rays
+    from .uniform import IntervalHierarchy as IntervalHierarchy
+    from .uniform import TwoLevelGrid as TwoLevelGrid
     from .viewer import View as View
     from .viewer import export_viewer as export_viewer
     from .viewer import view as view
@@ -114,6 +116,8 @@ _HOME = {
     "View": "viewer",
     "export_viewer": "viewer",
     "view": "viewer",
+    "IntervalHierarchy": "uniform",
+    "TwoLevelGrid": "uniform",
     "VerifyReport": "proof",
     "verify": "proof",
 }

@@ -33,7 +33,8 @@ class Renderer:
     up: the axis to the zenith, "y" or "z".
     ground: puts a matte floor under the mesh.
     hide: names of materials whose triangles are left out, `*` and `?` as in shells.
-    preset: of the hierarchy, "fast", "quality" or "best".
+    accel: what rays go through: "bvh", "kdtree", "grid" or "bih"; the picture is the same.
+    preset: of the bvh, "fast", "quality" or "best".
     """
 
     def __init__(
@@ -44,6 +45,7 @@ class Renderer:
         up: str = "y",
         ground: bool = False,
         hide: Sequence[str] = (),
+        accel: str = "bvh",
         preset: str = "quality",
         progress: Progress | None = None,
         threads: int = 0,
@@ -58,7 +60,7 @@ class Renderer:
         self._ground = placed is not self.mesh
         self._threads = threads
         self._scene = _umbel.trace_scene(
-            native(placed), materials, look.textures, light, preset, progress, threads
+            native(placed), materials, look.textures, light, accel, preset, progress, threads
         )
 
     def __repr__(self) -> str:

@@ -6,7 +6,7 @@
 #include "base/parallel.hpp"
 #include "kdtree/builders.hpp"
 #include "kdtree/clip.hpp"
-#include "mesh/streams.hpp"
+#include "kdtree/leaf_lists.hpp"
 
 namespace umbel::kdtree {
 namespace {
@@ -42,18 +42,6 @@ void check_config(const Config& c) {
   check_range("bad_refines", c.bad_refines, 0, 64);
   check_range("max_references", double(c.max_references), 1, 64);
   check_range("bins", c.bins, 4, 256);
-}
-
-/// The triangles that a tree is built over.
-std::vector<uint32_t> usable_triangles(const MeshView& mesh, const Config& config,
-                                       const BuildOptions& options) {
-  if (config.invalid == bvh::InvalidTriangles::kRefuse) validate(mesh, options);
-  check_indices(mesh);
-  std::vector<uint32_t> usable;
-  usable.reserve(mesh.triangles.size());
-  for (size_t i = 0; i < mesh.triangles.size(); ++i)
-    if (first_invalid_corner(mesh, i) == 3) usable.push_back(static_cast<uint32_t>(i));
-  return usable;
 }
 
 uint32_t depth_limit(const Config& config, size_t count) {
@@ -111,8 +99,7 @@ Tree build(const MeshView& mesh, const Config& config, const BuildOptions& optio
   progress.report(0, "building");
   Tree tree;
   with_threads(options.threads, [&] {
-    const std::vector<uint32_t> triangles =
-        usable_triangles(geometry, config, {.progress = {}, .threads = 0});
+    const std::vector<uint32_t> triangles = usable_triangles(geometry, config.invalid);
     progress.report(0.05, "building");
     if (!triangles.empty()) tree = build_usable(geometry, triangles, config);
   });

@@ -27,13 +27,6 @@ namespace {
 
 constexpr std::array<std::string_view, 3> kTraversals{"stack", "ropes", "short-stack"};
 
-void check_masks(std::span<const uint32_t> masks, size_t triangles) {
-  if (!masks.empty() && masks.size() != triangles)
-    throw Error(ErrorCode::kInvalidArgument, "masks must be empty or one a triangle: there are " +
-                                                 std::to_string(masks.size()) + " masks and " +
-                                                 std::to_string(triangles) + " triangles");
-}
-
 void check_traversal(Traversal traversal) {
   if (static_cast<size_t>(traversal) >= kTraversals.size())
     throw Error(
@@ -41,39 +34,17 @@ void check_traversal(Traversal traversal) {
         "traversal " + std::to_string(static_cast<uint32_t>(traversal)) + " does not exist");
 }
 
-/// Writes every list once, in leaves of up to eight triangles.
-void fill_leaves(const Tree& tree, const MeshView& mesh, std::span<const uint32_t> masks,
-                 KdTreeData& data) {
-  std::vector<uint32_t> links;
-  uint32_t filled = 0;
-  for (const Node& node : tree.nodes) {
-    if (!node.is_leaf() || node.first < filled) continue;  // else shared
-    visit_links(node, [&](uint32_t link) { links.push_back(link); });
-    filled += node.count();
-  }
-  std::vector<uint32_t> places;
-  if (data.compact) places = collect_vertices(mesh, tree.references, data.vertices);
-  data.leaves.resize(size_t{data.reference_count} * data.reference_words() + kLeafPadding);
-  parallel_for(links.size(), 1024,
-               [&](size_t i) { fill_leaf(mesh, masks, places, tree.references, links[i], data); });
-}
-
 KdTreeData make_data(const Tree& tree, const MeshView& mesh, const KdTreeConfig& config,
                      std::span<const uint32_t> masks) {
   KdTreeData data;
   data.compact = config.compact;
-  data.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
-  data.triangle_count = static_cast<uint32_t>(mesh.triangles.size());
   data.traversal = config.traversal;
   data.simd = config.simd;
   data.cost = config.tree.cost;
   data.bounds = tree.bounds;
   data.statistics = kdtree::statistics(tree, config.tree.cost);
-  if (!tree.nodes.empty()) {
-    data.reference_count = static_cast<uint32_t>(tree.references.size());
-    data.nodes.assign(tree.nodes.begin(), tree.nodes.end());
-    fill_leaves(tree, mesh, masks, data);
-  }
+  data.nodes.assign(tree.nodes.begin(), tree.nodes.end());
+  fill_store(tree.nodes, tree.references, mesh, masks, data);
   prepare_rays(data);
   return data;
 }

@@ -33,7 +33,7 @@ struct RayPart {
   int32_t entry_axis;  ///< of the face there; 3: there are several; -1: it begins inside
 };
 
-static inline bool enter_bounds(const KdTreeData& tree, const RayFrame& f, float cull,
+static inline bool enter_bounds(const LeafStore& tree, const RayFrame& f, float cull,
                                 RayPart& part) {
   part.from = f.t_min;
   part.to = cull;
@@ -251,10 +251,10 @@ static inline bool walk_with_ropes(const KdTreeData& tree, const RayFrame& f, Ra
 }
 
 /// What the queries of bvh/ray_walk.hpp are made with.
-template <typename Triangles, kdtree::Traversal traversal>
-class KdLanes {
+template <typename Triangles>
+class FrameLanes {
  public:
-  explicit KdLanes(const RayFrame& frame) : frame_(frame), triangles_(frame) {}
+  explicit FrameLanes(const RayFrame& frame) : frame_(frame), triangles_(frame) {}
   const RayFrame& frame() const { return frame_; }
   uint32_t triangles(const LeafStore& tree, uint32_t link, bool cull_back, float t_max,
                      LeafHits& hits) const {
@@ -264,6 +264,12 @@ class KdLanes {
  private:
   const RayFrame& frame_;
   Triangles triangles_;
+};
+
+template <typename Triangles, kdtree::Traversal traversal>
+class KdLanes : public FrameLanes<Triangles> {
+ public:
+  using FrameLanes<Triangles>::FrameLanes;
 };
 
 template <typename Triangles, kdtree::Traversal traversal, typename Leaf>
@@ -280,21 +286,20 @@ static inline bool walk(const KdTreeData& tree, const KdLanes<Triangles, travers
     return walk_with_short_stack(tree, frame, part, cull, leaf);
 }
 
-template <typename Lanes>
-constexpr RayKernels kd_kernels_of{intersect_ray<Lanes, KdTreeData>,
-                                   occluded_ray<Lanes, KdTreeData>,
-                                   all_hits_ray<Lanes, KdTreeData>};
+template <typename Lanes, typename Tree>
+constexpr RayKernels structure_kernels{intersect_ray<Lanes, Tree>, occluded_ray<Lanes, Tree>,
+                                       all_hits_ray<Lanes, Tree>};
 
 template <typename Triangles>
 static const RayKernels* kd_kernels(kdtree::Traversal traversal) {
   using kdtree::Traversal;
   switch (traversal) {
     case Traversal::kRopes:
-      return &kd_kernels_of<KdLanes<Triangles, Traversal::kRopes>>;
+      return &structure_kernels<KdLanes<Triangles, Traversal::kRopes>, KdTreeData>;
     case Traversal::kShortStack:
-      return &kd_kernels_of<KdLanes<Triangles, Traversal::kShortStack>>;
+      return &structure_kernels<KdLanes<Triangles, Traversal::kShortStack>, KdTreeData>;
     default:
-      return &kd_kernels_of<KdLanes<Triangles, Traversal::kStack>>;
+      return &structure_kernels<KdLanes<Triangles, Traversal::kStack>, KdTreeData>;
   }
 }
 

@@ -1,9 +1,7 @@
 // What a KdTree holds.
 #pragma once
 
-#include <algorithm>
-
-#include "bvh/triangle_bvh_data.hpp"
+#include "kdtree/leaf_lists.hpp"
 #include "umbel/kdtree.hpp"
 
 namespace umbel {
@@ -35,14 +33,6 @@ struct kdtree::KdTree::Data : KdTreeData {};
 inline kdtree::KdTree::Data& kdtree::KdTree::data() { return static_cast<Data&>(*store_); }
 inline const kdtree::KdTree::Data& kdtree::KdTree::data() const {
   return static_cast<const Data&>(*store_);
-}
-
-/// Calls visit(link) for the triangles of a leaf, eight at a time.
-template <typename Visit>
-void visit_links(const kdtree::Node& leaf, const Visit& visit) {
-  for (uint32_t done = 0; done < leaf.count(); done += kMaxLeafTriangles)
-    visit(
-        LeafStore::leaf_link(leaf.first + done, std::min(kMaxLeafTriangles, leaf.count() - done)));
 }
 
 /// Makes rope_leaves and rope_leaf_of.

@@ -23,6 +23,8 @@ _COARSE = 20_000  # triangles of the cut on which an asset's cameras are chosen
 class Accel(str, enum.Enum):
     bvh = "bvh"
     kdtree = "kdtree"
+    grid = "grid"
+    bih = "bih"
     lod = "lod"
 
 
@@ -58,7 +60,8 @@ def command(
     accel: Annotated[
         Accel | None,
         typer.Option(
-            help="bvh: all triangles; lod: the cut that the camera needs, of an asset.  "
+            help="bvh, kdtree, grid (two-level) or bih (bounding intervals): all triangles, by the "
+            "same picture; lod: the cut that the camera needs, of an asset.  "
             "[default: bvh, lod for assets]"
         ),
     ] = None,
@@ -118,6 +121,7 @@ def command(
             "up": up.value,
             "ground": ground,
             "hide": hide or [],
+            "accel": Accel.bvh.value if method is Accel.lod else method.value,
             "threads": threads,
         }
 
@@ -149,8 +153,6 @@ def command(
 def _accel(source: Path, accel: Accel | None, pixel_error: float | None) -> Accel:
     if accel is None:
         accel = Accel.lod if is_asset(source) else Accel.bvh
-    if accel is Accel.kdtree:
-        fail("--accel kdtree: pictures are traced through bvh only in this version")
     if accel is Accel.lod and not is_asset(source):
         fail(f"--accel lod needs a .umbel asset, and {source} is a mesh; umbel build makes one")
     if pixel_error is not None:

@@ -1,0 +1,84 @@
+// Structures that divide triangles uniformly, without weighing costs: a two-level grid and the
+// bounding interval hierarchy. Built in little more than a sort, for those who compare structures
+// and for meshes that are traced a little and thrown away. Queries are those of every structure,
+// with the same results.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "umbel/kdtree.hpp"
+#include "umbel/mesh.hpp"
+#include "umbel/triangle_queries.hpp"
+
+namespace umbel::uniform {
+
+/// Nodes are inner nodes and leaves; of a grid, the cells of both levels. `sah_cost` is comparable
+/// with that of other structures; a step of a grid counts as a visit of an inner node.
+using Statistics = kdtree::Statistics;
+
+struct GridConfig {
+  float density = 0.12f;      ///< cells a triangle of the top level, 0.001..16
+  float leaf_density = 2.4f;  ///< cells of a top cell's own grid for each triangle there, 0.001..16
+  float max_references = 16;  ///< 1..64: most references a triangle. Grids are made coarser until
+                              ///< they keep to it, which bounds memory and time
+  bool compact = false;       ///< share vertices between triangles: less memory, slower rays
+  Simd simd = Simd::kAuto;    ///< kUnsupported is thrown where the machine lacks what is asked for
+  bvh::CostModel cost;        ///< of statistics
+  bvh::InvalidTriangles invalid = bvh::InvalidTriangles::kRefuse;
+};
+
+/// A grid whose cells hold grids (Kalojanov, Billeter & Slusallek, "Two-Level Grids for Ray Tracing
+/// on GPUs", 2011). Rays step from cell to cell (Amanatides & Woo 1987). At most 255 cells an axis
+/// and level. The build needs at most 100 bytes times `max_references` a triangle.
+class UMBEL_API TwoLevelGrid : public TriangleQueries {
+ public:
+  TwoLevelGrid();  ///< no triangles; every query misses
+  ~TwoLevelGrid() override;
+  TwoLevelGrid(TwoLevelGrid&&) noexcept;
+  TwoLevelGrid& operator=(TwoLevelGrid&&) noexcept;
+
+  /// `masks` is empty (all bits set) or one a triangle. Throws as kdtree::build does.
+  static TwoLevelGrid build(const MeshView& mesh, const GridConfig& config = {},
+                            std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+
+  Statistics statistics() const;
+
+ private:
+  struct Data;
+  const Data& data() const;
+};
+
+struct IntervalConfig {
+  uint32_t max_leaf_size = 4;  ///< 1..64
+  bool compact = false;        ///< as above
+  Simd simd = Simd::kAuto;
+  bvh::CostModel cost;
+  bvh::InvalidTriangles invalid = bvh::InvalidTriangles::kRefuse;
+};
+
+/// The bounding interval hierarchy (Waechter & Keller, "Instant Ray Tracing: The Bounding Interval
+/// Hierarchy", 2006): each node cuts its triangles at the middle of the longest axis and keeps one
+/// plane for each child, beyond which that child does not reach. Each triangle is in one leaf, so
+/// memory is known before: a node of 12 bytes for at most each triangle but one, and as many
+/// leaves.
+class UMBEL_API IntervalHierarchy : public TriangleQueries {
+ public:
+  IntervalHierarchy();  ///< no triangles; every query misses
+  ~IntervalHierarchy() override;
+  IntervalHierarchy(IntervalHierarchy&&) noexcept;
+  IntervalHierarchy& operator=(IntervalHierarchy&&) noexcept;
+
+  /// `masks` is empty (all bits set) or one a triangle. Throws as kdtree::build does.
+  static IntervalHierarchy build(const MeshView& mesh, const IntervalConfig& config = {},
+                                 std::span<const uint32_t> masks = {},
+                                 const BuildOptions& options = {});
+
+  Statistics statistics() const;
+
+ private:
+  struct Data;
+  const Data& data() const;
+};
+
+}  // namespace umbel::uniform

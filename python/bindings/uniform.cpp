@@ -1,0 +1,79 @@
+// Uniform structures that answer rays, distances and overlaps.
+#include "umbel/uniform.hpp"
+
+#include "bind.hpp"
+
+namespace umbel::python {
+namespace {
+
+using Cost = std::tuple<float, float>;
+using Masks = std::optional<Flat<uint32_t>>;
+
+template <typename Structure>
+Dict statistics_dict(const Structure& structure) {
+  const uniform::Statistics s = structure.statistics();
+  Dict result;
+  result["nodes"] = s.nodes;
+  result["leaves"] = s.leaves;
+  result["empty_leaves"] = s.empty_leaves;
+  result["max_depth"] = s.max_depth;
+  result["references"] = s.references;
+  result["sah_cost"] = s.sah_cost;
+  result["inner_visits"] = s.inner_visits;
+  result["leaf_visits"] = s.leaf_visits;
+  result["tests"] = s.tests;
+  result["bytes"] = s.bytes;
+  return result;
+}
+
+template <typename Config>
+void set_common(Config& config, bool compact, const Cost& cost, bool drop_invalid) {
+  config.compact = compact;
+  config.cost = {std::get<0>(cost), std::get<1>(cost)};
+  if (drop_invalid) config.invalid = bvh::InvalidTriangles::kDrop;
+}
+
+uniform::TwoLevelGrid build_grid(const MeshArrays& mesh, float density, float leaf_density,
+                                 float max_references, bool compact, const Cost& cost,
+                                 bool drop_invalid, const Masks& masks, const nb::object& progress,
+                                 uint32_t threads) {
+  uniform::GridConfig config;
+  config.density = density;
+  config.leaf_density = leaf_density;
+  config.max_references = max_references;
+  set_common(config, compact, cost, drop_invalid);
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return uniform::TwoLevelGrid::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
+  });
+}
+
+uniform::IntervalHierarchy build_intervals(const MeshArrays& mesh, uint32_t max_leaf_size,
+                                           bool compact, const Cost& cost, bool drop_invalid,
+                                           const Masks& masks, const nb::object& progress,
+                                           uint32_t threads) {
+  uniform::IntervalConfig config;
+  config.max_leaf_size = max_leaf_size;
+  set_common(config, compact, cost, drop_invalid);
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return uniform::IntervalHierarchy::build(mesh.view(), config, rows_of<uint32_t>(masks),
+                                             options);
+  });
+}
+
+}  // namespace
+
+void bind_uniform(nb::module_& module) {
+  nb::class_<uniform::TwoLevelGrid, TriangleQueries>(module, "TwoLevelGrid", "A two-level grid.")
+      .def_static("build", &build_grid, "mesh"_a, "density"_a, "leaf_density"_a, "max_references"_a,
+                  "compact"_a, "cost"_a, "drop_invalid"_a, "masks"_a = nb::none(),
+                  "progress"_a = nb::none(), "threads"_a = 0)
+      .def("statistics", &statistics_dict<uniform::TwoLevelGrid>);
+  nb::class_<uniform::IntervalHierarchy, TriangleQueries>(module, "IntervalHierarchy",
+                                                          "A bounding interval hierarchy.")
+      .def_static("build", &build_intervals, "mesh"_a, "max_leaf_size"_a, "compact"_a, "cost"_a,
+                  "drop_invalid"_a, "masks"_a = nb::none(), "progress"_a = nb::none(),
+                  "threads"_a = 0)
+      .def("statistics", &statistics_dict<uniform::IntervalHierarchy>);
+}
+
+}  // namespace umbel::python

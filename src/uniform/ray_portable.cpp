@@ -1,0 +1,17 @@
+// Ray kernels in plain C++, for machines without AVX2 and as the reference for the others.
+#include "bvh/plain_triangles.hpp"
+#include "uniform/grid_walk.hpp"
+#include "uniform/interval_walk.hpp"
+#include "uniform/ray_kernels.hpp"
+
+namespace umbel {
+namespace {
+
+struct Plain {};
+
+}  // namespace
+
+const RayKernels* portable_grid_kernels() { return grid_kernels<PlainTriangles<Plain>>(); }
+const RayKernels* portable_interval_kernels() { return interval_kernels<PlainTriangles<Plain>>(); }
+
+}  // namespace umbel

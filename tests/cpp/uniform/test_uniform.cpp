@@ -1,0 +1,300 @@
+#include <array>
+#include <cstring>
+
+#include "bvh/same_answers.hpp"
+#include "kdtree/meshes.hpp"
+#include "uniform/grid_data.hpp"
+#include "uniform/interval_data.hpp"
+
+namespace umbel {
+namespace {
+
+using namespace testing;
+using uniform::GridConfig;
+using uniform::IntervalConfig;
+using uniform::IntervalHierarchy;
+using uniform::TwoLevelGrid;
+
+constexpr Simd kSimds[] = {Simd::kPortable, Simd::kAuto};
+
+GridConfig grid_config(Simd simd, bool compact) {
+  GridConfig config;
+  config.simd = simd, config.compact = compact;
+  return config;
+}
+IntervalConfig interval_config(Simd simd, bool compact) {
+  IntervalConfig config;
+  config.simd = simd, config.compact = compact;
+  return config;
+}
+
+/// Runs check(structure, name) for both, in every form.
+template <typename Check>
+void for_structures(const MeshView& mesh, const Check& check) {
+  for (const Simd simd : kSimds)
+    for (const bool compact : {false, true}) {
+      check(TwoLevelGrid::build(mesh, grid_config(simd, compact)), "grid");
+      check(IntervalHierarchy::build(mesh, interval_config(simd, compact)), "intervals");
+    }
+}
+
+TEST(Uniform, hits_are_those_of_the_hierarchy) {
+  for (const NamedMesh& named : hard_meshes()) {
+    const MeshView mesh = named.mesh.view();
+    const TriangleBvh bvh = TriangleBvh::build(mesh);
+    const std::vector<Ray> rays = adversarial_rays(mesh, 350, 4);
+    for_structures(mesh, [&](const TriangleQueries& structure, const char* name) {
+      SCOPED_TRACE(named.name + ", " + name);
+      expect_same_rays(structure, bvh, rays);
+    });
+  }
+}
+
+TEST(Uniform, hits_equal_brute_force) {
+  for (const NamedMesh& named : hard_meshes()) {
+    const MeshView mesh = named.mesh.view();
+    const std::vector<Ray> rays = adversarial_rays(mesh, 140, 9);
+    const TwoLevelGrid grid = TwoLevelGrid::build(mesh);
+    const IntervalHierarchy intervals = IntervalHierarchy::build(mesh);
+    for (const Ray& ray : rays) {
+      const Truth truth = trace_all(mesh, ray);
+      EXPECT_TRUE(is_right(mesh, ray, truth, grid.intersect(ray))) << named.name;
+      EXPECT_TRUE(is_right(mesh, ray, truth, intervals.intersect(ray))) << named.name;
+    }
+  }
+}
+
+/// Rays in the planes between cells, along them and through where they cross.
+TEST(Uniform, rays_in_planes_of_the_grid_miss_nothing) {
+  const Mesh mesh = boxes(6);
+  const TriangleBvh bvh = TriangleBvh::build(mesh.view());
+  const TwoLevelGrid grid = TwoLevelGrid::build(mesh.view());
+  const IntervalHierarchy intervals = IntervalHierarchy::build(mesh.view());
+  std::vector<Ray> rays;
+  for (int x = 0; x <= 24; ++x)
+    for (int y = 0; y <= 24; ++y)
+      for (const Vec3& d : {Vec3{1, 0, 0}, Vec3{0, -1, 0}, Vec3{0, 0, 1}, Vec3{1, 1, 0},
+                            Vec3{-1, 1, 0}, Vec3{1, -0.0f, 0.25f}})
+        rays.push_back({{float(x) / 4, float(y) / 4, 0.25f}, 0, d});
+  expect_same_rays(grid, bvh, rays);
+  expect_same_rays(intervals, bvh, rays);
+}
+
+TEST(Uniform, masks_intervals_and_sizes_are_those_of_the_hierarchy) {
+  const Mesh ball = shapes::blob(3, 2);
+  std::vector<uint32_t> masks(ball.triangles.size());
+  for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1 + i % 3;
+  for (const Mesh& mesh : {ball, transformed(ball, 1e-12f), transformed(ball, 1e12f),
+                           transformed(ball, 1, {1000, -3000, 500})}) {
+    const TriangleBvh bvh = TriangleBvh::build(mesh.view(), {}, masks);
+    const TwoLevelGrid grid = TwoLevelGrid::build(mesh.view(), {}, masks);
+    const IntervalHierarchy intervals = IntervalHierarchy::build(mesh.view(), {}, masks);
+    for (Ray ray : adversarial_rays(mesh.view(), 700, 5)) {
+      const Hit hit = bvh.intersect(ray, {2});
+      ASSERT_EQ(grid.intersect(ray, {2}), hit);
+      ASSERT_EQ(intervals.intersect(ray, {2}), hit);
+      if (!hit.hit()) continue;
+      ray.t_max = hit.t * 0.999f;
+      ASSERT_EQ(grid.occluded(ray), bvh.occluded(ray));
+      ASSERT_EQ(intervals.occluded(ray), bvh.occluded(ray));
+      ray.t_min = hit.t * 0.5f, ray.t_max = hit.t * 2;
+      ASSERT_EQ(grid.intersect(ray), bvh.intersect(ray));
+      ASSERT_EQ(intervals.intersect(ray), bvh.intersect(ray));
+    }
+  }
+}
+
+TEST(Uniform, distances_and_overlaps_are_those_of_the_hierarchy) {
+  for (const NamedMesh& named : hard_meshes()) {
+    const MeshView mesh = named.mesh.view();
+    const TriangleBvh bvh = TriangleBvh::build(mesh);
+    SCOPED_TRACE(named.name);
+    expect_same_shapes(TwoLevelGrid::build(mesh), bvh, mesh, 100);
+    expect_same_shapes(IntervalHierarchy::build(mesh), bvh, mesh, 100);
+  }
+}
+
+TEST(Uniform, every_cell_lists_the_triangles_that_touch_it) {
+  for (const NamedMesh& named : hard_meshes()) {
+    SCOPED_TRACE(named.name);
+    const MeshView mesh = named.mesh.view();
+    struct Peek : TwoLevelGrid {
+      explicit Peek(TwoLevelGrid&& grid) : TwoLevelGrid(std::move(grid)) {}
+      const GridData& peek() const { return static_cast<const GridData&>(*store_); }
+    };
+    const Peek grid(TwoLevelGrid::build(mesh));
+    const GridData& data = grid.peek();
+    ASSERT_EQ(data.bounds, bounds(mesh));
+    size_t cells = 0;
+    std::vector<GridNodes::Link> stack{GridNodes(data).root()};
+    while (!stack.empty()) {
+      const GridNodes::Link link = stack.back();
+      stack.pop_back();
+      if (!GridNodes::is_leaf(link)) {
+        const auto children = GridNodes(data).children(link);
+        stack.insert(stack.end(), {children.link(0), children.link(1)});
+        continue;
+      }
+      ++cells;
+      std::vector<uint32_t> listed;
+      GridNodes(data).visit_runs(link, [&](uint32_t run) {
+        data.for_each_triangle(run, [&](const LeafTriangle& t) { listed.push_back(t.primitive); });
+      });
+      ASSERT_TRUE(std::is_sorted(listed.begin(), listed.end()));
+      for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+        const Triangle& c = mesh.triangles[t];
+        const bool touches = touches_box(link.cell, mesh.positions[c[0]], mesh.positions[c[1]],
+                                         mesh.positions[c[2]]);
+        if (touches) {
+          ASSERT_TRUE(std::binary_search(listed.begin(), listed.end(), t)) << "triangle " << t;
+        }
+      }
+    }
+    EXPECT_EQ(cells, data.cells.size());
+    EXPECT_EQ(grid.statistics().leaves, cells);
+    EXPECT_EQ(grid.statistics().references, data.reference_count);
+  }
+}
+
+TEST(Uniform, intervals_hold_their_triangles) {
+  for (const NamedMesh& named : hard_meshes()) {
+    SCOPED_TRACE(named.name);
+    const MeshView mesh = named.mesh.view();
+    const IntervalHierarchy tree = IntervalHierarchy::build(mesh);
+    const uniform::Statistics s = tree.statistics();
+    EXPECT_EQ(s.references, mesh.triangles.size());
+    EXPECT_EQ(s.nodes, 2 * s.leaves - 1);
+    EXPECT_LE(s.max_depth, kMaxIntervalDepth);
+    EXPECT_GT(s.sah_cost, 0);
+  }
+}
+
+template <typename Structure>
+const LeafStore& store_of(const Structure& structure) {
+  struct Peek : Structure {
+    static const LeafStore& of(const Structure& s) { return *(s.*(&Peek::store_)); }
+  };
+  return Peek::of(structure);
+}
+
+TEST(Uniform, same_bytes_for_any_number_of_threads) {
+  const Mesh meshes[] = {shapes::blob(5, 2), boxes(45)};
+  for (const Mesh& mesh : meshes) {
+    const TwoLevelGrid grid =
+        TwoLevelGrid::build(mesh.view(), {}, {}, {.progress = {}, .threads = 1});
+    const IntervalHierarchy tree =
+        IntervalHierarchy::build(mesh.view(), {}, {}, {.progress = {}, .threads = 1});
+    const auto& g = static_cast<const GridData&>(store_of(grid));
+    const auto& t = static_cast<const IntervalData&>(store_of(tree));
+    for (const uint32_t threads : {2u, 5u, 0u}) {
+      const TwoLevelGrid grid_again =
+          TwoLevelGrid::build(mesh.view(), {}, {}, {.progress = {}, .threads = threads});
+      const IntervalHierarchy tree_again =
+          IntervalHierarchy::build(mesh.view(), {}, {}, {.progress = {}, .threads = threads});
+      const auto& g2 = static_cast<const GridData&>(store_of(grid_again));
+      const auto& t2 = static_cast<const IntervalData&>(store_of(tree_again));
+      EXPECT_TRUE(g.leaves == g2.leaves && g.tops.size() == g2.tops.size() &&
+                  g.cells.size() == g2.cells.size());
+      EXPECT_EQ(std::memcmp(g.cells.data(), g2.cells.data(), g.cells.size() * sizeof g.cells[0]),
+                0);
+      EXPECT_TRUE(t.leaves == t2.leaves && t.nodes.size() == t2.nodes.size());
+      EXPECT_EQ(std::memcmp(t.nodes.data(), t2.nodes.data(), t.nodes.size() * sizeof t.nodes[0]),
+                0);
+    }
+  }
+}
+
+TEST(Uniform, stays_within_its_bounds_on_what_never_comes_apart) {
+  const NamedMesh meshes[] = {{"concentric", concentric(4000)},
+                              {"identical", identical(10000)},
+                              {"needles", needles(4000)},
+                              {"fan", shapes::fan(10000)},
+                              {"on a line", on_a_line(5000)}};
+  for (const NamedMesh& named : meshes) {
+    SCOPED_TRACE(named.name);
+    const auto count = static_cast<uint32_t>(named.mesh.triangles.size());
+    for (const float most : {1.0f, 3.0f, 16.0f}) {
+      GridConfig config;
+      config.max_references = most;
+      EXPECT_LE(double(TwoLevelGrid::build(named.mesh.view(), config).statistics().references),
+                double(most) * count);
+    }
+    const uniform::Statistics s = IntervalHierarchy::build(named.mesh.view()).statistics();
+    EXPECT_EQ(s.references, count);
+    EXPECT_LE(s.max_depth, kMaxIntervalDepth);
+  }
+}
+
+TEST(Uniform, real_meshes_and_nasty_ones) {
+  bool is_any = false;
+  for (const char* name :
+       {"nasty_synth_all_degenerate.ply", "nasty_mpi_180.ply", "nasty_office_chair_7k.ply",
+        "nasty_synth_t_junctions.ply", "nasty_synth_dragon_tiny.ply",
+        "nasty_synth_dragon_scale_1e15.ply", "nasty_synth_same_centroid_20k.ply",
+        "nasty_synth_dragon_ecef_f32.ply", "conference_331k.ply"}) {
+    const std::optional<Mesh> mesh = read_mesh(name);
+    if (!mesh) continue;
+    is_any = true;
+    SCOPED_TRACE(name);
+    const TriangleBvh bvh = TriangleBvh::build(mesh->view());
+    const std::vector<Ray> rays = adversarial_rays(mesh->view(), 700, 8);
+    const TwoLevelGrid grid = TwoLevelGrid::build(mesh->view());
+    const IntervalHierarchy intervals = IntervalHierarchy::build(mesh->view());
+    for (const Ray& ray : rays) {
+      const Hit hit = bvh.intersect(ray);
+      ASSERT_EQ(grid.intersect(ray), hit);
+      ASSERT_EQ(intervals.intersect(ray), hit);
+    }
+  }
+  if (!is_any) GTEST_SKIP() << "no meshes in " << data_folder();
+}
+
+TEST(Uniform, nothing_is_hit_without_triangles_and_moves_leave_none) {
+  const Ray ray{{0, 0, 0}, 0, {0, 0, 1}};
+  EXPECT_FALSE(TwoLevelGrid().intersect(ray).hit());
+  EXPECT_FALSE(IntervalHierarchy().intersect(ray).hit());
+  const Mesh mesh = shapes::sphere(1);
+  TwoLevelGrid grid = TwoLevelGrid::build(mesh.view());
+  IntervalHierarchy tree = IntervalHierarchy::build(mesh.view());
+  const TwoLevelGrid other_grid = std::move(grid);
+  const IntervalHierarchy other_tree = std::move(tree);
+  EXPECT_TRUE(other_grid.occluded(ray) && other_tree.occluded(ray));
+  EXPECT_FALSE(grid.occluded(ray) || tree.occluded(ray));  // NOLINT(bugprone-use-after-move)
+  EXPECT_EQ(TwoLevelGrid::build(MeshView{}).statistics().nodes, 0u);
+  EXPECT_EQ(IntervalHierarchy::build(MeshView{}).statistics().nodes, 0u);
+}
+
+TEST(Uniform, refuses_what_is_wrong) {
+  Mesh mesh = shapes::sphere(1);
+  const std::vector<uint32_t> masks(3);
+  EXPECT_THROW(TwoLevelGrid::build(mesh.view(), {}, masks), Error);
+  EXPECT_THROW(IntervalHierarchy::build(mesh.view(), {}, masks), Error);
+  GridConfig grid;
+  grid.density = 0;
+  EXPECT_THROW(TwoLevelGrid::build(mesh.view(), grid), Error);
+  grid = {};
+  grid.leaf_density = NAN;
+  EXPECT_THROW(TwoLevelGrid::build(mesh.view(), grid), Error);
+  grid = {};
+  grid.max_references = 65;
+  EXPECT_THROW(TwoLevelGrid::build(mesh.view(), grid), Error);
+  IntervalConfig intervals;
+  intervals.max_leaf_size = 0;
+  EXPECT_THROW(IntervalHierarchy::build(mesh.view(), intervals), Error);
+  mesh.positions[3].y = NAN;
+  EXPECT_THROW(TwoLevelGrid::build(mesh.view()), Error);
+  EXPECT_THROW(IntervalHierarchy::build(mesh.view()), Error);
+  grid = {};
+  grid.invalid = intervals.invalid = bvh::InvalidTriangles::kDrop;
+  intervals.max_leaf_size = 4;
+  const Ray ray{{0, 0, 0}, 0, {0, 0, 1}};
+  EXPECT_EQ(TwoLevelGrid::build(mesh.view(), grid).intersect(ray),
+            IntervalHierarchy::build(mesh.view(), intervals).intersect(ray));
+  const BuildOptions cancel{.progress = [](float, std::string_view) { return false; },
+                            .threads = 0};
+  EXPECT_THROW(TwoLevelGrid::build(shapes::sphere(1).view(), {}, {}, cancel), Error);
+  EXPECT_THROW(IntervalHierarchy::build(shapes::sphere(1).view(), {}, {}, cancel), Error);
+}
+
+}  // namespace
+}  // namespace umbel
