@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +37,11 @@ class TriangleQueries(RayQueries):
     """Rays, distances and overlaps. Results do not depend on the structure."""
 
     _native: _umbel.TriangleQueries
+
+    def statistics(self) -> dict[str, Any]:
+        """What it holds and costs: among others `nodes leaves max_depth references sah_cost
+        bytes`."""
+        raise NotImplementedError
 
     # Distances.
 

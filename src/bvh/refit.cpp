@@ -359,7 +359,7 @@ RefitReport TriangleBvh::refit(const MeshView& mesh, const BuildOptions& options
   with_threads(options.threads, [&] {
     check_mesh(data, mesh);
     if (!data.nodes.empty())
-      with_width(data, [&](auto width) { data.sah_cost *= Refit<width>(data, mesh).run(); });
+      with_width(data.width, [&](auto width) { data.sah_cost *= Refit<width>(data, mesh).run(); });
     prepare_rays(data);
   });
   progress.report(1, "refit");

@@ -3,9 +3,8 @@
 namespace umbel {
 
 const ShapeKernels* shape_kernels(uint32_t width) {
-  if (width == 2) return &shape_kernels_of<WideNodes<2>>;
-  if (width == 4) return &shape_kernels_of<WideNodes<4>>;
-  return &shape_kernels_of<WideNodes<8>>;
+  return with_width(
+      width, [](auto constant) { return &shape_kernels_of<WideNodes<decltype(constant)::value>>; });
 }
 
 }  // namespace umbel

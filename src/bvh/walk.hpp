@@ -84,4 +84,17 @@ void walk_leaves(const Nodes& nodes, const Test& test, const Run& run) {
   }
 }
 
+/// Calls body(std::integral_constant<uint32_t, width>) for a width.
+template <typename Body>
+decltype(auto) with_width(uint32_t width, const Body& body) {
+  switch (width) {
+    case 2:
+      return body(std::integral_constant<uint32_t, 2>());
+    case 4:
+      return body(std::integral_constant<uint32_t, 4>());
+    default:
+      return body(std::integral_constant<uint32_t, 8>());
+  }
+}
+
 }  // namespace umbel

@@ -28,7 +28,7 @@ GridSize size_for(const Aabb& box, double count, double density) {
   if (!(longest > 0)) return size;
   double volume = 1;
   for (double& e : extent) volume *= std::max(e / longest, 1e-3);
-  const double side = longest * std::cbrt(volume / std::max(density * count, 1.0));
+  const double side = longest * std::cbrt(volume / (density * count));
   for (uint32_t axis = 0; axis < 3; ++axis)
     size[axis] =
         static_cast<uint8_t>(std::clamp(std::round(extent[axis] / side), 1.0, double(kMostCells)));

@@ -115,11 +115,16 @@ def test_a_sample_is_scaled_from_the_paths_to_the_pixels() -> None:
 def test_every_builder_is_compared_at_every_width(
     found: bench.Comparison, blob: umbel.Mesh
 ) -> None:
-    names = [*builders(), "kmeans 2016", "best"]
+    names = [*builders(), "kmeans 2016", "best", *bench.STRUCTURES]
     for width in (2, 8):
         own = [r for r in found.rows if r["width"] == width]
         assert own[0]["builder"] == "sweep" and sorted(r["builder"] for r in own) == sorted(names)
     for r in found.rows:
+        if r["builder"] in bench.STRUCTURES:
+            structure = bench.STRUCTURES[r["builder"]](blob, cost=(3, 2))
+            assert r["sah_cost"] == structure.statistics()["sah_cost"] and r["epo"] is None
+            assert r["build_seconds"] > 0 and r["mrays_per_second"] > 0 and r["hq_ratio"] > 0
+            continue
         handed_up = 1 if r["builder"] == "kmeans 2016" else None
         tree = build_bvh2(blob, builder=r["builder"].removesuffix(" 2016"), handed_up=handed_up)
         assert r["sah_cost"] == tree.sah_cost((3, 2)) and r["epo"] == tree.epo((3, 2))
@@ -371,7 +376,7 @@ def test_meshes_at_fault_are_refused(mesh: umbel.Mesh, word: str) -> None:
 def test_a_mesh_without_area_is_compared() -> None:
     flat = umbel.Mesh(np.zeros((9, 3), np.float32), np.arange(9).reshape(3, 3))
     found = bench.compare({"flat": lambda: flat}, QUICK)
-    assert len(found.rows) == 2 * len(bench.methods(PRESETS["Q2"]))
+    assert len(found.rows) == 2 * (len(bench.methods(PRESETS["Q2"])) + len(bench.STRUCTURES))
 
 
 @pytest.mark.parametrize("arguments", [("--runs", "0"), ("--share", "2"), ("--samples", "0")])

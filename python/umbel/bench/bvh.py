@@ -20,8 +20,11 @@ from numpy.typing import NDArray
 
 from ..bvh import Bvh, Bvh2, build_bvh2, builders
 from ..errors import Error
+from ..kdtree import KdTree
 from ..mesh import Mesh
+from ..queries import TriangleQueries
 from ..repair import Progress
+from ..uniform import IntervalHierarchy, TwoLevelGrid
 from . import bvh_charts, bvh_kmeans, charts
 from .bvh_scenes import COSTS, GENERATED, Kmeans, Scene, scene
 from .paths import HEIGHT, WIDTH, View, path_view, sketch, trace
@@ -91,6 +94,16 @@ def methods(kmeans: Kmeans) -> list[Method]:
         else:
             found.append(Method(name, own))
     return [*found, Method("best", {"builder": "best"})]
+
+
+STRUCTURES: Mapping[str, Callable[..., TriangleQueries]] = {
+    "kdtree": KdTree,
+    "kdtree ropes": partial(KdTree, ropes=True),
+    "kdtree binned": partial(KdTree, builder="binned"),
+    "grid": TwoLevelGrid,
+    "bih": IntervalHierarchy,
+}
+"""What is compared besides hierarchies: the same for all widths."""
 
 
 @dataclass(frozen=True)
@@ -187,8 +200,9 @@ def compare(
         spans = _spans(report.part(0.02, 1.0), effort.parts)
         runs, threads = effort.build_runs(on.mesh), effort.threads
         if "builders" in spans:
-            trees = _built(on, effort, spans["builders"].part(0.0, 0.5))
-            found.rows += _rows(on, trees, effort, spans["builders"].part(0.5, 1.0))
+            trees = _built(on, effort, spans["builders"].part(0.0, 0.4))
+            others = _structures(on, effort, spans["builders"].part(0.4, 0.5))
+            found.rows += _rows(on, trees, others, effort, spans["builders"].part(0.5, 1.0))
             found.sketches[name] = _sketches(on, trees[0].result, threads)
         if "stages" in spans:
             found.stages += bvh_kmeans.stage_rows(name, on.mesh, runs, spans["stages"])
@@ -226,17 +240,40 @@ def _built(on: Scene, effort: Effort, report: Span) -> list[Timing[Bvh2]]:
     )
 
 
-def _rows(on: Scene, built: Sequence[Timing[Bvh2]], effort: Effort, report: Span) -> list[Row]:
+def _structures(on: Scene, effort: Effort, report: Span) -> list[Timing[TriangleQueries]]:
+    """What is not a hierarchy."""
+    clock, threads = clock_of(effort.threads), effort.threads
+
+    def work(make: Callable[..., TriangleQueries]) -> tuple[TriangleQueries, float]:
+        began = clock()
+        structure = make(on.mesh, cost=COSTS, threads=threads)
+        return structure, clock() - began
+
+    entries = [Timed(f"building {name}", partial(work, make)) for name, make in STRUCTURES.items()]
+    return take_turns(entries, effort.build_runs(on.mesh), report)
+
+
+def _rows(
+    on: Scene,
+    built: Sequence[Timing[Bvh2]],
+    others: Sequence[Timing[TriangleQueries]],
+    effort: Effort,
+    report: Span,
+) -> list[Row]:
     rows = []
     for number, (method, timing) in enumerate(zip(methods(on.kmeans), built, strict=True)):
         report(0.2 * number / len(built), f"measuring {method.name}")
         rows.append(_tree_row(on, method.name, timing.result, timing.seconds, effort.threads))
+    for name, other in zip(STRUCTURES, others, strict=True):
+        found = {**other.result.statistics(), "epo": None}
+        rows.append(_row(on, name, found, other.seconds))
     trees = [timing.result for timing in built]
+    structures = [timing.result for timing in others]
     views = _views(on, trees[0], effort)
     traced: list[Row] = []
     for number, width in enumerate(effort.widths):
         part = report.part(*(0.2 + 0.8 * (number + k) / len(effort.widths) for k in (0, 1)))
-        measured = _traced(on.mesh, trees, views, width, effort, part)
+        measured = _traced(on.mesh, trees, structures, views, width, effort, part)
         traced += [{**row, **extra} for row, extra in zip(rows, measured, strict=True)]
     return normalised(traced)
 
@@ -277,6 +314,11 @@ def _build(
 
 
 def _tree_row(on: Scene, builder: str, tree: Bvh2, seconds: float, threads: int) -> Row:
+    epo = tree.epo(COSTS, threads=threads) if len(on.mesh.triangles) <= LARGE else None
+    return _row(on, builder, {**tree.statistics(COSTS), "epo": epo}, seconds)
+
+
+def _row(on: Scene, builder: str, found: Mapping[str, Any], seconds: float) -> Row:
     triangles = len(on.mesh.triangles)
     return {
         "scene": on.name,
@@ -285,14 +327,14 @@ def _tree_row(on: Scene, builder: str, tree: Bvh2, seconds: float, threads: int)
         "kmeans": str(on.kmeans) if builder.startswith("kmeans") else None,
         "build_seconds": seconds,
         "mtriangles_per_second": triangles / seconds * 1e-6,
-        **tree.statistics(COSTS),
-        "epo": tree.epo(COSTS, threads=threads) if triangles <= LARGE else None,
+        **found,
     }
 
 
 def _traced(
     mesh: Mesh,
     trees: Sequence[Bvh2],
+    structures: Sequence[TriangleQueries],
     views: Sequence[View],
     width: int,
     effort: Effort,
@@ -300,30 +342,33 @@ def _traced(
 ) -> list[Row]:
     """What tracing adds to the row of each tree."""
     clock = clock_of(effort.threads)
-    hierarchies, widen_seconds = [], []
+    traced: list[TriangleQueries] = []
+    widen_seconds = []
     for tree in trees:
         began = clock()
-        hierarchies.append(Bvh.from_tree(tree, mesh, width=width, threads=effort.threads))
+        traced.append(Bvh.from_tree(tree, mesh, width=width, threads=effort.threads))
         widen_seconds.append(clock() - began)
+    traced += structures
+    widen_seconds += [0.0] * len(structures)
 
-    def work(bvh: Bvh, view: View) -> tuple[None, float]:
+    def work(structure: TriangleQueries, view: View) -> tuple[None, float]:
         began = clock()
-        trace(bvh, view, effort.threads)
+        trace(structure, view, effort.threads)
         return None, clock() - began
 
     entries = [
-        Timed(f"tracing view {number + 1}, width {width}", partial(work, bvh, view))
-        for bvh in hierarchies
+        Timed(f"tracing view {number + 1}, width {width}", partial(work, structure, view))
+        for structure in traced
         for number, view in enumerate(views)
     ]
     seconds = [timing.seconds for timing in take_turns(entries, effort.runs, report)]
     rows = []
-    for index, (bvh, widening) in enumerate(zip(hierarchies, widen_seconds, strict=True)):
+    for index, (structure, widening) in enumerate(zip(traced, widen_seconds, strict=True)):
         own = seconds[index * len(views) : (index + 1) * len(views)]
         rows.append(
             {
                 "width": width,
-                "wide_bytes": bvh.statistics()["bytes"],
+                "wide_bytes": structure.statistics()["bytes"],
                 "widen_seconds": widening,
                 **trace_figures(own, views),
             }

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._umbel import TraceCamera
-from ..bvh import Bvh
 from ..mesh import Mesh
+from ..queries import TriangleQueries
 from .rays import Rays, cosine_directions, surface
 
 Floats = NDArray[np.float64]
@@ -59,15 +59,15 @@ class View:
         return sum(len(batch) for batch in self.batches)
 
 
-def trace(bvh: Bvh, view: View, threads: int = 0) -> None:
+def trace(structure: TriangleQueries, view: View, threads: int = 0) -> None:
     """Sends all rays of a view through a hierarchy."""
     for batch in view.batches:
-        query = bvh.occluded if batch.shadow else bvh.intersect
+        query = structure.occluded if batch.shadow else structure.intersect
         query(*batch.rays, t_max=batch.t_max, threads=threads)
 
 
 def path_view(
-    bvh: Bvh,
+    structure: TriangleQueries,
     mesh: Mesh,
     camera: TraceCamera,
     *,
@@ -82,7 +82,7 @@ def path_view(
     paths, batches, lamp = len(rays[0]), [], None
     for bounce in range(_MOST_BOUNCES + 1):
         batches.append(Batch(rays, math.inf, shadow=False))
-        hits = bvh.intersect(*rays, threads=threads)
+        hits = structure.intersect(*rays, threads=threads)
         hit = hits.hit
         if bounce == 0 and hit.mean() > 1 - _SKY:
             lamp = np.array(camera.position)
@@ -142,12 +142,14 @@ def _through(camera: TraceCamera, x: Floats, y: Floats) -> Rays:
     return _rays(np.broadcast_to(position, directions.shape), directions)
 
 
-def sketch(bvh: Bvh, mesh: Mesh, camera: TraceCamera, height: int = 180) -> NDArray[np.uint8]:
+def sketch(
+    structure: TriangleQueries, mesh: Mesh, camera: TraceCamera, height: int = 180
+) -> NDArray[np.uint8]:
     """(height, height * 4 / 3) grey: what a camera sees, shaded by the slope of the surface."""
     width, fine = height * WIDTH // HEIGHT, 3
     y, x = ((numbers.ravel() + 0.5) / fine for numbers in np.indices((height * fine, width * fine)))
     rays = _through(camera, x / width, y / height)
-    hits = bvh.intersect(*rays)
+    hits = structure.intersect(*rays)
     grey = np.full(len(x), 1.0)
     hit = hits.hit
     if hit.any():
