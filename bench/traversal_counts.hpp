@@ -38,7 +38,8 @@ inline TraversalCounts count_traversal(const umbel::TriangleBvhData& tree,
                                        const std::vector<umbel::Ray>& rays) {
   TraversalCounts& counts = CountingLanes::counts;
   counts = {};
-  for (const umbel::Ray& ray : rays) umbel::intersect_ray<CountingLanes>(tree, ray, {});
+  for (const umbel::Ray& ray : rays)
+    umbel::intersect_ray<CountingLanes, umbel::TriangleBvhData>(tree, ray, {});
   const auto n = static_cast<double>(rays.size());
   return {counts.nodes / n, counts.leaves / n, counts.triangles / n};
 }
