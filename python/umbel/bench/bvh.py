@@ -104,6 +104,7 @@ STRUCTURES: Mapping[str, Callable[..., TriangleQueries]] = {
     "bih": IntervalHierarchy,
 }
 """What is compared besides hierarchies: the same for all widths."""
+TREE_FIELDS = ("nodes", "leaves", "max_depth", "references", "sah_cost", "bytes")
 
 
 @dataclass(frozen=True)
@@ -265,7 +266,8 @@ def _rows(
         report(0.2 * number / len(built), f"measuring {method.name}")
         rows.append(_tree_row(on, method.name, timing.result, timing.seconds, effort.threads))
     for name, other in zip(STRUCTURES, others, strict=True):
-        found = {**other.result.statistics(), "epo": None}
+        statistics = other.result.statistics()
+        found = {field: statistics[field] for field in TREE_FIELDS} | {"epo": None}
         rows.append(_row(on, name, found, other.seconds))
     trees = [timing.result for timing in built]
     structures = [timing.result for timing in others]
