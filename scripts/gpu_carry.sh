@@ -24,8 +24,10 @@ cp -P "$carry"/venv/lib/libtbb.so* "$carry"/venv/lib/libtbbmalloc*.so* "$carry/t
 rm -rf "$carry/venv"
 
 echo "gpu-carry: meshoptimizer"
-sources=$(grep -ohE 'built from .*' build/*/configure.log build/*.log 2>/dev/null | tail -n 1 | cut -c12-)
-[[ -d $sources/src ]] || fail "run \`make build\` first: it fetches meshoptimizer"
+sources=$(sed -nE 's|.*"file": "(.*)/src/vertexcodec\.cpp".*|\1|p' build/release/compile_commands.json |
+  head -n 1)
+[[ -n $sources && -d $sources/src ]] ||
+  fail "run \`make build\` first: it fetches meshoptimizer's sources"
 mkdir -p "$carry/meshoptimizer"
 cp -r "$sources/src" "$carry/meshoptimizer/"
 
