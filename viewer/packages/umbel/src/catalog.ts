@@ -88,9 +88,12 @@ export class Catalog {
     );
     for (let g = stack.pop(); g !== undefined; g = stack.pop()) {
       if (!this.mustRefine(g, view) || !visit(g)) continue;
-      for (const finer of this.finer[g] as Uint32Array) {
-        if (reached[finer]++ === 0) touched.push(finer);
-        if (reached[finer] === this.parents[finer]) stack.push(finer);
+      const made = this.finer[g];
+      for (let i = 0; i < made.length; ++i) {
+        const finer = made[i];
+        const count = ++reached[finer];
+        if (count === 1) touched.push(finer);
+        if (count === this.parents[finer]) stack.push(finer);
       }
     }
     for (const g of touched) reached[g] = 0;
@@ -103,7 +106,7 @@ export class Catalog {
 
   mustRefine(group: number, view: View): boolean {
     // A level is known only once the page was read, and its page is needed to know.
-    const level = this.info[group]?.level ?? 0xffff;
+    const level = view.kind === "level" ? (this.info[group]?.level ?? 0xffff) : 0;
     return mustRefine(this.spheres, group, this.error[group], level, view);
   }
 }

@@ -38,7 +38,8 @@ export function cameraView(
 function lengthOf(x: number, y: number, z: number): number {
   const square = f(f(f(x * x) + f(y * y)) + f(z * z));
   if (square >= SMALLEST_SQUARE && square <= LARGEST) return f(Math.sqrt(square));
-  const [scale, back] = square < SMALLEST_SQUARE ? [UP, DOWN] : [DOWN, UP];
+  const scale = square < SMALLEST_SQUARE ? UP : DOWN;
+  const back = 1 / scale;
   x = f(x * scale);
   y = f(y * scale);
   z = f(z * scale);
@@ -49,12 +50,12 @@ function lengthOf(x: number, y: number, z: number): number {
 export function distanceOutside(
   spheres: Spheres,
   i: number,
-  [x, y, z]: readonly [number, number, number],
+  eye: readonly [number, number, number],
 ): number {
   const at = 4 * i;
-  const dx = f(spheres[at] - x);
-  const dy = f(spheres[at + 1] - y);
-  const dz = f(spheres[at + 2] - z);
+  const dx = f(spheres[at] - eye[0]);
+  const dy = f(spheres[at + 1] - eye[1]);
+  const dz = f(spheres[at + 2] - eye[2]);
   return Math.max(f(Math.min(lengthOf(dx, dy, dz), LARGEST) - spheres[at + 3]), 0);
 }
 
