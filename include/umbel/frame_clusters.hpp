@@ -81,9 +81,9 @@ class UMBEL_API FrameClusterer {
   std::unique_ptr<State> state_;
 };
 
-/// Clusters of one mesh by FrameMethod::kHybrid, as `cluster_mesh` gives them: faster than that, and
-/// nearly as good. Of the config, max_items (from 2 to 512), min_items (at most half of that) and
-/// max_vertices are used. Throws as FrameClusterer does.
+/// Clusters of one mesh by FrameMethod::kHybrid, as `cluster_mesh` gives them: faster than that,
+/// and nearly as good. Of the config, max_items (from 2 to 512), min_items (at most half of that)
+/// and max_vertices are used. Throws as FrameClusterer does.
 UMBEL_API Clusters cluster_mesh_hybrid(const MeshView& mesh, const ClusterConfig& config,
                                        const BuildOptions& options = {});
 
