@@ -46,7 +46,7 @@ for source in tests/fuzz/*.cpp; do
   name=$(basename "$source" .cpp)
   corpus=$build/corpus/$name
   mkdir -p "$corpus"
-  if "$build/$name" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=4096 -print_final_stats=1 \
+  if "$build/$name" -max_total_time="$seconds" -len_control=0 -timeout=25 -rss_limit_mb=4096 -print_final_stats=1 \
     -artifact_prefix="$build/failures/$name-" "$corpus" >"$build/$name.log" 2>&1; then
     runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$build/$name.log")
     echo "fuzz: $name: $runs inputs in $seconds s, no failure"
