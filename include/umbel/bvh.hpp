@@ -72,13 +72,15 @@ enum class KmeansDistance : uint32_t {
   kManhattan,  ///< 1-norm of the boxes' corners, component-wise medians
 };
 
-/// Where the time of k-means goes, by the stages of Meister & Bittner's charts: seconds,
-/// summed over the threads.
+/// Where the time of k-means goes, by the stages of Meister & Bittner's charts: seconds by the wall
+/// clock, while all threads work on the stage.
 struct KmeansTimes {
+  double boxes = 0;          ///< the scene's box, and the primitives' in the builder's own arrays
   double seeding = 0;        ///< choosing representatives
   double iterations = 0;     ///< assigning primitives and moving representatives
+  double sizes = 0;          ///< of the new clusters, and where each goes
   double reordering = 0;     ///< moving primitives to their clusters
-  double agglomeration = 0;  ///< binary trees, with their boxes
+  double agglomeration = 0;  ///< binary trees, with the boxes of their nodes
 };
 
 struct KmeansConfig {
@@ -86,8 +88,9 @@ struct KmeansConfig {
   uint32_t candidates = 5;  ///< p, 1..64: the best of p becomes the next representative
   uint32_t iterations = 2;  ///< i, 0..100 Lloyd iterations
   KmeansDistance distance = KmeansDistance::kEuclidean;
-  /// Clusters that the treelet of a node hands up to the one above it, 0..32. 1 is the paper's
-  /// algorithm; 0 and what is too much mean as many as make treelets of 64 clusters.
+  /// Subtrees that the treelet of a node hands up to the one above it, 0..64; 0 and what is too
+  /// much mean as many as make treelets of 128. With 1, the paper's algorithm, treelets are joined
+  /// by agglomeration; with others also by a full sweep, and the cheaper is kept.
   uint32_t handed_up = 0;
   KmeansTimes* times = nullptr;  ///< where a build writes its times, if anywhere
 };
@@ -106,27 +109,31 @@ UMBEL_API AacConfig aac_preset(std::string_view name);
 
 /// What each builder takes beside cost, max_leaf_size and max_depth:
 ///
-/// | builder       | field                 | range           | default | source |
+// clang-format off
+/// | builder       | field                 | range           | default | source                      |
 /// |---------------|-----------------------|-----------------|---------|-----------------------------|
-/// | sweep         | none                  |                 |         | MacDonald & Booth 1990 |
-/// | binned        | bins                  | 4..256          | 32      | Wald 2007 | | sbvh |
-/// spatial_budget        | 0..4            | 0.3     | Stich et al. 2009           | | sbvh |
-/// spatial_overlap       | 0..1            | 1e-5    | their alpha                 | | lbvh |
-/// morton_bits           | 30, 63          | 63      | Karras 2012                 | | hlbvh |
-/// hlbvh_bits            | 3..30           | 15      | Garanzha et al. 2011        | | kmeans |
-/// kmeans.clusters       | 2..64           | 8       | Meister & Bittner 2016: k   | | kmeans |
-/// kmeans.candidates     | 1..64           | 5       | their p                     | | kmeans |
-/// kmeans.iterations     | 0..100          | 2       | their i                     | | kmeans |
-/// kmeans.distance       | both            | squared | their slides                | | kmeans |
-/// kmeans.handed_up      | 0..32           | 0       | 1 is theirs                 | |
-/// agglomerative | none                  |                 |         | Walter et al. 2008 | | aac
-/// | aac.leaf_size         | 2..128          | 4       | Gu et al. 2013: delta       | | aac |
-/// aac.epsilon           | 0..0.5          | 0.2     | their epsilon               | | ploc |
-/// ploc_radius           | 1..128          | 16      | Meister & Bittner 2018      | | atrbvh |
-/// treelet_size          | 3..15           | 9       | Domingues & Pedrini 2015    | | atrbvh |
-/// treelet_rounds        | 1..16           | 2       | theirs                      | | insertion |
-/// none                  |                 |         | Bittner et al. 2015         | | any |
-/// reinsertion_rounds    | 0..64           | 0       | Meister & Bittner 2018      |
+/// | sweep         | none                  |                 |         | MacDonald & Booth 1990      |
+/// | binned        | bins                  | 4..256          | 32      | Wald 2007                   |
+/// | sbvh          | spatial_budget        | 0..4            | 0.3     | Stich et al. 2009           |
+/// | sbvh          | spatial_overlap       | 0..1            | 1e-5    | their alpha                 |
+/// | lbvh          | morton_bits           | 30, 63          | 63      | Karras 2012                 |
+/// | hlbvh         | hlbvh_bits            | 3..30           | 15      | Garanzha et al. 2011        |
+/// | kmeans        | kmeans.clusters       | 2..64           | 8       | Meister & Bittner 2016: k   |
+/// | kmeans        | kmeans.candidates     | 1..64           | 5       | their p                     |
+/// | kmeans        | kmeans.iterations     | 0..100          | 2       | their i                     |
+/// | kmeans        | kmeans.distance       | both            | squared | their slides                |
+/// | kmeans        | kmeans.handed_up      | 0..64           | 0       | 1 is theirs                 |
+/// | agglomerative | none                  |                 |         | Walter et al. 2008          |
+/// | aac           | aac.leaf_size         | 2..128          | 4       | Gu et al. 2013: delta       |
+/// | aac           | aac.epsilon           | 0..0.5          | 0.2     | their epsilon               |
+/// | ploc          | ploc_radius           | 1..128          | 16      | Meister & Bittner 2018      |
+/// | ploc          | ploc_sweep            | 0..255          | 8       | 0 is theirs                 |
+/// | atrbvh        | atrbvh_bits           | 0, 3..30        | 15      | 0 is Domingues & Pedrini's  |
+/// | atrbvh        | treelet_size          | 3..15           | 9       | Domingues & Pedrini 2015    |
+/// | atrbvh        | treelet_rounds        | 1..16           | 2       | theirs                      |
+/// | insertion     | none                  |                 |         | Bittner et al. 2015         |
+/// | any           | reinsertion_rounds    | 0..64           | 0       | Meister & Bittner 2018      |
+// clang-format on
 struct Config {
   Builder builder = Builder::kBinned;
   CostModel cost;
@@ -134,12 +141,18 @@ struct Config {
   uint32_t max_depth = 96;     ///< deepest level of a leaf (the root is 0), 8..255; see docs
   InvalidTriangles invalid = InvalidTriangles::kRefuse;
 
-  uint32_t bins = 32;               ///< binned: bins an axis, 4..256
-  float spatial_budget = 0.3f;      ///< spatial: references beyond the input's, as a fraction, 0..4
-  float spatial_overlap = 1e-5f;    ///< spatial: Stich's alpha, 0..1
-  uint32_t morton_bits = 63;        ///< lbvh: 30 or 63
-  uint32_t hlbvh_bits = 15;         ///< hlbvh: leading code bits built by SAH, 3..30
-  uint32_t ploc_radius = 16;        ///< ploc: neighbours searched each way, 1..128
+  uint32_t bins = 32;             ///< binned: bins an axis, 4..256
+  float spatial_budget = 0.3f;    ///< spatial: references beyond the input's, as a fraction, 0..4
+  float spatial_overlap = 1e-5f;  ///< spatial: Stich's alpha, 0..1
+  uint32_t morton_bits = 63;      ///< lbvh: 30 or 63
+  uint32_t hlbvh_bits = 15;       ///< hlbvh: leading code bits built by SAH, 3..30
+  uint32_t ploc_radius = 16;      ///< ploc: neighbours searched each way, 1..128
+  /// ploc: the tree above the largest subtrees of at most so many primitives is also built by the
+  /// full sweep, and the cheaper one is kept, 0..255; 0: never, as published.
+  uint32_t ploc_sweep = 8;
+  /// atrbvh: leading code bits of the linear tree to begin with that are built by SAH, as with
+  /// hlbvh_bits, 3..30; 0: none, as published.
+  uint32_t atrbvh_bits = 15;
   uint32_t treelet_size = 9;        ///< atrbvh: leaves of a treelet, 3..15
   uint32_t treelet_rounds = 2;      ///< atrbvh: 1..16
   uint32_t reinsertion_rounds = 0;  ///< passes of parallel reinsertion after any builder, 0..64

@@ -378,6 +378,16 @@ typedef enum umbel_simd {
 
 /// How to build. umbel_bvh_config_init sets the preset "quality"; umbel_bvh_config_preset and
 /// umbel_bvh_config_builder set others. Ranges in brackets.
+/// Where the time of a build by k-means goes: seconds by the wall clock.
+typedef struct umbel_kmeans_times {
+  double boxes;          ///< the scene's box, and the triangles' in the builder's own arrays
+  double seeding;        ///< choosing representatives
+  double iterations;     ///< assigning triangles and moving representatives
+  double sizes;          ///< of the new clusters, and where each goes
+  double reordering;     ///< moving triangles to their clusters
+  double agglomeration;  ///< binary trees, with the boxes of their nodes
+} umbel_kmeans_times;
+
 typedef struct umbel_bvh_config {
   uint32_t struct_size;
   uint32_t builder;             ///< umbel_bvh_builder
@@ -404,6 +414,10 @@ typedef struct umbel_bvh_config {
   uint32_t width;               ///< children a node of a umbel_bvh: 2, 4 or 8
   uint32_t compact;             ///< nonzero: triangles share vertices; less memory, slower rays
   uint32_t simd;                ///< umbel_simd: what queries use; results are the same for all
+  uint32_t kmeans_handed_up;    ///< [0, 64] kmeans: nodes that a treelet hands up; 1 as published
+  uint32_t ploc_sweep;          ///< [0, 255] ploc: swept above so many triangles; 0 as published
+  uint32_t atrbvh_bits;         ///< [0; 3, 30] atrbvh: as hlbvh_bits, to begin with; 0 as published
+  umbel_kmeans_times* kmeans_times;  ///< kmeans: where a build writes its times, or NULL
 } umbel_bvh_config;
 
 /// Triangles that the caller owns.

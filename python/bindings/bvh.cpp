@@ -65,6 +65,8 @@ void bind_config(nb::module_& module) {
       .def_rw("morton_bits", &Config::morton_bits)
       .def_rw("hlbvh_bits", &Config::hlbvh_bits)
       .def_rw("ploc_radius", &Config::ploc_radius)
+      .def_rw("ploc_sweep", &Config::ploc_sweep)
+      .def_rw("atrbvh_bits", &Config::atrbvh_bits)
       .def_rw("treelet_size", &Config::treelet_size)
       .def_rw("treelet_rounds", &Config::treelet_rounds)
       .def_rw("reinsertion_rounds", &Config::reinsertion_rounds)
@@ -101,8 +103,10 @@ Dict kmeans_times(const MeshArrays& mesh, const bvh::Config& given, const nb::ob
   config.kmeans.times = &times;
   run(progress, 1, [&](const BuildOptions& options) { bvh::build(mesh.view(), config, options); });
   Dict result;
+  result["boxes"] = times.boxes;
   result["seeding"] = times.seeding;
   result["iterations"] = times.iterations;
+  result["sizes"] = times.sizes;
   result["reordering"] = times.reordering;
   result["agglomeration"] = times.agglomeration;
   return result;

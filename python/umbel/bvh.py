@@ -50,6 +50,11 @@ class TreeOptions(TypedDict, total=False):
     """hlbvh: leading bits of the code that are built by SAH, 3 to 30."""
     ploc_radius: int | None
     """ploc: neighbours searched each way, 1 to 128."""
+    ploc_sweep: int | None
+    """ploc: the tree above clusters of at most so many triangles is also swept, and the cheaper one
+    kept, 0 to 255; 0 as published."""
+    atrbvh_bits: int | None
+    """atrbvh: as hlbvh_bits, of the tree to begin with, 3 to 30; 0: a plain lbvh, as published."""
     treelet_size: int | None
     """atrbvh: leaves of a treelet, 3 to 15."""
     treelet_rounds: int | None
@@ -63,7 +68,7 @@ class TreeOptions(TypedDict, total=False):
     distance: Literal["euclidean", "manhattan"] | None
     """kmeans: of the boxes' corners; with "manhattan", medians instead of means."""
     handed_up: int | None
-    """kmeans: clusters that a node's treelet hands up, 0 to 32; 1 is the algorithm as published,
+    """kmeans: subtrees that a node's treelet hands up, 0 to 64; 1 is the algorithm as published,
     0 as many as a treelet can take."""
     aac_leaf_size: int | None
     """aac: fewer triangles are not halved any more, 2 to 128."""
@@ -208,7 +213,7 @@ def kmeans_times(
     source: Any, *, progress: Progress | None = None, **options: Unpack[TreeOptions]
 ) -> dict[str, float]:
     """Where the time of the builder kmeans goes, on one thread over a mesh: wall-clock seconds of
-    `seeding`, `iterations`, `reordering` and `agglomeration`."""
+    `boxes`, `seeding`, `iterations`, `sizes`, `reordering` and `agglomeration`."""
     config = _config("kmeans", options)
     return _umbel.kmeans_times(_geometry(as_mesh(source)), config, progress)
 

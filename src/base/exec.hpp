@@ -53,10 +53,10 @@ class CpuExec {
     return *value;
   }
 
-  /// body(i) for i in [0, n), in any order.
+  /// body(i) for i in [0, n), in any order; one thread does at least `grain` of them.
   template <typename Body>
-  void for_each(size_t n, const Body& body) {
-    parallel_for(n, kGrain, body);
+  void for_each(size_t n, const Body& body, size_t grain = kGrain) {
+    parallel_for(n, grain, body);
   }
 
   /// body(team, i, shared) for i in [0, n), in any order. See base/team.hpp.

@@ -53,13 +53,15 @@ void check_config(const Config& c, size_t primitives) {
                 "morton_bits is " + std::to_string(c.morton_bits) + ", but must be 30 or 63");
   check_range("hlbvh_bits", c.hlbvh_bits, 3, 30);
   check_range("ploc_radius", c.ploc_radius, 1, 128);
+  check_range("ploc_sweep", c.ploc_sweep, 0, 255);
+  if (c.atrbvh_bits != 0) check_range("atrbvh_bits", c.atrbvh_bits, 3, 30);
   check_range("treelet_size", c.treelet_size, 3, 15);
   check_range("treelet_rounds", c.treelet_rounds, 1, 16);
   check_range("reinsertion_rounds", c.reinsertion_rounds, 0, 64);
   check_range("kmeans.clusters", c.kmeans.clusters, 2, 64);
   check_range("kmeans.candidates", c.kmeans.candidates, 1, 64);
   check_range("kmeans.iterations", c.kmeans.iterations, 0, 100);
-  check_range("kmeans.handed_up", c.kmeans.handed_up, 0, 32);
+  check_range("kmeans.handed_up", c.kmeans.handed_up, 0, 64);
   check_range("aac.leaf_size", c.aac.leaf_size, 2, 128);
   check_range("aac.epsilon", double(c.aac.epsilon), 0, 0.5);
 

@@ -6,63 +6,12 @@
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "bvh/builders.hpp"
 #include "bvh/config.hpp"
-#include "bvh/kmeans_recursion.hpp"
+#include "bvh/kmeans_passes.hpp"
 
 namespace umbel::bvh {
 namespace {
-
-/// Keeps nodes with children before their parents; they are turned around at the end.
-class KaryMaker {
- public:
-  using Result = KaryNode;
-
-  explicit KaryMaker(uint32_t* primitives) : primitives_(primitives) {}
-
-  KaryMaker for_task() const { return KaryMaker(primitives_); }
-
-  Result leaf(const KmeansItem* items, uint32_t offset, uint32_t count) {
-    Aabb box;
-    for (uint32_t i = 0; i < count; ++i) {
-      extend(box, Aabb{items[i].min, items[i].max});
-      primitives_[offset + i] = items[i].primitive;
-    }
-    std::sort(primitives_ + offset, primitives_ + offset + count);
-    return {box.min, offset, box.max, 0, static_cast<uint16_t>(count)};
-  }
-
-  Result inner(std::span<const Result> parts, uint32_t /*offset*/) {
-    Aabb box;
-    for (const Result& part : parts) extend(box, part.box());
-    const auto first = static_cast<uint32_t>(nodes_.size());
-    nodes_.insert(nodes_.end(), parts.begin(), parts.end());
-    return {box.min, first, box.max, static_cast<uint16_t>(parts.size()), 0};
-  }
-
-  /// Appends the nodes of a task, and gives its result in their new numbers.
-  Result adopt(const KaryMaker& of_task, Result result) {
-    const auto shift = static_cast<uint32_t>(nodes_.size());
-    for (KaryNode node : of_task.nodes_) {
-      if (!node.is_leaf()) node.first += shift;
-      nodes_.push_back(node);
-    }
-    if (!result.is_leaf()) result.first += shift;
-    return result;
-  }
-
-  std::vector<KaryNode> finish(const Result& root) {
-    nodes_.push_back(root);
-    std::reverse(nodes_.begin(), nodes_.end());
-    const auto size = static_cast<uint32_t>(nodes_.size());
-    for (KaryNode& node : nodes_)
-      if (!node.is_leaf()) node.first = size - node.first - node.children;
-    return std::move(nodes_);
-  }
-
- private:
-  uint32_t* primitives_;
-  std::vector<KaryNode> nodes_;
-};
 
 void check_boxes(Boxes boxes) {
   if (boxes.size() > kMaxPrimitives)
@@ -89,16 +38,31 @@ std::vector<Aabb> scaled(Boxes boxes) {
   return copies;
 }
 
-/// Boxes at the input's own scale, which is not exactly the scaled one where that underflows.
-void set_boxes(KaryTree& tree, Boxes boxes) {
-  for (size_t i = tree.nodes.size(); i-- > 0;) {
-    KaryNode& node = tree.nodes[i];
-    Aabb box;
-    for (uint32_t k = 0; k < node.count; ++k) extend(box, boxes[tree.primitives[node.first + k]]);
-    for (uint32_t k = 0; k < node.children; ++k) extend(box, tree.nodes[node.first + k].box());
-    node.min = box.min;
-    node.max = box.max;
+/// Clusters as nodes: those of a level are neighbours, and parts come after wholes already.
+KaryTree tree_of(const KmeansPasses<CpuExec>& passes, Boxes boxes) {
+  const std::vector<uint32_t>& levels = passes.levels();
+  KaryTree tree;
+  tree.primitives.resize(boxes.size());
+  tree.nodes.resize(levels.back());
+  for (size_t level = levels.size() - 1; level-- > 0;) {
+    const uint32_t* items = passes.items(level).primitives;
+    parallel_for(levels[level + 1] - levels[level], 256, [&](size_t i) {
+      const KmeansCluster& cluster = passes.clusters()[levels[level] + i];
+      Aabb box;
+      for (uint32_t k = 0; k < cluster.parts; ++k) extend(box, tree.nodes[cluster.first + k].box());
+      if (cluster.parts == 0) {
+        uint32_t* to = &tree.primitives[cluster.offset];
+        std::copy_n(items + cluster.offset, cluster.count, to);
+        std::sort(to, to + cluster.count);
+        for (uint32_t k = 0; k < cluster.count; ++k) extend(box, boxes[to[k]]);
+      }
+      const bool is_leaf = cluster.parts == 0;
+      tree.nodes[levels[level] + i] = {box.min, is_leaf ? cluster.offset : cluster.first, box.max,
+                                       static_cast<uint16_t>(cluster.parts),
+                                       static_cast<uint16_t>(is_leaf ? cluster.count : 0)};
+    });
   }
+  return tree;
 }
 
 }  // namespace
@@ -110,14 +74,15 @@ KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config,
   KaryTree tree;
   if (boxes.empty()) return tree;
   Progress progress(options);
-  tree.primitives.resize(boxes.size());
   with_threads(options.threads, [&] {
+    CpuExec exec;
     const std::vector<Aabb> copies = scaled(boxes);
-    KmeansRecursion<KaryMaker> recursion(copies, config.kmeans, config.max_leaf_size);
-    KaryMaker maker(tree.primitives.data());
-    const KaryNode root = recursion.run(maker, progress);
-    tree.nodes = maker.finish(root);
-    set_boxes(tree, boxes);
+    KmeansPasses<CpuExec> passes(exec, copies.data(), static_cast<uint32_t>(boxes.size()),
+                                 config.kmeans, config.max_leaf_size);
+    passes.run([&](double done) { progress.report(done, "clustering"); });
+    // At the input's own scale, which is not exactly the scaled one where that underflows.
+    tree = tree_of(passes, boxes);
+    if (config.kmeans.times) *config.kmeans.times = passes.times();
   });
   progress.report(1, "clustering");
   return tree;

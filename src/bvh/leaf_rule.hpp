@@ -26,6 +26,13 @@ struct LeafRule {
   UMBEL_HOST_DEVICE float inner_cost(const Aabb& box, float left, float right) const {
     return area(box) * traversal + (left + right);
   }
+  /// Of `count` primitives below two children of these costs: as an inner node or as a leaf.
+  UMBEL_HOST_DEVICE float cheaper(const Aabb& box, uint32_t count, float left, float right) const {
+    const float inner = inner_cost(box, left, right);
+    if (count > max_leaf_size) return inner;
+    const float leaf = leaf_cost(box, count);
+    return leaf < inner ? leaf : inner;
+  }
 };
 
 }  // namespace umbel::bvh

@@ -6,7 +6,9 @@
 #include <cstdint>
 #include <limits>
 
+#include "base/exec.hpp"
 #include "bvh/box4.hpp"
+#include "bvh/merge_tree.hpp"
 
 namespace umbel::bvh {
 
@@ -14,18 +16,39 @@ namespace umbel::bvh {
 struct BoxColumns {
   float* column[6];
 
-  void put(size_t i, const Aabb& b) const {
+  UMBEL_HOST_DEVICE void put(size_t i, const Aabb& b) const {
     column[0][i] = b.min.x, column[1][i] = b.min.y, column[2][i] = b.min.z;
     column[3][i] = -b.max.x, column[4][i] = -b.max.y, column[5][i] = -b.max.z;
   }
-  Aabb get(size_t i) const {
+  UMBEL_HOST_DEVICE Aabb get(size_t i) const {
     return {{column[0][i], column[1][i], column[2][i]},
             {-column[3][i], -column[4][i], -column[5][i]}};
   }
-  void copy(size_t to, size_t from) const {
+  UMBEL_HOST_DEVICE void copy(size_t to, size_t from) const {
     for (float* values : column) values[to] = values[from];
   }
 };
+
+struct NearestBox {
+  float area = std::numeric_limits<float>::infinity();
+  uint32_t index = 0;
+};
+
+#if defined(__CUDACC__)
+
+/// Among the boxes [begin, end) but `self`; of those as near, the first.
+UMBEL_HOST_DEVICE inline NearestBox nearest_box(const BoxColumns& boxes, uint32_t self,
+                                                uint32_t begin, uint32_t end) {
+  const Aabb box = boxes.get(self);
+  NearestBox nearest;
+  for (uint32_t i = begin; i < end; ++i) {
+    const float area = area_of(united(box, boxes.get(i)));
+    if (i != self && area < nearest.area) nearest = {area, i};
+  }
+  return nearest;
+}
+
+#else
 
 /// A box in all four lanes.
 struct SplatBox {
@@ -50,11 +73,6 @@ inline Float4 select4(Int4 mask, Float4 yes, Float4 no) {
   return Float4((Int4(yes) & mask) | (Int4(no) & ~mask));
 }
 inline Int4 select4(Int4 mask, Int4 yes, Int4 no) { return (yes & mask) | (no & ~mask); }
-
-struct NearestBox {
-  float area = std::numeric_limits<float>::infinity();
-  uint32_t index = 0;
-};
 
 /// The least of values that come four at a time; of equal ones, the first.
 class LeastOf4 {
@@ -99,5 +117,7 @@ inline NearestBox nearest_box(const BoxColumns& boxes, uint32_t self, uint32_t b
     least.add(without(united_areas(box, boxes, i), i, end, self), i);
   return least.result();
 }
+
+#endif
 
 }  // namespace umbel::bvh

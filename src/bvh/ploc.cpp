@@ -1,7 +1,9 @@
-// Parallel locally-ordered clustering on the processor. See the header.
+// Parallel locally-ordered clustering on the processor. See the header. The tree above the small
+// clusters may be swept instead, which the paper does not do.
 #include "bvh/ploc.hpp"
 
 #include "bvh/builders.hpp"
+#include "bvh/swept_top.hpp"
 
 namespace umbel::bvh {
 
@@ -10,9 +12,12 @@ Bvh2 build_ploc(Boxes boxes, const Config& config, Progress& progress) {
   CpuExec exec;
   const auto count = static_cast<uint32_t>(boxes.size());
   BigVector<Merge> merges(count - 1);
-  const Subtree root =
-      Ploc<CpuExec>().run(exec, boxes.data(), count, config.ploc_radius, merges.data());
-  progress.report(0.7, "laying out");
+  Subtree root = Ploc<CpuExec>().run(exec, boxes.data(), count, config.ploc_radius, merges.data());
+  if (config.ploc_sweep > 0) {
+    progress.report(0.65, "sweeping clusters");
+    root = sweep_top(merges, root, boxes, config.ploc_sweep, config);
+  }
+  progress.report(0.75, "laying out");
   return emit(merges, root, boxes);
 }
 

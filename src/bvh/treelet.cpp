@@ -2,9 +2,6 @@
 #include "bvh/treelet.hpp"
 
 #include <string>
-
-#include "base/progress.hpp"
-
 namespace umbel::bvh {
 namespace {
 
@@ -72,24 +69,28 @@ void check_arguments(uint32_t size, uint32_t rounds) {
 
 }  // namespace
 
+void restructure(Bvh2& tree, uint32_t size, uint32_t rounds, const LeafRule& rule,
+                 Progress& progress) {
+  CpuExec exec;
+  Items items = take_leaves(tree);
+  const auto count = static_cast<uint32_t>(items.boxes.size());
+  const TreeletInput input{items.boxes.data(), items.counts.data(), count, items.merges.data()};
+  TreeletRounds<CpuExec> all(exec, input, items.root, rule);
+  for (uint32_t i = 0; i < rounds; ++i) {
+    progress.report(0.2 + 0.6 * double(i) / double(rounds), "restructuring treelets");
+    all.run_round(size);
+  }
+  tree = put_back(tree, items, emit(items.merges, items.root, items.boxes));
+}
+
 void restructure_treelets(Bvh2& tree, uint32_t treelet_size, uint32_t rounds, const CostModel& cost,
                           const BuildOptions& options) {
   check_arguments(treelet_size, rounds);
   if (tree.nodes.size() < 5 || rounds == 0) return;
   Progress progress(options);
-  with_threads(options.threads, [&] {
-    CpuExec exec;
-    Items items = take_leaves(tree);
-    const auto count = static_cast<uint32_t>(items.boxes.size());
-    const TreeletInput input{items.boxes.data(), items.counts.data(), count, items.merges.data()};
-    // Leaves stay as they are, so none of the joins may become one.
-    TreeletRounds<CpuExec> all(exec, input, items.root, LeafRule(cost, 0));
-    for (uint32_t i = 0; i < rounds; ++i) {
-      progress.report(0.9 * double(i) / double(rounds), "restructuring treelets");
-      all.run_round(treelet_size);
-    }
-    tree = put_back(tree, items, emit(items.merges, items.root, items.boxes));
-  });
+  // Leaves stay as they are, so none of the joins may become one.
+  with_threads(options.threads,
+               [&] { restructure(tree, treelet_size, rounds, LeafRule(cost, 0), progress); });
   progress.report(1, "restructuring treelets");
 }
 

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "base/exec.hpp"
+#include "base/progress.hpp"
 #include "bvh/leaf_rule.hpp"
 #include "bvh/merge_tree.hpp"
 
@@ -37,7 +38,7 @@ class Treelet {
   }
   /// Of the merge as it is.
   UMBEL_HOST_DEVICE float cost_of_merge(const Merge& m) const {
-    return joined_cost(m.box, m.count, cost_of(m.left), cost_of(m.right));
+    return rule_.cheaper(m.box, m.count, cost_of(m.left), cost_of(m.right));
   }
 
   /// True if the treelet of at most `size` subtrees below the merge `root` has become cheaper.
@@ -73,13 +74,6 @@ class Treelet {
 
   UMBEL_HOST_DEVICE uint32_t count_of(Subtree s) const {
     return s.is_primitive() ? 1 : tree_.merges[s.index()].count;
-  }
-  UMBEL_HOST_DEVICE float joined_cost(const Aabb& box, uint32_t count, float left,
-                                      float right) const {
-    const float inner = rule_.inner_cost(box, left, right);
-    if (count > rule_.max_leaf_size) return inner;
-    const float leaf = rule_.leaf_cost(box, count);
-    return leaf < inner ? leaf : inner;
   }
   UMBEL_HOST_DEVICE Part part_of(Subtree s) const {
     const Aabb& box = s.is_primitive() ? tree_.boxes[s.index()] : tree_.merges[s.index()].box;
@@ -137,7 +131,7 @@ class Treelet {
     join.right = parts_[a];
     join.box = united(join.left.box, join.right.box);
     join.count = join.left.count + join.right.count;
-    join.cost = joined_cost(join.box, join.count, join.left.cost, join.right.cost);
+    join.cost = rule_.cheaper(join.box, join.count, join.left.cost, join.right.cost);
     parts_[b] = {join.box, join.cost, join.count, {~join_count_++}};
     const uint32_t last = --used_;
     if (a != last) {
@@ -234,5 +228,9 @@ class TreeletRounds {
   Buffer<float> costs_;
   Buffer<uint32_t> arrived_, merge_parents_, item_parents_;
 };
+
+/// Restructures the treelets of a tree on the processor.
+void restructure(Bvh2& tree, uint32_t size, uint32_t rounds, const LeafRule& rule,
+                 Progress& progress);
 
 }  // namespace umbel::bvh

@@ -10,6 +10,9 @@ namespace {
 static_assert(uint32_t{UMBEL_BVH_INSERTION} == uint32_t(bvh::Builder::kInsertion));
 static_assert(uint32_t{UMBEL_BVH_KMEANS} == uint32_t(bvh::Builder::kKmeans));
 static_assert(uint32_t{UMBEL_SIMD_AVX512} == uint32_t(Simd::kAvx512));
+static_assert(sizeof(umbel_kmeans_times) == sizeof(bvh::KmeansTimes) &&
+              offsetof(umbel_kmeans_times, agglomeration) ==
+                  offsetof(bvh::KmeansTimes, agglomeration));
 
 }  // namespace
 
@@ -41,6 +44,10 @@ umbel_bvh_config as_c(const TriangleBvhConfig& config) {
   result.width = config.width;
   result.compact = config.compact;
   result.simd = static_cast<uint32_t>(config.simd);
+  result.kmeans_handed_up = tree.kmeans.handed_up;
+  result.kmeans_times = reinterpret_cast<umbel_kmeans_times*>(tree.kmeans.times);
+  result.ploc_sweep = tree.ploc_sweep;
+  result.atrbvh_bits = tree.atrbvh_bits;
   return result;
 }
 
@@ -68,6 +75,10 @@ TriangleBvhConfig bvh_config(const umbel_bvh_config* config) {
   tree.kmeans.iterations = given.kmeans_iterations;
   tree.kmeans.distance =
       given.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
+  tree.kmeans.handed_up = given.kmeans_handed_up;
+  tree.kmeans.times = reinterpret_cast<bvh::KmeansTimes*>(given.kmeans_times);
+  tree.ploc_sweep = given.ploc_sweep;
+  tree.atrbvh_bits = given.atrbvh_bits;
   tree.aac = {given.aac_leaf_size, given.aac_epsilon};
   result.width = given.width;
   result.compact = given.compact != 0;

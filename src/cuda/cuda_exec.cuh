@@ -99,7 +99,7 @@ class CudaExec {
   }
 
   template <typename Body>
-  void for_each(size_t n, const Body& body) {
+  void for_each(size_t n, const Body& body, size_t /*grain*/ = 1) {
     if (n == 0 || arena_.counts()) return;
     detail::run_each<<<blocks(n, detail::kThreads), detail::kThreads, 0, stream_>>>(n, body);
     check(cudaGetLastError(), "starting a kernel");

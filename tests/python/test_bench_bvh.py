@@ -115,7 +115,8 @@ def test_a_sample_is_scaled_from_the_paths_to_the_pixels() -> None:
 def test_every_builder_is_compared_at_every_width(
     found: bench.Comparison, blob: umbel.Mesh
 ) -> None:
-    names = [*builders(), "kmeans 2016", "best", *bench.STRUCTURES]
+    published = dict(bench.PUBLISHED.values())
+    names = [*builders(), *published, "best", *bench.STRUCTURES]
     for width in (2, 8):
         own = [r for r in found.rows if r["width"] == width]
         assert own[0]["builder"] == "sweep" and sorted(r["builder"] for r in own) == sorted(names)
@@ -125,8 +126,8 @@ def test_every_builder_is_compared_at_every_width(
             assert r["sah_cost"] == structure.statistics()["sah_cost"] and r["epo"] is None
             assert r["build_seconds"] > 0 and r["mrays_per_second"] > 0 and r["hq_ratio"] > 0
             continue
-        handed_up = 1 if r["builder"] == "kmeans 2016" else None
-        tree = build_bvh2(blob, builder=r["builder"].removesuffix(" 2016"), handed_up=handed_up)
+        settings = published.get(r["builder"], {})
+        tree = build_bvh2(blob, builder=r["builder"].split()[0], **settings)
         assert r["sah_cost"] == tree.sah_cost((3, 2)) and r["epo"] == tree.epo((3, 2))
         assert r["build_seconds"] > 0 and r["mrays_per_second"] > 0 and r["hq_ratio"] > 0
         assert r["lq_seconds"] == pytest.approx(
@@ -173,6 +174,21 @@ def test_parts_can_be_left_out(blob: umbel.Mesh) -> None:
     assert "SAH cost" not in bench.report(only) and only.settings == {"blob": "k 4, p 2, i 1"}
     with pytest.raises(umbel.Error, match="stages, iterations, not rays"):
         bench.compare({"blob": lambda: blob}, bench.Effort(parts=("rays",)))
+
+
+def test_builders_can_be_chosen(blob: umbel.Mesh) -> None:
+    effort = bench.Effort(
+        1,
+        share=0.003,
+        widths=(2,),
+        threads=1,
+        parts=("builders",),
+        builders=("ploc", "ploc 2018", "binned"),
+    )
+    chosen = bench.compare({"blob": lambda: blob}, effort)
+    assert [row["builder"] for row in chosen.rows] == ["sweep", "binned", "ploc 2018", "ploc"]
+    with pytest.raises(umbel.Error, match="no builder 'plock'"):
+        bench.methods(Kmeans(8, 5, 2), ["plock"])
 
 
 def test_a_comparison_can_be_cancelled(blob: umbel.Mesh) -> None:

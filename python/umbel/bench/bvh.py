@@ -37,6 +37,13 @@ LQ, HQ = 8, 128
 LARGE = 2_000_000
 """Triangles; of larger scenes EPO would take longer than all the rest, and builds run once."""
 PARTS = ("builders", "stages", "iterations")
+PUBLISHED = {
+    "kmeans": ("kmeans 2016", bvh_kmeans.PUBLISHED),
+    "ploc": ("ploc 2018", {"ploc_sweep": 0}),
+    "atrbvh": ("atrbvh 2015", {"atrbvh_bits": 0}),
+}
+"""Builders whose defaults differ from their papers: what they are called with the papers' settings,
+and those."""
 
 RATIOS = ("sah_ratio", "epo_ratio", "speed_ratio", "lq_ratio", "hq_ratio")
 COLUMNS = [
@@ -80,20 +87,22 @@ class Method:
     """For `umbel.Bvh`."""
 
 
-def methods(kmeans: Kmeans) -> list[Method]:
-    """Every builder that there is, the full sweep first; k-means also as it was published; and
-    the preset `best`."""
+def methods(kmeans: Kmeans, only: Sequence[str] = ()) -> list[Method]:
+    """Every builder that there is, the full sweep first; those in `PUBLISHED` also so; and the
+    preset `best`. With `only` the full sweep and those of these names."""
     found = []
     for name in sorted(builders(), key=lambda name: name != BASELINE):
         own = {"builder": name, **(kmeans.arguments() if name == "kmeans" else {})}
-        if name == "kmeans":
-            found += [
-                Method(variant, {**own, "handed_up": handed_up})
-                for variant, handed_up in bvh_kmeans.VARIANTS.items()
-            ]
-        else:
-            found.append(Method(name, own))
-    return [*found, Method("best", {"builder": "best"})]
+        if name in PUBLISHED:
+            published, settings = PUBLISHED[name]
+            found.append(Method(published, {**own, **settings}))
+        found.append(Method(name, own))
+    found.append(Method("best", {"builder": "best"}))
+    names = [*(method.name for method in found), *STRUCTURES]
+    unknown = [name for name in only if name not in names]
+    if unknown:
+        raise Error(f"there is no builder {unknown[0]!r} to compare, only {', '.join(names)}")
+    return [m for m in found if not only or m.name == BASELINE or m.name in only]
 
 
 STRUCTURES: Mapping[str, Callable[..., TriangleQueries]] = {
@@ -104,6 +113,13 @@ STRUCTURES: Mapping[str, Callable[..., TriangleQueries]] = {
     "bih": IntervalHierarchy,
 }
 """What is compared besides hierarchies: the same for all widths."""
+
+
+def compared_structures(only: Sequence[str] = ()) -> dict[str, Callable[..., TriangleQueries]]:
+    """All of them, or those of these names."""
+    return {name: make for name, make in STRUCTURES.items() if not only or name in only}
+
+
 TREE_FIELDS = ("nodes", "leaves", "max_depth", "references", "sah_cost", "bytes")
 
 
@@ -121,7 +137,9 @@ class Effort:
     """Children a node of what is traced."""
     threads: int = 0
     parts: Sequence[str] = PARTS
-    """What is compared: all builders, the stages of k-means, its iterations."""
+    """What is compared: the builders, the stages of k-means, its iterations."""
+    builders: Sequence[str] = ()
+    """Those that are compared with the full sweep; none: all."""
 
     def build_runs(self, mesh: Mesh) -> int:
         """How often each tree is built."""
@@ -234,7 +252,7 @@ def _built(on: Scene, effort: Effort, report: Span) -> list[Timing[Bvh2]]:
     return take_turns(
         [
             Timed(f"building {method.name}", partial(_build, on.mesh, method, effort, clock))
-            for method in methods(on.kmeans)
+            for method in methods(on.kmeans, effort.builders)
         ],
         effort.build_runs(on.mesh),
         report,
@@ -250,7 +268,10 @@ def _structures(on: Scene, effort: Effort, report: Span) -> list[Timing[Triangle
         structure = make(on.mesh, cost=COSTS, threads=threads)
         return structure, clock() - began
 
-    entries = [Timed(f"building {name}", partial(work, make)) for name, make in STRUCTURES.items()]
+    entries = [
+        Timed(f"building {name}", partial(work, make))
+        for name, make in compared_structures(effort.builders).items()
+    ]
     return take_turns(entries, effort.build_runs(on.mesh), report)
 
 
@@ -262,10 +283,12 @@ def _rows(
     report: Span,
 ) -> list[Row]:
     rows = []
-    for number, (method, timing) in enumerate(zip(methods(on.kmeans), built, strict=True)):
+    for number, (method, timing) in enumerate(
+        zip(methods(on.kmeans, effort.builders), built, strict=True)
+    ):
         report(0.2 * number / len(built), f"measuring {method.name}")
         rows.append(_tree_row(on, method.name, timing.result, timing.seconds, effort.threads))
-    for name, other in zip(STRUCTURES, others, strict=True):
+    for name, other in zip(compared_structures(effort.builders), others, strict=True):
         statistics = other.result.statistics()
         found = {field: statistics[field] for field in TREE_FIELDS} | {"epo": None}
         rows.append(_row(on, name, found, other.seconds))

@@ -99,6 +99,12 @@ def bvh(
             metavar="builders|stages|iterations", help="Only this; several times.  [default: all]"
         ),
     ] = None,
+    builder: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="Only this and the sweep; several times.  [default: all]"
+        ),
+    ] = None,
     output: Folder = None,
     runs: Runs = 3,
     as_json: Json = False,
@@ -119,7 +125,7 @@ def bvh(
     inputs = _loaders(scenes or [])
     if generated is not None or not inputs:
         inputs |= bench.generated(_PLANT if generated is None else generated)
-    effort = bench.Effort(runs, samples, share, widths, threads, part or bench.PARTS)
+    effort = bench.Effort(runs, samples, share, widths, threads, part or bench.PARTS, builder or ())
     with Bar() as bar:
         found = bench.compare(inputs, effort, kmeans=parameters, progress=bar)
     if output is not None:

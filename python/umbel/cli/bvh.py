@@ -83,6 +83,9 @@ def command(
     distance: Annotated[
         Distance | None, _knob(None, "kmeans: distance of boxes, by means or by medians.")
     ] = None,
+    handed_up: Annotated[
+        int | None, _knob("N", "kmeans: nodes a treelet hands up, 0 to 64; 1 as published.")
+    ] = None,
     aac_leaf_size: Annotated[
         int | None, _knob("N", "aac: fewer triangles are not halved any more, 2 to 128.")
     ] = None,
@@ -91,6 +94,12 @@ def command(
     ] = None,
     ploc_radius: Annotated[
         int | None, _knob("N", "ploc: neighbours searched each way, 1 to 128.")
+    ] = None,
+    ploc_sweep: Annotated[
+        int | None, _knob("N", "ploc: swept above so many triangles, 0 to 255; 0 as published.")
+    ] = None,
+    atrbvh_bits: Annotated[
+        int | None, _knob("N", "atrbvh: as --hlbvh-bits, to begin with; 0 as published.")
     ] = None,
     treelet_size: Annotated[int | None, _knob("N", "atrbvh: leaves of a treelet, 3 to 15.")] = None,
     treelet_rounds: Annotated[int | None, _knob("N", "atrbvh: rounds, 1 to 16.")] = None,
@@ -122,9 +131,12 @@ def command(
         "candidates": candidates,
         "iterations": iterations,
         "distance": None if distance is None else distance.value,
+        "handed_up": handed_up,
         "aac_leaf_size": aac_leaf_size,
         "aac_epsilon": aac_epsilon,
         "ploc_radius": ploc_radius,
+        "ploc_sweep": ploc_sweep,
+        "atrbvh_bits": atrbvh_bits,
         "treelet_size": treelet_size,
         "treelet_rounds": treelet_rounds,
     }

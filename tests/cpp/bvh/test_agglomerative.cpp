@@ -83,39 +83,11 @@ TEST(Agglomerative, boxes_within_boxes_merge_from_the_inside) {
   EXPECT_EQ(statistics(build(boxes, config)).max_depth, 199u);
 }
 
-TEST(Agglomerative, trees_are_sound) {
-  expect_sound_builder(with_builder(Builder::kAgglomerative));
-  Config config = with_builder(Builder::kAgglomerative);
-  config.max_depth = 20;
-  config.max_leaf_size = 2;
-  expect_sound_builder(config);
-}
-
 TEST(Agglomerative, identical_boxes_make_a_low_tree) {
   Config config = with_builder(Builder::kAgglomerative);
   config.max_leaf_size = 1;
   const std::vector<Aabb> boxes(1024, Aabb{{0, 0, 0}, {1, 1, 1}});
   EXPECT_LE(statistics(build(boxes, config)).max_depth, 80u);
-}
-
-TEST(Aac, trees_are_sound_at_both_presets_and_extreme_settings) {
-  Config config = with_builder(Builder::kAac);
-  for (const AacConfig& settings :
-       {aac_preset("fast"), aac_preset("hq"), AacConfig{.leaf_size = 2, .epsilon = 0.5f},
-        AacConfig{.leaf_size = 128, .epsilon = 0}}) {
-    config.aac = settings;
-    expect_sound_builder(config);
-  }
-}
-
-TEST(Aac, settings_out_of_range_are_refused) {
-  const std::vector<Aabb> boxes = random_boxes(10, 1);
-  Config config = with_builder(Builder::kAac);
-  config.aac.leaf_size = 1;
-  EXPECT_THROW(build(boxes, config), Error);
-  config.aac = {.leaf_size = 4, .epsilon = 0.6f};
-  EXPECT_THROW(build(boxes, config), Error);
-  EXPECT_THROW(aac_preset("best"), Error);
 }
 
 /// One primitive range as a whole is agglomeration without approximation.

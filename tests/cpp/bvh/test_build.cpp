@@ -54,17 +54,6 @@ class BothBuilders : public ::testing::TestWithParam<Builder> {};
 INSTANTIATE_TEST_SUITE_P(Build, BothBuilders, ::testing::Values(Builder::kSweep, Builder::kBinned),
                          [](const auto& info) { return std::string(name(info.param)); });
 
-TEST_P(BothBuilders, are_sound) { expect_sound_builder(with(GetParam())); }
-
-TEST_P(BothBuilders, keep_leaf_size_and_depth) {
-  for (const uint32_t size : {1u, 5u, 255u}) {
-    Config config = with(GetParam());
-    config.max_leaf_size = size;
-    config.max_depth = 15;
-    expect_sound_builder(config);
-  }
-}
-
 TEST_P(BothBuilders, give_the_same_large_tree_for_any_threads) {
   const Mesh mesh = shapes::blob(7, 3);
   const Bvh2 tree = build(mesh.view(), with(GetParam()), with_thread_count(1));

@@ -18,32 +18,6 @@ double cost_of(const std::vector<Aabb>& boxes, Config config) {
   return sah_cost(build(boxes, config), config.cost);
 }
 
-TEST(Hlbvh, trees_are_sound_for_all_leading_bits) {
-  for (const uint32_t bits : {3u, 15u, 16u, 30u}) {
-    SCOPED_TRACE(bits);
-    expect_sound_builder(hlbvh(bits));
-  }
-}
-
-TEST(Hlbvh, trees_keep_leaf_size_and_depth) {
-  Config config = hlbvh(15);
-  config.max_leaf_size = 1;
-  config.max_depth = 16;
-  expect_sound_builder(config);
-}
-
-TEST(Hlbvh, bits_from_3_to_30_are_taken) {
-  for (const uint32_t bits : {0u, 2u, 31u}) {
-    try {
-      build(random_boxes(10, 1), hlbvh(bits));
-      FAIL() << bits;
-    } catch (const Error& error) {
-      EXPECT_NE(std::string(error.what()).find("hlbvh_bits is " + std::to_string(bits)),
-                std::string::npos);
-    }
-  }
-}
-
 TEST(Hlbvh, subtrees_of_one_prefix_are_kept_together) {
   // Below the tree of treelets, leading bits agree; and a treelet lies below one node.
   const auto boxes = random_boxes(50000, 3);

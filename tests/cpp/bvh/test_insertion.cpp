@@ -18,14 +18,6 @@ double cost_of(const std::vector<Aabb>& boxes, Builder builder) {
   return sah_cost(build(boxes, config));
 }
 
-TEST(Insertion, trees_are_sound) {
-  expect_sound_builder(insertion());
-  Config config = insertion();
-  config.max_leaf_size = 1;
-  config.max_depth = 16;
-  expect_sound_builder(config);
-}
-
 /// Four pairs of boxes, each pair far from the others: whatever the order, pairs stay together.
 TEST(Insertion, neighbors_become_siblings) {
   std::vector<Aabb> boxes;

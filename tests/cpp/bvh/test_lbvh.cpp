@@ -13,20 +13,6 @@ Config lbvh(uint32_t bits) {
   return config;
 }
 
-TEST(Lbvh, is_sound_for_both_code_lengths) {
-  expect_sound_builder(lbvh(30));
-  expect_sound_builder(lbvh(63));
-}
-
-TEST(Lbvh, keeps_leaf_size_and_depth) {
-  for (const uint32_t size : {1u, 3u, 255u}) {
-    Config config = lbvh(63);
-    config.max_leaf_size = size;
-    config.max_depth = 16;
-    expect_sound_builder(config);
-  }
-}
-
 TEST(Lbvh, is_the_radix_tree_of_the_codes) {
   // With leaves of one, an inner node splits where the highest bit differs: codes below the left
   // child share one bit more with each other than with those below the right one.

@@ -15,37 +15,12 @@ Config ploc(uint32_t radius) {
   Config config;
   config.builder = Builder::kPloc;
   config.ploc_radius = radius;
+  config.ploc_sweep = 0;
   return config;
 }
 
 double cost_of(const std::vector<Aabb>& boxes, const Config& config) {
   return sah_cost(build(boxes, config), config.cost);
-}
-
-TEST(Ploc, trees_are_sound_for_every_radius) {
-  for (const uint32_t radius : {1u, 2u, 16u, 128u}) {
-    SCOPED_TRACE(radius);
-    expect_sound_builder(ploc(radius));
-  }
-}
-
-TEST(Ploc, trees_keep_leaf_size_and_depth) {
-  Config config = ploc(16);
-  config.max_leaf_size = 1;
-  config.max_depth = 16;
-  expect_sound_builder(config);
-}
-
-TEST(Ploc, radius_from_1_to_128_is_taken) {
-  for (const uint32_t radius : {0u, 129u}) {
-    try {
-      build(random_boxes(10, 1), ploc(radius));
-      FAIL() << radius;
-    } catch (const Error& error) {
-      EXPECT_NE(std::string(error.what()).find("ploc_radius is " + std::to_string(radius)),
-                std::string::npos);
-    }
-  }
 }
 
 std::vector<Aabb> inner_boxes(const Bvh2& tree) {
@@ -85,6 +60,20 @@ TEST(Ploc, boxes_that_grow_from_one_to_the_next_take_few_rounds) {
   }
   const Bvh2 tree = build(boxes, ploc(16));
   EXPECT_NO_THROW(check(tree, 200000));
+}
+
+TEST(Ploc, a_swept_top_is_taken_where_it_is_cheaper) {
+  const Mesh mesh = shapes::blob(6, 4);
+  const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
+  Config swept = ploc(16), sweep;
+  swept.ploc_sweep = 8;
+  sweep.builder = Builder::kSweep;
+  EXPECT_LT(cost_of(boxes, swept), 0.97 * cost_of(boxes, ploc(16)));
+  EXPECT_LT(cost_of(boxes, swept), 1.05 * cost_of(boxes, sweep));
+  for (uint32_t seed = 0; seed < 8; ++seed) {
+    const std::vector<Aabb> random = random_boxes(2000, seed, 0.5f);
+    EXPECT_LE(cost_of(random, swept), cost_of(random, ploc(16)) * 1.0001);
+  }
 }
 
 TEST(Ploc, a_wider_radius_makes_better_trees) {
