@@ -91,7 +91,8 @@ class NearestTree {
       // Only ever smaller than at first: what is there stays.
       if (stride < size_t{count} * 8) {
         stride = size_t{count} * 8;
-        values.resize(stride * 6);
+        // Four boxes are read at once, and that from any slot on.
+        values.resize(stride * 6 + 3);
       }
     }
     BoxColumns columns() const {
