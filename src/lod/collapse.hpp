@@ -138,8 +138,8 @@ class EdgeCollapser {
   CollapseInput input_;
   bool has_wedges_ = false;
   uint32_t attribute_count_ = 0;
-  float extent_ = 0.0f;  // of the piece
-  size_t live_ = 0;      // triangles
+  float extent_ = 0.0f;                           // of the piece
+  size_t live_ = 0;                               // triangles
   float worst_ = 0.0f, worst_attributes_ = 0.0f;  // squared distances
 
   std::vector<Point> points_;        // of positions
