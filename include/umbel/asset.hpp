@@ -87,7 +87,7 @@ struct AssetConfig {
   float uv_step = 0x1p-14f;    ///< texture coordinates become multiples of this power of two
   /// Groups that together take at most so much form a page, what is read at once: a multiple of
   /// 4096, up to 1 GiB.
-  uint32_t page_bytes = 128 << 10;
+  uint32_t page_bytes = 64 << 10;
 
   static AssetConfig exact() { return {0, 0, 0, 0}; }
 };

@@ -152,6 +152,12 @@ void bind_asset(nb::module_& module) {
           "size"_a, "read"_a)
       .def_prop_ro("info", [](const Asset& asset) { return info_dict(asset.info()); })
       .def_prop_ro("meshes", &meshes_of)
+      .def("page_sizes",
+           [](const Asset& asset) {
+             std::vector<uint32_t> sizes(asset.info().pages);
+             for (uint32_t p = 0; p < sizes.size(); ++p) sizes[p] = asset.page_bytes(p);
+             return take<uint32_t>(std::move(sizes));
+           })
       .def("transforms", &transforms_of)
       .def("instance_meshes", &instance_meshes_of)
       .def_prop_ro("materials", [](const Asset& asset) { return asset.materials(); })

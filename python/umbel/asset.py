@@ -72,6 +72,11 @@ class Asset(HasTables):
         return [(int(m), row.reshape(3, 4)) for m, row in zip(meshes, rows, strict=True)]
 
     @property
+    def page_sizes(self) -> NDArray[np.uint32]:
+        """Bytes of each page, in the order of the file: coarsest first."""
+        return self._native.page_sizes()
+
+    @property
     def materials(self) -> list[Material]:
         """The materials, with their images."""
         folder = None if "://" in self.path else Path(self.path).absolute().parent

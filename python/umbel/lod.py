@@ -23,7 +23,7 @@ from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
 from .tables import HasTables
 
-PAGE_BYTES = 128 << 10
+PAGE_BYTES = 64 << 10
 """Most bytes of a page of several groups, unless something else is asked for."""
 
 

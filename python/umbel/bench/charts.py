@@ -36,7 +36,13 @@ def available() -> bool:
 
 
 def draw(
-    path: Path, panels: Sequence[Panel], x_label: str, y_label: str, *, log_x: bool = False
+    path: Path,
+    panels: Sequence[Panel],
+    x_label: str,
+    y_label: str,
+    *,
+    log_x: bool = False,
+    log_y: bool = False,
 ) -> None:
     """Draws the panels beside each other, up to three in a row, with one legend."""
     from matplotlib.figure import Figure
@@ -61,6 +67,8 @@ def draw(
             axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
             axes.xaxis.set_minor_locator(NullLocator())
+        if log_y:
+            axes.set_yscale("log")
         axes.grid(alpha=0.3)
     for axes in grid[len(panels) :]:
         axes.set_axis_off()

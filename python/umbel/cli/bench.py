@@ -182,6 +182,44 @@ def _print_lod(found: LodComparison) -> None:
     print_table("Ours over clusterlod.h's, geometric means", RATIOS, found.ratios, group="share")
 
 
+@app.command()
+@ends_cleanly
+def stream(
+    inputs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[INPUT]...", help="Assets or meshes; without any, a blob."),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.1, metavar="S", help="That the camera walks.")
+    ] = 20.0,
+    output: Folder = None,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Streaming under budgets of 5 to 50 percent, from a disk and over a network: how many frames
+    are within a pixel, what is loaded, and what a step takes. Simulated time."""
+    _check(inputs or [], output)
+
+    from ..bench import charts
+    from ..bench import stream as bench
+    from ..bench.table import print_table
+    from .progress import Bar
+
+    assets = {path.stem: bench.stored(path) for path in inputs or []} or {"blob": bench.blob}
+    with Bar() as bar:
+        found = bench.simulate(assets, seconds=seconds, progress=bar)
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bench.write(found, output)
+    if as_json:
+        show(found.fields(), as_json, "stream")
+    elif sys.stdout.isatty():
+        print_table("Streaming", bench.COLUMNS, found.rows, group="line")
+    else:
+        print(bench.report(found), end="")
+
+
 def _kmeans(text: str) -> Kmeans:
     from ..bench.bvh_scenes import Kmeans
 

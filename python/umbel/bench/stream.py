@@ -1,0 +1,227 @@
+"""Streaming under a budget: a camera walks about an asset while its pages come over a line.
+
+Time is simulated: 60 frames a second, and a line with a latency and a bandwidth. Each frame asks for
+errors of one pixel; it is *near* if nothing that it shows is more than one pixel worse than that.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..asset import Asset
+from ..camera import Camera
+from ..repair import Progress
+from ..stream import Residency
+from . import charts
+from .table import Column, Row, csv_text, markdown
+from .timing import Machine, Span, this_machine
+
+FRAMES_PER_SECOND = 60
+BUDGETS = (0.05, 0.1, 0.25, 0.5)
+"""Shares of the pages' bytes."""
+LINES: dict[str, tuple[float, float, float, float]] = {
+    "disk": (0.0002, 1e9, 0.0, 0.0),
+    "network": (0.05, 20e6, 0.0, 0.0),
+    "bad network": (0.05, 20e6, 0.05, 0.05),
+}
+"""Latency in seconds, bytes a second, shares of loads that fail and that are ten times as slow."""
+ASPECT = 16 / 9
+_NEAR = 2.0  # times the error asked for: one pixel, and one pixel worse
+
+COLUMNS = [
+    Column("asset", "asset"),
+    Column("line", "line"),
+    Column("budget", "budget", ".0%"),
+    Column("near", "near", ".2%"),
+    Column("frames_until_near", "first near", "d"),
+    Column("median_error", "median px", ".2f"),
+    Column("worst_error", "worst px", ".2f"),
+    Column("loaded_over_needed", "loaded / needed", ".2f"),
+    Column("needed", "needed", ".1%"),
+    Column("reloads", "reloads", "d"),
+    Column("failures", "failures", "d"),
+    Column("mean_step_ms", "mean step ms", ".3f"),
+    Column("worst_step_ms", "worst step ms", ".3f"),
+]
+LEGEND = (
+    "A camera walks round the asset at 60 frames a second, 1080 pixels high, and asks for errors of "
+    "one pixel. Near: frames in which nothing is more than one pixel worse than that; first near: "
+    "frames until the first such. Loaded / needed: bytes of pages that came over bytes of the pages "
+    "that some frame needed. Steps are timed by the processor time that they took, loading apart."
+)
+
+
+@dataclass
+class Comparison:
+    """What `simulate` found."""
+
+    machine: Machine
+    rows: list[Row]
+    frames: dict[tuple[str, str, float], list[float]]
+    """The error of each frame in pixels, by asset, line and budget."""
+
+    def fields(self) -> dict[str, Any]:
+        """All of it, for JSON."""
+        return {"rows": self.rows, "machine": self.machine.fields()}
+
+
+def walk(asset: Asset, frames: int) -> Iterator[Camera]:
+    """Round the asset's box in a minute, nearer and farther, looking past its middle ahead."""
+    low, high = (np.array(corner, np.float64) for corner in asset.info["bounds"])
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    for frame in range(frames):
+        turn = 2 * math.pi * frame / (60 * FRAMES_PER_SECOND)
+        distance = size * (0.6 + 0.15 * math.sin(5 * turn))
+        out = np.array([math.cos(turn), 0.25 * math.sin(3 * turn), math.sin(turn)])
+        ahead = np.array([-math.sin(turn), 0.0, math.cos(turn)])
+        yield Camera(middle + distance * out, target=middle + 0.15 * size * ahead)
+
+
+def simulate(
+    assets: Mapping[str, Callable[[], Asset]],
+    *,
+    seconds: float = 20.0,
+    budgets: tuple[float, ...] = BUDGETS,
+    lines: Mapping[str, tuple[float, float, float, float]] = LINES,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Walks about each asset over each line with each budget. A `progress` that returns False
+    cancels."""
+    found = Comparison(this_machine(), [], {})
+    frames = max(int(seconds * FRAMES_PER_SECOND), 1)
+    runs = len(assets) * len(lines) * len(budgets)
+    for name, load in assets.items():
+        asset = load()
+        cameras = list(walk(asset, frames))
+        needed = _needed(asset, cameras)
+        for line, link in lines.items():
+            for budget in budgets:
+                done = len(found.rows)
+                part = Span(progress, f"{name}, {line}, {budget:.0%}", done / runs, done / runs)
+                part(0.0, "")
+                errors, row = _run(asset, cameras, needed, link, budget)
+                found.frames[name, line, budget] = errors
+                found.rows.append({"asset": name, "line": line, "budget": budget, **row})
+    return found
+
+
+def _needed(asset: Asset, cameras: list[Camera]) -> set[int]:
+    """The pages that some frame needs, where all come at once."""
+    ideal = Residency(
+        asset,
+        1 << 62,
+        loads_in_flight=1 << 30,
+        bytes_per_step=1 << 62,
+        link=(0.0, 1e18, 0.0, 0.0),
+    )
+    pages: set[int] = set()
+    now = 0.0
+    for camera in cameras:
+        while ideal.step([camera], now, ASPECT)["missing_groups"]:
+            now += 1e-6
+        pages.update(ideal.wanted_pages.tolist())
+        now += 1e-6
+    return pages
+
+
+def _run(
+    asset: Asset,
+    cameras: list[Camera],
+    needed: set[int],
+    link: tuple[float, float, float, float],
+    share: float,
+) -> tuple[list[float], Row]:
+    sizes = asset.page_sizes.tolist()
+    whole = sum(sizes)
+    pinned = Residency(asset).statistics["pinned_bytes"]
+    residency = Residency(asset, max(int(share * whole), pinned), link=link)
+    errors, steps = [], []
+    for frame, camera in enumerate(cameras):
+        step = residency.step([camera], frame / FRAMES_PER_SECOND, ASPECT)
+        errors.append(max(step["worst_error"], 1.0))
+        steps.append(step["seconds"])
+    near = [error <= _NEAR for error in errors]
+    said = residency.statistics
+    return errors, {
+        "near": sum(near) / len(near),
+        "frames_until_near": near.index(True) if any(near) else None,
+        "median_error": float(np.median(errors)),
+        "worst_error": max(errors[FRAMES_PER_SECOND:] or errors),
+        "loaded_over_needed": said["loaded_bytes"] / max(sum(sizes[p] for p in needed), 1),
+        "needed": sum(sizes[p] for p in needed) / whole,
+        "reloads": said["reloads"],
+        "failures": said["failures"],
+        "mean_step_ms": 1e3 * sum(steps) / len(steps),
+        "worst_step_ms": 1e3 * max(steps),
+    }
+
+
+def stored(path: Path) -> Callable[[], Asset]:
+    """An asset, or a mesh that is built at 16 bits first."""
+
+    def load() -> Asset:
+        if path.suffix == ".umbel":
+            return Asset(path)
+        from ..lod import build_lod
+
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "asset.umbel"
+            build_lod(path, precision="16bits").save(file)
+            return Asset(file)
+
+    return load
+
+
+def blob() -> Asset:
+    """Where no asset is named."""
+    from .. import shapes
+    from ..lod import build_lod
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "asset.umbel"
+        build_lod(shapes.blob(7), precision="16bits").save(file, page_bytes=16384)
+        return Asset(file)
+
+
+def report(found: Comparison) -> str:
+    """The comparison as a Markdown document."""
+    table = markdown(COLUMNS, found.rows)
+    return "\n\n".join(["# Streaming", "\n".join(found.machine.sentences()), LEGEND, table])
+
+
+def write(found: Comparison, folder: Path) -> list[Path]:
+    """Writes the tables, and charts if matplotlib is there; the files written."""
+    from ..io.files import write_all
+
+    tables = {"stream.md": report(found), "stream.csv": csv_text(found.rows)}
+    for name, text in tables.items():
+        write_all(folder / name, [text.encode()])
+    written = [folder / name for name in tables]
+    if not charts.available():
+        return written
+    for asset in dict.fromkeys(row["asset"] for row in found.rows):
+        path = folder / f"stream_{re.sub(r'[^A-Za-z0-9._-]', '_', asset)}.png"
+        panels = []
+        for line in dict.fromkeys(row["line"] for row in found.rows):
+            series = [
+                charts.Series(
+                    f"budget {budget:.0%}",
+                    [frame / FRAMES_PER_SECOND for frame in range(0, len(errors), 10)],
+                    [max(errors[frame : frame + 10]) for frame in range(0, len(errors), 10)],
+                    ours=True,
+                )
+                for (name, on, budget), errors in found.frames.items()
+                if (name, on) == (asset, line)
+            ]
+            panels.append(charts.Panel(f"{asset}, {line}", series))
+        charts.draw(path, panels, "seconds", "worst error in pixels", log_y=True)
+        written.append(path)
+    return written
