@@ -11,11 +11,13 @@
 // Radiance is linear RGB with sRGB's primaries. All surfaces have two sides.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "umbel/lod.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
@@ -103,6 +105,21 @@ struct Look {
   Environment environment;
 };
 
+/// Clusters of cuts and where they stand, in any number of places.
+struct ClusterPart {
+  lod::ClusterGeometry geometry;
+  uint32_t material = 0;
+};
+struct PlacedCluster {
+  uint32_t part, transform;
+};
+struct ClusterScene {
+  std::vector<ClusterPart> parts;
+  std::vector<PlacedCluster> placed;
+  /// Three rows of four, from the part's space to the world; invertible.
+  std::vector<std::array<float, 12>> transforms;
+};
+
 /// A mesh ready to be rendered. It keeps copies of all that it needs.
 class UMBEL_API Scene {
  public:
@@ -119,6 +136,11 @@ class UMBEL_API Scene {
   static Scene build(const MeshView& mesh, const Look& look,
                      std::unique_ptr<TriangleQueries> structure, const BuildOptions& options = {});
 
+  /// Clusters through two levels of trees. Emission is found by bounces alone. Attributes that only
+  /// some parts have are left out.
+  static Scene build(const ClusterScene& clusters, const Look& look,
+                     const BuildOptions& options = {});
+
   /// The masks that a structure must be built with for rays to see through what is not opaque: bit
   /// 0 for opaque triangles, bit 1 for the others. Empty where all are opaque.
   static std::vector<uint32_t> masks(const MeshView& mesh, std::span<const Material> materials);
@@ -129,6 +151,10 @@ class UMBEL_API Scene {
   Aabb bounds() const;
   uint32_t triangle_count() const;
   uint32_t light_count() const;  ///< emissive triangles
+  /// Triangles as placed, and bytes of what rays touch (of structures only hierarchies are
+  /// counted).
+  uint64_t placed_triangles() const;
+  uint64_t bytes() const;
 
   struct Data;
   const Data& data() const { return *data_; }

@@ -86,8 +86,8 @@ Array<uint32_t> instance_meshes_of(const Asset& asset) {
   return take<uint32_t>(std::move(meshes));
 }
 
-nb::list meshes_of(const Asset& asset) {
-  nb::list list;
+nb::typed<nb::list, Dict> meshes_of(const Asset& asset) {
+  nb::typed<nb::list, Dict> list;
   for (const AssetMesh& mesh : asset.meshes()) {
     Dict entry;
     const bool empty = mesh.bounds.min.x > mesh.bounds.max.x;
@@ -104,10 +104,11 @@ nb::list meshes_of(const Asset& asset) {
   return list;
 }
 
-uint64_t write(const std::filesystem::path& path, const nb::list& dags, const std::string& metadata,
-               const std::string& materials, const nb::list& files,
-               const Flat<uint32_t>& instance_meshes, const Rows<float, 12>& transforms, bool exact,
-               uint32_t page_bytes, const nb::object& progress, uint32_t threads) {
+uint64_t write(const std::filesystem::path& path, const nb::typed<nb::list, lod::Dag>& dags,
+               const std::string& metadata, const std::string& materials,
+               const nb::typed<nb::list, nb::bytes>& files, const Flat<uint32_t>& instance_meshes,
+               const Rows<float, 12>& transforms, bool exact, uint32_t page_bytes,
+               const nb::object& progress, uint32_t threads) {
   AssetContents contents;
   for (const nb::handle dag : dags) contents.meshes.push_back(nb::cast<const lod::Dag*>(dag));
   contents.metadata = metadata;
@@ -173,8 +174,11 @@ void bind_asset(nb::module_& module) {
             return nb::bytes(bytes.data(), bytes.size());
           },
           "index"_a)
+      .def_prop_ro(
+          "tables", [](const Asset& asset) -> const lod::Tables& { return asset.tables(); },
+          nb::rv_policy::reference_internal)
       .def(
-          "tables",
+          "mesh_tables",
           [](const Asset& asset, uint32_t mesh) -> const lod::Tables& {
             const nb::gil_scoped_release release;
             return asset.tables(mesh);
@@ -217,9 +221,14 @@ void bind_asset(nb::module_& module) {
             }));
           },
           "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0);
-  module.def("write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "files"_a,
-             "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a,
-             "progress"_a = nb::none(), "threads"_a = 0);
+  module.def(
+      "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "files"_a,
+      "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a, "progress"_a = nb::none(),
+      "threads"_a = 0,
+      nb::sig("def write_asset(path: str | os.PathLike[str], dags: list[Dag], metadata: str, "
+              "materials: str, files: list[bytes], instance_meshes: typing.Any, "
+              "transforms: typing.Any, exact: bool, page_bytes: int, "
+              "progress: object | None = None, threads: int = 0) -> int"));
   module.def(
       "verify_asset",
       [](const std::filesystem::path& path, uint32_t cuts, uint32_t seed,

@@ -85,6 +85,26 @@ double processor_seconds() {
 
 using View = std::tuple<uint32_t, lod::View, std::optional<Rows<float, 4>>>;
 
+/// What the last step's cut takes, each cluster counted once however often it stands: clusters,
+/// triangles, vertices; and places.
+std::tuple<uint64_t, uint64_t, uint64_t, uint64_t> cost_of(const Residency& residency) {
+  const auto cut = residency.cut();
+  std::vector<StreamCluster> order(cut.begin(), cut.end());
+  const auto key = [](const StreamCluster& c) { return std::tuple(c.page, c.group, c.cluster); };
+  std::sort(order.begin(), order.end(),
+            [&](const StreamCluster& a, const StreamCluster& b) { return key(a) < key(b); });
+  uint64_t clusters = 0, triangles = 0, vertices = 0;
+  for (size_t i = 0; i < order.size(); ++i) {
+    if (i > 0 && key(order[i - 1]) == key(order[i])) continue;
+    const lod::Cluster& cluster =
+        residency.page(order[i].page)->groups[order[i].group].clusters[order[i].cluster];
+    ++clusters;
+    triangles += cluster.triangle_count;
+    vertices += cluster.vertex_count;
+  }
+  return {clusters, triangles, vertices, order.size()};
+}
+
 }  // namespace
 
 void bind_stream(nb::module_& module) {
@@ -149,6 +169,12 @@ void bind_stream(nb::module_& module) {
             return clusters_of(residency, view);
           },
           "view"_a)
+      .def("cost", [](const PythonResidency& residency) { return cost_of(residency); })
+      .def("table",
+           [](const PythonResidency& residency) {
+             const auto cut = residency.cut();
+             return take<uint32_t>(std::vector<StreamCluster>(cut.begin(), cut.end()));
+           })
       .def(
           "wanted_pages",
           [](const PythonResidency& residency) { return take<uint32_t>(residency.wanted_pages()); })

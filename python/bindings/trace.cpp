@@ -4,8 +4,11 @@
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+
 #include "bind.hpp"
 #include "umbel/kdtree.hpp"
+#include "umbel/stream.hpp"
 #include "umbel/uniform.hpp"
 
 namespace umbel::python {
@@ -144,6 +147,58 @@ trace::Scene build_scene(const MeshArrays& mesh, const std::vector<trace::Materi
   });
 }
 
+/// The clusters of a residency's cut, `table` of (view, page, group, cluster), each view by its
+/// transform. Pages are read and decoded once each.
+trace::ClusterScene read_clusters(const Asset& asset, std::span<const StreamCluster> table,
+                                  std::span<const std::array<float, 12>> transforms) {
+  trace::ClusterScene scene;
+  scene.transforms.assign(transforms.begin(), transforms.end());
+  std::vector<StreamCluster> order(table.begin(), table.end());
+  const auto key = [](const StreamCluster& c) {
+    return std::tuple(c.page, c.group, c.cluster, c.view);
+  };
+  std::sort(order.begin(), order.end(),
+            [&](const StreamCluster& a, const StreamCluster& b) { return key(a) < key(b); });
+  AssetPage page;
+  std::vector<lod::ClusterGeometry> group;
+  const StreamCluster* before = nullptr;
+  for (const StreamCluster& c : order) {
+    if (c.view >= transforms.size())
+      throw Error(ErrorCode::kInvalidArgument, "there is no transform for each view");
+    if (!before || before->page != c.page) page = asset.read_page(c.page);
+    if (!before || before->page != c.page || before->group != c.group)
+      group = asset.decode(page, c.group);
+    if (c.cluster >= group.size())
+      throw Error(ErrorCode::kInvalidArgument, "the table does not fit the asset");
+    if (!before || key(*before) != key(c)) {
+      const bool is_new = !before || before->page != c.page || before->group != c.group ||
+                          before->cluster != c.cluster;
+      if (is_new)
+        scene.parts.push_back(
+            {std::move(group[c.cluster]), page.groups[c.group].clusters[c.cluster].material});
+      scene.placed.push_back({static_cast<uint32_t>(scene.parts.size() - 1), c.view});
+    }
+    before = &c;
+  }
+  return scene;
+}
+
+trace::Scene cluster_scene(const Asset& asset, const Rows<uint32_t, 4>& table,
+                           const Rows<float, 12>& transforms,
+                           const std::vector<trace::Material>& materials,
+                           const std::vector<const TextureInput*>& textures,
+                           const trace::Environment& environment, const nb::object& progress,
+                           uint32_t threads) {
+  std::vector<trace::TextureView> views;
+  for (const TextureInput* texture : textures) views.push_back(texture->view);
+  const trace::Look look{materials, views, environment};
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return trace::Scene::build(read_clusters(asset, rows_of<StreamCluster>(table),
+                                             rows_of<std::array<float, 12>>(transforms)),
+                               look, options);
+  });
+}
+
 void bind_scene(nb::module_& module) {
   nb::class_<trace::Camera> camera(module, "TraceCamera");
   camera.def(nb::init<>())
@@ -160,6 +215,8 @@ void bind_scene(nb::module_& module) {
   nb::class_<trace::Scene>(module, "TraceScene")
       .def_prop_ro("triangle_count", &trace::Scene::triangle_count)
       .def_prop_ro("light_count", &trace::Scene::light_count)
+      .def_prop_ro("placed_triangles", &trace::Scene::placed_triangles)
+      .def_prop_ro("bytes", &trace::Scene::bytes)
       .def(
           "auto_camera",
           [=](const trace::Scene& scene, uint32_t width, uint32_t height, float azimuth,
@@ -169,6 +226,8 @@ void bind_scene(nb::module_& module) {
                                       viewpoint(azimuth, elevation, fov_y, margin));
           },
           "width"_a, "height"_a, "azimuth"_a, "elevation"_a, "fov_y"_a, "margin"_a);
+  module.def("cluster_scene", &cluster_scene, "asset"_a, "table"_a, "transforms"_a, "materials"_a,
+             "textures"_a, "environment"_a, "progress"_a = nb::none(), "threads"_a = 0);
   module.def("trace_scene", &build_scene, "mesh"_a, "materials"_a, "textures"_a, "environment"_a,
              "accel"_a, "preset"_a, "progress"_a = nb::none(), "threads"_a = 0);
   module.def(

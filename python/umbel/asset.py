@@ -89,7 +89,7 @@ class Asset(HasTables):
 
     def mesh_tables(self, mesh: int) -> Tables:
         """Levels, groups, clusters and nodes of one mesh."""
-        return Tables(self._native.tables(mesh))
+        return Tables(self._native.mesh_tables(mesh))
 
     def mesh(self, cut: ArrayLike, mesh: int = 0) -> Mesh:
         """A cut of one of the meshes as an ordinary mesh, its clusters joined where they meet."""

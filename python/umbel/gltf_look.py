@@ -157,14 +157,13 @@ def _image(
     try:
         texture = root["textures"][info["index"]]
         sampler = root.get("samplers", [])[texture["sampler"]] if "sampler" in texture else {}
-        how = {
-            "wrap_u": _WRAP_NAMES.get(sampler.get("wrapS"), "repeat"),
-            "wrap_v": _WRAP_NAMES.get(sampler.get("wrapT"), "repeat"),
-            "nearest": sampler.get("magFilter") == _NEAREST,
-        }
+        wrap = [_WRAP_NAMES.get(sampler.get(k, 0), "repeat") for k in ("wrapS", "wrapT")]
+        nearest = sampler.get("magFilter") == _NEAREST
         if "file" in image:
-            return TextureImage(file(int(image["file"])), None, **how)
+            return TextureImage(file(int(image["file"])), None, wrap[0], wrap[1], nearest)
         path = beside(folder, urllib.parse.unquote(str(image["uri"])))
-        return TextureImage(None, path, **how) if path is not None else None
+        if path is None:
+            return None
+        return TextureImage(None, path, wrap[0], wrap[1], nearest)
     except (KeyError, IndexError, TypeError, ValueError):
         return None

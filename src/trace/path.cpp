@@ -37,7 +37,7 @@ class Path {
   Vec3 follow(Ray ray) {
     for (uint32_t bounce = 0;; ++bounce) {
       dimension_ = kFirstBounceDimension + bounce * kDimensions;
-      const Hit hit = first_hit(ray, bounce == 0 ? counts_.primary : counts_.bounce);
+      const SceneHit hit = first_hit(ray, bounce == 0 ? counts_.primary : counts_.bounce);
       if (!hit.hit()) {
         add_background(ray.direction, bounce);
         return light_;
@@ -55,9 +55,9 @@ class Path {
 
  private:
   /// The nearest hit that is not looked through.
-  Hit first_hit(Ray& ray, uint64_t& counter) {
+  SceneHit first_hit(Ray& ray, uint64_t& counter) {
     ++counter;
-    Hit hit = scene_.structure->intersect(ray);
+    SceneHit hit = scene_.intersect(ray);
     if (!scene_.see_through) return hit;
     for (uint32_t layer = 0; hit.hit(); ++layer) {
       const float opacity = opacity_at(scene_, hit);
@@ -66,7 +66,7 @@ class Path {
       if (opacity > 0.0f && sampler_.point(seed).x < opacity) return hit;
       ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
       ++counts_.continued;
-      hit = scene_.structure->intersect(ray);
+      hit = scene_.intersect(ray);
     }
     return hit;
   }
@@ -74,12 +74,12 @@ class Path {
   /// The part of light that comes through along a ray.
   float visibility(Ray ray) {
     ++counts_.shadow;
-    if (!scene_.see_through) return scene_.structure->occluded(ray) ? 0.0f : 1.0f;
-    if (scene_.structure->occluded(ray, {.mask = kOpaqueBit})) return 0.0f;
+    if (!scene_.see_through) return scene_.occluded(ray) ? 0.0f : 1.0f;
+    if (scene_.occluded(ray, {.mask = kOpaqueBit})) return 0.0f;
     float through = 1.0f;
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
       ++counts_.continued;
-      const Hit hit = scene_.structure->intersect(ray, {.mask = kSeeThroughBit});
+      const Hit hit = scene_.intersect(ray, {.mask = kSeeThroughBit});
       if (!hit.hit()) return through;
       through *= 1.0f - opacity_at(scene_, hit);
       if (through <= 0.0f) return 0.0f;

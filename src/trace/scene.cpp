@@ -218,6 +218,103 @@ Scene Scene::build(const MeshView& mesh, const Look& look,
   return scene;
 }
 
+namespace {
+
+/// All parts as one mesh, each in its own space.
+Mesh joined(const ClusterScene& clusters, std::vector<Range>& ranges) {
+  Mesh mesh;
+  const auto all_have = [&](auto stream) {
+    return std::all_of(clusters.parts.begin(), clusters.parts.end(),
+                       [&](const ClusterPart& part) { return !(part.geometry.*stream).empty(); });
+  };
+  const bool normals = all_have(&lod::ClusterGeometry::normals),
+             uvs = all_have(&lod::ClusterGeometry::uvs),
+             colors = all_have(&lod::ClusterGeometry::colors);
+  const auto add = [](auto& to, const auto& from) {
+    to.insert(to.end(), from.begin(), from.end());
+  };
+  for (const ClusterPart& part : clusters.parts) {
+    const lod::ClusterGeometry& g = part.geometry;
+    const auto first = static_cast<uint32_t>(mesh.positions.size());
+    ranges.push_back({static_cast<uint32_t>(mesh.triangles.size()),
+                      static_cast<uint32_t>(g.triangles.size() / 3)});
+    add(mesh.positions, g.positions);
+    if (normals) add(mesh.normals, g.normals);
+    if (uvs) add(mesh.uvs, g.uvs);
+    if (colors) add(mesh.colors, g.colors);
+    for (size_t t = 0; t + 2 < g.triangles.size(); t += 3)
+      mesh.triangles.push_back(
+          {first + g.triangles[t], first + g.triangles[t + 1], first + g.triangles[t + 2]});
+    mesh.materials.resize(mesh.triangles.size(), part.material);
+  }
+  return mesh;
+}
+
+void check_placed(const ClusterScene& clusters) {
+  for (size_t i = 0; i < clusters.placed.size(); ++i) {
+    const PlacedCluster& at = clusters.placed[i];
+    if (at.part >= clusters.parts.size() || at.transform >= clusters.transforms.size())
+      refuse("placed[" + std::to_string(i) + "] is part " + std::to_string(at.part) +
+             " by transform " + std::to_string(at.transform) + ", but there are " +
+             std::to_string(clusters.parts.size()) + " and " +
+             std::to_string(clusters.transforms.size()));
+  }
+  for (size_t i = 0; i < clusters.parts.size(); ++i)
+    if (clusters.parts[i].geometry.triangles.size() < 3)
+      refuse("parts[" + std::to_string(i) + "] has no triangles");
+}
+
+}  // namespace
+
+Scene Scene::build(const ClusterScene& clusters, const Look& look, const BuildOptions& options) {
+  check_placed(clusters);
+  Scene scene;
+  with_threads(options.threads, [&] {
+    std::vector<Range> ranges;
+    const Mesh mesh = joined(clusters, ranges);
+    validate(mesh.view());
+    check_look(mesh.view(), look);
+    Data& data = *scene.data_;
+    data = Data{};
+    data.structure = std::make_unique<TriangleBvh>();
+    fill(data, mesh.view(), look);
+    // Their places are not where their triangles are.
+    data.lights.clear();
+    data.light_choices = {};
+    std::fill(data.light_density.begin(), data.light_density.end(), 0.0f);
+
+    const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
+    const std::vector<uint32_t> masks = Scene::masks(mesh.view(), look.materials);
+    bvh::Config config = bvh::preset("fast");
+    std::vector<TracedPart> parts(ranges.size());
+    parallel_for(parts.size(), 16, [&](size_t i) {
+      const Range& range = ranges[i];
+      parts[i].triangles = range;
+      parts[i].mask = masks.empty() ? kOpaqueBit : masks[range.offset];
+      parts[i].tree = bvh::build(std::span(boxes).subspan(range.offset, range.count), config);
+    });
+    std::vector<Placement> placements;
+    for (const auto& rows : clusters.transforms) placements.emplace_back(rows);
+    data.clusters = std::make_unique<const ClusterBvh>(
+        std::move(parts), clusters.placed, std::move(placements), mesh.positions, mesh.triangles);
+    data.bounds = data.clusters->bounds();
+  });
+  return scene;
+}
+
+uint64_t Scene::placed_triangles() const {
+  return data_->clusters ? data_->clusters->placed_triangles() : data_->triangles.size();
+}
+
+uint64_t Scene::bytes() const {
+  const Data& d = *data_;
+  const auto* bvh = dynamic_cast<const TriangleBvh*>(d.structure.get());
+  const uint64_t of_structure = bvh ? bvh->statistics().bytes : 0;
+  return (d.clusters ? d.clusters->bytes() : of_structure) + d.positions.size() * sizeof(Vec3) +
+         d.normals.size() * sizeof(Vec3) + d.uvs.size() * sizeof(Vec2) +
+         d.colors.size() * sizeof(Vec4) + d.triangles.size() * sizeof(TriangleRecord);
+}
+
 void Scene::replace_structure(std::unique_ptr<TriangleQueries> structure) {
   check_structure(structure.get(), data_->triangles.size());
   data_->structure = std::move(structure);

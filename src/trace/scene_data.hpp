@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "trace/alias_table.hpp"
+#include "trace/cluster_bvh.hpp"
 #include "trace/sky.hpp"
 #include "trace/texture.hpp"
 #include "trace/vector.hpp"
@@ -24,6 +25,8 @@ struct TriangleRecord {
 
 struct Scene::Data {
   std::unique_ptr<TriangleQueries> structure;  ///< never null
+  /// Instead of it, where the scene is clusters: triangles are then in their parts' spaces.
+  std::unique_ptr<const ClusterBvh> clusters;
   Aabb bounds;
   std::vector<Vec3> positions;
   std::vector<Vec3> normals;  ///< empty, or one a vertex
@@ -41,6 +44,14 @@ struct Scene::Data {
   AliasTable light_choices;      ///< by area and mean luminance
   /// Of each material: probability density of the point that is sampled on a light, by area.
   std::vector<float> light_density;
+
+  SceneHit intersect(const Ray& ray, const RayOptions& options = {}) const {
+    if (clusters) return clusters->intersect(ray, options);
+    return {structure->intersect(ray, options), 0};
+  }
+  bool occluded(const Ray& ray, const RayOptions& options = {}) const {
+    return clusters ? clusters->occluded(ray, options) : structure->occluded(ray, options);
+  }
 };
 
 /// Whether rays may pass through a surface of this material.

@@ -62,9 +62,8 @@ Vec3 facing(Vec3 shading, const Vec3& face, const Vec3& direction) {
   return normalized(shading - direction * (away + 1e-2f), face);
 }
 
-}  // namespace
-
-Surface surface_at(const Scene::Data& scene, const Hit& hit, const Vec3& direction) {
+/// In the space of the triangle's corners.
+Surface surface_in_place(const Scene::Data& scene, const Hit& hit, const Vec3& direction) {
   const TriangleRecord& record = scene.triangles[hit.primitive];
   const Triangle& t = record.corners;
   const Vec3 &p0 = scene.positions[t[0]], &p1 = scene.positions[t[1]], &p2 = scene.positions[t[2]];
@@ -112,6 +111,20 @@ Surface surface_at(const Scene::Data& scene, const Hit& hit, const Vec3& directi
     const Vec4 texel = texel_at(scene, m.emission_texture, uv);
     s.emission = s.emission * Vec3{texel.x, texel.y, texel.z};
   }
+  return s;
+}
+
+}  // namespace
+
+Surface surface_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction) {
+  if (!scene.clusters) return surface_in_place(scene, hit, direction);
+  const Placement& placement = scene.clusters->placement(hit.transform);
+  Surface s =
+      surface_in_place(scene, hit, normalized(placement.vector_to_object(direction), direction));
+  s.point = placement.point_to_world(s.point);
+  s.face = normalized(placement.normal_to_world(s.face), -direction);
+  s.shading = normalized(placement.normal_to_world(s.shading), s.face);
+  s.offset = std::max(s.offset * placement.scale(), kOffset * coordinate_size(s.point));
   return s;
 }
 

@@ -24,7 +24,7 @@ struct Surface {
 };
 
 /// The surface that a ray along `direction` hits.
-Surface surface_at(const Scene::Data& scene, const Hit& hit, const Vec3& direction);
+Surface surface_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction);
 
 /// The part of light along a ray that a hit stops, 0..1.
 float opacity_at(const Scene::Data& scene, const Hit& hit);

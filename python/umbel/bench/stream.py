@@ -1,7 +1,8 @@
 """Streaming under a budget: a camera walks about an asset while its pages come over a line.
 
-Time is simulated: 60 frames a second, and a line with a latency and a bandwidth. Each frame asks for
-errors of one pixel; it is *near* if nothing that it shows is more than one pixel worse than that.
+Time is simulated: 60 frames a second, and a line with a latency and a bandwidth. Each frame asks
+for errors of one pixel; it is *near* if nothing that it shows is more than one pixel worse than
+that.
 """
 
 from __future__ import annotations
@@ -52,10 +53,11 @@ COLUMNS = [
     Column("worst_step_ms", "worst step ms", ".3f"),
 ]
 LEGEND = (
-    "A camera walks round the asset at 60 frames a second, 1080 pixels high, and asks for errors of "
-    "one pixel. Near: frames in which nothing is more than one pixel worse than that; first near: "
-    "frames until the first such. Loaded / needed: bytes of pages that came over bytes of the pages "
-    "that some frame needed. Steps are timed by the processor time that they took, loading apart."
+    "A camera walks round the asset at 60 frames a second, 1080 pixels high, and asks for errors "
+    "of one pixel. Near: frames in which nothing is more than one pixel worse than that; first "
+    "near: frames until the first such. Loaded / needed: bytes of pages that came over bytes of "
+    "the pages that some frame needed. Steps are timed by the processor time that they took, "
+    "loading apart."
 )
 
 
@@ -82,7 +84,8 @@ def walk(asset: Asset, frames: int) -> Iterator[Camera]:
         distance = size * (0.6 + 0.15 * math.sin(5 * turn))
         out = np.array([math.cos(turn), 0.25 * math.sin(3 * turn), math.sin(turn)])
         ahead = np.array([-math.sin(turn), 0.0, math.cos(turn)])
-        yield Camera(middle + distance * out, target=middle + 0.15 * size * ahead)
+        eye, target = middle + distance * out, middle + 0.15 * size * ahead
+        yield Camera(eye.tolist(), target=target.tolist())
 
 
 def simulate(

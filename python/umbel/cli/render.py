@@ -69,6 +69,14 @@ def command(
         float | None,
         typer.Option(metavar="P", help="Error of a cut in pixels, with lod.  [default: 1]"),
     ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Most memory of an asset's pages and of what is traced, as in 64MB; errors grow "
+            "where it is not enough. Instances share what they show.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 1,
     bounces: Annotated[int, typer.Option(metavar="N", help="Most bounces of a path.")] = 32,
     shadow_samples: Annotated[
@@ -111,6 +119,9 @@ def command(
     if exposure != "auto":
         tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
     method = _accel(source, accel, pixel_error)
+    most = None if budget is None else _size(budget)
+    if most is not None and (method is not Accel.lod or ground or hide):
+        fail("--budget is for .umbel assets with --accel lod, without --ground and --hide")
     from ..trace import Renderer
     from .progress import Bar
 
@@ -128,7 +139,11 @@ def command(
         def prepare(mesh: Mesh) -> Renderer:
             return Renderer(mesh, **options, progress=_part(bar, 0.0, 0.05))
 
-        views = _Views(source, method, pixel_error or 1.0, prepare)
+        views: _Views | _Streamed
+        if most is None:
+            views = _Views(source, method, pixel_error or 1.0, prepare)
+        else:
+            views = _Streamed(source, most, pixel_error or 1.0, options)
         cameras = [text for given in camera or ["auto"] for text in views.named(given)]
         outputs = _outputs(output, len(cameras))
         results = []
@@ -253,6 +268,48 @@ class _Views:
         return self._prepare(self._asset.mesh(self._asset.cut(camera=view))), native
 
 
+class _Streamed:
+    """Renderers for cameras of an asset, each within a budget."""
+
+    def __init__(
+        self, source: Path, budget: int, pixel_error: float, options: dict[str, Any]
+    ) -> None:
+        from ..asset import Asset
+
+        self._asset, self._budget, self._pixel_error = Asset(source), budget, pixel_error
+        self._options = {k: options[k] for k in ("environment", "up", "threads")}
+
+    def named(self, text: str) -> list[str]:
+        return [text]
+
+    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Any]:
+        from ..camera import Camera
+        from ..streamed import CutRenderer, boxes
+        from ..trace import Renderer
+
+        # From outside, as for a mesh that is no room: boxes would look like one.
+        text = "auto:35,15" if text == "auto" else text
+        native = Renderer(boxes(self._asset), up=self._options["up"]).camera(text, width, height)
+        camera = Camera(
+            native.position, fov_y=native.fov_y, height=height, pixel_error=self._pixel_error
+        )
+        return CutRenderer(self._asset, camera, self._budget, **self._options), native
+
+
+def _size(text: str) -> int:
+    """Bytes of a size such as 64MB; powers of 1000, and of 1024 for MiB."""
+    units = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9}
+    units |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30}
+    number = text.strip().rstrip("BbIiKkMmGg")
+    try:
+        size = float(number) * units[text.strip()[len(number) :].upper()]
+    except (KeyError, ValueError):
+        size = 0.0
+    if not 1 <= size < 1e18:
+        fail(f"--budget must be a size such as 64MB, not {text!r}")
+    return int(size)
+
+
 def _result(path: Path, renderer: Renderer, film: Film) -> dict[str, Any]:
     camera = film.camera
     return {
@@ -261,7 +318,20 @@ def _result(path: Path, renderer: Renderer, film: Film) -> dict[str, Any]:
         "target": list(camera.target),
         "fov": camera.fov_y * 57.29577951308232,
         "triangles": renderer.triangles,
+        **_memory(renderer),
         **film.statistics,
+    }
+
+
+def _memory(renderer: Renderer) -> dict[str, Any]:
+    from ..streamed import CutRenderer
+
+    if not isinstance(renderer, CutRenderer):
+        return {}
+    return {
+        "scene_bytes": renderer.bytes,
+        "page_bytes": renderer.page_bytes,
+        "pixel_error": renderer.pixel_error,
     }
 
 
@@ -281,5 +351,6 @@ def _summary(
         **rays,
     }
     if len(results) == 1:
-        return summary | {k: results[0][k] for k in ("output", "position", "target", "fov")}
+        kept = ("output", "position", "target", "fov", "scene_bytes", "page_bytes", "pixel_error")
+        return summary | {k: results[0][k] for k in kept if k in results[0]}
     return summary | {f"view_{k + 1}": r for k, r in enumerate(results)}

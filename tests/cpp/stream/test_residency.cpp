@@ -326,6 +326,7 @@ TEST(Residency, keeps_what_is_out_of_sight_coarse) {
   for (int i = 0; i < 400; ++i) s.residency.step(towards, s.now += 0.01);
   world().expect_whole(s.residency);
   EXPECT_EQ(world().clusters(s.residency), lod::select(world().asset().tables(), towards[0].view));
+  EXPECT_LT(4 * far_off, s.residency.cut().size());
 }
 
 TEST(Residency, on_a_line_of_a_simulation_takes_the_time_that_it_takes) {

@@ -1,0 +1,182 @@
+// Assets and residency from C.
+#include <algorithm>
+#include <memory>
+#include <span>
+
+#include "capi/bvh_input.hpp"
+#include "capi/guard.hpp"
+#include "capi/structs.hpp"
+#include "umbel/stream.hpp"
+
+struct umbel_asset {
+  umbel::Asset asset;
+};
+
+struct umbel_residency {
+  const umbel::Asset& asset;
+  umbel::Residency residency;
+};
+
+namespace umbel::capi {
+namespace {
+
+class CallbackSource : public ByteSource {
+ public:
+  CallbackSource(uint64_t size, umbel_read read, void* user)
+      : size_(size), read_(read), user_(user) {}
+  uint64_t size() const override { return size_; }
+  void read(uint64_t offset, std::span<std::byte> out) const override {
+    if (out.empty() || read_(user_, offset, out.size(), out.data()) == 0) return;
+    throw Error(ErrorCode::kIo, "reading " + std::to_string(out.size()) + " bytes at byte " +
+                                    std::to_string(offset) + " failed");
+  }
+
+ private:
+  uint64_t size_;
+  umbel_read read_;
+  void* user_;
+};
+
+StreamView view_of(const umbel_stream_view& view) {
+  StreamView out;
+  out.mesh = view.mesh;
+  if (view.error != 0 && view.threshold != 0)
+    throw Error(ErrorCode::kInvalidArgument, "a view has both an error and a threshold");
+  if (view.threshold != 0) {
+    out.view.kind = lod::View::Kind::kCamera;
+    out.view.eye = {view.eye.x, view.eye.y, view.eye.z};
+    out.view.threshold = view.threshold;
+  } else {
+    out.view = lod::view_error(view.error);
+  }
+  return out;
+}
+
+template <typename Handle, typename Make>
+umbel_result hand_out(Handle** handle, const char* name, const Make& make) {
+  if (handle) *handle = nullptr;
+  return guard([&] {
+    required(handle, name);
+    *handle = make();
+  });
+}
+
+}  // namespace
+}  // namespace umbel::capi
+
+using namespace umbel;
+using namespace umbel::capi;
+
+umbel_result umbel_asset_open(const char* path, umbel_asset** asset) {
+  return hand_out(asset, "asset", [&] {
+    return new umbel_asset{
+        Asset(std::filesystem::path(reinterpret_cast<const char8_t*>(&required(path, "path"))))};
+  });
+}
+
+umbel_result umbel_asset_open_source(uint64_t size, umbel_read read, void* user,
+                                     umbel_asset** asset) {
+  return hand_out(asset, "asset", [&] {
+    if (!read) throw Error(ErrorCode::kInvalidArgument, "read is NULL");
+    return new umbel_asset{Asset(std::make_shared<const CallbackSource>(size, read, user))};
+  });
+}
+
+void umbel_asset_free(umbel_asset* asset) { delete asset; }
+
+umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_asset_info* info) {
+  return guard([&] {
+    const Asset& a = required(asset, "asset").asset;
+    const AssetInfo& i = a.info();
+    umbel_asset_info out{};
+    out.version_major = i.version_major;
+    out.version_minor = i.version_minor;
+    out.pages = i.pages;
+    out.meshes = static_cast<uint32_t>(a.meshes().size());
+    out.instances = static_cast<uint32_t>(a.instances().size());
+    out.max_triangles = i.max_triangles;
+    out.max_vertices = i.max_vertices;
+    out.file_bytes = i.file_bytes;
+    out.head_bytes = i.head_bytes;
+    out.checksum = i.checksum;
+    out.source_triangles = i.source_triangles;
+    out.bounds = {{i.bounds.min.x, i.bounds.min.y, i.bounds.min.z},
+                  {i.bounds.max.x, i.bounds.max.y, i.bounds.max.z}};
+    write_struct(out, info, "info");
+  });
+}
+
+umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_bytes,
+                                    uint32_t threads, umbel_residency** residency) {
+  return hand_out(residency, "residency", [&] {
+    const Asset& a = required(asset, "asset").asset;
+    ResidencyConfig config;
+    config.budget_bytes = budget_bytes;
+    config.threads = std::max(threads, 1u);
+    return new umbel_residency{a, Residency(a, config)};
+  });
+}
+
+void umbel_residency_free(umbel_residency* residency) { delete residency; }
+
+umbel_result umbel_residency_step(umbel_residency* residency, const umbel_stream_view* views,
+                                  size_t view_count, double seconds, umbel_stream_step* step) {
+  return guard([&] {
+    Residency& r = required(residency, "residency").residency;
+    struct_size_of(step, "step", sizeof(umbel_stream_step));
+    if (view_count > 0) required(views, "views");
+    std::vector<StreamView> all;
+    for (size_t i = 0; i < view_count; ++i) all.push_back(view_of(views[i]));
+    const ResidencyStep made = r.step(all, seconds);
+    const ResidencyStatistics said = r.statistics();
+    umbel_stream_step out{};
+    out.worst_error = made.worst_error;
+    out.open_groups = made.open_groups;
+    out.missing_groups = made.missing_groups;
+    out.loaded = made.loaded;
+    out.evicted = made.evicted;
+    out.requested = made.requested;
+    out.cancelled = made.cancelled;
+    out.resident_bytes = said.resident_bytes;
+    out.failures = said.failures;
+    write_struct(out, step, "step");
+  });
+}
+
+umbel_result umbel_residency_cut(const umbel_residency* residency, umbel_stream_cluster* clusters,
+                                 size_t capacity, size_t* count) {
+  return guard([&] {
+    const auto cut = required(residency, "residency").residency.cut();
+    required(count, "count") = cut.size();
+    if (cut.size() > capacity)
+      throw CapacityError{"clusters has room for " + std::to_string(capacity) + ", but there are " +
+                          std::to_string(cut.size())};
+    for (size_t i = 0; i < cut.size(); ++i)
+      (&required(clusters, "clusters"))[i] = {cut[i].view, cut[i].page, cut[i].group,
+                                              cut[i].cluster};
+  });
+}
+
+umbel_result umbel_residency_cluster(const umbel_residency* residency,
+                                     const umbel_stream_cluster* cluster,
+                                     umbel_cluster_geometry* geometry) {
+  return guard([&] {
+    const umbel_residency& r = required(residency, "residency");
+    const umbel_stream_cluster& c = required(cluster, "cluster");
+    umbel_cluster_geometry out = read_struct(geometry, "geometry");
+    const auto page = r.residency.page(c.page);
+    if (!page || c.group >= page->groups.size() ||
+        c.cluster >= page->groups[c.group].clusters.size())
+      throw Error(ErrorCode::kInvalidArgument, "the cluster is not of the last cut");
+    const lod::ClusterGeometry made = r.asset.decode(*page, c.group)[c.cluster];
+    out.vertex_count = static_cast<uint32_t>(made.positions.size());
+    out.triangle_count = static_cast<uint32_t>(made.triangles.size() / 3);
+    out.material = page->groups[c.group].clusters[c.cluster].material;
+    const auto as_c = [](const Vec3& v) { return umbel_vec3{v.x, v.y, v.z}; };
+    if (out.positions)
+      std::transform(made.positions.begin(), made.positions.end(), out.positions, as_c);
+    if (out.normals) std::transform(made.normals.begin(), made.normals.end(), out.normals, as_c);
+    if (out.triangles) std::copy(made.triangles.begin(), made.triangles.end(), out.triangles);
+    write_struct(out, geometry, "geometry");
+  });
+}

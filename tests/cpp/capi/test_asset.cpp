@@ -1,0 +1,111 @@
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstring>
+#include <string>
+#include <thread>
+
+#include "asset/scratch.hpp"
+#include "umbel/asset.hpp"
+#include "umbel/umbel.h"
+
+namespace umbel {
+namespace {
+
+using testing::Scratch;
+
+std::filesystem::path written(const Scratch& scratch) {
+  AssetConfig config;
+  config.page_bytes = 8192;
+  write_asset(scratch / "a.umbel", lod::build(shapes::blob(5, 1).view()), "{}", {}, config);
+  return scratch / "a.umbel";
+}
+
+int read_from(void* user, uint64_t offset, uint64_t size, void* out) {
+  const auto& bytes = *static_cast<std::vector<char>*>(user);
+  if (offset + size > bytes.size()) return 1;
+  std::memcpy(out, bytes.data() + offset, size);
+  return 0;
+}
+
+TEST(CAsset, streams_to_the_cut_that_is_asked_for) {
+  const Scratch scratch;
+  std::vector<char> bytes = testing::read_bytes(written(scratch));
+  umbel_asset* asset = nullptr;
+  ASSERT_EQ(umbel_asset_open_source(bytes.size(), read_from, &bytes, &asset), UMBEL_OK);
+  umbel_asset_info info;
+  umbel_asset_info_init(&info);
+  ASSERT_EQ(umbel_asset_get_info(asset, &info), UMBEL_OK);
+  EXPECT_EQ(info.version_major, 3u);
+  EXPECT_EQ(info.file_bytes, bytes.size());
+  EXPECT_EQ(info.source_triangles, 20480u);
+
+  umbel_residency* residency = nullptr;
+  ASSERT_EQ(umbel_residency_create(asset, 1 << 24, 1, &residency), UMBEL_OK);
+  umbel_stream_view view{};
+  umbel_stream_step step;
+  umbel_stream_step_init(&step);
+  for (int i = 0; i < 2000; ++i) {
+    ASSERT_EQ(umbel_residency_step(residency, &view, 1, 0.01 * i, &step), UMBEL_OK);
+    if (step.missing_groups == 0) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  EXPECT_EQ(step.missing_groups, 0u);
+  size_t count = 0;
+  EXPECT_EQ(umbel_residency_cut(residency, nullptr, 0, &count), UMBEL_ERROR_CAPACITY);
+  std::vector<umbel_stream_cluster> cut(count);
+  ASSERT_EQ(umbel_residency_cut(residency, cut.data(), cut.size(), &count), UMBEL_OK);
+  uint64_t triangles = 0;
+  std::vector<umbel_vec3> positions(256);
+  std::vector<uint8_t> corners(3 * 256);
+  for (const umbel_stream_cluster& c : cut) {
+    umbel_cluster_geometry geometry;
+    umbel_cluster_geometry_init(&geometry);
+    geometry.positions = positions.data();
+    geometry.triangles = corners.data();
+    ASSERT_EQ(umbel_residency_cluster(residency, &c, &geometry), UMBEL_OK);
+    triangles += geometry.triangle_count;
+    for (uint32_t i = 0; i < 3 * geometry.triangle_count; ++i)
+      ASSERT_LT(corners[i], geometry.vertex_count);
+  }
+  EXPECT_EQ(triangles, 20480u);
+  umbel_residency_free(residency);
+  umbel_asset_free(asset);
+}
+
+TEST(CAsset, has_its_mistakes_named) {
+  const Scratch scratch;
+  const std::string path = written(scratch).string();
+  umbel_asset* asset = nullptr;
+  EXPECT_EQ(umbel_asset_open("/no/such/file", &asset), UMBEL_ERROR_IO);
+  EXPECT_EQ(asset, nullptr);
+  EXPECT_EQ(umbel_asset_open(nullptr, &asset), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(umbel_asset_open(path.c_str(), nullptr), UMBEL_ERROR_INVALID_ARGUMENT);
+  std::vector<char> nothing(10);
+  EXPECT_EQ(umbel_asset_open_source(1000, read_from, &nothing, &asset), UMBEL_ERROR_IO);
+  EXPECT_EQ(umbel_asset_open_source(1000, nullptr, nullptr, &asset), UMBEL_ERROR_INVALID_ARGUMENT);
+  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
+  umbel_asset_info info{};
+  EXPECT_EQ(umbel_asset_get_info(asset, &info), UMBEL_ERROR_INVALID_ARGUMENT);
+  umbel_residency* residency = nullptr;
+  EXPECT_EQ(umbel_residency_create(asset, 1, 1, &residency), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(umbel_last_error()).find("budget"), std::string::npos);
+  ASSERT_EQ(umbel_residency_create(asset, 1 << 24, 1, &residency), UMBEL_OK);
+  umbel_stream_step step;
+  umbel_stream_step_init(&step);
+  umbel_stream_view view{};
+  view.mesh = 9;
+  EXPECT_EQ(umbel_residency_step(residency, &view, 1, 0, &step), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_EQ(umbel_residency_step(residency, nullptr, 1, 0, &step), UMBEL_ERROR_INVALID_ARGUMENT);
+  const umbel_stream_cluster wrong{0, 1u << 30, 0, 0};
+  umbel_cluster_geometry geometry;
+  umbel_cluster_geometry_init(&geometry);
+  EXPECT_EQ(umbel_residency_cluster(residency, &wrong, &geometry), UMBEL_ERROR_INVALID_ARGUMENT);
+  umbel_residency_free(residency);
+  umbel_asset_free(asset);
+  umbel_residency_free(nullptr);
+  umbel_asset_free(nullptr);
+}
+
+}  // namespace
+}  // namespace umbel

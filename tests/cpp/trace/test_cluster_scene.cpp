@@ -1,0 +1,131 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "base/math.hpp"
+#include "trace/scene_data.hpp"
+#include "trace/surface.hpp"
+#include "umbel/lod.hpp"
+#include "umbel/trace.hpp"
+
+namespace umbel::trace {
+namespace {
+
+constexpr std::array<float, 12> kIdentity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+
+/// All clusters of the finest level, where they are.
+ClusterScene clusters_of(const lod::Dag& dag) {
+  ClusterScene scene;
+  scene.transforms = {kIdentity};
+  for (const uint32_t c : lod::select(dag.tables, lod::view_level(0))) {
+    scene.placed.push_back({static_cast<uint32_t>(scene.parts.size()), 0});
+    scene.parts.push_back({dag.geometry(c), 0});
+  }
+  return scene;
+}
+
+float hash(uint32_t i) {
+  return std::fmod(std::sin(static_cast<float>(i) * 12.9898f) * 43758.5f, 1.0f);
+}
+
+Ray ray_of(uint32_t i) {
+  Ray ray;
+  ray.origin = {2 * hash(6 * i), 2 * hash(6 * i + 1), 2 * hash(6 * i + 2)};
+  ray.direction = {hash(6 * i + 3), hash(6 * i + 4), hash(6 * i + 5)};
+  return ray;
+}
+
+TEST(ClusterScene, is_hit_where_one_tree_over_all_triangles_is) {
+  const Mesh mesh = shapes::blob(5, 2);
+  const lod::Dag dag = lod::build(mesh.view());
+  const Scene clusters = Scene::build(clusters_of(dag), {});
+  const Scene whole = Scene::build(mesh.view());
+  EXPECT_EQ(clusters.placed_triangles(), mesh.triangles.size());
+  EXPECT_GT(clusters.bytes(), 0u);
+  uint32_t hits = 0;
+  for (uint32_t i = 0; i < 3000; ++i) {
+    const Ray ray = ray_of(i);
+    const SceneHit one = clusters.data().intersect(ray), other = whole.data().intersect(ray);
+    ASSERT_EQ(one.hit(), other.hit()) << i;
+    EXPECT_EQ(clusters.data().occluded(ray), one.hit());
+    if (!one.hit()) continue;
+    ++hits;
+    EXPECT_NEAR(one.t, other.t, 1e-5f * std::max(other.t, 1.0f)) << i;
+  }
+  EXPECT_GT(hits, 500u);
+}
+
+TEST(ClusterScene, with_transforms_is_hit_where_the_transformed_mesh_is) {
+  const Mesh mesh = shapes::blob(4, 5);
+  const lod::Dag dag = lod::build(mesh.view());
+  ClusterScene scene = clusters_of(dag);
+  const auto parts = static_cast<uint32_t>(scene.parts.size());
+  // Turned, stretched, mirrored and moved.
+  scene.transforms.push_back({0, -0.5f, 0, 1.2f, 0.7f, 0, 0, -0.4f, 0, 0, -0.3f, 0.5f});
+  for (uint32_t p = 0; p < parts; ++p) scene.placed.push_back({p, 1});
+  const Scene clusters = Scene::build(scene, {});
+  Mesh both = mesh;
+  const Placement placement(scene.transforms[1]);
+  const auto first = static_cast<uint32_t>(mesh.positions.size());
+  for (const Vec3& p : mesh.positions) both.positions.push_back(placement.point_to_world(p));
+  for (const Triangle& t : mesh.triangles)
+    both.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  const Scene whole = Scene::build(both.view());
+  EXPECT_EQ(clusters.placed_triangles(), both.triangles.size());
+  uint32_t moved = 0;
+  for (uint32_t i = 0; i < 3000; ++i) {
+    const Ray ray = ray_of(i);
+    const SceneHit one = clusters.data().intersect(ray), other = whole.data().intersect(ray);
+    ASSERT_EQ(one.hit(), other.hit()) << i;
+    if (!one.hit()) continue;
+    ASSERT_NEAR(one.t, other.t, 1e-4f * std::max(other.t, 1.0f)) << i;
+    moved += one.transform;
+    const Surface a = surface_at(clusters.data(), one, ray.direction);
+    const Surface b = surface_at(whole.data(), other, ray.direction);
+    EXPECT_LT(length(a.point - b.point), 1e-4f);
+    if (one.primitive == other.primitive % mesh.triangles.size()) {
+      EXPECT_GT(dot(a.face, b.face), 0.999f);
+    }
+    EXPECT_LT(dot(a.face, ray.direction), 1e-6f);
+  }
+  EXPECT_GT(moved, 100u);
+}
+
+TEST(ClusterScene, gives_the_picture_of_the_same_mesh) {
+  const Mesh mesh = shapes::blob(4, 1);
+  const Scene clusters = Scene::build(clusters_of(lod::build(mesh.view())), {});
+  const Scene whole = Scene::build(mesh.view());
+  Camera camera;
+  camera.position = {0, 0, 3};
+  Settings settings;
+  settings.width = 48, settings.height = 36, settings.samples = 16;
+  const Image one = render(clusters, camera, settings).image;
+  const Image other = render(whole, camera, settings).image;
+  double difference = 0, sum = 0;
+  for (size_t i = 0; i < one.pixels.size(); ++i) {
+    difference += length(one.pixels[i] - other.pixels[i]);
+    sum += length(other.pixels[i]);
+  }
+  EXPECT_LT(difference, 0.01 * sum);
+}
+
+TEST(ClusterScene, refuses_what_does_not_fit) {
+  const lod::Dag dag = lod::build(shapes::sphere(2).view());
+  const ClusterScene good = clusters_of(dag);
+  ClusterScene scene = good;
+  scene.placed[0].part = 1000;
+  EXPECT_THROW(Scene::build(scene, {}), Error);
+  scene = good;
+  scene.placed[0].transform = 1;
+  EXPECT_THROW(Scene::build(scene, {}), Error);
+  scene = good;
+  scene.transforms[0] = {};
+  EXPECT_THROW(Scene::build(scene, {}), Error);
+  scene = good;
+  scene.parts[0].geometry.triangles.clear();
+  EXPECT_THROW(Scene::build(scene, {}), Error);
+  EXPECT_EQ(Scene::build(ClusterScene{}, {}).placed_triangles(), 0u);
+}
+
+}  // namespace
+}  // namespace umbel::trace

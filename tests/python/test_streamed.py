@@ -1,0 +1,104 @@
+"""Pictures of assets within a budget, and the simulation of streaming."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import umbel
+from conftest import Umbel
+from umbel.bench import stream as bench
+from umbel.streamed import CutRenderer
+
+
+@pytest.fixture(scope="module")
+def herd(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nine blobs and a torus in one file."""
+    lods = [
+        umbel.build_lod(umbel.shapes.blob(5, seed=3), precision="14bits"),
+        umbel.build_lod(umbel.shapes.torus(48, 24), precision="14bits"),
+    ]
+    places = []
+    for k in range(9):
+        matrix = np.eye(4)
+        matrix[:3, 3] = (3 * (k % 3), 0, -3 * (k // 3))
+        places.append((0, matrix))
+    places.append((1, np.diag([2.0, 1.0, 1.0, 1.0])))
+    path = tmp_path_factory.mktemp("herd") / "herd.umbel"
+    umbel.save_asset(path, lods, places, page_bytes=16384)
+    return path
+
+
+def camera(error: float = 1.0) -> umbel.Camera:
+    return umbel.Camera((3, 2, 8), target=(3, 0, -3), height=40, pixel_error=error)
+
+
+def test_instances_share_what_they_show(herd: Path) -> None:
+    asset = umbel.Asset(herd)
+    renderer = CutRenderer(asset, camera(0.5), 64_000_000)
+    one = asset.cut(error=0)
+    assert renderer.pixel_error == 0.5
+    assert renderer.triangles > 9 * 50
+    assert renderer.bytes <= renderer.estimate <= 64_000_000
+    assert len(one)
+    # Many places cost far less than as many meshes.
+    assert renderer.bytes < 0.5 * 110 * renderer.triangles
+
+
+def test_a_budget_makes_errors_grow_until_it_is_kept(herd: Path) -> None:
+    asset = umbel.Asset(herd)
+    rich = CutRenderer(asset, camera(0.02), 64_000_000)
+    poor = CutRenderer(asset, camera(0.02), rich.bytes // 4)
+    assert rich.pixel_error == 0.02
+    assert poor.pixel_error > 0.02
+    assert poor.bytes <= rich.bytes // 4
+    assert 0 < poor.triangles < rich.triangles
+    with pytest.raises(umbel.Error, match="budget"):
+        CutRenderer(asset, camera(), 1000)
+
+
+def test_the_picture_is_that_of_the_same_scene_as_one_mesh(herd: Path) -> None:
+    asset = umbel.Asset(herd)
+    parts, first = [], 0
+    triangles = []
+    for mesh, matrix in asset.instances:
+        part = asset.mesh(asset.mesh_tables(mesh).cut(level=0), mesh)
+        parts.append(part.positions @ matrix[:, :3].T + matrix[:, 3])
+        triangles.append(part.triangles + first)
+        first += len(part.positions)
+    whole = umbel.Mesh(np.concatenate(parts).astype(np.float32), np.concatenate(triangles))
+    size = {"width": 48, "height": 36}
+    expected = umbel.Renderer(whole).film(camera(), **size).add(16).pixels
+    pixels = CutRenderer(asset, camera(0.05), 64_000_000).film(camera(), **size).add(16).pixels
+    assert np.abs(pixels - expected).mean() < 0.03 * expected.mean()
+
+
+def test_the_command_keeps_to_the_budget(umbel_command: Umbel, herd: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o.png"
+    size = ["--width", 24, "--height", 16, "--spp", 1]
+    said = umbel_command("render", herd, "-o", out, *size, "--budget", "1MB", "--json").json
+    assert out.is_file()
+    assert 0 < said["scene_bytes"] <= 1_000_000
+    assert said["pixel_error"] >= 1
+    assert said["triangles"] > 0
+    for budget in ("0", "much", "5XB"):
+        bad = umbel_command("render", herd, "-o", out, *size, "--budget", budget)
+        assert bad.status == 1
+        assert "--budget" in bad.err
+
+
+def test_the_simulation_loads_what_is_needed(tmp_path: Path) -> None:
+    found = bench.simulate({"blob": bench.blob}, seconds=1.0)
+    assert len(found.rows) == len(bench.LINES) * len(bench.BUDGETS)
+    rows = {(row["line"], row["budget"]): row for row in found.rows}
+    for line in bench.LINES:
+        errors = [rows[line, budget]["median_error"] for budget in bench.BUDGETS]
+        assert errors == sorted(errors, reverse=True)
+        assert rows[line, 0.5]["near"] >= rows[line, 0.05]["near"]
+    assert rows["disk", 0.5]["near"] > 0.2
+    assert rows["bad network", 0.5]["failures"] > 0
+    assert rows["disk", 0.5]["failures"] == 0
+    assert all(0 < row["loaded_over_needed"] < 5 for row in found.rows)
+    written = bench.write(found, tmp_path)
+    assert {"stream.md", "stream.csv"} <= {path.name for path in written}
+    assert all(path.stat().st_size > 100 for path in written)
