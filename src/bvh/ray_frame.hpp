@@ -1,20 +1,21 @@
 // A ray made ready for box and triangle tests.
 //
 // Boxes (after Ize 2013). For a plane p of an axis, t = p * inv + b with b = -o * inv costs one
-// multiplication and one addition, but its rounding error does not shrink with t: each of the
-// four roundings (inv, b, product, sum) is at most 2^-24 of a value no larger than (|p| + |o|)
-// |inv|. With E >= |p|, |o| for all planes of the axis, |error| <= 4 * 2^-24 * 2 E |inv| = 2^-21 E
-// |inv|. So b is moved by four times that away from the box, once for the near and once for the
-// far planes, and no box that the exact ray meets is missed, for any sign of t. It amounts to boxes
-// larger by 2^-19 E. A direction component smaller than 2^-40 of the largest is replaced by that,
-// so that no infinity arises: over the distance that matters the ray moves by less than 2^-38 of
-// the largest E of the three axes, by which boxes are larger, too.
+// multiplication and one addition, but its rounding error does not shrink with t. With u = 2^-24
+// and E >= |p|, |o| for all planes of the axis, the product, the sum and b are off by at most 4 u E
+// |inv| together. (That inv is rounded scales all t alike.) So b is moved by 16 u E |inv| away from
+// the box, once for the near and once for the far planes: no box that the exact ray meets is
+// missed, for any sign of t. It amounts to boxes larger by 2^-20 E. More would cost time: rays that
+// start just above a wall would start in the boxes of that wall. A direction component smaller than
+// 2^-40 of the largest is replaced by that, so that no infinity arises: over the distance that
+// matters the ray moves by less than 2^-38 of the largest E of the three axes, by which boxes are
+// larger, too.
 //
 // A triangle seen on edge has no sharp t, and one without area may even be said to be hit beside
 // its corners. So a hit has to meet the triangle's own box, too, in an interval that is wider by
-// half as much, and its t is no less than where that begins (see settle). All boxes around it are
-// then met no later than the hit: which there are, and in which order they come, makes no
-// difference to what is hit and where.
+// 6 u E |inv|, which is what its own rounding may be off by, and its t is no less than where that
+// begins (see settle). As 6 + 6 + 4 = 16, all boxes around it are then met no later than the hit:
+// which there are, and in which order they come, makes no difference to what is hit and where.
 //
 // Triangles (Woop et al. 2013): axes are permuted so that the largest component of the direction
 // is kz, and sheared so that the ray runs along it. The direction is first scaled by a power of
@@ -34,6 +35,7 @@ namespace umbel {
 /// Four lanes on which arithmetic works one by one (an extension of GCC and Clang).
 typedef float Quad __attribute__((vector_size(16)));
 typedef int32_t QuadBits __attribute__((vector_size(16)));
+typedef double WideQuad __attribute__((vector_size(32)));
 
 struct RayFrame {
   // Of x, y and z; the fourth lane means nothing.
@@ -100,11 +102,15 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   std::memcpy(&reach, tree.reach, sizeof reach);
   reach = reach > away ? reach : away;
   const float furthest = std::max(std::max(reach[0], reach[1]), reach[2]);
-  const Quad slack = reach * 0x1p-19f + furthest * 0x1p-37f;
+  const Quad slack = reach * 0x1p-20f + furthest * 0x1p-38f;
   const float smallest = 0x1p-40f * largest;
   const Quad component = Quad(QuadBits(a < smallest ? Quad{} + smallest : a) | signs);
-  const Quad inv = 1.0f / component, b = -o * inv, e = Quad(QuadBits(inv) & ~kSign) * slack;
-  const Quad near_b = b - e, far_b = b + e;
+  const Quad inv = 1.0f / component, e = Quad(QuadBits(inv) & ~kSign) * slack;
+  // Rounded once.
+  const WideQuad b = -__builtin_convertvector(o, WideQuad) * __builtin_convertvector(inv, WideQuad);
+  const WideQuad wide_e = __builtin_convertvector(e, WideQuad);
+  const Quad near_b = __builtin_convertvector(b - wide_e, Quad);
+  const Quad far_b = __builtin_convertvector(b + wide_e, Quad);
   std::memcpy(f.inv, &inv, sizeof inv);
   std::memcpy(f.near_b, &near_b, sizeof near_b);
   std::memcpy(f.far_b, &far_b, sizeof far_b);

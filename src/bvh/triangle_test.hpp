@@ -75,7 +75,8 @@ static inline bool settle(const RayFrame& f, const LeafTriangle& triangle, float
   std::memcpy(&inv, f.inv, sizeof inv);
   std::memcpy(&near_b, f.near_b, sizeof near_b);
   std::memcpy(&far_b, f.far_b, sizeof far_b);
-  const Quad slack = (far_b - near_b) * 0.25f, one = (low - o) * inv, other = (high - o) * inv;
+  constexpr float kShare = 6.0f / 16.0f / 2.0f;  // see ray_frame.hpp
+  const Quad slack = (far_b - near_b) * kShare, one = (low - o) * inv, other = (high - o) * inv;
   const Quad enter = (one < other ? one : other) - slack,
              leave = (one > other ? one : other) + slack;
   const float entry = std::max(std::max(enter[0], enter[1]), enter[2]);

@@ -4,7 +4,7 @@
 // all that is rounded (see bvh/ray_frame.hpp). The child on the side that the ray comes from is
 // left at `high` at the latest, the other entered at `low` at the earliest, so near a plane both
 // are visited: a ray that begins in a plane, or runs along it, is no special case, whatever its
-// signs of zero. It is as if all cells were larger by about 2^-19 of the axis's
+// signs of zero. It is as if all cells were larger by about 2^-20 of the axis's
 // largest coordinate.
 //
 // `Lanes` is made of a ray's frame; its triangles(tree, link, cull_back, t_max, hits) says which
