@@ -15,7 +15,7 @@ namespace umbel::uniform {
 
 /// Nodes are inner nodes and leaves; of a grid, the cells of both levels. `sah_cost` is comparable
 /// with that of other structures; a step of a grid counts as a visit of an inner node.
-using Statistics = kdtree::Statistics;
+using kdtree::Statistics;
 
 struct GridConfig {
   float density = 0.12f;      ///< cells a triangle of the top level, 0.001..16

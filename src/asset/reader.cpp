@@ -260,8 +260,8 @@ bool Asset::page_is_whole(uint32_t page) const {
 }
 
 const lod::Tables& Asset::tables(uint32_t mesh) const {
-  static const lod::Tables kEmpty;
-  if (mesh == 0 && state_->meshes.empty()) return kEmpty;
+  static const lod::Tables empty;
+  if (mesh == 0 && state_->meshes.empty()) return empty;
   if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
   return state_->all_tables().meshes[mesh];
 }
