@@ -57,7 +57,8 @@ class ModelLoader : public PageLoader {
  private:
   /// In [0, 1), for the page's next attempt.
   double chance(uint32_t page, uint32_t salt) const {
-    const uint32_t key[] = {page, attempts_[page], link_.seed, salt};
+    const uint64_t key[] = {uint64_t{attempts_[page]} << 32 | page,
+                            uint64_t{salt} << 32 | link_.seed};
     return static_cast<double>(xxh64(key, sizeof key) >> 11) * 0x1p-53;
   }
 

@@ -129,7 +129,7 @@ Around look_around(const Scene::Data& scene, const Vec3& point, const Horizon& h
     ray.origin = point;
     ray.direction = horizon.front * (r * std::cos(angle)) + horizon.side * (r * std::sin(angle)) +
                     horizon.up * height;
-    const Hit hit = scene.intersect(ray);
+    const SceneHit hit = scene.intersect(ray);
     if (!hit.hit()) continue;
     distances.push_back(hit.t);
     const Triangle& t = scene.triangles[hit.primitive].corners;
@@ -166,7 +166,7 @@ void try_place(const Scene::Data& scene, const Vec3& place, const Horizon& horiz
       ray.direction = normalized(
           horizon.front * std::cos(angle) + horizon.side * std::sin(angle) + horizon.up * tilt,
           horizon.front);
-      const Hit hit = scene.intersect(ray);
+      const SceneHit hit = scene.intersect(ray);
       const double t = hit.hit() ? std::min(hit.t, far) : 0.5 * far;
       reach[i] += std::sqrt(t / far) / 3;
       if (tilt == 0.0f && hit.hit()) nearest = std::min<double>(nearest, hit.t);

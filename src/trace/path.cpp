@@ -79,7 +79,7 @@ class Path {
     float through = 1.0f;
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
       ++counts_.continued;
-      const Hit hit = scene_.intersect(ray, {.mask = kSeeThroughBit});
+      const SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit});
       if (!hit.hit()) return through;
       through *= 1.0f - opacity_at(scene_, hit);
       if (through <= 0.0f) return 0.0f;
