@@ -22,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+#include "umbel/kdtree.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/types.hpp"
 
@@ -128,6 +129,9 @@ auto run(const nb::object& callback, uint32_t threads, const Work& work) {
     throw;
   }
 }
+
+/// Of kd-trees and uniform structures.
+Dict statistics_dict(const kdtree::Statistics& statistics);
 
 void bind_errors(nb::module_& module);
 void bind_mesh(nb::module_& module);

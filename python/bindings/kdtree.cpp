@@ -9,22 +9,6 @@ namespace {
 using kdtree::KdTree;
 using kdtree::KdTreeConfig;
 
-Dict statistics_dict(const KdTree& tree) {
-  const kdtree::Statistics s = tree.statistics();
-  Dict result;
-  result["nodes"] = s.nodes;
-  result["leaves"] = s.leaves;
-  result["empty_leaves"] = s.empty_leaves;
-  result["max_depth"] = s.max_depth;
-  result["references"] = s.references;
-  result["sah_cost"] = s.sah_cost;
-  result["inner_visits"] = s.inner_visits;
-  result["leaf_visits"] = s.leaf_visits;
-  result["tests"] = s.tests;
-  result["bytes"] = s.bytes;
-  return result;
-}
-
 void bind_config(nb::module_& module) {
   nb::class_<KdTreeConfig>(module, "KdTreeConfig", "How a kd-tree is built and traced.")
       .def(nb::init<>())
@@ -72,6 +56,21 @@ void bind_config(nb::module_& module) {
 
 }  // namespace
 
+Dict statistics_dict(const kdtree::Statistics& s) {
+  Dict result;
+  result["nodes"] = s.nodes;
+  result["leaves"] = s.leaves;
+  result["empty_leaves"] = s.empty_leaves;
+  result["max_depth"] = s.max_depth;
+  result["references"] = s.references;
+  result["sah_cost"] = s.sah_cost;
+  result["inner_visits"] = s.inner_visits;
+  result["leaf_visits"] = s.leaf_visits;
+  result["tests"] = s.tests;
+  result["bytes"] = s.bytes;
+  return result;
+}
+
 void bind_kdtree(nb::module_& module) {
   bind_config(module);
   nb::class_<KdTree, TriangleQueries> tree(module, "KdTree", "A kd-tree over triangles.");
@@ -105,7 +104,7 @@ void bind_kdtree(nb::module_& module) {
             return KdTree::load(path, wanted);
           },
           "path"_a, "traversal"_a)
-      .def("statistics", &statistics_dict);
+      .def("statistics", [](const KdTree& tree) { return statistics_dict(tree.statistics()); });
 }
 
 }  // namespace umbel::python

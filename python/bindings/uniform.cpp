@@ -9,23 +9,6 @@ namespace {
 using Cost = std::tuple<float, float>;
 using Masks = std::optional<Flat<uint32_t>>;
 
-template <typename Structure>
-Dict statistics_dict(const Structure& structure) {
-  const uniform::Statistics s = structure.statistics();
-  Dict result;
-  result["nodes"] = s.nodes;
-  result["leaves"] = s.leaves;
-  result["empty_leaves"] = s.empty_leaves;
-  result["max_depth"] = s.max_depth;
-  result["references"] = s.references;
-  result["sah_cost"] = s.sah_cost;
-  result["inner_visits"] = s.inner_visits;
-  result["leaf_visits"] = s.leaf_visits;
-  result["tests"] = s.tests;
-  result["bytes"] = s.bytes;
-  return result;
-}
-
 template <typename Config>
 void set_common(Config& config, bool compact, const Cost& cost, bool drop_invalid) {
   config.compact = compact;
@@ -67,13 +50,16 @@ void bind_uniform(nb::module_& module) {
       .def_static("build", &build_grid, "mesh"_a, "density"_a, "leaf_density"_a, "max_references"_a,
                   "compact"_a, "cost"_a, "drop_invalid"_a, "masks"_a = nb::none(),
                   "progress"_a = nb::none(), "threads"_a = 0)
-      .def("statistics", &statistics_dict<uniform::TwoLevelGrid>);
+      .def("statistics",
+           [](const uniform::TwoLevelGrid& grid) { return statistics_dict(grid.statistics()); });
   nb::class_<uniform::IntervalHierarchy, TriangleQueries>(module, "IntervalHierarchy",
                                                           "A bounding interval hierarchy.")
       .def_static("build", &build_intervals, "mesh"_a, "max_leaf_size"_a, "compact"_a, "cost"_a,
                   "drop_invalid"_a, "masks"_a = nb::none(), "progress"_a = nb::none(),
                   "threads"_a = 0)
-      .def("statistics", &statistics_dict<uniform::IntervalHierarchy>);
+      .def("statistics", [](const uniform::IntervalHierarchy& tree) {
+        return statistics_dict(tree.statistics());
+      });
 }
 
 }  // namespace umbel::python

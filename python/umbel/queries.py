@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,15 +34,15 @@ class ClosestPoints:
         return len(self.distance)
 
 
-class TriangleQueries(RayQueries):
+class TriangleQueries(RayQueries, ABC):
     """Rays, distances and overlaps. Results do not depend on the structure."""
 
     _native: _umbel.TriangleQueries
 
+    @abstractmethod
     def statistics(self) -> dict[str, Any]:
         """What it holds and costs: among others `nodes leaves max_depth references sah_cost
         bytes`."""
-        raise NotImplementedError
 
     # Distances.
 
