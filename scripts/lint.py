@@ -93,7 +93,8 @@ def viewer(fix: bool) -> bool:
 
 def tidy_one(source: str) -> tuple[str, bool, str]:
     """clang-tidy on one source file: its name, whether it is clean, what was said."""
-    command = [TOOLS / "clang-tidy", "--quiet", "--warnings-as-errors=*"]
+    # A build's -Werror would make findings of Clang's own warnings, in the standard library too.
+    command = [TOOLS / "clang-tidy", "--quiet", "--warnings-as-errors=*", "--extra-arg=-Wno-error"]
     command += ["-p", COMPILE_COMMANDS.parent, source]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return source, done.returncode == 0, done.stdout if done.stdout.strip() else done.stderr
