@@ -35,6 +35,7 @@ HEADER_LAYERS = {
     "ray_arrays.hpp": "bvh",
     "lod_select.hpp": "lod",
     "umbel_lod.h": "capi",
+    "umbel_kdtree.h": "capi",
     "umbel.h": "capi",
     "umbel_cuda.h": "capi",
 }

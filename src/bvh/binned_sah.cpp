@@ -7,14 +7,12 @@
 //
 // Large nodes are split by all threads together, then subtrees are built side by side into places
 // of their own, and at last copied together, depth-first.
-#include <atomic>
-#include <exception>
 #include <memory>
 #include <numeric>
 #include <optional>
-#include <thread>
 
 #include "base/parallel.hpp"
+#include "base/shared_progress.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/config.hpp"
 #include "bvh/emitter.hpp"
@@ -183,7 +181,10 @@ struct Top {
 class Binned {
  public:
   Binned(Boxes boxes, const Config& config, Progress& progress)
-      : boxes_(boxes), config_(config), progress_(progress), count_(uint32_t(boxes.size())) {}
+      : boxes_(boxes),
+        config_(config),
+        count_(uint32_t(boxes.size())),
+        progress_(progress, "binning", 0.1, 0.9, count_) {}
 
   Bvh2 build() {
     records_ = std::make_unique_for_overwrite<ShortBox[]>(2 * size_t(count_));
@@ -192,7 +193,7 @@ class Binned {
     const Frame frame = round_all();
     const std::unique_ptr<Top> root =
         split({records_.get(), records_.get() + count_}, 0, count_, frame, 0);
-    if (cancelled_) std::rethrow_exception(cancellation_);
+    progress_.finish();
     return assemble(*root);
   }
 
@@ -218,7 +219,7 @@ class Binned {
     auto top = std::make_unique<Top>();
     top->begin = begin;
     top->count = count;
-    if (cancelled_) return top;
+    if (progress_.is_stopped()) return top;
     if (count <= kBlock) {
       build_block(records, frame, depth, *top);
       return top;
@@ -298,20 +299,7 @@ class Binned {
     Block block(boxes_, config_, out);
     top.box = block.split(records, top.count, frame, 0, depth).box;
     top.node_count = out.node_count;
-    const uint32_t done = done_.fetch_add(top.count, std::memory_order_relaxed) + top.count;
-    if (std::this_thread::get_id() == caller_) report(0.1 + 0.8 * double(done) / double(count_));
-  }
-
-  // An exception would have oneTBB skip parts of what the other threads are doing, without a word
-  // to them; so it waits until they have seen that they should stop.
-  void report(double fraction) {
-    if (cancelled_) return;
-    try {
-      progress_.report(fraction, "binning");
-    } catch (...) {
-      cancellation_ = std::current_exception();
-      cancelled_ = true;
-    }
+    progress_.add(top.count);
   }
 
   Bvh2 assemble(const Top& root) {
@@ -367,12 +355,8 @@ class Binned {
 
   Boxes boxes_;
   const Config& config_;
-  Progress& progress_;
   const uint32_t count_;
-  const std::thread::id caller_ = std::this_thread::get_id();
-  std::atomic<uint32_t> done_{0};
-  std::atomic<bool> cancelled_{false};
-  std::exception_ptr cancellation_;
+  SharedProgress progress_;
   std::unique_ptr<ShortBox[]> records_;
   std::unique_ptr<Node[]> nodes_;
   std::unique_ptr<uint32_t[]> primitives_;

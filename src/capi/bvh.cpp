@@ -126,12 +126,7 @@ umbel_bvh_statistics statistics_of(const TriangleBvh& bvh) {
 using namespace umbel;
 
 void umbel_bvh_config_init_sized(umbel_bvh_config* config, size_t size) {
-  if (!config) return;
-  const umbel_bvh_config defaults = capi::as_c(TriangleBvhConfig{});
-  std::memset(config, 0, size);
-  std::memcpy(config, &defaults, std::min(size, sizeof defaults));
-  const auto given_size = static_cast<uint32_t>(size);
-  std::memcpy(config, &given_size, std::min(size, sizeof given_size));
+  capi::init_sized(config, size, capi::as_c(TriangleBvhConfig{}));
 }
 
 umbel_result umbel_bvh_config_preset(umbel_bvh_config* config, const char* name) {

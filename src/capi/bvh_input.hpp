@@ -18,6 +18,8 @@ namespace umbel::capi {
 /// The caller's config; the defaults where `config` is NULL.
 TriangleBvhConfig bvh_config(const umbel_bvh_config* config);
 umbel_bvh_config as_c(const TriangleBvhConfig& config);
+/// Of a config's `simd`; throws where there is no such.
+Simd simd_of(uint32_t simd);
 
 struct BvhMesh {
   MeshView view;

@@ -140,12 +140,7 @@ umbel_cluster_quality as_c(const ClusterMetrics& metrics) {
 }  // namespace umbel::capi
 
 void umbel_cluster_config_init_sized(umbel_cluster_config* config, size_t size) {
-  if (!config) return;
-  const umbel_cluster_config defaults = umbel::capi::as_c(umbel::ClusterConfig{});
-  std::memset(config, 0, size);
-  std::memcpy(config, &defaults, std::min(size, sizeof defaults));
-  const auto given_size = static_cast<uint32_t>(size);
-  std::memcpy(config, &given_size, std::min(size, sizeof given_size));
+  umbel::capi::init_sized(config, size, umbel::capi::as_c(umbel::ClusterConfig{}));
 }
 
 umbel_result umbel_cluster_config_preset(umbel_cluster_config* config, const char* name,

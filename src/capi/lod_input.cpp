@@ -175,11 +175,5 @@ lod::Decimator lod_decimator(const umbel_lod_config* given) {
 }  // namespace umbel::capi
 
 void umbel_lod_config_init_sized(umbel_lod_config* config, size_t size) {
-  using namespace umbel::capi;
-  if (!config) return;
-  const umbel_lod_config defaults = read(nullptr);
-  std::memset(config, 0, size);
-  std::memcpy(config, &defaults, std::min(size, sizeof defaults));
-  const auto given_size = static_cast<uint32_t>(size);
-  std::memcpy(config, &given_size, std::min(size, sizeof given_size));
+  umbel::capi::init_sized(config, size, umbel::capi::read(nullptr));
 }

@@ -47,4 +47,14 @@ void write_struct(T value, T* given, const char* name) {
   std::memcpy(given, &value, std::min<size_t>(value.struct_size, sizeof(T)));
 }
 
+/// Defaults, and `size` as the caller's struct_size.
+template <typename T>
+void init_sized(T* given, size_t size, const T& defaults) {
+  if (!given) return;
+  std::memset(given, 0, size);
+  std::memcpy(given, &defaults, std::min(size, sizeof defaults));
+  const auto struct_size = static_cast<uint32_t>(size);
+  std::memcpy(given, &struct_size, std::min(size, sizeof struct_size));
+}
+
 }  // namespace umbel::capi

@@ -125,12 +125,12 @@ double BoxSet::grow_small(const CostRule& rule, const Aabb& cell, const Allowanc
   return small.grow(rule, cell, left, out);
 }
 
-void build_binned(const Input& input, const Config& config, Branch& root) {
+void build_binned(const Input& input, const Config& config, Progress& progress, Branch& root) {
   std::vector<BoxSet::Item> items(input.boxes.size());
   for (size_t i = 0; i < items.size(); ++i) items[i] = {input.boxes[i], input.triangles[i]};
-  Grower<BoxSet>(input.rule)
-      .grow(BoxSet(input.mesh, input.rule, config.bins, std::move(items)), input.bounds,
-            input.allowance, root);
+  Grower<BoxSet>(input.rule, progress)
+      .build(BoxSet(input.mesh, input.rule, config.bins, std::move(items)), input.bounds,
+             input.allowance, root);
 }
 
 }  // namespace umbel::kdtree

@@ -58,7 +58,8 @@ CostRule cost_rule(const Config& config, const Aabb& bounds) {
           longest * 1e-9};
 }
 
-Tree build_usable(const MeshView& mesh, std::span<const uint32_t> triangles, const Config& config) {
+Tree build_usable(const MeshView& mesh, std::span<const uint32_t> triangles, const Config& config,
+                  Progress& progress) {
   std::vector<Aabb> boxes(triangles.size());
   parallel_for(triangles.size(), 4096, [&](size_t i) {
     for (const Vec3& corner : corners_of(mesh, triangles[i])) extend(boxes[i], corner);
@@ -71,7 +72,8 @@ Tree build_usable(const MeshView& mesh, std::span<const uint32_t> triangles, con
                             std::min(static_cast<uint64_t>(spare), room)};
   const Input input{mesh, triangles, boxes, bounds, cost_rule(config, bounds), allowance};
   Branch root;
-  (config.builder == Builder::kExact ? build_exact : build_binned)(input, config, root);
+  (config.builder == Builder::kExact ? build_exact : build_binned)(input, config, progress, root);
+  progress.report(0.95, "joining subtrees");
   return join(root, bounds);
 }
 
@@ -96,14 +98,14 @@ Tree build(const MeshView& mesh, const Config& config, const BuildOptions& optio
   geometry.positions = mesh.positions;
   geometry.triangles = mesh.triangles;
   Progress progress(options);
-  progress.report(0, "building");
+  progress.report(0, "checking triangles");
   Tree tree;
   with_threads(options.threads, [&] {
     const std::vector<uint32_t> triangles = usable_triangles(geometry, config.invalid);
-    progress.report(0.05, "building");
-    if (!triangles.empty()) tree = build_usable(geometry, triangles, config);
+    progress.report(0.02, "checking triangles");
+    if (!triangles.empty()) tree = build_usable(geometry, triangles, config, progress);
   });
-  progress.report(1, "building");
+  progress.report(1, "joining subtrees");
   return tree;
 }
 

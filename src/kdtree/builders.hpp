@@ -18,7 +18,7 @@ struct Input {
   Allowance allowance;
 };
 
-void build_exact(const Input& input, const Config& config, Branch& root);
-void build_binned(const Input& input, const Config& config, Branch& root);
+void build_exact(const Input& input, const Config& config, Progress& progress, Branch& root);
+void build_binned(const Input& input, const Config& config, Progress& progress, Branch& root);
 
 }  // namespace umbel::kdtree

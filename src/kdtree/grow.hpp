@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/parallel.hpp"
+#include "base/shared_progress.hpp"
 #include "kdtree/split_cost.hpp"
 
 namespace umbel::kdtree {
@@ -76,11 +77,22 @@ inline void add_leaf(std::span<const uint32_t> triangles, Subtree& out) {
 template <typename Set>
 class Grower {
  public:
-  explicit Grower(const CostRule& rule) : rule_(rule) {}
+  Grower(const CostRule& rule, Progress& progress)
+      : rule_(rule), progress_(progress, "splitting", 0.1, 0.95, kAll) {}
 
-  void grow(Set set, const Aabb& cell, const Allowance& left, Branch& branch) const {
+  void build(Set set, const Aabb& cell, const Allowance& left, Branch& root) {
+    grow(std::move(set), cell, left, root, kAll);
+    progress_.finish();
+  }
+
+ private:
+  /// `share` is that of the branch in all of the work.
+  void grow(Set set, const Aabb& cell, const Allowance& left, Branch& branch, uint64_t share) {
+    progress_.add(0);
+    if (progress_.is_stopped()) return;
     if (set.size() <= kSequential) {
       grow_here(set, cell, left, branch.subtree);
+      progress_.add(share);
       return;
     }
     const Split split = set.best_split(cell);
@@ -89,16 +101,22 @@ class Grower {
     if (!is_worth(rule_, split, set.size(), left, is_bad) ||
         !set.split(cell, split, left.spare, below, above)) {
       add_leaf(set.triangles(), branch.subtree);
+      progress_.add(share);
       return;
     }
     const auto [first, second] = shares(left, set.size(), is_bad, below.size(), above.size());
+    const uint64_t share_below = share * below.size() / (uint64_t{below.size()} + above.size());
     set = Set();
     branch.split = split;
     branch.below = std::make_unique<Branch>();
     branch.above = std::make_unique<Branch>();
     tbb::parallel_invoke(
-        [&, &a = first] { grow(std::move(below), cell_below(cell, split), a, *branch.below); },
-        [&, &a = second] { grow(std::move(above), cell_above(cell, split), a, *branch.above); });
+        [&, &a = first] {
+          grow(std::move(below), cell_below(cell, split), a, *branch.below, share_below);
+        },
+        [&, &a = second] {
+          grow(std::move(above), cell_above(cell, split), a, *branch.above, share - share_below);
+        });
   }
 
   /// The expected cost of a line through the cell.
@@ -130,9 +148,10 @@ class Grower {
     return rule_.leaf(set.size());
   }
 
- private:
   static constexpr uint32_t kSequential = 1u << 12;
+  static constexpr uint64_t kAll = uint64_t{1} << 32;
   const CostRule& rule_;
+  SharedProgress progress_;
 };
 
 /// All parts as one tree.

@@ -1,6 +1,7 @@
-// Fuzzes the C interface of hierarchies: the bytes become a mesh (NaN, infinite and huge positions,
-// indices out of range, triangles without area among them), settings, rays, points and a tree that
-// may be none. Whatever is accepted must give the hits that another tree over the same mesh gives.
+// Fuzzes the C interface of hierarchies and of kd-trees: the bytes become a mesh (NaN, infinite and
+// huge positions, indices out of range, triangles without area among them), settings, rays, points
+// and a tree that may be none. Whatever is accepted must give the hits that another tree over the
+// same mesh gives.
 #include <fuzzer/FuzzedDataProvider.h>
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "umbel/umbel.h"
+#include "umbel/umbel_kdtree.h"
 
 namespace {
 
@@ -68,6 +70,24 @@ class Case {
   uint32_t triangle_count() const { return static_cast<uint32_t>(triangles_.size() / 3); }
   /// Positions within what watertightness, and that all trees agree, is promised for.
   bool is_tame() const { return likes(0); }
+
+  umbel_kdtree_config kdtree_config() {
+    umbel_kdtree_config kd;
+    umbel_kdtree_config_init(&kd);
+    kd.builder = bytes_.ConsumeIntegral<uint8_t>() % 3;
+    kd.traversal = bytes_.ConsumeIntegral<uint8_t>() % 4;
+    kd.drop_invalid = config.drop_invalid;
+    kd.compact = config.compact;
+    kd.simd = config.simd;
+    if (likes(2)) {
+      kd.max_depth = bytes_.ConsumeIntegral<uint8_t>();
+      kd.bad_refines = bytes_.ConsumeIntegral<uint8_t>();
+      kd.bins = bytes_.ConsumeIntegral<uint8_t>();
+      kd.max_references = 2 * number();
+      kd.empty_bonus = number();
+    }
+    return kd;
+  }
 
   void move_positions() {
     for (umbel_vec3& p : positions_)
@@ -248,6 +268,35 @@ void widen(Case& c) {
   umbel_bvh_free(bvh);
 }
 
+/// A kd-tree gives the hits that the hierarchy gives.
+void compare_kdtree(Case& c, const umbel_bvh* bvh) {
+  const umbel_kdtree_config config = c.kdtree_config();
+  umbel_kdtree* made = nullptr;
+  if (!went_well(umbel_kdtree_build(&c.mesh, &config, &c.options, &made))) return;
+  const std::unique_ptr<umbel_kdtree, void (*)(umbel_kdtree*)> tree(made, umbel_kdtree_free);
+  const std::vector<umbel_hit> expected = nearest_hits(c, bvh);
+  const size_t n = c.rays.size();
+  std::vector<umbel_hit> hits(n);
+  std::vector<uint8_t> flags(n);
+  for (uint32_t traversal = 0; traversal < 3; ++traversal) {
+    expect(
+        umbel_kdtree_set_traversal(made, traversal) == UMBEL_OK &&
+            umbel_kdtree_intersect(made, c.rays.data(), n, &c.ray_options, hits.data()) ==
+                UMBEL_OK &&
+            umbel_kdtree_occluded(made, c.rays.data(), n, &c.ray_options, flags.data()) == UMBEL_OK,
+        "rays are refused");
+    for (size_t i = 0; i < n; ++i) {
+      const bool is_hit = hits[i].primitive != UMBEL_NONE;
+      expect(is_hit == (flags[i] != 0), "closest and any hit disagree");
+      expect(!is_hit || hits[i].primitive < c.triangle_count(), "a hit of no triangle");
+      if (c.is_tame()) expect(are_equal(hits[i], expected[i]), "kd-tree and hierarchy disagree");
+    }
+  }
+  umbel_kdtree_statistics statistics;
+  umbel_kdtree_statistics_init(&statistics);
+  expect(umbel_kdtree_get_statistics(made, &statistics) == UMBEL_OK, "no statistics");
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -261,6 +310,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const Bvh other = c.build(&usual);
     expect(other != nullptr, "one tree can be built and another not");
     if (c.is_tame()) compare(c, bvh.get(), other.get());
+    compare_kdtree(c, bvh.get());
   }
   widen(c);
   if (bvh) {

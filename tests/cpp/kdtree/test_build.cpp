@@ -275,12 +275,38 @@ TEST(KdTreeBuild, refuses_what_is_wrong) {
   EXPECT_EQ(code_of(mesh.view(), drop), ErrorCode::kInvalidMesh);
 }
 
-TEST(KdTreeBuild, can_be_cancelled) {
-  const Mesh mesh = shapes::sphere(2);
-  EXPECT_THROW(
-      kdtree::build(mesh.view(), {},
-                    {.progress = [](float, std::string_view) { return false; }, .threads = 0}),
-      Error);
+/// Of large cells every split is a chance to stop, and so is the end of every subtree.
+TEST(KdTreeBuild, can_be_cancelled_at_any_report) {
+  const Mesh mesh = shapes::blob(5, 1);
+  for (const kdtree::Builder builder : kBuilders)
+    for (const uint32_t threads : {1u, 4u}) {
+      std::vector<float> fractions;
+      const auto watch = [&](size_t most) {
+        fractions.clear();
+        return BuildOptions{.progress =
+                                [&fractions, most](float fraction, std::string_view) {
+                                  fractions.push_back(fraction);
+                                  return fractions.size() < most;
+                                },
+                            .threads = threads};
+      };
+      const Tree whole = kdtree::build(mesh.view(), config_of(builder), watch(1u << 30));
+      EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+      EXPECT_EQ(fractions.back(), 1.0f);
+      EXPECT_TRUE(same_bytes(whole, kdtree::build(mesh.view(), config_of(builder))));
+      const size_t reports = fractions.size();
+      if (threads == 1) EXPECT_GT(reports, 8u);
+      for (const size_t most : {size_t{1}, size_t{4}, size_t{6}}) {
+        if (most >= reports) continue;
+        try {
+          kdtree::build(mesh.view(), config_of(builder), watch(most));
+          ADD_FAILURE() << "went on after report " << most;
+        } catch (const Error& error) {
+          EXPECT_EQ(error.code(), ErrorCode::kCancelled);
+        }
+        EXPECT_EQ(fractions.size(), most);
+      }
+    }
 }
 
 TEST(KdTreeCheck, finds_every_kind_of_fault) {

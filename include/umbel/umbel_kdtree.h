@@ -1,0 +1,138 @@
+// Kd-trees from C. C99.
+//
+//   umbel_kdtree* tree;
+//   if (umbel_kdtree_build(&mesh, NULL, NULL, &tree) != UMBEL_OK) puts(umbel_last_error());
+//   umbel_kdtree_intersect(tree, rays, ray_count, NULL, hits);
+//   umbel_kdtree_free(tree);
+//
+// The mesh, rays, hits and options are those of hierarchies (umbel.h), and so are the hits, bit by
+// bit. A umbel_kdtree holds all that it needs; the mesh may go. Any number of threads may ask one
+// at the same time; only umbel_kdtree_set_traversal and umbel_kdtree_free need it for themselves.
+#ifndef UMBEL_UMBEL_KDTREE_H
+#define UMBEL_UMBEL_KDTREE_H
+
+#include "umbel/umbel.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum umbel_kdtree_builder {
+  UMBEL_KDTREE_EXACT = 0,  ///< every plane that could be best is considered
+  UMBEL_KDTREE_BINNED = 1  ///< planes between bins, until few triangles are left
+} umbel_kdtree_builder;
+
+/// How rays find their way. All give the same hits.
+typedef enum umbel_kdtree_traversal {
+  UMBEL_KDTREE_STACK = 0,
+  UMBEL_KDTREE_ROPES = 1,
+  UMBEL_KDTREE_SHORT_STACK = 2
+} umbel_kdtree_traversal;
+
+/// How to build and trace. Ranges in brackets.
+typedef struct umbel_kdtree_config {
+  uint32_t struct_size;
+  uint32_t builder;         ///< umbel_kdtree_builder
+  float traversal_cost;     ///< [> 0] of visiting an inner node, in any unit
+  float intersection_cost;  ///< [> 0] of testing a triangle
+  float empty_bonus;        ///< [0, 0.9] cutting off empty space is that much cheaper
+  uint32_t max_depth;       ///< [1, 64]; 0: 8 + 1.3 log2(triangles)
+  uint32_t bad_refines;     ///< [0, 64] splits on one path that may cost more than a leaf
+  float max_references;     ///< [1, 64] most references a triangle, which bounds memory
+  uint32_t bins;            ///< [4, 256] binned: bins an axis
+  uint32_t drop_invalid;    ///< nonzero: leave out triangles with a NaN or infinite vertex
+  uint32_t traversal;       ///< umbel_kdtree_traversal
+  uint32_t compact;         ///< nonzero: triangles share vertices; less memory, slower rays
+  uint32_t simd;            ///< umbel_simd: what queries use; results are the same for all
+} umbel_kdtree_config;
+
+typedef struct umbel_kdtree_statistics {
+  uint32_t struct_size;
+  uint32_t nodes;  ///< inner nodes and leaves
+  uint32_t leaves;
+  uint32_t empty_leaves;
+  uint32_t max_depth;
+  uint32_t triangle_count;  ///< of the mesh, dropped ones included
+  uint64_t references;      ///< of all leaves, also where they share a list
+  double sah_cost;
+  double inner_visits;  ///< inner nodes that a random line through the bounds is expected to visit
+  double leaf_visits;   ///< leaves that it visits
+  double tests;         ///< references in those leaves
+  uint64_t bytes;       ///< everything that a query may touch
+  umbel_aabb bounds;    ///< min > max where there are no triangles
+} umbel_kdtree_statistics;
+
+typedef struct umbel_kdtree umbel_kdtree;
+
+/// As umbel_cluster_config_init_sized.
+UMBEL_C_API void umbel_kdtree_config_init_sized(umbel_kdtree_config* config, size_t size);
+
+static inline void umbel_kdtree_config_init(umbel_kdtree_config* config) {
+  umbel_kdtree_config_init_sized(config, sizeof *config);
+}
+
+static inline void umbel_kdtree_statistics_init(umbel_kdtree_statistics* statistics) {
+  memset(statistics, 0, sizeof *statistics);
+  statistics->struct_size = (uint32_t)sizeof *statistics;
+}
+
+/// As umbel_bvh_build. `config` (the defaults) and `options` may be NULL. `*tree` is NULL on
+/// failure, else to be freed.
+UMBEL_C_API umbel_result umbel_kdtree_build(const umbel_bvh_mesh* mesh,
+                                            const umbel_kdtree_config* config,
+                                            const umbel_build_options* options,
+                                            umbel_kdtree** tree);
+
+/// NULL is legal.
+UMBEL_C_API void umbel_kdtree_free(umbel_kdtree* tree);
+
+/// A umbel_kdtree_traversal. Ropes are made when they are first asked for.
+UMBEL_C_API umbel_result umbel_kdtree_set_traversal(umbel_kdtree* tree, uint32_t traversal);
+
+/// Writes a `.umkd` file beside `path`, then renames. Ropes are not kept.
+UMBEL_C_API umbel_result umbel_kdtree_save(const umbel_kdtree* tree, const char* path);
+/// Refuses what is not whole. `*tree` is NULL on failure, else to be freed.
+UMBEL_C_API umbel_result umbel_kdtree_load(const char* path, uint32_t traversal,
+                                           umbel_kdtree** tree);
+
+UMBEL_C_API umbel_result umbel_kdtree_get_statistics(const umbel_kdtree* tree,
+                                                     umbel_kdtree_statistics* statistics);
+
+// Queries: each as that of umbel_bvh in umbel.h.
+
+UMBEL_C_API umbel_result umbel_kdtree_intersect(const umbel_kdtree* tree, const umbel_ray* rays,
+                                                size_t count, const umbel_ray_options* options,
+                                                umbel_hit* hits);
+UMBEL_C_API umbel_result umbel_kdtree_occluded(const umbel_kdtree* tree, const umbel_ray* rays,
+                                               size_t count, const umbel_ray_options* options,
+                                               uint8_t* results);
+UMBEL_C_API umbel_result umbel_kdtree_all_hits(const umbel_kdtree* tree, const umbel_ray* rays,
+                                               size_t count, const umbel_ray_options* options,
+                                               size_t hits_per_ray, umbel_hit* hits,
+                                               uint32_t* hit_counts);
+UMBEL_C_API umbel_result umbel_kdtree_closest_point(const umbel_kdtree* tree,
+                                                    const umbel_vec3* points, size_t count,
+                                                    float max_distance, uint32_t threads,
+                                                    umbel_closest_point* results);
+UMBEL_C_API umbel_result umbel_kdtree_contains(const umbel_kdtree* tree, const umbel_vec3* points,
+                                               size_t count, uint32_t threads, uint8_t* results);
+UMBEL_C_API umbel_result umbel_kdtree_signed_distance(const umbel_kdtree* tree,
+                                                      const umbel_vec3* points, size_t count,
+                                                      uint32_t threads, float* results);
+UMBEL_C_API umbel_result umbel_kdtree_overlaps_box(const umbel_kdtree* tree, const umbel_aabb* box,
+                                                   uint32_t* triangles, size_t capacity,
+                                                   size_t* count);
+UMBEL_C_API umbel_result umbel_kdtree_overlaps_sphere(const umbel_kdtree* tree,
+                                                      const umbel_sphere* sphere,
+                                                      uint32_t* triangles, size_t capacity,
+                                                      size_t* count);
+UMBEL_C_API umbel_result umbel_kdtree_overlaps_frustum(const umbel_kdtree* tree,
+                                                       const umbel_plane* planes,
+                                                       uint32_t* triangles, size_t capacity,
+                                                       size_t* count);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

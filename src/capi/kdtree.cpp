@@ -1,0 +1,131 @@
+// Kd-trees from C: how they are made, kept and freed.
+#include <algorithm>
+#include <cstring>
+
+#include "capi/bvh_input.hpp"
+#include "capi/cluster_input.hpp"
+#include "capi/guard.hpp"
+#include "capi/kdtree_input.hpp"
+#include "capi/structs.hpp"
+
+namespace umbel::capi {
+namespace {
+
+using kdtree::KdTree;
+using kdtree::KdTreeConfig;
+using kdtree::Traversal;
+
+static_assert(uint32_t{UMBEL_KDTREE_BINNED} == uint32_t(kdtree::Builder::kBinned));
+static_assert(uint32_t{UMBEL_KDTREE_SHORT_STACK} == uint32_t(Traversal::kShortStack));
+
+umbel_kdtree_config config_as_c(const KdTreeConfig& config) {
+  umbel_kdtree_config result{};
+  result.struct_size = sizeof result;
+  result.builder = static_cast<uint32_t>(config.tree.builder);
+  result.traversal_cost = config.tree.cost.traversal;
+  result.intersection_cost = config.tree.cost.intersection;
+  result.empty_bonus = config.tree.empty_bonus;
+  result.max_depth = config.tree.max_depth;
+  result.bad_refines = config.tree.bad_refines;
+  result.max_references = config.tree.max_references;
+  result.bins = config.tree.bins;
+  result.drop_invalid = config.tree.invalid == bvh::InvalidTriangles::kDrop;
+  result.traversal = static_cast<uint32_t>(config.traversal);
+  result.compact = config.compact;
+  result.simd = static_cast<uint32_t>(config.simd);
+  return result;
+}
+
+KdTreeConfig kdtree_config(const umbel_kdtree_config* config) {
+  if (!config) return {};
+  const umbel_kdtree_config given = read_struct(config, "config");
+  KdTreeConfig result;
+  result.tree.builder = static_cast<kdtree::Builder>(given.builder);
+  result.tree.cost = {given.traversal_cost, given.intersection_cost};
+  result.tree.empty_bonus = given.empty_bonus;
+  result.tree.max_depth = given.max_depth;
+  result.tree.bad_refines = given.bad_refines;
+  result.tree.max_references = given.max_references;
+  result.tree.bins = given.bins;
+  result.tree.invalid =
+      given.drop_invalid ? bvh::InvalidTriangles::kDrop : bvh::InvalidTriangles::kRefuse;
+  result.traversal = static_cast<Traversal>(given.traversal);
+  result.compact = given.compact != 0;
+  result.simd = simd_of(given.simd);
+  return result;
+}
+
+/// Runs make() and hands the caller what it made; NULL if it throws.
+template <typename Make>
+umbel_result hand_out(umbel_kdtree** tree, const Make& make) {
+  if (tree) *tree = nullptr;
+  return guard([&] {
+    umbel_kdtree*& result = required(tree, "tree");
+    result = new umbel_kdtree{make()};
+  });
+}
+
+umbel_kdtree_statistics statistics_of(const KdTree& tree) {
+  const kdtree::Statistics found = tree.statistics();
+  umbel_kdtree_statistics result{};
+  result.nodes = found.nodes;
+  result.leaves = found.leaves;
+  result.empty_leaves = found.empty_leaves;
+  result.max_depth = found.max_depth;
+  result.triangle_count = tree.triangle_count();
+  result.references = found.references;
+  result.sah_cost = found.sah_cost;
+  result.inner_visits = found.inner_visits;
+  result.leaf_visits = found.leaf_visits;
+  result.tests = found.tests;
+  result.bytes = found.bytes;
+  const Aabb bounds = tree.bounds();
+  std::memcpy(&result.bounds, &bounds, sizeof bounds);
+  return result;
+}
+
+}  // namespace
+}  // namespace umbel::capi
+
+using namespace umbel;
+
+void umbel_kdtree_config_init_sized(umbel_kdtree_config* config, size_t size) {
+  capi::init_sized(config, size, capi::config_as_c(kdtree::KdTreeConfig{}));
+}
+
+umbel_result umbel_kdtree_build(const umbel_bvh_mesh* mesh, const umbel_kdtree_config* config,
+                                const umbel_build_options* options, umbel_kdtree** tree) {
+  return capi::hand_out(tree, [&] {
+    const capi::BvhMesh given = capi::bvh_mesh(mesh);
+    return kdtree::KdTree::build(given.view, capi::kdtree_config(config), given.masks,
+                                 capi::build_options(options));
+  });
+}
+
+void umbel_kdtree_free(umbel_kdtree* tree) { delete tree; }
+
+umbel_result umbel_kdtree_set_traversal(umbel_kdtree* tree, uint32_t traversal) {
+  return capi::guard([&] {
+    capi::required(tree, "tree").tree.set_traversal(static_cast<kdtree::Traversal>(traversal));
+  });
+}
+
+umbel_result umbel_kdtree_save(const umbel_kdtree* tree, const char* path) {
+  return capi::guard(
+      [&] { capi::required(tree, "tree").tree.save(&capi::required(path, "path")); });
+}
+
+umbel_result umbel_kdtree_load(const char* path, uint32_t traversal, umbel_kdtree** tree) {
+  return capi::hand_out(tree, [&] {
+    return kdtree::KdTree::load(&capi::required(path, "path"),
+                                static_cast<kdtree::Traversal>(traversal));
+  });
+}
+
+umbel_result umbel_kdtree_get_statistics(const umbel_kdtree* tree,
+                                         umbel_kdtree_statistics* statistics) {
+  return capi::guard([&] {
+    capi::write_struct(capi::statistics_of(capi::required(tree, "tree").tree), statistics,
+                       "statistics");
+  });
+}
