@@ -105,7 +105,8 @@ class Grower {
       return;
     }
     const auto [first, second] = shares(left, set.size(), is_bad, below.size(), above.size());
-    const uint64_t share_below = share * below.size() / (uint64_t{below.size()} + above.size());
+    const uint64_t total = std::max(uint64_t{below.size()} + above.size(), uint64_t{1});
+    const uint64_t share_below = share * below.size() / total;
     set = Set();
     branch.split = split;
     branch.below = std::make_unique<Branch>();
