@@ -19,6 +19,8 @@ export default defineConfig({
   use: {
     viewport: { width: 720, height: 360 },
     colorScheme: "light",
+    // A camera that glides is many frames, which software draws slowly.
+    contextOptions: { reducedMotion: "reduce" },
     launchOptions: {
       executablePath: CHROMIUM,
       args: [

@@ -4,8 +4,9 @@
 //     npm run measure -- dragon.umbel
 //
 // It prints one JSON object: milliseconds from the start of the page's loading until the first
-// triangles are drawn (the median of seven loads), bytes that came over the line until then, and
-// until what is drawn is within one pixel, beside those of the pages that hold it; milliseconds of
+// triangles are drawn, and until what is drawn is within one pixel (medians of seven loads), bytes
+// that came over the line until the first picture, of the asset and of the page, and until what is
+// drawn is within one pixel, beside those of the pages that hold it; milliseconds of
 // the page's thread for a new cut; and the heap before and after a thousand cuts.
 
 import { spawn } from "node:child_process";
@@ -45,36 +46,33 @@ function median(numbers) {
 async function load() {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
   const page = await context.newPage();
-  await page.addInitScript(() => {
-    const look = () => {
-      const mesh = globalThis.umbelViewer?.stage.meshes[0];
-      if (mesh?.drawn.triangles > 0) {
-        const { fetchedBytes } = mesh.statistics;
-        const page = performance
-          .getEntriesByType("resource")
-          .reduce(
-            (sum, { transferSize, name }) => sum + (/umbel$/.test(name) ? 0 : transferSize),
-            0,
-          );
-        globalThis.firstPicture = { time: performance.now(), fetchedBytes, pageBytes: page };
-      } else requestAnimationFrame(look);
-    };
-    requestAnimationFrame(look);
-  });
   await page.goto(url);
   await page.waitForFunction(() => {
     const statistics = globalThis.umbelViewer?.stage.meshes[0]?.statistics;
-    return globalThis.firstPicture && statistics?.isSettled && statistics.triangles > 0;
+    return statistics?.isSettled && statistics.triangles > 0;
   });
-  return { page, context, first: await page.evaluate(() => globalThis.firstPicture) };
+  const first = await page.evaluate(() => {
+    const [{ startTime, detail }] = performance.getEntriesByName("umbel-first-picture");
+    const pageBytes = [
+      ...performance.getEntriesByType("navigation"),
+      ...performance.getEntriesByType("resource"),
+    ]
+      .filter(({ responseEnd, name }) => responseEnd <= startTime && !/\.umbel$/.test(name))
+      .reduce((sum, { transferSize }) => sum + transferSize, 0);
+    return { time: startTime, fetchedBytes: detail.fetchedBytes, pageBytes };
+  });
+  const settled = await page.evaluate(() => performance.now());
+  return { page, context, first, settled };
 }
 
 const times = [];
+const settledTimes = [];
 let last;
 for (let i = 0; i < LOADS; ++i) {
   await last?.context.close();
   last = await load();
   times.push(last.first.time);
+  settledTimes.push(last.settled);
 }
 const { page, first } = last;
 const settled = await page.evaluate(() => globalThis.umbelViewer.stage.meshes[0].statistics);
@@ -116,8 +114,10 @@ process.stdout.write(
   `${JSON.stringify({
     first_picture_ms: Math.round(median(times)),
     first_picture_ms_all: times.map(Math.round),
+    settled_ms: Math.round(median(settledTimes)),
     first_picture_asset_bytes: first.fetchedBytes,
     first_picture_page_bytes: first.pageBytes,
+    first_picture_bytes: first.fetchedBytes + first.pageBytes,
     fetched_bytes: settled.fetchedBytes,
     ideal_bytes: settled.wantedFileBytes,
     ratio: settled.fetchedBytes / settled.wantedFileBytes,

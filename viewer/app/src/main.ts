@@ -1,8 +1,13 @@
-// The page: starts the viewer, or says why it cannot.
+// The page: the first picture as soon as may be, then the viewer; or why it cannot be shown.
 
 import { AssetStream } from "umbel";
 import { h } from "./dom";
-import { defaultState, readLink } from "./state";
+import { Sketch } from "./sketch";
+import { type CameraPose, defaultState, nameOf, readLink, type State } from "./state";
+import { applyTheme } from "./theme";
+
+/** The viewer comes after the first picture, or after so many milliseconds without one. */
+const PATIENCE = 3000;
 
 function say(root: HTMLElement, title: string, message: string): void {
   root.append(
@@ -10,20 +15,43 @@ function say(root: HTMLElement, title: string, message: string): void {
   );
 }
 
+/** A picture without three.js, where one picture of one asset is wanted. */
+async function sketch(
+  root: HTMLElement,
+  stream: Promise<AssetStream>,
+  pose: CameraPose | undefined,
+  state: State,
+): Promise<Sketch | undefined> {
+  try {
+    const sketch = new Sketch(root, await stream, pose, state.pixelError);
+    await Promise.race([sketch.isSeen, new Promise((late) => setTimeout(late, PATIENCE))]);
+    return sketch;
+  } catch {
+    return undefined; // the viewer says what was wrong
+  }
+}
+
 async function main(): Promise<void> {
   const root = document.getElementById("app") as HTMLElement;
+  applyTheme();
   const state = defaultState();
   const pose = readLink(location.hash, state);
-  // The asset is on its way while the rest of the program is.
-  const asset = new URLSearchParams(location.search).get("asset") ?? document.body.dataset.asset;
-  const early = asset && AssetStream.open(asset, { budget: state.budget });
-  if (early) early.catch(() => {}); // the viewer says what was wrong
+  if (matchMedia("(max-width: 700px)").matches) root.classList.add("plain");
+  const search = new URLSearchParams(location.search);
+  const asset = search.get("asset") ?? document.body.dataset.asset;
+  const title = h("div", { className: "title" });
+  if (asset) title.append(h("h1", {}, nameOf(asset)), h("p", {}, "Opening …"));
+  root.append(title);
+  const early = asset ? AssetStream.open(asset, { budget: state.budget }) : undefined;
+  const isSingle = state.layout === "single" && !search.has("compare");
+  const first = early && isSingle ? await sketch(root, early, pose, state) : undefined;
   try {
     const { Viewer } = await import("./viewer");
+    title.remove();
     const viewer = new Viewer(root, state);
     // For tests, and for whoever embeds the page.
     Object.assign(globalThis, { umbelViewer: viewer });
-    viewer.start(asset, { pose, early: early || undefined });
+    viewer.start(asset, { pose, early, sketch: first });
   } catch (error) {
     const hasWebGL2 = document.createElement("canvas").getContext("webgl2") !== null;
     root.replaceChildren();

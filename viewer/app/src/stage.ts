@@ -16,21 +16,21 @@ import {
   PerspectiveCamera,
   Raycaster,
   Scene,
-  type Sphere,
   TOUCH,
   Vector2,
   Vector3,
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import { type ClusterInfo, sphereOf, type UmbelIntersection, type UmbelMesh } from "umbel/three";
+import type { ClusterInfo, UmbelIntersection, UmbelMesh } from "umbel/three";
+import { ballOf, depthsOf, FIELD_OF_VIEW, homePose } from "./camera";
+import { FILL, KEY, type Lamp, MOST_METAL, SKY } from "./light";
 import { tintOf } from "./looks";
-import type { CameraPose, State } from "./state";
+import { type CameraPose, MAX_PIXEL_RATIO, type State } from "./state";
 
-const FIELD_OF_VIEW = 40;
-const MAX_PIXEL_RATIO = 2;
 const BOX_OPACITY = 0.05;
-const MOST_METAL = 0.4;
+/** Whether the camera glides on for a moment when a hand lets go. */
+const GLIDES = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export interface FrameCounts {
   triangles: number;
@@ -58,9 +58,9 @@ export class Stage {
 
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly key = new DirectionalLight(0xfff4e6, 2.1);
-  private readonly fill = new DirectionalLight(0xcfe2ff, 0.55);
-  private readonly sky = new HemisphereLight(0xf0f4ff, 0x5a5148, 1.15);
+  private readonly key = new DirectionalLight(KEY.color, KEY.intensity);
+  private readonly fill = new DirectionalLight(FILL.color, FILL.intensity);
+  private readonly sky = new HemisphereLight(SKY.color, SKY.ground, SKY.intensity);
   private readonly lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
   private boxes: InstancedMesh | undefined;
   private home: Vector3 | undefined;
@@ -85,7 +85,7 @@ export class Stage {
     host.append(this.canvas);
     this.scene.add(this.sky, this.key, this.key.target, this.fill, this.fill.target);
     this.controls = new OrbitControls(this.camera, this.canvas);
-    this.controls.enableDamping = true;
+    this.controls.enableDamping = GLIDES;
     this.controls.dampingFactor = 0.18;
     this.controls.zoomToCursor = true;
     this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
@@ -122,9 +122,7 @@ export class Stage {
   /** Brings what is set to the meshes. */
   apply(): void {
     const { look, wireframe, pixelError, frozen } = this.state;
-    const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-    const theme = document.documentElement.dataset.theme;
-    const isDark = theme ? theme === "dark" : dark;
+    const isDark = document.documentElement.dataset.theme === "dark";
     this.lineMaterial.color = new Color(isDark ? 0x0b0d10 : 0x1c2127);
     for (const mesh of this.meshes) {
       if (!mesh) continue;
@@ -147,7 +145,6 @@ export class Stage {
     material.polygonOffset = wireframe;
     material.polygonOffsetFactor = 1;
     material.polygonOffsetUnits = 1;
-    // Metals mirror what is around them, and here is nothing: with lamps alone they would be black.
     const standard = material as MeshStandardMaterial;
     if (standard.metalness > MOST_METAL) standard.metalness = MOST_METAL;
   }
@@ -156,17 +153,9 @@ export class Stage {
   frameAll(): void {
     const mesh = this.meshes[0];
     if (!mesh) return;
-    const { center, radius } = sphereOf(mesh);
-    const size = radius > 0 ? radius : 1;
     const [width, height] = this.renderer.getSize(new Vector2()).toArray();
     const parts = this.state.layout === "side" ? 2 : 1;
-    const half = Math.min(width / parts / height, 1) * Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
-    const distance = (0.82 * size) / Math.sin(Math.atan(half));
-    const direction = new Vector3(0.45, 0.22, 1).normalize();
-    this.setPose({
-      position: center.clone().addScaledVector(direction, distance).toArray(),
-      target: center.toArray(),
-    });
+    this.setPose(homePose(mesh.info, width / parts / height));
     this.home = this.camera.position.clone();
   }
 
@@ -188,7 +177,7 @@ export class Stage {
     // Without damping an update also ends what still turns.
     this.controls.enableDamping = false;
     this.controls.update();
-    this.controls.enableDamping = true;
+    this.controls.enableDamping = GLIDES;
     this.ask();
   }
 
@@ -275,27 +264,28 @@ export class Stage {
   }
 
   private setDepths(mesh: UmbelMesh): void {
-    const { center, radius } = sphereOf(mesh).applyMatrix4(mesh.matrixWorld) as Sphere;
-    const distance = this.camera.position.distanceTo(center);
-    const size = Math.max(radius, 1e-20);
-    this.camera.far = distance + 1.1 * size;
-    this.camera.near = Math.max(distance - 1.1 * size, this.camera.far * 2e-4);
+    const { center, radius } = ballOf(mesh.info);
+    const distance = this.camera.position.distanceTo(new Vector3(...center));
+    Object.assign(this.camera, depthsOf(distance, radius));
     this.camera.updateProjectionMatrix();
-    this.controls.minDistance = size * 1e-3;
-    this.controls.maxDistance = size * 50;
+    this.controls.minDistance = radius * 1e-3;
+    this.controls.maxDistance = radius * 50;
   }
 
-  /** The key light comes from above the viewer's left shoulder, wherever they stand. */
+  /** Lamps go with the viewer. */
   private placeLight(): void {
     const { camera, controls } = this;
     const at = controls.target;
-    const place = (light: DirectionalLight, x: number, y: number, z: number) => {
+    const place = (light: DirectionalLight, { from }: Lamp) => {
       light.target.position.copy(at);
-      light.position.set(x, y, z).applyQuaternion(camera.quaternion).add(at);
+      light.position
+        .set(...from)
+        .applyQuaternion(camera.quaternion)
+        .add(at);
       light.target.updateMatrixWorld();
     };
-    place(this.key, -0.6, 0.9, 0.8);
-    place(this.fill, 0.9, 0.1, 0.15);
+    place(this.key, KEY);
+    place(this.fill, FILL);
   }
 
   private updateBoxes(mesh: UmbelMesh): void {

@@ -19,6 +19,15 @@ export interface State {
   wipe: number;
 }
 
+/** Where an asset is: an address, or a file of this device. */
+export type Source = string | File;
+
+export function nameOf(source: Source): string {
+  if (typeof source !== "string") return source.name;
+  const path = new URL(source, document.baseURI).pathname;
+  return decodeURIComponent(path.slice(path.lastIndexOf("/") + 1)) || source;
+}
+
 export interface CameraPose {
   position: [number, number, number];
   target: [number, number, number];
@@ -79,6 +88,8 @@ export function readLink(hash: string, state: State): CameraPose | undefined {
   return position && target ? { position, target } : undefined;
 }
 
+/** Pixels of the canvas for each of the page, however fine the screen. */
+export const MAX_PIXEL_RATIO = 2;
 /** The range of the pixel error. */
 export const PIXELS = { low: 0.25, high: 64 };
 /** The range of the budget, in bytes. */

@@ -8,25 +8,29 @@ import { helpDialog, Notice, Problem } from "./notes";
 import { Panel } from "./panel";
 import { CameraPath } from "./path";
 import { pickedCard } from "./picked";
+import type { Sketch } from "./sketch";
 import { type FrameCounts, Stage } from "./stage";
-import { type CameraPose, type Layout, PIXELS, type State, writeLink } from "./state";
-
-type Source = string | File;
+import {
+  type CameraPose,
+  type Layout,
+  nameOf,
+  PIXELS,
+  type Source,
+  type State,
+  writeLink,
+} from "./state";
+import { toggleTheme } from "./theme";
 
 interface Opening {
   pose?: CameraPose | undefined;
   early?: Promise<AssetStream> | undefined;
+  /** What is seen until this draws. */
+  sketch?: Sketch | undefined;
 }
 
 const COUNTER_INTERVAL = 200;
 /** A click that moves farther than this, in pixels, is a drag. */
 const CLICK = 5;
-
-function nameOf(source: Source): string {
-  if (typeof source !== "string") return source.name;
-  const path = new URL(source, document.baseURI).pathname;
-  return decodeURIComponent(path.slice(path.lastIndexOf("/") + 1)) || source;
-}
 
 export class Viewer {
   readonly stage: Stage;
@@ -47,6 +51,7 @@ export class Viewer {
   private readonly chooser = h("input", { type: "file", accept: ".umbel,.json", hidden: true });
   private readonly sheetButton: HTMLButtonElement;
   private card: HTMLElement | undefined;
+  private sketch: Sketch | undefined;
   private source: Source | undefined;
   private other: Source | undefined;
   private choosesOther = false;
@@ -59,7 +64,6 @@ export class Viewer {
     private readonly root: HTMLElement,
     readonly state: State,
   ) {
-    this.applyTheme(localStorage.getItem("umbel-theme") ?? "");
     const host = h("div", { className: "stage" });
     this.panel = new Panel(this.state, {
       change: () => this.apply(),
@@ -95,7 +99,7 @@ export class Viewer {
       this.chooser,
       this.help,
     );
-    if (matchMedia("(max-width: 700px)").matches) this.togglePanel();
+    this.sheetButton.setAttribute("aria-expanded", String(!root.classList.contains("plain")));
     this.stage = new Stage(host, this.state);
     host.append(this.names, this.divider);
     this.stage.onFrame = (counts) => this.onFrame(counts);
@@ -120,8 +124,9 @@ export class Viewer {
     void this.open(asset, opening);
   }
 
-  async open(source: Source, { pose, early }: Opening = {}): Promise<void> {
+  async open(source: Source, { pose, early, sketch }: Opening = {}): Promise<void> {
     const turn = ++this.opened;
+    this.sketch = sketch;
     this.problem.hide();
     this.letGo();
     this.title.replaceChildren(h("h1", { textContent: nameOf(source) }), h("p", {}, "Opening …"));
@@ -156,6 +161,7 @@ export class Viewer {
   }
 
   private fail(error: unknown, source: Source): void {
+    this.dropSketch();
     const kind = error instanceof UmbelError ? error.kind : "unsupported";
     const titles: Record<string, string> = {
       network: "No connection",
@@ -333,7 +339,13 @@ export class Viewer {
     return this.path.isReplaying;
   }
 
+  private dropSketch(): void {
+    this.sketch?.dispose();
+    this.sketch = undefined;
+  }
+
   private onFrame(counts: FrameCounts): void {
+    if (counts.triangles > 0) this.dropSketch();
     if (this.state.frameRate > 0) this.holdFrameRate(counts.interval);
     const [mesh] = this.stage.meshes;
     const statistics = mesh?.statistics;
@@ -399,16 +411,8 @@ export class Viewer {
   }
 
   private toggleTheme(): void {
-    const isLight = document.documentElement.dataset.theme === "light";
-    this.applyTheme(isLight ? "dark" : "light");
-    localStorage.setItem("umbel-theme", isLight ? "dark" : "light");
+    toggleTheme();
     this.stage.apply();
-  }
-
-  private applyTheme(chosen: string): void {
-    const preferred = matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
-    document.documentElement.dataset.theme =
-      chosen === "light" || chosen === "dark" ? chosen : preferred;
   }
 
   private listen(host: HTMLElement): void {

@@ -17,6 +17,8 @@ export class Host {
   hasRanges = true;
   /** Whether requests for assets are answered at all. */
   isDown = false;
+  /** Whether assets are said not to be there. */
+  isMissing = false;
   /** Bytes of assets that were sent. */
   sent = 0;
   /** Changes an asset's bytes. */
@@ -67,6 +69,10 @@ export class Host {
     }
     if (this.isDown) {
       request.socket.destroy();
+      return;
+    }
+    if (this.isMissing) {
+      response.writeHead(404).end();
       return;
     }
     this.sendAsset(readFileSync(file), request.headers.range, response);

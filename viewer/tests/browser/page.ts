@@ -2,7 +2,7 @@
 
 import { join } from "node:path";
 import { test as base, type Page } from "@playwright/test";
-import type { StreamStatistics } from "../../packages/umbel/src/index.js";
+import type { AssetInfo, StreamStatistics } from "../../packages/umbel/src/index.js";
 import { ASSETS, ROOT } from "../assets.js";
 import { Host } from "./host.js";
 
@@ -10,18 +10,20 @@ export { expect } from "@playwright/test";
 
 /** The part of the page's viewer that tests ask. */
 interface PageViewer {
-  state: { pixelError: number; look: string };
+  state: { pixelError: number; look: string; wipe: number };
   stage: {
     meshes: {
       statistics?: StreamStatistics;
       drawn: { triangles: number; clusters: number; calls: number };
       pixelError: number;
       pages: Uint8Array;
+      info: AssetInfo;
     }[];
     pose: Pose;
     height: number;
     camera: { getEffectiveFOV(): number };
     setPose(pose: Pose): void;
+    fly(right: number, up: number, forward: number): void;
   };
 }
 
@@ -123,4 +125,27 @@ export async function lookAt(page: Page): Promise<Look> {
     }
     return { covered: (4 * covered) / pixels.length, colors: hues.size };
   }, png);
+}
+
+/** The share of two pictures' pixels that differ by more than a shade. */
+export function differentPixels(page: Page, a: Buffer, b: Buffer): Promise<number> {
+  return page.evaluate(
+    async (pictures) => {
+      const [first, second] = await Promise.all(
+        pictures.map(async (data) => {
+          const answer = await fetch(`data:image/png;base64,${data}`);
+          const image = await createImageBitmap(await answer.blob());
+          const canvas = new OffscreenCanvas(image.width, image.height);
+          const context = canvas.getContext("2d") as OffscreenCanvasRenderingContext2D;
+          context.drawImage(image, 0, 0);
+          return context.getImageData(0, 0, image.width, image.height).data;
+        }),
+      );
+      let different = 0;
+      for (let i = 0; i < first.length; i += 4)
+        if (Math.abs(first[i + 1] - second[i + 1]) > 24) ++different;
+      return (4 * different) / first.length;
+    },
+    [a.toString("base64"), b.toString("base64")],
+  );
 }

@@ -51,7 +51,7 @@ test("turning and coming closer change the cut", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   const before = await settled(page);
   await page.mouse.move(210, 180);
-  await page.mouse.wheel(0, -500);
+  await page.mouse.wheel(0, -1500);
   await page.waitForFunction(
     (triangles) =>
       (globalThis.umbelViewer?.stage.meshes[0].statistics?.triangles ?? 0) > 1.1 * triangles,

@@ -1,6 +1,7 @@
 // Reads, decodes, selects and streams .umbel assets.
 
 export type { Attribute, AttributeName, Values } from "./attributes.js";
+export { type Bounds, boundsOf } from "./bounds.js";
 export { Catalog } from "./catalog.js";
 export { UmbelError, type UmbelErrorKind } from "./errors.js";
 export { type Head, NONE, readHead, readHeader } from "./head.js";

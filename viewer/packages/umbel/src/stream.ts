@@ -2,13 +2,14 @@
 
 import { UmbelError } from "./errors.js";
 import type { MeshView } from "./residency.js";
-import type { AssetInfo, StreamListener, StreamOptions } from "./streamer.js";
+import type { AssetInfo, StreamListener, StreamOptions, StreamUpdate } from "./streamer.js";
 import type { FromWorker, ToWorker } from "./worker/messages.js";
 
 export class AssetStream {
-  /** Told what arrives, once views are set. */
-  listener: StreamListener | undefined;
-
+  /** Told of what arrives while there is no listener yet. */
+  preview: ((update: StreamUpdate) => void) | undefined;
+  private listening: StreamListener | undefined;
+  private readonly waiting: StreamUpdate[] = [];
   private readonly files = new Map<number, (bytes: Uint8Array | undefined) => void>();
 
   private constructor(
@@ -38,12 +39,26 @@ export class AssetStream {
           stream = new AssetStream(worker, data.info, address);
           resolve(stream);
         } else if (data.type === "failed") fail(new UmbelError(data.kind, data.message));
-        else if (data.type === "update") stream?.listener?.update(data.update);
+        else if (data.type === "update") stream?.receive(data.update);
         else if (data.type === "file") stream?.files.get(data.index)?.(data.bytes);
-        else stream?.listener?.connection(data.isLost);
+        else stream?.listening?.connection(data.isLost);
       };
       send(worker, { type: "open", source: address ?? (source as Blob), options });
     });
+  }
+
+  /** Who is told what arrives, once views are set, and what has arrived before. */
+  set listener(listener: StreamListener) {
+    this.listening = listener;
+    for (const update of this.waiting.splice(0)) listener.update(update);
+  }
+
+  private receive(update: StreamUpdate): void {
+    if (this.listening) this.listening.update(update);
+    else {
+      this.waiting.push(update);
+      this.preview?.(update);
+    }
   }
 
   setViews(views: MeshView[]): void {

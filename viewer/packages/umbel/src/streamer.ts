@@ -11,7 +11,7 @@ import { type MeshView, Residency } from "./residency.js";
 import type { ByteSource } from "./source.js";
 
 /** What is asked for first: for most assets the whole head, and the coarsest picture. */
-const FIRST_BYTES = 1 << 15;
+const FIRST_BYTES = 3 << 15;
 /** Asked for with the rest of a larger head, so that there is a picture at once. */
 const FIRST_PAGES = 1 << 14;
 const MAX_REQUESTS = 6;
@@ -129,10 +129,7 @@ export class Streamer {
         bytes.length,
         Math.min(header.headBytes + FIRST_PAGES, header.fileBytes) - bytes.length,
       );
-      const all = new Uint8Array(bytes.length + rest.length);
-      all.set(bytes);
-      all.set(rest, bytes.length);
-      bytes = all;
+      bytes = joined(bytes, rest);
     }
     return new Streamer(source, readHead(bytes), bytes, options.budget, listener);
   }
@@ -221,10 +218,7 @@ export class Streamer {
     const length = offset[last] + size[last] - begin;
     ++this.requests;
     try {
-      const bytes =
-        begin + length <= this.prefix.length
-          ? this.prefix.subarray(begin, begin + length)
-          : await this.source.read(begin, length);
+      const bytes = await this.read(begin, length);
       if (this.isClosed) return;
       for (const page of run)
         this.take(page, bytes.subarray(offset[page] - begin, offset[page] - begin + size[page]));
@@ -238,6 +232,14 @@ export class Streamer {
       --this.requests;
     }
     this.schedule(true);
+  }
+
+  /** Bytes of the file; what came with the head is not asked for again. */
+  private async read(begin: number, length: number): Promise<Uint8Array> {
+    const known = this.prefix.subarray(begin, begin + length);
+    if (known.length === length) return known;
+    const rest = await this.source.read(begin + known.length, length - known.length);
+    return known.length === 0 ? rest : joined(known, rest);
   }
 
   private take(page: number, bytes: Uint8Array): void {
@@ -311,6 +313,13 @@ export class Streamer {
       cutOf(residency.catalog, residency.refined(view), (group) => residency.waits(view, group)),
     );
   }
+}
+
+function joined(first: Uint8Array, second: Uint8Array): Uint8Array {
+  const all = new Uint8Array(first.length + second.length);
+  all.set(first);
+  all.set(second, first.length);
+  return all;
 }
 
 interface Cut {

@@ -2,7 +2,6 @@
 
 export {
   type ClusterInfo,
-  sphereOf,
   type TintFunction,
   type UmbelIntersection,
   UmbelMesh,

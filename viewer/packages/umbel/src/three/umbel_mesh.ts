@@ -18,15 +18,15 @@ import {
   type PerspectiveCamera,
   type Ray,
   type Raycaster,
-  Sphere,
   Vector2,
   Vector3,
   type WebGLRenderer,
 } from "three";
+import { boundsOf } from "../bounds.js";
 import type { RenderGroup } from "../pack.js";
 import { cameraView, type View } from "../select.js";
 import { AssetStream } from "../stream.js";
-import type { AssetInfo, MeshInfo, StreamStatistics, StreamUpdate } from "../streamer.js";
+import type { AssetInfo, StreamStatistics, StreamUpdate } from "../streamer.js";
 import { Allocator } from "./allocator.js";
 import { Arena, type Layout, type Place } from "./arena.js";
 import { Batch, LineBatch } from "./batch.js";
@@ -157,13 +157,8 @@ export class UmbelMesh extends Object3D {
       batches: new Map(),
       lines: new Map(),
     }));
-    this.box = new Box3();
-    for (const { mesh, matrix } of this.instances) {
-      const { low, high } = meshes[mesh] as MeshInfo;
-      if (low[0] > high[0]) continue;
-      this.box.union(new Box3(new Vector3(...low), new Vector3(...high)).applyMatrix4(matrix));
-    }
-    if (this.box.isEmpty()) this.box.set(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
+    const { low, high } = boundsOf(stream.info);
+    this.box = new Box3(new Vector3(...low), new Vector3(...high));
     this.materials = new Materials(
       stream,
       (material) => {
@@ -564,9 +559,4 @@ function viewOf(
   );
   view.offscreen = offscreen;
   return view;
-}
-
-/** The sphere around an asset's box, for cameras to look at. */
-export function sphereOf(mesh: UmbelMesh): Sphere {
-  return mesh.box.getBoundingSphere(new Sphere());
 }

@@ -1,0 +1,67 @@
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { ASSETS } from "../assets.js";
+import { whole } from "../whole.js";
+import { canvasPicture, differentPixels, expect, lookAt, quiet, settled, test } from "./page.js";
+
+const OTHER = "blob_16bits_compact.umbel";
+const PAIR = `/?asset=planet.umbel&compare=${OTHER}#pixels=6`;
+
+test("a wipe shows two assets, each on its side of the line", async ({ page, host }) => {
+  await page.goto(host.url + PAIR);
+  await settled(page);
+  await page.waitForFunction(() => globalThis.umbelViewer?.stage.meshes[1]?.statistics?.isSettled);
+  await expect(page.locator(".names")).toContainText("planet.umbel");
+  await expect(page.locator(".names")).toContainText(OTHER);
+  const meshes = await page.evaluate(() =>
+    globalThis.umbelViewer?.stage.meshes.map(({ info }) => info.sourceTriangles),
+  );
+  const triangles = (name: string) => whole(name).head.meshes[0].sourceTriangles;
+  expect(meshes).toEqual([triangles("planet"), triangles(OTHER.replace(".umbel", ""))]);
+
+  const divider = page.locator(".divider");
+  const { x, y, width, height } = (await divider.boundingBox()) as {
+    x: number;
+    y: number;
+    width: number;
+    height: number;
+  };
+  const picture = async () => {
+    await quiet(page);
+    return canvasPicture(page);
+  };
+  await page.mouse.move(x + width / 2, y + height / 2);
+  await page.mouse.down();
+  await page.mouse.move(4, y + height / 2, { steps: 3 });
+  const other = await picture();
+  await page.mouse.move(416, y + height / 2, { steps: 3 });
+  await page.mouse.up();
+  const own = await picture();
+  expect(await page.evaluate(() => globalThis.umbelViewer?.state.wipe)).toBeGreaterThan(0.95);
+  expect(await differentPixels(page, own, other)).toBeGreaterThan(0.03);
+});
+
+test("a file dropped on the right half is compared with", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=planet.umbel#pixels=6&layout=side`);
+  await settled(page);
+  const bytes = readFileSync(join(ASSETS, OTHER)).toString("base64");
+  const transfer = await page.evaluateHandle(async (data) => {
+    const blob = await (await fetch(`data:application/octet-stream;base64,${data}`)).blob();
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([blob], "dropped.umbel"));
+    return transfer;
+  }, bytes);
+  await page.dispatchEvent("body", "drop", { dataTransfer: transfer, clientX: 600, clientY: 100 });
+  await expect(page.locator(".names")).toContainText("dropped.umbel");
+  await expect(page.locator(".title h1")).toHaveText("planet.umbel");
+});
+
+test("another asset that is not there leaves one picture and a sentence", async ({
+  page,
+  host,
+}) => {
+  await page.goto(`${host.url}/?asset=planet.umbel&compare=nothing.umbel#pixels=6`);
+  await expect(page.locator(".notice")).toContainText("There is no file at");
+  await settled(page);
+  expect((await lookAt(page)).covered).toBeGreaterThan(0.05);
+});

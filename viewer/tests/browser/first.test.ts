@@ -1,0 +1,48 @@
+import { canvasPicture, differentPixels, expect, lookAt, settled, test } from "./page.js";
+
+const PLANET = "/?asset=planet.umbel";
+/** Of page and asset together, none of it compressed. */
+const MOST_BYTES = 200_000;
+
+test("the first picture needs little, and is the viewer's", async ({ page, host }) => {
+  let release = () => {};
+  const held = new Promise<void>((resolve) => {
+    release = resolve;
+  });
+  await page.route(/\/viewer-[^/]*\.js$/, async (route) => {
+    await held;
+    await route.continue();
+  });
+  await page.goto(`${host.url}${PLANET}#pixels=6`);
+  await page.waitForFunction(() => performance.getEntriesByName("umbel-first-picture").length > 0);
+  const pageBytes = await page.evaluate(() =>
+    [...performance.getEntriesByType("navigation"), ...performance.getEntriesByType("resource")]
+      .map((entry) => (entry as PerformanceResourceTiming).transferSize)
+      .reduce((sum, bytes) => sum + bytes, 0),
+  );
+  expect(pageBytes).toBeGreaterThan(10_000);
+  expect(pageBytes + host.sent).toBeLessThan(MOST_BYTES);
+  const first = await lookAt(page);
+  expect(first.covered).toBeGreaterThan(0.1);
+  const sketch = await canvasPicture(page);
+  release();
+  await settled(page);
+  await expect(page.locator(".stage canvas")).toHaveCount(1);
+  const then = await lookAt(page);
+  expect(Math.abs(then.covered - first.covered)).toBeLessThan(0.01);
+  expect(await differentPixels(page, sketch, await canvasPicture(page))).toBeLessThan(0.05);
+});
+
+test("a link's first picture is from where the link says", async ({ page, host }) => {
+  await page.route(/\/viewer-[^/]*\.js$/, () => {});
+  const seen = [];
+  for (const eye of ["0,0,6", "0,0,3"]) {
+    await page.goto("about:blank");
+    await page.goto(`${host.url}${PLANET}#eye=${eye}&target=0,0,0&pixels=6`);
+    await page.waitForFunction(
+      () => performance.getEntriesByName("umbel-first-picture").length > 0,
+    );
+    seen.push((await lookAt(page)).covered);
+  }
+  expect(seen[1]).toBeGreaterThan(2 * seen[0]);
+});

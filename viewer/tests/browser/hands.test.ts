@@ -1,0 +1,105 @@
+import { expect, lookAt, quiet, settled, statistics, test } from "./page.js";
+
+const COARSE = "/?asset=planet.umbel#pixels=6";
+
+test("the keys are told, and do what is told", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  const { triangles } = await settled(page);
+  await page.keyboard.press("?");
+  const help = page.getByRole("dialog", { name: "Keys" });
+  await expect(help).toContainText("Page up, page down");
+  await page.keyboard.press("Escape");
+  await expect(help).toBeHidden();
+  const eye = () => page.evaluate(() => globalThis.umbelViewer?.stage.pose.position ?? []);
+  const before = await eye();
+  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("PageUp");
+  await quiet(page);
+  expect(await eye()).not.toEqual(before);
+  await page.keyboard.press("Home");
+  await quiet(page);
+  (await eye()).forEach((x, i) => {
+    expect(x).toBeCloseTo(before[i], 5);
+  });
+  await page.keyboard.press("+");
+  await page.waitForFunction(
+    (few) => (globalThis.umbelViewer?.stage.meshes[0].statistics?.triangles ?? 0) > few,
+    triangles,
+  );
+  await page.keyboard.press("h");
+  await expect(page.locator("#panel")).toBeHidden();
+});
+
+test("dark and light are a matter of taste", async ({ page, host }) => {
+  await page.goto(host.url + COARSE);
+  await settled(page);
+  const theme = () => page.evaluate(() => document.documentElement.dataset.theme);
+  expect(await theme()).toBe("light");
+  await page.keyboard.press("t");
+  expect(await theme()).toBe("dark");
+  await page.reload();
+  expect(await theme()).toBe("dark");
+});
+
+test.describe("on a screen that is touched", () => {
+  test.use({ hasTouch: true });
+
+  test("one finger turns, two come closer, a tap picks", async ({ page, host }) => {
+    await page.goto(host.url + COARSE);
+    await settled(page);
+    const client = await page.context().newCDPSession(page);
+    const touch = (type: "touchStart" | "touchMove" | "touchEnd", ...points: [number, number][]) =>
+      client.send("Input.dispatchTouchEvent", {
+        type,
+        touchPoints: points.map(([x, y], id) => ({ x, y, id })),
+      });
+    const away = () =>
+      page.evaluate(() => {
+        const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+        const { position, target } = stage.pose;
+        return Math.hypot(...position.map((x, i) => x - target[i]));
+      });
+    const pose = () => page.evaluate(() => globalThis.umbelViewer?.stage.pose.position);
+    const [before, far] = [await pose(), await away()];
+    await touch("touchStart", [210, 180]);
+    await touch("touchMove", [260, 190]);
+    await touch("touchEnd");
+    await quiet(page);
+    expect(await pose()).not.toEqual(before);
+    expect(await away()).toBeCloseTo(far, 3);
+    await touch("touchStart", [180, 180], [240, 180]);
+    await touch("touchMove", [140, 180], [280, 180]);
+    await touch("touchEnd");
+    await quiet(page);
+    expect(await away()).toBeLessThan(0.9 * far);
+    await page.touchscreen.tap(210, 180);
+    await expect(page.locator("#picked h2")).toHaveText(/^Cluster/);
+  });
+});
+
+test("held frames draw fewer triangles than slow ones", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=planet.umbel#pixels=1`);
+  const { triangles } = await settled(page);
+  // Software draws no sixty frames a second of this: the error must rise while the camera moves.
+  await page.locator("#hold").check();
+  await page.evaluate(async () => {
+    const { stage, state } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+    for (let i = 0; i < 400 && state.pixelError < 1.5; ++i) {
+      stage.fly(i % 2 ? 0.01 : -0.01, 0, 0);
+      await new Promise((next) => requestAnimationFrame(next));
+    }
+  });
+  await quiet(page);
+  expect((await statistics(page)).triangles).toBeLessThan(triangles);
+  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+});
+
+test("a missing file can be tried again once it is there", async ({ page, host }) => {
+  host.isMissing = true;
+  await page.goto(host.url + COARSE);
+  await expect(page.getByRole("alert")).toContainText("Not found");
+  host.isMissing = false;
+  await page.getByRole("button", { name: "Try again" }).click();
+  await settled(page);
+  await expect(page.getByRole("alert")).toBeHidden();
+});
