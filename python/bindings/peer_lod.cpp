@@ -1,9 +1,8 @@
 // Levels of detail by meshoptimizer's clusterlod.h, for `umbel bench lod`.
 #include <nanobind/stl/vector.h>
 
-#include <ctime>
-
 #include "bind.hpp"
+#include "processor_time.hpp"
 #include "umbel/lod.hpp"
 
 #ifdef UMBEL_HAS_CLUSTERLOD
@@ -76,10 +75,10 @@ nb::tuple clusterlod_cuts(
   double seconds = 0;
   run(nb::none(), 1, [&](const BuildOptions& options) {
     validate(mesh.view(), options);
-    const std::clock_t start = std::clock();
+    const double start = thread_seconds();
     dag = build_peer(mesh.view(), {attributes.data(), attributes.size()},
                      {weights.data(), weights.size()}, ray_tracing);
-    seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+    seconds = thread_seconds() - start;
     return 0;
   });
   nb::list cuts;

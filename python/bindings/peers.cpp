@@ -4,9 +4,9 @@
 #include <meshoptimizer.h>
 
 #include <algorithm>
-#include <ctime>
 
 #include "bind.hpp"
+#include "processor_time.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::python {
@@ -44,9 +44,9 @@ struct MeshletLimits {
 template <typename Work>
 double seconds_of(bool one_thread, const Work& work) {
   const auto wall = std::chrono::steady_clock::now();
-  const std::clock_t processor = std::clock();
+  const double processor = thread_seconds();
   work();
-  if (one_thread) return static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC;
+  if (one_thread) return thread_seconds() - processor;
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
 }
 

@@ -57,8 +57,8 @@ uint32_t* write_items(const Micro& micro, uint32_t* to) {
 }
 
 // An order of places that depends on nothing but geometry, up to equal rounded boxes.
-bool is_before(SmallBox a, SmallBox b, int axis) {
-  const uint16_t x = center_of(a)[axis], y = center_of(b)[axis];
+bool is_before(const SmallBox& a, const SmallBox& b, int axis) {
+  const uint16_t x = center_of(a, axis), y = center_of(b, axis);
   if (x != y) return x < y;
   for (const int k : {0, 1, 2, 4, 5, 6})
     if (a[k] != b[k]) return a[k] < b[k];
@@ -209,8 +209,9 @@ class Splitter {
   // Takes the first `count` items along an axis out of a micro-cluster.
   Micro cut(Micro& micro, uint32_t count, int axis) const {
     SmallBox* items = micro.items;
-    std::nth_element(items, items + count, items + micro.count,
-                     [axis](SmallBox a, SmallBox b) { return is_before(a, b, axis); });
+    std::nth_element(
+        items, items + count, items + micro.count,
+        [axis](const SmallBox& a, const SmallBox& b) { return is_before(a, b, axis); });
     Micro taken{empty_small_box(), {items}, count, 0};
     for (uint32_t i = 0; i < count; ++i) taken.box = join(taken.box, items[i]);
     SmallBox rest = empty_small_box();

@@ -18,7 +18,7 @@ struct BinPlaces {
     return multiply_high((center_of(box) - origin) * multiplier, factor);
   }
   uint32_t of(const SmallBox& box, int axis) const {
-    const uint16_t place = uint16_t(uint16_t(box[axis] - box[axis + 4]) >> 1) - origin[axis];
+    const uint16_t place = center_of(box, axis) - origin[axis];
     return uint32_t(uint16_t(uint32_t(place) * multiplier[axis])) * factor[axis] >> 16;
   }
 };

@@ -14,6 +14,7 @@ namespace umbel::cluster {
 namespace {
 
 constexpr size_t kChunk = 1 << 15;
+constexpr size_t kBatch = 1 << 8;  ///< items that go through several loops in a cache
 constexpr uint32_t kMostBits = 11;
 constexpr uint32_t kMostAxisBits = 8;
 constexpr uint32_t kItemsPerCell = 4;
@@ -247,14 +248,17 @@ MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count
     // Neighbours often share a cell, and two counts at one address would wait for each other.
     std::vector<uint32_t> counts(2 * size_t(cells), 0);
     BoxRecord part = BoxRecord::empty();
-    for (size_t i = begin; i < end; ++i) {
-      const BoxRecord record = source.record(items[i]);
-      part.extend(record);
-      const SmallBox box = rounding.round(record, items[i]);
-      boxes[i] = box;
-      const uint32_t code = grid.code(center_of(box));
-      codes[i] = static_cast<uint16_t>(code);
-      ++counts[2 * code + (i & 1)];
+    // Counts that wait for each other would hold up the boxes behind them in the same loop.
+    for (size_t from = begin; from < end; from += kBatch) {
+      const size_t to = std::min(from + kBatch, end);
+      for (size_t i = from; i < to; ++i) {
+        const BoxRecord record = source.record(items[i]);
+        part.extend(record);
+        boxes[i] = rounding.round(record, items[i]);
+      }
+      for (size_t i = from; i < to; ++i)
+        codes[i] = static_cast<uint16_t>(grid.code(center_of(boxes[i])));
+      for (size_t i = from; i < to; ++i) ++counts[2 * codes[i] + (i & 1)];
     }
     own.resize(cells);
     for (uint32_t c = 0; c < cells; ++c) own[c] = counts[2 * c] + counts[2 * c + 1];

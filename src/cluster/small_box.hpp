@@ -46,6 +46,10 @@ inline SmallBox pack(Int4 a, Int4 b) {
 
 /// The centre, at the same scale, in lanes 0 to 2.
 inline Center8 center_of(SmallBox b) { return (Center8(b) - Center8(swap_halves(b))) >> 1; }
+/// One lane of it, of a box in memory.
+inline uint16_t center_of(const SmallBox& b, int axis) {
+  return static_cast<uint16_t>(static_cast<uint16_t>(b[axis] - b[axis + 4]) >> 1);
+}
 
 /// {low.xyz, -, -high.xyz, -} of centres, by the same operations as for boxes.
 inline SmallBox centers_of(SmallBox box) {

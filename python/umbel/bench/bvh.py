@@ -327,7 +327,7 @@ def _sketches(on: Scene, tree: Bvh2, threads: int) -> NDArray[np.uint8]:
 
 def clock_of(threads: int) -> Callable[[], float]:
     """Of one thread the processor time counts, of several the wall clock's."""
-    return time.process_time if threads == 1 else time.perf_counter
+    return time.thread_time if threads == 1 else time.perf_counter
 
 
 def _build(
