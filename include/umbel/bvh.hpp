@@ -198,6 +198,9 @@ struct KaryTree {
 /// is deeper than 80. Refuses what `build` refuses of boxes.
 UMBEL_API KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config = {},
                                      const BuildOptions& options = {});
+/// Over triangles, as `build` takes them.
+UMBEL_API KaryTree build_kmeans_kary(const MeshView& mesh, const Config& config = {},
+                                     const BuildOptions& options = {});
 
 // Passes. Each keeps the primitives below the root and never raises the SAH cost.
 
@@ -222,6 +225,7 @@ UMBEL_API void reorder(Bvh2& tree, const BuildOptions& options = {});
 /// k_I times primitives (leaves) (Goldsmith & Salmon 1987). 0 for an empty tree; where the root has
 /// no area, the cost of visiting every node.
 UMBEL_API double sah_cost(const Bvh2& tree, const CostModel& cost = {});
+UMBEL_API double sah_cost(const KaryTree& tree, const CostModel& cost = {});
 
 /// End-point overlap (Aila, Karras & Laine 2013): the cost of the surface inside boxes of subtrees
 /// that it does not belong to, over the total surface.
@@ -237,10 +241,14 @@ struct Statistics {
   uint64_t bytes;
 };
 UMBEL_API Statistics statistics(const Bvh2& tree, const CostModel& cost = {});
+UMBEL_API Statistics statistics(const KaryTree& tree, const CostModel& cost = {});
 
 /// Checks a tree from whatever source: links in range and each node reached once, children after
 /// parents, boxes enclosing their children, every primitive below `primitive_count` and present
 /// (exactly once unless `repeats`). Throws kCorrupt with the first fault.
 UMBEL_API void check(const Bvh2& tree, uint32_t primitive_count, bool repeats = false);
+/// The same, of nodes with two to 64 children; primitives below `primitive_count` may be missing,
+/// as where triangles were dropped.
+UMBEL_API void check(const KaryTree& tree, uint32_t primitive_count);
 
 }  // namespace umbel::bvh

@@ -32,7 +32,7 @@ struct TriangleBvhStatistics {
   uint32_t leaves;
   uint32_t max_depth;
   uint32_t references;
-  double sah_cost;  ///< of the binary tree that this was made from
+  double sah_cost;  ///< of the tree that this was made from
   uint64_t bytes;   ///< nodes and triangles, everything that a query touches
 };
 
@@ -49,6 +49,11 @@ class UMBEL_API TriangleBvh : public TriangleQueries {
                            std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
   /// Widens a tree over the triangles of `mesh` from any builder; `tree` is checked.
   static TriangleBvh widen(const bvh::Bvh2& tree, const MeshView& mesh,
+                           const TriangleBvhConfig& config = {},
+                           std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+  /// The same of a tree with up to 64 children a node. Nodes with no more children than `width`
+  /// stay as they are.
+  static TriangleBvh widen(const bvh::KaryTree& tree, const MeshView& mesh,
                            const TriangleBvhConfig& config = {},
                            std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
 

@@ -222,13 +222,22 @@ Aabb box_of(const MeshView& mesh, size_t triangle) {
   return box;
 }
 
-/// Builds over the triangles that can be, and numbers them as the mesh does.
-Bvh2 build_without_invalid(const MeshView& mesh, const Config& config, Progress& progress) {
+/// Calls build(mesh, boxes) over the triangles that can be, and numbers them as the mesh does.
+template <typename Build>
+auto build_triangles(const MeshView& mesh, const Config& config, const Build& build) {
+  check_indices(mesh);
+  const size_t count = mesh.triangles.size();
+  std::vector<Aabb> boxes(count);
+  const size_t bad = first_where(count, [&](size_t i) {
+    boxes[i] = box_of(mesh, i);
+    return !has_finite_corners(mesh, i);
+  });
+  if (bad == count) return build(mesh, boxes);
+  if (config.invalid == InvalidTriangles::kRefuse) refuse_triangle(mesh, bad);
   std::vector<uint32_t> kept;
-  for (size_t i = 0; i < mesh.triangles.size(); ++i)
+  for (size_t i = 0; i < count; ++i)
     if (has_finite_corners(mesh, i)) kept.push_back(static_cast<uint32_t>(i));
-  if (kept.empty()) return {};
-  std::vector<Aabb> boxes(kept.size());
+  boxes.resize(kept.size());
   std::vector<Triangle> triangles(kept.size());
   for (size_t i = 0; i < kept.size(); ++i) {
     boxes[i] = box_of(mesh, kept[i]);
@@ -237,22 +246,9 @@ Bvh2 build_without_invalid(const MeshView& mesh, const Config& config, Progress&
   MeshView view;
   view.positions = mesh.positions;
   view.triangles = triangles;
-  Bvh2 tree = build_checked(&view, boxes, config, progress);
+  auto tree = build(view, boxes);
   for (uint32_t& primitive : tree.primitives) primitive = kept[primitive];
   return tree;
-}
-
-Bvh2 build_triangles(const MeshView& mesh, const Config& config, Progress& progress) {
-  check_indices(mesh);
-  const size_t count = mesh.triangles.size();
-  std::vector<Aabb> boxes(count);
-  const size_t bad = first_where(count, [&](size_t i) {
-    boxes[i] = box_of(mesh, i);
-    return !has_finite_corners(mesh, i);
-  });
-  if (bad == count) return build_checked(&mesh, boxes, config, progress);
-  if (config.invalid == InvalidTriangles::kRefuse) refuse_triangle(mesh, bad);
-  return build_without_invalid(mesh, config, progress);
 }
 
 }  // namespace
@@ -323,7 +319,23 @@ Bvh2 build(const MeshView& mesh, const Config& config, const BuildOptions& optio
   progress.report(0, "building");
   Bvh2 tree;
   with_threads(options.threads, [&] {
-    if (!mesh.triangles.empty()) tree = build_triangles(mesh, config, progress);
+    if (mesh.triangles.empty()) return;
+    tree = build_triangles(mesh, config, [&](const MeshView& usable, Boxes boxes) {
+      return boxes.empty() ? Bvh2{} : build_checked(&usable, boxes, config, progress);
+    });
+  });
+  return tree;
+}
+
+KaryTree build_kmeans_kary(const MeshView& mesh, const Config& config,
+                           const BuildOptions& options) {
+  check_count(mesh.triangles.size());
+  check_config(config, mesh.triangles.size());
+  KaryTree tree;
+  with_threads(options.threads, [&] {
+    tree = build_triangles(mesh, config, [&](const MeshView& /*usable*/, Boxes boxes) {
+      return build_kmeans_kary(boxes, config, options);
+    });
   });
   return tree;
 }

@@ -11,6 +11,7 @@
 #include "bvh/config.hpp"
 #include "bvh/ray_kernels.hpp"
 #include "bvh/widen.hpp"
+#include "bvh/widen_kary.hpp"
 
 namespace umbel {
 namespace {
@@ -29,9 +30,10 @@ void check_masks(std::span<const uint32_t> masks, size_t triangles) {
 }
 
 /// A tree lacks no triangle but those that its build was to drop.
-void check_presence(const bvh::Bvh2& tree, const MeshView& mesh, bvh::InvalidTriangles invalid) {
+void check_presence(std::span<const uint32_t> primitives, const MeshView& mesh,
+                    bvh::InvalidTriangles invalid) {
   std::vector<uint8_t> is_there(mesh.triangles.size(), 0);
-  for (const uint32_t primitive : tree.primitives) is_there[primitive] = 1;
+  for (const uint32_t primitive : primitives) is_there[primitive] = 1;
   const auto is_dropped = [&](const Triangle& triangle) {
     return invalid == bvh::InvalidTriangles::kDrop &&
            std::any_of(triangle.begin(), triangle.end(), [&](uint32_t vertex) {
@@ -89,7 +91,7 @@ TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
   check_config(config);
   check_masks(masks, mesh.triangles.size());
   bvh::check_structure(tree, static_cast<uint32_t>(mesh.triangles.size()));
-  check_presence(tree, mesh, config.tree.invalid);
+  check_presence(tree.primitives, mesh, config.tree.invalid);
   const bvh::Bvh2* source = &tree;
   bvh::Bvh2 shallow;
   if (bvh::statistics(tree).max_depth > bvh::kDeepest) {
@@ -100,6 +102,24 @@ TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
   TriangleBvh result;
   static_cast<TriangleBvhData&>(result.data()) =
       make_data(*source, mesh, config, {config.width, config.compact}, masks, options.threads);
+  return result;
+}
+
+TriangleBvh TriangleBvh::widen(const bvh::KaryTree& tree, const MeshView& mesh,
+                               const TriangleBvhConfig& config, std::span<const uint32_t> masks,
+                               const BuildOptions& options) {
+  check_config(config);
+  check_masks(masks, mesh.triangles.size());
+  bvh::check(tree, static_cast<uint32_t>(mesh.triangles.size()));
+  check_presence(tree.primitives, mesh, config.tree.invalid);
+  check_triangles(mesh, tree.primitives);
+  TriangleBvh result;
+  TriangleBvhData& data = result.data();
+  with_threads(options.threads,
+               [&] { data = widen_kary(tree, mesh, {config.width, config.compact}, masks); });
+  data.cost = config.tree.cost;
+  data.sah_cost = data.built_sah_cost = bvh::sah_cost(tree, config.tree.cost);
+  prepare_rays(data, config.simd);
   return result;
 }
 

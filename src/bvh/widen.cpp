@@ -260,6 +260,17 @@ class Emitter {
   std::vector<Leaf> leaves_;
 };
 
+bool has_repeats(std::span<const uint32_t> order, size_t triangles) {
+  std::vector<bool> seen(triangles);
+  for (const uint32_t primitive : order) {
+    if (seen[primitive]) return true;
+    seen[primitive] = true;
+  }
+  return false;
+}
+
+}  // namespace
+
 void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
   for (const uint32_t primitive : order)
     for (const uint32_t vertex : mesh.triangles[primitive]) {
@@ -274,17 +285,6 @@ void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
                                                  std::to_string(vertex) + " is not finite");
     }
 }
-
-bool has_repeats(std::span<const uint32_t> order, size_t triangles) {
-  std::vector<bool> seen(triangles);
-  for (const uint32_t primitive : order) {
-    if (seen[primitive]) return true;
-    seen[primitive] = true;
-  }
-  return false;
-}
-
-}  // namespace
 
 TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
                            std::span<const uint32_t> masks) {

@@ -15,6 +15,10 @@ struct WidenOptions {
   bool may_repeat = true;  ///< a triangle may be in several leaves
 };
 
+/// Throws kInvalidMesh for an index out of range, or a corner that is not finite, in one of these
+/// triangles.
+void check_triangles(const MeshView& mesh, std::span<const uint32_t> triangles);
+
 /// `tree` is sound (bvh::check) and over the triangles of `mesh`; `masks` is empty or one a
 /// triangle. Throws kInvalidMesh for an index out of range in a triangle of the tree. The result
 /// does not depend on the number of threads. Leaves costs and kernels to the caller.

@@ -1,0 +1,111 @@
+// Trees with any number of children a node: what they cost, and whether one from an unknown source
+// is sound.
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "base/math.hpp"
+#include "umbel/bvh.hpp"
+
+namespace umbel::bvh {
+namespace {
+
+constexpr uint32_t kMostChildren = 64;
+
+// In double: neither the largest nor the smallest boxes overflow or vanish.
+double half_area(const KaryNode& n) {
+  const double x = double(n.max.x) - double(n.min.x), y = double(n.max.y) - double(n.min.y),
+               z = double(n.max.z) - double(n.min.z);
+  return x * y + y * z + z * x;
+}
+
+[[noreturn]] void fail(size_t node, const std::string& what) {
+  throw Error(ErrorCode::kCorrupt, "node " + std::to_string(node) + " " + what);
+}
+
+bool encloses(const KaryNode& outer, const KaryNode& inner) {
+  return outer.min.x <= inner.min.x && outer.min.y <= inner.min.y && outer.min.z <= inner.min.z &&
+         outer.max.x >= inner.max.x && outer.max.y >= inner.max.y && outer.max.z >= inner.max.z;
+}
+
+void check_node(const KaryTree& tree, size_t index, std::vector<uint8_t>& has_parent) {
+  const KaryNode& node = tree.nodes[index];
+  if (!is_finite(node.min) || !is_finite(node.max) || is_empty(node.box()))
+    fail(index, "has a box that is empty or not finite");
+  if (node.is_leaf()) {
+    if (node.count == 0) fail(index, "has neither children nor primitives");
+    return;
+  }
+  if (node.count != 0) fail(index, "has children and primitives");
+  if (node.children < 2 || node.children > kMostChildren)
+    fail(index, "has " + std::to_string(node.children) + " children, but must have 2 to 64");
+  if (node.first <= index || size_t{node.first} + node.children > tree.nodes.size())
+    fail(index, "has children that do not come after it, or are not there");
+  for (uint32_t child = node.first; child < node.first + node.children; ++child) {
+    if (has_parent[child]) fail(child, "has two parents");
+    has_parent[child] = 1;
+    if (!encloses(node, tree.nodes[child])) fail(child, "reaches out of its parent's box");
+  }
+}
+
+/// Each primitive is in one leaf.
+void check_primitives(const KaryTree& tree, uint32_t primitive_count) {
+  std::vector<uint8_t> in_leaf(tree.primitives.size()), seen(primitive_count);
+  for (size_t i = 0; i < tree.nodes.size(); ++i) {
+    const KaryNode& node = tree.nodes[i];
+    if (!node.is_leaf()) continue;
+    if (uint64_t{node.first} + node.count > tree.primitives.size())
+      fail(i, "is a leaf of primitives that are not there");
+    for (uint32_t k = node.first; k < node.first + node.count; ++k) {
+      if (in_leaf[k]) fail(i, "shares primitives with another leaf");
+      in_leaf[k] = 1;
+      const uint32_t primitive = tree.primitives[k];
+      if (primitive >= primitive_count || seen[primitive])
+        fail(i, "holds primitive " + std::to_string(primitive) +
+                    ", which is out of range or in the tree twice");
+      seen[primitive] = 1;
+    }
+  }
+}
+
+}  // namespace
+
+double sah_cost(const KaryTree& tree, const CostModel& cost) {
+  if (tree.nodes.empty()) return 0.0;
+  const double root = half_area(tree.nodes[0]);
+  double sum = 0.0;
+  for (const KaryNode& node : tree.nodes) {
+    const double visit =
+        node.is_leaf() ? double(cost.intersection) * node.count : double(cost.traversal);
+    sum += root > 0 ? visit * half_area(node) / root : visit;
+  }
+  return sum;
+}
+
+Statistics statistics(const KaryTree& tree, const CostModel& cost) {
+  Statistics s{};
+  s.nodes = static_cast<uint32_t>(tree.nodes.size());
+  s.sah_cost = sah_cost(tree, cost);
+  s.bytes = tree.nodes.size() * sizeof(KaryNode) + tree.primitives.size() * sizeof(uint32_t);
+  std::vector<uint32_t> depth(tree.nodes.size(), 0);
+  for (size_t i = 0; i < tree.nodes.size(); ++i) {
+    const KaryNode& node = tree.nodes[i];
+    if (node.is_leaf()) {
+      ++s.leaves;
+      s.references += node.count;
+      s.max_depth = std::max(s.max_depth, depth[i]);
+    }
+    for (uint32_t k = 0; k < node.children; ++k) depth[node.first + k] = depth[i] + 1;
+  }
+  return s;
+}
+
+void check(const KaryTree& tree, uint32_t primitive_count) {
+  std::vector<uint8_t> has_parent(tree.nodes.size());
+  for (size_t i = 0; i < tree.nodes.size(); ++i) check_node(tree, i, has_parent);
+  for (size_t i = 1; i < tree.nodes.size(); ++i)
+    if (!has_parent[i]) fail(i, "has no parent");
+  check_primitives(tree, primitive_count);
+}
+
+}  // namespace umbel::bvh
