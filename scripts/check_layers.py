@@ -36,6 +36,7 @@ HEADER_LAYERS = {
     "lod_select.hpp": "lod",
     "umbel_lod.h": "capi",
     "umbel_kdtree.h": "capi",
+    "umbel_kary.h": "capi",
     "umbel.h": "capi",
     "umbel_cuda.h": "capi",
 }

@@ -164,6 +164,47 @@ void bind_tree(nb::module_& module) {
              "Seconds of each stage of a build on one thread.");
 }
 
+void bind_kary(nb::module_& module) {
+  using bvh::KaryTree;
+  nb::class_<KaryTree>(module, "KaryTree", "A tree with up to 64 children a node.")
+      .def_prop_ro("nodes",
+                   [](nb::handle self) {
+                     const auto& tree = nb::cast<const KaryTree&>(self);
+                     return array_over<const uint32_t>(std::span<const bvh::KaryNode>(tree.nodes),
+                                                       self);
+                   })
+      .def_prop_ro("primitives",
+                   [](nb::handle self) {
+                     const auto& tree = nb::cast<const KaryTree&>(self);
+                     return array_over<const uint32_t>(std::span<const uint32_t>(tree.primitives),
+                                                       self);
+                   })
+      .def(
+          "statistics",
+          [](const KaryTree& tree, float traversal, float intersection) {
+            return statistics_dict(bvh::statistics(tree, {traversal, intersection}));
+          },
+          "traversal"_a, "intersection"_a);
+  module.def(
+      "build_kary_boxes",
+      [](const Rows<float, 6>& boxes, const bvh::Config& config, const nb::object& progress,
+         uint32_t threads) {
+        return run(progress, threads, [&](const BuildOptions& options) {
+          return bvh::build_kmeans_kary(rows_of<Aabb>(boxes), config, options);
+        });
+      },
+      "boxes"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  module.def(
+      "build_kary_mesh",
+      [](const MeshArrays& mesh, const bvh::Config& config, const nb::object& progress,
+         uint32_t threads) {
+        return run(progress, threads, [&](const BuildOptions& options) {
+          return bvh::build_kmeans_kary(mesh.view(), config, options);
+        });
+      },
+      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+}
+
 TriangleBvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool compact,
                                   const std::string& simd) {
   TriangleBvhConfig config;
@@ -183,6 +224,17 @@ TriangleBvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool 
               "simd must be auto, portable, avx2 or avx512, not " + simd);
 }
 
+template <typename Tree>
+TriangleBvh widen(const Tree& given, const MeshArrays& mesh, const bvh::Config& tree,
+                  uint32_t width, bool compact, const std::string& simd,
+                  const std::optional<Flat<uint32_t>>& masks, const nb::object& progress,
+                  uint32_t threads) {
+  const TriangleBvhConfig config = triangle_config(tree, width, compact, simd);
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return TriangleBvh::widen(given, mesh.view(), config, rows_of<uint32_t>(masks), options);
+  });
+}
+
 void bind_builds(nb::class_<TriangleBvh, TriangleQueries>& bvh) {
   bvh.def_static(
          "build",
@@ -196,20 +248,12 @@ void bind_builds(nb::class_<TriangleBvh, TriangleQueries>& bvh) {
          },
          "mesh"_a, "config"_a, "width"_a, "compact"_a, "simd"_a, "masks"_a = nb::none(),
          "progress"_a = nb::none(), "threads"_a = 0)
-      .def_static(
-          "widen",
-          [](const bvh::Bvh2& given, const MeshArrays& mesh, const bvh::Config& tree,
-             uint32_t width, bool compact, const std::string& simd,
-             const std::optional<Flat<uint32_t>>& masks, const nb::object& progress,
-             uint32_t threads) {
-            const TriangleBvhConfig config = triangle_config(tree, width, compact, simd);
-            return run(progress, threads, [&](const BuildOptions& options) {
-              return TriangleBvh::widen(given, mesh.view(), config, rows_of<uint32_t>(masks),
-                                        options);
-            });
-          },
-          "tree"_a, "mesh"_a, "config"_a, "width"_a, "compact"_a, "simd"_a, "masks"_a = nb::none(),
-          "progress"_a = nb::none(), "threads"_a = 0)
+      .def_static("widen", &widen<bvh::Bvh2>, "tree"_a, "mesh"_a, "config"_a, "width"_a,
+                  "compact"_a, "simd"_a, "masks"_a = nb::none(), "progress"_a = nb::none(),
+                  "threads"_a = 0)
+      .def_static("widen", &widen<bvh::KaryTree>, "tree"_a, "mesh"_a, "config"_a, "width"_a,
+                  "compact"_a, "simd"_a, "masks"_a = nb::none(), "progress"_a = nb::none(),
+                  "threads"_a = 0)
       .def_static(
           "load",
           [](const std::string& path, const std::string& simd) {
@@ -243,6 +287,7 @@ void bind_builds(nb::class_<TriangleBvh, TriangleQueries>& bvh) {
 void bind_bvh(nb::module_& module) {
   bind_config(module);
   bind_tree(module);
+  bind_kary(module);
   nb::class_<TriangleBvh, TriangleQueries> bvh(module, "TriangleBvh",
                                                "A hierarchy over triangles.");
   bind_builds(bvh);

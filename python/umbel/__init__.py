@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from .asset import Asset as Asset
     from .bvh import Bvh as Bvh
     from .bvh import Bvh2 as Bvh2
+    from .bvh import KaryTree as KaryTree
     from .bvh import build_bvh2 as build_bvh2
+    from .bvh import build_kary as build_kary
     from .camera import Camera as Camera
     from .camera import angular_error as angular_error
     from .camera import pixel_error as pixel_error
@@ -73,7 +75,9 @@ _HOME = {
     "Asset": "asset",
     "Bvh": "bvh",
     "Bvh2": "bvh",
+    "KaryTree": "bvh",
     "build_bvh2": "bvh",
+    "build_kary": "bvh",
     "Camera": "camera",
     "angular_error": "camera",
     "pixel_error": "camera",

@@ -79,6 +79,11 @@ class TreeOptions(TypedDict, total=False):
 NODE = np.dtype([("min", "<f4", 3), ("first", "<u4"), ("max", "<f4", 3), ("count", "<u4")])
 """A node of a `Bvh2`."""
 
+KARY_NODE = np.dtype(
+    [("min", "<f4", 3), ("first", "<u4"), ("max", "<f4", 3), ("children", "<u2"), ("count", "<u2")]
+)
+"""A node of a `KaryTree`."""
+
 
 def builders() -> tuple[str, ...]:
     """The names of all builders that the library was built with."""
@@ -209,6 +214,62 @@ def build_bvh2(
     return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, thread_count(threads)), config, mesh)
 
 
+class KaryTree:
+    """The clusters of k-means with up to k children a node, before they become a binary tree.
+    `nodes[0]` is the root, and children come after their parent. Made by `build_kary`."""
+
+    def __init__(self, tree: _umbel.KaryTree, config: _umbel.BvhConfig) -> None:
+        self._native = tree
+        self._config = config
+
+    @property
+    def nodes(self) -> NDArray[Any]:
+        """(n,) `min first max children count`, a read-only view. A leaf has `count` primitives from
+        `primitives[first]` on, and no children; an inner node has `children` from `first` on."""
+        words = self._native.nodes
+        return words.view(KARY_NODE).reshape(len(words))
+
+    @property
+    def primitives(self) -> NDArray[np.uint32]:
+        """(p,) in the order of the leaves, each box or triangle once. A read-only view."""
+        return self._native.primitives
+
+    def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
+        """`nodes leaves max_depth references sah_cost bytes`."""
+        return self._native.statistics(*(cost or self._config.cost))
+
+    def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
+        """Expected cost of a random line, for (traversal, intersection) costs, where a visit of a
+        node costs the same whatever its number of children."""
+        return float(self.statistics(cost)["sah_cost"])
+
+    def __repr__(self) -> str:
+        return f"<KaryTree: {len(self.nodes)} nodes, {len(self.primitives)} primitives>"
+
+
+def build_kary(
+    source: Any,
+    triangles: ArrayLike | None = None,
+    *,
+    builder: str = "kmeans",
+    progress: Progress | None = None,
+    threads: int = 0,
+    **options: Unpack[TreeOptions],
+) -> KaryTree:
+    """The tree of k-means clusters over a mesh or boxes, taken as by `build_bvh2`. `builder` is
+    "kmeans" or "kmeans-q1" to "kmeans-q5"; of the options those of kmeans count, `max_leaf_size`,
+    `cost` and `invalid`. `Bvh.from_tree` traces it."""
+    config = _config(builder, options)
+    if config.builder != "kmeans":
+        raise Error(f"builder must be kmeans or one of its settings, not {builder!r}")
+    boxes = None if triangles is not None else _boxes_of(source)
+    count = thread_count(threads)
+    if boxes is not None:
+        return KaryTree(_umbel.build_kary_boxes(boxes, config, progress, count), config)
+    mesh = _geometry(_mesh_of(source, triangles))
+    return KaryTree(_umbel.build_kary_mesh(mesh, config, progress, count), config)
+
+
 def kmeans_times(
     source: Any, *, progress: Progress | None = None, **options: Unpack[TreeOptions]
 ) -> dict[str, float]:
@@ -294,7 +355,7 @@ class Bvh(TriangleQueries):
     @classmethod
     def from_tree(
         cls,
-        tree: Bvh2,
+        tree: Bvh2 | KaryTree,
         positions: Any,
         triangles: ArrayLike | None = None,
         width: int = 8,
@@ -305,7 +366,8 @@ class Bvh(TriangleQueries):
         simd: str = "auto",
         progress: Progress | None = None,
     ) -> Bvh:
-        """The hierarchy that a tree over the triangles of this mesh becomes."""
+        """The hierarchy that a tree over the triangles of this mesh becomes. Of a `KaryTree` nodes
+        with no more children than `width` stay as they are."""
         mesh = _mesh_of(positions, triangles)
         bvh = _umbel.TriangleBvh.widen(
             tree._native,
@@ -318,7 +380,7 @@ class Bvh(TriangleQueries):
             progress=progress,
             threads=thread_count(threads),
         )
-        return cls._of(bvh, mesh.triangles, tree)
+        return cls._of(bvh, mesh.triangles, tree if isinstance(tree, Bvh2) else None)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, simd: str = "auto") -> Bvh:
@@ -354,7 +416,7 @@ class Bvh(TriangleQueries):
 
     @property
     def sah_cost(self) -> float:
-        """Expected cost of a random line through the binary tree that this was made from."""
+        """Expected cost of a random line through the tree that this was made from."""
         return float(self._native.statistics()["sah_cost"])
 
     @property

@@ -48,9 +48,9 @@ void check_node(const KaryTree& tree, size_t index, std::vector<uint8_t>& has_pa
   }
 }
 
-/// Each primitive is in one leaf.
-void check_primitives(const KaryTree& tree, uint32_t primitive_count) {
-  std::vector<uint8_t> in_leaf(tree.primitives.size()), seen(primitive_count);
+/// Each place among the primitives is in at most one leaf.
+void check_leaves(const KaryTree& tree) {
+  std::vector<uint8_t> in_leaf(tree.primitives.size());
   for (size_t i = 0; i < tree.nodes.size(); ++i) {
     const KaryNode& node = tree.nodes[i];
     if (!node.is_leaf()) continue;
@@ -59,13 +59,26 @@ void check_primitives(const KaryTree& tree, uint32_t primitive_count) {
     for (uint32_t k = node.first; k < node.first + node.count; ++k) {
       if (in_leaf[k]) fail(i, "shares primitives with another leaf");
       in_leaf[k] = 1;
-      const uint32_t primitive = tree.primitives[k];
-      if (primitive >= primitive_count || seen[primitive])
-        fail(i, "holds primitive " + std::to_string(primitive) +
-                    ", which is out of range or in the tree twice");
-      seen[primitive] = 1;
     }
   }
+  for (size_t k = 0; k < in_leaf.size(); ++k)
+    if (!in_leaf[k])
+      throw Error(ErrorCode::kCorrupt,
+                  "entry " + std::to_string(k) + " of the primitives is in no leaf");
+}
+
+/// Each primitive once.
+void check_primitives(const KaryTree& tree, uint32_t primitive_count) {
+  std::vector<uint32_t> sorted = tree.primitives;
+  std::sort(sorted.begin(), sorted.end());
+  if (!sorted.empty() && sorted.back() >= primitive_count)
+    throw Error(ErrorCode::kCorrupt, "primitive " + std::to_string(sorted.back()) +
+                                         " is in the tree, but there are " +
+                                         std::to_string(primitive_count));
+  const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+  if (twice != sorted.end())
+    throw Error(ErrorCode::kCorrupt,
+                "primitive " + std::to_string(*twice) + " is in the tree twice");
 }
 
 }  // namespace
@@ -105,6 +118,7 @@ void check(const KaryTree& tree, uint32_t primitive_count) {
   for (size_t i = 0; i < tree.nodes.size(); ++i) check_node(tree, i, has_parent);
   for (size_t i = 1; i < tree.nodes.size(); ++i)
     if (!has_parent[i]) fail(i, "has no parent");
+  check_leaves(tree);
   check_primitives(tree, primitive_count);
 }
 

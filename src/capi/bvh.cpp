@@ -1,78 +1,21 @@
 // Hierarchies over triangles from C: how they are made, kept and freed.
 #include <algorithm>
 #include <cstring>
-#include <memory>
 
 #include "bvh/check.hpp"
-#include "capi/bvh_input.hpp"
-#include "capi/cluster_input.hpp"
-#include "capi/guard.hpp"
-#include "capi/structs.hpp"
+#include "capi/bvh_trees.hpp"
 #include "umbel/bvh_presets.hpp"
 
 namespace umbel::capi {
 namespace {
 
-/// Runs make() and hands the caller what it made; NULL if it throws.
-template <typename Make>
-umbel_result hand_out(umbel_bvh** bvh, const Make& make) {
-  if (bvh) *bvh = nullptr;
-  return guard([&] {
-    umbel_bvh*& result = required(bvh, "bvh");
-    result = new umbel_bvh{make()};
-  });
-}
-
-/// The binary tree that a C caller holds; copied, since the library takes vectors.
-bvh::Bvh2 tree_of(const umbel_bvh2* tree) {
-  const umbel_bvh2 given = read_struct(tree, "tree");
-  const auto nodes = elements<const bvh::Node>(given.nodes, given.node_count, "tree->nodes");
-  const auto primitives =
-      elements<const uint32_t>(given.primitives, given.primitive_count, "tree->primitives");
-  bvh::Bvh2 result;
-  result.nodes.assign(nodes.begin(), nodes.end());
-  result.primitives.assign(primitives.begin(), primitives.end());
-  return result;
-}
+bvh::Bvh2 tree_of(const umbel_bvh2* tree) { return copied_tree<bvh::Bvh2>(tree); }
 
 /// Replaces how the config builds; everything else about it stays.
 void set_tree(umbel_bvh_config* config, const bvh::Config& tree) {
   TriangleBvhConfig changed = bvh_config(&required(config, "config"));
   changed.tree = tree;
   write_struct(as_c(changed), config, "config");
-}
-
-/// The room that the caller's arrays have, and what a tree needs of it.
-void write_tree(const bvh::Bvh2& made, const umbel_bvh2& given, umbel_bvh2* tree) {
-  umbel_bvh2 result = given;
-  result.node_count = made.nodes.size();
-  result.primitive_count = made.primitives.size();
-  const bool fits = made.nodes.size() <= given.node_capacity &&
-                    made.primitives.size() <= given.primitive_capacity;
-  if (fits) {
-    std::copy(made.nodes.begin(), made.nodes.end(), reinterpret_cast<bvh::Node*>(given.nodes));
-    std::copy(made.primitives.begin(), made.primitives.end(), given.primitives);
-  }
-  write_struct(result, tree, "tree");
-  if (!fits)
-    throw CapacityError{"tree has room for " + std::to_string(given.node_capacity) + " nodes and " +
-                        std::to_string(given.primitive_capacity) + " primitives, but needs " +
-                        std::to_string(made.nodes.size()) + " and " +
-                        std::to_string(made.primitives.size())};
-}
-
-/// Runs make(config, options) and writes the tree that it gives.
-template <typename Make>
-umbel_result build_tree(const umbel_bvh_config* config, const umbel_build_options* options,
-                        umbel_bvh2* tree, const Make& make) {
-  return guard([&] {
-    umbel_bvh2 given = read_struct(tree, "tree");
-    given.node_count = given.primitive_count = 0;
-    write_struct(given, tree, "tree");
-    elements<bvh::Node>(given.nodes, given.node_capacity, "tree->nodes");
-    elements<uint32_t>(given.primitives, given.primitive_capacity, "tree->primitives");
-    write_tree(make(bvh_config(config).tree, build_options(options)), given, tree);
-  });
 }
 
 umbel_bvh2_capacity requirements(size_t primitive_count, const bvh::Config& config) {
@@ -94,14 +37,7 @@ umbel_bvh2_statistics measure(const umbel_bvh2* tree, const bvh::CostModel& cost
   const bvh::Bvh2 copied = tree_of(tree);
   // Whether every primitive is there cannot be known without their number.
   bvh::check_structure(copied, kNone);
-  const bvh::Statistics found = bvh::statistics(copied, cost);
-  umbel_bvh2_statistics result{};
-  result.nodes = found.nodes;
-  result.leaves = found.leaves;
-  result.max_depth = found.max_depth;
-  result.references = found.references;
-  result.sah_cost = found.sah_cost;
-  return result;
+  return as_c(bvh::statistics(copied, cost));
 }
 
 umbel_bvh_statistics statistics_of(const TriangleBvh& bvh) {
@@ -200,19 +136,19 @@ umbel_result umbel_bvh2_requirements(size_t primitive_count, const umbel_bvh_con
 umbel_result umbel_bvh2_build(const umbel_aabb* boxes, size_t box_count,
                               const umbel_bvh_config* config, const umbel_build_options* options,
                               umbel_bvh2* tree) {
-  return capi::build_tree(config, options, tree,
-                          [&](const bvh::Config& how, const BuildOptions& build_options) {
-                            return bvh::build(capi::elements<const Aabb>(boxes, box_count, "boxes"),
-                                              how, build_options);
-                          });
+  return capi::build_tree<bvh::Node>(
+      config, options, tree, [&](const bvh::Config& how, const BuildOptions& build_options) {
+        return bvh::build(capi::elements<const Aabb>(boxes, box_count, "boxes"), how,
+                          build_options);
+      });
 }
 
 umbel_result umbel_bvh2_build_triangles(const umbel_bvh_mesh* mesh, const umbel_bvh_config* config,
                                         const umbel_build_options* options, umbel_bvh2* tree) {
-  return capi::build_tree(config, options, tree,
-                          [&](const bvh::Config& how, const BuildOptions& build_options) {
-                            return bvh::build(capi::bvh_mesh(mesh).view, how, build_options);
-                          });
+  return capi::build_tree<bvh::Node>(
+      config, options, tree, [&](const bvh::Config& how, const BuildOptions& build_options) {
+        return bvh::build(capi::bvh_mesh(mesh).view, how, build_options);
+      });
 }
 
 umbel_result umbel_bvh2_get_statistics(const umbel_bvh2* tree, const umbel_bvh_config* config,

@@ -108,6 +108,17 @@ def test_every_setting_arrives(bvh_command: Run, small_ply: Path) -> None:
         assert said["sah_cost"] != plain[builder]["sah_cost"], flags
 
 
+def test_clusters_of_kmeans_are_measured_as_they_are(bvh_command: Run, small_ply: Path) -> None:
+    run = bvh_command(small_ply, "--builder", "kmeans", "--kary", "--clusters", 8, "--json").json
+    tree = umbel.build_kary(small_ply, clusters=8, cost=(3.0, 2.0), max_leaf_size=8)
+    assert run["nodes"] == len(tree.nodes)
+    assert run["sah_cost"] == pytest.approx(tree.sah_cost())
+    assert run["epo"] is None
+    assert run["wide_nodes"] == run["nodes"] - run["leaves"]
+    wrong = bvh_command(small_ply, "--builder", "sweep", "--kary")
+    assert wrong.status == 1 and "kmeans" in wrong.err
+
+
 def test_forms_and_costs(bvh_command: Run, small_ply: Path) -> None:
     plain = bvh_command(small_ply, "--json").json
     for width in (2, 4):

@@ -14,7 +14,7 @@ from .run import Json, Threads, check_output, ends_cleanly, fail, show
 
 if TYPE_CHECKING:
     from ..bench.rays import Rays
-    from ..bvh import Bvh, TreeOptions
+    from ..bvh import Bvh, KaryTree, TreeOptions
     from ..kdtree import KdTree
 
 PICTURE = 512
@@ -83,6 +83,9 @@ def command(
     distance: Annotated[
         Distance | None, _knob(None, "kmeans: distance of boxes, by means or by medians.")
     ] = None,
+    kary: Annotated[
+        bool, _knob(None, "kmeans: the clusters themselves, up to K children a node.")
+    ] = False,
     handed_up: Annotated[
         int | None, _knob("N", "kmeans: nodes a treelet hands up, 0 to 64; 1 as published.")
     ] = None,
@@ -115,6 +118,8 @@ def command(
         fail("this build of Umbel has no CUDA support; use --device cpu")
     if output is not None:
         check_output(output, ".umbvh")
+    if kary and not builder.startswith("kmeans"):
+        fail(f"--kary is of the builder kmeans, not of {builder}")
     costs = _costs(cost)
     options: TreeOptions = {
         "cost": costs,
@@ -142,30 +147,34 @@ def command(
     }
 
     from ..bench.rays import diffuse_rays, primary_rays
-    from ..bvh import Bvh, build_bvh2
+    from ..bvh import Bvh, Bvh2, build_bvh2, build_kary
     from ..io import load
     from .progress import Bar
 
     mesh = load(source)
     with Bar() as bar:
         began = time.perf_counter()
-        tree = build_bvh2(mesh, builder=builder, progress=bar, threads=threads, **options)
+        tree: Bvh2 | KaryTree
+        if kary:
+            tree = build_kary(mesh, builder=builder, progress=bar, threads=threads, **options)
+        else:
+            tree = build_bvh2(mesh, builder=builder, progress=bar, threads=threads, **options)
         built = time.perf_counter()
         bvh = Bvh.from_tree(tree, mesh, width=width, compact=compact, threads=threads)
         widened = time.perf_counter()
     if output is not None:
         bvh.save(output)
-    binary, wide = tree.statistics(costs), bvh.statistics()
+    found, wide = tree.statistics(costs), bvh.statistics()
     result: dict[str, Any] = {
         "builder": builder,
         "triangles": len(mesh.triangles),
         "width": width,
-        "nodes": binary["nodes"],
-        "leaves": binary["leaves"],
-        "max_depth": binary["max_depth"],
-        "references": binary["references"],
-        "sah_cost": binary["sah_cost"],
-        "epo": tree.epo(costs, threads=threads),
+        "nodes": found["nodes"],
+        "leaves": found["leaves"],
+        "max_depth": found["max_depth"],
+        "references": found["references"],
+        "sah_cost": found["sah_cost"],
+        "epo": tree.epo(costs, threads=threads) if isinstance(tree, Bvh2) else None,
         "build_seconds": built - began,
         "widen_seconds": widened - built,
         "wide_nodes": wide["nodes"],

@@ -182,7 +182,7 @@ TEST(KmeansKary, bad_boxes_are_refused) {
   EXPECT_THROW(build_kmeans_kary(boxes), Error);
   boxes[7] = {};
   EXPECT_THROW(build_kmeans_kary(boxes), Error);
-  EXPECT_TRUE(build_kmeans_kary({}).nodes.empty());
+  EXPECT_TRUE(build_kmeans_kary(std::span<const Aabb>{}).nodes.empty());
 }
 
 struct Scene {
