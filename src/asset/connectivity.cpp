@@ -5,7 +5,8 @@
 namespace umbel::asset {
 namespace {
 
-constexpr uint16_t kNoGate = 3 * kMaxLocal;
+/// Behind the last gate that a cluster can have, and behind the place for what is no gate.
+constexpr uint16_t kNoGate = 3 * kMaxLocal + 1;
 
 /// What the third vertex of a gate's triangle is.
 enum Apex : uint32_t {
@@ -50,6 +51,19 @@ constexpr std::array<Symbol, 1u << kLongest> decoding_table() {
 }
 constexpr auto kDecodingTable = decoding_table();
 
+/// Where an apex with its two edges is among the symbols; kSymbols.size() where it is not.
+constexpr uint32_t place_of(uint32_t apex, bool right, bool left) {
+  return 4 * apex + 2 * right + left;
+}
+constexpr std::array<uint8_t, size_t{4} * kNothing + 4> encoding_table() {
+  std::array<uint8_t, size_t{4} * kNothing + 4> table{};
+  table.fill(kSymbols.size());
+  for (uint8_t i = 0; i < kSymbols.size(); ++i)
+    table[place_of(kSymbols[i].apex, kSymbols[i].right != 0, kSymbols[i].left != 0)] = i;
+  return table;
+}
+constexpr auto kEncodingTable = encoding_table();
+
 // Not bytes: those may alias anything, and would keep the decoder's state out of registers.
 struct Gate {
   uint16_t a, b, across;
@@ -75,22 +89,28 @@ class Front {
 
   /// The first open gate, closed; false if there is none.
   bool pop(Gate& gate) {
-    while (open_[word_] == 0) {
+    while (head_ == 0) {
       if (word_ >= count_ / 64) return false;
-      ++word_;
+      head_ = open_[++word_];
     }
-    const uint32_t first = 64 * word_ + static_cast<uint32_t>(std::countr_zero(open_[word_]));
+    const uint32_t first = 64 * word_ + static_cast<uint32_t>(std::countr_zero(head_));
+    head_ &= head_ - 1;
     gate = gates_[first];
-    close_gate(first);
+    forget(first);
     return true;
   }
 
-  void push(uint32_t a, uint32_t b, uint32_t across) {
-    from_[a] = into_[b] = static_cast<uint16_t>(count_);
-    gates_[count_] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b),
-                      static_cast<uint16_t>(across)};
-    open_[count_ / 64] |= uint64_t{1} << (count_ % 64);
-    ++count_;
+  /// Opens a gate, if it is one (1): without a branch, since that is hard to foresee.
+  void push(uint32_t a, uint32_t b, uint32_t across, uint32_t is_gate) {
+    const auto gate = static_cast<uint16_t>(count_);
+    gates_[gate] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b),
+                    static_cast<uint16_t>(across)};
+    from_[a] = is_gate ? gate : from_[a];
+    into_[b] = is_gate ? gate : into_[b];
+    const uint64_t bit = uint64_t{is_gate} << (gate % 64);
+    open_[gate / 64] |= bit;
+    head_ |= gate / 64 == word_ ? bit : 0;
+    count_ += is_gate;
   }
 
   /// Closes an open gate from a to b, if one is known.
@@ -98,7 +118,10 @@ class Front {
     uint32_t gate = from_[a];
     if (gates_[gate].b != b) gate = into_[b];
     if (gates_[gate].a != a) return false;
-    close_gate(gate);
+    const uint64_t bit = uint64_t{1} << (gate % 64);
+    open_[gate / 64] &= ~bit;
+    head_ &= gate / 64 == word_ ? ~bit : ~uint64_t{0};
+    forget(gate);
     return true;
   }
 
@@ -108,8 +131,7 @@ class Front {
   uint32_t before(uint32_t v) const { return gates_[into_[v]].a; }
 
  private:
-  void close_gate(uint32_t gate) {
-    open_[gate / 64] &= ~(uint64_t{1} << (gate % 64));
+  void forget(uint32_t gate) {
     uint16_t& from = from_[gates_[gate].a];
     uint16_t& into = into_[gates_[gate].b];
     from = from == gate ? kNoGate : from;
@@ -120,53 +142,66 @@ class Front {
   std::array<Gate, kNoGate + 1> gates_;
   std::array<uint16_t, kMaxLocal> from_, into_;
   std::array<uint64_t, kNoGate / 64 + 1> open_;
+  // The word that the first open gate is in, apart from the others, which then are not waited for.
+  uint64_t head_ = 0;
   uint32_t word_ = 0, count_ = 0;
 };
 
-/// Triangles by their directed edges.
+/// Directed edges by the vertex that they begin at, with the triangles that have them.
 class EdgeTable {
  public:
-  EdgeTable(std::span<const uint8_t> triangles, uint32_t vertices)
-      : triangles_(triangles), first_(vertices + 1), corners_(triangles.size()) {
+  struct Edge {
+    uint8_t to, across;  ///< the triangle's vertices after the first
+    uint8_t triangle;
+    bool is_visited;
+  };
+
+  EdgeTable(std::span<const uint8_t> triangles, uint32_t vertices) {
+    std::fill_n(first_.begin(), vertices + 1, uint16_t{0});
     for (const uint8_t v : triangles) ++first_[v + 1];
     for (uint32_t v = 0; v < vertices; ++v) first_[v + 1] += first_[v];
-    std::vector<uint32_t> next(first_.begin(), first_.end() - 1);
-    for (uint32_t corner = 0; corner < triangles.size(); ++corner)
-      corners_[next[triangles[corner]]++] = corner;
+    std::array<uint16_t, kMaxLocal> next;
+    std::copy_n(first_.begin(), vertices, next.begin());
+    for (uint32_t at = 0; at < triangles.size(); at += 3)
+      for (uint32_t k = 0; k < 3; ++k) {
+        const uint16_t place = next[triangles[at + k]]++;
+        edges_[place] = {triangles[at + (k + 1) % 3], triangles[at + (k + 2) % 3],
+                         static_cast<uint8_t>(at / 3), false};
+        places_[at + k] = place;
+      }
   }
 
-  /// The first corner from which the edge (a, b) goes out in a triangle that was not visited, or
-  /// kNone.
-  uint32_t find(uint8_t a, uint8_t b, const std::vector<bool>& visited) const {
-    for (uint32_t i = first_[a]; i < first_[a + 1]; ++i) {
-      const uint32_t corner = corners_[i];
-      if (triangles_[turned(corner, 1)] == b && !visited[corner / 3]) return corner;
-    }
-    return kNone;
+  /// The first edge (a, b) of a triangle that was not visited, or null.
+  const Edge* find(uint8_t a, uint8_t b) const {
+    for (uint32_t i = first_[a]; i < first_[a + 1]; ++i)
+      if (edges_[i].to == b && !edges_[i].is_visited) return &edges_[i];
+    return nullptr;
   }
 
-  static uint32_t turned(uint32_t corner, uint32_t by) {
-    return corner / 3 * 3 + (corner % 3 + by) % 3;
+  void visit(uint32_t triangle) {
+    for (uint32_t k = 0; k < 3; ++k) edges_[places_[3 * triangle + k]].is_visited = true;
   }
 
  private:
-  std::span<const uint8_t> triangles_;
-  std::vector<uint32_t> first_, corners_;
+  std::array<uint16_t, kMaxLocal + 1> first_;
+  std::array<Edge, size_t{3} * kMaxLocal> edges_;
+  std::array<uint16_t, size_t{3} * kMaxLocal> places_;  // of each corner's edge
 };
 
 class Encoder {
  public:
   Encoder(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out)
-      : triangles_(triangles), edges_(triangles, vertices), out_(out), is_known_(vertices) {
-    numbers_.resize(vertices);
-    visited_.resize(triangles.size() / 3);
-    left_ = visited_.size();
+      : triangles_(triangles), edges_(triangles, vertices), out_(out), vertices_(vertices) {
+    left_ = triangles.size() / 3;
+    walk_.vertices.reserve(vertices);
+    walk_.parents.reserve(vertices);
+    walk_.triangles.reserve(triangles.size());
   }
 
   Walk run() {
-    for (uint32_t t = 0; t < visited_.size(); ++t)
+    for (uint32_t t = 0; 3 * t < triangles_.size(); ++t)
       if (!visited_[t]) walk_from(t);
-    for (uint32_t v = 0; v < is_known_.size(); ++v)
+    for (uint32_t v = 0; v < vertices_; ++v)
       if (!is_known_[v]) number(static_cast<uint8_t>(v), parents_at_start());
     return std::move(walk_);
   }
@@ -188,6 +223,7 @@ class Encoder {
 
   void visit(uint32_t triangle) {
     visited_[triangle] = true;
+    edges_.visit(triangle);
     --left_;
   }
 
@@ -213,13 +249,13 @@ class Encoder {
 
   void pass_gate(const Gate& gate) {
     const uint8_t a = walk_.vertices[gate.a], b = walk_.vertices[gate.b];
-    const uint32_t corner = edges_.find(a, b, visited_);
-    if (corner == kNone) {
+    const EdgeTable::Edge* const edge = edges_.find(a, b);
+    if (edge == nullptr) {
       write(kNothing, false, false);
       return;
     }
-    visit(corner / 3);
-    const uint8_t c = triangles_[EdgeTable::turned(corner, 2)];
+    visit(edge->triangle);
+    const uint8_t c = edge->across;
     const uint32_t apex = apex_of(gate, c), seen = known();
     if (apex == kNew) number(c, parents_of(gate));
     for (const uint32_t v : {uint32_t{gate.a}, uint32_t{gate.b}, uint32_t{numbers_[c]}})
@@ -237,20 +273,18 @@ class Encoder {
   /// Writes the symbol, or that of the same triangle by name where it has none (with edges from a
   /// vertex to itself, a gate beside this one may be gone by the time that it would be closed).
   uint32_t write(uint32_t apex, bool right, bool left) {
-    for (const Symbol& s : kSymbols)
-      if (s.apex == apex && s.right == right && s.left == left) {
-        out_.write(s.code, s.length);
-        return apex;
-      }
-    return write(kNamed, right, left);
+    const uint8_t symbol = kEncodingTable[place_of(apex, right, left)];
+    if (symbol == kSymbols.size()) return write(kNamed, right, left);
+    out_.write(kSymbols[symbol].code, kSymbols[symbol].length);
+    return apex;
   }
 
   /// The edge (a, b) of a triangle with the third vertex c: whether it is or closes a gate.
   bool pass_edge(uint8_t a, uint8_t b, uint8_t c) {
     if (front_.close(numbers_[a], numbers_[b])) return true;
-    const bool is_gate = edges_.find(b, a, visited_) != kNone;
+    const bool is_gate = edges_.find(b, a) != nullptr;
     if (is_gate)
-      front_.push(numbers_[b], numbers_[a], numbers_[c]);
+      front_.push(numbers_[b], numbers_[a], numbers_[c], 1);
     else
       walk_.border.push_back({numbers_[a], numbers_[b]});
     return is_gate;
@@ -259,9 +293,10 @@ class Encoder {
   std::span<const uint8_t> triangles_;
   EdgeTable edges_;
   BitWriter& out_;
-  std::vector<bool> visited_, is_known_;
+  uint32_t vertices_;
+  std::array<bool, kMaxLocal> visited_{}, is_known_{};
   size_t left_;
-  std::vector<uint8_t> numbers_;
+  std::array<uint8_t, kMaxLocal> numbers_;
   Walk walk_;
   Front front_;
 };
@@ -356,10 +391,9 @@ class Decoder {
   }
 
   void open_edge(uint32_t a, uint32_t b, uint32_t c, uint32_t is_gate) {
-    if (is_gate)
-      front_.push(b, a, c);
-    else
-      border_[border_edges_++] = {static_cast<uint8_t>(a), static_cast<uint8_t>(b)};
+    front_.push(b, a, c, is_gate);
+    border_[border_edges_] = {static_cast<uint8_t>(a), static_cast<uint8_t>(b)};
+    border_edges_ += 1 - is_gate;
   }
 
   BitReader in_;

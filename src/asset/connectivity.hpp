@@ -44,8 +44,8 @@ struct Walk {
 /// Writes triangles, triples of vertices < `vertices` <= 256.
 Walk encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out);
 
-/// At most this many border edges: all of a cluster's.
-using BorderEdges = std::array<BorderEdge, size_t{3} * kMaxLocal>;
+/// At most all edges of a cluster, and a place for one that is none.
+using BorderEdges = std::array<BorderEdge, size_t{3} * kMaxLocal + 1>;
 
 /// Reads `triangles.size() / 3` <= 256 triangles of `parents.size()` <= 256 vertices, and each
 /// vertex's parents. Returns how many border edges it found. Throws kCorrupt if a number is out of

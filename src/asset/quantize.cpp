@@ -21,9 +21,10 @@ int32_t ordered(float f) {
 float unordered(int32_t i) { return std::bit_cast<float>(i < 0 ? i ^ 0x7fffffff : i); }
 
 int32_t on_grid(float f, float step) {
-  // Division by a power of two is exact.
-  const double i = std::nearbyint(double{f} / double{step});
-  return static_cast<int32_t>(std::clamp(i, -2147483647.0, 2147483647.0));
+  // Division by a power of two is exact. A double that is this large has no bits behind the point.
+  constexpr double kWhole = 0x1.8p52;
+  const double i = std::clamp(double{f} / double{step}, -2147483647.0, 2147483647.0);
+  return static_cast<int32_t>((i + kWhole) - kWhole);
 }
 
 int32_t rounded(float f) { return static_cast<int32_t>(std::lrint(f)); }

@@ -29,18 +29,18 @@ uint32_t predicted(const VertexFormat& format, uint32_t component, const int32_t
 /// The damping with the least sum of remainders of the positions.
 int best_damping(std::span<const int32_t> integers, uint32_t stride,
                  std::span<const Parents> parents, std::span<const uint32_t> source) {
-  int best = 0;
-  uint64_t least = ~uint64_t{0};
-  for (int damping = 0; damping < 1 << kDampingBits; ++damping) {
-    uint64_t sum = 0;
-    for (size_t v = 1; v < parents.size(); ++v)
-      for (uint32_t c = 0; c < 3 && source[v] == kNone; ++c)
-        sum += zigzag(
-            static_cast<int32_t>(static_cast<uint32_t>(integers[v * stride + c]) -
-                                 predicted_flat(integers.data() + c, stride, parents[v], damping)));
-    if (sum < least) best = damping, least = sum;
+  std::array<uint64_t, 1 << kDampingBits> sums{};
+  for (size_t v = 1; v < parents.size(); ++v) {
+    if (source[v] != kNone) continue;
+    for (uint32_t c = 0; c < 3; ++c) {
+      const auto at = [&](size_t vertex) { return int64_t{integers[vertex * stride + c]}; };
+      const int64_t sum = at(parents[v].a) + at(parents[v].b), across = at(parents[v].across);
+      const int64_t undamped = at(v) - (sum - across), bend = sum - 2 * across;
+      for (int damping = 0; damping < 1 << kDampingBits; ++damping)
+        sums[damping] += zigzag(static_cast<int32_t>(undamped + ((damping * bend) >> 4)));
+    }
   }
-  return best;
+  return static_cast<int>(std::min_element(sums.begin(), sums.end()) - sums.begin());
 }
 
 /// The parameter with the shortest code.

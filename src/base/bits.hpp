@@ -45,7 +45,8 @@ class BitWriter {
   /// The lowest `count` <= 32 bits of `value`; those above must be 0.
   void write(uint32_t value, uint32_t count) {
     held_ |= uint64_t{value} << bits_;
-    for (bits_ += count; bits_ >= 8; bits_ -= 8) emit();
+    bits_ += count;
+    if (bits_ >= 32) emit(4);
   }
 
   void rice(uint32_t value, uint32_t k) {
@@ -61,14 +62,17 @@ class BitWriter {
 
   /// Fills the last byte with zeros.
   void finish() {
-    if (bits_ > 0) emit();
+    emit((bits_ + 7) / 8);
     bits_ = 0;
   }
 
  private:
-  void emit() {
-    out_.push_back(static_cast<std::byte>(held_ & 0xff));
-    held_ >>= 8;
+  void emit(uint32_t bytes) {
+    const uint64_t word = little_endian(held_);
+    const auto* const first = reinterpret_cast<const std::byte*>(&word);
+    out_.insert(out_.end(), first, first + bytes);
+    held_ >>= 8 * bytes;
+    bits_ -= 8 * bytes;
   }
 
   std::vector<std::byte>& out_;

@@ -1,0 +1,133 @@
+// How fast an asset is written and decoded on one core: the parts of its groups, from and to
+// memory. Positions are on a grid of 16 bits over the longest side.
+//
+//   decode_bench [--runs N] MESH.ply...
+//
+// Medians of N runs of processor time: writing as a share of building; all of decoding, in
+// triangles and in bytes of what comes out; triangles alone; and what is shared and the vertices,
+// by what they take beyond that, in bytes of floats that come out.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <string>
+#include <vector>
+
+#include "asset/choose_format.hpp"
+#include "asset/connectivity.hpp"
+#include "asset/group_part.hpp"
+#include "base/math.hpp"
+#include "ply_reader.hpp"
+
+namespace {
+
+namespace asset = umbel::asset;
+namespace lod = umbel::lod;
+
+double processor_seconds() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+template <typename Work>
+double median_seconds(int runs, const Work& work) {
+  std::vector<double> times;
+  for (int run = 0; run < runs; ++run) {
+    const double start = processor_seconds();
+    work();
+    times.push_back(processor_seconds() - start);
+  }
+  std::sort(times.begin(), times.end());
+  return times[times.size() / 2];
+}
+
+struct Part {
+  std::vector<std::byte> bytes;
+  asset::PartTables tables;
+};
+
+umbel::Aabb box_of(const umbel::Mesh& mesh) {
+  umbel::Aabb box;
+  for (const umbel::Vec3& p : mesh.positions) umbel::extend(box, umbel::Aabb{p, p});
+  return box;
+}
+
+/// Reads the triangles of every cluster, and nothing else; a sum, so that all of it happens.
+uint64_t read_triangles(const std::vector<Part>& parts) {
+  std::array<uint8_t, 3 * asset::kMaxLocal> triangles;
+  std::array<asset::Parents, asset::kMaxLocal> parents;
+  asset::BorderEdges border;
+  uint64_t sum = 0;
+  for (const Part& part : parts) {
+    uint32_t begin = part.tables.first_data;
+    for (size_t c = 0; c < part.tables.clusters.size(); ++c) {
+      umbel::BitReader in(std::span(part.bytes).subspan(begin, part.tables.ends[c] - begin));
+      const lod::Cluster& cluster = part.tables.clusters[c];
+      sum += asset::decode_triangles(in, std::span(triangles).first(3 * cluster.triangle_count),
+                                     std::span(parents).first(cluster.vertex_count), border);
+      begin = part.tables.ends[c];
+    }
+  }
+  return sum;
+}
+
+void measure(const std::string& path, int runs) {
+  const umbel::Mesh mesh = bench::read_ply(path);
+  const umbel::Aabb bounds = box_of(mesh);
+  const float longest = std::max(
+      {bounds.max.x - bounds.min.x, bounds.max.y - bounds.min.y, bounds.max.z - bounds.min.z});
+  lod::Config config;
+  config.position_step = std::exp2(std::ceil(std::log2(longest / 65535)));
+  const umbel::BuildOptions one{.progress = {}, .threads = 1};
+  lod::Dag dag;
+  const double building = median_seconds(1, [&] { dag = lod::build(mesh.view(), config, one); });
+  const asset::VertexFormat format = asset::choose_format(dag, {});
+  umbel::Aabb box;
+  for (const lod::Cluster& cluster : dag.tables.clusters) umbel::extend(box, cluster.box);
+
+  std::vector<Part> parts(dag.tables.groups.size());
+  uint64_t triangles = 0, vertices = 0, bytes = 0;
+  const double writing = median_seconds(runs, [&] {
+    for (uint32_t g = 0; g < parts.size(); ++g)
+      parts[g].bytes = asset::encode_part({dag, format, box}, g, asset::children_of(dag.tables, g));
+  });
+  for (uint32_t g = 0; g < parts.size(); ++g) {
+    Part& part = parts[g];
+    const auto children = static_cast<uint32_t>(asset::children_of(dag.tables, g).size());
+    part.tables = asset::decode_tables(format, box, dag.tables.groups[g].clusters.count, children,
+                                       part.bytes);
+    bytes += part.bytes.size();
+    for (const lod::Cluster& cluster : part.tables.clusters)
+      triangles += cluster.triangle_count, vertices += cluster.vertex_count;
+  }
+  uint64_t sum = 0;
+  const double all = median_seconds(runs, [&] {
+    for (const Part& part : parts)
+      sum += asset::decode_clusters(format, part.tables, part.bytes, part.tables.clusters.size())
+                 .size();
+  });
+  const double connectivity = median_seconds(runs, [&] { sum += read_triangles(parts); });
+  const auto count = static_cast<double>(triangles);
+  const double floats = 12 * static_cast<double>(vertices);
+  printf(
+      "%-24s %6.2f M triangles, %4.2f vertices and %4.2f bytes each; writing %4.1f %% of "
+      "building; all %5.1f M/s (%4.2f GB/s); triangles %5.1f M/s; vertices %5.2f GB/s  (%llu)\n",
+      path.substr(path.find_last_of('/') + 1).c_str(), count * 1e-6,
+      static_cast<double>(vertices) / count, static_cast<double>(bytes) / count,
+      100 * writing / building, count / all * 1e-6, (floats + 3 * count) / all * 1e-9,
+      count / connectivity * 1e-6, floats / (all - connectivity) * 1e-9,
+      static_cast<unsigned long long>(sum % 10));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int runs = 7, first = 1;
+  if (argc > 2 && strcmp(argv[1], "--runs") == 0) runs = std::max(atoi(argv[2]), 1), first = 3;
+  for (int i = first; i < argc; ++i) measure(argv[i], runs);
+  return argc > first ? 0 : 1;
+}
