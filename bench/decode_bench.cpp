@@ -127,7 +127,8 @@ void measure(const std::string& path, int runs) {
 
 int main(int argc, char** argv) {
   int runs = 7, first = 1;
-  if (argc > 2 && strcmp(argv[1], "--runs") == 0) runs = std::max(atoi(argv[2]), 1), first = 3;
+  if (argc > 2 && strcmp(argv[1], "--runs") == 0)
+    runs = std::max(static_cast<int>(std::strtol(argv[2], nullptr, 10)), 1), first = 3;
   for (int i = first; i < argc; ++i) measure(argv[i], runs);
   return argc > first ? 0 : 1;
 }

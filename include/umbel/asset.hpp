@@ -87,7 +87,7 @@ struct AssetConfig {
   float uv_step = 0x1p-14f;    ///< texture coordinates become multiples of this power of two
   /// Groups that together take at most so much form a page, what is read at once: a multiple of
   /// 4096, up to 1 GiB.
-  uint32_t page_bytes = 64 << 10;
+  uint32_t page_bytes = 40 << 10;
 
   static AssetConfig exact() { return {0, 0, 0, 0}; }
 };
@@ -99,6 +99,9 @@ struct AssetContents {
   std::vector<Instance> instances;
   std::string metadata = "{}";   ///< a JSON object that comes back as AssetInfo::metadata
   std::string materials = "{}";  ///< a JSON object: see docs/format.md, section MTRL
+  /// What is added to each mesh's material numbers, so that each may have its own of `materials`;
+  /// empty: nothing.
+  std::vector<uint32_t> first_materials;
   /// Files that `materials` refers to: images.
   std::vector<std::vector<std::byte>> files;
 };

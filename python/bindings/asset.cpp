@@ -106,13 +106,15 @@ nb::typed<nb::list, Dict> meshes_of(const Asset& asset) {
 
 uint64_t write(const std::filesystem::path& path, const nb::typed<nb::list, lod::Dag>& dags,
                const std::string& metadata, const std::string& materials,
-               const nb::typed<nb::list, nb::bytes>& files, const Flat<uint32_t>& instance_meshes,
-               const Rows<float, 12>& transforms, bool exact, uint32_t page_bytes,
-               const nb::object& progress, uint32_t threads) {
+               const Flat<uint32_t>& first_materials, const nb::typed<nb::list, nb::bytes>& files,
+               const Flat<uint32_t>& instance_meshes, const Rows<float, 12>& transforms, bool exact,
+               uint32_t page_bytes, const nb::object& progress, uint32_t threads) {
   AssetContents contents;
   for (const nb::handle dag : dags) contents.meshes.push_back(nb::cast<const lod::Dag*>(dag));
   contents.metadata = metadata;
   contents.materials = materials;
+  const auto firsts = rows_of<uint32_t>(first_materials);
+  contents.first_materials.assign(firsts.begin(), firsts.end());
   for (const nb::handle file : files) {
     const auto bytes = nb::cast<nb::bytes>(file);
     const auto* first = static_cast<const std::byte*>(bytes.data());
@@ -222,11 +224,12 @@ void bind_asset(nb::module_& module) {
           },
           "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0);
   module.def(
-      "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "files"_a,
-      "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a, "progress"_a = nb::none(),
-      "threads"_a = 0,
+      "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "first_materials"_a,
+      "files"_a, "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a,
+      "progress"_a = nb::none(), "threads"_a = 0,
       nb::sig("def write_asset(path: str | os.PathLike[str], dags: list[Dag], metadata: str, "
-              "materials: str, files: list[bytes], instance_meshes: typing.Any, "
+              "materials: str, first_materials: typing.Any, files: list[bytes], instance_meshes: "
+              "typing.Any, "
               "transforms: typing.Any, exact: bool, page_bytes: int, "
               "progress: object | None = None, threads: int = 0) -> int"));
   module.def(

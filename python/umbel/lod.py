@@ -23,7 +23,7 @@ from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
 from .tables import HasTables
 
-PAGE_BYTES = 64 << 10
+PAGE_BYTES = 40 << 10
 """Most bytes of a page of several groups, unless something else is asked for."""
 
 
@@ -145,8 +145,8 @@ def save_asset(
     progress: Progress | None = None,
     threads: int = 0,
 ) -> int:
-    """Writes several meshes as one asset, with the materials of the first, which the others must
-    share. Returns its bytes.
+    """Writes several meshes as one asset, each with its materials; equal ones are stored once.
+    Returns its bytes.
 
     instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
         vectors from the mesh to the world). None: every mesh once, where it is.
@@ -164,12 +164,14 @@ def save_asset(
     if keep is None:
         keep = any(lod.config["position_step"] == 0 for lod in lods)
     folder = Path(os.fspath(path)).absolute().parent
-    materials, files = write_materials(lods[0]._materials if lods else [], textures, folder)
+    all_materials, firsts = _joined([lod._materials for lod in lods])
+    materials, files = write_materials(all_materials, textures, folder)
     return _umbel.write_asset(
         os.fspath(path),
         [lod._native for lod in lods],
         encode(metadata if metadata is not None else {"generator": f"umbel {_umbel.version()}"}),
         materials,
+        np.array(firsts, np.uint32),
         files,
         meshes.astype(np.uint32),
         transforms.reshape(-1, 12),
@@ -178,6 +180,20 @@ def save_asset(
         progress,
         threads,
     )
+
+
+def _joined(lists: list[list[Material]]) -> tuple[list[Material], list[int]]:
+    """All materials, and where those of each list begin. Who has none gets the default."""
+    if any(lists):
+        lists = [materials or [Material()] for materials in lists]
+    joined: list[Material] = []
+    firsts: list[int] = []
+    for i, materials in enumerate(lists):
+        same = next((j for j in range(i) if lists[j] == materials), None)
+        firsts.append(len(joined) if same is None else firsts[same])
+        if same is None:
+            joined += materials
+    return joined, firsts
 
 
 Decimate = Callable[[Mesh, NDArray[np.bool_], int], Any]

@@ -58,8 +58,9 @@ constexpr uint32_t place_of(uint32_t apex, bool right, bool left) {
 constexpr std::array<uint8_t, size_t{4} * kNothing + 4> encoding_table() {
   std::array<uint8_t, size_t{4} * kNothing + 4> table{};
   table.fill(kSymbols.size());
-  for (uint8_t i = 0; i < kSymbols.size(); ++i)
-    table[place_of(kSymbols[i].apex, kSymbols[i].right != 0, kSymbols[i].left != 0)] = i;
+  for (size_t i = 0; i < kSymbols.size(); ++i)
+    table[place_of(kSymbols[i].apex, kSymbols[i].right != 0, kSymbols[i].left != 0)] =
+        static_cast<uint8_t>(i);
   return table;
 }
 constexpr auto kEncodingTable = encoding_table();

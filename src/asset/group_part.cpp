@@ -103,12 +103,12 @@ class GroupEncoder {
 };
 
 void write_record(ByteWriter& out, const lod::Cluster& cluster, uint32_t end, uint16_t reference,
-                  const Aabb& bounds) {
+                  const EncodedMesh& mesh) {
   out.u32(end);
   out.u16(static_cast<uint16_t>((cluster.vertex_count - 1) | (cluster.triangle_count - 1) << 8));
   out.u16(reference);
-  out.u32(cluster.material);
-  for (const uint16_t step : box_steps(cluster.box, bounds)) out.u16(step);
+  out.u32(cluster.material + mesh.first_material);
+  for (const uint16_t step : box_steps(cluster.box, mesh.bounds)) out.u16(step);
 }
 
 }  // namespace
@@ -155,7 +155,7 @@ std::vector<std::byte> encode_part(const EncodedMesh& mesh, uint32_t group,
     const auto child = std::find(children.begin(), children.end(), cluster.generating_group);
     const auto reference =
         child == children.end() ? kNoReference : static_cast<uint16_t>(child - children.begin());
-    write_record(out, cluster, ends[i], reference, mesh.bounds);
+    write_record(out, cluster, ends[i], reference, mesh);
   }
   return part;
 }
@@ -216,7 +216,7 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
   size_t vertices = 0;
   for (size_t i = 0; i < count; ++i) vertices += tables.clusters[i].vertex_count;
   std::vector<int32_t> integers(vertices * stride);
-  GroupBorders borders;
+  GroupBorders borders(vertices);
   BorderEdges border;
   std::array<Parents, kMaxLocal> parents;
   std::array<uint32_t, kMaxLocal> source;

@@ -21,7 +21,8 @@ inline constexpr uint64_t kPartAlignment = 8;
 struct EncodedMesh {
   const lod::Dag& dag;
   const VertexFormat& format;
-  const Aabb& bounds;  ///< of all its clusters
+  const Aabb& bounds;           ///< of all its clusters
+  uint32_t first_material = 0;  ///< added to its material numbers
 };
 
 /// The distinct groups that a group's clusters were made from, in the order in which they occur.

@@ -4,6 +4,12 @@
 
 namespace umbel::asset {
 
+GroupBorders::GroupBorders(size_t vertices) {
+  next_.reserve(vertices);
+  previous_.reserve(vertices);
+  listed_.reserve(vertices);
+}
+
 void GroupBorders::add_cluster(uint32_t vertices, std::span<const BorderEdge> edges) {
   earlier_ = listed_.size();
   first_ = end();
@@ -18,7 +24,9 @@ void GroupBorders::add_cluster(uint32_t vertices, std::span<const BorderEdge> ed
 }
 
 SharedVertices::SharedVertices(size_t vertices)
-    : heads_(std::bit_ceil(vertices + 1), kNone), next_with_hash_(vertices, kNone) {
+    : borders_(vertices),
+      heads_(std::bit_ceil(vertices + 1), kNone),
+      next_with_hash_(vertices, kNone) {
   ids_.reserve(vertices);
   source_.reserve(vertices);
 }

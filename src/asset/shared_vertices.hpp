@@ -16,6 +16,9 @@ namespace umbel::asset {
 /// in each as its walk numbers them.
 class GroupBorders {
  public:
+  /// Of clusters with `vertices` in all.
+  explicit GroupBorders(size_t vertices);
+
   /// The next cluster, of `vertices` vertices.
   void add_cluster(uint32_t vertices, std::span<const BorderEdge> edges);
 

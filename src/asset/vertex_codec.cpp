@@ -61,6 +61,43 @@ uint32_t best_parameter(std::span<const uint32_t> remainders) {
   return best;
 }
 
+/// From what a cluster's vertices are predicted.
+struct Predictors {
+  const VertexFormat& format;
+  std::span<const Parents> parents;
+  std::span<const uint32_t> source;
+  const std::array<uint32_t, kMaxComponents>& parameters;
+  int damping;
+};
+
+/// Reads a cluster's vertices but for the first, the group's from `first` on. `kStride` is that of
+/// components that are all predicted flat, or 0 for any.
+template <uint32_t kStride>
+void decode_values(const Predictors& from, BitReader& in, std::span<int32_t> group, uint32_t first,
+                   uint32_t any_stride) {
+  const uint32_t stride = kStride != 0 ? kStride : any_stride;
+  int32_t* const integers = group.data() + size_t{first} * stride;
+  BitReader bits = in;  // its state stays in registers
+  for (size_t v = 0; v < from.parents.size(); ++v) {
+    int32_t* const vertex = integers + v * stride;
+    if (from.source[v] != kNone) {
+      const int32_t* const equal = group.data() + size_t{from.source[v]} * stride;
+      for (uint32_t c = 0; c < stride; ++c) vertex[c] = equal[c];
+      continue;
+    }
+    for (uint32_t c = 0; c < stride && v > 0; ++c) {
+      const uint32_t parameter = from.parameters[c];
+      const uint32_t remainder = parameter == kAllZero ? 0 : bits.rice(parameter);
+      const uint32_t expected =
+          kStride != 0
+              ? predicted_flat(integers + c, stride, from.parents[v], from.damping)
+              : predicted(from.format, c, integers + c, stride, from.parents[v], from.damping);
+      vertex[c] = static_cast<int32_t>(expected + static_cast<uint32_t>(unzigzag(remainder)));
+    }
+  }
+  in = bits;
+}
+
 }  // namespace
 
 void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
@@ -104,19 +141,13 @@ void decode_vertices(const VertexFormat& format, std::span<const Parents> parent
       integers[c] =
           static_cast<int32_t>(static_cast<uint32_t>(ranges[c].lowest) + in.read(ranges[c].bits));
   }
-  for (size_t v = 0; v < parents.size(); ++v) {
-    int32_t* const vertex = integers + v * stride;
-    if (source[v] != kNone) {
-      std::copy_n(group.data() + size_t{source[v]} * stride, stride, vertex);
-      continue;
-    }
-    for (uint32_t c = 0; c < stride && v > 0; ++c) {
-      const uint32_t remainder = parameters[c] == kAllZero ? 0 : in.rice(parameters[c]);
-      vertex[c] =
-          static_cast<int32_t>(predicted(format, c, integers + c, stride, parents[v], damping) +
-                               static_cast<uint32_t>(unzigzag(remainder)));
-    }
-  }
+  const Predictors predictors{format, parents, source, parameters, damping};
+  const std::span<int32_t> values = group.first((size_t{first} + parents.size()) * stride);
+  // Positions alone are the common case, and with a constant stride half as fast again.
+  if (stride == 3 && !format.is_smooth[0] && !format.is_smooth[1] && !format.is_smooth[2])
+    decode_values<3>(predictors, in, values, first, 3);
+  else
+    decode_values<0>(predictors, in, values, first, stride);
 }
 
 }  // namespace umbel::asset

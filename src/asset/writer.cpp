@@ -22,6 +22,8 @@ namespace asset {
 namespace {
 
 constexpr size_t kBatch = 256;  // groups
+/// How many groups that do not fit a page any more are passed by in search of one that does.
+constexpr size_t kReach = 12;
 constexpr uint64_t kMaxPageBytes = 1u << 30;
 
 [[noreturn]] void refuse(const std::string& sentence) {
@@ -100,6 +102,10 @@ void check_contents(const AssetContents& contents, const AssetConfig& config) {
     if (dag == nullptr) refuse("one of the asset's meshes is null");
     check_dag(*dag);
   }
+  if (!contents.first_materials.empty() &&
+      contents.first_materials.size() != contents.meshes.size())
+    refuse("first_materials has " + std::to_string(contents.first_materials.size()) +
+           " elements, but there are " + std::to_string(contents.meshes.size()) + " meshes");
   for (size_t i = 0; i < contents.instances.size(); ++i) {
     const Instance& instance = contents.instances[i];
     const auto& t = instance.transform;
@@ -198,8 +204,15 @@ class Writer {
                      [&](uint32_t a, uint32_t b) { return depth[a] < depth[b]; });
     std::vector<EncodedGroup> ordered;
     ordered.reserve(order.size());
-    for (const uint32_t i : order) ordered.push_back(std::move(encoded_[i]));
+    for (const uint32_t i : order) {
+      ordered.push_back(std::move(encoded_[i]));
+      depths_.push_back(depth[i]);
+    }
     encoded_ = std::move(ordered);
+  }
+
+  uint32_t first_material(uint32_t mesh) const {
+    return contents_.first_materials.empty() ? 0 : contents_.first_materials[mesh];
   }
 
   void encode_groups() {
@@ -209,24 +222,39 @@ class Writer {
       parallel_for(std::min(kBatch, encoded_.size() - begin), 1, [&](size_t i) {
         EncodedGroup& group = encoded_[begin + i];
         const EncodedMesh mesh{*contents_.meshes[group.mesh], formats_[group.mesh],
-                               head_.meshes[group.mesh].mesh.bounds};
+                               head_.meshes[group.mesh].mesh.bounds, first_material(group.mesh)};
         group.part = encode_part(mesh, group.id, places_[group.mesh][group.id].children);
       });
     }
   }
 
+  /// Fills pages one after the other, each with the next group and with what fits of those soon
+  /// after it, as long as they are as far below the coarsest level: parents stay in front.
   void fill_pages() {
-    uint64_t bytes = 0;
-    for (size_t i = 0; i < encoded_.size(); ++i) {
-      const uint64_t more = kGroupRecordBytes + encoded_[i].part.size();
-      if (pages_.empty() || bytes + more > config_.page_bytes) {
-        pages_.push_back({static_cast<uint32_t>(i), 0});
-        bytes = kPageHeaderBytes;
+    std::vector<bool> is_placed(encoded_.size());
+    std::vector<EncodedGroup> ordered;
+    ordered.reserve(encoded_.size());
+    for (size_t next = 0; next < encoded_.size(); ++next) {
+      if (is_placed[next]) continue;
+      pages_.push_back({static_cast<uint32_t>(ordered.size()), 0});
+      uint64_t bytes = kPageHeaderBytes;
+      size_t passed = 0;
+      for (size_t i = next; i < encoded_.size() && passed <= kReach; ++i) {
+        if (is_placed[i]) continue;
+        if (passed > 0 && depths_[i] != depths_[next]) break;
+        const uint64_t more = kGroupRecordBytes + encoded_[i].part.size();
+        if (i > next && bytes + more > config_.page_bytes) {
+          ++passed;
+          continue;
+        }
+        bytes += more;
+        is_placed[i] = true;
+        ++pages_.back().count;
+        places_[encoded_[i].mesh][encoded_[i].id].page = static_cast<uint32_t>(pages_.size() - 1);
+        ordered.push_back(std::move(encoded_[i]));
       }
-      bytes += more;
-      ++pages_.back().count;
-      places_[encoded_[i].mesh][encoded_[i].id].page = static_cast<uint32_t>(pages_.size() - 1);
     }
+    encoded_ = std::move(ordered);
   }
 
   GroupRef reference_to(uint32_t mesh, uint32_t group) const {
@@ -288,6 +316,7 @@ class Writer {
   std::vector<lod::Node> nodes_;
   std::vector<std::vector<Place>> places_;  // by mesh and group
   std::vector<EncodedGroup> encoded_;       // in file order
+  std::vector<uint32_t> depths_;            // of encoded_, until pages are filled
   std::vector<Range> pages_;                // of encoded_
 };
 

@@ -135,9 +135,12 @@ class BitReader {
   }
 
   uint32_t rice(uint32_t k) {
-    refill();
+    // Enough for all but the rarest: most times what is held is.
+    if (bits_ < kRiceEscape + k) refill();
     const uint32_t quotient = take_zeros(kRiceEscape);
-    return quotient == kRiceEscape ? take(32) : quotient << k | take(k);
+    if (quotient == kRiceEscape) [[unlikely]]
+      return read(32);
+    return quotient << k | take(k);
   }
 
   /// Throws kCorrupt unless what was read ends in the last byte of the input.

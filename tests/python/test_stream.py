@@ -182,7 +182,11 @@ def test_several_meshes_instances_and_textures_come_back(tmp_path: Path) -> None
             cut = asset.mesh_tables(index).cut(level=0)
             assert len(asset.mesh(cut, index).triangles) == asset.meshes[index]["source_triangles"]
             assert len(lod.clusters) == asset.meshes[index]["clusters"]
-        (again,) = asset.materials
+        again, plain = asset.materials
+        assert plain == umbel.Material()
+        for index in (0, 1):
+            cut = asset.mesh_tables(index).cut(level=0)
+            assert set(asset.mesh(cut, index).material_ids) == {index}
         assert (again.name, again.roughness, again.emissive) == ("red", 0.25, (2.0, 0.5, 0.0))
         image = again.images["base_color"]
         assert (image.wrap_u, image.wrap_v, image.nearest) == ("clamp", "repeat", True)

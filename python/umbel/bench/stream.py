@@ -47,6 +47,7 @@ COLUMNS = [
     Column("worst_error", "worst px", ".2f"),
     Column("loaded_over_needed", "loaded / needed", ".2f"),
     Column("needed", "needed", ".1%"),
+    Column("needed_at_once", "at once", ".1%"),
     Column("reloads", "reloads", "d"),
     Column("failures", "failures", "d"),
     Column("mean_step_ms", "mean step ms", ".3f"),
@@ -56,8 +57,9 @@ LEGEND = (
     "A camera walks round the asset at 60 frames a second, 1080 pixels high, and asks for errors "
     "of one pixel. Near: frames in which nothing is more than one pixel worse than that; first "
     "near: frames until the first such. Loaded / needed: bytes of pages that came over bytes of "
-    "the pages that some frame needed. Steps are timed by the processor time that they took, "
-    "loading apart."
+    "the pages that some frame needed; at once: those that the neediest frame needs, as a share of "
+    "all, and with a smaller budget it cannot be near. Steps are timed by the processor time that "
+    "they took, loading apart."
 )
 
 
@@ -116,8 +118,8 @@ def simulate(
     return found
 
 
-def _needed(asset: Asset, cameras: list[Camera]) -> set[int]:
-    """The pages that some frame needs, where all come at once."""
+def _needed(asset: Asset, cameras: list[Camera]) -> tuple[set[int], int]:
+    """The pages that some frame needs, where all come at once, and the most bytes of one frame."""
     ideal = Residency(
         asset,
         1 << 62,
@@ -126,19 +128,22 @@ def _needed(asset: Asset, cameras: list[Camera]) -> set[int]:
         link=(0.0, 1e18, 0.0, 0.0),
     )
     pages: set[int] = set()
-    now = 0.0
+    sizes = asset.page_sizes
+    most, now = 0, 0.0
     for camera in cameras:
         while ideal.step([camera], now, ASPECT)["missing_groups"]:
             now += 1e-6
-        pages.update(ideal.wanted_pages.tolist())
+        wanted = ideal.wanted_pages
+        most = max(most, int(sizes[wanted].sum(dtype=np.int64)))
+        pages.update(wanted.tolist())
         now += 1e-6
-    return pages
+    return pages, most
 
 
 def _run(
     asset: Asset,
     cameras: list[Camera],
-    needed: set[int],
+    needed: tuple[set[int], int],
     link: tuple[float, float, float, float],
     share: float,
 ) -> tuple[list[float], Row]:
@@ -153,13 +158,16 @@ def _run(
         steps.append(step["seconds"])
     near = [error <= _NEAR for error in errors]
     said = residency.statistics
+    pages, most = needed
+    needed_bytes = sum(sizes[p] for p in pages)
     return errors, {
         "near": sum(near) / len(near),
         "frames_until_near": near.index(True) if any(near) else None,
         "median_error": float(np.median(errors)),
         "worst_error": max(errors[FRAMES_PER_SECOND:] or errors),
-        "loaded_over_needed": said["loaded_bytes"] / max(sum(sizes[p] for p in needed), 1),
-        "needed": sum(sizes[p] for p in needed) / whole,
+        "loaded_over_needed": said["loaded_bytes"] / max(needed_bytes, 1),
+        "needed": needed_bytes / whole,
+        "needed_at_once": most / whole,
         "reloads": said["reloads"],
         "failures": said["failures"],
         "mean_step_ms": 1e3 * sum(steps) / len(steps),
