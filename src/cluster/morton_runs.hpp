@@ -72,8 +72,7 @@ TriangleOrder<Exec, Key> order_triangles(Exec& exec, const FrameMesh& mesh, uint
   exec.for_each(n, [=, grid = grid.data(), codes = order.codes.data(),
                     places = order.places.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
     // What is not there goes last.
-    codes[i] =
-        i < mesh.size() ? grid->template code<Key>(mesh.box(uint32_t(i))) : (Key(1) << bits) - 1;
+    codes[i] = i < mesh.size() ? code_of<Key>(*grid, mesh, uint32_t(i)) : (Key(1) << bits) - 1;
     places[i] = static_cast<uint32_t>(i);
   });
   exec.radix_sort_pairs(n, order.codes.data(), order.places.data(), 0u, bits);
