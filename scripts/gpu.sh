@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # What `make gpu` does, on a machine with a GPU, nvcc, CMake and ninja, and without a network: builds
 # with CUDA, runs the tests on the device, the small ones again under compute-sanitizer's memcheck
-# and racecheck, and the benchmark, and writes bench/results/gpu-<device>.md. Under eight minutes.
+# and racecheck, those of arrays of PyTorch, CuPy and Numba where Python has them, and the benchmark,
+# and writes bench/results/gpu-<device>.md. Under eight minutes.
 #
 # What CMake would download elsewhere is taken from build/gpu-carry, which `make gpu-carry` fills on a
 # machine with a network (some 30 MB): oneTBB as a wheel, GoogleTest's and meshoptimizer's sources,
@@ -18,7 +19,7 @@ fail() {
 }
 step() { printf '== %s (%d s)\n' "$*" $((SECONDS - started)); }
 
-command -v nvidia-smi >/dev/null 2>&1 && nvidia-smi -L 2>/dev/null | grep -q GPU ||
+[[ $(nvidia-smi -L 2>/dev/null) == *GPU* ]] ||
   fail "there is no NVIDIA GPU here (nvidia-smi lists none); \`make cuda\` builds without one"
 command -v nvcc >/dev/null 2>&1 || [[ -x /usr/local/cuda/bin/nvcc ]] ||
   fail "there is no nvcc here: put CUDA's bin folder on the PATH"
@@ -62,13 +63,25 @@ else
   sanitizer="There is no compute-sanitizer here. "
 fi
 
+# umbel.cuda needs nothing that is compiled but the library, so it runs from the sources.
+arrays="no pytest"
+if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
+  step "arrays of Python's packages"
+  arrays=build/gpu-python.log
+  PYTHONPATH=python UMBEL_CUDA_LIBRARY=$PWD/build/release/libumbel_cuda_c.so \
+    timeout 120 "${PYTHON:-python3}" -m pytest --noconftest -p no:cacheprovider \
+    tests/python/test_cuda_devices.py 2>&1 | tee "$arrays" || status=1
+  arrays=$(tail -n 1 "$arrays" | tr -d '=')
+fi
+
 step "benchmark"
 meshes=()
 for mesh in "$carry"/dragon_871k.ply "${MESH:-}"; do
   [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
 done
 timeout 150 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
-printf '\nTests: %s. %s\n' "$([[ $status == 0 ]] && echo passed || echo failed)" "$sanitizer" >>"$results"
+printf '\nTests: %s. %sPython: %s.\n' "$([[ $status == 0 ]] && echo passed || echo failed)" \
+  "$sanitizer" "$(xargs <<<"$arrays")" >>"$results"
 [[ -n ${OUT:-} ]] && cp "$results" "$OUT/" || true
 step "done: $results"
 exit $status

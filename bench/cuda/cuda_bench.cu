@@ -1,6 +1,7 @@
 // Clusters on the device: builds, refits and partial rebuilds beside what their memory traffic
 // alone would take, beside a plain version made of thrust::stable_sort_by_key and straightforward
-// kernels, and beside the same algorithms on one core of the processor. Prints Markdown.
+// kernels, and beside the same algorithms on one core of the processor, which is all there is to
+// measure without a device. Prints Markdown.
 //
 //   cuda_bench [--runs N] [--large MILLIONS] MESH.ply...
 #include <cuda_runtime.h>
@@ -17,12 +18,14 @@
 #include <ctime>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/math.hpp"
 #include "base/morton.hpp"
 #include "cuda/status.cuh"
 #include "ply_reader.hpp"
+#include "umbel/cluster.hpp"
 #include "umbel/cuda.hpp"
 
 namespace umbel {
@@ -194,16 +197,57 @@ double seconds_of_thread() {
   return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
 }
 
-double processor_milliseconds(const Mesh& mesh, const FrameClusterConfig& config, double& area) {
-  FrameClusterer clusters(mesh.triangles, mesh.positions.size(), config);
-  std::vector<double> times;
-  for (int run = 0; run < 3; ++run) {
-    const double start = seconds_of_thread();
-    clusters.build(mesh.positions, {nullptr, 1});
-    times.push_back(1e3 * (seconds_of_thread() - start));
-  }
-  area = clusters.drift().area_ratio;
-  return median(times);
+/// Milliseconds of one thread of the processor; works take turns, after a warm-up.
+std::vector<double> processor_milliseconds(const std::vector<std::function<void()>>& works,
+                                           int runs) {
+  std::vector<std::vector<double>> times(works.size());
+  for (int run = -1; run < runs; ++run)
+    for (size_t k = 0; k < works.size(); ++k) {
+      const double start = seconds_of_thread();
+      works[k]();
+      if (run >= 0) times[k].push_back(1e3 * (seconds_of_thread() - start));
+    }
+  std::vector<double> medians;
+  for (const auto& of_work : times) medians.push_back(median(of_work));
+  return medians;
+}
+
+double area_of_quality(const Mesh& mesh, const Clusters& clusters) {
+  ClusterInput input;
+  const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
+  input.boxes = boxes;
+  return cluster_metrics(input, clusters, 128).surface_area_ratio;
+}
+
+void print_processor_head() {
+  printf(
+      "\n## One core of the processor\n\nMillions of triangles a second in processor time, medians "
+      "of 5, with a new index buffer and boxes; area ratios. Refits measure too.\n\n"
+      "| mesh | triangles | Morton | hybrid | refit | hybrid / Morton, time | area: Morton | "
+      "hybrid | "
+      "quality | hybrid / quality |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n");
+}
+
+void measure_processor(const std::string& name, const Mesh& mesh) {
+  FrameClusterConfig by_runs;
+  by_runs.method = FrameMethod::kMorton;
+  const BuildOptions one{nullptr, 1};
+  FrameClusterer morton(mesh.triangles, mesh.positions.size(), by_runs);
+  FrameClusterer hybrid(mesh.triangles, mesh.positions.size(), {});
+  const std::vector<double> ms = processor_milliseconds(
+      {[&] { morton.build(mesh.positions, one); }, [&] { hybrid.build(mesh.positions, one); },
+       [&] { hybrid.refit(mesh.positions, one); }},
+      5);
+  const double quality =
+      area_of_quality(mesh, cluster_mesh(mesh.view(), cluster_preset("quality"), 0, one));
+  const auto rate = [&](double milliseconds) {
+    return double(mesh.triangles.size()) / milliseconds / 1e3;
+  };
+  const double areas[2] = {morton.drift().area_ratio, hybrid.drift().area_ratio};
+  printf("| %s | %zu | %.1f | %.1f | %.0f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", name.c_str(),
+         mesh.triangles.size(), rate(ms[0]), rate(ms[1]), rate(ms[2]), ms[1] / ms[0], areas[0],
+         areas[1], quality, areas[1] / quality);
+  fflush(stdout);
 }
 
 struct Arrays {
@@ -260,7 +304,7 @@ void row(const char* what, double milliseconds, double floor_ms, uint32_t n, con
 }
 
 void measure(const std::string& name, const Mesh& mesh, int runs, double bandwidth,
-             bool with_processor, cudaStream_t stream) {
+             cudaStream_t stream) {
   const auto n = uint32_t(mesh.triangles.size());
   const Device<Vec3> positions(mesh.positions.data(), mesh.positions.size());
   const Device<Triangle> triangles(mesh.triangles.data(), n);
@@ -304,7 +348,7 @@ void measure(const std::string& name, const Mesh& mesh, int runs, double bandwid
                 std::ref(update_h), std::ref(refit_h), std::ref(graph_refit), std::ref(worst_h),
                 std::ref(plain)},
                runs, stream);
-  const Traffic traffic(n, double(mesh.positions.size()), n > (1u << 22) ? 61 : 30);
+  const Traffic traffic(n, double(mesh.positions.size()), n > (1u << 22) ? 63 : 30);
   const auto floor_of = [&](double bytes) { return 1e3 * bytes / bandwidth; };
   const double build_floor = floor_of(traffic.morton());
   const double refit_floor =
@@ -329,14 +373,24 @@ void measure(const std::string& name, const Mesh& mesh, int runs, double bandwid
       "%.1f and %.1f bytes a triangle.\n",
       ms[8] / ms[0], ms[2] / ms[0], cuda::drift_of(total).area_ratio, double(build_a.bytes()) / n,
       double(build_h.bytes()) / n);
-  if (!with_processor) return;
-  double area_morton = 0, area_hybrid = 0;
-  const double cpu_morton = processor_milliseconds(mesh, morton, area_morton);
-  const double cpu_hybrid = processor_milliseconds(mesh, hybrid, area_hybrid);
+}
+
+void measure_device(const std::vector<std::pair<std::string, Mesh>>& scenes, int runs,
+                    uint32_t large) {
+  cudaDeviceProp device;
+  check(cudaGetDeviceProperties(&device, 0), "asking for the device");
+  cudaStream_t stream;
+  check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
+  const double bandwidth = copy_bandwidth(stream);
   printf(
-      "One core of this machine's processor: Morton %.1f ms (area ratio %.3f), hybrid %.1f ms "
-      "(%.3f).\n",
-      cpu_morton, area_morton, cpu_hybrid, area_hybrid);
+      "# Clusters on %s\n\n%d multiprocessors, compute capability %d.%d. A copy on the device "
+      "moves %.0f GB/s, reading and writing; floors are by that. Medians of %d runs, by events.\n",
+      device.name, device.multiProcessorCount, device.major, device.minor, bandwidth / 1e9, runs);
+  for (const auto& [name, mesh] : scenes) measure(name, mesh, runs, bandwidth, stream);
+  if (large > 0) {
+    const auto side = uint32_t(std::sqrt(double(large) * 5e5));
+    measure("terrain", shapes::terrain(side, side, 1), runs, bandwidth, stream);
+  }
 }
 
 void run_all(int argc, char** argv) {
@@ -352,23 +406,16 @@ void run_all(int argc, char** argv) {
     else
       meshes.push_back(argument);
   }
-  cudaDeviceProp device;
-  check(cudaGetDeviceProperties(&device, 0), "asking for the device");
-  cudaStream_t stream;
-  check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
-  const double bandwidth = copy_bandwidth(stream);
-  printf(
-      "# Clusters on %s\n\n%d multiprocessors, compute capability %d.%d. A copy on the device "
-      "moves "
-      "%.0f GB/s, reading and writing; floors are by that. Medians of %d runs, by events.\n",
-      device.name, device.multiProcessorCount, device.major, device.minor, bandwidth / 1e9, runs);
+  std::vector<std::pair<std::string, Mesh>> scenes;
   for (const std::string& path : meshes)
-    measure(path.substr(path.find_last_of('/') + 1), bench::read_ply(path), runs, bandwidth, true,
-            stream);
-  if (large > 0) {
-    const auto side = uint32_t(std::sqrt(double(large) * 5e5));
-    measure("terrain", shapes::terrain(side, side, 1), runs, bandwidth, false, stream);
-  }
+    scenes.emplace_back(path.substr(path.find_last_of('/') + 1), bench::read_ply(path));
+  int devices = 0;
+  if (cudaGetDeviceCount(&devices) == cudaSuccess && devices > 0)
+    measure_device(scenes, runs, large);
+  else
+    printf("# Clusters without a CUDA device\n");
+  print_processor_head();
+  for (const auto& [name, mesh] : scenes) measure_processor(name, mesh);
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ struct FrameClusterConfig {
   uint32_t max_vertices = 0;  ///< of a cluster, from 3 to 256; 0: no limit
   float underfill_cost =
       1.0f;  ///< hybrid only, [0, 4]: price of triangles missing to full clusters
-  /// Bits of Morton codes: 30 or 61; 0: 30 up to 4 million triangles, 61 above. 61 tells more
+  /// Bits of Morton codes: 30 or 63; 0: 30 up to 4 million triangles, 63 above. 63 tells more
   /// triangles apart, at some half more sorting.
   uint32_t code_bits = 0;
 };

@@ -29,7 +29,7 @@ typedef struct umbel_frame_config {
   uint32_t min_triangles;  ///< hybrid: from 1 to max_triangles / 2; 0, the default: a quarter
   uint32_t max_vertices;   ///< of a cluster, from 3 to 256; 0, the default: no limit
   float underfill_cost;    ///< hybrid: price of missing triangles, from 0 to 4; default 1
-  uint32_t code_bits;      ///< of Morton codes: 30, 61, or 0, the default: by the number
+  uint32_t code_bits;      ///< of Morton codes: 30, 63, or 0, the default: by the number
 } umbel_frame_config;
 
 /// Sets the defaults.

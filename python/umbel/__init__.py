@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     from .cluster import order_clusters as order_clusters
     from .colors import cluster_colors as cluster_colors
     from .colors import colored_clusters as colored_clusters
+    from .drift import Drift as Drift
+    from .drift import RebuildPolicy as RebuildPolicy
     from .errors import Cancelled as Cancelled
     from .errors import Error as Error
     from .errors import LoadWarning as LoadWarning
-    from .frame_clusters import Drift as Drift
     from .frame_clusters import FrameClusters as FrameClusters
-    from .frame_clusters import RebuildPolicy as RebuildPolicy
     from .io import load as load
     from .io import save as save
     from .kdtree import KdTree as KdTree
@@ -93,9 +93,9 @@ _HOME = {
     "Cancelled": "errors",
     "Error": "errors",
     "LoadWarning": "errors",
-    "Drift": "frame_clusters",
+    "Drift": "drift",
     "FrameClusters": "frame_clusters",
-    "RebuildPolicy": "frame_clusters",
+    "RebuildPolicy": "drift",
     "load": "io",
     "save": "io",
     "KdTree": "kdtree",

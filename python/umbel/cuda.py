@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from .cuda_arrays import DeviceArray, current_stream, device_array
+from .drift import Drift, RebuildPolicy
 from .errors import Error
-from .frame_clusters import Drift
 
 INTEGERS = ("u4", "i4")
 """Signed 32-bit integers are taken for indices as well: PyTorch knows few operations on others."""
@@ -86,7 +86,7 @@ class FrameClusters:
     triangles: (m, 3) uint32 or int32, contiguous.
     empty: makes an array: called with a shape and the name of a NumPy type, as in
         `lambda shape, dtype: cupy.empty(shape, dtype)`. By default it is made by the package of
-        `positions`, CuPy or PyTorch.
+        `positions`: CuPy, PyTorch or Numba.
 
     method, max_triangles, min_triangles, max_vertices, underfill_cost and code_bits are those of
     umbel.FrameClusters. Every method takes `stream`, an address; by default the current stream of
@@ -198,9 +198,28 @@ class FrameClusters:
 
     def drift(self) -> Drift:
         """As last measured. Waits for the device."""
-        total = self._total
-        values = total.get() if hasattr(total, "get") else total.cpu().numpy()
+        values = _on_host(self._total)
         return Drift(float(values[0]) / 2**40, float(values[1]) / 2**40)
+
+    def step(
+        self,
+        positions: Any,
+        policy: RebuildPolicy,
+        frames: int,
+        *,
+        stream: int | None = None,
+    ) -> str:
+        """Refits, asks the policy, `frames` after the last rebuild, and does what it says; tells
+        what that was. Waits for the device, which measures."""
+        self.refit(positions, stream=stream)
+        action = policy.decide(self.drift(), frames)
+        if action == "rebuild":
+            self.update(positions, stream=stream)
+        elif action == "rebuild_worst":
+            count = int(_on_host(self._arrays["count"])[0])
+            worst = max(1, round(policy.budget * count))
+            self.rebuild_worst(positions, worst, stream=stream)
+        return action
 
     def _make_arrays(self) -> dict[str, Any]:
         most, size = max(self._most, 1), max(self._size, 1)
@@ -259,6 +278,14 @@ def _address(array: Any) -> int:
     return int(array.__cuda_array_interface__["data"][0] or 0)
 
 
+def _on_host(array: Any) -> Any:
+    """The values of an array of a device, once they are there."""
+    for copy in ("get", "copy_to_host"):  # of CuPy, of Numba
+        if hasattr(array, copy):
+            return getattr(array, copy)()
+    return array.cpu().numpy()
+
+
 def _maker(positions: Any) -> Any:
     package = type(positions).__module__.partition(".")[0]
     if package == "torch":
@@ -270,6 +297,10 @@ def _maker(positions: Any) -> Any:
         import cupy  # type: ignore[import-not-found,unused-ignore]
 
         return cupy.empty
+    if package in ("numba", "numba_cuda"):
+        from numba import cuda  # type: ignore[import-not-found,unused-ignore]
+
+        return cuda.device_array
     raise Error(
         f"positions are of {package}, which makes no arrays here: give `empty`, a function of a "
         "shape and the name of a type"

@@ -2,54 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _umbel
 from .arrays import as_mesh
+from .drift import Drift, RebuildPolicy
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-
-
-@dataclass(frozen=True)
-class Drift:
-    """How far clusters have drifted since they were built."""
-
-    area_ratio: float
-    """Sum of the clusters' box areas over that of the box of all."""
-    area_ratio_at_build: float
-    """The same when each cluster was built."""
-
-    @property
-    def growth(self) -> float:
-        """The first over the second."""
-        before = self.area_ratio_at_build
-        return self.area_ratio / before if before > 0 else 1.0
-
-
-@dataclass(frozen=True)
-class RebuildPolicy:
-    """When to build clusters of a moving mesh anew, from how far they have drifted."""
-
-    threshold: float = 1.25
-    """Rebuild when the growth of the area ratio reaches this (> 1)."""
-    least_period: int = 1
-    """Frames between two rebuilds, at least."""
-    most_period: int = 0
-    """Frames after which to rebuild in any case; 0: never."""
-    budget: float = 1.0
-    """Share of the clusters that a rebuild may build anew, the worst ones; 1: all of them."""
-
-    def decide(self, drift: Drift, frames: int) -> str:
-        """What to do `frames` after the last rebuild: "keep", "rebuild" or "rebuild_worst"."""
-        due = 0 < self.most_period <= frames
-        drifted = drift.growth >= self.threshold and frames >= self.least_period
-        if not due and not drifted:
-            return "keep"
-        return "rebuild_worst" if self.budget < 1.0 else "rebuild"
 
 
 class FrameClusters:
@@ -62,7 +24,7 @@ class FrameClusters:
     min_triangles: hybrid only; 0 for a quarter of max_triangles.
     max_vertices: of a cluster, 3 to 256; 0 for no limit.
     underfill_cost: hybrid only, in [0, 4]: the price of triangles missing to full clusters.
-    code_bits: of the Morton codes, 30 or 61; 0 chooses by the number of triangles.
+    code_bits: of the Morton codes, 30 or 63; 0 chooses by the number of triangles.
     """
 
     def __init__(

@@ -16,7 +16,7 @@ struct FrameRules {
   BlockRules block;
   FrameMethod method;
   uint32_t max_vertices;  ///< 0: no limit
-  uint32_t code_bits;     ///< 30 or 61
+  uint32_t code_bits;     ///< 30 or 63
 
   static FrameRules of(const FrameClusterConfig& config, uint64_t triangles);
   /// Most clusters of so many triangles.

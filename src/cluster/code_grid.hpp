@@ -35,7 +35,7 @@ UMBEL_HOST_DEVICE inline uint64_t spread_pairs(uint64_t x) {
 /// triangles apart, so that a wall does not spread the box of what stands before its middle (the
 /// size bits of the same paper, but one is as good as more).
 struct CodeGrid {
-  static constexpr uint32_t kMostBits = 20;  ///< an axis: floats have little more to tell
+  static constexpr uint32_t kMostBits = 21;  ///< an axis: floats have little more to tell
   /// Longer than this much of the longest axis is large. Measured on eight scenes, of .12 to .5.
   static constexpr double kLarge = 0.35;
 

@@ -42,8 +42,8 @@ cluster::FrameRules cluster::FrameRules::of(const FrameClusterConfig& config, ui
     check_range("max_vertices", config.max_vertices, 3, FewVertices::kMost);
   if (!(config.underfill_cost >= 0.0f && config.underfill_cost <= 4.0f))
     refuse("underfill_cost must be from 0 to 4, not " + std::to_string(config.underfill_cost));
-  if (config.code_bits != 0 && config.code_bits != 30 && config.code_bits != 61)
-    refuse("code_bits must be 0, 30 or 61, not " + std::to_string(config.code_bits));
+  if (config.code_bits != 0 && config.code_bits != 30 && config.code_bits != 63)
+    refuse("code_bits must be 0, 30 or 63, not " + std::to_string(config.code_bits));
   constexpr uint64_t kManyTriangles = uint64_t(1) << 22;
   const uint32_t least =
       config.min_triangles ? config.min_triangles : std::max(config.max_triangles / 4, 1u);
@@ -53,7 +53,7 @@ cluster::FrameRules cluster::FrameRules::of(const FrameClusterConfig& config, ui
           config.method,
           config.max_vertices,
           config.code_bits             ? config.code_bits
-          : triangles > kManyTriangles ? 61u
+          : triangles > kManyTriangles ? 63u
                                        : 30u};
 }
 

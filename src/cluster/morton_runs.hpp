@@ -57,7 +57,7 @@ void bound_centers(Exec& exec, const FrameMesh& mesh, Aabb* centers) {
 #endif
 }
 
-/// Codes of `bits` bits in all: at most 30 for 32-bit keys, 61 for 64-bit ones.
+/// Codes of `bits` bits in all: at most 30 for 32-bit keys, 63 for 64-bit ones.
 template <typename Key, typename Exec>
 TriangleOrder<Exec, Key> order_triangles(Exec& exec, const FrameMesh& mesh, uint32_t bits) {
   const size_t n = mesh.count;

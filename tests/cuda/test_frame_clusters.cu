@@ -10,7 +10,7 @@ namespace {
 std::vector<FrameClusterConfig> configs() {
   std::vector<FrameClusterConfig> all;
   for (const FrameMethod method : {FrameMethod::kMorton, FrameMethod::kHybrid})
-    for (const uint32_t bits : {30u, 61u})
+    for (const uint32_t bits : {30u, 63u})
       for (const uint32_t vertices : {0u, 64u}) {
         FrameClusterConfig config;
         config.method = method;

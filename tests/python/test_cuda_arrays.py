@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import types
+
 import numpy as np
 import pytest
 
@@ -71,6 +74,41 @@ def test_dlpack_gives_address_shape_and_stride():
 def test_mistakes_are_named(array, message):
     with pytest.raises(umbel.Error, match=message):
         device_array(array, "positions", ("f4",), 3)
+
+
+@pytest.mark.parametrize("name", ["cupy", "torch", "numba"])
+def test_arrays_are_made_by_the_package_of_the_positions(monkeypatch, name):
+    """By what each package calls it; None stands for the array."""
+    made = []
+
+    def make(shape, dtype, **more):
+        made.append((shape, dtype, more))
+
+    package = types.ModuleType(name)
+    package.float32 = "a type"
+    package.empty = make
+    package.cuda = types.SimpleNamespace(device_array=make)
+    monkeypatch.setitem(sys.modules, name, package)
+    array = type("Array", (Interface,), {"__module__": f"{name}.of.arrays", "device": "cuda:1"})
+    cuda._maker(array((3, 3)))((5, 2), "float32")
+    expected = {"torch": ("a type", {"device": "cuda:1"})}.get(name, ("float32", {}))
+    assert made == [((5, 2), *expected)]
+
+
+def test_packages_that_make_no_arrays_are_asked_for_a_function():
+    with pytest.raises(umbel.Error, match="give `empty`"):
+        cuda._maker(Interface((3, 3)))
+
+
+def test_values_come_to_the_host_as_each_package_copies_them():
+    values = np.arange(2)
+    numpy_of = types.SimpleNamespace(numpy=lambda: values)
+    for array in (
+        types.SimpleNamespace(get=lambda: values),
+        types.SimpleNamespace(copy_to_host=lambda: values),
+        types.SimpleNamespace(cpu=lambda: numpy_of),
+    ):
+        assert cuda._on_host(array) is values
 
 
 def test_a_missing_library_is_named(monkeypatch, tmp_path):

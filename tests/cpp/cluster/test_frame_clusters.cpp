@@ -19,7 +19,7 @@ namespace {
 std::vector<FrameClusterConfig> configs() {
   std::vector<FrameClusterConfig> all;
   for (const FrameMethod method : {FrameMethod::kMorton, FrameMethod::kHybrid})
-    for (const uint32_t bits : {30u, 61u})
+    for (const uint32_t bits : {30u, 63u})
       for (const uint32_t vertices : {0u, 48u})
         for (const uint32_t max : {128u, 37u}) {
           FrameClusterConfig config;
@@ -147,7 +147,7 @@ TEST(FrameClusters, vectors_round_as_scalars_do) {
       extend(frame, view.box(i));
     }
     const auto small = cluster::CodeGrid::around(centers, 30);
-    const auto large = cluster::CodeGrid::around(centers, 61);
+    const auto large = cluster::CodeGrid::around(centers, 63);
     const auto block = cluster::BlockGrid::over(frame);
     for (uint32_t i = 0; i < 3000; ++i) {
       ASSERT_EQ(small.code<uint32_t>(view.record(i)), small.code<uint32_t>(view.box(i)));
@@ -228,7 +228,7 @@ std::vector<uint32_t> built_by(const Mesh& mesh, const FrameClusterConfig& confi
 /// A team's threads meet some thousand times for a mesh, so only what differs is tried.
 std::vector<FrameClusterConfig> configs_for_teams() {
   std::vector<FrameClusterConfig> all = configs();
-  std::erase_if(all, [](const FrameClusterConfig& c) { return c.code_bits == 61; });
+  std::erase_if(all, [](const FrameClusterConfig& c) { return c.code_bits == 63; });
   return all;
 }
 
@@ -255,7 +255,7 @@ Mesh deformed(Mesh mesh, float angle) {
 TEST(FrameClusters, update_is_build_but_for_equal_codes) {
   const Mesh mesh = soup(9000, 4);
   for (FrameClusterConfig config : configs()) {
-    config.code_bits = 61;  // so that no two codes are equal
+    config.code_bits = 63;  // so that no two codes are equal
     FrameClusterer updated = clusters_of(mesh, config);
     for (const float angle : {0.5f, 1.5f}) {
       const Mesh moved = deformed(mesh, angle);

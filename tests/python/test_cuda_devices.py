@@ -1,0 +1,223 @@
+"""umbel.cuda with arrays of PyTorch, CuPy and Numba, on a device: what they hold afterwards, by
+NumPy. Needs nothing of the package that is compiled, so `make gpu` runs it from the sources."""
+
+from __future__ import annotations
+
+import importlib
+
+import numpy as np
+import pytest
+
+from umbel import cuda
+from umbel.drift import RebuildPolicy
+
+if not cuda.library_path().is_file():
+    pytest.skip(f"there is no {cuda.library_path()}", allow_module_level=True)
+
+SIDE = 120
+
+
+def height_field():
+    """Positions (n, 3) and triangles (m, 3)."""
+    y, x = np.mgrid[:SIDE, :SIDE].astype(np.float32)
+    z = 9 * np.sin(0.1 * x) * np.cos(0.13 * y)
+    positions = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    corner = np.arange(SIDE * SIDE, dtype=np.int32).reshape(SIDE, SIDE)
+    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]
+    triangles = np.stack([a, b, c, b, d, c], axis=-1).reshape(-1, 3)
+    return positions, triangles
+
+
+def twisted(positions, turns):
+    angle = turns * 2 * np.pi * positions[:, :1] / SIDE
+    y, z = positions[:, 1:2] - SIDE / 2, positions[:, 2:]
+    twisted = [positions[:, :1], np.cos(angle) * y - np.sin(angle) * z]
+    return np.hstack([*twisted, np.sin(angle) * y + np.cos(angle) * z]).astype(np.float32)
+
+
+class Torch:
+    def __init__(self):
+        self.torch = importlib.import_module("torch")
+        self.works = self.torch.cuda.is_available()
+
+    def put(self, array):
+        return self.torch.from_numpy(array).cuda()
+
+    def get(self, array):
+        return array.cpu().numpy()
+
+
+class Cupy:
+    def __init__(self):
+        self.cupy = importlib.import_module("cupy")
+        self.works = self.cupy.cuda.is_available()
+
+    def put(self, array):
+        return self.cupy.asarray(array)
+
+    def get(self, array):
+        return array.get()
+
+
+class Numba:
+    def __init__(self):
+        self.cuda = importlib.import_module("numba.cuda")
+        self.works = self.cuda.is_available()
+
+    def put(self, array):
+        return self.cuda.to_device(array)
+
+    def get(self, array):
+        return array.copy_to_host()
+
+
+def packaged(make):
+    try:
+        package = make()
+    except ImportError:
+        pytest.skip(f"there is no {make.__name__.lower()} here")
+    if not package.works:
+        pytest.skip(f"{make.__name__.lower()} finds no CUDA device")
+    return package
+
+
+@pytest.fixture(params=[Torch, Cupy, Numba], ids=["torch", "cupy", "numba"])
+def package(request):
+    return packaged(request.param)
+
+
+@pytest.fixture
+def torch_package():
+    return packaged(Torch)
+
+
+def arrays_of(package, clusters):
+    found = {name: package.get(array) for name, array in clusters.arrays.items()}
+    count = int(found["count"][0])
+    found["offsets"], found["boxes"] = found["offsets"][: count + 1], found["boxes"][:count]
+    return found
+
+
+def expect_sound(package, clusters, positions, triangles):
+    found = arrays_of(package, clusters)
+    items, offsets = found["items"], found["offsets"]
+    assert np.array_equal(np.sort(items), np.arange(len(triangles)))
+    assert np.array_equal(found["triangles"], triangles[items])
+    assert offsets[0] == 0
+    assert offsets[-1] == len(triangles)
+    sizes = np.diff(offsets)
+    assert sizes.min() >= 32
+    assert sizes.max() <= 128
+    corners = positions[triangles[items]]
+    low = np.minimum.reduceat(corners.min(axis=1), offsets[:-1])
+    high = np.maximum.reduceat(corners.max(axis=1), offsets[:-1])
+    assert np.array_equal(found["boxes"], np.hstack([low, high]))
+
+
+def test_builds_updates_and_refits_are_sound(package):
+    positions, triangles = height_field()
+    clusters = cuda.FrameClusters(package.put(positions), package.put(triangles))
+    expect_sound(package, clusters, positions, triangles)
+    assert clusters.drift().growth == 1
+    moved = twisted(positions, 1.5)
+    clusters.refit(package.put(moved))
+    expect_sound(package, clusters, moved, triangles)
+    drifted = clusters.drift()
+    assert drifted.growth > 1
+    clusters.update(package.put(moved))
+    expect_sound(package, clusters, moved, triangles)
+    assert clusters.drift().area_ratio < drifted.area_ratio
+
+
+def test_policies_rebuild_all_or_the_worst(package):
+    positions, triangles = height_field()
+    clusters = cuda.FrameClusters(package.put(positions), package.put(triangles))
+    moved = twisted(positions, 1.5)
+    still, strict = RebuildPolicy(threshold=1.01), RebuildPolicy(threshold=1.01, budget=0.2)
+    assert clusters.step(package.put(positions), still, 1) == "keep"
+    assert clusters.step(package.put(moved), strict, 2) == "rebuild_worst"
+    expect_sound(package, clusters, moved, triangles)
+    far = twisted(positions, -1.5)
+    assert clusters.step(package.put(far), still, 3) == "rebuild"
+    expect_sound(package, clusters, far, triangles)
+
+
+def test_packages_give_the_same_bytes(torch_package, package):
+    positions, triangles = height_field()
+    made = [
+        arrays_of(p, cuda.FrameClusters(p.put(positions), p.put(triangles)))
+        for p in (torch_package, package)
+    ]
+    for name in ("items", "triangles", "offsets", "boxes"):
+        assert np.array_equal(made[0][name], made[1][name]), name
+
+
+def test_rows_may_be_apart(torch_package):
+    positions, triangles = height_field()
+    vertices = np.full((len(positions), 8), np.nan, np.float32)
+    vertices[:, 2:5] = positions
+    inside = torch_package.put(vertices)[:, 2:5]
+    assert inside.stride(0) == 8
+    clusters = cuda.FrameClusters(inside, torch_package.put(triangles))
+    expect_sound(torch_package, clusters, positions, triangles)
+
+
+class OnlyDlpack:
+    """An array of a package that knows nothing but DLPack."""
+
+    def __init__(self, tensor):
+        self.tensor = tensor
+
+    def __dlpack_device__(self):
+        return self.tensor.__dlpack_device__()
+
+    def __dlpack__(self, stream=None):
+        return self.tensor.__dlpack__(stream=stream)
+
+
+def test_dlpack_is_enough(torch_package):
+    torch = torch_package.torch
+    positions, triangles = height_field()
+
+    def empty(shape, dtype):
+        return torch.empty(shape, dtype=getattr(torch, dtype), device="cuda")
+
+    lent = [OnlyDlpack(torch_package.put(array)) for array in (positions, triangles)]
+    torch.cuda.synchronize()
+    clusters = cuda.FrameClusters(*lent, empty=empty)
+    torch.cuda.synchronize()
+    expect_sound(torch_package, clusters, positions, triangles)
+
+
+def test_the_current_stream_is_used(torch_package):
+    torch = torch_package.torch
+    positions, triangles = height_field()
+    moved = twisted(positions, 1.0)
+    indices, target = torch_package.put(triangles), torch_package.put(moved)
+    torch.cuda.synchronize()
+    with torch.cuda.stream(torch.cuda.Stream()):
+        # What comes late in this stream: were another one used, these would be zeros.
+        late = torch.zeros_like(target)
+        torch.cuda._sleep(50_000_000)
+        late.copy_(target)
+        clusters = cuda.FrameClusters(late, indices)
+        expect_sound(torch_package, clusters, moved, triangles)
+
+
+def test_graphs_follow_new_positions(torch_package):
+    torch = torch_package.torch
+    positions, triangles = height_field()
+    place = torch_package.put(positions)
+    clusters = cuda.FrameClusters(place, torch_package.put(triangles))
+    clusters.build(place)
+    clusters.refit(place)  # so that there is scratch memory for both
+    torch.cuda.synchronize()
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        clusters.build(place)
+    for turns in (0.5, 1.5):
+        moved = twisted(positions, turns)
+        place.copy_(torch_package.put(moved))
+        graph.replay()
+        torch.cuda.synchronize()
+        expect_sound(torch_package, clusters, moved, triangles)
