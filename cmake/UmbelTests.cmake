@@ -40,3 +40,10 @@ if(umbel_test_sources)
   gtest_discover_tests(umbel_tests WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
                        DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
 endif()
+
+# The C interface for devices on the processor, for the tests of what calls it from Python.
+add_library(umbel_cuda_on_processor SHARED ${PROJECT_SOURCE_DIR}/tests/on_processor/frame_functions.cpp
+                                           ${PROJECT_SOURCE_DIR}/src/capi/cuda_frames.cpp)
+umbel_compile_options(umbel_cuda_on_processor)
+target_include_directories(umbel_cuda_on_processor PRIVATE ${PROJECT_SOURCE_DIR}/src)
+target_link_libraries(umbel_cuda_on_processor PRIVATE umbel_internal TBB::tbb)

@@ -1,9 +1,11 @@
-"""umbel.cuda with arrays of PyTorch, CuPy and Numba, on a device: what they hold afterwards, by
-NumPy. Needs nothing of the package that is compiled, so `make gpu` runs it from the sources."""
+"""umbel.cuda with arrays of PyTorch, CuPy and Numba on a device, and with arrays of the processor:
+what they hold afterwards, by NumPy. Most needs nothing of the package that is compiled, so `make
+gpu` runs it from the sources."""
 
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +13,7 @@ import pytest
 from umbel import cuda
 from umbel.drift import RebuildPolicy
 
-if not cuda.library_path().is_file():
-    pytest.skip(f"there is no {cuda.library_path()}", allow_module_level=True)
-
+ON_PROCESSOR = Path(__file__).parents[2] / "build/release/libumbel_cuda_on_processor.so"
 SIDE = 120
 
 
@@ -35,8 +35,48 @@ def twisted(positions, turns):
     return np.hstack([*twisted, np.sin(angle) * y + np.cos(angle) * z]).astype(np.float32)
 
 
-class Torch:
+class HostArray:
+    """An array of the processor that says that it is on a device."""
+
+    def __init__(self, array):
+        self.array, self.shape = array, array.shape
+
+    @property
+    def __cuda_array_interface__(self):
+        return self.array.__array_interface__ | {"strides": self.array.strides}
+
+    def get(self):
+        return self.array
+
+
+class Processor:
+    """No package, but the same functions on the processor."""
+
+    library = ON_PROCESSOR
+    works = True
+
     def __init__(self):
+        # What is not written would be seen.
+        self.options = {"empty": lambda shape, dtype: HostArray(np.full(shape, 99, dtype))}
+
+    def put(self, array):
+        return HostArray(array)
+
+    def get(self, array):
+        return array.get()
+
+
+class Device:
+    """A package with arrays on a device."""
+
+    def __init__(self):
+        self.options = {}
+        self.library = cuda.library_path()
+
+
+class Torch(Device):
+    def __init__(self):
+        super().__init__()
         self.torch = importlib.import_module("torch")
         self.works = self.torch.cuda.is_available()
 
@@ -47,8 +87,9 @@ class Torch:
         return array.cpu().numpy()
 
 
-class Cupy:
+class Cupy(Device):
     def __init__(self):
+        super().__init__()
         self.cupy = importlib.import_module("cupy")
         self.works = self.cupy.cuda.is_available()
 
@@ -59,8 +100,9 @@ class Cupy:
         return array.get()
 
 
-class Numba:
+class Numba(Device):
     def __init__(self):
+        super().__init__()
         self.cuda = importlib.import_module("numba.cuda")
         self.works = self.cuda.is_available()
 
@@ -71,24 +113,33 @@ class Numba:
         return array.copy_to_host()
 
 
-def packaged(make):
+def packaged(make, monkeypatch):
     try:
         package = make()
     except ImportError:
         pytest.skip(f"there is no {make.__name__.lower()} here")
     if not package.works:
         pytest.skip(f"{make.__name__.lower()} finds no CUDA device")
+    if not package.library.is_file():
+        pytest.skip(f"there is no {package.library}")
+    monkeypatch.setenv("UMBEL_CUDA_LIBRARY", str(package.library))
     return package
 
 
-@pytest.fixture(params=[Torch, Cupy, Numba], ids=["torch", "cupy", "numba"])
-def package(request):
-    return packaged(request.param)
+@pytest.fixture(params=[Processor, Torch, Cupy, Numba], ids=["processor", "torch", "cupy", "numba"])
+def package(request, monkeypatch):
+    return packaged(request.param, monkeypatch)
 
 
 @pytest.fixture
-def torch_package():
-    return packaged(Torch)
+def torch_package(monkeypatch):
+    return packaged(Torch, monkeypatch)
+
+
+def clusters_of(package, positions, triangles, *method, **settings):
+    return cuda.FrameClusters(
+        package.put(positions), package.put(triangles), *method, **settings, **package.options
+    )
 
 
 def arrays_of(package, clusters):
@@ -116,7 +167,7 @@ def expect_sound(package, clusters, positions, triangles):
 
 def test_builds_updates_and_refits_are_sound(package):
     positions, triangles = height_field()
-    clusters = cuda.FrameClusters(package.put(positions), package.put(triangles))
+    clusters = clusters_of(package, positions, triangles)
     expect_sound(package, clusters, positions, triangles)
     assert clusters.drift().growth == 1
     moved = twisted(positions, 1.5)
@@ -131,7 +182,7 @@ def test_builds_updates_and_refits_are_sound(package):
 
 def test_policies_rebuild_all_or_the_worst(package):
     positions, triangles = height_field()
-    clusters = cuda.FrameClusters(package.put(positions), package.put(triangles))
+    clusters = clusters_of(package, positions, triangles)
     moved = twisted(positions, 1.5)
     still, strict = RebuildPolicy(threshold=1.01), RebuildPolicy(threshold=1.01, budget=0.2)
     assert clusters.step(package.put(positions), still, 1) == "keep"
@@ -142,24 +193,31 @@ def test_policies_rebuild_all_or_the_worst(package):
     expect_sound(package, clusters, far, triangles)
 
 
-def test_packages_give_the_same_bytes(torch_package, package):
+@pytest.mark.parametrize("method", ["morton", "hybrid"])
+@pytest.mark.parametrize("max_vertices", [0, 64])
+def test_bytes_are_those_of_the_processor(package, method, max_vertices):
+    pytest.importorskip("umbel._umbel")
+    umbel = importlib.import_module("umbel")
     positions, triangles = height_field()
-    made = [
-        arrays_of(p, cuda.FrameClusters(p.put(positions), p.put(triangles)))
-        for p in (torch_package, package)
-    ]
+    mesh = umbel.Mesh(positions=positions, triangles=triangles.astype(np.uint32))
+    expected = umbel.FrameClusters(mesh, method, max_vertices=max_vertices)
+    clusters = clusters_of(package, positions, triangles, method, max_vertices=max_vertices)
+    found = arrays_of(package, clusters)
     for name in ("items", "triangles", "offsets", "boxes"):
-        assert np.array_equal(made[0][name], made[1][name]), name
+        assert np.array_equal(found[name], getattr(expected, name)), name
+    assert clusters.drift() == expected.drift
 
 
-def test_rows_may_be_apart(torch_package):
+def test_rows_may_be_apart(package):
     positions, triangles = height_field()
     vertices = np.full((len(positions), 8), np.nan, np.float32)
     vertices[:, 2:5] = positions
-    inside = torch_package.put(vertices)[:, 2:5]
-    assert inside.stride(0) == 8
-    clusters = cuda.FrameClusters(inside, torch_package.put(triangles))
-    expect_sound(torch_package, clusters, positions, triangles)
+    if isinstance(package, Processor):
+        inside = HostArray(vertices[:, 2:5])
+    else:
+        inside = package.put(vertices)[:, 2:5]
+    clusters = cuda.FrameClusters(inside, package.put(triangles), **package.options)
+    expect_sound(package, clusters, positions, triangles)
 
 
 class OnlyDlpack:

@@ -1,0 +1,93 @@
+// The functions of umbel/cuda.hpp, over a function template that the file that includes this
+// defines before: run(scratch, scratch_bytes, stream, work) calls work(executor), or finds out how
+// much scratch memory that needs. So they are compiled for devices and, by the tests, for the
+// processor. Nothing here is an algorithm: see the headers that are included.
+#pragma once
+
+#include "cluster/build_frame.hpp"
+#include "cluster/drift.hpp"
+#include "cluster/rebuild_worst.hpp"
+#include "umbel/cuda.hpp"
+
+namespace umbel::cuda {
+namespace {
+
+static_assert(sizeof(Triangle) == 3 * sizeof(uint32_t));
+
+cluster::Positions positions_of(const DeviceMesh& mesh) {
+  if (mesh.position_stride < sizeof(Vec3) || mesh.position_stride % sizeof(float) != 0)
+    throw Error(ErrorCode::kInvalidArgument,
+                "position_stride must be a multiple of 4 and at least 12, not " +
+                    std::to_string(mesh.position_stride));
+  return {static_cast<const char*>(mesh.positions), mesh.position_stride};
+}
+cluster::FrameClusters view(const DeviceClusters& c) {
+  return {c.items, reinterpret_cast<Triangle*>(c.indices), c.offsets, c.boxes, c.count};
+}
+cluster::ClusterShares view(const DeviceDrift& d) { return {d.now, d.at_build, d.total}; }
+
+}  // namespace
+
+void build_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
+                          const FrameClusterConfig& config, const DeviceClusters& out,
+                          Stream stream) {
+  const auto rules = cluster::FrameRules::of(config, mesh.triangles);
+  const cluster::FrameMesh input{positions_of(mesh),
+                                 reinterpret_cast<const Triangle*>(mesh.indices), mesh.items,
+                                 mesh.triangles};
+  run(scratch, scratch_bytes, stream,
+      [&](auto& exec) { cluster::build_frame(exec, input, rules, view(out)); });
+}
+
+void measure_frame_clusters(void* scratch, size_t& scratch_bytes, uint32_t triangles,
+                            const FrameClusterConfig& config, const DeviceClusters& clusters,
+                            const DeviceDrift& drift, bool is_new, Stream stream) {
+  const uint32_t most = cluster::FrameRules::of(config, triangles).most_clusters(triangles);
+  run(scratch, scratch_bytes, stream,
+      [&](auto& exec) { cluster::measure_drift(exec, view(clusters), most, view(drift), is_new); });
+}
+
+void refit_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
+                          const FrameClusterConfig& config, const DeviceClusters& clusters,
+                          const DeviceDrift& drift, Stream stream) {
+  const uint32_t most =
+      cluster::FrameRules::of(config, mesh.triangles).most_clusters(mesh.triangles);
+  const cluster::FrameMesh ordered{positions_of(mesh),
+                                   reinterpret_cast<const Triangle*>(clusters.indices), nullptr,
+                                   mesh.triangles};
+  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+    exec.for_each_team(most, cluster::RefitCluster{ordered, view(clusters)});
+    cluster::measure_drift(exec, view(clusters), most, view(drift), false);
+  });
+}
+
+void rebuild_worst_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
+                                  const FrameClusterConfig& config, uint32_t budget,
+                                  const DeviceClusters& clusters, const DeviceDrift& drift,
+                                  const DeviceClusters& out, const DeviceDrift& out_drift,
+                                  Stream stream) {
+  const auto rules = cluster::FrameRules::of(config, mesh.triangles);
+  if (rules.max_vertices)
+    throw Error(ErrorCode::kInvalidArgument,
+                "with max_vertices, clusters can only be built anew all together");
+  const cluster::Positions positions = positions_of(mesh);
+  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+    cluster::rebuild_worst(exec, positions, rules, view(clusters), view(drift), mesh.triangles,
+                           budget, view(out), view(out_drift));
+  });
+}
+
+void list_frame_vertices(void* scratch, size_t& scratch_bytes, uint32_t triangles,
+                         const FrameClusterConfig& config, const DeviceClusters& clusters,
+                         const DeviceVertexLists& out, Stream stream) {
+  const auto rules = cluster::FrameRules::of(config, triangles);
+  if (!rules.max_vertices && 3 * rules.block.max_items > cluster::FewVertices::kMost)
+    throw Error(ErrorCode::kInvalidArgument,
+                "clusters may have more vertices than a byte can count: set max_vertices");
+  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+    cluster::list_vertices(exec, view(clusters), rules.most_clusters(triangles),
+                           {out.offsets, out.vertices, out.corners});
+  });
+}
+
+}  // namespace umbel::cuda
