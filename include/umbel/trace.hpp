@@ -110,14 +110,20 @@ struct ClusterPart {
   lod::ClusterGeometry geometry;
   uint32_t material = 0;
 };
+/// Which rays meet a cluster: those from the camera, or those that bounce and look for light.
+enum RayKinds : uint32_t { kCameraRays = 1, kOtherRays = 2, kAllRays = 3 };
 struct PlacedCluster {
   uint32_t part, transform;
+  uint32_t rays = kAllRays;
 };
 struct ClusterScene {
   std::vector<ClusterPart> parts;
   std::vector<PlacedCluster> placed;
   /// Three rows of four, from the part's space to the world; invertible.
   std::vector<std::array<float, 12>> transforms;
+  /// Where other rays meet a coarser cut than the camera's: how far the two are apart at most, over
+  /// the distance to the camera. Other rays begin so far from where they come from.
+  float gap = 0;
 };
 
 /// A mesh ready to be rendered. It keeps copies of all that it needs.

@@ -148,9 +148,10 @@ trace::Scene build_scene(const MeshArrays& mesh, const std::vector<trace::Materi
 }
 
 /// The clusters of a residency's cut, `table` of (view, page, group, cluster), each view by its
-/// transform. Pages are read and decoded once each.
+/// transform and for its kind of rays. Pages are read and decoded once each.
 trace::ClusterScene read_clusters(const Asset& asset, std::span<const StreamCluster> table,
-                                  std::span<const std::array<float, 12>> transforms) {
+                                  std::span<const std::array<float, 12>> transforms,
+                                  std::span<const uint32_t> rays) {
   trace::ClusterScene scene;
   scene.transforms.assign(transforms.begin(), transforms.end());
   std::vector<StreamCluster> order(table.begin(), table.end());
@@ -163,7 +164,7 @@ trace::ClusterScene read_clusters(const Asset& asset, std::span<const StreamClus
   std::vector<lod::ClusterGeometry> group;
   const StreamCluster* before = nullptr;
   for (const StreamCluster& c : order) {
-    if (c.view >= transforms.size())
+    if (c.view >= transforms.size() || c.view >= rays.size())
       throw Error(ErrorCode::kInvalidArgument, "there is no transform for each view");
     if (!before || before->page != c.page) page = asset.read_page(c.page);
     if (!before || before->page != c.page || before->group != c.group)
@@ -176,7 +177,7 @@ trace::ClusterScene read_clusters(const Asset& asset, std::span<const StreamClus
       if (is_new)
         scene.parts.push_back(
             {std::move(group[c.cluster]), page.groups[c.group].clusters[c.cluster].material});
-      scene.placed.push_back({static_cast<uint32_t>(scene.parts.size() - 1), c.view});
+      scene.placed.push_back({static_cast<uint32_t>(scene.parts.size() - 1), c.view, rays[c.view]});
     }
     before = &c;
   }
@@ -184,7 +185,7 @@ trace::ClusterScene read_clusters(const Asset& asset, std::span<const StreamClus
 }
 
 trace::Scene cluster_scene(const Asset& asset, const Rows<uint32_t, 4>& table,
-                           const Rows<float, 12>& transforms,
+                           const Rows<float, 12>& transforms, const Flat<uint32_t>& rays, float gap,
                            const std::vector<trace::Material>& materials,
                            const std::vector<const TextureInput*>& textures,
                            const trace::Environment& environment, const nb::object& progress,
@@ -193,9 +194,11 @@ trace::Scene cluster_scene(const Asset& asset, const Rows<uint32_t, 4>& table,
   for (const TextureInput* texture : textures) views.push_back(texture->view);
   const trace::Look look{materials, views, environment};
   return run(progress, threads, [&](const BuildOptions& options) {
-    return trace::Scene::build(read_clusters(asset, rows_of<StreamCluster>(table),
-                                             rows_of<std::array<float, 12>>(transforms)),
-                               look, options);
+    trace::ClusterScene clusters =
+        read_clusters(asset, rows_of<StreamCluster>(table),
+                      rows_of<std::array<float, 12>>(transforms), rows_of<uint32_t>(rays));
+    clusters.gap = gap;
+    return trace::Scene::build(clusters, look, options);
   });
 }
 
@@ -226,8 +229,9 @@ void bind_scene(nb::module_& module) {
                                       viewpoint(azimuth, elevation, fov_y, margin));
           },
           "width"_a, "height"_a, "azimuth"_a, "elevation"_a, "fov_y"_a, "margin"_a);
-  module.def("cluster_scene", &cluster_scene, "asset"_a, "table"_a, "transforms"_a, "materials"_a,
-             "textures"_a, "environment"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  module.def("cluster_scene", &cluster_scene, "asset"_a, "table"_a, "transforms"_a, "rays"_a,
+             "gap"_a, "materials"_a, "textures"_a, "environment"_a, "progress"_a = nb::none(),
+             "threads"_a = 0);
   module.def("trace_scene", &build_scene, "mesh"_a, "materials"_a, "textures"_a, "environment"_a,
              "accel"_a, "preset"_a, "progress"_a = nb::none(), "threads"_a = 0);
   module.def(

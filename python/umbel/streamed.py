@@ -23,6 +23,7 @@ _PAGES = 1 / 6
 """Share of a budget that pages may take, as they are in the file, while the cut is chosen."""
 _BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_A_PLACE = 110, 12, 160, 60
 """What is traced takes, at most."""
+_CAMERA_RAYS, _OTHER_RAYS, _ALL_RAYS = 1, 2, 3
 _BOX = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
 _BOX += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
 
@@ -33,6 +34,8 @@ class CutRenderer(Renderer):
     camera: where from; its `height` and `pixel_error` say how fine.
     budget: most bytes of pages while the cut is chosen, and of what is traced afterwards. Where the
         cut would take more, errors are larger: `pixel_error` says what they became.
+    bounce_error: how many times the error may be for rays that bounce or look for light, which then
+        meet a cut of their own, and begin beyond what it may be away from the camera's.
     The rest is as `Renderer` has it.
     """
 
@@ -44,18 +47,29 @@ class CutRenderer(Renderer):
         *,
         environment: Environment | None = None,
         up: str = "y",
+        bounce_error: float = 1.0,
         progress: Progress | None = None,
         threads: int = 0,
     ) -> None:
+        if not bounce_error >= 1:
+            raise Error(f"bounce_error must be at least 1, not {bounce_error}")
         self.mesh = boxes(asset)
         self.up = up
         self._ground, self._threads = False, threads
         self._places = places(asset)
         residency = Residency(asset, max(int(budget * _PAGES), 1))
-        self.pixel_error, self.estimate = _settle(residency, self._places, camera, budget)
+        factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
+        self.pixel_error, self.estimate, tables = _settle(
+            residency, self._places, camera, budget, factors
+        )
         self.page_bytes = residency.statistics["resident_bytes"]
-        table = residency._native.table()
         residency.close()
+        count = len(self._places)
+        for k, table in enumerate(tables):
+            table[:, 0] += k * count  # of as many places again
+        kinds = [_ALL_RAYS] if len(tables) == 1 else [_CAMERA_RAYS, _OTHER_RAYS]
+        pixel = 2 * math.tan(0.5 * camera.fov_y) / camera.height
+        gap = 0.0 if len(tables) == 1 else sum(factors) * self.pixel_error * pixel
         look = Look(
             Mesh(
                 np.zeros((0, 3), np.float32),
@@ -68,8 +82,10 @@ class CutRenderer(Renderer):
         transforms = np.array([matrix for _, matrix in self._places], np.float32)
         self._scene = _umbel.cluster_scene(
             asset._native,
-            table,
-            transforms.reshape(-1, 12),
+            np.concatenate(tables),
+            np.tile(transforms.reshape(-1, 12), (len(tables), 1)),
+            np.repeat(np.array(kinds, np.uint32), count),
+            gap,
             look.materials,
             look.textures,
             (environment or Environment()).native(up),
@@ -113,35 +129,48 @@ def boxes(asset: Asset) -> Mesh:
 
 
 def _settle(
-    residency: Residency, standing: list[tuple[int, Any]], camera: Camera, budget: int
-) -> tuple[float, int]:
-    """Loads until the cut is there; the error in pixels that fits the budget, and about how much
-    what is traced will take."""
+    residency: Residency,
+    standing: list[tuple[int, Any]],
+    camera: Camera,
+    budget: int,
+    factors: list[float],
+) -> tuple[float, int, list[Any]]:
+    """Loads until the cuts are there, of so many times the error each; the error in pixels that
+    fits the budget, about how much what is traced will take, and the cuts' tables."""
     pixels = camera.pixel_error
     while True:
-        views = _views(standing, camera, pixels)
-        while True:
-            step = residency._native.step(views, time.monotonic())
-            if not step["missing_groups"]:
+        needs, tables = 0, []
+        for factor in factors:
+            fits = _load(residency, _views(standing, camera, factor * pixels))
+            clusters, triangles, vertices, placed = residency._native.cost()
+            needs += (
+                _BYTES_A_TRIANGLE * triangles
+                + _BYTES_A_VERTEX * vertices
+                + _BYTES_A_CLUSTER * clusters
+                + _BYTES_A_PLACE * placed
+            )
+            tables.append(residency._native.table())
+            if not fits or needs > budget:
                 break
-            said = residency.statistics
-            if said["given_up"]:
-                raise Error(f"pages cannot be read: {said['last_problem']}")
-            if not (said["in_flight"] or step["loaded"] or step["requested"]):
-                break
-            time.sleep(0.001)
-        clusters, triangles, vertices, placed = residency._native.cost()
-        needs = (
-            _BYTES_A_TRIANGLE * triangles
-            + _BYTES_A_VERTEX * vertices
-            + _BYTES_A_CLUSTER * clusters
-            + _BYTES_A_PLACE * placed
-        )
-        if not step["missing_groups"] and needs <= budget:
-            return pixels, needs
+        else:
+            return pixels, needs, tables
         if pixels > 1e6 * camera.pixel_error:
             raise Error(f"even the coarsest cut takes {needs} bytes, more than the budget")
         pixels *= max(1.1, math.sqrt(needs / budget))
+
+
+def _load(residency: Residency, views: list[tuple[int, _umbel.View, None]]) -> bool:
+    """Steps until all that the views want is there, or no more of it will come: whether it is."""
+    while True:
+        step = residency._native.step(views, time.monotonic())
+        if not step["missing_groups"]:
+            return True
+        said = residency.statistics
+        if said["given_up"]:
+            raise Error(f"pages cannot be read: {said['last_problem']}")
+        if not (said["in_flight"] or step["loaded"] or step["requested"]):
+            return False
+        time.sleep(0.001)
 
 
 def _views(

@@ -105,7 +105,7 @@ Aabb Placement::box_to_world(const Aabb& box) const {
 ClusterBvh::ClusterBvh(std::vector<TracedPart> parts, std::vector<PlacedCluster> placed,
                        std::vector<Placement> placements, const std::vector<Vec3>& positions,
                        const std::vector<Triangle>& triangles)
-    : parts_(std::move(parts)), placed_(std::move(placed)), placements_(std::move(placements)) {
+    : parts_(std::move(parts)), placements_(std::move(placements)) {
   corners_.reserve(triangles.size());
   for (const Triangle& t : triangles)
     corners_.push_back({positions[t[0]], positions[t[1]], positions[t[2]]});
@@ -114,27 +114,37 @@ ClusterBvh::ClusterBvh(std::vector<TracedPart> parts, std::vector<PlacedCluster>
     space_.reach[1] = std::max(space_.reach[1], std::fabs(p.y));
     space_.reach[2] = std::max(space_.reach[2], std::fabs(p.z));
   }
+  camera_ = top_of(placed, kCameraRays);
+  for (const PlacedCluster& at : camera_.placed)
+    placed_triangles_ += parts_[at.part].triangles.count;
+  has_others_ = std::any_of(placed.begin(), placed.end(),
+                            [](const PlacedCluster& at) { return at.rays != kAllRays; });
+  if (has_others_) others_ = top_of(placed, kOtherRays);
+}
+
+ClusterBvh::Top ClusterBvh::top_of(const std::vector<PlacedCluster>& placed, RayKinds kind) const {
+  Top top;
   std::vector<Aabb> boxes;
-  boxes.reserve(placed_.size());
-  for (const PlacedCluster& at : placed_) {
-    const TracedPart& part = parts_[at.part];
-    boxes.push_back(placements_[at.transform].box_to_world(part.tree.nodes[0].box()));
-    placed_triangles_ += part.triangles.count;
+  for (const PlacedCluster& at : placed) {
+    if (!(at.rays & kind)) continue;
+    top.placed.push_back(at);
+    boxes.push_back(placements_[at.transform].box_to_world(parts_[at.part].tree.nodes[0].box()));
   }
-  bvh::Config config = bvh::preset("quality");
-  top_ = bvh::build(boxes, config);
+  top.tree = bvh::build(boxes, bvh::preset("quality"));
+  return top;
 }
 
 template <typename Found>
-void ClusterBvh::visit(const Ray& ray, const RayOptions& options, const Found& found) const {
+void ClusterBvh::visit(const Top& top, const Ray& ray, const RayOptions& options,
+                       const Found& found) const {
   const Slabs world(ray);
   float limit = ray.t_max;
   LocalRay local;
   bvh::traverse_ordered(
-      top_, [&](const bvh::Node& node) { return world.entry(node.box(), limit); },
+      top.tree, [&](const bvh::Node& node) { return world.entry(node.box(), limit); },
       [&](std::span<const uint32_t> leaf) {
         for (const uint32_t p : leaf) {
-          const PlacedCluster& at = placed_[p];
+          const PlacedCluster& at = top.placed[p];
           const TracedPart& part = parts_[at.part];
           if (!(part.mask & options.mask)) continue;
           if (local.transform != at.transform) {
@@ -180,9 +190,9 @@ void ClusterBvh::visit(const Ray& ray, const RayOptions& options, const Found& f
       });
 }
 
-SceneHit ClusterBvh::intersect(const Ray& ray, const RayOptions& options) const {
+SceneHit ClusterBvh::intersect(const Ray& ray, const RayOptions& options, RayKinds kind) const {
   SceneHit best;
-  visit(ray, options, [&](const SceneHit& hit) {
+  visit(top_for(kind), ray, options, [&](const SceneHit& hit) {
     // Clusters that share an edge hit it at the same t; the lower one is taken whatever the order.
     if (hit.t < best.t || (hit.t == best.t && hit.primitive < best.primitive)) best = hit;
     return true;
@@ -190,24 +200,27 @@ SceneHit ClusterBvh::intersect(const Ray& ray, const RayOptions& options) const 
   return best;
 }
 
-bool ClusterBvh::occluded(const Ray& ray, const RayOptions& options) const {
+bool ClusterBvh::occluded(const Ray& ray, const RayOptions& options, RayKinds kind) const {
   bool is_hit = false;
-  visit(ray, options, [&](const SceneHit&) {
+  visit(top_for(kind), ray, options, [&](const SceneHit&) {
     is_hit = true;
     return false;
   });
   return is_hit;
 }
 
-Aabb ClusterBvh::bounds() const { return top_.nodes.empty() ? Aabb{} : top_.nodes[0].box(); }
+Aabb ClusterBvh::bounds() const {
+  return camera_.tree.nodes.empty() ? Aabb{} : camera_.tree.nodes[0].box();
+}
 
 uint64_t ClusterBvh::bytes() const {
   const auto of_tree = [](const bvh::Bvh2& tree) {
     return tree.nodes.capacity() * sizeof(bvh::Node) + tree.primitives.capacity() * 4;
   };
-  uint64_t bytes = of_tree(top_) + corners_.capacity() * sizeof corners_[0] +
-                   placed_.capacity() * sizeof(PlacedCluster) +
-                   placements_.capacity() * sizeof(Placement);
+  uint64_t bytes =
+      corners_.capacity() * sizeof corners_[0] + placements_.capacity() * sizeof(Placement);
+  for (const Top* top : {&camera_, &others_})
+    bytes += of_tree(top->tree) + top->placed.capacity() * sizeof(PlacedCluster);
   for (const TracedPart& part : parts_) bytes += sizeof part + of_tree(part.tree);
   return bytes;
 }

@@ -50,8 +50,9 @@ class ClusterBvh {
              std::vector<Placement> placements, const std::vector<Vec3>& positions,
              const std::vector<Triangle>& triangles);
 
-  SceneHit intersect(const Ray& ray, const RayOptions& options) const;
-  bool occluded(const Ray& ray, const RayOptions& options) const;
+  /// `kind`: of RayKinds.
+  SceneHit intersect(const Ray& ray, const RayOptions& options, RayKinds kind) const;
+  bool occluded(const Ray& ray, const RayOptions& options, RayKinds kind) const;
 
   const Placement& placement(uint32_t transform) const { return placements_[transform]; }
   Aabb bounds() const;
@@ -59,15 +60,25 @@ class ClusterBvh {
   uint64_t bytes() const;
 
  private:
+  /// The places that rays of a kind meet, and the tree over them.
+  struct Top {
+    std::vector<PlacedCluster> placed;
+    bvh::Bvh2 tree;
+  };
+
+  Top top_of(const std::vector<PlacedCluster>& placed, RayKinds kind) const;
+  const Top& top_for(RayKinds kind) const {
+    return kind == kOtherRays && has_others_ ? others_ : camera_;
+  }
   template <typename Found>
-  void visit(const Ray& ray, const RayOptions& options, const Found& found) const;
+  void visit(const Top& top, const Ray& ray, const RayOptions& options, const Found& found) const;
 
   std::vector<TracedPart> parts_;
-  std::vector<PlacedCluster> placed_;
   std::vector<Placement> placements_;
   std::vector<std::array<Vec3, 3>> corners_;
-  bvh::Bvh2 top_;
-  LeafStore space_;  // for make_frame: how far coordinates reach
+  Top camera_, others_;
+  bool has_others_ = false;  ///< if not, all rays meet what the camera's do
+  LeafStore space_;          // for make_frame: how far coordinates reach
   uint64_t placed_triangles_ = 0;
 };
 

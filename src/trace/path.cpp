@@ -35,9 +35,11 @@ class Path {
       : context_(context), scene_(context.scene), sampler_(sampler), counts_(counts) {}
 
   Vec3 follow(Ray ray) {
+    eye_ = ray.origin;
     for (uint32_t bounce = 0;; ++bounce) {
       dimension_ = kFirstBounceDimension + bounce * kDimensions;
-      const SceneHit hit = first_hit(ray, bounce == 0 ? counts_.primary : counts_.bounce);
+      const SceneHit hit = bounce == 0 ? first_hit(ray, kCameraRays, counts_.primary)
+                                       : first_hit(ray, kOtherRays, counts_.bounce);
       if (!hit.hit()) {
         add_background(ray.direction, bounce);
         return light_;
@@ -55,9 +57,9 @@ class Path {
 
  private:
   /// The nearest hit that is not looked through.
-  SceneHit first_hit(Ray& ray, uint64_t& counter) {
+  SceneHit first_hit(Ray& ray, RayKinds kind, uint64_t& counter) {
     ++counter;
-    SceneHit hit = scene_.intersect(ray);
+    SceneHit hit = scene_.intersect(ray, {}, kind);
     if (!scene_.see_through) return hit;
     for (uint32_t layer = 0; hit.hit(); ++layer) {
       const float opacity = opacity_at(scene_, hit);
@@ -66,7 +68,7 @@ class Path {
       if (opacity > 0.0f && sampler_.point(seed).x < opacity) return hit;
       ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
       ++counts_.continued;
-      hit = scene_.intersect(ray);
+      hit = scene_.intersect(ray, {}, kind);
     }
     return hit;
   }
@@ -79,7 +81,7 @@ class Path {
     float through = 1.0f;
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
       ++counts_.continued;
-      const SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit});
+      const SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit}, kOtherRays);
       if (!hit.hit()) return through;
       through *= 1.0f - opacity_at(scene_, hit);
       if (through <= 0.0f) return 0.0f;
@@ -186,9 +188,7 @@ class Path {
     if (is_black(value.value)) return;
     const float weight = power_weight(sample.density, value.density) / sample.density;
     const Vec3 light = throughput_ * value.value * sample.radiance * weight;
-    Ray ray;
-    ray.origin = surface.origin(sample.direction);
-    ray.direction = sample.direction;
+    Ray ray = ray_from(surface, sample.direction);
     ray.t_max = distance;
     const float through = visibility(ray);
     if (through > 0.0f) add(light * through, bounce > 0);
@@ -210,16 +210,24 @@ class Path {
       throughput_ = throughput_ * (1.0f / survival);
     }
     density_ = sample.density;
-    ray = Ray{};
+    ray = ray_from(surface, direction);
+    return true;
+  }
+
+  /// It begins beyond what a coarser form of the surface, which it may meet, is away from this one.
+  Ray ray_from(const Surface& surface, const Vec3& direction) const {
+    Ray ray;
     ray.origin = surface.origin(direction);
     ray.direction = direction;
-    return true;
+    if (scene_.gap > 0.0f) ray.t_min = scene_.gap * length(surface.point - eye_);
+    return ray;
   }
 
   const PathContext& context_;
   const Scene::Data& scene_;
   const Sampler& sampler_;
   Statistics& counts_;
+  Vec3 eye_{0, 0, 0};
   uint32_t dimension_ = 0;
   float density_ = 0.0f;  ///< of the last scattering
   Vec3 throughput_{1, 1, 1};

@@ -298,6 +298,7 @@ Scene Scene::build(const ClusterScene& clusters, const Look& look, const BuildOp
     data.clusters = std::make_unique<const ClusterBvh>(
         std::move(parts), clusters.placed, std::move(placements), mesh.positions, mesh.triangles);
     data.bounds = data.clusters->bounds();
+    data.gap = clusters.gap;
   });
   return scene;
 }

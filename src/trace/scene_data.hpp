@@ -27,6 +27,7 @@ struct Scene::Data {
   std::unique_ptr<TriangleQueries> structure;  ///< never null
   /// Instead of it, where the scene is clusters: triangles are then in their parts' spaces.
   std::unique_ptr<const ClusterBvh> clusters;
+  float gap = 0;  ///< see ClusterScene
   Aabb bounds;
   std::vector<Vec3> positions;
   std::vector<Vec3> normals;  ///< empty, or one a vertex
@@ -45,12 +46,15 @@ struct Scene::Data {
   /// Of each material: probability density of the point that is sampled on a light, by area.
   std::vector<float> light_density;
 
-  SceneHit intersect(const Ray& ray, const RayOptions& options = {}) const {
-    if (clusters) return clusters->intersect(ray, options);
+  SceneHit intersect(const Ray& ray, const RayOptions& options = {},
+                     RayKinds kind = kCameraRays) const {
+    if (clusters) return clusters->intersect(ray, options, kind);
     return {structure->intersect(ray, options), 0};
   }
+  /// Whether anything is in a ray's way that is not the camera's.
   bool occluded(const Ray& ray, const RayOptions& options = {}) const {
-    return clusters ? clusters->occluded(ray, options) : structure->occluded(ray, options);
+    return clusters ? clusters->occluded(ray, options, kOtherRays)
+                    : structure->occluded(ray, options);
   }
 };
 

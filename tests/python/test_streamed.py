@@ -73,6 +73,20 @@ def test_the_picture_is_that_of_the_same_scene_as_one_mesh(herd: Path) -> None:
     assert np.abs(pixels - expected).mean() < 0.03 * expected.mean()
 
 
+def test_bounces_may_meet_a_coarser_cut(herd: Path) -> None:
+    asset = umbel.Asset(herd)
+    size = {"width": 48, "height": 36}
+    fine = CutRenderer(asset, camera(0.1), 64_000_000)
+    both = CutRenderer(asset, camera(0.1), 64_000_000, bounce_error=16)
+    assert both.triangles == fine.triangles
+    assert both.bytes > fine.bytes
+    one = both.film(camera(), **size).add(32).pixels
+    other = fine.film(camera(), **size).add(32).pixels
+    assert 0 < np.abs(one - other).mean() < 0.05 * other.mean()
+    with pytest.raises(umbel.Error, match="bounce_error"):
+        CutRenderer(asset, camera(), 64_000_000, bounce_error=0.5)
+
+
 def test_the_command_keeps_to_the_budget(umbel_command: Umbel, herd: Path, tmp_path: Path) -> None:
     out = tmp_path / "o.png"
     size = ["--width", 24, "--height", 16, "--spp", 1]

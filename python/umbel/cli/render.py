@@ -77,6 +77,14 @@ def command(
             "where it is not enough. Instances share what they show.",
         ),
     ] = None,
+    bounce_error: Annotated[
+        float,
+        typer.Option(
+            metavar="FACTOR",
+            help="How many times the pixel error may be for rays that bounce or look for light, "
+            "with --budget.",
+        ),
+    ] = 1.0,
     seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 1,
     bounces: Annotated[int, typer.Option(metavar="N", help="Most bounces of a path.")] = 32,
     shadow_samples: Annotated[
@@ -122,6 +130,8 @@ def command(
     most = None if budget is None else _size(budget)
     if most is not None and (method is not Accel.lod or ground or hide):
         fail("--budget is for .umbel assets with --accel lod, without --ground and --hide")
+    if not bounce_error >= 1 or (bounce_error > 1 and most is None):
+        fail("--bounce-error must be at least 1, and needs --budget")
     from ..trace import Renderer
     from .progress import Bar
 
@@ -143,6 +153,7 @@ def command(
         if most is None:
             views = _Views(source, method, pixel_error or 1.0, prepare)
         else:
+            options["bounce_error"] = bounce_error
             views = _Streamed(source, most, pixel_error or 1.0, options)
         cameras = [text for given in camera or ["auto"] for text in views.named(given)]
         outputs = _outputs(output, len(cameras))
@@ -277,7 +288,7 @@ class _Streamed:
         from ..asset import Asset
 
         self._asset, self._budget, self._pixel_error = Asset(source), budget, pixel_error
-        self._options = {k: options[k] for k in ("environment", "up", "threads")}
+        self._options = {k: options[k] for k in ("environment", "up", "bounce_error", "threads")}
 
     def named(self, text: str) -> list[str]:
         return [text]

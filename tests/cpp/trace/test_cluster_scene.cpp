@@ -13,14 +13,18 @@ namespace {
 
 constexpr std::array<float, 12> kIdentity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 
-/// All clusters of the finest level, where they are.
-ClusterScene clusters_of(const lod::Dag& dag) {
-  ClusterScene scene;
-  scene.transforms = {kIdentity};
-  for (const uint32_t c : lod::select(dag.tables, lod::view_level(0))) {
-    scene.placed.push_back({static_cast<uint32_t>(scene.parts.size()), 0});
+void add_level(ClusterScene& scene, const lod::Dag& dag, uint32_t level, RayKinds rays) {
+  for (const uint32_t c : lod::select(dag.tables, lod::view_level(level))) {
+    scene.placed.push_back({static_cast<uint32_t>(scene.parts.size()), 0, rays});
     scene.parts.push_back({dag.geometry(c), 0});
   }
+}
+
+/// All clusters of a level, where they are.
+ClusterScene clusters_of(const lod::Dag& dag, uint32_t level = 0) {
+  ClusterScene scene;
+  scene.transforms = {kIdentity};
+  add_level(scene, dag, level, kAllRays);
   return scene;
 }
 
@@ -107,6 +111,36 @@ TEST(ClusterScene, gives_the_picture_of_the_same_mesh) {
     sum += length(other.pixels[i]);
   }
   EXPECT_LT(difference, 0.01 * sum);
+}
+
+TEST(ClusterScene, rays_that_bounce_may_meet_a_coarser_cut) {
+  const lod::Dag dag = lod::build(shapes::blob(5, 2).view());
+  ClusterScene both{{}, {}, {kIdentity}};
+  add_level(both, dag, 0, kCameraRays);
+  add_level(both, dag, 3, kOtherRays);
+  both.gap = 0.02f;
+  const Scene fine = Scene::build(clusters_of(dag), {});
+  const Scene coarse = Scene::build(clusters_of(dag, 3), {});
+  const Scene scene = Scene::build(both, {});
+  ASSERT_LT(coarse.placed_triangles(), fine.placed_triangles() / 4);
+  EXPECT_EQ(scene.placed_triangles(), fine.placed_triangles());
+  for (uint32_t i = 0; i < 1000; ++i) {
+    const Ray ray = ray_of(i);
+    EXPECT_EQ(scene.data().intersect(ray).t, fine.data().intersect(ray).t);
+    EXPECT_EQ(scene.data().intersect(ray, {}, kOtherRays).t, coarse.data().intersect(ray).t);
+    EXPECT_EQ(scene.data().occluded(ray), coarse.data().occluded(ray));
+  }
+  const Settings settings{.width = 32, .height = 24, .samples = 32};
+  const Camera camera = auto_camera(fine, 32, 24);
+  const Image one = render(scene, camera, settings).image,
+              other = render(fine, camera, settings).image;
+  double difference = 0, sum = 0;
+  for (size_t i = 0; i < one.pixels.size(); ++i) {
+    difference += length(one.pixels[i] - other.pixels[i]);
+    sum += length(other.pixels[i]);
+  }
+  EXPECT_GT(difference, 0);
+  EXPECT_LT(difference, 0.05 * sum);
 }
 
 TEST(ClusterScene, refuses_what_does_not_fit) {

@@ -1,0 +1,104 @@
+// Fuzzes the decoder of a group's part, and the coding of triangles there and back. Any bytes must
+// decode, or be refused with a sentence; any triangles must come back as they were, but for the
+// order and the first corner, which the walk chooses.
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "asset/connectivity.hpp"
+#include "asset/group_part.hpp"
+#include "umbel/umbel.hpp"
+
+namespace {
+
+namespace asset = umbel::asset;
+using Triangle = std::array<uint8_t, 3>;
+
+[[noreturn]] void fail(const std::string& what) {
+  std::fprintf(stderr, "fuzz_part: %s\n", what.c_str());
+  std::abort();
+}
+
+/// One of some formats that cover every coding.
+asset::VertexFormat format_of(uint8_t choice) {
+  using asset::Coding;
+  std::vector<asset::AttributeFormat> attributes{
+      {asset::kPositions, choice & 1 ? Coding::kGrid : Coding::kFloats, 0, 0.5f}};
+  if (choice & 2) attributes.push_back({asset::kNormals, Coding::kOctahedral, 10, 0});
+  if ((choice & 6) == 6) attributes.push_back({asset::kTangents, Coding::kAngle, 8, 0});
+  if (choice & 8) attributes.push_back({asset::kUvs, Coding::kGrid, 0, 0x1p-14f});
+  if (choice & 16) attributes.push_back({asset::kColors, Coding::kSrgb, 8, 0});
+  return asset::make_format(attributes);
+}
+
+void decode_any(const uint8_t* data, size_t size) {
+  const asset::VertexFormat format = format_of(data[0]);
+  const uint32_t clusters = 1 + data[1] % 4, references = data[1] / 64;
+  std::vector<std::byte> part(size - 2);
+  std::transform(data + 2, data + size, part.begin(), [](uint8_t b) { return std::byte{b}; });
+  // The ends of clusters lie somewhere within the part, or hardly any input would get past them.
+  const size_t records = 32 * size_t{references} + 8 * asset::components(format);
+  const size_t begin = records + 24 * size_t{clusters};
+  for (uint32_t c = 0; c < clusters && part.size() > begin; ++c) {
+    const auto end = static_cast<uint32_t>(begin + (part.size() - begin) * (c + 1) / clusters);
+    for (size_t i = 0; i < 4; ++i)
+      part[records + 24 * c + i] = static_cast<std::byte>(end >> (8 * i));
+  }
+  const umbel::Aabb bounds{{0, 0, 0}, {1, 1, 1}};
+  const asset::PartTables tables = asset::decode_tables(format, bounds, clusters, references, part);
+  const auto decoded = asset::decode_clusters(format, tables, part, clusters);
+  for (uint32_t c = 0; c < clusters; ++c) {
+    if (decoded[c].positions.size() != tables.clusters[c].vertex_count)
+      fail("vertices are missing");
+    for (const uint8_t v : decoded[c].triangles)
+      if (v >= tables.clusters[c].vertex_count) fail("a triangle has a vertex that is not there");
+  }
+}
+
+std::vector<Triangle> sorted(std::vector<Triangle> triangles) {
+  for (auto& [a, b, c] : triangles)
+    std::tie(a, b, c) = std::min({std::tuple(a, b, c), std::tuple(b, c, a), std::tuple(c, a, b)});
+  std::sort(triangles.begin(), triangles.end());
+  return triangles;
+}
+
+void there_and_back(const uint8_t* data, size_t size) {
+  const uint32_t vertices = 1 + data[0];
+  const size_t count = std::min<size_t>((size - 1) / 3, asset::kMaxLocal);
+  std::vector<uint8_t> given(3 * count);
+  for (size_t i = 0; i < given.size(); ++i) given[i] = static_cast<uint8_t>(data[1 + i] % vertices);
+  std::vector<std::byte> bytes;
+  umbel::BitWriter out(bytes);
+  const asset::Walk walk = asset::encode_triangles(given, vertices, out);
+  out.finish();
+  std::vector<uint8_t> read(given.size());
+  std::vector<asset::Parents> parents(vertices);
+  asset::BorderEdges border;
+  umbel::BitReader in(bytes);
+  asset::decode_triangles(in, read, parents, border);
+  in.finish();
+  std::vector<Triangle> before(count), after(count);
+  for (size_t i = 0; i < given.size(); ++i) {
+    before[i / 3][i % 3] = given[i];
+    after[i / 3][i % 3] = walk.vertices[read[i]];
+  }
+  if (sorted(before) != sorted(after)) fail("triangles did not come back");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  if (size < 4) return 0;
+  there_and_back(data + 1, size - 1);
+  try {
+    decode_any(data, size);
+  } catch (const umbel::Error& error) {
+    if (error.code() != umbel::ErrorCode::kCorrupt) fail(error.what());
+  }
+  return 0;
+}
