@@ -28,6 +28,9 @@ cluster::ClusterShares view(const DeviceDrift& d) { return {d.now, d.at_build, d
 
 }  // namespace
 
+// One file of each library includes this.
+// NOLINTBEGIN(misc-definitions-in-headers)
+
 void build_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                           const FrameClusterConfig& config, const DeviceClusters& out,
                           Stream stream) {
@@ -89,5 +92,7 @@ void list_frame_vertices(void* scratch, size_t& scratch_bytes, uint32_t triangle
                            {out.offsets, out.vertices, out.corners});
   });
 }
+
+// NOLINTEND(misc-definitions-in-headers)
 
 }  // namespace umbel::cuda
