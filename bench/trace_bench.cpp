@@ -4,17 +4,14 @@
 //
 //   trace_bench [--runs N] [--size PIXELS] [--samples N] MESH.ply...
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <string>
 #include <vector>
 
+#include "picture_rays.hpp"
 #include "ply_reader.hpp"
-#include "trace/camera.hpp"
-#include "trace/sampler.hpp"
-#include "trace/vector.hpp"
 #include "umbel/trace.hpp"
 
 namespace {
@@ -38,48 +35,6 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// One ray through every pixel for each sample, in the order of the tracer's tiles.
-std::vector<Ray> camera_rays(const trace::Camera& camera, const Options& options) {
-  const trace::RayCamera rays(camera, options.size, options.size);
-  std::vector<Ray> result;
-  const uint32_t across = options.size / 16;
-  for (uint32_t tile = 0; tile < across * across; ++tile) {
-    const uint32_t left = tile % across * 16, top = tile / across * 16;
-    for (uint32_t i = 0; i < 256 * options.samples; ++i) {
-      const uint32_t pixel = i / options.samples, row = pixel / 16, column = pixel % 16;
-      const Vec2 u = trace::Sampler(1, tile, i).point(0);
-      const float x = static_cast<float>(left + column) + u.x;
-      const float y = static_cast<float>(top + row) + u.y;
-      result.push_back(rays.ray(x, y, {0, 0}));
-    }
-  }
-  return result;
-}
-
-/// A diffuse bounce from each hit.
-std::vector<Ray> bounces(const Mesh& mesh, const std::vector<Ray>& rays,
-                         const TriangleQueries& structure) {
-  using trace::operator*, trace::operator-;
-  const float offset = 1e-5f * length(structure.bounds().max - structure.bounds().min);
-  std::vector<Ray> result;
-  for (size_t i = 0; i < rays.size(); ++i) {
-    const Hit hit = structure.intersect(rays[i]);
-    if (!hit.hit()) continue;
-    const Triangle& t = mesh.triangles[hit.primitive];
-    const Vec3 p = mesh.positions[t[0]];
-    Vec3 normal =
-        trace::normalized(cross(mesh.positions[t[1]] - p, mesh.positions[t[2]] - p), {0, 1, 0});
-    if (dot(normal, rays[i].direction) > 0) normal = -normal;
-    const Vec2 disc = trace::on_disc(trace::Sampler(2, static_cast<uint32_t>(i), 0).point(0));
-    const float z = std::sqrt(std::max(0.0f, 1.0f - disc.x * disc.x - disc.y * disc.y));
-    Ray ray;
-    ray.origin = rays[i].origin + rays[i].direction * hit.t + normal * offset;
-    ray.direction = trace::frame_around(normal).to_world({disc.x, disc.y, z});
-    result.push_back(ray);
-  }
-  return result;
-}
-
 double rate_of(const TriangleQueries& structure, const std::vector<Ray>& rays) {
   std::vector<Hit> hits(rays.size());
   const double start = cpu_seconds();
@@ -91,8 +46,8 @@ void run_mesh(const std::string& path, const Options& options) {
   const Mesh mesh = bench::read_ply(path);
   const trace::Scene scene = trace::Scene::build(mesh.view());
   const trace::Camera camera = trace::auto_camera(scene, options.size, options.size);
-  const std::vector<Ray> primary = camera_rays(camera, options);
-  const std::vector<Ray> bounce = bounces(mesh, primary, scene.structure());
+  const std::vector<Ray> primary = bench::camera_rays(camera, options.size, options.samples);
+  const std::vector<Ray> bounce = bench::bounces(mesh, primary, scene.structure());
   trace::Settings settings;
   settings.width = settings.height = options.size;
   settings.samples = options.samples;

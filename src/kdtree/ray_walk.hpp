@@ -71,6 +71,25 @@ static inline bool visit_leaf(const kdtree::Node& node, const Leaf& leaf) {
   return false;
 }
 
+/// Remembers which lists a ray was tested with last (Amanatides & Woo 1987 remember triangles):
+/// large triangles reach through many cells, and leaves with the same triangles share their list.
+class Mailbox {
+ public:
+  /// As visit_leaf, but for what is remembered.
+  template <typename Leaf>
+  bool visit(const kdtree::Node& node, const Leaf& leaf) {
+    if (node.count() == 0) return false;
+    uint32_t& known = firsts_[node.first % kLists];
+    if (known == node.first) return false;
+    known = node.first;
+    return visit_leaf(node, leaf);
+  }
+
+ private:
+  static constexpr uint32_t kLists = 8;
+  uint32_t firsts_[kLists] = {kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone};
+};
+
 struct KdEntry {
   uint32_t node;
   float from, to;
@@ -82,6 +101,7 @@ static inline bool walk_with_stack(const KdTreeData& tree, const RayFrame& f, Ra
                                    const float& cull, const Leaf& leaf) {
   KdEntry stack[kMaxKdDepth + 1];
   KdEntry* top = stack;
+  Mailbox mailbox;
   const kdtree::Node* const nodes = tree.nodes.data();
   const uint32_t flips[3] = {f.inv[0] < 0.0f, f.inv[1] < 0.0f, f.inv[2] < 0.0f};
   uint32_t node = 0;
@@ -103,7 +123,7 @@ static inline bool walk_with_stack(const KdTreeData& tree, const RayFrame& f, Ra
         node = first;
       }
     }
-    if (visit_leaf(nodes[node], leaf)) return true;
+    if (mailbox.visit(nodes[node], leaf)) return true;
     do {
       if (top == stack) return false;
       --top;

@@ -59,17 +59,18 @@ def draw(
 
 
 def draw_ratios(path: Path, rows: Sequence[Row]) -> None:
-    """Bars that start at the full sweep's 1, in four groups."""
+    """Bars that start at the full sweep's 1, in four groups; what is no hierarchy has its own scale
+    and is left to the tables."""
     title = f"{rows[0]['scene']}: {rows[0]['triangles']:,} triangles"
     rows = sorted(
-        (row for row in rows if row["builder"] != "sweep"), key=lambda row: _rank(row["builder"])
+        (row for row in rows if row["builder"] in COLORS), key=lambda row: _rank(row["builder"])
     )
     figure, axes = _axes((10, 4.4))
     room = 0.84 / len(rows)
     for number, row in enumerate(rows):
         x = [group + (number - (len(rows) - 1) / 2) * room for group in range(len(GROUPS))]
         heights = [row[key] - 1 for key in GROUPS]
-        axes.bar(x, heights, room * 0.9, 1, label=_label(row), color=_color(row["builder"]))
+        axes.bar(x, heights, room * 0.9, 1, label=_label(row), color=COLORS[row["builder"]])
     axes.axhline(1, color="black", linewidth=0.8)
     axes.set_xticks(range(len(GROUPS)), list(GROUPS.values()))
     axes.tick_params(axis="x", length=0)
@@ -152,16 +153,11 @@ def _file(folder: Path, scene: str, kind: str) -> Path:
 
 def _rank(builder: str) -> int:
     """The builders of the slides first, then the others as their colours are listed."""
-    known = list(COLORS)
-    return known.index(builder) if builder in known else len(known)
+    return list(COLORS).index(builder)
 
 
 def _label(row: Row) -> str:
     return row["builder"] if row["kmeans"] is None else f"{row['builder']}\n({row['kmeans']})"
-
-
-def _color(builder: str) -> str:
-    return COLORS.get(builder, "#bbbbbb")
 
 
 def _axes(size: tuple[float, float]) -> tuple[Any, Any]:
