@@ -37,8 +37,8 @@ static inline bool enter_bounds(const LeafStore& tree, const RayFrame& f, float 
                                 RayPart& part) {
   part.from = f.t_min;
   part.to = cull;
-  const float* low = &tree.bounds.min.x;
-  const float* high = &tree.bounds.max.x;
+  const Vec3 &least = tree.bounds.min, &most = tree.bounds.max;
+  const float low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
   float near_high[3];
   for (uint32_t axis = 0; axis < 3; ++axis) {
     const bool flip = f.inv[axis] < 0.0f;
