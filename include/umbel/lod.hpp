@@ -83,6 +83,13 @@ struct ClusterGeometry {
   std::vector<uint8_t> triangles;  ///< 3 a triangle
 };
 
+/// How firmly lines are held along which vertices at one position have different attributes.
+enum class SeamRule : uint8_t {
+  kProtect = 0,  ///< they shorten along themselves only, until nothing else is left to simplify
+  kAllow = 1,    ///< what it costs the attributes to cross them counts as error
+  kIgnore = 2,   ///< crossing costs nothing
+};
+
 struct Config {
   uint32_t max_triangles = 128;             ///< a cluster, 4..256
   uint32_t max_vertices = 128;              ///< a cluster, 6..256

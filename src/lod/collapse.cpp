@@ -65,16 +65,6 @@ void EdgeCollapser::load(const CollapseInput& input) {
   stamp_ = 0;
 }
 
-void EdgeCollapser::count_wedges() {
-  std::fill(wedge_counts_.begin(), wedge_counts_.end(), uint8_t{0});
-  wedge_seen_.assign(input_.position_of.size(), 0);
-  for (const Triangle& t : triangles_)
-    for (uint32_t v : t) {
-      uint8_t& wedges = wedge_counts_[input_.position_of[v]];
-      if (!std::exchange(wedge_seen_[v], 1) && wedges < 3) ++wedges;
-    }
-}
-
 void EdgeCollapser::build_rings() {
   ring_of_.assign(points_.size(), {0, 0});
   for (const Triangle& t : triangles_)
@@ -102,28 +92,25 @@ void EdgeCollapser::build_rings() {
 
 void EdgeCollapser::find_kinds() {
   kinds_.resize(points_.size());
-  for (uint32_t p = 0; p < points_.size(); ++p) {
-    kinds_[p] = input_.locked[p] ? Kind::kFixed : kind_of(p);
-    if (input_.loose && !input_.locked[p] && kinds_[p] == Kind::kFixed)
-      kinds_[p] = Kind::kIrregular;
-  }
+  for (uint32_t p = 0; p < points_.size(); ++p) kinds_[p] = kind_of(p);
 }
 
-// Interior: its triangles form one closed fan. Border: one open fan. Anything else stays.
+// Interior: its triangles form one closed fan. Border: one open fan.
 EdgeCollapser::Kind EdgeCollapser::kind_of(uint32_t p) {
   const auto spokes = ring(p);
-  if (spokes.empty() || wedge_counts_[p] > 2) return Kind::kFixed;
+  if (spokes.empty() || input_.locked[p]) return Kind::kFixed;
+  const Kind other = input_.irregular ? Kind::kIrregular : Kind::kFixed;
   const uint32_t is_next = ++stamp_;
   for (uint32_t i = 0; i < spokes.size(); ++i) {
     const uint32_t n = spokes[i].next;
-    if (marks_[n] == is_next) return Kind::kFixed;
+    if (marks_[n] == is_next) return other;
     marks_[n] = is_next;
     slots_[n] = i;
   }
   // The fan turns from each triangle to the one that begins where this one ends.
   uint32_t first = 0, ends = 0;
   for (const Spoke& s : spokes) ends += marks_[s.prev] != is_next;
-  if (ends > 1) return Kind::kFixed;
+  if (ends > 1) return other;
   if (ends == 1) {
     const auto begins = [&](const Spoke& s) {
       return std::none_of(spokes.begin(), spokes.end(),
@@ -137,9 +124,8 @@ EdgeCollapser::Kind EdgeCollapser::kind_of(uint32_t p) {
     i = slots_[spokes[i].prev];
     if (i == first) break;
   }
-  if (steps != spokes.size()) return Kind::kFixed;
-  if (ends == 0) return Kind::kInterior;
-  return wedge_counts_[p] > 1 ? Kind::kFixed : Kind::kBorder;
+  if (steps != spokes.size()) return other;
+  return ends == 0 ? Kind::kInterior : Kind::kBorder;
 }
 
 void EdgeCollapser::enqueue_best(uint32_t p) {
@@ -193,10 +179,10 @@ void EdgeCollapser::choose(uint32_t p, const Choice& choice) {
 }
 
 bool EdgeCollapser::is_legal(uint32_t p, uint32_t target) {
-  if (input_.loose ? !keeps_irregular_link(p, target) : !keeps_link(p, target)) return false;
+  const bool loosely = input_.loose || kinds_[p] == Kind::kIrregular;
+  if (loosely ? !keeps_irregular_link(p, target) : !keeps_link(p, target)) return false;
   if (!input_.any_turn && !keeps_facing(p, target)) return false;
-  if (!has_wedges_) return true;
-  return map_wedges(p, target) || (input_.loose && map_wedges_loosely(p, target));
+  return !has_wedges_ || map_wedges(p, target);
 }
 
 bool EdgeCollapser::keeps_link(uint32_t p, uint32_t target) {
@@ -277,68 +263,22 @@ bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
   return true;
 }
 
-// What each vertex at p becomes; false unless the triangles at the edge say it for all.
-bool EdgeCollapser::map_wedges(uint32_t p, uint32_t target) {
-  wedge_map_.clear();
-  const auto spokes = ring(p);
-  for (size_t i = 0; i < spokes.size(); ++i) {
-    const bool after = spokes[i].next == target;
-    if (!after && spokes[i].prev != target) continue;
-    const uint32_t c = corner(p, i);
-    const uint32_t from = vertex(c), to = vertex(after ? next(c) : prev(c));
-    if (wedge_map_.size() == 1 && wedge_map_[0].first == from) {
-      if (wedge_map_[0].second != to) return false;
-    } else if (wedge_map_.size() < 2) {
-      wedge_map_.emplace_back(from, to);
-    } else {
-      return false;
-    }
-  }
-  return wedge_map_.size() == wedge_counts_[p];
-}
-
-// As the triangles at the edge say, where they do; else the first vertex there of the same
-// material.
-bool EdgeCollapser::map_wedges_loosely(uint32_t p, uint32_t target) {
-  wedge_map_.clear();
-  const auto same_material = [&](uint32_t a, uint32_t b) {
-    return input_.materials.empty() || input_.materials[a] == input_.materials[b];
-  };
-  const auto add = [&](uint32_t from, uint32_t to) {
-    if (mapped(from) == kNone && same_material(from, to)) wedge_map_.emplace_back(from, to);
-  };
-  const auto at_p = ring(p), at_target = ring(target);
-  for (size_t i = 0; i < at_p.size(); ++i) {
-    const uint32_t c = corner(p, i);
-    if (at_p[i].next == target) add(vertex(c), vertex(next(c)));
-    if (at_p[i].prev == target) add(vertex(c), vertex(prev(c)));
-  }
-  for (size_t i = 0; i < at_p.size(); ++i) {
-    const uint32_t from = vertex(corner(p, i));
-    for (size_t j = 0; j < at_target.size() && mapped(from) == kNone; ++j)
-      add(from, vertex(corner(target, j)));
-    if (mapped(from) == kNone) return false;
-  }
-  return true;
-}
-
-uint32_t EdgeCollapser::mapped(uint32_t vertex) const {
-  for (const auto& [from, to] : wedge_map_)
-    if (from == vertex) return to;
-  return kNone;
-}
-
 // `keeps_link` has just left the neighbours of p.
 void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
   if (input_.locked[target]) note_chords(target);
+  const bool irregular = input_.loose || kinds_[p] == Kind::kIrregular;
   merge_quadrics(p, target);
   move_ring(p, target);
+  if (irregular) {
+    for (uint32_t x : neighbours_) kinds_[x] = kind_of(x);
+    kinds_[target] = kind_of(target);
+  }
   // A quadric that grew and a target that went make every rank but that of the new neighbour
   // higher, so what is in the queue may wait with its old rank until its turn comes.
   for (size_t i = 0; i < neighbours_.size(); ++i) {
     const uint32_t x = neighbours_[i];
     if (kinds_[x] == Kind::kFixed) continue;
-    if (!queue_.contains(x) || kinds_[x] == Kind::kBorder) {
+    if (!queue_.contains(x) || kinds_[x] != Kind::kInterior) {
       enqueue_best(x);
     } else {
       if (choices_[x].target == p) stale_[x] = 1;

@@ -3,8 +3,9 @@
 //
 // A vertex moves onto a neighbour and takes its own triangles along; no new vertex is made. A
 // collapse is done only if it keeps the surface a surface (the link condition of Dey et al. 1999),
-// turns no triangle over, and has for every vertex at the position exactly one to become, so
-// that seams of attributes and borders of materials shorten along themselves and never fray.
+// turns no triangle over, and has for every vertex at the position one to become. All vertices
+// at a position move together: along a seam each becomes the one on its own side, across it the
+// one that costs least, as far as the rule of the seam allows; materials never mix.
 // What a collapse changes is looked at again at once, so the order is greedy but for the width of
 // a bucket of the queue.
 #pragma once
@@ -17,7 +18,7 @@
 #include "lod/bucket_queue.hpp"
 #include "lod/quadric.hpp"
 #include "lod/topology.hpp"
-#include "umbel/types.hpp"
+#include "umbel/lod.hpp"
 
 namespace umbel::lod {
 
@@ -33,11 +34,12 @@ struct CollapseInput {
   std::span<const uint8_t> locked;           ///< of positions: stays where it is
   std::span<const uint32_t> component;       ///< of positions, see topology.hpp
   bool chords = true;                        ///< new edges between locked positions are legal
-  /// Irregular positions may move too, within their component, and vertices may become any of
-  /// their own material. The result must be checked.
-  bool loose = false;
-  bool any_turn = false;                     ///< triangles may turn over
   std::span<const uint32_t> materials = {};  ///< of vertices; empty: one
+  std::span<const SeamRule> rules = {};      ///< of positions; empty: SeamRule::kAllow
+  /// Irregular positions move too, within their component. The result must be checked.
+  bool irregular = true;
+  bool loose = false;     ///< regular positions move as irregular ones do
+  bool any_turn = false;  ///< triangles may turn over
 };
 
 /// Reusable; not thread-safe.
@@ -111,7 +113,7 @@ class EdgeCollapser {
   float clamped_attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const;
   Choice position_choice(uint32_t p, uint32_t target) const;
   Choice cheapest_position(uint32_t p) const;
-  Choice choice(uint32_t p, uint32_t corner, uint32_t target, bool after) const;
+  Choice choice(uint32_t p, uint32_t corner, uint32_t target, bool after);
   template <typename Visit>
   void for_each_target(uint32_t p, const Visit& visit) const;
   void enqueue_best(uint32_t p);
@@ -125,8 +127,15 @@ class EdgeCollapser {
   bool keeps_irregular_link(uint32_t p, uint32_t target);
   bool keeps_facing(uint32_t p, uint32_t target) const;
   bool map_wedges(uint32_t p, uint32_t target);
-  bool map_wedges_loosely(uint32_t p, uint32_t target);
+  uint32_t cheapest_wedge(uint32_t from, uint32_t target, const Vec3& d) const;
   uint32_t mapped(uint32_t vertex) const;
+  bool same_material(uint32_t a, uint32_t b) const {
+    return input_.materials.empty() || input_.materials[a] == input_.materials[b];
+  }
+  SeamRule rule(uint32_t p) const {
+    return input_.rules.empty() ? SeamRule::kAllow : input_.rules[p];
+  }
+  float wedge_cost(const Vec3& d) const;
   void collapse(uint32_t p, uint32_t target);
   void move_ring(uint32_t p, uint32_t target);
   void rename(uint32_t at, uint32_t p, uint32_t target);
@@ -149,7 +158,7 @@ class EdgeCollapser {
   std::vector<Spoke> spokes_;        // merged rings are appended
   std::vector<uint32_t> corners_;    // of spokes_
   std::vector<Kind> kinds_;
-  std::vector<uint8_t> wedge_counts_;        // vertices at a position, at most 3 counted
+  std::vector<uint8_t> wedge_counts_;        // vertices at a position, at most 2 counted
   std::vector<Quadric> quadrics_;            // of positions; scale: from cost to rank
   std::vector<Quadric> attribute_quadrics_;  // of vertices
   std::vector<float> gradients_;             // of vertices: 4 an attribute
@@ -165,7 +174,11 @@ class EdgeCollapser {
   BucketQueue queue_;
 
   // Of the collapse being looked at.
-  std::vector<std::pair<uint32_t, uint32_t>> wedge_map_;
+  struct WedgeMove {
+    uint32_t from, to;
+    bool along;  // a seam, or on the smooth surface
+  };
+  std::vector<WedgeMove> wedge_map_;
   std::vector<uint32_t> neighbours_;  // of p but for the target, third corners at the edge first
   size_t opposites_ = 0;              // how many those are
 

@@ -36,10 +36,11 @@ void EdgeCollapser::build_quadrics() {
       (Float4::load(&quadrics_[v].xz) + second).store(&quadrics_[v].xz);
     }
   }
-  for (uint32_t p = 0; p < points_.size(); ++p) settle_scale(p);
-  for (uint32_t p = 0; p < points_.size(); ++p)
-    if (kinds_[p] == Kind::kBorder || (kinds_[p] == Kind::kInterior && wedge_counts_[p] > 1))
+  for (uint32_t p = 0; p < points_.size(); ++p) {
+    if (kinds_[p] != Kind::kFixed && (kinds_[p] != Kind::kInterior || wedge_counts_[p] > 1))
       add_rim_quadrics(p);
+    settle_scale(p);
+  }
 }
 
 // Between the integral of the squared distance, which keeps means low but lets small details go by
@@ -56,19 +57,34 @@ void EdgeCollapser::add_rim_quadrics(uint32_t p) {
     const Vec3 edge = point(other) - point(p);
     const Vec3 m = cross(edge, n);
     const float size = length(m);
-    if (size > 0.0f) add_plane(quadrics_[p], m * (1.0f / size), weight * dot(edge, edge));
+    if (!(size > 0.0f)) return;
+    const float weighted = weight * dot(edge, edge);
+    add_plane(quadrics_[p], m * (1.0f / size), weighted);
+    quadrics_[p].weight += weighted;
   };
-  for_each_target(p, [&](uint32_t c, uint32_t q, bool) {
-    if (kinds_[p] == Kind::kBorder) {
-      add(c, q, kBorderWeight);
-    } else {
-      const uint32_t opposite = corner_before(p, q);
-      if (opposite != kNone && vertex(opposite) != vertex(c)) {
-        add(c, q, kSeamWeight);
-        add(opposite, q, kSeamWeight);
+  const auto spokes = ring(p);
+  const auto count = [&](uint32_t x, uint32_t Spoke::* side) {
+    return std::count_if(spokes.begin(), spokes.end(),
+                         [&](const Spoke& s) { return s.*side == x; });
+  };
+  for (size_t i = 0; i < spokes.size(); ++i) {
+    const auto [n, q] = spokes[i];
+    const uint32_t c = corner(p, i);
+    const auto after = count(n, &Spoke::next), before = count(n, &Spoke::prev);
+    if (count(q, &Spoke::next) != count(q, &Spoke::prev)) add(c, q, kBorderWeight);
+    if (after != before) {
+      add(c, n, kBorderWeight);
+    } else if (after == 1) {
+      const uint32_t opposite = corner_before(p, n);
+      const uint32_t here = vertex(opposite), there = vertex(prev(opposite));
+      if (!same_material(here, vertex(c)) || input_.position_of[vertex(next(opposite))] == q) {
+        add(c, n, kBorderWeight);
+      } else if (here != vertex(c) || there != vertex(next(c))) {
+        add(c, n, kSeamWeight);
+        add(opposite, n, kSeamWeight);
       }
     }
-  });
+  }
 }
 
 // Within a triangle an attribute is a linear function of the point; its quadric is the squared
@@ -199,16 +215,15 @@ float EdgeCollapser::clamped_attribute_cost(uint32_t from, uint32_t to, const Ve
 }
 
 EdgeCollapser::Choice EdgeCollapser::choice(uint32_t p, uint32_t corner, uint32_t target,
-                                            bool after) const {
+                                            bool after) {
   Choice result = position_choice(p, target);
+  const bool several = has_wedges_ && wedge_counts_[p] > 1;
+  if (several && !map_wedges(p, target)) return {std::numeric_limits<float>::infinity(), target};
   if (attribute_count_ == 0) return result;
   const Vec3 d = point(target) - point(p);
-  float sum =
-      clamped_attribute_cost(vertex(corner), vertex(after ? next(corner) : prev(corner)), d);
-  if (has_wedges_ && wedge_counts_[p] > 1) {
-    const uint32_t other = corner_before(p, target);
-    if (other != kNone) sum += clamped_attribute_cost(vertex(other), vertex(prev(other)), d);
-  }
+  const float sum =
+      several ? wedge_cost(d)
+              : clamped_attribute_cost(vertex(corner), vertex(after ? next(corner) : prev(corner)), d);
   result.rank += sum * quadrics_[p].scale;
   return result;
 }
@@ -220,11 +235,10 @@ void EdgeCollapser::merge_quadrics(uint32_t p, uint32_t target) {
   const float value = std::max(value_at(quadrics_[p], d), 0.0f);
   float attributes = 0.0f;
   if (attribute_count_ > 0) {
-    if (!has_wedges_) wedge_map_.assign({{p, target}});
-    for (const auto& [from, to] : wedge_map_) {
-      attributes += clamped_attribute_cost(from, to, d);
-      if (merges) merge_attributes(from, to, d);
-    }
+    if (!has_wedges_) wedge_map_.assign({{p, target, true}});
+    attributes = wedge_cost(d);
+    if (merges)
+      for (const WedgeMove& move : wedge_map_) merge_attributes(move.from, move.to, d);
   }
   // A point of the surface moves no farther than the vertices of its triangle.
   const float drift = drifts_[p] + length(d), weight = quadrics_[p].weight;

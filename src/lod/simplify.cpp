@@ -76,7 +76,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
       decimate_ && best.triangles.size() > target && ask_caller(target, worthwhile, best);
   if (!by_caller && best.triangles.size() > target) {
     consider(collapse_regular(target));
-    if (best.triangles.size() > good) prepare_repair();
+    if (best.triangles.size() > good || has_irregular_) prepare_repair();
     if (best.triangles.size() > good)
       consider(collapse_checked(target, meshopt_SimplifyPermissive, Rung::kPermissive));
     if (best.triangles.size() > good) consider(collapse_loosely(target, false));
@@ -99,7 +99,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.fixed_edges = to_ids(topology_.fixed_edges());
   if (!best.valid || best.triangles.size() > worthwhile) return result;
   result.done = true;
-  if (best.rung != Rung::kRegular) result.vanished = settle_vanished(good, best.triangles);
+  if (best.rung != Rung::kRegular || has_irregular_) result.vanished = settle_vanished(good, best.triangles);
   result.error = best.error;
   result.attribute_error = best.attribute_error;
   result.rung = best.rung;
@@ -166,6 +166,8 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
       if (a != b && b != c2 && c2 != a) triangles_.push_back(t);
     }
   }
+  has_irregular_ = std::any_of(components_.begin(), components_.end(),
+                               [](uint32_t component) { return component != kNone; });
   drop_repeated_triangles();
 
   position_triangles_.clear();
@@ -212,8 +214,7 @@ void GroupSimplifier::gather_attributes() {
 // A triangle that is there twice with the same vertices and the same front looks as one does. Its
 // edges are irregular.
 void GroupSimplifier::drop_repeated_triangles() {
-  if (std::all_of(components_.begin(), components_.end(), [](uint32_t c) { return c == kNone; }))
-    return;
+  if (!has_irregular_) return;
   triangle_table_.assign(std::bit_ceil(2 * triangles_.size() + 1), kNone);
   const auto normal_form = [](const Triangle& t) {
     const size_t first = std::min_element(t.begin(), t.end()) - t.begin();
@@ -232,12 +233,24 @@ void GroupSimplifier::drop_repeated_triangles() {
   triangles_.resize(kept);
 }
 
+CollapseInput GroupSimplifier::collapse_input() {
+  materials_.clear();
+  if (!source_.vertex_materials.empty())
+    for (uint32_t v = 0; v < vertices_.size(); ++v) materials_.push_back(material(v));
+  return {triangles_, position_of_, positions_, attributes_, attribute_weights_,
+          locked_,    components_,  allow_.chords, materials_};
+}
+
 GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
-  collapser_.run({triangles_, position_of_, positions_, attributes_, attribute_weights_, locked_,
-                  components_, allow_.chords},
-                 target);
+  CollapseInput input = collapse_input();
+  collapser_.run(input, target);
   Candidate result;
   result.triangles = collapser_.triangles();
+  if (has_irregular_ && !faults(result.triangles).empty()) {
+    input.irregular = false;
+    collapser_.run(input, target);
+    result.triangles = collapser_.triangles();
+  }
   result.error = collapser_.error() / source_.scale;
   result.attribute_error = collapser_.attribute_error() / source_.scale;
   result.chords = collapser_.chords();
@@ -248,13 +261,10 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
 
 // Our own edge collapse once more, with irregular vertices and across seams.
 GroupSimplifier::Candidate GroupSimplifier::collapse_loosely(size_t target, bool any_turn) {
-  if (!source_.vertex_materials.empty()) {
-    materials_.clear();
-    for (uint32_t v = 0; v < vertices_.size(); ++v) materials_.push_back(material(v));
-  }
-  collapser_.run({triangles_, position_of_, positions_, attributes_, attribute_weights_, locked_,
-                  components_, allow_.chords, true, any_turn, materials_},
-                 target);
+  CollapseInput input = collapse_input();
+  input.loose = true;
+  input.any_turn = any_turn;
+  collapser_.run(input, target);
   Candidate result;
   result.rung = Rung::kPermissive;
   result.triangles = collapser_.triangles();

@@ -85,6 +85,7 @@ class GroupSimplifier {
     const uint32_t v = vertices_[local];
     return v >= kAddedVertex ? added_materials_[v - kAddedVertex] : source_.material(v);
   }
+  CollapseInput collapse_input();
   Candidate collapse_regular(size_t target);
   void refit_attributes(Candidate& candidate) const;
   void add_refitted(const Candidate& candidate, Simplified& result) const;
@@ -118,6 +119,7 @@ class GroupSimplifier {
   std::vector<uint8_t> flags_;          // meshoptimizer's, of local vertices
   std::vector<uint8_t> locked_;         // of local positions
   std::vector<uint32_t> components_;    // of local positions
+  bool has_irregular_ = false;          // any of components_
   std::vector<uint32_t> position_ids_;  // local position -> position id
   std::vector<uint8_t> spare_;          // local vertices that repair may bring back
   std::vector<uint32_t> component_of_;  // local position -> index into parts_
