@@ -37,8 +37,8 @@ struct Cluster {
 
 /// What it took to simplify a group, in the order in which it is tried.
 enum class Rung : uint32_t {
-  kRegular = 0,     ///< edge collapse that keeps attribute seams
-  kPermissive = 1,  ///< edge collapse across attribute seams and of irregular vertices
+  kRegular = 0,     ///< edge collapse that keeps the surface what it is, and seams by rule
+  kPermissive = 1,  ///< edge collapse across any seam, mended where it left faults
   kPrune = 2,       ///< small separate components removed as well
   kSloppy = 3,      ///< vertices merged by grid cell, or sheets of the surface left out or
                     ///< capped; error amplified
@@ -99,7 +99,11 @@ struct Config {
   /// to every group's error; 0: they stay as they are.
   float position_step = 0;
   bool attributes = true;  ///< weigh normals, UVs and colours in the error, keep seams
-  float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
+  /// A difference of 1 counts as a surface that is off by this part of the group's extent.
+  float normal_weight = 0.025f, uv_weight = 0.025f, color_weight = 0.025f;
+  /// Seams are where texture coordinates or colours differ, creases where only normals do. Where
+  /// both do, the firmer rule holds. Borders between materials are always kept.
+  SeamRule seams = SeamRule::kAllow, creases = SeamRule::kAllow;
   /// Vertices that stay take the attributes that fit best to all that they stand for, instead of
   /// their own, where they are alone at their position.
   bool refit_attributes = true;

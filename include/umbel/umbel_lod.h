@@ -82,6 +82,12 @@ typedef struct umbel_lod_decimation {
 /// threads at once unless umbel_build_options.threads is 1.
 typedef int (*umbel_lod_decimate)(umbel_lod_decimation* group, void* user);
 
+typedef enum umbel_seam_rule {
+  UMBEL_SEAM_PROTECT = 0,  ///< shortens along itself only, until nothing else is left to simplify
+  UMBEL_SEAM_ALLOW = 1,    ///< what it costs the attributes to cross it counts as error
+  UMBEL_SEAM_IGNORE = 2    ///< crossing costs nothing
+} umbel_seam_rule;
+
 /// How to build. The defaults in brackets are those of umbel_lod_config_init.
 typedef struct umbel_lod_config {
   uint32_t struct_size;
@@ -92,9 +98,9 @@ typedef struct umbel_lod_config {
   float ratio;                ///< [0.5] triangles that each level keeps, in [0.1, 0.9]
   float position_step;        ///< [0] positions are moved to multiples of this power of two; 0: not
   uint32_t attributes;        ///< [1] nonzero: attributes weigh in the error, seams are kept
-  float normal_weight;        ///< [0.5] in [0, 1000], as the other weights
-  float uv_weight;            ///< [0.5]
-  float color_weight;         ///< [0.5]
+  float normal_weight;        ///< [0.025] in [0, 1000], as the other weights
+  float uv_weight;            ///< [0.025]
+  float color_weight;         ///< [0.025]
   uint32_t refit_attributes;  ///< [1] nonzero: vertices that stay take what fits best to all that
                               ///< they stand for
   uint32_t max_levels;        ///< [0] 0: no limit
@@ -105,6 +111,9 @@ typedef struct umbel_lod_config {
   uint32_t reserved;   ///< 0
   umbel_lod_decimate decimate;  ///< [NULL]
   void* decimate_user;          ///< handed to `decimate`
+  /// [1] umbel_seam_rule of where texture coordinates or colours differ at one position, and of
+  /// where only normals do. Borders between materials are always kept.
+  uint32_t seams, creases;
 } umbel_lod_config;
 
 /// What was built.

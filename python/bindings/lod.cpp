@@ -147,6 +147,12 @@ void bind_config(nb::module_& module) {
       .def_rw("normal_weight", &lod::Config::normal_weight)
       .def_rw("uv_weight", &lod::Config::uv_weight)
       .def_rw("color_weight", &lod::Config::color_weight)
+      .def_prop_rw(
+          "seams", [](const lod::Config& c) { return static_cast<uint32_t>(c.seams); },
+          [](lod::Config& c, uint32_t rule) { c.seams = static_cast<lod::SeamRule>(rule); })
+      .def_prop_rw(
+          "creases", [](const lod::Config& c) { return static_cast<uint32_t>(c.creases); },
+          [](lod::Config& c, uint32_t rule) { c.creases = static_cast<lod::SeamRule>(rule); })
       .def_rw("refit_attributes", &lod::Config::refit_attributes)
       .def_rw("max_levels", &lod::Config::max_levels)
       .def_rw("stop_triangles", &lod::Config::stop_triangles)

@@ -196,6 +196,8 @@ def _joined(lists: list[list[Material]]) -> tuple[list[Material], list[int]]:
     return joined, firsts
 
 
+SEAM_RULES = {"protect": 0, "allow": 1, "ignore": 2}
+
 Decimate = Callable[[Mesh, NDArray[np.bool_], int], Any]
 """See `build_lod`."""
 
@@ -227,9 +229,11 @@ def build_lod(
     group_size: Sequence[int] = (24, 32),
     ratio: float = 0.5,
     attributes: str = "auto",
-    normal_weight: float = 0.5,
-    uv_weight: float = 0.5,
-    color_weight: float = 0.5,
+    normal_weight: float = 0.025,
+    uv_weight: float = 0.025,
+    color_weight: float = 0.025,
+    seams: str = "allow",
+    creases: str = "allow",
     refit_attributes: bool = True,
     measured_error: bool = False,
     max_levels: int = 0,
@@ -248,6 +252,10 @@ def build_lod(
     ratio: triangles that each level keeps of the one before (0.1..0.9).
     attributes: "auto" keeps normals, tangents, UVs and colours and weighs them in the error by
         the weights; "none" drops them. Materials stay either way.
+    seams, creases: how lines are held along which vertices at one position have different UVs or
+        colours, and different normals only: "protect" (they shorten along themselves, until
+        nothing else is left to simplify), "allow" (what crossing them costs the attributes counts
+        as error), or "ignore" (it costs nothing). Borders between materials are always kept.
     refit_attributes: vertices that stay take the normals and colours that fit best to all that
         they stand for.
     measured_error: errors are distances to the source in both directions, measured by samples,
@@ -292,6 +300,8 @@ def build_lod(
         "normal_weight": normal_weight,
         "uv_weight": uv_weight,
         "color_weight": color_weight,
+        "seams": seams,
+        "creases": creases,
         "refit_attributes": refit_attributes,
         "max_levels": max_levels,
         "stop_triangles": stop_triangles,
@@ -313,7 +323,10 @@ def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:
     native_config = _umbel.LodConfig()
     for key, value in config.items():
         try:
-            setattr(native_config, key, value)
+            rule = key in ("seams", "creases")
+            setattr(native_config, key, SEAM_RULES[value] if rule else value)
+        except KeyError:
+            raise Error(f"{key} must be one of {', '.join(SEAM_RULES)}, not {value!r}") from None
         except TypeError:
             raise Error(f"{key} cannot be {value!r}") from None
     return native_config

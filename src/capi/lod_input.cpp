@@ -23,12 +23,21 @@ umbel_lod_config config_as_c(const lod::Config& config) {
   result.max_error = config.max_error;
   result.stop_triangles = config.stop_triangles;
   result.measured_error = config.measured_error ? 1 : 0;
+  result.seams = static_cast<uint32_t>(config.seams);
+  result.creases = static_cast<uint32_t>(config.creases);
   return result;
 }
 
 umbel_lod_config read(const umbel_lod_config* config) {
   const umbel_lod_config defaults = config_as_c(lod::Config{});
   return config ? read_struct(config, "config", defaults) : defaults;
+}
+
+lod::SeamRule seam_rule(uint32_t value, const char* name) {
+  if (value > UMBEL_SEAM_IGNORE)
+    throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
+                                                 ", must be an umbel_seam_rule");
+  return static_cast<lod::SeamRule>(value);
 }
 
 // Room for the caller's answer, and what it is made of.
@@ -156,6 +165,8 @@ lod::Config lod_config(const umbel_lod_config* given) {
   result.max_error = config.max_error;
   result.stop_triangles = config.stop_triangles;
   result.measured_error = config.measured_error != 0;
+  result.seams = seam_rule(config.seams, "seams");
+  result.creases = seam_rule(config.creases, "creases");
   return result;
 }
 

@@ -13,6 +13,8 @@ namespace {
 
 // The cosine by which a triangle may turn in one collapse.
 constexpr double kLeastCosine = 0.25;
+// Where collapses begin to cost a multiple of what they did, as squared distances.
+constexpr float kMostRise = 16.0f;
 
 }  // namespace
 
@@ -28,14 +30,16 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
   queue_.reset(points_.size());
   for (uint32_t p = 0; p < points_.size(); ++p)
     if (kinds_[p] != Kind::kFixed) enqueue_best(p);
+  float dear = 0.0f;
   while (live_ > target && !queue_.empty()) {
+    if (live_ > input.cheap_below) dear = kMostRise * worst_;
     const uint32_t p = queue_.pop();
     if (std::exchange(stale_[p], 0))
       enqueue_best(p);
-    else if (is_legal(p, choices_[p].target))
-      collapse(p, choices_[p].target);
-    else
+    else if (!is_legal(p, choices_[p].target))
       enqueue_best_legal(p);
+    else if (live_ > input.cheap_below || cost_of(p, choices_[p].target) <= dear)
+      collapse(p, choices_[p].target);
   }
   finish();
 }
@@ -55,6 +59,10 @@ void EdgeCollapser::load(const CollapseInput& input) {
     const Vec3& p = input.positions[v];
     points_[input.position_of[v]] = {p.x, p.y, p.z, 0.0f};
   }
+  Aabb box;
+  for (const Point& p : points_) extend(box, Vec3{p.x, p.y, p.z});
+  const Vec3 d = box.max - box.min;
+  extent_ = std::max({d.x, d.y, d.z});
   wedge_counts_.assign(count, 1);
   if (has_wedges_) count_wedges();
   choices_.resize(count);
@@ -277,16 +285,20 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
   // higher, so what is in the queue may wait with its old rank until its turn comes.
   for (size_t i = 0; i < neighbours_.size(); ++i) {
     const uint32_t x = neighbours_[i];
-    if (kinds_[x] == Kind::kFixed) continue;
-    if (!queue_.contains(x) || kinds_[x] != Kind::kInterior) {
+    if (kinds_[x] == Kind::kFixed) {
+      queue_.remove(x);  // it may have lost its last triangle
+      continue;
+    }
+    if (irregular || !queue_.contains(x) || kinds_[x] != Kind::kInterior) {
       enqueue_best(x);
     } else {
       if (choices_[x].target == p) stale_[x] = 1;
       if (i >= opposites_) offer(x, target);
     }
   }
-  if (kinds_[target] == Kind::kFixed) return;
-  if (queue_.contains(target))
+  if (kinds_[target] == Kind::kFixed)
+    queue_.remove(target);
+  else if (queue_.contains(target))
     stale_[target] = 1;
   else
     enqueue_best(target);

@@ -38,6 +38,8 @@ struct CollapseInput {
   std::span<const SeamRule> rules = {};      ///< of positions; empty: SeamRule::kAllow
   /// Irregular positions move too, within their component. The result must be checked.
   bool irregular = true;
+  /// Below so many triangles only what costs little more than what it took to get there.
+  size_t cheap_below = 0;
   bool loose = false;     ///< regular positions move as irregular ones do
   bool any_turn = false;  ///< triangles may turn over
 };
@@ -53,6 +55,8 @@ class EdgeCollapser {
   /// The largest root of mean squared distance of one collapse from the planes it stands for, in
   /// the units of the positions.
   float error() const;
+  /// Of the piece, the longest side of its box.
+  float extent() const { return extent_; }
   /// The same of the attributes, as a length.
   float attribute_error() const;
   /// Moves `values`, the attributes of a vertex that is left, to those that fit best to all that it
@@ -110,7 +114,6 @@ class EdgeCollapser {
   uint32_t corner_before(uint32_t p, uint32_t q) const;
 
   float attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const;
-  float clamped_attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const;
   Choice position_choice(uint32_t p, uint32_t target) const;
   Choice cheapest_position(uint32_t p) const;
   Choice choice(uint32_t p, uint32_t corner, uint32_t target, bool after);
@@ -141,6 +144,7 @@ class EdgeCollapser {
   void rename(uint32_t at, uint32_t p, uint32_t target);
   void remove_folded(uint32_t at);
   void note_chords(uint32_t target);
+  float cost_of(uint32_t p, uint32_t target) const;
   void merge_quadrics(uint32_t p, uint32_t target);
   void merge_attributes(uint32_t from, uint32_t to, const Vec3& d);
 

@@ -14,7 +14,7 @@ namespace {
 // Where the surface is flat, all collapses cost nothing: short edges go first.
 constexpr float kShape = 1e-4f;
 // A rim (border of the mesh, seam of attributes) is held by planes that stand on it.
-constexpr float kBorderWeight = 10.0f, kSeamWeight = 1.0f;
+constexpr float kBorderWeight = 3.0f, kSeamWeight = 1.0f;
 
 }  // namespace
 
@@ -79,7 +79,7 @@ void EdgeCollapser::add_rim_quadrics(uint32_t p) {
       const uint32_t here = vertex(opposite), there = vertex(prev(opposite));
       if (!same_material(here, vertex(c)) || input_.position_of[vertex(next(opposite))] == q) {
         add(c, n, kBorderWeight);
-      } else if (here != vertex(c) || there != vertex(next(c))) {
+      } else if (rule(p) != SeamRule::kIgnore && (here != vertex(c) || there != vertex(next(c)))) {
         add(c, n, kSeamWeight);
         add(opposite, n, kSeamWeight);
       }
@@ -93,10 +93,6 @@ void EdgeCollapser::build_attribute_quadrics() {
   const uint32_t n = attribute_count_;
   if (n == 0) return;
   const size_t count = input_.position_of.size();
-  Aabb box;
-  for (const Point& p : points_) extend(box, Vec3{p.x, p.y, p.z});
-  const Vec3 d = box.max - box.min;
-  extent_ = std::max({d.x, d.y, d.z});
   values_.resize(count * n);
   for (size_t i = 0; i < values_.size(); ++i)
     values_[i] = input_.attributes[i] * input_.attribute_weights[i % n] * extent_;
@@ -147,7 +143,7 @@ float EdgeCollapser::attribute_cost(uint32_t from, uint32_t to, const Vec3& d) c
     cost -= 2.0f * difference * (g[0] * d.x + g[1] * d.y + g[2] * d.z + g[3]);
     squares += difference * difference;
   }
-  return cost + q.weight * squares;
+  return std::max(cost + q.weight * squares, 0.0f);
 }
 
 // The sum of squared differences is least where its derivative by the value is 0.
@@ -208,12 +204,6 @@ EdgeCollapser::Choice EdgeCollapser::cheapest_position(uint32_t p) const {
   return best;
 }
 
-// No attribute looks worse than a surface that is off by the length of the edge.
-float EdgeCollapser::clamped_attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const {
-  const float most = attribute_quadrics_[from].weight * dot(d, d);
-  return std::clamp(attribute_cost(from, to, d), 0.0f, most);
-}
-
 EdgeCollapser::Choice EdgeCollapser::choice(uint32_t p, uint32_t corner, uint32_t target,
                                             bool after) {
   Choice result = position_choice(p, target);
@@ -223,9 +213,17 @@ EdgeCollapser::Choice EdgeCollapser::choice(uint32_t p, uint32_t corner, uint32_
   const Vec3 d = point(target) - point(p);
   const float sum =
       several ? wedge_cost(d)
-              : clamped_attribute_cost(vertex(corner), vertex(after ? next(corner) : prev(corner)), d);
+              : attribute_cost(vertex(corner), vertex(after ? next(corner) : prev(corner)), d);
   result.rank += sum * quadrics_[p].scale;
   return result;
+}
+
+// The squared distance that a legal collapse adds to the error.
+float EdgeCollapser::cost_of(uint32_t p, uint32_t target) const {
+  const Vec3 d = point(target) - point(p);
+  const float drift = drifts_[p] + length(d), weight = quadrics_[p].weight;
+  if (!(weight > 0.0f)) return 0.0f;
+  return std::min(std::max(value_at(quadrics_[p], d), 0.0f) / weight, drift * drift);
 }
 
 // Adds p's to the target's, and what the collapse costs to the error.
@@ -256,7 +254,7 @@ void EdgeCollapser::merge_attributes(uint32_t from, uint32_t to, const Vec3& d) 
   const uint32_t n = attribute_count_;
   const Quadric& q = attribute_quadrics_[from];
   Quadric& sum = attribute_quadrics_[to];
-  add_moved(sum, q, d, std::max(attribute_cost(from, to, d), 0.0f));
+  add_moved(sum, q, d, attribute_cost(from, to, d));
   for (uint32_t k = 0; k < n; ++k) {
     const float difference = values_[size_t{to} * n + k] - values_[size_t{from} * n + k];
     const float* g = &gradients_[4 * (size_t{from} * n + k)];

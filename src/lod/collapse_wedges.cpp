@@ -77,7 +77,7 @@ float EdgeCollapser::wedge_cost(const Vec3& d) const {
   float sum = 0.0f;
   for (const WedgeMove& move : wedge_map_)
     if (move.along || rule(input_.position_of[move.from]) != SeamRule::kIgnore)
-      sum += clamped_attribute_cost(move.from, move.to, d);
+      sum += attribute_cost(move.from, move.to, d);
   return sum;
 }
 

@@ -8,10 +8,10 @@
 namespace umbel::lod {
 namespace {
 
-// A cluster on a regular grid shares about 40 positions with its neighbours. With this weight all
-// its connections together count as much as a few clusters more in the box.
-constexpr float kSharedWeight = 0.05f;
-constexpr float kLockedWeight = 0.15f;
+// So much that what is cut decides and boxes are second: what groups share cannot be simplified,
+// and parts that lie within each other have much the same boxes.
+constexpr float kSharedWeight = 20.0f;
+constexpr float kLockedWeight = 60.0f;
 
 // The apex of a large fan belongs to very many clusters and says nothing about which of them
 // are neighbours; pairs would be quadratic.

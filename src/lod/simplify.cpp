@@ -21,6 +21,12 @@ constexpr double kGoodEnough = 0.7;
 constexpr double kStuck = 0.85;
 // Components come back if that lowers the radius of the largest one that is gone to this part.
 constexpr float kWorthwhile = 0.8f;
+// Parts are pruned where the error is more than this part of the group's extent, and they are
+// smaller than this part of the error, so many times.
+constexpr float kPruneAbove = 0.01f, kPrunedPart = 0.35f;
+constexpr int kMostPrunings = 3;
+// Of the triangles; to get from these to the target only collapses are done that cost little more.
+constexpr float kCheapBelow = 0.85f;
 // Tries with more and more vertices held before a rung is given up.
 constexpr int kMostTries = 8;
 // Merging vertices by cell loses the look sooner than its distance says.
@@ -77,9 +83,10 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   if (!by_caller && best.triangles.size() > target) {
     consider(collapse_regular(target));
     if (best.triangles.size() > good || has_irregular_) prepare_repair();
-    if (best.triangles.size() > good)
+    const bool across = !protects_seams() || allow.last_resort;
+    if (across && best.triangles.size() > good)
       consider(collapse_checked(target, meshopt_SimplifyPermissive, Rung::kPermissive));
-    if (best.triangles.size() > good) consider(collapse_loosely(target, false));
+    if (across && best.triangles.size() > good) consider(collapse_loosely(target, false));
     if (best.triangles.size() > good) consider(prune(best, target));
     if (allow.last_resort) {
       if (best.triangles.size() > good) consider(collapse_loosely(target, true));
@@ -99,7 +106,10 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.fixed_edges = to_ids(topology_.fixed_edges());
   if (!best.valid || best.triangles.size() > worthwhile) return result;
   result.done = true;
-  if (best.rung != Rung::kRegular || has_irregular_) result.vanished = settle_vanished(good, best.triangles);
+  if (best.pruned > 0)
+    result.vanished = best.pruned;
+  else if (has_parts_)
+    result.vanished = settle_vanished(good, best.triangles);
   result.error = best.error;
   result.attribute_error = best.attribute_error;
   result.rung = best.rung;
@@ -148,6 +158,7 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
   for (auto* array : {&vertices_, &position_of_, &components_, &position_ids_}) array->clear();
   positions_.clear();
   locked_.clear();
+  has_parts_ = false;
   triangles_.clear();
   size_t most_vertices = 0;
   for (uint32_t c : clusters) most_vertices += set.cluster_vertices(c).size();
@@ -233,18 +244,85 @@ void GroupSimplifier::drop_repeated_triangles() {
   triangles_.resize(kept);
 }
 
+// The rule of each position, by what its vertices differ in.
+void GroupSimplifier::find_rules() {
+  rules_.clear();
+  if (!source_.has_wedges || !has_rules()) return;
+  const Mesh& mesh = source_.mesh;
+  const auto differ = [](const auto& stream, uint32_t a, uint32_t b) {
+    return !stream.empty() && stream[a] != stream[b];
+  };
+  rules_.assign(position_ids_.size(), SeamRule::kIgnore);
+  std::vector<uint32_t> first(position_ids_.size(), kNone);
+  for (uint32_t i = 0; i < vertices_.size(); ++i) {
+    const uint32_t v = vertices_[i], p = position_of_[i];
+    if (first[p] == kNone) first[p] = v;
+    if (differ(mesh.uvs, v, first[p]) || differ(mesh.colors, v, first[p]))
+      rules_[p] = std::min(rules_[p], config_.seams);
+    if (differ(mesh.normals, v, first[p])) rules_[p] = std::min(rules_[p], config_.creases);
+  }
+}
+
 CollapseInput GroupSimplifier::collapse_input() {
+  find_rules();
   materials_.clear();
   if (!source_.vertex_materials.empty())
     for (uint32_t v = 0; v < vertices_.size(); ++v) materials_.push_back(material(v));
-  return {triangles_, position_of_, positions_, attributes_, attribute_weights_,
-          locked_,    components_,  allow_.chords, materials_};
+  return {triangles_, position_of_, positions_,    attributes_, attribute_weights_,
+          locked_,    components_,  allow_.chords, materials_,  rules_};
 }
 
 GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   CollapseInput input = collapse_input();
-  collapser_.run(input, target);
+  input.cheap_below = static_cast<size_t>(kCheapBelow * triangles_.size());
+  Candidate result = collapse_regular(input, target);
+  if (result.error * source_.scale < kPruneAbove * collapser_.extent()) return result;
+  // Small parts may be held at a price that larger ones pay.
+  find_components();
+  std::vector<Triangle> left;
+  for (int round = 0; round < kMostPrunings; ++round) {
+    const float error = std::max(result.error, result.pruned);
+    const float radius =
+        prune_below(kPrunedPart * error * source_.scale, target, left) / source_.scale;
+    if (radius <= result.pruned) break;
+    CollapseInput rest = input;
+    rest.triangles = left;
+    Candidate next = collapse_regular(rest, target);
+    next.pruned = radius;
+    next.rung = Rung::kPrune;
+    if (std::max(next.error, radius) > kWorthwhile * error) break;
+    result = std::move(next);
+  }
+  return result;
+}
+
+// The triangles that are left without the parts that nobody shares of at most this radius, the
+// smallest first. Returns the largest radius of those.
+float GroupSimplifier::prune_below(float most, size_t target, std::vector<Triangle>& left) const {
+  std::vector<uint32_t> triangles_of(parts_.size(), 0), order;
+  for (const Triangle& t : position_triangles_) ++triangles_of[component_of_[t[0]]];
+  for (uint32_t part = 0; part < parts_.size(); ++part)
+    if (!parts_[part].fixed && parts_[part].radius() <= most) order.push_back(part);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint32_t a, uint32_t b) { return parts_[a].radius() < parts_[b].radius(); });
+  std::vector<uint8_t> gone(parts_.size(), 0);
+  size_t count = triangles_.size();
+  float radius = 0.0f;
+  for (uint32_t part : order) {
+    if (count < target + triangles_of[part]) break;
+    count -= triangles_of[part];
+    gone[part] = 1;
+    radius = parts_[part].radius();
+  }
+  left.clear();
+  for (const Triangle& t : triangles_)
+    if (!gone[component_of_[position_of_[t[0]]]]) left.push_back(t);
+  return radius;
+}
+
+GroupSimplifier::Candidate GroupSimplifier::collapse_regular(CollapseInput input, size_t target) {
   Candidate result;
+  collapser_.run(input, target);
   result.triangles = collapser_.triangles();
   if (has_irregular_ && !faults(result.triangles).empty()) {
     input.irregular = false;
@@ -263,6 +341,7 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
 GroupSimplifier::Candidate GroupSimplifier::collapse_loosely(size_t target, bool any_turn) {
   CollapseInput input = collapse_input();
   input.loose = true;
+  input.rules = {};
   input.any_turn = any_turn;
   collapser_.run(input, target);
   Candidate result;
@@ -357,6 +436,7 @@ bool GroupSimplifier::mixes_materials(std::span<const Triangle> triangles) const
 }
 
 void GroupSimplifier::find_components() {
+  has_parts_ = true;
   component_of_.resize(position_ids_.size());
   std::iota(component_of_.begin(), component_of_.end(), 0u);
   const auto root = [&](uint32_t p) {

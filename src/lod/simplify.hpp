@@ -51,6 +51,7 @@ class GroupSimplifier {
   struct Candidate {
     std::vector<Triangle> triangles;  // local vertices
     float error = 0, attribute_error = 0;
+    float pruned = 0;  // radius of the largest part that went before the collapse
     Rung rung = Rung::kRegular;
     std::vector<PositionPair> chords;  // local positions
     bool valid = false;
@@ -85,8 +86,17 @@ class GroupSimplifier {
     const uint32_t v = vertices_[local];
     return v >= kAddedVertex ? added_materials_[v - kAddedVertex] : source_.material(v);
   }
+  void find_rules();
+  bool has_rules() const {
+    return config_.seams != SeamRule::kAllow || config_.creases != SeamRule::kAllow;
+  }
+  bool protects_seams() const {
+    return config_.seams == SeamRule::kProtect || config_.creases == SeamRule::kProtect;
+  }
   CollapseInput collapse_input();
   Candidate collapse_regular(size_t target);
+  Candidate collapse_regular(CollapseInput input, size_t target);
+  float prune_below(float most, size_t target, std::vector<Triangle>& left) const;
   void refit_attributes(Candidate& candidate) const;
   void add_refitted(const Candidate& candidate, Simplified& result) const;
   Candidate collapse_loosely(size_t target, bool any_turn);
@@ -125,9 +135,11 @@ class GroupSimplifier {
   std::vector<uint32_t> component_of_;  // local position -> index into parts_
   std::vector<uint64_t> patch_of_;      // local vertex -> component and material
   std::vector<Part> parts_;             // connected components
+  bool has_parts_ = false;              // parts_ are those of this group
   std::vector<Triangle> triangles_;     // local vertices
   std::vector<Triangle> position_triangles_;
   std::vector<uint32_t> materials_;  // of local vertices; empty: one
+  std::vector<SeamRule> rules_;      // of local positions; empty: allowed everywhere
   std::vector<uint8_t> held_;        // local positions held for one more try
   std::vector<Triangle> result_positions_;
   // Open addressing, kNone empty.

@@ -201,8 +201,155 @@ TEST(EdgeCollapser, ends_where_triangles_around_a_vertex_run_into_a_circle) {
   mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 2}};
   const Piece piece(mesh);
   EdgeCollapser collapser;
-  collapser.run(piece.input(), 0);
+  CollapseInput input = piece.input();
+  collapser.run(input, 0);
+  EXPECT_LE(collapser.triangles().size(), 3u);
+  input.irregular = false;
+  collapser.run(input, 0);
   EXPECT_GE(collapser.triangles().size(), 1u);
+}
+
+TEST(EdgeCollapser, thin_triangles_at_a_border_do_not_inflate_the_error) {
+  // A band that is much narrower than its border is rough.
+  constexpr float kRough = 1e-3f, kNarrow = 1e-4f;
+  constexpr uint32_t kSteps = 32;
+  Mesh mesh;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> rough(0.0f, kRough);
+  for (uint32_t i = 0; i <= kSteps; ++i) {
+    const float x = static_cast<float>(i) / kSteps, y = rough(random);
+    mesh.positions.push_back({x, y, 0});
+    mesh.positions.push_back({x, y + kNarrow, 0});
+  }
+  for (uint32_t i = 0; i < kSteps; ++i) {
+    mesh.triangles.push_back({2 * i, 2 * i + 2, 2 * i + 3});
+    mesh.triangles.push_back({2 * i, 2 * i + 3, 2 * i + 1});
+  }
+  const Piece piece(mesh);
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), mesh.triangles.size() / 4);
+  EXPECT_LE(collapser.triangles().size(), mesh.triangles.size() / 4);
+  EXPECT_LT(collapser.error(), 2.0f * kRough);
+}
+
+TEST(EdgeCollapser, pages_that_meet_in_a_spine_shrink_without_error) {
+  // Three flat pages: every vertex of the spine is irregular, and may move along it.
+  constexpr uint32_t kSide = 8;
+  Mesh mesh;
+  std::vector<uint32_t> spine;
+  for (int page = 0; page < 3; ++page) {
+    const float angle = 2.0f * static_cast<float>(page);
+    std::vector<uint32_t> ids;
+    for (uint32_t y = 0; y <= kSide; ++y)
+      for (uint32_t x = 0; x <= kSide; ++x) {
+        if (x == 0 && page > 0) {
+          ids.push_back(spine[y]);
+          continue;
+        }
+        ids.push_back(static_cast<uint32_t>(mesh.positions.size()));
+        if (x == 0) spine.push_back(ids.back());
+        const float r = static_cast<float>(x) / kSide;
+        mesh.positions.push_back(
+            {r * std::cos(angle), r * std::sin(angle), static_cast<float>(y) / kSide});
+      }
+    for (uint32_t y = 0; y < kSide; ++y)
+      for (uint32_t x = 0; x < kSide; ++x) {
+        const uint32_t a = ids[y * (kSide + 1) + x], b = ids[y * (kSide + 1) + x + 1];
+        const uint32_t c = ids[(y + 1) * (kSide + 1) + x], d = ids[(y + 1) * (kSide + 1) + x + 1];
+        mesh.triangles.push_back({a, b, d});
+        mesh.triangles.push_back({a, d, c});
+      }
+  }
+  Piece piece(mesh);
+  for (uint32_t v : spine) piece.component[v] = 0;
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 12);
+  EXPECT_LE(collapser.triangles().size(), 12u);
+  EXPECT_LT(collapser.error(), 1e-4f);
+  double area = 0;
+  for (const Triangle& t : collapser.triangles()) {
+    const auto& p = piece.mesh.positions;
+    area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
+  }
+  EXPECT_NEAR(area, 3.0, 1e-3);
+}
+
+TEST(EdgeCollapser, charts_are_held_by_the_rule_of_their_seams) {
+  // A flat grid of four charts, each with vertices of its own: four at the middle.
+  const Mesh mesh = shapes::grid(8, 8);
+  Piece piece(mesh);
+  piece.mesh.positions.clear();
+  piece.position_of.clear();
+  std::map<std::pair<uint32_t, int>, uint32_t> vertex_of;
+  for (Triangle& t : piece.mesh.triangles) {
+    const Vec3 middle =
+        (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) * (1.0f / 3.0f);
+    const int chart = (middle.x > 0.5f ? 1 : 0) + (middle.y > 0.5f ? 2 : 0);
+    for (uint32_t& v : t) {
+      const auto [at, is_new] =
+          vertex_of.insert({{v, chart}, static_cast<uint32_t>(piece.mesh.positions.size())});
+      if (is_new) {
+        piece.mesh.positions.push_back(mesh.positions[v]);
+        piece.position_of.push_back(v);
+        piece.attributes.push_back(static_cast<float>(chart));
+      }
+      v = at->second;
+    }
+  }
+  piece.weights = {1.0f};
+  const auto chart = [&](uint32_t v) { return piece.attributes[v]; };
+  EdgeCollapser collapser;
+  for (SeamRule rule : {SeamRule::kProtect, SeamRule::kIgnore}) {
+    const std::vector<SeamRule> rules(piece.locked.size(), rule);
+    CollapseInput input = piece.input();
+    input.rules = rules;
+    collapser.run(input, 2);
+    if (rule == SeamRule::kIgnore) {
+      EXPECT_LT(collapser.triangles().size(), 4u);
+      continue;
+    }
+    EXPECT_EQ(collapser.triangles().size(), 4u);
+    for (const Triangle& t : collapser.triangles())
+      EXPECT_TRUE(chart(t[0]) == chart(t[1]) && chart(t[1]) == chart(t[2]));
+  }
+}
+
+TEST(EdgeCollapser, materials_never_mix_whatever_the_rule) {
+  Piece piece(shapes::grid(8, 8));
+  const Mesh mesh = piece.mesh;
+  std::vector<uint32_t> materials(mesh.positions.size(), 0);
+  std::map<uint32_t, uint32_t> other;
+  for (Triangle& t : piece.mesh.triangles) {
+    const float x = mesh.positions[t[0]].x + mesh.positions[t[1]].x + mesh.positions[t[2]].x;
+    if (x < 1.5f) continue;
+    for (uint32_t& v : t) {
+      const auto [at, is_new] =
+          other.insert({v, static_cast<uint32_t>(piece.mesh.positions.size())});
+      if (is_new) {
+        piece.mesh.positions.push_back(mesh.positions[v]);
+        piece.position_of.push_back(v);
+        materials.push_back(1);
+      }
+      v = at->second;
+    }
+  }
+  const std::vector<SeamRule> rules(piece.locked.size(), SeamRule::kIgnore);
+  EdgeCollapser collapser;
+  for (bool loose : {false, true}) {
+    CollapseInput input = piece.input();
+    input.rules = rules;
+    input.materials = materials;
+    input.loose = loose;
+    collapser.run(input, 4);
+    double area[2] = {};
+    for (const Triangle& t : collapser.triangles()) {
+      EXPECT_TRUE(materials[t[0]] == materials[t[1]] && materials[t[1]] == materials[t[2]]);
+      const auto& p = piece.mesh.positions;
+      area[materials[t[0]]] += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
+    }
+    EXPECT_NEAR(area[0], 0.5, 1e-4);
+    EXPECT_NEAR(area[1], 0.5, 1e-4);
+  }
 }
 
 TEST(EdgeCollapser, runs_do_not_depend_on_those_before) {
