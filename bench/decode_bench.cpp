@@ -4,8 +4,9 @@
 //   decode_bench [--runs N] MESH.ply...
 //
 // Medians of N runs of processor time: writing as a share of building; all of decoding, in
-// triangles and in bytes of what comes out; triangles alone; and what is shared and the vertices,
-// by what they take beyond that, in bytes of floats that come out.
+// triangles and in bytes of what comes out; triangles alone; what is shared and the vertices, by
+// what they take beyond that, in bytes of floats that come out; and a tree for rays over each
+// cluster.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -21,6 +22,7 @@
 #include "asset/group_part.hpp"
 #include "base/math.hpp"
 #include "ply_reader.hpp"
+#include "umbel/bvh.hpp"
 
 namespace {
 
@@ -75,6 +77,22 @@ uint64_t read_triangles(const std::vector<Part>& parts) {
   return sum;
 }
 
+/// Builds the tree of every cluster, as scenes of clusters do; bytes of all trees.
+uint64_t build_trees(const std::vector<std::vector<lod::ClusterGeometry>>& groups) {
+  const umbel::bvh::Config config = umbel::bvh::preset("fast");
+  std::vector<umbel::Aabb> boxes;
+  uint64_t bytes = 0;
+  for (const auto& group : groups)
+    for (const lod::ClusterGeometry& cluster : group) {
+      boxes.assign(cluster.triangles.size() / 3, {});
+      for (size_t i = 0; i < cluster.triangles.size(); ++i)
+        umbel::extend(boxes[i / 3], cluster.positions[cluster.triangles[i]]);
+      const umbel::bvh::Bvh2 tree = umbel::bvh::build(boxes, config);
+      bytes += tree.nodes.size() * sizeof(umbel::bvh::Node) + tree.primitives.size();
+    }
+  return bytes;
+}
+
 void measure(const std::string& path, int runs) {
   const umbel::Mesh mesh = bench::read_ply(path);
   const umbel::Aabb bounds = box_of(mesh);
@@ -111,16 +129,24 @@ void measure(const std::string& path, int runs) {
                  .size();
   });
   const double connectivity = median_seconds(runs, [&] { sum += read_triangles(parts); });
+  std::vector<std::vector<lod::ClusterGeometry>> groups;
+  for (const Part& part : parts)
+    groups.push_back(
+        asset::decode_clusters(format, part.tables, part.bytes, part.tables.clusters.size()));
+  uint64_t tree_bytes = 0;
+  const double trees = median_seconds(runs, [&] { tree_bytes = build_trees(groups); });
   const auto count = static_cast<double>(triangles);
+  const auto clusters = static_cast<double>(dag.tables.clusters.size());
   const double floats = 12 * static_cast<double>(vertices);
   printf(
       "%-24s %6.2f M triangles, %4.2f vertices and %4.2f bytes each; writing %4.1f %% of "
-      "building; all %5.1f M/s (%4.2f GB/s); triangles %5.1f M/s; vertices %5.2f GB/s  (%llu)\n",
+      "building; all %5.1f M/s (%4.2f GB/s); triangles %5.1f M/s; vertices %5.2f GB/s; trees "
+      "%4.1f us and %.0f bytes a cluster  (%llu)\n",
       path.substr(path.find_last_of('/') + 1).c_str(), count * 1e-6,
       static_cast<double>(vertices) / count, static_cast<double>(bytes) / count,
       100 * writing / building, count / all * 1e-6, (floats + 3 * count) / all * 1e-9,
-      count / connectivity * 1e-6, floats / (all - connectivity) * 1e-9,
-      static_cast<unsigned long long>(sum % 10));
+      count / connectivity * 1e-6, floats / (all - connectivity) * 1e-9, 1e6 * trees / clusters,
+      static_cast<double>(tree_bytes) / clusters, static_cast<unsigned long long>(sum % 10));
 }
 
 }  // namespace

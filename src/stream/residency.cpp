@@ -57,6 +57,7 @@ struct PageSlot {
 struct Visit {
   uint64_t walk = 0;
   uint32_t parents = 0;
+  float ratio = 0;  ///< how many times too large its error is; 0: it is not
   bool is_open = false;
 };
 
@@ -261,16 +262,19 @@ void Residency::State::select(uint32_t index, const StreamView& view, double now
   open.clear();
   std::vector<Visit>& notes = visits[view.mesh];
   const auto meet = [&](const GroupRef& reference, uint32_t from_page) {
-    const float ratio = times_too_large(reference.sphere, reference.error, view);
-    if (!(ratio > 0)) return;
     Visit& visit = notes[reference.group];
-    if (visit.walk != walk) visit = {walk, 0, false};
+    // All references to a group say the same of it.
+    if (visit.walk != walk)
+      visit = {walk, 0, times_too_large(reference.sphere, reference.error, view), false};
+    const float ratio = visit.ratio;
+    if (!(ratio > 0)) return;
     ++visit.parents;
     PageSlot& slot = touch(reference.page);
     const bool is_there = slot.state == PageState::kResident;
     if (visit.parents == 1)
       slot.worth += ratio / static_cast<float>(asset->page_bytes(reference.page));
-    if (from_page != kNone && from_page != reference.page)
+    if (from_page != kNone && from_page != reference.page &&
+        (links.empty() || links.back().from != from_page || links.back().to != reference.page))
       links.push_back({from_page, reference.page});
     if (!is_there) result.worst_error = std::max(result.worst_error, ratio);
     if (visit.parents == 1 && !is_there) ++result.missing_groups;
