@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .cluster import order_clusters as order_clusters
     from .colors import cluster_colors as cluster_colors
     from .colors import colored_clusters as colored_clusters
+    from .deform import deforming_tables as deforming_tables
     from .drift import Drift as Drift
     from .drift import RebuildPolicy as RebuildPolicy
     from .errors import Cancelled as Cancelled
@@ -101,6 +102,7 @@ _HOME = {
     "KdTree": "kdtree",
     "Lod": "lod",
     "build_lod": "lod",
+    "deforming_tables": "deform",
     "save_asset": "lod",
     "Environment": "look",
     "Material": "mesh",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from umbel.errors import Error
@@ -10,7 +11,7 @@ from umbel.io.files import read_bytes
 from umbel.io.scene import Instance, Scene
 from umbel.mesh import Mesh
 
-__all__ = ["Instance", "Scene", "load", "load_scene", "save"]
+__all__ = ["Instance", "Scene", "load", "load_poses", "load_scene", "save"]
 
 _READABLE = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _WRITABLE = (".glb", ".obj", ".ply")
@@ -24,6 +25,22 @@ def load(path: str | os.PathLike[str]) -> Mesh:
     indices beyond the vertices are not looked for; `umbel.validate` does that.
     """
     return load_scene(path).flatten()
+
+
+def load_poses(path: str | os.PathLike[str], rate: float = 30.0) -> Iterator[Mesh]:
+    """The mesh of a glTF file as `load` gives it, in poses `rate` a second of each of its
+    animations, one after the other: skins, morph targets and moving nodes. None without
+    animations."""
+    if not 0 < rate <= 1e4:
+        raise Error(f"rate is {rate}, must be in (0, 10000]")
+    file = Path(path)
+    data = read_bytes(file)
+    kind = _sniffed(data) or os.path.splitext(file.name.removesuffix(".gz"))[1].lower()
+    if kind not in (".glb", ".gltf"):
+        raise Error(f"{file} has no animations: only glTF files can")
+    from umbel.io.gltf_animation import read_poses
+
+    return read_poses(data, str(file), file.parent, rate)
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:

@@ -56,6 +56,11 @@ def read_gltf(data: bytes, where: str, folder: Path | None = None) -> Scene:
     """The scene in a .gltf or .glb file's bytes; `where` names the file in errors, external
     buffers are read from `folder`."""
     root, binary = parse_container(data, where)
+    return read_root(root, binary, where, folder)
+
+
+def read_root(root: Json, binary: bytes | None, where: str, folder: Path | None) -> Scene:
+    """The scene of parsed JSON and the binary chunk beside it."""
     check_schema(root, where)
     _check_header(root, where)
     return _Reader(Buffers(root, binary, where, folder)).scene()
