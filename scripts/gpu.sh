@@ -80,6 +80,11 @@ for mesh in "$carry"/dragon_871k.ply "${MESH:-}"; do
   [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
 done
 timeout 150 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
+# Then the tests have been skipped.
+if grep -q '^# Clusters without' "$results"; then
+  echo "gpu: there is a GPU, but CUDA finds no device" >&2
+  status=1
+fi
 printf '\nTests: %s. %sPython: %s.\n' "$([[ $status == 0 ]] && echo passed || echo failed)" \
   "$sanitizer" "$(xargs <<<"$arrays")" >>"$results"
 [[ -n ${OUT:-} ]] && cp "$results" "$OUT/" || true
