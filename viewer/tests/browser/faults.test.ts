@@ -14,7 +14,8 @@ test("a host without ranges serves as well", async ({ page, host }) => {
 
 test("a damaged page stays coarse and is reported", async ({ page, host }) => {
   const { head } = whole("planet");
-  const damaged = Math.floor(head.pages.count / 3);
+  // Coarse enough to be seen from wherever the camera is.
+  const damaged = 2;
   host.damage = (bytes) => {
     bytes[head.pages.offset[damaged] + 48] ^= 1;
   };
