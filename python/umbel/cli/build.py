@@ -25,6 +25,12 @@ def _group_size(text: str) -> tuple[int, int]:
         fail(f"--group-size must be two numbers such as 24:32, not {text!r}")
 
 
+class SeamRule(str, enum.Enum):
+    protect = "protect"
+    allow = "allow"
+    ignore = "ignore"
+
+
 @ends_cleanly
 def command(
     source: Annotated[
@@ -45,6 +51,13 @@ def command(
     attributes: Annotated[
         Attributes, typer.Option(help="Keep normals, tangents, UVs and colours, or drop them.")
     ] = Attributes.auto,
+    seams: Annotated[
+        SeamRule,
+        typer.Option(help="Lines where UVs or colours jump: keep, count as error, or ignore."),
+    ] = SeamRule.allow,
+    creases: Annotated[
+        SeamRule, typer.Option(help="The same of lines where only normals do.")
+    ] = SeamRule.allow,
     precision: Annotated[
         str | None,
         typer.Option(
@@ -89,6 +102,8 @@ def command(
             max_vertices=max_vertices,
             group_size=sizes,
             attributes=attributes.value,
+            seams=seams.value,
+            creases=creases.value,
             drop_invalid=drop_invalid,
             measured_error=measured_error,
             precision=precision,
