@@ -13,7 +13,7 @@ struct TraversalCounts {
 
 class CountingLanes {
  public:
-  static constexpr uint32_t kWidth = 8;
+  static constexpr uint32_t kWidth = 8, kNodeWords = 7 * kWidth;
   static inline TraversalCounts counts;
 
   explicit CountingLanes(const umbel::RayFrame& frame) : lanes_(frame) {}

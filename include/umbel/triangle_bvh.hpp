@@ -14,8 +14,10 @@ namespace umbel {
 
 struct TriangleBvhConfig {
   bvh::Config tree = bvh::preset("quality");
-  uint32_t width = 8;       ///< children a node: 2, 4 or 8
-  bool compact = false;     ///< share vertices between triangles: half the memory, slower rays
+  uint32_t width = 8;  ///< children a node: 2, 4 or 8
+  /// Share vertices between triangles, and keep boxes in 16 bits a plane: half the memory, slower
+  /// rays.
+  bool compact = false;
   Simd simd = Simd::kAuto;  ///< kUnsupported is thrown where the machine lacks what is asked for
 };
 

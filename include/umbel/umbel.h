@@ -412,7 +412,7 @@ typedef struct umbel_bvh_config {
   uint32_t aac_leaf_size;       ///< [2, 128] aac: fewer triangles are not halved any more
   float aac_epsilon;            ///< [0, 0.5] aac: n triangles hand up some n^(0.5 - epsilon) nodes
   uint32_t width;               ///< children a node of a umbel_bvh: 2, 4 or 8
-  uint32_t compact;             ///< nonzero: triangles share vertices; less memory, slower rays
+  uint32_t compact;             ///< nonzero: shared vertices, boxes of 16 bits; slower rays
   uint32_t simd;                ///< umbel_simd: what queries use; results are the same for all
   uint32_t kmeans_handed_up;    ///< [0, 64] kmeans: nodes that a treelet hands up; 1 as published
   uint32_t ploc_sweep;          ///< [0, 255] ploc: swept above so many triangles; 0 as published

@@ -1,14 +1,17 @@
 // Boxes and triangles tested in plain C++, for the walk of ray_walk.hpp.
 #pragma once
 
+#include <type_traits>
+
 #include "bvh/plain_triangles.hpp"
 
 namespace umbel {
 
-template <uint32_t width>
+template <uint32_t width, bool quantised = false>
 class PortableLanes {
  public:
-  static constexpr uint32_t kWidth = width;
+  static constexpr uint32_t kWidth = width,
+                            kNodeWords = quantised ? grid::node_words(width) : 7 * width;
 
   explicit PortableLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
 
@@ -21,7 +24,8 @@ class PortableLanes {
   }
 
  private:
-  PlainBoxes<PortableLanes, width> boxes_;
+  std::conditional_t<quantised, GridBoxes<PortableLanes, width>, PlainBoxes<PortableLanes, width>>
+      boxes_;
   PlainTriangles<PortableLanes> triangles_;
 };
 

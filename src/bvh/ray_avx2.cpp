@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <limits>
 #include <memory>
+#include <type_traits>
 
 #if defined(__clang__)
 #pragma clang attribute push(__attribute__((target("avx2,fma,bmi,bmi2,lzcnt,popcnt"))), \
@@ -19,10 +20,8 @@
 #include "bvh/isa_avx2.hpp"
 
 namespace umbel {
-const RayKernels* avx2_kernels(uint32_t width) {
-  if (width == 2) return &kernels_of<NarrowLanes<Avx2, 2>>;
-  if (width == 4) return &kernels_of<NarrowLanes<Avx2, 4>>;
-  return &kernels_of<WideLanes<Avx2>>;
+const RayKernels* avx2_kernels(uint32_t width, bool quantised) {
+  return simd_kernels<Avx2>(width, quantised);
 }
 
 }  // namespace umbel
@@ -35,6 +34,6 @@ const RayKernels* avx2_kernels(uint32_t width) {
 
 #else
 namespace umbel {
-const RayKernels* avx2_kernels(uint32_t /*width*/) { return nullptr; }
+const RayKernels* avx2_kernels(uint32_t /*width*/, bool /*quantised*/) { return nullptr; }
 }  // namespace umbel
 #endif

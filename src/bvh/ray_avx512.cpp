@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <limits>
 #include <memory>
+#include <type_traits>
 
 #if !defined(__clang__)
 // GCC 12 takes its own headers' deliberately undefined vectors for mistakes.
@@ -35,6 +36,10 @@ struct Avx512 {
   UMBEL_SIMD static uint32_t mask_eq(__m256 a, __m256 b) {
     return _mm256_cmp_ps_mask(a, b, _CMP_EQ_OQ);
   }
+  UMBEL_SIMD static uint32_t children(const uint32_t* links) {
+    return _mm256_cmpneq_epi32_mask(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(links)),
+                                    _mm256_set1_epi32(-1));
+  }
   UMBEL_SIMD static __m256 load(const uint32_t* words, uint32_t /*n*/) {
     return _mm256_loadu_ps(reinterpret_cast<const float*>(words));
   }
@@ -48,10 +53,10 @@ struct Avx512 {
 
   /// Sorts (distance, link) as 64-bit integers by a network, four at a time or eight. Negative
   /// distances come in the wrong order, which costs time and nothing else.
-  UMBEL_SIMD static uint32_t push(const uint32_t* node, uint32_t slots, __m256 near,
+  UMBEL_SIMD static uint32_t push(const uint32_t* at, uint32_t slots, __m256 near,
                                   StackEntry*& top) {
     const auto count = static_cast<uint32_t>(std::popcount(slots));
-    const __m256i links = _mm256_load_si256(reinterpret_cast<const __m256i*>(node + 48));
+    const __m256i links = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at));
     const __m512i interleave =
         _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
     const __m512i entries =
@@ -101,10 +106,8 @@ struct Avx512 {
 
 }  // namespace
 
-const RayKernels* avx512_kernels(uint32_t width) {
-  if (width == 2) return &kernels_of<NarrowLanes<Avx512, 2>>;
-  if (width == 4) return &kernels_of<NarrowLanes<Avx512, 4>>;
-  return &kernels_of<WideLanes<Avx512>>;
+const RayKernels* avx512_kernels(uint32_t width, bool quantised) {
+  return simd_kernels<Avx512>(width, quantised);
 }
 
 }  // namespace umbel
@@ -117,6 +120,6 @@ const RayKernels* avx512_kernels(uint32_t width) {
 
 #else
 namespace umbel {
-const RayKernels* avx512_kernels(uint32_t /*width*/) { return nullptr; }
+const RayKernels* avx512_kernels(uint32_t /*width*/, bool /*quantised*/) { return nullptr; }
 }  // namespace umbel
 #endif

@@ -23,9 +23,11 @@ bool has_avx2() { return false; }
 bool has_avx512() { return false; }
 #endif
 
-const RayKernels* kernels_for(uint32_t width, Simd simd) {
-  if (simd == Simd::kAvx512) return avx512_kernels(width);
-  return simd == Simd::kAvx2 ? avx2_kernels(width) : portable_kernels(width);
+const RayKernels* kernels_for(const TriangleBvhData& data, Simd simd) {
+  const bool quantised = data.quantised != 0;
+  if (simd == Simd::kAvx512) return avx512_kernels(data.width, quantised);
+  return simd == Simd::kAvx2 ? avx2_kernels(data.width, quantised)
+                             : portable_kernels(data.width, quantised);
 }
 
 }  // namespace
@@ -42,9 +44,9 @@ Simd choose_simd(Simd wanted) {
 }
 
 void prepare_rays(TriangleBvhData& data, Simd simd) {
-  const RayKernels* const kernels = kernels_for(data.width, choose_simd(simd));
+  const RayKernels* const kernels = kernels_for(data, choose_simd(simd));
   data.rays = data.nodes.empty() ? &kNoRays : kernels;
-  data.shapes = shape_kernels(data.width);
+  data.shapes = shape_kernels(data.width, data.quantised != 0);
   data.simd = simd;
   prepare_scale(data);
 }

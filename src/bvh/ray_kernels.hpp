@@ -1,4 +1,4 @@
-// The ray queries, one table of functions for each node width and instruction set.
+// The ray queries, one table of functions for each kind of nodes and instruction set.
 #pragma once
 
 #include "bvh/triangle_bvh_data.hpp"
@@ -16,10 +16,10 @@ struct RayKernels {
 /// For structures without triangles, so that no kernel has to ask.
 extern const RayKernels kNoRays;
 
-const RayKernels* portable_kernels(uint32_t width);
+const RayKernels* portable_kernels(uint32_t width, bool quantised);
 /// Null where they are not compiled for this processor family.
-const RayKernels* avx2_kernels(uint32_t width);
-const RayKernels* avx512_kernels(uint32_t width);
+const RayKernels* avx2_kernels(uint32_t width, bool quantised);
+const RayKernels* avx512_kernels(uint32_t width, bool quantised);
 
 /// What kAuto means on this machine, or `wanted` itself. Throws kUnsupported where the machine
 /// lacks the instructions asked for.

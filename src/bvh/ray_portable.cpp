@@ -2,10 +2,12 @@
 #include "bvh/portable_lanes.hpp"
 
 namespace umbel {
-const RayKernels* portable_kernels(uint32_t width) {
-  if (width == 2) return &kernels_of<PortableLanes<2>>;
-  if (width == 4) return &kernels_of<PortableLanes<4>>;
-  return &kernels_of<PortableLanes<8>>;
+const RayKernels* portable_kernels(uint32_t width, bool quantised) {
+  if (width == 2)
+    return quantised ? &kernels_of<PortableLanes<2, true>> : &kernels_of<PortableLanes<2>>;
+  if (width == 4)
+    return quantised ? &kernels_of<PortableLanes<4, true>> : &kernels_of<PortableLanes<4>>;
+  return quantised ? &kernels_of<PortableLanes<8, true>> : &kernels_of<PortableLanes<8>>;
 }
 
 }  // namespace umbel

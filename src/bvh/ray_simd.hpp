@@ -1,14 +1,17 @@
 // The ray kernels in 256-bit vectors, for the translation units that turn on an instruction set
 // before they include this. What the sets do differently comes from `Isa`:
 //   mask_le(a, b), mask_eq(a, b)   which lanes have a <= b, a == b
+//   children(links)                which of eight links are some; higher bits may be set
 //   load(words, n), load_ids       the first n of eight; the other lanes may hold anything
-//   push(node, slots, near, top)   puts the slots of a mask on the stack, the furthest first, but
+//   push(links, slots, near, top)  puts the slots of a mask on the stack, the furthest first, but
 //                                  for the nearest, whose link it returns; two slots at least
 // Box tests only cull, so how they round does not matter (see ray_frame.hpp); triangle tests do
 // what test_triangle does, in the same order and without fused operations.
 #pragma once
 
 #include <immintrin.h>
+
+#include <type_traits>
 
 #include "bvh/ray_walk.hpp"
 
@@ -50,6 +53,57 @@ class BoxTester {
 
   __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
   ptrdiff_t near_at_[3], far_at_[3];  ///< of the planes in a node
+};
+
+/// The same for the eight slots of a node on a grid.
+template <typename Isa>
+class GridBoxTester {
+ public:
+  UMBEL_SIMD explicit GridBoxTester(const RayFrame& f) {
+    Quad near_b, far_b;
+    widen_slack(f, near_b, far_b);
+    for (int axis = 0; axis < 3; ++axis) {
+      inv_[axis] = _mm256_set1_ps(f.inv[axis]);
+      near_b_[axis] = _mm256_set1_ps(near_b[axis]);
+      far_b_[axis] = _mm256_set1_ps(far_b[axis]);
+      const ptrdiff_t flip = f.inv[axis] < 0.0f ? kRow : 0;
+      near_at_[axis] = 2 * kRow * axis + flip;
+      far_at_[axis] = 2 * kRow * axis + (kRow - flip);
+    }
+    t_min_ = _mm256_set1_ps(f.t_min);
+  }
+
+  UMBEL_SIMD uint32_t operator()(const uint32_t* node, float cull, __m256& near) const {
+    const Span x = span(node, 0), y = span(node, 1), z = span(node, 2);
+    near = _mm256_max_ps(_mm256_max_ps(x.near, y.near), _mm256_max_ps(z.near, t_min_));
+    const __m256 far =
+        _mm256_min_ps(_mm256_min_ps(x.far, y.far), _mm256_min_ps(z.far, _mm256_set1_ps(cull)));
+    return Isa::mask_le(near, far) & Isa::children(node + grid::links_at(8));
+  }
+
+ private:
+  static constexpr ptrdiff_t kRow = 8 * sizeof(grid::GridPlane);
+
+  struct Span {
+    __m256 near, far;
+  };
+  UMBEL_SIMD Span span(const uint32_t* node, int axis) const {
+    const auto* const words = reinterpret_cast<const float*>(node) + axis;
+    const __m256 origin = _mm256_broadcast_ss(words), inv = inv_[axis];
+    const __m256 cell = _mm256_mul_ps(_mm256_broadcast_ss(words + 3), inv);
+    const __m256 near_b = _mm256_fmadd_ps(origin, inv, near_b_[axis]);
+    const __m256 far_b = _mm256_fmadd_ps(origin, inv, far_b_[axis]);
+    return {_mm256_fmadd_ps(row(node, near_at_[axis]), cell, near_b),
+            _mm256_fmadd_ps(row(node, far_at_[axis]), cell, far_b)};
+  }
+  UMBEL_SIMD static __m256 row(const uint32_t* node, ptrdiff_t at) {
+    const auto* const bytes = reinterpret_cast<const char*>(node + grid::kFirstRow) + at;
+    return _mm256_cvtepi32_ps(
+        _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(bytes))));
+  }
+
+  __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
+  ptrdiff_t near_at_[3], far_at_[3];  ///< bytes from the first row on
 };
 
 /// Woop's test of the triangles of a leaf.
@@ -172,10 +226,11 @@ class TriangleTester {
 };
 
 /// Nodes of eight slots.
-template <typename Isa>
+template <typename Isa, bool quantised>
 class WideLanes {
  public:
-  static constexpr uint32_t kWidth = 8;
+  static constexpr uint32_t kWidth = 8,
+                            kNodeWords = quantised ? grid::node_words(kWidth) : 7 * kWidth;
 
   UMBEL_SIMD explicit WideLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
 
@@ -183,8 +238,9 @@ class WideLanes {
     __m256 near;
     const uint32_t slots = boxes_(node, cull, near);
     if (slots == 0) return kNoChild;
-    if ((slots & (slots - 1)) == 0) return node[48 + std::countr_zero(slots)];
-    return Isa::push(node, slots, near, top);
+    const uint32_t* const links = node + (kNodeWords - kWidth);
+    if ((slots & (slots - 1)) == 0) return links[std::countr_zero(slots)];
+    return Isa::push(links, slots, near, top);
   }
   UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
                                 float t_max, LeafHits& hits) const {
@@ -192,15 +248,16 @@ class WideLanes {
   }
 
  private:
-  BoxTester<Isa> boxes_;
+  std::conditional_t<quantised, GridBoxTester<Isa>, BoxTester<Isa>> boxes_;
   TriangleTester<Isa> triangles_;
 };
 
 /// Nodes of two or four slots, whose boxes the compiler vectorises.
-template <typename Isa, uint32_t width>
+template <typename Isa, uint32_t width, bool quantised>
 class NarrowLanes {
  public:
-  static constexpr uint32_t kWidth = width;
+  static constexpr uint32_t kWidth = width,
+                            kNodeWords = quantised ? grid::node_words(width) : 7 * width;
 
   UMBEL_SIMD explicit NarrowLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
 
@@ -213,8 +270,19 @@ class NarrowLanes {
   }
 
  private:
-  PlainBoxes<Isa, width> boxes_;
+  std::conditional_t<quantised, GridBoxes<Isa, width>, PlainBoxes<Isa, width>> boxes_;
   TriangleTester<Isa> triangles_;
 };
+
+template <typename Isa, bool quantised>
+static const RayKernels* simd_kernels_of(uint32_t width) {
+  if (width == 2) return &kernels_of<NarrowLanes<Isa, 2, quantised>>;
+  if (width == 4) return &kernels_of<NarrowLanes<Isa, 4, quantised>>;
+  return &kernels_of<WideLanes<Isa, quantised>>;
+}
+template <typename Isa>
+static const RayKernels* simd_kernels(uint32_t width, bool quantised) {
+  return quantised ? simd_kernels_of<Isa, true>(width) : simd_kernels_of<Isa, false>(width);
+}
 
 }  // namespace umbel

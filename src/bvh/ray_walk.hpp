@@ -1,6 +1,6 @@
 // The walk through a wide tree, for any instruction set. `Lanes`, made of a ray's frame, says how
 // boxes and triangles are tested:
-//   kWidth                           slots a node
+//   kWidth, kNodeWords               slots and words a node
 //   visit(node, cull, top)           the nearest child whose box the ray meets in [t_min, cull], or
 //                                    kNoChild; puts the others on the stack, the furthest first
 //   triangles(tree, link, cull_back, t_max, hits)  which triangles of a leaf the ray meets in
@@ -77,14 +77,14 @@ static inline Hit hit_of(const LeafHits& hits, uint32_t lane, float t, uint32_t 
 
 /// Pushes the slots of a mask, the furthest first, and takes the nearest off again.
 template <uint32_t width>
-static inline uint32_t push_sorted(const uint32_t* node, uint32_t slots, const float* near,
+static inline uint32_t push_sorted(const uint32_t* links, uint32_t slots, const float* near,
                                    StackEntry*& top) {
   StackEntry* const first = top;
   for (; slots != 0; slots &= slots - 1) {
     const auto slot = static_cast<uint32_t>(std::countr_zero(slots));
     StackEntry* place = top++;
     for (; place != first && place[-1].near < near[slot]; --place) *place = place[-1];
-    *place = {node[6 * width + slot], near[slot]};
+    *place = {links[slot], near[slot]};
   }
   return (--top)->link;
 }
@@ -115,11 +115,72 @@ class PlainBoxes {
     }
     uint32_t slots = 0;
     for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(near[i] <= far[i]) << i;
-    return slots == 0 ? kNoChild : push_sorted<width>(node, slots, near, top);
+    return slots == 0 ? kNoChild : push_sorted<width>(node + 6 * width, slots, near, top);
   }
 
  private:
   const RayFrame& f_;
+  float t_min_;
+};
+
+/// Moves b for nodes on grids. There t of plane q is q (cell inv) + (origin inv + b), which is off
+/// by up to 8 u E |inv| rather than 4 (see ray_frame.hpp). One more may be lost where a plane is
+/// rounded to what it is compared with, and one where b is moved: 6 + 6 + 8 + 1 + 1 < 16 + 8.
+static inline void widen_slack(const RayFrame& f, Quad& near_b, Quad& far_b) {
+  std::memcpy(&near_b, f.near_b, sizeof near_b);
+  std::memcpy(&far_b, f.far_b, sizeof far_b);
+  const Quad more = (far_b - near_b) * 0.25f;
+  near_b -= more;
+  far_b += more;
+}
+
+template <uint32_t width>
+static inline uint32_t children_of(const uint32_t* links) {
+  uint32_t slots = 0;
+  for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(links[i] != kNoChild) << i;
+  return slots;
+}
+
+/// PlainBoxes for nodes on grids.
+template <typename Tag, uint32_t width>
+class GridBoxes {
+ public:
+  explicit GridBoxes(const RayFrame& frame) : f_(frame), t_min_(frame.t_min) {
+    widen_slack(frame, near_b_, far_b_);
+  }
+
+  uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
+    float near[width], far[width];
+    for (uint32_t i = 0; i < width; ++i) {
+      near[i] = t_min_;
+      far[i] = cull;
+    }
+    const auto* const rows = reinterpret_cast<const unsigned char*>(node + grid::kFirstRow);
+    for (uint32_t axis = 0; axis < 3; ++axis) {
+      const float origin = std::bit_cast<float>(node[axis]) * f_.inv[axis];
+      const float cell = std::bit_cast<float>(node[3 + axis]) * f_.inv[axis];
+      const float near_b = origin + near_b_[axis], far_b = origin + far_b_[axis];
+      const uint32_t flip = f_.inv[axis] < 0.0f ? 1 : 0;
+      grid::GridPlane near_planes[width], far_planes[width];
+      std::memcpy(near_planes, rows + (2 * axis + flip) * sizeof near_planes, sizeof near_planes);
+      std::memcpy(far_planes, rows + (2 * axis + 1 - flip) * sizeof far_planes, sizeof far_planes);
+      for (uint32_t i = 0; i < width; ++i) {
+        const float a = static_cast<float>(near_planes[i]) * cell + near_b;
+        const float b = static_cast<float>(far_planes[i]) * cell + far_b;
+        near[i] = a > near[i] ? a : near[i];
+        far[i] = b < far[i] ? b : far[i];
+      }
+    }
+    uint32_t slots = 0;
+    for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(near[i] <= far[i]) << i;
+    const uint32_t* const links = node + grid::links_at(width);
+    slots &= children_of<width>(links);
+    return slots == 0 ? kNoChild : push_sorted<width>(links, slots, near, top);
+  }
+
+ private:
+  const RayFrame& f_;
+  Quad near_b_, far_b_;
   float t_min_;
 };
 
@@ -135,7 +196,7 @@ static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const f
   uint32_t link = 0;
   while (true) {
     while (!TriangleBvhData::is_leaf(link))
-      link = lanes.visit(nodes + size_t{link} * (7 * Lanes::kWidth), cull, top);
+      link = lanes.visit(nodes + size_t{link} * Lanes::kNodeWords, cull, top);
     if (link != kNoChild && leaf(link)) return true;
     do {
       link = (--top)->link;

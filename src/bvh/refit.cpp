@@ -74,7 +74,7 @@ struct LaneBox {
   }
 };
 
-template <uint32_t kWidth>
+template <uint32_t kWidth, bool kQuantised>
 class Refit {
  public:
   Refit(TriangleBvhData& data, const MeshView& mesh)
@@ -91,7 +91,9 @@ class Refit {
     Cost before, after;
     for (size_t i = blocks.size(); i-- > 0;) {
       for (const uint32_t node : blocks[i].unfinished) {
-        move_inner_boxes(node);
+        NodeBoxes boxes;
+        if constexpr (kQuantised) boxes = leaf_boxes_of(node);
+        move_inner_boxes(node, boxes);
         after.add(cost_of(node));
       }
       before.add(blocks[i].before);
@@ -105,19 +107,23 @@ class Refit {
 
  private:
   static constexpr uint32_t kNodesAhead = 128 / kWidth;
+  static constexpr uint32_t kNodeWords = kQuantised ? grid::node_words(kWidth) : 7 * kWidth;
   using Corners = std::array<Triangle, size_t{kNodesAhead} * kWidth * kMaxLeafTriangles>;
+  /// Of a node's slots. Plain nodes take boxes one by one, those on grids when all are there.
+  using NodeBoxes = std::array<Aabb, kQuantised ? kWidth : 0>;
 
   void move_block(uint32_t begin, uint32_t end, Block& block) {
     // Indices are gathered ahead of positions: two loops with nothing to wait for keep more of what
     // lies anywhere in memory under way than one.
     Corners corners;
+    std::array<NodeBoxes, kNodesAtOnce> boxes;
     for (uint32_t node = begin; node < end; node += kNodesAhead) {
       const uint32_t next = std::min(node + kNodesAhead, end);
       gather_corners(node, next, corners);
       const Triangle* triangles = corners.data();
       for (uint32_t i = node; i < next; ++i) {
         block.before.add(cost_of(i));
-        move_leaves_of(i, triangles);
+        move_leaves_of(i, triangles, boxes[i - begin]);
       }
     }
     for (uint32_t node = end; node-- > begin;) {
@@ -125,14 +131,14 @@ class Refit {
         block.unfinished.push_back(node);
         continue;
       }
-      move_inner_boxes(node);
+      move_inner_boxes(node, boxes[node - begin]);
       block.after.add(cost_of(node));
       is_done_[node] = 1;
     }
   }
 
   const uint32_t* links_of(uint32_t node) const {
-    return data_.nodes.data() + size_t{node} * (7 * kWidth) + size_t{6} * kWidth;
+    return data_.nodes.data() + size_t{node} * kNodeWords + (kNodeWords - kWidth);
   }
   uint32_t* leaf_words(uint32_t link) {
     return data_.leaves.data() +
@@ -157,15 +163,33 @@ class Refit {
   }
 
   /// Leaves the box of the leaves in boxes_, and `triangles` behind theirs.
-  void move_leaves_of(uint32_t node, const Triangle*& triangles) {
+  void move_leaves_of(uint32_t node, const Triangle*& triangles, NodeBoxes& boxes) {
     LaneBox all;
     for_each_leaf(node, [&](uint32_t slot, uint32_t link) {
       const LaneBox box = move_leaf(link, triangles);
       triangles += TriangleBvhData::leaf_size(link);
-      data_.set_box(node, slot, box.bounds());
+      set_box(node, slot, box, boxes);
       all.extend(box);
     });
     boxes_[node] = all;
+  }
+
+  void set_box(uint32_t node, uint32_t slot, const LaneBox& box, NodeBoxes& boxes) {
+    if constexpr (kQuantised)
+      boxes[slot] = box.bounds();
+    else
+      data_.set_box(node, slot, box.bounds());
+  }
+
+  /// Of the leaves' triangles, which have moved.
+  NodeBoxes leaf_boxes_of(uint32_t node) {
+    NodeBoxes boxes;
+    for_each_leaf(node, [&](uint32_t slot, uint32_t link) {
+      data_.for_each_triangle(link, [&](const LeafTriangle& t) {
+        for (const Vec3& p : {t.p0, t.p1, t.p2}) extend(boxes[slot], p);
+      });
+    });
+    return boxes;
   }
 
   LaneBox move_leaf(uint32_t link, const Triangle* triangles) {
@@ -255,19 +279,22 @@ class Refit {
     });
   }
 
-  void move_inner_boxes(uint32_t node) {
+  /// `boxes` has those of the leaves.
+  void move_inner_boxes(uint32_t node, NodeBoxes& boxes) {
     const uint32_t* links = links_of(node);
     for (uint32_t slot = 0; slot < kWidth; ++slot) {
       if (TriangleBvhData::is_leaf(links[slot])) continue;
-      data_.set_box(node, slot, boxes_[links[slot]].bounds());
+      set_box(node, slot, boxes_[links[slot]], boxes);
       boxes_[node].extend(boxes_[links[slot]]);
     }
+    if constexpr (kQuantised) data_.set_boxes(node, boxes.data());
   }
 
   /// Of the visits of a node's children.
   Cost cost_of(uint32_t node) const {
     const uint32_t* links = links_of(node);
-    const auto* planes = reinterpret_cast<const float*>(links - size_t{6} * kWidth);
+    const typename WideNodes<kWidth, kQuantised>::Children children(links - (kNodeWords - kWidth));
+    const float* const planes = children.boxes().planes;
     std::array<double, kWidth> visits, areas;
     for (uint32_t i = 0; i < kWidth; ++i) {
       const double leaf = double(data_.cost.intersection) * TriangleBvhData::leaf_size(links[i]);
@@ -359,7 +386,10 @@ RefitReport TriangleBvh::refit(const MeshView& mesh, const BuildOptions& options
   with_threads(options.threads, [&] {
     check_mesh(data, mesh);
     if (!data.nodes.empty())
-      with_width(data.width, [&](auto width) { data.sah_cost *= Refit<width>(data, mesh).run(); });
+      with_width(data.width, [&](auto width) {
+        data.sah_cost *= data.quantised ? Refit<width, true>(data, mesh).run()
+                                        : Refit<width, false>(data, mesh).run();
+      });
     prepare_rays(data);
   });
   progress.report(1, "refit");

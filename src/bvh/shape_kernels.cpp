@@ -2,9 +2,12 @@
 
 namespace umbel {
 
-const ShapeKernels* shape_kernels(uint32_t width) {
-  return with_width(
-      width, [](auto constant) { return &shape_kernels_of<WideNodes<decltype(constant)::value>>; });
+const ShapeKernels* shape_kernels(uint32_t width, bool quantised) {
+  return with_width(width, [&](auto constant) {
+    constexpr uint32_t kWidth = decltype(constant)::value;
+    return quantised ? &shape_kernels_of<WideNodes<kWidth, true>>
+                     : &shape_kernels_of<WideNodes<kWidth, false>>;
+  });
 }
 
 }  // namespace umbel

@@ -12,8 +12,8 @@
 namespace umbel {
 namespace {
 
-constexpr ContainerKind kKind{".umbvh", {'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'}, 1, 0};
-constexpr uint32_t kCompact = 1, kMasked = 2, kRepeats = 4;
+constexpr ContainerKind kKind{".umbvh", {'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'}, 1, 1};
+constexpr uint32_t kCompact = 1, kMasked = 2, kRepeats = 4, kQuantised = 8;
 
 ContainerFields encode(const TriangleBvhData& data) {
   ContainerFields fields{};
@@ -21,7 +21,7 @@ ContainerFields encode(const TriangleBvhData& data) {
   out.u32(data.width), out.u32(data.max_depth);
   out.u32(data.triangle_count), out.u32(data.leaf_count), out.u32(data.reference_count);
   out.u32((data.compact ? kCompact : 0) | (data.masked ? kMasked : 0) |
-          (data.repeats ? kRepeats : 0));
+          (data.repeats ? kRepeats : 0) | (data.quantised ? kQuantised : 0));
   out.f32(data.cost.traversal), out.f32(data.cost.intersection);
   out.u64(std::bit_cast<uint64_t>(data.sah_cost));
   out.u64(std::bit_cast<uint64_t>(data.built_sah_cost));
@@ -36,9 +36,9 @@ TriangleBvhData decode(const ContainerFields& fields) {
   data.width = in.u32(), data.max_depth = in.u32();
   data.triangle_count = in.u32(), data.leaf_count = in.u32(), data.reference_count = in.u32();
   const uint32_t flags = in.u32();
-  if (flags > (kCompact | kMasked | kRepeats)) corrupt("the header has unknown flags");
+  if (flags > (kCompact | kMasked | kRepeats | kQuantised)) corrupt("the header has unknown flags");
   data.compact = (flags & kCompact) != 0, data.masked = (flags & kMasked) != 0;
-  data.repeats = (flags & kRepeats) != 0;
+  data.repeats = (flags & kRepeats) != 0, data.quantised = (flags & kQuantised) != 0;
   data.cost.traversal = in.f32(), data.cost.intersection = in.f32();
   data.sah_cost = std::bit_cast<double>(in.u64());
   data.built_sah_cost = std::bit_cast<double>(in.u64());
@@ -92,6 +92,7 @@ class TreeChecker {
 
   void check_node(uint32_t node) {
     bool is_empty_node = true;
+    if (data_.quantised && !grid::is_grid(data_.node_at(node))) fail(node, "has no sound grid");
     for (uint32_t slot = 0; slot < data_.width; ++slot) {
       const uint32_t link = data_.link(node, slot);
       const Aabb box = data_.box(node, slot);
@@ -122,6 +123,8 @@ class TreeChecker {
     if (depth_[child] != 0) fail(child, "has two parents");
     depth_[child] = depth_[node] + 1;
     if (depth_[child] > kMaxWalkDepth) fail(child, "is too deep");
+    // Boxes on a grid are rounded outwards, and so may reach a little out of those above them.
+    if (data_.quantised) return;
     for (uint32_t slot = 0; slot < data_.width; ++slot) {
       if (data_.link(child, slot) == kNoChild) continue;
       Aabb both = data_.box(child, slot);
@@ -133,7 +136,7 @@ class TreeChecker {
   void check_leaf(uint32_t node, uint32_t link, const Aabb& box) {
     Aabb both = data_.bounds;
     extend(both, box);
-    if (!(both == data_.bounds)) fail(node, "reaches out of the bounds");
+    if (!data_.quantised && !(both == data_.bounds)) fail(node, "reaches out of the bounds");
     const uint32_t size = TriangleBvhData::leaf_size(link);
     const uint64_t first = TriangleBvhData::first_reference(link);
     if (first + size > data_.reference_count) fail(node, "has a leaf out of range");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <type_traits>
 
 #include "bvh/triangle_bvh_data.hpp"
 
@@ -30,25 +31,39 @@ struct NodeBoxes {
 ///   children(link)              the boxes and links of a node's slots
 ///   visit_runs(link, visit)     calls visit(run) for the leaf store's runs of a leaf
 ///   repeats()                   whether a triangle may be in several leaves
-template <uint32_t width>
+template <uint32_t width, bool quantised>
 class WideNodes {
  public:
   static constexpr uint32_t kWidth = width, kDepth = kMaxWalkDepth;
   using Link = uint32_t;
   static constexpr Link kNoLink = kNoChild;
 
-  struct Children {
-    const uint32_t* words;
+  struct PlainChildren {
+    explicit PlainChildren(const uint32_t* node) : words(node) {}
     NodeBoxes<width> boxes() const { return {reinterpret_cast<const float*>(words)}; }
     Link link(uint32_t slot) const { return words[6 * width + slot]; }
+    const uint32_t* words;
   };
+  struct GridChildren {
+    explicit GridChildren(const uint32_t* node) : links(node + grid::links_at(width)) {
+      for (uint32_t row = 0; row < 6; ++row)
+        for (uint32_t slot = 0; slot < width; ++slot)
+          planes[row * width + slot] = grid::position_of(node, width, row, slot);
+    }
+    NodeBoxes<width> boxes() const { return {planes}; }
+    Link link(uint32_t slot) const { return links[slot]; }
+    const uint32_t* links;
+    float planes[6 * width + 2] = {};  ///< four can be read from anywhere
+  };
+  using Children = std::conditional_t<quantised, GridChildren, PlainChildren>;
 
   explicit WideNodes(const LeafStore& store) : data_(static_cast<const TriangleBvhData&>(store)) {}
 
   Link root() const { return 0; }
   static bool is_leaf(Link link) { return TriangleBvhData::is_leaf(link); }
   Children children(Link node) const {
-    return {data_.nodes.data() + size_t{node} * data_.node_words()};
+    constexpr uint32_t kWords = quantised ? grid::node_words(width) : 7 * width;
+    return Children(data_.nodes.data() + size_t{node} * kWords);
   }
   template <typename Visit>
   void visit_runs(Link leaf, const Visit& visit) const {

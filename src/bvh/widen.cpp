@@ -19,7 +19,6 @@ namespace {
 // ray_bench (see docs/bvh.md).
 constexpr float kNodeCost = 1.0f, kLeafCost = 0.5f, kTriangleCost = 0.06f;
 
-constexpr uint32_t kMaxWidth = 8;
 /// A subtree of more primitives than fit a leaf; how many more does not matter.
 constexpr uint8_t kTooMany = kMaxLeafTriangles + 1;
 
@@ -159,12 +158,7 @@ class Emitter {
       out_.nodes.reserve(2 * out_.nodes.capacity() + out_.node_words());
     out_.nodes.resize(out_.nodes.size() + out_.node_words());
     if (work.parent != kNone) out_.set_link(work.parent, work.slot, index);
-    constexpr float kInfinity = std::numeric_limits<float>::infinity();
-    const Aabb nowhere{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
-    for (uint32_t slot = 0; slot < out_.width; ++slot) {
-      out_.set_box(index, slot, nowhere);
-      out_.set_link(index, slot, kNoChild);
-    }
+    for (uint32_t slot = 0; slot < out_.width; ++slot) out_.set_link(index, slot, kNoChild);
     return index;
   }
 
@@ -178,16 +172,18 @@ class Emitter {
       collect(node.first, plan.left_share[0]);
       collect(node.first + 1, out_.width - plan.left_share[0]);
     }
+    SlotBoxes boxes = kNoBoxes;
     for (uint32_t slot = 0; slot < children_.size(); ++slot) {
       const uint32_t child = children_[slot];
       const bvh::Node& c = tree_.nodes[child];
-      out_.set_box(index, slot, c.box());
+      boxes[slot] = c.box();
       if (!plans_[child].is_leaf) continue;
       if (plans_[child].primitives == kTooMany)
         work_.push_back({child, c.first, c.count, index, slot, work.depth + 1});
       else
         add_leaf_of(child, index, slot, work.depth + 1);
     }
+    out_.set_boxes(index, boxes.data());
     // Backwards, so that the first child follows its parent in memory.
     for (auto slot = static_cast<uint32_t>(children_.size()); slot-- > 0;)
       if (!plans_[children_[slot]].is_leaf)
@@ -208,12 +204,13 @@ class Emitter {
 
   void emit_run(const Work& work, uint32_t index) {
     const Aabb box = tree_.nodes[work.node].box();
+    SlotBoxes boxes = kNoBoxes;
     uint32_t part = kMaxLeafTriangles;
     while (uint64_t{part} * out_.width < work.count) part *= out_.width;
     for (uint32_t slot = 0; slot * part < work.count; ++slot) {
       const uint32_t first = work.first + slot * part;
       const uint32_t count = std::min(part, work.count - slot * part);
-      out_.set_box(index, slot, box);
+      boxes[slot] = box;
       if (part > kMaxLeafTriangles) {
         work_.push_back({work.node, first, count, index, slot, work.depth + 1});
         continue;
@@ -221,6 +218,7 @@ class Emitter {
       members_.assign(tree_.primitives.begin() + first, tree_.primitives.begin() + first + count);
       add_leaf(index, slot, work.depth + 1);
     }
+    out_.set_boxes(index, boxes.data());
   }
 
   void add_leaf_of(uint32_t node, uint32_t parent, uint32_t slot, uint32_t depth) {
@@ -290,7 +288,7 @@ TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const Wi
                            std::span<const uint32_t> masks) {
   TriangleBvhData out;
   out.width = options.width;
-  out.compact = options.compact;
+  out.compact = out.quantised = options.compact;
   out.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
   out.triangle_count = static_cast<uint32_t>(mesh.triangles.size());
   if (tree.nodes.empty()) return out;

@@ -1,6 +1,8 @@
 // Makes a wide tree of a binary one.
 #pragma once
 
+#include <array>
+#include <limits>
 #include <span>
 
 #include "bvh/triangle_bvh_data.hpp"
@@ -9,11 +11,22 @@ namespace umbel {
 
 struct WidenOptions {
   uint32_t width = 8;
-  bool compact = false;
+  bool compact = false;  ///< vertices shared, boxes quantised
   // What is known of a tree that was only just built need not be looked for.
   bool is_valid = false;   ///< the tree's triangles have indices in range and finite corners
   bool may_repeat = true;  ///< a triangle may be in several leaves
 };
+
+inline constexpr uint32_t kMaxWidth = 8;
+
+/// Of a node's slots. The boxes of those without a child lie nowhere.
+using SlotBoxes = std::array<Aabb, kMaxWidth>;
+inline constexpr SlotBoxes kNoBoxes = [] {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  SlotBoxes boxes;
+  boxes.fill({{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}});
+  return boxes;
+}();
 
 /// Throws kInvalidMesh for an index out of range, or a corner that is not finite, in one of these
 /// triangles.

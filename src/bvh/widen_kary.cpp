@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/parallel.hpp"
 #include "bvh/config.hpp"
@@ -145,12 +144,7 @@ class Emitter {
     const uint32_t index = out_.node_count();
     out_.nodes.resize(out_.nodes.size() + out_.node_words());
     if (work.parent != kNone) out_.set_link(work.parent, work.slot, index);
-    constexpr float kInfinity = std::numeric_limits<float>::infinity();
-    for (uint32_t slot = 0; slot < out_.width; ++slot) {
-      out_.set_box(index, slot,
-                   {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}});
-      out_.set_link(index, slot, kNoChild);
-    }
+    for (uint32_t slot = 0; slot < out_.width; ++slot) out_.set_link(index, slot, kNoChild);
     if (work.count > 0)
       emit_run(work, index);
     else
@@ -159,12 +153,13 @@ class Emitter {
 
   void emit_groups(const Work& work, uint32_t index) {
     const std::vector<Members> groups = groups_.of(work.members);
+    SlotBoxes boxes = kNoBoxes;
     // Backwards, so that the first child follows its parent in memory.
     for (auto slot = static_cast<uint32_t>(groups.size()); slot-- > 0;) {
       const Members& group = groups[slot];
       Aabb box;
       for (const uint32_t member : group) extend(box, tree_.nodes[member].box());
-      out_.set_box(index, slot, box);
+      boxes[slot] = box;
       const KaryNode& only = tree_.nodes[group[0]];
       if (group.size() > 1)
         work_.push_back({group, 0, 0, {}, index, slot, work.depth + 1});
@@ -175,20 +170,23 @@ class Emitter {
       else
         add_leaf(only.first, only.count, index, slot, work.depth);
     }
+    out_.set_boxes(index, boxes.data());
   }
 
   void emit_run(const Work& work, uint32_t index) {
+    SlotBoxes boxes = kNoBoxes;
     uint32_t part = kMaxLeafTriangles;
     while (uint64_t{part} * out_.width < work.count) part *= out_.width;
     for (uint32_t slot = 0; slot * part < work.count; ++slot) {
       const uint32_t first = work.first + slot * part;
       const uint32_t count = std::min(part, work.count - slot * part);
-      out_.set_box(index, slot, work.box);
+      boxes[slot] = work.box;
       if (part > kMaxLeafTriangles)
         work_.push_back({{}, first, count, work.box, index, slot, work.depth + 1});
       else
         add_leaf(first, count, index, slot, work.depth);
     }
+    out_.set_boxes(index, boxes.data());
   }
 
   void add_leaf(uint32_t first, uint32_t count, uint32_t node, uint32_t slot, uint32_t depth) {
@@ -212,7 +210,7 @@ TriangleBvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenO
                         std::span<const uint32_t> masks, bool even) {
   TriangleBvhData out;
   out.width = options.width;
-  out.compact = options.compact;
+  out.compact = out.quantised = options.compact;
   out.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
   out.triangle_count = static_cast<uint32_t>(mesh.triangles.size());
   if (tree.nodes.empty()) return out;

@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+import umbel
 from umbel import Mesh
+
+
+def instructions() -> list[str]:
+    """The values of `simd` that this machine has."""
+    usable = []
+    for simd in ("portable", "avx2", "avx512"):
+        try:
+            umbel.Bvh(umbel.shapes.sphere(0), simd=simd)
+            usable.append(simd)
+        except umbel.Error as error:
+            assert error.code == "unsupported"
+    return usable
 
 
 def random_directions(count: int, seed: int) -> NDArray[np.float32]:

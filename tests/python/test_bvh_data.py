@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import umbel
+from bvh_helpers import instructions
 from ray_oracle import (
     FULL,
     MESHES,
@@ -22,17 +23,6 @@ from ray_oracle import (
 )
 
 BUILDERS = umbel.bvh.builders()
-
-
-def _instructions() -> list[str]:
-    usable = []
-    for simd in ("portable", "avx2", "avx512"):
-        try:
-            umbel.Bvh(umbel.shapes.sphere(0), simd=simd)
-            usable.append(simd)
-        except umbel.Error as error:
-            assert error.code == "unsupported"
-    return usable
 
 
 @pytest.mark.filterwarnings("ignore::umbel.LoadWarning")
@@ -58,11 +48,12 @@ def test_rays_hit_what_brute_force_hits(data: Path, name: str) -> None:
     for builder in every:
         tree = umbel.build_bvh2(mesh, builder=builder)
         for width in (2, 4, 8):
-            for simd in _instructions() if small or FULL else ["auto"]:
-                other = umbel.Bvh.from_tree(
-                    tree, mesh, width=width, compact=width == 4, simd=simd
-                ).intersect(origins, directions)
-                where = f"{builder}, width {width}, {simd}"
-                for field, one in vars(other).items():
-                    wrong = np.flatnonzero(one != getattr(hits, field))
-                    assert not wrong.size, f"{where}: {field} of rays {wrong[:5]}"
+            for simd in instructions() if small or FULL else ["auto"]:
+                for compact in (False, True):
+                    other = umbel.Bvh.from_tree(
+                        tree, mesh, width=width, compact=compact, simd=simd
+                    ).intersect(origins, directions)
+                    where = f"{builder}, width {width}, {simd}, compact {compact}"
+                    for field, one in vars(other).items():
+                        wrong = np.flatnonzero(one != getattr(hits, field))
+                        assert not wrong.size, f"{where}: {field} of rays {wrong[:5]}"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import umbel
-from bvh_helpers import ball_rays, random_soup
+from bvh_helpers import ball_rays, instructions, random_soup
 
 BUILDERS = umbel.bvh.builders()
 Mesh = umbel.Mesh
@@ -386,6 +386,23 @@ def test_saved_files_answer_as_before(
     bytes_before = path.read_bytes()
     umbel.Bvh(blob, width=width, compact=compact, masks=masks, threads=1).save(path)
     assert path.read_bytes() == bytes_before
+
+
+def test_a_file_of_version_1_0_answers_as_a_new_tree() -> None:
+    old = Path(__file__).parents[1] / "vectors" / "compact_1_0.umbvh"
+    assert old.read_bytes()[8:12] == b"\1\0\0\0"
+    sphere = umbel.shapes.sphere(1)
+    new = umbel.Bvh(sphere, width=4, compact=True)
+    origins, directions = ball_rays(300, 19)
+    answers = new.intersect(origins, directions)
+    for simd in instructions():
+        loaded = umbel.Bvh.load(old, simd=simd)
+        # Boxes were not quantised then.
+        assert loaded.statistics().bytes > new.statistics().bytes
+        for field, values in vars(loaded.intersect(origins, directions)).items():
+            assert np.array_equal(values, getattr(answers, field)), field
+    assert np.array_equal(loaded.signed_distance(origins), new.signed_distance(origins))
+    assert not loaded.refit(sphere.positions, sphere.triangles).rebuild_advised
 
 
 def test_damaged_files_are_refused(tmp_path: Path) -> None:

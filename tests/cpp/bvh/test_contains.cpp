@@ -83,15 +83,16 @@ TEST(BvhContains, every_builder_and_width_agree_at_every_scale) {
     std::vector<bool> truth;
     for (const Vec3& p : points) truth.push_back(winding_number(mesh.view(), p) > 0.5);
     for (const bvh::Builder builder : bvh::builders())
-      for (const uint32_t width : {2u, 4u, 8u}) {
-        TriangleBvhConfig config;
-        config.tree = bvh::Config{};
-        config.tree.builder = builder;
-        config.width = width, config.compact = width == 4;
-        const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
-        for (size_t i = 0; i < points.size(); ++i)
-          ASSERT_EQ(tree.contains(points[i]), truth[i]) << bvh::name(builder) << " " << scale;
-      }
+      for (const uint32_t width : {2u, 4u, 8u})
+        for (const bool compact : {false, true}) {
+          TriangleBvhConfig config;
+          config.tree = bvh::Config{};
+          config.tree.builder = builder;
+          config.width = width, config.compact = compact;
+          const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+          for (size_t i = 0; i < points.size(); ++i)
+            ASSERT_EQ(tree.contains(points[i]), truth[i]) << bvh::name(builder) << " " << scale;
+        }
   }
 }
 
