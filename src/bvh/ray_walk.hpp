@@ -184,6 +184,17 @@ class GridBoxes {
   float t_min_;
 };
 
+/// What comes after the next is fetched ahead: its first two cache lines, as the others follow by
+/// themselves. There is nothing where the stack's first entry points, which does no harm.
+template <typename Lanes>
+static inline void prefetch(const TriangleBvhData& tree, uint32_t link) {
+  const uint32_t* const words = TriangleBvhData::is_leaf(link)
+                                    ? leaf_words(tree, link)
+                                    : tree.nodes.data() + size_t{link} * Lanes::kNodeWords;
+  __builtin_prefetch(words);
+  __builtin_prefetch(words + 16);
+}
+
 /// Visits leaves from near to far. leaf(link) may lower cull, and ends the walk by true.
 template <typename Lanes, typename Leaf>
 static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const float& cull,
@@ -195,8 +206,10 @@ static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const f
   const uint32_t* const nodes = tree.nodes.data();
   uint32_t link = 0;
   while (true) {
-    while (!TriangleBvhData::is_leaf(link))
+    while (!TriangleBvhData::is_leaf(link)) {
       link = lanes.visit(nodes + size_t{link} * Lanes::kNodeWords, cull, top);
+      prefetch<Lanes>(tree, top[-1].link);
+    }
     if (link != kNoChild && leaf(link)) return true;
     do {
       link = (--top)->link;

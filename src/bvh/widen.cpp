@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <limits>
 #include <string>
 
 #include "base/parallel.hpp"
+#include "bvh/box4.hpp"
 #include "bvh/leaf_store.hpp"
 
 namespace umbel {
@@ -19,16 +21,21 @@ namespace {
 // ray_bench (see docs/bvh.md).
 constexpr float kNodeCost = 1.0f, kLeafCost = 0.5f, kTriangleCost = 0.06f;
 
+using bvh::Float4;
+using bvh::Int4;
+
 /// A subtree of more primitives than fit a leaf; how many more does not matter.
 constexpr uint8_t kTooMany = kMaxLeafTriangles + 1;
 
 /// [i - 1]: what a binary node's subtree costs as at most i children.
 using Costs = std::array<float, kMaxWidth>;
 
+using Shares = std::array<uint8_t, kMaxWidth>;
+
 /// For one binary node: how best to make 1, 2, ... width children of its subtree.
 struct Plan {
   /// [i - 1]: how many of i go to the left; 0: as for i - 1. [0]: how many of the node's own width.
-  std::array<uint8_t, kMaxWidth> left_share;
+  Shares left_share;
   uint8_t primitives;  ///< below, at most kTooMany
   bool is_leaf;        ///< one child of it is a leaf
 };
@@ -45,13 +52,16 @@ class Planner {
   Planner(const bvh::Bvh2& tree, uint32_t width)
       : tree_(tree), width_(width), plans_(tree.nodes.size()) {
     Costs costs;
-    plan(0, costs);
+    plan(0, 0, costs);
   }
   const Plan& operator[](uint32_t node) const { return plans_[node]; }
 
  private:
+  /// Subtrees below are planned by one thread.
+  static constexpr uint32_t kSharedLevels = 8;
+
   /// As deep as the tree, whose depth is bounded.
-  void plan(uint32_t index, Costs& costs) {
+  void plan(uint32_t index, uint32_t depth, Costs& costs) {
     const bvh::Node& node = tree_.nodes[index];
     Plan& p = plans_[index];
     const float area = half_area(node.box());
@@ -63,25 +73,20 @@ class Planner {
       return;
     }
     Costs left, right;
-    plan(node.first, left);
-    plan(node.first + 1, right);
+    const auto plan_left = [&] { plan(node.first, depth + 1, left); };
+    const auto plan_right = [&] { plan(node.first + 1, depth + 1, right); };
+    if (depth < kSharedLevels) {
+      tbb::parallel_invoke(plan_left, plan_right);
+    } else {
+      plan_left();
+      plan_right();
+    }
     p.primitives = static_cast<uint8_t>(std::min<uint32_t>(
         plans_[node.first].primitives + plans_[node.first + 1].primitives, kTooMany));
-    // A binary leaf is one child whatever room there is, and the other side takes what is left.
-    const bool left_is_leaf = tree_.nodes[node.first].is_leaf();
-    const bool right_is_leaf = tree_.nodes[node.first + 1].is_leaf();
-    float best[kMaxWidth] = {};
-    for (uint32_t children = 2; children <= width_; ++children) {
-      uint8_t& share = p.left_share[children - 1];
-      if (left_is_leaf || right_is_leaf) {
-        share = static_cast<uint8_t>(left_is_leaf ? 1 : children - 1);
-        best[children - 1] = left[share - 1] + right[children - share - 1];
-      } else {
-        best[children - 1] = distribute(left, right, children, share);
-      }
-    }
+    distribute(left, right, tree_.nodes[node.first].is_leaf(),
+               tree_.nodes[node.first + 1].is_leaf(), costs, p.left_share);
     // One child: a node of its own, or a leaf.
-    costs[0] = best[width_ - 1] + area * kNodeCost;
+    costs[0] = costs[width_ - 1] + area * kNodeCost;
     p.left_share[0] = p.left_share[width_ - 1];
     p.is_leaf = false;
     if (p.primitives <= kMaxLeafTriangles) {
@@ -89,24 +94,51 @@ class Planner {
       p.is_leaf = as_leaf <= costs[0];
       costs[0] = std::min(costs[0], as_leaf);
     }
-    for (uint32_t children = 2; children <= width_; ++children) {
-      costs[children - 1] = std::min(best[children - 1], costs[children - 2]);
-      if (best[children - 1] >= costs[children - 2]) p.left_share[children - 1] = 0;
+    for (uint32_t i = 1; i < width_; ++i) {
+      if (costs[i] >= costs[i - 1]) p.left_share[i] = 0;
+      costs[i] = std::min(costs[i], costs[i - 1]);
     }
   }
 
-  static float distribute(const Costs& left, const Costs& right, uint32_t children,
-                          uint8_t& share) {
-    float best = std::numeric_limits<float>::infinity();
-    share = 1;
-    for (uint32_t k = 1; k < children; ++k) {
-      const float cost = left[k - 1] + right[children - k - 1];
-      if (cost < best) {
-        best = cost;
-        share = static_cast<uint8_t>(k);
+  /// What i + 1 children cost for i > 0, and how many of them best go to the left.
+  static void distribute(const Costs& left, const Costs& right, bool left_is_leaf,
+                         bool right_is_leaf, Costs& costs, Shares& shares) {
+    // A binary leaf is one child whatever room there is, and the other side takes what is left.
+    if (left_is_leaf || right_is_leaf) {
+      const Costs& other = left_is_leaf ? right : left;
+      const float leaf = left_is_leaf ? left[0] : right[0];
+      for (uint32_t i = 1; i < kMaxWidth; ++i) {
+        costs[i] = leaf + other[i - 1];
+        shares[i] = static_cast<uint8_t>(left_is_leaf ? 1 : i);
       }
+      return;
     }
-    return best;
+    // All numbers of children at once, and for each number that go to the left in turn.
+    const Float4 never = bvh::splat(std::numeric_limits<float>::infinity());
+    std::array<Float4, 4> shifted = {never, never};
+    std::memcpy(&shifted[2], right.data(), sizeof right);
+    const auto* const rest = reinterpret_cast<const float*>(shifted.data()) + kMaxWidth;
+    Float4 few = never, many = never;
+    // One where all costs are infinite.
+    Int4 few_shares = {1, 1, 1, 1}, many_shares = few_shares;
+    for (uint32_t k = 1; k < kMaxWidth; ++k) {
+      const Float4 own = bvh::splat(left[k - 1]);
+      take(own + bvh::load4(rest - k), k, few, few_shares);
+      take(own + bvh::load4(rest + 4 - k), k, many, many_shares);
+    }
+    std::memcpy(costs.data(), &few, sizeof few);
+    std::memcpy(costs.data() + 4, &many, sizeof many);
+    for (int i = 0; i < 4; ++i) {
+      shares[i] = static_cast<uint8_t>(few_shares[i]);
+      shares[i + 4] = static_cast<uint8_t>(many_shares[i]);
+    }
+  }
+
+  static void take(Float4 cost, uint32_t share, Float4& best, Int4& shares) {
+    const Int4 is_better = Int4(cost < best);
+    best = bvh::min4(cost, best);
+    const auto number = static_cast<int>(share);
+    shares = (Int4{number, number, number, number} & is_better) | (shares & ~is_better);
   }
 
   const bvh::Bvh2& tree_;

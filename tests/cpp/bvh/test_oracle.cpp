@@ -163,9 +163,9 @@ TEST(BvhOracle, rays_that_are_aimed_at_a_mesh_find_it) {
 TEST(BvhOracle, all_hits_are_the_triangles_on_the_ray_in_order) {
   for (const Named& named : small_meshes()) {
     const MeshView mesh = named.mesh.view();
-    for (const uint32_t width : {2u, 8u}) {
+    for (const uint32_t width : {2u, 4u, 8u}) {
       TriangleBvhConfig config;
-      config.width = width;
+      config.width = width, config.compact = width == 4;
       const TriangleBvh tree = TriangleBvh::build(mesh, config);
       const std::vector<Ray> rays = adversarial_rays(mesh, 140, 14);
       for (size_t r = 0; r < rays.size(); ++r) {
