@@ -38,6 +38,7 @@ umbel_cluster_capacity requirements(const ClusterArrays& arrays, const ClusterCo
     return needed;
   }
   needed.segments = arrays.segments().size();
+  size_t held = 0;
   for (size_t s = 0; s < needed.segments; ++s) {
     const Range& r = arrays.segments()[s];
     if (uint64_t(r.offset) + r.count > needed.items)
@@ -46,7 +47,12 @@ umbel_cluster_capacity requirements(const ClusterArrays& arrays, const ClusterCo
                                                    ", but there are " +
                                                    std::to_string(needed.items) + " items");
     needed.ranges += most_clusters(r.count, config);
+    held += r.count;
   }
+  if (held > needed.items)
+    throw Error(ErrorCode::kInvalidArgument, "segments overlap: they hold " + std::to_string(held) +
+                                                 " items, but there are " +
+                                                 std::to_string(needed.items));
   return needed;
 }
 

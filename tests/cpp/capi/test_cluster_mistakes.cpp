@@ -120,6 +120,18 @@ TEST(CapiMistakes, invalid_geometry_is_named) {
   }
 }
 
+TEST(CapiMistakes, no_room_is_asked_for_segments_that_hold_more_than_there_is) {
+  GoodCall call;
+  const std::vector<umbel_range> segments(3, umbel_range{0, uint32_t(call.boxes.size())});
+  call.input.segments = segments.data();
+  call.input.segment_count = segments.size();
+  umbel_cluster_capacity needed;
+  umbel_cluster_capacity_init(&needed);
+  EXPECT_EQ(umbel_cluster_requirements(&call.input, &call.config, &needed),
+            UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(umbel_last_error()).find("segments overlap"), std::string::npos);
+}
+
 TEST(CapiMistakes, null_structs_are_named) {
   GoodCall c;
   const auto invalid = UMBEL_ERROR_INVALID_ARGUMENT;
