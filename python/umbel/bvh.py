@@ -315,8 +315,8 @@ class Bvh(TriangleQueries):
         builder: a preset, "fast", "quality" or "best"; one of `umbel.bvh.builders()`; or settings
             that a paper names, "kmeans-q1" to "kmeans-q5", "aac-fast" or "aac-hq".
         width: children a node, 2, 4 or 8.
-        compact: share vertices between triangles, and keep boxes in 16 bits a plane: little more than
-            half of the memory, slower rays.
+        compact: share vertices between triangles, and keep boxes in 16 bits a plane: little more
+            than half of the memory, slower rays.
         masks: (m,) bits of each triangle; a query sees those that share a bit with its mask.
         simd: "auto", "portable", "avx2" or "avx512"; results are the same for all.
         keep_tree: keep the binary tree too, for `tree` and `epo`.

@@ -8,6 +8,7 @@ import random
 import resource
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -247,3 +248,24 @@ def test_sigterm_while_starting_shows_no_traceback(blob_asset: Path) -> None:
         _, err = process.communicate(timeout=10)
         assert "Traceback" not in err
         assert process.returncode in (0, 128 + signal.SIGTERM, -signal.SIGTERM)
+
+
+def test_a_signal_while_a_class_is_made_is_one_sentence() -> None:
+    program = """
+import os, signal, sys, types
+import umbel.cli
+
+class Descriptor:
+    def __set_name__(self, owner, name):
+        os.kill(os.getpid(), signal.SIGTERM)
+
+def app(prog_name):
+    type("Made", (), {"member": Descriptor()})
+
+sys.modules["umbel.cli.app"] = types.SimpleNamespace(app=app)
+umbel.cli.main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert_one_sentence(Outcome(done.returncode, done.stdout, done.stderr), status=143)

@@ -24,6 +24,13 @@ def _stop(number: int, _frame: FrameType | None) -> NoReturn:
     raise Stopped(number)
 
 
+def _stop_behind(error: BaseException | None) -> Stopped | None:
+    """The signal behind an error: Python before 3.12 wraps what is raised as a class is made."""
+    while error is not None and not isinstance(error, Stopped):
+        error = error.__cause__
+    return error
+
+
 def main() -> None:
     """The entry point of the command `umbel`."""
     signal.signal(signal.SIGTERM, _stop)
@@ -34,6 +41,9 @@ def main() -> None:
         from .app import app
 
         app(prog_name="umbel")
-    except Stopped as stopped:
+    except (Stopped, RuntimeError) as error:
+        stopped = _stop_behind(error)
+        if stopped is None:
+            raise
         print(f"umbel: {stopped.word}", file=sys.stderr)
         sys.exit(stopped.status)
