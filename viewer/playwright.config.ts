@@ -8,6 +8,8 @@ if (isLeftOut) process.stderr.write(`viewer: no tests in a browser: there is no 
 // The system's Chromium, with WebGL2 in software.
 export default defineConfig({
   testDir: "tests/browser",
+  // A browser that starts slowly on a busy machine is tried again.
+  retries: process.env.CI ? 2 : 0,
   testIgnore: isLeftOut ? "**" : [],
   globalSetup: "./tests/browser/setup.ts",
   outputDir: "../build/viewer/browser",

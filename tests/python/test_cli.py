@@ -7,13 +7,14 @@ import json
 import os
 import pty
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import umbel
-from conftest import COMMAND, Umbel
+from conftest import Umbel
 from mesh_helpers import is_closed, triangle_keys
 
 BUILD_FIELDS = [
@@ -304,19 +305,30 @@ def test_plain_output_has_a_line_a_field(umbel_command: Umbel, blob_asset: Path)
     assert "\x1b" not in done.out
 
 
-def test_a_terminal_gets_a_table_and_a_progress_bar(tmp_path: Path) -> None:
-    source = tmp_path / "big.ply"
-    umbel.save(source, umbel.shapes.blob(8))
-    said = _on_a_terminal(["build", str(source), "-o", str(tmp_path / "big.umbel")])
-    assert "1,310,720" in said and "triangles per second" in said and "│" in said
+def test_a_terminal_gets_a_table_and_a_progress_bar(blob_ply: Path, tmp_path: Path) -> None:
+    said = _on_a_terminal("build", blob_ply, "-o", tmp_path / "a.umbel", patience=0)
+    assert "20,480" in said and "triangles per second" in said and "│" in said
     assert "%" in said and "━" in said
 
 
-def _on_a_terminal(arguments: list[str]) -> str:
+def test_what_is_done_soon_shows_no_bar(blob_ply: Path, tmp_path: Path) -> None:
+    said = _on_a_terminal("build", blob_ply, "-o", tmp_path / "a.umbel", patience=1e9)
+    assert "20,480" in said and "%" not in said and "━" not in said
+
+
+def _on_a_terminal(*arguments: object, patience: float) -> str:
+    """What the command shows at a terminal; with bars for what takes longer than `patience`."""
+    program = (
+        f"import umbel.cli, umbel.cli.progress as p; p.PATIENCE = {patience}; umbel.cli.main()"
+    )
     main, other = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
     process = subprocess.Popen(
-        [*COMMAND, *arguments], stdout=other, stderr=other, stdin=other, env=environment
+        [sys.executable, "-c", program, *map(str, arguments)],
+        stdout=other,
+        stderr=other,
+        stdin=other,
+        env=environment,
     )
     os.close(other)
     said = b""

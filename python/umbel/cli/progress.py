@@ -7,7 +7,7 @@ import time
 from types import TracebackType
 from typing import Any
 
-_PATIENCE = 0.7  # seconds without a bar; what is done by then needs none
+PATIENCE = 0.7  # seconds without a bar; what is done by then needs none
 
 
 class Bar:
@@ -32,7 +32,7 @@ class Bar:
             self._rich.stop()
 
     def __call__(self, fraction: float, stage: str) -> None:
-        if not self._wanted or time.monotonic() - self._started < _PATIENCE:
+        if not self._wanted or time.monotonic() - self._started < PATIENCE:
             return
         if self._rich is None:
             self._open()

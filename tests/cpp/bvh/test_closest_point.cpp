@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "bvh/every_config.hpp"
 #include "bvh/oracle.hpp"
 
 namespace umbel {
@@ -74,22 +75,16 @@ TEST(BvhClosestPoint, of_equals_the_lowest_triangle_is_taken_by_every_tree) {
   TriangleBvhConfig first;
   first.width = 2;
   const TriangleBvh reference = TriangleBvh::build(mesh.view(), first);
-  for (const bvh::Builder builder : bvh::builders())
-    for (const uint32_t width : {2u, 4u, 8u})
-      for (const bool compact : {false, true}) {
-        TriangleBvhConfig config;
-        config.tree = bvh::Config{};
-        config.tree.builder = builder;
-        config.width = width, config.compact = compact;
-        const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
-        for (const Vec3& p : points_around(mesh.view(), 100, 5)) {
-          const ClosestPoint a = reference.closest_point(p), b = tree.closest_point(p);
-          ASSERT_EQ(a.primitive, b.primitive) << bvh::name(builder) << " " << width;
-          ASSERT_EQ(a.point, b.point);
-          ASSERT_EQ(a.distance, b.distance);
-          ASSERT_LT(a.primitive, mesh.triangles.size() / 2);
-        }
-      }
+  for (const TriangleBvhConfig& config : every_config()) {
+    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    for (const Vec3& p : points_around(mesh.view(), 100, 5)) {
+      const ClosestPoint a = reference.closest_point(p), b = tree.closest_point(p);
+      ASSERT_EQ(a.primitive, b.primitive) << bvh::name(config.tree.builder) << " " << config.width;
+      ASSERT_EQ(a.point, b.point);
+      ASSERT_EQ(a.distance, b.distance);
+      ASSERT_LT(a.primitive, mesh.triangles.size() / 2);
+    }
+  }
 }
 
 TEST(BvhClosestPoint, batches_equal_single_points_for_any_threads) {

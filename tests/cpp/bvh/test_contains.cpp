@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "bvh/every_config.hpp"
 #include "bvh/oracle.hpp"
 
 namespace umbel {
@@ -82,17 +83,12 @@ TEST(BvhContains, every_builder_and_width_agree_at_every_scale) {
     for (Vec3& p : points) p = {unit(random) * scale, unit(random) * scale, unit(random) * scale};
     std::vector<bool> truth;
     for (const Vec3& p : points) truth.push_back(winding_number(mesh.view(), p) > 0.5);
-    for (const bvh::Builder builder : bvh::builders())
-      for (const uint32_t width : {2u, 4u, 8u})
-        for (const bool compact : {false, true}) {
-          TriangleBvhConfig config;
-          config.tree = bvh::Config{};
-          config.tree.builder = builder;
-          config.width = width, config.compact = compact;
-          const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
-          for (size_t i = 0; i < points.size(); ++i)
-            ASSERT_EQ(tree.contains(points[i]), truth[i]) << bvh::name(builder) << " " << scale;
-        }
+    for (const TriangleBvhConfig& config : every_config()) {
+      const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+      for (size_t i = 0; i < points.size(); ++i)
+        ASSERT_EQ(tree.contains(points[i]), truth[i])
+            << bvh::name(config.tree.builder) << " " << scale;
+    }
   }
 }
 

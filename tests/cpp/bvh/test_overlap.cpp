@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "bvh/every_config.hpp"
 #include "bvh/oracle.hpp"
 
 namespace umbel {
@@ -9,15 +10,8 @@ using namespace testing;
 
 std::vector<TriangleBvh> trees_of(const Mesh& mesh) {
   std::vector<TriangleBvh> trees;
-  for (const bvh::Builder builder : bvh::builders())
-    for (const uint32_t width : {2u, 4u, 8u})
-      for (const bool compact : {false, true}) {
-        TriangleBvhConfig config;
-        config.tree = bvh::Config{};
-        config.tree.builder = builder;
-        config.width = width, config.compact = compact;
-        trees.push_back(TriangleBvh::build(mesh.view(), config));
-      }
+  for (const TriangleBvhConfig& config : every_config())
+    trees.push_back(TriangleBvh::build(mesh.view(), config));
   return trees;
 }
 

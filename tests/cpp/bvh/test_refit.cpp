@@ -2,6 +2,7 @@
 
 #include "asset/scratch.hpp"
 #include "base/math.hpp"
+#include "bvh/every_config.hpp"
 #include "bvh/oracle.hpp"
 
 namespace umbel {
@@ -24,28 +25,23 @@ TEST(BvhRefit, queries_see_the_moved_mesh_with_every_builder_and_width) {
   std::vector<Truth> truths;
   for (const Ray& ray : rays) truths.push_back(trace_all(moved.view(), ray));
   const TriangleBvh fresh = TriangleBvh::build(moved.view());
-  for (const bvh::Builder builder : bvh::builders())
-    for (const uint32_t width : {2u, 4u, 8u})
-      for (const bool compact : {false, true}) {
-        TriangleBvhConfig config;
-        config.tree = bvh::Config{};
-        config.tree.builder = builder;
-        config.width = width, config.compact = compact;
-        TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
-        const RefitReport report = tree.refit(moved.view());
-        EXPECT_GT(report.sah_cost, 0);
-        EXPECT_EQ(report.sah_cost, tree.statistics().sah_cost);
-        EXPECT_EQ(tree.bounds(), bounds(moved.view()));
-        for (size_t i = 0; i < rays.size(); ++i) {
-          const Hit hit = tree.intersect(rays[i]);
-          ASSERT_TRUE(is_right(moved.view(), rays[i], truths[i], hit)) << bvh::name(builder);
-          const ClosestPoint a = tree.closest_point(rays[i].origin);
-          const ClosestPoint b = fresh.closest_point(rays[i].origin);
-          ASSERT_EQ(a.primitive, b.primitive);
-          ASSERT_EQ(a.distance, b.distance);
-          ASSERT_EQ(tree.contains(rays[i].origin), fresh.contains(rays[i].origin));
-        }
-      }
+  for (const TriangleBvhConfig& config : every_config()) {
+    TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    const RefitReport report = tree.refit(moved.view());
+    EXPECT_GT(report.sah_cost, 0);
+    EXPECT_EQ(report.sah_cost, tree.statistics().sah_cost);
+    EXPECT_EQ(tree.bounds(), bounds(moved.view()));
+    for (size_t i = 0; i < rays.size(); ++i) {
+      const Hit hit = tree.intersect(rays[i]);
+      ASSERT_TRUE(is_right(moved.view(), rays[i], truths[i], hit))
+          << bvh::name(config.tree.builder);
+      const ClosestPoint a = tree.closest_point(rays[i].origin);
+      const ClosestPoint b = fresh.closest_point(rays[i].origin);
+      ASSERT_EQ(a.primitive, b.primitive);
+      ASSERT_EQ(a.distance, b.distance);
+      ASSERT_EQ(tree.contains(rays[i].origin), fresh.contains(rays[i].origin));
+    }
+  }
 }
 
 TEST(BvhRefit, the_same_positions_keep_the_cost_and_the_bytes) {

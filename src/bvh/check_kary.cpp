@@ -1,5 +1,4 @@
-// Trees with any number of children a node: what they cost, and whether one from an unknown source
-// is sound.
+// Whether a tree with any number of children a node, from an unknown source, is sound.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -11,13 +10,6 @@ namespace umbel::bvh {
 namespace {
 
 constexpr uint32_t kMostChildren = 64;
-
-// In double: neither the largest nor the smallest boxes overflow or vanish.
-double half_area(const KaryNode& n) {
-  const double x = double(n.max.x) - double(n.min.x), y = double(n.max.y) - double(n.min.y),
-               z = double(n.max.z) - double(n.min.z);
-  return x * y + y * z + z * x;
-}
 
 [[noreturn]] void fail(size_t node, const std::string& what) {
   throw Error(ErrorCode::kCorrupt, "node " + std::to_string(node) + " " + what);
@@ -82,36 +74,6 @@ void check_primitives(const KaryTree& tree, uint32_t primitive_count) {
 }
 
 }  // namespace
-
-double sah_cost(const KaryTree& tree, const CostModel& cost) {
-  if (tree.nodes.empty()) return 0.0;
-  const double root = half_area(tree.nodes[0]);
-  double sum = 0.0;
-  for (const KaryNode& node : tree.nodes) {
-    const double visit =
-        node.is_leaf() ? double(cost.intersection) * node.count : double(cost.traversal);
-    sum += root > 0 ? visit * half_area(node) / root : visit;
-  }
-  return sum;
-}
-
-Statistics statistics(const KaryTree& tree, const CostModel& cost) {
-  Statistics s{};
-  s.nodes = static_cast<uint32_t>(tree.nodes.size());
-  s.sah_cost = sah_cost(tree, cost);
-  s.bytes = tree.nodes.size() * sizeof(KaryNode) + tree.primitives.size() * sizeof(uint32_t);
-  std::vector<uint32_t> depth(tree.nodes.size(), 0);
-  for (size_t i = 0; i < tree.nodes.size(); ++i) {
-    const KaryNode& node = tree.nodes[i];
-    if (node.is_leaf()) {
-      ++s.leaves;
-      s.references += node.count;
-      s.max_depth = std::max(s.max_depth, depth[i]);
-    }
-    for (uint32_t k = 0; k < node.children; ++k) depth[node.first + k] = depth[i] + 1;
-  }
-  return s;
-}
 
 void check(const KaryTree& tree, uint32_t primitive_count) {
   std::vector<uint8_t> has_parent(tree.nodes.size());
