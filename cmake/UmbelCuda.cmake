@@ -52,8 +52,9 @@ function(umbel_cuda_compile_options target)
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src)
 endfunction()
 
-add_library(umbel_cuda STATIC ${PROJECT_SOURCE_DIR}/src/cuda/frame_clusters.cu
-                              ${PROJECT_SOURCE_DIR}/src/capi/cuda_frames.cpp)
+file(GLOB umbel_cuda_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/cuda/*.cu
+     ${PROJECT_SOURCE_DIR}/src/capi/cuda_*.cpp)
+add_library(umbel_cuda STATIC ${umbel_cuda_sources})
 umbel_cuda_compile_options(umbel_cuda)
 target_link_libraries(umbel_cuda PUBLIC umbel_internal PRIVATE TBB::tbb CUDA::cudart_static)
 add_library(umbel::cuda ALIAS umbel_cuda)

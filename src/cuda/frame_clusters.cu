@@ -1,23 +1,5 @@
 // The algorithms for meshes that change every frame, on a device.
-#include <algorithm>
+#include "cuda/run.cuh"
 
-#include "cuda/cuda_exec.cuh"
-#include "umbel/cuda.hpp"
-
-namespace umbel::cuda {
-namespace {
-
-/// Runs `work` on an executor over the scratch memory, or finds out how much it needs.
-template <typename Work>
-void run(void* scratch, size_t& scratch_bytes, Stream stream, const Work& work) {
-  Arena arena = scratch ? Arena(scratch, scratch_bytes) : Arena();
-  CudaExec exec(stream, arena);
-  work(exec);
-  // Never 0, so that there is something to allocate.
-  if (!scratch) scratch_bytes = std::max(arena.most(), Arena::kAlignment);
-}
-
-}  // namespace
-}  // namespace umbel::cuda
-
-#include "cuda/frame_functions.hpp"  // needs what is above
+// What is above comes first.
+#include "cuda/frame_functions.hpp"

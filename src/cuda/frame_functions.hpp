@@ -1,7 +1,7 @@
 // The functions of umbel/cuda.hpp, over a function template that the file that includes this
-// defines before: run(scratch, scratch_bytes, stream, work) calls work(executor), or finds out how
-// much scratch memory that needs. So they are compiled for devices and, by the tests, for the
-// processor. Nothing here is an algorithm: see the headers that are included.
+// includes before (cuda/run.cuh): run(scratch, scratch_bytes, stream, work) calls work(executor),
+// or finds out how much scratch memory that needs. So they are compiled for devices and, by the
+// tests, for the processor. Nothing here is an algorithm: see the headers that are included.
 #pragma once
 
 #include "cluster/build_frame.hpp"

@@ -19,11 +19,11 @@ namespace umbel::lod {
 
 inline constexpr float kNodeSlack = 0x1p-20f;
 
-inline float side(const Plane& plane, float x, float y, float z) {
+UMBEL_HOST_DEVICE inline float side(const Plane& plane, float x, float y, float z) {
   return ((plane.normal.x * x + plane.normal.y * y) + plane.normal.z * z) + plane.offset;
 }
 
-inline bool is_outside(const Sphere& sphere, std::span<const Plane> planes) {
+UMBEL_HOST_DEVICE inline bool is_outside(const Sphere& sphere, std::span<const Plane> planes) {
   const Vec3& c = sphere.center;
   for (const Plane& plane : planes)
     if (side(plane, c.x, c.y, c.z) < -sphere.radius) return true;
@@ -31,7 +31,7 @@ inline bool is_outside(const Sphere& sphere, std::span<const Plane> planes) {
 }
 
 /// Whether an inner node is outside by so much that all below it are.
-inline bool is_node_outside(const Sphere& sphere, std::span<const Plane> planes) {
+UMBEL_HOST_DEVICE inline bool is_node_outside(const Sphere& sphere, std::span<const Plane> planes) {
   const Vec3& c = sphere.center;
   for (const Plane& plane : planes) {
     const Vec3& n = plane.normal;
@@ -42,7 +42,7 @@ inline bool is_node_outside(const Sphere& sphere, std::span<const Plane> planes)
   return false;
 }
 
-inline bool is_outside(const Aabb& box, std::span<const Plane> planes) {
+UMBEL_HOST_DEVICE inline bool is_outside(const Aabb& box, std::span<const Plane> planes) {
   for (const Plane& plane : planes) {
     const Vec3& n = plane.normal;
     if (side(plane, n.x >= 0 ? box.max.x : box.min.x, n.y >= 0 ? box.max.y : box.min.y,
@@ -52,13 +52,21 @@ inline bool is_outside(const Aabb& box, std::span<const Plane> planes) {
   return false;
 }
 
-inline bool faces_away(const ClusterBounds& bounds, const Vec3& eye) {
+UMBEL_HOST_DEVICE inline bool faces_away(const ClusterBounds& bounds, const Vec3& eye) {
   const float x = bounds.sphere.center.x - eye.x;
   const float y = bounds.sphere.center.y - eye.y;
   const float z = bounds.sphere.center.z - eye.z;
   const Vec3& a = bounds.cone_axis;
   return (x * a.x + y * a.y) + z * a.z >=
          bounds.cone_cutoff * vector_length(x, y, z) + bounds.sphere.radius;
+}
+
+/// Whether a walk of the hierarchy must look below this inner node.
+UMBEL_HOST_DEVICE inline bool opens(const Node& node, const View& view,
+                                    std::span<const Plane> planes) {
+  if (view.kind != View::Kind::kLevel && !error_too_large(node.sphere, node.error, view))
+    return false;
+  return !is_node_outside(node.sphere, planes);
 }
 
 /// Of a cluster whose group is not outside.

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/host_device.hpp"
 #include "umbel/lod.hpp"
 
 #if defined(__clang__)
@@ -20,7 +21,7 @@ namespace umbel::lod {
 /// sqrt(x^2 + y^2 + z^2) with the sum from left to right. Where that sum would overflow or lose
 /// digits to underflow, the same of components scaled by a power of two, which is exact: the
 /// relative error is below 2^-21 for every input whose length is a normal float.
-inline float vector_length(float x, float y, float z) {
+UMBEL_HOST_DEVICE inline float vector_length(float x, float y, float z) {
   constexpr float kSmallest = 0x1p-100f;
   constexpr float kUp = 0x1p96f;
   constexpr float kDown = 0x1p-96f;
@@ -35,7 +36,7 @@ inline float vector_length(float x, float y, float z) {
 /// Distance from `eye` to the sphere, 0 inside it. Never infinite, so that a threshold of zero
 /// times it is zero; the length is limited before the radius is taken off, because a length that
 /// overflows at one sphere need not at another within it.
-inline float distance_outside(const Sphere& sphere, const Vec3& eye) {
+UMBEL_HOST_DEVICE inline float distance_outside(const Sphere& sphere, const Vec3& eye) {
   const float length =
       vector_length(sphere.center.x - eye.x, sphere.center.y - eye.y, sphere.center.z - eye.z);
   return std::max(std::min(length, std::numeric_limits<float>::max()) - sphere.radius, 0.0f);
@@ -43,10 +44,17 @@ inline float distance_outside(const Sphere& sphere, const Vec3& eye) {
 
 /// kError and kCamera, for a group or for a node of the hierarchy. Infinite errors are always
 /// too large.
-inline bool error_too_large(const Sphere& sphere, float error, const View& view) {
+UMBEL_HOST_DEVICE inline bool error_too_large(const Sphere& sphere, float error, const View& view) {
   if (error == std::numeric_limits<float>::infinity()) return true;
   if (view.kind == View::Kind::kError) return error > view.error;
   return error > view.threshold * distance_outside(sphere, view.eye);
+}
+
+/// must_refine.
+UMBEL_HOST_DEVICE inline bool needs_refining(const Group& group, const View& view) {
+  if (view.kind == View::Kind::kLevel)
+    return group.level >= view.level || group.error == std::numeric_limits<float>::infinity();
+  return error_too_large(group.sphere, group.error, view);
 }
 
 }  // namespace umbel::lod

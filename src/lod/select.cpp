@@ -23,13 +23,6 @@ bool in_cut(const Cluster& cluster, const std::vector<uint8_t>& groups) {
          (cluster.generating_group == kNone || !(groups[cluster.generating_group] & kRefined));
 }
 
-// Whether a walk of the hierarchy must look below this inner node.
-bool opens(const Node& node, const View& view, const Culling& culling) {
-  if (view.kind != View::Kind::kLevel && !error_too_large(node.sphere, node.error, view))
-    return false;
-  return !is_node_outside(node.sphere, culling.planes);
-}
-
 bool is_shown(const Group& group, const View& view, const Culling& culling) {
   return must_refine(group, view) && !is_outside(group.sphere, culling.planes);
 }
@@ -128,11 +121,7 @@ void check(const Tables& tables, const View& view, const Culling& culling) {
     reject("Culling::facing needs a camera: other views have no eye");
 }
 
-bool must_refine(const Group& group, const View& view) {
-  if (view.kind == View::Kind::kLevel)
-    return group.level >= view.level || group.error == std::numeric_limits<float>::infinity();
-  return error_too_large(group.sphere, group.error, view);
-}
+bool must_refine(const Group& group, const View& view) { return needs_refining(group, view); }
 
 std::vector<uint32_t> select(const Tables& tables, const View& view) {
   return select(tables, view, Culling{});
@@ -184,7 +173,7 @@ std::vector<uint32_t> select_hierarchy(const Tables& tables, const View& view,
     stack.pop_back();
     if (node.group != kNone) {
       if (is_shown(tables.groups[node.group], view, culling)) groups.insert(node.group);
-    } else if (opens(node, view, culling)) {
+    } else if (opens(node, view, culling.planes)) {
       for (uint32_t i = 0; i < node.children.count; ++i) stack.push_back(node.children.offset + i);
     }
   }
@@ -205,7 +194,7 @@ std::vector<uint32_t> select_breadth_first(const Tables& tables, const View& vie
       const Node& node = tables.nodes[n];
       if (node.group != kNone) {
         if (is_shown(tables.groups[node.group], view, culling)) groups.insert(node.group);
-      } else if (opens(node, view, culling)) {
+      } else if (opens(node, view, culling.planes)) {
         for (uint32_t i = 0; i < node.children.count; ++i) next.push_back(node.children.offset + i);
       }
     }
