@@ -32,6 +32,8 @@ HEADER_LAYERS = {
     "triangle_queries.hpp": "bvh",
     "bvh_presets.hpp": "bvh",
     "bvh_traverse.hpp": "bvh",
+    "compact_bvh.hpp": "bvh",
+    "cuda_bvh.hpp": "cuda",
     "ray_arrays.hpp": "bvh",
     "lod_select.hpp": "lod",
     "umbel_lod.h": "capi",

@@ -6,6 +6,7 @@
 #include "umbel/bvh_presets.hpp"
 #include "umbel/bvh_traverse.hpp"
 #include "umbel/cluster.hpp"
+#include "umbel/compact_bvh.hpp"
 #include "umbel/frame_clusters.hpp"
 #include "umbel/kdtree.hpp"
 #include "umbel/lod.hpp"
