@@ -4,7 +4,7 @@
 #include <span>
 
 #include "capi/bvh_input.hpp"
-#include "capi/guard.hpp"
+#include "capi/hand_out.hpp"
 #include "capi/structs.hpp"
 #include "umbel/stream.hpp"
 
@@ -52,15 +52,6 @@ StreamView view_of(const umbel_stream_view& view) {
   return out;
 }
 
-template <typename Handle, typename Make>
-umbel_result hand_out(Handle** handle, const char* name, const Make& make) {
-  if (handle) *handle = nullptr;
-  return guard([&] {
-    required(handle, name);
-    *handle = make();
-  });
-}
-
 }  // namespace
 }  // namespace umbel::capi
 
@@ -69,7 +60,7 @@ using namespace umbel::capi;
 
 umbel_result umbel_asset_open(const char* path, umbel_asset** asset) {
   return hand_out(asset, "asset", [&] {
-    return new umbel_asset{
+    return umbel_asset{
         Asset(std::filesystem::path(reinterpret_cast<const char8_t*>(&required(path, "path"))))};
   });
 }
@@ -78,7 +69,7 @@ umbel_result umbel_asset_open_source(uint64_t size, umbel_read read, void* user,
                                      umbel_asset** asset) {
   return hand_out(asset, "asset", [&] {
     if (!read) throw Error(ErrorCode::kInvalidArgument, "read is NULL");
-    return new umbel_asset{Asset(std::make_shared<const CallbackSource>(size, read, user))};
+    return umbel_asset{Asset(std::make_shared<const CallbackSource>(size, read, user))};
   });
 }
 
@@ -113,7 +104,7 @@ umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_by
     ResidencyConfig config;
     config.budget_bytes = budget_bytes;
     config.threads = std::max(threads, 1u);
-    return new umbel_residency{a, Residency(a, config)};
+    return umbel_residency{a, Residency(a, config)};
   });
 }
 

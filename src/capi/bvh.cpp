@@ -76,20 +76,20 @@ umbel_result umbel_bvh_config_builder(umbel_bvh_config* config, const char* name
 
 umbel_result umbel_bvh_build(const umbel_bvh_mesh* mesh, const umbel_bvh_config* config,
                              const umbel_build_options* options, umbel_bvh** bvh) {
-  return capi::hand_out(bvh, [&] {
+  return capi::hand_out(bvh, "bvh", [&] {
     const capi::BvhMesh given = capi::bvh_mesh(mesh);
-    return TriangleBvh::build(given.view, capi::bvh_config(config), given.masks,
-                              capi::build_options(options));
+    return umbel_bvh{TriangleBvh::build(given.view, capi::bvh_config(config), given.masks,
+                                        capi::build_options(options))};
   });
 }
 
 umbel_result umbel_bvh_from_bvh2(const umbel_bvh2* tree, const umbel_bvh_mesh* mesh,
                                  const umbel_bvh_config* config, const umbel_build_options* options,
                                  umbel_bvh** bvh) {
-  return capi::hand_out(bvh, [&] {
+  return capi::hand_out(bvh, "bvh", [&] {
     const capi::BvhMesh given = capi::bvh_mesh(mesh);
-    return TriangleBvh::widen(capi::tree_of(tree), given.view, capi::bvh_config(config),
-                              given.masks, capi::build_options(options));
+    return umbel_bvh{TriangleBvh::widen(capi::tree_of(tree), given.view, capi::bvh_config(config),
+                                        given.masks, capi::build_options(options))};
   });
 }
 
@@ -115,7 +115,8 @@ umbel_result umbel_bvh_save(const umbel_bvh* bvh, const char* path) {
 }
 
 umbel_result umbel_bvh_load(const char* path, umbel_bvh** bvh) {
-  return capi::hand_out(bvh, [&] { return TriangleBvh::load(&capi::required(path, "path")); });
+  return capi::hand_out(
+      bvh, "bvh", [&] { return umbel_bvh{TriangleBvh::load(&capi::required(path, "path"))}; });
 }
 
 umbel_result umbel_bvh_get_statistics(const umbel_bvh* bvh, umbel_bvh_statistics* statistics) {

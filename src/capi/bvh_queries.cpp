@@ -1,4 +1,5 @@
 // Rays, distances and overlaps of hierarchies from C.
+#include "capi/hand_out.hpp"
 #include "capi/queries.hpp"
 
 using namespace umbel;
@@ -48,20 +49,20 @@ umbel_result umbel_bvh_signed_distance(const umbel_bvh* bvh, const umbel_vec3* p
 
 umbel_result umbel_bvh_overlaps_box(const umbel_bvh* bvh, const umbel_aabb* box,
                                     uint32_t* triangles, size_t capacity, size_t* count) {
-  return capi::hand_out_found(triangles, capacity, count,
+  return capi::hand_out_found(triangles, "triangles", capacity, count,
                               [&] { return capi::overlaps(capi::required(bvh, "bvh").bvh, box); });
 }
 
 umbel_result umbel_bvh_overlaps_sphere(const umbel_bvh* bvh, const umbel_sphere* sphere,
                                        uint32_t* triangles, size_t capacity, size_t* count) {
-  return capi::hand_out_found(triangles, capacity, count, [&] {
+  return capi::hand_out_found(triangles, "triangles", capacity, count, [&] {
     return capi::overlaps(capi::required(bvh, "bvh").bvh, sphere);
   });
 }
 
 umbel_result umbel_bvh_overlaps_frustum(const umbel_bvh* bvh, const umbel_plane* planes,
                                         uint32_t* triangles, size_t capacity, size_t* count) {
-  return capi::hand_out_found(triangles, capacity, count, [&] {
+  return capi::hand_out_found(triangles, "triangles", capacity, count, [&] {
     return capi::overlaps(capi::required(bvh, "bvh").bvh, planes);
   });
 }

@@ -6,19 +6,10 @@
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/guard.hpp"
+#include "capi/hand_out.hpp"
 #include "capi/structs.hpp"
 
 namespace umbel::capi {
-
-/// Runs make() and hands the caller what it made; NULL if it throws.
-template <typename Make>
-umbel_result hand_out(umbel_bvh** bvh, const Make& make) {
-  if (bvh) *bvh = nullptr;
-  return guard([&] {
-    umbel_bvh*& result = required(bvh, "bvh");
-    result = new umbel_bvh{make()};
-  });
-}
 
 /// The tree that a C caller holds; copied, since the library takes vectors.
 template <typename Tree, typename Given>

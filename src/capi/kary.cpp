@@ -49,9 +49,9 @@ umbel_result umbel_kary_get_statistics(const umbel_kary* tree, const umbel_bvh_c
 umbel_result umbel_bvh_from_kary(const umbel_kary* tree, const umbel_bvh_mesh* mesh,
                                  const umbel_bvh_config* config, const umbel_build_options* options,
                                  umbel_bvh** bvh) {
-  return capi::hand_out(bvh, [&] {
+  return capi::hand_out(bvh, "bvh", [&] {
     const capi::BvhMesh given = capi::bvh_mesh(mesh);
-    return TriangleBvh::widen(capi::tree_of(tree), given.view, capi::bvh_config(config),
-                              given.masks, capi::build_options(options));
+    return umbel_bvh{TriangleBvh::widen(capi::tree_of(tree), given.view, capi::bvh_config(config),
+                                        given.masks, capi::build_options(options))};
   });
 }

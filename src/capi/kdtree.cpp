@@ -4,7 +4,7 @@
 
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
-#include "capi/guard.hpp"
+#include "capi/hand_out.hpp"
 #include "capi/kdtree_input.hpp"
 #include "capi/structs.hpp"
 
@@ -55,16 +55,6 @@ KdTreeConfig kdtree_config(const umbel_kdtree_config* config) {
   return result;
 }
 
-/// Runs make() and hands the caller what it made; NULL if it throws.
-template <typename Make>
-umbel_result hand_out(umbel_kdtree** tree, const Make& make) {
-  if (tree) *tree = nullptr;
-  return guard([&] {
-    umbel_kdtree*& result = required(tree, "tree");
-    result = new umbel_kdtree{make()};
-  });
-}
-
 umbel_kdtree_statistics statistics_of(const KdTree& tree) {
   const kdtree::Statistics found = tree.statistics();
   umbel_kdtree_statistics result{};
@@ -95,10 +85,10 @@ void umbel_kdtree_config_init_sized(umbel_kdtree_config* config, size_t size) {
 
 umbel_result umbel_kdtree_build(const umbel_bvh_mesh* mesh, const umbel_kdtree_config* config,
                                 const umbel_build_options* options, umbel_kdtree** tree) {
-  return capi::hand_out(tree, [&] {
+  return capi::hand_out(tree, "tree", [&] {
     const capi::BvhMesh given = capi::bvh_mesh(mesh);
-    return kdtree::KdTree::build(given.view, capi::kdtree_config(config), given.masks,
-                                 capi::build_options(options));
+    return umbel_kdtree{kdtree::KdTree::build(given.view, capi::kdtree_config(config), given.masks,
+                                              capi::build_options(options))};
   });
 }
 
@@ -116,9 +106,9 @@ umbel_result umbel_kdtree_save(const umbel_kdtree* tree, const char* path) {
 }
 
 umbel_result umbel_kdtree_load(const char* path, uint32_t traversal, umbel_kdtree** tree) {
-  return capi::hand_out(tree, [&] {
-    return kdtree::KdTree::load(&capi::required(path, "path"),
-                                static_cast<kdtree::Traversal>(traversal));
+  return capi::hand_out(tree, "tree", [&] {
+    return umbel_kdtree{kdtree::KdTree::load(&capi::required(path, "path"),
+                                             static_cast<kdtree::Traversal>(traversal))};
   });
 }
 

@@ -1,4 +1,5 @@
 // Rays, distances and overlaps of kd-trees from C.
+#include "capi/hand_out.hpp"
 #include "capi/kdtree_input.hpp"
 #include "capi/queries.hpp"
 
@@ -49,21 +50,21 @@ umbel_result umbel_kdtree_signed_distance(const umbel_kdtree* tree, const umbel_
 
 umbel_result umbel_kdtree_overlaps_box(const umbel_kdtree* tree, const umbel_aabb* box,
                                        uint32_t* triangles, size_t capacity, size_t* count) {
-  return capi::hand_out_found(triangles, capacity, count, [&] {
+  return capi::hand_out_found(triangles, "triangles", capacity, count, [&] {
     return capi::overlaps(capi::required(tree, "tree").tree, box);
   });
 }
 
 umbel_result umbel_kdtree_overlaps_sphere(const umbel_kdtree* tree, const umbel_sphere* sphere,
                                           uint32_t* triangles, size_t capacity, size_t* count) {
-  return capi::hand_out_found(triangles, capacity, count, [&] {
+  return capi::hand_out_found(triangles, "triangles", capacity, count, [&] {
     return capi::overlaps(capi::required(tree, "tree").tree, sphere);
   });
 }
 
 umbel_result umbel_kdtree_overlaps_frustum(const umbel_kdtree* tree, const umbel_plane* planes,
                                            uint32_t* triangles, size_t capacity, size_t* count) {
-  return capi::hand_out_found(triangles, capacity, count, [&] {
+  return capi::hand_out_found(triangles, "triangles", capacity, count, [&] {
     return capi::overlaps(capi::required(tree, "tree").tree, planes);
   });
 }

@@ -1,6 +1,6 @@
 // Building levels of detail from C.
 #include "capi/cluster_input.hpp"
-#include "capi/guard.hpp"
+#include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
 #include "capi/structs.hpp"
 #include "umbel/asset.hpp"
@@ -48,13 +48,12 @@ void verify(const umbel_lod& lod, uint32_t cuts, uint32_t seed, const BuildOptio
 umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel_lod_config* config,
                              const umbel_build_options* options, umbel_lod** lod) {
   using namespace umbel;
-  return capi::guard([&] {
-    capi::required(lod, "lod") = nullptr;
-    auto made = std::make_unique<umbel_lod>();
-    made->dag = lod::build(capi::lod_mesh(mesh), capi::lod_config(config),
-                           capi::build_options(options), capi::lod_decimator(config));
-    made->tables.tables = made->dag.tables;
-    *lod = made.release();
+  return capi::hand_out(lod, "lod", [&] {
+    umbel_lod made{lod::build(capi::lod_mesh(mesh), capi::lod_config(config),
+                              capi::build_options(options), capi::lod_decimator(config)),
+                   {}};
+    made.tables.tables = made.dag.tables;
+    return made;
   });
 }
 
@@ -86,14 +85,11 @@ umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed
 umbel_result umbel_lod_cut_mesh(const umbel_lod* lod, const uint32_t* cut, size_t count,
                                 umbel_mesh** mesh) {
   using namespace umbel;
-  return capi::guard([&] {
-    capi::required(mesh, "mesh") = nullptr;
+  return capi::hand_out(mesh, "mesh", [&] {
     const umbel_lod& given = capi::required(lod, "lod");
-    auto made = std::make_unique<umbel_mesh>();
-    made->mesh = lod::cut_mesh(
+    return umbel_mesh{lod::cut_mesh(
         given.dag.tables, [&](uint32_t c) { return capi::geometry(given, c); },
-        capi::elements<const uint32_t>(cut, count, "cut"));
-    *mesh = made.release();
+        capi::elements<const uint32_t>(cut, count, "cut"))};
   });
 }
 

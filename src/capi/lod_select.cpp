@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <limits>
 
-#include "capi/guard.hpp"
+#include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
 #include "capi/structs.hpp"
 #include "umbel/asset.hpp"
@@ -45,16 +45,6 @@ lod::Culling culling_of(const umbel_lod_culling* given) {
           elements<const ClusterBounds>(given->facing, given->facing_count, "culling->facing")};
 }
 
-// The caller's array, or only the count where there is none.
-void hand_out(const std::vector<uint32_t>& found, uint32_t* to, size_t capacity, size_t* count) {
-  required(count, "count") = found.size();
-  if (!to) return;
-  if (capacity < found.size())
-    throw CapacityError{"capacity is " + std::to_string(capacity) + ", but " +
-                        std::to_string(found.size()) + " are needed"};
-  std::copy(found.begin(), found.end(), to);
-}
-
 std::vector<uint32_t> select_by(umbel_lod_method method, const lod::Tables& tables,
                                 const lod::View& view, const lod::Culling& culling) {
   switch (method) {
@@ -87,16 +77,6 @@ lod::Tables copied(const umbel_lod_arrays& arrays) {
           copied<lod::Node>(arrays.nodes, arrays.node_count, "arrays->nodes")};
 }
 
-template <typename Make>
-umbel_result make_tables(umbel_lod_tables** tables, const Make& make) {
-  return guard([&] {
-    required(tables, "tables") = nullptr;
-    auto made = std::make_unique<umbel_lod_tables>();
-    made->tables = make();
-    *tables = made.release();
-  });
-}
-
 }  // namespace
 }  // namespace umbel::capi
 
@@ -106,15 +86,17 @@ const umbel_lod_tables* umbel_lod_get_tables(const umbel_lod* lod) {
 
 umbel_result umbel_lod_tables_open(const char* path, umbel_lod_tables** tables) {
   using namespace umbel;
-  return capi::make_tables(tables, [&] { return Asset(&capi::required(path, "path")).tables(); });
+  return capi::hand_out(tables, "tables", [&] {
+    return umbel_lod_tables{Asset(&capi::required(path, "path")).tables()};
+  });
 }
 
 umbel_result umbel_lod_tables_create(const umbel_lod_arrays* arrays, umbel_lod_tables** tables) {
   using namespace umbel;
-  return capi::make_tables(tables, [&] {
+  return capi::hand_out(tables, "tables", [&] {
     lod::Tables made = capi::copied(capi::read_struct(arrays, "arrays"));
     lod::validate(made);
-    return made;
+    return umbel_lod_tables{std::move(made)};
   });
 }
 
@@ -174,9 +156,9 @@ umbel_result umbel_lod_select(const umbel_lod_tables* tables, const umbel_lod_vi
                               uint32_t* cut, size_t capacity, size_t* count) {
   using namespace umbel;
   return capi::guard([&] {
-    capi::hand_out(capi::select_by(method, capi::required(tables, "tables").tables,
-                                   capi::view_of(view), capi::culling_of(culling)),
-                   cut, capacity, count);
+    capi::hand_out_all(capi::select_by(method, capi::required(tables, "tables").tables,
+                                       capi::view_of(view), capi::culling_of(culling)),
+                       cut, "cut", capacity, count);
   });
 }
 
@@ -193,7 +175,7 @@ umbel_result umbel_lod_select_instances(const umbel_lod_tables* tables, const um
         lod::select_instances(capi::required(tables, "tables").tables, capi::view_of(view),
                               capi::culling_of(culling), transforms);
     const auto room = capi::elements<uint32_t>(offsets, instance_count + 1, "offsets");
-    capi::hand_out(cuts.clusters, clusters, capacity, count);
+    capi::hand_out_all(cuts.clusters, clusters, "clusters", capacity, count);
     std::copy(cuts.offsets.begin(), cuts.offsets.end(), room.begin());
   });
 }

@@ -106,17 +106,4 @@ std::vector<uint32_t> overlaps(const TriangleQueries& in, const umbel_plane* pla
   return in.overlaps(frustum);
 }
 
-void hand_out(const std::vector<uint32_t>& found, uint32_t* triangles, size_t capacity,
-              size_t* count) {
-  required(count, "count") = found.size();
-  if (!triangles) {
-    if (capacity > 0) elements<uint32_t>(triangles, capacity, "triangles");
-    return;
-  }
-  if (found.size() > capacity)
-    throw CapacityError{"triangles has room for " + std::to_string(capacity) + " of " +
-                        std::to_string(found.size())};
-  std::copy(found.begin(), found.end(), triangles);
-}
-
 }  // namespace umbel::capi

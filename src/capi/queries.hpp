@@ -2,7 +2,6 @@
 #pragma once
 
 #include "capi/bvh_input.hpp"
-#include "capi/guard.hpp"
 #include "umbel/triangle_queries.hpp"
 
 namespace umbel::capi {
@@ -25,20 +24,5 @@ void signed_distance(const TriangleQueries& in, const umbel_vec3* points, size_t
 std::vector<uint32_t> overlaps(const TriangleQueries& in, const umbel_aabb* box);
 std::vector<uint32_t> overlaps(const TriangleQueries& in, const umbel_sphere* sphere);
 std::vector<uint32_t> overlaps(const TriangleQueries& in, const umbel_plane* planes);
-
-/// The caller's array, or only the count where there is none.
-void hand_out(const std::vector<uint32_t>& found, uint32_t* triangles, size_t capacity,
-              size_t* count);
-
-/// Runs find() and hands its triangles to the caller.
-template <typename Find>
-umbel_result hand_out_found(uint32_t* triangles, size_t capacity, size_t* count,
-                            const Find& find) noexcept {
-  if (count) *count = 0;
-  return guard([&] {
-    required(count, "count");
-    hand_out(find(), triangles, capacity, count);
-  });
-}
 
 }  // namespace umbel::capi

@@ -319,7 +319,7 @@ TEST(LodFromC, mistakes_are_named) {
          UMBEL_ERROR_INVALID_ARGUMENT, "method");
   uint32_t one = 0;
   expect(umbel_lod_select(tables, &view, nullptr, UMBEL_LOD_FLAT, &one, 1, &count),
-         UMBEL_ERROR_CAPACITY, "capacity");
+         UMBEL_ERROR_CAPACITY, "cut has room");
   EXPECT_GT(count, 1u);
   view.kind = 9;
   expect(umbel_lod_select(tables, &view, nullptr, UMBEL_LOD_FLAT, &one, 1, &count),
