@@ -60,6 +60,8 @@ if TYPE_CHECKING:
     from .repair import snap as snap
     from .repair import validate as validate
     from .repair import weld as weld
+    from .scene_lod import SceneLod as SceneLod
+    from .scene_lod import build_scene as build_scene
     from .stream import Residency as Residency
     from .tables import Tables as Tables
     from .trace import Film as Film
@@ -104,6 +106,8 @@ _HOME = {
     "build_lod": "lod",
     "deforming_tables": "deform",
     "save_asset": "lod",
+    "SceneLod": "scene_lod",
+    "build_scene": "scene_lod",
     "Environment": "look",
     "Material": "mesh",
     "Mesh": "mesh",

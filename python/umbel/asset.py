@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -12,9 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
 from .arrays import indices, mesh_of
+from .camera import Camera
 from .errors import Error
 from .gltf_look import read_materials
 from .mesh import Material, Mesh
+from .places import Shown, scene_cuts, scene_error, scene_mesh
 from .proof import VerifyReport
 from .remote import readable, remote
 from .repair import Progress
@@ -95,6 +98,27 @@ class Asset(HasTables):
         """A cut of one of the meshes as an ordinary mesh, its clusters joined where they meet."""
         arrays = self._native.mesh(indices("cut", cut), mesh)
         return mesh_of(arrays, self.materials, self.info["metadata"].get("name", ""))
+
+    def scene_cuts(
+        self,
+        *,
+        error: float | None = None,
+        camera: Camera | None = None,
+        level: int | None = None,
+        triangles: int | None = None,
+    ) -> list[Shown]:
+        """The cuts of all meshes everywhere that they stand, each with `mesh transform cut`.
+        Exactly one of error (at most so much, in the scene's unit), camera (in the scene), level,
+        and triangles (at most so many in all, if there are such cuts: else the coarsest)."""
+        return scene_cuts(self, error=error, camera=camera, level=level, triangles=triangles)
+
+    def scene_mesh(self, shown: Sequence[Shown]) -> Mesh:
+        """All that is shown, as one mesh in the scene."""
+        return scene_mesh(self, shown)
+
+    def scene_error(self, shown: Sequence[Shown]) -> float:
+        """The largest error of what is shown, in the scene's unit; 0 for level 0."""
+        return scene_error(self, shown)
 
     def cluster(self, index: int, mesh: int = 0) -> Mesh:
         """The triangles of one cluster."""

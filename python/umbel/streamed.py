@@ -15,6 +15,7 @@ from .camera import Camera
 from .errors import Error
 from .look import Environment, Look
 from .mesh import Mesh
+from .places import boxes_of, places
 from .repair import Progress
 from .stream import Residency
 from .trace import Renderer
@@ -24,8 +25,6 @@ _PAGES = 1 / 6
 _BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_A_PLACE = 110, 12, 160, 60
 """What is traced takes, at most."""
 _CAMERA_RAYS, _OTHER_RAYS, _ALL_RAYS = 1, 2, 3
-_BOX = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
-_BOX += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
 
 
 class CutRenderer(Renderer):
@@ -53,7 +52,9 @@ class CutRenderer(Renderer):
     ) -> None:
         if not bounce_error >= 1:
             raise Error(f"bounce_error must be at least 1, not {bounce_error}")
-        self.mesh = boxes(asset)
+        self.mesh = boxes_of(asset)
+        if not len(self.mesh.triangles):
+            raise Error("the asset shows nothing")
         self.up = up
         self._ground, self._threads = False, threads
         self._places = places(asset)
@@ -102,30 +103,6 @@ class CutRenderer(Renderer):
     def bytes(self) -> int:
         """Bytes of all that rays touch."""
         return self._scene.bytes
-
-
-def places(asset: Asset) -> list[tuple[int, Any]]:
-    """Mesh and (3, 4) matrix of everything that the asset shows."""
-    if asset.instances:
-        return asset.instances
-    return [(mesh, np.eye(4, dtype=np.float32)[:3]) for mesh in range(len(asset.meshes))]
-
-
-def boxes(asset: Asset) -> Mesh:
-    """The boxes of all that the asset shows, to aim cameras at."""
-    corners, count = [], 0
-    for mesh, matrix in places(asset):
-        bounds = asset.meshes[mesh]["bounds"]
-        if bounds is None:
-            continue
-        low, high = np.array(bounds, np.float64)
-        unit = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
-        corners.append((low + unit * (high - low)) @ matrix[:, :3].T + matrix[:, 3])
-        count += 1
-    if not count:
-        raise Error("the asset shows nothing")
-    faces = np.concatenate([np.array(_BOX, np.uint32) + 8 * k for k in range(count)])
-    return Mesh(np.concatenate(corners).astype(np.float32), faces)
 
 
 def _settle(

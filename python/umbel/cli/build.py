@@ -25,6 +25,12 @@ def _group_size(text: str) -> tuple[int, int]:
         fail(f"--group-size must be two numbers such as 24:32, not {text!r}")
 
 
+class Instances(str, enum.Enum):
+    auto = "auto"
+    on = "on"
+    off = "off"
+
+
 class SeamRule(str, enum.Enum):
     protect = "protect"
     allow = "allow"
@@ -58,6 +64,13 @@ def command(
     creases: Annotated[
         SeamRule, typer.Option(help="The same of lines where only normals do.")
     ] = SeamRule.allow,
+    instances: Annotated[
+        Instances,
+        typer.Option(
+            help="Of a scene: keep its meshes and the places where they stand apart, or make one "
+            "mesh of all that is drawn; auto: apart if that is more than twice what is stored."
+        ),
+    ] = Instances.auto,
     precision: Annotated[
         str | None,
         typer.Option(
@@ -83,21 +96,22 @@ def command(
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
-    """Build a continuous-LOD asset from a mesh."""
+    """Build a continuous-LOD asset from a mesh or a scene."""
     check_output(output, ".umbel")
     sizes = _group_size(group_size)
     began = time.perf_counter()
 
-    from ..io import load
-    from ..lod import build_lod
+    from ..io import load_scene
+    from ..scene_lod import arranged, build_scene
     from .progress import Bar
 
-    mesh = load(source)
+    scene = arranged(load_scene(source), instances.value)
     read_seconds = time.perf_counter() - began
     with Bar() as bar:
         build_began = time.perf_counter()
-        lod = build_lod(
-            mesh,
+        lod = build_scene(
+            scene,
+            instances="on",
             max_triangles=max_triangles,
             max_vertices=max_vertices,
             group_size=sizes,
@@ -118,7 +132,7 @@ def command(
         file_bytes = lod.save(output, progress=bar, threads=threads)
         write_seconds = time.perf_counter() - write_began
     result = _result(lod, output, file_bytes, max_triangles)
-    triangles = result["input_triangles"]
+    triangles = result["stored_triangles"]
     result |= {
         "seconds": seconds,
         "read_seconds": read_seconds,
@@ -133,10 +147,13 @@ def _result(lod: Any, output: Path, file_bytes: int, max_triangles: int) -> dict
 
     report = {key: value for key, value in lod.report.items() if key != "seconds"}
     triangles = report["input_triangles"]
-    counts = table_counts(lod.tables, max_triangles)
+    counts = table_counts([one.tables for one in lod.lods], max_triangles)
     return {
+        "stored_triangles": triangles,
         **report,
         **counts,
+        "meshes": len(lod.lods),
+        "instances": max(len(lod.instances), 1),
         "file_bytes": file_bytes,
         "bytes_per_input_triangle": file_bytes / triangles if triangles else 0.0,
         "peak_rss_bytes": peak_rss_bytes(),

@@ -30,7 +30,8 @@ def command(
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
-    """Write one cut of an asset as an ordinary mesh, attributes and materials kept."""
+    """Write one cut of an asset as an ordinary mesh, attributes and materials kept; where it has
+    instances, all of them."""
     if sum(value is not None for value in (error, triangles, level)) != 1:
         fail("give exactly one of --error, --triangles and --level", USAGE)
     check_output(output, ".glb", ".ply", ".obj")
@@ -39,14 +40,14 @@ def command(
     from ..io import save
 
     asset = Asset(path)
-    cut = asset.cut(error=error, triangles=triangles, level=level)
-    mesh = asset.mesh(cut)
+    shown = asset.scene_cuts(error=error, triangles=triangles, level=level)
+    mesh = asset.scene_mesh(shown)
     save(output, mesh)
     result = {
         "triangles": len(mesh.triangles),
         "vertices": len(mesh.positions),
-        "max_error": asset.tables.cut_error(cut),
-        "clusters": len(cut),
+        "max_error": asset.scene_error(shown),
+        "clusters": sum(len(one.cut) for one in shown),
         "file_bytes": output.stat().st_size,
     }
     show(result, as_json, str(output))

@@ -26,26 +26,30 @@ def command(
 
 def _asset_info(path: Path) -> dict[str, Any]:
     from ..asset import Asset
+    from ..places import places
     from .measure import sha256_of, table_counts
 
     asset = Asset(path)
     info = asset.info
     metadata = info["metadata"]
     stored = metadata.get("report", {})
-    triangles = info["source_triangles"]
+    tables = [asset.mesh_tables(mesh) for mesh in range(len(asset.meshes))]
+    standing = [asset.meshes[mesh] for mesh, _ in places(asset)]
+    triangles = sum(mesh["source_triangles"] for mesh in standing)
     names = ("normals", "tangents", "uvs", "colors")
     return {
         "kind": "asset",
         "format_version": info["format_version"],
         **stored,
         "input_triangles": triangles,
-        "input_vertices": info["source_vertices"],
-        **table_counts(asset.tables, info["max_triangles"]),
+        "input_vertices": sum(mesh["source_vertices"] for mesh in standing),
+        "stored_triangles": info["source_triangles"],
+        **table_counts(tables, info["max_triangles"]),
         "pages": info["pages"],
-        "materials": _material_count(asset),
+        "materials": _material_count(asset, tables),
         "meshes": len(asset.meshes),
-        "instances": len(asset.instances) or len(asset.meshes),
-        "bounds": info["bounds"],
+        "instances": len(standing),
+        "bounds": _bounds(asset),
         "attributes": [name for name in names if info[name]],
         "max_triangles": info["max_triangles"],
         "max_vertices": info["max_vertices"],
@@ -58,9 +62,17 @@ def _asset_info(path: Path) -> dict[str, Any]:
     }
 
 
-def _material_count(asset: Any) -> int:
+def _bounds(asset: Any) -> Any:
+    """Of the boxes of all meshes, where they stand."""
+    from ..places import boxes_of
+
+    box = boxes_of(asset).bounds if asset.instances else None
+    return asset.info["bounds"] if box is None else box.tolist()
+
+
+def _material_count(asset: Any, tables: list[Any]) -> int:
     named = len(asset.materials)
-    highest = int(asset.tables.clusters["material"].max(initial=0))
+    highest = max((int(t.clusters["material"].max(initial=0)) for t in tables), default=0)
     return max(named, highest + 1 if highest else 0)
 
 

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ..tables import Tables
+
+
+_LARGEST = {
+    "max_cluster_triangles": "triangle_count",
+    "max_cluster_vertices": "vertex_count",
+}
 
 
 def peak_rss_bytes() -> int:
@@ -34,31 +41,33 @@ def sha256_of(path: Path) -> str:
     return digest.hexdigest()
 
 
-def table_counts(tables: Tables, max_triangles: int) -> dict[str, Any]:
-    """What the tables of an asset say about it."""
+def table_counts(meshes: Sequence[Tables], max_triangles: int) -> dict[str, Any]:
+    """What the tables of an asset's meshes say about it."""
     import numpy as np
 
-    clusters, groups = tables.clusters, tables.groups
-    triangles = int(clusters["triangle_count"].sum(dtype=np.int64))
-    roots = groups[np.isinf(groups["error"])]
-    root_triangles = sum(
-        int(clusters["triangle_count"][offset : offset + count].sum(dtype=np.int64))
-        for offset, count in zip(
-            roots["cluster_offset"].tolist(), roots["cluster_count"].tolist(), strict=True
+    counts = {"levels": 0, "groups": 0, "clusters": 0, "triangles_all_levels": 0}
+    counts |= {"root_groups": 0, "root_triangles": 0, "stuck_groups": 0}
+    largest = dict.fromkeys(_LARGEST, 0)
+    for tables in meshes:
+        clusters, groups = tables.clusters, tables.groups
+        roots = groups[np.isinf(groups["error"])]
+        root_triangles = sum(
+            int(clusters["triangle_count"][offset : offset + count].sum(dtype=np.int64))
+            for offset, count in zip(
+                roots["cluster_offset"].tolist(), roots["cluster_count"].tolist(), strict=True
+            )
         )
-    )
-    # The rule of the builder: roots are stuck unless no more than one cluster's worth is left.
-    finished = roots["cluster_count"].sum() <= 1 or root_triangles <= max_triangles
-    stuck_groups = 0 if finished else len(roots)
-    return {
-        "levels": len(tables.levels),
-        "groups": len(groups),
-        "clusters": len(clusters),
-        "triangles_all_levels": triangles,
-        "root_groups": len(roots),
-        "root_triangles": root_triangles,
-        "stuck_groups": stuck_groups,
-        "mean_fill": triangles / (len(clusters) * max_triangles) if len(clusters) else 0.0,
-        "max_cluster_triangles": int(clusters["triangle_count"].max(initial=0)),
-        "max_cluster_vertices": int(clusters["vertex_count"].max(initial=0)),
-    }
+        # The rule of the builder: roots are stuck unless no more than one cluster's worth is left.
+        finished = roots["cluster_count"].sum() <= 1 or root_triangles <= max_triangles
+        counts["levels"] = max(counts["levels"], len(tables.levels))
+        counts["groups"] += len(groups)
+        counts["clusters"] += len(clusters)
+        counts["triangles_all_levels"] += int(clusters["triangle_count"].sum(dtype=np.int64))
+        counts["root_groups"] += len(roots)
+        counts["root_triangles"] += root_triangles
+        counts["stuck_groups"] += 0 if finished else len(roots)
+        for key, column in _LARGEST.items():
+            largest[key] = max(largest[key], int(clusters[column].max(initial=0)))
+    room = counts["clusters"] * max_triangles
+    fill = counts["triangles_all_levels"] / room if room else 0.0
+    return {**counts, "mean_fill": fill, **largest}

@@ -254,9 +254,9 @@ class _Views:
         asset = Asset(source)
         if method is Accel.lod:
             self._asset = asset
-            self._whole = prepare(asset.mesh(asset.cut(triangles=_COARSE)))
+            self._whole = prepare(asset.scene_mesh(asset.scene_cuts(triangles=_COARSE)))
         else:
-            self._whole = prepare(asset.mesh(asset.cut(level=0)))
+            self._whole = prepare(asset.scene_mesh(asset.scene_cuts(level=0)))
 
     def named(self, text: str) -> list[str]:
         """One text a camera: `file` stands for all of the file's."""
@@ -276,7 +276,8 @@ class _Views:
             height=height,
             pixel_error=self._pixel_error,
         )
-        return self._prepare(self._asset.mesh(self._asset.cut(camera=view))), native
+        shown = self._asset.scene_cuts(camera=view)
+        return self._prepare(self._asset.scene_mesh(shown)), native
 
 
 class _Streamed:
@@ -295,12 +296,13 @@ class _Streamed:
 
     def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Any]:
         from ..camera import Camera
-        from ..streamed import CutRenderer, boxes
+        from ..places import boxes_of
+        from ..streamed import CutRenderer
         from ..trace import Renderer
 
         # From outside, as for a mesh that is no room: boxes would look like one.
         text = "auto:35,15" if text == "auto" else text
-        native = Renderer(boxes(self._asset), up=self._options["up"]).camera(text, width, height)
+        native = Renderer(boxes_of(self._asset), up=self._options["up"]).camera(text, width, height)
         camera = Camera(
             native.position, fov_y=native.fov_y, height=height, pixel_error=self._pixel_error
         )

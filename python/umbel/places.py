@@ -1,0 +1,151 @@
+"""Where the meshes of an asset stand, and all that it shows as one mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import Error
+from .io.scene import Instance, Scene
+from .mesh import Mesh
+
+if TYPE_CHECKING:
+    from .asset import Asset
+    from .tables import Tables
+
+Place = tuple[int, NDArray[Any]]
+"""A mesh, and the (3, 4) matrix that takes it to the world."""
+
+_BOX = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+_BOX += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A cut of a mesh where it stands."""
+
+    mesh: int
+    transform: NDArray[Any]
+    cut: NDArray[np.uint32]
+
+
+def places(asset: Asset) -> list[Place]:
+    """Everything that the asset shows."""
+    if asset.instances:
+        return list(asset.instances)
+    return [(mesh, np.eye(4, dtype=np.float32)[:3]) for mesh in range(len(asset.meshes))]
+
+
+def boxes(bounds: Sequence[Any], standing: Sequence[Place]) -> Mesh:
+    """The boxes of meshes, each where it stands. `bounds` are the meshes' least and greatest
+    corners, or None for one without triangles."""
+    corners = []
+    for mesh, matrix in standing:
+        if bounds[mesh] is None:
+            continue
+        low, high = np.array(bounds[mesh], np.float64)
+        unit = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
+        corners.append((low + unit * (high - low)) @ matrix[:3, :3].T + matrix[:3, 3])
+    if not corners:
+        return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+    faces = np.concatenate([np.array(_BOX, np.uint32) + 8 * k for k in range(len(corners))])
+    return Mesh(np.concatenate(corners).astype(np.float32), faces)
+
+
+def boxes_of(asset: Asset) -> Mesh:
+    """The boxes of all that the asset shows."""
+    return boxes([mesh["bounds"] for mesh in asset.meshes], places(asset))
+
+
+def stretch(matrix: NDArray[Any]) -> tuple[float, float]:
+    """The least and the greatest factor by which a matrix stretches lengths."""
+    factors = np.linalg.svd(np.asarray(matrix, np.float64)[:3, :3], compute_uv=False)
+    return float(factors[-1]), float(factors[0])
+
+
+def scene_cuts(asset: Asset, **how: Any) -> list[Shown]:
+    """The cut of every mesh everywhere that it stands. One of error and camera (as in
+    `Tables.cut`, in the scene's unit), level, and triangles (most of all cuts together)."""
+    if sum(value is not None for value in how.values()) != 1:
+        raise Error("a scene needs exactly one of error, camera, level and triangles")
+    standing = places(asset)
+    if len(standing) == 1 and not asset.instances:
+        return [Shown(0, standing[0][1], asset.cut(**how))]
+    if how.get("level") is not None:
+        level = how["level"]
+        return [Shown(m, t, asset.mesh_tables(m).cut(level=level)) for m, t in standing]
+    if how.get("triangles") is None:
+        return _cuts(asset, standing, lambda tables: tables.view(**how))
+    most = how["triangles"]
+    if not most >= 0:
+        raise Error(f"triangles must not be negative, and is {most}")
+    errors = _errors(asset, standing)
+    low, high = 0, len(errors) - 1  # the last is enough, or nothing is
+    while low < high:
+        middle = (low + high) // 2
+        if _triangles(asset, _cuts_by_error(asset, standing, errors[middle])) <= most:
+            high = middle
+        else:
+            low = middle + 1
+    return _cuts_by_error(asset, standing, errors[low])
+
+
+def scene_error(asset: Asset, shown: Sequence[Shown]) -> float:
+    """The largest error of what is shown, in the scene's unit."""
+    return max(
+        (
+            asset.mesh_tables(one.mesh).cut_error(one.cut) * stretch(one.transform)[1]
+            for one in shown
+        ),
+        default=0.0,
+    )
+
+
+def scene_mesh(asset: Asset, shown: Sequence[Shown]) -> Mesh:
+    """What is shown, as one mesh."""
+    scene = Scene(materials=asset.materials, name=asset.info["metadata"].get("name", ""))
+    made: dict[tuple[int, bytes], int] = {}
+    for one in shown:
+        key = (one.mesh, one.cut.tobytes())
+        if key not in made:
+            made[key] = len(scene.meshes)
+            scene.meshes.append(asset.mesh(one.cut, one.mesh))
+        matrix = np.eye(4)
+        matrix[:3] = one.transform
+        scene.instances.append(Instance(made[key], matrix))
+    return scene.flatten()
+
+
+def _cuts(asset: Asset, standing: Sequence[Place], view: Callable[[Tables], Any]) -> list[Shown]:
+    shown: dict[int, Shown] = {}
+    for mesh in {mesh for mesh, _ in standing}:
+        tables = asset.mesh_tables(mesh)
+        mine = [k for k, (m, _) in enumerate(standing) if m == mesh]
+        transforms = np.array([standing[k][1] for k in mine], np.float32)
+        cuts = tables.instance_cuts(transforms, view(tables))
+        for k, cut in zip(mine, cuts, strict=True):
+            shown[k] = Shown(mesh, standing[k][1], cut)
+    return [shown[k] for k in range(len(standing))]
+
+
+def _cuts_by_error(asset: Asset, standing: Sequence[Place], error: float) -> list[Shown]:
+    return _cuts(asset, standing, lambda tables: tables.view(error=error))
+
+
+def _triangles(asset: Asset, shown: Sequence[Shown]) -> int:
+    return sum(asset.mesh_tables(one.mesh).cut_triangles(one.cut) for one in shown)
+
+
+def _errors(asset: Asset, standing: Sequence[Place]) -> NDArray[np.float64]:
+    """All errors in the scene's unit at which a cut changes, and 0."""
+    found = [np.zeros(1)]
+    for mesh, matrix in standing:
+        errors = asset.mesh_tables(mesh).groups["error"].astype(np.float64)
+        # A little more, so that rounding does not keep what is exactly so large.
+        factor = stretch(matrix)[1] * (1 + 2.0**-20)
+        found.append(np.unique(errors[np.isfinite(errors)]) * factor)
+    return np.unique(np.concatenate(found))

@@ -1,0 +1,231 @@
+"""Building assets of whole scenes: several meshes, each with its levels of detail, and the places
+where they stand."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from . import _umbel
+from .arrays import as_mesh, native
+from .errors import Error
+from .io import load_scene
+from .io.scene import Instance, Scene, transformed, with_default
+from .lod import PAGE_BYTES, Lod, build_lod, save_asset
+from .mesh import Mesh
+from .places import boxes, stretch
+from .repair import Progress, grid_step
+
+MODES = ("auto", "on", "off")
+_REPEATED = 2.0
+"""How many times the triangles that a scene stores it must draw to be kept as instances."""
+_FLAT = 1e-6
+"""A place that squeezes its mesh by more, beside how it stretches it, cannot be inverted."""
+
+
+class SceneLod:
+    """Meshes with their levels of detail and where they stand. `build_scene` makes it."""
+
+    def __init__(
+        self, lods: list[Lod], scene: Scene, source: dict[str, Any], step: float | None
+    ) -> None:
+        self.lods = lods
+        #: (index into `lods`, (4, 4) matrix); none: a single mesh, where it is
+        self.instances = [] if _is_plain(scene) else _places(scene)
+        self.source = source
+        """What it was built from."""
+        self.config = lods[0].config if step is None else lods[0].config | {"position_step": step}
+        """The settings that it was built with."""
+        self.report = lods[0].report if _is_plain(scene) else _report(lods, _places(scene), step)
+        """What was built, of all meshes together: as `Lod.report`, but `input_triangles` and
+        `input_vertices` count each mesh as often as it stands somewhere, `stored_triangles` once,
+        and lengths are in the scene's unit."""
+        self._name = scene.name
+
+    def __repr__(self) -> str:
+        return f"<SceneLod: {len(self.lods)} meshes in {max(len(self.instances), 1)} places>"
+
+    def metadata(self) -> dict[str, Any]:
+        """What `save` writes beside the geometry."""
+        report = {key: value for key, value in self.report.items() if key != "seconds"}
+        return {
+            "generator": f"umbel {_umbel.version()}",
+            "name": self._name,
+            "config": self.config,
+            "source": self.source,
+            "report": report,
+        }
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        exact: bool | None = None,
+        textures: str = "embed",
+        page_bytes: int = PAGE_BYTES,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> int:
+        """Writes the asset, as `Lod.save` does. Returns its bytes."""
+        return save_asset(
+            path,
+            self.lods,
+            self.instances,
+            metadata=self.metadata(),
+            exact=exact,
+            textures=textures,
+            page_bytes=page_bytes,
+            progress=progress,
+            threads=threads,
+        )
+
+
+def arranged(scene: Any, instances: str = "auto") -> Scene:
+    """A scene (a Scene, a path, or a mesh) as `build_scene` builds it: with one mesh, all that it
+    draws, or with those of its meshes that have triangles, each in some places.
+
+    instances: "on" keeps meshes and places apart, "off" makes one mesh, and "auto" keeps them
+        apart if more than twice the triangles are drawn that are stored.
+    """
+    if instances not in MODES:
+        raise Error(f"instances must be one of {', '.join(MODES)}, not {instances!r}")
+    if isinstance(scene, (str, os.PathLike)):
+        scene = load_scene(scene)
+    if not isinstance(scene, Scene):
+        return _of_one(as_mesh(scene))
+    drawn = [len(scene.meshes[place.mesh].triangles) for place in scene.instances]
+    used = {p.mesh for p, count in zip(scene.instances, drawn, strict=True) if count}
+    stored = sum(len(scene.meshes[mesh].triangles) for mesh in used)
+    repeats = instances == "on" or (instances == "auto" and sum(drawn) > _REPEATED * stored)
+    return _apart(scene) if stored and repeats else _of_one(scene.flatten())
+
+
+def build_scene(
+    scene: Any,
+    *,
+    instances: str = "auto",
+    precision: str | float | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> SceneLod:
+    """Builds the levels of detail of a scene: a `umbel.io.Scene`, a path, or anything that
+    `build_lod` takes.
+
+    instances: as `arranged` has it.
+    precision: of the scene as it is drawn: each mesh gets the grid that is fine enough wherever it
+        stands. Bits count over the longest side of the box around the boxes of all places.
+    The rest is as `build_lod` has it, for each mesh.
+    """
+    whole = arranged(scene, instances)
+    is_apart = precision is not None and not _is_plain(whole)
+    step = _step(whole, precision) if is_apart else None
+    weights = np.array([len(mesh.triangles) for mesh in whole.meshes], np.float64)
+    ends = np.cumsum(weights) / max(weights.sum(), 1)
+    lods = []
+    for k, mesh in enumerate(whole.meshes):
+        own = precision if step is None else step / _stretch(whole, k)
+        part = _part(progress, 0.0 if k == 0 else float(ends[k - 1]), float(ends[k]))
+        lods.append(build_lod(mesh, precision=own, progress=part, **options))
+    places = [whole.meshes[place.mesh] for place in whole.instances]
+    source: dict[str, Any] = {
+        "triangles": sum(len(mesh.triangles) for mesh in places),
+        "vertices": sum(len(mesh.positions) for mesh in places),
+    }
+    if isinstance(scene, (str, os.PathLike)):
+        source["file"] = os.path.basename(scene)
+    return SceneLod(lods, whole, source, step)
+
+
+def _is_plain(scene: Scene) -> bool:
+    """Whether the scene is a single mesh, where it is."""
+    places = scene.instances
+    return len(places) == 1 and np.array_equal(places[0].transform, np.eye(4))
+
+
+def _of_one(mesh: Mesh) -> Scene:
+    return Scene([mesh], mesh.materials, [Instance(0)], name=mesh.name, cameras=mesh.cameras)
+
+
+def _apart(scene: Scene) -> Scene:
+    """The meshes that are drawn, and their places. What a place makes flat has no way back from
+    the world to the mesh: such a place gets a mesh of its own, made flat already."""
+    apart = Scene(name=scene.name, cameras=scene.cameras)
+    kept: dict[int, int] = {}
+    every = [mesh.material_ids for mesh in scene.meshes if mesh.material_ids is not None]
+    apart.materials, _ = with_default(scene.materials, np.concatenate(every) if every else None)
+    for place in scene.instances:
+        mesh = scene.meshes[place.mesh]
+        if not len(mesh.triangles):
+            continue
+        _, ids = with_default(scene.materials, mesh.material_ids)
+        mesh = replace(mesh, material_ids=ids, materials=apart.materials)
+        if not np.isfinite(place.transform).all():
+            raise Error(f"the place {place.name!r} has a matrix that is not finite")
+        least, most = stretch(place.transform)
+        if not least > _FLAT * most:
+            apart.instances.append(Instance(len(apart.meshes), name=place.name))
+            apart.meshes.append(transformed(mesh, place.transform))
+            continue
+        if place.mesh not in kept:
+            kept[place.mesh] = len(apart.meshes)
+            apart.meshes.append(mesh)
+        apart.instances.append(replace(place, mesh=kept[place.mesh]))
+    return apart
+
+
+def _places(scene: Scene) -> list[tuple[int, Any]]:
+    return [(place.mesh, place.transform) for place in scene.instances]
+
+
+def _stretch(scene: Scene, mesh: int) -> float:
+    return max(stretch(place.transform)[1] for place in scene.instances if place.mesh == mesh)
+
+
+def _step(scene: Scene, precision: Any) -> float:
+    """The grid's step in the scene."""
+    bounds = [_umbel.bounds(native(mesh)) for mesh in scene.meshes]
+    return grid_step(boxes(bounds, _places(scene)), precision)
+
+
+def _part(progress: Progress | None, begin: float, end: float) -> Progress | None:
+    if progress is None:
+        return None
+    return lambda fraction, stage: progress(begin + (end - begin) * fraction, stage)
+
+
+def _report(
+    lods: Sequence[Lod], places: Sequence[tuple[int, Any]], step: float | None
+) -> dict[str, Any]:
+    reports = [lod.report for lod in lods]
+    sums = [
+        *("degenerate_triangles", "dropped_triangles", "seconds"),
+        *("root_groups", "root_triangles", "stuck_groups"),
+    ]
+    report: dict[str, Any] = {
+        "input_triangles": sum(reports[mesh]["input_triangles"] for mesh, _ in places),
+        "input_vertices": sum(reports[mesh]["input_vertices"] for mesh, _ in places),
+        "stored_triangles": sum(one["input_triangles"] for one in reports),
+        **{key: sum(one[key] for one in reports) for key in sums},
+        "groups_by_rung": {
+            rung: sum(one["groups_by_rung"][rung] for one in reports)
+            for rung in reports[0]["groups_by_rung"]
+        },
+        "largest_move": max(
+            reports[mesh]["largest_move"] * stretch(matrix)[1] for mesh, matrix in places
+        ),
+    }
+    if step is not None:
+        report["grid_step"] = step
+    measured = [one for one in reports if "measured_groups" in one]
+    if measured:
+        counts = [one["measured_groups"] for one in measured]
+        logs = [math.log2(one["mean_overestimate"]) for one in measured]
+        report["measured_groups"] = sum(counts)
+        report["underestimated_groups"] = sum(one["underestimated_groups"] for one in measured)
+        report["mean_overestimate"] = float(2.0 ** np.average(logs, weights=counts))
+    return report
