@@ -17,7 +17,7 @@ constexpr double kBytesAReference = 300, kNastyBytes = 700;
 
 double bytes_a_triangle(const MeshView& mesh, const kdtree::Config& config, uint32_t threads) {
   const HeapPeak peak;
-  const kdtree::Tree tree = kdtree::build(mesh, config, {.threads = threads});
+  const kdtree::Tree tree = kdtree::build(mesh, config, {{}, threads});
   EXPECT_FALSE(tree.nodes.empty());
   return double(peak.bytes()) / double(mesh.triangles.size());
 }
