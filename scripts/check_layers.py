@@ -41,6 +41,7 @@ HEADER_LAYERS = {
     "umbel_kary.h": "capi",
     "umbel.h": "capi",
     "umbel_cuda.h": "capi",
+    "cuda_select.hpp": "cuda",
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]', re.MULTILINE)

@@ -33,6 +33,43 @@ UMBEL_HOST_DEVICE inline uint32_t atomic_add(uint32_t* counter, uint32_t amount)
 #endif
 }
 
+/// As atomic_add of 1, to count what was found: nothing is said of other memory. Lanes of a warp
+/// that come here together must have the same counter, and cost one operation.
+UMBEL_HOST_DEVICE inline uint32_t atomic_count(uint32_t* counter) {
+#if defined(__CUDA_ARCH__)
+  const uint32_t together = __activemask();
+  const uint32_t lane = threadIdx.x % 32;
+  const int first = __ffs(int(together)) - 1;
+  uint32_t old = 0;
+  if (int(lane) == first) old = atomicAdd(counter, uint32_t(__popc(together)));
+  return __shfl_sync(together, old, first) + __popc(together & ((1u << lane) - 1));
+#else
+  return std::atomic_ref<uint32_t>(*counter).fetch_add(1, std::memory_order_relaxed);
+#endif
+}
+
+/// *word |= bits, for a word that several threads share.
+UMBEL_HOST_DEVICE inline void atomic_or(uint32_t* word, uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  atomicOr(word, bits);
+#else
+  std::atomic_ref<uint32_t>(*word).fetch_or(bits, std::memory_order_relaxed);
+#endif
+}
+
+/// *word = max(*word, value), for a word that several threads share.
+UMBEL_HOST_DEVICE inline void atomic_max(uint32_t* word, uint32_t value) {
+#if defined(__CUDA_ARCH__)
+  // Most have been there before; an old value that is read costs an operation at most.
+  if (*const_cast<volatile uint32_t*>(word) < value) atomicMax(word, value);
+#else
+  const std::atomic_ref<uint32_t> shared(*word);
+  uint32_t seen = shared.load(std::memory_order_relaxed);
+  while (seen < value && !shared.compare_exchange_weak(seen, value, std::memory_order_relaxed)) {
+  }
+#endif
+}
+
 /// The executor on the processor's cores, by oneTBB.
 class CpuExec {
  public:
@@ -57,6 +94,13 @@ class CpuExec {
   template <typename Body>
   void for_each(size_t n, const Body& body, size_t grain = kGrain) {
     parallel_for(n, grain, body);
+  }
+
+  /// body(i) for i in [0, each * min(*count, most)), in any order, where the count is in the
+  /// executor's memory.
+  template <typename Body>
+  void for_each_of(const uint32_t* count, uint32_t most, uint32_t each, const Body& body) {
+    for_each(size_t(each) * std::min(*count, most), body);
   }
 
   /// body(team, i, shared) for i in [0, n), in any order. See base/team.hpp.

@@ -9,6 +9,7 @@
 #include <thrust/iterator/counting_iterator.h>
 #include <thrust/iterator/transform_iterator.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cub/device/device_radix_sort.cuh>
@@ -31,6 +32,18 @@ template <typename Body>
 __global__ void __launch_bounds__(kThreads) run_each(size_t n, Body body) {
   const size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i < n) body(i);
+}
+
+/// Blocks that keep any device busy, each to be done in turns.
+inline constexpr uint32_t kMostBlocks = 2048;
+
+template <typename Body>
+__global__ void __launch_bounds__(kThreads)
+    run_counted(const uint32_t* count, uint32_t most, uint32_t each, Body body) {
+  const size_t n = size_t(each) * (*count < most ? *count : most);
+  for (size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x; i < n;
+       i += size_t(gridDim.x) * kThreads)
+    body(i);
 }
 
 template <typename Body>
@@ -102,6 +115,17 @@ class CudaExec {
   void for_each(size_t n, const Body& body, size_t /*grain*/ = 1) {
     if (n == 0 || arena_.counts()) return;
     detail::run_each<<<blocks(n, detail::kThreads), detail::kThreads, 0, stream_>>>(n, body);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  template <typename Body>
+  void for_each_of(const uint32_t* count, uint32_t most, uint32_t each, const Body& body) {
+    const size_t n = size_t(each) * most;
+    if (n == 0 || arena_.counts()) return;
+    const size_t blocks =
+        std::min<size_t>((n + detail::kThreads - 1) / detail::kThreads, detail::kMostBlocks);
+    detail::run_counted<<<uint32_t(blocks), detail::kThreads, 0, stream_>>>(count, most, each,
+                                                                            body);
     check(cudaGetLastError(), "starting a kernel");
   }
 

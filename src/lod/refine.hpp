@@ -50,6 +50,19 @@ UMBEL_HOST_DEVICE inline bool error_too_large(const Sphere& sphere, float error,
   return error > view.threshold * distance_outside(sphere, view.eye);
 }
 
+/// How many times too large an error is for a view; 0 where it is not, 1 by level. What is
+/// infinitely too large (the eye is inside the sphere) has the largest value.
+UMBEL_HOST_DEVICE inline float times_too_large(const Sphere& sphere, float error,
+                                               const View& view) {
+  constexpr float kMost = 1e6f;
+  if (view.kind == View::Kind::kLevel) return 1;
+  if (!error_too_large(sphere, error, view)) return 0;
+  const float allowed = view.kind == View::Kind::kError
+                            ? view.error
+                            : view.threshold * distance_outside(sphere, view.eye);
+  return std::min(error / std::max(allowed, std::numeric_limits<float>::min()), kMost);
+}
+
 /// must_refine.
 UMBEL_HOST_DEVICE inline bool needs_refining(const Group& group, const View& view) {
   if (view.kind == View::Kind::kLevel)

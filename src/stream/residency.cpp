@@ -11,30 +11,17 @@
 #include <utility>
 
 #include "base/math.hpp"
-#include "lod/refine.hpp"
+#include "lod/cull.hpp"
 #include "umbel/stream.hpp"
 
 namespace umbel {
 namespace {
 
-/// What is infinitely too coarse (the eye is inside its sphere) is worth this much.
-constexpr float kMostUrgent = 1e6f;
-
-bool is_outside(const Sphere& sphere, std::span<const lod::Plane> planes) {
-  return std::any_of(planes.begin(), planes.end(), [&](const lod::Plane& plane) {
-    return dot(plane.normal, sphere.center) + plane.offset < -sphere.radius;
-  });
-}
-
 /// How many times too large an error is as seen from a view; 0 where it is small enough.
 float times_too_large(const Sphere& sphere, float error, const StreamView& seen) {
-  const lod::View& view = seen.view;
-  if (error != std::numeric_limits<float>::infinity() && is_outside(sphere, seen.planes)) return 0;
-  if (!lod::error_too_large(sphere, error, view)) return 0;
-  const float allowed = view.kind == lod::View::Kind::kError
-                            ? view.error
-                            : view.threshold * lod::distance_outside(sphere, view.eye);
-  return std::min(error / std::max(allowed, std::numeric_limits<float>::min()), kMostUrgent);
+  if (error != std::numeric_limits<float>::infinity() && lod::is_outside(sphere, seen.planes))
+    return 0;
+  return lod::times_too_large(sphere, error, seen.view);
 }
 
 enum class PageState : uint8_t { kAbsent, kInFlight, kResident };
