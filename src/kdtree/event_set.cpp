@@ -283,16 +283,16 @@ void EventSet::filter(uint32_t axis, Kind kind, const Cut& cut, EventSet& below,
 
 double EventSet::grow_small(const CostRule& rule, const Aabb& cell, const Allowance& left,
                             Subtree& out) const {
-  std::array<Aabb, SmallSet::kMost> boxes;
+  std::vector<Aabb> boxes(count_);
   for (uint32_t axis = 0; axis < 3; ++axis) {
     for (const Event& e : list(axis, kLow)) component(boxes[e.id].min, axis) = e.at;
     for (const Event& e : list(axis, kHigh)) component(boxes[e.id].max, axis) = e.at;
     for (const Event& e : list(axis, kFlat))
       component(boxes[e.id].min, axis) = component(boxes[e.id].max, axis) = e.at;
   }
-  SmallSet small(*mesh_);
-  for (uint32_t i = 0; i < count_; ++i) small.push(triangles_[i], boxes[i]);
-  return small.grow(rule, cell, left, out);
+  BoxGrower grower(*mesh_, rule);
+  for (uint32_t i = 0; i < count_; ++i) grower.push(triangles_[i], boxes[i]);
+  return grower.grow(cell, left, out);
 }
 
 }  // namespace umbel::kdtree

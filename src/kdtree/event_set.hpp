@@ -13,8 +13,8 @@
 #include <span>
 
 #include "base/cpu_buffer.hpp"
+#include "kdtree/box_grower.hpp"
 #include "kdtree/clip.hpp"
-#include "kdtree/small_set.hpp"
 
 namespace umbel::kdtree {
 
@@ -40,7 +40,7 @@ class EventSet {
            std::span<const Aabb> boxes);
 
   uint32_t size() const { return count_; }
-  bool is_small() const { return count_ <= SmallSet::kMost; }
+  bool is_small() const { return count_ <= BoxGrower::kMost; }
   std::span<const uint32_t> triangles() const { return {triangles_.data(), count_}; }
   Split best_split(const Aabb& cell) const;
   bool split(const Aabb& cell, const Split& split, uint64_t spare, EventSet& below,

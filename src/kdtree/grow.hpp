@@ -67,6 +67,16 @@ inline void add_leaf(std::span<const uint32_t> triangles, Subtree& out) {
   std::sort(out.references.begin() + first, out.references.end());
 }
 
+/// Makes one leaf of the subtree that begins there.
+inline void join_leaves(size_t node, size_t reference, Subtree& out) {
+  out.nodes.resize(node);
+  const auto first = out.references.begin() + static_cast<std::ptrdiff_t>(reference);
+  std::sort(first, out.references.end());
+  out.references.erase(std::unique(first, out.references.end()), out.references.end());
+  out.nodes.push_back(Node::leaf(static_cast<uint32_t>(reference),
+                                 static_cast<uint32_t>(out.references.size() - reference)));
+}
+
 /// `Set` holds the triangles of a cell:
 ///   size()                           how many
 ///   best_split(cell)                 the cheapest plane there is

@@ -77,6 +77,19 @@ class PlaneCost {
     return below == 0 || above == 0 ? cost * rule_.empty_factor : cost;
   }
 
+  /// No plane between these shares of the extent that has so many triangles on its sides, or more,
+  /// costs less; nor does one that rounding has moved there.
+  double bound(double from, double to, size_t below, size_t above) const {
+    const double share = below >= above ? from : to;
+    const double extent = double(high_) - double(low_);
+    const double area_below = share * extent * slope_ + base_;
+    const double area_above = (1 - share) * extent * slope_ + base_;
+    const double rounding = rule_.intersection * 0x1p-20 * double(below + above);
+    const double cost =
+        rule_.traversal + scale_ * (area_below * double(below) + area_above * double(above));
+    return (below == 0 || above == 0 ? cost * rule_.empty_factor : cost) - rounding;
+  }
+
   /// The same of four planes, in single precision. What is rounded are shares of the cell's
   /// extent and area, so no coordinates are too large or too small.
   class Lanes {
