@@ -167,10 +167,20 @@ void Bisector::build(const ClusterInput& input, const ClusterConfig& config, Clu
   validate_layout(input, config);
   const uint32_t count = static_cast<uint32_t>(input.boxes.size());
   validate_boxes(input, 0, count);
+  build(Source::of(input), count, input.segments, config, out);
+}
+
+void Bisector::build(const MeshView& mesh, std::span<const Range> segments,
+                     const ClusterConfig& config, Clusters& out) {
+  validate_config(config);
+  build(Source::of(mesh, 0.0f), static_cast<uint32_t>(mesh.triangles.size()), segments, config,
+        out);
+}
+
+void Bisector::build(const Source& source, uint32_t count, std::span<const Range> segments,
+                     const ClusterConfig& config, Clusters& out) {
   const Rules rules(config);
-  const Source source = Source::of(input);
   const Range whole{0, count};
-  std::span<const Range> segments = input.segments;
   if (segments.empty() && count) segments = {&whole, 1};
   out.items.resize(count);
   std::iota(out.items.begin(), out.items.end(), 0u);
@@ -191,6 +201,20 @@ void Bisector::build(const ClusterInput& input, const ClusterConfig& config, Clu
   collect(segments, scratch_->first, out);
 }
 
+Clusters cluster_triangles(const MeshView& mesh, std::span<const Range> segments,
+                           const ClusterConfig& config, float shared_vertex_weight,
+                           const BuildOptions& options) {
+  validate_config(config);
+  Clusters clusters;
+  with_threads(options.threads, [&] {
+    const BoxRecord bounds = validate_triangles(mesh, config, shared_vertex_weight);
+    clusters = cluster::build(Source::of(mesh, shared_vertex_weight),
+                              static_cast<uint32_t>(mesh.triangles.size()), segments, config,
+                              options, &bounds);
+  });
+  return clusters;
+}
+
 }  // namespace cluster
 
 Clusters build_clusters(const ClusterInput& input, const ClusterConfig& config,
@@ -208,16 +232,7 @@ Clusters build_clusters(const ClusterInput& input, const ClusterConfig& config,
 
 Clusters cluster_mesh(const MeshView& mesh, const ClusterConfig& config, float shared_vertex_weight,
                       const BuildOptions& options) {
-  cluster::validate_config(config);
-  Clusters clusters;
-  with_threads(options.threads, [&] {
-    const cluster::BoxRecord bounds =
-        cluster::validate_triangles(mesh, config, shared_vertex_weight);
-    clusters =
-        cluster::build(cluster::Source::of(mesh, shared_vertex_weight),
-                       static_cast<uint32_t>(mesh.triangles.size()), {}, config, options, &bounds);
-  });
-  return clusters;
+  return cluster::cluster_triangles(mesh, {}, config, shared_vertex_weight, options);
 }
 
 }  // namespace umbel

@@ -17,10 +17,18 @@
 #pragma once
 
 #include <memory>
+#include <span>
 
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster {
+
+struct Source;
+
+/// `umbel::cluster_mesh` of ranges of the triangles, each by itself. Empty segments: one of all.
+Clusters cluster_triangles(const MeshView& mesh, std::span<const Range> segments,
+                           const ClusterConfig& config, float shared_vertex_weight,
+                           const BuildOptions& options);
 
 class Bisector {
  public:
@@ -32,8 +40,14 @@ class Bisector {
   /// Not thread-safe: one Bisector a thread. `out` is overwritten and keeps its capacity.
   void build(const ClusterInput& input, const ClusterConfig& config, Clusters& out);
 
+  /// The triangles of a valid mesh, whose boxes are never stored. Empty segments: one of all.
+  void build(const MeshView& mesh, std::span<const Range> segments, const ClusterConfig& config,
+             Clusters& out);
+
  private:
   struct Scratch;
+  void build(const Source& source, uint32_t count, std::span<const Range> segments,
+             const ClusterConfig& config, Clusters& out);
   std::unique_ptr<Scratch> scratch_;
 };
 

@@ -212,6 +212,21 @@ BoxRecord check_corners(const MeshView& mesh) {
   return all;
 }
 
+// Of the boxes and centroids in [begin, end), without saying what is wrong.
+bool are_valid(const ClusterInput& input, size_t begin, size_t end) {
+  Float4 zero{};  // stays 0 unless something is not finite
+  bool valid = true;
+  for (size_t i = begin; i < end; ++i) {
+    const BoxRecord box = BoxRecord::from(input.boxes[i]);
+    zero += box.low * Float4{} + box.negated_high * Float4{};
+    valid &= !is_empty(input.boxes[i]);
+    if (input.centroids.empty()) continue;
+    const Vec3& c = input.centroids[i];
+    zero += Float4{c.x, c.y, c.z, 0} * Float4{};
+  }
+  return valid && zero[0] == 0 && zero[1] == 0 && zero[2] == 0;
+}
+
 }  // namespace
 
 void validate_config(const ClusterConfig& config) {
@@ -255,6 +270,7 @@ BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
 }
 
 void validate_boxes(const ClusterInput& input, size_t begin, size_t end) {
+  if (are_valid(input, begin, end)) return;
   for (size_t i = begin; i < end; ++i) {
     const Aabb& b = input.boxes[i];
     const std::string item = "item " + std::to_string(i);
@@ -272,17 +288,7 @@ void validate_all_boxes(const ClusterInput& input) {
   const size_t count = input.boxes.size();
   std::vector<uint8_t> bad((count + kChunk - 1) / kChunk, 0);
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
-    Float4 zero{};  // stays 0 unless something is not finite
-    bool valid = true;
-    for (size_t i = begin; i < end; ++i) {
-      const BoxRecord box = BoxRecord::from(input.boxes[i]);
-      zero += box.low * Float4{} + box.negated_high * Float4{};
-      valid &= !is_empty(input.boxes[i]);
-      if (input.centroids.empty()) continue;
-      const Vec3& c = input.centroids[i];
-      zero += Float4{c.x, c.y, c.z, 0} * Float4{};
-    }
-    bad[begin / kChunk] = !(valid && zero[0] == 0 && zero[1] == 0 && zero[2] == 0);
+    bad[begin / kChunk] = !are_valid(input, begin, end);
   });
   // The first offender is named, whichever thread finds one first.
   for (size_t c = 0; c < bad.size(); ++c)

@@ -31,17 +31,32 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
   for (uint32_t p = 0; p < points_.size(); ++p)
     if (kinds_[p] != Kind::kFixed) enqueue_best(p);
   float dear = 0.0f;
-  while (live_ > target && !queue_.empty()) {
+  bool any_price = false;
+  postponed_.clear();
+  while (live_ > (any_price ? std::max(target, input.dear_until) : target)) {
+    if (queue_.empty()) {
+      if (any_price || live_ <= input.dear_until) break;
+      any_price = true;
+      enqueue_postponed();
+      continue;
+    }
     if (live_ > input.cheap_below) dear = kMostRise * worst_;
     const uint32_t p = queue_.pop();
     if (std::exchange(stale_[p], 0))
       enqueue_best(p);
     else if (!is_legal(p, choices_[p].target))
       enqueue_best_legal(p);
-    else if (live_ > input.cheap_below || cost_of(p, choices_[p].target) <= dear)
+    else if (any_price || live_ > input.cheap_below || cost_of(p, choices_[p].target) <= dear)
       collapse(p, choices_[p].target);
+    else
+      postponed_.push_back(p);
   }
   finish();
+}
+
+void EdgeCollapser::enqueue_postponed() {
+  for (uint32_t p : postponed_)
+    if (!queue_.contains(p) && kinds_[p] != Kind::kFixed && ring_of_[p].count > 0) enqueue_best(p);
 }
 
 void EdgeCollapser::load(const CollapseInput& input) {

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -40,6 +41,8 @@ struct CollapseInput {
   bool irregular = true;
   /// Below so many triangles only what costs little more than what it took to get there.
   size_t cheap_below = 0;
+  /// And where that leaves more than so many, down to these whatever it costs.
+  size_t dear_until = std::numeric_limits<size_t>::max();
   bool loose = false;     ///< regular positions move as irregular ones do
   bool any_turn = false;  ///< triangles may turn over
 };
@@ -121,6 +124,7 @@ class EdgeCollapser {
   void for_each_target(uint32_t p, const Visit& visit) const;
   void enqueue_best(uint32_t p);
   void enqueue_best_legal(uint32_t p);
+  void enqueue_postponed();
   void offer(uint32_t p, uint32_t target);
   void choose(uint32_t p, const Choice& choice);
 
@@ -174,6 +178,7 @@ class EdgeCollapser {
   std::vector<uint32_t> slots_;  // of positions: index in a ring
   std::vector<uint8_t> wedge_seen_;
   std::vector<Choice> candidates_;
+  std::vector<uint32_t> postponed_;  // too dear as yet
   uint32_t stamp_ = 0;
   BucketQueue queue_;
 

@@ -26,7 +26,6 @@ class ClusterCutter {
   ClusterConfig config_;
   cluster::Bisector bisector_;
   Clusters clusters_;
-  std::vector<Aabb> boxes_;
   std::vector<Range> segments_;
 };
 

@@ -122,61 +122,77 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   return result;
 }
 
-uint32_t GroupSimplifier::add_position(uint32_t position_id, std::span<const uint8_t> locked) {
-  position_ids_.push_back(position_id);
-  locked_.push_back(locked[position_id]);
-  components_.push_back(source_.irregular_components[position_id]);
-  return static_cast<uint32_t>(position_ids_.size() - 1);
-}
-
-uint32_t GroupSimplifier::local_position(uint32_t position_id, std::span<const uint8_t> locked) {
-  // Each vertex comes here once, so without wedges each position does.
-  if (!source_.has_wedges) return add_position(position_id, locked);
-  const uint32_t slot = find_slot(position_table_, position_id,
-                                  [&](uint32_t p) { return position_ids_[p] == position_id; });
-  if (position_table_[slot] == kNone) position_table_[slot] = add_position(position_id, locked);
-  return position_table_[slot];
-}
-
-uint32_t GroupSimplifier::local_vertex(uint32_t vertex, std::span<const uint8_t> locked) {
-  const uint32_t slot =
-      find_slot(vertex_table_, vertex, [&](uint32_t v) { return vertices_[v] == vertex; });
-  if (vertex_table_[slot] == kNone) {
-    vertex_table_[slot] = static_cast<uint32_t>(vertices_.size());
-    vertices_.push_back(vertex);
-    const uint32_t position_id = source_.position_ids[vertex];
-    position_of_.push_back(local_position(position_id, locked));
-    // Adding 0 turns -0 into 0, so that meshoptimizer sees equal positions as equal bits.
-    const Vec3 p = source_.mesh.positions[position_id] * source_.scale;
-    positions_.push_back({p.x + 0.0f, p.y + 0.0f, p.z + 0.0f});
+uint32_t GroupSimplifier::local_vertex(uint32_t vertex) {
+  const size_t mask = vertex_table_.size() - 1;
+  size_t slot = hash(vertex) >> 8 & mask;
+  while (vertex_table_[slot].vertex != vertex) {
+    if (vertex_table_[slot].vertex == kNone) {
+      vertex_table_[slot] = {vertex, static_cast<uint32_t>(vertices_.size())};
+      vertices_.push_back(vertex);
+      break;
+    }
+    slot = (slot + 1) & mask;
   }
-  return vertex_table_[slot];
+  return vertex_table_[slot].local;
+}
+
+// Numbers the positions of vertices_ by first use.
+void GroupSimplifier::gather_positions(std::span<const uint8_t> locked) {
+  const size_t count = vertices_.size();
+  position_of_.resize(count);
+  positions_.resize(count);
+  position_ids_.clear();
+  if (!source_.has_wedges) {
+    std::iota(position_of_.begin(), position_of_.end(), 0u);
+    position_ids_ = vertices_;
+  } else {
+    position_table_.assign(std::bit_ceil(count + count / 2 + 1), kNone);
+    for (size_t v = 0; v < count; ++v) {
+      const uint32_t id = source_.position_ids[vertices_[v]];
+      const uint32_t slot =
+          find_slot(position_table_, id, [&](uint32_t p) { return position_ids_[p] == id; });
+      if (position_table_[slot] == kNone) {
+        position_table_[slot] = static_cast<uint32_t>(position_ids_.size());
+        position_ids_.push_back(id);
+      }
+      position_of_[v] = position_table_[slot];
+    }
+  }
+  locked_.resize(position_ids_.size());
+  components_.resize(position_ids_.size());
+  for (size_t p = 0; p < position_ids_.size(); ++p) {
+    locked_[p] = locked[position_ids_[p]];
+    components_[p] = source_.irregular_components[position_ids_[p]];
+  }
+  for (size_t v = 0; v < count; ++v) {
+    // Adding 0 turns -0 into 0, so that meshoptimizer sees equal positions as equal bits.
+    const Vec3 p = source_.mesh.positions[position_ids_[position_of_[v]]] * source_.scale;
+    positions_[v] = {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f};
+  }
 }
 
 void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> clusters,
                              std::span<const uint8_t> locked) {
-  for (auto* array : {&vertices_, &position_of_, &components_, &position_ids_}) array->clear();
-  positions_.clear();
-  locked_.clear();
+  vertices_.clear();
   has_parts_ = false;
   triangles_.clear();
   size_t most_vertices = 0;
   for (uint32_t c : clusters) most_vertices += set.cluster_vertices(c).size();
-  const size_t table_size = std::bit_ceil(2 * most_vertices + 1);
-  vertex_table_.assign(table_size, kNone);
-  if (source_.has_wedges) position_table_.assign(table_size, kNone);
+  vertex_table_.assign(std::bit_ceil(most_vertices + most_vertices / 2 + 1), {kNone, kNone});
 
   uint32_t local[256];
   for (uint32_t c : clusters) {
     const auto vertices = set.cluster_vertices(c);
-    for (size_t i = 0; i < vertices.size(); ++i) local[i] = local_vertex(vertices[i], locked);
+    for (size_t i = 0; i < vertices.size(); ++i) local[i] = local_vertex(vertices[i]);
     const auto corners = set.cluster_corners(c);
-    for (size_t i = 0; i < corners.size(); i += 3) {
-      const Triangle t{local[corners[i]], local[corners[i + 1]], local[corners[i + 2]]};
-      const uint32_t a = position_of_[t[0]], b = position_of_[t[1]], c2 = position_of_[t[2]];
-      if (a != b && b != c2 && c2 != a) triangles_.push_back(t);
-    }
+    for (size_t i = 0; i < corners.size(); i += 3)
+      triangles_.push_back({local[corners[i]], local[corners[i + 1]], local[corners[i + 2]]});
   }
+  gather_positions(locked);
+  std::erase_if(triangles_, [&](const Triangle& t) {
+    const uint32_t a = position_of_[t[0]], b = position_of_[t[1]], c = position_of_[t[2]];
+    return a == b || b == c || c == a;
+  });
   has_irregular_ = std::any_of(components_.begin(), components_.end(),
                                [](uint32_t component) { return component != kNone; });
   drop_repeated_triangles();
@@ -275,6 +291,9 @@ CollapseInput GroupSimplifier::collapse_input() {
 GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   CollapseInput input = collapse_input();
   input.cheap_below = static_cast<size_t>(kCheapBelow * triangles_.size());
+  // Where nothing is irregular and there is no seam, the next rung has nothing more to permit.
+  if (!has_irregular_ && !source_.has_wedges)
+    input.dear_until = static_cast<size_t>(kGoodEnough * triangles_.size());
   Candidate result = collapse_regular(input, target);
   if (result.error * source_.scale < kPruneAbove * collapser_.extent()) return result;
   // Small parts may be held at a price that larger ones pay.

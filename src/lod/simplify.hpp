@@ -74,9 +74,8 @@ class GroupSimplifier {
   void find_spare_vertices();
   void find_components();
   float settle_vanished(size_t most_triangles, std::vector<Triangle>& triangles);
-  uint32_t local_vertex(uint32_t vertex, std::span<const uint8_t> locked);
-  uint32_t add_position(uint32_t position_id, std::span<const uint8_t> locked);
-  uint32_t local_position(uint32_t position_id, std::span<const uint8_t> locked);
+  uint32_t local_vertex(uint32_t vertex);
+  void gather_positions(std::span<const uint8_t> locked);
   void drop_repeated_triangles();
   bool ask_caller(size_t target, size_t most, Candidate& candidate);
   Mesh gathered_mesh() const;
@@ -143,7 +142,11 @@ class GroupSimplifier {
   std::vector<uint8_t> held_;        // local positions held for one more try
   std::vector<Triangle> result_positions_;
   // Open addressing, kNone empty.
-  std::vector<uint32_t> vertex_table_, position_table_, triangle_table_;
+  struct Numbered {
+    uint32_t vertex, local;
+  };
+  std::vector<Numbered> vertex_table_;
+  std::vector<uint32_t> position_table_, triangle_table_;
 };
 
 }  // namespace umbel::lod
