@@ -42,6 +42,7 @@ HEADER_LAYERS = {
     "umbel.h": "capi",
     "umbel_cuda.h": "capi",
     "cuda_select.hpp": "cuda",
+    "cuda_trace.hpp": "cuda",
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]', re.MULTILINE)

@@ -103,6 +103,21 @@ class CpuExec {
     for_each(size_t(each) * std::min(*count, most), body);
   }
 
+  /// For i in [0, n), in any order, what takes many steps, and not equally many:
+  ///     Body::State state;
+  ///     if (body.begin(i, state)) while (body.step(state)) {}
+  ///     body.end(i, state);
+  template <typename Body>
+  void for_each_walk(size_t n, const Body& body) {
+    parallel_for(n, kWalks, [&](size_t i) {
+      typename Body::State state;
+      if (body.begin(i, state))
+        while (body.step(state)) {
+        }
+      body.end(i, state);
+    });
+  }
+
   /// body(team, i, shared) for i in [0, n), in any order. See base/team.hpp.
   template <typename Body>
   void for_each_team(size_t n, const Body& body) {
@@ -188,6 +203,7 @@ class CpuExec {
 
  private:
   static constexpr size_t kGrain = 1024;
+  static constexpr size_t kWalks = 64;
   static constexpr size_t kChunk = 8192;
 
   static size_t chunks(size_t n) { return (n + kChunk - 1) / kChunk; }

@@ -9,27 +9,13 @@
 #include <bit>
 #include <cmath>
 
+#include "bvh/closest_rules.hpp"
 #include "bvh/float4.hpp"
 #include "bvh/point_order.hpp"
-#include "bvh/triangle_geometry.hpp"
 #include "bvh/walk.hpp"
 
 namespace umbel {
 namespace closest {
-
-/// The power of two that brings a coordinate to between 1 and 4, but for the smallest.
-inline float unit_scale(float largest) {
-  const uint32_t exponent = std::bit_cast<uint32_t>(largest) >> 23;
-  return std::bit_cast<float>((254u - std::clamp(exponent, 1u, 253u)) << 23);
-}
-
-inline float largest_coordinate(const Vec3& p) {
-  return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-}
-
-// Squared distances of boxes, rounded, against the limit that a squared distance of triangles,
-// rounded otherwise, sets: with these margins no box is left out that has an equal in it.
-inline constexpr double kRelativeMargin = 4e-6, kAbsoluteMargin = 1e-13;
 
 template <typename Nodes>
 class Search {
@@ -74,11 +60,7 @@ class Search {
     Link link;
   };
 
-  void set_limit() {
-    const double scale = scale_;
-    limit_ = static_cast<float>(best_.distance2 * scale * scale * (1 + kRelativeMargin) +
-                                kAbsoluteMargin);
-  }
+  void set_limit() { limit_ = box_limit(best_.distance2, scale_); }
 
   void visit_node(Link node) {
     const auto children = nodes_.children(node);
@@ -161,15 +143,7 @@ class Search {
 
   ClosestPoint result() const {
     if (primitive_ == kNone) return {};
-    const Vec3d a = to_double(corners_[0]);
-    const Vec3d p =
-        a + (to_double(corners_[1]) - a) * best_.u + (to_double(corners_[2]) - a) * best_.v;
-    return {{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)},
-            static_cast<float>(
-                std::min<double>(std::sqrt(best_.distance2), std::numeric_limits<float>::max())),
-            primitive_,
-            static_cast<float>(best_.u),
-            static_cast<float>(best_.v)};
+    return closest_at(best_, primitive_, corners_[0], corners_[1], corners_[2]);
   }
 
   const LeafStore& data_;

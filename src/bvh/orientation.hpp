@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "base/host_device.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel::orientation {
@@ -16,7 +17,7 @@ namespace umbel::orientation {
 template <size_t kMost>
 class ExactSum {
  public:
-  void add(double value) {
+  UMBEL_HOST_DEVICE void add(double value) {
     size_t kept = 0;
     for (size_t i = 0; i < count_; ++i) {
       const double sum = value + terms_[i];
@@ -29,7 +30,7 @@ class ExactSum {
     count_ = kept;
   }
   /// Adds a * b exactly (Dekker's product).
-  void add_product(double a, double b) {
+  UMBEL_HOST_DEVICE void add_product(double a, double b) {
     const double product = a * b;
     const auto split = [](double x) {
       const double shifted = 134217729.0 * x;
@@ -40,7 +41,7 @@ class ExactSum {
     add(((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low);
     add(product);
   }
-  int sign() const {
+  UMBEL_HOST_DEVICE int sign() const {
     if (count_ == 0) return 0;
     return terms_[count_ - 1] > 0 ? 1 : -1;
   }
@@ -50,7 +51,7 @@ class ExactSum {
   size_t count_ = 0;
 };
 
-inline int sign(double value) { return (value > 0) - (value < 0); }
+UMBEL_HOST_DEVICE inline int sign(double value) { return (value > 0) - (value < 0); }
 
 /// A point of a plane.
 struct Point2 {
@@ -58,7 +59,7 @@ struct Point2 {
 };
 
 /// 1 where a, b, c turn counter-clockwise, -1 where they turn clockwise, 0 on a line.
-inline int orient2d(const Point2& a, const Point2& b, const Point2& c) {
+UMBEL_HOST_DEVICE inline int orient2d(const Point2& a, const Point2& b, const Point2& c) {
   const double left = (double(a.x) - c.x) * (double(b.y) - c.y);
   const double right = (double(a.y) - c.y) * (double(b.x) - c.x);
   const double determinant = left - right;
@@ -74,7 +75,8 @@ inline int orient2d(const Point2& a, const Point2& b, const Point2& c) {
 
 namespace detail {
 
-inline int orient3d_exact(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
+UMBEL_HOST_DEVICE inline int orient3d_exact(const Vec3& a, const Vec3& b, const Vec3& c,
+                                            const Vec3& d) {
   ExactSum<48> sum;
   // The determinant of the rows (p, 1), expanded by the third coordinate: each pair of minors of
   // the others is one product of two floats.
@@ -97,7 +99,7 @@ inline int orient3d_exact(const Vec3& a, const Vec3& b, const Vec3& c, const Vec
 
 /// 1 where d lies below the plane through a, b, c, that is, on the side from which they turn
 /// clockwise; -1 above it; 0 in it.
-inline int orient3d(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
+UMBEL_HOST_DEVICE inline int orient3d(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
   const double adx = double(a.x) - d.x, ady = double(a.y) - d.y, adz = double(a.z) - d.z;
   const double bdx = double(b.x) - d.x, bdy = double(b.y) - d.y, bdz = double(b.z) - d.z;
   const double cdx = double(c.x) - d.x, cdy = double(c.y) - d.y, cdz = double(c.z) - d.z;

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/host_device.hpp"
 #include "bvh/orientation.hpp"
 #include "umbel/types.hpp"
 
@@ -18,13 +19,21 @@ struct Vec3d {
   double x, y, z;
 };
 
-inline Vec3d to_double(const Vec3& a) { return {a.x, a.y, a.z}; }
-inline Vec3d operator+(const Vec3d& a, const Vec3d& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec3d operator-(const Vec3d& a, const Vec3d& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vec3d operator*(const Vec3d& a, double s) { return {a.x * s, a.y * s, a.z * s}; }
-inline double dot(const Vec3d& a, const Vec3d& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline double length(const Vec3d& a) { return std::sqrt(dot(a, a)); }
-inline Vec3d cross(const Vec3d& a, const Vec3d& b) {
+UMBEL_HOST_DEVICE inline Vec3d to_double(const Vec3& a) { return {a.x, a.y, a.z}; }
+UMBEL_HOST_DEVICE inline Vec3d operator+(const Vec3d& a, const Vec3d& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+UMBEL_HOST_DEVICE inline Vec3d operator-(const Vec3d& a, const Vec3d& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+UMBEL_HOST_DEVICE inline Vec3d operator*(const Vec3d& a, double s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+UMBEL_HOST_DEVICE inline double dot(const Vec3d& a, const Vec3d& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+UMBEL_HOST_DEVICE inline double length(const Vec3d& a) { return std::sqrt(dot(a, a)); }
+UMBEL_HOST_DEVICE inline Vec3d cross(const Vec3d& a, const Vec3d& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
@@ -40,7 +49,7 @@ struct SegmentPoint {
 };
 
 /// The point a + t (b - a) of a segment that is closest to the origin.
-inline SegmentPoint closest_on_segment(const Vec3d& a, const Vec3d& b) {
+UMBEL_HOST_DEVICE inline SegmentPoint closest_on_segment(const Vec3d& a, const Vec3d& b) {
   const Vec3d along = b - a;
   const double squared = dot(along, along);
   // A quotient of a denormal may be anything, and then an end is as good.
@@ -54,7 +63,8 @@ inline SegmentPoint closest_on_segment(const Vec3d& a, const Vec3d& b) {
 }  // namespace detail
 
 /// The point of triangle a, b, c that is closest to the origin.
-inline TrianglePoint closest_on_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+UMBEL_HOST_DEVICE inline TrianglePoint closest_on_triangle(const Vec3d& a, const Vec3d& b,
+                                                           const Vec3d& c) {
   const Vec3d ab = b - a, ac = c - a;
   const Vec3d normal = cross(ab, ac);
   const double squared = dot(normal, normal);
@@ -86,14 +96,15 @@ inline TrianglePoint closest_on_triangle(const Vec3d& a, const Vec3d& b, const V
 }
 
 /// The point of triangle p0, p1, p2 that is closest to `point`.
-inline TrianglePoint closest_on_triangle(const Vec3& point, const Vec3& p0, const Vec3& p1,
-                                         const Vec3& p2) {
+UMBEL_HOST_DEVICE inline TrianglePoint closest_on_triangle(const Vec3& point, const Vec3& p0,
+                                                           const Vec3& p1, const Vec3& p2) {
   const Vec3d p = to_double(point);
   return closest_on_triangle(to_double(p0) - p, to_double(p1) - p, to_double(p2) - p);
 }
 
 /// Touching counts. Not for a negative radius or one that is NaN.
-inline bool touches_sphere(const Sphere& sphere, const Vec3& p0, const Vec3& p1, const Vec3& p2) {
+UMBEL_HOST_DEVICE inline bool touches_sphere(const Sphere& sphere, const Vec3& p0, const Vec3& p1,
+                                             const Vec3& p2) {
   if (!(sphere.radius >= 0)) return false;
   const double radius = sphere.radius;
   return closest_on_triangle(sphere.center, p0, p1, p2).distance2 <= radius * radius;
@@ -104,9 +115,11 @@ namespace detail {
 /// Whether the line through a and b has the rectangle strictly on the side where the triangle a,
 /// b, c is not. Together with the rectangle's own sides these lines decide whether the projections
 /// of a triangle and a box meet.
-inline bool separated_by_edge(const orientation::Point2& a, const orientation::Point2& b,
-                              const orientation::Point2& c, const orientation::Point2& low,
-                              const orientation::Point2& high) {
+UMBEL_HOST_DEVICE inline bool separated_by_edge(const orientation::Point2& a,
+                                                const orientation::Point2& b,
+                                                const orientation::Point2& c,
+                                                const orientation::Point2& low,
+                                                const orientation::Point2& high) {
   using orientation::orient2d;
   if (a.x == b.x && a.y == b.y) return false;
   const int first = orient2d(a, b, low);
@@ -115,14 +128,17 @@ inline bool separated_by_edge(const orientation::Point2& a, const orientation::P
          orient2d(a, b, {high.x, low.y}) == first;
 }
 
-inline bool separated_in_projection(const orientation::Point2& a, const orientation::Point2& b,
-                                    const orientation::Point2& c, const orientation::Point2& low,
-                                    const orientation::Point2& high) {
+UMBEL_HOST_DEVICE inline bool separated_in_projection(const orientation::Point2& a,
+                                                      const orientation::Point2& b,
+                                                      const orientation::Point2& c,
+                                                      const orientation::Point2& low,
+                                                      const orientation::Point2& high) {
   return separated_by_edge(a, b, c, low, high) || separated_by_edge(b, c, a, low, high) ||
          separated_by_edge(c, a, b, low, high);
 }
 
-inline bool separated_by_plane(const Aabb& box, const Vec3& p0, const Vec3& p1, const Vec3& p2) {
+UMBEL_HOST_DEVICE inline bool separated_by_plane(const Aabb& box, const Vec3& p0, const Vec3& p1,
+                                                 const Vec3& p2) {
   int first = 0;
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3 p{corner & 1 ? box.max.x : box.min.x, corner & 2 ? box.max.y : box.min.y,
@@ -137,7 +153,8 @@ inline bool separated_by_plane(const Aabb& box, const Vec3& p0, const Vec3& p1, 
 }  // namespace detail
 
 /// Exactly whether a triangle and a closed box have a point in common. Not for an empty box.
-inline bool touches_box(const Aabb& box, const Vec3& p0, const Vec3& p1, const Vec3& p2) {
+UMBEL_HOST_DEVICE inline bool touches_box(const Aabb& box, const Vec3& p0, const Vec3& p1,
+                                          const Vec3& p2) {
   if (!(box.min.x <= box.max.x && box.min.y <= box.max.y && box.min.z <= box.max.z)) return false;
   const auto apart = [](float a, float b, float c, float low, float high) {
     return std::max({a, b, c}) < low || std::min({a, b, c}) > high;

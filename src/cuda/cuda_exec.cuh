@@ -46,6 +46,45 @@ __global__ void __launch_bounds__(kThreads)
     body(i);
 }
 
+/// Walks of lanes that stay while walks come and go (persistent threads: Aila & Laine,
+/// "Understanding the Efficiency of Ray Traversal on GPUs", 2009): as soon as kIdle lanes of a warp
+/// have nothing to do, they take the next walks together.
+inline constexpr uint32_t kWalkThreads = 128;
+
+template <typename Body>
+__global__ void __launch_bounds__(kWalkThreads)
+    run_walks(size_t n, unsigned long long* next, Body body) {
+  constexpr int kIdle = 8, kStepsAtOnce = 4;
+  const uint32_t lane = threadIdx.x % kWarp;
+  typename Body::State state;
+  size_t walk = 0;
+  bool is_busy = false, is_more = true;
+  for (;;) {
+    const uint32_t idle = __ballot_sync(kAllLanes, !is_busy);
+    if (is_more && __popc(int(idle)) >= kIdle) {
+      unsigned long long first = 0;
+      if (lane == 0) first = atomicAdd(next, static_cast<unsigned long long>(__popc(int(idle))));
+      first = __shfl_sync(kAllLanes, first, 0);
+      is_more = first + __popc(int(idle)) < n;
+      if (!is_busy) {
+        walk = first + __popc(int(idle & ((1u << lane) - 1)));
+        if (walk < n) {
+          is_busy = body.begin(walk, state);
+          if (!is_busy) body.end(walk, state);
+        }
+      }
+    }
+    if (!__any_sync(kAllLanes, is_busy)) {
+      if (!is_more) return;
+      continue;
+    }
+    for (int k = 0; k < kStepsAtOnce && is_busy; ++k) {
+      is_busy = body.step(state);
+      if (!is_busy) body.end(walk, state);
+    }
+  }
+}
+
 template <typename Body>
 inline constexpr uint32_t kTeamsPerBlock = Body::kLanes == kWarp ? 4 : 1;
 
@@ -127,6 +166,24 @@ class CudaExec {
     detail::run_counted<<<uint32_t(blocks), detail::kThreads, 0, stream_>>>(count, most, each,
                                                                             body);
     check(cudaGetLastError(), "starting a kernel");
+  }
+
+  template <typename Body>
+  void for_each_walk(size_t n, const Body& body) {
+    const auto next = allocate<unsigned long long>(1);
+    if (n == 0 || arena_.counts()) return;
+    check(cudaMemsetAsync(next.data(), 0, sizeof(unsigned long long), stream_), "clearing");
+    int device = 0, multiprocessors = 0, each = 0;
+    check(cudaGetDevice(&device), "asking for the device");
+    check(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device),
+          "asking for the device's size");
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, detail::run_walks<Body>,
+                                                        detail::kWalkThreads, 0),
+          "asking how much of a kernel a multiprocessor holds");
+    const size_t all = size_t(multiprocessors) * size_t(std::max(each, 1));
+    const size_t blocks = std::min((n + detail::kWalkThreads - 1) / detail::kWalkThreads, all);
+    detail::run_walks<<<uint32_t(blocks), detail::kWalkThreads, 0, stream_>>>(n, next.data(), body);
+    check(cudaGetLastError(), "starting a kernel of walks");
   }
 
   template <typename Body>

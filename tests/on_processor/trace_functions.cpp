@@ -1,0 +1,4 @@
+#include "run.hpp"
+
+// What is above comes first.
+#include "cuda/trace_functions.hpp"
