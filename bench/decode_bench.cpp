@@ -62,15 +62,18 @@ umbel::Aabb box_of(const umbel::Mesh& mesh) {
 uint64_t read_triangles(const std::vector<Part>& parts) {
   std::array<uint8_t, 3 * asset::kMaxLocal> triangles;
   std::array<asset::Parents, asset::kMaxLocal> parents;
-  asset::BorderEdges border;
+  std::array<uint32_t, asset::kMaxLocal> next{}, previous{};
   uint64_t sum = 0;
   for (const Part& part : parts) {
     uint32_t begin = part.tables.first_data;
     for (size_t c = 0; c < part.tables.clusters.size(); ++c) {
-      umbel::BitReader in(std::span(part.bytes).subspan(begin, part.tables.ends[c] - begin));
+      umbel::BitReader in(std::span(part.bytes).subspan(begin, part.tables.ends[c] - begin),
+                          part.bytes.size() - part.tables.ends[c]);
       const lod::Cluster& cluster = part.tables.clusters[c];
-      sum += asset::decode_triangles(in, std::span(triangles).first(3 * cluster.triangle_count),
-                                     std::span(parents).first(cluster.vertex_count), border);
+      asset::decode_triangles(in, std::span(triangles).first(3 * cluster.triangle_count),
+                              std::span(parents).first(cluster.vertex_count),
+                              {next.data(), previous.data(), 0});
+      sum += triangles[0] + next[0];
       begin = part.tables.ends[c];
     }
   }

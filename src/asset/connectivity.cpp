@@ -2,78 +2,26 @@
 
 #include <algorithm>
 
+#include "asset/connectivity_words.hpp"
+
 namespace umbel::asset {
 namespace {
 
 /// Behind the last gate that a cluster can have, and behind the place for what is no gate.
 constexpr uint16_t kNoGate = 3 * kMaxLocal + 1;
 
-/// What the third vertex of a gate's triangle is.
-enum Apex : uint32_t {
-  kNew = 0,      ///< the next number
-  kAfter = 1,    ///< the end of an open gate that begins at b
-  kBefore = 2,   ///< the beginning of an open gate that ends at a
-  kNamed = 3,    ///< its number follows
-  kNothing = 4,  ///< there is no triangle after all
-};
-
-/// One word of the prefix code: a triangle's apex, and whether its edges (b, c) and (c, a) are
-/// gates. Edges that close a gate count as gates here.
-struct Symbol {
-  uint8_t apex, right, left;
-  uint8_t length;  ///< bits
-  uint8_t code;    ///< the first bit lowest
-};
-
-constexpr uint32_t kLongest = 8;
-/// From how often each occurs on scans; complete, so that any bits are words.
-constexpr std::array<Symbol, 13> kSymbols{{{kNew, 1, 1, 1, 0b1},
-                                           {kAfter, 1, 1, 3, 0b110},
-                                           {kBefore, 1, 1, 3, 0b010},
-                                           {kNew, 0, 1, 4, 0b1100},
-                                           {kNew, 1, 0, 4, 0b0100},
-                                           {kNew, 0, 0, 5, 0b11000},
-                                           {kAfter, 1, 0, 5, 0b01000},
-                                           {kBefore, 0, 1, 5, 0b10000},
-                                           {kNamed, 1, 1, 6, 0b100000},
-                                           {kNamed, 0, 1, 8, 0b11000000},
-                                           {kNamed, 1, 0, 8, 0b01000000},
-                                           {kNamed, 0, 0, 8, 0b10000000},
-                                           {kNothing, 0, 0, 8, 0b00000000}}};
-
-/// The symbol that any eight bits begin with.
-constexpr std::array<Symbol, 1u << kLongest> decoding_table() {
-  std::array<Symbol, 1u << kLongest> table{};
-  for (uint32_t bits = 0; bits < table.size(); ++bits)
-    for (const Symbol& symbol : kSymbols)
-      if ((bits & ((1u << symbol.length) - 1)) == symbol.code) table[bits] = symbol;
-  return table;
-}
-constexpr auto kDecodingTable = decoding_table();
-
-/// Where an apex with its two edges is among the symbols; kSymbols.size() where it is not.
-constexpr uint32_t place_of(uint32_t apex, bool right, bool left) {
-  return 4 * apex + 2 * right + left;
-}
-constexpr std::array<uint8_t, size_t{4} * kNothing + 4> encoding_table() {
-  std::array<uint8_t, size_t{4} * kNothing + 4> table{};
-  table.fill(kSymbols.size());
-  for (size_t i = 0; i < kSymbols.size(); ++i)
-    table[place_of(kSymbols[i].apex, kSymbols[i].right != 0, kSymbols[i].left != 0)] =
-        static_cast<uint8_t>(i);
+/// Where each symbol is among the words; kWords.size() where it is not.
+constexpr std::array<uint8_t, kSymbols> encoding_table() {
+  std::array<uint8_t, kSymbols> table{};
+  table.fill(kWords.size());
+  for (size_t i = 0; i < kWords.size(); ++i) table[kWords[i].symbol] = static_cast<uint8_t>(i);
   return table;
 }
 constexpr auto kEncodingTable = encoding_table();
 
-// Not bytes: those may alias anything, and would keep the decoder's state out of registers.
 struct Gate {
   uint16_t a, b, across;
 };
-
-Parents parents_of(const Gate& gate) {
-  return {static_cast<uint8_t>(gate.a), static_cast<uint8_t>(gate.b),
-          static_cast<uint8_t>(gate.across)};
-}
 
 /// The gates in the order in which they were opened, and the last open one that begins and that
 /// ends at each vertex. First opened, first passed: so the walk grows as a disc, and hardly ever
@@ -209,8 +157,8 @@ class Encoder {
 
  private:
   Parents parents_at_start() const {
-    const auto before = static_cast<uint8_t>(std::max<size_t>(walk_.vertices.size(), 1) - 1);
-    return {before, before, before};
+    const uint32_t before = std::max(known(), 1u) - 1;
+    return parents_of(before, before, before);
   }
 
   uint32_t known() const { return static_cast<uint32_t>(walk_.vertices.size()); }
@@ -258,7 +206,7 @@ class Encoder {
     visit(edge->triangle);
     const uint8_t c = edge->across;
     const uint32_t apex = apex_of(gate, c), seen = known();
-    if (apex == kNew) number(c, parents_of(gate));
+    if (apex == kNew) number(c, parents_of(gate.a, gate.b, gate.across));
     for (const uint32_t v : {uint32_t{gate.a}, uint32_t{gate.b}, uint32_t{numbers_[c]}})
       walk_.triangles.push_back(static_cast<uint8_t>(v));
     const bool right = pass_edge(b, c, a), left = pass_edge(c, a, b);
@@ -274,9 +222,9 @@ class Encoder {
   /// Writes the symbol, or that of the same triangle by name where it has none (with edges from a
   /// vertex to itself, a gate beside this one may be gone by the time that it would be closed).
   uint32_t write(uint32_t apex, bool right, bool left) {
-    const uint8_t symbol = kEncodingTable[place_of(apex, right, left)];
-    if (symbol == kSymbols.size()) return write(kNamed, right, left);
-    out_.write(kSymbols[symbol].code, kSymbols[symbol].length);
+    const uint8_t word = kEncodingTable[symbol(apex, right, left)];
+    if (word == kWords.size()) return write(kNamed, right, left);
+    out_.write(kWords[word].code, kWords[word].length);
     return apex;
   }
 
@@ -302,122 +250,10 @@ class Encoder {
   Front front_;
 };
 
-class Decoder {
- public:
-  Decoder(const BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents,
-          BorderEdges& border)
-      : in_(in), triangles_(triangles), parents_(parents), border_(border) {}
-
-  void run() {
-    Gate gate;
-    while (at_ < triangles_.size()) {
-      if (front_.pop(gate))
-        pass_gate(gate);
-      else
-        start();
-    }
-    while (known_ < parents_.size()) number_at_start();
-  }
-
-  const BitReader& reader() const { return in_; }
-  uint32_t border_edges() const { return border_edges_; }
-
- private:
-  uint32_t number(Parents parents) {
-    if (known_ >= parents_.size()) corrupt("a cluster's triangles have more vertices than it has");
-    parents_[known_] = parents;
-    return known_++;
-  }
-
-  uint32_t number_at_start() {
-    const auto before = static_cast<uint8_t>(std::max(known_, 1u) - 1);
-    return number({before, before, before});
-  }
-
-  uint32_t named() {
-    const uint32_t vertex = in_.take(bits_below(known_));
-    if (vertex >= known_)
-      corrupt("a triangle has the local vertex " + std::to_string(vertex) + " of " +
-              std::to_string(known_));
-    return vertex;
-  }
-
-  void add(uint32_t a, uint32_t b, uint32_t c) {
-    triangles_[at_] = static_cast<uint8_t>(a);
-    triangles_[at_ + 1] = static_cast<uint8_t>(b);
-    triangles_[at_ + 2] = static_cast<uint8_t>(c);
-    at_ += 3;
-  }
-
-  void start() {
-    in_.refill();
-    uint32_t corners[3];
-    for (uint32_t& corner : corners) corner = in_.take(1) ? number_at_start() : named();
-    const auto [a, b, c] = corners;
-    add(a, b, c);
-    pass_edge(a, b, c, in_.take(1));
-    pass_edge(b, c, a, in_.take(1));
-    pass_edge(c, a, b, in_.take(1));
-  }
-
-  void pass_gate(const Gate& gate) {
-    in_.refill();
-    const Symbol symbol = kDecodingTable[in_.peek(kLongest)];
-    in_.skip(symbol.length);
-    if (symbol.apex == kNew && gate.a != gate.b) {
-      const uint32_t c = number(parents_of(gate));
-      add(gate.a, gate.b, c);
-      // No gate is at a new vertex, so none can be closed.
-      open_edge(gate.b, c, gate.a, symbol.right);
-      open_edge(c, gate.a, gate.b, symbol.left);
-      return;
-    }
-    if (symbol.apex == kNothing) return;
-    const uint32_t c = read_apex(gate, symbol.apex);
-    add(gate.a, gate.b, c);
-    pass_edge(gate.b, c, gate.a, symbol.right);
-    pass_edge(c, gate.a, gate.b, symbol.left);
-  }
-
-  uint32_t read_apex(const Gate& gate, uint32_t apex) {
-    if (apex == kNew) return number(parents_of(gate));
-    if (apex == kNamed) return named();
-    const uint32_t c = apex == kAfter ? front_.after(gate.b) : front_.before(gate.a);
-    if (c >= kMaxLocal) corrupt("a triangle leans on a gate that is not there");
-    return c;
-  }
-
-  void pass_edge(uint32_t a, uint32_t b, uint32_t c, uint32_t is_gate) {
-    if (!front_.close(a, b)) open_edge(a, b, c, is_gate);
-  }
-
-  void open_edge(uint32_t a, uint32_t b, uint32_t c, uint32_t is_gate) {
-    front_.push(b, a, c, is_gate);
-    border_[border_edges_] = {static_cast<uint8_t>(a), static_cast<uint8_t>(b)};
-    border_edges_ += 1 - is_gate;
-  }
-
-  BitReader in_;
-  std::span<uint8_t> triangles_;
-  std::span<Parents> parents_;
-  BorderEdges& border_;
-  size_t at_ = 0;
-  uint32_t known_ = 0, border_edges_ = 0;
-  Front front_;
-};
-
 }  // namespace
 
 Walk encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out) {
   return Encoder(triangles, vertices, out).run();
-}
-
-uint32_t decode_triangles(BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents,
-                          BorderEdges& border) {
-  Decoder decoder(in, triangles, parents, border);
-  decoder.run();
-  in = decoder.reader();
-  return decoder.border_edges();
 }
 
 }  // namespace umbel::asset

@@ -25,8 +25,15 @@ inline constexpr uint32_t kMaxLocal = 256;  ///< triangles and vertices of a clu
 /// to it, and the third vertex of the triangle across that gate. All are the vertex before where a
 /// walk starts; those of vertex 0 are 0.
 struct Parents {
-  uint8_t a, b, across;
+  uint32_t word;  ///< a, b and across, from the lowest byte on
+
+  uint32_t a() const { return word & 0xff; }
+  uint32_t b() const { return word >> 8 & 0xff; }
+  uint32_t across() const { return word >> 16; }
 };
+constexpr Parents parents_of(uint32_t a, uint32_t b, uint32_t across) {
+  return {a | b << 8 | across << 16};
+}
 
 /// An edge of one triangle that the walk found no other triangle at, in the walk's numbers.
 struct BorderEdge {
@@ -44,13 +51,18 @@ struct Walk {
 /// Writes triangles, triples of vertices < `vertices` <= 256.
 Walk encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out);
 
-/// At most all edges of a cluster, and a place for one that is none.
-using BorderEdges = std::array<BorderEdge, size_t{3} * kMaxLocal + 1>;
+/// Where border edges are noted: for each vertex, the end of the last that begins there, and the
+/// beginning of the last that ends there. What is noted of a vertex is its number and `first`.
+struct BorderLinks {
+  uint32_t* next;
+  uint32_t* previous;
+  uint32_t first;
+};
 
 /// Reads `triangles.size() / 3` <= 256 triangles of `parents.size()` <= 256 vertices, and each
-/// vertex's parents. Returns how many border edges it found. Throws kCorrupt if a number is out of
+/// vertex's parents. `border` has room for all vertices. Throws kCorrupt if a number is out of
 /// range.
-uint32_t decode_triangles(BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents,
-                          BorderEdges& border);
+void decode_triangles(BitReader& in, std::span<uint8_t> triangles, std::span<Parents> parents,
+                      BorderLinks border);
 
 }  // namespace umbel::asset

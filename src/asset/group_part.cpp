@@ -212,22 +212,21 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
                                                   const PartTables& tables,
                                                   std::span<const std::byte> part, size_t count) {
   std::vector<lod::ClusterGeometry> all(count);
-  const uint32_t stride = components(format);
+  const uint32_t stride = row_stride(format);
   size_t vertices = 0;
   for (size_t i = 0; i < count; ++i) vertices += tables.clusters[i].vertex_count;
   std::vector<int32_t> integers(vertices * stride);
   GroupBorders borders(vertices);
-  BorderEdges border;
   std::array<Parents, kMaxLocal> parents;
   std::array<uint32_t, kMaxLocal> source;
   uint32_t begin = tables.first_data, first = 0;
   for (size_t i = 0; i < count; ++i) {
     const lod::Cluster& cluster = tables.clusters[i];
-    BitReader in(part.subspan(begin, tables.ends[i] - begin));
+    BitReader in(part.subspan(begin, tables.ends[i] - begin), part.size() - tables.ends[i]);
     all[i].triangles.resize(size_t{3} * cluster.triangle_count);
     const auto mine = std::span(parents).first(cluster.vertex_count);
-    const uint32_t edges = decode_triangles(in, all[i].triangles, mine, border);
-    borders.add_cluster(cluster.vertex_count, std::span(border).first(edges));
+    decode_triangles(in, all[i].triangles, mine, borders.add_cluster(cluster.vertex_count));
+    borders.list_last();
     const auto sources = std::span(source).first(cluster.vertex_count);
     decode_shared(in, borders, sources);
     decode_vertices(format, mine, sources, tables.ranges, in, integers, first);

@@ -236,6 +236,8 @@ uint32_t components(const VertexFormat& format) {
   return static_cast<uint32_t>(format.is_smooth.size());
 }
 
+uint32_t row_stride(const VertexFormat& format) { return std::max(components(format), 4u); }
+
 void quantize(const VertexFormat& format, const Mesh& streams, std::span<const uint32_t> vertices,
               std::span<int32_t> out) {
   int32_t* at = out.data();
@@ -250,7 +252,7 @@ void quantize(const VertexFormat& format, const Mesh& streams, std::span<const u
 
 void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
                 lod::ClusterGeometry& geometry) {
-  const uint32_t stride = components(format);
+  const uint32_t stride = row_stride(format);
   const size_t count = integers.size() / stride;
   uint32_t at = 0, normal_bits = 0, normal_at = 0;
   for (const AttributeFormat& f : format.attributes) {

@@ -4,23 +4,24 @@
 
 namespace umbel::asset {
 
-GroupBorders::GroupBorders(size_t vertices) {
-  next_.reserve(vertices);
-  previous_.reserve(vertices);
-  listed_.reserve(vertices);
+GroupBorders::GroupBorders(size_t vertices)
+    : next_(vertices, kNone), previous_(vertices, kNone), listed_(vertices + 1) {}
+
+BorderLinks GroupBorders::add_cluster(uint32_t vertices) {
+  earlier_ = count_;
+  first_ = end_;
+  end_ += vertices;
+  return {next_.data() + first_, previous_.data() + first_, first_};
 }
 
-void GroupBorders::add_cluster(uint32_t vertices, std::span<const BorderEdge> edges) {
-  earlier_ = listed_.size();
-  first_ = end();
-  next_.resize(size_t{first_} + vertices, kNone);
-  previous_.resize(size_t{first_} + vertices, kNone);
-  for (const BorderEdge& edge : edges) {
-    next_[first_ + edge.from] = first_ + edge.to;
-    previous_[first_ + edge.to] = first_ + edge.from;
+void GroupBorders::list_last() {
+  // Without a branch: which vertices are at the border is hard to foresee.
+  size_t count = count_;
+  for (uint32_t v = first_; v < end_; ++v) {
+    listed_[count] = v;
+    count += is_border(v);
   }
-  for (uint32_t v = first_; v < end(); ++v)
-    if (is_border(v)) listed_.push_back(v);
+  count_ = count;
 }
 
 SharedVertices::SharedVertices(size_t vertices)
@@ -77,8 +78,7 @@ void SharedVertices::follow(uint32_t vertex, uint32_t earlier, bool forward, Bit
 }
 
 void SharedVertices::list_last_cluster() {
-  for (uint32_t v = borders_.first(); v < borders_.end(); ++v) {
-    if (!borders_.is_border(v)) continue;
+  for (const uint32_t v : borders_.last()) {
     const uint32_t slot = (ids_[v] * 0x9e3779b9u) & static_cast<uint32_t>(heads_.size() - 1);
     next_with_hash_[v] = heads_[slot];
     heads_[slot] = v;
@@ -87,18 +87,21 @@ void SharedVertices::list_last_cluster() {
 
 std::vector<uint32_t> SharedVertices::encode(std::span<const uint32_t> ids,
                                              std::span<const BorderEdge> edges, BitWriter& out) {
-  borders_.add_cluster(static_cast<uint32_t>(ids.size()), edges);
+  const BorderLinks links = borders_.add_cluster(static_cast<uint32_t>(ids.size()));
+  for (const BorderEdge& edge : edges) {
+    links.next[edge.from] = links.first + edge.to;
+    links.previous[edge.to] = links.first + edge.from;
+  }
+  borders_.list_last();
   ids_.insert(ids_.end(), ids.begin(), ids.end());
   source_.resize(ids_.size(), kNone);
   const std::span<const uint32_t> earlier = borders_.earlier();
-  const auto shares = [&](uint32_t v) {
-    return borders_.is_border(v) && copy_of(v, kNone) != kNone;
-  };
-  bool any = false;
-  for (uint32_t v = borders_.first(); v < borders_.end() && !any; ++v) any = shares(v);
+  const std::span<const uint32_t> mine = borders_.last();
+  const bool any =
+      std::any_of(mine.begin(), mine.end(), [&](uint32_t v) { return copy_of(v, kNone) != kNone; });
   out.write(any, 1);
-  for (uint32_t v = borders_.first(); any && v < borders_.end(); ++v) {
-    if (!borders_.is_border(v) || source_[v] != kNone) continue;
+  for (const uint32_t v : mine.first(any ? mine.size() : 0)) {
+    if (source_[v] != kNone) continue;
     const uint32_t copy = best_copy(v);
     out.write(copy != kNone, 1);
     if (copy == kNone) continue;
@@ -112,9 +115,10 @@ std::vector<uint32_t> SharedVertices::encode(std::span<const uint32_t> ids,
   return {source_.begin() + borders_.first(), source_.end()};
 }
 
-void decode_shared(BitReader& in, const GroupBorders& borders, std::span<uint32_t> source) {
+void decode_shared(BitReader& reader, const GroupBorders& borders, std::span<uint32_t> source) {
+  BitReader in = reader;  // its state stays in registers
   std::fill(source.begin(), source.end(), kNone);
-  if (!in.read(1)) return;
+  const bool any = in.read(1) != 0;
   const uint32_t first = borders.first();
   const std::span<const uint32_t> earlier = borders.earlier();
   const uint32_t width = bits_below(static_cast<uint32_t>(earlier.size()));
@@ -127,8 +131,8 @@ void decode_shared(BitReader& in, const GroupBorders& borders, std::span<uint32_
       source[vertex - first] = copy;
     }
   };
-  for (uint32_t v = first; v < borders.end(); ++v) {
-    if (!borders.is_border(v) || source[v - first] != kNone || !in.read(1)) continue;
+  for (const uint32_t v : borders.last().first(any ? borders.last().size() : 0)) {
+    if (source[v - first] != kNone || !in.read(1)) continue;
     const uint32_t place = in.read(width);
     if (place >= earlier.size())
       corrupt("a cluster shares the border vertex " + std::to_string(place) + " of " +
@@ -137,6 +141,7 @@ void decode_shared(BitReader& in, const GroupBorders& borders, std::span<uint32_
     follow(v, earlier[place], true);
     follow(v, earlier[place], false);
   }
+  reader = in;
 }
 
 }  // namespace umbel::asset

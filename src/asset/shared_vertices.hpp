@@ -19,25 +19,29 @@ class GroupBorders {
   /// Of clusters with `vertices` in all.
   explicit GroupBorders(size_t vertices);
 
-  /// The next cluster, of `vertices` vertices.
-  void add_cluster(uint32_t vertices, std::span<const BorderEdge> edges);
+  /// The next cluster, of `vertices` vertices: where its border is to be noted. Then list_last.
+  BorderLinks add_cluster(uint32_t vertices);
+  void list_last();
 
   /// The number of the last cluster's first vertex, and that behind its last.
   uint32_t first() const { return first_; }
-  uint32_t end() const { return static_cast<uint32_t>(next_.size()); }
+  uint32_t end() const { return end_; }
   bool is_border(uint32_t vertex) const {
     return next_[vertex] != kNone || previous_[vertex] != kNone;
   }
-  /// Border vertices of the clusters before the last.
+  /// Border vertices of the clusters before the last, and of the last.
   std::span<const uint32_t> earlier() const { return std::span(listed_).first(earlier_); }
+  std::span<const uint32_t> last() const {
+    return std::span(listed_).subspan(earlier_, count_ - earlier_);
+  }
   /// Along the border from a vertex, or kNone.
   uint32_t next(uint32_t vertex) const { return next_[vertex]; }
   uint32_t previous(uint32_t vertex) const { return previous_[vertex]; }
 
  private:
   std::vector<uint32_t> next_, previous_, listed_;
-  uint32_t first_ = 0;
-  size_t earlier_ = 0;
+  uint32_t first_ = 0, end_ = 0;
+  size_t earlier_ = 0, count_ = 0;  // of listed_
 };
 
 /// Finds what the last of a growing number of clusters shares with those before it.

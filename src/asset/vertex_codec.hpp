@@ -49,11 +49,14 @@ bool is_known(const AttributeFormat& attribute);
 /// not have it.
 VertexFormat make_format(std::vector<AttributeFormat> attributes);
 uint32_t components(const VertexFormat& format);
+/// From one decoded vertex's integers to the next's: those of positions alone are four apart.
+uint32_t row_stride(const VertexFormat& format);
 
 /// `components(format)` integers a vertex, in the order of `vertices`, indices into the streams.
 void quantize(const VertexFormat& format, const Mesh& streams, std::span<const uint32_t> vertices,
               std::span<int32_t> out);
-/// The streams of a cluster; its triangles are left alone.
+/// The streams of a cluster, whose vertices are row_stride(format) apart; its triangles are left
+/// alone.
 void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
                 lod::ClusterGeometry& geometry);
 
@@ -68,8 +71,8 @@ struct ComponentRange {
 void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
                      std::span<const Parents> parents, std::span<const uint32_t> source,
                      std::span<const ComponentRange> ranges, BitWriter& out);
-/// Reads them into `group`, the integers of the group's vertices, from its vertex `first` on.
-/// Sources are below that.
+/// Reads them into `group`, the integers of the group's vertices, row_stride(format) apart, from
+/// its vertex `first` on. Sources are below that.
 void decode_vertices(const VertexFormat& format, std::span<const Parents> parents,
                      std::span<const uint32_t> source, std::span<const ComponentRange> ranges,
                      BitReader& in, std::span<int32_t> group, uint32_t first);

@@ -80,20 +80,22 @@ class BitWriter {
   uint32_t bits_ = 0;
 };
 
-/// Past the end it reads zeros; `finish` tells, so that inner loops need no checks.
+/// Past the end it reads anything; `finish` tells, so that inner loops need no checks.
 class BitReader {
  public:
-  explicit BitReader(std::span<const std::byte> in) : next_(in.data()), end_(next_ + in.size()) {}
+  /// `beyond` bytes behind `in` may be read too, which is faster than to stop at its end.
+  explicit BitReader(std::span<const std::byte> in, size_t beyond = 0)
+      : next_(in.data()), end_(next_ + in.size()), limit_(end_ + beyond) {}
 
   /// `count` <= 32 bits.
   uint32_t read(uint32_t count) {
-    refill();
+    ensure(count);
     return take(count);
   }
 
-  /// Afterwards `take` and `take_zeros` may read 56 bits in all.
+  /// Afterwards 56 bits may be taken.
   void refill() {
-    if (end_ - next_ >= 8) {
+    if (limit_ - next_ >= 8) {
       uint64_t word;
       std::memcpy(&word, next_, 8);
       held_ |= little_endian(word) << bits_;
@@ -103,11 +105,16 @@ class BitReader {
       return;
     }
     for (; bits_ <= 56; bits_ += 8) {
-      if (next_ == end_)
-        ++past_end_;
+      if (next_ == limit_)
+        ++past_limit_;
       else
         held_ |= uint64_t{static_cast<uint8_t>(*next_++)} << bits_;
     }
+  }
+
+  /// Afterwards `count` <= 56 bits may be read. Most times they are there.
+  void ensure(uint32_t count) {
+    if (bits_ < count) refill();
   }
 
   uint32_t take(uint32_t count) {
@@ -126,26 +133,27 @@ class BitReader {
     bits_ -= count;
   }
 
-  /// How many zeros come before the next one, which is read too; `most` < 32 zeros end by
-  /// themselves.
-  uint32_t take_zeros(uint32_t most) {
-    const auto count = static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << most));
-    skip(std::min(count + 1, most));
-    return count;
-  }
-
   uint32_t rice(uint32_t k) {
-    // Enough for all but the rarest: most times what is held is.
-    if (bits_ < kRiceEscape + k) refill();
-    const uint32_t quotient = take_zeros(kRiceEscape);
-    if (quotient == kRiceEscape) [[unlikely]]
-      return read(32);
+    ensure(kRiceEscape + k);
+    return take_rice(k);
+  }
+  /// Where kRiceEscape + k bits are there for sure. It takes no more, or leaves 56.
+  uint32_t take_rice(uint32_t k) {
+    const auto quotient =
+        static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << kRiceEscape));
+    if (quotient == kRiceEscape) [[unlikely]] {
+      skip(kRiceEscape);
+      const uint32_t value = read(32);
+      refill();
+      return value;
+    }
+    skip(quotient + 1);
     return quotient << k | take(k);
   }
 
   /// Throws kCorrupt unless what was read ends in the last byte of the input.
   void finish() const {
-    const int64_t left = bits_ + 8 * ((end_ - next_) - past_end_);
+    const int64_t left = bits_ + 8 * ((end_ - next_) - past_limit_);
     if (left < 0) corrupt("a stream of bits ends too early");
     if (left >= 8) corrupt("a stream of bits goes on too long");
   }
@@ -153,9 +161,10 @@ class BitReader {
  private:
   const std::byte* next_;
   const std::byte* end_;
+  const std::byte* limit_;
   uint64_t held_ = 0;
   uint32_t bits_ = 0;
-  int64_t past_end_ = 0;  // bytes
+  int64_t past_limit_ = 0;  // bytes
 };
 
 }  // namespace umbel

@@ -78,9 +78,9 @@ void there_and_back(const uint8_t* data, size_t size) {
   out.finish();
   std::vector<uint8_t> read(given.size());
   std::vector<asset::Parents> parents(vertices);
-  asset::BorderEdges border;
+  std::array<uint32_t, asset::kMaxLocal> next, previous;
   umbel::BitReader in(bytes);
-  asset::decode_triangles(in, read, parents, border);
+  asset::decode_triangles(in, read, parents, {next.data(), previous.data(), 0});
   in.finish();
   std::vector<Triangle> before(count), after(count);
   for (size_t i = 0; i < given.size(); ++i) {

@@ -32,12 +32,15 @@ double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   BitReader in(bytes);
   Triangles decoded(triangles.size());
   std::vector<Parents> parents(vertices);
-  BorderEdges border;
-  const uint32_t edges = decode_triangles(in, decoded, parents, border);
+  std::vector<uint32_t> next(vertices, kNone), previous = next, last_to = next, last_from = next;
+  decode_triangles(in, decoded, parents, {next.data(), previous.data(), 1000});
   EXPECT_NO_THROW(in.finish());
-  EXPECT_EQ(edges, walk.border.size());
-  for (uint32_t e = 0; e < std::min<size_t>(edges, walk.border.size()); ++e)
-    EXPECT_TRUE(border[e].from == walk.border[e].from && border[e].to == walk.border[e].to);
+  for (const BorderEdge& edge : walk.border) {
+    last_to[edge.from] = 1000u + edge.to;
+    last_from[edge.to] = 1000u + edge.from;
+  }
+  EXPECT_EQ(next, last_to);
+  EXPECT_EQ(previous, last_from);
 
   EXPECT_TRUE(decoded == walk.triangles);
   std::vector<bool> seen(vertices);
@@ -46,9 +49,9 @@ double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   EXPECT_TRUE(std::all_of(seen.begin(), seen.end(), [](bool s) { return s; }));
   for (uint32_t v = 0; v < vertices; ++v) {
     const Parents& p = parents[v];
-    EXPECT_TRUE(p.a == walk.parents[v].a && p.b == walk.parents[v].b &&
-                p.across == walk.parents[v].across);
-    EXPECT_TRUE(v == 0 || (p.a < v && p.b < v && p.across < v)) << v;
+    EXPECT_TRUE(p.a() == walk.parents[v].a() && p.b() == walk.parents[v].b() &&
+                p.across() == walk.parents[v].across());
+    EXPECT_TRUE(v == 0 || (p.a() < v && p.b() < v && p.across() < v)) << v;
   }
   for (uint8_t& v : decoded) v = walk.vertices[v];
   EXPECT_TRUE(sorted(decoded) == sorted(triangles));
@@ -99,10 +102,10 @@ TEST(Connectivity, of_garbage_is_refused_or_in_range) {
     Triangles triangles(3 * (1 + random() % 256));
     std::vector<Parents> parents(1 + random() % 256);
     BitReader in(bytes);
-    BorderEdges border;
+    std::vector<uint32_t> next(parents.size(), 0), previous = next;
     try {
-      const uint32_t edges = decode_triangles(in, triangles, parents, border);
-      ASSERT_LE(edges, triangles.size());
+      decode_triangles(in, triangles, parents, {next.data(), previous.data(), 0});
+      for (const uint32_t v : next) ASSERT_LT(v, parents.size());
       for (const uint8_t v : triangles) ASSERT_LT(v, parents.size());
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kCorrupt);

@@ -19,33 +19,43 @@ VertexFormat floats_and_grid() {
   return make_format({{kPositions, Coding::kGrid, 0, 0.25f}, {kNormals, Coding::kFloats, 0, 0}});
 }
 
-TEST(VertexCodec, gives_back_any_integers) {
-  const VertexFormat format = floats_and_grid();
-  std::mt19937 random(3);
-  for (uint32_t count = 1; count <= 256; count += 15) {
-    std::vector<int32_t> integers(count * components(format));
-    const uint32_t bits = random() % 33;
-    for (int32_t& i : integers) i = static_cast<int32_t>(random() >> (32 - std::max(bits, 1u)));
-    std::vector<Parents> parents(count);
-    for (uint32_t v = 1; v < count; ++v)
-      parents[v] = {uint8_t(random() % v), uint8_t(random() % v), uint8_t(random() % v)};
-    std::vector<ComponentRange> ranges(components(format), {INT32_MIN, 32});
-    // Some vertices are those of an earlier cluster, which stands in front.
-    std::vector<uint32_t> source(count, kNone);
-    std::vector<int32_t> group = integers;
-    for (uint32_t v = 0; v < count; ++v)
-      if (random() % 4 == 0) source[v] = v;
-    std::vector<std::byte> bytes;
-    BitWriter out(bytes);
-    encode_vertices(format, integers, parents, source, ranges, out);
-    out.finish();
-    BitReader in(bytes);
-    group.resize(2 * integers.size());
-    decode_vertices(format, parents, source, ranges, in, group, count);
-    EXPECT_NO_THROW(in.finish());
-    EXPECT_TRUE(std::equal(integers.begin(), integers.end(), group.begin() + integers.size()))
-        << count;
+/// Codes `count` vertices of random integers of `bits` bits, some of which an earlier cluster has.
+void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t bits,
+                          std::mt19937& random) {
+  const uint32_t width = components(format), stride = row_stride(format);
+  std::vector<int32_t> integers(count * width);
+  for (int32_t& i : integers) i = bits == 0 ? 7 : static_cast<int32_t>(random()) >> (32 - bits);
+  std::vector<Parents> parents(count);
+  for (uint32_t v = 1; v < count; ++v)
+    parents[v] = parents_of(uint32_t(random() % v), uint32_t(random() % v), uint32_t(random() % v));
+  const auto lowest = static_cast<int32_t>(bits == 0 ? 7 : ~0u << (bits - 1));
+  const std::vector<ComponentRange> ranges(width, {lowest, bits});
+  std::vector<uint32_t> source(count, kNone);
+  std::vector<int32_t> group(size_t{2} * count * stride);
+  for (uint32_t v = 0; v < count; ++v) {
+    std::copy_n(&integers[size_t{v} * width], width, &group[size_t{v} * stride]);
+    if (random() % 4 == 0) source[v] = v;
   }
+  std::vector<std::byte> bytes;
+  BitWriter out(bytes);
+  encode_vertices(format, integers, parents, source, ranges, out);
+  out.finish();
+  BitReader in(bytes);
+  decode_vertices(format, parents, source, ranges, in, group, count);
+  EXPECT_NO_THROW(in.finish());
+  for (uint32_t v = 0; v < count; ++v)
+    EXPECT_TRUE(std::equal(&integers[size_t{v} * width], &integers[size_t{v} * width] + width,
+                           &group[size_t{count + v} * stride]))
+        << v << " of " << count << " with " << bits << " bits";
+}
+
+TEST(VertexCodec, gives_back_any_integers) {
+  std::mt19937 random(3);
+  const VertexFormat alone = make_format({{kPositions, Coding::kGrid, 0, 0.25f}});
+  for (const VertexFormat& format : {floats_and_grid(), alone})
+    for (uint32_t bits = 0; bits <= 32; ++bits)
+      for (uint32_t count = 1; count <= 256; count += 51)
+        expect_same_integers(format, count, bits, random);
 }
 
 TEST(VertexFormat, refuses_what_cannot_be) {

@@ -1,0 +1,48 @@
+// The prefix code of connectivity.hpp's walk: which words there are, for encoder and decoder.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace umbel::asset {
+
+/// What the third vertex of a gate's triangle is.
+enum Apex : uint32_t {
+  kNew = 0,      ///< the next number
+  kAfter = 1,    ///< the end of an open gate that begins at b
+  kBefore = 2,   ///< the beginning of an open gate that ends at a
+  kNamed = 3,    ///< its number follows
+  kNothing = 4,  ///< there is no triangle after all
+};
+
+/// A triangle's apex, and whether its edges (b, c) and (c, a) are gates, as one number. Edges that
+/// close a gate count as gates here.
+constexpr uint32_t symbol(uint32_t apex, bool right, bool left) {
+  return 4 * apex + 2 * right + left;
+}
+inline constexpr uint32_t kSymbols = 4 * kNothing + 4;
+
+/// One word of the prefix code.
+struct Word {
+  uint8_t symbol;
+  uint8_t length;  ///< bits
+  uint8_t code;    ///< the first bit lowest
+};
+
+inline constexpr uint32_t kLongestWord = 8;
+/// From how often each occurs on scans; complete, so that any bits are words.
+inline constexpr std::array<Word, 13> kWords{{{symbol(kNew, true, true), 1, 0b1},
+                                              {symbol(kAfter, true, true), 3, 0b110},
+                                              {symbol(kBefore, true, true), 3, 0b010},
+                                              {symbol(kNew, false, true), 4, 0b1100},
+                                              {symbol(kNew, true, false), 4, 0b0100},
+                                              {symbol(kNew, false, false), 5, 0b11000},
+                                              {symbol(kAfter, true, false), 5, 0b01000},
+                                              {symbol(kBefore, false, true), 5, 0b10000},
+                                              {symbol(kNamed, true, true), 6, 0b100000},
+                                              {symbol(kNamed, false, true), 8, 0b11000000},
+                                              {symbol(kNamed, true, false), 8, 0b01000000},
+                                              {symbol(kNamed, false, false), 8, 0b10000000},
+                                              {symbol(kNothing, false, false), 8, 0b00000000}}};
+
+}  // namespace umbel::asset
