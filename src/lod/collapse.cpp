@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <utility>
 
@@ -15,6 +16,8 @@ namespace {
 constexpr double kLeastCosine = 0.25;
 // Where collapses begin to cost a multiple of what they did, as squared distances.
 constexpr float kMostRise = 16.0f;
+
+typedef uint32_t Word4 __attribute__((vector_size(16)));
 
 }  // namespace
 
@@ -97,8 +100,8 @@ void EdgeCollapser::build_rings() {
     r.offset = offset;
     offset += blocks(std::exchange(r.count, 0));
   }
-  spokes_.resize(offset);
-  corners_.resize(offset);
+  spokes_end_ = offset;
+  if (spokes_.size() <= offset) make_room(offset + offset / 2);
   const auto add = [&](uint32_t p, uint32_t n, uint32_t q, uint32_t corner) {
     Ring& r = ring_of_[p];
     const uint32_t slot = r.offset + r.count++;
@@ -213,36 +216,49 @@ bool EdgeCollapser::keeps_link(uint32_t p, uint32_t target) {
   const uint32_t around = ring_of_[p].count;
   // The last triangles of a component stay, and so does one whose place another takes.
   if (around == opposites_ && ring_of_[target].count == around) return false;
-  const bool closes = around == 3 && opposites_ == 2;
-  for (const Spoke& s : ring(target)) {
-    if (marks_[s.next] == stamp_ || marks_[s.prev] == stamp_) return false;
-    if (closes && std::minmax(s.next, s.prev) == std::minmax(neighbours_[0], neighbours_[1]))
-      return false;
-  }
+  bool shared = false;
+  for (const Spoke& s : ring(target))
+    shared |= marks_[s.next] == stamp_ || marks_[s.prev] == stamp_;
+  if (shared) return false;
+  if (around == 3 && opposites_ == 2)
+    for (const Spoke& s : ring(target))
+      if (std::minmax(s.next, s.prev) == std::minmax(neighbours_[0], neighbours_[1])) return false;
   if (!input_.chords && input_.locked[target])
     return std::none_of(neighbours_.begin() + opposites_, neighbours_.end(),
                         [&](uint32_t x) { return input_.locked[x] != 0; });
   return true;
 }
 
-// Marks those that are not third corners at the edge with stamp_.
+// Marks those that are not third corners at the edge with stamp_. What comes next cannot be
+// foretold, so hardly anything branches on it.
 void EdgeCollapser::list_neighbours(uint32_t p, uint32_t target) {
-  neighbours_.clear();
-  for (const Spoke& s : ring(p))
-    if (s.next == target || s.prev == target)
-      neighbours_.push_back(s.next == target ? s.prev : s.next);
-  opposites_ = neighbours_.size();
-  const uint32_t a = neighbours_.front(), b = neighbours_.back();
-  ++stamp_;
-  const auto add = [&](uint32_t x) {
-    if (x == target || x == a || x == b) return;
-    marks_[x] = stamp_;
-    neighbours_.push_back(x);
-  };
-  for (const Spoke& s : ring(p)) add(s.next);
-  if (kinds_[p] == Kind::kInterior) return;
-  for (const Spoke& s : ring(p))
-    if (marks_[s.prev] != stamp_) add(s.prev);
+  const auto spokes = ring(p);
+  if (neighbour_room_.size() < 2 * spokes.size() + 1) neighbour_room_.resize(4 * spokes.size() + 1);
+  uint32_t* const list = neighbour_room_.data();
+  size_t count = 0;
+  for (const Spoke& s : spokes) {
+    list[count] = s.next == target ? s.prev : s.next;
+    count += s.next == target || s.prev == target;
+  }
+  opposites_ = count;
+  const uint32_t a = list[0], b = list[count - 1];
+  const uint32_t stamp = ++stamp_;
+  uint32_t* const marks = marks_.data();
+  for (const Spoke& s : spokes) {
+    const uint32_t x = s.next, mark = marks[x];
+    const bool is_other = x != target && x != a && x != b;
+    marks[x] = is_other ? stamp : mark;
+    list[count] = x;
+    count += is_other;
+  }
+  if (kinds_[p] != Kind::kInterior)
+    for (const Spoke& s : spokes) {
+      const uint32_t x = s.prev;
+      if (marks[x] == stamp || x == target || x == a || x == b) continue;
+      marks[x] = stamp;
+      list[count++] = x;
+    }
+  neighbours_ = {list, count};
 }
 
 // An edge that comes to have four triangles must be explained by the source: its ends are in one
@@ -251,16 +267,19 @@ bool EdgeCollapser::keeps_irregular_link(uint32_t p, uint32_t target) {
   const uint32_t component = input_.component[target];
   if (input_.component[p] != kNone && input_.component[p] != component) return false;
   const uint32_t is_opposite = ++stamp_, is_other = ++stamp_;
-  neighbours_.clear();
+  const size_t most = 2 * size_t{ring_of_[p].count};
+  if (neighbour_room_.size() < most) neighbour_room_.resize(2 * most);
+  size_t count = 0;
   const auto add = [&](uint32_t x, uint32_t mark) {
     if (x == target || marks_[x] >= is_opposite) return;
     marks_[x] = mark;
-    neighbours_.push_back(x);
+    neighbour_room_[count++] = x;
   };
   for (const Spoke& s : ring(p))
     if (s.next == target || s.prev == target) add(s.next == target ? s.prev : s.next, is_opposite);
-  opposites_ = neighbours_.size();
+  opposites_ = count;
   for (const Spoke& s : ring(p)) add(s.next, is_other), add(s.prev, is_other);
+  neighbours_ = {neighbour_room_.data(), count};
   for (const Spoke& s : ring(target))
     for (uint32_t x : {s.next, s.prev})
       if (marks_[x] == is_other && (component == kNone || input_.component[x] != component))
@@ -322,47 +341,55 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
 // Gives p's triangles to the target, but for those at the edge.
 void EdgeCollapser::move_ring(uint32_t p, uint32_t target) {
   const Ring old = ring_of_[p], kept = ring_of_[target];
-  const uint32_t offset = static_cast<uint32_t>(spokes_.size());
-  spokes_.resize(offset + blocks(old.count + kept.count));
-  corners_.resize(spokes_.size());
+  const uint32_t offset = spokes_end_;
+  make_room(offset + blocks(old.count + kept.count));
+  Spoke* const spokes = spokes_.data();
+  uint32_t* const corners = corners_.data();
   uint32_t end = offset;
-  const auto append = [&](uint32_t from) {
-    spokes_[end] = spokes_[from];
-    corners_[end++] = corners_[from];
-  };
   for (uint32_t i = old.offset; i < old.offset + old.count; ++i) {
-    const uint32_t c = corners_[i];
-    if (spokes_[i].next == target || spokes_[i].prev == target) {
+    const Spoke s = spokes[i];
+    const uint32_t c = corners[i];
+    if (s.next == target || s.prev == target) {
       dead_[c / 3] = 1;
       --live_;
       continue;
     }
     uint32_t& v = vertex(c);
-    if (has_wedges_)
-      v = mapped(v);
-    else
-      v = target;
-    append(i);
+    v = has_wedges_ ? mapped(v) : target;
+    spokes[end] = s;
+    corners[end++] = c;
   }
-  for (uint32_t i = kept.offset; i < kept.offset + kept.count; ++i)
-    if (spokes_[i].next != p && spokes_[i].prev != p) append(i);
+  for (uint32_t i = kept.offset; i < kept.offset + kept.count; ++i) {
+    const Spoke s = spokes[i];
+    spokes[end] = s;
+    corners[end] = corners[i];
+    end += s.next != p && s.prev != p;
+  }
   ring_of_[p].count = 0;
   ring_of_[target] = {offset, end - offset};
-  spokes_.resize(offset + blocks(end - offset));
-  corners_.resize(spokes_.size());
+  spokes_end_ = offset + blocks(end - offset);
   for (uint32_t x : neighbours_) rename(x, p, target);
   for (size_t i = 0; i < opposites_; ++i) remove_folded(neighbours_[i]);
+}
+
+// For spokes up to `end`, and one more.
+void EdgeCollapser::make_room(uint32_t end) {
+  if (end < spokes_.size()) return;
+  spokes_.resize(2 * size_t{end} + 1);
+  corners_.resize(spokes_.size());
 }
 
 // In the ring of a neighbour, whole blocks at a time: what is behind the ring's end does not count.
 void EdgeCollapser::rename(uint32_t at, uint32_t p, uint32_t target) {
   const Ring r = ring_of_[at];
-  for (uint32_t begin = 0; begin < r.count; begin += kBlock) {
-    Spoke* block = &spokes_[r.offset + begin];
-    for (uint32_t i = 0; i < kBlock; ++i) {
-      block[i].next = block[i].next == p ? target : block[i].next;
-      block[i].prev = block[i].prev == p ? target : block[i].prev;
-    }
+  uint32_t* const words = &spokes_[r.offset].next;
+  const Word4 from{p, p, p, p}, to{target, target, target, target};
+  for (uint32_t i = 0; i < 2 * r.count; i += 4) {
+    Word4 word;
+    memcpy(&word, words + i, sizeof word);
+    const Word4 is_p = word == from;
+    word = (word & ~is_p) | (to & is_p);
+    memcpy(words + i, &word, sizeof word);
   }
 }
 

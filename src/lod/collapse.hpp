@@ -145,6 +145,7 @@ class EdgeCollapser {
   float wedge_cost(const Vec3& d) const;
   void collapse(uint32_t p, uint32_t target);
   void move_ring(uint32_t p, uint32_t target);
+  void make_room(uint32_t end);
   void rename(uint32_t at, uint32_t p, uint32_t target);
   void remove_folded(uint32_t at);
   void note_chords(uint32_t target);
@@ -165,6 +166,7 @@ class EdgeCollapser {
   std::vector<Ring> ring_of_;        // of positions
   std::vector<Spoke> spokes_;        // merged rings are appended
   std::vector<uint32_t> corners_;    // of spokes_
+  uint32_t spokes_end_ = 0;          // how many of spokes_ are used
   std::vector<Kind> kinds_;
   std::vector<uint8_t> wedge_counts_;        // vertices at a position, at most 2 counted
   std::vector<Quadric> quadrics_;            // of positions; scale: from cost to rank
@@ -188,7 +190,8 @@ class EdgeCollapser {
     bool along;  // a seam, or on the smooth surface
   };
   std::vector<WedgeMove> wedge_map_;
-  std::vector<uint32_t> neighbours_;  // of p but for the target, third corners at the edge first
+  std::vector<uint32_t> neighbour_room_;
+  std::span<const uint32_t> neighbours_;  // of p but for the target, third corners at the edge first
   size_t opposites_ = 0;              // how many those are
 
   std::vector<Triangle> result_;

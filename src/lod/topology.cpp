@@ -49,10 +49,10 @@ std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
   std::vector<uint32_t> offsets(count + 1, 0);
   for_each_edge(triangles, position_ids, [&](uint32_t a, uint32_t, bool) { ++offsets[a + 1]; });
   std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
-  std::vector<uint64_t> ends(offsets.back());  // higher end and direction
+  std::vector<uint32_t> ends(offsets.back());  // twice the higher end, which is below 2^31
   std::vector<uint32_t> cursor(offsets.begin(), offsets.end() - 1);
   for_each_edge(triangles, position_ids, [&](uint32_t a, uint32_t b, bool direction) {
-    ends[cursor[a]++] = uint64_t{b} << 1 | uint64_t{direction};
+    ends[cursor[a]++] = b << 1 | uint32_t{direction};
   });
 
   std::vector<uint32_t> parent(count);
@@ -62,8 +62,8 @@ std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
     const auto begin = ends.begin() + offsets[a], end = ends.begin() + offsets[a + 1];
     sort_few(begin, end);
     for (auto i = begin; i != end;) {
-      const uint32_t b = static_cast<uint32_t>(*i >> 1);
-      const auto run = std::find_if(i, end, [&](uint64_t e) { return e >> 1 != b; });
+      const uint32_t b = *i >> 1;
+      const auto run = std::find_if(i, end, [&](uint32_t e) { return e >> 1 != b; });
       if (run - i != 2 || *i == *(i + 1)) {
         irregular[a] = irregular[b] = 1;
         const uint32_t ra = find_root(parent, static_cast<uint32_t>(a));

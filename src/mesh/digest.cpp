@@ -11,28 +11,40 @@ namespace umbel {
 namespace {
 
 using Corner = std::array<uint32_t, 3>;
-using Corners = std::array<Corner, 3>;
+// Twice around, so that all three rotations stand in a row.
+using Corners = std::array<Corner, 5>;
 
-Corners rotated(const Corners& c, size_t by) { return {c[by], c[(by + 1) % 3], c[(by + 2) % 3]}; }
+std::array<Corner, 3> rotation(const Corners& c, size_t by) {
+  return {c[by], c[by + 1], c[by + 2]};
+}
 
-Corners least_rotation(const Corners& c) {
-  // All but degenerate triangles are decided by where the least corner is.
-  if (c[0] < c[1] && c[0] < c[2]) return c;
-  if (c[1] < c[0] && c[1] < c[2]) return rotated(c, 1);
-  if (c[2] < c[0] && c[2] < c[1]) return rotated(c, 2);
-  return std::min({c, rotated(c, 1), rotated(c, 2)});
+// Where the least rotation starts.
+size_t least_rotation(const Corners& c) {
+  const auto key = [&](size_t i) { return uint64_t{c[i][0]} << 32 | c[i][1]; };
+  const uint64_t a = key(0), b = key(1), d = key(2);
+  // All but degenerate triangles and tall ones are decided by the first words of the least corner.
+  if (a != b && b != d && d != a) {
+    const size_t first = b < a ? 1 : 0;
+    return d < std::min(a, b) ? 2 : first;
+  }
+  size_t least = 0;
+  for (size_t by = 1; by < 3; ++by)
+    if (rotation(c, by) < rotation(c, least)) least = by;
+  return least;
 }
 
 uint64_t triangle_digest(const MeshView& mesh, const Triangle& t) {
-  Corners corners =
-      least_rotation({value_bits(mesh.positions[t[0]]), value_bits(mesh.positions[t[1]]),
-                      value_bits(mesh.positions[t[2]])});
+  Corners corners;
+  for (size_t i = 0; i < 3; ++i) corners[i] = value_bits(mesh.positions[t[i]]);
+  corners[3] = corners[0];
+  corners[4] = corners[1];
+  const size_t first = least_rotation(corners);
   if constexpr (std::endian::native == std::endian::big) {
     for (Corner& corner : corners)
       for (uint32_t& word : corner)
         word = word << 24 | (word & 0xff00) << 8 | (word >> 8 & 0xff00) | word >> 24;
   }
-  return xxh64(&corners, sizeof corners);
+  return xxh64(&corners[first], 3 * sizeof(Corner));
 }
 
 }  // namespace

@@ -60,7 +60,8 @@ bool are_equal(const MeshView& mesh, const Candidates& list, uint32_t a, uint32_
          equal_in(mesh.tangents, i, j) && equal_in(mesh.uvs, i, j) && equal_in(mesh.colors, i, j);
 }
 
-/// The new index of each candidate; shrinks `list.vertices` to the first of each kind.
+/// The new index of each candidate, or nothing where they keep theirs; shrinks `list.vertices` to
+/// the first of each kind.
 std::vector<uint32_t> number_distinct(const MeshView& mesh, Candidates& list) {
   const size_t count = list.vertices.size();
   std::vector<uint64_t> hashes(count);
@@ -79,6 +80,7 @@ std::vector<uint32_t> number_distinct(const MeshView& mesh, Candidates& list) {
       numbers[i] = numbers[first];
     }
   });
+  if (distinct.size() == count) return {};
   list.vertices = std::move(distinct);
   return numbers;
 }
@@ -112,9 +114,10 @@ Mesh weld(const MeshView& mesh, const BuildOptions& options) {
     Candidates list = mesh.materials.empty() ? list_candidates<false>(mesh, result.triangles)
                                              : list_candidates<true>(mesh, result.triangles);
     const std::vector<uint32_t> numbers = number_distinct(mesh, list);
-    parallel_for(result.triangles.size(), kTriangleChunk, [&](size_t i) {
-      for (uint32_t& corner : result.triangles[i]) corner = numbers[corner];
-    });
+    if (!numbers.empty())
+      parallel_for(result.triangles.size(), kTriangleChunk, [&](size_t i) {
+        for (uint32_t& corner : result.triangles[i]) corner = numbers[corner];
+      });
     result.positions = gathered(mesh.positions, list.vertices);
     result.normals = gathered(mesh.normals, list.vertices);
     result.tangents = gathered(mesh.tangents, list.vertices);
