@@ -11,9 +11,18 @@ struct Point {
   double x, y, z;
 };
 
-double distance(const Point& a, const Point& b) {
+double squared_distance(const Point& a, const Point& b) {
   const double dx = a.x - b.x, dy = a.y - b.y, dz = a.z - b.z;
-  return std::sqrt(dx * dx + dy * dy + dz * dz);
+  return dx * dx + dy * dy + dz * dz;
+}
+
+double distance(const Point& a, const Point& b) { return std::sqrt(squared_distance(a, b)); }
+
+// Most spheres are, and then nothing needs their distance: true only if, as rounded,
+// distance + radius <= of the ball.
+bool is_well_inside(const Point& center, double radius, const Point& point, double point_radius) {
+  const double room = radius - point_radius;
+  return room > 0 && squared_distance(center, point) < room * room * (1 - 1e-9);
 }
 
 Point to_point(const Vec3& v) { return {v.x, v.y, v.z}; }
@@ -32,6 +41,7 @@ struct Ball {
   double radius;
 
   void grow(const Point& point, double point_radius) {
+    if (is_well_inside(center, radius, point, point_radius)) return;
     const double d = distance(center, point);
     if (d + point_radius <= radius) return;
     if (d + radius <= point_radius) {
@@ -44,6 +54,11 @@ struct Ball {
     center = {center.x + (point.x - center.x) * t, center.y + (point.y - center.y) * t,
               center.z + (point.z - center.z) * t};
     radius = grown;
+  }
+
+  void reach(const Point& point, double point_radius) {
+    if (!is_well_inside(center, radius, point, point_radius))
+      radius = std::max(radius, distance(center, point) + point_radius);
   }
 };
 
@@ -61,7 +76,7 @@ Ball around_box(const size_t (&low)[3], const size_t (&high)[3], size_t count, c
   Ball ball{{middle[0], middle[1], middle[2]}, 0};
   for (size_t i = 0; i < count; ++i) {
     const Sphere s = get(i);
-    ball.radius = std::max(ball.radius, distance(ball.center, to_point(s.center)) + s.radius);
+    ball.reach(to_point(s.center), s.radius);
   }
   return ball;
 }
@@ -106,12 +121,9 @@ Sphere around(size_t count, double margin, const Get& get) {
   const Ball ball = ritter(count, get);
   const Vec3 center{static_cast<float>(ball.center.x), static_cast<float>(ball.center.y),
                     static_cast<float>(ball.center.z)};
-  double radius = 0;
-  for (size_t i = 0; i < count; ++i) {
-    const Sphere s = get(i);
-    radius = std::max(radius, distance(to_point(center), to_point(s.center)) + s.radius);
-  }
-  return {center, round_up(radius * (1.0 + margin))};
+  Ball rounded{to_point(center), 0};
+  for (size_t i = 0; i < count; ++i) rounded.reach(to_point(get(i).center), get(i).radius);
+  return {center, round_up(rounded.radius * (1.0 + margin))};
 }
 
 }  // namespace

@@ -155,7 +155,7 @@ class Builder {
   // One round over all pending clusters.
   void simplify_level(bool last_resort) {
     const Clusters groups = grouper_.group(pending_, locked_, groups_of_);
-    grouper_.lock_borders(pending_, groups, locked_);
+    grouper_.lock_borders(groups, locked_);
     std::vector<GroupResult> results(groups.ranges.size());
     constexpr size_t kBatch = 256;  // groups between two calls of the progress callback
     for (size_t begin = 0; begin < results.size(); begin += kBatch) {

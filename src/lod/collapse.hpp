@@ -191,8 +191,9 @@ class EdgeCollapser {
   };
   std::vector<WedgeMove> wedge_map_;
   std::vector<uint32_t> neighbour_room_;
-  std::span<const uint32_t> neighbours_;  // of p but for the target, third corners at the edge first
-  size_t opposites_ = 0;              // how many those are
+  std::span<const uint32_t>
+      neighbours_;        // of p but for the target, third corners at the edge first
+  size_t opposites_ = 0;  // how many those are
 
   std::vector<Triangle> result_;
   std::vector<PositionPair> chords_;

@@ -17,98 +17,115 @@ constexpr float kLockedWeight = 60.0f;
 // are neighbours; pairs would be quadratic.
 constexpr uint32_t kMostOwners = 64;
 
-// Calls visit(position id) once for each position of a cluster, though several of its vertices
-// may have it. Few do, so a look back along the list is enough.
-template <typename Visit>
-void for_each_position(const Source& source, std::span<const uint32_t> vertices,
-                       std::vector<uint32_t>& scratch, const Visit& visit) {
-  if (!source.has_wedges) {
-    for (uint32_t v : vertices) visit(v);
-    return;
-  }
-  scratch.clear();
-  for (uint32_t v : vertices) scratch.push_back(source.position_ids[v]);
-  std::sort(scratch.begin(), scratch.end());
-  scratch.erase(std::unique(scratch.begin(), scratch.end()), scratch.end());
-  for (uint32_t p : scratch) visit(p);
-}
+// Clusters that are connected by one task.
+constexpr size_t kRun = 4096;
 
-struct Shared {
-  std::vector<uint32_t> offsets;        // clusters + 1, into slots
-  std::vector<uint32_t> slots;          // shared position slots of each cluster
-  std::vector<uint32_t> owner_offsets;  // slots + 1, into owners
-  std::vector<uint32_t> owners;         // clusters of each slot
-  std::vector<float> weights;           // of each slot
+// The positions of each cluster, each once though several of its vertices may have it.
+struct Positions {
+  std::vector<uint32_t> own, own_offsets;
+  std::span<const uint32_t> all, offsets;
 };
 
-// Positions that more than one cluster uses, as clusters -> slots and slots -> clusters.
-Shared find_shared(const Source& source, const ClusterSet& set, std::span<const uint8_t> locked,
-                   std::vector<uint32_t>& owners) {
-  Shared shared;
-  std::vector<uint32_t> positions, position_offsets{0}, scratch;
-  positions.reserve(set.vertices.size());
-  for (size_t c = 0; c < set.size(); ++c) {
-    for_each_position(source, set.cluster_vertices(c), scratch, [&](uint32_t p) {
-      positions.push_back(p);
-      ++owners[p];
-    });
-    position_offsets.push_back(static_cast<uint32_t>(positions.size()));
+Positions positions_of(const Source& source, const ClusterSet& set) {
+  Positions result;
+  if (!source.has_wedges) {
+    result.all = set.vertices;
+    result.offsets = set.vertex_offsets;
+    return result;
   }
-  // `owners` turns from a count into slot + 1, and back to 0 at the end.
-  shared.owner_offsets.push_back(0);
-  constexpr uint32_t kSlotFlag = 0x80000000u;
-  shared.offsets.push_back(0);
+  std::vector<uint32_t>& own = result.own;
+  own.reserve(set.vertices.size());
+  result.own_offsets.push_back(0);
   for (size_t c = 0; c < set.size(); ++c) {
-    for (uint32_t i = position_offsets[c]; i < position_offsets[c + 1]; ++i) {
-      const uint32_t p = positions[i];
-      if ((owners[p] & kSlotFlag) == 0) {
-        const uint32_t count = owners[p];
-        if (count < 2 || count > kMostOwners) continue;
-        owners[p] = kSlotFlag | static_cast<uint32_t>(shared.weights.size());
-        shared.owner_offsets.push_back(shared.owner_offsets.back() + count);
-        shared.weights.push_back(locked[p] ? kLockedWeight : kSharedWeight);
-      }
-      shared.slots.push_back(owners[p] & ~kSlotFlag);
-    }
-    shared.offsets.push_back(static_cast<uint32_t>(shared.slots.size()));
+    const size_t begin = own.size();
+    for (uint32_t v : set.cluster_vertices(c)) own.push_back(source.position_ids[v]);
+    std::sort(own.begin() + begin, own.end());
+    own.erase(std::unique(own.begin() + begin, own.end()), own.end());
+    result.own_offsets.push_back(static_cast<uint32_t>(own.size()));
   }
-  for (uint32_t p : positions) owners[p] = 0;
-
-  shared.owners.resize(shared.owner_offsets.back());
-  std::vector<uint32_t> cursor(shared.owner_offsets.begin(), shared.owner_offsets.end() - 1);
-  for (uint32_t c = 0; c < set.size(); ++c)
-    for (uint32_t i = shared.offsets[c]; i < shared.offsets[c + 1]; ++i)
-      shared.owners[cursor[shared.slots[i]]++] = c;
-  return shared;
+  result.all = result.own;
+  result.offsets = result.own_offsets;
+  return result;
 }
 
 }  // namespace
 
+void Grouper::find_shared(const ClusterSet& set) {
+  shared_ = {};
+  const Positions positions = positions_of(source_, set);
+  for (uint32_t p : positions.all) ++owners_[p];
+  // `owners_` turns from a count into slot + a flag, and back to 0 at the end.
+  constexpr uint32_t kSlotFlag = 0x80000000u;
+  shared_.owner_offsets.push_back(0);
+  shared_.offsets.push_back(0);
+  for (size_t c = 0; c < set.size(); ++c) {
+    for (uint32_t i = positions.offsets[c]; i < positions.offsets[c + 1]; ++i) {
+      const uint32_t p = positions.all[i];
+      uint32_t& owners = owners_[p];
+      if ((owners & kSlotFlag) == 0) {
+        if (owners == 1) {
+          owners = 0;
+          continue;
+        }
+        shared_.owner_offsets.push_back(shared_.owner_offsets.back() + owners);
+        owners = kSlotFlag | static_cast<uint32_t>(shared_.positions.size());
+        shared_.positions.push_back(p);
+      }
+      shared_.slots.push_back(owners & ~kSlotFlag);
+    }
+    shared_.offsets.push_back(static_cast<uint32_t>(shared_.slots.size()));
+  }
+  for (uint32_t p : shared_.positions) owners_[p] = 0;
+
+  shared_.owners.resize(shared_.owner_offsets.back());
+  std::vector<uint32_t> cursor(shared_.owner_offsets.begin(), shared_.owner_offsets.end() - 1);
+  for (uint32_t c = 0; c < set.size(); ++c)
+    for (uint32_t i = shared_.offsets[c]; i < shared_.offsets[c + 1]; ++i)
+      shared_.owners[cursor[shared_.slots[i]]++] = c;
+}
+
+Grouper::Run Grouper::connect(size_t begin, size_t end, std::span<const uint8_t> locked) const {
+  Run run;
+  std::vector<uint32_t> entry_of(shared_.offsets.size() - 1, kNone);
+  for (size_t c = begin; c < end; ++c) {
+    const uint32_t first = static_cast<uint32_t>(run.targets.size());
+    for (uint32_t i = shared_.offsets[c]; i < shared_.offsets[c + 1]; ++i) {
+      const uint32_t slot = shared_.slots[i];
+      const uint32_t from = shared_.owner_offsets[slot], to = shared_.owner_offsets[slot + 1];
+      if (to - from > kMostOwners) continue;
+      const float weight = locked[shared_.positions[slot]] ? kLockedWeight : kSharedWeight;
+      for (uint32_t j = from; j < to; ++j) {
+        const uint32_t other = shared_.owners[j];
+        if (other == c) continue;
+        // Entries of earlier clusters are below `first`, so no reset is needed.
+        if (entry_of[other] == kNone || entry_of[other] < first) {
+          entry_of[other] = static_cast<uint32_t>(run.targets.size());
+          run.targets.push_back(other);
+          run.weights.push_back(0.0f);
+        }
+        run.weights[entry_of[other]] += weight;
+      }
+    }
+    run.ranges.push_back({first, static_cast<uint32_t>(run.targets.size()) - first});
+  }
+  return run;
+}
+
 Clusters Grouper::group(const ClusterSet& set, std::span<const uint8_t> locked,
                         const Config& config) {
-  const Shared shared = find_shared(source_, set, locked, owners_);
+  find_shared(set);
+  std::vector<Run> runs((set.size() + kRun - 1) / kRun);
+  parallel_chunks(set.size(), kRun, [&](size_t begin, size_t end) {
+    runs[begin / kRun] = connect(begin, end, locked);
+  });
   std::vector<Range> ranges;
   std::vector<uint32_t> targets;
   std::vector<float> weights;
-  std::vector<uint32_t> entry_of(set.size(), kNone);
-  ranges.reserve(set.size());
-  for (uint32_t c = 0; c < set.size(); ++c) {
-    const uint32_t begin = static_cast<uint32_t>(targets.size());
-    for (uint32_t i = shared.offsets[c]; i < shared.offsets[c + 1]; ++i) {
-      const uint32_t slot = shared.slots[i];
-      for (uint32_t j = shared.owner_offsets[slot]; j < shared.owner_offsets[slot + 1]; ++j) {
-        const uint32_t other = shared.owners[j];
-        if (other == c) continue;
-        if (entry_of[other] == kNone || entry_of[other] < begin) {
-          entry_of[other] = static_cast<uint32_t>(targets.size());
-          targets.push_back(other);
-          weights.push_back(0.0f);
-        }
-        weights[entry_of[other]] += shared.weights[slot];
-      }
-    }
-    ranges.push_back({begin, static_cast<uint32_t>(targets.size()) - begin});
-    // Entries of earlier clusters are below `begin` of later ones, so no reset is needed.
+  for (const Run& run : runs) {
+    const uint32_t first = static_cast<uint32_t>(targets.size());
+    for (const Range& range : run.ranges) ranges.push_back({first + range.offset, range.count});
+    targets.insert(targets.end(), run.targets.begin(), run.targets.end());
+    weights.insert(weights.end(), run.weights.begin(), run.weights.end());
   }
   ClusterInput input;
   input.boxes = set.boxes;
@@ -120,21 +137,25 @@ Clusters Grouper::group(const ClusterSet& set, std::span<const uint8_t> locked,
   return build_clusters(input, cluster_config);
 }
 
-void Grouper::lock_borders(const ClusterSet& set, const Clusters& groups,
-                           std::vector<uint8_t>& locked) {
-  for (uint32_t v : set.vertices) locked[source_.position_ids[v]] = 0;
+void Grouper::lock_borders(const Clusters& groups, std::vector<uint8_t>& locked) {
+  std::vector<uint32_t> group_of(groups.items.size());
   for (uint32_t g = 0; g < groups.ranges.size(); ++g) {
     const Range range = groups.ranges[g];
     for (uint32_t i = range.offset; i < range.offset + range.count; ++i)
-      for (uint32_t v : set.cluster_vertices(groups.items[i])) {
-        const uint32_t p = source_.position_ids[v];
-        if (owners_[p] == 0)
-          owners_[p] = g + 1;
-        else if (owners_[p] != g + 1)
-          locked[p] = 1;
-      }
+      group_of[groups.items[i]] = g;
   }
-  for (uint32_t v : set.vertices) owners_[source_.position_ids[v]] = 0;
+  for (uint32_t p : locked_) locked[p] = 0;
+  locked_.clear();
+  for (size_t slot = 0; slot < shared_.positions.size(); ++slot) {
+    const uint32_t begin = shared_.owner_offsets[slot], end = shared_.owner_offsets[slot + 1];
+    const uint32_t first = group_of[shared_.owners[begin]];
+    for (uint32_t j = begin + 1; j < end; ++j) {
+      if (group_of[shared_.owners[j]] == first) continue;
+      locked_.push_back(shared_.positions[slot]);
+      break;
+    }
+  }
+  for (uint32_t p : locked_) locked[p] = 1;
 }
 
 }  // namespace umbel::lod

@@ -24,13 +24,32 @@ class Grouper {
 
   Clusters group(const ClusterSet& set, std::span<const uint8_t> locked, const Config& config);
 
-  /// Sets locked[p] to 1 for the positions that clusters of two groups use, and to 0 for all
-  /// others that clusters use.
-  void lock_borders(const ClusterSet& set, const Clusters& groups, std::vector<uint8_t>& locked);
+  /// Of what `group` has just grouped: sets locked[p] to 1 for the positions that clusters of two
+  /// groups use, and to 0 for all others that are locked.
+  void lock_borders(const Clusters& groups, std::vector<uint8_t>& locked);
 
  private:
+  // Positions that more than one cluster uses, as clusters -> slots and slots -> clusters.
+  struct Shared {
+    std::vector<uint32_t> offsets;        // clusters + 1, into slots
+    std::vector<uint32_t> slots;          // of each cluster
+    std::vector<uint32_t> positions;      // of each slot
+    std::vector<uint32_t> owner_offsets;  // slots + 1, into owners
+    std::vector<uint32_t> owners;         // clusters of each slot
+  };
+  // Connections of a run of clusters.
+  struct Run {
+    std::vector<Range> ranges;  // into targets, from 0
+    std::vector<uint32_t> targets;
+    std::vector<float> weights;
+  };
+  void find_shared(const ClusterSet& set);
+  Run connect(size_t begin, size_t end, std::span<const uint8_t> locked) const;
+
   const Source& source_;
   std::vector<uint32_t> owners_;  // by position id
+  Shared shared_;
+  std::vector<uint32_t> locked_;  // positions
 };
 
 }  // namespace umbel::lod
