@@ -51,7 +51,8 @@ struct Avx512 {
                                      base, 4);
   }
 
-  /// Sorts (distance, link) as 64-bit integers by a network, four at a time or eight. Negative
+  /// Sorts (distance, link) as 64-bit integers by a network, of two, four or eight. Which is the
+  /// nearest is known before the others are sorted, and is what the next node waits for. Negative
   /// distances come in the wrong order, which costs time and nothing else.
   UMBEL_SIMD static uint32_t push(const uint32_t* at, uint32_t slots, __m256 near,
                                   StackEntry*& top) {
@@ -64,25 +65,34 @@ struct Avx512 {
                                   _mm512_castsi256_si512(_mm256_castps_si256(near)));
     const __m512i last = _mm512_set1_epi64(std::numeric_limits<int64_t>::max());
     const __m512i packed = _mm512_mask_compress_epi64(last, static_cast<__mmask8>(slots), entries);
-    const __m512i sorted =
-        count <= 4 ? _mm512_castsi256_si512(sort4(_mm512_castsi512_si256(packed))) : sort8(packed);
+    if (count == 2) return push2(_mm512_castsi512_si128(packed), top);
     // The furthest of the others comes first, the second nearest last.
     const __m512i descending =
         _mm512_sub_epi64(_mm512_set1_epi64(count - 1), _mm512_setr_epi64(0, 1, 2, 3, 4, 5, 6, 7));
-    if (count <= 4)
-      _mm256_storeu_si256(reinterpret_cast<__m256i*>(top),
-                          _mm256_permutexvar_epi64(_mm512_castsi512_si256(descending),
-                                                   _mm512_castsi512_si256(sorted)));
-    else
-      _mm512_storeu_si512(top, _mm512_permutexvar_epi64(descending, sorted));
+    StackEntry* const first = top;
     top += count - 1;
-    return static_cast<uint32_t>(_mm_cvtsi128_si32(_mm512_castsi512_si128(sorted)));
+    if (count <= 4)
+      return push4(_mm512_castsi512_si256(packed), _mm512_castsi512_si256(descending), first);
+    const __m512i sorted = sort8(packed);
+    _mm512_storeu_si512(first, _mm512_permutexvar_epi64(descending, sorted));
+    return link_of(_mm512_castsi512_si128(sorted));
   }
 
-  UMBEL_SIMD static __m256i sort4(__m256i a) {
+  UMBEL_SIMD static uint32_t link_of(__m128i entry) {
+    return static_cast<uint32_t>(_mm_cvtsi128_si32(entry));
+  }
+  UMBEL_SIMD static uint32_t push2(__m128i a, StackEntry*& top) {
+    const __m128i b = _mm_shuffle_epi32(a, _MM_PERM_BADC);
+    _mm_storel_epi64(reinterpret_cast<__m128i*>(top++), _mm_max_epi64(a, b));
+    return link_of(_mm_min_epi64(a, b));
+  }
+  UMBEL_SIMD static uint32_t push4(__m256i a, __m256i descending, StackEntry* first) {
     a = exchange4<0b1010>(a, _mm256_shuffle_epi32(a, _MM_PERM_BADC));
     a = exchange4<0b1100>(a, _mm256_permute4x64_epi64(a, 0b01'00'11'10));
-    return exchange4<0b0100>(a, _mm256_permute4x64_epi64(a, 0b11'01'10'00));
+    const uint32_t nearest = link_of(_mm256_castsi256_si128(a));
+    a = exchange4<0b0100>(a, _mm256_permute4x64_epi64(a, 0b11'01'10'00));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(first), _mm256_permutexvar_epi64(descending, a));
+    return nearest;
   }
   /// Keeps the larger of the two where the bit is set, else the smaller.
   template <uint32_t larger>

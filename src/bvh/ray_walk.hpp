@@ -270,8 +270,11 @@ template <typename Lanes, typename Tree>
 
 /// To settle only the nearest hit is enough, unless it is moved or refused: all others come later
 /// even before they are settled, and settling never makes them earlier.
+/// All that it calls becomes part of it: as calls, which a compiler prefers in files with many such
+/// walks, they took 3 % of the time.
 template <typename Lanes, typename Tree>
-static Hit intersect_ray(const LeafStore& store, const Ray& ray, const RayOptions& options) {
+[[gnu::flatten]] static Hit intersect_ray(const LeafStore& store, const Ray& ray,
+                                          const RayOptions& options) {
   const auto& tree = static_cast<const Tree&>(store);
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return {};
@@ -286,7 +289,8 @@ static Hit intersect_ray(const LeafStore& store, const Ray& ray, const RayOption
 }
 
 template <typename Lanes, typename Tree>
-static bool occluded_ray(const LeafStore& store, const Ray& ray, const RayOptions& options) {
+[[gnu::flatten]] static bool occluded_ray(const LeafStore& store, const Ray& ray,
+                                          const RayOptions& options) {
   const auto& tree = static_cast<const Tree&>(store);
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return false;
