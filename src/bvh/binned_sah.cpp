@@ -25,6 +25,7 @@ namespace {
 constexpr uint32_t kBlock = 1 << 12;  ///< primitives of a subtree that one thread builds
 constexpr uint32_t kChunk = 1 << 14;  ///< primitives of a large node that one thread takes
 constexpr uint32_t kExact = 2048;     ///< primitives from which on cuts between planes count
+constexpr uint32_t kUpper = 64;       ///< and the part of all that these are, at least
 constexpr float kCoarse = 1.0f / 16;  ///< of the frame's size; smaller nodes get their own
 
 /// Records that are being split, and as much room to move them to.
@@ -103,7 +104,12 @@ uint32_t halve(ShortBox* records, uint32_t count, const ShortBounds& bounds, con
 class Block {
  public:
   Block(Boxes boxes, const Config& config, Emitter& out)
-      : boxes_(boxes), config_(config), out_(out), small_(boxes, out), bins_(config.bins) {}
+      : boxes_(boxes),
+        config_(config),
+        out_(out),
+        exact_(std::max(kExact, uint32_t(boxes.size()) / kUpper)),
+        small_(boxes, out),
+        bins_(config.bins) {}
 
   BuiltSubtree split(Records records, uint32_t count, Frame frame, uint32_t slot, uint32_t depth) {
     if (count <= SmallSweep::kMost) {
@@ -143,7 +149,7 @@ class Block {
     binning.clear(bins_.data());
     binning.add(records.now, count, bins_.data());
     ShortCut cut = binning.cheapest(bins_.data(), count, planes_);
-    if (count > kExact) {
+    if (count > exact_) {
       const ShortWindows windows = binning.windows(planes_, count, cut);
       if (windows.any) {
         for (std::vector<uint64_t>& items : items_) items.clear();
@@ -164,6 +170,7 @@ class Block {
   Boxes boxes_;
   const Config& config_;
   Emitter& out_;
+  uint32_t exact_;
   SmallSweep small_;
   std::vector<ShortBin> bins_;
   ShortPlanes planes_;
@@ -279,7 +286,8 @@ class Binned {
       return middle;
     }
     std::vector<uint32_t> left_in(chunks), left_before(chunks);
-    for_chunks(count, [&](uint32_t begin, uint32_t end) {
+    // Nothing begins after the last.
+    for_chunks((chunks - 1) * kChunk, [&](uint32_t begin, uint32_t end) {
       left_in[begin / kChunk] = count_left(records.now + begin, end - begin, cut);
     });
     std::exclusive_scan(left_in.begin(), left_in.end(), left_before.begin(), 0u);

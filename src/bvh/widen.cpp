@@ -27,8 +27,21 @@ using bvh::Int4;
 /// A subtree of more primitives than fit a leaf; how many more does not matter.
 constexpr uint8_t kTooMany = kMaxLeafTriangles + 1;
 
-/// [i - 1]: what a binary node's subtree costs as at most i children.
-using Costs = std::array<float, kMaxWidth>;
+/// What a binary node's subtree costs as at most 1 to 4 and 5 to 8 children.
+struct Costs {
+  Float4 few, many;
+};
+
+/// Costs of one child more each; `first` is the new first one.
+Costs shifted(const Costs& costs, Float4 first) {
+  return {__builtin_shufflevector(first, costs.few, 0, 4, 5, 6),
+          __builtin_shufflevector(costs.few, costs.many, 3, 4, 5, 6)};
+}
+
+/// How many of 1 to 4 and 5 to 8 children go to the left.
+struct ShareLanes {
+  Int4 few, many;
+};
 
 using Shares = std::array<uint8_t, kMaxWidth>;
 
@@ -37,6 +50,7 @@ struct Plan {
   /// [i - 1]: how many of i go to the left; 0: as for i - 1. [0]: how many of the node's own width.
   Shares left_share;
   uint8_t primitives;  ///< below, at most kTooMany
+  uint8_t parts;       ///< binary leaves below, at most kMaxWidth: more children make no sense
   bool is_leaf;        ///< one child of it is a leaf
 };
 
@@ -51,87 +65,88 @@ class Planner {
  public:
   Planner(const bvh::Bvh2& tree, uint32_t width)
       : tree_(tree), width_(width), plans_(tree.nodes.size()) {
-    Costs costs;
-    plan(0, 0, costs);
+    plan(0, 0);
   }
   const Plan& operator[](uint32_t node) const { return plans_[node]; }
 
  private:
   /// Subtrees below are planned by one thread.
   static constexpr uint32_t kSharedLevels = 8;
+  static constexpr float kNever = std::numeric_limits<float>::infinity();
 
   /// As deep as the tree, whose depth is bounded.
-  void plan(uint32_t index, uint32_t depth, Costs& costs) {
+  Costs plan(uint32_t index, uint32_t depth) {
     const bvh::Node& node = tree_.nodes[index];
     Plan& p = plans_[index];
     const float area = half_area(node.box());
-    p.left_share.fill(0);
     if (node.is_leaf()) {
-      p.primitives = static_cast<uint8_t>(std::min<uint32_t>(node.count, kTooMany));
-      p.is_leaf = true;
-      costs.fill(leaf_cost(area, node.count));
-      return;
+      p = {{}, static_cast<uint8_t>(std::min<uint32_t>(node.count, kTooMany)), 1, true};
+      const Float4 cost = bvh::splat(leaf_cost(area, node.count));
+      return {cost, cost};
     }
     Costs left, right;
-    const auto plan_left = [&] { plan(node.first, depth + 1, left); };
-    const auto plan_right = [&] { plan(node.first + 1, depth + 1, right); };
+    const auto plan_left = [&] { left = plan(node.first, depth + 1); };
+    const auto plan_right = [&] { right = plan(node.first + 1, depth + 1); };
     if (depth < kSharedLevels) {
       tbb::parallel_invoke(plan_left, plan_right);
     } else {
       plan_left();
       plan_right();
     }
-    p.primitives = static_cast<uint8_t>(std::min<uint32_t>(
-        plans_[node.first].primitives + plans_[node.first + 1].primitives, kTooMany));
-    distribute(left, right, tree_.nodes[node.first].is_leaf(),
-               tree_.nodes[node.first + 1].is_leaf(), costs, p.left_share);
+    const Plan &on_left = plans_[node.first], &on_right = plans_[node.first + 1];
+    p.primitives = static_cast<uint8_t>(
+        std::min<uint32_t>(on_left.primitives + on_right.primitives, kTooMany));
+    p.parts = static_cast<uint8_t>(std::min<uint32_t>(on_left.parts + on_right.parts, kMaxWidth));
+    ShareLanes shares;
+    const Costs apart = distribute(left, right, on_left.parts, on_right.parts, shares);
     // One child: a node of its own, or a leaf.
-    costs[0] = costs[width_ - 1] + area * kNodeCost;
-    p.left_share[0] = p.left_share[width_ - 1];
+    std::array<float, kMaxWidth> numbers;
+    std::memcpy(numbers.data(), &apart, sizeof numbers);
+    float one = numbers[width_ - 1] + area * kNodeCost;
+    const uint8_t own_share = bytes_of(shares)[width_ - 1];
     p.is_leaf = false;
     if (p.primitives <= kMaxLeafTriangles) {
       const float as_leaf = leaf_cost(area, p.primitives);
-      p.is_leaf = as_leaf <= costs[0];
-      costs[0] = std::min(costs[0], as_leaf);
+      p.is_leaf = as_leaf <= one;
+      one = std::min(one, as_leaf);
     }
-    for (uint32_t i = 1; i < width_; ++i) {
-      if (costs[i] >= costs[i - 1]) p.left_share[i] = 0;
-      costs[i] = std::min(costs[i], costs[i - 1]);
-    }
+    // As more children never cost more than fewer, but for one, only that is to be compared.
+    const Float4 as_one = bvh::splat(one);
+    const Costs costs{__builtin_shufflevector(as_one, bvh::min4(apart.few, as_one), 0, 5, 6, 7),
+                      bvh::min4(apart.many, as_one)};
+    const Costs before = shifted(costs, as_one);
+    shares.few &= Int4(apart.few < before.few);
+    shares.many &= Int4(apart.many < before.many);
+    p.left_share = bytes_of(shares);
+    p.left_share[0] = own_share;
+    return costs;
   }
 
-  /// What i + 1 children cost for i > 0, and how many of them best go to the left.
-  static void distribute(const Costs& left, const Costs& right, bool left_is_leaf,
-                         bool right_is_leaf, Costs& costs, Shares& shares) {
+  /// What two children and more cost, and how many of them best go to the left.
+  static Costs distribute(const Costs& left, const Costs& right, uint32_t left_parts,
+                          uint32_t right_parts, ShareLanes& shares) {
+    const Float4 never = bvh::splat(kNever);
+    const Int4 one{1, 1, 1, 1};
+    shares = ShareLanes{one, one};
     // A binary leaf is one child whatever room there is, and the other side takes what is left.
-    if (left_is_leaf || right_is_leaf) {
-      const Costs& other = left_is_leaf ? right : left;
-      const float leaf = left_is_leaf ? left[0] : right[0];
-      for (uint32_t i = 1; i < kMaxWidth; ++i) {
-        costs[i] = leaf + other[i - 1];
-        shares[i] = static_cast<uint8_t>(left_is_leaf ? 1 : i);
-      }
-      return;
+    if (left_parts == 1 || right_parts == 1) {
+      if (left_parts > 1) shares = ShareLanes{Int4{0, 1, 2, 3}, Int4{4, 5, 6, 7}};
+      const Costs rest = shifted(left_parts > 1 ? left : right, never);
+      const Float4 leaf = left_parts > 1 ? right.few : left.few;
+      return {rest.few + leaf, rest.many + leaf};
     }
     // All numbers of children at once, and for each number that go to the left in turn.
-    const Float4 never = bvh::splat(std::numeric_limits<float>::infinity());
-    std::array<Float4, 4> shifted = {never, never};
-    std::memcpy(&shifted[2], right.data(), sizeof right);
-    const auto* const rest = reinterpret_cast<const float*>(shifted.data()) + kMaxWidth;
-    Float4 few = never, many = never;
-    // One where all costs are infinite.
-    Int4 few_shares = {1, 1, 1, 1}, many_shares = few_shares;
-    for (uint32_t k = 1; k < kMaxWidth; ++k) {
-      const Float4 own = bvh::splat(left[k - 1]);
-      take(own + bvh::load4(rest - k), k, few, few_shares);
-      take(own + bvh::load4(rest + 4 - k), k, many, many_shares);
+    std::array<float, kMaxWidth> lefts;
+    std::memcpy(lefts.data(), &left, sizeof lefts);
+    Costs best{never, never}, rest = right;
+    const uint32_t most = std::min(left_parts, kMaxWidth - 1);
+    for (uint32_t k = 1; k <= most; ++k) {
+      rest = shifted(rest, never);
+      const Float4 own = bvh::splat(lefts[k - 1]);
+      take(own + rest.few, k, best.few, shares.few);
+      take(own + rest.many, k, best.many, shares.many);
     }
-    std::memcpy(costs.data(), &few, sizeof few);
-    std::memcpy(costs.data() + 4, &many, sizeof many);
-    for (int i = 0; i < 4; ++i) {
-      shares[i] = static_cast<uint8_t>(few_shares[i]);
-      shares[i + 4] = static_cast<uint8_t>(many_shares[i]);
-    }
+    return best;
   }
 
   static void take(Float4 cost, uint32_t share, Float4& best, Int4& shares) {
@@ -139,6 +154,21 @@ class Planner {
     best = bvh::min4(cost, best);
     const auto number = static_cast<int>(share);
     shares = (Int4{number, number, number, number} & is_better) | (shares & ~is_better);
+  }
+
+  static Shares bytes_of(const ShareLanes& shares) {
+    Shares bytes;
+#if defined(__SSE2__)
+    const __m128i words = _mm_packs_epi32(__m128i(shares.few), __m128i(shares.many));
+    const __m128i packed = _mm_packus_epi16(words, words);
+    std::memcpy(bytes.data(), &packed, sizeof bytes);
+#else
+    for (int i = 0; i < 4; ++i) {
+      bytes[i] = static_cast<uint8_t>(shares.few[i]);
+      bytes[i + 4] = static_cast<uint8_t>(shares.many[i]);
+    }
+#endif
+    return bytes;
   }
 
   const bvh::Bvh2& tree_;
@@ -247,38 +277,41 @@ class Emitter {
         work_.push_back({work.node, first, count, index, slot, work.depth + 1});
         continue;
       }
-      members_.assign(tree_.primitives.begin() + first, tree_.primitives.begin() + first + count);
-      add_leaf(index, slot, work.depth + 1);
+      append(first, count);
+      add_leaf(count, index, slot, work.depth + 1);
     }
     out_.set_boxes(index, boxes.data());
   }
 
   void add_leaf_of(uint32_t node, uint32_t parent, uint32_t slot, uint32_t depth) {
-    members_.clear();
+    const size_t before = order_.size();
     gather(node);
-    add_leaf(parent, slot, depth);
+    const auto count = static_cast<uint32_t>(order_.size() - before);
+    add_leaf(count, parent, slot, depth);
   }
 
   /// At most kMaxLeafTriangles primitives, so the recursion is shallow.
   void gather(uint32_t index) {
     const bvh::Node& node = tree_.nodes[index];
-    if (node.is_leaf()) {
-      const uint32_t* first = tree_.primitives.data() + node.first;
-      members_.insert(members_.end(), first, first + node.count);
-      return;
-    }
+    if (node.is_leaf()) return append(node.first, node.count);
     gather(node.first);
     gather(node.first + 1);
   }
 
-  void add_leaf(uint32_t parent, uint32_t slot, uint32_t depth) {
-    std::sort(members_.begin(), members_.end());
-    members_.erase(std::unique(members_.begin(), members_.end()), members_.end());
-    const auto first = static_cast<uint32_t>(order_.size());
-    const auto count = static_cast<uint32_t>(members_.size());
-    order_.insert(order_.end(), members_.begin(), members_.end());
-    leaves_.push_back({first, count});
-    out_.set_link(parent, slot, LeafStore::leaf_link(first, count));
+  /// Few at a time, for which a call to move them would be dear.
+  void append(uint32_t first, uint32_t count) {
+    for (uint32_t i = first; i < first + count; ++i) order_.push_back(tree_.primitives[i]);
+  }
+
+  /// A leaf of the primitives that were appended last.
+  void add_leaf(uint32_t count, uint32_t parent, uint32_t slot, uint32_t depth) {
+    const auto begin = order_.end() - count;
+    std::sort(begin, order_.end());
+    order_.erase(std::unique(begin, order_.end()), order_.end());
+    const auto first = static_cast<uint32_t>(begin - order_.begin());
+    const auto kept = static_cast<uint32_t>(order_.end() - begin);
+    leaves_.push_back({first, kept});
+    out_.set_link(parent, slot, LeafStore::leaf_link(first, kept));
     out_.max_depth = std::max(out_.max_depth, depth);
   }
 
@@ -286,7 +319,7 @@ class Emitter {
   const Planner& plans_;
   TriangleBvhData& out_;
   std::vector<Work> work_;
-  std::vector<uint32_t> children_, members_, order_;
+  std::vector<uint32_t> children_, order_;
   std::vector<Leaf> leaves_;
 };
 
