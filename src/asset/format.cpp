@@ -1,10 +1,10 @@
 #include "asset/format.hpp"
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <optional>
 
+#include "asset/check_head.hpp"
+#include "asset/records.hpp"
 #include "base/hash.hpp"
 #include "base/math.hpp"
 
@@ -83,127 +83,6 @@ Layout layout_of(const Head& head) {
   return layout;
 }
 
-void write(ByteWriter& out, const Range& range) {
-  out.u32(range.offset);
-  out.u32(range.count);
-}
-
-void write(ByteWriter& out, const Sphere& sphere) {
-  out.vec3(sphere.center);
-  out.f32(sphere.radius);
-}
-
-void write(ByteWriter& out, const AttributeFormat& attribute) {
-  out.u32(attribute.attribute);
-  out.u32(attribute.set);
-  out.u32(static_cast<uint32_t>(attribute.coding));
-  out.u16(attribute.components);
-  out.u16(attribute.is_smooth);
-  out.u32(attribute.bits);
-  out.f32(attribute.step);
-}
-
-void write(ByteWriter& out, const MeshEntry& entry) {
-  out.u64(entry.mesh.source_triangles);
-  out.u64(entry.mesh.source_vertices);
-  out.u64(entry.mesh.source_digest);
-  out.vec3(entry.mesh.bounds.min);
-  out.vec3(entry.mesh.bounds.max);
-  write(out, entry.attributes);
-  write(out, entry.levels);
-  write(out, entry.roots);
-  write(out, entry.nodes);
-  out.u32(entry.mesh.groups);
-  out.u32(entry.mesh.clusters);
-}
-
-void write(ByteWriter& out, const lod::Node& node) {
-  write(out, node.sphere);
-  out.f32(node.error);
-  out.u32(node.group);
-  write(out, node.children);
-}
-
-void write(ByteWriter& out, const Instance& instance) {
-  for (const float f : instance.transform) out.f32(f);
-  out.u32(instance.mesh);
-  out.u32(0);
-  out.u64(0);
-}
-
-void write(ByteWriter& out, const FileEntry& file) {
-  out.u64(file.offset);
-  out.u64(file.bytes);
-  out.u64(file.checksum);
-}
-
-void write(ByteWriter& out, const PageEntry& page) {
-  out.u64(page.offset);
-  out.u32(page.bytes);
-  out.u32(page.groups);
-  out.u64(page.checksum);
-}
-
-void write(ByteWriter& out, const GroupRef& reference) { write_group_ref(out, reference); }
-
-void read(ByteReader& in, Range& range) { range = in.range(); }
-
-Sphere read_sphere(ByteReader& in) {
-  const Vec3 center = in.vec3();
-  return {center, in.f32()};
-}
-
-void read(ByteReader& in, AttributeFormat& attribute) {
-  attribute.attribute = in.u32();
-  attribute.set = in.u32();
-  attribute.coding = static_cast<Coding>(in.u32());
-  attribute.components = in.u16();
-  attribute.is_smooth = in.u16();
-  attribute.bits = in.u32();
-  attribute.step = in.f32();
-}
-
-void read(ByteReader& in, MeshEntry& entry) {
-  entry.mesh.source_triangles = in.u64();
-  entry.mesh.source_vertices = in.u64();
-  entry.mesh.source_digest = in.u64();
-  entry.mesh.bounds.min = in.vec3();
-  entry.mesh.bounds.max = in.vec3();
-  entry.attributes = in.range();
-  entry.levels = in.range();
-  entry.roots = in.range();
-  entry.nodes = in.range();
-  entry.mesh.groups = in.u32();
-  entry.mesh.clusters = in.u32();
-}
-
-void read(ByteReader& in, lod::Node& node) {
-  node.sphere = read_sphere(in);
-  node.error = in.f32();
-  node.group = in.u32();
-  node.children = in.range();
-}
-
-void read(ByteReader& in, GroupRef& reference) { reference = read_group_ref(in); }
-
-void read(ByteReader& in, Instance& instance) {
-  for (float& f : instance.transform) f = in.f32();
-  instance.mesh = in.u32();
-}
-
-void read(ByteReader& in, FileEntry& file) {
-  file.offset = in.u64();
-  file.bytes = in.u64();
-  file.checksum = in.u64();
-}
-
-void read(ByteReader& in, PageEntry& page) {
-  page.offset = in.u64();
-  page.bytes = in.u32();
-  page.groups = in.u32();
-  page.checksum = in.u64();
-}
-
 template <typename Element>
 void write_table(ByteWriter& out, const Section& section, const std::vector<Element>& table) {
   out.skip_to(section.offset);
@@ -267,10 +146,6 @@ Header read_header(std::span<const std::byte> bytes) {
   return header;
 }
 
-bool inside(uint64_t offset, uint64_t bytes, uint64_t begin, uint64_t end) {
-  return offset >= begin && offset <= end && bytes <= end - offset;
-}
-
 void check_section(const SectionKind& kind, const Section& section, uint64_t bytes,
                    const AssetInfo& info) {
   const std::string name = std::string("section ") + kind.name;
@@ -315,68 +190,6 @@ std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head
   return sections;
 }
 
-void check_range(const char* what, size_t mesh, const Range& range, size_t size) {
-  if (range.offset > size || range.count > size - range.offset)
-    corrupt("mesh " + std::to_string(mesh) + " has " + what + " [" + std::to_string(range.offset) +
-            ", " + std::to_string(uint64_t{range.offset} + range.count) + "), but there are " +
-            std::to_string(size));
-}
-
-void check_meshes(const Head& head) {
-  uint64_t groups = 0, clusters = 0, groups_in_pages = 0;
-  for (size_t i = 0; i < head.meshes.size(); ++i) {
-    const MeshEntry& entry = head.meshes[i];
-    check_range("attributes", i, entry.attributes, head.attributes.size());
-    check_range("levels", i, entry.levels, head.levels.size());
-    check_range("roots", i, entry.roots, head.roots.size());
-    check_range("nodes", i, entry.nodes, head.nodes.count);
-    if (entry.attributes.count > kMaxAttributes)
-      corrupt("mesh " + std::to_string(i) + " has " + std::to_string(entry.attributes.count) +
-              " attributes");
-    for (uint32_t r = 0; r < entry.roots.count; ++r) {
-      const GroupRef& root = head.roots[entry.roots.offset + r];
-      if (root.group >= entry.mesh.groups || root.page >= head.pages.size())
-        corrupt("root " + std::to_string(r) + " is group " + std::to_string(root.group) +
-                " in page " + std::to_string(root.page) + ", which is not there");
-    }
-    groups += entry.mesh.groups;
-    clusters += entry.mesh.clusters;
-  }
-  for (const PageEntry& page : head.pages) groups_in_pages += page.groups;
-  if (groups != groups_in_pages)
-    corrupt("the pages have " + std::to_string(groups_in_pages) + " groups, but the meshes " +
-            std::to_string(groups));
-  // What a table of them takes must not be more than the file can back.
-  if (clusters > head.info.file_bytes)
-    corrupt("the meshes have " + std::to_string(clusters) + " clusters");
-  for (const Instance& instance : head.instances) {
-    if (instance.mesh >= head.meshes.size())
-      corrupt("an instance is of mesh " + std::to_string(instance.mesh) + ", but there are " +
-              std::to_string(head.meshes.size()));
-    for (const float f : instance.transform)
-      if (!std::isfinite(f)) corrupt("an instance's transform is not finite");
-  }
-}
-
-void check_pages(const Head& head) {
-  uint64_t earliest = head.info.head_bytes;  // so that reading all pages is reading the file once
-  for (size_t i = 0; i < head.pages.size(); ++i) {
-    const PageEntry& page = head.pages[i];
-    if (page.offset % kPageAlignment != 0 ||
-        !inside(page.offset, page.bytes, earliest, head.info.file_bytes) ||
-        page.groups > page.bytes / 64)
-      corrupt("page " + std::to_string(i) + " has " + std::to_string(page.groups) + " groups in " +
-              std::to_string(page.bytes) + " bytes at byte " + std::to_string(page.offset) +
-              " of a file of " + std::to_string(head.info.file_bytes));
-    earliest = page.offset + page.bytes;
-  }
-  for (size_t i = 0; i < head.files.size(); ++i)
-    if (!inside(head.files[i].offset, head.files[i].bytes, earliest, head.info.file_bytes))
-      corrupt("embedded file " + std::to_string(i) + " has " + std::to_string(head.files[i].bytes) +
-              " bytes at byte " + std::to_string(head.files[i].offset) + " of a file of " +
-              std::to_string(head.info.file_bytes));
-}
-
 void describe(Head& head) {
   AssetInfo& info = head.info;
   info.pages = static_cast<uint32_t>(head.pages.size());
@@ -403,24 +216,6 @@ void describe_format(const VertexFormat& format, AssetInfo& info) {
     if (f.attribute == kUvs) info.uvs = true, info.uv_step = step;
     if (f.attribute == kColors) info.colors = true, info.color_bits = bits;
   }
-}
-
-void write_group_ref(ByteWriter& out, const GroupRef& reference) {
-  out.u32(reference.group);
-  out.u32(reference.page);
-  out.u32(reference.parents);
-  out.f32(reference.error);
-  write(out, reference.sphere);
-}
-
-GroupRef read_group_ref(ByteReader& in) {
-  GroupRef reference;
-  reference.group = in.u32();
-  reference.page = in.u32();
-  reference.parents = in.u32();
-  reference.error = in.f32();
-  reference.sphere = read_sphere(in);
-  return reference;
 }
 
 VertexFormat format_of(const Head& head, const MeshEntry& mesh) {
@@ -530,8 +325,7 @@ Head decode_head(std::span<const std::byte> bytes) {
   head.pages = read_table<PageEntry>(in, sections[kPages]);
   const Section& nodes = sections[kNodes];
   head.nodes = {nodes.offset, nodes.count, nodes.element_bytes, nodes.checksum};
-  check_meshes(head);
-  check_pages(head);
+  check_head(head);
   describe(head);
   return head;
 }

@@ -58,9 +58,6 @@ VertexFormat format_of(const Head& head, const MeshEntry& mesh);
 /// Says in `info` what attributes there are, and how they are stored.
 void describe_format(const VertexFormat& format, AssetInfo& info);
 
-void write_group_ref(ByteWriter& out, const GroupRef& reference);
-GroupRef read_group_ref(ByteReader& in);
-
 inline constexpr uint64_t kNodeBytes = 32;
 std::vector<std::byte> encode_nodes(std::span<const lod::Node> nodes);
 /// Throws kCorrupt if there are fewer bytes.

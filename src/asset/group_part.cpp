@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "asset/box_steps.hpp"
-#include "asset/format.hpp"
+#include "asset/records.hpp"
 #include "asset/shared_vertices.hpp"
 #include "base/bytes.hpp"
 
@@ -163,7 +163,7 @@ std::vector<std::byte> encode_part(const EncodedMesh& mesh, uint32_t group,
 void write_reference(std::span<std::byte> part, size_t index, const GroupRef& reference) {
   ByteWriter out(part);
   out.skip_to(kReferenceBytes * index);
-  write_group_ref(out, reference);
+  write(out, reference);
 }
 
 PartTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
@@ -175,7 +175,7 @@ PartTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_
   tables.first_data = static_cast<uint32_t>(bytes);
   ByteReader in(part);
   tables.children.resize(references);
-  for (GroupRef& child : tables.children) child = read_group_ref(in);
+  for (GroupRef& child : tables.children) read(in, child);
   tables.ranges.resize(components(format));
   for (ComponentRange& range : tables.ranges) {
     range.lowest = static_cast<int32_t>(in.u32());

@@ -145,10 +145,10 @@ void put_floats(const Vector& value, const AttributeFormat& format, int32_t* out
 }
 
 template <typename Vector>
-void get_floats(const int32_t* in, const AttributeFormat& format, Vector& value) {
+void get_floats(const int32_t* in, Coding coding, float step, Vector& value) {
   FloatsOf<Vector> floats;
   for (float& f : floats) {
-    f = format.coding == Coding::kGrid ? static_cast<float>(*in) * format.step : unordered(*in);
+    f = coding == Coding::kGrid ? static_cast<float>(*in) * step : unordered(*in);
     ++in;
   }
   value = std::bit_cast<Vector>(floats);
@@ -263,7 +263,9 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
       stream.resize(count);
       for (size_t v = 0; v < count; ++v) decoded(in + v * stride, stream[v]);
     };
-    const auto floats = [&](const int32_t* i, auto& value) { get_floats(i, f, value); };
+    const auto floats = [&, coding = f.coding, step = f.step](const int32_t* i, auto& value) {
+      get_floats(i, coding, step, value);
+    };
     if (f.coding == Coding::kOctahedral) {
       normal_bits = f.bits, normal_at = at - f.components;
       fill(geometry.normals,

@@ -16,10 +16,11 @@ BorderLinks GroupBorders::add_cluster(uint32_t vertices) {
 
 void GroupBorders::list_last() {
   // Without a branch: which vertices are at the border is hard to foresee.
+  const uint32_t *const next = next_.data(), *const previous = previous_.data();
   size_t count = count_;
   for (uint32_t v = first_; v < end_; ++v) {
     listed_[count] = v;
-    count += is_border(v);
+    count += (next[v] & previous[v]) != kNone;  // all bits of both
   }
   count_ = count;
 }

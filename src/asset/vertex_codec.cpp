@@ -160,8 +160,7 @@ void decode_positions(const Predictors& from, BitReader& in, std::span<int32_t> 
     const Parents parents = from.parents[v];
     bits.refill();
     const uint32_t r0 = bits.take_rice(k0), r1 = bits.take_rice(k1);
-    bits.refill();
-    const uint32_t r2 = bits.take_rice(k2);
+    const uint32_t r2 = bits.rice(k2);
     const Lanes zigzag{r0, r1, r2, 0};
     const Lanes across = load(integers + kStride * parents.across());
     const Lanes sum =
