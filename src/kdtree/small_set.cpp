@@ -36,38 +36,52 @@ double SmallSet::grow(const CostRule& rule, const Aabb& cell, const Allowance& l
 
 Split SmallSet::best_split(const CostRule& rule, const Aabb& cell) const {
   Split best;
+  const double scale = rule.intersection / rule.area(cell);
   for (uint32_t axis = 0; axis < 3; ++axis) {
     if (!(component(cell.min, axis) < component(cell.max, axis))) continue;
-    bool has_flat = false;
-    for (uint32_t i = 0; i < count_; ++i) has_flat |= low_[axis][i] == high_[axis][i];
-    const PlaneCost cost(rule, cell, axis);
-    if (has_flat)
-      search_flat(cost, best);
+    const PlaneCost cost(rule, cell, axis, scale);
+    alignas(16) float planes[kMostPlanes];
+    uint32_t count = 0;
+    if (list_planes(cost, planes, count))
+      search_axis(cost, planes, count, best);
     else
-      search_axis(cost, best);
+      search_flat(cost, best);
   }
   return best;
 }
 
-void SmallSet::search_axis(const PlaneCost& cost, Split& best) const {
-  using bvh::Float4;
-  using bvh::splat;
-  constexpr uint32_t kLanes = 8;
+/// Those within the cell, some of them more than once, up to a multiple of four. False if there are
+/// triangles in planes across the axis.
+bool SmallSet::list_planes(const PlaneCost& cost, float* planes, uint32_t& count) const {
   const float *low = low_[cost.axis()], *high = high_[cost.axis()];
-  alignas(16) float planes[2 * kMost + kLanes];
-  uint32_t count = 0;
+  bool has_flat = false;
   for (uint32_t i = 0; i < count_; ++i) {
     planes[count] = low[i];
     count += low[i] > cost.low();
     planes[count] = high[i];
     count += high[i] < cost.high();
+    has_flat |= low[i] == high[i];
   }
-  if (count == 0) return;
-  // A plane more than once does no harm.
+  if (count == 0) return !has_flat;
   for (uint32_t k = 0; k < kLanes; ++k) planes[count + k] = planes[0];
+  return !has_flat;
+}
+
+void SmallSet::search_axis(const PlaneCost& cost, const float* planes, uint32_t count,
+                           Split& best) const {
+  using bvh::Float4;
+  using bvh::splat;
+  const float *low = low_[cost.axis()], *high = high_[cost.axis()];
+  if (count == 0) return;
   const PlaneCost::Lanes lanes(cost);
   Float4 least = splat(std::numeric_limits<float>::infinity()), where = splat(0);
-  for (uint32_t k = 0; k < count; k += kLanes) {
+  const auto keep = [&](Float4 plane, bvh::Int4 below, bvh::Int4 above) {
+    const Float4 plane_cost = lanes(plane, below, above);
+    where = plane_cost < least ? plane : where;
+    least = plane_cost < least ? plane_cost : least;
+  };
+  uint32_t k = 0;
+  for (; k + 4 < count; k += 8) {
     const Float4 p = bvh::load4(planes + k), q = bvh::load4(planes + k + 4);
     bvh::Int4 p_below{}, p_above{}, q_below{}, q_above{};
     for (uint32_t i = 0; i < count_; ++i) {
@@ -78,12 +92,20 @@ void SmallSet::search_axis(const PlaneCost& cost, Split& best) const {
       q_below -= l < q;
       q_above -= h > q;
     }
-    const Float4 p_cost = lanes(p, p_below, p_above), q_cost = lanes(q, q_below, q_above);
-    where = p_cost < least ? p : where;
-    least = p_cost < least ? p_cost : least;
-    where = q_cost < least ? q : where;
-    least = q_cost < least ? q_cost : least;
+    keep(p, p_below, p_above);
+    keep(q, q_below, q_above);
   }
+  if (k < count) {
+    const Float4 p = bvh::load4(planes + k);
+    bvh::Int4 below{}, above{};
+    for (uint32_t i = 0; i < count_; ++i) {
+      below -= splat(low[i]) < p;
+      above -= splat(high[i]) > p;
+    }
+    keep(p, below, above);
+  }
+  if (double(std::min(std::min(least[0], least[1]), std::min(least[2], least[3]))) > best.cost)
+    return;
   for (uint32_t lane = 0; lane < 4; ++lane) {
     const Split split{double(least[lane]), where[lane], cost.axis(), false};
     if (split < best) best = split;

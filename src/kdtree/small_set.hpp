@@ -31,11 +31,13 @@ class SmallSet {
 
  private:
   Split best_split(const CostRule& rule, const Aabb& cell) const;
-  void search_axis(const PlaneCost& cost, Split& best) const;
+  bool list_planes(const PlaneCost& cost, float* planes, uint32_t& count) const;
+  void search_axis(const PlaneCost& cost, const float* planes, uint32_t count, Split& best) const;
   void search_flat(const PlaneCost& cost, Split& best) const;
   bool split(const Aabb& cell, const Split& split, uint64_t spare, SmallSet& below,
              SmallSet& above) const;
 
+  static constexpr uint32_t kLanes = 8, kMostPlanes = 2 * kMost + kLanes;
   const MeshView& mesh_;
   uint32_t count_ = 0;
   uint32_t triangle_[kMost];

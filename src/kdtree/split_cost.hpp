@@ -51,17 +51,20 @@ struct CostRule {
 class PlaneCost {
  public:
   PlaneCost(const CostRule& rule, const Aabb& cell, uint32_t axis)
+      : PlaneCost(rule, cell, axis, rule.intersection / rule.area(cell)) {}
+  /// With what is the same for all axes.
+  PlaneCost(const CostRule& rule, const Aabb& cell, uint32_t axis, double scale)
       : rule_(rule),
         axis_(axis),
         low_(component(cell.min, axis)),
-        high_(component(cell.max, axis)) {
+        high_(component(cell.max, axis)),
+        scale_(scale) {
     const auto extent = [&](uint32_t a) {
       return double(component(cell.max, a)) - double(component(cell.min, a)) + rule.pad;
     };
     const double b = extent((axis + 1) % 3), c = extent((axis + 2) % 3);
     slope_ = b + c;
     base_ = b * c;
-    scale_ = rule.intersection / rule.area(cell);
   }
 
   uint32_t axis() const { return axis_; }
@@ -133,7 +136,7 @@ class PlaneCost {
   const CostRule& rule_;
   uint32_t axis_;
   float low_, high_;
-  double slope_, base_, scale_;
+  double scale_, slope_, base_;
 };
 
 /// The two cells.
