@@ -83,6 +83,9 @@ class CpuExec {
     return Buffer<T>(size);
   }
 
+  /// Whether nothing is run, and only the need of memory is found out: `read` gives nought then.
+  static constexpr bool counts() { return false; }
+
   /// The value at an address of this executor's memory, once all work before is done. The only
   /// member that waits.
   template <typename T>
@@ -127,6 +130,13 @@ class CpuExec {
       const Buffer<Shared> shared(1);
       for (size_t i = begin; i < end; ++i) body(SerialTeam{}, i, *shared.data());
     });
+  }
+
+  /// body(team, i, shared) for i in [0, min(*count, most)), in any order, where the count is in the
+  /// executor's memory.
+  template <typename Body>
+  void for_each_team_of(const uint32_t* count, uint32_t most, const Body& body) {
+    for_each_team(std::min(*count, most), body);
   }
 
   /// *result = op(... op(op(init, map(0)), map(1)) ..., map(n - 1)).

@@ -14,22 +14,18 @@
 namespace umbel::bvh {
 
 Bvh2 build_kmeans(Boxes boxes, const Config& config, Progress& progress) {
-  // Agglomeration is better at few primitives than the dice.
-  constexpr uint32_t kFew = 64;
   const KmeansConfig& settings = config.kmeans;
-  const uint32_t asked = settings.handed_up == 0 ? kMostJoined : settings.handed_up;
   const auto count = static_cast<uint32_t>(boxes.size());
   BigVector<Merge> merges(count);
   Subtree root{};
   {
     CpuExec exec;
-    KmeansPasses<CpuExec> passes(exec, boxes.data(), count, settings, kFew);
+    KmeansPasses<CpuExec> passes(exec, boxes.data(), count, settings, kFewForKmeans);
     passes.run([&](double done) { progress.report(0.6 * done, "clustering"); });
     progress.report(0.6, "joining clusters");
     StageClock clock;
-    root = KmeansTreelets<CpuExec>(exec, passes, LeafRule(config),
-                                   std::min(asked, kMostJoined / settings.clusters), merges.data())
-               .run();
+    KmeansTreelets<CpuExec>(exec, passes, LeafRule(config), handed_up(settings), merges.data())
+        .run(&root);
     clock.lap(passes.times().agglomeration);
     if (settings.times) *settings.times = passes.times();
   }

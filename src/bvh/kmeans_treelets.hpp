@@ -7,6 +7,15 @@
 
 namespace umbel::bvh {
 
+/// Clusters of at most so many items are not divided: agglomeration is better at few than the dice.
+inline constexpr uint32_t kFewForKmeans = 64;
+
+/// Subtrees that a treelet hands up at most.
+inline uint32_t handed_up(const KmeansConfig& config) {
+  const uint32_t most = kMostJoined / config.clusters;
+  return config.handed_up == 0 || config.handed_up > most ? most : config.handed_up;
+}
+
 template <typename Exec>
 class KmeansTreelets {
  public:
@@ -15,9 +24,9 @@ class KmeansTreelets {
                  uint32_t handed, Merge* merges)
       : exec_(exec), passes_(passes), rule_(rule), handed_(handed), merges_(merges) {}
 
-  /// Makes all merges and returns the root. A cluster of n items at `offset` has the slots of n
+  /// Makes all merges, and the root. A cluster of n items at `offset` has the slots of n
   /// merges from `offset` on, one more than it can need.
-  Subtree run() {
+  void run(Subtree* root) {
     const std::vector<uint32_t>& levels = passes_.levels();
     up_ = exec_.template allocate<JoinItem>(size_t(levels.back()) * handed_);
     counts_ = exec_.template allocate<uint32_t>(levels.back());
@@ -40,7 +49,7 @@ class KmeansTreelets {
           },
           kGrain);
     }
-    return exec_.read(up_.data()).subtree;
+    exec_.for_each(1, [up = up_.data(), root] UMBEL_DEVICE_LAMBDA(size_t) { *root = up->subtree; });
   }
 
  private:

@@ -12,7 +12,8 @@ Bvh2 build_ploc(Boxes boxes, const Config& config, Progress& progress) {
   CpuExec exec;
   const auto count = static_cast<uint32_t>(boxes.size());
   BigVector<Merge> merges(count - 1);
-  Subtree root = Ploc<CpuExec>().run(exec, boxes.data(), count, config.ploc_radius, merges.data());
+  Subtree root{};
+  Ploc<CpuExec>().run(exec, boxes.data(), count, config.ploc_radius, merges.data(), &root);
   if (config.ploc_sweep > 0) {
     progress.report(0.65, "sweeping clusters");
     root = sweep_top(merges, root, boxes, config.ploc_sweep, config);

@@ -52,8 +52,10 @@ UMBEL_HOST_DEVICE inline uint32_t nearest_within(const PlocCluster* clusters, ui
 template <typename Exec>
 class Ploc {
  public:
-  /// Writes the n - 1 merges of n > 0 boxes and returns the root.
-  Subtree run(Exec& exec, const Aabb* boxes, uint32_t n, uint32_t radius, Merge* merges) {
+  /// Writes the n - 1 merges of n > 0 boxes, and the root. Reads how many clusters are left after
+  /// every round.
+  void run(Exec& exec, const Aabb* boxes, uint32_t n, uint32_t radius, Merge* merges,
+           Subtree* root) {
     clusters_ = exec.template allocate<PlocCluster>(n);
     merged_ = exec.template allocate<PlocCluster>(n);
     nearest_ = exec.template allocate<uint32_t>(n);
@@ -65,11 +67,14 @@ class Ploc {
       uint32_t pairs = find_pairs(exec, left, radius);
       // Where boxes grow from one to the next, few find each other.
       if (pairs < left / kFew) pairs = pair_neighbors(exec, left);
+      if (exec.counts()) break;
       merge(exec, left, made, merges);
       made += pairs;
       left -= pairs;
     }
-    return exec.read(clusters_.data()).subtree;
+    exec.for_each(1, [clusters = clusters_.data(), root] UMBEL_DEVICE_LAMBDA(size_t) {
+      *root = clusters[0].subtree;
+    });
   }
 
   // The steps of `run`. They are public because CUDA takes no lambdas from private members.

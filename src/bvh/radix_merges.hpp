@@ -11,21 +11,16 @@
 
 namespace umbel::bvh {
 
-/// Writes the n - 1 merges, merge i where the codes i and i + 1 part, and returns the root.
+/// Writes the n - 1 merges of n > 0 codes, merge i where the codes i and i + 1 part, and the root.
 template <typename Exec>
-Subtree radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives,
-                     const Aabb* boxes, uint32_t n, Merge* merges) {
-  if (n == 1) return Subtree::of_primitive(exec.read(primitives));
+void radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives, const Aabb* boxes,
+                  uint32_t n, Merge* merges, Subtree* root) {
   auto arrived = exec.template allocate<uint32_t>(n);
   auto begins = exec.template allocate<uint32_t>(n);  // of the codes below a merge
   auto ends = exec.template allocate<uint32_t>(n);    // the last one
-  auto root = exec.template allocate<Subtree>(1);
-  exec.for_each(n, [arrived = arrived.data(), root = root.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-    arrived[i] = 0;
-    if (i == 0) *root = {};
-  });
-  exec.for_each(n, [=, arrived = arrived.data(), begins = begins.data(), ends = ends.data(),
-                    root = root.data()] UMBEL_DEVICE_LAMBDA(size_t leaf) {
+  exec.for_each(n, [arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) { arrived[i] = 0; });
+  exec.for_each(n, [=, arrived = arrived.data(), begins = begins.data(),
+                    ends = ends.data()] UMBEL_DEVICE_LAMBDA(size_t leaf) {
     auto begin = static_cast<uint32_t>(leaf), end = begin;
     Subtree subtree = Subtree::of_primitive(primitives[leaf]);
     while (end - begin < n - 1) {
@@ -47,7 +42,6 @@ Subtree radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitiv
     }
     *root = subtree;
   });
-  return exec.read(root.data());
 }
 
 }  // namespace umbel::bvh

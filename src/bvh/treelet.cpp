@@ -75,7 +75,7 @@ void restructure(Bvh2& tree, uint32_t size, uint32_t rounds, const LeafRule& rul
   Items items = take_leaves(tree);
   const auto count = static_cast<uint32_t>(items.boxes.size());
   const TreeletInput input{items.boxes.data(), items.counts.data(), count, items.merges.data()};
-  TreeletRounds<CpuExec> all(exec, input, items.root, rule);
+  TreeletRounds<CpuExec> all(exec, input, &items.root, rule);
   for (uint32_t i = 0; i < rounds; ++i) {
     progress.report(0.2 + 0.6 * double(i) / double(rounds), "restructuring treelets");
     all.run_round(size);

@@ -11,7 +11,7 @@
 #include "base/exec.hpp"
 #include "base/progress.hpp"
 #include "bvh/leaf_rule.hpp"
-#include "bvh/merge_tree.hpp"
+#include "bvh/merge_parents.hpp"
 
 namespace umbel::bvh {
 
@@ -175,25 +175,14 @@ class Treelet {
 template <typename Exec>
 class TreeletRounds {
  public:
-  TreeletRounds(Exec& exec, const TreeletInput& tree, Subtree root, const LeafRule& rule)
+  TreeletRounds(Exec& exec, const TreeletInput& tree, const Subtree* root, const LeafRule& rule)
       : exec_(exec), tree_(tree), rule_(rule) {
     costs_ = exec.template allocate<float>(tree.items);
     arrived_ = exec.template allocate<uint32_t>(tree.items);
     merge_parents_ = exec.template allocate<uint32_t>(tree.items);
     item_parents_ = exec.template allocate<uint32_t>(tree.items);
-    find_parents(root);
-  }
-
-  /// Part of the constructor, from which CUDA takes no lambda.
-  void find_parents(Subtree root) {
-    exec_.for_each(tree_.items - 1,
-                   [merges = tree_.merges, of_merges = merge_parents_.data(),
-                    of_items = item_parents_.data(), root] UMBEL_DEVICE_LAMBDA(size_t i) {
-                     const auto id = static_cast<uint32_t>(i);
-                     for (const Subtree s : {merges[i].left, merges[i].right})
-                       (s.is_primitive() ? of_items : of_merges)[s.index()] = id;
-                     if (id == root.index()) of_merges[i] = kNone;
-                   });
+    find_parents(exec, tree.merges, tree.items - 1, root,
+                 {merge_parents_.data(), item_parents_.data()});
   }
 
   void run_round(uint32_t size) {

@@ -100,6 +100,21 @@ __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
   if (i < n) body(Team{}, i, reinterpret_cast<Shared*>(shared)[team]);
 }
 
+template <typename Body>
+__global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
+    run_counted_teams(const uint32_t* count, uint32_t most, Body body) {
+  using Team = std::conditional_t<Body::kLanes == kWarp, WarpTeam, BlockTeam>;
+  using Shared = typename Body::Shared;
+  constexpr uint32_t kTeams = kTeamsPerBlock<Body>;
+  __shared__ alignas(16) unsigned char shared[kTeams * sizeof(Shared)];
+  const uint32_t team = threadIdx.x / Body::kLanes;
+  const size_t n = *count < most ? *count : most;
+  for (size_t i = size_t(blockIdx.x) * kTeams + team; i < n; i += size_t(gridDim.x) * kTeams) {
+    body(Team{}, i, reinterpret_cast<Shared*>(shared)[team]);
+    Team{}.sync();  // the next one has the same memory
+  }
+}
+
 // Function objects whose results CUB can name without calling them.
 template <typename T, typename Map>
 struct Mapped {
@@ -138,6 +153,8 @@ class CudaExec {
   Buffer<T> allocate(size_t size) {
     return Buffer<T>(arena_, size);
   }
+
+  bool counts() const { return arena_.counts(); }
 
   /// Waits for the stream, which must not be captured. T{} while the arena counts.
   template <typename T>
@@ -191,6 +208,17 @@ class CudaExec {
     constexpr uint32_t kTeams = detail::kTeamsPerBlock<Body>;
     if (n == 0 || arena_.counts()) return;
     detail::run_teams<<<blocks(n, kTeams), Body::kLanes * kTeams, 0, stream_>>>(n, body);
+    check(cudaGetLastError(), "starting a kernel of teams");
+  }
+
+  template <typename Body>
+  void for_each_team_of(const uint32_t* count, uint32_t most, const Body& body) {
+    constexpr uint32_t kTeams = detail::kTeamsPerBlock<Body>;
+    if (most == 0 || arena_.counts()) return;
+    const size_t blocks =
+        std::min<size_t>((size_t(most) + kTeams - 1) / kTeams, detail::kMostBlocks);
+    detail::run_counted_teams<<<uint32_t(blocks), Body::kLanes * kTeams, 0, stream_>>>(count, most,
+                                                                                     body);
     check(cudaGetLastError(), "starting a kernel of teams");
   }
 

@@ -7,20 +7,12 @@
 #include "cluster/build_frame.hpp"
 #include "cluster/drift.hpp"
 #include "cluster/rebuild_worst.hpp"
+#include "cuda/device_mesh.hpp"
 #include "umbel/cuda.hpp"
 
 namespace umbel::cuda {
 namespace {
 
-static_assert(sizeof(Triangle) == 3 * sizeof(uint32_t));
-
-cluster::Positions positions_of(const DeviceMesh& mesh) {
-  if (mesh.position_stride < sizeof(Vec3) || mesh.position_stride % sizeof(float) != 0)
-    throw Error(ErrorCode::kInvalidArgument,
-                "position_stride must be a multiple of 4 and at least 12, not " +
-                    std::to_string(mesh.position_stride));
-  return {static_cast<const char*>(mesh.positions), mesh.position_stride};
-}
 cluster::FrameClusters view(const DeviceClusters& c) {
   return {c.items, reinterpret_cast<Triangle*>(c.indices), c.offsets, c.boxes, c.count};
 }

@@ -90,6 +90,10 @@ class ThreadTeamExec : public CpuExec {
       });
     for (std::thread& lane : lanes) lane.join();
   }
+  template <typename Body>
+  void for_each_team_of(const uint32_t* count, uint32_t most, const Body& body) {
+    for_each_team(std::min(*count, most), body);
+  }
 };
 
 }  // namespace umbel

@@ -92,7 +92,9 @@ Made make(const std::vector<Aabb>& boxes, const KmeansConfig& config) {
   BigVector<Merge> merges(n);
   KmeansTreelets<Exec> treelets(exec, passes, LeafRule(Config{}), kMostJoined / config.clusters,
                                 merges.data());
-  made.tree = emit(merges, treelets.run(), boxes);
+  Subtree root{};
+  treelets.run(&root);
+  made.tree = emit(merges, root, boxes);
   return made;
 }
 

@@ -1,0 +1,127 @@
+// Reading and writing the nodes of compact_bvh.hpp, on processors and devices.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <limits>
+
+#include "base/exec.hpp"
+#include "base/math.hpp"
+#include "umbel/compact_bvh.hpp"
+
+namespace umbel::bvh {
+
+/// The grid of one axis of a node, which reaches from `low` to `high`.
+class CompactAxis {
+ public:
+  static constexpr uint32_t kMost = 255;  ///< the last plane
+  /// Those smaller could vanish in products.
+  static constexpr uint32_t kLeastExponent = 27;
+  static constexpr uint32_t kMostExponent = 254;
+
+  UMBEL_HOST_DEVICE CompactAxis(float low, float high) : origin_(low) {
+    // Halved, so that no difference overflows. Its bits without those of the mantissa are the power
+    // of two below it, of which a cell is at least the 2^7th part.
+    const float extent = high * 0.5f - low * 0.5f;
+    const uint32_t power = std::bit_cast<uint32_t>(extent) >> 23 & 0xffu;
+    exponent_ = power > kLeastExponent + 7 ? power - 7 : kLeastExponent;
+    while (exponent_ < kMostExponent && position(kMost) < high) ++exponent_;
+    cells_in_half_ = 2 / cell(exponent_);
+  }
+  UMBEL_HOST_DEVICE CompactAxis(float origin, uint8_t exponent)
+      : origin_(origin), exponent_(exponent) {}
+
+  UMBEL_HOST_DEVICE static float cell(uint32_t exponent) {
+    return std::bit_cast<float>(exponent << 23);
+  }
+  UMBEL_HOST_DEVICE uint8_t exponent() const { return static_cast<uint8_t>(exponent_); }
+
+  /// Where a plane is. Always finite.
+  UMBEL_HOST_DEVICE float position(uint32_t plane) const {
+    const float at = origin_ + static_cast<float>(plane) * cell(exponent_);
+    const float most = std::numeric_limits<float>::max();
+    return at < most ? at : most;
+  }
+  /// The last plane that is not above x.
+  UMBEL_HOST_DEVICE uint8_t below(float x) const {
+    uint32_t plane = near(x);
+    while (plane > 0 && position(plane) > x) --plane;
+    return static_cast<uint8_t>(plane);
+  }
+  /// The first plane that is not below x.
+  UMBEL_HOST_DEVICE uint8_t above(float x) const {
+    uint32_t plane = near(x);
+    while (plane < kMost && position(plane) < x) ++plane;
+    return static_cast<uint8_t>(plane);
+  }
+
+ private:
+  UMBEL_HOST_DEVICE uint32_t near(float x) const {
+    const float cells = (x * 0.5f - origin_ * 0.5f) * cells_in_half_;
+    return static_cast<uint32_t>(cells < static_cast<float>(kMost) ? cells
+                                                                   : static_cast<float>(kMost));
+  }
+
+  float origin_;
+  uint32_t exponent_;
+  float cells_in_half_ = 0;
+};
+
+/// A box that holds all below the slot, and may be a little larger.
+UMBEL_HOST_DEVICE inline Aabb compact_box(const CompactNode& node, uint32_t slot) {
+  const CompactAxis x(node.origin.x, node.exponent[0]), y(node.origin.y, node.exponent[1]),
+      z(node.origin.z, node.exponent[2]);
+  return {
+      {x.position(node.low[0][slot]), y.position(node.low[1][slot]), z.position(node.low[2][slot])},
+      {x.position(node.high[0][slot]), y.position(node.high[1][slot]),
+       z.position(node.high[2][slot])}};
+}
+
+UMBEL_HOST_DEVICE inline bool is_compact_leaf(uint8_t meta) {
+  return meta != 0 && meta != CompactNode::kInner;
+}
+/// The node in a slot that has one.
+UMBEL_HOST_DEVICE inline uint32_t compact_child(const CompactNode& node, uint32_t slot) {
+  uint32_t before = 0;
+  for (uint32_t s = 0; s < slot; ++s) before += node.meta[s] == CompactNode::kInner;
+  return node.first_child + before;
+}
+/// The first triangle of a leaf in a slot.
+UMBEL_HOST_DEVICE inline uint32_t compact_leaf(const CompactNode& node, uint32_t slot) {
+  uint32_t before = 0;
+  for (uint32_t s = 0; s < slot; ++s) before += is_compact_leaf(node.meta[s]) ? node.meta[s] : 0;
+  return node.first_triangle + before;
+}
+
+/// Writes the grid and the boxes of all slots, and returns what holds them all. A box may be empty.
+UMBEL_HOST_DEVICE inline Aabb set_compact_boxes(CompactNode& node, const Aabb* boxes) {
+  Aabb all;
+  for (uint32_t slot = 0; slot < 8; ++slot) extend(all, boxes[slot]);
+  const bool nothing = is_empty(all);
+  node.origin = nothing ? Vec3{0, 0, 0} : all.min;
+  for (uint32_t axis = 0; axis < 3; ++axis) {
+    const auto along = [&](const Vec3& v) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; };
+    const CompactAxis grid(nothing ? 0 : along(all.min), nothing ? 0 : along(all.max));
+    node.exponent[axis] = grid.exponent();
+    for (uint32_t slot = 0; slot < 8; ++slot) {
+      const bool is_there = !is_empty(boxes[slot]);
+      node.low[axis][slot] = is_there ? grid.below(along(boxes[slot].min)) : uint8_t{0};
+      node.high[axis][slot] = is_there ? grid.above(along(boxes[slot].max)) : uint8_t{0};
+    }
+  }
+  return all;
+}
+
+/// The box of a triangle; empty where a corner is not finite.
+UMBEL_HOST_DEVICE inline Aabb box_of_finite(const Vec3& p0, const Vec3& p1, const Vec3& p2) {
+  Aabb box;
+  // Of NaN and infinities the difference with themselves is NaN.
+  const Vec3 d = (p0 - p0) + (p1 - p1) + (p2 - p2);
+  if (!(d.x == 0 && d.y == 0 && d.z == 0)) return box;
+  extend(box, p0);
+  extend(box, p1);
+  extend(box, p2);
+  return box;
+}
+
+}  // namespace umbel::bvh

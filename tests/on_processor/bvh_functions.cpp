@@ -1,0 +1,4 @@
+#include "run.hpp"
+
+// What is above comes first.
+#include "cuda/bvh_functions.hpp"
