@@ -1,4 +1,4 @@
-"""Clusters of meshes that change every frame, on a CUDA device.
+"""Clusters of meshes that change every frame, and hierarchies of triangles, on a CUDA device.
 
 Takes arrays of CuPy, PyTorch, Numba, or anything with `__cuda_array_interface__` or DLPack, without
 copying them, and puts its work into the current stream of their package; nothing waits. Needs the
@@ -8,17 +8,26 @@ library umbel_cuda_c, which `make cuda` builds: its path in UMBEL_CUDA_LIBRARY, 
 from __future__ import annotations
 
 import ctypes
-import os
-from functools import cache
-from pathlib import Path
 from typing import Any
 
-from .cuda_arrays import DeviceArray, current_stream, device_array
+from .cuda_arrays import current_stream, device_array
+from .cuda_bvh import Bvh
+from .cuda_calls import (
+    MeshStruct,
+    Scratch,
+    address,
+    check,
+    library,
+    library_path,
+    maker,
+    mesh_struct,
+    on_host,
+    triangles_array,
+)
 from .drift import Drift, RebuildPolicy
 from .errors import Error
 
-INTEGERS = ("u4", "i4")
-"""Signed 32-bit integers are taken for indices as well: PyTorch knows few operations on others."""
+__all__ = ["Bvh", "FrameClusters", "library_path"]
 
 
 class _Config(ctypes.Structure):
@@ -33,47 +42,10 @@ class _Config(ctypes.Structure):
     )
 
 
-class _Mesh(ctypes.Structure):
-    _fields_ = (
-        ("positions", ctypes.c_void_p),
-        ("position_stride", ctypes.c_size_t),
-        ("indices", ctypes.c_void_p),
-        ("items", ctypes.c_void_p),
-        ("triangles", ctypes.c_uint32),
-    )
-
-
 class _Pointers(ctypes.Structure):
     """A struct of five pointers, or the first three of them."""
 
     _fields_ = tuple((name, ctypes.c_void_p) for name in "abcde")
-
-
-def library_path() -> Path:
-    """Where the library is looked for."""
-    return Path(os.environ.get("UMBEL_CUDA_LIBRARY", Path(__file__).parent / "libumbel_cuda_c.so"))
-
-
-@cache
-def _load(path: str) -> ctypes.CDLL:
-    try:
-        library = ctypes.CDLL(path)
-    except OSError as error:
-        raise Error(
-            f"umbel.cuda needs the library umbel_cuda_c, and {path} cannot be loaded ({error}); "
-            "`make cuda` builds it, and UMBEL_CUDA_LIBRARY says where it is"
-        ) from None
-    library.umbel_last_error.restype = ctypes.c_char_p
-    return library
-
-
-def _library() -> ctypes.CDLL:
-    return _load(str(library_path()))
-
-
-def _check(result: int) -> None:
-    if result != 0:
-        raise Error(_library().umbel_last_error().decode())
 
 
 METHODS = {"morton": 0, "hybrid": 1}
@@ -111,10 +83,8 @@ class FrameClusters:
             raise Error(f"method must be {' or '.join(map(repr, METHODS))}, not {method!r}")
         where = current_stream(positions) if stream is None else stream
         device_array(positions, "positions", ("f4",), 3, where)
-        self._source = device_array(triangles, "triangles", INTEGERS, 3, where)
-        if self._source.strides[0] != 12 and self._source.shape[0] > 1:
-            raise Error("triangles must be contiguous")
-        self._empty = empty or _maker(positions)
+        self._source = triangles_array(triangles, where)
+        self._empty = empty or maker(positions)
         self._config = _Config(
             ctypes.sizeof(_Config),
             METHODS[method],
@@ -126,8 +96,8 @@ class FrameClusters:
         )
         self._size = self._source.shape[0]
         most = ctypes.c_uint32()
-        _check(
-            _library().umbel_frame_max_clusters(
+        check(
+            library().umbel_frame_max_clusters(
                 ctypes.c_uint32(self._size), ctypes.byref(self._config), ctypes.byref(most)
             )
         )
@@ -136,7 +106,7 @@ class FrameClusters:
         self._next: dict[str, Any] | None = None
         self._now = self._empty((max(self._most, 1),), "int64")
         self._total = self._empty((2,), "int64")
-        self._scratch: Any = None
+        self._scratch = Scratch(self._empty)
         self.build(positions, stream=where)
 
     def build(self, positions: Any, *, stream: int | None = None) -> None:
@@ -148,8 +118,8 @@ class FrameClusters:
         """As `build`, but triangles with equal codes keep the last frame's order."""
         where = current_stream(positions) if stream is None else stream
         mesh = self._mesh(positions, where)
-        mesh.indices = _address(self._arrays["triangles"])
-        mesh.items = _address(self._arrays["items"])
+        mesh.indices = address(self._arrays["triangles"])
+        mesh.items = address(self._arrays["items"])
         other = self._next or self._make_arrays()
         self._build(mesh, other, where)
         self._arrays, self._next = other, self._arrays
@@ -198,7 +168,7 @@ class FrameClusters:
 
     def drift(self) -> Drift:
         """As last measured. Waits for the device."""
-        values = _on_host(self._total)
+        values = on_host(self._total)
         return Drift(float(values[0]) / 2**40, float(values[1]) / 2**40)
 
     def step(
@@ -216,7 +186,7 @@ class FrameClusters:
         if action == "rebuild":
             self.update(positions, stream=stream)
         elif action == "rebuild_worst":
-            count = int(_on_host(self._arrays["count"])[0])
+            count = int(on_host(self._arrays["count"])[0])
             worst = max(1, round(policy.budget * count))
             self.rebuild_worst(positions, worst, stream=stream)
         return action
@@ -232,21 +202,20 @@ class FrameClusters:
             "at_build": self._empty((most,), "int64"),
         }
 
-    def _mesh(self, positions: Any, stream: int) -> _Mesh:
-        found: DeviceArray = device_array(positions, "positions", ("f4",), 3, stream)
-        return _Mesh(found.pointer, found.strides[0], self._source.pointer, None, self._size)
+    def _mesh(self, positions: Any, stream: int) -> MeshStruct:
+        return mesh_struct(positions, self._source, stream)
 
     @staticmethod
     def _clusters(arrays: dict[str, Any]) -> _Pointers:
         names = ("items", "triangles", "offsets", "boxes", "count")
-        return _Pointers(*(_address(arrays[name]) for name in names))
+        return _Pointers(*(address(arrays[name]) for name in names))
 
     def _shares(self, arrays: dict[str, Any]) -> _Pointers:
         return _Pointers(
-            _address(self._now), _address(arrays["at_build"]), _address(self._total), None, None
+            address(self._now), address(arrays["at_build"]), address(self._total), None, None
         )
 
-    def _build(self, mesh: _Mesh, out: dict[str, Any], stream: int) -> None:
+    def _build(self, mesh: MeshStruct, out: dict[str, Any], stream: int) -> None:
         self._call(
             "umbel_cuda_build_frame_clusters",
             [ctypes.byref(mesh), ctypes.byref(self._config)],
@@ -264,44 +233,4 @@ class FrameClusters:
     def _call(
         self, name: str, head: list[Any], structs: list[_Pointers], stream: int, *more: Any
     ) -> None:
-        function = getattr(_library(), name)
-        rest = [*head, *(ctypes.byref(s) for s in structs), *more, ctypes.c_void_p(stream)]
-        needed = ctypes.c_size_t(0)
-        _check(function(None, ctypes.byref(needed), *rest))
-        if self._scratch is None or self._scratch.shape[0] < needed.value + 256:
-            self._scratch = self._empty((needed.value + 256,), "uint8")
-        aligned = (_address(self._scratch) + 255) // 256 * 256
-        _check(function(ctypes.c_void_p(aligned), ctypes.byref(needed), *rest))
-
-
-def _address(array: Any) -> int:
-    return int(array.__cuda_array_interface__["data"][0] or 0)
-
-
-def _on_host(array: Any) -> Any:
-    """The values of an array of a device, once they are there."""
-    for copy in ("get", "copy_to_host"):  # of CuPy, of Numba
-        if hasattr(array, copy):
-            return getattr(array, copy)()
-    return array.cpu().numpy()
-
-
-def _maker(positions: Any) -> Any:
-    package = type(positions).__module__.partition(".")[0]
-    if package == "torch":
-        import torch  # type: ignore[import-not-found,unused-ignore]
-
-        device = positions.device
-        return lambda shape, dtype: torch.empty(shape, dtype=getattr(torch, dtype), device=device)
-    if package == "cupy":
-        import cupy  # type: ignore[import-not-found,unused-ignore]
-
-        return cupy.empty
-    if package in ("numba", "numba_cuda"):
-        from numba import cuda  # type: ignore[import-not-found,unused-ignore]
-
-        return cuda.device_array
-    raise Error(
-        f"positions are of {package}, which makes no arrays here: give `empty`, a function of a "
-        "shape and the name of a type"
-    )
+        self._scratch.call(name, *head, *(ctypes.byref(s) for s in structs), *more, stream=stream)

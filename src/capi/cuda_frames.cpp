@@ -1,20 +1,10 @@
 // umbel_cuda.h over cuda.hpp. Part of the library umbel::cuda.
+#include "capi/cuda_input.hpp"
 #include "capi/guard.hpp"
 #include "umbel/cuda.hpp"
-#include "umbel/umbel_cuda.h"
 
 namespace umbel::capi {
 namespace {
-
-[[noreturn]] void refuse_null(const char* name) {
-  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " must not be NULL");
-}
-
-template <typename T>
-const T& not_null(const T* pointer, const char* name) {
-  if (!pointer) refuse_null(name);
-  return *pointer;
-}
 
 FrameClusterConfig config_of(const umbel_frame_config* given) {
   const umbel_frame_config& c = not_null(given, "config");
@@ -30,20 +20,12 @@ FrameClusterConfig config_of(const umbel_frame_config* given) {
           c.code_bits};
 }
 
-cuda::DeviceMesh mesh_of(const umbel_cuda_mesh* given) {
-  const umbel_cuda_mesh& m = not_null(given, "mesh");
-  return {m.positions, m.position_stride, m.indices, m.items, m.triangles};
-}
-
 /// What is only looked at when there is work to do may be missing before.
 struct Call {
   void* scratch;
   size_t* scratch_bytes;
 
-  size_t& bytes() const {
-    if (!scratch_bytes) refuse_null("scratch_bytes");
-    return *scratch_bytes;
-  }
+  size_t& bytes() const { return bytes_of(scratch_bytes); }
   cuda::DeviceClusters of(const umbel_cuda_clusters* given, const char* name) const {
     if (!given && !scratch) return {};
     const umbel_cuda_clusters& c = not_null(given, name);
@@ -55,8 +37,6 @@ struct Call {
     return {d.now, d.at_build, d.total};
   }
 };
-
-cuda::Stream stream_of(void* stream) { return static_cast<cuda::Stream>(stream); }
 
 }  // namespace
 }  // namespace umbel::capi

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import umbel
-from umbel import cuda
+from umbel import cuda, cuda_calls
 from umbel.cuda_arrays import device_array
 
 
@@ -90,14 +90,14 @@ def test_arrays_are_made_by_the_package_of_the_positions(monkeypatch, name):
     package.cuda = types.SimpleNamespace(device_array=make)
     monkeypatch.setitem(sys.modules, name, package)
     array = type("Array", (Interface,), {"__module__": f"{name}.of.arrays", "device": "cuda:1"})
-    cuda._maker(array((3, 3)))((5, 2), "float32")
+    cuda_calls.maker(array((3, 3)))((5, 2), "float32")
     expected = {"torch": ("a type", {"device": "cuda:1"})}.get(name, ("float32", {}))
     assert made == [((5, 2), *expected)]
 
 
 def test_packages_that_make_no_arrays_are_asked_for_a_function():
     with pytest.raises(umbel.Error, match="give `empty`"):
-        cuda._maker(Interface((3, 3)))
+        cuda_calls.maker(Interface((3, 3)))
 
 
 def test_values_come_to_the_host_as_each_package_copies_them():
@@ -108,7 +108,7 @@ def test_values_come_to_the_host_as_each_package_copies_them():
         types.SimpleNamespace(copy_to_host=lambda: values),
         types.SimpleNamespace(cpu=lambda: numpy_of),
     ):
-        assert cuda._on_host(array) is values
+        assert cuda_calls.on_host(array) is values
 
 
 def test_a_missing_library_is_named(monkeypatch, tmp_path):

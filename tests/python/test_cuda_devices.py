@@ -279,3 +279,130 @@ def test_graphs_follow_new_positions(torch_package):
         graph.replay()
         torch.cuda.synchronize()
         expect_sound(torch_package, clusters, moved, triangles)
+
+
+NODE = np.dtype(
+    [
+        ("origin", "<f4", 3),
+        ("exponent", "u1", 3),
+        ("inner", "u1"),
+        ("first_child", "<u4"),
+        ("first_triangle", "<u4"),
+        ("meta", "u1", 8),
+        ("low", "u1", (3, 8)),
+        ("high", "u1", (3, 8)),
+    ]
+)
+TRIANGLE = np.dtype(
+    [
+        ("p0", "<f4", 3),
+        ("primitive", "<u4"),
+        ("p1", "<f4", 3),
+        ("reserved1", "<u4"),
+        ("p2", "<f4", 3),
+        ("reserved2", "<u4"),
+    ]
+)
+BUILDERS = ["lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans", "sweep"]
+
+
+def tree_of(package, bvh):
+    info = bvh.info()
+    nodes = package.get(bvh.arrays["nodes"]).reshape(-1).view(NODE)[: info.nodes]
+    triangles = package.get(bvh.arrays["triangles"]).reshape(-1).view(TRIANGLE)
+    return nodes, triangles[: info.triangles], info
+
+
+def expect_tree(package, bvh, positions, triangles):
+    """Every triangle in one leaf, within the boxes of all slots above it."""
+    nodes, found, info = tree_of(package, bvh)
+    assert np.array_equal(np.sort(found["primitive"]), np.arange(len(triangles)))
+    corners = positions[triangles[found["primitive"]]]
+    assert np.array_equal(np.stack([found[p] for p in ("p0", "p1", "p2")], axis=1), corners)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    assert info.bounds == (tuple(low.min(axis=0)), tuple(high.max(axis=0)))
+    cells = np.ldexp(np.float32(1), nodes["exponent"].astype(int) - 127)
+    planes = [
+        nodes["origin"][:, :, None] + nodes[name] * cells[:, :, None] for name in ("low", "high")
+    ]
+    seen = np.zeros(len(triangles), int)
+
+    def visit(index):
+        """Ranges of triangles below a node."""
+        node, child = nodes[index], int(nodes[index]["first_child"])
+        first, all_below = int(node["first_triangle"]), []
+        for slot, meta in enumerate(node["meta"]):
+            if meta == 0:
+                continue
+            if meta == 0x80:
+                below, child = visit(child), child + 1
+            else:
+                below, first = [np.arange(first, first + int(meta))], first + int(meta)
+                seen[below[0]] += 1
+            inside = np.concatenate(below)
+            assert (low[inside] >= planes[0][index, :, slot]).all()
+            assert (high[inside] <= planes[1][index, :, slot]).all()
+            all_below += below
+        return all_below
+
+    visit(0)
+    assert (seen == 1).all()
+
+
+def bvh_of(package, positions, triangles, *builder, **settings):
+    return cuda.Bvh(
+        package.put(positions), package.put(triangles), *builder, **settings, **package.options
+    )
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_trees_are_sound_and_follow_new_positions(package, builder):
+    positions, triangles = height_field()
+    bvh = bvh_of(package, positions, triangles, builder)
+    expect_tree(package, bvh, positions, triangles)
+    assert 10 < bvh.info().sah_cost < 100
+    moved = twisted(positions, 1.5)
+    bvh.refit(package.put(moved))
+    expect_tree(package, bvh, moved, triangles)
+    bvh.build(package.put(moved))
+    expect_tree(package, bvh, moved, triangles)
+
+
+def test_settings_of_trees(package):
+    positions, triangles = height_field()
+    single = bvh_of(package, positions, triangles, "lbvh", max_leaf_size=1)
+    nodes, _, _ = tree_of(package, single)
+    assert set(np.unique(nodes["meta"])) <= {0, 1, 0x80}
+    split = bvh_of(package, positions, triangles, "hploc", presplit=0.5)
+    _, found, info = tree_of(package, split)
+    assert info.triangles == len(triangles) + len(triangles) // 2
+    assert np.array_equal(np.unique(found["primitive"]), np.arange(len(triangles)))
+    for settings, message in (
+        ({"builder": "sah"}, "there is no builder"),
+        ({"max_leaf_size": 9}, "must be from 1 to 8"),
+        ({"max_leaf_size": -1}, "out of range"),
+        ({"max_leaf_size": "8"}, "must be a number"),
+        ({"leaf": 3}, "there is no setting 'leaf'"),
+    ):
+        with pytest.raises(umbel_error(), match=message):
+            bvh_of(package, positions, triangles, **settings)
+
+
+def umbel_error():
+    return importlib.import_module("umbel.errors").Error
+
+
+def test_trees_are_those_of_the_processor(package):
+    """Of any device, byte for byte."""
+    if not ON_PROCESSOR.is_file():
+        pytest.skip(f"there is no {ON_PROCESSOR}")
+    positions, triangles = height_field()
+    for builder in BUILDERS:
+        nodes, found, info = tree_of(package, bvh_of(package, positions, triangles, builder))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("UMBEL_CUDA_LIBRARY", str(ON_PROCESSOR))
+            other = Processor()
+            expected = tree_of(other, bvh_of(other, positions, triangles, builder))
+        assert info == expected[2]
+        assert nodes.tobytes() == expected[0].tobytes()
+        assert found.tobytes() == expected[1].tobytes()
