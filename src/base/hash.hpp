@@ -11,10 +11,12 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/host_device.hpp"
+
 namespace umbel {
 
 /// Every bit of the result depends on every bit of `x`; a bijection.
-inline uint64_t mix64(uint64_t x) {
+UMBEL_HOST_DEVICE inline uint64_t mix64(uint64_t x) {
   x += 0x9E3779B97F4A7C15u;
   x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
   x = (x ^ (x >> 27)) * 0x94D049BB133111EBu;

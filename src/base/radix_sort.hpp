@@ -11,7 +11,7 @@
 namespace umbel {
 
 /// A float's bits as an unsigned integer of the same order. Both zeros become the same key.
-inline uint32_t float_to_key(float value) {
+UMBEL_HOST_DEVICE inline uint32_t float_to_key(float value) {
   const uint32_t bits = std::bit_cast<uint32_t>(value + 0.0f);
   return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
 }

@@ -115,9 +115,7 @@ UMBEL_HOST_DEVICE inline Aabb set_compact_boxes(CompactNode& node, const Aabb* b
 /// The box of a triangle; empty where a corner is not finite.
 UMBEL_HOST_DEVICE inline Aabb box_of_finite(const Vec3& p0, const Vec3& p1, const Vec3& p2) {
   Aabb box;
-  // Of NaN and infinities the difference with themselves is NaN.
-  const Vec3 d = (p0 - p0) + (p1 - p1) + (p2 - p2);
-  if (!(d.x == 0 && d.y == 0 && d.z == 0)) return box;
+  if (!is_finite(p0) || !is_finite(p1) || !is_finite(p2)) return box;
   extend(box, p0);
   extend(box, p1);
   extend(box, p2);

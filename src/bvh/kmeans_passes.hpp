@@ -36,27 +36,20 @@ class KmeansPasses {
   /// Clusters of at most `stop` items are not divided. n > 0 boxes.
   KmeansPasses(Exec& exec, const Aabb* boxes, uint32_t n, const KmeansConfig& config, uint32_t stop)
       : exec_(exec), config_(config), n_(n), stop_(stop) {
-    StageClock clock;
     for (auto& points : points_) points = make_points();
     labels_ = exec.template allocate<uint8_t>(n + kKmeansBlock);
     nearest_ = exec.template allocate<float>(n);
     clusters_ = exec.template allocate<KmeansCluster>(2 * size_t(n));
-    exec.for_each(n, [=, to = points_[0].view, labels = labels_.data(),
-                      clusters = clusters_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-      to.put(i, boxes[i], static_cast<uint32_t>(i));
-      labels[i] = 0;
-      if (i == 0) clusters[0] = {0, n};
-    });
-    auto scene = exec.template allocate<Aabb>(1);
-    exec.reduce(
-        n, Aabb{}, [=] UMBEL_DEVICE_LAMBDA(size_t i) { return boxes[i]; },
-        [] UMBEL_DEVICE_LAMBDA(Aabb a, const Aabb& b) {
-          extend(a, b);
-          return a;
-        },
-        scene.data());
-    grid_ = KmeansGrid::around(exec.read(scene.data()));
-    clock.lap(times_.boxes);
+    // As many as there can be: how many there are is known only later.
+    const uint32_t most = most_divided();
+    const size_t k = config.clusters, chunks = most_chunks();
+    divided_ = exec.template allocate<Divided>(most);
+    chunks_ = exec.template allocate<KmeansChunk>(chunks);
+    changed_ = exec.template allocate<uint8_t>(chunks);
+    representatives_ = exec.template allocate<KmeansPoint>(most * k);
+    counts_ = exec.template allocate<uint32_t>(most * k);
+    sums_ = exec.template allocate<KmeansSum>(chunks * k);
+    take_boxes(boxes);
   }
 
   /// Divides until nothing is left to divide; report(fraction) between passes.
@@ -72,8 +65,8 @@ class KmeansPasses {
         iterate<KmeansDistance::kManhattan>();
       number_parts();
       move_items();
+      if (exec_.counts()) break;  // one pass needs all the memory there is
     }
-    divided_ = {};
   }
 
   /// All clusters, those of a level after those of the one above.
@@ -82,9 +75,35 @@ class KmeansPasses {
   const std::vector<uint32_t>& levels() const { return levels_; }
   /// The items of the clusters of a level that are not divided.
   const KmeansPoints& items(size_t level) const { return points_[level % 2].view; }
+  /// Clusters of a level, at most.
+  uint32_t most_of_level() const {
+    const uint64_t most = uint64_t(most_divided()) * config_.clusters;
+    return most < 1 ? 1 : static_cast<uint32_t>(most < n_ ? most : n_);
+  }
   KmeansTimes& times() { return times_; }
 
- private:
+  // The steps. They are public because CUDA takes no lambdas from private members.
+
+  void take_boxes(const Aabb* boxes) {
+    StageClock clock;
+    exec_.for_each(n_, [=, n = n_, to = points_[0].view, labels = labels_.data(),
+                        clusters = clusters_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+      to.put(i, boxes[i], static_cast<uint32_t>(i));
+      labels[i] = 0;
+      if (i == 0) clusters[0] = {0, n};
+    });
+    auto scene = exec_.template allocate<Aabb>(1);
+    exec_.reduce(
+        n_, Aabb{}, [=] UMBEL_DEVICE_LAMBDA(size_t i) { return boxes[i]; },
+        [] UMBEL_DEVICE_LAMBDA(Aabb a, const Aabb& b) {
+          extend(a, b);
+          return a;
+        },
+        scene.data());
+    grid_ = KmeansGrid::around(exec_.read(scene.data()));
+    clock.lap(times_.boxes);
+  }
+
   /// Deeper clusters are divided evenly. Distance divides well long before that, or not at all.
   static constexpr size_t kMaxLevel = 48;
   static constexpr size_t kGrain = 16;  ///< chunks or clusters of one task
@@ -114,19 +133,22 @@ class KmeansPasses {
     return points;
   }
 
+  uint32_t most_divided() const { return n_ / (stop_ + 1); }
+  uint32_t most_chunks() const { return n_ / KmeansChunk::kMost + most_divided(); }
   const KmeansPoints& current() const { return points_[levels_.size() % 2].view; }
 
   /// Lists the clusters of the last level that are to be divided, and their chunks.
   bool find_divided() {
     StageClock clock;
-    const uint32_t begin = levels_[levels_.size() - 2], size = levels_.back() - begin;
+    const uint32_t begin = levels_[levels_.size() - 2];
+    const uint32_t size = exec_.counts() ? most_of_level() : levels_.back() - begin;
     KmeansCluster* clusters = clusters_.data() + begin;
     auto indices = exec_.template allocate<uint32_t>(size);
     auto count = exec_.template allocate<uint32_t>(1);
     exec_.select(
         size, [=, stop = stop_] UMBEL_DEVICE_LAMBDA(size_t i) { return clusters[i].count > stop; },
         indices.data(), count.data());
-    count_ = exec_.read(count.data());
+    count_ = exec_.counts() ? most_divided() : exec_.read(count.data());
     if (count_ == 0) return false;
     auto starts = exec_.template allocate<uint32_t>(count_ + 1);
     exec_.exclusive_scan(
@@ -135,13 +157,7 @@ class KmeansPasses {
           return (clusters[indices[i]].count + KmeansChunk::kMost - 1) / KmeansChunk::kMost;
         },
         starts.data());
-    chunk_count_ = exec_.read(starts.data() + count_);
-    divided_ = exec_.template allocate<Divided>(count_);
-    chunks_ = exec_.template allocate<KmeansChunk>(chunk_count_);
-    changed_ = exec_.template allocate<uint8_t>(chunk_count_);
-    representatives_ = exec_.template allocate<KmeansPoint>(size_t(count_) * config_.clusters);
-    counts_ = exec_.template allocate<uint32_t>(size_t(count_) * config_.clusters);
-    sums_ = exec_.template allocate<KmeansSum>(size_t(chunk_count_) * config_.clusters);
+    chunk_count_ = exec_.counts() ? most_chunks() : exec_.read(starts.data() + count_);
     exec_.for_each(count_,
                    [=, indices = indices.data(), starts = starts.data(), divided = divided_.data(),
                     chunks = chunks_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
@@ -373,6 +389,7 @@ class KmeansPasses {
     clock.lap(times_.reordering);
   }
 
+ private:
   Exec& exec_;
   KmeansConfig config_;
   uint32_t n_, stop_;

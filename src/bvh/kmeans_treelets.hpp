@@ -28,32 +28,37 @@ class KmeansTreelets {
   /// merges from `offset` on, one more than it can need.
   void run(Subtree* root) {
     const std::vector<uint32_t>& levels = passes_.levels();
-    up_ = exec_.template allocate<JoinItem>(size_t(levels.back()) * handed_);
-    counts_ = exec_.template allocate<uint32_t>(levels.back());
-    for (size_t level = levels.size() - 1; level-- > 0;) {
-      const uint32_t begin = levels[level];
-      exec_.for_each(
-          levels[level + 1] - begin,
-          [=, items = passes_.items(level), clusters = passes_.clusters(), rule = rule_,
-           handed = handed_, merges = merges_, up = up_.data(),
-           counts = counts_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-            const uint32_t id = begin + static_cast<uint32_t>(i);
-            const KmeansCluster& cluster = clusters[id];
-            TreeletJoin join(rule);
-            for (uint32_t part = cluster.first; part < cluster.first + cluster.parts; ++part)
-              for (uint32_t k = 0; k < counts[part]; ++k) join.add(up[size_t(part) * handed + k]);
-            if (cluster.parts == 0) add_items(items, cluster, rule, join);
-            join.agglomerate();
-            if (handed > 1 && cluster.parts > 0) join.sweep();
-            counts[id] = join.hand_up(id == 0 ? 1 : handed, merges, up + size_t(id) * handed);
-          },
-          kGrain);
-    }
-    exec_.for_each(1, [up = up_.data(), root] UMBEL_DEVICE_LAMBDA(size_t) { *root = up->subtree; });
+    const size_t most = passes_.most_of_level();
+    for (auto& up : up_) up = exec_.template allocate<JoinItem>(most * handed_);
+    for (auto& counts : counts_) counts = exec_.template allocate<uint32_t>(most);
+    for (size_t level = levels.size() - 1; level-- > 0;) join_level(level);
+    exec_.for_each(1,
+                   [up = up_[0].data(), root] UMBEL_DEVICE_LAMBDA(size_t) { *root = up->subtree; });
   }
 
- private:
-  static constexpr size_t kGrain = 8;  ///< treelets of one task
+  /// The treelets of the clusters of a level. It is public because CUDA takes no lambdas from
+  /// private members.
+  void join_level(size_t level) {
+    const uint32_t begin = passes_.levels()[level], end = passes_.levels()[level + 1];
+    exec_.for_each(
+        end - begin,
+        [=, items = passes_.items(level), clusters = passes_.clusters(), rule = rule_,
+         handed = handed_, merges = merges_, from = up_[(level + 1) % 2].data(),
+         from_counts = counts_[(level + 1) % 2].data(), to = up_[level % 2].data(),
+         to_counts = counts_[level % 2].data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+          const KmeansCluster& cluster = clusters[begin + i];
+          TreeletJoin join(rule);
+          for (uint32_t k = 0; k < cluster.parts; ++k) {
+            const size_t part = cluster.first + k - end;  // within the level below
+            for (uint32_t s = 0; s < from_counts[part]; ++s) join.add(from[part * handed + s]);
+          }
+          if (cluster.parts == 0) add_items(items, cluster, rule, join);
+          join.agglomerate();
+          if (handed > 1 && cluster.parts > 0) join.sweep();
+          to_counts[i] = join.hand_up(begin == 0 ? 1 : handed, merges, to + i * handed);
+        },
+        kGrain);
+  }
 
   UMBEL_HOST_DEVICE static void add_items(const KmeansPoints& items, const KmeansCluster& cluster,
                                           const LeafRule& rule, TreeletJoin& join) {
@@ -63,6 +68,9 @@ class KmeansTreelets {
     }
   }
 
+ private:
+  static constexpr size_t kGrain = 8;  ///< treelets of one task
+
   template <typename T>
   using Buffer = typename Exec::template Buffer<T>;
 
@@ -71,8 +79,8 @@ class KmeansTreelets {
   LeafRule rule_;
   uint32_t handed_;
   Merge* merges_;
-  Buffer<JoinItem> up_;  ///< what each cluster hands up: `handed_` places each
-  Buffer<uint32_t> counts_;
+  Buffer<JoinItem> up_[2];  ///< what the clusters of a level hand up: `handed_` places each
+  Buffer<uint32_t> counts_[2];
 };
 
 }  // namespace umbel::bvh

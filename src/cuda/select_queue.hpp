@@ -327,8 +327,8 @@ struct MarkFiner {
 };
 
 template <typename Exec>
-void mark_groups(Exec& exec, const DeviceTables& tables, const Range* levels,
-                 uint32_t level_count, const DevicePages& pages) {
+void mark_groups(Exec& exec, const DeviceTables& tables, const Range* levels, uint32_t level_count,
+                 const DevicePages& pages) {
   exec.for_each(tables.group_count,
                 [states = pages.states] UMBEL_DEVICE_LAMBDA(size_t g) { states[g] = 0; });
   for (uint32_t l = level_count; l-- > 0;)

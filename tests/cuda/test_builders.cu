@@ -1,33 +1,127 @@
-// Trees that are built on a device: their merges must be the bytes of the processor.
+// Hierarchies that are built on a device: their bytes must be those of the processor.
 #include "builders.hpp"
-#include "cuda/cuda_exec.cuh"
 #include "device_arrays.cuh"
 
 namespace umbel::cuda {
 namespace {
 
+/// A mesh on the device.
+class MeshOnDevice {
+ public:
+  explicit MeshOnDevice(const Mesh& mesh)
+      : positions_(mesh.positions), triangles_(mesh.triangles) {}
+
+  DeviceMesh view() const {
+    return {positions_.data(), sizeof(Vec3), reinterpret_cast<const uint32_t*>(triangles_.data()),
+            nullptr, uint32_t(triangles_.size())};
+  }
+  void move(const std::vector<Vec3>& positions) { positions_.write(positions); }
+
+ private:
+  DeviceArray<Vec3> positions_;
+  DeviceArray<Triangle> triangles_;
+};
+
+class TreeOnDevice {
+ public:
+  explicit TreeOnDevice(uint32_t references)
+      : nodes_(bvh::compact_node_capacity(references)), triangles_(references), info_(1) {}
+
+  DeviceBvh view() const { return {nodes_.data(), triangles_.data(), info_.data()}; }
+  void expect(const BuiltBvh& expected) const {
+    EXPECT_TRUE(same_bytes(info_.read(), std::vector<bvh::CompactInfo>{expected.info}));
+    EXPECT_TRUE(same_bytes(triangles_.read(), expected.triangles));
+    EXPECT_TRUE(same_bytes(nodes_.read(expected.nodes.size()), expected.nodes));
+  }
+
+ private:
+  DeviceArray<bvh::CompactNode> nodes_;
+  DeviceArray<bvh::CompactTriangle> triangles_;
+  DeviceArray<bvh::CompactInfo> info_;
+};
+
+/// Asks a call for its scratch memory, and calls it.
+template <typename Call>
+void call(const Call& function) {
+  size_t bytes = 0;
+  function(nullptr, bytes);
+  const DeviceArray<unsigned char> scratch(bytes);  // with a guard behind it
+  function(scratch.data(), bytes);
+  check(cudaDeviceSynchronize(), "waiting for the device");
+}
+
 class BuildersOnDevice : public OnDevice {
  public:
-  void expect_same(Builder builder) {
-    const Mesh mesh = shapes::soup(20000, 5);
-    const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
-    const auto n = uint32_t(boxes.size());
-    std::vector<bvh::Merge> expected(n - 1);
-    const bvh::Subtree root = run_on_processor(builder, boxes, expected);
-    const DeviceArray<Aabb> device_boxes(boxes);
-    const DeviceArray<bvh::Merge> merges(n - 1);
-    constexpr size_t kScratch = size_t(1) << 26;
-    const DeviceArray<unsigned char> scratch(kScratch);
-    Arena arena(scratch.data(), kScratch);
-    CudaExec exec(nullptr, arena);
-    EXPECT_EQ(run_builder(builder, exec, device_boxes.data(), n, merges.data()).link, root.link);
-    EXPECT_TRUE(same_bytes(merges.read(), expected));
+  static void expect_same(Mesh mesh, const DeviceBvhConfig& config) {
+    const auto n = uint32_t(mesh.triangles.size());
+    MeshOnDevice on_device(mesh);
+    const TreeOnDevice tree(device_references(n, config));
+    const BuiltBvh expected = build_on_processor(mesh, config);
+    call([&](void* scratch, size_t& bytes) {
+      build_bvh(scratch, bytes, on_device.view(), config, tree.view());
+    });
+    tree.expect(expected);
+    for (Vec3& p : mesh.positions) p = {p.x + p.y * p.y, p.y - p.z, p.z * 3};
+    on_device.move(mesh.positions);
+    call([&](void* scratch, size_t& bytes) {
+      refit_bvh(scratch, bytes, on_device.view(), config, tree.view());
+    });
+    tree.expect(refit_on_processor(expected, mesh));
+  }
+  static void expect_same(const char* builder) {
+    for (const uint32_t n : {1u, 2u, 9u, 33u, 400u})
+      expect_same(shapes::soup(n, n), device_builder_preset(builder));
+    expect_same(shapes::terrain(150, 120, 5), device_builder_preset(builder));
+    expect_same(shapes::grid(70, 90), device_builder_preset(builder));
+    expect_same(shapes::fan(3000), device_builder_preset(builder));
+    DeviceBvhConfig split = device_builder_preset(builder);
+    split.presplit = 0.5f;
+    expect_same(shapes::soup(3000, 7), split);
   }
 };
 
-TEST_F(BuildersOnDevice, lbvh_is_that_of_the_processor) { expect_same(Builder::kLbvh); }
-TEST_F(BuildersOnDevice, atrbvh_is_that_of_the_processor) { expect_same(Builder::kAtrbvh); }
-TEST_F(BuildersOnDevice, ploc_is_that_of_the_processor) { expect_same(Builder::kPloc); }
+TEST_F(BuildersOnDevice, lbvh_is_that_of_the_processor) { expect_same("lbvh"); }
+TEST_F(BuildersOnDevice, hlbvh_is_that_of_the_processor) { expect_same("hlbvh"); }
+TEST_F(BuildersOnDevice, atrbvh_is_that_of_the_processor) { expect_same("atrbvh"); }
+TEST_F(BuildersOnDevice, ploc_is_that_of_the_processor) { expect_same("ploc"); }
+TEST_F(BuildersOnDevice, hploc_is_that_of_the_processor) { expect_same("hploc"); }
+TEST_F(BuildersOnDevice, kmeans_is_that_of_the_processor) {
+  expect_same("kmeans");
+  DeviceBvhConfig medians = device_builder_preset("kmeans-q3");
+  medians.kmeans.distance = bvh::KmeansDistance::kManhattan;
+  expect_same(shapes::terrain(80, 70, 2), medians);
+}
+TEST_F(BuildersOnDevice, sweep_is_that_of_the_processor) { expect_same("sweep"); }
+
+TEST_F(BuildersOnDevice, graphs_follow_new_positions) {
+  Mesh mesh = shapes::terrain(100, 100, 1);
+  const auto n = uint32_t(mesh.triangles.size());
+  MeshOnDevice on_device(mesh);
+  for (const char* builder : {"lbvh", "hlbvh", "atrbvh", "hploc"}) {
+    SCOPED_TRACE(builder);
+    const DeviceBvhConfig config = device_builder_preset(builder);
+    const TreeOnDevice tree(n);
+    size_t bytes = 0;
+    build_bvh(nullptr, bytes, on_device.view(), config, tree.view());
+    const DeviceArray<unsigned char> scratch(bytes);
+    cudaStream_t stream;
+    cudaGraph_t graph;
+    cudaGraphExec_t replay;
+    check(cudaStreamCreate(&stream), "making a stream");
+    check(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), "capturing");
+    build_bvh(scratch.data(), bytes, on_device.view(), config, tree.view(), stream);
+    check(cudaStreamEndCapture(stream, &graph), "capturing");
+    check(cudaGraphInstantiate(&replay, graph, 0), "instantiating a graph");
+    for (Vec3& p : mesh.positions) p.z *= 1.7f;
+    on_device.move(mesh.positions);
+    check(cudaGraphLaunch(replay, stream), "replaying");
+    check(cudaStreamSynchronize(stream), "waiting");
+    tree.expect(build_on_processor(mesh, config));
+    cudaGraphExecDestroy(replay);
+    cudaGraphDestroy(graph);
+    cudaStreamDestroy(stream);
+  }
+}
 
 }  // namespace
 }  // namespace umbel::cuda

@@ -25,6 +25,7 @@ class BackwardExec {
     if (size > 0) std::memset(static_cast<void*>(buffer.data()), 0xa5, size * sizeof(T));
     return buffer;
   }
+  static constexpr bool counts() { return false; }
   template <typename T>
   T read(const T* value) {
     return *value;

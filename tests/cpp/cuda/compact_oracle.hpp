@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cstring>
 #include <vector>
 
@@ -27,7 +29,8 @@ struct CompactTree {
 };
 
 inline void expect_same(const CompactTree& a, const CompactTree& b) {
-  ASSERT_EQ(std::memcmp(&a.info, &b.info, sizeof a.info), 0);
+  using Words = std::array<uint32_t, sizeof(CompactInfo) / 4>;
+  ASSERT_EQ(std::bit_cast<Words>(a.info), std::bit_cast<Words>(b.info));
   ASSERT_EQ(std::memcmp(a.triangles.data(), b.triangles.data(),
                         a.triangles.size() * sizeof(CompactTriangle)),
             0);
