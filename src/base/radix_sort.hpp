@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <utility>
 
+#include "base/host_device.hpp"
+
 namespace umbel {
 
 /// A float's bits as an unsigned integer of the same order. Both zeros become the same key.
