@@ -218,7 +218,7 @@ class CudaExec {
     const size_t blocks =
         std::min<size_t>((size_t(most) + kTeams - 1) / kTeams, detail::kMostBlocks);
     detail::run_counted_teams<<<uint32_t(blocks), Body::kLanes * kTeams, 0, stream_>>>(count, most,
-                                                                                     body);
+                                                                                       body);
     check(cudaGetLastError(), "starting a kernel of teams");
   }
 
