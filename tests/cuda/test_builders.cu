@@ -93,6 +93,18 @@ TEST_F(BuildersOnDevice, kmeans_is_that_of_the_processor) {
 }
 TEST_F(BuildersOnDevice, sweep_is_that_of_the_processor) { expect_same("sweep"); }
 
+/// What compute-sanitizer looks at, which is slow.
+class BuildersSmallOnDevice : public BuildersOnDevice {};
+
+TEST_F(BuildersSmallOnDevice, are_those_of_the_processor) {
+  for (const char* builder : {"lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans", "sweep"}) {
+    DeviceBvhConfig config = device_builder_preset(builder);
+    expect_same(shapes::soup(1500, 3), config);
+    config.presplit = 0.3f;
+    expect_same(shapes::soup(200, 4), config);
+  }
+}
+
 TEST_F(BuildersOnDevice, graphs_follow_new_positions) {
   Mesh mesh = shapes::terrain(100, 100, 1);
   const auto n = uint32_t(mesh.triangles.size());

@@ -105,6 +105,14 @@ def bvh(
             metavar="NAME", help="Only this and the sweep; several times.  [default: all]"
         ),
     ] = None,
+    device: Annotated[
+        str,
+        typer.Option(
+            metavar="cpu|cuda",
+            help="Where trees are built and traced; on CUDA, of the options, only --builder, "
+            "--runs, --generated and the output's count.",
+        ),
+    ] = "cpu",
     output: Folder = None,
     runs: Runs = 3,
     as_json: Json = False,
@@ -113,6 +121,8 @@ def bvh(
     """Builders of hierarchies: what a tree costs, how fast rays pass it, and both together, as in
     the evaluation of the k-means builder (Meister & Bittner 2016)."""
     _check(scenes or [], output)
+    if device not in ("cpu", "cuda"):
+        fail(f"--device is {device!r}, but must be cpu or cuda")
     widths = list(dict.fromkeys(width or (2, 8)))
     if not set(widths) <= {2, 4, 8}:
         fail("--width must be 2, 4 or 8")
@@ -125,6 +135,9 @@ def bvh(
     inputs = _loaders(scenes or [])
     if generated is not None or not inputs:
         inputs |= bench.generated(_PLANT if generated is None else generated)
+    if device == "cuda":
+        _bvh_on_device(inputs, builder or [], runs, output, as_json)
+        return
     effort = bench.Effort(runs, samples, share, widths, threads, part or bench.PARTS, builder or ())
     with Bar() as bar:
         found = bench.compare(inputs, effort, kmeans=parameters, progress=bar)
@@ -228,6 +241,37 @@ def _kmeans(text: str) -> Kmeans:
     except ValueError:
         fail(f"--kmeans is {text!r}, but must be three whole numbers such as 8,5,2")
     return Kmeans(clusters, candidates, iterations)
+
+
+def _bvh_on_device(
+    inputs: dict[str, Callable[[], Mesh]],
+    builders: list[str],
+    runs: int,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    import tempfile
+
+    from .. import io
+    from ..bench import bvh_cuda, charts
+    from ..bench.table import print_table
+
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / f"{name}.ply" for name in inputs]
+        for path, load in zip(paths, inputs.values(), strict=True):
+            mesh = load()
+            io.save(path, type(mesh)(mesh.positions, mesh.triangles))
+        found = bvh_cuda.measure(paths, runs=runs, builders=builders)
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bvh_cuda.write(found, output)
+    if as_json:
+        show(found.fields(), as_json, "bvh")
+    elif sys.stdout.isatty():
+        print_table(f"Builders on {found.device}", bvh_cuda.COLUMNS, found.rows, group="scene")
+    else:
+        print(bvh_cuda.report(found), end="")
 
 
 def _print_bvh(found: bvh_bench.Comparison) -> None:
