@@ -26,8 +26,37 @@ float times_too_large(const Sphere& sphere, float error, const StreamView& seen)
 
 enum class PageState : uint8_t { kAbsent, kInFlight, kResident };
 
+/// What a walk reads of a page's groups, close together: the pages of a large cut are far more than
+/// caches hold.
+struct WalkTable {
+  struct Entry {
+    uint32_t mesh, group, first_child, first_cluster;
+  };
+  std::vector<Entry> groups;  // and one behind the last
+  std::vector<GroupRef> children;
+  std::vector<uint32_t> made_from;  // of each cluster, or kNone
+};
+
+WalkTable walk_table(const AssetPage& page) {
+  WalkTable table;
+  table.groups.reserve(page.groups.size() + 1);
+  const auto add = [&](uint32_t mesh, uint32_t group) {
+    table.groups.push_back({mesh, group, static_cast<uint32_t>(table.children.size()),
+                            static_cast<uint32_t>(table.made_from.size())});
+  };
+  for (const PageGroup& group : page.groups) {
+    add(group.mesh, group.id);
+    table.children.insert(table.children.end(), group.children.begin(), group.children.end());
+    for (const lod::Cluster& cluster : group.clusters)
+      table.made_from.push_back(cluster.generating_group);
+  }
+  add(kNone, kNone);
+  return table;
+}
+
 struct PageSlot {
   std::shared_ptr<const AssetPage> data;
+  WalkTable table;
   PageState state = PageState::kAbsent;
   bool pinned = false, was_loaded = false, given_up = false;
   uint32_t failures = 0;
@@ -44,12 +73,23 @@ struct PageSlot {
 struct Visit {
   uint64_t walk = 0;
   uint32_t parents = 0;
-  float ratio = 0;  ///< how many times too large its error is; 0: it is not
-  bool is_open = false;
+  float ratio = 0;       ///< how many times too large its error is; 0: it is not
+  uint32_t in_page = 0;  ///< where the group is in its page, while that is there
 };
 
 struct OpenGroup {
   uint32_t page, index;
+};
+
+/// Which groups of a mesh are open: a bit each, so that all of it stays near.
+class OpenSet {
+ public:
+  void clear(size_t groups) { words_.assign((groups + 63) / 64, 0); }
+  void insert(uint32_t group) { words_[group / 64] |= uint64_t{1} << group % 64; }
+  bool contains(uint32_t group) const { return (words_[group / 64] >> group % 64 & 1) != 0; }
+
+ private:
+  std::vector<uint64_t> words_;
 };
 
 /// Something in one page was reached through another.
@@ -64,11 +104,10 @@ struct Residency::State {
   ResidencyConfig config;
   std::unique_ptr<PageLoader> loader;
   std::vector<PageSlot> pages;
-  // By mesh and group: where a group is in its page while that is there, and the walk's notes.
-  std::vector<std::vector<uint32_t>> index_in_page;
-  std::vector<std::vector<Visit>> visits;
+  std::vector<std::vector<Visit>> visits;  // by mesh and group
   std::vector<uint32_t> resident, in_flight, touched;
   std::vector<OpenGroup> open;
+  OpenSet is_open;  // of the mesh of the view
   std::vector<PageLink> links;
   std::vector<PageArrival> waiting;  // have come, for a later step
   std::vector<StreamCluster> cut;
@@ -100,7 +139,8 @@ struct Residency::State {
 void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> data, double now) {
   PageSlot& slot = pages[page];
   for (uint32_t i = 0; i < data->groups.size(); ++i)
-    index_in_page[data->groups[i].mesh][data->groups[i].id] = i;
+    visits[data->groups[i].mesh][data->groups[i].id].in_page = i;
+  slot.table = walk_table(*data);
   slot.data = std::move(data);
   slot.state = PageState::kResident;
   slot.last_used = now;
@@ -117,6 +157,7 @@ void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> d
 void Residency::State::evict(uint32_t page) {
   PageSlot& slot = pages[page];
   slot.data.reset();
+  slot.table = {};
   slot.state = PageState::kAbsent;
   resident.erase(std::find(resident.begin(), resident.end(), page));
   const uint64_t bytes = asset->page_bytes(page);
@@ -248,11 +289,12 @@ void Residency::State::select(uint32_t index, const StreamView& view, double now
   ++walk;
   open.clear();
   std::vector<Visit>& notes = visits[view.mesh];
+  is_open.clear(notes.size());
   const auto meet = [&](const GroupRef& reference, uint32_t from_page) {
     Visit& visit = notes[reference.group];
     // All references to a group say the same of it.
     if (visit.walk != walk)
-      visit = {walk, 0, times_too_large(reference.sphere, reference.error, view), false};
+      visit = {walk, 0, times_too_large(reference.sphere, reference.error, view), visit.in_page};
     const float ratio = visit.ratio;
     if (!(ratio > 0)) return;
     ++visit.parents;
@@ -265,35 +307,34 @@ void Residency::State::select(uint32_t index, const StreamView& view, double now
       links.push_back({from_page, reference.page});
     if (!is_there) result.worst_error = std::max(result.worst_error, ratio);
     if (visit.parents == 1 && !is_there) ++result.missing_groups;
-    if (visit.parents < reference.parents || !is_there || visit.is_open) return;
+    if (visit.parents < reference.parents || !is_there || is_open.contains(reference.group)) return;
     // A file may refer to a page that does not have the group.
-    const std::vector<PageGroup>& groups = slot.data->groups;
-    const uint32_t in_page = index_in_page[view.mesh][reference.group];
-    if (in_page >= groups.size() || groups[in_page].id != reference.group ||
-        groups[in_page].mesh != view.mesh)
+    const std::vector<WalkTable::Entry>& groups = slot.table.groups;
+    if (visit.in_page >= groups.size() || groups[visit.in_page].group != reference.group ||
+        groups[visit.in_page].mesh != view.mesh)
       return;
-    visit.is_open = true;
+    is_open.insert(reference.group);
     slot.is_open = true;
     slot.last_used = now;
-    open.push_back({reference.page, in_page});
+    open.push_back({reference.page, visit.in_page});
   };
   for (const GroupRef& root : asset->roots(view.mesh)) meet(root, kNone);
   for (size_t next = 0; next < open.size(); ++next) {
     const OpenGroup at = open[next];
-    for (const GroupRef& child : pages[at.page].data->groups[at.index].children)
-      meet(child, at.page);
+    const WalkTable& table = pages[at.page].table;
+    const uint32_t end = table.groups[at.index + 1].first_child;
+    for (uint32_t i = table.groups[at.index].first_child; i < end; ++i)
+      meet(table.children[i], at.page);
   }
-  const auto is_open = [&](uint32_t group) {
-    return notes[group].walk == walk && notes[group].is_open;
-  };
   for (const OpenGroup& at : open) {
-    const PageGroup& group = pages[at.page].data->groups[at.index];
-    for (const GroupRef& child : group.children)
-      if (child.page != at.page && is_open(child.group)) pages[at.page].has_open_children = true;
-    for (uint32_t c = 0; c < group.clusters.size(); ++c) {
-      const uint32_t made_from = group.clusters[c].generating_group;
-      if (made_from == kNone || !is_open(made_from)) cut.push_back({index, at.page, at.index, c});
-    }
+    const WalkTable& table = pages[at.page].table;
+    const WalkTable::Entry &entry = table.groups[at.index], &after = table.groups[at.index + 1];
+    for (uint32_t i = entry.first_child; i < after.first_child; ++i)
+      if (table.children[i].page != at.page && is_open.contains(table.children[i].group))
+        pages[at.page].has_open_children = true;
+    for (uint32_t i = entry.first_cluster; i < after.first_cluster; ++i)
+      if (table.made_from[i] == kNone || !is_open.contains(table.made_from[i]))
+        cut.push_back({index, at.page, at.index, i - entry.first_cluster});
   }
   result.open_groups += static_cast<uint32_t>(open.size());
 }
@@ -351,7 +392,6 @@ Residency::Residency(const Asset& asset, const ResidencyConfig& config,
   state.config = config;
   state.pages.resize(asset.info().pages);
   for (const AssetMesh& mesh : asset.meshes()) {
-    state.index_in_page.emplace_back(mesh.groups);
     state.visits.emplace_back(mesh.groups);
   }
   state.check_and_pin_roots();
