@@ -21,6 +21,7 @@ constexpr auto kEncodingTable = encoding_table();
 
 struct Gate {
   uint16_t a, b, across;
+  uint16_t edge;  ///< of the triangle behind it, when it was opened
 };
 
 /// The gates in the order in which they were opened, and the last open one that begins and that
@@ -33,7 +34,7 @@ class Front {
     into_.fill(kNoGate);
     open_.fill(0);
     // No vertex has this number, so that what is asked of no gate is never true.
-    gates_[kNoGate] = {0xffff, 0xffff, 0xffff};
+    gates_[kNoGate] = {0xffff, 0xffff, 0xffff, 0xffff};
   }
 
   /// The first open gate, closed; false if there is none.
@@ -49,17 +50,13 @@ class Front {
     return true;
   }
 
-  /// Opens a gate, if it is one (1): without a branch, since that is hard to foresee.
-  void push(uint32_t a, uint32_t b, uint32_t across, uint32_t is_gate) {
-    const auto gate = static_cast<uint16_t>(count_);
-    gates_[gate] = {static_cast<uint16_t>(a), static_cast<uint16_t>(b),
-                    static_cast<uint16_t>(across)};
-    from_[a] = is_gate ? gate : from_[a];
-    into_[b] = is_gate ? gate : into_[b];
-    const uint64_t bit = uint64_t{is_gate} << (gate % 64);
-    open_[gate / 64] |= bit;
-    head_ |= gate / 64 == word_ ? bit : 0;
-    count_ += is_gate;
+  void push(const Gate& gate) {
+    gates_[count_] = gate;
+    from_[gate.a] = into_[gate.b] = static_cast<uint16_t>(count_);
+    const uint64_t bit = uint64_t{1} << (count_ % 64);
+    open_[count_ / 64] |= bit;
+    if (count_ / 64 == word_) head_ |= bit;
+    ++count_;
   }
 
   /// Closes an open gate from a to b, if one is known.
@@ -99,6 +96,7 @@ class Front {
 /// Directed edges by the vertex that they begin at, with the triangles that have them.
 class EdgeTable {
  public:
+  static constexpr uint16_t kNoEdge = 0xffff;
   struct Edge {
     uint8_t to, across;  ///< the triangle's vertices after the first
     uint8_t triangle;
@@ -120,12 +118,15 @@ class EdgeTable {
       }
   }
 
-  /// The first edge (a, b) of a triangle that was not visited, or null.
-  const Edge* find(uint8_t a, uint8_t b) const {
-    for (uint32_t i = first_[a]; i < first_[a + 1]; ++i)
-      if (edges_[i].to == b && !edges_[i].is_visited) return &edges_[i];
-    return nullptr;
+  /// The first edge (a, b) of a triangle that was not visited, or kNoEdge.
+  uint16_t find(uint8_t a, uint8_t b) const { return find(first_[a], a, b); }
+  /// The same where no such edge is before `from`.
+  uint16_t find(uint16_t from, uint8_t a, uint8_t b) const {
+    for (uint16_t i = from; i < first_[a + 1]; ++i)
+      if (edges_[i].to == b && !edges_[i].is_visited) return i;
+    return kNoEdge;
   }
+  const Edge& operator[](uint16_t edge) const { return edges_[edge]; }
 
   void visit(uint32_t triangle) {
     for (uint32_t k = 0; k < 3; ++k) edges_[places_[3 * triangle + k]].is_visited = true;
@@ -198,13 +199,13 @@ class Encoder {
 
   void pass_gate(const Gate& gate) {
     const uint8_t a = walk_.vertices[gate.a], b = walk_.vertices[gate.b];
-    const EdgeTable::Edge* const edge = edges_.find(a, b);
-    if (edge == nullptr) {
+    const uint16_t edge = edges_.find(gate.edge, a, b);
+    if (edge == EdgeTable::kNoEdge) {
       write(kNothing, false, false);
       return;
     }
-    visit(edge->triangle);
-    const uint8_t c = edge->across;
+    visit(edges_[edge].triangle);
+    const uint8_t c = edges_[edge].across;
     const uint32_t apex = apex_of(gate, c), seen = known();
     if (apex == kNew) number(c, parents_of(gate.a, gate.b, gate.across));
     for (const uint32_t v : {uint32_t{gate.a}, uint32_t{gate.b}, uint32_t{numbers_[c]}})
@@ -231,9 +232,10 @@ class Encoder {
   /// The edge (a, b) of a triangle with the third vertex c: whether it is or closes a gate.
   bool pass_edge(uint8_t a, uint8_t b, uint8_t c) {
     if (front_.close(numbers_[a], numbers_[b])) return true;
-    const bool is_gate = edges_.find(b, a) != nullptr;
+    const uint16_t edge = edges_.find(b, a);
+    const bool is_gate = edge != EdgeTable::kNoEdge;
     if (is_gate)
-      front_.push(numbers_[b], numbers_[a], numbers_[c], 1);
+      front_.push({numbers_[b], numbers_[a], numbers_[c], edge});
     else
       walk_.border.push_back({numbers_[a], numbers_[b]});
     return is_gate;

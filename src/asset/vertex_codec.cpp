@@ -53,9 +53,9 @@ uint32_t best_parameter(std::span<const uint32_t> remainders) {
   for (const uint32_t r : remainders) sum += r;
   const auto near = static_cast<uint32_t>(std::bit_width(sum / remainders.size()));
   uint32_t best = 0;
-  uint64_t least = ~uint64_t{0};
+  uint32_t least = ~0u;
   for (uint32_t k = near - std::min(near, 4u); k <= std::min(near + 1, kAllZero - 1); ++k) {
-    uint64_t bits = 0;
+    uint32_t bits = 0;
     for (const uint32_t r : remainders) bits += rice_bits(r, k);
     if (bits < least) best = k, least = bits;
   }
