@@ -81,7 +81,9 @@ EventSet::EventSet(const MeshView& mesh, const CostRule& rule, std::span<const u
       flats[axis] += component(box.min, axis) == component(box.max, axis);
   allocate(mesh, rule, count, flats);
   std::copy(numbers.begin(), numbers.end(), triangles_.data());
-  for (uint32_t axis = 0; axis < 3; ++axis) sort_axis(axis, boxes);
+  parallel_for(6, 1, [&](size_t i) {
+    sort_ends(static_cast<uint32_t>(i / 2), i % 2 == 0 ? kLow : kHigh, boxes);
+  });
 }
 
 void EventSet::allocate(const MeshView& mesh, const CostRule& rule, uint32_t count,
@@ -103,25 +105,25 @@ void EventSet::allocate(const MeshView& mesh, const CostRule& rule, uint32_t cou
   }
 }
 
-void EventSet::sort_axis(uint32_t axis, std::span<const Aabb> boxes) {
-  const CpuBuffer<uint32_t> keys(count_), ids(count_);
-  const CpuBuffer<KeyAndValue<uint32_t>> spare(count_);
-  for (const Kind kind : {kLow, kHigh}) {
-    parallel_for(count_, 4096, [&](size_t i) {
-      const Vec3& end = kind == kLow ? boxes[i].min : boxes[i].max;
-      keys[i] = float_to_key(component(end, axis));
-      ids[i] = static_cast<uint32_t>(i);
-    });
-    radix_sort_pairs(count_, keys.data(), ids.data(), 0, 32, spare.data());
-    EventList &own = list(axis, kind), &flat = list(axis, kFlat);
-    for (uint32_t i = 0; i < count_; ++i) {
-      const Event event{key_to_float(keys[i]), ids[i]};
-      const Aabb& box = boxes[ids[i]];
-      if (component(box.min, axis) != component(box.max, axis))
-        own.events[own.size++] = event;
-      else if (kind == kLow)
-        flat.events[flat.size++] = event;
-    }
+/// Planar events are listed with the low ends.
+void EventSet::sort_ends(uint32_t axis, Kind kind, std::span<const Aabb> boxes) {
+  const uint32_t count = count_;
+  const CpuBuffer<uint32_t> keys(count), ids(count);
+  const CpuBuffer<KeyAndValue<uint32_t>> spare(count);
+  parallel_for(count, 4096, [&](size_t i) {
+    const Vec3& end = kind == kLow ? boxes[i].min : boxes[i].max;
+    keys[i] = float_to_key(component(end, axis));
+    ids[i] = static_cast<uint32_t>(i);
+  });
+  radix_sort_pairs(count, keys.data(), ids.data(), 0, 32, spare.data());
+  EventList &own = list(axis, kind), &flat = list(axis, kFlat);
+  for (uint32_t i = 0; i < count; ++i) {
+    const Event event{key_to_float(keys[i]), ids[i]};
+    const Aabb& box = boxes[ids[i]];
+    if (component(box.min, axis) != component(box.max, axis))
+      own.events[own.size++] = event;
+    else if (kind == kLow)
+      flat.events[flat.size++] = event;
   }
 }
 

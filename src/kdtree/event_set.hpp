@@ -56,7 +56,7 @@ class EventSet {
                 const std::array<uint32_t, 3>& flats);
   EventList& list(uint32_t axis, Kind kind) { return lists_[3 * axis + kind]; }
   const EventList& list(uint32_t axis, Kind kind) const { return lists_[3 * axis + kind]; }
-  void sort_axis(uint32_t axis, std::span<const Aabb> boxes);
+  void sort_ends(uint32_t axis, Kind kind, std::span<const Aabb> boxes);
   void search_axis(const PlaneCost& cost, Split& best) const;
   void sweep(const PlaneCost& cost, float from, float to, Split& best) const;
   void assign(const Split& split, Cut& cut) const;

@@ -1,6 +1,7 @@
 #include "kdtree/leaf_lists.hpp"
 
 #include <algorithm>
+#include <numeric>
 #include <string>
 
 #include "base/parallel.hpp"
@@ -9,7 +10,12 @@
 namespace umbel {
 
 std::vector<uint32_t> usable_triangles(const MeshView& mesh, bvh::InvalidTriangles invalid) {
-  if (invalid == bvh::InvalidTriangles::kRefuse) validate(mesh);
+  if (invalid == bvh::InvalidTriangles::kRefuse) {
+    validate(mesh);
+    std::vector<uint32_t> all(mesh.triangles.size());
+    std::iota(all.begin(), all.end(), 0u);
+    return all;
+  }
   check_indices(mesh);
   std::vector<uint32_t> usable;
   usable.reserve(mesh.triangles.size());
