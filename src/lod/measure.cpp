@@ -2,65 +2,40 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numeric>
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
-#include "umbel/bvh_presets.hpp"
 
 namespace umbel::lod {
 namespace {
 
 // Points of the source that a cluster carries; half of them are the farthest. A cluster of a coarse
 // level stands for more of the source, and there are fewer of them.
-constexpr size_t kCarried = 32, kMostCarried = 512;
+constexpr size_t kCarried = 16, kMostCarried = 512;
 // Triangles of a simplified group that are sampled; a quarter of them are the largest.
 constexpr size_t kSampled = 512;
 // Distances change by no more than the way between samples does, and are larger than at the
 // samples by less than this nearly everywhere.
 constexpr float kMargin = 1.25f;
+// Only what is farther than this part of the farthest yet, squared, has to be known better.
+constexpr float kKnownWell = 0.5f;
 
-struct Soup {
-  std::vector<Vec3> positions;  // three a triangle
-  std::vector<Triangle> triangles;
-
-  explicit Soup(size_t count) {
-    positions.reserve(3 * count);
-    for (uint32_t i = 0; i < count; ++i) triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
-  }
-  float double_area(size_t t) const {
-    const Vec3* p = &positions[3 * t];
-    return length(cross(p[1] - p[0], p[2] - p[0]));
-  }
-  TriangleBvh bvh() const {
-    TriangleBvhConfig config;
-    config.tree = bvh::builder_preset("lbvh");
-    MeshView view;
-    view.positions = positions;
-    view.triangles = triangles;
-    return TriangleBvh::build(view, config);
-  }
-};
-
-template <typename Position>
-Soup soup_of(const ClusterSet& set, const Position& position) {
-  Soup soup(set.triangle_count());
-  for (size_t c = 0; c < set.size(); ++c) {
-    const auto vertices = set.cluster_vertices(c);
-    for (uint8_t corner : set.cluster_corners(c))
-      soup.positions.push_back(position(vertices[corner]));
-  }
-  return soup;
-}
+using Corners = std::array<Vec3, 3>;
 
 // The largest triangles, and others at even steps.
-std::vector<uint32_t> triangles_to_sample(const Soup& soup) {
-  const size_t count = soup.triangles.size();
+std::vector<uint32_t> triangles_to_sample(std::span<const Corners> triangles) {
+  const size_t count = triangles.size();
   std::vector<uint32_t> order(count);
   std::iota(order.begin(), order.end(), 0u);
   if (count <= kSampled) return order;
   std::vector<float> areas(count);
-  for (size_t t = 0; t < count; ++t) areas[t] = soup.double_area(t);
+  for (size_t t = 0; t < count; ++t) {
+    const auto& [a, b, c] = triangles[t];
+    const Vec3 n = cross(b - a, c - a);
+    areas[t] = dot(n, n);
+  }
   const auto larger = [&](uint32_t a, uint32_t b) {
     return areas[a] != areas[b] ? areas[a] > areas[b] : a < b;
   };
@@ -73,19 +48,21 @@ std::vector<uint32_t> triangles_to_sample(const Soup& soup) {
   return chosen;
 }
 
-// The middle of a triangle and of its longest side.
-std::array<Vec3, 2> points_of(const Soup& soup, uint32_t t) {
-  const Vec3* p = &soup.positions[3 * size_t{t}];
+// The middle of its longest side, where a triangle is farthest from its corners.
+Vec3 middle_of(const Corners& p) {
   size_t longest = 0;
-  for (size_t i = 1; i < 3; ++i)
-    if (length(p[(i + 1) % 3] - p[i]) > length(p[(longest + 1) % 3] - p[longest])) longest = i;
-  return {(p[0] + p[1] + p[2]) * (1.0f / 3.0f), (p[longest] + p[(longest + 1) % 3]) * 0.5f};
+  float most = -1.0f;
+  for (size_t i = 0; i < 3; ++i) {
+    const Vec3 side = p[(i + 1) % 3] - p[i];
+    if (dot(side, side) > most) most = dot(side, side), longest = i;
+  }
+  return (p[longest] + p[(longest + 1) % 3]) * 0.5f;
 }
 
 }  // namespace
 
 ErrorMeter::ErrorMeter(const Source& source, const ClusterSet& clusters) : source_(source) {
-  bvh_ = soup_of(clusters, [&](uint32_t v) { return position(v); }).bvh();
+  surface_.build(clusters, source.mesh.positions, source.scale, true);
 }
 
 std::vector<std::vector<Vec3>> ErrorMeter::first_samples(const ClusterSet& clusters) const {
@@ -104,34 +81,47 @@ Measured ErrorMeter::measure(const ClusterSet& made, std::span<const Vec3> sampl
   Measured result;
   if (made.triangle_count() == 0) return result;
   result.valid = true;
-  const Soup soup = soup_of(made, [&](uint32_t v) { return position(v); });
-  float farthest = 0;
-  for (uint32_t t : triangles_to_sample(soup))
-    for (const Vec3& p : points_of(soup, t))
-      farthest = std::max(farthest, bvh_.closest_point(p).distance);
-
   struct Found {
-    float distance;
+    float squared;
     uint32_t cluster, sample;
   };
   std::vector<Found> found;
-  const TriangleBvh bvh = soup.bvh();
+  found.reserve(samples.size());
+  NearSurface& surface = made_.local();
+  surface.build(made, source_.mesh.positions, source_.scale);
+  float farthest = 0;
+  uint32_t hint = 0;
   for (uint32_t i = 0; i < samples.size(); ++i) {
-    const ClosestPoint at = bvh.closest_point(samples[i]);
-    const auto next =
-        std::upper_bound(made.triangle_offsets.begin(), made.triangle_offsets.end(), at.primitive);
-    found.push_back(
-        {at.distance, static_cast<uint32_t>(next - made.triangle_offsets.begin() - 1), i});
-    farthest = std::max(farthest, at.distance);
+    const NearSurface::Nearest at = surface.nearest(samples[i], kKnownWell * farthest, hint);
+    found.push_back({at.squared, at.cluster, i});
+    farthest = std::max(farthest, at.squared);
+    hint = at.block;
   }
+
+  std::vector<Corners> triangles;
+  triangles.reserve(made.triangle_count());
+  for (size_t c = 0; c < made.size(); ++c) {
+    const auto vertices = made.cluster_vertices(c);
+    const auto corners = made.cluster_corners(c);
+    for (size_t i = 0; i < corners.size(); i += 3)
+      triangles.push_back({position(vertices[corners[i]]), position(vertices[corners[i + 1]]),
+                           position(vertices[corners[i + 2]])});
+  }
+  hint = kNone;
+  for (uint32_t t : triangles_to_sample(triangles)) {
+    const NearSurface::Nearest at = surface_.nearest(middle_of(triangles[t]), farthest, hint);
+    farthest = std::max(farthest, at.squared);
+    hint = at.block;
+  }
+  farthest = std::sqrt(farthest);
   result.distance = farthest / source_.scale;
   result.bound = kMargin * result.distance;
 
   std::sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
     if (a.cluster != b.cluster) return a.cluster < b.cluster;
-    return a.distance != b.distance ? a.distance > b.distance : a.sample < b.sample;
+    return a.squared != b.squared ? a.squared > b.squared : a.sample < b.sample;
   });
-  const size_t carried = std::min(kCarried << std::min(level / 2, 8u), kMostCarried);
+  const size_t carried = std::min(kCarried << std::min(2 * level / 3, 8u), kMostCarried);
   result.samples.resize(made.size());
   for (size_t begin = 0; begin < found.size();) {
     size_t end = begin;

@@ -1,20 +1,24 @@
 // The distance between a simplified group and the source, sampled in both directions (as Metro
 // does: Cignoni, Rocchini & Scopigno 1998).
 //
-// From the group to the source: points of its triangles, against a hierarchy over the whole source.
 // From the source to the group: every pending cluster carries some points of the source that it
-// stands for; they are looked up in a hierarchy over the group's new triangles, and go on with the
-// new cluster that they are nearest to, the farthest ones first, so that what is worst stays known.
-// Looking only within the group can make a distance too large, never too small.
+// stands for; they are looked up among the group's new triangles, and go on with the new cluster
+// that they are nearest to, the farthest ones first, so that what is worst stays known. Looking
+// only within the group can make a distance too large, never too small.
+// From the group to the source: points of its triangles, among those of the whole source. Only the
+// farthest counts, so a search ends with the first triangle that is no farther than what is known
+// already (Taha & Hanbury 2015).
 #pragma once
+
+#include <tbb/enumerable_thread_specific.h>
 
 #include <span>
 #include <vector>
 
 #include "base/math.hpp"
 #include "lod/cluster_set.hpp"
+#include "lod/near_surface.hpp"
 #include "lod/source.hpp"
-#include "umbel/triangle_bvh.hpp"
 
 namespace umbel::lod {
 
@@ -40,7 +44,8 @@ class ErrorMeter {
   Vec3 position(uint32_t vertex) const { return source_.mesh.positions[vertex] * source_.scale; }
 
   const Source& source_;
-  TriangleBvh bvh_;
+  NearSurface surface_;  // the source
+  mutable tbb::enumerable_thread_specific<NearSurface> made_;
 };
 
 }  // namespace umbel::lod
