@@ -8,6 +8,7 @@
 #include <array>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <string>
 
 #include "base/parallel.hpp"
@@ -180,32 +181,67 @@ struct Leaf {
   uint32_t first, count;
 };
 
+/// A node to be made: of a binary node, or where `count` is not 0 of a run of primitives of a
+/// binary leaf that is larger than a pack.
+struct Work {
+  uint32_t node, first, count;
+  uint32_t parent, slot;
+  uint32_t depth;
+};
+
 /// Lays out nodes depth-first, and says which primitives each leaf holds.
 class Emitter {
  public:
   Emitter(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out)
-      : tree_(tree), plans_(plans), out_(out) {
-    order_.reserve(tree.primitives.size());
-    leaves_.reserve(tree.primitives.size() / 3);
-    work_.push_back({0, 0, 0, kNone, 0, 0});
+      : tree_(tree), plans_(plans), out_(out) {}
+
+  /// Emits what is below; nodes of depth `end` are given to at_end instead, in their order.
+  template <typename AtEnd>
+  void run(const Work& root, uint32_t end, const AtEnd& at_end) {
+    work_.push_back(root);
     while (!work_.empty()) {
       const Work work = work_.back();
       work_.pop_back();
-      emit(work);
+      if (work.depth == end)
+        at_end(work);
+      else
+        emit(work);
     }
   }
+
+  /// Where the nodes, leaves and primitives of another emitter begin.
+  struct Place {
+    uint32_t node, leaf, primitive;
+  };
+  /// Makes room for what another emitter laid out.
+  Place make_room(const Work& work, const Emitter& other) {
+    const Place place{out_.node_count(), static_cast<uint32_t>(leaves_.size()),
+                      static_cast<uint32_t>(order_.size())};
+    out_.nodes.resize(out_.nodes.size() + other.out_.nodes.size());
+    if (work.parent != kNone) out_.set_link(work.parent, work.slot, place.node);
+    out_.max_depth = std::max(out_.max_depth, other.out_.max_depth);
+    leaves_.resize(leaves_.size() + other.leaves_.size());
+    order_.resize(order_.size() + other.order_.size());
+    return place;
+  }
+  /// Moves it there.
+  void copy(const Emitter& other, const Place& place) {
+    std::copy(other.out_.nodes.begin(), other.out_.nodes.end(), out_.node_at(place.node));
+    for (uint32_t node = place.node; node < place.node + other.out_.node_count(); ++node)
+      for (uint32_t slot = 0; slot < out_.width; ++slot) {
+        const uint32_t link = out_.link(node, slot);
+        if (link == kNoChild) continue;
+        out_.set_link(node, slot, link + (LeafStore::is_leaf(link) ? place.primitive : place.node));
+      }
+    for (size_t i = 0; i < other.leaves_.size(); ++i)
+      leaves_[place.leaf + i] = {other.leaves_[i].first + place.primitive, other.leaves_[i].count};
+    std::copy(other.order_.begin(), other.order_.end(), order_.begin() + place.primitive);
+  }
+
   const std::vector<uint32_t>& order() const { return order_; }
   const std::vector<Leaf>& leaves() const { return leaves_; }
 
  private:
-  /// A node to be made: of a binary node, or where `count` is not 0 of a run of primitives of a
-  /// binary leaf that is larger than a pack.
-  struct Work {
-    uint32_t node, first, count;
-    uint32_t parent, slot;
-    uint32_t depth;
-  };
-
   void emit(const Work& work) {
     const uint32_t index = add_node(work);
     if (work.count > 0)
@@ -323,6 +359,51 @@ class Emitter {
   std::vector<Leaf> leaves_;
 };
 
+/// Emits all, subtrees below a few levels by all threads; the result does not depend on them.
+void emit_all(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out, Emitter& emitter) {
+  constexpr uint32_t kSharedLevels = 3, kNever = kNone;
+  constexpr Work kRoot{0, 0, 0, kNone, 0, 0};
+  const auto ignore = [](const Work&) {};
+  if (tbb::this_task_arena::max_concurrency() == 1) {
+    out.nodes.reserve(size_t{out.node_words()} * (tree.primitives.size() / 8 + 1));
+    emitter.run(kRoot, kNever, ignore);
+    return;
+  }
+  const auto empty = [&] {
+    auto data = std::make_unique<TriangleBvhData>();
+    data->width = out.width;
+    data->compact = data->quantised = out.quantised;
+    return data;
+  };
+  std::vector<Work> roots;
+  const auto top = empty();
+  Emitter(tree, plans, *top).run(kRoot, kSharedLevels, [&](const Work& root) {
+    roots.push_back(root);
+  });
+  struct Part {
+    std::unique_ptr<TriangleBvhData> data;
+    std::unique_ptr<Emitter> emitter;
+    Emitter::Place place;
+  };
+  std::vector<Part> parts(roots.size());
+  parallel_for(roots.size(), 1, [&](size_t i) {
+    parts[i].data = empty();
+    parts[i].emitter = std::make_unique<Emitter>(tree, plans, *parts[i].data);
+    Work root = roots[i];
+    root.parent = kNone;
+    parts[i].emitter->run(root, kNever, ignore);
+  });
+  size_t words = top->nodes.size();
+  for (const Part& part : parts) words += part.data->nodes.size();
+  out.nodes.reserve(words);
+  size_t next = 0;
+  emitter.run(kRoot, kSharedLevels, [&](const Work& root) {
+    Part& part = parts[next++];
+    part.place = emitter.make_room(root, *part.emitter);
+  });
+  parallel_for(parts.size(), 1, [&](size_t i) { emitter.copy(*parts[i].emitter, parts[i].place); });
+}
+
 bool has_repeats(std::span<const uint32_t> order, size_t triangles) {
   std::vector<bool> seen(triangles);
   for (const uint32_t primitive : order) {
@@ -364,8 +445,8 @@ TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const Wi
   out.bounds = tree.nodes[0].box();
 
   const Planner plans(tree, options.width);
-  out.nodes.reserve(size_t{out.node_words()} * (tree.primitives.size() / 8 + 1));
-  const Emitter emitter(tree, plans, out);
+  Emitter emitter(tree, plans, out);
+  emit_all(tree, plans, out, emitter);
   const std::vector<uint32_t>& order = emitter.order();
   if (!options.is_valid) check_triangles(mesh, order);
   out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());

@@ -88,13 +88,17 @@ TEST_P(Widen, triangles_in_several_leaves_are_noted) {
 TEST_P(Widen, the_result_does_not_depend_on_threads) {
   const Mesh mesh = shapes::blob(4, 1);
   const bvh::Bvh2 tree = bvh::build(mesh.view());
-  TriangleBvhData one, two;
-  with_threads(1, [&] { one = widen_tree(tree, mesh.view(), {GetParam(), false}, {}); });
-  with_threads(2, [&] { two = widen_tree(tree, mesh.view(), {GetParam(), false}, {}); });
-  EXPECT_EQ(one.nodes, two.nodes);
-  EXPECT_EQ(one.leaves, two.leaves);
+  for (const bool compact : {false, true}) {
+    TriangleBvhData one, two;
+    with_threads(1, [&] { one = widen_tree(tree, mesh.view(), {GetParam(), compact}, {}); });
+    with_threads(2, [&] { two = widen_tree(tree, mesh.view(), {GetParam(), compact}, {}); });
+    EXPECT_EQ(one.nodes, two.nodes);
+    EXPECT_EQ(one.leaves, two.leaves);
+    EXPECT_EQ(one.vertices.size(), two.vertices.size());
+    EXPECT_EQ(one.max_depth, two.max_depth);
+    EXPECT_EQ(one.leaf_count, two.leaf_count);
+  }
 }
-
 TEST_P(Widen, trees_of_any_depth_are_taken) {
   // Each node is a leaf and all the rest.
   const Mesh mesh = shapes::soup(20000, 4);
