@@ -4,18 +4,9 @@
 
 #include "base/progress.hpp"
 #include "bvh/layout.hpp"
+#include "bvh/node_area.hpp"
 
 namespace umbel::bvh {
-namespace {
-
-double half_area(const Node& n) {
-  const double x = double(n.max.x) - double(n.min.x), y = double(n.max.y) - double(n.min.y),
-               z = double(n.max.z) - double(n.min.z);
-  return x * y + y * z + z * x;
-}
-
-}  // namespace
-
 void collapse_leaves(Bvh2& tree, const CostModel& cost, uint32_t max_leaf_size,
                      const BuildOptions& options) {
   if (tree.nodes.empty()) return;

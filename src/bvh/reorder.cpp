@@ -7,15 +7,10 @@
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "bvh/layout.hpp"
+#include "bvh/node_area.hpp"
 
 namespace umbel::bvh {
 namespace {
-
-double half_area(const Node& n) {
-  const double x = double(n.max.x) - double(n.min.x), y = double(n.max.y) - double(n.min.y),
-               z = double(n.max.z) - double(n.min.z);
-  return x * y + y * z + z * x;
-}
 
 /// Where a node goes.
 struct Step {

@@ -4,18 +4,11 @@
 #include <algorithm>
 #include <vector>
 
+#include "bvh/node_area.hpp"
 #include "umbel/bvh.hpp"
 
 namespace umbel::bvh {
 namespace {
-
-// In double: neither the largest nor the smallest boxes overflow or vanish.
-template <typename Node>
-double half_area(const Node& n) {
-  const double x = double(n.max.x) - double(n.min.x), y = double(n.max.y) - double(n.min.y),
-               z = double(n.max.z) - double(n.min.z);
-  return x * y + y * z + z * x;
-}
 
 uint32_t child_count(const Node& node) { return node.is_leaf() ? 0 : 2; }
 uint32_t child_count(const KaryNode& node) { return node.children; }
