@@ -69,6 +69,7 @@ if(UMBEL_BUILD_TESTS)
        ${PROJECT_SOURCE_DIR}/tests/cuda/*.cpp)
   add_executable(umbel_cuda_tests ${umbel_cuda_test_sources})
   umbel_cuda_compile_options(umbel_cuda_tests)
+  target_include_directories(umbel_cuda_tests PRIVATE ${PROJECT_SOURCE_DIR}/tests/cpp)
   target_link_libraries(umbel_cuda_tests PRIVATE umbel_cuda umbel_internal TBB::tbb
                                                  CUDA::cudart_static GTest::gtest_main)
   gtest_discover_tests(umbel_cuda_tests WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
@@ -77,7 +78,7 @@ if(UMBEL_BUILD_TESTS)
 endif()
 
 if(UMBEL_BUILD_BENCH)
-  foreach(name cuda_bench cuda_bvh_bench)
+  foreach(name cuda_bench cuda_bvh_bench cuda_query_bench)
     add_executable(${name} ${PROJECT_SOURCE_DIR}/bench/cuda/${name}.cu)
     umbel_cuda_compile_options(${name})
     set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bench)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What `make cuda` does: builds umbel::cuda, its tests and its benchmark in build/release, with the CUDA
+# What `make cuda` does: builds umbel::cuda, its tests and its benchmarks in build/release, with the CUDA
 # toolkit that is installed (nvcc on the PATH, or CUDACXX), or else with one made of wheels in
 # build/cuda-toolkit. No GPU is needed.
 #
@@ -57,4 +57,4 @@ if ! "${configure[@]}" -DUMBEL_CUDA=ON -DUMBEL_BUILD_TESTS=ON -DUMBEL_BUILD_BENC
   fail "CMake failed; the log is $log"
 fi
 grep -E '^-- CUDA [0-9]' "$log"
-cmake --build "$build" --target umbel_cuda umbel_cuda_c umbel_cuda_tests cuda_bench cuda_bvh_bench
+cmake --build "$build" --target umbel_cuda umbel_cuda_c umbel_cuda_tests cuda_bench cuda_bvh_bench cuda_query_bench

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # What `make gpu` does, on a machine with a GPU, nvcc, CMake and ninja, and without a network: builds
 # with CUDA, runs the tests on the device, the small ones again under compute-sanitizer's memcheck
-# and racecheck, those of arrays of PyTorch, CuPy and Numba where Python has them, and the benchmark,
+# and racecheck, those of arrays of PyTorch, CuPy and Numba where Python has them, and the benchmarks,
 # and writes bench/results/gpu-<device>.md. Under eight minutes.
 #
 # What CMake would download elsewhere is taken from build/gpu-carry, which `make gpu-carry` fills on a
@@ -50,7 +50,9 @@ if command -v compute-sanitizer >/dev/null 2>&1; then
   for tool in memcheck racecheck; do
     step "compute-sanitizer $tool"
     if timeout 100 compute-sanitizer --tool "$tool" --error-exitcode 9 build/release/umbel_cuda_tests \
-      --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:FrameClustersOnDevice.vertex*:BuildersSmall*' \
+      --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:FrameClustersOnDevice.vertex*:'\
+'BuildersSmall*:SelectOnDevice.what_is*:TraceOnDevice.overlaps*:TraceOnDevice.closest*:'\
+'TraceOnDevice.hits_are_those_of_brute*' \
       >"build/sanitizer-$tool.log" 2>&1; then
       sanitizer+="$tool found nothing. "
     else
@@ -76,10 +78,11 @@ fi
 
 step "benchmark"
 meshes=()
-for mesh in "$carry"/dragon_871k.ply "${MESH:-}"; do
+for mesh in "$carry"/dragon_871k.ply "$carry"/conference_331k.ply "${MESH:-}"; do
   [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
 done
 timeout 110 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
+timeout 60 build/release/bench/query_bench "${meshes[@]}" | tee -a "$results" || status=1
 # Then the tests have been skipped.
 if grep -q '^# Clusters without' "$results"; then
   echo "gpu: there is a GPU, but CUDA finds no device" >&2

@@ -36,11 +36,15 @@ echo "gpu-carry: GoogleTest"
 mkdir -p "$carry/googletest"
 cp -rL /usr/src/googletest/googletest/{include,src} "$carry/googletest/"
 
-mesh=${MESH:-${UMBEL_DATA:-../shared/data}/dragon_871k.ply}
-if [[ -f $mesh ]]; then
-  cp "$mesh" "$carry/dragon_871k.ply"
-else
-  echo "gpu-carry: there is no $mesh; the benchmark will use a generated mesh only"
-fi
+data=${UMBEL_DATA:-../shared/data}
+for mesh in "${MESH:-$data/dragon_871k.ply}" "$data/conference_331k.ply"; do
+  if [[ -f $mesh ]]; then
+    name=$(basename "$mesh")
+    [[ -n ${MESH:-} && $mesh == "$MESH" ]] && name=dragon_871k.ply
+    cp "$mesh" "$carry/$name"
+  else
+    echo "gpu-carry: there is no $mesh; the benchmarks go without it"
+  fi
+done
 chmod -R u+w "$carry"
 du -sh "$carry"
