@@ -1,4 +1,5 @@
-"""Clusters of meshes that change every frame, and hierarchies of triangles, on a CUDA device.
+"""Clusters of meshes that change every frame, hierarchies of triangles and what
+they answer, and cuts of levels of detail, on a CUDA device.
 
 Takes arrays of CuPy, PyTorch, Numba, or anything with `__cuda_array_interface__` or DLPack, without
 copying them, and puts its work into the current stream of their package; nothing waits. Needs the
@@ -24,10 +25,11 @@ from .cuda_calls import (
     on_host,
     triangles_array,
 )
+from .cuda_select import Selection, Selector, view_words
 from .drift import Drift, RebuildPolicy
 from .errors import Error
 
-__all__ = ["Bvh", "FrameClusters", "library_path"]
+__all__ = ["Bvh", "FrameClusters", "Selection", "Selector", "library_path", "view_words"]
 
 
 class _Config(ctypes.Structure):

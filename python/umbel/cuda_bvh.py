@@ -19,6 +19,7 @@ from .cuda_calls import (
     on_host,
     triangles_array,
 )
+from .cuda_trace import BvhStruct, Queries
 from .errors import Error
 
 NODE_BYTES = 80
@@ -45,16 +46,6 @@ class _Config(ctypes.Structure):
     )
 
 
-class BvhStruct(ctypes.Structure):
-    """umbel_cuda_bvh."""
-
-    _fields_ = (
-        ("nodes", ctypes.c_void_p),
-        ("triangles", ctypes.c_void_p),
-        ("info", ctypes.c_void_p),
-    )
-
-
 @dataclass(frozen=True)
 class BvhInfo:
     """What holds of a whole tree."""
@@ -67,7 +58,7 @@ class BvhInfo:
     """Of the binary tree that the nodes were made of."""
 
 
-class Bvh:
+class Bvh(Queries):
     """A hierarchy over one mesh, on a device: 8 children a node, in 80 bytes.
 
     positions: (n, 3) float32; rows may be apart, as in a vertex buffer. They are not checked;
@@ -113,7 +104,7 @@ class Bvh:
                 ctypes.byref(references),
             )
         )
-        make = empty or maker(positions)
+        self._empty = make = empty or maker(positions)
         self._scratch = Scratch(make)
         self._arrays = {
             "nodes": make((nodes.value, NODE_BYTES), "uint8"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import struct
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from .cuda_arrays import current_stream, device_array
@@ -118,7 +119,7 @@ class Selection:
         """A NumPy array of clusters for each instance. Waits for the device."""
         self._expect_room()
         offsets, clusters = on_host(self.offsets), on_host(self.clusters)
-        return [clusters[a:b] for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+        return [clusters[a:b] for a, b in pairwise(offsets)]
 
     def requests(self) -> Any:
         """Pages that are wanted and missing, ascending, as a NumPy array. Waits for the device."""
@@ -243,9 +244,7 @@ class Selector:
             raise Error(f"view must have the shape (7,), not {seen.shape}")
         outside = None if planes is None else device_array(planes, "planes", ("f4",), 4, where)
         count = instances.shape[0]
-        sizes = room or tuple(
-            min(each * count, MOST_ROOM) for each in (self._inner, *self._sizes)
-        )
+        sizes = room or tuple(min(each * count, MOST_ROOM) for each in (self._inner, *self._sizes))
         chosen = Selection(
             self._empty((count + 1,), "int32"),
             self._empty((max(sizes[2], 1),), "int32"),

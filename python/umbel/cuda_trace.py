@@ -118,7 +118,7 @@ class Queries:
         )
         return results
 
-    def closest_points(
+    def closest_point(
         self, points: Any, *, max_distance: float = math.inf, stream: int | None = None
     ) -> dict[str, Any]:
         """The nearest points of the surface.
