@@ -11,7 +11,8 @@
 #include <memory>
 #include <string>
 
-#include "base/exec.hpp"
+#include "base/parallel.hpp"
+#include "crowd.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
 #include "timing.cuh"
@@ -138,47 +139,7 @@ void trace_on_device(const Scene& scene, int runs, double bandwidth, cudaStream_
 
 // ---- selection
 
-struct Crowd {
-  static constexpr size_t kInstances = 10000;
-  lod::Dag dag;
-  std::vector<lod::Transform> instances;
-  std::vector<lod::Plane> planes;
-  lod::View view;
-
-  Crowd() {
-    lod::Config config;
-    config.max_triangles = 26;
-    config.max_vertices = 64;
-    dag = lod::build(shapes::blob(7, 3).view(), config);
-    // In a grid, a little apart, each turned and of a size of its own.
-    for (size_t i = 0; i < kInstances; ++i) {
-      const auto x = float(i % 100) - 50, z = float(i / 100) - 50, a = float(i);
-      const float size = 1 + 0.3f * std::sin(1.7f * a), c = size * std::cos(a),
-                  s = size * std::sin(a);
-      instances.push_back({{c, 0, s, 4 * x, 0, size, 0, 0, -s, 0, c, 4 * z}});
-    }
-    lod::Perspective seen;
-    seen.eye = {0, 6, 0};
-    seen.target = {100, 0, 60};
-    seen.aspect = 16.0f / 9;
-    planes = lod::frustum_planes(seen);
-    view = lod::view_camera(seen.eye, seen.fov_y, 1080, 1);
-  }
-};
-
-/// Bytes of everything that is written and read once, and of the tables.
-double selection_bytes(const Crowd& crowd, const cuda::SelectionCounts& counts) {
-  const double instances = double(crowd.instances.size());
-  const double words = instances * std::ceil(double(crowd.dag.tables.groups.size()) / 32);
-  const double tables = 32.0 * double(crowd.dag.tables.nodes.size()) +
-                        36.0 * double(crowd.dag.tables.groups.size()) +
-                        44.0 * double(crowd.dag.tables.clusters.size());
-  // Transforms, views and planes; bits cleared, set, counted and listed; groups, their sizes and
-  // places; clusters.
-  const double each = 48 + 2 * (28 + 16.0 * double(crowd.planes.size())) + 8;
-  return tables + instances * each + words * (4 + 4 + 4 + 4 + 8) +
-         double(counts.groups) * (8 * 3 + 4 * 3 + 8 * 2) + 4.0 * double(counts.clusters);
-}
+using bench::Crowd;
 
 cuda::SelectionRoom room_of(const Crowd& crowd, size_t clusters) {
   return {uint32_t(crowd.dag.tables.nodes.size() * 64), uint32_t(clusters), uint32_t(clusters)};
@@ -233,7 +194,7 @@ void select_on_device(const Crowd& crowd, const lod::InstanceCuts& cuts, int run
       "\n## Selection\n\n%zu instances of %zu groups: %.4f ms, as a graph %.4f ms; %u groups and "
       "%u clusters, overflow %u, floor by traffic %.4f ms. The cuts are %s.\n",
       crowd.instances.size(), t.groups.size(), ms[0], ms[1], found.groups, found.clusters,
-      found.overflow, 1e3 * selection_bytes(crowd, found) / bandwidth,
+      found.overflow, 1e3 * bench::selection_bytes(crowd, found.groups, found.clusters) / bandwidth,
       cut == cuts.clusters ? "those of the processor" : "WRONG");
 }
 

@@ -158,9 +158,14 @@ UMBEL_HOST_DEVICE inline float multiply_add(float a, float b, float c) {
 #endif
 }
 
+/// For those who do not measure.
+struct CountNothing {
+  UMBEL_HOST_DEVICE void count_triangle() {}
+};
+
 /// Finds the nearest hit, of equal ones that with the lowest primitive; or, with `any`, one at all.
-template <bool any>
-class RayVisitor {
+template <bool any, typename Count = CountNothing>
+class RayVisitor : public Count {
  public:
   /// False where the ray can hit nothing.
   UMBEL_HOST_DEVICE bool begin(const CompactTree& tree, const Ray& ray, bool cull_back) {
@@ -231,6 +236,7 @@ class RayVisitor {
   }
 
   UMBEL_HOST_DEVICE bool take(const CompactTriangle& triangle) {
+    this->count_triangle();
     TriangleHit hit;
     if (!meets(frame_, triangle, cull_back_, hit)) return true;
     float t = hit.t;
