@@ -72,7 +72,7 @@ if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
   arrays=build/gpu-python.log
   PYTHONPATH=python UMBEL_CUDA_LIBRARY=$PWD/build/release/libumbel_cuda_c.so \
     timeout 120 "${PYTHON:-python3}" -m pytest --noconftest -p no:cacheprovider \
-    tests/python/test_cuda_devices.py 2>&1 | tee "$arrays" || status=1
+    tests/python/test_cuda_devices.py tests/python/test_cuda_queries.py 2>&1 | tee "$arrays" || status=1
   arrays=$(tail -n 1 "$arrays" | tr -d '=')
 fi
 
@@ -82,7 +82,7 @@ for mesh in "$carry"/dragon_871k.ply "$carry"/conference_331k.ply "${MESH:-}"; d
   [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
 done
 timeout 110 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
-timeout 60 build/release/bench/query_bench "${meshes[@]}" | tee -a "$results" || status=1
+timeout 60 build/release/bench/cuda_query_bench "${meshes[@]}" | tee -a "$results" || status=1
 # Then the tests have been skipped.
 if grep -q '^# Clusters without' "$results"; then
   echo "gpu: there is a GPU, but CUDA finds no device" >&2

@@ -1,7 +1,7 @@
 // Rays and selection on the device, beside what they must move at least, and beside one core of the
 // processor, which is all there is to measure without a device. Prints Markdown.
 //
-//   query_bench [--runs N] MESH...
+//   cuda_query_bench [--runs N] MESH...
 //
 // Rays: of one picture of 1024 x 1024, and a diffuse bounce from each hit; nearest and any hits.
 // Selection: 10,000 instances of a mesh of about 1,000 groups, seen from among them.
@@ -235,6 +235,6 @@ int main(int argc, char** argv) try {
   umbel::run_all(argc, argv);
   return 0;
 } catch (const std::exception& error) {
-  fprintf(stderr, "query_bench: %s\n", error.what());
+  fprintf(stderr, "cuda_query_bench: %s\n", error.what());
   return 1;
 }
