@@ -10,7 +10,7 @@
 namespace bench {
 
 struct Crowd {
-  static constexpr int kSide = 100;
+  static constexpr int kHalf = 50, kSide = 2 * kHalf;
   umbel::lod::Dag dag;
   std::vector<umbel::lod::Transform> instances;
   std::vector<umbel::Plane> planes;
@@ -23,8 +23,8 @@ struct Crowd {
     dag = umbel::lod::build(umbel::shapes::blob(7, 3).view(), config);
     // In a grid, a little apart, each turned and of a size of its own.
     for (int i = 0; i < kSide * kSide; ++i) {
-      const auto x = static_cast<float>(i % kSide - kSide / 2);
-      const auto z = static_cast<float>(i / kSide - kSide / 2);
+      const int column = i % kSide - kHalf, row = i / kSide - kHalf;
+      const auto x = static_cast<float>(column), z = static_cast<float>(row);
       const auto a = static_cast<float>(i);
       const float size = 1 + 0.3f * std::sin(1.7f * a);
       const float c = size * std::cos(a), s = size * std::sin(a);
