@@ -41,6 +41,8 @@ HEADER_LAYERS = {
     "umbel_kary.h": "capi",
     "umbel.h": "capi",
     "umbel_cuda.h": "capi",
+    "umbel_cuda_select.h": "capi",
+    "umbel_cuda_trace.h": "capi",
     "cuda_select.hpp": "cuda",
     "cuda_trace.hpp": "cuda",
 }
