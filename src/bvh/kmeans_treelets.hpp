@@ -1,5 +1,5 @@
 // Binary trees of k-means clusters for any executor: the children of a cluster are joined, level by
-// level from the bottom, treelets of one level side by side.
+// level from the bottom, treelets of one level side by side, each by a team.
 #pragma once
 
 #include "bvh/kmeans_passes.hpp"
@@ -15,6 +15,54 @@ inline uint32_t handed_up(const KmeansConfig& config) {
   const uint32_t most = kMostJoined / config.clusters;
   return config.handed_up == 0 || config.handed_up > most ? most : config.handed_up;
 }
+
+/// Joins one treelet of a level.
+struct KmeansTreelet {
+  static constexpr uint32_t kLanes = 64;
+  struct Shared {
+    TreeletJoin join;
+    TreeletAgglomeration agglomeration;
+    TreeletSweep sweep;
+  };
+
+  KmeansPoints items;
+  const KmeansCluster* clusters;  ///< of the level
+  uint32_t first_below;           ///< cluster of the level below
+  bool is_top;
+  LeafRule rule;
+  uint32_t handed;
+  Merge* merges;
+  const JoinItem* below;  ///< what the level below hands up
+  const uint32_t* below_counts;
+  JoinItem* up;
+  uint32_t* counts;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared& shared) const {
+    const KmeansCluster& cluster = clusters[i];
+    TreeletJoin& join = shared.join;
+    if (team.rank() == 0) gather(cluster, join);
+    team.sync();
+    join.agglomerate(team, shared.agglomeration);
+    if (team.rank() != 0) return;
+    if (handed > 1 && cluster.parts > 0) join.sweep(shared.sweep);
+    counts[i] = join.hand_up(is_top ? 1 : handed, merges, up + i * handed);
+  }
+
+ private:
+  UMBEL_HOST_DEVICE void gather(const KmeansCluster& cluster, TreeletJoin& join) const {
+    join.begin(rule);
+    for (uint32_t k = 0; k < cluster.parts; ++k) {
+      const size_t part = cluster.first + k - first_below;
+      for (uint32_t s = 0; s < below_counts[part]; ++s) join.add(below[part * handed + s]);
+    }
+    if (cluster.parts > 0) return;
+    for (uint32_t i = cluster.offset; i < cluster.offset + cluster.count; ++i) {
+      const Aabb box = items.box(i);
+      join.add({box, Subtree::of_primitive(items.primitives[i]), 1, rule.leaf_cost(box, 1), i});
+    }
+  }
+};
 
 template <typename Exec>
 class KmeansTreelets {
@@ -36,43 +84,19 @@ class KmeansTreelets {
                    [up = up_[0].data(), root] UMBEL_DEVICE_LAMBDA(size_t) { *root = up->subtree; });
   }
 
-  /// The treelets of the clusters of a level. It is public because CUDA takes no lambdas from
-  /// private members.
-  void join_level(size_t level) {
-    const uint32_t begin = passes_.levels()[level], end = passes_.levels()[level + 1];
-    exec_.for_each(
-        end - begin,
-        [=, items = passes_.items(level), clusters = passes_.clusters(), rule = rule_,
-         handed = handed_, merges = merges_, from = up_[(level + 1) % 2].data(),
-         from_counts = counts_[(level + 1) % 2].data(), to = up_[level % 2].data(),
-         to_counts = counts_[level % 2].data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-          const KmeansCluster& cluster = clusters[begin + i];
-          TreeletJoin join(rule);
-          for (uint32_t k = 0; k < cluster.parts; ++k) {
-            const size_t part = cluster.first + k - end;  // within the level below
-            for (uint32_t s = 0; s < from_counts[part]; ++s) join.add(from[part * handed + s]);
-          }
-          if (cluster.parts == 0) add_items(items, cluster, rule, join);
-          join.agglomerate();
-          if (handed > 1 && cluster.parts > 0) join.sweep();
-          to_counts[i] = join.hand_up(begin == 0 ? 1 : handed, merges, to + i * handed);
-        },
-        kGrain);
-  }
-
-  UMBEL_HOST_DEVICE static void add_items(const KmeansPoints& items, const KmeansCluster& cluster,
-                                          const LeafRule& rule, TreeletJoin& join) {
-    for (uint32_t i = cluster.offset; i < cluster.offset + cluster.count; ++i) {
-      const Aabb box = items.box(i);
-      join.add({box, Subtree::of_primitive(items.primitives[i]), 1, rule.leaf_cost(box, 1), i});
-    }
-  }
-
  private:
-  static constexpr size_t kGrain = 8;  ///< treelets of one task
-
   template <typename T>
   using Buffer = typename Exec::template Buffer<T>;
+
+  /// The treelets of the clusters of a level.
+  void join_level(size_t level) {
+    const uint32_t begin = passes_.levels()[level], end = passes_.levels()[level + 1];
+    const size_t own = level % 2, below = 1 - own;
+    exec_.for_each_team(end - begin,
+                        KmeansTreelet{passes_.items(level), passes_.clusters() + begin, end,
+                                      begin == 0, rule_, handed_, merges_, up_[below].data(),
+                                      counts_[below].data(), up_[own].data(), counts_[own].data()});
+  }
 
   Exec& exec_;
   const KmeansPasses<Exec>& passes_;

@@ -33,25 +33,40 @@ constexpr uint32_t kMostJoined = 128;
 /// By agglomeration: a join is above the two that it joins.
 class TreeletAgglomeration {
  public:
-  UMBEL_HOST_DEVICE void run(const JoinItem* items, uint32_t count, Join* joins) {
-    size_ = count;
-    for (uint32_t i = 0; i < count; ++i) {
-      boxes().put(i, items[i].box);
+  /// By a team, all of whose lanes see the joins after its next sync.
+  template <typename Team>
+  UMBEL_HOST_DEVICE void run(const Team& team, const JoinItem* items, uint32_t count, Join* joins) {
+    // Whole groups of four are read.
+    for (uint32_t i = team.rank(); i < count + 4; i += team.size()) {
+      boxes().put(i, i < count ? items[i].box : Aabb{{0, 0, 0}, {0, 0, 0}});
+      if (i >= count) continue;
       nodes_[i] = i;
       counts_[i] = items[i].count;
     }
-    if (size_ > 2)
-      for (uint32_t i = 0; i < size_; ++i) find_nearest(i);
-    for (uint32_t made = 0; size_ > 1; ++made) {
-      uint32_t a = size_ > 2 ? closest() : 0, b = size_ > 2 ? nearest_[a] : 1;
+    team.sync();
+    uint32_t size = count;
+    if (size > 2)
+      for (uint32_t i = team.rank(); i < size; i += team.size()) find_nearest(i, size);
+    team.sync();
+    for (uint32_t made = 0; size > 1; ++made) {
+      uint32_t a = size > 2 ? closest(team, size) : 0, b = size > 2 ? nearest_[a] : 1;
       if (a < b) std::swap(a, b);
-      joins[made] = {nodes_[a], nodes_[b]};
-      boxes().put(a, united(boxes().get(a), boxes().get(b)));
-      nodes_[a] = count + made;
-      counts_[a] += counts_[b];
-      remove(b);
-      if (size_ > 2) update(a == size_ ? b : a, b);
+      --size;
+      team.sync();
+      if (team.rank() == 0) {
+        joins[made] = {nodes_[a], nodes_[b]};
+        boxes().put(a, united(boxes().get(a), boxes().get(b)));
+        nodes_[a] = count + made;
+        counts_[a] += counts_[b];
+        replace(b, size);
+      }
+      team.sync();
+      if (size > 2) update(team, a == size ? b : a, b, size);
+      team.sync();
     }
+  }
+  UMBEL_HOST_DEVICE void run(const JoinItem* items, uint32_t count, Join* joins) {
+    run(SerialTeam{}, items, count, joins);
   }
 
  private:
@@ -61,19 +76,27 @@ class TreeletAgglomeration {
 
   /// One of the nearest pair. Of pairs as near, the one with fewer primitives: or else what is
   /// identical would become a list.
-  UMBEL_HOST_DEVICE uint32_t closest() const {
-    uint32_t best = 0;
-    for (uint32_t i = 1; i < size_; ++i) {
-      if (distances_[i] > distances_[best]) continue;
-      if (distances_[i] < distances_[best] || below(i) < below(best)) best = i;
+  template <typename Team>
+  UMBEL_HOST_DEVICE uint32_t closest(const Team& team, uint32_t size) const {
+    uint32_t best = team.rank();
+    for (uint32_t i = best + team.size(); i < size; i += team.size())
+      if (is_closer(i, best)) best = i;
+    if constexpr (!Team::kIsSerial) {
+      best = team.reduce(best, [&](uint32_t a, uint32_t b) {
+        if (a >= size || b >= size) return a < b ? a : b;
+        return is_closer(b, a) || (b < a && !is_closer(a, b)) ? b : a;
+      });
     }
     return best;
+  }
+  UMBEL_HOST_DEVICE bool is_closer(uint32_t i, uint32_t than) const {
+    if (distances_[i] > distances_[than]) return false;
+    return distances_[i] < distances_[than] || below(i) < below(than);
   }
   UMBEL_HOST_DEVICE uint32_t below(uint32_t i) const { return counts_[i] + counts_[nearest_[i]]; }
 
   /// The last item takes the place of item `b`; links to both are put right by `update`.
-  UMBEL_HOST_DEVICE void remove(uint32_t b) {
-    const uint32_t last = --size_;
+  UMBEL_HOST_DEVICE void replace(uint32_t b, uint32_t last) {
     boxes().copy(b, last);
     nodes_[b] = nodes_[last];
     counts_[b] = counts_[last];
@@ -83,29 +106,28 @@ class TreeletAgglomeration {
 
   /// After two were merged into `a` and the last item took the place `b`: searches anew for those
   /// that had one of the two nearest. They were at `b`, and at `a` or at the end.
-  UMBEL_HOST_DEVICE void update(uint32_t a, uint32_t b) {
-    const uint32_t last = size_;
-    for (uint32_t i = 0; i < size_; ++i) {
+  template <typename Team>
+  UMBEL_HOST_DEVICE void update(const Team& team, uint32_t a, uint32_t b, uint32_t size) {
+    const uint32_t last = size;
+    for (uint32_t i = team.rank(); i < size; i += team.size()) {
       if (i == a || nearest_[i] == a || nearest_[i] == b || (a == b && nearest_[i] == last))
-        find_nearest(i);
+        find_nearest(i, size);
       else if (nearest_[i] == last)
         nearest_[i] = b;
     }
   }
 
-  UMBEL_HOST_DEVICE void find_nearest(uint32_t i) {
-    const NearestBox nearest = nearest_box(boxes(), i, 0, size_);
+  UMBEL_HOST_DEVICE void find_nearest(uint32_t i, uint32_t size) {
+    const NearestBox nearest = nearest_box(boxes(), i, 0, size);
     nearest_[i] = nearest.index;
     distances_[i] = nearest.area;
   }
 
-  // Zeros, because whole groups of four are read.
-  alignas(16) float columns_[6][kMostJoined + 4] = {};
+  alignas(16) float columns_[6][kMostJoined + 4];
   float distances_[kMostJoined];
   uint32_t nearest_[kMostJoined];
   uint32_t nodes_[kMostJoined];
   uint32_t counts_[kMostJoined];
-  uint32_t size_ = 0;
 };
 
 /// By a full sweep: a range of the items is split where areas times weights are smallest.
@@ -119,15 +141,14 @@ class TreeletSweep {
     for (int axis = 0; axis < 3; ++axis) sort(axis, count);
     // Ranges in the order in which they are found, those that they are split into later: joins in
     // reverse.
-    Range ranges[kMostJoined];
-    ranges[0] = {0, count};
+    ranges_[0] = {0, count};
     uint32_t found = 1;
     for (uint32_t r = 0; r < found; ++r) {
-      const Range range = ranges[r];
+      const Range range = ranges_[r];
       const uint32_t left = split(range);
       const auto node_of = [&](Range part) {
         if (part.count == 1) return static_cast<uint32_t>(orders_[0][part.offset]);
-        ranges[found] = part;
+        ranges_[found] = part;
         return count + (count - 2 - found++);
       };
       Join& join = joins[count - 2 - r];
@@ -142,17 +163,16 @@ class TreeletSweep {
   }
 
   UMBEL_HOST_DEVICE void sort(int axis, uint32_t count) {
-    float centers[kMostJoined];
     uint8_t* order = orders_[axis];
     for (uint32_t i = 0; i < count; ++i) {
       const Aabb& box = items_[i].box;
       const float center = component(box.min, axis) + component(box.max, axis);
       uint32_t at = i;
-      for (; at > 0 && centers[at - 1] > center; --at) {
-        centers[at] = centers[at - 1];
+      for (; at > 0 && centers_[at - 1] > center; --at) {
+        centers_[at] = centers_[at - 1];
         order[at] = order[at - 1];
       }
-      centers[at] = center;
+      centers_[at] = center;
       order[at] = static_cast<uint8_t>(i);
     }
   }
@@ -165,20 +185,19 @@ class TreeletSweep {
     int chosen = 0;
     for (int axis = 0; axis < 3; ++axis) {
       const uint8_t* order = orders_[axis] + range.offset;
-      float right[kMostJoined];
       Aabb box;
       float weight = 0;
       for (uint32_t i = range.count; i-- > 1;) {
         extend(box, items_[order[i]].box);
         weight += weights_[order[i]];
-        right[i] = area_of(box) * weight;
+        right_[i] = area_of(box) * weight;
       }
       box = {};
       weight = 0;
       for (uint32_t i = 1; i < range.count; ++i) {
         extend(box, items_[order[i - 1]].box);
         weight += weights_[order[i - 1]];
-        const float cost = area_of(box) * weight + right[i];
+        const float cost = area_of(box) * weight + right_[i];
         if (cost >= least) continue;
         least = cost;
         position = i;
@@ -190,46 +209,53 @@ class TreeletSweep {
   }
 
   UMBEL_HOST_DEVICE void partition(Range range, int chosen, uint32_t position) {
-    bool goes_left[kMostJoined];
     for (uint32_t i = 0; i < range.count; ++i)
-      goes_left[orders_[chosen][range.offset + i]] = i < position;
+      goes_left_[orders_[chosen][range.offset + i]] = i < position;
     for (int axis = 0; axis < 3; ++axis) {
       if (axis == chosen) continue;
       uint8_t* order = orders_[axis] + range.offset;
-      uint8_t kept[kMostJoined];
       uint32_t left = 0, right = 0;
       for (uint32_t i = 0; i < range.count; ++i)
-        (goes_left[order[i]] ? order[left++] : kept[right++]) = order[i];
-      for (uint32_t i = 0; i < right; ++i) order[left + i] = kept[i];
+        (goes_left_[order[i]] ? order[left++] : kept_[right++]) = order[i];
+      for (uint32_t i = 0; i < right; ++i) order[left + i] = kept_[i];
     }
   }
 
-  const JoinItem* items_ = nullptr;
-  float weights_[kMostJoined];
-  uint8_t orders_[3][kMostJoined];
+  const JoinItem* items_;
+  float weights_[kMostJoined], centers_[kMostJoined], right_[kMostJoined];
+  Range ranges_[kMostJoined];
+  uint8_t orders_[3][kMostJoined], kept_[kMostJoined];
+  bool goes_left_[kMostJoined];
 };
 
-/// A treelet: its items, the best way found to join them, and what is left to the one above.
+/// A treelet: its items, the best way found to join them, and what is left to the one above. It may
+/// lie in memory that a team shares, so nothing has a value at first.
 class TreeletJoin {
  public:
-  UMBEL_HOST_DEVICE explicit TreeletJoin(const LeafRule& rule) : rule_(rule) {}
+  UMBEL_HOST_DEVICE void begin(const LeafRule& rule) {
+    rule_ = &rule;
+    size_ = 0;
+    cost_ = 0;
+  }
 
   /// At most kMostJoined in all.
   UMBEL_HOST_DEVICE void add(const JoinItem& item) { nodes_[size_++] = item; }
 
-  UMBEL_HOST_DEVICE void agglomerate() {
+  /// By a team, once all lanes see the items.
+  template <typename Team>
+  UMBEL_HOST_DEVICE void agglomerate(const Team& team, TreeletAgglomeration& agglomeration) {
     if (size_ < 2) return;
-    TreeletAgglomeration().run(nodes_, size_, joins_);
-    cost_ = evaluate(joins_);
+    agglomeration.run(team, nodes_, size_, joins_);
+    team.sync();
+    if (team.rank() == 0) cost_ = evaluate(joins_);
   }
 
   /// Keeps what is there if it is cheaper.
-  UMBEL_HOST_DEVICE void sweep() {
+  UMBEL_HOST_DEVICE void sweep(TreeletSweep& sweep) {
     if (size_ < 3) return;
-    Join joins[kMostJoined];
-    TreeletSweep().run(nodes_, size_, joins);
-    if (evaluate(joins) < cost_)
-      for (uint32_t i = 0; i + 1 < size_; ++i) joins_[i] = joins[i];
+    sweep.run(nodes_, size_, swept_);
+    if (evaluate(swept_) < cost_)
+      for (uint32_t i = 0; i + 1 < size_; ++i) joins_[i] = swept_[i];
     evaluate(joins_);
   }
 
@@ -238,25 +264,24 @@ class TreeletJoin {
   UMBEL_HOST_DEVICE uint32_t hand_up(uint32_t left, Merge* merges, JoinItem* out) {
     if (size_ == 0) return 0;
     const uint32_t root = 2 * size_ - 2;
-    uint32_t open[kMostJoined];
-    bool is_open[kMostJoined] = {};
-    open[0] = root;
+    for (uint32_t i = 0; i + 1 < size_; ++i) is_open_[i] = false;
+    open_[0] = root;
     uint32_t count = 1;
     while (count < left) {
       uint32_t largest = count;
       for (uint32_t i = 0; i < count; ++i)
-        if (open[i] >= size_ &&
-            (largest == count || area_of(nodes_[open[i]].box) > area_of(nodes_[open[largest]].box)))
+        if (open_[i] >= size_ && (largest == count || area_of(nodes_[open_[i]].box) >
+                                                          area_of(nodes_[open_[largest]].box)))
           largest = i;
       if (largest == count) break;
-      const Join join = joins_[open[largest] - size_];
-      is_open[open[largest] - size_] = true;
-      open[largest] = join.left;
-      open[count++] = join.right;
+      const Join join = joins_[open_[largest] - size_];
+      is_open_[open_[largest] - size_] = true;
+      open_[largest] = join.left;
+      open_[count++] = join.right;
     }
     for (uint32_t i = 0; i + 1 < size_; ++i)
-      if (!is_open[i]) make(i, merges);
-    for (uint32_t i = 0; i < count; ++i) out[i] = nodes_[open[i]];
+      if (!is_open_[i]) make(i, merges);
+    for (uint32_t i = 0; i < count; ++i) out[i] = nodes_[open_[i]];
     return count;
   }
 
@@ -268,7 +293,7 @@ class TreeletJoin {
       JoinItem& node = nodes_[size_ + i];
       node.box = united(a.box, b.box);
       node.count = a.count + b.count;
-      node.cost = rule_.cheaper(node.box, node.count, a.cost, b.cost);
+      node.cost = rule_->cheaper(node.box, node.count, a.cost, b.cost);
     }
     return nodes_[2 * size_ - 2].cost;
   }
@@ -281,10 +306,12 @@ class TreeletJoin {
     node.slot = a.slot;
   }
 
-  const LeafRule& rule_;
-  uint32_t size_ = 0;  ///< items
-  float cost_ = 0;
-  Join joins_[kMostJoined];
+  const LeafRule* rule_;
+  uint32_t size_;  ///< items
+  float cost_;
+  Join joins_[kMostJoined], swept_[kMostJoined];
+  uint32_t open_[kMostJoined];
+  bool is_open_[kMostJoined];
   JoinItem nodes_[2 * kMostJoined];  ///< items, and then joins
 };
 

@@ -34,6 +34,13 @@ class BackwardExec {
   void for_each(size_t n, const Body& body, size_t /*grain*/ = 1) {
     for (size_t i = n; i-- > 0;) body(i);
   }
+  template <typename Body>
+  void for_each_team(size_t n, const Body& body) {
+    for (size_t i = n; i-- > 0;) {
+      const Buffer<typename Body::Shared> shared = allocate<typename Body::Shared>(1);
+      body(SerialTeam{}, i, *shared.data());
+    }
+  }
   template <typename T, typename Map, typename Op>
   void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
     *result = init;
