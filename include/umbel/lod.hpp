@@ -28,7 +28,7 @@ namespace umbel::lod {
 struct Cluster {
   uint32_t group;             ///< the group it belongs to
   uint32_t generating_group;  ///< the group whose simplification made it; kNone at level 0
-  uint32_t material;          ///< of all its triangles
+  uint32_t material;          ///< of all its triangles; of most, where clusters mix materials
   uint32_t vertex_count;      ///< <= 256, unique vertices
   uint32_t triangle_count;    ///< >= 1
   Aabb box;                   ///< of its triangles
@@ -44,6 +44,24 @@ enum class Rung : uint32_t {
                     ///< capped; error amplified
   kRoot = 4,        ///< not simplified: nothing coarser exists
 };
+
+/// Why a group was not simplified to 70 % by the first rung alone, or is a root: what stood most in
+/// the way of its vertices then.
+enum class Reason : uint32_t {
+  kNone = 0,        ///< the first rung was enough
+  kCaller = 1,      ///< the caller's decimation did it
+  kSmallParts = 2,  ///< parts smaller than the error were kept at a price that larger ones paid
+  kLocked = 3,      ///< other groups share them
+  kIrregular = 4,  ///< the surface is none around them: three triangles at an edge, fans that touch
+  kSeams = 5,      ///< rules of seams and creases, borders between materials
+  kTopology = 6,   ///< any move would make the surface none, or close a hole
+  kTurning = 7,    ///< any move would turn a triangle over
+  kPrice = 8,      ///< moves cost several times what those before did
+  kCoarsest = 9,   ///< a root: no more than one cluster's worth of triangles was left
+  kStopped = 10,   ///< a root: the configuration said where to stop
+  kStuck = 11,     ///< a root: nothing could be simplified any more
+};
+inline constexpr size_t kReasons = 12;
 
 struct Group {
   Range clusters;  ///< of Tables::clusters; a group's clusters are consecutive
@@ -81,6 +99,10 @@ struct ClusterGeometry {
   std::vector<Vec2> uvs;
   std::vector<Vec4> colors;
   std::vector<uint8_t> triangles;  ///< 3 a triangle
+  /// As a mesh has them. Where clusters mix materials, a triangle's is its first vertex's
+  /// ExtraKind::kMaterial (all of its vertices have the same), and cut_mesh gives it to it.
+  std::vector<Extra> extras;
+  std::vector<float> extra_values;
 };
 
 /// How firmly lines are held along which vertices at one position have different attributes.
@@ -98,10 +120,16 @@ struct Config {
   /// Positions are first moved to multiples of this power of two, and what they move by is added
   /// to every group's error; 0: they stay as they are.
   float position_step = 0;
-  bool attributes = true;  ///< weigh normals, UVs and colours in the error, keep seams
+  bool attributes = true;  ///< weigh attributes in the error, keep seams
   /// A difference of 1 counts as a surface that is off by this part of the group's extent.
   float normal_weight = 0.025f, uv_weight = 0.025f, color_weight = 0.025f;
-  /// Seams are where texture coordinates or colours differ, creases where only normals do. Where
+  float tangent_weight = 0.0125f;  ///< the tangent's direction
+  float skin_weight = 0.025f;      ///< how much a joint moves a vertex, each joint for itself
+  /// Clusters may mix materials, kept triangle by triangle; borders between materials are held all
+  /// the same. Where a mesh has many small parts of different materials, clusters are fuller.
+  bool mix_materials = false;
+  /// Seams are where texture coordinates, colours, weights of joints or the handedness of tangents
+  /// (mirrored texture coordinates) differ, creases where only normals or tangents do. Where
   /// both do, the firmer rule holds. Borders between materials are always kept.
   SeamRule seams = SeamRule::kAllow, creases = SeamRule::kAllow;
   /// Vertices that stay take the attributes that fit best to all that they stand for, instead of
@@ -123,6 +151,9 @@ struct Report {
                                                ///< worth of triangles is left in them
   uint64_t root_triangles = 0;
   std::array<uint64_t, 5> groups_by_rung{};
+  /// The same, [rung][reason]; and how often groups waited for the next round, by reason.
+  std::array<std::array<uint64_t, kReasons>, 5> groups_by_reason{};
+  std::array<uint64_t, kReasons> waits_by_reason{};
   /// With Config::measured_error, over all groups that have a distance to the source: the mean of
   /// log2(estimate / measured distance), and how many were underestimated.
   double mean_log2_overestimate = 0;
@@ -133,6 +164,7 @@ struct Report {
 
 struct Dag {
   Tables tables;
+  std::vector<Reason> reasons;             ///< one a group
   Mesh vertices;                           ///< welded input; `triangles` and `materials` are empty
   std::vector<uint32_t> vertex_offsets;    ///< clusters + 1, into cluster_vertices
   std::vector<uint32_t> triangle_offsets;  ///< clusters + 1, in triangles

@@ -10,6 +10,25 @@
 
 namespace umbel {
 
+/// What vertices may have besides the streams of a mesh.
+enum class ExtraKind : uint32_t {
+  kUvs = 4,        ///< 2 values: the texture coordinates of the set 1, 2, ...
+  kJoints = 16,    ///< 4: numbers of joints, whole, at most 2^24; sets 0, 1, ...
+  kWeights = 32,   ///< 4: how much the joints of the same set move the vertex
+  kMaterial = 64,  ///< 1: what levels of detail keep whose clusters mix materials; set 0
+};
+
+struct Extra {
+  ExtraKind kind;
+  uint32_t set;
+  bool operator==(const Extra&) const = default;
+};
+
+/// Values that a vertex has for one attribute, and for several together.
+UMBEL_API uint32_t extra_width(ExtraKind kind);
+UMBEL_API uint32_t extra_width(std::span<const Extra> extras);
+inline constexpr uint32_t kMostExtraValues = 40;
+
 /// A triangle mesh that somebody else owns. Optional streams are empty or have one element
 /// a vertex (`materials`: one a triangle).
 struct MeshView {
@@ -20,6 +39,10 @@ struct MeshView {
   std::span<const Vec2> uvs;            ///< first texture coordinate set
   std::span<const Vec4> colors;         ///< linear RGBA in [0, 1]
   std::span<const uint32_t> materials;  ///< material index of each triangle
+  /// What `extra_values` hold: for each vertex the values of all of these, in this order, rising by
+  /// kind and set, kMostExtraValues at most.
+  std::span<const Extra> extras = {};
+  std::span<const float> extra_values = {};
 };
 
 /// A triangle mesh that owns its arrays.
@@ -31,16 +54,18 @@ struct Mesh {
   std::vector<Vec2> uvs;
   std::vector<Vec4> colors;
   std::vector<uint32_t> materials;
+  std::vector<Extra> extras = {};
+  std::vector<float> extra_values = {};
 
   MeshView view() const {
-    return {positions, triangles, normals, tangents, uvs, colors, materials};
+    return {positions, triangles, normals, tangents, uvs, colors, materials, extras, extra_values};
   }
 };
 
 /// Throws kInvalidArgument if a stream's length does not fit, and kInvalidMesh naming the
 /// first offender if a triangle's index is out of range or a vertex *that a triangle uses*
-/// has a NaN or infinite position or attribute. Degenerate and duplicate triangles are legal,
-/// and so is anything in vertices that no triangle uses.
+/// has a NaN or infinite position or attribute, or a joint that is no number of one. Degenerate and
+/// duplicate triangles are legal, and so is anything in vertices that no triangle uses.
 UMBEL_API void validate(const MeshView& mesh, const BuildOptions& options = {});
 
 struct DropResult {

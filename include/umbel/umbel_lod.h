@@ -41,6 +41,18 @@ typedef struct umbel_vec4 {
   float x, y, z, w;
 } umbel_vec4;
 
+typedef enum umbel_extra_kind {
+  UMBEL_EXTRA_UVS = 4,      ///< 2 values: texture coordinates of the set 1, 2, ...
+  UMBEL_EXTRA_JOINTS = 16,  ///< 4: whole numbers of joints; sets 0, 1, ...
+  UMBEL_EXTRA_WEIGHTS = 32  ///< 4: how much the joints of the same set move the vertex
+} umbel_extra_kind;
+
+/// An attribute besides those that umbel_lod_mesh names.
+typedef struct umbel_extra {
+  uint32_t kind;  ///< umbel_extra_kind
+  uint32_t set;   ///< at most 255
+} umbel_extra;
+
 /// Triangles with attributes. All but positions and triangles may be NULL.
 typedef struct umbel_lod_mesh {
   uint32_t struct_size;
@@ -54,6 +66,11 @@ typedef struct umbel_lod_mesh {
   const umbel_vec2* uvs;
   const umbel_vec4* colors;   ///< linear RGBA in [0, 1]
   const uint32_t* materials;  ///< one a triangle
+  /// Further attributes, rising by kind and set, of at most 40 values together, and for each vertex
+  /// the values of all of them, in this order.
+  const umbel_extra* extras;
+  size_t extra_count;
+  const float* extra_values;
 } umbel_lod_mesh;
 
 /// One group for a decimation of the caller's own, see umbel_lod_config.
@@ -75,6 +92,7 @@ typedef struct umbel_lod_decimation {
   umbel_vec4* added_colors;
   uint32_t* added_materials;
   size_t added_count;  ///< out
+  float* added_extra_values;
 } umbel_lod_decimation;
 
 /// Returns nonzero if it simplified the group, 0 to leave it to the library, which also takes over
@@ -114,6 +132,10 @@ typedef struct umbel_lod_config {
   /// [1] umbel_seam_rule of where texture coordinates or colours differ at one position, and of
   /// where only normals do. Borders between materials are always kept.
   uint32_t seams, creases;
+  float tangent_weight;    ///< [0.0125]
+  float skin_weight;       ///< [0.025] of how much each joint moves a vertex
+  uint32_t mix_materials;  ///< [0] nonzero: clusters may mix materials, kept triangle by triangle
+  uint32_t reserved2;      ///< 0
 } umbel_lod_config;
 
 /// What was built.
@@ -127,7 +149,27 @@ typedef struct umbel_lod_report {
   /// Groups by what it took to simplify them: regular, permissive, prune, sloppy, root.
   uint64_t groups_by_rung[5];
   double seconds;
+  /// The same [rung][umbel_lod_reason], and how often groups waited for the next round, by reason.
+  uint64_t groups_by_reason[5][12];
+  uint64_t waits_by_reason[12];
 } umbel_lod_report;
+
+/// Why a group was not simplified to 70 % by the first rung alone, or is a root: what stood most in
+/// the way of its vertices then.
+typedef enum umbel_lod_reason {
+  UMBEL_LOD_REASON_NONE = 0,         ///< the first rung was enough
+  UMBEL_LOD_REASON_CALLER = 1,       ///< the caller's decimation did it
+  UMBEL_LOD_REASON_SMALL_PARTS = 2,  ///< parts smaller than the error were kept at a high price
+  UMBEL_LOD_REASON_LOCKED = 3,       ///< other groups share them
+  UMBEL_LOD_REASON_IRREGULAR = 4,    ///< the surface is none around them
+  UMBEL_LOD_REASON_SEAMS = 5,        ///< rules of seams and creases, borders between materials
+  UMBEL_LOD_REASON_TOPOLOGY = 6,     ///< any move would make the surface none, or close a hole
+  UMBEL_LOD_REASON_TURNING = 7,      ///< any move would turn a triangle over
+  UMBEL_LOD_REASON_PRICE = 8,        ///< moves cost several times what those before did
+  UMBEL_LOD_REASON_COARSEST = 9,     ///< a root: no more than one cluster's worth was left
+  UMBEL_LOD_REASON_STOPPED = 10,     ///< a root: the configuration said where to stop
+  UMBEL_LOD_REASON_STUCK = 11        ///< a root: nothing could be simplified any more
+} umbel_lod_reason;
 
 typedef struct umbel_lod umbel_lod;
 
@@ -155,6 +197,9 @@ UMBEL_C_API umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel
 UMBEL_C_API void umbel_lod_free(umbel_lod* lod);
 
 UMBEL_C_API umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report);
+/// The umbel_lod_reason of every group: reasons[0 .. groups), of which `capacity` must be as many.
+UMBEL_C_API umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons,
+                                               size_t capacity);
 
 /// Writes a .umbel file beside `path` and renames it. `exact`: keep every bit of the attributes.
 UMBEL_C_API umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,

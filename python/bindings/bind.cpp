@@ -11,9 +11,11 @@ std::vector<uint32_t> offsets_of(std::span<const Range> ranges) {
 }
 
 MeshView MeshArrays::view() const {
-  return {rows_of<Vec3>(positions),    rows_of<Triangle>(triangles), rows_of<Vec3>(normals),
-          rows_of<Vec4>(tangents),     rows_of<Vec2>(uvs),           rows_of<Vec4>(colors),
-          rows_of<uint32_t>(materials)};
+  return {rows_of<Vec3>(positions),     rows_of<Triangle>(triangles),
+          rows_of<Vec3>(normals),       rows_of<Vec4>(tangents),
+          rows_of<Vec2>(uvs),           rows_of<Vec4>(colors),
+          rows_of<uint32_t>(materials), extras,
+          rows_of<float>(extra_values)};
 }
 
 namespace {
@@ -33,6 +35,13 @@ Dict dict_of(Mesh&& mesh) {
   result["tangents"] = take_or_none<float>(std::move(mesh.tangents));
   result["uvs"] = take_or_none<float>(std::move(mesh.uvs));
   result["colors"] = take_or_none<float>(std::move(mesh.colors));
+  if (!mesh.extras.empty()) {
+    nb::list extras;
+    for (const Extra& extra : mesh.extras)
+      extras.append(nb::make_tuple(static_cast<uint32_t>(extra.kind), extra.set));
+    result["extras"] = extras;
+    result["extra_values"] = take<float>(std::move(mesh.extra_values));
+  }
   result["materials"] = take_or_none<uint32_t>(std::move(mesh.materials));
   return result;
 }

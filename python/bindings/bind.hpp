@@ -87,6 +87,8 @@ struct MeshArrays {
   std::optional<Rows<float, 2>> uvs;
   std::optional<Rows<float, 4>> colors;
   std::optional<Flat<uint32_t>> materials;
+  std::vector<Extra> extras;
+  std::optional<Flat<float>> extra_values;  // see MeshView
 
   MeshView view() const;
 };

@@ -44,6 +44,8 @@ Dict geometry_dict(lod::ClusterGeometry&& geometry) {
   mesh.tangents = std::move(geometry.tangents);
   mesh.uvs = std::move(geometry.uvs);
   mesh.colors = std::move(geometry.colors);
+  mesh.extras = std::move(geometry.extras);
+  mesh.extra_values = std::move(geometry.extra_values);
   mesh.triangles.reserve(geometry.triangles.size() / 3);
   for (size_t i = 0; i + 2 < geometry.triangles.size(); i += 3) {
     mesh.triangles.push_back(
@@ -147,6 +149,9 @@ void bind_config(nb::module_& module) {
       .def_rw("normal_weight", &lod::Config::normal_weight)
       .def_rw("uv_weight", &lod::Config::uv_weight)
       .def_rw("color_weight", &lod::Config::color_weight)
+      .def_rw("tangent_weight", &lod::Config::tangent_weight)
+      .def_rw("skin_weight", &lod::Config::skin_weight)
+      .def_rw("mix_materials", &lod::Config::mix_materials)
       .def_prop_rw(
           "seams", [](const lod::Config& c) { return static_cast<uint32_t>(c.seams); },
           [](lod::Config& c, uint32_t rule) { c.seams = static_cast<lod::SeamRule>(rule); })
@@ -160,6 +165,18 @@ void bind_config(nb::module_& module) {
       .def_rw("measured_error", &lod::Config::measured_error);
 }
 
+constexpr std::array<const char*, lod::kReasons> kReasonNames = {
+    "none",     "caller",  "small parts", "locked",   "irregular", "seams",
+    "topology", "turning", "price",       "coarsest", "stopped",   "stuck"};
+
+/// Those that occur.
+nb::dict reason_counts(const std::array<uint64_t, lod::kReasons>& counts) {
+  nb::dict result;
+  for (size_t i = 0; i < counts.size(); ++i)
+    if (counts[i] > 0) result[kReasonNames[i]] = counts[i];
+  return result;
+}
+
 Dict build_report(const lod::Report& report) {
   Dict result;
   result["input_triangles"] = report.input_triangles;
@@ -169,11 +186,14 @@ Dict build_report(const lod::Report& report) {
   result["root_triangles"] = report.root_triangles;
   result["stuck_groups"] = report.stuck_groups;
   constexpr const char* kRungs[] = {"regular", "permissive", "prune", "sloppy", "root"};
-  nb::dict rungs;
+  nb::dict rungs, reasons;
   for (size_t i = 0; i < report.groups_by_rung.size(); ++i) {
     rungs[kRungs[i]] = report.groups_by_rung[i];
+    reasons[kRungs[i]] = reason_counts(report.groups_by_reason[i]);
   }
   result["groups_by_rung"] = rungs;
+  result["groups_by_reason"] = reasons;
+  result["waits_by_reason"] = reason_counts(report.waits_by_reason);
   result["largest_move"] = report.largest_move;
   if (report.measured_groups > 0) {
     result["measured_groups"] = report.measured_groups;
@@ -229,6 +249,8 @@ bool ask_python(const nb::object& decimate, const lod::DecimationInput& input,
     mesh.uvs.assign(view.uvs.begin(), view.uvs.end());
     mesh.colors.assign(view.colors.begin(), view.colors.end());
     mesh.materials.assign(view.materials.begin(), view.materials.end());
+    mesh.extras.assign(view.extras.begin(), view.extras.end());
+    mesh.extra_values.assign(view.extra_values.begin(), view.extra_values.end());
     std::vector<uint8_t> locked(input.locked.begin(), input.locked.end());
     const nb::object given =
         decimate(dict_of(std::move(mesh)), take<uint8_t>(std::move(locked)), input.target);
@@ -240,6 +262,7 @@ bool ask_python(const nb::object& decimate, const lod::DecimationInput& input,
     result.added.tangents = rows_from<Vec4>(answer, "tangents");
     result.added.uvs = rows_from<Vec2>(answer, "uvs");
     result.added.colors = rows_from<Vec4>(answer, "colors");
+    result.added.extra_values = rows_from<float>(answer, "extra_values");
     result.added_materials = rows_from<uint32_t>(answer, "materials");
     result.error = nb::cast<float>(answer["error"]);
     return true;
@@ -259,6 +282,13 @@ void bind_dag(nb::module_& module) {
       .def_prop_ro(
           "tables", [](const Dag& dag) -> const lod::Tables& { return dag.tables; },
           nb::rv_policy::reference_internal)
+      .def_prop_ro("reasons",
+                   [](const Dag& dag) {
+                     nb::list names;
+                     for (const lod::Reason reason : dag.reasons)
+                       names.append(kReasonNames[static_cast<size_t>(reason)]);
+                     return names;
+                   })
       .def_prop_ro("report", [](const Dag& dag) { return build_report(dag.report); })
       .def_prop_ro("source_digest", [](const Dag& dag) { return dag.source_digest; })
       .def(

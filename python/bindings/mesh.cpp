@@ -58,13 +58,20 @@ void bind_mesh(nb::module_& module) {
           [](MeshArrays* self, Rows<float, 3> positions, Rows<uint32_t, 3> triangles,
              std::optional<Rows<float, 3>> normals, std::optional<Rows<float, 4>> tangents,
              std::optional<Rows<float, 2>> uvs, std::optional<Rows<float, 4>> colors,
-             std::optional<Flat<uint32_t>> materials) {
-            new (self) MeshArrays{std::move(positions), std::move(triangles), std::move(normals),
-                                  std::move(tangents),  std::move(uvs),       std::move(colors),
-                                  std::move(materials)};
+             std::optional<Flat<uint32_t>> materials,
+             const std::vector<std::pair<uint32_t, uint32_t>>& extras,
+             std::optional<Flat<float>> extra_values) {
+            new (self) MeshArrays{std::move(positions),   std::move(triangles),
+                                  std::move(normals),     std::move(tangents),
+                                  std::move(uvs),         std::move(colors),
+                                  std::move(materials),   {},
+                                  std::move(extra_values)};
+            for (const auto& [kind, set] : extras)
+              self->extras.push_back({static_cast<ExtraKind>(kind), set});
           },
           "positions"_a, "triangles"_a, "normals"_a = nb::none(), "tangents"_a = nb::none(),
-          "uvs"_a = nb::none(), "colors"_a = nb::none(), "materials"_a = nb::none());
+          "uvs"_a = nb::none(), "colors"_a = nb::none(), "materials"_a = nb::none(),
+          "extras"_a = nb::make_tuple(), "extra_values"_a = nb::none());
   module.def(
       "validate",
       [](const MeshArrays& mesh, const nb::object& progress, uint32_t threads) {

@@ -72,6 +72,7 @@ def native(mesh: Mesh) -> _umbel.MeshArrays:
         values = getattr(mesh, name)
         return None if values is None else rows(name, values, columns)
 
+    extras, values = extras_of(mesh)
     return _umbel.MeshArrays(
         rows("positions", mesh.positions, 3),
         indices("triangles", mesh.triangles, 3),
@@ -80,7 +81,52 @@ def native(mesh: Mesh) -> _umbel.MeshArrays:
         uvs=optional("uvs", 2),
         colors=optional("colors", 4),
         materials=None if mesh.material_ids is None else indices("material_ids", mesh.material_ids),
+        extras=extras,
+        extra_values=values,
     )
+
+
+_UVS, _JOINTS, _WEIGHTS = 4, 16, 32
+
+
+def extras_of(mesh: Mesh) -> tuple[list[tuple[int, int]], NDArray[np.float32] | None]:
+    """Further texture coordinates, joints and weights as the library sees them: (kind, set) of each
+    of them, and the values of all, a vertex after the other."""
+    extras = [(_UVS, k + 1) for k in range(len(mesh.uv_sets))]
+    columns: list[NDArray[Any]] = [rows("uv_sets", uvs, 2) for uvs in mesh.uv_sets]
+    for kind, name, values in (
+        (_JOINTS, "joints", mesh.joints),
+        (_WEIGHTS, "weights", mesh.weights),
+    ):
+        if values is not None:
+            if kind == _JOINTS and values.size and int(values.max()) > 1 << 24:
+                raise Error(
+                    f"{name} has the joint {int(values.max())}, at most {1 << 24} is possible"
+                )
+            extras += [(kind, k) for k in range(values.shape[1] // 4)]
+            columns.append(values.astype(np.float32))
+    if not columns:
+        return [], None
+    return extras, np.ascontiguousarray(np.concatenate(columns, axis=1)).reshape(-1)
+
+
+def _from_extras(arrays: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a Mesh in the place of `extras` and `extra_values`."""
+    extras, values = arrays.pop("extras", []), arrays.pop("extra_values", None)
+    if not extras:
+        return arrays
+    widths = [2 if kind == _UVS else 1 if kind > _WEIGHTS else 4 for kind, _ in extras]
+    table = values.reshape(len(arrays["positions"]), sum(widths))
+    parts = np.split(table, np.cumsum(widths)[:-1], axis=1)
+    found = {
+        kind: [part for (k, _), part in zip(extras, parts, strict=True) if k == kind]
+        for kind in (_UVS, _JOINTS, _WEIGHTS)
+    }
+    arrays["uv_sets"] = found[_UVS]
+    if found[_JOINTS] and len(found[_JOINTS]) == len(found[_WEIGHTS]):
+        arrays["joints"] = np.concatenate(found[_JOINTS], axis=1).clip(0).astype(np.uint32)
+        arrays["weights"] = np.concatenate(found[_WEIGHTS], axis=1)
+    return arrays
 
 
 def mesh_of(arrays: dict[str, Any], materials: list[Material], name: str = "") -> Mesh:
@@ -90,4 +136,4 @@ def mesh_of(arrays: dict[str, Any], materials: list[Material], name: str = "") -
         ids = None  # one material that nothing is known of is no material
     elif ids is None and materials:
         ids = np.zeros(len(arrays["triangles"]), np.uint32)
-    return Mesh(**arrays, material_ids=ids, materials=materials, name=name)
+    return Mesh(**_from_extras(arrays), material_ids=ids, materials=materials, name=name)

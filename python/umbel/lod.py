@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, indices, mesh_of, native, rows
+from .arrays import as_mesh, extras_of, indices, mesh_of, native, rows
 from .errors import Error
 from .gltf_look import write_materials
 from .mesh import Material, Mesh
@@ -214,6 +214,9 @@ def _decimator(decimate: Decimate) -> Callable[[dict[str, Any], NDArray[np.uint8
             for name, columns in (("normals", 3), ("tangents", 4), ("uvs", 2), ("colors", 4)):
                 if getattr(mesh, name) is not None:
                     made[name] = rows(name, getattr(mesh, name), columns)
+            values = extras_of(mesh)[1]
+            if values is not None:
+                made["extra_values"] = values
         if len(rest) > 1:
             made["materials"] = indices("materials", rest[1])
         return made
@@ -232,6 +235,9 @@ def build_lod(
     normal_weight: float = 0.025,
     uv_weight: float = 0.025,
     color_weight: float = 0.025,
+    tangent_weight: float = 0.0125,
+    skin_weight: float = 0.025,
+    mix_materials: bool = False,
     seams: str = "allow",
     creases: str = "allow",
     refit_attributes: bool = True,
@@ -250,8 +256,11 @@ def build_lod(
     max_triangles, max_vertices: most a cluster may have (4..256, 6..256).
     group_size: least and most clusters that are simplified together.
     ratio: triangles that each level keeps of the one before (0.1..0.9).
-    attributes: "auto" keeps normals, tangents, UVs and colours and weighs them in the error by
-        the weights; "none" drops them. Materials stay either way.
+    attributes: "auto" keeps normals, tangents, all sets of UVs, colours, joints and their weights,
+        and weighs them in the error by the weights (`skin_weight`: how much each joint moves a
+        vertex); "none" drops them. Materials stay either way.
+    mix_materials: clusters may mix materials, which are kept triangle by triangle. Borders between
+        materials are held all the same.
     seams, creases: how lines are held along which vertices at one position have different UVs or
         colours, and different normals only: "protect" (they shorten along themselves, until
         nothing else is left to simplify), "allow" (what crossing them costs the attributes counts
@@ -281,7 +290,16 @@ def build_lod(
     if attributes not in ("auto", "none"):
         raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
     if attributes == "none":
-        given = replace(given, normals=None, tangents=None, uvs=None, colors=None)
+        given = replace(
+            given,
+            normals=None,
+            tangents=None,
+            uvs=None,
+            colors=None,
+            uv_sets=[],
+            joints=None,
+            weights=None,
+        )
     extra: dict[str, Any] = {"dropped_triangles": 0}
     if drop_invalid:
         given, extra["dropped_triangles"] = drop_invalid_triangles(given, threads=threads)
@@ -300,6 +318,9 @@ def build_lod(
         "normal_weight": normal_weight,
         "uv_weight": uv_weight,
         "color_weight": color_weight,
+        "tangent_weight": tangent_weight,
+        "skin_weight": skin_weight,
+        "mix_materials": mix_materials,
         "seams": seams,
         "creases": creases,
         "refit_attributes": refit_attributes,

@@ -61,6 +61,9 @@ class Mesh:
     uvs: Float32Array | None = None  #: (n, 2) float32, first set
     colors: Float32Array | None = None  #: (n, 4) float32, linear RGBA in [0, 1]
     material_ids: UInt32Array | None = None  #: (m,) uint32, index into `materials`
+    uv_sets: list[Float32Array] = field(default_factory=list)  #: the second set and on, like `uvs`
+    joints: UInt32Array | None = None  #: (n, 4 k) uint32, joints that move a vertex
+    weights: Float32Array | None = None  #: (n, 4 k) float32, how much each of `joints` does
     materials: list[Material] = field(default_factory=list)
     name: str = ""
     cameras: list[Camera] = field(default_factory=list)  #: perspective cameras of the file
@@ -73,6 +76,8 @@ class Mesh:
         self.tangents = _optional(self.tangents, n, 4, "tangents")
         self.uvs = _optional(self.uvs, n, 2, "uvs")
         self.colors = _colors(self.colors, n)
+        self.uv_sets = [_row_each(uvs, n, 2, "uv_sets") for uvs in self.uv_sets]
+        self._check_skin(n)
         if self.material_ids is not None:
             ids = _indices(np.asarray(self.material_ids), "material_ids")
             if ids.shape != (len(self.triangles),):
@@ -81,6 +86,20 @@ class Mesh:
                     f"({len(self.triangles)},), not {ids.shape}"
                 )
             self.material_ids = ids
+
+    def _check_skin(self, n: int) -> None:
+        if (self.joints is None) != (self.weights is None):
+            raise Error("joints and weights belong together, but only one of them is given")
+        if self.joints is None:
+            return
+        self.joints = np.ascontiguousarray(_indices(np.asarray(self.joints), "joints"))
+        columns = self.joints.shape[1] if self.joints.ndim == 2 else 0
+        if columns == 0 or columns % 4 or len(self.joints) != n:
+            raise Error(
+                f"joints must have one row a vertex of 4, 8, ... numbers, not shape "
+                f"{self.joints.shape}"
+            )
+        self.weights = _optional(self.weights, n, columns, "weights")
 
     @property
     def vertices(self) -> Float32Array:
@@ -107,6 +126,10 @@ class Mesh:
         extras = [
             k for k in ("normals", "tangents", "uvs", "colors") if getattr(self, k) is not None
         ]
+        if self.uv_sets:
+            extras.append(f"{len(self.uv_sets)} more uvs")
+        if self.joints is not None:
+            extras.append("joints")
         if self.material_ids is not None:
             extras.append(f"{len(self.materials)} materials")
         name = f" {self.name!r}" if self.name else ""
@@ -241,8 +264,10 @@ def _floats(value: ArrayLike, columns: int, what: str) -> Float32Array:
 
 
 def _optional(value: Any, n: int, columns: int, what: str) -> Float32Array | None:
-    if value is None:
-        return None
+    return None if value is None else _row_each(value, n, columns, what)
+
+
+def _row_each(value: Any, n: int, columns: int, what: str) -> Float32Array:
     array = _floats(value, columns, what)
     if len(array) != n:
         raise Error(f"{what} must have one row a vertex: {n}, not {len(array)}")

@@ -8,6 +8,8 @@ namespace {
 
 // Integers up to this are exact as floats.
 constexpr float kMostSteps = 0x1p24f;
+// Weights of joints are stored exactly where texture coordinates are, else as multiples of this.
+constexpr float kWeightStep = 0x1p-14f;
 
 void check_bits(const char* name, uint32_t bits) {
   if (bits != 0 && (bits < 2 || bits > 16))
@@ -40,16 +42,39 @@ AttributeFormat positions_of(const lod::Dag& dag) {
 }
 
 /// The asked step, or as much more as the largest coordinate needs.
-AttributeFormat uvs_of(const std::vector<Vec2>& uvs, float step) {
+AttributeFormat on_grid_of(uint32_t attribute, uint32_t set, const auto& for_each, float step) {
   float largest = 0;
   bool finite = true;
-  for (const Vec2& uv : uvs) {
-    largest = std::max({largest, std::fabs(uv.x), std::fabs(uv.y)});
-    finite &= std::isfinite(uv.x) && std::isfinite(uv.y);
-  }
+  for_each([&](float value) {
+    largest = std::max(largest, std::fabs(value));
+    finite &= std::isfinite(value);
+  });
   while (finite && step > 0 && largest / step > kMostSteps) step *= 2;
-  if (step > 0 && finite) return {kUvs, Coding::kGrid, 0, step};
-  return {kUvs, Coding::kFloats, 0, 0};
+  if (step > 0 && finite) return {attribute, Coding::kGrid, 0, step, set};
+  return {attribute, Coding::kFloats, 0, 0, set};
+}
+
+AttributeFormat uvs_of(const std::vector<Vec2>& uvs, float step) {
+  const auto for_each = [&](const auto& visit) {
+    for (const Vec2& uv : uvs) visit(uv.x), visit(uv.y);
+  };
+  return on_grid_of(kUvs, 0, for_each, step);
+}
+
+/// Those of a kind. Joints and materials are whole numbers.
+void add_extras(const Mesh& mesh, ExtraKind kind, float step, std::vector<AttributeFormat>& out) {
+  const size_t width = extra_width(mesh.extras);
+  size_t at = 0;
+  for (const Extra& extra : mesh.extras) {
+    const size_t count = extra_width(extra.kind);
+    const auto for_each = [&](const auto& visit) {
+      for (size_t v = 0; v < mesh.positions.size(); ++v)
+        for (size_t k = 0; k < count; ++k) visit(mesh.extra_values[v * width + at + k]);
+    };
+    if (extra.kind == kind)
+      out.push_back(on_grid_of(static_cast<uint32_t>(kind), extra.set, for_each, step));
+    at += count;
+  }
 }
 
 bool are_in_range(const std::vector<Vec4>& colors) {
@@ -82,9 +107,13 @@ VertexFormat choose_format(const lod::Dag& dag, const AssetConfig& config) {
     attributes.push_back(
         with_bits(kTangents, Coding::kAngle, octahedral ? config.tangent_bits : 0));
   if (!mesh.uvs.empty()) attributes.push_back(uvs_of(mesh.uvs, config.uv_step));
+  add_extras(mesh, ExtraKind::kUvs, config.uv_step, attributes);
   if (!mesh.colors.empty())
     attributes.push_back(
         with_bits(kColors, Coding::kSrgb, are_in_range(mesh.colors) ? config.color_bits : 0));
+  add_extras(mesh, ExtraKind::kJoints, 1.0f, attributes);
+  add_extras(mesh, ExtraKind::kWeights, config.uv_step > 0 ? kWeightStep : 0.0f, attributes);
+  add_extras(mesh, ExtraKind::kMaterial, 1.0f, attributes);
   return make_format(std::move(attributes));
 }
 

@@ -45,7 +45,9 @@ struct Integers {
   size_t vertices = 0;
 };
 
-Integers quantize_group(const lod::Dag& dag, const VertexFormat& format, const Range& clusters) {
+Integers quantize_group(const EncodedMesh& mesh, const Range& clusters) {
+  const lod::Dag& dag = mesh.dag;
+  const VertexFormat& format = mesh.format;
   Integers all;
   for (uint32_t i = 0; i < clusters.count; ++i) {
     all.first.push_back(all.vertices * components(format));
@@ -57,6 +59,9 @@ Integers quantize_group(const lod::Dag& dag, const VertexFormat& format, const R
     quantize(format, dag.vertices, mine,
              std::span(all.values).subspan(all.first[i], mine.size() * components(format)));
   }
+  if (format.attributes.back().attribute == kMaterial)
+    for (size_t last = components(format); last <= all.values.size(); last += components(format))
+      all.values[last - 1] += static_cast<int32_t>(mesh.first_material);
   return all;
 }
 
@@ -65,7 +70,7 @@ class GroupEncoder {
   GroupEncoder(const EncodedMesh& mesh, uint32_t group, std::vector<std::byte>& part)
       : dag_(mesh.dag),
         format_(mesh.format),
-        integers_(quantize_group(dag_, format_, dag_.tables.groups[group].clusters)),
+        integers_(quantize_group(mesh, dag_.tables.groups[group].clusters)),
         ranges_(ranges_of(components(format_), integers_.values)),
         shared_(integers_.vertices),
         part_(part) {}

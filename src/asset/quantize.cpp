@@ -12,6 +12,7 @@ namespace umbel::asset {
 namespace {
 
 constexpr uint32_t kMaxBits = 16;
+constexpr uint32_t kMostSets = 255;
 
 /// An integer that rises with the float and keeps every bit of it.
 int32_t ordered(float f) {
@@ -111,10 +112,23 @@ uint32_t components_of(const AttributeFormat& format) {
       return 2;
     case kTangents:
     case kColors:
+    case kJoints:
+    case kWeights:
       return 4;
+    case kMaterial:
+      return 1;
     default:
       return 3;
   }
+}
+
+/// Of those in Mesh::extras, but for texture coordinates.
+bool is_extra(uint32_t attribute) {
+  return attribute == kJoints || attribute == kWeights || attribute == kMaterial;
+}
+/// Whether it is in Mesh::extras.
+bool is_extra(const AttributeFormat& f) {
+  return is_extra(f.attribute) || (f.attribute == kUvs && f.set > 0);
 }
 
 bool is_allowed(const AttributeFormat& f, bool has_octahedral_normals) {
@@ -123,8 +137,9 @@ bool is_allowed(const AttributeFormat& f, bool has_octahedral_normals) {
     case Coding::kFloats:
       return true;
     case Coding::kGrid:
-      return (f.attribute == kPositions || f.attribute == kUvs) && f.step > 0 &&
-             std::isfinite(f.step) && std::frexp(f.step, std::array<int, 1>{}.data()) == 0.5f;
+      return (f.attribute == kPositions || f.attribute == kUvs || is_extra(f.attribute)) &&
+             f.step > 0 && std::isfinite(f.step) &&
+             std::frexp(f.step, std::array<int, 1>{}.data()) == 0.5f;
     case Coding::kOctahedral:
       return f.attribute == kNormals && bits_are_right;
     case Coding::kAngle:
@@ -135,22 +150,25 @@ bool is_allowed(const AttributeFormat& f, bool has_octahedral_normals) {
   return false;
 }
 
+int32_t integer_of(float f, const AttributeFormat& format) {
+  return format.coding == Coding::kGrid ? on_grid(f, format.step) : ordered(f);
+}
+float float_of(int32_t i, Coding coding, float step) {
+  return coding == Coding::kGrid ? static_cast<float>(i) * step : unordered(i);
+}
+
 template <typename Vector>
 using FloatsOf = std::array<float, sizeof(Vector) / sizeof(float)>;
 
 template <typename Vector>
 void put_floats(const Vector& value, const AttributeFormat& format, int32_t* out) {
-  for (const float f : std::bit_cast<FloatsOf<Vector>>(value))
-    *out++ = format.coding == Coding::kGrid ? on_grid(f, format.step) : ordered(f);
+  for (const float f : std::bit_cast<FloatsOf<Vector>>(value)) *out++ = integer_of(f, format);
 }
 
 template <typename Vector>
 void get_floats(const int32_t* in, Coding coding, float step, Vector& value) {
   FloatsOf<Vector> floats;
-  for (float& f : floats) {
-    f = coding == Coding::kGrid ? static_cast<float>(*in) * step : unordered(*in);
-    ++in;
-  }
+  for (float& f : floats) f = float_of(*in++, coding, step);
   value = std::bit_cast<Vector>(floats);
 }
 
@@ -194,9 +212,43 @@ void quantize_one(const AttributeFormat& format, const int32_t* normals, uint32_
   }
 }
 
+/// One of Mesh::extras, whose values begin at `at` of a vertex's.
+void quantize_extra(const AttributeFormat& format, uint32_t at, const Mesh& streams,
+                    std::span<const uint32_t> vertices, uint32_t stride, int32_t* out) {
+  const size_t width = extra_width(streams.extras);
+  for (size_t i = 0; i < vertices.size(); ++i, out += stride)
+    for (uint32_t k = 0; k < format.components; ++k)
+      out[k] = integer_of(streams.extra_values[vertices[i] * width + at + k], format);
+}
+
+/// All of them: what they are, and their values.
+void dequantize_extras(const VertexFormat& format, std::span<const int32_t> integers,
+                       lod::ClusterGeometry& geometry) {
+  std::vector<Extra>& extras = geometry.extras;
+  extras.clear();
+  for (const AttributeFormat& f : format.attributes)
+    if (is_known(f) && is_extra(f)) extras.push_back({static_cast<ExtraKind>(f.attribute), f.set});
+  const size_t width = extra_width(extras), stride = components(format);
+  geometry.extra_values.resize(integers.size() / stride * width);
+  size_t at = 0, to = 0;
+  for (const AttributeFormat& f : format.attributes) {
+    if (is_known(f) && is_extra(f)) {
+      for (size_t v = 0; v * stride < integers.size(); ++v)
+        for (uint32_t k = 0; k < f.components; ++k)
+          geometry.extra_values[v * width + to + k] =
+              float_of(integers[v * stride + at + k], f.coding, f.step);
+      to += f.components;
+    }
+    at += f.components;
+  }
+}
+
 }  // namespace
 
 bool is_known(const AttributeFormat& f) {
+  if (is_extra(f))
+    return f.coding <= Coding::kGrid && f.set <= kMostSets &&
+           (f.attribute != kMaterial || f.set == 0);
   const bool attribute = f.attribute == kPositions || f.attribute == kNormals ||
                          f.attribute == kTangents || f.attribute == kUvs || f.attribute == kColors;
   return attribute && f.set == 0 && f.coding <= Coding::kSrgb;
@@ -242,10 +294,15 @@ void quantize(const VertexFormat& format, const Mesh& streams, std::span<const u
               std::span<int32_t> out) {
   int32_t* at = out.data();
   const int32_t* normals = at;
-  uint32_t normal_bits = 0;
+  uint32_t normal_bits = 0, extra_at = 0;
   for (const AttributeFormat& f : format.attributes) {
     if (f.coding == Coding::kOctahedral) normals = at, normal_bits = f.bits;
-    quantize_one(f, normals, normal_bits, streams, vertices, components(format), at);
+    if (is_extra(f)) {
+      quantize_extra(f, extra_at, streams, vertices, components(format), at);
+      extra_at += f.components;
+    } else {
+      quantize_one(f, normals, normal_bits, streams, vertices, components(format), at);
+    }
     at += components_of(f);
   }
 }
@@ -258,7 +315,7 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
   for (const AttributeFormat& f : format.attributes) {
     const int32_t* in = integers.data() + at;
     at += f.components;
-    if (!is_known(f)) continue;
+    if (!is_known(f) || is_extra(f)) continue;
     const auto fill = [&](auto& stream, const auto& decoded) {
       stream.resize(count);
       for (size_t v = 0; v < count; ++v) decoded(in + v * stride, stream[v]);
@@ -293,6 +350,7 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
       fill(geometry.colors, floats);
     }
   }
+  dequantize_extras(format, integers, geometry);
 }
 
 }  // namespace umbel::asset

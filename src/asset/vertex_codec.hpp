@@ -13,7 +13,16 @@
 
 namespace umbel::asset {
 
-enum Attributes : uint32_t { kPositions = 0, kNormals = 1, kTangents = 2, kUvs = 4, kColors = 8 };
+enum Attributes : uint32_t {
+  kPositions = 0,
+  kNormals = 1,
+  kTangents = 2,
+  kUvs = 4,
+  kColors = 8,
+  kJoints = 16,
+  kWeights = 32,
+  kMaterial = 64
+};
 
 /// How an attribute's values become integers.
 enum class Coding : uint32_t {

@@ -83,6 +83,10 @@ void check_dag(const lod::Dag& dag) {
   check_stream("tangents", dag.vertices.tangents, vertices);
   check_stream("uvs", dag.vertices.uvs, vertices);
   check_stream("colors", dag.vertices.colors, vertices);
+  const size_t width = extra_width(dag.vertices.extras);
+  if (width > kMostExtraValues || dag.vertices.extra_values.size() != width * vertices)
+    refuse("the DAG's extra_values has " + std::to_string(dag.vertices.extra_values.size()) +
+           " elements for " + std::to_string(vertices) + " vertices of " + std::to_string(width));
   if (clusters == 0) return;
   if (dag.cluster_triangles.size() % 3 != 0)
     refuse("the DAG's cluster_triangles has " + std::to_string(dag.cluster_triangles.size()) +

@@ -1,4 +1,6 @@
 // Building levels of detail from C.
+#include <algorithm>
+
 #include "capi/cluster_input.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
@@ -19,6 +21,9 @@ umbel_lod_report report_of(const umbel_lod& lod) {
   result.degenerate_triangles = report.degenerate_triangles;
   result.root_triangles = report.root_triangles;
   std::copy(report.groups_by_rung.begin(), report.groups_by_rung.end(), result.groups_by_rung);
+  for (size_t rung = 0; rung < report.groups_by_reason.size(); ++rung)
+    std::ranges::copy(report.groups_by_reason[rung], result.groups_by_reason[rung]);
+  std::ranges::copy(report.waits_by_reason, result.waits_by_reason);
   result.seconds = report.seconds;
   return result;
 }
@@ -63,6 +68,18 @@ umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report
   using namespace umbel;
   return capi::guard(
       [&] { capi::write_struct(capi::report_of(capi::required(lod, "lod")), report, "report"); });
+}
+
+umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons, size_t capacity) {
+  using namespace umbel;
+  return capi::guard([&] {
+    const std::vector<lod::Reason>& given = capi::required(lod, "lod").dag.reasons;
+    if (capacity < given.size())
+      throw capi::CapacityError{"capacity is " + std::to_string(capacity) + ", but " +
+                                std::to_string(given.size()) + " are needed"};
+    std::ranges::transform(given, capi::elements<uint32_t>(reasons, capacity, "reasons").begin(),
+                           [](lod::Reason reason) { return static_cast<uint32_t>(reason); });
+  });
 }
 
 umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,

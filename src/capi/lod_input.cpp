@@ -25,6 +25,9 @@ umbel_lod_config config_as_c(const lod::Config& config) {
   result.measured_error = config.measured_error ? 1 : 0;
   result.seams = static_cast<uint32_t>(config.seams);
   result.creases = static_cast<uint32_t>(config.creases);
+  result.tangent_weight = config.tangent_weight;
+  result.skin_weight = config.skin_weight;
+  result.mix_materials = config.mix_materials ? 1 : 0;
   return result;
 }
 
@@ -52,6 +55,7 @@ class Answer {
     if (!mesh.tangents.empty()) added_.tangents.resize(count);
     if (!mesh.uvs.empty()) added_.uvs.resize(count);
     if (!mesh.colors.empty()) added_.colors.resize(count);
+    added_.extra_values.resize(count * extra_width(mesh.extras));
     if (!mesh.materials.empty()) materials_.assign(count, mesh.materials.front());
   }
 
@@ -71,6 +75,7 @@ class Answer {
     place(group.added_uvs, added_.uvs);
     place(group.added_colors, added_.colors);
     place(group.added_materials, materials_);
+    place(group.added_extra_values, added_.extra_values);
     return group;
   }
 
@@ -90,6 +95,8 @@ class Answer {
     take(added_.uvs, result.added.uvs);
     take(added_.colors, result.added.colors);
     take(materials_, result.added_materials);
+    added_.extra_values.resize(group.added_count * extra_width(input_.mesh.extras));
+    result.added.extra_values = std::move(added_.extra_values);
   }
 
  private:
@@ -125,6 +132,13 @@ MeshView lod_mesh(const umbel_lod_mesh* given) {
   optional(view.uvs, mesh.uvs, mesh.position_count);
   optional(view.colors, mesh.colors, mesh.position_count);
   optional(view.materials, mesh.materials, mesh.triangle_count);
+  if (mesh.extra_count > 0) {
+    view.extras = elements<const Extra>(mesh.extras, mesh.extra_count, "mesh->extras");
+    const size_t width = extra_width(view.extras);
+    if (mesh.position_count > 0 && width > 0)
+      view.extra_values = elements<const float>(mesh.extra_values, width * mesh.position_count,
+                                                "mesh->extra_values");
+  }
   return view;
 }
 
@@ -142,6 +156,9 @@ umbel_lod_mesh mesh_as_c(const MeshView& mesh) {
   place(result.uvs, mesh.uvs);
   place(result.colors, mesh.colors);
   place(result.materials, mesh.materials);
+  place(result.extras, mesh.extras);
+  place(result.extra_values, mesh.extra_values);
+  result.extra_count = mesh.extras.size();
   result.position_count = mesh.positions.size();
   result.triangle_count = mesh.triangles.size();
   return result;
@@ -167,6 +184,9 @@ lod::Config lod_config(const umbel_lod_config* given) {
   result.measured_error = config.measured_error != 0;
   result.seams = seam_rule(config.seams, "seams");
   result.creases = seam_rule(config.creases, "creases");
+  result.tangent_weight = config.tangent_weight;
+  result.skin_weight = config.skin_weight;
+  result.mix_materials = config.mix_materials != 0;
   return result;
 }
 

@@ -45,7 +45,8 @@ void check(const Config& config) {
               std::to_string(config.max_group) + ", must be 2 <= min <= max <= 1024");
   require(config.ratio >= 0.1f && config.ratio <= 0.9f,
           "ratio is " + std::to_string(config.ratio) + ", must be in [0.1, 0.9]");
-  for (float weight : {config.normal_weight, config.uv_weight, config.color_weight})
+  for (float weight : {config.normal_weight, config.uv_weight, config.color_weight,
+                       config.tangent_weight, config.skin_weight})
     require(weight >= 0.0f && weight <= 1e3f,
             "an attribute weight is " + std::to_string(weight) + ", must be in [0, 1000]");
   require(config.max_error >= 0.0f,
@@ -307,7 +308,10 @@ class Builder {
       const Range range = groups.ranges[g];
       const auto members = std::span(groups.items).subspan(range.offset, range.count);
       const float error = error_of(members, results[g]);
+      const Reason reason = results[g].simplified.reason;
       if (!results[g].simplified.done || error > config_.max_error) {
+        ++report().waits_by_reason[static_cast<size_t>(results[g].simplified.done ? Reason::kStopped
+                                                                                  : reason)];
         for (uint32_t c : members) {
           next.push_back({&pending_, c});
           next_spheres.push_back(own_spheres_[c]);
@@ -317,7 +321,7 @@ class Builder {
       }
       if (meter_) compare(results[g], members);
       const uint32_t id =
-          emit_group(members, results[g].simplified.rung, error, results[g].new_positions);
+          emit_group(members, results[g].simplified.rung, reason, error, results[g].new_positions);
       ClusterSet& made = results[g].clusters;
       std::fill(made.generating_group.begin(), made.generating_group.end(), id);
       for (uint32_t c = 0; c < made.size(); ++c) {
@@ -340,7 +344,7 @@ class Builder {
   }
 
   // A new group of pending clusters, which `emit_clusters` then moves into the DAG.
-  uint32_t emit_group(std::span<const uint32_t> members, Rung rung, float error,
+  uint32_t emit_group(std::span<const uint32_t> members, Rung rung, Reason reason, float error,
                       std::span<const Vec3> new_positions = {}) {
     const uint32_t id = static_cast<uint32_t>(tables().groups.size());
     std::vector<uint32_t> generators;
@@ -364,7 +368,9 @@ class Builder {
     for (const Vec3& p : new_positions) spheres.push_back({p, 0.0f});
     group.sphere = enclosing_sphere(spheres);
     tables().groups.push_back(group);
-    ++report().groups_by_rung[static_cast<size_t>(group.rung)];
+    dag_.reasons.push_back(reason);
+    ++report().groups_by_rung[static_cast<size_t>(rung)];
+    ++report().groups_by_reason[static_cast<size_t>(rung)][static_cast<size_t>(reason)];
     return id;
   }
 
@@ -409,6 +415,7 @@ class Builder {
   void emit_roots() {
     const bool coarsest = is_coarsest();
     const bool wished = is_deep_enough() || config_.max_error < kInfinity;
+    const Reason reason = coarsest ? Reason::kCoarsest : wished ? Reason::kStopped : Reason::kStuck;
     report().root_triangles = pending_.triangle_count();
     const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
     Clusters roots;
@@ -419,7 +426,8 @@ class Builder {
       roots = grouper_.group(pending_, locked_, config_);
     }
     for (const Range& range : roots.ranges)
-      emit_group(std::span(roots.items).subspan(range.offset, range.count), Rung::kRoot, kInfinity);
+      emit_group(std::span(roots.items).subspan(range.offset, range.count), Rung::kRoot, reason,
+                 kInfinity);
     emit_clusters(first_group);
     report().root_groups = static_cast<uint32_t>(roots.ranges.size());
     report().stuck_groups = coarsest || wished ? 0 : report().root_groups;
@@ -433,7 +441,21 @@ class Builder {
     dag_.vertices = std::move(source_.mesh);
     dag_.vertices.triangles = {};
     dag_.vertices.materials = {};
+    if (config_.mix_materials && !source_.vertex_materials.empty()) keep_vertex_materials();
     progress_.report(1.0, "done");
+  }
+
+  // As one more attribute.
+  void keep_vertex_materials() {
+    Mesh& mesh = dag_.vertices;
+    const size_t width = extra_width(mesh.extras), count = mesh.positions.size();
+    std::vector<float> values((width + 1) * count);
+    for (size_t v = 0; v < count; ++v) {
+      std::copy_n(mesh.extra_values.begin() + width * v, width, values.begin() + (width + 1) * v);
+      values[(width + 1) * v + width] = static_cast<float>(source_.vertex_materials[v]);
+    }
+    mesh.extra_values = std::move(values);
+    mesh.extras.push_back({ExtraKind::kMaterial, 0});
   }
 
   Config config_;
@@ -458,6 +480,20 @@ class Builder {
 
 namespace {
 
+// Materials of triangles are kept as floats where clusters mix them.
+void check_materials(const MeshView& mesh, const Config& config) {
+  if (!mesh.extras.empty() && mesh.extras.back().kind == ExtraKind::kMaterial)
+    throw Error(ErrorCode::kInvalidArgument,
+                "the extras have a material, which only levels of detail have: give `materials`");
+  if (!config.mix_materials) return;
+  for (size_t t = 0; t < mesh.materials.size(); ++t)
+    if (mesh.materials[t] > 1u << 24)
+      throw Error(ErrorCode::kInvalidArgument,
+                  "triangle " + std::to_string(t) + " has the material " +
+                      std::to_string(mesh.materials[t]) +
+                      ", at most 16777216 is possible with mix_materials");
+}
+
 Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& options,
                 const Decimator& decimate) {
   if (config.position_step == 0) return Builder(mesh, config, options, decimate).run();
@@ -479,6 +515,7 @@ Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& 
 Dag build(const MeshView& mesh, const Config& config, const BuildOptions& options,
           const Decimator& decimate) {
   check(config);
+  check_materials(mesh, config);
   validate(mesh, options.threads == 0 ? BuildOptions{} : BuildOptions{{}, options.threads});
   const auto start = std::chrono::steady_clock::now();
   Dag dag;

@@ -66,6 +66,8 @@ class EdgeCollapser {
   /// stands for. False where that is not known to be better: it stands for itself alone, or
   /// others stand at its position, or the border of the piece does.
   bool refit(uint32_t vertex, std::span<float> values) const;
+  /// What stands most in the way of the positions that are left.
+  Reason hindrance();
   /// New edges between locked positions of different components.
   const std::vector<PositionPair>& chords() const { return chords_; }
 
@@ -128,6 +130,7 @@ class EdgeCollapser {
   void offer(uint32_t p, uint32_t target);
   void choose(uint32_t p, const Choice& choice);
 
+  Reason hindrance_at(uint32_t p);
   bool is_legal(uint32_t p, uint32_t target);
   bool keeps_link(uint32_t p, uint32_t target);
   void list_neighbours(uint32_t p, uint32_t target);

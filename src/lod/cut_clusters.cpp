@@ -1,6 +1,7 @@
 #include "lod/cut_clusters.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
@@ -9,10 +10,10 @@ namespace umbel::lod {
 namespace {
 
 // Sorts by material, keeping the order within one, and gives the range of each.
-void sort_by_material(const Source& source, std::span<Triangle> triangles,
+void sort_by_material(const Source& source, bool mix, std::span<Triangle> triangles,
                       std::vector<Range>& segments) {
   segments.clear();
-  if (source.vertex_materials.empty()) return;
+  if (mix || source.vertex_materials.empty()) return;
   const auto material = [&](const Triangle& t) { return source.vertex_materials[t[0]]; };
   std::stable_sort(triangles.begin(), triangles.end(),
                    [&](const Triangle& a, const Triangle& b) { return material(a) < material(b); });
@@ -29,6 +30,24 @@ MeshView view_of(const Source& source, std::span<const Triangle> triangles) {
   view.positions = source.mesh.positions;
   view.triangles = triangles;
   return view;
+}
+
+// Of most of the triangles; the lowest of those that are as many.
+uint32_t common_material(const Source& source, std::span<const Triangle> triangles,
+                         std::span<const uint32_t> items) {
+  if (source.vertex_materials.empty()) return 0;
+  std::array<uint32_t, 256> materials;
+  for (size_t i = 0; i < items.size(); ++i)
+    materials[i] = source.vertex_materials[triangles[items[i]][0]];
+  const auto end = materials.begin() + items.size();
+  std::sort(materials.begin(), end);
+  uint32_t common = materials[0];
+  for (auto at = materials.begin(); at != end;) {
+    const auto next = std::upper_bound(at, end, *at);
+    if (next - at > std::count(materials.begin(), end, common)) common = *at;
+    at = next;
+  }
+  return common;
 }
 
 // One cluster with vertices of its own, numbered by first use.
@@ -57,7 +76,7 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
   Aabb box;
   for (uint32_t i = 0; i < vertex_count; ++i) extend(box, source.mesh.positions[vertices[i]]);
   out.append({vertices, vertex_count}, {corners, corner_count}, generating_group,
-             source.material(vertices[0]), box);
+             common_material(source, triangles, items), box);
 }
 
 }  // namespace
@@ -72,7 +91,7 @@ ClusterConfig cluster_config(const Config& config) {
 void ClusterCutter::cut(const Source& source, std::span<Triangle> triangles,
                         uint32_t generating_group, ClusterSet& out) {
   if (triangles.empty()) return;
-  sort_by_material(source, triangles, segments_);
+  sort_by_material(source, mix_, triangles, segments_);
   bisector_.build(view_of(source, triangles), segments_, config_, clusters_);
   for (const Range& range : clusters_.ranges)
     append_cluster(source, triangles, std::span(clusters_.items).subspan(range.offset, range.count),
@@ -83,9 +102,9 @@ void cut_mesh(const Source& source, const Config& config, const BuildOptions& op
               ClusterSet& out) {
   std::vector<Triangle> sorted;
   std::vector<Range> segments;
-  if (!source.vertex_materials.empty()) {
+  if (!source.vertex_materials.empty() && !config.mix_materials) {
     sorted = source.mesh.triangles;
-    sort_by_material(source, sorted, segments);
+    sort_by_material(source, false, sorted, segments);
   }
   const std::span<const Triangle> triangles = sorted.empty() ? source.mesh.triangles : sorted;
   const Clusters clusters = cluster::cluster_triangles(view_of(source, triangles), segments,

@@ -28,6 +28,12 @@ ClusterGeometry Dag::geometry(uint32_t cluster) const {
   geometry.tangents = gather(vertices.tangents, used);
   geometry.uvs = gather(vertices.uvs, used);
   geometry.colors = gather(vertices.colors, used);
+  geometry.extras = vertices.extras;
+  const size_t width = extra_width(vertices.extras);
+  for (const uint32_t v : used)
+    geometry.extra_values.insert(geometry.extra_values.end(),
+                                 vertices.extra_values.begin() + width * v,
+                                 vertices.extra_values.begin() + width * (v + 1));
   geometry.triangles.assign(cluster_triangles.begin() + size_t{3} * triangle_offsets[cluster],
                             cluster_triangles.begin() + size_t{3} * triangle_offsets[cluster + 1]);
   return geometry;

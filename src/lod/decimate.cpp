@@ -36,6 +36,11 @@ void check(const DecimationInput& input, const DecimationResult& made) {
   fits(input.mesh.tangents, made.added.tangents, "tangents");
   fits(input.mesh.uvs, made.added.uvs, "uvs");
   fits(input.mesh.colors, made.added.colors, "colors");
+  const size_t width = extra_width(input.mesh.extras);
+  if (made.added.extra_values.size() != width * added)
+    reject("there are " + std::to_string(made.added.extra_values.size()) +
+           " values of further attributes of added vertices, must be " +
+           std::to_string(width * added));
   const auto& materials = input.mesh.materials;
   const bool several = std::adjacent_find(materials.begin(), materials.end(),
                                           std::not_equal_to<>()) != materials.end();
@@ -43,6 +48,7 @@ void check(const DecimationInput& input, const DecimationResult& made) {
     reject("there are " + std::to_string(made.added_materials.size()) +
            " materials of added vertices, must be " + std::to_string(added));
   Mesh probe = made.added;
+  probe.extras.assign(input.mesh.extras.begin(), input.mesh.extras.end());
   for (uint32_t v = 0; v < added; ++v) probe.triangles.push_back({v, v, v});
   probe.materials.clear();
   validate(probe.view());
@@ -95,6 +101,7 @@ bool GroupSimplifier::ask_caller(size_t target, size_t most, Candidate& candidat
 void GroupSimplifier::take_added(const DecimationResult& made, AddedVertices& added) {
   const size_t count = made.added.positions.size();
   added.mesh = made.added;
+  added.mesh.extras = source_.mesh.extras;
   added.materials = added_materials_ = made.added_materials;
   if (count == 0) return;
   std::map<std::array<float, 3>, uint32_t> known;  // local positions

@@ -47,19 +47,22 @@ uint32_t find_slot(const std::vector<uint32_t>& table, uint32_t key, const Match
   return slot;
 }
 
+bool differ_in_extras(const Mesh& mesh, uint32_t a, uint32_t b) {
+  if (mesh.extras.empty()) return false;
+  const size_t width = extra_width(mesh.extras);
+  const float* values = mesh.extra_values.data();
+  return !std::equal(values + a * width, values + (a + 1) * width, values + b * width);
+}
+
+bool are_mirrored(const Mesh& mesh, uint32_t a, uint32_t b) {
+  return !mesh.tangents.empty() && mesh.tangents[a].w != mesh.tangents[b].w;
+}
+
 }  // namespace
 
 GroupSimplifier::GroupSimplifier(const Source& source, const Config& config,
                                  const Decimator& decimate)
-    : source_(source), config_(config), decimate_(decimate) {
-  if (!config.attributes) return;
-  const Mesh& mesh = source.mesh;
-  if (!mesh.normals.empty())
-    attribute_weights_.insert(attribute_weights_.end(), 3, config.normal_weight);
-  if (!mesh.uvs.empty()) attribute_weights_.insert(attribute_weights_.end(), 2, config.uv_weight);
-  if (!mesh.colors.empty())
-    attribute_weights_.insert(attribute_weights_.end(), 4, config.color_weight);
-}
+    : source_(source), config_(config), decimate_(decimate) {}
 
 Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint32_t> clusters,
                                      std::span<const uint8_t> locked, Allowance allow) {
@@ -80,8 +83,12 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   const size_t worthwhile = static_cast<size_t>(before * kStuck);
   const bool by_caller =
       decimate_ && best.triangles.size() > target && ask_caller(target, worthwhile, best);
+  Simplified result;
+  if (by_caller) result.reason = Reason::kCaller;
   if (!by_caller && best.triangles.size() > target) {
     consider(collapse_regular(target));
+    if (best.rung == Rung::kPrune) result.reason = Reason::kSmallParts;
+    if (best.triangles.size() > good) result.reason = collapser_.hindrance();
     if (best.triangles.size() > good || has_irregular_) prepare_repair();
     const bool across = !protects_seams() || allow.last_resort;
     if (across && best.triangles.size() > good)
@@ -97,7 +104,6 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
     }
   }
 
-  Simplified result;
   const auto to_ids = [&](std::span<const PositionPair> edges) {
     std::vector<PositionPair> ids;
     for (const auto& [a, b] : edges) ids.push_back({position_ids_[a], position_ids_[b]});
@@ -221,23 +227,6 @@ void GroupSimplifier::find_spare_vertices() {
   }
 }
 
-void GroupSimplifier::gather_attributes() {
-  const Mesh& mesh = source_.mesh;
-  attributes_.clear();
-  if (attribute_weights_.empty()) return;
-  for (uint32_t v : vertices_) {
-    if (!mesh.normals.empty()) {
-      const Vec3& n = mesh.normals[v];
-      attributes_.insert(attributes_.end(), {n.x, n.y, n.z});
-    }
-    if (!mesh.uvs.empty()) attributes_.insert(attributes_.end(), {mesh.uvs[v].x, mesh.uvs[v].y});
-    if (!mesh.colors.empty()) {
-      const Vec4& c = mesh.colors[v];
-      attributes_.insert(attributes_.end(), {c.x, c.y, c.z, c.w});
-    }
-  }
-}
-
 // A triangle that is there twice with the same vertices and the same front looks as one does. Its
 // edges are irregular.
 void GroupSimplifier::drop_repeated_triangles() {
@@ -273,9 +262,11 @@ void GroupSimplifier::find_rules() {
   for (uint32_t i = 0; i < vertices_.size(); ++i) {
     const uint32_t v = vertices_[i], p = position_of_[i];
     if (first[p] == kNone) first[p] = v;
-    if (differ(mesh.uvs, v, first[p]) || differ(mesh.colors, v, first[p]))
+    if (differ(mesh.uvs, v, first[p]) || differ(mesh.colors, v, first[p]) ||
+        differ_in_extras(mesh, v, first[p]) || are_mirrored(mesh, v, first[p]))
       rules_[p] = std::min(rules_[p], config_.seams);
-    if (differ(mesh.normals, v, first[p])) rules_[p] = std::min(rules_[p], config_.creases);
+    if (differ(mesh.normals, v, first[p]) || differ(mesh.tangents, v, first[p]))
+      rules_[p] = std::min(rules_[p], config_.creases);
   }
 }
 

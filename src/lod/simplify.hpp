@@ -28,6 +28,7 @@ struct Simplified {
   float attribute_error = 0;  ///< how much worse it made attributes, as a length
   float vanished = 0;         ///< half the diagonal of the largest component that it removed whole
   Rung rung = Rung::kRegular;
+  Reason reason = Reason::kNone;          ///< set even if not done
   std::vector<PositionPair> fixed_edges;  ///< of the group itself, see topology.hpp; always set
   std::vector<PositionPair> chords;       ///< new edges between two locked vertices
 };
@@ -70,6 +71,10 @@ class GroupSimplifier {
   void gather(const ClusterSet& set, std::span<const uint32_t> clusters,
               std::span<const uint8_t> locked);
   void gather_attributes();
+  void gather_further_attributes();
+  void gather_skin();
+  template <typename Value>
+  void add_columns(float weight, uint32_t count, const Value& value);
   void prepare_repair();
   void find_spare_vertices();
   void find_components();
@@ -114,7 +119,7 @@ class GroupSimplifier {
   const Source& source_;
   const Config& config_;
   const Decimator& decimate_;
-  std::vector<float> attribute_weights_;
+  std::vector<float> attribute_weights_;  // of this group's attributes
   PieceTopology topology_;
   EdgeCollapser collapser_;
   Allowance allow_;
@@ -124,6 +129,7 @@ class GroupSimplifier {
   std::vector<uint32_t> added_materials_;
   std::vector<uint32_t> position_of_;   // local vertex -> local position
   std::vector<Vec3> positions_;         // of local vertices, scaled
+  std::vector<float> columns_;          // attributes, one after the other
   std::vector<float> attributes_;       // attribute_weights_.size() a local vertex
   std::vector<uint8_t> flags_;          // meshoptimizer's, of local vertices
   std::vector<uint8_t> locked_;         // of local positions

@@ -26,7 +26,7 @@ float simplification_scale(const Aabb& box) {
 // Where vertices have nothing but a position, welding has left one at each.
 std::vector<uint32_t> find_position_ids(const Mesh& mesh) {
   const bool only_positions = mesh.normals.empty() && mesh.tangents.empty() && mesh.uvs.empty() &&
-                              mesh.colors.empty() && mesh.materials.empty();
+                              mesh.colors.empty() && mesh.materials.empty() && mesh.extras.empty();
   if (!only_positions) return position_ids(mesh.positions);
   std::vector<uint32_t> ids(mesh.positions.size());
   std::iota(ids.begin(), ids.end(), 0u);
@@ -40,6 +40,15 @@ void permute(std::vector<Value>& values, const std::vector<uint32_t>& from) {
   std::vector<Value> result(from.size());
   parallel_for(from.size(), 1 << 14, [&](size_t i) { result[i] = values[from[i]]; });
   values = std::move(result);
+}
+
+void permute_extras(Mesh& mesh, const std::vector<uint32_t>& from) {
+  if (mesh.extras.empty()) return;
+  const size_t width = extra_width(mesh.extras);
+  std::vector<float> result(from.size() * width);
+  for (size_t i = 0; i < from.size(); ++i)
+    std::copy_n(mesh.extra_values.begin() + width * from[i], width, result.begin() + width * i);
+  mesh.extra_values = std::move(result);
 }
 
 }  // namespace
@@ -81,6 +90,11 @@ void append_vertex(Mesh& to, const Mesh& from, uint32_t vertex) {
   append(to.tangents, from.tangents);
   append(to.uvs, from.uvs);
   append(to.colors, from.colors);
+  if (from.extras.empty()) return;
+  const size_t width = extra_width(from.extras);
+  to.extras = from.extras;
+  const float* values = from.extra_values.data() + vertex * width;
+  to.extra_values.insert(to.extra_values.end(), values, values + width);
 }
 
 uint32_t append_vertices(Source& source, const AddedVertices& added) {
@@ -121,6 +135,7 @@ void order_vertices(Source& source, ClusterSet& clusters) {
   permute(mesh.tangents, from);
   permute(mesh.uvs, from);
   permute(mesh.colors, from);
+  permute_extras(mesh, from);
   permute(source.vertex_materials, from);
   permute(source.several_materials, from);
   permute(source.position_ids, from);

@@ -83,6 +83,9 @@ class Reader {
     check_stream(c, "tangents", g.tangents.size(), vertices);
     check_stream(c, "texture coordinates", g.uvs.size(), vertices);
     check_stream(c, "colors", g.colors.size(), vertices);
+    const uint32_t width = extra_width(g.extras);
+    check_stream(c, "values of further attributes", width == 0 ? 0 : g.extra_values.size() / width,
+                 vertices);
     const bool usable = check_indices(c, g) && check_positions(c, g);
     topology_.complete &= usable;
     return usable;

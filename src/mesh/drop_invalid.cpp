@@ -43,6 +43,8 @@ DropResult drop_invalid(const MeshView& mesh, const BuildOptions& options) {
   result.mesh.tangents = copied(mesh.tangents);
   result.mesh.uvs = copied(mesh.uvs);
   result.mesh.colors = copied(mesh.colors);
+  result.mesh.extras = copied(mesh.extras);
+  result.mesh.extra_values = copied(mesh.extra_values);
   result.mesh.triangles = kept_of(mesh.triangles, keep, kept);
   result.mesh.materials = kept_of(mesh.materials, keep, kept);
   progress.report(1, "dropping invalid triangles");

@@ -1,8 +1,10 @@
 // Rejects meshes that later stages could not make sense of, naming the first offender: the
 // lowest triangle, its first bad corner, that corner's index or value. Only vertices that
 // triangles use are judged.
+#include <array>
 #include <atomic>
 #include <bit>
+#include <cmath>
 #include <cstdio>
 
 #include "base/parallel.hpp"
@@ -32,9 +34,35 @@ bool all_finite(std::span<const Vector> stream) {
   return finite;
 }
 
+// A joint or a material is a whole number that floats can count to.
+bool is_good_extra(ExtraKind kind, float value) {
+  if (!all_finite(std::array<float, 1>{value})) return false;
+  if (kind != ExtraKind::kJoints && kind != ExtraKind::kMaterial) return true;
+  return value >= 0.0f && value <= 0x1p24f && value == std::floor(value);
+}
+
+// The value at fault of a vertex, or null.
+const float* bad_extra(const MeshView& mesh, size_t vertex) {
+  const float* value = mesh.extra_values.data() + vertex * extra_width(mesh.extras);
+  for (const Extra& extra : mesh.extras)
+    for (uint32_t k = 0; k < extra_width(extra.kind); ++k, ++value)
+      if (!is_good_extra(extra.kind, *value)) return value;
+  return nullptr;
+}
+
+bool all_extras_are_good(const MeshView& mesh) {
+  if (mesh.extras.empty()) return true;
+  std::atomic<bool> good{true};
+  parallel_chunks(mesh.positions.size(), size_t{1} << 16, [&](size_t begin, size_t end) {
+    for (size_t v = begin; v < end; ++v)
+      if (bad_extra(mesh, v)) return good.store(false, std::memory_order_relaxed);
+  });
+  return good;
+}
+
 bool every_vertex_is_finite(const MeshView& mesh) {
-  return all_finite(mesh.positions) && all_finite(mesh.normals) && all_finite(mesh.tangents) &&
-         all_finite(mesh.uvs) && all_finite(mesh.colors);
+  return all_extras_are_good(mesh) && all_finite(mesh.positions) && all_finite(mesh.normals) &&
+         all_finite(mesh.tangents) && all_finite(mesh.uvs) && all_finite(mesh.colors);
 }
 
 template <typename Vector>
@@ -43,9 +71,9 @@ bool bad_in(std::span<const Vector> stream, uint32_t vertex) {
 }
 
 bool vertex_is_finite(const MeshView& mesh, uint32_t vertex) {
-  return !(bad_in(mesh.positions, vertex) || bad_in(mesh.normals, vertex) ||
-           bad_in(mesh.tangents, vertex) || bad_in(mesh.uvs, vertex) ||
-           bad_in(mesh.colors, vertex));
+  return !(bad_extra(mesh, vertex) || bad_in(mesh.positions, vertex) ||
+           bad_in(mesh.normals, vertex) || bad_in(mesh.tangents, vertex) ||
+           bad_in(mesh.uvs, vertex) || bad_in(mesh.colors, vertex));
 }
 
 template <typename Vector>
@@ -69,7 +97,12 @@ std::string offending_value(const MeshView& mesh, uint32_t vertex) {
   if (bad_in(mesh.normals, vertex)) return sentence("normal", mesh.normals);
   if (bad_in(mesh.tangents, vertex)) return sentence("tangent", mesh.tangents);
   if (bad_in(mesh.uvs, vertex)) return sentence("texture coordinate", mesh.uvs);
-  return sentence("colour", mesh.colors);
+  if (bad_in(mesh.colors, vertex)) return sentence("colour", mesh.colors);
+  const float value = *bad_extra(mesh, vertex);
+  return "a further attribute of vertex " + std::to_string(vertex) + " has the value " +
+         printed(std::array<float, 1>{value}) + ", which " +
+         (all_finite(std::array<float, 1>{value}) ? "is not the number of a joint"
+                                                  : "is not finite");
 }
 
 [[noreturn]] void reject(const MeshView& mesh, size_t triangle, uint32_t corner) {
@@ -116,7 +149,55 @@ void check_length(const char* name, size_t length, const char* of, size_t expect
                                                  std::to_string(expected) + " " + of);
 }
 
+void check_extras(const MeshView& mesh) {
+  const auto reject = [](const std::string& what) {
+    throw Error(ErrorCode::kInvalidArgument, what);
+  };
+  for (size_t i = 0; i < mesh.extras.size(); ++i) {
+    const Extra& extra = mesh.extras[i];
+    const std::string name = "extras[" + std::to_string(i) + "]";
+    if (extra_width(extra.kind) == 0)
+      reject(name + " has the kind " + std::to_string(static_cast<uint32_t>(extra.kind)) +
+             ", which is none");
+    const bool first_uvs = extra.kind == ExtraKind::kUvs && extra.set == 0;
+    if (first_uvs || extra.set > 255)
+      reject(name + " has the set " + std::to_string(extra.set) + ", must be in [" +
+             (extra.kind == ExtraKind::kUvs ? "1" : "0") + ", 255]");
+    if (i == 0) continue;
+    const Extra& before = mesh.extras[i - 1];
+    if (before.kind > extra.kind || (before.kind == extra.kind && before.set >= extra.set))
+      reject(name + " must come before the one before it, by kind and set");
+  }
+  const uint32_t width = extra_width(mesh.extras);
+  if (width > kMostExtraValues)
+    reject("the extras have " + std::to_string(width) + " values a vertex, at most " +
+           std::to_string(kMostExtraValues) + " are possible");
+  if (mesh.extra_values.size() != mesh.positions.size() * width)
+    reject("extra_values has " + std::to_string(mesh.extra_values.size()) +
+           " elements, but the extras of " + std::to_string(mesh.positions.size()) +
+           " vertices have " + std::to_string(mesh.positions.size() * width));
+}
+
 }  // namespace
+
+uint32_t extra_width(ExtraKind kind) {
+  switch (kind) {
+    case ExtraKind::kUvs:
+      return 2;
+    case ExtraKind::kJoints:
+    case ExtraKind::kWeights:
+      return 4;
+    case ExtraKind::kMaterial:
+      return 1;
+  }
+  return 0;
+}
+
+uint32_t extra_width(std::span<const Extra> extras) {
+  uint32_t width = 0;
+  for (const Extra& extra : extras) width += extra_width(extra.kind);
+  return width;
+}
 
 void check_streams(const MeshView& mesh) {
   const size_t vertices = mesh.positions.size();
@@ -125,6 +206,7 @@ void check_streams(const MeshView& mesh) {
   check_length("uvs", mesh.uvs.size(), "vertices", vertices);
   check_length("colors", mesh.colors.size(), "vertices", vertices);
   check_length("materials", mesh.materials.size(), "triangles", mesh.triangles.size());
+  check_extras(mesh);
 }
 
 void check_indices(const MeshView& mesh) {

@@ -2,6 +2,9 @@
 // (a vertex once more wherever the material changes); the list goes through a hash table whose
 // hashes were made in parallel and whose slots are loaded ahead; equal entries become one vertex.
 // The list is in order of first use, and so are the vertices that come out.
+#include <algorithm>
+#include <array>
+
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "mesh/streams.hpp"
@@ -38,6 +41,11 @@ Candidates list_candidates(const MeshView& mesh, std::vector<Triangle>& corners)
   return list;
 }
 
+std::span<const float> extra_of(const MeshView& mesh, uint32_t vertex) {
+  const size_t width = mesh.extras.empty() ? 0 : extra_width(mesh.extras);
+  return mesh.extra_values.subspan(vertex * width, width);
+}
+
 uint64_t hash_of(const MeshView& mesh, const Candidates& list, size_t candidate) {
   const uint32_t vertex = list.vertices[candidate];
   uint64_t hash = list.materials.empty() ? 0 : list.materials[candidate];
@@ -45,6 +53,8 @@ uint64_t hash_of(const MeshView& mesh, const Candidates& list, size_t candidate)
   if (!mesh.tangents.empty()) hash = hash_value(mesh.tangents[vertex], hash);
   if (!mesh.uvs.empty()) hash = hash_value(mesh.uvs[vertex], hash);
   if (!mesh.colors.empty()) hash = hash_value(mesh.colors[vertex], hash);
+  for (const float& value : extra_of(mesh, vertex))
+    hash = hash_value(std::array<float, 1>{value}, hash);
   return hash_value(mesh.positions[vertex], hash);
 }
 
@@ -57,7 +67,8 @@ bool are_equal(const MeshView& mesh, const Candidates& list, uint32_t a, uint32_
   const uint32_t i = list.vertices[a], j = list.vertices[b];
   if (!list.materials.empty() && list.materials[a] != list.materials[b]) return false;
   return equal_in(mesh.positions, i, j) && equal_in(mesh.normals, i, j) &&
-         equal_in(mesh.tangents, i, j) && equal_in(mesh.uvs, i, j) && equal_in(mesh.colors, i, j);
+         equal_in(mesh.tangents, i, j) && equal_in(mesh.uvs, i, j) && equal_in(mesh.colors, i, j) &&
+         std::ranges::equal(extra_of(mesh, i), extra_of(mesh, j));
 }
 
 /// The new index of each candidate, or nothing where they keep theirs; shrinks `list.vertices` to
@@ -95,6 +106,17 @@ std::vector<Vector> gathered(std::span<const Vector> stream, const std::vector<u
   return result;
 }
 
+std::vector<float> gathered_extras(const MeshView& mesh, const std::vector<uint32_t>& from) {
+  const size_t width = extra_width(mesh.extras);
+  std::vector<float> result(from.size() * width);
+  if (width == 0) return result;
+  parallel_for(from.size(), 1 << 14, [&](size_t i) {
+    std::ranges::transform(extra_of(mesh, from[i]), result.begin() + i * width,
+                           [](float f) { return f + 0.0f; });
+  });
+  return result;
+}
+
 }  // namespace
 
 Mesh weld(const MeshView& mesh, const BuildOptions& options) {
@@ -123,6 +145,8 @@ Mesh weld(const MeshView& mesh, const BuildOptions& options) {
     result.tangents = gathered(mesh.tangents, list.vertices);
     result.uvs = gathered(mesh.uvs, list.vertices);
     result.colors = gathered(mesh.colors, list.vertices);
+    result.extras.assign(mesh.extras.begin(), mesh.extras.end());
+    result.extra_values = gathered_extras(mesh, list.vertices);
   });
   progress.report(1, "welding");
   return result;

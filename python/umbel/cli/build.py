@@ -55,7 +55,8 @@ def command(
         str, typer.Option(metavar="MIN:MAX", help="Clusters that are simplified together.")
     ] = "24:32",
     attributes: Annotated[
-        Attributes, typer.Option(help="Keep normals, tangents, UVs and colours, or drop them.")
+        Attributes,
+        typer.Option(help="Keep normals, UVs, colours, joints and the like, or drop them."),
     ] = Attributes.auto,
     seams: Annotated[
         SeamRule,
@@ -71,6 +72,10 @@ def command(
             "mesh of all that is drawn; auto: apart if that is more than twice what is stored."
         ),
     ] = Instances.auto,
+    mix_materials: Annotated[
+        bool,
+        typer.Option("--mix-materials", help="Clusters may mix materials, kept by triangle."),
+    ] = False,
     precision: Annotated[
         str | None,
         typer.Option(
@@ -118,6 +123,7 @@ def command(
             attributes=attributes.value,
             seams=seams.value,
             creases=creases.value,
+            mix_materials=mix_materials,
             drop_invalid=drop_invalid,
             measured_error=measured_error,
             precision=precision,

@@ -20,6 +20,7 @@ _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
 _VERTICES, _INDICES = 34962, 34963
 _MOST_BYTES = 0xFFFFFFFF
 _RUNS_PER_MATERIAL = 4
+_MOST_JOINT = 0xFFFF
 
 
 class _Writer:
@@ -51,8 +52,9 @@ class _Writer:
         self.root["accessors"].append(entry)
         return entry
 
-    def attribute(self, array: NDArray[np.float32], width: str) -> int:
-        self.accessor(self.view(array.astype("<f4"), _VERTICES), _FLOAT, width, len(array))
+    def attribute(self, array: NDArray[Any], width: str, kind: int = _FLOAT) -> int:
+        data = array.astype("<f4" if kind == _FLOAT else "<u2")
+        self.accessor(self.view(data, _VERTICES), kind, width, len(array))
         return len(self.root["accessors"]) - 1
 
 
@@ -92,6 +94,15 @@ def _attributes(writer: _Writer, mesh: Mesh) -> Json:
     ):
         if array is not None:
             attributes[key] = writer.attribute(array, width)
+    for k, uvs in enumerate(mesh.uv_sets):
+        attributes[f"TEXCOORD_{k + 1}"] = writer.attribute(uvs, "VEC2")
+    if mesh.joints is not None and mesh.weights is not None:
+        if mesh.joints.size and int(mesh.joints.max()) > _MOST_JOINT:
+            raise Error(f"a .glb cannot hold the joint {int(mesh.joints.max())}")
+        for k in range(mesh.joints.shape[1] // 4):
+            columns = slice(4 * k, 4 * k + 4)
+            attributes[f"JOINTS_{k}"] = writer.attribute(mesh.joints[:, columns], "VEC4", _UINT16)
+            attributes[f"WEIGHTS_{k}"] = writer.attribute(mesh.weights[:, columns], "VEC4")
     return attributes
 
 

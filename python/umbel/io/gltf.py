@@ -49,7 +49,9 @@ _UNDERSTOOD = {
 #: Extensions that change how a surface looks, never where it is.
 _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4, "TEXCOORD_0": 2}
+_WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4}
+_NUMBERED_WIDTHS = {"TEXCOORD": 2, "JOINTS": 4, "WEIGHTS": 4}
+_MOST_UVS, _MOST_SKIN_SETS = 7, 3
 
 
 def read_gltf(data: bytes, where: str, folder: Path | None = None) -> Scene:
@@ -131,14 +133,20 @@ class _Reader:
         key = (node["mesh"], node.get("skin"), tuple(weights or ()))
         if key not in self._made:
             joints = None if "skin" not in node else self.nodes.joint_matrices(node["skin"], user)
-            mesh = self._mesh(entry, node["mesh"], weights or [], joints)
+            first = self.nodes.first_joint(node.get("skin", 0))
+            mesh = self._mesh(entry, node["mesh"], weights or [], joints, first)
             self._made[key] = None if mesh is None else len(self.meshes)
             if mesh is not None:
                 self.meshes.append(mesh)
         return self._made[key]
 
     def _mesh(
-        self, entry: Json, index: int, weights: list[float], joints: Float64Array | None
+        self,
+        entry: Json,
+        index: int,
+        weights: list[float],
+        joints: Float64Array | None,
+        first_joint: int,
     ) -> Mesh | None:
         blocks: list[Mesh] = []
         parts: list[Part] = []
@@ -152,7 +160,9 @@ class _Reader:
                 continue
             if "POSITION" not in (primitive.get("attributes") or {}):
                 continue
-            block, corners = self._primitive(primitive, name, weights, joints, shared, blocks)
+            block, corners = self._primitive(
+                primitive, name, weights, joints, first_joint, shared, blocks
+            )
             material = primitive.get("material")
             if material is not None:
                 self.buffers.item("materials", material, name)
@@ -176,6 +186,7 @@ class _Reader:
         name: str,
         weights: list[float],
         joints: Float64Array | None,
+        first_joint: int,
         shared: dict[str, int],
         blocks: list[Mesh],
     ) -> tuple[int, UInt32Array]:
@@ -197,7 +208,7 @@ class _Reader:
             if joints is not None:
                 _apply_skin(arrays, joints, self.where, name)
             shared[key] = len(blocks)
-            blocks.append(_block(arrays))
+            blocks.append(_block(arrays, first_joint))
         if corners is None:
             if "indices" in primitive:
                 corners = self.buffers.indices(primitive["indices"], name)
@@ -209,7 +220,7 @@ class _Reader:
         out: dict[str, NDArray[Any]] = {}
         for semantic, accessor in attributes.items():
             user = f"{name}.{semantic}"
-            if semantic in _WIDTHS or semantic == "COLOR_0" or semantic.startswith("WEIGHTS_"):
+            if semantic in _WIDTHS or semantic.startswith(("COLOR_0", "TEXCOORD_", "WEIGHTS_")):
                 out[semantic] = self.buffers.floats(accessor, user)
             elif semantic.startswith("JOINTS_"):
                 out[semantic] = self.buffers.array(accessor, user)[0]
@@ -223,14 +234,14 @@ def check_attributes(arrays: dict[str, NDArray[Any]], where: str, name: str) -> 
     for semantic, array in arrays.items():
         if len(array) != count:
             raise Error(f"{where}: {name} has {count} positions and {len(array)} of {semantic}")
-        width = _WIDTHS.get(semantic)
+        width = _WIDTHS.get(semantic, _NUMBERED_WIDTHS.get(semantic.partition("_")[0]))
         if (width and array.shape[1] != width) or (
             semantic == "COLOR_0" and array.shape[1] not in (3, 4)
         ):
             raise Error(f"{where}: {name} has {semantic} of {array.shape[1]} components")
 
 
-def _block(arrays: dict[str, NDArray[Any]]) -> Mesh:
+def _block(arrays: dict[str, NDArray[Any]], first_joint: int) -> Mesh:
     return Mesh(
         arrays["POSITION"],
         np.zeros((0, 3), np.uint32),
@@ -238,7 +249,34 @@ def _block(arrays: dict[str, NDArray[Any]]) -> Mesh:
         tangents=arrays.get("TANGENT"),
         uvs=arrays.get("TEXCOORD_0"),
         colors=arrays.get("COLOR_0"),
+        uv_sets=_further_uvs(arrays),
+        **_skin(arrays, first_joint),
     )
+
+
+def _numbered(
+    arrays: dict[str, NDArray[Any]], prefix: str, first: int, most: int
+) -> list[NDArray[Any]]:
+    """Those of PREFIX_first, PREFIX_first+1, ... up to the first that is not there."""
+    out: list[NDArray[Any]] = []
+    while len(out) < most and f"{prefix}_{first + len(out)}" in arrays:
+        out.append(arrays[f"{prefix}_{first + len(out)}"])
+    return out
+
+
+def _further_uvs(arrays: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
+    return _numbered(arrays, "TEXCOORD", 1, _MOST_UVS) if "TEXCOORD_0" in arrays else []
+
+
+def _skin(arrays: dict[str, NDArray[Any]], first_joint: int) -> dict[str, NDArray[Any]]:
+    joints = _numbered(arrays, "JOINTS", 0, _MOST_SKIN_SETS)
+    weights = _numbered(arrays, "WEIGHTS", 0, _MOST_SKIN_SETS)
+    sets = min(len(joints), len(weights))
+    if not sets or any(j.dtype.kind != "u" for j in joints[:sets]):
+        return {}
+    weight = np.concatenate(weights[:sets], axis=1)
+    joint = np.concatenate(joints[:sets], axis=1).astype(np.uint32) + np.uint32(first_joint)
+    return {"joints": np.where(weight != 0, joint, np.uint32(0)), "weights": weight}
 
 
 def _triangulated(corners: UInt32Array, mode: int, what: str) -> UInt32Array:

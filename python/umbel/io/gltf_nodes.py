@@ -90,6 +90,12 @@ class Nodes:
             self._worlds[k] = matrix
         return matrix
 
+    def first_joint(self, skin: Any) -> int:
+        """The number of a skin's first joint, counted through the file's skins."""
+        skins = self.buffers.root.get("skins") or []
+        before = skins[:skin] if isinstance(skin, int) else []
+        return sum(len(s.get("joints") or []) for s in before)
+
     def joint_matrices(self, skin: Any, user: str) -> Float64Array:
         """(joints, 4, 4) float64, from the skin's bind pose to the world in the rest pose."""
         entry = self.buffers.item("skins", skin, user)

@@ -112,6 +112,11 @@ def join(blocks: list[Mesh], parts: list[Part]) -> Mesh:
         tangents=column("tangents"),
         uvs=column("uvs"),
         colors=column("colors"),
+        uv_sets=[
+            np.concatenate([b.uv_sets[k] for b in blocks]) for k in range(len(blocks[0].uv_sets))
+        ],
+        joints=column("joints"),
+        weights=column("weights"),
         material_ids=ids,
     )
 
@@ -155,10 +160,29 @@ def _with_all_attributes(blocks: list[Mesh], parts: list[Part]) -> list[Mesh]:
     }
     if "tangents" in wanted:
         wanted.add("normals")
-    return [_filled(block, k, parts, wanted) for k, block in enumerate(blocks)]
+    sets = max(len(b.uv_sets) for b in blocks)
+    if sets:
+        wanted.add("uvs")
+    influences = max(0 if b.joints is None else b.joints.shape[1] for b in blocks)
+    return [
+        _skinned(_filled(block, k, parts, wanted, sets), influences)
+        for k, block in enumerate(blocks)
+    ]
 
 
-def _filled(block: Mesh, index: int, parts: list[Part], wanted: set[str]) -> Mesh:
+def _skinned(block: Mesh, influences: int) -> Mesh:
+    """With so many joints a vertex; those that are new move nothing."""
+    n = len(block.positions)
+    if influences == 0:
+        return block
+    joints, weights = np.zeros((n, influences), np.uint32), np.zeros((n, influences), np.float32)
+    if block.joints is not None and block.weights is not None:
+        joints[:, : block.joints.shape[1]] = block.joints
+        weights[:, : block.weights.shape[1]] = block.weights
+    return replace(block, joints=joints, weights=weights)
+
+
+def _filled(block: Mesh, index: int, parts: list[Part], wanted: set[str], sets: int) -> Mesh:
     n = len(block.positions)
     normals, tangents, uvs, colors = block.normals, block.tangents, block.uvs, block.colors
     if normals is None and "normals" in wanted:
@@ -172,4 +196,12 @@ def _filled(block: Mesh, index: int, parts: list[Part], wanted: set[str]) -> Mes
         uvs = np.zeros((n, 2), np.float32)
     if colors is None and "colors" in wanted:
         colors = np.ones((n, 4), np.float32)
-    return replace(block, normals=normals, tangents=tangents, uvs=uvs, colors=colors)
+    missing = [np.zeros((n, 2), np.float32) for _ in range(sets - len(block.uv_sets))]
+    return replace(
+        block,
+        normals=normals,
+        tangents=tangents,
+        uvs=uvs,
+        colors=colors,
+        uv_sets=[*block.uv_sets, *missing],
+    )
