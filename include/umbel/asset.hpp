@@ -15,7 +15,7 @@
 namespace umbel {
 
 struct AssetInfo {
-  uint16_t version_major = 3, version_minor = 0;
+  uint16_t version_major = 3, version_minor = 1;
   uint64_t file_bytes = 0;
   uint64_t head_bytes = 0;  ///< what opening reads
   /// A hash of the whole file: of the hashes of its parts.

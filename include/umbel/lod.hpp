@@ -40,8 +40,8 @@ enum class Rung : uint32_t {
   kRegular = 0,     ///< edge collapse that keeps the surface what it is, and seams by rule
   kPermissive = 1,  ///< edge collapse across any seam, mended where it left faults
   kPrune = 2,       ///< small separate components removed as well
-  kSloppy = 3,      ///< vertices merged by grid cell, or sheets of the surface left out or
-                    ///< capped; error amplified
+  kSloppy = 3,      ///< vertices merged by grid cell, sheets of the surface left out or capped, or
+                    ///< many small parts enlarged to cover what they did; error amplified
   kRoot = 4,        ///< not simplified: nothing coarser exists
 };
 
@@ -60,8 +60,9 @@ enum class Reason : uint32_t {
   kCoarsest = 9,   ///< a root: no more than one cluster's worth of triangles was left
   kStopped = 10,   ///< a root: the configuration said where to stop
   kStuck = 11,     ///< a root: nothing could be simplified any more
+  kAreaLost = 12,  ///< many small parts covered over a tenth less: they were enlarged
 };
-inline constexpr size_t kReasons = 12;
+inline constexpr size_t kReasons = 13;
 
 struct Group {
   Range clusters;  ///< of Tables::clusters; a group's clusters are consecutive
@@ -125,6 +126,9 @@ struct Config {
   float normal_weight = 0.025f, uv_weight = 0.025f, color_weight = 0.025f;
   float tangent_weight = 0.0125f;  ///< the tangent's direction
   float skin_weight = 0.025f;      ///< how much a joint moves a vertex, each joint for itself
+  /// Where many small parts that hang together with nothing (leaves, rubble) shrink or vanish,
+  /// those that are left are enlarged until they cover as much area as before.
+  bool keep_area = true;
   /// Clusters may mix materials, kept triangle by triangle; borders between materials are held all
   /// the same. Where a mesh has many small parts of different materials, clusters are fuller.
   bool mix_materials = false;
@@ -267,8 +271,10 @@ struct VerifyReport {
 /// source, that simplification kept every group's border, and random cuts. An edge (a pair of
 /// positions) of a cut is good if two triangles share it; any other is explained if its ends are
 /// joined by irregular edges of the source: those that not exactly two triangles share, or that two
-/// share running in the same direction (duplicates, surfaces without orientation). Borders of
-/// groups are compared side by side where the source has no irregular edge, else modulo 2.
+/// share running in the same direction (duplicates, surfaces without orientation); or by such edges
+/// between new positions of what a group of Rung::kSloppy was simplified to (enlarged parts).
+/// Borders of groups are compared side by side where the source has no irregular edge, else
+/// modulo 2.
 UMBEL_API VerifyReport verify(const Tables& tables, const GeometryReader& geometry,
                               const VerifyConfig& config, const BuildOptions& options = {});
 

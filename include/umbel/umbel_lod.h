@@ -135,7 +135,7 @@ typedef struct umbel_lod_config {
   float tangent_weight;    ///< [0.0125]
   float skin_weight;       ///< [0.025] of how much each joint moves a vertex
   uint32_t mix_materials;  ///< [0] nonzero: clusters may mix materials, kept triangle by triangle
-  uint32_t reserved2;      ///< 0
+  uint32_t keep_area;      ///< [1] nonzero: many small parts are enlarged where they lose area
 } umbel_lod_config;
 
 /// What was built.
@@ -150,8 +150,8 @@ typedef struct umbel_lod_report {
   uint64_t groups_by_rung[5];
   double seconds;
   /// The same [rung][umbel_lod_reason], and how often groups waited for the next round, by reason.
-  uint64_t groups_by_reason[5][12];
-  uint64_t waits_by_reason[12];
+  uint64_t groups_by_reason[5][13];
+  uint64_t waits_by_reason[13];
 } umbel_lod_report;
 
 /// Why a group was not simplified to 70 % by the first rung alone, or is a root: what stood most in
@@ -168,7 +168,8 @@ typedef enum umbel_lod_reason {
   UMBEL_LOD_REASON_PRICE = 8,        ///< moves cost several times what those before did
   UMBEL_LOD_REASON_COARSEST = 9,     ///< a root: no more than one cluster's worth was left
   UMBEL_LOD_REASON_STOPPED = 10,     ///< a root: the configuration said where to stop
-  UMBEL_LOD_REASON_STUCK = 11        ///< a root: nothing could be simplified any more
+  UMBEL_LOD_REASON_STUCK = 11,       ///< a root: nothing could be simplified any more
+  UMBEL_LOD_REASON_AREA_LOST = 12    ///< many small parts covered less: they were enlarged
 } umbel_lod_reason;
 
 typedef struct umbel_lod umbel_lod;
@@ -197,9 +198,10 @@ UMBEL_C_API umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel
 UMBEL_C_API void umbel_lod_free(umbel_lod* lod);
 
 UMBEL_C_API umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report);
-/// The umbel_lod_reason of every group: reasons[0 .. groups), of which `capacity` must be as many.
+/// The umbel_lod_reason of every group. *count is how many there are; with `reasons` NULL nothing
+/// is written, and where `capacity` is too small the result is UMBEL_ERROR_CAPACITY.
 UMBEL_C_API umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons,
-                                               size_t capacity);
+                                               size_t capacity, size_t* count);
 
 /// Writes a .umbel file beside `path` and renames it. `exact`: keep every bit of the attributes.
 UMBEL_C_API umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,

@@ -152,6 +152,7 @@ void bind_config(nb::module_& module) {
       .def_rw("tangent_weight", &lod::Config::tangent_weight)
       .def_rw("skin_weight", &lod::Config::skin_weight)
       .def_rw("mix_materials", &lod::Config::mix_materials)
+      .def_rw("keep_area", &lod::Config::keep_area)
       .def_prop_rw(
           "seams", [](const lod::Config& c) { return static_cast<uint32_t>(c.seams); },
           [](lod::Config& c, uint32_t rule) { c.seams = static_cast<lod::SeamRule>(rule); })
@@ -166,8 +167,8 @@ void bind_config(nb::module_& module) {
 }
 
 constexpr std::array<const char*, lod::kReasons> kReasonNames = {
-    "none",     "caller",  "small parts", "locked",   "irregular", "seams",
-    "topology", "turning", "price",       "coarsest", "stopped",   "stuck"};
+    "none",    "caller", "small parts", "locked",  "irregular", "seams",    "topology",
+    "turning", "price",  "coarsest",    "stopped", "stuck",     "area lost"};
 
 /// Those that occur.
 nb::dict reason_counts(const std::array<uint64_t, lod::kReasons>& counts) {

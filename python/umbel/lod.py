@@ -238,6 +238,7 @@ def build_lod(
     tangent_weight: float = 0.0125,
     skin_weight: float = 0.025,
     mix_materials: bool = False,
+    keep_area: bool = True,
     seams: str = "allow",
     creases: str = "allow",
     refit_attributes: bool = True,
@@ -259,6 +260,8 @@ def build_lod(
     attributes: "auto" keeps normals, tangents, all sets of UVs, colours, joints and their weights,
         and weighs them in the error by the weights (`skin_weight`: how much each joint moves a
         vertex); "none" drops them. Materials stay either way.
+    keep_area: where many small parts (leaves, rubble) shrink or vanish, those that are left are
+        enlarged until they cover as much area as before.
     mix_materials: clusters may mix materials, which are kept triangle by triangle. Borders between
         materials are held all the same.
     seams, creases: how lines are held along which vertices at one position have different UVs or
@@ -321,6 +324,7 @@ def build_lod(
         "tangent_weight": tangent_weight,
         "skin_weight": skin_weight,
         "mix_materials": mix_materials,
+        "keep_area": keep_area,
         "seams": seams,
         "creases": creases,
         "refit_attributes": refit_attributes,

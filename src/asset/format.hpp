@@ -14,7 +14,7 @@
 
 namespace umbel::asset {
 
-inline constexpr uint16_t kVersionMajor = 3, kVersionMinor = 0;
+inline constexpr uint16_t kVersionMajor = 3, kVersionMinor = 1;
 inline constexpr uint64_t kPageAlignment = 4096;
 
 struct PageEntry {

@@ -70,15 +70,14 @@ umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report
       [&] { capi::write_struct(capi::report_of(capi::required(lod, "lod")), report, "report"); });
 }
 
-umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons, size_t capacity) {
+umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons, size_t capacity,
+                                   size_t* count) {
   using namespace umbel;
-  return capi::guard([&] {
-    const std::vector<lod::Reason>& given = capi::required(lod, "lod").dag.reasons;
-    if (capacity < given.size())
-      throw capi::CapacityError{"capacity is " + std::to_string(capacity) + ", but " +
-                                std::to_string(given.size()) + " are needed"};
-    std::ranges::transform(given, capi::elements<uint32_t>(reasons, capacity, "reasons").begin(),
-                           [](lod::Reason reason) { return static_cast<uint32_t>(reason); });
+  return capi::hand_out_found(reasons, "reasons", capacity, count, [&] {
+    std::vector<uint32_t> numbers;
+    for (const lod::Reason reason : capi::required(lod, "lod").dag.reasons)
+      numbers.push_back(static_cast<uint32_t>(reason));
+    return numbers;
   });
 }
 

@@ -28,6 +28,7 @@ umbel_lod_config config_as_c(const lod::Config& config) {
   result.tangent_weight = config.tangent_weight;
   result.skin_weight = config.skin_weight;
   result.mix_materials = config.mix_materials ? 1 : 0;
+  result.keep_area = config.keep_area ? 1 : 0;
   return result;
 }
 
@@ -187,6 +188,7 @@ lod::Config lod_config(const umbel_lod_config* given) {
   result.tangent_weight = config.tangent_weight;
   result.skin_weight = config.skin_weight;
   result.mix_materials = config.mix_materials != 0;
+  result.keep_area = config.keep_area != 0;
   return result;
 }
 

@@ -125,6 +125,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   for (Triangle& t : result.triangles)
     for (uint32_t& v : t) v = vertices_[v];
   add_refitted(best, result);
+  if (config_.keep_area && !by_caller) keep_area(best, result);
   return result;
 }
 

@@ -103,6 +103,10 @@ class GroupSimplifier {
   float prune_below(float most, size_t target, std::vector<Triangle>& left) const;
   void refit_attributes(Candidate& candidate) const;
   void add_refitted(const Candidate& candidate, Simplified& result) const;
+  std::vector<double> growths(std::span<const Triangle> left);
+  void keep_area(const Candidate& best, Simplified& result);
+  uint32_t add_moved(uint32_t local, uint32_t current, const Vec3& position, uint32_t& first_there,
+                     Simplified& result) const;
   Candidate collapse_loosely(size_t target, bool any_turn);
   Candidate collapse(size_t target, unsigned options);
   Candidate collapse_checked(size_t target, unsigned options, Rung rung);

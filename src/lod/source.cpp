@@ -109,7 +109,9 @@ uint32_t append_vertices(Source& source, const AddedVertices& added) {
     source.position_ids.push_back(shared == kNone          ? first + v
                                   : shared >= kAddedVertex ? source.position_ids[earlier]
                                                            : shared);
-    source.irregular_components.push_back(kNone);
+    const uint32_t component = added.components.empty() ? kNone : added.components[v];
+    source.irregular_components.push_back(component == kNone ? kNone
+                                                             : first + (component - kAddedVertex));
     source.has_wedges |= shared != kNone;
     if (source.vertex_materials.empty()) continue;
     source.vertex_materials.push_back(added.materials[v]);

@@ -32,6 +32,9 @@ struct AddedVertices {
   /// kNone: a new position.
   std::vector<uint32_t> position_ids;
   std::vector<uint32_t> materials;  ///< one a vertex
+  /// Empty, or of each vertex: where it touches an irregular edge, a new position that stands for
+  /// all that are joined to it by such edges, as the vertex there; else kNone.
+  std::vector<uint32_t> components;
 };
 inline constexpr uint32_t kAddedVertex = 0x80000000u;
 

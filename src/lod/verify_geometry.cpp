@@ -187,19 +187,61 @@ class Reader {
       while (parent[p] != p) p = parent[p] = parent[parent[p]];
       return p;
     };
+    const auto join = [&](size_t e) {
+      const uint32_t a = find(topology_.edges[e] >> 32);
+      const uint32_t b = find(static_cast<uint32_t>(topology_.edges[e]));
+      parent[std::max(a, b)] = std::min(a, b);
+    };
     for (size_t e = 0; e < topology_.edges.size(); ++e) {
       const uint32_t triangles = forward[e] + backward[e];
       if (triangles == 0) continue;
       if (triangles == 2 && forward[e] == 1) continue;
       topology_.oriented &= triangles != 2;
-      const uint32_t a = find(topology_.edges[e] >> 32);
-      const uint32_t b = find(static_cast<uint32_t>(topology_.edges[e]));
-      parent[std::max(a, b)] = std::min(a, b);
+      join(e);
     }
+    for (const uint32_t e : new_open_edges()) join(e);
     topology_.explained.resize(topology_.edges.size());
     for (size_t e = 0; e < topology_.edges.size(); ++e)
       topology_.explained[e] =
           find(topology_.edges[e] >> 32) == find(static_cast<uint32_t>(topology_.edges[e]));
+  }
+
+  /// Edges between positions that no finer cluster has, of enlarged parts of a group's simplified
+  /// form, that not exactly two of its triangles share.
+  std::vector<uint32_t> new_open_edges() const {
+    std::vector<uint32_t> found;
+    std::vector<uint32_t> first_level(topology_.positions.size(), kNone);
+    const auto level_of = [&](uint32_t c) {
+      const uint32_t from = tables_.clusters[c].generating_group;
+      return from == kNone ? 0 : tables_.groups[from].level + 1;
+    };
+    std::vector<uint32_t> sloppy;  // clusters, by the group that they were made from
+    for (uint32_t c = 0; c < tables_.clusters.size(); ++c) {
+      for (const uint32_t p : topology_.positions_of(c))
+        first_level[p] = std::min(first_level[p], level_of(c));
+      const uint32_t from = tables_.clusters[c].generating_group;
+      if (from != kNone && tables_.groups[from].rung == Rung::kSloppy) sloppy.push_back(c);
+    }
+    const auto from = [&](uint32_t c) { return tables_.clusters[c].generating_group; };
+    std::stable_sort(sloppy.begin(), sloppy.end(),
+                     [&](uint32_t a, uint32_t b) { return from(a) < from(b); });
+    std::vector<uint32_t> edges;
+    for (size_t i = 0; i < sloppy.size(); ++i) {
+      const uint32_t level = level_of(sloppy[i]);
+      for (const Side& side : topology_.sides_of(sloppy[i]))
+        if (first_level[topology_.edges[side.edge] >> 32] == level &&
+            first_level[static_cast<uint32_t>(topology_.edges[side.edge])] == level)
+          edges.push_back(side.edge);
+      if (i + 1 < sloppy.size() && from(sloppy[i + 1]) == from(sloppy[i])) continue;
+      std::sort(edges.begin(), edges.end());
+      for (auto at = edges.begin(); at != edges.end();) {
+        const auto end = std::upper_bound(at, edges.end(), *at);
+        if (end - at != 2) found.push_back(*at);
+        at = end;
+      }
+      edges.clear();
+    }
+    return found;
   }
 
   const Tables& tables_;

@@ -43,6 +43,9 @@ inline std::vector<std::array<Corner, 3>> triangles_of(const lod::ClusterGeometr
       append(triangle[k], g.tangents, v);
       append(triangle[k], g.uvs, v);
       append(triangle[k], g.colors, v);
+      const size_t width = extra_width(g.extras);
+      for (size_t i = v * width; i < (v + 1) * width; ++i)
+        triangle[k].push_back(std::bit_cast<uint32_t>(g.extra_values[i]));
     }
     triangles.push_back(lowest_turn(triangle));
   }

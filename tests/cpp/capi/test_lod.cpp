@@ -101,6 +101,84 @@ TEST(LodFromC, builds_what_cpp_builds) {
   EXPECT_EQ(umbel_lod_verify(lod.get(), 16, 1, nullptr), UMBEL_OK) << umbel_last_error();
 }
 
+// Charts of a texture, a second set of coordinates, joints and their weights.
+Mesh rich() {
+  Mesh mesh = blob();
+  for (Vec2& uv : mesh.uvs) uv.x += uv.x > 0 ? 10.0f : 0.0f;
+  mesh.extras = {{ExtraKind::kUvs, 1}, {ExtraKind::kJoints, 0}, {ExtraKind::kWeights, 0}};
+  for (const Vec3& p : mesh.positions)
+    mesh.extra_values.insert(mesh.extra_values.end(), {p.y, p.z, 1, 2, 0, 0, 0.75f, 0.25f, 0, 0});
+  return mesh;
+}
+
+TEST(LodFromC, passes_rules_and_weights_and_further_attributes_on) {
+  const Mesh mesh = rich();
+  umbel_lod_mesh given = c_mesh(mesh);
+  given.extras = reinterpret_cast<const umbel_extra*>(mesh.extras.data());
+  given.extra_count = mesh.extras.size();
+  given.extra_values = mesh.extra_values.data();
+  umbel_lod_config config = small_config();
+  config.seams = UMBEL_SEAM_PROTECT;
+  config.creases = UMBEL_SEAM_IGNORE;
+  config.skin_weight = 0.1f;
+  umbel_lod* made = nullptr;
+  ASSERT_EQ(umbel_lod_build(&given, &config, nullptr, &made), UMBEL_OK) << umbel_last_error();
+  const std::unique_ptr<umbel_lod, Free> lod(made);
+  lod::Config cpp = small_cpp_config();
+  cpp.seams = lod::SeamRule::kProtect;
+  cpp.creases = lod::SeamRule::kIgnore;
+  cpp.skin_weight = 0.1f;
+  const lod::Dag dag = lod::build(mesh.view(), cpp);
+  umbel_lod_arrays arrays;
+  umbel_lod_arrays_init(&arrays);
+  ASSERT_EQ(umbel_lod_tables_arrays(umbel_lod_get_tables(lod.get()), &arrays), UMBEL_OK);
+  ASSERT_EQ(arrays.group_count, dag.tables.groups.size());
+  EXPECT_EQ(std::memcmp(arrays.groups, dag.tables.groups.data(),
+                        arrays.group_count * sizeof *arrays.groups),
+            0);
+  cpp.seams = lod::SeamRule::kIgnore;
+  EXPECT_NE(lod::build(mesh.view(), cpp).tables.groups, dag.tables.groups);
+
+  umbel_lod_view view;
+  ASSERT_EQ(umbel_lod_view_level(1, &view), UMBEL_OK);
+  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_FLAT);
+  umbel_mesh* cut_mesh = nullptr;
+  ASSERT_EQ(umbel_lod_cut_mesh(lod.get(), cut.data(), cut.size(), &cut_mesh), UMBEL_OK);
+  const std::unique_ptr<umbel_mesh, Free> owner(cut_mesh);
+  umbel_lod_mesh out;
+  umbel_lod_mesh_init(&out);
+  ASSERT_EQ(umbel_mesh_arrays(cut_mesh, &out), UMBEL_OK);
+  ASSERT_EQ(out.extra_count, 3u);
+  EXPECT_EQ(out.extras[2].kind, uint32_t{UMBEL_EXTRA_WEIGHTS});
+  for (size_t v = 0; v < out.position_count; ++v) {
+    EXPECT_EQ(out.extra_values[10 * v], out.positions[v].y);
+    EXPECT_EQ(out.extra_values[10 * v + 6], 0.75f);
+  }
+}
+
+TEST(LodFromC, says_why_each_group_is_as_it_is) {
+  const Mesh mesh = shapes::soup(600, 1);
+  const auto lod = built(mesh, small_config());
+  const lod::Dag dag = lod::build(mesh.view(), small_cpp_config());
+  size_t count = 0;
+  ASSERT_EQ(umbel_lod_get_reasons(lod.get(), nullptr, 0, &count), UMBEL_OK);
+  ASSERT_EQ(count, dag.reasons.size());
+  std::vector<uint32_t> reasons(count);
+  EXPECT_EQ(umbel_lod_get_reasons(lod.get(), reasons.data(), count - 1, &count),
+            UMBEL_ERROR_CAPACITY);
+  ASSERT_EQ(umbel_lod_get_reasons(lod.get(), reasons.data(), reasons.size(), &count), UMBEL_OK);
+  for (size_t g = 0; g < count; ++g)
+    EXPECT_EQ(reasons[g], static_cast<uint32_t>(dag.reasons[g])) << g;
+  umbel_lod_report report;
+  umbel_lod_report_init(&report);
+  ASSERT_EQ(umbel_lod_get_report(lod.get(), &report), UMBEL_OK);
+  for (size_t rung = 0; rung < 5; ++rung)
+    for (size_t reason = 0; reason < lod::kReasons; ++reason)
+      EXPECT_EQ(report.groups_by_reason[rung][reason],
+                dag.report.groups_by_reason[rung][reason]);
+  EXPECT_EQ(report.groups_by_reason[4][UMBEL_LOD_REASON_COARSEST], 1u);
+}
+
 TEST(LodFromC, selects_what_cpp_selects) {
   const auto lod = built(blob(), small_config());
   const lod::Dag dag = lod::build(blob().view(), small_cpp_config());

@@ -72,6 +72,7 @@ TEST(Decimator, may_add_vertices) {
     EXPECT_GT(calls, 10u);
     EXPECT_GT(dag.vertices.positions.size(), mesh.positions.size() + 100);
     EXPECT_EQ(dag.report.root_groups, 1u);
+    EXPECT_GT(dag.report.groups_by_reason[0][static_cast<size_t>(Reason::kCaller)], 0u);
     const VerifyReport report = check(dag, mesh);
     EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
   }
