@@ -198,6 +198,13 @@ def _part(progress: Progress | None, begin: float, end: float) -> Progress | Non
     return lambda fraction, stage: progress(begin + (end - begin) * fraction, stage)
 
 
+def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
+    return {
+        name: sum(one.get(name, 0) for one in counts)
+        for name in dict.fromkeys(name for one in counts for name in one)
+    }
+
+
 def _report(
     lods: Sequence[Lod], places: Sequence[tuple[int, Any]], step: float | None
 ) -> dict[str, Any]:
@@ -215,6 +222,11 @@ def _report(
             rung: sum(one["groups_by_rung"][rung] for one in reports)
             for rung in reports[0]["groups_by_rung"]
         },
+        "groups_by_reason": {
+            rung: _summed([one["groups_by_reason"][rung] for one in reports])
+            for rung in reports[0]["groups_by_reason"]
+        },
+        "waits_by_reason": _summed([one["waits_by_reason"] for one in reports]),
         "largest_move": max(
             reports[mesh]["largest_move"] * stretch(matrix)[1] for mesh, matrix in places
         ),

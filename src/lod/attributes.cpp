@@ -1,9 +1,12 @@
 // What of a group's vertices weighs in the error of its simplification: the values of each
-// attribute, and its weight. Joints and their weights become one column for each joint, how much it
-// moves a vertex (as weights of bones are compared in Landreneau & Schaefer 2009).
+// attribute, and its weight. Joints and their weights become one column for each joint: how much it
+// moves a vertex.
 #include <algorithm>
 #include <array>
-#include <numeric>
+#include <bit>
+#include <type_traits>
+#include <utility>
+#include <vector>
 
 #include "lod/simplify.hpp"
 
@@ -88,7 +91,10 @@ void GroupSimplifier::gather_attributes() {
   if (!config_.attributes) return;
   const Mesh& mesh = source_.mesh;
   const auto component = [](const auto& stream) {
-    return [&stream](uint32_t v, uint32_t k) { return (&stream[v].x)[k]; };
+    using Vector = typename std::decay_t<decltype(stream)>::value_type;
+    return [&stream](uint32_t v, uint32_t k) {
+      return std::bit_cast<std::array<float, sizeof(Vector) / sizeof(float)>>(stream[v])[k];
+    };
   };
   // What refitting changes comes first.
   if (!mesh.normals.empty()) add_columns(config_.normal_weight, 3, component(mesh.normals));

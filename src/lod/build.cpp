@@ -18,6 +18,7 @@
 #include "lod/group.hpp"
 #include "lod/hierarchy.hpp"
 #include "lod/measure.hpp"
+#include "lod/new_positions.hpp"
 #include "lod/simplify.hpp"
 #include "lod/source.hpp"
 #include "umbel/lod.hpp"
@@ -204,6 +205,9 @@ class Builder {
       Simplified& simplified = results[g].simplified;
       if (simplified.added.position_ids.empty()) continue;
       with_added.push_back(g);
+      if (!simplified.added.components.empty() || !new_positions_.is_empty())
+        simplified.error +=
+            new_positions_.set_apart(source_, config_.position_step, simplified.added);
       const uint32_t first = append_vertices(source_, simplified.added);
       for (size_t v = 0; v < simplified.added.position_ids.size(); ++v)
         if (simplified.added.position_ids[v] == kNone)
@@ -465,6 +469,7 @@ class Builder {
   Grouper grouper_;
   std::vector<uint8_t> locked_;  // by position id
   ChordRegistry chords_;
+  NewPositions new_positions_;
   tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
   ClusterSet pending_;
   std::vector<uint32_t> emitted_;    // pending clusters of new groups, group by group

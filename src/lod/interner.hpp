@@ -58,4 +58,12 @@ inline uint64_t mix_bits(uint64_t h) {
   return h ^ (h >> 33);
 }
 
+/// Of positions without negative zeros.
+struct PositionHash {
+  uint64_t operator()(const Vec3& p) const {
+    const uint64_t xy = uint64_t{std::bit_cast<uint32_t>(p.x)} << 32 | std::bit_cast<uint32_t>(p.y);
+    return mix_bits(mix_bits(xy) ^ std::bit_cast<uint32_t>(p.z));
+  }
+};
+
 }  // namespace umbel::lod

@@ -12,12 +12,6 @@
 namespace umbel::lod {
 namespace {
 
-struct PositionHash {
-  uint64_t operator()(const Vec3& p) const {
-    const uint64_t xy = uint64_t{std::bit_cast<uint32_t>(p.x)} << 32 | std::bit_cast<uint32_t>(p.y);
-    return mix_bits(mix_bits(xy) ^ std::bit_cast<uint32_t>(p.z));
-  }
-};
 struct EdgeHash {
   uint64_t operator()(uint64_t edge) const { return mix_bits(edge); }
 };
@@ -207,7 +201,7 @@ class Reader {
   }
 
   /// Edges between positions that no finer cluster has, of enlarged parts of a group's simplified
-  /// form, that not exactly two of its triangles share.
+  /// form, that are not regular there.
   std::vector<uint32_t> new_open_edges() const {
     std::vector<uint32_t> found;
     std::vector<uint32_t> first_level(topology_.positions.size(), kNone);
@@ -225,21 +219,21 @@ class Reader {
     const auto from = [&](uint32_t c) { return tables_.clusters[c].generating_group; };
     std::stable_sort(sloppy.begin(), sloppy.end(),
                      [&](uint32_t a, uint32_t b) { return from(a) < from(b); });
-    std::vector<uint32_t> edges;
+    std::vector<uint64_t> uses;
     for (size_t i = 0; i < sloppy.size(); ++i) {
       const uint32_t level = level_of(sloppy[i]);
       for (const Side& side : topology_.sides_of(sloppy[i]))
         if (first_level[topology_.edges[side.edge] >> 32] == level &&
             first_level[static_cast<uint32_t>(topology_.edges[side.edge])] == level)
-          edges.push_back(side.edge);
+          uses.push_back(uint64_t{side.edge} << 1 | side.backward);
       if (i + 1 < sloppy.size() && from(sloppy[i + 1]) == from(sloppy[i])) continue;
-      std::sort(edges.begin(), edges.end());
-      for (auto at = edges.begin(); at != edges.end();) {
-        const auto end = std::upper_bound(at, edges.end(), *at);
-        if (end - at != 2) found.push_back(*at);
+      std::sort(uses.begin(), uses.end());
+      for (auto at = uses.begin(); at != uses.end();) {
+        const auto end = std::upper_bound(at, uses.end(), *at | 1);
+        if (end - at != 2 || *at == *(at + 1)) found.push_back(static_cast<uint32_t>(*at >> 1));
         at = end;
       }
-      edges.clear();
+      uses.clear();
     }
     return found;
   }

@@ -81,7 +81,8 @@ TEST(VertexFormat, refuses_what_cannot_be) {
       {positions, {kColors, Coding::kAngle, 8, 0}},
       {positions, {kColors, static_cast<Coding>(9), 8, 0}},
       {positions, {3, Coding::kFloats, 0, 0}},
-      {positions, {16, Coding::kFloats, 0, 0}}};
+      {positions, {kJoints, Coding::kSrgb, 8, 0}},
+      {positions, {128, Coding::kFloats, 0, 0}}};
   for (size_t i = 0; i < impossible.size(); ++i)
     EXPECT_THROW(make_format(impossible[i]), Error) << i;
 }

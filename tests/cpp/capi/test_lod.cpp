@@ -103,8 +103,18 @@ TEST(LodFromC, builds_what_cpp_builds) {
 
 // Charts of a texture, a second set of coordinates, joints and their weights.
 Mesh rich() {
-  Mesh mesh = blob();
-  for (Vec2& uv : mesh.uvs) uv.x += uv.x > 0 ? 10.0f : 0.0f;
+  const Mesh smooth = blob();
+  Mesh mesh;
+  for (const float chart : {0.0f, 10.0f}) {
+    const auto first = static_cast<uint32_t>(mesh.positions.size());
+    for (size_t v = 0; v < smooth.positions.size(); ++v) {
+      mesh.positions.push_back(smooth.positions[v]);
+      mesh.uvs.push_back({smooth.uvs[v].x + chart, smooth.uvs[v].y});
+    }
+    for (const Triangle& t : smooth.triangles)
+      if ((smooth.positions[t[0]].x > 0) == (chart > 0))
+        mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  }
   mesh.extras = {{ExtraKind::kUvs, 1}, {ExtraKind::kJoints, 0}, {ExtraKind::kWeights, 0}};
   for (const Vec3& p : mesh.positions)
     mesh.extra_values.insert(mesh.extra_values.end(), {p.y, p.z, 1, 2, 0, 0, 0.75f, 0.25f, 0, 0});
@@ -137,7 +147,7 @@ TEST(LodFromC, passes_rules_and_weights_and_further_attributes_on) {
                         arrays.group_count * sizeof *arrays.groups),
             0);
   cpp.seams = lod::SeamRule::kIgnore;
-  EXPECT_NE(lod::build(mesh.view(), cpp).tables.groups, dag.tables.groups);
+  EXPECT_FALSE(lod::build(mesh.view(), cpp).tables.groups == dag.tables.groups);
 
   umbel_lod_view view;
   ASSERT_EQ(umbel_lod_view_level(1, &view), UMBEL_OK);
@@ -174,8 +184,7 @@ TEST(LodFromC, says_why_each_group_is_as_it_is) {
   ASSERT_EQ(umbel_lod_get_report(lod.get(), &report), UMBEL_OK);
   for (size_t rung = 0; rung < 5; ++rung)
     for (size_t reason = 0; reason < lod::kReasons; ++reason)
-      EXPECT_EQ(report.groups_by_reason[rung][reason],
-                dag.report.groups_by_reason[rung][reason]);
+      EXPECT_EQ(report.groups_by_reason[rung][reason], dag.report.groups_by_reason[rung][reason]);
   EXPECT_EQ(report.groups_by_reason[4][UMBEL_LOD_REASON_COARSEST], 1u);
 }
 
