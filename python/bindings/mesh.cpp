@@ -1,6 +1,9 @@
 // Validation, welding, snapping and the procedural shapes.
 #include "umbel/mesh.hpp"
 
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/vector.h>
+
 #include "bind.hpp"
 
 namespace umbel::python {

@@ -56,6 +56,12 @@ class Lod(HasTables):
         return f"<Lod: {len(tables.clusters)} clusters on {len(tables.levels)} levels>"
 
     @property
+    def reasons(self) -> list[str]:
+        """For each group what stood most in the way where the first rung alone did not simplify it
+        to 70 %, "none" where it did, or why it is a root (docs/lod.md)."""
+        return list(self._native.reasons)
+
+    @property
     def levels(self) -> NDArray[Any]:
         """See `Tables.levels`."""
         return self.tables.levels

@@ -228,7 +228,7 @@ void dequantize_extras(const VertexFormat& format, std::span<const int32_t> inte
   extras.clear();
   for (const AttributeFormat& f : format.attributes)
     if (is_known(f) && is_extra(f)) extras.push_back({static_cast<ExtraKind>(f.attribute), f.set});
-  const size_t width = extra_width(extras), stride = components(format);
+  const size_t width = extra_width(extras), stride = row_stride(format);
   geometry.extra_values.resize(integers.size() / stride * width);
   size_t at = 0, to = 0;
   for (const AttributeFormat& f : format.attributes) {

@@ -18,7 +18,7 @@ def _rich() -> umbel.Mesh:
     position."""
     mesh = umbel.shapes.blob(4)
     p = mesh.positions
-    part = np.clip(0.5 + 2 * p[:, 0], 0, 1).astype(np.float32)
+    part = np.clip(0.5 + 2 * p[:, 0], 0.1, 0.9).astype(np.float32)
     mesh.uvs = p[:, :2].copy()
     mesh.uv_sets = [p[:, 1:].copy(), (2 * p[:, [0, 2]]).astype(np.float32)]
     mesh.joints = np.tile(np.uint32([3, 900, 0, 0, 17, 0, 0, 0]), (len(p), 1))
@@ -29,7 +29,7 @@ def _rich() -> umbel.Mesh:
 
 def _expect_rich(mesh: umbel.Mesh, tolerance: float) -> None:
     p = mesh.positions
-    part = np.clip(0.5 + 2 * p[:, 0], 0, 1)
+    part = np.clip(0.5 + 2 * p[:, 0], 0.1, 0.9)
     assert mesh.uvs is not None and mesh.joints is not None and mesh.weights is not None
     assert np.abs(mesh.uvs - p[:, :2]).max() <= tolerance
     assert len(mesh.uv_sets) == 2
@@ -127,30 +127,16 @@ def _torn(mesh: umbel.Mesh) -> int:
     return int((chart != chart[:, :1]).any(axis=1).sum())
 
 
-def _turned(mesh: umbel.Mesh) -> float:
-    """How far the corners of triangles are from where the chart of their first corner has them."""
-    assert mesh.uvs is not None
-    chart = np.floor(mesh.uvs[:, 0] / 10 + 0.05)
-    corner = np.stack([chart % 8, chart // 8], axis=1)
-    return float(
-        np.abs(mesh.positions[:, :2] - corner - (mesh.uvs - [10, 0] * chart[:, None])).max()
-    )
-
-
 def test_rules_of_seams_from_python() -> None:
     mesh = _charts()
-    counts = {}
+    torn, seams = {}, {}
     for rule in ("protect", "allow", "ignore"):
-        lod = umbel.build_lod(mesh, seams=rule, max_levels=4)
-        cut = lod.mesh(lod.cut(level=3))
-        assert _torn(cut) == 0 and _turned(cut) < 1e-3
-        counts[rule] = len(cut.triangles)
-    assert counts["protect"] >= counts["ignore"]
-    protect = umbel.build_lod(mesh, seams="protect").report["groups_by_reason"]
-    ignore = umbel.build_lod(mesh, seams="ignore").report["groups_by_reason"]
-    assert sum(r.get("seams", 0) for r in protect.values()) >= sum(
-        r.get("seams", 0) for r in ignore.values()
-    )
+        lod = umbel.build_lod(mesh, seams=rule)
+        torn[rule] = _torn(lod.mesh(lod.cut(level=3)))
+        reasons = lod.report["groups_by_reason"]
+        seams[rule] = sum(counts.get("seams", 0) for counts in reasons.values())
+    assert torn["protect"] == torn["allow"] == 0 < torn["ignore"]
+    assert seams["ignore"] == 0 < seams["protect"]
     with pytest.raises(umbel.Error, match="seams must be one of"):
         umbel.build_lod(mesh, seams="cut")
 
@@ -182,7 +168,7 @@ def test_clusters_that_mix_materials(tmp_path: Path, umbel_command: Umbel) -> No
     assert done.status == 0, done.err
     asset = umbel.Asset(out)
     apart = umbel.build_lod(mesh)
-    assert len(asset.clusters) < len(apart.clusters)
+    assert len(asset.tables.clusters) < len(apart.clusters)
     fine = asset.mesh(asset.cut(level=0))
     assert fine.material_ids is not None
     assert np.array_equal(np.bincount(fine.material_ids), np.bincount(mesh.material_ids))
@@ -212,5 +198,9 @@ def test_skins_of_real_files(data: Path) -> None:
         assert mesh.joints is not None and int(mesh.joints.max()) < joints
         lod = umbel.build_lod(mesh)
         cut = lod.mesh(lod.cut(triangles=len(mesh.triangles) // 5))
-        assert cut.weights is not None
-        assert np.abs(cut.weights.sum(axis=1) - 1).max() < 1e-3
+        assert mesh.weights is not None and cut.weights is not None and cut.joints is not None
+        known = {(*j, *w) for j, w in zip(mesh.joints.tolist(), mesh.weights.tolist(), strict=True)}
+        assert all(
+            (*j, *w) in known
+            for j, w in zip(cut.joints.tolist(), cut.weights.tolist(), strict=True)
+        )

@@ -242,6 +242,7 @@ def check_attributes(arrays: dict[str, NDArray[Any]], where: str, name: str) -> 
 
 
 def _block(arrays: dict[str, NDArray[Any]], first_joint: int) -> Mesh:
+    joints, weights = _skin(arrays, first_joint)
     return Mesh(
         arrays["POSITION"],
         np.zeros((0, 3), np.uint32),
@@ -250,7 +251,8 @@ def _block(arrays: dict[str, NDArray[Any]], first_joint: int) -> Mesh:
         uvs=arrays.get("TEXCOORD_0"),
         colors=arrays.get("COLOR_0"),
         uv_sets=_further_uvs(arrays),
-        **_skin(arrays, first_joint),
+        joints=joints,
+        weights=weights,
     )
 
 
@@ -268,15 +270,18 @@ def _further_uvs(arrays: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
     return _numbered(arrays, "TEXCOORD", 1, _MOST_UVS) if "TEXCOORD_0" in arrays else []
 
 
-def _skin(arrays: dict[str, NDArray[Any]], first_joint: int) -> dict[str, NDArray[Any]]:
+def _skin(
+    arrays: dict[str, NDArray[Any]], first_joint: int
+) -> tuple[UInt32Array | None, Float32Array | None]:
+    """Joints and weights of all sets; joints without weight are 0."""
     joints = _numbered(arrays, "JOINTS", 0, _MOST_SKIN_SETS)
     weights = _numbered(arrays, "WEIGHTS", 0, _MOST_SKIN_SETS)
     sets = min(len(joints), len(weights))
     if not sets or any(j.dtype.kind != "u" for j in joints[:sets]):
-        return {}
+        return None, None
     weight = np.concatenate(weights[:sets], axis=1)
     joint = np.concatenate(joints[:sets], axis=1).astype(np.uint32) + np.uint32(first_joint)
-    return {"joints": np.where(weight != 0, joint, np.uint32(0)), "weights": weight}
+    return np.where(weight != 0, joint, np.uint32(0)), weight
 
 
 def _triangulated(corners: UInt32Array, mode: int, what: str) -> UInt32Array:
