@@ -1,6 +1,8 @@
 // Continuous level of detail: building, selecting, taking cuts out as meshes, checking.
 #include "umbel/lod.hpp"
 
+#include <nanobind/stl/vector.h>
+
 #include <cmath>
 #include <cstring>
 #include <mutex>
@@ -285,9 +287,9 @@ void bind_dag(nb::module_& module) {
           nb::rv_policy::reference_internal)
       .def_prop_ro("reasons",
                    [](const Dag& dag) {
-                     nb::list names;
+                     std::vector<std::string> names;
                      for (const lod::Reason reason : dag.reasons)
-                       names.append(kReasonNames[static_cast<size_t>(reason)]);
+                       names.emplace_back(kReasonNames[static_cast<size_t>(reason)]);
                      return names;
                    })
       .def_prop_ro("report", [](const Dag& dag) { return build_report(dag.report); })
