@@ -30,7 +30,8 @@ def deforming_tables(lod: Lod, mesh: Mesh, poses: Iterable[ArrayLike]) -> Tables
     A group's sphere contains its vertices in every pose, and a cluster's box too. Errors grow by
     what edges of the group's clusters are stretched at most; they say nothing of poses in between.
     Vertices at one position in the rest pose are taken together. Raises where the levels have
-    positions that the mesh has not, as with `precision` or a decimation that adds vertices.
+    positions that the mesh has not, as with `precision`, with `keep_area` where it enlarged small
+    parts, or with a decimation that adds vertices.
     """
     moving = _Moving(lod, mesh)
     moving.add(mesh.positions)
@@ -54,7 +55,10 @@ class _Moving:
             try:
                 local = np.array([ids[p.tobytes()] for p in rows], np.int64)
             except KeyError:
-                raise Error("the levels of detail have positions that the mesh has not") from None
+                raise Error(
+                    "the levels of detail have positions that the mesh has not: "
+                    "build them with keep_area=False and without a precision"
+                ) from None
             self.vertices.append(local)
             corners = local[part.triangles.astype(np.int64)]
             self.edges.append(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]]]))
