@@ -566,8 +566,11 @@ void run_mesh(const std::string& path, const Options& options, Embree* embree,
   tracers.clear();
   printf("\n");
   for (const char* preset : {"quality", "best"}) print_counts(mesh, preset, primary, bounce);
-  print_build(mesh, options.runs);
-  print_refit(mesh, options.runs);
+  // Embree's "threads=1" is a limit for the whole process.
+  if (!embree) {
+    print_build(mesh, options.runs);
+    print_refit(mesh, options.runs);
+  }
   fflush(stdout);
 }
 
