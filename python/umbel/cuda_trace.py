@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from abc import ABC, abstractmethod
 from typing import Any
 
 from .cuda_arrays import DeviceArray, current_stream, device_array
@@ -50,7 +51,7 @@ class _Out(ctypes.Structure):
     _fields_ = tuple((name, ctypes.c_void_p) for name in "abcd")
 
 
-class Queries:
+class Queries(ABC):
     """What a hierarchy on a device answers. Queries are arrays on the device, answers are made by
     the package of the hierarchy's positions, and nothing waits, but where it says so. The answers
     are those of umbel.Bvh on the processor, bit by bit.
@@ -62,8 +63,9 @@ class Queries:
     _empty: Any
     _scratch: Scratch
 
+    @abstractmethod
     def _struct(self) -> BvhStruct:
-        raise NotImplementedError
+        """The hierarchy's arrays, as the C interface takes them."""
 
     def intersect(
         self,

@@ -27,6 +27,17 @@ PAGE_BYTES = 40 << 10
 """Most bytes of a page of several groups, unless something else is asked for."""
 
 
+def metadata_of(built: Any, name: str) -> dict[str, Any]:
+    """What an asset says of a Lod or SceneLod; `seconds` differ between two builds of one mesh."""
+    return {
+        "generator": f"umbel {_umbel.version()}",
+        "name": name,
+        "config": built.config,
+        "source": built.source,
+        "report": {key: value for key, value in built.report.items() if key != "seconds"},
+    }
+
+
 class Lod(HasTables):
     """A mesh as a DAG of clusters, in memory. `build_lod` makes it, `save` writes it."""
 
@@ -99,14 +110,7 @@ class Lod(HasTables):
     def metadata(self) -> dict[str, Any]:
         """What `save` writes beside the geometry. Holds nothing that differs between two builds
         of the same mesh."""
-        report = {key: value for key, value in self.report.items() if key != "seconds"}
-        return {
-            "generator": f"umbel {_umbel.version()}",
-            "name": self._name,
-            "config": self.config,
-            "source": self.source,
-            "report": report,
-        }
+        return metadata_of(self, self._name)
 
     def save(
         self,

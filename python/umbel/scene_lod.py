@@ -16,7 +16,7 @@ from .arrays import as_mesh, native
 from .errors import Error
 from .io import load_scene
 from .io.scene import Instance, Scene, transformed, with_default
-from .lod import PAGE_BYTES, Lod, build_lod, save_asset
+from .lod import PAGE_BYTES, Lod, build_lod, metadata_of, save_asset
 from .mesh import Mesh
 from .places import boxes, stretch
 from .repair import Progress, grid_step
@@ -52,14 +52,7 @@ class SceneLod:
 
     def metadata(self) -> dict[str, Any]:
         """What `save` writes beside the geometry."""
-        report = {key: value for key, value in self.report.items() if key != "seconds"}
-        return {
-            "generator": f"umbel {_umbel.version()}",
-            "name": self._name,
-            "config": self.config,
-            "source": self.source,
-            "report": report,
-        }
+        return metadata_of(self, self._name)
 
     def save(
         self,
