@@ -112,27 +112,53 @@ Dict kmeans_times(const MeshArrays& mesh, const bvh::Config& given, const nb::ob
   return result;
 }
 
-void bind_tree(nb::module_& module) {
-  using bvh::Bvh2;
-  nb::class_<Bvh2>(module, "Bvh2", "A binary tree over boxes.")
+/// The tables and statistics that binary trees and trees of many children share.
+template <typename Tree, typename Node>
+nb::class_<Tree> tree_class(nb::module_& module, const char* name, const char* what) {
+  return nb::class_<Tree>(module, name, what)
       .def_prop_ro("nodes",
                    [](nb::handle self) {
-                     const auto& tree = nb::cast<const Bvh2&>(self);
-                     return array_over<const uint32_t>(std::span<const bvh::Node>(tree.nodes),
-                                                       self);
+                     const auto& tree = nb::cast<const Tree&>(self);
+                     return array_over<const uint32_t>(std::span<const Node>(tree.nodes), self);
                    })
       .def_prop_ro("primitives",
                    [](nb::handle self) {
-                     const auto& tree = nb::cast<const Bvh2&>(self);
+                     const auto& tree = nb::cast<const Tree&>(self);
                      return array_over<const uint32_t>(std::span<const uint32_t>(tree.primitives),
                                                        self);
                    })
       .def(
           "statistics",
-          [](const Bvh2& tree, float traversal, float intersection) {
+          [](const Tree& tree, float traversal, float intersection) {
             return statistics_dict(bvh::statistics(tree, {traversal, intersection}));
           },
-          "traversal"_a, "intersection"_a)
+          "traversal"_a, "intersection"_a);
+}
+
+/// Functions `NAME_boxes` and `NAME_mesh`, that build by `build(boxes or mesh, config, options)`.
+template <typename Build>
+void bind_builder(nb::module_& module, const std::string& name, Build build) {
+  module.def((name + "_boxes").c_str(),
+             [build](const Rows<float, 6>& boxes, const bvh::Config& config,
+                     const nb::object& progress, uint32_t threads) {
+               return run(progress, threads, [&](const BuildOptions& options) {
+                 return build(rows_of<Aabb>(boxes), config, options);
+               });
+             },
+             "boxes"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  module.def((name + "_mesh").c_str(),
+             [build](const MeshArrays& mesh, const bvh::Config& config, const nb::object& progress,
+                     uint32_t threads) {
+               return run(progress, threads, [&](const BuildOptions& options) {
+                 return build(mesh.view(), config, options);
+               });
+             },
+             "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+}
+
+void bind_tree(nb::module_& module) {
+  using bvh::Bvh2;
+  tree_class<Bvh2, bvh::Node>(module, "Bvh2", "A binary tree over boxes.")
       .def(
           "end_point_overlap",
           [](const Bvh2& tree, const MeshArrays& mesh, float traversal, float intersection,
@@ -142,67 +168,21 @@ void bind_tree(nb::module_& module) {
             });
           },
           "mesh"_a, "traversal"_a, "intersection"_a, "threads"_a = 0);
-  module.def(
-      "build_bvh2_boxes",
-      [](const Rows<float, 6>& boxes, const bvh::Config& config, const nb::object& progress,
-         uint32_t threads) {
-        return run(progress, threads, [&](const BuildOptions& options) {
-          return bvh::build(rows_of<Aabb>(boxes), config, options);
-        });
-      },
-      "boxes"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
-  module.def(
-      "build_bvh2_mesh",
-      [](const MeshArrays& mesh, const bvh::Config& config, const nb::object& progress,
-         uint32_t threads) {
-        return run(progress, threads, [&](const BuildOptions& options) {
-          return bvh::build(mesh.view(), config, options);
-        });
-      },
-      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  bind_builder(module, "build_bvh2",
+               [](const auto& input, const bvh::Config& config, const BuildOptions& options) {
+                 return bvh::build(input, config, options);
+               });
   module.def("kmeans_times", &kmeans_times, "mesh"_a, "config"_a, "progress"_a = nb::none(),
              "Seconds of each stage of a build on one thread.");
 }
 
 void bind_kary(nb::module_& module) {
-  using bvh::KaryTree;
-  nb::class_<KaryTree>(module, "KaryTree", "A tree with up to 64 children a node.")
-      .def_prop_ro("nodes",
-                   [](nb::handle self) {
-                     const auto& tree = nb::cast<const KaryTree&>(self);
-                     return array_over<const uint32_t>(std::span<const bvh::KaryNode>(tree.nodes),
-                                                       self);
-                   })
-      .def_prop_ro("primitives",
-                   [](nb::handle self) {
-                     const auto& tree = nb::cast<const KaryTree&>(self);
-                     return array_over<const uint32_t>(std::span<const uint32_t>(tree.primitives),
-                                                       self);
-                   })
-      .def(
-          "statistics",
-          [](const KaryTree& tree, float traversal, float intersection) {
-            return statistics_dict(bvh::statistics(tree, {traversal, intersection}));
-          },
-          "traversal"_a, "intersection"_a);
-  module.def(
-      "build_kary_boxes",
-      [](const Rows<float, 6>& boxes, const bvh::Config& config, const nb::object& progress,
-         uint32_t threads) {
-        return run(progress, threads, [&](const BuildOptions& options) {
-          return bvh::build_kmeans_kary(rows_of<Aabb>(boxes), config, options);
-        });
-      },
-      "boxes"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
-  module.def(
-      "build_kary_mesh",
-      [](const MeshArrays& mesh, const bvh::Config& config, const nb::object& progress,
-         uint32_t threads) {
-        return run(progress, threads, [&](const BuildOptions& options) {
-          return bvh::build_kmeans_kary(mesh.view(), config, options);
-        });
-      },
-      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  tree_class<bvh::KaryTree, bvh::KaryNode>(module, "KaryTree",
+                                           "A tree with up to 64 children a node.");
+  bind_builder(module, "build_kary",
+               [](const auto& input, const bvh::Config& config, const BuildOptions& options) {
+                 return bvh::build_kmeans_kary(input, config, options);
+               });
 }
 
 TriangleBvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool compact,

@@ -12,22 +12,11 @@ void Cut::load(const Source& source, const uint32_t* items, uint32_t count) {
   change_.resize(count + 1);
   if (explicit_) {
     const Connections& c = source.connections;
-    if (local_of_.size() < c.ranges.size()) local_of_.resize(c.ranges.size());
-    for (uint32_t i = 0; i < count; ++i) local_of_[items[i]] = i;
-    offsets_.assign(1, 0);
-    targets_.clear();
     weights_.clear();
-    for (uint32_t i = 0; i < count; ++i) {
-      const Range& r = c.ranges[items[i]];
-      for (uint32_t k = r.offset; k < r.offset + r.count; ++k) {
-        const uint32_t local = local_of_[c.targets[k]];
-        if (local >= count || items[local] != c.targets[k] || local == i) continue;
-        targets_.push_back(local);
-        // Half from each end: a connection that only one end lists still counts, by half.
-        weights_.push_back(c.weights.empty() ? 0.5f : 0.5f * c.weights[k]);
-      }
-      offsets_.push_back(static_cast<uint32_t>(targets_.size()));
-    }
+    // Half from each end: a connection that only one end lists still counts, by half.
+    connections_.load(c, items, count, [&](uint32_t k) {
+      weights_.push_back(c.weights.empty() ? 0.5f : 0.5f * c.weights[k]);
+    });
     node_ = 0;
     node_of_.assign(count, 0);
     position_.resize(count);
@@ -76,9 +65,10 @@ void Cut::add_explicit(const uint32_t* order, uint32_t n) {
   for (uint32_t i = 0; i < n; ++i) position_[order[i]] = i;
   for (uint32_t i = 0; i < n; ++i) {
     const uint32_t item = order[i];
-    for (uint32_t k = offsets_[item]; k < offsets_[item + 1]; ++k) {
-      if (node_of_[targets_[k]] != node_) continue;
-      const uint32_t other = position_[targets_[k]];
+    for (uint32_t k = connections_.offsets[item]; k < connections_.offsets[item + 1]; ++k) {
+      const uint32_t target = connections_.targets[k];
+      if (node_of_[target] != node_) continue;
+      const uint32_t other = position_[target];
       change_[std::min(i, other)] += weights_[k];
       change_[std::max(i, other)] -= weights_[k];
     }

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "cluster/local_connections.hpp"
 #include "cluster/source.hpp"
 #include "cluster/vertex_table.hpp"
 
@@ -35,10 +36,9 @@ class Cut {
   bool explicit_ = false;
   float vertex_weight_ = 0.0f;
   uint32_t arity_ = 0;
-  uint32_t node_ = 0;                        ///< number of the node entered last
-  std::vector<uint32_t> local_of_;           ///< by item; stale where not of these items
-  std::vector<uint32_t> offsets_, targets_;  ///< connections between local indices
-  std::vector<float> weights_;
+  uint32_t node_ = 0;  ///< number of the node entered last
+  LocalConnections connections_;
+  std::vector<float> weights_;                ///< by local connection
   std::vector<uint32_t> node_of_, position_;  ///< by local index
   std::vector<double> change_;
   std::vector<uint32_t> vertices_;        ///< local numbers, `arity` an item, kNone: repeated

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "cluster/local_connections.hpp"
 #include "cluster/source.hpp"
 
 namespace umbel::cluster {
@@ -24,8 +25,8 @@ class SharedBits {
   /// Adds an item; returns how many of its vertices are new.
   uint32_t insert(uint32_t local) {
     uint32_t seen = 0;
-    for (uint32_t k = offsets_[local]; k < offsets_[local + 1]; ++k)
-      if (stamps_[targets_[k]] == stamp_) seen |= bits_[k];
+    for (uint32_t k = connections_.offsets[local]; k < connections_.offsets[local + 1]; ++k)
+      if (stamps_[connections_.targets[k]] == stamp_) seen |= bits_[k];
     stamps_[local] = stamp_;
     const uint32_t fresh = arity_ - static_cast<uint32_t>(std::popcount(seen));
     count_ += fresh;
@@ -37,9 +38,8 @@ class SharedBits {
   bool active_ = false;
   uint32_t arity_ = 0, count_ = 0;
   uint64_t stamp_ = 0;
-  std::vector<uint32_t> local_of_;           ///< by item; stale where not of these items
-  std::vector<uint32_t> offsets_, targets_;  ///< connections between local indices
-  std::vector<uint8_t> bits_;
+  LocalConnections connections_;
+  std::vector<uint8_t> bits_;     ///< by local connection
   std::vector<uint64_t> stamps_;  ///< by local index
 };
 
