@@ -158,6 +158,7 @@ class Builder {
   void simplify_level(bool last_resort) {
     const Clusters groups = grouper_.group(pending_, locked_, groups_of_);
     grouper_.lock_borders(groups, locked_);
+    insert_fixed_edges(groups);
     std::vector<GroupResult> results(groups.ranges.size());
     constexpr size_t kBatch = 256;  // groups between two calls of the progress callback
     for (size_t begin = 0; begin < results.size(); begin += kBatch) {
@@ -166,7 +167,7 @@ class Builder {
         const Range range = groups.ranges[begin + i];
         results[begin + i] =
             simplify_group(std::span(groups.items).subspan(range.offset, range.count),
-                           {.chords = true, .last_resort = last_resort});
+                           {.chords = true, .last_resort = last_resort, .taken = &chords_});
       });
       // Half of what is left to do is this level.
       const double level_part = static_cast<double>(begin + count) / results.size();
@@ -180,9 +181,18 @@ class Builder {
     join(groups, results);
   }
 
-  // Groups with a chord that another group has or had are simplified again without any.
+  void insert_fixed_edges(const Clusters& groups) {
+    std::vector<std::vector<PositionPair>> edges(groups.ranges.size());
+    parallel_for(edges.size(), 4, [&](size_t g) {
+      const Range range = groups.ranges[g];
+      edges[g] = fixed_edges(pending_, std::span(groups.items).subspan(range.offset, range.count),
+                             source_.position_ids, locked_);
+    });
+    for (const std::vector<PositionPair>& of_group : edges) chords_.insert(of_group);
+  }
+
+  // Groups with a chord that another group has laid as well are simplified again without any.
   void settle_chords(const Clusters& groups, std::vector<GroupResult>& results, bool last_resort) {
-    for (const GroupResult& r : results) chords_.insert(r.simplified.fixed_edges);
     std::vector<size_t> refused;
     for (size_t g = 0; g < results.size(); ++g) {
       if (chords_.contains_any(results[g].simplified.chords))
@@ -194,7 +204,7 @@ class Builder {
       const Range range = groups.ranges[refused[i]];
       results[refused[i]] =
           simplify_group(std::span(groups.items).subspan(range.offset, range.count),
-                         {.chords = false, .last_resort = last_resort});
+                         {.chords = false, .last_resort = last_resort, .taken = nullptr});
     });
   }
 

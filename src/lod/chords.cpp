@@ -1,6 +1,7 @@
 #include "lod/chords.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace umbel::lod {
 namespace {
@@ -37,10 +38,36 @@ void ChordRegistry::insert(std::span<const PositionPair> edges) {
   }
 }
 
+bool ChordRegistry::contains(const PositionPair& edge) const {
+  return !table_.empty() && table_[slot_of(key_of(edge))] != kEmpty;
+}
+
 bool ChordRegistry::contains_any(std::span<const PositionPair> edges) const {
-  return !table_.empty() && std::any_of(edges.begin(), edges.end(), [&](const PositionPair& edge) {
-    return table_[slot_of(key_of(edge))] != kEmpty;
-  });
+  return std::any_of(edges.begin(), edges.end(),
+                     [&](const PositionPair& edge) { return contains(edge); });
+}
+
+std::vector<PositionPair> fixed_edges(const ClusterSet& set, std::span<const uint32_t> clusters,
+                                      std::span<const uint32_t> position_ids,
+                                      std::span<const uint8_t> locked) {
+  std::vector<PositionPair> edges;
+  std::array<uint32_t, 256> ids;  // kNone: not locked
+  for (uint32_t c : clusters) {
+    const auto vertices = set.cluster_vertices(c);
+    for (size_t i = 0; i < vertices.size(); ++i) {
+      const uint32_t id = position_ids[vertices[i]];
+      ids[i] = locked[id] ? id : kNone;
+    }
+    const auto corners = set.cluster_corners(c);
+    for (size_t i = 0; i < corners.size(); i += 3) {
+      const std::array t{ids[corners[i]], ids[corners[i + 1]], ids[corners[i + 2]]};
+      for (size_t k = 0; k < 3; ++k) {
+        const uint32_t a = t[k], b = t[(k + 1) % 3];
+        if (a != kNone && b != kNone && a != b) edges.push_back({a, b});
+      }
+    }
+  }
+  return edges;
 }
 
 }  // namespace umbel::lod

@@ -5,13 +5,15 @@
 // That other edge then was an edge between two locked vertices of its group in some round up to
 // now: in the earlier of the two rounds in which the two edges' groups are drawn, the two sides are
 // in different groups and share both ends. So it is enough to remember those edges of all rounds,
-// which are few, and to refuse a chord that is among them.
+// which are few, and to refuse a chord that is among them. Those that groups have before a round
+// are known to all of them; only chords that two groups lay in the same one come to light later.
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "lod/cluster_set.hpp"
 #include "lod/topology.hpp"
 
 namespace umbel::lod {
@@ -20,6 +22,7 @@ namespace umbel::lod {
 class ChordRegistry {
  public:
   void insert(std::span<const PositionPair> edges);
+  bool contains(const PositionPair& edge) const;
   bool contains_any(std::span<const PositionPair> edges) const;
 
  private:
@@ -29,5 +32,10 @@ class ChordRegistry {
   std::vector<uint64_t> table_;  // open addressing
   size_t count_ = 0;
 };
+
+/// The edges of a group of clusters between two locked positions, several times maybe.
+std::vector<PositionPair> fixed_edges(const ClusterSet& set, std::span<const uint32_t> clusters,
+                                      std::span<const uint32_t> position_ids,
+                                      std::span<const uint8_t> locked);
 
 }  // namespace umbel::lod

@@ -45,9 +45,12 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
     }
     if (live_ > input.cheap_below) dear = kMostRise * worst_;
     const uint32_t p = queue_.pop();
-    if (std::exchange(stale_[p], 0))
+    if (std::exchange(stale_[p], 0)) {
       enqueue_best(p);
-    else if (!is_legal(p, choices_[p].target))
+      continue;
+    }
+    mark_neighbours(p);
+    if (!is_legal(p, choices_[p].target))
       enqueue_best_legal(p);
     else if (any_price || live_ > input.cheap_below || cost_of(p, choices_[p].target) <= dear)
       collapse(p, choices_[p].target);
@@ -205,59 +208,77 @@ void EdgeCollapser::choose(uint32_t p, const Choice& choice) {
 }
 
 bool EdgeCollapser::is_legal(uint32_t p, uint32_t target) {
-  const bool loosely = input_.loose || kinds_[p] == Kind::kIrregular;
-  if (loosely ? !keeps_irregular_link(p, target) : !keeps_link(p, target)) return false;
+  if (moves_loosely(p) ? !keeps_irregular_link(p, target) : !keeps_link(p, target)) return false;
   if (!input_.any_turn && !keeps_facing(p, target)) return false;
   return !has_wedges_ || map_wedges(p, target);
 }
 
+// For `keeps_link`, with stamp_.
+void EdgeCollapser::mark_neighbours(uint32_t p) {
+  const uint32_t stamp = ++stamp_;
+  uint32_t* const marks = marks_.data();
+  for (const Spoke& s : ring(p)) marks[s.next] = stamp;
+  if (kinds_[p] != Kind::kInterior)
+    for (const Spoke& s : ring(p)) marks[s.prev] = stamp;
+}
+
+// Those at the edge from a regular position: one or two.
+void EdgeCollapser::find_opposites(uint32_t p, uint32_t target) {
+  uint32_t found[3] = {kNone, kNone, kNone};  // the last for what is not at the edge
+  size_t count = 0;
+  for (const Spoke& s : ring(p)) {
+    found[count] = s.next == target ? s.prev : s.next;
+    count += s.next == target || s.prev == target;
+  }
+  opposites_ = count;
+  opposite_ = {found[0], found[count == 2]};
+}
+
+// After `mark_neighbours`: only the third corners at the edge are neighbours of both ends.
 bool EdgeCollapser::keeps_link(uint32_t p, uint32_t target) {
-  list_neighbours(p, target);
+  find_opposites(p, target);
+  const auto [a, b] = opposite_;
   const uint32_t around = ring_of_[p].count;
   // The last triangles of a component stay, and so does one whose place another takes.
   if (around == opposites_ && ring_of_[target].count == around) return false;
+  const uint32_t* const marks = marks_.data();
   bool shared = false;
   for (const Spoke& s : ring(target))
-    shared |= marks_[s.next] == stamp_ || marks_[s.prev] == stamp_;
+    shared |= marks[s.next] == stamp_ && s.next != a && s.next != b;
+  if (kinds_[target] != Kind::kInterior)
+    for (const Spoke& s : ring(target))
+      shared |= marks[s.prev] == stamp_ && s.prev != a && s.prev != b;
   if (shared) return false;
   if (around == 3 && opposites_ == 2)
     for (const Spoke& s : ring(target))
-      if (std::minmax(s.next, s.prev) == std::minmax(neighbours_[0], neighbours_[1])) return false;
-  if (!input_.chords && input_.locked[target])
-    return std::none_of(neighbours_.begin() + opposites_, neighbours_.end(),
-                        [&](uint32_t x) { return input_.locked[x] != 0; });
-  return true;
+      if (std::minmax(s.next, s.prev) == std::minmax(a, b)) return false;
+  if (!input_.locked[target]) return true;
+  list_neighbours(p, target);
+  return keeps_chords(target);
 }
 
-// Marks those that are not third corners at the edge with stamp_. What comes next cannot be
-// foretold, so hardly anything branches on it.
+// Of a regular position, the third corners at the edge first. What comes next cannot be foretold,
+// so hardly anything branches on it.
 void EdgeCollapser::list_neighbours(uint32_t p, uint32_t target) {
   const auto spokes = ring(p);
   if (neighbour_room_.size() < 2 * spokes.size() + 1) neighbour_room_.resize(4 * spokes.size() + 1);
   uint32_t* const list = neighbour_room_.data();
-  size_t count = 0;
+  const auto [a, b] = opposite_;
+  list[0] = a, list[1] = b;
+  size_t count = opposites_;
+  uint32_t last = kNone;  // of an open fan, what no triangle starts with
   for (const Spoke& s : spokes) {
-    list[count] = s.next == target ? s.prev : s.next;
-    count += s.next == target || s.prev == target;
-  }
-  opposites_ = count;
-  const uint32_t a = list[0], b = list[count - 1];
-  const uint32_t stamp = ++stamp_;
-  uint32_t* const marks = marks_.data();
-  for (const Spoke& s : spokes) {
-    const uint32_t x = s.next, mark = marks[x];
-    const bool is_other = x != target && x != a && x != b;
-    marks[x] = is_other ? stamp : mark;
+    const uint32_t x = s.next;
     list[count] = x;
-    count += is_other;
+    count += x != target && x != a && x != b;
   }
-  if (kinds_[p] != Kind::kInterior)
-    for (const Spoke& s : spokes) {
-      const uint32_t x = s.prev;
-      if (marks[x] == stamp || x == target || x == a || x == b) continue;
-      marks[x] = stamp;
-      list[count++] = x;
-    }
+  if (kinds_[p] != Kind::kInterior) {
+    for (const Spoke& s : spokes)
+      if (std::none_of(spokes.begin(), spokes.end(),
+                       [&](const Spoke& o) { return o.next == s.prev; }))
+        last = s.prev;
+    if (last != kNone && last != target && last != a && last != b) list[count++] = last;
+  }
   neighbours_ = {list, count};
 }
 
@@ -284,9 +305,17 @@ bool EdgeCollapser::keeps_irregular_link(uint32_t p, uint32_t target) {
     for (uint32_t x : {s.next, s.prev})
       if (marks_[x] == is_other && (component == kNone || input_.component[x] != component))
         return false;
-  return input_.chords || !input_.locked[target] ||
-         std::none_of(neighbours_.begin() + opposites_, neighbours_.end(),
-                      [&](uint32_t x) { return input_.locked[x] != 0; });
+  return keeps_chords(target);
+}
+
+// Of the new edges at the target those between locked positions may be legal or not.
+bool EdgeCollapser::keeps_chords(uint32_t target) const {
+  if (!input_.locked[target]) return true;
+  return std::none_of(neighbours_.begin() + opposites_, neighbours_.end(), [&](uint32_t x) {
+    if (!input_.locked[x]) return false;
+    const auto& ids = input_.position_ids;
+    return !input_.chords || (input_.taken && input_.taken->contains({ids[x], ids[target]}));
+  });
 }
 
 bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
@@ -305,10 +334,11 @@ bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
   return true;
 }
 
-// `keeps_link` has just left the neighbours of p.
+// Right after `is_legal`.
 void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
+  const bool irregular = moves_loosely(p);
+  if (!irregular) list_neighbours(p, target);
   if (input_.locked[target]) note_chords(target);
-  const bool irregular = input_.loose || kinds_[p] == Kind::kIrregular;
   merge_quadrics(p, target);
   move_ring(p, target);
   if (irregular) {

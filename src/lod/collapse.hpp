@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "lod/bucket_queue.hpp"
+#include "lod/chords.hpp"
 #include "lod/quadric.hpp"
 #include "lod/topology.hpp"
 #include "umbel/lod.hpp"
@@ -35,8 +36,10 @@ struct CollapseInput {
   std::span<const uint8_t> locked;           ///< of positions: stays where it is
   std::span<const uint32_t> component;       ///< of positions, see topology.hpp
   bool chords = true;                        ///< new edges between locked positions are legal
-  std::span<const uint32_t> materials = {};  ///< of vertices; empty: one
-  std::span<const SeamRule> rules = {};      ///< of positions; empty: SeamRule::kAllow
+  const ChordRegistry* taken = nullptr;      ///< but for these
+  std::span<const uint32_t> position_ids = {};  ///< of positions, as in `taken`
+  std::span<const uint32_t> materials = {};     ///< of vertices; empty: one
+  std::span<const SeamRule> rules = {};         ///< of positions; empty: SeamRule::kAllow
   /// Irregular positions move too, within their component. The result must be checked.
   bool irregular = true;
   /// Below so many triangles only what costs little more than what it took to get there.
@@ -132,9 +135,13 @@ class EdgeCollapser {
 
   Reason hindrance_at(uint32_t p);
   bool is_legal(uint32_t p, uint32_t target);
+  bool moves_loosely(uint32_t p) const { return input_.loose || kinds_[p] == Kind::kIrregular; }
+  void mark_neighbours(uint32_t p);
+  void find_opposites(uint32_t p, uint32_t target);
   bool keeps_link(uint32_t p, uint32_t target);
   void list_neighbours(uint32_t p, uint32_t target);
   bool keeps_irregular_link(uint32_t p, uint32_t target);
+  bool keeps_chords(uint32_t target) const;
   bool keeps_facing(uint32_t p, uint32_t target) const;
   bool map_wedges(uint32_t p, uint32_t target);
   uint32_t cheapest_wedge(uint32_t from, uint32_t target, const Vec3& d) const;
@@ -197,6 +204,7 @@ class EdgeCollapser {
   std::span<const uint32_t>
       neighbours_;        // of p but for the target, third corners at the edge first
   size_t opposites_ = 0;  // how many those are
+  std::pair<uint32_t, uint32_t> opposite_{kNone, kNone};  // of a regular position, the same if one
 
   std::vector<Triangle> result_;
   std::vector<PositionPair> chords_;

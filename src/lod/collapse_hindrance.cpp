@@ -20,10 +20,10 @@ Reason EdgeCollapser::hindrance_at(uint32_t p) {
   constexpr std::array kTests = {Reason::kTopology, Reason::kTurning, Reason::kSeams,
                                  Reason::kPrice};
   size_t passed = 0;
+  mark_neighbours(p);
   for_each_target(p, [&](uint32_t, uint32_t target, bool) {
-    const bool loosely = input_.loose || kinds_[p] == Kind::kIrregular;
     size_t passes = 0;
-    if (loosely ? keeps_irregular_link(p, target) : keeps_link(p, target)) {
+    if (moves_loosely(p) ? keeps_irregular_link(p, target) : keeps_link(p, target)) {
       passes = 1;
       if (input_.any_turn || keeps_facing(p, target)) passes = 2;
       if (passes == 2 && (!has_wedges_ || map_wedges(p, target))) passes = 3;

@@ -126,7 +126,7 @@ void GroupSimplifier::take_added(const DecimationResult& made, AddedVertices& ad
                                      ? kAddedVertex + first_there[at->second - gathered]
                                      : position_ids_[at->second]);
   }
-  topology_.set_piece(position_triangles_, locked_, components_);
+  knows_topology_ = false;
 }
 
 void GroupSimplifier::forget_added() {
@@ -138,7 +138,7 @@ void GroupSimplifier::forget_added() {
   locked_.resize(position_ids_.size());
   components_.resize(position_ids_.size());
   added_materials_.clear();
-  topology_.set_piece(position_triangles_, locked_, components_);
+  knows_topology_ = false;
 }
 
 }  // namespace umbel::lod

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "base/math.hpp"
 #include "lod/repair.hpp"
@@ -25,6 +26,8 @@ constexpr float kWorthwhile = 0.8f;
 // smaller than this part of the error, so many times.
 constexpr float kPruneAbove = 0.01f, kPrunedPart = 0.35f;
 constexpr int kMostPrunings = 3;
+// With less than this part of the triangles they make too little room for the rest.
+constexpr double kLeastPruned = 0.02;
 // Of the triangles; to get from these to the target only collapses are done that cost little more.
 constexpr float kCheapBelow = 0.85f;
 // Tries with more and more vertices held before a rung is given up.
@@ -109,7 +112,6 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
     for (const auto& [a, b] : edges) ids.push_back({position_ids_[a], position_ids_[b]});
     return ids;
   };
-  result.fixed_edges = to_ids(topology_.fixed_edges());
   if (!best.valid || best.triangles.size() > worthwhile) return result;
   result.done = true;
   if (best.pruned > 0)
@@ -205,10 +207,17 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
   drop_repeated_triangles();
 
   position_triangles_.clear();
-  for (const Triangle& t : triangles_)
-    position_triangles_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
-  topology_.set_piece(position_triangles_, locked_, components_);
+  knows_topology_ = false;
   gather_attributes();
+}
+
+// The piece's own.
+std::span<const Triangle> GroupSimplifier::position_triangles() {
+  if (!source_.has_wedges) return triangles_;
+  if (position_triangles_.empty())
+    for (const Triangle& t : triangles_)
+      position_triangles_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
+  return position_triangles_;
 }
 
 // What the rungs below the first need to know. No component vanishes in the first.
@@ -276,8 +285,13 @@ CollapseInput GroupSimplifier::collapse_input() {
   materials_.clear();
   if (!source_.vertex_materials.empty())
     for (uint32_t v = 0; v < vertices_.size(); ++v) materials_.push_back(material(v));
-  return {triangles_, position_of_, positions_,    attributes_, attribute_weights_,
-          locked_,    components_,  allow_.chords, materials_,  rules_};
+  CollapseInput input{triangles_,         position_of_, positions_,  attributes_,
+                      attribute_weights_, locked_,      components_, allow_.chords};
+  input.taken = allow_.taken;
+  input.position_ids = position_ids_;
+  input.materials = materials_;
+  input.rules = rules_;
+  return input;
 }
 
 GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
@@ -295,7 +309,8 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
     const float error = std::max(result.error, result.pruned);
     const float radius =
         prune_below(kPrunedPart * error * source_.scale, target, left) / source_.scale;
-    if (radius <= result.pruned) break;
+    const double kept = static_cast<double>(left.size()) / triangles_.size();
+    if (radius <= result.pruned || kept > 1 - kLeastPruned) break;
     CollapseInput rest = input;
     rest.triangles = left;
     Candidate next = collapse_regular(rest, target);
@@ -309,9 +324,9 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
 
 // The triangles that are left without the parts that nobody shares of at most this radius, the
 // smallest first. Returns the largest radius of those.
-float GroupSimplifier::prune_below(float most, size_t target, std::vector<Triangle>& left) const {
+float GroupSimplifier::prune_below(float most, size_t target, std::vector<Triangle>& left) {
   std::vector<uint32_t> triangles_of(parts_.size(), 0), order;
-  for (const Triangle& t : position_triangles_) ++triangles_of[component_of_[t[0]]];
+  for (const Triangle& t : position_triangles()) ++triangles_of[component_of_[t[0]]];
   for (uint32_t part = 0; part < parts_.size(); ++part)
     if (!parts_[part].fixed && parts_[part].radius() <= most) order.push_back(part);
   std::stable_sort(order.begin(), order.end(),
@@ -420,7 +435,7 @@ std::span<const PositionPair> GroupSimplifier::repair_faults(Candidate& candidat
 
 void GroupSimplifier::hold_around(uint32_t position) {
   held_[position] = 1;
-  for (const Triangle& t : position_triangles_)
+  for (const Triangle& t : position_triangles())
     if (t[0] == position || t[1] == position || t[2] == position)
       held_[t[0]] = held_[t[1]] = held_[t[2]] = 1;
 }
@@ -429,7 +444,12 @@ std::span<const PositionPair> GroupSimplifier::faults(std::span<const Triangle> 
   result_positions_.clear();
   for (const Triangle& t : triangles)
     result_positions_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
-  return topology_.violations(result_positions_, allow_.chords);
+  if (!std::exchange(knows_topology_, true))
+    topology_.set_piece(position_triangles(), locked_, components_);
+  return topology_.violations(result_positions_, [&](uint32_t a, uint32_t b) {
+    return allow_.chords &&
+           !(allow_.taken && allow_.taken->contains({position_ids_[a], position_ids_[b]}));
+  });
 }
 
 // Of a candidate in which `faults` has just found none.
@@ -454,7 +474,7 @@ void GroupSimplifier::find_components() {
     while (component_of_[p] != p) p = component_of_[p] = component_of_[component_of_[p]];
     return p;
   };
-  for (const Triangle& t : position_triangles_)
+  for (const Triangle& t : position_triangles())
     for (int i = 1; i < 3; ++i) {
       const uint32_t a = root(t[0]), b = root(t[i]);
       component_of_[std::max(a, b)] = std::min(a, b);
@@ -486,7 +506,7 @@ float GroupSimplifier::settle_vanished(size_t most_triangles, std::vector<Triang
   std::vector<uint8_t> present(parts_.size(), 0);
   for (const Triangle& t : triangles) present[component_of_[position_of_[t[0]]]] = 1;
   std::vector<uint32_t> vanished, triangles_of(parts_.size(), 0);
-  for (const Triangle& t : position_triangles_)
+  for (const Triangle& t : position_triangles())
     if (const uint32_t part = component_of_[t[0]]; !present[part] && triangles_of[part]++ == 0)
       vanished.push_back(part);
   if (vanished.empty()) return 0.0f;

@@ -28,15 +28,15 @@ struct Simplified {
   float attribute_error = 0;  ///< how much worse it made attributes, as a length
   float vanished = 0;         ///< half the diagonal of the largest component that it removed whole
   Rung rung = Rung::kRegular;
-  Reason reason = Reason::kNone;          ///< set even if not done
-  std::vector<PositionPair> fixed_edges;  ///< of the group itself, see topology.hpp; always set
-  std::vector<PositionPair> chords;       ///< new edges between two locked vertices
+  Reason reason = Reason::kNone;     ///< set even if not done
+  std::vector<PositionPair> chords;  ///< new edges between two locked vertices
 };
 
 /// What a simplification may do beyond the usual.
 struct Allowance {
   bool chords = true;        ///< new edges between locked vertices, for the registry to judge
   bool last_resort = false;  ///< Rung::kSloppy
+  const ChordRegistry* taken = nullptr;  ///< edges that others have; the rest is for the caller
 };
 
 /// Keeps its scratch memory from group to group; one a thread.
@@ -82,6 +82,7 @@ class GroupSimplifier {
   uint32_t local_vertex(uint32_t vertex);
   void gather_positions(std::span<const uint8_t> locked);
   void drop_repeated_triangles();
+  std::span<const Triangle> position_triangles();
   bool ask_caller(size_t target, size_t most, Candidate& candidate);
   Mesh gathered_mesh() const;
   void take_added(const DecimationResult& made, AddedVertices& added);
@@ -100,7 +101,7 @@ class GroupSimplifier {
   CollapseInput collapse_input();
   Candidate collapse_regular(size_t target);
   Candidate collapse_regular(CollapseInput input, size_t target);
-  float prune_below(float most, size_t target, std::vector<Triangle>& left) const;
+  float prune_below(float most, size_t target, std::vector<Triangle>& left);
   void refit_attributes(Candidate& candidate) const;
   void add_refitted(const Candidate& candidate, Simplified& result) const;
   std::vector<double> growths(std::span<const Triangle> left);
@@ -131,25 +132,26 @@ class GroupSimplifier {
   // The piece: vertices and positions are numbered from 0.
   std::vector<uint32_t> vertices_;  // local -> source vertex, or kAddedVertex and more
   std::vector<uint32_t> added_materials_;
-  std::vector<uint32_t> position_of_;   // local vertex -> local position
-  std::vector<Vec3> positions_;         // of local vertices, scaled
-  std::vector<float> columns_;          // attributes, one after the other
-  std::vector<float> attributes_;       // attribute_weights_.size() a local vertex
-  std::vector<uint8_t> flags_;          // meshoptimizer's, of local vertices
-  std::vector<uint8_t> locked_;         // of local positions
-  std::vector<uint32_t> components_;    // of local positions
-  bool has_irregular_ = false;          // any of components_
-  std::vector<uint32_t> position_ids_;  // local position -> position id
-  std::vector<uint8_t> spare_;          // local vertices that repair may bring back
-  std::vector<uint32_t> component_of_;  // local position -> index into parts_
-  std::vector<uint64_t> patch_of_;      // local vertex -> component and material
-  std::vector<Part> parts_;             // connected components
-  bool has_parts_ = false;              // parts_ are those of this group
-  std::vector<Triangle> triangles_;     // local vertices
-  std::vector<Triangle> position_triangles_;
-  std::vector<uint32_t> materials_;  // of local vertices; empty: one
-  std::vector<SeamRule> rules_;      // of local positions; empty: allowed everywhere
-  std::vector<uint8_t> held_;        // local positions held for one more try
+  std::vector<uint32_t> position_of_;         // local vertex -> local position
+  std::vector<Vec3> positions_;               // of local vertices, scaled
+  std::vector<float> columns_;                // attributes, one after the other
+  std::vector<float> attributes_;             // attribute_weights_.size() a local vertex
+  std::vector<uint8_t> flags_;                // meshoptimizer's, of local vertices
+  std::vector<uint8_t> locked_;               // of local positions
+  std::vector<uint32_t> components_;          // of local positions
+  bool has_irregular_ = false;                // any of components_
+  std::vector<uint32_t> position_ids_;        // local position -> position id
+  std::vector<uint8_t> spare_;                // local vertices that repair may bring back
+  std::vector<uint32_t> component_of_;        // local position -> index into parts_
+  std::vector<uint64_t> patch_of_;            // local vertex -> component and material
+  std::vector<Part> parts_;                   // connected components
+  bool has_parts_ = false;                    // parts_ are those of this group
+  std::vector<Triangle> triangles_;           // local vertices
+  std::vector<Triangle> position_triangles_;  // once asked for
+  bool knows_topology_ = false;               // topology_ has this group
+  std::vector<uint32_t> materials_;           // of local vertices; empty: one
+  std::vector<SeamRule> rules_;               // of local positions; empty: allowed everywhere
+  std::vector<uint8_t> held_;                 // local positions held for one more try
   std::vector<Triangle> result_positions_;
   // Open addressing, kNone empty.
   struct Numbered {

@@ -113,8 +113,8 @@ void PieceTopology::set_piece(std::span<const Triangle> triangles, std::span<con
       if (locked[t[i]] && locked[t[(i + 1) % 3]]) fixed_edges_.push_back({t[i], t[(i + 1) % 3]});
 }
 
-std::span<const PositionPair> PieceTopology::violations(std::span<const Triangle> result,
-                                                        bool allow_chords) {
+// Finds violations and all chords.
+void PieceTopology::count_edges(std::span<const Triangle> result) {
   reset(3 * result.size() + fixed_edges_.size());
   violations_.clear();
   chords_.clear();
@@ -128,12 +128,11 @@ std::span<const PositionPair> PieceTopology::violations(std::span<const Triangle
     const bool fixed = locked_[a] && locked_[b];
     const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
     const bool chord = fixed && e.before == 0 && e.after == 2;
-    if (chord && allow_chords)
+    if (chord)
       chords_.push_back({a, b});
     else if (parity_changed || e.after > 2 || (fixed && e.after > e.before))
       violations_.push_back({a, b});
   }
-  return violations_;
 }
 
 }  // namespace umbel::lod

@@ -33,9 +33,19 @@ class PieceTopology {
 
   /// The edges of `result` that neither the rule of two triangles nor the source explains, in a
   /// fixed order. Empty: the result can take the piece's place in every cut, provided that nobody
-  /// else has its chords. With `allow_chords` they are collected, otherwise they count as
+  /// else has its chords. Those that `may_add(a, b)` says are legal are collected, others count as
   /// violations.
-  std::span<const PositionPair> violations(std::span<const Triangle> result, bool allow_chords);
+  template <typename MayAdd>
+  std::span<const PositionPair> violations(std::span<const Triangle> result,
+                                           const MayAdd& may_add) {
+    count_edges(result);
+    std::erase_if(chords_, [&](const PositionPair& chord) {
+      if (may_add(chord.first, chord.second)) return false;
+      violations_.push_back(chord);
+      return true;
+    });
+    return violations_;
+  }
 
   /// Of the last result that was looked at.
   std::span<const PositionPair> chords() const { return chords_; }
@@ -49,6 +59,7 @@ class PieceTopology {
   };
   Entry& entry(uint32_t a, uint32_t b);
   void reset(size_t edges);
+  void count_edges(std::span<const Triangle> result);
 
   std::vector<Entry> table_;
   std::vector<uint32_t> used_;

@@ -50,6 +50,9 @@ TEST(Topology, edge_of_three_triangles_and_edge_run_twice_the_same_way_are_irreg
   EXPECT_NE(irregular_components(flipped, identity(4))[0], kNone);
 }
 
+bool never(uint32_t, uint32_t) { return false; }
+bool always(uint32_t, uint32_t) { return true; }
+
 // A square of two triangles around a centre: border 0 1 2 3 locked, centre 4.
 class Square : public testing::Test {
  protected:
@@ -60,31 +63,31 @@ class Square : public testing::Test {
   void SetUp() override { topology.set_piece(piece, locked, component); }
 };
 
-TEST_F(Square, itself_is_without_fault) { EXPECT_TRUE(topology.violations(piece, false).empty()); }
+TEST_F(Square, itself_is_without_fault) { EXPECT_TRUE(topology.violations(piece, never).empty()); }
 
 TEST_F(Square, new_edge_between_locked_vertices_is_a_chord_and_a_fault_where_none_is_allowed) {
   const std::vector<Triangle> result{{0, 1, 2}, {0, 2, 3}};
-  EXPECT_TRUE(topology.violations(result, true).empty());
+  EXPECT_TRUE(topology.violations(result, always).empty());
   ASSERT_EQ(topology.chords().size(), 1u);
   EXPECT_EQ(topology.chords()[0], (PositionPair{0, 2}));
   EXPECT_EQ(topology.fixed_edges().size(), 4u);
-  const auto faults = topology.violations(result, false);
+  const auto faults = topology.violations(result, never);
   ASSERT_EQ(faults.size(), 1u);
   EXPECT_EQ(faults[0], (std::pair<uint32_t, uint32_t>{0, 2}));
 }
 
 TEST_F(Square, lost_border_is_a_fault_unless_the_source_explains_it) {
   const std::vector<Triangle> result{{0, 1, 4}, {1, 2, 4}, {2, 3, 4}};
-  EXPECT_EQ(topology.violations(result, false).size(), 3u);
+  EXPECT_EQ(topology.violations(result, never).size(), 3u);
   component.assign(5, 7);
   topology.set_piece(piece, locked, component);
-  EXPECT_TRUE(topology.violations(result, false).empty());
+  EXPECT_TRUE(topology.violations(result, never).empty());
 }
 
 TEST_F(Square, four_triangles_on_one_edge_are_a_fault) {
   std::vector<Triangle> result = piece;
   result.insert(result.end(), {{0, 4, 1}, {0, 1, 4}});
-  EXPECT_FALSE(topology.violations(result, false).empty());
+  EXPECT_FALSE(topology.violations(result, never).empty());
 }
 
 }  // namespace
