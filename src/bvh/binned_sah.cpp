@@ -7,6 +7,8 @@
 //
 // Large nodes are split by all threads together, then subtrees are built side by side into places
 // of their own, and at last copied together, depth-first.
+#include <array>
+#include <cstring>
 #include <memory>
 #include <numeric>
 #include <optional>
@@ -181,9 +183,37 @@ class Block {
 struct Top {
   Box4 box;
   std::unique_ptr<Top> left, right;
-  uint32_t begin, count;    ///< primitives
-  uint32_t node_count = 0;  ///< of a block
+  uint32_t begin, count;  ///< primitives
+  // Of a block:
+  Records records{};                   ///< which it needs no more, and where its nodes lie
+  std::unique_ptr<Node[]> more_nodes;  ///< those for which there is no room
+  uint32_t node_count = 0;
 };
+
+/// Memory for the nodes of the block that this thread builds.
+Node* scratch_nodes() {
+  thread_local std::array<Node, 2 * size_t(kBlock)> nodes;
+  return nodes.data();
+}
+
+/// Calls visit(nodes, count, first) for the pieces in which a block's nodes are kept.
+template <typename Visit>
+void for_pieces(const Top& block, const Visit& visit) {
+  const uint32_t room = block.count * sizeof(ShortBox) / sizeof(Node), all = block.node_count;
+  const uint32_t first = std::min(room, all), second = std::min(2 * room, all);
+  visit(reinterpret_cast<Node*>(block.records.now), first, 0u);
+  visit(reinterpret_cast<Node*>(block.records.spare), second - first, first);
+  visit(block.more_nodes.get(), all - second, second);
+}
+
+void keep(const Node* nodes, Top& block) {
+  const uint32_t room = 2 * (block.count * sizeof(ShortBox) / sizeof(Node));
+  if (block.node_count > room)
+    block.more_nodes = std::make_unique_for_overwrite<Node[]>(block.node_count - room);
+  for_pieces(block, [&](Node* to, uint32_t count, uint32_t first) {
+    std::memcpy(to, nodes + first, count * sizeof(Node));
+  });
+}
 
 class Binned {
  public:
@@ -195,7 +225,6 @@ class Binned {
 
   Bvh2 build() {
     records_ = std::make_unique_for_overwrite<ShortBox[]>(2 * size_t(count_));
-    nodes_ = std::make_unique_for_overwrite<Node[]>(2 * size_t(count_));
     primitives_ = std::make_unique_for_overwrite<uint32_t[]>(count_);
     const Frame frame = round_all();
     const std::unique_ptr<Top> root =
@@ -301,12 +330,14 @@ class Binned {
   }
 
   void build_block(Records records, const Frame& frame, uint32_t depth, Top& top) {
-    Emitter out{nodes_.get() + 2 * size_t(top.begin), primitives_.get() + top.begin, config_.cost,
-                config_.max_leaf_size, config_.max_depth};
+    Emitter out{scratch_nodes(), primitives_.get() + top.begin, config_.cost, config_.max_leaf_size,
+                config_.max_depth};
     if (config_.reinsertion_rounds > 0) out.max_leaf_size = 1;
     Block block(boxes_, config_, out);
     top.box = block.split(records, top.count, frame, 0, depth).box;
     top.node_count = out.node_count;
+    top.records = records;
+    keep(out.nodes, top);
     progress_.add(top.count);
   }
 
@@ -348,13 +379,14 @@ class Binned {
     for (size_t i = 0; i < upper.size(); ++i) tree.nodes[upper_slots[i]] = upper[i];
     parallel_for(copies.size(), 1, [&](size_t i) {
       const Copy& c = copies[i];
-      const Node* from = nodes_.get() + 2 * size_t(c.top->begin);
       const auto moved = [&](Node node) {
         node.first += node.is_leaf() ? c.primitives : c.nodes - 1;
         return node;
       };
-      tree.nodes[c.slot] = moved(from[0]);
-      for (uint32_t k = 1; k < c.top->node_count; ++k) tree.nodes[c.nodes + k - 1] = moved(from[k]);
+      for_pieces(*c.top, [&](const Node* from, uint32_t count, uint32_t first) {
+        for (uint32_t k = 0; k < count; ++k)
+          tree.nodes[first + k == 0 ? c.slot : c.nodes + first + k - 1] = moved(from[k]);
+      });
       std::copy_n(primitives_.get() + c.top->begin, c.top->count,
                   tree.primitives.begin() + c.primitives);
     });
@@ -366,7 +398,6 @@ class Binned {
   const uint32_t count_;
   SharedProgress progress_;
   std::unique_ptr<ShortBox[]> records_;
-  std::unique_ptr<Node[]> nodes_;
   std::unique_ptr<uint32_t[]> primitives_;
 };
 

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <string>
 
 #include "base/math.hpp"
@@ -227,17 +228,16 @@ template <typename Build>
 auto build_triangles(const MeshView& mesh, const Config& config, const Build& build) {
   check_indices(mesh);
   const size_t count = mesh.triangles.size();
-  std::vector<Aabb> boxes(count);
+  const auto boxes = std::make_unique_for_overwrite<Aabb[]>(count);
   const size_t bad = first_where(count, [&](size_t i) {
     boxes[i] = box_of(mesh, i);
     return !has_finite_corners(mesh, i);
   });
-  if (bad == count) return build(mesh, boxes);
+  if (bad == count) return build(mesh, Boxes(boxes.get(), count));
   if (config.invalid == InvalidTriangles::kRefuse) refuse_triangle(mesh, bad);
   std::vector<uint32_t> kept;
   for (size_t i = 0; i < count; ++i)
     if (has_finite_corners(mesh, i)) kept.push_back(static_cast<uint32_t>(i));
-  boxes.resize(kept.size());
   std::vector<Triangle> triangles(kept.size());
   for (size_t i = 0; i < kept.size(); ++i) {
     boxes[i] = box_of(mesh, kept[i]);
@@ -246,7 +246,7 @@ auto build_triangles(const MeshView& mesh, const Config& config, const Build& bu
   MeshView view;
   view.positions = mesh.positions;
   view.triangles = triangles;
-  auto tree = build(view, boxes);
+  auto tree = build(view, Boxes(boxes.get(), kept.size()));
   for (uint32_t& primitive : tree.primitives) primitive = kept[primitive];
   return tree;
 }

@@ -8,6 +8,19 @@
 
 namespace umbel {
 
+namespace {
+
+/// Triangles lie anywhere, and so do their vertices.
+void fetch_ahead(const MeshView& mesh, std::span<const uint32_t> order, size_t at) {
+  constexpr size_t kTriangles = 32, kVertices = 16;
+  if (at + kTriangles >= order.size()) return;
+  __builtin_prefetch(&mesh.triangles[order[at + kTriangles]]);
+  for (const uint32_t vertex : mesh.triangles[order[at + kVertices]])
+    __builtin_prefetch(&mesh.positions[vertex]);
+}
+
+}  // namespace
+
 std::vector<uint32_t> collect_vertices(const MeshView& mesh, std::span<const uint32_t> order,
                                        BigVector<Vec3>& vertices) {
   std::vector<uint32_t> places(mesh.positions.size(), kNone);
@@ -27,6 +40,7 @@ void fill_leaf(const MeshView& mesh, std::span<const uint32_t> masks,
   uint32_t* const words = out.leaves.data() + size_t{first} * out.reference_words();
   const uint32_t corners = out.corner_words();
   for (uint32_t i = 0; i < n; ++i) {
+    fetch_ahead(mesh, order, first + i);
     const uint32_t primitive = order[first + i];
     const Triangle& triangle = mesh.triangles[primitive];
     for (uint32_t corner = 0; corner < 3; ++corner) {

@@ -4,6 +4,7 @@
 
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "bvh/config.hpp"
 #include "bvh/short_box.hpp"
@@ -14,80 +15,136 @@ namespace {
 // Negative, which does not matter to a product of two.
 Float4 negated_extents(const Box4& b, Float4 pad) { return b.low + b.negated_high - pad; }
 
+using Places = std::array<ShortBox, SmallSweep::kMost / 8>;
+
+/// For each key of some vectors how many of the first `count` keys are smaller.
+template <uint32_t vectors>
+Places count_smaller(const ShortBox* keys, uint32_t count) {
+  Places places{};
+  const auto* const key = reinterpret_cast<const int16_t*>(keys);
+  for (uint32_t k = 0; k < count; ++k) {
+    const ShortBox own = ShortBox{} + key[k];
+    for (uint32_t v = 0; v < vectors; ++v) places[v] -= ShortBox(keys[v] > own);
+  }
+  return places;
+}
+
 }  // namespace
 
 BuiltSubtree SmallSweep::build(uint32_t count, uint32_t slot, uint32_t depth) {
-  Box4 whole = Box4::empty();
+  Box4 whole = Box4::empty(), centers = Box4::empty();
   for (uint32_t i = 0; i < count; ++i) {
     boxes_[i] = Box4::load(all_boxes_[ids_[i]]);
+    const Float4 center = boxes_[i].center2();
     whole.extend(boxes_[i]);
+    centers.extend({center, -center});
   }
   pad_ = whole.pad();
-  sort(count);
+  for (uint32_t i = 0; i < count; ++i) areas_[i] = boxes_[i].half_area(pad_);
+  if (count > 3)
+    sort(count, centers);
+  else
+    for (uint32_t i = 0; i < count; ++i) orders_[0][i] = static_cast<uint8_t>(i);
   return split(0, count, slot, depth);
 }
 
-// A place in the order is the number of smaller centres: few enough to count them all.
-void SmallSweep::sort(uint32_t count) {
-  std::array<std::array<float, kMost>, 3> centers;
+// A place in the order is the number of smaller centres: few enough to count them all. They are
+// compared in 15 bits; of equal ones the earlier comes first.
+void SmallSweep::sort(uint32_t count, const Box4& centers) {
+  Float4 scale{};
+  const Float4 extents = centers.extents();
+  for (int axis = 0; axis < 3; ++axis)
+    if (extents[axis] > 1e-30f) scale[axis] = 32767.0f / extents[axis];
+  alignas(16) std::array<std::array<int16_t, kMost>, 3> keys;
   for (uint32_t i = 0; i < count; ++i) {
-    const Float4 c = boxes_[i].center2();
-    for (int axis = 0; axis < 3; ++axis) centers[axis][i] = c[axis];
+    const Int4 key = __builtin_convertvector((boxes_[i].center2() - centers.low) * scale, Int4);
+    for (int axis = 0; axis < 3; ++axis) keys[axis][i] = static_cast<int16_t>(key[axis]);
   }
-  const uint32_t padded = (count + 3) & ~3u;
+  const uint32_t vectors = (count + 7) / 8;
   for (int axis = 0; axis < 3; ++axis) {
-    float* const c = centers[axis].data();
-    for (uint32_t i = count; i < padded; ++i) c[i] = std::numeric_limits<float>::infinity();
+    const auto* const key = reinterpret_cast<const ShortBox*>(keys[axis].data());
+    Places places;
+    if (vectors == 1)
+      places = count_smaller<1>(key, count);
+    else if (vectors == 2)
+      places = count_smaller<2>(key, count);
+    else if (vectors == 3)
+      places = count_smaller<3>(key, count);
+    else
+      places = count_smaller<4>(key, count);
+    uint32_t taken = 0;
     for (uint32_t i = 0; i < count; ++i) {
-      const Float4 own = splat(c[i]);
-      Int4 places{};
-      // Of equal centres the earlier comes first.
-      const uint32_t mine = i & ~3u;
-      for (uint32_t k = 0; k < mine; k += 4) {
-        Float4 others;
-        std::memcpy(&others, c + k, sizeof others);
-        places -= Int4(others <= own);
-      }
-      for (uint32_t k = mine; k < padded; k += 4) {
-        Float4 others;
-        std::memcpy(&others, c + k, sizeof others);
-        places -= Int4(others < own);
-      }
-      uint32_t place = uint32_t(places[0] + places[1] + places[2] + places[3]);
-      for (uint32_t k = mine; k < i; ++k) place += c[k] == c[i];
+      auto place = static_cast<uint32_t>(places[i / 8][i % 8]);
+      while (taken >> place & 1u) ++place;
+      taken |= 1u << place;
       orders_[axis][place] = static_cast<uint8_t>(i);
     }
   }
 }
 
-BuiltSubtree SmallSweep::leaf(uint32_t begin, uint32_t slot) {
-  const uint32_t own = orders_[0][begin];
+BuiltSubtree SmallSweep::single(uint32_t own, uint32_t slot) {
   out_.primitives[out_.primitive_count++] = ids_[own];
-  return out_.make_leaf(slot, 1, boxes_[own], boxes_[own].half_area(pad_));
+  return out_.make_leaf(slot, 1, boxes_[own], areas_[own]);
+}
+
+// Most nodes are pairs.
+BuiltSubtree SmallSweep::pair(uint32_t a, uint32_t b, uint32_t slot) {
+  if (areas_[a] < areas_[b]) std::swap(a, b);
+  const uint32_t children = out_.add_pair();
+  const BuiltSubtree left = single(a, children), right = single(b, children + 1);
+  return out_.join(slot, children, 2, left, right, pad_);
+}
+
+// Of three there are as many ways to take one away.
+BuiltSubtree SmallSweep::three(uint32_t begin, uint32_t slot) {
+  std::array<uint32_t, 3> own;
+  for (uint32_t i = 0; i < 3; ++i) own[i] = orders_[0][begin + i];
+  Box4 a = boxes_[own[1]], b = boxes_[own[2]], c = boxes_[own[0]];
+  a.extend(boxes_[own[2]]);
+  b.extend(boxes_[own[0]]);
+  c.extend(boxes_[own[1]]);
+  const Float4 rest =
+      half_areas(negated_extents(a, pad_), negated_extents(b, pad_), negated_extents(c, pad_));
+  uint32_t alone = 0;
+  float best = std::numeric_limits<float>::infinity();
+  for (uint32_t i = 0; i < 3; ++i) {
+    const float cost = areas_[own[i]] + 2 * rest[i];
+    if (!(cost < best)) continue;
+    best = cost;
+    alone = i;
+  }
+  const uint32_t one = own[alone], two = own[alone == 0 ? 1 : 0], other = own[alone == 2 ? 1 : 2];
+  const uint32_t children = out_.add_pair();
+  BuiltSubtree left, right;
+  if (areas_[one] >= rest[alone]) {
+    left = single(one, children);
+    right = pair(two, other, children + 1);
+  } else {
+    left = pair(two, other, children);
+    right = single(one, children + 1);
+  }
+  return out_.join(slot, children, 3, left, right, pad_);
 }
 
 BuiltSubtree SmallSweep::split(uint32_t begin, uint32_t count, uint32_t slot, uint32_t depth) {
-  if (count == 1) return leaf(begin, slot);
-  Choice choice{0, 1, 0, 0};
-  if (count > 2) {
-    choice = cheapest(begin, count);
-    const uint32_t larger = std::max(choice.position, count - choice.position);
-    if (!fits_depth(larger, out_.max_depth - depth - 1)) choice.position = count / 2;
-    partition(begin, count, choice);
-  } else {
-    choice.left_area = boxes_[orders_[0][begin]].half_area(pad_);
-    choice.right_area = boxes_[orders_[0][begin + 1]].half_area(pad_);
-  }
-  const uint32_t pair = out_.add_pair(), middle = begin + choice.position;
+  const uint8_t* const own = orders_[0].data() + begin;
+  if (count == 1) return single(own[0], slot);
+  if (count == 2) return pair(own[0], own[1], slot);
+  if (count == 3) return three(begin, slot);
+  Choice choice = cheapest(begin, count);
+  const uint32_t larger = std::max(choice.position, count - choice.position);
+  if (!fits_depth(larger, out_.max_depth - depth - 1)) choice.position = count / 2;
+  partition(begin, count, choice);
+  const uint32_t children = out_.add_pair(), middle = begin + choice.position;
   BuiltSubtree left, right;
   if (choice.left_area >= choice.right_area) {
-    left = split(begin, choice.position, pair, depth + 1);
-    right = split(middle, count - choice.position, pair + 1, depth + 1);
+    left = split(begin, choice.position, children, depth + 1);
+    right = split(middle, count - choice.position, children + 1, depth + 1);
   } else {
-    right = split(middle, count - choice.position, pair + 1, depth + 1);
-    left = split(begin, choice.position, pair, depth + 1);
+    right = split(middle, count - choice.position, children + 1, depth + 1);
+    left = split(begin, choice.position, children, depth + 1);
   }
-  return out_.join(slot, pair, count, left, right, pad_);
+  return out_.join(slot, children, count, left, right, pad_);
 }
 
 SmallSweep::Choice SmallSweep::cheapest(uint32_t begin, uint32_t count) {
@@ -132,7 +189,9 @@ SmallSweep::Choice SmallSweep::cheapest(uint32_t begin, uint32_t count) {
 void SmallSweep::partition(uint32_t begin, uint32_t count, const Choice& choice) {
   uint32_t is_left = 0;
   for (uint32_t i = 0; i < choice.position; ++i) is_left |= 1u << orders_[choice.axis][begin + i];
-  for (uint32_t axis = 0; axis < 3; ++axis) {
+  // Three and fewer need no order.
+  const uint32_t axes = std::max(choice.position, count - choice.position) > 3 ? 3 : 1;
+  for (uint32_t axis = 0; axis < axes; ++axis) {
     if (axis == choice.axis) continue;
     uint8_t* order = orders_[axis].data() + begin;
     std::array<uint8_t, kMost> rest;

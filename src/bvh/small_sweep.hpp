@@ -25,9 +25,12 @@ class SmallSweep {
     float left_area, right_area;
   };
 
-  void sort(uint32_t count);
+  /// `centers` holds the doubled centres.
+  void sort(uint32_t count, const Box4& centers);
   BuiltSubtree split(uint32_t begin, uint32_t count, uint32_t slot, uint32_t depth);
-  BuiltSubtree leaf(uint32_t begin, uint32_t slot);
+  BuiltSubtree single(uint32_t own, uint32_t slot);
+  BuiltSubtree pair(uint32_t a, uint32_t b, uint32_t slot);
+  BuiltSubtree three(uint32_t begin, uint32_t slot);
   Choice cheapest(uint32_t begin, uint32_t count);
   void partition(uint32_t begin, uint32_t count, const Choice& choice);
 
@@ -35,6 +38,7 @@ class SmallSweep {
   Emitter& out_;
   Float4 pad_{};
   std::array<Box4, kMost> boxes_;
+  std::array<float, kMost> areas_;
   std::array<Float4, kMost> right_areas_;
   std::array<uint32_t, kMost> ids_;
   std::array<std::array<uint8_t, kMost>, 3> orders_;

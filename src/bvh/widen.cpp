@@ -65,7 +65,9 @@ float leaf_cost(float area, uint32_t primitives) {
 class Planner {
  public:
   Planner(const bvh::Bvh2& tree, uint32_t width)
-      : tree_(tree), width_(width), plans_(tree.nodes.size()) {
+      : tree_(tree),
+        width_(width),
+        plans_(std::make_unique_for_overwrite<Plan[]>(tree.nodes.size())) {
     plan(0, 0);
   }
   const Plan& operator[](uint32_t node) const { return plans_[node]; }
@@ -174,7 +176,7 @@ class Planner {
 
   const bvh::Bvh2& tree_;
   uint32_t width_;
-  BigVector<Plan> plans_;
+  std::unique_ptr<Plan[]> plans_;
 };
 
 struct Leaf {
@@ -194,6 +196,11 @@ class Emitter {
  public:
   Emitter(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out)
       : tree_(tree), plans_(plans), out_(out) {}
+
+  void reserve(size_t primitives) {
+    order_.reserve(primitives);
+    leaves_.reserve(primitives / 4 + 1);
+  }
 
   /// Emits what is below; nodes of depth `end` are given to at_end instead, in their order.
   template <typename AtEnd>
@@ -366,6 +373,7 @@ void emit_all(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out,
   const auto ignore = [](const Work&) {};
   if (tbb::this_task_arena::max_concurrency() == 1) {
     out.nodes.reserve(size_t{out.node_words()} * (tree.primitives.size() / 8 + 1));
+    emitter.reserve(tree.primitives.size());
     emitter.run(kRoot, kNever, ignore);
     return;
   }
