@@ -13,3 +13,8 @@ foreach(source ${umbel_fuzz_sources})
   target_link_libraries(${name} PRIVATE umbel_internal TBB::tbb)
   target_link_options(${name} PRIVATE -fsanitize=fuzzer)
 endforeach()
+
+# The C interface for devices, on the processor.
+file(GLOB umbel_on_processor_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/on_processor/*.cpp
+     ${PROJECT_SOURCE_DIR}/src/capi/cuda_*.cpp)
+target_sources(fuzz_cuda_c PRIVATE ${umbel_on_processor_sources})

@@ -36,7 +36,7 @@ if ! can_fuzz; then
 fi
 
 sanitize="-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
-quietly cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo \
+quietly cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1" \
   -DCMAKE_CXX_COMPILER=clang++ -DUMBEL_BUILD_FUZZ=ON -DUMBEL_BUILD_TESTS=OFF -DUMBEL_INSTALL=OFF \
   -DCMAKE_CXX_FLAGS="-fsanitize=fuzzer-no-link $sanitize -D_GLIBCXX_ASSERTIONS -UNDEBUG"
 quietly cmake --build "$build"

@@ -25,6 +25,8 @@ constexpr size_t kBatch = 256;  // groups
 /// How many groups that do not fit a page any more are passed by in search of one that does.
 constexpr size_t kReach = 12;
 constexpr uint64_t kMaxPageBytes = 1u << 30;
+// Numbers of materials may be floats, of which whole ones are exact up to here.
+constexpr uint32_t kMostFirstMaterial = 1u << 24;
 
 [[noreturn]] void refuse(const std::string& sentence) {
   throw Error(ErrorCode::kInvalidArgument, sentence);
@@ -110,6 +112,10 @@ void check_contents(const AssetContents& contents, const AssetConfig& config) {
       contents.first_materials.size() != contents.meshes.size())
     refuse("first_materials has " + std::to_string(contents.first_materials.size()) +
            " elements, but there are " + std::to_string(contents.meshes.size()) + " meshes");
+  for (const uint32_t first : contents.first_materials)
+    if (first > kMostFirstMaterial)
+      refuse("first_materials has " + std::to_string(first) + ", at most " +
+             std::to_string(kMostFirstMaterial) + " is possible");
   for (size_t i = 0; i < contents.instances.size(); ++i) {
     const Instance& instance = contents.instances[i];
     const auto& t = instance.transform;

@@ -500,7 +500,12 @@ void check_materials(const MeshView& mesh, const Config& config) {
   if (!mesh.extras.empty() && mesh.extras.back().kind == ExtraKind::kMaterial)
     throw Error(ErrorCode::kInvalidArgument,
                 "the extras have a material, which only levels of detail have: give `materials`");
-  if (!config.mix_materials) return;
+  if (!config.mix_materials || mesh.materials.empty()) return;
+  if (extra_width(mesh.extras) >= kMostExtraValues)
+    throw Error(ErrorCode::kInvalidArgument,
+                "the extras have " + std::to_string(extra_width(mesh.extras)) +
+                    " values a vertex, but with mix_materials at most " +
+                    std::to_string(kMostExtraValues - 1) + " are possible");
   for (size_t t = 0; t < mesh.materials.size(); ++t)
     if (mesh.materials[t] > 1u << 24)
       throw Error(ErrorCode::kInvalidArgument,

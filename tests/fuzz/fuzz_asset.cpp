@@ -7,12 +7,14 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "base/hash.hpp"
 #include "umbel/asset.hpp"
+#include "umbel/umbel.h"
 #include "umbel/umbel.hpp"
 
 namespace {
@@ -98,35 +100,98 @@ umbel::Mesh with_attributes(umbel::Mesh mesh) {
   mesh.uvs.resize(count);
   mesh.colors.assign(count, {1, 0.5f, 0, 1});
   for (size_t i = 0; i < count; ++i) mesh.uvs[i] = {mesh.positions[i].x, mesh.positions[i].y};
+  mesh.extras = {
+      {umbel::ExtraKind::kUvs, 1}, {umbel::ExtraKind::kJoints, 0}, {umbel::ExtraKind::kWeights, 0}};
+  for (size_t i = 0; i < count; ++i) {
+    const float x = mesh.positions[i].x;
+    const float values[] = {2 * x, 1, 0, float(i % 3), 2, 3, x, 1 - x, 0, 0};
+    mesh.extra_values.insert(mesh.extra_values.end(), std::begin(values), std::end(values));
+  }
   return mesh;
+}
+
+umbel::BuildOptions one_thread() {
+  umbel::BuildOptions options;
+  options.threads = 1;
+  return options;
+}
+
+umbel::lod::Dag small_dag(const umbel::Mesh& mesh, bool mix_materials = false) {
+  umbel::lod::Config config;
+  config.max_triangles = 16;
+  config.min_group = 2;
+  config.max_group = 4;
+  config.mix_materials = mix_materials;
+  return umbel::lod::build(mesh.view(), config, one_thread());
 }
 
 // Whole files, without which no mutation would ever get past the magic.
 void write_seeds(const std::filesystem::path& folder) {
-  umbel::BuildOptions one_thread;
-  one_thread.threads = 1;
-  const auto write = [&](const char* name, const umbel::Mesh& mesh, uint32_t max_triangles) {
-    umbel::lod::Config config;
-    config.max_triangles = max_triangles;
-    config.min_group = 2;
-    config.max_group = 4;
-    umbel::write_asset(folder / name, umbel::lod::build(mesh.view(), config, one_thread));
-  };
-  write("empty.umbel", umbel::Mesh{}, 128);
-  write("tetrahedron.umbel", umbel::shapes::tetrahedra(1), 128);
-  write("sphere.umbel", umbel::shapes::sphere(2), 16);
-  write("attributes.umbel", with_attributes(umbel::shapes::grid(8, 8)), 16);
+  const umbel::lod::Dag sphere = small_dag(umbel::shapes::sphere(2));
+  umbel::Mesh mixed = with_attributes(umbel::shapes::grid(8, 8));
+  for (size_t t = 0; t < mixed.triangles.size(); ++t)
+    mixed.materials.push_back(static_cast<uint32_t>(t % 2));
+  const umbel::lod::Dag grid = small_dag(mixed, true);
+  umbel::write_asset(folder / "empty.umbel", small_dag({}));
+  umbel::write_asset(folder / "tetrahedron.umbel", small_dag(umbel::shapes::tetrahedra(1)));
+  umbel::write_asset(folder / "sphere.umbel", sphere);
+  umbel::write_asset(folder / "attributes.umbel",
+                     small_dag(with_attributes(umbel::shapes::grid(8, 8))));
+  umbel::write_asset(folder / "exact.umbel", grid, "{}", {}, umbel::AssetConfig::exact());
+  umbel::AssetContents scene;
+  scene.meshes = {&sphere, &grid};
+  scene.instances = {{0}, {1, {2, 0, 0, 1, 0, 2, 0, 1, 0, 0, 2, 1}}, {0}};
+  scene.first_materials = {0, 1};
+  scene.files = {{std::byte{1}, std::byte{2}}, {}};
+  umbel::write_asset(folder / "scene.umbel", scene);
 }
 
-void read_everything(const std::filesystem::path& path) {
-  const umbel::Asset asset(path);
-  const umbel::lod::Tables& tables = asset.tables();
+// As levels of detail are streamed: through the C interface, from memory.
+void stream(const std::vector<uint8_t>& bytes, uint32_t meshes) {
+  const auto read = [](void* user, uint64_t offset, uint64_t size, void* out) {
+    std::memcpy(out, static_cast<const uint8_t*>(user) + offset, size);
+    return 0;
+  };
+  umbel_asset* asset = nullptr;
+  if (umbel_asset_open_source(bytes.size(), read, const_cast<uint8_t*>(bytes.data()), &asset))
+    return;
+  umbel_residency* residency = nullptr;
+  umbel_residency_create(asset, bytes.size() / 2, 1, &residency);
+  umbel_stream_step step;
+  umbel_stream_step_init(&step);
+  const umbel_stream_view views[] = {{0, {0, 0, 2}, 0.01f, 0}, {meshes / 2, {}, 0, 0.01f}};
+  for (int round = 0; residency && round < 3; ++round)
+    if (umbel_residency_step(residency, views, 2, round, &step) == UMBEL_ERROR_INTERNAL)
+      fail(umbel_last_error());
+  size_t count = 0;
+  if (residency) umbel_residency_cut(residency, nullptr, 0, &count);
+  std::vector<umbel_stream_cluster> cut(count);
+  if (count > 0) umbel_residency_cut(residency, cut.data(), count, &count);
+  std::vector<umbel_vec3> positions(256), normals(256);
+  std::vector<uint8_t> triangles(3 * 256);
+  for (const umbel_stream_cluster& cluster : cut) {
+    umbel_cluster_geometry geometry;
+    umbel_cluster_geometry_init(&geometry);
+    geometry.positions = positions.data();
+    geometry.normals = normals.data();
+    geometry.triangles = triangles.data();
+    if (umbel_residency_cluster(residency, &cluster, &geometry) == UMBEL_ERROR_INTERNAL)
+      fail(umbel_last_error());
+  }
+  umbel_residency_free(residency);
+  umbel_asset_free(asset);
+}
+
+void read_everything(const umbel::Asset& asset) {
   for (uint32_t page = 0; page < asset.info().pages; ++page) asset.page_is_whole(page);
   for (uint32_t file = 0; file < asset.files(); ++file) asset.file(file);
-  const auto view = umbel::lod::view_error(umbel::lod::error_for_triangles(tables, 100));
-  const auto geometry = [&](uint32_t cluster) { return asset.geometry(cluster); };
-  umbel::lod::cut_mesh(tables, geometry, umbel::lod::select(tables, view));
-  umbel::lod::cut_mesh(tables, geometry, umbel::lod::select_hierarchy(tables, view));
+  for (uint32_t mesh = 0; mesh < asset.meshes().size(); ++mesh) {
+    const umbel::lod::Tables& tables = asset.tables(mesh);
+    const auto view = umbel::lod::view_error(umbel::lod::error_for_triangles(tables, 100));
+    const auto geometry = [&](uint32_t cluster) { return asset.geometry(cluster, mesh); };
+    umbel::lod::cut_mesh(tables, geometry, umbel::lod::select(tables, view));
+    umbel::lod::cut_mesh(tables, geometry, umbel::lod::select_hierarchy(tables, view));
+  }
 }
 
 }  // namespace
@@ -145,12 +210,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::vector<uint8_t> bytes(data, data + size);
   if (size % 8 != 7) repair_checksums(bytes);
   write_file(bytes);
-  umbel::BuildOptions one_thread;
-  one_thread.threads = 1;
-  const auto report = umbel::verify_asset(scratch(), 2, 1, one_thread);
+  const auto report = umbel::verify_asset(scratch(), 2, 1, one_thread());
   if (!report.ok && report.problems.empty()) fail("a file is not ok, and nothing is said of it");
   try {
-    read_everything(scratch());
+    const umbel::Asset asset(scratch());
+    if (size % 4 == 0) stream(bytes, static_cast<uint32_t>(asset.meshes().size()));
+    read_everything(asset);
   } catch (const umbel::Error& error) {
     const bool expected = error.code() == umbel::ErrorCode::kCorrupt ||
                           error.code() == umbel::ErrorCode::kUnsupported;

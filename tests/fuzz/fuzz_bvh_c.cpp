@@ -2,59 +2,41 @@
 // huge positions, indices out of range, triangles without area among them), settings, rays, points
 // and a tree that may be none. Whatever is accepted must give the hits that another tree over the
 // same mesh gives.
-#include <fuzzer/FuzzedDataProvider.h>
-
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <limits>
 #include <memory>
 #include <vector>
 
-#include "umbel/umbel.h"
+#include "c_interface.hpp"
+#include "umbel/umbel_kary.h"
 #include "umbel/umbel_kdtree.h"
 
 namespace {
 
-[[noreturn]] void fail(const char* what) {
-  std::fprintf(stderr, "fuzz_bvh_c: %s (%s)\n", what, umbel_last_error());
-  std::abort();
-}
-
-void expect(bool ok, const char* what) {
-  if (!ok) fail(what);
-}
-
-/// True where the call went well; else there must be a sentence, and not about the library itself.
-bool went_well(umbel_result result) {
-  expect(result != UMBEL_ERROR_INTERNAL, "a fault of the library");
-  if (result != UMBEL_OK) expect(umbel_last_error()[0] != '\0', "an error without a sentence");
-  return result == UMBEL_OK;
-}
+using umbel::fuzz::expect;
+using umbel::fuzz::Input;
+using umbel::fuzz::went_well;
 
 struct Free {
   void operator()(umbel_bvh* bvh) const { umbel_bvh_free(bvh); }
 };
 using Bvh = std::unique_ptr<umbel_bvh, Free>;
 
-class Case {
+class Case : public Input {
  public:
-  Case(const uint8_t* data, size_t size) : bytes_(data, size) {
-    mood_ = bytes_.ConsumeIntegral<uint8_t>();
+  Case(const uint8_t* data, size_t size) : Input(data, size) {
     umbel_bvh_config_init(&config);
     read_config();
     read_mesh();
     umbel_build_options_init(&options);
-    options.threads = 1 + bytes_.ConsumeIntegral<uint8_t>() % 2;
-    for (uint32_t i = bytes_.ConsumeIntegralInRange<uint32_t>(0, 24); i-- > 0;) {
+    options.threads = 1 + bytes.ConsumeIntegral<uint8_t>() % 2;
+    for (uint32_t i = bytes.ConsumeIntegralInRange<uint32_t>(0, 24); i-- > 0;) {
       rays.push_back({point(), 0, point(), std::numeric_limits<float>::infinity()});
       if (likes(4)) rays.back().t_min = number(), rays.back().t_max = number();
       points.push_back(rays.back().origin);
     }
     umbel_ray_options_init(&ray_options);
-    if (likes(5)) ray_options.mask = bytes_.ConsumeIntegral<uint8_t>();
+    if (likes(5)) ray_options.mask = bytes.ConsumeIntegral<uint8_t>();
     ray_options.cull_back_faces = likes(6) ? 1 : 0;
     ray_options.threads = 1;
   }
@@ -66,23 +48,20 @@ class Case {
     return Bvh(bvh);
   }
 
-  bool likes(int bit) const { return mood_ >> bit & 1; }
   uint32_t triangle_count() const { return static_cast<uint32_t>(triangles_.size() / 3); }
-  /// Positions within what watertightness, and that all trees agree, is promised for.
-  bool is_tame() const { return likes(0); }
 
   umbel_kdtree_config kdtree_config() {
     umbel_kdtree_config kd;
     umbel_kdtree_config_init(&kd);
-    kd.builder = bytes_.ConsumeIntegral<uint8_t>() % 3;
-    kd.traversal = bytes_.ConsumeIntegral<uint8_t>() % 4;
+    kd.builder = bytes.ConsumeIntegral<uint8_t>() % 3;
+    kd.traversal = bytes.ConsumeIntegral<uint8_t>() % 4;
     kd.drop_invalid = config.drop_invalid;
     kd.compact = config.compact;
     kd.simd = config.simd;
     if (likes(2)) {
-      kd.max_depth = bytes_.ConsumeIntegral<uint8_t>();
-      kd.bad_refines = bytes_.ConsumeIntegral<uint8_t>();
-      kd.bins = bytes_.ConsumeIntegral<uint8_t>();
+      kd.max_depth = bytes.ConsumeIntegral<uint8_t>();
+      kd.bad_refines = bytes.ConsumeIntegral<uint8_t>();
+      kd.bins = bytes.ConsumeIntegral<uint8_t>();
       kd.max_references = 2 * number();
       kd.empty_bonus = number();
     }
@@ -91,18 +70,18 @@ class Case {
 
   void move_positions() {
     for (umbel_vec3& p : positions_)
-      if (bytes_.ConsumeIntegral<uint8_t>() % 2) p = point();
+      if (bytes.ConsumeIntegral<uint8_t>() % 2) p = point();
     mesh.positions = positions_.data();
   }
   /// Overwrites a few words of a tree.
-  void spoil(std::vector<umbel_bvh2_node>& nodes, std::vector<uint32_t>& primitives) {
-    for (uint32_t i = bytes_.ConsumeIntegralInRange<uint32_t>(0, 3); i-- > 0;) {
-      const auto value =
-          bytes_.ConsumeIntegral<uint32_t>() >> bytes_.ConsumeIntegral<uint8_t>() % 32;
-      const auto at = bytes_.ConsumeIntegral<uint16_t>();
+  template <typename Node>
+  void spoil(std::vector<Node>& nodes, std::vector<uint32_t>& primitives) {
+    for (uint32_t i = bytes.ConsumeIntegralInRange<uint32_t>(0, 3); i-- > 0;) {
+      const auto value = bytes.ConsumeIntegral<uint32_t>() >> bytes.ConsumeIntegral<uint8_t>() % 32;
+      const auto at = bytes.ConsumeIntegral<uint16_t>();
       if (nodes.empty() || primitives.empty()) return;
-      umbel_bvh2_node& node = nodes[at % nodes.size()];
-      switch (bytes_.ConsumeIntegral<uint8_t>() % 4) {
+      Node& node = nodes[at % nodes.size()];
+      switch (bytes.ConsumeIntegral<uint8_t>() % 4) {
         case 0:
           node.first = value;
           break;
@@ -127,12 +106,12 @@ class Case {
 
  private:
   void read_config() {
-    config.builder = bytes_.ConsumeIntegral<uint8_t>() % 12;
+    config.builder = bytes.ConsumeIntegral<uint8_t>() % 12;
     config.width =
-        likes(1) ? 2u << bytes_.ConsumeIntegral<uint8_t>() % 3 : bytes_.ConsumeIntegral<uint8_t>();
-    config.compact = bytes_.ConsumeIntegral<uint8_t>() % 2;
-    config.drop_invalid = bytes_.ConsumeIntegral<uint8_t>() % 2;
-    config.simd = bytes_.ConsumeIntegral<uint8_t>() % 4;
+        likes(1) ? 2u << bytes.ConsumeIntegral<uint8_t>() % 3 : bytes.ConsumeIntegral<uint8_t>();
+    config.compact = bytes.ConsumeIntegral<uint8_t>() % 2;
+    config.drop_invalid = bytes.ConsumeIntegral<uint8_t>() % 2;
+    config.simd = bytes.ConsumeIntegral<uint8_t>() % 4;
     uint32_t* const counts[] = {
         &config.max_leaf_size,   &config.max_depth,         &config.bins,
         &config.morton_bits,     &config.hlbvh_bits,        &config.ploc_radius,
@@ -141,48 +120,33 @@ class Case {
         &config.aac_leaf_size};
     float* const numbers[] = {&config.traversal_cost, &config.intersection_cost,
                               &config.spatial_budget, &config.spatial_overlap, &config.aac_epsilon};
-    for (uint32_t i = bytes_.ConsumeIntegralInRange<uint32_t>(0, 5); i-- > 0;)
-      *counts[bytes_.ConsumeIntegral<uint8_t>() % std::size(counts)] =
-          bytes_.ConsumeIntegral<uint8_t>();
+    for (uint32_t i = bytes.ConsumeIntegralInRange<uint32_t>(0, 5); i-- > 0;)
+      *counts[bytes.ConsumeIntegral<uint8_t>() % std::size(counts)] =
+          bytes.ConsumeIntegral<uint8_t>();
     if (likes(2))
-      *numbers[bytes_.ConsumeIntegral<uint8_t>() % std::size(numbers)] =
-          bytes_.ConsumeIntegral<uint8_t>() % 2 ? bytes_.ConsumeProbability<float>() : number();
+      *numbers[bytes.ConsumeIntegral<uint8_t>() % std::size(numbers)] =
+          bytes.ConsumeIntegral<uint8_t>() % 2 ? bytes.ConsumeProbability<float>() : number();
   }
 
   void read_mesh() {
     umbel_bvh_mesh_init(&mesh);
-    const auto vertices = bytes_.ConsumeIntegralInRange<uint32_t>(0, 60);
+    const auto vertices = bytes.ConsumeIntegralInRange<uint32_t>(0, 60);
     for (uint32_t i = 0; i < vertices; ++i) positions_.push_back(point());
-    const auto count = vertices == 0 ? 0 : bytes_.ConsumeIntegralInRange<uint32_t>(0, 80);
+    const auto count = vertices == 0 ? 0 : bytes.ConsumeIntegralInRange<uint32_t>(0, 80);
     for (uint32_t i = 0; i < 3 * count; ++i)
-      triangles_.push_back(bytes_.ConsumeIntegral<uint8_t>() % vertices);
+      triangles_.push_back(bytes.ConsumeIntegral<uint8_t>() % vertices);
     if (likes(7) && !triangles_.empty())
-      triangles_[bytes_.ConsumeIntegral<uint8_t>() % triangles_.size()] =
-          bytes_.ConsumeIntegral<uint32_t>();
+      triangles_[bytes.ConsumeIntegral<uint8_t>() % triangles_.size()] =
+          bytes.ConsumeIntegral<uint32_t>();
     mesh.positions = positions_.data();
     mesh.position_count = positions_.size();
     mesh.triangles = triangles_.data();
     mesh.triangle_count = count;
     if (!likes(3)) return;
-    for (uint32_t i = 0; i < count; ++i) masks_.push_back(bytes_.ConsumeIntegral<uint8_t>());
+    for (uint32_t i = 0; i < count; ++i) masks_.push_back(bytes.ConsumeIntegral<uint8_t>());
     mesh.masks = masks_.data();
   }
 
-  umbel_vec3 point() { return {number(), number(), number()}; }
-
-  /// On a coarse grid, where corners coincide and triangles lie in planes and on lines; seldom, if
-  /// not tame, anything at all.
-  float number() {
-    const auto kind = bytes_.ConsumeIntegral<uint8_t>();
-    if (is_tame() || kind < 240) return float(kind % 16) / 8 - 1;
-    const auto bits = bytes_.ConsumeIntegral<uint32_t>();
-    float value;
-    std::memcpy(&value, &bits, sizeof value);
-    return value;
-  }
-
-  FuzzedDataProvider bytes_;
-  uint8_t mood_;
   std::vector<umbel_vec3> positions_;
   std::vector<uint32_t> triangles_, masks_;
 };
@@ -246,26 +210,36 @@ void compare(const Case& c, const umbel_bvh* bvh, const umbel_bvh* other) {
     expect(are_equal(one[i], two[i]), "two trees give different hits");
 }
 
-/// A tree of the caller, spoilt or not.
-void widen(Case& c) {
+/// A tree of the caller, binary or not, spoilt or not.
+template <typename Node, typename Tree, typename Build, typename Make>
+void widen(Case& c, Tree tree, const Build& build, const Make& make) {
   umbel_bvh2_capacity capacity;
   umbel_bvh2_capacity_init(&capacity);
   if (!went_well(umbel_bvh2_requirements(c.mesh.triangle_count, &c.config, &capacity))) return;
-  std::vector<umbel_bvh2_node> nodes(capacity.nodes);
+  std::vector<Node> nodes(capacity.nodes);
   std::vector<uint32_t> primitives(capacity.primitives);
-  umbel_bvh2 tree;
-  umbel_bvh2_init(&tree);
   tree.nodes = nodes.data();
   tree.node_capacity = nodes.size();
   tree.primitives = primitives.data();
   tree.primitive_capacity = primitives.size();
-  if (!went_well(umbel_bvh2_build_triangles(&c.mesh, &c.config, &c.options, &tree))) return;
+  if (!went_well(build(&c.mesh, &c.config, &c.options, &tree))) return;
   nodes.resize(tree.node_count);
   primitives.resize(tree.primitive_count);
   c.spoil(nodes, primitives);
   umbel_bvh* bvh = nullptr;
-  if (went_well(umbel_bvh_from_bvh2(&tree, &c.mesh, &c.config, &c.options, &bvh))) ask(c, bvh);
+  if (went_well(make(&tree, &c.mesh, &c.config, &c.options, &bvh))) ask(c, bvh);
   umbel_bvh_free(bvh);
+}
+
+void widen(Case& c) {
+  umbel_bvh2 binary;
+  umbel_bvh2_init(&binary);
+  umbel_kary kary;
+  umbel_kary_init(&kary);
+  if (c.below(2))
+    widen<umbel_bvh2_node>(c, binary, umbel_bvh2_build_triangles, umbel_bvh_from_bvh2);
+  else
+    widen<umbel_kary_node>(c, kary, umbel_kary_build_triangles, umbel_bvh_from_kary);
 }
 
 /// A kd-tree gives the hits that the hierarchy gives.

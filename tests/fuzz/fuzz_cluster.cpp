@@ -1,28 +1,17 @@
 // Fuzzes the C interface of clusters: the bytes become boxes (NaN, infinite and huge ones among
 // them), vertices, connections, segments and a config; whatever is accepted must be a partition
 // within its limits, and the same for any number of threads.
-#include <fuzzer/FuzzedDataProvider.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 #include <set>
 #include <vector>
 
-#include "umbel/umbel.h"
+#include "c_interface.hpp"
 
 namespace {
 
-[[noreturn]] void fail(const char* what) {
-  std::fprintf(stderr, "fuzz_cluster: %s (%s)\n", what, umbel_last_error());
-  std::abort();
-}
-
-void expect(bool ok, const char* what) {
-  if (!ok) fail(what);
-}
+using umbel::fuzz::expect;
 
 class Case {
  public:

@@ -32,7 +32,11 @@ asset::VertexFormat format_of(uint8_t choice) {
   if (choice & 2) attributes.push_back({asset::kNormals, Coding::kOctahedral, 10, 0});
   if ((choice & 6) == 6) attributes.push_back({asset::kTangents, Coding::kAngle, 8, 0});
   if (choice & 8) attributes.push_back({asset::kUvs, Coding::kGrid, 0, 0x1p-14f});
+  if (choice & 32) attributes.push_back({asset::kUvs, Coding::kFloats, 0, 0, 1});
   if (choice & 16) attributes.push_back({asset::kColors, Coding::kSrgb, 8, 0});
+  if (choice & 64) attributes.push_back({asset::kJoints, Coding::kGrid, 0, 1});
+  if (choice & 64) attributes.push_back({asset::kWeights, Coding::kGrid, 0, 0x1p-14f});
+  if (choice & 128) attributes.push_back({1u << 20, Coding::kFloats, 0, 0, 0, 3});  // unknown
   return asset::make_format(attributes);
 }
 

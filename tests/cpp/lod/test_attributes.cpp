@@ -265,6 +265,23 @@ TEST(Attributes, files_keep_the_materials_of_triangles_each_mesh_its_own) {
   }
 }
 
+TEST(Attributes, materials_and_further_attributes_beyond_what_vertices_can_have_are_refused) {
+  Mesh mesh = board();
+  for (uint32_t set = 0; set < 10; ++set) mesh.extras.push_back({ExtraKind::kJoints, set});
+  mesh.extra_values.assign(mesh.positions.size() * kMostExtraValues, 1.0f);
+  Config config = small();
+  EXPECT_FALSE(build(mesh.view(), config).tables.groups.empty());
+  config.mix_materials = true;
+  EXPECT_THROW(build(mesh.view(), config), Error);
+
+  const Dag dag = build(board().view(), config);
+  AssetContents contents;
+  contents.meshes = {&dag};
+  contents.first_materials = {kNone - 3};
+  const Scratch scratch;
+  EXPECT_THROW(write_asset(scratch / "a.umbel", contents), Error);
+}
+
 TEST(Attributes, what_is_no_attribute_is_refused_by_name) {
   const auto message = [](const Mesh& mesh) -> std::string {
     try {
