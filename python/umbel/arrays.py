@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from typing import Any
 
@@ -13,12 +14,17 @@ from .errors import Error
 from .mesh import Material, Mesh
 
 
-def numbers(name: str, values: ArrayLike) -> NDArray[Any]:
-    """`values` as an array of real numbers; umbel.Error if they are none."""
+def array_of(name: str, values: ArrayLike) -> NDArray[Any]:
+    """`values` as an array of anything; umbel.Error if they are none."""
     try:
-        array = np.asarray(values)
+        return np.asarray(values)
     except ValueError:
         raise Error(f"{name} must be an array, but its rows differ in length") from None
+
+
+def numbers(name: str, values: ArrayLike) -> NDArray[Any]:
+    """`values` as an array of real numbers; umbel.Error if they are none."""
+    array = array_of(name, values)
     if array.dtype.kind not in "fiub":
         raise Error(f"{name} must hold numbers, not {array.dtype}")
     return array
@@ -38,7 +44,7 @@ def rows(name: str, values: ArrayLike, columns: int) -> NDArray[np.float32]:
 
 def indices(name: str, values: ArrayLike, columns: int = 0) -> NDArray[np.uint32]:
     """`values` as contiguous uint32 (n,), or (n, columns); negative or huge ones raise."""
-    array = np.asarray(values)
+    array = array_of(name, values)
     if array.size == 0:
         return np.empty((0, columns) if columns else (0,), np.uint32)
     if array.ndim != (2 if columns else 1) or (columns and array.shape[1] != columns):
@@ -53,6 +59,21 @@ def indices(name: str, values: ArrayLike, columns: int = 0) -> NDArray[np.uint32
             row = int(wrong[0]) // max(columns, 1)
             raise Error(f"{name}[{row}] holds {array.flat[wrong[0]]}, which is out of range")
     return np.ascontiguousarray(array, dtype=np.uint32)
+
+
+def whole(name: str, value: int, most: int = 0xFFFFFFFF) -> int:
+    """`value` as a whole number from 0 to `most`; umbel.Error if it is none."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise Error(f"{name} must be a whole number, not {value!r}") from None
+    if not 0 <= number <= most:
+        raise Error(f"{name} must be from 0 to {most}, not {number}")
+    return number
+
+
+def thread_count(threads: int) -> int:
+    return whole("threads", threads)
 
 
 def as_mesh(source: Any) -> Mesh:
@@ -94,6 +115,11 @@ def extras_of(mesh: Mesh) -> tuple[list[tuple[int, int]], NDArray[np.float32] | 
     of them, and the values of all, a vertex after the other."""
     extras = [(_UVS, k + 1) for k in range(len(mesh.uv_sets))]
     columns: list[NDArray[Any]] = [rows("uv_sets", uvs, 2) for uvs in mesh.uv_sets]
+    for k, uvs in enumerate(columns):
+        if len(uvs) != len(mesh.positions):
+            raise Error(
+                f"uv_sets[{k}] must have one row a vertex, {len(mesh.positions)}, not {len(uvs)}"
+            )
     for kind, name, values in (
         (_JOINTS, "joints", mesh.joints),
         (_WEIGHTS, "weights", mesh.weights),

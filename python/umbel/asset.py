@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import indices, mesh_of
+from .arrays import indices, mesh_of, thread_count, whole
 from .camera import Camera
 from .errors import Error
 from .gltf_look import read_materials
@@ -133,4 +133,8 @@ class Asset(HasTables):
         threads: int = 0,
     ) -> VerifyReport:
         """The same as `umbel.verify` on this file."""
-        return VerifyReport(**self._native.verify(cuts, seed, progress, threads))
+        return VerifyReport(
+            **self._native.verify(
+                whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads)
+            )
+        )

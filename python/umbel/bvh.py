@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, indices, native, rows
+from .arrays import as_mesh, indices, native, rows, thread_count
 from .errors import Error
 from .mesh import Mesh
 from .queries import TriangleQueries
-from .rays import mask_array, thread_count
+from .rays import mask_array
 from .repair import Progress
 
 if TYPE_CHECKING:

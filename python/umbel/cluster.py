@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, indices, native, rows
+from .arrays import as_mesh, indices, native, numbers, rows, thread_count, whole
+from .arrays import rows as array_rows
 from .errors import Error
 from .repair import Progress
 
@@ -115,15 +116,17 @@ def cluster_mesh(
     )
     arrays = native(as_mesh(mesh))
     if method == "morton":
-        made = _umbel.cluster_mesh_morton(arrays, config, progress, threads)
+        made = _umbel.cluster_mesh_morton(arrays, config, progress, thread_count(threads))
     elif method == "hybrid":
-        made = _umbel.cluster_mesh_hybrid(arrays, config, progress, threads)
+        made = _umbel.cluster_mesh_hybrid(arrays, config, progress, thread_count(threads))
     else:
-        made = _umbel.cluster_mesh(arrays, config, shared_vertex_weight, progress, threads)
+        made = _umbel.cluster_mesh(
+            arrays, config, shared_vertex_weight, progress, thread_count(threads)
+        )
 
     def measure() -> dict[str, Any]:
         return _umbel.mesh_cluster_metrics(
-            arrays, made[0], made[1], max_triangles, shared_vertex_weight, threads
+            arrays, made[0], made[1], max_triangles, shared_vertex_weight, thread_count(threads)
         )
 
     return Clusters(*made, measure)
@@ -163,19 +166,21 @@ class ClusterBounds:
     @staticmethod
     def of_rows(rows: NDArray[np.float32]) -> ClusterBounds:
         """From (k, 11) centre, radius, cone apex, axis and cutoff."""
-        columns = np.split(rows, [3, 4, 7, 10], axis=1)
+        columns = np.split(array_rows("rows", rows, 11), [3, 4, 7, 10], axis=1)
         return ClusterBounds(columns[0], columns[1][:, 0], columns[2], columns[3], columns[4][:, 0])
 
     def rows(self) -> NDArray[np.float32]:
         """What `of_rows` takes."""
         columns = [
-            self.centers,
-            self.radii[:, None],
-            self.cone_apexes,
-            self.cone_axes,
-            self.cone_cutoffs[:, None],
+            array_rows("centers", self.centers, 3),
+            array_rows("radii", np.reshape(self.radii, (-1, 1)), 1),
+            array_rows("cone_apexes", self.cone_apexes, 3),
+            array_rows("cone_axes", self.cone_axes, 3),
+            array_rows("cone_cutoffs", np.reshape(self.cone_cutoffs, (-1, 1)), 1),
         ]
-        return np.ascontiguousarray(np.hstack(columns), dtype=np.float32)
+        if len({len(column) for column in columns}) != 1:
+            raise Error("the arrays of cluster bounds must have one row a cluster")
+        return np.hstack(columns)
 
 
 def order_clusters(
@@ -194,7 +199,17 @@ def order_clusters(
     """
     arrays = native(as_mesh(mesh))
     return Meshlets(
-        *_umbel.order_clusters(arrays, clusters.items, clusters.ranges, level, progress, threads)
+        *_umbel.order_clusters(
+            arrays, *_given(clusters), whole("level", level), progress, thread_count(threads)
+        )
+    )
+
+
+def _given(clusters: Clusters) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Items and ranges, which a caller may have made."""
+    return (
+        indices("clusters.items", clusters.items),
+        indices("clusters.ranges", clusters.ranges, 2),
     )
 
 
@@ -205,7 +220,7 @@ def cluster_bounds(
     `order_clusters`."""
     arrays = native(as_mesh(mesh))
     return ClusterBounds.of_rows(
-        _umbel.cluster_bounds(arrays, clusters.items, clusters.ranges, progress, threads)
+        _umbel.cluster_bounds(arrays, *_given(clusters), progress, thread_count(threads))
     )
 
 
@@ -263,10 +278,10 @@ def build_clusters(
         shared_vertex_weight=shared_vertex_weight,
         segments=None if segments is None else indices("segments", segments, 2),
         connection_vertex_bits=_bits(connection_vertex_bits),
-        vertices_per_item=vertices_per_item,
+        vertices_per_item=whole("vertices_per_item", vertices_per_item),
         **_connection_arrays(connections),
     )
-    made = _umbel.build_clusters(given, config, progress, threads)
+    made = _umbel.build_clusters(given, config, progress, thread_count(threads))
 
     def measure() -> dict[str, Any]:
         return _umbel.cluster_metrics(given, made[0], made[1], max_items)
@@ -284,7 +299,7 @@ def _bits(connection_vertex_bits: ArrayLike | None) -> NDArray[np.uint8] | None:
 
 
 def _vertices(item_vertices: ArrayLike) -> NDArray[np.uint32]:
-    array = np.asarray(item_vertices)
+    array = numbers("item_vertices", item_vertices)
     if array.ndim != 2 or array.shape[1] == 0:
         raise Error(f"item_vertices must have shape (n, v), not {array.shape}")
     return indices("item_vertices", array, array.shape[1])
@@ -304,5 +319,5 @@ def _connection_arrays(
         "connection_targets": indices("connections: targets", targets),
         "connection_weights": None
         if weights is None
-        else np.ascontiguousarray(weights, dtype=np.float32).reshape(-1),
+        else np.ascontiguousarray(numbers("connections: weights", weights), np.float32).reshape(-1),
     }

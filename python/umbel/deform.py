@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import numbers
 from .errors import Error
 from .lod import Lod
 from .mesh import Mesh
@@ -68,7 +69,7 @@ class _Moving:
         self.lengths: list[NDArray[np.float64]] = []
 
     def add(self, positions: ArrayLike) -> None:
-        pose = np.asarray(positions, np.float64)
+        pose = numbers("a pose", positions).astype(np.float64)
         if pose.shape != (len(self.id_of), 3) or not np.isfinite(pose).all():
             raise Error(f"a pose must be {len(self.id_of)} finite positions, not {pose.shape}")
         low = np.full((self.count, 3), np.inf)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _umbel
-from .arrays import as_mesh
+from .arrays import as_mesh, indices, rows, thread_count, whole
 from .drift import Drift, RebuildPolicy
 
 if TYPE_CHECKING:
@@ -40,16 +40,16 @@ class FrameClusters:
         threads: int = 0,
     ) -> None:
         source = as_mesh(mesh)
-        self._threads = threads
+        self._threads = thread_count(threads)
         self._native = _umbel.FrameClusterer(
-            np.ascontiguousarray(source.triangles, np.uint32),
+            indices("triangles", source.triangles, 3),
             len(source.positions),
             method,
-            max_triangles,
-            min_triangles,
-            max_vertices,
+            whole("max_triangles", max_triangles),
+            whole("min_triangles", min_triangles),
+            whole("max_vertices", max_vertices),
             underfill_cost,
-            code_bits,
+            whole("code_bits", code_bits),
         )
         self.build(source.positions)
 
@@ -70,7 +70,11 @@ class FrameClusters:
 
     def rebuild_worst(self, positions: ArrayLike, clusters: int) -> Drift:
         """Refits, and builds up to `clusters` of those anew that have grown the most."""
-        return Drift(*self._native.rebuild_worst(_positions(positions), clusters, self._threads))
+        return Drift(
+            *self._native.rebuild_worst(
+                _positions(positions), whole("clusters", clusters), self._threads
+            )
+        )
 
     def step(self, positions: ArrayLike, policy: RebuildPolicy, frames: int) -> str:
         """Refits, asks the policy, `frames` after the last rebuild, and does what it says; tells
@@ -116,4 +120,4 @@ class FrameClusters:
 
 
 def _positions(positions: ArrayLike) -> NDArray[np.float32]:
-    return np.ascontiguousarray(positions, np.float32)
+    return rows("positions", positions, 3)

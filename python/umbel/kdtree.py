@@ -8,10 +8,11 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from . import _umbel
+from .arrays import thread_count
 from .bvh import _geometry, _mesh_of
 from .errors import Error
 from .queries import TriangleQueries
-from .rays import mask_array, thread_count
+from .rays import mask_array
 from .repair import Progress
 
 BUILDERS = ("exact", "binned")

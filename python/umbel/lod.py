@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, extras_of, indices, mesh_of, native, rows
+from .arrays import as_mesh, extras_of, indices, mesh_of, native, numbers, rows, thread_count, whole
 from .errors import Error
 from .gltf_look import write_materials
 from .mesh import Material, Mesh
@@ -105,7 +105,11 @@ class Lod(HasTables):
         threads: int = 0,
     ) -> VerifyReport:
         """The checks of `umbel.verify`, without those of a file."""
-        return VerifyReport(**self._native.verify(cuts, seed, progress, threads))
+        return VerifyReport(
+            **self._native.verify(
+                whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads)
+            )
+        )
 
     def metadata(self) -> dict[str, Any]:
         """What `save` writes beside the geometry. Holds nothing that differs between two builds
@@ -163,8 +167,11 @@ def save_asset(
     metadata: what `Asset.info["metadata"]` shall be.
     The rest is as `Lod.save` has it.
     """
-    meshes = np.array([mesh for mesh, _ in instances], np.int64)
-    rows = [np.asarray(matrix, np.float64) for _, matrix in instances]
+    for instance in instances:
+        if not isinstance(instance, Sequence) or len(instance) != 2:
+            raise Error("instances must be pairs of a mesh's index and a matrix")
+    meshes = np.array([whole("an instance's mesh", mesh) for mesh, _ in instances], np.int64)
+    rows = [numbers("an instance's transform", matrix) for _, matrix in instances]
     if any(row.shape not in ((3, 4), (4, 4)) for row in rows):
         raise Error("an instance's transform must have shape (3, 4) or (4, 4)")
     transforms = np.array([row[:3] for row in rows], np.float32)
@@ -188,7 +195,7 @@ def save_asset(
         keep,
         page_bytes,
         progress,
-        threads,
+        thread_count(threads),
     )
 
 
@@ -348,7 +355,7 @@ def build_lod(
         native(given),
         _native_config(config),
         progress,
-        threads,
+        thread_count(threads),
         None if decimate is None else _decimator(decimate),
     )
     return Lod(dag, {**dag.report, **extra}, config, source, given.materials, given.name)

@@ -79,7 +79,7 @@ class Mesh:
         self.uv_sets = [_row_each(uvs, n, 2, "uv_sets") for uvs in self.uv_sets]
         self._check_skin(n)
         if self.material_ids is not None:
-            ids = _indices(np.asarray(self.material_ids), "material_ids")
+            ids = _indices(_array(self.material_ids, "material_ids"), "material_ids")
             if ids.shape != (len(self.triangles),):
                 raise Error(
                     f"material_ids must have one entry a triangle, shape "
@@ -92,7 +92,7 @@ class Mesh:
             raise Error("joints and weights belong together, but only one of them is given")
         if self.joints is None:
             return
-        self.joints = np.ascontiguousarray(_indices(np.asarray(self.joints), "joints"))
+        self.joints = np.ascontiguousarray(_indices(_array(self.joints, "joints"), "joints"))
         columns = self.joints.shape[1] if self.joints.ndim == 2 else 0
         if columns == 0 or columns % 4 or len(self.joints) != n:
             raise Error(

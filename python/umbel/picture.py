@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import numbers
 from .errors import Error
 from .io.files import replacing
 
@@ -114,7 +115,8 @@ def _save_exr(path: Path, rgb: NDArray[np.float32]) -> None:
 
 
 def _rgb(pixels: ArrayLike) -> NDArray[np.float32]:
-    array = np.asarray(pixels, np.float32)
+    with np.errstate(over="ignore"):
+        array = numbers("pixels", pixels).astype(np.float32, copy=False)
     if array.ndim != 3 or array.shape[2] != 3 or not array.size:
         raise Error(f"a picture must have shape (height, width, 3), not {array.shape}")
     return array

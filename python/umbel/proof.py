@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from . import _umbel
+from .arrays import thread_count, whole
 from .repair import Progress
 
 
@@ -46,4 +47,12 @@ def verify(
 ) -> VerifyReport:
     """Checks an asset file: checksums, tables, size limits, monotone errors and spheres, that
     level 0 is the source, and that `cuts` random cuts have no hole and no overlap."""
-    return VerifyReport(**_umbel.verify_asset(os.fspath(path), cuts, seed, progress, threads))
+    return VerifyReport(
+        **_umbel.verify_asset(
+            os.fspath(path),
+            whole("cuts", cuts),
+            whole("seed", seed),
+            progress,
+            thread_count(threads),
+        )
+    )

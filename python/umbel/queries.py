@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import numbers, rows
+from .arrays import numbers, rows, thread_count
 from .errors import Error
-from .rays import RayQueries, thread_count
+from .rays import RayQueries
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import operator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import numbers, rows
+from .arrays import array_of, numbers, rows, thread_count, whole
 from .errors import Error
 
 
@@ -121,24 +120,10 @@ class RayQueries:
         )
 
 
-def whole(name: str, value: int, most: int = 0xFFFFFFFF) -> int:
-    try:
-        number = operator.index(value)
-    except TypeError:
-        raise Error(f"{name} must be a whole number, not {value!r}") from None
-    if not 0 <= number <= most:
-        raise Error(f"{name} must be from 0 to {most}, not {number}")
-    return number
-
-
-def thread_count(threads: int) -> int:
-    return whole("threads", threads)
-
-
 def mask_array(masks: ArrayLike | None, triangles: int) -> NDArray[np.uint32] | None:
     if masks is None:
         return None
-    array = np.asarray(masks)
+    array = array_of("masks", masks)
     if array.shape != (triangles,) or (triangles > 0 and array.dtype.kind not in "iub"):
         raise Error(
             f"masks must be integers of shape ({triangles},), not {array.dtype} {array.shape}"

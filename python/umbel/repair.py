@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _umbel
-from .arrays import as_mesh, mesh_of, native, rows
+from .arrays import as_mesh, mesh_of, native, rows, thread_count
 from .errors import Error
 from .mesh import Mesh
 
@@ -21,7 +21,7 @@ Progress = Callable[[float, str], "bool | None"]
 def validate(mesh: Any, *, progress: Progress | None = None, threads: int = 0) -> None:
     """Raises umbel.Error naming the first triangle whose index is out of range, or the first
     vertex in use that is NaN or infinite. Degenerate and duplicate triangles are legal."""
-    _umbel.validate(native(as_mesh(mesh)), progress, threads)
+    _umbel.validate(native(as_mesh(mesh)), progress, thread_count(threads))
 
 
 def drop_invalid(
@@ -29,7 +29,7 @@ def drop_invalid(
 ) -> tuple[Mesh, int]:
     """The mesh without the triangles that `validate` would reject, and how many those were."""
     given = as_mesh(mesh)
-    arrays, dropped = _umbel.drop_invalid(native(given), progress, threads)
+    arrays, dropped = _umbel.drop_invalid(native(given), progress, thread_count(threads))
     return mesh_of(arrays, given.materials, given.name), dropped
 
 
@@ -37,7 +37,7 @@ def weld(mesh: Any, *, progress: Progress | None = None, threads: int = 0) -> Me
     """The mesh with vertices of equal position, attributes and material made one, and those that
     no triangle uses removed. Triangles keep their order and their corners'."""
     given = as_mesh(mesh)
-    arrays = _umbel.weld(native(given), progress, threads)
+    arrays = _umbel.weld(native(given), progress, thread_count(threads))
     return mesh_of(arrays, given.materials, given.name)
 
 

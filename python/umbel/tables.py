@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import indices, numbers, rows
+from .arrays import array_of, indices, numbers, rows, thread_count
 from .camera import Camera
 from .cluster import ClusterBounds
 from .errors import Error
@@ -63,18 +63,14 @@ class Tables:
     ) -> Tables:
         """From structured arrays (LEVEL, GROUP, CLUSTER, NODE), as other programs may have stored
         them. Raises where an index leads nowhere."""
-        words = [
-            np.ascontiguousarray(table, dtype).view(np.uint32).reshape(len(table), -1)
-            if len(table)
-            else np.empty((0, dtype.itemsize // 4), np.uint32)
-            for table, dtype in (
-                (levels, LEVEL),
-                (groups, GROUP),
-                (clusters, CLUSTER),
-                (nodes, NODE),
+        return Tables(
+            _umbel.Tables(
+                _words("levels", levels, LEVEL),
+                _words("groups", groups, GROUP),
+                _words("clusters", clusters, CLUSTER),
+                _words("nodes", nodes, NODE),
             )
-        ]
-        return Tables(_umbel.Tables(*words))
+        )
 
     @staticmethod
     def _named(words: NDArray[np.uint32], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -181,7 +177,7 @@ class Tables:
             self._native,
             view,
             costs,
-            min(int(budget), 2**63),
+            int(min(budget, 2**63)),
             _planes(planes),
             _facing(facing),
             None if transforms is None else _transforms(transforms),
@@ -208,7 +204,19 @@ class Tables:
 
     def cut_triangles(self, cut: ArrayLike) -> int:
         """How many triangles a cut has."""
-        return int(self.clusters["triangle_count"][indices("cut", cut)].sum(dtype=np.int64))
+        chosen = indices("cut", cut)
+        if len(chosen) and int(chosen.max()) >= len(self.clusters):
+            raise Error(f"cut has the cluster {chosen.max()}, but there are {len(self.clusters)}")
+        return int(self.clusters["triangle_count"][chosen].sum(dtype=np.int64))
+
+
+def _words(name: str, table: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[np.uint32]:
+    array = array_of(name, table)
+    if array.size == 0:
+        return np.empty((0, dtype.itemsize // 4), np.uint32)
+    if array.ndim != 1 or array.dtype.names != dtype.names:
+        raise Error(f"{name} must be (n,) of {dtype}, not {array.shape} of {array.dtype}")
+    return np.ascontiguousarray(array, dtype).view(np.uint32).reshape(len(array), -1)
 
 
 def _view(kind: str, value: Any) -> _umbel.View:
@@ -220,7 +228,7 @@ def _view(kind: str, value: Any) -> _umbel.View:
         raise Error(f"{kind} must not be negative, and is {value}")
     if kind == "error":
         return _umbel.view_error(value)
-    return _umbel.view_level(min(int(value), NONE))
+    return _umbel.view_level(int(min(value, NONE)))
 
 
 def _planes(planes: ArrayLike | None) -> NDArray[np.float32] | None:
@@ -267,4 +275,4 @@ class HasTables:
         self, *, progress: Callable[[float, str], Any] | None = None, threads: int = 0
     ) -> ClusterBounds:
         """Spheres and cones of normals of all clusters, for `Tables.cut`. Reads all geometry."""
-        return ClusterBounds.of_rows(self._native.facing(progress, threads))
+        return ClusterBounds.of_rows(self._native.facing(progress, thread_count(threads)))

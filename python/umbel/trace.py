@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _umbel
-from .arrays import as_mesh, native
+from .arrays import as_mesh, native, thread_count
 from .camera import Camera
 from .errors import Error
 from .look import Environment, Look, axes_of, plain, triple, without
@@ -58,9 +58,9 @@ class Renderer:
         if ground:
             placed, materials = _with_ground(self.mesh, up, materials)
         self._ground = placed is not self.mesh
-        self._threads = threads
+        self._threads = thread_count(threads)
         self._scene = _umbel.trace_scene(
-            native(placed), materials, look.textures, light, accel, preset, progress, threads
+            native(placed), materials, look.textures, light, accel, preset, progress, self._threads
         )
 
     def __repr__(self) -> str:
