@@ -24,6 +24,10 @@ struct ResidencyConfig {
   uint32_t loads_in_flight = 8;                 ///< pages asked for and not there yet
   uint64_t bytes_per_step = uint64_t{8} << 20;  ///< taken over in a step, or one page
   uint32_t evictions_per_step = 64;
+  /// Groups that a step looks at, about; what is left is looked at in the next, and until then as
+  /// it was. A camera that walks needs some hundreds of them, one that leaps all that it then
+  /// shows.
+  uint32_t groups_per_step = 8192;
   /// A page that is shown gives way to another only if that one is worth so many times as much.
   float hysteresis = 1.5f;
   uint32_t attempts = 5;         ///< to load a page, before it stays coarse
@@ -84,10 +88,13 @@ struct StreamCluster {
 
 struct ResidencyStep {
   /// What is missing, at worst: how many times larger the error of something shown is than its
-  /// view asked for. 1 or less where nothing is missing.
+  /// view asked for, within two per cent. 1 or less where nothing is missing.
   float worst_error = 0;
   uint32_t open_groups = 0, missing_groups = 0;
   uint32_t loaded = 0, evicted = 0, requested = 0, cancelled = 0;
+  uint32_t looked_at = 0;  ///< groups, see ResidencyConfig::groups_per_step
+  /// Whether all of it is as these views have it; else there was too much to look at for one step.
+  bool caught_up = true;
 };
 
 struct ResidencyStatistics {
@@ -115,7 +122,8 @@ class UMBEL_API Residency {
   /// Takes over what has come, chooses what the views show of it, and asks for what is missing.
   /// `now` are seconds on any clock that does not run backwards.
   ResidencyStep step(std::span<const StreamView> views, double now);
-  /// What the views of the last step show, view by view.
+  /// What the views of the last step show, in no order. A change of the views of a step costs what
+  /// changes, if they keep their places among them.
   std::span<const StreamCluster> cut() const;
   /// A page that is in memory, or null.
   std::shared_ptr<const AssetPage> page(uint32_t page) const;

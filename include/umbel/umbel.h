@@ -740,7 +740,9 @@ typedef struct umbel_stream_step {
   float worst_error;  ///< times what was asked for; at most 1 where nothing is missing
   uint32_t open_groups, missing_groups, loaded, evicted, requested, cancelled;
   uint64_t resident_bytes;
-  uint64_t failures;  ///< of loads, since the beginning
+  uint64_t failures;   ///< of loads, since the beginning
+  uint32_t looked_at;  ///< groups whose errors may have become too large, or small enough
+  uint32_t caught_up;  ///< 0: there was more to look at than a step does; the next goes on
 } umbel_stream_step;
 
 /// A cluster of a cut: of which view, and where it is.

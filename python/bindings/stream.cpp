@@ -20,6 +20,8 @@ Dict step_dict(const ResidencyStep& step) {
   result["evicted"] = step.evicted;
   result["requested"] = step.requested;
   result["cancelled"] = step.cancelled;
+  result["looked_at"] = step.looked_at;
+  result["caught_up"] = step.caught_up;
   return result;
 }
 
@@ -85,14 +87,21 @@ double processor_seconds() {
 
 using View = std::tuple<uint32_t, lod::View, std::optional<Rows<float, 4>>>;
 
+auto key(const StreamCluster& c) { return std::tuple(c.page, c.group, c.cluster); }
+
+/// The same clusters beside each other, in the order of views.
+std::vector<StreamCluster> ordered(std::span<const StreamCluster> cut) {
+  std::vector<StreamCluster> order(cut.begin(), cut.end());
+  std::sort(order.begin(), order.end(), [](const StreamCluster& a, const StreamCluster& b) {
+    return key(a) != key(b) ? key(a) < key(b) : a.view < b.view;
+  });
+  return order;
+}
+
 /// What the last step's cut takes, each cluster counted once however often it stands: clusters,
 /// triangles, vertices; and places.
 std::tuple<uint64_t, uint64_t, uint64_t, uint64_t> cost_of(const Residency& residency) {
-  const auto cut = residency.cut();
-  std::vector<StreamCluster> order(cut.begin(), cut.end());
-  const auto key = [](const StreamCluster& c) { return std::tuple(c.page, c.group, c.cluster); };
-  std::sort(order.begin(), order.end(),
-            [&](const StreamCluster& a, const StreamCluster& b) { return key(a) < key(b); });
+  const std::vector<StreamCluster> order = ordered(residency.cut());
   uint64_t clusters = 0, triangles = 0, vertices = 0;
   for (size_t i = 0; i < order.size(); ++i) {
     if (i > 0 && key(order[i - 1]) == key(order[i])) continue;
@@ -113,13 +122,15 @@ void bind_stream(nb::module_& module) {
           "__init__",
           [](PythonResidency* self, const Asset& asset, uint64_t budget_bytes,
              uint32_t loads_in_flight, uint64_t bytes_per_step, uint32_t evictions_per_step,
-             float hysteresis, uint32_t attempts, double backoff_seconds, double slow_seconds,
-             uint32_t threads, const std::optional<std::array<double, 4>>& link) {
+             uint32_t groups_per_step, float hysteresis, uint32_t attempts, double backoff_seconds,
+             double slow_seconds, uint32_t threads,
+             const std::optional<std::array<double, 4>>& link) {
             ResidencyConfig config;
             config.budget_bytes = budget_bytes;
             config.loads_in_flight = loads_in_flight;
             config.bytes_per_step = bytes_per_step;
             config.evictions_per_step = evictions_per_step;
+            config.groups_per_step = groups_per_step;
             config.hysteresis = hysteresis;
             config.attempts = attempts;
             config.backoff_seconds = backoff_seconds;
@@ -135,8 +146,9 @@ void bind_stream(nb::module_& module) {
                                        std::make_shared<double>(0));
           },
           "asset"_a, "budget_bytes"_a, "loads_in_flight"_a, "bytes_per_step"_a,
-          "evictions_per_step"_a, "hysteresis"_a, "attempts"_a, "backoff_seconds"_a,
-          "slow_seconds"_a, "threads"_a, "link"_a = nb::none(), nb::keep_alive<1, 2>())
+          "evictions_per_step"_a, "groups_per_step"_a, "hysteresis"_a, "attempts"_a,
+          "backoff_seconds"_a, "slow_seconds"_a, "threads"_a, "link"_a = nb::none(),
+          nb::keep_alive<1, 2>())
       .def(
           "step",
           [](PythonResidency& residency, const std::vector<View>& views, double now) {
@@ -170,11 +182,9 @@ void bind_stream(nb::module_& module) {
           },
           "view"_a)
       .def("cost", [](const PythonResidency& residency) { return cost_of(residency); })
-      .def("table",
-           [](const PythonResidency& residency) {
-             const auto cut = residency.cut();
-             return take<uint32_t>(std::vector<StreamCluster>(cut.begin(), cut.end()));
-           })
+      .def(
+          "table",
+          [](const PythonResidency& residency) { return take<uint32_t>(ordered(residency.cut())); })
       .def(
           "wanted_pages",
           [](const PythonResidency& residency) { return take<uint32_t>(residency.wanted_pages()); })

@@ -22,6 +22,7 @@ class Residency:
     budget: most bytes of pages, as they are in the file; those of the root groups count.
     loads_in_flight: pages asked for and not there yet.
     bytes_per_step, evictions_per_step: most that a step takes over and gives up.
+    groups_per_step: about how many groups a step looks at; what is left is looked at in the next.
     hysteresis: how many times as much a page must be worth as one that it takes the place of.
     attempts, backoff, slow: loads that fail, or take longer than `slow` seconds, are tried again
         after `backoff` seconds, twice that, and so on, so many times; then the place stays coarse.
@@ -38,6 +39,7 @@ class Residency:
         loads_in_flight: int = 8,
         bytes_per_step: int = 8 << 20,
         evictions_per_step: int = 64,
+        groups_per_step: int = 8192,
         hysteresis: float = 1.5,
         attempts: int = 5,
         backoff: float = 0.1,
@@ -52,6 +54,7 @@ class Residency:
             loads_in_flight,
             bytes_per_step,
             evictions_per_step,
+            groups_per_step,
             hysteresis,
             attempts,
             backoff,
@@ -75,7 +78,8 @@ class Residency:
         now: seconds on any clock that does not run backwards; None: the machine's.
         Returns `worst_error` (how many times larger than asked for the largest error shown is, at
         most 1 where nothing is missing), `open_groups missing_groups loaded evicted requested
-        cancelled`, and `seconds` of processor time.
+        cancelled looked_at`, `caught_up` (false: there were more groups to look at than
+        `groups_per_step`), and `seconds` of processor time.
         """
         named = [view if isinstance(view, tuple) else (0, view) for view in views]
         native = [(mesh, _view(view), _planes(view, aspect)) for mesh, view in named]

@@ -58,7 +58,7 @@ class CutRenderer(Renderer):
         self.up = up
         self._ground, self._threads = False, threads
         self._places = places(asset)
-        residency = Residency(asset, max(int(budget * _PAGES), 1))
+        residency = Residency(asset, max(int(budget * _PAGES), 1), groups_per_step=(1 << 32) - 1)
         factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
         self.pixel_error, self.estimate, tables = _settle(
             residency, self._places, camera, budget, factors

@@ -130,6 +130,8 @@ umbel_result umbel_residency_step(umbel_residency* residency, const umbel_stream
     out.cancelled = made.cancelled;
     out.resident_bytes = said.resident_bytes;
     out.failures = said.failures;
+    out.looked_at = made.looked_at;
+    out.caught_up = made.caught_up;
     write_struct(out, step, "step");
   });
 }

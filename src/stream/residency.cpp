@@ -1,117 +1,74 @@
 // Pages come for what they are worth a byte and go when others are worth more.
 //
-// Selection walks from the roots through the references of groups that are open, and needs nothing
-// but pages that are there. A reference to a group that must be refined is worth how many times its
-// error is too large, a page the sum over its groups, a byte; but not less than any page that is
-// reached through it. So parents come before their children, and no page is given up for one that
-// cannot be shown without it.
+// What views show and want of the pages that are there is the frontier's to know. A reference to a
+// group that must be refined is worth how many times its error is too large, a page the sum over
+// its groups, a byte; but not less than any page that is reached through it. So parents come before
+// their children, and no page is given up for one that cannot be shown without it.
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include "base/math.hpp"
-#include "lod/cull.hpp"
+#include "stream/frontier.hpp"
 #include "umbel/stream.hpp"
 
 namespace umbel {
 namespace {
 
-/// How many times too large an error is as seen from a view; 0 where it is small enough.
-float times_too_large(const Sphere& sphere, float error, const StreamView& seen) {
-  if (error != std::numeric_limits<float>::infinity() && lod::is_outside(sphere, seen.planes))
-    return 0;
-  return lod::times_too_large(sphere, error, seen.view);
-}
-
 enum class PageState : uint8_t { kAbsent, kInFlight, kResident };
-
-/// What a walk reads of a page's groups, close together: the pages of a large cut are far more than
-/// caches hold.
-struct WalkTable {
-  struct Entry {
-    uint32_t mesh, group, first_child, first_cluster;
-  };
-  std::vector<Entry> groups;  // and one behind the last
-  std::vector<GroupRef> children;
-  std::vector<uint32_t> made_from;  // of each cluster, or kNone
-};
-
-WalkTable walk_table(const AssetPage& page) {
-  WalkTable table;
-  table.groups.reserve(page.groups.size() + 1);
-  const auto add = [&](uint32_t mesh, uint32_t group) {
-    table.groups.push_back({mesh, group, static_cast<uint32_t>(table.children.size()),
-                            static_cast<uint32_t>(table.made_from.size())});
-  };
-  for (const PageGroup& group : page.groups) {
-    add(group.mesh, group.id);
-    table.children.insert(table.children.end(), group.children.begin(), group.children.end());
-    for (const lod::Cluster& cluster : group.clusters)
-      table.made_from.push_back(cluster.generating_group);
-  }
-  add(kNone, kNone);
-  return table;
-}
 
 struct PageSlot {
   std::shared_ptr<const AssetPage> data;
-  WalkTable table;
   PageState state = PageState::kAbsent;
   bool pinned = false, was_loaded = false, given_up = false;
   uint32_t failures = 0;
   double not_before = 0, asked_at = 0;
-  double last_used = -std::numeric_limits<double>::infinity();
-  // Of the current step:
-  uint64_t step = 0;
-  float worth = 0;                 // a byte
-  bool is_open = false;            // a group in it is open
-  bool has_open_children = false;  // in another page
+  double last_used = 0;
+  uint64_t listed = 0;  // the list of missing pages that it was last put in
 };
 
-/// A group as the walk of one view meets it.
-struct Visit {
-  uint64_t walk = 0;
-  uint32_t parents = 0;
-  float ratio = 0;       ///< how many times too large its error is; 0: it is not
-  uint32_t in_page = 0;  ///< where the group is in its page, while that is there
+/// A page that is shown and might go.
+struct Candidate {
+  float worth;
+  uint32_t page;
 };
 
-struct OpenGroup {
-  uint32_t page, index;
-};
-
-/// Which groups of a mesh are open: a bit each, so that all of it stays near.
-class OpenSet {
- public:
-  void clear(size_t groups) { words_.assign((groups + 63) / 64, 0); }
-  void insert(uint32_t group) { words_[group / 64] |= uint64_t{1} << group % 64; }
-  bool contains(uint32_t group) const { return (words_[group / 64] >> group % 64 & 1) != 0; }
-
- private:
-  std::vector<uint64_t> words_;
-};
-
-/// Something in one page was reached through another.
-struct PageLink {
-  uint32_t from, to;
-};
+void check(const StreamView& view, size_t meshes) {
+  if (view.mesh >= meshes)
+    throw Error(ErrorCode::kInvalidArgument, "a view is of mesh " + std::to_string(view.mesh) +
+                                                 ", but the asset has " + std::to_string(meshes));
+  const lod::View& v = view.view;
+  bool is_right = v.kind == lod::View::Kind::kCamera
+                      ? v.threshold >= 0 && std::isfinite(v.eye.x + v.eye.y + v.eye.z)
+                      : v.kind == lod::View::Kind::kError && v.error >= 0;
+  for (const lod::Plane& plane : view.planes)
+    is_right &= std::isfinite(plane.normal.x + plane.normal.y + plane.normal.z + plane.offset);
+  if (!is_right)
+    throw Error(ErrorCode::kInvalidArgument,
+                "a view must be of an error or a camera, with finite values that are not negative");
+}
 
 }  // namespace
 
 struct Residency::State {
+  State(const Asset& of, const ResidencyConfig& how)
+      : asset(&of), config(how), frontier(of), pages(of.info().pages) {}
+
   const Asset* asset;
   ResidencyConfig config;
+  stream::Frontier frontier;
   std::unique_ptr<PageLoader> loader;
   std::vector<PageSlot> pages;
-  std::vector<std::vector<Visit>> visits;  // by mesh and group
-  std::vector<uint32_t> resident, in_flight, touched;
-  std::vector<OpenGroup> open;
-  OpenSet is_open;  // of the mesh of the view
-  std::vector<PageLink> links;
+  std::vector<uint32_t> resident, in_flight;
+  /// What nobody shows, the longest first and the finer of two: its time, and the page's
+  /// complement.
+  std::set<std::pair<double, uint32_t>> unused;
+  std::vector<Candidate> candidates;  // the least worthy last
+  bool candidates_are_known = false;
   std::vector<PageArrival> waiting;  // have come, for a later step
-  std::vector<StreamCluster> cut;
-  uint64_t walk = 0, step_number = 0;
+  uint64_t lists = 0;
   ResidencyStatistics statistics;
 
   // ---- pages come and go
@@ -122,30 +79,31 @@ struct Residency::State {
   void take_arrivals(double now, ResidencyStep& result);
   void fail(uint32_t page, const std::string& problem, double now);
   bool make_room(uint64_t bytes, float worth, ResidencyStep& result);
-  uint32_t least_worthy(float worth) const;
+  uint32_t least_worthy(float worth);
+  void find_candidates();
+  void note_use(double now);
 
-  // ---- what is shown
+  // ---- what is missing
 
-  PageSlot& touch(uint32_t page);
-  void select(uint32_t index, const StreamView& view, double now, ResidencyStep& result);
+  std::vector<uint32_t> missing_pages();
   void ask(double now, ResidencyStep& result);
   void cancel_stale(ResidencyStep& result);
-  void hand_worth_up();
+  std::pair<double, uint32_t> age(uint32_t page) const { return {pages[page].last_used, ~page}; }
+  /// A byte.
   float worth_of(uint32_t page) const {
-    return pages[page].step == step_number ? pages[page].worth : 0;
+    return static_cast<float>(frontier.worth(page) / asset->page_bytes(page));
   }
 };
 
 void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> data, double now) {
   PageSlot& slot = pages[page];
-  for (uint32_t i = 0; i < data->groups.size(); ++i)
-    visits[data->groups[i].mesh][data->groups[i].id].in_page = i;
-  slot.table = walk_table(*data);
+  frontier.install(*data);
   slot.data = std::move(data);
   slot.state = PageState::kResident;
   slot.last_used = now;
   slot.failures = 0;
   resident.push_back(page);
+  if (!slot.pinned && !frontier.is_wanted(page)) unused.insert(age(page));
   const uint64_t bytes = asset->page_bytes(page);
   statistics.resident_bytes += bytes;
   statistics.loaded_bytes += bytes;
@@ -156,8 +114,9 @@ void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> d
 
 void Residency::State::evict(uint32_t page) {
   PageSlot& slot = pages[page];
+  unused.erase(age(page));
+  frontier.remove(page);
   slot.data.reset();
-  slot.table = {};
   slot.state = PageState::kAbsent;
   resident.erase(std::find(resident.begin(), resident.end(), page));
   const uint64_t bytes = asset->page_bytes(page);
@@ -169,10 +128,11 @@ void Residency::State::evict(uint32_t page) {
 void Residency::State::check_and_pin_roots() {
   const auto in_range = [](double value) { return value >= 0; };
   if (!in_range(config.backoff_seconds) || !in_range(config.slow_seconds) ||
-      !(config.hysteresis >= 1) || config.attempts == 0 || config.loads_in_flight == 0)
+      !(config.hysteresis >= 1) || config.attempts == 0 || config.loads_in_flight == 0 ||
+      config.groups_per_step == 0)
     throw Error(ErrorCode::kInvalidArgument,
                 "a residency's times must not be negative, its hysteresis at least 1, and its "
-                "attempts and loads_in_flight at least 1");
+                "attempts, loads_in_flight and groups_per_step at least 1");
   uint64_t bytes = 0;
   for (uint32_t m = 0; m < asset->meshes().size(); ++m)
     for (const GroupRef& root : asset->roots(m)) {
@@ -189,23 +149,47 @@ void Residency::State::check_and_pin_roots() {
     if (pages[p].pinned) install(p, std::make_shared<const AssetPage>(asset->read_page(p)), 0);
 }
 
+/// Pages that begin or cease to be wanted.
+void Residency::State::note_use(double now) {
+  for (const uint32_t page : frontier.take_changed()) {
+    PageSlot& slot = pages[page];
+    if (slot.pinned || slot.state != PageState::kResident) continue;
+    unused.erase(age(page));
+    slot.last_used = now;
+    if (!frontier.is_wanted(page)) unused.insert(age(page));
+  }
+}
+
+/// Pages that are shown and by way of which no other is. What is missing hands its worth to those
+/// by way of which it is reached.
+void Residency::State::find_candidates() {
+  std::vector<float> handed(pages.size());
+  for (const uint32_t page : missing_pages()) {
+    const float worth = worth_of(page);
+    frontier.for_each_way_to(page,
+                             [&](uint32_t way) { handed[way] = std::max(handed[way], worth); });
+  }
+  candidates.clear();
+  for (const uint32_t page : resident)
+    if (!pages[page].pinned && frontier.is_wanted(page) && frontier.is_end(page))
+      candidates.push_back({std::max(worth_of(page), handed[page]), page});
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return a.worth != b.worth ? a.worth > b.worth : a.page < b.page;
+  });
+  candidates_are_known = true;
+}
+
 /// The resident page that may go for one of the given worth, or kNone: first what nobody shows, the
 /// longest first and the finer of two; then what is worth least, if that is little enough.
-uint32_t Residency::State::least_worthy(float worth) const {
-  uint32_t unused = kNone, least = kNone;
-  float least_worth = worth / config.hysteresis;
-  for (const uint32_t page : resident) {
-    const PageSlot& slot = pages[page];
-    if (slot.pinned) continue;
-    if (slot.step != step_number) {
-      const bool is_older = unused == kNone || slot.last_used < pages[unused].last_used ||
-                            (slot.last_used == pages[unused].last_used && page > unused);
-      if (is_older) unused = page;
-    } else if (!slot.has_open_children && slot.worth < least_worth) {
-      least = page, least_worth = slot.worth;
-    }
-  }
-  return unused != kNone ? unused : least;
+uint32_t Residency::State::least_worthy(float worth) {
+  if (!unused.empty()) return ~unused.begin()->second;
+  if (!candidates_are_known) find_candidates();
+  const auto is_gone = [&](uint32_t page) {
+    return pages[page].state != PageState::kResident || !frontier.is_end(page);
+  };
+  while (!candidates.empty() && is_gone(candidates.back().page)) candidates.pop_back();
+  const bool any = !candidates.empty() && candidates.back().worth < worth / config.hysteresis;
+  return any ? candidates.back().page : kNone;
 }
 
 bool Residency::State::make_room(uint64_t bytes, float worth, ResidencyStep& result) {
@@ -273,82 +257,21 @@ void Residency::State::take_arrivals(double now, ResidencyStep& result) {
   }
 }
 
-PageSlot& Residency::State::touch(uint32_t page) {
-  PageSlot& slot = pages[page];
-  if (slot.step != step_number) {
-    slot.step = step_number;
-    slot.worth = 0;
-    slot.is_open = slot.has_open_children = false;
-    touched.push_back(page);
+/// Pages that something asks for, which are not there.
+std::vector<uint32_t> Residency::State::missing_pages() {
+  ++lists;
+  std::vector<uint32_t> missing;
+  for (const stream::Frontier::Missing& group : frontier.missing()) {
+    const uint32_t page = frontier.page_of(group);
+    if (std::exchange(pages[page].listed, lists) != lists) missing.push_back(page);
   }
-  return slot;
-}
-
-void Residency::State::select(uint32_t index, const StreamView& view, double now,
-                              ResidencyStep& result) {
-  ++walk;
-  open.clear();
-  std::vector<Visit>& notes = visits[view.mesh];
-  is_open.clear(notes.size());
-  const auto meet = [&](const GroupRef& reference, uint32_t from_page) {
-    Visit& visit = notes[reference.group];
-    // All references to a group say the same of it.
-    if (visit.walk != walk)
-      visit = {walk, 0, times_too_large(reference.sphere, reference.error, view), visit.in_page};
-    const float ratio = visit.ratio;
-    if (!(ratio > 0)) return;
-    ++visit.parents;
-    PageSlot& slot = touch(reference.page);
-    const bool is_there = slot.state == PageState::kResident;
-    if (visit.parents == 1)
-      slot.worth += ratio / static_cast<float>(asset->page_bytes(reference.page));
-    if (from_page != kNone && from_page != reference.page &&
-        (links.empty() || links.back().from != from_page || links.back().to != reference.page))
-      links.push_back({from_page, reference.page});
-    if (!is_there) result.worst_error = std::max(result.worst_error, ratio);
-    if (visit.parents == 1 && !is_there) ++result.missing_groups;
-    if (visit.parents < reference.parents || !is_there || is_open.contains(reference.group)) return;
-    // A file may refer to a page that does not have the group.
-    const std::vector<WalkTable::Entry>& groups = slot.table.groups;
-    if (visit.in_page >= groups.size() || groups[visit.in_page].group != reference.group ||
-        groups[visit.in_page].mesh != view.mesh)
-      return;
-    is_open.insert(reference.group);
-    slot.is_open = true;
-    slot.last_used = now;
-    open.push_back({reference.page, visit.in_page});
-  };
-  for (const GroupRef& root : asset->roots(view.mesh)) meet(root, kNone);
-  for (size_t next = 0; next < open.size(); ++next) {
-    const OpenGroup at = open[next];
-    const WalkTable& table = pages[at.page].table;
-    const uint32_t end = table.groups[at.index + 1].first_child;
-    for (uint32_t i = table.groups[at.index].first_child; i < end; ++i)
-      meet(table.children[i], at.page);
-  }
-  for (const OpenGroup& at : open) {
-    const WalkTable& table = pages[at.page].table;
-    const WalkTable::Entry &entry = table.groups[at.index], &after = table.groups[at.index + 1];
-    for (uint32_t i = entry.first_child; i < after.first_child; ++i)
-      if (table.children[i].page != at.page && is_open.contains(table.children[i].group))
-        pages[at.page].has_open_children = true;
-    for (uint32_t i = entry.first_cluster; i < after.first_cluster; ++i)
-      if (table.made_from[i] == kNone || !is_open.contains(table.made_from[i]))
-        cut.push_back({index, at.page, at.index, i - entry.first_cluster});
-  }
-  result.open_groups += static_cast<uint32_t>(open.size());
-}
-
-/// Links are in the order from coarse to fine.
-void Residency::State::hand_worth_up() {
-  for (size_t i = links.size(); i-- > 0;)
-    pages[links[i].from].worth = std::max(pages[links[i].from].worth, pages[links[i].to].worth);
+  return missing;
 }
 
 void Residency::State::cancel_stale(ResidencyStep& result) {
   for (size_t i = in_flight.size(); i-- > 0;) {
     const uint32_t page = in_flight[i];
-    if (pages[page].step == step_number || !loader->cancel(page)) continue;
+    if (frontier.is_wanted(page) || !loader->cancel(page)) continue;
     pages[page].state = PageState::kAbsent;
     in_flight.erase(in_flight.begin() + static_cast<ptrdiff_t>(i));
     ++statistics.cancellations;
@@ -357,24 +280,28 @@ void Residency::State::cancel_stale(ResidencyStep& result) {
 }
 
 void Residency::State::ask(double now, ResidencyStep& result) {
-  std::vector<uint32_t> wanted;
-  for (const uint32_t page : touched) {
+  const size_t room =
+      config.loads_in_flight - std::min<size_t>(in_flight.size(), config.loads_in_flight);
+  if (room == 0) return;
+  std::vector<Candidate> wanted;
+  for (const uint32_t page : missing_pages()) {
     const PageSlot& slot = pages[page];
     if (slot.state == PageState::kAbsent && !slot.given_up && now >= slot.not_before)
-      wanted.push_back(page);
+      wanted.push_back({worth_of(page), page});
   }
-  std::sort(wanted.begin(), wanted.end(), [&](uint32_t a, uint32_t b) {
-    const float x = worth_of(a), y = worth_of(b);
-    return x != y ? x > y : a < b;
-  });
+  const size_t asked = std::min(room, wanted.size());
+  std::partial_sort(wanted.begin(), wanted.begin() + static_cast<ptrdiff_t>(asked), wanted.end(),
+                    [](const Candidate& a, const Candidate& b) {
+                      return a.worth != b.worth ? a.worth > b.worth : a.page < b.page;
+                    });
+  wanted.resize(asked);
   uint64_t coming = 0;
   for (const uint32_t page : in_flight) coming += asset->page_bytes(page);
-  for (const uint32_t page : wanted) {
-    if (in_flight.size() >= config.loads_in_flight) break;
+  for (const auto& [worth, page] : wanted) {
     // What would find no place when it comes is not asked for.
     const uint64_t bytes = asset->page_bytes(page);
     const bool fits = statistics.resident_bytes + coming + bytes <= config.budget_bytes;
-    if (!fits && least_worthy(worth_of(page)) == kNone) break;
+    if (!fits && least_worthy(worth) == kNone) break;
     coming += bytes;
     pages[page].state = PageState::kInFlight;
     pages[page].asked_at = now;
@@ -386,14 +313,8 @@ void Residency::State::ask(double now, ResidencyStep& result) {
 
 Residency::Residency(const Asset& asset, const ResidencyConfig& config,
                      std::unique_ptr<PageLoader> loader)
-    : state_(std::make_unique<State>()) {
+    : state_(std::make_unique<State>(asset, config)) {
   State& state = *state_;
-  state.asset = &asset;
-  state.config = config;
-  state.pages.resize(asset.info().pages);
-  for (const AssetMesh& mesh : asset.meshes()) {
-    state.visits.emplace_back(mesh.groups);
-  }
   state.check_and_pin_roots();
   state.loader = loader ? std::move(loader) : make_thread_loader(asset, config.threads);
 }
@@ -404,36 +325,28 @@ Residency::~Residency() = default;
 
 ResidencyStep Residency::step(std::span<const StreamView> views, double now) {
   State& state = *state_;
-  for (const StreamView& view : views) {
-    if (view.mesh >= state.visits.size())
-      throw Error(ErrorCode::kInvalidArgument, "a view is of mesh " + std::to_string(view.mesh) +
-                                                   ", but the asset has " +
-                                                   std::to_string(state.visits.size()));
-    const lod::View& v = view.view;
-    const bool is_camera = v.kind == lod::View::Kind::kCamera;
-    if (!(is_camera ? v.threshold >= 0 && std::isfinite(v.eye.x + v.eye.y + v.eye.z)
-                    : v.kind == lod::View::Kind::kError && v.error >= 0))
-      throw Error(
-          ErrorCode::kInvalidArgument,
-          "a view must be of an error or a camera, with finite values that are not negative");
-  }
+  for (const StreamView& view : views) check(view, state.asset->meshes().size());
   ResidencyStep result;
+  state.candidates_are_known = false;
   if (state.loader) state.take_arrivals(now, result);
-  ++state.step_number;
-  state.touched.clear();
-  state.links.clear();
-  state.cut.clear();
-  for (uint32_t i = 0; i < views.size(); ++i) state.select(i, views[i], now, result);
-  state.hand_worth_up();
+  const uint64_t before = state.frontier.work();
+  result.caught_up = state.frontier.follow(views, state.config.groups_per_step);
+  result.looked_at = static_cast<uint32_t>(state.frontier.work() - before);
+  state.note_use(now);
+  state.candidates_are_known = false;
   if (state.loader) {
     state.cancel_stale(result);
     state.ask(now, result);
   }
+  result.open_groups = state.frontier.open_groups();
+  result.missing_groups = static_cast<uint32_t>(state.frontier.missing().size());
+  for (const stream::Frontier::Missing& group : state.frontier.missing())
+    result.worst_error = std::max(result.worst_error, group.ratio);
   ++state.statistics.steps;
   return result;
 }
 
-std::span<const StreamCluster> Residency::cut() const { return state_->cut; }
+std::span<const StreamCluster> Residency::cut() const { return state_->frontier.cut(); }
 
 std::shared_ptr<const AssetPage> Residency::page(uint32_t page) const {
   return page < state_->pages.size() ? state_->pages[page].data : nullptr;
@@ -446,8 +359,9 @@ std::vector<uint32_t> Residency::resident_pages() const {
 }
 
 std::vector<uint32_t> Residency::wanted_pages() const {
-  std::vector<uint32_t> pages = state_->touched;
-  std::sort(pages.begin(), pages.end());
+  std::vector<uint32_t> pages;
+  for (uint32_t p = 0; p < state_->pages.size(); ++p)
+    if (state_->frontier.is_wanted(p)) pages.push_back(p);
   return pages;
 }
 

@@ -125,6 +125,7 @@ def _needed(asset: Asset, cameras: list[Camera]) -> tuple[set[int], int]:
         1 << 62,
         loads_in_flight=1 << 30,
         bytes_per_step=1 << 62,
+        groups_per_step=(1 << 32) - 1,
         link=(0.0, 1e18, 0.0, 0.0),
     )
     pages: set[int] = set()

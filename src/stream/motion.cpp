@@ -1,0 +1,115 @@
+#include "stream/motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "lod/cull.hpp"
+
+namespace umbel::stream {
+namespace {
+
+constexpr double kForEver = std::numeric_limits<double>::infinity();
+/// Of the roundings of the tests in 32-bit floats, which the margins leave out.
+constexpr double kSlack = 4e-6;
+
+struct Point {
+  double x, y, z;
+};
+
+Point operator-(const Point& a, const Point& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+double dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+double length(const Point& a) { return std::sqrt(dot(a, a)); }
+Point point(const Vec3& v) { return {v.x, v.y, v.z}; }
+
+/// Any point will do for a view without an eye: distances are then to the planes alone.
+Point eye_of(const StreamView& view) {
+  return view.view.kind == lod::View::Kind::kCamera ? point(view.view.eye) : Point{0, 0, 0};
+}
+
+double side(const lod::Plane& plane, const Point& p) {
+  return dot(point(plane.normal), p) + plane.offset;
+}
+
+/// How far the eye is from where the error begins or ceases to be too large.
+double margin_of_error(const GroupRef& group, const lod::View& view, double distance) {
+  if (view.kind == lod::View::Kind::kError) return kForEver;
+  const double turns = group.sphere.radius + group.error / static_cast<double>(view.threshold);
+  if (!(turns < std::numeric_limits<float>::max())) return kForEver;
+  return std::abs(distance - turns) - kSlack * (distance + turns);
+}
+
+/// How far the sphere is from being outside by any plane, or from being inside by all.
+double margin_of_planes(const GroupRef& group, const StreamView& view, bool is_outside) {
+  const Point c = point(group.sphere.center);
+  double least = kForEver, most = -kForEver;
+  for (const lod::Plane& plane : view.planes) {
+    const Point n = point(plane.normal);
+    const double size = std::abs(n.x * c.x) + std::abs(n.y * c.y) + std::abs(n.z * c.z) +
+                        std::abs(plane.offset) + group.sphere.radius;
+    const double inside = side(plane, c) + group.sphere.radius;
+    least = std::min(least, inside - kSlack * size);
+    most = std::max(most, -inside - kSlack * size);
+  }
+  return is_outside ? most : least;
+}
+
+/// How far the view may move until a ratio is no longer what it was, about.
+double margin_of_ratio(const GroupRef& group, double distance, bool is_missing) {
+  const double reach = std::max<double>(distance, group.sphere.radius);
+  if (!is_missing) return 0.25 * reach;
+  const double outside = distance - group.sphere.radius;
+  return outside < 0 ? std::max(-outside, 0.01 * reach) : std::max(0.02 * outside, 0.0005 * reach);
+}
+
+}  // namespace
+
+double Motion::clock(int exponent) const { return moved + std::ldexp(turned, exponent); }
+
+bool Motion::add(const StreamView& from, const StreamView& to) {
+  const lod::View &a = from.view, &b = to.view;
+  if (a.kind != b.kind || from.planes.size() != to.planes.size()) return false;
+  double way = 0, turn = 0;
+  if (a.kind == lod::View::Kind::kError) {
+    if (a.error != b.error) return false;
+  } else {
+    way = length(point(b.eye) - point(a.eye));
+    if (a.threshold != b.threshold) turn = std::abs(std::log(double{b.threshold} / a.threshold));
+  }
+  const Point eye = eye_of(from);
+  double planes_turn = 0;
+  for (size_t i = 0; i < to.planes.size(); ++i) {
+    planes_turn =
+        std::max(planes_turn, length(point(to.planes[i].normal) - point(from.planes[i].normal)));
+    way = std::max(way, std::abs(side(to.planes[i], eye) - side(from.planes[i], eye)));
+  }
+  if (!std::isfinite(turn)) return false;
+  moved += way;
+  turned += turn + planes_turn;
+  return true;
+}
+
+Answer look_at(const GroupRef& group, const StreamView& view, bool is_missing) {
+  Answer answer;
+  answer.margin = kForEver;
+  const bool always = group.error == std::numeric_limits<float>::infinity();
+  const bool is_outside = !always && lod::is_outside(group.sphere, view.planes);
+  const float ratio = lod::times_too_large(group.sphere, group.error, view.view);
+  answer.ratio = is_outside ? 0 : ratio;
+  if (always || (view.view.kind == lod::View::Kind::kError && view.planes.empty())) return answer;
+  const double distance = length(point(group.sphere.center) - eye_of(view));
+  const double of_error = margin_of_error(group, view.view, distance);
+  const double of_planes = margin_of_planes(group, view, is_outside);
+  // What is small enough or outside stays so as long as either holds.
+  const double flips = answer.ratio > 0 ? std::min(of_error, of_planes)
+                       : ratio > 0      ? of_planes
+                       : is_outside     ? std::max(of_error, of_planes)
+                                        : of_error;
+  answer.margin = std::min(flips, margin_of_ratio(group, distance, is_missing));
+  if (!(answer.margin > 0)) answer.margin = 0;
+  const double reach = 1.25 * std::max<double>(distance, group.sphere.radius);
+  answer.exponent = reach > 0 ? std::ilogb(reach) + 1 : std::numeric_limits<float>::min_exponent;
+  return answer;
+}
+
+}  // namespace umbel::stream
