@@ -27,7 +27,7 @@ struct ResidencyConfig {
   /// Groups that a step looks at, about; what is left is looked at in the next, and until then as
   /// it was. A camera that walks needs some hundreds of them, one that leaps all that it then
   /// shows.
-  uint32_t groups_per_step = 8192;
+  uint32_t groups_per_step = 4096;
   /// A page that is shown gives way to another only if that one is worth so many times as much.
   float hysteresis = 1.5f;
   uint32_t attempts = 5;         ///< to load a page, before it stays coarse

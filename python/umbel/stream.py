@@ -39,7 +39,7 @@ class Residency:
         loads_in_flight: int = 8,
         bytes_per_step: int = 8 << 20,
         evictions_per_step: int = 64,
-        groups_per_step: int = 8192,
+        groups_per_step: int = 4096,
         hysteresis: float = 1.5,
         attempts: int = 5,
         backoff: float = 0.1,

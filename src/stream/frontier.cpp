@@ -6,6 +6,9 @@
 namespace umbel::stream {
 namespace {
 
+/// The ratio of what should close, and waits for all that is open below it.
+constexpr float kLingers = 1e-30f;
+
 WalkTable walk_table(const AssetPage& page) {
   WalkTable table;
   table.groups.reserve(page.groups.size() + 1);
@@ -88,6 +91,7 @@ std::span<const uint32_t> Frontier::made_from(uint32_t node) const {
 // ---- views
 
 bool Frontier::follow(std::span<const StreamView> views, uint64_t most) {
+  due_.erase(due_.begin(), due_.begin() + static_cast<ptrdiff_t>(std::exchange(next_due_, 0)));
   while (watches_.size() > views.size()) {
     end(static_cast<uint32_t>(watches_.size()) - 1);
     watches_.pop_back();
@@ -98,7 +102,6 @@ bool Frontier::follow(std::span<const StreamView> views, uint64_t most) {
     else
       move(i, views[i]);
   }
-  next_watch_ = next_queue_ = 0;
   for (const uint64_t stop = work_ + most; work_ < stop;) {
     const bool was_new = look_at_new();
     const bool was_due = look_at_due();
@@ -127,8 +130,24 @@ void Frontier::end(uint32_t index) {
 
 void Frontier::move(uint32_t index, const StreamView& view) {
   Watch& watch = watches_[index];
-  if (!watch.motion.add(watch.view, view)) watch.nodes.for_each([&](uint32_t n) { look_later(n); });
+  const Motion before = watch.motion;
+  const bool holds = watch.motion.add(watch.view, view);
   watch.view = view;
+  if (!holds) return look_at_all_again(watch);
+  if (watch.motion == before) return;
+  for (Queue& queue : watch.queues) {
+    const double ticks = queue.ticks(watch.motion.clock(queue.reason, queue.reach));
+    if (!(ticks < 0x1p52)) return look_at_all_again(watch);  // they are no longer exact
+    for (const DueQueue::Entry& entry : queue.fresh) queue.due.push(entry);
+    queue.fresh.clear();
+    queue.due.take(static_cast<uint64_t>(ticks) + 1, due_);
+  }
+}
+
+void Frontier::look_at_all_again(Watch& watch) {
+  watch.motion = {};
+  watch.queues.clear();
+  watch.nodes.for_each([&](uint32_t n) { look_later(n); });
 }
 
 /// The coarsest first, as they were met.
@@ -144,20 +163,17 @@ bool Frontier::look_at_new() {
 }
 
 bool Frontier::look_at_due() {
-  for (; next_watch_ < watches_.size(); ++next_watch_, next_queue_ = 0) {
-    Watch& watch = watches_[next_watch_];
-    for (; next_queue_ < watch.queues.size(); ++next_queue_) {
-      Queue& queue = watch.queues[next_queue_];
-      const double clock = watch.motion.clock(queue.exponent);
-      while (!queue.due.empty() && queue.due.top().clock < clock) {
-        const Due due = queue.due.top();
-        queue.due.pop();
-        if (nodes_[due.node].stamp != due.stamp) continue;
-        look(due.node);
-        return true;
-      }
-    }
+  constexpr size_t kAhead = 8;  // nodes are all over the memory
+  while (next_due_ < due_.size()) {
+    if (next_due_ + kAhead < due_.size())
+      __builtin_prefetch(&nodes_[due_[next_due_ + kAhead].node]);
+    const DueQueue::Entry& due = due_[next_due_++];
+    if (nodes_[due.node].stamp != due.stamp) continue;
+    look(due.node);
+    return true;
   }
+  due_.clear();
+  next_due_ = 0;
   return false;
 }
 
@@ -168,18 +184,25 @@ void Frontier::look(uint32_t n) {
   Watch& watch = watches_[node.view];
   const bool is_there = pages_[node.reference.page].is_there;
   const Answer answer = look_at(node.reference, watch.view, !is_there);
-  want(n, answer.ratio);
-  if (answer.margin < std::numeric_limits<double>::infinity()) {
-    auto queue = std::find_if(watch.queues.begin(), watch.queues.end(),
-                              [&](const Queue& q) { return q.exponent == answer.exponent; });
-    if (queue == watch.queues.end())
-      queue = watch.queues.insert(watch.queues.end(), Queue{answer.exponent, {}});
-    queue->due.push({watch.motion.clock(answer.exponent) + answer.margin, n, node.stamp});
-  }
+  const bool lingers = answer.ratio == 0 && node.is_open && node.open_children > 0;
+  want(n, lingers ? kLingers : answer.ratio);
+  keep(n, watch, Reason::kError, answer.size, answer.error_margin);
+  keep(n, watch, Reason::kPlanes, answer.size, answer.planes_margin);
   const bool should_be_open =
-      node.ratio > 0 && is_there && node.open_parents >= node.reference.parents;
+      answer.ratio > 0 && is_there && node.open_parents >= node.reference.parents;
   if (should_be_open && !node.is_open && find_in_page(node)) open(n);
-  if (!should_be_open && node.is_open && node.open_children == 0) close(n);
+  if (!should_be_open && node.is_open && !lingers) close(n);
+}
+
+/// Until when the answer holds, rounded down.
+void Frontier::keep(uint32_t n, Watch& watch, Reason reason, int size, double margin) {
+  if (margin == Answer::kForEver) return;
+  auto queue = std::find_if(watch.queues.begin(), watch.queues.end(),
+                            [&](const Queue& q) { return q.size == size && q.reason == reason; });
+  if (queue == watch.queues.end())
+    queue = watch.queues.insert(queue, Queue{reason, size, reach_of(size), {}, {}});
+  const double due = watch.motion.clock(reason, queue->reach) + margin;
+  queue->fresh.push_back({static_cast<uint64_t>(queue->ticks(due)), n, nodes_[n].stamp});
 }
 
 // ---- groups
@@ -322,7 +345,7 @@ void Frontier::finish_closing(uint32_t n) {
     const std::span<const uint32_t> from = made_from(edges_[e].parent);
     for (uint32_t i = 0; i < from.size(); ++i)
       if (from[i] == reference.group) show(edges_[e].parent, i);
-    if (parent.ratio == 0 && parent.open_children == 0) look_later(edges_[e].parent);
+    if (parent.ratio == kLingers && parent.open_children == 0) look_later(edges_[e].parent);
   }
   const GroupMap& known = watches_[nodes_[n].view].nodes;
   for (const GroupRef& child : children_of(n)) unlink(n, known.find(child.group));

@@ -11,11 +11,11 @@
 #include <array>
 #include <deque>
 #include <memory>
-#include <queue>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "stream/due_queue.hpp"
 #include "stream/motion.hpp"
 #include "umbel/stream.hpp"
 
@@ -103,18 +103,20 @@ class Frontier {
   }
 
  private:
-  /// A group as one view has met it, through groups that are open.
-  struct Node {
+  /// A group as one view has met it, through groups that are open. What looking at it needs comes
+  /// first, in one line of the cache.
+  struct alignas(64) Node {
     GroupRef reference;
     uint32_t view;
-    uint32_t stamp = 0;    ///< counts how often it was looked at
-    uint32_t in_page = 0;  ///< while open: where its group is in its page
-    float ratio = 0;       ///< how many times too large its error is; 0: it is not
+    uint32_t stamp = 0;  ///< counts how often it was looked at
+    float ratio = 0;     ///< how many times too large its error is; 0: it is not
     uint32_t open_parents = 0, open_children = 0;
-    uint32_t first_edge = kNone;             ///< to its open parents
-    uint32_t before = kNone, after = kNone;  ///< among the wanted nodes of its page
     uint32_t missing_at = kNone;
     bool is_open = false;
+
+    uint32_t in_page = 0;                    ///< while open: where its group is in its page
+    uint32_t first_edge = kNone;             ///< to its open parents
+    uint32_t before = kNone, after = kNone;  ///< among the wanted nodes of its page
     std::vector<uint32_t> shown;  ///< while open: where its clusters are in the cut, or kNone
   };
   struct Edge {
@@ -127,14 +129,16 @@ class Frontier {
     uint32_t open_elsewhere = 0;         ///< open nodes in other pages, once for each parent here
     double worth = 0;
   };
-  struct Due {
-    double clock;
-    uint32_t node, stamp;
-    bool operator>(const Due& other) const { return clock > other.clock; }
-  };
+  /// What may change for one reason, of groups of about one reach.
   struct Queue {
-    int exponent;
-    std::priority_queue<Due, std::vector<Due>, std::greater<>> due;
+    Reason reason;
+    int size;
+    double reach;
+    DueQueue due;
+    std::vector<DueQueue::Entry>
+        fresh;  ///< of this step: due after the next motion at the earliest
+    /// The clock in ticks of a small part of the reach.
+    double ticks(double clock) const { return std::floor(clock / reach * 0x1p14); }
   };
   struct Watch {
     StreamView view;
@@ -153,7 +157,9 @@ class Frontier {
   void end(uint32_t index);
   void move(uint32_t index, const StreamView& view);
   bool look_at_new();
+  void look_at_all_again(Watch& watch);
   bool look_at_due();
+  void keep(uint32_t node, Watch& watch, Reason reason, int size, double margin);
   void look(uint32_t node);
   void look_later(uint32_t node) { todo_.push_back({node, nodes_[node].stamp}); }
 
@@ -182,13 +188,14 @@ class Frontier {
   std::vector<uint32_t> free_nodes_, free_edges_;
   std::vector<Watch> watches_;
   std::deque<Todo> todo_;
+  std::vector<DueQueue::Entry> due_;
+  size_t next_due_ = 0;
   std::vector<Missing> missing_;
   std::vector<uint32_t> changed_;
   std::vector<StreamCluster> cut_;
   std::vector<Owner> owners_;  // of the elements of the cut
   uint32_t open_groups_ = 0;
   uint64_t work_ = 0;
-  size_t next_watch_ = 0, next_queue_ = 0;  // where to look for what is due
 };
 
 }  // namespace umbel::stream

@@ -9,7 +9,7 @@
 namespace umbel::stream {
 namespace {
 
-constexpr double kForEver = std::numeric_limits<double>::infinity();
+constexpr double kForEver = Answer::kForEver;
 /// Of the roundings of the tests in 32-bit floats, which the margins leave out.
 constexpr double kSlack = 4e-6;
 
@@ -64,51 +64,51 @@ double margin_of_ratio(const GroupRef& group, double distance, bool is_missing) 
 
 }  // namespace
 
-double Motion::clock(int exponent) const { return moved + std::ldexp(turned, exponent); }
-
 bool Motion::add(const StreamView& from, const StreamView& to) {
   const lod::View &a = from.view, &b = to.view;
   if (a.kind != b.kind || from.planes.size() != to.planes.size()) return false;
-  double way = 0, turn = 0;
+  double way = 0, zoom = 0;
   if (a.kind == lod::View::Kind::kError) {
     if (a.error != b.error) return false;
   } else {
     way = length(point(b.eye) - point(a.eye));
-    if (a.threshold != b.threshold) turn = std::abs(std::log(double{b.threshold} / a.threshold));
+    if (a.threshold != b.threshold) zoom = std::abs(std::log(double{b.threshold} / a.threshold));
   }
   const Point eye = eye_of(from);
-  double planes_turn = 0;
+  double turn = 0, planes_way = way;
   for (size_t i = 0; i < to.planes.size(); ++i) {
-    planes_turn =
-        std::max(planes_turn, length(point(to.planes[i].normal) - point(from.planes[i].normal)));
-    way = std::max(way, std::abs(side(to.planes[i], eye) - side(from.planes[i], eye)));
+    const lod::Plane &x = from.planes[i], &y = to.planes[i];
+    turn = std::max(turn, length(point(y.normal) - point(x.normal)));
+    planes_way = std::max(planes_way, std::abs(side(y, eye) - side(x, eye)));
   }
-  if (!std::isfinite(turn)) return false;
   moved += way;
-  turned += turn + planes_turn;
-  return true;
+  zoomed += zoom;
+  planes_moved += planes_way;
+  turned += turn;
+  return std::isfinite(zoom);
 }
 
 Answer look_at(const GroupRef& group, const StreamView& view, bool is_missing) {
   Answer answer;
-  answer.margin = kForEver;
   const bool always = group.error == std::numeric_limits<float>::infinity();
   const bool is_outside = !always && lod::is_outside(group.sphere, view.planes);
   const float ratio = lod::times_too_large(group.sphere, group.error, view.view);
   answer.ratio = is_outside ? 0 : ratio;
-  if (always || (view.view.kind == lod::View::Kind::kError && view.planes.empty())) return answer;
+  const bool has_eye = view.view.kind == lod::View::Kind::kCamera;
+  if (always || (!has_eye && view.planes.empty())) return answer;
   const double distance = length(point(group.sphere.center) - eye_of(view));
+  const double size = std::max<double>(distance, group.sphere.radius);
   const double of_error = margin_of_error(group, view.view, distance);
   const double of_planes = margin_of_planes(group, view, is_outside);
   // What is small enough or outside stays so as long as either holds.
-  const double flips = answer.ratio > 0 ? std::min(of_error, of_planes)
-                       : ratio > 0      ? of_planes
-                       : is_outside     ? std::max(of_error, of_planes)
-                                        : of_error;
-  answer.margin = std::min(flips, margin_of_ratio(group, distance, is_missing));
-  if (!(answer.margin > 0)) answer.margin = 0;
-  const double reach = 1.25 * std::max<double>(distance, group.sphere.radius);
-  answer.exponent = reach > 0 ? std::ilogb(reach) + 1 : std::numeric_limits<float>::min_exponent;
+  const bool by_planes =
+      answer.ratio > 0 ? !view.planes.empty() : is_outside && (ratio > 0 || of_planes > of_error);
+  const bool by_error = has_eye && (answer.ratio > 0 || !by_planes);
+  if (by_error)
+    answer.error_margin =
+        std::max(0.0, std::min(of_error, margin_of_ratio(group, distance, is_missing)));
+  if (by_planes) answer.planes_margin = std::max(0.0, std::min(of_planes, 0.25 * size));
+  answer.size = static_cast<int>(std::ceil(4 * std::log2(std::max(1.25 * size, 1e-300)) + 1e-3));
   return answer;
 }
 

@@ -236,11 +236,16 @@ TEST(Residency, refuses_what_cannot_be) {
   config.hysteresis = 0.5f;
   EXPECT_THROW(Residency(world().asset(), config), Error);
   config = {};
+  config.groups_per_step = 0;
+  EXPECT_THROW(Residency(world().asset(), config), Error);
+  config = {};
   config.backoff_seconds = std::nan("");
   EXPECT_THROW(Residency(world().asset(), config), Error);
   Residency residency(world().asset());
   const StreamView wrong[] = {{7, lod::view_error(1), {}}};
   EXPECT_THROW(residency.step(wrong, 0), Error);
+  const StreamView skewed[] = {{0, lod::view_error(1), {{{std::nanf(""), 0, 0}, 0}}}};
+  EXPECT_THROW(residency.step(skewed, 0), Error);
   const StreamView levels[] = {{0, lod::view_level(1), {}}};
   EXPECT_THROW(residency.step(levels, 0), Error);
   EXPECT_THROW(residency.set_budget(1), Error);
