@@ -51,19 +51,23 @@ std::vector<PositionPair> fixed_edges(const ClusterSet& set, std::span<const uin
                                       std::span<const uint32_t> position_ids,
                                       std::span<const uint8_t> locked) {
   std::vector<PositionPair> edges;
-  std::array<uint32_t, 256> ids;  // kNone: not locked
+  std::array<uint32_t, 256> ids;
+  std::array<uint8_t, 256> is_locked;
   for (uint32_t c : clusters) {
     const auto vertices = set.cluster_vertices(c);
+    uint32_t count = 0;
     for (size_t i = 0; i < vertices.size(); ++i) {
-      const uint32_t id = position_ids[vertices[i]];
-      ids[i] = locked[id] ? id : kNone;
+      ids[i] = position_ids[vertices[i]];
+      count += is_locked[i] = locked[ids[i]];
     }
+    if (count < 2) continue;
     const auto corners = set.cluster_corners(c);
     for (size_t i = 0; i < corners.size(); i += 3) {
-      const std::array t{ids[corners[i]], ids[corners[i + 1]], ids[corners[i + 2]]};
+      if (is_locked[corners[i]] + is_locked[corners[i + 1]] + is_locked[corners[i + 2]] < 2)
+        continue;
       for (size_t k = 0; k < 3; ++k) {
-        const uint32_t a = t[k], b = t[(k + 1) % 3];
-        if (a != kNone && b != kNone && a != b) edges.push_back({a, b});
+        const uint8_t a = corners[i + k], b = corners[i + (k + 1) % 3];
+        if (is_locked[a] && is_locked[b]) edges.push_back({ids[a], ids[b]});
       }
     }
   }

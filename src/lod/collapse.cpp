@@ -447,9 +447,14 @@ void EdgeCollapser::note_chords(uint32_t target) {
 }
 
 void EdgeCollapser::finish() {
-  result_.clear();
-  for (size_t t = 0; t < triangles_.size(); ++t)
-    if (!dead_[t]) result_.push_back(triangles_[t]);
+  // Which are left cannot be foretold, so nothing branches on it.
+  result_.resize(triangles_.size());
+  size_t count = 0;
+  for (size_t t = 0; t < triangles_.size(); ++t) {
+    result_[count] = triangles_[t];
+    count += dead_[t] == 0;
+  }
+  result_.resize(count);
 }
 
 }  // namespace umbel::lod

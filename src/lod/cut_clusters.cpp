@@ -36,7 +36,7 @@ MeshView view_of(const Source& source, std::span<const Triangle> triangles) {
 uint32_t common_material(const Source& source, std::span<const Triangle> triangles,
                          std::span<const uint32_t> items) {
   if (source.vertex_materials.empty()) return 0;
-  std::array<uint32_t, 256> materials;
+  std::array<uint32_t, 256> materials{};
   for (size_t i = 0; i < items.size(); ++i)
     materials[i] = source.vertex_materials[triangles[items[i]][0]];
   const auto end = materials.begin() + items.size();
@@ -62,8 +62,11 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
   uint32_t vertices[257];
   uint8_t corners[3 * 256];
   uint32_t vertex_count = 0, corner_count = 0;
-  for (uint32_t item : items)
-    for (uint32_t v : triangles[item]) {
+  constexpr size_t kAhead = 8;  // items in memory's order are rare
+  for (size_t i = 0; i < items.size(); ++i) {
+    __builtin_prefetch(&triangles[items[std::min(i + kAhead, items.size() - 1)]]);
+    for (uint32_t v : triangles[items[i]]) {
+      __builtin_prefetch(&source.mesh.positions[v]);
       uint32_t slot = (v * 0x9e3779b1u) >> 22;
       while (keys[slot] != v && keys[slot] != kNone) slot = (slot + 1) % kSlots;
       const bool is_new = keys[slot] != v;
@@ -73,6 +76,7 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
       vertex_count += is_new;
       corners[corner_count++] = values[slot];
     }
+  }
   Aabb box;
   for (uint32_t i = 0; i < vertex_count; ++i) extend(box, source.mesh.positions[vertices[i]]);
   out.append({vertices, vertex_count}, {corners, corner_count}, generating_group,

@@ -7,7 +7,7 @@
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
-#include "lod/topology.hpp"
+#include "lod/cluster_topology.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -145,23 +145,10 @@ void order_vertices(Source& source, ClusterSet& clusters) {
 }
 
 size_t settle_source(Source& source, const ClusterSet& clusters) {
-  std::vector<Triangle>& triangles = source.mesh.triangles;
-  triangles.clear();
-  for (size_t c = 0; c < clusters.size(); ++c) {
-    const auto vertices = clusters.cluster_vertices(c);
-    const auto corners = clusters.cluster_corners(c);
-    for (size_t i = 0; i < corners.size(); i += 3)
-      triangles.push_back(
-          {vertices[corners[i]], vertices[corners[i + 1]], vertices[corners[i + 2]]});
-  }
-  const auto& ids = source.position_ids;
-  source.irregular_components = irregular_components(triangles, ids);
-  const auto degenerate = std::count_if(triangles.begin(), triangles.end(), [&](const Triangle& t) {
-    const uint32_t a = ids[t[0]], b = ids[t[1]], c = ids[t[2]];
-    return a == b || b == c || c == a;
-  });
-  triangles = {};
-  return static_cast<size_t>(degenerate);
+  source.mesh.triangles = {};
+  ClusterTopology topology = cluster_topology(clusters, source.position_ids);
+  source.irregular_components = std::move(topology.irregular_components);
+  return topology.degenerate_triangles;
 }
 
 }  // namespace umbel::lod

@@ -26,34 +26,17 @@ void sort_few(Iterator begin, Iterator end) {
   }
 }
 
-// Calls visit(lower end, higher end, direction) for the three edges of every triangle that has
-// three distinct corners.
-template <typename Visit>
-void for_each_edge(std::span<const Triangle> triangles, std::span<const uint32_t> ids,
-                   const Visit& visit) {
-  for (const Triangle& t : triangles) {
-    const uint32_t a = ids[t[0]], b = ids[t[1]], c = ids[t[2]];
-    if (a == b || b == c || c == a) continue;
-    visit(std::min(a, b), std::max(a, b), a < b);
-    visit(std::min(b, c), std::max(b, c), b < c);
-    visit(std::min(c, a), std::max(c, a), c < a);
-  }
-}
-
 }  // namespace
 
-std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
-                                           std::span<const uint32_t> position_ids) {
-  const size_t count = position_ids.size();
+std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, size_t count) {
   // Bucket the edges by their lower end; buckets are short, so sorting them is cheap.
   std::vector<uint32_t> offsets(count + 1, 0);
-  for_each_edge(triangles, position_ids, [&](uint32_t a, uint32_t, bool) { ++offsets[a + 1]; });
+  for (const auto& [a, b] : edges) ++offsets[std::min(a, b) + 1];
   std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
   std::vector<uint32_t> ends(offsets.back());  // twice the higher end, which is below 2^31
   std::vector<uint32_t> cursor(offsets.begin(), offsets.end() - 1);
-  for_each_edge(triangles, position_ids, [&](uint32_t a, uint32_t b, bool direction) {
-    ends[cursor[a]++] = b << 1 | uint32_t{direction};
-  });
+  for (const auto& [a, b] : edges)
+    ends[cursor[std::min(a, b)]++] = std::max(a, b) << 1 | uint32_t{a < b};
 
   std::vector<uint32_t> parent(count);
   std::iota(parent.begin(), parent.end(), 0u);
@@ -77,6 +60,17 @@ std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
   for (size_t i = 0; i < count; ++i)
     component[i] = irregular[i] ? find_root(parent, static_cast<uint32_t>(i)) : kNone;
   return component;
+}
+
+std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
+                                           std::span<const uint32_t> position_ids) {
+  std::vector<PositionPair> edges;
+  for (const Triangle& t : triangles) {
+    const uint32_t a = position_ids[t[0]], b = position_ids[t[1]], c = position_ids[t[2]];
+    if (a == b || b == c || c == a) continue;
+    edges.insert(edges.end(), {{a, b}, {b, c}, {c, a}});
+  }
+  return irregular_components(edges, position_ids.size());
 }
 
 PieceTopology::Entry& PieceTopology::entry(uint32_t a, uint32_t b) {

@@ -18,6 +18,10 @@ using PositionPair = std::pair<uint32_t, uint32_t>;
 std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
                                            std::span<const uint32_t> position_ids);
 
+/// The same from the directed edges of all triangles, or at least all edges of those that share
+/// one that may be irregular; `count` positions.
+std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, size_t count);
+
 /// Compares a piece of a surface before and after simplification. Edge collapse is a simplicial
 /// map, so it keeps the boundary of the piece modulo 2; what it may do wrong is to close a loop
 /// of three edges that bounds no triangle, after which four triangles share an edge (the link

@@ -3,6 +3,7 @@
 // the three rotations when read as nine unsigned integers. Sums do not depend on order.
 #include <algorithm>
 
+#include "base/bytes.hpp"
 #include "base/parallel.hpp"
 #include "mesh/streams.hpp"
 #include "mesh/vertex_bits.hpp"
@@ -10,18 +11,24 @@
 namespace umbel {
 namespace {
 
-using Corner = std::array<uint32_t, 3>;
-// Twice around, so that all three rotations stand in a row.
-using Corners = std::array<Corner, 5>;
+// The words of a position: the first two in one, the first above.
+struct Corners {
+  // Twice around, so that all three rotations stand in a row.
+  std::array<uint64_t, 5> xy;
+  std::array<uint32_t, 5> z;
+};
 
-std::array<Corner, 3> rotation(const Corners& c, size_t by) {
-  return {c[by], c[by + 1], c[by + 2]};
+bool is_less(const Corners& c, size_t a, size_t b) {
+  for (size_t i = 0; i < 3; ++i) {
+    if (c.xy[a + i] != c.xy[b + i]) return c.xy[a + i] < c.xy[b + i];
+    if (c.z[a + i] != c.z[b + i]) return c.z[a + i] < c.z[b + i];
+  }
+  return false;
 }
 
 // Where the least rotation starts.
 size_t least_rotation(const Corners& c) {
-  const auto key = [&](size_t i) { return uint64_t{c[i][0]} << 32 | c[i][1]; };
-  const uint64_t a = key(0), b = key(1), d = key(2);
+  const uint64_t a = c.xy[0], b = c.xy[1], d = c.xy[2];
   // All but degenerate triangles and tall ones are decided by the first words of the least corner.
   if (a != b && b != d && d != a) {
     const size_t first = b < a ? 1 : 0;
@@ -29,22 +36,25 @@ size_t least_rotation(const Corners& c) {
   }
   size_t least = 0;
   for (size_t by = 1; by < 3; ++by)
-    if (rotation(c, by) < rotation(c, least)) least = by;
+    if (is_less(c, by, least)) least = by;
   return least;
 }
 
 uint64_t triangle_digest(const MeshView& mesh, const Triangle& t) {
-  Corners corners;
-  for (size_t i = 0; i < 3; ++i) corners[i] = value_bits(mesh.positions[t[i]]);
-  corners[3] = corners[0];
-  corners[4] = corners[1];
-  const size_t first = least_rotation(corners);
-  if constexpr (std::endian::native == std::endian::big) {
-    for (Corner& corner : corners)
-      for (uint32_t& word : corner)
-        word = word << 24 | (word & 0xff00) << 8 | (word >> 8 & 0xff00) | word >> 24;
+  Corners c;
+  for (size_t i = 0; i < 5; ++i) {
+    const auto [x, y, z] = value_bits(mesh.positions[t[i % 3]]);
+    c.xy[i] = uint64_t{x} << 32 | y;
+    c.z[i] = z;
   }
-  return xxh64(&corners[first], 3 * sizeof(Corner));
+  const size_t i = least_rotation(c);
+  // What was stored is loaded in the same pieces, so that no load waits for two stores.
+  const uint64_t second = c.xy[i + 1];
+  std::array<uint64_t, 5> words{std::rotl(c.xy[i], 32), (second >> 32 << 32) | c.z[i],
+                                uint64_t{c.z[i + 1]} << 32 | (second & 0xffffffffu),
+                                std::rotl(c.xy[i + 2], 32), c.z[i + 2]};
+  for (uint64_t& word : words) word = little_endian(word);
+  return xxh64(words.data(), 3 * sizeof(Vec3));
 }
 
 }  // namespace

@@ -1,5 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <random>
+
+#include "lod/cluster_topology.hpp"
 #include "lod/topology.hpp"
 
 namespace umbel::lod {
@@ -48,6 +52,58 @@ TEST(Topology, edge_of_three_triangles_and_edge_run_twice_the_same_way_are_irreg
   std::vector<Triangle> flipped = kTetrahedron;
   std::swap(flipped[0][0], flipped[0][1]);
   EXPECT_NE(irregular_components(flipped, identity(4))[0], kNone);
+}
+
+// A torus of quads with vertices that share positions at random, holes, flipped and repeated
+// triangles; in clusters of `size` triangles that take what comes next.
+ClusterSet faulty_torus(std::mt19937& random, size_t size, std::vector<uint32_t>& ids,
+                        std::vector<Triangle>& triangles) {
+  constexpr uint32_t kSide = 12;
+  const auto chance = [&](uint32_t one_in) { return random() % one_in == 0; };
+  ids = identity(kSide * kSide);
+  const auto corner = [&](uint32_t x, uint32_t y) {
+    const uint32_t p = y % kSide * kSide + x % kSide;
+    if (!chance(20)) return p;
+    ids.push_back(chance(20) ? 0 : p);
+    return static_cast<uint32_t>(ids.size() - 1);
+  };
+  for (uint32_t y = 0; y < kSide; ++y)
+    for (uint32_t x = 0; x < kSide; ++x) {
+      const auto a = corner(x, y), b = corner(x + 1, y), c = corner(x + 1, y + 1);
+      triangles.insert(triangles.end(), {{a, b, c}, {a, c, corner(x, y + 1)}});
+      if (chance(40)) triangles.pop_back();
+      if (chance(40)) std::swap(triangles.back()[0], triangles.back()[1]);
+      if (chance(40)) triangles.push_back(triangles.back());
+    }
+  ClusterSet set;
+  for (size_t begin = 0; begin < triangles.size(); begin += size) {
+    std::vector<uint32_t> vertices;
+    std::vector<uint8_t> corners;
+    for (size_t i = begin; i < std::min(begin + size, triangles.size()); ++i)
+      for (uint32_t v : triangles[i]) {
+        const auto at = std::find(vertices.begin(), vertices.end(), v);
+        corners.push_back(static_cast<uint8_t>(at - vertices.begin()));
+        if (at == vertices.end()) vertices.push_back(v);
+      }
+    set.append(vertices, corners, kNone, 0, {});
+  }
+  return set;
+}
+
+TEST(Topology, clusters_tell_what_all_triangles_do) {
+  std::mt19937 random(5);
+  for (size_t size : {1, 5, 20, 60, 80})
+    for (int i = 0; i < 20; ++i) {
+      std::vector<uint32_t> ids;
+      std::vector<Triangle> triangles;
+      const ClusterSet set = faulty_torus(random, size, ids, triangles);
+      const ClusterTopology topology = cluster_topology(set, ids);
+      EXPECT_EQ(topology.irregular_components, irregular_components(triangles, ids));
+      const auto degenerate = std::ranges::count_if(triangles, [&](const Triangle& t) {
+        return ids[t[0]] == ids[t[1]] || ids[t[1]] == ids[t[2]] || ids[t[2]] == ids[t[0]];
+      });
+      EXPECT_EQ(topology.degenerate_triangles, static_cast<size_t>(degenerate));
+    }
 }
 
 bool never(uint32_t, uint32_t) { return false; }
