@@ -1,6 +1,7 @@
-// What rays and selections do on a device, counted on the processor, where the same code runs:
-// nodes and triangles that a ray visits, and so the bytes that it reads; nodes, groups and clusters
-// that a selection looks at. Prints Markdown; nothing here is a time.
+// What builds, rays and selections do on a device, counted on the processor, where the same code
+// runs: kernels that a build starts, and how often it waits; nodes and triangles that a ray visits,
+// and so the bytes that it reads; nodes, groups and clusters that a selection looks at. Prints
+// Markdown; nothing here is a time.
 //
 //   device_counts MESH...
 #include <cmath>
@@ -43,6 +44,88 @@ struct Tree {
   bvh::CompactTree view() const { return {nodes.data(), triangles.data(), &info}; }
 };
 
+/// Counts what cuda_exec.cuh would start: what CUB does counts as the kernels of its usual ways.
+class CountingExec : public CpuExec {
+ public:
+  uint32_t kernels = 0, waits = 0;
+
+  template <typename T>
+  T read(const T* value) {
+    ++waits;
+    return CpuExec::read(value);
+  }
+  template <typename Body>
+  void for_each(size_t n, const Body& body, size_t grain = 1024) {
+    kernels += n > 0 ? 1 : 0;
+    CpuExec::for_each(n, body, grain);
+  }
+  template <typename Body>
+  void for_each_of(const uint32_t* count, uint32_t most, uint32_t each, const Body& body) {
+    ++kernels;
+    CpuExec::for_each_of(count, most, each, body);
+  }
+  template <typename Body>
+  void for_each_layer(const uint32_t* counts, uint32_t layers, uint32_t most, uint32_t each,
+                      const Body& body) {
+    ++kernels;
+    CpuExec::for_each_layer(counts, layers, most, each, body);
+  }
+  template <typename Body>
+  void for_each_team(size_t n, const Body& body) {
+    kernels += n > 0 ? 1 : 0;
+    CpuExec::for_each_team(n, body);
+  }
+  template <typename Body>
+  void for_each_team_of(const uint32_t* count, uint32_t most, const Body& body) {
+    ++kernels;
+    CpuExec::for_each_team_of(count, most, body);
+  }
+  template <typename T, typename Map, typename Op>
+  void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
+    kernels += 2;
+    CpuExec::reduce(n, init, map, op, result);
+  }
+  template <typename T, typename In>
+  void exclusive_scan(size_t n, const In& in, T* out) {
+    kernels += 2;
+    CpuExec::exclusive_scan(n, in, out);
+  }
+  template <typename Keep>
+  void select(size_t n, const Keep& keep, uint32_t* out, uint32_t* count) {
+    kernels += 2;
+    CpuExec::select(n, keep, out, count);
+  }
+  template <typename Key>
+  void run_length(size_t n, const Key* keys, uint32_t* starts, uint32_t* runs) {
+    kernels += 3;
+    CpuExec::run_length(n, keys, starts, runs);
+  }
+  template <typename Key>
+  void radix_sort_pairs(size_t n, Key* keys, uint32_t* values, uint32_t first_bit,
+                        uint32_t last_bit) {
+    const uint32_t passes = (last_bit - first_bit + 7) / 8;
+    kernels += 2 + passes + (passes % 2 == 0 ? 0 : 2);
+    CpuExec::radix_sort_pairs(n, keys, values, first_bit, last_bit);
+  }
+};
+
+void count_builds(const Mesh& mesh) {
+  const auto n = static_cast<uint32_t>(mesh.triangles.size());
+  const cuda::MeshCorners corners{
+      {reinterpret_cast<const char*>(mesh.positions.data()), sizeof(Vec3)}, mesh.triangles.data()};
+  const CpuBuffer<bvh::CompactNode> nodes(bvh::compact_node_capacity(n));
+  const CpuBuffer<bvh::CompactTriangle> triangles(n);
+  bvh::CompactInfo info{};
+  std::printf("\n| builder | kernels | waits |\n|---|--:|--:|\n");
+  for (const char* builder : {"lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans-q1", "kmeans-q2",
+                              "kmeans-q5", "sweep"}) {
+    CountingExec exec;
+    cuda::build_compact(exec, corners, nullptr, n, cuda::device_builder_preset(builder),
+                        {nodes.data(), triangles.data(), &info}, cuda::NoStages{});
+    std::printf("| %s | %u | %u |\n", builder, exec.kernels, exec.waits);
+  }
+}
+
 template <bool any>
 void count_rays(const char* what, const bvh::CompactTree& tree, const std::vector<Ray>& rays) {
   double nodes = 0, triangles = 0;
@@ -64,14 +147,15 @@ void count_rays(const char* what, const bvh::CompactTree& tree, const std::vecto
 void count_mesh(const std::string& path) {
   constexpr uint32_t kSize = 1024;
   const Mesh mesh = bench::read_mesh(path);
+  std::printf("\n## %s: %zu triangles\n", bench::file_name(path).c_str(), mesh.triangles.size());
+  count_builds(mesh);
   const trace::Scene scene = trace::Scene::build(mesh.view());
   const auto primary = bench::camera_rays(trace::auto_camera(scene, kSize, kSize), kSize, 1);
   const auto bounce = bench::bounces(mesh, primary, scene.structure());
   const Tree tree(mesh);
   std::printf(
-      "\n## %s: %zu triangles, a tree of %.1f MB\n\n| rays | of | nodes a ray | triangles a ray | "
+      "\nA tree of %.1f MB:\n\n| rays | of | nodes a ray | triangles a ray | "
       "bytes a ray |\n|---|--:|--:|--:|--:|\n",
-      bench::file_name(path).c_str(), mesh.triangles.size(),
       1e-6 * (80.0 * tree.info.nodes + 48.0 * tree.info.triangles));
   count_rays<false>("primary, nearest", tree.view(), primary);
   count_rays<false>("bounce, nearest", tree.view(), bounce);

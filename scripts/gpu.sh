@@ -93,7 +93,7 @@ fi
 if [[ ${#meshes[@]} -gt 0 ]]; then
   step "hierarchies"
   measured=${results%.md}-bvh
-  if timeout 110 build/release/bench/cuda_bvh_bench --runs 10 "${meshes[@]}" >"$measured.json"; then
+  if timeout 110 build/release/bench/cuda_bvh_bench --runs 10 --large 16 "${meshes[@]}" >"$measured.json"; then
     PYTHONPATH=python "${PYTHON:-python3}" -m umbel.bench.bvh_cuda "$measured.json" bench/results \
       "$(basename "$measured")" || echo "gpu: no tables of hierarchies: Python cannot make them" >&2
   else

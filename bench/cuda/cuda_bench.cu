@@ -3,7 +3,7 @@
 // kernels, and beside the same algorithms on one core of the processor, which is all there is to
 // measure without a device. Prints Markdown.
 //
-//   cuda_bench [--runs N] [--large MILLIONS] MESH.ply...
+//   cuda_bench [--runs N] [--large MILLIONS] MESH...
 #include <cuda_runtime.h>
 #include <thrust/device_vector.h>
 #include <thrust/execution_policy.h>
@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <string>
 #include <utility>
@@ -22,7 +21,7 @@
 
 #include "base/math.hpp"
 #include "base/morton.hpp"
-#include "ply_reader.hpp"
+#include "mesh_reader.hpp"
 #include "timing.cuh"
 #include "umbel/cluster.hpp"
 #include "umbel/cuda.hpp"
@@ -258,8 +257,8 @@ void measure_device(const std::vector<std::pair<std::string, Mesh>>& scenes, int
                     uint32_t large) {
   cudaDeviceProp device;
   check(cudaGetDeviceProperties(&device, 0), "asking for the device");
-  cudaStream_t stream;
-  check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
+  const OwnStream own;
+  cudaStream_t stream = own.get();
   const double bandwidth = copy_bandwidth(stream);
   printf(
       "# Clusters on %s\n\n%d multiprocessors, compute capability %d.%d. A copy on the device "
@@ -272,38 +271,23 @@ void measure_device(const std::vector<std::pair<std::string, Mesh>>& scenes, int
   }
 }
 
-void run_all(int argc, char** argv) {
-  int runs = 50;
-  uint32_t large = 0;
-  std::vector<std::string> meshes;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "--runs" && i + 1 < argc)
-      runs = std::max(1, atoi(argv[++i]));
-    else if (argument == "--large" && i + 1 < argc)
-      large = uint32_t(std::max(0, atoi(argv[++i])));
-    else
-      meshes.push_back(argument);
-  }
+int run_all(const bench::Arguments& arguments) {
   std::vector<std::pair<std::string, Mesh>> scenes;
-  for (const std::string& path : meshes)
-    scenes.emplace_back(path.substr(path.find_last_of('/') + 1), bench::read_ply(path));
-  int devices = 0;
-  if (cudaGetDeviceCount(&devices) == cudaSuccess && devices > 0)
-    measure_device(scenes, runs, large);
+  for (const std::string& path : arguments.meshes())
+    scenes.emplace_back(bench::file_name(path), bench::read_mesh(path));
+  if (has_device())
+    measure_device(scenes, arguments.number("runs", 50, 1),
+                   uint32_t(arguments.number("large", 0, 0)));
   else
     printf("# Clusters without a CUDA device\n");
   print_processor_head();
   for (const auto& [name, mesh] : scenes) measure_processor(name, mesh);
+  return 0;
 }
 
 }  // namespace
 }  // namespace umbel
 
-int main(int argc, char** argv) try {
-  umbel::run_all(argc, argv);
-  return 0;
-} catch (const std::exception& error) {
-  fprintf(stderr, "cuda_bench: %s\n", error.what());
-  return 1;
+int main(int argc, char** argv) {
+  return bench::run_program("cuda_bench", argc, argv, umbel::run_all);
 }

@@ -7,7 +7,6 @@
 // Selection: 10,000 instances of a mesh of about 1,000 groups, seen from among them.
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <string>
 
@@ -198,43 +197,31 @@ void select_on_device(const Crowd& crowd, const lod::InstanceCuts& cuts, int run
       cut == cuts.clusters ? "those of the processor" : "WRONG");
 }
 
-void run_all(int argc, char** argv) {
-  int runs = 50;
-  std::vector<std::string> meshes;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "--runs" && i + 1 < argc)
-      runs = std::max(1, atoi(argv[++i]));
-    else
-      meshes.push_back(argument);
-  }
+int run_all(const bench::Arguments& arguments) {
+  const int runs = arguments.number("runs", 50, 1);
   std::vector<std::unique_ptr<Scene>> scenes;
-  for (const std::string& path : meshes) scenes.push_back(std::make_unique<Scene>(path));
+  for (const std::string& path : arguments.meshes())
+    scenes.push_back(std::make_unique<Scene>(path));
   const Crowd crowd;
   const lod::InstanceCuts cuts =
       lod::select_instances(crowd.dag.tables, crowd.view, {crowd.planes, {}}, crowd.instances);
-  int devices = 0;
-  if (cudaGetDeviceCount(&devices) == cudaSuccess && devices > 0) {
-    cudaStream_t stream;
-    check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
-    const double bandwidth = copy_bandwidth(stream);
+  if (has_device()) {
+    const OwnStream stream;
+    const double bandwidth = copy_bandwidth(stream.get());
     printf("# Rays and selection on the device\n");
-    for (const auto& scene : scenes) trace_on_device(*scene, runs, bandwidth, stream);
-    select_on_device(crowd, cuts, runs, bandwidth, stream);
+    for (const auto& scene : scenes) trace_on_device(*scene, runs, bandwidth, stream.get());
+    select_on_device(crowd, cuts, runs, bandwidth, stream.get());
   } else {
     printf("# Rays and selection without a CUDA device\n");
   }
   for (const auto& scene : scenes) trace_on_processor(*scene, 3);
   select_on_processor(crowd, cuts, 3);
+  return 0;
 }
 
 }  // namespace
 }  // namespace umbel
 
-int main(int argc, char** argv) try {
-  umbel::run_all(argc, argv);
-  return 0;
-} catch (const std::exception& error) {
-  fprintf(stderr, "cuda_query_bench: %s\n", error.what());
-  return 1;
+int main(int argc, char** argv) {
+  return bench::run_program("cuda_query_bench", argc, argv, umbel::run_all);
 }

@@ -1,18 +1,19 @@
-// What the device's benchmarks share: arrays, times by events, graphs, and a thread's own time.
+// What the device's benchmarks share: arrays, streams, times by events, and graphs.
 #pragma once
 
 #include <cuda_runtime.h>
 
 #include <algorithm>
-#include <ctime>
 #include <functional>
 #include <utility>
 #include <vector>
 
 #include "cuda/status.cuh"
+#include "timing.hpp"
 
 namespace umbel {
 
+using bench::median, bench::processor_milliseconds, bench::seconds_of_thread;
 using cuda::check;
 
 template <typename T>
@@ -33,10 +34,25 @@ class Device {
   T* memory_ = nullptr;
 };
 
-inline double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
+inline bool has_device() {
+  int devices = 0;
+  return cudaGetDeviceCount(&devices) == cudaSuccess && devices > 0;
 }
+
+/// A stream that does not wait for the default one.
+class OwnStream {
+ public:
+  OwnStream() {
+    check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  }
+  OwnStream(const OwnStream&) = delete;
+  OwnStream& operator=(const OwnStream&) = delete;
+  ~OwnStream() { cudaStreamDestroy(stream_); }
+  cudaStream_t get() const { return stream_; }
+
+ private:
+  cudaStream_t stream_ = nullptr;
+};
 
 /// Milliseconds of each of several works, by events; they take turns, after a warm-up.
 inline std::vector<double> time_all(const std::vector<std::function<void(cudaStream_t)>>& works,
@@ -83,27 +99,6 @@ class Graph {
  private:
   cudaGraphExec_t replay_ = nullptr;
 };
-
-inline double seconds_of_thread() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
-
-/// Milliseconds of one thread of the processor; works take turns, after a warm-up.
-inline std::vector<double> processor_milliseconds(const std::vector<std::function<void()>>& works,
-                                                  int runs) {
-  std::vector<std::vector<double>> times(works.size());
-  for (int run = -1; run < runs; ++run)
-    for (size_t k = 0; k < works.size(); ++k) {
-      const double start = seconds_of_thread();
-      works[k]();
-      if (run >= 0) times[k].push_back(1e3 * (seconds_of_thread() - start));
-    }
-  std::vector<double> medians;
-  for (const auto& of_work : times) medians.push_back(median(of_work));
-  return medians;
-}
 
 /// Scratch for a call, and the call as work for a stream.
 class Call {

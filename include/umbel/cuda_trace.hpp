@@ -28,6 +28,9 @@ struct DeviceRays {
   size_t interval_stride = 4;    ///< of both
   uint64_t count = 0;
   bool cull_back_faces = false;  ///< pass through triangles whose corners run clockwise
+  uint32_t mask = 0xffffffffu;   ///< sees triangles whose mask shares a bit with this
+  /// In device memory, one a triangle, by the number that hits name it with; null: all bits set.
+  const uint32_t* masks = nullptr;
 };
 
 /// Where rays hit: see Hit. What is null is not written.

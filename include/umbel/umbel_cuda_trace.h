@@ -2,7 +2,7 @@
 // what everything means. What cuda.hpp says of pointers, streams, scratch memory and errors holds
 // here too. Trees are built by umbel_cuda_build_bvh.
 //
-//   umbel_cuda_rays rays = {origins, directions, 12, 12, NULL, NULL, 4, ray_count, 0};
+//   umbel_cuda_rays rays = {origins, directions, 12, 12, NULL, NULL, 4, ray_count, 0, 0, NULL};
 //   umbel_cuda_hits hits = {t, primitives, NULL};
 //   umbel_cuda_intersect(NULL, &bytes, &bvh, &rays, &hits, NULL);
 //   cudaMalloc(&scratch, bytes);
@@ -27,6 +27,8 @@ typedef struct umbel_cuda_rays {
   size_t interval_stride;   ///< of both, at least 4
   uint64_t count;
   uint32_t cull_back_faces;  ///< 1: pass through triangles whose corners run clockwise
+  uint32_t mask;             ///< with `masks`: sees triangles whose mask shares a bit with this
+  const uint32_t* masks;     ///< one a triangle; NULL: everything is seen
 } umbel_cuda_rays;
 
 /// What is NULL is not written.

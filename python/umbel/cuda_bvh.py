@@ -7,8 +7,9 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from .cuda_arrays import current_stream
+from .cuda_arrays import current_stream, device_array
 from .cuda_calls import (
+    INTEGERS,
     MeshStruct,
     Scratch,
     address,
@@ -69,6 +70,8 @@ class Bvh(Queries):
         not.
     settings: of the builder, by the names of umbel_cuda_bvh_config in umbel_cuda.h, such as
         max_leaf_size (1 to 8), presplit (0 to 1) or ploc_radius.
+    masks: (m,) uint32 or int32, bits of each triangle; rays see those that share a bit with their
+        mask. By default all bits are set. Not copied: a later ray sees what was written since.
     empty: makes an array: called with a shape and the name of a NumPy type, as in
         `lambda shape, dtype: cupy.empty(shape, dtype)`. By default it is made by the package of
         `positions`: CuPy, PyTorch or Numba.
@@ -83,6 +86,7 @@ class Bvh(Queries):
         triangles: Any,
         builder: str = "hploc",
         *,
+        masks: Any = None,
         empty: Any = None,
         stream: int | None = None,
         **settings: float,
@@ -90,6 +94,13 @@ class Bvh(Queries):
         where = current_stream(positions) if stream is None else stream
         self._source = triangles_array(triangles, where)
         mesh = mesh_struct(positions, self._source, where)
+        self._masks = None
+        if masks is not None:
+            self._masks = device_array(masks, "masks", INTEGERS, 0, where)
+            if self._masks.shape[0] != self._source.shape[0]:
+                raise Error(
+                    f"there are {self._source.shape[0]} triangles, but {self._masks.shape[0]} masks"
+                )
         self._config = _Config()
         check(
             library().umbel_cuda_bvh_config_init(ctypes.byref(self._config), str(builder).encode())

@@ -11,6 +11,8 @@ from .cuda_arrays import DeviceArray, current_stream, device_array
 from .cuda_calls import Scratch, address, on_host
 from .errors import Error
 
+ALL_BITS = 0xFFFFFFFF
+
 
 class BvhStruct(ctypes.Structure):
     """umbel_cuda_bvh."""
@@ -33,6 +35,8 @@ class _Rays(ctypes.Structure):
         ("interval_stride", ctypes.c_size_t),
         ("count", ctypes.c_uint64),
         ("cull_back_faces", ctypes.c_uint32),
+        ("mask", ctypes.c_uint32),
+        ("masks", ctypes.c_void_p),
     )
 
 
@@ -62,6 +66,7 @@ class Queries(ABC):
 
     _empty: Any
     _scratch: Scratch
+    _masks: DeviceArray | None
 
     @abstractmethod
     def _struct(self) -> BvhStruct:
@@ -74,6 +79,7 @@ class Queries(ABC):
         *,
         t_min: Any = None,
         t_max: Any = None,
+        mask: int = ALL_BITS,
         cull_back_faces: bool = False,
         stream: int | None = None,
     ) -> dict[str, Any]:
@@ -82,19 +88,21 @@ class Queries(ABC):
         origins, directions: (n, 3) float32; rows may be apart. Directions may have any length but
             0, and t counts in it.
         t_min, t_max: (n,) float32, contiguous; by default 0 and infinity.
+        mask: sees triangles whose mask shares a bit with this.
         cull_back_faces: pass through triangles whose corners run clockwise.
 
         Returns `t` (n,), infinity where nothing is hit; `primitive` (n,) int32, -1 where nothing
         is; `uv` (n, 2), so that the hit is at (1 - u - v) p0 + u p1 + v p2.
         """
         where = current_stream(origins) if stream is None else stream
-        rays = _rays(origins, directions, t_min, t_max, cull_back_faces, where)
+        rays = self._rays(origins, directions, t_min, t_max, where)
+        rays.mask, rays.cull_back_faces = _bits(mask), cull_back_faces
         hits = {
             "t": self._made(rays.count, "float32"),
             "primitive": self._made(rays.count, "int32"),
             "uv": self._made(rays.count, "float32", 2),
         }
-        self._query("umbel_cuda_intersect", rays, _Out(*map(address, hits.values())), stream=where)
+        self._query("umbel_cuda_intersect", rays, _addresses(hits), stream=where)
         return hits
 
     def occluded(
@@ -104,20 +112,16 @@ class Queries(ABC):
         *,
         t_min: Any = None,
         t_max: Any = None,
+        mask: int = ALL_BITS,
         cull_back_faces: bool = False,
         stream: int | None = None,
     ) -> Any:
         """Whether rays hit anything: (n,) uint8, 1 or 0. Arguments as for `intersect`."""
         where = current_stream(origins) if stream is None else stream
-        rays = _rays(origins, directions, t_min, t_max, cull_back_faces, where)
+        rays = self._rays(origins, directions, t_min, t_max, where)
+        rays.mask, rays.cull_back_faces = _bits(mask), cull_back_faces
         results = self._made(rays.count, "uint8")
-        self._scratch.call(
-            "umbel_cuda_occluded",
-            ctypes.byref(self._struct()),
-            ctypes.byref(rays),
-            ctypes.c_void_p(address(results)),
-            stream=where,
-        )
+        self._query("umbel_cuda_occluded", rays, ctypes.c_void_p(address(results)), stream=where)
         return results
 
     def closest_point(
@@ -145,7 +149,7 @@ class Queries(ABC):
         self._query(
             "umbel_cuda_closest_points",
             _Points(given.pointer, given.strides[0], count, max_distance),
-            _Out(*map(address, found.values())),
+            _addresses(found),
             stream=where,
         )
         return found
@@ -183,46 +187,46 @@ class Queries(ABC):
         )
         return offsets, triangles
 
+    def _rays(self, origins: Any, directions: Any, t_min: Any, t_max: Any, stream: int) -> _Rays:
+        starts = device_array(origins, "origins", ("f4",), 3, stream)
+        count = starts.shape[0]
+
+        def of_rays(given: Any, name: str, columns: int = 0) -> DeviceArray:
+            array = device_array(given, name, ("f4",), columns, stream)
+            if array.shape[0] != count:
+                raise Error(f"there are {count} origins, but {array.shape[0]} {name}")
+            return array
+
+        def ends(given: Any, name: str) -> int | None:
+            return None if given is None else of_rays(given, name).pointer
+
+        ways = of_rays(directions, "directions", 3)
+        return _Rays(
+            origins=starts.pointer,
+            directions=ways.pointer,
+            origin_stride=starts.strides[0],
+            direction_stride=ways.strides[0],
+            t_min=ends(t_min, "t_min"),
+            t_max=ends(t_max, "t_max"),
+            interval_stride=4,
+            count=count,
+            masks=None if self._masks is None else self._masks.pointer,
+        )
+
     def _made(self, count: int, dtype: str, columns: int = 0) -> Any:
         return self._empty((count, columns) if columns else (count,), dtype)
 
-    def _query(self, name: str, queries: ctypes.Structure, out: _Out, stream: int) -> None:
+    def _query(self, name: str, queries: ctypes.Structure, out: Any, stream: int) -> None:
         self._scratch.call(
-            name,
-            ctypes.byref(self._struct()),
-            ctypes.byref(queries),
-            ctypes.byref(out),
-            stream=stream,
+            name, ctypes.byref(self._struct()), ctypes.byref(queries), out, stream=stream
         )
 
 
-def _rays(
-    origins: Any, directions: Any, t_min: Any, t_max: Any, cull_back_faces: bool, stream: int
-) -> _Rays:
-    starts = device_array(origins, "origins", ("f4",), 3, stream)
-    ways = device_array(directions, "directions", ("f4",), 3, stream)
-    count = starts.shape[0]
+def _addresses(arrays: dict[str, Any]) -> Any:
+    return ctypes.byref(_Out(*map(address, arrays.values())))
 
-    def of_rays(array: DeviceArray, name: str) -> DeviceArray:
-        if array.shape[0] != count:
-            raise Error(f"there are {count} origins, but {array.shape[0]} {name}")
-        return array
 
-    of_rays(ways, "directions")
-    ends: list[int | None] = []
-    for name, given in (("t_min", t_min), ("t_max", t_max)):
-        if given is None:
-            ends.append(None)
-            continue
-        array = of_rays(device_array(given, name, ("f4",), 0, stream), name)
-        ends.append(array.pointer)
-    return _Rays(
-        starts.pointer,
-        ways.pointer,
-        starts.strides[0],
-        ways.strides[0],
-        *ends,
-        4,
-        count,
-        int(cull_back_faces),
-    )
+def _bits(mask: int) -> int:
+    if not 0 <= mask <= ALL_BITS:
+        raise Error(f"mask must have 32 bits, not {mask}")
+    return mask

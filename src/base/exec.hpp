@@ -10,6 +10,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <utility>
 
 #include "base/cpu_buffer.hpp"
@@ -54,6 +55,17 @@ UMBEL_HOST_DEVICE inline void atomic_or(uint32_t* word, uint32_t bits) {
   atomicOr(word, bits);
 #else
   std::atomic_ref<uint32_t>(*word).fetch_or(bits, std::memory_order_relaxed);
+#endif
+}
+
+/// *sum += amount, for an integer that several threads share. Nothing is said of other memory.
+template <typename T>
+UMBEL_HOST_DEVICE inline void atomic_sum(T* sum, T amount) {
+#if defined(__CUDA_ARCH__)
+  using Unsigned = std::conditional_t<sizeof(T) == 8, unsigned long long, unsigned>;
+  atomicAdd(reinterpret_cast<Unsigned*>(sum), static_cast<Unsigned>(amount));
+#else
+  std::atomic_ref<T>(*sum).fetch_add(amount, std::memory_order_relaxed);
 #endif
 }
 
@@ -104,6 +116,17 @@ class CpuExec {
   template <typename Body>
   void for_each_of(const uint32_t* count, uint32_t most, uint32_t each, const Body& body) {
     for_each(size_t(each) * std::min(*count, most), body);
+  }
+
+  /// Layers of work, of which each says how much there is in the next one: for layer 0, 1, ...
+  /// while counts[layer] is not 0, at most `layers` of them, body(layer, i) for i in [0, each *
+  /// min(counts[layer], most)), in any order. The counts are in the executor's memory.
+  template <typename Body>
+  void for_each_layer(const uint32_t* counts, uint32_t layers, uint32_t most, uint32_t each,
+                      const Body& body) {
+    for (uint32_t layer = 0; layer < layers && counts[layer] > 0; ++layer)
+      for_each(size_t(each) * std::min(counts[layer], most),
+               [&, layer](size_t i) { body(layer, i); });
   }
 
   /// For i in [0, n), in any order, what takes many steps, and not equally many:

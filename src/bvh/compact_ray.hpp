@@ -158,6 +158,16 @@ UMBEL_HOST_DEVICE inline float multiply_add(float a, float b, float c) {
 #endif
 }
 
+/// What rays see: triangles whose mask shares a bit with theirs.
+struct CompactMasks {
+  const uint32_t* of_primitives = nullptr;  ///< null: all bits set
+  uint32_t of_rays = 0xffffffffu;
+
+  UMBEL_HOST_DEVICE bool show(uint32_t primitive) const {
+    return of_primitives == nullptr || (of_primitives[primitive] & of_rays) != 0;
+  }
+};
+
 /// For those who do not measure.
 struct CountNothing {
   UMBEL_HOST_DEVICE void count_triangle() {}
@@ -168,11 +178,13 @@ template <bool any, typename Count = CountNothing>
 class RayVisitor : public Count {
  public:
   /// False where the ray can hit nothing.
-  UMBEL_HOST_DEVICE bool begin(const CompactTree& tree, const Ray& ray, bool cull_back) {
+  UMBEL_HOST_DEVICE bool begin(const CompactTree& tree, const Ray& ray, bool cull_back,
+                               const CompactMasks& masks = {}) {
     tree_ = tree;
     cull_back_ = cull_back;
+    masks_ = masks;
     best_ = Hit{};
-    if (tree.info->nodes == 0 || !frame_.make(*tree.info, ray)) return false;
+    if (masks.of_rays == 0 || tree.info->nodes == 0 || !frame_.make(*tree.info, ray)) return false;
     limit_ = frame_.t_max;
     octant_ = (frame_.inv[0] < 0 ? 1u : 0u) | (frame_.inv[1] < 0 ? 2u : 0u) |
               (frame_.inv[2] < 0 ? 4u : 0u);
@@ -243,6 +255,7 @@ class RayVisitor : public Count {
     if (!(t >= frame_.t_min && t <= limit_) || !settles(frame_, triangle, t)) return true;
     if (t > limit_ || (t == limit_ && is_hit() && triangle.primitive >= best_.primitive))
       return true;
+    if (!masks_.show(triangle.primitive)) return true;
     limit_ = t;
     best_ = {t, triangle.primitive, hit.v / hit.determinant, hit.w / hit.determinant};
     return !any;
@@ -256,6 +269,7 @@ class RayVisitor : public Count {
   float limit_ = 0;
   uint32_t octant_ = 0;
   bool cull_back_ = false;
+  CompactMasks masks_;
 };
 
 }  // namespace umbel::bvh

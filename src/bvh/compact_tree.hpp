@@ -334,39 +334,29 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CostModel& cost,
   auto list = exec.template allocate<CompactTask>(most);
   auto other = exec.template allocate<CompactTask>(most);
   auto counts = exec.template allocate<uint32_t>(kMaxCompactDepth + 2);
-  const auto top = [&](uint32_t level) {
-    return CompactTop{layout,
-                      nodes,
-                      order,
-                      arrived.data(),
-                      counts.data() + kMaxCompactDepth + 1,
-                      (level % 2 == 0 ? other : list).data(),
-                      counts.data() + level + 1};
-  };
-  exec.for_each(1, [top = top(0), list = list.data(), counts = counts.data(),
-                    info] UMBEL_DEVICE_LAMBDA(size_t) {
+  uint32_t* any_even = counts.data() + kMaxCompactDepth + 1;
+  const CompactTop top{layout, nodes, order, arrived.data(), any_even, nullptr, nullptr};
+  exec.for_each(1, [=, list = list.data(), counts = counts.data()] UMBEL_DEVICE_LAMBDA(size_t) {
     for (uint32_t i = 0; i < kMaxCompactDepth + 2; ++i) counts[i] = 0;
-    const Subtree root = *top.layout.tree.root;
-    info->sah_cost = static_cast<float>(top.layout.cost(root) / top.layout.weight(root));
-    info->nodes = top.layout.is_leaf(root) ? 1 : top.layout.nodes(root);
-    if (top.layout.is_leaf(root)) {
+    const Subtree root = *layout.tree.root;
+    info->sah_cost = static_cast<float>(layout.cost(root) / layout.weight(root));
+    info->nodes = layout.is_leaf(root) ? 1 : layout.nodes(root);
+    if (layout.is_leaf(root)) {
       top.make_only(root);
     } else {
       counts[0] = 1;
       list[0] = {root.index(), 0, 0, 1, 0};
     }
   });
-  uint64_t bound = 1;
-  for (uint32_t level = 0; level < kMaxCompactDepth; ++level) {
-    exec.for_each_of(
-        counts.data() + level, static_cast<uint32_t>(bound), 1,
-        [top = top(level), level,
-         tasks = (level % 2 == 0 ? list : other).data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-          top(tasks[i], level);
-        });
-    bound = bound * 8 < most ? bound * 8 : most;
-  }
-  exec.for_each(tree.items, [top = top(0), parents] UMBEL_DEVICE_LAMBDA(size_t item) {
+  exec.for_each_layer(counts.data(), kMaxCompactDepth, most, 1,
+                      [=, list = list.data(), other = other.data(),
+                       counts = counts.data()] UMBEL_DEVICE_LAMBDA(uint32_t level, size_t i) {
+                        CompactTop own = top;
+                        own.next = level % 2 == 0 ? other : list;
+                        own.next_count = counts + level + 1;
+                        own((level % 2 == 0 ? list : other)[i], level);
+                      });
+  exec.for_each(tree.items, [top, parents] UMBEL_DEVICE_LAMBDA(size_t item) {
     if (*top.any_even == 0) return;
     const Merge* merges = top.layout.tree.merges;
     Subtree child = Subtree::of_primitive(static_cast<uint32_t>(item));

@@ -7,6 +7,32 @@
 
 namespace umbel::bvh {
 
+/// Makes keys of a component: the representative above, the number below.
+struct KmeansMedianKeys {
+  static constexpr uint32_t kLanes = 128;
+  using Shared = NothingShared;
+
+  KmeansPoints points;
+  uint32_t component;
+  const KmeansChunk* chunks;
+  const uint32_t* starts;  ///< where the items of each chunk go
+  const uint8_t* labels;
+  uint32_t k;
+  uint64_t* keys;
+  uint32_t* values;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t c, Shared& /*shared*/) const {
+    const KmeansChunk chunk = chunks[c];
+    for (uint32_t i = chunk.begin + team.rank(); i < chunk.end; i += team.size()) {
+      const uint32_t to = starts[c] + (i - chunk.begin);
+      keys[to] = (uint64_t(chunk.cluster) * k + labels[i]) << 32 |
+                 float_to_key(points.column[component][i]);
+      values[to] = i;
+    }
+  }
+};
+
 template <typename Exec>
 class KmeansMedians {
  public:
@@ -31,16 +57,8 @@ class KmeansMedians {
     uint32_t bits = 1;
     while (bits < 32 && groups >> bits != 0) ++bits;
     for (uint32_t v = 0; v < 6; ++v) {
-      exec_.for_each(chunk_count, [=, keys = keys.data(), values = values.data(),
-                                   starts = starts.data()] UMBEL_DEVICE_LAMBDA(size_t c) {
-        const KmeansChunk chunk = chunks[c];
-        for (uint32_t i = chunk.begin; i < chunk.end; ++i) {
-          const uint32_t to = starts[c] + (i - chunk.begin);
-          keys[to] =
-              (uint64_t(chunk.cluster) * k + labels[i]) << 32 | float_to_key(points.column[v][i]);
-          values[to] = i;
-        }
-      });
+      exec_.for_each_team(chunk_count, KmeansMedianKeys{points, v, chunks, starts.data(), labels, k,
+                                                        keys.data(), values.data()});
       exec_.radix_sort_pairs(items, keys.data(), values.data(), 0, 32 + bits);
       exec_.for_each(groups, [=, values = values.data(),
                               begins = begins.data()] UMBEL_DEVICE_LAMBDA(size_t g) {

@@ -1,7 +1,8 @@
 // k-means clustering from the top down for any executor: passes over all clusters of a level at
 // once, as in Meister & Bittner, "Parallel BVH Construction using k-means Clustering", 2016. Chunks
-// of items are the units of work; what they sum up is integers, and where an item goes follows from
-// counts, so the same clusters come out whatever the order in which chunks are done.
+// of items are the units of work, each of a team; what they sum up is integers, and where an item
+// goes follows from counts, so the same clusters come out whatever the order in which chunks are
+// done. Sizes are read back once a level.
 #pragma once
 
 #include <chrono>
@@ -27,6 +28,120 @@ class StageClock {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
+/// Seeds a cluster that is divided, and clears what will be added up.
+template <KmeansDistance kDistance>
+struct KmeansSeed {
+  static constexpr uint32_t kLanes = 32;
+  using Shared = KmeansSeedingShared;
+
+  KmeansPoints points;
+  KmeansDivided* divided;
+  float* nearest;
+  KmeansPoint* representatives;  ///< k a cluster
+  KmeansTotals totals;
+  uint32_t k, candidates;
+  bool evenly;  ///< without any
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared& shared) const {
+    KmeansDivided& of = divided[i];
+    for (uint32_t r = team.rank(); r < k; r += team.size()) {
+      totals.counts[i * k + r] = 0;
+      totals.sums[i * k + r] = {};
+    }
+    uint32_t used = 1;
+    if (!evenly) {
+      KmeansSeeding<kDistance, Team> seeding(team, points, *of.cluster,
+                                             nearest + of.cluster->offset, shared);
+      used = seeding.run(k, candidates);
+      seeding.write(representatives + i * k);
+    }
+    if (team.rank() == 0) of.used = used;
+  }
+};
+
+/// Seeds a cluster anew if all its items have one label: means of a few distant items may coincide
+/// once rounded.
+template <KmeansDistance kDistance>
+struct KmeansMend {
+  static constexpr uint32_t kLanes = 32;
+  using Shared = KmeansSeedingShared;
+
+  KmeansPoints points;
+  KmeansDivided* divided;
+  float* nearest;
+  KmeansPoint* representatives;  ///< k a cluster
+  uint32_t* counts;              ///< k a cluster
+  uint32_t k;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared& shared) const {
+    KmeansDivided& of = divided[i];
+    const KmeansCluster& cluster = *of.cluster;
+    uint32_t most = 0;
+    for (uint32_t r = team.rank(); r < k; r += team.size())
+      if (counts[i * k + r] > most) most = counts[i * k + r];
+    most = team.reduce(most, [](uint32_t a, uint32_t b) { return a > b ? a : b; });
+    const bool is_broken = most == cluster.count;
+    if (team.rank() == 0) of.is_mended = is_broken;
+    if (!is_broken) return;
+    for (uint32_t r = team.rank(); r < k; r += team.size()) counts[i * k + r] = 0;
+    KmeansSeeding<kDistance, Team> seeding(team, points, cluster, nearest + cluster.offset, shared);
+    const uint32_t used = seeding.choose_farthest();
+    seeding.write(representatives + i * k);
+    if (team.rank() == 0) of.used = used;
+  }
+};
+
+/// Moves the items of a chunk to those of the same label, in their old order.
+struct KmeansMove {
+  static constexpr uint32_t kLanes = 128;
+  struct Shared {
+    uint32_t next[kMostKmeansClusters];
+    uint32_t places[KmeansChunk::kMost];
+    uint8_t labels[KmeansChunk::kMost];
+  };
+
+  KmeansPoints from, to;
+  const KmeansDivided* divided;
+  const KmeansChunk* chunks;
+  const uint8_t* labels;
+  const uint32_t* starts;  ///< the sums of KmeansTotals::chunk_counts
+  uint32_t k;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const {
+    const KmeansChunk chunk = chunks[index];
+    const KmeansDivided& of = divided[chunk.cluster];
+    const uint32_t count = chunk.end - chunk.begin;
+    const uint32_t* of_cluster = starts + size_t(of.first_chunk) * k;
+    const auto first_of = [&](uint32_t r) {
+      return of.cluster->offset + of_cluster[size_t(r) * of.chunks + (index - of.first_chunk)] -
+             of_cluster[0];
+    };
+    for (uint32_t i = team.rank(); i < count; i += team.size())
+      shared.labels[i] = labels[chunk.begin + i];
+    team.sync();
+    if constexpr (Team::kIsSerial) {
+      for (uint32_t r = 0; r < k; ++r) shared.next[r] = first_of(r);
+      for (uint32_t i = 0; i < count; ++i) shared.places[i] = shared.next[shared.labels[i]]++;
+    } else {
+      // Each lane has labels of its own.
+      for (uint32_t r = team.rank(); r < k; r += team.size()) {
+        uint32_t at = first_of(r);
+        for (uint32_t i = 0; i < count; ++i)
+          if (shared.labels[i] == r) shared.places[i] = at++;
+      }
+    }
+    team.sync();
+    for (int v = 0; v < 6; ++v)
+      for (uint32_t i = team.rank(); i < count; i += team.size())
+        to.column[v][shared.places[i]] = from.column[v][chunk.begin + i];
+    for (uint32_t i = team.rank(); i < count; i += team.size())
+      to.primitives[shared.places[i]] = from.primitives[chunk.begin + i];
+  }
+};
+
 template <typename Exec>
 class KmeansPasses {
  public:
@@ -37,35 +152,37 @@ class KmeansPasses {
   KmeansPasses(Exec& exec, const Aabb* boxes, uint32_t n, const KmeansConfig& config, uint32_t stop)
       : exec_(exec), config_(config), n_(n), stop_(stop) {
     for (auto& points : points_) points = make_points();
-    labels_ = exec.template allocate<uint8_t>(n + kKmeansBlock);
-    nearest_ = exec.template allocate<float>(n);
+    labels_ = exec.template allocate<uint8_t>(n);
+    nearest_ = exec.template allocate<float>(Exec::kSerialTeams ? n : 0);
     clusters_ = exec.template allocate<KmeansCluster>(2 * size_t(n));
     // As many as there can be: how many there are is known only later.
     const uint32_t most = most_divided();
     const size_t k = config.clusters, chunks = most_chunks();
-    divided_ = exec.template allocate<Divided>(most);
+    for (auto& divided : divided_) divided = exec.template allocate<KmeansDivided>(most + 1);
+    sizes_ = exec.template allocate<Sizes>(1);
     chunks_ = exec.template allocate<KmeansChunk>(chunks);
-    changed_ = exec.template allocate<uint8_t>(chunks);
     representatives_ = exec.template allocate<KmeansPoint>(most * k);
     counts_ = exec.template allocate<uint32_t>(most * k);
-    sums_ = exec.template allocate<KmeansSum>(chunks * k);
+    sums_ = exec.template allocate<KmeansSum>(most * k);
+    chunk_counts_ = exec.template allocate<uint32_t>(chunks * k + 1);
     take_boxes(boxes);
   }
 
   /// Divides until nothing is left to divide; report(fraction) between passes.
   template <typename Report>
   void run(const Report& report) {
+    const bool divides = n_ > stop_;
     levels_ = {0, 1};
-    while (find_divided()) {
+    size_ = {1, divides ? 1u : 0u, divides ? KmeansChunk::of(n_) : 0u};
+    // One pass with as many as there can be needs all the memory there is.
+    if (exec_.counts()) size_ = {1, most_divided(), most_chunks()};
+    while (size_.divided > 0) {
       report(1 - 1 / double(levels_.size()));
-      seed();
       if (config_.distance == KmeansDistance::kEuclidean)
-        iterate<KmeansDistance::kEuclidean>();
+        divide<KmeansDistance::kEuclidean>();
       else
-        iterate<KmeansDistance::kManhattan>();
-      number_parts();
-      move_items();
-      if (exec_.counts()) break;  // one pass needs all the memory there is
+        divide<KmeansDistance::kManhattan>();
+      if (exec_.counts()) break;
     }
   }
 
@@ -86,12 +203,15 @@ class KmeansPasses {
 
   void take_boxes(const Aabb* boxes) {
     StageClock clock;
-    exec_.for_each(n_, [=, n = n_, to = points_[0].view, labels = labels_.data(),
-                        clusters = clusters_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-      to.put(i, boxes[i], static_cast<uint32_t>(i));
-      labels[i] = 0;
-      if (i == 0) clusters[0] = {0, n};
-    });
+    exec_.for_each(
+        n_, [=, n = n_, to = points_[0].view, labels = labels_.data(), clusters = clusters_.data(),
+             divided = divided_[0].data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+          to.put(i, boxes[i], static_cast<uint32_t>(i));
+          labels[i] = 0;
+          if (i > 0) return;
+          clusters[0] = {0, n};
+          divided[0] = {clusters, 0, KmeansChunk::of(n), 0, {0, 0}, false};
+        });
     auto scene = exec_.template allocate<Aabb>(1);
     exec_.reduce(
         n_, Aabb{}, [=] UMBEL_DEVICE_LAMBDA(size_t i) { return boxes[i]; },
@@ -106,7 +226,6 @@ class KmeansPasses {
 
   /// Deeper clusters are divided evenly. Distance divides well long before that, or not at all.
   static constexpr size_t kMaxLevel = 48;
-  static constexpr size_t kGrain = 16;  ///< chunks or clusters of one task
 
   struct Points {
     Buffer<float> columns[6];
@@ -114,12 +233,10 @@ class KmeansPasses {
     KmeansPoints view;
   };
 
-  /// What a cluster that is being divided needs beside its items.
-  struct Divided {
-    KmeansCluster* cluster;
-    uint32_t first_chunk, chunks;
-    uint32_t used;  ///< representatives; one: divided evenly
-    bool settled;   ///< labels do not change any more
+  /// Of a level.
+  struct Sizes {
+    uint32_t clusters;
+    uint32_t divided, chunks;  ///< those that are divided
   };
 
   Points make_points() {
@@ -135,258 +252,159 @@ class KmeansPasses {
 
   uint32_t most_divided() const { return n_ / (stop_ + 1); }
   uint32_t most_chunks() const { return n_ / KmeansChunk::kMost + most_divided(); }
-  const KmeansPoints& current() const { return points_[levels_.size() % 2].view; }
+  /// The last level.
+  size_t level() const { return levels_.size() - 2; }
+  KmeansDivided* divided() { return divided_[level() % 2].data(); }
+  KmeansTotals totals() { return {counts_.data(), sums_.data(), chunk_counts_.data()}; }
 
-  /// Lists the clusters of the last level that are to be divided, and their chunks.
-  bool find_divided() {
-    StageClock clock;
-    const uint32_t begin = levels_[levels_.size() - 2];
-    const uint32_t size = exec_.counts() ? most_of_level() : levels_.back() - begin;
-    KmeansCluster* clusters = clusters_.data() + begin;
-    auto indices = exec_.template allocate<uint32_t>(size);
-    auto count = exec_.template allocate<uint32_t>(1);
-    exec_.select(
-        size, [=, stop = stop_] UMBEL_DEVICE_LAMBDA(size_t i) { return clusters[i].count > stop; },
-        indices.data(), count.data());
-    count_ = exec_.counts() ? most_divided() : exec_.read(count.data());
-    if (count_ == 0) return false;
-    auto starts = exec_.template allocate<uint32_t>(count_ + 1);
-    exec_.exclusive_scan(
-        count_,
-        [=, indices = indices.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
-          return (clusters[indices[i]].count + KmeansChunk::kMost - 1) / KmeansChunk::kMost;
-        },
-        starts.data());
-    chunk_count_ = exec_.counts() ? most_chunks() : exec_.read(starts.data() + count_);
-    exec_.for_each(count_,
-                   [=, indices = indices.data(), starts = starts.data(), divided = divided_.data(),
-                    chunks = chunks_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-                     KmeansCluster& cluster = clusters[indices[i]];
-                     divided[i] = {&cluster, starts[i], starts[i + 1] - starts[i], 0, false};
-                     for (uint32_t k = 0; k < divided[i].chunks; ++k) {
-                       const uint32_t from = k * KmeansChunk::kMost, left = cluster.count - from;
-                       const uint32_t size = left < KmeansChunk::kMost ? left : KmeansChunk::kMost;
-                       chunks[starts[i] + k] = {static_cast<uint32_t>(i), cluster.offset + from,
-                                                cluster.offset + from + size};
-                     }
-                   });
-    clock.lap(times_.sizes);
-    return true;
-  }
-
-  void seed() {
-    StageClock clock;
-    if (config_.distance == KmeansDistance::kEuclidean)
-      seed_by<KmeansDistance::kEuclidean>();
-    else
-      seed_by<KmeansDistance::kManhattan>();
-    clock.lap(times_.seeding);
-  }
-
+  /// Divides the clusters of the last level.
   template <KmeansDistance kDistance>
-  void seed_by() {
-    exec_.for_each(
-        count_,
-        [points = current(), divided = divided_.data(), nearest = nearest_.data(),
-         representatives = representatives_.data(), k = config_.clusters, p = config_.candidates,
-         evenly = levels_.size() - 2 >= kMaxLevel] UMBEL_DEVICE_LAMBDA(size_t i) {
-          const KmeansCluster& cluster = *divided[i].cluster;
-          KmeansSeeding<kDistance> seeding(points, cluster, nearest + cluster.offset,
-                                           representatives + i * k);
-          divided[i].used = evenly ? 1 : seeding.run(k, p);
-        },
-        kGrain);
+  void divide() {
+    StageClock clock;
+    list_chunks();
+    clock.lap(times_.sizes);
+    exec_.for_each_team(size_.divided,
+                        KmeansSeed<kDistance>{items(level()), divided(), nearest_.data(),
+                                              representatives_.data(), totals(), config_.clusters,
+                                              config_.candidates, level() >= kMaxLevel});
+    clock.lap(times_.seeding);
+    iterate<kDistance>();
+    clock.lap(times_.iterations);
+    const Sizes last = size_;
+    number_parts();
+    clock.lap(times_.sizes);
+    move_items(last.chunks);
+    clock.lap(times_.reordering);
+  }
+
+  void list_chunks() {
+    exec_.for_each(size_.chunks, [divided = divided(), count = size_.divided,
+                                  chunks = chunks_.data()] UMBEL_DEVICE_LAMBDA(size_t c) {
+      uint32_t low = 0, high = count;  // its cluster is `low`, or behind it and before `high`
+      while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+        (divided[middle].first_chunk <= c ? low : high) = middle;
+      }
+      const KmeansCluster& cluster = *divided[low].cluster;
+      const uint32_t from =
+          (static_cast<uint32_t>(c) - divided[low].first_chunk) * KmeansChunk::kMost;
+      const uint32_t left = cluster.count - from;
+      const uint32_t size = left < KmeansChunk::kMost ? left : KmeansChunk::kMost;
+      chunks[c] = {low, cluster.offset + from, cluster.offset + from + size};
+    });
   }
 
   template <KmeansDistance kDistance>
   void iterate() {
-    StageClock clock;
     constexpr bool kMeans = kDistance == KmeansDistance::kEuclidean;
-    assign_all<kDistance>(kMeans && config_.iterations > 0);
-    for (uint32_t i = 0; i < config_.iterations; ++i) {
-      count_labels();
-      move_representatives<kDistance>();
-      assign_all<kDistance>(kMeans && i + 1 < config_.iterations);
-      settle();
+    for (uint32_t pass = 1; pass <= config_.iterations + 1; ++pass) {
+      if (pass > 1) move_representatives<kDistance>(pass);
+      assign<kDistance>(pass, kMeans && pass <= config_.iterations);
     }
-    count_labels();
-    if (config_.iterations > 0) mend<kDistance>();
-    clock.lap(times_.iterations);
-  }
-
-  /// Assigns the items of all clusters that are not settled; `adds`: for new means.
-  template <KmeansDistance kDistance>
-  void assign_all(bool adds) {
-    exec_.for_each(
-        chunk_count_,
-        [points = current(), divided = divided_.data(), chunks = chunks_.data(),
-         representatives = representatives_.data(), labels = labels_.data(), sums = sums_.data(),
-         changed = changed_.data(), grid = grid_, adds,
-         k = config_.clusters] UMBEL_DEVICE_LAMBDA(size_t c) {
-          const KmeansChunk chunk = chunks[c];
-          const Divided& of = divided[chunk.cluster];
-          if (of.settled) return;
-          if (of.used == 1) {
-            assign_evenly(*of.cluster, chunk, k, labels, sums + c * k);
-            changed[c] = 0;
-            return;
-          }
-          changed[c] =
-              bvh::assign<kDistance>(points, chunk, representatives + size_t(chunk.cluster) * k,
-                                     of.used, grid, adds, labels, sums + c * k);
-        },
-        kGrain);
-  }
-
-  /// Items of each representative.
-  void count_labels() {
-    exec_.for_each(size_t(count_) * config_.clusters,
-                   [divided = divided_.data(), sums = sums_.data(), counts = counts_.data(),
-                    k = config_.clusters] UMBEL_DEVICE_LAMBDA(size_t i) {
-                     const Divided& of = divided[i / k];
-                     const uint32_t r = i % k, parts = of.used == 1 ? k : of.used;
-                     uint32_t count = 0;
-                     for (uint32_t c = 0; r < parts && c < of.chunks; ++c)
-                       count +=
-                           static_cast<uint32_t>(sums[(of.first_chunk + c) * size_t(k) + r].count);
-                     counts[i] = count;
-                   });
+    if (config_.iterations == 0) return;
+    exec_.for_each_team(
+        size_.divided,
+        KmeansMend<kDistance>{items(level()), divided(), nearest_.data(), representatives_.data(),
+                              counts_.data(), config_.clusters});
+    assign<kDistance>(KmeansDivided::kMending, false);
   }
 
   template <KmeansDistance kDistance>
-  void move_representatives() {
-    if constexpr (kDistance == KmeansDistance::kManhattan) {
-      KmeansMedians<Exec>(exec_).run(current(), chunks_.data(), chunk_count_, labels_.data(),
-                                     counts_.data(), count_, config_.clusters,
+  void assign(uint32_t pass, bool adds) {
+    exec_.for_each_team(
+        size_.chunks,
+        KmeansAssign<kDistance>{items(level()), divided(), chunks_.data(), representatives_.data(),
+                                labels_.data(), totals(), grid_, config_.clusters, pass, adds});
+  }
+
+  /// To the means or medians of what was assigned in the pass before, whose totals are cleared.
+  template <KmeansDistance kDistance>
+  void move_representatives(uint32_t pass) {
+    constexpr bool kMeans = kDistance == KmeansDistance::kEuclidean;
+    if constexpr (!kMeans)
+      KmeansMedians<Exec>(exec_).run(items(level()), chunks_.data(), size_.chunks, labels_.data(),
+                                     counts_.data(), size_.divided, config_.clusters,
                                      representatives_.data());
-      return;
-    }
-    exec_.for_each(size_t(count_) * config_.clusters,
-                   [divided = divided_.data(), sums = sums_.data(), counts = counts_.data(),
-                    representatives = representatives_.data(), grid = grid_,
-                    k = config_.clusters] UMBEL_DEVICE_LAMBDA(size_t i) {
-                     const Divided& of = divided[i / k];
-                     if (counts[i] == 0 || of.used == 1 || of.settled) return;
-                     KmeansSum sum{};
-                     for (uint32_t c = 0; c < of.chunks; ++c) {
-                       const KmeansSum& part = sums[(of.first_chunk + c) * size_t(k) + i % k];
-                       for (int v = 0; v < 6; ++v) sum.v[v] += part.v[v];
-                     }
-                     for (uint32_t v = 0; v < 6; ++v)
-                       representatives[i].v[v] = grid.mean(sum.v[v], counts[i], v);
-                   });
-  }
-
-  void settle() {
-    exec_.for_each(count_, [divided = divided_.data(),
-                            changed = changed_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-      Divided& of = divided[i];
-      bool any = false;
-      for (uint32_t c = 0; c < of.chunks; ++c) any |= changed[of.first_chunk + c] != 0;
-      of.settled |= of.used == 1 || !any;
-    });
-  }
-
-  /// Divides anew what all items of have one label: means of a few distant items may coincide once
-  /// rounded.
-  template <KmeansDistance kDistance>
-  void mend() {
-    auto broken = exec_.template allocate<uint32_t>(1);
-    exec_.reduce(
-        count_, uint32_t{0},
-        [divided = divided_.data(), counts = counts_.data(),
-         k = config_.clusters] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
-          const uint32_t whole = divided[i].cluster->count;
-          bool is_broken = false;
-          for (uint32_t r = 0; r < k; ++r) is_broken |= counts[i * k + r] == whole;
-          divided[i].settled = !is_broken;
-          return is_broken;
-        },
-        [] UMBEL_DEVICE_LAMBDA(uint32_t a, uint32_t b) { return a + b; }, broken.data());
-    if (exec_.read(broken.data()) == 0) return;
     exec_.for_each(
-        count_,
-        [points = current(), divided = divided_.data(), nearest = nearest_.data(),
-         representatives = representatives_.data(),
-         k = config_.clusters] UMBEL_DEVICE_LAMBDA(size_t i) {
-          if (divided[i].settled) return;
-          const KmeansCluster& cluster = *divided[i].cluster;
-          KmeansSeeding<kDistance> seeding(points, cluster, nearest + cluster.offset,
-                                           representatives + i * k);
-          divided[i].used = seeding.choose_farthest();
-        },
-        kGrain);
-    assign_all<kDistance>(false);
-    count_labels();
+        size_t(size_.divided) * config_.clusters,
+        [=, divided = divided(), totals = totals(), representatives = representatives_.data(),
+         grid = grid_, k = config_.clusters] UMBEL_DEVICE_LAMBDA(size_t i) {
+          const KmeansDivided& of = divided[i / k];
+          if (!of.takes_part(pass)) return;
+          const uint32_t count = totals.counts[i];
+          if (kMeans && count > 0)
+            for (uint32_t v = 0; v < 6; ++v)
+              representatives[i].v[v] = grid.mean(totals.sums[i].v[v], count, v);
+          totals.counts[i] = 0;
+          totals.sums[i] = {};
+        });
   }
 
-  /// Makes a cluster of the items of each representative that has any.
+  /// Makes a cluster of the items of each representative that has any, and lists those that will be
+  /// divided.
   void number_parts() {
-    StageClock clock;
-    const uint32_t k = config_.clusters, end = levels_.back();
-    auto firsts = exec_.template allocate<uint32_t>(count_ + 1);
+    const uint32_t k = config_.clusters, end = levels_.back(), stop = stop_, count = size_.divided;
+    auto starts = exec_.template allocate<uint64_t>(count + size_t{1});
+    auto chunk_starts = exec_.template allocate<uint32_t>(count + size_t{1});
+    // Parts, and above them those that will be divided.
     exec_.exclusive_scan(
-        count_,
-        [=, counts = counts_.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
-          uint32_t parts = 0;
-          for (uint32_t r = 0; r < k; ++r) parts += counts[i * k + r] > 0 ? 1 : 0;
-          return parts;
+        count,
+        [=, counts = counts_.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint64_t {
+          uint64_t sum = 0;
+          for (uint32_t r = 0; r < k; ++r)
+            sum += (counts[i * k + r] > 0 ? 1 : 0) |
+                   (counts[i * k + r] > stop ? uint64_t{1} << 32 : 0);
+          return sum;
         },
-        firsts.data());
-    exec_.for_each(count_,
-                   [=, counts = counts_.data(), firsts = firsts.data(), divided = divided_.data(),
-                    clusters = clusters_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-                     KmeansCluster& whole = *divided[i].cluster;
-                     whole.first = end + firsts[i];
-                     whole.parts = firsts[i + 1] - firsts[i];
-                     KmeansCluster* part = clusters + whole.first;
-                     uint32_t offset = whole.offset;
-                     for (uint32_t r = 0; r < k; ++r) {
-                       if (counts[i * k + r] == 0) continue;
-                       *part++ = {offset, counts[i * k + r]};
-                       offset += counts[i * k + r];
-                     }
-                   });
-    levels_.push_back(end + exec_.read(firsts.data() + count_));
-    clock.lap(times_.sizes);
+        starts.data());
+    exec_.exclusive_scan(
+        count,
+        [=, counts = counts_.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
+          uint32_t sum = 0;
+          for (uint32_t r = 0; r < k; ++r)
+            if (counts[i * k + r] > stop) sum += KmeansChunk::of(counts[i * k + r]);
+          return sum;
+        },
+        chunk_starts.data());
+    exec_.for_each(count, [=, counts = counts_.data(), starts = starts.data(),
+                           chunk_starts = chunk_starts.data(), divided = divided(),
+                           next = divided_[(level() + 1) % 2].data(), clusters = clusters_.data(),
+                           sizes = sizes_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+      KmeansCluster& whole = *divided[i].cluster;
+      whole.first = end + static_cast<uint32_t>(starts[i]);
+      whole.parts = static_cast<uint32_t>(starts[i + 1] - starts[i]);
+      KmeansCluster* part = clusters + whole.first;
+      KmeansDivided* to = next + (starts[i] >> 32);
+      uint32_t offset = whole.offset, chunk = chunk_starts[i];
+      for (uint32_t r = 0; r < k; ++r) {
+        const uint32_t items = counts[i * k + r];
+        if (items == 0) continue;
+        *part = {offset, items};
+        if (items > stop) {
+          *to++ = {part, chunk, KmeansChunk::of(items), 0, {0, 0}, false};
+          chunk += KmeansChunk::of(items);
+        }
+        ++part;
+        offset += items;
+      }
+      if (i + 1 == count)
+        *sizes = {static_cast<uint32_t>(starts[count]), static_cast<uint32_t>(starts[count] >> 32),
+                  chunk_starts[count]};
+    });
+    size_ = exec_.read(sizes_.data());
+    levels_.push_back(end + size_.clusters);
   }
 
   /// Moves the items of each new cluster together, in their old order.
-  void move_items() {
-    StageClock clock;
-    const uint32_t k = config_.clusters;
-    const KmeansPoints from = points_[(levels_.size() - 1) % 2].view, to = current();
-    // The sums' counts become where the items of a chunk and a representative go.
-    exec_.for_each(size_t(count_) * k, [=, divided = divided_.data(), sums = sums_.data(),
-                                        counts = counts_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-      if (counts[i] == 0) return;
-      const Divided& of = divided[i / k];
-      uint32_t at = of.cluster->offset;
-      for (size_t r = i - i % k; r < i; ++r) at += counts[r];
-      for (uint32_t c = 0; c < of.chunks; ++c) {
-        uint64_t& count = sums[(of.first_chunk + c) * size_t(k) + i % k].count;
-        const auto items = static_cast<uint32_t>(count);
-        count = at;
-        at += items;
-      }
-    });
-    exec_.for_each(
-        chunk_count_,
-        [=, chunks = chunks_.data(), sums = sums_.data(),
-         labels = labels_.data()] UMBEL_DEVICE_LAMBDA(size_t c) {
-          const KmeansChunk chunk = chunks[c];
-          const uint32_t count = chunk.end - chunk.begin;
-          uint32_t places[KmeansChunk::kMost];
-          for (uint32_t i = 0; i < count; ++i)
-            places[i] = static_cast<uint32_t>(sums[c * k + labels[chunk.begin + i]].count++);
-          for (int v = 0; v < 6; ++v)
-            for (uint32_t i = 0; i < count; ++i)
-              to.column[v][places[i]] = from.column[v][chunk.begin + i];
-          for (uint32_t i = 0; i < count; ++i)
-            to.primitives[places[i]] = from.primitives[chunk.begin + i];
-        },
-        kGrain);
-    clock.lap(times_.reordering);
+  void move_items(uint32_t chunks) {
+    exec_.exclusive_scan(
+        size_t(chunks) * config_.clusters,
+        [counts = chunk_counts_.data()] UMBEL_DEVICE_LAMBDA(size_t i) { return counts[i]; },
+        chunk_counts_.data());
+    const size_t last = level() - 1;
+    exec_.for_each_team(
+        chunks, KmeansMove{items(last), items(last + 1), divided_[last % 2].data(), chunks_.data(),
+                           labels_.data(), chunk_counts_.data(), config_.clusters});
   }
 
  private:
@@ -396,17 +414,18 @@ class KmeansPasses {
   KmeansGrid grid_;
   Points points_[2];  ///< items of level i are in points_[i % 2]
   Buffer<uint8_t> labels_;
-  Buffer<float> nearest_;  ///< distance of each item to its nearest representative
+  Buffer<float> nearest_;  ///< for single threads: distances of items to their representatives
   Buffer<KmeansCluster> clusters_;
   std::vector<uint32_t> levels_;
+  Sizes size_{};                      ///< of the last level
+  Buffer<Sizes> sizes_;               ///< the same, in the executor's memory
+  Buffer<KmeansDivided> divided_[2];  ///< those of level i are in divided_[i % 2]
   // Of the clusters that are being divided.
-  uint32_t count_ = 0, chunk_count_ = 0;
-  Buffer<Divided> divided_;
   Buffer<KmeansChunk> chunks_;
-  Buffer<uint8_t> changed_;              ///< of each chunk: a label
   Buffer<KmeansPoint> representatives_;  ///< k a cluster
-  Buffer<uint32_t> counts_;              ///< k a cluster: items of a representative
-  Buffer<KmeansSum> sums_;               ///< k a chunk
+  Buffer<uint32_t> counts_;              ///< KmeansTotals
+  Buffer<KmeansSum> sums_;
+  Buffer<uint32_t> chunk_counts_;
   KmeansTimes times_;
 };
 

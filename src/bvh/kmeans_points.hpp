@@ -78,10 +78,9 @@ struct KmeansGrid {
   }
 };
 
-/// Sums over the items of one representative.
+/// The sum of the cells of one representative's items.
 struct KmeansSum {
   int64_t v[6];
-  uint64_t count;
 };
 
 /// Random numbers that depend on nothing but the cluster's place.

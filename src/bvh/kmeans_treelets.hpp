@@ -21,8 +21,10 @@ struct KmeansTreelet {
   static constexpr uint32_t kLanes = 64;
   struct Shared {
     TreeletJoin join;
-    TreeletAgglomeration agglomeration;
-    TreeletSweep sweep;
+    union {  // one after the other
+      TreeletAgglomeration agglomeration;
+      TreeletSweep sweep;
+    };
   };
 
   KmeansPoints items;
@@ -41,25 +43,37 @@ struct KmeansTreelet {
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared& shared) const {
     const KmeansCluster& cluster = clusters[i];
     TreeletJoin& join = shared.join;
-    if (team.rank() == 0) gather(cluster, join);
+    gather(team, cluster, join);
     team.sync();
-    join.agglomerate(team, shared.agglomeration);
-    if (team.rank() != 0) return;
-    if (handed > 1 && cluster.parts > 0) join.sweep(shared.sweep);
-    counts[i] = join.hand_up(is_top ? 1 : handed, merges, up + i * handed);
+    join.agglomerate(team, rule, shared.agglomeration);
+    if (handed > 1 && cluster.parts > 0) join.sweep(team, rule, shared.sweep);
+    if (team.rank() == 0) counts[i] = join.hand_up(is_top ? 1 : handed, merges, up + i * handed);
   }
 
  private:
-  UMBEL_HOST_DEVICE void gather(const KmeansCluster& cluster, TreeletJoin& join) const {
-    join.begin(rule);
-    for (uint32_t k = 0; k < cluster.parts; ++k) {
-      const size_t part = cluster.first + k - first_below;
-      for (uint32_t s = 0; s < below_counts[part]; ++s) join.add(below[part * handed + s]);
+  template <typename Team>
+  UMBEL_HOST_DEVICE void gather(const Team& team, const KmeansCluster& cluster,
+                                TreeletJoin& join) const {
+    if (cluster.parts == 0) {
+      if (team.rank() == 0) join.begin(cluster.count);
+      for (uint32_t i = team.rank(); i < cluster.count; i += team.size()) {
+        const uint32_t item = cluster.offset + i;
+        const Aabb box = items.box(item);
+        join.put(i, {box, Subtree::of_primitive(items.primitives[item]), 1, rule.leaf_cost(box, 1),
+                     item});
+      }
+      return;
     }
-    if (cluster.parts > 0) return;
-    for (uint32_t i = cluster.offset; i < cluster.offset + cluster.count; ++i) {
-      const Aabb box = items.box(i);
-      join.add({box, Subtree::of_primitive(items.primitives[i]), 1, rule.leaf_cost(box, 1), i});
+    const uint32_t first = cluster.first - first_below;
+    for (uint32_t part = team.rank(); part <= cluster.parts; part += team.size()) {
+      uint32_t at = 0;
+      for (uint32_t p = 0; p < part; ++p) at += below_counts[first + p];
+      if (part == cluster.parts) {
+        join.begin(at);
+        break;
+      }
+      for (uint32_t s = 0; s < below_counts[first + part]; ++s)
+        join.put(at + s, below[size_t(first + part) * handed + s]);
     }
   }
 };

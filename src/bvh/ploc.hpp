@@ -59,8 +59,7 @@ class Ploc {
     clusters_ = exec.template allocate<PlocCluster>(n);
     merged_ = exec.template allocate<PlocCluster>(n);
     nearest_ = exec.template allocate<uint32_t>(n);
-    first_ = exec.template allocate<uint32_t>(n + 1);
-    place_ = exec.template allocate<uint32_t>(n + 1);
+    places_ = exec.template allocate<uint64_t>(n + size_t{1});
     gather(exec, boxes, n);
     uint32_t made = 0;
     for (uint32_t left = n; left > 1;) {
@@ -105,39 +104,34 @@ class Ploc {
 
   /// Numbers the pairs, and the clusters that there will be.
   uint32_t count_pairs(Exec& exec, uint32_t count) {
-    const uint32_t* nearest = nearest_.data();
     exec.exclusive_scan(
         count,
-        [=] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
-          return nearest[nearest[i]] == i && i < nearest[i];
+        [nearest = nearest_.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint64_t {
+          const bool is_paired = nearest[nearest[i]] == i;
+          return (is_paired && i < nearest[i] ? 1 : 0) |
+                 (is_paired && nearest[i] < i ? 0 : uint64_t{1} << 32);
         },
-        first_.data());
-    exec.exclusive_scan(
-        count,
-        [=] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
-          return !(nearest[nearest[i]] == i && nearest[i] < i);
-        },
-        place_.data());
-    return exec.read(first_.data() + count);
+        places_.data());
+    return static_cast<uint32_t>(exec.read(places_.data() + count));
   }
 
   void merge(Exec& exec, uint32_t count, uint32_t made, Merge* merges) {
     exec.for_each(count,
                   [=, from = clusters_.data(), to = merged_.data(), nearest = nearest_.data(),
-                   first = first_.data(), place = place_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                   places = places_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
                     const uint32_t other = nearest[i];
                     const bool is_pair = other != i && nearest[other] == i;
                     if (is_pair && other < i) return;
                     PlocCluster cluster = from[i];
                     if (is_pair) {
                       const PlocCluster& right = from[other];
-                      const uint32_t merge = made + first[i];
+                      const uint32_t merge = made + static_cast<uint32_t>(places[i]);
                       cluster.box = united(cluster.box, right.box);
                       cluster.count += right.count;
                       merges[merge] = {cluster.box, cluster.subtree, right.subtree, cluster.count};
                       cluster.subtree = Subtree::of_merge(merge);
                     }
-                    to[place[i]] = cluster;
+                    to[places[i] >> 32] = cluster;
                   });
     std::swap(clusters_, merged_);
   }
@@ -149,7 +143,8 @@ class Ploc {
   using Buffer = typename Exec::template Buffer<T>;
 
   Buffer<PlocCluster> clusters_, merged_;
-  Buffer<uint32_t> nearest_, first_, place_;
+  Buffer<uint32_t> nearest_;
+  Buffer<uint64_t> places_;  ///< the pairs before each, and above them the clusters there will be
 };
 
 }  // namespace umbel::bvh

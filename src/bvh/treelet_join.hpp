@@ -1,4 +1,4 @@
-// Joins a few subtrees into a binary tree, on one thread of any executor: by agglomeration, always
+// Joins a few subtrees into a binary tree, by a team of any executor: by agglomeration, always
 // the two with the smallest common box (Walter et al., "Fast Agglomerative Clustering for
 // Rendering", 2008), with the nearest neighbour of each remembered, which is exact, because a merge
 // never brings a third subtree nearer; or by a full sweep from the top (MacDonald & Booth, 1990).
@@ -130,137 +130,188 @@ class TreeletAgglomeration {
   uint32_t counts_[kMostJoined];
 };
 
-/// By a full sweep: a range of the items is split where areas times weights are smallest.
+/// By a full sweep: a range of the items is split where areas times weights are smallest. Ranges
+/// are split a level at a time, each axis of each of them by a lane of its own.
 class TreeletSweep {
  public:
-  UMBEL_HOST_DEVICE void run(const JoinItem* items, uint32_t count, Join* joins) {
-    items_ = items;
-    for (uint32_t i = 0; i < count; ++i)
-      // n primitives below take somewhere between one visit and n.
+  /// By a team, all of whose lanes see the joins after its next sync.
+  template <typename Team>
+  UMBEL_HOST_DEVICE void run(const Team& team, const JoinItem* items, uint32_t count, Join* joins) {
+    // n primitives below take somewhere between one visit and n.
+    for (uint32_t i = team.rank(); i < count; i += team.size())
       weights_[i] = std::sqrt(static_cast<float>(items[i].count));
-    for (int axis = 0; axis < 3; ++axis) sort(axis, count);
+    for (uint32_t axis = 0; axis < 3; ++axis) sort(team, items, axis, count);
+    if (team.rank() == 0) ranges_[0] = {0, count};
+    team.sync();
     // Ranges in the order in which they are found, those that they are split into later: joins in
     // reverse.
-    ranges_[0] = {0, count};
-    uint32_t found = 1;
-    for (uint32_t r = 0; r < found; ++r) {
-      const Range range = ranges_[r];
-      const uint32_t left = split(range);
-      const auto node_of = [&](Range part) {
-        if (part.count == 1) return static_cast<uint32_t>(orders_[0][part.offset]);
-        ranges_[found] = part;
-        return count + (count - 2 - found++);
-      };
-      Join& join = joins[count - 2 - r];
-      join.left = node_of({range.offset, left});
-      join.right = node_of({range.offset + left, range.count - left});
+    for (uint32_t begin = 0, end = 1; begin < end;) {
+      const uint32_t tasks = (end - begin) * 3;
+      for (uint32_t t = team.rank(); t < tasks; t += team.size())
+        choices_[t] = cheapest(items, ranges_[begin + t / 3], t % 3);
+      team.sync();
+      for (uint32_t r = team.rank(); r < end - begin; r += team.size())
+        choose(ranges_[begin + r], &choices_[3 * r]);
+      team.sync();
+      for (uint32_t t = team.rank(); t < tasks; t += team.size())
+        partition(ranges_[begin + t / 3], choices_[t / 3 * 3], t % 3);
+      team.sync();
+      if (team.rank() == 0) found_ = link(begin, end, count, joins);
+      team.sync();
+      begin = end;
+      end = found_;
     }
   }
 
  private:
-  UMBEL_HOST_DEVICE static float component(const Vec3& v, int axis) {
+  struct Choice {
+    float cost;
+    uint8_t position;
+    uint8_t axis;
+  };
+
+  UMBEL_HOST_DEVICE static float component(const Vec3& v, uint32_t axis) {
     return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
   }
+  UMBEL_HOST_DEVICE static float center_of(const JoinItem& item, uint32_t axis) {
+    return component(item.box.min, axis) + component(item.box.max, axis);
+  }
 
-  UMBEL_HOST_DEVICE void sort(int axis, uint32_t count) {
+  template <typename Team>
+  UMBEL_HOST_DEVICE void sort(const Team& team, const JoinItem* items, uint32_t axis,
+                              uint32_t count) {
     uint8_t* order = orders_[axis];
-    for (uint32_t i = 0; i < count; ++i) {
-      const Aabb& box = items_[i].box;
-      const float center = component(box.min, axis) + component(box.max, axis);
-      uint32_t at = i;
-      for (; at > 0 && centers_[at - 1] > center; --at) {
-        centers_[at] = centers_[at - 1];
-        order[at] = order[at - 1];
+    float* centers = right_[axis];
+    if constexpr (Team::kIsSerial) {
+      for (uint32_t i = 0; i < count; ++i) {
+        const float center = center_of(items[i], axis);
+        uint32_t at = i;
+        for (; at > 0 && centers[at - 1] > center; --at) {
+          centers[at] = centers[at - 1];
+          order[at] = order[at - 1];
+        }
+        centers[at] = center;
+        order[at] = static_cast<uint8_t>(i);
       }
-      centers_[at] = center;
-      order[at] = static_cast<uint8_t>(i);
+    } else {
+      for (uint32_t i = team.rank(); i < count; i += team.size())
+        centers[i] = center_of(items[i], axis);
+      team.sync();
+      for (uint32_t i = team.rank(); i < count; i += team.size()) {
+        uint32_t before = 0;
+        for (uint32_t j = 0; j < count; ++j)
+          before += centers[j] < centers[i] || (centers[j] == centers[i] && j < i) ? 1 : 0;
+        order[before] = static_cast<uint8_t>(i);
+      }
+      team.sync();
     }
   }
 
-  /// Orders the range so that what goes left comes first, and returns how many.
-  UMBEL_HOST_DEVICE uint32_t split(Range range) {
-    if (range.count == 2) return 1;
-    float least = std::numeric_limits<float>::infinity();
-    uint32_t position = range.count / 2;
-    int chosen = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const uint8_t* order = orders_[axis] + range.offset;
-      Aabb box;
-      float weight = 0;
-      for (uint32_t i = range.count; i-- > 1;) {
-        extend(box, items_[order[i]].box);
-        weight += weights_[order[i]];
-        right_[i] = area_of(box) * weight;
-      }
-      box = {};
-      weight = 0;
-      for (uint32_t i = 1; i < range.count; ++i) {
-        extend(box, items_[order[i - 1]].box);
-        weight += weights_[order[i - 1]];
-        const float cost = area_of(box) * weight + right_[i];
-        if (cost >= least) continue;
-        least = cost;
-        position = i;
-        chosen = axis;
-      }
+  UMBEL_HOST_DEVICE Choice cheapest(const JoinItem* items, const Range& range, uint32_t axis) {
+    Choice best{std::numeric_limits<float>::infinity(), static_cast<uint8_t>(range.count / 2),
+                static_cast<uint8_t>(axis)};
+    if (range.count == 2) return best;
+    const uint8_t* order = orders_[axis] + range.offset;
+    float* right = right_[axis] + range.offset;
+    Aabb box;
+    float weight = 0;
+    for (uint32_t i = range.count; i-- > 1;) {
+      extend(box, items[order[i]].box);
+      weight += weights_[order[i]];
+      right[i] = area_of(box) * weight;
     }
-    partition(range, chosen, position);
-    return position;
+    box = {};
+    weight = 0;
+    for (uint32_t i = 1; i < range.count; ++i) {
+      extend(box, items[order[i - 1]].box);
+      weight += weights_[order[i - 1]];
+      const float cost = area_of(box) * weight + right[i];
+      if (cost >= best.cost) continue;
+      best.cost = cost;
+      best.position = static_cast<uint8_t>(i);
+    }
+    return best;
   }
 
-  UMBEL_HOST_DEVICE void partition(Range range, int chosen, uint32_t position) {
+  /// The cheapest of three axes comes first, and its left items are marked.
+  UMBEL_HOST_DEVICE void choose(const Range& range, Choice* choices) {
+    for (uint32_t axis = 1; axis < 3; ++axis)
+      if (choices[axis].cost < choices[0].cost) choices[0] = choices[axis];
+    const uint8_t* order = orders_[choices[0].axis] + range.offset;
+    for (uint32_t i = 0; i < range.count; ++i) goes_left_[order[i]] = i < choices[0].position;
+  }
+
+  UMBEL_HOST_DEVICE void partition(const Range& range, const Choice& choice, uint32_t axis) {
+    if (axis == choice.axis) return;
+    uint8_t *order = orders_[axis] + range.offset, *kept = kept_[axis] + range.offset;
+    uint32_t left = 0, right = 0;
     for (uint32_t i = 0; i < range.count; ++i)
-      goes_left_[orders_[chosen][range.offset + i]] = i < position;
-    for (int axis = 0; axis < 3; ++axis) {
-      if (axis == chosen) continue;
-      uint8_t* order = orders_[axis] + range.offset;
-      uint32_t left = 0, right = 0;
-      for (uint32_t i = 0; i < range.count; ++i)
-        (goes_left_[order[i]] ? order[left++] : kept_[right++]) = order[i];
-      for (uint32_t i = 0; i < right; ++i) order[left + i] = kept_[i];
-    }
+      (goes_left_[order[i]] ? order[left++] : kept[right++]) = order[i];
+    for (uint32_t i = 0; i < right; ++i) order[left + i] = kept[i];
   }
 
-  const JoinItem* items_;
-  float weights_[kMostJoined], centers_[kMostJoined], right_[kMostJoined];
+  /// Makes the joins of the ranges that were split, and lists what they were split into. Returns
+  /// how many ranges there are then.
+  UMBEL_HOST_DEVICE uint32_t link(uint32_t begin, uint32_t end, uint32_t count, Join* joins) {
+    uint32_t found = end;
+    const auto node_of = [&](Range part) {
+      if (part.count == 1) return static_cast<uint32_t>(orders_[0][part.offset]);
+      ranges_[found] = part;
+      return count + (count - 2 - found++);
+    };
+    for (uint32_t r = begin; r < end; ++r) {
+      const Range range = ranges_[r];
+      const uint32_t left = choices_[3 * (r - begin)].position;
+      Join& join = joins[count - 2 - r];
+      join.left = node_of({range.offset, left});
+      join.right = node_of({range.offset + left, range.count - left});
+    }
+    return found;
+  }
+
+  float weights_[kMostJoined], right_[3][kMostJoined];
   Range ranges_[kMostJoined];
-  uint8_t orders_[3][kMostJoined], kept_[kMostJoined];
+  Choice choices_[3 * kMostJoined / 2];  ///< ranges of a level have two items at least
+  uint32_t found_;
+  uint8_t orders_[3][kMostJoined], kept_[3][kMostJoined];
   bool goes_left_[kMostJoined];
 };
 
-/// A treelet: its items, the best way found to join them, and what is left to the one above. It may
-/// lie in memory that a team shares, so nothing has a value at first.
+/// A treelet: its items, the best way found to join them, and what is left to the one above. It
+/// lies in memory that a team shares, so nothing has a value at first.
 class TreeletJoin {
  public:
-  UMBEL_HOST_DEVICE void begin(const LeafRule& rule) {
-    rule_ = &rule;
-    size_ = 0;
+  /// By one lane; at most kMostJoined items.
+  UMBEL_HOST_DEVICE void begin(uint32_t items) {
+    size_ = items;
     cost_ = 0;
   }
-
-  /// At most kMostJoined in all.
-  UMBEL_HOST_DEVICE void add(const JoinItem& item) { nodes_[size_++] = item; }
+  UMBEL_HOST_DEVICE void put(uint32_t i, const JoinItem& item) { nodes_[i] = item; }
 
   /// By a team, once all lanes see the items.
   template <typename Team>
-  UMBEL_HOST_DEVICE void agglomerate(const Team& team, TreeletAgglomeration& agglomeration) {
+  UMBEL_HOST_DEVICE void agglomerate(const Team& team, const LeafRule& rule,
+                                     TreeletAgglomeration& agglomeration) {
     if (size_ < 2) return;
     agglomeration.run(team, nodes_, size_, joins_);
+    if (team.rank() == 0) cost_ = evaluate(rule, joins_);
     team.sync();
-    if (team.rank() == 0) cost_ = evaluate(joins_);
   }
 
-  /// Keeps what is there if it is cheaper.
-  UMBEL_HOST_DEVICE void sweep(TreeletSweep& sweep) {
+  /// By a team. Keeps what is there if it is cheaper.
+  template <typename Team>
+  UMBEL_HOST_DEVICE void sweep(const Team& team, const LeafRule& rule, TreeletSweep& sweep) {
     if (size_ < 3) return;
-    sweep.run(nodes_, size_, swept_);
-    if (evaluate(swept_) < cost_)
+    sweep.run(team, nodes_, size_, swept_);
+    if (team.rank() != 0) return;
+    if (evaluate(rule, swept_) < cost_)
       for (uint32_t i = 0; i + 1 < size_; ++i) joins_[i] = swept_[i];
-    evaluate(joins_);
+    evaluate(rule, joins_);
   }
 
-  /// Opens the joins with the largest boxes until `left` nodes are left, makes the others, and
-  /// writes what is left. Each merge takes the slot of one of its two. Returns how many are left.
+  /// By one lane. Opens the joins with the largest boxes until `left` nodes are left, makes the
+  /// others, and writes what is left. Each merge takes the slot of one of its two. Returns how many
+  /// are left.
   UMBEL_HOST_DEVICE uint32_t hand_up(uint32_t left, Merge* merges, JoinItem* out) {
     if (size_ == 0) return 0;
     const uint32_t root = 2 * size_ - 2;
@@ -287,13 +338,13 @@ class TreeletJoin {
 
  private:
   /// Boxes, counts and costs of all joins; returns the cost of the last one.
-  UMBEL_HOST_DEVICE float evaluate(const Join* joins) {
+  UMBEL_HOST_DEVICE float evaluate(const LeafRule& rule, const Join* joins) {
     for (uint32_t i = 0; i + 1 < size_; ++i) {
       const JoinItem &a = nodes_[joins[i].left], &b = nodes_[joins[i].right];
       JoinItem& node = nodes_[size_ + i];
       node.box = united(a.box, b.box);
       node.count = a.count + b.count;
-      node.cost = rule_->cheaper(node.box, node.count, a.cost, b.cost);
+      node.cost = rule.cheaper(node.box, node.count, a.cost, b.cost);
     }
     return nodes_[2 * size_ - 2].cost;
   }
@@ -306,7 +357,6 @@ class TreeletJoin {
     node.slot = a.slot;
   }
 
-  const LeafRule* rule_;
   uint32_t size_;  ///< items
   float cost_;
   Join joins_[kMostJoined], swept_[kMostJoined];

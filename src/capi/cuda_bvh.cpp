@@ -10,11 +10,7 @@ namespace {
 static_assert(sizeof(umbel_compact_info) == sizeof(bvh::CompactInfo));
 
 cuda::DeviceBvhConfig bvh_config_of(const umbel_cuda_bvh_config* given) {
-  const umbel_cuda_bvh_config& c = not_null(given, "config");
-  if (c.struct_size != sizeof c)
-    throw Error(ErrorCode::kUnsupported,
-                "config has a struct_size of " + std::to_string(c.struct_size) + ", not " +
-                    std::to_string(sizeof c) + ": umbel_cuda_bvh_config_init sets it");
+  const umbel_cuda_bvh_config& c = sized_config(given, "umbel_cuda_bvh_config_init");
   cuda::DeviceBvhConfig config;
   config.builder = static_cast<cuda::DeviceBuilder>(c.builder);
   config.cost = {c.traversal_cost, c.intersection_cost};
@@ -49,14 +45,6 @@ umbel_cuda_bvh_config config_of(const cuda::DeviceBvhConfig& c) {
           c.kmeans.iterations,
           c.kmeans.distance == bvh::KmeansDistance::kManhattan ? 1u : 0u,
           c.kmeans.handed_up};
-}
-
-/// Only looked at when there is work to do.
-cuda::DeviceBvh bvh_of(const umbel_cuda_bvh* given, const void* scratch, const char* name) {
-  if (!given && !scratch) return {};
-  const umbel_cuda_bvh& b = not_null(given, name);
-  return {static_cast<bvh::CompactNode*>(b.nodes), static_cast<bvh::CompactTriangle*>(b.triangles),
-          reinterpret_cast<bvh::CompactInfo*>(b.info)};
 }
 
 }  // namespace
@@ -100,7 +88,6 @@ umbel_result umbel_cuda_refit_bvh(void* scratch, size_t* scratch_bytes, const um
   return guard([&] {
     umbel::cuda::refit_bvh(scratch, umbel::capi::bytes_of(scratch_bytes),
                            umbel::capi::mesh_of(mesh), umbel::capi::bvh_config_of(config),
-                           umbel::capi::bvh_of(bvh, scratch, "bvh"),
-                           umbel::capi::stream_of(stream));
+                           umbel::capi::bvh_of(bvh, scratch), umbel::capi::stream_of(stream));
   });
 }

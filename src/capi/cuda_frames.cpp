@@ -7,11 +7,7 @@ namespace umbel::capi {
 namespace {
 
 FrameClusterConfig config_of(const umbel_frame_config* given) {
-  const umbel_frame_config& c = not_null(given, "config");
-  if (c.struct_size != sizeof c)
-    throw Error(ErrorCode::kUnsupported,
-                "config has a struct_size of " + std::to_string(c.struct_size) + ", not " +
-                    std::to_string(sizeof c) + ": umbel_frame_config_init sets it");
+  const umbel_frame_config& c = sized_config(given, "umbel_frame_config_init");
   return {static_cast<FrameMethod>(c.method),
           c.max_triangles,
           c.min_triangles,

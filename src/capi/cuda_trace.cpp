@@ -8,18 +8,12 @@
 namespace umbel::capi {
 namespace {
 
-/// Pointers are only looked at when there is work to do.
-cuda::DeviceBvh bvh_of(const umbel_cuda_bvh* given, const void* scratch) {
-  if (!given && !scratch) return {};
-  const umbel_cuda_bvh& b = not_null(given, "bvh");
-  return {static_cast<bvh::CompactNode*>(b.nodes), static_cast<bvh::CompactTriangle*>(b.triangles),
-          reinterpret_cast<bvh::CompactInfo*>(b.info)};
-}
-
 cuda::DeviceRays rays_of(const umbel_cuda_rays* given) {
   const umbel_cuda_rays& r = not_null(given, "rays");
-  return {r.origins, r.directions,      r.origin_stride, r.direction_stride,    r.t_min,
-          r.t_max,   r.interval_stride, r.count,         r.cull_back_faces != 0};
+  return {
+      r.origins, r.directions,      r.origin_stride, r.direction_stride,     r.t_min,
+      r.t_max,   r.interval_stride, r.count,         r.cull_back_faces != 0, r.masks ? r.mask : ~0u,
+      r.masks};
 }
 
 const Aabb* boxes_of(const umbel_aabb* boxes) { return reinterpret_cast<const Aabb*>(boxes); }

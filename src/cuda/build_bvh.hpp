@@ -56,18 +56,20 @@ void build_by_codes(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes
     bvh::radix_merges(exec, codes, primitives, boxes, n, merges, root);
   }
   if (config.builder == DeviceBuilder::kAtrbvh && n > 2) {
+    stage("radix tree");
     bvh::TreeletRounds<Exec> rounds(exec, bvh::TreeletInput{boxes, nullptr, n, merges}, root,
                                     bvh::LeafRule(config.cost, config.max_leaf_size));
     for (uint32_t i = 0; i < config.treelet_rounds; ++i) rounds.run_round(config.treelet_size);
   }
 }
 
-template <typename Exec>
+template <typename Exec, typename Stage>
 void build_kmeans(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
-                  bvh::Merge* merges, bvh::Subtree* root) {
+                  bvh::Merge* merges, bvh::Subtree* root, const Stage& stage) {
   exec.for_each(n, [=] UMBEL_DEVICE_LAMBDA(size_t i) { merges[i].count = 0; });
   bvh::KmeansPasses<Exec> passes(exec, boxes, n, config.kmeans, bvh::kFewForKmeans);
   passes.run([](double) {});
+  stage("clusters");
   bvh::KmeansTreelets<Exec>(exec, passes, bvh::LeafRule(config.cost, config.max_leaf_size),
                             bvh::handed_up(config.kmeans), merges)
       .run(root);
@@ -85,7 +87,7 @@ template <typename Exec, typename Stage>
 void build_merges(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
                   bvh::Merge* merges, bvh::Subtree* root, const Stage& stage) {
   if (config.builder == DeviceBuilder::kKmeans)
-    build_kmeans(exec, config, boxes, n, merges, root);
+    build_kmeans(exec, config, boxes, n, merges, root, stage);
   else if (config.builder == DeviceBuilder::kSweep)
     build_sweep(exec, boxes, n, merges, root);
   else if (config.builder == DeviceBuilder::kPloc)

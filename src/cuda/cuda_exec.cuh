@@ -5,6 +5,7 @@
 // run, which is how the size of the scratch memory is asked for.
 #pragma once
 
+#include <cooperative_groups.h>
 #include <cuda_runtime.h>
 #include <thrust/iterator/counting_iterator.h>
 #include <thrust/iterator/transform_iterator.h>
@@ -44,6 +45,23 @@ __global__ void __launch_bounds__(kThreads)
   for (size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x; i < n;
        i += size_t(gridDim.x) * kThreads)
     body(i);
+}
+
+/// One kernel for all layers, whose blocks wait for each other between them; so all of them must be
+/// on the device at a time.
+template <typename Body>
+__global__ void __launch_bounds__(kThreads)
+    run_layers(const uint32_t* counts, uint32_t layers, uint32_t most, uint32_t each, Body body) {
+  const auto grid = cooperative_groups::this_grid();
+  for (uint32_t layer = 0; layer < layers; ++layer) {
+    const uint32_t count = __ldcg(counts + layer);
+    if (count == 0) return;  // for all blocks
+    const size_t n = size_t(each) * (count < most ? count : most);
+    for (size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x; i < n;
+         i += size_t(gridDim.x) * kThreads)
+      body(layer, i);
+    grid.sync();
+  }
 }
 
 /// Walks of lanes that stay while walks come and go (persistent threads: Aila & Laine,
@@ -186,19 +204,27 @@ class CudaExec {
   }
 
   template <typename Body>
+  void for_each_layer(const uint32_t* counts, uint32_t layers, uint32_t most, uint32_t each,
+                      const Body& body) {
+    const size_t n = size_t(each) * most;
+    if (n == 0 || layers == 0 || arena_.counts()) return;
+    const size_t blocks = std::min((n + detail::kThreads - 1) / detail::kThreads,
+                                   resident_blocks(detail::run_layers<Body>, detail::kThreads));
+    Body copy = body;
+    void* arguments[] = {&counts, &layers, &most, &each, &copy};
+    check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(detail::run_layers<Body>),
+                                      dim3(uint32_t(blocks)), dim3(detail::kThreads), arguments, 0,
+                                      stream_),
+          "starting a kernel of layers");
+  }
+
+  template <typename Body>
   void for_each_walk(size_t n, const Body& body) {
     const auto next = allocate<unsigned long long>(1);
     if (n == 0 || arena_.counts()) return;
     check(cudaMemsetAsync(next.data(), 0, sizeof(unsigned long long), stream_), "clearing");
-    int device = 0, multiprocessors = 0, each = 0;
-    check(cudaGetDevice(&device), "asking for the device");
-    check(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device),
-          "asking for the device's size");
-    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, detail::run_walks<Body>,
-                                                        detail::kWalkThreads, 0),
-          "asking how much of a kernel a multiprocessor holds");
-    const size_t all = size_t(multiprocessors) * size_t(std::max(each, 1));
-    const size_t blocks = std::min((n + detail::kWalkThreads - 1) / detail::kWalkThreads, all);
+    const size_t blocks = std::min((n + detail::kWalkThreads - 1) / detail::kWalkThreads,
+                                   resident_blocks(detail::run_walks<Body>, detail::kWalkThreads));
     detail::run_walks<<<uint32_t(blocks), detail::kWalkThreads, 0, stream_>>>(n, next.data(), body);
     check(cudaGetLastError(), "starting a kernel of walks");
   }
@@ -280,6 +306,18 @@ class CudaExec {
     if (count > 0x7fffffffu)
       throw Error(ErrorCode::kUnsupported, "more work than a grid of a CUDA device can have");
     return static_cast<uint32_t>(count);
+  }
+
+  /// Blocks of a kernel that the device holds at a time.
+  template <typename Kernel>
+  static size_t resident_blocks(Kernel* kernel, uint32_t threads) {
+    int device = 0, multiprocessors = 0, each = 0;
+    check(cudaGetDevice(&device), "asking for the device");
+    check(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device),
+          "asking for the device's size");
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, int(threads), 0),
+          "asking how much of a kernel a multiprocessor holds");
+    return size_t(multiprocessors) * size_t(std::max(each, 1));
   }
 
   /// Asks CUB for its scratch size, and if anything is to be done, does it.

@@ -112,9 +112,8 @@ struct StartInstance {
 /// Lanes of a queued node visit its children.
 struct VisitChildren {
   Selecting s;
-  uint32_t layer;  ///< of the queued nodes
 
-  UMBEL_HOST_DEVICE void operator()(size_t i) const {
+  UMBEL_HOST_DEVICE void operator()(uint32_t layer, size_t i) const {
     const QueuedNode at = s.queues[layer % 2][i / Selecting::kLanes];
     const Range children = s.tables.nodes[at.node].children;
     for (uint32_t k = i % Selecting::kLanes; k < children.count; k += Selecting::kLanes)
@@ -288,9 +287,9 @@ void select_by_queue(Exec& exec, const DeviceTables& tables, const DeviceScene& 
   const size_t cleared = std::max<size_t>({s.all_words(), tables.layers, pages.page_count, 1});
   exec.for_each(cleared, ClearSelection{s});
   if (tables.layers > 0) exec.for_each(instances, StartInstance{s});
-  for (uint32_t layer = 0; layer + 1 < tables.layers; ++layer)
-    exec.for_each_of(lengths.data() + layer, room.queue, Selecting::kLanes,
-                     VisitChildren{s, layer});
+  if (tables.layers > 1)
+    exec.for_each_layer(lengths.data(), tables.layers - 1, room.queue, Selecting::kLanes,
+                        VisitChildren{s});
   list_cuts(exec, s, room, out);
   if (!urgencies || !feedback.requests) return;
   exec.select(

@@ -43,7 +43,8 @@ struct TraceRay {
   uint8_t* results;
 
   UMBEL_HOST_DEVICE bool begin(size_t i, State& s) const {
-    if (!s.visitor.begin(tree, ray_at(rays, i), rays.cull_back_faces)) return false;
+    if (!s.visitor.begin(tree, ray_at(rays, i), rays.cull_back_faces, {rays.masks, rays.mask}))
+      return false;
     s.walk.begin(tree, s.visitor);
     return true;
   }

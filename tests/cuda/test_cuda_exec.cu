@@ -66,6 +66,30 @@ class ExecOnDevice : public OnDevice {
     });
     EXPECT_EQ(values.read(), expected);
   }
+  /// Each element of a layer makes two of the next one, as long as their numbers are below a
+  /// million.
+  void layers() {
+    constexpr uint32_t kEnd = 1000000, kLayers = 23;
+    std::vector<uint32_t> counts_of_layers(kLayers + 1, 0), expected(kEnd, 1);
+    counts_of_layers[0] = 1;
+    expected[0] = 0;
+    const DeviceArray<uint32_t> counts(counts_of_layers), odd(kEnd);
+    const DeviceArray<uint32_t> even(std::vector<uint32_t>(kEnd, 1)),
+        seen(std::vector<uint32_t>(kEnd, 0));
+    run([&](CudaExec& exec) {
+      exec.for_each_layer(counts.data(), kLayers, kEnd, 2,
+                          [counts = counts.data(), even = even.data(), odd = odd.data(),
+                           seen = seen.data()] __device__(uint32_t layer, size_t i) {
+                            const uint32_t number = (layer % 2 == 0 ? even : odd)[i / 2];
+                            if (i % 2 == 0) ++seen[number];
+                            const uint32_t next = 2 * number + uint32_t(i % 2);
+                            if (next < kEnd)
+                              (layer % 2 == 0 ? odd : even)[atomic_count(&counts[layer + 1])] =
+                                  next;
+                          });
+    });
+    EXPECT_EQ(seen.read(), expected);
+  }
   void select(size_t n) {
     const auto keys = random_keys<uint32_t>(n, 3);
     std::vector<uint32_t> expected(n);
@@ -115,6 +139,7 @@ class ExecOnDevice : public OnDevice {
 TEST_F(ExecOnDevice, for_each_visits_each_index_once) {
   for (const size_t n : kSizes) for_each(n);
 }
+TEST_F(ExecOnDevice, layers_follow_each_other_until_one_is_empty) { layers(); }
 TEST_F(ExecOnDevice, reduce_sums) {
   for (const size_t n : kSizes) reduce(n);
 }

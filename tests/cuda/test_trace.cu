@@ -87,6 +87,29 @@ TEST_F(TraceOnDevice, hits_are_those_of_the_processor) {
     }
 }
 
+TEST_F(TraceOnDevice, masks_hide_triangles) {
+  const Mesh mesh = shapes::soup(700, 2);
+  std::vector<uint32_t> masks(mesh.triangles.size());
+  for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1u << i % 3;
+  const TriangleBvh expected = TriangleBvh::build(mesh.view(), {}, masks);
+  const Tree tree(mesh);
+  const auto rays = adversarial_rays(mesh.view(), 1000, 3);
+  const DeviceArray<Ray> given(rays);
+  const DeviceArray<uint32_t> masks_there(masks), primitives(rays.size());
+  for (const uint32_t mask : {0u, 2u, 6u}) {
+    DeviceRays masked = rays_of(given);
+    masked.mask = mask;
+    masked.masks = masks_there.data();
+    with_scratch([&](void* scratch, size_t& bytes) {
+      intersect_rays(scratch, bytes, tree.view(), masked, {nullptr, primitives.data(), nullptr});
+    });
+    const auto ids = primitives.read();
+    const RayOptions options{.mask = mask};
+    for (size_t i = 0; i < rays.size(); ++i)
+      ASSERT_EQ(ids[i], expected.intersect(rays[i], options).primitive) << "ray " << i;
+  }
+}
+
 TEST_F(TraceOnDevice, hits_are_those_of_brute_force) {
   for (const Mesh& mesh : meshes()) {
     const Tree tree(mesh);

@@ -66,6 +66,27 @@ def test_intervals_and_back_faces(package):
     assert np.array_equal(package.get(dark) == 1, lit)
 
 
+def test_rays_see_triangles_that_share_a_bit_with_their_mask(package):
+    mesh = umbel.shapes.blob(3, seed=3)
+    triangles = np.asarray(mesh.triangles).astype(np.int32)
+    masks = (1 << np.arange(len(triangles)) % 3).astype(np.uint32)
+    given = (package.put(np.asarray(mesh.positions)), package.put(triangles))
+    tree = cuda.Bvh(*given, masks=package.put(masks.view(np.int32)), **package.options)
+    expected = umbel.Bvh(mesh, masks=masks)
+    origins, directions = some_rays(np.asarray(mesh.positions), triangles, 1000)
+    rays = package.put(origins), package.put(directions)
+    for mask in (0, 1, 6, 0xFFFFFFFF):
+        truth = expected.intersect(origins, directions, mask=mask)
+        found = package.get(tree.intersect(*rays, mask=mask)["primitive"])
+        assert np.array_equal(found, truth.primitive)
+        lit = package.get(tree.occluded(*rays, mask=mask))
+        assert np.array_equal(lit == 1, np.isfinite(truth.t))
+    with pytest.raises(umbel.Error, match="mask must have 32 bits, not -1"):
+        tree.intersect(*rays, mask=-1)
+    with pytest.raises(umbel.Error, match=f"there are {len(triangles)} triangles, but 5 masks"):
+        cuda.Bvh(*given, masks=package.put(masks[:5].view(np.int32)), **package.options)
+
+
 def test_closest_points_are_those_of_the_processor(package):
     positions, _, tree, expected = mesh_and_trees(package)
     points = np.random.default_rng(5).uniform(-2, 2, (2000, 3)).astype(np.float32)

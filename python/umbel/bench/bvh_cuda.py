@@ -171,7 +171,7 @@ def report(found: DeviceComparison) -> str:
     """The comparison as a Markdown document."""
     parts = [
         f"# Builders of hierarchies on {found.device}",
-        f"Medians of {found.runs} runs (of the sweep, at most 3), by events, without copies to or "
+        f"Medians of {found.runs} runs (of the sweep, at most 3), without copies to or "
         "from the device. A sample is one ray through each pixel of three pictures of 512 x 512, "
         f"and one diffuse bounce from what it hits; LQ is a build and {LQ} samples, HQ one and "
         f"{HQ}. Ratios are to the full sweep with zero build time: SAH and total times are better "

@@ -79,6 +79,32 @@ TEST(Exec, for_each_visits_each_index_once) {
   }
 }
 
+TEST(Exec, layers_follow_each_other_until_one_is_empty) {
+  // Each element of a layer makes two of the next one, as long as their numbers are below 100.
+  const CpuBuffer<uint32_t> counts(10);
+  std::fill_n(counts.data(), 10, 0u);
+  const CpuBuffer<uint32_t> layers[2]{CpuBuffer<uint32_t>(200), CpuBuffer<uint32_t>(200)};
+  std::vector<uint32_t> seen(100);
+  counts.data()[0] = 1;
+  layers[0].data()[0] = 1;
+  CpuExec().for_each_layer(counts.data(), 9, 200, 2, [&](uint32_t layer, size_t i) {
+    const uint32_t number = layers[layer % 2].data()[i / 2];
+    if (i % 2 == 0) ++seen[number];
+    const auto next = uint32_t(2 * number + i % 2);
+    if (next < 100) layers[1 - layer % 2].data()[atomic_count(&counts.data()[layer + 1])] = next;
+  });
+  for (uint32_t i = 1; i < 100; ++i) EXPECT_EQ(seen[i], 1u) << i;
+  EXPECT_EQ(counts.data()[6], 36u);
+  EXPECT_EQ(counts.data()[7], 0u);
+  // Not more layers than said, and of each not more than there is room for.
+  uint32_t calls = 0;
+  std::fill_n(counts.data(), 10, 7u);
+  with_threads(1, [&] {
+    CpuExec().for_each_layer(counts.data(), 3, 5, 2, [&](uint32_t, size_t) { ++calls; });
+  });
+  EXPECT_EQ(calls, 30u);
+}
+
 TEST(Exec, reduce_folds_in_fixed_order) {
   CpuExec exec;
   for (const size_t n : kSizes) {

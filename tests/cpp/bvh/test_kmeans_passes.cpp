@@ -1,10 +1,11 @@
 // What the passes of k-means promise to executors other than the processor's: nothing depends on
-// the order in which the elements of a loop are done.
+// the order in which the elements of a loop are done, nor on how many lanes do one of them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numeric>
 
+#include "base/thread_teams.hpp"
 #include "bvh/kmeans_passes.hpp"
 #include "bvh/kmeans_treelets.hpp"
 #include "bvh/tree_tests.hpp"
@@ -15,6 +16,8 @@ namespace {
 /// One thread that does the last element of every loop first.
 class BackwardExec {
  public:
+  static constexpr bool kSerialTeams = true;
+
   template <typename T>
   using Buffer = CpuBuffer<T>;
 
@@ -106,6 +109,12 @@ Made make(const std::vector<Aabb>& boxes, const KmeansConfig& config) {
   return made;
 }
 
+void expect_same(const Made& made, const Made& expected) {
+  EXPECT_EQ(made.clusters, expected.clusters);
+  EXPECT_EQ(made.primitives, expected.primitives);
+  expect_same(made.tree, expected.tree);
+}
+
 class KmeansPassesTest : public ::testing::TestWithParam<KmeansDistance> {};
 INSTANTIATE_TEST_SUITE_P(Distances, KmeansPassesTest,
                          ::testing::Values(KmeansDistance::kEuclidean, KmeansDistance::kManhattan));
@@ -117,12 +126,34 @@ TEST_P(KmeansPassesTest, give_the_same_in_any_order) {
     for (const NamedBoxes& input : inputs) {
       SCOPED_TRACE(input.name);
       const KmeansConfig config{.clusters = k, .distance = GetParam()};
-      const Made forward = make<CpuExec>(input.boxes, config);
-      const Made backward = make<BackwardExec>(input.boxes, config);
-      EXPECT_EQ(forward.clusters, backward.clusters);
-      EXPECT_EQ(forward.primitives, backward.primitives);
-      expect_same(forward.tree, backward.tree);
+      expect_same(make<BackwardExec>(input.boxes, config), make<CpuExec>(input.boxes, config));
     }
+}
+
+TEST_P(KmeansPassesTest, give_the_same_by_teams) {
+  for (NamedBoxes input : nasty_boxes()) {
+    SCOPED_TRACE(input.name);
+    if (input.boxes.size() > 130) input.boxes.resize(130);
+    const KmeansConfig config{.clusters = 3, .distance = GetParam()};
+    expect_same(make<ThreadTeamExec>(input.boxes, config), make<CpuExec>(input.boxes, config));
+  }
+  // Of several chunks.
+  const std::vector<Aabb> boxes = random_boxes(600, 1);
+  for (const uint32_t k : {8u, 64u}) {
+    const KmeansConfig config{.clusters = k, .distance = GetParam()};
+    expect_same(make<ThreadTeamExec>(boxes, config), make<CpuExec>(boxes, config));
+  }
+}
+
+TEST_P(KmeansPassesTest, items_at_one_place_are_divided_evenly) {
+  // Two places, so far apart that the means of both round to one: and then each by itself.
+  std::vector<Aabb> boxes(1000, Aabb{{1, 1, 1}, {1, 1, 1}});
+  for (size_t i = 0; i < 10; ++i) boxes[100 * i] = {{1e9f, 1, 1}, {1e9f, 1, 1}};
+  const KmeansConfig config{.clusters = 8, .distance = GetParam()};
+  const Made made = make<CpuExec>(boxes, config);
+  for (size_t i = 0; i < made.clusters.size(); i += 4)
+    if (made.clusters[i + 3] == 0) EXPECT_LE(made.clusters[i + 1], kFewForKmeans);
+  expect_same(make<ThreadTeamExec>(boxes, config), made);
 }
 
 TEST(KmeansDistanceTest, medians_of_a_group_are_its_middle) {

@@ -26,24 +26,29 @@ DeviceRays of(const std::vector<Ray>& rays, bool cull_back = false) {
           &rays[0].t_max,  sizeof(Ray),        rays.size(), cull_back};
 }
 
-Hits intersect(const bvh::CompactTree& tree, const std::vector<Ray>& rays, bool cull_back = false) {
+Hits intersect(const bvh::CompactTree& tree, const DeviceRays& rays) {
   CpuExec exec;
-  Hits hits{std::vector<float>(rays.size(), -1), std::vector<float>(2 * rays.size(), -1),
-            std::vector<uint32_t>(rays.size(), 77)};
-  exec.for_each_walk(rays.size(),
-                     TraceRay<false>{tree,
-                                     of(rays, cull_back),
-                                     {hits.t.data(), hits.primitives.data(), hits.uvs.data()},
-                                     nullptr});
+  Hits hits{std::vector<float>(rays.count, -1), std::vector<float>(2 * rays.count, -1),
+            std::vector<uint32_t>(rays.count, 77)};
+  exec.for_each_walk(
+      rays.count,
+      TraceRay<false>{
+          tree, rays, {hits.t.data(), hits.primitives.data(), hits.uvs.data()}, nullptr});
   return hits;
 }
+Hits intersect(const bvh::CompactTree& tree, const std::vector<Ray>& rays, bool cull_back = false) {
+  return intersect(tree, of(rays, cull_back));
+}
 
+std::vector<uint8_t> occluded(const bvh::CompactTree& tree, const DeviceRays& rays) {
+  CpuExec exec;
+  std::vector<uint8_t> results(rays.count, 9);
+  exec.for_each_walk(rays.count, TraceRay<true>{tree, rays, {}, results.data()});
+  return results;
+}
 std::vector<uint8_t> occluded(const bvh::CompactTree& tree, const std::vector<Ray>& rays,
                               bool cull_back = false) {
-  CpuExec exec;
-  std::vector<uint8_t> results(rays.size(), 9);
-  exec.for_each_walk(rays.size(), TraceRay<true>{tree, of(rays, cull_back), {}, results.data()});
-  return results;
+  return occluded(tree, of(rays, cull_back));
 }
 
 void expect_hits_of(const TriangleQueries& expected, const bvh::CompactTree& tree,
@@ -80,6 +85,32 @@ TEST(DeviceTrace, hits_are_those_of_the_processor_on_adversarial_rays) {
       expect_hits_of(TriangleBvh::build(scaled.view()), HalvedTree(scaled.view()).view(),
                      adversarial_rays(scaled.view(), 420, 3));
     }
+}
+
+TEST(DeviceTrace, masks_hide_triangles) {
+  const Mesh mesh = shapes::soup(700, 2);
+  std::vector<uint32_t> masks(mesh.triangles.size());
+  for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1u << i % 3;
+  const TriangleBvh expected = TriangleBvh::build(mesh.view(), {}, masks);
+  const HalvedTree tree(mesh.view());
+  const std::vector<Ray> rays = adversarial_rays(mesh.view(), 420, 3);
+  for (const uint32_t mask : {0u, 1u, 2u, 6u, 8u, ~0u}) {
+    DeviceRays given = of(rays);
+    given.mask = mask;
+    given.masks = masks.data();
+    const Hits hits = intersect(tree.view(), given);
+    const auto any = occluded(tree.view(), given);
+    const RayOptions options{.mask = mask};
+    for (size_t i = 0; i < rays.size(); ++i) {
+      const Hit hit = expected.intersect(rays[i], options);
+      ASSERT_EQ(hits[i], hit) << "ray " << i;
+      ASSERT_EQ(any[i], hit.hit() ? 1 : 0) << "ray " << i;
+    }
+    given.masks = nullptr;  // all bits set
+    EXPECT_EQ(intersect(tree.view(), given).primitives,
+              mask == 0 ? std::vector<uint32_t>(rays.size(), kNone)
+                        : intersect(tree.view(), rays).primitives);
+  }
 }
 
 TEST(DeviceTrace, hits_far_from_the_origin_are_those_of_the_processor) {
