@@ -5,6 +5,7 @@
 // The file that includes this includes what defines umbel::cuda::run before, and gives a class
 //
 //   struct Backend {
+//     static constexpr bool kTakesScratch;  // or memory comes from elsewhere
 //     template <typename T> class Array;  // of a device: Array(size), Array(values, size), data()
 //     std::string name() const;
 //     cuda::Stream stream() const;
@@ -131,9 +132,10 @@ class BuilderComparison {
         build(scene, config, builder == "sweep" ? std::min(runs_, 3) : runs_, scratch_bytes);
     const bvh::CompactInfo info = backend_.read(scene.info.data());
     std::printf(
-        "    {\"builder\": \"%s\", \"sah\": %.6g, \"nodes\": %u, \"scratch_bytes\": %zu, "
+        "    {\"builder\": \"%s\", \"sah\": %.6g, \"nodes\": %u, \"scratch_bytes\": %s, "
         "\"stages\": {",
-        builder.c_str(), static_cast<double>(info.sah_cost), info.nodes, scratch_bytes);
+        builder.c_str(), static_cast<double>(info.sah_cost), info.nodes,
+        Backend::kTakesScratch ? std::to_string(scratch_bytes).c_str() : "null");
     for (size_t i = 0; i < stages.size(); ++i)
       std::printf("%s\"%s\": %.6f", i > 0 ? ", " : "", stages[i].name.c_str(),
                   stages[i].milliseconds);

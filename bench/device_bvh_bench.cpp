@@ -13,6 +13,8 @@ namespace {
 
 class OnProcessor {
  public:
+  static constexpr bool kTakesScratch = false;
+
   template <typename T>
   class Array {
    public:

@@ -1,12 +1,14 @@
 #!/usr/bin/env bash
 # What `make gpu` does, on a machine with a GPU, nvcc, CMake and ninja, and without a network: builds
-# with CUDA, runs the tests on the device, the small ones again under compute-sanitizer's memcheck
-# and racecheck, those of arrays of PyTorch, CuPy and Numba where Python has them, and the benchmarks,
-# and writes bench/results/gpu-<device>.md. Under eight minutes.
+# with CUDA, runs the tests on the device, the benchmarks, the small tests again under
+# compute-sanitizer's memcheck and racecheck, and those of arrays of PyTorch, CuPy and Numba where
+# Python has them. Writes bench/results/gpu-<device>*, and after every step packs that and the logs
+# into gpu-results.tar.gz in $OUT, if there is such a folder. What does not end within eight minutes
+# is cut off, and said to have failed.
 #
 # What CMake would download elsewhere is taken from build/gpu-carry, which `make gpu-carry` fills on a
-# machine with a network (some 30 MB): oneTBB as a wheel, GoogleTest's and meshoptimizer's sources,
-# and the mesh for the benchmark. Carry it along with the repository.
+# machine with a network (46 MB): oneTBB as a wheel, GoogleTest's and meshoptimizer's sources, and two
+# meshes for the benchmarks. Carry it along with the repository.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -18,6 +20,12 @@ fail() {
   exit 1
 }
 step() { printf '== %s (%d s)\n' "$*" $((SECONDS - started)); }
+# within SECONDS COMMAND...: at most so long, and never beyond the eight minutes.
+within() {
+  local left=$((480 - (SECONDS - started))) most=$1
+  shift
+  timeout $((left < 1 ? 1 : left < most ? left : most)) "$@"
+}
 
 [[ $(nvidia-smi -L 2>/dev/null) == *GPU* ]] ||
   fail "there is no NVIDIA GPU here (nvidia-smi lists none); \`make cuda\` builds without one"
@@ -40,49 +48,30 @@ fi
 step "building for $device, compute capability $arch"
 CUDA_ARCHS=$arch scripts/cuda.sh "${arguments[@]}"
 
-step "tests"
-status=0
-ctest --test-dir build/release -L cuda --output-on-failure --no-tests=error || status=1
-
 results=bench/results/gpu-$(tr -cs 'A-Za-z0-9\n' '-' <<<"${device,,}").md
-sanitizer=""
-if command -v compute-sanitizer >/dev/null 2>&1; then
-  for tool in memcheck racecheck; do
-    step "compute-sanitizer $tool"
-    if timeout 100 compute-sanitizer --tool "$tool" --error-exitcode 9 build/release/umbel_cuda_tests \
-      --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:FrameClustersOnDevice.vertex*:'\
-'BuildersSmall*:SelectOnDevice.what_is*:TraceOnDevice.overlaps*:TraceOnDevice.closest*:'\
-'TraceOnDevice.hits_are_those_of_brute*' \
-      >"build/sanitizer-$tool.log" 2>&1; then
-      sanitizer+="$tool found nothing. "
-    else
-      tail -n 20 "build/sanitizer-$tool.log"
-      sanitizer+="$tool failed. "
-      status=1
-    fi
-  done
-else
-  sanitizer="There is no compute-sanitizer here. "
-fi
+keep() {
+  [[ -d ${OUT:-} ]] || return 0
+  tar czf "$OUT/gpu-results.tar.gz" "${results%.md}"* build/*.log 2>/dev/null || true
+}
+status=0
 
-# umbel.cuda needs nothing that is compiled but the library, so it runs from the sources.
-arrays="no pytest"
-if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
-  step "arrays of Python's packages"
-  arrays=build/gpu-python.log
-  PYTHONPATH=python UMBEL_CUDA_LIBRARY=$PWD/build/release/libumbel_cuda_c.so \
-    timeout 120 "${PYTHON:-python3}" -m pytest --noconftest -p no:cacheprovider \
-    tests/python/test_cuda_devices.py tests/python/test_cuda_queries.py 2>&1 | tee "$arrays" || status=1
-  arrays=$(tail -n 1 "$arrays" | tr -d '=')
-fi
+step "tests"
+tests=passed
+within 200 ctest --test-dir build/release -L cuda -j 4 --output-on-failure --no-tests=error \
+  >build/gpu-tests.log 2>&1 || tests=failed
+tail -n 40 build/gpu-tests.log
+[[ $tests == passed ]] || status=1
+keep
 
 step "benchmark"
 meshes=()
 for mesh in "$carry"/dragon_871k.ply "$carry"/conference_331k.ply "${MESH:-}"; do
   [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
 done
-timeout 110 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
-timeout 60 build/release/bench/cuda_query_bench "${meshes[@]}" | tee -a "$results" || status=1
+within 110 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
+keep
+within 60 build/release/bench/cuda_query_bench "${meshes[@]}" | tee -a "$results" || status=1
+keep
 # Then the tests have been skipped.
 if grep -q '^# Clusters without' "$results"; then
   echo "gpu: there is a GPU, but CUDA finds no device" >&2
@@ -93,15 +82,49 @@ fi
 if [[ ${#meshes[@]} -gt 0 ]]; then
   step "hierarchies"
   measured=${results%.md}-bvh
-  if timeout 110 build/release/bench/cuda_bvh_bench --runs 10 --large 16 "${meshes[@]}" >"$measured.json"; then
+  if within 110 build/release/bench/cuda_bvh_bench --runs 10 --large 16 "${meshes[@]}" \
+    >"$measured.json"; then
     PYTHONPATH=python "${PYTHON:-python3}" -m umbel.bench.bvh_cuda "$measured.json" bench/results \
       "$(basename "$measured")" || echo "gpu: no tables of hierarchies: Python cannot make them" >&2
   else
     status=1
   fi
+  keep
 fi
-printf '\nTests: %s. %sPython: %s.\n' "$([[ $status == 0 ]] && echo passed || echo failed)" \
-  "$sanitizer" "$(xargs <<<"$arrays")" >>"$results"
-[[ -n ${OUT:-} ]] && cp "${results%.md}"* "$OUT/" || true
+
+sanitizer=""
+if command -v compute-sanitizer >/dev/null 2>&1; then
+  for tool in memcheck racecheck; do
+    step "compute-sanitizer $tool"
+    if within 100 compute-sanitizer --tool "$tool" --error-exitcode 9 build/release/umbel_cuda_tests \
+      --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:FrameClustersOnDevice.vertex*:'\
+'BuildersSmall*:SelectOnDevice.what_is*:TraceOnDevice.overlaps*:TraceOnDevice.closest*:'\
+'TraceOnDevice.masks*:TraceOnDevice.hits_are_those_of_brute*' \
+      >"build/sanitizer-$tool.log" 2>&1; then
+      sanitizer+="$tool found nothing. "
+    else
+      tail -n 20 "build/sanitizer-$tool.log"
+      sanitizer+="$tool failed. "
+      status=1
+    fi
+    keep
+  done
+else
+  sanitizer="There is no compute-sanitizer here. "
+fi
+
+# umbel.cuda needs nothing that is compiled but the library, so it runs from the sources.
+arrays="no pytest"
+if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
+  step "arrays of Python's packages"
+  PYTHONPATH=python UMBEL_CUDA_LIBRARY=$PWD/build/release/libumbel_cuda_c.so \
+    within 120 "${PYTHON:-python3}" -m pytest --noconftest -p no:cacheprovider \
+    tests/python/test_cuda_devices.py tests/python/test_cuda_queries.py 2>&1 |
+    tee build/gpu-python.log || status=1
+  arrays=$(tail -n 1 build/gpu-python.log | tr -d '=')
+fi
+
+printf '\nTests: %s. %sPython: %s.\n' "$tests" "$sanitizer" "$(xargs <<<"$arrays")" >>"$results"
+keep
 step "done: $results"
 exit $status

@@ -30,6 +30,8 @@ class Event {
 
 class OnDevice {
  public:
+  static constexpr bool kTakesScratch = true;
+
   template <typename T>
   using Array = Device<T>;
 

@@ -127,6 +127,7 @@ def compared(measured: str) -> DeviceComparison:
 def _row(scene: dict[str, Any], builder: dict[str, Any]) -> Row:
     triangles, build = scene["triangles"], sum(builder["stages"].values())
     sample = builder["primary_ms"] + builder["bounce_ms"]
+    scratch = builder["scratch_bytes"]
     return {
         "scene": scene["scene"],
         "triangles": triangles,
@@ -140,7 +141,7 @@ def _row(scene: dict[str, Any], builder: dict[str, Any]) -> Row:
         "sample_ms": sample,
         "lq_ms": build + LQ * sample,
         "hq_ms": build + HQ * sample,
-        "scratch_per_triangle": builder["scratch_bytes"] / triangles,
+        "scratch_per_triangle": None if scratch is None else scratch / triangles,
         "nodes_per_triangle": NODE_BYTES * builder["nodes"] / triangles,
     }
 
