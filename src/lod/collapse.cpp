@@ -158,15 +158,8 @@ EdgeCollapser::Kind EdgeCollapser::kind_of(uint32_t p) {
 }
 
 void EdgeCollapser::enqueue_best(uint32_t p) {
-  Choice best{std::numeric_limits<float>::infinity(), kNone};
-  if (attribute_count_ == 0 && kinds_[p] == Kind::kInterior) {
-    best = cheapest_position(p);
-  } else {
-    for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
-      const Choice candidate = choice(p, c, target, after);
-      if (candidate.rank < best.rank) best = candidate;
-    });
-  }
+  const bool by_position = attribute_count_ == 0 && kinds_[p] == Kind::kInterior;
+  const Choice best = by_position ? cheapest_position(p) : cheapest(p);
   if (best.target != kNone)
     choose(p, best);
   else
@@ -177,7 +170,7 @@ void EdgeCollapser::enqueue_best(uint32_t p) {
 void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   candidates_.clear();
   for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
-    candidates_.push_back(choice(p, c, target, after));
+    candidates_.push_back(choice(p, {position_choice(p, target).rank, target, c, after}));
   });
   std::sort(candidates_.begin(), candidates_.end(), [](const Choice& a, const Choice& b) {
     return a.rank != b.rank ? a.rank < b.rank : a.target < b.target;
@@ -192,12 +185,13 @@ void EdgeCollapser::enqueue_best_legal(uint32_t p) {
 
 // `target` is a new neighbour of p.
 void EdgeCollapser::offer(uint32_t p, uint32_t target) {
-  const auto take = [&](const Choice& candidate) {
-    if (candidate.rank < choices_[p].rank) choose(p, candidate);
-  };
-  if (attribute_count_ == 0) return take(position_choice(p, target));
+  const Choice least = position_choice(p, target);
+  if (!(least.rank < choices_[p].rank)) return;
+  if (attribute_count_ == 0) return choose(p, least);
   for_each_target(p, [&](uint32_t c, uint32_t q, bool after) {
-    if (q == target) take(choice(p, c, q, after));
+    if (q != target) return;
+    const Choice candidate = choice(p, {least.rank, q, c, after});
+    if (candidate.rank < choices_[p].rank) choose(p, candidate);
   });
 }
 

@@ -94,6 +94,12 @@ class EdgeCollapser {
     uint32_t target;
   };
 
+  struct Move {
+    float least;  // rank without attributes
+    uint32_t target, corner;
+    bool after;  // the target, at the corner
+  };
+
   void load(const CollapseInput& input);
   void count_wedges();
   void build_rings();
@@ -117,6 +123,10 @@ class EdgeCollapser {
     if (!has_wedges_) return t;
     return {input_.position_of[t[0]], input_.position_of[t[1]], input_.position_of[t[2]]};
   }
+  float* values_of(size_t v) { return &values_[v * stride_]; }
+  const float* values_of(size_t v) const { return &values_[v * stride_]; }
+  float* gradients_of(size_t v) { return &gradients_[4 * v * stride_]; }
+  const float* gradients_of(size_t v) const { return &gradients_[4 * v * stride_]; }
   static uint32_t next(uint32_t c) { return c % 3 == 2 ? c - 2 : c + 1; }
   static uint32_t prev(uint32_t c) { return c % 3 == 0 ? c + 2 : c - 1; }
   uint32_t corner_before(uint32_t p, uint32_t q) const;
@@ -124,7 +134,8 @@ class EdgeCollapser {
   float attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const;
   Choice position_choice(uint32_t p, uint32_t target) const;
   Choice cheapest_position(uint32_t p) const;
-  Choice choice(uint32_t p, uint32_t corner, uint32_t target, bool after);
+  Choice choice(uint32_t p, const Move& move);
+  Choice cheapest(uint32_t p);
   template <typename Visit>
   void for_each_target(uint32_t p, const Visit& visit) const;
   void enqueue_best(uint32_t p);
@@ -181,14 +192,16 @@ class EdgeCollapser {
   std::vector<uint8_t> wedge_counts_;        // vertices at a position, at most 2 counted
   std::vector<Quadric> quadrics_;            // of positions; scale: from cost to rank
   std::vector<Quadric> attribute_quadrics_;  // of vertices
-  std::vector<float> gradients_;             // of vertices: 4 an attribute
-  std::vector<float> values_;                // of vertices: weighted attributes
-  std::vector<float> drifts_;  // of positions: how far vertices that ended there have moved
+  uint32_t stride_ = 0;                      // attribute_count_ in whole blocks of 4
+  std::vector<float> gradients_;  // of vertices: stride_ each by x, y, z, and for the mean
+  std::vector<float> values_;     // of vertices: weighted attributes, stride_ each
+  std::vector<float> drifts_;     // of positions: how far vertices that ended there have moved
   std::vector<Choice> choices_;
   std::vector<uint8_t> stale_;   // of positions: the choice is to be made anew
   std::vector<uint32_t> marks_;  // of positions
   std::vector<uint32_t> slots_;  // of positions: index in a ring
   std::vector<uint8_t> wedge_seen_;
+  std::vector<Move> moves_;
   std::vector<Choice> candidates_;
   std::vector<uint32_t> postponed_;  // too dear as yet
   uint32_t stamp_ = 0;

@@ -67,11 +67,13 @@ void EdgeCollapser::add_rim_quadrics(uint32_t p) {
     return std::count_if(spokes.begin(), spokes.end(),
                          [&](const Spoke& s) { return s.*side == x; });
   };
+  const bool is_closed = kinds_[p] == Kind::kInterior;  // two triangles at every edge
   for (size_t i = 0; i < spokes.size(); ++i) {
     const auto [n, q] = spokes[i];
     const uint32_t c = corner(p, i);
-    const auto after = count(n, &Spoke::next), before = count(n, &Spoke::prev);
-    if (count(q, &Spoke::next) != count(q, &Spoke::prev)) add(c, q, kBorderWeight);
+    const auto after = is_closed ? 1 : count(n, &Spoke::next);
+    const auto before = is_closed ? 1 : count(n, &Spoke::prev);
+    if (!is_closed && count(q, &Spoke::next) != count(q, &Spoke::prev)) add(c, q, kBorderWeight);
     if (after != before) {
       add(c, n, kBorderWeight);
     } else if (after == 1) {
@@ -93,11 +95,13 @@ void EdgeCollapser::build_attribute_quadrics() {
   const uint32_t n = attribute_count_;
   if (n == 0) return;
   const size_t count = input_.position_of.size();
-  values_.resize(count * n);
-  for (size_t i = 0; i < values_.size(); ++i)
-    values_[i] = input_.attributes[i] * input_.attribute_weights[i % n] * extent_;
+  stride_ = (n + 3) / 4 * 4;
+  values_.assign(count * stride_, 0.0f);
+  for (size_t v = 0; v < count; ++v)
+    for (uint32_t k = 0; k < n; ++k)
+      values_of(v)[k] = input_.attributes[v * n + k] * input_.attribute_weights[k] * extent_;
   attribute_quadrics_.assign(count, Quadric{});
-  gradients_.assign(4 * count * n, 0.0f);
+  gradients_.assign(4 * count * stride_, 0.0f);
   for (const Triangle& t : input_.triangles) {
     const Vec3& origin = input_.positions[t[0]];
     const Vec3 e1 = input_.positions[t[1]] - origin, e2 = input_.positions[t[2]] - origin;
@@ -110,13 +114,13 @@ void EdgeCollapser::build_attribute_quadrics() {
     const Vec3 gv = (e2 * d11 - e1 * d12) * (1.0f / determinant);
     Quadric sum{};
     for (uint32_t k = 0; k < n; ++k) {
-      const float s0 = values_[size_t{t[0]} * n + k];
-      const float s1 = values_[size_t{t[1]} * n + k] - s0, s2 = values_[size_t{t[2]} * n + k] - s0;
+      const float s0 = values_of(t[0])[k];
+      const float s1 = values_of(t[1])[k] - s0, s2 = values_of(t[2])[k] - s0;
       const Vec3 g = gu * s1 + gv * s2;
       add_plane(sum, g, area);
       for (uint32_t v : t) {
-        float* out = &gradients_[4 * (size_t{v} * n + k)];
-        out[0] += area * g.x, out[1] += area * g.y, out[2] += area * g.z;
+        float* out = gradients_of(v) + k;
+        out[0] += area * g.x, out[stride_] += area * g.y, out[2 * stride_] += area * g.z;
       }
     }
     for (uint32_t v : t) add(attribute_quadrics_[v], sum);
@@ -132,18 +136,21 @@ uint32_t EdgeCollapser::corner_before(uint32_t p, uint32_t q) const {
 }
 
 float EdgeCollapser::attribute_cost(uint32_t from, uint32_t to, const Vec3& d) const {
-  const uint32_t n = attribute_count_;
   const Quadric& q = attribute_quadrics_[from];
-  const float* a = &values_[size_t{from} * n];
-  const float* b = &values_[size_t{to} * n];
-  const float* g = &gradients_[4 * size_t{from} * n];
-  float cost = value_at(q, d), squares = 0.0f;
-  for (uint32_t k = 0; k < n; ++k, g += 4) {
-    const float difference = b[k] - a[k];
-    cost -= 2.0f * difference * (g[0] * d.x + g[1] * d.y + g[2] * d.z + g[3]);
-    squares += difference * difference;
+  const float *a = values_of(from), *b = values_of(to), *g = gradients_of(from);
+  const Float4 dx = Float4::all(d.x), dy = Float4::all(d.y), dz = Float4::all(d.z);
+  Float4 products = Float4::all(0.0f), squares = products;
+  for (uint32_t k = 0; k < stride_; k += 4) {
+    const Float4 difference = Float4::load(b + k) - Float4::load(a + k);
+    const float* at = g + k;
+    const Float4 mean = Float4::load(at) * dx + Float4::load(at + stride_) * dy +
+                        Float4::load(at + 2 * stride_) * dz + Float4::load(at + 3 * stride_);
+    products = products + difference * mean;
+    squares = squares + difference * difference;
   }
-  return std::max(cost + q.weight * squares, 0.0f);
+  std::array<float, 4> lanes;
+  (Float4::all(q.weight) * squares - Float4::all(2.0f) * products).store(lanes.data());
+  return std::max(value_at(q, d) + ((lanes[0] + lanes[1]) + (lanes[2] + lanes[3])), 0.0f);
 }
 
 // The sum of squared differences is least where its derivative by the value is 0.
@@ -156,8 +163,7 @@ bool EdgeCollapser::refit(uint32_t vertex, std::span<float> values) const {
   bool moved = false;
   for (uint32_t k = 0; k < attribute_count_; ++k) {
     const float unit = input_.attribute_weights[k] * extent_;
-    const float difference =
-        gradients_[4 * (size_t{vertex} * attribute_count_ + k) + 3] / (weight * unit);
+    const float difference = gradients_of(vertex)[3 * stride_ + k] / (weight * unit);
     if (!std::isfinite(difference) || difference == 0.0f) continue;
     values[k] += difference;
     moved = true;
@@ -204,18 +210,35 @@ EdgeCollapser::Choice EdgeCollapser::cheapest_position(uint32_t p) const {
   return best;
 }
 
-EdgeCollapser::Choice EdgeCollapser::choice(uint32_t p, uint32_t corner, uint32_t target,
-                                            bool after) {
-  Choice result = position_choice(p, target);
+EdgeCollapser::Choice EdgeCollapser::choice(uint32_t p, const Move& move) {
+  const uint32_t target = move.target;
   const bool several = has_wedges_ && wedge_counts_[p] > 1;
   if (several && !map_wedges(p, target)) return {std::numeric_limits<float>::infinity(), target};
-  if (attribute_count_ == 0) return result;
+  if (attribute_count_ == 0) return {move.least, target};
   const Vec3 d = point(target) - point(p);
-  const float sum =
-      several ? wedge_cost(d)
-              : attribute_cost(vertex(corner), vertex(after ? next(corner) : prev(corner)), d);
-  result.rank += sum * quadrics_[p].scale;
-  return result;
+  const uint32_t c = move.corner;
+  const float sum = several ? wedge_cost(d)
+                            : attribute_cost(vertex(c), vertex(move.after ? next(c) : prev(c)), d);
+  return {move.least + sum * quadrics_[p].scale, target};
+}
+
+// Of all positions that p may move to; attributes only add to what positions cost.
+EdgeCollapser::Choice EdgeCollapser::cheapest(uint32_t p) {
+  moves_.clear();
+  size_t first = 0;
+  for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
+    const float least = position_choice(p, target).rank;
+    if (!moves_.empty() && least < moves_[first].least) first = moves_.size();
+    moves_.push_back({least, target, c, after});
+  });
+  if (!moves_.empty()) std::swap(moves_[0], moves_[first]);
+  Choice best{std::numeric_limits<float>::infinity(), kNone};
+  for (const Move& move : moves_) {
+    if (!(move.least < best.rank)) continue;
+    const Choice candidate = choice(p, move);
+    if (candidate.rank < best.rank) best = candidate;
+  }
+  return best;
 }
 
 // The squared distance that a legal collapse adds to the error.
@@ -255,13 +278,14 @@ void EdgeCollapser::merge_attributes(uint32_t from, uint32_t to, const Vec3& d) 
   const Quadric& q = attribute_quadrics_[from];
   Quadric& sum = attribute_quadrics_[to];
   add_moved(sum, q, d, attribute_cost(from, to, d));
+  const float *a = values_of(from), *b = values_of(to), *g = gradients_of(from);
+  float* out = gradients_of(to);
   for (uint32_t k = 0; k < n; ++k) {
-    const float difference = values_[size_t{to} * n + k] - values_[size_t{from} * n + k];
-    const float* g = &gradients_[4 * (size_t{from} * n + k)];
-    float* out = &gradients_[4 * (size_t{to} * n + k)];
-    sum.x -= difference * g[0], sum.y -= difference * g[1], sum.z -= difference * g[2];
-    for (int i = 0; i < 3; ++i) out[i] += g[i];
-    out[3] += g[3] + g[0] * d.x + g[1] * d.y + g[2] * d.z - q.weight * difference;
+    const float difference = b[k] - a[k];
+    const float x = g[k], y = g[stride_ + k], z = g[2 * stride_ + k], mean = g[3 * stride_ + k];
+    sum.x -= difference * x, sum.y -= difference * y, sum.z -= difference * z;
+    out[k] += x, out[stride_ + k] += y, out[2 * stride_ + k] += z;
+    out[3 * stride_ + k] += mean + x * d.x + y * d.y + z * d.z - q.weight * difference;
   }
 }
 
