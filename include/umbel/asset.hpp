@@ -161,6 +161,8 @@ class UMBEL_API Asset {
   uint32_t page_bytes(uint32_t page) const;
   /// Reads a page. Throws kCorrupt if its checksum does not hold or its contents are impossible.
   AssetPage read_page(uint32_t page) const;
+  /// The same of bytes that the caller has read. Also throws kCorrupt if they are not page_bytes.
+  AssetPage page_of(uint32_t page, std::vector<std::byte> bytes) const;
   /// The clusters of groups[index] of a page of this asset.
   std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
   /// Whether the page holds what its checksum says.

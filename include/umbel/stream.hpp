@@ -63,8 +63,10 @@ UMBEL_API std::unique_ptr<PageLoader> make_thread_loader(const Asset& asset, uin
 struct LinkModel {
   double latency_seconds = 0.05;
   double bytes_per_second = 20e6;
-  double failure_rate = 0;  ///< of loads that fail when they would have come, [0, 1]
-  double slow_rate = 0;     ///< of loads that take ten times the latency and time
+  /// Of loads that fail when they would have come, [0, 1]: a third each bring nothing, too few
+  /// bytes, and wrong ones.
+  double failure_rate = 0;
+  double slow_rate = 0;  ///< of loads that take ten times the latency and time
   uint32_t seed = 1;
 };
 /// Brings pages of `asset` as the line would by `*clock`, in seconds, which the caller sets before

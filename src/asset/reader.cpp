@@ -57,6 +57,7 @@ struct Asset::State {
   std::vector<std::byte> read(uint64_t offset, uint64_t bytes, uint64_t checksum,
                               const std::string& name) const;
   AssetPage read_page(uint32_t page) const;
+  AssetPage page_of(uint32_t page, std::vector<std::byte> bytes) const;
   std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
   AllTables read_tables() const;
   const AllTables& all_tables() const;
@@ -82,20 +83,33 @@ void Asset::State::read_head() {
   }
 }
 
+void check_sum(std::span<const std::byte> bytes, uint64_t checksum, const std::string& name) {
+  if (xxh64(bytes.data(), bytes.size()) != checksum)
+    corrupt("the checksum of " + name + " does not hold");
+}
+
 std::vector<std::byte> Asset::State::read(uint64_t offset, uint64_t size, uint64_t checksum,
                                           const std::string& name) const {
   std::vector<std::byte> bytes(size);
   source->read(offset, bytes);
-  if (xxh64(bytes.data(), bytes.size()) != checksum)
-    corrupt("the checksum of " + name + " does not hold");
+  check_sum(bytes, checksum, name);
   return bytes;
 }
 
 AssetPage Asset::State::read_page(uint32_t page) const {
+  std::vector<std::byte> bytes(head.pages[page].bytes);
+  source->read(head.pages[page].offset, bytes);
+  return page_of(page, std::move(bytes));
+}
+
+AssetPage Asset::State::page_of(uint32_t page, std::vector<std::byte> bytes) const {
   const PageEntry& entry = head.pages[page];
-  return asset::decode_page(
-      head, formats, page,
-      read(entry.offset, entry.bytes, entry.checksum, "page " + std::to_string(page)));
+  const std::string name = "page " + std::to_string(page);
+  if (bytes.size() != entry.bytes)
+    corrupt(name + " has " + std::to_string(entry.bytes) + " bytes, but there are " +
+            std::to_string(bytes.size()));
+  check_sum(bytes, entry.checksum, name);
+  return asset::decode_page(head, formats, page, std::move(bytes));
 }
 
 std::vector<lod::ClusterGeometry> Asset::State::decode(const AssetPage& page, size_t index) const {
@@ -240,6 +254,11 @@ uint32_t Asset::page_bytes(uint32_t page) const {
 AssetPage Asset::read_page(uint32_t page) const {
   if (page >= state_->head.pages.size()) out_of_range("page", page, state_->head.pages.size());
   return state_->read_page(page);
+}
+
+AssetPage Asset::page_of(uint32_t page, std::vector<std::byte> bytes) const {
+  if (page >= state_->head.pages.size()) out_of_range("page", page, state_->head.pages.size());
+  return state_->page_of(page, std::move(bytes));
 }
 
 std::vector<lod::ClusterGeometry> Asset::decode(const AssetPage& page, size_t index) const {

@@ -1,5 +1,6 @@
 // A line with a latency and a bandwidth, in the time of a simulation: requests travel side by side,
-// bytes one after the other, and some loads fail or are slow, as a hash of page and attempt says.
+// bytes one after the other, and some loads fail, come short or corrupt, or are slow, as a hash of
+// page and attempt says.
 #include <algorithm>
 #include <map>
 
@@ -13,12 +14,13 @@ struct Transfer {
   uint32_t page;
   double ready;
   bool fails;
+  uint32_t way;  ///< in which it fails
 };
 
 class ModelLoader : public PageLoader {
  public:
   ModelLoader(const Asset& asset, const LinkModel& link, std::shared_ptr<const double> clock)
-      : link_(link), clock_(std::move(clock)), attempts_(asset.info().pages) {
+      : asset_(asset), link_(link), clock_(std::move(clock)), attempts_(asset.info().pages) {
     for (uint32_t p = 0; p < asset.info().pages; ++p)
       pages_.push_back(std::make_shared<const AssetPage>(asset.read_page(p)));
   }
@@ -26,13 +28,13 @@ class ModelLoader : public PageLoader {
   void request(uint32_t page) override {
     const bool is_slow = chance(page, 1) < link_.slow_rate;
     const bool fails = chance(page, 2) < link_.failure_rate;
-    ++attempts_[page];
     const double times = is_slow ? 10 : 1;
     const double begins = std::max(free_, *clock_ + times * link_.latency_seconds);
     const double takes =
         times * static_cast<double>(pages_[page]->bytes.size()) / link_.bytes_per_second;
     free_ = std::max(free_, *clock_) + (is_slow ? 0 : takes);
-    under_way_.push_back({page, begins + takes, fails});
+    under_way_.push_back({page, begins + takes, fails, static_cast<uint32_t>(3 * chance(page, 3))});
+    ++attempts_[page];
   }
 
   bool cancel(uint32_t page) override {
@@ -46,7 +48,7 @@ class ModelLoader : public PageLoader {
     for (const Transfer& t : under_way_) {
       if (t.ready > *clock_) continue;
       if (t.fails)
-        arrivals.push_back({t.page, nullptr, "the line failed"});
+        arrivals.push_back(broken(t));
       else
         arrivals.push_back({t.page, pages_[t.page], {}});
     }
@@ -62,6 +64,21 @@ class ModelLoader : public PageLoader {
     return static_cast<double>(xxh64(key, sizeof key) >> 11) * 0x1p-53;
   }
 
+  /// What comes where a load fails: nothing, half of it, or a byte that is another.
+  PageArrival broken(const Transfer& t) const {
+    std::vector<std::byte> bytes = pages_[t.page]->bytes;
+    if (t.way == 1) bytes.resize(bytes.size() / 2);
+    if (t.way == 2) bytes[bytes.size() / 3] ^= std::byte{1};
+    try {
+      if (t.way == 0) throw Error(ErrorCode::kIo, "the line failed");
+      asset_.page_of(t.page, std::move(bytes));
+    } catch (const Error& error) {
+      return {t.page, nullptr, error.what()};
+    }
+    return {t.page, pages_[t.page], {}};
+  }
+
+  const Asset& asset_;
   LinkModel link_;
   std::shared_ptr<const double> clock_;
   std::vector<std::shared_ptr<const AssetPage>> pages_;

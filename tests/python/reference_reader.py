@@ -8,6 +8,7 @@ import numpy as np
 
 NONE = 0xFFFFFFFF
 NAMES = {0: "positions", 1: "normals", 2: "tangents", 4: "uvs", 8: "colors"}
+NAMES |= {16: "joints", 32: "weights", 64: "material"}
 
 
 class Bits:
@@ -258,7 +259,7 @@ def decode_values(rows: np.ndarray, attributes: list[Attribute]) -> dict[str, np
     for attribute in attributes:
         i = rows[:, at : at + attribute.components]
         at += attribute.components
-        if attribute.set > 0 or attribute.flag not in NAMES or attribute.coding > 4:
+        if attribute.flag not in NAMES or attribute.coding > 4:
             continue
         if attribute.coding == 0:
             words = np.where(i < 0, i ^ 0x7FFFFFFF, i).astype(np.int32)
@@ -272,7 +273,7 @@ def decode_values(rows: np.ndarray, attributes: list[Attribute]) -> dict[str, np
             value = decode_tangents(i, attribute.bits, values["normals"], below)
         else:
             value = decode_srgb(i, attribute.bits)
-        values[NAMES[attribute.flag]] = value
+        values[NAMES[attribute.flag] + str(attribute.set or "")] = value
     return values
 
 

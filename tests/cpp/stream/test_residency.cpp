@@ -2,8 +2,12 @@
 
 #include <chrono>
 #include <cmath>
+#include <map>
+#include <mutex>
 #include <random>
 #include <set>
+#include <stdexcept>
+#include <string>
 #include <thread>
 
 #include "stream/world.hpp"
@@ -180,6 +184,47 @@ TEST(Residency, loads_on_threads_while_the_camera_moves) {
   EXPECT_GT(residency.statistics().loads, 0u);
 }
 
+/// The world's bytes, of which each page's first reads fail: one ends early, one has a wrong byte.
+class Unreliable : public ByteSource {
+ public:
+  explicit Unreliable(std::shared_ptr<const ByteSource> source) : source_(std::move(source)) {}
+  uint64_t size() const override { return source_->size(); }
+  void read(uint64_t offset, std::span<std::byte> out) const override {
+    const std::lock_guard lock(mutex_);
+    const uint32_t attempt = is_reliable ? 2 : attempts_[offset]++;
+    if (attempt == 0) throw std::runtime_error("the file ends early");
+    source_->read(offset, out);
+    if (attempt == 1) out[out.size() / 2] ^= std::byte{4};
+  }
+  bool is_reliable = true;
+
+ private:
+  std::shared_ptr<const ByteSource> source_;
+  mutable std::mutex mutex_;
+  mutable std::map<uint64_t, uint32_t> attempts_;
+};
+
+TEST(Residency, reads_again_what_came_short_or_corrupt) {
+  const auto source = std::make_shared<Unreliable>(open_file(world().path()));
+  const Asset asset(source);
+  Residency residency(asset);
+  source->is_reliable = false;
+  const StreamView all[] = {{0, lod::view_error(0), {}}};
+  std::set<std::string> problems;
+  // As many steps as a slow machine needs.
+  for (int i = 0; i < 20'000; ++i) {
+    if (residency.step(all, 0.2 * i).missing_groups == 0) break;
+    world().expect_whole(residency);
+    problems.insert(residency.statistics().last_problem);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  const ResidencyStatistics said = residency.statistics();
+  EXPECT_EQ(world().clusters(residency), lod::select(world().asset().tables(), all[0].view));
+  EXPECT_EQ(said.failures, 2 * (said.loads - 1));  // all but the roots' page, twice each
+  EXPECT_TRUE(said.given_up.empty());
+  EXPECT_TRUE(problems.contains("the file ends early"));
+}
+
 TEST(Residency, shows_several_views_of_what_it_has) {
   Streamed s;
   const StreamView views[] = {{0, lod::view_error(0.02f), {}}, {0, lod::view_error(0.001f), {}}};
@@ -216,15 +261,21 @@ TEST(Residency, on_a_line_of_a_simulation_takes_the_time_that_it_takes) {
   Residency residency(world().asset(), {}, make_model_loader(world().asset(), link, clock));
   const StreamView all[] = {{0, lod::view_error(0), {}}};
   int frame = 0;
+  std::set<std::string> problems;
   for (; frame < 1200; ++frame) {
     *clock = frame / 60.0;
     if (residency.step(all, *clock).missing_groups == 0) break;
+    problems.insert(residency.statistics().last_problem);
     world().expect_whole(residency);
   }
   // Two pages are not as much as a second's bytes, and none comes before the latency has passed.
   EXPECT_GT(*clock, static_cast<double>(world().bytes() - 40000) / 1e6);
   EXPECT_LT(frame, 1200);
   EXPECT_GT(residency.statistics().failures, 0u);
+  for (const char* part : {"the line failed", "bytes, but there are", "checksum of page"})
+    EXPECT_TRUE(std::any_of(problems.begin(), problems.end(), [&](const std::string& problem) {
+      return problem.find(part) != std::string::npos;
+    })) << part;
   EXPECT_THROW(make_model_loader(world().asset(), {-1}, clock), Error);
 }
 

@@ -28,6 +28,7 @@ class World {
   }
 
   const Asset& asset() const { return asset_; }
+  std::filesystem::path path() const { return scratch_ / "a.umbel"; }
   uint64_t bytes() const {
     uint64_t all = 0;
     for (uint32_t p = 0; p < asset_.info().pages; ++p) all += asset_.page_bytes(p);
