@@ -15,7 +15,6 @@
 namespace umbel {
 namespace {
 
-using testing::Postman;
 using testing::seen_from;
 using testing::Streamed;
 using testing::world;
