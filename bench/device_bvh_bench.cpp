@@ -28,7 +28,7 @@ class OnProcessor {
     umbel::CpuBuffer<T> memory_;
   };
 
-  static std::string name() { return "one core of the processor"; }
+  static std::string name() { return "one core of the processor, not on a device"; }
   static umbel::cuda::Stream stream() { return nullptr; }
 
   /// By the time of the thread.

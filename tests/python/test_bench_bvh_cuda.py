@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -142,3 +143,19 @@ def test_without_a_device_it_says_so(run, program, mesh_file, monkeypatch, tmp_p
     assert result.status != 0
     assert "needs the program cuda_bvh_bench" in result.err
     assert "--device is 'gpu'" in run("gpu", mesh_file).err
+
+
+def test_the_same_code_is_compared_on_the_processor(run, monkeypatch, mesh_file, tmp_path):
+    program = Path(__file__).parents[2] / "build/release/bench/device_bvh_bench"
+    if not program.is_file():
+        pytest.skip(f"there is no {program}")
+    monkeypatch.setenv("UMBEL_CUDA_BVH_BENCH", str(program))
+    folder = tmp_path / "out"
+    builders = ("--builder", "lbvh", "--builder", "kmeans-q1")
+    result = run("cuda", mesh_file, "--runs", 1, "-o", folder, *builders)
+    assert result.status == 0, result.err
+    text = (folder / "bvh_cuda.md").read_text()
+    assert "# Builders of hierarchies on one core of the processor" in text
+    rows = [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| ")]
+    assert {"lbvh", "kmeans-q1", "sweep"} <= set(rows)
+    assert "| builder | boxes | codes | tree |" in text  # stages
