@@ -262,7 +262,7 @@ void Frontier::want(uint32_t n, float ratio) {
   Node& node = nodes_[n];
   Page& page = pages_[node.reference.page];
   const float before = std::exchange(node.ratio, ratio);
-  page.worth += double{ratio} - before;
+  page.worth += double{ratio} * ratio - double{before} * before;
   if (before == 0 && ratio > 0) {
     node.before = kNone;
     node.after = page.first;

@@ -87,7 +87,8 @@ class Frontier {
 
   /// Whether some view shows, or would show, what a group in the page was refined to.
   bool is_wanted(uint32_t page) const { return pages_[page].wanted > 0; }
-  /// The sum of how many times too large the errors of the page's wanted groups are.
+  /// The sum, over the page's wanted groups, of the squares of how many times too large their
+  /// errors are.
   double worth(uint32_t page) const { return pages_[page].worth; }
   /// Whether nothing in another page is shown by way of this one.
   bool is_end(uint32_t page) const { return pages_[page].open_elsewhere == 0; }

@@ -1,9 +1,10 @@
 // Pages come for what they are worth a byte and go when others are worth more.
 //
 // What views show and want of the pages that are there is the frontier's to know. A reference to a
-// group that must be refined is worth how many times its error is too large, a page the sum over
-// its groups, a byte; but not less than any page that is reached through it. So parents come before
-// their children, and no page is given up for one that cannot be shown without it.
+// group that must be refined is worth the square of how many times its error is too large (the
+// worst places count, not how many are a little too coarse), a page the sum over its groups, a
+// byte; but not less than any page that is reached through it. So parents come before their
+// children, and no page is given up for one that cannot be shown without it.
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -32,6 +32,22 @@ Error error_of(const fs::path& path, const lod::Dag& dag, const BuildOptions& op
   return Error(ErrorCode::kCancelled, "nothing was thrown");
 }
 
+TEST(WriteAsset, fills_its_pages) {
+  const Scratch scratch;
+  lod::Config config;
+  config.position_step = 0x1p-14f;
+  write_asset(scratch / "a.umbel", lod::build(shapes::blob(7, 1).view(), config));
+  const Asset asset(scratch / "a.umbel");
+  uint64_t used = 0, all = 0;
+  for (uint32_t p = 0; p < asset.info().pages; ++p) {
+    const AssetPage page = asset.read_page(p);
+    all += page.bytes.size();
+    used += page.groups.back().offset + page.groups.back().bytes;
+  }
+  EXPECT_GT(asset.info().pages, 30u);
+  EXPECT_GT(static_cast<double>(used), 0.95 * static_cast<double>(all));
+}
+
 TEST(WriteAsset, leaves_only_the_file_itself) {
   const Scratch scratch;
   write_asset(scratch / "a.umbel", synthetic_dag(shapes::blob(3, 1)));
