@@ -1,15 +1,19 @@
 // Continuous levels of detail: ours on one thread and on two beside meshoptimizer's clusterlod.h
-// (its raster settings, on the one thread that it uses), with the same meshoptimizer, in one
-// program. Every measurement runs in a process of its own, so that peaks of memory are apart.
+// (on the one thread that it uses; its raster settings, or with --ray-tracing those), with the same
+// meshoptimizer, in one program. Every measurement runs in a process of its own, so that peaks of
+// memory are apart.
 //
 // With --processor-time seconds are those of all threads together, for a machine that is busy with
-// other things.
+// other things. With --attributes meshes get normals, of the triangles around each vertex, and
+// texture coordinates, by a projection; clusterlod.h weighs them as its demo does normals.
 //
 //   lod_bench [--runs N] [--triangles N] [--samples N] [--processor-time] [--measured-error]
-//             MESH.ply...
+//             [--attributes] [--ray-tracing] MESH.ply...
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -21,6 +25,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "base/math.hpp"
 #include "closest_point.hpp"
 #include "peak_memory.hpp"
 #include "ply_reader.hpp"
@@ -47,6 +52,8 @@ struct Options {
   size_t samples = 400000;
   bool processor_time = false;
   bool measured_error = false;
+  bool attributes = false;
+  bool ray_tracing = false;
   std::vector<std::string> meshes;
 };
 
@@ -78,6 +85,24 @@ double median_seconds(const Options& options, const std::function<void()>& work)
 double diagonal_of(const umbel::Mesh& mesh) {
   const umbel::Aabb box = umbel::bounds(mesh.view());
   return umbel::is_empty(box) ? 0 : umbel::length(box.max - box.min);
+}
+
+void add_attributes(umbel::Mesh& mesh) {
+  const size_t count = mesh.positions.size();
+  const float diagonal = static_cast<float>(diagonal_of(mesh));
+  mesh.normals.assign(count, {0, 0, 0});
+  mesh.uvs.resize(count);
+  for (const umbel::Triangle& t : mesh.triangles) {
+    const umbel::Vec3& origin = mesh.positions[t[0]];
+    const umbel::Vec3 n =
+        umbel::cross(mesh.positions[t[1]] - origin, mesh.positions[t[2]] - origin);
+    for (uint32_t v : t) mesh.normals[v] = mesh.normals[v] + n;
+  }
+  for (size_t v = 0; v < count; ++v) {
+    const float size = umbel::length(mesh.normals[v]);
+    if (size > 0) mesh.normals[v] = mesh.normals[v] * (1 / size);
+    mesh.uvs[v] = {mesh.positions[v].x / diagonal, mesh.positions[v].y / diagonal};
+  }
 }
 
 void measure_cut(const umbel::Mesh& source, const umbel::Mesh& cut, size_t samples,
@@ -159,15 +184,27 @@ struct PeerDag {
   }
 };
 
-void build_peer(const umbel::Mesh& source, PeerDag& dag) {
+void build_peer(const umbel::Mesh& source, const Options& options, PeerDag& dag) {
   clodMesh mesh = {};
   mesh.indices = source.triangles[0].data();
   mesh.index_count = source.triangles.size() * 3;
   mesh.vertex_count = source.positions.size();
   mesh.vertex_positions = &source.positions[0].x;
   mesh.vertex_positions_stride = sizeof(umbel::Vec3);
+  constexpr std::array kWeights{0.5f, 0.5f, 0.5f, 0.5f, 0.5f};
+  std::vector<std::array<float, kWeights.size()>> attributes;
+  for (size_t v = 0; v < source.normals.size(); ++v) {
+    const umbel::Vec3& n = source.normals[v];
+    attributes.push_back({n.x, n.y, n.z, source.uvs[v].x, source.uvs[v].y});
+  }
+  if (!attributes.empty()) {
+    mesh.vertex_attributes = attributes[0].data();
+    mesh.vertex_attributes_stride = sizeof attributes[0];
+    mesh.attribute_weights = kWeights.data();
+    mesh.attribute_count = kWeights.size();
+  }
   dag.clear();
-  clodBuild(clodDefaultConfig(kMaxTriangles), mesh,
+  clodBuild((options.ray_tracing ? clodDefaultConfigRT : clodDefaultConfig)(kMaxTriangles), mesh,
             [&](clodGroup group, const clodCluster* clusters, size_t count) {
               return dag.add(group, clusters, count);
             });
@@ -176,8 +213,8 @@ void build_peer(const umbel::Mesh& source, PeerDag& dag) {
 Outcome measure_peer(const umbel::Mesh& mesh, const Options& options) {
   Outcome outcome;
   PeerDag dag;
-  outcome.peak_mib = bench::peak_mib([&] { build_peer(mesh, dag); });
-  outcome.seconds = median_seconds(options, [&] { build_peer(mesh, dag); });
+  outcome.peak_mib = bench::peak_mib([&] { build_peer(mesh, options, dag); });
+  outcome.seconds = median_seconds(options, [&] { build_peer(mesh, options, dag); });
   outcome.clusters = dag.tables.clusters.size();
   for (const lod::Group& group : dag.tables.groups)
     outcome.levels = std::max<uint64_t>(outcome.levels, group.level + 1);
@@ -192,7 +229,7 @@ Outcome measure_peer(const umbel::Mesh& mesh, const Options& options) {
 #endif
 
 /// Runs one measurement in a process of its own.
-Outcome in_child(const std::string& path,
+Outcome in_child(const std::string& path, const Options& options,
                  const std::function<Outcome(const umbel::Mesh&)>& measure) {
   int ends[2];
   if (pipe(ends) != 0) bench::fail(path, "no pipe");
@@ -202,8 +239,9 @@ Outcome in_child(const std::string& path,
   if (child == 0) {
     close(ends[0]);
     try {
-      const umbel::Mesh mesh = bench::read_ply(path);
+      umbel::Mesh mesh = bench::read_ply(path);
       if (mesh.triangles.empty()) bench::fail(path, "has no triangles");
+      if (options.attributes) add_attributes(mesh);
       Outcome outcome = measure(mesh);
       outcome.input_triangles = mesh.triangles.size();
       outcome.diagonal = diagonal_of(mesh);
@@ -242,16 +280,18 @@ void print_row(const std::string& mesh, const char* what, const Outcome& o, cons
 
 void measure_mesh(const std::string& path, const Options& options) {
   const std::string name = path.substr(path.find_last_of('/') + 1);
-  const Outcome one =
-      in_child(path, [&](const umbel::Mesh& mesh) { return measure_ours(mesh, options, 1, true); });
+  const Outcome one = in_child(
+      path, options, [&](const umbel::Mesh& mesh) { return measure_ours(mesh, options, 1, true); });
   Outcome base = one;
 #ifdef UMBEL_HAS_CLUSTERLOD
-  base = in_child(path, [&](const umbel::Mesh& mesh) { return measure_peer(mesh, options); });
+  base =
+      in_child(path, options, [&](const umbel::Mesh& mesh) { return measure_peer(mesh, options); });
   print_row(name, "clusterlod.h", base, base);
 #endif
   print_row(name, "umbel, 1 thread", one, base);
-  const Outcome two = in_child(
-      path, [&](const umbel::Mesh& mesh) { return measure_ours(mesh, options, 2, false); });
+  const Outcome two = in_child(path, options, [&](const umbel::Mesh& mesh) {
+    return measure_ours(mesh, options, 2, false);
+  });
   print_row(name, "umbel, 2 threads", two, base);
 }
 
@@ -277,10 +317,14 @@ Options parse(int count, char** arguments) {
       options.processor_time = true;
     else if (argument == "--measured-error")
       options.measured_error = true;
+    else if (argument == "--attributes")
+      options.attributes = true;
+    else if (argument == "--ray-tracing")
+      options.ray_tracing = true;
     else if (argument.rfind("--", 0) == 0)
       bench::fail(argument,
                   "is not an option; there are --runs, --triangles, --samples, --processor-time, "
-                  "--measured-error");
+                  "--measured-error, --attributes, --ray-tracing");
     else
       options.meshes.push_back(argument);
   }
@@ -294,7 +338,7 @@ int main(int count, char** arguments) {
   if (options.meshes.empty()) {
     std::fprintf(stderr,
                  "usage: %s [--runs N] [--triangles N] [--samples N] [--processor-time] "
-                 "[--measured-error] MESH.ply...\n",
+                 "[--measured-error] [--attributes] [--ray-tracing] MESH.ply...\n",
                  arguments[0]);
     return 2;
   }
