@@ -184,7 +184,17 @@ void bind_stream(nb::module_& module) {
       .def("cost", [](const PythonResidency& residency) { return cost_of(residency); })
       .def(
           "table",
-          [](const PythonResidency& residency) { return take<uint32_t>(ordered(residency.cut())); })
+          [](const PythonResidency& residency, const std::vector<uint32_t>& hidden_materials) {
+            std::vector<StreamCluster> shown = ordered(residency.cut());
+            std::erase_if(shown, [&](const StreamCluster& c) {
+              const lod::Cluster& cluster =
+                  residency.page(c.page)->groups[c.group].clusters[c.cluster];
+              return std::find(hidden_materials.begin(), hidden_materials.end(),
+                               cluster.material) != hidden_materials.end();
+            });
+            return take<uint32_t>(std::move(shown));
+          },
+          "hidden_materials"_a)
       .def(
           "wanted_pages",
           [](const PythonResidency& residency) { return take<uint32_t>(residency.wanted_pages()); })

@@ -74,12 +74,10 @@ def triple(values: Any, what: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def without(mesh: Mesh, patterns: Sequence[str]) -> Mesh:
-    """The mesh without the triangles of materials whose names match (`*` and `?` as in shells).
-    Raises for a pattern that matches no material."""
-    if not patterns:
-        return mesh
-    names = [material.name for material in mesh.materials]
+def matching(materials: Sequence[Material], patterns: Sequence[str]) -> list[int]:
+    """The materials whose names match (`*` and `?` as in shells). Raises for a pattern that matches
+    none."""
+    names = [material.name for material in materials]
     hidden: set[int] = set()
     for pattern in patterns:
         found = [k for k, name in enumerate(names) if fnmatch.fnmatchcase(name, pattern)]
@@ -87,9 +85,15 @@ def without(mesh: Mesh, patterns: Sequence[str]) -> Mesh:
             known = ", ".join(sorted(set(names))) or "none"
             raise Error(f"no material is named {pattern!r}; there are {known}")
         hidden.update(found)
-    if mesh.material_ids is None:
+    return sorted(hidden)
+
+
+def without(mesh: Mesh, patterns: Sequence[str]) -> Mesh:
+    """The mesh without the triangles of materials whose names match."""
+    hidden = matching(mesh.materials, patterns)
+    if not hidden or mesh.material_ids is None:
         return mesh
-    kept = ~np.isin(mesh.material_ids, sorted(hidden))
+    kept = ~np.isin(mesh.material_ids, hidden)
     return replace(mesh, triangles=mesh.triangles[kept], material_ids=mesh.material_ids[kept])
 
 

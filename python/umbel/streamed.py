@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from . import _umbel
 from .asset import Asset
 from .camera import Camera
 from .errors import Error
-from .look import Environment, Look
+from .look import Environment, Look, matching
 from .mesh import Mesh
 from .places import boxes_of, places
 from .repair import Progress
@@ -35,6 +36,8 @@ class CutRenderer(Renderer):
         cut would take more, errors are larger: `pixel_error` says what they became.
     bounce_error: how many times the error may be for rays that bounce or look for light, which then
         meet a cut of their own, and begin beyond what it may be away from the camera's.
+    hide: as `Renderer` has it, by clusters: where they mix materials, by that of most of their
+        triangles.
     The rest is as `Renderer` has it.
     """
 
@@ -46,12 +49,14 @@ class CutRenderer(Renderer):
         *,
         environment: Environment | None = None,
         up: str = "y",
+        hide: Sequence[str] = (),
         bounce_error: float = 1.0,
         progress: Progress | None = None,
         threads: int = 0,
     ) -> None:
         if not bounce_error >= 1:
             raise Error(f"bounce_error must be at least 1, not {bounce_error}")
+        hidden = matching(asset.materials, hide)
         self.mesh = boxes_of(asset)
         if not len(self.mesh.triangles):
             raise Error("the asset shows nothing")
@@ -61,7 +66,7 @@ class CutRenderer(Renderer):
         residency = Residency(asset, max(int(budget * _PAGES), 1), groups_per_step=(1 << 32) - 1)
         factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
         self.pixel_error, self.estimate, tables = _settle(
-            residency, self._places, camera, budget, factors
+            residency, self._places, camera, budget, factors, hidden
         )
         self.page_bytes = residency.statistics["resident_bytes"]
         residency.close()
@@ -111,6 +116,7 @@ def _settle(
     camera: Camera,
     budget: int,
     factors: list[float],
+    hidden: list[int],
 ) -> tuple[float, int, list[Any]]:
     """Loads until the cuts are there, of so many times the error each; the error in pixels that
     fits the budget, about how much what is traced will take, and the cuts' tables."""
@@ -126,7 +132,7 @@ def _settle(
                 + _BYTES_A_CLUSTER * clusters
                 + _BYTES_A_PLACE * placed
             )
-            tables.append(residency._native.table())
+            tables.append(residency._native.table(hidden))
             if not fits or needs > budget:
                 break
         else:

@@ -87,6 +87,38 @@ def test_bounces_may_meet_a_coarser_cut(herd: Path) -> None:
         CutRenderer(asset, camera(), 64_000_000, bounce_error=0.5)
 
 
+def test_materials_may_be_hidden(umbel_command: Umbel, tmp_path: Path) -> None:
+    lods = []
+    for name, mesh in (
+        ("body", umbel.shapes.blob(4, seed=1)),
+        ("shell", umbel.shapes.torus(24, 12)),
+    ):
+        lods.append(
+            umbel.build_lod(
+                umbel.Mesh(
+                    mesh.positions,
+                    mesh.triangles,
+                    material_ids=np.zeros(len(mesh.triangles), np.uint32),
+                    materials=[umbel.Material(name=name)],
+                )
+            )
+        )
+    path = tmp_path / "a.umbel"
+    umbel.save_asset(path, lods)
+    asset = umbel.Asset(path)
+    shown = {
+        hide: CutRenderer(asset, camera(0.01), 64_000_000, hide=hide).triangles
+        for hide in ((), ("sh*",), ("body",))
+    }
+    assert 0 < shown[("sh*",)] < shown[()]
+    assert shown[("sh*",)] + shown[("body",)] == shown[()]
+    with pytest.raises(umbel.Error, match="body, shell"):
+        CutRenderer(asset, camera(), 64_000_000, hide=["nothing"])
+    options = ["-o", tmp_path / "o.png", "--width", 24, "--height", 16, "--spp", 1, "--json"]
+    said = umbel_command("render", path, *options, "--budget", "8MB", "--hide", "shell").json
+    assert 0 < said["triangles"] <= shown[("sh*",)]
+
+
 def test_the_command_keeps_to_the_budget(umbel_command: Umbel, herd: Path, tmp_path: Path) -> None:
     out = tmp_path / "o.png"
     size = ["--width", 24, "--height", 16, "--spp", 1]

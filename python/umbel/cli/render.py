@@ -128,8 +128,8 @@ def command(
         tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
     method = _accel(source, accel, pixel_error)
     most = None if budget is None else _size(budget)
-    if most is not None and (method is not Accel.lod or ground or hide):
-        fail("--budget is for .umbel assets with --accel lod, without --ground and --hide")
+    if most is not None and (method is not Accel.lod or ground):
+        fail("--budget is for .umbel assets with --accel lod, without --ground")
     if not bounce_error >= 1 or (bounce_error > 1 and most is None):
         fail("--bounce-error must be at least 1, and needs --budget")
     from ..trace import Renderer
@@ -289,7 +289,9 @@ class _Streamed:
         from ..asset import Asset
 
         self._asset, self._budget, self._pixel_error = Asset(source), budget, pixel_error
-        self._options = {k: options[k] for k in ("environment", "up", "bounce_error", "threads")}
+        self._options = {
+            k: options[k] for k in ("environment", "up", "hide", "bounce_error", "threads")
+        }
 
     def named(self, text: str) -> list[str]:
         return [text]
