@@ -9,6 +9,7 @@
 //     template <typename T> class Array;  // of a device: Array(size), Array(values, size), data()
 //     std::string name() const;
 //     cuda::Stream stream() const;
+//     Stages no_stages() const;  // ignores what it is called with
 //     /// Medians of what passes up to each call of `stage` in work(stage).
 //     template <typename Work> std::vector<StageTime> time_stages(const Work& work, int runs);
 //     template <typename T> T read(const T* value);
@@ -156,7 +157,7 @@ class BuilderComparison {
                             {scene.nodes.data(), scene.leaves.data(), scene.info.data()}, stage);
       });
     };
-    build(nullptr, cuda::NoStages{});
+    build(nullptr, backend_.no_stages());
     const Array<unsigned char> scratch(scratch_bytes);
     return backend_.time_stages([&](const auto& stage) { build(scratch.data(), stage); }, runs);
   }

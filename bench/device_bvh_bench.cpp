@@ -30,6 +30,7 @@ class OnProcessor {
 
   static std::string name() { return "one core of the processor, not on a device"; }
   static umbel::cuda::Stream stream() { return nullptr; }
+  static umbel::cuda::NoStages no_stages() { return {}; }
 
   /// By the time of the thread.
   template <typename Work>

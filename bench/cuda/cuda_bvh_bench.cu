@@ -28,6 +28,21 @@ class Event {
   cudaEvent_t event_ = nullptr;
 };
 
+/// Marks the end of each stage in the stream. (CUDA takes no lambda for this.)
+struct Stages {
+  static constexpr size_t kMost = 16;
+
+  cudaStream_t stream = nullptr;
+  std::vector<Event>* events = nullptr;
+  std::vector<std::string>* names = nullptr;  ///< null: of nothing
+
+  void operator()(const char* name) const {
+    if (!names || names->size() == kMost) return;
+    names->push_back(name);
+    (*events)[names->size()].record(stream);
+  }
+};
+
 class OnDevice {
  public:
   static constexpr bool kTakesScratch = true;
@@ -41,22 +56,18 @@ class OnDevice {
     return device.name;
   }
   cuda::Stream stream() const { return stream_.get(); }
+  static Stages no_stages() { return {}; }
 
   /// By events; the first run counts for nothing.
   template <typename Work>
   std::vector<bench::StageTime> time_stages(const Work& work, int runs) {
-    constexpr size_t kMost = 16;
-    std::vector<Event> events(kMost + 1);
+    std::vector<Event> events(Stages::kMost + 1);
     std::vector<std::string> names;
-    std::vector<std::vector<double>> times(kMost);
+    std::vector<std::vector<double>> times(Stages::kMost);
     for (int run = -1; run < runs; ++run) {
       names.clear();
       events[0].record(stream());
-      work([&](const char* stage) {
-        if (names.size() == kMost) return;
-        names.push_back(stage);
-        events[names.size()].record(stream());
-      });
+      work(Stages{stream(), &events, &names});
       for (size_t i = 0; i < names.size(); ++i) {
         const double time = events[i + 1].milliseconds_since(events[i]);
         if (run >= 0) times[i].push_back(time);

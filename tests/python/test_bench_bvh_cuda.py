@@ -158,4 +158,4 @@ def test_the_same_code_is_compared_on_the_processor(run, monkeypatch, mesh_file,
     assert "# Builders of hierarchies on one core of the processor" in text
     rows = [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| ")]
     assert {"lbvh", "kmeans-q1", "sweep"} <= set(rows)
-    assert "| builder | boxes | codes | tree |" in text  # stages
+    assert "| builder | boxes | codes | clusters | tree |" in text  # stages

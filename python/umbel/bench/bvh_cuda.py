@@ -28,11 +28,11 @@ COLUMNS = [
     Column("scene", "scene"),
     Column("builder", "builder"),
     Column("build_ms", "build ms", ".3f"),
-    Column("mtriangles_per_second", "M tri/s", ".0f"),
+    Column("mtriangles_per_second", "M tri/s", ".1f"),
     Column("refit_ms", "refit ms", ".3f"),
     Column("sah", "SAH", ".1f"),
-    Column("primary_mrays", "primary M rays/s", ".0f"),
-    Column("bounce_mrays", "bounce M rays/s", ".0f"),
+    Column("primary_mrays", "primary M rays/s", ".1f"),
+    Column("bounce_mrays", "bounce M rays/s", ".1f"),
     Column("lq_ms", "LQ ms", ".2f"),
     Column("hq_ms", "HQ ms", ".2f"),
     Column("sah_ratio", "SAH ratio", ".3f"),
@@ -158,9 +158,24 @@ def _ratios(row: Row, base: Row | None) -> Row:
     }
 
 
+def stage_names(stages: Sequence[Row]) -> list[str]:
+    """All stages, in an order in which every build has its own."""
+    builds: dict[str, list[str]] = {}
+    for row in stages:
+        builds.setdefault(row["builder"], []).append(row["stage"])
+    names: list[str] = []
+    for own in builds.values():
+        for number, name in enumerate(own):
+            if name in names:
+                continue
+            later = [names.index(other) for other in own[number:] if other in names]
+            names.insert(min(later, default=len(names)), name)
+    return names
+
+
 def stage_table(stages: Sequence[Row]) -> str:
     """Milliseconds, a row a builder and a column a stage."""
-    names = list(dict.fromkeys(row["stage"] for row in stages))
+    names = stage_names(stages)
     columns = [Column("builder", "builder"), *(Column(name, name, ".3f") for name in names)]
     table: dict[str, Row] = {}
     for row in stages:
@@ -172,8 +187,9 @@ def report(found: DeviceComparison) -> str:
     """The comparison as a Markdown document."""
     parts = [
         f"# Builders of hierarchies on {found.device}",
-        f"Medians of {found.runs} runs (of the sweep, at most 3), without copies to or "
-        "from the device. A sample is one ray through each pixel of three pictures of 512 x 512, "
+        f"Medians of {found.runs} run{'s' * (found.runs > 1)} (of the sweep, at most 3), without "
+        "copies to or from the device. A sample is one ray through each pixel of three pictures of "
+        "512 x 512, "
         f"and one diffuse bounce from what it hits; LQ is a build and {LQ} samples, HQ one and "
         f"{HQ}. Ratios are to the full sweep with zero build time: SAH and total times are better "
         "below 1, speed above.",
@@ -226,7 +242,7 @@ def draw(path: Path, found: DeviceComparison, scene: str) -> None:
     left, right = figure.subplots(1, 2)
     bottom = dict.fromkeys(built, 0.0)
     stages = [row for row in found.stages if row["scene"] == scene and row["builder"] in bottom]
-    for name in dict.fromkeys(row["stage"] for row in stages):
+    for name in stage_names(stages):
         ms = {row["builder"]: row["ms"] for row in stages if row["stage"] == name}
         heights = [ms.get(builder, 0.0) for builder in built]
         left.bar(built, heights, 0.7, list(bottom.values()), label=name)
