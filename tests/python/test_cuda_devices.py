@@ -276,6 +276,34 @@ def test_trees_are_sound_and_follow_new_positions(package, builder):
     expect_tree(package, bvh, moved, triangles)
 
 
+def test_queries_of_a_height_field(package):
+    positions, triangles = height_field()
+    masks = np.arange(len(triangles), dtype=np.int32) % 2 + 1
+    bvh = bvh_of(package, positions, triangles, masks=package.put(masks))
+    middles = positions[triangles].mean(axis=1, dtype=np.float32)
+    above = np.array([0, 0, 100], np.float32)
+    origins = package.put((middles + above).astype(np.float32))
+    down = np.zeros_like(middles)
+    down[:, 2] = -2
+    directions = package.put(down)
+    # A line straight down meets one triangle.
+    hits = {name: package.get(a) for name, a in bvh.intersect(origins, directions).items()}
+    assert np.array_equal(hits["primitive"], np.arange(len(triangles)))
+    assert np.allclose(hits["t"], 50, atol=1e-4)
+    assert np.allclose(hits["uv"], 1 / 3, atol=1e-3)
+    seen = package.get(bvh.intersect(origins, directions, mask=2)["primitive"])
+    assert np.array_equal(seen, np.where(masks == 2, np.arange(len(triangles)), -1))
+    dark = package.get(bvh.occluded(origins, directions, mask=1))
+    assert np.array_equal(dark, masks == 1)
+    near = bvh.closest_point(package.put(positions), max_distance=1)
+    assert np.allclose(package.get(near["point"]), positions, atol=1e-4)
+    assert np.allclose(package.get(near["distance"]), 0, atol=1e-4)
+    boxes = np.hstack([middles - 0.01, middles + 0.01]).astype(np.float32)
+    offsets, touching = map(package.get, bvh.overlaps(package.put(boxes)))
+    assert np.array_equal(offsets, np.arange(len(triangles) + 1))
+    assert np.array_equal(touching, np.arange(len(triangles)))
+
+
 def test_settings_of_trees(package):
     positions, triangles = height_field()
     single = bvh_of(package, positions, triangles, "lbvh", max_leaf_size=1)
