@@ -3,13 +3,13 @@
 //
 //   bvh_build_bench [--runs N] [--builder NAME]... MESH...
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <string>
 #include <vector>
 
+#include "clocks.hpp"
 #include "mesh_reader.hpp"
 #include "umbel/bvh.hpp"
 
@@ -17,19 +17,14 @@ namespace {
 
 namespace bvh = umbel::bvh;
 
-double median(std::vector<double> times) {
-  std::sort(times.begin(), times.end());
-  return times[times.size() / 2];
-}
-
 double seconds(const umbel::Mesh& mesh, const bvh::Config& config, uint32_t threads,
                bvh::Bvh2& tree) {
   umbel::BuildOptions options;
   options.threads = threads;
   tree = {};
-  const auto start = std::chrono::steady_clock::now();
+  const double start = bench::wall_seconds();
   tree = bvh::build(mesh.view(), config, options);
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return bench::wall_seconds() - start;
 }
 
 void measure(const umbel::Mesh& mesh, const bvh::Config& config, int runs) {
@@ -40,7 +35,7 @@ void measure(const umbel::Mesh& mesh, const bvh::Config& config, int runs) {
     two.push_back(seconds(mesh, config, 2, tree));
   }
   const bvh::Statistics s = bvh::statistics(tree, {3, 2});
-  const double t1 = median(one), t2 = median(two);
+  const double t1 = bench::median(one), t2 = bench::median(two);
   std::printf("  %-14s %8.4f %8.4f %5.2f %8.2f %9.3f %9.3f %9u %9u %5u\n",
               std::string(bvh::name(config.builder)).c_str(), t1, t2, t1 / t2,
               double(mesh.triangles.size()) / t1 * 1e-6, s.sah_cost, bvh::sah_cost(tree, {1, 1}),
