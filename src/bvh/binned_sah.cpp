@@ -13,6 +13,7 @@
 #include <numeric>
 #include <optional>
 
+#include "base/cpu_buffer.hpp"
 #include "base/parallel.hpp"
 #include "base/shared_progress.hpp"
 #include "bvh/builders.hpp"
@@ -374,7 +375,7 @@ class Binned {
       stack.push_back(left_first ? left : right);
     }
     Bvh2 tree;
-    tree.nodes.resize(nodes);
+    tree.nodes = large_vector<Node>(nodes);
     tree.primitives.resize(primitives);
     for (size_t i = 0; i < upper.size(); ++i) tree.nodes[upper_slots[i]] = upper[i];
     parallel_for(copies.size(), 1, [&](size_t i) {

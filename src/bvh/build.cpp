@@ -5,12 +5,13 @@
 #include <bit>
 #include <cmath>
 #include <cstdio>
-#include <memory>
 #include <string>
 
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "base/raw_array.hpp"
+#include "bvh/box4.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/config.hpp"
 #include "mesh/streams.hpp"
@@ -217,10 +218,22 @@ bool has_finite_corners(const MeshView& mesh, size_t triangle) {
                   printed(mesh.positions[vertex]) + ", which is not finite");
 }
 
-Aabb box_of(const MeshView& mesh, size_t triangle) {
-  Aabb box;
-  for (const uint32_t vertex : mesh.triangles[triangle]) extend(box, mesh.positions[vertex]);
-  return box;
+/// A position in the first three lanes. What follows it in memory may be read with it.
+Float4 corner_of(const MeshView& mesh, uint32_t vertex) {
+  const Vec3& p = mesh.positions[vertex];
+  return vertex + size_t{1} < mesh.positions.size() ? load4(&p.x) : Float4{p.x, p.y, p.z, 0};
+}
+
+/// False, and a box without meaning, where a corner is not finite.
+bool find_box(const MeshView& mesh, size_t triangle, Aabb& box) {
+  const Triangle& corners = mesh.triangles[triangle];
+  const Float4 a = corner_of(mesh, corners[0]), b = corner_of(mesh, corners[1]),
+               c = corner_of(mesh, corners[2]);
+  const Float4 low = min4(min4(a, b), c), negated_high = min4(min4(-a, -b), -c);
+  box = {{low[0], low[1], low[2]}, {-negated_high[0], -negated_high[1], -negated_high[2]}};
+  // An infinity times zero is no number, and neither is anything added to one.
+  const Float4 zero = a * 0.0f + b * 0.0f + c * 0.0f;
+  return zero[0] + zero[1] + zero[2] == 0;
 }
 
 /// Calls build(mesh, boxes) over the triangles that can be, and numbers them as the mesh does.
@@ -228,25 +241,22 @@ template <typename Build>
 auto build_triangles(const MeshView& mesh, const Config& config, const Build& build) {
   check_indices(mesh);
   const size_t count = mesh.triangles.size();
-  const auto boxes = std::make_unique_for_overwrite<Aabb[]>(count);
-  const size_t bad = first_where(count, [&](size_t i) {
-    boxes[i] = box_of(mesh, i);
-    return !has_finite_corners(mesh, i);
-  });
-  if (bad == count) return build(mesh, Boxes(boxes.get(), count));
+  const RawArray<Aabb> boxes(count);
+  const size_t bad = first_where(count, [&](size_t i) { return !find_box(mesh, i, boxes[i]); });
+  if (bad == count) return build(mesh, Boxes(boxes.data(), count));
   if (config.invalid == InvalidTriangles::kRefuse) refuse_triangle(mesh, bad);
   std::vector<uint32_t> kept;
   for (size_t i = 0; i < count; ++i)
     if (has_finite_corners(mesh, i)) kept.push_back(static_cast<uint32_t>(i));
   std::vector<Triangle> triangles(kept.size());
   for (size_t i = 0; i < kept.size(); ++i) {
-    boxes[i] = box_of(mesh, kept[i]);
+    find_box(mesh, kept[i], boxes[i]);
     triangles[i] = mesh.triangles[kept[i]];
   }
   MeshView view;
   view.positions = mesh.positions;
   view.triangles = triangles;
-  auto tree = build(view, Boxes(boxes.get(), kept.size()));
+  auto tree = build(view, Boxes(boxes.data(), kept.size()));
   for (uint32_t& primitive : tree.primitives) primitive = kept[primitive];
   return tree;
 }

@@ -58,7 +58,7 @@ class RadixParts {
   /// `primitives` are in the order of the codes.
   Bvh2 build(Boxes boxes, std::vector<uint32_t> primitives, const LeafRule& rule) const {
     std::vector<TreePart> parts(ranges_.size());
-    PartStore store(2 * primitives.size());
+    PartStore store;
     parallel_for(ranges_.size(), 1, [&](size_t s) {
       const auto [offset, count] = ranges_[s];
       MortonStack<Key> stack(codes_, primitives.data(), boxes.data(), rule);

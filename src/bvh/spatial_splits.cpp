@@ -44,8 +44,7 @@ class SpatialBuilder {
         count_(static_cast<uint32_t>(boxes.size())),
         capacity_(count_ + budget(boxes.size(), config.spatial_budget)),
         references_(capacity_),
-        primitives_(capacity_),
-        store_(2 * size_t(capacity_)) {
+        primitives_(capacity_) {
     parallel_for(count_, 4096, [&](size_t i) {
       references_[i] = tagged(Box4::from(boxes[i]), static_cast<uint32_t>(i));
     });

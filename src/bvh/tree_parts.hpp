@@ -2,14 +2,16 @@
 #pragma once
 
 #include <algorithm>
-#include <atomic>
 #include <cstdint>
+#include <mutex>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/cpu_buffer.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
+#include "base/raw_array.hpp"
 #include "umbel/bvh.hpp"
 
 namespace umbel::bvh {
@@ -27,8 +29,6 @@ struct TreePart {
 /// Keeps the nodes of finished subtrees until they are joined.
 class PartStore {
  public:
-  explicit PartStore(size_t most_nodes) : nodes_(most_nodes) {}
-
   /// Memory for the nodes of the subtree that this thread builds next. Its content is lost with the
   /// next call.
   static Node* scratch_end(size_t most_nodes) {
@@ -36,18 +36,21 @@ class PartStore {
     if (scratch.size() < most_nodes) scratch = CpuBuffer<Node>(most_nodes);
     return scratch.data() + scratch.size();
   }
-  /// Copies a subtree out of the scratch memory.
+  /// Copies a subtree out of the scratch memory. In pieces, so that memory is used again that was
+  /// used before: to get fresh pages takes as long as to build what they hold.
   void keep(TreePart& subtree) {
     const size_t count = 2 * size_t(subtree.pairs);
-    Node* to = nodes_.data() + used_.fetch_add(count);
-    // NOLINTNEXTLINE(clang-analyzer-core.*): a subtree without nodes has no pairs
-    std::copy(subtree.nodes_end - count, subtree.nodes_end, to);
-    subtree.nodes_end = to + count;
+    if (count == 0) return;
+    RawArray<Node> nodes(count);
+    std::copy(subtree.nodes_end - count, subtree.nodes_end, nodes.data());
+    subtree.nodes_end = nodes.data() + count;
+    const std::lock_guard lock(mutex_);
+    pieces_.push_back(std::move(nodes));
   }
 
  private:
-  CpuBuffer<Node> nodes_;
-  std::atomic<size_t> used_ = 0;
+  std::mutex mutex_;
+  std::vector<RawArray<Node>> pieces_;
 };
 
 /// An inner node above subtrees: each child is another one behind it in the array, or ~subtree.
