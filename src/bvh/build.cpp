@@ -14,6 +14,7 @@
 #include "bvh/box4.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/config.hpp"
+#include "bvh/reinsertion.hpp"
 #include "mesh/streams.hpp"
 
 namespace umbel::bvh {
@@ -189,7 +190,8 @@ Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config, Prog
                             : run_scaled(mesh, boxes, scale, config, progress);
   if (config.reinsertion_rounds > 0) {
     progress.report(0.8, "reinserting");
-    reinsert(tree, config.reinsertion_rounds, {});
+    const bool is_good = config.builder == Builder::kSpatial;
+    reinsert(tree, config.reinsertion_rounds, is_good ? kReinsertedOfGood : kReinserted, {});
   }
   if (!entry_of(config.builder).is_final || config.reinsertion_rounds > 0 ||
       !has_area(tree.nodes[0])) {

@@ -4,6 +4,8 @@
 //
 // Where the paper keeps conflicting moves apart by locks, each move is tried on the tree as it is
 // by then, and taken back unless it pays. So the cost never rises, and nothing depends on threads.
+#include "bvh/reinsertion.hpp"
+
 #include <algorithm>
 #include <cstdint>
 #include <vector>
@@ -139,7 +141,8 @@ Move best_move(const LinkedTree& tree, uint32_t node) {
 
 class Reinserter {
  public:
-  explicit Reinserter(std::vector<Node>& nodes) : tree_(nodes), touched_(nodes.size()) {
+  Reinserter(std::vector<Node>& nodes, float fraction)
+      : tree_(nodes), fraction_(fraction), touched_(nodes.size()) {
     for (const Node& node : nodes)
       if (!node.is_leaf()) inner_area_ += double(area(Box4::from(node.box())));
   }
@@ -194,7 +197,7 @@ class Reinserter {
 
   LinkedTree tree_;
   double inner_area_ = 0;
-  float fraction_ = 0.1f;
+  float fraction_;
   std::vector<uint8_t> touched_;  // hold another node than when the round began
   std::vector<uint32_t> candidates_;
   std::vector<Move> moves_;
@@ -203,10 +206,14 @@ class Reinserter {
 }  // namespace
 
 void reinsert(Bvh2& tree, uint32_t rounds, const BuildOptions& options) {
+  reinsert(tree, rounds, kReinserted, options);
+}
+
+void reinsert(Bvh2& tree, uint32_t rounds, float fraction, const BuildOptions& options) {
   if (tree.nodes.size() < 5 || rounds == 0) return;
   Progress progress(options);
   with_threads(options.threads, [&] {
-    Reinserter reinserter(tree.nodes);
+    Reinserter reinserter(tree.nodes, fraction);
     for (uint32_t round = 0; round < rounds; ++round) {
       progress.report(double(round) / rounds, "reinserting");
       if (!reinserter.run_round()) break;

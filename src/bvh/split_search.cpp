@@ -1,11 +1,13 @@
 #include "bvh/split_search.hpp"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "base/cpu_buffer.hpp"
 #include "base/parallel.hpp"
 #include "bvh/clip_triangle.hpp"
+#include "bvh/short_box.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -164,38 +166,56 @@ Split partition_by_bins(const Box4* references, uint32_t count, const NodeBounds
   return best;
 }
 
-/// All partitions of a few references by their centres.
+/// All partitions of a few references by their centres, on the three axes in the lanes of vectors.
 Split partition_by_sweep(const Box4* references, uint32_t count, Float4 pad) {
-  Split best;
-  // Two can be told apart in one way only.
-  for (int axis = 0; axis < (count == 2 ? 1 : 3); ++axis) {
-    uint8_t order[kSweepMost];
-    float center[kSweepMost], right_area[kSweepMost];
+  std::array<std::array<uint8_t, kSweepMost>, 3> orders;
+  for (int axis = 0; axis < 3; ++axis) {
+    float center[kSweepMost];
+    uint8_t* const order = orders[axis].data();
     for (uint32_t i = 0; i < count; ++i) {
       center[i] = references[i].center2()[axis];
       uint32_t at = i;
       for (; at > 0 && center[order[at - 1]] > center[i]; --at) order[at] = order[at - 1];
       order[at] = static_cast<uint8_t>(i);
     }
-    Box4 side = Box4::empty();
-    for (uint32_t i = count - 1; i > 0; --i) {
-      // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): at most kSweepMost references
-      side.extend(references[order[i]]);
-      right_area[i] = side.half_area(pad);
-    }
-    side = Box4::empty();
-    uint32_t mask = 0;
-    for (uint32_t i = 1; i < count; ++i) {
-      side.extend(references[order[i - 1]]);
-      mask |= 1u << order[i - 1];
-      const float cost = side.half_area(pad) * float(i) + right_area[i] * float(count - i);
-      if (cost < best.cost) {
-        best.cost = cost;
-        best.axis = axis;
-        best.mask = mask;
-      }
-    }
   }
+  struct Sides {
+    Box4 x = Box4::empty(), y = Box4::empty(), z = Box4::empty();
+    Float4 areas(Float4 by) const {
+      return half_areas(x.extents() + by, y.extents() + by, z.extents() + by);
+    }
+  };
+  const auto extend = [&](Sides& sides, uint32_t i) {
+    sides.x.extend(references[orders[0][i]]);
+    sides.y.extend(references[orders[1][i]]);
+    sides.z.extend(references[orders[2][i]]);
+  };
+  std::array<Float4, kSweepMost> right_areas;
+  Sides side;
+  for (uint32_t i = count - 1; i > 0; --i) {
+    extend(side, i);
+    right_areas[i] = side.areas(pad);
+  }
+  side = {};
+  Float4 least = splat(std::numeric_limits<float>::infinity());
+  Int4 position{};
+  for (uint32_t i = 1; i < count; ++i) {
+    extend(side, i - 1);
+    const Float4 cost =
+        side.areas(pad) * splat(float(i)) + right_areas[i] * splat(float(count - i));
+    const Int4 better = Int4(cost < least);
+    least = min4(cost, least);
+    const int at = static_cast<int>(i);
+    position = (Int4{at, at, at, at} & better) | (position & ~better);
+  }
+  Split best;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(least[axis] < best.cost)) continue;
+    best.cost = least[axis];
+    best.axis = axis;
+  }
+  if (best.axis < 0) return best;
+  for (int i = 0; i < position[best.axis]; ++i) best.mask |= 1u << orders[best.axis][i];
   best.left_box = best.right_box = Box4::empty();
   for (uint32_t i = 0; i < count; ++i)
     (best.mask >> i & 1 ? best.left_box : best.right_box).extend(references[i]);

@@ -42,6 +42,7 @@ class PartStore {
     const size_t count = 2 * size_t(subtree.pairs);
     if (count == 0) return;
     RawArray<Node> nodes(count);
+    // NOLINTNEXTLINE(clang-analyzer-core.*): a subtree without nodes has no pairs
     std::copy(subtree.nodes_end - count, subtree.nodes_end, nodes.data());
     subtree.nodes_end = nodes.data() + count;
     const std::lock_guard lock(mutex_);
