@@ -78,6 +78,7 @@ class Builder {
     cut_mesh(source_, config_, {}, pending_);
     order_vertices(source_, pending_);
     tbb::parallel_invoke([&] { report().degenerate_triangles = settle_source(source_, pending_); },
+                         [&] { grouper_.prepare(pending_); },
                          [&] {
                            own_spheres_.resize(pending_.size());
                            parallel_for(pending_.size(), 64,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 #include "base/parallel.hpp"
 
@@ -84,6 +85,11 @@ void Grouper::find_shared(const ClusterSet& set) {
       shared_.owners[cursor[shared_.slots[i]]++] = c;
 }
 
+void Grouper::prepare(const ClusterSet& set) {
+  find_shared(set);
+  is_prepared_ = true;
+}
+
 Grouper::Run Grouper::connect(size_t begin, size_t end, std::span<const uint8_t> locked) const {
   Run run;
   std::vector<uint32_t> entry_of(shared_.offsets.size() - 1, kNone);
@@ -113,7 +119,7 @@ Grouper::Run Grouper::connect(size_t begin, size_t end, std::span<const uint8_t>
 
 Clusters Grouper::group(const ClusterSet& set, std::span<const uint8_t> locked,
                         const Config& config) {
-  find_shared(set);
+  if (!std::exchange(is_prepared_, false)) find_shared(set);
   std::vector<Run> runs((set.size() + kRun - 1) / kRun);
   parallel_chunks(set.size(), kRun, [&](size_t begin, size_t end) {
     runs[begin / kRun] = connect(begin, end, locked);

@@ -22,6 +22,9 @@ class Grouper {
   /// Whenever the source has got vertices.
   void grow() { owners_.resize(source_.mesh.positions.size(), 0); }
 
+  /// Does ahead what the next `group` of the same clusters does alone, on one thread.
+  void prepare(const ClusterSet& set);
+
   Clusters group(const ClusterSet& set, std::span<const uint8_t> locked, const Config& config);
 
   /// Of what `group` has just grouped: sets locked[p] to 1 for the positions that clusters of two
@@ -49,6 +52,7 @@ class Grouper {
   const Source& source_;
   std::vector<uint32_t> owners_;  // by position id
   Shared shared_;
+  bool is_prepared_ = false;      // shared_ is that of what is grouped next
   std::vector<uint32_t> locked_;  // positions
 };
 
