@@ -5,6 +5,7 @@
 #include <functional>
 #include <random>
 
+#include "asset/edit_file.hpp"
 #include "lod/cull.hpp"
 #include "stream/world.hpp"
 
@@ -190,6 +191,58 @@ TEST(Frontier, follows_views_that_come_change_and_go) {
       ASSERT_EQ(cuts[v], Walk(s.residency, views[v]).cut) << "step " << i;
     }
   }
+}
+
+/// References that lie: of groups that are elsewhere, in circles, with other parents.
+TEST(Frontier, shows_something_of_any_file_whose_checksums_are_right) {
+  const testing::Scratch scratch;
+  std::vector<char> whole;
+  {
+    lod::Config config;
+    config.max_triangles = 16;
+    config.min_group = 2;
+    config.max_group = 4;
+    AssetConfig stored;
+    stored.page_bytes = 4096;
+    write_asset(scratch / "a.umbel", lod::build(shapes::blob(4, 1).view(), config), "{}", {},
+                stored);
+    whole = testing::read_bytes(scratch / "a.umbel");
+  }
+  const size_t head = testing::get(whole, 24, 8);
+  std::mt19937 random(3);
+  size_t shown = 0;
+  for (int run = 0; run < 150; ++run) {
+    std::vector<char> bytes = whole;
+    for (int change = 0; change < 40; ++change) {
+      // A group, a page, or a number of parents or references becomes another that is in range.
+      const size_t page = head + random() % ((bytes.size() - head) / 4096) * 4096;
+      const size_t at = page + 16 + random() % 200 * 4;
+      const uint64_t old = testing::get(bytes, at, 4);
+      if (old < 1000) testing::put(bytes, at, 4, random() % 3 == 0 ? random() % 60 : old + 1);
+    }
+    testing::repair_checksums(bytes);
+    testing::write_bytes(scratch / "b.umbel", bytes);
+    try {
+      const Asset asset(scratch / "b.umbel");
+      uint64_t all = 0;
+      for (uint32_t p = 0; p < asset.info().pages; ++p) all += asset.page_bytes(p);
+      ResidencyConfig config;
+      config.budget_bytes = all / 2;
+      config.attempts = 1;
+      auto* postman = new testing::Postman(asset);
+      postman->forgives = true;
+      Residency residency(asset, config, std::unique_ptr<PageLoader>(postman));
+      for (int i = 0; i < 60; ++i) {
+        const StreamView views[] = {paths()[static_cast<size_t>(i / 10)](i)};
+        residency.step(views, i);
+        for (const StreamCluster& c : residency.cut()) ASSERT_NE(residency.page(c.page), nullptr);
+        shown += residency.cut().size();
+      }
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ErrorCode::kCorrupt) << error.what();
+    }
+  }
+  EXPECT_GT(shown, 10'000u);
 }
 
 }  // namespace

@@ -98,11 +98,21 @@ class Postman : public PageLoader {
       if (broken.contains(page))
         brought.push_back({page, nullptr, "page " + std::to_string(page) + " is broken"});
       else
-        brought.push_back({page, std::make_shared<const AssetPage>(asset_.read_page(page)), ""});
+        brought.push_back(read(page));
     }
     return brought;
   }
 
+  PageArrival read(uint32_t page) const {
+    try {
+      return {page, std::make_shared<const AssetPage>(asset_.read_page(page)), ""};
+    } catch (const Error& error) {
+      if (!forgives) throw;
+      return {page, nullptr, error.what()};
+    }
+  }
+
+  bool forgives = false;  ///< a page that cannot be read has failed
   uint32_t per_poll = 4;
   std::vector<uint32_t> asked;
   std::map<uint32_t, uint32_t> requests;
