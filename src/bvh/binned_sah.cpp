@@ -212,7 +212,7 @@ void keep(const Node* nodes, Top& block) {
   if (block.node_count > room)
     block.more_nodes = std::make_unique_for_overwrite<Node[]>(block.node_count - room);
   for_pieces(block, [&](Node* to, uint32_t count, uint32_t first) {
-    std::memcpy(to, nodes + first, count * sizeof(Node));
+    if (count > 0) std::memcpy(to, nodes + first, count * sizeof(Node));
   });
 }
 

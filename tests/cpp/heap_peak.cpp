@@ -5,7 +5,9 @@
 #include <cstdlib>
 #include <new>
 
-#ifdef __GLIBC__
+// Sanitizers have an operator new of their own, some forms of which would stay theirs.
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define UMBEL_COUNTS_HEAP 1
 #include <malloc.h>
 #endif
 
@@ -13,7 +15,7 @@ namespace {
 
 std::atomic<size_t> in_use{0}, peak{0};
 
-#ifdef __GLIBC__
+#ifdef UMBEL_COUNTS_HEAP
 void* counted(void* memory) {
   if (!memory) throw std::bad_alloc();
   const size_t now = in_use += malloc_usable_size(memory);
@@ -37,7 +39,7 @@ void* aligned(size_t size, std::align_val_t alignment) {
 
 }  // namespace
 
-#ifdef __GLIBC__
+#ifdef UMBEL_COUNTS_HEAP
 void* operator new(size_t size) { return counted(std::malloc(std::max<size_t>(size, 1))); }
 void* operator new[](size_t size) { return counted(std::malloc(std::max<size_t>(size, 1))); }
 void* operator new(size_t size, std::align_val_t alignment) { return aligned(size, alignment); }
@@ -57,7 +59,7 @@ namespace umbel::testing {
 HeapPeak::HeapPeak() : before_(in_use) { peak = before_; }
 
 bool HeapPeak::counts() {
-#ifdef __GLIBC__
+#ifdef UMBEL_COUNTS_HEAP
   return true;
 #else
   return false;

@@ -7,14 +7,13 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "base/hash.hpp"
+#include "scratch.hpp"
 
 namespace umbel::fuzz {
 
@@ -46,13 +45,6 @@ inline void repair_checksums(Bytes& bytes) {
     put_word(bytes, entry + 16, xxh64(bytes.data() + offset, size));
   }
   put_word(bytes, kHeaderBytes - 8, xxh64(bytes.data(), kHeaderBytes - 8));
-}
-
-inline const std::string& scratch() {
-  static const std::string path = (std::filesystem::temp_directory_path() /
-                                   ("umbel_fuzz_" + std::to_string(std::random_device{}())))
-                                      .string();
-  return path;
 }
 
 inline void write_file(const Bytes& bytes) {

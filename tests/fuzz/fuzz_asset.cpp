@@ -8,11 +8,11 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "base/hash.hpp"
+#include "scratch.hpp"
 #include "umbel/asset.hpp"
 #include "umbel/umbel.h"
 #include "umbel/umbel.hpp"
@@ -20,6 +20,7 @@
 namespace {
 
 using umbel::xxh64;
+using umbel::fuzz::scratch;
 
 [[noreturn]] void fail(const std::string& what) {
   std::fprintf(stderr, "fuzz_asset: %s\n", what.c_str());
@@ -75,13 +76,6 @@ void repair_checksums(std::vector<uint8_t>& bytes) {
 }
 
 // ---- a file for the bytes ----------------------------------------------------------------------
-
-const std::filesystem::path& scratch() {
-  static const std::filesystem::path path =
-      std::filesystem::temp_directory_path() /
-      ("umbel_fuzz_" + std::to_string(std::random_device{}()) + ".umbel");
-  return path;
-}
 
 void write_file(const std::vector<uint8_t>& bytes) {
   std::ofstream file(scratch(), std::ios::binary);
@@ -202,7 +196,6 @@ extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
       write_seeds((*argv)[i]);
       break;
     }
-  std::atexit([] { std::filesystem::remove(scratch()); });
   return 0;
 }
 

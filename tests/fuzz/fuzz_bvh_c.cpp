@@ -163,7 +163,9 @@ bool are_equal(const umbel_hit& a, const umbel_hit& b) {
   return a.t == b.t && a.primitive == b.primitive && a.u == b.u && a.v == b.v;
 }
 
-void ask(const Case& c, const umbel_bvh* bvh) {
+/// Leaves of a spoilt tree may have boxes that their triangles reach out of: what is nearest is
+/// then not always found.
+void ask(const Case& c, const umbel_bvh* bvh, bool is_spoilt = false) {
   const size_t n = c.rays.size();
   const std::vector<umbel_hit> hits = nearest_hits(c, bvh);
   std::vector<uint8_t> flags(n);
@@ -180,7 +182,8 @@ void ask(const Case& c, const umbel_bvh* bvh) {
     expect(!is_hit || hits[i].primitive < c.triangle_count(), "a hit of no triangle");
     expect(is_hit == (flags[i] != 0), "closest and any hit disagree");
     expect(is_hit == (counts[i] > 0), "closest and all hits disagree");
-    expect(!is_hit || are_equal(hits[i], all[kRoom * i]), "the first of all hits is another");
+    expect(!is_hit || is_spoilt || are_equal(hits[i], all[kRoom * i]),
+           "the first of all hits is another");
   }
   std::vector<umbel_closest_point> closest(n);
   std::vector<float> distances(n);
@@ -227,7 +230,7 @@ void widen(Case& c, Tree tree, const Build& build, const Make& make) {
   primitives.resize(tree.primitive_count);
   c.spoil(nodes, primitives);
   umbel_bvh* bvh = nullptr;
-  if (went_well(make(&tree, &c.mesh, &c.config, &c.options, &bvh))) ask(c, bvh);
+  if (went_well(make(&tree, &c.mesh, &c.config, &c.options, &bvh))) ask(c, bvh, true);
   umbel_bvh_free(bvh);
 }
 

@@ -3,21 +3,20 @@
 // What is built must be proved, and written and read again; all ways to select must give one cut.
 #include <algorithm>
 #include <cstring>
-#include <filesystem>
 #include <memory>
-#include <random>
 #include <set>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include "c_interface.hpp"
+#include "scratch.hpp"
 #include "umbel/umbel_lod.h"
 
 namespace {
 
 using umbel::fuzz::expect;
 using umbel::fuzz::Input;
+using umbel::fuzz::scratch;
 using umbel::fuzz::went_well;
 
 struct Free {
@@ -284,13 +283,6 @@ void check_cuts(Case& c, const umbel_lod* lod) {
   umbel_mesh_free(mesh);
 }
 
-const std::string& scratch() {
-  static const std::string path = (std::filesystem::temp_directory_path() /
-                                   ("umbel_fuzz_" + std::to_string(std::random_device{}())))
-                                      .string();
-  return path;
-}
-
 void write_and_read(Case& c, const umbel_lod* lod, size_t clusters) {
   if (!went_well(umbel_lod_save(lod, scratch().c_str(), c.below(2) ? 1 : 0, &c.options))) return;
   umbel_lod_tables* tables = nullptr;
@@ -301,11 +293,6 @@ void write_and_read(Case& c, const umbel_lod* lod, size_t clusters) {
 }
 
 }  // namespace
-
-extern "C" int LLVMFuzzerInitialize(int* /*argc*/, char*** /*argv*/) {
-  std::atexit([] { std::filesystem::remove(scratch()); });
-  return 0;
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Case c(data, size);
