@@ -45,7 +45,7 @@ umbel_result umbel_cuda_intersect(void* scratch, size_t* scratch_bytes, const um
 umbel_result umbel_cuda_occluded(void* scratch, size_t* scratch_bytes, const umbel_cuda_bvh* bvh,
                                  const umbel_cuda_rays* rays, uint8_t* results, void* stream) {
   return guard([&] {
-    if (scratch) not_null(results, "results");
+    if (scratch && not_null(rays, "rays").count > 0) not_null(results, "results");
     umbel::cuda::occluded_rays(scratch, bytes_of(scratch_bytes), bvh_of(bvh, scratch),
                                umbel::capi::rays_of(rays), results, stream_of(stream));
   });

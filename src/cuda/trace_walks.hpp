@@ -94,16 +94,17 @@ struct FindClosest {
   }
 };
 
-/// Counts what touches a box, or writes it as keys: the box above, the primitive below.
+/// Counts what touches a box, where there are `sizes`, or writes it as keys: the box above, the
+/// primitive below.
 struct FindOverlaps {
   struct Found {
-    uint64_t* keys;  ///< null: to count
+    uint64_t* keys;
     uint64_t box;
     uint32_t* size;
     uint32_t room;
 
     UMBEL_HOST_DEVICE void operator()(uint32_t primitive) const {
-      if (keys && *size < room) keys[*size] = box << 32 | primitive;
+      if (*size < room) keys[*size] = box << 32 | primitive;
       ++*size;
     }
   };
@@ -121,7 +122,7 @@ struct FindOverlaps {
   uint32_t room;
 
   UMBEL_HOST_DEVICE bool begin(size_t i, State& s) const {
-    s.size = keys ? offsets[i] : 0;
+    s.size = sizes ? 0 : offsets[i];
     s.visitor = bvh::BoxVisitor<Found>(Found{keys, i, &s.size, room});
     if (!s.visitor.begin(tree, boxes[i])) return false;
     s.walk.begin(tree, s.visitor);
@@ -129,7 +130,7 @@ struct FindOverlaps {
   }
   UMBEL_HOST_DEVICE bool step(State& s) const { return s.walk.step(tree, s.visitor); }
   UMBEL_HOST_DEVICE void end(size_t i, const State& s) const {
-    if (!keys) sizes[i] = s.size;
+    if (sizes) sizes[i] = s.size;
   }
 };
 
