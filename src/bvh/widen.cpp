@@ -4,6 +4,8 @@
 // cheaper than to walk them.
 #include "bvh/widen.hpp"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <array>
 #include <cstring>
