@@ -388,6 +388,55 @@ def test_saved_files_answer_as_before(
     assert path.read_bytes() == bytes_before
 
 
+def _mapped_hits(path: Path, origin: np.ndarray, direction: np.ndarray) -> dict[int, float]:
+    """The triangles on a ray, and where, read from the mapped file alone as the manual says."""
+    words = np.memmap(path, "<u4", mode="r")
+    offsets = np.asarray(words[28:46]).view("<u8")[[0, 3, 6]] // 4
+    width = int(words[6])
+    assert not (offsets * 4 % 64).any()
+    nodes, leaves = words[offsets[0] :], words[offsets[1] :]
+    found: dict[int, float] = {}
+    open_links = [0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        while open_links:
+            node = nodes[7 * width * open_links.pop() :][: 7 * width].reshape(7, width)
+            planes = node[:6].view("<f4").astype(np.float64).reshape(3, 2, width)
+            t = (planes - origin[:, None, None]) / direction[:, None, None]
+            near, far = t.min(1).max(0), t.max(1).min(0)
+            for slot in np.flatnonzero((near <= far + 1e-6) & (node[6] != 0xFFFFFFFF)):
+                link = int(node[6, slot])
+                if not link >> 31:
+                    open_links.append(link)
+                    continue
+                count, first = (link >> 28 & 7) + 1, link & 0xFFFFFFF
+                rows = leaves[10 * first :][: 10 * count].reshape(10, count)
+                corners = rows[:9].view("<f4").astype(np.float64).T.reshape(count, 3, 3)
+                for triangle, (a, b, c) in zip(rows[9], corners, strict=True):
+                    u, v, along = np.linalg.solve(
+                        np.stack([b - a, c - a, -direction], 1), origin - a
+                    )
+                    if u >= 0 and v >= 0 and u + v <= 1 and along >= 0:
+                        found[int(triangle)] = along
+    return found
+
+
+def test_a_saved_file_can_be_mapped_and_traced_as_it_lies(blob: Mesh, tmp_path: Path) -> None:
+    path = tmp_path / "mapped.umbvh"
+    bvh = umbel.Bvh(blob)
+    bvh.save(path)
+    random = np.random.default_rng(8)
+    origins = random.uniform(-2, 2, (40, 3))
+    directions = random.uniform(-0.5, 0.5, (40, 3)) - origins
+    hits = bvh.intersect(origins, directions)
+    assert hits.hit.sum() > 10
+    for i in range(len(origins)):
+        found = _mapped_hits(path, origins[i], directions[i])
+        assert bool(found) == hits.hit[i]
+        if found:
+            assert min(found, key=lambda triangle: found[triangle]) == hits.primitive[i]
+            assert min(found.values()) == pytest.approx(hits.t[i], rel=1e-5)
+
+
 def test_a_file_of_version_1_0_answers_as_a_new_tree() -> None:
     old = Path(__file__).parents[1] / "vectors" / "compact_1_0.umbvh"
     assert old.read_bytes()[8:12] == b"\1\0\0\0"
