@@ -122,10 +122,11 @@ struct Config {
   /// to every group's error; 0: they stay as they are.
   float position_step = 0;
   bool attributes = true;  ///< weigh attributes in the error, keep seams
-  /// A difference of 1 counts as a surface that is off by this part of the group's extent.
-  float normal_weight = 0.025f, uv_weight = 0.025f, color_weight = 0.025f;
-  float tangent_weight = 0.0125f;  ///< the tangent's direction
-  float skin_weight = 0.025f;      ///< how much a joint moves a vertex, each joint for itself
+  /// A difference of 1 counts as a surface that is off by this part of the root of the area that
+  /// has it.
+  float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
+  float tangent_weight = 0.25f;  ///< the tangent's direction
+  float skin_weight = 0.5f;      ///< how much a joint moves a vertex, each joint for itself
   /// Where many small parts that hang together with nothing (leaves, rubble) shrink or vanish,
   /// those that are left are enlarged until they cover as much area as before.
   bool keep_area = true;

@@ -116,9 +116,9 @@ typedef struct umbel_lod_config {
   float ratio;                ///< [0.5] triangles that each level keeps, in [0.1, 0.9]
   float position_step;        ///< [0] positions are moved to multiples of this power of two; 0: not
   uint32_t attributes;        ///< [1] nonzero: attributes weigh in the error, seams are kept
-  float normal_weight;        ///< [0.025] in [0, 1000], as the other weights
-  float uv_weight;            ///< [0.025]
-  float color_weight;         ///< [0.025]
+  float normal_weight;        ///< [0.5] in [0, 1000], as the other weights
+  float uv_weight;            ///< [0.5]
+  float color_weight;         ///< [0.5]
   uint32_t refit_attributes;  ///< [1] nonzero: vertices that stay take what fits best to all that
                               ///< they stand for
   uint32_t max_levels;        ///< [0] 0: no limit
@@ -132,8 +132,8 @@ typedef struct umbel_lod_config {
   /// [1] umbel_seam_rule of where texture coordinates or colours differ at one position, and of
   /// where only normals do. Borders between materials are always kept.
   uint32_t seams, creases;
-  float tangent_weight;    ///< [0.0125]
-  float skin_weight;       ///< [0.025] of how much each joint moves a vertex
+  float tangent_weight;    ///< [0.25]
+  float skin_weight;       ///< [0.5] of how much each joint moves a vertex
   uint32_t mix_materials;  ///< [0] nonzero: clusters may mix materials, kept triangle by triangle
   uint32_t keep_area;      ///< [1] nonzero: many small parts are enlarged where they lose area
 } umbel_lod_config;

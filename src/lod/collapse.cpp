@@ -15,7 +15,9 @@ namespace {
 // The cosine by which a triangle may turn in one collapse.
 constexpr double kLeastCosine = 0.25;
 // Where collapses begin to cost a multiple of what they did, as squared distances.
-constexpr float kMostRise = 16.0f;
+constexpr float kMostRise = 9.0f;
+
+constexpr float kAnyPrice = std::numeric_limits<float>::infinity();
 
 typedef uint32_t Word4 __attribute__((vector_size(16)));
 
@@ -30,7 +32,9 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
   find_kinds();
   build_quadrics();
   build_attribute_quadrics();
-  queue_.reset(points_.size());
+  load_parts();
+  queue_.reset(points_.size() + input.part_radii.size());
+  enqueue_parts();
   for (uint32_t p = 0; p < points_.size(); ++p)
     if (kinds_[p] != Kind::kFixed) enqueue_best(p);
   float dear = 0.0f;
@@ -44,7 +48,12 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
       continue;
     }
     if (live_ > input.cheap_below) dear = kMostRise * worst_;
+    const bool at_any_price = any_price || live_ > input.cheap_below;
     const uint32_t p = queue_.pop();
+    if (p >= points_.size()) {
+      leave_out(p - static_cast<uint32_t>(points_.size()), target, at_any_price ? kAnyPrice : dear);
+      continue;
+    }
     if (std::exchange(stale_[p], 0)) {
       enqueue_best(p);
       continue;
@@ -52,7 +61,7 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
     mark_neighbours(p);
     if (!is_legal(p, choices_[p].target))
       enqueue_best_legal(p);
-    else if (any_price || live_ > input.cheap_below || cost_of(p, choices_[p].target) <= dear)
+    else if (at_any_price || cost_of(p, choices_[p].target) <= dear)
       collapse(p, choices_[p].target);
     else
       postponed_.push_back(p);

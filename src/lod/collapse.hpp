@@ -32,7 +32,7 @@ struct CollapseInput {
   std::span<const Vec3> positions;           ///< of vertices
   std::span<const float> attributes;         ///< attribute_count a vertex
   std::span<const float> attribute_weights;  ///< attribute_count; a difference of 1 counts as this
-                                             ///< part of the piece's extent
+                                             ///< part of the root of the area that has it
   std::span<const uint8_t> locked;           ///< of positions: stays where it is
   std::span<const uint32_t> component;       ///< of positions, see topology.hpp
   bool chords = true;                        ///< new edges between locked positions are legal
@@ -46,6 +46,10 @@ struct CollapseInput {
   size_t cheap_below = 0;
   /// And where that leaves more than so many, down to these whatever it costs.
   size_t dear_until = std::numeric_limits<size_t>::max();
+  /// Separate parts that may be left out: of positions, which they are of; of parts, how far one is
+  /// from the rest at most, infinite for those that stay. Empty: none may.
+  std::span<const uint32_t> part_of = {};
+  std::span<const float> part_radii = {};
   bool loose = false;     ///< regular positions move as irregular ones do
   bool any_turn = false;  ///< triangles may turn over
 };
@@ -65,6 +69,8 @@ class EdgeCollapser {
   float extent() const { return extent_; }
   /// The same of the attributes, as a length.
   float attribute_error() const;
+  /// The largest radius of a part that was left out.
+  float vanished() const { return vanished_; }
   /// Moves `values`, the attributes of a vertex that is left, to those that fit best to all that it
   /// stands for. False where that is not known to be better: it stands for itself alone, or
   /// others stand at its position, or the border of the piece does.
@@ -106,6 +112,7 @@ class EdgeCollapser {
   void find_kinds();
   Kind kind_of(uint32_t p);
   void build_quadrics();
+  static float scale_of(float weight);
   void settle_scale(uint32_t p);
   void add_rim_quadrics(uint32_t p);
   void build_attribute_quadrics();
@@ -144,6 +151,11 @@ class EdgeCollapser {
   void offer(uint32_t p, uint32_t target);
   void choose(uint32_t p, const Choice& choice);
 
+  void load_parts();
+  void enqueue_parts();
+  uint32_t key_of_part(uint32_t part) const { return static_cast<uint32_t>(points_.size()) + part; }
+  float rank_of_part(uint32_t part) const;
+  void leave_out(uint32_t part, size_t target, float most_squared);
   Reason hindrance_at(uint32_t p);
   bool is_legal(uint32_t p, uint32_t target);
   bool moves_loosely(uint32_t p) const { return input_.loose || kinds_[p] == Kind::kIrregular; }
@@ -204,6 +216,10 @@ class EdgeCollapser {
   std::vector<Move> moves_;
   std::vector<Choice> candidates_;
   std::vector<uint32_t> postponed_;  // too dear as yet
+  std::vector<float> part_areas_;
+  std::vector<uint32_t> part_live_;                      // of parts: triangles when last counted
+  std::vector<uint32_t> part_offsets_, part_triangles_;  // of parts: their triangles
+  float vanished_ = 0.0f;
   uint32_t stamp_ = 0;
   BucketQueue queue_;
 

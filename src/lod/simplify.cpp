@@ -22,10 +22,8 @@ constexpr double kGoodEnough = 0.7;
 constexpr double kStuck = 0.85;
 // Components come back if that lowers the radius of the largest one that is gone to this part.
 constexpr float kWorthwhile = 0.8f;
-// Parts are pruned where the error is more than this part of the group's extent, and they are
-// smaller than this part of the error, so many times.
-constexpr float kPruneAbove = 0.01f, kPrunedPart = 0.35f;
-constexpr int kMostPrunings = 3;
+// Parts may be left out where the error is more than this part of the group's extent.
+constexpr float kPruneAbove = 0.01f;
 // With less than this part of the triangles they make too little room for the rest.
 constexpr double kLeastPruned = 0.02;
 // Of the triangles; to get from these to the target only collapses are done that cost little more.
@@ -301,49 +299,31 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   if (!has_irregular_ && !source_.has_wedges)
     input.dear_until = static_cast<size_t>(kGoodEnough * triangles_.size());
   Candidate result = collapse_regular(input, target);
-  if (result.error * source_.scale < kPruneAbove * collapser_.extent()) return result;
+  if (result.error * source_.scale < kPruneAbove * collapser_.extent() &&
+      result.triangles.size() <= kGoodEnough * triangles_.size())
+    return result;
   // Small parts may be held at a price that larger ones pay.
   find_components();
-  std::vector<Triangle> left;
-  for (int round = 0; round < kMostPrunings; ++round) {
-    const float error = std::max(result.error, result.pruned);
-    const float radius =
-        prune_below(kPrunedPart * error * source_.scale, target, left) / source_.scale;
-    const double kept = static_cast<double>(left.size()) / triangles_.size();
-    if (radius <= result.pruned || kept > 1 - kLeastPruned) break;
-    CollapseInput rest = input;
-    rest.triangles = left;
-    Candidate next = collapse_regular(rest, target);
-    next.pruned = radius;
-    next.rung = Rung::kPrune;
-    if (std::max(next.error, radius) > kWorthwhile * error) break;
-    result = std::move(next);
-  }
-  return result;
+  const std::vector<float> radii = radii_of_parts();
+  if (radii.empty()) return result;
+  input.part_of = component_of_;
+  input.part_radii = radii;
+  Candidate without = collapse_regular(input, target);
+  if (!(collapser_.vanished() > 0)) return without;
+  without.pruned = collapser_.vanished() / source_.scale;
+  without.rung = Rung::kPrune;
+  return without;
 }
 
-// The triangles that are left without the parts that nobody shares of at most this radius, the
-// smallest first. Returns the largest radius of those.
-float GroupSimplifier::prune_below(float most, size_t target, std::vector<Triangle>& left) {
-  std::vector<uint32_t> triangles_of(parts_.size(), 0), order;
-  for (const Triangle& t : position_triangles()) ++triangles_of[component_of_[t[0]]];
-  for (uint32_t part = 0; part < parts_.size(); ++part)
-    if (!parts_[part].fixed && parts_[part].radius() <= most) order.push_back(part);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](uint32_t a, uint32_t b) { return parts_[a].radius() < parts_[b].radius(); });
-  std::vector<uint8_t> gone(parts_.size(), 0);
-  size_t count = triangles_.size();
-  float radius = 0.0f;
-  for (uint32_t part : order) {
-    if (count < target + triangles_of[part]) break;
-    count -= triangles_of[part];
-    gone[part] = 1;
-    radius = parts_[part].radius();
-  }
-  left.clear();
-  for (const Triangle& t : triangles_)
-    if (!gone[component_of_[position_of_[t[0]]]]) left.push_back(t);
-  return radius;
+// Infinite where neighbours touch a part. Empty where the others make too little room.
+std::vector<float> GroupSimplifier::radii_of_parts() {
+  size_t spare = 0;
+  for (const Triangle& t : position_triangles()) spare += !parts_[component_of_[t[0]]].fixed;
+  if (static_cast<double>(spare) < kLeastPruned * triangles_.size()) return {};
+  std::vector<float> radii;
+  for (const Part& part : parts_)
+    radii.push_back(part.fixed ? std::numeric_limits<float>::infinity() : part.radius());
+  return radii;
 }
 
 GroupSimplifier::Candidate GroupSimplifier::collapse_regular(CollapseInput input, size_t target) {

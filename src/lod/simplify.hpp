@@ -101,7 +101,7 @@ class GroupSimplifier {
   CollapseInput collapse_input();
   Candidate collapse_regular(size_t target);
   Candidate collapse_regular(CollapseInput input, size_t target);
-  float prune_below(float most, size_t target, std::vector<Triangle>& left);
+  std::vector<float> radii_of_parts();
   void refit_attributes(Candidate& candidate) const;
   void add_refitted(const Candidate& candidate, Simplified& result) const;
   std::vector<double> growths(std::span<const Triangle> left);
