@@ -46,10 +46,9 @@ void EdgeCollapser::build_quadrics() {
 }
 
 // Between the integral of the squared distance, which keeps means low but lets small details go by
-// any distance, and its mean, which keeps the largest distance low: 3/8 of the way.
+// any distance, and its mean, which keeps the largest distance low.
 float EdgeCollapser::scale_of(float weight) {
-  const float root = std::sqrt(std::sqrt(weight));
-  return weight > 0.0f ? 1.0f / (root * std::sqrt(root)) : 0.0f;
+  return weight > 0.0f ? 1.0f / std::sqrt(weight) : 0.0f;
 }
 
 void EdgeCollapser::settle_scale(uint32_t p) { quadrics_[p].scale = scale_of(quadrics_[p].weight); }
