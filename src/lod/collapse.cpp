@@ -15,7 +15,7 @@ namespace {
 // The cosine by which a triangle may turn in one collapse.
 constexpr double kLeastCosine = 0.25;
 // Where collapses begin to cost a multiple of what they did, as squared distances.
-constexpr float kMostRise = 9.0f;
+constexpr float kMostRise = 16.0f;
 
 constexpr float kAnyPrice = std::numeric_limits<float>::infinity();
 

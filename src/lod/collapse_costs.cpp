@@ -14,7 +14,7 @@ namespace {
 // Where the surface is flat, all collapses cost nothing: short edges go first.
 constexpr float kShape = 1e-4f;
 // A rim (border of the mesh, seam of attributes) is held by planes that stand on it.
-constexpr float kBorderWeight = 3.0f, kSeamWeight = 0.2f;
+constexpr float kBorderWeight = 3.0f, kSeamWeight = 1.0f;
 // Of what attributes lose, squared, in the error that is told: they decide on what goes first.
 constexpr float kToldAttributes = 0.0625f;
 

@@ -11,7 +11,7 @@ import math
 import re
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,8 @@ from .timing import Machine, Span, this_machine
 
 FRACTIONS = (0.1, 0.01, 0.001)
 PEER = "clusterlod.h"
+PEERS = {PEER: False, f"{PEER}, ray tracing": True}
+"""Settings of clusterlod.h: whether those for ray tracing, spatial clusters of 256 vertices."""
 MEASURES = ("mean_distance", "max_distance", "normal_degrees", "uv_error")
 COLUMNS = [
     Column("mesh", "mesh"),
@@ -44,6 +46,7 @@ COLUMNS = [
     Column("seconds", "seconds", ".3f"),
 ]
 RATIOS = [
+    Column("peer", "beside"),
     Column("share", "share", ".3%"),
     *(
         Column(name, title, ".3f")
@@ -53,8 +56,10 @@ RATIOS = [
     Column("compared", "of", "d"),
 ]
 LEGEND = (
-    "Cuts of exactly as many triangles as clusterlod.h's with at most that share of the mesh's: "
-    "ours are interpolated between the nearest below and above, logarithms over logarithms. "
+    "Cuts of exactly as many triangles as clusterlod.h's with at most that share of the mesh's, by "
+    "its default settings and by those for ray tracing: ours are interpolated between the nearest "
+    "below and above, logarithms over logarithms. clusterlod.h takes one material, so neither is "
+    "told of any. "
     "Distances are in millionths of the mesh's diagonal, to the mesh and back: the mean of both "
     "directions and the larger maximum; normals in degrees and texture coordinates in thousandths, "
     "means of both directions. Seconds: processor time of the build on one thread."
@@ -78,10 +83,12 @@ class Comparison:
     def ratios(self) -> list[Row]:
         """Geometric means over the meshes of ours divided by clusterlod.h's; below 1 is better."""
         found = []
-        for share in dict.fromkeys(row["share"] for row in self.rows):
-            ours = [r for r in self.rows if r["share"] == share and r["method"] == "umbel"]
-            theirs = [r for r in self.rows if r["share"] == share and r["method"] == PEER]
-            out: Row = {"share": share, "better": 0, "compared": 0}
+        cases = [(r["beside"], r["share"]) for r in self.rows if r.get("beside")]
+        for peer, share in dict.fromkeys(cases):
+            there = [r for r in self.rows if r["share"] == share]
+            ours = [r for r in there if r.get("beside") == peer]
+            theirs = [r for r in there if r["method"] == peer]
+            out: Row = {"peer": peer, "share": share, "better": 0, "compared": 0}
             for name in MEASURES:
                 pairs = [
                     (a[name], b[name])
@@ -112,7 +119,7 @@ def compare(
     for number, (name, load) in enumerate(meshes.items()):
         mesh = load()
         validate(mesh)
-        mesh = weld(mesh)
+        mesh = weld(replace(mesh, material_ids=None))
         if not len(mesh.triangles):
             raise Error(f"{name} has no triangles to simplify")
         part = Span(progress, name, number / len(meshes), (number + 1) / len(meshes))
@@ -124,29 +131,38 @@ def _rows(name: str, mesh: Mesh, samples: int, report: Callable[[float, str], No
     shares = [f for f in FRACTIONS if f * len(mesh.triangles) >= 200]
     budgets = [int(f * len(mesh.triangles)) for f in shares]
     source = _Surface(mesh, samples)
-    rows = []
-    report(0.0, "clusterlod.h")
-    if _umbel.has_clusterlod:
+    rows: list[Row] = []
+    wanted = [] if _umbel.has_clusterlod else list(zip(shares, budgets, [""] * 3, strict=False))
+    for peer, ray_tracing in PEERS.items() if _umbel.has_clusterlod else ():
+        report(0.15 * ray_tracing, peer)
         values, weights = _attributes(mesh)
-        made, seconds = _umbel.clusterlod_cuts(native(mesh), values, weights, budgets)
-        cuts = [_with_triangles(mesh, t) for t in made]
-        budgets = [len(cut.triangles) for cut in cuts]
-        for share, cut in zip(shares, cuts, strict=True):
-            row: Row = {"mesh": name, "method": PEER, "share": share, "seconds": seconds}
-            row["triangles"] = len(cut.triangles)
+        cuts, seconds = _umbel.clusterlod_cuts(native(mesh), values, weights, budgets, ray_tracing)
+        for share, triangles in zip(shares, cuts, strict=True):
+            cut = _with_triangles(mesh, triangles)
+            wanted.append((share, len(cut.triangles), peer))
+            row = _row(name, peer, share, seconds, len(cut.triangles))
             rows.append(row | source.compare(_Surface(cut, samples)))
     report(0.3, "umbel")
     began = time.thread_time()
     lod = build_lod(mesh, threads=1)
     seconds = time.thread_time() - began
-    for i, (share, budget) in enumerate(zip(shares, budgets, strict=True)):
-        report(0.5 + 0.5 * i / len(shares), "measuring")
-        row = {"mesh": name, "method": "umbel", "share": share, "seconds": seconds}
-        row["triangles"] = budget
+    for i, (share, budget, beside) in enumerate(wanted):
+        report(0.5 + 0.5 * i / len(wanted), "measuring")
+        row = _row(name, "umbel", share, seconds, budget) | {"beside": beside}
         rows.append(
             row | _at_budget(lod, budget, lambda cut: source.compare(_Surface(cut, samples)))
         )
     return sorted(rows, key=lambda row: -row["share"])
+
+
+def _row(mesh: str, method: str, share: float, seconds: float, triangles: int) -> Row:
+    return {
+        "mesh": mesh,
+        "method": method,
+        "share": share,
+        "seconds": seconds,
+        "triangles": triangles,
+    }
 
 
 def _at_budget(
@@ -275,7 +291,7 @@ def report(found: Comparison) -> str:
         LEGEND,
         markdown(COLUMNS, found.rows).rstrip(),
     ]
-    if any(row["method"] == PEER for row in found.rows):
+    if found.ratios:
         parts += [
             "Ours divided by clusterlod.h's, geometric means over the meshes, and how many of the "
             "single measurements are better:",
