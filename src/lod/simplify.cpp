@@ -28,6 +28,9 @@ constexpr float kPruneAbove = 0.01f;
 constexpr double kLeastPruned = 0.02;
 // Of the triangles; to get from these to the target only collapses are done that cost little more.
 constexpr float kCheapBelow = 0.85f;
+// meshoptimizer counts a difference of 1 as a part of the group's extent: ours, where a vertex
+// stands for some hundredths of the area.
+constexpr float kPerExtent = 0.05f;
 // Tries with more and more vertices held before a rung is given up.
 constexpr int kMostTries = 8;
 // Merging vertices by cell loses the look sooner than its distance says.
@@ -372,11 +375,13 @@ GroupSimplifier::Candidate GroupSimplifier::collapse(size_t target, unsigned opt
   Candidate result;
   result.triangles.resize(triangles_.size());
   const size_t attributes = attribute_weights_.size();
+  std::vector<float> weights(attribute_weights_);
+  for (float& weight : weights) weight *= kPerExtent;
   const size_t count = meshopt_simplifyWithAttributes(
       result.triangles.data()->data(), indices(triangles_), 3 * triangles_.size(), &positions_[0].x,
       positions_.size(), sizeof(Vec3), attributes_.data(), attributes * sizeof(float),
-      attribute_weights_.data(), attributes, flags_.data(), 3 * target,
-      std::numeric_limits<float>::max(), options, &result.error);
+      weights.data(), attributes, flags_.data(), 3 * target, std::numeric_limits<float>::max(),
+      options, &result.error);
   result.triangles.resize(count / 3);
   result.error /= source_.scale;
   return result;
