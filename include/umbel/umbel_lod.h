@@ -152,6 +152,10 @@ typedef struct umbel_lod_report {
   /// The same [rung][umbel_lod_reason], and how often groups waited for the next round, by reason.
   uint64_t groups_by_reason[5][13];
   uint64_t waits_by_reason[13];
+  /// With `measured_error`, over the groups that have a distance to the source: the mean of
+  /// log2(estimate by quadrics / measured distance), and how many were estimated too small.
+  double mean_log2_overestimate;
+  uint64_t measured_groups, underestimated_groups;
 } umbel_lod_report;
 
 /// Why a group was not simplified to 70 % by the first rung alone, or is a root: what stood most in

@@ -6,7 +6,7 @@ from __future__ import annotations
 import ctypes
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .errors import Error
@@ -105,6 +105,8 @@ def device_array(
     if found.kind not in kinds:
         raise Error(f"{name} must have elements of {' or '.join(kinds)}, not {found.kind}")
     size = int(found.kind[1:])
+    if found.shape[0] == 0:  # whose strides may be anything
+        return replace(found, strides=_contiguous(found.shape, size))
     if found.strides[-1] != size and found.shape[-1] > 1:
         raise Error(f"{name} must have contiguous rows; its strides are {found.strides}")
     return found

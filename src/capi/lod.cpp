@@ -25,6 +25,9 @@ umbel_lod_report report_of(const umbel_lod& lod) {
     std::ranges::copy(report.groups_by_reason[rung], result.groups_by_reason[rung]);
   std::ranges::copy(report.waits_by_reason, result.waits_by_reason);
   result.seconds = report.seconds;
+  result.mean_log2_overestimate = report.mean_log2_overestimate;
+  result.measured_groups = report.measured_groups;
+  result.underestimated_groups = report.underestimated_groups;
   return result;
 }
 

@@ -114,6 +114,17 @@ def test_overlaps_are_those_of_the_processor(package, presplit):
         assert np.array_equal(found[offsets[i] : offsets[i + 1]], truth)
 
 
+def test_nothing_asked_and_nothing_found(package):
+    _, _, tree, _ = mesh_and_trees(package)
+    none = package.put(np.zeros((0, 3), np.float32))
+    assert package.get(tree.intersect(none, none)["t"]).shape == (0,)
+    assert package.get(tree.occluded(none, none)).shape == (0,)
+    assert package.get(tree.closest_point(none)["distance"]).shape == (0,)
+    away = package.put(np.tile(np.float32([9, 9, 9, 10, 10, 10]), (3, 1)))
+    offsets, found = (package.get(part) for part in tree.overlaps(away))
+    assert offsets.tolist() == [0, 0, 0, 0] and len(found) == 0
+
+
 def test_mistakes_of_queries_are_named(package):
     _, _, tree, _ = mesh_and_trees(package)
     points = package.put(np.zeros((4, 3), np.float32))

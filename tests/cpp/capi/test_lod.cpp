@@ -188,6 +188,22 @@ TEST(LodFromC, says_why_each_group_is_as_it_is) {
   EXPECT_EQ(report.groups_by_reason[4][UMBEL_LOD_REASON_COARSEST], 1u);
 }
 
+TEST(LodFromC, reports_how_far_estimates_were_from_measured_errors) {
+  umbel_lod_config config = small_config();
+  config.measured_error = 1;
+  const auto lod = built(blob(), config);
+  lod::Config same = small_cpp_config();
+  same.measured_error = true;
+  const lod::Report expected = lod::build(blob().view(), same).report;
+  umbel_lod_report report;
+  umbel_lod_report_init(&report);
+  ASSERT_EQ(umbel_lod_get_report(lod.get(), &report), UMBEL_OK);
+  EXPECT_GT(report.measured_groups, 0u);
+  EXPECT_EQ(report.measured_groups, expected.measured_groups);
+  EXPECT_EQ(report.underestimated_groups, expected.underestimated_groups);
+  EXPECT_EQ(report.mean_log2_overestimate, expected.mean_log2_overestimate);
+}
+
 TEST(LodFromC, selects_what_cpp_selects) {
   const auto lod = built(blob(), small_config());
   const lod::Dag dag = lod::build(blob().view(), small_cpp_config());
