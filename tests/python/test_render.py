@@ -403,6 +403,24 @@ def test_an_empty_mesh_shows_the_sky(umbel_command: Umbel, tmp_path: Path) -> No
     assert done.status == 0 and done.json["triangles"] == 0
 
 
+def test_a_floor_stands_under_a_mesh_with_every_attribute() -> None:
+    blob = umbel.shapes.blob(3, seed=1)
+    n = len(blob.positions)
+    mesh = umbel.Mesh(
+        blob.positions,
+        blob.triangles,
+        normals=np.tile(np.float32([0, 0, 1]), (n, 1)),
+        tangents=np.tile(np.float32([1, 0, 0, 1]), (n, 1)),
+        uvs=np.zeros((n, 2), np.float32),
+        uv_sets=[np.zeros((n, 2), np.float32)],
+        colors=np.ones((n, 4), np.float32),
+        joints=np.zeros((n, 4), np.uint32),
+        weights=np.tile(np.float32([1, 0, 0, 0]), (n, 1)),
+    )
+    image = umbel.render(mesh, width=16, height=12, samples=1, ground=True)
+    assert np.isfinite(image).all()
+
+
 def _small_files() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (2_000, 2_000))
 
