@@ -22,6 +22,9 @@ import umbel  # noqa: E402
 from reference_reader import Reader  # noqa: E402
 
 DATA = Path(os.environ.get("UMBEL_DATA") or ROOT.parent / "shared" / "data")
+#: What the viewer takes of a cluster; joints, their weights and further texture coordinates are
+#: stepped over.
+SHOWN = ("triangles", "positions", "normals", "tangents", "uvs", "colors")
 REAL = ["Fox.glb", "cad_gears_19k.ply", "gargo_50k_normals_colors.ply"]
 
 
@@ -99,6 +102,7 @@ def dump(path: Path) -> None:
                     {
                         name: encoded(value, "<u4" if name == "triangles" else "<f4")
                         for name, value in cluster.items()
+                        if name in SHOWN
                     }
                     for cluster in group.clusters
                 ],
