@@ -26,6 +26,18 @@ WalkTable walk_table(const AssetPage& page) {
   return table;
 }
 
+/// A place that is free again, or a new one.
+template <typename T>
+uint32_t place_in(std::vector<T>& all, std::vector<uint32_t>& free) {
+  if (free.empty()) {
+    all.emplace_back();
+    return static_cast<uint32_t>(all.size() - 1);
+  }
+  const uint32_t place = free.back();
+  free.pop_back();
+  return place;
+}
+
 }  // namespace
 
 Frontier::Frontier(const Asset& asset) : asset_(asset), pages_(asset.info().pages) {
@@ -210,13 +222,7 @@ void Frontier::keep(uint32_t n, Watch& watch, Reason reason, int size, double ma
 uint32_t Frontier::meet(uint32_t view, const GroupRef& reference) {
   uint32_t& known = watches_[view].nodes.at(reference.group);
   if (known != kNone) return known;
-  if (free_nodes_.empty()) {
-    known = static_cast<uint32_t>(nodes_.size());
-    nodes_.emplace_back();
-  } else {
-    known = free_nodes_.back();
-    free_nodes_.pop_back();
-  }
+  known = place_in(nodes_, free_nodes_);
   Node& node = nodes_[known];
   node.reference = reference;
   node.view = view;
@@ -234,14 +240,7 @@ void Frontier::drop(uint32_t n) {
 
 void Frontier::link(uint32_t parent, uint32_t child) {
   Node& node = nodes_[child];
-  uint32_t edge;
-  if (free_edges_.empty()) {
-    edge = static_cast<uint32_t>(edges_.size());
-    edges_.emplace_back();
-  } else {
-    edge = free_edges_.back();
-    free_edges_.pop_back();
-  }
+  const uint32_t edge = place_in(edges_, free_edges_);
   edges_[edge] = {parent, node.first_edge};
   node.first_edge = edge;
   ++node.open_parents;

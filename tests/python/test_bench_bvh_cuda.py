@@ -148,7 +148,7 @@ def test_without_a_device_it_says_so(run, program, mesh_file, monkeypatch, tmp_p
 def test_the_same_code_is_compared_on_the_processor(run, monkeypatch, mesh_file, tmp_path):
     program = Path(__file__).parents[2] / "build/release/bench/device_bvh_bench"
     if not program.is_file():
-        pytest.skip(f"there is no {program}")
+        pytest.skip(f"{program.name} is not built")
     monkeypatch.setenv("UMBEL_CUDA_BVH_BENCH", str(program))
     folder = tmp_path / "out"
     builders = ("--builder", "lbvh", "--builder", "kmeans-q1")

@@ -62,7 +62,7 @@ def tensor(values, dtype=None, device="cuda"):
 @pytest.fixture
 def torch(monkeypatch):
     if not Processor.library.is_file():
-        pytest.skip(f"there is no {Processor.library}")
+        pytest.skip(f"{Processor.library.name} is not built")
     monkeypatch.setenv("UMBEL_CUDA_LIBRARY", str(Processor.library))
     module = types.ModuleType("torch")
     for name in ("float32", "int32", "int64", "uint8"):

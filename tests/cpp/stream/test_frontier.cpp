@@ -196,18 +196,8 @@ TEST(Frontier, follows_views_that_come_change_and_go) {
 /// References that lie: of groups that are elsewhere, in circles, with other parents.
 TEST(Frontier, shows_something_of_any_file_whose_checksums_are_right) {
   const testing::Scratch scratch;
-  std::vector<char> whole;
-  {
-    lod::Config config;
-    config.max_triangles = 16;
-    config.min_group = 2;
-    config.max_group = 4;
-    AssetConfig stored;
-    stored.page_bytes = 4096;
-    write_asset(scratch / "a.umbel", lod::build(shapes::blob(4, 1).view(), config), "{}", {},
-                stored);
-    whole = testing::read_bytes(scratch / "a.umbel");
-  }
+  testing::write_pages(scratch / "a.umbel", shapes::blob(4, 1), {16, 2, 4, 4096});
+  const std::vector<char> whole = testing::read_bytes(scratch / "a.umbel");
   const size_t head = testing::get(whole, 24, 8);
   std::mt19937 random(3);
   size_t shown = 0;

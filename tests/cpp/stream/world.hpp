@@ -18,6 +18,21 @@
 
 namespace umbel::testing {
 
+/// How small what is written is.
+struct Sizes {
+  uint32_t triangles, min_group, max_group, page_bytes;
+};
+
+inline void write_pages(const std::filesystem::path& path, const Mesh& mesh, const Sizes& sizes) {
+  lod::Config config;
+  config.max_triangles = sizes.triangles;
+  config.min_group = sizes.min_group;
+  config.max_group = sizes.max_group;
+  AssetConfig stored;
+  stored.page_bytes = sizes.page_bytes;
+  write_asset(path, lod::build(mesh.view(), config), "{}", {}, stored);
+}
+
 /// A surface of some 80,000 triangles in pages of 16 KiB, and the edges of all its clusters.
 class World {
  public:
@@ -59,14 +74,7 @@ class World {
 
  private:
   std::filesystem::path written() {
-    lod::Config config;
-    config.max_triangles = 64;
-    config.min_group = 8;
-    config.max_group = 12;
-    AssetConfig stored;
-    stored.page_bytes = 16384;
-    write_asset(scratch_ / "a.umbel", lod::build(shapes::blob(6, 3).view(), config), "{}", {},
-                stored);
+    write_pages(scratch_ / "a.umbel", shapes::blob(6, 3), {64, 8, 12, 16384});
     return scratch_ / "a.umbel";
   }
 
