@@ -23,6 +23,7 @@ class PlainTriangles {
       TriangleHit hit;
       if (!test_triangle(f_, corners, cull_back, hit)) continue;
       if (!(hit.t >= f_.t_min && hit.t <= t_max)) continue;
+      if (!settle(f_, triangle, hit.t) || hit.t > t_max) continue;
       lanes |= 1u << i;
       hits.t[i] = hit.t;
       hits.v[i] = hit.v;

@@ -221,17 +221,16 @@ static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const f
 
 // The queries, over any structure with a `walk` such as the one above.
 
-struct LeafPlace {
-  uint32_t link, lane;
-};
-
-/// Where not every hit is settled, that is left to do for the one that is returned: `place` is
-/// where its triangle lies.
-template <bool settled, typename Lanes, typename Tree>
-[[gnu::always_inline]] static inline Hit nearest_hit(const Tree& tree, const RayFrame& frame,
-                                                     const RayOptions& options, LeafPlace& place) {
+/// All that it calls becomes part of it: as calls, which a compiler prefers in files with many such
+/// walks, they took 3 % of the time.
+template <typename Lanes, typename Tree>
+[[gnu::flatten]] static Hit intersect_ray(const LeafStore& store, const Ray& ray,
+                                          const RayOptions& options) {
+  const auto& tree = static_cast<const Tree&>(store);
+  RayFrame frame;
+  if (!make_frame(tree, ray, frame)) return {};
   Hit best;
-  float t_max = frame.t_max, cull = t_max;
+  float t_max = frame.t_max, cull = t_max, determinant = 1;
   const Lanes tester(frame);
   walk(tree, tester, cull, [&](uint32_t link) {
     LeafHits hits;
@@ -242,49 +241,17 @@ template <bool settled, typename Lanes, typename Tree>
         leaf_words(tree, link) + size_t{tree.corner_words()} * LeafStore::leaf_size(link);
     for (; lanes != 0; lanes &= lanes - 1) {
       const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-      float t = hits.t[lane];
-      if constexpr (settled)
-        if (!settle(frame, tree.triangle(link, lane), t)) continue;
+      const float t = hits.t[lane];
       if (t > t_max || (t == t_max && best.hit() && primitives[lane] >= best.primitive)) continue;
       t_max = t;
-      best = hit_of(hits, lane, t, primitives[lane]);
-      place = {link, lane};
+      best = {t, primitives[lane], hits.v[lane], hits.w[lane]};
+      determinant = hits.determinant[lane];
     }
     cull = t_max;
     return false;
   });
-  return best;
-}
-
-template <typename Lanes, typename Tree>
-[[gnu::noinline]] static Hit nearest_settled_hit(const Tree& tree, const Ray& ray,
-                                                 const RayOptions& options) {
-  // Made again, because the other walk's is best kept out of memory.
-  RayFrame frame;
-  if (!make_frame(tree, ray, frame)) return {};
-  LeafPlace place{};
-  Hit best = nearest_hit<true, Lanes>(tree, frame, options, place);
-  best.t *= frame.t_unit;
-  return best;
-}
-
-/// To settle only the nearest hit is enough, unless it is moved or refused: all others come later
-/// even before they are settled, and settling never makes them earlier.
-/// All that it calls becomes part of it: as calls, which a compiler prefers in files with many such
-/// walks, they took 3 % of the time.
-template <typename Lanes, typename Tree>
-[[gnu::flatten]] static Hit intersect_ray(const LeafStore& store, const Ray& ray,
-                                          const RayOptions& options) {
-  const auto& tree = static_cast<const Tree&>(store);
-  RayFrame frame;
-  if (!make_frame(tree, ray, frame)) return {};
-  LeafPlace place{};
-  Hit best = nearest_hit<false, Lanes>(tree, frame, options, place);
-  if (!best.hit()) return best;
-  float t = best.t;
-  if (!settle(frame, tree.triangle(place.link, place.lane), t) || t != best.t) [[unlikely]]
-    return nearest_settled_hit<Lanes>(tree, ray, options);
-  best.t *= frame.t_unit;
+  if (best.hit())
+    best = {best.t * frame.t_unit, best.primitive, best.u / determinant, best.v / determinant};
   return best;
 }
 
@@ -299,13 +266,7 @@ template <typename Lanes, typename Tree>
     LeafHits hits;
     uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, frame.t_max, hits);
     if (lanes == 0) return false;
-    lanes = visible(tree, link, lanes, options.mask);
-    for (; lanes != 0; lanes &= lanes - 1) {
-      const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-      float t = hits.t[lane];
-      if (settle(frame, tree.triangle(link, lane), t) && t <= frame.t_max) return true;
-    }
-    return false;
+    return visible(tree, link, lanes, options.mask) != 0;
   });
 }
 
@@ -329,8 +290,8 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
         leaf_words(tree, link) + size_t{tree.corner_words()} * LeafStore::leaf_size(link);
     for (; lanes != 0; lanes &= lanes - 1) {
       const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-      float t = hits.t[lane];
-      if (!settle(frame, tree.triangle(link, lane), t) || t > t_max) continue;
+      const float t = hits.t[lane];
+      if (t > t_max) continue;
       const Hit hit = hit_of(hits, lane, t, primitives[lane]);
       const auto end = found.begin() + static_cast<std::ptrdiff_t>(count);
       const auto place = std::lower_bound(found.begin(), end, hit, precedes);

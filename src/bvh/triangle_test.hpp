@@ -12,6 +12,9 @@ static inline bool test_triangle(const RayFrame& f, const FrameTriangle& triangl
   return test_triangle(f, f.origin[f.kx], f.origin[f.ky], f.origin[f.kz], triangle, cull_back, hit);
 }
 
+/// Of what far_b and near_b differ by: see ray_frame.hpp.
+inline constexpr float kBoxSlackShare = 6.0f / 16.0f / 2.0f;
+
 /// False where the ray does not meet the triangle's own box (see ray_frame.hpp); else makes `t` no
 /// less than where it does.
 static inline bool settle(const RayFrame& f, const LeafTriangle& triangle, float& t) {
@@ -26,8 +29,8 @@ static inline bool settle(const RayFrame& f, const LeafTriangle& triangle, float
   std::memcpy(&inv, f.inv, sizeof inv);
   std::memcpy(&near_b, f.near_b, sizeof near_b);
   std::memcpy(&far_b, f.far_b, sizeof far_b);
-  constexpr float kShare = 6.0f / 16.0f / 2.0f;  // see ray_frame.hpp
-  const Quad slack = (far_b - near_b) * kShare, one = (low - o) * inv, other = (high - o) * inv;
+  const Quad slack = (far_b - near_b) * kBoxSlackShare;
+  const Quad one = (low - o) * inv, other = (high - o) * inv;
   const Quad enter = (one < other ? one : other) - slack,
              leave = (one > other ? one : other) + slack;
   const float entry = std::max(std::max(enter[0], enter[1]), enter[2]);
