@@ -225,11 +225,11 @@ class Binned {
         progress_(progress, "binning", 0.1, 0.9, count_) {}
 
   Bvh2 build() {
-    records_ = std::make_unique_for_overwrite<ShortBox[]>(2 * size_t(count_));
-    primitives_ = std::make_unique_for_overwrite<uint32_t[]>(count_);
+    records_ = CpuBuffer<ShortBox>(2 * size_t(count_));
+    primitives_ = CpuBuffer<uint32_t>(count_);
     const Frame frame = round_all();
     const std::unique_ptr<Top> root =
-        split({records_.get(), records_.get() + count_}, 0, count_, frame, 0);
+        split({records_.data(), records_.data() + count_}, 0, count_, frame, 0);
     progress_.finish();
     return assemble(*root);
   }
@@ -331,8 +331,8 @@ class Binned {
   }
 
   void build_block(Records records, const Frame& frame, uint32_t depth, Top& top) {
-    Emitter out{scratch_nodes(), primitives_.get() + top.begin, config_.cost, config_.max_leaf_size,
-                config_.max_depth};
+    Emitter out{scratch_nodes(), primitives_.data() + top.begin, config_.cost,
+                config_.max_leaf_size, config_.max_depth};
     if (config_.reinsertion_rounds > 0) out.max_leaf_size = 1;
     Block block(boxes_, config_, out);
     top.box = block.split(records, top.count, frame, 0, depth).box;
@@ -388,7 +388,7 @@ class Binned {
         for (uint32_t k = 0; k < count; ++k)
           tree.nodes[first + k == 0 ? c.slot : c.nodes + first + k - 1] = moved(from[k]);
       });
-      std::copy_n(primitives_.get() + c.top->begin, c.top->count,
+      std::copy_n(primitives_.data() + c.top->begin, c.top->count,
                   tree.primitives.begin() + c.primitives);
     });
     return tree;
@@ -398,8 +398,8 @@ class Binned {
   const Config& config_;
   const uint32_t count_;
   SharedProgress progress_;
-  std::unique_ptr<ShortBox[]> records_;
-  std::unique_ptr<uint32_t[]> primitives_;
+  CpuBuffer<ShortBox> records_;
+  CpuBuffer<uint32_t> primitives_;
 };
 
 }  // namespace

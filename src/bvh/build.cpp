@@ -7,10 +7,10 @@
 #include <cstdio>
 #include <string>
 
+#include "base/cpu_buffer.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
-#include "base/raw_array.hpp"
 #include "bvh/box4.hpp"
 #include "bvh/builders.hpp"
 #include "bvh/config.hpp"
@@ -243,7 +243,7 @@ template <typename Build>
 auto build_triangles(const MeshView& mesh, const Config& config, const Build& build) {
   check_indices(mesh);
   const size_t count = mesh.triangles.size();
-  const RawArray<Aabb> boxes(count);
+  const CpuBuffer<Aabb> boxes(count);
   const size_t bad = first_where(count, [&](size_t i) { return !find_box(mesh, i, boxes[i]); });
   if (bad == count) return build(mesh, Boxes(boxes.data(), count));
   if (config.invalid == InvalidTriangles::kRefuse) refuse_triangle(mesh, bad);

@@ -8,8 +8,8 @@
 // of the two that it joins, so the same bytes come out whatever the order in which nodes are done.
 #pragma once
 
-#include "bvh/morton_stack.hpp"
 #include "bvh/ploc.hpp"
+#include "bvh/radix_splits.hpp"
 
 namespace umbel::bvh {
 

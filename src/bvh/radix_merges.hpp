@@ -7,7 +7,7 @@
 
 #include "base/exec.hpp"
 #include "bvh/merge_tree.hpp"
-#include "bvh/morton_stack.hpp"
+#include "bvh/radix_splits.hpp"
 
 namespace umbel::bvh {
 

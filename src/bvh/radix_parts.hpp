@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bvh/morton_stack.hpp"
+#include "bvh/part_writer.hpp"
 
 namespace umbel::bvh {
 
@@ -57,16 +58,12 @@ class RadixParts {
 
   /// `primitives` are in the order of the codes.
   Bvh2 build(Boxes boxes, std::vector<uint32_t> primitives, const LeafRule& rule) const {
-    std::vector<TreePart> parts(ranges_.size());
-    PartStore store;
-    parallel_for(ranges_.size(), 1, [&](size_t s) {
-      const auto [offset, count] = ranges_[s];
-      MortonStack<Key> stack(codes_, primitives.data(), boxes.data(), rule);
-      parts[s] =
-          stack.build(offset, offset + count, PartStore::scratch_end(2 * size_t(kMostCodes)));
-      store.keep(parts[s]);
+    const MortonStack<Key> stack(codes_, primitives.data(), boxes, rule);
+    const MostNodes most{2 * size_t(kMostCodes), 2 * primitives.size()};
+    return write_parts(top_, most, std::move(primitives), [&](uint32_t part, Node* nodes_end) {
+      const auto [offset, count] = ranges_[part];
+      return stack.build(offset, offset + count, nodes_end);
     });
-    return join_parts(top_, parts, std::move(primitives));
   }
 
  private:

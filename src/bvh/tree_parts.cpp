@@ -1,6 +1,29 @@
 #include "bvh/tree_parts.hpp"
 
+#include "bvh/leaf_order.hpp"
+
 namespace umbel::bvh {
+
+void finish_leaf(Node& leaf, uint32_t leaf_base, std::vector<uint32_t>& primitives) {
+  leaf.first += leaf_base;
+  sort_leaf(primitives.data() + leaf.first, leaf.count);
+}
+
+void copy_part(const TreePart& part, uint32_t base, Node* nodes,
+               std::vector<uint32_t>& primitives) {
+  const uint32_t count = 2 * part.pairs, end = base + count;
+  const Node* from = part.nodes_end - count;
+  for (uint32_t i = 0; i < count; ++i) {
+    Node node = from[i];
+    if (node.is_leaf()) {
+      finish_leaf(node, part.leaf_base, primitives);
+    } else {
+      node.first = end - node.first;
+    }
+    nodes[base + i] = node;
+  }
+}
+
 namespace {
 
 class Joiner {
@@ -21,7 +44,9 @@ class Joiner {
       place(top_[t].left, base + 2, base);
       place(top_[t].right, base + 2 + 2 * child(top_[t].left).pairs, base + 1);
     }
-    parallel_for(parts_.size(), 1, [&](size_t s) { copy(parts_[s], bases_[s]); });
+    parallel_for(parts_.size(), 1, [&](size_t s) {
+      copy_part(parts_[s], bases_[s], tree_.nodes.data(), tree_.primitives);
+    });
     return std::move(tree_);
   }
 
@@ -43,31 +68,11 @@ class Joiner {
     node = child(id).root;
     if (static_cast<int32_t>(id) < 0) {
       bases_[~id] = base;
-      if (node.is_leaf()) finish_leaf(node, parts_[~id].leaf_base);
+      if (node.is_leaf()) finish_leaf(node, parts_[~id].leaf_base, tree_.primitives);
     } else {
       above_[id].root.first = base;
     }
     if (!node.is_leaf()) node.first = base;
-  }
-
-  void finish_leaf(Node& leaf, uint32_t leaf_base) {
-    leaf.first += leaf_base;
-    uint32_t* primitives = tree_.primitives.data() + leaf.first;
-    if (leaf.count > 1) std::sort(primitives, primitives + leaf.count);
-  }
-
-  void copy(const TreePart& subtree, uint32_t base) {
-    const uint32_t count = 2 * subtree.pairs, end = base + count;
-    const Node* from = subtree.nodes_end - count;
-    for (uint32_t i = 0; i < count; ++i) {
-      Node node = from[i];
-      if (node.is_leaf()) {
-        finish_leaf(node, subtree.leaf_base);
-      } else {
-        node.first = end - node.first;
-      }
-      tree_.nodes[base + i] = node;
-    }
   }
 
   std::span<const TopNode> top_;

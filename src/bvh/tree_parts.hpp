@@ -59,6 +59,12 @@ struct TopNode {
   uint32_t left, right;
 };
 
+/// Brings a leaf of a part into the tree with these primitives.
+void finish_leaf(Node& leaf, uint32_t leaf_base, std::vector<uint32_t>& primitives);
+
+/// Writes the nodes below a part's root to `nodes` from `base` on.
+void copy_part(const TreePart& part, uint32_t base, Node* nodes, std::vector<uint32_t>& primitives);
+
 /// Joins subtrees: `top` is empty for a single one. Nodes come depth-first, the left child first,
 /// and primitives ascend in each leaf.
 Bvh2 join_parts(std::span<const TopNode> top, std::span<const TreePart> parts,
