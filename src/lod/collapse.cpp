@@ -12,8 +12,6 @@
 namespace umbel::lod {
 namespace {
 
-// The cosine by which a triangle may turn in one collapse.
-constexpr double kLeastCosine = 0.25;
 // Where collapses begin to cost a multiple of what they did, as squared distances.
 constexpr float kMostRise = 16.0f;
 
@@ -54,17 +52,22 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
       leave_out(p - static_cast<uint32_t>(points_.size()), target, at_any_price ? kAnyPrice : dear);
       continue;
     }
-    if (std::exchange(stale_[p], 0)) {
+    if (states_[p] == State::kStale) {
       enqueue_best(p);
       continue;
     }
     mark_neighbours(p);
-    if (!is_legal(p, choices_[p].target))
+    const uint32_t target = choices_[p].target;
+    const bool legal = is_legal(p, target);
+    const bool by_loop = !legal && states_[p] == State::kLoop && has_loop_ && find_loop(p, target);
+    if (!legal && !by_loop)
       enqueue_best_legal(p);
-    else if (at_any_price || cost_of(p, choices_[p].target) <= dear)
-      collapse(p, choices_[p].target);
-    else
+    else if (!at_any_price && !(cost_of(p, target) <= dear))
       postponed_.push_back(p);
+    else if (legal)
+      collapse(p, target);
+    else
+      draw_loop_together();
   }
   finish();
 }
@@ -96,7 +99,7 @@ void EdgeCollapser::load(const CollapseInput& input) {
   wedge_counts_.assign(count, 1);
   if (has_wedges_) count_wedges();
   choices_.resize(count);
-  stale_.assign(count, 0);
+  states_.assign(count, State::kCurrent);
   drifts_.assign(count, 0.0f);
   marks_.assign(count, 0);
   slots_.resize(count);
@@ -184,12 +187,19 @@ void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   std::sort(candidates_.begin(), candidates_.end(), [](const Choice& a, const Choice& b) {
     return a.rank != b.rank ? a.rank < b.rank : a.target < b.target;
   });
+  const uint32_t illegal = has_loop_ ? kNone : choices_[p].target;
+  Choice loop{std::numeric_limits<float>::infinity(), kNone};
   for (const Choice& candidate : candidates_) {
-    if (!(candidate.rank < std::numeric_limits<float>::infinity())) break;
-    if (candidate.target == choices_[p].target || !is_legal(p, candidate.target)) continue;
-    choose(p, candidate);
-    return;
+    if (!(candidate.rank < loop.rank)) break;
+    if (candidate.target == illegal) continue;
+    if (is_legal(p, candidate.target)) return choose(p, candidate);
+    if (!has_loop_ || !find_loop(p, candidate.target)) continue;
+    const float rank = rank_of_loop();
+    if (rank < loop.rank) loop = {rank, candidate.target};
   }
+  if (loop.target == kNone) return;
+  choose(p, loop);
+  states_[p] = State::kLoop;
 }
 
 // `target` is a new neighbour of p.
@@ -206,11 +216,12 @@ void EdgeCollapser::offer(uint32_t p, uint32_t target) {
 
 void EdgeCollapser::choose(uint32_t p, const Choice& choice) {
   choices_[p] = choice;
-  stale_[p] = 0;
+  states_[p] = State::kCurrent;
   queue_.set(p, choice.rank);
 }
 
 bool EdgeCollapser::is_legal(uint32_t p, uint32_t target) {
+  has_loop_ = false;
   if (moves_loosely(p) ? !keeps_irregular_link(p, target) : !keeps_link(p, target)) return false;
   if (!input_.any_turn && !keeps_facing(p, target)) return false;
   return !has_wedges_ || map_wedges(p, target);
@@ -251,6 +262,7 @@ bool EdgeCollapser::keeps_link(uint32_t p, uint32_t target) {
   if (kinds_[target] != Kind::kInterior)
     for (const Spoke& s : ring(target))
       shared |= marks[s.prev] == stamp_ && s.prev != a && s.prev != b;
+  has_loop_ = shared;
   if (shared) return false;
   if (around == 3 && opposites_ == 2)
     for (const Spoke& s : ring(target))
@@ -290,6 +302,16 @@ void EdgeCollapser::list_neighbours(uint32_t p, uint32_t target) {
 bool EdgeCollapser::keeps_irregular_link(uint32_t p, uint32_t target) {
   const uint32_t component = input_.component[target];
   if (input_.component[p] != kNone && input_.component[p] != component) return false;
+  const uint32_t is_other = list_all_neighbours(p, target);
+  for (const Spoke& s : ring(target))
+    for (uint32_t x : {s.next, s.prev})
+      has_loop_ |=
+          marks_[x] == is_other && (component == kNone || input_.component[x] != component);
+  return !has_loop_ && keeps_chords(target);
+}
+
+// Of any position, the third corners at the edge first. Returns what the others are marked with.
+uint32_t EdgeCollapser::list_all_neighbours(uint32_t p, uint32_t target) {
   const uint32_t is_opposite = ++stamp_, is_other = ++stamp_;
   const size_t most = 2 * size_t{ring_of_[p].count};
   if (neighbour_room_.size() < most) neighbour_room_.resize(2 * most);
@@ -304,11 +326,7 @@ bool EdgeCollapser::keeps_irregular_link(uint32_t p, uint32_t target) {
   opposites_ = count;
   for (const Spoke& s : ring(p)) add(s.next, is_other), add(s.prev, is_other);
   neighbours_ = {neighbour_room_.data(), count};
-  for (const Spoke& s : ring(target))
-    for (uint32_t x : {s.next, s.prev})
-      if (marks_[x] == is_other && (component == kNone || input_.component[x] != component))
-        return false;
-  return keeps_chords(target);
+  return is_other;
 }
 
 // Of the new edges at the target those between locked positions may be legal or not.
@@ -323,17 +341,8 @@ bool EdgeCollapser::keeps_chords(uint32_t target) const {
 
 bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
   const Vec3 from = point(p), to = point(target);
-  for (const Spoke& s : ring(p)) {
-    if (s.next == target || s.prev == target) continue;
-    const Vec3 n = point(s.next), side = point(s.prev) - n;
-    const Vec3 before = cross(n - from, side), after = cross(n - to, side);
-    const double turn = dot(before, after), size = double{dot(after, after)};
-    const double old_size = double{dot(before, before)};
-    if (!(size > 0.0)) return false;
-    if (old_size > 0.0 &&
-        !(turn > 0.0 && turn * turn >= kLeastCosine * kLeastCosine * size * old_size))
-      return false;
-  }
+  for (const Spoke& s : ring(p))
+    if (s.next != target && s.prev != target && turns_over(from, to, s)) return false;
   return true;
 }
 
@@ -359,14 +368,14 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
     if (irregular || !queue_.contains(x) || kinds_[x] != Kind::kInterior) {
       enqueue_best(x);
     } else {
-      if (choices_[x].target == p) stale_[x] = 1;
+      if (choices_[x].target == p) states_[x] = State::kStale;
       if (i >= opposites_) offer(x, target);
     }
   }
   if (kinds_[target] == Kind::kFixed)
     queue_.remove(target);
   else if (queue_.contains(target))
-    stale_[target] = 1;
+    states_[target] = State::kStale;
   else
     enqueue_best(target);
 }

@@ -157,15 +157,38 @@ class EdgeCollapser {
   float rank_of_part(uint32_t part) const;
   void leave_out(uint32_t part, size_t target, float most_squared);
   Reason hindrance_at(uint32_t p);
+  bool find_loop(uint32_t p, uint32_t target);
+  bool add_to_loop(uint32_t p);
+  bool is_in_loop(uint32_t p) const;
+  bool complete_loop();
+  void count_around_loop();
+  bool keeps_facing_in_loop(uint32_t p) const;
+  bool map_loop_wedges(uint32_t p);
+  void take_loop_wedges(size_t i);
+  float rank_of_loop();
+  void draw_loop_together();
   bool is_legal(uint32_t p, uint32_t target);
   bool moves_loosely(uint32_t p) const { return input_.loose || kinds_[p] == Kind::kIrregular; }
   void mark_neighbours(uint32_t p);
   void find_opposites(uint32_t p, uint32_t target);
   bool keeps_link(uint32_t p, uint32_t target);
   void list_neighbours(uint32_t p, uint32_t target);
+  uint32_t list_all_neighbours(uint32_t p, uint32_t target);
   bool keeps_irregular_link(uint32_t p, uint32_t target);
   bool keeps_chords(uint32_t target) const;
   bool keeps_facing(uint32_t p, uint32_t target) const;
+  // Whether a triangle does, or becomes too thin to tell, as its corner moves.
+  bool turns_over(const Vec3& from, const Vec3& to, const Spoke& s) const {
+    // The cosine by which a triangle may turn in one collapse.
+    constexpr double kLeastCosine = 0.25;
+    const Vec3 n = point(s.next), side = point(s.prev) - n;
+    const Vec3 before = cross(n - from, side), after = cross(n - to, side);
+    const double turn = dot(before, after), size = double{dot(after, after)};
+    const double old_size = double{dot(before, before)};
+    if (!(size > 0.0)) return true;
+    return old_size > 0.0 &&
+           !(turn > 0.0 && turn * turn >= kLeastCosine * kLeastCosine * size * old_size);
+  }
   bool map_wedges(uint32_t p, uint32_t target);
   uint32_t cheapest_wedge(uint32_t from, uint32_t target, const Vec3& d) const;
   uint32_t mapped(uint32_t vertex) const;
@@ -209,7 +232,8 @@ class EdgeCollapser {
   std::vector<float> values_;     // of vertices: weighted attributes, stride_ each
   std::vector<float> drifts_;     // of positions: how far vertices that ended there have moved
   std::vector<Choice> choices_;
-  std::vector<uint8_t> stale_;   // of positions: the choice is to be made anew
+  enum class State : uint8_t { kCurrent, kStale, kLoop };
+  std::vector<State> states_;    // of choices: to be made anew, or to draw a loop together
   std::vector<uint32_t> marks_;  // of positions
   std::vector<uint32_t> slots_;  // of positions: index in a ring
   std::vector<uint8_t> wedge_seen_;
@@ -229,12 +253,20 @@ class EdgeCollapser {
     bool along;  // a seam, or on the smooth surface
   };
   std::vector<WedgeMove> wedge_map_;
+  struct LoopNeighbour {
+    uint32_t position, from, triangles;  // those that stay
+    bool several, at_target;             // of the loop's positions
+  };
+  std::vector<uint32_t> loop_;  // where it is drawn together, and what goes there
+  std::vector<LoopNeighbour> around_loop_;
+  std::vector<WedgeMove> loop_moves_;  // for each that goes there those up to its end
+  std::vector<size_t> loop_ends_;
   std::vector<uint32_t> neighbour_room_;
   std::span<const uint32_t>
       neighbours_;        // of p but for the target, third corners at the edge first
   size_t opposites_ = 0;  // how many those are
   std::pair<uint32_t, uint32_t> opposite_{kNone, kNone};  // of a regular position, the same if one
-
+  bool has_loop_ = false;  // the link fails as others than those are neighbours of both ends
   std::vector<Triangle> result_;
   std::vector<PositionPair> chords_;
 };

@@ -18,7 +18,7 @@ constexpr size_t kCarried = 16, kMostCarried = 512;
 constexpr size_t kSampled = 512;
 // Distances change by no more than the way between samples does, and are larger than at the
 // samples by less than this nearly everywhere.
-constexpr float kMargin = 1.25f;
+constexpr float kMargin = 1.5f;
 // Only what is farther than this part of the farthest yet, squared, has to be known better.
 constexpr float kKnownWell = 0.5f;
 

@@ -51,7 +51,7 @@ std::vector<Case> all_shapes() {
 }
 
 // The surface of a lattice of bars, `cells` in each direction: closed, connected, with very many
-// handles, which no edge collapse takes away.
+// handles, which no collapse of a single edge takes away.
 Mesh lattice(int cells) {
   const int size = 2 * cells + 1;
   const auto is_solid = [&](int x, int y, int z) {

@@ -104,6 +104,31 @@ TEST(EdgeCollapser, stops_at_a_tetrahedron) {
     EXPECT_EQ(count, 2);
 }
 
+TEST(EdgeCollapser, closes_a_handle_and_no_edge_gets_more_than_two_triangles) {
+  // No torus without touching itself has fewer than 14 triangles.
+  const Piece piece(shapes::torus(40, 20));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 8);
+  EXPECT_LE(collapser.triangles().size(), 8u);
+  EXPECT_GE(collapser.triangles().size(), 4u);
+  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+    EXPECT_EQ(count, 2);
+  EXPECT_GT(collapser.error(), 0.0f);
+}
+
+TEST(EdgeCollapser, no_loop_through_two_locked_positions_is_drawn_together) {
+  Piece piece(shapes::torus(40, 20));
+  for (uint32_t v = 0; v < 20; ++v) piece.locked[v] = 1;
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 0);
+  std::vector<uint8_t> left(piece.locked.size(), 0);
+  for (const Triangle& t : collapser.triangles())
+    for (uint32_t v : t) left[v] = 1;
+  for (uint32_t v = 0; v < 20; ++v) EXPECT_TRUE(left[v]);
+  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+    EXPECT_EQ(count, 2);
+}
+
 TEST(EdgeCollapser, a_flat_sheet_shrinks_to_few_triangles_without_error) {
   const Piece piece(shapes::grid(20, 20));
   EdgeCollapser collapser;
