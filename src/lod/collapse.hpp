@@ -2,10 +2,11 @@
 // Hoppe 1999), cheapest first.
 //
 // A vertex moves onto a neighbour and takes its own triangles along; no new vertex is made. A
-// collapse is done only if it keeps the surface a surface (the link condition of Dey et al. 1999),
-// turns no triangle over, and has for every vertex at the position one to become. All vertices
-// at a position move together: along a seam each becomes the one on its own side, across it the
-// one that costs least, as far as the rule of the seam allows; materials never mix.
+// collapse is done only if it keeps the surface a surface (the link condition of Dey et al. 1999;
+// where that fails, a loop around a handle or a neck is drawn together: collapse_loop.cpp), turns
+// no triangle over, and has for every vertex at the position one to become. All vertices at a
+// position move together: along a seam each becomes the one on its own side, across it the one
+// that costs least, as far as the rule of the seam allows; materials never mix.
 // What a collapse changes is looked at again at once, so the order is greedy but for the width of
 // a bucket of the queue.
 #pragma once

@@ -21,10 +21,11 @@ bool EdgeCollapser::find_loop(uint32_t p, uint32_t target) {
   loop_.assign({target});
   loop_moves_.clear();
   loop_ends_.assign({0});
-  const bool found = add_to_loop(p) && complete_loop() &&
-                     std::all_of(loop_.begin() + 1, loop_.end(), [&](uint32_t from) {
-                       return keeps_facing_in_loop(from) && map_loop_wedges(from);
-                     });
+  const bool found =
+      add_to_loop(p) && complete_loop() &&
+      std::all_of(loop_.begin() + 1, loop_.end(), [&](uint32_t from) {
+        return (input_.any_turn || keeps_facing_in_loop(from)) && map_loop_wedges(from);
+      });
   mark_neighbours(p);
   return found;
 }
@@ -42,7 +43,8 @@ bool EdgeCollapser::is_in_loop(uint32_t p) const {
   return std::find(loop_.begin(), loop_.end(), p) != loop_.end();
 }
 
-// Adds those whose edges to several of the loop would become one with too many triangles.
+// Adds those whose edges to several of the loop would become one with too many triangles, or none.
+// False where too many would go, or all that hangs together.
 bool EdgeCollapser::complete_loop() {
   const uint32_t target = loop_[0], component = input_.component[target];
   for (size_t known = 0; known < loop_.size();) {
@@ -55,7 +57,8 @@ bool EdgeCollapser::complete_loop() {
       if (!add_to_loop(n.position)) return false;
     }
   }
-  return true;
+  return std::any_of(around_loop_.begin(), around_loop_.end(),
+                     [](const LoopNeighbour& n) { return n.triangles > 0; });
 }
 
 void EdgeCollapser::count_around_loop() {
