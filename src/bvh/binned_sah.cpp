@@ -21,6 +21,7 @@
 #include "bvh/emitter.hpp"
 #include "bvh/short_bins.hpp"
 #include "bvh/small_sweep.hpp"
+#include "bvh/tree_parts.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -28,7 +29,7 @@ namespace {
 constexpr uint32_t kBlock = 1 << 12;  ///< primitives of a subtree that one thread builds
 constexpr uint32_t kChunk = 1 << 14;  ///< primitives of a large node that one thread takes
 constexpr uint32_t kExact = 2048;     ///< primitives from which on cuts between planes count
-constexpr uint32_t kUpper = 64;       ///< and the part of all that these are, at least
+constexpr uint32_t kUpper = 16;       ///< and the part of all that these are, at least
 constexpr float kCoarse = 1.0f / 16;  ///< of the frame's size; smaller nodes get their own
 
 /// Records that are being split, and as much room to move them to.
@@ -380,16 +381,19 @@ class Binned {
     for (size_t i = 0; i < upper.size(); ++i) tree.nodes[upper_slots[i]] = upper[i];
     parallel_for(copies.size(), 1, [&](size_t i) {
       const Copy& c = copies[i];
+      std::copy_n(primitives_.data() + c.top->begin, c.top->count,
+                  tree.primitives.begin() + c.primitives);
       const auto moved = [&](Node node) {
-        node.first += node.is_leaf() ? c.primitives : c.nodes - 1;
+        if (node.is_leaf())
+          finish_leaf(node, c.primitives, tree.primitives);
+        else
+          node.first += c.nodes - 1;
         return node;
       };
       for_pieces(*c.top, [&](const Node* from, uint32_t count, uint32_t first) {
         for (uint32_t k = 0; k < count; ++k)
           tree.nodes[first + k == 0 ? c.slot : c.nodes + first + k - 1] = moved(from[k]);
       });
-      std::copy_n(primitives_.data() + c.top->begin, c.top->count,
-                  tree.primitives.begin() + c.primitives);
     });
     return tree;
   }

@@ -42,8 +42,12 @@ inline Box4 intersection(const Box4& a, const Box4& b) {
   return {max4(a.low, b.low), max4(a.negated_high, b.negated_high)};
 }
 inline bool is_empty(const Box4& b) {
+#if defined(__SSE2__)
+  return (_mm_movemask_ps(__m128(Float4(b.low > -b.negated_high))) & 7) != 0;
+#else
   const Float4 e = b.extents();
   return e[0] < 0 || e[1] < 0 || e[2] < 0;
+#endif
 }
 
 /// Where the edge from a to b crosses the plane, enlarged by what the arithmetic may be off.

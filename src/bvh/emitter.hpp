@@ -2,7 +2,7 @@
 // can be taken back, so a subtree that is cheaper as one leaf becomes one as soon as it is known.
 #pragma once
 
-#include <algorithm>
+#include <cstdint>
 
 #include "bvh/box4.hpp"
 
@@ -28,11 +28,9 @@ struct Emitter {
     return node_count - 2;
   }
 
-  /// Makes a leaf of the `count` primitives that were written last.
+  /// Makes a leaf of the `count` primitives that were written last, in the order that they have.
   BuiltSubtree make_leaf(uint32_t slot, uint32_t count, const Box4& box, float area) const {
-    const uint32_t first = primitive_count - count;
-    std::sort(primitives + first, primitives + primitive_count);
-    nodes[slot] = box.node(first, count);
+    nodes[slot] = box.node(primitive_count - count, count);
     return {box, cost.intersection * float(count) * area};
   }
 

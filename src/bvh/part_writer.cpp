@@ -1,12 +1,9 @@
 #include "bvh/part_writer.hpp"
 
-#include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
-
-#include <mutex>
 #include <utility>
 
 #include "base/cpu_buffer.hpp"
+#include "base/in_order.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -14,11 +11,6 @@ namespace {
 /// A child: a node above the parts, or ~part. And the node that it is in the tree.
 struct Step {
   uint32_t id, slot;
-};
-
-struct Placed {
-  TreePart part;
-  uint32_t base;  ///< of the nodes below it
 };
 
 class PartWriter {
@@ -35,29 +27,27 @@ class PartWriter {
   }
 
   Bvh2 run() {
-    const auto threads = static_cast<size_t>(tbb::this_task_arena::max_concurrency());
-    if (threads == 1 || top_.empty()) {
-      const Scratch scratch(most_.part);
-      for (const uint32_t part : in_order()) write(placed(build_(part, end_of(scratch))));
-    } else {
-      run_parallel(2 * threads);
-    }
+    struct Scratch {
+      CpuBuffer<Node> nodes;
+      TreePart part;
+      uint32_t base;  ///< of the nodes below it
+    };
+    const std::vector<uint32_t> parts = left_to_right();
+    in_order<Scratch>(
+        parts.size(),
+        [&](size_t i, Scratch& s) {
+          if (s.nodes.size() == 0) s.nodes = CpuBuffer<Node>(most_.part);
+          s.part = build_(parts[i], s.nodes.data() + s.nodes.size());
+        },
+        [&](size_t /*i*/, Scratch& s) { s.base = place(s.part); },
+        [&](size_t /*i*/, Scratch& s) { copy_part(s.part, s.base, nodes_, tree_.primitives); });
     unite_top();
     return std::move(tree_);
   }
 
  private:
-  using Scratch = CpuBuffer<Node>;
-  struct Job {
-    uint32_t number;
-    Scratch* scratch;
-    Placed placed;
-  };
-
-  static Node* end_of(const Scratch& scratch) { return scratch.data() + scratch.size(); }
-
   /// The parts from left to right.
-  std::vector<uint32_t> in_order() const {
+  std::vector<uint32_t> left_to_right() const {
     std::vector<uint32_t> parts, open{steps_[0].id};
     while (!open.empty()) {
       const uint32_t id = open.back();
@@ -72,46 +62,8 @@ class PartWriter {
     return parts;
   }
 
-  void run_parallel(size_t at_once) {
-    const std::vector<uint32_t> parts = in_order();
-    std::vector<Scratch> all(at_once);
-    std::vector<Scratch*> unused;
-    for (Scratch& scratch : all) unused.push_back(&scratch);
-    std::mutex mutex;
-    size_t next = 0;
-    const auto begin = [&](tbb::flow_control& control) -> Job {
-      if (next == parts.size()) {
-        control.stop();
-        return {};
-      }
-      const std::lock_guard lock(mutex);
-      Scratch* scratch = unused.back();
-      unused.pop_back();
-      return {parts[next++], scratch, {}};
-    };
-    const auto build = [&](Job job) {
-      if (job.scratch->size() == 0) *job.scratch = Scratch(most_.part);
-      job.placed.part = build_(job.number, end_of(*job.scratch));
-      return job;
-    };
-    const auto place = [&](Job job) {
-      job.placed = placed(job.placed.part);
-      return job;
-    };
-    const auto finish = [&](const Job& job) {
-      write(job.placed);
-      const std::lock_guard lock(mutex);
-      unused.push_back(job.scratch);
-    };
-    using tbb::filter_mode, tbb::make_filter;
-    tbb::parallel_pipeline(at_once, make_filter<void, Job>(filter_mode::serial_in_order, begin) &
-                                        make_filter<Job, Job>(filter_mode::parallel, build) &
-                                        make_filter<Job, Job>(filter_mode::serial_in_order, place) &
-                                        make_filter<Job, void>(filter_mode::parallel, finish));
-  }
-
-  /// The place of the part that is next in the order.
-  Placed placed(const TreePart& part) {
+  /// Where the nodes go that are below the root of the next part.
+  uint32_t place(const TreePart& part) {
     auto nodes = static_cast<uint32_t>(tree_.nodes.size());
     while (static_cast<int32_t>(steps_.back().id) >= 0) {
       const Step step = steps_.back();
@@ -130,11 +82,7 @@ class PartWriter {
       finish_leaf(root, part.leaf_base, tree_.primitives);
     else
       root.first = nodes;
-    return {part, nodes};
-  }
-
-  void write(const Placed& placed) {
-    copy_part(placed.part, placed.base, nodes_, tree_.primitives);
+    return nodes;
   }
 
   void unite_top() {

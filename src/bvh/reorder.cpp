@@ -2,11 +2,13 @@
 // finds what it needs next close by. Subtrees are laid out in parallel, and then put one after the
 // other.
 #include <algorithm>
-#include <unordered_map>
+#include <unordered_set>
 
-#include "base/parallel.hpp"
+#include "base/cpu_buffer.hpp"
+#include "base/in_order.hpp"
 #include "base/progress.hpp"
 #include "bvh/layout.hpp"
+#include "bvh/leaf_order.hpp"
 #include "bvh/node_area.hpp"
 
 namespace umbel::bvh {
@@ -24,61 +26,62 @@ std::pair<Step, Step> steps_into(const Bvh2& tree, uint32_t left, uint32_t pair)
   return {{left + 1 - larger, pair + 1 - larger}, {left + larger, pair + larger}};
 }
 
-/// A subtree, with its root as node 0.
+/// A subtree, with its root as node 0. Used again it needs no fresh memory.
 class Layout {
  public:
-  Layout(const Bvh2& tree, const std::vector<uint8_t>& becomes_leaf)
-      : tree_(tree), becomes_leaf_(becomes_leaf) {}
-
-  Bvh2 run(uint32_t root) {
-    out_.nodes.emplace_back();
-    std::vector<Step> stack{{root, 0}};
+  void run(const Bvh2& tree, const std::vector<uint8_t>& becomes_leaf, uint32_t root) {
+    nodes.assign(1, {});
+    primitives.clear();
+    std::vector<Step>& stack = stack_;
+    stack.assign(1, {root, 0});
     while (!stack.empty()) {
       const Step step = stack.back();
       stack.pop_back();
-      Node node = tree_.nodes[step.from];
-      if (node.is_leaf() || (!becomes_leaf_.empty() && becomes_leaf_[step.from])) {
-        write_leaf(node, step.from, step.to);
+      Node node = tree.nodes[step.from];
+      if (node.is_leaf() || (!becomes_leaf.empty() && becomes_leaf[step.from])) {
+        write_leaf(tree, step.from, step.to);
         continue;
       }
-      const auto pair = static_cast<uint32_t>(out_.nodes.size());
-      const auto [second, first] = steps_into(tree_, node.first, pair);
-      out_.nodes.resize(out_.nodes.size() + 2);
+      const auto pair = static_cast<uint32_t>(nodes.size());
+      const auto [second, first] = steps_into(tree, node.first, pair);
+      nodes.resize(nodes.size() + 2);
       node.first = pair;
-      out_.nodes[step.to] = node;
+      nodes[step.to] = node;
       stack.push_back(second);
       stack.push_back(first);
     }
-    return std::move(out_);
   }
 
+  std::vector<Node> nodes;
+  std::vector<uint32_t> primitives;
+
  private:
-  void write_leaf(Node node, uint32_t from, uint32_t to) {
-    const auto start = static_cast<std::ptrdiff_t>(out_.primitives.size());
+  void write_leaf(const Bvh2& tree, uint32_t from, uint32_t to) {
+    const size_t start = primitives.size();
     below_.assign(1, from);
     while (!below_.empty()) {
-      const Node& n = tree_.nodes[below_.back()];
+      const Node& n = tree.nodes[below_.back()];
       below_.pop_back();
       if (n.is_leaf()) {
-        const auto first = tree_.primitives.begin() + n.first;
-        out_.primitives.insert(out_.primitives.end(), first, first + n.count);
+        const auto first = tree.primitives.begin() + n.first;
+        primitives.insert(primitives.end(), first, first + n.count);
       } else {
         below_.push_back(n.first + 1);
         below_.push_back(n.first);
       }
     }
-    const auto begin = out_.primitives.begin() + start;
-    std::sort(begin, out_.primitives.end());
-    if (!node.is_leaf())
-      out_.primitives.erase(std::unique(begin, out_.primitives.end()), out_.primitives.end());
+    Node node = tree.nodes[from];
+    sort_leaf(primitives.data() + start, static_cast<uint32_t>(primitives.size() - start));
+    if (!node.is_leaf()) {
+      const auto begin = primitives.begin() + static_cast<std::ptrdiff_t>(start);
+      primitives.erase(std::unique(begin, primitives.end()), primitives.end());
+    }
     node.first = static_cast<uint32_t>(start);
-    node.count = static_cast<uint32_t>(out_.primitives.size() - static_cast<size_t>(start));
-    out_.nodes[to] = node;
+    node.count = static_cast<uint32_t>(primitives.size() - start);
+    nodes[to] = node;
   }
 
-  const Bvh2& tree_;
-  const std::vector<uint8_t>& becomes_leaf_;
-  Bvh2 out_;
+  std::vector<Step> stack_;
   std::vector<uint32_t> below_;
 };
 
@@ -101,82 +104,98 @@ std::vector<uint32_t> roots_of_parts(const Bvh2& tree, const std::vector<uint8_t
   return roots;
 }
 
-/// Puts subtrees where the layout of the whole tree has them.
-class Joiner {
+/// Lays out subtrees one after the other, in the order of the whole tree.
+class Writer {
  public:
-  Joiner(const Bvh2& tree, const std::vector<uint32_t>& roots, const std::vector<Bvh2>& parts)
-      : tree_(tree), parts_(parts), places_(parts.size()) {
-    for (size_t i = 0; i < roots.size(); ++i) part_of_[roots[i]] = i;
+  Writer(const Bvh2& tree, const std::vector<uint8_t>& becomes_leaf,
+         const std::vector<uint32_t>& roots)
+      : tree_(tree), becomes_leaf_(becomes_leaf), is_root_(roots.begin(), roots.end()) {
+    out_.nodes.reserve(tree.nodes.size());
+    out_.primitives.reserve(tree.primitives.size());
+    prefer_huge_pages(out_.nodes.data(), tree.nodes.size() * sizeof(Node));
+    nodes_ = out_.nodes.data();
+    primitives_ = out_.primitives.data();
+    out_.nodes.resize(1);
   }
 
   Bvh2 run() {
-    size_t nodes = 2 * parts_.size() - 1, primitives = 0;
-    for (const Bvh2& part : parts_) {
-      nodes += part.nodes.size() - 1;
-      primitives += part.primitives.size();
-    }
-    out_.nodes.resize(nodes);
-    out_.primitives.resize(primitives);
-    lay_out_top();
-    parallel_for(parts_.size(), 1, [&](size_t i) { copy(parts_[i], places_[i]); });
+    struct Scratch {
+      Layout layout;
+      uint32_t root = 0, below = 0, primitives = 0;
+    };
+    const std::vector<uint32_t> roots = in_their_order();
+    stack_.assign(1, {0, 0});
+    in_order<Scratch>(
+        roots.size(), [&](size_t i, Scratch& s) { s.layout.run(tree_, becomes_leaf_, roots[i]); },
+        [&](size_t /*i*/, Scratch& s) {
+          s.root = next_root();
+          s.below = static_cast<uint32_t>(out_.nodes.size());
+          s.primitives = static_cast<uint32_t>(out_.primitives.size());
+          out_.nodes.resize(s.below + s.layout.nodes.size() - 1);
+          out_.primitives.resize(s.primitives + s.layout.primitives.size());
+        },
+        [&](size_t /*i*/, Scratch& s) {
+          const auto moved = [&](Node node) {
+            node.first += node.is_leaf() ? s.primitives : s.below - 1;
+            return node;
+          };
+          nodes_[s.root] = moved(s.layout.nodes[0]);
+          std::transform(s.layout.nodes.begin() + 1, s.layout.nodes.end(), nodes_ + s.below, moved);
+          std::copy(s.layout.primitives.begin(), s.layout.primitives.end(),
+                    primitives_ + s.primitives);
+        });
     return std::move(out_);
   }
 
  private:
-  struct Place {
-    uint32_t root, below, primitives;
-  };
-
-  void lay_out_top() {
+  std::vector<uint32_t> in_their_order() const {
+    std::vector<uint32_t> roots;
     std::vector<Step> stack{{0, 0}};
-    uint32_t nodes = 1, primitives = 0;
     while (!stack.empty()) {
-      const Step step = stack.back();
+      const uint32_t at = stack.back().from;
       stack.pop_back();
-      const auto part = part_of_.find(step.from);
-      if (part != part_of_.end()) {
-        const Bvh2& tree = parts_[part->second];
-        places_[part->second] = {step.to, nodes, primitives};
-        nodes += static_cast<uint32_t>(tree.nodes.size()) - 1;
-        primitives += static_cast<uint32_t>(tree.primitives.size());
+      if (is_root_.contains(at)) {
+        roots.push_back(at);
         continue;
       }
-      Node node = tree_.nodes[step.from];
-      const auto [second, first] = steps_into(tree_, node.first, nodes);
-      node.first = nodes;
-      nodes += 2;
-      out_.nodes[step.to] = node;
+      const auto [second, first] = steps_into(tree_, tree_.nodes[at].first, 0);
       stack.push_back(second);
       stack.push_back(first);
     }
+    return roots;
   }
 
-  void copy(const Bvh2& part, const Place& place) {
-    for (size_t i = 0; i < part.nodes.size(); ++i) {
-      Node node = part.nodes[i];
-      node.first += node.is_leaf() ? place.primitives : place.below - 1;
-      out_.nodes[i == 0 ? place.root : place.below + i - 1] = node;
+  /// Writes the nodes above the next root, and returns where it goes.
+  uint32_t next_root() {
+    while (true) {
+      const Step step = stack_.back();
+      stack_.pop_back();
+      if (is_root_.contains(step.from)) return step.to;
+      const auto pair = static_cast<uint32_t>(out_.nodes.size());
+      out_.nodes.resize(out_.nodes.size() + 2);
+      Node node = tree_.nodes[step.from];
+      const auto [second, first] = steps_into(tree_, node.first, pair);
+      node.first = pair;
+      nodes_[step.to] = node;
+      stack_.push_back(second);
+      stack_.push_back(first);
     }
-    std::copy(part.primitives.begin(), part.primitives.end(),
-              out_.primitives.begin() + place.primitives);
   }
 
   const Bvh2& tree_;
-  const std::vector<Bvh2>& parts_;
-  std::vector<Place> places_;
-  std::unordered_map<uint32_t, size_t> part_of_;
+  const std::vector<uint8_t>& becomes_leaf_;
+  std::unordered_set<uint32_t> is_root_;
+  std::vector<Step> stack_;  // what is above the roots that are left
   Bvh2 out_;
+  Node* nodes_;
+  uint32_t* primitives_;
 };
 
 }  // namespace
 
 Bvh2 laid_out(const Bvh2& tree, const std::vector<uint8_t>& becomes_leaf) {
   if (tree.nodes.empty()) return {};
-  const std::vector<uint32_t> roots = roots_of_parts(tree, becomes_leaf);
-  std::vector<Bvh2> parts(roots.size());
-  parallel_for(parts.size(), 1,
-               [&](size_t i) { parts[i] = Layout(tree, becomes_leaf).run(roots[i]); });
-  return parts.size() == 1 ? std::move(parts[0]) : Joiner(tree, roots, parts).run();
+  return Writer(tree, becomes_leaf, roots_of_parts(tree, becomes_leaf)).run();
 }
 
 void reorder(Bvh2& tree, const BuildOptions& options) {

@@ -127,7 +127,12 @@ class SpatialBuilder {
     Output out{end, end, primitives_end, primitives_end};
     const Grown grown = grow_below(stretch, out);
     branch.part = {grown.node, grown.pairs, end, 0};
-    store_.keep(branch.part);
+    // The references are needed no more.
+    static_assert(sizeof(Node) == sizeof(Box4));
+    if (2 * branch.part.pairs <= stretch.limit - stretch.begin)
+      PartStore::keep_at(branch.part, reinterpret_cast<Node*>(references_.data() + stretch.begin));
+    else
+      store_.keep(branch.part);
     branch.primitives = out.next_primitive;
     branch.primitive_count = grown.primitives;
   }
@@ -272,8 +277,10 @@ class SpatialBuilder {
   /// Hands the slack down and moves the right half to its own stretch.
   void place(const Stretch& stretch, const Halves& halves, Stretch& left, Stretch& right) {
     const uint32_t slack = stretch.limit - stretch.begin - halves.left_count - halves.right_count;
-    const double left_weight = waste(references_.data() + stretch.begin, halves.left_count);
-    const double right_weight = waste(halves.right, halves.right_count);
+    const bool any = slack > 0;
+    const double left_weight =
+        any ? waste(references_.data() + stretch.begin, halves.left_count) : 0;
+    const double right_weight = any ? waste(halves.right, halves.right_count) : 0;
     const double share =
         left_weight + right_weight > 0 ? left_weight / (left_weight + right_weight) : 0.5;
     const uint32_t left_limit =

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <vector>
 
 #include "base/cpu_buffer.hpp"
@@ -54,10 +55,8 @@ struct Grid {
       : origin(split.origin), scale(split.scale), last(int32_t(bins) - 1) {}
 
   Int4 of(Float4 at) const {
-    const Int4 bin = __builtin_convertvector((at - origin) * scale, Int4);
-    const Int4 most = {last, last, last, last}, none = {0, 0, 0, 0};
-    const Int4 low = bin < most ? bin : most;
-    return low > none ? low : none;
+    const Float4 bin = min4((at - origin) * scale, splat(float(last)));
+    return __builtin_convertvector(max4(bin, splat(0)), Int4);
   }
   int32_t of(Float4 at, int axis) const {
     const auto bin = static_cast<int32_t>((at[axis] - origin[axis]) * scale[axis]);
@@ -65,19 +64,28 @@ struct Grid {
   }
 };
 
+/// References of the three axes.
+using Counts = std::array<uint32_t, 4>;
+
+Int4 lanes_of(const Counts& counts) {
+  Int4 lanes;
+  std::memcpy(&lanes, counts.data(), sizeof lanes);
+  return lanes;
+}
+
 template <uint32_t bins>
 struct PartitionBins {
   Box4 box[3][bins];
-  uint32_t count[3][bins] = {};
+  Counts count[bins] = {};
 
   PartitionBins() {
     for (auto& axis : box) std::fill(axis, axis + bins, Box4::empty());
   }
   void join(const PartitionBins& o) {
-    for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < bins; ++b) {
+    for (uint32_t b = 0; b < bins; ++b) {
+      for (int a = 0; a < 3; ++a) {
         box[a][b].extend(o.box[a][b]);
-        count[a][b] += o.count[a][b];
+        count[b][a] += o.count[b][a];
       }
     }
   }
@@ -85,61 +93,75 @@ struct PartitionBins {
 
 struct CutBins {
   Box4 box[3][kCutBins];
-  uint32_t enter[3][kCutBins] = {}, leave[3][kCutBins] = {};
+  Counts enter[kCutBins] = {}, leave[kCutBins] = {};
 
   CutBins() {
     for (auto& axis : box) std::fill(axis, axis + kCutBins, Box4::empty());
   }
   void join(const CutBins& o) {
-    for (int a = 0; a < 3; ++a) {
-      for (uint32_t b = 0; b < kCutBins; ++b) {
+    for (uint32_t b = 0; b < kCutBins; ++b) {
+      for (int a = 0; a < 3; ++a) {
         box[a][b].extend(o.box[a][b]);
-        enter[a][b] += o.enter[a][b];
-        leave[a][b] += o.leave[a][b];
+        enter[b][a] += o.enter[b][a];
+        leave[b][a] += o.leave[b][a];
       }
     }
   }
 };
 
-/// The cheapest plane between bins of an axis. `left` of them are counted by where references
-/// begin, the rest by where they end.
-void sweep_bins(const Box4* box, const uint32_t* enter, const uint32_t* leave, uint32_t bins,
-                int axis, Float4 pad, Split& best) {
-  float right_area[64];
-  uint32_t right_count[64];
-  Box4 side = Box4::empty();
-  uint32_t count = 0;
-  for (uint32_t b = bins - 1; b > 0; --b) {
-    side.extend(box[b]);
-    count += leave[b];
-    right_count[b] = count;
-    right_area[b] = count > 0 ? side.half_area(pad) : 0;
+/// One side of a plane on each axis.
+struct Sides {
+  Box4 box[3] = {Box4::empty(), Box4::empty(), Box4::empty()};
+  Float4 areas(Float4 pad) const {
+    return half_areas(box[0].extents() + pad, box[1].extents() + pad, box[2].extents() + pad);
   }
-  side = Box4::empty();
-  count = 0;
-  for (uint32_t b = 1; b < bins; ++b) {
-    side.extend(box[b - 1]);
-    count += enter[b - 1];
-    if (count == 0) continue;
-    if (right_count[b] == 0) break;
-    const float area = side.half_area(pad);
-    const float cost = area * float(count) + right_area[b] * float(right_count[b]);
-    if (cost < best.cost) {
-      best.cost = cost;
-      best.axis = axis;
-      best.bin = b;
-      best.left_area = area;
-      best.right_area = right_area[b];
-      best.left_count = count;
-      best.right_count = right_count[b];
-    }
-  }
-}
+};
 
-void find_sides(const Box4* box, uint32_t bins, Split& split) {
-  split.left_box = split.right_box = Box4::empty();
-  for (uint32_t b = 0; b < bins; ++b)
-    (b < split.bin ? split.left_box : split.right_box).extend(box[b]);
+/// The cheapest plane between bins, the axes in the lanes of vectors. References on its left are
+/// counted by where they begin, the others by where they end.
+template <uint32_t most>
+void sweep_bins(const Box4 (&box)[3][most], const Counts* enter, const Counts* leave, uint32_t bins,
+                Float4 pad, Split& best) {
+  const auto extend = [&](Sides& side, uint32_t b) {
+    for (int a = 0; a < 3; ++a) side.box[a].extend(box[a][b]);
+  };
+  Float4 right_cost[most];
+  Sides side;
+  Int4 count{};
+  // An empty box has an infinite area, which times nought is no number: less than nothing.
+  for (uint32_t b = bins - 1; b > 0; --b) {
+    extend(side, b);
+    count += lanes_of(leave[b]);
+    right_cost[b] = side.areas(pad) * __builtin_convertvector(count, Float4);
+  }
+  side = {};
+  count = Int4{};
+  Float4 least = splat(std::numeric_limits<float>::infinity());
+  Int4 place{};
+  for (uint32_t b = 1; b < bins; ++b) {
+    extend(side, b - 1);
+    count += lanes_of(enter[b - 1]);
+    const Float4 cost = side.areas(pad) * __builtin_convertvector(count, Float4) + right_cost[b];
+    const Int4 better = Int4(cost < least);
+    least = min4(cost, least);
+    const int at = static_cast<int>(b);
+    place = (Int4{at, at, at, at} & better) | (place & ~better);
+  }
+  for (int a = 0; a < 3; ++a) {
+    if (!(best.scale[a] > 0) || !(least[a] < best.cost)) continue;
+    best.cost = least[a];
+    best.axis = a;
+    best.bin = static_cast<uint32_t>(place[a]);
+  }
+  if (best.axis < 0) return;
+  best.left_box = best.right_box = Box4::empty();
+  for (uint32_t b = 0; b < bins; ++b) {
+    const bool is_left = b < best.bin;
+    (is_left ? best.left_box : best.right_box).extend(box[best.axis][b]);
+    (is_left ? best.left_count : best.right_count) += (is_left ? enter : leave)[b][best.axis];
+  }
+  best.left_area = best.left_box.half_area(pad);
+  best.right_area = best.right_box.half_area(pad);
 }
 
 template <uint32_t bins>
@@ -152,43 +174,54 @@ Split partition_by_bins(const Box4* references, uint32_t count, const NodeBounds
       const Int4 bin = grid.of(box.center2());
       for (int a = 0; a < 3; ++a) {
         part.box[a][bin[a]].extend(box);
-        ++part.count[a][bin[a]];
+        ++part.count[bin[a]][a];
       }
     }
   });
   Split best;
   best.origin = grid.origin;
   best.scale = grid.scale;
-  for (int a = 0; a < 3; ++a)
-    if (grid.scale[a] > 0)
-      sweep_bins(all.box[a], all.count[a], all.count[a], bins, a, bounds.pad, best);
-  if (best.axis >= 0) find_sides(all.box[best.axis], bins, best);
+  sweep_bins(all.box, all.count, all.count, bins, bounds.pad, best);
   return best;
+}
+
+using Orders = std::array<std::array<uint8_t, kSweepMost>, 3>;
+
+/// A few references by their centres along each axis: a place in the order is the number of smaller
+/// centres, few enough to count them all. Of equal ones the earlier comes first.
+Orders orders_of(const Box4* references, uint32_t count) {
+  alignas(16) std::array<std::array<float, kSweepMost>, 3> centers{};
+  for (uint32_t i = 0; i < count; ++i) {
+    const Float4 center = references[i].center2();
+    for (int axis = 0; axis < 3; ++axis) centers[axis][i] = center[axis];
+  }
+  const uint32_t vectors = (count + 3) / 4;
+  Orders orders;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::array<float, kSweepMost>& center = centers[axis];
+    alignas(16) std::array<int32_t, kSweepMost> smaller;
+    for (uint32_t v = 0; v < vectors; ++v) {
+      const Float4 own = load4(&center[4 * size_t(v)]);
+      Int4 counts{};
+      for (uint32_t k = 0; k < count; ++k) counts -= Int4(own > splat(center[k]));
+      std::memcpy(&smaller[4 * size_t(v)], &counts, sizeof counts);
+    }
+    uint32_t taken = 0;
+    for (uint32_t i = 0; i < count; ++i) {
+      auto place = static_cast<uint32_t>(smaller[i]);
+      while (taken >> place & 1u) ++place;
+      taken |= 1u << place;
+      orders[axis][place] = static_cast<uint8_t>(i);
+    }
+  }
+  return orders;
 }
 
 /// All partitions of a few references by their centres, on the three axes in the lanes of vectors.
 Split partition_by_sweep(const Box4* references, uint32_t count, Float4 pad) {
-  std::array<std::array<uint8_t, kSweepMost>, 3> orders;
-  for (int axis = 0; axis < 3; ++axis) {
-    float center[kSweepMost];
-    uint8_t* const order = orders[axis].data();
-    for (uint32_t i = 0; i < count; ++i) {
-      center[i] = references[i].center2()[axis];
-      uint32_t at = i;
-      for (; at > 0 && center[order[at - 1]] > center[i]; --at) order[at] = order[at - 1];
-      order[at] = static_cast<uint8_t>(i);
-    }
-  }
-  struct Sides {
-    Box4 x = Box4::empty(), y = Box4::empty(), z = Box4::empty();
-    Float4 areas(Float4 by) const {
-      return half_areas(x.extents() + by, y.extents() + by, z.extents() + by);
-    }
-  };
-  const auto extend = [&](Sides& sides, uint32_t i) {
-    sides.x.extend(references[orders[0][i]]);
-    sides.y.extend(references[orders[1][i]]);
-    sides.z.extend(references[orders[2][i]]);
+  const Orders orders = orders_of(references, count);
+  const auto extend = [&](Sides& side, uint32_t i) {
+    for (int axis = 0; axis < 3; ++axis) side.box[axis].extend(references[orders[axis][i]]);
   };
   std::array<Float4, kSweepMost> right_areas;
   Sides side;
@@ -261,23 +294,27 @@ class Slicer {
   float high_end_;
 };
 
+/// Adds a reference to one bin of an axis, or to two: nearly as good as clipping, and most are
+/// such.
+void halve(const Box4& reference, int axis, int32_t first, int32_t last, float origin, float width,
+           CutBins& bins) {
+  ++bins.enter[first][axis];
+  ++bins.leave[last][axis];
+  Box4 before = reference, behind = reference;
+  if (first < last) {
+    const float plane = origin + float(last) * width;
+    before.negated_high = with_lane(before.negated_high, axis, -plane);
+    behind.low = with_lane(behind.low, axis, plane);
+    bins.box[axis][last].extend(behind);
+  }
+  bins.box[axis][first].extend(before);
+}
+
 /// Adds a reference to the bins of an axis from `first` to `last`, one part to each.
 void chop(const Box4& reference, const Corners& corners, int axis, int32_t first, int32_t last,
           float origin, float width, CutBins& bins) {
-  ++bins.enter[axis][first];
-  ++bins.leave[axis][last];
-  if (last - first < 2) {
-    // Nearly as good as clipping, and most are such.
-    Box4 before = reference, behind = reference;
-    if (first < last) {
-      const float plane = origin + float(last) * width;
-      before.negated_high = with_lane(before.negated_high, axis, -plane);
-      behind.low = with_lane(behind.low, axis, plane);
-    }
-    bins.box[axis][first].extend(before);
-    bins.box[axis][last].extend(behind);
-    return;
-  }
+  ++bins.enter[first][axis];
+  ++bins.leave[last][axis];
   const Slicer slicer(corners, axis);
   const float middle = slicer.middle()[axis];
   float from = reference.low[axis];
@@ -342,27 +379,43 @@ Split best_cut(const Box4* references, uint32_t count, const NodeBounds& bounds,
       if (whole) {
         for (int a = 0; a < 3; ++a) {
           part.box[a][first[a]].extend(box);
-          ++part.enter[a][first[a]];
-          ++part.leave[a][first[a]];
+          ++part.enter[first[a]][a];
+          ++part.leave[first[a]][a];
         }
         continue;
       }
-      const Corners corners(mesh, triangle_of(box));
-      for (int a = 0; a < 3; ++a)
-        chop(box, corners, a, first[a], last[a], grid.origin[a], width[a], part);
+      for (int a = 0; a < 3; ++a) {
+        if (last[a] - first[a] < 2)
+          halve(box, a, first[a], last[a], grid.origin[a], width[a], part);
+        else
+          chop(box, Corners(mesh, triangle_of(box)), a, first[a], last[a], grid.origin[a], width[a],
+               part);
+      }
     }
   });
   Split best;
   best.is_cut = true;
   best.origin = grid.origin;
   best.scale = grid.scale;
-  for (int a = 0; a < 3; ++a)
-    if (grid.scale[a] > 0)
-      sweep_bins(all.box[a], all.enter[a], all.leave[a], bins, a, bounds.pad, best);
+  sweep_bins(all.box, all.enter, all.leave, bins, bounds.pad, best);
   if (best.axis < 0) return best;
-  find_sides(all.box[best.axis], bins, best);
   best.plane = grid.origin[best.axis] + float(best.bin) * width[best.axis];
   return best;
+}
+
+/// Keeps those that are left, of which is_left(i) says 1, and moves the others to `right`.
+template <typename IsLeft>
+Halves halves_by(Box4* references, uint32_t count, Box4* right, const IsLeft& is_left) {
+  uint32_t left_count = 0, right_count = 0;
+  for (uint32_t i = 0; i < count; ++i) {
+    const uint32_t left = is_left(i);
+    const Box4 reference = references[i];
+    references[left_count] = reference;
+    right[right_count] = reference;
+    left_count += left;
+    right_count += 1 - left;
+  }
+  return {left_count, right_count, right};
 }
 
 Halves partition_references(Box4* references, uint32_t count, const Split& split) {
@@ -372,19 +425,14 @@ Halves partition_references(Box4* references, uint32_t count, const Split& split
     std::copy(references + half, references + count, right);
     return {half, count - half, right};
   }
-  const Grid grid(split, bins_for(count));
-  uint32_t left_count = 0, right_count = 0;
-  for (uint32_t i = 0; i < count; ++i) {
-    const Box4 reference = references[i];
-    const bool is_left = split.mask != 0
-                             ? (split.mask >> i & 1) != 0
-                             : grid.of(reference.center2(), split.axis) < int32_t(split.bin);
-    references[left_count] = reference;
-    right[right_count] = reference;
-    left_count += is_left;
-    right_count += !is_left;
-  }
-  return {left_count, right_count, right};
+  if (split.mask != 0)
+    return halves_by(references, count, right, [&](uint32_t i) { return split.mask >> i & 1u; });
+  const float origin = split.origin[split.axis], scale = split.scale[split.axis];
+  const float* const low = reinterpret_cast<const float*>(references) + split.axis;
+  return halves_by(references, count, right, [&](uint32_t i) {
+    const float center = low[8 * size_t(i)] - low[8 * size_t(i) + 4];
+    return uint32_t(int32_t((center - origin) * scale) < int32_t(split.bin));
+  });
 }
 
 Halves cut_references(Box4* references, uint32_t count, uint32_t slack, const Split& split,

@@ -42,11 +42,16 @@ class PartStore {
     const size_t count = 2 * size_t(subtree.pairs);
     if (count == 0) return;
     RawArray<Node> nodes(count);
-    // NOLINTNEXTLINE(clang-analyzer-core.*): a subtree without nodes has no pairs
-    std::copy(subtree.nodes_end - count, subtree.nodes_end, nodes.data());
-    subtree.nodes_end = nodes.data() + count;
+    keep_at(subtree, nodes.data());
     const std::lock_guard lock(mutex_);
     pieces_.push_back(std::move(nodes));
+  }
+  /// The same, into memory that there is.
+  static void keep_at(TreePart& subtree, Node* nodes) {
+    const size_t count = 2 * size_t(subtree.pairs);
+    // NOLINTNEXTLINE(clang-analyzer-core.*): a subtree without nodes has no pairs
+    std::copy(subtree.nodes_end - count, subtree.nodes_end, nodes);
+    subtree.nodes_end = nodes + count;
   }
 
  private:
