@@ -30,6 +30,10 @@
 
 #include "bvh/triangle_bvh_data.hpp"
 
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
 namespace umbel {
 
 /// Four lanes on which arithmetic works one by one (an extension of GCC and Clang).
@@ -45,6 +49,7 @@ struct RayFrame {
   alignas(16) float origin[4];
   float sx, sy, sz;     ///< Woop's shear
   uint32_t kx, ky, kz;  ///< Woop's axes
+  uint32_t negative;    ///< bit i is set where inv[i] < 0
   float t_min, t_max;   /// in units of the scaled direction
   float t_unit;         ///< what t is to be multiplied by to give the ray's own
   float scale;          ///< what triangles are multiplied by: a power of two
@@ -67,6 +72,16 @@ inline constexpr uint8_t kLargestAxis[8] = {2, 2, 2, 0, 1, 2, 1, 0};
 /// mispredicted.
 inline constexpr uint8_t kOtherAxes[3][2] = {{1, 2}, {2, 0}, {0, 1}};
 
+static inline uint32_t sign_bits(Quad lanes) {
+#if defined(__SSE2__)
+  return static_cast<uint32_t>(_mm_movemask_ps(lanes));
+#else
+  uint32_t bits = 0;
+  for (uint32_t i = 0; i < 4; ++i) bits |= (std::bit_cast<uint32_t>(lanes[i]) >> 31) << i;
+  return bits;
+#endif
+}
+
 /// False where the ray can hit nothing.
 static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f) {
   constexpr float kMax = std::numeric_limits<float>::max();
@@ -81,8 +96,9 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   if (!(sums[0] + sums[1] + sums[2] <= kMax) || !(ray.t_min <= ray.t_max)) return false;
   float largest = std::max(std::max(a[0], a[1]), a[2]);
   if (!(largest > 0.0f)) return false;
-  const uint32_t kz =
-      kLargestAxis[uint32_t{a[0] > a[1]} | uint32_t{a[0] > a[2]} << 1 | uint32_t{a[1] > a[2]} << 2];
+  const Quad firsts = __builtin_shufflevector(a, a, 0, 0, 1, 3);
+  const Quad seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
+  const uint32_t kz = kLargestAxis[sign_bits(Quad(firsts > seconds))];
 
   f.t_min = ray.t_min;
   f.t_max = ray.t_max;
@@ -107,17 +123,18 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   const Quad component = Quad(QuadBits(a < smallest ? Quad{} + smallest : a) | signs);
   const Quad inv = 1.0f / component, e = Quad(QuadBits(inv) & ~kSign) * slack;
   // Rounded once.
-  const WideQuad b = -__builtin_convertvector(o, WideQuad) * __builtin_convertvector(inv, WideQuad);
+  const WideQuad b = __builtin_convertvector(o, WideQuad) * __builtin_convertvector(inv, WideQuad);
   const WideQuad wide_e = __builtin_convertvector(e, WideQuad);
-  const Quad near_b = __builtin_convertvector(b - wide_e, Quad);
-  const Quad far_b = __builtin_convertvector(b + wide_e, Quad);
+  const Quad near_b = __builtin_convertvector(-wide_e - b, Quad);
+  const Quad far_b = __builtin_convertvector(wide_e - b, Quad);
   std::memcpy(f.inv, &inv, sizeof inv);
   std::memcpy(f.near_b, &near_b, sizeof near_b);
   std::memcpy(f.far_b, &far_b, sizeof far_b);
   std::memcpy(f.origin, &o, sizeof o);
   alignas(16) float directions[4];
   std::memcpy(directions, &d, sizeof d);
-  const uint32_t is_negative = std::bit_cast<uint32_t>(directions[kz]) >> 31;
+  f.negative = sign_bits(inv);
+  const uint32_t is_negative = (f.negative >> kz) & 1;
   f.kx = kOtherAxes[kz][is_negative];
   f.ky = kOtherAxes[kz][1 - is_negative];
   f.kz = kz;

@@ -28,15 +28,15 @@ class BoxTester {
       inv_[axis] = _mm256_set1_ps(f.inv[axis]);
       near_b_[axis] = _mm256_set1_ps(f.near_b[axis]);
       far_b_[axis] = _mm256_set1_ps(f.far_b[axis]);
-      const ptrdiff_t flip = f.inv[axis] < 0.0f ? 8 : 0;
-      near_at_[axis] = 16 * axis + flip;
-      far_at_[axis] = 16 * axis + (8 - flip);
+      // The lowest planes come first, the highest 32 bytes behind them.
+      near_at_[axis] = 64 * axis + ((f.negative << 5 >> axis) & 32);
+      far_at_[axis] = near_at_[axis] ^ 32;
     }
     t_min_ = _mm256_set1_ps(f.t_min);
   }
 
   UMBEL_SIMD uint32_t operator()(const uint32_t* node, float cull, __m256& near) const {
-    const auto* planes = reinterpret_cast<const float*>(node);
+    const auto* planes = reinterpret_cast<const char*>(node);
     const __m256 nx = at(planes + near_at_[0], 0, near_b_), fx = at(planes + far_at_[0], 0, far_b_);
     const __m256 ny = at(planes + near_at_[1], 1, near_b_), fy = at(planes + far_at_[1], 1, far_b_);
     const __m256 nz = at(planes + near_at_[2], 2, near_b_), fz = at(planes + far_at_[2], 2, far_b_);
@@ -47,12 +47,13 @@ class BoxTester {
   }
 
  private:
-  UMBEL_SIMD __m256 at(const float* planes, int axis, const __m256* b) const {
-    return _mm256_fmadd_ps(_mm256_load_ps(planes), inv_[axis], b[axis]);
+  UMBEL_SIMD __m256 at(const char* planes, int axis, const __m256* b) const {
+    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes)), inv_[axis],
+                           b[axis]);
   }
 
   __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
-  ptrdiff_t near_at_[3], far_at_[3];  ///< of the planes in a node
+  size_t near_at_[3], far_at_[3];  ///< of the planes in a node
 };
 
 /// The same for the eight slots of a node on a grid.
