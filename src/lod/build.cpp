@@ -209,31 +209,35 @@ class Builder {
     });
   }
 
-  // Vertices that groups have made get their numbers, and triangles of them become clusters.
+  // Vertices that groups have made get their numbers.
   void settle_added(std::vector<GroupResult>& results) {
-    std::vector<size_t> with_added;
+    bool any = false;
     for (size_t g = 0; g < results.size(); ++g) {
       Simplified& simplified = results[g].simplified;
       if (simplified.added.position_ids.empty()) continue;
-      with_added.push_back(g);
+      any = true;
+      float moved = 0;
       if (!simplified.added.components.empty() || !new_positions_.is_empty())
-        simplified.error +=
-            new_positions_.set_apart(source_, config_.position_step, simplified.added);
+        moved = new_positions_.set_apart(source_, config_.position_step, simplified.added);
+      simplified.error += moved;
       const uint32_t first = append_vertices(source_, simplified.added);
       for (size_t v = 0; v < simplified.added.position_ids.size(); ++v)
         if (simplified.added.position_ids[v] == kNone)
           results[g].new_positions.push_back(simplified.added.mesh.positions[v]);
-      for (Triangle& t : simplified.triangles)
-        for (uint32_t& v : t)
-          if (v >= kAddedVertex) v = first + (v - kAddedVertex);
+      for (uint32_t& v : results[g].clusters.vertices)
+        if (v >= kAddedVertex) v = first + (v - kAddedVertex);
+      if (moved > 0) fit_boxes(results[g].clusters);
       simplified.added = {};
     }
-    if (with_added.empty()) return;
-    grow();
-    parallel_for(with_added.size(), 1, [&](size_t i) {
-      GroupResult& result = results[with_added[i]];
-      workers_.local()->cutter.cut(source_, result.simplified.triangles, kNone, result.clusters);
-    });
+    if (any) grow();
+  }
+
+  void fit_boxes(ClusterSet& clusters) const {
+    for (size_t c = 0; c < clusters.size(); ++c) {
+      clusters.boxes[c] = {};
+      for (uint32_t v : clusters.cluster_vertices(c))
+        extend(clusters.boxes[c], source_.mesh.positions[v]);
+    }
   }
 
   // Groups may leave nothing behind, where every triangle is degenerate, or where one group is all
@@ -255,7 +259,20 @@ class Builder {
         if (kept.size() == 1 && !is_degenerate(t)) kept = {t, {t[0], t[2], t[1]}};
       }
     }
-    workers_.local()->cutter.cut(source_, kept, kNone, results[0].clusters);
+    Piece piece;
+    const auto number = [&](uint32_t v) {
+      const auto at = std::find(piece.vertices.begin(), piece.vertices.end(), v);
+      const size_t found = at - piece.vertices.begin();
+      if (at == piece.vertices.end()) {
+        piece.vertices.push_back(v);
+        piece.positions.push_back(source_.mesh.positions[v]);
+        if (!source_.vertex_materials.empty()) piece.materials.push_back(source_.material(v));
+      }
+      return static_cast<uint32_t>(found);
+    };
+    for (const Triangle& t : kept)
+      piece.triangles.push_back({number(t[0]), number(t[1]), number(t[2])});
+    workers_.local()->cutter.cut(piece, kNone, results[0].clusters);
   }
 
   bool is_degenerate(const Triangle& t) const {
@@ -267,8 +284,7 @@ class Builder {
     Worker& worker = *workers_.local();
     GroupResult result;
     result.simplified = worker.simplifier.simplify(pending_, clusters, locked_, allow);
-    if (result.simplified.done && result.simplified.added.position_ids.empty())
-      worker.cutter.cut(source_, result.simplified.triangles, kNone, result.clusters);
+    if (result.simplified.done) worker.cutter.cut(worker.simplifier.left(), kNone, result.clusters);
     return result;
   }
 

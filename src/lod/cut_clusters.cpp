@@ -10,11 +10,11 @@ namespace umbel::lod {
 namespace {
 
 // Sorts by material, keeping the order within one, and gives the range of each.
-void sort_by_material(const Source& source, bool mix, std::span<Triangle> triangles,
-                      std::vector<Range>& segments) {
+void sort_by_material(std::span<const uint32_t> vertex_materials, bool mix,
+                      std::span<Triangle> triangles, std::vector<Range>& segments) {
   segments.clear();
-  if (mix || source.vertex_materials.empty()) return;
-  const auto material = [&](const Triangle& t) { return source.vertex_materials[t[0]]; };
+  if (mix || vertex_materials.empty()) return;
+  const auto material = [&](const Triangle& t) { return vertex_materials[t[0]]; };
   std::stable_sort(triangles.begin(), triangles.end(),
                    [&](const Triangle& a, const Triangle& b) { return material(a) < material(b); });
   for (uint32_t begin = 0; begin < triangles.size();) {
@@ -25,20 +25,19 @@ void sort_by_material(const Source& source, bool mix, std::span<Triangle> triang
   }
 }
 
-MeshView view_of(const Source& source, std::span<const Triangle> triangles) {
+MeshView view_of(std::span<const Vec3> positions, std::span<const Triangle> triangles) {
   MeshView view;
-  view.positions = source.mesh.positions;
+  view.positions = positions;
   view.triangles = triangles;
   return view;
 }
 
 // Of most of the triangles; the lowest of those that are as many.
-uint32_t common_material(const Source& source, std::span<const Triangle> triangles,
-                         std::span<const uint32_t> items) {
-  if (source.vertex_materials.empty()) return 0;
+uint32_t common_material(std::span<const uint32_t> vertex_materials,
+                         std::span<const Triangle> triangles, std::span<const uint32_t> items) {
+  if (vertex_materials.empty()) return 0;
   std::array<uint32_t, 256> materials{};
-  for (size_t i = 0; i < items.size(); ++i)
-    materials[i] = source.vertex_materials[triangles[items[i]][0]];
+  for (size_t i = 0; i < items.size(); ++i) materials[i] = vertex_materials[triangles[items[i]][0]];
   const auto end = materials.begin() + items.size();
   std::sort(materials.begin(), end);
   uint32_t common = materials[0];
@@ -50,9 +49,9 @@ uint32_t common_material(const Source& source, std::span<const Triangle> triangl
   return common;
 }
 
-// One cluster with vertices of its own, numbered by first use.
+// One cluster of the whole mesh with vertices of its own, numbered by first use.
 void append_cluster(const Source& source, std::span<const Triangle> triangles,
-                    std::span<const uint32_t> items, uint32_t generating_group, ClusterSet& out) {
+                    std::span<const uint32_t> items, ClusterSet& out) {
   // Open addressing over at most 256 vertices. Whether a vertex is new cannot be foretold, so
   // nothing branches on it.
   constexpr uint32_t kSlots = 1024;
@@ -79,8 +78,31 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
   }
   Aabb box;
   for (uint32_t i = 0; i < vertex_count; ++i) extend(box, source.mesh.positions[vertices[i]]);
+  out.append({vertices, vertex_count}, {corners, corner_count}, kNone,
+             common_material(source.vertex_materials, triangles, items), box);
+}
+
+// The same of a piece, whose vertices are few enough for a table.
+void append_cluster(const Piece& piece, std::span<const uint32_t> items, uint32_t generating_group,
+                    ClusterVertices& numbers, ClusterSet& out) {
+  uint32_t vertices[257];
+  uint8_t corners[3 * 256];
+  uint32_t vertex_count = 0, corner_count = 0;
+  numbers.begin(piece.vertices.size());
+  for (const uint32_t item : items)
+    for (const uint32_t v : piece.triangles[item]) {
+      bool is_new = false;
+      corners[corner_count++] = numbers.number(v, vertex_count, is_new);
+      vertices[vertex_count] = v;
+      vertex_count += is_new;
+    }
+  Aabb box;
+  for (uint32_t i = 0; i < vertex_count; ++i) {
+    extend(box, piece.positions[vertices[i]]);
+    vertices[i] = piece.vertices[vertices[i]];
+  }
   out.append({vertices, vertex_count}, {corners, corner_count}, generating_group,
-             common_material(source, triangles, items), box);
+             common_material(piece.materials, piece.triangles, items), box);
 }
 
 }  // namespace
@@ -92,14 +114,21 @@ ClusterConfig cluster_config(const Config& config) {
   return result;
 }
 
-void ClusterCutter::cut(const Source& source, std::span<Triangle> triangles,
-                        uint32_t generating_group, ClusterSet& out) {
-  if (triangles.empty()) return;
-  sort_by_material(source, mix_, triangles, segments_);
-  bisector_.build(view_of(source, triangles), segments_, config_, clusters_);
+void ClusterVertices::begin(size_t most) {
+  constexpr uint32_t kStamps = 1u << 24;
+  if (numbers_.size() < most) numbers_.resize(most, 0);
+  if (++stamp_ < kStamps) return;
+  std::fill(numbers_.begin(), numbers_.end(), 0u);
+  stamp_ = 1;
+}
+
+void ClusterCutter::cut(Piece& piece, uint32_t generating_group, ClusterSet& out) {
+  if (piece.triangles.empty()) return;
+  sort_by_material(piece.materials, mix_, piece.triangles, segments_);
+  bisector_.build(view_of(piece.positions, piece.triangles), segments_, config_, clusters_);
   for (const Range& range : clusters_.ranges)
-    append_cluster(source, triangles, std::span(clusters_.items).subspan(range.offset, range.count),
-                   generating_group, out);
+    append_cluster(piece, std::span(clusters_.items).subspan(range.offset, range.count),
+                   generating_group, numbers_, out);
 }
 
 void cut_mesh(const Source& source, const Config& config, const BuildOptions& options,
@@ -108,11 +137,11 @@ void cut_mesh(const Source& source, const Config& config, const BuildOptions& op
   std::vector<Range> segments;
   if (!source.vertex_materials.empty() && !config.mix_materials) {
     sorted = source.mesh.triangles;
-    sort_by_material(source, false, sorted, segments);
+    sort_by_material(source.vertex_materials, false, sorted, segments);
   }
   const std::span<const Triangle> triangles = sorted.empty() ? source.mesh.triangles : sorted;
-  const Clusters clusters = cluster::cluster_triangles(view_of(source, triangles), segments,
-                                                       cluster_config(config), 0.0f, options);
+  const Clusters clusters = cluster::cluster_triangles(
+      view_of(source.mesh.positions, triangles), segments, cluster_config(config), 0.0f, options);
   // Chunks by position, joined in order.
   constexpr size_t kChunk = 512;
   std::vector<ClusterSet> chunks((clusters.ranges.size() + kChunk - 1) / kChunk);
@@ -120,7 +149,7 @@ void cut_mesh(const Source& source, const Config& config, const BuildOptions& op
     for (size_t i = begin; i < end; ++i) {
       const Range range = clusters.ranges[i];
       append_cluster(source, triangles,
-                     std::span(clusters.items).subspan(range.offset, range.count), kNone,
+                     std::span(clusters.items).subspan(range.offset, range.count),
                      chunks[begin / kChunk]);
     }
   });

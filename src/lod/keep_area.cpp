@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "base/math.hpp"
 #include "lod/simplify.hpp"
@@ -62,7 +63,7 @@ std::vector<double> GroupSimplifier::growths(std::span<const Triangle> left) {
   return growth;
 }
 
-// Moves what is left of small parts away from their middles. `result` has the triangles of `best`.
+// Moves what is left of small parts away from their middles.
 void GroupSimplifier::keep_area(const Candidate& best, Simplified& result) {
   const std::vector<double> growth = growths(best.triangles);
   if (growth.empty()) return;
@@ -99,18 +100,15 @@ void GroupSimplifier::keep_area(const Candidate& best, Simplified& result) {
     if (a == b || b == c || c == a) return;
   }
   if (grown.empty()) return;
-  std::vector<uint32_t> become(vertices_.size(), kNone);
+  std::vector<uint8_t> has_moved(vertices_.size(), 0);
   float farthest = 0;
-  for (size_t i = 0; i < best.triangles.size(); ++i) {
-    const Triangle& t = best.triangles[i];
+  for (const Triangle& t : best.triangles) {
     if (!(growth[component_of_[position_of_[t[0]]]] >= kLeastGrowth)) continue;
-    for (size_t k = 0; k < 3; ++k) {
-      const uint32_t p = position_of_[t[k]];
-      if (become[t[k]] == kNone) {
-        become[t[k]] = add_moved(t[k], result.triangles[i][k], moved[p], place[p], result);
-        farthest = std::max(farthest, length(moved[p] - positions_[t[k]] * (1.0f / source_.scale)));
-      }
-      result.triangles[i][k] = become[t[k]];
+    for (const uint32_t v : t) {
+      if (std::exchange(has_moved[v], 1)) continue;
+      const uint32_t p = position_of_[v];
+      add_moved(v, moved[p], place[p], result);
+      farthest = std::max(farthest, length(moved[p] - positions_[v] * (1.0f / source_.scale)));
     }
   }
   result.error += farthest;
@@ -125,10 +123,11 @@ void GroupSimplifier::keep_area(const Candidate& best, Simplified& result) {
       result.added.components[place[p] - kAddedVertex] = place[components[p]];
 }
 
-// A vertex at a new position instead of the local one, whose number in the result is `current`.
-uint32_t GroupSimplifier::add_moved(uint32_t local, uint32_t current, const Vec3& position,
-                                    uint32_t& first_there, Simplified& result) const {
+// A vertex at a new position instead of the local one.
+void GroupSimplifier::add_moved(uint32_t local, const Vec3& position, uint32_t& first_there,
+                                Simplified& result) {
   AddedVertices& added = result.added;
+  const uint32_t current = left_.vertices[local];
   Mesh one;
   if (current < kAddedVertex)
     append_vertex(one, source_.mesh, current);
@@ -140,7 +139,8 @@ uint32_t GroupSimplifier::add_moved(uint32_t local, uint32_t current, const Vec3
   added.position_ids.push_back(first_there);
   if (first_there == kNone) first_there = number;
   added.materials.push_back(material(local));
-  return number;
+  left_.vertices[local] = number;
+  left_.positions[local] = position;
 }
 
 }  // namespace umbel::lod

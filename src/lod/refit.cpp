@@ -45,13 +45,11 @@ void GroupSimplifier::refit_attributes(Candidate& candidate) const {
 }
 
 // The vertices with their new attributes, in the place of the old ones.
-void GroupSimplifier::add_refitted(const Candidate& candidate, Simplified& result) const {
-  if (candidate.refitted.empty()) return;
-  std::vector<uint32_t> become(vertices_);
+void GroupSimplifier::add_refitted(const Candidate& candidate, Simplified& result) {
   const float* values = candidate.refits.data();
   for (uint32_t v : candidate.refitted) {
     AddedVertices& added = result.added;
-    become[v] = kAddedVertex + static_cast<uint32_t>(added.position_ids.size());
+    left_.vertices[v] = kAddedVertex + static_cast<uint32_t>(added.position_ids.size());
     Mesh& mesh = added.mesh;
     append_vertex(mesh, source_.mesh, vertices_[v]);
     const float* value = values;
@@ -68,8 +66,6 @@ void GroupSimplifier::add_refitted(const Candidate& candidate, Simplified& resul
     added.materials.push_back(material(v));
     values += attribute_weights_.size();
   }
-  for (size_t i = 0; i < candidate.triangles.size(); ++i)
-    for (size_t k = 0; k < 3; ++k) result.triangles[i][k] = become[candidate.triangles[i][k]];
 }
 
 }  // namespace umbel::lod

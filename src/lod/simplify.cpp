@@ -124,12 +124,25 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.rung = best.rung;
   result.chords = to_ids(best.chords);
   result.added = std::move(best.added);
-  result.triangles = best.triangles;
-  for (Triangle& t : result.triangles)
-    for (uint32_t& v : t) v = vertices_[v];
+  leave(best, result);
   add_refitted(best, result);
   if (config_.keep_area && !by_caller) keep_area(best, result);
   return result;
+}
+
+void GroupSimplifier::leave(Candidate& best, const Simplified& result) {
+  left_.triangles = best.triangles;
+  left_.vertices = vertices_;
+  left_.positions = positions_;
+  if (source_.scale != 1.0f)
+    for (size_t v = 0; v < vertices_.size(); ++v) {
+      const bool is_added = vertices_[v] >= kAddedVertex;
+      const Mesh& mesh = is_added ? result.added.mesh : source_.mesh;
+      left_.positions[v] = mesh.positions[is_added ? vertices_[v] - kAddedVertex : vertices_[v]];
+    }
+  left_.materials.clear();
+  if (source_.vertex_materials.empty()) return;
+  for (uint32_t v = 0; v < vertices_.size(); ++v) left_.materials.push_back(material(v));
 }
 
 uint32_t GroupSimplifier::local_vertex(uint32_t vertex) {

@@ -13,6 +13,7 @@
 #include "base/math.hpp"
 #include "lod/cluster_set.hpp"
 #include "lod/collapse.hpp"
+#include "lod/cut_clusters.hpp"
 #include "lod/sheets.hpp"
 #include "lod/source.hpp"
 #include "lod/topology.hpp"
@@ -21,8 +22,6 @@ namespace umbel::lod {
 
 struct Simplified {
   bool done = false;  ///< false: too little could be removed; the rest is unset
-  /// Indices into the source's vertices, or kAddedVertex and more.
-  std::vector<Triangle> triangles;
   AddedVertices added;
   float error = 0;            ///< how far this step moved the surface, in object space
   float attribute_error = 0;  ///< how much worse it made attributes, as a length
@@ -47,6 +46,9 @@ class GroupSimplifier {
   /// `locked` is by position id.
   Simplified simplify(const ClusterSet& set, std::span<const uint32_t> clusters,
                       std::span<const uint8_t> locked, Allowance allow);
+  /// What the last group that could be simplified became. Vertices are those of the source, or
+  /// kAddedVertex and more.
+  Piece& left() { return left_; }
 
  private:
   struct Candidate {
@@ -103,11 +105,11 @@ class GroupSimplifier {
   Candidate collapse_regular(CollapseInput input, size_t target);
   std::vector<float> radii_of_parts();
   void refit_attributes(Candidate& candidate) const;
-  void add_refitted(const Candidate& candidate, Simplified& result) const;
+  void add_refitted(const Candidate& candidate, Simplified& result);
+  void leave(Candidate& best, const Simplified& result);
   std::vector<double> growths(std::span<const Triangle> left);
   void keep_area(const Candidate& best, Simplified& result);
-  uint32_t add_moved(uint32_t local, uint32_t current, const Vec3& position, uint32_t& first_there,
-                     Simplified& result) const;
+  void add_moved(uint32_t local, const Vec3& position, uint32_t& first_there, Simplified& result);
   Candidate collapse_loosely(size_t target, bool any_turn);
   Candidate collapse(size_t target, unsigned options);
   Candidate collapse_checked(size_t target, unsigned options, Rung rung);
@@ -128,6 +130,7 @@ class GroupSimplifier {
   PieceTopology topology_;
   EdgeCollapser collapser_;
   Allowance allow_;
+  Piece left_;
 
   // The piece: vertices and positions are numbered from 0.
   std::vector<uint32_t> vertices_;  // local -> source vertex, or kAddedVertex and more
