@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <new>
 #include <vector>
@@ -42,5 +43,19 @@ struct BigAllocator {
 
 template <typename T>
 using BigVector = std::vector<T, BigAllocator<T>>;
+
+/// Room for `count` elements of an ordinary vector, on large pages as far as it covers whole ones:
+/// a small page costs its first touch. To be called before the vector is filled.
+template <typename T>
+void reserve_big(std::vector<T>& vector, size_t count) {
+  vector.reserve(count);
+#if defined(__linux__)
+  constexpr uintptr_t kPage = BigAllocator<T>::kPage;
+  const uintptr_t begin = (reinterpret_cast<uintptr_t>(vector.data()) + kPage - 1) / kPage * kPage;
+  const uintptr_t end =
+      reinterpret_cast<uintptr_t>(vector.data() + vector.capacity()) / kPage * kPage;
+  if (begin < end) (void)madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+#endif
+}
 
 }  // namespace umbel

@@ -11,6 +11,7 @@
 #include <numeric>
 #include <thread>
 
+#include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "cluster/bisect_micros.hpp"
@@ -132,6 +133,7 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
   const Rules rules(config);
   const std::vector<Range> segments = segments_of(input_segments, count);
   Clusters out;
+  reserve_big(out.items, count);
   out.items.resize(count);
   std::iota(out.items.begin(), out.items.end(), 0u);
   std::vector<uint8_t> first(count, 0);

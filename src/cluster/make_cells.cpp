@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 
+#include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 #include "cluster/cells.hpp"
 
@@ -143,7 +144,7 @@ std::vector<Cell> merge(std::vector<Tally*>& tallies) {
 
 // Brings the items of each cell together, in the order in which they came.
 void sort_by_cell(const uint32_t* items, const std::vector<uint32_t>& number_of_code,
-                  const std::vector<uint32_t>& codes, CellSet& set) {
+                  std::span<const uint32_t> codes, CellSet& set) {
   const size_t count = codes.size(), chunk = (count + 7) / 8;
   std::vector<std::vector<uint32_t>> next((count + chunk - 1) / chunk);
   parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
@@ -157,6 +158,7 @@ void sort_by_cell(const uint32_t* items, const std::vector<uint32_t>& number_of_
     for (auto& own : next) at += std::exchange(own[c], at);
     set.cells[c].count = at - set.cells[c].begin;
   }
+  reserve_big(set.order, count);
   set.order.resize(count);
   parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
     std::vector<uint32_t>& own = next[begin / chunk];
@@ -176,7 +178,7 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   centers.scale(set.centroid_scale);
   const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 2, 6, 21);
   const Grid grid(centers, bits);
-  std::vector<uint32_t> codes(count);
+  BigVector<uint32_t> codes(count);
   tbb::enumerable_thread_specific<Tally> tallies([&] { return Tally(bits); });
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     Tally& tally = tallies.local();

@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 
+#include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "lod/bounds.hpp"
@@ -88,6 +89,7 @@ class Builder {
       meter_ = std::make_unique<ErrorMeter>(source_, pending_);
       samples_ = meter_->first_samples(pending_);
     }
+    reserve_output();
     int idle = 0;
     bool last_resort = false;
     while (pending_.size() > 0 && !is_coarsest() && !is_deep_enough()) {
@@ -135,6 +137,17 @@ class Builder {
   void grow() {
     grouper_.grow();
     locked_.resize(source_.mesh.positions.size(), 0);
+  }
+
+  // For levels that shrink as they are asked to.
+  void reserve_output() {
+    const double levels = 1.05 / (1.0 - double{config_.ratio});
+    const auto with_levels = [&](size_t count) { return static_cast<size_t>(levels * count); };
+    reserve_big(dag_.cluster_vertices, with_levels(pending_.vertices.size()));
+    reserve_big(dag_.cluster_triangles, with_levels(pending_.corners.size()));
+    reserve_big(dag_.vertex_offsets, with_levels(pending_.size()));
+    reserve_big(dag_.triangle_offsets, with_levels(pending_.size()));
+    reserve_big(tables().clusters, with_levels(pending_.size()));
   }
 
   // Nothing is gained by levels above a single cluster's worth of triangles.

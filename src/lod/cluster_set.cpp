@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 
 namespace umbel::lod {
@@ -17,7 +18,9 @@ ClusterSet gather_clusters(std::span<const ClusterRef> clusters) {
     out.triangle_offsets[i + 1] =
         out.triangle_offsets[i] + set->triangle_offsets[c + 1] - set->triangle_offsets[c];
   }
+  reserve_big(out.vertices, out.vertex_offsets.back());
   out.vertices.resize(out.vertex_offsets.back());
+  reserve_big(out.corners, 3 * size_t{out.triangle_offsets.back()});
   out.corners.resize(3 * size_t{out.triangle_offsets.back()});
   out.generating_group.resize(clusters.size());
   out.material.resize(clusters.size());

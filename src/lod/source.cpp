@@ -5,6 +5,7 @@
 #include <numeric>
 #include <utility>
 
+#include "base/big_vector.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "lod/cluster_topology.hpp"
@@ -28,7 +29,9 @@ std::vector<uint32_t> find_position_ids(const Mesh& mesh) {
   const bool only_positions = mesh.normals.empty() && mesh.tangents.empty() && mesh.uvs.empty() &&
                               mesh.colors.empty() && mesh.materials.empty() && mesh.extras.empty();
   if (!only_positions) return position_ids(mesh.positions);
-  std::vector<uint32_t> ids(mesh.positions.size());
+  std::vector<uint32_t> ids;
+  reserve_big(ids, mesh.positions.size());
+  ids.resize(mesh.positions.size());
   std::iota(ids.begin(), ids.end(), 0u);
   return ids;
 }
@@ -37,7 +40,9 @@ std::vector<uint32_t> find_position_ids(const Mesh& mesh) {
 template <typename Value>
 void permute(std::vector<Value>& values, const std::vector<uint32_t>& from) {
   if (values.empty()) return;
-  std::vector<Value> result(from.size());
+  std::vector<Value> result;
+  reserve_big(result, from.size());
+  result.resize(from.size());
   parallel_for(from.size(), 1 << 14, [&](size_t i) { result[i] = values[from[i]]; });
   values = std::move(result);
 }
@@ -122,8 +127,9 @@ uint32_t append_vertices(Source& source, const AddedVertices& added) {
 
 void order_vertices(Source& source, ClusterSet& clusters) {
   const size_t count = source.mesh.positions.size();
-  std::vector<uint32_t> number(count, kNone), from;
-  from.reserve(count);
+  BigVector<uint32_t> number(count, kNone);
+  std::vector<uint32_t> from;
+  reserve_big(from, count);
   for (uint32_t& v : clusters.vertices) {
     if (number[v] == kNone) {
       number[v] = static_cast<uint32_t>(from.size());

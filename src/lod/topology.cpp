@@ -4,12 +4,14 @@
 #include <bit>
 #include <numeric>
 
+#include "base/big_vector.hpp"
+
 namespace umbel::lod {
 namespace {
 
 constexpr uint64_t kEmpty = ~uint64_t{0};
 
-uint32_t find_root(std::vector<uint32_t>& parent, uint32_t i) {
+uint32_t find_root(BigVector<uint32_t>& parent, uint32_t i) {
   while (parent[i] != i) i = parent[i] = parent[parent[i]];
   return i;
 }
@@ -30,17 +32,17 @@ void sort_few(Iterator begin, Iterator end) {
 
 std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, size_t count) {
   // Bucket the edges by their lower end; buckets are short, so sorting them is cheap.
-  std::vector<uint32_t> offsets(count + 1, 0);
+  BigVector<uint32_t> offsets(count + 1, 0);
   for (const auto& [a, b] : edges) ++offsets[std::min(a, b) + 1];
   std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
-  std::vector<uint32_t> ends(offsets.back());  // twice the higher end, which is below 2^31
-  std::vector<uint32_t> cursor(offsets.begin(), offsets.end() - 1);
+  BigVector<uint32_t> ends(offsets.back());  // twice the higher end, which is below 2^31
+  BigVector<uint32_t> cursor(offsets.begin(), offsets.end() - 1);
   for (const auto& [a, b] : edges)
     ends[cursor[std::min(a, b)]++] = std::max(a, b) << 1 | uint32_t{a < b};
 
-  std::vector<uint32_t> parent(count);
+  BigVector<uint32_t> parent(count);
   std::iota(parent.begin(), parent.end(), 0u);
-  std::vector<uint8_t> irregular(count, 0);
+  BigVector<uint8_t> irregular(count, 0);
   for (size_t a = 0; a < count; ++a) {
     const auto begin = ends.begin() + offsets[a], end = ends.begin() + offsets[a + 1];
     sort_few(begin, end);
@@ -56,7 +58,9 @@ std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, 
       i = run;
     }
   }
-  std::vector<uint32_t> component(count);
+  std::vector<uint32_t> component;
+  reserve_big(component, count);
+  component.resize(count);
   for (size_t i = 0; i < count; ++i)
     component[i] = irregular[i] ? find_root(parent, static_cast<uint32_t>(i)) : kNone;
   return component;

@@ -5,8 +5,9 @@
 
 #include <bit>
 #include <cstdint>
-#include <vector>
+#include <span>
 
+#include "base/big_vector.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel {
@@ -45,13 +46,13 @@ class VertexTable {
   struct Slot {
     uint32_t tag, index;
   };
-  std::vector<Slot> slots_;
+  BigVector<Slot> slots_;
   int shift_;
 };
 
 /// Calls visit(i, hashes[i]) in order, with the table's slots loaded ahead of use.
 template <typename Visit>
-void for_each_prefetched(const VertexTable& table, const std::vector<uint64_t>& hashes,
+void for_each_prefetched(const VertexTable& table, std::span<const uint64_t> hashes,
                          const Visit& visit) {
   constexpr size_t kAhead = 16;
   for (size_t i = 0; i < hashes.size(); ++i) {

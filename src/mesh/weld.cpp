@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "mesh/streams.hpp"
@@ -23,7 +24,8 @@ struct Candidates {
 template <bool kMaterials>
 Candidates list_candidates(const MeshView& mesh, std::vector<Triangle>& corners) {
   Candidates list;
-  std::vector<uint32_t> last(mesh.positions.size(), kNone);
+  BigVector<uint32_t> last(mesh.positions.size(), kNone);
+  reserve_big(list.vertices, mesh.positions.size());
   for (size_t i = 0; i < mesh.triangles.size(); ++i) {
     for (uint32_t corner = 0; corner < 3; ++corner) {
       const uint32_t vertex = mesh.triangles[i][corner];
@@ -75,7 +77,7 @@ bool are_equal(const MeshView& mesh, const Candidates& list, uint32_t a, uint32_
 /// the first of each kind.
 std::vector<uint32_t> number_distinct(const MeshView& mesh, Candidates& list) {
   const size_t count = list.vertices.size();
-  std::vector<uint64_t> hashes(count);
+  BigVector<uint64_t> hashes(count);
   parallel_for(count, 1 << 14, [&](size_t i) { hashes[i] = hash_of(mesh, list, i); });
 
   std::vector<uint32_t> numbers(count), distinct;
@@ -100,6 +102,7 @@ template <typename Vector>
 std::vector<Vector> gathered(std::span<const Vector> stream, const std::vector<uint32_t>& from) {
   std::vector<Vector> result;
   if (stream.empty()) return result;
+  reserve_big(result, from.size());
   result.resize(from.size());
   parallel_for(from.size(), 1 << 14,
                [&](size_t i) { result[i] = without_negative_zero(stream[from[i]]); });
@@ -131,6 +134,7 @@ Mesh weld(const MeshView& mesh, const BuildOptions& options) {
   Mesh result;
   with_threads(options.threads, [&] {
     check_indices(mesh);
+    reserve_big(result.triangles, mesh.triangles.size());
     result.triangles.resize(mesh.triangles.size());
     result.materials.assign(mesh.materials.begin(), mesh.materials.end());
     Candidates list = mesh.materials.empty() ? list_candidates<false>(mesh, result.triangles)
