@@ -1,12 +1,14 @@
 #include "lod/collapse.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <utility>
 
 #include "base/math.hpp"
+#include "bvh/float4.hpp"
 #include "lod/quadric.hpp"
 
 namespace umbel::lod {
@@ -79,6 +81,7 @@ void EdgeCollapser::enqueue_postponed() {
 
 void EdgeCollapser::load(const CollapseInput& input) {
   input_ = input;
+  area_ = 0.0;
   has_wedges_ = input.locked.size() != input.position_of.size();
   attribute_count_ = static_cast<uint32_t>(input.attribute_weights.size());
   worst_ = worst_attributes_ = 0.0f;
@@ -96,6 +99,8 @@ void EdgeCollapser::load(const CollapseInput& input) {
   for (const Point& p : points_) extend(box, Vec3{p.x, p.y, p.z});
   const Vec3 d = box.max - box.min;
   extent_ = std::max({d.x, d.y, d.z});
+  const float unit = extent_ > 0.0f ? std::ldexp(1.0f, 13 - std::ilogb(extent_)) : 1.0f;
+  area_unit_ = unit * unit;
   wedge_counts_.assign(count, 1);
   if (has_wedges_) count_wedges();
   choices_.resize(count);
@@ -339,10 +344,43 @@ bool EdgeCollapser::keeps_chords(uint32_t target) const {
   });
 }
 
+// Four triangles at once. Areas are scaled so that the fourth powers of lengths fit floats.
 bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
-  const Vec3 from = point(p), to = point(target);
-  for (const Spoke& s : ring(p))
-    if (s.next != target && s.prev != target && turns_over(from, to, s)) return false;
+  const auto spokes = ring(p);
+  const Point &from = points_[p], &to = points_[target];
+  const Float4 zero = Float4::all(0.0f), unit = Float4::all(area_unit_);
+  const Float4 least = Float4::all(static_cast<float>(kLeastCosine * kLeastCosine));
+  for (size_t begin = 0; begin < spokes.size(); begin += 4) {
+    std::array<Spoke, 4> four;
+    uint32_t stays = 0;
+    for (size_t i = 0; i < 4; ++i) {
+      four[i] = spokes[std::min(begin + i, spokes.size() - 1)];
+      stays |= uint32_t{four[i].next != target && four[i].prev != target} << i;
+    }
+    const auto next = [&](size_t i) { return Float4::load(&points_[four[i].next].x); };
+    const auto prev = [&](size_t i) { return Float4::load(&points_[four[i].prev].x); };
+    Float4 nx = next(0), ny = next(1), nz = next(2), n3 = next(3);
+    transpose(nx, ny, nz, n3);
+    Float4 sx = prev(0), sy = prev(1), sz = prev(2), s3 = prev(3);
+    transpose(sx, sy, sz, s3);
+    sx = sx - nx, sy = sy - ny, sz = sz - nz;
+    const auto normal = [&](const Point& at) {
+      const Float4 x = nx - Float4::all(at.x), y = ny - Float4::all(at.y);
+      const Float4 z = nz - Float4::all(at.z);
+      return std::array{(y * sz - z * sy) * unit, (z * sx - x * sz) * unit,
+                        (x * sy - y * sx) * unit};
+    };
+    const auto dot4 = [](const std::array<Float4, 3>& a, const std::array<Float4, 3>& b) {
+      return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    };
+    const auto before = normal(from), after = normal(to);
+    const Float4 turn = dot4(before, after), size = dot4(after, after);
+    const Float4 old_size = dot4(before, before);
+    const uint32_t turns_little =
+        ~at_most(turn, zero) & at_most(least * size * old_size, turn * turn);
+    const uint32_t is_fine = ~at_most(size, zero) & (at_most(old_size, zero) | turns_little);
+    if ((stays & ~is_fine) != 0) return false;
+  }
   return true;
 }
 

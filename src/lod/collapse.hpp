@@ -68,6 +68,7 @@ class EdgeCollapser {
   float error() const;
   /// Of the piece, the longest side of its box.
   float extent() const { return extent_; }
+  double area() const { return area_; }
   /// The same of the attributes, as a length.
   float attribute_error() const;
   /// The largest radius of a part that was left out.
@@ -113,6 +114,7 @@ class EdgeCollapser {
   void find_kinds();
   Kind kind_of(uint32_t p);
   void build_quadrics();
+  void add_planes(size_t first);
   static float scale_of(float weight);
   void settle_scale(uint32_t p);
   void add_rim_quadrics(uint32_t p);
@@ -178,10 +180,10 @@ class EdgeCollapser {
   bool keeps_irregular_link(uint32_t p, uint32_t target);
   bool keeps_chords(uint32_t target) const;
   bool keeps_facing(uint32_t p, uint32_t target) const;
+  // The cosine by which a triangle may turn in one collapse.
+  static constexpr double kLeastCosine = 0.25;
   // Whether a triangle does, or becomes too thin to tell, as its corner moves.
   bool turns_over(const Vec3& from, const Vec3& to, const Spoke& s) const {
-    // The cosine by which a triangle may turn in one collapse.
-    constexpr double kLeastCosine = 0.25;
     const Vec3 n = point(s.next), side = point(s.prev) - n;
     const Vec3 before = cross(n - from, side), after = cross(n - to, side);
     const double turn = dot(before, after), size = double{dot(after, after)};
@@ -214,6 +216,8 @@ class EdgeCollapser {
   bool has_wedges_ = false;
   uint32_t attribute_count_ = 0;
   float extent_ = 0.0f;                           // of the piece
+  float area_unit_ = 1.0f;                        // scales areas of a piece of any extent alike
+  double area_ = 0.0;                             // of the piece
   size_t live_ = 0;                               // triangles
   float worst_ = 0.0f, worst_attributes_ = 0.0f;  // squared distances
 

@@ -22,27 +22,51 @@ constexpr float kToldAttributes = 0.0625f;
 
 void EdgeCollapser::build_quadrics() {
   quadrics_.assign(points_.size(), Quadric{});
-  for (const Triangle& t : input_.triangles) {
-    const Triangle p = positions_of(t);
-    const Vec3 origin = point(p[0]);
-    const Vec3 n = cross(point(p[1]) - origin, point(p[2]) - origin);
-    const float size = length(n);
-    if (!(size > 0.0f)) continue;
-    Quadric plane{};
-    add_plane(plane, n, 0.5f / size);
-    plane.weight = 0.5f * size;
-    // All else in the quadric of a plane through its origin is 0.
-    const Float4 first = Float4::load(&plane.xx), second = Float4::load(&plane.xz);
-    for (uint32_t v : p) {
-      (Float4::load(&quadrics_[v].xx) + first).store(&quadrics_[v].xx);
-      (Float4::load(&quadrics_[v].xz) + second).store(&quadrics_[v].xz);
-    }
-  }
+  for (size_t t = 0; t < input_.triangles.size(); t += 4) add_planes(t);
   for (uint32_t p = 0; p < points_.size(); ++p) {
     if (kinds_[p] != Kind::kFixed && (kinds_[p] != Kind::kInterior || wedge_counts_[p] > 1))
       add_rim_quadrics(p);
     settle_scale(p);
   }
+}
+
+// Of four triangles at once, by their areas: as add_plane with the normal of the length 1.
+void EdgeCollapser::add_planes(size_t first) {
+  const size_t count = std::min<size_t>(4, input_.triangles.size() - first);
+  std::array<Triangle, 4> four;
+  for (size_t i = 0; i < 4; ++i)
+    four[i] = positions_of(input_.triangles[first + std::min(i, count - 1)]);
+  const auto corner = [&](size_t k) {
+    const auto at = [&](size_t i) { return Float4::load(&points_[four[i][k]].x); };
+    std::array p{at(0), at(1), at(2), at(3)};
+    transpose(p[0], p[1], p[2], p[3]);
+    return p;
+  };
+  const auto a = corner(0), b = corner(1), c = corner(2);
+  const Float4 ux = b[0] - a[0], uy = b[1] - a[1], uz = b[2] - a[2];
+  const Float4 vx = c[0] - a[0], vy = c[1] - a[1], vz = c[2] - a[2];
+  const Float4 x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
+  std::array<float, 4> sizes, factors;
+  (x * x + y * y + z * z).store(sizes.data());
+  for (size_t i = 0; i < 4; ++i) {
+    const float size = std::sqrt(sizes[i]);
+    sizes[i] = 0.5f * size;
+    factors[i] = size > 0.0f ? 0.5f / size : 0.0f;
+    area_ += i < count ? double{sizes[i]} : 0.0;
+  }
+  const Float4 factor = Float4::load(factors.data());
+  const Float4 fx = x * factor, fy = y * factor;
+  std::array low{fx * x, fy * y, z * factor * z, fx * y};
+  std::array high{fx * z, fy * z, Float4::load(sizes.data()), Float4::all(0.0f)};
+  transpose(low[0], low[1], low[2], low[3]);
+  transpose(high[0], high[1], high[2], high[3]);
+  // All else in the quadric of a plane through its origin is 0.
+  for (size_t i = 0; i < count; ++i)
+    for (uint32_t v : four[i]) {
+      Quadric& q = quadrics_[v];
+      (Float4::load(&q.xx) + low[i]).store(&q.xx);
+      (Float4::load(&q.xz) + high[i]).store(&q.xz);
+    }
 }
 
 // Between the integral of the squared distance, which keeps means low but lets small details go by

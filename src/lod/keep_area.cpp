@@ -32,8 +32,8 @@ std::vector<double> GroupSimplifier::growths(std::span<const Triangle> left) {
   const auto area = [&](const Triangle& t) {
     return area_of(positions_[t[0]], positions_[t[1]], positions_[t[2]]);
   };
-  double before = 0, after = 0;
-  for (const Triangle& t : triangles_) before += area(t);
+  const double before = collapser_.area();
+  double after = 0;
   for (const Triangle& t : left) after += area(t);
   if (!(after < kKept * before)) return {};
   if (!has_parts_) find_components();

@@ -126,7 +126,8 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.added = std::move(best.added);
   leave(best, result);
   add_refitted(best, result);
-  if (config_.keep_area && !by_caller) keep_area(best, result);
+  if (config_.keep_area && !by_caller && best.triangles.size() < triangles_.size())
+    keep_area(best, result);
   return result;
 }
 
