@@ -50,11 +50,12 @@ template <typename T>
 void reserve_big(std::vector<T>& vector, size_t count) {
   vector.reserve(count);
 #if defined(__linux__)
-  constexpr uintptr_t kPage = BigAllocator<T>::kPage;
-  const uintptr_t begin = (reinterpret_cast<uintptr_t>(vector.data()) + kPage - 1) / kPage * kPage;
-  const uintptr_t end =
-      reinterpret_cast<uintptr_t>(vector.data() + vector.capacity()) / kPage * kPage;
-  if (begin < end) (void)madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+  constexpr size_t kPage = BigAllocator<T>::kPage;
+  char* const memory = reinterpret_cast<char*>(vector.data());
+  const size_t bytes = vector.capacity() * sizeof(T);
+  const size_t before = (kPage - reinterpret_cast<uintptr_t>(memory) % kPage) % kPage;
+  if (before + kPage <= bytes)
+    (void)madvise(memory + before, (bytes - before) / kPage * kPage, MADV_HUGEPAGE);
 #endif
 }
 
