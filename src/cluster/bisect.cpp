@@ -99,24 +99,28 @@ bool suits_micros(const Source& source, const Rules& rules, uint32_t count) {
          source.centroids.empty() && count > kMicrosFrom;
 }
 
+// Calls visit(offset, count) as soon as that many items are in the order of clusters.
 template <typename LocalBlock>
 void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
                     uint32_t count, const BoxRecord* bounds, const LocalBlock& local,
-                    const std::function<void(uint32_t)>& done, bool by_micros = true) {
+                    const std::function<void(uint32_t)>& done,
+                    const std::function<void(uint32_t, uint32_t)>& visit, bool by_micros = true) {
   if (by_micros && suits_micros(source, rules, count)) {
     const BoxRecord box = bounds ? *bounds : box_of(source, items, count);
     if (suits_small_boxes(box)) {
       const auto exact = [&](uint32_t offset, uint32_t n) {
         bisect_segment(
             source, rules, items + offset, first + offset, n, nullptr, local, [](uint32_t) {},
-            false);
+            [](uint32_t, uint32_t) {}, false);
       };
-      return bisect_micros(source, rules, items, first, count, box, exact, done);
+      bisect_micros(source, rules, items, first, count, box, exact, done);
+      return visit(0, count);
     }
   }
   const uint32_t most = block_size(source, rules);
   if (count <= most) {
     local().bisect(source, rules, items, first, count);
+    visit(0, count);
     return done(count);
   }
   split_cells(source, rules, items, count, most, bounds, [&](const CellSet& set, const Part& part) {
@@ -124,12 +128,14 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
     uint32_t* own = items + part.offset;
     load(source, set, part, own, block.prepare(source, rules, part.count));
     block.bisect_prepared(own, first + part.offset);
+    visit(part.offset, part.count);
     done(part.count);
   });
 }
 
 Clusters build(const Source& source, uint32_t count, std::span<const Range> input_segments,
-               const ClusterConfig& config, const BuildOptions& options, const BoxRecord* bounds) {
+               const ClusterConfig& config, const BuildOptions& options, const BoxRecord* bounds,
+               const VisitClusters& visit = nullptr) {
   const Rules rules(config);
   const std::vector<Range> segments = segments_of(input_segments, count);
   Clusters out;
@@ -145,7 +151,13 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
     bisect_segment(
         source, rules, out.items.data() + r.offset, first.data() + r.offset, r.count,
         r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); },
-        [&](uint32_t items) { meter.add(items); });
+        [&](uint32_t items) { meter.add(items); },
+        [&](uint32_t offset, uint32_t items) {
+          const uint32_t begin = r.offset + offset;
+          if (visit)
+            visit(begin, std::span(out.items).subspan(begin, items),
+                  std::span(first).subspan(begin, items));
+        });
   });
   collect(segments, first, out);
   meter.report(1);
@@ -191,7 +203,8 @@ void Bisector::build(const Source& source, uint32_t count, std::span<const Range
     for (const Range& r : segments)
       bisect_segment(
           source, rules, out.items.data() + r.offset, scratch_->first.data() + r.offset, r.count,
-          nullptr, [&]() -> Block& { return scratch_->block; }, [](uint32_t) {});
+          nullptr, [&]() -> Block& { return scratch_->block; }, [](uint32_t) {},
+          [](uint32_t, uint32_t) {});
   };
   bool large = false;
   for (const Range& r : segments) large |= r.count > block_size(source, rules);
@@ -205,14 +218,14 @@ void Bisector::build(const Source& source, uint32_t count, std::span<const Range
 
 Clusters cluster_triangles(const MeshView& mesh, std::span<const Range> segments,
                            const ClusterConfig& config, float shared_vertex_weight,
-                           const BuildOptions& options) {
+                           const BuildOptions& options, const VisitClusters& visit) {
   validate_config(config);
   Clusters clusters;
   with_threads(options.threads, [&] {
     const BoxRecord bounds = validate_triangles(mesh, config, shared_vertex_weight);
     clusters = cluster::build(Source::of(mesh, shared_vertex_weight),
                               static_cast<uint32_t>(mesh.triangles.size()), segments, config,
-                              options, &bounds);
+                              options, &bounds, visit);
   });
   return clusters;
 }

@@ -16,6 +16,7 @@
 // that if it leaves i of n items on the left (ratio cut).
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 
@@ -25,10 +26,16 @@ namespace umbel::cluster {
 
 struct Source;
 
+/// Some clusters as soon as they are found, on the thread that did it and has just looked at their
+/// items: `items` from `offset` on in the order of all, and for each whether a cluster begins
+/// there.
+using VisitClusters = std::function<void(uint32_t offset, std::span<const uint32_t> items,
+                                         std::span<const uint8_t> first)>;
+
 /// `umbel::cluster_mesh` of ranges of the triangles, each by itself. Empty segments: one of all.
 Clusters cluster_triangles(const MeshView& mesh, std::span<const Range> segments,
                            const ClusterConfig& config, float shared_vertex_weight,
-                           const BuildOptions& options);
+                           const BuildOptions& options, const VisitClusters& visit = nullptr);
 
 class Bisector {
  public:

@@ -76,15 +76,10 @@ class Builder {
 
   Dag run() {
     progress_.report(0.0, "clusters");
-    cut_mesh(source_, config_, {}, pending_);
+    cut_mesh(source_, config_, pending_, own_spheres_);
     order_vertices(source_, pending_);
     tbb::parallel_invoke([&] { report().degenerate_triangles = settle_source(source_, pending_); },
-                         [&] { grouper_.prepare(pending_); },
-                         [&] {
-                           own_spheres_.resize(pending_.size());
-                           parallel_for(pending_.size(), 64,
-                                        [&](size_t c) { own_spheres_[c] = leaf_sphere(c); });
-                         });
+                         [&] { grouper_.prepare(pending_); });
     if (config_.measured_error) {
       meter_ = std::make_unique<ErrorMeter>(source_, pending_);
       samples_ = meter_->first_samples(pending_);
@@ -93,8 +88,11 @@ class Builder {
     int idle = 0;
     bool last_resort = false;
     while (pending_.size() > 0 && !is_coarsest() && !is_deep_enough()) {
-      const double enough = pending_.triangle_count() * kLeastProgress;
+      const size_t before = pending_.triangle_count();
+      const double enough = before * kLeastProgress;
       simplify_level(last_resort);
+      // One group that is what it was would be so again.
+      if (groups_in_round_ == 1 && pending_.triangle_count() == before) idle = kPatience;
       if (pending_.triangle_count() <= enough) {
         idle = 0;
       } else if (++idle >= kPatience) {
@@ -161,16 +159,10 @@ class Builder {
            (config_.max_levels > 0 && dag_.tables.levels.size() + 1 >= config_.max_levels);
   }
 
-  Sphere leaf_sphere(size_t cluster) const {
-    std::vector<Vec3> points;
-    for (uint32_t v : pending_.cluster_vertices(cluster))
-      points.push_back(source_.mesh.positions[v]);
-    return bounding_sphere(points);
-  }
-
   // One round over all pending clusters.
   void simplify_level(bool last_resort) {
     const Clusters groups = grouper_.group(pending_, locked_, groups_of_);
+    groups_in_round_ = groups.ranges.size();
     grouper_.lock_borders(groups, locked_);
     insert_fixed_edges(groups);
     std::vector<GroupResult> results(groups.ranges.size());
@@ -517,6 +509,7 @@ class Builder {
   std::unique_ptr<ErrorMeter> meter_;       // with Config::measured_error
   std::vector<std::vector<Vec3>> samples_;  // of each pending cluster, see measure.hpp
   double sum_of_logs_ = 0;
+  size_t groups_in_round_ = 0;
   double done_ = 0.1;  // part of all work
   Dag dag_;
 };

@@ -63,14 +63,15 @@ bool EdgeCollapser::complete_loop() {
 
 void EdgeCollapser::count_around_loop() {
   around_loop_.clear();
-  const uint32_t stamp = ++stamp_;
+  const uint32_t is_in_loop = ++stamp_, is_around = ++stamp_;
+  for (uint32_t p : loop_) marks_[p] = is_in_loop;
   for (uint32_t from : loop_)
     for (const Spoke& s : ring(from)) {
-      const bool next_goes = is_in_loop(s.next), prev_goes = is_in_loop(s.prev);
+      const bool next_goes = marks_[s.next] == is_in_loop, prev_goes = marks_[s.prev] == is_in_loop;
       for (const auto& [x, goes] : {std::pair{s.next, next_goes}, std::pair{s.prev, prev_goes}}) {
         if (goes) continue;
-        if (marks_[x] != stamp) {
-          marks_[x] = stamp;
+        if (marks_[x] != is_around) {
+          marks_[x] = is_around;
           slots_[x] = static_cast<uint32_t>(around_loop_.size());
           around_loop_.push_back({x, from, 0, false, false});
         }

@@ -58,14 +58,18 @@ bool EdgeCollapser::map_wedges(uint32_t p, uint32_t target) {
 }
 
 uint32_t EdgeCollapser::cheapest_wedge(uint32_t from, uint32_t target, const Vec3& d) const {
-  uint32_t best = kNone;
+  uint32_t best = kNone, other = kNone;  // the last that was not
   float least = std::numeric_limits<float>::infinity();
   const size_t count = ring(target).size();
   for (size_t i = 0; i < count; ++i) {
     const uint32_t to = vertex(corner(target, i));
-    if (to == best || !same_material(from, to)) continue;
+    if (to == best || to == other || !same_material(from, to)) continue;
     const float cost = attribute_count_ > 0 ? attribute_cost(from, to, d) : 0.0f;
-    if (best != kNone && !(cost < least)) continue;
+    if (best != kNone && !(cost < least)) {
+      other = to;
+      continue;
+    }
+    other = best;
     best = to;
     least = cost;
   }

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
+#include <mutex>
+#include <utility>
 
 #include "base/math.hpp"
-#include "base/parallel.hpp"
+#include "lod/bounds.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -49,9 +52,14 @@ uint32_t common_material(std::span<const uint32_t> vertex_materials,
   return common;
 }
 
+struct FirstClusters {
+  ClusterSet clusters;
+  std::vector<Sphere> spheres;
+};
+
 // One cluster of the whole mesh with vertices of its own, numbered by first use.
 void append_cluster(const Source& source, std::span<const Triangle> triangles,
-                    std::span<const uint32_t> items, ClusterSet& out) {
+                    std::span<const uint32_t> items, FirstClusters& out) {
   // Open addressing over at most 256 vertices. Whether a vertex is new cannot be foretold, so
   // nothing branches on it.
   constexpr uint32_t kSlots = 1024;
@@ -77,9 +85,12 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
     }
   }
   Aabb box;
-  for (uint32_t i = 0; i < vertex_count; ++i) extend(box, source.mesh.positions[vertices[i]]);
-  out.append({vertices, vertex_count}, {corners, corner_count}, kNone,
-             common_material(source.vertex_materials, triangles, items), box);
+  Vec3 points[257];
+  for (uint32_t i = 0; i < vertex_count; ++i)
+    extend(box, points[i] = source.mesh.positions[vertices[i]]);
+  out.clusters.append({vertices, vertex_count}, {corners, corner_count}, kNone,
+                      common_material(source.vertex_materials, triangles, items), box);
+  out.spheres.push_back(bounding_sphere({points, vertex_count}));
 }
 
 // The same of a piece, whose vertices are few enough for a table.
@@ -131,8 +142,8 @@ void ClusterCutter::cut(Piece& piece, uint32_t generating_group, ClusterSet& out
                    generating_group, numbers_, out);
 }
 
-void cut_mesh(const Source& source, const Config& config, const BuildOptions& options,
-              ClusterSet& out) {
+void cut_mesh(const Source& source, const Config& config, ClusterSet& out,
+              std::vector<Sphere>& spheres) {
   std::vector<Triangle> sorted;
   std::vector<Range> segments;
   if (!source.vertex_materials.empty() && !config.mix_materials) {
@@ -140,22 +151,25 @@ void cut_mesh(const Source& source, const Config& config, const BuildOptions& op
     sort_by_material(source.vertex_materials, false, sorted, segments);
   }
   const std::span<const Triangle> triangles = sorted.empty() ? source.mesh.triangles : sorted;
-  const Clusters clusters = cluster::cluster_triangles(
-      view_of(source.mesh.positions, triangles), segments, cluster_config(config), 0.0f, options);
-  // Chunks by position, joined in order.
-  constexpr size_t kChunk = 512;
-  std::vector<ClusterSet> chunks((clusters.ranges.size() + kChunk - 1) / kChunk);
-  parallel_chunks(clusters.ranges.size(), kChunk, [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      const Range range = clusters.ranges[i];
-      append_cluster(source, triangles,
-                     std::span(clusters.items).subspan(range.offset, range.count),
-                     chunks[begin / kChunk]);
+  std::mutex mutex;
+  std::map<uint32_t, FirstClusters> parts;  // by where they begin
+  const auto visit = [&](uint32_t offset, std::span<const uint32_t> items,
+                         std::span<const uint8_t> first) {
+    FirstClusters part;
+    for (size_t begin = 0, end = 0; begin < items.size(); begin = end) {
+      for (end = begin + 1; end < items.size() && !first[end];) ++end;
+      append_cluster(source, triangles, items.subspan(begin, end - begin), part);
     }
-  });
+    const std::scoped_lock lock(mutex);
+    parts.emplace(offset, std::move(part));
+  };
+  cluster::cluster_triangles(view_of(source.mesh.positions, triangles), segments,
+                             cluster_config(config), 0.0f, {}, visit);
   std::vector<ClusterRef> all;
-  for (const ClusterSet& chunk : chunks)
-    for (uint32_t i = 0; i < chunk.size(); ++i) all.push_back({&chunk, i});
+  for (const auto& [offset, part] : parts) {
+    for (uint32_t i = 0; i < part.clusters.size(); ++i) all.push_back({&part.clusters, i});
+    spheres.insert(spheres.end(), part.spheres.begin(), part.spheres.end());
+  }
   out = gather_clusters(all);
 }
 

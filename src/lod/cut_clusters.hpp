@@ -57,8 +57,8 @@ class ClusterCutter {
   ClusterVertices numbers_;
 };
 
-/// For a whole mesh, in parallel.
-void cut_mesh(const Source& source, const Config& config, const BuildOptions& options,
-              ClusterSet& out);
+/// For a whole mesh, in parallel; with the bounding sphere of each cluster.
+void cut_mesh(const Source& source, const Config& config, ClusterSet& out,
+              std::vector<Sphere>& spheres);
 
 }  // namespace umbel::lod

@@ -27,7 +27,8 @@ struct Scene {
   explicit Scene(const Mesh& mesh) : bvh(TriangleBvh::build(mesh.view())) {
     Config config;
     source = make_source(mesh.view(), {});
-    cut_mesh(source, config, {}, clusters);
+    std::vector<Sphere> spheres;
+    cut_mesh(source, config, clusters, spheres);
     surface.build(clusters, source.mesh.positions, 1.0f);
   }
 };
