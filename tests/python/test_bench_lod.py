@@ -39,6 +39,26 @@ def test_distances_are_those_of_a_shifted_plane() -> None:
     assert found["uv_error"] == pytest.approx(0.005 * np.sqrt(2) * 1e3, rel=1e-3)
 
 
+def test_coverage_is_the_silhouette_from_all_around() -> None:
+    blob = _Surface(umbel.shapes.blob(4, 1), 100)
+    assert blob.compare(blob)["coverage"] == 1
+    half = umbel.Mesh(blob.mesh.positions * np.float32(0.5), blob.mesh.triangles)
+    assert blob.compare(_Surface(half, 100))["coverage"] == pytest.approx(0.25, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["smallpine.glb", "bridge_garden.glb"])
+def test_foliage_covers_what_it_did(name: str, data: Path) -> None:
+    path = data / name
+    if not path.exists():
+        pytest.skip(f"{name} is not there")
+    mesh = umbel.load(path)
+    rows = bench.compare({name: lambda: mesh}, samples=1000).rows
+    ours = [row["coverage"] for row in rows if row["method"] == "umbel" and row["share"] == 0.1]
+    theirs = [row["coverage"] for row in rows if row["method"] == bench.PEER]
+    assert all(0.93 < coverage < 1.1 for coverage in ours)
+    assert not theirs or abs(1 - ours[0]) < abs(1 - theirs[0])
+
+
 def test_tables_hold_both_methods_and_their_ratio(tmp_path: Path) -> None:
     meshes = {"blob": lambda: with_uvs(umbel.shapes.blob(4, 1))}
     found = bench.compare(meshes, samples=2000)

@@ -3,6 +3,7 @@ from the mesh, in both directions, in distance, normals and texture coordinates.
 
 Points are spread over both surfaces evenly by area and looked up on the other one, through our
 hierarchies. A normal is interpolated between vertices where there are normals, else the triangle's.
+Coverage, which is what foliage must keep, is counted in pixels from eight directions.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ PEER = "clusterlod.h"
 PEERS = {PEER: False, f"{PEER}, ray tracing": True}
 """Settings of clusterlod.h: whether those for ray tracing, spatial clusters of 256 vertices."""
 MEASURES = ("mean_distance", "max_distance", "normal_degrees", "uv_error")
+PIXELS = 160
+"""Of a side of the pictures that coverage is counted in."""
 COLUMNS = [
     Column("mesh", "mesh"),
     Column("method", "method"),
@@ -43,6 +46,7 @@ COLUMNS = [
     Column("max_distance", "max", ".1f"),
     Column("normal_degrees", "normals", ".3f"),
     Column("uv_error", "UVs", ".3f"),
+    Column("coverage", "covered", ".3f"),
     Column("seconds", "seconds", ".3f"),
 ]
 RATIOS = [
@@ -62,7 +66,8 @@ LEGEND = (
     "told of any. "
     "Distances are in millionths of the mesh's diagonal, to the mesh and back: the mean of both "
     "directions and the larger maximum; normals in degrees and texture coordinates in thousandths, "
-    "means of both directions. Seconds: processor time of the build on one thread."
+    "means of both directions. Covered: pixels of the silhouettes from eight directions, as a part "
+    "of the mesh's. Seconds: processor time of the build on one thread."
 )
 
 PROCEDURAL: dict[str, Callable[[], Mesh]] = {
@@ -128,7 +133,7 @@ def compare(
 
 
 def _rows(name: str, mesh: Mesh, samples: int, report: Callable[[float, str], None]) -> list[Row]:
-    shares = [f for f in FRACTIONS if f * len(mesh.triangles) >= 200]
+    shares = [f for f in FRACTIONS if f * len(mesh.triangles) >= 200] or [FRACTIONS[0]]
     budgets = [int(f * len(mesh.triangles)) for f in shares]
     source = _Surface(mesh, samples)
     rows: list[Row] = []
@@ -240,7 +245,8 @@ class _Surface:
         self.uv = np.stack([u, v], axis=1)
         self.points = self.value(mesh.positions, self.triangle, self.uv)
         used = corners.reshape(-1, 3)
-        self.diagonal = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0)))
+        low, high = used.min(axis=0), used.max(axis=0)
+        self.middle, self.diagonal = (low + high) / 2, float(np.linalg.norm(high - low))
 
     def value(
         self, stream: NDArray[np.float32], triangle: NDArray[Any], uv: NDArray[Any]
@@ -273,13 +279,29 @@ class _Surface:
             out["uv_error"] = float(np.linalg.norm(own - there, axis=1).mean()) * 1e3
         return out
 
+    def covered(self, around: _Surface) -> int:
+        """Pixels that it covers, of parallel views that hold all of another one."""
+        steps = ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1) * around.diagonal / 2
+        x, y = (axis.reshape(-1, 1) for axis in np.meshgrid(steps, steps))
+        count = 0
+        for turn in np.arange(8) * (np.pi / 4):
+            along = normalized(np.array([[np.cos(turn), 0.3, np.sin(turn)]]))[0]
+            right = normalized(np.cross(along, [[0.0, 1.0, 0.0]]))[0]
+            origins = around.middle - along * around.diagonal + x * right
+            origins = (origins + y * np.cross(right, along)).astype(np.float32)
+            directions = np.broadcast_to(along.astype(np.float32), origins.shape)
+            hits = self.bvh.intersect(origins, np.ascontiguousarray(directions))
+            count += int(np.isfinite(hits.t).sum())
+        return count
+
     def compare(self, other: _Surface) -> dict[str, float]:
-        """Both directions together."""
+        """Both directions together, and what the other one covers."""
         there, back = self.to(other), other.to(self)
         out = {key: (there[key] + back[key]) / 2 for key in there}
         out["max_distance"] = max(there["max_distance"], back["max_distance"])
         for key in ("mean_distance", "max_distance"):
             out[key] *= 1e6 / self.diagonal
+        out["coverage"] = other.covered(self) / max(self.covered(self), 1)
         return out
 
 

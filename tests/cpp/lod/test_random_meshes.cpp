@@ -92,6 +92,10 @@ Config random_config(Random& random) {
   config.attributes = random.below(4) != 0;
   config.refit_attributes = random.below(4) != 0;
   config.measured_error = random.below(4) == 0;
+  config.seams = static_cast<SeamRule>(random.below(3));
+  config.creases = static_cast<SeamRule>(random.below(3));
+  config.keep_area = random.below(4) != 0;
+  config.mix_materials = random.below(4) == 0;
   return config;
 }
 
