@@ -14,6 +14,7 @@
 #include <optional>
 
 #include "base/cpu_buffer.hpp"
+#include "base/in_order.hpp"
 #include "base/parallel.hpp"
 #include "base/shared_progress.hpp"
 #include "bvh/builders.hpp"
@@ -343,14 +344,31 @@ class Binned {
     progress_.add(top.count);
   }
 
+  /// A block, and where it goes: its root, the nodes below it, its primitives.
+  struct Copy {
+    const Top* top;
+    uint32_t slot, nodes, primitives;
+  };
+
+  void copy_block(const Copy& c, Node* nodes, std::vector<uint32_t>& primitives) const {
+    std::copy_n(primitives_.data() + c.top->begin, c.top->count, primitives.data() + c.primitives);
+    const auto moved = [&](Node node) {
+      if (node.is_leaf())
+        finish_leaf(node, c.primitives, primitives);
+      else
+        node.first += c.nodes - 1;
+      return node;
+    };
+    for_pieces(*c.top, [&](const Node* from, uint32_t count, uint32_t first) {
+      for (uint32_t k = 0; k < count; ++k)
+        nodes[first + k == 0 ? c.slot : c.nodes + first + k - 1] = moved(from[k]);
+    });
+  }
+
   Bvh2 assemble(const Top& root) {
     struct Step {
       const Top* top;
       uint32_t slot;
-    };
-    struct Copy {
-      const Top* top;
-      uint32_t slot, nodes, primitives;
     };
     std::vector<Step> stack{{&root, 0}};
     std::vector<Copy> copies;
@@ -376,25 +394,20 @@ class Binned {
       stack.push_back(left_first ? left : right);
     }
     Bvh2 tree;
-    tree.nodes = large_vector<Node>(nodes);
-    tree.primitives.resize(primitives);
+    tree.nodes.reserve(nodes);
+    tree.primitives.reserve(primitives);
+    prefer_huge_pages(tree.nodes.data(), nodes * sizeof(Node));
+    Node* const to = tree.nodes.data();
+    struct None {};
+    in_order<None>(
+        copies.size(), [](size_t /*i*/, None& /*scratch*/) {},
+        [&](size_t i, None& /*scratch*/) {
+          const Copy& c = copies[i];
+          tree.nodes.resize(c.nodes + c.top->node_count - 1);
+          tree.primitives.resize(c.primitives + c.top->count);
+        },
+        [&](size_t i, None& /*scratch*/) { copy_block(copies[i], to, tree.primitives); });
     for (size_t i = 0; i < upper.size(); ++i) tree.nodes[upper_slots[i]] = upper[i];
-    parallel_for(copies.size(), 1, [&](size_t i) {
-      const Copy& c = copies[i];
-      std::copy_n(primitives_.data() + c.top->begin, c.top->count,
-                  tree.primitives.begin() + c.primitives);
-      const auto moved = [&](Node node) {
-        if (node.is_leaf())
-          finish_leaf(node, c.primitives, tree.primitives);
-        else
-          node.first += c.nodes - 1;
-        return node;
-      };
-      for_pieces(*c.top, [&](const Node* from, uint32_t count, uint32_t first) {
-        for (uint32_t k = 0; k < count; ++k)
-          tree.nodes[first + k == 0 ? c.slot : c.nodes + first + k - 1] = moved(from[k]);
-      });
-    });
     return tree;
   }
 

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <memory>
 
+#include "base/parallel.hpp"
 #include "base/radix_sort.hpp"
 
 namespace umbel::bvh {
@@ -186,39 +188,50 @@ void ShortBinning::collect(const ShortBox* boxes, uint32_t first, uint32_t count
 ShortCut ShortBinning::search(const ShortBox* boxes, const ShortBin* bins, uint32_t count,
                               const ShortPlanes& planes, const ShortWindows& windows,
                               ShortItems& items, ShortCut cut) const {
-  std::vector<uint64_t> spare;
-  std::vector<float> right_areas;
-  for (int axis = 0; axis < 3; ++axis) {
-    const size_t n = items[axis].size();
-    if (n < 2) continue;
-    spare.resize(n);
-    right_areas.resize(n);
-    const uint32_t bits = std::bit_width(uint32_t(windows.high[axis] - windows.low[axis]));
-    const uint64_t* sorted = radix_sort(items[axis].data(), spare.data(), n, 32, 32 + bits);
-    const auto box_at = [&](size_t i) { return boxes[uint32_t(sorted[i])]; };
-    ShortBox side = empty_short_box();
-    for (uint32_t b = windows.last_bin[axis]; b < bins_; ++b) side = join(side, bins[b].box[axis]);
-    for (size_t i = n - 1; i > 0; --i) {
-      side = join(side, box_at(i));
-      right_areas[i] = half_area(side);
-    }
-    side = empty_short_box();
-    for (uint32_t b = 0; b < windows.first_bin[axis]; ++b) side = join(side, bins[b].box[axis]);
-    const auto before = static_cast<uint32_t>(planes.before[windows.first_bin[axis]][axis]);
-    for (size_t i = 1; i < n; ++i) {
-      side = join(side, box_at(i - 1));
-      if (sorted[i - 1] >> 32 == sorted[i] >> 32) continue;
-      const uint32_t left = before + uint32_t(i);
-      const float area = half_area(side);
-      const float cost = area * float(left) + right_areas[i] * float(count - left);
-      if (!(cost < cut.cost)) continue;
-      cut.axis = axis;
-      cut.threshold = int(windows.low[axis]) + int(sorted[i] >> 32);
-      cut.cost = cost;
-      cut.left_count = left;
-      cut.left_area = area;
-      cut.right_area = right_areas[i];
-    }
+  constexpr size_t kMany = size_t(1) << 15;
+  std::array<ShortCut, 3> found;
+  const size_t all = items[0].size() + items[1].size() + items[2].size();
+  parallel_for(3, all < kMany ? 3 : 1, [&](size_t axis) {
+    found[axis] = search_axis(int(axis), boxes, bins, count, planes, windows, items[axis], cut);
+  });
+  for (const ShortCut& best : found)
+    if (best.cost < cut.cost) cut = best;
+  return cut;
+}
+
+ShortCut ShortBinning::search_axis(int axis, const ShortBox* boxes, const ShortBin* bins,
+                                   uint32_t count, const ShortPlanes& planes,
+                                   const ShortWindows& windows, std::vector<uint64_t>& items,
+                                   ShortCut cut) const {
+  const size_t n = items.size();
+  if (n < 2) return cut;
+  const auto spare = std::make_unique_for_overwrite<uint64_t[]>(n);
+  const auto right_areas = std::make_unique_for_overwrite<float[]>(n);
+  const uint32_t bits = std::bit_width(uint32_t(windows.high[axis] - windows.low[axis]));
+  const uint64_t* sorted = radix_sort(items.data(), spare.get(), n, 32, 32 + bits);
+  const auto box_at = [&](size_t i) { return boxes[uint32_t(sorted[i])]; };
+  ShortBox side = empty_short_box();
+  for (uint32_t b = windows.last_bin[axis]; b < bins_; ++b) side = join(side, bins[b].box[axis]);
+  for (size_t i = n - 1; i > 0; --i) {
+    side = join(side, box_at(i));
+    right_areas[i] = half_area(side);
+  }
+  side = empty_short_box();
+  for (uint32_t b = 0; b < windows.first_bin[axis]; ++b) side = join(side, bins[b].box[axis]);
+  const auto before = static_cast<uint32_t>(planes.before[windows.first_bin[axis]][axis]);
+  for (size_t i = 1; i < n; ++i) {
+    side = join(side, box_at(i - 1));
+    if (sorted[i - 1] >> 32 == sorted[i] >> 32) continue;
+    const uint32_t left = before + uint32_t(i);
+    const float area = half_area(side);
+    const float cost = area * float(left) + right_areas[i] * float(count - left);
+    if (!(cost < cut.cost)) continue;
+    cut.axis = axis;
+    cut.threshold = int(windows.low[axis]) + int(sorted[i] >> 32);
+    cut.cost = cost;
+    cut.left_count = left;
+    cut.left_area = area;
+    cut.right_area = right_areas[i];
   }
   return cut;
 }

@@ -79,6 +79,9 @@ class ShortBinning {
                   ShortCut cut) const;
 
  private:
+  ShortCut search_axis(int axis, const ShortBox* boxes, const ShortBin* bins, uint32_t count,
+                       const ShortPlanes& planes, const ShortWindows& windows,
+                       std::vector<uint64_t>& items, ShortCut cut) const;
   int edge(uint32_t bin, int axis) const;
   float half_area(ShortBox box) const;
 

@@ -91,8 +91,8 @@ class SpatialBuilder {
   uint32_t flatten(const Branch& branch, std::vector<TopNode>& top, std::vector<TreePart>& parts,
                    std::vector<uint32_t>& primitives) {
     if (!branch.left) {
-      primitives.insert(primitives.end(), branch.primitives,
-                        branch.primitives + branch.primitive_count);
+      std::transform(branch.primitives, branch.primitives + branch.primitive_count,
+                     std::back_inserter(primitives), [](uint32_t tag) { return tag & ~kIsPart; });
       parts.push_back(branch.part);
       parts.back().leaf_base = static_cast<uint32_t>(primitives.size());
       return ~static_cast<uint32_t>(parts.size() - 1);
@@ -150,7 +150,7 @@ class SpatialBuilder {
   }
 
   Grown grow_one(const Box4& reference, Output& out) const {
-    *--out.next_primitive = triangle_of(reference);
+    *--out.next_primitive = tag_of_reference(reference);
     return make_leaf(reference, 1, 1, out);
   }
 
@@ -225,10 +225,11 @@ class SpatialBuilder {
     return {node, left.pairs + right.pairs + 1, primitives, references, inner};
   }
 
-  static uint32_t count_distinct(const uint32_t* values, uint32_t count) {
-    uint32_t distinct = 0;
-    for (uint32_t i = 0; i < count; ++i)
-      distinct += std::find(values, values + i, values[i]) == values + i;
+  static uint32_t count_distinct(const uint32_t* tags, uint32_t count) {
+    uint32_t any = 0, distinct = 0;
+    for (uint32_t i = 0; i < count; ++i) any |= tags[i];
+    if ((any & kIsPart) == 0) return count;
+    for (uint32_t i = 0; i < count; ++i) distinct += std::find(tags, tags + i, tags[i]) == tags + i;
     return distinct;
   }
 
@@ -264,14 +265,18 @@ class SpatialBuilder {
   }
 
   /// How much there is to gain by splitting: boxes with volume hold more than their triangles.
+  /// Of many, some tell.
   static double waste(const Box4* references, uint32_t count) {
+    constexpr uint32_t kSome = 1024;
+    if (count <= kWholeBelow) return 0;
+    const uint32_t step = (count + kSome - 1) / kSome;
     double sum = 0;
-    if (count <= kWholeBelow) return sum;
-    for (uint32_t i = 0; i < count; ++i) {
+    uint32_t seen = 0;
+    for (uint32_t i = 0; i < count; i += step, ++seen) {
       const Float4 e = references[i].extents();
       sum += double(std::sqrt(e[0] * e[1] * e[2]));
     }
-    return sum;
+    return sum * (double(count) / seen);
   }
 
   /// Hands the slack down and moves the right half to its own stretch.

@@ -443,8 +443,8 @@ Halves cut_references(Box4* references, uint32_t count, uint32_t slack, const Sp
   uint32_t left_count = 0, right_count = 0, splits_left = slack;
   const Grid grid(split, cut_bins_for(count));
   const int axis = split.axis;
-  const auto add = [&](const Box4& box, uint32_t triangle, bool is_left) {
-    (is_left ? left[left_count++] : right[right_count++]) = tagged(box, triangle);
+  const auto add = [&](const Box4& box, uint32_t tag, bool is_left) {
+    (is_left ? left[left_count++] : right[right_count++]) = tagged(box, tag);
   };
   const float left_references = float(split.left_count),
               right_references = float(split.right_count);
@@ -452,15 +452,16 @@ Halves cut_references(Box4* references, uint32_t count, uint32_t slack, const Sp
   const Float4 pad = splat(0);
   for (uint32_t i = 0; i < count; ++i) {
     const Box4 reference = references[i];
-    const uint32_t triangle = triangle_of(reference);
+    const uint32_t tag = tag_of_reference(reference);
     const bool starts_left = grid.of(reference.low, axis) < int32_t(split.bin);
     const bool ends_left = grid.of(-reference.negated_high, axis) < int32_t(split.bin);
     if (starts_left == ends_left) {
-      add(reference, triangle, starts_left);
+      add(reference, tag, starts_left);
       continue;
     }
     Box4 before, behind;
-    clip_triangle(Corners(mesh, triangle), reference, axis, split.plane, before, behind);
+    clip_triangle(Corners(mesh, triangle_of(reference)), reference, axis, split.plane, before,
+                  behind);
     Box4 with_left = split.left_box, with_right = split.right_box;
     with_left.extend(reference);
     with_right.extend(reference);
@@ -470,13 +471,13 @@ Halves cut_references(Box4* references, uint32_t count, uint32_t slack, const Sp
         split.left_area * (left_references - 1) + with_right.half_area(pad) * right_references;
     const bool both = !is_empty(before) && !is_empty(behind);
     if (both && splits_left > 0 && cost < std::min(all_left, all_right)) {
-      add(before, triangle, true);
-      add(behind, triangle, false);
+      add(before, tag | kIsPart, true);
+      add(behind, tag | kIsPart, false);
       --splits_left;
     } else if (!both) {
-      add(reference, triangle, !is_empty(before));
+      add(reference, tag, !is_empty(before));
     } else {
-      add(reference, triangle, all_left <= all_right);
+      add(reference, tag, all_left <= all_right);
     }
   }
   if (left_count == 0 || right_count == 0) {

@@ -10,16 +10,22 @@
 
 namespace umbel::bvh {
 
-// A reference is a box whose fourth lanes hold the triangle's index, half of it each, as ordinary
-// floats: arithmetic on them must not meet denormals.
-inline Box4 tagged(Box4 box, uint32_t triangle) {
-  box.low[3] = std::bit_cast<float>(0x40000000u | (triangle & 0xffffu));
-  box.negated_high[3] = std::bit_cast<float>(0x40000000u | triangle >> 16);
+/// In the tag of a reference beside its triangle: it is a part of it.
+inline constexpr uint32_t kIsPart = 0x80000000u;
+
+// A reference is a box whose fourth lanes hold its tag, half of it each, as ordinary floats:
+// arithmetic on them must not meet denormals.
+inline Box4 tagged(Box4 box, uint32_t tag) {
+  box.low[3] = std::bit_cast<float>(0x40000000u | (tag & 0xffffu));
+  box.negated_high[3] = std::bit_cast<float>(0x40000000u | tag >> 16);
   return box;
 }
-inline uint32_t triangle_of(const Box4& reference) {
+inline uint32_t tag_of_reference(const Box4& reference) {
   return (std::bit_cast<uint32_t>(reference.low[3]) & 0xffffu) |
          std::bit_cast<uint32_t>(reference.negated_high[3]) << 16;
+}
+inline uint32_t triangle_of(const Box4& reference) {
+  return tag_of_reference(reference) & ~kIsPart;
 }
 
 struct NodeBounds {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <set>
 
+#include "bvh/leaf_order.hpp"
 #include "bvh/tree_tests.hpp"
 
 namespace umbel::bvh {
@@ -77,6 +78,19 @@ TEST(CollapseLeaves, keeps_what_repeats_below_a_node_once) {
   collapse_leaves(tree, {}, 8);
   check(tree, 2);
   EXPECT_EQ(std::set<uint32_t>(tree.primitives.begin(), tree.primitives.end()).size(), 2u);
+}
+
+TEST(LeafOrder, is_ascending_and_touches_nothing_else) {
+  std::mt19937 random(5);
+  for (int k = 0; k < 2000; ++k) {
+    const uint32_t count = 1 + random() % 12;
+    std::vector<uint32_t> leaf(count + 2);
+    for (uint32_t& primitive : leaf) primitive = random() % 10;
+    std::vector<uint32_t> expected = leaf;
+    std::sort(expected.begin() + 1, expected.end() - 1);
+    sort_leaf(leaf.data() + 1, count);
+    EXPECT_EQ(leaf, expected);
+  }
 }
 
 TEST(Reorder, is_depth_first_and_keeps_the_tree) {

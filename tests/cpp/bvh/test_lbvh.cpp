@@ -45,6 +45,22 @@ TEST(Lbvh, is_the_radix_tree_of_the_codes) {
   }
 }
 
+TEST(Lbvh, large_trees_are_the_same_for_any_threads) {
+  // Many parts, which threads build and write side by side.
+  const auto boxes = random_boxes(200000, 7);
+  for (const bool reinserted : {false, true}) {
+    Config config = lbvh(63);
+    config.builder = reinserted ? Builder::kLbvh : Builder::kHlbvh;
+    config.reinsertion_rounds = reinserted;
+    const Bvh2 tree = build(boxes, config, with_thread_count(1));
+    check(tree, uint32_t(boxes.size()));
+    expect_same(tree, build(boxes, config, with_thread_count(2)));
+    expect_same(tree, build(boxes, config, with_thread_count(8)));
+  }
+  const Bvh2 plain = build(boxes, lbvh(63), with_thread_count(1));
+  expect_same(plain, build(boxes, lbvh(63), with_thread_count(8)));
+}
+
 TEST(Lbvh, costs_more_than_the_sweep_but_not_absurdly) {
   const auto boxes = random_boxes(20000, 4);
   Config sweep;
