@@ -164,7 +164,7 @@ class EdgeCollapser {
   bool add_to_loop(uint32_t p);
   bool is_in_loop(uint32_t p) const;
   bool complete_loop();
-  void count_around_loop();
+  void count_around(uint32_t from);
   bool keeps_facing_in_loop(uint32_t p) const;
   bool map_loop_wedges(uint32_t p);
   void take_loop_wedges(size_t i);

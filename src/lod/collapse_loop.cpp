@@ -47,40 +47,48 @@ bool EdgeCollapser::is_in_loop(uint32_t p) const {
 // False where too many would go, or all that hangs together.
 bool EdgeCollapser::complete_loop() {
   const uint32_t target = loop_[0], component = input_.component[target];
+  around_loop_.clear();
+  stamp_ += 2;  // one less: in the loop
   for (size_t known = 0; known < loop_.size();) {
-    known = loop_.size();
-    count_around_loop();
+    for (; known < loop_.size(); ++known) count_around(loop_[known]);
     for (const LoopNeighbour& n : around_loop_) {
+      if (marks_[n.position] != stamp_) continue;
       if (input_.locked[target] && !n.at_target && input_.locked[n.position]) return false;
       if (!n.several || n.triangles == 1 || n.triangles == 2) continue;
       if (component != kNone && component == input_.component[n.position]) continue;
       if (!add_to_loop(n.position)) return false;
     }
   }
-  return std::any_of(around_loop_.begin(), around_loop_.end(),
-                     [](const LoopNeighbour& n) { return n.triangles > 0; });
+  return std::any_of(around_loop_.begin(), around_loop_.end(), [&](const LoopNeighbour& n) {
+    return n.triangles > 0 && marks_[n.position] == stamp_;
+  });
 }
 
-void EdgeCollapser::count_around_loop() {
-  around_loop_.clear();
-  const uint32_t is_in_loop = ++stamp_, is_around = ++stamp_;
-  for (uint32_t p : loop_) marks_[p] = is_in_loop;
-  for (uint32_t from : loop_)
-    for (const Spoke& s : ring(from)) {
-      const bool next_goes = marks_[s.next] == is_in_loop, prev_goes = marks_[s.prev] == is_in_loop;
-      for (const auto& [x, goes] : {std::pair{s.next, next_goes}, std::pair{s.prev, prev_goes}}) {
-        if (goes) continue;
-        if (marks_[x] != is_around) {
-          marks_[x] = is_around;
-          slots_[x] = static_cast<uint32_t>(around_loop_.size());
-          around_loop_.push_back({x, from, 0, false, false});
-        }
-        LoopNeighbour& n = around_loop_[slots_[x]];
-        n.several |= n.from != from;
-        n.at_target |= from == loop_[0];
-        n.triangles += !next_goes && !prev_goes;
-      }
+// Counts one more of the loop: its triangles with two others around come in, those that one of the
+// loop had with it and another go.
+void EdgeCollapser::count_around(uint32_t from) {
+  const uint32_t is_around = stamp_, is_in_loop = stamp_ - 1;
+  marks_[from] = is_in_loop;
+  const auto around = [&](uint32_t x) -> LoopNeighbour& {
+    if (marks_[x] != is_around) {
+      marks_[x] = is_around;
+      slots_[x] = static_cast<uint32_t>(around_loop_.size());
+      around_loop_.push_back({x, from, 0, false, false});
     }
+    LoopNeighbour& n = around_loop_[slots_[x]];
+    n.several |= n.from != from;
+    n.at_target |= from == loop_[0];
+    return n;
+  };
+  for (const Spoke& s : ring(from)) {
+    const bool next_goes = marks_[s.next] == is_in_loop, prev_goes = marks_[s.prev] == is_in_loop;
+    if (!next_goes && !prev_goes)
+      ++around(s.next).triangles, ++around(s.prev).triangles;
+    else if (!next_goes)
+      --around(s.next).triangles;
+    else if (!prev_goes)
+      --around(s.prev).triangles;
+  }
 }
 
 bool EdgeCollapser::keeps_facing_in_loop(uint32_t p) const {
