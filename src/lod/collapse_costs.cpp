@@ -18,6 +18,50 @@ constexpr float kBorderWeight = 3.0f, kSeamWeight = 1.0f;
 // Of what attributes lose, squared, in the error that is told: they decide on what goes first.
 constexpr float kToldAttributes = 0.0625f;
 
+// Ranks of moves of one position, without attributes.
+class RanksOfMoves {
+ public:
+  RanksOfMoves(const Quadric& q, const float* from)
+      : xx_(Float4::all(q.xx)),
+        yy_(Float4::all(q.yy)),
+        zz_(Float4::all(q.zz)),
+        xy_(Float4::all(q.xy)),
+        xz_(Float4::all(q.xz)),
+        yz_(Float4::all(q.yz)),
+        x2_(Float4::all(2.0f * q.x)),
+        y2_(Float4::all(2.0f * q.y)),
+        z2_(Float4::all(2.0f * q.z)),
+        c_(Float4::all(q.c)),
+        shape_(Float4::all(kShape * q.weight)),
+        scale_(Float4::all(q.scale)),
+        from_(Float4::load(from)) {}
+
+  // To the four points where `to(i)` points.
+  template <typename To>
+  std::array<float, 4> operator()(const To& to) const {
+    Float4 dx = Float4::load(to(0)) - from_, dy = Float4::load(to(1)) - from_;
+    Float4 dz = Float4::load(to(2)) - from_, d3 = Float4::load(to(3)) - from_;
+    transpose(dx, dy, dz, d3);
+    const Float4 mx = xx_ * dx + xy_ * dy + xz_ * dz, my = xy_ * dx + yy_ * dy + yz_ * dz;
+    const Float4 mz = xz_ * dx + yz_ * dy + zz_ * dz;
+    const Float4 value = c_ + (mx + x2_) * dx + (my + y2_) * dy + (mz + z2_) * dz;
+    // In this order max keeps what is not a number, which then is never the least.
+    const Float4 sum = max(Float4::all(0.0f), value);
+    std::array<float, 4> ranks;
+    ((sum + shape_ * (dx * dx + dy * dy + dz * dz)) * scale_).store(ranks.data());
+    return ranks;
+  }
+
+ private:
+  Float4 xx_, yy_, zz_, xy_, xz_, yz_, x2_, y2_, z2_, c_, shape_, scale_, from_;
+};
+
+float sum_of(Float4 lanes) {
+  std::array<float, 4> x;
+  lanes.store(x.data());
+  return (x[0] + x[1]) + (x[2] + x[3]);
+}
+
 }  // namespace
 
 void EdgeCollapser::build_quadrics() {
@@ -141,17 +185,28 @@ void EdgeCollapser::build_attribute_quadrics() {
     if (!(determinant > 1e-6f * d11 * d22)) continue;
     const Vec3 gu = (e1 * d22 - e2 * d12) * (1.0f / determinant);
     const Vec3 gv = (e2 * d11 - e1 * d12) * (1.0f / determinant);
-    Quadric sum{};
-    for (uint32_t k = 0; k < n; ++k) {
-      const float s0 = values_of(t[0])[k];
-      const float s1 = values_of(t[1])[k] - s0, s2 = values_of(t[2])[k] - s0;
-      const Vec3 g = gu * s1 + gv * s2;
-      add_plane(sum, g, area);
+    const Float4 ux = Float4::all(gu.x), uy = Float4::all(gu.y), uz = Float4::all(gu.z);
+    const Float4 vx = Float4::all(gv.x), vy = Float4::all(gv.y), vz = Float4::all(gv.z);
+    const Float4 weight = Float4::all(area);
+    Float4 xx = Float4::all(0.0f), yy = xx, zz = xx, xy = xx, xz = xx, yz = xx;
+    for (uint32_t k = 0; k < stride_; k += 4) {
+      const Float4 s0 = Float4::load(values_of(t[0]) + k);
+      const Float4 s1 = Float4::load(values_of(t[1]) + k) - s0;
+      const Float4 s2 = Float4::load(values_of(t[2]) + k) - s0;
+      const Float4 x = ux * s1 + vx * s2, y = uy * s1 + vy * s2, z = uz * s1 + vz * s2;
+      const Float4 wx = weight * x, wy = weight * y, wz = weight * z;
+      xx = xx + wx * x, yy = yy + wy * y, zz = zz + wz * z;
+      xy = xy + wx * y, xz = xz + wx * z, yz = yz + wy * z;
       for (uint32_t v : t) {
         float* out = gradients_of(v) + k;
-        out[0] += area * g.x, out[stride_] += area * g.y, out[2 * stride_] += area * g.z;
+        (Float4::load(out) + wx).store(out);
+        (Float4::load(out + stride_) + wy).store(out + stride_);
+        (Float4::load(out + 2 * stride_) + wz).store(out + 2 * stride_);
       }
     }
+    Quadric sum{};
+    sum.xx = sum_of(xx), sum.yy = sum_of(yy), sum.zz = sum_of(zz);
+    sum.xy = sum_of(xy), sum.xz = sum_of(xz), sum.yz = sum_of(yz);
     for (uint32_t v : t) add(attribute_quadrics_[v], sum);
   }
 }
@@ -177,9 +232,8 @@ float EdgeCollapser::attribute_cost(uint32_t from, uint32_t to, const Vec3& d) c
     products = products + difference * mean;
     squares = squares + difference * difference;
   }
-  std::array<float, 4> lanes;
-  (Float4::all(q.weight) * squares - Float4::all(2.0f) * products).store(lanes.data());
-  return std::max(value_at(q, d) + ((lanes[0] + lanes[1]) + (lanes[2] + lanes[3])), 0.0f);
+  const float sum = sum_of(Float4::all(q.weight) * squares - Float4::all(2.0f) * products);
+  return std::max(value_at(q, d) + sum, 0.0f);
 }
 
 // The sum of squared differences is least where its derivative by the value is 0.
@@ -209,30 +263,13 @@ EdgeCollapser::Choice EdgeCollapser::position_choice(uint32_t p, uint32_t target
 
 // As position_choice for all targets, four at once.
 EdgeCollapser::Choice EdgeCollapser::cheapest_position(uint32_t p) const {
-  const Quadric& q = quadrics_[p];
-  const Float4 xx = Float4::all(q.xx), yy = Float4::all(q.yy), zz = Float4::all(q.zz);
-  const Float4 xy = Float4::all(q.xy), xz = Float4::all(q.xz), yz = Float4::all(q.yz);
-  const Float4 x2 = Float4::all(2.0f * q.x), y2 = Float4::all(2.0f * q.y);
-  const Float4 z2 = Float4::all(2.0f * q.z), c = Float4::all(q.c);
-  const Float4 shape = Float4::all(kShape * q.weight), scale = Float4::all(q.scale);
-  const Float4 origin = Float4::load(&points_[p].x);
+  const RanksOfMoves ranks_of(quadrics_[p], &points_[p].x);
   const auto spokes = ring(p);
   Choice best{std::numeric_limits<float>::infinity(), kNone};
   for (size_t begin = 0; begin < spokes.size(); begin += 4) {
     std::array<uint32_t, 4> targets;
     for (size_t i = 0; i < 4; ++i) targets[i] = spokes[std::min(begin + i, spokes.size() - 1)].next;
-    Float4 dx = Float4::load(&points_[targets[0]].x) - origin;
-    Float4 dy = Float4::load(&points_[targets[1]].x) - origin;
-    Float4 dz = Float4::load(&points_[targets[2]].x) - origin;
-    Float4 d3 = Float4::load(&points_[targets[3]].x) - origin;
-    transpose(dx, dy, dz, d3);
-    const Float4 mx = xx * dx + xy * dy + xz * dz, my = xy * dx + yy * dy + yz * dz;
-    const Float4 mz = xz * dx + yz * dy + zz * dz;
-    const Float4 value = c + (mx + x2) * dx + (my + y2) * dy + (mz + z2) * dz;
-    // In this order max keeps what is not a number, which then is never the least.
-    const Float4 sum = max(Float4::all(0.0f), value);
-    std::array<float, 4> ranks;
-    ((sum + shape * (dx * dx + dy * dy + dz * dz)) * scale).store(ranks.data());
+    const std::array<float, 4> ranks = ranks_of([&](size_t i) { return &points_[targets[i]].x; });
     for (size_t i = 0; i < 4; ++i)
       if (ranks[i] < best.rank) best = {ranks[i], targets[i]};
   }
@@ -254,12 +291,20 @@ EdgeCollapser::Choice EdgeCollapser::choice(uint32_t p, const Move& move) {
 // Of all positions that p may move to; attributes only add to what positions cost.
 EdgeCollapser::Choice EdgeCollapser::cheapest(uint32_t p) {
   moves_.clear();
-  size_t first = 0;
   for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
-    const float least = position_choice(p, target).rank;
-    if (!moves_.empty() && least < moves_[first].least) first = moves_.size();
-    moves_.push_back({least, target, c, after});
+    moves_.push_back({0.0f, target, c, after});
   });
+  const RanksOfMoves ranks_of(quadrics_[p], &points_[p].x);
+  size_t first = 0;
+  for (size_t begin = 0; begin < moves_.size(); begin += 4) {
+    const auto at = [&](size_t i) { return std::min(begin + i, moves_.size() - 1); };
+    const std::array<float, 4> ranks =
+        ranks_of([&](size_t i) { return &points_[moves_[at(i)].target].x; });
+    for (size_t i = begin; i < std::min(begin + 4, moves_.size()); ++i) {
+      moves_[i].least = ranks[i - begin];
+      if (moves_[i].least < moves_[first].least) first = i;
+    }
+  }
   if (!moves_.empty()) std::swap(moves_[0], moves_[first]);
   Choice best{std::numeric_limits<float>::infinity(), kNone};
   for (const Move& move : moves_) {
