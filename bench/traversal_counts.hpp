@@ -13,12 +13,13 @@ struct TraversalCounts {
 
 class CountingLanes {
  public:
-  static constexpr uint32_t kWidth = 8, kNodeWords = 7 * kWidth;
+  static constexpr uint32_t kWidth = 8;
   static inline TraversalCounts counts;
 
-  explicit CountingLanes(const umbel::RayFrame& frame) : lanes_(frame) {}
+  CountingLanes(const umbel::RayFrame& frame, const umbel::TriangleBvhData& tree)
+      : lanes_(frame, tree) {}
 
-  uint32_t visit(const uint32_t* node, float cull, umbel::StackEntry*& top) const {
+  uint32_t visit(uint32_t node, float cull, umbel::StackEntry*& top) const {
     ++counts.nodes;
     return lanes_.visit(node, cull, top);
   }

@@ -10,13 +10,13 @@ namespace umbel {
 template <uint32_t width, bool quantised = false>
 class PortableLanes {
  public:
-  static constexpr uint32_t kWidth = width,
-                            kNodeWords = quantised ? grid::node_words(width) : 7 * width;
+  static constexpr uint32_t kWidth = width;
 
-  explicit PortableLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
+  PortableLanes(const RayFrame& frame, const TriangleBvhData& tree)
+      : nodes_(tree.nodes.data()), boxes_(frame), triangles_(frame) {}
 
-  uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
-    return boxes_.visit(node, cull, top);
+  uint32_t visit(uint32_t node, float cull, StackEntry*& top) const {
+    return boxes_.visit(nodes_ + size_t{2} * node, cull, top);
   }
   uint32_t triangles(const LeafStore& tree, uint32_t link, bool cull_back, float t_max,
                      LeafHits& hits) const {
@@ -24,6 +24,7 @@ class PortableLanes {
   }
 
  private:
+  const uint32_t* nodes_;
   std::conditional_t<quantised, GridBoxes<PortableLanes, width>, PlainBoxes<PortableLanes, width>>
       boxes_;
   PlainTriangles<PortableLanes> triangles_;

@@ -23,23 +23,23 @@ namespace umbel {
 template <typename Isa>
 class BoxTester {
  public:
-  UMBEL_SIMD explicit BoxTester(const RayFrame& f) {
+  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes) {
     for (int axis = 0; axis < 3; ++axis) {
       inv_[axis] = _mm256_set1_ps(f.inv[axis]);
       near_b_[axis] = _mm256_set1_ps(f.near_b[axis]);
       far_b_[axis] = _mm256_set1_ps(f.far_b[axis]);
       // The lowest planes come first, the highest 32 bytes behind them.
-      near_at_[axis] = 64 * axis + ((f.negative << 5 >> axis) & 32);
-      far_at_[axis] = near_at_[axis] ^ 32;
+      const uint32_t near = 64 * axis + ((f.negative << 5 >> axis) & 32);
+      near_[axis] = reinterpret_cast<const char*>(nodes) + near;
+      far_[axis] = reinterpret_cast<const char*>(nodes) + (near ^ 32);
     }
     t_min_ = _mm256_set1_ps(f.t_min);
   }
 
-  UMBEL_SIMD uint32_t operator()(const uint32_t* node, float cull, __m256& near) const {
-    const auto* planes = reinterpret_cast<const char*>(node);
-    const __m256 nx = at(planes + near_at_[0], 0, near_b_), fx = at(planes + far_at_[0], 0, far_b_);
-    const __m256 ny = at(planes + near_at_[1], 1, near_b_), fy = at(planes + far_at_[1], 1, far_b_);
-    const __m256 nz = at(planes + near_at_[2], 2, near_b_), fz = at(planes + far_at_[2], 2, far_b_);
+  UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
+    const __m256 nx = at(near_[0], link, 0, near_b_), fx = at(far_[0], link, 0, far_b_);
+    const __m256 ny = at(near_[1], link, 1, near_b_), fy = at(far_[1], link, 1, far_b_);
+    const __m256 nz = at(near_[2], link, 2, near_b_), fz = at(far_[2], link, 2, far_b_);
     near = _mm256_max_ps(_mm256_max_ps(nx, ny), _mm256_max_ps(nz, t_min_));
     const __m256 far =
         _mm256_min_ps(_mm256_min_ps(fx, fy), _mm256_min_ps(fz, _mm256_set1_ps(cull)));
@@ -47,20 +47,20 @@ class BoxTester {
   }
 
  private:
-  UMBEL_SIMD __m256 at(const char* planes, int axis, const __m256* b) const {
-    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes)), inv_[axis],
-                           b[axis]);
+  UMBEL_SIMD __m256 at(const char* planes, size_t link, int axis, const __m256* b) const {
+    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes + 8 * link)),
+                           inv_[axis], b[axis]);
   }
 
   __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
-  size_t near_at_[3], far_at_[3];  ///< of the planes in a node
+  const char *near_[3], *far_[3];  ///< planes of the first node
 };
 
 /// The same for the eight slots of a node on a grid.
 template <typename Isa>
 class GridBoxTester {
  public:
-  UMBEL_SIMD explicit GridBoxTester(const RayFrame& f) {
+  UMBEL_SIMD GridBoxTester(const RayFrame& f, const uint32_t* nodes) : nodes_(nodes) {
     Quad near_b, far_b;
     widen_slack(f, near_b, far_b);
     for (int axis = 0; axis < 3; ++axis) {
@@ -74,7 +74,8 @@ class GridBoxTester {
     t_min_ = _mm256_set1_ps(f.t_min);
   }
 
-  UMBEL_SIMD uint32_t operator()(const uint32_t* node, float cull, __m256& near) const {
+  UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
+    const uint32_t* const node = nodes_ + 2 * link;
     const Span x = span(node, 0), y = span(node, 1), z = span(node, 2);
     near = _mm256_max_ps(_mm256_max_ps(x.near, y.near), _mm256_max_ps(z.near, t_min_));
     const __m256 far =
@@ -105,6 +106,7 @@ class GridBoxTester {
 
   __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
   ptrdiff_t near_at_[3], far_at_[3];  ///< bytes from the first row on
+  const uint32_t* nodes_;
 };
 
 /// Woop's test of the triangles of a leaf.
@@ -251,16 +253,18 @@ class TriangleTester {
 template <typename Isa, bool quantised>
 class WideLanes {
  public:
-  static constexpr uint32_t kWidth = 8,
-                            kNodeWords = quantised ? grid::node_words(kWidth) : 7 * kWidth;
+  static constexpr uint32_t kWidth = 8;
 
-  UMBEL_SIMD explicit WideLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
+  UMBEL_SIMD WideLanes(const RayFrame& frame, const TriangleBvhData& tree)
+      : boxes_(frame, tree.nodes.data()),
+        triangles_(frame),
+        links_(tree.nodes.data() + (quantised ? grid::links_at(kWidth) : 6 * kWidth)) {}
 
-  UMBEL_SIMD uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
+  UMBEL_SIMD uint32_t visit(size_t node, float cull, StackEntry*& top) const {
     __m256 near;
     const uint32_t slots = boxes_(node, cull, near);
     if (slots == 0) return kNoChild;
-    const uint32_t* const links = node + (kNodeWords - kWidth);
+    const uint32_t* const links = links_ + 2 * node;
     if ((slots & (slots - 1)) == 0) return links[std::countr_zero(slots)];
     return Isa::push(links, slots, near, top);
   }
@@ -272,19 +276,20 @@ class WideLanes {
  private:
   std::conditional_t<quantised, GridBoxTester<Isa>, BoxTester<Isa>> boxes_;
   TriangleTester<Isa> triangles_;
+  const uint32_t* links_;  ///< of the first node
 };
 
 /// Nodes of two or four slots, whose boxes the compiler vectorises.
 template <typename Isa, uint32_t width, bool quantised>
 class NarrowLanes {
  public:
-  static constexpr uint32_t kWidth = width,
-                            kNodeWords = quantised ? grid::node_words(width) : 7 * width;
+  static constexpr uint32_t kWidth = width;
 
-  UMBEL_SIMD explicit NarrowLanes(const RayFrame& frame) : boxes_(frame), triangles_(frame) {}
+  UMBEL_SIMD NarrowLanes(const RayFrame& frame, const TriangleBvhData& tree)
+      : nodes_(tree.nodes.data()), boxes_(frame), triangles_(frame) {}
 
-  UMBEL_SIMD uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
-    return boxes_.visit(node, cull, top);
+  UMBEL_SIMD uint32_t visit(uint32_t node, float cull, StackEntry*& top) const {
+    return boxes_.visit(nodes_ + size_t{2} * node, cull, top);
   }
   UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
                                 float t_max, LeafHits& hits) const {
@@ -292,6 +297,7 @@ class NarrowLanes {
   }
 
  private:
+  const uint32_t* nodes_;
   std::conditional_t<quantised, GridBoxes<Isa, width>, PlainBoxes<Isa, width>> boxes_;
   TriangleTester<Isa> triangles_;
 };

@@ -1,7 +1,8 @@
-// The walk through a wide tree, for any instruction set. `Lanes`, made of a ray's frame, says how
-// boxes and triangles are tested:
-//   kWidth, kNodeWords               slots and words a node
-//   visit(node, cull, top)           the nearest child whose box the ray meets in [t_min, cull], or
+// The walk through a wide tree, for any instruction set. `Lanes`, made of a ray's frame and the
+// tree, says how boxes and triangles are tested:
+//   kWidth                           slots a node
+//   visit(link, cull, top)           of a node: the nearest child whose box the ray meets in
+//   [t_min, cull], or
 //                                    kNoChild; puts the others on the stack, the furthest first
 //   triangles(tree, link, cull_back, t_max, hits)  which triangles of a leaf the ray meets in
 //                                    [t_min, t_max]
@@ -186,11 +187,10 @@ class GridBoxes {
 
 /// What comes after the next is fetched ahead: its first two cache lines, as the others follow by
 /// themselves. There is nothing where the stack's first entry points, which does no harm.
-template <typename Lanes>
 static inline void prefetch(const TriangleBvhData& tree, uint32_t link) {
   const uint32_t* const words = TriangleBvhData::is_leaf(link)
                                     ? leaf_words(tree, link)
-                                    : tree.nodes.data() + size_t{link} * Lanes::kNodeWords;
+                                    : tree.nodes.data() + size_t{2} * link;
   __builtin_prefetch(words);
   __builtin_prefetch(words + 16);
 }
@@ -203,12 +203,11 @@ static inline bool walk(const TriangleBvhData& tree, const Lanes& lanes, const f
   WalkStack<Lanes> room(tree);
   StackEntry* top = room.base();
   *top++ = {kNoChild, -kInfinity};
-  const uint32_t* const nodes = tree.nodes.data();
   uint32_t link = 0;
   while (true) {
     while (!TriangleBvhData::is_leaf(link)) {
-      link = lanes.visit(nodes + size_t{link} * Lanes::kNodeWords, cull, top);
-      prefetch<Lanes>(tree, top[-1].link);
+      link = lanes.visit(link, cull, top);
+      prefetch(tree, top[-1].link);
     }
     if (link != kNoChild && leaf(link)) return true;
     do {
@@ -231,7 +230,7 @@ template <typename Lanes, typename Tree>
   if (!make_frame(tree, ray, frame)) return {};
   Hit best;
   float t_max = frame.t_max, cull = t_max, determinant = 1;
-  const Lanes tester(frame);
+  const Lanes tester(frame, tree);
   walk(tree, tester, cull, [&](uint32_t link) {
     LeafHits hits;
     uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, t_max, hits);
@@ -261,7 +260,7 @@ template <typename Lanes, typename Tree>
   const auto& tree = static_cast<const Tree&>(store);
   RayFrame frame;
   if (!make_frame(tree, ray, frame)) return false;
-  const Lanes tester(frame);
+  const Lanes tester(frame, tree);
   return walk(tree, tester, frame.t_max, [&](uint32_t link) {
     LeafHits hits;
     uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, frame.t_max, hits);
@@ -281,7 +280,7 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
   };
   size_t count = 0;
   float t_max = frame.t_max;
-  const Lanes tester(frame);
+  const Lanes tester(frame, tree);
   walk(tree, tester, t_max, [&](uint32_t link) {
     LeafHits hits;
     uint32_t lanes = tester.triangles(tree, link, options.cull_back_faces, t_max, hits);

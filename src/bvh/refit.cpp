@@ -137,6 +137,7 @@ class Refit {
     }
   }
 
+  static uint32_t linked_node(uint32_t link) { return link / (kNodeWords / 2); }
   const uint32_t* links_of(uint32_t node) const {
     return data_.nodes.data() + size_t{node} * kNodeWords + (kNodeWords - kWidth);
   }
@@ -275,7 +276,9 @@ class Refit {
   bool has_child_outside(uint32_t node, uint32_t end) const {
     const uint32_t* links = links_of(node);
     return std::any_of(links, links + kWidth, [&](uint32_t link) {
-      return !TriangleBvhData::is_leaf(link) && (link >= end || !is_done_[link]);
+      if (TriangleBvhData::is_leaf(link)) return false;
+      const uint32_t child = linked_node(link);
+      return child >= end || !is_done_[child];
     });
   }
 
@@ -284,8 +287,9 @@ class Refit {
     const uint32_t* links = links_of(node);
     for (uint32_t slot = 0; slot < kWidth; ++slot) {
       if (TriangleBvhData::is_leaf(links[slot])) continue;
-      set_box(node, slot, boxes_[links[slot]], boxes);
-      boxes_[node].extend(boxes_[links[slot]]);
+      const LaneBox& box = boxes_[linked_node(links[slot])];
+      set_box(node, slot, box, boxes);
+      boxes_[node].extend(box);
     }
     if constexpr (kQuantised) data_.set_boxes(node, boxes.data());
   }

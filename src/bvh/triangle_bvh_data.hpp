@@ -21,6 +21,8 @@ inline constexpr uint32_t kLeafBit = 0x80000000u;
 inline constexpr uint32_t kLeafSizeShift = 28;
 inline constexpr uint32_t kMaxLeafTriangles = 8;
 inline constexpr uint32_t kLeafPadding = 8;
+/// Words of all nodes: what links can tell apart.
+inline constexpr size_t kMaxNodeWords = size_t{2} * kLeafBit;
 inline constexpr uint32_t kMaxReferences = (1u << kLeafSizeShift) - kMaxLeafTriangles;
 
 struct RayKernels;
@@ -134,8 +136,13 @@ struct TriangleBvhData : LeafStore {
   /// Nodes and triangles: everything that a query may touch.
   uint64_t bytes() const { return nodes.size() * sizeof(uint32_t) + leaf_bytes(); }
 
+  /// What links to a node: half the number of its first word, which processors make an address of
+  /// without further ado. Files have the node's number instead.
+  uint32_t node_link(uint32_t node) const { return node * (node_words() / 2); }
+  uint32_t linked_node(uint32_t link) const { return link / (node_words() / 2); }
+
   /// kNoChild for a slot without a child (which may lie between slots that have one), a leaf's
-  /// link, or the index of a node.
+  /// link, or a node's.
   uint32_t link(uint32_t node, uint32_t slot) const { return node_at(node)[links_at() + slot]; }
 
   /// A box that holds all below the slot, and may be a little larger.

@@ -1,7 +1,7 @@
-// Saving and loading of a TriangleBvh: a header, and the arrays as they are in memory, aligned so
-// that a file can be mapped. docs/bvh.md has every byte. Loading checks the checksums first and
-// then, because a checksum proves nothing about who wrote it, every link: what it returns is a
-// tree, and no query on it can leave its arrays or go round in circles.
+// Saving and loading of a TriangleBvh: a header, and the arrays as they are in memory but for links
+// to nodes, aligned so that a file can be mapped. docs/bvh.md has every byte. Loading checks the
+// checksums first and then, because a checksum proves nothing about who wrote it, every link: what
+// it returns is a tree, and no query on it can leave its arrays or go round in circles.
 #include <bit>
 #include <cmath>
 #include <string>
@@ -62,14 +62,22 @@ void check_header(const TriangleBvhData& data, const ContainerFile& file) {
           ? 0
           : uint64_t{data.reference_count} * data.reference_words() + kLeafPadding;
   const uint64_t node_bytes = uint64_t{4} * data.node_words();
-  if (file.bytes(0) % node_bytes != 0 || file.bytes(0) / node_bytes >= kLeafBit ||
+  if (file.bytes(0) % node_bytes != 0 || file.bytes(0) / 4 > kMaxNodeWords ||
       file.bytes(1) != 4 * leaf_words || file.bytes(2) % sizeof(Vec3) != 0 ||
       (!data.compact && file.bytes(2) != 0) || (file.bytes(0) == 0) != (data.reference_count == 0))
     corrupt("its arrays do not have the sizes that its header asks for");
 }
 
-/// Every node reached once from one before it, every leaf within the references, and no more of
-/// either than the header says.
+/// Calls change(link) for every link to a node.
+template <typename Change>
+void change_links(const TriangleBvhData& data, BigVector<uint32_t>& nodes, const Change& change) {
+  for (size_t at = data.links_at(); at < nodes.size(); at += data.node_words())
+    for (uint32_t slot = 0; slot < data.width; ++slot)
+      if (!LeafStore::is_leaf(nodes[at + slot])) change(nodes[at + slot]);
+}
+
+/// As in a file: links to nodes are their numbers. Every node reached once from one before it,
+/// every leaf within the references, and no more of either than the header says.
 class TreeChecker {
  public:
   explicit TreeChecker(const TriangleBvhData& data)
@@ -192,6 +200,7 @@ TriangleBvhData read_file(const std::string& path) {
   data.vertices.resize(file.bytes(2) / sizeof(Vec3));
   file.read(container_arrays(data.nodes, data.leaves, data.vertices));
   check_tree(data);
+  change_links(data, data.nodes, [&](uint32_t& link) { link = data.node_link(link); });
   return data;
 }
 
@@ -199,7 +208,9 @@ TriangleBvhData read_file(const std::string& path) {
 
 void TriangleBvh::save(const std::string& path) const {
   const Data& d = data();
-  write_container(path, kKind, encode(d), container_bytes(d.nodes, d.leaves, d.vertices));
+  BigVector<uint32_t> nodes = d.nodes;
+  change_links(d, nodes, [&](uint32_t& link) { link = d.linked_node(link); });
+  write_container(path, kKind, encode(d), container_bytes(nodes, d.leaves, d.vertices));
 }
 
 TriangleBvh TriangleBvh::load(const std::string& path, Simd simd) {

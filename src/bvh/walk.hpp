@@ -61,10 +61,7 @@ class WideNodes {
 
   Link root() const { return 0; }
   static bool is_leaf(Link link) { return TriangleBvhData::is_leaf(link); }
-  Children children(Link node) const {
-    constexpr uint32_t kWords = quantised ? grid::node_words(width) : 7 * width;
-    return Children(data_.nodes.data() + size_t{node} * kWords);
-  }
+  Children children(Link node) const { return Children(data_.nodes.data() + size_t{2} * node); }
   template <typename Visit>
   void visit_runs(Link leaf, const Visit& visit) const {
     visit(leaf);

@@ -227,7 +227,7 @@ class Emitter {
     const Place place{out_.node_count(), static_cast<uint32_t>(leaves_.size()),
                       static_cast<uint32_t>(order_.size())};
     out_.nodes.resize(out_.nodes.size() + other.out_.nodes.size());
-    if (work.parent != kNone) out_.set_link(work.parent, work.slot, place.node);
+    if (work.parent != kNone) out_.set_link(work.parent, work.slot, out_.node_link(place.node));
     out_.max_depth = std::max(out_.max_depth, other.out_.max_depth);
     leaves_.resize(leaves_.size() + other.leaves_.size());
     order_.resize(order_.size() + other.order_.size());
@@ -240,7 +240,9 @@ class Emitter {
       for (uint32_t slot = 0; slot < out_.width; ++slot) {
         const uint32_t link = out_.link(node, slot);
         if (link == kNoChild) continue;
-        out_.set_link(node, slot, link + (LeafStore::is_leaf(link) ? place.primitive : place.node));
+        const uint32_t moved =
+            LeafStore::is_leaf(link) ? place.primitive : out_.node_link(place.node);
+        out_.set_link(node, slot, link + moved);
       }
     for (size_t i = 0; i < other.leaves_.size(); ++i)
       leaves_[place.leaf + i] = {other.leaves_[i].first + place.primitive, other.leaves_[i].count};
@@ -264,7 +266,7 @@ class Emitter {
     if (out_.nodes.size() + out_.node_words() > out_.nodes.capacity())
       out_.nodes.reserve(2 * out_.nodes.capacity() + out_.node_words());
     out_.nodes.resize(out_.nodes.size() + out_.node_words());
-    if (work.parent != kNone) out_.set_link(work.parent, work.slot, index);
+    if (work.parent != kNone) out_.set_link(work.parent, work.slot, out_.node_link(index));
     for (uint32_t slot = 0; slot < out_.width; ++slot) out_.set_link(index, slot, kNoChild);
     return index;
   }
@@ -440,6 +442,14 @@ void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
     }
 }
 
+void check_size(const TriangleBvhData& data) {
+  if (data.nodes.size() > kMaxNodeWords)
+    throw Error(ErrorCode::kUnsupported,
+                "a tree of " + std::to_string(data.nodes.size() / data.node_words()) +
+                    " nodes is larger than the " +
+                    std::to_string(kMaxNodeWords / data.node_words()) + " supported");
+}
+
 TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
                            std::span<const uint32_t> masks) {
   TriangleBvhData out;
@@ -457,6 +467,7 @@ TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const Wi
   const Planner plans(tree, options.width);
   Emitter emitter(tree, plans, out);
   emit_all(tree, plans, out, emitter);
+  check_size(out);
   const std::vector<uint32_t>& order = emitter.order();
   if (!options.is_valid) check_triangles(mesh, order);
   out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());

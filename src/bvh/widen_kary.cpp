@@ -143,7 +143,7 @@ class Emitter {
   void emit(const Work& work) {
     const uint32_t index = out_.node_count();
     out_.nodes.resize(out_.nodes.size() + out_.node_words());
-    if (work.parent != kNone) out_.set_link(work.parent, work.slot, index);
+    if (work.parent != kNone) out_.set_link(work.parent, work.slot, out_.node_link(index));
     for (uint32_t slot = 0; slot < out_.width; ++slot) out_.set_link(index, slot, kNoChild);
     if (work.count > 0)
       emit_run(work, index);
@@ -217,6 +217,7 @@ TriangleBvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenO
   out.bounds = tree.nodes[0].box();
   const Groups groups(tree, options.width, even);
   const Emitter emitter(tree, groups, out);
+  check_size(out);
   const std::vector<uint32_t>& order = emitter.order();
   out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());
   out.reference_count = static_cast<uint32_t>(order.size());

@@ -274,7 +274,7 @@ static inline bool walk_with_ropes(const KdTreeData& tree, const RayFrame& f, Ra
 template <typename Triangles>
 class FrameLanes {
  public:
-  explicit FrameLanes(const RayFrame& frame) : frame_(frame), triangles_(frame) {}
+  FrameLanes(const RayFrame& frame, const LeafStore& /*tree*/) : frame_(frame), triangles_(frame) {}
   const RayFrame& frame() const { return frame_; }
   uint32_t triangles(const LeafStore& tree, uint32_t link, bool cull_back, float t_max,
                      LeafHits& hits) const {

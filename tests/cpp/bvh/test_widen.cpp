@@ -34,8 +34,10 @@ Aabb check_node(const TriangleBvhData& data, const Mesh& mesh, uint32_t node, ui
         seen.push_back(t.primitive);
       });
     } else {
-      EXPECT_GT(link, node) << "children come after their parent";
-      box = check_node(data, mesh, link, depth + 1, seen);
+      const uint32_t child = data.linked_node(link);
+      EXPECT_EQ(data.node_link(child), link);
+      EXPECT_GT(child, node) << "children come after their parent";
+      box = check_node(data, mesh, child, depth + 1, seen);
     }
     EXPECT_TRUE(holds(data.box(node, slot), box));
     extend(all, box);
