@@ -69,7 +69,7 @@ class SpatialBuilder {
   // which become one pack of a wide tree anyway, and overlaps of less than this part of the node.
   static constexpr uint32_t kWholeBelow = 8;
   static constexpr uint32_t kFew = 4;
-  static constexpr float kWorthOverlap = 0.3f;
+  static constexpr float kWorthOverlap = 0.35f;
 
   static uint32_t budget(size_t count, float fraction) {
     return static_cast<uint32_t>(
