@@ -292,6 +292,7 @@ Scene Scene::build(const ClusterScene& clusters, const Look& look, const BuildOp
       parts[i].triangles = range;
       parts[i].mask = masks.empty() ? kOpaqueBit : masks[range.offset];
       parts[i].tree = bvh::build(std::span(boxes).subspan(range.offset, range.count), config);
+      parts[i].tree.nodes.shrink_to_fit();  // builders reserve what leaves of one would need
     });
     std::vector<Placement> placements;
     for (const auto& rows : clusters.transforms) placements.emplace_back(rows);
