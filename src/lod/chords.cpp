@@ -16,25 +16,33 @@ uint64_t key_of(const PositionPair& edge) {
 
 size_t ChordRegistry::slot_of(uint64_t key) const {
   const size_t mask = table_.size() - 1;
-  size_t slot = (key * 0x9e3779b97f4a7c15ull) >> 20 & mask;
+  size_t slot = first_slot(key);
   while (table_[slot] != kEmpty && table_[slot] != key) slot = (slot + 1) & mask;
   return slot;
 }
 
+size_t ChordRegistry::first_slot(uint64_t key) const {
+  return (key * 0x9e3779b97f4a7c15ull) >> 20 & (table_.size() - 1);
+}
+
+// To four times the room, as what is there has to be placed anew.
 void ChordRegistry::grow() {
-  std::vector<uint64_t> old(std::max<size_t>(1024, 2 * table_.size()), kEmpty);
+  BigVector<uint64_t> old(std::max<size_t>(1024, 4 * table_.size()), kEmpty);
   old.swap(table_);
   for (uint64_t key : old)
     if (key != kEmpty) table_[slot_of(key)] = key;
 }
 
 void ChordRegistry::insert(std::span<const PositionPair> edges) {
-  for (const PositionPair& edge : edges) {
-    if (2 * (count_ + 1) > table_.size()) grow();
-    const size_t slot = slot_of(key_of(edge));
-    if (table_[slot] != kEmpty) continue;
-    table_[slot] = key_of(edge);
-    ++count_;
+  constexpr size_t kAhead = 16;
+  while (2 * (count_ + edges.size()) > table_.size()) grow();
+  for (size_t i = 0; i < edges.size(); ++i) {
+    if (i + kAhead < edges.size())
+      __builtin_prefetch(&table_[first_slot(key_of(edges[i + kAhead]))], 1);
+    const uint64_t key = key_of(edges[i]);
+    uint64_t& entry = table_[slot_of(key)];
+    count_ += entry == kEmpty;
+    entry = key;
   }
 }
 

@@ -13,6 +13,7 @@
 #include <span>
 #include <vector>
 
+#include "base/big_vector.hpp"
 #include "lod/cluster_set.hpp"
 #include "lod/topology.hpp"
 
@@ -27,9 +28,10 @@ class ChordRegistry {
 
  private:
   size_t slot_of(uint64_t key) const;
+  size_t first_slot(uint64_t key) const;
   void grow();
 
-  std::vector<uint64_t> table_;  // open addressing
+  BigVector<uint64_t> table_;  // open addressing
   size_t count_ = 0;
 };
 
