@@ -25,9 +25,8 @@ size_t ChordRegistry::first_slot(uint64_t key) const {
   return (key * 0x9e3779b97f4a7c15ull) >> 20 & (table_.size() - 1);
 }
 
-// To four times the room, as what is there has to be placed anew.
 void ChordRegistry::grow() {
-  BigVector<uint64_t> old(std::max<size_t>(1024, 4 * table_.size()), kEmpty);
+  BigVector<uint64_t> old(std::max<size_t>(1024, 2 * table_.size()), kEmpty);
   old.swap(table_);
   for (uint64_t key : old)
     if (key != kEmpty) table_[slot_of(key)] = key;
