@@ -69,7 +69,8 @@ class CpuBuffer {
 
   T* data() const { return data_; }
   size_t size() const { return size_; }
-  // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): it forgets sizes in parallel loops
+  // The analyzer forgets sizes in parallel loops.
+  // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound,clang-analyzer-core.uninitialized.UndefReturn)
   T& operator[](size_t i) const { return data_[i]; }
 
  private:
