@@ -70,10 +70,13 @@ constexpr uint32_t kConnectedBlock = 1 << 16;
 // Fewer items than this are not worth micro-clusters.
 constexpr uint32_t kMicrosFrom = 1 << 10;
 
+bool is_connected(const Source& source) {
+  return !source.connections.ranges.empty() || source.shared_vertex_weight > 0;
+}
+
 uint32_t block_size(const Source& source, const Rules& rules) {
-  const bool connected = !source.connections.ranges.empty() || source.shared_vertex_weight > 0;
   // A part must be no smaller than one cluster.
-  return std::max(connected ? kConnectedBlock : kBlock, rules.config.max_items);
+  return std::max(is_connected(source) ? kConnectedBlock : kBlock, rules.config.max_items);
 }
 
 // Puts a part's items in place, and their boxes into `boxes`.
@@ -99,10 +102,11 @@ bool suits_micros(const Source& source, const Rules& rules, uint32_t count) {
          source.centroids.empty() && count > kMicrosFrom;
 }
 
-// Calls visit(offset, count) as soon as that many items are in the order of clusters.
+// Calls visit(offset, count) as soon as that many items are in the order of clusters. `alone`: no
+// other segment keeps threads busy.
 template <typename LocalBlock>
 void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
-                    uint32_t count, const BoxRecord* bounds, const LocalBlock& local,
+                    uint32_t count, const BoxRecord* bounds, const LocalBlock& local, bool alone,
                     const std::function<void(uint32_t)>& done,
                     const std::function<void(uint32_t, uint32_t)>& visit, bool by_micros = true) {
   if (by_micros && suits_micros(source, rules, count)) {
@@ -110,8 +114,8 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
     if (suits_small_boxes(box)) {
       const auto exact = [&](uint32_t offset, uint32_t n) {
         bisect_segment(
-            source, rules, items + offset, first + offset, n, nullptr, local, [](uint32_t) {},
-            [](uint32_t, uint32_t) {}, false);
+            source, rules, items + offset, first + offset, n, nullptr, local, false,
+            [](uint32_t) {}, [](uint32_t, uint32_t) {}, false);
       };
       bisect_micros(source, rules, items, first, count, box, exact, done);
       return visit(0, count);
@@ -119,7 +123,10 @@ void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, u
   }
   const uint32_t most = block_size(source, rules);
   if (count <= most) {
-    local().bisect(source, rules, items, first, count);
+    if (alone && is_connected(source))
+      local().bisect_in_parallel(source, rules, items, first, count);
+    else
+      local().bisect(source, rules, items, first, count);
     visit(0, count);
     return done(count);
   }
@@ -151,7 +158,7 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
     bisect_segment(
         source, rules, out.items.data() + r.offset, first.data() + r.offset, r.count,
         r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); },
-        [&](uint32_t items) { meter.add(items); },
+        segments.size() == 1, [&](uint32_t items) { meter.add(items); },
         [&](uint32_t offset, uint32_t items) {
           const uint32_t begin = r.offset + offset;
           if (visit)
@@ -203,7 +210,7 @@ void Bisector::build(const Source& source, uint32_t count, std::span<const Range
     for (const Range& r : segments)
       bisect_segment(
           source, rules, out.items.data() + r.offset, scratch_->first.data() + r.offset, r.count,
-          nullptr, [&]() -> Block& { return scratch_->block; }, [](uint32_t) {},
+          nullptr, [&]() -> Block& { return scratch_->block; }, false, [](uint32_t) {},
           [](uint32_t, uint32_t) {});
   };
   bool large = false;

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "base/parallel.hpp"
 #include "base/radix_sort.hpp"
 
 namespace umbel::cluster {
@@ -38,6 +39,15 @@ void Block::bisect(const Source& source, const Rules& rules, uint32_t* items, ui
     boxes[i] = source.record(items[i]).tagged(items[i]);
   }
   bisect_prepared(items, first);
+}
+
+void Block::bisect_in_parallel(const Source& source, const Rules& rules, uint32_t* items,
+                               uint8_t* first, uint32_t count) {
+  // A copy is of the whole block, so there should be few.
+  constexpr uint32_t kLeast = 512, kPart = 3;
+  fork_from_ = std::max(kLeast, count / kPart);
+  bisect(source, rules, items, first, count);
+  fork_from_ = kNone;
 }
 
 BoxRecord* Block::prepare(const Source& source, const Rules& rules, uint32_t count) {
@@ -187,8 +197,17 @@ void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {
   // Leaves need no other order than the one at hand.
   if (!left_leaf || !right_leaf) partition(begin, end, best);
   const uint32_t left = depth > 0 ? depth - 1 : 0;
+  if (end - begin >= fork_from_ && !left_leaf && !right_leaf)
+    return split_halves(begin, middle, end, left);
   left_leaf ? make_leaf(begin, middle, best.axis) : split_node(begin, middle, left);
   right_leaf ? make_leaf(middle, end, best.axis) : split_node(middle, end, left);
+}
+
+// They share no items, and what is kept of items a copy has as well.
+void Block::split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t depth) {
+  Block other(*this);
+  tbb::parallel_invoke([&] { split_node(begin, middle, depth); },
+                       [&] { other.split_node(middle, end, depth); });
 }
 
 bool Block::is_leaf(uint32_t begin, uint32_t end, int axis) {

@@ -26,6 +26,11 @@ class Block {
   void bisect(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
               uint32_t count);
 
+  /// The same, but halves of large nodes may be bisected at once, by copies: for a caller that has
+  /// no other blocks to keep threads busy.
+  void bisect_in_parallel(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
+                          uint32_t count);
+
   /// The same in two steps, for a caller that has the boxes at hand: room for `count` boxes
   /// whose tags are the items' indices, then the bisection of what was put there, at any
   /// scale that is a power of two.
@@ -51,6 +56,7 @@ class Block {
   void split(uint32_t begin, uint32_t end, uint32_t depth);
   void expect_vertices();
   void split_node(uint32_t begin, uint32_t end, uint32_t depth);
+  void split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t depth);
   bool is_leaf(uint32_t begin, uint32_t end, int axis);
   void make_leaf(uint32_t begin, uint32_t end, int axis);
   BoxRecord bounds(uint32_t begin, uint32_t end) const;
@@ -81,7 +87,8 @@ class Block {
   uint32_t* items_ = nullptr;
   uint8_t* first_ = nullptr;
   uint32_t count_ = 0;
-  Float4 pad_{};  ///< of the node at hand
+  uint32_t fork_from_ = kNone;  ///< nodes of as many items are shared with another thread
+  Float4 pad_{};                ///< of the node at hand
 
   std::vector<BoxRecord> boxes_;  ///< by local index; the tag is the item
   std::array<std::vector<float>, 3> centers_;

@@ -19,7 +19,7 @@ constexpr float kLockedWeight = 60.0f;
 constexpr uint32_t kMostOwners = 64;
 
 // Clusters that are connected by one task.
-constexpr size_t kRun = 4096;
+constexpr size_t kRun = 512;
 
 // The positions of each cluster, each once though several of its vertices may have it.
 struct Positions {

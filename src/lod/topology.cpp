@@ -1,17 +1,20 @@
 #include "lod/topology.hpp"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <bit>
 #include <numeric>
 
 #include "base/big_vector.hpp"
+#include "base/parallel.hpp"
 
 namespace umbel::lod {
 namespace {
 
 constexpr uint64_t kEmpty = ~uint64_t{0};
 
-uint32_t find_root(BigVector<uint32_t>& parent, uint32_t i) {
+uint32_t find_root(std::vector<uint32_t>& parent, uint32_t i) {
   while (parent[i] != i) i = parent[i] = parent[parent[i]];
   return i;
 }
@@ -28,6 +31,25 @@ void sort_few(Iterator begin, Iterator end) {
   }
 }
 
+// The lowest of those that are joined, kNone for what is in no pair.
+std::vector<uint32_t> components(std::span<const std::vector<PositionPair>> pairs, size_t count) {
+  std::vector<uint32_t> component;
+  reserve_big(component, count);
+  component.resize(count, kNone);
+  const auto root_of = [&](uint32_t i) {
+    if (component[i] == kNone) component[i] = i;
+    return find_root(component, i);
+  };
+  for (const std::vector<PositionPair>& some : pairs)
+    for (const auto& [a, b] : some) {
+      const uint32_t ra = root_of(a), rb = root_of(b);
+      component[std::max(ra, rb)] = std::min(ra, rb);
+    }
+  for (uint32_t& c : component)
+    if (c != kNone) c = component[c];
+  return component;
+}
+
 }  // namespace
 
 std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, size_t count) {
@@ -40,30 +62,24 @@ std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, 
   for (const auto& [a, b] : edges)
     ends[cursor[std::min(a, b)]++] = std::max(a, b) << 1 | uint32_t{a < b};
 
-  BigVector<uint32_t> parent(count);
-  std::iota(parent.begin(), parent.end(), 0u);
-  BigVector<uint8_t> irregular(count, 0);
-  for (size_t a = 0; a < count; ++a) {
-    const auto begin = ends.begin() + offsets[a], end = ends.begin() + offsets[a + 1];
-    sort_few(begin, end);
-    for (auto i = begin; i != end;) {
-      const uint32_t b = *i >> 1;
-      const auto run = std::find_if(i, end, [&](uint32_t e) { return e >> 1 != b; });
-      if (run - i != 2 || *i == *(i + 1)) {
-        irregular[a] = irregular[b] = 1;
-        const uint32_t ra = find_root(parent, static_cast<uint32_t>(a));
-        const uint32_t rb = find_root(parent, b);
-        parent[std::max(ra, rb)] = std::min(ra, rb);
+  constexpr size_t kChunk = 1 << 16;
+  std::vector<std::vector<PositionPair>> found((count + kChunk - 1) / kChunk);
+  const auto find = [&](size_t first, size_t last) {
+    for (size_t a = first; a < last; ++a) {
+      const auto begin = ends.begin() + offsets[a], end = ends.begin() + offsets[a + 1];
+      sort_few(begin, end);
+      for (auto i = begin; i != end;) {
+        const uint32_t b = *i >> 1;
+        const auto run = std::find_if(i, end, [&](uint32_t e) { return e >> 1 != b; });
+        if (run - i != 2 || *i == *(i + 1))
+          found[first / kChunk].push_back({static_cast<uint32_t>(a), b});
+        i = run;
       }
-      i = run;
     }
-  }
-  std::vector<uint32_t> component;
-  reserve_big(component, count);
-  component.resize(count);
-  for (size_t i = 0; i < count; ++i)
-    component[i] = irregular[i] ? find_root(parent, static_cast<uint32_t>(i)) : kNone;
-  return component;
+  };
+  // While it waits, a thread that simplifies a group may not begin another with the same memory.
+  tbb::this_task_arena::isolate([&] { parallel_chunks(count, kChunk, find); });
+  return components(found, count);
 }
 
 std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,

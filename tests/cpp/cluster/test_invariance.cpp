@@ -29,6 +29,30 @@ TEST(BisectInvariance, result_does_not_depend_on_the_number_of_threads) {
   }
 }
 
+TEST(BisectInvariance, connected_items_do_not_depend_on_the_number_of_threads) {
+  Items items = random_items(12000, 21);
+  std::mt19937 random(4);
+  for (uint32_t i = 0; i < 12000; ++i) {
+    items.ranges.push_back({uint32_t(items.targets.size()), 4});
+    for (int k = 0; k < 4; ++k) {
+      items.targets.push_back((i + 1 + random() % 200) % 12000);
+      items.weights.push_back(static_cast<float>(random() % 1000) * 0.07f);
+    }
+  }
+  const ClusterConfig config = limits(24, 32);
+  const Clusters one = checked(items, config, 1);
+  for (const uint32_t threads : {2u, 8u}) EXPECT_TRUE(same(one, checked(items, config, threads)));
+  Clusters alone;
+  cluster::Bisector().build(items.input(), config, alone);
+  EXPECT_TRUE(same(one, alone));
+
+  const Mesh mesh = grid(120, 100, 5.0f);
+  const auto shared = [&](uint32_t threads) {
+    return cluster_mesh(mesh.view(), limits(32, 128), 1.0f, {{}, threads});
+  };
+  for (const uint32_t threads : {2u, 8u}) EXPECT_TRUE(same(shared(1), shared(threads)));
+}
+
 TEST(BisectInvariance, mesh_and_boxes_give_the_same_clusters) {
   const Mesh mesh = grid(200, 200, 5.0f);
   EXPECT_TRUE(same(cluster_mesh(mesh.view(), limits(32, 128, 100)),
