@@ -1,9 +1,9 @@
 // The walk through a wide tree, for any instruction set. `Lanes`, made of a ray's frame and the
 // tree, says how boxes and triangles are tested:
 //   kWidth                           slots a node
-//   visit(link, cull, top)           of a node: the nearest child whose box the ray meets in
-//   [t_min, cull], or
-//                                    kNoChild; puts the others on the stack, the furthest first
+//   visit(link, cull, top)           the nearest child of a node whose box the ray meets in
+//                                    [t_min, cull], or kNoChild; puts the others on the stack, the
+//                                    furthest first
 //   triangles(tree, link, cull_back, t_max, hits)  which triangles of a leaf the ray meets in
 //                                    [t_min, t_max]
 // Children are visited from near to far; those further than the nearest hit are skipped.
