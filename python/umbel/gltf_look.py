@@ -41,8 +41,10 @@ class _Writer:
     def material(self, material: Material) -> Json:
         entry = write_material(material)
         for slot, image in material.images.items():
+            if slot not in _SLOTS:
+                continue
             source = self.image(image)
-            if slot not in _SLOTS or source is None:
+            if source is None:
                 continue
             section, name = _SLOTS[slot]
             target = entry.setdefault(section, {}) if section else entry

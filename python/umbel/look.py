@@ -113,7 +113,7 @@ class Look:
         self.materials = [self._material(material) for material in mesh.materials]
 
     def _material(self, material: Material) -> _umbel.TraceMaterial:
-        if replace(material, name="") == Material():
+        if replace(material, name="", extras=None) == Material():
             return plain()  # the file says nothing: no white that never gets dark
         out = _umbel.TraceMaterial()
         r, g, b, alpha = (_unit(v) for v in material.base_color)

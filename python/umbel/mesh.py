@@ -27,7 +27,10 @@ class Material:
 
     `textures` maps a slot ("base_color", "normal", ...) to what the file says about the image,
     untouched; `images` maps it to the image itself where the file has it, for `umbel.render`.
-    Images are not part of what makes two materials equal, and are not stored in assets.
+    Images are not part of what makes two materials equal.
+
+    `extensions` is glTF's JSON as the file has it; the textures in it are slots as well, by names
+    such as "KHR_materials_clearcoat/clearcoatTexture".
     """
 
     name: str = ""
@@ -40,6 +43,8 @@ class Material:
     alpha_cutoff: float = 0.5  #: used by MASK
     textures: dict[str, dict[str, Any]] = field(default_factory=dict)
     images: dict[str, TextureImage] = field(default_factory=dict, repr=False, compare=False)
+    extensions: dict[str, Any] = field(default_factory=dict)  #: glTF's, as JSON
+    extras: Any = None  #: the application's own, as JSON
 
 
 @dataclass(eq=False)

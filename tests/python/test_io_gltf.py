@@ -543,6 +543,24 @@ def test_materials_are_read(tmp_path: Path) -> None:
     assert mesh.material_ids.tolist() == [0, 0, 0, 0]
 
 
+def test_extensions_of_materials_are_kept_with_their_textures(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["images"] = [{"uri": "coat.png"}]
+    b.root["textures"] = [{"source": 0}]
+    coat = {"clearcoatFactor": 0.5, "clearcoatTexture": {"index": 0, "texCoord": 1}}
+    b.root["materials"] = [
+        {"extensions": {"KHR_materials_clearcoat": coat, "ACME_x": {"a": [1]}}, "extras": {"id": 7}}
+    ]
+    one(b.primitive({"POSITION": TETRA_POSITIONS}, INDICES, material=0), builder=b)
+    (material,) = read(tmp_path, b).materials
+    kept = {"clearcoatFactor": 0.5, "clearcoatTexture": {"texCoord": 1}}
+    assert material.extensions == {"KHR_materials_clearcoat": kept, "ACME_x": {"a": [1]}}
+    assert material.extras == {"id": 7}
+    assert set(material.textures) == set(material.images)
+    info = material.textures["KHR_materials_clearcoat/clearcoatTexture"]
+    assert (info["texCoord"], info["image"]) == (1, {"uri": "coat.png"})
+
+
 # --- damage -----------------------------------------------------------------------------------
 
 

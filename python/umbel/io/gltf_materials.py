@@ -24,6 +24,8 @@ def read_material(entry: Json, root: Json) -> Material:
         double_sided=bool(entry.get("doubleSided", False)),
         alpha_mode=str(entry.get("alphaMode", "OPAQUE")),
         alpha_cutoff=float(entry.get("alphaCutoff", 0.5)),
+        extensions=without_indices(extensions),
+        extras=entry.get("extras"),
     )
     slots = {
         "base_color": pbr.get("baseColorTexture"),
@@ -31,6 +33,7 @@ def read_material(entry: Json, root: Json) -> Material:
         "normal": entry.get("normalTexture"),
         "occlusion": entry.get("occlusionTexture"),
         "emissive": entry.get("emissiveTexture"),
+        **extension_textures(extensions),
     }
     glossy = extensions.get("KHR_materials_pbrSpecularGlossiness")
     if glossy and not pbr:
@@ -42,6 +45,34 @@ def read_material(entry: Json, root: Json) -> Material:
         slot: {**info, "image": _image(info, root)} for slot, info in slots.items() if info
     }
     return material
+
+
+def extension_textures(extensions: Json) -> dict[str, Json]:
+    """The texture infos that a material's extensions have, by the names of their slots."""
+    return {
+        f"{name}/{key}": info
+        for name, extension in extensions.items()
+        if isinstance(extension, dict)
+        for key, info in extension.items()
+        if _is_texture(key, info)
+    }
+
+
+def without_indices(extensions: Json) -> Json:
+    """The same JSON whose texture infos do not say which texture: that is the slot's image."""
+    return {
+        name: {
+            key: {k: v for k, v in info.items() if k != "index"} if _is_texture(key, info) else info
+            for key, info in extension.items()
+        }
+        if isinstance(extension, dict)
+        else extension
+        for name, extension in extensions.items()
+    }
+
+
+def _is_texture(key: str, info: Any) -> bool:
+    return key.endswith("Texture") and isinstance(info, dict) and isinstance(info.get("index"), int)
 
 
 def write_material(material: Material) -> Json:
