@@ -134,6 +134,8 @@ class Look:
 
     def _use(self, material: Material, slot: str) -> tuple[int, float, float, float, float, float]:
         image = material.images.get(slot)
+        if image is None and slot in material.textures:
+            self._say(f"material {material.name!r} loses its {slot} texture: there is no image")
         if image is None or not self._has_uvs:
             return _NO_TEXTURE
         info = material.textures.get(slot, {})

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import Error
 from umbel.io.files import read_bytes
+from umbel.io.ktx2 import IDENTIFIER, decode_ktx2
 
 #: Pixels of the largest image that is decoded; larger claims are damage or an attack.
 _MOST_PIXELS = 1 << 28
@@ -20,8 +21,8 @@ _MOST_PIXELS = 1 << 28
 
 @dataclass(frozen=True)
 class TextureImage:
-    """A PNG, JPEG or other image that Pillow can read, as a file or as its bytes, and how texture
-    coordinates address it."""
+    """A KTX2 image, or a PNG, JPEG, WebP, AVIF or other one that Pillow can read, as a file or as
+    its bytes, and how texture coordinates address it."""
 
     data: bytes | None = None
     path: Path | None = None
@@ -42,6 +43,8 @@ class TextureImage:
 
 def decode(data: bytes, what: str) -> NDArray[np.uint8]:
     """(height, width, 4) uint8 RGBA of an encoded image."""
+    if data.startswith(IDENTIFIER):
+        return decode_ktx2(data, what, _MOST_PIXELS)
     try:
         from PIL import Image
     except ImportError:
