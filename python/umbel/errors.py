@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
+
 
 class Error(ValueError):
     """Input, an argument or a file is at fault; the message is one sentence that names it.
@@ -19,3 +22,10 @@ class Cancelled(Error):
 
 class LoadWarning(UserWarning):
     """A file was read, but something in it was left out or replaced."""
+
+
+def warn_lost(what: str, which: Sequence[str], most: int = 4) -> None:
+    """One LoadWarning that names all that was left out, or how many more there are."""
+    rest = len(which) - most
+    more = [f"and {rest} more"] if rest > 0 else []
+    warnings.warn(f"{what}: {'; '.join([*which[:most], *more])}", LoadWarning, stacklevel=3)

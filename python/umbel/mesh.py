@@ -23,14 +23,13 @@ _UINT32_MAX = 0xFFFFFFFF
 
 @dataclass
 class Material:
-    """What a surface is made of: glTF's metallic-roughness model.
+    """What a surface is made of: glTF's metallic-roughness model, and what extends it.
 
-    `textures` maps a slot ("base_color", "normal", ...) to what the file says about the image,
-    untouched; `images` maps it to the image itself where the file has it, for `umbel.render`.
-    Images are not part of what makes two materials equal.
-
-    `extensions` is glTF's JSON as the file has it; the textures in it are slots as well, by names
-    such as "KHR_materials_clearcoat/clearcoatTexture".
+    `textures` maps a slot ("base_color", "metallic_roughness", "normal", "occlusion", "emissive")
+    to how the file uses the image: `texCoord`, `scale` or `strength`, and `extensions` such as
+    KHR_texture_transform; `images` maps it to the image itself. `extensions` is glTF's JSON as it
+    is in the file; textures in it are slots too, named "KHR_materials_sheen/sheenColorTexture".
+    KHR_materials_emissive_strength is a part of `emissive`.
     """
 
     name: str = ""
@@ -42,9 +41,9 @@ class Material:
     alpha_mode: str = "OPAQUE"  #: OPAQUE, MASK or BLEND
     alpha_cutoff: float = 0.5  #: used by MASK
     textures: dict[str, dict[str, Any]] = field(default_factory=dict)
-    images: dict[str, TextureImage] = field(default_factory=dict, repr=False, compare=False)
-    extensions: dict[str, Any] = field(default_factory=dict)  #: glTF's, as JSON
-    extras: Any = None  #: the application's own, as JSON
+    images: dict[str, TextureImage] = field(default_factory=dict, repr=False)
+    extensions: dict[str, Any] = field(default_factory=dict)  #: of glTF, by their names
+    extras: Any = None  #: what the file's author keeps with it, as JSON
 
 
 @dataclass(eq=False)

@@ -537,7 +537,7 @@ def test_materials_are_read(tmp_path: Path) -> None:
     assert (bark.metallic, bark.roughness) == (0.5, 0.6)
     assert bark.emissive == (4, 0, 2)
     assert (bark.double_sided, bark.alpha_mode, bark.alpha_cutoff) == (True, "MASK", 0.25)
-    assert bark.textures["base_color"]["image"] == {"uri": "bark.png"}
+    assert bark.images["base_color"].path == tmp_path / "bark.png"
     assert bark.textures["base_color"]["texCoord"] == 1
     assert (glossy.metallic, glossy.roughness) == (0.0, 0.75)
     assert mesh.material_ids.tolist() == [0, 0, 0, 0]

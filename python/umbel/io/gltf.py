@@ -19,7 +19,7 @@ from umbel.camera import Camera
 from umbel.errors import Error, LoadWarning
 from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
 from umbel.io.gltf_cameras import read_camera
-from umbel.io.gltf_images import attach_images
+from umbel.io.gltf_images import texture_reader
 from umbel.io.gltf_materials import read_material
 from umbel.io.gltf_nodes import Nodes, instance_matrices
 from umbel.io.gltf_schema import check_schema
@@ -83,8 +83,9 @@ class _Reader:
         self.where = buffers.where
         self.root = buffers.root
         self.nodes = Nodes(buffers)
-        self.materials = [read_material(m, self.root) for m in self.root.get("materials") or []]
-        attach_images(self.materials, buffers)
+        self.textures = texture_reader(buffers)
+        entries = self.root.get("materials") or []
+        self.materials = [read_material(entry, self.textures.image) for entry in entries]
         self.meshes: list[Mesh] = []
         self.cameras: list[Camera] = []
         self._made: dict[tuple[Any, ...], int | None] = {}

@@ -1,37 +1,22 @@
-"""Images of glTF's textures: embedded, in data URIs, or in files beside the asset."""
+"""Images of glTF files: embedded, in data URIs, or in files beside the asset."""
 
 from __future__ import annotations
 
 import urllib.parse
-from pathlib import Path
-from typing import Any
 
 from umbel.errors import Error
 from umbel.io.gltf_buffers import Buffers, Json, data_uri
-from umbel.io.images import TextureImage, beside
-from umbel.mesh import Material
-
-_WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
-_NEAREST = 9728
+from umbel.io.gltf_textures import Source, TextureReader
+from umbel.io.images import beside
 
 
-def attach_images(materials: list[Material], buffers: Buffers) -> None:
-    """Fills `images` of each material for the slots of its `textures`. What is damaged or leads
-    out of the asset's folder is left out; the mesh does not depend on it."""
-    sources: dict[int, tuple[bytes | None, Path | None]] = {}
-    for material in materials:
-        for slot, info in material.textures.items():
-            entry = info.get("image")
-            if not isinstance(entry, dict):
-                continue
-            if id(entry) not in sources:
-                sources[id(entry)] = _source(entry, buffers)
-            data, path = sources[id(entry)]
-            if data is not None or path is not None:
-                material.images[slot] = TextureImage(data, path, **_sampler(info, buffers.root))
+def texture_reader(buffers: Buffers) -> TextureReader:
+    """The textures of a file. What is damaged or leads out of the file's folder is left out; the
+    mesh does not depend on it."""
+    return TextureReader(buffers.root, lambda entry: _source(entry, buffers))
 
 
-def _source(entry: Json, buffers: Buffers) -> tuple[bytes | None, Path | None]:
+def _source(entry: Json, buffers: Buffers) -> Source:
     uri = entry.get("uri")
     try:
         if isinstance(uri, str) and uri.startswith("data:"):
@@ -43,16 +28,3 @@ def _source(entry: Json, buffers: Buffers) -> tuple[bytes | None, Path | None]:
     except Error:
         pass
     return None, None
-
-
-def _sampler(info: Json, root: Json) -> dict[str, Any]:
-    """Wrapping and filter of a texture, glTF's defaults where the file is wrong."""
-    try:
-        sampler = root["samplers"][root["textures"][info["index"]]["sampler"]]
-        return {
-            "wrap_u": _WRAPS.get(sampler.get("wrapS"), "repeat"),
-            "wrap_v": _WRAPS.get(sampler.get("wrapT"), "repeat"),
-            "nearest": sampler.get("magFilter") == _NEAREST,
-        }
-    except (KeyError, IndexError, TypeError, AttributeError):
-        return {}

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import io
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +31,45 @@ class TextureImage:
     wrap_v: str = "repeat"
     nearest: bool = False  #: no interpolation between texels
     bottom_up: bool = False  #: v = 0 is the image's bottom, as in OBJ
+    #: what else a glTF file says of its "image", "texture" and "sampler": names, filters, extras
+    gltf: dict[str, Any] = field(default_factory=dict, hash=False, repr=False)
+    #: the glTF extension that a texture names it by, such as EXT_texture_webp
+    extension: str = ""
+    #: what a reader shows that does not know that extension
+    fallback: TextureImage | None = None
+
+    def encoded(self) -> bytes:
+        """The image's bytes as they are."""
+        if self.data is not None:
+            return self.data
+        if self.path is None:
+            raise Error("an image has neither a file nor data")
+        return read_bytes(self.path)
 
     def texels(self) -> NDArray[np.uint8]:
-        """(height, width, 4) uint8 RGBA, the top row first."""
-        data = self.data
-        if data is None:
-            if self.path is None:
-                raise Error("an image has neither a file nor data")
-            data = read_bytes(self.path)
-        return decode(data, str(self.path or "an image inside the file"))
+        """(height, width, 4) uint8 RGBA, the top row first; of the fallback where the image itself
+        cannot be decoded."""
+        try:
+            return decode(self.encoded(), str(self.path or "an image inside the file"))
+        except Error:
+            if self.fallback is None:
+                raise
+            return self.fallback.texels()
+
+
+def mime_type(data: bytes) -> str:
+    """What an image's first bytes say it is; "" where they say nothing."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n":
+        return "image/png"
+    if data[:3] == b"\xff\xd8\xff":
+        return "image/jpeg"
+    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
+        return "image/webp"
+    if data[1:7] == b"KTX 20":
+        return "image/ktx2"
+    if data[4:8] == b"ftyp" and data[8:12] in (b"avif", b"avis"):
+        return "image/avif"
+    return "image/vnd-ms.dds" if data[:4] == b"DDS " else ""
 
 
 def decode(data: bytes, what: str) -> NDArray[np.uint8]:
