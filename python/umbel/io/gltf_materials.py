@@ -45,16 +45,14 @@ def read_material(entry: Json, image: Callable[[Any], TextureImage | None]) -> M
         extensions=extensions,
         extras=copy.deepcopy(entry.get("extras")),
     )
-    found = {
-        slot: (entry if not a else entry.get(a) or {}).get(b) for slot, (a, b) in _SLOTS.items()
-    }
+    given = {slot: (entry.get(a) or {} if a else entry).get(b) for slot, (a, b) in _SLOTS.items()}
     glossy = extensions.get(_GLOSSY)
     if glossy and not pbr:
         material.base_color = _color(glossy.get("diffuseFactor"), (1.0, 1.0, 1.0, 1.0))
         material.metallic = 0.0
         material.roughness = 1.0 - float(glossy.get("glossinessFactor", 1.0))
-        found["base_color"] = glossy.get("diffuseTexture")
-    found = {slot: dict(info) for slot, info in found.items() if isinstance(info, dict) and info}
+        given["base_color"] = glossy.get("diffuseTexture")
+    found: dict[str, Json] = {s: dict(info) for s, info in given.items() if isinstance(info, dict)}
     found |= {slot: parent[key] for slot, parent, key in extension_textures(extensions)}
     for slot, info in found.items():
         made = image(info.pop("index", None))

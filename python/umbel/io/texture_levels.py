@@ -45,9 +45,9 @@ def add_levels(
                     levels[number].append({"file": len(out), "width": width, "height": height})
                     out.append(data)
     for entry in images:
-        number = entry.get("file")
-        if number is None:
+        if "file" not in entry:
             continue
+        number = entry["file"]
         size = made[number][0]
         if size is not None:
             entry["width"], entry["height"] = size
