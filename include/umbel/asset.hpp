@@ -15,7 +15,7 @@
 namespace umbel {
 
 struct AssetInfo {
-  uint16_t version_major = 3, version_minor = 1;
+  uint16_t version_major = 3, version_minor = 2;
   uint64_t file_bytes = 0;
   uint64_t head_bytes = 0;  ///< what opening reads
   /// A hash of the whole file: of the hashes of its parts.
@@ -30,7 +30,9 @@ struct AssetInfo {
   float position_step = 0;  ///< positions are multiples of it; 0: any floats
   float uv_step = 0;        ///< likewise
   uint32_t normal_bits = 0, tangent_bits = 0, color_bits = 0;  ///< see AssetConfig; 0: floats
-  Aabb bounds;  ///< of the meshes, each where it is without any instance
+  Aabb bounds;  ///< of the meshes, each where it is without any instance, relative to `origin`
+  /// Where the world of meshes and instances lies: a point of the asset is at origin + point.
+  Vec3d origin{};
   uint64_t source_triangles = 0, source_vertices = 0;
   uint64_t source_digest = 0;  ///< the sum of the meshes'
 };
@@ -104,6 +106,11 @@ struct AssetContents {
   std::vector<uint32_t> first_materials;
   /// Files that `materials` refers to: images.
   std::vector<std::vector<std::byte>> files;
+  /// Where the world of meshes and instances lies, so that their floats can be small.
+  Vec3d origin{};
+  /// A JSON object about the scene that the meshes are from, or nothing: see docs/format.md,
+  /// section SCEN.
+  std::string scene;
 };
 
 /// Writes beside `path` and renames, so that a file of that name is always whole. Returns the bytes
@@ -150,6 +157,8 @@ class UMBEL_API Asset {
   const std::vector<Instance>& instances() const;
   /// JSON; docs/format.md, section MTRL.
   const std::string& materials() const;
+  /// JSON, or nothing; docs/format.md, section SCEN.
+  const std::string& scene() const;
   /// A file that `materials` refers to. Throws kCorrupt if its checksum does not hold.
   std::vector<std::byte> file(uint32_t index) const;
   uint32_t files() const;

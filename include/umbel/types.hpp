@@ -34,10 +34,22 @@ struct Vec3 {
   bool operator==(const Vec3&) const = default;
 };
 
+/// A point of the world, where floats would not do. See AssetContents::origin.
+struct Vec3d {
+  double x, y, z;
+  bool operator==(const Vec3d&) const = default;
+};
+
 struct Vec4 {
   float x, y, z, w;
   bool operator==(const Vec4&) const = default;
 };
+
+/// A point of the world as one relative to `origin`: subtracted first, rounded to floats then.
+constexpr Vec3 relative_to(const Vec3d& origin, const Vec3d& point) {
+  return {static_cast<float>(point.x - origin.x), static_cast<float>(point.y - origin.y),
+          static_cast<float>(point.z - origin.z)};
+}
 
 /// Three vertex indices, counter-clockwise when seen from outside.
 using Triangle = std::array<uint32_t, 3>;

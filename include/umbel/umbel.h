@@ -91,6 +91,21 @@ typedef struct umbel_vec3 {
   float x, y, z;
 } umbel_vec3;
 
+/// A point of the world, where floats would not do.
+typedef struct umbel_vec3d {
+  double x, y, z;
+} umbel_vec3d;
+
+/// A point of the world as one relative to `origin` (umbel_asset_info.origin), as views, rays and
+/// positions are: subtracted first, rounded to floats then.
+static inline umbel_vec3 umbel_relative_to(umbel_vec3d origin, umbel_vec3d point) {
+  umbel_vec3 local;
+  local.x = (float)(point.x - origin.x);
+  local.y = (float)(point.y - origin.y);
+  local.z = (float)(point.z - origin.z);
+  return local;
+}
+
 typedef struct umbel_aabb {
   umbel_vec3 min, max;
 } umbel_aabb;
@@ -699,7 +714,7 @@ UMBEL_C_API umbel_result umbel_bvh2_get_statistics(const umbel_bvh2* tree,
 //   umbel_residency* residency;
 //   umbel_residency_create(asset, 64 << 20, 2, &residency);
 //   umbel_stream_view view = {0};                    // the first mesh
-//   view.eye = eye;                                  // in its space
+//   view.eye = umbel_relative_to(info.origin, eye);  // in its space
 //   view.threshold = 2 * tan(fov_y / 2) / height;    // errors of a pixel
 //   umbel_residency_step(residency, &view, 1, seconds, &step);     // each frame
 //   umbel_residency_cut(residency, clusters, capacity, &count);    // what to draw
@@ -723,7 +738,8 @@ typedef struct umbel_asset_info {
   uint64_t file_bytes, head_bytes;       ///< opening reads the latter
   uint64_t checksum;                     ///< of the whole file
   uint64_t source_triangles;             ///< of all meshes
-  umbel_aabb bounds;                     ///< min > max where there is nothing
+  umbel_aabb bounds;                     ///< relative to origin; min > max where there is nothing
+  umbel_vec3d origin;                    ///< points of the asset are at origin + point
 } umbel_asset_info;
 
 /// One mesh as somebody sees it, in its own space: errors up to `threshold` times the distance from

@@ -210,6 +210,9 @@ UMBEL_C_API umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* r
 /// Writes a .umbel file beside `path` and renames it. `exact`: keep every bit of the attributes.
 UMBEL_C_API umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,
                                         const umbel_build_options* options);
+/// The same for positions that are relative to `origin`, a point of the world.
+UMBEL_C_API umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact,
+                                           umbel_vec3d origin, const umbel_build_options* options);
 
 /// Proves the DAG with that many random cuts; UMBEL_ERROR_CORRUPT and a sentence where it fails.
 UMBEL_C_API umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed,

@@ -8,7 +8,9 @@
 namespace umbel::python {
 namespace {
 
-nb::object tuple_of(const Vec3& v) { return nb::make_tuple(v.x, v.y, v.z); }
+nb::object tuple_of(const Vec3& v, const Vec3d& origin = {}) {
+  return nb::make_tuple(origin.x + v.x, origin.y + v.y, origin.z + v.z);
+}
 
 Dict info_dict(const AssetInfo& info) {
   Dict result;
@@ -29,9 +31,10 @@ Dict info_dict(const AssetInfo& info) {
   result["tangent_bits"] = info.tangent_bits;
   result["color_bits"] = info.color_bits;
   const bool empty = info.bounds.min.x > info.bounds.max.x;
-  result["bounds"] =
-      empty ? nb::object(nb::none())
-            : nb::object(nb::make_tuple(tuple_of(info.bounds.min), tuple_of(info.bounds.max)));
+  result["bounds"] = empty ? nb::object(nb::none())
+                           : nb::object(nb::make_tuple(tuple_of(info.bounds.min, info.origin),
+                                                       tuple_of(info.bounds.max, info.origin)));
+  result["origin"] = nb::make_tuple(info.origin.x, info.origin.y, info.origin.z);
   result["source_triangles"] = info.source_triangles;
   result["source_vertices"] = info.source_vertices;
   result["source_digest"] = info.source_digest;
@@ -108,11 +111,14 @@ uint64_t write(const std::filesystem::path& path, const nb::typed<nb::list, lod:
                const std::string& metadata, const std::string& materials,
                const Flat<uint32_t>& first_materials, const nb::typed<nb::list, nb::bytes>& files,
                const Flat<uint32_t>& instance_meshes, const Rows<float, 12>& transforms, bool exact,
-               uint32_t page_bytes, const nb::object& progress, uint32_t threads) {
+               uint32_t page_bytes, const nb::object& progress, uint32_t threads,
+               const std::array<double, 3>& origin, const std::string& scene) {
   AssetContents contents;
   for (const nb::handle dag : dags) contents.meshes.push_back(nb::cast<const lod::Dag*>(dag));
   contents.metadata = metadata;
   contents.materials = materials;
+  contents.origin = {origin[0], origin[1], origin[2]};
+  contents.scene = scene;
   const auto firsts = rows_of<uint32_t>(first_materials);
   contents.first_materials.assign(firsts.begin(), firsts.end());
   for (const nb::handle file : files) {
@@ -164,6 +170,7 @@ void bind_asset(nb::module_& module) {
       .def("transforms", &transforms_of)
       .def("instance_meshes", &instance_meshes_of)
       .def_prop_ro("materials", [](const Asset& asset) { return asset.materials(); })
+      .def_prop_ro("scene", [](const Asset& asset) { return asset.scene(); })
       .def_prop_ro("files", &Asset::files)
       .def(
           "file",
@@ -226,12 +233,14 @@ void bind_asset(nb::module_& module) {
   module.def(
       "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "first_materials"_a,
       "files"_a, "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a,
-      "progress"_a = nb::none(), "threads"_a = 0,
+      "progress"_a = nb::none(), "threads"_a = 0, "origin"_a = std::array<double, 3>{},
+      "scene"_a = "",
       nb::sig("def write_asset(path: str | os.PathLike[str], dags: list[Dag], metadata: str, "
               "materials: str, first_materials: typing.Any, files: list[bytes], instance_meshes: "
               "typing.Any, "
               "transforms: typing.Any, exact: bool, page_bytes: int, "
-              "progress: object | None = None, threads: int = 0) -> int"));
+              "progress: object | None = None, threads: int = 0, "
+              "origin: typing.Sequence[float] = (0, 0, 0), scene: str = '') -> int"));
   module.def(
       "verify_asset",
       [](const std::filesystem::path& path, uint32_t cuts, uint32_t seed,

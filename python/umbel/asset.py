@@ -75,6 +75,21 @@ class Asset(HasTables):
         return [(int(m), row.reshape(3, 4)) for m, row in zip(meshes, rows, strict=True)]
 
     @property
+    def origin(self) -> NDArray[np.float64]:
+        """(3,): where the asset lies. Its meshes, instances and tables are relative to it."""
+        return np.array(self._native.info["origin"])
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        """What is kept of the file's scene: names, hierarchy, cameras, extras, copyright
+        (docs/format.md, section SCEN). Empty where there is nothing."""
+        try:
+            scene = json.loads(self._native.scene or "{}")
+        except ValueError as error:
+            raise Error(f"{self.path}: the scene is no JSON ({error})") from None
+        return scene if isinstance(scene, dict) else {}
+
+    @property
     def page_sizes(self) -> NDArray[np.uint32]:
         """Bytes of each page, in the order of the file: coarsest first."""
         return self._native.page_sizes()

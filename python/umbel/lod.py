@@ -18,6 +18,7 @@ from .errors import Error
 from .gltf_look import write_materials
 from .mesh import Material, Mesh
 from .metadata import encode
+from .origin import origin_of
 from .proof import VerifyReport
 from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
@@ -156,6 +157,8 @@ def save_asset(
     exact: bool | None = None,
     textures: str = "embed",
     page_bytes: int = PAGE_BYTES,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    scene: dict[str, Any] | None = None,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> int:
@@ -165,6 +168,8 @@ def save_asset(
     instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
         vectors from the mesh to the world). None: every mesh once, where it is.
     metadata: what `Asset.info["metadata"]` shall be.
+    origin: where the asset lies: instances and meshes are relative to it.
+    scene: what `Asset.scene` shall be.
     The rest is as `Lod.save` has it.
     """
     for instance in instances:
@@ -196,6 +201,8 @@ def save_asset(
         page_bytes,
         progress,
         thread_count(threads),
+        origin_of(origin).tolist(),
+        encode(scene) if scene else "",
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel.errors import Error
+from umbel.origin import localize, origin_of, zero_origin
 
 if TYPE_CHECKING:
     from umbel.camera import Camera
@@ -50,6 +51,10 @@ class Material:
 class Mesh:
     """A triangle mesh. Arrays are C-contiguous; an attribute that is absent is None.
 
+    A vertex is at `origin + positions[i]`: where the world's coordinates are too large for float32
+    (maps, Earth-centred scans), positions are relative to an origin near them. Where `positions`
+    are given in float64 with no origin, the mesh gets one if it needs it (`umbel.localize`).
+
     Positions are in the file's own units, right-handed; corners run counter-clockwise seen from
     outside. UVs are as the file stores them: glTF puts v = 0 at the image's top, OBJ and PLY at
     its bottom. Integer colours are divided by their type's largest value, nothing else.
@@ -58,7 +63,7 @@ class Mesh:
     until `umbel.validate` says otherwise. Shapes and types are checked on construction.
     """
 
-    positions: Float32Array  #: (n, 3) float32
+    positions: Float32Array  #: (n, 3) float32, relative to `origin`
     triangles: UInt32Array  #: (m, 3) uint32, vertex indices
     normals: Float32Array | None = None  #: (n, 3) float32, unit length where known
     tangents: Float32Array | None = None  #: (n, 4) float32, w = -1 or 1 as in glTF
@@ -71,9 +76,13 @@ class Mesh:
     materials: list[Material] = field(default_factory=list)
     name: str = ""
     cameras: list[Camera] = field(default_factory=list)  #: perspective cameras of the file
+    origin: Float64Array = field(default_factory=zero_origin)  #: (3,) float64, mostly zero
+    #: what is known of the world's coordinates: "unit", "up", "crs"
+    coordinates: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.positions = _floats(self.positions, 3, "positions")
+        self.origin = origin_of(self.origin)
+        self._take_positions()
         self.triangles = _triangles(self.triangles)
         n = len(self.positions)
         self.normals = _optional(self.normals, n, 3, "normals")
@@ -91,6 +100,14 @@ class Mesh:
                 )
             self.material_ids = ids
 
+    def _take_positions(self) -> None:
+        array = _table(self.positions, 3, "positions")
+        if array.dtype == np.float32 or self.origin.any():
+            with np.errstate(over="ignore"):
+                self.positions = np.ascontiguousarray(array, np.float32)
+        else:
+            self.origin, self.positions = localize(array)
+
     def _check_skin(self, n: int) -> None:
         if (self.joints is None) != (self.weights is None):
             raise Error("joints and weights belong together, but only one of them is given")
@@ -106,9 +123,15 @@ class Mesh:
         self.weights = _optional(self.weights, n, columns, "weights")
 
     @property
-    def vertices(self) -> Float32Array:
-        """`positions`, under trimesh's name."""
-        return self.positions
+    def world_positions(self) -> Float64Array:
+        """(n, 3) float64: origin + positions."""
+        return self.origin + self.positions
+
+    @property
+    def vertices(self) -> Float32Array | Float64Array:
+        """The vertices in the world, under trimesh's name: `positions` where there is no origin,
+        else `world_positions`."""
+        return self.world_positions if self.origin.any() else self.positions
 
     @property
     def faces(self) -> UInt32Array:
@@ -116,15 +139,17 @@ class Mesh:
         return self.triangles
 
     @property
-    def bounds(self) -> Float32Array | None:
-        """(2, 3) least and greatest corner of the vertices that triangles use, or None."""
+    def bounds(self) -> Float32Array | Float64Array | None:
+        """(2, 3) least and greatest corner of the vertices that triangles use, in the world, or
+        None. In float64 where there is an origin."""
         used = self.triangles[(self.triangles < len(self.positions)).all(axis=1)]
         if not len(used):
             return None
         mask = np.zeros(len(self.positions), bool)
         mask[used.reshape(-1)] = True
         points = self.positions[mask]
-        return np.stack([points.min(axis=0), points.max(axis=0)])
+        box = np.stack([points.min(axis=0), points.max(axis=0)])
+        return self.origin + box if self.origin.any() else box
 
     def __repr__(self) -> str:
         extras = [
@@ -257,12 +282,17 @@ def _array(value: ArrayLike, what: str) -> NDArray[Any]:
     return array
 
 
-def _floats(value: ArrayLike, columns: int, what: str) -> Float32Array:
+def _table(value: ArrayLike, columns: int, what: str) -> NDArray[Any]:
     array = _array(value, what)
     if array.size == 0:
         array = array.reshape(0, columns)
     if array.ndim != 2 or array.shape[1] != columns:
         raise Error(f"{what} must have shape (n, {columns}), not {array.shape}")
+    return array
+
+
+def _floats(value: ArrayLike, columns: int, what: str) -> Float32Array:
+    array = _table(value, columns, what)
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(array, dtype=np.float32)
 

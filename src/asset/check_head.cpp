@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/bytes.hpp"
+#include "base/math.hpp"
 
 namespace umbel::asset {
 namespace {
@@ -72,6 +73,7 @@ void check_pages(const Head& head) {
 }  // namespace
 
 void check_head(const Head& head) {
+  if (!is_finite(head.info.origin)) corrupt("the asset's origin is not finite");
   check_meshes(head);
   check_pages(head);
 }

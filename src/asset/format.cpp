@@ -33,6 +33,8 @@ enum SectionIndex {
   kFiles,
   kPages,
   kNodes,
+  kOrigin,
+  kScene,
   kSectionCount
 };
 
@@ -41,6 +43,7 @@ struct SectionKind {
   const char* name;
   uint32_t element_bytes;
   bool in_head = true;
+  bool is_optional = false;  // not there if it is empty
 };
 
 constexpr std::array<SectionKind, kSectionCount> kSections{
@@ -53,7 +56,9 @@ constexpr std::array<SectionKind, kSectionCount> kSections{
      {four_letters("INST"), "INST", 64},
      {four_letters("FILE"), "FILE", 24},
      {four_letters("PAGE"), "PAGE", 24},
-     {four_letters("NODE"), "NODE", kNodeBytes, false}}};
+     {four_letters("NODE"), "NODE", kNodeBytes, false},
+     {four_letters("ORIG"), "ORIG", 24, true, true},
+     {four_letters("SCEN"), "SCEN", 1, true, true}}};
 
 struct Section {
   uint64_t offset, count;
@@ -64,17 +69,35 @@ struct Section {
 struct Layout {
   std::array<Section, kSectionCount> sections;
   uint64_t bytes;
+
+  /// Whether the file has the section.
+  bool has(size_t section) const {
+    return !kSections[section].is_optional || sections[section].count > 0;
+  }
+  uint32_t section_count() const {
+    uint32_t count = 0;
+    for (size_t i = 0; i < kSectionCount; ++i) count += has(i);
+    return count;
+  }
 };
+
+/// The table of the section ORIG.
+std::vector<Vec3d> origins_of(const Head& head) {
+  if (head.info.origin == Vec3d{}) return {};
+  return {head.info.origin};
+}
 
 Layout layout_of(const Head& head) {
   const uint64_t counts[kSectionCount] = {
-      head.info.metadata.size(), head.materials.size(), head.attributes.size(), head.meshes.size(),
-      head.levels.size(),        head.roots.size(),     head.instances.size(),  head.files.size(),
-      head.pages.size(),         head.nodes.count};
+      head.info.metadata.size(), head.materials.size(), head.attributes.size(),  head.meshes.size(),
+      head.levels.size(),        head.roots.size(),     head.instances.size(),   head.files.size(),
+      head.pages.size(),         head.nodes.count,      origins_of(head).size(), head.scene.size()};
   Layout layout;
-  uint64_t at = kHeaderBytes + kSectionCount * kSectionEntryBytes;
+  for (size_t i = 0; i < kSectionCount; ++i)
+    layout.sections[i] = {0, counts[i], kSections[i].element_bytes, 0};
+  uint64_t at = kHeaderBytes + layout.section_count() * kSectionEntryBytes;
   for (size_t i = 0; i < kSectionCount; ++i) {
-    layout.sections[i] = {at, counts[i], kSections[i].element_bytes, 0};
+    layout.sections[i].offset = at;
     if (kSections[i].in_head) at = aligned(at + counts[i] * kSections[i].element_bytes, 8);
   }
   layout.sections[kNodes].offset = head.nodes.offset;
@@ -99,22 +122,30 @@ std::vector<Element> read_table(ByteReader& in, const Section& section) {
   return table;
 }
 
+Vec3d read_origin(ByteReader& in, const Section& section) {
+  if (section.count > 1)
+    corrupt("section ORIG has " + std::to_string(section.count) +
+            " elements, but at most 1 can be");
+  const std::vector<Vec3d> origins = read_table<Vec3d>(in, section);
+  return origins.empty() ? Vec3d{} : origins.front();
+}
+
 std::string read_text(ByteReader& in, const Section& section) {
   in.skip_to(section.offset);
   const auto bytes = in.bytes(section.count);
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-void write_header(ByteWriter& out, const AssetInfo& info, uint64_t head_size,
+void write_header(ByteWriter& out, const AssetInfo& info, const Layout& layout,
                   uint64_t head_checksum) {
   out.bytes(kMagic.data(), kMagic.size());
   out.u16(kVersionMajor);
   out.u16(kVersionMinor);
   out.u32(kHeaderBytes);
   out.u64(info.file_bytes);
-  out.u64(head_size);
+  out.u64(layout.bytes);
   out.u64(head_checksum);
-  out.u32(kSectionCount);
+  out.u32(layout.section_count());
   out.u32(info.page_bytes);
   out.u32(info.max_triangles);
   out.u32(info.max_vertices);
@@ -184,8 +215,9 @@ std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head
   }
   std::array<Section, kSectionCount> sections;
   for (size_t kind = 0; kind < kSectionCount; ++kind) {
-    if (!found[kind]) corrupt(std::string("section ") + kSections[kind].name + " is missing");
-    sections[kind] = *found[kind];
+    if (!found[kind] && !kSections[kind].is_optional)
+      corrupt(std::string("section ") + kSections[kind].name + " is missing");
+    sections[kind] = found[kind].value_or(Section{});
   }
   return sections;
 }
@@ -253,9 +285,13 @@ std::vector<std::byte> encode_head(const Head& head) {
   write_table(out, layout.sections[kInstances], head.instances);
   write_table(out, layout.sections[kFiles], head.files);
   write_table(out, layout.sections[kPages], head.pages);
+  write_table(out, layout.sections[kOrigin], origins_of(head));
+  out.skip_to(layout.sections[kScene].offset);
+  out.bytes(head.scene.data(), head.scene.size());
 
   out.skip_to(kHeaderBytes);
   for (size_t i = 0; i < kSectionCount; ++i) {
+    if (!layout.has(i)) continue;
     const Section& section = layout.sections[i];
     const uint64_t size = section.count * section.element_bytes;
     out.u32(kSections[i].id);
@@ -266,7 +302,7 @@ std::vector<std::byte> encode_head(const Head& head) {
     out.u64(kSections[i].in_head ? xxh64(bytes.data() + section.offset, size) : section.checksum);
   }
   out.skip_to(0);
-  write_header(out, head.info, layout.bytes,
+  write_header(out, head.info, layout,
                xxh64(bytes.data() + kHeaderBytes, bytes.size() - kHeaderBytes));
   out.skip_to(kHeaderBytes - 8);
   out.u64(xxh64(bytes.data(), kHeaderBytes - 8));
@@ -316,6 +352,8 @@ Head decode_head(std::span<const std::byte> bytes) {
   ByteReader in(bytes);
   head.info.metadata = read_text(in, sections[kMetadata]);
   head.materials = read_text(in, sections[kMaterials]);
+  head.scene = read_text(in, sections[kScene]);
+  head.info.origin = read_origin(in, sections[kOrigin]);
   head.attributes = read_table<AttributeFormat>(in, sections[kAttributes]);
   head.meshes = read_table<MeshEntry>(in, sections[kMeshes]);
   head.levels = read_table<Range>(in, sections[kLevels]);

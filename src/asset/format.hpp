@@ -14,7 +14,7 @@
 
 namespace umbel::asset {
 
-inline constexpr uint16_t kVersionMajor = 3, kVersionMinor = 1;
+inline constexpr uint16_t kVersionMajor = 3, kVersionMinor = 2;
 inline constexpr uint64_t kPageAlignment = 4096;
 
 struct PageEntry {
@@ -42,7 +42,7 @@ struct NodeSection {
 
 struct Head {
   AssetInfo info;
-  std::string materials;
+  std::string materials, scene;
   std::vector<AttributeFormat> attributes;
   std::vector<MeshEntry> meshes;
   std::vector<Range> levels;

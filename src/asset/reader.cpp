@@ -231,6 +231,8 @@ const std::vector<Instance>& Asset::instances() const { return state_->head.inst
 
 const std::string& Asset::materials() const { return state_->head.materials; }
 
+const std::string& Asset::scene() const { return state_->head.scene; }
+
 uint32_t Asset::files() const { return static_cast<uint32_t>(state_->head.files.size()); }
 
 std::vector<std::byte> Asset::file(uint32_t index) const {

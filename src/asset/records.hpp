@@ -16,6 +16,12 @@ inline void write(ByteWriter& out, const Sphere& sphere) {
   out.f32(sphere.radius);
 }
 
+inline void write(ByteWriter& out, const Vec3d& point) {
+  out.f64(point.x);
+  out.f64(point.y);
+  out.f64(point.z);
+}
+
 inline void write(ByteWriter& out, const AttributeFormat& attribute) {
   out.u32(attribute.attribute);
   out.u32(attribute.set);
@@ -68,6 +74,12 @@ inline void write(ByteWriter& out, const PageEntry& page) {
 }
 
 inline void read(ByteReader& in, Range& range) { range = in.range(); }
+
+inline void read(ByteReader& in, Vec3d& point) {
+  point.x = in.f64();
+  point.y = in.f64();
+  point.z = in.f64();
+}
 
 inline Sphere read_sphere(ByteReader& in) {
   const Vec3 center = in.vec3();

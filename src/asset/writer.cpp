@@ -116,6 +116,7 @@ void check_contents(const AssetContents& contents, const AssetConfig& config) {
     if (first > kMostFirstMaterial)
       refuse("first_materials has " + std::to_string(first) + ", at most " +
              std::to_string(kMostFirstMaterial) + " is possible");
+  if (!is_finite(contents.origin)) refuse("the asset's origin is not finite");
   for (size_t i = 0; i < contents.instances.size(); ++i) {
     const Instance& instance = contents.instances[i];
     const auto& t = instance.transform;
@@ -147,6 +148,10 @@ class Writer {
     refer_to_pages();
     for (size_t m = 0; m < contents_.meshes.size(); ++m) add_roots(m);
     head_.info.metadata = contents_.metadata;
+    // Without the sign of zero, which the sum does not keep.
+    head_.info.origin = {contents_.origin.x + 0.0, contents_.origin.y + 0.0,
+                         contents_.origin.z + 0.0};
+    head_.scene = contents_.scene;
     head_.info.page_bytes = config_.page_bytes;
     head_.materials = contents_.materials;
     head_.instances = contents_.instances;

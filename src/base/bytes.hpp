@@ -42,6 +42,7 @@ class ByteWriter {
   void u32(uint32_t value) { word(value); }
   void u64(uint64_t value) { word(value); }
   void f32(float value) { word(std::bit_cast<uint32_t>(value)); }
+  void f64(double value) { word(std::bit_cast<uint64_t>(value)); }
   void vec3(const Vec3& v) { vector(v); }
   void bytes(const void* data, size_t size) {
     if (size > 0) std::memcpy(out_.subspan(at_, size).data(), data, size);
@@ -76,6 +77,7 @@ class ByteReader {
   uint32_t u32() { return word<uint32_t>(); }
   uint64_t u64() { return word<uint64_t>(); }
   float f32() { return std::bit_cast<float>(word<uint32_t>()); }
+  double f64() { return std::bit_cast<double>(word<uint64_t>()); }
   Vec3 vec3() { return vector<Vec3>(); }
   Range range() {
     const uint32_t offset = u32();

@@ -39,6 +39,10 @@ UMBEL_HOST_DEVICE inline bool is_finite(const Vec3& a) {
   return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
 }
 
+UMBEL_HOST_DEVICE inline bool is_finite(const Vec3d& a) {
+  return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
+}
+
 UMBEL_HOST_DEVICE inline bool is_empty(const Aabb& b) {
   return b.min.x > b.max.x || b.min.y > b.max.y || b.min.z > b.max.z;
 }

@@ -15,10 +15,6 @@
 
 namespace umbel {
 
-struct Vec3d {
-  double x, y, z;
-};
-
 UMBEL_HOST_DEVICE inline Vec3d to_double(const Vec3& a) { return {a.x, a.y, a.z}; }
 UMBEL_HOST_DEVICE inline Vec3d operator+(const Vec3d& a, const Vec3d& b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};

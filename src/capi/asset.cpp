@@ -93,6 +93,7 @@ umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_asset_info* in
     out.source_triangles = i.source_triangles;
     out.bounds = {{i.bounds.min.x, i.bounds.min.y, i.bounds.min.z},
                   {i.bounds.max.x, i.bounds.max.y, i.bounds.max.z}};
+    out.origin = {i.origin.x, i.origin.y, i.origin.z};
     write_struct(out, info, "info");
   });
 }

@@ -86,10 +86,17 @@ umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons, size
 
 umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,
                             const umbel_build_options* options) {
+  return umbel_lod_save_at(lod, path, exact, {0, 0, 0}, options);
+}
+
+umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact,
+                               umbel_vec3d origin, const umbel_build_options* options) {
   using namespace umbel;
   return capi::guard([&] {
-    const umbel_lod& given = capi::required(lod, "lod");
-    write_asset(&capi::required(path, "path"), given.dag, "{}", capi::build_options(options),
+    AssetContents contents;
+    contents.meshes = {&capi::required(lod, "lod").dag};
+    contents.origin = {origin.x, origin.y, origin.z};
+    write_asset(&capi::required(path, "path"), contents, capi::build_options(options),
                 exact ? AssetConfig::exact() : AssetConfig{});
   });
 }

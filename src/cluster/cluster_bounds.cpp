@@ -27,10 +27,6 @@ constexpr double kLeastCosine = 0.1;
 // What a test in floats may lose in normalising two vectors and multiplying them.
 constexpr double kCutoffSlack = 2e-6;
 
-struct Vec3d {
-  double x, y, z;
-};
-
 Vec3d wide(const Vec3& a) { return {a.x, a.y, a.z}; }
 Vec3 narrow(const Vec3d& a) {
   return {static_cast<float>(a.x), static_cast<float>(a.y), static_cast<float>(a.z)};

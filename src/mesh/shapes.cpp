@@ -16,10 +16,6 @@ void require(bool met, const std::string& sentence) {
   if (!met) throw Error(ErrorCode::kInvalidArgument, sentence);
 }
 
-struct Vec3d {
-  double x, y, z;
-};
-
 Vec3 rounded(const Vec3d& v) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
 }

@@ -321,6 +321,10 @@ class Reader:
         self.instances = self.rows("INST", "<12fI")
         self.pages = self.rows("PAGE", "<QIIQ")
         self.nodes = self.rows("NODE", "<fffffIII")
+        origins = self.rows("ORIG", "<3d") if "ORIG" in self.sections else []
+        assert len(origins) <= 1
+        self.origin = origins[0] if origins else (0.0, 0.0, 0.0)
+        self.scene = self.text("SCEN") if "SCEN" in self.sections else ""
 
     def text(self, section: str) -> str:
         offset, _, count = self.sections[section]

@@ -14,7 +14,9 @@
 
 namespace umbel::testing {
 
-inline std::vector<char> small_asset(const Scratch& scratch) {
+/// `origin` and `scene` add sections behind the others.
+inline std::vector<char> small_asset(const Scratch& scratch, Vec3d origin = {},
+                                     const std::string& scene = "") {
   const lod::Dag sphere = synthetic_dag(shapes::sphere(1), {8, 2});
   const lod::Dag fan = synthetic_dag(shapes::fan(5));
   AssetContents contents;
@@ -22,6 +24,8 @@ inline std::vector<char> small_asset(const Scratch& scratch) {
   contents.instances = {{1}, {0}, {1}};
   contents.metadata = "{\"a\": 1}";
   contents.files = {{std::byte{1}, std::byte{2}, std::byte{3}}};
+  contents.origin = origin;
+  contents.scene = scene;
   AssetConfig config;
   config.page_bytes = 4096;
   write_asset(scratch / "whole.umbel", contents, {}, config);
@@ -83,7 +87,7 @@ inline void repair_checksums(std::vector<char>& bytes) {
   if (header < kHeaderBytes || header + kSections * kSectionBytes > bytes.size()) return;
   repair_elements(bytes, kPageSection, 4);
   repair_elements(bytes, kFileSection, 8);
-  const size_t sections = std::min<size_t>(get(bytes, 40, 4), kSections + 1);
+  const size_t sections = std::min<size_t>(get(bytes, 40, 4), kSections + 2);
   for (size_t section = 0; section < sections; ++section) {
     const size_t entry = entry_of(bytes, section);
     repair(bytes, entry + 32, get(bytes, entry + 8, 8), get(bytes, entry + 16, 8));

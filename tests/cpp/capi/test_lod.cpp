@@ -294,6 +294,30 @@ TEST(LodFromC, gives_cuts_as_meshes_and_files) {
   std::filesystem::remove(path);
 }
 
+TEST(LodFromC, saves_where_the_world_is) {
+  const auto lod = built(blob(), small_config());
+  const umbel_vec3d origin{500000.25, 4649776, -0.125};
+  const auto path = std::filesystem::temp_directory_path() / "umbel_test_lod_origin_from_c.umbel";
+  ASSERT_EQ(umbel_lod_save_at(lod.get(), path.c_str(), 1, origin, nullptr), UMBEL_OK);
+  umbel_asset* asset = nullptr;
+  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK) << umbel_last_error();
+  umbel_asset_info info;
+  umbel_asset_info_init(&info);
+  ASSERT_EQ(umbel_asset_get_info(asset, &info), UMBEL_OK);
+  EXPECT_EQ(info.origin.x, origin.x);
+  EXPECT_EQ(info.origin.y, origin.y);
+  EXPECT_EQ(info.origin.z, origin.z);
+  const umbel_vec3 local = umbel_relative_to(info.origin, {500000.5, 4649776.0625, 0});
+  EXPECT_EQ(local.x, 0.25f);
+  EXPECT_EQ(local.y, 0.0625f);
+  EXPECT_EQ(local.z, 0.125f);
+  umbel_asset_free(asset);
+  const umbel_vec3d nowhere{std::nan(""), 0, 0};
+  EXPECT_EQ(umbel_lod_save_at(lod.get(), path.c_str(), 1, nowhere, nullptr),
+            UMBEL_ERROR_INVALID_ARGUMENT);
+  std::filesystem::remove(path);
+}
+
 TEST(LodFromC, tables_can_come_from_anywhere_and_are_checked) {
   const auto lod = built(blob(), small_config());
   umbel_lod_arrays arrays;

@@ -1,0 +1,75 @@
+"""Where a mesh lies in the world: positions are float32, relative to an origin in float64."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import Error
+
+_FAR = 16.0
+"""Positions farther from zero than so many times half their extent lose bits that matter."""
+
+
+def zero_origin() -> NDArray[np.float64]:
+    """No origin: positions are the world's."""
+    return np.zeros(3)
+
+
+def origin_of(value: Any) -> NDArray[np.float64]:
+    """Three finite numbers, as an array of its own."""
+    try:
+        origin = np.array(value, np.float64)
+    except (TypeError, ValueError):
+        raise Error(f"origin must be three numbers, not {value!r}") from None
+    if origin.shape != (3,) or not np.isfinite(origin).all():
+        raise Error(f"origin must be three finite numbers, not {value!r}")
+    return origin + 0.0  # without the sign of zero
+
+
+def localize(points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """An origin for (n, 3) points, and the points relative to it in float32.
+
+    The origin is zero where float32 holds every coordinate exactly, or where the points lie so near
+    to zero that they lose little: within 16 times half the extent of their box. Else it is the
+    middle of that box, rounded to a multiple of a power of two of at most the box's longest side.
+    Points that are not finite count for nothing.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        rounded = np.ascontiguousarray(points, np.float32)
+        if rounded.size == 0 or points.dtype == np.float32:
+            return zero_origin(), rounded
+        origin = _origin(points, rounded)
+        if origin.any():
+            rounded = (points - origin).astype(np.float32)
+        return origin, rounded
+
+
+def _origin(points: NDArray[Any], rounded: NDArray[np.float32]) -> NDArray[np.float64]:
+    low, high = _box(points)
+    extent = float((high - low).max(initial=0.0))
+    farthest = float(np.maximum(np.abs(low), np.abs(high)).max(initial=0.0))
+    if not (math.isfinite(extent) and farthest > _FAR * (extent / 2)):
+        return zero_origin()
+    if ((rounded == points) | ~np.isfinite(points)).all():
+        return zero_origin()
+    if extent == 0.0:
+        return low + 0.0
+    # Numbers that large have no fraction of that step, and need no rounding.
+    step = 2.0 ** math.floor(math.log2(extent))
+    origin: NDArray[np.float64] = np.round((low / 2 + high / 2) / step) * step
+    return origin + 0.0
+
+
+def _box(points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The corners of the box of the finite points, in float64; NaN where there are none."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        finite = points[np.isfinite(points).all(axis=1)]
+        if not len(finite):
+            return np.full(3, np.nan), np.full(3, np.nan)
+        low, high = finite.min(axis=0), finite.max(axis=0)
+    return low.astype(np.float64), high.astype(np.float64)
