@@ -18,6 +18,8 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
+from umbel.cli.summary import build_rows, megabytes
+
 ROOT = Path(__file__).resolve().parent.parent
 OUTPUT = ROOT / "build" / "demo"
 UMBEL = Path(sys.executable).parent / "umbel"
@@ -74,14 +76,8 @@ def umbel(*arguments: str | Path) -> tuple[dict[str, Any], float]:
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     seconds = time.perf_counter() - started
     if done.returncode != 0:
-        console.print(done.stdout, end="")
         stop(f"`{' '.join(shown)}` failed with exit status {done.returncode}")
     return json.loads(done.stdout), seconds
-
-
-def megabytes(count: float) -> str:
-    """A number of bytes for people."""
-    return f"{count / 1e6:,.1f} MB"
 
 
 def build_table(
@@ -92,17 +88,7 @@ def build_table(
     table.add_column(style="bold")
     table.add_column(justify="right")
     rows = {
-        "input": f"{built['input_triangles']:,} triangles, {built['input_vertices']:,} vertices, "
-        f"{megabytes(mesh.stat().st_size)}",
-        "asset": f"{megabytes(built['file_bytes'])}, "
-        f"{built['bytes_per_input_triangle']:.1f} bytes a triangle",
-        "levels": f"{built['levels']:,}",
-        "groups": f"{built['groups']:,}",
-        "clusters": f"{built['clusters']:,}, {built['mean_fill']:.1%} full",
-        "coarsest": f"{built['root_triangles']:,} triangles in {built['root_groups']:,} group(s)",
-        "built in": f"{built['seconds']:.2f} s, {built['triangles_per_second'] / 1e6:.2f} million "
-        "triangles/s",
-        "peak memory": megabytes(built["peak_rss_bytes"]),
+        **build_rows(built),
         "verified": f"{verified['cuts']} random cuts: {verified['cracks']} cracks, "
         f"{verified['overlaps']} overlaps, {verify_seconds:.1f} s",
     }
@@ -111,11 +97,11 @@ def build_table(
     return table
 
 
-def cuts_of(total: int) -> list[int]:
-    """Three sizes to extract: those that suit the dragon, or fractions of a smaller mesh."""
-    if total > 200_000:
-        return [100_000, 10_000, 1_000]
-    return [max(total // part, 1) for part in (2, 10, 100)]
+def cuts_of(total: int, least: int) -> list[int]:
+    """Sizes to extract: those that suit the dragon, or fractions of a smaller mesh, as far as the
+    asset has such cuts."""
+    sizes = [100_000, 10_000, 1_000] if total > 200_000 else [total // k for k in (2, 10, 100)]
+    return list(dict.fromkeys(max(size, least, 1) for size in sizes))
 
 
 def main() -> int:
@@ -128,10 +114,10 @@ def main() -> int:
 
     built, _ = umbel("build", mesh, "-o", asset)
     verified, verify_seconds = umbel("verify", asset)
-    cuts = Table(title="three cuts of it", box=SIMPLE, pad_edge=False, collapse_padding=True)
+    cuts = Table(title="cuts of it", box=SIMPLE, pad_edge=False, collapse_padding=True)
     for column in ("file", "triangles", "vertices", "max error", "size", "seconds"):
         cuts.add_column(column, justify="left" if column == "file" else "right", no_wrap=True)
-    for wanted in cuts_of(built["input_triangles"]):
+    for wanted in cuts_of(built["input_triangles"], built["root_triangles"]):
         target = OUTPUT / f"{mesh.stem}_{wanted}.glb"
         cut, seconds = umbel("extract", asset, "--triangles", str(wanted), "-o", target)
         cuts.add_row(

@@ -121,11 +121,21 @@ class Asset(HasTables):
         camera: Camera | None = None,
         level: int | None = None,
         triangles: int | None = None,
+        or_coarsest: bool = False,
     ) -> list[Shown]:
         """The cuts of all meshes everywhere that they stand, each with `mesh transform cut`.
-        Exactly one of error (at most so much, in the scene's unit), camera (in the scene), level,
-        and triangles (at most so many in all, if there are such cuts: else the coarsest)."""
-        return scene_cuts(self, error=error, camera=camera, level=level, triangles=triangles)
+        Exactly one of error (at most so much, in the scene's unit; `math.inf` gives the coarsest
+        cuts), camera (in the scene), level (a mesh that has fewer shows its coarsest), and
+        triangles (at most so many in all; where no cuts have so few that raises, or gives the
+        coarsest with `or_coarsest`)."""
+        return scene_cuts(
+            self,
+            error=error,
+            camera=camera,
+            level=level,
+            triangles=triangles,
+            or_coarsest=or_coarsest,
+        )
 
     def scene_mesh(self, shown: Sequence[Shown]) -> Mesh:
         """All that is shown, as one mesh in the scene."""

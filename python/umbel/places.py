@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .errors import Error
 from .io.scene import Instance, Scene
 from .mesh import Mesh
+from .tables import check_budget, check_level
 
 if TYPE_CHECKING:
     from .asset import Asset
@@ -67,22 +68,20 @@ def stretch(matrix: NDArray[Any]) -> tuple[float, float]:
     return float(factors[-1]), float(factors[0])
 
 
-def scene_cuts(asset: Asset, **how: Any) -> list[Shown]:
+def scene_cuts(asset: Asset, *, or_coarsest: bool = False, **how: Any) -> list[Shown]:
     """The cut of every mesh everywhere that it stands. One of error and camera (as in
-    `Tables.cut`, in the scene's unit), level, and triangles (most of all cuts together)."""
+    `Tables.cut`, in the scene's unit), level, and triangles (most of all cuts together), with
+    `or_coarsest` as there."""
     if sum(value is not None for value in how.values()) != 1:
         raise Error("a scene needs exactly one of error, camera, level and triangles")
     standing = places(asset)
     if len(standing) == 1 and not asset.instances:
-        return [Shown(0, standing[0][1], asset.cut(**how))]
+        return [Shown(0, standing[0][1], asset.cut(**how, or_coarsest=or_coarsest))]
     if how.get("level") is not None:
-        level = how["level"]
-        return [Shown(m, t, asset.mesh_tables(m).cut(level=level)) for m, t in standing]
+        return _cuts_by_level(asset, standing, how["level"])
     if how.get("triangles") is None:
         return _cuts(asset, standing, lambda tables: tables.view(**how))
-    most = how["triangles"]
-    if not most >= 0:
-        raise Error(f"triangles must not be negative, and is {most}")
+    most = check_budget("triangles", how["triangles"])
     errors = _errors(asset, standing)
     low, high = 0, len(errors) - 1  # the last is enough, or nothing is
     while low < high:
@@ -91,7 +90,11 @@ def scene_cuts(asset: Asset, **how: Any) -> list[Shown]:
             high = middle
         else:
             low = middle + 1
-    return _cuts_by_error(asset, standing, errors[low])
+    shown = _cuts_by_error(asset, standing, errors[low])
+    least = _triangles(asset, shown)
+    if least > most and not or_coarsest:
+        raise Error(f"triangles is {most}, but the coarsest cut has {least}")
+    return shown
 
 
 def scene_error(asset: Asset, shown: Sequence[Shown]) -> float:
@@ -130,6 +133,18 @@ def _cuts(asset: Asset, standing: Sequence[Place], view: Callable[[Tables], Any]
         for k, cut in zip(mine, cuts, strict=True):
             shown[k] = Shown(mesh, standing[k][1], cut)
     return [shown[k] for k in range(len(standing))]
+
+
+def _cuts_by_level(asset: Asset, standing: Sequence[Place], level: int) -> list[Shown]:
+    """A level of every mesh; the coarsest of one that does not have as many."""
+    tables = {mesh: asset.mesh_tables(mesh) for mesh, _ in standing}
+    check_level(level, max((len(one.levels) for one in tables.values()), default=0))
+    return [
+        Shown(
+            mesh, matrix, tables[mesh].cut(level=min(level, max(len(tables[mesh].levels) - 1, 0)))
+        )
+        for mesh, matrix in standing
+    ]
 
 
 def _cuts_by_error(asset: Asset, standing: Sequence[Place], error: float) -> list[Shown]:

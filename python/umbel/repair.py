@@ -52,33 +52,56 @@ def snap(mesh: Any, step: float) -> tuple[Mesh, float]:
 _PRECISION = re.compile(r"(?P<value>[0-9.eE+-]+)\s*(?P<unit>mm|bits?|)")
 
 
+def parse_precision(precision: str) -> tuple[float, str]:
+    """The number and the unit, "mm" or "bits", of a precision such as 0.1mm or 16bits. What has no
+    unit is refused: 16 could be either."""
+    match = _PRECISION.fullmatch(precision.strip())
+    try:
+        value = float(match["value"]) if match else math.nan
+    except ValueError:
+        value = math.nan
+    if match is None or math.isnan(value):
+        raise Error(
+            f"precision must be a length such as 0.1mm or a number of bits such as 16bits, "
+            f"not {precision!r}"
+        )
+    unit = match["unit"]
+    if not unit:
+        raise Error(
+            f"precision {value:g} has no unit; write {value:g}mm for millimetres, or "
+            f"{value:g}bits for steps over the longest side"
+        )
+    if unit == "mm":
+        _check_length(value / 1000, precision)
+    elif not (value.is_integer() and 1 <= value <= 24):
+        raise Error(f"precision must be a whole number of bits from 1 to 24, not {value:g}")
+    return value, "mm" if unit == "mm" else "bits"
+
+
 def grid_step(mesh: Mesh, precision: str | float) -> float:
     """The power-of-two step that `precision` stands for on this mesh: a number is in the mesh's
-    unit; "0.1mm" or "0.1" are millimetres where that unit is the metre; "16bits" are 2^16 steps
-    over the longest side of the bounding box."""
+    unit; "0.1mm" are millimetres where that unit is the metre; "16bits" are 2^16 steps over the
+    longest side of the bounding box. A text without a unit is refused."""
     if isinstance(precision, str):
-        match = _PRECISION.fullmatch(precision.strip())
-        try:
-            value = float(match["value"]) if match else math.nan
-        except ValueError:
-            value = math.nan
-        unit = match["unit"] if match else ""
-        if unit.startswith("bit"):
+        value, unit = parse_precision(precision)
+        if unit == "bits":
             return _step_of_bits(mesh, value)
         size = value / 1000
     else:
         size = float(precision)
+        _check_length(size, precision)
+    return 2.0 ** min(math.floor(math.log2(size)), 120)
+
+
+def _check_length(size: float, precision: str | float) -> None:
     if not (math.isfinite(size) and size >= 2.0**-120):
         raise Error(
             f"precision {precision!r} is neither a length above zero, such as 0.1mm, "
             "nor a number of bits, such as 16bits"
         )
-    return 2.0 ** min(math.floor(math.log2(size)), 120)
 
 
 def _step_of_bits(mesh: Mesh, bits: float) -> float:
-    if not (bits == int(bits if math.isfinite(bits) else 0) and 1 <= bits <= 24):
-        raise Error(f"precision: {bits:g} bits is not a whole number from 1 to 24")
     box = _umbel.bounds(native(mesh))
     longest = float(np.max(np.subtract(box[1], box[0]))) if box else 0.0
     if longest <= 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import array_of, indices, numbers, rows, thread_count
+from .arrays import array_of, indices, numbers, rows, thread_count, whole
 from .camera import Camera
 from .cluster import ClusterBounds
 from .errors import Error
@@ -109,15 +110,18 @@ class Tables:
         planes: ArrayLike | None = None,
         facing: ClusterBounds | None = None,
         method: str = "hierarchy",
+        or_coarsest: bool = False,
     ) -> NDArray[np.uint32]:
         """The clusters, ascending, that show the mesh as asked.
 
-        error, camera, level: with at most this error (in the mesh's unit), as this camera needs
-            it, or as it is on this level (0: the mesh itself). At most one of them.
+        error, camera, level: with at most this error (in the mesh's unit; `math.inf` gives the
+            coarsest cut), as this camera needs it, or as it is on this level (0: the mesh itself;
+            one that is not there raises). At most one of them.
         triangles, bytes: at most so much in all, by making the error or the camera's pixels
-            larger as far as that takes, and no further; where no cut is so small, the coarsest.
-            Bytes are `vertex_bytes` a vertex and 3 a triangle. At most one of them, not with
-            `level`; alone they find the smallest error.
+            larger as far as that takes, and no further. Bytes are `vertex_bytes` a vertex and 3 a
+            triangle. At most one of them, not with `level`; alone they find the smallest error.
+        or_coarsest: where no cut is as small as `triangles` or `bytes` say, give the coarsest;
+            else that raises, and names the least that is possible.
         planes: (p, 4) inward unit normals and offsets as `Camera.planes` gives them; what is
             wholly outside one of them is left out, and costs nothing.
         facing: what `facing` of a Lod or an Asset gives; clusters that turn their back on the
@@ -134,6 +138,7 @@ class Tables:
             vertex_bytes=vertex_bytes,
             planes=planes,
             facing=facing,
+            or_coarsest=or_coarsest,
         )
         return _umbel.select(self._native, view, method, _planes(planes), _facing(facing))
 
@@ -149,6 +154,7 @@ class Tables:
         planes: ArrayLike | None = None,
         facing: ClusterBounds | None = None,
         transforms: ArrayLike | None = None,
+        or_coarsest: bool = False,
     ) -> _umbel.View:
         """What decides a cut, with the `error` or `threshold` that a budget leads to. Arguments
         as for `cut`; with `transforms` the budget is for all instances together."""
@@ -162,26 +168,39 @@ class Tables:
             )
         if not chosen and budget is None:
             raise Error("a cut needs one of error, camera, level, triangles and bytes")
+        if level is not None:
+            check_level(level, len(self.levels))
         view = _view(chosen[0], given[chosen[0]]) if chosen else _umbel.view_error(0)
         if budget is None:
             return view
-        if not budget >= 0:
-            name = "triangles" if bytes is None else "bytes"
-            raise Error(f"{name} must not be negative, and is {budget}")
+        name = "triangles" if bytes is None else "bytes"
+        most = check_budget(name, budget)
         costs = (
             np.ascontiguousarray(self.clusters["triangle_count"])
             if bytes is None
             else _umbel.byte_costs(self._native, vertex_bytes)
         )
-        return _umbel.view_for_budget(
-            self._native,
-            view,
-            costs,
-            int(min(budget, 2**63)),
-            _planes(planes),
-            _facing(facing),
-            None if transforms is None else _transforms(transforms),
-        )
+        culled = _planes(planes), _facing(facing)
+        rows = None if transforms is None else _transforms(transforms)
+        view = _umbel.view_for_budget(self._native, view, costs, most, *culled, rows)
+        least = 0 if or_coarsest else self._least(view, costs, most, culled, rows)
+        if least > most:
+            raise Error(f"{name} is {most}, but the coarsest cut has {least}")
+        return view
+
+    def _least(
+        self, view: _umbel.View, costs: NDArray[Any], most: int, culled: Any, rows: Any
+    ) -> int:
+        """What a view for a budget costs, or less if that is within the budget in any case."""
+        roots = np.isinf(self.groups["error"])[self.clusters["group"]]
+        coarsest = int(costs[roots].sum(dtype=np.int64)) * (1 if rows is None else len(rows))
+        if coarsest <= most:
+            return coarsest
+        if rows is None:
+            cut = _umbel.select(self._native, view, "hierarchy", *culled)
+        else:
+            _, cut = _umbel.select_instances(self._native, view, rows, *culled)
+        return int(costs[cut].sum(dtype=np.int64))
 
     def instance_cuts(
         self,
@@ -224,11 +243,33 @@ def _view(kind: str, value: Any) -> _umbel.View:
         return value.view()
     if kind == "camera":
         raise Error(f"camera must be an umbel.Camera, not a {type(value).__name__}")
-    if not value >= 0:
-        raise Error(f"{kind} must not be negative, and is {value}")
-    if kind == "error":
-        return _umbel.view_error(value)
-    return _umbel.view_level(int(min(value, NONE)))
+    if kind == "level":
+        return _umbel.view_level(value)
+    check_error(value)
+    return _umbel.view_error(value)
+
+
+def check_error(error: float) -> None:
+    """Raises where a cut cannot have at most this error."""
+    if not error >= 0:
+        raise Error(f"error must be 0 or more, not {error}")
+
+
+def check_level(level: int, count: int) -> None:
+    """Raises where there is no such level."""
+    if whole("level", level) >= max(count, 1):
+        raise Error(f"level is {level}, but the levels are 0 to {max(count - 1, 0)}")
+
+
+def check_budget(name: str, budget: int) -> int:
+    """The budget as a plain number; raises where it is none, or nothing fits it."""
+    try:
+        number = operator.index(budget)
+    except TypeError:
+        raise Error(f"{name} must be a whole number, not {budget!r}") from None
+    if number < 1:
+        raise Error(f"{name} must be at least 1, not {number}")
+    return min(number, 2**63 - 1)
 
 
 def _planes(planes: ArrayLike | None) -> NDArray[np.float32] | None:

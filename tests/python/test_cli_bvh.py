@@ -178,24 +178,25 @@ def test_mistakes_are_one_sentence(bvh_command: Run, small_ply: Path, tmp_path: 
         ([nan], "not finite"),
         ([small_ply, "--builder", "magic"], "sweep"),
         ([small_ply, "--builder", "kmeans-q9"], "q1"),
-        ([small_ply, "--width", 3], "width"),
+        ([small_ply, "--width", 3], "--width"),
         ([small_ply, "--cost", "3"], "--cost"),
         ([small_ply, "--cost", "3,x"], "--cost"),
-        ([small_ply, "--cost", "0,1"], "cost.traversal"),
-        ([small_ply, "--max-leaf-size", 0], "max_leaf_size"),
-        ([small_ply, "--max-leaf-size", -1], "max_leaf_size"),
-        ([small_ply, "--max-depth", 3], "max_depth"),
-        ([small_ply, "--bins", 1000], "bins"),
-        ([small_ply, "--spatial-budget", "nan"], "spatial_budget"),
-        ([small_ply, "--clusters", 1], "clusters"),
-        ([small_ply, "--morton-bits", 31], "morton_bits"),
+        ([small_ply, "--cost", "0,1"], "--cost"),
+        ([small_ply, "--max-leaf-size", 0], "--max-leaf-size"),
+        ([small_ply, "--max-leaf-size", -1], "--max-leaf-size"),
+        ([small_ply, "--max-depth", 3], "--max-depth"),
+        ([small_ply, "--bins", 1000], "--bins"),
+        ([small_ply, "--spatial-budget", "nan"], "--spatial-budget"),
+        ([small_ply, "--clusters", 1], "--clusters"),
+        ([small_ply, "--morton-bits", 31], "--morton-bits"),
         ([small_ply, "--device", "cuda"], "CUDA"),
         ([small_ply, "-o", tmp_path / "out.txt"], ".umbvh"),
         ([small_ply, "-o", tmp_path / "no" / "out.umbvh"], "no folder"),
         ([small_ply, "-o", "/proc/out.umbvh"], "out.umbvh"),
     ):
         done = bvh_command(*arguments, "--json")
-        assert done.status == 1 and done.out == "", arguments
+        assert done.status == 1, arguments
+        assert done.json == {"error": done.err[len("umbel: ") : -1], "input": str(arguments[0])}
         assert done.err.startswith("umbel: ") and len(done.err.strip().splitlines()) == 1
         assert sentence in done.err, done.err
     assert sorted(os.listdir(tmp_path)) == ["garbage.ply", "nan.ply"]

@@ -20,7 +20,9 @@ from conftest import COMMAND, Outcome, Umbel
 
 def assert_one_sentence(done: Outcome, status: int = 1) -> None:
     assert done.status == status, done.err
-    assert done.out == ""
+    if done.out:  # with --json
+        assert set(done.json) == {"error", "input"} and done.out.count("\n") == 1
+        assert done.err == f"umbel: {done.json['error']}\n"
     assert len(done.err.strip().splitlines()) == 1 and done.err.startswith("umbel: ")
     assert "Traceback" not in done.err
 
@@ -69,6 +71,8 @@ def test_faults_of_the_input_are_one_sentence(
     ):
         done = umbel_command(*arguments, "--json")
         assert_one_sentence(done)
+        assert done.json["input"] == str(arguments[1])
+        assert any(str(word) in done.err for word in arguments[1:] if isinstance(word, Path))
     assert sorted(os.listdir(tmp_path)) == ["garbage.ply", "half.ply"]
 
 
@@ -88,6 +92,9 @@ def test_usage_is_status_two(umbel_command: Umbel, blob_ply: Path, blob_asset: P
         done = umbel_command(*arguments)
         assert done.status == 2 and done.out == "" and done.err
         assert "Traceback" not in done.err
+        done = umbel_command(*arguments, "--json")
+        assert_one_sentence(done, status=2)
+        assert done.json["input"] == (str(arguments[1]) if len(arguments) > 1 else None)
 
 
 def _small_files() -> None:

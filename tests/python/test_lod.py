@@ -72,8 +72,11 @@ def test_triangle_budgets_are_kept(lod: umbel.Lod) -> None:
         cut = lod.cut(triangles=budget)
         count = len(lod.mesh(cut).triangles)
         assert count == lod.tables.cut_triangles(cut) <= budget
-    coarsest = lod.cut(triangles=0)
-    assert lod.tables.cut_triangles(coarsest) == lod.report["root_triangles"]
+    least = lod.report["root_triangles"]
+    assert lod.tables.cut_triangles(lod.cut(triangles=least)) == least
+    coarsest = lod.cut(error=math.inf)
+    assert lod.tables.cut_triangles(coarsest) == least
+    assert np.array_equal(lod.cut(triangles=1, or_coarsest=True), coarsest)
 
 
 def test_the_nearer_the_camera_the_finer_the_cut(lod: umbel.Lod) -> None:
@@ -119,6 +122,7 @@ def test_limits_and_group_sizes_are_kept(blob: umbel.Mesh) -> None:
         ({"attributes": "some"}, "some"),
         ({"precision": "soon"}, "precision"),
         ({"precision": "99bits"}, "bits"),
+        ({"precision": "16"}, "16mm .* 16bits"),
         ({"precision": 0}, "precision"),
         ({"precision": -1.0}, "precision"),
     ],
@@ -161,7 +165,7 @@ def test_precision_snaps_and_says_so(blob: umbel.Mesh) -> None:
     scaled = lod.mesh(lod.cut(level=0)).positions / np.float32(step)
     assert np.array_equal(scaled, np.round(scaled))
     assert umbel.build_lod(blob, precision="2mm").report["grid_step"] == 2**-9
-    assert umbel.build_lod(blob, precision="2").report["grid_step"] == 2**-9
+    assert umbel.build_lod(blob, precision="2 mm").report["grid_step"] == 2**-9
     assert umbel.build_lod(blob, precision=0.002).report["grid_step"] == 2**-9
 
 

@@ -1,5 +1,6 @@
 """Assets of scenes: several meshes, each stored once, and the places where they stand."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -82,8 +83,17 @@ def test_cuts_by_triangles_are_the_finest_that_keep_to_them(tmp_path: Path) -> N
         if error > 0:
             finer = asset.scene_mesh(asset.scene_cuts(error=error * (1 - 1e-4)))
             assert len(finer.triangles) > most
-    coarsest = shown(tmp_path / "a.umbel", triangles=0)
+    coarsest = shown(tmp_path / "a.umbel", error=math.inf)
     assert 0 < len(coarsest.triangles) <= 4 * 128
+    least = len(coarsest.triangles)
+    with pytest.raises(umbel.Error, match=f"the coarsest cut has {least}"):
+        asset.scene_cuts(triangles=least - 1)
+    or_coarsest = asset.scene_cuts(triangles=1, or_coarsest=True)
+    assert len(asset.scene_mesh(or_coarsest).triangles) == least
+    deepest = max(len(asset.mesh_tables(k).levels) for k in range(len(asset.meshes))) - 1
+    assert len(shown(tmp_path / "a.umbel", level=deepest).triangles) > 0
+    with pytest.raises(umbel.Error, match=f"the levels are 0 to {deepest}"):
+        asset.scene_cuts(level=deepest + 1)
 
 
 def test_errors_are_in_the_unit_of_the_scene(tmp_path: Path) -> None:

@@ -190,6 +190,19 @@ def test_tables_that_lead_nowhere_are_refused(lod: umbel.Lod) -> None:
 def test_impossible_selections_are_refused(lod: umbel.Lod) -> None:
     with pytest.raises(umbel.Error, match="method"):
         lod.cut(error=0.1, method="guess")
+    last = len(lod.levels) - 1
+    for wrong in (last + 1, 99, -1, 1.5, math.nan):
+        with pytest.raises(umbel.Error, match="level"):
+            lod.cut(level=wrong)
+    for wrong in (-1.0, math.nan):
+        with pytest.raises(umbel.Error, match="error must be 0 or more"):
+            lod.cut(error=wrong)
+    for name in ("triangles", "bytes"):
+        for wrong in (0, -5, 0.5, math.nan):
+            with pytest.raises(umbel.Error, match=name):
+                lod.cut(**{name: wrong})
+        with pytest.raises(umbel.Error, match=f"{name} is 1, but the coarsest cut has"):
+            lod.cut(**{name: 1})
     with pytest.raises(umbel.Error, match="planes"):
         lod.cut(error=0.1, planes=[[1, 2, 3]])
     with pytest.raises(umbel.Error, match="planes"):

@@ -1,4 +1,4 @@
-"""The command line: `umbel build`, `info`, `verify`, `extract`, `cluster`, `bench`.
+"""The command line, `umbel COMMAND`.
 
 Exit status: 0 done, 1 the input or an argument is at fault, 2 usage, 3 a check did not hold.
 """
@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Callable
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 
 class Stopped(BaseException):
@@ -40,10 +41,30 @@ def main() -> None:
     try:
         from .app import app
 
+        if "--json" in sys.argv[1:]:
+            sys.exit(_with_objects(app, sys.argv[1:]))
         app(prog_name="umbel")
     except (Stopped, RuntimeError) as error:
         stopped = _stop_behind(error)
         if stopped is None:
             raise
         print(f"umbel: {stopped.word}", file=sys.stderr)
+        if "--json" in sys.argv[1:]:
+            print(f'{{"error": "{stopped.word}", "input": null}}')
         sys.exit(stopped.status)
+
+
+def _with_objects(app: Callable[..., Any], arguments: list[str]) -> int:
+    """Runs a command with --json, where wrong usage is an object on standard output too."""
+    try:
+        return app(arguments, prog_name="umbel", standalone_mode=False) or 0
+    except Exception as error:
+        # Which class it is depends on the version of typer.
+        if not hasattr(error, "format_message") or not hasattr(error, "exit_code"):
+            raise
+        from .failure import failure_object, input_of, one_line
+
+        sentence = one_line(error.format_message()) or "a command is missing"
+        print(f"umbel: {sentence}", file=sys.stderr)
+        print(failure_object(sentence, input_of(arguments, error)))
+        return int(error.exit_code)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .run import Json, Threads, ends_cleanly, fail, say, show
+from .outputs import made_folder
+from .run import Json, Threads, ends_cleanly, fail, heard, say, show
 
 if TYPE_CHECKING:
     from ..bench import bvh as bvh_bench
@@ -41,7 +41,7 @@ def _bench() -> None:
 
 
 @app.command()
-@ends_cleanly
+@ends_cleanly()
 def clusters(
     inputs: Inputs = None,
     output: Folder = None,
@@ -65,13 +65,22 @@ def clusters(
             say(charts.WITHOUT)
         write(found, output)
     if as_json:
-        show(found.fields(), as_json, "clusters")
+        _show(found, inputs, output, "clusters")
     else:
         _print(found)
 
 
+_BVH_FLAGS = {
+    "triangles": "--generated",
+    "parts": "--part",
+    "kmeans.clusters": "the first number of --kmeans",
+    "kmeans.candidates": "the second number of --kmeans",
+    "kmeans.iterations": "the third number of --kmeans",
+}
+
+
 @app.command()
-@ends_cleanly
+@ends_cleanly(_BVH_FLAGS)
 def bvh(
     scenes: Annotated[
         list[Path] | None,
@@ -136,7 +145,7 @@ def bvh(
     if generated is not None or not inputs:
         inputs |= bench.generated(_PLANT if generated is None else generated)
     if device == "cuda":
-        _bvh_on_device(inputs, builder or [], runs, output, as_json)
+        _bvh_on_device(inputs, builder or [], runs, output, scenes, as_json)
         return
     effort = bench.Effort(runs, samples, share, widths, threads, part or bench.PARTS, builder or ())
     with Bar() as bar:
@@ -146,13 +155,13 @@ def bvh(
             say(charts.WITHOUT)
         bench.write(found, output)
     if as_json:
-        show(found.fields(), as_json, "bvh")
+        _show(found, scenes, output, "bvh")
     else:
         _print_bvh(found)
 
 
 @app.command()
-@ends_cleanly
+@ends_cleanly()
 def lod(
     inputs: Inputs = None,
     output: Folder = None,
@@ -178,7 +187,7 @@ def lod(
             say(charts.WITHOUT)
         bench.write(found, output)
     if as_json:
-        show(found.fields(), as_json, "lod")
+        _show(found, inputs, output, "lod")
     else:
         _print_lod(found)
 
@@ -196,7 +205,7 @@ def _print_lod(found: LodComparison) -> None:
 
 
 @app.command()
-@ends_cleanly
+@ends_cleanly()
 def stream(
     inputs: Annotated[
         list[Path] | None,
@@ -226,7 +235,7 @@ def stream(
             say(charts.WITHOUT)
         bench.write(found, output)
     if as_json:
-        show(found.fields(), as_json, "stream")
+        _show(found, inputs, output, "stream")
     elif sys.stdout.isatty():
         print_table("Streaming", bench.COLUMNS, found.rows, group="line")
     else:
@@ -248,6 +257,7 @@ def _bvh_on_device(
     builders: list[str],
     runs: int,
     output: Path | None,
+    scenes: list[Path] | None,
     as_json: bool,
 ) -> None:
     import tempfile
@@ -267,7 +277,7 @@ def _bvh_on_device(
             say(charts.WITHOUT)
         bvh_cuda.write(found, output)
     if as_json:
-        show(found.fields(), as_json, "bvh")
+        _show(found, scenes, output, "bvh")
     elif sys.stdout.isatty():
         print_table(f"Builders on {found.device}", bvh_cuda.COLUMNS, found.rows, group="scene")
     else:
@@ -294,29 +304,48 @@ def _print_bvh(found: bvh_bench.Comparison) -> None:
             print_table(title, columns, rows, group=group)
 
 
+def _why(path: Path) -> str:
+    return "it is a folder" if path.is_dir() else "no such file"
+
+
 def _check(inputs: list[Path], output: Path | None) -> None:
     """Refuses, before any work, what could not be read or written."""
     for path in inputs:
         if not path.is_file():
-            fail(f"cannot read {path}: {'it is a folder' if path.is_dir() else 'no such file'}")
+            fail(f"cannot read {path}: {_why(path)}", source=str(path))
     if output is not None:
-        with contextlib.suppress(FileExistsError):
-            output.mkdir(parents=True)
-        if not output.is_dir():
-            fail(f"{output} is a file, not a folder")
+        made_folder(output)
+
+
+def _show(found: Any, inputs: Sequence[Path] | None, output: Path | None, title: str) -> None:
+    result = {"input": [str(path) for path in inputs or []]}
+    written = {"output": None if output is None else str(output)}
+    show({**result, **written, **found.fields(), "warnings": heard}, True, title)
+
+
+def _valid(path: Path) -> Mesh:
+    """The mesh in a file; what is wrong with it names the file."""
+    from ..errors import Error
+    from ..io import load
+    from ..repair import validate
+
+    mesh = load(path)
+    try:
+        validate(mesh)
+    except Error as error:
+        fail(f"{path}: {error}", source=str(path))
+    return mesh
 
 
 def _loaders(paths: list[Path]) -> dict[str, Callable[[], Mesh]]:
     """What loads each mesh, under a name of its own."""
-    from ..io import load
-
     loaders: dict[str, Callable[[], Mesh]] = {}
     for path in paths:
         name, number = path.stem, 1
         while name in loaders:
             number += 1
             name = f"{path.stem}-{number}"
-        loaders[name] = partial(load, path)
+        loaders[name] = partial(_valid, path)
     return loaders
 
 

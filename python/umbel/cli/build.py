@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import enum
-import time
+import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .run import Json, Threads, check_output, ends_cleanly, fail, say, show
+from .run import Json, Threads, ends_cleanly, fail, heard, show
+
+if TYPE_CHECKING:
+    from .build_file import Options
+
+_FLAGS = {
+    "max_items": "--max-triangles",
+    "group size": "--group-size",
+    "min_group": "the first number of --group-size",
+    "max_group": "the second number of --group-size",
+}
 
 
 class Attributes(str, enum.Enum):
@@ -37,13 +47,25 @@ class SeamRule(str, enum.Enum):
     ignore = "ignore"
 
 
-@ends_cleanly
+@ends_cleanly(_FLAGS)
 def command(
-    source: Annotated[
-        Path, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INPUT...",
+            help="Meshes (.glb .gltf .obj .ply .stl), folders of them, quoted patterns such as "
+            "'models/**/*.glb', or addresses (https://, s3://).",
+        ),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT.umbel", help="The asset to write.")
+        str,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT.umbel|DIR",
+            help="The asset to write; of several inputs the folder for their assets, which lie in "
+            "it as the meshes do below their common folder.",
+        ),
     ],
     max_triangles: Annotated[
         int, typer.Option(metavar="N", help="Most triangles a cluster (4 to 256).")
@@ -79,10 +101,10 @@ def command(
     precision: Annotated[
         str | None,
         typer.Option(
-            metavar="MM|BITS",
+            metavar="0.1mm|16bits",
             help="Snap positions to a power-of-two grid no coarser than so many millimetres "
-            "(0.1mm or 0.1, where the mesh's unit is the metre), or of so many steps over the "
-            "longest side (16bits). Without it, nothing is lost.",
+            "(where the mesh's unit is the metre), or of so many steps over the longest side. "
+            "Without it, nothing is lost.",
         ),
     ] = None,
     drop_invalid: Annotated[
@@ -98,70 +120,86 @@ def command(
             help="Measure errors as distances to the mesh, in both directions; twice as slow.",
         ),
     ] = False,
+    jobs: Annotated[
+        int, typer.Option(metavar="N", help="Of several inputs: build N files side by side.")
+    ] = 1,
+    skip_unchanged: Annotated[
+        bool,
+        typer.Option(
+            "--skip-unchanged",
+            help="Leave an asset that is there as it is, if it was made of the same file (and "
+            "those that it refers to), with the same flags, by the same version.",
+        ),
+    ] = False,
+    keep_going: Annotated[
+        bool,
+        typer.Option("--keep-going", help="Of several inputs: go on after one that fails."),
+    ] = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
-    """Build a continuous-LOD asset from a mesh or a scene."""
-    check_output(output, ".umbel")
-    sizes = _group_size(group_size)
-    began = time.perf_counter()
+    """Build continuous-LOD assets from meshes or scenes.
 
-    from ..io import load_scene
-    from ..scene_lod import arranged, build_scene
+    With --json and several inputs, one object a file is printed, each on a line."""
+    from .build_file import Options
+    from .many import is_many
+
+    options = Options(
+        max_triangles=max_triangles,
+        max_vertices=max_vertices,
+        group_size=_group_size(group_size),
+        attributes=attributes.value,
+        seams=seams.value,
+        creases=creases.value,
+        instances=instances.value,
+        mix_materials=mix_materials,
+        precision=precision,
+        drop_invalid=drop_invalid,
+        measured_error=measured_error,
+    )
+    options.check()
+    if jobs < 1:
+        fail(f"--jobs must be at least 1, not {jobs}")
+    if not is_many(inputs, output):
+        _build_one(inputs[0], Path(output), options, skip_unchanged, as_json, threads)
+        return
+    from .build_many import build_many
+
+    build_many(
+        inputs,
+        output,
+        options,
+        jobs=jobs,
+        skip_unchanged=skip_unchanged,
+        keep_going=keep_going,
+        as_json=as_json,
+        threads=threads,
+        flags=_FLAGS,
+    )
+
+
+def _build_one(
+    source: str, output: Path, options: Options, skip_unchanged: bool, as_json: bool, threads: int
+) -> None:
+    from .build_file import build_file
+    from .outputs import check_output
     from .progress import Bar
+    from .summary import build_rows, print_rows
 
-    scene = arranged(load_scene(source), instances.value)
-    read_seconds = time.perf_counter() - began
+    check_output(output, ".umbel", inputs=[source])
     with Bar() as bar:
-        build_began = time.perf_counter()
-        lod = build_scene(
-            scene,
-            instances="on",
-            max_triangles=max_triangles,
-            max_vertices=max_vertices,
-            group_size=sizes,
-            attributes=attributes.value,
-            seams=seams.value,
-            creases=creases.value,
-            mix_materials=mix_materials,
-            drop_invalid=drop_invalid,
-            measured_error=measured_error,
-            precision=precision,
+        result = build_file(
+            source,
+            output,
+            options,
+            skip_unchanged=skip_unchanged,
             progress=bar,
             threads=threads,
         )
-        seconds = time.perf_counter() - build_began
-        lod.source["file"] = source.name
-        if drop_invalid:
-            say(f"{lod.report['dropped_triangles']:,} invalid triangles left out")
-        write_began = time.perf_counter()
-        file_bytes = lod.save(output, progress=bar, threads=threads)
-        write_seconds = time.perf_counter() - write_began
-    result = _result(lod, output, file_bytes, max_triangles)
-    triangles = result["stored_triangles"]
-    result |= {
-        "seconds": seconds,
-        "read_seconds": read_seconds,
-        "write_seconds": write_seconds,
-        "triangles_per_second": triangles / seconds if seconds > 0 else 0.0,
-    }
-    show(result, as_json, str(output))
-
-
-def _result(lod: Any, output: Path, file_bytes: int, max_triangles: int) -> dict[str, Any]:
-    from .measure import peak_rss_bytes, sha256_of, table_counts
-
-    report = {key: value for key, value in lod.report.items() if key != "seconds"}
-    triangles = report["input_triangles"]
-    counts = table_counts([one.tables for one in lod.lods], max_triangles)
-    return {
-        "stored_triangles": triangles,
-        **report,
-        **counts,
-        "meshes": len(lod.lods),
-        "instances": max(len(lod.instances), 1),
-        "file_bytes": file_bytes,
-        "bytes_per_input_triangle": file_bytes / triangles if triangles else 0.0,
-        "peak_rss_bytes": peak_rss_bytes(),
-        "sha256": sha256_of(output),
-    }
+    if as_json:
+        show({**result, "warnings": heard}, as_json, str(output))
+    elif result["status"] == "unchanged":
+        print(f"{output} is up to date")
+    else:
+        name = os.path.basename(source)
+        print_rows(f"{name} as a continuous-LOD asset, {output}", build_rows(result))

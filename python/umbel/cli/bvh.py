@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .run import Json, Threads, check_output, ends_cleanly, fail, show
+from .outputs import check_output
+from .run import Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
     from ..bench.rays import Rays
@@ -36,10 +37,22 @@ def _knob(metavar: str | None, text: str) -> Any:
     return typer.Option(metavar=metavar, help=text, rich_help_panel="Settings of builders")
 
 
-@ends_cleanly
+_FLAGS = {
+    "cost.traversal": "the first number of --cost",
+    "cost.intersection": "the second number of --cost",
+    "kmeans.clusters": "--clusters",
+    "kmeans.candidates": "--candidates",
+    "kmeans.iterations": "--iterations",
+    "kmeans.handed_up": "--handed-up",
+    "aac.leaf_size": "--aac-leaf-size",
+    "aac.epsilon": "--aac-epsilon",
+}
+
+
+@ends_cleanly(_FLAGS)
 def command(
     source: Annotated[
-        Path, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
+        str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
     ],
     builder: Annotated[
         str,
@@ -117,7 +130,7 @@ def command(
     if device is Device.cuda:
         fail("this build of Umbel has no CUDA support; use --device cpu")
     if output is not None:
-        check_output(output, ".umbvh")
+        check_output(output, ".umbvh", inputs=[source])
     if kary and not builder.startswith("kmeans"):
         fail(f"--kary is of the builder kmeans, not of {builder}")
     costs = _costs(cost)
@@ -166,6 +179,8 @@ def command(
         bvh.save(output)
     found, wide = tree.statistics(costs), bvh.statistics()
     result: dict[str, Any] = {
+        "input": source,
+        "output": None if output is None else str(output),
         "builder": builder,
         "triangles": len(mesh.triangles),
         "width": width,
@@ -190,7 +205,8 @@ def command(
     result["diffuse_mrays_per_second"] = _speed(bvh, diffuse, threads)
     if output is not None:
         result["file_bytes"] = output.stat().st_size
-    show(result, as_json, str(source))
+    result["warnings"] = heard
+    show(result, as_json, source)
 
 
 def _costs(text: str) -> tuple[float, float]:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .run import Json, Threads, check_output, ends_cleanly, fail, show
+from .outputs import check_output
+from .run import Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
     from ..cluster import Clusters
@@ -42,10 +43,20 @@ class Weights(str, enum.Enum):
     shared_vertices = "shared-vertices"
 
 
-@ends_cleanly
+_FLAGS = {
+    "max_items": "--max-triangles",
+    "min_items": "--min-triangles",
+    "underfill_cost": "--underfill",
+    "overlap_cost": "--overlap",
+    "vertex_underfill_cost": "--vertex-underfill",
+    "presplit_threshold": "--presplit",
+}
+
+
+@ends_cleanly(_FLAGS)
 def command(
     source: Annotated[
-        Path, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
+        str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
     ],
     method: Annotated[
         Method, typer.Option(help="Bisection by cost, or runs of the Morton order.")
@@ -95,7 +106,7 @@ def command(
     if device is Device.cuda:
         fail("this build of Umbel has no CUDA support; use --device cpu")
     if output is not None:
-        check_output(output, ".glb", ".npz")
+        check_output(output, ".glb", ".npz", inputs=[source])
 
     from ..cluster import cluster_mesh
     from ..io import load
@@ -126,7 +137,8 @@ def command(
             threads=threads,
         )
         seconds = time.perf_counter() - began
-    result = clusters.metrics()
+    written = None if output is None else str(output)
+    result = {"input": source, "output": written, **clusters.metrics()}
     count = len(mesh.triangles)
     result |= {
         "triangles": count,
@@ -136,7 +148,8 @@ def command(
     if output is not None:
         _write(output, mesh, clusters)
         result["file_bytes"] = output.stat().st_size
-    show(result, as_json, str(source))
+    result["warnings"] = heard
+    show(result, as_json, source)
 
 
 def _write(output: Path, mesh: Mesh, clusters: Clusters) -> None:

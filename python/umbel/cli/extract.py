@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from .run import USAGE, Json, Threads, check_output, ends_cleanly, fail, show
+from .outputs import check_output
+from .run import USAGE, Json, Threads, ends_cleanly, fail, heard, show
 
 
-@ends_cleanly
+@ends_cleanly()
 def command(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
     output: Annotated[
@@ -18,11 +19,14 @@ def command(
     ],
     error: Annotated[
         float | None,
-        typer.Option(metavar="E", help="Coarsest cut with at most this error, in the mesh's unit."),
+        typer.Option(
+            metavar="E",
+            help="Coarsest cut with at most this error, in the mesh's unit; inf: the coarsest.",
+        ),
     ] = None,
     triangles: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Finest cut with at most so many triangles, if any has."),
+        typer.Option(metavar="N", help="Finest cut with at most so many triangles."),
     ] = None,
     level: Annotated[
         int | None, typer.Option(metavar="L", help="A level as it was built; 0: the mesh itself.")
@@ -34,7 +38,8 @@ def command(
     instances, all of them."""
     if sum(value is not None for value in (error, triangles, level)) != 1:
         fail("give exactly one of --error, --triangles and --level", USAGE)
-    check_output(output, ".glb", ".ply", ".obj")
+    check_output(output, ".glb", ".ply", ".obj", inputs=[path])
+    _check_cut(error, triangles, level)
 
     from ..asset import Asset
     from ..io import save
@@ -44,10 +49,23 @@ def command(
     mesh = asset.scene_mesh(shown)
     save(output, mesh)
     result = {
+        "input": str(path),
+        "output": str(output),
         "triangles": len(mesh.triangles),
         "vertices": len(mesh.positions),
         "max_error": asset.scene_error(shown),
         "clusters": sum(len(one.cut) for one in shown),
         "file_bytes": output.stat().st_size,
+        "warnings": heard,
     }
     show(result, as_json, str(output))
+
+
+def _check_cut(error: float | None, triangles: int | None, level: int | None) -> None:
+    """Refuses, before anything is read, what no asset has."""
+    if error is not None and not error >= 0:
+        fail(f"--error must be 0 or more, not {error:g}")
+    if triangles is not None and triangles < 1:
+        fail(f"--triangles must be at least 1, not {triangles}")
+    if level is not None and level < 0:
+        fail(f"--level must be 0 (the mesh itself) or more, not {level}")

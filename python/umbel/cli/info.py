@@ -10,7 +10,7 @@ import typer
 from .run import Json, Threads, ends_cleanly, is_asset, show
 
 
-@ends_cleanly
+@ends_cleanly()
 def command(
     path: Annotated[
         Path,
@@ -38,6 +38,7 @@ def _asset_info(path: Path) -> dict[str, Any]:
     triangles = sum(mesh["source_triangles"] for mesh in standing)
     names = ("normals", "tangents", "uvs", "colors")
     return {
+        "input": str(path),
         "kind": "asset",
         "format_version": info["format_version"],
         **stored,
@@ -92,6 +93,7 @@ def _mesh_info(path: Path, threads: int) -> dict[str, Any]:
         problem = str(error)
     names = ("normals", "tangents", "uvs", "colors")
     return {
+        "input": str(path),
         "kind": "mesh",
         "format_version": None,
         "input_triangles": len(mesh.triangles),

@@ -8,14 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from .bvh import PICTURE, _costs, _speed
-from .run import Json, Threads, check_output, ends_cleanly, show
+from .bvh import _FLAGS, PICTURE, _costs, _speed
+from .outputs import check_output
+from .run import Json, Threads, ends_cleanly, heard, show
 
 
-@ends_cleanly
+@ends_cleanly(_FLAGS)
 def command(
     source: Annotated[
-        Path, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
+        str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
     ],
     builder: Annotated[str, typer.Option(help="exact or binned.")] = "exact",
     ropes: Annotated[bool, typer.Option(help="Trace by ropes instead of with a stack.")] = False,
@@ -35,7 +36,7 @@ def command(
     """Build an SAH kd-tree over a mesh and measure it: its cost, and its rays a second (three views
     of 512 x 512 pixels, and a diffuse bounce from what they hit)."""
     if output is not None:
-        check_output(output, ".umkd")
+        check_output(output, ".umkd", inputs=[source])
     costs = _costs(cost)
 
     from ..bench.rays import diffuse_rays, primary_rays
@@ -61,6 +62,8 @@ def command(
         tree.save(output)
     found = tree.statistics()
     result: dict[str, Any] = {
+        "input": source,
+        "output": None if output is None else str(output),
         "builder": builder,
         "traversal": tree.traversal,
         "triangles": len(mesh.triangles),
@@ -80,4 +83,5 @@ def command(
     result["diffuse_mrays_per_second"] = _speed(tree, diffuse, threads)
     if output is not None:
         result["file_bytes"] = output.stat().st_size
-    show(result, as_json, str(source))
+    result["warnings"] = heard
+    show(result, as_json, source)

@@ -7,6 +7,8 @@ import time
 from types import TracebackType
 from typing import Any
 
+from .run import say
+
 PATIENCE = 0.7  # seconds without a bar; what is done by then needs none
 
 
@@ -37,6 +39,13 @@ class Bar:
         if self._rich is None:
             self._open()
         self._rich.update(self._task, completed=fraction, description=stage)
+
+    def say(self, sentence: str) -> None:
+        """One line on standard error, above the bar."""
+        if self._rich is None:
+            say(sentence)
+        else:
+            self._rich.console.print(f"umbel: {sentence}", markup=False, highlight=False)
 
     def _open(self) -> None:
         from rich.console import Console

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .run import Json, Threads, check_output, ends_cleanly, fail, is_asset, show
+from .outputs import check_output
+from .run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,10 +34,19 @@ class Up(str, enum.Enum):
     z = "z"
 
 
-@ends_cleanly
+_FLAGS = {
+    "max_bounces": "--bounces",
+    "samples": "--spp",
+    "budget_bytes": "--budget",
+    "environment.color": "--light",
+    "environment.sun_direction": "--sun",
+}
+
+
+@ends_cleanly(_FLAGS)
 def command(
     source: Annotated[
-        Path, typer.Argument(metavar="INPUT", help="Mesh (.glb .gltf .obj .ply .stl) or asset.")
+        str, typer.Argument(metavar="INPUT", help="Mesh (.glb .gltf .obj .ply .stl) or asset.")
     ],
     output: Annotated[
         Path,
@@ -118,7 +128,7 @@ def command(
     threads: Threads = 0,
 ) -> None:
     """Render path-traced pictures of a mesh, or of the cut of an asset that a camera needs."""
-    check_output(output, ".png", ".exr")
+    check_output(output, ".png", ".exr", inputs=[source])
     if spp < 1:
         fail(f"--spp must be at least 1, not {spp}")
     from ..picture import check_format, save_picture, tone_map
@@ -173,10 +183,11 @@ def command(
             for film_now in _passes(film, spp, progressive, _part(bar, *bounds)):
                 save_picture(path, film_now.pixels, exposure)
             results.append(_result(path, renderer, film))
-    show(_summary(results, spp, method, time.perf_counter() - began), as_json, str(output))
+    result = _summary(results, spp, method, time.perf_counter() - began)
+    show({"input": source, **result, "warnings": heard}, as_json, str(output))
 
 
-def _accel(source: Path, accel: Accel | None, pixel_error: float | None) -> Accel:
+def _accel(source: str, accel: Accel | None, pixel_error: float | None) -> Accel:
     if accel is None:
         accel = Accel.lod if is_asset(source) else Accel.bvh
     if accel is Accel.lod and not is_asset(source):
@@ -237,7 +248,7 @@ class _Views:
 
     def __init__(
         self,
-        source: Path,
+        source: str,
         method: Accel,
         pixel_error: float,
         prepare: Callable[[Mesh], Renderer],
@@ -254,7 +265,9 @@ class _Views:
         asset = Asset(source)
         if method is Accel.lod:
             self._asset = asset
-            self._whole = prepare(asset.scene_mesh(asset.scene_cuts(triangles=_COARSE)))
+            self._whole = prepare(
+                asset.scene_mesh(asset.scene_cuts(triangles=_COARSE, or_coarsest=True))
+            )
         else:
             self._whole = prepare(asset.scene_mesh(asset.scene_cuts(level=0)))
 
@@ -284,7 +297,7 @@ class _Streamed:
     """Renderers for cameras of an asset, each within a budget."""
 
     def __init__(
-        self, source: Path, budget: int, pixel_error: float, options: dict[str, Any]
+        self, source: str, budget: int, pixel_error: float, options: dict[str, Any]
     ) -> None:
         from ..asset import Asset
 

@@ -8,13 +8,14 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, TypeVar
 
 import typer
 
 from . import Stopped
+from .failure import Failure, failure_object, naming_file, one_line, with_flags
 
 FAULT, USAGE, CHECK_FAILED = 1, 2, 3
 
@@ -27,6 +28,9 @@ Threads = Annotated[
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
+_PATHS = ("source", "path", "inputs", "scenes", "output", "export")
+"""Arguments that are files and folders, inputs first."""
+
 
 def say(sentence: str) -> None:
     """One line on standard error."""
@@ -34,62 +38,121 @@ def say(sentence: str) -> None:
         print(f"umbel: {sentence}", file=sys.stderr, flush=True)
 
 
-def fail(sentence: str, status: int = FAULT) -> NoReturn:
-    """Ends the command with one sentence."""
+def fail(sentence: str, status: int = FAULT, source: str | None = None) -> NoReturn:
+    """Ends the command with one sentence. `source`: the input at fault, if there are several."""
+    raise Failure(sentence, status, source)
+
+
+def ends_cleanly(flags: Mapping[str, str] | None = None) -> Callable[[Command], Command]:
+    """Whatever goes wrong on the user's side becomes one sentence and an exit status; with --json
+    an object as well.
+
+    flags: what the library calls differently from the command, and the flag that it is.
+    """
+
+    def decorate(command: Command) -> Command:
+        @functools.wraps(command)
+        def wrapper(*args: Any, **kwargs: Any) -> Any:
+            warnings.showwarning = _show_warning
+            try:
+                result = command(*args, **kwargs)
+                sys.stdout.flush()
+                return result
+            except typer.Exit:
+                raise
+            except (Exception, Stopped) as error:
+                failure = _failure(error, "drop_invalid" in kwargs)
+                if failure is None:  # a fault of ours: the traceback says where
+                    if kwargs.get("as_json"):
+                        print(failure_object(f"{type(error).__name__}: {error}", None), flush=True)
+                    raise
+                _end(failure, kwargs, flags or {}, names_file=not isinstance(error, Stopped))
+
+        return wrapper  # type: ignore[return-value]
+
+    return decorate
+
+
+def _failure(error: BaseException, drops: bool) -> Failure | None:
+    """What an exception says to the user; None where it is no fault of theirs. `drops`: whether
+    the command can leave out what is invalid."""
+    from ..errors import Error
+
+    if isinstance(error, Failure):
+        return error
+    if isinstance(error, Error):
+        return Failure(str(error) + (_hint(drops) if error.code == "invalid_mesh" else ""), FAULT)
+    if isinstance(error, Stopped):
+        return Failure(error.word, error.status)
+    if isinstance(error, MemoryError):
+        return Failure("not enough memory", FAULT)
+    if isinstance(error, BrokenPipeError):
+        # Nobody reads the output any more; Python would complain again when it exits.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(FAULT) from None
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return Failure(f"{where}{error.strerror or error}", FAULT)
+    return None
+
+
+def _hint(drops: bool) -> str:
+    """What helps with a mesh that the library refuses."""
+    flag = "--drop-invalid" if drops else "`umbel build --drop-invalid`"
+    return f"; {flag} leaves out such triangles"
+
+
+def sentence_of(
+    error: BaseException, flags: Mapping[str, str], source: str | None, paths: Sequence[str]
+) -> str:
+    """What an exception says to a user who knows flags and files."""
+    failure = _failure(error, drops=True)
+    text = f"{type(error).__name__}: {error}" if failure is None else str(failure)
+    return naming_file(with_flags(one_line(text), flags, paths), source, paths)
+
+
+def _end(
+    failure: Failure, given: Mapping[str, Any], flags: Mapping[str, str], names_file: bool
+) -> NoReturn:
+    paths = _paths(given)
+    source = failure.source if failure.source is not None else next(iter(paths), None)
+    own = {
+        name: f"--{name.replace('_', '-')}" for name in given if name not in (*_PATHS, "as_json")
+    }
+    sentence = one_line(str(failure))
+    if names_file:
+        sentence = sentence_of(failure, {**flags, **own, **flags}, source, paths)
     say(sentence)
-    raise typer.Exit(status)
+    if given.get("as_json"):
+        with contextlib.suppress(OSError):
+            print(failure_object(sentence, source), flush=True)
+    raise typer.Exit(failure.status)
+
+
+def _paths(given: Mapping[str, Any]) -> list[str]:
+    """All files and folders that the command was given, as they were written; inputs first."""
+    found: list[str] = []
+    for name in _PATHS:
+        value = given.get(name)
+        for one in value if isinstance(value, (list, tuple)) else [value]:
+            if one is not None:
+                found.append(str(one))
+    return found
+
+
+heard: list[str] = []
+"""The warnings of this command, for its JSON object."""
 
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-    say(f"warning: {message}")
+    sentence = one_line(str(message))
+    heard.append(sentence)
+    say(f"warning: {sentence}")
 
 
-def ends_cleanly(command: Command) -> Command:
-    """Whatever goes wrong on the user's side becomes one sentence and an exit status."""
-
-    @functools.wraps(command)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        from ..errors import Error
-
-        warnings.showwarning = _show_warning
-        try:
-            result = command(*args, **kwargs)
-            sys.stdout.flush()
-            return result
-        except Error as error:
-            fail(_one_line(str(error)))
-        except Stopped as stopped:
-            fail(stopped.word, stopped.status)
-        except MemoryError:
-            fail("not enough memory")
-        except BrokenPipeError:
-            # Nobody reads the output any more; Python would complain again when it exits.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise typer.Exit(FAULT) from None
-        except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            fail(f"{where}{error.strerror or error}")
-
-    return wrapper  # type: ignore[return-value]
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
-
-
-def check_output(path: Path, *suffixes: str) -> None:
-    """Refuses, before any work, an output that could not be written."""
-    if path.suffix.lower() not in suffixes:
-        fail(f"{path}: the output must end in {' or '.join(suffixes)}")
-    if path.is_dir():
-        fail(f"{path} is a folder")
-    if not path.absolute().parent.is_dir():
-        fail(f"{path}: there is no folder {path.absolute().parent}")
-
-
-def is_asset(path: Path) -> bool:
+def is_asset(path: str | Path) -> bool:
     """Whether a file is meant as an asset, by its name."""
-    return path.suffix.lower() == ".umbel"
+    return str(path).lower().endswith(".umbel")
 
 
 def show(result: dict[str, Any], as_json: bool, title: str) -> None:

@@ -8,10 +8,11 @@ from typing import Annotated
 
 import typer
 
+from .failure import naming_file, one_line
 from .run import CHECK_FAILED, Json, Threads, ends_cleanly, say, show
 
 
-@ends_cleanly
+@ends_cleanly()
 def command(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
     cuts: Annotated[
@@ -33,8 +34,12 @@ def command(
     began = time.perf_counter()
     with Bar() as bar:
         report = verify(path, cuts, seed=seed, progress=bar, threads=threads)
-    result = report.to_dict() | {"seconds": time.perf_counter() - began}
+    result = {"input": str(path), **report.to_dict(), "seconds": time.perf_counter() - began}
+    problem = one_line(report.problems[0] if report.problems else "a check did not hold")
+    problem = naming_file(problem, str(path), [str(path)])
+    if not report.ok and as_json:
+        result["error"] = problem
     show(result, as_json, str(path))
     if not report.ok:
-        say(report.problems[0] if report.problems else f"{path}: a check did not hold")
+        say(problem)
         raise typer.Exit(CHECK_FAILED)

@@ -11,7 +11,7 @@ import typer
 from .run import Json, Threads, ends_cleanly, say, show
 
 
-@ends_cleanly
+@ends_cleanly()
 def command(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
     port: Annotated[
@@ -34,10 +34,11 @@ def command(
 
     if export is not None:
         index = export_viewer(path, export)
-        show({"url": index.absolute().as_uri(), "folder": str(export)}, as_json, str(path))
+        result = {"input": str(path), "output": str(export), "url": index.absolute().as_uri()}
+        show(result | {"folder": str(export)}, as_json, str(path))
         return
     shown = view(path, port=port)
-    show({"url": shown.url}, as_json, str(path))
+    show({"input": str(path), "url": shown.url}, as_json, str(path))
     if not no_browser and not shown.open():
         say("there is no browser here: open the address above in one")
     sys.stdout.flush()

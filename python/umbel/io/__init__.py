@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from umbel.errors import Error
+from umbel.io.addresses import fetched, is_address, load_fetched
 from umbel.io.files import read_bytes
 from umbel.io.scene import Instance, Scene
 from umbel.mesh import Mesh
@@ -21,8 +22,10 @@ def load(path: str | os.PathLike[str]) -> Mesh:
     """Reads a mesh file as one mesh, as drawn: all primitives, node transforms and instances.
 
     Formats: .glb .gltf .obj .ply .stl, each also inside .gz. What a file's first bytes say wins
-    over its extension. Raises `umbel.Error` naming the file and what is wrong with it. NaN and
-    indices beyond the vertices are not looked for; `umbel.validate` does that.
+    over its extension. An address that fsspec understands (https://, s3://, memory://) is fetched
+    with what the file refers to: the extra `umbel[remote]`. Raises `umbel.Error` naming the file
+    and what is wrong with it. NaN and indices beyond the vertices are not looked for;
+    `umbel.validate` does that.
     """
     return load_scene(path).flatten()
 
@@ -45,6 +48,9 @@ def load_poses(path: str | os.PathLike[str], rate: float = 30.0) -> Iterator[Mes
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
     """Reads a mesh file with its instances apart; else like `load`."""
+    if is_address(path):
+        with fetched(str(path)) as local:
+            return load_fetched(local, str(path))
     file = Path(path)
     name = file.name.removesuffix(".gz")
     stem, extension = os.path.splitext(name)

@@ -1,0 +1,131 @@
+"""`umbel build` of many files: in processes side by side, with a line for each and a summary."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from .build_file import Options
+from .many import Job, plan
+from .outputs import made_folder
+from .pool import work_off
+from .progress import Bar
+from .run import FAULT, say
+from .summary import megabytes, print_rows
+
+_LISTED = 20  # failures that the summary names
+
+
+def build_many(
+    inputs: Sequence[str],
+    output: str,
+    options: Options,
+    *,
+    jobs: int,
+    skip_unchanged: bool,
+    keep_going: bool,
+    as_json: bool,
+    threads: int,
+    flags: Mapping[str, str],
+) -> None:
+    """Builds the inputs below a folder. Ends with status 1 if any could not be built."""
+    began = time.perf_counter()
+    planned = plan(inputs, Path(output))
+    made_folder(Path(output))
+    cores = os.cpu_count() or 1
+    common = {
+        "options": options.plain(),
+        "skip_unchanged": skip_unchanged,
+        "threads": threads or max(1, cores // min(jobs, len(planned))),
+        "flags": dict(flags),
+    }
+    done = _Done(len(planned))
+    with Bar() as bar:
+        for job, answer in work_off(_asked(planned, common), min(jobs, len(planned))):
+            answer = {"input": job["input"], "output": job["output"], **_own(answer)}
+            done.add(answer)
+            _report(answer, as_json, bar)
+            bar(done.count / done.total, f"{done.count:,} of {done.total:,} files")
+            if answer["status"] == "failed" and not keep_going:
+                break
+    done.show(output, time.perf_counter() - began, as_json)
+    if done.failed:
+        raise typer.Exit(FAULT)
+
+
+def _asked(planned: Sequence[Job], common: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The jobs as workers take them. Folders are made when their first file's turn comes."""
+    made: set[Path] = set()
+    for job in planned:
+        folder = job.output.parent
+        if folder not in made:
+            made_folder(folder)
+            made.add(folder)
+        yield {"input": job.source, "output": str(job.output), **common}
+
+
+def _own(answer: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in answer.items() if key not in ("input", "output")}
+
+
+def _report(answer: dict[str, Any], as_json: bool, bar: Bar) -> None:
+    """A file's line: its object with --json, else only what is wrong with it."""
+    if as_json:
+        from ..metadata import plain
+
+        print(json.dumps(plain(answer), allow_nan=False), flush=True)
+    for warning in answer.get("warnings", ()):
+        named = warning if answer["input"] in warning else f"{answer['input']}: {warning}"
+        bar.say(f"warning: {named}")
+    if answer["status"] == "failed":
+        bar.say(answer["error"])
+
+
+class _Done:
+    """What has become of the files so far."""
+
+    def __init__(self, total: int) -> None:
+        self.total, self.count = total, 0
+        self.built = self.unchanged = self.triangles = self.bytes = 0
+        self.failed: list[str] = []
+
+    def add(self, answer: dict[str, Any]) -> None:
+        self.count += 1
+        if answer["status"] == "failed":
+            self.failed.append(answer["input"])
+        elif answer["status"] == "unchanged":
+            self.unchanged += 1
+        else:
+            self.built += 1
+            self.triangles += answer["stored_triangles"]
+            self.bytes += answer["file_bytes"]
+
+    def show(self, output: str, seconds: float, as_json: bool) -> None:
+        """The summary: on standard output, or with --json on standard error."""
+        rows = {
+            "built": f"{self.built:,} files, {self.triangles:,} triangles, {megabytes(self.bytes)}",
+            "unchanged": f"{self.unchanged:,} files",
+            "failed": f"{len(self.failed):,} files{self._names()}",
+            "not begun": f"{self.total - self.count:,} files",
+            "in": f"{seconds:.1f} s",
+        }
+        if self.count == self.total:
+            del rows["not begun"]
+        if as_json:
+            text = ", ".join(f"{name} {value}" for name, value in rows.items())
+            say(f"{output}: {text}")
+        else:
+            sys.stderr.flush()
+            print_rows(output, rows)
+
+    def _names(self) -> str:
+        names = ", ".join(self.failed[:_LISTED])
+        more = len(self.failed) - _LISTED
+        return (f": {names}" if names else "") + (f", and {more:,} more" if more > 0 else "")

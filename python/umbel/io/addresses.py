@@ -1,0 +1,119 @@
+"""Mesh files at addresses that fsspec understands: https://, s3://, memory:// and the like. A file
+is fetched with what it refers to, and read as one on this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+import urllib.parse
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from umbel.errors import Error
+from umbel.io.references import leads_outside, references
+
+if TYPE_CHECKING:
+    from umbel.io.scene import Scene
+    from umbel.mesh import Material
+
+
+def is_address(path: object) -> bool:
+    """Whether a text is an address and no path."""
+    return isinstance(path, str) and "://" in path
+
+
+def name_of(address: str) -> str:
+    """The name of the file at an address."""
+    first = urllib.parse.urlsplit(address.partition("::")[0])
+    name = first.path.rsplit("/", 1)[-1] or first.netloc
+    return urllib.parse.unquote(name) if first.scheme in ("http", "https") else name
+
+
+@contextmanager
+def fetched(address: str) -> Iterator[Path]:
+    """The file at an address, with all that it refers to below its folder, in a temporary one."""
+    name = name_of(address)
+    if not name or name in (".", ".."):
+        raise Error(f"{address} names no file")
+    with tempfile.TemporaryDirectory(prefix="umbel-") as folder:
+        path = Path(folder) / name
+        path.write_bytes(_bytes_at(address))
+        _fetch_references(path, address)
+        yield path
+
+
+def load_fetched(path: Path, address: str, **options: Any) -> Scene:
+    """The scene in a file that `fetched` gave. Messages name the address."""
+    from umbel.io import load_scene
+
+    folder, base = str(path.parent), _sibling(address, "")
+
+    def named(text: object) -> str:
+        return str(text).replace(str(path), address).replace(f"{folder}/", base)
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            scene = load_scene(path, **options)
+        except Error as error:
+            raise Error(named(error)) from None
+        every = [scene.materials, *(mesh.materials for mesh in scene.meshes)]
+        for material in {id(one): one for materials in every for one in materials}.values():
+            _keep_images(material)
+    for warning in caught:
+        warnings.warn(named(warning.message), warning.category, stacklevel=2)
+    return scene
+
+
+def _keep_images(material: Material) -> None:
+    """Reads the images, whose files are about to go."""
+    for slot, image in list(material.images.items()):
+        if image.path is None:
+            continue
+        with contextlib.suppress(OSError):  # not fetched: whoever shows it says so
+            material.images[slot] = replace(image, data=image.path.read_bytes(), path=None)
+
+
+def _fetch_references(path: Path, address: str) -> None:
+    """What cannot be fetched is missing afterwards: reading says whether that matters."""
+    waiting = references(path.name, path.read_bytes())
+    seen: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        if name in seen or not name or leads_outside(name):
+            continue
+        seen.add(name)
+        target = path.parent / name.replace("\\", "/")
+        try:
+            data = _bytes_at(_sibling(address, name))
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+        except (Error, OSError, ValueError):
+            continue
+        waiting += references(name, data)
+
+
+def _sibling(address: str, name: str) -> str:
+    """The address of a file beside another."""
+    first, mark, rest = address.partition("::")
+    parts = urllib.parse.urlsplit(first)
+    on_web = parts.scheme in ("http", "https")
+    base = (first.partition("?")[0] if on_web else first).rpartition("/")[0]
+    return f"{base}/{urllib.parse.quote(name) if on_web else name}{mark}{rest}"
+
+
+def _bytes_at(address: str) -> bytes:
+    try:
+        import fsspec
+    except ImportError:
+        raise Error(f"{address}: addresses need fsspec: pip install 'umbel[remote]'") from None
+    try:
+        with fsspec.open(address, "rb") as file:
+            return bytes(file.read())
+    except Exception as error:  # every file system has its own
+        reason = str(error) or type(error).__name__
+        raise Error(f"cannot open {address}: {reason}") from None

@@ -1,0 +1,125 @@
+"""What a mesh file refers to (buffers, material libraries, images), and a digest of it all."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import mmap
+import os
+import struct
+import urllib.parse
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+_MAPS = (b"map_", b"bump", b"norm", b"disp", b"decal", b"refl")
+_SMALL = 1 << 20
+_JSON_CHUNK = 0x4E4F534A
+
+
+def references(name: str, data: Any) -> list[str]:
+    """The other files that a mesh file or a material library names, in its order, each once. What
+    is damaged names none: whoever reads the file says so."""
+    name = name.lower().removesuffix(".gz")
+    found: Iterable[str] = ()
+    if bytes(data[:4]) == b"glTF":
+        found = _of_gltf(_json_chunk(data))
+    elif name.endswith(".gltf"):
+        found = _of_gltf(bytes(data))
+    elif name.endswith(".obj"):
+        found = _rests_of_lines(data, b"mtllib")
+    elif name.endswith(".mtl"):
+        found = (line.split()[-1] for word in _MAPS for line in _rests_of_lines(data, word))
+    return list(dict.fromkeys(found))
+
+
+def source_digest(path: Path, allow_outside: bool = False) -> str:
+    """The SHA-256 of a mesh file in hexadecimal; if it refers to others, that of the digests of
+    all. Files that are missing count as such, and those outside the folder unless
+    `allow_outside`."""
+    digests: dict[str, str] = {}
+    waiting = [path.name]
+    while waiting:
+        name = waiting.pop()
+        if name in digests:
+            continue
+        if digests and not allow_outside and leads_outside(name):
+            digests[name] = "outside"
+            continue
+        try:
+            with _contents(path.parent / name) as data:
+                digests[name] = hashlib.sha256(data).hexdigest()
+                waiting += references(name, _unpacked(name, data))
+        except (OSError, ValueError):
+            if not digests:
+                raise
+            digests[name] = "missing"
+    if len(digests) == 1:
+        return digests[path.name]
+    main = digests.pop(path.name)
+    lines = [main, *(f"{digests[name]} {name}" for name in sorted(digests))]
+    return hashlib.sha256("\n".join(lines).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def leads_outside(name: str) -> bool:
+    """Whether a reference leaves the folder of the file that it is in."""
+    relative = PurePosixPath(name.replace("\\", "/"))
+    parts = relative.parts
+    return relative.is_absolute() or ".." in parts or bool(parts and ":" in parts[0])
+
+
+@contextmanager
+def _contents(path: Path) -> Iterator[Any]:
+    """The file's bytes; those of a large one are not copied into memory."""
+    with path.open("rb") as file:
+        if os.fstat(file.fileno()).st_size < _SMALL:
+            yield file.read()
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as view:
+            yield view
+
+
+def _unpacked(name: str, data: Any) -> Any:
+    if not name.lower().endswith((".gltf.gz", ".glb.gz", ".obj.gz")):
+        return data
+    try:
+        return gzip.decompress(data)
+    except (OSError, EOFError, zlib.error):
+        return b""
+
+
+def _json_chunk(data: Any) -> bytes:
+    if len(data) < 20:
+        return b""
+    length, kind = struct.unpack_from("<II", data, 12)
+    return bytes(data[20 : 20 + length]) if kind == _JSON_CHUNK else b""
+
+
+def _of_gltf(text: bytes) -> Iterator[str]:
+    if b'"uri"' not in text:
+        return
+    try:
+        root = json.loads(text)
+        entries = [*root.get("buffers", []), *root.get("images", [])]
+        uris = [entry.get("uri") for entry in entries]
+    except (AttributeError, RecursionError, TypeError, ValueError):
+        return
+    for uri in uris:
+        if isinstance(uri, str) and not uri.startswith("data:"):
+            yield urllib.parse.unquote(uri)
+
+
+def _rests_of_lines(data: Any, word: bytes) -> Iterable[str]:
+    """What follows the word, in any case, in every line that begins with it."""
+    for spelling in (word, word.upper(), word.capitalize()):
+        at = data.find(spelling)
+        while at >= 0:
+            begin = data.rfind(b"\n", max(0, at - 64), at) + 1
+            end = data.find(b"\n", at)
+            line = bytes(data[max(begin, at - 64) : end if end >= 0 else len(data)]).strip()
+            at = data.find(spelling, at + len(spelling))
+            if line.startswith(spelling) and len(line.split()) > 1:
+                yield os.fsdecode(line.split(None, 1)[1])
