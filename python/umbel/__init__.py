@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .errors import LoadWarning as LoadWarning
     from .frame_clusters import FrameClusters as FrameClusters
     from .io import load as load
+    from .io import load_scene as load_scene
     from .io import save as save
     from .kdtree import KdTree as KdTree
     from .lod import Lod as Lod
@@ -100,6 +101,7 @@ _HOME = {
     "FrameClusters": "frame_clusters",
     "RebuildPolicy": "drift",
     "load": "io",
+    "load_scene": "io",
     "save": "io",
     "KdTree": "kdtree",
     "Lod": "lod",

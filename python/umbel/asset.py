@@ -16,8 +16,9 @@ from .arrays import indices, mesh_of, thread_count, whole
 from .camera import Camera
 from .errors import Error
 from .gltf_look import read_materials
+from .io.scene import Scene
 from .mesh import Material, Mesh
-from .places import Shown, scene_cuts, scene_error, scene_mesh
+from .places import Shown, scene_cuts, scene_error, scene_mesh, shown_scene
 from .proof import VerifyReport
 from .remote import readable, remote
 from .repair import Progress
@@ -111,8 +112,14 @@ class Asset(HasTables):
 
     def mesh(self, cut: ArrayLike, mesh: int = 0) -> Mesh:
         """A cut of one of the meshes as an ordinary mesh, its clusters joined where they meet."""
+        made = self._mesh(cut, mesh, self.materials)
+        if len(self.meshes) == 1 and not self.instances:
+            made.tree = self.scene
+        return made
+
+    def _mesh(self, cut: ArrayLike, mesh: int, materials: list[Material]) -> Mesh:
         arrays = self._native.mesh(indices("cut", cut), mesh)
-        return mesh_of(arrays, self.materials, self.info["metadata"].get("name", ""))
+        return mesh_of(arrays, materials, self.info["metadata"].get("name", ""))
 
     def scene_cuts(
         self,
@@ -136,6 +143,11 @@ class Asset(HasTables):
             triangles=triangles,
             or_coarsest=or_coarsest,
         )
+
+    def scene_of(self, shown: Sequence[Shown]) -> Scene:
+        """All that is shown, each mesh once for each of its cuts, on the nodes of the file that the
+        asset is from. `umbel.save` writes it as glTF with them."""
+        return shown_scene(self, shown)
 
     def scene_mesh(self, shown: Sequence[Shown]) -> Mesh:
         """All that is shown, as one mesh in the scene."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,8 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
 from .arrays import as_mesh, extras_of, indices, mesh_of, native, numbers, rows, thread_count, whole
-from .errors import Error
+from .errors import Error, LoadWarning
 from .gltf_look import write_materials
+from .io import load_scene
+from .io.gltf_tree import is_trivial
 from .mesh import Material, Mesh
 from .metadata import encode
 from .origin import origin_of
@@ -52,10 +55,12 @@ class Lod(HasTables):
         source: dict[str, Any],
         materials: list[Material],
         name: str,
+        tree: dict[str, Any] | None = None,
     ) -> None:
         self._native = dag
         self._materials = materials
         self._name = name
+        self._tree = tree or {}
         self.report = report
         """What was built: counts, groups by how they were simplified, `seconds` of the build."""
         self.config = config
@@ -95,7 +100,9 @@ class Lod(HasTables):
 
     def mesh(self, cut: ArrayLike) -> Mesh:
         """A cut as an ordinary mesh, its clusters joined where they meet."""
-        return mesh_of(self._native.mesh(indices("cut", cut)), self._materials, self._name)
+        mesh = mesh_of(self._native.mesh(indices("cut", cut)), self._materials, self._name)
+        mesh.tree = self._tree
+        return mesh
 
     def verify(
         self,
@@ -143,6 +150,7 @@ class Lod(HasTables):
             exact=exact,
             textures=textures,
             page_bytes=page_bytes,
+            scene={} if is_trivial(self._tree) else self._tree,
             progress=progress,
             threads=threads,
         )
@@ -187,7 +195,7 @@ def save_asset(
         keep = any(lod.config["position_step"] == 0 for lod in lods)
     folder = Path(os.fspath(path)).absolute().parent
     all_materials, firsts = _joined([lod._materials for lod in lods])
-    materials, files = write_materials(all_materials, textures, folder)
+    materials, files = write_materials(all_materials, textures, folder, thread_count(threads))
     return _umbel.write_asset(
         os.fspath(path),
         [lod._native for lod in lods],
@@ -312,7 +320,7 @@ def build_lod(
         `umbel build --precision`.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
-    given = as_mesh(mesh)
+    given = _one_mesh(mesh)
     source = _describe(mesh, given)
     if attributes not in ("auto", "none"):
         raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
@@ -365,7 +373,20 @@ def build_lod(
         thread_count(threads),
         None if decimate is None else _decimator(decimate),
     )
-    return Lod(dag, {**dag.report, **extra}, config, source, given.materials, given.name)
+    report = {**dag.report, **extra}
+    return Lod(dag, report, config, source, given.materials, given.name, given.tree)
+
+
+def _one_mesh(source: Any) -> Mesh:
+    """As `as_mesh`, with a warning where the nodes of a file get lost."""
+    if not isinstance(source, (str, os.PathLike)):
+        return as_mesh(source)
+    scene = load_scene(source)
+    lost = scene.merge_loss()
+    if lost:
+        sentence = f"{os.fspath(source)}: {lost}; build_scene(..., instances='on') keeps its nodes"
+        warnings.warn(sentence, LoadWarning, stacklevel=3)
+    return scene.flatten()
 
 
 def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:

@@ -79,6 +79,9 @@ class Mesh:
     origin: Float64Array = field(default_factory=zero_origin)  #: (3,) float64, mostly zero
     #: what is known of the world's coordinates: "unit", "up", "crs"
     coordinates: dict[str, str] = field(default_factory=dict)
+    extras: Any = None  #: what the file's author keeps with it, as JSON
+    #: the nodes around it, skins, cameras, lights, extras and copyright, as `Asset.scene` has them
+    tree: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.origin = origin_of(self.origin)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import Error
+from .io.gltf_tree import owners_of
 from .io.scene import Instance, Scene
 from .mesh import Mesh
 from .tables import check_budget, check_level
@@ -110,17 +111,32 @@ def scene_error(asset: Asset, shown: Sequence[Shown]) -> float:
 
 def scene_mesh(asset: Asset, shown: Sequence[Shown]) -> Mesh:
     """What is shown, as one mesh."""
-    scene = Scene(materials=asset.materials, name=asset.info["metadata"].get("name", ""))
+    return shown_scene(asset, shown).flatten()
+
+
+def shown_scene(asset: Asset, shown: Sequence[Shown]) -> Scene:
+    """What is shown, on the nodes that it is from."""
+    tree = asset.scene
+    notes = tree.pop("meshes", None) or []
+    owners = owners_of(tree, len(shown))
+    for node in tree.get("nodes", []):
+        node.pop("instances", None)
+    materials = asset.materials
+    scene = Scene([], materials, name=asset.info["metadata"].get("name", ""), tree=tree)
     made: dict[tuple[int, bytes], int] = {}
-    for one in shown:
+    for one, owner in zip(shown, owners, strict=True):
         key = (one.mesh, one.cut.tobytes())
         if key not in made:
             made[key] = len(scene.meshes)
-            scene.meshes.append(asset.mesh(one.cut, one.mesh))
+            mesh = asset._mesh(one.cut, one.mesh, materials)
+            if one.mesh < len(notes) and isinstance(notes[one.mesh], dict):
+                mesh.name = str(notes[one.mesh].get("name") or mesh.name)
+                mesh.extras = notes[one.mesh].get("extras")
+            scene.meshes.append(mesh)
         matrix = np.eye(4)
         matrix[:3] = one.transform
-        scene.instances.append(Instance(made[key], matrix))
-    return scene.flatten()
+        scene.instances.append(Instance(made[key], matrix, node=owner))
+    return scene
 
 
 def _cuts(asset: Asset, standing: Sequence[Place], view: Callable[[Tables], Any]) -> list[Shown]:

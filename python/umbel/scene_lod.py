@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,11 +14,10 @@ import numpy as np
 
 from . import _umbel
 from .arrays import as_mesh, native
-from .errors import Error
+from .errors import Error, LoadWarning
 from .io import load_scene
-from .io.scene import Instance, Scene, transformed, with_default
+from .io.scene import Scene, scene_of, transformed, with_default
 from .lod import PAGE_BYTES, Lod, build_lod, metadata_of, save_asset
-from .mesh import Mesh
 from .places import boxes, stretch
 from .repair import Progress, grid_step
 
@@ -46,6 +46,7 @@ class SceneLod:
         `input_vertices` count each mesh as often as it stands somewhere, `stored_triangles` once,
         and lengths are in the scene's unit."""
         self._name = scene.name
+        self._tree = scene.stored_tree()
 
     def __repr__(self) -> str:
         return f"<SceneLod: {len(self.lods)} meshes in {max(len(self.instances), 1)} places>"
@@ -73,6 +74,7 @@ class SceneLod:
             exact=exact,
             textures=textures,
             page_bytes=page_bytes,
+            scene=self._tree,
             progress=progress,
             threads=threads,
         )
@@ -90,12 +92,18 @@ def arranged(scene: Any, instances: str = "auto") -> Scene:
     if isinstance(scene, (str, os.PathLike)):
         scene = load_scene(scene)
     if not isinstance(scene, Scene):
-        return _of_one(as_mesh(scene))
+        return scene_of(as_mesh(scene))
     drawn = [len(scene.meshes[place.mesh].triangles) for place in scene.instances]
     used = {p.mesh for p, count in zip(scene.instances, drawn, strict=True) if count}
     stored = sum(len(scene.meshes[mesh].triangles) for mesh in used)
     repeats = instances == "on" or (instances == "auto" and sum(drawn) > _REPEATED * stored)
-    return _apart(scene) if stored and repeats else _of_one(scene.flatten())
+    if stored and repeats:
+        return _apart(scene)
+    lost = scene.merge_loss() if instances == "auto" else ""
+    if lost:
+        sentence = f"{scene.name}: {lost}; --instances on keeps its nodes"
+        warnings.warn(sentence, LoadWarning, stacklevel=3)
+    return scene_of(scene.flatten())
 
 
 def build_scene(
@@ -140,14 +148,10 @@ def _is_plain(scene: Scene) -> bool:
     return len(places) == 1 and np.array_equal(places[0].transform, np.eye(4))
 
 
-def _of_one(mesh: Mesh) -> Scene:
-    return Scene([mesh], mesh.materials, [Instance(0)], name=mesh.name, cameras=mesh.cameras)
-
-
 def _apart(scene: Scene) -> Scene:
     """The meshes that are drawn, and their places. What a place makes flat has no way back from
     the world to the mesh: such a place gets a mesh of its own, made flat already."""
-    apart = Scene(name=scene.name, cameras=scene.cameras)
+    apart = Scene(name=scene.name, cameras=scene.cameras, tree=scene.tree)
     kept: dict[int, int] = {}
     every = [mesh.material_ids for mesh in scene.meshes if mesh.material_ids is not None]
     apart.materials, _ = with_default(scene.materials, np.concatenate(every) if every else None)
@@ -161,7 +165,8 @@ def _apart(scene: Scene) -> Scene:
             raise Error(f"the place {place.name!r} has a matrix that is not finite")
         least, most = stretch(place.transform)
         if not least > _FLAT * most:
-            apart.instances.append(Instance(len(apart.meshes), name=place.name))
+            instance = replace(place, mesh=len(apart.meshes), transform=np.eye(4))
+            apart.instances.append(instance)
             apart.meshes.append(transformed(mesh, place.transform))
             continue
         if place.mesh not in kept:

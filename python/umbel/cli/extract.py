@@ -15,7 +15,8 @@ from .run import USAGE, Json, Threads, ends_cleanly, fail, heard, show
 def command(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT", help="Mesh to write: .glb .ply .obj.")
+        Path,
+        typer.Option("-o", "--output", metavar="OUT", help="Mesh to write: .glb .gltf .ply .obj."),
     ],
     error: Annotated[
         float | None,
@@ -38,7 +39,7 @@ def command(
     instances, all of them."""
     if sum(value is not None for value in (error, triangles, level)) != 1:
         fail("give exactly one of --error, --triangles and --level", USAGE)
-    check_output(output, ".glb", ".ply", ".obj", inputs=[path])
+    check_output(output, ".glb", ".gltf", ".ply", ".obj", inputs=[path])
     _check_cut(error, triangles, level)
 
     from ..asset import Asset
@@ -46,13 +47,14 @@ def command(
 
     asset = Asset(path)
     shown = asset.scene_cuts(error=error, triangles=triangles, level=level)
-    mesh = asset.scene_mesh(shown)
-    save(output, mesh)
+    scene = asset.scene_of(shown)
+    save(output, scene)
+    meshes = [scene.meshes[place.mesh] for place in scene.instances]
     result = {
         "input": str(path),
         "output": str(output),
-        "triangles": len(mesh.triangles),
-        "vertices": len(mesh.positions),
+        "triangles": sum(len(mesh.triangles) for mesh in meshes),
+        "vertices": sum(len(mesh.positions) for mesh in meshes),
         "max_error": asset.scene_error(shown),
         "clusters": sum(len(one.cut) for one in shown),
         "file_bytes": output.stat().st_size,

@@ -1,4 +1,4 @@
-"""Reading and writing meshes: .glb .gltf .obj .ply .stl in, .glb .obj .ply out."""
+"""Reading and writing meshes: .glb .gltf .obj .ply .stl in, .glb .gltf .obj .ply out."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 from umbel.errors import Error
 from umbel.io.addresses import fetched, is_address, load_fetched
 from umbel.io.files import read_bytes
-from umbel.io.scene import Instance, Scene
+from umbel.io.scene import Instance, Scene, scene_of
 from umbel.mesh import Mesh
 
 __all__ = ["Instance", "Scene", "load", "load_poses", "load_scene", "save"]
 
 _READABLE = (".glb", ".gltf", ".obj", ".ply", ".stl")
-_WRITABLE = (".glb", ".obj", ".ply")
+_WRITABLE = (".glb", ".gltf", ".obj", ".ply")
 
 
 def load(path: str | os.PathLike[str]) -> Mesh:
@@ -73,24 +73,30 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
 
 
 def save(path: str | os.PathLike[str], mesh: object) -> None:
-    """Writes a mesh (anything that `Mesh.from_any` takes) as .glb, .ply or .obj.
+    """Writes a mesh (anything that `Mesh.from_any` takes) or a `Scene`: .glb, .gltf, .ply or .obj.
 
-    The file is written beside its name and renamed when whole, so a failure leaves nothing.
-    Raises `umbel.Error` if the folder cannot be written, the disk is full or the extension is
-    unknown. Positions, normals and UVs come back to the bit from all three.
+    glTF keeps everything: a scene's nodes, materials with their textures, joints, cameras, lights,
+    extras. What the other formats have no place for is one `umbel.LoadWarning`. The file is written
+    beside its name and renamed when whole, so a failure leaves nothing; so are the .bin of a .gltf
+    and the .mtl and images of an .obj. Raises `umbel.Error` if the folder cannot be written, the
+    disk is full or the extension is unknown. Positions, normals and UVs come back to the bit.
     """
     file = Path(path)
     extension = file.suffix.lower()
     if extension not in _WRITABLE:
         raise Error(f"{file}: cannot write '{file.suffix}' files; {', '.join(_WRITABLE)} can be")
-    whole = Mesh.from_any(mesh)
-    if extension == ".ply":
-        from umbel.io.ply_writer import write_ply as write
-    elif extension == ".obj":
-        from umbel.io.obj_writer import write_obj as write
+    if extension in (".glb", ".gltf"):
+        from umbel.io.gltf_writer import write_gltf
+
+        write_gltf(file, mesh if isinstance(mesh, Scene) else scene_of(Mesh.from_any(mesh)))
+    elif extension == ".ply":
+        from umbel.io.ply_writer import write_ply
+
+        write_ply(file, Mesh.from_any(mesh))
     else:
-        from umbel.io.glb_writer import write_glb as write
-    write(file, whole)
+        from umbel.io.obj_writer import write_obj
+
+        write_obj(file, Mesh.from_any(mesh))
 
 
 def _sniffed(data: bytes) -> str:

@@ -20,9 +20,11 @@ from umbel.errors import Error, LoadWarning
 from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
 from umbel.io.gltf_cameras import read_camera
 from umbel.io.gltf_images import texture_reader
+from umbel.io.gltf_losses import losses
 from umbel.io.gltf_materials import read_material
 from umbel.io.gltf_nodes import Nodes, instance_matrices
 from umbel.io.gltf_schema import check_schema
+from umbel.io.gltf_tree import Tree
 from umbel.io.polygons import strips
 from umbel.io.scene import NO_MATERIAL, Instance, Part, Scene, join, with_default
 from umbel.mesh import (
@@ -61,11 +63,19 @@ def read_gltf(data: bytes, where: str, folder: Path | None = None) -> Scene:
     return read_root(root, binary, where, folder)
 
 
-def read_root(root: Json, binary: bytes | None, where: str, folder: Path | None) -> Scene:
-    """The scene of parsed JSON and the binary chunk beside it."""
+def read_root(
+    root: Json, binary: bytes | None, where: str, folder: Path | None, warn: bool = True
+) -> Scene:
+    """The scene of parsed JSON and the binary chunk beside it. One warning names what is left out
+    of it."""
     check_schema(root, where)
     _check_header(root, where)
-    return _Reader(Buffers(root, binary, where, folder)).scene()
+    reader = _Reader(Buffers(root, binary, where, folder))
+    scene = reader.scene()
+    if reader.lost and warn:
+        sentence = f"{where}: left out: {'; '.join(reader.lost)}"
+        warnings.warn(sentence, LoadWarning, stacklevel=2)
+    return scene
 
 
 def _check_header(root: Json, where: str) -> None:
@@ -89,10 +99,14 @@ class _Reader:
         self.meshes: list[Mesh] = []
         self.cameras: list[Camera] = []
         self._made: dict[tuple[Any, ...], int | None] = {}
+        #: What is left out, in words.
+        self.lost: list[str] = []
 
     def scene(self) -> Scene:
         instances: list[Instance] = []
-        for index in self.nodes.drawn():
+        drawn = self.nodes.drawn()
+        tree = Tree(self.root, self.nodes, drawn)
+        for index in drawn:
             node = self.nodes.node(index)
             if "camera" in node:
                 self._add_camera(index, node)
@@ -104,8 +118,12 @@ class _Reader:
             name = str(node.get("name", ""))
             world = np.eye(4) if "skin" in node else self.nodes.world(index)
             for matrix in instance_matrices(node, self.buffers, index):
-                instances.append(Instance(mesh, world @ matrix, name))
-        scene = Scene(self.meshes, self.materials, instances, cameras=self.cameras)
+                instances.append(Instance(mesh, world @ matrix, name, tree.numbers[index]))
+        self.lost += losses(self.root, [self.nodes.node(k) for k in drawn], tree.lost)
+        missing = len(self.textures.missing)
+        if missing:
+            self.lost.append(f"{missing} textures whose images are damaged or not there")
+        scene = Scene(self.meshes, self.materials, instances, cameras=self.cameras, tree=tree.json)
         return self._with_materials(scene)
 
     def _add_camera(self, index: int, node: Json) -> None:
@@ -152,12 +170,10 @@ class _Reader:
         blocks: list[Mesh] = []
         parts: list[Part] = []
         shared: dict[str, int] = {}
-        skipped = 0
         for k, primitive in enumerate(entry.get("primitives") or []):
             name = f"meshes[{index}].primitives[{k}]"
             mode = primitive.get("mode", _TRIANGLES)
             if mode not in (_TRIANGLES, _STRIP, _FAN):
-                skipped += 1
                 continue
             if "POSITION" not in (primitive.get("attributes") or {}):
                 continue
@@ -167,19 +183,15 @@ class _Reader:
             material = primitive.get("material")
             if material is not None:
                 self.buffers.item("materials", material, name)
-            triangles = _triangulated(corners, mode, f"{self.where}: {name}")
+            if mode == _TRIANGLES and len(corners) % 3:
+                self.lost.append(f"indices of {name} after the last whole triangle")
+            triangles = _triangulated(corners, mode)
             ids = np.full(len(triangles), NO_MATERIAL if material is None else material, np.uint32)
             parts.append((block, triangles, ids if self.materials else None))
-        if skipped:
-            warnings.warn(
-                f"{self.where}: meshes[{index}] has {skipped} primitives of points or lines, "
-                f"which are left out",
-                LoadWarning,
-                stacklevel=2,
-            )
         if not parts:
             return None
-        return replace(join(blocks, parts), name=str(entry.get("name", "")))
+        name, extras = str(entry.get("name", "")), entry.get("extras")
+        return replace(join(blocks, parts), name=name, extras=extras)
 
     def _primitive(
         self,
@@ -285,16 +297,9 @@ def _skin(
     return np.where(weight != 0, joint, np.uint32(0)), weight
 
 
-def _triangulated(corners: UInt32Array, mode: int, what: str) -> UInt32Array:
+def _triangulated(corners: UInt32Array, mode: int) -> UInt32Array:
     if mode == _TRIANGLES:
         whole = len(corners) - len(corners) % 3
-        if whole != len(corners):
-            warnings.warn(
-                f"{what} has {len(corners)} indices; those after the last whole triangle are "
-                f"left out",
-                LoadWarning,
-                stacklevel=2,
-            )
         return corners[:whole].reshape(-1, 3)
     if len(corners) < 3:
         return np.zeros((0, 3), np.uint32)

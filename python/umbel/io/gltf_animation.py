@@ -39,7 +39,7 @@ def read_poses(data: bytes, where: str, folder: Path | None, rate: float) -> Ite
             for node, path, times, values, mode in channels:
                 posed["nodes"][node].pop("matrix", None)
                 posed["nodes"][node][path] = _at(time, path, times, values, mode)
-            yield read_root(posed, binary, where, folder).flatten()
+            yield read_root(posed, binary, where, folder, warn=False).flatten()
 
 
 def _channels(animation: Json, buffers: Buffers, name: str) -> list[tuple[Any, ...]]:

@@ -124,6 +124,19 @@ def _info(material: Material, slot: str, inside: Json, reference: Reference | No
     return reference(slot, {k: v for k, v in given.items() if k not in _NO_INFO}, image)
 
 
+def texture_sets(entry: Any) -> int:
+    """How many sets of UVs the textures of a material's JSON need."""
+    most = 0
+    for key, value in entry.items() if isinstance(entry, dict) else ():
+        if isinstance(value, dict) and isinstance(value.get("index"), int):
+            moved = (value.get("extensions") or {}).get("KHR_texture_transform") or {}
+            uvs = moved.get("texCoord", value.get("texCoord"))
+            most = max(most, 1 + (uvs if isinstance(uvs, int) else 0))
+        elif key != "extras":
+            most = max(most, texture_sets(value))
+    return most
+
+
 def extensions_in(value: Any) -> set[str]:
     """The names of all extensions anywhere in a piece of glTF's JSON."""
     if isinstance(value, list):

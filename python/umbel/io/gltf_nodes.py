@@ -86,9 +86,22 @@ class Nodes:
             at = self._parents[at]
         matrix = np.eye(4) if at is None else self._worlds[at]
         for k in reversed(chain):
-            matrix = matrix @ _local(self.node(k), f"{self.where}: nodes[{k}]")
+            matrix = matrix @ local_matrix(self.node(k), f"{self.where}: nodes[{k}]")
             self._worlds[k] = matrix
         return matrix
+
+    def parent(self, index: int) -> int | None:
+        return self._parents[index]
+
+    def ancestors(self, index: int) -> list[int]:
+        """The node itself and all above it, the root first."""
+        self.node(index)
+        chain = []
+        at: int | None = index
+        while at is not None:
+            chain.append(at)
+            at = self._parents[at]
+        return chain[::-1]
 
     def first_joint(self, skin: Any) -> int:
         """The number of a skin's first joint, counted through the file's skins."""
@@ -109,7 +122,16 @@ class Nodes:
         if inverse.shape[1] != 16 or len(inverse) < len(joints):
             raise Error(f"{self.where}: skins[{skin}] has too few inverse bind matrices")
         columns = inverse[: len(joints)].reshape(-1, 4, 4).astype(np.float64)
-        return worlds @ columns.transpose(0, 2, 1)
+        return _snapped(worlds @ columns.transpose(0, 2, 1), worlds)
+
+
+def _snapped(matrices: Float64Array, worlds: Float64Array) -> Float64Array:
+    """The identity for joints that differ from it by no more than the rounding of inverse bind
+    matrices: vertices of a mesh that was bound in this pose then keep every bit."""
+    with np.errstate(all="ignore"):
+        size = 1 + np.abs(worlds[:, :3]).max(axis=(1, 2), initial=0.0)
+        near = np.abs(matrices - np.eye(4)).max(axis=(1, 2), initial=0.0) <= 2.0**-21 * size
+    return np.where(near[:, None, None], np.eye(4), matrices)
 
 
 def instance_matrices(node: Json, buffers: Buffers, index: int) -> list[Float64Array]:
@@ -137,7 +159,8 @@ def instance_matrices(node: Json, buffers: Buffers, index: int) -> list[Float64A
     return list(_composed(translation, rotation, scale))
 
 
-def _local(node: Json, what: str) -> Float64Array:
+def local_matrix(node: Json, what: str) -> Float64Array:
+    """(4, 4) float64, node to its parent."""
     if "matrix" in node:
         values = _vector(node["matrix"], 16, what, "matrix")
         matrix: Float64Array = values.reshape(4, 4).T

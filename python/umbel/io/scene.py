@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from umbel.errors import Error
+from umbel.io.gltf_tree import is_trivial, merged, owners_of, with_instances
 from umbel.mesh import (
     Float64Array,
     Material,
@@ -32,6 +33,7 @@ class Instance:
     #: (4, 4) float64, mesh to world, acting on column vectors
     transform: Float64Array = field(default_factory=lambda: np.eye(4))
     name: str = ""
+    node: int | None = None  #: index into the `nodes` of `Scene.tree`
 
 
 @dataclass
@@ -43,6 +45,8 @@ class Scene:
     instances: list[Instance] = field(default_factory=list)
     name: str = ""
     cameras: list[Camera] = field(default_factory=list)  #: perspective ones, in the world
+    #: the nodes, skins, cameras, lights, extras and copyright as glTF's JSON, without meshes
+    tree: dict[str, Any] = field(default_factory=dict)
 
     def flatten(self) -> Mesh:
         """Everything as one mesh, as drawn: each instance transformed and appended in order.
@@ -62,8 +66,64 @@ class Scene:
         flat = join(placed, [(k, m.triangles, m.material_ids) for k, m in enumerate(placed)])
         materials, ids = with_default(self.materials, flat.material_ids)
         return replace(
-            flat, material_ids=ids, materials=materials, name=self.name, cameras=self.cameras
+            flat,
+            material_ids=ids,
+            materials=materials,
+            name=self.name,
+            cameras=self.cameras,
+            tree=self._merged_tree(),
         )
+
+    def _merged_tree(self) -> dict[str, Any]:
+        """`tree` for all of the scene as one mesh."""
+        used = {place.mesh for place in self.instances}
+        mesh = self.mesh_notes(used.pop()) if len(used) == 1 else {}
+        still = all(np.array_equal(place.transform, np.eye(4)) for place in self.instances)
+        owners = [place.node for place in self.instances]
+        return merged(self.tree, owners, still, self.name, mesh)
+
+    def stored_tree(self) -> dict[str, Any]:
+        """`tree` with what says which of its nodes the meshes and instances are; {} where it says
+        nothing."""
+        notes = [self.mesh_notes(k) for k in range(len(self.meshes))]
+        out = with_instances(self.tree, [place.node for place in self.instances], notes)
+        return {} if is_trivial(out) else out
+
+    def merge_loss(self) -> str:
+        """What of the nodes is lost as all becomes one mesh, in words; "" where nothing is."""
+        nodes = self.tree.get("nodes", [])
+        drawn = list(dict.fromkeys(p.node for p in self.instances if p.node is not None))
+        names = [repr(nodes[k]["name"]) for k in drawn if nodes[k].get("name")]
+        listed = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
+        if not drawn or (len(drawn) == len(self.instances) == 1 and not names):
+            return ""
+        if len(self.instances) > 1:
+            which = f" ({listed})" if names else ""
+            return f"the meshes of its {len(drawn)} nodes{which} become one"
+        if np.array_equal(self.instances[0].transform, np.eye(4)):
+            return ""
+        return f"the mesh of its node {listed} is stored in the world's coordinates, off the node"
+
+    def mesh_notes(self, mesh: int) -> dict[str, Any]:
+        """The name and the extras that the file gives one of the meshes, as glTF's JSON."""
+        one = self.meshes[mesh]
+        notes = {"name": one.name if one.name != self.name else "", "extras": one.extras}
+        return {key: value for key, value in notes.items() if value not in ("", None)}
+
+
+def scene_of(mesh: Mesh) -> Scene:
+    """A mesh as a scene, on the node of its tree that has it."""
+    notes = (mesh.tree.get("meshes") or [{}])[0]
+    tree = {key: value for key, value in mesh.tree.items() if key != "meshes"}
+    owner = owners_of(tree, 1)[0]
+    if "nodes" in tree:
+        tree["nodes"] = [{k: v for k, v in n.items() if k != "instances"} for n in tree["nodes"]]
+    named = mesh
+    if notes:
+        extras = notes.get("extras", mesh.extras)
+        named = replace(mesh, name=str(notes.get("name") or mesh.name), extras=extras)
+    places = [Instance(0, node=owner)]
+    return Scene([named], mesh.materials, places, mesh.name, mesh.cameras, tree)
 
 
 #: "this triangle has no material", until `with_default` gives it one.

@@ -1,0 +1,66 @@
+"""What the reader of glTF leaves out of a file, in words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+Json = dict[str, Any]
+
+_TRIANGLES = (4, 5, 6)
+_PLAIN = {"POSITION", "NORMAL", "TANGENT", "COLOR_0", *(f"TEXCOORD_{k}" for k in range(8))}
+_SKIN = {f"{kind}_{k}" for kind in ("JOINTS", "WEIGHTS") for k in range(3)}
+_READ = {"KHR_draco_mesh_compression"}
+
+
+def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[str]:
+    """Each thing that is lost of what the scene draws; `drawn` are its nodes, and `extensions`
+    those that are lost elsewhere."""
+    nodes = list(drawn)
+    numbers = dict.fromkeys(node["mesh"] for node in nodes if "mesh" in node)
+    meshes = [root["meshes"][k] for k in numbers]
+    primitives = [p for mesh in meshes for p in mesh.get("primitives") or []]
+    skipped = sum(p.get("mode", 4) not in _TRIANGLES for p in primitives)
+    if skipped:
+        yield (
+            f"{skipped} primitives of points or lines"
+            if skipped > 1
+            else ("a primitive of points or lines")
+        )
+    shown = [p for p in primitives if p.get("mode", 4) in _TRIANGLES]
+    lost = {name for p in shown for name in _attributes(p.get("attributes") or {})}
+    if lost:
+        yield f"the attributes {', '.join(sorted(lost, key=_natural))}"
+    yield from _motion(root, meshes, shown)
+    inside = {e for p in shown for e in p.get("extensions") or {}} - _READ
+    if inside | extensions:
+        yield ", ".join(sorted(inside | extensions))
+    scenes = len(root.get("scenes") or [])
+    if scenes > 1:
+        yield f"{scenes - 1} other scenes" if scenes > 2 else "another scene"
+
+
+def _attributes(attributes: Json) -> set[str]:
+    """Those that a Mesh has no place for."""
+    lost = set(attributes) - _PLAIN - _SKIN
+    for kind, most in (("TEXCOORD", 8), ("JOINTS", 3)):
+        sets = [k for k in range(most) if f"{kind}_{k}" in attributes]
+        lost.update(f"{kind}_{k}" for place, k in enumerate(sets) if k != place)
+    return lost
+
+
+def _natural(name: str) -> tuple[str, int]:
+    found = re.search(r"\d+$", name)
+    return name.rstrip("0123456789"), int(found.group()) if found else 0
+
+
+def _motion(root: Json, meshes: list[Json], shown: list[Json]) -> Iterator[str]:
+    targets = max((len(p.get("targets") or []) for p in shown), default=0)
+    if targets:
+        used = any(any(mesh.get("weights") or []) for mesh in meshes)
+        note = " (default weights are applied)" if used else ""
+        yield (f"{targets} morph targets" if targets > 1 else "a morph target") + note
+    animations = len(root.get("animations") or [])
+    if animations:
+        yield f"{animations} animations" if animations > 1 else "an animation"
