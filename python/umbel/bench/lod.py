@@ -175,7 +175,7 @@ def _at_budget(
 ) -> dict[str, float]:
     """What a cut of exactly so many triangles would measure: between the largest cut below and the
     smallest above, logarithms of measures over the logarithm of triangles."""
-    below = lod.cut(triangles=budget)
+    below = lod.cut(triangles=budget, or_coarsest=True)
     measured = measure(lod.mesh(below))
     count = _count(lod, below)
     errors = np.unique(lod.groups["error"])

@@ -26,7 +26,7 @@ app = typer.Typer(help="Comparisons: of builders, and with other libraries.", no
 
 Inputs = Annotated[
     list[Path] | None,
-    typer.Argument(metavar="[INPUT]...", help="Meshes; without any, procedural ones."),
+    typer.Argument(metavar="INPUT", help="Meshes; without any, procedural ones."),
 ]
 Folder = Annotated[
     Path | None,
@@ -84,7 +84,7 @@ _BVH_FLAGS = {
 def bvh(
     scenes: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[SCENES]...", help="Meshes; without any, a generated one."),
+        typer.Argument(metavar="SCENES", help="Meshes; without any, a generated one."),
     ] = None,
     generated: Annotated[
         int | None,
@@ -169,9 +169,10 @@ def lod(
         int, typer.Option(min=100, metavar="N", help="Points on each surface.")
     ] = 50_000,
     as_json: Json = False,
+    threads: Threads = 0,
 ) -> None:
     """Levels of detail: how far cuts of 10 %, 1 % and 0.1 % of the triangles are from the mesh,
-    beside meshoptimizer's clusterlod.h."""
+    beside meshoptimizer's clusterlod.h. Each is built on one thread, whatever --threads says."""
     _check(inputs or [], output)
 
     from ..bench import charts
@@ -209,7 +210,7 @@ def _print_lod(found: LodComparison) -> None:
 def stream(
     inputs: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[INPUT]...", help="Assets or meshes; without any, a blob."),
+        typer.Argument(metavar="INPUT", help="Assets or meshes; without any, a blob."),
     ] = None,
     seconds: Annotated[
         float, typer.Option(min=0.1, metavar="S", help="That the camera walks.")

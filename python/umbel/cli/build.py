@@ -52,7 +52,7 @@ def command(
     inputs: Annotated[
         list[str],
         typer.Argument(
-            metavar="INPUT...",
+            metavar="INPUT",
             help="Meshes (.glb .gltf .obj .ply .stl), folders of them, quoted patterns such as "
             "'models/**/*.glb', or addresses (https://, s3://).",
         ),

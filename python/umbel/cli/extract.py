@@ -13,7 +13,7 @@ from .run import USAGE, Json, Threads, ends_cleanly, fail, heard, show
 
 @ends_cleanly()
 def command(
-    path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
+    path: Annotated[str, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="OUT", help="Mesh to write: .glb .gltf .ply .obj."),
@@ -51,7 +51,7 @@ def command(
     save(output, scene)
     meshes = [scene.meshes[place.mesh] for place in scene.instances]
     result = {
-        "input": str(path),
+        "input": path,
         "output": str(output),
         "triangles": sum(len(mesh.triangles) for mesh in meshes),
         "vertices": sum(len(mesh.positions) for mesh in meshes),

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import os
 from typing import Annotated, Any
 
 import typer
 
-from .run import Json, Threads, ends_cleanly, is_asset, show
+from .run import Json, Threads, ends_cleanly, heard, is_asset, show
 
 
 @ends_cleanly()
 def command(
     path: Annotated[
-        Path,
+        str,
         typer.Argument(metavar="FILE", help="Asset (.umbel) or mesh (.glb .gltf .obj .ply .stl)."),
     ],
     as_json: Json = False,
@@ -21,11 +21,12 @@ def command(
 ) -> None:
     """Say what is in an asset or a mesh."""
     result = _asset_info(path) if is_asset(path) else _mesh_info(path, threads)
-    show(result, as_json, str(path))
+    show({**result, "warnings": heard}, as_json, path)
 
 
-def _asset_info(path: Path) -> dict[str, Any]:
+def _asset_info(path: str) -> dict[str, Any]:
     from ..asset import Asset
+    from ..io.addresses import is_address
     from ..places import places
     from .measure import sha256_of, table_counts
 
@@ -38,7 +39,7 @@ def _asset_info(path: Path) -> dict[str, Any]:
     triangles = sum(mesh["source_triangles"] for mesh in standing)
     names = ("normals", "tangents", "uvs", "colors")
     return {
-        "input": str(path),
+        "input": path,
         "kind": "asset",
         "format_version": info["format_version"],
         **stored,
@@ -56,7 +57,7 @@ def _asset_info(path: Path) -> dict[str, Any]:
         "max_vertices": info["max_vertices"],
         "file_bytes": info["file_bytes"],
         "bytes_per_input_triangle": info["file_bytes"] / triangles if triangles else 0.0,
-        "sha256": sha256_of(path),
+        "sha256": None if is_address(path) else sha256_of(path),
         "generator": metadata.get("generator"),
         "source": metadata.get("source", {}),
         "config": metadata.get("config", {}),
@@ -77,11 +78,13 @@ def _material_count(asset: Any, tables: list[Any]) -> int:
     return max(named, highest + 1 if highest else 0)
 
 
-def _mesh_info(path: Path, threads: int) -> dict[str, Any]:
+def _mesh_info(path: str, threads: int) -> dict[str, Any]:
     from .. import _umbel
     from ..arrays import native
     from ..errors import Error
     from ..io import load_scene
+    from ..io.addresses import is_address
+    from ..remote import remote
     from ..repair import validate
 
     scene = load_scene(path)
@@ -93,7 +96,7 @@ def _mesh_info(path: Path, threads: int) -> dict[str, Any]:
         problem = str(error)
     names = ("normals", "tangents", "uvs", "colors")
     return {
-        "input": str(path),
+        "input": path,
         "kind": "mesh",
         "format_version": None,
         "input_triangles": len(mesh.triangles),
@@ -106,5 +109,5 @@ def _mesh_info(path: Path, threads: int) -> dict[str, Any]:
         "attributes": [name for name in names if getattr(mesh, name) is not None],
         "valid": problem is None,
         "problem": problem,
-        "file_bytes": path.stat().st_size,
+        "file_bytes": remote(path)[0] if is_address(path) else os.path.getsize(path),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import itertools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -84,20 +85,8 @@ def _matches(text: str) -> tuple[str | None, list[str]]:
 
 def _fixed_part(pattern: str) -> str:
     """The folders of a pattern before the first that is itself a pattern."""
-    parts: list[str] = []
-    head = pattern
-    while head:
-        head, tail = os.path.split(head.rstrip(os.sep))
-        if not tail:
-            parts.append(head)
-            break
-        parts.append(tail)
-    fixed: list[str] = []
-    for part in reversed(parts):
-        if glob.has_magic(part):
-            break
-        fixed.append(part)
-    return os.path.join(*fixed) if fixed else os.curdir
+    fixed = itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts)
+    return os.path.join(os.curdir, *fixed)
 
 
 def _is_mesh(name: str) -> bool:

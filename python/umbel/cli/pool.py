@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from typing import IO, Any
 
+COMMAND = [sys.executable, "-m", "umbel.cli.worker"]
 _PATIENCE = 10.0  # seconds for a process to remove its unfinished file
 
 
@@ -23,7 +24,7 @@ class Worker:
         self._received = b""
         # A session of its own: Ctrl-C is for the process at the terminal, which ends the others.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "umbel.cli.worker"],
+            COMMAND,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,

@@ -160,6 +160,8 @@ def show(result: dict[str, Any], as_json: bool, title: str) -> None:
     from ..metadata import plain
 
     result = plain(result)
+    if not as_json:
+        result.pop("warnings", None)  # they have been said
     if as_json:
         print(json.dumps(result, allow_nan=False))
     elif sys.stdout.isatty():

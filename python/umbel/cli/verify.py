@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,7 +13,7 @@ from .run import CHECK_FAILED, Json, Threads, ends_cleanly, say, show
 
 @ends_cleanly()
 def command(
-    path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
+    path: Annotated[str, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
     cuts: Annotated[
         int, typer.Option(min=0, max=1_000_000, metavar="N", help="Random cuts to look at.")
     ] = 64,
@@ -28,18 +27,21 @@ def command(
 
     Half of the cuts are by error, half by camera, from inside and outside. Exit status 3 says
     that something did not hold."""
+    from ..asset import Asset
+    from ..io.addresses import is_address
     from ..proof import verify
     from .progress import Bar
 
     began = time.perf_counter()
     with Bar() as bar:
-        report = verify(path, cuts, seed=seed, progress=bar, threads=threads)
-    result = {"input": str(path), **report.to_dict(), "seconds": time.perf_counter() - began}
+        how: dict[str, Any] = {"seed": seed, "progress": bar, "threads": threads}
+        report = Asset(path).verify(cuts, **how) if is_address(path) else verify(path, cuts, **how)
+    result = {"input": path, **report.to_dict(), "seconds": time.perf_counter() - began}
     problem = one_line(report.problems[0] if report.problems else "a check did not hold")
-    problem = naming_file(problem, str(path), [str(path)])
+    problem = naming_file(problem, path, [path])
     if not report.ok and as_json:
         result["error"] = problem
-    show(result, as_json, str(path))
+    show(result, as_json, path)
     if not report.ok:
         say(problem)
         raise typer.Exit(CHECK_FAILED)

@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from .run import Json, Threads, ends_cleanly, say, show
+from .outputs import check_folder
+from .run import Json, Threads, ends_cleanly, fail, say, show
 
 
 @ends_cleanly()
 def command(
-    path: Annotated[Path, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
+    path: Annotated[str, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
     port: Annotated[
         int, typer.Option(min=0, max=65535, metavar="N", help="Port to serve on; 0: any free one.")
     ] = 0,
@@ -32,13 +33,16 @@ def command(
     The page and the asset are served to this machine only."""
     from ..viewer import export_viewer, view
 
+    if "://" in path:
+        fail(f"{path}: the viewer shows files on this machine; download the asset first")
     if export is not None:
+        check_folder(export.absolute().parent, f"{export}: ")
         index = export_viewer(path, export)
-        result = {"input": str(path), "output": str(export), "url": index.absolute().as_uri()}
-        show(result | {"folder": str(export)}, as_json, str(path))
+        result = {"input": path, "output": str(export), "url": index.absolute().as_uri()}
+        show(result | {"folder": str(export)}, as_json, path)
         return
     shown = view(path, port=port)
-    show({"input": str(path), "url": shown.url}, as_json, str(path))
+    show({"input": path, "url": shown.url}, as_json, path)
     if not no_browser and not shown.open():
         say("there is no browser here: open the address above in one")
     sys.stdout.flush()

@@ -87,7 +87,7 @@ def _fetch_references(path: Path, address: str) -> None:
         if name in seen or not name or leads_outside(name):
             continue
         seen.add(name)
-        target = path.parent / name.replace("\\", "/")
+        target = path.parent / name
         try:
             data = _bytes_at(_sibling(address, name))
             target.parent.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,7 @@ import hashlib
 import json
 import mmap
 import os
+import posixpath
 import struct
 import urllib.parse
 import zlib
@@ -21,19 +22,23 @@ _JSON_CHUNK = 0x4E4F534A
 
 
 def references(name: str, data: Any) -> list[str]:
-    """The other files that a mesh file or a material library names, in its order, each once. What
-    is damaged names none: whoever reads the file says so."""
-    name = name.lower().removesuffix(".gz")
+    """The other files that a mesh file or a material library names, in its order, each once, as
+    paths beside it. `name` is the file's own path; the others' are relative to the same folder.
+    What is damaged names none: whoever reads the file says so."""
+    folder, name = posixpath.dirname(name), name.lower().removesuffix(".gz")
     found: Iterable[str] = ()
     if bytes(data[:4]) == b"glTF":
         found = _of_gltf(_json_chunk(data))
     elif name.endswith(".gltf"):
         found = _of_gltf(bytes(data))
     elif name.endswith(".obj"):
-        found = _rests_of_lines(data, b"mtllib")
+        rests = list(_rests_of_lines(data, b"mtllib"))
+        # One name with spaces, or several: readers look which of them are there.
+        found = [one for rest in rests for one in dict.fromkeys([rest, *rest.split()])]
     elif name.endswith(".mtl"):
         found = (line.split()[-1] for word in _MAPS for line in _rests_of_lines(data, word))
-    return list(dict.fromkeys(found))
+    plain = (one.replace("\\", "/") for one in found if "\0" not in one)
+    return list(dict.fromkeys(posixpath.normpath(posixpath.join(folder, one)) for one in plain))
 
 
 def source_digest(path: Path, allow_outside: bool = False) -> str:
