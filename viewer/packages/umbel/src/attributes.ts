@@ -2,7 +2,16 @@
 
 import { corrupt, UmbelError } from "./errors.js";
 
-export type AttributeName = "positions" | "normals" | "tangents" | "uvs" | "colors";
+export type AttributeName =
+  | "positions"
+  | "normals"
+  | "tangents"
+  | "uvs"
+  | "uvs1"
+  | "uvs2"
+  | "uvs3"
+  | "colors"
+  | "material";
 
 export interface AttributeRow {
   kind: number;
@@ -28,25 +37,42 @@ const NAMES = new Map<number, AttributeName>([
   [2, "tangents"],
   [4, "uvs"],
   [8, "colors"],
+  [64, "material"],
 ]);
+const TEXTURE_COORDINATE = 4;
+/** Sets of texture coordinates by their number. */
+export const UV_SETS = ["uvs", "uvs1", "uvs2", "uvs3"] as const;
 /** Floats of a vertex, once decoded. */
 const WIDTHS: Record<AttributeName, number> = {
   positions: 3,
   normals: 3,
   tangents: 4,
   uvs: 2,
+  uvs1: 2,
+  uvs2: 2,
+  uvs3: 2,
   colors: 4,
+  material: 1,
 };
 const CODINGS: Record<AttributeName, readonly number[]> = {
   positions: [0, 1],
   normals: [0, 2],
   tangents: [0, 3],
   uvs: [0, 1],
+  uvs1: [0, 1],
+  uvs2: [0, 1],
+  uvs3: [0, 1],
   colors: [0, 4],
+  material: [0, 1],
 };
 
+function nameOf({ kind, set }: AttributeRow): AttributeName | undefined {
+  if (kind === TEXTURE_COORDINATE) return UV_SETS[set];
+  return set === 0 ? NAMES.get(kind) : undefined;
+}
+
 export function makeAttribute(row: AttributeRow): Attribute {
-  const name = row.set === 0 ? NAMES.get(row.kind) : undefined;
+  const name = nameOf(row);
   const isKnown = name !== undefined && CODINGS[name].includes(row.coding);
   if (isKnown) {
     const components = row.coding === 2 || row.coding === 3 ? 2 : WIDTHS[name];

@@ -1,8 +1,9 @@
 // The head of an .umbel file: its header and sections, as docs/format.md describes them, checked so
 // that nothing after this has to doubt an index.
 
-import { type Attribute, makeAttribute, smoothComponents } from "./attributes.js";
+import { type Attribute, makeAttribute, smoothComponents, UV_SETS } from "./attributes.js";
 import { corrupt, UmbelError } from "./errors.js";
+import { type Json, jsonOf, uvSetsOf } from "./gltf.js";
 import { MAX_COMPONENTS } from "./vertices.js";
 import { hasChecksum } from "./xxh64.js";
 
@@ -71,9 +72,13 @@ export interface EmbeddedFile {
 
 export interface Head {
   header: Header;
-  metadata: Record<string, unknown>;
+  /** What is added to every position, also to those of instances, in binary64. */
+  origin: [number, number, number];
+  metadata: Json;
   /** glTF's materials, textures, samplers and images. */
-  materials: Record<string, unknown>;
+  materials: Json;
+  /** glTF's nodes, cameras, skins and what else the scene has; empty where the file has none. */
+  scene: Json;
   meshes: MeshEntry[];
   instances: Instance[];
   files: EmbeddedFile[];
@@ -100,6 +105,12 @@ const NEEDED: Record<string, number> = {
   PAGE: 24,
   NODE: 32,
 };
+/** Sections that may be there, once. */
+const OPTIONAL: Record<string, number> = { ORIG: 24, SCEN: 1 };
+/** What a group takes in its page at least, and a cluster. */
+const PAGE_HEADER = 16;
+const GROUP_ROW = 64;
+const CLUSTER_ROW = 24;
 /** More than any machine that runs a browser could hold the tables of. */
 const MOST_GROUPS = 2 ** 26;
 
@@ -164,21 +175,27 @@ export function readHead(bytes: Uint8Array): Head {
   const sections = readSections(view, header);
   const at = (name: string) => sections.get(name) as Section;
   const pages = readPages(view, at("PAGE"), header);
-  const meshes = readMeshes(view, at, pages.count);
+  const materials = readJson(head, at("MTRL"));
+  const meshes = readMeshes(view, at, pages.count, uvSetsOf(materials));
   const last = meshes[meshes.length - 1];
   const groups = last ? last.firstGroup + last.groups : 0;
+  const clusters = last ? last.firstCluster + last.clusters : 0;
   if (pages.groups.reduce((sum, count) => sum + count, 0) !== groups)
     corrupt("The file is damaged: its pages do not hold all groups.");
+  if (pages.size.reduce((sum, size) => sum + size, 0) < CLUSTER_ROW * clusters)
+    corrupt("The file is damaged: its pages cannot hold all clusters.");
   return {
     header,
+    origin: readOrigin(view, sections.get("ORIG")),
     metadata: readJson(head, at("META")),
-    materials: readJson(head, at("MTRL")),
+    materials,
+    scene: readJson(head, sections.get("SCEN")),
     meshes,
     instances: readInstances(view, at("INST"), meshes.length),
-    files: rows(view, at("FILE"), (row) => ({ offset: u64(view, row), size: u64(view, row + 8) })),
+    files: readFiles(view, at("FILE"), header),
     pages,
     groups,
-    clusters: last ? last.firstCluster + last.clusters : 0,
+    clusters,
   };
 }
 
@@ -192,7 +209,7 @@ function readSections(view: DataView, header: Header): Map<string, Section> {
     const size = u64(view, row + 16);
     const count = u64(view, row + 24);
     const end = name === "NODE" ? header.fileBytes : header.headBytes;
-    const least = NEEDED[name];
+    const least = NEEDED[name] ?? OPTIONAL[name];
     if (offset + size > end || (least && (stride < least || stride * count !== size)))
       corrupt(`The file is damaged: its section ${name} does not fit.`);
     if (least && sections.has(name)) corrupt(`The file is damaged: it has two sections ${name}.`);
@@ -208,21 +225,34 @@ function rows<T>(view: DataView, { offset, stride, count }: Section, read: (at: 
   return Array.from({ length: count }, (_, i) => read(offset + i * stride));
 }
 
-function readJson(head: Uint8Array, { offset, count }: Section): Record<string, unknown> {
+function readOrigin(view: DataView, section: Section | undefined): [number, number, number] {
+  if (!section || section.count === 0) return [0, 0, 0];
+  const at = (i: number) => view.getFloat64(section.offset + 8 * i, true);
+  const origin: [number, number, number] = [at(0), at(1), at(2)];
+  if (section.count > 1 || !origin.every(Number.isFinite))
+    corrupt("The file is damaged: its origin is no place.");
+  return origin;
+}
+
+function readJson(head: Uint8Array, section: Section | undefined): Json {
+  if (!section) return {};
+  const { offset, count } = section;
   try {
     const text = new TextDecoder("utf-8", { fatal: true }).decode(
       head.subarray(offset, offset + count),
     );
-    const value: unknown = JSON.parse(text || "{}");
-    return typeof value === "object" && value !== null ? (value as Record<string, unknown>) : {};
+    return jsonOf(JSON.parse(text || "{}"));
   } catch {
     return {}; // geometry can be shown without it
   }
 }
 
-function readAttributes(view: DataView, section: Section): Attribute[] {
-  return rows(view, section, (row) =>
-    makeAttribute({
+/** Sets of texture coordinates that no material uses are left, as attributes of no known name are. */
+function readAttributes(view: DataView, section: Section, uvSets: Set<number>): Attribute[] {
+  const isLeft = (name: Attribute["name"]) =>
+    UV_SETS.some((known, set) => known === name && !uvSets.has(set));
+  return rows(view, section, (row) => {
+    const attribute = makeAttribute({
       kind: view.getUint32(row, true),
       set: view.getUint32(row + 4, true),
       coding: view.getUint32(row + 8, true),
@@ -230,8 +260,9 @@ function readAttributes(view: DataView, section: Section): Attribute[] {
       isSmooth: view.getUint16(row + 14, true) !== 0,
       bits: view.getUint32(row + 16, true),
       step: view.getFloat32(row + 20, true),
-    }),
-  );
+    });
+    return isLeft(attribute.name) ? { ...attribute, name: undefined } : attribute;
+  });
 }
 
 /** Reads a reference; `firstGroup` is that of the mesh. */
@@ -246,8 +277,13 @@ export function readReference(view: DataView, at: number, firstGroup: number): R
   };
 }
 
-function readMeshes(view: DataView, at: (name: string) => Section, pages: number): MeshEntry[] {
-  const attributes = readAttributes(view, at("ATTR"));
+function readMeshes(
+  view: DataView,
+  at: (name: string) => Section,
+  pages: number,
+  uvSets: Set<number>,
+): MeshEntry[] {
+  const attributes = readAttributes(view, at("ATTR"), uvSets);
   const levels = at("LEVL").count;
   const roots = at("ROOT");
   let firstGroup = 0;
@@ -307,6 +343,16 @@ function readInstances(view: DataView, section: Section, meshes: number): Instan
   }));
 }
 
+function readFiles(view: DataView, section: Section, header: Header): EmbeddedFile[] {
+  const files = rows(view, section, (row) => ({
+    offset: u64(view, row),
+    size: u64(view, row + 8),
+  }));
+  if (files.some(({ offset, size }) => offset + size > header.fileBytes))
+    corrupt("The file is damaged: an embedded file does not lie in it.");
+  return files;
+}
+
 function readPages(view: DataView, section: Section, header: Header): Pages {
   const { count } = section;
   if (section.offset + section.stride * count > view.byteLength) corrupt("The file is damaged.");
@@ -327,6 +373,8 @@ function readPages(view: DataView, section: Section, header: Header): Pages {
     pages.checksum[2 * p + 1] = view.getUint32(row + 20, true);
     if (pages.offset[p] < end || pages.offset[p] + pages.size[p] > header.fileBytes)
       corrupt(`The file is damaged: page ${p} overlaps another.`);
+    if (PAGE_HEADER + GROUP_ROW * pages.groups[p] > pages.size[p])
+      corrupt(`The file is damaged: page ${p} cannot hold its groups.`);
     end = pages.offset[p] + pages.size[p];
   }
   return pages;

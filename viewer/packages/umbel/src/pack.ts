@@ -1,11 +1,13 @@
 // A group as the GPU takes it, and what a program may ask of its clusters.
 
-import type { Attribute } from "./attributes.js";
+import { type Attribute, UV_SETS } from "./attributes.js";
 import type { Catalog } from "./catalog.js";
 import { NONE } from "./head.js";
 import type { GroupGeometry, GroupInfo } from "./page.js";
+import { type Parts, partsOf } from "./parts.js";
+import { type TextureSizes, textureSizesOf } from "./texture_sizes.js";
 
-export interface RenderGroup {
+export interface RenderGroup extends Parts, TextureSizes {
   /** Groups and clusters of all meshes are numbered through. */
   group: number;
   mesh: number;
@@ -25,6 +27,10 @@ export interface RenderGroup {
   /** Four a vertex, normalised; the fourth is 0. */
   normals?: Int16Array;
   uvs?: Float32Array;
+  /** Further sets of texture coordinates, where materials use them. */
+  uvs1?: Float32Array;
+  uvs2?: Float32Array;
+  uvs3?: Float32Array;
   /** Four a vertex, normalised, linear. */
   colors?: Uint16Array;
   /** For each cluster: its generating group, that one's error (0 if none), its material, its box. */
@@ -34,10 +40,19 @@ export interface RenderGroup {
   boxes: Float32Array;
 }
 
+const BYTES: Record<string, number> = {
+  positions: 12,
+  normals: 8,
+  uvs: 8,
+  uvs1: 8,
+  uvs2: 8,
+  uvs3: 8,
+  colors: 8,
+};
+
 /** With the number of the cluster's place on the GPU, which every vertex carries. */
 export function bytesPerVertex(attributes: readonly Attribute[]): number {
-  const bytes = { positions: 12, normals: 8, tangents: 0, uvs: 8, colors: 8 };
-  return attributes.reduce((sum, { name }) => sum + (name ? bytes[name] : 0), 4);
+  return attributes.reduce((sum, { name }) => sum + (BYTES[name ?? ""] ?? 0), 4);
 }
 
 export const BYTES_PER_TRIANGLE = 12;
@@ -51,7 +66,8 @@ export function memoryOf(info: GroupInfo, attributes: readonly Attribute[]): num
   );
 }
 
-export function packGroup({ info, indices, values }: GroupGeometry, catalog: Catalog): RenderGroup {
+export function packGroup(geometry: GroupGeometry, catalog: Catalog): RenderGroup {
+  const { info, indices, values } = geometry;
   const packed: RenderGroup = {
     group: info.group,
     mesh: info.mesh,
@@ -62,6 +78,8 @@ export function packGroup({ info, indices, values }: GroupGeometry, catalog: Cat
     clusterCount: info.clusterCount,
     vertexOffsets: info.vertexOffsets.slice(),
     triangleOffsets: info.triangleOffsets.slice(),
+    ...partsOf(geometry),
+    ...textureSizesOf(geometry),
     indices,
     positions: values.positions ?? new Float32Array(0),
     generating: info.generating.slice(),
@@ -70,7 +88,10 @@ export function packGroup({ info, indices, values }: GroupGeometry, catalog: Cat
     boxes: info.boxes.slice(),
   };
   if (values.normals) packed.normals = packNormals(values.normals);
-  if (values.uvs) packed.uvs = values.uvs;
+  for (const set of UV_SETS) {
+    const uvs = values[set];
+    if (uvs) packed[set] = uvs;
+  }
   if (values.colors)
     packed.colors = Uint16Array.from(values.colors, (c) => toUnit(c) * 65535 + 0.5);
   return packed;

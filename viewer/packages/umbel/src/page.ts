@@ -43,6 +43,7 @@ export interface GroupGeometry {
   values: Values;
 }
 
+const PAGE_HEADER = 16;
 const GROUP_ROW = 64;
 const CLUSTER_ROW = 24;
 
@@ -58,9 +59,15 @@ export function readPage(head: Head, page: number, bytes: Uint8Array): GroupGeom
   try {
     if (view.getUint32(0, true) !== page || view.getUint32(4, true) !== pages.groups[page])
       corrupt(`Page ${page} of the file is another.`);
-    return Array.from({ length: pages.groups[page] }, (_, i) =>
-      new GroupReader(head, page, view, 16 + GROUP_ROW * i).read(),
-    );
+    let end = PAGE_HEADER + GROUP_ROW * pages.groups[page];
+    return Array.from({ length: pages.groups[page] }, (_, i) => {
+      const row = PAGE_HEADER + GROUP_ROW * i;
+      const begin = view.getUint32(row + 52, true);
+      // Parts that overlap could make much of few bytes.
+      if (begin < end) corrupt(`Two groups of page ${page} lie in one another.`);
+      end = begin + view.getUint32(row + 56, true);
+      return new GroupReader(head, page, view, row).read();
+    });
   } catch (error) {
     if (error instanceof UmbelError) throw error;
     if (error instanceof RangeError) corrupt(`Page ${page} of the file ends too early.`);
@@ -119,13 +126,14 @@ class GroupReader {
     const { info, part } = this;
     const { attributes } = this.mesh;
     for (let i = 0; i < info.clusterCount; ++i) this.readCluster(i);
+    // Only now memory for them: every triangle is a bit of the file or more.
     const vertexCount = info.vertexOffsets[info.clusterCount];
     const indices = new Uint32Array(3 * info.triangleOffsets[info.clusterCount]);
     const rows = new Int32Array(this.mesh.smooth.length * vertexCount);
     const shared = new SharedVertices(vertexCount);
     const ranges = this.ranges();
     const bits = new BitReader(part);
-    let begin = this.clustersAt + CLUSTER_ROW * info.clusterCount;
+    let begin = this.dataAt;
     for (let i = 0; i < info.clusterCount; ++i) {
       const end = part.getUint32(this.clustersAt + CLUSTER_ROW * i, true);
       const first = info.vertexOffsets[i];
@@ -149,6 +157,11 @@ class GroupReader {
       begin = end;
     }
     return { info, indices, values: decodeValues(attributes, rows, vertexCount) };
+  }
+
+  /** Where the data of the first cluster begin. */
+  private get dataAt(): number {
+    return this.clustersAt + CLUSTER_ROW * this.info.clusterCount;
   }
 
   private get mesh() {
@@ -181,8 +194,15 @@ class GroupReader {
     const { info, part } = this;
     const { low, high } = this.mesh;
     const row = this.clustersAt + CLUSTER_ROW * i;
-    info.vertexOffsets[i + 1] = info.vertexOffsets[i] + part.getUint8(row + 4) + 1;
-    info.triangleOffsets[i + 1] = info.triangleOffsets[i] + part.getUint8(row + 5) + 1;
+    const vertices = part.getUint8(row + 4) + 1;
+    const triangles = part.getUint8(row + 5) + 1;
+    const begin = i > 0 ? part.getUint32(row - CLUSTER_ROW, true) : this.dataAt;
+    const bits = 8 * (part.getUint32(row, true) - begin);
+    const { maxVertices, maxTriangles } = this.head.header;
+    if (vertices > maxVertices || triangles > maxTriangles || bits < triangles)
+      corrupt(`Cluster ${info.firstCluster + i} is larger than the file says.`);
+    info.vertexOffsets[i + 1] = info.vertexOffsets[i] + vertices;
+    info.triangleOffsets[i + 1] = info.triangleOffsets[i] + triangles;
     const from = part.getUint16(row + 6, true);
     if (from !== 0xffff && from >= info.references.length)
       corrupt(`Cluster ${info.firstCluster + i} was made from no group of the page.`);

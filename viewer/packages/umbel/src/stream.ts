@@ -17,6 +17,8 @@ export class AssetStream {
     readonly info: AssetInfo,
     /** Where the asset is; undefined for a local file. */
     readonly address: string | undefined,
+    /** Bytes of memory that it was opened with. */
+    readonly budget: number,
   ) {}
 
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
@@ -36,11 +38,11 @@ export class AssetStream {
       worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
         if (data.type === "opened") {
           worker.onerror = null;
-          stream = new AssetStream(worker, data.info, address);
+          stream = new AssetStream(worker, data.info, address, options.budget);
           resolve(stream);
         } else if (data.type === "failed") fail(new UmbelError(data.kind, data.message));
         else if (data.type === "update") stream?.receive(data.update);
-        else if (data.type === "file") stream?.files.get(data.index)?.(data.bytes);
+        else if (data.type === "file") stream?.receiveFile(data.index, data.bytes);
         else stream?.listening?.connection(data.isLost);
       };
       send(worker, { type: "open", source: address ?? (source as Blob), options });
@@ -61,6 +63,12 @@ export class AssetStream {
     }
   }
 
+  private receiveFile(index: number, bytes: Uint8Array | undefined): void {
+    const tell = this.files.get(index);
+    this.files.delete(index);
+    tell?.(bytes);
+  }
+
   setViews(views: MeshView[]): void {
     send(this.worker, { type: "views", views });
   }
@@ -70,10 +78,14 @@ export class AssetStream {
   }
 
   /** The bytes of an embedded file; undefined if it could not be read. */
-  readFile(index: number): Promise<Uint8Array | undefined> {
+  readFile(index: number, isUrgent = false): Promise<Uint8Array | undefined> {
     return new Promise((resolve) => {
-      this.files.set(index, resolve);
-      send(this.worker, { type: "file", index });
+      const before = this.files.get(index);
+      this.files.set(index, (bytes) => {
+        before?.(bytes);
+        resolve(bytes);
+      });
+      if (!before) send(this.worker, { type: "file", index, isUrgent });
     });
   }
 

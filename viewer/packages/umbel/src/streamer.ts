@@ -3,6 +3,8 @@
 
 import type { Catalog } from "./catalog.js";
 import { UmbelError } from "./errors.js";
+import { FileQueue } from "./file_queue.js";
+import type { Json } from "./gltf.js";
 import { HEADER_SIZE, type Head, type Instance, NONE, readHead, readHeader } from "./head.js";
 import { memoryOf, packGroup, type RenderGroup } from "./pack.js";
 import { readPage } from "./page.js";
@@ -14,6 +16,7 @@ import type { ByteSource } from "./source.js";
 const FIRST_BYTES = 3 << 15;
 /** Asked for with the rest of a larger head, so that there is a picture at once. */
 const FIRST_PAGES = 1 << 14;
+/** Of pages and files together, as browsers have connections to a host. */
 const MAX_REQUESTS = 6;
 const MAX_REQUEST_BYTES = 1 << 18;
 const RETRY_AFTER = 4000;
@@ -33,9 +36,13 @@ export interface AssetInfo {
   pages: number;
   meshes: MeshInfo[];
   instances: Instance[];
-  metadata: Record<string, unknown>;
+  /** Where the zero of all positions is, in binary64. */
+  origin: [number, number, number];
+  metadata: Json;
   /** glTF's materials, textures, samplers and images. */
-  materials: Record<string, unknown>;
+  materials: Json;
+  /** glTF's nodes, cameras, skins and what else the scene has. */
+  scene: Json;
 }
 
 export interface MeshInfo {
@@ -43,6 +50,8 @@ export interface MeshInfo {
   high: [number, number, number];
   levels: number;
   attributes: string[];
+  /** What else vertices have: "joints", and "unknown" for what is not known here. */
+  skipped: string[];
 }
 
 export interface StreamStatistics {
@@ -94,6 +103,7 @@ export interface StreamOptions {
 export class Streamer {
   readonly info: AssetInfo;
   readonly residency: Residency;
+  private readonly files: FileQueue;
   private added: RenderGroup[] = [];
   private removed: number[] = [];
   private cutChanged = false;
@@ -112,6 +122,11 @@ export class Streamer {
     private readonly listener: StreamListener,
   ) {
     this.info = infoOf(head);
+    this.files = new FileQueue(
+      source,
+      () => this.residency.wanted.missing > 0,
+      () => this.schedule(),
+    );
     this.residency = new Residency(head, budget, (info) =>
       memoryOf(info, (head.meshes[info.mesh] as Head["meshes"][number]).attributes),
     );
@@ -150,11 +165,11 @@ export class Streamer {
     this.schedule(true);
   }
 
-  /** The bytes of an embedded file. */
-  readFile(index: number): Promise<Uint8Array> {
+  /** The bytes of an embedded file; those that are not urgent make way for geometry. */
+  async readFile(index: number, isUrgent = false): Promise<Uint8Array> {
     const file = this.head.files[index];
     if (!file) throw new UmbelError("corrupt", `The file has no embedded file ${index}.`);
-    return this.source.read(file.offset, file.size);
+    return this.files.read(file, isUrgent);
   }
 
   /** Steps once all that happens at the same time has happened. */
@@ -187,7 +202,7 @@ export class Streamer {
   }
 
   private fetchMore(): void {
-    while (this.requests < MAX_REQUESTS) {
+    while (this.requests < MAX_REQUESTS - this.files.requests) {
       const next = this.residency.next();
       if (!next) return;
       this.drop(next.evicted);
@@ -351,6 +366,13 @@ function cutOf(catalog: Catalog, refined: Uint8Array, isWaiting: (group: number)
   return { runs: Uint32Array.from(runs), triangles, clusters };
 }
 
+/** Attributes that nothing is shown of. */
+const SKIPPED = new Map([
+  [4, "texture coordinates"],
+  [16, "joints"],
+  [32, "joints"],
+]);
+
 function infoOf(head: Head): AssetInfo {
   const { header, meshes, instances, pages } = head;
   const sum = (of: (mesh: Head["meshes"][number]) => number) =>
@@ -373,9 +395,14 @@ function infoOf(head: Head): AssetInfo {
       high: [high[0], high[1], high[2]],
       levels,
       attributes: attributes.flatMap(({ name }) => name ?? []),
+      skipped: attributes.flatMap(({ name, kind }) =>
+        name ? [] : (SKIPPED.get(kind) ?? "unknown"),
+      ),
     })),
     instances,
+    origin: head.origin,
     metadata: head.metadata,
     materials: head.materials,
+    scene: head.scene,
   };
 }

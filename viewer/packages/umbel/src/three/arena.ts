@@ -1,6 +1,7 @@
 // A piece of GPU memory that many groups share, so that all their clusters are drawn by one call.
 
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage } from "three";
+import { UV_SETS } from "../attributes.js";
 import type { RenderGroup } from "../pack.js";
 import { Allocator } from "./allocator.js";
 import { clusterEdges } from "./edges.js";
@@ -12,7 +13,8 @@ const TRIANGLES_PER_VERTEX = 1.75;
 /** Which attributes an arena's vertices have. */
 export interface Layout {
   normals: boolean;
-  uvs: boolean;
+  /** For each set of texture coordinates. */
+  uvs: readonly boolean[];
   colors: boolean;
 }
 
@@ -56,7 +58,9 @@ export class Arena {
     add("position", new Float32Array(3 * vertices), 3);
     add("umbelSlot", new Uint32Array(vertices), 1);
     if (layout.normals) add("normal", new Int16Array(4 * vertices), 4);
-    if (layout.uvs) add("uv", new Float32Array(2 * vertices), 2);
+    layout.uvs.forEach((has, set) => {
+      if (has) add(uvName(set), new Float32Array(2 * vertices), 2);
+    });
     if (layout.colors) add("color", new Uint16Array(4 * vertices), 4);
     this.geometry.setIndex(dynamic(new BufferAttribute(new Uint32Array(indices), 1)));
     // Nothing is drawn by three.js itself: see Batch.
@@ -75,7 +79,10 @@ export class Arena {
     }
     this.write("position", group.positions, vertex);
     if (group.normals) this.write("normal", group.normals, vertex);
-    if (group.uvs) this.write("uv", group.uvs, vertex);
+    UV_SETS.forEach((name, set) => {
+      const uvs = group[name];
+      if (uvs) this.write(uvName(set), uvs, vertex);
+    });
     if (group.colors) this.write("color", group.colors, vertex);
     this.writeSlots(group, vertex, slot);
     const indices = this.geometry.index as BufferAttribute;
@@ -157,11 +164,16 @@ export class Arena {
   }
 }
 
+/** As three.js calls a set of texture coordinates. */
+function uvName(set: number): string {
+  return set === 0 ? "uv" : `uv${set}`;
+}
+
 function empty(group: RenderGroup): void {
   group.positions = new Float32Array(0);
   group.indices = new Uint32Array(0);
   delete group.normals;
-  delete group.uvs;
+  for (const name of UV_SETS) delete group[name];
   delete group.colors;
 }
 

@@ -1,9 +1,5 @@
 // The adapter to three.js.
 
-export {
-  type ClusterInfo,
-  type TintFunction,
-  type UmbelIntersection,
-  UmbelMesh,
-  type UmbelMeshOptions,
-} from "./umbel_mesh.js";
+export type { ClusterInfo, TintFunction, UmbelIntersection } from "./cluster_info.js";
+export type { TextureStatistics } from "./textures.js";
+export { UmbelMesh, type UmbelMeshOptions } from "./umbel_mesh.js";

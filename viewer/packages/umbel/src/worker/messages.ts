@@ -8,7 +8,7 @@ export type ToWorker =
   | { type: "open"; source: string | Blob; options: StreamOptions }
   | { type: "views"; views: MeshView[] }
   | { type: "budget"; bytes: number }
-  | { type: "file"; index: number }
+  | { type: "file"; index: number; isUrgent: boolean }
   | { type: "close" };
 
 export type FromWorker =

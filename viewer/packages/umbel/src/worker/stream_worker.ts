@@ -41,10 +41,10 @@ async function open(message: ToWorker & { type: "open" }): Promise<void> {
   }
 }
 
-async function sendFile(index: number): Promise<void> {
+async function sendFile(index: number, isUrgent: boolean): Promise<void> {
   try {
-    const bytes = await streamer?.readFile(index);
-    say({ type: "file", index, bytes });
+    const bytes = await streamer?.readFile(index, isUrgent);
+    say({ type: "file", index, bytes }, bytes ? [bytes.buffer as ArrayBuffer] : []);
   } catch {
     say({ type: "file", index, bytes: undefined });
   }
@@ -54,6 +54,6 @@ scope.onmessage = ({ data }) => {
   if (data.type === "open") void open(data);
   else if (data.type === "views") streamer?.setViews(data.views);
   else if (data.type === "budget") streamer?.setBudget(data.bytes);
-  else if (data.type === "file") void sendFile(data.index);
+  else if (data.type === "file") void sendFile(data.index, data.isUrgent);
   else streamer?.close();
 };

@@ -1,0 +1,167 @@
+// An asset's mesh where it stands in the object, and what is drawn of it.
+
+import { type Frustum, type Material, Matrix4, type Object3D } from "three";
+import type { Instance as InstanceRow } from "../head.js";
+import type { Arena } from "./arena.js";
+import { Batch, LineBatch } from "./batch.js";
+import { matrixOf } from "./camera_view.js";
+import { type ClusterInfo, clusterInfo } from "./cluster_info.js";
+import type { Materials } from "./materials.js";
+import type { Resident } from "./residents.js";
+
+/** What of the frame is counted. */
+export interface Drawn {
+  calls: number;
+  triangles: number;
+  clusters: number;
+}
+
+export class Instance {
+  readonly mesh: number;
+  /** From the mesh to the object. */
+  readonly matrix: Matrix4;
+  /** First cluster, number of clusters and whether something finer is wanted, of each run. */
+  private cut = new Uint32Array(0);
+  /** The groups of the cut's runs. */
+  private groups: Resident[] = [];
+  /** By arena, then by material. */
+  private readonly batches = new Map<Arena, Map<number, Batch>>();
+  private readonly lines = new Map<Arena, LineBatch>();
+
+  constructor(
+    { mesh, matrix }: InstanceRow,
+    readonly number: number,
+    private readonly parent: Object3D,
+    private readonly materials: Materials,
+  ) {
+    this.mesh = mesh;
+    this.matrix = matrixOf(matrix);
+  }
+
+  setCut(cut: Uint32Array, groupOf: Map<number, Resident>): void {
+    this.cut = cut as Uint32Array<ArrayBuffer>;
+    this.groups = [];
+    for (let run = 0; run < cut.length; run += 3)
+      this.groups.push(groupOf.get(cut[run]) as Resident);
+  }
+
+  /** The clusters that are drawn, culled ones too. */
+  *clusters(): Generator<ClusterInfo> {
+    const { cut, groups, matrix, number } = this;
+    for (let i = 0; i < groups.length; ++i) {
+      const first = cut[3 * i];
+      for (let c = first; c < first + cut[3 * i + 1]; ++c) {
+        const info = clusterInfo((groups[i] as Resident).group, c, cut[3 * i + 2] === 1);
+        yield { ...info, instance: number, matrix };
+      }
+    }
+  }
+
+  worldMatrix(): Matrix4 {
+    return new Matrix4().multiplyMatrices(this.parent.matrixWorld, this.matrix);
+  }
+
+  /** Lists what of the cut is in view, for the GPU; adds what is drawn to `drawn`. */
+  makeRanges(frustum: Frustum, lineMaterial: Material | undefined, drawn: Drawn): void {
+    for (const batch of this.all()) batch.ranges.clear();
+    this.visibleRuns(frustum, (resident, first, count) => {
+      this.addRun(resident, first, count, drawn);
+      if (lineMaterial) this.addLines(resident, first, count, lineMaterial);
+    });
+    for (const batch of this.all()) {
+      batch.visible = batch.ranges.length > 0;
+      if (batch.visible) ++drawn.calls;
+    }
+  }
+
+  private *all(): Generator<Batch | LineBatch> {
+    for (const batches of this.batches.values()) yield* batches.values();
+    yield* this.lines.values();
+  }
+
+  /** The groups of which something is in view, each once. */
+  visibleGroups(frustum: Frustum): Set<Resident> {
+    const found = new Set<Resident>();
+    this.visibleRuns(frustum, (resident) => found.add(resident));
+    return found;
+  }
+
+  private visibleRuns(
+    frustum: Frustum,
+    visit: (resident: Resident, first: number, count: number) => void,
+  ): void {
+    const isVisible = new Map<Resident, boolean>();
+    this.groups.forEach((resident, i) => {
+      let visible = isVisible.get(resident);
+      if (visible === undefined) {
+        visible = frustum.intersectsBox(resident.box);
+        isVisible.set(resident, visible);
+      }
+      if (visible) visit(resident, this.cut[3 * i], this.cut[3 * i + 1]);
+    });
+  }
+
+  private addRun(resident: Resident, first: number, count: number, drawn: Drawn): void {
+    const { group, arena, place } = resident;
+    const { partOffsets, partTriangles, partMaterials } = group;
+    const begin = partOffsets[first - group.firstCluster];
+    const end = partOffsets[first - group.firstCluster + count];
+    for (let i = begin; i < end; ++i) {
+      const start = partTriangles[i];
+      let j = i + 1;
+      while (j < end && partMaterials[j] === partMaterials[i]) ++j;
+      const triangles = partTriangles[j] - start;
+      const batch = this.batch(arena, partMaterials[i]);
+      batch.ranges.add(place.index + 3 * start, 3 * triangles);
+      drawn.triangles += triangles;
+      i = j - 1;
+    }
+    drawn.clusters += count;
+  }
+
+  private addLines(resident: Resident, first: number, count: number, material: Material): void {
+    const { group, arena } = resident;
+    let lines = this.lines.get(arena);
+    if (!lines) {
+      lines = this.place(new LineBatch(arena.lines(), material));
+      this.lines.set(arena, lines);
+    }
+    const edges = arena.edgesOf(group);
+    const begin = first - group.firstCluster;
+    if (edges) lines.ranges.add(edges[begin], edges[begin + count] - edges[begin]);
+  }
+
+  private batch(arena: Arena, material: number): Batch {
+    let batches = this.batches.get(arena);
+    if (!batches) {
+      batches = new Map();
+      this.batches.set(arena, batches);
+    }
+    let batch = batches.get(material);
+    if (!batch) {
+      batch = this.place(new Batch(arena.geometry, this.materials.of(material, arena.layout)));
+      batches.set(material, batch);
+    }
+    return batch;
+  }
+
+  private place<T extends Object3D>(object: T): T {
+    object.matrix.copy(this.matrix);
+    this.parent.add(object);
+    object.updateMatrixWorld(true);
+    return object;
+  }
+
+  removeArena(arena: Arena): void {
+    for (const batch of this.batches.get(arena)?.values() ?? []) this.parent.remove(batch);
+    const line = this.lines.get(arena);
+    if (line) this.parent.remove(line);
+    this.batches.delete(arena);
+    this.lines.delete(arena);
+  }
+
+  removeLines(): void {
+    for (const batch of this.lines.values()) this.parent.remove(batch);
+    this.lines.clear();
+  }
+}
