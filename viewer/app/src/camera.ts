@@ -46,6 +46,16 @@ export function homePose(info: Shown, aspect: number): CameraPose {
   return { position, target: center };
 }
 
+/** A pose moved by an asset's origin: with `sign` 1 into its world, with -1 back to its own zero. */
+export function movedBy(
+  { position, target }: CameraPose,
+  origin: readonly number[],
+  sign: 1 | -1,
+): CameraPose {
+  const move = (point: Point) => point.map((x, i) => x + sign * (origin[i] as number)) as Point;
+  return { position: move(position), target: move(target) };
+}
+
 /** The distances between which a sphere is seen whose centre is `distance` away. */
 export function depthsOf(distance: number, radius: number): { near: number; far: number } {
   const size = Math.max(radius, 1e-20);

@@ -1,4 +1,5 @@
-// The lamps: one above the viewer's left shoulder, one from the right, and the sky.
+// The lamps: one above the viewer's left shoulder, one from the right; and the sky, which is also
+// what metals and glass mirror (see environment.ts).
 
 export interface Lamp {
   color: number;
@@ -7,8 +8,14 @@ export interface Lamp {
   from: readonly [number, number, number];
 }
 
-export const KEY: Lamp = { color: 0xfff4e6, intensity: 2.1, from: [-0.6, 0.9, 0.8] };
-export const FILL: Lamp = { color: 0xcfe2ff, intensity: 0.55, from: [0.9, 0.1, 0.15] };
-export const SKY = { color: 0xf0f4ff, ground: 0x5a5148, intensity: 1.15 };
-/** Metals mirror what is around them, and here is nothing: with lamps alone they would be black. */
-export const MOST_METAL = 0.4;
+export const KEY: Lamp = { color: 0xfff4e6, intensity: 1.7, from: [-0.6, 0.9, 0.8] };
+export const FILL: Lamp = { color: 0xcfe2ff, intensity: 0.45, from: [0.9, 0.1, 0.15] };
+export const SKY = { color: 0xf0f4ff, ground: 0x7d756c, intensity: 1.5 };
+
+/** A colour in linear light, from 0 to 1 before its intensity. */
+export function linear(color: number, intensity: number): [number, number, number] {
+  return [16, 8, 0].map((shift) => {
+    const c = ((color >> shift) & 255) / 255;
+    return intensity * (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  }) as [number, number, number];
+}

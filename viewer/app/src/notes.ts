@@ -23,6 +23,19 @@ const KEYS: [string, string][] = [
   ["Esc", "close, let go"],
 ];
 
+const TITLES: Record<string, string> = {
+  network: "No connection",
+  missing: "Not found",
+  "not-umbel": "Not an .umbel file",
+  version: "Another version",
+  corrupt: "Damaged file",
+};
+
+/** What a kind of UmbelError is called. */
+export function titleOf(kind: string): string {
+  return TITLES[kind] ?? "This did not work";
+}
+
 export interface Choice {
   text: string;
   action(): void;

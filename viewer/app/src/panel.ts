@@ -1,6 +1,6 @@
 // What stands beside the picture: ways of looking, sliders, counters.
 
-import type { StreamStatistics } from "umbel";
+import type { UmbelMesh } from "umbel/three";
 import { bytes, count, h, short } from "./dom";
 import { Graph, PageStrip } from "./graph";
 import { LOOKS, type Look, legendOf, scaleGradient } from "./looks";
@@ -72,6 +72,8 @@ export class Panel {
   private readonly hold: HTMLInputElement;
   private readonly limit = h("p", { className: "about", hidden: true });
   private readonly strip = new PageStrip();
+  private readonly notes = h("ul", { className: "notes" });
+  private readonly notesSection = this.section("Not shown", this.notes);
   private readonly recordButton: HTMLButtonElement;
   private readonly replayButton: HTMLButtonElement;
   private readonly saveButton: HTMLButtonElement;
@@ -81,6 +83,7 @@ export class Panel {
     clusters: new Graph("Clusters", "clusters", count),
     draws: new Graph("Draw calls", "draws", count),
     memory: new Graph("Memory", "memory", bytes),
+    textures: new Graph("Textures", "textures", bytes),
     fetched: new Graph("Fetched", "fetched", bytes),
     frame: new Graph("Frame", "frame", (ms) => `${ms.toFixed(1)} ms`),
   };
@@ -130,9 +133,15 @@ export class Panel {
         actions.change();
       },
     );
-    this.budget = logSlider(BUDGETS.low, BUDGETS.high, "Memory for geometry", "budget", (value) => {
-      actions.setBudget(value);
-    });
+    this.budget = logSlider(
+      BUDGETS.low,
+      BUDGETS.high,
+      "Memory for geometry and textures",
+      "budget",
+      (value) => {
+        actions.setBudget(value);
+      },
+    );
     this.recordButton = button(
       "Record",
       "Record how the camera moves (R)",
@@ -168,6 +177,7 @@ export class Panel {
         h("div", { className: "graphs" }, ...Object.values(this.graphs).map((g) => g.element)),
         this.strip.element,
       ),
+      this.notesSection,
       this.section(
         "Compare",
         h("div", { className: "layouts", role: "group" }, ...this.layoutButtons(actions)),
@@ -195,7 +205,14 @@ export class Panel {
       ),
     );
     this.setPath(false, false);
+    this.setNotes([]);
     this.update();
+  }
+
+  /** What of the asset cannot be shown. */
+  setNotes(notes: readonly string[]): void {
+    this.notesSection.hidden = notes.length === 0;
+    this.notes.replaceChildren(...notes.map((text) => h("li", { textContent: text })));
   }
 
   private section(title: string, ...children: Node[]): HTMLElement {
@@ -269,15 +286,18 @@ export class Panel {
     this.saveButton.disabled = !hasPath || isRecording;
   }
 
-  showCounts(frame: FrameCounts, stream: StreamStatistics | undefined, pages: Uint8Array): void {
+  showCounts(frame: FrameCounts, mesh: UmbelMesh | undefined): void {
     this.graphs.triangles.push(frame.triangles);
     this.graphs.clusters.push(frame.clusters);
     this.graphs.draws.push(frame.draws);
     this.graphs.frame.push(frame.interval || frame.work);
-    if (!stream) return;
-    this.graphs.memory.push(stream.residentBytes);
-    this.graphs.fetched.push(stream.fetchedBytes);
-    this.strip.draw(pages);
+    const stream = mesh?.statistics;
+    if (!mesh || !stream) return;
+    const { textures } = mesh;
+    this.graphs.memory.push(stream.residentBytes + textures.bytes);
+    this.graphs.textures.push(textures.bytes);
+    this.graphs.fetched.push(stream.fetchedBytes + textures.fetchedBytes);
+    this.strip.draw(mesh.pages);
     this.limit.hidden = stream.scale <= 1.01;
     this.limit.textContent = `The memory allows ${stream.scale.toPrecision(2)} times the error.`;
   }

@@ -1,18 +1,19 @@
 // The numbers of a cluster that was clicked.
 
 import { Vector3 } from "three";
-import type { ClusterInfo, UmbelMesh } from "umbel/three";
 import { count, h, significant } from "./dom";
+import type { Picked } from "./stage";
+import { digitsFor } from "./state";
 
 const NONE = 0xffffffff;
 
 export function pickedCard(
-  mesh: UmbelMesh,
-  cluster: ClusterInfo,
+  { mesh, cluster, distance, point }: Picked,
   pixelsPerUnit: number,
   close: () => void,
 ): HTMLElement {
   const size = cluster.box.getSize(new Vector3()).toArray().map(significant).join(" × ");
+  const unit = unitOf(mesh.info.metadata);
   const named = mesh.materials.names[cluster.material];
   const pixels = (error: number) =>
     error === Infinity ? "" : ` (${significant(error * pixelsPerUnit)} px)`;
@@ -32,6 +33,7 @@ export function pickedCard(
       ? ([["Instance", count(cluster.instance)]] as [string, string][])
       : []),
     ["Box", size],
+    ["Point", place(point, distance) + unit],
   ];
   return h(
     "div",
@@ -50,4 +52,16 @@ export function pickedCard(
     ),
     h("dl", {}, ...rows.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])),
   );
+}
+
+/** A place in the world, with digits down to about a thousandth of how far away it was seen. */
+function place(point: readonly number[], distance: number): string {
+  const digits = Math.max(digitsFor(distance) - 3, 0);
+  return point.map((x) => x.toFixed(digits)).join(", ");
+}
+
+/** The unit of coordinates where the asset says one. */
+function unitOf(metadata: Record<string, unknown>): string {
+  const { coordinates } = metadata as { coordinates?: { unit?: unknown } };
+  return typeof coordinates?.unit === "string" ? ` ${coordinates.unit}` : "";
 }

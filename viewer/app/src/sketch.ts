@@ -5,12 +5,15 @@ import {
   type AssetInfo,
   type AssetStream,
   cameraView,
+  jsonOf,
+  listOf,
   type MeshView,
+  numbersOf,
   type RenderGroup,
   type StreamUpdate,
 } from "umbel";
-import { ballOf, depthsOf, FIELD_OF_VIEW, homePose } from "./camera";
-import { FILL, KEY, type Lamp, SKY } from "./light";
+import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy } from "./camera";
+import { FILL, KEY, type Lamp, linear, SKY } from "./light";
 import {
   fromRows,
   type Matrix,
@@ -61,13 +64,8 @@ function vec3(numbers: readonly number[]): string {
   return `vec3(${numbers.map((x) => x.toFixed(6)).join(", ")})`;
 }
 
-/** A colour in linear light. */
 function rgb(color: number, intensity: number): string {
-  const linear = [16, 8, 0].map((shift) => {
-    const c = ((color >> shift) & 255) / 255;
-    return intensity * (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
-  });
-  return vec3(linear);
+  return vec3(linear(color, intensity));
 }
 
 function lamp({ color, intensity, from }: Lamp): string {
@@ -126,7 +124,9 @@ export class Sketch {
     const { gl, stream } = this;
     const { width, height } = gl.canvas;
     const ball = ballOf(stream.info);
-    const { position, target } = pose ?? homePose(stream.info, width / height);
+    const { position, target } = pose
+      ? movedBy(pose, stream.info.origin, -1)
+      : homePose(stream.info, width / height);
     const distance = Math.hypot(...position.map((x, i) => x - (ball.center[i] as number)));
     const { near, far } = depthsOf(distance, ball.radius);
     const projection = perspective(FOV, width / height, near, far);
@@ -243,8 +243,7 @@ export class Sketch {
 
 /** The plain colours of glTF's materials. */
 function colorsOf({ materials }: AssetInfo): number[][] {
-  const list = Array.isArray(materials.materials) ? materials.materials : [];
-  return list.map(
-    (material) => material?.pbrMetallicRoughness?.baseColorFactor?.slice(0, 3) ?? [1, 1, 1],
+  return listOf(materials.materials).map(({ pbrMetallicRoughness }) =>
+    numbersOf(jsonOf(pbrMetallicRoughness).baseColorFactor, [1, 1, 1]),
   );
 }

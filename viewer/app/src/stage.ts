@@ -4,13 +4,11 @@ import {
   BoxGeometry,
   Color,
   DirectionalLight,
-  HemisphereLight,
   InstancedMesh,
   LineBasicMaterial,
   type Material,
   Matrix4,
   MeshBasicMaterial,
-  type MeshStandardMaterial,
   MOUSE,
   NormalBlending,
   PerspectiveCamera,
@@ -23,8 +21,9 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { ClusterInfo, UmbelIntersection, UmbelMesh } from "umbel/three";
-import { ballOf, depthsOf, FIELD_OF_VIEW, homePose } from "./camera";
-import { FILL, KEY, type Lamp, MOST_METAL, SKY } from "./light";
+import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy } from "./camera";
+import { makeEnvironment } from "./environment";
+import { FILL, KEY, type Lamp } from "./light";
 import { tintOf } from "./looks";
 import { type CameraPose, MAX_PIXEL_RATIO, type State } from "./state";
 
@@ -41,6 +40,14 @@ export interface FrameCounts {
   /** Milliseconds that the page's thread was busy with this frame. */
   work: number;
   updateWork: number;
+}
+
+export interface Picked {
+  mesh: UmbelMesh;
+  cluster: ClusterInfo;
+  distance: number;
+  /** In the world. */
+  point: number[];
 }
 
 export class Stage {
@@ -60,7 +67,6 @@ export class Stage {
   private readonly scene = new Scene();
   private readonly key = new DirectionalLight(KEY.color, KEY.intensity);
   private readonly fill = new DirectionalLight(FILL.color, FILL.intensity);
-  private readonly sky = new HemisphereLight(SKY.color, SKY.ground, SKY.intensity);
   private readonly lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
   private boxes: InstancedMesh | undefined;
   private home: Vector3 | undefined;
@@ -83,7 +89,8 @@ export class Stage {
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("aria-label", "The model. Drag to turn, scroll to come closer.");
     host.append(this.canvas);
-    this.scene.add(this.sky, this.key, this.key.target, this.fill, this.fill.target);
+    this.scene.environment = makeEnvironment(this.renderer);
+    this.scene.add(this.key, this.key.target, this.fill, this.fill.target);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.enableDamping = GLIDES;
     this.controls.dampingFactor = 0.18;
@@ -93,7 +100,10 @@ export class Stage {
     this.controls.addEventListener("change", () => this.ask());
     new ResizeObserver(() => this.resize(host)).observe(host);
     this.resize(host);
-    this.canvas.addEventListener("webglcontextrestored", () => this.ask());
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      this.scene.environment = makeEnvironment(this.renderer);
+      this.ask();
+    });
   }
 
   private resize(host: HTMLElement): void {
@@ -116,6 +126,8 @@ export class Stage {
       mesh.onChange = () => this.ask();
       this.scene.add(mesh);
     }
+    // The scene's zero is that of the first asset: what is drawn is near it.
+    for (const each of this.meshes) each?.placeFrom(this.origin);
     this.apply();
   }
 
@@ -145,8 +157,11 @@ export class Stage {
     material.polygonOffset = wireframe;
     material.polygonOffsetFactor = 1;
     material.polygonOffsetUnits = 1;
-    const standard = material as MeshStandardMaterial;
-    if (standard.metalness > MOST_METAL) standard.metalness = MOST_METAL;
+  }
+
+  /** Where the scene's zero is in the world. */
+  get origin(): readonly [number, number, number] {
+    return this.meshes[0]?.origin ?? [0, 0, 0];
   }
 
   /** Turns the camera to the whole of the asset. */
@@ -155,7 +170,7 @@ export class Stage {
     if (!mesh) return;
     const [width, height] = this.renderer.getSize(new Vector2()).toArray();
     const parts = this.state.layout === "side" ? 2 : 1;
-    this.setPose(homePose(mesh.info, width / parts / height));
+    this.setPose(movedBy(homePose(mesh.info, width / parts / height), this.origin, 1));
     this.home = this.camera.position.clone();
   }
 
@@ -164,14 +179,17 @@ export class Stage {
     return this.home !== undefined && this.camera.position.distanceTo(this.home) === 0;
   }
 
+  /** In the world, as poses are in links and in saved paths. */
   get pose(): CameraPose {
-    return {
+    const pose = {
       position: this.camera.position.toArray(),
       target: this.controls.target.toArray(),
     };
+    return movedBy(pose, this.origin, 1);
   }
 
-  setPose({ position, target }: CameraPose): void {
+  setPose(pose: CameraPose): void {
+    const { position, target } = movedBy(pose, this.origin, -1);
     this.camera.position.set(...position);
     this.controls.target.set(...target);
     // Without damping an update also ends what still turns.
@@ -265,7 +283,7 @@ export class Stage {
 
   private setDepths(mesh: UmbelMesh): void {
     const { center, radius } = ballOf(mesh.info);
-    const distance = this.camera.position.distanceTo(new Vector3(...center));
+    const distance = this.camera.position.distanceTo(new Vector3(...center).add(mesh.position));
     Object.assign(this.camera, depthsOf(distance, radius));
     this.camera.updateProjectionMatrix();
     this.controls.minDistance = radius * 1e-3;
@@ -324,16 +342,14 @@ export class Stage {
       box.getSize(size);
       box.getCenter(middle);
       matrix.makeScale(size.x, size.y, size.z).setPosition(middle).premultiply(world);
+      matrix.premultiply(mesh.matrixWorld);
       this.boxes?.setMatrixAt(i, matrix);
     });
     this.scene.add(this.boxes);
   }
 
   /** The cluster at a place on the page, and the asset that it is of. */
-  pick(
-    x: number,
-    y: number,
-  ): { mesh: UmbelMesh; cluster: ClusterInfo; distance: number } | undefined {
+  pick(x: number, y: number): Picked | undefined {
     const rectangle = this.canvas.getBoundingClientRect();
     let u = (x - rectangle.left) / rectangle.width;
     const v = (y - rectangle.top) / rectangle.height;
@@ -352,7 +368,9 @@ export class Stage {
     const raycaster = new Raycaster();
     raycaster.setFromCamera(new Vector2(2 * u - 1, 1 - 2 * v), this.camera);
     const [nearest] = raycaster.intersectObject(mesh, false) as UmbelIntersection[];
-    return nearest && { mesh, cluster: nearest.cluster, distance: nearest.distance };
+    if (!nearest) return undefined;
+    const point = nearest.point.toArray().map((at, i) => at + (this.origin[i] as number));
+    return { mesh, cluster: nearest.cluster, distance: nearest.distance, point };
   }
 
   /** The picture as it is now, on its background. */

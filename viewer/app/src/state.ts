@@ -47,11 +47,17 @@ export function defaultState(): State {
   };
 }
 
+/** Digits behind the point that tell places apart where a millionth of `length` matters. */
+export function digitsFor(length: number): number {
+  return Math.min(Math.max(6 - Math.floor(Math.log10(length || 1)), 0), 30);
+}
+
 /** The part of a link behind #. */
 export function writeLink(state: State, pose: CameraPose): string {
   const link = new URLSearchParams();
+  const digits = digitsFor(Math.hypot(...pose.position.map((x, i) => x - pose.target[i])));
   const round = (numbers: readonly number[]) =>
-    numbers.map((n) => Number(n.toPrecision(7))).join(",");
+    numbers.map((n) => Number(n.toFixed(digits))).join(",");
   link.set("eye", round(pose.position));
   link.set("target", round(pose.target));
   link.set("look", state.look);

@@ -3,12 +3,16 @@
 import { AssetStream, UmbelError } from "umbel";
 import { UmbelMesh } from "umbel/three";
 import { count, h } from "./dom";
+import { paintBackground, readJson, save } from "./files";
+import { listenToDrops, listenToKeys, listenToPointer } from "./hands";
 import { LOOKS, type Look } from "./looks";
-import { helpDialog, Notice, Problem } from "./notes";
+import { helpDialog, Notice, Problem, titleOf } from "./notes";
 import { Panel } from "./panel";
 import { CameraPath } from "./path";
 import { pickedCard } from "./picked";
+import { Progress } from "./progress";
 import type { Sketch } from "./sketch";
+import { Split } from "./split";
 import { type FrameCounts, Stage } from "./stage";
 import {
   type CameraPose,
@@ -28,21 +32,17 @@ interface Opening {
   sketch?: Sketch | undefined;
 }
 
-const COUNTER_INTERVAL = 200;
-/** A click that moves farther than this, in pixels, is a drag. */
-const CLICK = 5;
-
 export class Viewer {
   readonly stage: Stage;
   private readonly panel: Panel;
   private readonly path = new CameraPath();
+  private readonly notes = new Set<string>();
   private readonly problem = new Problem();
   private readonly notice = new Notice();
   private readonly help = helpDialog();
   private readonly title = h("div", { className: "title" });
-  private readonly progress = h("div", { className: "progress" });
-  private readonly divider = h("div", { className: "divider", hidden: true });
-  private readonly names = h("div", { className: "names", hidden: true });
+  private readonly progress = new Progress((counts, mesh) => this.panel.showCounts(counts, mesh));
+  private readonly split: Split;
   private readonly dropHint = h(
     "div",
     { className: "drop", hidden: true },
@@ -56,8 +56,6 @@ export class Viewer {
   private other: Source | undefined;
   private choosesOther = false;
   private opened = 0;
-  private lastCounters = 0;
-  private counterTimer = 0;
   private damagedShown = 0;
 
   constructor(
@@ -89,7 +87,7 @@ export class Viewer {
     });
     root.append(
       host,
-      this.progress,
+      this.progress.element,
       this.title,
       this.panel.element,
       this.sheetButton,
@@ -101,7 +99,10 @@ export class Viewer {
     );
     this.sheetButton.setAttribute("aria-expanded", String(!root.classList.contains("plain")));
     this.stage = new Stage(host, this.state);
-    host.append(this.names, this.divider);
+    this.split = new Split(host, (at) => {
+      this.state.wipe = at;
+      this.placeDivider();
+    });
     this.stage.onFrame = (counts) => this.onFrame(counts);
     this.stage.beforeFrame = (time) => this.moveCamera(time);
     this.listen(host);
@@ -130,8 +131,9 @@ export class Viewer {
     this.problem.hide();
     this.letGo();
     this.title.replaceChildren(h("h1", { textContent: nameOf(source) }), h("p", {}, "Opening …"));
-    this.progress.classList.remove("done");
-    this.progress.style.width = "6%";
+    this.progress.begin();
+    this.notes.clear();
+    this.panel.setNotes([]);
     try {
       const mesh = await this.load(source, this.state.pixelError, early);
       if (turn !== this.opened) return mesh.dispose();
@@ -153,6 +155,8 @@ export class Viewer {
   ): Promise<UmbelMesh> {
     const stream = early ?? AssetStream.open(source, { budget: this.state.budget });
     const mesh = new UmbelMesh(await stream, { pixelError });
+    mesh.materials.onNote = (text) => this.showNote(text);
+    for (const text of mesh.materials.notes) this.showNote(text);
     mesh.onConnection = (isLost) => {
       if (isLost) this.notice.show("The connection is lost. Trying again …", true);
       else this.notice.show("The connection is back.");
@@ -162,25 +166,24 @@ export class Viewer {
 
   private fail(error: unknown, source: Source): void {
     this.dropSketch();
-    const kind = error instanceof UmbelError ? error.kind : "unsupported";
-    const titles: Record<string, string> = {
-      network: "No connection",
-      missing: "Not found",
-      "not-umbel": "Not an .umbel file",
-      version: "Another version",
-      corrupt: "Damaged file",
-      unsupported: "This did not work",
-    };
     this.title.replaceChildren();
-    this.progress.classList.add("done");
+    this.progress.end();
     this.problem.show(
-      titles[kind] ?? "This did not work",
+      titleOf(error instanceof UmbelError ? error.kind : "unsupported"),
       error instanceof Error ? error.message : String(error),
       [
         { text: "Try again", action: () => void this.open(source) },
         { text: "Open another file", action: () => this.choose(false) },
       ],
     );
+  }
+
+  /** Says what cannot be shown: once in passing, and in the panel. */
+  private showNote(text: string): void {
+    if (this.notes.has(text)) return;
+    this.notes.add(text);
+    this.panel.setNotes([...this.notes]);
+    this.notice.show(text);
   }
 
   private showTitle(mesh: UmbelMesh, source: Source): void {
@@ -228,21 +231,9 @@ export class Viewer {
   }
 
   private placeDivider(): void {
-    const { layout, wipe } = this.state;
-    const isSplit = layout !== "single";
-    this.divider.hidden = !isSplit;
-    this.names.hidden = !isSplit;
-    this.divider.classList.toggle("fixed", layout === "side");
-    const at = layout === "side" ? 0.5 : wipe;
-    this.divider.style.left = `${100 * at}%`;
     const right = this.other ? nameOf(this.other) : "Full mesh";
-    this.names.replaceChildren(
-      ...[this.source ? nameOf(this.source) : "", right].map((text, i) => {
-        const span = h("span", { textContent: text });
-        span.style.width = `${100 * (i ? 1 - at : at)}%`;
-        return span;
-      }),
-    );
+    const left = this.source ? nameOf(this.source) : "";
+    this.split.place(this.state.layout, this.state.wipe, [left, right]);
     this.stage.ask();
   }
 
@@ -254,10 +245,7 @@ export class Viewer {
 
   private async take(file: File, other: boolean): Promise<void> {
     if (file.name.endsWith(".json")) {
-      const isPath = await file.text().then(
-        (text) => this.path.fromFile(parsed(text)),
-        () => false,
-      );
+      const isPath = this.path.fromFile(await readJson(file));
       this.notice.show(isPath ? "Camera path read: press P." : "This is not a camera path.");
       this.panel.setPath(false, !this.path.isEmpty);
     } else if (other) {
@@ -286,22 +274,7 @@ export class Viewer {
   }
 
   private async screenshot(): Promise<void> {
-    const style = getComputedStyle(document.documentElement);
-    const blob = await this.stage.picture((context) => {
-      const { width, height } = context.canvas;
-      const glow = context.createRadialGradient(
-        width / 2,
-        0.38 * height,
-        0,
-        width / 2,
-        0.38 * height,
-        0.75 * Math.max(width, height),
-      );
-      glow.addColorStop(0, style.getPropertyValue("--glow"));
-      glow.addColorStop(1, style.getPropertyValue("--ground"));
-      context.fillStyle = glow;
-      context.fillRect(0, 0, width, height);
-    });
+    const blob = await this.stage.picture(paintBackground);
     save(blob, `${document.title.split(" – ")[0]}.png`);
   }
 
@@ -348,28 +321,13 @@ export class Viewer {
     if (counts.triangles > 0) this.dropSketch();
     if (this.state.frameRate > 0) this.holdFrameRate(counts.interval);
     const [mesh] = this.stage.meshes;
-    const statistics = mesh?.statistics;
-    if (statistics) {
-      const wanted = statistics.wantedBytes || 1;
-      const missing = statistics.missingPages;
-      const done = missing === 0 && statistics.triangles > 0;
-      const here = Math.min(statistics.residentBytes / wanted, 1);
-      this.progress.classList.toggle("done", done);
-      this.progress.style.width = `${done ? 100 : 10 + 85 * here}%`;
-      if (statistics.damagedPages > this.damagedShown) {
-        this.damagedShown = statistics.damagedPages;
-        const pages = statistics.damagedPages === 1 ? "A page" : `${statistics.damagedPages} pages`;
-        this.notice.show(`${pages} of the file did not arrive whole: it stays coarse there.`, true);
-      }
+    this.progress.update(counts, mesh);
+    const damaged = mesh?.statistics?.damagedPages ?? 0;
+    if (damaged > this.damagedShown) {
+      this.damagedShown = damaged;
+      const pages = damaged === 1 ? "A page" : `${damaged} pages`;
+      this.notice.show(`${pages} of the file did not arrive whole: it stays coarse there.`, true);
     }
-    const now = performance.now();
-    clearTimeout(this.counterTimer);
-    const show = () => {
-      this.lastCounters = performance.now();
-      this.panel.showCounts(counts, statistics, mesh?.pages ?? new Uint8Array(0));
-    };
-    if (now - this.lastCounters > COUNTER_INTERVAL) show();
-    else this.counterTimer = window.setTimeout(show, COUNTER_INTERVAL);
   }
 
   /** Allows more error while frames take too long, and less again when there is time. */
@@ -388,12 +346,11 @@ export class Viewer {
     const found = this.stage.pick(x, y);
     this.letGo();
     if (!found) return;
-    const { mesh, cluster, distance } = found;
     const tangent = Math.tan((this.stage.camera.fov * Math.PI) / 360);
-    const pixelsPerUnit = this.stage.height / (2 * tangent * distance);
-    this.card = pickedCard(mesh, cluster, pixelsPerUnit, () => this.letGo());
+    const pixelsPerUnit = this.stage.height / (2 * tangent * found.distance);
+    this.card = pickedCard(found, pixelsPerUnit, () => this.letGo());
     this.root.append(this.card);
-    this.stage.picked = cluster.cluster;
+    this.stage.picked = found.cluster.cluster;
     this.stage.apply();
   }
 
@@ -420,62 +377,28 @@ export class Viewer {
       const file = this.chooser.files?.[0];
       if (file) void this.take(file, this.choosesOther);
     };
-    this.listenToPointer(host);
-    this.listenToDrops();
-    addEventListener("keydown", (event) => this.onKey(event));
+    listenToPointer(host, {
+      down: () => {
+        if (this.path.isReplaying) this.path.stop();
+      },
+      click: (x, y) => this.pick(x, y),
+    });
+    listenToDrops(this.dropHint, (file, x) => {
+      void this.take(file, this.state.layout !== "single" && x > innerWidth / 2);
+    });
+    listenToKeys((key) => this.press(key));
   }
 
-  private listenToPointer(host: HTMLElement): void {
-    let start: [number, number] | undefined;
-    host.addEventListener("pointerdown", (event) => {
-      start = event.button === 0 ? [event.clientX, event.clientY] : undefined;
-      if (this.path.isReplaying) this.path.stop();
-    });
-    host.addEventListener("pointerup", (event) => {
-      if (!start) return;
-      const moved = Math.hypot(event.clientX - start[0], event.clientY - start[1]);
-      if (moved < CLICK) this.pick(event.clientX, event.clientY);
-      start = undefined;
-    });
-    this.divider.addEventListener("pointerdown", (event) =>
-      this.divider.setPointerCapture(event.pointerId),
-    );
-    this.divider.addEventListener("pointermove", (event) => {
-      if (!this.divider.hasPointerCapture(event.pointerId)) return;
-      const { left, width } = host.getBoundingClientRect();
-      this.state.wipe = Math.min(Math.max((event.clientX - left) / width, 0.02), 0.98);
-      this.placeDivider();
-    });
-  }
-
-  private listenToDrops(): void {
-    addEventListener("dragover", (event) => {
-      event.preventDefault();
-      this.dropHint.hidden = false;
-    });
-    addEventListener("dragleave", (event) => {
-      if (!event.relatedTarget) this.dropHint.hidden = true;
-    });
-    addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.dropHint.hidden = true;
-      const file = event.dataTransfer?.files[0];
-      if (file)
-        void this.take(file, this.state.layout !== "single" && event.clientX > innerWidth / 2);
-    });
-  }
-
-  private onKey(event: KeyboardEvent): void {
-    if (event.ctrlKey || event.metaKey || event.altKey || this.help.open) return;
-    if (event.target instanceof HTMLInputElement && event.target.type === "range") return;
-    const action = this.keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    const look = (Object.keys(LOOKS) as Look[]).find((each) => LOOKS[each].key === event.key);
+  private press(key: string): boolean {
+    if (this.help.open) return false;
+    const action = this.keys[key];
+    const look = (Object.keys(LOOKS) as Look[]).find((each) => LOOKS[each].key === key);
     if (look) {
       this.state.look = look;
       this.apply();
     } else if (action) action();
-    else return;
-    event.preventDefault();
+    else return false;
+    return true;
   }
 
   private scaleError(factor: number): void {
@@ -521,18 +444,4 @@ export class Viewer {
     PageUp: () => this.stage.fly(0, 0, 0.08),
     PageDown: () => this.stage.fly(0, 0, -0.08),
   };
-}
-
-function parsed(text: string): unknown {
-  try {
-    return JSON.parse(text);
-  } catch {
-    return undefined;
-  }
-}
-
-function save(blob: Blob, name: string): void {
-  const link = h("a", { href: URL.createObjectURL(blob), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

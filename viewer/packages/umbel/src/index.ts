@@ -4,6 +4,7 @@ export type { Attribute, AttributeName, Values } from "./attributes.js";
 export { type Bounds, boundsOf } from "./bounds.js";
 export { Catalog } from "./catalog.js";
 export { UmbelError, type UmbelErrorKind } from "./errors.js";
+export { type Json, jsonOf, listOf, numbersOf } from "./gltf.js";
 export { type Head, NONE, readHead, readHeader } from "./head.js";
 export { bytesPerVertex, packGroup, type RenderGroup } from "./pack.js";
 export { type GroupGeometry, type GroupInfo, readPage } from "./page.js";

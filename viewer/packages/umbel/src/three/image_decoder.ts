@@ -21,7 +21,7 @@ export function isCompressed(picture: Picture): picture is CompressedTexture {
 export class ImageDecoder {
   private ktx2: Promise<KTX2Loader> | undefined;
 
-  /** @param basisPath the folder of basis_transcoder.js and .wasm */
+  /** @param basisPath the folder of basis_transcoder.js and .wasm; "" is where three.js has them */
   constructor(private readonly basisPath: string) {}
 
   /** Rejects where the bytes are no image that can be shown here. */

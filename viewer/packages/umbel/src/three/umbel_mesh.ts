@@ -38,7 +38,7 @@ export interface UmbelMeshOptions {
   pixelError?: number;
   /** How many times that where the camera does not look; 4 if not said. */
   offscreen?: number;
-  /** Where basis_transcoder.js and .wasm are, for KTX2; "basis/" beside the page if not said. */
+  /** Folder of basis_transcoder.js and .wasm, for KTX2; if not said, where three.js has them. */
   basisPath?: string;
 }
 
@@ -100,7 +100,7 @@ export class UmbelMesh extends Object3D {
     this.box = new Box3(new Vector3(...low), new Vector3(...high));
     this.materials = new Materials(
       stream,
-      options.basisPath ?? new URL("basis/", document.baseURI).href,
+      options.basisPath ?? "",
       (material) => {
         this.tint.applyTo(material);
         this.onMaterial?.(material);
@@ -152,7 +152,8 @@ export class UmbelMesh extends Object3D {
 
   /** What of the textures is here; `statistics` are of the geometry. */
   get textures(): TextureStatistics {
-    return this.materials.textures.statistics;
+    const { isComplete, ...counts } = this.materials.textures.statistics;
+    return { ...counts, isComplete: isComplete && this.survey.isDone };
   }
 
   /** Whether nothing is on its way: neither geometry nor textures that are wanted. */
