@@ -31,9 +31,13 @@ export function makeAssets(): void {
   writeFileSync(file, stamp);
 }
 
+/** Those of which the reference reader has said something. */
 export function assetNames(): string[] {
   return readdirSync(ASSETS)
-    .filter((name) => name.endsWith(".umbel"))
+    .filter(
+      (name) =>
+        name.endsWith(".umbel") && existsSync(join(ASSETS, name.replace(".umbel", ".json"))),
+    )
     .map((name) => name.slice(0, -".umbel".length))
     .sort();
 }

@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "python"))
 
 import umbel  # noqa: E402
+from make_textured import make_textured  # noqa: E402
 from reference_reader import Reader  # noqa: E402
 
 DATA = Path(os.environ.get("UMBEL_DATA") or ROOT.parent / "shared" / "data")
@@ -139,6 +140,7 @@ def main() -> None:
     big = umbel.shapes.blob(7, seed=5)
     umbel.build_lod(big, precision="16bits").save(folder / "planet.umbel")
     dump(folder / "planet.umbel")
+    make_textured(folder)
     for name in REAL:
         if (DATA / name).is_file():
             out = folder / f"{Path(name).stem}.umbel"

@@ -7,6 +7,11 @@ import type { CameraPose } from "./state";
 export const FIELD_OF_VIEW = 40;
 /** From the middle of an asset to the camera, of length 1. */
 const AWAY = [0.4034, 0.1972, 0.8935] as const;
+/**
+ * How many times the error is allowed until all materials in view have their textures, if small
+ * ones: until then a few bytes of them do more for the picture than many of geometry.
+ */
+export const UNDRESSED = 6;
 /** Room around it. */
 const MARGIN = 1.06;
 

@@ -17,14 +17,19 @@ export async function readJson(file: Blob): Promise<unknown> {
   }
 }
 
-/** Paints the page's own background, which a canvas does not have in it. */
-export function paintBackground(context: CanvasRenderingContext2D): void {
+/**
+ * Paints the page's own background, which a canvas does not have in it: as if the page was of a
+ * size, with the canvas in its corner.
+ */
+export function paintBackground(
+  context: CanvasRenderingContext2D,
+  { width, height }: { width: number; height: number } = context.canvas,
+): void {
   const style = getComputedStyle(document.documentElement);
-  const { width, height } = context.canvas;
   const [x, y] = [width / 2, 0.38 * height];
   const glow = context.createRadialGradient(x, y, 0, x, y, 0.75 * Math.max(width, height));
   glow.addColorStop(0, style.getPropertyValue("--glow"));
   glow.addColorStop(1, style.getPropertyValue("--ground"));
   context.fillStyle = glow;
-  context.fillRect(0, 0, width, height);
+  context.fillRect(0, 0, context.canvas.width, context.canvas.height);
 }

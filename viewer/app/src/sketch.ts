@@ -12,7 +12,7 @@ import {
   type RenderGroup,
   type StreamUpdate,
 } from "umbel";
-import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy } from "./camera";
+import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy, UNDRESSED } from "./camera";
 import { FILL, KEY, type Lamp, linear, SKY } from "./light";
 import {
   fromRows,
@@ -109,7 +109,8 @@ export class Sketch {
     this.gl = canvas.getContext("webgl2") as WebGL2RenderingContext;
     this.program = this.makeProgram();
     this.colors = colorsOf(stream.info);
-    this.places = this.look(pose, pixelError);
+    const hasImages = listOf(stream.info.materials.images).length > 0;
+    this.places = this.look(pose, (hasImages ? UNDRESSED : 1) * pixelError);
     stream.preview = (update) => this.take(update);
   }
 

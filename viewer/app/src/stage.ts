@@ -21,13 +21,16 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { ClusterInfo, UmbelIntersection, UmbelMesh } from "umbel/three";
-import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy } from "./camera";
+import { Backdrop } from "./backdrop";
+import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy, UNDRESSED } from "./camera";
 import { makeEnvironment } from "./environment";
 import { FILL, KEY, type Lamp } from "./light";
 import { tintOf } from "./looks";
 import { type CameraPose, MAX_PIXEL_RATIO, type State } from "./state";
 
 const BOX_OPACITY = 0.05;
+/** Milliseconds that geometry waits for textures, at most. */
+const PATIENCE = 4000;
 /** Whether the camera glides on for a moment when a hand lets go. */
 const GLIDES = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -68,8 +71,12 @@ export class Stage {
   private readonly key = new DirectionalLight(KEY.color, KEY.intensity);
   private readonly fill = new DirectionalLight(FILL.color, FILL.intensity);
   private readonly lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
+  private readonly backdrop = new Backdrop(this.scene);
   private boxes: InstancedMesh | undefined;
   private home: Vector3 | undefined;
+  /** Those whose materials in view all had their textures once. */
+  private readonly dressed = new WeakSet<UmbelMesh>();
+  private opened = 0;
   private isAsked = false;
   private lastFrame = 0;
   private wasMoving = false;
@@ -89,7 +96,7 @@ export class Stage {
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("aria-label", "The model. Drag to turn, scroll to come closer.");
     host.append(this.canvas);
-    this.scene.environment = makeEnvironment(this.renderer);
+    this.scene.environment = makeEnvironment();
     this.scene.add(this.key, this.key.target, this.fill, this.fill.target);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.enableDamping = GLIDES;
@@ -101,7 +108,7 @@ export class Stage {
     new ResizeObserver(() => this.resize(host)).observe(host);
     this.resize(host);
     this.canvas.addEventListener("webglcontextrestored", () => {
-      this.scene.environment = makeEnvironment(this.renderer);
+      this.scene.environment = makeEnvironment();
       this.ask();
     });
   }
@@ -111,7 +118,13 @@ export class Stage {
     if (!width || !height) return;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, MAX_PIXEL_RATIO));
     this.renderer.setSize(width, height, false);
+    this.backdrop.paint(width, height);
     this.ask();
+  }
+
+  /** Width and height in pixels of the page. */
+  private get size(): [number, number] {
+    return this.renderer.getSize(new Vector2()).toArray();
   }
 
   /** Height of the picture in pixels of the screen. */
@@ -121,8 +134,11 @@ export class Stage {
 
   setMesh(side: 0 | 1, mesh: UmbelMesh | undefined): void {
     this.meshes[side]?.dispose();
+    this.backdrop.reset();
     this.meshes[side] = mesh;
     if (mesh) {
+      this.opened = performance.now();
+      setTimeout(() => this.ask(), PATIENCE);
       mesh.onChange = () => this.ask();
       this.scene.add(mesh);
     }
@@ -133,7 +149,7 @@ export class Stage {
 
   /** Brings what is set to the meshes. */
   apply(): void {
-    const { look, wireframe, pixelError, frozen } = this.state;
+    const { look, wireframe, frozen } = this.state;
     const isDark = document.documentElement.dataset.theme === "dark";
     this.lineMaterial.color = new Color(isDark ? 0x0b0d10 : 0x1c2127);
     for (const mesh of this.meshes) {
@@ -144,11 +160,21 @@ export class Stage {
       mesh.onMaterial = (material) => this.prepare(material);
       for (const material of mesh.materials.all) this.prepare(material);
     }
-    this.meshes.forEach((mesh, side) => {
-      if (mesh && (side === 0 || this.rightFollows)) mesh.pixelError = pixelError;
-    });
+    this.backdrop.paint(...this.size);
+    this.setPixelErrors();
     this.cutKey = undefined;
     this.ask();
+  }
+
+  private setPixelErrors(): void {
+    this.meshes.forEach((mesh, side) => {
+      if (!mesh || (side === 1 && !this.rightFollows)) return;
+      if (mesh.textures.isComplete || performance.now() - this.opened > PATIENCE)
+        this.dressed.add(mesh);
+      const pixels = (this.dressed.has(mesh) ? 1 : UNDRESSED) * this.state.pixelError;
+      if (mesh.pixelError !== pixels) this.ask();
+      mesh.pixelError = pixels;
+    });
   }
 
   private prepare(material: Material): void {
@@ -157,6 +183,7 @@ export class Stage {
     material.polygonOffset = wireframe;
     material.polygonOffsetFactor = 1;
     material.polygonOffsetUnits = 1;
+    this.backdrop.prepare(material, ...this.size);
   }
 
   /** Where the scene's zero is in the world. */
@@ -168,7 +195,7 @@ export class Stage {
   frameAll(): void {
     const mesh = this.meshes[0];
     if (!mesh) return;
-    const [width, height] = this.renderer.getSize(new Vector2()).toArray();
+    const [width, height] = this.size;
     const parts = this.state.layout === "side" ? 2 : 1;
     this.setPose(movedBy(homePose(mesh.info, width / parts / height), this.origin, 1));
     this.home = this.camera.position.clone();
@@ -229,6 +256,7 @@ export class Stage {
     this.wasMoving = isDriven || isDamping;
     if (this.wasMoving) this.ask();
     this.draw();
+    this.setPixelErrors();
     const [mesh] = this.meshes;
     this.onFrame?.({
       triangles: mesh?.drawn.triangles ?? 0,

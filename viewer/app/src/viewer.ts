@@ -274,7 +274,7 @@ export class Viewer {
   }
 
   private async screenshot(): Promise<void> {
-    const blob = await this.stage.picture(paintBackground);
+    const blob = await this.stage.picture((context) => paintBackground(context));
     save(blob, `${document.title.split(" – ")[0]}.png`);
   }
 
@@ -338,7 +338,6 @@ export class Viewer {
     const pixels = Math.min(Math.max(this.state.pixelError * factor, 1), PIXELS.high);
     if (pixels === this.state.pixelError) return;
     this.state.pixelError = pixels;
-    if (this.stage.meshes[0]) this.stage.meshes[0].pixelError = pixels;
     this.panel.update();
   }
 

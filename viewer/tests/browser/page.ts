@@ -16,6 +16,8 @@ interface PageViewer {
       statistics?: StreamStatistics;
       drawn: { triangles: number; clusters: number; calls: number };
       pixelError: number;
+      isSettled: boolean;
+      textures: { bytes: number; missing: number; resident: number };
       pages: Uint8Array;
       info: AssetInfo;
     }[];
@@ -51,7 +53,7 @@ export async function settled(page: Page): Promise<StreamStatistics> {
   await page.waitForFunction(() => {
     const mesh = globalThis.umbelViewer?.stage.meshes[0];
     const statistics = mesh?.statistics;
-    return mesh && statistics?.isSettled && statistics.triangles > 0 && mesh.drawn.triangles > 0;
+    return mesh?.isSettled && statistics && statistics.triangles > 0 && mesh.drawn.triangles > 0;
   });
   await quiet(page);
   return statistics(page);
@@ -67,6 +69,7 @@ export async function quiet(page: Page): Promise<void> {
       const mesh = globalThis.umbelViewer?.stage.meshes[0];
       const now = JSON.stringify([
         mesh?.statistics,
+        mesh?.textures,
         mesh?.drawn,
         globalThis.umbelViewer?.stage.pose,
       ]);

@@ -5,18 +5,16 @@ import {
   type CompressedPixelFormat,
   CompressedTexture,
   type CompressedTextureMipmap,
+  Texture,
   type WebGLRenderer,
 } from "three";
 import type { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
-export type Picture = ImageBitmap | CompressedTexture;
+/** As the browser decodes one, or as the transcoder makes one, with its mip levels. */
+export type Picture = ImageBitmap | Texture;
 
 const KTX2 = [0xab, 0x4b, 0x54, 0x58, 0x20, 0x32, 0x30, 0xbb, 0x0d, 0x0a, 0x1a, 0x0a];
 const OPTIONS = { colorSpaceConversion: "none", premultiplyAlpha: "none" } as const;
-
-export function isCompressed(picture: Picture): picture is CompressedTexture {
-  return "isCompressedTexture" in picture;
-}
 
 export class ImageDecoder {
   private ktx2: Promise<KTX2Loader> | undefined;
@@ -48,17 +46,30 @@ export class ImageDecoder {
   }
 }
 
+/** Width and height, in texels. */
+export function extentOf(picture: Picture): { width: number; height: number } {
+  return picture instanceof Texture ? levelsOf(picture)[0] : picture;
+}
+
 /** The longer side, in texels. */
 export function sizeOf(picture: Picture): number {
-  const { width, height } = isCompressed(picture) ? picture.image : picture;
+  const { width, height } = extentOf(picture);
   return Math.max(width, height);
+}
+
+/** The mip levels of what the transcoder made, largest first. */
+function levelsOf(texture: Texture): [CompressedTextureMipmap, ...CompressedTextureMipmap[]] {
+  const levels = (texture.mipmaps ?? []) as CompressedTextureMipmap[];
+  return levels.length > 0
+    ? (levels as [CompressedTextureMipmap])
+    : [texture.image as CompressedTextureMipmap];
 }
 
 /** A copy with a longer side of `size`, or a little more; the picture itself where it is no larger. */
 export async function shrunk(picture: Picture, size: number): Promise<Picture> {
   const from = sizeOf(picture);
   if (from <= size) return picture;
-  if (isCompressed(picture)) return withoutLargest(picture, size);
+  if (picture instanceof Texture) return withoutLargest(picture, size);
   const [resizeWidth, resizeHeight] = [picture.width, picture.height].map((side) =>
     Math.max(Math.round((side * size) / from), 1),
   );
@@ -71,26 +82,21 @@ export async function shrunk(picture: Picture, size: number): Promise<Picture> {
 }
 
 /** Without the largest of its levels, as long as what is left is large enough. */
-function withoutLargest(picture: CompressedTexture, size: number): CompressedTexture {
-  const levels = picture.mipmaps ?? [];
+function withoutLargest(picture: Texture, size: number): Texture {
+  const levels = levelsOf(picture);
   const sizes = levels.map(({ width, height }) => Math.max(width, height));
   let first = sizes.length - 1;
   while (first > 0 && (sizes[first] as number) < size) --first;
-  if (first <= 0) return picture;
+  if (first <= 0 || !(picture instanceof CompressedTexture)) return picture;
   const { width, height } = levels[first] as CompressedTextureMipmap;
-  return new CompressedTexture(
-    levels.slice(first),
-    width,
-    height,
-    picture.format as CompressedPixelFormat,
-    picture.type,
-  );
+  const format = picture.format as CompressedPixelFormat;
+  return new CompressedTexture(levels.slice(first), width, height, format, picture.type);
 }
 
 /** Bytes that a picture takes on the GPU. */
 export function bytesOf(picture: Picture, hasMipmaps: boolean): number {
-  if (isCompressed(picture))
-    return (picture.mipmaps ?? []).reduce((sum, { data }) => sum + data.byteLength, 0);
+  if (picture instanceof Texture)
+    return levelsOf(picture).reduce((sum, { data }) => sum + (data?.byteLength ?? 0), 0);
   return texelBytes(picture.width, picture.height, hasMipmaps);
 }
 

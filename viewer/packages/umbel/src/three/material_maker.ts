@@ -44,10 +44,8 @@ const PHYSICAL: Record<string, (extension: Json) => Partial<MeshPhysicalMaterial
   KHR_materials_iridescence: (from) => ({
     iridescence: numberOf(from.iridescenceFactor, 0),
     iridescenceIOR: numberOf(from.iridescenceIor, 1.3),
-    iridescenceThicknessRange: [
-      numberOf(from.iridescenceThicknessMinimum, 100),
-      numberOf(from.iridescenceThicknessMaximum, 400),
-    ],
+    iridescenceThicknessMinimum: numberOf(from.iridescenceThicknessMinimum, 100),
+    iridescenceThicknessMaximum: numberOf(from.iridescenceThicknessMaximum, 400),
   }),
   KHR_materials_anisotropy: (from) => ({
     anisotropy: numberOf(from.anisotropyStrength, 0),

@@ -2,7 +2,7 @@
 
 import { type Material, Texture } from "three";
 import { type Json, listOf, numberOf, textOf } from "../gltf.js";
-import { bytesOf, isCompressed, type Picture, sizeOf, texelBytes } from "./image_decoder.js";
+import { bytesOf, extentOf, type Picture, sizeOf, texelBytes } from "./image_decoder.js";
 import { applySampler, hasMipmaps } from "./sampler.js";
 import type { Planned } from "./texture_plan.js";
 
@@ -67,7 +67,7 @@ export class StreamedImage implements Planned {
     const isOnlyOnce = new Map(this.showings.map((each) => [each.key, hasMipmaps(each.sampler)]));
     let bytes = 0;
     for (const mipmaps of isOnlyOnce.values()) {
-      if (this.picture && isCompressed(this.picture))
+      if (this.picture instanceof Texture)
         bytes += bytesOf(this.picture, mipmaps) * (size / this.size) ** 2;
       else bytes += texelBytes(size, size * this.shape, mipmaps);
     }
@@ -84,7 +84,7 @@ export class StreamedImage implements Planned {
   /** A copy was decoded: it may be of another size than the asset says. */
   learn(level: ImageLevel, picture: Picture): void {
     level.size = sizeOf(picture);
-    const { width, height } = isCompressed(picture) ? picture.image : picture;
+    const { width, height } = extentOf(picture);
     this.shape = (width * height) / level.size ** 2;
     if (level === this.levels.at(-1)) this.full = level.size;
     this.least = Math.min(this.least, this.full);
@@ -130,7 +130,7 @@ export class StreamedImage implements Planned {
     picture: Picture | ImageData,
     { sampler, info, isColor }: Pick<Showing, "sampler" | "info" | "isColor">,
   ): Texture {
-    const isBlocks = "isCompressedTexture" in picture;
+    const isBlocks = picture instanceof Texture;
     const texture: Texture = isBlocks ? picture.clone() : new Texture(picture);
     applySampler(texture, sampler, info, isColor);
     if (isBlocks) texture.generateMipmaps = false;
@@ -150,7 +150,7 @@ function putInto({ texture, uses }: Showing): void {
 }
 
 export function close(picture: Picture): void {
-  if (isCompressed(picture)) picture.dispose();
+  if (picture instanceof Texture) picture.dispose();
   else picture.close();
 }
 

@@ -52,6 +52,8 @@ export class Textures {
   private renderer: WebGLRenderer | undefined;
   private active = 0;
   private missing = 0;
+  /** Whether a frame began with a copy of all that is in view; larger ones wait for that. */
+  private isDressed = false;
   private fetched = 0;
   private isDisposed = false;
 
@@ -72,6 +74,11 @@ export class Textures {
     this.decoder = new ImageDecoder(basisPath);
   }
 
+  /** Whether the asset has images at all. */
+  get hasAny(): boolean {
+    return this.imageRows.length > 0;
+  }
+
   get statistics(): TextureStatistics {
     const images = [...this.images.values()];
     return {
@@ -79,7 +86,7 @@ export class Textures {
       images: images.length,
       resident: images.filter(({ size }) => size > 0).length,
       missing: this.missing,
-      isComplete: images.every((each) => each.wanted === 0 || each.size > 0 || each.isBroken),
+      isComplete: this.isComplete,
       fetchedBytes: this.fetched,
     };
   }
@@ -138,6 +145,20 @@ export class Textures {
     this.plan();
   }
 
+  /** To be called before each frame that draws something. */
+  beginFrame(): void {
+    if (this.isDressed || !this.isComplete) return;
+    this.isDressed = true;
+    this.plan();
+  }
+
+  /** Whether all that is in view has a copy, if a small one, or cannot have any. */
+  private get isComplete(): boolean {
+    for (const { wanted, size, isBroken } of this.images.values())
+      if (wanted > 0 && size === 0 && !isBroken) return false;
+    return true;
+  }
+
   private plan(): void {
     if (!this.renderer || this.isDisposed) return;
     const growing: { image: StreamedImage; size: number }[] = [];
@@ -152,6 +173,7 @@ export class Textures {
     growing.sort((a, b) => urgency(b) - urgency(a) || 0);
     for (const { image, size } of growing) {
       if (this.active >= PARALLEL) return;
+      if (image.size > 0 && !this.isDressed) return;
       if (!image.isBusy) void this.grow(image, size, this.renderer);
     }
   }

@@ -153,7 +153,8 @@ export class UmbelMesh extends Object3D {
   /** What of the textures is here; `statistics` are of the geometry. */
   get textures(): TextureStatistics {
     const { isComplete, ...counts } = this.materials.textures.statistics;
-    return { ...counts, isComplete: isComplete && this.survey.isDone };
+    const isSeen = this.survey.isDone && this.drawn.triangles > 0;
+    return { ...counts, isComplete: isComplete && (isSeen || !this.materials.textures.hasAny) };
   }
 
   /** Whether nothing is on its way: neither geometry nor textures that are wanted. */
@@ -218,6 +219,7 @@ export class UmbelMesh extends Object3D {
       // What was seen while the camera moved is surveyed once more when it rests.
       again: () => this.onChange?.(),
     });
+    if (this.drawn.triangles > 0 && this.survey.isDone) this.materials.textures.beginFrame();
     this.updateTime = performance.now() - start;
   }
 
