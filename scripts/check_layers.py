@@ -11,6 +11,7 @@ from pathlib import Path
 LAYERS = [
     "base",
     "mesh",
+    "io",
     "cluster",
     "bvh",
     "kdtree",

@@ -8,6 +8,7 @@ NB_MODULE(_umbel, module) {
   module.def("version", [] { return UMBEL_VERSION; }, "The version of the library.");
   bind_errors(module);
   bind_mesh(module);
+  bind_obj(module);
   bind_cluster(module);
   bind_frame_clusters(module);
   bind_lod(module);

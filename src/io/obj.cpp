@@ -1,0 +1,212 @@
+#include "io/obj.hpp"
+
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "base/parallel.hpp"
+#include "io/obj_block.hpp"
+#include "io/obj_join.hpp"
+#include "io/obj_words.hpp"
+
+namespace umbel::io {
+namespace {
+
+/// Texts that are read while others are parsed. Each is used again, so few are in memory.
+class TextPool {
+ public:
+  TextBlock take() {
+    const std::lock_guard lock(mutex_);
+    if (unused_.empty()) return {};
+    TextBlock text = std::move(unused_.back());
+    unused_.pop_back();
+    return text;
+  }
+  void give(TextBlock&& text) {
+    const std::lock_guard lock(mutex_);
+    unused_.push_back(std::move(text));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<TextBlock> unused_;
+};
+
+/// Whether the text's last line says anything.
+bool last_line_counts(const TextBlock& text) {
+  const char* p = text.end() - 1;  // the line's end
+  while (p != text.begin() && p[-1] != '\n') --p;
+  uint64_t lines = 0;
+  skip_blanks(p, lines);
+  return !at_line_end(p);
+}
+
+/// All blocks of a text, up to the first that has a fault.
+struct Parsed {
+  std::vector<ObjBlock> blocks;
+  bool is_cut = false;  ///< the last line has no end
+};
+
+Parsed parse(TextBlocks& texts) {
+  struct Piece {
+    ObjBlock block;
+    bool is_cut = false;
+  };
+  Parsed parsed;
+  TextPool pool;
+  bool has_fault = false;
+  std::mutex mutex;
+  const auto read = [&](tbb::flow_control& control) {
+    TextBlock text = pool.take();
+    const std::lock_guard lock(mutex);
+    if (has_fault || !texts.next(text)) control.stop();
+    return text;
+  };
+  const auto parse_one = [&](TextBlock text) {
+    Piece piece{parse_obj_block(text), text.is_cut && last_line_counts(text)};
+    pool.give(std::move(text));
+    return piece;
+  };
+  const auto append = [&](Piece piece) {
+    const std::lock_guard lock(mutex);
+    if (has_fault) return;
+    has_fault = piece.block.fault.has_value();
+    parsed.is_cut = piece.is_cut;
+    parsed.blocks.push_back(std::move(piece.block));
+  };
+  using tbb::filter_mode, tbb::make_filter;
+  const auto threads = static_cast<size_t>(tbb::this_task_arena::max_concurrency());
+  tbb::parallel_pipeline(2 * threads,
+                         make_filter<void, TextBlock>(filter_mode::serial_in_order, read) &
+                             make_filter<TextBlock, Piece>(filter_mode::parallel, parse_one) &
+                             make_filter<Piece, void>(filter_mode::serial_in_order, append));
+  return parsed;
+}
+
+/// A file's blocks, and the sentences about them.
+class Reader {
+ public:
+  Reader(const ByteSource& source, const std::string& name, size_t block_bytes)
+      : name_(name), texts_(source, block_bytes) {}
+
+  ObjMesh read() {
+    Parsed parsed = parse(texts_);
+    blocks_ = std::move(parsed.blocks);
+    places_ = places_of(blocks_);
+    check_statements();
+    check_counts();
+    const std::string fault = resolve_all();
+    std::vector<std::string> notes = notes_of_lines();
+    if (parsed.is_cut)
+      notes.push_back(at(places_.back().lines - 1) +
+                      "the last line has no end; the file may be cut short");
+    ObjMesh mesh = join(blocks_, places_);
+    mesh.notes = std::move(notes);
+    mesh.fault = fault;
+    return mesh;
+  }
+
+ private:
+  std::string at(uint64_t line) const { return name_ + ", line " + std::to_string(line + 1) + ": "; }
+  [[noreturn]] static void fail(const std::string& what) { throw Error(ErrorCode::kCorrupt, what); }
+
+  /// Throws for what is no OBJ file, and for the first fault.
+  void check_statements() const {
+    bool is_known = false;
+    for (size_t k = 0; k < blocks_.size(); ++k) {
+      const ObjBlock& block = blocks_[k];
+      const uint64_t before = places_[k].lines;
+      if (!is_known && block.unknown.count > 0 &&
+          block.unknown.first < block.first_known.value_or(block.lines + 1))
+        fail(at(before + block.unknown.first) + block.unknown.word +
+             " is no statement of OBJ; is this another kind of file?");
+      is_known = is_known || block.first_known;
+      if (block.fault) fail(at(before + block.fault->line) + block.fault->what);
+    }
+  }
+
+  void check_counts() const {
+    const ObjPlace& all = places_.back();
+    const std::string holds = name_ + " holds ";
+    if (all.rows.v == 0) fail(holds + "no vertices: it is no mesh, or cut short");
+    if (all.triangles == 0)
+      fail(holds + std::to_string(all.rows.v) +
+           " vertices and no faces: it is a point cloud, or cut short");
+    const uint64_t most =
+        std::max({all.rows.v, all.rows.vt, all.rows.vn, all.corners, all.triangles});
+    if (most >= kBadIndex)
+      throw Error(ErrorCode::kUnsupported,
+                  holds + std::to_string(most) +
+                      " vertices or corners, more than 32-bit indices can number");
+  }
+
+  /// What the first vertex index that is beyond the file's vertices is, if there is one; throws
+  /// for one of the other tables.
+  std::string resolve_all() {
+    std::vector<BadIndices> bad(blocks_.size());
+    parallel_for(blocks_.size(), 1, [&](size_t k) {
+      bad[k] = resolve(blocks_[k], places_[k].rows, places_.back().rows);
+    });
+    for (size_t k = 0; k < blocks_.size(); ++k)
+      if (bad[k].attributes) fail(bad_index(k, true));
+    for (size_t k = 0; k < blocks_.size(); ++k)
+      if (bad[k].vertices) return bad_index(k, false);
+    return {};
+  }
+
+  std::string bad_index(size_t k, bool only_attributes) const {
+    TextBlock text;
+    texts_.again(blocks_[k].offset, blocks_[k].size, text);
+    const auto fault =
+        find_bad_index(text, places_[k].rows, places_.back().rows, only_attributes);
+    if (!fault) return name_ + " has become another file while it was read";
+    return at(places_[k].lines + fault->line) + fault->what;
+  }
+
+  std::vector<std::string> notes_of_lines() const {
+    struct Kind {
+      ObjLines ObjBlock::* lines;
+      const char* what;
+    };
+    constexpr Kind kKinds[] = {
+        {&ObjBlock::short_faces, "faces have fewer than three corners"},
+        {&ObjBlock::points_and_lines, "points and lines make no triangles"},
+        {&ObjBlock::curves, "lines are about curves and surfaces of free form"},
+        {&ObjBlock::unknown, "lines are no statements of OBJ"}};
+    std::vector<std::string> notes;
+    for (const Kind& kind : kKinds) {
+      uint64_t count = 0;
+      std::optional<uint64_t> first;
+      std::string word;
+      for (size_t k = 0; k < blocks_.size(); ++k) {
+        const ObjLines& lines = blocks_[k].*kind.lines;
+        if (!first && lines.count > 0) {
+          first = places_[k].lines + lines.first;
+          word = lines.word;
+        }
+        count += lines.count;
+      }
+      if (first)
+        notes.push_back(at(*first) + "from here on " + std::to_string(count) + " " + kind.what +
+                        " (" + word + ") and are left out");
+    }
+    return notes;
+  }
+
+  std::string name_;
+  TextBlocks texts_;
+  std::vector<ObjBlock> blocks_;
+  std::vector<ObjPlace> places_;
+};
+
+}  // namespace
+
+ObjMesh read_obj(const ByteSource& source, const std::string& name, size_t block_bytes) {
+  return Reader(source, name, block_bytes).read();
+}
+
+}  // namespace umbel::io
