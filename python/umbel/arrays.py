@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import operator
 import os
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -76,13 +78,13 @@ def thread_count(threads: int) -> int:
     return whole("threads", threads)
 
 
-def as_mesh(source: Any) -> Mesh:
-    """A Mesh from a Mesh, a file's path, anything with .vertices and .faces such as a
-    trimesh.Trimesh, or a pair (positions, triangles)."""
+def as_mesh(source: Any, allow_outside: bool = False) -> Mesh:
+    """A Mesh from a Mesh, a file's path (see `umbel.load`), anything with .vertices and .faces such
+    as a trimesh.Trimesh, or a pair (positions, triangles)."""
     if isinstance(source, (str, os.PathLike)):
         from .io import load
 
-        return load(source)
+        return load(source, allow_outside=allow_outside)
     return Mesh.from_any(source)
 
 
@@ -106,6 +108,28 @@ def native(mesh: Mesh) -> _umbel.MeshArrays:
         extra_values=values,
     )
 
+
+@contextlib.contextmanager
+def about(mesh: Mesh, remedy: str = "") -> Iterator[None]:
+    """What is done with a mesh: refusals of it name its file, and the line where an OBJ file names
+    a vertex that is not there, and end with the remedy."""
+    try:
+        yield
+    except Error as error:
+        if error.code != "invalid_mesh":
+            raise
+        sentence = str(error)
+        if mesh.fault and _BEYOND in sentence:
+            sentence = mesh.fault
+        elif mesh.source and mesh.source not in sentence:
+            sentence = f"{mesh.source}: {sentence}"
+        named = Error(f"{sentence}; {remedy}" if remedy else sentence)
+        named.code = error.code
+        raise named from None
+
+
+#: How the library's sentence about a vertex that is not there goes.
+_BEYOND = "is out of range, the mesh has"
 
 _UVS, _JOINTS, _WEIGHTS = 4, 16, 32
 

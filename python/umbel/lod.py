@@ -14,7 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, extras_of, indices, mesh_of, native, numbers, rows, thread_count, whole
+from .arrays import (
+    about,
+    as_mesh,
+    extras_of,
+    indices,
+    mesh_of,
+    native,
+    numbers,
+    rows,
+    thread_count,
+    whole,
+)
 from .errors import Error, LoadWarning
 from .gltf_look import write_materials
 from .io import load_scene
@@ -281,6 +292,7 @@ def build_lod(
     decimate: Decimate | None = None,
     drop_invalid: bool = False,
     precision: str | float | None = None,
+    allow_outside: bool = False,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> Lod:
@@ -318,9 +330,10 @@ def build_lod(
     precision: snap positions to a power-of-two grid first, which makes files several times
         smaller; None keeps every bit. A number is a length in the mesh's unit, a string as in
         `umbel build --precision`.
+    allow_outside: of a path, as `umbel.load` has it.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
-    given = _one_mesh(mesh)
+    given = _one_mesh(mesh, allow_outside)
     source = _describe(mesh, given)
     if attributes not in ("auto", "none"):
         raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
@@ -366,22 +379,23 @@ def build_lod(
     }
     if max_error != math.inf:
         config["max_error"] = max_error
-    dag = _umbel.build_lod(
-        native(given),
-        _native_config(config),
-        progress,
-        thread_count(threads),
-        None if decimate is None else _decimator(decimate),
-    )
+    with about(given, "drop_invalid=True leaves such triangles out"):
+        dag = _umbel.build_lod(
+            native(given),
+            _native_config(config),
+            progress,
+            thread_count(threads),
+            None if decimate is None else _decimator(decimate),
+        )
     report = {**dag.report, **extra}
     return Lod(dag, report, config, source, given.materials, given.name, given.tree)
 
 
-def _one_mesh(source: Any) -> Mesh:
+def _one_mesh(source: Any, allow_outside: bool) -> Mesh:
     """As `as_mesh`, with a warning where the nodes of a file get lost."""
     if not isinstance(source, (str, os.PathLike)):
         return as_mesh(source)
-    scene = load_scene(source)
+    scene = load_scene(source, allow_outside=allow_outside)
     lost = scene.merge_loss()
     if lost:
         sentence = f"{os.fspath(source)}: {lost}; build_scene(..., instances='on') keeps its nodes"

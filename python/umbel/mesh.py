@@ -82,6 +82,8 @@ class Mesh:
     extras: Any = None  #: what the file's author keeps with it, as JSON
     #: the nodes around it, skins, cameras, lights, extras and copyright, as `Asset.scene` has them
     tree: dict[str, Any] = field(default_factory=dict)
+    source: str = ""  #: the file that it was read from, for messages
+    fault: str = ""  #: where that file first names a vertex that is not there, for messages
 
     def __post_init__(self) -> None:
         self.origin = origin_of(self.origin)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _umbel
-from .arrays import as_mesh, mesh_of, native, rows, thread_count
+from .arrays import about, as_mesh, mesh_of, native, rows, thread_count
 from .errors import Error
 from .mesh import Mesh
 
@@ -21,7 +21,9 @@ Progress = Callable[[float, str], "bool | None"]
 def validate(mesh: Any, *, progress: Progress | None = None, threads: int = 0) -> None:
     """Raises umbel.Error naming the first triangle whose index is out of range, or the first
     vertex in use that is NaN or infinite. Degenerate and duplicate triangles are legal."""
-    _umbel.validate(native(as_mesh(mesh)), progress, thread_count(threads))
+    given = as_mesh(mesh)
+    with about(given):
+        _umbel.validate(native(given), progress, thread_count(threads))
 
 
 def drop_invalid(

@@ -80,7 +80,7 @@ class SceneLod:
         )
 
 
-def arranged(scene: Any, instances: str = "auto") -> Scene:
+def arranged(scene: Any, instances: str = "auto", allow_outside: bool = False) -> Scene:
     """A scene (a Scene, a path, or a mesh) as `build_scene` builds it: with one mesh, all that it
     draws, or with those of its meshes that have triangles, each in some places.
 
@@ -90,7 +90,7 @@ def arranged(scene: Any, instances: str = "auto") -> Scene:
     if instances not in MODES:
         raise Error(f"instances must be one of {', '.join(MODES)}, not {instances!r}")
     if isinstance(scene, (str, os.PathLike)):
-        scene = load_scene(scene)
+        scene = load_scene(scene, allow_outside=allow_outside)
     if not isinstance(scene, Scene):
         return scene_of(as_mesh(scene))
     drawn = [len(scene.meshes[place.mesh].triangles) for place in scene.instances]
@@ -111,6 +111,7 @@ def build_scene(
     *,
     instances: str = "auto",
     precision: str | float | None = None,
+    allow_outside: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> SceneLod:
@@ -120,9 +121,10 @@ def build_scene(
     instances: as `arranged` has it.
     precision: of the scene as it is drawn: each mesh gets the grid that is fine enough wherever it
         stands. Bits count over the longest side of the box around the boxes of all places.
+    allow_outside: of a path, as `umbel.load` has it.
     The rest is as `build_lod` has it, for each mesh.
     """
-    whole = arranged(scene, instances)
+    whole = arranged(scene, instances, allow_outside)
     is_apart = precision is not None and not _is_plain(whole)
     step = _step(whole, precision) if is_apart else None
     weights = np.array([len(mesh.triangles) for mesh in whole.meshes], np.float64)

@@ -111,7 +111,9 @@ class Reader {
   }
 
  private:
-  std::string at(uint64_t line) const { return name_ + ", line " + std::to_string(line + 1) + ": "; }
+  std::string at(uint64_t line) const {
+    return name_ + ", line " + std::to_string(line + 1) + ": ";
+  }
   [[noreturn]] static void fail(const std::string& what) { throw Error(ErrorCode::kCorrupt, what); }
 
   /// Throws for what is no OBJ file, and for the first fault.
@@ -132,10 +134,11 @@ class Reader {
   void check_counts() const {
     const ObjPlace& all = places_.back();
     const std::string holds = name_ + " holds ";
-    if (all.rows.v == 0) fail(holds + "no vertices: it is no mesh, or cut short");
-    if (all.triangles == 0)
+    const bool says_empty =
+        std::any_of(blocks_.begin(), blocks_.end(), [](const ObjBlock& b) { return b.says_empty; });
+    if (all.triangles == 0 && !says_empty)
       fail(holds + std::to_string(all.rows.v) +
-           " vertices and no faces: it is a point cloud, or cut short");
+           " vertices and no faces: it is no mesh, a point cloud, or cut short");
     const uint64_t most =
         std::max({all.rows.v, all.rows.vt, all.rows.vn, all.corners, all.triangles});
     if (most >= kBadIndex)
@@ -161,8 +164,7 @@ class Reader {
   std::string bad_index(size_t k, bool only_attributes) const {
     TextBlock text;
     texts_.again(blocks_[k].offset, blocks_[k].size, text);
-    const auto fault =
-        find_bad_index(text, places_[k].rows, places_.back().rows, only_attributes);
+    const auto fault = find_bad_index(text, places_[k].rows, places_.back().rows, only_attributes);
     if (!fault) return name_ + " has become another file while it was read";
     return at(places_[k].lines + fault->line) + fault->what;
   }

@@ -43,11 +43,11 @@ bool is_text(string_view word) {
 
 /// Statements that say nothing of a mesh of polygons: groups, smoothing, ways to display.
 constexpr std::array<string_view, 15> kSilent = {
-    "g",   "o",          "s",         "mg",     "bevel",  "c_interp", "d_interp", "lod",
+    "g",  "o",          "s",         "mg",     "bevel",  "c_interp", "d_interp", "lod",
     "vp", "shadow_obj", "trace_obj", "usemap", "maplib", "call",     "csh"};
 /// Curves and surfaces of free form.
 constexpr std::array<string_view, 20> kCurves = {
-    "cstype", "deg", "bmat", "step", "curv", "curv2", "surf", "parm", "trim", "hole",
+    "cstype", "deg", "bmat", "step", "curv",  "curv2", "surf", "parm", "trim", "hole",
     "scrv",   "sp",  "end",  "con",  "ctech", "stech", "bsp",  "bzp",  "cdc",  "res"};
 
 template <size_t n>
@@ -77,6 +77,8 @@ class Parser {
         ++line_;
         return;
       case '#':
+        block_.says_empty |=
+            string_view(p_, static_cast<size_t>(end_ - p_)).starts_with("# no faces");
         return skip_comment(p_, line_);
       case 'v':
         if (at_word_end(p_ + 1)) return known(1, [&] { vertex(); });
@@ -105,7 +107,7 @@ class Parser {
   void count(ObjLines& lines, string_view word) {
     if (lines.count++ > 0) return;
     lines.first = line_;
-    lines.word = word;
+    lines.word = std::string(word);
   }
 
   // --- tables
@@ -260,8 +262,7 @@ class Parser {
 };
 
 /// What is wrong with an index as written, if anything is.
-std::optional<std::string> problem(const char* what, int64_t given, uint64_t seen,
-                                   uint64_t total) {
+std::optional<std::string> problem(const char* what, int64_t given, uint64_t seen, uint64_t total) {
   if (given == 0) return std::nullopt;
   const bool is_back = given < 0;
   if (is_back ? static_cast<uint64_t>(-given) <= seen : static_cast<uint64_t>(given) <= total)

@@ -52,6 +52,7 @@ struct ObjBlock {
 
   ObjLines short_faces, points_and_lines, curves, unknown;
   std::optional<uint64_t> first_known;  ///< the first line with a statement of the format
+  bool says_empty = false;              ///< a comment says that a mesh without faces is meant
 
   struct Fault {
     uint64_t line;  ///< in the block, from 0

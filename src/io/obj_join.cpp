@@ -67,8 +67,9 @@ class Joiner {
   }
 
   bool follows(bool has, uint64_t rows, ObjIndices ObjBlock::* indices) const {
-    return !has || (rows == total_.rows.v &&
-                    !any_block([&](const ObjBlock& b) { return !follows_vertices(b.*indices, b.v); }));
+    return !has || (rows == total_.rows.v && !any_block([&](const ObjBlock& b) {
+                      return !follows_vertices(b.*indices, b.v);
+                    }));
   }
 
   /// Calls body(block, place) for every block, on all threads.
@@ -94,8 +95,7 @@ class Joiner {
     std::vector<T> all(total_.rows.*before);
     for_each_block([&](ObjBlock& block, const ObjPlace& place) {
       std::vector<Scalar>& own = block.*numbers;
-      std::copy(own.begin(), own.end(),
-                reinterpret_cast<Scalar*>(all.data() + place.rows.*before));
+      std::copy(own.begin(), own.end(), reinterpret_cast<Scalar*>(all.data() + place.rows.*before));
       own = {};
     });
     return all;
@@ -239,7 +239,9 @@ class Joiner {
     for_each_block([&](const ObjBlock& block, const ObjPlace& place) {
       const int32_t* corner = v_.data() + place.corners;
       Triangle* out = mesh_.triangles.data() + place.triangles;
-      const auto vertex = [](int32_t v) { return v == kBadIndex ? kNone : static_cast<uint32_t>(v); };
+      const auto vertex = [](int32_t v) {
+        return v == kBadIndex ? kNone : static_cast<uint32_t>(v);
+      };
       for (size_t k = 0; k < block.faces; ++k) {
         const uint32_t size = block.corners(k);
         for (uint32_t i = 2; i < size; ++i)

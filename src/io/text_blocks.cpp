@@ -35,6 +35,7 @@ TextBlocks::TextBlocks(const ByteSource& source, size_t block_bytes)
   std::string head;
   append(head, 0, std::min(source.size(), kLook));
   has_carriage_returns_ = head.find('\n') == std::string::npos;
+  if (head.starts_with("\xef\xbb\xbf")) offset_ = 3;  // the mark of UTF-8
 }
 
 void TextBlocks::append(std::string& text, uint64_t offset, size_t count) const {

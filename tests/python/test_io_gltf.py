@@ -665,8 +665,8 @@ def test_broken_containers_are_named(tmp_path: Path, data: bytes, says: str) -> 
     ("uri", "says"),
     [
         ("gone.bin", "gone.bin"),
-        ("http://example.com/a.bin", "only files beside it"),
-        ("/etc/passwd", "only files beside it"),
+        ("http://example.com/a.bin", "only files can be read"),
+        ("/etc/passwd", "outside the file's folder"),
         ("data:application/octet-stream;base64,AAAA", "should have"),
         ("data:application/octet-stream;base64,A", "damaged data URI"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from io_helpers import corners
+from umbel import build_lod, validate
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
 
@@ -82,11 +84,12 @@ def test_any_mixture_reads_as_a_plain_reader_does(
                          at["vn"] if "n" in form else None))  # fmt: skip
         lines.append("f " + " ".join(words))
         expected += [(face[0], face[k], face[k + 1]) for k in range(1, size - 1)]
-    mesh = read(tmp_path_factory.mktemp("obj"), "\n".join(lines))
+    mesh = read(tmp_path_factory.mktemp("obj"), "\n".join([*lines, ""]))
     assert len(mesh.triangles) == len(expected)
+    positions = mesh.world_positions.astype(np.float32)
     for triangle, want in zip(mesh.triangles, expected, strict=True):
         for vertex, (v, vt, vn) in zip(triangle, want, strict=True):
-            assert np.array_equal(mesh.positions[vertex], tables["v"][v])
+            assert np.array_equal(positions[vertex], tables["v"][v])
             if vt is not None:
                 assert np.array_equal(mesh.uvs[vertex], tables["vt"][vt])
             if vn is not None:
@@ -169,27 +172,103 @@ def corners_of(mesh: Any, triangle: int) -> np.ndarray:
     return corners(part)[0]
 
 
-def test_nothing_but_comments_is_an_empty_mesh(tmp_path: Path) -> None:
-    assert read(tmp_path, "# nothing\n").triangles.shape == (0, 3)
-    assert read(tmp_path, "v 1 2 3\n").positions.tolist() == [[1, 2, 3]]
+def test_what_holds_no_faces_is_no_mesh(tmp_path: Path) -> None:
+    for text in ("# nothing\n", "v 1 2 3\n", "v 1 2 3\np 1\n", "\n\n"):
+        with pytest.raises(Error, match="vertices and no faces: it is no mesh"):
+            read(tmp_path, text)
+    assert read(tmp_path, "# no faces\nv 1 2 3\n").positions.tolist() == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize("text", ["hello world\n", "\n\nSTART\nv 1 2 3\n", "<html>\n<v>\n"])
+def test_another_kind_of_text_is_refused_at_its_first_word(tmp_path: Path, text: str) -> None:
+    line = text.count("\n", 0, len(text) - len(text.lstrip())) + 1
+    with pytest.raises(Error, match=rf"mesh.obj, line {line}: .* is no statement of OBJ"):
+        read(tmp_path, text)
+
+
+def test_a_vertex_that_is_not_there_is_named_as_written_and_its_remedy(tmp_path: Path) -> None:
+    text = SQUARE + "vt 0 0\nf 1 2 3\nf 1/1 2/1 9/1\n"
+    mesh = read(tmp_path, text)
+    says = r"mesh.obj, line 7: vertex index 9 is beyond the 4 there are"
+    with pytest.raises(Error, match=says) as caught:
+        validate(mesh)
+    assert caught.value.code == "invalid_mesh"
+    with pytest.raises(Error, match=says + "; drop_invalid=True leaves"):
+        build_lod(tmp_path / "mesh.obj")
+    assert build_lod(mesh, drop_invalid=True).report["dropped_triangles"] == 1
+
+
+def test_a_position_that_is_nan_is_named_with_its_file_and_the_remedy(tmp_path: Path) -> None:
+    mesh = read(tmp_path, SQUARE.replace("v 1 1 0", "v 1 nan 0") + "f 1 2 3\n")
+    with pytest.raises(Error, match=r"mesh.obj: triangle 0.*nan.*; drop_invalid=True leaves"):
+        build_lod(mesh)
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
         ("v 0 0 zero\n", "line 1: 'zero' is no number"),
-        (SQUARE + "f 1 2 three\n", "line 5: 'three' is no number"),
-        (SQUARE + "f 1 2 3.5\n", "line 5: '3.5' is no number"),
+        (SQUARE + "f 1 2 three\n", "line 5: 'three' is no corner of a face"),
+        (SQUARE + "f 1 2 3.5\n", "line 5: '3.5' is no corner"),
         ("v 0 0\n", "line 1: 'v' has 2 numbers"),
         ("v 1\n", "line 1: 'v' has 1 numbers"),
         (SQUARE + "\nf 0 1 2\n", "line 6: vertex index 0"),
-        (SQUARE + "vt 0 0\nf 1/2 2/1 3/1\n", "line 6: a texture coordinate index is beyond the 1"),
-        (SQUARE + "vn 0 0 1\nf 1//1 2//1 3//-2\n", "line 6: a normal index is beyond the 1"),
-        (SQUARE + "f 1/1/1/1 2 3\n", "no number|make no sense"),
-        (SQUARE + "f 1,2,3 2 3\n", "line 5: '1,2,3' is no number"),
+        (SQUARE + "vt 0 0\nf 1/2 2/1 3/1\n", "line 6: texture coordinate index 2 is beyond the 1"),
+        (SQUARE + "vn 0 0 1\nf 1//1 2//1 3//-2\n", "line 6: normal index -2 is beyond the 1"),
+        (SQUARE + "f 1/1/1/1 2 3\n", "line 5: '1/1/1/1' is no corner"),
+        (SQUARE + "f 1,2,3 2 3\n", "line 5: '1,2,3' is no corner"),
+        (SQUARE + "f 1 2 3\n" + "\0" * 40, "line 6: .* is no text"),
     ],
 )
 def test_damage_is_named_with_its_line(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(Error, match=says) as caught:
         read(tmp_path, text)
     assert "mesh.obj" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("l 1 2 3\np 1\n", "line 6: .* points and lines"),
+        ("cstype bezier\n", "curves and surfaces"),
+        ("sparkle 9\n", "line 6: .*'sparkle'"),
+        ("f 3 2 1", "line 6: the last line has no end"),
+    ],
+)
+def test_what_is_left_out_is_a_warning(tmp_path: Path, line: str, says: str) -> None:
+    with pytest.warns(LoadWarning, match=says):
+        mesh = read(tmp_path, SQUARE + "f 1 2 3\n" + line)
+    assert mesh.triangles[0].tolist() == [0, 1, 2]
+
+
+def test_packed_files_and_byte_order_marks_are_read(tmp_path: Path) -> None:
+    text = b"\xef\xbb\xbf" + (SQUARE + "g a\no b\ns off\nf 1 2 3\n").encode()
+    (tmp_path / "mesh.obj").write_bytes(text)
+    (tmp_path / "mesh.obj.gz").write_bytes(gzip.compress(text))
+    plain, packed = load(tmp_path / "mesh.obj"), load(tmp_path / "mesh.obj.gz")
+    assert plain.triangles.tolist() == packed.triangles.tolist() == [[0, 1, 2]]
+
+
+def test_coordinates_far_from_zero_keep_their_digits(tmp_path: Path) -> None:
+    mesh = read(tmp_path, "v 500000.123 4000000.456 1\nv 500001.123 4000000.456 1\n"
+                "v 500000.123 4000001.456 1\nf 1 2 3\n")  # fmt: skip
+    assert np.abs(mesh.world_positions[0] - [500000.123, 4000000.456, 1]).max() < 1e-5
+
+
+def test_maps_of_a_library_have_their_options(tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text(
+        "newmtl m\nPr 0.5\nNs 900\nPc 1\nmap_Kd -o 0.25 0.5 -s 2 4 -clamp on my wood.png\n"
+        "norm -bm 0.5 -imfchan r bumps.png\n"
+    )
+    mesh = read(tmp_path, "mtllib a.mtl\n" + SQUARE + "vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
+    [material] = mesh.materials
+    assert material.roughness == 0.5
+    assert material.extensions == {"KHR_materials_clearcoat": {"clearcoatFactor": 1.0}}
+    color, normal = material.textures["base_color"], material.textures["normal"]
+    assert (color["uri"], normal["uri"], normal["scale"]) == ("my wood.png", "bumps.png", 0.5)
+    moved = color["extensions"]["KHR_texture_transform"]
+    # v = 0.25 from the bottom: 4 * 0.25 + 0.5 = 1.5 from the image's bottom, -0.5 from its top.
+    assert moved["offset"][1] + 0.25 * moved["scale"][1] == -0.5
+    image = material.images["base_color"]
+    assert (image.wrap_u, image.bottom_up, image.path) == ("clamp", False, tmp_path / "my wood.png")
+    assert material.images["normal"].bottom_up

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from umbel.errors import Error
 from umbel.io.addresses import fetched, is_address, load_fetched
-from umbel.io.files import read_bytes
+from umbel.io.files import GZIP, read_bytes, read_head
+from umbel.io.folder import Folder
 from umbel.io.scene import Instance, Scene, scene_of
 from umbel.mesh import Mesh
 
@@ -18,19 +19,25 @@ _READABLE = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _WRITABLE = (".glb", ".gltf", ".obj", ".ply")
 
 
-def load(path: str | os.PathLike[str]) -> Mesh:
+def load(path: str | os.PathLike[str], *, allow_outside: bool = False) -> Mesh:
     """Reads a mesh file as one mesh, as drawn: all primitives, node transforms and instances.
 
     Formats: .glb .gltf .obj .ply .stl, each also inside .gz. What a file's first bytes say wins
     over its extension. An address that fsspec understands (https://, s3://, memory://) is fetched
-    with what the file refers to: the extra `umbel[remote]`. Raises `umbel.Error` naming the file
-    and what is wrong with it. NaN and indices beyond the vertices are not looked for;
-    `umbel.validate` does that.
+    with what the file refers to: the extra `umbel[remote]`. Raises `umbel.Error` naming the file,
+    the line or byte and what is wrong there: a file that is cut short, or holds no mesh, is never a
+    smaller or an empty one. What was left out is a `LoadWarning`. NaN and indices beyond the
+    vertices are not looked for; `umbel.validate` does that.
+
+    allow_outside: files that the file refers to (buffers, material libraries, images) may lie
+        outside its folder.
     """
-    return load_scene(path).flatten()
+    return load_scene(path, allow_outside=allow_outside).flatten()
 
 
-def load_poses(path: str | os.PathLike[str], rate: float = 30.0) -> Iterator[Mesh]:
+def load_poses(
+    path: str | os.PathLike[str], rate: float = 30.0, *, allow_outside: bool = False
+) -> Iterator[Mesh]:
     """The mesh of a glTF file as `load` gives it, in poses `rate` a second of each of its
     animations, one after the other: skins, morph targets and moving nodes. None without
     animations."""
@@ -38,37 +45,38 @@ def load_poses(path: str | os.PathLike[str], rate: float = 30.0) -> Iterator[Mes
         raise Error(f"rate is {rate}, must be in (0, 10000]")
     file = Path(path)
     data = read_bytes(file)
-    kind = _sniffed(data) or os.path.splitext(file.name.removesuffix(".gz"))[1].lower()
+    kind = _sniffed(data) or _extension(file)
     if kind not in (".glb", ".gltf"):
         raise Error(f"{file} has no animations: only glTF files can")
     from umbel.io.gltf_animation import read_poses
 
-    return read_poses(data, str(file), file.parent, rate)
+    return read_poses(data, str(file), Folder(file.parent, allow_outside), rate)
 
 
-def load_scene(path: str | os.PathLike[str]) -> Scene:
+def load_scene(path: str | os.PathLike[str], *, allow_outside: bool = False) -> Scene:
     """Reads a mesh file with its instances apart; else like `load`."""
     if is_address(path):
         with fetched(str(path)) as local:
             return load_fetched(local, str(path))
     file = Path(path)
-    name = file.name.removesuffix(".gz")
-    stem, extension = os.path.splitext(name)
-    data = read_bytes(file)
-    kind = _sniffed(data) or extension.lower()
+    extension = _extension(file)
+    # An OBJ file is read in pieces, unless it is packed.
+    data: bytes | Path = file if extension == ".obj" and _is_plain(file) else read_bytes(file)
+    kind = _sniffed(data) or extension if isinstance(data, bytes) else extension
     if kind not in _READABLE:
         raise Error(f"{file}: cannot read '{extension}' files; {', '.join(_READABLE)} can be read")
     try:
-        scene = _read(kind, data, file)
+        scene = _read(kind, data, file, Folder(file.parent, allow_outside))
     except Error:
         raise
     except MemoryError:
         raise Error(f"{file} does not fit into memory") from None
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
         raise Error(f"{file} is corrupt: {type(e).__name__}: {e}") from e
-    scene.name = stem
+    scene.name = os.path.splitext(file.name.removesuffix(".gz"))[0]
     for mesh in scene.meshes:
-        mesh.name = mesh.name or stem
+        mesh.name = mesh.name or scene.name
+        mesh.source = str(file)
     return scene
 
 
@@ -99,6 +107,15 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
         write_obj(file, Mesh.from_any(mesh))
 
 
+def _extension(file: Path) -> str:
+    return os.path.splitext(file.name.removesuffix(".gz"))[1].lower()
+
+
+def _is_plain(file: Path) -> bool:
+    """Whether a file can be read at any place, and is neither packed nor of another format."""
+    return file.is_file() and not (head := read_head(file)).startswith(GZIP) and not _sniffed(head)
+
+
 def _sniffed(data: bytes) -> str:
     """The format that the first bytes prove, or nothing."""
     if data[:4] == b"glTF":
@@ -111,20 +128,21 @@ def _sniffed(data: bytes) -> str:
     return ""
 
 
-def _read(kind: str, data: bytes, file: Path) -> Scene:
+def _read(kind: str, data: bytes | Path, file: Path, folder: Folder) -> Scene:
     where = str(file)
+    if kind == ".obj":
+        from umbel.io.obj import read_obj
+
+        return read_obj(data, where, folder)
+    assert isinstance(data, bytes)
     if kind == ".ply":
         from umbel.io.ply import read_ply
 
         return read_ply(data, where)
-    if kind == ".obj":
-        from umbel.io.obj import read_obj
-
-        return read_obj(data, where, file.parent)
     if kind == ".stl":
         from umbel.io.stl import read_stl
 
         return read_stl(data, where)
     from umbel.io.gltf import read_gltf
 
-    return read_gltf(data, where, file.parent)
+    return read_gltf(data, where, folder)

@@ -61,6 +61,8 @@ def load_fetched(path: Path, address: str, **options: Any) -> Scene:
             scene = load_scene(path, **options)
         except Error as error:
             raise Error(named(error)) from None
+        for mesh in scene.meshes:
+            mesh.source, mesh.fault = address, named(mesh.fault)
         every = [scene.materials, *(mesh.materials for mesh in scene.meshes)]
         for material in {id(one): one for materials in every for one in materials}.values():
             _keep_images(material)

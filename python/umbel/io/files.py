@@ -17,22 +17,39 @@ from numpy.typing import NDArray
 
 from umbel.errors import Error
 
+GZIP = b"\x1f\x8b"
+
 
 def read_bytes(path: Path) -> bytes:
     """The file's bytes, unpacked if it is gzip."""
-    try:
-        if path.is_dir():
-            raise Error(f"{path} is a folder, not a mesh file")
-        data = path.read_bytes()
-    except OSError as error:
-        raise Error(f"cannot read {path}: {error.strerror or error}") from None
-    if not data:
-        raise Error(f"{path} is empty")
-    if data[:2] == b"\x1f\x8b":
+    data = _read(path)
+    if data[:2] == GZIP:
         try:
             data = gzip.decompress(data)
         except (OSError, EOFError, zlib.error, MemoryError) as error:
             raise Error(f"{path} is not a whole gzip file: {error}") from None
+        if not data:
+            raise Error(f"{path} is empty")
+    return data
+
+
+def read_head(path: Path) -> bytes:
+    """The file's first bytes, as they are."""
+    return _read(path, 1 << 12)
+
+
+def _read(path: Path, count: int = -1) -> bytes:
+    try:
+        if path.is_dir():
+            raise Error(f"{path} is a folder, not a mesh file")
+        with path.open("rb") as file:
+            data = file.read(count)
+    except OSError as error:
+        raise Error(f"cannot read {path}: {error.strerror or error}") from None
+    except ValueError as error:  # a name with a NUL
+        raise Error(f"cannot read {str(path)!r}: {error}") from None
+    if not data:
+        raise Error(f"{path} is empty")
     return data
 
 

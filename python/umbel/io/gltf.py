@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from umbel.camera import Camera
 from umbel.errors import Error, LoadWarning
+from umbel.io.folder import Folder
 from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
 from umbel.io.gltf_cameras import read_camera
 from umbel.io.gltf_images import texture_reader
@@ -56,7 +56,7 @@ _NUMBERED_WIDTHS = {"TEXCOORD": 2, "JOINTS": 4, "WEIGHTS": 4}
 _MOST_UVS, _MOST_SKIN_SETS = 7, 3
 
 
-def read_gltf(data: bytes, where: str, folder: Path | None = None) -> Scene:
+def read_gltf(data: bytes, where: str, folder: Folder | None = None) -> Scene:
     """The scene in a .gltf or .glb file's bytes; `where` names the file in errors, external
     buffers are read from `folder`."""
     root, binary = parse_container(data, where)
@@ -64,7 +64,7 @@ def read_gltf(data: bytes, where: str, folder: Path | None = None) -> Scene:
 
 
 def read_root(
-    root: Json, binary: bytes | None, where: str, folder: Path | None, warn: bool = True
+    root: Json, binary: bytes | None, where: str, folder: Folder | None, warn: bool = True
 ) -> Scene:
     """The scene of parsed JSON and the binary chunk beside it. One warning names what is left out
     of it."""

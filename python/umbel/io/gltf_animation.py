@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error
+from umbel.io.folder import Folder
 from umbel.io.gltf import read_root
 from umbel.io.gltf_buffers import Buffers, parse_container
 from umbel.mesh import Mesh
@@ -23,7 +23,7 @@ Json = dict[str, Any]
 _SIZES = {"translation": 3, "rotation": 4, "scale": 3}
 
 
-def read_poses(data: bytes, where: str, folder: Path | None, rate: float) -> Iterator[Mesh]:
+def read_poses(data: bytes, where: str, folder: Folder | None, rate: float) -> Iterator[Mesh]:
     """The mesh at every 1/rate seconds of every animation, its beginning and its end among them."""
     root, binary = parse_container(data, where)
     buffers = Buffers(root, binary, where, folder)

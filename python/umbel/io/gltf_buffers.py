@@ -8,7 +8,6 @@ import base64
 import binascii
 import json
 import urllib.parse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from umbel.errors import Error
 from umbel.io.files import read_bytes
+from umbel.io.folder import Folder
 from umbel.mesh import Float32Array, UInt32Array, to_unit_floats
 
 Json = dict[str, Any]
@@ -71,7 +71,7 @@ def _glb_chunks(data: bytes, where: str) -> tuple[bytes, bytes | None]:
 class Buffers:
     """The binary data of one glTF asset, read and decompressed on first use."""
 
-    def __init__(self, root: Json, binary: bytes | None, where: str, folder: Path | None) -> None:
+    def __init__(self, root: Json, binary: bytes | None, where: str, folder: Folder | None) -> None:
         self.root = root
         self.where = where
         self._binary = binary
@@ -128,16 +128,10 @@ class Buffers:
         return data
 
     def _external(self, uri: str, name: str) -> bytes:
-        parsed = urllib.parse.urlparse(uri)
-        path = urllib.parse.unquote(parsed.path)
-        if parsed.scheme or parsed.netloc or not path or path.startswith("/") or "\0" in path:
-            raise Error(
-                f"{self.where}: {name} is at {uri[:80]!r}; only files beside it can be read"
-            )
         if self.folder is None:
             raise Error(f"{self.where}: {name} is another file, {uri[:80]!r}")
         try:
-            return read_bytes(self.folder / path)
+            return read_bytes(self.folder.find_uri(uri))
         except Error as error:
             raise Error(f"{self.where}: {name}: {error}") from None
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import urllib.parse
+import warnings
 
-from umbel.errors import Error
+from umbel.errors import Error, LoadWarning
 from umbel.io.gltf_buffers import Buffers, Json, data_uri
 from umbel.io.gltf_textures import Source, TextureReader
-from umbel.io.images import beside
 
 
 def texture_reader(buffers: Buffers) -> TextureReader:
-    """The textures of a file. What is damaged or leads out of the file's folder is left out; the
-    mesh does not depend on it."""
+    """The textures of a file. What is damaged or outside the file's folder is left out with a
+    warning; the mesh does not depend on it. A file that is missing is for its user to name."""
     return TextureReader(buffers.root, lambda entry: _source(entry, buffers))
 
 
@@ -21,10 +20,13 @@ def _source(entry: Json, buffers: Buffers) -> Source:
     try:
         if isinstance(uri, str) and uri.startswith("data:"):
             return data_uri(uri, "an image"), None
-        if isinstance(uri, str):
-            return None, beside(buffers.folder, urllib.parse.unquote(uri))
+        if isinstance(uri, str) and buffers.folder is not None:
+            return None, buffers.folder.find_uri(uri, may_miss=True)
         if "bufferView" in entry:
             return buffers.view(entry["bufferView"], "an image")[0], None
-    except Error:
-        pass
+    except Error as error:
+        sentence = str(error).removeprefix(f"{buffers.where}: ")
+        warnings.warn(
+            f"{buffers.where}: an image is left out: {sentence}", LoadWarning, stacklevel=2
+        )
     return None, None

@@ -27,6 +27,8 @@ def write_obj(path: Path, mesh: Mesh) -> None:
             file.write(mtl_text(materials, names).encode())
     with replacing(path) as file:
         file.write(b"# written by umbel\n")
+        if not len(mesh.triangles):
+            file.write(b"# no faces\n")  # or readers would take the file for one that is cut short
         if materials:
             file.write(f"mtllib {library.name}\n".encode())
         points: NDArray[Any] = mesh.positions

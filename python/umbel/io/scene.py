@@ -72,6 +72,7 @@ class Scene:
             name=self.name,
             cameras=self.cameras,
             tree=self._merged_tree(),
+            source=next((mesh.source for mesh in self.meshes if mesh.source), ""),
         )
 
     def _merged_tree(self) -> dict[str, Any]:
