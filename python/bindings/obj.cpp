@@ -50,7 +50,9 @@ void bind_obj(nb::module_& module) {
         const InputFile file(path);
         return dict_of(read(io::ByteSource(file), name));
       },
-      "path"_a, "name"_a, "The arrays of an OBJ file; `name` names it in errors.");
+      "path"_a, "name"_a,
+      nb::sig("def read_obj(path: str | os.PathLike[str], name: str) -> dict[str, typing.Any]"),
+      "The arrays of an OBJ file; `name` names it in errors.");
   module.def(
       "read_obj_bytes",
       [](const nb::bytes& data, const std::string& name) {
