@@ -114,7 +114,7 @@ def test_without_keep_going_the_first_failure_ends_it(
     lines = _lines(done)
     assert [line["status"] for line in lines].count("failed") == 1
     assert lines[-1]["status"] == "failed" and len(lines) < 60
-    assert "not begun" in done.err
+    assert "not finished" in done.err
     assert set(_files(tmp_path / "out")) == {
         os.path.relpath(line["output"], tmp_path / "out") for line in lines[:-1]
     }

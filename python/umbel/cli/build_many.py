@@ -18,7 +18,7 @@ from .outputs import made_folder
 from .pool import work_off
 from .progress import Bar
 from .run import FAULT, say
-from .summary import megabytes, print_rows
+from .summary import counted, megabytes, print_rows
 
 _LISTED = 20  # failures that the summary names
 
@@ -109,15 +109,16 @@ class _Done:
 
     def show(self, output: str, seconds: float, as_json: bool) -> None:
         """The summary: on standard output, or with --json on standard error."""
-        rows = {
-            "built": f"{self.built:,} files, {self.triangles:,} triangles, {megabytes(self.bytes)}",
-            "unchanged": f"{self.unchanged:,} files",
-            "failed": f"{len(self.failed):,} files{self._names()}",
-            "not begun": f"{self.total - self.count:,} files",
-            "in": f"{seconds:.1f} s",
-        }
-        if self.count == self.total:
-            del rows["not begun"]
+        size = f"{counted(self.triangles, 'triangle')}, {megabytes(self.bytes)}"
+        left = self.total - self.count
+        rows = {"built": f"{counted(self.built, 'file')}, {size}"}
+        if self.unchanged:
+            rows["unchanged"] = counted(self.unchanged, "file")
+        if self.failed:
+            rows["failed"] = f"{counted(len(self.failed), 'file')}: {self._names()}"
+        if left:
+            rows["not finished"] = counted(left, "file")
+        rows["in"] = f"{seconds:.1f} s"
         if as_json:
             text = ", ".join(f"{name} {value}" for name, value in rows.items())
             say(f"{output}: {text}")
@@ -128,4 +129,4 @@ class _Done:
     def _names(self) -> str:
         names = ", ".join(self.failed[:_LISTED])
         more = len(self.failed) - _LISTED
-        return (f": {names}" if names else "") + (f", and {more:,} more" if more > 0 else "")
+        return names + (f", and {more:,} more" if more > 0 else "")

@@ -45,7 +45,9 @@ class Bar:
         if self._rich is None:
             say(sentence)
         else:
-            self._rich.console.print(f"umbel: {sentence}", markup=False, highlight=False)
+            self._rich.console.print(
+                f"umbel: {sentence}", markup=False, highlight=False, soft_wrap=True
+            )
 
     def _open(self) -> None:
         from rich.console import Console

@@ -8,8 +8,17 @@ from collections.abc import Mapping
 from typing import Any
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things."""
+    if count != 1:
+        noun = {"mesh": "meshes", "vertex": "vertices"}.get(noun, f"{noun}s")
+    return f"{count:,} {noun}"
+
+
 def megabytes(count: float) -> str:
     """A number of bytes for people."""
+    if count < 1e3:
+        return counted(int(count), "byte")
     if count < 1e5:
         return f"{count / 1e3:,.1f} kB"
     return f"{count / 1e6:,.1f} MB"
@@ -19,25 +28,27 @@ def build_rows(built: Mapping[str, Any]) -> dict[str, str]:
     """The lines about one asset, from the JSON object of `umbel build`."""
     size = _size_of(built["input"])
     rows = {
-        "input": f"{built['input_triangles']:,} triangles, {built['input_vertices']:,} vertices"
+        "input": counted(built["input_triangles"], "triangle")
+        + f", {counted(built['input_vertices'], 'vertex')}"
         + (f", {megabytes(size)}" if size is not None else ""),
         "asset": f"{megabytes(built['file_bytes'])}, "
         f"{built['bytes_per_input_triangle']:.1f} bytes a triangle",
         "levels": f"{built['levels']:,}",
         "groups": f"{built['groups']:,}",
         "clusters": f"{built['clusters']:,}, {built['mean_fill']:.1%} full",
-        "coarsest": f"{built['root_triangles']:,} triangles in {built['root_groups']:,} group(s)",
+        "coarsest": f"{counted(built['root_triangles'], 'triangle')} in "
+        + counted(built["root_groups"], "group"),
     }
     if built["instances"] > 1:
-        rows["scene"] = f"{built['meshes']:,} mesh(es) in {built['instances']:,} places"
+        rows["scene"] = f"{counted(built['meshes'], 'mesh')} in {built['instances']:,} places"
     if built.get("grid_step"):
         rows["positions"] = (
             f"on a grid of {built['grid_step']:.3g}, moved by up to {built['largest_move']:.3g}"
         )
     if built["degenerate_triangles"]:
-        rows["without area"] = f"{built['degenerate_triangles']:,} triangles of the input"
+        rows["without area"] = counted(built["degenerate_triangles"], "triangle") + " of the input"
     if built["dropped_triangles"]:
-        rows["left out"] = f"{built['dropped_triangles']:,} invalid triangles"
+        rows["left out"] = counted(built["dropped_triangles"], "invalid triangle")
     return rows | {
         "built in": f"{built['seconds']:.2f} s, {built['triangles_per_second'] / 1e6:.2f} million "
         "triangles/s",
