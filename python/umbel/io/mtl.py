@@ -153,16 +153,3 @@ def unique_names(materials: list[Material]) -> list[str]:
         seen.add(name)
         names.append(name)
     return names
-
-
-def mtl_text(materials: list[Material], names: list[str]) -> str:
-    """The library that `read_mtl` reads."""
-    out = []
-    for material, name in zip(materials, names, strict=True):
-        r, g, b, a = material.base_color
-        out.append(
-            f"newmtl {name}\nKd {r:.9g} {g:.9g} {b:.9g}\nd {a:.9g}\n"
-            "Ke {:.9g} {:.9g} {:.9g}\n".format(*material.emissive)
-            + f"Pm {material.metallic:.9g}\nPr {material.roughness:.9g}\n"
-        )
-    return "\n".join(out)

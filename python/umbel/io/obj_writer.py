@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel.io.files import replacing
-from umbel.io.mtl import mtl_text, unique_names
+from umbel.errors import warn_lost
+from umbel.io.files import replacing, write_all
+from umbel.io.format_losses import attribute_losses, copyright_line
+from umbel.io.mtl_writer import MtlWriter
 from umbel.mesh import Mesh
 
 _CHUNK = 1 << 16  # rows formatted at once
@@ -18,25 +20,34 @@ _CHUNK = 1 << 16  # rows formatted at once
 
 def write_obj(path: Path, mesh: Mesh) -> None:
     """Writes OBJ text with nine significant digits, which give every float back to the bit, and
-    beside it a .mtl if the mesh has materials."""
+    beside it a .mtl and images if the mesh has materials. One warning names what OBJ cannot hold.
+    Only texture coordinates that count from an image's top are turned round."""
     materials = mesh.materials if mesh.material_ids is not None else []
-    library = path.with_suffix(".mtl")
-    names = unique_names(materials)
+    library = MtlWriter(path, materials)
+    names, uvs = library.names, mesh.uvs
+    if uvs is not None and library.flips:
+        uvs = np.stack([uvs[:, 0], np.float32(1) - uvs[:, 1]], axis=1)
+    for name, data in library.files.items():
+        write_all(path.with_name(name), [data])
     if materials:
-        with replacing(library) as file:
-            file.write(mtl_text(materials, names).encode())
+        write_all(path.with_suffix(".mtl"), [library.text.encode()])
+    lost = [*_losses(mesh), *library.lost]
+    if lost:
+        warn_lost(f"{path}: OBJ has no place for", lost, most=8)
     with replacing(path) as file:
         file.write(b"# written by umbel\n")
         if not len(mesh.triangles):
             file.write(b"# no faces\n")  # or readers would take the file for one that is cut short
+        if copyright_line(mesh):
+            file.write(f"# {copyright_line(mesh)}\n".encode())
         if materials:
-            file.write(f"mtllib {library.name}\n".encode())
+            file.write(f"mtllib {path.stem}.mtl\n".encode())
         points: NDArray[Any] = mesh.positions
         if mesh.colors is not None:
             points = np.concatenate([points, mesh.colors[:, :3]], axis=1)
         _write_rows(file, "v" + " %.9g" * points.shape[1], points)
-        if mesh.uvs is not None:
-            _write_rows(file, "vt %.9g %.9g", mesh.uvs)
+        if uvs is not None:
+            _write_rows(file, "vt %.9g %.9g", uvs)
         if mesh.normals is not None:
             _write_rows(file, "vn %.9g %.9g %.9g", mesh.normals)
         corner = {
@@ -50,6 +61,15 @@ def write_obj(path: Path, mesh: Mesh) -> None:
             if material is not None and material < len(names):
                 file.write(f"usemtl {names[material]}\n".encode())
             _write_rows(file, "f" + corner * 3, faces[start:stop])
+
+
+def _losses(mesh: Mesh) -> list[str]:
+    lost = list(attribute_losses(mesh))
+    if mesh.tangents is not None:
+        lost.append("tangents")
+    if mesh.colors is not None and (mesh.colors[:, 3] != 1).any():
+        lost.append("the alpha of colours")
+    return lost
 
 
 def _runs(mesh: Mesh) -> list[tuple[int, int, int | None]]:

@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from umbel.errors import warn_lost
 from umbel.io.files import write_all
+from umbel.io.format_losses import attribute_losses, copyright_line
 from umbel.io.ply import ALPHA, COLOR, NORMAL, POSITION, TANGENT, UV
-from umbel.mesh import Mesh
+from umbel.mesh import Material, Mesh
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:
     """Writes binary little-endian PLY. Floats are kept to the bit; colours become bytes, and of
-    the materials only their numbers stay."""
+    the materials only their numbers stay. One warning names what PLY cannot hold."""
     n, m = len(mesh.positions), len(mesh.triangles)
     fields: list[tuple[str, str, Any]] = [
         (name, "<f4", mesh.positions[:, k]) for k, name in enumerate(POSITION[0])
@@ -46,5 +48,20 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     if mesh.material_ids is not None:
         faces["material_index"] = mesh.material_ids.view(np.int32)
         lines.append("property int material_index")
+    if copyright_line(mesh):
+        lines.insert(2, f"comment {copyright_line(mesh)}")
+    lost = [*_material_losses(mesh), *attribute_losses(mesh)]
+    if lost:
+        warn_lost(f"{path}: PLY has no place for", lost, most=8)
     header = "\n".join([*lines, "end_header", ""]).encode()
     write_all(path, [header, vertices.tobytes(), faces.tobytes()])
+
+
+def _material_losses(mesh: Mesh) -> list[str]:
+    if mesh.material_ids is None or not any(one != Material() for one in mesh.materials):
+        return []
+    count = len(mesh.materials)
+    lost = [f"{count} materials but for their numbers" if count > 1 else "the material"]
+    if any(one.images for one in mesh.materials):
+        lost.append("textures")
+    return lost

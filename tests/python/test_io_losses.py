@@ -1,0 +1,131 @@
+"""What OBJ and PLY cannot hold is said once, and what they can hold is written."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import umbel
+from umbel.io.images import TextureImage
+
+
+def png(array: np.ndarray) -> bytes:
+    out = io.BytesIO()
+    Image.fromarray(array).save(out, "PNG")
+    return out.getvalue()
+
+
+def image(seed: int = 0, channels: int = 3, **more: object) -> TextureImage:
+    texels = np.random.default_rng(seed).integers(0, 256, (8, 4, channels), dtype=np.uint8)
+    return TextureImage(png(texels), **more)
+
+
+def square(material: umbel.Material) -> umbel.Mesh:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+    uvs = np.array([[0, 0.75], [1, 0.75], [1, 0], [0, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+    ids = np.zeros(2, np.uint32)
+    return umbel.Mesh(corners, faces, uvs=uvs, material_ids=ids, materials=[material])
+
+
+def rich() -> umbel.Mesh:
+    mesh = square(
+        umbel.Material(
+            "paint",
+            alpha_mode="BLEND",
+            images={
+                "base_color": image(1, 4, gltf={"image": {"name": "bark / old"}}),
+                "metallic_roughness": image(2),
+                "normal": image(3, wrap_u="clamp", wrap_v="clamp"),
+                "emissive": image(1, 4),
+                "occlusion": image(4),
+            },
+            textures={
+                "normal": {"scale": 0.5},
+                "emissive": {
+                    "extensions": {
+                        "KHR_texture_transform": {"offset": [0.25, 0.5], "scale": [2, 3]}
+                    }
+                },
+            },
+            extensions={
+                "KHR_materials_clearcoat": {"clearcoatFactor": 0.5},
+                "KHR_materials_ior": {"ior": 1.25},
+                "KHR_materials_sheen": {},
+            },
+        )
+    )
+    mesh.uv_sets = [mesh.uvs]
+    mesh.tree = {
+        "asset": {"copyright": "me,\nmyself"},
+        "nodes": [{"name": "house", "instances": [0, 1]}],
+        "cameras": [{}],
+    }
+    return mesh
+
+
+def test_obj_has_its_images_beside_it(tmp_path: Path) -> None:
+    mesh = rich()
+    with pytest.warns(umbel.LoadWarning, match="OBJ has no place for") as said:
+        umbel.save(tmp_path / "a.obj", mesh)
+    assert len(said) == 1
+    sentence = str(said[0].message)
+    for part in (
+        "second set of UVs", "scene's nodes", "cameras", "KHR_materials_sheen", "occlusion textures"
+    ):  # fmt: skip
+        assert part in sentence
+    assert "clearcoat" not in sentence and "ior" not in sentence
+    lines = (tmp_path / "a.mtl").read_text().splitlines()
+    assert "map_Kd a_bark_old.png" in lines and "map_d a_bark_old.png" in lines
+    assert "map_Pr a_roughness.png" in lines and "map_Pm a_metallic.png" in lines
+    assert "norm -bm 0.5 -clamp on a_normal.png" in lines
+    assert "map_Ke -o 0.25 -2.5 0 -s 2 3 1 a_bark_old.png" in lines  # 1 - 3 - 0.5
+    assert "Pc 0.5" in lines and "Ni 1.25" in lines
+    (material,) = mesh.materials
+    assert (tmp_path / "a_bark_old.png").read_bytes() == material.images["base_color"].data
+    rough = np.asarray(Image.open(tmp_path / "a_roughness.png"))
+    assert np.array_equal(rough, material.images["metallic_roughness"].texels()[..., 1])
+    assert "# copyright: me, myself" in (tmp_path / "a.obj").read_text()
+    back = umbel.load(tmp_path / "a.obj")
+    assert np.allclose(back.uvs[:, 1], 1 - mesh.uvs[:, 1])  # OBJ counts from the bottom
+    assert back.materials[0].images["base_color"].bottom_up
+
+
+def test_obj_of_an_obj_is_the_same(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "wood.png").write_bytes(image(7).encoded())
+    (tmp_path / "in" / "a.mtl").write_text("newmtl wood\nmap_Kd wood.png\n")
+    (tmp_path / "in" / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0.25\nvt 1 0\nvt 0 1\nusemtl wood\n"
+        "f 1/1 2/2 3/3\n"
+    )
+    mesh = umbel.load(tmp_path / "in" / "a.obj")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        umbel.save(tmp_path / "b.obj", mesh)
+        umbel.save(tmp_path / "in" / "c.obj", mesh)
+    for path, name in ((tmp_path / "b.obj", "b_wood.png"), (tmp_path / "in/c.obj", "wood.png")):
+        back = umbel.load(path)
+        assert np.array_equal(back.uvs, mesh.uvs)
+        found = back.materials[0].images["base_color"]
+        assert found.path.name == name and found.encoded() == image(7).encoded()
+
+
+def test_ply_says_what_it_leaves_out(tmp_path: Path) -> None:
+    with pytest.warns(umbel.LoadWarning, match="the material; textures; .*cameras") as said:
+        umbel.save(tmp_path / "a.ply", rich())
+    assert len(said) == 1
+    assert b"comment copyright: me, myself\n" in (tmp_path / "a.ply").read_bytes()
+
+
+@pytest.mark.parametrize("extension", [".obj", ".ply", ".glb"])
+def test_plain_meshes_lose_nothing(tmp_path: Path, extension: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        umbel.save(tmp_path / f"a{extension}", umbel.shapes.blob(2))
+        umbel.save(tmp_path / f"b{extension}", square(umbel.Material()))
