@@ -35,6 +35,7 @@ def test_arguments_are_named_as_flags() -> None:
     flags = {"max_items": "--max-triangles", "max_triangles": "--max-triangles", "bins": "--bins"}
     assert with_flags("min is 3, more than max_items, 2", flags).endswith("--max-triangles, 2")
     assert with_flags("bins is 1, not 4", flags) == "--bins is 1, not 4"
+    assert with_flags("not without bins=True", flags) == "not without --bins"
     assert with_flags("too many bins: max_triangles", flags) == "too many bins: --max-triangles"
     assert with_flags("--max-triangles is 1", flags) == "--max-triangles is 1"
     path = "a/max_items.obj"
@@ -95,6 +96,28 @@ def test_what_is_not_finite_names_the_remedy(
     done = umbel_command(command, source, *output.get(command, []), "--json")
     assert done.status == 1 and "--drop-invalid" in done.json["error"]
     assert str(source) in done.json["error"] and "vertex 5" in done.json["error"]
+
+
+def test_references_leave_the_folder_by_a_flag_only(umbel_command: Umbel, tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (tmp_path / "red.mtl").write_bytes(b"newmtl red\nKd 1 0 0\n")
+    source, output = folder / "a.obj", tmp_path / "a.umbel"
+    source.write_bytes(b"mtllib ../red.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+    flags = ["-o", output, "--skip-unchanged", "--json"]
+    done = umbel_command("build", source, *flags)
+    assert done.status == 0 and len(done.json["warnings"]) == 1
+    assert "--allow-outside" in done.json["warnings"][0] and "../red.mtl" in done.err
+    done = umbel_command("build", source, *flags, "--allow-outside")
+    assert done.json["status"] == "built" and done.json["warnings"] == []
+    assert umbel.Asset(output).materials[0].base_color[:3] == (1.0, 0.0, 0.0)
+    assert umbel_command("build", source, *flags, "--allow-outside").json["status"] == "unchanged"
+    (tmp_path / "red.mtl").write_bytes(b"newmtl red\nKd 1 1 0\n")
+    assert umbel_command("build", source, *flags, "--allow-outside").json["status"] == "built"
+    for command in (["info"], ["cluster"], ["bvh"], ["kdtree"]):
+        assert umbel_command(*command, source, "--allow-outside").err == ""
+    done = umbel_command("build", source.as_uri(), *flags, "--allow-outside")
+    assert done.status == 1 and "--allow-outside" in done.json["error"]
 
 
 def test_results_name_input_and_output(umbel_command: Umbel, small: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .inputs import AllowOutside
 from .run import Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
@@ -135,6 +136,7 @@ def command(
         bool,
         typer.Option("--keep-going", help="Of several inputs: go on after one that fails."),
     ] = False,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -156,6 +158,7 @@ def command(
         precision=precision,
         drop_invalid=drop_invalid,
         measured_error=measured_error,
+        allow_outside=allow_outside,
     )
     options.check()
     if jobs < 1:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..io.scene import Scene
     from ..scene_lod import SceneLod
 
+_OF_READING = ("instances", "allow_outside")
 Progress = Callable[[float, str], "bool | None"]
 
 _LEAST_BYTES = 2
@@ -42,6 +43,7 @@ class Options:
     precision: str | None = None
     drop_invalid: bool = False
     measured_error: bool = False
+    allow_outside: bool = False
 
     def check(self) -> None:
         """Refuses, before any file is read, what would fail with every one."""
@@ -82,12 +84,12 @@ def build_file(
     with _on_this_machine(source) as path:
         origin = {
             "file": name_of(source) if is_address(source) else path.name,
-            "sha256": _digest(path),
+            "sha256": _digest(path, options.allow_outside),
             "options": options.plain(),
         }
         if skip_unchanged and _is_current(output, origin):
             return {"input": source, "output": str(output), "status": "unchanged"}
-        scene = _loaded(path, source)
+        scene = _loaded(path, source, options.allow_outside)
     return _built(scene, source, output, options, origin, began, progress, threads)
 
 
@@ -100,18 +102,22 @@ def _on_this_machine(source: str) -> Iterator[Path]:
         yield path
 
 
-def _digest(path: Path) -> str | None:
+def _digest(path: Path, allow_outside: bool) -> str | None:
     """None for what cannot be read: reading it as a mesh says why."""
     try:
-        return source_digest(path)
+        return source_digest(path, allow_outside)
     except (OSError, ValueError):
         return None
 
 
-def _loaded(path: Path, source: str) -> Scene:
+def _loaded(path: Path, source: str, allow_outside: bool) -> Scene:
     from ..io import load_scene
 
-    return load_fetched(path, source) if is_address(source) else load_scene(path)
+    if is_address(source):
+        if allow_outside:
+            fail(f"{source}: --allow-outside is for files; an address's folder is never left")
+        return load_fetched(path, source)
+    return load_scene(path, allow_outside=allow_outside)
 
 
 def _is_current(output: Path, origin: dict[str, Any]) -> bool:
@@ -143,7 +149,7 @@ def _built(
     read_seconds = time.perf_counter() - began
     check_space(output, _LEAST_BYTES * sum(len(mesh.triangles) for mesh in scene.meshes))
     build_began = time.perf_counter()
-    settings = {key: value for key, value in asdict(options).items() if key != "instances"}
+    settings = {key: value for key, value in asdict(options).items() if key not in _OF_READING}
     lod = build_scene(scene, instances="on", **settings, progress=progress, threads=threads)
     seconds = time.perf_counter() - build_began
     lod.source.update(origin)

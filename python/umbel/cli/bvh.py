@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .inputs import AllowOutside, load_mesh
 from .outputs import check_output
 from .run import Json, Threads, ends_cleanly, fail, heard, show
 
@@ -122,6 +123,7 @@ def command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="OUT.umbvh", help="Keep it.")
     ] = None,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -161,10 +163,9 @@ def command(
 
     from ..bench.rays import diffuse_rays, primary_rays
     from ..bvh import Bvh, Bvh2, build_bvh2, build_kary
-    from ..io import load
     from .progress import Bar
 
-    mesh = load(source)
+    mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
     with Bar() as bar:
         began = time.perf_counter()
         tree: Bvh2 | KaryTree

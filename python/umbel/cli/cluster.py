@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .inputs import AllowOutside, load_mesh
 from .outputs import check_output
 from .run import Json, Threads, ends_cleanly, fail, heard, show
 
@@ -99,6 +100,7 @@ def command(
             help="A .glb shows the clusters in colours; a .npz holds `items` and `offsets`.",
         ),
     ] = None,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -109,12 +111,10 @@ def command(
         check_output(output, ".glb", ".npz", inputs=[source])
 
     from ..cluster import cluster_mesh
-    from ..io import load
-    from ..repair import validate, weld
+    from ..repair import weld
     from .progress import Bar
 
-    mesh = load(source)
-    validate(mesh, threads=threads)
+    mesh = load_mesh(source, allow_outside=allow_outside, threads=threads)
     # Vertices count by what they are, not by how a file stores them; triangles keep their order.
     mesh = weld(mesh, threads=threads)
     with Bar() as bar:

@@ -28,7 +28,8 @@ def with_flags(sentence: str, flags: Mapping[str, str], paths: Sequence[str] = (
     several words are replaced anywhere but in paths, plain words only where they begin it."""
     kept = [re.escape(path) for path in paths if path]
     parts = re.split(f"({'|'.join(kept)})", sentence) if kept else [sentence]
-    for name, flag in flags.items():
+    every = {**{f"{name}=True": flag for name, flag in flags.items()}, **flags}
+    for name, flag in every.items():
         pattern = re.compile(rf"(?<![\w-]){re.escape(name)}\b" if re.search(r"\W|_", name) else "")
         if pattern.pattern:
             parts[::2] = [pattern.sub(flag, part) for part in parts[::2]]

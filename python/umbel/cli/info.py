@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from .inputs import AllowOutside
 from .run import Json, Threads, ends_cleanly, heard, is_asset, show
 
 
@@ -16,11 +17,12 @@ def command(
         str,
         typer.Argument(metavar="FILE", help="Asset (.umbel) or mesh (.glb .gltf .obj .ply .stl)."),
     ],
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
     """Say what is in an asset or a mesh."""
-    result = _asset_info(path) if is_asset(path) else _mesh_info(path, threads)
+    result = _asset_info(path) if is_asset(path) else _mesh_info(path, allow_outside, threads)
     show({**result, "warnings": heard}, as_json, path)
 
 
@@ -78,7 +80,7 @@ def _material_count(asset: Any, tables: list[Any]) -> int:
     return max(named, highest + 1 if highest else 0)
 
 
-def _mesh_info(path: str, threads: int) -> dict[str, Any]:
+def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
     from .. import _umbel
     from ..arrays import native
     from ..errors import Error
@@ -87,7 +89,7 @@ def _mesh_info(path: str, threads: int) -> dict[str, Any]:
     from ..remote import remote
     from ..repair import validate
 
-    scene = load_scene(path)
+    scene = load_scene(path, allow_outside=allow_outside)
     mesh = scene.flatten()
     problem = None
     try:

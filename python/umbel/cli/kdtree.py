@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .bvh import _FLAGS, PICTURE, _costs, _speed
+from .inputs import AllowOutside, load_mesh
 from .outputs import check_output
 from .run import Json, Threads, ends_cleanly, heard, show
 
@@ -30,6 +31,7 @@ def command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="OUT.umkd", help="Keep it.")
     ] = None,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -40,11 +42,10 @@ def command(
     costs = _costs(cost)
 
     from ..bench.rays import diffuse_rays, primary_rays
-    from ..io import load
     from ..kdtree import KdTree
     from .progress import Bar
 
-    mesh = load(source)
+    mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
     with Bar() as bar:
         began = time.perf_counter()
         tree = KdTree(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import enum
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .inputs import AllowOutside, load_mesh
 from .outputs import check_output
 from .run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
 
@@ -124,6 +126,7 @@ def command(
     progressive: Annotated[
         bool, typer.Option("--progressive", help="Write OUT after 1, 2, 4, ... paths a pixel.")
     ] = False,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -161,7 +164,8 @@ def command(
 
         views: _Views | _Streamed
         if most is None:
-            views = _Views(source, method, pixel_error or 1.0, prepare)
+            load = partial(load_mesh, source, allow_outside=allow_outside, threads=threads)
+            views = _Views(source, method, pixel_error or 1.0, prepare, load)
         else:
             options["bounce_error"] = bounce_error
             views = _Streamed(source, most, pixel_error or 1.0, options)
@@ -252,13 +256,12 @@ class _Views:
         method: Accel,
         pixel_error: float,
         prepare: Callable[[Mesh], Renderer],
+        load: Callable[[], Mesh],
     ) -> None:
         self._prepare, self._pixel_error = prepare, pixel_error
         self._asset = None
         if not is_asset(source):
-            from ..io import load
-
-            self._whole = prepare(load(source))
+            self._whole = prepare(load())
             return
         from ..asset import Asset
 

@@ -10,12 +10,15 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
 from . import Stopped
 from .failure import Failure, failure_object, naming_file, one_line, with_flags
+
+if TYPE_CHECKING:
+    from ..errors import Error
 
 FAULT, USAGE, CHECK_FAILED = 1, 2, 3
 
@@ -81,7 +84,7 @@ def _failure(error: BaseException, drops: bool) -> Failure | None:
     if isinstance(error, Failure):
         return error
     if isinstance(error, Error):
-        return Failure(str(error) + (_hint(drops) if error.code == "invalid_mesh" else ""), FAULT)
+        return Failure(str(error) + _hint(error, drops), FAULT)
     if isinstance(error, Stopped):
         return Failure(error.word, error.status)
     if isinstance(error, MemoryError):
@@ -96,10 +99,12 @@ def _failure(error: BaseException, drops: bool) -> Failure | None:
     return None
 
 
-def _hint(drops: bool) -> str:
-    """What helps with a mesh that the library refuses."""
+def _hint(error: Error, drops: bool) -> str:
+    """What helps with a mesh that the library refuses, where it does not say so itself."""
+    if error.code != "invalid_mesh" or "drop_invalid" in str(error):
+        return ""
     flag = "--drop-invalid" if drops else "`umbel build --drop-invalid`"
-    return f"; {flag} leaves out such triangles"
+    return f"; {flag} leaves such triangles out"
 
 
 def sentence_of(
@@ -144,10 +149,15 @@ heard: list[str] = []
 """The warnings of this command, for its JSON object."""
 
 
-def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-    sentence = one_line(str(message))
+def hear(message: Warning | str) -> str:
+    """Keeps a warning, and gives it in a user's words."""
+    sentence = with_flags(one_line(str(message)), {"allow_outside": "--allow-outside"})
     heard.append(sentence)
-    say(f"warning: {sentence}")
+    return sentence
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    say(f"warning: {hear(message)}")
 
 
 def is_asset(path: str | Path) -> bool:

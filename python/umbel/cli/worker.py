@@ -14,7 +14,7 @@ from typing import IO, Any
 from . import Stopped, _stop
 from .build_file import Options, build_file
 from .failure import one_line
-from .run import heard, sentence_of
+from .run import hear, heard, sentence_of
 
 
 def main() -> None:
@@ -58,7 +58,7 @@ def _answer(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _keep_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-    heard.append(one_line(str(message)))
+    hear(message)
 
 
 if __name__ == "__main__":

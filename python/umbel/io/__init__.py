@@ -56,6 +56,8 @@ def load_poses(
 def load_scene(path: str | os.PathLike[str], *, allow_outside: bool = False) -> Scene:
     """Reads a mesh file with its instances apart; else like `load`."""
     if is_address(path):
+        if allow_outside:
+            raise Error(f"{path}: allow_outside is of files; an address's folder is never left")
         with fetched(str(path)) as local:
             return load_fetched(local, str(path))
     file = Path(path)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from umbel.errors import Error
 from umbel.io.references import leads_outside, references
@@ -46,7 +46,7 @@ def fetched(address: str) -> Iterator[Path]:
         yield path
 
 
-def load_fetched(path: Path, address: str, **options: Any) -> Scene:
+def load_fetched(path: Path, address: str) -> Scene:
     """The scene in a file that `fetched` gave. Messages name the address."""
     from umbel.io import load_scene
 
@@ -58,11 +58,13 @@ def load_fetched(path: Path, address: str, **options: Any) -> Scene:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            scene = load_scene(path, **options)
+            scene = load_scene(path)
         except Error as error:
             raise Error(named(error)) from None
         for mesh in scene.meshes:
             mesh.source, mesh.fault = address, named(mesh.fault)
+        for mesh in scene.meshes:
+            mesh.source = address
         every = [scene.materials, *(mesh.materials for mesh in scene.meshes)]
         for material in {id(one): one for materials in every for one in materials}.values():
             _keep_images(material)

@@ -114,7 +114,7 @@ def _of_gltf(text: bytes) -> Iterator[str]:
         return
     for uri in uris:
         if isinstance(uri, str) and not uri.startswith("data:"):
-            yield urllib.parse.unquote(uri)
+            yield urllib.parse.unquote(uri.removeprefix("file://"))
 
 
 def _rests_of_lines(data: Any, word: bytes) -> Iterable[str]:

@@ -1,0 +1,31 @@
+"""Reading the meshes that commands are given."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ..mesh import Mesh
+
+AllowOutside = Annotated[
+    bool,
+    typer.Option(
+        "--allow-outside",
+        help="Read files that INPUT refers to (buffers, material libraries, images) from outside "
+        "its folder, too.",
+    ),
+]
+
+
+def load_mesh(source: str, *, allow_outside: bool, drops: bool = False, threads: int = 0) -> Mesh:
+    """The mesh in a file, as it is drawn. What no command can work on is refused, with the place in
+    the file, unless the command `drops` it."""
+    from ..io import load
+    from ..repair import validate
+
+    mesh = load(source, allow_outside=allow_outside)
+    if not drops:
+        validate(mesh, threads=threads)
+    return mesh
