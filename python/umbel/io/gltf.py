@@ -93,14 +93,14 @@ class _Reader:
         self.where = buffers.where
         self.root = buffers.root
         self.nodes = Nodes(buffers)
-        self.textures = texture_reader(buffers)
+        #: What is left out, in words.
+        self.lost: list[str] = []
+        self.textures = texture_reader(buffers, self.lost)
         entries = self.root.get("materials") or []
         self.materials = [read_material(entry, self.textures.image) for entry in entries]
         self.meshes: list[Mesh] = []
         self.cameras: list[Camera] = []
         self._made: dict[tuple[Any, ...], int | None] = {}
-        #: What is left out, in words.
-        self.lost: list[str] = []
 
     def scene(self) -> Scene:
         instances: list[Instance] = []
@@ -122,7 +122,11 @@ class _Reader:
         self.lost += losses(self.root, [self.nodes.node(k) for k in drawn], tree.lost)
         missing = len(self.textures.missing)
         if missing:
-            self.lost.append(f"{missing} textures whose images are damaged or not there")
+            self.lost.append(
+                f"{missing} textures without an image"
+                if missing > 1
+                else "a texture without an image"
+            )
         scene = Scene(self.meshes, self.materials, instances, cameras=self.cameras, tree=tree.json)
         return self._with_materials(scene)
 

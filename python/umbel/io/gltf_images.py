@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
-
-from umbel.errors import Error, LoadWarning
+from umbel.errors import Error
 from umbel.io.gltf_buffers import Buffers, Json, data_uri
 from umbel.io.gltf_textures import Source, TextureReader
 
 
-def texture_reader(buffers: Buffers) -> TextureReader:
-    """The textures of a file. What is damaged or outside the file's folder is left out with a
-    warning; the mesh does not depend on it. A file that is missing is for its user to name."""
-    return TextureReader(buffers.root, lambda entry: _source(entry, buffers))
+def texture_reader(buffers: Buffers, lost: list[str]) -> TextureReader:
+    """The textures of a file. What is damaged or outside the file's folder is left out, and a
+    sentence added to `lost`; the mesh does not depend on it. A file that is missing is for its
+    user to name."""
+    return TextureReader(buffers.root, lambda entry: _source(entry, buffers, lost))
 
 
-def _source(entry: Json, buffers: Buffers) -> Source:
+def _source(entry: Json, buffers: Buffers, lost: list[str]) -> Source:
     uri = entry.get("uri")
     try:
         if isinstance(uri, str) and uri.startswith("data:"):
@@ -26,7 +25,5 @@ def _source(entry: Json, buffers: Buffers) -> Source:
             return buffers.view(entry["bufferView"], "an image")[0], None
     except Error as error:
         sentence = str(error).removeprefix(f"{buffers.where}: ")
-        warnings.warn(
-            f"{buffers.where}: an image is left out: {sentence}", LoadWarning, stacklevel=2
-        )
+        lost.append(f"an image: {sentence}")
     return None, None

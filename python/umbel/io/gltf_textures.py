@@ -35,7 +35,7 @@ class TextureReader:
         self._root, self._load = root, load
         self._sources: dict[int, Source] = {}
         self._made: dict[int, TextureImage | None] = {}
-        #: Textures that a material names and that are not there.
+        #: Textures that a material names and that have no image.
         self.missing: set[int] = set()
 
     def image(self, index: Any) -> TextureImage | None:
@@ -44,8 +44,6 @@ class TextureReader:
             return None
         if index not in self._made:
             self._made[index] = self._texture(index)
-        if self._made[index] is None:
-            self.missing.add(index)
         return self._made[index]
 
     def _texture(self, index: int) -> TextureImage | None:
@@ -59,16 +57,23 @@ class TextureReader:
             rest["extensions"] = others
         sampler = _entry(self._root, "samplers", texture.get("sampler"))
         made: TextureImage | None = None
+        self.missing.add(index)
         for name, source in {"": texture.get("source"), **known}.items():
-            made = self._image(name, source, sampler, rest, made) or made
+            entry = _entry(self._root, "images", source)
+            if entry:
+                self.missing.discard(index)
+                made = self._image(name, source, entry, sampler, rest, made) or made
         return made
 
     def _image(
-        self, extension: str, source: Any, sampler: Json, rest: Json, fallback: TextureImage | None
+        self,
+        extension: str,
+        source: int,
+        entry: Json,
+        sampler: Json,
+        rest: Json,
+        fallback: TextureImage | None,
     ) -> TextureImage | None:
-        entry = _entry(self._root, "images", source)
-        if not entry:
-            return None
         if source not in self._sources:
             self._sources[source] = self._load(entry)
         data, path = self._sources[source]
