@@ -13,6 +13,7 @@ from .errors import Error, warn_lost
 from .io.gltf_materials import extensions_in, read_material, write_material
 from .io.gltf_textures import Source, TextureReader, TextureTable
 from .io.images import TextureImage, beside, mime_type
+from .io.packed_textures import packed
 from .io.texture_levels import add_levels
 from .mesh import Material
 from .metadata import encode
@@ -62,12 +63,17 @@ def write_materials(
     files = _Files(textures == "external", folder)
     table = TextureTable(files.store)
     reference = None if textures == "none" else table.info
-    root: Json = {"materials": [write_material(one, reference) for one in materials], **table.root}
+    written = []
+    for material in materials:
+        ours, lost = packed(material) if reference else (material, [])
+        files.lost |= dict.fromkeys(lost)
+        written.append(write_material(ours, reference))
+    root: Json = {"materials": written, **table.root}
     stored = files.files
     if textures == "embed":
         stored = add_levels(root["images"], files.files, files.slots, threads)
     if files.lost:
-        warn_lost("the asset has no textures of these images", list(files.lost))
+        warn_lost("the asset has not all textures", list(files.lost))
     used = sorted(extensions_in(root))
     root |= {"extensionsUsed": used, "extensionsRequired": sorted(table.required)}
     return encode({key: value for key, value in root.items() if value}), stored

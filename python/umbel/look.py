@@ -14,6 +14,7 @@ import numpy as np
 from . import _umbel
 from .errors import Error, LoadWarning
 from .io.images import TextureImage
+from .io.packed_textures import packed
 from .mesh import Material, Mesh
 
 #: Up, and the front from which azimuths count: glTF's and OBJ's axes, and those of CAD and maps.
@@ -110,7 +111,7 @@ class Look:
         self._has_uvs = mesh.uvs is not None
         if mesh.material_ids is None:
             return  # the tracer's own plain material
-        self.materials = [self._material(material) for material in mesh.materials]
+        self.materials = [self._material(packed(material)[0]) for material in mesh.materials]
 
     def _material(self, material: Material) -> _umbel.TraceMaterial:
         if replace(material, name="", extras=None) == Material():

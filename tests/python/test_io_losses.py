@@ -129,3 +129,54 @@ def test_plain_meshes_lose_nothing(tmp_path: Path, extension: str) -> None:
         warnings.simplefilter("error")
         umbel.save(tmp_path / f"a{extension}", umbel.shapes.blob(2))
         umbel.save(tmp_path / f"b{extension}", square(umbel.Material()))
+
+
+def written(folder: Path, mesh: umbel.Mesh) -> dict[str, umbel.Material]:
+    """The mesh's material as glTF and an asset have it."""
+    umbel.save(folder / "out.glb", mesh)
+    umbel.build_lod(mesh).save(folder / "out.umbel")
+    (one,), (other,) = (
+        umbel.load(folder / "out.glb").materials,
+        umbel.Asset(folder / "out.umbel").materials,
+    )
+    return {"glb": one, "umbel": other}
+
+
+def test_maps_of_obj_become_textures_of_gltf(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    planes = {n: rng.integers(0, 256, (8, 8), dtype=np.uint8) for n in ("rough", "metal")}
+    planes["mask"] = np.repeat(np.repeat(rng.integers(0, 2, (4, 4)) * 255, 2, 0), 2, 1)
+    for name, plane in planes.items():
+        (tmp_path / f"{name}.png").write_bytes(png(plane.astype(np.uint8)))
+    color = rng.integers(0, 256, (8, 8, 3), dtype=np.uint8)
+    (tmp_path / "color.png").write_bytes(png(color))
+    (tmp_path / "a.mtl").write_text(
+        "newmtl leaf\nNs 100\nmap_Kd color.png\nmap_d mask.png\nmap_Pr rough.png\n"
+        "map_Pm metal.png\n"
+    )
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl leaf\n"
+        "f 1/1 2/2 3/3\n"
+    )
+    for where, material in written(tmp_path, umbel.load(tmp_path / "a.obj")).items():
+        assert material.alpha_mode == "MASK", where
+        assert (material.roughness, material.metallic) == (1.0, 1.0)
+        base = material.images["base_color"].texels()
+        assert np.array_equal(base[..., :3], color)
+        assert np.array_equal(base[..., 3], planes["mask"])
+        both = material.images["metallic_roughness"].texels()
+        assert np.array_equal(both[..., 1], planes["rough"])
+        assert np.array_equal(both[..., 2], planes["metal"])
+
+
+def test_a_mask_in_the_base_color_keeps_its_bytes(tmp_path: Path) -> None:
+    texels = np.random.default_rng(4).integers(0, 256, (8, 8, 4), dtype=np.uint8)
+    (tmp_path / "leaf.png").write_bytes(png(texels))
+    (tmp_path / "a.mtl").write_text("newmtl leaf\nmap_Kd leaf.png\nmap_d leaf.png\n")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl leaf\n"
+        "f 1/1 2/2 3/3\n"
+    )
+    for where, material in written(tmp_path, umbel.load(tmp_path / "a.obj")).items():
+        assert material.alpha_mode == "BLEND", where  # half-transparent all over
+        assert material.images["base_color"].data == png(texels)

@@ -21,6 +21,7 @@ from umbel.io.gltf_skins import Skin, common_root, has_joints
 from umbel.io.gltf_textures import TextureTable
 from umbel.io.gltf_tree import worlds
 from umbel.io.images import TextureImage, decode, mime_type
+from umbel.io.packed_textures import packed
 from umbel.io.scene import Instance, Scene
 from umbel.metadata import plain
 
@@ -136,13 +137,16 @@ class _Materials:
     lose a texture because a mesh lacks its UVs."""
 
     def __init__(self, arrays: Arrays, scene: Scene, lost: list[str]) -> None:
-        self.arrays, self.materials, self.lost = arrays, scene.materials, lost
+        self.arrays, self.materials, self.lost = arrays, list(scene.materials), lost
         self.table = TextureTable(self._store)
         self.entries: list[Json] = []
         self._fewer: dict[tuple[int, int], int] = {}
 
     def write(self) -> None:
-        self.entries += [write_material(one, self.table.info) for one in self.materials]
+        for k, material in enumerate(self.materials):
+            self.materials[k], lost = packed(material)
+            self.lost += lost
+            self.entries.append(write_material(self.materials[k], self.table.info))
 
     def number(self, index: int, sets: int) -> int:
         """That of a material for a mesh with so many sets of UVs."""

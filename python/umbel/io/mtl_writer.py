@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbel.errors import Error
-from umbel.io.images import TextureImage, decode, mime_type
+from umbel.io.images import TextureImage, mime_type
 from umbel.io.mtl import unique_names
 from umbel.mesh import Material
 
@@ -80,8 +81,9 @@ class MtlWriter:
             return []
         try:
             if slot == "metallic_roughness":
-                red = decode(image.encoded(), "a texture")
-                rough, metal = self._channel(red, 1, image), self._channel(red, 2, image)
+                texels = image.texels().astype(np.float64)
+                rough = self._scaled(texels[..., 1] * material.roughness, "roughness", image)
+                metal = self._scaled(texels[..., 2] * material.metallic, "metallic", image)
                 return [f"map_Pr{options} {rough}", f"map_Pm{options} {metal}"]
             file = self._file(image, slot)
         except Error as error:
@@ -113,12 +115,12 @@ class MtlWriter:
             out += f" -s {scale[0]:.9g} {scale[1]:.9g} 1"
         return out + (" -clamp on" if image.wrap_u == image.wrap_v == "clamp" else "")
 
-    def _channel(self, texels: np.ndarray[Any, Any], channel: int, image: TextureImage) -> str:
+    def _scaled(self, values: NDArray[np.float64], kind: str, image: TextureImage) -> str:
+        """An image of one channel, times the material's factor: in OBJ a map stands for it."""
         from PIL import Image
 
         out = io.BytesIO()
-        Image.fromarray(np.ascontiguousarray(texels[..., channel])).save(out, "PNG")
-        kind = "roughness" if channel == 1 else "metallic"
+        Image.fromarray(np.clip(np.rint(values), 0, 255).astype(np.uint8)).save(out, "PNG")
         return self._stored(out.getvalue(), f"{self._base(image, '')}_{kind}".strip("_"), ".png")
 
     def _file(self, image: TextureImage, slot: str) -> str:
