@@ -89,6 +89,17 @@ UMBEL_API std::vector<uint32_t> position_ids(std::span<const Vec3> positions);
 /// are shared stay shared. Returns the largest distance that a vertex moved.
 UMBEL_API float snap_to_grid(std::span<Vec3> positions, float step);
 
+struct RoundingLoss {
+  double largest_move = 0;  ///< of a vertex that a triangle uses
+  uint64_t degenerate = 0;  ///< triangles that had an area and have none any more
+};
+
+/// What became of a mesh whose vertices were at `world` and are now at origin + `rounded`.
+/// Triangles with an index out of range or a corner that is not finite count for nothing.
+UMBEL_API RoundingLoss rounding_loss(std::span<const Vec3d> world, const Vec3d& origin,
+                                     std::span<const Vec3> rounded,
+                                     std::span<const Triangle> triangles);
+
 /// The box around the positions that triangles use; empty for an empty mesh.
 UMBEL_API Aabb bounds(const MeshView& mesh);
 

@@ -24,6 +24,16 @@ std::tuple<Array<float>, float> snapped(const Rows<float, 3>& positions, float s
   return {take<float>(std::move(copy)), moved};
 }
 
+std::tuple<double, uint64_t> loss_of(const Rows<double, 3>& world,
+                                     const std::array<double, 3>& origin,
+                                     const Rows<float, 3>& rounded,
+                                     const Rows<uint32_t, 3>& triangles) {
+  const nb::gil_scoped_release release;
+  const RoundingLoss loss = rounding_loss(rows_of<Vec3d>(world), {origin[0], origin[1], origin[2]},
+                                          rows_of<Vec3>(rounded), rows_of<Triangle>(triangles));
+  return {loss.largest_move, loss.degenerate};
+}
+
 void bind_shapes(nb::module_& module) {
   module.def(
       "shape_grid", [](uint32_t c, uint32_t r) { return dict_of(shapes::grid(c, r)); }, "columns"_a,
@@ -100,6 +110,8 @@ void bind_mesh(nb::module_& module) {
       "Equal vertices become one, unused ones go; triangles keep their order.");
   module.def("snap_to_grid", &snapped, "positions"_a, "step"_a,
              "(positions rounded to multiples of step, largest distance moved)");
+  module.def("rounding_loss", &loss_of, "world"_a, "origin"_a, "rounded"_a, "triangles"_a,
+             "(largest move of a vertex, triangles that lost their area)");
   module.def("bounds", &bounds_of, "mesh"_a, "((x, y, z), (x, y, z)), or None if empty");
   module.def(
       "position_ids",

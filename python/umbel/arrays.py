@@ -179,11 +179,19 @@ def _from_extras(arrays: dict[str, Any]) -> dict[str, Any]:
     return arrays
 
 
-def mesh_of(arrays: dict[str, Any], materials: list[Material], name: str = "") -> Mesh:
+def mesh_of(
+    arrays: dict[str, Any],
+    materials: list[Material],
+    name: str = "",
+    origin: NDArray[np.float64] | None = None,
+) -> Mesh:
     """A Mesh from the library's arrays, whose `materials` are a number a triangle."""
     ids = arrays.pop("materials", None)
     if ids is not None and not materials and not ids.any():
         ids = None  # one material that nothing is known of is no material
     elif ids is None and materials:
         ids = np.zeros(len(arrays["triangles"]), np.uint32)
-    return Mesh(**_from_extras(arrays), material_ids=ids, materials=materials, name=name)
+    mesh = Mesh(**_from_extras(arrays), material_ids=ids, materials=materials, name=name)
+    if origin is not None:
+        mesh.origin = origin
+    return mesh

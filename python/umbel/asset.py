@@ -18,6 +18,7 @@ from .errors import Error
 from .gltf_look import read_materials
 from .io.scene import Scene
 from .mesh import Material, Mesh
+from .origin import zero_origin
 from .places import Shown, scene_cuts, scene_error, scene_mesh, shown_scene
 from .proof import VerifyReport
 from .remote import readable, remote
@@ -69,16 +70,31 @@ class Asset(HasTables):
         return self._native.meshes
 
     @property
-    def instances(self) -> list[tuple[int, NDArray[np.float32]]]:
+    def instances(self) -> list[tuple[int, NDArray[Any]]]:
         """Which mesh is where: (index, (3, 4) matrix that takes column vectors to the world). None:
-        every mesh once, where it is."""
+        every mesh once, where it is. In float64 where the asset has an origin."""
         meshes, rows = self._native.instance_meshes(), self._native.transforms()
-        return [(int(m), row.reshape(3, 4)) for m, row in zip(meshes, rows, strict=True)]
+        matrices: NDArray[Any] = rows.reshape(-1, 3, 4)
+        if self.origin.any():
+            matrices = matrices.astype(np.float64)
+            matrices[:, :, 3] += self.origin
+        return [(int(m), matrix) for m, matrix in zip(meshes, matrices, strict=True)]
+
+    @property
+    def _mesh_origin(self) -> NDArray[np.float64]:
+        """Where meshes lie: with instances those take them to the world, origin and all."""
+        return zero_origin() if len(self._native.instance_meshes()) else self.origin
 
     @property
     def origin(self) -> NDArray[np.float64]:
         """(3,): where the asset lies. Its meshes, instances and tables are relative to it."""
         return np.array(self._native.info["origin"])
+
+    @property
+    def coordinates(self) -> dict[str, str]:
+        """What is known of the world's coordinates: see `Mesh.coordinates`."""
+        said = self.info["metadata"].get("coordinates")
+        return dict(said) if isinstance(said, dict) else {}
 
     @property
     def scene(self) -> dict[str, Any]:
@@ -108,7 +124,7 @@ class Asset(HasTables):
 
     def mesh_tables(self, mesh: int) -> Tables:
         """Levels, groups, clusters and nodes of one mesh."""
-        return Tables(self._native.mesh_tables(mesh))
+        return Tables(self._native.mesh_tables(mesh), self._mesh_origin)
 
     def mesh(self, cut: ArrayLike, mesh: int = 0) -> Mesh:
         """A cut of one of the meshes as an ordinary mesh, its clusters joined where they meet."""
@@ -119,7 +135,10 @@ class Asset(HasTables):
 
     def _mesh(self, cut: ArrayLike, mesh: int, materials: list[Material]) -> Mesh:
         arrays = self._native.mesh(indices("cut", cut), mesh)
-        return mesh_of(arrays, materials, self.info["metadata"].get("name", ""))
+        name = self.info["metadata"].get("name", "")
+        made = mesh_of(arrays, materials, name, self._mesh_origin)
+        made.coordinates = self.coordinates
+        return made
 
     def scene_cuts(
         self,
@@ -159,7 +178,7 @@ class Asset(HasTables):
 
     def cluster(self, index: int, mesh: int = 0) -> Mesh:
         """The triangles of one cluster."""
-        return mesh_of(self._native.geometry(index, mesh), [])
+        return mesh_of(self._native.geometry(index, mesh), [], origin=self._mesh_origin)
 
     def verify(
         self,

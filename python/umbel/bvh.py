@@ -14,6 +14,7 @@ from . import _umbel
 from .arrays import as_mesh, indices, native, rows, thread_count
 from .errors import Error
 from .mesh import Mesh
+from .origin import origin_of, warn_of_origin
 from .queries import TriangleQueries
 from .rays import mask_array
 from .repair import Progress
@@ -339,6 +340,7 @@ class Bvh(TriangleQueries):
                 geometry, config, *form, progress=progress, threads=thread_count(threads)
             )
         self._triangles: NDArray[np.uint32] | None = mesh.triangles
+        self._origin = mesh.origin
 
     @classmethod
     def _of(
@@ -346,8 +348,10 @@ class Bvh(TriangleQueries):
         bvh: _umbel.TriangleBvh,
         triangles: NDArray[np.uint32] | None,
         tree: Bvh2 | None = None,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Bvh:
         self = cls.__new__(cls)
+        self._origin = origin_of(origin)
         self._native = bvh
         self.tree = tree
         self._triangles = triangles
@@ -381,16 +385,26 @@ class Bvh(TriangleQueries):
             progress=progress,
             threads=thread_count(threads),
         )
-        return cls._of(bvh, mesh.triangles, tree if isinstance(tree, Bvh2) else None)
+        kept = tree if isinstance(tree, Bvh2) else None
+        return cls._of(bvh, mesh.triangles, kept, mesh.origin)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], *, simd: str = "auto") -> Bvh:
-        """Reads what `save` wrote; a file that is not whole is refused."""
-        return cls._of(_umbel.TriangleBvh.load(os.fspath(path), simd), None)
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        simd: str = "auto",
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> Bvh:
+        """Reads what `save` wrote; a file that is not whole is refused. `origin` is that of the
+        hierarchy that was saved, which the file does not hold."""
+        return cls._of(_umbel.TriangleBvh.load(os.fspath(path), simd), None, origin=origin)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a `.umbvh` file, beside its name first, so that no half file is left."""
+        """Writes a `.umbvh` file, beside its name first, so that no half file is left. Warns where
+        there is an origin, which the file does not hold."""
         self._native.save(os.fspath(path))
+        warn_of_origin(path, self._origin)
 
     def refit(
         self,
@@ -405,7 +419,7 @@ class Bvh(TriangleQueries):
         same = self._triangles if triangles is None else indices("triangles", triangles, 3)
         if same is None:
             raise Error("triangles must be given to refit a hierarchy that was loaded from a file")
-        arrays = native(Mesh(rows("positions", positions, 3), same))
+        arrays = native(Mesh(rows("positions", self._local("positions", positions), 3), same))
         report = Refit(*self._native.refit(arrays, progress, thread_count(threads)))
         self._triangles = same
         self.tree = None  # its boxes are those of the old positions

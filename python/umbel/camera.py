@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
 from .errors import Error
+from .origin import is_far
 
 
 @dataclass(frozen=True)
@@ -28,23 +30,45 @@ class Camera:
     up: Sequence[float] | None = None
     name: str = ""  #: of a camera that a file has
 
+    def relative_to(self, origin: ArrayLike) -> Camera:
+        """The same camera where `origin` is zero: subtracted in double precision."""
+        shift = np.asarray(origin, np.float64)
+        if not shift.any():
+            return self
+        position = tuple((np.array(_triple(self.position)) - shift).tolist())
+        target = self.target
+        if target is not None:
+            target = tuple((np.array(_triple(target)) - shift).tolist())
+        return replace(self, position=position, target=target)
+
     def view(self) -> _umbel.View:
         eye = _triple(self.position)
         return _umbel.view_camera(eye, self.fov_y, self.height, self.pixel_error)
 
     def planes(
         self, aspect: float = 1.0, *, near: float = 0.0, far: float = math.inf
-    ) -> NDArray[np.float32]:
+    ) -> NDArray[Any]:
         """(5, 4), or (6, 4) with a finite `far`: the frustum of a picture `aspect` times as wide
         as high, as inward unit normals n and offsets d; a point p is inside where n . p + d >= 0.
-        Left, right, bottom, top, near, far."""
+        Left, right, bottom, top, near, far. In float64 where the camera is far from zero, beside
+        how far it looks, else in float32."""
         if self.target is None:
             raise Error("a frustum needs the camera's target")
+        if is_far(np.array([_triple(self.position), _triple(self.target)])):
+            near_zero = self.relative_to(self.position)
+            return moved_planes(near_zero.planes(aspect, near=near, far=far), self.position)
         eye, target = _triple(self.position), _triple(self.target)
         up = (0.0, 1.0, 0.0) if self.up is None else _triple(self.up)
         if self.up is None and eye[0] == target[0] and eye[2] == target[2]:
             up = (0.0, 0.0, 1.0)
         return _umbel.frustum_planes(eye, target, up, self.fov_y, aspect, near, far)
+
+
+def moved_planes(planes: ArrayLike, by: ArrayLike) -> NDArray[np.float64]:
+    """(p, 4) planes of things that are moved by a vector, in float64."""
+    moved = np.array(planes, np.float64)
+    moved[:, 3] -= moved[:, :3] @ np.asarray(by, np.float64)
+    return moved
 
 
 def _triple(values: Sequence[float]) -> tuple[float, float, float]:

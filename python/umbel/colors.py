@@ -44,4 +44,5 @@ def colored_clusters(mesh: Any, clusters: Clusters) -> Mesh:
         normals=None if given.normals is None else given.normals[vertex],
         colors=cluster_colors(len(counts))[owner],
         name=given.name,
+        origin=given.origin,
     )

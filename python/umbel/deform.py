@@ -22,11 +22,12 @@ _SPHERE_MARGIN = 1e-4
 _ERROR_MARGIN = 1e-5
 
 
-def deforming_tables(lod: Lod, mesh: Mesh, poses: Iterable[ArrayLike]) -> Tables:
+def deforming_tables(lod: Lod, mesh: Mesh, poses: Iterable[ArrayLike | Mesh]) -> Tables:
     """The tables of `lod` with bounds over the rest pose and all poses.
 
     mesh: what `lod` was built from, in the pose that it was built in.
-    poses: (v, 3) positions of the mesh's vertices each, in any number; they are read once.
+    poses: (v, 3) positions of the mesh's vertices in the world each, or meshes, in any number; they
+        are read once.
 
     A group's sphere contains its vertices in every pose, and a cluster's box too. Errors grow by
     what edges of the group's clusters are stretched at most; they say nothing of poses in between.
@@ -35,9 +36,9 @@ def deforming_tables(lod: Lod, mesh: Mesh, poses: Iterable[ArrayLike]) -> Tables
     parts, or with a decimation that adds vertices.
     """
     moving = _Moving(lod, mesh)
-    moving.add(mesh.positions)
+    moving.add(mesh.world_positions)
     for pose in poses:
-        moving.add(pose)
+        moving.add(pose.world_positions if isinstance(pose, Mesh) else pose)
     return moving.tables()
 
 
@@ -72,6 +73,8 @@ class _Moving:
         pose = numbers("a pose", positions).astype(np.float64)
         if pose.shape != (len(self.id_of), 3) or not np.isfinite(pose).all():
             raise Error(f"a pose must be {len(self.id_of)} finite positions, not {pose.shape}")
+        if self.lod.origin.any():
+            pose -= self.lod.origin
         low = np.full((self.count, 3), np.inf)
         high = np.full((self.count, 3), -np.inf)
         np.minimum.at(low, self.id_of, pose)
@@ -124,7 +127,7 @@ class _Moving:
             nodes["center"][n] = center
             nodes["radius"][n] = _up(_reach(center, centers, radii) * (1 + _SPHERE_MARGIN))
             nodes["error"][n] = _up(float(nodes["error"][inside].max()) * (1 + _ERROR_MARGIN))
-        return Tables.of_arrays(old.levels, groups, clusters, nodes)
+        return Tables.of_arrays(old.levels, groups, clusters, nodes, old.origin)
 
 
 def _children_first(nodes: NDArray[Any]) -> list[int]:

@@ -40,6 +40,8 @@ class FrameClusters:
         threads: int = 0,
     ) -> None:
         source = as_mesh(mesh)
+        self.origin = source.origin
+        """What boxes are relative to; frames' positions are in the world."""
         self._threads = thread_count(threads)
         self._native = _umbel.FrameClusterer(
             indices("triangles", source.triangles, 3),
@@ -51,28 +53,28 @@ class FrameClusters:
             underfill_cost,
             whole("code_bits", code_bits),
         )
-        self.build(source.positions)
+        self.build(source.world_positions if self.origin.any() else source.positions)
 
     def __len__(self) -> int:
         return int(self._native.count())
 
     def build(self, positions: ArrayLike) -> None:
         """Clusters of these positions alone, whatever came before."""
-        self._native.build(_positions(positions), self._threads)
+        self._native.build(self._positions(positions), self._threads)
 
     def update(self, positions: ArrayLike) -> None:
         """As `build`, but triangles with equal codes keep the last frame's order."""
-        self._native.update(_positions(positions), self._threads)
+        self._native.update(self._positions(positions), self._threads)
 
     def refit(self, positions: ArrayLike) -> Drift:
         """Keeps the clusters and makes their boxes anew."""
-        return Drift(*self._native.refit(_positions(positions), self._threads))
+        return Drift(*self._native.refit(self._positions(positions), self._threads))
 
     def rebuild_worst(self, positions: ArrayLike, clusters: int) -> Drift:
         """Refits, and builds up to `clusters` of those anew that have grown the most."""
         return Drift(
             *self._native.rebuild_worst(
-                _positions(positions), whole("clusters", clusters), self._threads
+                self._positions(positions), whole("clusters", clusters), self._threads
             )
         )
 
@@ -118,6 +120,7 @@ class FrameClusters:
         triangle among its cluster's vertices. Needs clusters of at most 256 vertices."""
         return _umbel.list_frame_vertices(self._native, self._threads)
 
-
-def _positions(positions: ArrayLike) -> NDArray[np.float32]:
-    return rows("positions", positions, 3)
+    def _positions(self, positions: ArrayLike) -> NDArray[np.float32]:
+        if self.origin.any():
+            positions = np.asarray(positions, np.float64) - self.origin
+        return rows("positions", positions, 3)

@@ -11,6 +11,7 @@ from . import _umbel
 from .arrays import thread_count
 from .bvh import _geometry, _mesh_of
 from .errors import Error
+from .origin import origin_of, warn_of_origin
 from .queries import TriangleQueries
 from .rays import mask_array
 from .repair import Progress
@@ -99,6 +100,7 @@ class KdTree(TriangleQueries):
             progress,
             thread_count(threads),
         )
+        self._origin = mesh.origin
 
     @classmethod
     def load(
@@ -107,17 +109,21 @@ class KdTree(TriangleQueries):
         ropes: bool = False,
         *,
         traversal: str | None = None,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> KdTree:
-        """Reads what `save` wrote; a file that is not whole is refused."""
+        """Reads what `save` wrote; a file that is not whole is refused. `origin` is that of the
+        tree that was saved, which the file does not hold."""
         self = cls.__new__(cls)
+        self._origin = origin_of(origin)
         way = _traversal(ropes, traversal)
         self._native = _umbel.KdTree.load(os.fspath(path), way)
         return self
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a `.umkd` file, beside its name first, so that no half file is left. Ropes are
-        not kept."""
+        not kept. Warns where there is an origin, which is not either."""
         self._native.save(os.fspath(path))
+        warn_of_origin(path, self._origin)
 
     @property
     def traversal(self) -> str:

@@ -32,7 +32,7 @@ from .io import load_scene
 from .io.gltf_tree import is_trivial
 from .mesh import Material, Mesh
 from .metadata import encode
-from .origin import origin_of
+from .origin import origin_of, relative_transform, rounding_loss, zero_origin
 from .proof import VerifyReport
 from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
@@ -44,13 +44,14 @@ PAGE_BYTES = 40 << 10
 
 def metadata_of(built: Any, name: str) -> dict[str, Any]:
     """What an asset says of a Lod or SceneLod; `seconds` differ between two builds of one mesh."""
-    return {
+    said: dict[str, Any] = {
         "generator": f"umbel {_umbel.version()}",
         "name": name,
         "config": built.config,
         "source": built.source,
         "report": {key: value for key, value in built.report.items() if key != "seconds"},
     }
+    return said | ({"coordinates": built.coordinates} if built.coordinates else {})
 
 
 class Lod(HasTables):
@@ -67,8 +68,11 @@ class Lod(HasTables):
         materials: list[Material],
         name: str,
         tree: dict[str, Any] | None = None,
+        origin: NDArray[np.float64] | None = None,
     ) -> None:
         self._native = dag
+        self.origin = zero_origin() if origin is None else origin
+        """Where the mesh lies: tables are relative to it."""
         self._materials = materials
         self._name = name
         self._tree = tree or {}
@@ -78,6 +82,8 @@ class Lod(HasTables):
         """The settings that it was built with."""
         self.source = source
         """What it was built from."""
+        self.coordinates: dict[str, str] = {}
+        """See `Mesh.coordinates`."""
 
     def __repr__(self) -> str:
         tables = self.tables
@@ -109,11 +115,16 @@ class Lod(HasTables):
         """See `Tables.nodes`."""
         return self.tables.nodes
 
+    @property
+    def _mesh_origin(self) -> NDArray[np.float64]:
+        return self.origin
+
     def mesh(self, cut: ArrayLike) -> Mesh:
         """A cut as an ordinary mesh, its clusters joined where they meet."""
-        mesh = mesh_of(self._native.mesh(indices("cut", cut)), self._materials, self._name)
-        mesh.tree = self._tree
-        return mesh
+        arrays = self._native.mesh(indices("cut", cut))
+        made = mesh_of(arrays, self._materials, self._name, self.origin)
+        made.tree, made.coordinates = self._tree, self.coordinates
+        return made
 
     def verify(
         self,
@@ -161,6 +172,7 @@ class Lod(HasTables):
             exact=exact,
             textures=textures,
             page_bytes=page_bytes,
+            origin=self.origin,
             scene={} if is_trivial(self._tree) else self._tree,
             progress=progress,
             threads=threads,
@@ -176,7 +188,7 @@ def save_asset(
     exact: bool | None = None,
     textures: str = "embed",
     page_bytes: int = PAGE_BYTES,
-    origin: ArrayLike = (0.0, 0.0, 0.0),
+    origin: ArrayLike | None = None,
     scene: dict[str, Any] | None = None,
     progress: Progress | None = None,
     threads: int = 0,
@@ -187,20 +199,14 @@ def save_asset(
     instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
         vectors from the mesh to the world). None: every mesh once, where it is.
     metadata: what `Asset.info["metadata"]` shall be.
-    origin: where the asset lies: instances and meshes are relative to it.
+    origin: where the asset lies: it is kept relative to that. None: where the first mesh lies.
     scene: what `Asset.scene` shall be.
     The rest is as `Lod.save` has it.
     """
-    for instance in instances:
-        if not isinstance(instance, Sequence) or len(instance) != 2:
-            raise Error("instances must be pairs of a mesh's index and a matrix")
-    meshes = np.array([whole("an instance's mesh", mesh) for mesh, _ in instances], np.int64)
-    rows = [numbers("an instance's transform", matrix) for _, matrix in instances]
-    if any(row.shape not in ((3, 4), (4, 4)) for row in rows):
-        raise Error("an instance's transform must have shape (3, 4) or (4, 4)")
-    transforms = np.array([row[:3] for row in rows], np.float32)
-    if len(meshes) and not 0 <= meshes.min() <= meshes.max() < len(lods):
-        raise Error(f"an instance is of mesh {meshes.max()}, but there are {len(lods)}")
+    around = origin_of(origin if origin is not None else lods[0].origin if lods else zero_origin())
+    if not instances and any(not np.array_equal(lod.origin, around) for lod in lods):
+        instances = [(k, np.eye(4)) for k in range(len(lods))]
+    meshes, transforms = _placed(lods, instances, around)
     keep = exact
     if keep is None:
         keep = any(lod.config["position_step"] == 0 for lod in lods)
@@ -220,9 +226,32 @@ def save_asset(
         page_bytes,
         progress,
         thread_count(threads),
-        origin_of(origin).tolist(),
+        around.tolist(),
         encode(scene) if scene else "",
     )
+
+
+def _placed(
+    lods: Sequence[Lod],
+    instances: Sequence[tuple[int, ArrayLike]],
+    origin: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """The instances' meshes, and the matrices that take meshes without their own origins to the
+    world without `origin`."""
+    for instance in instances:
+        if not isinstance(instance, Sequence) or len(instance) != 2:
+            raise Error("instances must be pairs of a mesh's index and a matrix")
+    meshes = np.array([whole("an instance's mesh", mesh) for mesh, _ in instances], np.int64)
+    given = [numbers("an instance's transform", matrix) for _, matrix in instances]
+    if any(matrix.shape not in ((3, 4), (4, 4)) for matrix in given):
+        raise Error("an instance's transform must have shape (3, 4) or (4, 4)")
+    if len(meshes) and not 0 <= meshes.min() <= meshes.max() < len(lods):
+        raise Error(f"an instance is of mesh {meshes.max()}, but there are {len(lods)}")
+    local = [
+        relative_transform(matrix, lods[mesh].origin, origin)
+        for mesh, matrix in zip(meshes, given, strict=True)
+    ]
+    return meshes, np.array(local, np.float32)
 
 
 def _joined(lists: list[list[Material]]) -> tuple[list[Material], list[int]]:
@@ -293,6 +322,7 @@ def build_lod(
     drop_invalid: bool = False,
     precision: str | float | None = None,
     allow_outside: bool = False,
+    force: bool = False,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> Lod:
@@ -331,6 +361,8 @@ def build_lod(
         smaller; None keeps every bit. A number is a length in the mesh's unit, a string as in
         `umbel build --precision`.
     allow_outside: of a path, as `umbel.load` has it.
+    force: build even where over 1 % of the triangles lose their area, by `precision` or because
+        float32 cannot hold where their vertices are; that raises otherwise.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
     given = _one_mesh(mesh, allow_outside)
@@ -353,6 +385,8 @@ def build_lod(
         given, extra["dropped_triangles"] = drop_invalid_triangles(given, threads=threads)
     if precision is not None:
         extra["grid_step"] = grid_step(given, precision)
+    if not force:
+        refuse_collapse(given, extra.get("grid_step"))
 
     low, high = _pair(group_size)
     config: dict[str, Any] = {
@@ -387,8 +421,12 @@ def build_lod(
             thread_count(threads),
             None if decimate is None else _decimator(decimate),
         )
+    extra["largest_move"] = dag.report["largest_move"] + given.rounding.largest_move
     report = {**dag.report, **extra}
-    return Lod(dag, report, config, source, given.materials, given.name, given.tree)
+    materials, name = given.materials, given.name
+    built = Lod(dag, report, config, source, materials, name, given.tree, given.origin)
+    built.coordinates = given.coordinates
+    return built
 
 
 def _one_mesh(source: Any, allow_outside: bool) -> Mesh:
@@ -401,6 +439,38 @@ def _one_mesh(source: Any, allow_outside: bool) -> Mesh:
         sentence = f"{os.fspath(source)}: {lost}; build_scene(..., instances='on') keeps its nodes"
         warnings.warn(sentence, LoadWarning, stacklevel=3)
     return scene.flatten()
+
+
+_MOST_COLLAPSED = 0.01
+"""The share of a mesh's triangles that may lose their area before a build refuses."""
+
+
+def refuse_collapse(mesh: Mesh, step: float | None) -> None:
+    """Raises if too many triangles lost their area when the mesh was read into float32, or would on
+    a grid of this step."""
+    lost, total = mesh.rounding, len(mesh.triangles)
+    if lost.degenerate > _MOST_COLLAPSED * total:
+        raise Error(
+            f"{_named(mesh)}{lost.degenerate} of {total} triangles lost their area when positions "
+            f"were rounded to 32-bit floats, which moved vertices by up to "
+            f"{lost.largest_move:.3g}: the mesh is too large for its finest details; build parts "
+            f"of it that lie closer together, keep its instances apart, or build it as it is with "
+            f"force"
+        )
+    if step is None:
+        return
+    snapped, moved = _umbel.snap_to_grid(mesh.positions, step)
+    lost = rounding_loss(mesh.positions, zero_origin(), snapped, mesh.triangles)
+    if lost.degenerate > _MOST_COLLAPSED * total:
+        raise Error(
+            f"{_named(mesh)}a grid of {step:.3g} would take the area of {lost.degenerate} of "
+            f"{total} triangles and move vertices by up to {moved:.3g}: use a finer precision, "
+            f"or build it as it is with force"
+        )
+
+
+def _named(mesh: Mesh) -> str:
+    return f"{mesh.name}: " if mesh.name else ""
 
 
 def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel.errors import Error
-from umbel.origin import localize, origin_of, zero_origin
+from umbel.origin import Rounding, localize, origin_of, rounding_loss, zero_origin
 
 if TYPE_CHECKING:
     from umbel.camera import Camera
@@ -84,11 +84,12 @@ class Mesh:
     tree: dict[str, Any] = field(default_factory=dict)
     source: str = ""  #: the file that it was read from, for messages
     fault: str = ""  #: where that file first names a vertex that is not there, for messages
+    rounding: Rounding = field(default_factory=Rounding)  #: what float32 positions lost so far
 
     def __post_init__(self) -> None:
         self.origin = origin_of(self.origin)
-        self._take_positions()
         self.triangles = _triangles(self.triangles)
+        self._take_positions()
         n = len(self.positions)
         self.normals = _optional(self.normals, n, 3, "normals")
         self.tangents = _optional(self.tangents, n, 4, "tangents")
@@ -107,11 +108,18 @@ class Mesh:
 
     def _take_positions(self) -> None:
         array = _table(self.positions, 3, "positions")
-        if array.dtype == np.float32 or self.origin.any():
+        # Types of which float32 holds every value need no more looking at.
+        if array.dtype.itemsize <= 2 or array.dtype == np.float32:
+            self.positions = np.ascontiguousarray(array, np.float32)
+            return
+        world, around = array, zero_origin()
+        if self.origin.any():
             with np.errstate(over="ignore"):
                 self.positions = np.ascontiguousarray(array, np.float32)
         else:
             self.origin, self.positions = localize(array)
+            around = self.origin
+        self.rounding += rounding_loss(world, around, self.positions, self.triangles)
 
     def _check_skin(self, n: int) -> None:
         if (self.joints is None) != (self.weights is None):

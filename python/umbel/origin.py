@@ -3,15 +3,42 @@
 from __future__ import annotations
 
 import math
+import os
+import warnings
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _umbel
 from .errors import Error
 
 _FAR = 16.0
 """Positions farther from zero than so many times half their extent lose bits that matter."""
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """What a mesh lost when its positions became float32."""
+
+    largest_move: float = 0.0  #: of a vertex that triangles use
+    degenerate: int = 0  #: triangles that had an area and have none any more
+
+    def __add__(self, more: Rounding) -> Rounding:
+        """One after the other."""
+        return Rounding(self.largest_move + more.largest_move, self.degenerate + more.degenerate)
+
+
+def rounding_loss(
+    world: NDArray[Any],
+    origin: NDArray[np.float64],
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+) -> Rounding:
+    """What became of triangles whose corners were `world` and are origin + positions."""
+    points = np.ascontiguousarray(world, np.float64)
+    return Rounding(*_umbel.rounding_loss(points, origin.tolist(), positions, triangles))
 
 
 def zero_origin() -> NDArray[np.float64]:
@@ -28,6 +55,16 @@ def origin_of(value: Any) -> NDArray[np.float64]:
     if origin.shape != (3,) or not np.isfinite(origin).all():
         raise Error(f"origin must be three finite numbers, not {value!r}")
     return origin + 0.0  # without the sign of zero
+
+
+def warn_of_origin(path: str | os.PathLike[str], origin: NDArray[np.float64]) -> None:
+    """Says that a file of this kind does not hold an origin that is not zero."""
+    if origin.any():
+        warnings.warn(
+            f"{os.fspath(path)} does not hold the origin {tuple(origin.tolist())}: give it to load",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 def localize(points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
@@ -48,17 +85,37 @@ def localize(points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.floa
         return origin, rounded
 
 
-def _origin(points: NDArray[Any], rounded: NDArray[np.float32]) -> NDArray[np.float64]:
-    low, high = _box(points)
+def relative_transform(
+    matrix: NDArray[Any], mesh_origin: NDArray[np.float64], origin: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(3, 4): a matrix that takes a mesh to the world, as one that takes the mesh's positions to
+    points relative to `origin`."""
+    local = np.array(matrix[:3], np.float64)
+    if mesh_origin.any() or origin.any():
+        local[:, 3] += local[:, :3] @ mesh_origin - origin
+    return local
+
+
+def is_far(points: NDArray[Any]) -> bool:
+    """Whether points lie so far from zero, for their extent, that `localize` may move them."""
+    return len(points) > 0 and _is_far(*_box(points))
+
+
+def _is_far(low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
     extent = float((high - low).max(initial=0.0))
     farthest = float(np.maximum(np.abs(low), np.abs(high)).max(initial=0.0))
-    if not (math.isfinite(extent) and farthest > _FAR * (extent / 2)):
+    return math.isfinite(extent) and farthest > _FAR * (extent / 2)
+
+
+def _origin(points: NDArray[Any], rounded: NDArray[np.float32]) -> NDArray[np.float64]:
+    low, high = _box(points)
+    if not _is_far(low, high):
         return zero_origin()
     if ((rounded == points) | ~np.isfinite(points)).all():
         return zero_origin()
+    extent = float((high - low).max())
     if extent == 0.0:
         return low + 0.0
-    # Numbers that large have no fraction of that step, and need no rounding.
     step = 2.0 ** math.floor(math.log2(extent))
     origin: NDArray[np.float64] = np.round((low / 2 + high / 2) / step) * step
     return origin + 0.0

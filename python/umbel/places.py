@@ -13,11 +13,10 @@ from .errors import Error
 from .io.gltf_tree import owners_of
 from .io.scene import Instance, Scene
 from .mesh import Mesh
-from .tables import check_budget, check_level
+from .tables import Tables, check_budget, check_level
 
 if TYPE_CHECKING:
     from .asset import Asset
-    from .tables import Tables
 
 Place = tuple[int, NDArray[Any]]
 """A mesh, and the (3, 4) matrix that takes it to the world."""
@@ -37,8 +36,9 @@ class Shown:
 
 def places(asset: Asset) -> list[Place]:
     """Everything that the asset shows."""
-    if asset.instances:
-        return list(asset.instances)
+    instances = asset.instances
+    if instances:
+        return instances
     return [(mesh, np.eye(4, dtype=np.float32)[:3]) for mesh in range(len(asset.meshes))]
 
 
@@ -55,12 +55,24 @@ def boxes(bounds: Sequence[Any], standing: Sequence[Place]) -> Mesh:
     if not corners:
         return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
     faces = np.concatenate([np.array(_BOX, np.uint32) + 8 * k for k in range(len(corners))])
-    return Mesh(np.concatenate(corners).astype(np.float32), faces)
+    return Mesh(np.concatenate(corners), faces)
 
 
 def boxes_of(asset: Asset) -> Mesh:
     """The boxes of all that the asset shows."""
-    return boxes([mesh["bounds"] for mesh in asset.meshes], places(asset))
+    bounds = [mesh["bounds"] for mesh in asset.meshes]
+    origin = asset._mesh_origin
+    if origin.any():
+        bounds = [None if box is None else origin + np.array(box) for box in bounds]
+    return boxes(bounds, places(asset))
+
+
+def local_transforms(asset: Asset) -> NDArray[np.float32]:
+    """(i, 3, 4): where meshes are, relative to the asset's origin, in the order of `places`."""
+    rows = asset._native.transforms().reshape(-1, 3, 4)
+    if len(rows):
+        return rows
+    return np.tile(np.eye(4, dtype=np.float32)[:3], (len(asset.meshes), 1, 1))
 
 
 def stretch(matrix: NDArray[Any]) -> tuple[float, float]:
@@ -81,6 +93,8 @@ def scene_cuts(asset: Asset, *, or_coarsest: bool = False, **how: Any) -> list[S
     if how.get("level") is not None:
         return _cuts_by_level(asset, standing, how["level"])
     if how.get("triangles") is None:
+        if how.get("camera") is not None:
+            how = how | {"camera": how["camera"].relative_to(asset.origin)}
         return _cuts(asset, standing, lambda tables: tables.view(**how))
     most = check_budget("triangles", how["triangles"])
     errors = _errors(asset, standing)
@@ -141,11 +155,11 @@ def shown_scene(asset: Asset, shown: Sequence[Shown]) -> Scene:
 
 def _cuts(asset: Asset, standing: Sequence[Place], view: Callable[[Tables], Any]) -> list[Shown]:
     shown: dict[int, Shown] = {}
+    local = local_transforms(asset)
     for mesh in {mesh for mesh, _ in standing}:
-        tables = asset.mesh_tables(mesh)
+        tables = Tables(asset.mesh_tables(mesh)._native)  # relative to the asset's origin
         mine = [k for k, (m, _) in enumerate(standing) if m == mesh]
-        transforms = np.array([standing[k][1] for k in mine], np.float32)
-        cuts = tables.instance_cuts(transforms, view(tables))
+        cuts = tables.instance_cuts(local[mine], view(tables))
         for k, cut in zip(mine, cuts, strict=True):
             shown[k] = Shown(mesh, standing[k][1], cut)
     return [shown[k] for k in range(len(standing))]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _umbel
 from .arrays import array_of, numbers, rows, thread_count, whole
 from .errors import Error
+from .origin import zero_origin
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,21 @@ class RayQueries:
     """Rays through a structure over triangles."""
 
     _native: _umbel.TriangleQueries
+    _origin: NDArray[np.float64] = zero_origin()
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """(3,): what the structure is relative to. Rays, points and answers are in the world."""
+        return self._origin
+
+    def _local(self, name: str, points: ArrayLike) -> ArrayLike:
+        """Points of the world, relative to the structure."""
+        if not self._origin.any():
+            return points
+        array = numbers(name, points)
+        if array.ndim not in (1, 2) or array.shape[-1] != 3:
+            return points  # for whoever reads them to refuse
+        return array.astype(np.float64) - self._origin
 
     def intersect(
         self,
@@ -79,7 +95,7 @@ class RayQueries:
 
         A ray with a NaN, a zero direction or an empty interval hits nothing. `cull_back_faces`
         passes through triangles that are seen from behind."""
-        rays = ray_arrays(origins, directions, t_min, t_max)
+        rays = ray_arrays(self._local("origins", origins), directions, t_min, t_max)
         bits = whole("mask", mask)
         return Hits(*self._native.intersect(*rays, bits, cull_back_faces, thread_count(threads)))
 
@@ -95,7 +111,7 @@ class RayQueries:
         threads: int = 0,
     ) -> NDArray[np.bool_]:
         """(n,) whether each ray hits anything; faster than asking for the nearest."""
-        rays = ray_arrays(origins, directions, t_min, t_max)
+        rays = ray_arrays(self._local("origins", origins), directions, t_min, t_max)
         bits = whole("mask", mask)
         return self._native.occluded(*rays, bits, cull_back_faces, thread_count(threads))
 
@@ -113,7 +129,7 @@ class RayQueries:
     ) -> AllHits:
         """The nearest `max_hits` hits of each ray (0: all), each triangle at most once."""
         most = whole("max_hits", max_hits)
-        rays = ray_arrays(origins, directions, t_min, t_max)
+        rays = ray_arrays(self._local("origins", origins), directions, t_min, t_max)
         bits = whole("mask", mask)
         return AllHits(
             *self._native.all_hits(*rays, most, bits, cull_back_faces, thread_count(threads))

@@ -32,15 +32,21 @@ def drop_invalid(
     """The mesh without the triangles that `validate` would reject, and how many those were."""
     given = as_mesh(mesh)
     arrays, dropped = _umbel.drop_invalid(native(given), progress, thread_count(threads))
-    return mesh_of(arrays, given.materials, given.name), dropped
+    return _remade(given, arrays), dropped
 
 
 def weld(mesh: Any, *, progress: Progress | None = None, threads: int = 0) -> Mesh:
     """The mesh with vertices of equal position, attributes and material made one, and those that
     no triangle uses removed. Triangles keep their order and their corners'."""
     given = as_mesh(mesh)
-    arrays = _umbel.weld(native(given), progress, thread_count(threads))
-    return mesh_of(arrays, given.materials, given.name)
+    return _remade(given, _umbel.weld(native(given), progress, thread_count(threads)))
+
+
+def _remade(given: Mesh, arrays: dict[str, Any]) -> Mesh:
+    """The mesh with other arrays, where it lies."""
+    made = mesh_of(arrays, given.materials, given.name, given.origin)
+    made.coordinates, made.rounding = given.coordinates, given.rounding
+    return made
 
 
 def snap(mesh: Any, step: float) -> tuple[Mesh, float]:

@@ -11,13 +11,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _umbel
 from .arrays import as_mesh, native
 from .errors import Error, LoadWarning
 from .io import load_scene
-from .io.scene import Scene, scene_of, transformed, with_default
+from .io.scene import Scene, placed, scene_of, with_default
 from .lod import PAGE_BYTES, Lod, build_lod, metadata_of, save_asset
+from .mesh import Mesh
+from .origin import relative_transform
 from .places import boxes, stretch
 from .repair import Progress, grid_step
 
@@ -35,13 +38,19 @@ class SceneLod:
         self, lods: list[Lod], scene: Scene, source: dict[str, Any], step: float | None
     ) -> None:
         self.lods = lods
+        self.origin = scene.meshes[0].origin if _is_plain(scene) else _origin(scene)
+        """Where an asset of it lies in the world."""
+        self.coordinates = scene.meshes[0].coordinates
+        """See `Mesh.coordinates`."""
         #: (index into `lods`, (4, 4) matrix); none: a single mesh, where it is
         self.instances = [] if _is_plain(scene) else _places(scene)
         self.source = source
         """What it was built from."""
         self.config = lods[0].config if step is None else lods[0].config | {"position_step": step}
         """The settings that it was built with."""
-        self.report = lods[0].report if _is_plain(scene) else _report(lods, _places(scene), step)
+        self.report = lods[0].report
+        if not _is_plain(scene):
+            self.report = _report(lods, _places(scene), step, _moved(scene, self.origin))
         """What was built, of all meshes together: as `Lod.report`, but `input_triangles` and
         `input_vertices` count each mesh as often as it stands somewhere, `stored_triangles` once,
         and lengths are in the scene's unit."""
@@ -74,6 +83,7 @@ class SceneLod:
             exact=exact,
             textures=textures,
             page_bytes=page_bytes,
+            origin=self.origin,
             scene=self._tree,
             progress=progress,
             threads=threads,
@@ -112,6 +122,7 @@ def build_scene(
     instances: str = "auto",
     precision: str | float | None = None,
     allow_outside: bool = False,
+    force: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> SceneLod:
@@ -122,6 +133,7 @@ def build_scene(
     precision: of the scene as it is drawn: each mesh gets the grid that is fine enough wherever it
         stands. Bits count over the longest side of the box around the boxes of all places.
     allow_outside: of a path, as `umbel.load` has it.
+    force: build even where over 1 % of a mesh's triangles lose their area: see `build_lod`.
     The rest is as `build_lod` has it, for each mesh.
     """
     whole = arranged(scene, instances, allow_outside)
@@ -133,7 +145,7 @@ def build_scene(
     for k, mesh in enumerate(whole.meshes):
         own = precision if step is None else step / _stretch(whole, k)
         part = _part(progress, 0.0 if k == 0 else float(ends[k - 1]), float(ends[k]))
-        lods.append(build_lod(mesh, precision=own, progress=part, **options))
+        lods.append(build_lod(mesh, precision=own, force=force, progress=part, **options))
     places = [whole.meshes[place.mesh] for place in whole.instances]
     source: dict[str, Any] = {
         "triangles": sum(len(mesh.triangles) for mesh in places),
@@ -169,7 +181,7 @@ def _apart(scene: Scene) -> Scene:
         if not least > _FLAT * most:
             instance = replace(place, mesh=len(apart.meshes), transform=np.eye(4))
             apart.instances.append(instance)
-            apart.meshes.append(transformed(mesh, place.transform))
+            apart.meshes.append(placed(mesh, place.transform))
             continue
         if place.mesh not in kept:
             kept[place.mesh] = len(apart.meshes)
@@ -188,8 +200,36 @@ def _stretch(scene: Scene, mesh: int) -> float:
 
 def _step(scene: Scene, precision: Any) -> float:
     """The grid's step in the scene."""
+    return grid_step(_boxes(scene), precision)
+
+
+def _boxes(scene: Scene) -> Mesh:
+    """The boxes of all meshes where they stand."""
     bounds = [_umbel.bounds(native(mesh)) for mesh in scene.meshes]
-    return grid_step(boxes(bounds, _places(scene)), precision)
+    in_world = [
+        None if box is None else mesh.origin + np.array(box)
+        for mesh, box in zip(scene.meshes, bounds, strict=True)
+    ]
+    return boxes(in_world, _places(scene))
+
+
+def _origin(scene: Scene) -> NDArray[np.float64]:
+    """That of everything that stands in the scene."""
+    return _boxes(scene).origin
+
+
+def _moved(scene: Scene, origin: NDArray[np.float64]) -> list[float]:
+    """How far float32 matrices, as assets have them, move each mesh where it stands, at most."""
+    moved = []
+    for place in scene.instances:
+        mesh = scene.meshes[place.mesh]
+        box = _umbel.bounds(native(mesh))
+        exact = relative_transform(place.transform, mesh.origin, origin)
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = np.abs(exact.astype(np.float32) - exact)
+        reach = np.abs(np.array(box)).max(axis=0) if box else np.zeros(3)
+        moved.append(float(np.linalg.norm(off[:, :3] @ reach + off[:, 3])))
+    return moved
 
 
 def _part(progress: Progress | None, begin: float, end: float) -> Progress | None:
@@ -206,7 +246,10 @@ def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
 
 
 def _report(
-    lods: Sequence[Lod], places: Sequence[tuple[int, Any]], step: float | None
+    lods: Sequence[Lod],
+    places: Sequence[tuple[int, Any]],
+    step: float | None,
+    moved: Sequence[float],
 ) -> dict[str, Any]:
     reports = [lod.report for lod in lods]
     sums = [
@@ -228,7 +271,8 @@ def _report(
         },
         "waits_by_reason": _summed([one["waits_by_reason"] for one in reports]),
         "largest_move": max(
-            reports[mesh]["largest_move"] * stretch(matrix)[1] for mesh, matrix in places
+            reports[mesh]["largest_move"] * stretch(matrix)[1] + by
+            for (mesh, matrix), by in zip(places, moved, strict=True)
         ),
     }
     if step is not None:

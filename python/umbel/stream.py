@@ -72,7 +72,7 @@ class Residency:
         """Takes over what has come, chooses what the views show, and asks for what is missing.
 
         views: each a camera or an error, of the first mesh, or (mesh, camera or error), in that
-            mesh's own space.
+            mesh's own space: the world, where the asset has no instances.
         aspect: width over height of the cameras' pictures; what lies outside them is then shown as
             coarse as it may be. None: they see all around.
         now: seconds on any clock that does not run backwards; None: the machine's.
@@ -82,7 +82,12 @@ class Residency:
         `groups_per_step`), and `seconds` of processor time.
         """
         named = [view if isinstance(view, tuple) else (0, view) for view in views]
-        native = [(mesh, _view(view), _planes(view, aspect)) for mesh, view in named]
+        origin = self.asset._mesh_origin
+        near = [
+            (mesh, view.relative_to(origin) if isinstance(view, Camera) else view)
+            for mesh, view in named
+        ]
+        native = [(mesh, _view(view), _planes(view, aspect)) for mesh, view in near]
         return self._native.step(native, time.monotonic() if now is None else now)
 
     def cut(self, view: int = 0) -> NDArray[np.uint32]:
@@ -130,4 +135,4 @@ def _view(view: Camera | float) -> _umbel.View:
 def _planes(view: Camera | float, aspect: float | None) -> NDArray[np.float32] | None:
     if aspect is None or not isinstance(view, Camera):
         return None
-    return view.planes(aspect)
+    return view.planes(aspect).astype(np.float32)

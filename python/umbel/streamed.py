@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from .camera import Camera
 from .errors import Error
 from .look import Environment, Look, matching
 from .mesh import Mesh
-from .places import boxes_of, places
+from .places import boxes_of, local_transforms, places
 from .repair import Progress
 from .stream import Residency
 from .trace import Renderer
@@ -62,7 +63,14 @@ class CutRenderer(Renderer):
             raise Error("the asset shows nothing")
         self.up = up
         self._ground, self._threads = False, threads
-        self._places = places(asset)
+        self.origin = asset.origin
+        if self.origin.any():
+            local = (self.mesh.world_positions - self.origin).astype(np.float32)
+            self.mesh = replace(self.mesh, positions=local, origin=self.origin)
+        camera = camera.relative_to(self.origin)
+        transforms = local_transforms(asset)
+        meshes = [mesh for mesh, _ in places(asset)]
+        self._places = list(zip(meshes, transforms, strict=True))
         residency = Residency(asset, max(int(budget * _PAGES), 1), groups_per_step=(1 << 32) - 1)
         factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
         self.pixel_error, self.estimate, tables = _settle(
@@ -85,7 +93,6 @@ class CutRenderer(Renderer):
                 materials=asset.materials,
             )
         )
-        transforms = np.array([matrix for _, matrix in self._places], np.float32)
         self._scene = _umbel.cluster_scene(
             asset._native,
             np.concatenate(tables),

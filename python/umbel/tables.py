@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
 from .arrays import array_of, indices, numbers, rows, thread_count, whole
-from .camera import Camera
+from .camera import Camera, moved_planes
 from .cluster import ClusterBounds
 from .errors import Error
+from .origin import origin_of
 
 LEVEL = np.dtype([("offset", "<u4"), ("count", "<u4")])
 GROUP = np.dtype(
@@ -55,22 +56,29 @@ NONE = 0xFFFFFFFF
 class Tables:
     """Levels, groups, clusters and hierarchy nodes; read-only views of the library's memory."""
 
-    def __init__(self, native: _umbel.Tables) -> None:
+    def __init__(self, native: _umbel.Tables, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         self._native = native
+        self.origin = origin_of(origin)
+        """Where the tables' centres and boxes lie in the world; cameras and planes are in it."""
 
     @staticmethod
     def of_arrays(
-        levels: NDArray[Any], groups: NDArray[Any], clusters: NDArray[Any], nodes: NDArray[Any]
+        levels: NDArray[Any],
+        groups: NDArray[Any],
+        clusters: NDArray[Any],
+        nodes: NDArray[Any],
+        origin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Tables:
         """From structured arrays (LEVEL, GROUP, CLUSTER, NODE), as other programs may have stored
-        them. Raises where an index leads nowhere."""
+        them, relative to `origin`. Raises where an index leads nowhere."""
         return Tables(
             _umbel.Tables(
                 _words("levels", levels, LEVEL),
                 _words("groups", groups, GROUP),
                 _words("clusters", clusters, CLUSTER),
                 _words("nodes", nodes, NODE),
-            )
+            ),
+            origin,
         )
 
     @staticmethod
@@ -140,7 +148,7 @@ class Tables:
             facing=facing,
             or_coarsest=or_coarsest,
         )
-        return _umbel.select(self._native, view, method, _planes(planes), _facing(facing))
+        return _umbel.select(self._native, view, method, self._planes(planes), _facing(facing))
 
     def view(
         self,
@@ -170,7 +178,7 @@ class Tables:
             raise Error("a cut needs one of error, camera, level, triangles and bytes")
         if level is not None:
             check_level(level, len(self.levels))
-        view = _view(chosen[0], given[chosen[0]]) if chosen else _umbel.view_error(0)
+        view = self._view(chosen[0], given[chosen[0]]) if chosen else _umbel.view_error(0)
         if budget is None:
             return view
         name = "triangles" if bytes is None else "bytes"
@@ -180,8 +188,8 @@ class Tables:
             if bytes is None
             else _umbel.byte_costs(self._native, vertex_bytes)
         )
-        culled = _planes(planes), _facing(facing)
-        rows = None if transforms is None else _transforms(transforms)
+        culled = self._planes(planes), _facing(facing)
+        rows = None if transforms is None else self._transforms(transforms)
         view = _umbel.view_for_budget(self._native, view, costs, most, *culled, rows)
         least = 0 if or_coarsest else self._least(view, costs, most, culled, rows)
         if least > most:
@@ -211,11 +219,43 @@ class Tables:
         facing: ClusterBounds | None = None,
     ) -> list[NDArray[np.uint32]]:
         """A cut for each instance. `transforms` are (i, 3, 4) or (i, 4, 4), from the mesh's space
-        to the scene's; `view` (see `Tables.view`) and `planes` are of the scene."""
+        to the scene's, both in the world; `view` (see `Tables.view`) and `planes` are of the
+        scene."""
         offsets, clusters = _umbel.select_instances(
-            self._native, view, _transforms(transforms), _planes(planes), _facing(facing)
+            self._native,
+            view,
+            self._transforms(transforms),
+            self._planes(planes),
+            _facing(facing),
         )
         return np.split(clusters, offsets[1:-1]) if len(offsets) > 1 else []
+
+    def _view(self, kind: str, value: Any) -> _umbel.View:
+        if isinstance(value, Camera):
+            return value.relative_to(self.origin).view()
+        if kind == "camera":
+            raise Error(f"camera must be an umbel.Camera, not a {type(value).__name__}")
+        if kind == "level":
+            return _umbel.view_level(value)
+        check_error(value)
+        return _umbel.view_error(value)
+
+    def _planes(self, planes: ArrayLike | None) -> NDArray[np.float32] | None:
+        if planes is None:
+            return None
+        if self.origin.any() and np.ndim(planes) == 2 and np.shape(planes)[1] == 4:
+            planes = moved_planes(planes, -self.origin)
+        return rows("planes", planes, 4)
+
+    def _transforms(self, transforms: ArrayLike) -> NDArray[np.float32]:
+        array = numbers("transforms", transforms)
+        if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)):
+            raise Error(f"transforms must have shape (i, 3, 4) or (i, 4, 4), not {array.shape}")
+        local = array[:, :3]
+        if self.origin.any():
+            local = local.astype(np.float64)
+            local[:, :, 3] += local[:, :, :3] @ self.origin - self.origin
+        return np.ascontiguousarray(local, dtype=np.float32).reshape(-1, 12)
 
     def cut_error(self, cut: ArrayLike) -> float:
         """The largest error of what a cut shows, in the mesh's unit; 0 for level 0."""
@@ -236,17 +276,6 @@ def _words(name: str, table: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[np.u
     if array.ndim != 1 or array.dtype.names != dtype.names:
         raise Error(f"{name} must be (n,) of {dtype}, not {array.shape} of {array.dtype}")
     return np.ascontiguousarray(array, dtype).view(np.uint32).reshape(len(array), -1)
-
-
-def _view(kind: str, value: Any) -> _umbel.View:
-    if isinstance(value, Camera):
-        return value.view()
-    if kind == "camera":
-        raise Error(f"camera must be an umbel.Camera, not a {type(value).__name__}")
-    if kind == "level":
-        return _umbel.view_level(value)
-    check_error(value)
-    return _umbel.view_error(value)
 
 
 def check_error(error: float) -> None:
@@ -272,19 +301,8 @@ def check_budget(name: str, budget: int) -> int:
     return min(number, 2**63 - 1)
 
 
-def _planes(planes: ArrayLike | None) -> NDArray[np.float32] | None:
-    return None if planes is None else rows("planes", planes, 4)
-
-
 def _facing(facing: ClusterBounds | None) -> NDArray[np.float32] | None:
     return None if facing is None else facing.rows()
-
-
-def _transforms(transforms: ArrayLike) -> NDArray[np.float32]:
-    array = numbers("transforms", transforms)
-    if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)):
-        raise Error(f"transforms must have shape (i, 3, 4) or (i, 4, 4), not {array.shape}")
-    return np.ascontiguousarray(array[:, :3], dtype=np.float32).reshape(-1, 12)
 
 
 class HasTables:
@@ -295,7 +313,12 @@ class HasTables:
     @property
     def tables(self) -> Tables:
         """Levels, groups, clusters and nodes as NumPy views."""
-        return Tables(self._native.tables)
+        return Tables(self._native.tables, self._mesh_origin)
+
+    @property
+    def _mesh_origin(self) -> NDArray[np.float64]:
+        """Where the tables and meshes lie."""
+        raise NotImplementedError
 
     def cut(
         self,

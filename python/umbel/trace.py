@@ -16,6 +16,7 @@ from .camera import Camera
 from .errors import Error
 from .look import Environment, Look, axes_of, plain, triple, without
 from .mesh import Mesh
+from .origin import zero_origin
 from .repair import Progress
 
 _FOV = 35.0
@@ -51,6 +52,8 @@ class Renderer:
         threads: int = 0,
     ) -> None:
         self.mesh = without(as_mesh(mesh), hide)
+        self.origin = self.mesh.origin
+        """Where what is traced lies in the world."""
         self.up = up
         look = Look(self.mesh)
         light = (environment or Environment()).native(up)
@@ -79,7 +82,8 @@ class Renderer:
     def camera(
         self, camera: Camera | str = "auto", width: int = 1024, height: int = 768
     ) -> _umbel.TraceCamera:
-        """A camera as `umbel.render` describes it, for a picture of this size."""
+        """A camera as `umbel.render` describes it, for a picture of this size. What comes back is
+        relative to `origin`, and good for this renderer alone; see `view`."""
         width, height = _size(width, height)
         if isinstance(camera, Camera):
             return self._native(camera)
@@ -97,9 +101,19 @@ class Renderer:
         ends = [_numbers(part, 3, camera) for part in parts[:2]]
         return self._native(Camera(ends[0], ends[1], fov_y=fov))
 
+    def view(self, camera: Camera | str = "auto", width: int = 1024, height: int = 768) -> Camera:
+        """The same in the world, for any renderer."""
+        native = self.camera(camera, width, height)
+        position, target = (
+            tuple((self.origin + np.array(point)).tolist())
+            for point in (native.position, native.target)
+        )
+        return Camera(position, target, native.fov_y, height, up=native.up)
+
     def _native(self, camera: Camera) -> _umbel.TraceCamera:
         if camera.target is None:
             raise Error("a camera for a picture needs a target")
+        camera = camera.relative_to(self.origin)
         out = _umbel.TraceCamera()
         out.position = triple(camera.position, "the camera's position")
         out.target = triple(camera.target, "the camera's target")
@@ -272,7 +286,7 @@ def _with_ground(
     mesh: Mesh, up: str, materials: list[_umbel.TraceMaterial]
 ) -> tuple[Mesh, list[_umbel.TraceMaterial]]:
     """The mesh on a square that reaches beyond what is seen of it."""
-    bounds = mesh.bounds
+    bounds = replace(mesh, origin=zero_origin()).bounds
     if bounds is None or not np.isfinite(bounds).all():
         return mesh, materials
     low, high = bounds.astype(np.float64)
@@ -298,7 +312,7 @@ def _with_ground(
     floor = plain(0.4)
     placed = replace(
         mesh,
-        positions=np.concatenate([mesh.positions, corners]),
+        positions=np.concatenate([mesh.positions, corners.astype(np.float32)]),
         triangles=np.concatenate([mesh.triangles, faces]),
         normals=grown(mesh.normals, tuple(zenith)),
         tangents=grown(mesh.tangents, (1.0, 0.0, 0.0, 1.0)),

@@ -31,6 +31,7 @@ class _Uniform(TriangleQueries):
         if config["invalid"] not in ("refuse", "drop"):
             raise Error(f"invalid must be 'refuse' or 'drop', not {config['invalid']!r}")
         mesh = _mesh_of(*source)
+        self._origin = mesh.origin
         given = config | {"drop_invalid": config["invalid"] == "drop"}
         del given["invalid"]
         geometry, bits = _geometry(mesh), mask_array(masks, len(mesh.triangles))

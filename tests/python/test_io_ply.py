@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, ply_bytes
-from umbel.errors import Error, LoadWarning
+from umbel.errors import Error
 from umbel.io import load
 
 FORMATS = ["ascii", "binary_little_endian", "binary_big_endian"]
@@ -192,12 +192,15 @@ def test_nan_and_wrong_indices_pass_for_validation_to_find(tmp_path: Path) -> No
         assert read(tmp_path, data).triangles[0, 1] >= 3
 
 
-def test_doubles_far_from_the_origin_warn(tmp_path: Path) -> None:
+def test_doubles_far_from_zero_are_kept(tmp_path: Path) -> None:
     properties = [("double", "x"), ("double", "y"), ("double", "z")]
-    points = (TETRA_POSITIONS.astype(float) + 6.4e6).tolist()
-    data = ply_bytes([("vertex", properties, rows(points)), ("face", FACE, [([0, 1, 2],)])])
-    with pytest.warns(LoadWarning, match="subtract a centre"):
-        read(tmp_path, data)
+    points = TETRA_POSITIONS.astype(float) * 0.001 + 6.4e6
+    data = ply_bytes(
+        [("vertex", properties, rows(points.tolist())), ("face", FACE, [([0, 1, 2],)])]
+    )
+    mesh = read(tmp_path, data)
+    assert mesh.origin.any()
+    assert np.abs(mesh.world_positions - points).max() < 1e-9
 
 
 def test_gzip_is_unpacked(tmp_path: Path) -> None:

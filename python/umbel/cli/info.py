@@ -54,6 +54,8 @@ def _asset_info(path: str) -> dict[str, Any]:
         "meshes": len(asset.meshes),
         "instances": len(standing),
         "bounds": _bounds(asset),
+        "origin": list(info["origin"]),
+        "coordinates": asset.coordinates,
         "attributes": [name for name in names if info[name]],
         "max_triangles": info["max_triangles"],
         "max_vertices": info["max_vertices"],
@@ -81,8 +83,6 @@ def _material_count(asset: Any, tables: list[Any]) -> int:
 
 
 def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
-    from .. import _umbel
-    from ..arrays import native
     from ..errors import Error
     from ..io import load_scene
     from ..io.addresses import is_address
@@ -107,7 +107,9 @@ def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
         "materials": len(mesh.materials),
         "meshes": len(scene.meshes),
         "instances": len(scene.instances),
-        "bounds": None if problem else _umbel.bounds(native(mesh)),
+        "bounds": None if problem or mesh.bounds is None else mesh.bounds.tolist(),
+        "origin": mesh.origin.tolist(),
+        "coordinates": mesh.coordinates,
         "attributes": [name for name in names if getattr(mesh, name) is not None],
         "valid": problem is None,
         "problem": problem,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +18,7 @@ from .run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ..camera import Camera
     from ..mesh import Mesh
     from ..trace import Film, Renderer
 
@@ -173,9 +175,9 @@ def command(
         outputs = _outputs(output, len(cameras))
         results = []
         for k, (text, path) in enumerate(zip(cameras, outputs, strict=True)):
-            renderer, native = views.renderer(text, width, height)
+            renderer, view = views.renderer(text, width, height)
             film = renderer.film(
-                native,
+                view,
                 width=width,
                 height=height,
                 seed=seed,
@@ -186,7 +188,7 @@ def command(
             bounds = [0.05 + 0.95 * (k + i) / len(cameras) for i in (0, 1)]
             for film_now in _passes(film, spp, progressive, _part(bar, *bounds)):
                 save_picture(path, film_now.pixels, exposure)
-            results.append(_result(path, renderer, film))
+            results.append(_result(path, renderer, film, view))
     result = _summary(results, spp, method, time.perf_counter() - began)
     show({"input": source, **result, "warnings": heard}, as_json, str(output))
 
@@ -279,21 +281,14 @@ class _Views:
         count = len(self._whole.mesh.cameras)
         return [f"file:{k + 1}" for k in range(count)] if text == "file" and count else [text]
 
-    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Any]:
+    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
         """What shows the view, and its camera."""
-        native = self._whole.camera(text, width, height)
+        view = self._whole.view(text, width, height)
         if self._asset is None:
-            return self._whole, native
-        from ..camera import Camera
-
-        view = Camera(
-            native.position,
-            fov_y=native.fov_y,
-            height=height,
-            pixel_error=self._pixel_error,
-        )
+            return self._whole, view
+        view = replace(view, pixel_error=self._pixel_error)
         shown = self._asset.scene_cuts(camera=view)
-        return self._prepare(self._asset.scene_mesh(shown)), native
+        return self._prepare(self._asset.scene_mesh(shown)), view
 
 
 class _Streamed:
@@ -312,19 +307,16 @@ class _Streamed:
     def named(self, text: str) -> list[str]:
         return [text]
 
-    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Any]:
-        from ..camera import Camera
+    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
         from ..places import boxes_of
         from ..streamed import CutRenderer
         from ..trace import Renderer
 
         # From outside, as for a mesh that is no room: boxes would look like one.
         text = "auto:35,15" if text == "auto" else text
-        native = Renderer(boxes_of(self._asset), up=self._options["up"]).camera(text, width, height)
-        camera = Camera(
-            native.position, fov_y=native.fov_y, height=height, pixel_error=self._pixel_error
-        )
-        return CutRenderer(self._asset, camera, self._budget, **self._options), native
+        view = Renderer(boxes_of(self._asset), up=self._options["up"]).view(text, width, height)
+        view = replace(view, pixel_error=self._pixel_error)
+        return CutRenderer(self._asset, view, self._budget, **self._options), view
 
 
 def _size(text: str) -> int:
@@ -341,12 +333,11 @@ def _size(text: str) -> int:
     return int(size)
 
 
-def _result(path: Path, renderer: Renderer, film: Film) -> dict[str, Any]:
-    camera = film.camera
+def _result(path: Path, renderer: Renderer, film: Film, camera: Camera) -> dict[str, Any]:
     return {
         "output": str(path),
         "position": list(camera.position),
-        "target": list(camera.target),
+        "target": list(camera.target or ()),
         "fov": camera.fov_y * 57.29577951308232,
         "triangles": renderer.triangles,
         **_memory(renderer),

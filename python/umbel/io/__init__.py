@@ -8,6 +8,7 @@ from pathlib import Path
 
 from umbel.errors import Error
 from umbel.io.addresses import fetched, is_address, load_fetched
+from umbel.io.coordinates import sidecar
 from umbel.io.files import GZIP, read_bytes, read_head
 from umbel.io.folder import Folder
 from umbel.io.scene import Instance, Scene, scene_of
@@ -76,9 +77,11 @@ def load_scene(path: str | os.PathLike[str], *, allow_outside: bool = False) -> 
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
         raise Error(f"{file} is corrupt: {type(e).__name__}: {e}") from e
     scene.name = os.path.splitext(file.name.removesuffix(".gz"))[0]
+    beside = sidecar(file)
     for mesh in scene.meshes:
         mesh.name = mesh.name or scene.name
         mesh.source = str(file)
+        mesh.coordinates = mesh.coordinates | beside
     return scene
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from umbel.camera import Camera
 from umbel.errors import Error, LoadWarning
+from umbel.io.coordinates import GLTF
 from umbel.io.folder import Folder
 from umbel.io.gltf_buffers import MESHOPT, Buffers, Json, parse_container
 from umbel.io.gltf_cameras import read_camera
@@ -26,7 +27,15 @@ from umbel.io.gltf_nodes import Nodes, instance_matrices
 from umbel.io.gltf_schema import check_schema
 from umbel.io.gltf_tree import Tree
 from umbel.io.polygons import strips
-from umbel.io.scene import NO_MATERIAL, Instance, Part, Scene, join, with_default
+from umbel.io.scene import (
+    NO_MATERIAL,
+    Instance,
+    Part,
+    Scene,
+    join,
+    place_skins,
+    with_default,
+)
 from umbel.mesh import (
     Float32Array,
     Float64Array,
@@ -101,6 +110,8 @@ class _Reader:
         self.meshes: list[Mesh] = []
         self.cameras: list[Camera] = []
         self._made: dict[tuple[Any, ...], int | None] = {}
+        self._skinned: list[Float64Array] = []  # positions of the mesh's blocks, if it has a skin
+        self._exact: dict[int, Float64Array] = {}  # of such meshes, before rounding
 
     def scene(self) -> Scene:
         instances: list[Instance] = []
@@ -128,6 +139,7 @@ class _Reader:
                 else "a texture without an image"
             )
         scene = Scene(self.meshes, self.materials, instances, cameras=self.cameras, tree=tree.json)
+        place_skins(scene, self._exact)
         return self._with_materials(scene)
 
     def _add_camera(self, index: int, node: Json) -> None:
@@ -174,6 +186,7 @@ class _Reader:
         blocks: list[Mesh] = []
         parts: list[Part] = []
         shared: dict[str, int] = {}
+        self._skinned = []
         for k, primitive in enumerate(entry.get("primitives") or []):
             name = f"meshes[{index}].primitives[{k}]"
             mode = primitive.get("mode", _TRIANGLES)
@@ -194,8 +207,11 @@ class _Reader:
             parts.append((block, triangles, ids if self.materials else None))
         if not parts:
             return None
+        if self._skinned:
+            self._exact[len(self.meshes)] = np.concatenate(self._skinned)
         name, extras = str(entry.get("name", "")), entry.get("extras")
-        return replace(join(blocks, parts), name=name, extras=extras)
+        mesh = join(blocks, parts)
+        return replace(mesh, name=name, extras=extras, coordinates=dict(GLTF))
 
     def _primitive(
         self,
@@ -223,7 +239,7 @@ class _Reader:
             if targets:
                 _apply_morph(arrays, targets, weights, self.buffers, name)
             if joints is not None:
-                _apply_skin(arrays, joints, self.where, name)
+                self._skinned.append(_apply_skin(arrays, joints, self.where, name))
             shared[key] = len(blocks)
             blocks.append(_block(arrays, first_joint))
         if corners is None:
@@ -336,11 +352,12 @@ def _apply_morph(
 
 def _apply_skin(
     arrays: dict[str, NDArray[Any]], joints: Float64Array, where: str, name: str
-) -> None:
-    """Places vertices as the skin's joints do in the rest pose."""
+) -> Float64Array:
+    """Places vertices as the skin's joints do in the rest pose, and gives their positions as they
+    are before rounding."""
     sets = [k for k in range(8) if f"JOINTS_{k}" in arrays and f"WEIGHTS_{k}" in arrays]
     if not sets:
-        return
+        return arrays["POSITION"].astype(np.float64)
     index = np.concatenate([arrays[f"JOINTS_{k}"] for k in sets], axis=1)
     weight = np.concatenate([arrays[f"WEIGHTS_{k}"] for k in sets], axis=1).astype(np.float64)
     if index.shape != weight.shape or index.dtype.kind != "u":
@@ -356,9 +373,8 @@ def _apply_skin(
         matrix[total > 0] /= total[total > 0, None, None]
         matrix[~(total > 0)] = np.eye(4)[:3]
         linear = matrix[:, :, :3]
-        arrays["POSITION"] = (_applied(linear, arrays["POSITION"]) + matrix[:, :, 3]).astype(
-            np.float32
-        )
+        points: Float64Array = _applied(linear, arrays["POSITION"]) + matrix[:, :, 3]
+        arrays["POSITION"] = points.astype(np.float32)
         determinant = np.sign(np.linalg.det(linear))
         if "NORMAL" in arrays:
             a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
@@ -370,6 +386,7 @@ def _apply_skin(
             tangent[:, :3] = normalized(_applied(linear, tangent[:, :3]))
             tangent[determinant < 0, 3] *= -1
             arrays["TANGENT"] = tangent
+    return points
 
 
 def _applied(matrices: Float64Array, vectors: Float32Array) -> Float64Array:

@@ -19,9 +19,9 @@ _CHUNK = 1 << 16  # rows formatted at once
 
 
 def write_obj(path: Path, mesh: Mesh) -> None:
-    """Writes OBJ text with nine significant digits, which give every float back to the bit, and
-    beside it a .mtl and images if the mesh has materials. One warning names what OBJ cannot hold.
-    Only texture coordinates that count from an image's top are turned round."""
+    """Writes OBJ text with as many digits as give every float back to the bit, positions in the
+    world, and beside it a .mtl and images if the mesh has materials. One warning names what OBJ
+    cannot hold. Only texture coordinates that count from an image's top are turned round."""
     materials = mesh.materials if mesh.material_ids is not None else []
     library = MtlWriter(path, materials)
     names, uvs = library.names, mesh.uvs
@@ -42,10 +42,12 @@ def write_obj(path: Path, mesh: Mesh) -> None:
             file.write(f"# {copyright_line(mesh)}\n".encode())
         if materials:
             file.write(f"mtllib {path.stem}.mtl\n".encode())
-        points: NDArray[Any] = mesh.positions
+        points: NDArray[Any] = mesh.vertices
+        row = "v" + (" %.9g" if points.dtype == np.float32 else " %r") * 3
         if mesh.colors is not None:
             points = np.concatenate([points, mesh.colors[:, :3]], axis=1)
-        _write_rows(file, "v" + " %.9g" * points.shape[1], points)
+            row += " %.9g %.9g %.9g"
+        _write_rows(file, row, points)
         if uvs is not None:
             _write_rows(file, "vt %.9g %.9g", uvs)
         if mesh.normals is not None:

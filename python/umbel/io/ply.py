@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -355,15 +355,12 @@ def _mesh(columns: dict[str, _Columns], where: str) -> Mesh:
     points = _stack(vertex, POSITION)
     if points is None:
         raise Error(f"{where}: element 'vertex' lacks x, y or z")
-    _warn_of_lost_precision(points, where)
-    positions = _floats(points)
-    assert positions is not None
     faces = columns.get("face", {})
     normals = _floats(_stack(vertex, NORMAL))
     triangles, parents = _triangles(columns, where)
     materials, ids = _materials(faces, parents, where)
     mesh = Mesh(
-        positions,
+        points,
         triangles,
         normals=None if normals is None else unit_normals(normals),
         tangents=_floats(_stack(vertex, TANGENT)),
@@ -373,23 +370,6 @@ def _mesh(columns: dict[str, _Columns], where: str) -> Mesh:
         materials=materials,
     )
     return _with_corner_uvs(mesh, faces)
-
-
-def _warn_of_lost_precision(points: NDArray[Any], where: str) -> None:
-    if points.dtype != np.float64 or not len(points):
-        return
-    finite = points[np.isfinite(points).all(axis=1)]
-    if not len(finite):
-        return
-    size = float(np.ptp(finite, axis=0).max())
-    step = float(np.spacing(np.float32(min(np.abs(finite).max(), 3e38))))
-    if size > 0 and step > size / 4096:
-        warnings.warn(
-            f"{where}: its double positions lie so far from the origin that 32-bit floats there "
-            f"are {step:g} apart, in a mesh of size {size:g}; subtract a centre first",
-            LoadWarning,
-            stacklevel=2,
-        )
 
 
 def _vertex_colors(vertex: _Columns) -> Float32Array | None:
@@ -497,13 +477,12 @@ def _with_corner_uvs(mesh: Mesh, faces: _Columns) -> Mesh:
     def pick(array: Float32Array | None) -> Float32Array | None:
         return None if array is None else array[keep]
 
-    return Mesh(
-        mesh.positions[keep],
-        numbered.reshape(-1, 3),
+    return replace(
+        mesh,
+        positions=mesh.positions[keep],
+        triangles=numbered.reshape(-1, 3),
         normals=pick(mesh.normals),
         tangents=pick(mesh.tangents),
         uvs=uvs[first],
         colors=pick(mesh.colors),
-        material_ids=mesh.material_ids,
-        materials=mesh.materials,
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbel.errors import warn_lost
 from umbel.io.files import write_all
@@ -13,13 +14,18 @@ from umbel.io.format_losses import attribute_losses, copyright_line
 from umbel.io.ply import ALPHA, COLOR, NORMAL, POSITION, TANGENT, UV
 from umbel.mesh import Material, Mesh
 
+_TYPES = {"|u1": "uchar", "<f4": "float", "<f8": "double"}
+
 
 def write_ply(path: Path, mesh: Mesh) -> None:
-    """Writes binary little-endian PLY. Floats are kept to the bit; colours become bytes, and of
-    the materials only their numbers stay. One warning names what PLY cannot hold."""
+    """Writes binary little-endian PLY, positions as doubles in the world where the mesh has an
+    origin. Floats are kept to the bit; colours become bytes, and of the materials only their
+    numbers stay. One warning names what PLY cannot hold."""
     n, m = len(mesh.positions), len(mesh.triangles)
+    points: NDArray[Any] = mesh.vertices
+    kind = points.dtype.newbyteorder("<").str
     fields: list[tuple[str, str, Any]] = [
-        (name, "<f4", mesh.positions[:, k]) for k, name in enumerate(POSITION[0])
+        (name, kind, points[:, k]) for k, name in enumerate(POSITION[0])
     ]
     for names, array in (
         (NORMAL[0], mesh.normals),
@@ -43,7 +49,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     faces["n"] = 3
     faces["v"] = mesh.triangles.view(np.int32)
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
-    lines += [f"property {'uchar' if k == '|u1' else 'float'} {name}" for name, k, _ in fields]
+    lines += [f"property {_TYPES[kind]} {name}" for name, kind, _ in fields]
     lines += [f"element face {m}", "property list uchar int vertex_indices"]
     if mesh.material_ids is not None:
         faces["material_index"] = mesh.material_ids.view(np.int32)

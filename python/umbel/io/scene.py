@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbel.errors import Error
 from umbel.io.gltf_tree import is_trivial, merged, owners_of, with_instances
@@ -18,6 +19,7 @@ from umbel.mesh import (
     area_weighted_normals,
     normalized,
 )
+from umbel.origin import Rounding, is_far, rounding_loss, zero_origin
 
 if TYPE_CHECKING:
     from umbel.camera import Camera
@@ -30,7 +32,7 @@ class Instance:
     """A mesh in the world."""
 
     mesh: int  #: index into `Scene.meshes`
-    #: (4, 4) float64, mesh to world, acting on column vectors
+    #: (4, 4) float64, mesh to world, acting on column vectors: on the mesh's origin + positions
     transform: Float64Array = field(default_factory=lambda: np.eye(4))
     name: str = ""
     node: int | None = None  #: index into the `nodes` of `Scene.tree`
@@ -62,8 +64,11 @@ class Scene:
                 f"the scene as drawn has {triangles} triangles on {vertices} vertices, more than "
                 f"32-bit indices can number"
             )
-        placed = [transformed(self.meshes[i.mesh], i.transform) for i in self.instances]
-        flat = join(placed, [(k, m.triangles, m.material_ids) for k, m in enumerate(placed)])
+        places = [(self.meshes[i.mesh], i.transform) for i in self.instances]
+        blocks = [transformed(mesh, matrix) for mesh, matrix in places]
+        flat = join(blocks, [(k, m.triangles, m.material_ids) for k, m in enumerate(blocks)])
+        if len(blocks) != 1 or blocks[0] is not places[0][0]:
+            flat = _far_from_zero(flat, places)
         materials, ids = with_default(self.materials, flat.material_ids)
         return replace(
             flat,
@@ -166,8 +171,9 @@ def join(blocks: list[Mesh], parts: list[Part]) -> Mesh:
         arrays = [getattr(b, attribute) for b in blocks]
         return None if arrays[0] is None else np.concatenate(arrays)
 
+    far = any(b.origin.any() for b in blocks)
     return Mesh(
-        np.concatenate([b.positions for b in blocks]),
+        np.concatenate([b.world_positions if far else b.positions for b in blocks]),
         np.concatenate(triangles),
         normals=column("normals"),
         tangents=column("tangents"),
@@ -179,19 +185,25 @@ def join(blocks: list[Mesh], parts: list[Part]) -> Mesh:
         joints=column("joints"),
         weights=column("weights"),
         material_ids=ids,
+        coordinates=blocks[0].coordinates,
+        rounding=_together([b.rounding for b in blocks]),
     )
 
 
 def transformed(mesh: Mesh, matrix: Float64Array) -> Mesh:
     """The mesh moved by a (4, 4) matrix: normals by the inverse transpose, tangents along the
-    surface, winding and handedness flipped if the matrix mirrors. Identity copies nothing."""
+    surface, winding and handedness flipped if the matrix mirrors. Identity copies nothing.
+    Positions are relative to an origin where the mesh's own are."""
     if np.array_equal(matrix, np.eye(4)):
         return mesh
     linear = np.asarray(matrix, np.float64)[:3, :3]
     with np.errstate(all="ignore"):
         mirrored = bool(np.linalg.det(linear) < 0)
-        points = mesh.positions.astype(np.float64) @ linear.T + matrix[:3, 3]
-        positions = points.astype(np.float32)
+        positions: NDArray[Any] = _world_points(mesh, matrix)
+        rounding = _carried(mesh, matrix)
+        if not mesh.origin.any():
+            points, positions = positions, positions.astype(np.float32)
+            rounding += rounding_loss(points, mesh.origin, positions, mesh.triangles)
         # Cofactors are the inverse transpose times the determinant, and exist where that is zero.
         cofactors = np.stack([np.cross(linear[(k + 1) % 3], linear[(k + 2) % 3]) for k in range(3)])
         normals, tangents = mesh.normals, mesh.tangents
@@ -203,7 +215,80 @@ def transformed(mesh: Mesh, matrix: Float64Array) -> Mesh:
             tangents = np.concatenate([along, w], axis=1)
     triangles = np.ascontiguousarray(mesh.triangles[:, [0, 2, 1]]) if mirrored else mesh.triangles
     return replace(
-        mesh, positions=positions, triangles=triangles, normals=normals, tangents=tangents
+        mesh,
+        positions=positions,
+        origin=zero_origin(),
+        triangles=triangles,
+        normals=normals,
+        tangents=tangents,
+        rounding=rounding,
+    )
+
+
+def place_skins(scene: Scene, exact: dict[int, Float64Array]) -> None:
+    """Gives meshes that skins have placed in the world (index: positions before rounding) origins,
+    if the scene as a whole lies far from zero."""
+    if not exact:
+        return
+    far = is_far(_corners(scene))
+    for k, points in exact.items():
+        mesh = scene.meshes[k]
+        lost = rounding_loss(points, mesh.origin, mesh.positions, mesh.triangles)
+        scene.meshes[k] = replace(mesh, positions=points) if far else replace(mesh, rounding=lost)
+
+
+def _corners(scene: Scene) -> Float64Array:
+    """Least and greatest corners of the meshes where they stand, near enough."""
+    found: list[Float64Array] = [np.zeros((0, 3))]
+    for place in scene.instances:
+        mesh = scene.meshes[place.mesh]
+        if len(mesh.positions):
+            box = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
+            corners = Mesh(box, np.zeros((0, 3), np.uint32), origin=mesh.origin)
+            found.append(_world_points(corners, place.transform))
+    return np.concatenate(found)
+
+
+def placed(mesh: Mesh, matrix: Float64Array) -> Mesh:
+    """The mesh moved by a matrix, relative to an origin where it then needs one."""
+    moved = transformed(mesh, matrix)
+    return mesh if moved is mesh else _far_from_zero(moved, [(mesh, matrix)])
+
+
+def _far_from_zero(flat: Mesh, places: list[tuple[Mesh, Float64Array]]) -> Mesh:
+    """What meshes make where matrices take them; their positions once more from doubles, and
+    relative to an origin, if that lies far from zero."""
+    if not (flat.origin.any() or is_far(flat.positions)):
+        return flat
+    with np.errstate(all="ignore"):
+        points = np.concatenate([_world_points(mesh, matrix) for mesh, matrix in places])
+    rounding = _together([_carried(mesh, matrix) for mesh, matrix in places])
+    return replace(flat, positions=points, origin=zero_origin(), rounding=rounding)
+
+
+def _world_points(mesh: Mesh, matrix: Float64Array) -> Float64Array:
+    """Where a matrix takes the vertices, in float64."""
+    linear = np.asarray(matrix, np.float64)[:3, :3]
+    points: Float64Array = mesh.positions.astype(np.float64) @ linear.T + (
+        linear @ mesh.origin + matrix[:3, 3]
+    )
+    return points
+
+
+def _carried(mesh: Mesh, matrix: Float64Array) -> Rounding:
+    """What the mesh has lost already, where a matrix takes it."""
+    linear = np.asarray(matrix, np.float64)[:3, :3]
+    if mesh.rounding.largest_move == 0 or not np.isfinite(linear).all():
+        return mesh.rounding
+    most = float(np.linalg.norm(linear, 2))
+    return replace(mesh.rounding, largest_move=mesh.rounding.largest_move * most)
+
+
+def _together(roundings: list[Rounding]) -> Rounding:
+    """Of several meshes at once."""
+    return Rounding(
+        max((one.largest_move for one in roundings), default=0.0),
+        sum(one.degenerate for one in roundings),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from umbel.errors import Error
 from umbel.io.files import numbers
 from umbel.io.scene import Instance, Scene
-from umbel.mesh import Float32Array, Mesh
+from umbel.mesh import Float32Array, Float64Array, Mesh
 
 _HEADER = 84
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -50,7 +50,7 @@ def _binary(data: bytes, where: str) -> Float32Array:
     return np.ascontiguousarray(records["corners"]).reshape(-1, 3)
 
 
-def _ascii(data: bytes, where: str) -> Float32Array:
+def _ascii(data: bytes, where: str) -> Float64Array:
     text = np.frombuffer(data.lower() + b"\n", np.uint8)
     space = text <= 32
     starts = np.flatnonzero(space[:-1] & ~space[1:]) + 1
@@ -75,5 +75,5 @@ def _ascii(data: bytes, where: str) -> Float32Array:
     np.add.at(mask, ends[at + 3] + 1 if len(at) else at, -1)
     chosen = text[np.cumsum(mask[:-1], dtype=np.int8).astype(bool)].tobytes()
     values = numbers(chosen, len(at) * 3, f"{where}, vertex coordinates")
-    with np.errstate(over="ignore"):
-        return values.astype(np.float32).reshape(-1, 3)
+    points: Float64Array = values.reshape(-1, 3)
+    return points
