@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .look import Environment as Environment
     from .mesh import Material as Material
     from .mesh import Mesh as Mesh
+    from .origin import localize as localize
     from .picture import save_picture as save_picture
     from .picture import tone_map as tone_map
     from .proof import VerifyReport as VerifyReport
@@ -113,6 +114,7 @@ _HOME = {
     "Environment": "look",
     "Material": "mesh",
     "Mesh": "mesh",
+    "localize": "origin",
     "drop_invalid": "repair",
     "snap": "repair",
     "validate": "repair",

@@ -470,7 +470,8 @@ def refuse_collapse(mesh: Mesh, step: float | None) -> None:
 
 
 def _named(mesh: Mesh) -> str:
-    return f"{mesh.name}: " if mesh.name else ""
+    name = mesh.source or mesh.name
+    return f"{name}: " if name else ""
 
 
 def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:

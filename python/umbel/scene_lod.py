@@ -48,9 +48,9 @@ class SceneLod:
         """What it was built from."""
         self.config = lods[0].config if step is None else lods[0].config | {"position_step": step}
         """The settings that it was built with."""
-        self.report = lods[0].report
-        if not _is_plain(scene):
-            self.report = _report(lods, _places(scene), step, _moved(scene, self.origin))
+        places = None if _is_plain(scene) else _places(scene)
+        moved = [] if places is None else _moved(scene, self.origin)
+        self.report = lods[0].report if places is None else _report(lods, places, step, moved)
         """What was built, of all meshes together: as `Lod.report`, but `input_triangles` and
         `input_vertices` count each mesh as often as it stands somewhere, `stored_triangles` once,
         and lengths are in the scene's unit."""

@@ -178,8 +178,10 @@ def test_a_mesh_says_where_it_is():
 # --- files --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("extension", "write"), [("ply", write_ply), ("stl", write_stl)])
-@pytest.mark.parametrize("back", ["ply"])
+@pytest.mark.parametrize(
+    ("extension", "write"), [("obj", write_obj), ("ply", write_ply), ("stl", write_stl)]
+)
+@pytest.mark.parametrize("back", ["ply", "obj"])
 def test_a_map_comes_back_from_an_asset(tmp_path, extension, write, back):
     points, faces = patch()
     assert len(faces) == 19602
