@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import Error
-from .io.gltf_tree import owners_of
+from .io.gltf_cameras import tree_cameras
+from .io.gltf_tree import check_tree, owners_of
 from .io.scene import Instance, Scene
 from .mesh import Mesh
 from .tables import Tables, check_budget, check_level
@@ -131,12 +132,14 @@ def scene_mesh(asset: Asset, shown: Sequence[Shown]) -> Mesh:
 def shown_scene(asset: Asset, shown: Sequence[Shown]) -> Scene:
     """What is shown, on the nodes that it is from."""
     tree = asset.scene
+    check_tree(tree, asset.path)
     notes = tree.pop("meshes", None) or []
     owners = owners_of(tree, len(shown))
     for node in tree.get("nodes", []):
         node.pop("instances", None)
     materials = asset.materials
-    scene = Scene([], materials, name=asset.info["metadata"].get("name", ""), tree=tree)
+    name = asset.info["metadata"].get("name", "")
+    scene = Scene([], materials, name=name, cameras=tree_cameras(tree), tree=tree)
     made: dict[tuple[int, bytes], int] = {}
     for one, owner in zip(shown, owners, strict=True):
         key = (one.mesh, one.cut.tobytes())

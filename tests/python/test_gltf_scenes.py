@@ -288,3 +288,41 @@ def test_places_differ_by_more_than_rounding() -> None:
     turned = matrix.copy()
     turned[0, 1] = 1e-5
     assert not same_place(matrix, turned)
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {"nodes": [{"children": [1]}, {"children": [0]}]},
+        {"nodes": [{"children": [0]}]},
+        {"nodes": [{"children": [2]}, {"children": [2]}, {}]},
+        {"nodes": [{"children": [7]}]},
+        {"nodes": [{"children": [0.5]}, {}]},
+        {"nodes": {}},
+        {"nodes": [3]},
+        {"nodes": [{}], "scenes": [{"nodes": [1]}]},
+        {"nodes": [{}], "skins": [{"joints": [-1]}]},
+        {"nodes": [{"translation": [1, 2]}]},
+    ],
+)
+def test_trees_that_are_none_are_named(tmp_path: Path, tree: dict[str, Any]) -> None:
+    lod = umbel.build_lod((TETRA_POSITIONS, TETRA_TRIANGLES))
+    umbel.save_asset(tmp_path / "a.umbel", [lod], scene=tree)
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    assert asset.scene == tree
+    with pytest.raises(umbel.Error, match=r"a\.umbel|nodes\[0\] has"):
+        umbel.save(tmp_path / "a.glb", asset.scene_of(asset.scene_cuts(level=0)))
+    mesh = umbel.Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, tree=tree, name="bad")
+    with pytest.raises(umbel.Error):
+        umbel.save(tmp_path / "a.glb", mesh)
+
+
+def test_an_assets_cameras_are_the_files(tmp_path: Path) -> None:
+    source = saved(tmp_path, furnished())
+    extracted(source, "on")
+    asset = umbel.Asset(tmp_path / "on.umbel")
+    shown = asset.scene_mesh(asset.scene_cuts(level=0))
+    assert [camera.name for camera in shown.cameras] == ["eye"]
+    (wanted,) = umbel.load(source).cameras
+    assert np.allclose(shown.cameras[0].position, wanted.position)
+    assert shown.cameras[0].fov_y == wanted.fov_y

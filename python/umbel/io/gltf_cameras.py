@@ -6,7 +6,22 @@ import numpy as np
 
 from umbel.camera import Camera
 from umbel.io.gltf_buffers import Json
+from umbel.io.gltf_tree import worlds
 from umbel.mesh import Float64Array
+
+
+def tree_cameras(tree: Json) -> list[Camera]:
+    """The perspective cameras of a scene's tree."""
+    nodes, cameras = tree.get("nodes", []), tree.get("cameras", [])
+    with_one = [k for k, node in enumerate(nodes) if "camera" in node]
+    every = worlds(nodes) if with_one else []
+    found = []
+    for k in with_one:
+        number = nodes[k]["camera"]
+        if isinstance(number, int) and 0 <= number < len(cameras):
+            name = str(nodes[k].get("name") or cameras[number].get("name") or "")
+            found.append(read_camera(cameras[number], name, every[k]))
+    return [camera for camera in found if camera is not None]
 
 
 def read_camera(entry: Json, name: str, world: Float64Array) -> Camera | None:

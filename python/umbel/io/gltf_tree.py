@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from umbel.errors import Error
 from umbel.io.gltf_nodes import Nodes, local_matrix
 from umbel.mesh import Float64Array
 
@@ -83,6 +84,40 @@ def _has_integers(value: Any) -> bool:
     if isinstance(value, list):
         return any(_has_integers(item) for item in value)
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def check_tree(tree: Json, where: str) -> None:
+    """Raises unless nodes, scenes and skins refer to nodes that are there, and no node is below
+    two others or itself."""
+    for table in ("nodes", "scenes", "skins", "meshes", "cameras"):
+        entries = tree.get(table, [])
+        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+            raise Error(f"{where}: the {table} of its scene are no list of objects")
+    nodes = tree.get("nodes", [])
+    parents: set[int] = set()
+    for node in nodes:
+        for child in _references(node, "children", len(nodes), where):
+            if child in parents:
+                raise Error(f"{where}: the node {child} of its scene has two parents")
+            parents.add(child)
+    for entry in tree.get("scenes", []):
+        _references(entry, "nodes", len(nodes), where)
+    for entry in tree.get("skins", []):
+        _references(entry, "joints", len(nodes), where)
+    below = [k for k in range(len(nodes)) if k not in parents]
+    reached = 0
+    while below:
+        reached += 1
+        below += nodes[below.pop()].get("children", [])
+    if reached < len(nodes):
+        raise Error(f"{where}: a node of its scene is its own ancestor")
+
+
+def _references(entry: Json, key: str, count: int, where: str) -> list[int]:
+    found = entry.get(key, [])
+    if not isinstance(found, list) or not all(type(k) is int and 0 <= k < count for k in found):
+        raise Error(f"{where}: its scene has {key} that are no nodes of it")
+    return found
 
 
 def worlds(nodes: Sequence[Json]) -> list[Float64Array]:

@@ -19,7 +19,7 @@ from umbel.io.gltf_placing import place
 from umbel.io.gltf_primitives import write_primitives
 from umbel.io.gltf_skins import Skin, common_root, has_joints
 from umbel.io.gltf_textures import TextureTable
-from umbel.io.gltf_tree import worlds
+from umbel.io.gltf_tree import check_tree, worlds
 from umbel.io.images import TextureImage, decode, mime_type
 from umbel.io.packed_textures import packed
 from umbel.io.scene import Instance, Scene
@@ -50,6 +50,7 @@ class _Writer:
         self.lost: list[str] = []
         self.materials = _Materials(arrays, scene, self.lost)
         tree = scene.tree
+        check_tree(tree, scene.name or "the scene")
         self.nodes: list[Json] = [_node(node) for node in tree.get("nodes", [])]
         self.every = worlds(self.nodes)
         self.entry: Json = copy.deepcopy((tree.get("scenes") or [{}])[0])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error
-from umbel.io.gltf_tree import is_trivial, merged, owners_of, with_instances
+from umbel.io.gltf_tree import check_tree, is_trivial, merged, owners_of, with_instances
 from umbel.mesh import (
     Float64Array,
     Material,
@@ -119,6 +119,7 @@ class Scene:
 
 def scene_of(mesh: Mesh) -> Scene:
     """A mesh as a scene, on the node of its tree that has it."""
+    check_tree(mesh.tree, mesh.name or "the mesh")
     notes = (mesh.tree.get("meshes") or [{}])[0]
     tree = {key: value for key, value in mesh.tree.items() if key != "meshes"}
     owner = owners_of(tree, 1)[0]
