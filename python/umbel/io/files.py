@@ -53,8 +53,15 @@ def _read(path: Path, count: int = -1) -> bytes:
     return data
 
 
-def numbers(text: bytes, expected: int | None, what: str, dtype: Any = np.float64) -> NDArray[Any]:
-    """The white-space separated numbers in `text`; `expected` of them unless None."""
+def numbers(
+    text: bytes,
+    expected: int | None,
+    what: str,
+    dtype: Any = np.float64,
+    first_line: int | None = None,
+) -> NDArray[Any]:
+    """The white-space separated numbers in `text`; `expected` of them unless None. `first_line` is
+    the text's in its file, if messages are to name lines."""
     if not text.strip():
         values = np.zeros(0, dtype)
     else:
@@ -63,19 +70,23 @@ def numbers(text: bytes, expected: int | None, what: str, dtype: Any = np.float6
                 warnings.simplefilter("error", DeprecationWarning)
                 values = np.fromstring(text, dtype=dtype, sep=" ")
         except (ValueError, DeprecationWarning):
-            raise Error(f"{what}: {_first_bad_word(text)!r} is no number") from None
+            word, line = _first_bad_word(text)
+            place = "" if first_line is None else f", line {first_line + line}"
+            raise Error(f"{what}{place}: {word!r} is no number") from None
     if expected is not None and len(values) != expected:
         raise Error(f"{what}: expected {expected} numbers, found {len(values)}")
     return values
 
 
-def _first_bad_word(text: bytes) -> str:
-    for word in text.split():
-        try:
-            float(word)
-        except ValueError:
-            return word[:40].decode("utf-8", "replace")
-    return "(something)"
+def _first_bad_word(text: bytes) -> tuple[str, int]:
+    """The first word that is no number, and the ends of lines before it."""
+    for number, line in enumerate(text.split(b"\n" if b"\n" in text else b"\r")):
+        for word in line.split():
+            try:
+                float(word)
+            except ValueError:
+                return word[:40].decode("utf-8", "replace"), number
+    return "(something)", 0
 
 
 @contextlib.contextmanager

@@ -5,17 +5,16 @@ triangle strips, material indices. Anything else in a file is stepped over.
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
-from umbel.io.files import numbers
+from umbel.io.ply_data import Columns, ListColumn, read_tables
 from umbel.io.polygons import fans, strips
 from umbel.io.scene import Instance, Scene
 from umbel.mesh import (
@@ -28,17 +27,6 @@ from umbel.mesh import (
     unit_normals,
 )
 
-_TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
-    "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
-    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
-    "int64": "i8", "uint64": "u8",
-    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
-}  # fmt: skip
-_BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LONGEST_HEADER = 1 << 20
-_MOST_MATERIALS = 1 << 16
-
 POSITION = [("x", "y", "z")]
 NORMAL = [("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z")]
 UV = [("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t")]
@@ -47,292 +35,24 @@ COLOR = [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_gre
 ALPHA = [("alpha",), ("a",), ("diffuse_alpha",)]
 TANGENT = [("tx", "ty", "tz", "tw")]
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
+_MOST_MATERIALS = 1 << 16
 _MATERIAL_ID = ("material_index", "material_id", "material")
-
-
-@dataclass
-class _Property:
-    name: str
-    type: str
-    count_type: str | None = None  # of a list
-
-
-@dataclass
-class _Element:
-    name: str
-    count: int
-    properties: list[_Property] = field(default_factory=list)
-
-    @property
-    def has_lists(self) -> bool:
-        return any(p.count_type for p in self.properties)
-
-
-@dataclass
-class _List:
-    """A list property of all rows: row i holds values[sum of counts before i, + counts[i])."""
-
-    counts: NDArray[np.int64]
-    values: NDArray[Any]
-
-
-_Columns = dict[str, Any]  # property name -> array of one value a row, or _List
 
 
 def read_ply(data: bytes, where: str) -> Scene:
     """The scene in a PLY file's bytes; `where` names the file in errors."""
-    byte_order, elements, body = _header(data, where)
-    columns: dict[str, _Columns] = {}
-    ascii_values = None
-    if byte_order == "=":
-        ascii_values = numbers(data[body:], None, f"{where}, after the header")
-        body = 0
-    for element in elements:
-        if ascii_values is not None:
-            columns[element.name], body = _ascii_element(ascii_values, body, element, where)
-        else:
-            columns[element.name], body = _binary_element(data, body, element, byte_order, where)
-    mesh = _mesh(columns, where)
+    mesh = _mesh(read_tables(data, where), where)
     return Scene([mesh], mesh.materials, [Instance(0)])
 
 
-# --- header -----------------------------------------------------------------------------------
-
-
-def _header(data: bytes, where: str) -> tuple[str, list[_Element], int]:
-    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
-    if not first:
-        raise Error(f"{where} is no PLY file: it does not begin with 'ply'")
-    newline = first.group(1)
-    end = re.search(rb"[\r\n]end_header[ \t]*" + newline, data[:_LONGEST_HEADER])
-    if not end:
-        raise Error(f"{where} is cut short or corrupt: its header has no 'end_header'")
-    byte_order = ""
-    elements: list[_Element] = []
-    for line in data[first.end() : end.start()].decode("latin-1").splitlines():
-        words = line.split()
-        if not words or words[0] in ("comment", "obj_info"):
-            continue
-        if words[0] == "format" and len(words) >= 2 and words[1] in _BYTE_ORDERS:
-            byte_order = _BYTE_ORDERS[words[1]]
-        elif words[0] == "element" and len(words) == 3 and words[2].isdecimal():
-            if any(e.name == words[1] for e in elements):
-                raise Error(f"{where}: the header has two elements named {words[1]!r}")
-            elements.append(_Element(words[1], int(words[2][:20])))
-        elif words[0] == "property" and elements:
-            elements[-1].properties.append(_property(words, line, where))
-        else:
-            raise Error(f"{where}: header line {line[:80]!r} makes no sense")
-    if not byte_order:
-        raise Error(f"{where}: the header names no known format")
-    return byte_order, elements, end.end()
-
-
-def _property(words: list[str], line: str, where: str) -> _Property:
-    if len(words) == 3 and words[1] in _TYPES:
-        return _Property(words[2], _TYPES[words[1]])
-    if len(words) == 5 and words[1] == "list" and words[2] in _TYPES and words[3] in _TYPES:
-        return _Property(words[4], _TYPES[words[3]], _TYPES[words[2]])
-    raise Error(f"{where}: header line {line[:80]!r} makes no sense")
-
-
-# --- elements ---------------------------------------------------------------------------------
-
-
-def _short(element: _Element, rows: int, where: str) -> Error:
-    return Error(
-        f"{where} is cut short or corrupt: the header says {element.count} of element "
-        f"{element.name!r}, the data holds {rows}"
-    )
-
-
-def _bad_count(element: _Element, row: int, count: float, where: str) -> Error:
-    return Error(f"{where}: a list of element {element.name!r}, row {row}, has length {count}")
-
-
-def _dtype(element: _Element, byte_order: str, lengths: list[int]) -> np.dtype[Any]:
-    fields: list[tuple[str, Any]] = []
-    at = iter(lengths)
-    for k, p in enumerate(element.properties):
-        if p.count_type:
-            fields.append((f"n{k}", byte_order + p.count_type))
-            fields.append((f"p{k}", (byte_order + p.type, (next(at),))))
-        else:
-            fields.append((f"p{k}", byte_order + p.type))
-    return np.dtype(fields)
-
-
-def _binary_element(
-    data: bytes, start: int, element: _Element, byte_order: str, where: str
-) -> tuple[_Columns, int]:
-    if not element.properties or not element.count:
-        return {p.name: _empty(p) for p in element.properties}, start
-    shortest = _dtype(element, byte_order, [0] * len(element.properties)).itemsize
-    if element.count * shortest > len(data) - start:
-        raise _short(element, (len(data) - start) // shortest, where)
-    columns = _uniform_rows(data, start, element, byte_order)
-    if columns is not None:
-        return columns
-    return _ragged_rows(data, start, element, byte_order, where)
-
-
-def _empty(p: _Property) -> Any:
-    values = np.zeros(0, p.type)
-    return _List(np.zeros(0, np.int64), values) if p.count_type else values
-
-
-def _uniform_rows(
-    data: bytes, start: int, element: _Element, byte_order: str
-) -> tuple[_Columns, int] | None:
-    """All rows at once, if every row's lists are as long as the first row's; else None."""
-    lengths: list[int] = []
-    position = start
-    for p in element.properties:
-        size = np.dtype(p.type).itemsize
-        if p.count_type:
-            head = np.dtype(byte_order + p.count_type)
-            if position + head.itemsize > len(data):
-                return None
-            count = np.frombuffer(data, head, 1, position)[0]
-            if not 0 <= count <= len(data):
-                return None
-            lengths.append(int(count))
-            position += head.itemsize + int(count) * size
-        else:
-            position += size
-    if (position - start) * element.count > len(data) - start:
-        return None
-    rows = np.frombuffer(data, _dtype(element, byte_order, lengths), element.count, start)
-    columns: _Columns = {}
-    at = iter(lengths)
-    for k, p in enumerate(element.properties):
-        values = rows[f"p{k}"]
-        if p.count_type:
-            length = next(at)
-            if not (rows[f"n{k}"] == length).all():
-                return None
-            columns[p.name] = _List(
-                np.full(element.count, length, np.int64), values.reshape(element.count * length)
-            )
-        else:
-            columns[p.name] = values
-    return columns, position + (position - start) * (element.count - 1)
-
-
-def _ragged_rows(
-    data: bytes, start: int, element: _Element, byte_order: str, where: str
-) -> tuple[_Columns, int]:
-    """Rows whose lists differ in length: found one by one, then gathered all at once."""
-    sizes = [np.dtype(p.type).itemsize for p in element.properties]
-    heads = [np.dtype(p.count_type).itemsize if p.count_type else 0 for p in element.properties]
-    order = "big" if byte_order == ">" else "little"
-    offsets: list[list[int]] = [[] for _ in element.properties]
-    counts: list[list[int]] = [[] for _ in element.properties]
-    single_bytes = [p.count_type == "u1" for p in element.properties]
-    steps = list(zip(heads, sizes, single_bytes, offsets, counts, element.properties, strict=True))
-    position, end = start, len(data)
-    for row in range(element.count):
-        for head, size, single, column_offsets, column_counts, p in steps:
-            if head:
-                if position + head > end:
-                    raise _short(element, row, where)
-                if single:
-                    count = data[position]
-                else:
-                    count = _list_length(data[position : position + head], p, order)
-                    if count < 0:
-                        raise _bad_count(element, row, count, where)
-                position += head
-                column_offsets.append(position)
-                column_counts.append(count)
-                position += count * size
-            else:
-                column_offsets.append(position)
-                position += size
-        if position > end:
-            raise _short(element, row, where)
-    raw = np.frombuffer(data, np.uint8)
-    columns: _Columns = {}
-    for k, p in enumerate(element.properties):
-        first = np.array(offsets[k], np.int64)
-        dtype = np.dtype(byte_order + p.type)
-        if p.count_type:
-            lengths = np.array(counts[k], np.int64)
-            columns[p.name] = _List(lengths, _gather(raw, first, lengths, dtype))
-        else:
-            columns[p.name] = _gather(raw, first, np.ones(len(first), np.int64), dtype)
-    return columns, position
-
-
-def _list_length(raw: bytes, p: _Property, order: Any) -> int:
-    assert p.count_type is not None
-    if p.count_type[0] == "f":
-        value = float(np.frombuffer(raw, (">" if order == "big" else "<") + p.count_type)[0])
-        return int(value) if value >= 0 and value == value // 1 and value < 2**53 else -1
-    return int.from_bytes(raw, order, signed=p.count_type[0] == "i")
-
-
-def _gather(
-    raw: NDArray[np.uint8], first: NDArray[np.int64], lengths: NDArray[np.int64], dtype: Any
-) -> NDArray[Any]:
-    """`lengths[i]` items from byte `first[i]` on, for all i one after another."""
-    total = int(lengths.sum())
-    out = np.empty((total, dtype.itemsize), np.uint8)
-    starts = np.cumsum(lengths) - lengths
-    for length in np.unique(lengths):
-        if not length:
-            continue
-        rows = np.flatnonzero(lengths == length)
-        source = first[rows, None] + np.arange(length * dtype.itemsize)
-        target = starts[rows, None] + np.arange(length)
-        out[target.reshape(-1)] = raw[source].reshape(-1, dtype.itemsize)
-    return out.reshape(-1).view(dtype)
-
-
-def _ascii_element(
-    values: NDArray[Any], start: int, element: _Element, where: str
-) -> tuple[_Columns, int]:
-    if not element.properties or not element.count:
-        return {p.name: _empty(p) for p in element.properties}, start
-    columns_least = len(element.properties)
-    if element.count * columns_least > len(values) - start:
-        raise _short(element, (len(values) - start) // columns_least, where)
-    if not element.has_lists:
-        stop = start + element.count * columns_least
-        table = values[start:stop].reshape(element.count, columns_least)
-        return {p.name: _typed(table[:, k], p.type) for k, p in enumerate(element.properties)}, stop
-    # A file of numbers is a binary file whose every item is a double.
-    doubles = _Element(
-        element.name,
-        element.count,
-        [_Property(p.name, "f8", "f8" if p.count_type else None) for p in element.properties],
-    )
-    raw = values[start:].tobytes()
-    columns, stop = _binary_element(raw, 0, doubles, "=", where)
-    for p in element.properties:
-        column = columns[p.name]
-        if isinstance(column, _List):
-            columns[p.name] = _List(column.counts, _typed(column.values, p.type))
-        else:
-            columns[p.name] = _typed(column, p.type)
-    return columns, start + stop // 8
-
-
-def _typed(values: NDArray[Any], type_name: str) -> NDArray[Any]:
-    """Numbers of an ASCII file as their declared type, where that keeps them; wide indices stay."""
-    dtype = np.dtype(type_name)
-    if dtype.kind == "f":
-        with np.errstate(over="ignore"):
-            return values.astype(dtype)
-    info = np.iinfo(dtype)
-    fits = dtype.itemsize < 8 and bool(((values >= info.min) & (values <= info.max)).all())
-    return values.astype(dtype) if fits else values
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, LoadWarning, stacklevel=6)
 
 
 # --- mesh -------------------------------------------------------------------------------------
 
 
-def _stack(columns: _Columns, choices: Sequence[tuple[str, ...]]) -> NDArray[Any] | None:
+def _stack(columns: Columns, choices: Sequence[tuple[str, ...]]) -> NDArray[Any] | None:
     """The first choice of names that are all there, as (n, k) in the columns' own type."""
     for names in choices:
         picked = [columns.get(name) for name in names]
@@ -348,13 +68,15 @@ def _floats(array: NDArray[Any] | None) -> Float32Array | None:
         return np.ascontiguousarray(array, np.float32)
 
 
-def _mesh(columns: dict[str, _Columns], where: str) -> Mesh:
+def _mesh(columns: dict[str, Columns], where: str) -> Mesh:
     vertex = columns.get("vertex")
     if vertex is None:
         raise Error(f"{where} has no element 'vertex'")
     points = _stack(vertex, POSITION)
     if points is None:
         raise Error(f"{where}: element 'vertex' lacks x, y or z")
+    if len(points) and not (columns.get("face") or columns.get("tristrips")):
+        raise Error(f"{where} has {len(points)} vertices and no element 'face': a point cloud")
     faces = columns.get("face", {})
     normals = _floats(_stack(vertex, NORMAL))
     triangles, parents = _triangles(columns, where)
@@ -369,10 +91,27 @@ def _mesh(columns: dict[str, _Columns], where: str) -> Mesh:
         material_ids=ids,
         materials=materials,
     )
+    if len(points) and not len(triangles):
+        _warn(f"{where} has {len(points)} vertices, and no triangles")
+    mesh.fault = _fault(columns, where)
     return _with_corner_uvs(mesh, faces)
 
 
-def _vertex_colors(vertex: _Columns) -> Float32Array | None:
+def _fault(columns: dict[str, Columns], where: str) -> str:
+    """The first face's index that can be none, as it is in the file."""
+    polygons = _index_list(columns.get("face", {}), "face", where)
+    if polygons is None or polygons.values.dtype.kind == "u":
+        return ""
+    values = polygons.values
+    wrong = np.flatnonzero(~((values >= 0) & (values == np.floor(values))))
+    if not len(wrong):
+        return ""
+    face = int(np.searchsorted(np.cumsum(polygons.counts), wrong[0], "right"))
+    vertices = len(next(c for c in columns["vertex"].values() if isinstance(c, np.ndarray)))
+    return f"{where}: face {face} has vertex index {values[wrong[0]]:g}, of {vertices} there are"
+
+
+def _vertex_colors(vertex: Columns) -> Float32Array | None:
     rgb = _stack(vertex, COLOR)
     if rgb is None:
         return None
@@ -391,10 +130,10 @@ def _unit(values: NDArray[Any]) -> Float32Array:
     return units
 
 
-def _index_list(columns: _Columns, element: str, where: str) -> _List | None:
+def _index_list(columns: Columns, element: str, where: str) -> ListColumn | None:
     for name in _INDEX_LISTS:
         column = columns.get(name)
-        if isinstance(column, _List):
+        if isinstance(column, ListColumn):
             return column
     if columns and element == "face":
         raise Error(f"{where}: element 'face' has no list 'vertex_indices'")
@@ -402,7 +141,7 @@ def _index_list(columns: _Columns, element: str, where: str) -> _List | None:
 
 
 def _triangles(
-    columns: dict[str, _Columns], where: str
+    columns: dict[str, Columns], where: str
 ) -> tuple[UInt32Array, NDArray[np.int64] | None]:
     """The triangles, and for each the face that it came from (None: its own number)."""
     polygons = _index_list(columns.get("face", {}), "face", where)
@@ -410,6 +149,9 @@ def _triangles(
     triangles = np.zeros((0, 3), np.uint32)
     if polygons is not None:
         indices = to_uint32(polygons.values)
+        few = int((polygons.counts < 3).sum())
+        if few:
+            _warn(f"{where}: {few} faces have fewer than three corners and are left out")
         if (polygons.counts == 3).all():
             triangles = indices.reshape(-1, 3)
         else:
@@ -429,7 +171,7 @@ def _triangles(
 
 
 def _materials(
-    faces: _Columns, parents: NDArray[np.int64] | None, where: str
+    faces: Columns, parents: NDArray[np.int64] | None, where: str
 ) -> tuple[list[Material], UInt32Array | None]:
     column = next((faces[k] for k in _MATERIAL_ID if isinstance(faces.get(k), np.ndarray)), None)
     if column is None or column.dtype.kind == "f":
@@ -440,20 +182,20 @@ def _materials(
         return [], None
     low, high = int(column.min()), int(column.max())
     if low < 0 or high >= _MOST_MATERIALS:
-        warnings.warn(
-            f"{where}: material indices run from {low} to {high} and are left out",
-            LoadWarning,
-            stacklevel=2,
-        )
+        _warn(f"{where}: material indices run from {low} to {high} and are left out")
         return [], None
     return [Material(name=f"material_{k}") for k in range(high + 1)], column.astype(np.uint32)
 
 
-def _with_corner_uvs(mesh: Mesh, faces: _Columns) -> Mesh:
+def _with_corner_uvs(mesh: Mesh, faces: Columns) -> Mesh:
     """Splits vertices so that each corner has the texture coordinate that its face lists."""
     wedge = faces.get("texcoord")
     polygons = next((faces[k] for k in _INDEX_LISTS if k in faces), None)
-    if mesh.uvs is not None or not isinstance(wedge, _List) or not isinstance(polygons, _List):
+    if (
+        mesh.uvs is not None
+        or not isinstance(wedge, ListColumn)
+        or not isinstance(polygons, ListColumn)
+    ):
         return mesh
     if not len(mesh.triangles) or not (wedge.counts == 2 * polygons.counts).all():
         return mesh

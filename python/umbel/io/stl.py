@@ -6,15 +6,22 @@ The facet normals repeat what the corners say, so they are left out. Vertices ar
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
-from umbel.errors import Error
+from umbel.errors import Error, LoadWarning
 from umbel.io.files import numbers
 from umbel.io.scene import Instance, Scene
+from umbel.io.text_lines import Words, line_at
 from umbel.mesh import Float32Array, Float64Array, Mesh
 
 _HEADER = 84
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+#: The words of a facet, "-" for numbers.
+_CORNER = ["vertex", "-", "-", "-"]
+_FACET = ["facet", "normal", "-", "-", "-", "outer", "loop", *_CORNER, *_CORNER, *_CORNER]
+_FACET += ["endloop", "endfacet"]
 
 
 def read_stl(data: bytes, where: str) -> Scene:
@@ -30,50 +37,101 @@ def _is_ascii(data: bytes) -> bool:
         count = int.from_bytes(data[80:84], "little")
         if len(data) == _HEADER + count * _RECORD.itemsize:
             return False
-    head = data[:1024].lstrip().lower()
-    return head.startswith(b"solid") and (b"facet" in data[:4096].lower() or b"endsolid" in head)
+    if not data[:1024].lstrip().lower().startswith(b"solid"):
+        return False
+    return b"facet" in data[:4096].lower() or b"\0" not in data[:4096]
 
 
 def _binary(data: bytes, where: str) -> Float32Array:
     if len(data) < _HEADER:
         raise Error(
-            f"{where} is cut short: a binary STL has at least {_HEADER} bytes, this has {len(data)}"
+            f"{where} is cut short or no STL: a binary one has at least {_HEADER} bytes, this has "
+            f"{len(data)}"
         )
     count = int.from_bytes(data[80:84], "little")
-    have = (len(data) - _HEADER) // _RECORD.itemsize
+    size = _RECORD.itemsize
+    have = (len(data) - _HEADER) // size
     if count > have:
         raise Error(
             f"{where} is cut short or no STL: the header says {count} triangles, there "
-            f"are bytes for {have}"
+            f"are bytes for {have}, the last of them at byte {_HEADER + have * size}"
+        )
+    end = _HEADER + count * size
+    if end < len(data) and not count:
+        raise Error(f"{where} is no STL: it says 0 triangles, and {len(data) - end} bytes follow")
+    if end < len(data):
+        says = f"{have - count} more" if have > count else "no whole one"
+        warnings.warn(
+            f"{where}: {len(data) - end} bytes after the {count} triangles of its header are left "
+            f"out, from byte {end} on; there is room for {says}",
+            LoadWarning,
+            stacklevel=5,
         )
     records = np.frombuffer(data, _RECORD, count, _HEADER)
     return np.ascontiguousarray(records["corners"]).reshape(-1, 3)
 
 
+# --- ASCII ------------------------------------------------------------------------------------
+
+
 def _ascii(data: bytes, where: str) -> Float64Array:
-    text = np.frombuffer(data.lower() + b"\n", np.uint8)
-    space = text <= 32
-    starts = np.flatnonzero(space[:-1] & ~space[1:]) + 1
-    if not space[0]:
-        starts = np.concatenate([[0], starts])
-    ends = np.flatnonzero(~space[:-1] & space[1:]) + 1
-    padded = np.concatenate([text, np.zeros(8, np.uint8)])
-    word = np.frombuffer(b"vertex", np.uint8)
-    is_vertex = ends - starts == len(word)
-    for k, letter in enumerate(word):
-        is_vertex &= padded[starts + k] == letter
-    at = np.flatnonzero(is_vertex)
-    if len(at) % 3:
-        raise Error(f"{where} is cut short or corrupt: {len(at)} vertices are no whole triangles")
-    loops = data.lower().count(b"outer loop")
-    if loops and loops * 3 != len(at):
-        raise Error(f"{where}: {loops} loops have {len(at)} vertices; every loop needs three")
-    if len(at) and at[-1] + 3 >= len(starts):
-        raise Error(f"{where} is cut short after vertex {len(at) - 1}")
-    mask = np.zeros(len(text) + 1, np.int8)
-    np.add.at(mask, starts[at + 1] if len(at) else at, 1)
-    np.add.at(mask, ends[at + 3] + 1 if len(at) else at, -1)
-    chosen = text[np.cumsum(mask[:-1], dtype=np.int8).astype(bool)].tobytes()
-    values = numbers(chosen, len(at) * 3, f"{where}, vertex coordinates")
+    text = data.lower()
+    body = _facets_of(text, where)
+    words = Words.of(body)
+    size = len(_FACET)
+    wrong = len(words) // size  # the first facet that is not whole
+    for k, word in enumerate(_FACET):
+        good = words.are(slice(k, None, size), word.encode()) if word != "-" else np.ones(1, bool)
+        wrong = min(wrong, int(np.argmin(good))) if not good.all() else wrong
+    if wrong * size < len(words):
+        _refuse(words, text, wrong * size, where)
+    mask = np.zeros(len(body) + 1, np.int8)
+    for k in (8, 12, 16):  # the first number of each corner
+        mask[words.starts[k::size]] += 1
+        mask[words.ends[k + 2 :: size]] -= 1
+    kept = np.cumsum(mask, dtype=np.int8)[:-1].astype(bool)
+    kept |= (words.text == 10) | (words.text == 13)  # for messages, which name lines
+    chosen = np.where(kept, words.text, np.uint8(32)).tobytes()
+    values = numbers(chosen, len(words) // size * 9, where, first_line=1)
     points: Float64Array = values.reshape(-1, 3)
     return points
+
+
+def _refuse(words: Words, text: bytes, first: int, where: str) -> None:
+    """Raises for the first word of the facet from word `first` on that should be another."""
+    for k, word in enumerate(_FACET):
+        at = first + k
+        if at >= len(words):
+            line = line_at(text, int(words.ends[-1]))
+            raise Error(f"{where}, line {line}: the facet is cut short, {word!r} should follow")
+        if word != "-" and not words.are(slice(at, at + 1), word.encode())[0]:
+            line = line_at(text, int(words.starts[at]))
+            raise Error(f"{where}, line {line}: {words.word(at)} is where {word!r} should be")
+
+
+def _facets_of(text: bytes, where: str) -> bytes:
+    """The text with blanks in place of "solid" and "endsolid" and the names that follow them."""
+    out = bytearray(text)
+    is_open, at, last = False, 0, 0
+    while (at := text.find(b"solid", at)) >= 0:
+        is_end = text[max(at - 3, 0) : at] == b"end"
+        begin = at - 3 * is_end
+        if text[begin - 1 : begin].strip():
+            at += 5  # part of a word
+            continue
+        stops = [p for p in (text.find(b"\n", at), text.find(b"\r", at)) if p >= 0]
+        stop = min(stops, default=len(text))
+        more = text.find(b"solid " if is_end else b"facet", at + 5, stop)
+        stop = stop if more < 0 else more
+        if is_end != is_open:
+            line = line_at(text, at)
+            raise Error(f"{where}, line {line}: 'solid' and 'endsolid' do not take turns")
+        is_open = not is_end
+        out[begin:stop] = b" " * (stop - begin)
+        at = last = stop
+    if is_open or out[last:].strip():
+        raise Error(
+            f"{where}, line {line_at(text, len(text.rstrip()))}: there is no 'endsolid'; the file "
+            f"is cut short"
+        )
+    return bytes(out)

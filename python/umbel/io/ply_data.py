@@ -1,0 +1,346 @@
+"""The tables of a PLY file, ASCII or binary of either byte order: its header's elements, and for
+each of their properties an array."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel.errors import Error, LoadWarning
+from umbel.io.files import numbers
+from umbel.io.text_lines import Words, line_at
+
+_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
+    "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
+    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "int64": "i8", "uint64": "u8",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+_BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+_LONGEST_HEADER = 1 << 20
+
+
+@dataclass
+class _Property:
+    name: str
+    type: str
+    count_type: str | None = None  # of a list
+
+
+@dataclass
+class Element:
+    name: str
+    count: int
+    properties: list[_Property] = field(default_factory=list)
+
+    @property
+    def has_lists(self) -> bool:
+        return any(p.count_type for p in self.properties)
+
+
+@dataclass
+class ListColumn:
+    """A list property of all rows: row i holds values[sum of counts before i, + counts[i])."""
+
+    counts: NDArray[np.int64]
+    values: NDArray[Any]
+
+
+Columns = dict[str, Any]  # property name -> array of one value a row, or ListColumn
+
+
+def read_tables(data: bytes, where: str) -> dict[str, Columns]:
+    """The columns of each element. Raises, with the line or the byte, where the data do not fit the
+    header, and warns of data after the last element."""
+    byte_order, elements, body, data = _header(data, where)
+    columns: dict[str, Columns] = {}
+    place = _Place(data, where, body, byte_order == "=")
+    if byte_order == "=":
+        values = numbers(data[body:], None, where, first_line=line_at(data, body))
+        at = 0
+        for element in elements:
+            columns[element.name], at = _ascii_element(values, at, element, place)
+        left_out, what = len(values) - at, "numbers"
+    else:
+        at = body
+        for element in elements:
+            columns[element.name], at = _binary_element(data, at, element, byte_order, place)
+        left_out, what = len(data) - at, "bytes"
+    if left_out:
+        sentence = f"{place.named(at)}: {left_out} {what} after the last element are left out"
+        warnings.warn(f"{sentence}; do the header's counts lie?", LoadWarning, stacklevel=6)
+    return columns
+
+
+@dataclass
+class _Place:
+    """Where in a file something is: a byte, or in ASCII a number, whose line is named."""
+
+    data: bytes
+    where: str
+    body: int
+    is_ascii: bool
+    first: int = 0  #: the number that `at` counts from
+    size: int = 1  #: what `at` counts for each number
+
+    def named(self, at: int) -> str:
+        """The file and the place in it."""
+        if not self.is_ascii:
+            return f"{self.where}, byte {min(at, len(self.data))}"
+        words = Words.of(self.data[self.body :])
+        at = self.first + at // self.size
+        if not len(words):
+            offset = 0
+        else:
+            offset = int(words.starts[at] if at < len(words) else words.ends[-1])
+        return f"{self.where}, line {line_at(self.data, self.body + offset)}"
+
+
+# --- header -----------------------------------------------------------------------------------
+
+
+def _header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes]:
+    """Byte order, elements, where the body begins, and the data, which end with a line's end."""
+    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    if not first:
+        raise Error(f"{where} is no PLY file: it does not begin with 'ply'")
+    newline = first.group(1)
+    end = re.search(rb"[\r\n]end_header[ \t]*" + newline, data[:_LONGEST_HEADER])
+    if not end and re.search(rb"[\r\n]end_header[ \t]*$", data[:_LONGEST_HEADER]):
+        data += newline  # nothing follows
+        end = re.search(rb"[\r\n]end_header[ \t]*" + newline, data[:_LONGEST_HEADER])
+    if not end:
+        raise Error(f"{where} is cut short or corrupt: its header has no 'end_header'")
+    byte_order = ""
+    elements: list[Element] = []
+    for number, line in enumerate(data[first.end() : end.start()].decode("latin-1").splitlines()):
+        words, place = line.split(), f"{where}, line {number + 2}"
+        if not words or words[0] in ("comment", "obj_info"):
+            continue
+        if words[0] == "format" and len(words) >= 2 and words[1] in _BYTE_ORDERS:
+            byte_order = _BYTE_ORDERS[words[1]]
+        elif words[0] == "element" and len(words) == 3 and words[2].isdecimal():
+            if any(e.name == words[1] for e in elements):
+                raise Error(f"{place}: there are two elements named {words[1]!r}")
+            elements.append(Element(words[1], int(words[2][:20])))
+        elif words[0] == "property" and elements:
+            elements[-1].properties.append(_property(words, line, place))
+        else:
+            raise Error(f"{place}: header line {line[:80]!r} makes no sense")
+    if not byte_order:
+        raise Error(f"{where}: the header names no known format")
+    return byte_order, elements, end.end(), data
+
+
+def _property(words: list[str], line: str, place: str) -> _Property:
+    if len(words) == 3 and words[1] in _TYPES:
+        return _Property(words[2], _TYPES[words[1]])
+    if len(words) == 5 and words[1] == "list" and words[2] in _TYPES and words[3] in _TYPES:
+        return _Property(words[4], _TYPES[words[3]], _TYPES[words[2]])
+    raise Error(f"{place}: header line {line[:80]!r} makes no sense")
+
+
+# --- elements ---------------------------------------------------------------------------------
+
+
+def _short(element: Element, rows: int, at: int, place: _Place) -> Error:
+    return Error(
+        f"{place.named(at)}: the file is cut short or corrupt: the header says {element.count} of "
+        f"element {element.name!r}, the data holds {rows}"
+    )
+
+
+def _bad_count(element: Element, row: int, count: float, at: int, place: _Place) -> Error:
+    return Error(
+        f"{place.named(at)}: a list of element {element.name!r}, row {row}, has length {count:g}"
+    )
+
+
+def _dtype(element: Element, byte_order: str, lengths: list[int]) -> np.dtype[Any]:
+    fields: list[tuple[str, Any]] = []
+    at = iter(lengths)
+    for k, p in enumerate(element.properties):
+        if p.count_type:
+            fields.append((f"n{k}", byte_order + p.count_type))
+            fields.append((f"p{k}", (byte_order + p.type, (next(at),))))
+        else:
+            fields.append((f"p{k}", byte_order + p.type))
+    return np.dtype(fields)
+
+
+def _binary_element(
+    data: bytes, start: int, element: Element, byte_order: str, place: _Place
+) -> tuple[Columns, int]:
+    if not element.properties or not element.count:
+        return {p.name: _empty(p) for p in element.properties}, start
+    shortest = _dtype(element, byte_order, [0] * len(element.properties)).itemsize
+    if element.count * shortest > len(data) - start:
+        raise _short(element, (len(data) - start) // shortest, len(data), place)
+    columns = _uniform_rows(data, start, element, byte_order)
+    if columns is not None:
+        return columns
+    return _ragged_rows(data, start, element, byte_order, place)
+
+
+def _empty(p: _Property) -> Any:
+    values = np.zeros(0, p.type)
+    return ListColumn(np.zeros(0, np.int64), values) if p.count_type else values
+
+
+def _uniform_rows(
+    data: bytes, start: int, element: Element, byte_order: str
+) -> tuple[Columns, int] | None:
+    """All rows at once, if every row's lists are as long as the first row's; else None."""
+    lengths: list[int] = []
+    position = start
+    for p in element.properties:
+        size = np.dtype(p.type).itemsize
+        if p.count_type:
+            head = np.dtype(byte_order + p.count_type)
+            if position + head.itemsize > len(data):
+                return None
+            count = np.frombuffer(data, head, 1, position)[0]
+            if not 0 <= count <= len(data):
+                return None
+            lengths.append(int(count))
+            position += head.itemsize + int(count) * size
+        else:
+            position += size
+    if (position - start) * element.count > len(data) - start:
+        return None
+    rows = np.frombuffer(data, _dtype(element, byte_order, lengths), element.count, start)
+    columns: Columns = {}
+    at = iter(lengths)
+    for k, p in enumerate(element.properties):
+        values = rows[f"p{k}"]
+        if p.count_type:
+            length = next(at)
+            if not (rows[f"n{k}"] == length).all():
+                return None
+            columns[p.name] = ListColumn(
+                np.full(element.count, length, np.int64), values.reshape(element.count * length)
+            )
+        else:
+            columns[p.name] = values
+    return columns, position + (position - start) * (element.count - 1)
+
+
+def _ragged_rows(
+    data: bytes, start: int, element: Element, byte_order: str, place: _Place
+) -> tuple[Columns, int]:
+    """Rows whose lists differ in length: found one by one, then gathered all at once."""
+    sizes = [np.dtype(p.type).itemsize for p in element.properties]
+    heads = [np.dtype(p.count_type).itemsize if p.count_type else 0 for p in element.properties]
+    order = "big" if byte_order == ">" else "little"
+    offsets: list[list[int]] = [[] for _ in element.properties]
+    counts: list[list[int]] = [[] for _ in element.properties]
+    single_bytes = [p.count_type == "u1" for p in element.properties]
+    steps = list(zip(heads, sizes, single_bytes, offsets, counts, element.properties, strict=True))
+    position, end = start, len(data)
+    for row in range(element.count):
+        for head, size, single, column_offsets, column_counts, p in steps:
+            if head:
+                if position + head > end:
+                    raise _short(element, row, end, place)
+                if single:
+                    count = data[position]
+                else:
+                    raw = data[position : position + head]
+                    count = _list_length(raw, p, order)
+                    if count < 0:
+                        raise _bad_count(element, row, _number(raw, p, order), position, place)
+                position += head
+                column_offsets.append(position)
+                column_counts.append(count)
+                position += count * size
+            else:
+                column_offsets.append(position)
+                position += size
+        if position > end:
+            raise _short(element, row, end, place)
+    every = np.frombuffer(data, np.uint8)
+    columns: Columns = {}
+    for k, p in enumerate(element.properties):
+        first = np.array(offsets[k], np.int64)
+        dtype = np.dtype(byte_order + p.type)
+        if p.count_type:
+            lengths = np.array(counts[k], np.int64)
+            columns[p.name] = ListColumn(lengths, _gather(every, first, lengths, dtype))
+        else:
+            columns[p.name] = _gather(every, first, np.ones(len(first), np.int64), dtype)
+    return columns, position
+
+
+def _number(raw: bytes, p: _Property, order: Any) -> float:
+    return float(np.frombuffer(raw, (">" if order == "big" else "<") + str(p.count_type))[0])
+
+
+def _list_length(raw: bytes, p: _Property, order: Any) -> int:
+    assert p.count_type is not None
+    if p.count_type[0] == "f":
+        value = _number(raw, p, order)
+        return int(value) if value >= 0 and value == value // 1 and value < 2**53 else -1
+    return int.from_bytes(raw, order, signed=p.count_type[0] == "i")
+
+
+def _gather(
+    raw: NDArray[np.uint8], first: NDArray[np.int64], lengths: NDArray[np.int64], dtype: Any
+) -> NDArray[Any]:
+    """`lengths[i]` items from byte `first[i]` on, for all i one after another."""
+    total = int(lengths.sum())
+    out = np.empty((total, dtype.itemsize), np.uint8)
+    starts = np.cumsum(lengths) - lengths
+    for length in np.unique(lengths):
+        if not length:
+            continue
+        rows = np.flatnonzero(lengths == length)
+        source = first[rows, None] + np.arange(length * dtype.itemsize)
+        target = starts[rows, None] + np.arange(length)
+        out[target.reshape(-1)] = raw[source].reshape(-1, dtype.itemsize)
+    return out.reshape(-1).view(dtype)
+
+
+def _ascii_element(
+    values: NDArray[Any], start: int, element: Element, place: _Place
+) -> tuple[Columns, int]:
+    if not element.properties or not element.count:
+        return {p.name: _empty(p) for p in element.properties}, start
+    columns_least = len(element.properties)
+    if element.count * columns_least > len(values) - start:
+        raise _short(element, (len(values) - start) // columns_least, len(values), place)
+    if not element.has_lists:
+        stop = start + element.count * columns_least
+        table = values[start:stop].reshape(element.count, columns_least)
+        return {p.name: _typed(table[:, k], p.type) for k, p in enumerate(element.properties)}, stop
+    # A file of numbers is a binary file whose every item is a double.
+    doubles = Element(
+        element.name,
+        element.count,
+        [_Property(p.name, "f8", "f8" if p.count_type else None) for p in element.properties],
+    )
+    raw = values[start:].tobytes()
+    columns, stop = _binary_element(raw, 0, doubles, "=", replace(place, first=start, size=8))
+    for p in element.properties:
+        column = columns[p.name]
+        if isinstance(column, ListColumn):
+            columns[p.name] = ListColumn(column.counts, _typed(column.values, p.type))
+        else:
+            columns[p.name] = _typed(column, p.type)
+    return columns, start + stop // 8
+
+
+def _typed(values: NDArray[Any], type_name: str) -> NDArray[Any]:
+    """Numbers of an ASCII file as their declared type, where that keeps them; wide indices stay."""
+    dtype = np.dtype(type_name)
+    if dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            return values.astype(dtype)
+    info = np.iinfo(dtype)
+    fits = dtype.itemsize < 8 and bool(((values >= info.min) & (values <= info.max)).all())
+    return values.astype(dtype) if fits else values
