@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, ply_bytes
-from umbel.errors import Error
+from umbel import validate
+from umbel.errors import Error, LoadWarning
 from umbel.io import load
 
 FORMATS = ["ascii", "binary_little_endian", "binary_big_endian"]
@@ -215,7 +216,47 @@ def test_no_vertices_and_no_faces_are_an_empty_mesh(tmp_path: Path, fmt: str) ->
     mesh = read(tmp_path, ply_bytes([("vertex", XYZ, []), ("face", FACE, [])], fmt))
     assert mesh.positions.shape == (0, 3)
     assert mesh.triangles.shape == (0, 3)
-    assert read(tmp_path, ply_bytes([("vertex", XYZ, [(0, 0, 0)])], fmt)).triangles.size == 0
+    with pytest.raises(Error, match="has 1 vertices and no element 'face': a point cloud"):
+        read(tmp_path, ply_bytes([("vertex", XYZ, [(0, 0, 0)])], fmt))
+    with pytest.warns(LoadWarning, match="has 1 vertices, and no triangles"):
+        data = ply_bytes([("vertex", XYZ, [(0, 0, 0)]), ("face", FACE, [])], fmt)
+        assert read(tmp_path, data).triangles.size == 0
+
+
+@pytest.mark.parametrize("fmt", FORMATS)
+def test_what_follows_the_last_element_is_a_warning(tmp_path: Path, fmt: str) -> None:
+    points = rows(TETRA_POSITIONS)
+    good = ply_bytes([("vertex", XYZ, points), ("face", FACE, faces(TETRA_TRIANGLES))], fmt)
+    lying = good.replace(b"element face 4", b"element face 3")
+    line, byte = good.count(b"\n"), len(good) - 13
+    place, left = (f"line {line}", "4 numbers") if fmt == "ascii" else (f"byte {byte}", "13 bytes")
+    with pytest.warns(LoadWarning, match=rf"mesh.ply, {place}: {left} after the last element"):
+        assert len(read(tmp_path, lying).triangles) == 3
+
+
+def test_faces_of_two_corners_and_indices_that_are_none_are_named(tmp_path: Path) -> None:
+    points = rows(TETRA_POSITIONS)
+    data = ply_bytes([("vertex", XYZ, points), ("face", FACE, [([0, 1],), ([0, 1, -7],)])])
+    with pytest.warns(LoadWarning, match="1 faces have fewer than three corners"):
+        mesh = read(tmp_path, data)
+    with pytest.raises(Error, match=r"mesh.ply: face 1 has vertex index -7, of 4 there are"):
+        validate(mesh)
+
+
+def test_damage_in_text_is_named_with_its_line(tmp_path: Path) -> None:
+    lines = ASCII.decode().split("\n")
+    first = lines.index("end_header") + 1
+    for k in (0, 2, 5):
+        bad = [*lines]
+        bad[first + k] = "1 x 2"
+        with pytest.raises(Error, match=rf"mesh.ply, line {first + k + 1}: 'x' is no number"):
+            read(tmp_path, "\n".join(bad).encode())
+    bad = [*lines]
+    bad[first + 5] = "3.5 0 1 2"
+    with pytest.raises(
+        Error, match=rf"line {first + 6}: a list of element 'face', row 1, has .*3.5"
+    ):
+        read(tmp_path, "\n".join(bad).encode())
 
 
 GOOD = ply_bytes([("vertex", XYZ, rows(TETRA_POSITIONS)), ("face", FACE, faces(TETRA_TRIANGLES))])

@@ -79,7 +79,10 @@ def test_no_triangles_are_an_empty_mesh(tmp_path: Path) -> None:
         (ascii_text().replace("outer loop", "", 1).encode(), "line 4: 'vertex' is where 'outer'"),
         (ascii_text().replace("endloop", "vertex 1 2 3", 1).encode(), "line 7: .*'endloop' should"),
         (ascii_text().replace("  endfacet", "  endfacet x", 3).encode(), "line 8: 'x' is where 'f"),
-        (ascii_text().replace("    endloop\n  endfacet\nends", "ends").encode(), "facet is cut short"),
+        (
+            ascii_text().replace("    endloop\n  endfacet\nends", "ends").encode(),
+            "facet is cut short",
+        ),
         (ascii_text().encode() + b"\nfacet", "no 'endsolid'"),
         (b"solid a\nsolid b\nendsolid\n", "line 2: .* do not take turns"),
         (b"hello world\n" * 20, "is cut short or no STL"),

@@ -24,6 +24,7 @@ from umbel.io.gltf_images import texture_reader
 from umbel.io.gltf_losses import losses
 from umbel.io.gltf_materials import read_material
 from umbel.io.gltf_nodes import Nodes, instance_matrices
+from umbel.io.gltf_properties import unknown_properties
 from umbel.io.gltf_schema import check_schema
 from umbel.io.gltf_tree import Tree
 from umbel.io.polygons import strips
@@ -62,6 +63,7 @@ _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4}
 _NUMBERED_WIDTHS = {"TEXCOORD": 2, "JOINTS": 4, "WEIGHTS": 4}
+_SHOWN = 5  # names in a warning
 _MOST_UVS, _MOST_SKIN_SETS = 7, 3
 
 
@@ -81,10 +83,22 @@ def read_root(
     _check_header(root, where)
     reader = _Reader(Buffers(root, binary, where, folder))
     scene = reader.scene()
+    reader.lost += _named(list(unknown_properties(root)))
+    if not scene.instances and (root.get("meshes") or root.get("nodes")):
+        lost = f" ({'; '.join(reader.lost)})" if reader.lost else ""
+        raise Error(f"{where} draws no triangles: it is no mesh{lost}")
     if reader.lost and warn:
         sentence = f"{where}: left out: {'; '.join(reader.lost)}"
         warnings.warn(sentence, LoadWarning, stacklevel=2)
     return scene
+
+
+def _named(unknown: list[str]) -> list[str]:
+    """Properties that glTF does not have, the first of them by name."""
+    if not unknown:
+        return []
+    more = f" and {len(unknown) - _SHOWN} more" if len(unknown) > _SHOWN else ""
+    return [f"{', '.join(unknown[:_SHOWN])}{more}, which glTF does not have"]
 
 
 def _check_header(root: Json, where: str) -> None:
@@ -193,6 +207,7 @@ class _Reader:
             if mode not in (_TRIANGLES, _STRIP, _FAN):
                 continue
             if "POSITION" not in (primitive.get("attributes") or {}):
+                self.lost.append(f"{name}, which has no POSITION")
                 continue
             block, corners = self._primitive(
                 primitive, name, weights, joints, first_joint, shared, blocks

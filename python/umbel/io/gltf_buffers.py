@@ -8,12 +8,13 @@ import base64
 import binascii
 import json
 import urllib.parse
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel.errors import Error
+from umbel.errors import Error, LoadWarning
 from umbel.io.files import read_bytes
 from umbel.io.folder import Folder
 from umbel.mesh import Float32Array, UInt32Array, to_unit_floats
@@ -54,6 +55,8 @@ def _glb_chunks(data: bytes, where: str) -> tuple[bytes, bytes | None]:
         raise Error(f"{where}: glTF version {version}, only 2 can be read")
     if length > len(data):
         raise Error(f"{where} is cut short: its header says {length} bytes, it has {len(data)}")
+    if length < len(data):
+        _warn(f"{where}: {len(data) - length} bytes from byte {length} on, its header's end")
     chunks: dict[int, bytes] = {}
     at = 12
     while at + 8 <= length:
@@ -63,9 +66,15 @@ def _glb_chunks(data: bytes, where: str) -> tuple[bytes, bytes | None]:
             raise Error(f"{where}: the chunk at byte {at} runs past the end of the file")
         chunks.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size
+    if at != length:
+        raise Error(f"{where}, byte {at}: {length - at} bytes are no chunk; the file is corrupt")
     if _JSON_CHUNK not in chunks:
         raise Error(f"{where} has no JSON chunk")
     return chunks[_JSON_CHUNK], chunks.get(_BIN_CHUNK)
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(f"{sentence}, are left out", LoadWarning, stacklevel=2)
 
 
 class Buffers:
@@ -119,13 +128,15 @@ class Buffers:
             data = self._external(uri, name)
         else:
             raise Error(f"{self.where}: {name} has a URI that is no text")
-        length = self.number(entry, "byteLength", name, 0)
+        length = self.number(entry, "byteLength", name, len(data))
         if length > len(data):
             raise Error(
                 f"{self.where}: {name} should have {length} bytes, there are {len(data)}; the "
                 f"file is cut short"
             )
-        return data
+        if uri is None and len(data) > length + 3:  # chunks are padded to whole words
+            _warn(f"{self.where}: {len(data) - length} bytes after the {length} of {name}")
+        return data[:length] if length < len(data) else data
 
     def _external(self, uri: str, name: str) -> bytes:
         if self.folder is None:
@@ -282,7 +293,8 @@ def data_uri(uri: str, what: str) -> bytes:
     head, _, body = uri.partition(",")
     try:
         if head.endswith(";base64"):
-            return base64.b64decode(urllib.parse.unquote_to_bytes(body))
+            packed = b"".join(urllib.parse.unquote_to_bytes(body).split())
+            return base64.b64decode(packed, validate=True)
         return urllib.parse.unquote_to_bytes(body)
     except (binascii.Error, ValueError) as error:
         raise Error(f"{what} has a damaged data URI: {error}") from None
