@@ -46,6 +46,7 @@ HEADER_LAYERS = {
     "umbel_cuda_trace.h": "capi",
     "cuda_select.hpp": "cuda",
     "cuda_trace.hpp": "cuda",
+    "trace_material.hpp": "trace",
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]', re.MULTILINE)

@@ -8,7 +8,8 @@
 // Light is computed forward from the camera: at every hit two shadow rays go to the lights (sun,
 // sky, emissive triangles) and one ray goes on, until Russian roulette ends the path. What the
 // shadow rays and the bounces both find is weighted by multiple importance sampling (Veach 1997).
-// Radiance is linear RGB with sRGB's primaries. All surfaces have two sides.
+// Radiance is linear RGB with sRGB's primaries. All surfaces have two sides; where a material is
+// the surface of a body, triangles run counter-clockwise seen from outside.
 #pragma once
 
 #include <array>
@@ -19,6 +20,7 @@
 
 #include "umbel/lod.hpp"
 #include "umbel/mesh.hpp"
+#include "umbel/trace_material.hpp"
 #include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
 
@@ -33,50 +35,6 @@ struct Camera {
   float fov_y = 0.6981317f;     ///< vertical field of view in radians, in (0, pi)
   float lens_radius = 0.0f;     ///< of a thin lens, in the mesh's unit; 0: a pinhole, all sharp
   float focus_distance = 0.0f;  ///< where the lens is sharp; 0: at the target
-};
-
-enum class Wrap : uint32_t { kRepeat, kClamp, kMirror };
-
-/// An image of 8-bit RGBA texels, row by row from the top (v = 0), that somebody else owns.
-struct TextureView {
-  std::span<const uint8_t> texels;  ///< 4 * width * height
-  uint32_t width = 0, height = 0;   ///< 1..65536
-  bool srgb = false;                ///< red, green and blue are sRGB-encoded; alpha never is
-  bool nearest = false;             ///< no bilinear interpolation
-  Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
-};
-
-/// A texture and where the mesh's UVs meet it: uv' = offset + rotate(rotation, scale * uv), as
-/// KHR_texture_transform has it.
-struct TextureUse {
-  uint32_t texture = kNone;  ///< index into Look::textures
-  Vec2 offset{0, 0};
-  Vec2 scale{1, 1};
-  float rotation = 0.0f;  ///< radians, counter-clockwise with v down
-};
-
-enum class AlphaMode : uint32_t {
-  kOpaque,  ///< alpha means nothing
-  kMask,    ///< there or not, by alpha_cutoff
-  kBlend,   ///< lets the fraction 1 - alpha of all light pass straight through
-};
-
-/// glTF 2.0's metallic-roughness model. Colours are multiplied by the mesh's vertex colours and
-/// by textures where there are any.
-struct Material {
-  Vec3 base_color{0.8f, 0.8f, 0.8f};  ///< each in [0, 1]
-  float alpha = 1.0f;
-  float metallic = 0.0f;   ///< 0 dielectric .. 1 metal
-  float roughness = 1.0f;  ///< 0 mirror .. 1 matte
-  float specular = 1.0f;   ///< strength of a dielectric's reflection, 0..1; 0 and not metallic:
-                           ///< the surface is Lambert's
-  Vec3 emission{0, 0, 0};  ///< radiance, on both sides
-  AlphaMode alpha_mode = AlphaMode::kOpaque;
-  float alpha_cutoff = 0.5f;
-  TextureUse base_color_texture;          ///< RGB and alpha
-  TextureUse metallic_roughness_texture;  ///< roughness in green, metallic in blue
-  TextureUse emission_texture;
-  TextureUse normal_texture;  ///< tangent space, +Y up
 };
 
 /// The light from outside. Preetham, Shirley & Smits 1999 for a clear sky, in units in which a

@@ -16,15 +16,19 @@ namespace {
 
 using Triple = std::array<float, 3>;
 using Texels = nb::ndarray<const uint8_t, nb::shape<-1, -1, 4>, nb::c_contig, nb::device::cpu>;
-/// Index, offset u v, scale u v, rotation; an index of -1 stands for no texture.
-using Use = std::tuple<int64_t, float, float, float, float, float>;
+/// Index, offset u v, scale u v, rotation, set of UVs; an index of -1 stands for no texture.
+using Use = std::tuple<int64_t, float, float, float, float, float, uint32_t>;
 
 Vec3 vec3(const Triple& t) { return {t[0], t[1], t[2]}; }
 Triple triple(const Vec3& v) { return {v.x, v.y, v.z}; }
 
 trace::TextureUse texture_use(const Use& use) {
-  const auto [index, u, v, scale_u, scale_v, rotation] = use;
-  return {index < 0 ? kNone : static_cast<uint32_t>(index), {u, v}, {scale_u, scale_v}, rotation};
+  const auto [index, u, v, scale_u, scale_v, rotation, uv_set] = use;
+  return {index < 0 ? kNone : static_cast<uint32_t>(index),
+          {u, v},
+          {scale_u, scale_v},
+          rotation,
+          uv_set};
 }
 
 /// A texture as Python gave it, kept alive.
@@ -48,13 +52,70 @@ void use_property(Class& binding, const char* name, trace::TextureUse trace::Mat
       [member](const trace::Material& self) {
         const trace::TextureUse& use = self.*member;
         const int64_t index = use.texture == kNone ? -1 : static_cast<int64_t>(use.texture);
-        return Use{index, use.offset.x, use.offset.y, use.scale.x, use.scale.y, use.rotation};
+        return Use{index,       use.offset.x, use.offset.y, use.scale.x,
+                   use.scale.y, use.rotation, use.uv_set};
       },
       [member](trace::Material& self, const Use& use) { self.*member = texture_use(use); });
 }
 
+void bind_material(nb::module_& module) {
+  using trace::Material;
+  nb::class_<Material> material(module, "TraceMaterial");
+  material.def(nb::init<>());
+  const std::pair<const char*, float Material::*> numbers[] = {
+      {"alpha", &Material::alpha},
+      {"metallic", &Material::metallic},
+      {"roughness", &Material::roughness},
+      {"specular", &Material::specular},
+      {"alpha_cutoff", &Material::alpha_cutoff},
+      {"normal_scale", &Material::normal_scale},
+      {"ior", &Material::ior},
+      {"transmission", &Material::transmission},
+      {"attenuation_distance", &Material::attenuation_distance},
+      {"diffuse_transmission", &Material::diffuse_transmission},
+      {"clearcoat", &Material::clearcoat},
+      {"clearcoat_roughness", &Material::clearcoat_roughness},
+      {"clearcoat_normal_scale", &Material::clearcoat_normal_scale},
+      {"sheen_roughness", &Material::sheen_roughness},
+      {"iridescence", &Material::iridescence},
+      {"iridescence_ior", &Material::iridescence_ior},
+      {"iridescence_thickness_min", &Material::iridescence_thickness_min},
+      {"iridescence_thickness_max", &Material::iridescence_thickness_max},
+  };
+  for (const auto& [name, member] : numbers)
+    material.def_prop_rw(
+        name, [member](const Material& self) { return self.*member; },
+        [member](Material& self, float value) { self.*member = value; });
+  material.def_rw("alpha_mode", &Material::alpha_mode)
+      .def_rw("unlit", &Material::unlit)
+      .def_rw("body", &Material::body);
+  triple_property(material, "base_color", &Material::base_color);
+  triple_property(material, "emission", &Material::emission);
+  triple_property(material, "specular_color", &Material::specular_color);
+  triple_property(material, "attenuation_color", &Material::attenuation_color);
+  triple_property(material, "diffuse_transmission_color", &Material::diffuse_transmission_color);
+  triple_property(material, "sheen_color", &Material::sheen_color);
+  use_property(material, "base_color_texture", &Material::base_color_texture);
+  use_property(material, "metallic_roughness_texture", &Material::metallic_roughness_texture);
+  use_property(material, "emission_texture", &Material::emission_texture);
+  use_property(material, "normal_texture", &Material::normal_texture);
+  use_property(material, "specular_texture", &Material::specular_texture);
+  use_property(material, "specular_color_texture", &Material::specular_color_texture);
+  use_property(material, "transmission_texture", &Material::transmission_texture);
+  use_property(material, "diffuse_transmission_texture", &Material::diffuse_transmission_texture);
+  use_property(material, "diffuse_transmission_color_texture",
+               &Material::diffuse_transmission_color_texture);
+  use_property(material, "clearcoat_texture", &Material::clearcoat_texture);
+  use_property(material, "clearcoat_roughness_texture", &Material::clearcoat_roughness_texture);
+  use_property(material, "clearcoat_normal_texture", &Material::clearcoat_normal_texture);
+  use_property(material, "sheen_color_texture", &Material::sheen_color_texture);
+  use_property(material, "sheen_roughness_texture", &Material::sheen_roughness_texture);
+  use_property(material, "iridescence_texture", &Material::iridescence_texture);
+  use_property(material, "iridescence_thickness_texture", &Material::iridescence_thickness_texture);
+}
+
 void bind_look(nb::module_& module) {
-  using trace::Environment, trace::Material;
+  using trace::Environment;
   nb::enum_<trace::AlphaMode>(module, "TraceAlpha")
       .value("opaque", trace::AlphaMode::kOpaque)
       .value("mask", trace::AlphaMode::kMask)
@@ -63,21 +124,6 @@ void bind_look(nb::module_& module) {
       .value("repeat", trace::Wrap::kRepeat)
       .value("clamp", trace::Wrap::kClamp)
       .value("mirror", trace::Wrap::kMirror);
-
-  nb::class_<Material> material(module, "TraceMaterial");
-  material.def(nb::init<>())
-      .def_rw("alpha", &Material::alpha)
-      .def_rw("metallic", &Material::metallic)
-      .def_rw("roughness", &Material::roughness)
-      .def_rw("specular", &Material::specular)
-      .def_rw("alpha_mode", &Material::alpha_mode)
-      .def_rw("alpha_cutoff", &Material::alpha_cutoff);
-  triple_property(material, "base_color", &Material::base_color);
-  triple_property(material, "emission", &Material::emission);
-  use_property(material, "base_color_texture", &Material::base_color_texture);
-  use_property(material, "metallic_roughness_texture", &Material::metallic_roughness_texture);
-  use_property(material, "emission_texture", &Material::emission_texture);
-  use_property(material, "normal_texture", &Material::normal_texture);
 
   nb::class_<TextureInput>(module, "TraceTexture")
       .def(
@@ -300,6 +346,7 @@ void bind_film(nb::module_& module) {
 
 void bind_trace(nb::module_& module) {
   bind_look(module);
+  bind_material(module);
   bind_scene(module);
   bind_film(module);
 }

@@ -15,13 +15,14 @@ from . import _umbel
 from .errors import Error, LoadWarning
 from .io.images import TextureImage
 from .io.packed_textures import packed
+from .look_layers import NO_TEXTURE, SRGB_TEXTURES, Use, add_layers, not_rendered
 from .mesh import Material, Mesh
 
 #: Up, and the front from which azimuths count: glTF's and OBJ's axes, and those of CAD and maps.
 AXES = {"y": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "z": ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))}
 
-#: Slots of a material that are rendered, and whether their colours are sRGB-encoded.
-_SLOTS = {"base_color": True, "metallic_roughness": False, "emissive": True, "normal": False}
+#: Slots whose colours are sRGB-encoded.
+_SRGB = ("base_color", "emissive", *SRGB_TEXTURES)
 
 
 @dataclass(frozen=True)
@@ -108,10 +109,16 @@ class Look:
         self._indices: dict[tuple[Any, ...], int] = {}
         self._images: list[TextureImage] = []  # keeps the ids in use
         self._warn = warn
-        self._has_uvs = mesh.uvs is not None
+        self._uv_sets = 0 if mesh.uvs is None else 1 + len(mesh.uv_sets)
         if mesh.material_ids is None:
             return  # the tracer's own plain material
-        self.materials = [self._material(packed(material)[0]) for material in mesh.materials]
+        for given in mesh.materials:
+            material, lost = packed(given)
+            self.materials.append(self._material(material))
+            for what in lost:
+                self._say(f"not rendered: {what}")
+        for sentence in not_rendered(mesh.materials):
+            self._say(sentence)
 
     def _material(self, material: Material) -> _umbel.TraceMaterial:
         if replace(material, name="", extras=None) == Material():
@@ -126,39 +133,40 @@ class Look:
         out.alpha_mode = modes.get(material.alpha_mode, _umbel.TraceAlpha.opaque)
         out.base_color_texture = self._use(material, "base_color")
         out.metallic_roughness_texture = self._use(material, "metallic_roughness")
-        out.emission_texture = self._use(material, "emissive")
         out.normal_texture = self._use(material, "normal")
-        if any(material.emissive) or "emissive" not in material.images:
-            return out
-        out.emission_texture = _NO_TEXTURE
+        out.normal_scale = _number(material.textures.get("normal", {}).get("scale", 1.0))
+        if any(material.emissive):
+            out.emission_texture = self._use(material, "emissive")
+        add_layers(material, out, lambda slot: self._use(material, slot))
         return out
 
-    def _use(self, material: Material, slot: str) -> tuple[int, float, float, float, float, float]:
+    def _use(self, material: Material, slot: str) -> Use:
         image = material.images.get(slot)
         if image is None and slot in material.textures:
             self._say(f"material {material.name!r} loses its {slot} texture: there is no image")
-        if image is None or not self._has_uvs:
-            return _NO_TEXTURE
+        if image is None:
+            return NO_TEXTURE
         info = material.textures.get(slot, {})
         moved = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
-        if moved.get("texCoord", info.get("texCoord", 0)) != 0:
+        uv_set = moved.get("texCoord", info.get("texCoord", 0))
+        if not isinstance(uv_set, int) or not 0 <= uv_set < self._uv_sets:
             self._say(
-                f"the {slot} texture of material {material.name!r} uses other UVs than the "
-                "first and is left out"
+                f"the {slot} texture of material {material.name!r} uses the texture coordinates "
+                f"{uv_set!r}, which the mesh does not have, and is left out"
             )
-            return _NO_TEXTURE
-        index = self._texture(image, _SLOTS[slot], material.name)
+            return NO_TEXTURE
+        index = self._texture(image, slot.rpartition("/")[2] in _SRGB, material.name)
         if index < 0:
-            return _NO_TEXTURE
+            return NO_TEXTURE
         if image.bottom_up:
-            return index, 0.0, 1.0, 1.0, -1.0, 0.0
+            return index, 0.0, 1.0, 1.0, -1.0, 0.0, uv_set
         try:
             u, v = (float(x) for x in moved.get("offset", (0, 0)))
             su, sv = (float(x) for x in moved.get("scale", (1, 1)))
-            return index, u, v, su, sv, float(moved.get("rotation", 0))
+            return index, u, v, su, sv, float(moved.get("rotation", 0)), uv_set
         except (TypeError, ValueError):
             self._say(f"material {material.name!r} places its {slot} texture by no numbers")
-            return index, 0.0, 0.0, 1.0, 1.0, 0.0
+            return index, 0.0, 0.0, 1.0, 1.0, 0.0, uv_set
 
     def _texture(self, image: TextureImage, srgb: bool, name: str) -> int:
         source = image.path if image.data is None else id(image.data)
@@ -181,15 +189,16 @@ class Look:
             warnings.warn(sentence, LoadWarning, stacklevel=2)
 
 
-_NO_TEXTURE = (-1, 0.0, 0.0, 1.0, 1.0, 0.0)
-
-
 def plain(albedo: float = 0.75) -> _umbel.TraceMaterial:
     """Lambert's grey, for what nothing is known of."""
     out = _umbel.TraceMaterial()
     out.base_color = (albedo, albedo, albedo)
     out.specular = 0.0
     return out
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, (int, float)) else 1.0
 
 
 def _unit(value: float) -> float:

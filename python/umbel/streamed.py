@@ -26,6 +26,7 @@ _PAGES = 1 / 6
 """Share of a budget that pages may take, as they are in the file, while the cut is chosen."""
 _BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_A_PLACE = 110, 12, 160, 60
 """What is traced takes, at most."""
+_MOST_UV_SETS = 7
 _CAMERA_RAYS, _OTHER_RAYS, _ALL_RAYS = 1, 2, 3
 
 
@@ -89,6 +90,8 @@ class CutRenderer(Renderer):
                 np.zeros((0, 3), np.float32),
                 np.zeros((0, 3), np.uint32),
                 uvs=np.zeros((0, 2), np.float32) if asset.info["uvs"] else None,
+                # Which of the further ones there are, clusters say.
+                uv_sets=[np.zeros((0, 2), np.float32)] * _MOST_UV_SETS,
                 material_ids=np.zeros(0, np.uint32),
                 materials=asset.materials,
             )

@@ -1,7 +1,8 @@
-// How a surface scatters light: Lambert's diffuse reflection under a rough GGX reflection, in
+// How a plain surface scatters light: Lambert's diffuse reflection under a rough GGX reflection, in
 // which no energy appears and, where the colours are white, none is lost.
 #pragma once
 
+#include "trace/microfacet.hpp"
 #include "trace/vector.hpp"
 
 namespace umbel::trace {
@@ -10,6 +11,8 @@ namespace umbel::trace {
 struct SurfaceColor {
   Vec3 base;
   float metallic, roughness, specular;
+  Vec3 f0{0.04f, 0.04f, 0.04f};  ///< a dielectric's reflectance at normal incidence, and
+  float f90 = 1.0f;              ///< at grazing angles; both before `specular`
 };
 
 struct BsdfValue {
@@ -27,6 +30,8 @@ struct BsdfSample {
 /// which the normal is z, and all point away from the surface.
 class Bsdf {
  public:
+  static constexpr bool kTransmits = false;
+
   Bsdf(const SurfaceColor& color, const Vec3& wo);
 
   BsdfValue evaluate(const Vec3& wi) const;
@@ -41,12 +46,5 @@ class Bsdf {
   float alpha_ = 1.0f;
   float reflect_ = 0.0f;  ///< probability of sampling the reflection
 };
-
-/// The part A + B of the light from above that a rough reflection sends on, where A is to be
-/// multiplied by the reflectance at normal incidence and B by that at grazing angles.
-struct ReflectionAlbedo {
-  float a, b;
-};
-ReflectionAlbedo reflection_albedo(float cosine, float roughness);
 
 }  // namespace umbel::trace

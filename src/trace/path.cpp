@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "trace/layers.hpp"
 #include "trace/surface.hpp"
 
 namespace umbel::trace {
@@ -45,27 +46,70 @@ class Path {
         return light_;
       }
       const Surface surface = surface_at(scene_, hit, ray.direction);
+      if (scene_.absorbs) absorb(surface.material, surface.behind, hit.t);
       add_emission(surface, ray.direction, hit.t, bounce);
       // The ray after the last bounce brings what the bounce was weighted for, and no more.
-      if (bounce > context_.settings.max_bounces) return light_;
+      if (bounce > context_.settings.max_bounces || scene_.materials[surface.material].unlit)
+        return light_;
       const Frame frame = frame_around(surface.shading);
-      const Bsdf bsdf(surface.color, frame.to_local(-ray.direction));
-      add_direct(surface, frame, bsdf, bounce);
-      if (!scatter(surface, frame, bsdf, bounce, ray)) return light_;
+      const Vec3 wo = frame.to_local(-ray.direction);
+      const bool goes_on =
+          scene_.kinds[surface.material].layered
+              ? step(surface, frame,
+                     LayeredBsdf(surface.color,
+                                 layers_at(scene_, hit, surface, frame, ray.direction), wo),
+                     bounce, ray)
+              : step(surface, frame, Bsdf(surface.color, wo), bounce, ray);
+      if (!goes_on) return light_;
     }
   }
 
  private:
+  template <typename B>
+  bool step(const Surface& surface, const Frame& frame, const B& bsdf, uint32_t bounce, Ray& ray) {
+    add_direct(surface, frame, bsdf, bounce);
+    return scatter(surface, frame, bsdf, bounce, ray);
+  }
+
+  /// Takes what the body that a ray has come through up to `t` keeps: the one of the surface that
+  /// it meets from inside, or the one that it entered.
+  void absorb(uint32_t material, bool behind, float t) {
+    const bool inside = behind && scene_.materials[material].body;
+    const uint32_t body = inside ? material : body_;
+    if (body != kNone) throughput_ = throughput_ * absorbed(body, t - crossed_);
+    crossed_ = 0.0f;
+  }
+
+  Vec3 absorbed(uint32_t body, float distance) const {
+    const Vec3 depth = scene_.kinds[body].absorption * distance;
+    return {std::exp(-depth.x), std::exp(-depth.y), std::exp(-depth.z)};
+  }
+
+  /// Goes into a body or out of it at t, without being bent.
+  void change_body(const Passage& passage, const SceneHit& hit) {
+    const uint32_t material = scene_.triangles[hit.primitive].material;
+    if (scene_.absorbs) absorb(material, passage.leaves_body, hit.t);
+    crossed_ = hit.t;
+    body_ = passage.enters_body ? material : kNone;
+  }
+
   /// The nearest hit that is not looked through.
   SceneHit first_hit(Ray& ray, RayKinds kind, uint64_t& counter) {
     ++counter;
     SceneHit hit = scene_.intersect(ray, {}, kind);
     if (!scene_.see_through) return hit;
     for (uint32_t layer = 0; hit.hit(); ++layer) {
-      const float opacity = opacity_at(scene_, hit);
-      if (opacity >= 1.0f || layer == kMostLayers) return hit;
+      const Passage passage = passage_at(scene_, hit, ray.direction);
+      if (passage.stop >= 1.0f || layer == kMostLayers) return hit;
       const uint32_t seed = combine(dimension_ + kThrough, layer);
-      if (opacity > 0.0f && sampler_.point(seed).x < opacity) return hit;
+      if (passage.stop > 0.0f && sampler_.point(seed).x < passage.stop) {
+        throughput_ = throughput_ * passage.weight;
+        return hit;
+      }
+      const float on = 1.0f - passage.stop;
+      const Vec3& through = passage.through;
+      throughput_ = throughput_ * Vec3{through.x / on, through.y / on, through.z / on};
+      if (passage.enters_body || passage.leaves_body) change_body(passage, hit);
       ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
       ++counts_.continued;
       hit = scene_.intersect(ray, {}, kind);
@@ -74,20 +118,26 @@ class Path {
   }
 
   /// The part of light that comes through along a ray.
-  float visibility(Ray ray) {
+  Vec3 visibility(Ray ray) {
+    const Vec3 none{0, 0, 0}, all{1, 1, 1};
     ++counts_.shadow;
-    if (!scene_.see_through) return scene_.occluded(ray) ? 0.0f : 1.0f;
-    if (scene_.occluded(ray, {.mask = kOpaqueBit})) return 0.0f;
-    float through = 1.0f;
+    if (!scene_.see_through) return scene_.occluded(ray) ? none : all;
+    if (scene_.occluded(ray, {.mask = kOpaqueBit})) return none;
+    Vec3 through = all;
+    float crossed = 0.0f;
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
       ++counts_.continued;
       const SceneHit hit = scene_.intersect(ray, {.mask = kSeeThroughBit}, kOtherRays);
       if (!hit.hit()) return through;
-      through *= 1.0f - opacity_at(scene_, hit);
-      if (through <= 0.0f) return 0.0f;
+      const Passage passage = passage_at(scene_, hit, ray.direction);
+      through = through * passage.through;
+      if (is_black(through)) return none;
+      if (passage.leaves_body)
+        through = through * absorbed(scene_.triangles[hit.primitive].material, hit.t - crossed);
+      if (passage.leaves_body || passage.enters_body) crossed = hit.t;
       ray.t_min = std::nextafter(hit.t, std::numeric_limits<float>::infinity());
     }
-    return 0.0f;
+    return none;
   }
 
   void add(Vec3 radiance, bool indirect) {
@@ -124,7 +174,8 @@ class Path {
   }
 
   /// Light straight from sun, sky and triangles.
-  void add_direct(const Surface& surface, const Frame& frame, const Bsdf& bsdf, uint32_t bounce) {
+  template <typename B>
+  void add_direct(const Surface& surface, const Frame& frame, const B& bsdf, uint32_t bounce) {
     const ShadowPlan& plan = context_.plan;
     for (uint32_t i = 0; i < plan.rays; ++i) {
       Vec2 u = sampler_.point(dimension_ + kShadow + i);
@@ -180,29 +231,40 @@ class Path {
             scene_.light_density[record.material] * far * far / cosine};
   }
 
-  void add_shadowed(const Surface& surface, const Frame& frame, const Bsdf& bsdf,
+  /// A shading normal may ask for light that is on the other side of the triangle.
+  template <typename B>
+  static bool on_same_side(const Surface& surface, const Vec3& direction, const Vec3& local) {
+    const float side = dot(direction, surface.face);
+    return B::kTransmits ? side * local.z > 0.0f : side > 0.0f;
+  }
+
+  template <typename B>
+  void add_shadowed(const Surface& surface, const Frame& frame, const B& bsdf,
                     const LightSample& sample, float distance, uint32_t bounce) {
     if (!(sample.density > 0.0f) || is_black(sample.radiance)) return;
-    if (dot(sample.direction, surface.face) <= 0.0f) return;
-    const BsdfValue value = bsdf.evaluate(frame.to_local(sample.direction));
+    const Vec3 local = frame.to_local(sample.direction);
+    if (!on_same_side<B>(surface, sample.direction, local)) return;
+    const BsdfValue value = bsdf.evaluate(local);
     if (is_black(value.value)) return;
     const float weight = power_weight(sample.density, value.density) / sample.density;
     const Vec3 light = throughput_ * value.value * sample.radiance * weight;
     Ray ray = ray_from(surface, sample.direction);
     ray.t_max = distance;
-    const float through = visibility(ray);
-    if (through > 0.0f) add(light * through, bounce > 0);
+    const Vec3 through = visibility(ray);
+    if (!is_black(through)) add(light * through, bounce > 0);
   }
 
   /// Chooses where the path goes on; false if it ends.
-  bool scatter(const Surface& surface, const Frame& frame, const Bsdf& bsdf, uint32_t bounce,
+  template <typename B>
+  bool scatter(const Surface& surface, const Frame& frame, const B& bsdf, uint32_t bounce,
                Ray& ray) {
     const Vec2 lobe = sampler_.point(dimension_ + kLobe);
     const BsdfSample sample = bsdf.sample(sampler_.point(dimension_ + kScatter), lobe.x);
     if (!(sample.density > 0.0f)) return false;
     const Vec3 direction = frame.to_world(sample.direction);
-    // A shading normal may ask for light from below the surface, where there is none.
-    if (dot(direction, surface.face) <= 0.0f) return false;
+    if (!on_same_side<B>(surface, direction, sample.direction)) return false;
+    if (B::kTransmits && sample.direction.z < 0.0f && scene_.materials[surface.material].body)
+      body_ = surface.behind ? kNone : surface.material;
     throughput_ = throughput_ * sample.weight;
     if (bounce + 1 >= context_.settings.roulette_from) {
       const float survival = std::min(max_component(throughput_), 0.95f);
@@ -229,7 +291,9 @@ class Path {
   Statistics& counts_;
   Vec3 eye_{0, 0, 0};
   uint32_t dimension_ = 0;
-  float density_ = 0.0f;  ///< of the last scattering
+  uint32_t body_ = kNone;  ///< the material of the body that the path is in
+  float crossed_ = 0.0f;   ///< where along the ray it last went into a body or out of one
+  float density_ = 0.0f;   ///< of the last scattering
   Vec3 throughput_{1, 1, 1};
   Vec3 light_{0, 0, 0};
 };

@@ -4,92 +4,12 @@
 #include <utility>
 
 #include "base/parallel.hpp"
+#include "trace/check_look.hpp"
+#include "trace/layers.hpp"
 #include "trace/scene_data.hpp"
 
 namespace umbel::trace {
 namespace {
-
-[[noreturn]] void refuse(const std::string& sentence) {
-  throw Error(ErrorCode::kInvalidArgument, sentence);
-}
-
-void check_range(const std::string& what, float value, float low, float high) {
-  if (value >= low && value <= high) return;
-  refuse(what + " is " + std::to_string(value) + ", but must be from " + std::to_string(low) +
-         " to " + std::to_string(high));
-}
-
-void check_color(const std::string& what, const Vec3& color, float high) {
-  check_range(what, std::min({color.x, color.y, color.z}), 0.0f, high);
-  check_range(what, max_component(color), 0.0f, high);
-  if (std::isnan(color.x + color.y + color.z)) refuse(what + " has a NaN");
-}
-
-void check_use(const std::string& what, const TextureUse& use, size_t textures) {
-  if (use.texture == kNone) return;
-  if (use.texture >= textures)
-    refuse(what + " uses texture " + std::to_string(use.texture) + ", but there are only " +
-           std::to_string(textures));
-  if (!std::isfinite(use.offset.x + use.offset.y + use.scale.x + use.scale.y + use.rotation))
-    refuse(what + " places its texture by numbers that are not finite");
-}
-
-constexpr float kBrightest = 1e9f;
-
-void check_material(const Material& m, size_t index, size_t textures) {
-  const std::string name = "materials[" + std::to_string(index) + "]";
-  check_color(name + ".base_color", m.base_color, 1.0f);
-  check_range(name + ".alpha", m.alpha, 0.0f, 1.0f);
-  check_range(name + ".metallic", m.metallic, 0.0f, 1.0f);
-  check_range(name + ".roughness", m.roughness, 0.0f, 1.0f);
-  check_range(name + ".specular", m.specular, 0.0f, 1.0f);
-  check_range(name + ".alpha_cutoff", m.alpha_cutoff, 0.0f, 1e6f);
-  check_color(name + ".emission", m.emission, kBrightest);
-  check_use(name + ".base_color_texture", m.base_color_texture, textures);
-  check_use(name + ".metallic_roughness_texture", m.metallic_roughness_texture, textures);
-  check_use(name + ".emission_texture", m.emission_texture, textures);
-  check_use(name + ".normal_texture", m.normal_texture, textures);
-  if (m.alpha_mode > AlphaMode::kBlend) refuse(name + ".alpha_mode is none");
-}
-
-void check_texture(const TextureView& t, size_t index) {
-  const std::string name = "textures[" + std::to_string(index) + "]";
-  constexpr uint32_t kLargest = 65536;
-  if (t.width == 0 || t.height == 0 || t.width > kLargest || t.height > kLargest)
-    refuse(name + " has " + std::to_string(t.width) + " x " + std::to_string(t.height) +
-           " texels, but must have from 1 to 65536 each way");
-  const size_t bytes = size_t(4) * t.width * t.height;
-  if (t.texels.size() != bytes)
-    refuse(name + " has " + std::to_string(t.texels.size()) + " bytes, but must have " +
-           std::to_string(bytes));
-}
-
-void check_environment(const Environment& e) {
-  check_color("environment.color", e.color, kBrightest);
-  check_color("environment.ground_albedo", e.ground_albedo, 1.0f);
-  check_range("environment.turbidity", e.turbidity, 1.7f, 10.0f);
-  check_range("environment.sun_radius", e.sun_radius, 0.001f, 0.5f);
-  check_range("environment.sun_strength", e.sun_strength, 0.0f, 1e6f);
-  check_range("environment.sky_strength", e.sky_strength, 0.0f, 1e6f);
-  const auto has_direction = [](const Vec3& v) { return is_finite(v) && !is_black(v); };
-  if (!has_direction(e.up)) refuse("environment.up is no direction");
-  if (e.kind == Environment::Kind::kSky && !has_direction(e.sun_direction))
-    refuse("environment.sun_direction is no direction");
-}
-
-void check_look(const MeshView& mesh, const Look& look) {
-  for (size_t i = 0; i < look.textures.size(); ++i) check_texture(look.textures[i], i);
-  for (size_t i = 0; i < look.materials.size(); ++i)
-    check_material(look.materials[i], i, look.textures.size());
-  check_environment(look.environment);
-  if (look.materials.empty()) return;
-  for (size_t i = 0; i < mesh.materials.size(); ++i) {
-    if (mesh.materials[i] >= look.materials.size())
-      refuse("triangle " + std::to_string(i) + " has material " +
-             std::to_string(mesh.materials[i]) + ", but there are only " +
-             std::to_string(look.materials.size()));
-  }
-}
 
 Material plain_material() {
   Material plain;
@@ -135,6 +55,32 @@ void copy(std::span<const T> from, std::vector<T>& to) {
   to.assign(from.begin(), from.end());
 }
 
+/// Those sets of texture coordinates beyond the first that materials use.
+void copy_uv_sets(const MeshView& mesh, Scene::Data& scene) {
+  std::vector<bool> used;
+  for (const Material& m : scene.materials) {
+    for (const TextureUse* use : texture_uses(m)) {
+      if (use->texture == kNone || use->uv_set == 0) continue;
+      used.resize(std::max<size_t>(used.size(), use->uv_set));
+      used[use->uv_set - 1] = true;
+    }
+  }
+  scene.uv_sets.resize(used.size());
+  const uint32_t width = extra_width(mesh.extras);
+  uint32_t column = 0;
+  for (const Extra& extra : mesh.extras) {
+    if (extra.kind == ExtraKind::kUvs && extra.set <= used.size() && used[extra.set - 1]) {
+      std::vector<Vec2>& to = scene.uv_sets[extra.set - 1];
+      to.resize(mesh.positions.size());
+      for (size_t i = 0; i < to.size(); ++i) {
+        const float* from = &mesh.extra_values[i * width + column];
+        to[i] = {from[0], from[1]};
+      }
+    }
+    column += extra_width(extra.kind);
+  }
+}
+
 void fill(Scene::Data& scene, const MeshView& mesh, const Look& look) {
   scene.bounds = bounds(mesh);
   copy(mesh.positions, scene.positions);
@@ -152,7 +98,8 @@ void fill(Scene::Data& scene, const MeshView& mesh, const Look& look) {
   scene.up = normalized(look.environment.up, {0, 1, 0});
   scene.sky = Sky(look.environment);
   scene.sun = Sun(look.environment);
-  for (const Material& m : scene.materials) scene.see_through |= is_see_through(m);
+  copy_uv_sets(mesh, scene);
+  sort_materials(scene);
   find_lights(scene);
 }
 
@@ -165,9 +112,8 @@ void check_structure(const TriangleQueries* structure, size_t triangles) {
 
 }  // namespace
 
-bool is_see_through(const Material& m) { return m.alpha_mode != AlphaMode::kOpaque; }
-
 Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
+  if (m.unlit) return {0, 0, 0};  // what it shows is found by bounces alone
   if (m.emission_texture.texture == kNone) return m.emission;
   const Vec4& mean = scene.textures[m.emission_texture.texture].mean();
   return m.emission * Vec3{mean.x, mean.y, mean.z};
@@ -176,6 +122,7 @@ Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
 Scene::Scene() : data_(std::make_unique<Data>()) {
   data_->structure = std::make_unique<TriangleBvh>();
   data_->materials.push_back(plain_material());
+  sort_materials(*data_);
   data_->light_density.assign(1, 0.0f);
   data_->sky = Sky(Environment{});
   data_->sun = Sun(Environment{});
@@ -230,6 +177,12 @@ Mesh joined(const ClusterScene& clusters, std::vector<Range>& ranges) {
   const bool normals = all_have(&lod::ClusterGeometry::normals),
              uvs = all_have(&lod::ClusterGeometry::uvs),
              colors = all_have(&lod::ClusterGeometry::colors);
+  const bool extras =
+      !clusters.parts.empty() &&
+      std::all_of(clusters.parts.begin(), clusters.parts.end(), [&](const ClusterPart& part) {
+        return part.geometry.extras == clusters.parts.front().geometry.extras;
+      });
+  if (extras) mesh.extras = clusters.parts.front().geometry.extras;
   const auto add = [](auto& to, const auto& from) {
     to.insert(to.end(), from.begin(), from.end());
   };
@@ -242,6 +195,7 @@ Mesh joined(const ClusterScene& clusters, std::vector<Range>& ranges) {
     if (normals) add(mesh.normals, g.normals);
     if (uvs) add(mesh.uvs, g.uvs);
     if (colors) add(mesh.colors, g.colors);
+    if (extras) add(mesh.extra_values, g.extra_values);
     for (size_t t = 0; t + 2 < g.triangles.size(); t += 3)
       mesh.triangles.push_back(
           {first + g.triangles[t], first + g.triangles[t + 1], first + g.triangles[t + 2]});

@@ -7,6 +7,7 @@
 
 #include "trace/alias_table.hpp"
 #include "trace/cluster_bvh.hpp"
+#include "trace/refraction.hpp"
 #include "trace/sky.hpp"
 #include "trace/texture.hpp"
 #include "trace/vector.hpp"
@@ -23,6 +24,15 @@ struct TriangleRecord {
   uint32_t material;
 };
 
+/// What follows from a material, found once.
+struct MaterialKind {
+  bool layered = false;               ///< scatters as a LayeredBsdf does
+  bool colored_reflection = false;    ///< not that of index 1.5
+  bool straight = false;              ///< may let light through in its direction, beside its alpha
+  const BodyAlbedos* body = nullptr;  ///< where it bends light
+  Vec3 absorption{0, 0, 0};           ///< inside the body, per unit of length
+};
+
 struct Scene::Data {
   std::unique_ptr<TriangleQueries> structure;  ///< never null
   /// Instead of it, where the scene is clusters: triangles are then in their parts' spaces.
@@ -30,21 +40,30 @@ struct Scene::Data {
   float gap = 0;  ///< see ClusterScene
   Aabb bounds;
   std::vector<Vec3> positions;
-  std::vector<Vec3> normals;  ///< empty, or one a vertex
-  std::vector<Vec2> uvs;      ///< likewise
-  std::vector<Vec4> colors;   ///< likewise
+  std::vector<Vec3> normals;               ///< empty, or one a vertex
+  std::vector<Vec2> uvs;                   ///< likewise
+  std::vector<std::vector<Vec2>> uv_sets;  ///< set 1 and on; those not in use are empty
+  std::vector<Vec4> colors;                ///< likewise
   std::vector<TriangleRecord> triangles;
   std::vector<Material> materials;
+  std::vector<MaterialKind> kinds;                         ///< one a material
+  std::vector<std::unique_ptr<const BodyAlbedos>> bodies;  ///< one an index
   std::vector<Texture> textures;
   Vec3 up{0, 1, 0};
   Sky sky;
   Sun sun;
 
   bool see_through = false;      ///< some material is not opaque
+  bool absorbs = false;          ///< some body does
   std::vector<uint32_t> lights;  ///< emissive triangles
   AliasTable light_choices;      ///< by area and mean luminance
   /// Of each material: probability density of the point that is sampled on a light, by area.
   std::vector<float> light_density;
+
+  const std::vector<Vec2>& uvs_of(uint32_t set) const {
+    static const std::vector<Vec2> none;
+    return set == 0 ? uvs : set <= uv_sets.size() ? uv_sets[set - 1] : none;
+  }
 
   SceneHit intersect(const Ray& ray, const RayOptions& options = {},
                      RayKinds kind = kCameraRays) const {

@@ -1,5 +1,7 @@
 #include "trace/surface.hpp"
 
+#include "trace/lookup.hpp"
+
 namespace umbel::trace {
 namespace {
 
@@ -7,30 +9,15 @@ namespace {
 /// largest coordinate.
 constexpr float kOffset = 0x1p-20f;
 
-struct Barycentric {
-  float a, b, c;
-};
-
-Barycentric weights_of(float u, float v) { return {1.0f - u - v, u, v}; }
-
-Vec2 uv_at(const Scene::Data& scene, const Triangle& t, const Barycentric& w) {
-  if (scene.uvs.empty()) return {0, 0};
-  const Vec2 &a = scene.uvs[t[0]], &b = scene.uvs[t[1]], &c = scene.uvs[t[2]];
-  return {w.a * a.x + w.b * b.x + w.c * c.x, w.a * a.y + w.b * b.y + w.c * c.y};
-}
-
-Vec4 texel_at(const Scene::Data& scene, const TextureUse& use, const Vec2& uv) {
-  return scene.textures[use.texture].lookup(transformed(use, uv));
-}
-
 float coordinate_size(const Vec3& p) {
   return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
 }
 
 /// The direction in which u grows, along the triangle.
-Vec3 tangent_of(const Scene::Data& scene, const Triangle& t, const Vec3& e1, const Vec3& e2,
+Vec3 tangent_of(const std::vector<Vec2>& uvs, const Triangle& t, const Vec3& e1, const Vec3& e2,
                 bool& mirrored) {
-  const Vec2 &a = scene.uvs[t[0]], &b = scene.uvs[t[1]], &c = scene.uvs[t[2]];
+  if (uvs.empty()) return {0, 0, 0};
+  const Vec2 &a = uvs[t[0]], &b = uvs[t[1]], &c = uvs[t[2]];
   const float du1 = b.x - a.x, du2 = c.x - a.x, dv1 = b.y - a.y, dv2 = c.y - a.y;
   const float determinant = du1 * dv2 - du2 * dv1;
   mirrored = determinant < 0.0f;
@@ -38,18 +25,29 @@ Vec3 tangent_of(const Scene::Data& scene, const Triangle& t, const Vec3& e1, con
   return normalized(tangent, {0, 0, 0});
 }
 
+struct Edges {
+  Vec3 first, second;
+};
+
+Edges edges_of(const Scene::Data& scene, const Triangle& t) {
+  const Vec3& origin = scene.positions[t[0]];
+  return {scene.positions[t[1]] - origin, scene.positions[t[2]] - origin};
+}
+
 /// The normal that a normal map gives. Tangents follow the triangle's own UVs, so a mesh needs
 /// none.
-Vec3 mapped_normal(const Scene::Data& scene, const Triangle& t, const TextureUse& use,
-                   const Vec2& uv, const Vec3& e1, const Vec3& e2, const Vec3& normal) {
+Vec3 mapped_normal(const Scene::Data& scene, const Point& at, const TextureUse& use, float scale,
+                   const Edges& edges, const Vec3& normal) {
   bool mirrored = false;
-  const Vec3 along = tangent_of(scene, t, e1, e2, mirrored);
+  const Vec3 along =
+      tangent_of(scene.uvs_of(use.uv_set), at.corners(), edges.first, edges.second, mirrored);
   const Vec3 tangent = normalized(along - normal * dot(normal, along), {0, 0, 0});
   if (is_black(tangent)) return normal;
   // v runs down the image and +Y up it.
   const Vec3 bitangent = cross(normal, tangent) * (mirrored ? 1.0f : -1.0f);
-  const Vec4 texel = texel_at(scene, use, uv);
-  const Vec3 n{2.0f * texel.x - 1.0f, 2.0f * texel.y - 1.0f, 2.0f * texel.z - 1.0f};
+  const Vec4 texel = at.texel(use);
+  const Vec3 n{(2.0f * texel.x - 1.0f) * scale, (2.0f * texel.y - 1.0f) * scale,
+               2.0f * texel.z - 1.0f};
   return normalized(tangent * n.x + bitangent * -n.y + normal * n.z, normal);
 }
 
@@ -62,55 +60,82 @@ Vec3 facing(Vec3 shading, const Vec3& face, const Vec3& direction) {
   return normalized(shading - direction * (away + 1e-2f), face);
 }
 
-/// In the space of the triangle's corners.
-Surface surface_in_place(const Scene::Data& scene, const Hit& hit, const Vec3& direction) {
-  const TriangleRecord& record = scene.triangles[hit.primitive];
-  const Triangle& t = record.corners;
-  const Vec3 &p0 = scene.positions[t[0]], &p1 = scene.positions[t[1]], &p2 = scene.positions[t[2]];
-  const Barycentric w = weights_of(hit.u, hit.v);
-  const Vec3 e1 = p1 - p0, e2 = p2 - p0;
+/// Edges are scaled because the product of two tiny ones is no float.
+Vec3 outside_of(const Edges& edges, const Vec3& direction) {
+  return normalized(cross(normalized(edges.first, {0, 0, 0}), normalized(edges.second, {0, 0, 0})),
+                    -direction);
+}
 
-  Surface s;
-  s.material = record.material;
-  s.point = p0 * w.a + p1 * w.b + p2 * w.c;
-  s.offset = kOffset * std::max({coordinate_size(p0), coordinate_size(p1), coordinate_size(p2)});
-  // Edges are scaled because the product of two tiny ones is no float.
-  const Vec3 outside =
-      normalized(cross(normalized(e1, {0, 0, 0}), normalized(e2, {0, 0, 0})), -direction);
-  const bool behind = dot(outside, direction) > 0.0f;
-  s.face = behind ? -outside : outside;
+Vec3 smooth_normal(const Scene::Data& scene, const Point& at, const Vec3& outside) {
+  return scene.normals.empty() ? outside : normalized(at.mixed(scene.normals), outside);
+}
 
-  const Material& m = scene.materials[record.material];
+float reflectance_of(float ior) {
+  if (ior == 1.5f) return 0.04f;
+  const float root = (ior - 1.0f) / (ior + 1.0f);
+  return root * root;
+}
+
+/// The reflection of a dielectric of another index or colour than most have.
+void color_reflection(const Material& m, const Point& at, SurfaceColor& color) {
+  const float plain = reflectance_of(m.ior);
+  color.specular = at.scaled(m.specular, m.specular_texture, &Vec4::w);
+  color.f0 = min(at.tinted(m.specular_color * plain, m.specular_color_texture), {1, 1, 1});
+  // An index close to that of air reflects nothing at grazing angles either.
+  color.f90 = std::min(1.0f, 50.0f * plain);
+}
+
+void color_surface(const Scene::Data& scene, const Material& m, const Point& at, Surface& s) {
   s.color = {m.base_color, m.metallic, m.roughness, m.specular};
   s.emission = m.emission;
-  const Vec2 uv = uv_at(scene, t, w);
-  Vec3 shading = outside;
-  if (!scene.normals.empty())
-    shading = normalized(
-        scene.normals[t[0]] * w.a + scene.normals[t[1]] * w.b + scene.normals[t[2]] * w.c, outside);
-  if (m.normal_texture.texture != kNone)
-    shading = mapped_normal(scene, t, m.normal_texture, uv, e1, e2, shading);
-  s.shading = facing(shading, s.face, direction);
-
   if (!scene.colors.empty()) {
+    const Triangle& t = at.corners();
+    const Barycentric& w = at.weights();
     const Vec4 &a = scene.colors[t[0]], &b = scene.colors[t[1]], &c = scene.colors[t[2]];
     s.color.base =
         s.color.base * Vec3{w.a * a.x + w.b * b.x + w.c * c.x, w.a * a.y + w.b * b.y + w.c * c.y,
                             w.a * a.z + w.b * b.z + w.c * c.z};
   }
   if (m.base_color_texture.texture != kNone) {
-    const Vec4 texel = texel_at(scene, m.base_color_texture, uv);
+    const Vec4 texel = at.texel(m.base_color_texture);
     s.color.base = s.color.base * Vec3{texel.x, texel.y, texel.z};
   }
   if (m.metallic_roughness_texture.texture != kNone) {
-    const Vec4 texel = texel_at(scene, m.metallic_roughness_texture, uv);
+    const Vec4 texel = at.texel(m.metallic_roughness_texture);
     s.color.roughness *= texel.y;
     s.color.metallic *= texel.z;
   }
   if (m.emission_texture.texture != kNone) {
-    const Vec4 texel = texel_at(scene, m.emission_texture, uv);
+    const Vec4 texel = at.texel(m.emission_texture);
     s.emission = s.emission * Vec3{texel.x, texel.y, texel.z};
   }
+  const MaterialKind& kind = scene.kinds[s.material];
+  if (kind.colored_reflection) color_reflection(m, at, s.color);
+  if (m.unlit) s.emission = s.color.base;
+}
+
+/// In the space of the triangle's corners.
+Surface surface_in_place(const Scene::Data& scene, const Hit& hit, const Vec3& direction) {
+  const Point at(scene, hit);
+  const Triangle& t = at.corners();
+  const Barycentric& w = at.weights();
+  const Vec3 &p0 = scene.positions[t[0]], &p1 = scene.positions[t[1]], &p2 = scene.positions[t[2]];
+  const Edges edges{p1 - p0, p2 - p0};
+
+  Surface s;
+  s.material = scene.triangles[hit.primitive].material;
+  s.point = p0 * w.a + p1 * w.b + p2 * w.c;
+  s.offset = kOffset * std::max({coordinate_size(p0), coordinate_size(p1), coordinate_size(p2)});
+  const Vec3 outside = outside_of(edges, direction);
+  s.behind = dot(outside, direction) > 0.0f;
+  s.face = s.behind ? -outside : outside;
+
+  const Material& m = scene.materials[s.material];
+  Vec3 shading = smooth_normal(scene, at, outside);
+  if (m.normal_texture.texture != kNone)
+    shading = mapped_normal(scene, at, m.normal_texture, m.normal_scale, edges, shading);
+  s.shading = facing(shading, s.face, direction);
+  color_surface(scene, m, at, s);
   return s;
 }
 
@@ -128,29 +153,41 @@ Surface surface_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& di
   return s;
 }
 
+Vec3 coat_normal_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction) {
+  const Placement* placement = scene.clusters ? &scene.clusters->placement(hit.transform) : nullptr;
+  const Vec3 way =
+      placement ? normalized(placement->vector_to_object(direction), direction) : direction;
+  const Point at(scene, hit);
+  const Edges edges = edges_of(scene, at.corners());
+  const Vec3 outside = outside_of(edges, way);
+  const Material& m = scene.materials[scene.triangles[hit.primitive].material];
+  Vec3 normal = smooth_normal(scene, at, outside);
+  if (m.clearcoat_normal_texture.texture != kNone)
+    normal = mapped_normal(scene, at, m.clearcoat_normal_texture, m.clearcoat_normal_scale, edges,
+                           normal);
+  normal = facing(normal, dot(outside, way) > 0.0f ? -outside : outside, way);
+  return placement ? normalized(placement->normal_to_world(normal), -direction) : normal;
+}
+
 float opacity_at(const Scene::Data& scene, const Hit& hit) {
   const TriangleRecord& record = scene.triangles[hit.primitive];
   const Material& m = scene.materials[record.material];
-  if (!is_see_through(m)) return 1.0f;
-  const Barycentric w = weights_of(hit.u, hit.v);
+  if (m.alpha_mode == AlphaMode::kOpaque) return 1.0f;
+  const Point at(scene, hit);
   float alpha = m.alpha;
   if (!scene.colors.empty()) {
     const Triangle& t = record.corners;
+    const Barycentric& w = at.weights();
     alpha *= w.a * scene.colors[t[0]].w + w.b * scene.colors[t[1]].w + w.c * scene.colors[t[2]].w;
   }
-  if (m.base_color_texture.texture != kNone)
-    alpha *= texel_at(scene, m.base_color_texture, uv_at(scene, record.corners, w)).w;
+  if (m.base_color_texture.texture != kNone) alpha *= at.texel(m.base_color_texture).w;
   if (m.alpha_mode == AlphaMode::kMask) return alpha >= m.alpha_cutoff ? 1.0f : 0.0f;
   return std::clamp(alpha, 0.0f, 1.0f);
 }
 
 Vec3 emission_at(const Scene::Data& scene, uint32_t triangle, float u, float v) {
-  const TriangleRecord& record = scene.triangles[triangle];
-  const Material& m = scene.materials[record.material];
-  if (m.emission_texture.texture == kNone) return m.emission;
-  const Vec4 texel =
-      texel_at(scene, m.emission_texture, uv_at(scene, record.corners, weights_of(u, v)));
-  return m.emission * Vec3{texel.x, texel.y, texel.z};
+  const Material& m = scene.materials[scene.triangles[triangle].material];
+  return Point(scene, triangle, u, v).tinted(m.emission, m.emission_texture);
 }
 
 }  // namespace umbel::trace

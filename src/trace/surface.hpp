@@ -16,6 +16,7 @@ struct Surface {
   SurfaceColor color;
   Vec3 emission;
   uint32_t material;
+  bool behind;  ///< the side that is seen is the one from which triangles run clockwise
 
   /// Where a ray starts that leaves to the side of `direction`.
   Vec3 origin(const Vec3& direction) const {
@@ -26,7 +27,10 @@ struct Surface {
 /// The surface that a ray along `direction` hits.
 Surface surface_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction);
 
-/// The part of light along a ray that a hit stops, 0..1.
+/// The normal of the clear coat at a hit, on the side that is seen.
+Vec3 coat_normal_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction);
+
+/// The part of light along a ray that a hit's alpha stops, 0..1.
 float opacity_at(const Scene::Data& scene, const Hit& hit);
 
 /// What a point of a light sends out.

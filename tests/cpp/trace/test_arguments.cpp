@@ -36,6 +36,15 @@ TEST(TraceArguments, materials_out_of_range_are_named) {
   refused([](Material& m) { m.emission.x = -1.0f; }, "emission");
   refused([](Material& m) { m.emission.x = INFINITY; }, "emission");
   refused([](Material& m) { m.normal_texture.texture = 3; }, "normal_texture");
+  refused([](Material& m) { m.normal_texture = {.texture = 0, .uv_set = 99}; }, "normal_texture");
+  refused([](Material& m) { m.clearcoat_texture.texture = 3; }, "clearcoat_texture");
+  refused([](Material& m) { m.ior = 0.5f; }, "ior");
+  refused([](Material& m) { m.transmission = 1.5f; }, "transmission");
+  refused([](Material& m) { m.attenuation_distance = 0.0f; }, "attenuation_distance");
+  refused([&](Material& m) { m.attenuation_distance = nan; }, "attenuation_distance");
+  refused([&](Material& m) { m.sheen_color.x = nan; }, "sheen_color");
+  refused([](Material& m) { m.iridescence_ior = 0.0f; }, "iridescence_ior");
+  refused([&](Material& m) { m.normal_scale = nan; }, "normal_scale");
 }
 
 TEST(TraceArguments, a_look_must_fit_its_mesh) {

@@ -1,0 +1,45 @@
+// Numbers that depend on a cosine and a roughness, tabled at even steps of both and interpolated.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+namespace umbel::trace {
+
+template <uint32_t kValues>
+class AlbedoGrid {
+ public:
+  using Cell = std::array<float, kValues>;
+
+  /// `integrate(cosine, roughness)` gives a Cell; cosines are above zero.
+  template <typename Integrate>
+  explicit AlbedoGrid(const Integrate& integrate) {
+    for (uint32_t r = 0; r < kSize; ++r)
+      for (uint32_t c = 0; c < kSize; ++c) cells_[r][c] = integrate(std::max(at(c), 1e-3f), at(r));
+  }
+
+  Cell lookup(float cosine, float roughness) const {
+    const float x = std::clamp(cosine, 0.0f, 1.0f) * (kSize - 1);
+    const float y = std::clamp(roughness, 0.0f, 1.0f) * (kSize - 1);
+    const auto x0 = std::min(static_cast<uint32_t>(x), kSize - 2);
+    const auto y0 = std::min(static_cast<uint32_t>(y), kSize - 2);
+    const float tx = x - static_cast<float>(x0), ty = y - static_cast<float>(y0);
+    const auto mix = [](const Cell& p, const Cell& q, float t) {
+      Cell mixed;
+      for (uint32_t k = 0; k < kValues; ++k) mixed[k] = p[k] + (q[k] - p[k]) * t;
+      return mixed;
+    };
+    return mix(mix(cells_[y0][x0], cells_[y0][x0 + 1], tx),
+               mix(cells_[y0 + 1][x0], cells_[y0 + 1][x0 + 1], tx), ty);
+  }
+
+ private:
+  static constexpr uint32_t kSize = 32;
+
+  static float at(uint32_t i) { return static_cast<float>(i) / (kSize - 1); }
+
+  std::array<std::array<Cell, kSize>, kSize> cells_;
+};
+
+}  // namespace umbel::trace
