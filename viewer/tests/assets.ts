@@ -13,11 +13,13 @@ export const PYTHON = process.env.UMBEL_PYTHON ?? join(ROOT, ".venv/bin/python")
 
 function stampOf(script: string): string {
   const reader = readFileSync(join(ROOT, "tests/python/reference_reader.py"));
+  const textured = readFileSync(join(ROOT, "viewer/tests/make_textured.py"));
   const where = execFileSync(PYTHON, ["-c", "import umbel._umbel as m; print(m.__file__)"]);
   const library = statSync(where.toString().trim());
   return createHash("sha256")
     .update(readFileSync(script))
     .update(reader)
+    .update(textured)
     .update(`${library.mtimeMs} ${library.size}`)
     .digest("hex");
 }

@@ -18,8 +18,9 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "python"))
 
-import umbel  # noqa: E402
 from make_textured import make_textured  # noqa: E402
+
+import umbel  # noqa: E402
 from reference_reader import Reader  # noqa: E402
 
 DATA = Path(os.environ.get("UMBEL_DATA") or ROOT.parent / "shared" / "data")
@@ -59,7 +60,7 @@ def views(asset: umbel.Asset) -> list[dict[str, Any]]:
     finite = errors[np.isfinite(errors)]
     for error in [0.0, *np.quantile(finite, [0.1, 0.5, 0.9]).tolist(), 1e30] if len(finite) else []:
         made.append({"kind": "error", "error": error, "cut": asset.cut(error=error)})
-    for level in range(len(asset.tables.levels) + 1):
+    for level in range(len(asset.tables.levels)):
         made.append({"kind": "level", "level": level, "cut": asset.cut(level=level)})
     bounds = asset.info["bounds"]
     if bounds:

@@ -17,6 +17,7 @@ interface PageViewer {
       drawn: { triangles: number; clusters: number; calls: number };
       pixelError: number;
       isSettled: boolean;
+      position: { toArray(): number[] };
       textures: { bytes: number; missing: number; resident: number };
       pages: Uint8Array;
       info: AssetInfo;

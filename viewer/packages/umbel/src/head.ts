@@ -111,6 +111,8 @@ const OPTIONAL: Record<string, number> = { ORIG: 24, SCEN: 1 };
 const PAGE_HEADER = 16;
 const GROUP_ROW = 64;
 const CLUSTER_ROW = 24;
+/** What is drawn is kept for every instance of every group, in two bytes. */
+const MOST_DRAWN = 2 ** 30;
 /** More than any machine that runs a browser could hold the tables of. */
 const MOST_GROUPS = 2 ** 26;
 
@@ -180,6 +182,9 @@ export function readHead(bytes: Uint8Array): Head {
   const last = meshes[meshes.length - 1];
   const groups = last ? last.firstGroup + last.groups : 0;
   const clusters = last ? last.firstCluster + last.clusters : 0;
+  const instances = readInstances(view, at("INST"), meshes.length);
+  if (groups * instances.length > MOST_DRAWN)
+    throw new UmbelError("unsupported", "The file shows its meshes too often for this viewer.");
   if (pages.groups.reduce((sum, count) => sum + count, 0) !== groups)
     corrupt("The file is damaged: its pages do not hold all groups.");
   if (pages.size.reduce((sum, size) => sum + size, 0) < CLUSTER_ROW * clusters)
@@ -191,7 +196,7 @@ export function readHead(bytes: Uint8Array): Head {
     materials,
     scene: readJson(head, sections.get("SCEN")),
     meshes,
-    instances: readInstances(view, at("INST"), meshes.length),
+    instances,
     files: readFiles(view, at("FILE"), header),
     pages,
     groups,

@@ -199,7 +199,10 @@ class GroupReader {
     const begin = i > 0 ? part.getUint32(row - CLUSTER_ROW, true) : this.dataAt;
     const bits = 8 * (part.getUint32(row, true) - begin);
     const { maxVertices, maxTriangles } = this.head.header;
-    if (vertices > maxVertices || triangles > maxTriangles || bits < triangles)
+    // A bit for each triangle, and what the code of the vertices begins with.
+    const least = triangles + 5 * this.mesh.smooth.length + 2;
+    const isTooLarge = vertices > Math.min(maxVertices, 3 * triangles) || triangles > maxTriangles;
+    if (isTooLarge || bits < least)
       corrupt(`Cluster ${info.firstCluster + i} is larger than the file says.`);
     info.vertexOffsets[i + 1] = info.vertexOffsets[i] + vertices;
     info.triangleOffsets[i + 1] = info.triangleOffsets[i] + triangles;

@@ -1,0 +1,37 @@
+"""Makes the small assets in viewer/ that the viewer's fuzzer begins with.
+
+python make_viewer.py
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "viewer" / "tests"))
+
+from make_assets import decorated_blob  # noqa: E402
+from make_textured import all_looks  # noqa: E402
+
+import umbel  # noqa: E402
+
+
+def main() -> None:
+    """Makes them."""
+    folder = Path(__file__).parent / "viewer"
+    folder.mkdir(exist_ok=True)
+    blob = decorated_blob(2)
+    umbel.build_lod(blob, max_triangles=16, precision="10bits").save(folder / "compact.umbel")
+    umbel.build_lod(blob, max_triangles=16).save(folder / "exact.umbel", exact=True)
+    plain = umbel.shapes.blob(3, seed=2)
+    umbel.build_lod(plain, max_triangles=32, precision="8bits").save(folder / "plain.umbel")
+    empty = umbel.Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+    umbel.build_lod(empty).save(folder / "empty.umbel")
+    all_looks(folder)
+    umbel.build_lod(folder / "looks.gltf").save(folder / "looks.umbel")
+    (folder / "looks.gltf").unlink()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,39 @@
+// The files that fuzzing begins with, and the fuzzing itself.
+
+import { readdirSync, readFileSync } from "node:fs";
+import { join } from "node:path";
+import { ROOT } from "../assets.js";
+import { show } from "./drive.js";
+import { mutated } from "./mutate.js";
+import { Random } from "./random.js";
+
+const FOLDER = join(ROOT, "tests/vectors/viewer");
+
+/** Small assets of each kind, and all that ever failed. */
+export function corpus(): { name: string; file: Uint8Array }[] {
+  return readdirSync(FOLDER)
+    .filter((name) => name.endsWith(".umbel"))
+    .sort()
+    .map((name) => ({ name, file: new Uint8Array(readFileSync(join(FOLDER, name))) }));
+}
+
+/** Shows damaged files until so many milliseconds are over; returns how many. */
+export async function fuzz(
+  seeds: readonly { file: Uint8Array }[],
+  seed: number,
+  time: number,
+  onFailure: (file: Uint8Array, error: unknown) => void,
+): Promise<number> {
+  const random = new Random(seed);
+  const end = performance.now() + time;
+  let inputs = 0;
+  for (; performance.now() < end; ++inputs) {
+    const file = mutated(random.of(seeds).file, random);
+    try {
+      await show(file, inputs % 6 === 0);
+    } catch (error) {
+      onFailure(file, error);
+    }
+  }
+  return inputs;
+}

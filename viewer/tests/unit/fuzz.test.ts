@@ -1,0 +1,41 @@
+// Fuzzes what reads files in the viewer. For longer, and with other numbers:
+//
+//     SECONDS_EACH=600 SEED=1 npm run fuzz
+//
+// An input that fails is kept in build/viewer/fuzz; moved to tests/vectors/viewer it is tried by every
+// run of the tests.
+
+import { mkdirSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
+import { describe, expect, test } from "vitest";
+import { ROOT } from "../assets.js";
+import { corpus, fuzz } from "../fuzz/corpus.js";
+import { show } from "../fuzz/drive.js";
+
+const SECONDS = Number(process.env.SECONDS_EACH ?? 5);
+const SEED = Number(process.env.SEED ?? 20);
+
+function keep(file: Uint8Array, number: number): void {
+  const folder = join(ROOT, "build/viewer/fuzz");
+  mkdirSync(folder, { recursive: true });
+  writeFileSync(join(folder, `${SEED}-${number}.umbel`), file);
+}
+
+describe("whatever a file has in it, the viewer ends with a picture or an UmbelError", () => {
+  const seeds = corpus();
+
+  test.each(seeds)("$name", async ({ file }) => {
+    await show(file);
+  });
+
+  test("so it is with files damaged at random", { timeout: 1000 * (SECONDS + 60) }, async () => {
+    const errors: unknown[] = [];
+    const inputs = await fuzz(seeds, SEED, 1000 * SECONDS, (file, error) => {
+      keep(file, errors.length);
+      errors.push(error);
+    });
+    expect(errors.slice(0, 5)).toEqual([]);
+    expect(inputs).toBeGreaterThan(50);
+    process.stdout.write(`viewer: ${inputs} inputs in ${SECONDS} s, no failure\n`);
+  });
+});
