@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .errors import Error
 from .io.gltf_cameras import tree_cameras
-from .io.gltf_tree import check_tree, owners_of
+from .io.gltf_tree import check_tree, owners_of, worlds
 from .io.scene import Instance, Scene
 from .mesh import Mesh
 from .tables import Tables, check_budget, check_level
@@ -140,6 +140,7 @@ def shown_scene(asset: Asset, shown: Sequence[Shown]) -> Scene:
     materials = asset.materials
     name = asset.info["metadata"].get("name", "")
     scene = Scene([], materials, name=name, cameras=tree_cameras(tree), tree=tree)
+    every = worlds(tree.get("nodes", []))
     made: dict[tuple[int, bytes], int] = {}
     for one, owner in zip(shown, owners, strict=True):
         key = (one.mesh, one.cut.tobytes())
@@ -152,8 +153,21 @@ def shown_scene(asset: Asset, shown: Sequence[Shown]) -> Scene:
             scene.meshes.append(mesh)
         matrix = np.eye(4)
         matrix[:3] = one.transform
+        if owner is not None and _is_rounded(matrix, every[owner], asset.origin):
+            matrix = every[owner]
         scene.instances.append(Instance(made[key], matrix, node=owner))
     return scene
+
+
+def _is_rounded(matrix: NDArray[Any], exact: NDArray[Any], origin: NDArray[Any]) -> bool:
+    """Whether a matrix is what an asset, in float32 around its origin, keeps of the exact one."""
+
+    def kept(given: NDArray[Any]) -> NDArray[Any]:
+        local = given[:3].copy()
+        local[:, 3] -= origin
+        return local.astype(np.float32)
+
+    return bool(np.allclose(kept(matrix), kept(exact), rtol=2.0**-22, atol=0.0))
 
 
 def _cuts(asset: Asset, standing: Sequence[Place], view: Callable[[Tables], Any]) -> list[Shown]:

@@ -278,12 +278,31 @@ def test_the_origin_is_a_translation(tmp_path: Path) -> None:
     assert np.array_equal(back.meshes[0].positions, TETRA_POSITIONS)
 
 
+@pytest.mark.parametrize("instances", ["on", "off"])
+def test_nodes_far_from_zero_stay_where_they_are(tmp_path: Path, instances: str) -> None:
+    b = GltfBuilder()
+    far = [4_500_000.123, 5_000.456, -3_900_000.789]
+    inner = b.node(name="inner", mesh=b.tetra(), translation=[0.1, 0, 0])
+    b.scene(b.node(name="earth", translation=far, children=[inner]))
+    out = extracted(saved(tmp_path, b), instances)
+    root = json_of(out)
+    if instances == "on":
+        assert root["nodes"][0]["translation"] == far
+        assert root["nodes"][1] == {"name": "inner", "mesh": 0, "translation": [0.1, 0, 0]}
+    else:
+        (node,) = [node for node in root["nodes"] if "mesh" in node]
+        assert node["name"] == "inner" and abs(np.array(node["translation"]) - far).max() < 2
+    got = np.sort(umbel.load(out).world_positions, axis=0)
+    assert np.allclose(got, np.sort(TETRA_POSITIONS + far + [0.1, 0, 0], axis=0), rtol=0, atol=1e-6)
+    assert validator_errors(out) == []
+
+
 def test_places_differ_by_more_than_rounding() -> None:
     matrix = np.eye(4)
     matrix[:3, 3] = (1e6, 0, 0)
     near, off = matrix.copy(), matrix.copy()
-    near[0, 3] += 0.1
-    off[0, 3] += 10
+    near[0, 3] += 1e-8
+    off[0, 3] += 1e-3
     assert same_place(matrix, near) and not same_place(matrix, off)
     turned = matrix.copy()
     turned[0, 1] = 1e-5

@@ -10,9 +10,8 @@ import numpy as np
 from umbel.io.gltf_arrays import Json
 from umbel.mesh import Float64Array
 
-_SAME = 2.0**-21
-"""Two places are the same if they differ by less, beside their largest entry: assets keep them in
-float32."""
+_SAME = 2.0**-40
+"""Two places are the same if they differ by less, beside their largest entry."""
 _INVERTIBLE = 1e10
 
 

@@ -23,6 +23,7 @@ Json = dict[str, Any]
 KEPT = ("KHR_lights_punctual", "KHR_xmp_json_ld", "KHR_node_visibility")
 #: Extensions that the readers here have done what they ask for.
 _DONE = ("EXT_mesh_gpu_instancing",)
+_PLACE = {"matrix", "translation", "rotation", "scale"}
 _DRAWN = ("mesh", "skin", "weights", "instances")
 
 
@@ -176,10 +177,13 @@ def is_trivial(tree: Json) -> bool:
     )
 
 
-def merged(tree: Json, owners: Sequence[int | None], still: bool, name: str, mesh: Json) -> Json:
-    """The tree of a scene that has become one mesh: that of its only node if that stands `still`,
-    at the world's origin and unturned, else of a node of its own.
+def merged(
+    tree: Json, owners: Sequence[int | None], origin: Float64Array | None, name: str, mesh: Json
+) -> Json:
+    """The tree of a scene that has become one mesh: that of its only node, if the mesh stands in
+    its file as in the world, else of a node of its own.
 
+    origin: where the mesh lies, or None if it is a mesh of the file as it stands there.
     mesh: the mesh's name and extras, if it is one of the file's.
     """
     if not tree:
@@ -187,13 +191,25 @@ def merged(tree: Json, owners: Sequence[int | None], still: bool, name: str, mes
     out = copy.deepcopy(tree)
     nodes = out.setdefault("nodes", [])
     single = owners[0] if len(owners) == 1 else None
-    if single is not None and still:
+    if single is not None and origin is None:
         nodes[single]["instances"] = [0, 1]
     elif owners:
         called = nodes[single].get("name", name) if single is not None else name
-        scene = out.setdefault("scenes", [{}])[0]
-        scene["nodes"] = [*scene.get("nodes", []), len(nodes)]
-        nodes.append({"name": called, "instances": [0, 1]} if called else {"instances": [0, 1]})
+        node: Json = {"name": called} if called else {}
+        if origin is not None and origin.any():
+            node["translation"] = origin.tolist()
+        _put(out, node | {"instances": [0, 1]}, single)
     if mesh:
         out["meshes"] = [mesh]
     return out
+
+
+def _put(tree: Json, node: Json, instead: int | None) -> None:
+    """A new root; in the place of a node that says no more than where it is."""
+    roots = tree.setdefault("scenes", [{}])[0].setdefault("nodes", [])
+    nodes = tree["nodes"]
+    if instead in roots and set(nodes[instead]) <= _PLACE:
+        nodes[instead] = node
+    else:
+        roots.append(len(nodes))
+        nodes.append(node)

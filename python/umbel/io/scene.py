@@ -76,17 +76,17 @@ class Scene:
             materials=materials,
             name=self.name,
             cameras=self.cameras,
-            tree=self._merged_tree(),
+            tree=self._merged_tree(flat.origin),
             source=next((mesh.source for mesh in self.meshes if mesh.source), ""),
         )
 
-    def _merged_tree(self) -> dict[str, Any]:
+    def _merged_tree(self, origin: Float64Array) -> dict[str, Any]:
         """`tree` for all of the scene as one mesh."""
         used = {place.mesh for place in self.instances}
         mesh = self.mesh_notes(used.pop()) if len(used) == 1 else {}
         still = all(np.array_equal(place.transform, np.eye(4)) for place in self.instances)
         owners = [place.node for place in self.instances]
-        return merged(self.tree, owners, still, self.name, mesh)
+        return merged(self.tree, owners, None if still else origin, self.name, mesh)
 
     def stored_tree(self) -> dict[str, Any]:
         """`tree` with what says which of its nodes the meshes and instances are; {} where it says
