@@ -120,6 +120,18 @@ def test_references_leave_the_folder_by_a_flag_only(umbel_command: Umbel, tmp_pa
     assert done.status == 1 and "--allow-outside" in done.json["error"]
 
 
+def test_a_grid_that_is_too_coarse_needs_force(umbel_command: Umbel, tmp_path: Path) -> None:
+    source, output = tmp_path / "fine.ply", tmp_path / "out.umbel"
+    umbel.save(source, umbel.shapes.blob(5))
+    arguments = ["build", source, "-o", output, "--precision", "5bits", "--json"]
+    done = umbel_command(*arguments)
+    assert done.status == 1 and not output.exists()
+    for word in ("--force", "--precision", str(source), "of 20480 triangles"):
+        assert word in done.json["error"]
+    done = umbel_command(*arguments, "--force")
+    assert done.status == 0 and umbel.verify(output, 8).ok
+
+
 def test_results_name_input_and_output(umbel_command: Umbel, small: Path, tmp_path: Path) -> None:
     asset = small.with_suffix(".umbel")
     picture = ["--width", 16, "--height", 16, "--spp", 1]

@@ -91,6 +91,14 @@ def test_images_come_along(in_memory: str) -> None:
         assert [image.data for image in images] == [PIXEL]
 
 
+def test_coordinate_systems_come_along(folder: Path, in_memory: str) -> None:
+    wkt = b'PROJCS["ETRS89 / UTM zone 32N"]'
+    (folder / "c.prj").write_bytes(wkt)
+    fsspec.filesystem("memory").pipe("/meshes/c.prj", wkt)
+    here, there = umbel.load(folder / "c.ply"), umbel.load(f"{in_memory}/c.ply")
+    assert here.coordinates == there.coordinates and here.coordinates["crs"] == wkt.decode()
+
+
 def test_what_is_missing_names_the_address(in_memory: str) -> None:
     fsspec.filesystem("memory").rm("/meshes/my buffer.bin")
     with pytest.raises(umbel.Error, match=r"memory://meshes/") as raised:
@@ -177,7 +185,9 @@ def test_digests_tell_what_a_file_refers_to(folder: Path) -> None:
     seen.add(source_digest(folder / "b.gltf"))
     (folder / "red.png").write_bytes(PIXEL + b"\0")
     seen.add(source_digest(folder / "b.gltf"))
-    assert len(seen) == 5
+    (folder / "c.prj").write_text('GEOGCS["WGS 84"]')  # says what the coordinates mean
+    seen |= {plain, source_digest(folder / "c.ply")}
+    assert len(seen) == 7
 
 
 def test_digests_follow_no_reference_out_of_the_folder(tmp_path: Path) -> None:

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from .build_file import Options
 
 _FLAGS = {
+    "with force": "with --force",
+    "a finer precision": "a finer --precision",
+    "drop_invalid": "--drop-invalid",
+    "allow_outside": "--allow-outside",
     "max_items": "--max-triangles",
     "group size": "--group-size",
     "min_group": "the first number of --group-size",
@@ -114,6 +118,14 @@ def command(
             "--drop-invalid", help="Leave out triangles with NaN, infinite or missing vertices."
         ),
     ] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="Build even where --precision, or rounding to 32-bit floats, takes the area of "
+            "more than 1 % of the triangles.",
+        ),
+    ] = False,
     measured_error: Annotated[
         bool,
         typer.Option(
@@ -158,6 +170,7 @@ def command(
         precision=precision,
         drop_invalid=drop_invalid,
         measured_error=measured_error,
+        force=force,
         allow_outside=allow_outside,
     )
     options.check()

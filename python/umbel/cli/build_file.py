@@ -44,6 +44,7 @@ class Options:
     drop_invalid: bool = False
     measured_error: bool = False
     allow_outside: bool = False
+    force: bool = False
 
     def check(self) -> None:
         """Refuses, before any file is read, what would fail with every one."""

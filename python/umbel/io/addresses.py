@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from umbel.errors import Error
-from umbel.io.references import leads_outside, references
+from umbel.io.references import leads_outside, references, sidecar_of
 
 if TYPE_CHECKING:
     from umbel.io.scene import Scene
@@ -85,6 +85,8 @@ def _keep_images(material: Material) -> None:
 def _fetch_references(path: Path, address: str) -> None:
     """What cannot be fetched is missing afterwards: reading says whether that matters."""
     waiting = references(path.name, path.read_bytes())
+    if not path.name.lower().endswith((".glb", ".gltf")):
+        waiting.append(sidecar_of(path.name))
     seen: set[str] = set()
     while waiting:
         name = waiting.pop()

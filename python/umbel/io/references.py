@@ -41,12 +41,20 @@ def references(name: str, data: Any) -> list[str]:
     return list(dict.fromkeys(posixpath.normpath(posixpath.join(folder, one)) for one in plain))
 
 
+def sidecar_of(name: str) -> str:
+    """The file beside a mesh that may say what its coordinates mean; no file names it."""
+    plain = name[:-3] if name.lower().endswith(".gz") else name
+    return posixpath.splitext(plain)[0] + ".prj"
+
+
 def source_digest(path: Path, allow_outside: bool = False) -> str:
     """The SHA-256 of a mesh file in hexadecimal; if it refers to others, that of the digests of
     all. Files that are missing count as such, and those outside the folder unless
     `allow_outside`."""
     digests: dict[str, str] = {}
-    waiting = [path.name]
+    sidecar = sidecar_of(path.name)
+    waiting = [sidecar] if (path.parent / sidecar).is_file() else []
+    waiting.append(path.name)
     while waiting:
         name = waiting.pop()
         if name in digests:
