@@ -13,18 +13,6 @@ float coordinate_size(const Vec3& p) {
   return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
 }
 
-/// The direction in which u grows, along the triangle.
-Vec3 tangent_of(const std::vector<Vec2>& uvs, const Triangle& t, const Vec3& e1, const Vec3& e2,
-                bool& mirrored) {
-  if (uvs.empty()) return {0, 0, 0};
-  const Vec2 &a = uvs[t[0]], &b = uvs[t[1]], &c = uvs[t[2]];
-  const float du1 = b.x - a.x, du2 = c.x - a.x, dv1 = b.y - a.y, dv2 = c.y - a.y;
-  const float determinant = du1 * dv2 - du2 * dv1;
-  mirrored = determinant < 0.0f;
-  const Vec3 tangent = (e1 * dv2 - e2 * dv1) * (mirrored ? -1.0f : 1.0f);
-  return normalized(tangent, {0, 0, 0});
-}
-
 struct Edges {
   Vec3 first, second;
 };
@@ -34,21 +22,37 @@ Edges edges_of(const Scene::Data& scene, const Triangle& t) {
   return {scene.positions[t[1]] - origin, scene.positions[t[2]] - origin};
 }
 
+/// Unit vectors along the triangle in which the image's u and v grow, where there are any.
+struct Tangents {
+  Vec3 u{0, 0, 0}, v{0, 0, 0};
+};
+
+Tangents tangents_of(const Scene::Data& scene, const Triangle& t, const TextureUse& use,
+                     const Edges& edges) {
+  const std::vector<Vec2>& uvs = scene.uvs_of(use.uv_set);
+  if (uvs.empty()) return {};
+  const Vec2 a = transformed(use, uvs[t[0]]), b = transformed(use, uvs[t[1]]),
+             c = transformed(use, uvs[t[2]]);
+  const float du1 = b.x - a.x, du2 = c.x - a.x, dv1 = b.y - a.y, dv2 = c.y - a.y;
+  const float sign = du1 * dv2 - du2 * dv1 < 0.0f ? -1.0f : 1.0f;
+  return {normalized((edges.first * dv2 - edges.second * dv1) * sign, {0, 0, 0}),
+          normalized((edges.second * du1 - edges.first * du2) * sign, {0, 0, 0})};
+}
+
 /// The normal that a normal map gives. Tangents follow the triangle's own UVs, so a mesh needs
 /// none.
 Vec3 mapped_normal(const Scene::Data& scene, const Point& at, const TextureUse& use, float scale,
                    const Edges& edges, const Vec3& normal) {
-  bool mirrored = false;
-  const Vec3 along =
-      tangent_of(scene.uvs_of(use.uv_set), at.corners(), edges.first, edges.second, mirrored);
-  const Vec3 tangent = normalized(along - normal * dot(normal, along), {0, 0, 0});
+  const Tangents along = tangents_of(scene, at.corners(), use, edges);
+  const Vec3 tangent = normalized(along.u - normal * dot(normal, along.u), {0, 0, 0});
   if (is_black(tangent)) return normal;
   // v runs down the image and +Y up it.
-  const Vec3 bitangent = cross(normal, tangent) * (mirrored ? 1.0f : -1.0f);
+  Vec3 up = cross(normal, tangent);
+  if (dot(up, along.v) > 0.0f) up = -up;
   const Vec4 texel = at.texel(use);
   const Vec3 n{(2.0f * texel.x - 1.0f) * scale, (2.0f * texel.y - 1.0f) * scale,
                2.0f * texel.z - 1.0f};
-  return normalized(tangent * n.x + bitangent * -n.y + normal * n.z, normal);
+  return normalized(tangent * n.x + up * n.y + normal * n.z, normal);
 }
 
 /// The shading normal turned to the seen side, and no further than the light can follow.
@@ -58,6 +62,25 @@ Vec3 facing(Vec3 shading, const Vec3& face, const Vec3& direction) {
   if (away < -1e-3f) return shading;
   // Seen from behind: the nearest normal that is not.
   return normalized(shading - direction * (away + 1e-2f), face);
+}
+
+/// A mapped normal turned towards the face until a mirror there would reflect what is outside. It
+/// would be black otherwise; the rougher it is, the less that matters.
+Vec3 reflecting(const Vec3& shading, const Vec3& face, const Vec3& direction, float roughness) {
+  const Vec3 to_eye = -direction;
+  const float height = dot(to_eye, face), least = std::min(0.9f * height, 0.01f);
+  const Vec3 reflected = shading * (2.0f * dot(shading, to_eye)) - to_eye;
+  if (roughness >= 1.0f || dot(reflected, face) >= least) return shading;
+  // In the plane of both normals, the normal z high whose reflection is `least` high.
+  const Vec3 side = normalized(shading - face * dot(shading, face), {0, 0, 0});
+  const float across = dot(to_eye, side);
+  const float a = across * across + height * height, b = 2.0f * (a + height * least),
+              c = (least + height) * (least + height);
+  const float root = std::sqrt(std::max(0.0f, b * b - 4.0f * a * c));
+  if (!(a > 0.0f)) return shading;
+  const float z2 = std::clamp(0.25f * (across < 0.0f ? b + root : b - root) / a, 0.0f, 1.0f);
+  const Vec3 turned = side * std::sqrt(1.0f - z2) + face * std::sqrt(z2);
+  return normalized(lerp(turned, shading, roughness), face);
 }
 
 /// Edges are scaled because the product of two tiny ones is no float.
@@ -136,6 +159,8 @@ Surface surface_in_place(const Scene::Data& scene, const Hit& hit, const Vec3& d
     shading = mapped_normal(scene, at, m.normal_texture, m.normal_scale, edges, shading);
   s.shading = facing(shading, s.face, direction);
   color_surface(scene, m, at, s);
+  if (m.normal_texture.texture != kNone)
+    s.shading = reflecting(s.shading, s.face, direction, s.color.roughness);
   return s;
 }
 
@@ -165,7 +190,10 @@ Vec3 coat_normal_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& d
   if (m.clearcoat_normal_texture.texture != kNone)
     normal = mapped_normal(scene, at, m.clearcoat_normal_texture, m.clearcoat_normal_scale, edges,
                            normal);
-  normal = facing(normal, dot(outside, way) > 0.0f ? -outside : outside, way);
+  const Vec3 face = dot(outside, way) > 0.0f ? -outside : outside;
+  normal = facing(normal, face, way);
+  if (m.clearcoat_normal_texture.texture != kNone)
+    normal = reflecting(normal, face, way, m.clearcoat_roughness);
   return placement ? normalized(placement->normal_to_world(normal), -direction) : normal;
 }
 

@@ -1,9 +1,12 @@
 // Pictures of glass, coats, cloth and films that are known, or to be equal to each other.
 #include <gtest/gtest.h>
 
+#include <iterator>
+#include <numbers>
 #include <utility>
 
 #include "trace/scenes.hpp"
+#include "trace/vector.hpp"
 #include "umbel/trace.hpp"
 
 namespace umbel::trace {
@@ -210,6 +213,47 @@ TEST(Layers, textures_use_the_texture_coordinates_that_they_name) {
   EXPECT_EQ(seen(), (Vec3{1, 0, 0}));
   m.base_color_texture.uv_set = 2;
   EXPECT_EQ(seen(), (Vec3{0, 1, 0}));
+}
+
+TEST(Layers, normal_maps_lean_the_way_that_their_image_stands) {
+  Environment sun;
+  sun.up = {0, 0, 1};
+  sun.sky_strength = 0;
+  sun.ground_albedo = {0, 0, 0};
+  sun.sun_direction = {0.3f, 0.5f, 0.8f};
+  // Leans to the image's right and, more, to its top: (0.3, 0.6, 0.74).
+  const std::vector<uint8_t> leaning = {166, 204, 222, 255}, flat = {128, 128, 255, 255};
+  const Vec3 sun_at = normalized(sun.sun_direction, {0, 0, 1});
+  struct Placed {
+    std::vector<Vec2> uvs;
+    Vec3 right, top;  ///< of the image, in the world
+    Vec2 scale{1, 1};
+    float rotation = 0.0f;
+  };
+  const std::vector<Vec2> upright = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
+  const Placed all[] = {{upright, {1, 0, 0}, {0, 1, 0}},
+                        {{{1, 1}, {0, 1}, {0, 0}, {1, 0}}, {-1, 0, 0}, {0, 1, 0}},
+                        {{{0, 0}, {1, 0}, {1, 1}, {0, 1}}, {1, 0, 0}, {0, -1, 0}},
+                        {{{0, 0}, {0, 1}, {1, 1}, {1, 0}}, {0, 1, 0}, {-1, 0, 0}},
+                        {upright, {1, 0, 0}, {0, -1, 0}, {1, -1}},
+                        {upright, {0, -1, 0}, {1, 0, 0}, {1, 1}, std::numbers::pi_v<float> / 2}};
+  for (size_t k = 0; k < std::size(all); ++k) {
+    Mesh mesh = square(1);
+    mesh.uvs = all[k].uvs;
+    Material m = lambert(1.0f);
+    m.normal_texture = {.texture = 0, .scale = all[k].scale, .rotation = all[k].rotation};
+    const auto seen = [&](const std::vector<uint8_t>& texel) {
+      const TextureView texture{.texels = texel, .width = 1, .height = 1};
+      return mean(
+          render(scene_of(mesh, {m}, sun, {texture}), from_above(), small_picture(4, 64)).image);
+    };
+    const Vec3 normal =
+        normalized(all[k].right * 0.302f + all[k].top * 0.6f + Vec3{0, 0, 0.741f}, {0, 0, 1});
+    const double expected = std::max(0.0f, dot(normal, sun_at)) / sun_at.z;
+    EXPECT_NEAR(seen(leaning) / seen(flat), expected, 0.02) << k;
+    m.normal_scale = 0.0f;
+    EXPECT_NEAR(seen(leaning) / seen(flat), 1.0, 0.01) << k;
+  }
 }
 
 TEST(Layers, the_same_bytes_for_any_threads) {
