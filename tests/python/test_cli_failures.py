@@ -234,14 +234,19 @@ def test_nobody_reading_the_output_is_no_crash(blob_asset: Path) -> None:
     assert done.returncode == 1 and "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("suffix", ["ply", "obj", "glb"])
 def test_names_that_are_no_text_are_no_crash(
-    umbel_command: Umbel, blob_ply: Path, tmp_path: Path
+    umbel_command: Umbel, tmp_path: Path, suffix: str
 ) -> None:
-    source = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.ply"))
-    source.write_bytes(blob_ply.read_bytes())
+    plain = tmp_path / f"plain.{suffix}"
+    umbel.save(plain, umbel.shapes.blob(3))
+    source = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9." + suffix.encode()))
+    plain.rename(source)
     asset = source.with_suffix(".umbel")
     assert umbel_command("build", source, "-o", asset, "--json").status == 0
-    assert umbel_command("info", asset, "--json").json["source"]["file"] == "caf?.ply"
+    assert umbel_command("build", tmp_path, "-o", tmp_path / "out", "--json").status == 0
+    assert os.listdir(os.fsencode(tmp_path / "out")) == [b"caf\xe9.umbel"]
+    assert umbel_command("info", asset, "--json").json["source"]["file"] == f"caf?.{suffix}"
     assert umbel_command("info", asset).status == 0
     assert umbel_command("verify", asset, "--json").json["ok"] is True
     assert_one_sentence(umbel_command("info", source.with_name("\udce9.ply")))

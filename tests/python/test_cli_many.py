@@ -206,6 +206,28 @@ def test_what_cannot_be_meant_is_refused_before_any_work(
         assert not (tmp_path / "out").exists()
 
 
+def test_a_file_that_is_missing_is_one_that_fails(
+    umbel_command: Umbel, models: Path, tmp_path: Path
+) -> None:
+    good, missing = sorted(models.rglob("mesh_*"))[0], models / "missing.obj"
+    done = umbel_command("build", missing, good, "-o", tmp_path, "--keep-going", "--json")
+    assert done.status == 1
+    by_input = {line["input"]: line for line in _lines(done)}
+    assert by_input[str(good)]["status"] == "built"
+    assert str(missing) in by_input[str(missing)]["error"]
+
+
+def test_a_pipe_is_read_once(umbel_command: Umbel, models: Path, tmp_path: Path) -> None:
+    source = next(models.rglob("mesh_*.ply"))
+    os.mkfifo(tmp_path / "pipe")
+    with subprocess.Popen(["sh", "-c", f"cat '{source}' > '{tmp_path}/pipe'"]):
+        done = umbel_command("build", tmp_path / "pipe", "-o", tmp_path / "a.umbel", "--json")
+    assert done.status == 0, done.err
+    assert (
+        done.json["input_triangles"] == umbel.Asset(tmp_path / "a.umbel").info["source_triangles"]
+    )
+
+
 def test_existing_assets_are_replaced_whole_or_not_at_all(
     umbel_command: Umbel, models: Path, tmp_path: Path
 ) -> None:

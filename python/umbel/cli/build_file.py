@@ -104,8 +104,11 @@ def _on_this_machine(source: str) -> Iterator[Path]:
 
 
 def _digest(path: Path, allow_outside: bool) -> str | None:
-    """None for what cannot be read: reading it as a mesh says why."""
+    """None for a pipe, which can be read only once, and for what cannot be read: reading it as a
+    mesh says why."""
     try:
+        if not path.is_file():
+            return None
         return source_digest(path, allow_outside)
     except (OSError, ValueError):
         return None

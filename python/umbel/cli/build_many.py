@@ -37,7 +37,7 @@ def build_many(
 ) -> None:
     """Builds the inputs below a folder. Ends with status 1 if any could not be built."""
     began = time.perf_counter()
-    planned = plan(inputs, Path(output))
+    planned = plan(inputs, Path(output), may_miss=keep_going)
     made_folder(Path(output))
     cores = os.cpu_count() or 1
     common = {

@@ -40,7 +40,7 @@ def with_flags(sentence: str, flags: Mapping[str, str], paths: Sequence[str] = (
 
 def naming_file(sentence: str, source: str | None, paths: Sequence[str]) -> str:
     """The sentence, which begins with the input unless it names one of the paths already."""
-    if source is None or any(path and path in sentence for path in paths):
+    if not source or any(path and path in sentence for path in paths):
         return sentence
     return f"{source}: {sentence}"
 

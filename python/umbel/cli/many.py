@@ -30,12 +30,13 @@ def is_many(inputs: Sequence[str], output: str) -> bool:
     return len(inputs) > 1 or _is_group(inputs[0]) or ends_as_folder or os.path.isdir(output)
 
 
-def plan(inputs: Sequence[str], folder: Path) -> list[Job]:
+def plan(inputs: Sequence[str], folder: Path, may_miss: bool = False) -> list[Job]:
     """The jobs, in the order of the inputs. The assets lie in the folder as their meshes do below
-    the innermost folder that holds all of them."""
+    the innermost folder that holds all of them. `may_miss`: a file that is not there is a job,
+    too; building it says so."""
     if folder.suffix.lower() == ".umbel" and not folder.is_dir():
         fail(f"{folder}: with several inputs the output is a folder, not one asset")
-    found = [(text, *_matches(text)) for text in inputs]
+    found = [(text, *_matches(text, may_miss)) for text in inputs]
     bases = [base for _, base, _ in found if base is not None]
     root = os.path.commonpath(bases) if bases else ""
     jobs: dict[str, Job] = {}
@@ -65,7 +66,7 @@ def _is_pattern(text: str) -> bool:
     return glob.has_magic(text) and not os.path.exists(text)
 
 
-def _matches(text: str) -> tuple[str | None, list[str]]:
+def _matches(text: str, may_miss: bool) -> tuple[str | None, list[str]]:
     """The folder below which an input's files lie, and the files."""
     if is_address(text):
         return None, [text]
@@ -73,7 +74,7 @@ def _matches(text: str) -> tuple[str | None, list[str]]:
         base, below = text, os.path.join(glob.escape(text), "**", "*")
     elif _is_pattern(text):
         base, below = _fixed_part(text), text
-    elif os.path.exists(text):
+    elif os.path.exists(text) or may_miss:
         return os.path.abspath(os.path.dirname(text)), [text]
     else:
         fail(f"cannot read {text}: no such file", source=text)

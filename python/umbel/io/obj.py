@@ -20,6 +20,7 @@ from umbel.mesh import Float32Array, Material, Mesh, area_weighted_normals, unit
 def read_obj(source: bytes | Path, where: str, folder: Folder | None = None) -> Scene:
     """The scene in an OBJ file or its bytes; `where` names the file in errors, material libraries
     are looked for in `folder`."""
+    where = where.encode("utf-8", "replace").decode()  # names of files may be no text
     if isinstance(source, Path):
         arrays = _umbel.read_obj(source, where)
     else:
