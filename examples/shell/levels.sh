@@ -10,6 +10,7 @@ asset=$folder/$name.umbel
 
 umbel build "$mesh" -o "$asset"
 umbel verify "$asset"
-for triangles in 10000 1000 100; do
+for triangles in 10000 1000; do
   umbel extract "$asset" --triangles "$triangles" -o "$folder/${name}_$triangles.glb"
 done
+umbel extract "$asset" --error inf -o "$folder/${name}_coarsest.glb"

@@ -127,11 +127,14 @@ def test_readme_python_runs(blob_ply: Path, tmp_path: Path) -> None:
 
 def test_readme_shell_runs(blob_ply: Path, tmp_path: Path, path_with_umbel: str) -> None:
     shutil.copy(blob_ply, tmp_path / "dragon.ply")
+    (tmp_path / "models" / "trees").mkdir(parents=True)
+    umbel.save(tmp_path / "models" / "trees" / "oak.glb", umbel.shapes.torus(12, 8))
     lines = [line for line in _readme("sh").splitlines() if line.startswith("umbel ")]
     assert len(lines) >= 4
     # The viewer serves until it is interrupted (see test_view.py).
     lines = [line for line in lines if not line.startswith("umbel view ")]
     _run("bash", "-ec", "\n".join(lines), folder=tmp_path, PATH=path_with_umbel)
+    assert (tmp_path / "assets" / "trees" / "oak.umbel").is_file()
 
 
 def test_readme_cpp_runs(installed: Path, tmp_path: Path) -> None:
