@@ -7,5 +7,5 @@ import umbel
 scan = trimesh.creation.icosphere(subdivisions=6)
 lod = umbel.build_lod(scan)
 coarse = lod.mesh(lod.cut(triangles=2_000))
-back = trimesh.Trimesh(coarse.positions, coarse.triangles)
+back = trimesh.Trimesh(coarse.vertices, coarse.triangles)
 print(f"{len(scan.faces)} faces became {len(back.faces)}; watertight: {back.is_watertight}")

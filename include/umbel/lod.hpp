@@ -228,6 +228,11 @@ UMBEL_API View view_error(float error);
 /// `pixel_error` pixels of a picture `height` pixels high with the vertical field of view
 /// `fov_y` in radians, seen from `eye`.
 UMBEL_API View view_camera(const Vec3& eye, float fov_y, uint32_t height, float pixel_error);
+/// The same from a point of the world, of what is relative to `origin` (AssetInfo::origin).
+inline View view_camera(const Vec3d& eye, const Vec3d& origin, float fov_y, uint32_t height,
+                        float pixel_error) {
+  return view_camera(relative_to(origin, eye), fov_y, height, pixel_error);
+}
 UMBEL_API View view_level(uint32_t level);
 
 /// The test of one group. All arithmetic is in 32-bit floats in the order written in select.cpp.

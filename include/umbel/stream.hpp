@@ -74,8 +74,8 @@ struct LinkModel {
 UMBEL_API std::unique_ptr<PageLoader> make_model_loader(const Asset& asset, const LinkModel& link,
                                                         std::shared_ptr<const double> clock);
 
-/// One mesh as somebody sees it: kError or kCamera, in the mesh's own space. What lies outside a
-/// plane is shown as coarse as it may be.
+/// One mesh as somebody sees it: kError or kCamera, in the mesh's own space, relative to the
+/// asset's origin. What lies outside a plane is shown as coarse as it may be.
 struct StreamView {
   uint32_t mesh = 0;
   lod::View view;

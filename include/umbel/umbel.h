@@ -742,8 +742,9 @@ typedef struct umbel_asset_info {
   umbel_vec3d origin;                    ///< points of the asset are at origin + point
 } umbel_asset_info;
 
-/// One mesh as somebody sees it, in its own space: errors up to `threshold` times the distance from
-/// `eye`, plus `error`, are small enough. One of the two must be 0.
+/// One mesh as somebody sees it, in its own space, relative to the asset's origin: errors up to
+/// `threshold` times the distance from `eye`, plus `error`, are small enough. One of the two must
+/// be 0.
 typedef struct umbel_stream_view {
   uint32_t mesh;
   umbel_vec3 eye;

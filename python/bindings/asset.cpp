@@ -12,7 +12,10 @@ nb::object tuple_of(const Vec3& v, const Vec3d& origin = {}) {
   return nb::make_tuple(origin.x + v.x, origin.y + v.y, origin.z + v.z);
 }
 
-Dict info_dict(const AssetInfo& info) {
+Dict info_dict(const Asset& asset) {
+  const AssetInfo& info = asset.info();
+  // Instances say where meshes are, and without them the origin alone.
+  const Vec3d shift = asset.instances().empty() ? info.origin : Vec3d{};
   Dict result;
   result["format_version"] =
       std::to_string(info.version_major) + "." + std::to_string(info.version_minor);
@@ -32,8 +35,8 @@ Dict info_dict(const AssetInfo& info) {
   result["color_bits"] = info.color_bits;
   const bool empty = info.bounds.min.x > info.bounds.max.x;
   result["bounds"] = empty ? nb::object(nb::none())
-                           : nb::object(nb::make_tuple(tuple_of(info.bounds.min, info.origin),
-                                                       tuple_of(info.bounds.max, info.origin)));
+                           : nb::object(nb::make_tuple(tuple_of(info.bounds.min, shift),
+                                                       tuple_of(info.bounds.max, shift)));
   result["origin"] = nb::make_tuple(info.origin.x, info.origin.y, info.origin.z);
   result["source_triangles"] = info.source_triangles;
   result["source_vertices"] = info.source_vertices;
@@ -159,7 +162,7 @@ void bind_asset(nb::module_& module) {
             return Asset(std::move(source));
           },
           "size"_a, "read"_a)
-      .def_prop_ro("info", [](const Asset& asset) { return info_dict(asset.info()); })
+      .def_prop_ro("info", [](const Asset& asset) { return info_dict(asset); })
       .def_prop_ro("meshes", &meshes_of)
       .def("page_sizes",
            [](const Asset& asset) {

@@ -137,6 +137,8 @@ void write_seeds(const std::filesystem::path& folder) {
   scene.instances = {{0}, {1, {2, 0, 0, 1, 0, 2, 0, 1, 0, 0, 2, 1}}, {0}};
   scene.first_materials = {0, 1};
   scene.files = {{std::byte{1}, std::byte{2}}, {}};
+  scene.origin = {500000, 4649776, 312.5};
+  scene.scene = "{\"nodes\": []}";
   umbel::write_asset(folder / "scene.umbel", scene);
 }
 

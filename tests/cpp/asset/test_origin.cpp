@@ -109,6 +109,11 @@ TEST(AssetOrigin, a_point_is_subtracted_before_it_is_rounded) {
   EXPECT_EQ(local.x, 0.125f);
   EXPECT_NEAR(local.y, -1e-4f, 1e-9f);
   EXPECT_EQ(local.z, 0.0f);
+  const lod::View here = lod::view_camera({0.125f, 0, 2}, 1.0f, 1000, 1.0f);
+  const lod::View there =
+      lod::view_camera({kEarth.x + 0.125, kEarth.y, kEarth.z + 2}, kEarth, 1.0f, 1000, 1.0f);
+  EXPECT_EQ(there.eye, here.eye);
+  EXPECT_EQ(there.threshold, here.threshold);
 }
 
 }  // namespace
