@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, indices, native, rows, thread_count
+from .arrays import array_of, as_mesh, indices, native, rows, thread_count
 from .errors import Error
 from .mesh import Mesh
-from .origin import origin_of, warn_of_origin
+from .origin import localize, origin_of, warn_of_origin
 from .queries import TriangleQueries
 from .rays import mask_array
 from .repair import Progress
@@ -140,7 +140,13 @@ def _choice(name: str, changes: dict[str, Any], values: tuple[str, ...]) -> str:
 
 
 def _mesh_of(positions: Any, triangles: ArrayLike | None) -> Mesh:
-    return as_mesh(positions) if triangles is None else Mesh(positions, triangles)  # type: ignore[arg-type]
+    if triangles is None:
+        return as_mesh(positions)
+    points = array_of("positions", positions)
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+        return Mesh(points, triangles)  # type: ignore[arg-type]
+    origin, local = localize(points)  # what rounding loses is no matter of a hierarchy
+    return Mesh(local, triangles, origin=origin)  # type: ignore[arg-type]
 
 
 def _geometry(mesh: Mesh) -> _umbel.MeshArrays:

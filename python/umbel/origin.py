@@ -123,10 +123,17 @@ def _origin(points: NDArray[Any], rounded: NDArray[np.float32]) -> NDArray[np.fl
 
 def _box(points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The corners of the box of the finite points, in float64; NaN where there are none."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = _extremes(points)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         finite = points[np.isfinite(points).all(axis=1)]
         if not len(finite):
             return np.full(3, np.nan), np.full(3, np.nan)
-        low, high = finite.min(axis=0), finite.max(axis=0)
-    return low.astype(np.float64), high.astype(np.float64)
+        low, high = _extremes(finite)
+    return low, high
+
+
+def _extremes(points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # Column by column, which NumPy does many times faster than all at once.
+    columns = [points[:, k] for k in range(3)]
+    low = np.array([column.min() for column in columns], np.float64)
+    return low, np.array([column.max() for column in columns], np.float64)
