@@ -200,8 +200,13 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:,.0f}" if abs(value) >= 1e5 else f"{value:.6g}"
     if isinstance(value, list):
-        return " ".join(_text(item) for item in value) or "-"
+        return " ".join(_in_list(item) for item in value) or "-"
     return str(value)
+
+
+def _in_list(value: Any) -> str:
+    """Coordinates need more digits than other numbers: on maps they are large."""
+    return f"{value:.12g}" if isinstance(value, float) else _text(value)
 
 
 def _print_table(result: dict[str, Any], title: str) -> None:
