@@ -10,6 +10,8 @@ import webbrowser
 from pathlib import Path
 
 from .errors import Error
+from .io.images import beside
+from .viewer_files import images_beside
 from .viewer_server import Server, page_folder
 
 
@@ -56,7 +58,8 @@ def view(path: str | os.PathLike[str], *, port: int = 0, height: int = 560) -> V
 
 
 def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
-    """Writes a folder that shows an asset from any static host, and returns its index.html.
+    """Writes a folder that shows an asset from any static host, with the images that it names, and
+    returns its index.html.
 
     The folder must not exist yet, or be empty. It works best from a host that supports HTTP
     ranges; others send the whole file."""
@@ -69,6 +72,11 @@ def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
         whole = Path(made) / "viewer"
         shutil.copytree(page, whole)
         shutil.copyfile(asset, whole / asset.name)
+        for name, image in images_beside(asset).items():
+            copy = beside(whole, name)
+            if copy is not None and not copy.exists():
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(image, copy)
         index = whole / "index.html"
         text = index.read_text(encoding="utf-8")
         named = f'<body data-asset="{html.escape(asset.name)}">'

@@ -1,4 +1,5 @@
-"""Serves the viewer's page and one asset on this machine's loopback address, by HTTP ranges."""
+"""Serves the viewer's page and one asset on this machine's loopback address, by HTTP ranges, with
+the images beside it that it names."""
 
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ from pathlib import Path
 from urllib.parse import quote, unquote, urlsplit
 
 from .errors import Error
+from .viewer_files import images_beside
 
 PAGE = Path(__file__).parent / "page"
 _CHUNK = 1 << 18
@@ -43,6 +45,7 @@ class _Server(ThreadingHTTPServer):
     def __init__(self, asset: Path, port: int) -> None:
         self.asset = asset
         self.page = page_folder()
+        self.images = images_beside(asset)
         super().__init__(("127.0.0.1", port), _Handler)
 
 
@@ -67,8 +70,12 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             path = unquote(urlsplit(self.path).path).lstrip("/")
+            image = self.server.images.get(path.removeprefix("asset/"))
             if path == f"asset/{self.server.asset.name}":
-                self._send_asset(with_body)
+                self._send_file(self.server.asset, "application/octet-stream", with_body)
+            elif image and path.startswith("asset/"):
+                kind = mimetypes.guess_type(image.name)[0] or "application/octet-stream"
+                self._send_file(image, kind, with_body)
             else:
                 self._send_page(path or "index.html", with_body)
         except (BrokenPipeError, ConnectionResetError):
@@ -92,9 +99,9 @@ class _Handler(BaseHTTPRequestHandler):
         if with_body:
             self.wfile.write(body)
 
-    def _send_asset(self, with_body: bool) -> None:
+    def _send_file(self, path: Path, kind: str, with_body: bool) -> None:
         try:
-            file = self.server.asset.open("rb")
+            file = path.open("rb")
         except OSError:
             self.send_error(HTTPStatus.NOT_FOUND)
             return
@@ -109,7 +116,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self.end_headers()
                 return
             self.send_response(HTTPStatus.PARTIAL_CONTENT if is_part else HTTPStatus.OK)
-            self.send_header("Content-Type", "application/octet-stream")
+            self.send_header("Content-Type", kind)
             self.send_header("Accept-Ranges", "bytes")
             self.send_header("Content-Length", str(behind - first))
             self.send_header("Cache-Control", "no-cache")

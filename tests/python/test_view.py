@@ -112,6 +112,61 @@ def test_nothing_else_is_served(shown: umbel.View, path: str) -> None:
     assert get(shown, path)[0] == 404
 
 
+class NamingImages:
+    """Stands in for an asset: names images inside and outside its folder."""
+
+    materials = json.dumps(
+        {
+            "images": [
+                {"uri": "pictures/a%20b.png"},
+                {"uri": "c.jpg"},
+                {"uri": "secret.txt"},
+                {"uri": "../above.png"},
+                {"uri": "index.html"},
+                {"uri": "gone.png"},
+                {"uri": 3},
+                {"file": 0},
+            ]
+        }
+    )
+
+    def __init__(self, path: Path) -> None:
+        self._native = self
+
+
+@pytest.fixture
+def external(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An asset with two images beside it, which names three other files too."""
+    folder = tmp_path / "here"
+    (folder / "pictures").mkdir(parents=True)
+    (folder / "pictures" / "a b.png").write_bytes(b"png")
+    (folder / "c.jpg").write_bytes(b"jpg")
+    for path in (folder / "secret.txt", folder / "index.html", tmp_path / "above.png"):
+        path.write_text("secret")
+    umbel.build_lod(umbel.shapes.blob(2, seed=1)).save(folder / "asset.umbel")
+    monkeypatch.setattr("umbel.viewer_files.Asset", NamingImages)
+    return folder / "asset.umbel"
+
+
+def test_images_beside_the_asset_are_served_and_no_other_file(external: Path) -> None:
+    view = umbel.view(external)
+    assert get(view, "/asset/pictures/a%20b.png")[2] == b"png"
+    status, headers, body = get(view, "/asset/c.jpg", Range="bytes=1-")
+    assert (status, body, headers["Content-Type"]) == (206, b"pg", "image/jpeg")
+    for name in ("secret.txt", "../above.png", "%2e%2e/above.png", "index.html", "gone.png"):
+        assert get(view, f"/asset/{name}")[0] == 404
+    assert get(view, "/c.jpg")[0] == 404
+    view.close()
+
+
+def test_images_beside_the_asset_are_exported(external: Path, tmp_path: Path) -> None:
+    folder = umbel.export_viewer(external, tmp_path / "site").parent
+    assert (folder / "pictures" / "a b.png").read_bytes() == b"png"
+    assert (folder / "c.jpg").read_bytes() == b"jpg"
+    assert not (folder / "secret.txt").exists()
+    assert "<title>Umbel</title>" in (folder / "index.html").read_text()
+
+
 def test_other_names_for_this_machine_are_refused(shown: umbel.View) -> None:
     assert get(shown, "/", Host="evil.example")[0] == 403
 

@@ -5,9 +5,10 @@
 //
 // It prints one JSON object: milliseconds from the start of the page's loading until the first
 // triangles are drawn, and until what is drawn is within one pixel (medians of seven loads), bytes
-// that came over the line until the first picture, of the asset and of the page, and until what is
-// drawn is within one pixel, beside those of the pages that hold it; milliseconds of
-// the page's thread for a new cut; and the heap before and after a thousand cuts.
+// that came over the line until the first picture, of the asset and of the page, until all materials
+// in view have their textures, if small ones, and until what is drawn is within one pixel, beside those
+// of the pages that hold it; milliseconds of the page's thread for a new cut; and the heap before and
+// after a thousand cuts.
 
 import { spawn } from "node:child_process";
 import { resolve } from "node:path";
@@ -48,8 +49,8 @@ async function load() {
   const page = await context.newPage();
   await page.goto(url);
   await page.waitForFunction(() => {
-    const statistics = globalThis.umbelViewer?.stage.meshes[0]?.statistics;
-    return statistics?.isSettled && statistics.triangles > 0;
+    const mesh = globalThis.umbelViewer?.stage.meshes[0];
+    return mesh?.statistics?.isSettled && mesh.isSettled !== false && mesh.statistics.triangles > 0;
   });
   const first = await page.evaluate(() => {
     const [{ startTime, detail }] = performance.getEntriesByName("umbel-first-picture");
@@ -59,19 +60,23 @@ async function load() {
     ]
       .filter(({ responseEnd, name }) => responseEnd <= startTime && !/\.umbel$/.test(name))
       .reduce((sum, { transferSize }) => sum + transferSize, 0);
-    return { time: startTime, fetchedBytes: detail.fetchedBytes, pageBytes };
+    const [dressed] = performance.getEntriesByName("umbel-first-textures");
+    const textures = dressed && { time: dressed.startTime, bytes: dressed.detail.fetchedBytes };
+    return { time: startTime, fetchedBytes: detail.fetchedBytes, pageBytes, textures };
   });
   const settled = await page.evaluate(() => performance.now());
   return { page, context, first, settled };
 }
 
 const times = [];
+const texturedTimes = [];
 const settledTimes = [];
 let last;
 for (let i = 0; i < LOADS; ++i) {
   await last?.context.close();
   last = await load();
   times.push(last.first.time);
+  texturedTimes.push(last.first.textures?.time ?? 0);
   settledTimes.push(last.settled);
 }
 const { page, first } = last;
@@ -114,6 +119,8 @@ process.stdout.write(
   `${JSON.stringify({
     first_picture_ms: Math.round(median(times)),
     first_picture_ms_all: times.map(Math.round),
+    first_textures_ms: Math.round(median(texturedTimes)),
+    first_textures_asset_bytes: first.textures?.bytes,
     settled_ms: Math.round(median(settledTimes)),
     first_picture_asset_bytes: first.fetchedBytes,
     first_picture_page_bytes: first.pageBytes,

@@ -104,3 +104,23 @@ test("a missing file can be tried again once it is there", async ({ page, host }
   await settled(page);
   await expect(page.getByRole("alert")).toBeHidden();
 });
+
+test("a page that nobody touches rests", async ({ page, host }) => {
+  for (const asset of ["planet", "looks"]) {
+    await page.goto("about:blank");
+    await page.goto(`${host.url}/?asset=${asset}.umbel#pixels=6`);
+    await settled(page);
+    const frames = await page.evaluate(async () => {
+      const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+      let frames = 0;
+      const before = stage.onFrame;
+      stage.onFrame = (counts) => {
+        ++frames;
+        before?.(counts);
+      };
+      await new Promise((next) => setTimeout(next, 1000));
+      return frames;
+    });
+    expect(frames).toBeLessThan(3);
+  }
+});

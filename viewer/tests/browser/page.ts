@@ -26,6 +26,7 @@ interface PageViewer {
     height: number;
     camera: { getEffectiveFOV(): number };
     setPose(pose: Pose): void;
+    onFrame: ((counts: unknown) => void) | undefined;
     fly(right: number, up: number, forward: number): void;
   };
 }

@@ -54,6 +54,20 @@ export function viewOf({ camera, height, pixelError, offscreen }: Seeing, world:
   return view;
 }
 
+/** A camera and an object, as numbers that belong together: to tell whether either has moved. */
+export function posesOf(camera: Camera, object: Matrix4): number[][] {
+  const matrices = [camera.matrixWorld, camera.projectionMatrix, object];
+  return matrices.flatMap(({ elements }) => [elements.slice(0, 12), elements.slice(12)]);
+}
+
+/** Whether they are the same but for rounding: controls may tremble at rest. */
+export function areSamePoses(a: readonly number[][], b: readonly number[][]): boolean {
+  return a.every((row, i) => {
+    const most = row.reduce((sum, x) => Math.max(sum, Math.abs(x)), 0);
+    return row.every((x, j) => Math.abs(x - (b[i]?.[j] ?? Infinity)) <= 1e-12 * most);
+  });
+}
+
 /** Tells how many pixels a unit of the object is long, at a distance in its own units. */
 export function pixelsPerUnit(
   camera: Camera,

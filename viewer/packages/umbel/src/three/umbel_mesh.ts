@@ -20,7 +20,7 @@ import {
 import { boundsOf } from "../bounds.js";
 import { AssetStream } from "../stream.js";
 import type { AssetInfo, StreamStatistics, StreamUpdate } from "../streamer.js";
-import { frustumOf, viewOf } from "./camera_view.js";
+import { areSamePoses, frustumOf, posesOf, viewOf } from "./camera_view.js";
 import type { ClusterInfo, TintFunction } from "./cluster_info.js";
 import { type Drawn, Instance } from "./instance.js";
 import { Materials } from "./materials.js";
@@ -79,7 +79,9 @@ export class UmbelMesh extends Object3D {
   private readonly tint = new Tint();
   private tintFunction: TintFunction | undefined;
   private lineMaterial: Material | undefined;
-  private lastView = "";
+  private lastView: number[][] = [];
+  /** Rises whenever the camera has moved. */
+  private viewVersion = 0;
   private budget: number;
   private textureBytes = 0;
 
@@ -214,7 +216,7 @@ export class UmbelMesh extends Object3D {
     const { y: height } = renderer.getDrawingBufferSize(new Vector2());
     if (!this.isFrozen) this.look(camera, height);
     this.makeRanges(camera);
-    this.survey.update(this.instances, camera, height, `${this.lastView} ${this.cutVersion}`, {
+    this.survey.update(this.instances, camera, height, `${this.viewVersion} ${this.cutVersion}`, {
       see: (seen) => this.materials.textures.see(seen, renderer),
       // What was seen while the camera moved is surveyed once more when it rests.
       again: () => this.onChange?.(),
@@ -265,15 +267,10 @@ export class UmbelMesh extends Object3D {
 
   /** Tells the stream what the camera sees, if that has changed. */
   private look(camera: Camera, height: number): void {
-    const key = [
-      height,
-      this.pixelError,
-      ...camera.matrixWorld.elements,
-      ...camera.projectionMatrix.elements,
-      ...this.matrixWorld.elements,
-    ].join();
-    if (key === this.lastView) return;
-    this.lastView = key;
+    const view = [[height, this.pixelError], ...posesOf(camera, this.matrixWorld)];
+    if (areSamePoses(view, this.lastView)) return;
+    this.lastView = view;
+    ++this.viewVersion;
     const seeing = { camera, height, pixelError: this.pixelError, offscreen: this.offscreen };
     this.stream.setViews(
       this.instances.map((instance) => ({
