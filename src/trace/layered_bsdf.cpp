@@ -174,8 +174,9 @@ BsdfValue LayeredBsdf::evaluate(const Vec3& wi) const {
 /// Zero where the lobe has none for these numbers.
 Vec3 LayeredBsdf::direction(Lobe lobe, const Vec2& u) const {
   if (lobe == kCoat) {
-    const Vec3 h = visible_facet(coat_wo_, coat_alpha_, u);
-    return coat_frame_.to_world(mirrored(coat_wo_, h));
+    const Vec3 in = mirrored(coat_wo_, visible_facet(coat_wo_, coat_alpha_, u));
+    const Vec3 wi = coat_frame_.to_world(in);
+    return in.z > 0.0f && wi.z > 0.0f ? wi : Vec3{0, 0, 0};
   }
   if (lobe == kDiffuse) return by_cosine(u);
   if (lobe == kDiffuseThrough) return -by_cosine(u);

@@ -90,6 +90,39 @@ TEST(LayeredBsdf, white_layers_send_on_all_of_the_light_and_no_more) {
   }
 }
 
+TEST(LayeredBsdf, no_mixture_of_layers_sends_on_more_than_it_gets) {
+  const BodyAlbedos* bodies[] = {nullptr, &glass(), &diamond()};
+  for (uint32_t k = 0; k < 400; ++k) {
+    uint32_t dimension = 0;
+    const auto number = [&] { return Sampler(11, k, 0).point(dimension++).x; };
+    const auto color = [&] { return Vec3{number(), number(), number()}; };
+    const auto some = [&](float chance) { return number() < chance ? number() : 0.0f; };
+    SurfaceLayers l;
+    l.transmission = some(0.6f), l.passing = color();
+    l.body = l.transmission > 0 ? bodies[k % 3] : nullptr;
+    l.inside = l.body && number() < 0.5f;
+    l.straight = !l.body && l.transmission > 0 && number() < 0.5f;
+    l.diffuse_transmission = some(0.5f), l.diffuse_transmission_color = color();
+    l.coat = some(0.6f), l.coat_roughness = number();
+    l.coat_normal = normalized({0.6f * number() - 0.3f, 0.6f * number() - 0.3f, 1}, {0, 0, 1});
+    l.sheen = color() * some(0.5f), l.sheen_roughness = number();
+    l.film = some(0.5f), l.film_ior = 1 + 2 * number(), l.film_thickness = 1200 * number();
+    const SurfaceColor surface{color(),  some(0.5f),         number(),
+                               number(), color() * number(), number()};
+    const LayeredBsdf bsdf(surface, l, at_cosine(0.02f + 0.97f * number()));
+    Vec3 sum{0, 0, 0};
+    constexpr uint32_t kSamples = 2048;
+    for (uint32_t i = 0; i < kSamples; ++i) {
+      const Sampler sampler(7, 0, i);
+      const BsdfSample s = bsdf.sample(sampler.point(0), sampler.point(1).x);
+      ASSERT_TRUE(is_finite(s.weight) && std::isfinite(s.density)) << k;
+      ASSERT_GE(std::min({s.weight.x, s.weight.y, s.weight.z}), 0.0f) << k;
+      if (s.density > 0) sum += s.weight * (1.0f / kSamples);
+    }
+    EXPECT_LT(max_component(sum + bsdf.straight()), 1.03f) << k;
+  }
+}
+
 TEST(LayeredBsdf, samples_have_the_weight_and_density_that_evaluate_states) {
   for (const Case& c : cases()) {
     for (const float roughness : {0.4f, 1.0f}) {
