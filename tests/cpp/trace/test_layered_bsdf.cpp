@@ -239,7 +239,8 @@ TEST(Film, changes_colour_with_thickness_and_vanishes_without) {
   const Vec3 thin = film_reflectance(1.0f, 1.8f, 200.0f, glass_like);
   const Vec3 thick = film_reflectance(1.0f, 1.8f, 350.0f, glass_like);
   EXPECT_GT(max_component(thin - thick), 0.03f);
-  for (float nanometres = 0; nanometres < 1500; nanometres += 50) {
+  for (uint32_t step = 0; step < 30; ++step) {
+    const float nanometres = 50.0f * static_cast<float>(step);
     for (const float cosine : {0.0f, 0.2f, 0.7f, 1.0f}) {
       const Vec3 f = film_reflectance(cosine, 2.0f, nanometres, {0.0f, 0.5f, 1.0f});
       EXPECT_GE(std::min({f.x, f.y, f.z}), 0.0f);
