@@ -63,13 +63,14 @@ struct KmeansGrid {
     const Vec3 extent = scene.max - scene.min;
     const float longest = std::max({extent.x, extent.y, extent.z});
     // The floor of the logarithm is at most one too small, so cells stay below 2^31.
-    const int exponent = longest > 0 ? std::clamp(29 - std::ilogb(longest), -60, 120) : 0;
+    const int exponent = longest > 0 ? std::clamp(29 - std::ilogb(longest), -100, 120) : 0;
     return {{scene.min.x, scene.min.y, scene.min.z},
             std::ldexp(1.0f, exponent),
             std::ldexp(1.0, -exponent)};
   }
   UMBEL_HOST_DEVICE int32_t cell_of(float value, uint32_t component) const {
-    return static_cast<int32_t>((value - origin[component % 3]) * scale);
+    // Halved, so that the largest floats have a difference.
+    return static_cast<int32_t>((value * 0.5f - origin[component % 3] * 0.5f) * (2 * scale));
   }
   UMBEL_HOST_DEVICE float mean(int64_t sum, uint32_t count, uint32_t component) const {
     const double size = cell / static_cast<double>(count);

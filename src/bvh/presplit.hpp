@@ -65,9 +65,11 @@ struct SplitGrid {
   }
 };
 
-/// The same bits everywhere, which the function of the C library does not promise.
+/// The same bits everywhere, which the function of the C library does not promise. Of at most
+/// 2^120: the cube of a guess has to be a float.
 UMBEL_HOST_DEVICE inline float cube_root(float x) {
   if (!(x > 0)) return 0;
+  x = x < 0x1p120f ? x : 0x1p120f;
   float root = std::bit_cast<float>(std::bit_cast<uint32_t>(x) / 3 + 709921077u);
   for (int i = 0; i < 3; ++i) root = root - (root * root * root - x) / (3 * root * root);
   return root;
@@ -168,8 +170,9 @@ struct TriangleParts {
       open[size++] = parts[first_waits ? 1 : 0];
     }
   }
+  /// Half the longest side, which no floats are too far apart for.
   UMBEL_HOST_DEVICE static float length_of(const Aabb& b) {
-    const Vec3 e = b.max - b.min;
+    const Vec3 e = b.max * 0.5f - b.min * 0.5f;
     return e.x > e.y ? (e.x > e.z ? e.x : e.z) : (e.y > e.z ? e.y : e.z);
   }
 };

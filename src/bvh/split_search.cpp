@@ -49,7 +49,9 @@ struct Grid {
 
   Grid(const Box4& box, uint32_t bins) : origin(box.low), last(int32_t(bins) - 1) {
     const Float4 extents = box.extents();
-    for (int a = 0; a < 4; ++a) scale[a] = a < 3 && extents[a] > 0 ? float(bins) / extents[a] : 0;
+    // Shorter sides have no reciprocal, and are as good as none.
+    for (int a = 0; a < 4; ++a)
+      scale[a] = a < 3 && extents[a] > 1e-36f ? float(bins) / extents[a] : 0;
   }
   Grid(const Split& split, uint32_t bins)
       : origin(split.origin), scale(split.scale), last(int32_t(bins) - 1) {}

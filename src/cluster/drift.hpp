@@ -47,6 +47,14 @@ UMBEL_HOST_DEVICE inline double double_half_area(const Aabb& box) {
   return x * y + y * z + z * x;
 }
 
+/// Of the box of all, whose area is `whole`. Positions that are not finite make boxes without a
+/// size, which count as the whole; a box of nothing counts as none. So no share is above kWhole.
+UMBEL_HOST_DEVICE inline uint64_t share_of(const Aabb& box, double whole) {
+  const double area = is_empty(box) ? 0.0 : double_half_area(box);
+  if (area < whole) return uint64_t(area / whole * double(ClusterShares::kWhole));
+  return area == 0 ? 0 : ClusterShares::kWhole;
+}
+
 struct AddShares {
   UMBEL_HOST_DEVICE uint64_t operator()(uint64_t a, uint64_t b) const { return a + b; }
 };
@@ -65,8 +73,7 @@ void measure_drift(Exec& exec, const FrameClusters& clusters, uint32_t most_clus
   exec.for_each(most_clusters, [=, all = all.data()] UMBEL_DEVICE_LAMBDA(size_t c) {
     if (c >= *clusters.count) return;
     const double whole = double_half_area(*all);
-    const double share = whole > 0 ? double_half_area(clusters.boxes[c]) / whole : 0.0;
-    shares.now[c] = uint64_t(share * double(ClusterShares::kWhole));
+    shares.now[c] = share_of(clusters.boxes[c], whole);
     if (is_new) shares.at_build[c] = shares.now[c];
   });
   const uint64_t* of[2] = {shares.now, shares.at_build};

@@ -80,14 +80,20 @@ void NearSurface::fill_blocks(const ClusterSet& set, uint32_t cluster,
   }
   // Codes of the sums of corners, with the triangle's number behind.
   const Vec3 size = box.max - box.min;
-  const auto per_cell = [](float extent) { return extent > 0 ? 31.0f / (3.0f * extent) : 0.0f; };
+  const auto per_cell = [](float extent) {
+    const float cells = 31.0f / (3.0f * extent);
+    return cells <= std::numeric_limits<float>::max() ? cells : 0.0f;  // flat, or as good as
+  };
   const Vec3 cells{per_cell(size.x), per_cell(size.y), per_cell(size.z)};
   std::array<uint32_t, 256> order;
   const size_t count = corners.size() / 3;
   for (uint32_t t = 0; t < count; ++t) {
     const Vec3 sum = points[corners[3 * t]] + points[corners[3 * t + 1]] +
                      points[corners[3 * t + 2]] - box.min * 3.0f;
-    const auto cell = [](float x) { return spread(static_cast<uint32_t>(x) & 31); };
+    // Far from the origin rounding may lead a few cells out of the box, even below it.
+    const auto cell = [](float x) {
+      return spread(static_cast<uint32_t>(static_cast<int32_t>(x)) & 31);
+    };
     order[t] =
         (cell(sum.x * cells.x) << 2 | cell(sum.y * cells.y) << 1 | cell(sum.z * cells.z)) << 8 | t;
   }

@@ -21,7 +21,8 @@ float simplification_scale(const Aabb& box) {
   const float extent = std::max({size.x, size.y, size.z});
   // Ordinary meshes are left alone: scaling could underflow their smallest coordinates.
   if (extent == 0.0f || (extent > 1e-6f && extent < 1e6f)) return 1.0f;
-  return std::ldexp(1.0f, -std::ilogb(extent));
+  // What is smaller still than the largest power of two can scale is as large as that makes it.
+  return std::ldexp(1.0f, std::min(-std::ilogb(extent), 126));
 }
 
 // Where vertices have nothing but a position, welding has left one at each.

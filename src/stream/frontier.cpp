@@ -9,6 +9,9 @@ namespace {
 /// The ratio of what should close, and waits for all that is open below it.
 constexpr float kLingers = 1e-30f;
 
+/// Beyond these the clock's ticks are no longer exact; all is then looked at again.
+constexpr double kMostTicks = 0x1p52;
+
 WalkTable walk_table(const AssetPage& page) {
   WalkTable table;
   table.groups.reserve(page.groups.size() + 1);
@@ -149,7 +152,7 @@ void Frontier::move(uint32_t index, const StreamView& view) {
   if (watch.motion == before) return;
   for (Queue& queue : watch.queues) {
     const double ticks = queue.ticks(watch.motion.clock(queue.reason, queue.reach));
-    if (!(ticks < 0x1p52)) return look_at_all_again(watch);  // they are no longer exact
+    if (!(ticks < kMostTicks)) return look_at_all_again(watch);
     for (const DueQueue::Entry& entry : queue.fresh) queue.due.push(entry);
     queue.fresh.clear();
     queue.due.take(static_cast<uint64_t>(ticks) + 1, due_);
@@ -214,7 +217,8 @@ void Frontier::keep(uint32_t n, Watch& watch, Reason reason, int size, double ma
   if (queue == watch.queues.end())
     queue = watch.queues.insert(queue, Queue{reason, size, reach_of(size), {}, {}});
   const double due = watch.motion.clock(reason, queue->reach) + margin;
-  queue->fresh.push_back({static_cast<uint64_t>(queue->ticks(due)), n, nodes_[n].stamp});
+  const double ticks = std::min(kMostTicks, queue->ticks(due));
+  queue->fresh.push_back({static_cast<uint64_t>(ticks), n, nodes_[n].stamp});
 }
 
 // ---- groups

@@ -36,6 +36,10 @@ Vec4 mixed(const Vec4& a, const Vec4& b, float t) {
   return {a.x * s + b.x * t, a.y * s + b.y * t, a.z * s + b.z * t, a.w * s + b.w * t};
 }
 
+// Beyond these a float's steps are larger than a texture. NaN, of coordinates whose mean is no
+// float, is somewhere too.
+float in_reach(float x) { return x > -1e6f ? std::min(x, 1e6f) : -1e6f; }
+
 }  // namespace
 
 Texture::Texture(const TextureView& view)
@@ -67,8 +71,7 @@ Vec4 Texture::texel(int64_t x, int64_t y) const {
 }
 
 Vec4 Texture::lookup(const Vec2& uv) const {
-  // Beyond these a float's steps are larger than a texture.
-  const float u = std::clamp(uv.x, -1e6f, 1e6f), v = std::clamp(uv.y, -1e6f, 1e6f);
+  const float u = in_reach(uv.x), v = in_reach(uv.y);
   if (nearest_)
     return texel(static_cast<int64_t>(std::floor(u * static_cast<float>(width_))),
                  static_cast<int64_t>(std::floor(v * static_cast<float>(height_))));

@@ -25,7 +25,7 @@ inline Vec3 lerp(const Vec3& a, const Vec3& b, float t) { return a * (1.0f - t) 
 /// squares are no floats do not matter.
 inline Vec3 normalized(const Vec3& a, const Vec3& fallback) {
   const float largest = std::max({std::abs(a.x), std::abs(a.y), std::abs(a.z)});
-  if (!(largest > 0.0f) || !std::isfinite(largest)) return fallback;
+  if (!(largest > 0.0f) || !is_finite(a)) return fallback;
   const Vec3 scaled{a.x / largest, a.y / largest, a.z / largest};
   return scaled * (1.0f / length(scaled));
 }

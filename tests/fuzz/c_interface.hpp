@@ -1,12 +1,11 @@
 // What fuzzers of the C interface share: failures, and numbers made of the fuzzer's bytes.
 #pragma once
 
-#include <fuzzer/FuzzedDataProvider.h>
-
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 
+#include "data_provider.hpp"
 #include "umbel/umbel.h"
 
 namespace umbel::fuzz {
@@ -30,23 +29,22 @@ inline bool went_well(umbel_result result) {
 /// The fuzzer's bytes, the first of which says what the rest is like.
 class Input {
  public:
-  Input(const uint8_t* data, size_t size)
-      : bytes(data, size), mood_(bytes.ConsumeIntegral<uint8_t>()) {}
+  Input(const uint8_t* data, size_t size) : bytes(data, size), mood_(bytes.integral<uint8_t>()) {}
 
   bool likes(int bit) const { return mood_ >> bit & 1; }
   /// Positions within what watertightness, and that all trees agree, is promised for.
   bool is_tame() const { return likes(0); }
 
-  uint32_t below(uint32_t end) { return bytes.ConsumeIntegral<uint8_t>() % end; }
+  uint32_t below(uint32_t end) { return bytes.integral<uint8_t>() % end; }
   /// One in so many.
   bool seldom(uint32_t among) { return below(among) == among - 1; }
 
   /// On a coarse grid, where corners coincide and triangles lie in planes and on lines; seldom, if
   /// not tame, anything at all.
   float number() {
-    const auto kind = bytes.ConsumeIntegral<uint8_t>();
+    const auto kind = bytes.integral<uint8_t>();
     if (is_tame() || kind < 240) return float(kind % 16) / 8 - 1;
-    const auto bits = bytes.ConsumeIntegral<uint32_t>();
+    const auto bits = bytes.integral<uint32_t>();
     float value;
     std::memcpy(&value, &bits, sizeof value);
     return value;
@@ -56,7 +54,7 @@ class Input {
     return {x, y, number()};
   }
 
-  FuzzedDataProvider bytes;
+  DataProvider bytes;
 
  private:
   uint8_t mood_;

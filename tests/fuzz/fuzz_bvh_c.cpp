@@ -29,14 +29,14 @@ class Case : public Input {
     read_config();
     read_mesh();
     umbel_build_options_init(&options);
-    options.threads = 1 + bytes.ConsumeIntegral<uint8_t>() % 2;
-    for (uint32_t i = bytes.ConsumeIntegralInRange<uint32_t>(0, 24); i-- > 0;) {
+    options.threads = 1 + bytes.integral<uint8_t>() % 2;
+    for (uint32_t i = bytes.integral_in_range<uint32_t>(0, 24); i-- > 0;) {
       rays.push_back({point(), 0, point(), std::numeric_limits<float>::infinity()});
       if (likes(4)) rays.back().t_min = number(), rays.back().t_max = number();
       points.push_back(rays.back().origin);
     }
     umbel_ray_options_init(&ray_options);
-    if (likes(5)) ray_options.mask = bytes.ConsumeIntegral<uint8_t>();
+    if (likes(5)) ray_options.mask = bytes.integral<uint8_t>();
     ray_options.cull_back_faces = likes(6) ? 1 : 0;
     ray_options.threads = 1;
   }
@@ -53,15 +53,15 @@ class Case : public Input {
   umbel_kdtree_config kdtree_config() {
     umbel_kdtree_config kd;
     umbel_kdtree_config_init(&kd);
-    kd.builder = bytes.ConsumeIntegral<uint8_t>() % 3;
-    kd.traversal = bytes.ConsumeIntegral<uint8_t>() % 4;
+    kd.builder = bytes.integral<uint8_t>() % 3;
+    kd.traversal = bytes.integral<uint8_t>() % 4;
     kd.drop_invalid = config.drop_invalid;
     kd.compact = config.compact;
     kd.simd = config.simd;
     if (likes(2)) {
-      kd.max_depth = bytes.ConsumeIntegral<uint8_t>();
-      kd.bad_refines = bytes.ConsumeIntegral<uint8_t>();
-      kd.bins = bytes.ConsumeIntegral<uint8_t>();
+      kd.max_depth = bytes.integral<uint8_t>();
+      kd.bad_refines = bytes.integral<uint8_t>();
+      kd.bins = bytes.integral<uint8_t>();
       kd.max_references = 2 * number();
       kd.empty_bonus = number();
     }
@@ -70,18 +70,18 @@ class Case : public Input {
 
   void move_positions() {
     for (umbel_vec3& p : positions_)
-      if (bytes.ConsumeIntegral<uint8_t>() % 2) p = point();
+      if (bytes.integral<uint8_t>() % 2) p = point();
     mesh.positions = positions_.data();
   }
   /// Overwrites a few words of a tree.
   template <typename Node>
   void spoil(std::vector<Node>& nodes, std::vector<uint32_t>& primitives) {
-    for (uint32_t i = bytes.ConsumeIntegralInRange<uint32_t>(0, 3); i-- > 0;) {
-      const auto value = bytes.ConsumeIntegral<uint32_t>() >> bytes.ConsumeIntegral<uint8_t>() % 32;
-      const auto at = bytes.ConsumeIntegral<uint16_t>();
+    for (uint32_t i = bytes.integral_in_range<uint32_t>(0, 3); i-- > 0;) {
+      const auto value = bytes.integral<uint32_t>() >> bytes.integral<uint8_t>() % 32;
+      const auto at = bytes.integral<uint16_t>();
       if (nodes.empty() || primitives.empty()) return;
       Node& node = nodes[at % nodes.size()];
-      switch (bytes.ConsumeIntegral<uint8_t>() % 4) {
+      switch (bytes.integral<uint8_t>() % 4) {
         case 0:
           node.first = value;
           break;
@@ -106,12 +106,11 @@ class Case : public Input {
 
  private:
   void read_config() {
-    config.builder = bytes.ConsumeIntegral<uint8_t>() % 12;
-    config.width =
-        likes(1) ? 2u << bytes.ConsumeIntegral<uint8_t>() % 3 : bytes.ConsumeIntegral<uint8_t>();
-    config.compact = bytes.ConsumeIntegral<uint8_t>() % 2;
-    config.drop_invalid = bytes.ConsumeIntegral<uint8_t>() % 2;
-    config.simd = bytes.ConsumeIntegral<uint8_t>() % 4;
+    config.builder = bytes.integral<uint8_t>() % 12;
+    config.width = likes(1) ? 2u << bytes.integral<uint8_t>() % 3 : bytes.integral<uint8_t>();
+    config.compact = bytes.integral<uint8_t>() % 2;
+    config.drop_invalid = bytes.integral<uint8_t>() % 2;
+    config.simd = bytes.integral<uint8_t>() % 4;
     uint32_t* const counts[] = {
         &config.max_leaf_size,   &config.max_depth,         &config.bins,
         &config.morton_bits,     &config.hlbvh_bits,        &config.ploc_radius,
@@ -120,30 +119,28 @@ class Case : public Input {
         &config.aac_leaf_size};
     float* const numbers[] = {&config.traversal_cost, &config.intersection_cost,
                               &config.spatial_budget, &config.spatial_overlap, &config.aac_epsilon};
-    for (uint32_t i = bytes.ConsumeIntegralInRange<uint32_t>(0, 5); i-- > 0;)
-      *counts[bytes.ConsumeIntegral<uint8_t>() % std::size(counts)] =
-          bytes.ConsumeIntegral<uint8_t>();
+    for (uint32_t i = bytes.integral_in_range<uint32_t>(0, 5); i-- > 0;)
+      *counts[bytes.integral<uint8_t>() % std::size(counts)] = bytes.integral<uint8_t>();
     if (likes(2))
-      *numbers[bytes.ConsumeIntegral<uint8_t>() % std::size(numbers)] =
-          bytes.ConsumeIntegral<uint8_t>() % 2 ? bytes.ConsumeProbability<float>() : number();
+      *numbers[bytes.integral<uint8_t>() % std::size(numbers)] =
+          bytes.integral<uint8_t>() % 2 ? bytes.probability() : number();
   }
 
   void read_mesh() {
     umbel_bvh_mesh_init(&mesh);
-    const auto vertices = bytes.ConsumeIntegralInRange<uint32_t>(0, 60);
+    const auto vertices = bytes.integral_in_range<uint32_t>(0, 60);
     for (uint32_t i = 0; i < vertices; ++i) positions_.push_back(point());
-    const auto count = vertices == 0 ? 0 : bytes.ConsumeIntegralInRange<uint32_t>(0, 80);
+    const auto count = vertices == 0 ? 0 : bytes.integral_in_range<uint32_t>(0, 80);
     for (uint32_t i = 0; i < 3 * count; ++i)
-      triangles_.push_back(bytes.ConsumeIntegral<uint8_t>() % vertices);
+      triangles_.push_back(bytes.integral<uint8_t>() % vertices);
     if (likes(7) && !triangles_.empty())
-      triangles_[bytes.ConsumeIntegral<uint8_t>() % triangles_.size()] =
-          bytes.ConsumeIntegral<uint32_t>();
+      triangles_[bytes.integral<uint8_t>() % triangles_.size()] = bytes.integral<uint32_t>();
     mesh.positions = positions_.data();
     mesh.position_count = positions_.size();
     mesh.triangles = triangles_.data();
     mesh.triangle_count = count;
     if (!likes(3)) return;
-    for (uint32_t i = 0; i < count; ++i) masks_.push_back(bytes.ConsumeIntegral<uint8_t>());
+    for (uint32_t i = 0; i < count; ++i) masks_.push_back(bytes.integral<uint8_t>());
     mesh.masks = masks_.data();
   }
 

@@ -19,9 +19,9 @@ class Case {
     umbel_cluster_input_init(&input);
     umbel_cluster_config_init(&config);
     // Seldom large, because that is slow: nodes beyond 8192 items are split by another search.
-    count_ = bytes_.ConsumeIntegralInRange<uint32_t>(0, 700);
-    if (bytes_.ConsumeIntegral<uint8_t>() < 12) count_ *= 32;
-    mood_ = bytes_.ConsumeIntegral<uint8_t>();
+    count_ = bytes_.integral_in_range<uint32_t>(0, 700);
+    if (bytes_.integral<uint8_t>() < 12) count_ *= 32;
+    mood_ = bytes_.integral<uint8_t>();
     read_config();
     read_segments();
     read_vertices();
@@ -45,26 +45,26 @@ class Case {
 
   void read_config() {
     if (likes(0)) {
-      config.max_items = bytes_.ConsumeIntegralInRange<uint32_t>(1, 300);
-      config.min_items = bytes_.ConsumeIntegralInRange<uint32_t>(1, config.max_items);
+      config.max_items = bytes_.integral_in_range<uint32_t>(1, 300);
+      config.min_items = bytes_.integral_in_range<uint32_t>(1, config.max_items);
     } else {
-      config.max_items = bytes_.ConsumeIntegral<uint32_t>();
-      config.min_items = bytes_.ConsumeIntegral<uint32_t>();
+      config.max_items = bytes_.integral<uint32_t>();
+      config.min_items = bytes_.integral<uint32_t>();
     }
-    config.max_vertices = likes(1) ? bytes_.ConsumeIntegral<uint16_t>() % 400 : 0;
+    config.max_vertices = likes(1) ? bytes_.integral<uint16_t>() % 400 : 0;
     for (float* cost :
          {&config.underfill_cost, &config.overlap_cost, &config.vertex_underfill_cost})
-      *cost = likes(0) ? bytes_.ConsumeProbability<float>() : number();
-    config.presplit_threshold = bytes_.ConsumeIntegral<uint16_t>() % 2000;
-    config.coarse = bytes_.ConsumeIntegral<uint8_t>() % 2;
+      *cost = likes(0) ? bytes_.probability() : number();
+    config.presplit_threshold = bytes_.integral<uint16_t>() % 2000;
+    config.coarse = bytes_.integral<uint8_t>() % 2;
   }
 
   void read_segments() {
     if (!likes(2)) return;
-    const uint32_t number = bytes_.ConsumeIntegralInRange<uint32_t>(0, 20);
+    const uint32_t number = bytes_.integral_in_range<uint32_t>(0, 20);
     for (uint32_t s = 0, at = 0; s < number; ++s) {
-      umbel_range range{at, bytes_.ConsumeIntegralInRange<uint32_t>(0, 400)};
-      if (bytes_.ConsumeIntegral<uint8_t>() == 0) range.offset = bytes_.ConsumeIntegral<uint32_t>();
+      umbel_range range{at, bytes_.integral_in_range<uint32_t>(0, 400)};
+      if (bytes_.integral<uint8_t>() == 0) range.offset = bytes_.integral<uint32_t>();
       range.count = std::min(range.count, count_ - std::min(count_, range.offset));
       at = std::min(count_, range.offset + range.count);
       segments_.push_back(range);
@@ -75,8 +75,8 @@ class Case {
 
   void read_vertices() {
     if (!likes(3)) return;
-    input.vertices_per_item = bytes_.ConsumeIntegralInRange<uint32_t>(1, 6);
-    const uint32_t different = bytes_.ConsumeIntegralInRange<uint32_t>(0, 5000);
+    input.vertices_per_item = bytes_.integral_in_range<uint32_t>(1, 6);
+    const uint32_t different = bytes_.integral_in_range<uint32_t>(0, 5000);
     vertices_.resize(size_t(count_) * input.vertices_per_item);
     for (uint32_t& v : vertices_) {
       v = noise();
@@ -89,8 +89,8 @@ class Case {
 
   void read_connections() {
     if (!likes(5) || count_ == 0) return;
-    const uint32_t most = bytes_.ConsumeIntegralInRange<uint32_t>(0, 12);
-    const bool wild = bytes_.ConsumeIntegral<uint8_t>() == 0;
+    const uint32_t most = bytes_.integral_in_range<uint32_t>(0, 12);
+    const bool wild = bytes_.integral<uint8_t>() == 0;
     const float heavy = number();
     for (uint32_t i = 0; i < count_; ++i) {
       const umbel_range range{uint32_t(targets_.size()), most ? noise() % (most + 1) : 0};
@@ -109,7 +109,7 @@ class Case {
 
   // Some boxes from the bytes, and the others made of those, so that few bytes make many items.
   void read_boxes() {
-    const uint32_t grid = bytes_.ConsumeIntegralInRange<uint32_t>(1, 64);
+    const uint32_t grid = bytes_.integral_in_range<uint32_t>(1, 64);
     const float step = number();
     for (uint32_t i = 0; i < count_; ++i) {
       float v[6];
@@ -132,11 +132,11 @@ class Case {
         1e18f,  -1e18f,      3e38f,      -3e38f,
         1e-38f, 1e-45f,      HUGE_VALF,  1e30f,
         1e-30f, 16777216.0f, -HUGE_VALF, std::numeric_limits<float>::quiet_NaN()};
-    const uint8_t kind = bytes_.ConsumeIntegral<uint8_t>();
+    const uint8_t kind = bytes_.integral<uint8_t>();
     if (kind < 16) return kSpecial[kind];
     if (kind < 32) return kSpecial[kind % 16 % 14] * 0.5f;
     if (kind < 128) return float(kind - 64);
-    return float(bytes_.ConsumeIntegral<int16_t>()) / 64.0f;
+    return float(bytes_.integral<int16_t>()) / 64.0f;
   }
 
   uint32_t noise() {
@@ -144,7 +144,7 @@ class Case {
     return uint32_t(state_ >> 33);
   }
 
-  FuzzedDataProvider bytes_;
+  umbel::fuzz::DataProvider bytes_;
   uint32_t count_ = 0;
   uint8_t mood_ = 0;
   uint64_t state_ = 1;

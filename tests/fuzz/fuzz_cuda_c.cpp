@@ -107,7 +107,7 @@ umbel_frame_config frame_config(Input& in) {
   if (!in.likes(1)) return config;
   uint32_t* const fields[] = {&config.method, &config.max_triangles, &config.min_triangles,
                               &config.max_vertices, &config.code_bits};
-  *fields[in.below(std::size(fields))] = in.bytes.ConsumeIntegral<uint16_t>();
+  *fields[in.below(std::size(fields))] = in.bytes.integral<uint16_t>();
   config.underfill_cost = in.number();
   return config;
 }
@@ -130,7 +130,7 @@ void cluster_frames(Input& in) {
   const umbel_cuda_vertex_lists lists{first.data(), vertices.data(), corners.data()};
   called(umbel_cuda_list_frame_vertices, triangles, &config, &made.view, &lists);
   Clusters again(triangles, most);
-  const uint32_t budget = in.seldom(8) ? in.bytes.ConsumeIntegral<uint32_t>() : in.below(8);
+  const uint32_t budget = in.seldom(8) ? in.bytes.integral<uint32_t>() : in.below(8);
   if (called(umbel_cuda_rebuild_worst_frame_clusters, &mesh.view, &config, budget, &made.view,
              &made.drift, &again.view, &again.drift))
     again.check();
@@ -153,7 +153,7 @@ umbel_cuda_bvh_config bvh_config(Input& in) {
       &config.kmeans_manhattan, &config.kmeans_handed_up};
   float* const numbers[] = {&config.traversal_cost, &config.intersection_cost, &config.presplit};
   for (uint32_t i = in.below(4); i-- > 0;)
-    *counts[in.below(std::size(counts))] = in.bytes.ConsumeIntegral<uint8_t>();
+    *counts[in.below(std::size(counts))] = in.bytes.integral<uint8_t>();
   if (in.seldom(4)) *numbers[in.below(std::size(numbers))] = in.number();
   return config;
 }
@@ -217,7 +217,9 @@ void ask(Input& in, const Triangles& mesh, const Tree& tree) {
                               n ? &first->t_max : nullptr,
                               kStride,
                               n,
-                              0};
+                              0,
+                              0,
+                              nullptr};
   const umbel_cuda_hits hits{t.data(), primitives.data(), in.likes(4) ? uvs.data() : nullptr};
   expect(called(umbel_cuda_intersect, &tree.view, &given, &hits), "rays are refused");
   expect(called(umbel_cuda_occluded, &tree.view, &given, flags.data()), "rays are refused");
@@ -294,8 +296,8 @@ std::vector<T> spoilt(Input& in, const T* from, size_t count) {
   std::vector<T> copy(from, from + count);
   if (!in.likes(6)) return copy;
   for (uint32_t i = in.below(3); i-- > 0 && count > 0;) {
-    const uint32_t value = in.bytes.ConsumeIntegral<uint32_t>() >> in.below(32);
-    const size_t word = in.bytes.ConsumeIntegral<uint16_t>() % (sizeof(T) / 4 * count);
+    const uint32_t value = in.bytes.integral<uint32_t>() >> in.below(32);
+    const size_t word = in.bytes.integral<uint16_t>() % (sizeof(T) / 4 * count);
     std::memcpy(reinterpret_cast<char*>(copy.data()) + 4 * word, &value, sizeof value);
   }
   return copy;

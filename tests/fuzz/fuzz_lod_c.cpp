@@ -63,9 +63,9 @@ class Case : public Input {
     float* const numbers[] = {&config.ratio,       &config.position_step, &config.normal_weight,
                               &config.uv_weight,   &config.color_weight,  &config.tangent_weight,
                               &config.skin_weight, &config.max_error};
-    *counts[below(std::size(counts))] = bytes.ConsumeIntegral<uint16_t>();
+    *counts[below(std::size(counts))] = bytes.integral<uint16_t>();
     *numbers[below(std::size(numbers))] = number();
-    config.stop_triangles = bytes.ConsumeIntegral<uint8_t>();
+    config.stop_triangles = bytes.integral<uint8_t>();
   }
 
   /// A piece of a grid, which can be simplified, and triangles of any three vertices.
@@ -84,10 +84,9 @@ class Case : public Input {
           triangles_.push_back(v);
     const auto vertices = static_cast<uint32_t>(positions_.size());
     for (uint32_t i = 3 * below(60); i-- > 0;)
-      triangles_.push_back(bytes.ConsumeIntegral<uint16_t>() % vertices);
+      triangles_.push_back(bytes.integral<uint16_t>() % vertices);
     if (likes(3) && !triangles_.empty())
-      triangles_[bytes.ConsumeIntegral<uint16_t>() % triangles_.size()] =
-          bytes.ConsumeIntegral<uint32_t>();
+      triangles_[bytes.integral<uint16_t>() % triangles_.size()] = bytes.integral<uint32_t>();
     mesh.positions = positions_.data();
     mesh.position_count = positions_.size();
     mesh.triangles = triangles_.data();
@@ -126,8 +125,8 @@ class Case : public Input {
     std::set<std::pair<uint32_t, uint32_t>> known;
     size_t width = 0;
     for (uint32_t i = below(8); i-- > 0;) {
-      const uint32_t kind = seldom(16) ? bytes.ConsumeIntegral<uint32_t>() : kKinds[below(4)];
-      const uint32_t set = seldom(16) ? bytes.ConsumeIntegral<uint32_t>() : 1 + below(4);
+      const uint32_t kind = seldom(16) ? bytes.integral<uint32_t>() : kKinds[below(4)];
+      const uint32_t set = seldom(16) ? bytes.integral<uint32_t>() : 1 + below(4);
       if (!known.insert({kind, set}).second) continue;
       width += kind == UMBEL_EXTRA_UVS ? 2 : 4;
       extras_.push_back({kind, set});
@@ -155,12 +154,11 @@ class Case : public Input {
       if (c.below(3) == 0) continue;
       for (size_t k = 0; k < 3; ++k)
         group->triangles[3 * kept + k] = group->mesh.triangles[3 * t + k];
-      if (c.seldom(16))
-        group->triangles[3 * kept] = c.bytes.ConsumeIntegral<uint16_t>() % (2 * vertices);
+      if (c.seldom(16)) group->triangles[3 * kept] = c.bytes.integral<uint16_t>() % (2 * vertices);
       ++kept;
     }
-    group->triangle_count = c.seldom(32) ? c.bytes.ConsumeIntegral<size_t>() : kept;
-    group->added_count = c.seldom(32) ? c.bytes.ConsumeIntegral<size_t>() : c.below(4);
+    group->triangle_count = c.seldom(32) ? c.bytes.integral<size_t>() : kept;
+    group->added_count = c.seldom(32) ? c.bytes.integral<size_t>() : c.below(4);
     for (size_t i = 0; i < std::min(group->added_count, vertices); ++i)
       group->added_positions[i] = c.point();
     group->error = c.number();
@@ -221,8 +219,8 @@ void select(Case& c, const umbel_lod_tables* tables, size_t clusters,
   went_well(umbel_lod_select_instances(tables, &view, culled, instances.data(), instances.size(),
                                        offsets.data(), chosen.data(), chosen.size(), &count));
   umbel_lod_view affordable;
-  went_well(umbel_lod_view_for_budget(tables, &view, nullptr, c.bytes.ConsumeIntegral<uint16_t>(),
-                                      culled, instances.data(), instances.size(), &affordable));
+  went_well(umbel_lod_view_for_budget(tables, &view, nullptr, c.bytes.integral<uint16_t>(), culled,
+                                      instances.data(), instances.size(), &affordable));
 }
 
 /// A copy of the tables with a few words of it overwritten.
@@ -230,8 +228,8 @@ void spoil_tables(Case& c, const umbel_lod_arrays& arrays) {
   const auto copied = [&]<typename T>(const T* from, size_t count) {
     std::vector<T> copy(from, from + count);
     for (uint32_t i = c.below(3); i-- > 0 && count > 0;) {
-      const uint32_t value = c.bytes.ConsumeIntegral<uint32_t>() >> c.below(32);
-      const size_t word = c.bytes.ConsumeIntegral<uint16_t>() % (sizeof(T) / 4 * count);
+      const uint32_t value = c.bytes.integral<uint32_t>() >> c.below(32);
+      const size_t word = c.bytes.integral<uint16_t>() % (sizeof(T) / 4 * count);
       std::memcpy(reinterpret_cast<char*>(copy.data()) + 4 * word, &value, sizeof value);
     }
     return copy;

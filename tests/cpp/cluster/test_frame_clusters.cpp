@@ -291,6 +291,33 @@ TEST(FrameClusters, refit_keeps_clusters_and_bounds_them) {
   }
 }
 
+TEST(FrameClusters, boxes_without_a_size_count_as_the_whole) {
+  constexpr uint64_t kWhole = cluster::ClusterShares::kWhole;
+  const float inf = std::numeric_limits<float>::infinity(), nan = std::nanf("");
+  // As devices make them of any positions: a cube, half of it, a point, what is infinite, what is
+  // no number, nothing.
+  std::vector<Aabb> boxes{{{0, 0, 0}, {1, 1, 1}}, {{0, 0, 0}, {1, 1, 0}}, {{1, 1, 1}, {1, 1, 1}}};
+  const auto shares_of = [](std::vector<Aabb> of) {
+    const auto count = uint32_t(of.size());
+    std::vector<uint64_t> now(count), at_build(count), total(2);
+    uint32_t n = count;
+    CpuExec exec;
+    cluster::measure_drift(exec, {nullptr, nullptr, nullptr, of.data(), &n}, count,
+                           {now.data(), at_build.data(), total.data()}, true);
+    EXPECT_EQ(total[0], std::accumulate(now.begin(), now.end(), uint64_t(0)));
+    return now;
+  };
+  EXPECT_EQ(shares_of(boxes), (std::vector<uint64_t>{kWhole, kWhole / 3, 0}));
+  boxes.push_back({});
+  EXPECT_EQ(shares_of(boxes), (std::vector<uint64_t>{kWhole, kWhole / 3, 0, 0}));
+  boxes.push_back({{-inf, 0, 0}, {inf, 0, 0}});
+  boxes.push_back({{inf, inf, inf}, {inf, inf, inf}});
+  boxes.push_back({{nan, 0, 0}, {nan, 1, 1}});
+  const std::vector<uint64_t> shares = shares_of(boxes);
+  for (size_t i = 0; i < shares.size(); ++i) EXPECT_LE(shares[i], kWhole) << i;
+  for (size_t i = 4; i < shares.size(); ++i) EXPECT_EQ(shares[i], kWhole) << i;
+}
+
 TEST(FrameClusters, scaling_alone_is_no_drift) {
   const Mesh mesh = soup(2000, 6);
   FrameClusterer c = clusters_of(mesh, {});

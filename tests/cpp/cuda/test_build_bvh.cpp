@@ -307,6 +307,20 @@ TEST(Presplit, parts_together_hold_their_triangle) {
   EXPECT_LT(of_parts, 0.7 * whole);
 }
 
+TEST(Presplit, cuts_triangles_of_any_size) {
+  const Mesh mesh = needles(500);
+  for (const float scale : {0x1p-140f, 0x1p-80f, 0x1p62f, 0x1p100f, 0x1p125f}) {
+    SCOPED_TRACE(scale);
+    Mesh scaled = mesh;
+    for (Vec3& p : scaled.positions) p = p * scale;
+    DeviceBvhConfig config = device_builder_preset("hploc");
+    config.presplit = 1;
+    const CompactTree tree = build(scaled, config);
+    EXPECT_EQ(tree.triangles.size(), 2 * mesh.triangles.size());
+    expect_sound(tree, scaled, true);
+  }
+}
+
 TEST(Presplit, lowers_the_cost_of_long_triangles) {
   const Mesh mesh = needles(4000);
   DeviceBvhConfig config = device_builder_preset("hploc");

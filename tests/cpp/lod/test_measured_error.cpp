@@ -150,5 +150,18 @@ TEST(StopCriteria, impossible_ones_are_rejected) {
   EXPECT_THROW(build(shapes::grid(2, 2).view(), config), Error);
 }
 
+// Down to where a group is a few steps of the smallest float.
+TEST(MeasuredError, is_a_distance_at_any_size) {
+  const Mesh mesh = shapes::blob(4, 2);
+  for (const float scale : {1e-44f, 1e-40f, 1e-30f, 1e17f}) {
+    Mesh scaled = mesh;
+    for (Vec3& p : scaled.positions) p = p * scale;
+    const Dag dag = build(scaled.view(), measured_config());
+    for (const Group& group : dag.tables.groups) EXPECT_GE(group.error, 0.0f) << scale;
+    const VerifyConfig config = testing::verify_config_of(dag, scaled, 8);
+    EXPECT_TRUE(verify(dag.tables, testing::reader_of(dag), config).ok) << scale;
+  }
+}
+
 }  // namespace
 }  // namespace umbel::lod

@@ -98,6 +98,26 @@ TEST(NearSurface, degenerate_triangles_are_points_and_segments) {
   EXPECT_FLOAT_EQ(scene.surface.nearest({5, 5, 6}, 0.0f).squared, 1.0f);
 }
 
+TEST(NearSurface, clusters_smaller_than_any_cell_are_found) {
+  for (const float size : {1e-44f, 1e-39f, 1e-20f}) {
+    Mesh mesh = shapes::sphere(2);
+    for (Vec3& p : mesh.positions) p = p * size + Vec3{0, 0, size < 1e-30f ? 0.0f : 1.0f};
+    mesh.positions.insert(mesh.positions.end(), {{1, 0, 0}, {1, 1, 0}, {1, 0, 1}});
+    const auto last = static_cast<uint32_t>(mesh.positions.size());
+    mesh.triangles.push_back({last - 3, last - 2, last - 1});
+    const Scene scene(mesh);
+    EXPECT_FLOAT_EQ(scene.surface.nearest({2, 0, 0}, 0.0f).squared, 1.0f);
+    EXPECT_LE(scene.surface.nearest(mesh.positions[0], 0.0f).squared, 4 * size * size);
+  }
+}
+
+TEST(NearSurface, rounding_far_from_the_origin_loses_nothing) {
+  Mesh mesh = shapes::sphere(2);
+  for (Vec3& p : mesh.positions) p = p * 4.0f + Vec3{1e7f, -1e7f, 1e7f};
+  const Scene scene(mesh);
+  for (const Vec3& p : mesh.positions) EXPECT_EQ(scene.surface.nearest(p, 0.0f).squared, 0.0f);
+}
+
 TEST(NearSurface, nothing_is_infinitely_far) {
   NearSurface surface;
   surface.build(ClusterSet(), {}, 1.0f);

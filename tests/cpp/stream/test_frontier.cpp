@@ -193,6 +193,20 @@ TEST(Frontier, follows_views_that_come_change_and_go) {
   }
 }
 
+TEST(Frontier, follows_a_camera_that_comes_from_far_away) {
+  for (const float far : {1e5f, 1e12f, 1e17f, 1e30f}) {
+    Streamed s;
+    StreamView view[] = {{0, seen_from({far, 0, 0}), {}}};
+    ResidencyStep step;
+    for (int i = 0; i < 30; ++i) s.residency.step(view, s.now += 1.0 / 60);
+    for (const float near : {2.0f, 1.2f, 1.1f}) {
+      view[0].view = seen_from({near, 0, 0});
+      for (int i = 0; i < 300; ++i) step = s.residency.step(view, s.now += 1.0 / 60);
+      ASSERT_NO_FATAL_FAILURE(expect_as_walked(s, view[0], step)) << far;
+    }
+  }
+}
+
 /// References that lie: of groups that are elsewhere, in circles, with other parents.
 TEST(Frontier, shows_something_of_any_file_whose_checksums_are_right) {
   const testing::Scratch scratch;
