@@ -63,7 +63,7 @@ sanitize-%: tools
 	@cmake --build --preset $*
 	@ctest --preset $* -j $(JOBS) $(CTEST_ARGS)
 
-fuzz: tools  ## the fuzzers, a minute each, under the sanitizers; SECONDS_EACH=600 for longer
+fuzz: tools  ## the fuzzers, a minute each, under the sanitizers; SECONDS_EACH=900 for longer
 	@scripts/fuzz.sh
 
 cuda: tools  ## umbel::cuda with its tests and benchmark, in build/release; no GPU needed

@@ -47,7 +47,7 @@ struct DeviceClusters {
   uint32_t* count;    ///< one: how many clusters there are
 };
 
-/// Areas of clusters. All are shares of the area of the box of all clusters, times 2^40.
+/// Areas of clusters: shares of that of the box of all, times 2^40; what is infinite has all of it.
 struct DeviceDrift {
   uint64_t* now;       ///< room for max_frame_clusters(...)
   uint64_t* at_build;  ///< the same

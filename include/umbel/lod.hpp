@@ -209,8 +209,8 @@ struct DecimationResult {
 /// deterministic if this is. Throws what it likes: it ends the build.
 using Decimator = std::function<bool(const DecimationInput& input, DecimationResult& result)>;
 
-/// Builds the DAG. The mesh must be valid; it is welded first. Deterministic. Throws
-/// kInvalidArgument where `decimate` gives indices or values that no mesh can have.
+/// Builds the DAG of a valid mesh, which is welded first. Deterministic. Throws kInvalidMesh for a
+/// coordinate beyond 1e18, kInvalidArgument where `decimate` gives what no mesh can have.
 UMBEL_API Dag build(const MeshView& mesh, const Config& config = {},
                     const BuildOptions& options = {}, const Decimator& decimate = {});
 

@@ -24,11 +24,9 @@ Triple triple(const Vec3& v) { return {v.x, v.y, v.z}; }
 
 trace::TextureUse texture_use(const Use& use) {
   const auto [index, u, v, scale_u, scale_v, rotation, uv_set] = use;
-  return {index < 0 ? kNone : static_cast<uint32_t>(index),
-          {u, v},
-          {scale_u, scale_v},
-          rotation,
-          uv_set};
+  // A number that is too large for the tracer stays so, which refuses it.
+  const auto texture = static_cast<uint32_t>(std::min<int64_t>(index, kNone - 1));
+  return {index < 0 ? kNone : texture, {u, v}, {scale_u, scale_v}, rotation, uv_set};
 }
 
 /// A texture as Python gave it, kept alive.
