@@ -401,8 +401,15 @@ GroupSimplifier::Candidate GroupSimplifier::collapse(size_t target, unsigned opt
   return result;
 }
 
+// It divides by a group's extent, which has no reciprocal where it is smaller than this.
+bool GroupSimplifier::suits_meshoptimizer() const {
+  const float extent = meshopt_simplifyScale(&positions_[0].x, positions_.size(), sizeof(Vec3));
+  return extent == 0 || extent > 1e-36f;
+}
+
 GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsigned options,
                                                              Rung rung) {
+  if (!suits_meshoptimizer()) return {};
   held_.assign(position_ids_.size(), 0);
   for (int attempt = 0; attempt < kMostTries; ++attempt) {
     Candidate result = collapse(target, options);
@@ -560,6 +567,7 @@ GroupSimplifier::Candidate GroupSimplifier::exchange_sheets(const Candidate& fro
 
 // Vertices in one cell of a grid become one (Rossignac & Borrel 1993).
 GroupSimplifier::Candidate GroupSimplifier::merge_cells(size_t target) {
+  if (!suits_meshoptimizer()) return {};
   for (size_t v = 0; v < vertices_.size(); ++v) {
     const uint32_t p = position_of_[v];
     flags_[v] = locked_[p] ||

@@ -112,6 +112,7 @@ class GroupSimplifier {
   void add_moved(uint32_t local, const Vec3& position, uint32_t& first_there, Simplified& result);
   Candidate collapse_loosely(size_t target, bool any_turn);
   Candidate collapse(size_t target, unsigned options);
+  bool suits_meshoptimizer() const;
   Candidate collapse_checked(size_t target, unsigned options, Rung rung);
   Candidate prune(const Candidate& from, size_t target);
   using SheetChange = float (*)(const SheetInput&, size_t, std::vector<Triangle>&);

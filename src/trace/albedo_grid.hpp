@@ -20,8 +20,7 @@ class AlbedoGrid {
   }
 
   Cell lookup(float cosine, float roughness) const {
-    const float x = std::clamp(cosine, 0.0f, 1.0f) * (kSize - 1);
-    const float y = std::clamp(roughness, 0.0f, 1.0f) * (kSize - 1);
+    const float x = share(cosine) * (kSize - 1), y = share(roughness) * (kSize - 1);
     const auto x0 = std::min(static_cast<uint32_t>(x), kSize - 2);
     const auto y0 = std::min(static_cast<uint32_t>(y), kSize - 2);
     const float tx = x - static_cast<float>(x0), ty = y - static_cast<float>(y0);
@@ -37,6 +36,8 @@ class AlbedoGrid {
  private:
   static constexpr uint32_t kSize = 32;
 
+  /// Within [0, 1]; of what is no number, 0.
+  static float share(float x) { return x > 0 ? std::min(x, 1.0f) : 0.0f; }
   static float at(uint32_t i) { return static_cast<float>(i) / (kSize - 1); }
 
   std::array<std::array<Cell, kSize>, kSize> cells_;

@@ -60,8 +60,32 @@ trace::TextureUse texture_use(Input& in, const Look& look) {
     use.offset = {in.number(), in.number()};
     use.scale = {in.number(), in.number()};
     use.rotation = in.number();
+    use.uv_set = in.seldom(8) ? in.below(255) : 0;
   }
   return use;
+}
+
+/// What glTF's extensions add.
+void add_layers(Input& in, const Look& look, trace::Material& m) {
+  m.unlit = in.seldom(8);
+  m.ior = in.seldom(8) ? in.number() : 1 + in.bytes.probability();
+  m.body = in.below(2) != 0;
+  m.attenuation_distance = in.number();
+  m.clearcoat_normal_scale = in.number();
+  m.iridescence_ior = 1 + share(in);
+  m.iridescence_thickness_min = 400 * share(in);
+  m.iridescence_thickness_max = 400 * share(in);
+  for (float* value : {&m.transmission, &m.diffuse_transmission, &m.clearcoat,
+                       &m.clearcoat_roughness, &m.sheen_roughness, &m.iridescence})
+    if (in.below(2)) *value = share(in);
+  for (Vec3* value :
+       {&m.specular_color, &m.attenuation_color, &m.diffuse_transmission_color, &m.sheen_color})
+    if (in.below(2)) *value = color(in);
+  for (trace::TextureUse* use :
+       {&m.specular_texture, &m.specular_color_texture, &m.transmission_texture,
+        &m.diffuse_transmission_texture, &m.clearcoat_texture, &m.clearcoat_normal_texture,
+        &m.sheen_color_texture, &m.iridescence_texture, &m.iridescence_thickness_texture})
+    if (in.below(4) == 0) *use = texture_use(in, look);
 }
 
 trace::Material material(Input& in, const Look& look) {
@@ -74,9 +98,11 @@ trace::Material material(Input& in, const Look& look) {
   if (in.below(4) == 0) m.emission = color(in);
   m.alpha_mode = static_cast<trace::AlphaMode>(in.seldom(64) ? 3 : in.below(3));
   m.alpha_cutoff = share(in);
+  m.normal_scale = in.number();
   for (trace::TextureUse* use : {&m.base_color_texture, &m.metallic_roughness_texture,
                                  &m.emission_texture, &m.normal_texture})
     *use = texture_use(in, look);
+  if (in.below(2)) add_layers(in, look, m);
   return m;
 }
 
