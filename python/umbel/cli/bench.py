@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .failure import naming_file
 from .outputs import made_folder
 from .run import Json, Threads, ends_cleanly, fail, heard, say, show
 
@@ -334,7 +335,7 @@ def _valid(path: Path) -> Mesh:
     try:
         validate(mesh)
     except Error as error:
-        fail(f"{path}: {error}", source=str(path))
+        fail(naming_file(str(error), str(path), [str(path)]), source=str(path))
     return mesh
 
 

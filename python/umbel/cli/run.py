@@ -116,6 +116,12 @@ def sentence_of(
     return naming_file(with_flags(one_line(text), flags, paths), source, paths)
 
 
+_ELSEWHERE = {
+    name: f"`umbel build --{name.replace('_', '-')}`" for name in ("drop_invalid", "allow_outside")
+}
+"""What helps, of commands that do not have the flag themselves."""
+
+
 def _end(
     failure: Failure, given: Mapping[str, Any], flags: Mapping[str, str], names_file: bool
 ) -> NoReturn:
@@ -126,7 +132,7 @@ def _end(
     }
     sentence = one_line(str(failure))
     if names_file:
-        sentence = sentence_of(failure, {**flags, **own, **flags}, source, paths)
+        sentence = sentence_of(failure, {**flags, **_ELSEWHERE, **own, **flags}, source, paths)
     say(sentence)
     if given.get("as_json"):
         with contextlib.suppress(OSError):
