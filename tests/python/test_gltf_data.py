@@ -65,6 +65,19 @@ def test_extracted_scenes_look_the_same(
         assert found >= LEAST_DB, (instances, found)
 
 
+@pytest.mark.parametrize("name", ["NormalTangentTest", "cat", "house"])
+def test_obj_looks_the_same(name: str, tmp_path: Path) -> None:
+    renderer = umbel.Renderer(DATA / "textured" / f"{name}.glb")
+    camera = renderer.camera("auto:35,15", SIDE, SIDE)
+    umbel.save(tmp_path / "a.obj", renderer.mesh)
+    views = [
+        one.film(camera, width=SIDE, height=SIDE).add(SAMPLES).pixels
+        for one in (renderer, umbel.Renderer(tmp_path / "a.obj"))
+    ]
+    exposure = auto_exposure(views[0])
+    assert decibels(*(tone_map(view, exposure) for view in views)) >= LEAST_DB
+
+
 @pytest.mark.parametrize("name", TEXTURED)
 def test_extracted_scenes_have_all_of_the_source(name: str, tmp_path: Path) -> None:
     source = DATA / "textured" / name
