@@ -149,8 +149,8 @@ class Meshlets:
 
 @dataclass(frozen=True)
 class ClusterBounds:
-    """What clusters can be culled by. Seen from e, a cluster faces away as a whole where
-    dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff."""
+    """What clusters can be culled by, relative to their mesh's origin. Seen from e, a cluster faces
+    away as a whole where dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff."""
 
     centers: NDArray[np.float32]
     """(k, 3) of spheres that contain all of a cluster's triangles."""

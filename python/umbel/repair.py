@@ -45,8 +45,15 @@ def weld(mesh: Any, *, progress: Progress | None = None, threads: int = 0) -> Me
 def _remade(given: Mesh, arrays: dict[str, Any]) -> Mesh:
     """The mesh with other arrays, where it lies."""
     made = mesh_of(arrays, given.materials, given.name, given.origin)
-    made.coordinates, made.rounding = given.coordinates, given.rounding
-    return made
+    return replace(
+        made,
+        coordinates=given.coordinates,
+        rounding=given.rounding,
+        cameras=given.cameras,
+        extras=given.extras,
+        tree=given.tree,
+        source=given.source,
+    )
 
 
 def snap(mesh: Any, step: float) -> tuple[Mesh, float]:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import umbel
+from reference_reader import Reader
 from umbel.io.scene import Instance, Scene
 from umbel.origin import is_far, localize
+from umbel.streamed import CutRenderer
 
 UTM = np.array([500000.0, 4649776.0, 312.5])
 EARTH = np.array([4027893.75, 307045.5, 4919474.125])
@@ -363,6 +365,33 @@ def test_a_camera_sees_the_same_far_away(tmp_path):
         for one, other in zip(cuts, moved_cuts, strict=True):
             np.testing.assert_array_equal(one, other)
     assert len(sizes) > 1
+
+
+def test_the_geometry_of_an_asset_is_the_same_far_away(tmp_path):
+    near = on_grid(umbel.shapes.blob(5, 1))
+    for mesh, name in ((near, "here"), (moved(near, ROUND), "there")):
+        umbel.build_lod(mesh).save(tmp_path / f"{name}.umbel")
+    here, there = Reader(tmp_path / "here.umbel"), Reader(tmp_path / "there.umbel")
+    assert "ORIG" not in here.sections and here.origin == (0.0, 0.0, 0.0)
+    assert there.origin == tuple(ROUND)
+    (a, size, *_), (b, *_) = here.pages[0], there.pages[0]
+    assert here.data[a:] == there.data[b:] and size > 0
+    assert here.meshes == there.meshes and here.roots == there.roots
+
+
+def test_a_picture_from_pages_is_the_same_far_away(tmp_path):
+    ball, pictures = on_grid(umbel.shapes.blob(4, 1)), []
+    for at in (np.zeros(3), ROUND):
+        places = [Instance(0, translation(at + xyz(x, 0.0, 0.0))) for x in (-2.0, 2.0)]
+        umbel.build_scene(Scene([ball], [], places), instances="on").save(tmp_path / "a.umbel")
+        asset = umbel.Asset(tmp_path / "a.umbel")
+        camera = umbel.Camera(at + xyz(0.0, 1.0, 6.0), at, fov_y=0.8, height=24)
+        renderer = CutRenderer(asset, camera, 1 << 24)
+        film = renderer.film(camera, width=32, height=24)
+        pictures.append(film.add(2).pixels)
+        assert renderer.view("auto:35,15", 32, 24).target is not None
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=1e-3)
+    assert np.ptp(pictures[0]) > 0.1
 
 
 def test_instances_far_away_have_the_cuts_of_near_ones(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import statistics
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -163,9 +164,11 @@ def command(
 
     from ..bench.rays import diffuse_rays, primary_rays
     from ..bvh import Bvh, Bvh2, build_bvh2, build_kary
+    from ..origin import warn_of_origin, zero_origin
     from .progress import Bar
 
     mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
+    origin, mesh = mesh.origin, replace(mesh, origin=zero_origin())  # for rays in float32
     with Bar() as bar:
         began = time.perf_counter()
         tree: Bvh2 | KaryTree
@@ -178,12 +181,14 @@ def command(
         widened = time.perf_counter()
     if output is not None:
         bvh.save(output)
+        warn_of_origin(output, origin)
     found, wide = tree.statistics(costs), bvh.statistics()
     result: dict[str, Any] = {
         "input": source,
         "output": None if output is None else str(output),
         "builder": builder,
         "triangles": len(mesh.triangles),
+        "origin": origin.tolist(),
         "width": width,
         "nodes": found["nodes"],
         "leaves": found["leaves"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,9 +44,11 @@ def command(
 
     from ..bench.rays import diffuse_rays, primary_rays
     from ..kdtree import KdTree
+    from ..origin import warn_of_origin, zero_origin
     from .progress import Bar
 
     mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
+    origin, mesh = mesh.origin, replace(mesh, origin=zero_origin())  # for rays in float32
     with Bar() as bar:
         began = time.perf_counter()
         tree = KdTree(
@@ -61,6 +64,7 @@ def command(
         built = time.perf_counter()
     if output is not None:
         tree.save(output)
+        warn_of_origin(output, origin)
     found = tree.statistics()
     result: dict[str, Any] = {
         "input": source,
@@ -68,6 +72,7 @@ def command(
         "builder": builder,
         "traversal": tree.traversal,
         "triangles": len(mesh.triangles),
+        "origin": origin.tolist(),
         **found,
         "references_per_triangle": found["references"] / max(len(mesh.triangles), 1),
         # Surfaces within a node's cell that are not in its subtree: none, as cells do not overlap.
