@@ -235,7 +235,8 @@ def place_skins(scene: Scene, exact: dict[int, Float64Array]) -> None:
     for k, points in exact.items():
         mesh = scene.meshes[k]
         lost = rounding_loss(points, mesh.origin, mesh.positions, mesh.triangles)
-        scene.meshes[k] = replace(mesh, positions=points) if far else replace(mesh, rounding=lost)
+        given: Any = {"positions": points} if far else {"rounding": lost}
+        scene.meshes[k] = replace(mesh, **given)
 
 
 def _corners(scene: Scene) -> Float64Array:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import warnings
 
+from typing import Any
+
 import numpy as np
 
 from umbel.errors import Error, LoadWarning
@@ -26,7 +28,7 @@ _FACET += ["endloop", "endfacet"]
 
 def read_stl(data: bytes, where: str) -> Scene:
     """The scene in an STL file's bytes; `where` names the file in errors."""
-    corners = _ascii(data, where) if _is_ascii(data) else _binary(data, where)
+    corners: Any = _ascii(data, where) if _is_ascii(data) else _binary(data, where)
     mesh = Mesh(corners, np.arange(len(corners), dtype=np.uint32).reshape(-1, 3))
     return Scene([mesh], [], [Instance(0)])
 
