@@ -7,7 +7,6 @@ The facet normals repeat what the corners say, so they are left out. Vertices ar
 from __future__ import annotations
 
 import warnings
-
 from typing import Any
 
 import numpy as np
