@@ -22,7 +22,7 @@ const HEAD_FACTOR = 64;
 const SPARE = 1 << 16;
 /** Milliseconds that an input may take, on a busy machine. */
 export const MOST_TIME = 4000;
-const LAYOUT = { normals: true, uvs: [true, true, true, true], colors: true };
+const LAYOUT = { normals: true, tangents: false, uvs: [true, true, true, true], colors: true };
 
 function attempt(action: () => void): void {
   try {

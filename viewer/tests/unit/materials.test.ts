@@ -5,7 +5,7 @@ import { makeMaterial } from "../../packages/umbel/src/three/material_maker.js";
 import { PHYSICAL, STANDARD, textureInfo } from "../../packages/umbel/src/three/material_slots.js";
 import { applySampler, channelOf, repeatsOf } from "../../packages/umbel/src/three/sampler.js";
 
-const LAYOUT = { normals: true, uvs: [true, true, false, false], colors: false };
+const LAYOUT = { normals: true, tangents: true, uvs: [true, true, false, false], colors: false };
 
 function make(gltf: Json, colors = false): { material: MeshPhysicalMaterial; notes: string[] } {
   const notes: string[] = [];
@@ -78,6 +78,19 @@ describe("materials", () => {
     expect(material.attenuationColor.toArray()).toEqual([1, 0, 0.5]);
     expect(material.specularColor.toArray()).toEqual([0, 1, 0]);
     expect(material.emissive.toArray()).toEqual([1, 0.5, 0]);
+  });
+
+  test("have normal maps that point as glTF's do, with tangents of the mesh or without", () => {
+    const coat = { clearcoatNormalTexture: { scale: 3 } };
+    const gltf = { normalTexture: { scale: 2 }, extensions: { KHR_materials_clearcoat: coat } };
+    for (const [tangents, sign] of [
+      [true, 1],
+      [false, -1],
+    ] as const) {
+      const made = makeMaterial(gltf, { ...LAYOUT, tangents }, () => {}) as MeshPhysicalMaterial;
+      expect(made.normalScale.toArray()).toEqual([2, 2 * sign]);
+      expect(made.clearcoatNormalScale.toArray()).toEqual([3, 3 * sign]);
+    }
   });
 
   test("that cannot be shown whole say so", () => {

@@ -26,6 +26,8 @@ export interface RenderGroup extends Parts, TextureSizes {
   positions: Float32Array;
   /** Four a vertex, normalised; the fourth is 0. */
   normals?: Int16Array;
+  /** Four a vertex, normalised; the fourth is the side of the bitangent. */
+  tangents?: Int16Array;
   uvs?: Float32Array;
   /** Further sets of texture coordinates, where materials use them. */
   uvs1?: Float32Array;
@@ -43,6 +45,7 @@ export interface RenderGroup extends Parts, TextureSizes {
 const BYTES: Record<string, number> = {
   positions: 12,
   normals: 8,
+  tangents: 8,
   uvs: 8,
   uvs1: 8,
   uvs2: 8,
@@ -87,7 +90,8 @@ export function packGroup(geometry: GroupGeometry, catalog: Catalog): RenderGrou
     material: info.material.slice(),
     boxes: info.boxes.slice(),
   };
-  if (values.normals) packed.normals = packNormals(values.normals);
+  if (values.normals) packed.normals = packDirections(values.normals, 3);
+  if (values.tangents) packed.tangents = packDirections(values.tangents, 4);
   for (const set of UV_SETS) {
     const uvs = values[set];
     if (uvs) packed[set] = uvs;
@@ -101,10 +105,11 @@ function toUnit(value: number): number {
   return Math.min(Math.max(value, 0), 1);
 }
 
-function packNormals(normals: Float32Array): Int16Array {
-  const packed = new Int16Array((normals.length / 3) * 4);
-  for (let v = 0; 3 * v < normals.length; ++v)
-    for (let i = 0; i < 3; ++i) packed[4 * v + i] = Math.round(normals[3 * v + i] * 32767);
+/** Four numbers a vertex, of as many as `width`. */
+function packDirections(values: Float32Array, width: number): Int16Array {
+  const packed = new Int16Array((values.length / width) * 4);
+  for (let v = 0; width * v < values.length; ++v)
+    for (let i = 0; i < width; ++i) packed[4 * v + i] = Math.round(values[width * v + i] * 32767);
   return packed;
 }
 

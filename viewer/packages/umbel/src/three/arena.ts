@@ -13,6 +13,7 @@ const TRIANGLES_PER_VERTEX = 1.75;
 /** Which attributes an arena's vertices have. */
 export interface Layout {
   normals: boolean;
+  tangents: boolean;
   /** For each set of texture coordinates. */
   uvs: readonly boolean[];
   colors: boolean;
@@ -58,6 +59,7 @@ export class Arena {
     add("position", new Float32Array(3 * vertices), 3);
     add("umbelSlot", new Uint32Array(vertices), 1);
     if (layout.normals) add("normal", new Int16Array(4 * vertices), 4);
+    if (layout.tangents) add("tangent", new Int16Array(4 * vertices), 4);
     layout.uvs.forEach((has, set) => {
       if (has) add(uvName(set), new Float32Array(2 * vertices), 2);
     });
@@ -79,6 +81,7 @@ export class Arena {
     }
     this.write("position", group.positions, vertex);
     if (group.normals) this.write("normal", group.normals, vertex);
+    if (group.tangents) this.write("tangent", group.tangents, vertex);
     UV_SETS.forEach((name, set) => {
       const uvs = group[name];
       if (uvs) this.write(uvName(set), uvs, vertex);
@@ -173,6 +176,7 @@ function empty(group: RenderGroup): void {
   group.positions = new Float32Array(0);
   group.indices = new Uint32Array(0);
   delete group.normals;
+  delete group.tangents;
   for (const name of UV_SETS) delete group[name];
   delete group.colors;
 }

@@ -106,7 +106,14 @@ export function makeMaterial(
   });
   for (const [name, set] of Object.entries(PHYSICAL))
     if (isJson(extensions[name])) Object.assign(material, set(jsonOf(extensions[name])));
+  if (!layout.tangents) flipNormalMaps(material);
   return material;
+}
+
+/** Tangents that three.js makes of texture coordinates point the other way down than glTF's. */
+function flipNormalMaps(material: MeshStandardMaterial): void {
+  material.normalScale.y *= -1;
+  if (material instanceof MeshPhysicalMaterial) material.clearcoatNormalScale.y *= -1;
 }
 
 /** What materials of all kinds have. */

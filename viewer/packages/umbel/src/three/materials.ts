@@ -46,7 +46,7 @@ export class Materials {
 
   /** The material of a number, for vertices of a layout. */
   of(index: number, layout: Layout): Material {
-    const key = [index, layout.normals, layout.colors, layout.uvs].join();
+    const key = [index, layout.normals, layout.tangents, layout.colors, layout.uvs].join();
     let material = this.made.get(key);
     if (!material) {
       const gltf = this.described[index];

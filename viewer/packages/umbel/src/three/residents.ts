@@ -98,15 +98,13 @@ export class Residents {
 function layoutOf(attributes: readonly string[]): Layout {
   return {
     normals: attributes.includes("normals"),
+    tangents: attributes.includes("tangents"),
     uvs: UV_SETS.map((set) => attributes.includes(set)),
     colors: attributes.includes("colors"),
   };
 }
 
 function isSameLayout(a: Layout, b: Layout): boolean {
-  return (
-    a.normals === b.normals &&
-    a.colors === b.colors &&
-    a.uvs.every((has, set) => has === b.uvs[set])
-  );
+  const isSame = a.normals === b.normals && a.tangents === b.tangents && a.colors === b.colors;
+  return isSame && a.uvs.every((has, set) => has === b.uvs[set]);
 }
