@@ -2,7 +2,7 @@
 
 import { AssetStream, UmbelError } from "umbel";
 import { UmbelMesh } from "umbel/three";
-import { count, h } from "./dom";
+import { h } from "./dom";
 import { paintBackground, readJson, save } from "./files";
 import { listenToDrops, listenToKeys, listenToPointer } from "./hands";
 import { LOOKS, type Look } from "./looks";
@@ -24,6 +24,7 @@ import {
   writeLink,
 } from "./state";
 import { toggleTheme } from "./theme";
+import { showTitle } from "./title";
 
 interface Opening {
   pose?: CameraPose | undefined;
@@ -141,7 +142,7 @@ export class Viewer {
       this.stage.setMesh(0, mesh);
       if (pose) this.stage.setPose(pose);
       else this.stage.frameAll();
-      this.showTitle(mesh, source);
+      showTitle(this.title, mesh, source);
       await this.setLayout(this.state.layout);
     } catch (error) {
       if (turn === this.opened) this.fail(error, source);
@@ -184,17 +185,6 @@ export class Viewer {
     this.notes.add(text);
     this.panel.setNotes([...this.notes]);
     this.notice.show(text);
-  }
-
-  private showTitle(mesh: UmbelMesh, source: Source): void {
-    const { instancedTriangles, levels, metadata } = mesh.info;
-    const name =
-      typeof metadata.name === "string" && metadata.name ? metadata.name : nameOf(source);
-    document.title = `${name} – Umbel`;
-    this.title.replaceChildren(
-      h("h1", { textContent: name }),
-      h("p", { textContent: `${count(instancedTriangles)} triangles, ${levels} levels` }),
-    );
   }
 
   private apply(): void {

@@ -12,6 +12,7 @@ function makeMoved(name: string, origin: readonly number[]): void {
   const file = withSections(assetBytes(NAME), [
     originSection(...origin),
     jsonSection("META", { coordinates: { unit: "metre", crs: "EPSG:32632" } }),
+    jsonSection("SCEN", { asset: { copyright: "2026 Someone" } }),
   ]);
   writeFileSync(join(ASSETS, `${name}.umbel`), file);
 }
@@ -35,6 +36,7 @@ test("an asset far out looks as one at zero, and its places are in the world", a
   await page.goto(`${host.url}/?asset=moved_a.umbel#pixels=6`);
   await settled(page);
   expect(await differentPixels(page, here, await canvasPicture(page))).toBe(0);
+  await expect(page.locator(".title")).toContainText("2026 Someone");
   const there = await page.evaluate(() => globalThis.umbelViewer?.stage.pose as Pose);
   for (let i = 0; i < 3; ++i) expect(there.position[i] - UTM[i]).toBeCloseTo(pose.position[i], 8);
 
