@@ -32,7 +32,8 @@ from .io import load_scene
 from .io.gltf_tree import is_trivial
 from .mesh import Material, Mesh
 from .metadata import encode
-from .origin import origin_of, relative_transform, rounding_loss, zero_origin
+from .origin import origin_of, relative_transform, zero_origin
+from .precision_loss import refuse_collapse, warn_of_rounding
 from .proof import VerifyReport
 from .repair import Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
@@ -387,6 +388,7 @@ def build_lod(
         extra["grid_step"] = grid_step(given, precision)
     if not force:
         refuse_collapse(given, extra.get("grid_step"))
+    warn_of_rounding(given)
 
     low, high = _pair(group_size)
     config: dict[str, Any] = {
@@ -439,39 +441,6 @@ def _one_mesh(source: Any, allow_outside: bool) -> Mesh:
         sentence = f"{os.fspath(source)}: {lost}; build_scene(..., instances='on') keeps its nodes"
         warnings.warn(sentence, LoadWarning, stacklevel=3)
     return scene.flatten()
-
-
-_MOST_COLLAPSED = 0.01
-"""The share of a mesh's triangles that may lose their area before a build refuses."""
-
-
-def refuse_collapse(mesh: Mesh, step: float | None) -> None:
-    """Raises if too many triangles lost their area when the mesh was read into float32, or would on
-    a grid of this step."""
-    lost, total = mesh.rounding, len(mesh.triangles)
-    if lost.degenerate > _MOST_COLLAPSED * total:
-        raise Error(
-            f"{_named(mesh)}{lost.degenerate} of {total} triangles lost their area when positions "
-            f"were rounded to 32-bit floats, which moved vertices by up to "
-            f"{lost.largest_move:.3g}: the mesh is too large for its finest details; build parts "
-            f"of it that lie closer together, keep its instances apart, or build it as it is with "
-            f"force"
-        )
-    if step is None:
-        return
-    snapped, moved = _umbel.snap_to_grid(mesh.positions, step)
-    lost = rounding_loss(mesh.positions, zero_origin(), snapped, mesh.triangles)
-    if lost.degenerate > _MOST_COLLAPSED * total:
-        raise Error(
-            f"{_named(mesh)}a grid of {step:.3g} would take the area of {lost.degenerate} of "
-            f"{total} triangles and move vertices by up to {moved:.3g}: use a finer precision, "
-            f"or build it as it is with force"
-        )
-
-
-def _named(mesh: Mesh) -> str:
-    name = mesh.source or mesh.name
-    return f"{name}: " if name else ""
 
 
 def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:

@@ -117,7 +117,7 @@ class Mesh:
             with np.errstate(over="ignore"):
                 self.positions = np.ascontiguousarray(array, np.float32)
         else:
-            self.origin, self.positions = localize(array)
+            self.origin, self.positions = localize(array, self.triangles)
             around = self.origin
         self.rounding += rounding_loss(world, around, self.positions, self.triangles)
 

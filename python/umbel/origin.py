@@ -67,19 +67,23 @@ def warn_of_origin(path: str | os.PathLike[str], origin: NDArray[np.float64]) ->
         )
 
 
-def localize(points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def localize(
+    points: NDArray[Any], triangles: NDArray[np.uint32] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """An origin for (n, 3) points, and the points relative to it in float32.
 
     The origin is zero where float32 holds every coordinate exactly, or where the points lie so near
     to zero that they lose little: within 16 times half the extent of their box. Else it is the
     middle of that box, rounded to a multiple of a power of two of at most the box's longest side.
-    Points that are not finite count for nothing.
+    Points that are not finite count for nothing, and so do those of none of the triangles, where
+    there are any: files from maps often have a vertex at zero that nothing uses.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         rounded = np.ascontiguousarray(points, np.float32)
         if rounded.size == 0 or points.dtype == np.float32:
             return zero_origin(), rounded
-        origin = _origin(points, rounded)
+        used = slice(None) if triangles is None else _used(len(points), triangles)
+        origin = _origin(points[used], rounded[used])
         if origin.any():
             rounded = (points - origin).astype(np.float32)
         return origin, rounded
@@ -94,6 +98,13 @@ def relative_transform(
     if mesh_origin.any() or origin.any():
         local[:, 3] += local[:, :3] @ mesh_origin - origin
     return local
+
+
+def _used(count: int, triangles: NDArray[np.uint32]) -> NDArray[np.bool_] | slice:
+    """Which of so many vertices triangles use; all of them where none is used."""
+    used = np.zeros(count, bool)
+    used[triangles[triangles < count]] = True
+    return slice(None) if used.all() or not used.any() else used
 
 
 def is_far(points: NDArray[Any]) -> bool:
