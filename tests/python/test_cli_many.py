@@ -206,6 +206,16 @@ def test_what_cannot_be_meant_is_refused_before_any_work(
         assert not (tmp_path / "out").exists()
 
 
+def test_many_warnings_are_not_all_said(umbel_command: Umbel, tmp_path: Path) -> None:
+    mesh = b"mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
+    for k in range(25):
+        (tmp_path / f"{k}.obj").write_bytes(mesh)
+    done = umbel_command("build", tmp_path, "-o", tmp_path / "out")
+    assert done.status == 0 and done.err.count("warning: ") == 20 and "25, of which" in done.out
+    done = umbel_command("build", tmp_path, "-o", tmp_path / "out", "--json")
+    assert all("none.mtl" in line["warnings"][0] for line in _lines(done))
+
+
 def test_a_file_that_is_missing_is_one_that_fails(
     umbel_command: Umbel, models: Path, tmp_path: Path
 ) -> None:

@@ -20,7 +20,7 @@ from .progress import Bar
 from .run import FAULT, say
 from .summary import counted, megabytes, print_rows
 
-_LISTED = 20  # failures that the summary names
+_LISTED = 20  # failures that the summary names, and warnings that are said
 
 
 def build_many(
@@ -52,6 +52,7 @@ def build_many(
             answer = {"input": job["input"], "output": job["output"], **_own(answer)}
             done.add(answer)
             _report(answer, as_json, bar)
+            done.warn(answer, bar)
             bar(done.count / done.total, f"{done.count:,} of {done.total:,} files")
             if answer["status"] == "failed" and not keep_going:
                 break
@@ -81,9 +82,6 @@ def _report(answer: dict[str, Any], as_json: bool, bar: Bar) -> None:
         from ..metadata import plain
 
         print(json.dumps(plain(answer), allow_nan=False), flush=True)
-    for warning in answer.get("warnings", ()):
-        named = warning if answer["input"] in warning else f"{answer['input']}: {warning}"
-        bar.say(f"warning: {named}")
     if answer["status"] == "failed":
         bar.say(answer["error"])
 
@@ -94,6 +92,7 @@ class _Done:
     def __init__(self, total: int) -> None:
         self.total, self.count = total, 0
         self.built = self.unchanged = self.triangles = self.bytes = 0
+        self.warnings = 0
         self.failed: list[str] = []
 
     def add(self, answer: dict[str, Any]) -> None:
@@ -107,6 +106,14 @@ class _Done:
             self.triangles += answer["stored_triangles"]
             self.bytes += answer["file_bytes"]
 
+    def warn(self, answer: dict[str, Any], bar: Bar) -> None:
+        """Says the warnings of a file, unless there have been many."""
+        for warning in answer.get("warnings", ()):
+            self.warnings += 1
+            if self.warnings <= _LISTED:
+                named = warning if answer["input"] in warning else f"{answer['input']}: {warning}"
+                bar.say(f"warning: {named}")
+
     def show(self, output: str, seconds: float, as_json: bool) -> None:
         """The summary: on standard output, or with --json on standard error."""
         size = f"{counted(self.triangles, 'triangle')}, {megabytes(self.bytes)}"
@@ -116,6 +123,8 @@ class _Done:
             rows["unchanged"] = counted(self.unchanged, "file")
         if self.failed:
             rows["failed"] = f"{counted(len(self.failed), 'file')}: {self._names()}"
+        if self.warnings > _LISTED:
+            rows["warnings"] = f"{self.warnings:,}, of which {_LISTED} are above; --json has all"
         if left:
             rows["not finished"] = counted(left, "file")
         rows["in"] = f"{seconds:.1f} s"
