@@ -171,6 +171,11 @@ class Buffers:
                 self._views[index] = self.slice(entry, name), stride
         return self._views[index]
 
+    def _begin(self, view: Any) -> int:
+        """Where a view that is not compressed begins in its buffer."""
+        entry = self.item("bufferViews", view, "a view")
+        return 0 if _extension(entry, MESHOPT) else self.number(entry, "byteOffset", "a view", 0)
+
     def _meshopt(self, entry: Json, name: str) -> tuple[bytes, int]:
         data = self.slice(entry, name)
         count = self.number(entry, "count", name)
@@ -238,6 +243,10 @@ class Buffers:
             )
         if not count:
             return np.zeros((0, width), dtype)
+        begin = offset + self._begin(view)
+        if begin % dtype.itemsize:
+            what = f"{name} begins at byte {begin} of its buffer, no multiple of {dtype.itemsize}"
+            warnings.warn(f"{self.where}: {what}", LoadWarning, stacklevel=2)
         return np.ndarray((count, width), dtype, data, offset, (step, dtype.itemsize))
 
     def _with_sparse(self, values: NDArray[Any], sparse: Json, name: str) -> NDArray[Any]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel.errors import Error
+from umbel.errors import Error, LoadWarning
 from umbel.io.gltf_buffers import Buffers, Json
 from umbel.mesh import UInt32Array, to_unit_floats
 
@@ -43,7 +44,24 @@ def read_draco(
     if uncompressed:
         raise Error(f"{where}: {name} has no Draco attribute for POSITION")
     check_attributes(out, where, name)
+    _check_counts(
+        primitive, {**{k: len(v) for k, v in out.items()}, "indices": faces.size}, buffers
+    )
     return out, np.ascontiguousarray(faces.reshape(-1), np.uint32)
+
+
+def _check_counts(primitive: Json, counts: dict[str, int], buffers: Buffers) -> None:
+    """Warns of accessors that say other counts than the decoded data have."""
+    used = {**primitive["attributes"], **{k: primitive[k] for k in ("indices",) if k in primitive}}
+    for key, index in used.items():
+        entry = buffers.item("accessors", index, key)
+        if key in counts and entry.get("count") != counts[key]:
+            warnings.warn(
+                f"{buffers.where}: accessors[{index}] says {entry.get('count')} elements, its "
+                f"Draco data hold {counts[key]}",
+                LoadWarning,
+                stacklevel=2,
+            )
 
 
 def _as_declared(

@@ -67,6 +67,9 @@ def read_tables(data: bytes, where: str) -> dict[str, Columns]:
         for element in elements:
             columns[element.name], at = _ascii_element(values, at, element, place)
         left_out, what = len(values) - at, "numbers"
+        if not data.endswith((b"\n", b"\r")) and len(values):
+            last = place.named(len(values) - 1)
+            _warn(f"{last}: the last line has no end; the file may be cut short")
     else:
         at = body
         for element in elements:
@@ -74,8 +77,12 @@ def read_tables(data: bytes, where: str) -> dict[str, Columns]:
         left_out, what = len(data) - at, "bytes"
     if left_out:
         sentence = f"{place.named(at)}: {left_out} {what} after the last element are left out"
-        warnings.warn(f"{sentence}; do the header's counts lie?", LoadWarning, stacklevel=6)
+        _warn(f"{sentence}; do the header's counts lie?")
     return columns
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, LoadWarning, stacklevel=7)
 
 
 @dataclass

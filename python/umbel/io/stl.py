@@ -10,6 +10,7 @@ import warnings
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
 from umbel.io.files import numbers
@@ -27,7 +28,7 @@ _FACET += ["endloop", "endfacet"]
 
 def read_stl(data: bytes, where: str) -> Scene:
     """The scene in an STL file's bytes; `where` names the file in errors."""
-    corners: Any = _ascii(data, where) if _is_ascii(data) else _binary(data, where)
+    corners: NDArray[Any] = _ascii(data, where) if _is_ascii(data) else _binary(data, where)
     mesh = Mesh(corners, np.arange(len(corners), dtype=np.uint32).reshape(-1, 3))
     return Scene([mesh], [], [Instance(0)])
 
