@@ -15,3 +15,4 @@ foreach(source ${umbel_bench_sources})
 endforeach()
 
 include(UmbelTinybvh)
+include(UmbelUfbx)

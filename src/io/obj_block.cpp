@@ -286,15 +286,18 @@ std::optional<ObjBlock::Fault> find_bad_index(const TextBlock& text, ObjCounts b
     before.vn += word == "vn";
     if (word != "f" && word != "fo") continue;
     CornerText corner;
+    std::optional<ObjBlock::Fault> found;
+    size_t size = 0;
     p += word.size();
-    for (skip_blanks(p, line); !at_line_end(p); skip_blanks(p, line)) {
-      if (!read_corner(p, corner)) break;
+    for (skip_blanks(p, line); !at_line_end(p) && read_corner(p, corner); skip_blanks(p, line)) {
       std::optional<std::string> what;
       if (!only_attributes) what = problem("vertex", corner.v, before.v, total.v);
       if (!what) what = problem("texture coordinate", corner.vt, before.vt, total.vt);
       if (!what) what = problem("normal", corner.vn, before.vn, total.vn);
-      if (what) return ObjBlock::Fault{line, *what};
+      if (what && !found) found = ObjBlock::Fault{line, *what};
+      ++size;
     }
+    if (found && size >= 3) return found;  // smaller faces are left out
   }
   return std::nullopt;
 }

@@ -159,6 +159,8 @@ TEST(Obj, faults_are_named_with_their_line_whatever_the_blocks) {
       {"v 1 2\n", "a.obj, line 5: 'v' has 2 numbers, not 3 to 7"},
       {"f 1 2 3\n\nf 1/1 2/1 3/7\n",
        "a.obj, line 7: texture coordinate index 7 is beyond the 1 there are"},
+      {"f 1/9 2\nf 1/8 2 3\n",  // the first is no face
+       "a.obj, line 6: texture coordinate index 8 is beyond the 1 there are"},
       {"f 1//1 2 3\n", "a.obj, line 5: normal index 1 is beyond the 0 there are"},
       {"f 1 2 3/-2\n", "a.obj, line 5: texture coordinate index -2 is beyond the 1 so far"},
       {"\x01\x02 f\n", "a.obj, line 5: '\\x01\\x02' is no text: the file is damaged or binary"}};
