@@ -157,6 +157,7 @@ class Parser {
 
   void face() {
     const size_t first = block_.v.values.size();
+    const bool has_vt = !block_.vt.values.empty(), has_vn = !block_.vn.values.empty();
     uint32_t size = 0;
     CornerText corner;
     for (;; ++size) {
@@ -174,7 +175,9 @@ class Parser {
     }
     if (size < 3) {
       count(block_.short_faces, "f");
-      for (ObjIndices* indices : {&block_.v, &block_.vt, &block_.vn}) shorten(*indices, first);
+      shorten(block_.v, first);
+      shorten(block_.vt, has_vt ? first : 0);
+      shorten(block_.vn, has_vn ? first : 0);
       return;
     }
     if (size != 3 || !block_.sizes.empty()) {

@@ -202,6 +202,12 @@ TEST(Obj, what_is_left_out_is_noted_once_a_kind) {
   EXPECT_NE(mesh.notes[4].find("line 11: the last line has no end"), std::string::npos);
 }
 
+TEST(Obj, faces_of_two_corners_leave_nothing_behind) {
+  const ObjMesh mesh = read("v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nf 1 2 3\nf 1/1 -2/-1\nf 3 2 1\n");
+  EXPECT_TRUE(mesh.uvs.empty());
+  EXPECT_EQ(mesh.triangles, (std::vector<Triangle>{{0, 1, 2}, {2, 1, 0}}));
+}
+
 TEST(Obj, many_combinations_at_one_vertex_take_no_square_of_time) {
   std::string text = "v 0 0 0\nv 1 0 0\nv 1 1 0\n";
   constexpr int kCount = 60000;
