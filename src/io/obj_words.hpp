@@ -10,13 +10,11 @@
 #include <string>
 #include <system_error>
 
+#include "io/text_blocks.hpp"
+
 namespace umbel::io {
 
 inline bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-inline bool is_blank(char c) {
-  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
-}
 
 /// The place after a backslash at p and the line's end that it takes back; null if there is none.
 inline const char* after_continuation(const char* p) {

@@ -9,7 +9,7 @@ namespace {
 
 /// Whether the line whose end is text[at] goes on in the next line.
 bool continues(std::string_view text, size_t at) {
-  while (at > 0 && (text[at - 1] == ' ' || text[at - 1] == '\t' || text[at - 1] == '\r')) --at;
+  while (at > 0 && is_blank(text[at - 1])) --at;
   return at > 0 && text[at - 1] == '\\';
 }
 

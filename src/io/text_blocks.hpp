@@ -12,6 +12,10 @@
 
 namespace umbel::io {
 
+inline bool is_blank(char c) {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
+}
+
 /// Bytes that are read at a position: a file's, or those in memory.
 class ByteSource {
  public:
@@ -40,8 +44,8 @@ struct TextBlock {
 };
 
 /// Takes a text apart. A line ends with '\n' (one that "\r\n" ends has blank space at its end), or
-/// with '\r' in texts that have no '\n'. A backslash before a line's end continues the line, and
-/// such lines stay in one block.
+/// with '\r' in texts that have no '\n'. A backslash that only blank space parts from a line's end
+/// continues the line, and such lines stay in one block.
 class TextBlocks {
  public:
   TextBlocks(const ByteSource& source, size_t block_bytes);

@@ -226,7 +226,7 @@ def transformed(mesh: Mesh, matrix: Float64Array) -> Mesh:
     )
 
 
-def place_skins(scene: Scene, exact: dict[int, Float64Array]) -> None:
+def place_skins(scene: Scene, exact: dict[int, NDArray[Any]]) -> None:
     """Gives meshes that skins have placed in the world (index: positions before rounding) origins,
     if the scene as a whole lies far from zero."""
     if not exact:

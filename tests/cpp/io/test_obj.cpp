@@ -31,7 +31,7 @@ std::string refusal(const std::string& text, size_t block_bytes = size_t{1} << 2
 std::string random_text(uint32_t seed) {
   std::mt19937 random(seed);
   const auto below = [&](uint32_t n) { return static_cast<int>(random() % n); };
-  const char* const ends[] = {"\n", "\r\n", " # c\n", "\t\n", " \\\n \n"};
+  const char* const ends[] = {"\n", "\r\n", " # c\n", "\t\n", " \\ \f\r\n \n"};
   int v = 0, vt = 0, vn = 0;
   std::string text = "# made for a test\n";
   const auto end = [&] { text += ends[below(5)]; };
