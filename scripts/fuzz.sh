@@ -76,5 +76,8 @@ export build seconds
 names=${FUZZERS:-$(cd tests/fuzz && printf '%s\n' *.cpp | sed 's/\.cpp$//')}
 status=0
 tr ' ' '\n' <<<"$names" | xargs -P "$jobs" -I {} bash -euo pipefail -c 'fuzz {}' || status=1
+if [[ -z ${FUZZERS:-} ]]; then
+  .venv/bin/python scripts/fuzz_readers.py --seconds "$seconds" --build "$build" --jobs "$jobs" || status=1
+fi
 if ((status == 0)); then echo "fuzz: no failure"; else echo "fuzz: some failed" >&2; fi
 exit $status

@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -121,13 +122,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--seconds", type=int, default=int(os.environ.get("SECONDS_EACH", "60")))
     parser.add_argument("--only", choices=FORMATS, action="append")
+    parser.add_argument("--jobs", type=int, default=1, help="formats at a time")
     parser.add_argument("--build", type=Path, default=ROOT / "build" / "fuzz")
     given = parser.parse_args()
-    if importlib.util.find_spec("atheris") is None:
-        print("fuzz: readers: left out, atheris is not here (pip install atheris)")
-        return 0
-    good = [run(kind, given.seconds, given.build) for kind in given.only or FORMATS]
-    return 0 if all(good) else 1
+    for needed in ("atheris", "umbel"):
+        if importlib.util.find_spec(needed) is None:
+            print(f"fuzz: readers: left out, {needed} is not here (make setup, on Linux)")
+            return 0
+    with ThreadPoolExecutor(max(given.jobs, 1)) as pool:
+        good = pool.map(lambda kind: run(kind, given.seconds, given.build), given.only or FORMATS)
+        return 0 if all(list(good)) else 1
 
 
 if __name__ == "__main__":
