@@ -11,7 +11,7 @@ const AWAY = [0.4034, 0.1972, 0.8935] as const;
  * How many times the error is allowed until all materials in view have their textures, if small
  * ones: until then a few bytes of them do more for the picture than many of geometry.
  */
-export const UNDRESSED = 6;
+export const UNDRESSED = 8;
 /** Room around it. */
 const MARGIN = 1.06;
 
