@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import array_of, as_mesh, indices, native, rows, thread_count
+from .arrays import about, array_of, as_mesh, indices, native, rows, thread_count
 from .errors import Error
 from .mesh import Mesh
 from .origin import localize, origin_of, warn_of_origin
@@ -335,16 +335,17 @@ class Bvh(TriangleQueries):
         form = (_width(width), bool(compact), str(simd), mask_array(masks, len(mesh.triangles)))
         self.tree: Bvh2 | None = None
         """The binary tree, where it was kept."""
-        if keep_tree:
-            made = _umbel.build_bvh2_mesh(geometry, config, progress, thread_count(threads))
-            self.tree = Bvh2(made, config, geometry)
-            self._native = _umbel.TriangleBvh.widen(
-                made, geometry, config, *form, threads=thread_count(threads)
-            )
-        else:
-            self._native = _umbel.TriangleBvh.build(
-                geometry, config, *form, progress=progress, threads=thread_count(threads)
-            )
+        with about(mesh):
+            if keep_tree:
+                made = _umbel.build_bvh2_mesh(geometry, config, progress, thread_count(threads))
+                self.tree = Bvh2(made, config, geometry)
+                self._native = _umbel.TriangleBvh.widen(
+                    made, geometry, config, *form, threads=thread_count(threads)
+                )
+            else:
+                self._native = _umbel.TriangleBvh.build(
+                    geometry, config, *form, progress=progress, threads=thread_count(threads)
+                )
         self._triangles: NDArray[np.uint32] | None = mesh.triangles
         self._origin = mesh.origin
 

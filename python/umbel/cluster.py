@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _umbel
-from .arrays import as_mesh, indices, native, numbers, rows, thread_count, whole
+from .arrays import about, as_mesh, indices, native, numbers, rows, thread_count, whole
 from .arrays import rows as array_rows
 from .errors import Error
 from .repair import Progress
@@ -114,15 +114,17 @@ def cluster_mesh(
         presplit_threshold=presplit_threshold,
         coarse=coarse,
     )
-    arrays = native(as_mesh(mesh))
-    if method == "morton":
-        made = _umbel.cluster_mesh_morton(arrays, config, progress, thread_count(threads))
-    elif method == "hybrid":
-        made = _umbel.cluster_mesh_hybrid(arrays, config, progress, thread_count(threads))
-    else:
-        made = _umbel.cluster_mesh(
-            arrays, config, shared_vertex_weight, progress, thread_count(threads)
-        )
+    given = as_mesh(mesh)
+    arrays = native(given)
+    with about(given):
+        if method == "morton":
+            made = _umbel.cluster_mesh_morton(arrays, config, progress, thread_count(threads))
+        elif method == "hybrid":
+            made = _umbel.cluster_mesh_hybrid(arrays, config, progress, thread_count(threads))
+        else:
+            made = _umbel.cluster_mesh(
+                arrays, config, shared_vertex_weight, progress, thread_count(threads)
+            )
 
     def measure() -> dict[str, Any]:
         return _umbel.mesh_cluster_metrics(

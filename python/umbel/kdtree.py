@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from . import _umbel
-from .arrays import thread_count
+from .arrays import about, thread_count
 from .bvh import _geometry, _mesh_of
 from .errors import Error
 from .origin import origin_of, warn_of_origin
@@ -93,13 +93,14 @@ class KdTree(TriangleQueries):
             except (TypeError, RuntimeError):
                 raise Error(f"{key} cannot be {value!r}") from None
         mesh = _mesh_of(positions, triangles)
-        self._native = _umbel.KdTree.build(
-            _geometry(mesh),
-            config,
-            mask_array(masks, len(mesh.triangles)),
-            progress,
-            thread_count(threads),
-        )
+        with about(mesh):
+            self._native = _umbel.KdTree.build(
+                _geometry(mesh),
+                config,
+                mask_array(masks, len(mesh.triangles)),
+                progress,
+                thread_count(threads),
+            )
         self._origin = mesh.origin
 
     @classmethod

@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from . import _umbel
-from .arrays import thread_count
+from .arrays import about, thread_count
 from .bvh import _geometry, _mesh_of
 from .errors import Error
 from .queries import TriangleQueries
@@ -37,9 +37,10 @@ class _Uniform(TriangleQueries):
         geometry, bits = _geometry(mesh), mask_array(masks, len(mesh.triangles))
         count = thread_count(threads)
         try:
-            self._native = structure.build(
-                geometry, masks=bits, progress=progress, threads=count, **given
-            )
+            with about(mesh):
+                self._native = structure.build(
+                    geometry, masks=bits, progress=progress, threads=count, **given
+                )
         except TypeError:
             raise Error(f"one of these settings is of the wrong type: {config!r}") from None
 

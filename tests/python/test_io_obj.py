@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from io_helpers import corners
-from umbel import build_lod, validate
+from umbel import Bvh, KdTree, TwoLevelGrid, build_lod, cluster_mesh, validate
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
 
@@ -272,3 +272,15 @@ def test_maps_of_a_library_have_their_options(tmp_path: Path) -> None:
     image = material.images["base_color"]
     assert (image.wrap_u, image.bottom_up, image.path) == ("clamp", False, tmp_path / "my wood.png")
     assert material.images["normal"].bottom_up
+
+
+@pytest.mark.parametrize(
+    "use", [Bvh, KdTree, TwoLevelGrid, cluster_mesh], ids=lambda use: use.__name__
+)
+def test_whatever_refuses_a_mesh_names_its_file(tmp_path: Path, use: Any) -> None:
+    mesh = read(tmp_path, SQUARE + "f 1 2 3\nf 1 2 9\n")
+    with pytest.raises(Error, match=r"mesh.obj, line 6: vertex index 9 is beyond the 4"):
+        use(mesh)
+    mesh = read(tmp_path, SQUARE.replace("v 1 1 0", "v 1 inf 0") + "f 1 2 3\n")
+    with pytest.raises(Error, match=r"mesh.obj: .*(infinite|inf)"):
+        use(mesh)
