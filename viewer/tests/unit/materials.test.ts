@@ -1,8 +1,10 @@
 import { MeshBasicMaterial, MeshPhysicalMaterial, MeshStandardMaterial, Texture } from "three";
 import { describe, expect, test } from "vitest";
 import type { Json } from "../../packages/umbel/src/gltf.js";
+import type { AssetInfo } from "../../packages/umbel/src/streamer.js";
 import { makeMaterial } from "../../packages/umbel/src/three/material_maker.js";
 import { PHYSICAL, STANDARD, textureInfo } from "../../packages/umbel/src/three/material_slots.js";
+import { notesOf } from "../../packages/umbel/src/three/notes.js";
 import { applySampler, channelOf, repeatsOf } from "../../packages/umbel/src/three/sampler.js";
 
 const LAYOUT = { normals: true, tangents: true, uvs: [true, true, false, false], colors: false };
@@ -138,6 +140,14 @@ describe("materials", () => {
           expect(() => textureInfo({ extensions: { [part]: value } }, slot)).not.toThrow();
       }
   });
+});
+
+test("what an asset has that nothing is shown of is said", () => {
+  const meshes = [{ skipped: ["joints", "texture coordinates"] }];
+  const scene = { extensions: { KHR_lights_punctual: { lights: [] } } };
+  const said = notesOf({ meshes, scene } as unknown as AssetInfo);
+  expect(said.map((text) => /joints|lamps/.exec(text)?.[0])).toEqual(["joints", "lamps"]);
+  expect(notesOf({ meshes: [{ skipped: [] }], scene: {} } as unknown as AssetInfo)).toEqual([]);
 });
 
 describe("textures are looked up as glTF says", () => {
