@@ -55,17 +55,17 @@ def test_large_images_get_small_copies_that_look_the_same() -> None:
     assert sum(len(files[x["file"]]) for x in entry["levels"]) < 0.15 * len(data)
 
 
-@pytest.mark.parametrize("shape", [(4096, 1024), (1500, 2100), (1030, 2060)])
+@pytest.mark.parametrize("shape", [(2100, 1500), (1030, 2060)])
 def test_copies_of_jpegs_are_like_those_of_their_texels(shape: tuple[int, int]) -> None:
     data = encoded(noise(*shape, 3), "JPEG")
-    (entry,) = stored({"base_color": data})[0]["images"]
+    root, files = stored({"base_color": data})
+    (entry,) = root["images"]
     assert (entry["width"], entry["height"]) == shape
-    exact = encoded(decode(data, "a jpeg")[..., :3])
-    (same,) = stored({"base_color": exact})[0]["images"]
+    root, others = stored({"base_color": encoded(decode(data, "a jpeg")[..., :3])})
+    (same,) = root["images"]
+    assert entry["levels"]
     for mine, theirs in zip(entry["levels"], same["levels"], strict=False):
         assert (mine["width"], mine["height"]) == (theirs["width"], theirs["height"])
-        _, files = stored({"base_color": data})
-        _, others = stored({"base_color": exact})
         a = decode(files[mine["file"]], "a level").astype(int)
         b = decode(others[theirs["file"]], "a level").astype(int)
         assert np.abs(a - b).mean() < 3
