@@ -76,6 +76,7 @@ void sort_materials(Scene::Data& scene) {
     kind.colored_reflection = m.ior != 1.5f || m.specular_texture.texture != kNone ||
                               m.specular_color_texture.texture != kNone ||
                               !(m.specular_color == Vec3{1, 1, 1});
+    kind.unlit = m.unlit;
     kind.straight = may_keep_direction(m);
     kind.absorption = absorption_of(m);
     if (bends(m)) kind.body = albedos_for(m.ior, scene);

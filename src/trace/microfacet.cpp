@@ -1,7 +1,6 @@
 // The albedo of a reflection, tabled by split sums (Karis 2013).
 #include "trace/microfacet.hpp"
 
-#include "trace/albedo_grid.hpp"
 #include "trace/sampler.hpp"
 
 namespace umbel::trace {
@@ -29,10 +28,6 @@ std::array<float, 2> integrate(float cosine, float roughness) {
 
 }  // namespace
 
-ReflectionAlbedo reflection_albedo(float cosine, float roughness) {
-  static const AlbedoGrid<2> table(integrate);
-  const auto [a, b] = table.lookup(cosine, roughness);
-  return {a, b};
-}
+AlbedoGrid<2> reflection_table() { return AlbedoGrid<2>(integrate); }
 
 }  // namespace umbel::trace

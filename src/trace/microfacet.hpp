@@ -2,6 +2,7 @@
 // z, Schlick's Fresnel term (1994), and what such a reflection sends on altogether.
 #pragma once
 
+#include "trace/albedo_grid.hpp"
 #include "trace/vector.hpp"
 
 namespace umbel::trace {
@@ -55,7 +56,13 @@ inline Vec3 by_cosine(const Vec2& u) {
 struct ReflectionAlbedo {
   float a, b;
 };
-ReflectionAlbedo reflection_albedo(float cosine, float roughness);
+/// Inline, because each hit asks for it.
+AlbedoGrid<2> reflection_table();
+inline ReflectionAlbedo reflection_albedo(float cosine, float roughness) {
+  static const AlbedoGrid<2> table = reflection_table();
+  const auto [a, b] = table.lookup(cosine, roughness);
+  return {a, b};
+}
 
 /// What a reflection's value is to be multiplied by for the light that bounces between facets.
 inline Vec3 bounce_gain(const Vec3& f0, const ReflectionAlbedo& tabled) {

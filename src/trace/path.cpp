@@ -49,17 +49,13 @@ class Path {
       if (scene_.absorbs) absorb(surface.material, surface.behind, hit.t);
       add_emission(surface, ray.direction, hit.t, bounce);
       // The ray after the last bounce brings what the bounce was weighted for, and no more.
-      if (bounce > context_.settings.max_bounces || scene_.materials[surface.material].unlit)
-        return light_;
+      const MaterialKind& kind = scene_.kinds[surface.material];
+      if (bounce > context_.settings.max_bounces || kind.unlit) return light_;
       const Frame frame = frame_around(surface.shading);
-      const Vec3 wo = frame.to_local(-ray.direction);
       const bool goes_on =
-          scene_.kinds[surface.material].layered
-              ? step(surface, frame,
-                     LayeredBsdf(surface.color,
-                                 layers_at(scene_, hit, surface, frame, ray.direction), wo),
-                     bounce, ray)
-              : step(surface, frame, Bsdf(surface.color, wo), bounce, ray);
+          kind.layered ? layered_step(surface, frame, hit, bounce, ray)
+                       : step(surface, frame, Bsdf(surface.color, frame.to_local(-ray.direction)),
+                              bounce, ray);
       if (!goes_on) return light_;
     }
   }
@@ -69,6 +65,14 @@ class Path {
   bool step(const Surface& surface, const Frame& frame, const B& bsdf, uint32_t bounce, Ray& ray) {
     add_direct(surface, frame, bsdf, bounce);
     return scatter(surface, frame, bsdf, bounce, ray);
+  }
+
+  /// Apart, so that it takes no registers from paths that meet no layers.
+  [[gnu::noinline]] bool layered_step(const Surface& surface, const Frame& frame,
+                                      const SceneHit& hit, uint32_t bounce, Ray& ray) {
+    const SurfaceLayers layers = layers_at(scene_, hit, surface, frame, ray.direction);
+    const LayeredBsdf bsdf(surface.color, layers, frame.to_local(-ray.direction));
+    return step(surface, frame, bsdf, bounce, ray);
   }
 
   /// Takes what the body that a ray has come through up to `t` keeps: the one of the surface that
@@ -96,8 +100,11 @@ class Path {
   /// The nearest hit that is not looked through.
   SceneHit first_hit(Ray& ray, RayKinds kind, uint64_t& counter) {
     ++counter;
-    SceneHit hit = scene_.intersect(ray, {}, kind);
-    if (!scene_.see_through) return hit;
+    const SceneHit hit = scene_.intersect(ray, {}, kind);
+    return scene_.see_through ? look_through(ray, hit, kind) : hit;
+  }
+
+  [[gnu::noinline]] SceneHit look_through(Ray& ray, SceneHit hit, RayKinds kind) {
     for (uint32_t layer = 0; hit.hit(); ++layer) {
       const Passage passage = passage_at(scene_, hit, ray.direction);
       if (passage.stop >= 1.0f || layer == kMostLayers) return hit;
@@ -118,12 +125,16 @@ class Path {
   }
 
   /// The part of light that comes through along a ray.
-  Vec3 visibility(Ray ray) {
-    const Vec3 none{0, 0, 0}, all{1, 1, 1};
+  Vec3 visibility(const Ray& ray) {
     ++counts_.shadow;
-    if (!scene_.see_through) return scene_.occluded(ray) ? none : all;
+    if (scene_.see_through) return visibility_through(ray);
+    return scene_.occluded(ray) ? Vec3{0, 0, 0} : Vec3{1, 1, 1};
+  }
+
+  [[gnu::noinline]] Vec3 visibility_through(Ray ray) {
+    const Vec3 none{0, 0, 0};
     if (scene_.occluded(ray, {.mask = kOpaqueBit})) return none;
-    Vec3 through = all;
+    Vec3 through{1, 1, 1};
     float crossed = 0.0f;
     for (uint32_t layer = 0; layer < kMostLayers; ++layer) {
       ++counts_.continued;

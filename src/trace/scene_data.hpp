@@ -26,7 +26,8 @@ struct TriangleRecord {
 
 /// What follows from a material, found once.
 struct MaterialKind {
-  bool layered = false;               ///< scatters as a LayeredBsdf does
+  bool layered = false;  ///< scatters as a LayeredBsdf does
+  bool unlit = false;
   bool colored_reflection = false;    ///< not that of index 1.5
   bool straight = false;              ///< may let light through in its direction, beside its alpha
   const BodyAlbedos* body = nullptr;  ///< where it bends light

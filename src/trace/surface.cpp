@@ -134,7 +134,7 @@ void color_surface(const Scene::Data& scene, const Material& m, const Point& at,
   }
   const MaterialKind& kind = scene.kinds[s.material];
   if (kind.colored_reflection) color_reflection(m, at, s.color);
-  if (m.unlit) s.emission = s.color.base;
+  if (kind.unlit) s.emission = s.color.base;
 }
 
 /// In the space of the triangle's corners.
