@@ -48,7 +48,7 @@ quietly cmake --build "$build"
 # Runs one fuzzer; the last line that it prints says how it went.
 fuzz() {
   local name=$1 corpus=$build/corpus/$1 kept=tests/fuzz/corpus/$1 runs
-  local -a limits=(-len_control=0 -timeout=25 -rss_limit_mb=4096)
+  local -a limits=(-len_control=0 -timeout=120 -rss_limit_mb=4096)
   mkdir -p "$corpus" "$build/failures/$name"
   rm -f "$build/failures/$name"/*
   local -a inputs=("$corpus")
