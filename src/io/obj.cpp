@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <mutex>
 #include <optional>
+#include <unordered_set>
 #include <utility>
 
 #include "base/parallel.hpp"
@@ -87,6 +88,31 @@ Parsed parse(TextBlocks& texts) {
   return parsed;
 }
 
+/// The objects and groups that have faces, in the order of their first.
+std::vector<std::string> parts_of(const std::vector<ObjBlock>& blocks) {
+  std::vector<std::string> parts;
+  std::unordered_set<std::string> seen;
+  const auto add = [&](const std::string& name) {
+    if (seen.insert(name).second) parts.push_back(name);
+  };
+  std::optional<std::string> open;
+  for (const ObjBlock& block : blocks) {
+    if (block.continues_part && open) add(*open);
+    for (const std::string& name : block.parts) add(name);
+    if (block.open_part || block.continues_part || !block.parts.empty()) open = block.open_part;
+  }
+  return parts;
+}
+
+/// The first few names, as a sentence has them.
+std::string some_of(const std::vector<std::string>& names) {
+  constexpr size_t kMost = 3;
+  std::string text;
+  for (size_t k = 0; k < std::min(kMost, names.size()); ++k)
+    (text += k > 0 ? ", '" : "'") += names[k] + "'";
+  return names.size() > kMost ? text + ", ..." : text;
+}
+
 /// A file's blocks, and the sentences about them.
 class Reader {
  public:
@@ -101,6 +127,9 @@ class Reader {
     check_counts();
     const std::string fault = resolve_all();
     std::vector<std::string> notes = notes_of_lines();
+    if (const std::vector<std::string> parts = parts_of(blocks_); parts.size() > 1)
+      notes.push_back(name_ + ": its " + std::to_string(parts.size()) + " objects and groups (" +
+                      some_of(parts) + ") become one mesh");
     if (parsed.is_cut)
       notes.push_back(at(places_.back().lines - 1) +
                       "the last line has no end; the file may be cut short");

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "io/obj_words.hpp"
 
@@ -41,10 +42,10 @@ bool is_text(string_view word) {
                       [](char c) { return static_cast<unsigned char>(c) < 32 || c == 127; });
 }
 
-/// Statements that say nothing of a mesh of polygons: groups, smoothing, ways to display.
-constexpr std::array<string_view, 15> kSilent = {
-    "g",  "o",          "s",         "mg",     "bevel",  "c_interp", "d_interp", "lod",
-    "vp", "shadow_obj", "trace_obj", "usemap", "maplib", "call",     "csh"};
+/// Statements that say nothing of a mesh of polygons: smoothing, ways to display.
+constexpr std::array<string_view, 13> kSilent = {
+    "s",          "mg",        "bevel",  "c_interp", "d_interp", "lod", "vp",
+    "shadow_obj", "trace_obj", "usemap", "maplib",   "call",     "csh"};
 /// Curves and surfaces of free form.
 constexpr std::array<string_view, 20> kCurves = {
     "cstype", "deg", "bmat", "step", "curv",  "curv2", "surf", "parm", "trim", "hole",
@@ -65,6 +66,7 @@ class Parser {
   ObjBlock parse() {
     while (p_ < end_ && !block_.fault) statement();
     block_.lines = line_;
+    block_.open_part = std::move(part_);
     return std::move(block_);
   }
 
@@ -186,6 +188,12 @@ class Parser {
     }
     ++block_.faces;
     block_.triangles += size - 2;
+    if (part_) {
+      if (parts_.insert(*part_).second) block_.parts.push_back(*std::move(part_));
+      part_.reset();
+    } else {
+      block_.continues_part |= !has_part_;
+    }
   }
 
   /// Of corner `at`, in a table that has `rows` rows so far.
@@ -219,6 +227,7 @@ class Parser {
     const string_view word(p_, static_cast<size_t>(stop - p_));
     if (!is_text(word)) return fail(shown(p_, stop) + " is no text: the file is damaged or binary");
     if (word == "fo") return known(2, [&] { face(); });
+    if (word == "o" || word == "g") return known(1, [&] { part(rest()); });
     const bool is_use = word == "usemtl";
     const bool is_element = word == "l" || word == "p";
     const bool is_curve = is_one_of(word, kCurves);
@@ -256,7 +265,15 @@ class Parser {
     if (is_new) block_.names.push_back(std::move(name));
   }
 
+  void part(std::string name) {
+    part_ = std::move(name);
+    has_part_ = true;
+  }
+
   ObjBlock block_;
+  std::optional<std::string> part_;  // that no face is in yet
+  bool has_part_ = false;
+  std::unordered_set<std::string> parts_;
   const char* p_;
   const char* end_;
   uint64_t line_ = 0;

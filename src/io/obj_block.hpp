@@ -50,6 +50,11 @@ struct ObjBlock {
   std::vector<std::string> names;      ///< of materials, none twice
   std::vector<std::string> libraries;  ///< what follows each `mtllib`
 
+  /// Objects and groups (`o`, `g`) that the block's faces are in, none twice.
+  std::vector<std::string> parts;
+  bool continues_part = false;           ///< a face is in that of the block before
+  std::optional<std::string> open_part;  ///< the one at the end, if no face of the block is in it
+
   ObjLines short_faces, points_and_lines, curves, unknown;
   std::optional<uint64_t> first_known;  ///< the first line with a statement of the format
   bool says_empty = false;              ///< a comment says that a mesh without faces is meant

@@ -284,3 +284,14 @@ def test_whatever_refuses_a_mesh_names_its_file(tmp_path: Path, use: Any) -> Non
     mesh = read(tmp_path, SQUARE.replace("v 1 1 0", "v 1 inf 0") + "f 1 2 3\n")
     with pytest.raises(Error, match=r"mesh.obj: .*(infinite|inf)"):
         use(mesh)
+
+
+def test_objects_that_become_one_mesh_are_said(tmp_path: Path) -> None:
+    two = SQUARE + "o left\ng left_default\nf 1 2 3\ng right # door\nf 3 4 1\ng unused\n"
+    with pytest.warns(LoadWarning, match="its 2 objects and groups .'left_default', 'right'. bec"):
+        assert len(read(tmp_path, two).triangles) == 2
+
+
+def test_an_object_alone_is_no_loss(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    read(tmp_path, SQUARE + "o left\ng left_default\nf 1 2 3\nf 3 4 1\n")
+    assert not recwarn.list
