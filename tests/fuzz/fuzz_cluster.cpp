@@ -88,19 +88,20 @@ class Case {
   }
 
   void read_connections() {
-    if (!likes(5) || count_ == 0) return;
-    const uint32_t most = bytes_.integral_in_range<uint32_t>(0, 12);
+    const uint32_t count = count_;
+    if (!likes(5) || count == 0) return;
+    const uint32_t most = bytes_.integral<uint8_t>() % 13;
     const bool wild = bytes_.integral<uint8_t>() == 0;
     const float heavy = number();
-    for (uint32_t i = 0; i < count_; ++i) {
+    for (uint32_t i = 0; i < count; ++i) {
       const umbel_range range{uint32_t(targets_.size()), most ? noise() % (most + 1) : 0};
       for (uint32_t k = 0; k < range.count; ++k) {
-        targets_.push_back(wild ? noise() : noise() % count_);
+        targets_.push_back(wild ? noise() : noise() % count);
         weights_.push_back(noise() % 16 ? float(noise() % 100) : heavy);
       }
       ranges_.push_back(range);
     }
-    if (wild) ranges_[noise() % count_].count = noise();
+    if (wild) ranges_[noise() % count].count = noise();
     input.connection_ranges = ranges_.data();
     input.connection_targets = targets_.data();
     input.connection_count = targets_.size();

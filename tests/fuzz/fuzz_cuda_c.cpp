@@ -40,7 +40,7 @@ class Triangles {
     move(in);
     const uint32_t count = in.seldom(16) ? 16 * in.below(200) : in.below(200);
     for (uint32_t i = 0; i < 3 * count; ++i) indices_.push_back(in.below(vertices));
-    view = {positions_.data(), 4 * size_t{floats_a_vertex_}, indices_.data(), nullptr, count};
+    view = {positions_.data(), 4 * floats_a_vertex_, indices_.data(), nullptr, count};
     if (in.seldom(32)) view.position_stride = in.below(12);
   }
 

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "c_interface.hpp"
@@ -60,7 +61,7 @@ class Loader : public umbel::PageLoader {
     }
     // Pages that nobody asked for, and some twice.
     if (in_.seldom(16)) come.push_back(arrival(in_.below(asset_.info().pages)));
-    asked_ = later;
+    asked_ = std::move(later);
     return come;
   }
 

@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <random>
 #include <string>
 #include <string_view>
@@ -104,8 +105,9 @@ extern "C" void keep_running_input(int signal) {
 void run(const Fuzzer& fuzzer, const Input& input) {
   running = &input;
   // An array of its own, so that the sanitizers see what is read beyond its end.
-  const Input own = input;
-  fuzzer.run(own.data(), own.size());
+  const auto own = std::make_unique<uint8_t[]>(input.size());
+  std::copy(input.begin(), input.end(), own.get());
+  fuzzer.run(own.get(), input.size());
   running = nullptr;
 }
 
@@ -211,7 +213,8 @@ void replay(const Fuzzer& fuzzer, const Options& options) {
   Mutator mutator(options.seed);
   size_t made = 0;
   for (; Clock::now() < end; ++made) run(fuzzer, mutator.make(inputs));
-  std::printf("%s: %zu kept inputs and %zu others, no failure\n", fuzzer.name.data(), kept, made);
+  std::printf("%s: %zu kept inputs and %zu others, no failure\n", std::string(fuzzer.name).c_str(),
+              kept, made);
   std::fflush(stdout);
 }
 
