@@ -35,7 +35,7 @@ std::string random_text(uint32_t seed) {
   int v = 0, vt = 0, vn = 0;
   std::string text = "# made for a test\n";
   const auto end = [&] { text += ends[below(5)]; };
-  const auto number = [&] { text += " " + std::to_string(below(1000) / 8.0 - 50); };
+  const auto number = [&] { (text += ' ') += std::to_string(below(1000) / 8.0 - 50); };
   const auto index = [&](int count) {
     const int k = below(static_cast<uint32_t>(count)) + 1;
     return std::to_string(random() % 3 ? k : k - count - 1);
@@ -55,8 +55,8 @@ std::string random_text(uint32_t seed) {
       for (int k = 3 + below(3); k > 0; --k) {
         text += below(20) ? " " : " \\\r\n";
         text += index(v);
-        if (seed % 3 == 1) text += "/" + index(vt);
-        if (seed % 3 == 2) text += "/" + (below(2) ? index(vt) : "") + "/" + index(vn);
+        if (seed % 3 == 1) (text += '/') += index(vt);
+        if (seed % 3 == 2) ((text += '/') += below(2) ? index(vt) : "") += '/' + index(vn);
       }
     } else {
       text += kind == 8 ? "usemtl m" + std::to_string(below(4)) : std::string("g some group");
