@@ -4,6 +4,7 @@ UMBEL_FULL=1, the dragon always."""
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,9 @@ def test_build_verify_and_back(data: Path, umbel_command: Umbel, tmp_path: Path,
     assert said["triangles"] == len(given.triangles) and said["max_error"] == 0
     again = umbel.load(extracted)
     assert len(again.triangles) == len(given.triangles)
+    if given.normals is not None and not given.normals.any(axis=1).all():
+        # glTF forbids normals of length zero: where there are such, they get a direction.
+        given, again = (replace(mesh, normals=None) for mesh in (given, again))
     assert np.array_equal(triangle_keys(again), triangle_keys(given))
     assert [m.name for m in again.materials] == [m.name for m in given.materials]
 
