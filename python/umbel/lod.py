@@ -35,7 +35,7 @@ from .metadata import encode
 from .origin import origin_of, relative_transform, zero_origin
 from .precision_loss import refuse_collapse, warn_of_rounding
 from .proof import VerifyReport
-from .repair import Progress, grid_step
+from .repair import DROPS, Progress, grid_step
 from .repair import drop_invalid as drop_invalid_triangles
 from .tables import HasTables
 
@@ -415,7 +415,7 @@ def build_lod(
     }
     if max_error != math.inf:
         config["max_error"] = max_error
-    with about(given, "drop_invalid=True leaves such triangles out"):
+    with about(given, DROPS):
         dag = _umbel.build_lod(
             native(given),
             _native_config(config),

@@ -52,7 +52,8 @@ def boxes(bounds: Sequence[Any], standing: Sequence[Place]) -> Mesh:
             continue
         low, high = np.array(bounds[mesh], np.float64)
         unit = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
-        corners.append((low + unit * (high - low)) @ matrix[:3, :3].T + matrix[:3, 3])
+        with np.errstate(invalid="ignore"):  # whoever uses the boxes names what is not finite
+            corners.append((low + unit * (high - low)) @ matrix[:3, :3].T + matrix[:3, 3])
     if not corners:
         return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
     faces = np.concatenate([np.array(_BOX, np.uint32) + 8 * k for k in range(len(corners))])

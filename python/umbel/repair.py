@@ -17,6 +17,9 @@ from .mesh import Mesh
 
 Progress = Callable[[float, str], "bool | None"]
 
+DROPS = "drop_invalid=True leaves such triangles out"
+"""What helps where a build refuses a mesh."""
+
 
 def validate(mesh: Any, *, progress: Progress | None = None, threads: int = 0) -> None:
     """Raises umbel.Error naming the first triangle whose index is out of range, or the first
@@ -119,6 +122,9 @@ def _check_length(size: float, precision: str | float) -> None:
 def _step_of_bits(mesh: Mesh, bits: float) -> float:
     box = _umbel.bounds(native(mesh))
     longest = float(np.max(np.subtract(box[1], box[0]))) if box else 0.0
+    if not math.isfinite(longest):
+        with about(mesh, DROPS):
+            _umbel.validate(native(mesh))
     if longest <= 0:
         return 1.0
     return 2.0 ** max(-120, math.ceil(math.log2(longest / (2**bits - 1))))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import umbel
+import umbel.io
 
 
 def patch(step=1.0, count=50):
@@ -46,3 +47,26 @@ def test_ordinary_meshes_are_built_without_a_word():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         umbel.build_lod(umbel.Mesh(points, umbel.shapes.sphere(4).triangles))
+
+
+@pytest.mark.parametrize("precision", ["16bits", "0.1mm", 0.25, None])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("instances", ["on", "off"])
+def test_what_is_not_finite_is_named_on_any_grid(precision, bad, instances):
+    points, faces = patch(0.05, 6)
+    points[7, 1] = bad
+    mesh = umbel.Mesh(points.astype(np.float32), faces)
+    moved = umbel.io.Instance(0, np.diag([2.0, 2.0, 2.0, 1.0]))
+    scene = umbel.io.Scene([mesh], [], [umbel.io.Instance(0), moved])
+    with pytest.raises(umbel.Error, match="not finite"):
+        umbel.build_lod(mesh, precision=precision)
+    with pytest.raises(umbel.Error, match="finite"):
+        umbel.build_scene(scene, instances=instances, precision=precision)
+
+
+@pytest.mark.parametrize("precision", ["16bits", "0.1mm", None])
+def test_a_vertex_that_is_not_there_is_named_on_any_grid(precision):
+    points, faces = patch(0.05, 6)
+    faces[3, 1] = 999
+    with pytest.raises(umbel.Error, match="vertex index 999 is out of range"):
+        umbel.build_lod((points, faces.astype(np.uint32)), precision=precision)
