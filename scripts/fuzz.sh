@@ -2,7 +2,8 @@
 # Runs every fuzzer in tests/fuzz for SECONDS_EACH (60) under the address and undefined-behaviour
 # sanitizers, JOBS at a time, or those that FUZZERS names. They begin with what was ever found
 # (tests/fuzz/corpus); what they learn stays in build/fuzz/corpus, and an input that fails, made
-# smaller, in build/fuzz/failures. FUZZ_LEVEL=-O0 builds in a third of the time, for CI.
+# smaller, in build/fuzz/failures. FUZZ_LEVEL=-O0 builds in a third of the time, and SEED=1 tries the
+# same inputs in the same order each time, for CI.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -53,7 +54,7 @@ fuzz() {
   rm -f "$build/failures/$name"/*
   local -a inputs=("$corpus")
   if [[ -d $kept ]]; then inputs+=("$kept"); fi
-  if "$build/$name" "${limits[@]}" -max_total_time="$seconds" -print_final_stats=1 \
+  if "$build/$name" "${limits[@]}" -max_total_time="$seconds" ${SEED:+-seed="$SEED"} -print_final_stats=1 \
     -artifact_prefix="$build/failures/$name/" "${inputs[@]}" >"$build/$name.log" 2>&1; then
     runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$build/$name.log")
     echo "fuzz: $name: $runs inputs in $seconds s, no failure"

@@ -96,7 +96,9 @@ def run(kind: str, seconds: int, build: Path) -> bool:
     dictionary(kind, words)
     kept = ROOT / "tests" / "fuzz" / "corpus" / f"reader_{kind}"
     command = [sys.executable, __file__, "--child", kind, f"-max_total_time={seconds}"]
-    command += ["-timeout=5", "-rss_limit_mb=2048", "-max_len=20000", "-print_final_stats=1"]
+    command += ["-timeout=20", "-rss_limit_mb=2048", "-max_len=20000", "-print_final_stats=1"]
+    if "SEED" in os.environ:
+        command.append(f"-seed={os.environ['SEED']}")
     command += [f"-dict={words}", f"-artifact_prefix={failures}/reader_{kind}-", str(corpus)]
     command += [str(kept)] if kept.is_dir() else []
     log = build / f"reader_{kind}.log"

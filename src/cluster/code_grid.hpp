@@ -55,9 +55,9 @@ struct CodeGrid {
 
   /// `centers` holds the centres of all boxes; codes have at most `bits` bits.
   UMBEL_HOST_DEVICE static CodeGrid around(const Aabb& centers, uint32_t bits) {
-    const double extents[3] = {double(centers.max.x) - double(centers.min.x),
-                               double(centers.max.y) - double(centers.min.y),
-                               double(centers.max.z) - double(centers.min.z)};
+    const double extents[3] = {extent(centers.min.x, centers.max.x),
+                               extent(centers.min.y, centers.max.y),
+                               extent(centers.min.z, centers.max.z)};
     CodeGrid grid{};
     uint32_t axes[3] = {0, 1, 2};
     sort_falling(extents, axes);
@@ -155,6 +155,11 @@ struct CodeGrid {
     const Key two = spread_pairs(a & of_pair) << longest_first | spread_pairs(b)
                                                                      << (1 - longest_first);
     return head | all | two << 3 * of_all | (a >> of_two) << (3 * of_all + 2 * of_two);
+  }
+  /// None where it is NaN, which has no order, or the box is empty.
+  UMBEL_HOST_DEVICE static double extent(float low, float high) {
+    const double extent = double(high) - double(low);
+    return extent > 0 ? extent : 0.0;
   }
   /// Orders three names by their values.
   UMBEL_HOST_DEVICE static void sort_falling(const double* values, uint32_t* names) {

@@ -142,3 +142,10 @@ def test_images_of_a_library_in_a_folder_below_may_lie_beside_the_mesh(
         mesh = load(inside / "a.obj")
     assert image_of(mesh).path.read_bytes() == b"an image"
     assert np.isfinite(mesh.positions).all()
+
+
+def test_a_name_that_no_file_system_takes_is_missing(tmp_path: Path) -> None:
+    path = tmp_path / "scene.gltf"
+    path.write_bytes(gltf("A" * 5000)[0])
+    with pytest.raises(Error, match=r"scene\.gltf.*does not exist"):
+        load(path)

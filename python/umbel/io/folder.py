@@ -34,7 +34,7 @@ class Folder:
                 f"{_shown(name)} lies outside the file's folder and is read only with "
                 f"allow_outside=True"
             )
-        if not found.exists():
+        if not os.path.exists(found):  # nor does a name that no file system takes
             if may_miss:
                 return found
             raise Error(f"{_shown(name)} does not exist")

@@ -501,6 +501,21 @@ TEST(FrameClusters, mistakes_are_named) {
   failure([&] { d.rebuild_worst(mesh.positions, 3); }, bad);
 }
 
+// On a device nobody looks at the values.
+TEST(CodeGrid, has_codes_for_any_box) {
+  const float values[] = {NAN, -INFINITY, INFINITY, -3e38f, 0, 5, 3e38f};
+  for (const float low : values)
+    for (const float high : values)
+      for (int axis = 0; axis < 3; ++axis) {
+        Aabb box{{0, 0, 0}, {5, 3, 1}};
+        (&box.min.x)[axis] = low;
+        (&box.max.x)[axis] = high;
+        const auto grid = cluster::CodeGrid::around(box, 30);
+        EXPECT_LE(3 * grid.of_all + 2 * grid.of_two, 29u) << low << ' ' << high << ' ' << axis;
+        EXPECT_LT(grid.code<uint32_t>(box), 1u << 30) << low << ' ' << high << ' ' << axis;
+      }
+}
+
 TEST(RebuildPolicy, decides_by_threshold_period_and_budget) {
   using Action = RebuildPolicy::Action;
   RebuildPolicy policy;
