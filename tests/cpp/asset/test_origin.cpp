@@ -14,7 +14,7 @@ namespace {
 using testing::entry_of;
 using testing::failure_of;
 using testing::get;
-using testing::kSectionBytes, testing::kSections;
+using testing::kSections;
 using testing::put;
 using testing::repair_checksums;
 using testing::Scratch;

@@ -1,7 +1,7 @@
-// See plain_threads.h. oneTBB's own keeps its tables in memory of an allocator that the sanitizer does
-// not see: memory that one thread gave back and another was given looked like a race of the two. And
-// it finds a value by the thread's id, which a new thread may have of one that ended. Here a thread
-// takes a place for as long as it lives, under a mutex, and values belong to places.
+// See plain_threads.h. oneTBB's own keeps its tables in memory of an allocator that the sanitizer
+// does not see: memory that one thread gave back and another was given looked like a race of the
+// two. And it finds a value by the thread's id, which a new thread may have of one that ended. Here
+// a thread takes a place for as long as it lives, under a mutex, and values belong to places.
 #pragma once
 
 #include <functional>
