@@ -42,6 +42,15 @@ struct alignas(16) ShortBox {
   UMBEL_HOST_DEVICE uint32_t middle(int axis) const {
     return uint32_t(int32_t(low[axis]) - int32_t(low[axis + 4]));
   }
+  /// Moves the planes to between those of `frame`, and the upper ones not below the lower ones.
+  /// Only what is not finite lies outside or is turned over.
+  UMBEL_HOST_DEVICE void keep_within(const ShortBox& frame) {
+    for (int k = 0; k < 3; ++k) {
+      const int16_t last = int16_t(-frame.low[k + 4]), upper = int16_t(-low[k + 4]);
+      low[k] = low[k] < frame.low[k] ? frame.low[k] : low[k] > last ? last : low[k];
+      low[k + 4] = int16_t(-(upper < low[k] ? low[k] : upper > last ? last : upper));
+    }
+  }
   UMBEL_HOST_DEVICE void join(const ShortBox& o) {
 #if UMBEL_BOX_VECTORS
     store(_mm_min_epi16(load(), o.load()));
@@ -90,6 +99,11 @@ struct BlockGrid {
     const double xy = x > y ? x : y, longest = xy > z ? xy : z;
     const double scale = longest > 0 ? 32760.0 / longest : 0.0;
     return {frame.min, float(scale < 3e38 ? scale : 3e38)};
+  }
+  /// All of it.
+  UMBEL_HOST_DEVICE static ShortBox whole() {
+    constexpr auto last = int16_t(kLast);
+    return {{0, 0, 0, 0, -last, -last, -last, 0}};
   }
   UMBEL_HOST_DEVICE int16_t cell(float p, float from) const {
     const float x = (p * 0.5f - from * 0.5f) * scale * 2.0f;

@@ -78,10 +78,15 @@ struct BisectBlock {
     const Aabb frame =
         gather_box(team, mesh, of_block, count, [&](uint32_t i) { first[begin + i] = 0; });
     const BlockGrid grid = BlockGrid::over(frame);
-    for (uint32_t i = team.rank(); i < count; i += team.size())
-      memory.items[i] = grid.round(mesh, of_block[i]);
+    ShortBox root = grid.round(frame);
+    root.keep_within(BlockGrid::whole());
+    for (uint32_t i = team.rank(); i < count; i += team.size()) {
+      ShortBox item = grid.round(mesh, of_block[i]);
+      item.keep_within(root);
+      memory.items[i] = item;
+    }
     team.sync();
-    BlockBisector<Team, Bin>(team, rules, memory).run(count, grid.round(frame), [&](uint32_t i) {
+    BlockBisector<Team, Bin>(team, rules, memory).run(count, root, [&](uint32_t i) {
       first[begin + i] = 1;
     });
     for (uint32_t i = team.rank(); i < count; i += team.size())
