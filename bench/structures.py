@@ -7,8 +7,8 @@ One thread, processor time, medians of runs that take turns: primary rays of the
 `umbel bench bvh`, through a share of the pixels, and one diffuse ray from each hit. Every structure
 must give the same hits. --growth also builds kd-trees over terrains of 0.1 to 4
 million triangles. Writes structures.csv and growth.csv with their charts into DIR; --docs also
-puts the tables into docs/choosing.md and the charts into docs/images, from DIR alone if no mesh is
-named.
+puts the tables and charts into docs/choosing.md and bench/results/structures-cpu.md, from DIR alone
+if no mesh is named.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "bounding intervals": umbel.IntervalHierarchy,
 }
 BASE = "BVH, width 2"
+DEFAULT = "BVH, width 8"
 TERRAINS = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 4.0)  # million triangles
 
 
@@ -185,7 +186,7 @@ def draw_rays(rows: list[dict[str, Any]], file: Path) -> None:
             per_ray = 0.5e-6 / float(row["primary_mrays"]) + 0.5e-6 / float(row["bounce_mrays"])
             return float(row["build_seconds"]) + count * per_ray
 
-        base = total(own["BVH, width 8"])
+        base = total(own[DEFAULT])
         for name, color in LINES.items():
             axes.loglog(count, total(own[name]) / base, color=color, label=name.replace("`", ""))
         axes.set_title(f"{meshes[place]} ({int(own[BASE]['triangles']):,})", fontsize=10)
@@ -228,8 +229,20 @@ def mean_of(rows: list[dict[str, Any]], key: str) -> float:
     return math.exp(sum(math.log(float(row[key])) for row in rows) / len(rows))
 
 
+def means(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """The Markdown table of docs/choosing.md: geometric means relative to the default."""
+    fields = ("build_seconds", "primary_mrays", "bounce_mrays", "bytes_a_triangle")
+    own = {name: [row for row in rows if row["structure"] == name] for name in STRUCTURES}
+    lines = [
+        [name, *(f"{mean_of(own[name], key) / mean_of(own[DEFAULT], key):.2f}" for key in fields)]
+        for name in STRUCTURES
+    ]
+    head = ["", "build time", "primary rays/s", "bounce rays/s", "bytes"]
+    return {"means": table(head, lines)}
+
+
 def tables(rows: list[dict[str, Any]], grown: list[dict[str, Any]]) -> dict[str, str]:
-    """The Markdown tables of docs/choosing.md."""
+    """The Markdown tables of bench/results/structures-cpu.md."""
     found = {}
     meshes = list(dict.fromkeys(row["mesh"] for row in rows))
     fields = {
@@ -303,9 +316,11 @@ def main() -> None:
         draw_rays(rows, folder / "choosing-rays.png")
         draw_memory(rows, folder / "choosing-memory.png")
     if grown:
-        draw_growth(grown, folder / "choosing-growth.png")
+        results = ROOT / "bench" / "results" if args.docs else args.output
+        draw_growth(grown, results / "structures-cpu-growth.png")
     if args.docs and rows and grown:
-        fill(ROOT / "docs" / "choosing.md", tables(rows, grown))
+        fill(ROOT / "docs" / "choosing.md", means(rows))
+        fill(ROOT / "bench" / "results" / "structures-cpu.md", tables(rows, grown))
 
 
 if __name__ == "__main__":

@@ -147,3 +147,15 @@ def test_readme_cpp_runs(installed: Path, tmp_path: Path) -> None:
     _cpp(source, installed, tmp_path / "build")
     assert _run(tmp_path / "build" / "app", folder=tmp_path)
     assert (tmp_path / "terrain.umbel").is_file()
+
+
+def test_readme_c_runs(installed: Path, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "main.c").write_text(_readme("c"))
+    (source / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.24)\nproject(readme LANGUAGES C CXX)\n"
+        + _readme("cmake").replace("main.cpp", "main.c")
+    )
+    _cpp(source, installed, tmp_path / "build")
+    assert _run(tmp_path / "build" / "app", folder=tmp_path) == "triangle 0 at t = 1.0\n"
