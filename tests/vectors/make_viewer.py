@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "viewer" / "tests"))
+sys.path.insert(0, str(ROOT / "viewer" / "tests" / "support"))
 
 from make_assets import decorated_blob  # noqa: E402
 from make_textured import all_looks  # noqa: E402

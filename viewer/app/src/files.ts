@@ -1,6 +1,6 @@
 // What leaves the page as a file, and what comes in.
 
-import { h } from "./dom";
+import { h } from "./ui/dom";
 
 export function save(blob: Blob, name: string): void {
   const link = h("a", { href: URL.createObjectURL(blob), download: name });

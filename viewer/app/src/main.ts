@@ -1,10 +1,10 @@
 // The page: the first picture as soon as may be, then the viewer; or why it cannot be shown.
 
 import { AssetStream } from "umbel";
-import { h } from "./dom";
-import { Sketch } from "./sketch";
+import { Sketch } from "./preview/preview_renderer";
 import { type CameraPose, defaultState, nameOf, readLink, type State } from "./state";
-import { applyTheme } from "./theme";
+import { h } from "./ui/dom";
+import { applyTheme } from "./ui/theme";
 
 /** The viewer comes after the first picture, or after so many milliseconds without one. */
 const PATIENCE = 3000;

@@ -1,7 +1,7 @@
 // What a person has set, and how a link carries it.
 
-import type { Look } from "./looks";
-import { LOOKS } from "./looks";
+import type { Look } from "./viewport/view_modes";
+import { LOOKS } from "./viewport/view_modes";
 
 export type Layout = "single" | "side" | "wipe";
 

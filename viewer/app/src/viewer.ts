@@ -2,18 +2,9 @@
 
 import { AssetStream, UmbelError } from "umbel";
 import { UmbelMesh } from "umbel/three";
-import { h } from "./dom";
+import { CameraPath } from "./camera_path";
 import { paintBackground, readJson, save } from "./files";
-import { listenToDrops, listenToKeys, listenToPointer } from "./hands";
-import { LOOKS, type Look } from "./looks";
-import { helpDialog, Notice, Problem, titleOf } from "./notes";
-import { Panel } from "./panel";
-import { CameraPath } from "./path";
-import { pickedCard } from "./picked";
-import { Progress } from "./progress";
-import type { Sketch } from "./sketch";
-import { Split } from "./split";
-import { type FrameCounts, Stage } from "./stage";
+import type { Sketch } from "./preview/preview_renderer";
 import {
   type CameraPose,
   type Layout,
@@ -23,8 +14,17 @@ import {
   type State,
   writeLink,
 } from "./state";
-import { toggleTheme } from "./theme";
-import { showTitle } from "./title";
+import { pickedCard } from "./ui/cluster_card";
+import { Split } from "./ui/divider";
+import { h } from "./ui/dom";
+import { listenToDrops, listenToKeys, listenToPointer } from "./ui/input";
+import { helpDialog, Notice, Problem, titleOf } from "./ui/messages";
+import { Panel } from "./ui/panel";
+import { Progress } from "./ui/progress";
+import { toggleTheme } from "./ui/theme";
+import { showTitle } from "./ui/title";
+import { LOOKS, type Look } from "./viewport/view_modes";
+import { type FrameCounts, Stage } from "./viewport/viewport";
 
 interface Opening {
   pose?: CameraPose | undefined;

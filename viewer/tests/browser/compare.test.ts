@@ -1,7 +1,7 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { ASSETS } from "../assets.js";
-import { whole } from "../whole.js";
+import { ASSETS } from "../support/assets.js";
+import { whole } from "../support/whole.js";
 import { canvasPicture, differentPixels, expect, lookAt, quiet, settled, test } from "./page.js";
 
 const OTHER = "blob_16bits_compact.umbel";

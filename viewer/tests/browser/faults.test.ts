@@ -1,5 +1,5 @@
-import { assetBytes } from "../assets.js";
-import { whole } from "../whole.js";
+import { assetBytes } from "../support/assets.js";
+import { whole } from "../support/whole.js";
 import { expect, lookAt, settled, statistics, test } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";

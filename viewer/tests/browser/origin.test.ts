@@ -1,7 +1,7 @@
 import { writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { ASSETS, assetBytes } from "../assets.js";
-import { jsonSection, originSection, withSections } from "../rewrite.js";
+import { ASSETS, assetBytes } from "../support/assets.js";
+import { jsonSection, originSection, withSections } from "../support/rewrite.js";
 import { canvasPicture, differentPixels, expect, type Pose, settled, test } from "./page.js";
 
 const UTM = [448_250, 5_411_900, 312] as const;

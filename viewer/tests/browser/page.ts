@@ -3,7 +3,7 @@
 import { join } from "node:path";
 import { test as base, type Page } from "@playwright/test";
 import type { AssetInfo, StreamStatistics } from "../../packages/umbel/src/index.js";
-import { ASSETS, ROOT } from "../assets.js";
+import { ASSETS, ROOT } from "../support/assets.js";
 import { Host } from "./host.js";
 
 export { expect } from "@playwright/test";

@@ -1,4 +1,4 @@
-import { makeAssets } from "../assets.js";
+import { makeAssets } from "../support/assets.js";
 
 export default function setup(): void {
   makeAssets();

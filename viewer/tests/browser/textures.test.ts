@@ -1,4 +1,4 @@
-import { assetBytes } from "../assets.js";
+import { assetBytes } from "../support/assets.js";
 import { expect, quiet, settled, test } from "./page.js";
 
 /** Three textures of 4096 x 4096 texels, of 9 MB each. */

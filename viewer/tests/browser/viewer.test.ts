@@ -1,9 +1,9 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import type { GroupInfo } from "../../packages/umbel/src/page.js";
-import { cameraView } from "../../packages/umbel/src/select.js";
-import { ASSETS, assetBytes, said, words } from "../assets.js";
-import { select, whole } from "../whole.js";
+import type { GroupInfo } from "../../packages/umbel/src/decode/page.js";
+import { cameraView } from "../../packages/umbel/src/select/select.js";
+import { ASSETS, assetBytes, said, words } from "../support/assets.js";
+import { select, whole } from "../support/whole.js";
 import {
   canvasPicture,
   expect,

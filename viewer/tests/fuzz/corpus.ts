@@ -2,7 +2,7 @@
 
 import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
-import { ROOT } from "../assets.js";
+import { ROOT } from "../support/assets.js";
 import { show } from "./drive.js";
 import { mutated } from "./mutate.js";
 import { Random } from "./random.js";

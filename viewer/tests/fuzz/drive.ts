@@ -1,19 +1,23 @@
 // What a viewer does with a file, without a browser: reads its head and pages, chooses, streams,
 // packs for the GPU and makes materials; and what may come of it: the right thing, or an UmbelError.
 
-import { Catalog } from "../../packages/umbel/src/catalog.js";
+import { readPage } from "../../packages/umbel/src/decode/page.js";
 import { UmbelError } from "../../packages/umbel/src/errors.js";
-import { jsonOf, listOf } from "../../packages/umbel/src/gltf.js";
-import { type Head, readHead } from "../../packages/umbel/src/head.js";
-import { packGroup } from "../../packages/umbel/src/pack.js";
-import { readPage } from "../../packages/umbel/src/page.js";
-import { cameraView } from "../../packages/umbel/src/select.js";
-import { BlobSource } from "../../packages/umbel/src/source.js";
-import { Streamer } from "../../packages/umbel/src/streamer.js";
-import { makeMaterial } from "../../packages/umbel/src/three/material_maker.js";
-import { PHYSICAL, STANDARD, textureInfo } from "../../packages/umbel/src/three/material_slots.js";
-import { channelOf, repeatsOf } from "../../packages/umbel/src/three/sampler.js";
-import { StreamedImage } from "../../packages/umbel/src/three/streamed_image.js";
+import { type Head, readHead } from "../../packages/umbel/src/format/file_header.js";
+import { jsonOf, listOf } from "../../packages/umbel/src/format/gltf.js";
+import { Catalog } from "../../packages/umbel/src/select/catalog.js";
+import { cameraView } from "../../packages/umbel/src/select/select.js";
+import { packGroup } from "../../packages/umbel/src/stream/render_group.js";
+import { BlobSource } from "../../packages/umbel/src/stream/source.js";
+import { Streamer } from "../../packages/umbel/src/stream/streamer.js";
+import { makeMaterial } from "../../packages/umbel/src/three/materials/material_maker.js";
+import {
+  PHYSICAL,
+  STANDARD,
+  textureInfo,
+} from "../../packages/umbel/src/three/materials/material_slots.js";
+import { channelOf, repeatsOf } from "../../packages/umbel/src/three/textures/sampler.js";
+import { StreamedImage } from "../../packages/umbel/src/three/textures/streamed_image.js";
 import { allocated } from "./watch.js";
 
 /** Of all that is made of a page, for each number that its clusters state; and of the head. */

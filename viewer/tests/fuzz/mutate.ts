@@ -1,8 +1,8 @@
 // Damages an asset at random, and puts the checksums right again: what checksums find is not what
 // this is for.
 
-import { xxh64 } from "../../packages/umbel/src/xxh64.js";
-import { headSections, jsonSection, sealHead, withSections } from "../rewrite.js";
+import { xxh64 } from "../../packages/umbel/src/format/xxh64.js";
+import { headSections, jsonSection, sealHead, withSections } from "../support/rewrite.js";
 import type { Random } from "./random.js";
 
 const WORDS = [0, 1, 2, 0x7f, 0xff, 0xffff, 0x10000, 0x7fffffff, 0x80000000, 0xffffffff];

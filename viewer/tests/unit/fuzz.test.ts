@@ -8,9 +8,9 @@
 import { mkdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { describe, expect, test } from "vitest";
-import { ROOT } from "../assets.js";
 import { corpus, fuzz } from "../fuzz/corpus.js";
 import { show } from "../fuzz/drive.js";
+import { ROOT } from "../support/assets.js";
 
 const SECONDS = Number(process.env.SECONDS_EACH ?? 5);
 const SEED = Number(process.env.SEED ?? 20);

@@ -1,3 +1,3 @@
-import { makeAssets } from "../assets.js";
+import { makeAssets } from "../support/assets.js";
 
 export default makeAssets;

@@ -8,7 +8,7 @@ import {
   type PerspectiveCamera,
   Vector3,
 } from "three";
-import { cameraView, type View } from "../select.js";
+import { cameraView, type View } from "../select/select.js";
 
 /** Of three rows of four. */
 export function matrixOf(rows: Float32Array): Matrix4 {

@@ -1,7 +1,7 @@
 // What may be asked of a cluster that is in memory.
 
 import { Box3, type Intersection, type Matrix4, Vector3 } from "three";
-import type { RenderGroup } from "../pack.js";
+import type { RenderGroup } from "../stream/render_group.js";
 
 /** A cluster that is in memory. */
 export interface ClusterInfo {

@@ -1,5 +1,5 @@
 // The adapter to three.js.
 
 export type { ClusterInfo, TintFunction, UmbelIntersection } from "./cluster_info.js";
-export type { TextureStatistics } from "./textures.js";
+export type { TextureStatistics } from "./textures/textures.js";
 export { UmbelMesh, type UmbelMeshOptions } from "./umbel_mesh.js";

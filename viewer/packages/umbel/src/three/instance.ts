@@ -1,13 +1,13 @@
 // An asset's mesh where it stands in the object, and what is drawn of it.
 
 import { type Frustum, type Material, Matrix4, type Object3D } from "three";
-import type { Instance as InstanceRow } from "../head.js";
-import type { Arena } from "./arena.js";
-import { Batch, LineBatch } from "./batch.js";
+import type { Instance as InstanceRow } from "../format/file_header.js";
 import { matrixOf } from "./camera_view.js";
 import { type ClusterInfo, clusterInfo } from "./cluster_info.js";
-import type { Materials } from "./materials.js";
-import type { Resident } from "./residents.js";
+import type { Arena } from "./geometry/arena.js";
+import { Batch, LineBatch } from "./geometry/batch.js";
+import type { Resident } from "./geometry/resident_groups.js";
+import type { Materials } from "./materials/materials.js";
 
 /** What of the frame is counted. */
 export interface Drawn {

@@ -2,8 +2,8 @@
 
 import { type Intersection, type Object3D, type Ray, type Raycaster, Vector3 } from "three";
 import type { ClusterInfo, UmbelIntersection } from "./cluster_info.js";
+import type { Resident, Residents } from "./geometry/resident_groups.js";
 import type { Instance } from "./instance.js";
-import type { Resident, Residents } from "./residents.js";
 
 export function castRay(
   object: Object3D,

@@ -17,19 +17,19 @@ import {
   Vector3,
   type WebGLRenderer,
 } from "three";
-import { boundsOf } from "../bounds.js";
-import { AssetStream } from "../stream.js";
-import type { AssetInfo, StreamStatistics, StreamUpdate } from "../streamer.js";
+import { boundsOf } from "../stream/bounds.js";
+import type { AssetInfo, StreamStatistics, StreamUpdate } from "../stream/streamer.js";
+import { AssetStream } from "../worker/asset_stream.js";
 import { areSamePoses, frustumOf, posesOf, viewOf } from "./camera_view.js";
 import type { ClusterInfo, TintFunction } from "./cluster_info.js";
+import { Tint } from "./cluster_tint.js";
+import { type Resident, Residents } from "./geometry/resident_groups.js";
 import { type Drawn, Instance } from "./instance.js";
-import { Materials } from "./materials.js";
-import { notesOf } from "./notes.js";
+import { Materials } from "./materials/materials.js";
+import { notesOf } from "./materials/unsupported.js";
 import { castRay } from "./raycast.js";
-import { type Resident, Residents } from "./residents.js";
-import { Survey } from "./survey.js";
-import type { TextureStatistics } from "./textures.js";
-import { Tint } from "./tint.js";
+import { Survey } from "./textures/texel_demand.js";
+import type { TextureStatistics } from "./textures/textures.js";
 
 export interface UmbelMeshOptions {
   /** Bytes of memory for geometry and textures; 256 MiB if not said. */

@@ -1,8 +1,8 @@
 // What a stream's worker and its owner say to each other.
 
 import type { UmbelErrorKind } from "../errors.js";
-import type { MeshView } from "../residency.js";
-import type { AssetInfo, StreamOptions, StreamUpdate } from "../streamer.js";
+import type { MeshView } from "../stream/residency.js";
+import type { AssetInfo, StreamOptions, StreamUpdate } from "../stream/streamer.js";
 
 export type ToWorker =
   | { type: "open"; source: string | Blob; options: StreamOptions }

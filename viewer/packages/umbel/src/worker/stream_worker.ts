@@ -1,9 +1,9 @@
 // The worker of a stream: fetches, decodes and selects, so that the page stays smooth.
 
 import { UmbelError } from "../errors.js";
-import { buffersOf } from "../pack.js";
-import { BlobSource, HttpSource } from "../source.js";
-import { Streamer, type StreamListener } from "../streamer.js";
+import { buffersOf } from "../stream/render_group.js";
+import { BlobSource, HttpSource } from "../stream/source.js";
+import { Streamer, type StreamListener } from "../stream/streamer.js";
 import type { FromWorker, ToWorker } from "./messages.js";
 
 interface WorkerScope {

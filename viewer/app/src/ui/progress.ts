@@ -1,0 +1,54 @@
+// How far what is wanted is here: a bar at the page's edge, counters in the panel, and marks for
+// whoever measures.
+
+import type { UmbelMesh } from "umbel/three";
+import type { FrameCounts } from "../viewport/viewport";
+import { h } from "./dom";
+
+const COUNTER_INTERVAL = 200;
+
+export class Progress {
+  readonly element = h("div", { className: "progress" });
+  private lastCounters = 0;
+  private timer = 0;
+  private isMarked = false;
+
+  /** @param showCounts shows numbers, now and then */
+  constructor(
+    private readonly showCounts: (counts: FrameCounts, mesh: UmbelMesh | undefined) => void,
+  ) {}
+
+  begin(): void {
+    this.element.classList.remove("done");
+    this.element.style.width = "6%";
+  }
+
+  end(): void {
+    this.element.classList.add("done");
+  }
+
+  update(counts: FrameCounts, mesh: UmbelMesh | undefined): void {
+    if (mesh?.statistics) {
+      const { wantedBytes, residentBytes, missingPages, triangles } = mesh.statistics;
+      const done = missingPages === 0 && triangles > 0 && mesh.textures.missing === 0;
+      this.element.classList.toggle("done", done);
+      const here = Math.min(residentBytes / (wantedBytes || 1), 1);
+      this.element.style.width = `${done ? 100 : 10 + 85 * here}%`;
+      this.mark(counts, mesh);
+    }
+    clearTimeout(this.timer);
+    const show = () => {
+      this.lastCounters = performance.now();
+      this.showCounts(counts, mesh);
+    };
+    if (performance.now() - this.lastCounters > COUNTER_INTERVAL) show();
+    else this.timer = window.setTimeout(show, COUNTER_INTERVAL);
+  }
+
+  /** Marks when all materials in view have their textures, in whatever size. */
+  private mark({ triangles }: FrameCounts, { statistics, textures }: UmbelMesh): void {
+    if (this.isMarked || triangles === 0 || !textures.isComplete) return;
+    this.isMarked = true;
+    performance.mark("umbel-first-textures", { detail: { ...statistics, textures } });
+  }
+}

@@ -1,0 +1,20 @@
+// What stands above the picture: which asset this is, and whose.
+
+import { jsonOf } from "umbel";
+import type { UmbelMesh } from "umbel/three";
+import { nameOf, type Source } from "../state";
+import { count, h } from "./dom";
+
+/** Shows an asset's name, size and copyright; the page is called after it too. */
+export function showTitle(element: HTMLElement, mesh: UmbelMesh, source: Source): void {
+  const { instancedTriangles, levels, metadata, scene } = mesh.info;
+  const name = typeof metadata.name === "string" && metadata.name ? metadata.name : nameOf(source);
+  const { copyright } = jsonOf(scene.asset);
+  document.title = `${name} – Umbel`;
+  element.replaceChildren(
+    h("h1", { textContent: name }),
+    h("p", { textContent: `${count(instancedTriangles)} triangles, ${levels} levels` }),
+  );
+  if (typeof copyright === "string" && copyright)
+    element.append(h("p", { className: "copyright", textContent: copyright }));
+}

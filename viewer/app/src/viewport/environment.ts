@@ -1,0 +1,151 @@
+// The surroundings: a studio of soft boxes under a sky, so that metals, glass and lacquer have
+// something to mirror. What is matt gets as much light from it as from the sky of light.ts alone,
+// which is all that the first picture knows of.
+//
+// three.js would blur a panorama on the GPU, for each roughness; these surroundings are a formula,
+// so they are computed blurred, on few texels, and nobody waits.
+
+import {
+  CompressedCubeTexture,
+  type CompressedPixelFormat,
+  DataUtils,
+  HalfFloatType,
+  LinearFilter,
+  LinearMipmapLinearFilter,
+  RGBAFormat,
+  type Texture,
+} from "three";
+import { linear, SKY } from "./lights";
+
+/** Texels of a face's side, for each level: from a mirror to what is matt. */
+const SIDES = [64, 32, 16, 8];
+/** How sharp the horizon is, and the edges of soft boxes. */
+const HORIZON = 4;
+const EDGE = 8;
+
+type Point = readonly [number, number, number];
+
+/** A soft box: where it is seen, how far it reaches around there, and how bright it is. */
+interface Box {
+  at: Point;
+  reach: number;
+  light: number;
+}
+
+const BOXES: readonly Box[] = [
+  { at: [-0.62, 0.55, 0.56], reach: 0.3, light: 2.2 },
+  { at: [0.86, 0.3, 0.41], reach: 0.22, light: 1.8 },
+  { at: [0.1, 0.75, -0.66], reach: 0.3, light: 1.6 },
+  { at: [-0.8, 0.12, -0.58], reach: 0.16, light: 1.6 },
+];
+
+/** Where each face of a cube looks, `s` to the right and `t` down, as WebGL has them. */
+const FACES: readonly ((s: number, t: number) => Point)[] = [
+  (s, t) => [1, -t, -s],
+  (s, t) => [-1, -t, s],
+  (s, t) => [s, 1, t],
+  (s, t) => [s, -1, -t],
+  (s, t) => [s, -t, 1],
+  (s, t) => [-s, -t, -1],
+];
+
+/** Light of the surroundings for a scene, to be disposed of by whoever asked for it. */
+export function makeEnvironment(): Texture {
+  const studio = new Studio();
+  const images = FACES.map((face) => {
+    const mipmaps = SIDES.map((side, level) => ({
+      data: faceTexels(side, (s, t) => studio.light(normalised(face(s, t)), level)),
+      width: side,
+      height: side,
+    }));
+    return { ...mipmaps[0], width: SIDES[0], height: SIDES[0], mipmaps, format: RGBAFormat };
+  });
+  const texture = new CompressedCubeTexture(
+    images as unknown as ConstructorParameters<typeof CompressedCubeTexture>[0],
+    RGBAFormat as unknown as CompressedPixelFormat,
+    HalfFloatType,
+  );
+  texture.minFilter = LinearMipmapLinearFilter;
+  texture.magFilter = LinearFilter;
+  texture.isPMREMTexture = true;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+function faceTexels(side: number, light: (s: number, t: number) => Point): Uint16Array {
+  const data = new Uint16Array(4 * side * side);
+  for (let i = 0; i < side * side; ++i) {
+    const s = (2 * ((i % side) + 0.5)) / side - 1;
+    const t = (2 * (Math.floor(i / side) + 0.5)) / side - 1;
+    const texel = [...light(s, t), 1].map((c) => DataUtils.toHalfFloat(c));
+    data.set(texel, 4 * i);
+  }
+  return data;
+}
+
+function normalised([x, y, z]: Point): Point {
+  const length = Math.hypot(x, y, z);
+  // Cube maps are looked up mirrored.
+  return [-x / length, y / length, z / length];
+}
+
+class Studio {
+  private readonly mean: Point;
+  private readonly slope: Point;
+  private readonly boxMean: number;
+  private readonly boxSlope: number;
+  private readonly horizonSlope: number;
+
+  constructor() {
+    const sky = linear(SKY.color, SKY.intensity);
+    const ground = linear(SKY.ground, SKY.intensity);
+    // Such that a matt surface is lit by half of both, and by more sky the more it faces up.
+    this.mean = each((c) => ((ground[c] as number) + (sky[c] as number)) / (2 * Math.PI));
+    this.slope = each((c) => (3 * ((sky[c] as number) - (ground[c] as number))) / (4 * Math.PI));
+    [this.boxMean, this.boxSlope] = moments((direction) => boxLight(direction, 0));
+    this.horizonSlope = moments(([, y]) => Math.tanh(HORIZON * y))[1];
+  }
+
+  /** What is seen in a direction, blurred as a surface does whose roughness has this level. */
+  light(direction: Point, level: number): Point {
+    const [, y] = direction;
+    const last = SIDES.length - 1;
+    if (level === last) return each((c) => this.mean[c] + (2 / 3) * this.slope[c] * y);
+    const roughness = 1 - Math.sqrt(1 - level / last);
+    const blur = 1.2 * roughness ** 2;
+    const boxes = boxLight(direction, blur);
+    const rise = Math.tanh(y / Math.hypot(1 / HORIZON, blur)) / this.horizonSlope;
+    return each((c) =>
+      Math.max(this.mean[c] - this.boxMean + (this.slope[c] - this.boxSlope) * rise + boxes, 0),
+    );
+  }
+}
+
+function each(value: (channel: 0 | 1 | 2) => number): Point {
+  return [value(0), value(1), value(2)];
+}
+
+function boxLight([x, y, z]: Point, blur: number): number {
+  return BOXES.reduce((sum, { at, reach, light }) => {
+    const blurred = Math.hypot(reach, blur);
+    const cosine = x * at[0] + y * at[1] + z * at[2];
+    const away = Math.acos(Math.min(Math.max(cosine, -1), 1)) / blurred;
+    const edge = (EDGE * reach) / blurred;
+    return sum + (light * (reach / blurred) ** 2) / (1 + Math.exp(edge * (away - 1)));
+  }, 0);
+}
+
+/** The mean over all directions, and how much more there is the higher one looks. */
+function moments(value: (direction: Point) => number): [number, number] {
+  const count = 4000;
+  let [mean, rise] = [0, 0];
+  for (let i = 0; i < count; ++i) {
+    const y = (2 * i + 1) / count - 1;
+    const around = i * Math.PI * (3 - Math.sqrt(5));
+    const flat = Math.sqrt(1 - y * y);
+    const here = value([flat * Math.cos(around), y, flat * Math.sin(around)]);
+    mean += here / count;
+    rise += (3 * here * y) / count;
+  }
+  return [mean, rise];
+}

@@ -1,0 +1,56 @@
+// Which vertices of a cluster stand in earlier clusters of its group, as docs/format.md describes it
+// under "What is shared". Vertices are numbered through the group.
+
+import type { BitReader } from "./bit_reader.js";
+import type { TriangleDecoder } from "./connectivity.js";
+
+const NONE = -1;
+
+export class SharedVertices {
+  /** For each vertex of the group the earlier one that it is equal to, or -1. */
+  readonly equal: Int32Array;
+  private readonly next: Int32Array;
+  private readonly previous: Int32Array;
+  private readonly border: number[] = [];
+
+  constructor(vertices: number) {
+    this.equal = new Int32Array(vertices).fill(NONE);
+    this.next = new Int32Array(vertices).fill(NONE);
+    this.previous = new Int32Array(vertices).fill(NONE);
+  }
+
+  /** Reads what the cluster that begins at vertex `first` shares. */
+  read(bits: BitReader, walk: TriangleDecoder, first: number, count: number): void {
+    const { next, previous, border } = this;
+    for (let i = 0; i < walk.borderEdges; ++i) {
+      const x = first + walk.border[2 * i];
+      const y = first + walk.border[2 * i + 1];
+      next[x] = y;
+      previous[y] = x;
+    }
+    if (bits.take(1) === 1)
+      for (let v = first; v < first + count; ++v)
+        if (this.isBorder(v) && this.equal[v] === NONE && bits.take(1) !== 0) {
+          const u = border[bits.below(border.length)] as number;
+          this.equal[v] = u;
+          this.follow(bits, v, u, next, previous);
+          this.follow(bits, v, u, previous, next);
+        }
+    for (let v = first; v < first + count; ++v) if (this.isBorder(v)) border.push(v);
+  }
+
+  private isBorder(v: number): boolean {
+    return this.next[v] !== NONE || this.previous[v] !== NONE;
+  }
+
+  private follow(bits: BitReader, v: number, u: number, ahead: Int32Array, back: Int32Array): void {
+    const { equal } = this;
+    let w = ahead[v];
+    let other = back[u];
+    while (w !== NONE && other !== NONE && equal[w] === NONE && bits.take(1)) {
+      equal[w] = other;
+      w = ahead[w];
+      other = back[other];
+    }
+  }
+}

@@ -1,0 +1,63 @@
+// The vertices of a cluster: integers, each a prediction from vertices before it and a remainder
+// in a Rice code, as docs/format.md describes it under "A cluster's data".
+
+import { corrupt } from "../errors.js";
+import type { BitReader } from "./bit_reader.js";
+
+const ALL_ZERO = 31;
+export const MAX_COMPONENTS = 64;
+
+const parameters = new Uint8Array(MAX_COMPONENTS);
+
+export interface ComponentRanges {
+  lowest: Int32Array;
+  bits: Uint8Array;
+}
+
+/**
+ * Writes the rows of a cluster's vertices among those of its group.
+ * @param smooth for each component 1 if it is predicted by the mean of two, 0 by a parallelogram
+ * @param parents as a TriangleDecoder left them
+ * @param equal for each vertex of the group the earlier one that it is equal to, or -1
+ * @param first the cluster's first vertex in the group
+ */
+export function decodeVertices(
+  bits: BitReader,
+  smooth: Uint8Array,
+  ranges: ComponentRanges,
+  parents: Uint8Array,
+  equal: Int32Array,
+  rows: Int32Array,
+  first: number,
+  count: number,
+): void {
+  const stride = smooth.length;
+  const damping = bits.take(2);
+  for (let i = 0; i < stride; ++i) {
+    parameters[i] = bits.take(5);
+    if (equal[first] < 0) rows[first * stride + i] = ranges.lowest[i] + bits.take(ranges.bits[i]);
+  }
+  for (let v = 0; v < count; ++v) {
+    const row = (first + v) * stride;
+    const same = equal[first + v];
+    if (same >= 0) {
+      if (same >= first) corrupt("a vertex is shared with a later one");
+      for (let i = 0; i < stride; ++i) rows[row + i] = rows[same * stride + i];
+      continue;
+    }
+    if (v === 0) continue;
+    const a = (first + parents[3 * v]) * stride;
+    const b = (first + parents[3 * v + 1]) * stride;
+    const across = (first + parents[3 * v + 2]) * stride;
+    for (let i = 0; i < stride; ++i) {
+      const k = parameters[i];
+      const r = k === ALL_ZERO ? 0 : bits.rice(k);
+      const sum = rows[a + i] + rows[b + i];
+      const opposite = rows[across + i];
+      const predicted = smooth[i]
+        ? Math.floor(sum / 2)
+        : sum - opposite - Math.floor((damping * (sum - 2 * opposite)) / 16);
+      rows[row + i] = predicted + ((r >>> 1) ^ -(r & 1));
+    }
+  }
+}

@@ -1,0 +1,35 @@
+// The edges of clusters, each once, for drawing them as lines.
+
+import type { RenderGroup } from "../../stream/render_group.js";
+import type { Place } from "./arena.js";
+
+const MAX_VERTICES = 256;
+const seen = new Uint8Array(MAX_VERTICES * MAX_VERTICES);
+
+/**
+ * Writes two vertices an edge into `out`, where the group's triangles have room for three each.
+ * @returns where each cluster's edges begin, and behind the last
+ */
+export function clusterEdges(group: RenderGroup, place: Place, out: Uint32Array): Uint32Array {
+  const { clusterCount, vertexOffsets, triangleOffsets } = group;
+  const { indices, vertex } = place;
+  const offsets = new Uint32Array(clusterCount + 1);
+  let at = 2 * place.index;
+  offsets[0] = at;
+  for (let c = 0; c < clusterCount; ++c) {
+    const first = vertex + vertexOffsets[c];
+    seen.fill(0);
+    for (let i = 3 * triangleOffsets[c]; i < 3 * triangleOffsets[c + 1]; i += 3)
+      for (let side = 0; side < 3; ++side) {
+        const a = indices[i + side];
+        const b = indices[i + ((side + 1) % 3)];
+        const key = (Math.min(a, b) - first) * MAX_VERTICES + Math.max(a, b) - first;
+        if (seen[key]) continue;
+        seen[key] = 1;
+        out[at++] = a;
+        out[at++] = b;
+      }
+    offsets[c + 1] = at;
+  }
+  return offsets;
+}

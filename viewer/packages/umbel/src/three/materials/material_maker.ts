@@ -1,0 +1,151 @@
+// Makes a material of three.js of one of glTF, all but its textures.
+
+import {
+  Color,
+  DoubleSide,
+  FrontSide,
+  MeshBasicMaterial,
+  MeshPhysicalMaterial,
+  MeshStandardMaterial,
+  Vector2,
+} from "three";
+import { isJson, type Json, jsonOf, numberOf, numbersOf, textOf } from "../../format/gltf.js";
+import type { Layout } from "../geometry/arena.js";
+
+export const UNLIT = "KHR_materials_unlit";
+const STRENGTH = "KHR_materials_emissive_strength";
+const GLOSSINESS = "KHR_materials_pbrSpecularGlossiness";
+
+/** What each extension sets of a physical material. */
+const PHYSICAL: Record<string, (extension: Json) => Partial<MeshPhysicalMaterial>> = {
+  KHR_materials_clearcoat: (from) => ({
+    clearcoat: numberOf(from.clearcoatFactor, 0),
+    clearcoatRoughness: numberOf(from.clearcoatRoughnessFactor, 0),
+    clearcoatNormalScale: scaleOf(from.clearcoatNormalTexture),
+  }),
+  KHR_materials_transmission: (from) => ({
+    transmission: numberOf(from.transmissionFactor, 0),
+  }),
+  KHR_materials_volume: (from) => ({
+    thickness: numberOf(from.thicknessFactor, 0),
+    attenuationDistance: numberOf(from.attenuationDistance, 0) || Infinity,
+    attenuationColor: colorOf(from.attenuationColor, [1, 1, 1]),
+  }),
+  KHR_materials_ior: (from) => ({ ior: numberOf(from.ior, 1.5) }),
+  KHR_materials_specular: (from) => ({
+    specularIntensity: numberOf(from.specularFactor, 1),
+    specularColor: colorOf(from.specularColorFactor, [1, 1, 1]),
+  }),
+  KHR_materials_sheen: (from) => ({
+    sheen: 1,
+    sheenColor: colorOf(from.sheenColorFactor, [0, 0, 0]),
+    sheenRoughness: numberOf(from.sheenRoughnessFactor, 0),
+  }),
+  KHR_materials_iridescence: (from) => ({
+    iridescence: numberOf(from.iridescenceFactor, 0),
+    iridescenceIOR: numberOf(from.iridescenceIor, 1.3),
+    iridescenceThicknessMinimum: numberOf(from.iridescenceThicknessMinimum, 100),
+    iridescenceThicknessMaximum: numberOf(from.iridescenceThicknessMaximum, 400),
+  }),
+  KHR_materials_anisotropy: (from) => ({
+    anisotropy: numberOf(from.anisotropyStrength, 0),
+    anisotropyRotation: numberOf(from.anisotropyRotation, 0),
+  }),
+  KHR_materials_dispersion: (from) => ({ dispersion: numberOf(from.dispersion, 0) }),
+};
+
+/** Extensions of materials that change nothing of what is seen, or that are shown. */
+const SHOWN = new Set([...Object.keys(PHYSICAL), UNLIT, STRENGTH, GLOSSINESS]);
+
+function colorOf(value: unknown, otherwise: readonly number[]): Color {
+  const [r, g, b] = numbersOf(value, otherwise);
+  return new Color(r, g, b);
+}
+
+function scaleOf(info: unknown): Vector2 {
+  return new Vector2().setScalar(numberOf(jsonOf(info).scale, 1));
+}
+
+export type AnyMaterial = MeshBasicMaterial | MeshStandardMaterial | MeshPhysicalMaterial;
+
+/** What a mesh is made of that has no material. */
+export function plainMaterial(layout: Layout): AnyMaterial {
+  return new MeshStandardMaterial({
+    flatShading: !layout.normals,
+    vertexColors: layout.colors,
+    color: 0xd8d2c8,
+    roughness: 0.62,
+  });
+}
+
+/** @param note is told, in a sentence, what of it cannot be shown */
+export function makeMaterial(
+  gltf: Json,
+  layout: Layout,
+  note: (text: string) => void,
+): AnyMaterial {
+  const extensions = jsonOf(gltf.extensions);
+  for (const name of Object.keys(extensions)) {
+    if (!SHOWN.has(name)) note(`Materials are shown without ${name}.`);
+    if (name === GLOSSINESS) note(`${name} is shown as metal and roughness, as near as may be.`);
+  }
+  const shared = sharedOf(gltf, layout);
+  if (isJson(extensions[UNLIT])) return new MeshBasicMaterial(shared);
+  const material = Object.keys(extensions).some((name) => name in PHYSICAL)
+    ? new MeshPhysicalMaterial()
+    : new MeshStandardMaterial();
+  const pbr = jsonOf(gltf.pbrMetallicRoughness);
+  material.setValues({
+    ...shared,
+    ...(GLOSSINESS in extensions ? glossy(jsonOf(extensions[GLOSSINESS])) : metallic(pbr)),
+    flatShading: !layout.normals,
+    emissive: colorOf(gltf.emissiveFactor, [0, 0, 0]),
+    emissiveIntensity: numberOf(jsonOf(extensions[STRENGTH]).emissiveStrength, 1),
+    normalScale: scaleOf(gltf.normalTexture),
+    aoMapIntensity: numberOf(jsonOf(gltf.occlusionTexture).strength, 1),
+  });
+  for (const [name, set] of Object.entries(PHYSICAL))
+    if (isJson(extensions[name])) Object.assign(material, set(jsonOf(extensions[name])));
+  if (!layout.tangents) flipNormalMaps(material);
+  return material;
+}
+
+/** Tangents that three.js makes of texture coordinates point the other way down than glTF's. */
+function flipNormalMaps(material: MeshStandardMaterial): void {
+  material.normalScale.y *= -1;
+  if (material instanceof MeshPhysicalMaterial) material.clearcoatNormalScale.y *= -1;
+}
+
+/** What materials of all kinds have. */
+function sharedOf(gltf: Json, { colors }: Layout) {
+  const pbr = jsonOf(gltf.pbrMetallicRoughness);
+  const glossiness = jsonOf(jsonOf(gltf.extensions)[GLOSSINESS]);
+  const [r, g, b, a] = numbersOf(pbr.baseColorFactor ?? glossiness.diffuseFactor, [1, 1, 1, 1]);
+  // What is said to be blended but lets nothing through is drawn as what is solid.
+  const mayShowThrough = (a as number) < 1 || isJson(pbr.baseColorTexture) || colors;
+  const isBlended =
+    gltf.alphaMode === "BLEND" && (mayShowThrough || "diffuseTexture" in glossiness);
+  return {
+    name: textOf(gltf.name),
+    color: new Color(r, g, b),
+    vertexColors: colors,
+    side: gltf.doubleSided === true ? DoubleSide : FrontSide,
+    // Both sides at once: they are drawn by a call of their own, right after three.js's.
+    forceSinglePass: true,
+    transparent: isBlended,
+    depthWrite: !isBlended,
+    opacity: isBlended || gltf.alphaMode === "MASK" ? (a as number) : 1,
+    alphaTest: gltf.alphaMode === "MASK" ? numberOf(gltf.alphaCutoff, 0.5) : 0,
+  };
+}
+
+function metallic(pbr: Json) {
+  return {
+    metalness: numberOf(pbr.metallicFactor, 1),
+    roughness: numberOf(pbr.roughnessFactor, 1),
+  };
+}
+
+function glossy(glossiness: Json) {
+  return { metalness: 0, roughness: 1 - numberOf(glossiness.glossinessFactor, 1) };
+}

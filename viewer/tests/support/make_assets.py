@@ -1,0 +1,153 @@
+"""Assets for the viewer's tests, and what the Python reference reader and the library say of them.
+
+    python make_assets.py FOLDER
+
+Each NAME.umbel gets a NAME.json: its tables, some of its groups decoded, and cuts. Arrays are
+base64 of their little-endian bytes.
+"""
+
+import base64
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tests" / "python"))
+
+from make_textured import make_textured  # noqa: E402
+
+import umbel  # noqa: E402
+from reference_reader import Reader  # noqa: E402
+
+DATA = Path(os.environ.get("UMBEL_DATA") or ROOT.parent / "shared" / "data")
+#: What the viewer takes of a cluster; joints, their weights and further texture coordinates are
+#: stepped over.
+SHOWN = ("triangles", "positions", "normals", "tangents", "uvs", "colors")
+REAL = ["Fox.glb", "cad_gears_19k.ply", "gargo_50k_normals_colors.ply"]
+
+
+def encoded(values: Any, kind: str) -> str:
+    """Base64 of an array."""
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
+
+
+def decorated_blob(subdivisions: int) -> umbel.Mesh:
+    """A closed surface with every attribute."""
+    mesh = umbel.shapes.blob(subdivisions, seed=3)
+    positions = mesh.positions
+    normals = positions / np.linalg.norm(positions, axis=1, keepdims=True)
+    tangents = np.cross([0.3, 0.5, 0.8], normals)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    side = np.where(positions[:, :1] > 0, 1.0, -1.0)
+    return umbel.Mesh(
+        positions=positions,
+        triangles=mesh.triangles,
+        normals=normals.astype(np.float32),
+        tangents=np.hstack([tangents, side]).astype(np.float32),
+        uvs=(positions[:, :2] * 2).astype(np.float32),
+        colors=np.hstack([np.abs(normals), np.full((len(normals), 1), 0.5)]).astype(np.float32),
+    )
+
+
+def views(asset: umbel.Asset) -> list[dict[str, Any]]:
+    """Cuts of an asset, half by error, half by camera, and each level."""
+    made = []
+    errors = asset.tables.groups["error"]
+    finite = errors[np.isfinite(errors)]
+    for error in [0.0, *np.quantile(finite, [0.1, 0.5, 0.9]).tolist(), 1e30] if len(finite) else []:
+        made.append({"kind": "error", "error": error, "cut": asset.cut(error=error)})
+    for level in range(len(asset.tables.levels)):
+        made.append({"kind": "level", "level": level, "cut": asset.cut(level=level)})
+    bounds = asset.info["bounds"]
+    if bounds:
+        low, high = np.array(bounds)
+        size = float(np.linalg.norm(high - low))
+        rng = np.random.default_rng(7)
+        for _ in range(24):
+            eye = (low + high) / 2 + rng.normal(size=3) * size * rng.choice([0.2, 0.6, 2.0, 50.0])
+            fov, height = float(rng.uniform(0.3, 1.5)), int(rng.integers(200, 2000))
+            pixels = float(rng.choice([0.1, 1.0, 4.0, 32.0]))
+            camera = umbel.Camera(
+                position=tuple(eye.tolist()), fov_y=fov, height=height, pixel_error=pixels
+            )
+            view = {"eye": eye.tolist(), "fov_y": fov, "height": height, "pixel_error": pixels}
+            made.append({"kind": "camera", **view, "cut": asset.cut(camera=camera)})
+    for view in made:
+        view["cut"] = encoded(view["cut"], "<u4")
+    return made
+
+
+def dump(path: Path) -> None:
+    """Writes the JSON beside an asset."""
+    reader, asset = Reader(path), umbel.Asset(path)
+    count = len(reader.pages)
+    pages = {}
+    for page in sorted({0, count // 2, count - 1}) if count else []:
+        pages[page] = [
+            {
+                "group": number,
+                "mesh": group.mesh,
+                "first_cluster": group.first_cluster,
+                "level": group.level,
+                "rung": group.rung,
+                "parents": group.parents,
+                "sphere": encoded([*group.sphere, group.error], "<f4"),
+                "references": [row[:3] for row in group.references],
+                "made_from": group.made_from,
+                "materials": group.materials,
+                "boxes": encoded(group.boxes, "<f4"),
+                "clusters": [
+                    {
+                        name: encoded(value, "<u4" if name == "triangles" else "<f4")
+                        for name, value in cluster.items()
+                        if name in SHOWN
+                    }
+                    for cluster in group.clusters
+                ],
+            }
+            for (_, number), group in reader.page(page).items()
+        ]
+    tables = asset.tables
+    said = {
+        "levels": [list(level) for level in reader.levels],
+        "source_triangles": reader.meshes[0][0] if reader.meshes else 0,
+        "groups": len(tables.groups),
+        "triangles": encoded(tables.clusters["triangle_count"], "<u4"),
+        "pages": pages,
+        "views": views(asset),
+    }
+    path.with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")
+
+
+def main() -> None:
+    """Makes them all."""
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    blob = decorated_blob(4)
+    for precision in (None, "16bits", "8bits"):
+        for exact in (False, True):
+            name = f"blob_{precision or 'float'}_{'exact' if exact else 'compact'}.umbel"
+            lod = umbel.build_lod(blob, max_triangles=64, precision=precision)
+            lod.save(folder / name, exact=exact)
+            dump(folder / name)
+    empty = umbel.Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+    umbel.build_lod(empty).save(folder / "empty.umbel")
+    dump(folder / "empty.umbel")
+    # For the browser: deep enough that a camera matters.
+    big = umbel.shapes.blob(7, seed=5)
+    umbel.build_lod(big, precision="16bits").save(folder / "planet.umbel")
+    dump(folder / "planet.umbel")
+    make_textured(folder)
+    for name in REAL:
+        if (DATA / name).is_file():
+            out = folder / f"{Path(name).stem}.umbel"
+            umbel.build_lod(DATA / name, precision="16bits").save(out)
+            dump(out)
+
+
+if __name__ == "__main__":
+    main()

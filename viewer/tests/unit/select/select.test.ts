@@ -1,0 +1,87 @@
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { describe, expect, test } from "vitest";
+import {
+  cameraView,
+  facesAway,
+  isBoxOutside,
+  isSphereOutside,
+  mustRefine,
+  type View,
+} from "../../../packages/umbel/src/select/select.js";
+import { assetNames, ROOT, said, words } from "../../support/assets.js";
+import { drawnClusters, select, viewOf, whole } from "../../support/whole.js";
+
+describe.each(assetNames())("%s", (name) => {
+  const asset = whole(name);
+
+  test("is cut as the library cuts it, through its pages and without", () => {
+    const { catalog } = asset;
+    for (const each of said(name).views) {
+      const view = viewOf(each);
+      const wanted = [...words(each.cut)];
+      expect(select(asset, view)).toEqual(wanted);
+      const refined = Uint8Array.from({ length: catalog.count }, (_, g) =>
+        Number(catalog.mustRefine(g, view)),
+      );
+      expect(drawnClusters(asset, refined)).toEqual(wanted);
+    }
+  });
+});
+
+test("the cut of no error is level 0, triangle by triangle", () => {
+  const asset = whole("planet");
+  const triangles = words(said("planet").triangles);
+  const cut = select(asset, { kind: "level", level: 0 });
+  const sum = cut.reduce((all, c) => all + triangles[c], 0);
+  expect(sum).toBe(asset.head.meshes[0].sourceTriangles);
+});
+
+interface Vectors {
+  tables: Record<string, { groups: number[][]; clusters: number[][]; facing: number[][] }>;
+  cuts: { tables: string; view: View; planes: number[][]; facing: boolean; cut: number[] }[];
+  cameras: {
+    eye: [number, number, number];
+    fov_y: number;
+    height: number;
+    pixel_error: number;
+    threshold: number;
+  }[];
+}
+
+describe("the library's test vectors", () => {
+  const path = join(ROOT, "tests/vectors/selection.json");
+  const vectors = JSON.parse(readFileSync(path, "utf-8")) as Vectors;
+  const float = (x: number | null) => (x === null ? Infinity : Math.fround(x));
+
+  /** As docs/selection.md has it: every group and every cluster by itself. */
+  function cutOf({ tables, view, planes, facing }: Vectors["cuts"][number]): number[] {
+    const { groups, clusters, facing: cones } = vectors.tables[tables];
+    const spheres = Float32Array.from(groups.flatMap((row) => row.slice(4, 8)));
+    const sides = Float32Array.from(planes.flat());
+    const eye = view.kind === "camera" ? view.eye.map(Math.fround) : [];
+    if (view.kind === "camera") view.eye = [eye[0], eye[1], eye[2]];
+    const refined = groups.map((row, g) => mustRefine(spheres, g, float(row[8]), row[2], view));
+    return clusters.flatMap(([group, generating, , , , ...box], c) => {
+      if (!refined[group] || refined[generating]) return [];
+      if (isSphereOutside(sides, spheres, group)) return [];
+      if (isBoxOutside(sides, Float32Array.from(box))) return [];
+      const [x, y, z, radius, , , , ax, ay, az, cutoff] = (cones[c] ?? []).map(Math.fround);
+      const isAway =
+        facing && facesAway({ sphere: [x, y, z, radius], axis: [ax, ay, az], cutoff }, eye);
+      return isAway ? [] : [c];
+    });
+  }
+
+  test("give the same cuts", () => {
+    expect(vectors.cuts.length).toBeGreaterThan(20);
+    for (const each of vectors.cuts) expect(cutOf(each)).toEqual(each.cut);
+  });
+
+  test("give the same thresholds", () => {
+    for (const { eye, fov_y, height, pixel_error, threshold } of vectors.cameras) {
+      const mine = cameraView(eye, fov_y, height, pixel_error).threshold;
+      expect(Math.abs(mine / threshold - 1)).toBeLessThan(1e-6);
+    }
+  });
+});
