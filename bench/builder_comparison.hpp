@@ -1,6 +1,6 @@
 // Device builders of hierarchies beside each other, on a device or with the same code on the
 // processor: what each stage of a build takes, what the tree costs by SAH, and how fast rays pass
-// through it. Prints JSON, which umbel/bench/bvh_cuda.py makes tables and charts of.
+// through it. Prints JSON, which umbel/bench/bvh/cuda.py makes tables and charts of.
 //
 // The file that includes this includes what defines umbel::cuda::run before, and gives a class
 //

@@ -17,7 +17,7 @@ from typing import Any
 
 from docs_tables import ROOT, fill, shrink, table
 
-from umbel.bench import bvh_charts
+from umbel.bench.bvh import charts as bvh_charts
 
 Row = dict[str, str]
 SLIDES = ("sponza", "conference", "plant", "dragon")

@@ -20,7 +20,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 import umbel
-from umbel.bench.rays import Rays, diffuse_rays, primary_rays
+from umbel.bench.bvh.rays import Rays, diffuse_rays, primary_rays
 
 
 def seconds(work: Callable[[], Any]) -> float:

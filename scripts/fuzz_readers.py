@@ -62,11 +62,11 @@ def fuzz(kind: str, arguments: list[str]) -> None:
     """Runs in a process of its own, which libFuzzer ends."""
     import atheris
 
-    with atheris.instrument_imports(include=["umbel.io", "umbel.mesh", "umbel.arrays"]):
+    with atheris.instrument_imports(include=["umbel.io", "umbel.geometry"]):
         import umbel
-        import umbel.io.gltf
-        import umbel.io.obj
-        import umbel.io.ply
+        import umbel.io.gltf.reader
+        import umbel.io.obj.reader
+        import umbel.io.ply.reader
         import umbel.io.stl
     # A file of this name is written again and again, so it had better be in memory.
     memory = Path("/dev/shm")

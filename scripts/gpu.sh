@@ -84,7 +84,7 @@ if [[ ${#meshes[@]} -gt 0 ]]; then
   measured=${results%.md}-bvh
   if within 110 build/release/bench/cuda_bvh_bench --runs 10 --large 16 "${meshes[@]}" \
     >"$measured.json"; then
-    PYTHONPATH=python "${PYTHON:-python3}" -m umbel.bench.bvh_cuda "$measured.json" bench/results \
+    PYTHONPATH=python "${PYTHON:-python3}" -m umbel.bench.bvh.cuda "$measured.json" bench/results \
       "$(basename "$measured")" || echo "gpu: no tables of hierarchies: Python cannot make them" >&2
   else
     status=1

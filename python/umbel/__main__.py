@@ -1,6 +1,6 @@
 """`python -m umbel` is the command `umbel`."""
 
-from .cli import main
+from umbel.cli import main
 
 if __name__ == "__main__":
     main()

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import _umbel
-from .arrays import mesh_of
-from .mesh import Mesh
+from umbel import _umbel
+from umbel.geometry.arrays import mesh_of
+from umbel.geometry.mesh import Mesh
 
 
 def grid(columns: int, rows: int) -> Mesh:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from io_helpers import GltfBuilder, bumpy_sphere, ply_bytes
+from umbel.geometry.mesh import Material, Mesh
 from umbel.io import save
-from umbel.mesh import Material, Mesh
 
 Rng = np.random.Generator
 XYZ = [("float", "x"), ("float", "y"), ("float", "z")]

@@ -13,10 +13,10 @@ import warnings
 from pathlib import Path
 
 import umbel
-import umbel.io.gltf
-import umbel.io.gltf_draco
-import umbel.io.obj
-import umbel.io.ply
+import umbel.io.gltf.draco
+import umbel.io.gltf.reader
+import umbel.io.obj.reader
+import umbel.io.ply.reader
 import umbel.io.stl
 
 SECONDS, BYTES = 5.0, 1 << 30

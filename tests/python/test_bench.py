@@ -19,9 +19,9 @@ import pytest
 import umbel
 from conftest import COMMAND, Outcome, Umbel
 from umbel import _umbel
-from umbel.arrays import native
 from umbel.bench import charts, table, timing
 from umbel.bench.clusters import BASELINE, PROCEDURAL, compare, methods, write
+from umbel.geometry.arrays import native
 
 ROW_FIELDS = {
     "mesh",

@@ -14,12 +14,13 @@ import pytest
 
 import umbel
 from conftest import Umbel
-from umbel.bench import bvh as bench
-from umbel.bench import bvh_kmeans, paths
-from umbel.bench.bvh_scenes import PRESETS, SETTINGS, Kmeans, scene
-from umbel.bench.plant import GROUND, plant
+from umbel.accel.bvh import build_bvh2, builders, kmeans_times
+from umbel.bench.bvh import compare as bench
+from umbel.bench.bvh import kmeans as bvh_kmeans
+from umbel.bench.bvh import paths
+from umbel.bench.bvh.plant import GROUND, plant
+from umbel.bench.bvh.scenes import PRESETS, SETTINGS, Kmeans, scene
 from umbel.bench.timing import Span
-from umbel.bvh import build_bvh2, builders, kmeans_times
 
 HAS_MATPLOTLIB = importlib.util.find_spec("matplotlib") is not None
 QUICK = bench.Effort(runs=1, share=0.003, threads=1)

@@ -11,7 +11,8 @@ import pytest
 
 import umbel
 from conftest import Outcome
-from umbel.bench import bvh_cuda, charts
+from umbel.bench import charts
+from umbel.bench.bvh import cuda as bvh_cuda
 
 STAND_IN = """#!{python}
 import json, struct, sys

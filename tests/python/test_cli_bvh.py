@@ -25,8 +25,8 @@ Run = Callable[..., Outcome]
 def bvh_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """Runs `umbel bvh ARGUMENTS` in this process, with small pictures: starting Python and tracing
     large ones is most of what the command takes."""
-    from umbel.cli import bvh as module
     from umbel.cli.app import app
+    from umbel.cli.commands import bvh as module
 
     monkeypatch.setattr(module, "PICTURE", 32)
 

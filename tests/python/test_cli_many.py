@@ -18,8 +18,8 @@ import pytest
 
 import umbel
 from conftest import COMMAND, Outcome, Umbel
-from umbel.cli import pool
-from umbel.metadata import stored
+from umbel.cli.building import pool
+from umbel.lod.metadata import stored
 
 SUFFIXES = (".obj", ".ply", ".glb")
 

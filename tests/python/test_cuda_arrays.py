@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import umbel
-from umbel import cuda, cuda_calls
-from umbel.cuda_arrays import device_array
+from umbel import cuda
+from umbel.cuda import calls as cuda_calls
+from umbel.cuda.arrays import device_array
 
 
 class Interface:

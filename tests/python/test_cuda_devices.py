@@ -11,7 +11,7 @@ import pytest
 
 from cuda_packages import ON_PROCESSOR, PACKAGES, HostArray, Processor, Torch, packaged
 from umbel import cuda
-from umbel.drift import RebuildPolicy
+from umbel.cluster.area_growth import RebuildPolicy
 
 SIDE = 120
 

@@ -10,8 +10,8 @@ import pytest
 
 import umbel
 from umbel import io, shapes
-from umbel.deform import deforming_tables
-from umbel.tables import NONE
+from umbel.lod.deform import deforming_tables
+from umbel.lod.tables import NONE
 
 DATA = Path(os.environ.get("UMBEL_DATA") or Path(__file__).parents[3] / "shared" / "data")
 

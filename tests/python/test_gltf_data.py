@@ -13,8 +13,8 @@ import pytest
 import umbel
 from gltf_helpers import SCENES, TEXTURED, image_bytes, json_of, validator_errors
 from io_helpers import DATA
-from umbel.io.gltf_materials import extensions_in
-from umbel.picture import auto_exposure, tone_map
+from umbel.io.gltf.materials import extensions_in
+from umbel.trace.picture import auto_exposure, tone_map
 
 pytestmark = [
     pytest.mark.skipif(not DATA.is_dir(), reason=f"no meshes at {DATA}"),

@@ -12,9 +12,9 @@ import pytest
 import umbel
 from gltf_helpers import binary_of, json_of, validator_errors
 from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, GltfBuilder, corners
-from umbel.io.gltf import read_root
-from umbel.io.gltf_placing import same_place
-from umbel.io.gltf_tree import worlds
+from umbel.io.gltf.placing import same_place
+from umbel.io.gltf.reader import read_root
+from umbel.io.gltf.tree import worlds
 
 INDICES = TETRA_TRIANGLES.reshape(-1).astype(np.uint16)
 

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import umbel
-from umbel.io.images import TextureImage
+from umbel.io.textures.images import TextureImage
 
 
 def png(array: np.ndarray) -> bytes:

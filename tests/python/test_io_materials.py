@@ -13,8 +13,8 @@ from PIL import Image
 
 import umbel
 from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, GltfBuilder
-from umbel.gltf_look import read_materials, write_materials
-from umbel.io.images import TextureImage
+from umbel.io.textures.images import TextureImage
+from umbel.lod.materials import read_materials, write_materials
 
 INDICES = TETRA_TRIANGLES.reshape(-1)
 

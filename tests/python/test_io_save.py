@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from io_helpers import TETRA_POSITIONS, TETRA_TRIANGLES, bumpy_sphere
 from umbel.errors import Error
+from umbel.geometry.mesh import Material, Mesh
 from umbel.io import files, load, save
-from umbel.mesh import Material, Mesh
 
 EXTENSIONS = [".glb", ".ply", ".obj"]
 

@@ -9,7 +9,7 @@ import pytest
 
 import umbel
 from conftest import Umbel
-from umbel.kdtree import BUILDERS, TRAVERSALS
+from umbel.accel.kdtree import BUILDERS, TRAVERSALS
 
 FIELDS = {
     *("builder", "nodes", "leaves", "max_depth", "sah_cost", "epo", "build_seconds", "bytes"),

@@ -22,7 +22,7 @@ from ray_oracle import (
     load_data,
     truth_of,
 )
-from umbel.kdtree import BUILDERS, TRAVERSALS
+from umbel.accel.kdtree import BUILDERS, TRAVERSALS
 
 LARGE = 60_000  # triangles: more only with UMBEL_FULL=1
 Float = NDArray[np.float32]

@@ -9,9 +9,9 @@ import pytest
 
 import umbel
 from reference_reader import Reader
+from umbel.geometry.origin import is_far, localize
 from umbel.io.scene import Instance, Scene
-from umbel.origin import is_far, localize
-from umbel.streamed import CutRenderer
+from umbel.trace.cut_renderer import CutRenderer
 
 UTM = np.array([500000.0, 4649776.0, 312.5])
 EARTH = np.array([4027893.75, 307045.5, 4919474.125])

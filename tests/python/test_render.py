@@ -31,8 +31,8 @@ from render_helpers import (
     seen,
     write_square,
 )
-from umbel.look import Look
-from umbel.picture import auto_exposure, check_format, save_picture, tone_map
+from umbel.trace.picture import auto_exposure, check_format, save_picture, tone_map
+from umbel.trace.shading import Look
 
 SMALL = ("--width", 24, "--height", 16, "--spp", 2)
 FIELDS = ["seconds", "mrays_per_second", "triangles", "samples", "rays", "output", "position"]

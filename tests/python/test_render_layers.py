@@ -11,7 +11,7 @@ import pytest
 
 import umbel
 from render_helpers import DARK, EVEN, emitting, names, seen, write_square
-from umbel.look import Look
+from umbel.trace.shading import Look
 
 GREY = {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 1], "metallicFactor": 0}}
 TEXTURE = {"index": 0}

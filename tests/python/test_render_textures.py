@@ -16,8 +16,8 @@ from PIL import Image, features
 
 import umbel
 from render_helpers import BLUE, GREEN, RED, WHITE, data_uri, emitting, names, seen, write_square
-from umbel.io.images import decode
-from umbel.look import Look
+from umbel.io.textures.images import decode
+from umbel.trace.shading import Look
 
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 #: 8 x 8 texels, red and green above blue and white, as basisu 2.1 encodes them.

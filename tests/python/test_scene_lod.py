@@ -11,7 +11,7 @@ from conftest import Umbel
 from io_helpers import DATA
 from mesh_helpers import triangle_keys
 from umbel.io import Instance, Scene, load_scene
-from umbel.scene_lod import arranged
+from umbel.lod.scene_lod import arranged
 
 SCENES = ["two_cylinder_engine.glb", "littlest_tokyo.glb", "smallpine.glb"]
 

@@ -14,7 +14,7 @@ import pytest
 import umbel
 from reference_select import Selector
 from umbel import _umbel
-from umbel.tables import CLUSTER, GROUP, LEVEL, NODE, Tables
+from umbel.lod.tables import CLUSTER, GROUP, LEVEL, NODE, Tables
 
 VECTORS = json.loads((Path(__file__).parents[1] / "vectors" / "selection.json").read_text())
 

@@ -146,7 +146,7 @@ def test_residency_says_what_it_cannot_do(folder: Path) -> None:
 
 
 def test_several_meshes_instances_and_textures_come_back(tmp_path: Path) -> None:
-    from umbel.io.images import TextureImage
+    from umbel.io.textures.images import TextureImage
 
     pixels = tmp_path / "red.png"
     from PIL import Image

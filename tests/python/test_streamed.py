@@ -8,7 +8,7 @@ import pytest
 import umbel
 from conftest import Umbel
 from umbel.bench import stream as bench
-from umbel.streamed import CutRenderer
+from umbel.trace.cut_renderer import CutRenderer
 
 
 @pytest.fixture(scope="module")

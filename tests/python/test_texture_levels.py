@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 import umbel
-from umbel.gltf_look import write_materials
-from umbel.io.images import TextureImage, decode
+from umbel.io.textures.images import TextureImage, decode
+from umbel.lod.materials import write_materials
 
 
 def noise(width: int, height: int, channels: int, seed: int = 1) -> np.ndarray:

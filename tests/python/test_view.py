@@ -15,7 +15,7 @@ import pytest
 
 import umbel
 from conftest import COMMAND, Umbel
-from umbel.viewer_server import PAGE
+from umbel.viewer.server import PAGE
 
 pytestmark = pytest.mark.skipif(
     not (PAGE / "index.html").is_file(), reason="the viewer's page is built only where Node is"
@@ -144,7 +144,7 @@ def external(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for path in (folder / "secret.txt", folder / "index.html", tmp_path / "above.png"):
         path.write_text("secret")
     umbel.build_lod(umbel.shapes.blob(2, seed=1)).save(folder / "asset.umbel")
-    monkeypatch.setattr("umbel.viewer_files.Asset", NamingImages)
+    monkeypatch.setattr("umbel.viewer.files.Asset", NamingImages)
     return folder / "asset.umbel"
 
 

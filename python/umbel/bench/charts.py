@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..io.files import replacing
+from umbel.io.files import replacing
 
 WITHOUT = "no charts: matplotlib is missing; `pip install 'umbel[bench]'` brings it"
 

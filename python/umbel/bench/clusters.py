@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _umbel, shapes
-from ..arrays import native
-from ..errors import Error
-from ..mesh import Mesh
-from ..repair import Progress, validate, weld
-from . import charts
-from .table import Column, Row, csv_text, geometric_means, markdown
-from .timing import Machine, Span, Timed, cores, take_turns, this_machine
+from umbel import _umbel, shapes
+from umbel.bench import charts
+from umbel.bench.table import Column, Row, csv_text, geometric_means, markdown
+from umbel.bench.timing import Machine, Span, Timed, cores, take_turns, this_machine
+from umbel.errors import Error
+from umbel.geometry.arrays import native
+from umbel.geometry.mesh import Mesh
+from umbel.geometry.repair import Progress, validate, weld
 
 MAX_TRIANGLES = 128
 BASELINE = "meshoptimizer Spatial v128"
@@ -234,7 +234,7 @@ def report(found: Comparison) -> str:
 
 def write(found: Comparison, folder: Path) -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
-    from ..io.files import write_all
+    from umbel.io.files import write_all
 
     tables = {"clusters.md": report(found), "clusters.csv": csv_text(found.rows)}
     if found.frontier:

@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _umbel, shapes
-from ..arrays import native
-from ..bvh import Bvh
-from ..errors import Error
-from ..lod import Lod, build_lod
-from ..mesh import Mesh, normalized
-from ..repair import Progress, validate, weld
-from . import charts
-from .table import Column, Row, csv_text, markdown
-from .timing import Machine, Span, this_machine
+from umbel import _umbel, shapes
+from umbel.accel.bvh import Bvh
+from umbel.bench import charts
+from umbel.bench.table import Column, Row, csv_text, markdown
+from umbel.bench.timing import Machine, Span, this_machine
+from umbel.errors import Error
+from umbel.geometry.arrays import native
+from umbel.geometry.mesh import Mesh, normalized
+from umbel.geometry.repair import Progress, validate, weld
+from umbel.lod.lod import Lod, build_lod
 
 FRACTIONS = (0.1, 0.01, 0.001)
 PEER = "clusterlod.h"
@@ -324,7 +324,7 @@ def report(found: Comparison) -> str:
 
 def write(found: Comparison, folder: Path) -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
-    from ..io.files import write_all
+    from umbel.io.files import write_all
 
     tables = {"lod.md": report(found), "lod.csv": csv_text(_same_fields(found.rows))}
     for name, text in tables.items():

@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from ..asset import Asset
-from ..camera import Camera
-from ..repair import Progress
-from ..stream import Residency
-from . import charts
-from .table import Column, Row, csv_text, markdown
-from .timing import Machine, Span, this_machine
+from umbel.bench import charts
+from umbel.bench.table import Column, Row, csv_text, markdown
+from umbel.bench.timing import Machine, Span, this_machine
+from umbel.geometry.camera import Camera
+from umbel.geometry.repair import Progress
+from umbel.lod.asset import Asset
+from umbel.lod.residency import Residency
 
 FRAMES_PER_SECOND = 60
 BUDGETS = (0.05, 0.1, 0.25, 0.5)
@@ -182,7 +182,7 @@ def stored(path: Path) -> Callable[[], Asset]:
     def load() -> Asset:
         if path.suffix == ".umbel":
             return Asset(path)
-        from ..lod import build_lod
+        from umbel.lod.lod import build_lod
 
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "asset.umbel"
@@ -194,8 +194,8 @@ def stored(path: Path) -> Callable[[], Asset]:
 
 def blob() -> Asset:
     """Where no asset is named."""
-    from .. import shapes
-    from ..lod import build_lod
+    from umbel import shapes
+    from umbel.lod.lod import build_lod
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "asset.umbel"
@@ -211,7 +211,7 @@ def report(found: Comparison) -> str:
 
 def write(found: Comparison, folder: Path) -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
-    from ..io.files import write_all
+    from umbel.io.files import write_all
 
     tables = {"stream.md": report(found), "stream.csv": csv_text(found.rows)}
     for name, text in tables.items():

@@ -10,9 +10,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Generic, TypeVar
 
-from .. import _umbel
-from ..errors import Cancelled
-from ..repair import Progress
+from umbel import _umbel
+from umbel.errors import Cancelled
+from umbel.geometry.repair import Progress
 
 RESOLUTION = 1e-6  # seconds: the clock's; whatever is faster took this
 BUSY_LOAD = 0.25  # of a core: more than this was going on beside the benchmark

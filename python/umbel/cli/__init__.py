@@ -39,7 +39,7 @@ def main() -> None:
         signal.signal(signal.SIGINT, _stop)
     # Commands end cleanly by themselves; this is for what comes before them, imports above all.
     try:
-        from .app import app
+        from umbel.cli.app import app
 
         if "--json" in sys.argv[1:]:
             sys.exit(_with_objects(app, sys.argv[1:]))
@@ -62,7 +62,7 @@ def _with_objects(app: Callable[..., Any], arguments: list[str]) -> int:
         # Which class it is depends on the version of typer.
         if not hasattr(error, "format_message") or not hasattr(error, "exit_code"):
             raise
-        from .failure import failure_object, input_of, one_line
+        from umbel.cli.failure import failure_object, input_of, one_line
 
         sentence = one_line(error.format_message()) or "a command is missing"
         print(f"umbel: {sentence}", file=sys.stderr)

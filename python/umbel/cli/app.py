@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import typer
 
-from . import bench, build, bvh, cluster, extract, info, kdtree, render, verify, view
+from umbel.cli.commands import (
+    bench,
+    build,
+    bvh,
+    cluster,
+    extract,
+    info,
+    kdtree,
+    render,
+    verify,
+    view,
+)
 
 app = typer.Typer(
     name="umbel",
@@ -18,7 +29,7 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from .. import __version__
+        from umbel import __version__
 
         typer.echo(f"umbel {__version__}")
         raise typer.Exit

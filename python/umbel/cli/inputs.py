@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from ..mesh import Mesh
+    from umbel.geometry.mesh import Mesh
 
 AllowOutside = Annotated[
     bool,
@@ -22,8 +22,8 @@ AllowOutside = Annotated[
 def load_mesh(source: str, *, allow_outside: bool, drops: bool = False, threads: int = 0) -> Mesh:
     """The mesh in a file, as it is drawn. What no command can work on is refused, with the place in
     the file, unless the command `drops` it."""
-    from ..io import load
-    from ..repair import validate
+    from umbel.geometry.repair import validate
+    from umbel.io import load
 
     mesh = load(source, allow_outside=allow_outside)
     if not drops:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ..tables import Tables
+    from umbel.lod.tables import Tables
 
 
 _LARGEST = {

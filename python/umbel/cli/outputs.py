@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from .run import fail
+from umbel.cli.run import fail
 
 
 def check_output(path: Path, *suffixes: str, inputs: Sequence[str | Path] = ()) -> None:

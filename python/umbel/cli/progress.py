@@ -7,7 +7,7 @@ import time
 from types import TracebackType
 from typing import Any
 
-from .run import say
+from umbel.cli.run import say
 
 PATIENCE = 0.7  # seconds without a bar; what is done by then needs none
 

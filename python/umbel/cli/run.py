@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
-from . import Stopped
-from .failure import Failure, failure_object, naming_file, one_line, with_flags
+from umbel.cli import Stopped
+from umbel.cli.failure import Failure, failure_object, naming_file, one_line, with_flags
 
 if TYPE_CHECKING:
-    from ..errors import Error
+    from umbel.errors import Error
 
 FAULT, USAGE, CHECK_FAILED = 1, 2, 3
 
@@ -79,7 +79,7 @@ def ends_cleanly(flags: Mapping[str, str] | None = None) -> Callable[[Command], 
 def _failure(error: BaseException, drops: bool) -> Failure | None:
     """What an exception says to the user; None where it is no fault of theirs. `drops`: whether
     the command can leave out what is invalid."""
-    from ..errors import Error
+    from umbel.errors import Error
 
     if isinstance(error, Failure):
         return error
@@ -173,7 +173,7 @@ def is_asset(path: str | Path) -> bool:
 
 def show(result: dict[str, Any], as_json: bool, title: str) -> None:
     """The result: one JSON object, a table on a terminal, plain lines elsewhere."""
-    from ..metadata import plain
+    from umbel.lod.metadata import plain
 
     result = plain(result)
     if not as_json:

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from umbel.errors import Error
+from umbel.geometry.mesh import Mesh
 from umbel.io.addresses import fetched, is_address, load_fetched
 from umbel.io.coordinates import sidecar
 from umbel.io.files import GZIP, read_bytes, read_head
 from umbel.io.folder import Folder
 from umbel.io.scene import Instance, Scene, scene_of
-from umbel.mesh import Mesh
 
 __all__ = ["Instance", "Scene", "load", "load_poses", "load_scene", "save"]
 
@@ -49,7 +49,7 @@ def load_poses(
     kind = _sniffed(data) or _extension(file)
     if kind not in (".glb", ".gltf"):
         raise Error(f"{file} has no animations: only glTF files can")
-    from umbel.io.gltf_animation import read_poses
+    from umbel.io.gltf.animation import read_poses
 
     return read_poses(data, str(file), Folder(file.parent, allow_outside), rate)
 
@@ -99,15 +99,15 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
     if extension not in _WRITABLE:
         raise Error(f"{file}: cannot write '{file.suffix}' files; {', '.join(_WRITABLE)} can be")
     if extension in (".glb", ".gltf"):
-        from umbel.io.gltf_writer import write_gltf
+        from umbel.io.gltf.writer import write_gltf
 
         write_gltf(file, mesh if isinstance(mesh, Scene) else scene_of(Mesh.from_any(mesh)))
     elif extension == ".ply":
-        from umbel.io.ply_writer import write_ply
+        from umbel.io.ply.writer import write_ply
 
         write_ply(file, Mesh.from_any(mesh))
     else:
-        from umbel.io.obj_writer import write_obj
+        from umbel.io.obj.writer import write_obj
 
         write_obj(file, Mesh.from_any(mesh))
 
@@ -136,18 +136,18 @@ def _sniffed(data: bytes) -> str:
 def _read(kind: str, data: bytes | Path, file: Path, folder: Folder) -> Scene:
     where = str(file)
     if kind == ".obj":
-        from umbel.io.obj import read_obj
+        from umbel.io.obj.reader import read_obj
 
         return read_obj(data, where, folder)
     assert isinstance(data, bytes)
     if kind == ".ply":
-        from umbel.io.ply import read_ply
+        from umbel.io.ply.reader import read_ply
 
         return read_ply(data, where)
     if kind == ".stl":
         from umbel.io.stl import read_stl
 
         return read_stl(data, where)
-    from umbel.io.gltf import read_gltf
+    from umbel.io.gltf.reader import read_gltf
 
     return read_gltf(data, where, folder)

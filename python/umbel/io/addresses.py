@@ -17,8 +17,8 @@ from umbel.errors import Error
 from umbel.io.references import leads_outside, references, sidecar_of
 
 if TYPE_CHECKING:
+    from umbel.geometry.mesh import Material
     from umbel.io.scene import Scene
-    from umbel.mesh import Material
 
 
 def is_address(path: object) -> bool:

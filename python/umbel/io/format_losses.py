@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from umbel.mesh import Mesh
+from umbel.geometry.mesh import Mesh
 
 
 def attribute_losses(mesh: Mesh) -> Iterator[str]:

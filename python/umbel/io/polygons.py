@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel.mesh import UInt32Array, to_uint32
+from umbel.geometry.mesh import UInt32Array, to_uint32
 
 
 def fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error
-from umbel.io.gltf_tree import check_tree, is_trivial, merged, owners_of, with_instances
-from umbel.mesh import (
+from umbel.geometry.mesh import (
     Float64Array,
     Material,
     Mesh,
@@ -19,10 +18,11 @@ from umbel.mesh import (
     area_weighted_normals,
     normalized,
 )
-from umbel.origin import Rounding, is_far, rounding_loss, zero_origin
+from umbel.geometry.origin import Rounding, is_far, rounding_loss, zero_origin
+from umbel.io.gltf.tree import check_tree, is_trivial, merged, owners_of, with_instances
 
 if TYPE_CHECKING:
-    from umbel.camera import Camera
+    from umbel.geometry.camera import Camera
 
 _MOST_VERTICES = 0xFFFFFFFF
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error, LoadWarning
+from umbel.geometry.mesh import Float32Array, Float64Array, Mesh
 from umbel.io.files import numbers
 from umbel.io.scene import Instance, Scene
 from umbel.io.text_lines import Words, line_at
-from umbel.mesh import Float32Array, Float64Array, Mesh
 
 _HEADER = 84
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -1,0 +1,1 @@
+"""Acceleration structures over triangles, and the queries that all of them answer."""

@@ -1,0 +1,129 @@
+"""Structures that divide triangles uniformly, without weighing costs: built in little more than a
+sort, for comparisons, and for meshes that are traced a little and thrown away."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from umbel import _umbel
+from umbel.accel.bvh import _geometry, _mesh_of
+from umbel.accel.queries import TriangleQueries
+from umbel.accel.rays import mask_array
+from umbel.errors import Error
+from umbel.geometry.arrays import about, thread_count
+from umbel.geometry.repair import Progress
+
+
+class _Uniform(TriangleQueries):
+    _native: _umbel.TwoLevelGrid | _umbel.IntervalHierarchy
+
+    def _build(
+        self,
+        structure: type[_umbel.TwoLevelGrid] | type[_umbel.IntervalHierarchy],
+        source: tuple[Any, ArrayLike | None],
+        masks: ArrayLike | None,
+        config: dict[str, Any],
+        progress: Progress | None,
+        threads: int,
+    ) -> None:
+        if config["invalid"] not in ("refuse", "drop"):
+            raise Error(f"invalid must be 'refuse' or 'drop', not {config['invalid']!r}")
+        mesh = _mesh_of(*source)
+        self._origin = mesh.origin
+        given = config | {"drop_invalid": config["invalid"] == "drop"}
+        del given["invalid"]
+        geometry, bits = _geometry(mesh), mask_array(masks, len(mesh.triangles))
+        count = thread_count(threads)
+        try:
+            with about(mesh):
+                self._native = structure.build(
+                    geometry, masks=bits, progress=progress, threads=count, **given
+                )
+        except TypeError:
+            raise Error(f"one of these settings is of the wrong type: {config!r}") from None
+
+    def statistics(self) -> dict[str, Any]:
+        """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests
+        bytes`; visits and tests are those that a random line is expected to make."""
+        return self._native.statistics()
+
+    @property
+    def sah_cost(self) -> float:
+        """Expected cost of a random line."""
+        return float(self._native.statistics()["sah_cost"])
+
+
+class TwoLevelGrid(_Uniform):
+    """A grid whose cells hold grids (Kalojanov, Billeter & Slusallek 2011), with the queries of
+    `umbel.Bvh`."""
+
+    def __init__(
+        self,
+        positions: Any,
+        triangles: ArrayLike | None = None,
+        threads: int = 0,
+        *,
+        density: float = 0.12,
+        leaf_density: float = 2.4,
+        max_references: float = 16,
+        compact: bool = False,
+        masks: ArrayLike | None = None,
+        cost: tuple[float, float] = (3, 2),
+        invalid: str = "refuse",
+        progress: Progress | None = None,
+    ) -> None:
+        """
+        positions, triangles, compact, masks, invalid: as of `umbel.Bvh`.
+        density, leaf_density: 0.001..16, cells a triangle of the whole grid, and of a cell's own.
+        max_references: 1..64, most references a triangle; grids are made coarser to keep to it.
+        cost: (traversal, intersection), for statistics.
+        """
+        config = {
+            "density": density,
+            "leaf_density": leaf_density,
+            "max_references": max_references,
+            "compact": bool(compact),
+            "cost": cost,
+            "invalid": invalid,
+        }
+        source = (positions, triangles)
+        self._build(_umbel.TwoLevelGrid, source, masks, config, progress, threads)
+
+    def __repr__(self) -> str:
+        return f"<TwoLevelGrid: {len(self)} triangles, {self.statistics()['leaves']} cells>"
+
+
+class IntervalHierarchy(_Uniform):
+    """The bounding interval hierarchy (Waechter & Keller 2006), with the queries of `umbel.Bvh`."""
+
+    def __init__(
+        self,
+        positions: Any,
+        triangles: ArrayLike | None = None,
+        threads: int = 0,
+        *,
+        max_leaf_size: int = 4,
+        compact: bool = False,
+        masks: ArrayLike | None = None,
+        cost: tuple[float, float] = (3, 2),
+        invalid: str = "refuse",
+        progress: Progress | None = None,
+    ) -> None:
+        """
+        positions, triangles, compact, masks, invalid: as of `umbel.Bvh`.
+        max_leaf_size: 1..64, most triangles a leaf.
+        cost: (traversal, intersection), for statistics.
+        """
+        config = {
+            "max_leaf_size": max_leaf_size,
+            "compact": bool(compact),
+            "cost": cost,
+            "invalid": invalid,
+        }
+        source = (positions, triangles)
+        self._build(_umbel.IntervalHierarchy, source, masks, config, progress, threads)
+
+    def __repr__(self) -> str:
+        return f"<IntervalHierarchy: {len(self)} triangles, {self.statistics()['nodes']} nodes>"

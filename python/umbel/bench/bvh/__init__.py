@@ -1,0 +1,1 @@
+"""`umbel bench bvh`: builders of hierarchies compared, on the processor and on CUDA."""

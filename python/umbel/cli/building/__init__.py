@@ -1,0 +1,1 @@
+"""What `umbel build` does with its inputs: one file, or many in several processes."""

@@ -1,0 +1,197 @@
+"""One file built: what `umbel build` does with each of its inputs. Imports little, so that a run
+over files that are all up to date is quick."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from umbel.cli.outputs import check_space
+from umbel.cli.run import fail
+from umbel.io.addresses import fetched, is_address, load_fetched, name_of
+from umbel.io.references import source_digest
+from umbel.lod.metadata import stored
+
+if TYPE_CHECKING:
+    from umbel.io.scene import Scene
+    from umbel.lod.scene_lod import SceneLod
+
+_OF_READING = ("instances", "allow_outside")
+Progress = Callable[[float, str], "bool | None"]
+
+_LEAST_BYTES = 2
+"""Of an asset, for each triangle: no mesh takes less."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """The flags of a build that decide what the asset is."""
+
+    max_triangles: int = 128
+    max_vertices: int = 128
+    group_size: tuple[int, int] = (24, 32)
+    attributes: str = "auto"
+    seams: str = "allow"
+    creases: str = "allow"
+    instances: str = "auto"
+    mix_materials: bool = False
+    precision: str | None = None
+    drop_invalid: bool = False
+    measured_error: bool = False
+    allow_outside: bool = False
+    force: bool = False
+
+    def check(self) -> None:
+        """Refuses, before any file is read, what would fail with every one."""
+        from umbel.geometry.repair import parse_precision
+
+        if not 4 <= self.max_triangles <= 256:
+            fail(f"--max-triangles must be from 4 to 256, not {self.max_triangles}")
+        if not 6 <= self.max_vertices <= 256:
+            fail(f"--max-vertices must be from 6 to 256, not {self.max_vertices}")
+        low, high = self.group_size
+        if not 2 <= low <= high <= 1024:
+            fail(f"--group-size must be MIN:MAX with 2 <= MIN <= MAX <= 1024, not {low}:{high}")
+        if self.precision is not None:
+            parse_precision(self.precision)
+
+    def plain(self) -> dict[str, Any]:
+        """As it stands in an asset's metadata."""
+        return {**asdict(self), "group_size": list(self.group_size)}
+
+    @staticmethod
+    def of(plain: dict[str, Any]) -> Options:
+        """From what `plain` gives."""
+        return Options(**{**plain, "group_size": tuple(plain["group_size"])})
+
+
+def build_file(
+    source: str,
+    output: Path,
+    options: Options,
+    *,
+    skip_unchanged: bool = False,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> dict[str, Any]:
+    """Builds the asset of a file, or leaves it as it is if it is up to date. What the command
+    prints with --json."""
+    began = time.perf_counter()
+    with _on_this_machine(source) as path:
+        origin = {
+            "file": name_of(source) if is_address(source) else path.name,
+            "sha256": _digest(path, options.allow_outside),
+            "options": options.plain(),
+        }
+        if skip_unchanged and _is_current(output, origin):
+            return {"input": source, "output": str(output), "status": "unchanged"}
+        scene = _loaded(path, source, options.allow_outside)
+    return _built(scene, source, output, options, origin, began, progress, threads)
+
+
+@contextmanager
+def _on_this_machine(source: str) -> Iterator[Path]:
+    if not is_address(source):
+        yield Path(source)
+        return
+    with fetched(source) as path:
+        yield path
+
+
+def _digest(path: Path, allow_outside: bool) -> str | None:
+    """None for a pipe, which can be read only once, and for what cannot be read: reading it as a
+    mesh says why."""
+    try:
+        if not path.is_file():
+            return None
+        return source_digest(path, allow_outside)
+    except (OSError, ValueError):
+        return None
+
+
+def _loaded(path: Path, source: str, allow_outside: bool) -> Scene:
+    from umbel.io import load_scene
+
+    if is_address(source):
+        if allow_outside:
+            fail(f"{source}: --allow-outside is for files; an address's folder is never left")
+        return load_fetched(path, source)
+    return load_scene(path, allow_outside=allow_outside)
+
+
+def _is_current(output: Path, origin: dict[str, Any]) -> bool:
+    """Whether the asset is of the same file, by the same flags and the same version."""
+    found = stored(output)
+    if found is None or origin["sha256"] is None:
+        return False
+    from umbel import __version__
+    from umbel.lod.metadata import plain
+
+    source = found.get("source", {})
+    same = all(source.get(key) == value for key, value in plain(origin).items())
+    return same and found.get("generator") == f"umbel {__version__}"
+
+
+def _built(
+    scene: Scene,
+    source: str,
+    output: Path,
+    options: Options,
+    origin: dict[str, Any],
+    began: float,
+    progress: Progress | None,
+    threads: int,
+) -> dict[str, Any]:
+    from umbel.lod.scene_lod import arranged, build_scene
+
+    scene = arranged(scene, options.instances)
+    read_seconds = time.perf_counter() - began
+    check_space(output, _LEAST_BYTES * sum(len(mesh.triangles) for mesh in scene.meshes))
+    build_began = time.perf_counter()
+    settings = {key: value for key, value in asdict(options).items() if key not in _OF_READING}
+    lod = build_scene(scene, instances="on", **settings, progress=progress, threads=threads)
+    seconds = time.perf_counter() - build_began
+    lod.source.update(origin)
+    if options.drop_invalid and lod.report["dropped_triangles"]:
+        left_out = lod.report["dropped_triangles"]
+        warnings.warn(f"{source}: {left_out:,} invalid triangles left out", stacklevel=2)
+    write_began = time.perf_counter()
+    file_bytes = lod.save(output, progress=progress, threads=threads)
+    return {
+        "input": source,
+        "output": str(output),
+        "status": "built",
+        **_measured(lod, output, file_bytes, options.max_triangles),
+        "seconds": seconds,
+        "read_seconds": read_seconds,
+        "write_seconds": time.perf_counter() - write_began,
+        "triangles_per_second": _rate(lod.report, seconds),
+    }
+
+
+def _rate(report: dict[str, Any], seconds: float) -> float:
+    count = report.get("stored_triangles", report["input_triangles"])
+    return float(count / seconds) if seconds > 0 else 0.0
+
+
+def _measured(lod: SceneLod, output: Path, file_bytes: int, max_triangles: int) -> dict[str, Any]:
+    from umbel.cli.measure import peak_rss_bytes, sha256_of, table_counts
+
+    report = {key: value for key, value in lod.report.items() if key != "seconds"}
+    triangles = report["input_triangles"]
+    return {
+        "stored_triangles": triangles,
+        **report,
+        **table_counts([one.tables for one in lod.lods], max_triangles),
+        "meshes": len(lod.lods),
+        "instances": max(len(lod.instances), 1),
+        "file_bytes": file_bytes,
+        "bytes_per_input_triangle": file_bytes / triangles if triangles else 0.0,
+        "peak_rss_bytes": peak_rss_bytes(),
+        "sha256": sha256_of(output),
+    }

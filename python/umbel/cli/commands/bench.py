@@ -1,0 +1,364 @@
+"""`umbel bench`: comparisons, a command each."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from umbel.cli.failure import naming_file
+from umbel.cli.outputs import made_folder
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, say, show
+
+if TYPE_CHECKING:
+    from umbel.bench.bvh import compare as bvh_bench
+    from umbel.bench.bvh.scenes import Kmeans
+    from umbel.bench.clusters import Comparison
+    from umbel.bench.lod import Comparison as LodComparison
+    from umbel.geometry.mesh import Mesh
+
+_PLANT = 200_000  # triangles, where no scene is named
+
+app = typer.Typer(help="Comparisons: of builders, and with other libraries.", no_args_is_help=True)
+
+Inputs = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="INPUT", help="Meshes; without any, procedural ones."),
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="DIR", help="Where tables and charts go; is made."),
+]
+Runs = Annotated[int, typer.Option(min=1, metavar="N", help="Medians of so many runs.")]
+
+
+@app.callback()
+def _bench() -> None:
+    pass
+
+
+@app.command()
+@ends_cleanly()
+def clusters(
+    inputs: Inputs = None,
+    output: Folder = None,
+    runs: Runs = 5,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Clusters of triangles: our presets and the Morton order beside meshoptimizer."""
+    _check(inputs or [], output)
+
+    from umbel.bench import charts
+    from umbel.bench.clusters import PROCEDURAL, compare, write
+    from umbel.cli.progress import Bar
+
+    meshes = _loaders(inputs) if inputs else PROCEDURAL
+    draws = output is not None
+    with Bar() as bar:
+        found = compare(meshes, runs=runs, frontier=draws, progress=bar, threads=threads)
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        write(found, output)
+    if as_json:
+        _show(found, inputs, output, "clusters")
+    else:
+        _print(found)
+
+
+_BVH_FLAGS = {
+    "triangles": "--generated",
+    "parts": "--part",
+    "kmeans.clusters": "the first number of --kmeans",
+    "kmeans.candidates": "the second number of --kmeans",
+    "kmeans.iterations": "the third number of --kmeans",
+}
+
+
+@app.command()
+@ends_cleanly(_BVH_FLAGS)
+def bvh(
+    scenes: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="SCENES", help="Meshes; without any, a generated one."),
+    ] = None,
+    generated: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Also a generated plant of about N triangles."),
+    ] = None,
+    kmeans: Annotated[
+        str | None,
+        typer.Option(metavar="K,P,I", help="Parameters of k-means, instead of each scene's own."),
+    ] = None,
+    samples: Annotated[int, typer.Option(min=1, metavar="N", help="Paths traced a pixel.")] = 1,
+    share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, metavar="F", help="Of each picture that is traced.")
+    ] = 0.05,
+    width: Annotated[
+        list[int] | None,
+        typer.Option(metavar="2|4|8", help="Children a node; several times.  [default: 2, 8]"),
+    ] = None,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="builders|stages|iterations", help="Only this; several times.  [default: all]"
+        ),
+    ] = None,
+    builder: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="Only this and the sweep; several times.  [default: all]"
+        ),
+    ] = None,
+    device: Annotated[
+        str,
+        typer.Option(
+            metavar="cpu|cuda",
+            help="Where trees are built and traced; on CUDA, of the options, only --builder, "
+            "--runs, --generated and the output's count.",
+        ),
+    ] = "cpu",
+    output: Folder = None,
+    runs: Runs = 3,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Builders of hierarchies: what a tree costs, how fast rays pass it, and both together, as in
+    the evaluation of the k-means builder (Meister & Bittner 2016)."""
+    _check(scenes or [], output)
+    if device not in ("cpu", "cuda"):
+        fail(f"--device is {device!r}, but must be cpu or cuda")
+    widths = list(dict.fromkeys(width or (2, 8)))
+    if not set(widths) <= {2, 4, 8}:
+        fail("--width must be 2, 4 or 8")
+    parameters = None if kmeans is None else _kmeans(kmeans)
+
+    from umbel.bench import charts
+    from umbel.bench.bvh import compare as bench
+    from umbel.cli.progress import Bar
+
+    inputs = _loaders(scenes or [])
+    if generated is not None or not inputs:
+        inputs |= bench.generated(_PLANT if generated is None else generated)
+    if device == "cuda":
+        _bvh_on_device(inputs, builder or [], runs, output, scenes, as_json)
+        return
+    effort = bench.Effort(runs, samples, share, widths, threads, part or bench.PARTS, builder or ())
+    with Bar() as bar:
+        found = bench.compare(inputs, effort, kmeans=parameters, progress=bar)
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bench.write(found, output)
+    if as_json:
+        _show(found, scenes, output, "bvh")
+    else:
+        _print_bvh(found)
+
+
+@app.command()
+@ends_cleanly()
+def lod(
+    inputs: Inputs = None,
+    output: Folder = None,
+    samples: Annotated[
+        int, typer.Option(min=100, metavar="N", help="Points on each surface.")
+    ] = 50_000,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Levels of detail: how far cuts of 10 %, 1 % and 0.1 % of the triangles are from the mesh,
+    beside meshoptimizer's clusterlod.h. Each is built on one thread, whatever --threads says."""
+    _check(inputs or [], output)
+
+    from umbel.bench import charts
+    from umbel.bench import lod as bench
+    from umbel.cli.progress import Bar
+
+    with Bar() as bar:
+        found = bench.compare(
+            _loaders(inputs) if inputs else bench.PROCEDURAL, samples=samples, progress=bar
+        )
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bench.write(found, output)
+    if as_json:
+        _show(found, inputs, output, "lod")
+    else:
+        _print_lod(found)
+
+
+def _print_lod(found: LodComparison) -> None:
+    from umbel.bench.lod import COLUMNS, RATIOS, report
+    from umbel.bench.table import print_table
+
+    if not sys.stdout.isatty():
+        print(report(found), end="")
+        return
+    print(*found.machine.sentences(), sep="\n")
+    print_table("Levels of detail", COLUMNS, found.rows, group="mesh")
+    print_table("Ours over clusterlod.h's, geometric means", RATIOS, found.ratios, group="share")
+
+
+@app.command()
+@ends_cleanly()
+def stream(
+    inputs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="INPUT", help="Assets or meshes; without any, a blob."),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.1, metavar="S", help="That the camera walks.")
+    ] = 20.0,
+    output: Folder = None,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Streaming under budgets of 5 to 50 percent, from a disk and over a network: how many frames
+    are within a pixel, what is loaded, and what a step takes. Simulated time."""
+    _check(inputs or [], output)
+
+    from umbel.bench import charts
+    from umbel.bench import stream as bench
+    from umbel.bench.table import print_table
+    from umbel.cli.progress import Bar
+
+    assets = {path.stem: bench.stored(path) for path in inputs or []} or {"blob": bench.blob}
+    with Bar() as bar:
+        found = bench.simulate(assets, seconds=seconds, progress=bar)
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bench.write(found, output)
+    if as_json:
+        _show(found, inputs, output, "stream")
+    elif sys.stdout.isatty():
+        print_table("Streaming", bench.COLUMNS, found.rows, group="line")
+    else:
+        print(bench.report(found), end="")
+
+
+def _kmeans(text: str) -> Kmeans:
+    from umbel.bench.bvh.scenes import Kmeans
+
+    try:
+        clusters, candidates, iterations = (int(part) for part in text.split(","))
+    except ValueError:
+        fail(f"--kmeans is {text!r}, but must be three whole numbers such as 8,5,2")
+    return Kmeans(clusters, candidates, iterations)
+
+
+def _bvh_on_device(
+    inputs: dict[str, Callable[[], Mesh]],
+    builders: list[str],
+    runs: int,
+    output: Path | None,
+    scenes: list[Path] | None,
+    as_json: bool,
+) -> None:
+    import tempfile
+
+    from umbel import io
+    from umbel.bench import charts
+    from umbel.bench.bvh import cuda as bvh_cuda
+    from umbel.bench.table import print_table
+
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / f"{name}.ply" for name in inputs]
+        for path, load in zip(paths, inputs.values(), strict=True):
+            mesh = load()
+            io.save(path, type(mesh)(mesh.positions, mesh.triangles))
+        found = bvh_cuda.measure(paths, runs=runs, builders=builders)
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        bvh_cuda.write(found, output)
+    if as_json:
+        _show(found, scenes, output, "bvh")
+    elif sys.stdout.isatty():
+        print_table(f"Builders on {found.device}", bvh_cuda.COLUMNS, found.rows, group="scene")
+    else:
+        print(bvh_cuda.report(found), end="")
+
+
+def _print_bvh(found: bvh_bench.Comparison) -> None:
+    from umbel.bench.bvh import compare as bench
+    from umbel.bench.bvh import kmeans as bvh_kmeans
+    from umbel.bench.table import print_table
+
+    if not sys.stdout.isatty():
+        print(bench.report(found), end="")
+        return
+    print(*found.machine.sentences(), sep="\n")
+    for title, columns, rows, group in (
+        ("Builders", bench.COLUMNS, found.rows, "scene"),
+        ("Geometric means over the scenes", bench.MEANS, found.means, "width"),
+        ("Which for how many samples", bench.CHEAPEST, found.cheapest, "scene"),
+        ("k-means by stage", bvh_kmeans.STAGES, found.stages, "scene"),
+        ("SAH cost of k-means", bvh_kmeans.ITERATIONS, found.iterations, "scene"),
+    ):
+        if rows:
+            print_table(title, columns, rows, group=group)
+
+
+def _why(path: Path) -> str:
+    return "it is a folder" if path.is_dir() else "no such file"
+
+
+def _check(inputs: list[Path], output: Path | None) -> None:
+    """Refuses, before any work, what could not be read or written."""
+    for path in inputs:
+        if not path.is_file():
+            fail(f"cannot read {path}: {_why(path)}", source=str(path))
+    if output is not None:
+        made_folder(output)
+
+
+def _show(found: Any, inputs: Sequence[Path] | None, output: Path | None, title: str) -> None:
+    result = {"input": [str(path) for path in inputs or []]}
+    written = {"output": None if output is None else str(output)}
+    show({**result, **written, **found.fields(), "warnings": heard}, True, title)
+
+
+def _valid(path: Path) -> Mesh:
+    """The mesh in a file; what is wrong with it names the file."""
+    from umbel.errors import Error
+    from umbel.geometry.repair import validate
+    from umbel.io import load
+
+    mesh = load(path)
+    try:
+        validate(mesh)
+    except Error as error:
+        fail(naming_file(str(error), str(path), [str(path)]), source=str(path))
+    return mesh
+
+
+def _loaders(paths: list[Path]) -> dict[str, Callable[[], Mesh]]:
+    """What loads each mesh, under a name of its own."""
+    loaders: dict[str, Callable[[], Mesh]] = {}
+    for path in paths:
+        name, number = path.stem, 1
+        while name in loaders:
+            number += 1
+            name = f"{path.stem}-{number}"
+        loaders[name] = partial(_valid, path)
+    return loaders
+
+
+def _print(found: Comparison) -> None:
+    from umbel.bench.clusters import COLUMNS, MEANS, report
+    from umbel.bench.table import print_table
+
+    if not sys.stdout.isatty():
+        print(report(found), end="")
+        return
+    print(*found.machine.sentences(), sep="\n")
+    print_table("Clusters", COLUMNS, found.rows, group="mesh")
+    print_table("Geometric means over the meshes", MEANS, found.means, group="method")

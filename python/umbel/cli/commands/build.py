@@ -1,0 +1,221 @@
+"""`umbel build`: a mesh becomes a continuous-LOD asset."""
+
+from __future__ import annotations
+
+import enum
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from umbel.cli.inputs import AllowOutside
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
+
+if TYPE_CHECKING:
+    from umbel.cli.building.build_file import Options
+
+_FLAGS = {
+    "with force": "with --force",
+    "a finer precision": "a finer --precision",
+    "drop_invalid": "--drop-invalid",
+    "allow_outside": "--allow-outside",
+    "max_items": "--max-triangles",
+    "group size": "--group-size",
+    "min_group": "the first number of --group-size",
+    "max_group": "the second number of --group-size",
+}
+
+
+class Attributes(str, enum.Enum):
+    auto = "auto"
+    none = "none"
+
+
+def _group_size(text: str) -> tuple[int, int]:
+    low, _, high = text.partition(":")
+    try:
+        return int(low), int(high or low)
+    except ValueError:
+        fail(f"--group-size must be two numbers such as 24:32, not {text!r}")
+
+
+class Instances(str, enum.Enum):
+    auto = "auto"
+    on = "on"
+    off = "off"
+
+
+class SeamRule(str, enum.Enum):
+    protect = "protect"
+    allow = "allow"
+    ignore = "ignore"
+
+
+@ends_cleanly(_FLAGS)
+def command(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INPUT",
+            help="Meshes (.glb .gltf .obj .ply .stl), folders of them, quoted patterns such as "
+            "'models/**/*.glb', or addresses (https://, s3://).",
+        ),
+    ],
+    output: Annotated[
+        str,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT.umbel|DIR",
+            help="The asset to write; of several inputs the folder for their assets, which lie in "
+            "it as the meshes do below their common folder.",
+        ),
+    ],
+    max_triangles: Annotated[
+        int, typer.Option(metavar="N", help="Most triangles a cluster (4 to 256).")
+    ] = 128,
+    max_vertices: Annotated[
+        int, typer.Option(metavar="N", help="Most vertices a cluster (6 to 256).")
+    ] = 128,
+    group_size: Annotated[
+        str, typer.Option(metavar="MIN:MAX", help="Clusters that are simplified together.")
+    ] = "24:32",
+    attributes: Annotated[
+        Attributes,
+        typer.Option(help="Keep normals, UVs, colours, joints and the like, or drop them."),
+    ] = Attributes.auto,
+    seams: Annotated[
+        SeamRule,
+        typer.Option(help="Lines where UVs or colours jump: keep, count as error, or ignore."),
+    ] = SeamRule.allow,
+    creases: Annotated[
+        SeamRule, typer.Option(help="The same of lines where only normals do.")
+    ] = SeamRule.allow,
+    instances: Annotated[
+        Instances,
+        typer.Option(
+            help="Of a scene: keep its meshes and the places where they stand apart, or make one "
+            "mesh of all that is drawn; auto: apart if that is more than twice what is stored."
+        ),
+    ] = Instances.auto,
+    mix_materials: Annotated[
+        bool,
+        typer.Option("--mix-materials", help="Clusters may mix materials, kept by triangle."),
+    ] = False,
+    precision: Annotated[
+        str | None,
+        typer.Option(
+            metavar="0.1mm|16bits",
+            help="Snap positions to a power-of-two grid no coarser than so many millimetres "
+            "(where the mesh's unit is the metre), or of so many steps over the longest side. "
+            "Without it, nothing is lost.",
+        ),
+    ] = None,
+    drop_invalid: Annotated[
+        bool,
+        typer.Option(
+            "--drop-invalid", help="Leave out triangles with NaN, infinite or missing vertices."
+        ),
+    ] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="Build even where --precision, or rounding to 32-bit floats, takes the area of "
+            "more than 1 % of the triangles.",
+        ),
+    ] = False,
+    measured_error: Annotated[
+        bool,
+        typer.Option(
+            "--measured-error",
+            help="Measure errors as distances to the mesh, in both directions; twice as slow.",
+        ),
+    ] = False,
+    jobs: Annotated[
+        int, typer.Option(metavar="N", help="Of several inputs: build N files side by side.")
+    ] = 1,
+    skip_unchanged: Annotated[
+        bool,
+        typer.Option(
+            "--skip-unchanged",
+            help="Leave an asset that is there as it is, if it was made of the same file (and "
+            "those that it refers to), with the same flags, by the same version.",
+        ),
+    ] = False,
+    keep_going: Annotated[
+        bool,
+        typer.Option("--keep-going", help="Of several inputs: go on after one that fails."),
+    ] = False,
+    allow_outside: AllowOutside = False,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Build continuous-LOD assets from meshes or scenes.
+
+    With --json and several inputs, one object a file is printed, each on a line."""
+    from umbel.cli.building.build_file import Options
+    from umbel.cli.building.jobs import is_many
+
+    options = Options(
+        max_triangles=max_triangles,
+        max_vertices=max_vertices,
+        group_size=_group_size(group_size),
+        attributes=attributes.value,
+        seams=seams.value,
+        creases=creases.value,
+        instances=instances.value,
+        mix_materials=mix_materials,
+        precision=precision,
+        drop_invalid=drop_invalid,
+        measured_error=measured_error,
+        force=force,
+        allow_outside=allow_outside,
+    )
+    options.check()
+    if jobs < 1:
+        fail(f"--jobs must be at least 1, not {jobs}")
+    if not is_many(inputs, output):
+        _build_one(inputs[0], Path(output), options, skip_unchanged, as_json, threads)
+        return
+    from umbel.cli.building.build_many import build_many
+
+    build_many(
+        inputs,
+        output,
+        options,
+        jobs=jobs,
+        skip_unchanged=skip_unchanged,
+        keep_going=keep_going,
+        as_json=as_json,
+        threads=threads,
+        flags=_FLAGS,
+    )
+
+
+def _build_one(
+    source: str, output: Path, options: Options, skip_unchanged: bool, as_json: bool, threads: int
+) -> None:
+    from umbel.cli.building.build_file import build_file
+    from umbel.cli.outputs import check_output
+    from umbel.cli.progress import Bar
+    from umbel.cli.summary import build_rows, print_rows
+
+    check_output(output, ".umbel", inputs=[source])
+    with Bar() as bar:
+        result = build_file(
+            source,
+            output,
+            options,
+            skip_unchanged=skip_unchanged,
+            progress=bar,
+            threads=threads,
+        )
+    if as_json:
+        show({**result, "warnings": heard}, as_json, str(output))
+    elif result["status"] == "unchanged":
+        print(f"{output} is up to date")
+    else:
+        name = os.path.basename(source)
+        print_rows(f"{name} as a continuous-LOD asset, {output}", build_rows(result))

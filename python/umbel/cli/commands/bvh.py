@@ -1,0 +1,235 @@
+"""`umbel bvh`: builds one acceleration structure and measures it."""
+
+from __future__ import annotations
+
+import enum
+import statistics
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from umbel.cli.inputs import AllowOutside, load_mesh
+from umbel.cli.outputs import check_output
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
+
+if TYPE_CHECKING:
+    from umbel.accel.bvh import Bvh, KaryTree, TreeOptions
+    from umbel.accel.kdtree import KdTree
+    from umbel.bench.bvh.rays import Rays
+
+PICTURE = 512
+RUNS = 3
+
+
+class Device(str, enum.Enum):
+    cpu = "cpu"
+    cuda = "cuda"
+
+
+class Distance(str, enum.Enum):
+    euclidean = "euclidean"
+    manhattan = "manhattan"
+
+
+def _knob(metavar: str | None, text: str) -> Any:
+    """An option of one builder."""
+    return typer.Option(metavar=metavar, help=text, rich_help_panel="Settings of builders")
+
+
+_FLAGS = {
+    "cost.traversal": "the first number of --cost",
+    "cost.intersection": "the second number of --cost",
+    "kmeans.clusters": "--clusters",
+    "kmeans.candidates": "--candidates",
+    "kmeans.iterations": "--iterations",
+    "kmeans.handed_up": "--handed-up",
+    "aac.leaf_size": "--aac-leaf-size",
+    "aac.epsilon": "--aac-epsilon",
+}
+
+
+@ends_cleanly(_FLAGS)
+def command(
+    source: Annotated[
+        str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
+    ],
+    builder: Annotated[
+        str,
+        typer.Option(
+            help="fast, quality or best; a builder: sweep, binned, sbvh, lbvh, kmeans, "
+            "agglomerative, aac, insertion, ...; or kmeans-q1 to kmeans-q5, aac-fast, aac-hq."
+        ),
+    ] = "quality",
+    device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
+    width: Annotated[int, typer.Option(metavar="2|4|8", help="Children a node.")] = 8,
+    cost: Annotated[
+        str, typer.Option(metavar="T,I", help="Costs of traversal and intersection.")
+    ] = "3,2",
+    max_leaf_size: Annotated[int, typer.Option(metavar="N", help="Most triangles a leaf.")] = 8,
+    max_depth: Annotated[
+        int | None, typer.Option(metavar="N", help="Deepest level of a leaf, 8 to 255.")
+    ] = None,
+    compact: Annotated[bool, typer.Option(help="Share vertices: smaller, slower rays.")] = False,
+    drop_invalid: Annotated[
+        bool, typer.Option(help="Leave out triangles with a NaN or infinite vertex.")
+    ] = False,
+    reinsertion_rounds: Annotated[
+        int | None, _knob("N", "Rounds of reinsertion, after any builder: 0 to 64.")
+    ] = None,
+    bins: Annotated[int | None, _knob("N", "binned: bins an axis, 4 to 256.")] = None,
+    spatial_budget: Annotated[
+        float | None, _knob("F", "sbvh: references beyond the triangles, as a fraction: 0 to 4.")
+    ] = None,
+    spatial_overlap: Annotated[
+        float | None, _knob("F", "sbvh: overlap from which on spatial splits are tried: 0 to 1.")
+    ] = None,
+    morton_bits: Annotated[int | None, _knob("30|63", "lbvh: bits of the code.")] = None,
+    hlbvh_bits: Annotated[
+        int | None, _knob("N", "hlbvh: leading bits of the code built by SAH, 3 to 30.")
+    ] = None,
+    clusters: Annotated[int | None, _knob("K", "kmeans: clusters a node, 2 to 64.")] = None,
+    candidates: Annotated[
+        int | None, _knob("P", "kmeans: candidates a representative, 1 to 64.")
+    ] = None,
+    iterations: Annotated[int | None, _knob("I", "kmeans: Lloyd iterations, 0 to 100.")] = None,
+    distance: Annotated[
+        Distance | None, _knob(None, "kmeans: distance of boxes, by means or by medians.")
+    ] = None,
+    kary: Annotated[
+        bool, _knob(None, "kmeans: the clusters themselves, up to K children a node.")
+    ] = False,
+    handed_up: Annotated[
+        int | None, _knob("N", "kmeans: nodes a treelet hands up, 0 to 64; 1 as published.")
+    ] = None,
+    aac_leaf_size: Annotated[
+        int | None, _knob("N", "aac: fewer triangles are not halved any more, 2 to 128.")
+    ] = None,
+    aac_epsilon: Annotated[
+        float | None, _knob("E", "aac: n triangles hand up some n^(0.5-E) nodes, 0 to 0.5.")
+    ] = None,
+    ploc_radius: Annotated[
+        int | None, _knob("N", "ploc: neighbours searched each way, 1 to 128.")
+    ] = None,
+    ploc_sweep: Annotated[
+        int | None, _knob("N", "ploc: swept above so many triangles, 0 to 255; 0 as published.")
+    ] = None,
+    atrbvh_bits: Annotated[
+        int | None, _knob("N", "atrbvh: as --hlbvh-bits, to begin with; 0 as published.")
+    ] = None,
+    treelet_size: Annotated[int | None, _knob("N", "atrbvh: leaves of a treelet, 3 to 15.")] = None,
+    treelet_rounds: Annotated[int | None, _knob("N", "atrbvh: rounds, 1 to 16.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT.umbvh", help="Keep it.")
+    ] = None,
+    allow_outside: AllowOutside = False,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Build a bounding volume hierarchy over a mesh and measure it: its cost, and its rays a second
+    (three views of 512 x 512 pixels, and a diffuse bounce from what they hit)."""
+    if device is Device.cuda:
+        fail("this build of Umbel has no CUDA support; use --device cpu")
+    if output is not None:
+        check_output(output, ".umbvh", inputs=[source])
+    if kary and not builder.startswith("kmeans"):
+        fail(f"--kary is of the builder kmeans, not of {builder}")
+    costs = _costs(cost)
+    options: TreeOptions = {
+        "cost": costs,
+        "max_leaf_size": max_leaf_size,
+        "max_depth": max_depth,
+        "invalid": "drop" if drop_invalid else "refuse",
+        "reinsertion_rounds": reinsertion_rounds,
+        "bins": bins,
+        "spatial_budget": spatial_budget,
+        "spatial_overlap": spatial_overlap,
+        "morton_bits": morton_bits,
+        "hlbvh_bits": hlbvh_bits,
+        "clusters": clusters,
+        "candidates": candidates,
+        "iterations": iterations,
+        "distance": None if distance is None else distance.value,
+        "handed_up": handed_up,
+        "aac_leaf_size": aac_leaf_size,
+        "aac_epsilon": aac_epsilon,
+        "ploc_radius": ploc_radius,
+        "ploc_sweep": ploc_sweep,
+        "atrbvh_bits": atrbvh_bits,
+        "treelet_size": treelet_size,
+        "treelet_rounds": treelet_rounds,
+    }
+
+    from umbel.accel.bvh import Bvh, Bvh2, build_bvh2, build_kary
+    from umbel.bench.bvh.rays import diffuse_rays, primary_rays
+    from umbel.cli.progress import Bar
+    from umbel.geometry.origin import warn_of_origin, zero_origin
+
+    mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
+    origin, mesh = mesh.origin, replace(mesh, origin=zero_origin())  # for rays in float32
+    with Bar() as bar:
+        began = time.perf_counter()
+        tree: Bvh2 | KaryTree
+        if kary:
+            tree = build_kary(mesh, builder=builder, progress=bar, threads=threads, **options)
+        else:
+            tree = build_bvh2(mesh, builder=builder, progress=bar, threads=threads, **options)
+        built = time.perf_counter()
+        bvh = Bvh.from_tree(tree, mesh, width=width, compact=compact, threads=threads)
+        widened = time.perf_counter()
+    if output is not None:
+        bvh.save(output)
+        warn_of_origin(output, origin)
+    found, wide = tree.statistics(costs), bvh.statistics()
+    result: dict[str, Any] = {
+        "input": source,
+        "output": None if output is None else str(output),
+        "builder": builder,
+        "triangles": len(mesh.triangles),
+        "origin": origin.tolist(),
+        "width": width,
+        "nodes": found["nodes"],
+        "leaves": found["leaves"],
+        "max_depth": found["max_depth"],
+        "references": found["references"],
+        "sah_cost": found["sah_cost"],
+        "epo": tree.epo(costs, threads=threads) if isinstance(tree, Bvh2) else None,
+        "build_seconds": built - began,
+        "widen_seconds": widened - built,
+        "wide_nodes": wide["nodes"],
+        "bytes": wide["bytes"],
+    }
+    box = bvh.bounds
+    primary = diffuse = None
+    if box is not None:
+        primary = primary_rays(box[0], box[1], PICTURE)
+        hits = bvh.intersect(primary[0], primary[1], threads=threads)
+        diffuse = diffuse_rays(mesh, primary, hits.t, hits.primitive)
+    result["primary_mrays_per_second"] = _speed(bvh, primary, threads)
+    result["diffuse_mrays_per_second"] = _speed(bvh, diffuse, threads)
+    if output is not None:
+        result["file_bytes"] = output.stat().st_size
+    result["warnings"] = heard
+    show(result, as_json, source)
+
+
+def _costs(text: str) -> tuple[float, float]:
+    try:
+        traversal, intersection = (float(part) for part in text.split(","))
+    except ValueError:
+        fail(f"--cost is {text!r}, but must be two numbers such as 3,2")
+    return traversal, intersection
+
+
+def _speed(bvh: Bvh | KdTree, rays: Rays | None, threads: int) -> float:
+    """The median of some runs, in millions of rays a second."""
+    if rays is None or len(rays[0]) == 0:
+        return 0.0
+    seconds = []
+    for _ in range(RUNS):
+        began = time.perf_counter()
+        bvh.intersect(rays[0], rays[1], threads=threads)
+        seconds.append(time.perf_counter() - began)
+    return len(rays[0]) / max(statistics.median(seconds), 1e-9) / 1e6

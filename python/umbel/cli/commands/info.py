@@ -1,0 +1,117 @@
+"""`umbel info`: what is in an asset or a mesh."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated, Any
+
+import typer
+
+from umbel.cli.inputs import AllowOutside
+from umbel.cli.run import Json, Threads, ends_cleanly, heard, is_asset, show
+
+
+@ends_cleanly()
+def command(
+    path: Annotated[
+        str,
+        typer.Argument(metavar="FILE", help="Asset (.umbel) or mesh (.glb .gltf .obj .ply .stl)."),
+    ],
+    allow_outside: AllowOutside = False,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Say what is in an asset or a mesh."""
+    result = _asset_info(path) if is_asset(path) else _mesh_info(path, allow_outside, threads)
+    show({**result, "warnings": heard}, as_json, path)
+
+
+def _asset_info(path: str) -> dict[str, Any]:
+    from umbel.cli.measure import sha256_of, table_counts
+    from umbel.io.addresses import is_address
+    from umbel.lod.asset import Asset
+    from umbel.lod.instances import places
+
+    asset = Asset(path)
+    info = asset.info
+    metadata = info["metadata"]
+    stored = metadata.get("report", {})
+    tables = [asset.mesh_tables(mesh) for mesh in range(len(asset.meshes))]
+    standing = [asset.meshes[mesh] for mesh, _ in places(asset)]
+    triangles = sum(mesh["source_triangles"] for mesh in standing)
+    names = ("normals", "tangents", "uvs", "colors")
+    return {
+        "input": path,
+        "kind": "asset",
+        "format_version": info["format_version"],
+        **stored,
+        "input_triangles": triangles,
+        "input_vertices": sum(mesh["source_vertices"] for mesh in standing),
+        "stored_triangles": info["source_triangles"],
+        **table_counts(tables, info["max_triangles"]),
+        "pages": info["pages"],
+        "materials": _material_count(asset, tables),
+        "meshes": len(asset.meshes),
+        "instances": len(standing),
+        "bounds": _bounds(asset),
+        "origin": list(info["origin"]),
+        "coordinates": asset.coordinates,
+        "attributes": [name for name in names if info[name]],
+        "max_triangles": info["max_triangles"],
+        "max_vertices": info["max_vertices"],
+        "file_bytes": info["file_bytes"],
+        "bytes_per_input_triangle": info["file_bytes"] / triangles if triangles else 0.0,
+        "sha256": None if is_address(path) else sha256_of(path),
+        "generator": metadata.get("generator"),
+        "source": metadata.get("source", {}),
+        "config": metadata.get("config", {}),
+    }
+
+
+def _bounds(asset: Any) -> Any:
+    """Of the boxes of all meshes, where they stand."""
+    from umbel.lod.instances import boxes_of
+
+    box = boxes_of(asset).bounds if asset.instances else None
+    return asset.info["bounds"] if box is None else box.tolist()
+
+
+def _material_count(asset: Any, tables: list[Any]) -> int:
+    named = len(asset.materials)
+    highest = max((int(t.clusters["material"].max(initial=0)) for t in tables), default=0)
+    return max(named, highest + 1 if highest else 0)
+
+
+def _mesh_info(path: str, allow_outside: bool, threads: int) -> dict[str, Any]:
+    from umbel.errors import Error
+    from umbel.geometry.repair import validate
+    from umbel.io import load_scene
+    from umbel.io.addresses import is_address
+    from umbel.lod.remote import remote
+
+    scene = load_scene(path, allow_outside=allow_outside)
+    mesh = scene.flatten()
+    problem = None
+    try:
+        validate(mesh, threads=threads)
+    except Error as error:
+        problem = str(error)
+    names = ("normals", "tangents", "uvs", "colors")
+    return {
+        "input": path,
+        "kind": "mesh",
+        "format_version": None,
+        "input_triangles": len(mesh.triangles),
+        "input_vertices": len(mesh.positions),
+        "pages": 0,
+        "materials": len(mesh.materials),
+        "meshes": len(scene.meshes),
+        "instances": len(scene.instances),
+        "bounds": None if problem or mesh.bounds is None else mesh.bounds.tolist(),
+        "origin": mesh.origin.tolist(),
+        "coordinates": mesh.coordinates,
+        "attributes": [name for name in names if getattr(mesh, name) is not None],
+        "valid": problem is None,
+        "problem": problem,
+        "file_bytes": remote(path)[0] if is_address(path) else os.path.getsize(path),
+    }

@@ -1,0 +1,378 @@
+"""`umbel render`: path-traced pictures of a mesh or of an asset."""
+
+from __future__ import annotations
+
+import enum
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from umbel.cli.inputs import AllowOutside, load_mesh
+from umbel.cli.outputs import check_output
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from umbel.geometry.camera import Camera
+    from umbel.geometry.mesh import Mesh
+    from umbel.trace.renderer import Film, Renderer
+
+_COARSE = 20_000  # triangles of the cut on which an asset's cameras are chosen
+
+
+class Accel(str, enum.Enum):
+    bvh = "bvh"
+    kdtree = "kdtree"
+    grid = "grid"
+    bih = "bih"
+    lod = "lod"
+
+
+class Up(str, enum.Enum):
+    y = "y"
+    z = "z"
+
+
+_FLAGS = {
+    "max_bounces": "--bounces",
+    "samples": "--spp",
+    "budget_bytes": "--budget",
+    "environment.color": "--light",
+    "environment.sun_direction": "--sun",
+}
+
+
+@ends_cleanly(_FLAGS)
+def command(
+    source: Annotated[
+        str, typer.Argument(metavar="INPUT", help="Mesh (.glb .gltf .obj .ply .stl) or asset.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="OUT", help="Picture: .png (tone-mapped) or .exr (linear)."
+        ),
+    ],
+    width: Annotated[int, typer.Option(metavar="N", help="Pixels.")] = 1024,
+    height: Annotated[int, typer.Option(metavar="N", help="Pixels.")] = 768,
+    spp: Annotated[int, typer.Option(metavar="N", help="Paths a pixel.")] = 64,
+    camera: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="auto|file|x,y,z:tx,ty,tz:fov",
+            help="From a point to a point with the vertical field of view in degrees; auto: the "
+            "mesh fills the picture; auto:AZIMUTH,ELEVATION[:FOV]: from this direction; file: all "
+            "cameras of a glTF file; file:NAME or file:NUMBER: one of them. Several cameras make "
+            "OUT-1, OUT-2, ...  [default: auto]",
+        ),
+    ] = None,
+    accel: Annotated[
+        Accel | None,
+        typer.Option(
+            help="bvh, kdtree, grid (two-level) or bih (bounding intervals): all triangles, by the "
+            "same picture; lod: the cut that the camera needs, of an asset.  "
+            "[default: bvh, lod for assets]"
+        ),
+    ] = None,
+    pixel_error: Annotated[
+        float | None,
+        typer.Option(metavar="P", help="Error of a cut in pixels, with lod.  [default: 1]"),
+    ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Most memory of an asset's pages and of what is traced, as in 64MB; errors grow "
+            "where it is not enough. Instances share what they show.",
+        ),
+    ] = None,
+    bounce_error: Annotated[
+        float,
+        typer.Option(
+            metavar="FACTOR",
+            help="How many times the pixel error may be for rays that bounce or look for light, "
+            "with --budget.",
+        ),
+    ] = 1.0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 1,
+    bounces: Annotated[int, typer.Option(metavar="N", help="Most bounces of a path.")] = 32,
+    shadow_samples: Annotated[
+        int, typer.Option(metavar="N", help="Rays to lights at each hit: 0, 1 or 2.")
+    ] = 2,
+    clamp: Annotated[
+        float,
+        typer.Option(metavar="R", help="Most radiance of one indirect sample; 0: no limit."),
+    ] = 8.0,
+    exposure: Annotated[
+        str, typer.Option(metavar="auto|STOPS", help="Brightness of a PNG.")
+    ] = "auto",
+    up: Annotated[Up, typer.Option(help="Axis to the zenith.")] = Up.y,
+    ground: Annotated[bool, typer.Option("--ground", help="Put a floor under the mesh.")] = False,
+    sun: Annotated[
+        str | None,
+        typer.Option(metavar="AZIMUTH,ELEVATION", help="Where the sun stands, in degrees."),
+    ] = None,
+    light: Annotated[
+        str,
+        typer.Option(metavar="sky|R,G,B", help="A sky with a sun, or one colour from everywhere."),
+    ] = "sky",
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MATERIAL", help="Leave out triangles; * and ? match any name."),
+    ] = None,
+    progressive: Annotated[
+        bool, typer.Option("--progressive", help="Write OUT after 1, 2, 4, ... paths a pixel.")
+    ] = False,
+    allow_outside: AllowOutside = False,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Render path-traced pictures of a mesh, or of the cut of an asset that a camera needs."""
+    check_output(output, ".png", ".exr", inputs=[source])
+    if spp < 1:
+        fail(f"--spp must be at least 1, not {spp}")
+    from umbel.trace.picture import check_format, save_picture, tone_map
+
+    check_format(output)
+    if exposure != "auto":
+        tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
+    method = _accel(source, accel, pixel_error)
+    most = None if budget is None else _size(budget)
+    if most is not None and (method is not Accel.lod or ground):
+        fail("--budget is for .umbel assets with --accel lod, without --ground")
+    if not bounce_error >= 1 or (bounce_error > 1 and most is None):
+        fail("--bounce-error must be at least 1, and needs --budget")
+    from umbel.cli.progress import Bar
+    from umbel.trace.renderer import Renderer
+
+    began = time.perf_counter()
+    with Bar() as bar:
+        options: dict[str, Any] = {
+            "environment": _environment(sun, light),
+            "up": up.value,
+            "ground": ground,
+            "hide": hide or [],
+            "accel": Accel.bvh.value if method is Accel.lod else method.value,
+            "threads": threads,
+        }
+
+        def prepare(mesh: Mesh) -> Renderer:
+            return Renderer(mesh, **options, progress=_part(bar, 0.0, 0.05))
+
+        views: _Views | _Streamed
+        if most is None:
+            load = partial(load_mesh, source, allow_outside=allow_outside, threads=threads)
+            views = _Views(source, method, pixel_error or 1.0, prepare, load)
+        else:
+            options["bounce_error"] = bounce_error
+            views = _Streamed(source, most, pixel_error or 1.0, options)
+        cameras = [text for given in camera or ["auto"] for text in views.named(given)]
+        outputs = _outputs(output, len(cameras))
+        results = []
+        for k, (text, path) in enumerate(zip(cameras, outputs, strict=True)):
+            renderer, view = views.renderer(text, width, height)
+            film = renderer.film(
+                view,
+                width=width,
+                height=height,
+                seed=seed,
+                max_bounces=bounces,
+                shadow_samples=shadow_samples,
+                clamp=clamp,
+            )
+            bounds = [0.05 + 0.95 * (k + i) / len(cameras) for i in (0, 1)]
+            for film_now in _passes(film, spp, progressive, _part(bar, *bounds)):
+                save_picture(path, film_now.pixels, exposure)
+            results.append(_result(path, renderer, film, view))
+    result = _summary(results, spp, method, time.perf_counter() - began)
+    show({"input": source, **result, "warnings": heard}, as_json, str(output))
+
+
+def _accel(source: str, accel: Accel | None, pixel_error: float | None) -> Accel:
+    if accel is None:
+        accel = Accel.lod if is_asset(source) else Accel.bvh
+    if accel is Accel.lod and not is_asset(source):
+        fail(f"--accel lod needs a .umbel asset, and {source} is a mesh; umbel build makes one")
+    if pixel_error is not None:
+        if accel is not Accel.lod:
+            fail("--pixel-error is for cuts of a .umbel asset, with --accel lod")
+        if not pixel_error > 0:
+            fail(f"--pixel-error must be more than 0, not {pixel_error}")
+    return accel
+
+
+def _environment(sun: str | None, light: str) -> Any:
+    from umbel.trace.shading import Environment
+
+    if light != "sky":
+        if sun is not None:
+            fail("--sun needs --light sky")
+        return Environment(color=_floats(light, 3, "--light must be sky or R,G,B"))
+    if sun is None:
+        return Environment()
+    azimuth, elevation = _floats(sun, 2, "--sun must be AZIMUTH,ELEVATION")
+    return Environment(sun_azimuth=azimuth, sun_elevation=elevation)
+
+
+def _floats(text: str, count: int, rule: str) -> list[float]:
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        fail(f"{rule}, not {text!r}")
+    return values
+
+
+def _outputs(output: Path, count: int) -> list[Path]:
+    if count == 1:
+        return [output]
+    return [output.with_name(f"{output.stem}-{k + 1}{output.suffix}") for k in range(count)]
+
+
+def _part(bar: Any, begin: float, end: float) -> Callable[[float, str], None]:
+    return lambda fraction, stage: bar(begin + (end - begin) * fraction, stage)
+
+
+def _passes(film: Film, spp: int, progressive: bool, progress: Any) -> Any:
+    """Yields the film when it is to be written."""
+    if not progressive:
+        yield film.add(spp, progress=progress)
+        return
+    while film.samples < spp:
+        before, samples = film.samples, min(max(film.samples, 1), spp - film.samples)
+        yield film.add(samples, progress=_part(progress, before / spp, (before + samples) / spp))
+
+
+class _Views:
+    """Renderers for cameras: one for a mesh, one for each camera's cut of an asset."""
+
+    def __init__(
+        self,
+        source: str,
+        method: Accel,
+        pixel_error: float,
+        prepare: Callable[[Mesh], Renderer],
+        load: Callable[[], Mesh],
+    ) -> None:
+        self._prepare, self._pixel_error = prepare, pixel_error
+        self._asset = None
+        if not is_asset(source):
+            self._whole = prepare(load())
+            return
+        from umbel.lod.asset import Asset
+
+        asset = Asset(source)
+        if method is Accel.lod:
+            self._asset = asset
+            self._whole = prepare(
+                asset.scene_mesh(asset.scene_cuts(triangles=_COARSE, or_coarsest=True))
+            )
+        else:
+            self._whole = prepare(asset.scene_mesh(asset.scene_cuts(level=0)))
+
+    def named(self, text: str) -> list[str]:
+        """One text a camera: `file` stands for all of the file's."""
+        count = len(self._whole.mesh.cameras)
+        return [f"file:{k + 1}" for k in range(count)] if text == "file" and count else [text]
+
+    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
+        """What shows the view, and its camera."""
+        view = self._whole.view(text, width, height)
+        if self._asset is None:
+            return self._whole, view
+        view = replace(view, pixel_error=self._pixel_error)
+        shown = self._asset.scene_cuts(camera=view)
+        return self._prepare(self._asset.scene_mesh(shown)), view
+
+
+class _Streamed:
+    """Renderers for cameras of an asset, each within a budget."""
+
+    def __init__(
+        self, source: str, budget: int, pixel_error: float, options: dict[str, Any]
+    ) -> None:
+        from umbel.lod.asset import Asset
+
+        self._asset, self._budget, self._pixel_error = Asset(source), budget, pixel_error
+        self._options = {
+            k: options[k] for k in ("environment", "up", "hide", "bounce_error", "threads")
+        }
+
+    def named(self, text: str) -> list[str]:
+        return [text]
+
+    def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
+        from umbel.lod.instances import boxes_of
+        from umbel.trace.cut_renderer import CutRenderer
+        from umbel.trace.renderer import Renderer
+
+        # From outside, as for a mesh that is no room: boxes would look like one.
+        text = "auto:35,15" if text == "auto" else text
+        view = Renderer(boxes_of(self._asset), up=self._options["up"]).view(text, width, height)
+        view = replace(view, pixel_error=self._pixel_error)
+        return CutRenderer(self._asset, view, self._budget, **self._options), view
+
+
+def _size(text: str) -> int:
+    """Bytes of a size such as 64MB; powers of 1000, and of 1024 for MiB."""
+    units = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9}
+    units |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30}
+    number = text.strip().rstrip("BbIiKkMmGg")
+    try:
+        size = float(number) * units[text.strip()[len(number) :].upper()]
+    except (KeyError, ValueError):
+        size = 0.0
+    if not 1 <= size < 1e18:
+        fail(f"--budget must be a size such as 64MB, not {text!r}")
+    return int(size)
+
+
+def _result(path: Path, renderer: Renderer, film: Film, camera: Camera) -> dict[str, Any]:
+    return {
+        "output": str(path),
+        "position": list(camera.position),
+        "target": list(camera.target or ()),
+        "fov": camera.fov_y * 57.29577951308232,
+        "triangles": renderer.triangles,
+        **_memory(renderer),
+        **film.statistics,
+    }
+
+
+def _memory(renderer: Renderer) -> dict[str, Any]:
+    from umbel.trace.cut_renderer import CutRenderer
+
+    if not isinstance(renderer, CutRenderer):
+        return {}
+    return {
+        "scene_bytes": renderer.bytes,
+        "page_bytes": renderer.page_bytes,
+        "pixel_error": renderer.pixel_error,
+    }
+
+
+def _summary(
+    results: list[dict[str, Any]], spp: int, method: Accel, total: float
+) -> dict[str, Any]:
+    counts = ("primary_rays", "bounce_rays", "shadow_rays", "continued_rays", "rays")
+    seconds = sum(r["seconds"] for r in results)
+    rays = {key: sum(r[key] for r in results) for key in counts}
+    summary: dict[str, Any] = {
+        "seconds": seconds,
+        "total_seconds": total,
+        "mrays_per_second": rays["rays"] / seconds / 1e6 if seconds > 0 else 0.0,
+        "triangles": max(r["triangles"] for r in results),
+        "samples": spp,
+        "accel": method.value,
+        **rays,
+    }
+    if len(results) == 1:
+        kept = ("output", "position", "target", "fov", "scene_bytes", "page_bytes", "pixel_error")
+        return summary | {k: results[0][k] for k in kept if k in results[0]}
+    return summary | {f"view_{k + 1}": r for k, r in enumerate(results)}

@@ -1,0 +1,49 @@
+"""`umbel view`: the web viewer."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from umbel.cli.outputs import check_folder
+from umbel.cli.run import Json, Threads, ends_cleanly, fail, say, show
+
+
+@ends_cleanly()
+def command(
+    path: Annotated[str, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="N", help="Port to serve on; 0: any free one.")
+    ] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Serve only; do not open the browser.")
+    ] = False,
+    export: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write a folder for a static host instead of serving."),
+    ] = None,
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Show an asset in the browser, until Ctrl-C; or write the page and it to a folder.
+
+    The page and the asset are served to this machine only."""
+    from umbel.viewer.view import export_viewer, view
+
+    if "://" in path:
+        fail(f"{path}: the viewer shows files on this machine; download the asset first")
+    if export is not None:
+        check_folder(export.absolute().parent, f"{export}: ")
+        index = export_viewer(path, export)
+        result = {"input": path, "output": str(export), "url": index.absolute().as_uri()}
+        show(result | {"folder": str(export)}, as_json, path)
+        return
+    shown = view(path, port=port)
+    show({"input": path, "url": shown.url}, as_json, path)
+    if not no_browser and not shown.open():
+        say("there is no browser here: open the address above in one")
+    sys.stdout.flush()
+    shown.wait()

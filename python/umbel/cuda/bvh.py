@@ -1,0 +1,172 @@
+"""Hierarchies of triangles, built on a CUDA device."""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+from umbel.cuda.arrays import current_stream, device_array
+from umbel.cuda.calls import (
+    INTEGERS,
+    MeshStruct,
+    Scratch,
+    address,
+    check,
+    library,
+    maker,
+    mesh_struct,
+    on_host,
+    triangles_array,
+)
+from umbel.cuda.rays import BvhStruct, Queries
+from umbel.errors import Error
+
+NODE_BYTES = 80
+TRIANGLE_BYTES = 48
+
+
+class _Config(ctypes.Structure):
+    _fields_ = (
+        ("struct_size", ctypes.c_uint32),
+        ("builder", ctypes.c_uint32),
+        ("traversal_cost", ctypes.c_float),
+        ("intersection_cost", ctypes.c_float),
+        ("max_leaf_size", ctypes.c_uint32),
+        ("presplit", ctypes.c_float),
+        ("hlbvh_bits", ctypes.c_uint32),
+        ("treelet_size", ctypes.c_uint32),
+        ("treelet_rounds", ctypes.c_uint32),
+        ("ploc_radius", ctypes.c_uint32),
+        ("kmeans_clusters", ctypes.c_uint32),
+        ("kmeans_candidates", ctypes.c_uint32),
+        ("kmeans_iterations", ctypes.c_uint32),
+        ("kmeans_manhattan", ctypes.c_uint32),
+        ("kmeans_handed_up", ctypes.c_uint32),
+    )
+
+
+@dataclass(frozen=True)
+class BvhInfo:
+    """What holds of a whole tree."""
+
+    nodes: int
+    triangles: int
+    """In leaves; with presplit a triangle may be there repeatedly."""
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
+    sah_cost: float
+    """Of the binary tree that the nodes were made of."""
+
+
+class Bvh(Queries):
+    """A hierarchy over one mesh, on a device: 8 children a node, in 80 bytes.
+
+    positions: (n, 3) float32; rows may be apart, as in a vertex buffer. They are not checked;
+        triangles with a NaN or an infinite corner are never hit.
+    triangles: (m, 3) uint32 or int32, contiguous.
+    builder: "lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans", "kmeans-q1" to "kmeans-q5" or
+        "sweep". Those of "ploc" and "kmeans" wait for the stream while they build; the others do
+        not.
+    settings: of the builder, by the names of umbel_cuda_bvh_config in umbel_cuda.h, such as
+        max_leaf_size (1 to 8), presplit (0 to 1) or ploc_radius.
+    masks: (m,) uint32 or int32, bits of each triangle; rays see those that share a bit with their
+        mask. By default all bits are set. Not copied: a later ray sees what was written since.
+    empty: makes an array: called with a shape and the name of a NumPy type, as in
+        `lambda shape, dtype: cupy.empty(shape, dtype)`. By default it is made by the package of
+        `positions`: CuPy, PyTorch or Numba.
+
+    Every method takes `stream`, an address; by default the current stream of the package of the
+    positions.
+    """
+
+    def __init__(
+        self,
+        positions: Any,
+        triangles: Any,
+        builder: str = "hploc",
+        *,
+        masks: Any = None,
+        empty: Any = None,
+        stream: int | None = None,
+        **settings: float,
+    ) -> None:
+        where = current_stream(positions) if stream is None else stream
+        self._source = triangles_array(triangles, where)
+        mesh = mesh_struct(positions, self._source, where)
+        self._masks = None
+        if masks is not None:
+            self._masks = device_array(masks, "masks", INTEGERS, 0, where)
+            if self._masks.shape[0] != self._source.shape[0]:
+                raise Error(
+                    f"there are {self._source.shape[0]} triangles, but {self._masks.shape[0]} masks"
+                )
+        self._config = _Config()
+        check(
+            library().umbel_cuda_bvh_config_init(ctypes.byref(self._config), str(builder).encode())
+        )
+        self._config = _changed(self._config, settings)
+        nodes, references = ctypes.c_uint32(), ctypes.c_uint32()
+        check(
+            library().umbel_cuda_bvh_capacity(
+                ctypes.c_uint32(self._source.shape[0]),
+                ctypes.byref(self._config),
+                ctypes.byref(nodes),
+                ctypes.byref(references),
+            )
+        )
+        self._empty = make = empty or maker(positions)
+        self._scratch = Scratch(make)
+        self._arrays = {
+            "nodes": make((nodes.value, NODE_BYTES), "uint8"),
+            "triangles": make((max(references.value, 1), TRIANGLE_BYTES), "uint8"),
+            "info": make((40,), "uint8"),
+        }
+        self._call("umbel_cuda_build_bvh", mesh, where)
+
+    def build(self, positions: Any, *, stream: int | None = None) -> None:
+        """Builds anew, for other positions of as many vertices."""
+        where = current_stream(positions) if stream is None else stream
+        self._call("umbel_cuda_build_bvh", mesh_struct(positions, self._source, where), where)
+
+    def refit(self, positions: Any, *, stream: int | None = None) -> None:
+        """Keeps the nodes, and makes their boxes for other positions."""
+        where = current_stream(positions) if stream is None else stream
+        self._call("umbel_cuda_refit_bvh", mesh_struct(positions, self._source, where), where)
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """The tree, on the device, as bytes: `nodes` (room, 80), `triangles` (references, 48) and
+        `info` (40,). compact_bvh.hpp describes them."""
+        return dict(self._arrays)
+
+    def info(self) -> BvhInfo:
+        """What is said of the whole tree. Waits for the device."""
+        words = struct.unpack("<2I8f", on_host(self._arrays["info"]).tobytes())
+        return BvhInfo(words[0], words[1], (words[2:5], words[5:8]), words[8])
+
+    def _struct(self) -> BvhStruct:
+        return BvhStruct(*(address(self._arrays[name]) for name in ("nodes", "triangles", "info")))
+
+    def _call(self, name: str, mesh: MeshStruct, stream: int) -> None:
+        self._scratch.call(
+            name,
+            ctypes.byref(mesh),
+            ctypes.byref(self._config),
+            ctypes.byref(self._struct()),
+            stream=stream,
+        )
+
+
+def _changed(config: _Config, settings: dict[str, float]) -> _Config:
+    names = [name for name, *_ in _Config._fields_[2:]]
+    for name, value in settings.items():
+        if name not in names:
+            raise Error(f"there is no setting {name!r}; the settings are {', '.join(names)}")
+        try:
+            setattr(config, name, value)
+        except TypeError:
+            raise Error(f"{name} must be a number, not {value!r}") from None
+        if getattr(config, name) != value and not isinstance(value, float):
+            raise Error(f"{name} is {value}, which is out of range")
+    return config

@@ -1,0 +1,29 @@
+"""Images of glTF files: embedded, in data URIs, or in files beside the asset."""
+
+from __future__ import annotations
+
+from umbel.errors import Error
+from umbel.io.gltf.buffers import Buffers, Json, data_uri
+from umbel.io.gltf.textures import Source, TextureReader
+
+
+def texture_reader(buffers: Buffers, lost: list[str]) -> TextureReader:
+    """The textures of a file. What is damaged or outside the file's folder is left out, and a
+    sentence added to `lost`; the mesh does not depend on it. A file that is missing is for its
+    user to name."""
+    return TextureReader(buffers.root, lambda entry: _source(entry, buffers, lost))
+
+
+def _source(entry: Json, buffers: Buffers, lost: list[str]) -> Source:
+    uri = entry.get("uri")
+    try:
+        if isinstance(uri, str) and uri.startswith("data:"):
+            return data_uri(uri, "an image"), None
+        if isinstance(uri, str) and buffers.folder is not None:
+            return None, buffers.folder.find_uri(uri, may_miss=True)
+        if "bufferView" in entry:
+            return buffers.view(entry["bufferView"], "an image")[0], None
+    except Error as error:
+        sentence = str(error).removeprefix(f"{buffers.where}: ")
+        lost.append(f"an image: {sentence}")
+    return None, None

@@ -1,0 +1,231 @@
+"""Writes a scene as glTF, .glb or .gltf with a .bin: meshes, each once, on the nodes of the tree
+that they are from, with their materials, images, skin, cameras and lights."""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+import urllib.parse
+from pathlib import Path
+
+import numpy as np
+
+from umbel.errors import Error, warn_lost
+from umbel.io.files import write_all
+from umbel.io.gltf.arrays import Arrays, Json
+from umbel.io.gltf.materials import extensions_in, texture_sets, write_material
+from umbel.io.gltf.placing import place
+from umbel.io.gltf.primitives import write_primitives
+from umbel.io.gltf.skins import Skin, common_root, has_joints
+from umbel.io.gltf.textures import TextureTable
+from umbel.io.gltf.tree import check_tree, worlds
+from umbel.io.scene import Instance, Scene
+from umbel.io.textures.images import TextureImage, decode, mime_type
+from umbel.io.textures.packed import packed
+from umbel.lod.metadata import plain
+
+_MOST_BYTES = 0xFFFFFFFF
+
+
+def write_gltf(path: Path, scene: Scene) -> None:
+    """Writes the scene; every float of it is kept to the bit, and so is every image. One warning
+    names what glTF cannot hold."""
+    arrays = Arrays()
+    try:
+        root, lost = _Writer(arrays, scene, path.stem).root()
+    except Error as error:
+        raise Error(f"cannot write {path}: {error}") from None
+    if path.suffix.lower() == ".gltf":
+        _write_apart(path, root, arrays)
+    else:
+        write_all(path, _glb(path, root, arrays))
+    if lost:
+        warn_lost(f"{path} was written without", lost)
+
+
+class _Writer:
+    def __init__(self, arrays: Arrays, scene: Scene, name: str) -> None:
+        self.arrays, self.scene, self.name = arrays, scene, name
+        self.lost: list[str] = []
+        self.materials = _Materials(arrays, scene, self.lost)
+        tree = scene.tree
+        check_tree(tree, scene.name or "the scene")
+        self.nodes: list[Json] = [_node(node) for node in tree.get("nodes", [])]
+        self.every = worlds(self.nodes)
+        self.entry: Json = copy.deepcopy((tree.get("scenes") or [{}])[0])
+        self.roots: list[int] = self.entry.pop("nodes", [])
+        self.skin = self._skin()
+        self.meshes: list[Json] = []
+        self._numbers: dict[int, int] = {}
+
+    def root(self) -> tuple[Json, list[str]]:
+        """The file's JSON, and what is lost."""
+        used = {instance.mesh for instance in self.scene.instances}
+        if any(self.scene.meshes[k].material_ids is not None for k in used):
+            self.materials.write()
+        for instance in self.scene.instances:
+            if len(self.scene.meshes[instance.mesh].triangles):
+                self._place(instance)
+        tree = self.scene.tree
+        root: Json = {
+            "asset": {**tree.get("asset", {}), "version": "2.0", "generator": "umbel"},
+            "scene": 0,
+            "scenes": [self._scene()],
+            "nodes": self.nodes,
+            "meshes": self.meshes,
+            "skins": self.skin.skins if self.skin else [],
+            "materials": self.materials.entries,
+            **self.materials.table.root,
+            "cameras": tree.get("cameras", []),
+            **{key: tree[key] for key in ("extensions", "extras") if key in tree},
+            "accessors": self.arrays.accessors,
+            "bufferViews": self.arrays.views,
+        }
+        root["extensionsUsed"] = sorted(extensions_in(root))
+        root["extensionsRequired"] = sorted(self.materials.table.required)
+        return {key: value for key, value in root.items() if value not in ([], {})}, self.lost
+
+    def _scene(self) -> Json:
+        entry = {**self.entry, "nodes": self.roots}
+        if self.skin and self.skin.skins:
+            common_root(entry, self.nodes, self.skin.joints)
+        return entry if entry["nodes"] else self.entry
+
+    def _skin(self) -> Skin | None:
+        meshes = [self.scene.meshes[k] for k in {i.mesh for i in self.scene.instances}]
+        if not any(has_joints(mesh) for mesh in meshes):
+            return None
+        before = len(self.nodes)
+        skin = Skin(self.scene.tree, self.nodes, meshes)
+        if skin.usable(self.nodes):
+            self.roots += range(before, len(self.nodes))
+            self.every = worlds(self.nodes)
+            return skin
+        del self.nodes[before:]
+        self.lost.append("joints and weights, as a joint has no size in the rest pose")
+        return None
+
+    def _place(self, instance: Instance) -> None:
+        mesh = self.scene.meshes[instance.mesh]
+        placed = np.array(instance.transform, np.float64)
+        placed[:3, 3] += placed[:3, :3] @ mesh.origin
+        entry: Json = {"mesh": self._mesh(instance.mesh)}
+        if instance.name:
+            entry["name"] = instance.name
+        if self.skin is None or not has_joints(mesh):
+            place(self.nodes, self.roots, self.every, instance.node, placed, entry)
+            return
+        # What stands where its joints are stands nowhere else: its node's place counts for nothing.
+        entry["skin"] = self.skin.write(self.arrays, self.every, placed)
+        where = np.eye(4) if instance.node is None else self.every[instance.node]
+        place(self.nodes, self.roots, self.every, instance.node, where, entry)
+
+    def _mesh(self, index: int) -> int:
+        if index not in self._numbers:
+            mesh = self.scene.meshes[index]
+            primitives = write_primitives(self.arrays, mesh, self.materials.number, self.skin)
+            entry: Json = {"name": mesh.name or self.name, "primitives": primitives}
+            if mesh.extras is not None:
+                entry["extras"] = mesh.extras
+            self._numbers[index] = len(self.meshes)
+            self.meshes.append(entry)
+        return self._numbers[index]
+
+
+class _Materials:
+    """The file's materials: all of the scene's in their order, and after them those that had to
+    lose a texture because a mesh lacks its UVs."""
+
+    def __init__(self, arrays: Arrays, scene: Scene, lost: list[str]) -> None:
+        self.arrays, self.materials, self.lost = arrays, list(scene.materials), lost
+        self.table = TextureTable(self._store)
+        self.entries: list[Json] = []
+        self._fewer: dict[tuple[int, int], int] = {}
+
+    def write(self) -> None:
+        for k, material in enumerate(self.materials):
+            self.materials[k], lost = packed(material)
+            self.lost += lost
+            self.entries.append(write_material(self.materials[k], self.table.info))
+
+    def number(self, index: int, sets: int) -> int:
+        """That of a material for a mesh with so many sets of UVs."""
+        if texture_sets(self.entries[index]) <= sets:
+            return index
+        key = index, sets
+        if key not in self._fewer:
+
+            def info(slot: str, given: Json, image: TextureImage) -> Json | None:
+                made = self.table.info(slot, given, image)
+                return made if made is not None and texture_sets({slot: made}) <= sets else None
+
+            self._fewer[key] = len(self.entries)
+            self.entries.append(write_material(self.materials[index], info))
+        return self._fewer[key]
+
+    def _store(self, slot: str, image: TextureImage) -> Json | None:
+        try:
+            data = image.encoded()
+            kind = mime_type(data)
+            if not kind:  # glTF knows no other formats
+                data, kind = _as_png(data, image), "image/png"
+        except Error as error:
+            if str(error) not in self.lost:
+                self.lost.append(str(error))
+            return None
+        return {"bufferView": self.arrays.blob(data), "mimeType": kind}
+
+
+def _as_png(data: bytes, image: TextureImage) -> bytes:
+    from PIL import Image
+
+    texels = decode(data, str(image.path or "an image"))
+    out = io.BytesIO()
+    opaque = bool((texels[..., 3] == 255).all())
+    Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels).save(out, "PNG")
+    return out.getvalue()
+
+
+def _node(node: Json) -> Json:
+    """A node of the tree as a file may have it."""
+    out = {key: copy.deepcopy(value) for key, value in node.items() if key != "instances"}
+    if "matrix" in out:
+        out = {k: v for k, v in out.items() if k not in ("translation", "rotation", "scale")}
+    if "rotation" in out:
+        turn = np.array(out["rotation"], np.float64)
+        length = float(np.linalg.norm(turn))
+        if not abs(length - 1) < 1e-3:
+            out["rotation"] = (turn / length).tolist() if length > 0 else [0, 0, 0, 1]
+    return out
+
+
+def _text(root: Json) -> bytes:
+    return json.dumps(plain(root), separators=(",", ":"), allow_nan=False).encode()
+
+
+def _glb(path: Path, root: Json, arrays: Arrays) -> list[bytes]:
+    if arrays.size:
+        root["buffers"] = [{"byteLength": arrays.size}]
+    text = _text(root)
+    text += b" " * (-len(text) % 4)
+    total = 12 + 8 + len(text) + (8 + arrays.size if arrays.size else 0)
+    if total > _MOST_BYTES:
+        raise Error(f"cannot write {path}: {total} bytes are more than a .glb can hold")
+
+    def word(*values: int) -> bytes:
+        return b"".join(v.to_bytes(4, "little") for v in values)
+
+    out = [b"glTF", word(2, total), word(len(text)), b"JSON", text]
+    if arrays.size:
+        out += [word(arrays.size), b"BIN\0", *arrays.chunks]
+    return out
+
+
+def _write_apart(path: Path, root: Json, arrays: Arrays) -> None:
+    if arrays.size:
+        binary = path.with_suffix(".bin")
+        uri = urllib.parse.quote(binary.name)
+        root["buffers"] = [{"byteLength": arrays.size, "uri": uri}]
+        write_all(binary, arrays.chunks)
+    write_all(path, [_text(root)])

@@ -1,0 +1,157 @@
+"""Writes material libraries of OBJ with their images."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel.errors import Error
+from umbel.geometry.mesh import Material
+from umbel.io.obj.mtl import unique_names
+from umbel.io.textures.images import TextureImage, mime_type
+
+_MAPS = {"base_color": "map_Kd", "emissive": "map_Ke", "normal": "norm"}
+_OBJ_MAPS = {"alpha": "map_d", "roughness": "map_Pr", "metallic": "map_Pm", "specular": "map_Ks"}
+_SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
+_COAT, _IOR = "KHR_materials_clearcoat", "KHR_materials_ior"
+_COAT_FACTORS = {"clearcoatFactor": "Pc", "clearcoatRoughnessFactor": "Pcr"}
+
+
+class MtlWriter:
+    """A library beside an OBJ file `path`.
+
+    `text` is the library, `files` are the images that belong beside it, `lost` says what it cannot
+    hold. Where `flips`, the v of texture coordinates count from the image's top, and must be turned
+    round for OBJ, which counts from the bottom.
+    """
+
+    def __init__(self, path: Path, materials: list[Material]) -> None:
+        self.folder, self.stem = path.absolute().parent, path.stem
+        self.names = unique_names(materials)
+        self.files: dict[str, bytes] = {}
+        self.lost: list[str] = []
+        images = [image for material in materials for image in material.images.values()]
+        self.flips = bool(images) and not any(image.bottom_up for image in images)
+        self._named: dict[bytes, str] = {}
+        written = [self._material(*one) for one in zip(materials, self.names, strict=True)]
+        self.text = "\n".join(written)
+
+    def _material(self, material: Material, name: str) -> str:
+        r, g, b, a = material.base_color
+        lines = [
+            f"newmtl {name}",
+            f"Kd {r:.9g} {g:.9g} {b:.9g}",
+            f"d {a:.9g}",
+            "Ke {:.9g} {:.9g} {:.9g}".format(*material.emissive),
+            f"Pm {material.metallic:.9g}",
+            f"Pr {material.roughness:.9g}",
+            *self._extensions(material),
+        ]
+        for slot, image in material.images.items():
+            lines += self._maps(material, slot, image)
+        return "\n".join([*lines, ""])
+
+    def _extensions(self, material: Material) -> list[str]:
+        lines = []
+        for name, extension in material.extensions.items():
+            if name == _COAT:
+                known = {k: v for k, v in extension.items() if k in _COAT_FACTORS}
+                lines += [f"{_COAT_FACTORS[k]} {v:.9g}" for k, v in known.items()]
+            elif name == _IOR:
+                lines.append(f"Ni {extension.get('ior', 1.5):.9g}")
+            else:
+                self._say(name)
+        if material.alpha_mode == "MASK":
+            self._say("the cut-off of masks")
+        if material.extras is not None:
+            self._say("extras of materials")
+        return lines
+
+    def _maps(self, material: Material, slot: str, image: TextureImage) -> list[str]:
+        known = slot in _MAPS or slot in _OBJ_MAPS or slot == "metallic_roughness"
+        options = self._options(material.textures.get(slot, {}), slot, image) if known else None
+        if options is None:
+            what = f"the {slot} textures"
+            self._say(f"{what} that are turned or use further UVs" if known else what)
+            return []
+        try:
+            if slot == "metallic_roughness":
+                texels = image.texels().astype(np.float64)
+                rough = self._scaled(texels[..., 1] * material.roughness, "roughness", image)
+                metal = self._scaled(texels[..., 2] * material.metallic, "metallic", image)
+                return [f"map_Pr{options} {rough}", f"map_Pm{options} {metal}"]
+            file = self._file(image, slot)
+        except Error as error:
+            self._say(str(error))
+            return []
+        lines = [f"{_MAPS.get(slot) or _OBJ_MAPS[slot]}{options} {file}"]
+        masks = slot == "base_color" and material.alpha_mode != "OPAQUE"
+        if masks and "alpha" not in material.images:
+            lines.append(f"map_d{options} {file}")
+        return lines
+
+    def _options(self, info: dict[str, Any], slot: str, image: TextureImage) -> str | None:
+        """How the map is placed; None where OBJ cannot say it."""
+        moved = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
+        if moved.get("texCoord", info.get("texCoord", 0)) or moved.get("rotation", 0):
+            return None
+        default = ((0.0, 1.0), (1.0, -1.0)) if image.bottom_up else ((0.0, 0.0), (1.0, 1.0))
+        offset, scale = moved.get("offset", default[0]), moved.get("scale", default[1])
+        if self.flips:
+            offset, scale = (offset[0], 1 - scale[1] - offset[1]), scale
+        else:
+            offset, scale = (offset[0], 1 - offset[1]), (scale[0], -scale[1])
+        out = ""
+        if slot == "normal" and info.get("scale", 1) != 1:
+            out += f" -bm {info['scale']:.9g}"
+        if any(offset):
+            out += f" -o {offset[0]:.9g} {offset[1]:.9g} 0"
+        if any(value != 1 for value in scale):
+            out += f" -s {scale[0]:.9g} {scale[1]:.9g} 1"
+        return out + (" -clamp on" if image.wrap_u == image.wrap_v == "clamp" else "")
+
+    def _scaled(self, values: NDArray[np.float64], kind: str, image: TextureImage) -> str:
+        """An image of one channel, times the material's factor: in OBJ a map stands for it."""
+        from PIL import Image
+
+        out = io.BytesIO()
+        Image.fromarray(np.clip(np.rint(values), 0, 255).astype(np.uint8)).save(out, "PNG")
+        return self._stored(out.getvalue(), f"{self._base(image, '')}_{kind}".strip("_"), ".png")
+
+    def _file(self, image: TextureImage, slot: str) -> str:
+        if image.path is not None and image.path.absolute().parent == self.folder:
+            return image.path.name
+        data = image.encoded()
+        suffix = _SUFFIXES.get(mime_type(data))
+        if suffix is None and image.path is not None and not mime_type(data):
+            suffix = image.path.suffix
+        if suffix is None:  # of no format that readers of OBJ know
+            from PIL import Image
+
+            out = io.BytesIO()
+            Image.fromarray(image.texels()).save(out, "PNG")
+            data, suffix = out.getvalue(), ".png"
+        return self._stored(data, self._base(image, slot), suffix)
+
+    def _base(self, image: TextureImage, slot: str) -> str:
+        given = image.path.stem if image.path else image.gltf.get("image", {}).get("name", "")
+        return re.sub(r"[^\w.-]+", "_", str(given)) or slot
+
+    def _stored(self, data: bytes, base: str, suffix: str) -> str:
+        if data not in self._named:
+            name, k = f"{self.stem}_{base}{suffix}", 1
+            while name in self.files:
+                k += 1
+                name = f"{self.stem}_{base}_{k}{suffix}"
+            self.files[name] = data
+            self._named[data] = name
+        return self._named[data]
+
+    def _say(self, what: str) -> None:
+        if what not in self.lost:
+            self.lost.append(what)

@@ -1,0 +1,98 @@
+"""Wavefront OBJ: the arrays come from the library, which reads the text; here they become a mesh
+with the materials of its libraries."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from umbel import _umbel
+from umbel.errors import Error, LoadWarning
+from umbel.geometry.mesh import Float32Array, Material, Mesh, area_weighted_normals, unit_normals
+from umbel.io.folder import Folder
+from umbel.io.obj.mtl import read_mtl
+from umbel.io.scene import Instance, Scene, with_default
+
+
+def read_obj(source: bytes | Path, where: str, folder: Folder | None = None) -> Scene:
+    """The scene in an OBJ file or its bytes; `where` names the file in errors, material libraries
+    are looked for in `folder`."""
+    where = where.encode("utf-8", "replace").decode()  # names of files may be no text
+    if isinstance(source, Path):
+        arrays = _umbel.read_obj(source, where)
+    else:
+        arrays = _umbel.read_obj_bytes(source, where)
+    for note in arrays["notes"]:
+        _warn(_text(note))
+    mesh = Mesh(
+        arrays["positions"],
+        arrays["triangles"],
+        colors=_colors(arrays["colors"]),
+        uvs=arrays["uvs"],
+    )
+    mesh.normals = _normals(arrays["normals"], arrays["without_normal"], mesh)
+    mesh.fault = _text(arrays["fault"])
+    materials, ids = _materials(arrays, folder, where)
+    mesh.materials, mesh.material_ids = with_default(materials, ids)
+    return Scene([mesh], mesh.materials, [Instance(0)])
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, LoadWarning, stacklevel=5)
+
+
+def _text(raw: bytes) -> str:
+    return raw.decode("utf-8", "replace")
+
+
+def _colors(colors: Float32Array | None) -> Float32Array | None:
+    if colors is not None and np.nanmax(colors[:, :3], initial=0.0) > 1.0:
+        colors[:, :3] /= np.float32(255.0)
+    return colors
+
+
+def _normals(given: Float32Array | None, missing: Any, mesh: Mesh) -> Float32Array | None:
+    if given is None:
+        return None
+    normals = unit_normals(given)
+    if len(missing):
+        normals[missing] = area_weighted_normals(mesh.positions, mesh.triangles)[missing]
+    return normals
+
+
+# --- materials --------------------------------------------------------------------------------
+
+
+def _materials(
+    arrays: dict[str, Any], folder: Folder | None, where: str
+) -> tuple[list[Material], Any]:
+    if arrays["materials"] is None:
+        return [], None
+    library: dict[str, Material] = {}
+    for text in arrays["libraries"]:
+        library.update(_library(_text(text), folder, where))
+    names = [_text(name) for name in arrays["material_names"]]
+    return [library.get(name) or Material(name=name) for name in names], arrays["materials"]
+
+
+def _library(whole: str, folder: Folder | None, where: str) -> dict[str, Material]:
+    """The materials that a line `mtllib` brings: its text is one name, or several."""
+    found: dict[str, Material] = {}
+    if folder is None:
+        return found
+    try:
+        names = [whole] if folder.find(whole) else []
+    except Error:
+        names = whole.split()
+    for name in names:
+        try:
+            path = folder.find(name)
+            found.update(read_mtl(path.read_bytes(), folder.at(path.parent), str(path)))
+        except Error as error:
+            _warn(f"{where}: no material library: {error}")
+        except OSError as error:
+            _warn(f"{where}: cannot read {name!r}: {error.strerror}")
+    return found

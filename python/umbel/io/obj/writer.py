@@ -1,0 +1,90 @@
+"""Writes a mesh as OBJ text, with its materials in an MTL beside it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel.errors import warn_lost
+from umbel.geometry.mesh import Mesh
+from umbel.io.files import replacing, write_all
+from umbel.io.format_losses import attribute_losses, copyright_line
+from umbel.io.obj.mtl_writer import MtlWriter
+
+_CHUNK = 1 << 16  # rows formatted at once
+
+
+def write_obj(path: Path, mesh: Mesh) -> None:
+    """Writes OBJ text with as many digits as give every float back to the bit, positions in the
+    world, and beside it a .mtl and images if the mesh has materials. One warning names what OBJ
+    cannot hold. Only texture coordinates that count from an image's top are turned round."""
+    materials = mesh.materials if mesh.material_ids is not None else []
+    library = MtlWriter(path, materials)
+    names, uvs = library.names, mesh.uvs
+    if uvs is not None and library.flips:
+        uvs = np.stack([uvs[:, 0], np.float32(1) - uvs[:, 1]], axis=1)
+    for name, data in library.files.items():
+        write_all(path.with_name(name), [data])
+    if materials:
+        write_all(path.with_suffix(".mtl"), [library.text.encode()])
+    lost = [*_losses(mesh), *library.lost]
+    if lost:
+        warn_lost(f"{path}: OBJ has no place for", lost, most=8)
+    with replacing(path) as file:
+        file.write(b"# written by umbel\n")
+        if not len(mesh.triangles):
+            file.write(b"# no faces\n")  # or readers would take the file for one that is cut short
+        if copyright_line(mesh):
+            file.write(f"# {copyright_line(mesh)}\n".encode())
+        if materials:
+            file.write(f"mtllib {path.stem}.mtl\n".encode())
+        points: NDArray[Any] = mesh.vertices
+        row = "v" + (" %.9g" if points.dtype == np.float32 else " %r") * 3
+        if mesh.colors is not None:
+            points = np.concatenate([points, mesh.colors[:, :3]], axis=1)
+            row += " %.9g %.9g %.9g"
+        _write_rows(file, row, points)
+        if uvs is not None:
+            _write_rows(file, "vt %.9g %.9g", uvs)
+        if mesh.normals is not None:
+            _write_rows(file, "vn %.9g %.9g %.9g", mesh.normals)
+        corner = {
+            (False, False): " %d",
+            (True, False): " %d/%d",
+            (False, True): " %d//%d",
+            (True, True): " %d/%d/%d",
+        }[mesh.uvs is not None, mesh.normals is not None]
+        faces = np.repeat(mesh.triangles.astype(np.int64) + 1, corner.count("%d"), axis=1)
+        for start, stop, material in _runs(mesh):
+            if material is not None and material < len(names):
+                file.write(f"usemtl {names[material]}\n".encode())
+            _write_rows(file, "f" + corner * 3, faces[start:stop])
+
+
+def _losses(mesh: Mesh) -> list[str]:
+    lost = list(attribute_losses(mesh))
+    if mesh.tangents is not None:
+        lost.append("tangents")
+    if mesh.colors is not None and (mesh.colors[:, 3] != 1).any():
+        lost.append("the alpha of colours")
+    return lost
+
+
+def _runs(mesh: Mesh) -> list[tuple[int, int, int | None]]:
+    """Ranges of consecutive triangles of the same material."""
+    m = len(mesh.triangles)
+    if mesh.material_ids is None or not m:
+        return [(0, m, None)]
+    cuts = np.flatnonzero(np.diff(mesh.material_ids)) + 1
+    edges = [0, *cuts.tolist(), m]
+    return [(a, b, int(mesh.material_ids[a])) for a, b in pairwise(edges)]
+
+
+def _write_rows(file: Any, row: str, table: NDArray[Any]) -> None:
+    for start in range(0, len(table), _CHUNK):
+        part = table[start : start + _CHUNK]
+        file.write(((row + "\n") * len(part) % tuple(part.reshape(-1).tolist())).encode())

@@ -1,0 +1,1 @@
+"""PLY, read and written."""

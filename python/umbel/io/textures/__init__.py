@@ -1,0 +1,1 @@
+"""Images of materials: decoding, KTX2, packing of channels, smaller copies."""

@@ -1,0 +1,101 @@
+"""Textures of OBJ's materials in the slots that glTF has: a mask as the alpha of the base colour,
+roughness and metalness as two channels of one image."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel.errors import Error
+from umbel.geometry.mesh import Material
+from umbel.io.textures.images import TextureImage
+
+_SLOTS = ("alpha", "roughness", "metallic", "specular")
+_NEAR = 32
+"""Alpha of a cut-out mask is nearly all no farther from nothing and from everything."""
+_CUT_OUT = 0.9
+
+Texels = NDArray[np.uint8]
+
+
+def packed(material: Material) -> tuple[Material, list[str]]:
+    """The material with textures in glTF's slots alone, and what has no place in them."""
+    if not any(slot in material.images for slot in _SLOTS):
+        return material, []
+    images, textures = dict(material.images), dict(material.textures)
+    given = {slot: images.pop(slot, None) for slot in _SLOTS}
+    for slot in _SLOTS:
+        textures.pop(slot, None)
+    out = replace(material, images=images, textures=textures)
+    lost: list[str] = []
+    if given["specular"] is not None:
+        lost.append(f"the specular texture of {material.name!r}")
+    try:
+        if given["alpha"] is not None:
+            _add_mask(out, given["alpha"], material.textures.get("alpha", {}))
+    except Error as error:
+        lost.append(str(error))
+    try:
+        if given["roughness"] is not None or given["metallic"] is not None:
+            _add_metal(out, material, given["roughness"], given["metallic"])
+    except Error as error:
+        lost.append(str(error))
+    return out, lost
+
+
+def _add_mask(material: Material, mask: TextureImage, info: dict[str, Any]) -> None:
+    base = material.images.get("base_color")
+    texels = mask.texels()
+    if base is not None and (base.path, base.data) == (mask.path, mask.data):
+        alpha = texels[..., 3]
+    else:
+        alpha = texels[..., 3] if int(texels[..., 3].min()) < 255 else texels[..., 0]
+        size = alpha.shape if base is None else np.maximum(alpha.shape, base.texels().shape[:2])
+        color = np.full((*size, 3), 255, np.uint8)
+        if base is not None:
+            color = _sized(base.texels(), tuple(size))[..., :3]
+        whole = np.dstack([color, _sized(alpha, tuple(size))])
+        material.images["base_color"] = _png(whole, base or mask)
+        material.textures.setdefault("base_color", info)
+    if material.alpha_mode == "OPAQUE" and int(alpha.min()) < 255:
+        clear = ((alpha < _NEAR) | (alpha > 255 - _NEAR)).mean()
+        material.alpha_mode = "MASK" if clear > _CUT_OUT else "BLEND"
+
+
+def _add_metal(
+    out: Material, material: Material, rough: TextureImage | None, metal: TextureImage | None
+) -> None:
+    """In OBJ a map stands for the factor, in glTF they are multiplied."""
+    planes = [None if image is None else image.texels()[..., 0] for image in (rough, metal)]
+    size = np.max([plane.shape for plane in planes if plane is not None], axis=0)
+    texels = np.full((*size, 3), 255, np.uint8)
+    for channel, plane in enumerate(planes):
+        if plane is not None:
+            texels[..., channel + 1] = _sized(plane, tuple(size))
+    out.roughness = material.roughness if rough is None else 1.0
+    out.metallic = material.metallic if metal is None else 1.0
+    slot, image = ("roughness", rough) if rough is not None else ("metallic", metal)
+    assert image is not None
+    out.images["metallic_roughness"] = _png(texels, image)
+    out.textures["metallic_roughness"] = material.textures.get(slot, {})
+
+
+def _sized(texels: Texels, size: tuple[int, ...]) -> Texels:
+    if texels.shape[:2] == size:
+        return texels
+    from PIL import Image
+
+    resized = Image.fromarray(np.ascontiguousarray(texels)).resize((size[1], size[0]))
+    return np.asarray(resized, np.uint8)
+
+
+def _png(texels: Texels, like: TextureImage) -> TextureImage:
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(texels)).save(out, "PNG")
+    return replace(like, data=out.getvalue(), path=None)

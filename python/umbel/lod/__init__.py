@@ -1,0 +1,1 @@
+"""Continuous levels of detail: building, selecting, storing, streaming and verifying them."""

@@ -1,0 +1,49 @@
+"""Bytes of assets that are not files: from servers, archives and anything that fsspec knows."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import BinaryIO
+
+from umbel.errors import Error
+
+Read = Callable[[int, int], bytes]
+
+
+def remote(url: str) -> tuple[int, Read]:
+    """The size of what a URL names, and a function that reads (offset, size) of it."""
+    try:
+        import fsspec.core
+    except ImportError:
+        raise Error(f"{url}: URLs need fsspec: pip install 'umbel[remote]'") from None
+    try:
+        system, path = fsspec.core.url_to_fs(url)
+        size = system.size(path)
+    except Exception as error:  # every file system has its own
+        raise Error(f"cannot open {url}: {error}") from None
+    if size is None:
+        raise Error(f"cannot open {url}: it does not say how large it is")
+
+    def read(offset: int, count: int) -> bytes:
+        if count == 0:
+            return b""
+        return bytes(system.cat_file(path, start=offset, end=offset + count))
+
+    return int(size), read
+
+
+def readable(file: BinaryIO) -> tuple[int, Read]:
+    """The same of an open binary file, which must stay open."""
+    lock = threading.Lock()
+    try:
+        size = file.seek(0, 2)
+    except (AttributeError, OSError, ValueError) as error:
+        raise Error(f"an asset is opened from a path, a URL or an open file ({error})") from None
+
+    def read(offset: int, count: int) -> bytes:
+        with lock:
+            file.seek(offset)
+            return file.read(count)
+
+    return size, read

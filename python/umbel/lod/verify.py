@@ -1,0 +1,58 @@
+"""Proving that an asset is what it says."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from umbel import _umbel
+from umbel.geometry.arrays import thread_count, whole
+from umbel.geometry.repair import Progress
+
+
+@dataclass(frozen=True)
+class VerifyReport:
+    """What `verify` found; true where all holds."""
+
+    ok: bool
+    cuts: int
+    """Random cuts looked at."""
+    cracks: int
+    """Edges that are open in a cut and that the source does not explain."""
+    overlaps: int
+    """Edges of a cut with more triangles than the source explains."""
+    limit_violations: int
+    """Clusters over a limit, indices out of range, bad links."""
+    monotone: bool
+    """Whether errors and spheres never shrink towards the root."""
+    checksum_errors: int
+    problems: list[str]
+    """A sentence each, the first 32."""
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def verify(
+    path: str | os.PathLike[str],
+    cuts: int = 64,
+    *,
+    seed: int = 1,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> VerifyReport:
+    """Checks an asset file: checksums, tables, size limits, monotone errors and spheres, that
+    level 0 is the source, and that `cuts` random cuts have no hole and no overlap."""
+    return VerifyReport(
+        **_umbel.verify_asset(
+            os.fspath(path),
+            whole("cuts", cuts),
+            whole("seed", seed),
+            progress,
+            thread_count(threads),
+        )
+    )

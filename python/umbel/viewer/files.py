@@ -1,0 +1,30 @@
+"""The files that an asset names beside itself: images that were not embedded."""
+
+from __future__ import annotations
+
+import json
+import urllib.parse
+from pathlib import Path
+
+from umbel.io.textures.images import beside
+from umbel.lod.asset import Asset
+
+#: What the page shows. An asset from anywhere may not have any file shown that it names.
+_KINDS = {".png", ".jpg", ".jpeg", ".webp", ".avif", ".ktx2", ".gif", ".bmp"}
+
+
+def images_beside(asset: Path) -> dict[str, Path]:
+    """Image files in the asset's folder or below it, by the name that the asset has for each.
+
+    What is elsewhere, or not there, is left out: the viewer says that it could not be read."""
+    try:
+        images = json.loads(Asset(asset)._native.materials or "{}").get("images", [])
+        names = [image["uri"] for image in images if isinstance(image.get("uri"), str)]
+    except (ValueError, TypeError, AttributeError):
+        return {}
+    found: dict[str, Path] = {}
+    for name in map(urllib.parse.unquote, names):
+        path = beside(asset.absolute().parent, name)
+        if path is not None and path.suffix.lower() in _KINDS and path.is_file():
+            found[name] = path
+    return found

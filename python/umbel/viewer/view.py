@@ -1,0 +1,98 @@
+"""The web viewer: in the browser, in a notebook, or as a folder to upload."""
+
+from __future__ import annotations
+
+import html
+import os
+import shutil
+import tempfile
+import webbrowser
+from pathlib import Path
+
+from umbel.errors import Error
+from umbel.io.textures.images import beside
+from umbel.viewer.files import images_beside
+from umbel.viewer.server import Server, page_folder
+
+
+class View:
+    """An asset in the viewer, served from this process while this object lives.
+
+    As the last value of a notebook's cell it shows the viewer there."""
+
+    def __init__(self, path: str | os.PathLike[str], *, port: int = 0, height: int = 560) -> None:
+        self._server = Server(checked(path), port)
+        self.height = height
+
+    @property
+    def url(self) -> str:
+        """The address of the page, on this machine only."""
+        return self._server.url
+
+    def open(self) -> bool:
+        """Opens the page in the browser; whether there is one."""
+        return webbrowser.open(self.url)
+
+    def wait(self) -> None:
+        """Until it is closed, or a signal comes."""
+        self._server.wait()
+
+    def close(self) -> None:
+        """Ends serving."""
+        self._server.close()
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe src="{html.escape(self.url)}" width="100%" height="{self.height}" '
+            'style="border:0" allowfullscreen></iframe>'
+        )
+
+
+def view(path: str | os.PathLike[str], *, port: int = 0, height: int = 560) -> View:
+    """Serves the viewer with an asset on this machine's loopback address.
+
+    In a notebook the result shows it inline, `height` pixels high; elsewhere `.open()` opens the
+    browser and `.url` is the address. `port` 0 takes any free one. Raises Error where this
+    installation was made without the viewer's page."""
+    return View(path, port=port, height=height)
+
+
+def export_viewer(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
+    """Writes a folder that shows an asset from any static host, with the images that it names, and
+    returns its index.html.
+
+    The folder must not exist yet, or be empty. It works best from a host that supports HTTP
+    ranges; others send the whole file."""
+    asset, target, page = checked(path), Path(folder), page_folder()
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise Error(f"{target} is there already and is not an empty folder")
+    if not target.absolute().parent.is_dir():
+        raise Error(f"{target}: there is no folder {target.absolute().parent}")
+    with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
+        whole = Path(made) / "viewer"
+        shutil.copytree(page, whole)
+        shutil.copyfile(asset, whole / asset.name)
+        for name, image in images_beside(asset).items():
+            copy = beside(whole, name)
+            if copy is not None and not copy.exists():
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(image, copy)
+        index = whole / "index.html"
+        text = index.read_text(encoding="utf-8")
+        named = f'<body data-asset="{html.escape(asset.name)}">'
+        index.write_text(text.replace("<body>", named), encoding="utf-8")
+        if target.exists():
+            target.rmdir()
+        whole.rename(target)
+    return target / "index.html"
+
+
+def checked(path: str | os.PathLike[str]) -> Path:
+    """The path of an asset that can be opened, or an Error that says why not."""
+    from umbel.lod.asset import Asset
+
+    asset = Path(path)
+    if asset.suffix.lower() != ".umbel":
+        raise Error(f"{asset}: the viewer shows .umbel files; `umbel build` makes one of a mesh")
+    Asset(asset)
+    return asset
