@@ -1,4 +1,4 @@
-/* Clusters of a generated grid, and how good they are: two calls, all memory the caller's. */
+/* Clusters a generated grid and measures the clusters; the caller owns all memory. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -57,7 +57,7 @@ int main(void) {
   check(umbel_cluster_config_preset(&config, "quality", 128));
   config.max_vertices = 128;
 
-  /* The first call says how much room any result can need. */
+  /* The first call gives the largest sizes that any result can need. */
   umbel_cluster_capacity needed;
   umbel_cluster_capacity_init(&needed);
   check(umbel_cluster_requirements(&input, &config, &needed));
@@ -70,7 +70,7 @@ int main(void) {
   output.range_capacity = needed.ranges;
   output.item_capacity = needed.items;
 
-  /* The second one fills it. */
+  /* The second call fills the arrays. */
   umbel_build_options options;
   umbel_build_options_init(&options);
   options.progress = show;

@@ -1,4 +1,4 @@
-/* Rays against a generated hill: a picture in characters, shadows, and the nearest point. */
+/* Rays against a generated hill: an ASCII picture with shadows, and the closest point. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,7 +38,7 @@ static void check(umbel_result result) {
   exit(1);
 }
 
-/* Looks down on the hill, a ray a character. */
+/* Rays straight down, one per character. */
 static void aim(void) {
   for (int y = 0; y < HEIGHT; ++y) {
     for (int x = 0; x < WIDTH; ++x) {
@@ -52,7 +52,7 @@ static void aim(void) {
   }
 }
 
-/* From what was hit towards a low sun. */
+/* Rays from the hits towards a low sun. */
 static void aim_at_sun(void) {
   for (int i = 0; i < WIDTH * HEIGHT; ++i) {
     umbel_ray* ray = &shadow_rays[i];
@@ -60,7 +60,7 @@ static void aim_at_sun(void) {
     ray->origin.z += rays[i].direction.z * hits[i].t;
     ray->direction.x = 1.0f;
     ray->direction.z = 0.3f;
-    ray->t_min = 1e-3f; /* not the surface itself */
+    ray->t_min = 1e-3f; /* skips the surface itself */
     ray->t_max = INFINITY;
   }
 }

@@ -1,4 +1,4 @@
-// Clusters of a mesh, and how good they are.
+// Clusters a mesh and measures the clusters.
 #include <cstdio>
 #include <umbel/umbel.hpp>
 

@@ -1,4 +1,4 @@
-// A mesh becomes an asset; the asset is proved, and shown coarser the farther away it is.
+// Builds a continuous-LOD asset, verifies it, and selects cuts from growing distances.
 #include <cstdio>
 #include <string>
 #include <umbel/umbel.hpp>

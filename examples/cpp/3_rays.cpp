@@ -1,5 +1,4 @@
-// Rays, distances, refit and files of a hierarchy over triangles; and a hierarchy over primitives
-// of your own.
+// Rays, distances, refit and files of a triangle BVH; and a BVH over your own primitives.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -8,7 +7,7 @@
 
 namespace {
 
-/// How much of the sky a point sees, by rays in all directions of the upper half.
+/// The visible fraction of the sky, by rays over the upper hemisphere.
 float open_sky(const umbel::TriangleBvh& bvh, const umbel::Vec3& point) {
   std::vector<umbel::Ray> rays;
   for (int i = 0; i < 16; ++i)
@@ -22,7 +21,7 @@ float open_sky(const umbel::TriangleBvh& bvh, const umbel::Vec3& point) {
   return float(std::count(hidden.begin(), hidden.end(), 0)) / float(hidden.size());
 }
 
-/// The sphere of a crowd that is nearest to a point: what to do at a leaf is up to you.
+/// The sphere nearest to a point. The caller decides what happens at a leaf.
 uint32_t nearest_sphere(const umbel::bvh::Bvh2& tree, const std::vector<umbel::Sphere>& spheres,
                         const umbel::Vec3& p) {
   const auto distance_to = [&](const umbel::Sphere& s) {
@@ -45,7 +44,7 @@ uint32_t nearest_sphere(const umbel::bvh::Bvh2& tree, const std::vector<umbel::S
   return nearest;
 }
 
-void primitives_of_your_own() {
+void own_primitives() {
   std::vector<umbel::Sphere> spheres;
   std::vector<umbel::Aabb> boxes;
   for (int i = 0; i < 1000; ++i) {
@@ -78,10 +77,10 @@ int main() {
   for (umbel::Vec3& p : mesh.positions) p.z *= 2;
   const umbel::RefitReport report = bvh.refit(mesh.view());
   std::printf("SAH cost %.1f after the refit, %.1f before it%s\n", report.sah_cost,
-              report.built_sah_cost, report.rebuild_advised ? ": build anew" : "");
+              report.built_sah_cost, report.rebuild_advised ? ": rebuild" : "");
 
   bvh.save("terrain.umbvh");
   const umbel::TriangleBvh loaded = umbel::TriangleBvh::load("terrain.umbvh");
   std::printf("%u nodes from the file\n", loaded.statistics().nodes);
-  primitives_of_your_own();
+  own_primitives();
 }

@@ -1,4 +1,4 @@
-"""Clusters of a mesh file, or of a generated mesh, and how good they are."""
+"""Clusters a mesh file or a generated mesh with each preset and prints their quality."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""A mesh becomes an asset; cuts of it come back as meshes of any size."""
+"""Builds a continuous-LOD asset from a mesh, verifies it, and reads cuts of several sizes."""
 
 import sys
 

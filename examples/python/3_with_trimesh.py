@@ -1,4 +1,4 @@
-"""From trimesh to Umbel and back."""
+"""Levels of detail of a trimesh mesh, and a cut as a trimesh mesh."""
 
 import trimesh
 

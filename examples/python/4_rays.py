@@ -1,4 +1,4 @@
-"""Rays, distances and files of a hierarchy, and Umbel as the rays of a trimesh mesh."""
+"""Rays, distances, refit and files of a BVH, and Umbel as the ray engine of a trimesh mesh."""
 
 import sys
 
@@ -20,7 +20,7 @@ origins = middle - size * directions / np.linalg.norm(directions, axis=1, keepdi
 hits = bvh.intersect(origins, directions)
 points = origins[hits.hit] + hits.t[hits.hit, None] * directions[hits.hit]
 print(f"{hits.hit.mean():.0%} of the rays hit; the first at {points[0]}")
-print(f"a ray meets {bvh.all_hits(origins[:1000], directions[:1000]).counts.mean():.1f} triangles")
+print(f"a ray hits {bvh.all_hits(origins[:1000], directions[:1000]).counts.mean():.1f} triangles")
 print(f"{bvh.occluded(origins, directions, t_max=1.5).mean():.0%} are blocked before t = 1.5")
 
 samples = rng.uniform(low, high, (1000, 3))

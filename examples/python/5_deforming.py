@@ -1,9 +1,9 @@
-"""A mesh that twists, bends and shakes, and what becomes of its clusters: charts and pictures.
+"""Clusters of a mesh that twists, bends and shakes: charts and pictures of their quality and cost.
 
     python examples/python/5_deforming.py [MESH [FOLDER]] [--frames 300]
 
-Compares clusters that are kept as they were (with boxes that hold them through all frames),
-refitted, built anew in every frame, and built anew when a policy says so. Needs matplotlib.
+Compares clusters that are kept (with boxes over all frames), refitted, rebuilt in every frame, and
+rebuilt when a policy says so. Needs matplotlib.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ WIDTH, HEIGHT = 800, 600
 
 
 def unit_scaled(positions: np.ndarray) -> tuple[np.ndarray, float]:
-    """Positions around the origin, and the scene's size."""
+    """Positions centred at the origin, and the scene's size."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     return (positions - (low + high) / 2).astype(np.float32), float((high - low).max())
 
 
 def deformed(rest: np.ndarray, size: float, t: float) -> np.ndarray:
-    """The frame at t in [0, 1]: at rest, fully deformed in the middle, at rest again."""
+    """The positions at t in [0, 1]: at rest at both ends, fully deformed in the middle."""
     amount = np.sin(np.pi * t) ** 2
     x, y, z = (rest / size).T
     # Twist around x, by up to a turn and a half over the length.
@@ -41,7 +41,7 @@ def deformed(rest: np.ndarray, size: float, t: float) -> np.ndarray:
     if amount > 1e-3:
         bend = 1.8 * amount
         x, y = np.sin(bend * x) * (1 / bend - y), 1 / bend - np.cos(bend * x) * (1 / bend - y)
-    # Noise: three waves a place, that travel.
+    # Noise: three travelling waves.
     phase = 2 * np.pi * (5 * t)
     for k, (a, b) in enumerate([(23, 31), (41, 17), (29, 53)]):
         wave = 0.012 * amount * np.sin(a * x + b * z + phase * (k + 1))
@@ -56,7 +56,7 @@ def area(boxes: np.ndarray) -> np.ndarray:
 
 
 def overlap(boxes: np.ndarray) -> float:
-    """Mean number of boxes that a random line through the box of all meets."""
+    """Mean number of boxes that a random line through the box of all intersects."""
     whole = np.concatenate([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])[None]
     return float(area(boxes).sum() / area(whole)[0])
 
@@ -117,7 +117,7 @@ def chart(path: Path, rows, costs, rebuilds, frames: int) -> None:
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 7), sharex=True)
     names = ["kept", "refitted", "Morton, rebuilt", "rebuilt", "policy", "partial"]
     labels = {
-        "kept": "kept: boxes that hold all frames",
+        "kept": "kept: boxes over all frames",
         "refitted": "refitted",
         "rebuilt": "rebuilt each frame (hybrid)",
         "Morton, rebuilt": "rebuilt each frame (Morton)",
@@ -127,7 +127,7 @@ def chart(path: Path, rows, costs, rebuilds, frames: int) -> None:
     for name in names:
         top.plot(rows[name], label=labels[name], linewidth=1.4)
         bottom.plot(costs[name], label=labels[name], linewidth=1.0)
-    top.set_ylabel("clusters that a random line meets")
+    top.set_ylabel("clusters that a random line intersects")
     top.set_yscale("log")
     top.legend(fontsize=8)
     bottom.set_ylabel("processor time, ms a frame")
@@ -140,7 +140,7 @@ def chart(path: Path, rows, costs, rebuilds, frames: int) -> None:
 
 
 def picture(path: Path, positions: np.ndarray, clusters: umbel.FrameClusters, samples: int) -> None:
-    """The clusters in colours of their own."""
+    """A picture with one colour per cluster."""
     sizes = np.diff(clusters.offsets)
     label = np.repeat(np.arange(len(sizes)), sizes)
     corners = clusters.triangles.reshape(-1)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A mesh file to an asset, proved, and then to ordinary meshes of three sizes.
+# Builds an asset from a mesh file, verifies it, and extracts meshes of three sizes.
 # usage: levels.sh MESH [FOLDER]
 set -euo pipefail
 
