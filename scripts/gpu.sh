@@ -119,7 +119,7 @@ if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
   step "arrays of Python's packages"
   PYTHONPATH=python UMBEL_CUDA_LIBRARY=$PWD/build/release/libumbel_cuda_c.so \
     within 120 "${PYTHON:-python3}" -m pytest --noconftest -p no:cacheprovider \
-    tests/python/test_cuda_devices.py tests/python/test_cuda_queries.py 2>&1 |
+    tests/python/cuda/test_frame_clusters.py tests/python/cuda/test_rays.py 2>&1 |
     tee build/gpu-python.log || status=1
   arrays=$(tail -n 1 build/gpu-python.log | tr -d '=')
 fi

@@ -1,43 +1,19 @@
-"""Where the real meshes are, and how the command line is run."""
+"""Fixtures of all tests."""
 
 from __future__ import annotations
 
-import json
-import os
 import signal
 import subprocess
-import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("UMBEL_DATA", ROOT.parent / "shared" / "data"))
-COMMAND = [sys.executable, "-m", "umbel"]
-
+from helpers.commands import COMMAND, DATA, Outcome, Umbel
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so what they start.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-@dataclass
-class Outcome:
-    """How a command ended and what it said."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> dict[str, Any]:
-        return json.loads(self.out)
-
-
-Umbel = Callable[..., Outcome]
 
 
 @pytest.fixture

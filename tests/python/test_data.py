@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import umbel
-from conftest import DATA, Umbel
-from mesh_helpers import triangle_keys
+from helpers.commands import DATA, Umbel
+from helpers.meshes import triangle_keys
 
 MESHES = sorted(p.name for p in DATA.glob("*.*") if p.suffix in {".ply", ".obj", ".glb", ".gltf"})
 INVALID = {"nasty_synth_nan_inf.ply", "nasty_synth_index_out_of_range.ply"}

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import umbel
-from conftest import ROOT
+from helpers.commands import ROOT
 
 PYTHON_EXAMPLES = sorted((ROOT / "examples" / "python").glob("*.py"))
 BUILD = ROOT / "build" / "release"

@@ -12,7 +12,7 @@ export const ASSETS = join(ROOT, "build/viewer/assets");
 export const PYTHON = process.env.UMBEL_PYTHON ?? join(ROOT, ".venv/bin/python");
 
 function stampOf(script: string): string {
-  const reader = readFileSync(join(ROOT, "tests/python/reference_reader.py"));
+  const reader = readFileSync(join(ROOT, "tests/python/helpers/reference_reader.py"));
   const textured = readFileSync(join(ROOT, "viewer/tests/support/make_textured.py"));
   const where = execFileSync(PYTHON, ["-c", "import umbel._umbel as m; print(m.__file__)"]);
   const library = statSync(where.toString().trim());

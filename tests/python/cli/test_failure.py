@@ -1,0 +1,223 @@
+"""What commands say when something is wrong: file, flag, what to do; and that results name what
+they are of."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections import namedtuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import umbel
+from helpers.commands import COMMAND, Umbel
+from umbel.cli.failure import naming_file, with_flags
+from umbel.cli.outputs import check_space
+from umbel.cli.run import Failure
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A mesh of 320 triangles, and its asset beside it."""
+    path = tmp_path_factory.mktemp("small") / "max_items.ply"
+    umbel.save(path, umbel.shapes.sphere(2))
+    umbel.build_lod(path).save(path.with_suffix(".umbel"))
+    return path
+
+
+def test_arguments_are_named_as_flags() -> None:
+    flags = {"max_items": "--max-triangles", "max_triangles": "--max-triangles", "bins": "--bins"}
+    assert with_flags("min is 3, more than max_items, 2", flags).endswith("--max-triangles, 2")
+    assert with_flags("bins is 1, not 4", flags) == "--bins is 1, not 4"
+    assert with_flags("not without bins=True", flags) == "not without --bins"
+    assert with_flags("too many bins: max_triangles", flags) == "too many bins: --max-triangles"
+    assert with_flags("--max-triangles is 1", flags) == "--max-triangles is 1"
+    path = "a/max_items.obj"
+    assert with_flags(f"{path}: max_items is 0", flags, [path]) == f"{path}: --max-triangles is 0"
+    assert naming_file("triangle 3 is wrong", path, [path]) == f"{path}: triangle 3 is wrong"
+    assert naming_file(f"cannot read {path}", path, [path]) == f"cannot read {path}"
+    assert naming_file("out.glb is a folder", path, [path, "out.glb"]) == "out.glb is a folder"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "flag"),
+    [
+        (["cluster", "IN", "--max-triangles", 0], "--max-triangles"),
+        (["cluster", "IN", "--min-triangles", 999], "--min-triangles"),
+        (["cluster", "IN", "--presplit", -1], "--presplit"),
+        (["bvh", "IN", "--kary", "--builder", "kmeans", "--clusters", 1], "--clusters"),
+        (["kdtree", "IN", "--cost", "-1,2"], "--cost"),
+        (["render", "IN", "-o", "OUT.png", "--bounces", -1], "--bounces"),
+        (["render", "IN", "-o", "OUT.png", "--light=-1,0,0"], "--light"),
+        (["extract", "ASSET", "-o", "OUT.ply", "--level", 99], "--level"),
+        (["extract", "ASSET", "-o", "OUT.ply", "--level", -1], "--level"),
+        (["extract", "ASSET", "-o", "OUT.ply", "--triangles", 0], "--triangles"),
+        (["extract", "ASSET", "-o", "OUT.ply", "--triangles", -9], "--triangles"),
+        (["extract", "ASSET", "-o", "OUT.ply", "--triangles", 1], "the coarsest cut has"),
+        (["extract", "ASSET", "-o", "OUT.ply", "--error", -1], "--error"),
+        (["extract", "ASSET", "-o", "OUT.ply", "--error", "nan"], "--error"),
+        (["build", "IN", "-o", "OUT.umbel", "--precision", 16], "16mm"),
+        (["bench", "bvh", "--generated", 5], "--generated"),
+    ],
+)
+def test_wrong_values_name_the_flag(
+    umbel_command: Umbel, small: Path, tmp_path: Path, arguments: list[object], flag: str
+) -> None:
+    places = {"IN": small, "ASSET": small.with_suffix(".umbel")}
+    named = [
+        tmp_path / str(word) if str(word).startswith("OUT") else places.get(str(word), word)
+        for word in arguments
+    ]
+    done = umbel_command(*named, "--json")
+    assert done.status == 1 and flag in done.json["error"]
+    assert done.err == f"umbel: {done.json['error']}\n"
+    given = str(named[1])
+    if Path(given).exists():
+        assert done.json["input"] == given and given in done.json["error"]
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("command", ["build", "bvh", "kdtree", "cluster", "render"])
+def test_what_is_not_finite_names_the_remedy(
+    umbel_command: Umbel, tmp_path: Path, command: str
+) -> None:
+    mesh = umbel.shapes.sphere(2)
+    mesh.positions = mesh.positions.copy()
+    mesh.positions[5] = np.inf
+    source = tmp_path / "inf.ply"
+    umbel.save(source, mesh)
+    output = {"build": ["-o", tmp_path / "x.umbel"], "render": ["-o", tmp_path / "x.png"]}
+    done = umbel_command(command, source, *output.get(command, []), "--json")
+    assert done.status == 1 and "--drop-invalid" in done.json["error"]
+    assert str(source) in done.json["error"] and "vertex 5" in done.json["error"]
+
+
+def test_references_leave_the_folder_by_a_flag_only(umbel_command: Umbel, tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (tmp_path / "red.mtl").write_bytes(b"newmtl red\nKd 1 0 0\n")
+    source, output = folder / "a.obj", tmp_path / "a.umbel"
+    source.write_bytes(b"mtllib ../red.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+    flags = ["-o", output, "--skip-unchanged", "--json"]
+    done = umbel_command("build", source, *flags)
+    assert done.status == 0 and len(done.json["warnings"]) == 1
+    assert "--allow-outside" in done.json["warnings"][0] and "../red.mtl" in done.err
+    done = umbel_command("build", source, *flags, "--allow-outside")
+    assert done.json["status"] == "built" and done.json["warnings"] == []
+    assert umbel.Asset(output).materials[0].base_color[:3] == (1.0, 0.0, 0.0)
+    assert umbel_command("build", source, *flags, "--allow-outside").json["status"] == "unchanged"
+    (tmp_path / "red.mtl").write_bytes(b"newmtl red\nKd 1 1 0\n")
+    assert umbel_command("build", source, *flags, "--allow-outside").json["status"] == "built"
+    for command in (["info"], ["cluster"], ["bvh"], ["kdtree"]):
+        assert umbel_command(*command, source, "--allow-outside").err == ""
+    done = umbel_command("build", source.as_uri(), *flags, "--allow-outside")
+    assert done.status == 1 and "--allow-outside" in done.json["error"]
+
+
+def test_a_grid_that_is_too_coarse_needs_force(umbel_command: Umbel, tmp_path: Path) -> None:
+    source, output = tmp_path / "fine.ply", tmp_path / "out.umbel"
+    umbel.save(source, umbel.shapes.blob(5))
+    arguments = ["build", source, "-o", output, "--precision", "5bits", "--json"]
+    done = umbel_command(*arguments)
+    assert done.status == 1 and not output.exists()
+    for word in ("--force", "--precision", str(source), "of 20480 triangles"):
+        assert word in done.json["error"]
+    done = umbel_command(*arguments, "--force")
+    assert done.status == 0 and umbel.verify(output, 8).ok
+
+
+def test_results_name_input_and_output(umbel_command: Umbel, small: Path, tmp_path: Path) -> None:
+    asset = small.with_suffix(".umbel")
+    picture = ["--width", 16, "--height", 16, "--spp", 1]
+    for arguments in (
+        ["build", small, "-o", tmp_path / "a.umbel"],
+        ["info", small],
+        ["info", asset],
+        ["verify", asset],
+        ["extract", asset, "--level", 0, "-o", tmp_path / "a.glb"],
+        ["cluster", small, "-o", tmp_path / "a.npz"],
+        ["bvh", small, "-o", tmp_path / "a.umbvh"],
+        ["kdtree", small, "-o", tmp_path / "a.umkd"],
+        ["render", small, "-o", tmp_path / "a.png", *picture],
+    ):
+        done = umbel_command(*arguments, "--json")
+        assert done.status == 0, done.err
+        assert done.json["input"] == str(arguments[1])
+        if "-o" in arguments:
+            assert done.json["output"] == str(arguments[arguments.index("-o") + 1])
+            assert done.json["warnings"] == []
+
+
+def test_outputs_are_checked_before_the_input_is_read(
+    umbel_command: Umbel, small: Path, tmp_path: Path
+) -> None:
+    asset = small.with_suffix(".umbel")
+    (tmp_path / "folder.ply").mkdir()
+    os.mkfifo(tmp_path / "pipe.ply")
+    copy = tmp_path / "mesh.ply"
+    shutil.copyfile(small, copy)
+    link = tmp_path / "link.umbel"
+    link.symlink_to(copy)
+    for arguments, word in (
+        (["build", "nothing.ply", "-o", tmp_path / "a.txt"], ".umbel"),
+        (["build", "nothing.ply", "-o", tmp_path / "no" / "a.umbel"], "no folder"),
+        (["build", "nothing.ply", "-o", "/proc/a.umbel"], "/proc"),
+        (["build", copy, "-o", link], "is the input"),
+        (["extract", asset, "--level", 0, "-o", tmp_path / "folder.ply"], "is a folder"),
+        (["extract", asset, "--level", 0, "-o", tmp_path / "pipe.ply"], "no ordinary file"),
+        (["render", "nothing.ply", "-o", tmp_path / "a.bmp"], ".png"),
+        (["cluster", "nothing.ply", "-o", tmp_path / "a.bmp"], ".npz"),
+        (["bench", "clusters", "-o", copy], "is a file"),
+        (["view", asset, "--export", tmp_path / "no" / "a"], "no folder"),
+    ):
+        done = umbel_command(*arguments)
+        assert done.status == 1 and word in done.err and "nothing.ply:" not in done.err
+        assert len(done.err.splitlines()) == 1
+    assert copy.read_bytes() == small.read_bytes()
+
+
+def test_a_disk_without_room_is_found_before_the_build(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(10**9, 10**9, 1000))
+    check_space(tmp_path / "a.umbel", 1000)
+    with pytest.raises(Failure, match="no space left"):
+        check_space(tmp_path / "a.umbel", 1001)
+
+
+def test_an_interrupted_command_says_so_as_an_object(tmp_path: Path) -> None:
+    source, output = tmp_path / "pipe.ply", tmp_path / "out.umbel"
+    os.mkfifo(source)
+    process = subprocess.Popen(
+        [*COMMAND, "build", str(source), "-o", str(output), "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    writer = -1
+    while writer < 0 and process.poll() is None:
+        try:
+            writer = os.open(source, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:  # nobody reads yet
+            time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    os.close(writer)
+    assert process.returncode == 130 and err == "umbel: interrupted\n"
+    assert json.loads(out) == {"error": "interrupted", "input": str(source)}
+    assert os.listdir(tmp_path) == ["pipe.ply"]
+
+
+def test_a_command_that_is_unknown_has_no_input(umbel_command: Umbel) -> None:
+    for arguments in (["fly", "a.obj"], ["bench", "fly"], []):
+        done = umbel_command(*arguments, "--json")
+        assert done.status == 2 and done.json["input"] is None and done.json["error"]
+    done = umbel_command("build", "--max-triangles", "5", "a.obj", "--json")
+    assert done.status == 2 and done.json["input"] == "a.obj"

@@ -1,0 +1,348 @@
+"""Scenes of glTF: nodes, names, cameras, lights, extras and skins, through assets and back."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import umbel
+from helpers.gltf_builder import GltfBuilder
+from helpers.gltf_files import binary_of, json_of, validator_errors
+from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, corners
+from umbel.io.gltf.placing import same_place
+from umbel.io.gltf.reader import read_root
+from umbel.io.gltf.tree import worlds
+
+INDICES = TETRA_TRIANGLES.reshape(-1).astype(np.uint16)
+
+
+def furnished() -> GltfBuilder:
+    """Two meshes on three nodes of a tree, with a camera, a light, and notes everywhere."""
+    b = GltfBuilder()
+    b.root["asset"] |= {"copyright": "me, 2024", "extras": {"license": "MIT"}}
+    b.root["extras"] = {"file": True}
+    light = {"type": "point", "color": [1, 0.5, 0], "name": "lamp"}
+    b.root["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
+    b.root["extensionsUsed"] = ["KHR_lights_punctual"]
+    b.root["cameras"] = [
+        {"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 9}},
+    ]
+    chair = b.tetra(name="chair", extras={"legs": 4})
+    table = b.tetra(name="table")
+    lit = {"KHR_lights_punctual": {"light": 0}}
+    left = b.node(name="left", mesh=chair, translation=[1, 2, 3], rotation=[0, 0.6, 0, 0.8])
+    right = b.node(name="right", mesh=chair, scale=[2, 2, 2], extras={"broken": False})
+    lamp = b.node(name="lamp", extensions=lit, translation=[0, 5, 0])
+    eye = b.node(name="eye", camera=0, matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 8, 9, 1])
+    plan = b.node(name="plan", camera=1)
+    room = b.node(name="room", children=[left, right, lamp, eye, plan], scale=[1, 3, 1])
+    b.root["scenes"] = [
+        {"nodes": [room, b.node(name="table", mesh=table)], "name": "flat", "extras": [1]}
+    ]
+    return b
+
+
+def saved(tmp_path: Path, builder: GltfBuilder, name: str = "in.glb") -> Path:
+    path = tmp_path / name
+    path.write_bytes(builder.glb())
+    return path
+
+
+def without_geometry(root: dict[str, Any]) -> dict[str, Any]:
+    """What of a file is not its meshes' arrays, with meshes by their names and nodes by theirs."""
+
+    def shown(index: int) -> dict[str, Any]:
+        node = dict(root["nodes"][index])
+        if "mesh" in node:
+            mesh = root["meshes"][node["mesh"]]
+            node["mesh"] = (mesh["name"], str(mesh.get("extras")))
+        node["children"] = [shown(k) for k in node.pop("children", [])]
+        return node
+
+    scene = dict(root["scenes"][0])
+    scene["nodes"] = [shown(k) for k in scene["nodes"]]
+    kept = {k: root.get(k) for k in ("cameras", "extensions", "extras", "extensionsUsed")}
+    asset = {k: v for k, v in root["asset"].items() if k not in ("generator", "version")}
+    return {"scene": scene, "asset": asset, **kept}
+
+
+def places_of(mesh: umbel.Mesh) -> np.ndarray:
+    """Triangles' middles, in an order that does not depend on theirs."""
+    middles = corners(mesh).astype(np.float64).mean(axis=1).round(4) + 0.0
+    return middles[np.lexsort(middles.T)]
+
+
+def extracted(source: Path, instances: str, level: int = 0) -> Path:
+    """The file built and extracted again."""
+    asset = source.with_name(f"{instances}.umbel")
+    umbel.build_scene(source, instances=instances).save(asset)
+    opened = umbel.Asset(asset)
+    out = source.with_name(f"{instances}.glb")
+    umbel.save(out, opened.scene_of(opened.scene_cuts(level=level)))
+    return out
+
+
+@pytest.mark.parametrize("extension", [".glb", ".gltf"])
+def test_a_saved_scene_is_the_loaded_one(tmp_path: Path, extension: str) -> None:
+    source = saved(tmp_path, furnished())
+    out = tmp_path / f"out{extension}"
+    umbel.save(out, umbel.load_scene(source))
+    assert without_geometry(json_of(out)) == without_geometry(json_of(source))
+    assert np.array_equal(corners(umbel.load(out)), corners(umbel.load(source)))
+    assert len(json_of(out)["meshes"]) == 2
+    assert validator_errors(out) == []
+
+
+def test_instances_apart_keep_the_tree(tmp_path: Path) -> None:
+    source = saved(tmp_path, furnished())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        out = extracted(source, "on")
+    assert without_geometry(json_of(out)) == without_geometry(json_of(source))
+    scene = umbel.Asset(tmp_path / "on.umbel").scene
+    shown = {n["name"]: n["instances"] for n in scene["nodes"] if "instances" in n}
+    assert shown == {"left": [0, 1], "right": [1, 1], "table": [2, 1]}
+    assert scene["meshes"] == [{"name": "chair", "extras": {"legs": 4}}, {"name": "table"}]
+    assert scene["asset"]["copyright"] == "me, 2024"
+    assert validator_errors(out) == []
+
+
+def test_merged_nodes_are_one_warning_and_keep_all_but_their_meshes(tmp_path: Path) -> None:
+    source = saved(tmp_path, furnished())
+    with pytest.warns(umbel.LoadWarning, match="3 nodes.*'left'.*--instances on") as said:
+        out = extracted(source, "auto")
+    assert len(said) == 1
+    root, before = json_of(out), json_of(source)
+    names = [node.get("name") for node in root["nodes"]]
+    assert set(names) >= {node["name"] for node in before["nodes"]}
+    assert len([node for node in root["nodes"] if "mesh" in node]) == 1
+    assert root["cameras"] == before["cameras"] and root["extensions"] == before["extensions"]
+    assert root["asset"]["copyright"] == "me, 2024" and root["extras"] == {"file": True}
+    assert np.array_equal(places_of(umbel.load(out)), places_of(umbel.load(source)))
+    assert validator_errors(out) == []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        extracted(source, "off")  # as asked for
+
+
+def test_a_file_that_loses_nothing_says_nothing(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    b.root["asset"]["copyright"] = "me"
+    b.scene(b.node(name="only", children=[b.node(name="inner", mesh=b.tetra(name="shape"))]))
+    source = saved(tmp_path, b)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        out = extracted(source, "auto")
+        umbel.save(tmp_path / "again.glb", umbel.load(source))
+    for path in (out, tmp_path / "again.glb"):
+        assert without_geometry(json_of(path)) == without_geometry(json_of(source))
+
+
+def test_what_a_mesh_has_no_place_for_is_one_warning(tmp_path: Path) -> None:
+    b = GltfBuilder()
+    uvs, four = np.zeros((4, 2), np.float32), np.ones((4, 4), np.float32)
+    attributes = {"POSITION": TETRA_POSITIONS, "COLOR_0": four, "COLOR_1": four, "_BATCHID": uvs}
+    attributes |= {f"TEXCOORD_{k}": uvs for k in range(9)}
+    target = {"POSITION": b.accessor(TETRA_POSITIONS)}
+    variants = {"KHR_materials_variants": {"mappings": []}}
+    mesh = b.mesh(
+        b.primitive(attributes, INDICES, targets=[target], extensions=variants),
+        b.primitive({"POSITION": TETRA_POSITIONS}, mode=1),
+        b.primitive({"POSITION": TETRA_POSITIONS}, mode=0),
+        weights=[0.5],
+    )
+    node = b.node(mesh=mesh, extensions={"EXT_of_mine": {"accessor": 3}})
+    b.scene(node)
+    b.scene(node)
+    b.root["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "a"}]}}
+    times, moves = b.accessor(np.float32([0, 1])), b.accessor(np.zeros((2, 3), np.float32))
+    b.root["animations"] = [
+        {
+            "channels": [{"sampler": 0, "target": {"node": node, "path": "translation"}}],
+            "samplers": [{"input": times, "output": moves}],
+        }
+    ]
+    with pytest.warns(umbel.LoadWarning) as said:
+        umbel.load(saved(tmp_path, b))
+    assert len(said) == 1
+    sentence = str(said[0].message)
+    for part in (
+        "in.glb", "2 primitives of points or lines", "COLOR_1, TEXCOORD_8, _BATCHID",
+        "a morph target (default weights are applied)", "an animation",
+        "EXT_of_mine, KHR_materials_variants", "another scene",
+    ):  # fmt: skip
+        assert part in sentence
+
+
+# --- skins --------------------------------------------------------------------------------------
+
+
+def two_skins() -> GltfBuilder:
+    """Two meshes that move with joints of skins that share one, and one mesh that does not."""
+    b = GltfBuilder()
+    parts = []
+    hip = b.node(name="hip", rotation=[0.6, 0, 0, 0.8], translation=[0, 1, 0])
+    knee = b.node(name="knee", children=[], translation=[0, 2, 0], scale=[1, 2, 1])
+    b.root["nodes"][hip]["children"] = [knee]
+    far = b.node(name="far", translation=[5, 0, 0])
+    for joints in ([hip, knee], [knee, far]):
+        inverse = np.tile(np.eye(4, dtype=np.float32).reshape(1, 16), (2, 1))
+        b.add("skins", {"joints": joints, "inverseBindMatrices": b.accessor(inverse)})
+        index = np.array([[0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0]], np.uint8)
+        weight = np.array([[1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0.5, 0, 0], [1, 0, 0, 0]], np.float32)
+        arrays = {"POSITION": TETRA_POSITIONS, "JOINTS_0": index, "WEIGHTS_0": weight}
+        mesh = b.mesh(b.primitive(arrays, INDICES))
+        parts.append(b.node(name=f"part {len(parts)}", mesh=mesh, skin=len(parts)))
+    b.scene(hip, far, *parts, b.node(name="stone", mesh=b.tetra(), translation=[0, 0, 9]))
+    return b
+
+
+@pytest.mark.parametrize("instances", ["on", "off"])
+def test_skins_become_one_that_shows_the_rest_pose(tmp_path: Path, instances: str) -> None:
+    source = saved(tmp_path, two_skins())
+    out = extracted(source, instances)
+    before, after = umbel.load(source), umbel.load(out)
+    assert np.allclose(places_of(before), places_of(after), atol=1e-4)
+    root = json_of(out)
+    (skin,) = root["skins"]
+    names = [root["nodes"][k].get("name") for k in skin["joints"]]
+    assert names[:3] == ["hip", "knee", "far"]  # the shared one once
+    assert validator_errors(out) == []
+    # Where a joint goes, its vertices go.
+    root["nodes"][skin["joints"][2]]["translation"] = [5, 0, 100]
+    posed = read_root(root, binary_of(out), "posed", None).flatten()
+    went = posed.positions - after.positions
+    assert (np.abs(went[:, 2] - 100) < 1e-3).sum() >= 2
+    assert (np.abs(went) < 1e-3).all(axis=1).sum() >= 4  # the stone among them
+
+
+def test_joints_without_a_skin_get_one(tmp_path: Path) -> None:
+    weights = np.zeros((4, 4), np.float32)
+    weights[:3, :2] = (0.25, 0.75)
+    joints = np.array([[3, 5, 0, 0]] * 4, np.uint32)
+    mesh = umbel.Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, joints=joints, weights=weights)
+    umbel.save(tmp_path / "a.glb", mesh)
+    back = umbel.load(tmp_path / "a.glb")
+    assert np.array_equal(back.positions, TETRA_POSITIONS)
+    assert np.array_equal(back.joints[:3, :2], joints[:3, :2])
+    assert np.array_equal(back.weights[:3], weights[:3])
+    assert validator_errors(tmp_path / "a.glb") == []
+
+
+def test_joints_without_size_are_left_out_with_a_word(tmp_path: Path) -> None:
+    b = two_skins()
+    b.root["nodes"][0]["scale"] = [0, 1, 1]
+    source = saved(tmp_path, b)
+    with pytest.warns(umbel.LoadWarning, match="joint has no size"):
+        umbel.save(tmp_path / "out.glb", umbel.load(source))
+    assert "skins" not in json_of(tmp_path / "out.glb")
+    assert validator_errors(tmp_path / "out.glb") == []
+
+
+# --- places -------------------------------------------------------------------------------------
+
+
+def test_places_of_any_matrix_are_nodes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    lods = [umbel.build_lod(umbel.shapes.blob(2))]
+    matrices = []
+    for k in range(6):
+        matrix = np.eye(4)
+        matrix[:3] = rng.normal(size=(3, 4))
+        if k == 0:
+            matrix[:3, :3] = np.eye(3)
+        matrices.append(matrix)
+    umbel.save_asset(tmp_path / "a.umbel", lods, [(0, m) for m in matrices])
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    umbel.save(tmp_path / "a.glb", asset.scene_of(asset.scene_cuts(level=0)))
+    root = json_of(tmp_path / "a.glb")
+    assert len(root["meshes"]) == 1
+    every = worlds(root["nodes"])
+    found = [every[k] for k, node in enumerate(root["nodes"]) if "mesh" in node]
+    for wanted, got in zip(matrices, found, strict=True):
+        assert np.allclose(wanted, got, atol=1e-6)
+    assert validator_errors(tmp_path / "a.glb") == []
+
+
+def test_the_origin_is_a_translation(tmp_path: Path) -> None:
+    origin = (4_500_000.25, 5_000.5, -3_900_000.125)
+    mesh = umbel.Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, origin=origin)
+    umbel.save(tmp_path / "a.glb", mesh)
+    (node,) = json_of(tmp_path / "a.glb")["nodes"]
+    assert node == {"mesh": 0, "translation": list(origin)}
+    back = umbel.load_scene(tmp_path / "a.glb")
+    assert np.array_equal(back.meshes[0].positions, TETRA_POSITIONS)
+
+
+@pytest.mark.parametrize("instances", ["on", "off"])
+def test_nodes_far_from_zero_stay_where_they_are(tmp_path: Path, instances: str) -> None:
+    b = GltfBuilder()
+    far = [4_500_000.123, 5_000.456, -3_900_000.789]
+    inner = b.node(name="inner", mesh=b.tetra(), translation=[0.1, 0, 0])
+    b.scene(b.node(name="earth", translation=far, children=[inner]))
+    out = extracted(saved(tmp_path, b), instances)
+    root = json_of(out)
+    if instances == "on":
+        assert root["nodes"][0]["translation"] == far
+        assert root["nodes"][1] == {"name": "inner", "mesh": 0, "translation": [0.1, 0, 0]}
+    else:
+        (node,) = [node for node in root["nodes"] if "mesh" in node]
+        assert node["name"] == "inner" and abs(np.array(node["translation"]) - far).max() < 2
+    got = np.sort(umbel.load(out).world_positions, axis=0)
+    assert np.allclose(got, np.sort(TETRA_POSITIONS + far + [0.1, 0, 0], axis=0), rtol=0, atol=1e-6)
+    assert validator_errors(out) == []
+
+
+def test_places_differ_by_more_than_rounding() -> None:
+    matrix = np.eye(4)
+    matrix[:3, 3] = (1e6, 0, 0)
+    near, off = matrix.copy(), matrix.copy()
+    near[0, 3] += 1e-8
+    off[0, 3] += 1e-3
+    assert same_place(matrix, near) and not same_place(matrix, off)
+    turned = matrix.copy()
+    turned[0, 1] = 1e-5
+    assert not same_place(matrix, turned)
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {"nodes": [{"children": [1]}, {"children": [0]}]},
+        {"nodes": [{"children": [0]}]},
+        {"nodes": [{"children": [2]}, {"children": [2]}, {}]},
+        {"nodes": [{"children": [7]}]},
+        {"nodes": [{"children": [0.5]}, {}]},
+        {"nodes": {}},
+        {"nodes": [3]},
+        {"nodes": [{}], "scenes": [{"nodes": [1]}]},
+        {"nodes": [{}], "skins": [{"joints": [-1]}]},
+        {"nodes": [{"translation": [1, 2]}]},
+    ],
+)
+def test_trees_that_are_none_are_named(tmp_path: Path, tree: dict[str, Any]) -> None:
+    lod = umbel.build_lod((TETRA_POSITIONS, TETRA_TRIANGLES))
+    umbel.save_asset(tmp_path / "a.umbel", [lod], scene=tree)
+    asset = umbel.Asset(tmp_path / "a.umbel")
+    assert asset.scene == tree
+    with pytest.raises(umbel.Error, match=r"a\.umbel|nodes\[0\] has"):
+        umbel.save(tmp_path / "a.glb", asset.scene_of(asset.scene_cuts(level=0)))
+    mesh = umbel.Mesh(TETRA_POSITIONS, TETRA_TRIANGLES, tree=tree, name="bad")
+    with pytest.raises(umbel.Error):
+        umbel.save(tmp_path / "a.glb", mesh)
+
+
+def test_an_assets_cameras_are_the_files(tmp_path: Path) -> None:
+    source = saved(tmp_path, furnished())
+    extracted(source, "on")
+    asset = umbel.Asset(tmp_path / "on.umbel")
+    shown = asset.scene_mesh(asset.scene_cuts(level=0))
+    assert [camera.name for camera in shown.cameras] == ["eye"]
+    (wanted,) = umbel.load(source).cameras
+    assert np.allclose(shown.cameras[0].position, wanted.position)
+    assert shown.cameras[0].fov_y == wanted.fov_y

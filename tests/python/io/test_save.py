@@ -1,0 +1,218 @@
+"""Writing meshes: what is read back is what was written, and failures leave nothing."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES
+from helpers.meshes import full_mesh
+from umbel.errors import Error
+from umbel.geometry.mesh import Mesh
+from umbel.io import files, load, save
+
+EXTENSIONS = [".glb", ".ply", ".obj"]
+
+
+def same_bits(a: np.ndarray | None, b: np.ndarray | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+@pytest.mark.parametrize("materials", [True, False])
+def test_every_bit_comes_back(tmp_path: Path, extension: str, materials: bool) -> None:
+    mesh = full_mesh(materials=materials)
+    path = tmp_path / f"mesh{extension}"
+    save(path, mesh)
+    back = load(path)
+    for key in ("positions", "triangles", "normals", "uvs"):
+        assert same_bits(getattr(back, key), getattr(mesh, key)), key
+    if extension == ".obj":  # which has no tangents and no alpha
+        assert np.allclose(back.colors[:, :3], mesh.colors[:, :3], atol=1e-7)
+    else:
+        assert same_bits(back.tangents, mesh.tangents)
+        assert same_bits(back.colors, mesh.colors)
+    assert same_bits(back.material_ids, mesh.material_ids)
+    left = sorted(p.name for p in tmp_path.iterdir())
+    assert left == sorted(["mesh" + extension] + ["mesh.mtl"] * (materials and extension == ".obj"))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    bits=st.lists(st.integers(0, 2**32 - 1), min_size=9, max_size=30),
+    extension=st.sampled_from(EXTENSIONS),
+)
+def test_any_float_comes_back_to_the_bit(
+    tmp_path_factory: pytest.TempPathFactory, bits: list[int], extension: str
+) -> None:
+    positions = np.array(bits[: len(bits) // 3 * 3], np.uint32).view(np.float32).reshape(-1, 3)
+    path = tmp_path_factory.mktemp("bits") / f"mesh{extension}"
+    save(path, (positions, np.array([[0, 1, 2]], np.uint32)))
+    mesh = load(path)
+    nan = np.isnan(positions)
+    assert np.array_equal(np.isnan(mesh.positions), nan)
+    if mesh.origin.any():  # digits of points far from zero: nine of them, not the bits
+        expected, step = positions.astype(np.float64)[~nan], np.abs(mesh.origin).max() * 1e-7
+        back = mesh.world_positions[~nan]
+        assert ((back == expected) | (np.abs(back - expected) <= step + 1e-7 * abs(back))).all()
+    else:
+        assert same_bits(mesh.positions[~nan], positions[~nan])
+
+
+def test_materials_survive_glb_and_mostly_obj(tmp_path: Path) -> None:
+    mesh = full_mesh()
+    save(tmp_path / "a.glb", mesh)
+    assert load(tmp_path / "a.glb").materials == mesh.materials
+    save(tmp_path / "a.obj", mesh)
+    back = load(tmp_path / "a.obj").materials
+    for key in ("name", "base_color", "emissive", "metallic", "roughness"):
+        assert [getattr(m, key) for m in back] == [getattr(m, key) for m in mesh.materials]
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_scattered_materials_keep_their_triangles(tmp_path: Path, extension: str) -> None:
+    mesh = full_mesh()
+    rng = np.random.default_rng(8)
+    mesh.material_ids = rng.integers(0, 3, len(mesh.triangles)).astype(np.uint32)
+    save(tmp_path / f"a{extension}", mesh)
+    back = load(tmp_path / f"a{extension}")
+
+    def table(m: Mesh) -> list[Any]:
+        assert m.material_ids is not None
+        names = [x.name for x in m.materials] if extension == ".obj" else range(3)
+        return sorted(
+            (m.positions[t].tolist(), names[k])
+            for t, k in zip(m.triangles, m.material_ids.tolist(), strict=True)
+        )
+
+    assert table(back) == table(mesh)
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_small_meshes_and_empty_ones(tmp_path: Path, extension: str) -> None:
+    path = tmp_path / f"a{extension}"
+    save(path, (np.zeros((0, 3)), np.zeros((0, 3), int)))
+    assert load(path).triangles.shape == (0, 3)
+    save(path, (TETRA_POSITIONS, TETRA_TRIANGLES[:1]))
+    assert np.array_equal(load(path).triangles, TETRA_TRIANGLES[:1])
+
+
+@pytest.mark.parametrize("count", [65535, 65536])
+def test_glb_indices_are_wide_enough(tmp_path: Path, count: int) -> None:
+    positions = np.random.default_rng(1).random((count, 3)).astype(np.float32)
+    triangles = np.array([[0, 1, count - 1], [count - 1, count - 2, count - 3]], np.uint32)
+    save(tmp_path / "a.glb", (positions, triangles))
+    assert np.array_equal(load(tmp_path / "a.glb").triangles, triangles)
+
+
+def test_glb_is_laid_out_as_the_specification_asks(tmp_path: Path) -> None:
+    import json
+
+    save(tmp_path / "a.glb", full_mesh())
+    data = (tmp_path / "a.glb").read_bytes()
+    assert int.from_bytes(data[8:12], "little") == len(data)
+    size = int.from_bytes(data[12:16], "little")
+    root = json.loads(data[20 : 20 + size])
+    assert size % 4 == 0
+    assert root["buffers"][0]["byteLength"] == len(data) - 28 - size
+    for accessor in root["accessors"]:
+        view = root["bufferViews"][accessor["bufferView"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        bytes_each = width * {5126: 4, 5125: 4, 5123: 2}[accessor["componentType"]]
+        start = view["byteOffset"] + accessor.get("byteOffset", 0)
+        assert start % 4 in ((0,) if accessor["componentType"] != 5123 else (0, 2))
+        assert accessor.get("byteOffset", 0) + accessor["count"] * bytes_each <= view["byteLength"]
+    position = root["accessors"][0]
+    mesh = full_mesh()
+    assert np.array_equal(np.float32(position["min"]), mesh.positions.min(axis=0))
+    assert np.array_equal(np.float32(position["max"]), mesh.positions.max(axis=0))
+    assert {m["name"] for m in root["materials"]} == {"stone", "lamp", "leaf"}
+
+
+def test_other_readers_agree(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    mesh = full_mesh(materials=False)
+    mesh.uvs = mesh.tangents = None  # which trimesh cannot take without Pillow
+    for extension in EXTENSIONS:
+        path = tmp_path / f"a{extension}"
+        save(path, mesh)
+        loaded = trimesh.load(path, process=False, force="mesh", maintain_order=True)
+        assert loaded.faces.shape == mesh.triangles.shape
+        assert np.allclose(loaded.vertices[loaded.faces], mesh.positions[mesh.triangles], atol=1e-6)
+
+
+# --- failures ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path, extension: str) -> None:
+    path = tmp_path / "gone" / f"a{extension}"
+    with pytest.raises(Error, match=r"cannot write .*gone.*: No such file"):
+        save(path, (TETRA_POSITIONS, TETRA_TRIANGLES))
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_a_full_disk_leaves_the_old_file_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, extension: str
+) -> None:
+    path = tmp_path / f"a{extension}"
+    path.write_bytes(b"old")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(files.os, "fsync", full)
+    with pytest.raises(Error, match=r"cannot write .*: No space left on device"):
+        save(path, (TETRA_POSITIONS, TETRA_TRIANGLES))
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_disk_that_is_really_full() -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    with pytest.raises(Error, match="cannot write"):
+        save(Path("/dev/full/a.ply"), (TETRA_POSITIONS, TETRA_TRIANGLES))
+
+
+def test_interruption_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files.os, "fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save(tmp_path / "a.ply", (TETRA_POSITIONS, TETRA_TRIANGLES))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.stl", "a.fbx", "a", "a.umbel"])
+def test_unknown_extensions_are_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(Error, match="cannot write"):
+        save(tmp_path / name, (TETRA_POSITIONS, TETRA_TRIANGLES))
+    with pytest.raises(Error, match=r"cannot read|No such file"):
+        load(tmp_path / name)
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    with pytest.raises(Error, match=r"gone\.ply: No such file"):
+        load(tmp_path / "gone.ply")
+    (tmp_path / "empty.obj").write_bytes(b"")
+    with pytest.raises(Error, match=r"empty\.obj is empty"):
+        load(tmp_path / "empty.obj")
+    with pytest.raises(Error, match="is a folder"):
+        load(tmp_path)
+    (tmp_path / "a.xyz").write_bytes(b"1 2 3")
+    with pytest.raises(Error, match=r"cannot read '\.xyz' files"):
+        load(tmp_path / "a.xyz")
+    (tmp_path / "a.ply.gz").write_bytes(b"\x1f\x8b\x08 not really")
+    with pytest.raises(Error, match="not a whole gzip"):
+        load(tmp_path / "a.ply.gz")

@@ -1,0 +1,96 @@
+"""Reading STL, binary and ASCII."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, corners
+from umbel.errors import Error, LoadWarning
+from umbel.io import load
+
+CORNERS = TETRA_POSITIONS[TETRA_TRIANGLES]
+
+
+def binary(points: np.ndarray = CORNERS, head: bytes = b"made for a test") -> bytes:
+    records = np.zeros(len(points), [("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")])
+    records["p"] = points
+    return head.ljust(80, b"\0") + len(points).to_bytes(4, "little") + records.tobytes()
+
+
+def ascii_text(points: np.ndarray = CORNERS) -> str:
+    out = ["solid a vertex of doubt"]
+    for triangle in points.tolist():
+        out += ["  facet normal 0 0 1", "    outer loop"]
+        out += [f"      vertex {x!r} {y!r} {z!r}" for x, y, z in triangle]
+        out += ["    endloop", "  endfacet"]
+    return "\n".join([*out, "endsolid"]).replace("solid a vertex of doubt", "solid made")
+
+
+def read(tmp_path: Path, data: bytes, name: str = "mesh.stl") -> Any:
+    path = tmp_path / name
+    path.write_bytes(data)
+    return load(path)
+
+
+def test_binary_and_ascii_give_the_same_triangles(tmp_path: Path) -> None:
+    for data in (
+        binary(),
+        binary(head=b"solid but binary facet"),
+        binary() + b"trailing",
+        ascii_text().encode(),
+        ascii_text().upper().encode(),
+        ascii_text().replace("\n", "\r\n").encode(),
+        ascii_text().replace("\n", " ").encode(),
+        (ascii_text(CORNERS[:2]) + "\n" + ascii_text(CORNERS[2:]) + "\n").encode(),
+    ):
+        mesh = read(tmp_path, data)
+        assert np.array_equal(corners(mesh), CORNERS)
+        assert len(mesh.positions) == 12
+
+
+@pytest.mark.parametrize(("more", "says"), [(b"x", "no whole one"), (bytes(100), "2 more")])
+def test_bytes_after_the_last_triangle_are_a_warning(
+    tmp_path: Path, more: bytes, says: str
+) -> None:
+    with pytest.warns(LoadWarning, match=f"{len(more)} bytes after the 4 .* byte 284 .*{says}"):
+        assert len(read(tmp_path, binary() + more).triangles) == 4
+
+
+def test_no_triangles_are_an_empty_mesh(tmp_path: Path) -> None:
+    assert read(tmp_path, binary(CORNERS[:0])).triangles.shape == (0, 3)
+    assert read(tmp_path, b"solid nothing\nendsolid nothing\n").triangles.shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (binary()[:-1], "says 4 triangles, there are bytes for 3"),
+        (binary()[:84].replace(b"\4\0\0\0", b"\xff\xff\xff\xff"), "says 4294967295 triangles"),
+        (b"\0" * 50, "at least 84 bytes"),
+        (ascii_text().replace("vertex 1.0", "vertex one", 1).encode(), "'one' is no number"),
+        (ascii_text().replace("vertex 1.0", "vertex one", 1).encode(), "line 6: 'one'"),
+        (ascii_text().rsplit("vertex", 1)[0].encode(), "line 26: there is no 'endsolid'"),
+        (ascii_text().rsplit("  facet", 1)[0].encode(), "no 'endsolid'; the file is cut short"),
+        (ascii_text().replace("endsolid", "").encode(), "no 'endsolid'"),
+        (ascii_text().replace("outer loop", "", 1).encode(), "line 4: 'vertex' is where 'outer'"),
+        (ascii_text().replace("endloop", "vertex 1 2 3", 1).encode(), "line 7: .*'endloop' should"),
+        (ascii_text().replace("  endfacet", "  endfacet x", 3).encode(), "line 8: 'x' is where 'f"),
+        (
+            ascii_text().replace("    endloop\n  endfacet\nends", "ends").encode(),
+            "facet is cut short",
+        ),
+        (ascii_text().encode() + b"\nfacet", "no 'endsolid'"),
+        (b"solid a\nsolid b\nendsolid\n", "line 2: .* do not take turns"),
+        (b"hello world\n" * 20, "is cut short or no STL"),
+        (b"hello world\n", "is cut short or no STL"),
+        (b"\0" * 90, "says 0 triangles, and 6 bytes follow"),
+    ],
+)
+def test_damage_is_named(tmp_path: Path, data: bytes, says: str) -> None:
+    with pytest.raises(Error, match=says) as caught:
+        read(tmp_path, data)
+    assert "mesh.stl" in str(caught.value)
