@@ -107,7 +107,7 @@ class Run:
 
     def sweep_speed(self) -> str:
         lines = [
-            [f"{width} children a node", *(text(v, ".2f") for v in values)]
+            [f"{width} children per node", *(text(v, ".2f") for v in values)]
             for width in (2, 8)
             for values in [self.of("sweep", "mrays_per_second", width)]
         ]
@@ -124,7 +124,7 @@ class Run:
         return table(["scene", ""], [[short(s), ", ".join(f)] for s, f in found.items()])
 
     def stages(self) -> str:
-        """Million triangles a second of each preset, and the seconds of its stages on the plant."""
+        """Million triangles per second of each preset, and the seconds of its stages on the plant."""
         rows = self._read("bvh_stages.csv")
         presets = list(dict.fromkeys(row["preset"] for row in rows))
         lines = []
