@@ -37,7 +37,11 @@ FIELDS = {
 }
 """Tables of builders by scenes: field, width, format."""
 GUIDE = ("short answer", "cheapest", "speed8", "sweep", "scenes")
-"""Tables of docs/builders.md; the others are in bench/results/builders-cpu.md."""
+"""Tables of docs/builders.md, which shows hierarchies alone."""
+GUIDE_ONLY = ("short answer", "cheapest", "sweep", "scenes")
+"""Those that bench/results/builders-cpu.md, which has all structures, leaves out."""
+OTHERS = ("kdtree", "grid", "bih")
+"""How the names of other structures begin."""
 
 
 def short(scene: str) -> str:
@@ -53,6 +57,13 @@ def mean(values: Sequence[str]) -> float | None:
 
 def text(value: Any, form: str) -> str:
     return format(float(value), form) if value not in ("", None) else ""
+
+
+def hierarchies(lines: str) -> str:
+    """A table without the rows of other structures."""
+    return "\n".join(
+        line for line in lines.split("\n") if not line.removeprefix("| ").startswith(OTHERS)
+    )
 
 
 class Run:
@@ -124,7 +135,7 @@ class Run:
         return table(["scene", ""], [[short(s), ", ".join(f)] for s, f in found.items()])
 
     def stages(self) -> str:
-        """Million triangles per second of each preset, and the seconds of its stages on the plant."""
+        """Million triangles per second of each preset."""
         rows = self._read("bvh_stages.csv")
         presets = list(dict.fromkeys(row["preset"] for row in rows))
         lines = []
@@ -139,6 +150,7 @@ class Run:
         return table(["M triangles/s", *presets], lines)
 
     def plant_stages(self) -> str:
+        """Seconds of the stages of each preset on the plant."""
         rows = [row for row in self._read("bvh_stages.csv") if row["scene"] == "plant"]
         presets = list(dict.fromkeys(row["preset"] for row in rows))
         value = {(row["stage"], row["preset"]): float(row["seconds"]) for row in rows}
@@ -219,8 +231,10 @@ def main() -> None:
         raise SystemExit(__doc__)
     run = Run(Path(sys.argv[1]))
     texts = run.texts()
-    fill(ROOT / "docs" / "builders.md", {name: texts.pop(name) for name in GUIDE})
-    fill(ROOT / "bench" / "results" / "builders-cpu.md", texts)
+    guide = {name: hierarchies(texts[name]) for name in GUIDE}
+    fill(ROOT / "docs" / "builders.md", guide)
+    results = {name: text for name, text in texts.items() if name not in GUIDE_ONLY}
+    fill(ROOT / "bench" / "results" / "builders-cpu.md", results)
     run.charts(ROOT / "docs" / "images")
 
 
