@@ -22,7 +22,7 @@
 #include <utility>
 #include <vector>
 
-#include "cuda/build_bvh.hpp"
+#include "bvh/compressed/build_compact.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
 #include "timing.hpp"

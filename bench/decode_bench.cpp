@@ -17,9 +17,9 @@
 #include <string>
 #include <vector>
 
-#include "asset/choose_format.hpp"
-#include "asset/connectivity.hpp"
-#include "asset/group_part.hpp"
+#include "asset/codec/choose_format.hpp"
+#include "asset/codec/connectivity.hpp"
+#include "asset/file/group_chunk.hpp"
 #include "base/math.hpp"
 #include "ply_reader.hpp"
 #include "umbel/bvh.hpp"

@@ -9,10 +9,10 @@
 
 #include "../tests/on_processor/run.hpp"
 // What is above comes first.
+#include "bvh/compressed/trace_batches.hpp"
 #include "crowd.hpp"
 #include "cuda/bvh_functions.hpp"
-#include "cuda/trace_walks.hpp"
-#include "lod/instances.hpp"
+#include "lod/select/instances.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
 

@@ -10,7 +10,7 @@
 #include <ctime>
 #include <string>
 
-#include "kdtree/ray_walk.hpp"
+#include "kdtree/ray_traverse.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "base/parallel.hpp"
-#include "bvh/widen.hpp"
+#include "bvh/wide/widen.hpp"
 #include "ray_peers.hpp"
 #include "traversal_counts.hpp"
 #include "umbel/kdtree.hpp"

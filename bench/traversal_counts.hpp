@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "bvh/portable_lanes.hpp"
+#include "bvh/wide/portable_lanes.hpp"
 
 namespace bench {
 

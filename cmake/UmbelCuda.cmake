@@ -53,7 +53,7 @@ function(umbel_cuda_compile_options target)
 endfunction()
 
 file(GLOB umbel_cuda_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/cuda/*.cu
-     ${PROJECT_SOURCE_DIR}/src/capi/cuda_*.cpp)
+     ${PROJECT_SOURCE_DIR}/src/capi/cuda/*.cpp)
 add_library(umbel_cuda STATIC ${umbel_cuda_sources})
 umbel_cuda_compile_options(umbel_cuda)
 target_link_libraries(umbel_cuda PUBLIC umbel_internal PRIVATE TBB::tbb CUDA::cudart_static)

@@ -16,5 +16,5 @@ endforeach()
 
 # The C interface for devices, on the processor.
 file(GLOB umbel_on_processor_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/on_processor/*.cpp
-     ${PROJECT_SOURCE_DIR}/src/capi/cuda_*.cpp)
+     ${PROJECT_SOURCE_DIR}/src/capi/cuda/*.cpp)
 target_sources(fuzz_cuda_c PRIVATE ${umbel_on_processor_sources})

@@ -4,7 +4,7 @@ configure_file(cmake/version.hpp.in ${PROJECT_BINARY_DIR}/include/umbel/version.
 
 file(GLOB_RECURSE umbel_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/*.cpp)
 # Those of umbel::cuda (UmbelCuda.cmake).
-list(FILTER umbel_sources EXCLUDE REGEX "/capi/cuda_[a-z]*\\.cpp$")
+list(FILTER umbel_sources EXCLUDE REGEX "/capi/cuda/")
 
 # The objects are one target, so that tests can link those of a shared library too, whose inner
 # functions are not exported.

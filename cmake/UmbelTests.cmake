@@ -43,7 +43,7 @@ endif()
 
 # The C interface for devices on the processor, for the tests of what calls it from Python.
 file(GLOB umbel_on_processor_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/on_processor/*.cpp
-     ${PROJECT_SOURCE_DIR}/src/capi/cuda_*.cpp)
+     ${PROJECT_SOURCE_DIR}/src/capi/cuda/*.cpp)
 add_library(umbel_cuda_on_processor_objects OBJECT ${umbel_on_processor_sources})
 umbel_compile_options(umbel_cuda_on_processor_objects)
 target_include_directories(umbel_cuda_on_processor_objects PRIVATE ${PROJECT_SOURCE_DIR}/src)

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "bvh/check.hpp"
+#include "bvh/tree/check.hpp"
 #include "capi/bvh_trees.hpp"
 #include "umbel/bvh_presets.hpp"
 

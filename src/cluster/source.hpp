@@ -8,7 +8,7 @@
 #include <span>
 
 #include "base/math.hpp"
-#include "cluster/box_record.hpp"
+#include "base/simd/box_record.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster {

@@ -2,8 +2,8 @@
 // includes what defines `run` before.
 #pragma once
 
-#include "bvh/config.hpp"
-#include "cuda/build_bvh.hpp"
+#include "bvh/compressed/build_compact.hpp"
+#include "bvh/tree/config.hpp"
 #include "cuda/device_mesh.hpp"
 
 namespace umbel::cuda {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "cluster/frame_mesh.hpp"
+#include "cluster/frame/frame_mesh.hpp"
 #include "umbel/cuda.hpp"
 
 namespace umbel::cuda {

@@ -4,9 +4,9 @@
 // tests, for the processor. Nothing here is an algorithm: see the headers that are included.
 #pragma once
 
-#include "cluster/build_frame.hpp"
-#include "cluster/drift.hpp"
-#include "cluster/rebuild_worst.hpp"
+#include "cluster/frame/area_growth.hpp"
+#include "cluster/frame/build_frame.hpp"
+#include "cluster/frame/rebuild_worst.hpp"
 #include "cuda/device_mesh.hpp"
 #include "umbel/cuda.hpp"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cuda/select_queue.hpp"
+#include "lod/select/select_queue.hpp"
 
 namespace umbel::cuda {
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "cuda/trace_walks.hpp"
+#include "bvh/compressed/trace_batches.hpp"
 
 namespace umbel::cuda {
 namespace {

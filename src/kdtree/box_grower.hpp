@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "bvh/box4.hpp"
+#include "base/simd/box4.hpp"
 #include "kdtree/small_set.hpp"
 
 namespace umbel::kdtree {

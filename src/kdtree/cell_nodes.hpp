@@ -1,15 +1,16 @@
-// Cells as the queries of bvh/walk.hpp see nodes: boxes that are computed on the way down.
+// Cells as the queries of query/traverse_leaves.hpp see nodes: boxes that are computed on the way
+// down.
 #pragma once
 
-#include "bvh/ray_frame.hpp"
-#include "bvh/walk.hpp"
 #include "kdtree/split_cost.hpp"
 #include "kdtree/tree_data.hpp"
+#include "query/ray_frame.hpp"
+#include "query/traverse_leaves.hpp"
 
 namespace umbel {
 
 /// By how much cells are made larger on each axis: what was rounded at clipping and at building is
-/// far below it, and it is what rays allow for, too (see bvh/ray_frame.hpp).
+/// far below it, and it is what rays allow for, too (see query/ray_frame.hpp).
 inline Vec3 cell_slack(const LeafStore& store) {
   const float furthest = std::max({store.reach[0], store.reach[1], store.reach[2]}) * 0x1p-38f;
   return {store.reach[0] * 0x1p-20f + furthest, store.reach[1] * 0x1p-20f + furthest,

@@ -1,7 +1,7 @@
 // The boxes of the two parts into which a plane cuts what lies of a triangle in a cell ("perfect
 // splits", Havran & Bittner 2002; polygons clipped after Sutherland & Hodgman 1974). Computed in
 // double and rounded to the nearest float, half a unit in the last place, which is far below what
-// rays allow for (see bvh/ray_frame.hpp).
+// rays allow for (see query/ray_frame.hpp).
 #pragma once
 
 #include <algorithm>

@@ -5,11 +5,11 @@
 #include <utility>
 
 #include "base/parallel.hpp"
-#include "bvh/leaf_store.hpp"
-#include "bvh/ray_kernels.hpp"
-#include "bvh/shape_kernels.hpp"
 #include "kdtree/cell_nodes.hpp"
 #include "kdtree/ray_kernels.hpp"
+#include "query/leaf_store.hpp"
+#include "query/ray_kernels.hpp"
+#include "query/shape_kernels.hpp"
 
 namespace umbel {
 void prepare_rays(KdTreeData& data) {

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "bvh/leaf_store.hpp"
+#include "query/leaf_store.hpp"
 #include "umbel/kdtree.hpp"
 
 namespace umbel {

@@ -16,8 +16,8 @@
 #pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt")
 #endif
 // After the pragma, because their templates are to be compiled for these instructions.
-#include "bvh/isa_avx2.hpp"
-#include "kdtree/ray_walk.hpp"
+#include "kdtree/ray_traverse.hpp"
+#include "query/isa_avx2.hpp"
 
 namespace umbel {
 

@@ -1,8 +1,8 @@
 // The ray queries, one table of functions for each traversal and instruction set.
 #pragma once
 
-#include "bvh/ray_kernels.hpp"
 #include "kdtree/tree_data.hpp"
+#include "query/ray_kernels.hpp"
 
 namespace umbel {
 

@@ -1,7 +1,7 @@
 // Ray kernels in plain C++, for machines without AVX2 and as the reference for the others.
-#include "bvh/plain_triangles.hpp"
 #include "kdtree/ray_kernels.hpp"
-#include "kdtree/ray_walk.hpp"
+#include "kdtree/ray_traverse.hpp"
+#include "query/plain_triangles.hpp"
 
 namespace umbel {
 namespace {

@@ -1,6 +1,6 @@
 #include "kdtree/small_set.hpp"
 
-#include "bvh/box4.hpp"
+#include "base/simd/box4.hpp"
 
 namespace umbel::kdtree {
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "bvh/box4.hpp"
+#include "base/simd/box4.hpp"
 #include "umbel/kdtree.hpp"
 
 namespace umbel::kdtree {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "lod/cull.hpp"
+#include "lod/select/cull.hpp"
 
 namespace umbel::stream {
 namespace {

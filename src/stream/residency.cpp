@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "base/math.hpp"
-#include "stream/frontier.hpp"
+#include "stream/cut_tracker.hpp"
 #include "umbel/stream.hpp"
 
 namespace umbel {

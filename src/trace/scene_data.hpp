@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
+#include "bvh/two_level/cluster_bvh.hpp"
 #include "trace/alias_table.hpp"
-#include "trace/cluster_bvh.hpp"
 #include "trace/refraction.hpp"
 #include "trace/sky.hpp"
 #include "trace/texture.hpp"

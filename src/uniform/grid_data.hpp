@@ -74,7 +74,7 @@ struct GridName {
   bool operator==(const GridName&) const = default;
 };
 
-/// For the queries of bvh/walk.hpp.
+/// For the queries of query/traverse_leaves.hpp.
 class GridNodes {
  public:
   static constexpr uint32_t kWidth = 2, kDepth = kMaxGridDepth;

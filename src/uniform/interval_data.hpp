@@ -33,7 +33,7 @@ struct IntervalData : LeafStore {
   uniform::Statistics statistics{};
 };
 
-/// For the queries of bvh/walk.hpp.
+/// For the queries of query/traverse_leaves.hpp.
 class IntervalNodes {
  public:
   static constexpr uint32_t kWidth = 2, kDepth = kMaxIntervalDepth;

@@ -6,8 +6,8 @@
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
-#include "bvh/shape_kernels.hpp"
 #include "kdtree/clip.hpp"
+#include "query/shape_kernels.hpp"
 #include "uniform/interval_data.hpp"
 #include "uniform/ray_kernels.hpp"
 

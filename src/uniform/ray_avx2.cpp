@@ -16,9 +16,9 @@
 #pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt")
 #endif
 // After the pragma, because their templates are to be compiled for these instructions.
-#include "bvh/isa_avx2.hpp"
-#include "uniform/grid_walk.hpp"
-#include "uniform/interval_walk.hpp"
+#include "query/isa_avx2.hpp"
+#include "uniform/grid_traverse.hpp"
+#include "uniform/interval_traverse.hpp"
 
 namespace umbel {
 

@@ -1,7 +1,7 @@
 // The ray queries of the uniform structures.
 #pragma once
 
-#include "bvh/ray_kernels.hpp"
+#include "query/ray_kernels.hpp"
 
 namespace umbel {
 

@@ -1,7 +1,7 @@
 // Ray kernels in plain C++, for machines without AVX2 and as the reference for the others.
-#include "bvh/plain_triangles.hpp"
-#include "uniform/grid_walk.hpp"
-#include "uniform/interval_walk.hpp"
+#include "query/plain_triangles.hpp"
+#include "uniform/grid_traverse.hpp"
+#include "uniform/interval_traverse.hpp"
 #include "uniform/ray_kernels.hpp"
 
 namespace umbel {

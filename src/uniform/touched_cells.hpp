@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bvh/triangle_geometry.hpp"
 #include "kdtree/clip.hpp"
+#include "query/triangle_geometry.hpp"
 #include "uniform/grid_data.hpp"
 
 namespace umbel {

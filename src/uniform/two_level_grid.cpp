@@ -8,7 +8,7 @@
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "base/radix_sort_pairs.hpp"
-#include "bvh/shape_kernels.hpp"
+#include "query/shape_kernels.hpp"
 #include "uniform/ray_kernels.hpp"
 #include "uniform/touched_cells.hpp"
 

@@ -1,5 +1,5 @@
 #include "builders.hpp"
-#include "cuda/build_bvh.hpp"
+#include "bvh/compressed/build_compact.hpp"
 
 namespace umbel::cuda {
 namespace {

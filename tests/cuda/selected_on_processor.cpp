@@ -1,4 +1,4 @@
-#include "cuda/selection.hpp"
+#include "lod/select/selection.hpp"
 #include "selected.hpp"
 
 namespace umbel::cuda {

@@ -1,7 +1,7 @@
 #include <random>
 
+#include "bvh/compressed/halved_tree.hpp"
 #include "bvh/oracle.hpp"
-#include "cuda/halved_tree.hpp"
 #include "device_arrays.cuh"
 #include "umbel/cuda_trace.hpp"
 #include "umbel/umbel_cuda_trace.h"

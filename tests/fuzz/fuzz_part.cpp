@@ -10,8 +10,8 @@
 #include <tuple>
 #include <vector>
 
-#include "asset/connectivity.hpp"
-#include "asset/group_part.hpp"
+#include "asset/codec/connectivity.hpp"
+#include "asset/file/group_chunk.hpp"
 #include "umbel/umbel.hpp"
 
 namespace {

@@ -23,8 +23,8 @@
 #include <string>
 #include <vector>
 
-#include "bvh/triangle_geometry.hpp"
 #include "data_folder.hpp"
+#include "query/triangle_geometry.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 namespace umbel::testing {

@@ -9,7 +9,7 @@
 #include <set>
 
 #include "base/math.hpp"
-#include "cluster/bisect.hpp"
+#include "cluster/bisect/bisect.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster_cases {

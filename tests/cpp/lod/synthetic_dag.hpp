@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "lod/hierarchy.hpp"
+#include "lod/build/hierarchy.hpp"
 #include "umbel/lod.hpp"
 
 namespace umbel::lod::testing {

@@ -12,8 +12,8 @@
 
 #include "asset/scratch.hpp"
 #include "base/math.hpp"
-#include "lod/edge_count.hpp"
-#include "lod/verify_geometry.hpp"
+#include "lod/verify/edge_count.hpp"
+#include "lod/verify/verify_geometry.hpp"
 #include "umbel/stream.hpp"
 
 namespace umbel::testing {

@@ -1,0 +1,356 @@
+// Floats as integers and back, by attribute.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdlib>
+
+#include "asset/codec/vertex_codec.hpp"
+#include "base/bytes.hpp"
+#include "base/math.hpp"
+
+namespace umbel::asset {
+namespace {
+
+constexpr uint32_t kMaxBits = 16;
+constexpr uint32_t kMostSets = 255;
+
+/// An integer that rises with the float and keeps every bit of it.
+int32_t ordered(float f) {
+  const auto bits = std::bit_cast<int32_t>(f);
+  return bits < 0 ? bits ^ 0x7fffffff : bits;
+}
+float unordered(int32_t i) { return std::bit_cast<float>(i < 0 ? i ^ 0x7fffffff : i); }
+
+int32_t on_grid(float f, float step) {
+  // Division by a power of two is exact. A double that is this large has no bits behind the point.
+  constexpr double kWhole = 0x1.8p52;
+  const double i = std::clamp(double{f} / double{step}, -2147483647.0, 2147483647.0);
+  return static_cast<int32_t>((i + kWhole) - kWhole);
+}
+
+int32_t rounded(float f) { return static_cast<int32_t>(std::lrint(f)); }
+
+// ---- unit vectors (Meyer et al., "On Floating-Point Normal Vectors", 2010)
+
+float sign_of(float f) { return f < 0 ? -1.0f : 1.0f; }
+
+Vec2 to_octahedron(const Vec3& v) {
+  const float sum = std::fabs(v.x) + std::fabs(v.y) + std::fabs(v.z);
+  if (!(sum > 0) || !std::isfinite(sum)) return {0, 0};
+  const float x = v.x / sum, y = v.y / sum;
+  if (v.z >= 0) return {x, y};
+  return {(1 - std::fabs(y)) * sign_of(x), (1 - std::fabs(x)) * sign_of(y)};
+}
+
+Vec3 from_octahedron(float x, float y) {
+  const float z = 1 - std::fabs(x) - std::fabs(y);
+  const float fold = std::max(-z, 0.0f);
+  const Vec3 v{x - fold * sign_of(x), y - fold * sign_of(y), z};
+  return v * (1.0f / std::sqrt(dot(v, v)));
+}
+
+/// The largest integer of a component, 1 on the octahedron.
+int32_t octahedral_steps(uint32_t bits) { return (int32_t{1} << bits) / 2 - 1; }
+float octahedral_scale(uint32_t bits) { return static_cast<float>(octahedral_steps(bits)); }
+
+Vec3 decoded_normal(const int32_t* in, uint32_t bits) {
+  const float scale = 1.0f / octahedral_scale(bits);
+  return from_octahedron(static_cast<float>(in[0]) * scale, static_cast<float>(in[1]) * scale);
+}
+
+// ---- tangents: an angle in the plane of the decoded normal
+
+/// Two unit vectors at right angles to a normal and each other (Duff et al., "Building an
+/// Orthonormal Basis, Revisited", 2017). Which hemisphere the normal is in is told by its integers:
+/// rounding may tell it differently elsewhere.
+struct Plane {
+  Vec3 u, v;
+};
+Plane plane_of(const int32_t* normal, uint32_t bits) {
+  const Vec3 n = decoded_normal(normal, bits);
+  const int64_t sum = std::abs(int64_t{normal[0]}) + std::abs(int64_t{normal[1]});
+  const float sign = sum > octahedral_steps(bits) ? -1.0f : 1.0f;
+  const float a = -1.0f / (sign + n.z), b = n.x * n.y * a;
+  return {{1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}};
+}
+
+constexpr float kTurn = 6.28318530717958648f;
+
+int32_t angle_of(const Vec4& tangent, const Plane& plane, uint32_t bits) {
+  const Vec3 t{tangent.x, tangent.y, tangent.z};
+  const float angle = std::atan2(dot(t, plane.v), dot(t, plane.u));
+  if (!std::isfinite(angle)) return 0;
+  const auto steps = static_cast<float>(1u << bits);
+  return rounded(angle / kTurn * steps) & static_cast<int32_t>((1u << bits) - 1);
+}
+
+Vec4 decoded_tangent(const int32_t* in, const Plane& plane, uint32_t bits) {
+  const float angle = static_cast<float>(in[0]) * (kTurn / static_cast<float>(1u << bits));
+  const Vec3 t = plane.u * std::cos(angle) + plane.v * std::sin(angle);
+  return {t.x, t.y, t.z, in[1] != 0 ? -1.0f : 1.0f};
+}
+
+// ---- colours (IEC 61966-2-1)
+
+float to_srgb(float linear) {
+  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
+}
+float from_srgb(float s) {
+  return s <= 0.04045f ? s / 12.92f : std::pow((s + 0.055f) / 1.055f, 2.4f);
+}
+
+uint32_t components_of(const AttributeFormat& format) {
+  switch (format.coding) {
+    case Coding::kOctahedral:
+    case Coding::kAngle:
+      return 2;
+    default:
+      break;
+  }
+  switch (format.attribute) {
+    case kUvs:
+      return 2;
+    case kTangents:
+    case kColors:
+    case kJoints:
+    case kWeights:
+      return 4;
+    case kMaterial:
+      return 1;
+    default:
+      return 3;
+  }
+}
+
+/// Of those in Mesh::extras, but for texture coordinates.
+bool is_extra(uint32_t attribute) {
+  return attribute == kJoints || attribute == kWeights || attribute == kMaterial;
+}
+/// Whether it is in Mesh::extras.
+bool is_extra(const AttributeFormat& f) {
+  return is_extra(f.attribute) || (f.attribute == kUvs && f.set > 0);
+}
+
+bool is_allowed(const AttributeFormat& f, bool has_octahedral_normals) {
+  const bool bits_are_right = f.bits >= 2 && f.bits <= kMaxBits;
+  switch (f.coding) {
+    case Coding::kFloats:
+      return true;
+    case Coding::kGrid:
+      return (f.attribute == kPositions || f.attribute == kUvs || is_extra(f.attribute)) &&
+             f.step > 0 && std::isfinite(f.step) &&
+             std::frexp(f.step, std::array<int, 1>{}.data()) == 0.5f;
+    case Coding::kOctahedral:
+      return f.attribute == kNormals && bits_are_right;
+    case Coding::kAngle:
+      return f.attribute == kTangents && bits_are_right && has_octahedral_normals;
+    case Coding::kSrgb:
+      return f.attribute == kColors && bits_are_right;
+  }
+  return false;
+}
+
+int32_t integer_of(float f, const AttributeFormat& format) {
+  return format.coding == Coding::kGrid ? on_grid(f, format.step) : ordered(f);
+}
+float float_of(int32_t i, Coding coding, float step) {
+  return coding == Coding::kGrid ? static_cast<float>(i) * step : unordered(i);
+}
+
+template <typename Vector>
+using FloatsOf = std::array<float, sizeof(Vector) / sizeof(float)>;
+
+template <typename Vector>
+void put_floats(const Vector& value, const AttributeFormat& format, int32_t* out) {
+  for (const float f : std::bit_cast<FloatsOf<Vector>>(value)) *out++ = integer_of(f, format);
+}
+
+template <typename Vector>
+void get_floats(const int32_t* in, Coding coding, float step, Vector& value) {
+  FloatsOf<Vector> floats;
+  for (float& f : floats) f = float_of(*in++, coding, step);
+  value = std::bit_cast<Vector>(floats);
+}
+
+void put_stream(const Mesh& streams, uint32_t vertex, const AttributeFormat& format, int32_t* out) {
+  switch (format.attribute) {
+    case kNormals:
+      return put_floats(streams.normals[vertex], format, out);
+    case kTangents:
+      return put_floats(streams.tangents[vertex], format, out);
+    case kUvs:
+      return put_floats(streams.uvs[vertex], format, out);
+    case kColors:
+      return put_floats(streams.colors[vertex], format, out);
+    default:
+      return put_floats(streams.positions[vertex], format, out);
+  }
+}
+
+/// One attribute of all the vertices, whose integers are `stride` apart.
+void quantize_one(const AttributeFormat& format, const int32_t* normals, uint32_t normal_bits,
+                  const Mesh& streams, std::span<const uint32_t> vertices, uint32_t stride,
+                  int32_t* out) {
+  const auto levels = static_cast<float>((1u << format.bits) - 1);
+  for (size_t i = 0; i < vertices.size(); ++i, out += stride) {
+    const uint32_t v = vertices[i];
+    if (format.coding == Coding::kOctahedral) {
+      const Vec2 p = to_octahedron(streams.normals[v]);
+      out[0] = rounded(p.x * octahedral_scale(format.bits));
+      out[1] = rounded(p.y * octahedral_scale(format.bits));
+    } else if (format.coding == Coding::kAngle) {
+      const Vec4& t = streams.tangents[v];
+      out[0] = angle_of(t, plane_of(normals + i * stride, normal_bits), format.bits);
+      out[1] = t.w < 0;
+    } else if (format.coding == Coding::kSrgb) {
+      const Vec4& c = streams.colors[v];
+      const float srgb[4] = {to_srgb(c.x), to_srgb(c.y), to_srgb(c.z), c.w};
+      for (int k = 0; k < 4; ++k) out[k] = rounded(std::clamp(srgb[k], 0.0f, 1.0f) * levels);
+    } else {
+      put_stream(streams, v, format, out);
+    }
+  }
+}
+
+/// One of Mesh::extras, whose values begin at `at` of a vertex's.
+void quantize_extra(const AttributeFormat& format, uint32_t at, const Mesh& streams,
+                    std::span<const uint32_t> vertices, uint32_t stride, int32_t* out) {
+  const size_t width = extra_width(streams.extras);
+  for (size_t i = 0; i < vertices.size(); ++i, out += stride)
+    for (uint32_t k = 0; k < format.components; ++k)
+      out[k] = integer_of(streams.extra_values[vertices[i] * width + at + k], format);
+}
+
+/// All of them: what they are, and their values.
+void dequantize_extras(const VertexFormat& format, std::span<const int32_t> integers,
+                       lod::ClusterGeometry& geometry) {
+  std::vector<Extra>& extras = geometry.extras;
+  extras.clear();
+  for (const AttributeFormat& f : format.attributes)
+    if (is_known(f) && is_extra(f)) extras.push_back({static_cast<ExtraKind>(f.attribute), f.set});
+  const size_t width = extra_width(extras), stride = row_stride(format);
+  geometry.extra_values.resize(integers.size() / stride * width);
+  size_t at = 0, to = 0;
+  for (const AttributeFormat& f : format.attributes) {
+    if (is_known(f) && is_extra(f)) {
+      for (size_t v = 0; v * stride < integers.size(); ++v)
+        for (uint32_t k = 0; k < f.components; ++k)
+          geometry.extra_values[v * width + to + k] =
+              float_of(integers[v * stride + at + k], f.coding, f.step);
+      to += f.components;
+    }
+    at += f.components;
+  }
+}
+
+}  // namespace
+
+bool is_known(const AttributeFormat& f) {
+  if (is_extra(f))
+    return f.coding <= Coding::kGrid && f.set <= kMostSets &&
+           (f.attribute != kMaterial || f.set == 0);
+  const bool attribute = f.attribute == kPositions || f.attribute == kNormals ||
+                         f.attribute == kTangents || f.attribute == kUvs || f.attribute == kColors;
+  return attribute && f.set == 0 && f.coding <= Coding::kSrgb;
+}
+
+VertexFormat make_format(std::vector<AttributeFormat> attributes) {
+  VertexFormat format;
+  bool has_octahedral_normals = false;
+  if (attributes.empty() || attributes[0].attribute != kPositions || !is_known(attributes[0]))
+    corrupt("the vertices have no positions that this version can read");
+  const AttributeFormat* before = nullptr;
+  for (AttributeFormat& f : attributes) {
+    const bool rises = before == nullptr || before->attribute < f.attribute ||
+                       (before->attribute == f.attribute && before->set < f.set);
+    if (is_known(f) && f.components == 0) {
+      f.components = static_cast<uint16_t>(components_of(f));
+      f.is_smooth = f.attribute != kPositions && f.attribute != kUvs;
+    }
+    if (!rises || f.components == 0 || f.components > kMaxComponents || f.is_smooth > 1 ||
+        (is_known(f) &&
+         (f.components != components_of(f) || !is_allowed(f, has_octahedral_normals))))
+      corrupt("attribute " + std::to_string(f.attribute) + " has the coding " +
+              std::to_string(static_cast<uint32_t>(f.coding)) + " with " + std::to_string(f.bits) +
+              " bits and the step " + std::to_string(f.step) + ", which cannot be");
+    has_octahedral_normals |= f.coding == Coding::kOctahedral;
+    format.is_smooth.insert(format.is_smooth.end(), f.components,
+                            static_cast<uint8_t>(f.is_smooth));
+    before = &f;
+  }
+  if (format.is_smooth.size() > kMaxComponents)
+    corrupt("the vertices have " + std::to_string(format.is_smooth.size()) + " components");
+  format.attributes = std::move(attributes);
+  return format;
+}
+
+uint32_t components(const VertexFormat& format) {
+  return static_cast<uint32_t>(format.is_smooth.size());
+}
+
+uint32_t row_stride(const VertexFormat& format) { return std::max(components(format), 4u); }
+
+void quantize(const VertexFormat& format, const Mesh& streams, std::span<const uint32_t> vertices,
+              std::span<int32_t> out) {
+  int32_t* at = out.data();
+  const int32_t* normals = at;
+  uint32_t normal_bits = 0, extra_at = 0;
+  for (const AttributeFormat& f : format.attributes) {
+    if (f.coding == Coding::kOctahedral) normals = at, normal_bits = f.bits;
+    if (is_extra(f)) {
+      quantize_extra(f, extra_at, streams, vertices, components(format), at);
+      extra_at += f.components;
+    } else {
+      quantize_one(f, normals, normal_bits, streams, vertices, components(format), at);
+    }
+    at += components_of(f);
+  }
+}
+
+void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
+                lod::ClusterGeometry& geometry) {
+  const uint32_t stride = row_stride(format);
+  const size_t count = integers.size() / stride;
+  uint32_t at = 0, normal_bits = 0, normal_at = 0;
+  for (const AttributeFormat& f : format.attributes) {
+    const int32_t* in = integers.data() + at;
+    at += f.components;
+    if (!is_known(f) || is_extra(f)) continue;
+    const auto fill = [&](auto& stream, const auto& decoded) {
+      stream.resize(count);
+      for (size_t v = 0; v < count; ++v) decoded(in + v * stride, stream[v]);
+    };
+    const auto floats = [&, coding = f.coding, step = f.step](const int32_t* i, auto& value) {
+      get_floats(i, coding, step, value);
+    };
+    if (f.coding == Coding::kOctahedral) {
+      normal_bits = f.bits, normal_at = at - f.components;
+      fill(geometry.normals,
+           [&](const int32_t* i, Vec3& n) { n = decoded_normal(i, normal_bits); });
+    } else if (f.coding == Coding::kAngle) {
+      fill(geometry.tangents, [&](const int32_t* i, Vec4& t) {
+        const int32_t* const normal = i - (at - f.components) + normal_at;
+        t = decoded_tangent(i, plane_of(normal, normal_bits), f.bits);
+      });
+    } else if (f.coding == Coding::kSrgb) {
+      const float scale = 1.0f / static_cast<float>((1u << f.bits) - 1);
+      fill(geometry.colors, [&](const int32_t* i, Vec4& c) {
+        const auto value = [&](int k) { return static_cast<float>(i[k]) * scale; };
+        c = {from_srgb(value(0)), from_srgb(value(1)), from_srgb(value(2)), value(3)};
+      });
+    } else if (f.attribute == kPositions) {
+      fill(geometry.positions, floats);
+    } else if (f.attribute == kNormals) {
+      fill(geometry.normals, floats);
+    } else if (f.attribute == kTangents) {
+      fill(geometry.tangents, floats);
+    } else if (f.attribute == kUvs) {
+      fill(geometry.uvs, floats);
+    } else {
+      fill(geometry.colors, floats);
+    }
+  }
+  dequantize_extras(format, integers, geometry);
+}
+
+}  // namespace umbel::asset

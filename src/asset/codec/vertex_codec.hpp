@@ -1,0 +1,89 @@
+// Vertices of a cluster as integers, and those as few bits: each component is predicted from
+// vertices of the triangle before, as in Touma & Gotsman, "Triangle Mesh Compression" (1998), and
+// what remains is Rice-coded. docs/format.md has every bit.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "asset/codec/connectivity.hpp"
+#include "base/bits.hpp"
+#include "umbel/lod.hpp"
+
+namespace umbel::asset {
+
+enum Attributes : uint32_t {
+  kPositions = 0,
+  kNormals = 1,
+  kTangents = 2,
+  kUvs = 4,
+  kColors = 8,
+  kJoints = 16,
+  kWeights = 32,
+  kMaterial = 64
+};
+
+/// How an attribute's values become integers.
+enum class Coding : uint32_t {
+  kFloats = 0,      ///< the bits of each float, so that order is kept; nothing is lost
+  kGrid = 1,        ///< multiples of `step`
+  kOctahedral = 2,  ///< unit vectors, two components of `bits` bits
+  kAngle = 3,       ///< tangents: `bits` bits of angle about the normal, and the side
+  kSrgb = 4,        ///< linear colours in [0, 1]: `bits` bits of sRGB and of alpha
+};
+
+struct AttributeFormat {
+  uint32_t attribute;
+  Coding coding;
+  uint32_t bits;
+  float step;
+  uint32_t set = 0;         ///< for attributes that may be there several times
+  uint16_t components = 0;  ///< integers a vertex; 0: those of the coding
+  uint16_t is_smooth = 0;   ///< predicted by the mean, not the parallelogram
+};
+
+/// All attributes of a mesh, positions first, then as their flags and sets rise. Those that this
+/// version does not know have components, which are decoded and left.
+struct VertexFormat {
+  std::vector<AttributeFormat> attributes;
+  std::vector<uint8_t> is_smooth;  ///< by component
+};
+
+inline constexpr uint32_t kMaxAttributes = 32, kMaxComponents = 64;
+
+/// Whether this version can decode the attribute.
+bool is_known(const AttributeFormat& attribute);
+/// Fills in components and prediction where they are left open. Throws kCorrupt if a file could
+/// not have it.
+VertexFormat make_format(std::vector<AttributeFormat> attributes);
+uint32_t components(const VertexFormat& format);
+/// From one decoded vertex's integers to the next's: those of positions alone are four apart.
+uint32_t row_stride(const VertexFormat& format);
+
+/// `components(format)` integers a vertex, in the order of `vertices`, indices into the streams.
+void quantize(const VertexFormat& format, const Mesh& streams, std::span<const uint32_t> vertices,
+              std::span<int32_t> out);
+/// The streams of a cluster, whose vertices are row_stride(format) apart; its triangles are left
+/// alone.
+void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
+                lod::ClusterGeometry& geometry);
+
+/// Where a page's components begin, and how many bits reach its first vertices.
+struct ComponentRange {
+  int32_t lowest;
+  uint32_t bits;  ///< <= 32
+};
+
+/// Writes `integers`, those of `parents.size()` vertices in the order of the walk, but for those
+/// whose source (their equal among the group's earlier vertices) is not kNone.
+void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
+                     std::span<const Parents> parents, std::span<const uint32_t> source,
+                     std::span<const ComponentRange> ranges, BitWriter& out);
+/// Reads them into `group`, the integers of the group's vertices, row_stride(format) apart, from
+/// its vertex `first` on. Sources are below that.
+void decode_vertices(const VertexFormat& format, std::span<const Parents> parents,
+                     std::span<const uint32_t> source, std::span<const ComponentRange> ranges,
+                     BitReader& in, std::span<int32_t> group, uint32_t first);
+
+}  // namespace umbel::asset

@@ -1,0 +1,249 @@
+#include "asset/file/group_chunk.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "asset/codec/shared_vertices.hpp"
+#include "asset/file/box_steps.hpp"
+#include "asset/file/records.hpp"
+#include "base/bytes.hpp"
+
+namespace umbel::asset {
+namespace {
+
+constexpr uint16_t kNoReference = 0xffff;
+
+std::span<const uint32_t> vertices_of(const lod::Dag& dag, uint32_t cluster) {
+  return std::span(dag.cluster_vertices)
+      .subspan(dag.vertex_offsets[cluster],
+               dag.vertex_offsets[cluster + 1] - dag.vertex_offsets[cluster]);
+}
+
+std::span<const uint8_t> triangles_of(const lod::Dag& dag, uint32_t cluster) {
+  const size_t first = dag.triangle_offsets[cluster], last = dag.triangle_offsets[cluster + 1];
+  return std::span(dag.cluster_triangles).subspan(3 * first, 3 * (last - first));
+}
+
+std::vector<ComponentRange> ranges_of(uint32_t stride, std::span<const int32_t> values) {
+  std::vector<ComponentRange> ranges(stride, {0, 0});
+  for (uint32_t c = 0; c < stride && !values.empty(); ++c) {
+    int32_t lowest = values[c], highest = values[c];
+    for (size_t i = c; i < values.size(); i += stride) {
+      lowest = std::min(lowest, values[i]);
+      highest = std::max(highest, values[i]);
+    }
+    const uint32_t reach = static_cast<uint32_t>(highest) - static_cast<uint32_t>(lowest);
+    ranges[c] = {lowest, static_cast<uint32_t>(std::bit_width(reach))};
+  }
+  return ranges;
+}
+
+/// The integers of a group's clusters, one after the other.
+struct Integers {
+  std::vector<int32_t> values;
+  std::vector<size_t> first;  // of each cluster
+  size_t vertices = 0;
+};
+
+Integers quantize_group(const EncodedMesh& mesh, const Range& clusters) {
+  const lod::Dag& dag = mesh.dag;
+  const VertexFormat& format = mesh.format;
+  Integers all;
+  for (uint32_t i = 0; i < clusters.count; ++i) {
+    all.first.push_back(all.vertices * components(format));
+    all.vertices += vertices_of(dag, clusters.offset + i).size();
+  }
+  all.values.resize(all.vertices * components(format));
+  for (uint32_t i = 0; i < clusters.count; ++i) {
+    const auto mine = vertices_of(dag, clusters.offset + i);
+    quantize(format, dag.vertices, mine,
+             std::span(all.values).subspan(all.first[i], mine.size() * components(format)));
+  }
+  if (format.attributes.back().attribute == kMaterial)
+    for (size_t last = components(format); last <= all.values.size(); last += components(format))
+      all.values[last - 1] += static_cast<int32_t>(mesh.first_material);
+  return all;
+}
+
+class GroupEncoder {
+ public:
+  GroupEncoder(const EncodedMesh& mesh, uint32_t group, std::vector<std::byte>& part)
+      : dag_(mesh.dag),
+        format_(mesh.format),
+        integers_(quantize_group(mesh, dag_.tables.groups[group].clusters)),
+        ranges_(ranges_of(components(format_), integers_.values)),
+        shared_(integers_.vertices),
+        part_(part) {}
+
+  const std::vector<ComponentRange>& ranges() const { return ranges_; }
+
+  void encode(uint32_t cluster, size_t index) {
+    BitWriter out(part_);
+    const std::span<const uint32_t> vertices = vertices_of(dag_, cluster);
+    const Walk walk =
+        encode_triangles(triangles_of(dag_, cluster), static_cast<uint32_t>(vertices.size()), out);
+    const uint32_t stride = components(format_);
+    ids_.resize(vertices.size());
+    ordered_.resize(vertices.size() * stride);
+    const int32_t* const integers = integers_.values.data() + integers_.first[index];
+    for (size_t v = 0; v < vertices.size(); ++v) {
+      ids_[v] = vertices[walk.vertices[v]];
+      std::copy_n(integers + size_t{walk.vertices[v]} * stride, stride,
+                  ordered_.data() + v * stride);
+    }
+    const std::vector<uint32_t> source = shared_.encode(ids_, walk.border, out);
+    encode_vertices(format_, ordered_, walk.parents, source, ranges_, out);
+    out.finish();
+  }
+
+ private:
+  const lod::Dag& dag_;
+  const VertexFormat& format_;
+  Integers integers_;
+  std::vector<ComponentRange> ranges_;
+  SharedVertices shared_;
+  std::vector<uint32_t> ids_;
+  std::vector<int32_t> ordered_;
+  std::vector<std::byte>& part_;
+};
+
+void write_record(ByteWriter& out, const lod::Cluster& cluster, uint32_t end, uint16_t reference,
+                  const EncodedMesh& mesh) {
+  out.u32(end);
+  out.u16(static_cast<uint16_t>((cluster.vertex_count - 1) | (cluster.triangle_count - 1) << 8));
+  out.u16(reference);
+  out.u32(cluster.material + mesh.first_material);
+  for (const uint16_t step : box_steps(cluster.box, mesh.bounds)) out.u16(step);
+}
+
+}  // namespace
+
+std::vector<uint32_t> children_of(const lod::Tables& tables, uint32_t group) {
+  std::vector<uint32_t> children;
+  const Range& range = tables.groups[group].clusters;
+  for (uint32_t c = range.offset; c < range.offset + range.count; ++c) {
+    const uint32_t child = tables.clusters[c].generating_group;
+    // Clusters made from the same group stand together.
+    if (child == kNone || (!children.empty() && children.back() == child)) continue;
+    if (std::find(children.begin(), children.end(), child) == children.end())
+      children.push_back(child);
+  }
+  return children;
+}
+
+std::vector<std::byte> encode_part(const EncodedMesh& mesh, uint32_t group,
+                                   std::span<const uint32_t> children) {
+  const Range range = mesh.dag.tables.groups[group].clusters;
+  const uint64_t tables_at = kReferenceBytes * children.size();
+  std::vector<std::byte> part(tables_at + kComponentBytes * components(mesh.format) +
+                              kClusterRecordBytes * range.count);
+  GroupEncoder encoder(mesh, group, part);
+  std::vector<uint32_t> ends;
+  for (uint32_t i = 0; i < range.count; ++i) {
+    encoder.encode(range.offset + i, i);
+    ends.push_back(static_cast<uint32_t>(part.size()));
+  }
+  // A cluster has at most 256 vertices; only the number of clusters is free.
+  if (part.size() >= std::numeric_limits<uint32_t>::max() / 2)
+    throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group) + " takes " +
+                                                 std::to_string(part.size()) +
+                                                 " bytes, but a group may take 2 GiB");
+  part.resize(aligned(part.size(), kPartAlignment));
+  ByteWriter out(part);
+  out.skip_to(tables_at);
+  for (const ComponentRange& component : encoder.ranges()) {
+    out.u32(static_cast<uint32_t>(component.lowest));
+    out.u32(component.bits);
+  }
+  for (uint32_t i = 0; i < range.count; ++i) {
+    const lod::Cluster& cluster = mesh.dag.tables.clusters[range.offset + i];
+    const auto child = std::find(children.begin(), children.end(), cluster.generating_group);
+    const auto reference =
+        child == children.end() ? kNoReference : static_cast<uint16_t>(child - children.begin());
+    write_record(out, cluster, ends[i], reference, mesh);
+  }
+  return part;
+}
+
+void write_reference(std::span<std::byte> part, size_t index, const GroupRef& reference) {
+  ByteWriter out(part);
+  out.skip_to(kReferenceBytes * index);
+  write(out, reference);
+}
+
+PartTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
+                         uint32_t references, std::span<const std::byte> part) {
+  PartTables tables;
+  const uint64_t bytes = kReferenceBytes * references + kComponentBytes * components(format) +
+                         kClusterRecordBytes * clusters;
+  if (bytes > part.size()) corrupt("a group's tables are longer than its part of the page");
+  tables.first_data = static_cast<uint32_t>(bytes);
+  ByteReader in(part);
+  tables.children.resize(references);
+  for (GroupRef& child : tables.children) read(in, child);
+  tables.ranges.resize(components(format));
+  for (ComponentRange& range : tables.ranges) {
+    range.lowest = static_cast<int32_t>(in.u32());
+    range.bits = in.u32();
+    if (range.bits > 32)
+      corrupt("a group's components have " + std::to_string(range.bits) + " bits");
+  }
+  tables.clusters.resize(clusters);
+  tables.ends.resize(clusters);
+  uint32_t begin = tables.first_data;
+  for (uint32_t i = 0; i < clusters; ++i) {
+    lod::Cluster& cluster = tables.clusters[i];
+    tables.ends[i] = in.u32();
+    const uint32_t counts = in.u16(), reference = in.u16();
+    cluster.vertex_count = (counts & 0xff) + 1;
+    cluster.triangle_count = (counts >> 8) + 1;
+    cluster.material = in.u32();
+    if (reference != kNoReference && reference >= references)
+      corrupt("a cluster was made from group " + std::to_string(reference) + " of " +
+              std::to_string(references));
+    cluster.group = kNone;
+    cluster.generating_group = reference == kNoReference ? kNone : tables.children[reference].group;
+    std::array<uint16_t, 6> steps;
+    for (uint16_t& step : steps) step = in.u16();
+    cluster.box = box_of_steps(steps, bounds);
+    if (tables.ends[i] < begin || tables.ends[i] > part.size())
+      corrupt("a cluster's data lie outside its group's part of the page");
+    begin = tables.ends[i];
+  }
+  return tables;
+}
+
+std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
+                                                  const PartTables& tables,
+                                                  std::span<const std::byte> part, size_t count) {
+  std::vector<lod::ClusterGeometry> all(count);
+  const uint32_t stride = row_stride(format);
+  size_t vertices = 0;
+  for (size_t i = 0; i < count; ++i) vertices += tables.clusters[i].vertex_count;
+  std::vector<int32_t> integers(vertices * stride);
+  GroupBorders borders(vertices);
+  std::array<Parents, kMaxLocal> parents;
+  std::array<uint32_t, kMaxLocal> source;
+  uint32_t begin = tables.first_data, first = 0;
+  for (size_t i = 0; i < count; ++i) {
+    const lod::Cluster& cluster = tables.clusters[i];
+    BitReader in(part.subspan(begin, tables.ends[i] - begin), part.size() - tables.ends[i]);
+    all[i].triangles.resize(size_t{3} * cluster.triangle_count);
+    const auto mine = std::span(parents).first(cluster.vertex_count);
+    decode_triangles(in, all[i].triangles, mine, borders.add_cluster(cluster.vertex_count));
+    borders.list_last();
+    const auto sources = std::span(source).first(cluster.vertex_count);
+    decode_shared(in, borders, sources);
+    decode_vertices(format, mine, sources, tables.ranges, in, integers, first);
+    in.finish();
+    dequantize(
+        format,
+        std::span(integers).subspan(size_t{first} * stride, size_t{cluster.vertex_count} * stride),
+        all[i]);
+    begin = tables.ends[i];
+    first += cluster.vertex_count;
+  }
+  return all;
+}
+
+}  // namespace umbel::asset

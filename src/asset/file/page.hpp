@@ -1,0 +1,33 @@
+// A page: groups that are read together. docs/format.md has every byte.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "asset/file/format.hpp"
+#include "umbel/asset.hpp"
+
+namespace umbel::asset {
+
+inline constexpr uint64_t kPageHeaderBytes = 16, kGroupRecordBytes = 64;
+
+/// A group with its part encoded.
+struct EncodedGroup {
+  uint32_t mesh, id;
+  lod::Group group;
+  uint32_t parents, references;
+  std::vector<std::byte> part;
+};
+
+/// A multiple of kPageAlignment.
+uint64_t page_bytes(std::span<const EncodedGroup> groups);
+std::vector<std::byte> encode_page(uint32_t index, std::span<const EncodedGroup> groups);
+
+/// Decodes a page's groups, without their geometry, and takes its bytes. `formats` are the meshes'.
+/// Throws kCorrupt for impossible values.
+AssetPage decode_page(const Head& head, std::span<const VertexFormat> formats, uint32_t index,
+                      std::vector<std::byte> bytes);
+
+}  // namespace umbel::asset

@@ -1,0 +1,88 @@
+#include "asset/file/structure.hpp"
+
+namespace umbel::asset {
+namespace {
+
+bool inside(const Range& range, size_t size) {
+  return range.offset <= size && range.count <= size - range.offset;
+}
+
+std::string leaves(const std::string& what, size_t index, const char* field, const Range& range,
+                   const char* table, size_t size) {
+  return what + " " + std::to_string(index) + " has " + field + " [" +
+         std::to_string(range.offset) + ", " +
+         std::to_string(uint64_t{range.offset} + range.count) + "), but there are " +
+         std::to_string(size) + " " + table;
+}
+
+std::string bad_link(const std::string& what, size_t index, const char* field, uint32_t value,
+                     const char* table, size_t size) {
+  return what + " " + std::to_string(index) + " has " + field + " " + std::to_string(value) +
+         ", but there are " + std::to_string(size) + " " + table;
+}
+
+std::string level_problem(const lod::Tables& tables) {
+  for (size_t i = 0; i < tables.levels.size(); ++i)
+    if (!inside(tables.levels[i], tables.groups.size()))
+      return leaves("level", i, "groups", tables.levels[i], "groups", tables.groups.size());
+  return {};
+}
+
+std::string group_problem(const lod::Tables& tables) {
+  std::vector<uint8_t> owned(tables.clusters.size());
+  for (size_t i = 0; i < tables.groups.size(); ++i) {
+    const lod::Group& group = tables.groups[i];
+    if (!inside(group.clusters, tables.clusters.size()))
+      return leaves("group", i, "clusters", group.clusters, "clusters", tables.clusters.size());
+    if (group.rung > lod::Rung::kRoot)
+      return "group " + std::to_string(i) + " has the unknown rung " +
+             std::to_string(static_cast<uint32_t>(group.rung));
+    for (uint32_t c = 0; c < group.clusters.count; ++c)
+      if (owned[group.clusters.offset + c]++)
+        return "cluster " + std::to_string(group.clusters.offset + c) +
+               " is in the cluster ranges of two groups";
+  }
+  for (size_t c = 0; c < owned.size(); ++c)
+    if (!owned[c]) return "cluster " + std::to_string(c) + " is in no group's cluster range";
+  return {};
+}
+
+std::string cluster_problem(const lod::Tables& tables) {
+  const size_t groups = tables.groups.size();
+  for (size_t i = 0; i < tables.clusters.size(); ++i) {
+    const lod::Cluster& cluster = tables.clusters[i];
+    if (cluster.group >= groups)
+      return bad_link("cluster", i, "group", cluster.group, "groups", groups);
+    if (cluster.generating_group != kNone && cluster.generating_group >= groups)
+      return bad_link("cluster", i, "generating group", cluster.generating_group, "groups", groups);
+  }
+  return {};
+}
+
+std::string node_problem(const lod::Tables& tables) {
+  // With one parent at most, and none for the root, what can be reached from it is a tree.
+  std::vector<uint8_t> has_parent(tables.nodes.size());
+  for (size_t i = 0; i < tables.nodes.size(); ++i) {
+    const lod::Node& node = tables.nodes[i];
+    if (!inside(node.children, tables.nodes.size()))
+      return leaves("node", i, "children", node.children, "nodes", tables.nodes.size());
+    if (node.group != kNone && node.group >= tables.groups.size())
+      return bad_link("node", i, "group", node.group, "groups", tables.groups.size());
+    for (uint32_t c = 0; c < node.children.count; ++c) {
+      const uint32_t child = node.children.offset + c;
+      if (child == 0) return "node " + std::to_string(i) + " has the root as a child";
+      if (has_parent[child]++) return "node " + std::to_string(child) + " has two parents";
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string structural_problem(const lod::Tables& tables) {
+  for (const auto& problem_in : {level_problem, group_problem, cluster_problem, node_problem})
+    if (std::string problem = problem_in(tables); !problem.empty()) return problem;
+  return {};
+}
+
+}  // namespace umbel::asset

@@ -1,0 +1,124 @@
+// Binary trees of k-means clusters for any executor: the children of a cluster are joined, level by
+// level from the bottom, treelets of one level side by side, each by a team.
+#pragma once
+
+#include "bvh/build/kmeans_passes.hpp"
+#include "bvh/tree/treelet_join.hpp"
+
+namespace umbel::bvh {
+
+/// Clusters of at most so many items are not divided: agglomeration is better at few than the dice.
+inline constexpr uint32_t kFewForKmeans = 64;
+
+/// Subtrees that a treelet hands up at most.
+inline uint32_t handed_up(const KmeansConfig& config) {
+  const uint32_t most = kMostJoined / config.clusters;
+  return config.handed_up == 0 || config.handed_up > most ? most : config.handed_up;
+}
+
+/// Joins one treelet of a level.
+struct KmeansTreelet {
+  static constexpr uint32_t kLanes = 64;
+  struct Shared {
+    TreeletJoin join;
+    union {  // one after the other
+      TreeletAgglomeration agglomeration;
+      TreeletSweep sweep;
+    };
+  };
+
+  KmeansPoints items;
+  const KmeansCluster* clusters;  ///< of the level
+  uint32_t first_below;           ///< cluster of the level below
+  bool is_top;
+  LeafRule rule;
+  uint32_t handed;
+  Merge* merges;
+  const JoinItem* below;  ///< what the level below hands up
+  const uint32_t* below_counts;
+  JoinItem* up;
+  uint32_t* counts;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared& shared) const {
+    const KmeansCluster& cluster = clusters[i];
+    TreeletJoin& join = shared.join;
+    gather(team, cluster, join);
+    team.sync();
+    join.agglomerate(team, rule, shared.agglomeration);
+    if (handed > 1 && cluster.parts > 0) join.sweep(team, rule, shared.sweep);
+    if (team.rank() == 0) counts[i] = join.hand_up(is_top ? 1 : handed, merges, up + i * handed);
+  }
+
+ private:
+  template <typename Team>
+  UMBEL_HOST_DEVICE void gather(const Team& team, const KmeansCluster& cluster,
+                                TreeletJoin& join) const {
+    if (cluster.parts == 0) {
+      if (team.rank() == 0) join.begin(cluster.count);
+      for (uint32_t i = team.rank(); i < cluster.count; i += team.size()) {
+        const uint32_t item = cluster.offset + i;
+        const Aabb box = items.box(item);
+        join.put(i, {box, Subtree::of_primitive(items.primitives[item]), 1, rule.leaf_cost(box, 1),
+                     item});
+      }
+      return;
+    }
+    const uint32_t first = cluster.first - first_below;
+    for (uint32_t part = team.rank(); part <= cluster.parts; part += team.size()) {
+      uint32_t at = 0;
+      for (uint32_t p = 0; p < part; ++p) at += below_counts[first + p];
+      if (part == cluster.parts) {
+        join.begin(at);
+        break;
+      }
+      for (uint32_t s = 0; s < below_counts[first + part]; ++s)
+        join.put(at + s, below[size_t(first + part) * handed + s]);
+    }
+  }
+};
+
+template <typename Exec>
+class KmeansTreelets {
+ public:
+  /// A treelet hands up at most `handed`, so that those of `clusters` parts fit into one.
+  KmeansTreelets(Exec& exec, const KmeansPasses<Exec>& passes, const LeafRule& rule,
+                 uint32_t handed, Merge* merges)
+      : exec_(exec), passes_(passes), rule_(rule), handed_(handed), merges_(merges) {}
+
+  /// Makes all merges, and the root. A cluster of n items at `offset` has the slots of n
+  /// merges from `offset` on, one more than it can need.
+  void run(Subtree* root) {
+    const std::vector<uint32_t>& levels = passes_.levels();
+    const size_t most = passes_.most_of_level();
+    for (auto& up : up_) up = exec_.template allocate<JoinItem>(most * handed_);
+    for (auto& counts : counts_) counts = exec_.template allocate<uint32_t>(most);
+    for (size_t level = levels.size() - 1; level-- > 0;) join_level(level);
+    exec_.for_each(1,
+                   [up = up_[0].data(), root] UMBEL_DEVICE_LAMBDA(size_t) { *root = up->subtree; });
+  }
+
+ private:
+  template <typename T>
+  using Buffer = typename Exec::template Buffer<T>;
+
+  /// The treelets of the clusters of a level.
+  void join_level(size_t level) {
+    const uint32_t begin = passes_.levels()[level], end = passes_.levels()[level + 1];
+    const size_t own = level % 2, below = 1 - own;
+    exec_.for_each_team(end - begin,
+                        KmeansTreelet{passes_.items(level), passes_.clusters() + begin, end,
+                                      begin == 0, rule_, handed_, merges_, up_[below].data(),
+                                      counts_[below].data(), up_[own].data(), counts_[own].data()});
+  }
+
+  Exec& exec_;
+  const KmeansPasses<Exec>& passes_;
+  LeafRule rule_;
+  uint32_t handed_;
+  Merge* merges_;
+  Buffer<JoinItem> up_[2];  ///< what the clusters of a level hand up: `handed_` places each
+  Buffer<uint32_t> counts_[2];
+};
+
+}  // namespace umbel::bvh

@@ -1,0 +1,76 @@
+// The tree above clusters, built anew by the surface area heuristic, as HLBVH does above its
+// treelets (Pantaleoni & Luebke, "HLBVH: Hierarchical LBVH Construction for Real-Time Ray Tracing
+// of Dynamic Geometry", 2010). Agglomeration finds good small clusters, but where triangles are
+// small and alike, what it makes of them is worse than what planes do. See the header.
+#include "bvh/build/sah_top_levels.hpp"
+
+#include <vector>
+
+namespace umbel::bvh {
+namespace {
+
+/// The merges above the clusters, and the clusters.
+struct Top {
+  std::vector<uint32_t> merges;
+  std::vector<Subtree> clusters;
+  std::vector<Aabb> boxes;
+  std::vector<uint32_t> counts;
+  double area = 0;  ///< of the merges
+};
+
+Top find_top(const BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most) {
+  Top top;
+  std::vector<Subtree> open{root};
+  while (!open.empty()) {
+    const Subtree subtree = open.back();
+    open.pop_back();
+    const bool is_primitive = subtree.is_primitive();
+    const uint32_t count = is_primitive ? 1 : merges[subtree.index()].count;
+    if (count <= most) {
+      top.clusters.push_back(subtree);
+      top.counts.push_back(count);
+      top.boxes.push_back(is_primitive ? boxes[subtree.index()] : merges[subtree.index()].box);
+      continue;
+    }
+    const Merge& merge = merges[subtree.index()];
+    top.merges.push_back(subtree.index());
+    top.area += double(area_of(merge.box));
+    open.push_back(merge.right);
+    open.push_back(merge.left);
+  }
+  return top;
+}
+
+double inner_area(const Bvh2& tree) {
+  double sum = 0;
+  for (const Node& node : tree.nodes)
+    if (!node.is_leaf()) sum += double(area_of(node.box()));
+  return sum;
+}
+
+}  // namespace
+
+Subtree sweep_top(BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most,
+                  const Config& config) {
+  const Top top = find_top(merges, root, boxes, most);
+  if (top.clusters.size() < 3) return root;
+  const Bvh2 swept = sweep_clusters(top.boxes, top.counts, config);
+  if (inner_area(swept) >= top.area) return root;
+  std::vector<Subtree> subtrees(swept.nodes.size());
+  uint32_t used = 0;
+  for (size_t i = swept.nodes.size(); i-- > 0;) {
+    const Node& node = swept.nodes[i];
+    if (node.is_leaf()) {
+      subtrees[i] = top.clusters[swept.primitives[node.first]];
+      continue;
+    }
+    const auto count = [&](Subtree s) { return s.is_primitive() ? 1 : merges[s.index()].count; };
+    const Subtree left = subtrees[node.first], right = subtrees[node.first + 1];
+    const uint32_t merge = top.merges[used++];
+    merges[merge] = {node.box(), left, right, count(left) + count(right)};
+    subtrees[i] = Subtree::of_merge(merge);
+  }
+  return subtrees[0];
+}
+
+}  // namespace umbel::bvh

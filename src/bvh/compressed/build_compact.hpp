@@ -1,0 +1,201 @@
+// A compact tree from triangles, over any executor: boxes, a binary tree by the builder that the
+// configuration names, and its layout. Nothing here is an algorithm: see the headers that are
+// included.
+#pragma once
+
+#include <cmath>
+
+#include "base/morton.hpp"
+#include "bvh/build/hlbvh_merges.hpp"
+#include "bvh/build/hploc.hpp"
+#include "bvh/build/kmeans_passes.hpp"
+#include "bvh/build/kmeans_treelets.hpp"
+#include "bvh/build/ploc.hpp"
+#include "bvh/build/presplit.hpp"
+#include "bvh/build/radix_merges.hpp"
+#include "bvh/compressed/compact_tree.hpp"
+#include "bvh/optimize/treelet.hpp"
+#include "cluster/frame/frame_mesh.hpp"
+#include "umbel/cuda_bvh.hpp"
+
+namespace umbel::cuda {
+
+/// For those who do not measure.
+struct NoStages {
+  void operator()(const char* /*stage*/) const {}
+};
+
+struct TriangleCorners {
+  Vec3 a, b, c;
+};
+struct MeshCorners {
+  cluster::Positions positions;
+  const Triangle* triangles;
+
+  UMBEL_HOST_DEVICE TriangleCorners operator()(uint32_t i) const {
+    const Triangle& t = triangles[i];
+    return {positions[t[0]], positions[t[1]], positions[t[2]]};
+  }
+};
+
+/// The binary tree of n > 0 boxes: room for n merges, of which those that are not used get a count
+/// of 0, and the root. `stage` is called with the name of each stage that ends.
+template <typename Exec, typename Stage>
+void build_by_codes(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
+                    bvh::Merge* merges, bvh::Subtree* root, const Stage& stage) {
+  const bool is_hlbvh = config.builder == DeviceBuilder::kHlbvh;
+  const auto order = morton_order<uint64_t>(exec, boxes, n, is_hlbvh ? bvh::kHlbvhBits : 21);
+  stage("codes");
+  const uint64_t* codes = order.codes.data();
+  const uint32_t* primitives = order.primitives.data();
+  if (is_hlbvh) {
+    bvh::hlbvh_merges(exec, codes, primitives, boxes, n, config.hlbvh_bits, merges, root);
+  } else if (config.builder == DeviceBuilder::kHploc) {
+    bvh::hploc_merges(exec, codes, primitives, boxes, n, config.ploc_radius, merges, root);
+  } else {
+    bvh::radix_merges(exec, codes, primitives, boxes, n, merges, root);
+  }
+  if (config.builder == DeviceBuilder::kAtrbvh && n > 2) {
+    stage("radix tree");
+    bvh::TreeletRounds<Exec> rounds(exec, bvh::TreeletInput{boxes, nullptr, n, merges}, root,
+                                    bvh::LeafRule(config.cost, config.max_leaf_size));
+    for (uint32_t i = 0; i < config.treelet_rounds; ++i) rounds.run_round(config.treelet_size);
+  }
+}
+
+template <typename Exec, typename Stage>
+void build_kmeans(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
+                  bvh::Merge* merges, bvh::Subtree* root, const Stage& stage) {
+  exec.for_each(n, [=] UMBEL_DEVICE_LAMBDA(size_t i) { merges[i].count = 0; });
+  bvh::KmeansPasses<Exec> passes(exec, boxes, n, config.kmeans, bvh::kFewForKmeans);
+  passes.run([](double) {});
+  stage("clusters");
+  bvh::KmeansTreelets<Exec>(exec, passes, bvh::LeafRule(config.cost, config.max_leaf_size),
+                            bvh::handed_up(config.kmeans), merges)
+      .run(root);
+}
+
+template <typename Exec>
+void build_sweep(Exec& exec, const Aabb* boxes, uint32_t n, bvh::Merge* merges,
+                 bvh::Subtree* root) {
+  auto count = exec.template allocate<uint32_t>(1);
+  exec.for_each(1, [=, count = count.data()] UMBEL_DEVICE_LAMBDA(size_t) { *count = n; });
+  bvh::sweep_merges(exec, {boxes, nullptr, nullptr, nullptr}, count.data(), n, merges, root);
+}
+
+template <typename Exec, typename Stage>
+void build_merges(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
+                  bvh::Merge* merges, bvh::Subtree* root, const Stage& stage) {
+  if (config.builder == DeviceBuilder::kKmeans)
+    build_kmeans(exec, config, boxes, n, merges, root, stage);
+  else if (config.builder == DeviceBuilder::kSweep)
+    build_sweep(exec, boxes, n, merges, root);
+  else if (config.builder == DeviceBuilder::kPloc)
+    bvh::Ploc<Exec>().run(exec, boxes, n, config.ploc_radius, merges, root);
+  else
+    build_by_codes(exec, config, boxes, n, merges, root, stage);
+  stage("tree");
+}
+
+/// Brings coordinates of extreme size to about 1 by a power of two, so that areas neither overflow
+/// nor vanish. What that rounds away costs quality alone: nodes get their boxes from triangles.
+template <typename Exec>
+void bring_to_scale(Exec& exec, Aabb* boxes, uint32_t n) {
+  auto largest = exec.template allocate<float>(1);
+  exec.reduce(
+      n, 0.0f,
+      [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+        const Aabb& b = boxes[i];
+        float most = 0;
+        for (const float x : {b.min.x, b.min.y, b.min.z, b.max.x, b.max.y, b.max.z})
+          if (std::fabs(x) > most) most = std::fabs(x);
+        return most;
+      },
+      [] UMBEL_DEVICE_LAMBDA(float a, float b) { return a > b ? a : b; }, largest.data());
+  exec.for_each(n, [=, largest = largest.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+    const float most = *largest;
+    if (most == 0 || (most >= 1e-6f && most <= 1e6f)) return;
+    const uint32_t exponent = std::bit_cast<uint32_t>(most) >> 23;  // of a normal number
+    const float scale = exponent == 0     ? 0x1p126f
+                        : exponent == 254 ? 0x1p-126f * 0.5f
+                                          : std::bit_cast<float>((254 - exponent) << 23);
+    boxes[i].min = boxes[i].min * scale;
+    boxes[i].max = boxes[i].max * scale;
+  });
+}
+
+/// The boxes that a tree is built over: of triangles, or of their parts.
+template <typename Exec>
+void make_boxes(Exec& exec, const MeshCorners& corners, uint32_t n, uint32_t references,
+                Aabb* boxes, Aabb* parts, uint32_t* triangles) {
+  if (references > n) {
+    bvh::presplit(exec, corners, n, references - n, parts, triangles);
+    exec.for_each(references, [=] UMBEL_DEVICE_LAMBDA(size_t i) { boxes[i] = parts[i]; });
+  } else {
+    exec.for_each(n, [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+      const TriangleCorners c = corners(static_cast<uint32_t>(i));
+      const Aabb box = bvh::box_of_finite(c.a, c.b, c.c);
+      boxes[i] = is_empty(box) ? Aabb{{0, 0, 0}, {0, 0, 0}} : box;
+    });
+  }
+  bring_to_scale(exec, boxes, references);
+}
+
+/// Over n triangles with these names (none: by their places), at most 2^28 references.
+template <typename Exec, typename Stage>
+void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names, uint32_t n,
+                   const DeviceBvhConfig& config, const bvh::CompactArrays& out,
+                   const Stage& stage) {
+  const uint32_t references = device_references(n, config);
+  if (n == 0) {
+    exec.for_each(1, [out] UMBEL_DEVICE_LAMBDA(size_t) { *out.info = bvh::CompactInfo{}; });
+    return;
+  }
+  const bool splits = references > n;
+  auto order = exec.template allocate<uint32_t>(references);
+  auto triangle_of = exec.template allocate<uint32_t>(splits ? references : 0);
+  auto parts = exec.template allocate<Aabb>(splits ? references : 0);
+  {
+    auto boxes = exec.template allocate<Aabb>(references);
+    auto merges = exec.template allocate<bvh::Merge>(references);
+    auto root = exec.template allocate<bvh::Subtree>(1);
+    make_boxes(exec, corners, n, references, boxes.data(), parts.data(), triangle_of.data());
+    stage("boxes");
+    build_merges(exec, config, boxes.data(), references, merges.data(), root.data(), stage);
+    exec.for_each(1, [out, references] UMBEL_DEVICE_LAMBDA(size_t) {
+      *out.info = bvh::CompactInfo{};
+      out.info->triangles = references;
+    });
+    const uint32_t slots = config.builder == DeviceBuilder::kKmeans ? references : references - 1;
+    bvh::lay_out_compact(exec, {merges.data(), slots, root.data(), boxes.data(), references},
+                         config.cost, config.max_leaf_size, out.nodes, out.info, order.data());
+    stage("nodes");
+  }
+  auto ordered_parts = exec.template allocate<Aabb>(splits ? references : 0);
+  exec.for_each(references,
+                [=, order = order.data(), triangle_of = triangle_of.data(), parts = parts.data(),
+                 ordered = ordered_parts.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                  const uint32_t item = order[i], triangle = splits ? triangle_of[item] : item;
+                  const TriangleCorners c = corners(triangle);
+                  if (splits) ordered[i] = parts[item];
+                  out.triangles[i] = {c.a, names ? names[triangle] : triangle, c.b, 0, c.c, 0};
+                });
+  bvh::refit_compact(exec, out, references, splits ? ordered_parts.data() : nullptr);
+  stage("triangles and their boxes");
+}
+
+/// New positions of the mesh that a tree was built over.
+template <typename Exec>
+void refit_triangles(Exec& exec, const MeshCorners& corners, uint32_t references,
+                     const bvh::CompactArrays& tree) {
+  exec.for_each(references, [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+    bvh::CompactTriangle& t = tree.triangles[i];
+    const TriangleCorners c = corners(t.primitive);
+    t.p0 = c.a;
+    t.p1 = c.b;
+    t.p2 = c.c;
+  });
+  bvh::refit_compact(exec, tree, references, nullptr);
+}
+
+}  // namespace umbel::cuda

@@ -1,0 +1,32 @@
+// The way up a tree of merges, for any executor.
+#pragma once
+
+#include "base/exec.hpp"
+#include "bvh/tree/merge_tree.hpp"
+
+namespace umbel::bvh {
+
+/// The merges above each merge and above each item; kNone above the root.
+struct MergeParents {
+  uint32_t* of_merges;
+  uint32_t* of_items;
+};
+
+/// Merges without primitives (count 0) are passed over.
+template <typename Exec>
+void find_parents(Exec& exec, const Merge* merges, uint32_t slots, const Subtree* root,
+                  const MergeParents& parents) {
+  exec.for_each(slots + size_t{1}, [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+    if (i == slots) {
+      (root->is_primitive() ? parents.of_items : parents.of_merges)[root->index()] = kNone;
+      return;
+    }
+    const Merge& merge = merges[i];
+    if (merge.count == 0) return;
+    for (const Subtree s : {merge.left, merge.right})
+      (s.is_primitive() ? parents.of_items : parents.of_merges)[s.index()] =
+          static_cast<uint32_t>(i);
+  });
+}
+
+}  // namespace umbel::bvh

@@ -1,0 +1,47 @@
+// A binary tree as the builders from below make it: merges of two subtrees each, in any order,
+// which `emit` lays out depth-first as a Bvh2 with one primitive a leaf.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "base/big_vector.hpp"
+#include "base/math.hpp"
+#include "bvh/build/builders.hpp"
+
+namespace umbel::bvh {
+
+/// A subtree: a primitive, or the index of the merge that made it.
+struct Subtree {
+  static constexpr uint32_t kPrimitive = 0x80000000u;
+
+  uint32_t link;
+  UMBEL_HOST_DEVICE static Subtree of_primitive(uint32_t primitive) {
+    return {primitive | kPrimitive};
+  }
+  UMBEL_HOST_DEVICE static Subtree of_merge(uint32_t merge) { return {merge}; }
+  UMBEL_HOST_DEVICE bool is_primitive() const { return (link & kPrimitive) != 0; }
+  UMBEL_HOST_DEVICE uint32_t index() const { return link & ~kPrimitive; }
+};
+
+struct Merge {
+  Aabb box;
+  Subtree left, right;
+  uint32_t count;  ///< primitives below
+};
+
+/// `merges` has one element fewer than `boxes`, all of them below `root`.
+Bvh2 emit(const BigVector<Merge>& merges, Subtree root, Boxes boxes);
+
+/// Half the area of a box that is not empty.
+UMBEL_HOST_DEVICE inline float area_of(const Aabb& b) {
+  const Vec3 d = b.max - b.min;
+  return d.x * d.y + d.z * (d.x + d.y);
+}
+
+UMBEL_HOST_DEVICE inline Aabb united(Aabb a, const Aabb& b) {
+  extend(a, b);
+  return a;
+}
+
+}  // namespace umbel::bvh

@@ -1,0 +1,44 @@
+// Makes a wide tree of a binary one.
+#pragma once
+
+#include <array>
+#include <limits>
+#include <span>
+
+#include "bvh/wide/triangle_bvh_data.hpp"
+
+namespace umbel {
+
+struct WidenOptions {
+  uint32_t width = 8;
+  bool compact = false;  ///< vertices shared, boxes quantised
+  // What is known of a tree that was only just built need not be looked for.
+  bool is_valid = false;   ///< the tree's triangles have indices in range and finite corners
+  bool may_repeat = true;  ///< a triangle may be in several leaves
+};
+
+inline constexpr uint32_t kMaxWidth = 8;
+
+/// Of a node's slots. The boxes of those without a child lie nowhere.
+using SlotBoxes = std::array<Aabb, kMaxWidth>;
+inline constexpr SlotBoxes kNoBoxes = [] {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  SlotBoxes boxes;
+  boxes.fill({{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}});
+  return boxes;
+}();
+
+/// Throws kInvalidMesh for an index out of range, or a corner that is not finite, in one of these
+/// triangles.
+void check_triangles(const MeshView& mesh, std::span<const uint32_t> triangles);
+
+/// Throws kUnsupported for more nodes than links can tell apart.
+void check_size(const TriangleBvhData& data);
+
+/// `tree` is sound (bvh::check) and over the triangles of `mesh`; `masks` is empty or one a
+/// triangle. Throws kInvalidMesh for an index out of range in a triangle of the tree. The result
+/// does not depend on the number of threads. Leaves costs and kernels to the caller.
+TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
+                           std::span<const uint32_t> masks);
+
+}  // namespace umbel

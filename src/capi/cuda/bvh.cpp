@@ -1,0 +1,92 @@
+// The hierarchies of umbel_cuda.h over cuda_bvh.hpp. Part of the library umbel::cuda.
+#include "capi/cuda/input.hpp"
+#include "capi/guard.hpp"
+#include "umbel/cuda_bvh.hpp"
+
+namespace umbel::capi {
+namespace {
+
+static_assert(sizeof(umbel_compact_info) == sizeof(bvh::CompactInfo));
+
+cuda::DeviceBvhConfig bvh_config_of(const umbel_cuda_bvh_config* given) {
+  const umbel_cuda_bvh_config& c = sized_config(given, "umbel_cuda_bvh_config_init");
+  cuda::DeviceBvhConfig config;
+  config.builder = static_cast<cuda::DeviceBuilder>(c.builder);
+  config.cost = {c.traversal_cost, c.intersection_cost};
+  config.max_leaf_size = c.max_leaf_size;
+  config.presplit = c.presplit;
+  config.hlbvh_bits = c.hlbvh_bits;
+  config.treelet_size = c.treelet_size;
+  config.treelet_rounds = c.treelet_rounds;
+  config.ploc_radius = c.ploc_radius;
+  config.kmeans.clusters = c.kmeans_clusters;
+  config.kmeans.candidates = c.kmeans_candidates;
+  config.kmeans.iterations = c.kmeans_iterations;
+  config.kmeans.distance =
+      c.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
+  config.kmeans.handed_up = c.kmeans_handed_up;
+  return config;
+}
+
+umbel_cuda_bvh_config config_of(const cuda::DeviceBvhConfig& c) {
+  return {sizeof(umbel_cuda_bvh_config),
+          static_cast<uint32_t>(c.builder),
+          c.cost.traversal,
+          c.cost.intersection,
+          c.max_leaf_size,
+          c.presplit,
+          c.hlbvh_bits,
+          c.treelet_size,
+          c.treelet_rounds,
+          c.ploc_radius,
+          c.kmeans.clusters,
+          c.kmeans.candidates,
+          c.kmeans.iterations,
+          c.kmeans.distance == bvh::KmeansDistance::kManhattan ? 1u : 0u,
+          c.kmeans.handed_up};
+}
+
+}  // namespace
+}  // namespace umbel::capi
+
+using umbel::capi::guard;
+
+umbel_result umbel_cuda_bvh_config_init(umbel_cuda_bvh_config* config, const char* builder) {
+  return guard([&] {
+    if (!config) umbel::capi::refuse_null("config");
+    *config = umbel::capi::config_of(builder ? umbel::cuda::device_builder_preset(builder)
+                                             : umbel::cuda::DeviceBvhConfig{});
+  });
+}
+
+umbel_result umbel_cuda_bvh_capacity(uint32_t triangles, const umbel_cuda_bvh_config* config,
+                                     uint32_t* node_capacity, uint32_t* triangle_capacity) {
+  return guard([&] {
+    if (!node_capacity) umbel::capi::refuse_null("node_capacity");
+    if (!triangle_capacity) umbel::capi::refuse_null("triangle_capacity");
+    *triangle_capacity =
+        umbel::cuda::device_references(triangles, umbel::capi::bvh_config_of(config));
+    *node_capacity = umbel::bvh::compact_node_capacity(*triangle_capacity);
+  });
+}
+
+umbel_result umbel_cuda_build_bvh(void* scratch, size_t* scratch_bytes, const umbel_cuda_mesh* mesh,
+                                  const umbel_cuda_bvh_config* config, const umbel_cuda_bvh* out,
+                                  void* stream) {
+  return guard([&] {
+    umbel::cuda::build_bvh(scratch, umbel::capi::bytes_of(scratch_bytes),
+                           umbel::capi::mesh_of(mesh), umbel::capi::bvh_config_of(config),
+                           umbel::capi::bvh_of(out, scratch, "out"),
+                           umbel::capi::stream_of(stream));
+  });
+}
+
+umbel_result umbel_cuda_refit_bvh(void* scratch, size_t* scratch_bytes, const umbel_cuda_mesh* mesh,
+                                  const umbel_cuda_bvh_config* config, const umbel_cuda_bvh* bvh,
+                                  void* stream) {
+  return guard([&] {
+    umbel::cuda::refit_bvh(scratch, umbel::capi::bytes_of(scratch_bytes),
+                           umbel::capi::mesh_of(mesh), umbel::capi::bvh_config_of(config),
+                           umbel::capi::bvh_of(bvh, scratch), umbel::capi::stream_of(stream));
+  });
+}

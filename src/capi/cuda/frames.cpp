@@ -1,0 +1,126 @@
+// umbel_cuda.h over cuda.hpp. Part of the library umbel::cuda.
+#include "capi/cuda/input.hpp"
+#include "capi/guard.hpp"
+#include "umbel/cuda.hpp"
+
+namespace umbel::capi {
+namespace {
+
+FrameClusterConfig config_of(const umbel_frame_config* given) {
+  const umbel_frame_config& c = sized_config(given, "umbel_frame_config_init");
+  return {static_cast<FrameMethod>(c.method),
+          c.max_triangles,
+          c.min_triangles,
+          c.max_vertices,
+          c.underfill_cost,
+          c.code_bits};
+}
+
+/// What is only looked at when there is work to do may be missing before.
+struct Call {
+  void* scratch;
+  size_t* scratch_bytes;
+
+  size_t& bytes() const { return bytes_of(scratch_bytes); }
+  cuda::DeviceClusters of(const umbel_cuda_clusters* given, const char* name) const {
+    if (!given && !scratch) return {};
+    const umbel_cuda_clusters& c = not_null(given, name);
+    return {c.items, c.indices, c.offsets, reinterpret_cast<Aabb*>(c.boxes), c.count};
+  }
+  cuda::DeviceDrift of(const umbel_cuda_drift* given, const char* name) const {
+    if (!given && !scratch) return {};
+    const umbel_cuda_drift& d = not_null(given, name);
+    return {d.now, d.at_build, d.total};
+  }
+};
+
+}  // namespace
+}  // namespace umbel::capi
+
+using umbel::capi::Call;
+using umbel::capi::config_of;
+using umbel::capi::guard;
+using umbel::capi::mesh_of;
+using umbel::capi::stream_of;
+
+void umbel_frame_config_init(umbel_frame_config* config) {
+  if (!config) return;
+  const umbel::FrameClusterConfig defaults;
+  *config = {sizeof *config,         static_cast<uint32_t>(defaults.method),
+             defaults.max_triangles, defaults.min_triangles,
+             defaults.max_vertices,  defaults.underfill_cost,
+             defaults.code_bits};
+}
+
+umbel_result umbel_frame_max_clusters(uint32_t triangles, const umbel_frame_config* config,
+                                      uint32_t* clusters) {
+  return guard([&] {
+    if (!clusters) umbel::capi::refuse_null("clusters");
+    *clusters = umbel::max_frame_clusters(triangles, config_of(config));
+  });
+}
+
+umbel_result umbel_cuda_build_frame_clusters(void* scratch, size_t* scratch_bytes,
+                                             const umbel_cuda_mesh* mesh,
+                                             const umbel_frame_config* config,
+                                             const umbel_cuda_clusters* out, void* stream) {
+  return guard([&] {
+    const Call call{scratch, scratch_bytes};
+    umbel::cuda::build_frame_clusters(scratch, call.bytes(), mesh_of(mesh), config_of(config),
+                                      call.of(out, "out"), stream_of(stream));
+  });
+}
+
+umbel_result umbel_cuda_measure_frame_clusters(void* scratch, size_t* scratch_bytes,
+                                               uint32_t triangles, const umbel_frame_config* config,
+                                               const umbel_cuda_clusters* clusters,
+                                               const umbel_cuda_drift* drift, int is_new,
+                                               void* stream) {
+  return guard([&] {
+    const Call call{scratch, scratch_bytes};
+    umbel::cuda::measure_frame_clusters(scratch, call.bytes(), triangles, config_of(config),
+                                        call.of(clusters, "clusters"), call.of(drift, "drift"),
+                                        is_new != 0, stream_of(stream));
+  });
+}
+
+umbel_result umbel_cuda_refit_frame_clusters(void* scratch, size_t* scratch_bytes,
+                                             const umbel_cuda_mesh* mesh,
+                                             const umbel_frame_config* config,
+                                             const umbel_cuda_clusters* clusters,
+                                             const umbel_cuda_drift* drift, void* stream) {
+  return guard([&] {
+    const Call call{scratch, scratch_bytes};
+    umbel::cuda::refit_frame_clusters(scratch, call.bytes(), mesh_of(mesh), config_of(config),
+                                      call.of(clusters, "clusters"), call.of(drift, "drift"),
+                                      stream_of(stream));
+  });
+}
+
+umbel_result umbel_cuda_rebuild_worst_frame_clusters(
+    void* scratch, size_t* scratch_bytes, const umbel_cuda_mesh* mesh,
+    const umbel_frame_config* config, uint32_t budget, const umbel_cuda_clusters* clusters,
+    const umbel_cuda_drift* drift, const umbel_cuda_clusters* out,
+    const umbel_cuda_drift* out_drift, void* stream) {
+  return guard([&] {
+    const Call call{scratch, scratch_bytes};
+    umbel::cuda::rebuild_worst_frame_clusters(
+        scratch, call.bytes(), mesh_of(mesh), config_of(config), budget,
+        call.of(clusters, "clusters"), call.of(drift, "drift"), call.of(out, "out"),
+        call.of(out_drift, "out_drift"), stream_of(stream));
+  });
+}
+
+umbel_result umbel_cuda_list_frame_vertices(void* scratch, size_t* scratch_bytes,
+                                            uint32_t triangles, const umbel_frame_config* config,
+                                            const umbel_cuda_clusters* clusters,
+                                            const umbel_cuda_vertex_lists* out, void* stream) {
+  return guard([&] {
+    const Call call{scratch, scratch_bytes};
+    if (!out && scratch) umbel::capi::refuse_null("out");
+    const umbel_cuda_vertex_lists lists = out ? *out : umbel_cuda_vertex_lists{};
+    umbel::cuda::list_frame_vertices(
+        scratch, call.bytes(), triangles, config_of(config), call.of(clusters, "clusters"),
+        {lists.offsets, lists.vertices, lists.corners}, stream_of(stream));
+  });
+}

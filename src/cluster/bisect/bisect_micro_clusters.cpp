@@ -1,0 +1,297 @@
+// Nodes are split by the surface area heuristic between bins of micro-clusters (binned as by Wald,
+// "On fast construction of SAH-based bounding volume hierarchies", 2007), or within a bin where
+// that fills the clusters: then one micro-cluster is cut item by item.
+#include "cluster/bisect/bisect_micro_clusters.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "cluster/bisect/micro_cluster_bins.hpp"
+
+namespace umbel::cluster {
+namespace {
+
+constexpr uint32_t kParallel = 1 << 15;  ///< items from which on the two sides run in parallel
+constexpr uint32_t kGroup = 16;          ///< micro-clusters that stand for one
+constexpr size_t kFewGroups = 64;        ///< too few to choose from
+constexpr uint32_t kMostRoundings = 4;   ///< one inside another
+
+struct Node {
+  const Micro* begin;
+  const Micro* end;
+  uint32_t offset, count;  ///< of the items
+  uint32_t depth;
+  SmallBox centers;
+};
+
+// Where items go, and who takes those that suit no micro-clusters.
+struct Target {
+  const Source& source;
+  const Rules& rules;
+  const MicroBins& bins;
+  MicroSizes sizes;
+  uint32_t* items;
+  uint8_t* first;
+  const std::function<void(uint32_t, uint32_t)>& exact;
+  const std::function<void(uint32_t)>& done;
+};
+
+void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
+            uint32_t roundings);
+
+// Items that are in place, to be looked at more closely.
+void round_again(const Target& target, uint32_t offset, uint32_t count, uint32_t roundings) {
+  if (roundings < kMostRoundings) {
+    const BoxRecord box = box_of(target.source, target.items + offset, count);
+    if (suits_small_boxes(box)) return bisect(target, offset, count, box, roundings + 1);
+  }
+  target.exact(offset, count);
+}
+
+uint32_t* write_items(const Micro& micro, uint32_t* to) {
+  for (uint32_t i = 0; i < micro.count; ++i) *to++ = tag_of(micro.items[i]);
+  return to;
+}
+
+// An order of places that depends on nothing but geometry, up to equal rounded boxes.
+bool is_before(const SmallBox& a, const SmallBox& b, int axis) {
+  const uint16_t x = center_of(a, axis), y = center_of(b, axis);
+  if (x != y) return x < y;
+  for (const int k : {0, 1, 2, 4, 5, 6})
+    if (a[k] != b[k]) return a[k] < b[k];
+  return tag_of(a) < tag_of(b);
+}
+
+// Bisects one node and all below it: while it is large by groups, then by micro-clusters.
+class Splitter {
+ public:
+  Splitter(const Target& target, uint32_t roundings) : target_(target), roundings_(roundings) {}
+
+  // A node of groups.
+  void run(const Node& node) {
+    if (node.count < kParallel || size_t(node.end - node.begin) < kFewGroups || node.depth == 0)
+      return run_alone(node);
+    const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
+    if (choice.axis < 0 || choice.position != choice.before) return run_alone(node);
+    const size_t count = size_t(node.end - node.begin);
+    std::vector<Micro> copy(count + 1);
+    Node left, right;
+    {
+      std::vector<Micro> spare(count + 1), between(count + 1);
+      origin_ = copy.data();
+      spare_ = spare.data();
+      between_ = between.data();
+      std::copy(node.begin, node.end, copy.begin());
+      Node own = node;
+      own.begin = copy.data();
+      own.end = own.begin + count;
+      separate(own, choice, left, right);
+    }
+    tbb::parallel_invoke([&] { Splitter(target_, roundings_).run(left); },
+                         [&] { Splitter(target_, roundings_).run(right); });
+  }
+
+ private:
+  // Cuts make more micro-clusters: at most one a level at any time, as the left side lies behind
+  // the right and is gone when that is split.
+  void run_alone(const Node& node) {
+    size_t count = 0;
+    for (const Micro* group = node.begin; group < node.end; ++group) count += group->part_count;
+    const size_t room = count + node.depth + 1;
+    std::vector<Micro> micros(room), spare(room), between(room);
+    Micro* to = micros.data();
+    Node own = node;
+    own.centers = empty_small_box();
+    for (const Micro* group = node.begin; group < node.end; ++group)
+      to = std::copy_n(group->parts, group->part_count, to);
+    for (size_t m = 0; m < count; ++m) own.centers = join(own.centers, centers_of(micros[m].box));
+    origin_ = micros.data();
+    spare_ = spare.data();
+    between_ = between.data();
+    own.begin = origin_;
+    own.end = origin_ + count;
+    split(own);
+    target_.done(node.count);
+  }
+
+  void split(const Node& node) {
+    if (node.count <= target_.rules.config.max_items) return finish(node, true);
+    if (node.depth == 0) return finish(node, false);
+    const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
+    if (choice.axis < 0) return finish(node, false);
+    Node left, right;
+    separate(node, choice, left, right);
+    split(left);
+    split(right);
+  }
+
+  void finish(const Node& node, bool is_leaf) const {
+    uint32_t* to = target_.items + node.offset;
+    for (const Micro* micro = node.begin; micro < node.end; ++micro) to = write_items(*micro, to);
+    if (is_leaf)
+      target_.first[node.offset] = 1;
+    else if (node.depth > 0)
+      round_again(target_, node.offset, node.count, roundings_);
+    else
+      target_.exact(node.offset, node.count);
+  }
+
+  // The right side comes first in memory.
+  void separate(const Node& node, const Choice& choice, Node& left, Node& right) {
+    Micro* micros = origin_ + (node.begin - origin_);
+    Micro* spare = spare_ + (node.begin - origin_);
+    Sides sides;
+    if (choice.position == choice.before)
+      divide<false>(node, choice, micros, spare, sides);
+    else
+      divide<true>(node, choice, micros, spare, sides);
+    const size_t l = sides.left, r = sides.right;
+    std::copy_n(spare, l, micros + r);
+    const uint32_t depth = node.depth - 1;
+    right = {
+        micros, micros + r,         node.offset + choice.position, node.count - choice.position,
+        depth,  sides.right_centers};
+    left = {micros + r, micros + r + l, node.offset, choice.position, depth, sides.left_centers};
+  }
+
+  struct Sides {
+    size_t left = 0, right = 0;  ///< micro-clusters
+    SmallBox left_centers = empty_small_box(), right_centers = empty_small_box();
+  };
+
+  template <bool kCut>
+  void divide(const Node& node, const Choice& choice, Micro* micros, Micro* spare, Sides& sides) {
+    size_t l = 0, r = 0, b = 0;
+    SmallBox left_centers = empty_small_box(), right_centers = left_centers;
+    for (const Micro* m = node.begin; m < node.end; ++m) {
+      const Micro micro = *m;
+      const uint32_t bin = choice.places.of(m->box, choice.axis);
+      const uint32_t is_left = bin < choice.bin, is_between = kCut && bin == choice.bin;
+      const SmallBox centers = centers_of(micro.box);
+      micros[r] = micro;
+      spare[l] = micro;
+      if constexpr (kCut) between_[b] = micro;
+      l += is_left;
+      r += 1 - is_left - is_between;
+      b += is_between;
+      left_centers = join(left_centers, only_if(is_left, centers));
+      right_centers = join(right_centers, only_if(1 - is_left - is_between, centers));
+    }
+    sides = {l, r, left_centers, right_centers};
+    if constexpr (kCut) cut_between(b, choice, micros, spare, sides);
+  }
+
+  // Gives the first micro-clusters of the bin that is cut to the left, until that has its items.
+  void cut_between(size_t count, const Choice& choice, Micro* micros, Micro* spare, Sides& sides) {
+    const int axis = choice.axis;
+    const auto give = [&](const Micro& micro, bool to_left) {
+      (to_left ? spare[sides.left++] : micros[sides.right++]) = micro;
+      SmallBox& centers = to_left ? sides.left_centers : sides.right_centers;
+      centers = join(centers, centers_of(micro.box));
+    };
+    std::sort(between_, between_ + count,
+              [axis](const Micro& x, const Micro& y) { return is_before(x.box, y.box, axis); });
+    uint32_t wanted = choice.position - choice.before;
+    for (size_t k = 0; k < count; ++k) {
+      Micro& micro = between_[k];
+      if (wanted > 0 && micro.count > wanted) {
+        give(cut(micro, wanted, axis), true);
+        wanted = 0;
+      }
+      give(micro, wanted > 0);
+      if (wanted > 0) wanted -= micro.count;
+    }
+  }
+
+  // Takes the first `count` items along an axis out of a micro-cluster.
+  Micro cut(Micro& micro, uint32_t count, int axis) const {
+    SmallBox* items = micro.items;
+    std::nth_element(
+        items, items + count, items + micro.count,
+        [axis](const SmallBox& a, const SmallBox& b) { return is_before(a, b, axis); });
+    Micro taken{empty_small_box(), {items}, count, 0};
+    for (uint32_t i = 0; i < count; ++i) taken.box = join(taken.box, items[i]);
+    SmallBox rest = empty_small_box();
+    for (uint32_t i = count; i < micro.count; ++i) rest = join(rest, items[i]);
+    micro = {rest, {items + count}, micro.count - count, 0};
+    return taken;
+  }
+
+  const Target& target_;
+  const uint32_t roundings_;
+  Micro* origin_ = nullptr;
+  Micro* spare_ = nullptr;
+  Micro* between_ = nullptr;
+};
+
+// Crowds are clustered by themselves, in places behind all others. What is left must not be less
+// than a cluster, or the crowd next to it takes it.
+void bisect_crowds(const Target& target, const MicroSet& set, uint32_t offset, uint32_t others,
+                   uint32_t roundings) {
+  std::vector<Micro> crowds = set.crowds;
+  uint32_t taken = 0;
+  uint32_t* to = target.items + offset;
+  if (others > 0 && others < target.rules.config.min_items) {
+    SmallBox box = empty_small_box();
+    for (const Micro& group : set.groups) {
+      box = join(box, group.box);
+      for (uint32_t m = 0; m < group.part_count; ++m) to = write_items(group.parts[m], to);
+    }
+    const auto area = [&](const Micro& crowd) { return box_area(join(crowd.box, box)); };
+    const auto next =
+        std::min_element(crowds.begin(), crowds.end(),
+                         [&](const Micro& a, const Micro& b) { return area(a) < area(b); });
+    std::swap(crowds[0], *next);
+    taken = others;
+  } else {
+    to += others;
+  }
+  std::vector<Range> ranges;
+  for (const Micro& crowd : crowds) {
+    const uint32_t begin = uint32_t(to - target.items) - taken;
+    to = write_items(crowd, to);
+    ranges.push_back({begin, crowd.count + std::exchange(taken, 0u)});
+  }
+  parallel_for(ranges.size(), 16, [&](size_t c) {
+    round_again(target, ranges[c].offset, ranges[c].count, roundings);
+  });
+}
+
+void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
+            uint32_t roundings) {
+  const MicroSet set =
+      make_micros(target.source, target.items + offset, count, bounds, target.sizes);
+  uint32_t others = count;
+  for (const Micro& crowd : set.crowds) others -= crowd.count;
+  const bool few = others < target.rules.config.min_items;
+  if ((set.groups.empty() || few) && set.crowds.size() < 2) return target.exact(offset, count);
+  bisect_crowds(target, set, offset, others, roundings);
+  if (few) return;
+  Node root{set.groups.data(),
+            set.groups.data() + set.groups.size(),
+            offset,
+            others,
+            2 * uint32_t(std::bit_width(count)) + 8,
+            empty_small_box()};
+  for (const Micro& group : set.groups) root.centers = join(root.centers, centers_of(group.box));
+  Splitter(target, roundings).run(root);
+}
+
+}  // namespace
+
+void bisect_micros(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
+                   uint32_t count, const BoxRecord& bounds,
+                   const std::function<void(uint32_t, uint32_t)>& exact,
+                   const std::function<void(uint32_t)>& done) {
+  const uint32_t most = rules.config.max_items;
+  // Large enough to save most of the work, small enough for clusters of good shape.
+  const uint32_t micro = std::max(most / 2, 1u);
+  const MicroSizes sizes{micro, kGroup * micro, most};
+  const MicroBins bins(rules);
+  bisect({source, rules, bins, sizes, items, first, exact, done}, 0, count, bounds, 0);
+}
+
+}  // namespace umbel::cluster

@@ -1,0 +1,116 @@
+// The surface area heuristic between bins of micro-clusters and, where whole clusters end inside a
+// bin, there: areas within a bin are taken to grow evenly, from a little more than before it.
+#include "cluster/bisect/micro_cluster_bins.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace umbel::cluster {
+namespace {
+
+constexpr size_t kFewMicros = 128, kManyMicros = 256;  ///< that are worth more bins
+constexpr float kJump = 0.25f;  ///< by which areas grow as soon as a bin is entered
+
+BinPlaces places_for(SmallBox centers, uint32_t bins) {
+  BinPlaces places;
+  for (int k = 0; k < 3; ++k) {
+    places.origin[k] = static_cast<uint16_t>(centers[k]);
+    const uint32_t extent = uint32_t(-int(centers[k]) - int(centers[k + 4]));
+    const uint32_t shift = extent ? 16 - std::bit_width(extent) : 0;
+    places.multiplier[k] = static_cast<uint16_t>(1u << shift);
+    places.factor[k] = static_cast<uint16_t>(extent ? (bins << 16) / ((extent + 1) << shift) : 0);
+  }
+  return places;
+}
+
+}  // namespace
+
+MicroBins::MicroBins(const Rules& rules)
+    : rules_(rules), weights_(kTabled), last_weights_(kTabled), whole_(kTabled) {
+  for (uint32_t i = 0; i < kTabled; ++i) {
+    weights_[i] = rules.weight(i, rules.underfill_cost(kNone));
+    last_weights_[i] = rules.weight(i, rules.underfill_cost(1));
+    whole_[i] = i - i % rules.config.max_items;
+  }
+}
+
+Choice MicroBins::cheapest(const Micro* begin, const Micro* end, uint32_t count,
+                           SmallBox centers) const {
+  Bins bins;
+  const size_t micros = size_t(end - begin);
+  bins.count = micros < kFewMicros ? 8 : micros < kManyMicros ? 16 : kMost;
+  Choice best;
+  best.places = places_for(centers, bins.count);
+  for (int k = 0; k < 3; ++k) {
+    std::fill_n(bins.boxes[k], bins.count, empty_small_box());
+    std::fill_n(bins.counts[k], bins.count, 0u);
+  }
+  for (const Micro* m = begin; m < end; ++m) {
+    const SmallBox box = m->box;
+    const Center8 place = best.places.of(box);
+    for (int k = 0; k < 3; ++k) {
+      const uint32_t bin = place[k];
+      bins.boxes[k][bin] = join(bins.boxes[k][bin], box);
+      bins.counts[k][bin] += m->count;
+    }
+  }
+  float best_cost = std::numeric_limits<float>::infinity();
+  for (int k = 0; k < 3; ++k)
+    if (centers[k] + centers[k + 4] != 0) weigh(bins, k, count, best, best_cost);
+  return best;
+}
+
+void MicroBins::weigh(const Bins& bins, int axis, uint32_t count, Choice& best,
+                      float& best_cost) const {
+  const uint32_t least = rules_.config.min_items;
+  const bool divisible = rules_.divisible(count);
+  const float underfill_cost = rules_.underfill_cost(count);
+  const float* table =
+      (underfill_cost == rules_.underfill_cost(kNone) ? weights_ : last_weights_).data();
+  const auto weight = [&](uint32_t n) {
+    return n < kTabled ? table[n] : rules_.weight(n, underfill_cost);
+  };
+  std::array<float, kMost + 1> right_area;
+  right_area[bins.count] = 0;
+  SmallBox side = empty_small_box();
+  for (uint32_t i = bins.count - 1; i > 0; --i) {
+    // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): at least one bin
+    side = join(side, bins.boxes[axis][i]);
+    right_area[i] = box_area(side);
+  }
+  right_area[0] = box_area(join(side, bins.boxes[axis][0]));
+  const auto weigh_at = [&](uint32_t bin, uint32_t before, uint32_t position, float left,
+                            float right) {
+    const float cost = left * weight(position) + right * weight(count - position);
+    if (!(cost < best_cost) || !rules_.legal(position, count, divisible)) return;
+    best_cost = cost;
+    best.axis = axis;
+    best.bin = bin;
+    best.before = before;
+    best.position = position;
+  };
+  side = empty_small_box();
+  float left_area = 0;
+  for (uint32_t i = 0, before = 0; i < bins.count && before < count; ++i) {
+    const uint32_t inside = bins.counts[axis][i], after = before + inside;
+    if (inside == 0) continue;
+    if (before >= least && count - before >= least)
+      weigh_at(i, before, before, left_area, right_area[i]);
+    side = join(side, bins.boxes[axis][i]);
+    const float next_area = box_area(side);
+    if (inside > 1 && after > least && before + least < count) {
+      const float per_item = (1 - kJump) / static_cast<float>(inside);
+      for (const uint32_t full : {whole(after - 1), count - whole(count - before - 1)}) {
+        const uint32_t position = std::min(std::max(full, least), count - least);
+        if (position <= before || position >= after) continue;
+        const float f = per_item * static_cast<float>(position - before);
+        weigh_at(i, before, position, left_area + (kJump + f) * (next_area - left_area),
+                 right_area[i + 1] + (1 - f) * (right_area[i] - right_area[i + 1]));
+      }
+    }
+    left_area = next_area;
+    before = after;
+  }
+}
+
+}  // namespace umbel::cluster

@@ -1,0 +1,61 @@
+// The cheapest split of a node of micro-clusters.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "cluster/bisect/micro_clusters.hpp"
+#include "cluster/bisect/split_constraints.hpp"
+
+namespace umbel::cluster {
+
+/// The bins that centres fall into, on three axes at once.
+struct BinPlaces {
+  Center8 origin{}, multiplier{}, factor{};
+  Center8 of(SmallBox box) const {
+    return multiply_high((center_of(box) - origin) * multiplier, factor);
+  }
+  uint32_t of(const SmallBox& box, int axis) const {
+    const uint16_t place = center_of(box, axis) - origin[axis];
+    return uint32_t(uint16_t(uint32_t(place) * multiplier[axis])) * factor[axis] >> 16;
+  }
+};
+
+struct Choice {
+  int axis = -1;          ///< -1: none
+  uint32_t bin = 0;       ///< all bins below it are on the left
+  uint32_t before = 0;    ///< items in those
+  uint32_t position = 0;  ///< items on the left: `before`, or so many that the bin is cut
+  BinPlaces places;
+};
+
+class MicroBins {
+ public:
+  explicit MicroBins(const Rules& rules);
+
+  /// Splits `count` items in micro-clusters [begin, end), whose centres fill `centers`.
+  Choice cheapest(const Micro* begin, const Micro* end, uint32_t count, SmallBox centers) const;
+
+ private:
+  static constexpr uint32_t kMost = 32;
+  static constexpr uint32_t kTabled = 1 << 12;  ///< weights of fewer items are looked up
+
+  struct Bins {
+    uint32_t count;  ///< a axis
+    SmallBox boxes[3][kMost];
+    uint32_t counts[3][kMost];
+  };
+
+  void weigh(const Bins& bins, int axis, uint32_t count, Choice& best, float& best_cost) const;
+  uint32_t whole(uint32_t n) const {
+    return n < kTabled ? whole_[n] : n - n % rules_.config.max_items;
+  }
+
+  const Rules& rules_;
+  std::vector<float> weights_, last_weights_;  ///< in large nodes, and in those near the leaves
+  std::vector<uint32_t> whole_;                ///< items in full clusters
+};
+
+}  // namespace umbel::cluster

@@ -1,0 +1,301 @@
+// Micro-clusters by a recursive counting sort: items go to the cells of a grid along a Morton
+// curve, and crowded cells are grids of their own (as the buckets of a most-significant-digit radix
+// sort). The largest cells of the binary hierarchy over the curve that hold few enough items become
+// micro-clusters.
+#include "cluster/bisect/micro_clusters.hpp"
+
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "base/parallel.hpp"
+
+namespace umbel::cluster {
+namespace {
+
+constexpr size_t kChunk = 1 << 15;
+constexpr size_t kBatch = 1 << 8;  ///< items that go through several loops in a cache
+constexpr uint32_t kMostBits = 11;
+constexpr uint32_t kMostAxisBits = 8;
+constexpr uint32_t kItemsPerCell = 4;
+
+// Cells that are numbered along a Morton curve. Each bit of the number halves the cells along the
+// axis on which they are longest, so that flat and long inputs get useful cells too.
+class SmallGrid {
+ public:
+  SmallGrid(const std::array<uint32_t, 3>& low, const std::array<uint32_t, 3>& high,
+            uint32_t bits) {
+    std::array<uint32_t, 3> length, axis_bits{};
+    for (int k = 0; k < 3; ++k) {
+      origin_[k] = static_cast<uint16_t>(low[k]);
+      length[k] = high[k] - low[k] + 1;
+    }
+    std::array<uint8_t, kMostBits> axes;
+    while (bits_ < bits) {
+      int axis = -1;
+      for (int k = 0; k < 3; ++k)
+        if (axis_bits[k] < kMostAxisBits && (axis < 0 || length[k] > length[axis])) axis = k;
+      if (axis < 0 || length[axis] <= 1) break;
+      length[axis] = (length[axis] + 1) / 2;
+      ++axis_bits[axis];
+      axes[bits_++] = static_cast<uint8_t>(axis);
+    }
+    for (int k = 0; k < 3; ++k) {
+      // The multiplier moves the largest place to the top of 16 bits.
+      const uint32_t last = high[k] - low[k];
+      const uint32_t shift = last ? 16 - std::bit_width(last) : 0;
+      multiplier_[k] = static_cast<uint16_t>(1u << shift);
+      factor_[k] = static_cast<uint16_t>(
+          axis_bits[k] ? (uint64_t(1) << (16 + axis_bits[k])) / (uint64_t(last + 1) << shift) : 0);
+      spread_[k][0] = 0;
+    }
+    std::array<uint32_t, 3> filled{1, 1, 1};
+    for (uint32_t bit = 0; bit < bits_; ++bit) {
+      const int axis = axes[bits_ - 1 - bit];
+      for (uint32_t v = 0; v < filled[axis]; ++v)
+        spread_[axis][filled[axis] + v] = static_cast<uint16_t>(spread_[axis][v] | 1u << bit);
+      filled[axis] *= 2;
+    }
+  }
+  uint32_t bits() const { return bits_; }
+  uint32_t code(Center8 c) const {
+    const Center8 place = multiply_high((c - origin_) * multiplier_, factor_);
+    return spread_[0][place[0]] | spread_[1][place[1]] | spread_[2][place[2]];
+  }
+
+ private:
+  uint32_t bits_ = 0;
+  Center8 origin_{}, multiplier_{}, factor_{};
+  std::array<std::array<uint16_t, 1 << kMostAxisBits>, 3> spread_;
+};
+
+// Sorts one range of items in a cache.
+class Sorter {
+ public:
+  explicit Sorter(const MicroSizes& sizes) : sizes_(sizes) {}
+
+  // Items are in `from`; `to` is room for as many.
+  void sort(SmallBox* from, SmallBox* to, uint32_t n) {
+    const bool is_group = begin_group(n);
+    sort_grouped(from, to, n);
+    if (is_group) end_group();
+  }
+
+  /// Once all is sorted: groups whose parts are in micros.
+  void refer(std::vector<Micro>& all) {
+    for (Micro& group : groups_) {
+      group.parts = micros.data() + firsts_[&group - groups_.data()];
+      all.push_back(group);
+    }
+  }
+
+  std::vector<Micro> micros, crowds;
+
+ private:
+  bool begin_group(uint32_t n) {
+    if (grouped_ || n > sizes_.group) return false;
+    firsts_.push_back(static_cast<uint32_t>(micros.size()));
+    return grouped_ = true;
+  }
+
+  void end_group() {
+    Micro group{empty_small_box(), {nullptr}, 0, 0};
+    for (size_t m = firsts_.back(); m < micros.size(); ++m) {
+      group.box = join(group.box, micros[m].box);
+      group.count += micros[m].count;
+      ++group.part_count;
+    }
+    if (group.count)
+      groups_.push_back(group);
+    else
+      firsts_.pop_back();
+    grouped_ = false;
+  }
+
+  void sort_grouped(SmallBox* from, SmallBox* to, uint32_t n) {
+    if (n <= sizes_.micro) return emit(from, n);
+    SmallBox centers = empty_small_box();
+    for (uint32_t i = 0; i < n; ++i) centers = join(centers, centers_of(from[i]));
+    const auto bound = [&](int lane) { return uint32_t(std::abs(int(centers[lane]))); };
+    const SmallGrid grid({bound(0), bound(1), bound(2)}, {bound(4), bound(5), bound(6)},
+                         std::clamp<uint32_t>(std::bit_width(n / kItemsPerCell), 3, kMostBits));
+    if (grid.bits() == 0) return emit(from, n);
+    std::array<uint32_t, (1 << kMostBits) + 1> ends;
+    const uint32_t cells = 1u << grid.bits();
+    std::fill_n(ends.begin(), cells + 1, 0u);
+    if (codes_.size() < n) codes_.resize(n);
+    uint16_t* codes = codes_.data();
+    for (uint32_t i = 0; i < n; ++i) {
+      codes[i] = static_cast<uint16_t>(grid.code(center_of(from[i])));
+      ++ends[codes[i] + 1];
+    }
+    // ends[c + 1] is where cell c starts, until its items have come.
+    uint32_t sum = 0;
+    for (uint32_t c = 0; c < cells; ++c) sum += std::exchange(ends[c + 1], sum);
+    for (uint32_t i = 0; i < n; ++i) to[ends[codes[i] + 1]++] = from[i];
+    walk(to, from, ends.data(), 0, grid.bits());
+  }
+
+  // The cells from `code` on that share all but the last `level` bits.
+  void walk(SmallBox* from, SmallBox* to, const uint32_t* ends, uint32_t code, uint32_t level) {
+    const uint32_t begin = ends[code], n = ends[code + (1u << level)] - begin;
+    if (n == 0) return;
+    const bool is_group = begin_group(n);
+    if (n <= sizes_.micro) {
+      emit(from + begin, n);
+    } else if (level == 0) {
+      sort_grouped(from + begin, to + begin, n);
+    } else {
+      walk(from, to, ends, code, level - 1);
+      walk(from, to, ends, code + (1u << (level - 1)), level - 1);
+    }
+    if (is_group) end_group();
+  }
+
+  void emit(SmallBox* items, uint32_t n) {
+    SmallBox box = empty_small_box();
+    for (uint32_t i = 0; i < n; ++i) box = join(box, items[i]);
+    if (n >= sizes_.crowd) return crowds.push_back({box, {items}, n, 0});
+    const bool is_group = begin_group(0);
+    micros.push_back({box, {items}, n, 0});
+    if (is_group) end_group();
+  }
+
+  const MicroSizes& sizes_;
+  bool grouped_ = false;
+  std::vector<Micro> groups_;
+  std::vector<uint32_t> firsts_;  ///< of their parts
+  std::vector<uint16_t> codes_;
+};
+
+struct Rounding {
+  explicit Rounding(const BoxRecord& bounds) : origin(bounds.low) {
+    origin[3] = 0;
+    scale = splat(kSmallBoxLast / bounds.longest());
+  }
+  // Both corners are rounded down.
+  SmallBox round(const BoxRecord& b, uint32_t tag) const {
+    const Int4 low = __builtin_convertvector((b.low - origin) * scale, Int4);
+    const Int4 high = __builtin_convertvector((-b.negated_high - origin) * scale, Int4);
+    SmallBox box = pack(low, -high);
+    box[3] = static_cast<int16_t>(tag);
+    box[7] = static_cast<int16_t>(tag >> 16);
+    return box;
+  }
+  Float4 origin, scale;
+};
+
+}  // namespace
+
+bool suits_small_boxes(const BoxRecord& bounds) {
+  const float extent = bounds.longest();
+  return extent > 0x1p-100f && extent < 0x1p126f;
+}
+
+BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count) {
+  std::vector<BoxRecord> parts((count + kChunk - 1) / kChunk);
+  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
+    BoxRecord box = BoxRecord::empty();
+    for (size_t i = begin; i < end; ++i) {
+      source.prefetch(items[std::min(i + 24, end - 1)]);
+      source.prefetch_box(items[std::min(i + 8, end - 1)]);
+      box.extend(source.record(items[i]));
+    }
+    parts[begin / kChunk] = box;
+  });
+  BoxRecord all = BoxRecord::empty();
+  for (const BoxRecord& part : parts) all.extend(part);
+  return all;
+}
+
+MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count,
+                     const BoxRecord& bounds, const MicroSizes& sizes) {
+  const auto again = [&](const BoxRecord& smallest) {
+    return suits_small_boxes(smallest) ? make_micros(source, items, count, smallest, sizes)
+                                       : MicroSet(0);
+  };
+  const Rounding rounding(bounds);
+  MicroSet set(count);
+  SmallBox *boxes = set.boxes.get(), *sorted = set.sorted.get();
+  if (count <= kChunk) {
+    BoxRecord smallest = BoxRecord::empty();
+    for (uint32_t i = 0; i < count; ++i) {
+      source.prefetch(items[std::min(i + 24, count - 1)]);
+      source.prefetch_box(items[std::min(i + 8, count - 1)]);
+      const BoxRecord record = source.record(items[i]);
+      smallest.extend(record);
+      boxes[i] = rounding.round(record, items[i]);
+    }
+    if (!same_box(smallest, bounds)) return again(smallest);
+    Sorter sorter(sizes);
+    sorter.sort(boxes, sorted, count);
+    sorter.refer(set.groups);
+    set.micros.push_back(std::move(sorter.micros));
+    set.crowds = std::move(sorter.crowds);
+    return set;
+  }
+  std::array<uint32_t, 3> low{}, high;
+  for (int k = 0; k < 3; ++k) high[k] = static_cast<uint32_t>(bounds.extent(k) * rounding.scale[0]);
+  const SmallGrid grid(low, high, kMostBits);
+  const uint32_t cells = 1u << grid.bits();
+  HugeArray<uint16_t> codes(count);
+  // Few chunks, so that their counts cost little.
+  const size_t chunk = std::max<size_t>(kChunk, (count + 63) / 64);
+  std::vector<std::vector<uint32_t>> next((count + chunk - 1) / chunk);
+  std::vector<BoxRecord> parts(next.size());
+  parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
+    std::vector<uint32_t>& own = next[begin / chunk];
+    // Neighbours often share a cell, and two counts at one address would wait for each other.
+    std::vector<uint32_t> counts(2 * size_t(cells), 0);
+    BoxRecord part = BoxRecord::empty();
+    // Counts that wait for each other would hold up the boxes behind them in the same loop.
+    for (size_t from = begin; from < end; from += kBatch) {
+      const size_t to = std::min(from + kBatch, end);
+      for (size_t i = from; i < to; ++i) {
+        const BoxRecord record = source.record(items[i]);
+        part.extend(record);
+        boxes[i] = rounding.round(record, items[i]);
+      }
+      for (size_t i = from; i < to; ++i)
+        codes[i] = static_cast<uint16_t>(grid.code(center_of(boxes[i])));
+      for (size_t i = from; i < to; ++i) ++counts[2 * codes[i] + (i & 1)];
+    }
+    own.resize(cells);
+    for (uint32_t c = 0; c < cells; ++c) own[c] = counts[2 * c] + counts[2 * c + 1];
+    parts[begin / chunk] = part;
+  });
+  BoxRecord smallest = BoxRecord::empty();
+  for (const BoxRecord& part : parts) smallest.extend(part);
+  if (!same_box(smallest, bounds)) return again(smallest);
+  std::vector<uint32_t> begins(cells + 1);
+  uint32_t sum = 0;
+  for (uint32_t c = 0; c < cells; ++c) {
+    begins[c] = sum;
+    for (auto& own : next) sum += std::exchange(own[c], sum);
+  }
+  begins[cells] = sum;
+  parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
+    std::vector<uint32_t>& own = next[begin / chunk];
+    for (size_t i = begin; i < end; ++i) sorted[own[codes[i]]++] = boxes[i];
+  });
+  // Runs of cells that are large enough to be worth a task.
+  std::vector<uint32_t> tasks{0};
+  for (uint32_t c = 1; c <= cells; ++c)
+    if (begins[c] - begins[tasks.back()] >= kChunk || c == cells) tasks.push_back(c);
+  set.micros.resize(tasks.size() - 1);
+  std::vector<std::vector<Micro>> groups(set.micros.size()), crowds(set.micros.size());
+  parallel_for(groups.size(), 1, [&](size_t t) {
+    Sorter sorter(sizes);
+    for (uint32_t c = tasks[t]; c < tasks[t + 1]; ++c)
+      if (begins[c + 1] > begins[c])
+        sorter.sort(sorted + begins[c], boxes + begins[c], begins[c + 1] - begins[c]);
+    sorter.refer(groups[t]);
+    set.micros[t] = std::move(sorter.micros);
+    crowds[t] = std::move(sorter.crowds);
+  });
+  for (const auto& part : groups) set.groups.insert(set.groups.end(), part.begin(), part.end());
+  for (const auto& part : crowds) set.crowds.insert(set.crowds.end(), part.begin(), part.end());
+  return set;
+}
+
+}  // namespace umbel::cluster

@@ -1,0 +1,143 @@
+// Boxes rounded to a grid of 2^15 cells over a block of triangles: all decisions about a block are
+// made on integers, so every executor makes the same ones.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+#include "base/math.hpp"
+#include "base/team.hpp"
+#include "cluster/frame/frame_mesh.hpp"
+
+#if UMBEL_BOX_VECTORS
+#include <emmintrin.h>
+#endif
+
+namespace umbel::cluster {
+
+/// The same in whole words, which the lanes of a team can lower together.
+struct WideBox {
+  int32_t low[6];
+
+  UMBEL_HOST_DEVICE static WideBox empty() {
+    constexpr int32_t e = 32767;
+    return {{e, e, e, e, e, e}};
+  }
+};
+
+/// Minima and, from the fifth on, negated maxima, so that a union is a minimum of all eight. The
+/// fourth and the last are nothing.
+struct alignas(16) ShortBox {
+  static constexpr int16_t kEmpty = 32767;
+
+  int16_t low[8];
+
+  UMBEL_HOST_DEVICE static ShortBox empty() {
+    return {{kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty}};
+  }
+  UMBEL_HOST_DEVICE uint32_t extent(int axis) const {
+    return uint32_t(-int32_t(low[axis + 4]) - int32_t(low[axis]));
+  }
+  /// The sum of both planes: twice the centre. Below 2^16.
+  UMBEL_HOST_DEVICE uint32_t middle(int axis) const {
+    return uint32_t(int32_t(low[axis]) - int32_t(low[axis + 4]));
+  }
+  /// Moves the planes to between those of `frame`, and the upper ones not below the lower ones.
+  /// Only what is not finite lies outside or is turned over.
+  UMBEL_HOST_DEVICE void keep_within(const ShortBox& frame) {
+    for (int k = 0; k < 3; ++k) {
+      const int16_t last = int16_t(-frame.low[k + 4]), upper = int16_t(-low[k + 4]);
+      low[k] = low[k] < frame.low[k] ? frame.low[k] : low[k] > last ? last : low[k];
+      low[k + 4] = int16_t(-(upper < low[k] ? low[k] : upper > last ? last : upper));
+    }
+  }
+  UMBEL_HOST_DEVICE void join(const ShortBox& o) {
+#if UMBEL_BOX_VECTORS
+    store(_mm_min_epi16(load(), o.load()));
+#else
+    for (int k = 0; k < 8; ++k) low[k] = o.low[k] < low[k] ? o.low[k] : low[k];
+#endif
+  }
+  UMBEL_HOST_DEVICE void join(const WideBox& o) {
+    for (int k = 0; k < 6; ++k) {
+      int16_t& mine = low[k < 3 ? k : k + 1];
+      mine = o.low[k] < mine ? int16_t(o.low[k]) : mine;
+    }
+  }
+#if UMBEL_BOX_VECTORS
+  __m128i load() const { return _mm_load_si128(reinterpret_cast<const __m128i*>(low)); }
+  void store(__m128i v) { _mm_store_si128(reinterpret_cast<__m128i*>(low), v); }
+#endif
+};
+
+/// Half the surface area, of sides that are a cell longer: what is flat has an area too, of its
+/// length. Below 2^32.
+UMBEL_HOST_DEVICE inline uint64_t padded_area(const ShortBox& box) {
+  const uint64_t x = box.extent(0) + 1, y = box.extent(1) + 1, z = box.extent(2) + 1;
+  return x * y + z * (x + y);
+}
+
+/// Adds an item's box to what lanes of a team share.
+template <typename Team>
+UMBEL_HOST_DEVICE void join_shared(const Team&, ShortBox& into, const ShortBox& box) {
+  into.join(box);
+}
+template <typename Team>
+UMBEL_HOST_DEVICE void join_shared(const Team& team, WideBox& into, const ShortBox& box) {
+  for (int k = 0; k < 6; ++k) team.lower(&into.low[k], int32_t(box.low[k < 3 ? k : k + 1]));
+}
+
+/// Rounds boxes to the grid over `frame`.
+struct BlockGrid {
+  Vec3 origin;
+  float scale;
+
+  UMBEL_HOST_DEVICE static BlockGrid over(const Aabb& frame) {
+    const double x = double(frame.max.x) - double(frame.min.x),
+                 y = double(frame.max.y) - double(frame.min.y),
+                 z = double(frame.max.z) - double(frame.min.z);
+    const double xy = x > y ? x : y, longest = xy > z ? xy : z;
+    const double scale = longest > 0 ? 32760.0 / longest : 0.0;
+    return {frame.min, float(scale < 3e38 ? scale : 3e38)};
+  }
+  /// All of it.
+  UMBEL_HOST_DEVICE static ShortBox whole() {
+    constexpr auto last = int16_t(kLast);
+    return {{0, 0, 0, 0, -last, -last, -last, 0}};
+  }
+  UMBEL_HOST_DEVICE int16_t cell(float p, float from) const {
+    const float x = (p * 0.5f - from * 0.5f) * scale * 2.0f;
+    const float below = x < kLast ? x : kLast;
+    return static_cast<int16_t>(below > 0 ? below : 0.0f);
+  }
+  UMBEL_HOST_DEVICE ShortBox round(const Aabb& box) const {
+    return {{cell(box.min.x, origin.x), cell(box.min.y, origin.y), cell(box.min.z, origin.z), 0,
+             int16_t(-cell(box.max.x, origin.x)), int16_t(-cell(box.max.y, origin.y)),
+             int16_t(-cell(box.max.z, origin.z)), 0}};
+  }
+  UMBEL_HOST_DEVICE ShortBox round(const FrameMesh& mesh, uint32_t place) const {
+#if UMBEL_BOX_VECTORS
+    const BoxRecord box = mesh.record(place);
+    ShortBox result;
+    result.store(_mm_packs_epi32(cells(box.low),
+                                 _mm_sub_epi32(_mm_setzero_si128(), cells(-box.negated_high))));
+    return result;
+#else
+    return round(mesh.box(place));
+#endif
+  }
+
+ private:
+  static constexpr float kLast = 32766.0f;
+
+#if UMBEL_BOX_VECTORS
+  __m128i cells(Float4 p) const {
+    const Float4 from{origin.x, origin.y, origin.z, 0};
+    const Float4 x = (p * splat(0.5f) - from * splat(0.5f)) * splat(scale) * splat(2.0f);
+    const Float4 inside = max4(min4(x, splat(kLast)), splat(0.0f));
+    return _mm_cvttps_epi32(std::bit_cast<__m128>(inside * Float4{1, 1, 1, 0}));
+  }
+#endif
+};
+
+}  // namespace umbel::cluster

@@ -1,0 +1,111 @@
+// Clusters of low area at little more than the price of Morton runs, for any executor: the Morton
+// order is cut into blocks, each block is bisected by the surface area heuristic in a team's own
+// memory (cluster/frame/block_bisect.hpp). Cuts between blocks move to where the curve jumps
+// farthest.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <type_traits>
+
+#include "cluster/frame/block_bisect.hpp"
+#include "cluster/frame/morton_runs.hpp"
+
+namespace umbel::cluster {
+
+struct BlockSizes {
+  static constexpr uint32_t kMove = 512;  ///< places among which a cut can choose
+  static constexpr uint32_t kSpacing = BlockLimits::kItems - kMove;
+
+  UMBEL_HOST_DEVICE static uint32_t blocks(uint32_t count) { return runs_of(count, kSpacing); }
+};
+
+/// Finds where block i begins, by a team.
+template <typename Key>
+struct MoveCuts {
+  static constexpr uint32_t kLanes = 32;
+  using Shared = NothingShared;
+
+  FrameMesh mesh;
+  const Key* codes;
+  uint32_t* cuts;
+
+  struct Earlier {
+    UMBEL_HOST_DEVICE uint32_t operator()(uint32_t a, uint32_t b) const { return a < b ? a : b; }
+  };
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared&) const {
+    const uint32_t count = mesh.size(), blocks = BlockSizes::blocks(count);
+    if (i >= blocks) {
+      if (team.rank() == 0) cuts[i] = count;
+      return;
+    }
+    const auto regular = static_cast<uint32_t>(uint64_t(i) * count / blocks);
+    uint32_t best = BlockSizes::kMove / 2;  // unmoved
+    if (i > 0) {
+      const uint32_t begin = regular - BlockSizes::kMove / 2;
+      uint32_t least = ~0u;
+      for (uint32_t k = team.rank(); k < BlockSizes::kMove; k += team.size()) {
+        const Key difference = codes[begin + k - 1] ^ codes[begin + k];
+        const auto common = static_cast<uint32_t>(std::countl_zero(difference));
+        const uint32_t rank = common * BlockSizes::kMove + k;
+        least = rank < least ? rank : least;
+      }
+      best = team.reduce(least, Earlier{}) % BlockSizes::kMove;
+    }
+    if (team.rank() == 0) cuts[i] = regular + best - BlockSizes::kMove / 2;
+  }
+};
+
+/// Bisects block i: writes its triangles' places in cluster order, and flags where clusters begin.
+template <typename Bin>
+struct BisectBlock {
+  static constexpr uint32_t kLanes = 256;
+  using Shared = BlockMemory<Bin>;
+
+  FrameMesh mesh;
+  BlockRules rules;
+  const uint32_t* cuts;
+  const uint32_t* places;
+  uint32_t* ordered;
+  uint8_t* first;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t block, Shared& memory) const {
+    const uint32_t begin = cuts[block], count = cuts[block + 1] - begin;
+    if (count == 0) return;
+    const uint32_t* of_block = places + begin;
+    const Aabb frame =
+        gather_box(team, mesh, of_block, count, [&](uint32_t i) { first[begin + i] = 0; });
+    const BlockGrid grid = BlockGrid::over(frame);
+    ShortBox root = grid.round(frame);
+    root.keep_within(BlockGrid::whole());
+    for (uint32_t i = team.rank(); i < count; i += team.size()) {
+      ShortBox item = grid.round(mesh, of_block[i]);
+      item.keep_within(root);
+      memory.items[i] = item;
+    }
+    team.sync();
+    BlockBisector<Team, Bin>(team, rules, memory).run(count, root, [&](uint32_t i) {
+      first[begin + i] = 1;
+    });
+    for (uint32_t i = team.rank(); i < count; i += team.size())
+      ordered[begin + i] = of_block[memory.order[i]];
+  }
+};
+
+/// Orders triangles into clusters of rules.min_items to rules.max_items, but for one where there
+/// are fewer triangles in all, and flags where clusters begin.
+template <typename Key, typename Exec>
+void bisect_blocks(Exec& exec, const FrameMesh& mesh, const TriangleOrder<Exec, Key>& order,
+                   const BlockRules& rules, uint32_t* ordered, uint8_t* first) {
+  using Bin = std::conditional_t<Exec::kSerialTeams, ShortBox, WideBox>;
+  const uint32_t blocks = BlockSizes::blocks(mesh.count);
+  const auto cuts = exec.template allocate<uint32_t>(size_t(blocks) + 1);
+  exec.for_each_team(size_t(blocks) + 1, MoveCuts<Key>{mesh, order.codes.data(), cuts.data()});
+  exec.for_each_team(
+      blocks, BisectBlock<Bin>{mesh, rules, cuts.data(), order.places.data(), ordered, first});
+}
+
+}  // namespace umbel::cluster

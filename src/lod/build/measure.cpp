@@ -1,0 +1,140 @@
+#include "lod/build/measure.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "base/math.hpp"
+#include "base/parallel.hpp"
+
+namespace umbel::lod {
+namespace {
+
+// Points of the source that a cluster carries; half of them are the farthest. A cluster of a coarse
+// level stands for more of the source, and there are fewer of them.
+constexpr size_t kCarried = 16, kMostCarried = 512;
+// Triangles of a simplified group that are sampled; a quarter of them are the largest.
+constexpr size_t kSampled = 512;
+// Distances change by no more than the way between samples does, and are larger than at the
+// samples by less than this nearly everywhere.
+constexpr float kMargin = 1.5f;
+// Only what is farther than this part of the farthest yet, squared, has to be known better.
+constexpr float kKnownWell = 0.5f;
+
+using Corners = std::array<Vec3, 3>;
+
+// The largest triangles, and others at even steps.
+std::vector<uint32_t> triangles_to_sample(std::span<const Corners> triangles) {
+  const size_t count = triangles.size();
+  std::vector<uint32_t> order(count);
+  std::iota(order.begin(), order.end(), 0u);
+  if (count <= kSampled) return order;
+  std::vector<float> areas(count);
+  for (size_t t = 0; t < count; ++t) {
+    const auto& [a, b, c] = triangles[t];
+    const Vec3 n = cross(b - a, c - a);
+    areas[t] = dot(n, n);
+  }
+  const auto larger = [&](uint32_t a, uint32_t b) {
+    return areas[a] != areas[b] ? areas[a] > areas[b] : a < b;
+  };
+  const size_t largest = kSampled / 4;
+  std::nth_element(order.begin(), order.begin() + largest, order.end(), larger);
+  std::sort(order.begin() + largest, order.end());
+  const size_t step = (count - largest) / (kSampled - largest);
+  std::vector<uint32_t> chosen(order.begin(), order.begin() + largest);
+  for (size_t i = largest; i < count; i += std::max<size_t>(step, 1)) chosen.push_back(order[i]);
+  return chosen;
+}
+
+// The middle of its longest side, where a triangle is farthest from its corners.
+Vec3 middle_of(const Corners& p) {
+  size_t longest = 0;
+  float most = -1.0f;
+  for (size_t i = 0; i < 3; ++i) {
+    const Vec3 side = p[(i + 1) % 3] - p[i];
+    if (dot(side, side) > most) most = dot(side, side), longest = i;
+  }
+  return (p[longest] + p[(longest + 1) % 3]) * 0.5f;
+}
+
+}  // namespace
+
+ErrorMeter::ErrorMeter(const Source& source, const ClusterSet& clusters) : source_(source) {
+  surface_.build(clusters, source.mesh.positions, source.scale, true);
+}
+
+std::vector<std::vector<Vec3>> ErrorMeter::first_samples(const ClusterSet& clusters) const {
+  std::vector<std::vector<Vec3>> samples(clusters.size());
+  parallel_for(clusters.size(), 256, [&](size_t c) {
+    const auto vertices = clusters.cluster_vertices(c);
+    const size_t count = std::min(vertices.size(), kCarried);
+    for (size_t i = 0; i < count; ++i)
+      samples[c].push_back(position(vertices[i * vertices.size() / count]));
+  });
+  return samples;
+}
+
+Measured ErrorMeter::measure(const ClusterSet& made, std::span<const Vec3> samples,
+                             uint32_t level) const {
+  Measured result;
+  if (made.triangle_count() == 0) return result;
+  result.valid = true;
+  struct Found {
+    float squared;
+    uint32_t cluster, sample;
+  };
+  std::vector<Found> found;
+  found.reserve(samples.size());
+  NearSurface& surface = made_.local();
+  surface.build(made, source_.mesh.positions, source_.scale);
+  float farthest = 0;
+  uint32_t hint = 0;
+  for (uint32_t i = 0; i < samples.size(); ++i) {
+    const NearSurface::Nearest at = surface.nearest(samples[i], kKnownWell * farthest, hint);
+    found.push_back({at.squared, at.cluster, i});
+    farthest = std::max(farthest, at.squared);
+    hint = at.block;
+  }
+
+  std::vector<Corners> triangles;
+  triangles.reserve(made.triangle_count());
+  for (size_t c = 0; c < made.size(); ++c) {
+    const auto vertices = made.cluster_vertices(c);
+    const auto corners = made.cluster_corners(c);
+    for (size_t i = 0; i < corners.size(); i += 3)
+      triangles.push_back({position(vertices[corners[i]]), position(vertices[corners[i + 1]]),
+                           position(vertices[corners[i + 2]])});
+  }
+  hint = kNone;
+  for (uint32_t t : triangles_to_sample(triangles)) {
+    const NearSurface::Nearest at = surface_.nearest(middle_of(triangles[t]), farthest, hint);
+    farthest = std::max(farthest, at.squared);
+    hint = at.block;
+  }
+  farthest = std::sqrt(farthest);
+  result.distance = farthest / source_.scale;
+  result.bound = kMargin * result.distance;
+
+  std::sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
+    if (a.cluster != b.cluster) return a.cluster < b.cluster;
+    return a.squared != b.squared ? a.squared > b.squared : a.sample < b.sample;
+  });
+  const size_t carried = std::min(kCarried << std::min(2 * level / 3, 8u), kMostCarried);
+  result.samples.resize(made.size());
+  for (size_t begin = 0; begin < found.size();) {
+    size_t end = begin;
+    while (end < found.size() && found[end].cluster == found[begin].cluster) ++end;
+    const size_t worst = std::min(end - begin, carried / 2), rest = end - begin - worst;
+    auto& kept = result.samples[found[begin].cluster];
+    for (size_t i = begin; i < begin + worst; ++i) kept.push_back(samples[found[i].sample]);
+    const size_t others = std::min(rest, carried - worst);
+    for (size_t i = 0; i < others; ++i)
+      kept.push_back(samples[found[begin + worst + i * rest / others].sample]);
+    begin = end;
+  }
+  return result;
+}
+
+}  // namespace umbel::lod

@@ -1,0 +1,51 @@
+// The distance between a simplified group and the source, sampled in both directions (as Metro
+// does: Cignoni, Rocchini & Scopigno 1998).
+//
+// From the source to the group: every pending cluster carries some points of the source that it
+// stands for; they are looked up among the group's new triangles, and go on with the new cluster
+// that they are nearest to, the farthest ones first, so that what is worst stays known. Looking
+// only within the group can make a distance too large, never too small.
+// From the group to the source: points of its triangles, among those of the whole source. Only the
+// farthest counts, so a search ends with the first triangle that is no farther than what is known
+// already (Taha & Hanbury 2015).
+#pragma once
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <span>
+#include <vector>
+
+#include "base/math.hpp"
+#include "lod/build/triangle_distance_tree.hpp"
+#include "lod/dag/cluster_set.hpp"
+#include "lod/dag/source.hpp"
+
+namespace umbel::lod {
+
+struct Measured {
+  bool valid = false;                      ///< false: nothing is left to measure
+  float distance = 0;                      ///< the largest of all samples
+  float bound = 0;                         ///< the same with a margin for what lies between them
+  std::vector<std::vector<Vec3>> samples;  ///< of each new cluster
+};
+
+class ErrorMeter {
+ public:
+  /// `clusters` are those of level 0.
+  ErrorMeter(const Source& source, const ClusterSet& clusters);
+
+  std::vector<std::vector<Vec3>> first_samples(const ClusterSet& clusters) const;
+
+  /// `made` are the clusters of a simplified group of this level, `samples` those of the clusters
+  /// that it was.
+  Measured measure(const ClusterSet& made, std::span<const Vec3> samples, uint32_t level) const;
+
+ private:
+  Vec3 position(uint32_t vertex) const { return source_.mesh.positions[vertex] * source_.scale; }
+
+  const Source& source_;
+  NearSurface surface_;  // the source
+  mutable tbb::enumerable_thread_specific<NearSurface> made_;
+};
+
+}  // namespace umbel::lod

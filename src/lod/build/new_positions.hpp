@@ -1,0 +1,45 @@
+// Positions that simplification makes are nobody else's: two that are equal would be one position,
+// and edges between such would be shared by triangles that have nothing to do with each other.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "lod/dag/interner.hpp"
+#include "lod/dag/source.hpp"
+
+namespace umbel::lod {
+
+class NewPositions {
+ public:
+  /// Moves the new positions of enlarged parts away from all others, to the next float or, with a
+  /// step, to the next multiple of it. Returns the farthest that one moved.
+  float set_apart(const Source& source, float step, AddedVertices& added) {
+    if (known_.keys().empty())
+      for (const Vec3& p : source.mesh.positions) known_.insert(without_sign_of_zero(p));
+    const bool enlarged = !added.components.empty();
+    float farthest = 0;
+    for (size_t v = 0; v < added.position_ids.size(); ++v) {
+      Vec3& p = added.mesh.positions[v];
+      const uint32_t id = added.position_ids[v];
+      if (id != kNone) {
+        if (id >= kAddedVertex) p = added.mesh.positions[id - kAddedVertex];
+        continue;
+      }
+      const float before = p.x;
+      while (!known_.insert(without_sign_of_zero(p)).second && enlarged)
+        p.x = step > 0 ? p.x + step : std::nextafter(p.x, std::numeric_limits<float>::max());
+      farthest = std::max(farthest, p.x - before);
+    }
+    return farthest;
+  }
+
+  bool is_empty() const { return known_.keys().empty(); }
+
+ private:
+  static Vec3 without_sign_of_zero(const Vec3& p) { return {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}; }
+  Interner<Vec3, PositionHash> known_;
+};
+
+}  // namespace umbel::lod

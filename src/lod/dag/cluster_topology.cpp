@@ -1,0 +1,130 @@
+// Most edges of a mesh in clusters are regular, and a cluster alone can tell: all triangles around
+// most vertices are in one cluster. Only what is left is gathered from all of them.
+#include "lod/dag/cluster_topology.hpp"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+
+#include "base/parallel.hpp"
+#include "lod/dag/topology.hpp"
+
+namespace umbel::lod {
+namespace {
+
+// Neighbours of a vertex of a cluster.
+using Neighbours = std::array<uint64_t, 4>;
+
+// Whether it was there.
+bool insert(Neighbours& set, uint8_t vertex) {
+  uint64_t& word = set[vertex >> 6];
+  const uint64_t bit = uint64_t{1} << (vertex & 63);
+  const bool is_known = (word & bit) != 0;
+  word |= bit;
+  return is_known;
+}
+
+// Finds the edges of clusters that cannot be told to be regular from one cluster alone.
+class DoubtfulEdges {
+ public:
+  DoubtfulEdges(const ClusterSet& clusters, std::span<const uint32_t> position_ids)
+      : clusters_(clusters), ids_(position_ids), uses_(position_ids.size(), 0) {
+    for (uint32_t v : clusters.vertices) {
+      uint8_t& uses = uses_[ids_[v]];
+      uses = static_cast<uint8_t>(std::min(uses + 1, 2));
+      has_wedges_ |= ids_[v] != v;
+    }
+  }
+
+  /// Of a cluster, as directed pairs of positions. Returns how many triangles are degenerate.
+  size_t list(size_t cluster, std::vector<PositionPair>& edges) const {
+    const auto vertices = clusters_.cluster_vertices(cluster);
+    const auto corners = clusters_.cluster_corners(cluster);
+    const auto number = numbers(vertices);
+    std::array<Neighbours, 256> next, prev;
+    std::array<bool, 256> is_regular;
+    std::fill_n(next.begin(), vertices.size(), Neighbours{});
+    std::fill_n(prev.begin(), vertices.size(), Neighbours{});
+    for (size_t i = 0; i < vertices.size(); ++i) is_regular[i] = uses_[ids_[vertices[i]]] == 1;
+    size_t degenerate = 0;
+    for_each_triangle(corners, number, degenerate, [&](const std::array<uint8_t, 3>& t) {
+      for (size_t k = 0; k < 3; ++k) {
+        is_regular[t[k]] &= !insert(next[t[k]], t[(k + 1) % 3]);
+        insert(prev[t[k]], t[(k + 2) % 3]);
+      }
+    });
+    // Where every neighbour comes next once and before once, all edges of the vertex are regular,
+    // if all that are at its position are here.
+    for (size_t i = 0; i < vertices.size(); ++i) is_regular[i] &= next[i] == prev[i];
+    degenerate = 0;
+    for_each_triangle(corners, number, degenerate, [&](const std::array<uint8_t, 3>& t) {
+      for (size_t k = 0; k < 3; ++k) {
+        const uint8_t a = t[k], b = t[(k + 1) % 3];
+        if (!is_regular[a] && !is_regular[b])
+          edges.push_back({ids_[vertices[a]], ids_[vertices[b]]});
+      }
+    });
+    return degenerate;
+  }
+
+ private:
+  // Vertices of a cluster by the first of them at the same position.
+  std::array<uint8_t, 256> numbers(std::span<const uint32_t> vertices) const {
+    std::array<uint8_t, 256> number;
+    std::iota(number.begin(), number.end(), uint8_t{0});
+    if (!has_wedges_) return number;
+    std::array<uint32_t, 256> ids;
+    for (size_t i = 0; i < vertices.size(); ++i) ids[i] = ids_[vertices[i]];
+    for (size_t i = 0; i < vertices.size(); ++i)
+      if (uses_[ids[i]] > 1)
+        number[i] =
+            static_cast<uint8_t>(std::find(ids.begin(), ids.begin() + i, ids[i]) - ids.begin());
+    return number;
+  }
+
+  template <typename Visit>
+  static void for_each_triangle(std::span<const uint8_t> corners,
+                                const std::array<uint8_t, 256>& number, size_t& degenerate,
+                                const Visit& visit) {
+    for (size_t i = 0; i < corners.size(); i += 3) {
+      const std::array t{number[corners[i]], number[corners[i + 1]], number[corners[i + 2]]};
+      if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0])
+        ++degenerate;
+      else
+        visit(t);
+    }
+  }
+
+  const ClusterSet& clusters_;
+  std::span<const uint32_t> ids_;
+  bool has_wedges_ = false;    // several vertices at some position
+  std::vector<uint8_t> uses_;  // of positions, by vertices of clusters: 0, 1, or 2 for more
+};
+
+}  // namespace
+
+ClusterTopology cluster_topology(const ClusterSet& clusters,
+                                 std::span<const uint32_t> position_ids) {
+  constexpr size_t kChunk = 256;
+  struct Found {
+    std::vector<PositionPair> edges;
+    size_t degenerate = 0;
+  };
+  const DoubtfulEdges doubtful(clusters, position_ids);
+  std::vector<Found> found((clusters.size() + kChunk - 1) / kChunk);
+  parallel_chunks(clusters.size(), kChunk, [&](size_t begin, size_t end) {
+    Found& of_chunk = found[begin / kChunk];
+    for (size_t c = begin; c < end; ++c) of_chunk.degenerate += doubtful.list(c, of_chunk.edges);
+  });
+  ClusterTopology result;
+  std::vector<PositionPair> edges;
+  for (Found& of_chunk : found) {
+    edges.insert(edges.end(), of_chunk.edges.begin(), of_chunk.edges.end());
+    of_chunk.edges = {};
+    result.degenerate_triangles += of_chunk.degenerate;
+  }
+  result.irregular_components = irregular_components(edges, position_ids.size());
+  return result;
+}
+
+}  // namespace umbel::lod

@@ -1,0 +1,152 @@
+#include "lod/dag/topology.hpp"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <bit>
+#include <numeric>
+
+#include "base/big_vector.hpp"
+#include "base/parallel.hpp"
+
+namespace umbel::lod {
+namespace {
+
+constexpr uint64_t kEmpty = ~uint64_t{0};
+
+uint32_t find_root(std::vector<uint32_t>& parent, uint32_t i) {
+  while (parent[i] != i) i = parent[i] = parent[parent[i]];
+  return i;
+}
+
+// Most vertices have about three edges to later ones, two triangles at each.
+template <typename Iterator>
+void sort_few(Iterator begin, Iterator end) {
+  if (end - begin > 16) return std::sort(begin, end);
+  for (auto i = begin; i != end; ++i) {
+    const auto value = *i;
+    auto j = i;
+    for (; j != begin && value < *(j - 1); --j) *j = *(j - 1);
+    *j = value;
+  }
+}
+
+// The lowest of those that are joined, kNone for what is in no pair.
+std::vector<uint32_t> components(std::span<const std::vector<PositionPair>> pairs, size_t count) {
+  std::vector<uint32_t> component;
+  reserve_big(component, count);
+  component.resize(count, kNone);
+  const auto root_of = [&](uint32_t i) {
+    if (component[i] == kNone) component[i] = i;
+    return find_root(component, i);
+  };
+  for (const std::vector<PositionPair>& some : pairs)
+    for (const auto& [a, b] : some) {
+      const uint32_t ra = root_of(a), rb = root_of(b);
+      component[std::max(ra, rb)] = std::min(ra, rb);
+    }
+  for (uint32_t& c : component)
+    if (c != kNone) c = component[c];
+  return component;
+}
+
+}  // namespace
+
+std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, size_t count) {
+  // Bucket the edges by their lower end; buckets are short, so sorting them is cheap.
+  BigVector<uint32_t> offsets(count + 1, 0);
+  for (const auto& [a, b] : edges) ++offsets[std::min(a, b) + 1];
+  std::partial_sum(offsets.begin(), offsets.end(), offsets.begin());
+  BigVector<uint32_t> ends(offsets.back());  // twice the higher end, which is below 2^31
+  BigVector<uint32_t> cursor(offsets.begin(), offsets.end() - 1);
+  for (const auto& [a, b] : edges)
+    ends[cursor[std::min(a, b)]++] = std::max(a, b) << 1 | uint32_t{a < b};
+
+  constexpr size_t kChunk = 1 << 16;
+  std::vector<std::vector<PositionPair>> found((count + kChunk - 1) / kChunk);
+  const auto find = [&](size_t first, size_t last) {
+    for (size_t a = first; a < last; ++a) {
+      const auto begin = ends.begin() + offsets[a], end = ends.begin() + offsets[a + 1];
+      sort_few(begin, end);
+      for (auto i = begin; i != end;) {
+        const uint32_t b = *i >> 1;
+        const auto run = std::find_if(i, end, [&](uint32_t e) { return e >> 1 != b; });
+        if (run - i != 2 || *i == *(i + 1))
+          found[first / kChunk].push_back({static_cast<uint32_t>(a), b});
+        i = run;
+      }
+    }
+  };
+  // While it waits, a thread that simplifies a group may not begin another with the same memory.
+  tbb::this_task_arena::isolate([&] { parallel_chunks(count, kChunk, find); });
+  return components(found, count);
+}
+
+std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
+                                           std::span<const uint32_t> position_ids) {
+  std::vector<PositionPair> edges;
+  for (const Triangle& t : triangles) {
+    const uint32_t a = position_ids[t[0]], b = position_ids[t[1]], c = position_ids[t[2]];
+    if (a == b || b == c || c == a) continue;
+    edges.insert(edges.end(), {{a, b}, {b, c}, {c, a}});
+  }
+  return irregular_components(edges, position_ids.size());
+}
+
+PieceTopology::Entry& PieceTopology::entry(uint32_t a, uint32_t b) {
+  const uint64_t key = uint64_t{std::min(a, b)} << 32 | std::max(a, b);
+  uint64_t slot = (key * 0x9e3779b97f4a7c15ull) >> 20 & mask_;
+  while (table_[slot].key != kEmpty && table_[slot].key != key) slot = (slot + 1) & mask_;
+  if (table_[slot].key == kEmpty) {
+    table_[slot] = {key, 0, 0};
+    used_.push_back(static_cast<uint32_t>(slot));
+  }
+  return table_[slot];
+}
+
+void PieceTopology::reset(size_t edges) {
+  const size_t size = std::bit_ceil(edges * 2 + 16);
+  if (size > table_.size()) {
+    table_.assign(size, {kEmpty, 0, 0});
+  } else {
+    for (uint32_t slot : used_) table_[slot].key = kEmpty;
+  }
+  used_.clear();
+  mask_ = table_.size() - 1;
+}
+
+void PieceTopology::set_piece(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
+                              std::span<const uint32_t> component) {
+  locked_ = locked;
+  component_ = component;
+  // Of the piece's own edges only those between two locked vertices matter: their number is known
+  // to the neighbours.
+  fixed_edges_.clear();
+  for (const Triangle& t : triangles)
+    for (int i = 0; i < 3; ++i)
+      if (locked[t[i]] && locked[t[(i + 1) % 3]]) fixed_edges_.push_back({t[i], t[(i + 1) % 3]});
+}
+
+// Finds violations and all chords.
+void PieceTopology::count_edges(std::span<const Triangle> result) {
+  reset(3 * result.size() + fixed_edges_.size());
+  violations_.clear();
+  chords_.clear();
+  for (const Triangle& t : result)
+    for (int i = 0; i < 3; ++i) ++entry(t[i], t[(i + 1) % 3]).after;
+  for (const auto& [a, b] : fixed_edges_) ++entry(a, b).before;
+  for (uint32_t slot : used_) {
+    const Entry& e = table_[slot];
+    const uint32_t a = static_cast<uint32_t>(e.key >> 32), b = static_cast<uint32_t>(e.key);
+    if (component_[a] != kNone && component_[a] == component_[b]) continue;
+    const bool fixed = locked_[a] && locked_[b];
+    const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
+    const bool chord = fixed && e.before == 0 && e.after == 2;
+    if (chord)
+      chords_.push_back({a, b});
+    else if (parity_changed || e.after > 2 || (fixed && e.after > e.before))
+      violations_.push_back({a, b});
+  }
+}
+
+}  // namespace umbel::lod

@@ -1,0 +1,53 @@
+// The geometry of all clusters as verification needs it: which edges, by position, each has.
+#pragma once
+
+#include <span>
+
+#include "base/progress.hpp"
+#include "lod/verify/findings.hpp"
+
+namespace umbel::lod {
+
+/// A triangle's side: an edge and the direction in which the triangle runs along it.
+struct Side {
+  uint32_t edge : 31;
+  uint32_t backward : 1;
+};
+
+/// Vertices at exactly the same position (-0 equals 0) are one position, and an unordered pair of
+/// positions is one edge, whatever the cluster. Triangles with two corners at one position have
+/// no sides.
+struct Topology {
+  std::vector<Vec3> positions;
+  std::vector<uint64_t> edges;         ///< lower position << 32 | higher
+  std::vector<Side> sides;             ///< three a triangle, in the order of clusters and triangles
+  std::vector<uint64_t> side_offsets;  ///< clusters + 1
+  std::vector<uint32_t> cluster_positions;
+  std::vector<uint64_t> position_offsets;  ///< clusters + 1
+  /// Of each edge: whether its ends are joined by irregular edges of the source, those that are
+  /// not shared by two triangles running in opposite directions, so that it need not be either.
+  std::vector<uint8_t> explained;
+  bool oriented = true;  ///< no two triangles of the source run the same way along their edge
+  bool complete = true;  ///< every cluster could be read
+
+  std::span<const Side> sides_of(uint32_t cluster) const {
+    return std::span(sides).subspan(side_offsets[cluster],
+                                    side_offsets[cluster + 1] - side_offsets[cluster]);
+  }
+  std::span<const uint32_t> positions_of(uint32_t cluster) const {
+    return std::span(cluster_positions)
+        .subspan(position_offsets[cluster],
+                 position_offsets[cluster + 1] - position_offsets[cluster]);
+  }
+  std::string edge_text(uint32_t edge) const {
+    return "the edge from " + text(positions[edges[edge] >> 32]) + " to " +
+           text(positions[edges[edge] & 0xffffffffu]);
+  }
+};
+
+/// Reads every cluster once, checking it against the limits, its box and its group's sphere, and
+/// compares those that nothing generated with the source.
+Topology read_topology(const Tables& tables, const GeometryReader& geometry,
+                       const VerifyConfig& config, Findings& findings, Progress& progress);
+
+}  // namespace umbel::lod

@@ -1,0 +1,150 @@
+// A ray made ready for box and triangle tests.
+//
+// Boxes (after Ize 2013). For a plane p of an axis, t = p * inv + b with b = -o * inv costs one
+// multiplication and one addition, but its rounding error does not shrink with t. With u = 2^-24
+// and E >= |p|, |o| for all planes of the axis, the product, the sum and b are off by at most 4 u E
+// |inv| together. (That inv is rounded scales all t alike.) So b is moved by 16 u E |inv| away from
+// the box, once for the near and once for the far planes: no box that the exact ray meets is
+// missed, for any sign of t. It amounts to boxes larger by 2^-20 E. More would cost time: rays that
+// start just above a wall would start in the boxes of that wall. A direction component smaller than
+// 2^-40 of the largest is replaced by that, so that no infinity arises: over the distance that
+// matters the ray moves by less than 2^-38 of the largest E of the three axes, by which boxes are
+// larger, too.
+//
+// A triangle seen on edge has no sharp t, and one without area may even be said to be hit beside
+// its corners. So a hit has to meet the triangle's own box, too, in an interval that is wider by
+// 6 u E |inv|, which is what its own rounding may be off by, and its t is no less than where that
+// begins (see settle). As 6 + 6 + 4 = 16, all boxes around it are then met no later than the hit:
+// which there are, and in which order they come, makes no difference to what is hit and where.
+//
+// Triangles (Woop et al. 2013): axes are permuted so that the largest component of the direction
+// is kz, and sheared so that the ray runs along it. The direction is first scaled by a power of
+// two to about 1, and so are the coordinates of trees of extreme size, so that nothing under- or
+// overflows.
+#pragma once
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "bvh/wide/triangle_bvh_data.hpp"
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+namespace umbel {
+
+/// Four lanes on which arithmetic works one by one (an extension of GCC and Clang).
+typedef float Quad __attribute__((vector_size(16)));
+typedef int32_t QuadBits __attribute__((vector_size(16)));
+typedef double WideQuad __attribute__((vector_size(32)));
+
+struct RayFrame {
+  // Of x, y and z; the fourth lane means nothing.
+  alignas(16) float inv[4];
+  alignas(16) float near_b[4];
+  alignas(16) float far_b[4];
+  alignas(16) float origin[4];
+  float sx, sy, sz;     ///< Woop's shear
+  uint32_t kx, ky, kz;  ///< Woop's axes
+  uint32_t negative;    ///< bit i is set where inv[i] < 0
+  float t_min, t_max;   /// in units of the scaled direction
+  float t_unit;         ///< what t is to be multiplied by to give the ray's own
+  float scale;          ///< what triangles are multiplied by: a power of two
+  float unscale;        ///< 1 / scale
+};
+
+static inline float power_of_two(int exponent) {
+  return std::bit_cast<float>(static_cast<uint32_t>(exponent + 127) << 23);
+}
+/// Of a finite value; -127 for zero and denormals.
+static inline int exponent_of(float value) {
+  return static_cast<int>((std::bit_cast<uint32_t>(value) >> 23) & 255u) - 127;
+}
+
+/// The axis of the largest component, by whether x exceeds y (bit 0), x exceeds z, y exceeds z.
+inline constexpr uint8_t kLargestAxis[8] = {2, 2, 2, 0, 1, 2, 1, 0};
+
+/// kx and ky for kz, in the order that keeps a triangle's winding for positive directions; the
+/// other way around for negative ones. Tables, because branches on directions are often
+/// mispredicted.
+inline constexpr uint8_t kOtherAxes[3][2] = {{1, 2}, {2, 0}, {0, 1}};
+
+static inline uint32_t sign_bits(Quad lanes) {
+#if defined(__SSE2__)
+  return static_cast<uint32_t>(_mm_movemask_ps(lanes));
+#else
+  uint32_t bits = 0;
+  for (uint32_t i = 0; i < 4; ++i) bits |= (std::bit_cast<uint32_t>(lanes[i]) >> 31) << i;
+  return bits;
+#endif
+}
+
+/// False where the ray can hit nothing.
+static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f) {
+  constexpr float kMax = std::numeric_limits<float>::max();
+  // Number by number: a ray that was only just written so cannot be read in one piece yet.
+  const Quad o = {ray.origin.x, ray.origin.y, ray.origin.z, 0};
+  Quad d = {ray.direction.x, ray.direction.y, ray.direction.z, 1};
+  constexpr int32_t kSign = std::numeric_limits<int32_t>::min();
+  const QuadBits signs = QuadBits(d) & kSign;
+  Quad a = Quad(QuadBits(d) & ~kSign);
+  const Quad away = Quad(QuadBits(o) & ~kSign), sums = a + away;
+  // Written so that a NaN anywhere fails.
+  if (!(sums[0] + sums[1] + sums[2] <= kMax) || !(ray.t_min <= ray.t_max)) return false;
+  float largest = std::max(std::max(a[0], a[1]), a[2]);
+  if (!(largest > 0.0f)) return false;
+  const Quad firsts = __builtin_shufflevector(a, a, 0, 0, 1, 3);
+  const Quad seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
+  const uint32_t kz = kLargestAxis[sign_bits(Quad(firsts > seconds))];
+
+  f.t_min = ray.t_min;
+  f.t_max = ray.t_max;
+  f.t_unit = 1.0f;
+  if (largest < 0x1p-20f || largest > 0x1p20f) [[unlikely]] {
+    const int exponent = std::min(std::max(exponent_of(largest), -126), 126);
+    f.t_unit = power_of_two(-exponent);
+    const float inverse = power_of_two(exponent);
+    f.t_min *= inverse;
+    f.t_max *= inverse;
+    d *= f.t_unit;
+    a *= f.t_unit;
+    largest *= f.t_unit;
+  }
+
+  Quad reach;
+  std::memcpy(&reach, tree.reach, sizeof reach);
+  reach = reach > away ? reach : away;
+  const float furthest = std::max(std::max(reach[0], reach[1]), reach[2]);
+  const Quad slack = reach * 0x1p-20f + furthest * 0x1p-38f;
+  const float smallest = 0x1p-40f * largest;
+  const Quad component = Quad(QuadBits(a < smallest ? Quad{} + smallest : a) | signs);
+  const Quad inv = 1.0f / component, e = Quad(QuadBits(inv) & ~kSign) * slack;
+  // Rounded once.
+  const WideQuad b = __builtin_convertvector(o, WideQuad) * __builtin_convertvector(inv, WideQuad);
+  const WideQuad wide_e = __builtin_convertvector(e, WideQuad);
+  const Quad near_b = __builtin_convertvector(-wide_e - b, Quad);
+  const Quad far_b = __builtin_convertvector(wide_e - b, Quad);
+  std::memcpy(f.inv, &inv, sizeof inv);
+  std::memcpy(f.near_b, &near_b, sizeof near_b);
+  std::memcpy(f.far_b, &far_b, sizeof far_b);
+  std::memcpy(f.origin, &o, sizeof o);
+  alignas(16) float directions[4];
+  std::memcpy(directions, &d, sizeof d);
+  f.negative = sign_bits(inv);
+  const uint32_t is_negative = (f.negative >> kz) & 1;
+  f.kx = kOtherAxes[kz][is_negative];
+  f.ky = kOtherAxes[kz][1 - is_negative];
+  f.kz = kz;
+  // The largest component is not too small, so this is its reciprocal.
+  f.sz = f.inv[kz];
+  f.sx = directions[f.kx] * f.sz;
+  f.sy = directions[f.ky] * f.sz;
+  f.scale = tree.scale;
+  f.unscale = tree.unscale;
+  return true;
+}
+
+}  // namespace umbel

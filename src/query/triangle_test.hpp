@@ -1,0 +1,42 @@
+// The watertight ray-triangle test in a ray's frame, and what settles a hit. What this and the next
+// headers define has internal linkage, because it is compiled for several instruction sets.
+#pragma once
+
+#include "query/ray_frame.hpp"
+#include "query/woop_triangle.hpp"
+
+namespace umbel {
+
+static inline bool test_triangle(const RayFrame& f, const FrameTriangle& triangle, bool cull_back,
+                                 TriangleHit& hit) {
+  return test_triangle(f, f.origin[f.kx], f.origin[f.ky], f.origin[f.kz], triangle, cull_back, hit);
+}
+
+/// Of what far_b and near_b differ by: see ray_frame.hpp.
+inline constexpr float kBoxSlackShare = 6.0f / 16.0f / 2.0f;
+
+/// False where the ray does not meet the triangle's own box (see ray_frame.hpp); else makes `t` no
+/// less than where it does.
+static inline bool settle(const RayFrame& f, const LeafTriangle& triangle, float& t) {
+  const Quad a = {triangle.p0.x, triangle.p0.y, triangle.p0.z, 0};
+  const Quad b = {triangle.p1.x, triangle.p1.y, triangle.p1.z, 0};
+  const Quad c = {triangle.p2.x, triangle.p2.y, triangle.p2.z, 0};
+  Quad low = a < b ? a : b, high = a > b ? a : b;
+  low = c < low ? c : low;
+  high = c > high ? c : high;
+  Quad o, inv, near_b, far_b;
+  std::memcpy(&o, f.origin, sizeof o);
+  std::memcpy(&inv, f.inv, sizeof inv);
+  std::memcpy(&near_b, f.near_b, sizeof near_b);
+  std::memcpy(&far_b, f.far_b, sizeof far_b);
+  const Quad slack = (far_b - near_b) * kBoxSlackShare;
+  const Quad one = (low - o) * inv, other = (high - o) * inv;
+  const Quad enter = (one < other ? one : other) - slack,
+             leave = (one > other ? one : other) + slack;
+  const float entry = std::max(std::max(enter[0], enter[1]), enter[2]);
+  const float exit = std::min(std::min(leave[0], leave[1]), leave[2]);
+  t = std::max(t, entry);
+  return entry <= exit && f.t_min <= exit;
+}
+
+}  // namespace umbel

@@ -1,0 +1,173 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "asset/codec/vertex_codec.hpp"
+#include "asset/same_geometry.hpp"
+#include "asset/scratch.hpp"
+#include "asset/synthetic_dag.hpp"
+#include "umbel/asset.hpp"
+
+namespace umbel::asset {
+namespace {
+
+using umbel::testing::Scratch;
+using umbel::testing::synthetic_dag;
+
+VertexFormat floats_and_grid() {
+  return make_format({{kPositions, Coding::kGrid, 0, 0.25f}, {kNormals, Coding::kFloats, 0, 0}});
+}
+
+/// Codes `count` vertices of random integers of `bits` bits, some of which an earlier cluster has.
+void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t bits,
+                          std::mt19937& random) {
+  const uint32_t width = components(format), stride = row_stride(format);
+  std::vector<int32_t> integers(count * width);
+  for (int32_t& i : integers) i = bits == 0 ? 7 : static_cast<int32_t>(random()) >> (32 - bits);
+  std::vector<Parents> parents(count);
+  for (uint32_t v = 1; v < count; ++v)
+    parents[v] = parents_of(uint32_t(random() % v), uint32_t(random() % v), uint32_t(random() % v));
+  const auto lowest = static_cast<int32_t>(bits == 0 ? 7 : ~0u << (bits - 1));
+  const std::vector<ComponentRange> ranges(width, {lowest, bits});
+  std::vector<uint32_t> source(count, kNone);
+  std::vector<int32_t> group(size_t{2} * count * stride);
+  for (uint32_t v = 0; v < count; ++v) {
+    std::copy_n(&integers[size_t{v} * width], width, &group[size_t{v} * stride]);
+    if (random() % 4 == 0) source[v] = v;
+  }
+  std::vector<std::byte> bytes;
+  BitWriter out(bytes);
+  encode_vertices(format, integers, parents, source, ranges, out);
+  out.finish();
+  BitReader in(bytes);
+  decode_vertices(format, parents, source, ranges, in, group, count);
+  EXPECT_NO_THROW(in.finish());
+  for (uint32_t v = 0; v < count; ++v)
+    EXPECT_TRUE(std::equal(&integers[size_t{v} * width], &integers[size_t{v} * width] + width,
+                           &group[size_t{count + v} * stride]))
+        << v << " of " << count << " with " << bits << " bits";
+}
+
+TEST(VertexCodec, gives_back_any_integers) {
+  std::mt19937 random(3);
+  const VertexFormat alone = make_format({{kPositions, Coding::kGrid, 0, 0.25f}});
+  for (const VertexFormat& format : {floats_and_grid(), alone})
+    for (uint32_t bits = 0; bits <= 32; ++bits)
+      for (uint32_t count = 1; count <= 256; count += 51)
+        expect_same_integers(format, count, bits, random);
+}
+
+TEST(VertexFormat, refuses_what_cannot_be) {
+  const AttributeFormat positions{kPositions, Coding::kFloats, 0, 0};
+  EXPECT_NO_THROW(make_format({positions}));
+  const AttributeFormat octahedral{kNormals, Coding::kOctahedral, 10, 0};
+  const AttributeFormat angles{kTangents, Coding::kAngle, 10, 0};
+  EXPECT_NO_THROW(make_format({positions, octahedral, angles}));
+  const std::vector<std::vector<AttributeFormat>> impossible{
+      {},
+      {octahedral},
+      {positions, positions},
+      {positions, angles},
+      {positions, angles, octahedral},
+      {positions, octahedral, octahedral},
+      {positions, {kNormals, Coding::kOctahedral, 1, 0}},
+      {positions, {kNormals, Coding::kOctahedral, 17, 0}},
+      {positions, {kNormals, Coding::kGrid, 0, 1}},
+      {positions, {kUvs, Coding::kGrid, 0, 0}},
+      {positions, {kUvs, Coding::kGrid, 0, 0.3f}},
+      {positions, {kUvs, Coding::kGrid, 0, -0.5f}},
+      {positions, {kUvs, Coding::kGrid, 0, std::numeric_limits<float>::infinity()}},
+      {positions, {kColors, Coding::kAngle, 8, 0}},
+      {positions, {kColors, static_cast<Coding>(9), 8, 0}},
+      {positions, {3, Coding::kFloats, 0, 0}},
+      {positions, {kJoints, Coding::kSrgb, 8, 0}},
+      {positions, {128, Coding::kFloats, 0, 0}}};
+  for (size_t i = 0; i < impossible.size(); ++i)
+    EXPECT_THROW(make_format(impossible[i]), Error) << i;
+}
+
+/// A sphere with smooth normals, tangents, texture coordinates and colours, on a grid.
+Mesh decorated_sphere(float step) {
+  Mesh mesh = shapes::sphere(3);
+  for (const Vec3& n : mesh.positions) {
+    mesh.normals.push_back(n);
+    const float r = std::hypot(n.x, n.y);
+    mesh.tangents.push_back(r > 0 ? Vec4{-n.y / r, n.x / r, 0, n.x > 0 ? 1.0f : -1.0f}
+                                  : Vec4{1, 0, 0, 1});
+    mesh.uvs.push_back({3 * n.x, n.z});
+    mesh.colors.push_back({n.x * n.x, n.y * n.y, 0.5f, 0.25f});
+  }
+  snap_to_grid(mesh.positions, step);
+  return mesh;
+}
+
+TEST(StoredAttributes, are_as_near_as_their_bits_say) {
+  constexpr float kStep = 0x1p-12f;
+  const Mesh mesh = decorated_sphere(kStep);
+  lod::Dag dag = synthetic_dag(mesh);
+  dag.config.position_step = kStep;
+  const Scratch scratch;
+  write_asset(scratch / "a.umbel", dag);
+  const Asset asset(scratch / "a.umbel");
+  EXPECT_EQ(asset.info().position_step, kStep);
+  EXPECT_EQ(asset.info().normal_bits, 10u);
+  EXPECT_EQ(asset.info().tangent_bits, 10u);
+  EXPECT_EQ(asset.info().color_bits, 8u);
+  EXPECT_EQ(asset.info().uv_step, 0x1p-14f);
+  size_t seen = 0;
+  for (uint32_t c = 0; c < dag.tables.clusters.size(); ++c) {
+    const lod::ClusterGeometry g = asset.geometry(c);
+    for (size_t v = 0; v < g.positions.size(); ++v, ++seen) {
+      const auto at = std::find(mesh.positions.begin(), mesh.positions.end(), g.positions[v]);
+      ASSERT_NE(at, mesh.positions.end());
+      const auto i = static_cast<size_t>(at - mesh.positions.begin());
+      EXPECT_GT(dot(g.normals[v], mesh.normals[i]), std::cos(0.004f));
+      EXPECT_NEAR(dot(g.normals[v], g.normals[v]), 1, 1e-5);
+      const Vec4 t = g.tangents[v], given = mesh.tangents[i];
+      // A turn in 1024 steps, half a step off, and the normal's own error.
+      EXPECT_GT(t.x * given.x + t.y * given.y + t.z * given.z, std::cos(0.008f));
+      EXPECT_EQ(t.w, given.w);
+      EXPECT_NEAR(g.uvs[v].x, mesh.uvs[i].x, 0x1p-15);
+      EXPECT_NEAR(g.uvs[v].y, mesh.uvs[i].y, 0x1p-15);
+      EXPECT_NEAR(g.colors[v].x, mesh.colors[i].x, 0.006);
+      EXPECT_NEAR(g.colors[v].w, mesh.colors[i].w, 0.002);
+    }
+  }
+  EXPECT_GE(seen, 2 * mesh.positions.size());
+}
+
+TEST(StoredAttributes, on_a_grid_are_several_times_smaller) {
+  constexpr float kStep = 0x1p-14f;
+  lod::Dag dag = synthetic_dag(decorated_sphere(kStep), {128, 26});
+  const Scratch scratch;
+  const uint64_t exact = write_asset(scratch / "a.umbel", dag, "{}", {}, AssetConfig::exact());
+  dag.config.position_step = kStep;
+  EXPECT_LT(2.5 * double(write_asset(scratch / "b.umbel", dag)), double(exact));
+}
+
+TEST(StoredAttributes, that_do_not_fit_stay_floats) {
+  Mesh mesh = decorated_sphere(0x1p-12f);
+  mesh.colors[5].y = 1.5f;
+  mesh.uvs[7].x = 1e9f;
+  lod::Dag dag = synthetic_dag(mesh);
+  const Scratch scratch;
+  write_asset(scratch / "a.umbel", dag);
+  const AssetInfo info = Asset(scratch / "a.umbel").info();
+  EXPECT_EQ(info.position_step, 0);
+  EXPECT_EQ(info.color_bits, 0u);
+  EXPECT_EQ(info.uv_step, 64);  // 2^24 steps reach 1e9
+}
+
+TEST(StoredAttributes, have_bits_in_range) {
+  const lod::Dag dag = synthetic_dag(decorated_sphere(0x1p-12f));
+  const Scratch scratch;
+  for (const AssetConfig& config :
+       {AssetConfig{1, 10, 8, 0}, AssetConfig{10, 17, 8, 0}, AssetConfig{10, 10, 99, 0},
+        AssetConfig{10, 10, 8, 0.3f}, AssetConfig{10, 10, 8, -1}})
+    EXPECT_THROW(write_asset(scratch / "a.umbel", dag, "{}", {}, config), Error);
+  EXPECT_EQ(scratch.files(), 0u);
+}
+
+}  // namespace
+}  // namespace umbel::asset

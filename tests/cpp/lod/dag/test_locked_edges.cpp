@@ -1,0 +1,31 @@
+#include <gtest/gtest.h>
+
+#include "lod/dag/locked_edges.hpp"
+
+namespace umbel::lod {
+namespace {
+
+std::vector<PositionPair> pairs(uint32_t count, uint32_t step) {
+  std::vector<PositionPair> result;
+  for (uint32_t i = 0; i < count; ++i) result.push_back({i * step, i * step + 1});
+  return result;
+}
+
+TEST(Chords, empty_registry_has_no_edge) {
+  EXPECT_FALSE(ChordRegistry().contains_any(pairs(10, 1)));
+}
+
+TEST(Chords, edge_is_found_from_either_end_and_nothing_else_is) {
+  ChordRegistry registry;
+  registry.insert(pairs(50000, 3));
+  registry.insert(pairs(50000, 3));
+  for (uint32_t i = 0; i < 50000; ++i) {
+    const PositionPair edge{3 * i, 3 * i + 1}, turned{3 * i + 1, 3 * i}, other{3 * i, 3 * i + 2};
+    ASSERT_TRUE(registry.contains_any({&edge, 1}));
+    ASSERT_TRUE(registry.contains_any({&turned, 1}));
+    ASSERT_FALSE(registry.contains_any({&other, 1}));
+  }
+}
+
+}  // namespace
+}  // namespace umbel::lod

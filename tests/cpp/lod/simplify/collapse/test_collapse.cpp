@@ -1,0 +1,391 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <random>
+
+#include "base/math.hpp"
+#include "lod/simplify/collapse/bucket_queue.hpp"
+#include "lod/simplify/collapse/collapse.hpp"
+#include "umbel/mesh.hpp"
+
+namespace umbel::lod {
+namespace {
+
+/// A mesh as one piece, nothing locked but what a test locks.
+struct Piece {
+  explicit Piece(Mesh m) : mesh(std::move(m)) {
+    position_of.resize(mesh.positions.size());
+    std::iota(position_of.begin(), position_of.end(), 0u);
+    locked.assign(mesh.positions.size(), 0);
+    component.assign(mesh.positions.size(), kNone);
+  }
+
+  CollapseInput input() const {
+    return {mesh.triangles, position_of, mesh.positions, attributes,
+            weights,        locked,      component,      chords};
+  }
+
+  Mesh mesh;
+  std::vector<uint32_t> position_of;
+  std::vector<float> attributes, weights;
+  std::vector<uint8_t> locked;
+  std::vector<uint32_t> component;
+  bool chords = true;
+};
+
+std::map<std::pair<uint32_t, uint32_t>, int> edges(std::span<const Triangle> triangles,
+                                                   std::span<const uint32_t> ids) {
+  std::map<std::pair<uint32_t, uint32_t>, int> result;
+  for (const Triangle& t : triangles)
+    for (int i = 0; i < 3; ++i) {
+      const uint32_t a = ids[t[i]], b = ids[t[(i + 1) % 3]];
+      ++result[{std::min(a, b), std::max(a, b)}];
+    }
+  return result;
+}
+
+TEST(BucketQueue, gives_keys_in_the_order_of_their_values_to_within_a_bucket) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> exponent(-60.0f, 60.0f);
+  BucketQueue queue;
+  queue.reset(1000);
+  std::vector<float> values(1000);
+  for (int round = 0; round < 3; ++round)
+    for (uint32_t key = 0; key < 1000; ++key)
+      queue.set(key, values[key] = std::exp2(exponent(random)));
+  for (uint32_t key = 0; key < 1000; key += 7) queue.remove(key);
+  float last = 0.0f;
+  size_t count = 0;
+  for (; !queue.empty(); ++count) {
+    const uint32_t key = queue.pop();
+    EXPECT_NE(key % 7, 0u);
+    EXPECT_FALSE(queue.contains(key));
+    EXPECT_GT(values[key], last / 1.0625f);
+    last = std::max(last, values[key]);
+  }
+  EXPECT_EQ(count, 1000u - 143u);
+}
+
+TEST(BucketQueue, takes_zero_and_infinity) {
+  BucketQueue queue;
+  queue.reset(3);
+  queue.set(0, std::numeric_limits<float>::infinity());
+  queue.set(1, 1.0f);
+  queue.set(2, 0.0f);
+  EXPECT_EQ(queue.pop(), 2u);
+  EXPECT_EQ(queue.pop(), 1u);
+  EXPECT_EQ(queue.pop(), 0u);
+  EXPECT_TRUE(queue.empty());
+}
+
+TEST(EdgeCollapser, reaches_its_target_on_closed_surfaces_and_keeps_them_closed) {
+  EdgeCollapser collapser;
+  for (const Mesh& mesh : {shapes::blob(4, 3), shapes::torus(40, 20), shapes::sphere(3)}) {
+    const Piece piece(mesh);
+    for (size_t part : {2, 8, 30}) {
+      collapser.run(piece.input(), mesh.triangles.size() / part);
+      EXPECT_LE(collapser.triangles().size(), mesh.triangles.size() / part);
+      EXPECT_GE(collapser.triangles().size() + 2, mesh.triangles.size() / part);
+      for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+        EXPECT_EQ(count, 2);
+    }
+  }
+}
+
+TEST(EdgeCollapser, stops_at_a_tetrahedron) {
+  const Piece piece(shapes::sphere(1));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 0);
+  EXPECT_GE(collapser.triangles().size(), 4u);
+  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+    EXPECT_EQ(count, 2);
+}
+
+TEST(EdgeCollapser, closes_a_handle_and_no_edge_gets_more_than_two_triangles) {
+  // No torus without touching itself has fewer than 14 triangles.
+  const Piece piece(shapes::torus(40, 20));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 8);
+  EXPECT_LE(collapser.triangles().size(), 8u);
+  EXPECT_GE(collapser.triangles().size(), 2u);
+  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+    EXPECT_EQ(count, 2);
+  EXPECT_GT(collapser.error(), 0.0f);
+}
+
+TEST(EdgeCollapser, no_loop_through_two_locked_positions_is_drawn_together) {
+  Piece piece(shapes::torus(40, 20));
+  for (uint32_t v = 0; v < 20; ++v) piece.locked[v] = 1;
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 0);
+  std::vector<uint8_t> left(piece.locked.size(), 0);
+  for (const Triangle& t : collapser.triangles())
+    for (uint32_t v : t) left[v] = 1;
+  for (uint32_t v = 0; v < 20; ++v) EXPECT_TRUE(left[v]);
+  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+    EXPECT_EQ(count, 2);
+}
+
+TEST(EdgeCollapser, a_flat_sheet_shrinks_to_few_triangles_without_error) {
+  const Piece piece(shapes::grid(20, 20));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 20);
+  EXPECT_LE(collapser.triangles().size(), 20u);
+  EXPECT_LT(collapser.error(), 1e-6f);
+  double area = 0;
+  for (const Triangle& t : collapser.triangles()) {
+    const auto& p = piece.mesh.positions;
+    area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
+  }
+  EXPECT_NEAR(area, 1.0, 1e-5);
+}
+
+TEST(EdgeCollapser, locked_positions_and_their_edges_stay) {
+  Piece piece(shapes::blob(4, 5));
+  for (uint32_t v = 0; v < piece.locked.size(); ++v)
+    piece.locked[v] = std::fabs(piece.mesh.positions[v].z) < 0.1f;
+  EdgeCollapser collapser;
+  for (bool chords : {false, true}) {
+    piece.chords = chords;
+    collapser.run(piece.input(), piece.mesh.triangles.size() / 3);
+    const auto before = edges(piece.mesh.triangles, piece.position_of);
+    const auto after = edges(collapser.triangles(), piece.position_of);
+    const auto is_locked = [&](const auto& e) {
+      return piece.locked[e.first] && piece.locked[e.second];
+    };
+    size_t gone = 0;
+    std::vector<PositionPair> made;
+    for (const auto& [edge, count] : before) gone += is_locked(edge) && !after.contains(edge);
+    for (const auto& [edge, count] : after)
+      if (is_locked(edge) && !before.contains(edge)) made.push_back(edge);
+    EXPECT_EQ(gone, 0u);
+    auto said = collapser.chords();
+    std::sort(said.begin(), said.end());
+    EXPECT_EQ(said, made);
+    if (!chords) {
+      EXPECT_TRUE(made.empty());
+    }
+  }
+}
+
+TEST(EdgeCollapser, the_stated_error_is_of_the_size_of_the_deviation) {
+  // All vertices stay on the unit sphere, so the surface is at most its sagitta inside.
+  const Piece piece(shapes::sphere(4));
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), piece.mesh.triangles.size() / 8);
+  double deepest = 0;
+  for (const Triangle& t : collapser.triangles()) {
+    const auto& p = piece.mesh.positions;
+    deepest = std::max(deepest, 1.0 - length((p[t[0]] + p[t[1]] + p[t[2]]) * (1.0f / 3.0f)));
+  }
+  EXPECT_GT(collapser.error(), 0.2 * deepest);
+  EXPECT_LT(collapser.error(), 5.0 * deepest);
+}
+
+TEST(EdgeCollapser, a_seam_keeps_its_two_sides) {
+  // Two halves of a grid with vertices and an attribute of their own along the middle.
+  Mesh mesh = shapes::grid(16, 16);
+  Piece piece(mesh);
+  std::map<uint32_t, uint32_t> twin;
+  auto& m = piece.mesh;
+  const auto is_right = [&](const Triangle& t) {
+    return m.positions[t[0]].x + m.positions[t[1]].x + m.positions[t[2]].x > 1.5f;
+  };
+  for (uint32_t v = 0; v < mesh.positions.size(); ++v) piece.attributes.push_back(0.0f);
+  for (Triangle& t : m.triangles)
+    for (uint32_t& v : t)
+      if (is_right(t) && std::fabs(m.positions[v].x - 0.5f) < 1e-6f && !twin.contains(v)) {
+        twin[v] = static_cast<uint32_t>(m.positions.size());
+        m.positions.push_back(m.positions[v]);
+        piece.position_of.push_back(v);
+        piece.attributes.push_back(1.0f);
+      }
+  for (Triangle& t : m.triangles) {
+    if (!is_right(t)) continue;
+    for (uint32_t& v : t) {
+      if (twin.contains(v)) v = twin[v];
+      piece.attributes[v] = 1.0f;
+    }
+  }
+  piece.weights = {1.0f};
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 60);
+  EXPECT_LE(collapser.triangles().size(), 60u);
+  for (const Triangle& t : collapser.triangles()) {
+    EXPECT_EQ(piece.attributes[t[0]], piece.attributes[t[1]]);
+    EXPECT_EQ(piece.attributes[t[1]], piece.attributes[t[2]]);
+  }
+}
+
+TEST(EdgeCollapser, ends_where_triangles_around_a_vertex_run_into_a_circle) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 2}};
+  const Piece piece(mesh);
+  EdgeCollapser collapser;
+  CollapseInput input = piece.input();
+  collapser.run(input, 0);
+  EXPECT_LE(collapser.triangles().size(), 3u);
+  input.irregular = false;
+  collapser.run(input, 0);
+  EXPECT_GE(collapser.triangles().size(), 1u);
+}
+
+TEST(EdgeCollapser, thin_triangles_at_a_border_do_not_inflate_the_error) {
+  // A band that is much narrower than its border is rough.
+  constexpr float kRough = 1e-3f, kNarrow = 1e-4f;
+  constexpr uint32_t kSteps = 32;
+  Mesh mesh;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> rough(0.0f, kRough);
+  for (uint32_t i = 0; i <= kSteps; ++i) {
+    const float x = static_cast<float>(i) / kSteps, y = rough(random);
+    mesh.positions.push_back({x, y, 0});
+    mesh.positions.push_back({x, y + kNarrow, 0});
+  }
+  for (uint32_t i = 0; i < kSteps; ++i) {
+    mesh.triangles.push_back({2 * i, 2 * i + 2, 2 * i + 3});
+    mesh.triangles.push_back({2 * i, 2 * i + 3, 2 * i + 1});
+  }
+  const Piece piece(mesh);
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), mesh.triangles.size() / 4);
+  EXPECT_LE(collapser.triangles().size(), mesh.triangles.size() / 4);
+  EXPECT_LT(collapser.error(), 2.0f * kRough);
+}
+
+TEST(EdgeCollapser, pages_that_meet_in_a_spine_shrink_without_error) {
+  // Three flat pages: every vertex of the spine is irregular, and may move along it.
+  constexpr uint32_t kSide = 8;
+  Mesh mesh;
+  std::vector<uint32_t> spine;
+  for (int page = 0; page < 3; ++page) {
+    const float angle = 2.0f * static_cast<float>(page);
+    std::vector<uint32_t> ids;
+    for (uint32_t y = 0; y <= kSide; ++y)
+      for (uint32_t x = 0; x <= kSide; ++x) {
+        if (x == 0 && page > 0) {
+          ids.push_back(spine[y]);
+          continue;
+        }
+        ids.push_back(static_cast<uint32_t>(mesh.positions.size()));
+        if (x == 0) spine.push_back(ids.back());
+        const float r = static_cast<float>(x) / kSide;
+        mesh.positions.push_back(
+            {r * std::cos(angle), r * std::sin(angle), static_cast<float>(y) / kSide});
+      }
+    for (uint32_t y = 0; y < kSide; ++y)
+      for (uint32_t x = 0; x < kSide; ++x) {
+        const uint32_t a = ids[y * (kSide + 1) + x], b = ids[y * (kSide + 1) + x + 1];
+        const uint32_t c = ids[(y + 1) * (kSide + 1) + x], d = ids[(y + 1) * (kSide + 1) + x + 1];
+        mesh.triangles.push_back({a, b, d});
+        mesh.triangles.push_back({a, d, c});
+      }
+  }
+  Piece piece(mesh);
+  for (uint32_t v : spine) piece.component[v] = 0;
+  EdgeCollapser collapser;
+  collapser.run(piece.input(), 12);
+  EXPECT_LE(collapser.triangles().size(), 12u);
+  EXPECT_LT(collapser.error(), 1e-4f);
+  double area = 0;
+  for (const Triangle& t : collapser.triangles()) {
+    const auto& p = piece.mesh.positions;
+    area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
+  }
+  EXPECT_NEAR(area, 3.0, 1e-3);
+}
+
+TEST(EdgeCollapser, charts_are_held_by_the_rule_of_their_seams) {
+  // A flat grid of four charts, each with vertices of its own: four at the middle.
+  const Mesh mesh = shapes::grid(8, 8);
+  Piece piece(mesh);
+  piece.mesh.positions.clear();
+  piece.position_of.clear();
+  std::map<std::pair<uint32_t, int>, uint32_t> vertex_of;
+  for (Triangle& t : piece.mesh.triangles) {
+    const Vec3 middle =
+        (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) * (1.0f / 3.0f);
+    const int chart = (middle.x > 0.5f ? 1 : 0) + (middle.y > 0.5f ? 2 : 0);
+    for (uint32_t& v : t) {
+      const auto [at, is_new] =
+          vertex_of.insert({{v, chart}, static_cast<uint32_t>(piece.mesh.positions.size())});
+      if (is_new) {
+        piece.mesh.positions.push_back(mesh.positions[v]);
+        piece.position_of.push_back(v);
+        piece.attributes.push_back(static_cast<float>(chart));
+      }
+      v = at->second;
+    }
+  }
+  piece.weights = {1.0f};
+  const auto chart = [&](uint32_t v) { return piece.attributes[v]; };
+  EdgeCollapser collapser;
+  for (SeamRule rule : {SeamRule::kProtect, SeamRule::kIgnore}) {
+    const std::vector<SeamRule> rules(piece.locked.size(), rule);
+    CollapseInput input = piece.input();
+    input.rules = rules;
+    collapser.run(input, 2);
+    if (rule == SeamRule::kIgnore) {
+      EXPECT_LT(collapser.triangles().size(), 4u);
+      continue;
+    }
+    EXPECT_EQ(collapser.triangles().size(), 4u);
+    for (const Triangle& t : collapser.triangles())
+      EXPECT_TRUE(chart(t[0]) == chart(t[1]) && chart(t[1]) == chart(t[2]));
+  }
+}
+
+TEST(EdgeCollapser, materials_never_mix_whatever_the_rule) {
+  Piece piece(shapes::grid(8, 8));
+  const Mesh mesh = piece.mesh;
+  std::vector<uint32_t> materials(mesh.positions.size(), 0);
+  std::map<uint32_t, uint32_t> other;
+  for (Triangle& t : piece.mesh.triangles) {
+    const float x = mesh.positions[t[0]].x + mesh.positions[t[1]].x + mesh.positions[t[2]].x;
+    if (x < 1.5f) continue;
+    for (uint32_t& v : t) {
+      const auto [at, is_new] =
+          other.insert({v, static_cast<uint32_t>(piece.mesh.positions.size())});
+      if (is_new) {
+        piece.mesh.positions.push_back(mesh.positions[v]);
+        piece.position_of.push_back(v);
+        materials.push_back(1);
+      }
+      v = at->second;
+    }
+  }
+  const std::vector<SeamRule> rules(piece.locked.size(), SeamRule::kIgnore);
+  EdgeCollapser collapser;
+  for (bool loose : {false, true}) {
+    CollapseInput input = piece.input();
+    input.rules = rules;
+    input.materials = materials;
+    input.loose = loose;
+    collapser.run(input, 4);
+    double area[2] = {};
+    for (const Triangle& t : collapser.triangles()) {
+      EXPECT_TRUE(materials[t[0]] == materials[t[1]] && materials[t[1]] == materials[t[2]]);
+      const auto& p = piece.mesh.positions;
+      area[materials[t[0]]] += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
+    }
+    EXPECT_NEAR(area[0], 0.5, 1e-4);
+    EXPECT_NEAR(area[1], 0.5, 1e-4);
+  }
+}
+
+TEST(EdgeCollapser, runs_do_not_depend_on_those_before) {
+  const Piece large(shapes::blob(4, 1)), small(shapes::torus(12, 9));
+  EdgeCollapser used, fresh;
+  used.run(large.input(), 100);
+  used.run(small.input(), 90);
+  fresh.run(small.input(), 90);
+  EXPECT_EQ(used.triangles(), fresh.triangles());
+  EXPECT_EQ(used.error(), fresh.error());
+}
+
+}  // namespace
+}  // namespace umbel::lod
