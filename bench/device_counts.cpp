@@ -131,11 +131,11 @@ void count_rays(const char* what, const bvh::CompactTree& tree, const std::vecto
   double nodes = 0, triangles = 0;
   for (const Ray& ray : rays) {
     bvh::RayVisitor<any, CountTriangles> visitor;
-    bvh::CompactWalk walk;
+    bvh::CompactTraversal traversal;
     if (!visitor.begin(tree, ray, false)) continue;
-    walk.begin(tree, visitor);
+    traversal.begin(tree, visitor);
     ++nodes;
-    while (walk.step(tree, visitor)) ++nodes;
+    while (traversal.step(tree, visitor)) ++nodes;
     triangles += static_cast<double>(visitor.triangles);
   }
   const auto n = static_cast<double>(rays.size());

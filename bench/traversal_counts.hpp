@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "bvh/wide/portable_lanes.hpp"
+#include "bvh/wide/portable_intersector.hpp"
 
 namespace bench {
 
@@ -11,12 +11,12 @@ struct TraversalCounts {
   double nodes = 0, leaves = 0, triangles = 0;
 };
 
-class CountingLanes {
+class CountingIntersector {
  public:
   static constexpr uint32_t kWidth = 8;
   static inline TraversalCounts counts;
 
-  CountingLanes(const umbel::RayFrame& frame, const umbel::TriangleBvhData& tree)
+  CountingIntersector(const umbel::RayFrame& frame, const umbel::TriangleBvhData& tree)
       : lanes_(frame, tree) {}
 
   uint32_t visit(uint32_t node, float cull, umbel::StackEntry*& top) const {
@@ -31,16 +31,16 @@ class CountingLanes {
   }
 
  private:
-  umbel::PortableLanes<kWidth> lanes_;
+  umbel::PortableIntersector<kWidth> lanes_;
 };
 
 /// Means over the rays.
 inline TraversalCounts count_traversal(const umbel::TriangleBvhData& tree,
                                        const std::vector<umbel::Ray>& rays) {
-  TraversalCounts& counts = CountingLanes::counts;
+  TraversalCounts& counts = CountingIntersector::counts;
   counts = {};
   for (const umbel::Ray& ray : rays)
-    umbel::intersect_ray<CountingLanes, umbel::TriangleBvhData>(tree, ray, {});
+    umbel::intersect_ray<CountingIntersector, umbel::TriangleBvhData>(tree, ray, {});
   const auto n = static_cast<double>(rays.size());
   return {counts.nodes / n, counts.leaves / n, counts.triangles / n};
 }

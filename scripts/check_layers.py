@@ -1,7 +1,7 @@
 """Checks that each folder of src/ includes only what stands above it.
 
-The order is the design's: a folder may use itself, the folders before it in LAYERS, and the
-public headers of those.
+A folder may use itself, the folders before it in LAYERS, and their public headers. Folders within
+folders have places of their own.
 """
 
 import re
@@ -10,43 +10,70 @@ from pathlib import Path
 
 LAYERS = [
     "base",
+    "base/simd",
     "mesh",
     "io",
+    "query",
     "cluster",
-    "bvh",
+    "cluster/bisect",
+    "cluster/meshlet",
+    "cluster/frame",
+    "bvh/tree",
+    "bvh/optimize",
+    "bvh/build",
+    "bvh/wide",
+    "bvh/compressed",
     "kdtree",
     "uniform",
-    "lod",
-    "asset",
+    "lod/dag",
+    "lod/simplify/collapse",
+    "lod/simplify",
+    "lod/build",
+    "lod/select",
+    "lod/verify",
+    "asset/codec",
+    "asset/file",
     "stream",
+    "bvh/two_level",
     "trace",
     "cuda",
     "capi",
+    "capi/cuda",
 ]
 
-# Public headers that are not named after a folder.
+# The first folder that may use each public header.
 HEADER_LAYERS = {
     "types.hpp": "base",
     "version.hpp": "base",
-    "frame_clusters.hpp": "cluster",
-    "triangle_bvh.hpp": "bvh",
-    "triangle_queries.hpp": "bvh",
-    "bvh_presets.hpp": "bvh",
-    "bvh_traverse.hpp": "bvh",
-    "compact_bvh.hpp": "bvh",
-    "cuda_bvh.hpp": "cuda",
-    "ray_arrays.hpp": "bvh",
-    "lod_select.hpp": "lod",
-    "umbel_lod.h": "capi",
-    "umbel_kdtree.h": "capi",
-    "umbel_kary.h": "capi",
+    "mesh.hpp": "mesh",
+    "triangle_queries.hpp": "query",
+    "ray_arrays.hpp": "query",
+    "cluster.hpp": "cluster",
+    "frame_clusters.hpp": "cluster/frame",
+    "cuda.hpp": "cluster/frame",
+    "bvh.hpp": "bvh/tree",
+    "bvh_traverse.hpp": "bvh/tree",
+    "bvh_presets.hpp": "bvh/build",
+    "triangle_bvh.hpp": "bvh/wide",
+    "compact_bvh.hpp": "bvh/compressed",
+    "cuda_bvh.hpp": "bvh/compressed",
+    "cuda_trace.hpp": "bvh/compressed",
+    "kdtree.hpp": "kdtree",
+    "uniform.hpp": "uniform",
+    "lod.hpp": "lod/dag",
+    "lod_select.hpp": "lod/select",
+    "cuda_select.hpp": "lod/select",
+    "asset.hpp": "asset/codec",
+    "stream.hpp": "stream",
+    "trace_material.hpp": "bvh/two_level",
+    "trace.hpp": "bvh/two_level",
     "umbel.h": "capi",
+    "umbel_kary.h": "capi",
+    "umbel_kdtree.h": "capi",
+    "umbel_lod.h": "capi",
     "umbel_cuda.h": "capi",
     "umbel_cuda_select.h": "capi",
     "umbel_cuda_trace.h": "capi",
-    "cuda_select.hpp": "cuda",
-    "cuda_trace.hpp": "cuda",
-    "trace_material.hpp": "trace",
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]', re.MULTILINE)
@@ -56,7 +83,7 @@ def layer_of_header(header: str) -> str | None:
     """The layer of a public header, `None` for umbel.hpp, which stands for all of them."""
     if header == "umbel.hpp":
         return None
-    return HEADER_LAYERS.get(header, Path(header).stem)
+    return HEADER_LAYERS.get(header, header)
 
 
 def layer_of_include(include: str) -> str | None:
@@ -65,7 +92,9 @@ def layer_of_include(include: str) -> str | None:
     if first == "umbel":
         # umbel.hpp reaches everything, so only what may use everything can include it.
         return layer_of_header(rest) or LAYERS[-1]
-    return first if first in LAYERS else None
+    if not any(layer.partition("/")[0] == first for layer in LAYERS):
+        return None
+    return include.rpartition("/")[0]
 
 
 def problems_of(path: Path, layer: str, root: Path) -> list[str]:
@@ -91,9 +120,9 @@ def check(root: Path) -> list[str]:
     problems = []
     for path in sorted((root / "src").rglob("*")):
         if path.suffix in {".hpp", ".cpp", ".cuh", ".cu"}:
-            problems += problems_of(path, path.relative_to(root / "src").parts[0], root)
-    for path in sorted((root / "include" / "umbel").glob("*.h*")):
-        layer = layer_of_header(path.name)
+            problems += problems_of(path, str(path.parent.relative_to(root / "src")), root)
+    for path in sorted((root / "include" / "umbel").rglob("*.h*")):
+        layer = layer_of_header(str(path.relative_to(root / "include" / "umbel")))
         if layer is not None:
             problems += problems_of(path, layer, root)
     return problems

@@ -134,7 +134,7 @@ class CpuExec {
   ///     if (body.begin(i, state)) while (body.step(state)) {}
   ///     body.end(i, state);
   template <typename Body>
-  void for_each_walk(size_t n, const Body& body) {
+  void for_each_traversal(size_t n, const Body& body) {
     parallel_for(n, kWalks, [&](size_t i) {
       typename Body::State state;
       if (body.begin(i, state))

@@ -219,7 +219,7 @@ class CudaExec {
   }
 
   template <typename Body>
-  void for_each_walk(size_t n, const Body& body) {
+  void for_each_traversal(size_t n, const Body& body) {
     const auto next = allocate<unsigned long long>(1);
     if (n == 0 || arena_.counts()) return;
     check(cudaMemsetAsync(next.data(), 0, sizeof(unsigned long long), stream_), "clearing");

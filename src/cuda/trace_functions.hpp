@@ -32,7 +32,7 @@ void intersect_rays(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
                     const DeviceRays& rays, const DeviceHits& hits, Stream stream) {
   check_rays(rays);
   run(scratch, scratch_bytes, stream, [&](auto& exec) {
-    exec.for_each_walk(rays.count, TraceRay<false>{tree_of(bvh), rays, hits, nullptr});
+    exec.for_each_traversal(rays.count, TraceRay<false>{tree_of(bvh), rays, hits, nullptr});
   });
 }
 
@@ -40,7 +40,7 @@ void occluded_rays(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
                    const DeviceRays& rays, uint8_t* results, Stream stream) {
   check_rays(rays);
   run(scratch, scratch_bytes, stream, [&](auto& exec) {
-    exec.for_each_walk(rays.count, TraceRay<true>{tree_of(bvh), rays, {}, results});
+    exec.for_each_traversal(rays.count, TraceRay<true>{tree_of(bvh), rays, {}, results});
   });
 }
 
@@ -48,7 +48,7 @@ void closest_points(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
                     const DevicePoints& points, const DeviceClosest& out, Stream stream) {
   check_stride(points.stride, sizeof(Vec3), "stride");
   run(scratch, scratch_bytes, stream, [&](auto& exec) {
-    exec.for_each_walk(points.count, FindClosest{tree_of(bvh), points, out});
+    exec.for_each_traversal(points.count, FindClosest{tree_of(bvh), points, out});
   });
 }
 

@@ -7,12 +7,13 @@
 // signs of zero. It is as if all cells were larger by about 2^-20 of the axis's
 // largest coordinate.
 //
-// `Lanes` is made of a ray's frame; its triangles(tree, link, cull_back, t_max, hits) says which
-// triangles of up to eight the ray meets. leaf(link) may lower `cull`, and ends the walk by true.
+// `Intersector` is made of a ray's frame; its triangles(tree, link, cull_back, t_max, hits) says
+// which triangles of up to eight the ray meets. leaf(link) may lower `cull`, and ends the traversal
+// by true.
 #pragma once
 
 #include "kdtree/ray_kernels.hpp"
-#include "query/ray_traverse.hpp"
+#include "query/ray_queries.hpp"
 
 namespace umbel {
 
@@ -97,8 +98,8 @@ struct KdEntry {
 
 /// From near to far, the far child on a stack.
 template <typename Leaf>
-static inline bool walk_with_stack(const KdTreeData& tree, const RayFrame& f, RayPart part,
-                                   const float& cull, const Leaf& leaf) {
+static inline bool traverse_with_stack(const KdTreeData& tree, const RayFrame& f, RayPart part,
+                                       const float& cull, const Leaf& leaf) {
   KdEntry stack[kMaxKdDepth + 1];
   KdEntry* top = stack;
   Mailbox mailbox;
@@ -139,8 +140,8 @@ static inline bool walk_with_stack(const KdTreeData& tree, const RayFrame& f, Ra
 /// run dry, the lowest such level that is not set is set, and the path is walked again. For that
 /// it has to be the same path, so `to` must not depend on hits.
 template <typename Leaf>
-static inline bool walk_with_short_stack(const KdTreeData& tree, const RayFrame& f, RayPart part,
-                                         const float& cull, const Leaf& leaf) {
+static inline bool traverse_with_short_stack(const KdTreeData& tree, const RayFrame& f,
+                                             RayPart part, const float& cull, const Leaf& leaf) {
   constexpr uint32_t kEntries = 4;
   struct Entry {
     KdEntry at;
@@ -209,8 +210,8 @@ static inline bool walk_with_short_stack(const KdTreeData& tree, const RayFrame&
 /// as cannot be told from that. Where a second axis has a plane within it, the ray may be on either
 /// side of an edge, and the stack takes over from there: it visits all cells near the edge.
 template <typename Leaf>
-static inline bool walk_with_ropes(const KdTreeData& tree, const RayFrame& f, RayPart part,
-                                   const float& cull, const Leaf& leaf) {
+static inline bool traverse_with_ropes(const KdTreeData& tree, const RayFrame& f, RayPart part,
+                                       const float& cull, const Leaf& leaf) {
   const kdtree::Node* const nodes = tree.nodes.data();
   const uint32_t flips[3] = {f.inv[0] < 0.0f, f.inv[1] < 0.0f, f.inv[2] < 0.0f};
   PlanePass entry = part.entry;
@@ -233,7 +234,7 @@ static inline bool walk_with_ropes(const KdTreeData& tree, const RayFrame& f, Ra
         node = first;
       } else {
         part.from = entry.low;
-        return walk_with_stack(tree, f, part, cull, leaf);
+        return traverse_with_stack(tree, f, part, cull, leaf);
       }
     }
     if (visit_leaf(nodes[node], leaf)) return true;
@@ -261,7 +262,7 @@ static inline bool walk_with_ropes(const KdTreeData& tree, const RayFrame& f, Ra
     if (soonest > cull || soonest > part.to) return false;
     if (!(next > exit.high) || (axis != entry_axis && !(exit.low > entry.high))) {
       part.from = entry.low;
-      return walk_with_stack(tree, f, part, cull, leaf);
+      return traverse_with_stack(tree, f, part, cull, leaf);
     }
     node = rope.ropes[2 * axis + (flips[axis] ? 0 : 1)];
     if (node == kNone) return false;
@@ -287,39 +288,41 @@ class FrameLanes {
 };
 
 template <typename Triangles, kdtree::Traversal traversal>
-class KdLanes : public FrameLanes<Triangles> {
+class KdIntersector : public FrameLanes<Triangles> {
  public:
   using FrameLanes<Triangles>::FrameLanes;
 };
 
 template <typename Triangles, kdtree::Traversal traversal, typename Leaf>
-static inline bool walk(const KdTreeData& tree, const KdLanes<Triangles, traversal>& lanes,
-                        const float& cull, const Leaf& leaf) {
+static inline bool traverse(const KdTreeData& tree,
+                            const KdIntersector<Triangles, traversal>& intersector,
+                            const float& cull, const Leaf& leaf) {
   RayPart part;
-  const RayFrame& frame = lanes.frame();
+  const RayFrame& frame = intersector.frame();
   if (!enter_bounds(tree, frame, cull, part)) return false;
   if constexpr (traversal == kdtree::Traversal::kStack)
-    return walk_with_stack(tree, frame, part, cull, leaf);
+    return traverse_with_stack(tree, frame, part, cull, leaf);
   else if constexpr (traversal == kdtree::Traversal::kRopes)
-    return walk_with_ropes(tree, frame, part, cull, leaf);
+    return traverse_with_ropes(tree, frame, part, cull, leaf);
   else
-    return walk_with_short_stack(tree, frame, part, cull, leaf);
+    return traverse_with_short_stack(tree, frame, part, cull, leaf);
 }
 
-template <typename Lanes, typename Tree>
-constexpr RayKernels structure_kernels{intersect_ray<Lanes, Tree>, occluded_ray<Lanes, Tree>,
-                                       all_hits_ray<Lanes, Tree>};
+template <typename Intersector, typename Tree>
+constexpr RayKernels structure_kernels{intersect_ray<Intersector, Tree>,
+                                       occluded_ray<Intersector, Tree>,
+                                       all_hits_ray<Intersector, Tree>};
 
 template <typename Triangles>
 static const RayKernels* kd_kernels(kdtree::Traversal traversal) {
   using kdtree::Traversal;
   switch (traversal) {
     case Traversal::kRopes:
-      return &structure_kernels<KdLanes<Triangles, Traversal::kRopes>, KdTreeData>;
+      return &structure_kernels<KdIntersector<Triangles, Traversal::kRopes>, KdTreeData>;
     case Traversal::kShortStack:
-      return &structure_kernels<KdLanes<Triangles, Traversal::kShortStack>, KdTreeData>;
+      return &structure_kernels<KdIntersector<Triangles, Traversal::kShortStack>, KdTreeData>;
     default:
-      return &structure_kernels<KdLanes<Triangles, Traversal::kStack>, KdTreeData>;
+      return &structure_kernels<KdIntersector<Triangles, Traversal::kStack>, KdTreeData>;
   }
 }
 

@@ -12,6 +12,7 @@
 
 #include "base/simd/float4.hpp"
 #include "query/closest_rules.hpp"
+#include "query/leaf_store.hpp"
 #include "query/point_order.hpp"
 #include "query/traverse_leaves.hpp"
 

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "query/leaf_store.hpp"
 #include "query/orientation.hpp"
 #include "query/point_order.hpp"
 #include "query/traverse_leaves.hpp"
@@ -89,7 +90,7 @@ template <typename Nodes, typename Ray>
 bool crosses_odd(const LeafStore& data, const Vec3& p) {
   const Nodes nodes(data);
   Crossings crossings(nodes.repeats());
-  walk_leaves(
+  traverse_leaves(
       nodes,
       [&](const NodeBoxes<Nodes::kWidth>& boxes, uint32_t* passes) { Ray::test(p, boxes, passes); },
       [&](uint32_t link) {

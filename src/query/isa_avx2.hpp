@@ -2,7 +2,7 @@
 // this.
 #pragma once
 
-#include "query/ray_simd.hpp"
+#include "query/simd_triangles.hpp"
 
 namespace umbel {
 namespace {
@@ -13,11 +13,6 @@ struct Avx2 {
   }
   UMBEL_SIMD static uint32_t mask_eq(__m256 a, __m256 b) {
     return static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_EQ_OQ)));
-  }
-  UMBEL_SIMD static uint32_t children(const uint32_t* links) {
-    const __m256i all = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(links));
-    const __m256i none = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(-1));
-    return ~static_cast<uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(none)));
   }
   UMBEL_SIMD static __m256 load(const uint32_t* words, uint32_t /*n*/) {
     return _mm256_loadu_ps(reinterpret_cast<const float*>(words));
@@ -30,12 +25,6 @@ struct Avx2 {
   }
   UMBEL_SIMD static __m256 gather(const float* base, __m256i at, uint32_t /*n*/) {
     return _mm256_i32gather_ps(base, at, 4);
-  }
-  UMBEL_SIMD static uint32_t push(const uint32_t* links, uint32_t slots, __m256 near,
-                                  StackEntry*& top) {
-    alignas(32) float distances[8];
-    _mm256_store_ps(distances, near);
-    return push_sorted<8>(links, slots, distances, top);
   }
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "query/leaf_store.hpp"
 #include "query/traverse_leaves.hpp"
 #include "query/triangle_geometry.hpp"
 
@@ -17,7 +18,7 @@ std::vector<uint32_t> collect(const LeafStore& data, const TouchesBox& touches_b
   std::vector<uint32_t> found;
   if (data.reference_count == 0) return found;
   constexpr uint32_t kWidth = Nodes::kWidth;
-  walk_leaves(
+  traverse_leaves(
       Nodes(data),
       [&](const NodeBoxes<kWidth>& boxes, uint32_t* passes) {
         for (uint32_t i = 0; i < kWidth; ++i)

@@ -1,7 +1,7 @@
 // The triangle test of a leaf in plain C++.
 #pragma once
 
-#include "query/ray_traverse.hpp"
+#include "query/ray_queries.hpp"
 
 namespace umbel {
 

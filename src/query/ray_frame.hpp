@@ -28,7 +28,7 @@
 #include <cstring>
 #include <limits>
 
-#include "bvh/wide/triangle_bvh_data.hpp"
+#include "query/leaf_store.hpp"
 
 #if defined(__SSE2__)
 #include <immintrin.h>

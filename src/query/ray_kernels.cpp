@@ -1,10 +1,7 @@
-// Chooses the ray kernels of this machine.
+// Chooses the instruction set of this machine's ray kernels.
 #include "query/ray_kernels.hpp"
 
 #include <string>
-
-#include "query/leaf_store.hpp"
-#include "query/shape_kernels.hpp"
 
 namespace umbel {
 namespace {
@@ -23,13 +20,6 @@ bool has_avx2() { return false; }
 bool has_avx512() { return false; }
 #endif
 
-const RayKernels* kernels_for(const TriangleBvhData& data, Simd simd) {
-  const bool quantised = data.quantised != 0;
-  if (simd == Simd::kAvx512) return avx512_kernels(data.width, quantised);
-  return simd == Simd::kAvx2 ? avx2_kernels(data.width, quantised)
-                             : portable_kernels(data.width, quantised);
-}
-
 }  // namespace
 
 Simd choose_simd(Simd wanted) {
@@ -42,15 +32,5 @@ Simd choose_simd(Simd wanted) {
   if (has_avx512()) return Simd::kAvx512;
   return has_avx2() ? Simd::kAvx2 : Simd::kPortable;
 }
-
-void prepare_rays(TriangleBvhData& data, Simd simd) {
-  const RayKernels* const kernels = kernels_for(data, choose_simd(simd));
-  data.rays = data.nodes.empty() ? &kNoRays : kernels;
-  data.shapes = shape_kernels(data.width, data.quantised != 0);
-  data.simd = simd;
-  prepare_scale(data);
-}
-
-void prepare_rays(TriangleBvhData& data) { prepare_rays(data, data.simd); }
 
 }  // namespace umbel

@@ -1,7 +1,7 @@
 // The ray queries, one table of functions for each kind of nodes and instruction set.
 #pragma once
 
-#include "bvh/wide/triangle_bvh_data.hpp"
+#include "query/leaf_store.hpp"
 
 namespace umbel {
 
@@ -15,11 +15,6 @@ struct RayKernels {
 
 /// For structures without triangles, so that no kernel has to ask.
 extern const RayKernels kNoRays;
-
-const RayKernels* portable_kernels(uint32_t width, bool quantised);
-/// Null where they are not compiled for this processor family.
-const RayKernels* avx2_kernels(uint32_t width, bool quantised);
-const RayKernels* avx512_kernels(uint32_t width, bool quantised);
 
 /// What kAuto means on this machine, or `wanted` itself. Throws kUnsupported where the machine
 /// lacks the instructions asked for.

@@ -29,7 +29,4 @@ constexpr ShapeKernels shape_kernels_of{closest_point_of<Nodes>,   closest_point
                                         overlaps_of_box<Nodes>,    overlaps_of_sphere<Nodes>,
                                         overlaps_of_frustum<Nodes>};
 
-/// Those of a TriangleBvh.
-const ShapeKernels* shape_kernels(uint32_t width, bool quantised);
-
 }  // namespace umbel

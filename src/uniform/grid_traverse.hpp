@@ -124,8 +124,8 @@ class GridSteps {
 
 /// By halves, with a stack.
 template <typename Leaf>
-static bool walk_by_halves(const GridData& grid, const RayFrame& f, const RayPart& part,
-                           const float& cull, const Leaf& leaf) {
+static bool traverse_by_halves(const GridData& grid, const RayFrame& f, const RayPart& part,
+                               const float& cull, const Leaf& leaf) {
   struct Entry {
     GridName name;
     float from, to;
@@ -166,8 +166,9 @@ enum class GridEnd { kHit, kPast, kOutside, kUncertain };
 
 /// Through the cells of one top cell, whose steps `inner` are.
 template <typename Tag, typename Leaf>
-static inline GridEnd walk_inner(const GridData& grid, const TopCell& top, GridSteps<Tag>& inner,
-                                 float to, const float& cull, const Leaf& leaf) {
+static inline GridEnd traverse_inner(const GridData& grid, const TopCell& top,
+                                     GridSteps<Tag>& inner, float to, const float& cull,
+                                     const Leaf& leaf) {
   const GridFrame size{{}, top.size};
   while (true) {
     const auto& at = inner.at();
@@ -181,30 +182,30 @@ static inline GridEnd walk_inner(const GridData& grid, const TopCell& top, GridS
 }
 
 template <typename Triangles>
-class GridLanes : public FrameLanes<Triangles> {
+class GridIntersector : public FrameLanes<Triangles> {
  public:
   using FrameLanes<Triangles>::FrameLanes;
 };
 
 template <typename Triangles, typename Leaf>
-static inline bool walk(const GridData& grid, const GridLanes<Triangles>& lanes, const float& cull,
-                        const Leaf& leaf) {
+static inline bool traverse(const GridData& grid, const GridIntersector<Triangles>& intersector,
+                            const float& cull, const Leaf& leaf) {
   RayPart part;
-  const RayFrame& f = lanes.frame();
+  const RayFrame& f = intersector.frame();
   if (!enter_bounds(grid, f, cull, part)) return false;
   GridSteps<Triangles> top(f, grid.frame);
   if (part.entry_axis == 3 || !top.enter(part.entry, part.entry_axis))
-    return walk_by_halves(grid, f, part, cull, leaf);
+    return traverse_by_halves(grid, f, part, cull, leaf);
   while (true) {
     GridSteps<Triangles> inner(f, grid.inner(top.at()));
     GridEnd end = GridEnd::kUncertain;
     if (inner.enter(top.entry(), top.entry_axis()))
-      end = walk_inner(grid, grid.tops[grid.top_index(top.at())], inner, part.to, cull, leaf);
+      end = traverse_inner(grid, grid.tops[grid.top_index(top.at())], inner, part.to, cull, leaf);
     if (end == GridEnd::kHit) return true;
     if (end == GridEnd::kPast) return false;
     if (end == GridEnd::kUncertain) {
       part.from = inner.entry().low;
-      return walk_by_halves(grid, f, part, cull, leaf);
+      return traverse_by_halves(grid, f, part, cull, leaf);
     }
     if (!top.step_as(inner)) return false;
   }
@@ -212,7 +213,7 @@ static inline bool walk(const GridData& grid, const GridLanes<Triangles>& lanes,
 
 template <typename Triangles>
 static const RayKernels* grid_kernels() {
-  return &structure_kernels<GridLanes<Triangles>, GridData>;
+  return &structure_kernels<GridIntersector<Triangles>, GridData>;
 }
 
 }  // namespace umbel

@@ -8,16 +8,17 @@
 namespace umbel {
 
 template <typename Triangles>
-class IntervalLanes : public FrameLanes<Triangles> {
+class IntervalIntersector : public FrameLanes<Triangles> {
  public:
   using FrameLanes<Triangles>::FrameLanes;
 };
 
 template <typename Triangles, typename Leaf>
-static inline bool walk(const IntervalData& tree, const IntervalLanes<Triangles>& lanes,
-                        const float& cull, const Leaf& leaf) {
+static inline bool traverse(const IntervalData& tree,
+                            const IntervalIntersector<Triangles>& intersector, const float& cull,
+                            const Leaf& leaf) {
   RayPart part;
-  const RayFrame& f = lanes.frame();
+  const RayFrame& f = intersector.frame();
   if (!enter_bounds(tree, f, cull, part)) return false;
   KdEntry stack[kMaxIntervalDepth + 1];
   KdEntry* top = stack;
@@ -61,7 +62,7 @@ static inline bool walk(const IntervalData& tree, const IntervalLanes<Triangles>
 
 template <typename Triangles>
 static const RayKernels* interval_kernels() {
-  return &structure_kernels<IntervalLanes<Triangles>, IntervalData>;
+  return &structure_kernels<IntervalIntersector<Triangles>, IntervalData>;
 }
 
 }  // namespace umbel

@@ -8,11 +8,9 @@
 #include <span>
 
 #include "base/progress.hpp"
-#include "umbel/bvh.hpp"
+#include "bvh/tree/merge_tree.hpp"
 
 namespace umbel::bvh {
-
-using Boxes = std::span<const Aabb>;
 
 Bvh2 build_sweep(Boxes boxes, const Config& config, Progress& progress);
 Bvh2 build_binned(Boxes boxes, const Config& config, Progress& progress);

@@ -6,6 +6,8 @@
 
 #include <vector>
 
+#include "bvh/build/builders.hpp"
+
 namespace umbel::bvh {
 namespace {
 

@@ -1,4 +1,4 @@
-// The walk through a compact tree (umbel/compact_bvh.hpp), on processors and devices: of each node
+// The traversal of a compact tree (umbel/compact_bvh.hpp), on processors and devices: of each node
 // that is visited, the children that were hit wait as one entry of a stack (Ylitie, Karras &
 // Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017), so the
 // stack has no more entries than the tree has levels.
@@ -104,10 +104,10 @@ struct CompactGroup {
   }
 };
 
-/// A walk that can be taken step by step: a step visits one node. visitor.visit(node) tests the
-/// children, does what there is to do at leaves and returns the group of the others;
+/// A traversal that can be taken step by step: a step visits one node. visitor.visit(node) tests
+/// the children, does what there is to do at leaves and returns the group of the others;
 /// visitor.limit() says beyond what `near` groups are left out.
-class CompactWalk {
+class CompactTraversal {
  public:
   template <typename Visitor>
   UMBEL_HOST_DEVICE void begin(const CompactTree& tree, Visitor& visitor) {

@@ -28,14 +28,14 @@ UMBEL_HOST_DEVICE inline Ray ray_at(const DeviceRays& rays, size_t i) {
 
 /// A query on its way through the tree.
 template <typename Visitor>
-struct WalkState {
+struct TraversalState {
   Visitor visitor;
-  bvh::CompactWalk walk;
+  bvh::CompactTraversal traversal;
 };
 
 template <bool any>
 struct TraceRay {
-  using State = WalkState<bvh::RayVisitor<any>>;
+  using State = TraversalState<bvh::RayVisitor<any>>;
 
   bvh::CompactTree tree;
   DeviceRays rays;
@@ -45,10 +45,10 @@ struct TraceRay {
   UMBEL_HOST_DEVICE bool begin(size_t i, State& s) const {
     if (!s.visitor.begin(tree, ray_at(rays, i), rays.cull_back_faces, {rays.masks, rays.mask}))
       return false;
-    s.walk.begin(tree, s.visitor);
+    s.traversal.begin(tree, s.visitor);
     return true;
   }
-  UMBEL_HOST_DEVICE bool step(State& s) const { return s.walk.step(tree, s.visitor); }
+  UMBEL_HOST_DEVICE bool step(State& s) const { return s.traversal.step(tree, s.visitor); }
   UMBEL_HOST_DEVICE void end(size_t i, const State& s) const {
     const Hit hit = s.visitor.result();
     if constexpr (any) {
@@ -65,7 +65,7 @@ struct TraceRay {
 };
 
 struct FindClosest {
-  using State = WalkState<bvh::ClosestVisitor>;
+  using State = TraversalState<bvh::ClosestVisitor>;
 
   bvh::CompactTree tree;
   DevicePoints points;
@@ -74,10 +74,10 @@ struct FindClosest {
   UMBEL_HOST_DEVICE bool begin(size_t i, State& s) const {
     if (!s.visitor.begin(tree, vector_at(points.points, points.stride, i), points.max_distance))
       return false;
-    s.walk.begin(tree, s.visitor);
+    s.traversal.begin(tree, s.visitor);
     return true;
   }
-  UMBEL_HOST_DEVICE bool step(State& s) const { return s.walk.step(tree, s.visitor); }
+  UMBEL_HOST_DEVICE bool step(State& s) const { return s.traversal.step(tree, s.visitor); }
   UMBEL_HOST_DEVICE void end(size_t i, const State& s) const {
     const ClosestPoint found = s.visitor.result();
     if (out.points) {
@@ -110,7 +110,7 @@ struct FindOverlaps {
   };
   struct State {
     bvh::BoxVisitor<Found> visitor{Found{}};
-    bvh::CompactWalk walk;
+    bvh::CompactTraversal traversal;
     uint32_t size = 0;
   };
 
@@ -125,10 +125,10 @@ struct FindOverlaps {
     s.size = sizes ? 0 : offsets[i];
     s.visitor = bvh::BoxVisitor<Found>(Found{keys, i, &s.size, room});
     if (!s.visitor.begin(tree, boxes[i])) return false;
-    s.walk.begin(tree, s.visitor);
+    s.traversal.begin(tree, s.visitor);
     return true;
   }
-  UMBEL_HOST_DEVICE bool step(State& s) const { return s.walk.step(tree, s.visitor); }
+  UMBEL_HOST_DEVICE bool step(State& s) const { return s.traversal.step(tree, s.visitor); }
   UMBEL_HOST_DEVICE void end(size_t i, const State& s) const {
     if (sizes) sizes[i] = s.size;
   }
@@ -137,7 +137,7 @@ struct FindOverlaps {
 template <typename Exec>
 void count_touching(Exec& exec, const bvh::CompactTree& tree, const Aabb* boxes, uint32_t count,
                     uint32_t* offsets) {
-  exec.for_each_walk(count, FindOverlaps{tree, boxes, nullptr, offsets, nullptr, 0});
+  exec.for_each_traversal(count, FindOverlaps{tree, boxes, nullptr, offsets, nullptr, 0});
   exec.template exclusive_scan<uint32_t>(
       count, [offsets] UMBEL_DEVICE_LAMBDA(size_t i) { return offsets[i]; }, offsets);
 }
@@ -155,7 +155,7 @@ void list_touching(Exec& exec, const bvh::CompactTree& tree, const Aabb* boxes, 
     keys[i] = kNoKey;
     values[i] = 0;
   });
-  exec.for_each_walk(count, FindOverlaps{tree, boxes, offsets, nullptr, keys, room});
+  exec.for_each_traversal(count, FindOverlaps{tree, boxes, offsets, nullptr, keys, room});
   exec.radix_sort_pairs(room, keys, values.data(), 0, 64);
   exec.template exclusive_scan<uint32_t>(
       room,

@@ -7,9 +7,11 @@
 
 #include "base/big_vector.hpp"
 #include "base/math.hpp"
-#include "bvh/build/builders.hpp"
+#include "umbel/bvh.hpp"
 
 namespace umbel::bvh {
+
+using Boxes = std::span<const Aabb>;
 
 /// A subtree: a primitive, or the index of the merge that made it.
 struct Subtree {

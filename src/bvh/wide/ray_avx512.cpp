@@ -1,6 +1,6 @@
 // Ray kernels for AVX-512 (F, VL, DQ, BW): eight lanes as in AVX2, but with mask registers, twice
 // as many vector registers and children sorted in one of them.
-#include "query/ray_kernels.hpp"
+#include "bvh/wide/kernels.hpp"
 
 #if defined(__GNUC__) && defined(__x86_64__)
 #include <immintrin.h>
@@ -24,7 +24,7 @@
 #pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")
 #endif
 // After the pragma, because its templates are to be compiled for these instructions.
-#include "query/ray_simd.hpp"
+#include "bvh/wide/ray_simd.hpp"
 
 namespace umbel {
 namespace {

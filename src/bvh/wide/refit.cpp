@@ -16,7 +16,7 @@
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "base/simd/float4.hpp"
-#include "query/traverse_leaves.hpp"
+#include "bvh/wide/wide_nodes.hpp"
 
 namespace umbel {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "base/container.hpp"
-#include "query/traverse_leaves.hpp"
+#include "bvh/wide/wide_nodes.hpp"
 
 namespace umbel {
 namespace {
@@ -51,7 +51,8 @@ TriangleBvhData decode(const ContainerFields& fields) {
 void check_header(const TriangleBvhData& data, const ContainerFile& file) {
   if (data.width != 2 && data.width != 4 && data.width != 8)
     corrupt("its width is " + std::to_string(data.width));
-  if (data.max_depth > kMaxWalkDepth) corrupt("it is " + std::to_string(data.max_depth) + " deep");
+  if (data.max_depth > kMaxTraversalDepth)
+    corrupt("it is " + std::to_string(data.max_depth) + " deep");
   if (data.reference_count > kMaxReferences) corrupt("it has too many references");
   if (!(data.cost.traversal > 0) || !(data.cost.intersection > 0) ||
       !std::isfinite(data.cost.traversal) || !std::isfinite(data.cost.intersection) ||
@@ -130,7 +131,7 @@ class TreeChecker {
     if (child <= node || child >= data_.node_count()) fail(node, "has a child out of range");
     if (depth_[child] != 0) fail(child, "has two parents");
     depth_[child] = depth_[node] + 1;
-    if (depth_[child] > kMaxWalkDepth) fail(child, "is too deep");
+    if (depth_[child] > kMaxTraversalDepth) fail(child, "is too deep");
     // Boxes on a grid are rounded outwards, and so may reach a little out of those above them.
     if (data_.quantised) return;
     for (uint32_t slot = 0; slot < data_.width; ++slot) {

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "base/math.hpp"
-#include "lod/build/cut_clusters.hpp"
 #include "lod/dag/cluster_set.hpp"
+#include "lod/dag/cut_clusters.hpp"
 #include "lod/dag/source.hpp"
 #include "lod/dag/topology.hpp"
 #include "lod/simplify/collapse/collapse.hpp"

@@ -30,7 +30,7 @@ Hits intersect(const bvh::CompactTree& tree, const DeviceRays& rays) {
   CpuExec exec;
   Hits hits{std::vector<float>(rays.count, -1), std::vector<float>(2 * rays.count, -1),
             std::vector<uint32_t>(rays.count, 77)};
-  exec.for_each_walk(
+  exec.for_each_traversal(
       rays.count,
       TraceRay<false>{
           tree, rays, {hits.t.data(), hits.primitives.data(), hits.uvs.data()}, nullptr});
@@ -43,7 +43,7 @@ Hits intersect(const bvh::CompactTree& tree, const std::vector<Ray>& rays, bool 
 std::vector<uint8_t> occluded(const bvh::CompactTree& tree, const DeviceRays& rays) {
   CpuExec exec;
   std::vector<uint8_t> results(rays.count, 9);
-  exec.for_each_walk(rays.count, TraceRay<true>{tree, rays, {}, results.data()});
+  exec.for_each_traversal(rays.count, TraceRay<true>{tree, rays, {}, results.data()});
   return results;
 }
 std::vector<uint8_t> occluded(const bvh::CompactTree& tree, const std::vector<Ray>& rays,
@@ -199,7 +199,7 @@ TEST(DeviceTrace, separate_arrays_and_the_number_of_threads_change_nothing) {
   std::vector<uint32_t> primitives(rays.size());
   CpuExec exec;
   with_threads(7, [&] {
-    exec.for_each_walk(
+    exec.for_each_traversal(
         rays.size(),
         TraceRay<false>{tree.view(), apart, {nullptr, primitives.data(), nullptr}, nullptr});
   });
@@ -236,7 +236,7 @@ TEST(DeviceTrace, closest_points_are_those_of_the_processor) {
         std::vector<float> distances(points.size()), uvs(2 * points.size());
         std::vector<uint32_t> primitives(points.size());
         CpuExec exec;
-        exec.for_each_walk(
+        exec.for_each_traversal(
             points.size(),
             FindClosest{tree.view(),
                         {points.data(), sizeof(Vec3), points.size(), reach},

@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "base/math.hpp"
-#include "lod/build/cut_clusters.hpp"
 #include "lod/build/triangle_distance_tree.hpp"
+#include "lod/dag/cut_clusters.hpp"
 #include "lod/dag/source.hpp"
 #include "lod/synthetic_dag.hpp"
 #include "umbel/triangle_bvh.hpp"

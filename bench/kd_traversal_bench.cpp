@@ -118,9 +118,9 @@ struct AsPairs {
   uint32_t above(uint32_t node) const { return nodes[node].above() + 1; }
 };
 
-/// walk_with_stack for any order of nodes.
+/// traverse_with_stack for any order of nodes.
 template <typename Nodes, typename Leaf>
-void walk_nodes(const Nodes& tree, const RayFrame& f, const RayPart& part, const Leaf& leaf) {
+void traverse_nodes(const Nodes& tree, const RayFrame& f, const RayPart& part, const Leaf& leaf) {
   KdEntry stack[kMaxKdDepth + 1];
   KdEntry* top = stack;
   const uint32_t flips[3] = {f.inv[0] < 0.0f, f.inv[1] < 0.0f, f.inv[2] < 0.0f};
@@ -191,7 +191,7 @@ double time_walk(const Nodes& nodes, const Work& work, const std::vector<uint32_
                  uint64_t& sum) {
   const double start = cpu_seconds();
   for (size_t i = 0; i < work.frames.size(); ++i)
-    walk_nodes(nodes, work.frames[i], work.parts[i], [&](const Node& leaf) {
+    traverse_nodes(nodes, work.frames[i], work.parts[i], [&](const Node& leaf) {
       if (leaf.count() > 0) sum += triangles[size_t{10} * leaf.first];
     });
   return 1e9 * (cpu_seconds() - start) / static_cast<double>(work.frames.size());
@@ -234,24 +234,25 @@ void print_counts(const Tree& tree, const Work& work) {
   for (size_t i = 0; i < work.frames.size(); ++i) {
     std::array<uint32_t, 8> mail;
     mail.fill(kNone);
-    walk_nodes(Counting{tree.nodes, inner}, work.frames[i], work.parts[i], [&](const Node& leaf) {
-      ++leaves;
-      for (uint32_t first = 0; first < leaf.count(); first += 8) {
-        bool all = true;
-        ++packs;
-        uint32_t& letter = mail[(leaf.first + first) % mail.size()];
-        mailed += letter == leaf.first + first;
-        letter = leaf.first + first;
-        for (uint32_t k = first; k < std::min(first + 8, leaf.count()); ++k) {
-          size_t& last = tested[tree.references[leaf.first + k]];
-          ++tests;
-          again += last == i;
-          all = all && last == i;
-          last = i;
-        }
-        packs_again += all;
-      }
-    });
+    traverse_nodes(Counting{tree.nodes, inner}, work.frames[i], work.parts[i],
+                   [&](const Node& leaf) {
+                     ++leaves;
+                     for (uint32_t first = 0; first < leaf.count(); first += 8) {
+                       bool all = true;
+                       ++packs;
+                       uint32_t& letter = mail[(leaf.first + first) % mail.size()];
+                       mailed += letter == leaf.first + first;
+                       letter = leaf.first + first;
+                       for (uint32_t k = first; k < std::min(first + 8, leaf.count()); ++k) {
+                         size_t& last = tested[tree.references[leaf.first + k]];
+                         ++tests;
+                         again += last == i;
+                         all = all && last == i;
+                         last = i;
+                       }
+                       packs_again += all;
+                     }
+                   });
   }
   const auto n = static_cast<double>(work.frames.size());
   std::printf(" %.1f | %.1f | %.1f | %.3f | %.1f | %.3f | %.3f |\n", inner / n, leaves / n,

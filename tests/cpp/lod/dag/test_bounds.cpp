@@ -3,7 +3,7 @@
 #include <cmath>
 #include <random>
 
-#include "lod/build/bounds.hpp"
+#include "lod/dag/bounds.hpp"
 
 namespace umbel::lod {
 namespace {

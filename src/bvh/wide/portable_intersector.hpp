@@ -3,16 +3,17 @@
 
 #include <type_traits>
 
+#include "bvh/wide/ray_traverse.hpp"
 #include "query/plain_triangles.hpp"
 
 namespace umbel {
 
 template <uint32_t width, bool quantised = false>
-class PortableLanes {
+class PortableIntersector {
  public:
   static constexpr uint32_t kWidth = width;
 
-  PortableLanes(const RayFrame& frame, const TriangleBvhData& tree)
+  PortableIntersector(const RayFrame& frame, const TriangleBvhData& tree)
       : nodes_(tree.nodes.data()), boxes_(frame), triangles_(frame) {}
 
   uint32_t visit(uint32_t node, float cull, StackEntry*& top) const {
@@ -25,9 +26,10 @@ class PortableLanes {
 
  private:
   const uint32_t* nodes_;
-  std::conditional_t<quantised, GridBoxes<PortableLanes, width>, PlainBoxes<PortableLanes, width>>
+  std::conditional_t<quantised, GridBoxes<PortableIntersector, width>,
+                     PlainBoxes<PortableIntersector, width>>
       boxes_;
-  PlainTriangles<PortableLanes> triangles_;
+  PlainTriangles<PortableIntersector> triangles_;
 };
 
 }  // namespace umbel

@@ -1,4 +1,4 @@
-#include "lod/build/bounds.hpp"
+#include "lod/dag/bounds.hpp"
 
 #include <cmath>
 #include <limits>

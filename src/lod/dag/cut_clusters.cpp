@@ -1,4 +1,4 @@
-#include "lod/build/cut_clusters.hpp"
+#include "lod/dag/cut_clusters.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/math.hpp"
-#include "lod/build/bounds.hpp"
+#include "lod/dag/bounds.hpp"
 
 namespace umbel::lod {
 namespace {

@@ -1,0 +1,173 @@
+// The ray kernels of wide trees in 256-bit vectors, for the translation units that turn on an
+// instruction set before they include this. What the sets do differently comes from `Isa`, as in
+// query/simd_triangles.hpp, and
+//   children(links)                which of eight links are some; higher bits may be set
+//   push(links, slots, near, top)  puts the slots of a mask on the stack, the furthest first, but
+//                                  for the nearest, whose link it returns; two slots at least
+// Box tests only cull, so how they round does not matter (see query/ray_frame.hpp).
+#pragma once
+
+#include <immintrin.h>
+
+#include <type_traits>
+
+#include "bvh/wide/ray_traverse.hpp"
+#include "query/simd_triangles.hpp"
+
+namespace umbel {
+
+/// The box test of the eight slots of a node.
+template <typename Isa>
+class BoxTester {
+ public:
+  UMBEL_SIMD BoxTester(const RayFrame& f, const uint32_t* nodes) {
+    for (int axis = 0; axis < 3; ++axis) {
+      inv_[axis] = _mm256_set1_ps(f.inv[axis]);
+      near_b_[axis] = _mm256_set1_ps(f.near_b[axis]);
+      far_b_[axis] = _mm256_set1_ps(f.far_b[axis]);
+      // The lowest planes come first, the highest 32 bytes behind them.
+      const uint32_t near = 64 * axis + ((f.negative << 5 >> axis) & 32);
+      near_[axis] = reinterpret_cast<const char*>(nodes) + near;
+      far_[axis] = reinterpret_cast<const char*>(nodes) + (near ^ 32);
+    }
+    t_min_ = _mm256_set1_ps(f.t_min);
+  }
+
+  UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
+    const __m256 nx = at(near_[0], link, 0, near_b_), fx = at(far_[0], link, 0, far_b_);
+    const __m256 ny = at(near_[1], link, 1, near_b_), fy = at(far_[1], link, 1, far_b_);
+    const __m256 nz = at(near_[2], link, 2, near_b_), fz = at(far_[2], link, 2, far_b_);
+    near = _mm256_max_ps(_mm256_max_ps(nx, ny), _mm256_max_ps(nz, t_min_));
+    const __m256 far =
+        _mm256_min_ps(_mm256_min_ps(fx, fy), _mm256_min_ps(fz, _mm256_set1_ps(cull)));
+    return Isa::mask_le(near, far);
+  }
+
+ private:
+  UMBEL_SIMD __m256 at(const char* planes, size_t link, int axis, const __m256* b) const {
+    return _mm256_fmadd_ps(_mm256_load_ps(reinterpret_cast<const float*>(planes + 8 * link)),
+                           inv_[axis], b[axis]);
+  }
+
+  __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
+  const char *near_[3], *far_[3];  ///< planes of the first node
+};
+
+/// The same for the eight slots of a node on a grid.
+template <typename Isa>
+class GridBoxTester {
+ public:
+  UMBEL_SIMD GridBoxTester(const RayFrame& f, const uint32_t* nodes) : nodes_(nodes) {
+    Quad near_b, far_b;
+    widen_slack(f, near_b, far_b);
+    for (int axis = 0; axis < 3; ++axis) {
+      inv_[axis] = _mm256_set1_ps(f.inv[axis]);
+      near_b_[axis] = _mm256_set1_ps(near_b[axis]);
+      far_b_[axis] = _mm256_set1_ps(far_b[axis]);
+      const ptrdiff_t flip = f.inv[axis] < 0.0f ? kRow : 0;
+      near_at_[axis] = 2 * kRow * axis + flip;
+      far_at_[axis] = 2 * kRow * axis + (kRow - flip);
+    }
+    t_min_ = _mm256_set1_ps(f.t_min);
+  }
+
+  UMBEL_SIMD uint32_t operator()(size_t link, float cull, __m256& near) const {
+    const uint32_t* const node = nodes_ + 2 * link;
+    const Span x = span(node, 0), y = span(node, 1), z = span(node, 2);
+    near = _mm256_max_ps(_mm256_max_ps(x.near, y.near), _mm256_max_ps(z.near, t_min_));
+    const __m256 far =
+        _mm256_min_ps(_mm256_min_ps(x.far, y.far), _mm256_min_ps(z.far, _mm256_set1_ps(cull)));
+    return Isa::mask_le(near, far) & Isa::children(node + grid::links_at(8));
+  }
+
+ private:
+  static constexpr ptrdiff_t kRow = 8 * sizeof(grid::GridPlane);
+
+  struct Span {
+    __m256 near, far;
+  };
+  UMBEL_SIMD Span span(const uint32_t* node, int axis) const {
+    const auto* const words = reinterpret_cast<const float*>(node) + axis;
+    const __m256 origin = _mm256_broadcast_ss(words), inv = inv_[axis];
+    const __m256 cell = _mm256_mul_ps(_mm256_broadcast_ss(words + 3), inv);
+    const __m256 near_b = _mm256_fmadd_ps(origin, inv, near_b_[axis]);
+    const __m256 far_b = _mm256_fmadd_ps(origin, inv, far_b_[axis]);
+    return {_mm256_fmadd_ps(row(node, near_at_[axis]), cell, near_b),
+            _mm256_fmadd_ps(row(node, far_at_[axis]), cell, far_b)};
+  }
+  UMBEL_SIMD static __m256 row(const uint32_t* node, ptrdiff_t at) {
+    const auto* const bytes = reinterpret_cast<const char*>(node + grid::kFirstRow) + at;
+    return _mm256_cvtepi32_ps(
+        _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(bytes))));
+  }
+
+  __m256 inv_[3], near_b_[3], far_b_[3], t_min_;
+  ptrdiff_t near_at_[3], far_at_[3];  ///< bytes from the first row on
+  const uint32_t* nodes_;
+};
+
+/// Nodes of eight slots.
+template <typename Isa, bool quantised>
+class WideIntersector {
+ public:
+  static constexpr uint32_t kWidth = 8;
+
+  UMBEL_SIMD WideIntersector(const RayFrame& frame, const TriangleBvhData& tree)
+      : boxes_(frame, tree.nodes.data()),
+        triangles_(frame),
+        links_(tree.nodes.data() + (quantised ? grid::links_at(kWidth) : 6 * kWidth)) {}
+
+  UMBEL_SIMD uint32_t visit(size_t node, float cull, StackEntry*& top) const {
+    __m256 near;
+    const uint32_t slots = boxes_(node, cull, near);
+    if (slots == 0) return kNoChild;
+    const uint32_t* const links = links_ + 2 * node;
+    if ((slots & (slots - 1)) == 0) return links[std::countr_zero(slots)];
+    return Isa::push(links, slots, near, top);
+  }
+  UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
+                                float t_max, LeafHits& hits) const {
+    return triangles_(tree, link, cull_back, t_max, hits);
+  }
+
+ private:
+  std::conditional_t<quantised, GridBoxTester<Isa>, BoxTester<Isa>> boxes_;
+  TriangleTester<Isa> triangles_;
+  const uint32_t* links_;  ///< of the first node
+};
+
+/// Nodes of two or four slots, whose boxes the compiler vectorises.
+template <typename Isa, uint32_t width, bool quantised>
+class NarrowIntersector {
+ public:
+  static constexpr uint32_t kWidth = width;
+
+  UMBEL_SIMD NarrowIntersector(const RayFrame& frame, const TriangleBvhData& tree)
+      : nodes_(tree.nodes.data()), boxes_(frame), triangles_(frame) {}
+
+  UMBEL_SIMD uint32_t visit(uint32_t node, float cull, StackEntry*& top) const {
+    return boxes_.visit(nodes_ + size_t{2} * node, cull, top);
+  }
+  UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
+                                float t_max, LeafHits& hits) const {
+    return triangles_(tree, link, cull_back, t_max, hits);
+  }
+
+ private:
+  const uint32_t* nodes_;
+  std::conditional_t<quantised, GridBoxes<Isa, width>, PlainBoxes<Isa, width>> boxes_;
+  TriangleTester<Isa> triangles_;
+};
+
+template <typename Isa, bool quantised>
+static const RayKernels* simd_kernels_of(uint32_t width) {
+  if (width == 2) return &kernels_of<NarrowIntersector<Isa, 2, quantised>>;
+  if (width == 4) return &kernels_of<NarrowIntersector<Isa, 4, quantised>>;
+  return &kernels_of<WideIntersector<Isa, quantised>>;
+}
+template <typename Isa>
+static const RayKernels* simd_kernels(uint32_t width, bool quantised) {
+  return quantised ? simd_kernels_of<Isa, true>(width) : simd_kernels_of<Isa, false>(width);
+}
+
+}  // namespace umbel

@@ -1,0 +1,192 @@
+// The traversal of a wide tree by a ray, for any instruction set. `Intersector`
+// (query/ray_queries.hpp) also says how boxes are tested:
+//   kWidth                           children a node
+//   visit(link, cull, top)           the nearest child of a node whose box the ray meets in
+//                                    [t_min, cull], or kNoChild; puts the others on the stack, the
+//                                    furthest first
+// Children are visited from near to far; those further than the nearest hit are skipped.
+#pragma once
+
+#include <limits>
+#include <memory>
+
+#include "bvh/wide/triangle_bvh_data.hpp"
+#include "query/ray_queries.hpp"
+
+namespace umbel {
+
+/// Where a box is entered is in the upper half, so that entries compare as integers where t >= 0.
+struct StackEntry {
+  uint32_t link;
+  float near;
+};
+
+/// Room for what a traversal may have to come back to; on the heap only for trees of absurd depth.
+template <typename Intersector>
+class RayStack {
+ public:
+  explicit RayStack(const TriangleBvhData& tree) {
+    // A node leaves at most width - 1 siblings behind; eight are written at once.
+    const size_t need = size_t{tree.max_depth} * (Intersector::kWidth - 1) + 16;
+    if (need > kSmall) [[unlikely]] {
+      large_ = std::make_unique_for_overwrite<StackEntry[]>(need);
+      base_ = large_.get();
+    }
+  }
+  StackEntry* base() { return base_; }
+
+ private:
+  static constexpr size_t kSmall = 512;
+  StackEntry small_[kSmall];
+  std::unique_ptr<StackEntry[]> large_;
+  StackEntry* base_ = small_;
+};
+
+/// Pushes the slots of a mask, the furthest first, and takes the nearest off again.
+template <uint32_t width>
+static inline uint32_t push_sorted(const uint32_t* links, uint32_t slots, const float* near,
+                                   StackEntry*& top) {
+  StackEntry* const first = top;
+  for (; slots != 0; slots &= slots - 1) {
+    const auto slot = static_cast<uint32_t>(std::countr_zero(slots));
+    StackEntry* place = top++;
+    for (; place != first && place[-1].near < near[slot]; --place) *place = place[-1];
+    *place = {links[slot], near[slot]};
+  }
+  return (--top)->link;
+}
+
+/// The box test in plain C++. `Tag` keeps the instruction sets' forms apart.
+template <typename Tag, uint32_t width>
+class PlainBoxes {
+ public:
+  explicit PlainBoxes(const RayFrame& frame) : f_(frame), t_min_(frame.t_min) {}
+
+  uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
+    float near[width], far[width];
+    for (uint32_t i = 0; i < width; ++i) {
+      near[i] = t_min_;
+      far[i] = cull;
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      const uint32_t* low = node + static_cast<size_t>(2 * axis) * width;
+      const bool flip = f_.inv[axis] < 0.0f;
+      const uint32_t *near_planes = low + (flip ? width : 0),
+                     *far_planes = low + (flip ? 0 : width);
+      for (uint32_t i = 0; i < width; ++i) {
+        const float a = std::bit_cast<float>(near_planes[i]) * f_.inv[axis] + f_.near_b[axis];
+        const float b = std::bit_cast<float>(far_planes[i]) * f_.inv[axis] + f_.far_b[axis];
+        near[i] = a > near[i] ? a : near[i];
+        far[i] = b < far[i] ? b : far[i];
+      }
+    }
+    uint32_t slots = 0;
+    for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(near[i] <= far[i]) << i;
+    return slots == 0 ? kNoChild : push_sorted<width>(node + 6 * width, slots, near, top);
+  }
+
+ private:
+  const RayFrame& f_;
+  float t_min_;
+};
+
+/// Moves b for nodes on grids. There t of plane q is q (cell inv) + (origin inv + b), which is off
+/// by up to 8 u E |inv| rather than 4 (see ray_frame.hpp). One more may be lost where a plane is
+/// rounded to what it is compared with, and one where b is moved: 6 + 6 + 8 + 1 + 1 < 16 + 8.
+static inline void widen_slack(const RayFrame& f, Quad& near_b, Quad& far_b) {
+  std::memcpy(&near_b, f.near_b, sizeof near_b);
+  std::memcpy(&far_b, f.far_b, sizeof far_b);
+  const Quad more = (far_b - near_b) * 0.25f;
+  near_b -= more;
+  far_b += more;
+}
+
+template <uint32_t width>
+static inline uint32_t children_of(const uint32_t* links) {
+  uint32_t slots = 0;
+  for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(links[i] != kNoChild) << i;
+  return slots;
+}
+
+/// PlainBoxes for nodes on grids.
+template <typename Tag, uint32_t width>
+class GridBoxes {
+ public:
+  explicit GridBoxes(const RayFrame& frame) : f_(frame), t_min_(frame.t_min) {
+    widen_slack(frame, near_b_, far_b_);
+  }
+
+  uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
+    float near[width], far[width];
+    for (uint32_t i = 0; i < width; ++i) {
+      near[i] = t_min_;
+      far[i] = cull;
+    }
+    const auto* const rows = reinterpret_cast<const unsigned char*>(node + grid::kFirstRow);
+    for (uint32_t axis = 0; axis < 3; ++axis) {
+      const float origin = std::bit_cast<float>(node[axis]) * f_.inv[axis];
+      const float cell = std::bit_cast<float>(node[3 + axis]) * f_.inv[axis];
+      const float near_b = origin + near_b_[axis], far_b = origin + far_b_[axis];
+      const uint32_t flip = f_.inv[axis] < 0.0f ? 1 : 0;
+      grid::GridPlane near_planes[width], far_planes[width];
+      std::memcpy(near_planes, rows + (2 * axis + flip) * sizeof near_planes, sizeof near_planes);
+      std::memcpy(far_planes, rows + (2 * axis + 1 - flip) * sizeof far_planes, sizeof far_planes);
+      for (uint32_t i = 0; i < width; ++i) {
+        const float a = static_cast<float>(near_planes[i]) * cell + near_b;
+        const float b = static_cast<float>(far_planes[i]) * cell + far_b;
+        near[i] = a > near[i] ? a : near[i];
+        far[i] = b < far[i] ? b : far[i];
+      }
+    }
+    uint32_t slots = 0;
+    for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(near[i] <= far[i]) << i;
+    const uint32_t* const links = node + grid::links_at(width);
+    slots &= children_of<width>(links);
+    return slots == 0 ? kNoChild : push_sorted<width>(links, slots, near, top);
+  }
+
+ private:
+  const RayFrame& f_;
+  Quad near_b_, far_b_;
+  float t_min_;
+};
+
+/// What comes after the next is fetched ahead: its first two cache lines, as the others follow by
+/// themselves. There is nothing where the stack's first entry points, which does no harm.
+static inline void prefetch(const TriangleBvhData& tree, uint32_t link) {
+  const uint32_t* const words = TriangleBvhData::is_leaf(link)
+                                    ? leaf_words(tree, link)
+                                    : tree.nodes.data() + size_t{2} * link;
+  __builtin_prefetch(words);
+  __builtin_prefetch(words + 16);
+}
+
+/// Visits leaves from near to far. leaf(link) may lower cull, and ends the traversal by true.
+template <typename Intersector, typename Leaf>
+static inline bool traverse(const TriangleBvhData& tree, const Intersector& intersector,
+                            const float& cull, const Leaf& leaf) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  RayStack<Intersector> room(tree);
+  StackEntry* top = room.base();
+  *top++ = {kNoChild, -kInfinity};
+  uint32_t link = 0;
+  while (true) {
+    while (!TriangleBvhData::is_leaf(link)) {
+      link = intersector.visit(link, cull, top);
+      prefetch(tree, top[-1].link);
+    }
+    if (link != kNoChild && leaf(link)) return true;
+    do {
+      link = (--top)->link;
+    } while (top->near > cull);
+    // The stack's first entry, which no distance skips.
+    if (link == kNoChild) return false;
+  }
+}
+
+template <typename Intersector>
+constexpr RayKernels kernels_of{intersect_ray<Intersector, TriangleBvhData>,
+                                occluded_ray<Intersector, TriangleBvhData>,
+                                all_hits_ray<Intersector, TriangleBvhData>};
+
+}  // namespace umbel
