@@ -14,7 +14,7 @@ from .accel.kdtree import KdTree as KdTree
 from .accel.trimesh_rays import trimesh_rays as trimesh_rays
 from .accel.uniform import IntervalHierarchy as IntervalHierarchy
 from .accel.uniform import TwoLevelGrid as TwoLevelGrid
-from .cluster.area_growth import Drift as Drift
+from .cluster.area_growth import AreaGrowth as AreaGrowth
 from .cluster.area_growth import RebuildPolicy as RebuildPolicy
 from .cluster.clusters import ClusterBounds as ClusterBounds
 from .cluster.clusters import Clusters as Clusters
@@ -43,13 +43,13 @@ from .io import load as load
 from .io import load_scene as load_scene
 from .io import save as save
 from .lod.asset import Asset as Asset
+from .lod.build import build_lod as build_lod
+from .lod.build_scene import build_scene as build_scene
 from .lod.deform import deforming_tables as deforming_tables
 from .lod.lod import Lod as Lod
-from .lod.lod import build_lod as build_lod
-from .lod.lod import save_asset as save_asset
 from .lod.residency import Residency as Residency
+from .lod.save import save_asset as save_asset
 from .lod.scene_lod import SceneLod as SceneLod
-from .lod.scene_lod import build_scene as build_scene
 from .lod.tables import Tables as Tables
 from .lod.verify import VerifyReport as VerifyReport
 from .lod.verify import verify as verify

@@ -28,7 +28,8 @@ from umbel.errors import Error
 from umbel.geometry.arrays import native
 from umbel.geometry.mesh import Mesh, normalized
 from umbel.geometry.repair import Progress, validate, weld
-from umbel.lod.lod import Lod, build_lod
+from umbel.lod.build import build_lod
+from umbel.lod.lod import Lod
 
 FRACTIONS = (0.1, 0.01, 0.001)
 PEER = "clusterlod.h"

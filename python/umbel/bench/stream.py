@@ -182,7 +182,7 @@ def stored(path: Path) -> Callable[[], Asset]:
     def load() -> Asset:
         if path.suffix == ".umbel":
             return Asset(path)
-        from umbel.lod.lod import build_lod
+        from umbel.lod.build import build_lod
 
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "asset.umbel"
@@ -195,7 +195,7 @@ def stored(path: Path) -> Callable[[], Asset]:
 def blob() -> Asset:
     """Where no asset is named."""
     from umbel import shapes
-    from umbel.lod.lod import build_lod
+    from umbel.lod.build import build_lod
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "asset.umbel"

@@ -40,7 +40,7 @@ def build_rows(built: Mapping[str, Any]) -> dict[str, str]:
         + counted(built["root_groups"], "group"),
     }
     if built["instances"] > 1:
-        rows["scene"] = f"{counted(built['meshes'], 'mesh')} in {built['instances']:,} places"
+        rows["scene"] = f"{counted(built['meshes'], 'mesh')} in {built['instances']:,} instances"
     if built.get("grid_step"):
         rows["positions"] = (
             f"on a grid of {built['grid_step']:.3g}, moved by up to {built['largest_move']:.3g}"

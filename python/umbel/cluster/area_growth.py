@@ -1,4 +1,4 @@
-"""How far the clusters of a moving mesh have drifted, and when to build them anew."""
+"""How much the boxes of a moving mesh's clusters have grown, and when to rebuild the clusters."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Drift:
-    """How far clusters have drifted since they were built."""
+class AreaGrowth:
+    """How much the areas of clusters' boxes have grown since the clusters were built."""
 
     area_ratio: float
     """Sum of the clusters' box areas over that of the box of all."""
@@ -16,14 +16,14 @@ class Drift:
 
     @property
     def growth(self) -> float:
-        """The first over the second."""
+        """`area_ratio` over `area_ratio_at_build`."""
         before = self.area_ratio_at_build
         return self.area_ratio / before if before > 0 else 1.0
 
 
 @dataclass(frozen=True)
 class RebuildPolicy:
-    """When to build clusters of a moving mesh anew, from how far they have drifted."""
+    """When to rebuild the clusters of a moving mesh, from the growth of their boxes' areas."""
 
     threshold: float = 1.25
     """Rebuild when the growth of the area ratio reaches this (> 1)."""
@@ -32,12 +32,12 @@ class RebuildPolicy:
     most_period: int = 0
     """Frames after which to rebuild in any case; 0: never."""
     budget: float = 1.0
-    """Share of the clusters that a rebuild may build anew, the worst ones; 1: all of them."""
+    """Share of the clusters that a rebuild may replace, the worst ones first; 1: all of them."""
 
-    def decide(self, drift: Drift, frames: int) -> str:
+    def decide(self, growth: AreaGrowth, frames: int) -> str:
         """What to do `frames` after the last rebuild: "keep", "rebuild" or "rebuild_worst"."""
         due = 0 < self.most_period <= frames
-        drifted = drift.growth >= self.threshold and frames >= self.least_period
-        if not due and not drifted:
+        grown = growth.growth >= self.threshold and frames >= self.least_period
+        if not due and not grown:
             return "keep"
         return "rebuild_worst" if self.budget < 1.0 else "rebuild"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from umbel import _umbel
-from umbel.cluster.area_growth import Drift, RebuildPolicy
+from umbel.cluster.area_growth import AreaGrowth, RebuildPolicy
 from umbel.geometry.arrays import as_mesh, indices, rows, thread_count, whole
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class FrameClusters:
     max_triangles: of a cluster, up to 512.
     min_triangles: hybrid only; 0 for a quarter of max_triangles.
     max_vertices: of a cluster, 3 to 256; 0 for no limit.
-    underfill_cost: hybrid only, in [0, 4]: the price of triangles missing to full clusters.
+    underfill_cost: hybrid only, in [0, 4]: the penalty for triangles missing to full clusters.
     code_bits: of the Morton codes, 30 or 63; 0 chooses by the number of triangles.
     """
 
@@ -66,13 +66,13 @@ class FrameClusters:
         """As `build`, but triangles with equal codes keep the last frame's order."""
         self._native.update(self._positions(positions), self._threads)
 
-    def refit(self, positions: ArrayLike) -> Drift:
-        """Keeps the clusters and makes their boxes anew."""
-        return Drift(*self._native.refit(self._positions(positions), self._threads))
+    def refit(self, positions: ArrayLike) -> AreaGrowth:
+        """Keeps the clusters and computes their boxes again."""
+        return AreaGrowth(*self._native.refit(self._positions(positions), self._threads))
 
-    def rebuild_worst(self, positions: ArrayLike, clusters: int) -> Drift:
-        """Refits, and builds up to `clusters` of those anew that have grown the most."""
-        return Drift(
+    def rebuild_worst(self, positions: ArrayLike, clusters: int) -> AreaGrowth:
+        """Refits, and rebuilds up to `clusters` of those that have grown the most."""
+        return AreaGrowth(
             *self._native.rebuild_worst(
                 self._positions(positions), whole("clusters", clusters), self._threads
             )
@@ -89,9 +89,9 @@ class FrameClusters:
         return action
 
     @property
-    def drift(self) -> Drift:
+    def area_growth(self) -> AreaGrowth:
         """As last measured."""
-        return Drift(*self._native.drift())
+        return AreaGrowth(*self._native.drift())
 
     @property
     def items(self) -> NDArray[np.uint32]:

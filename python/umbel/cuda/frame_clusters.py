@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from typing import Any
 
-from umbel.cluster.area_growth import Drift, RebuildPolicy
+from umbel.cluster.area_growth import AreaGrowth, RebuildPolicy
 from umbel.cuda.arrays import current_stream, device_array
 from umbel.cuda.calls import (
     MeshStruct,
@@ -116,7 +116,7 @@ class FrameClusters:
         self._arrays, self._next = other, self._arrays
 
     def refit(self, positions: Any, *, stream: int | None = None) -> None:
-        """Keeps the clusters, makes their boxes anew and measures how far they have drifted."""
+        """Keeps the clusters, computes their boxes again and measures the growth of the areas."""
         where = current_stream(positions) if stream is None else stream
         mesh = self._mesh(positions, where)
         self._call(
@@ -127,7 +127,7 @@ class FrameClusters:
         )
 
     def rebuild_worst(self, positions: Any, clusters: int, *, stream: int | None = None) -> None:
-        """Refits, and builds up to `clusters` of those anew that have grown the most."""
+        """Refits, and rebuilds up to `clusters` of those that have grown the most."""
         where = current_stream(positions) if stream is None else stream
         self.refit(positions, stream=where)
         mesh = self._mesh(positions, where)
@@ -157,10 +157,10 @@ class FrameClusters:
         """(2,) int64 on the device: area ratios now and at the build, times 2^40."""
         return self._total
 
-    def drift(self) -> Drift:
+    def area_growth(self) -> AreaGrowth:
         """As last measured. Waits for the device."""
         values = on_host(self._total)
-        return Drift(float(values[0]) / 2**40, float(values[1]) / 2**40)
+        return AreaGrowth(float(values[0]) / 2**40, float(values[1]) / 2**40)
 
     def step(
         self,
@@ -173,7 +173,7 @@ class FrameClusters:
         """Refits, asks the policy, `frames` after the last rebuild, and does what it says; tells
         what that was. Waits for the device, which measures."""
         self.refit(positions, stream=stream)
-        action = policy.decide(self.drift(), frames)
+        action = policy.decide(self.area_growth(), frames)
         if action == "rebuild":
             self.update(positions, stream=stream)
         elif action == "rebuild_worst":

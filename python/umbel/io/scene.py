@@ -251,7 +251,7 @@ def _corners(scene: Scene) -> Float64Array:
     return np.concatenate(found)
 
 
-def placed(mesh: Mesh, matrix: Float64Array) -> Mesh:
+def transformed_far(mesh: Mesh, matrix: Float64Array) -> Mesh:
     """The mesh moved by a matrix, relative to an origin where it then needs one."""
     moved = transformed(mesh, matrix)
     return mesh if moved is mesh else _far_from_zero(moved, [(mesh, matrix)])

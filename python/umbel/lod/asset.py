@@ -19,7 +19,7 @@ from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import zero_origin
 from umbel.geometry.repair import Progress
 from umbel.io.scene import Scene
-from umbel.lod.instances import Shown, scene_cuts, scene_error, scene_mesh, shown_scene
+from umbel.lod.instances import InstanceCut, scene_cuts, scene_error, scene_mesh, shown_scene
 from umbel.lod.materials import read_materials
 from umbel.lod.remote import readable, remote
 from umbel.lod.tables import HasTables, Tables
@@ -148,8 +148,8 @@ class Asset(HasTables):
         level: int | None = None,
         triangles: int | None = None,
         or_coarsest: bool = False,
-    ) -> list[Shown]:
-        """The cuts of all meshes everywhere that they stand, each with `mesh transform cut`.
+    ) -> list[InstanceCut]:
+        """The cuts of all meshes one for each instance, with `mesh transform cut`.
         Exactly one of error (at most so much, in the scene's unit; `math.inf` gives the coarsest
         cuts), camera (in the scene), level (a mesh that has fewer shows its coarsest), and
         triangles (at most so many in all; where no cuts have so few that raises, or gives the
@@ -163,16 +163,16 @@ class Asset(HasTables):
             or_coarsest=or_coarsest,
         )
 
-    def scene_of(self, shown: Sequence[Shown]) -> Scene:
+    def scene_of(self, shown: Sequence[InstanceCut]) -> Scene:
         """All that is shown, each mesh once for each of its cuts, on the nodes of the file that the
         asset is from. `umbel.save` writes it as glTF with them."""
         return shown_scene(self, shown)
 
-    def scene_mesh(self, shown: Sequence[Shown]) -> Mesh:
+    def scene_mesh(self, shown: Sequence[InstanceCut]) -> Mesh:
         """All that is shown, as one mesh in the scene."""
         return scene_mesh(self, shown)
 
-    def scene_error(self, shown: Sequence[Shown]) -> float:
+    def scene_error(self, shown: Sequence[InstanceCut]) -> float:
         """The largest error of what is shown, in the scene's unit; 0 for level 0."""
         return scene_error(self, shown)
 

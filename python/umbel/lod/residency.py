@@ -111,8 +111,8 @@ class Residency:
         """Pages that the last step's views show, or would if they were there; ascending."""
         return self._native.wanted_pages()
 
-    def forgive(self) -> None:
-        """Tries pages again that were given up."""
+    def retry_failed(self) -> None:
+        """Requests pages again whose loads failed too often."""
         self._native.forgive()
 
     def set_budget(self, budget: int) -> None:

@@ -22,7 +22,7 @@ GROUP = np.dtype(
         ("cluster_offset", "<u4"),
         ("cluster_count", "<u4"),
         ("level", "<u4"),
-        ("rung", "<u4"),
+        ("method", "<u4"),
         ("center", "<f4", 3),
         ("radius", "<f4"),
         ("error", "<f4"),
@@ -92,7 +92,7 @@ class Tables:
 
     @property
     def groups(self) -> NDArray[Any]:
-        """(g,) `cluster_offset cluster_count level rung center radius error`; the error is that
+        """(g,) `cluster_offset cluster_count level method center radius error`; the error is that
         of the group once simplified, infinite where nothing coarser exists."""
         return self._named(self._native.groups, GROUP)
 

@@ -17,10 +17,10 @@ from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.repair import Progress
 from umbel.lod.asset import Asset
-from umbel.lod.instances import boxes_of, local_transforms, places
+from umbel.lod.instances import all_instances, asset_boxes, local_transforms
 from umbel.lod.residency import Residency
 from umbel.trace.renderer import Renderer
-from umbel.trace.shading import Environment, Look, matching
+from umbel.trace.shading import Environment, Shading, matching
 
 _PAGES = 1 / 6
 """Share of a budget that pages may take, as they are in the file, while the cut is chosen."""
@@ -59,7 +59,7 @@ class CutRenderer(Renderer):
         if not bounce_error >= 1:
             raise Error(f"bounce_error must be at least 1, not {bounce_error}")
         hidden = matching(asset.materials, hide)
-        self.mesh = boxes_of(asset)
+        self.mesh = asset_boxes(asset)
         if not len(self.mesh.triangles):
             raise Error("the asset shows nothing")
         self.up = up
@@ -70,7 +70,7 @@ class CutRenderer(Renderer):
             self.mesh = replace(self.mesh, positions=local, origin=self.origin)
         camera = camera.relative_to(self.origin)
         transforms = local_transforms(asset)
-        meshes = [mesh for mesh, _ in places(asset)]
+        meshes = [mesh for mesh, _ in all_instances(asset)]
         self._places = list(zip(meshes, transforms, strict=True))
         residency = Residency(asset, max(int(budget * _PAGES), 1), groups_per_step=(1 << 32) - 1)
         factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
@@ -85,7 +85,7 @@ class CutRenderer(Renderer):
         kinds = [_ALL_RAYS] if len(tables) == 1 else [_CAMERA_RAYS, _OTHER_RAYS]
         pixel = 2 * math.tan(0.5 * camera.fov_y) / camera.height
         gap = 0.0 if len(tables) == 1 else sum(factors) * self.pixel_error * pixel
-        look = Look(
+        shading = Shading(
             Mesh(
                 np.zeros((0, 3), np.float32),
                 np.zeros((0, 3), np.uint32),
@@ -102,8 +102,8 @@ class CutRenderer(Renderer):
             np.tile(transforms.reshape(-1, 12), (len(tables), 1)),
             np.repeat(np.array(kinds, np.uint32), count),
             gap,
-            look.materials,
-            look.textures,
+            shading.materials,
+            shading.textures,
             (environment or Environment()).native(up),
             progress,
             threads,

@@ -17,7 +17,7 @@ from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.origin import zero_origin
 from umbel.geometry.repair import Progress
-from umbel.trace.shading import Environment, Look, axes_of, plain, triple, without
+from umbel.trace.shading import Environment, Shading, axes_of, plain, triple, without
 
 _FOV = 35.0
 _AZIMUTH, _ELEVATION, _MARGIN = 35.0, 15.0, 0.06
@@ -55,15 +55,22 @@ class Renderer:
         self.origin = self.mesh.origin
         """Where what is traced lies in the world."""
         self.up = up
-        look = Look(self.mesh)
+        shading = Shading(self.mesh)
         light = (environment or Environment()).native(up)
-        placed, materials = self.mesh, look.materials
+        drawn, materials = self.mesh, shading.materials
         if ground:
-            placed, materials = _with_ground(self.mesh, up, materials)
-        self._ground = placed is not self.mesh
+            drawn, materials = _with_ground(self.mesh, up, materials)
+        self._ground = drawn is not self.mesh
         self._threads = thread_count(threads)
         self._scene = _umbel.trace_scene(
-            native(placed), materials, look.textures, light, accel, preset, progress, self._threads
+            native(drawn),
+            materials,
+            shading.textures,
+            light,
+            accel,
+            preset,
+            progress,
+            self._threads,
         )
 
     def __repr__(self) -> str:
@@ -310,7 +317,7 @@ def _with_ground(
     if ids is None:
         ids, materials = np.zeros(len(mesh.triangles), np.uint32), [plain()]
     floor = plain(0.4)
-    placed = replace(
+    drawn = replace(
         mesh,
         positions=np.concatenate([mesh.positions, corners.astype(np.float32)]),
         triangles=np.concatenate([mesh.triangles, faces]),
@@ -324,7 +331,7 @@ def _with_ground(
         weights=None,
         material_ids=np.concatenate([ids, np.full(len(faces), len(materials), np.uint32)]),
     )
-    return placed, [*materials, floor]
+    return drawn, [*materials, floor]
 
 
 def _ground_triangles() -> list[tuple[int, int, int]]:

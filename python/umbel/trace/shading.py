@@ -99,7 +99,7 @@ def without(mesh: Mesh, patterns: Sequence[str]) -> Mesh:
     return replace(mesh, triangles=mesh.triangles[kept], material_ids=mesh.material_ids[kept])
 
 
-class Look:
+class Shading:
     """A mesh's materials and their textures, made native; a texture that several materials
     use in the same way is decoded once."""
 

@@ -77,15 +77,15 @@ def test_builds_updates_and_refits_are_sound(package):
     positions, triangles = height_field()
     clusters = clusters_of(package, positions, triangles)
     expect_sound(package, clusters, positions, triangles)
-    assert clusters.drift().growth == 1
+    assert clusters.area_growth().growth == 1
     moved = twisted(positions, 1.5)
     clusters.refit(package.put(moved))
     expect_sound(package, clusters, moved, triangles)
-    drifted = clusters.drift()
-    assert drifted.growth > 1
+    grown = clusters.area_growth()
+    assert grown.growth > 1
     clusters.update(package.put(moved))
     expect_sound(package, clusters, moved, triangles)
-    assert clusters.drift().area_ratio < drifted.area_ratio
+    assert clusters.area_growth().area_ratio < grown.area_ratio
 
 
 def test_policies_rebuild_all_or_the_worst(package):
@@ -113,7 +113,7 @@ def test_bytes_are_those_of_the_processor(package, method, max_vertices):
     found = arrays_of(package, clusters)
     for name in ("items", "triangles", "offsets", "boxes"):
         assert np.array_equal(found[name], getattr(expected, name)), name
-    assert clusters.drift() == expected.drift
+    assert clusters.area_growth() == expected.area_growth
 
 
 def test_rows_may_be_apart(package):

@@ -286,7 +286,7 @@ class Group:
     mesh: int
     first_cluster: int
     level: int
-    rung: int
+    method: int
     parents: int
     sphere: tuple[float, ...]
     error: float
@@ -345,11 +345,11 @@ class Reader:
         assert struct.unpack_from("<II", page) == (index, count)
         groups = {}
         for row in numbers("<8I5f2I", page, 16, count, 64):
-            mesh, number, first, clusters, level, rung, parents, references = row[:8]
+            mesh, number, first, clusters, level, method, parents, references = row[:8]
             part = page[row[13] : row[13] + row[14]]
             made = self.part(part, mesh, clusters, references)
             groups[mesh, number] = Group(
-                mesh, first, level, rung, parents, row[8:12], row[12], *made
+                mesh, first, level, method, parents, row[8:12], row[12], *made
             )
         return groups
 

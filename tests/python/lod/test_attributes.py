@@ -178,13 +178,13 @@ def test_clusters_that_mix_materials(tmp_path: Path, umbel_command: Umbel) -> No
 
 def test_reasons_are_counted_group_by_group(tmp_path: Path, umbel_command: Umbel) -> None:
     lod = umbel.build_lod(umbel.shapes.soup(3000))
-    assert len(lod.reasons) == len(lod.groups)
-    rungs = np.array(["regular", "permissive", "prune", "sloppy", "root"])[lod.groups["rung"]]
+    assert len(lod.limiting_factors) == len(lod.groups)
+    methods = np.array(["regular", "permissive", "prune", "sloppy", "root"])[lod.groups["method"]]
     counted = lod.report["groups_by_reason"]
-    for rung, reasons in counted.items():
-        own = [r for r, g in zip(lod.reasons, rungs, strict=True) if g == rung]
+    for method, reasons in counted.items():
+        own = [r for r, g in zip(lod.limiting_factors, methods, strict=True) if g == method]
         assert reasons == {name: own.count(name) for name in sorted(set(own), key=own.index)}
-        assert sum(reasons.values()) == lod.report["groups_by_rung"][rung]
+        assert sum(reasons.values()) == lod.report["groups_by_rung"][method]
     assert counted["root"] == {"coarsest": 1}
     io.save(tmp_path / "a.ply", umbel.shapes.soup(3000))
     done = umbel_command("build", tmp_path / "a.ply", "-o", tmp_path / "a.umbel", "--json")

@@ -57,7 +57,7 @@ def expect_same(path: Path, pages: list[int] | None = None) -> None:
             groups = asset.mesh_tables(mesh).groups
             row = groups[number]
             assert (group.first_cluster, len(group.clusters)) == tuple(row.tolist()[:2])
-            assert (group.level, group.rung) == tuple(row.tolist()[2:4])
+            assert (group.level, group.method) == tuple(row.tolist()[2:4])
             assert (*group.sphere, group.error) == (*row["center"], row["radius"], row["error"])
             assert group.parents == len(parents[mesh].get(number, ()))
             assert {ref[0] for ref in group.references} == set(group.made_from) - {NONE}

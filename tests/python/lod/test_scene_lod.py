@@ -10,7 +10,7 @@ import umbel
 from helpers.commands import DATA, Umbel
 from helpers.meshes import triangle_keys
 from umbel.io import Instance, Scene, load_scene
-from umbel.lod.scene_lod import arranged
+from umbel.lod.arrange import arrange
 
 SCENES = ["two_cylinder_engine.glb", "littlest_tokyo.glb", "smallpine.glb"]
 
@@ -56,11 +56,11 @@ def test_level_zero_of_a_scene_is_what_the_source_draws(tmp_path: Path, mode: st
 
 
 def test_auto_keeps_apart_what_is_drawn_more_than_twice() -> None:
-    assert len(arranged(herd(2)).meshes) == 1
-    assert len(arranged(herd(3)).meshes) == 2
-    assert len(arranged(umbel.shapes.blob(3)).meshes) == 1
+    assert len(arrange(herd(2)).meshes) == 1
+    assert len(arrange(herd(3)).meshes) == 2
+    assert len(arrange(umbel.shapes.blob(3)).meshes) == 1
     with pytest.raises(umbel.Error, match="instances"):
-        arranged(herd(2), "maybe")
+        arrange(herd(2), "maybe")
 
 
 def test_one_mesh_where_it_is_makes_the_same_file_as_build_lod(tmp_path: Path) -> None:

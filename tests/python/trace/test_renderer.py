@@ -32,7 +32,7 @@ from helpers.pictures import (
     write_square,
 )
 from umbel.trace.picture import auto_exposure, check_format, save_picture, tone_map
-from umbel.trace.shading import Look
+from umbel.trace.shading import Shading
 
 SMALL = ("--width", 24, "--height", 16, "--spp", 2)
 FIELDS = ["seconds", "mrays_per_second", "triangles", "samples", "rays", "output", "position"]
@@ -214,7 +214,7 @@ def test_one_image_with_two_samplers_is_two_textures(tmp_path: Path) -> None:
         textures=[{"source": 0, "sampler": 0}, {"source": 0, "sampler": 1}],
         samplers=[{"wrapS": 33071}, {"wrapS": 10497}],
     )
-    assert len(Look(umbel.load(path)).textures) == 2
+    assert len(Shading(umbel.load(path)).textures) == 2
 
 
 def test_alpha_masks_cut_holes_and_blending_lets_light_through(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from PIL import Image, features
 import umbel
 from helpers.pictures import BLUE, GREEN, RED, WHITE, data_uri, emitting, names, seen, write_square
 from umbel.io.textures.images import decode
-from umbel.trace.shading import Look
+from umbel.trace.shading import Shading
 
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 #: 8 x 8 texels, red and green above blue and white, as basisu 2.1 encodes them.
@@ -112,7 +112,7 @@ def test_a_package_that_is_missing_is_one_warning(
     monkeypatch.setitem(sys.modules, "opengl_basisu", None)
     mesh = umbel.load(textured(tmp_path, UASTC, "image/ktx2"))
     with pytest.warns(umbel.LoadWarning) as said:
-        Look(mesh)
+        Shading(mesh)
     assert len(said) == 1
     sentence = str(said[0].message)
     assert "paint" in sentence and "pip install opengl-basisu" in sentence
@@ -131,12 +131,12 @@ def test_webp_and_avif(tmp_path: Path, kind: str) -> None:
 def test_a_texture_without_an_image_is_said(tmp_path: Path, image: Any) -> None:
     path = write_square(tmp_path / "a.gltf", emitting() | {"name": "paint"}, images=[image])
     with pytest.warns(umbel.LoadWarning, match="'paint'"):
-        Look(umbel.load(path))
+        Shading(umbel.load(path))
 
 
 def test_a_real_scene_of_ktx2_has_colours(data: Path) -> None:
     path = data / "textured" / "jet-fighter.glb"
     if not path.exists():
         pytest.skip(f"no {path}")
-    look = Look(umbel.load(path))
+    look = Shading(umbel.load(path))
     assert len(look.textures) >= 3

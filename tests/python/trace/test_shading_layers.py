@@ -11,17 +11,17 @@ import pytest
 
 import umbel
 from helpers.pictures import DARK, EVEN, emitting, names, seen, write_square
-from umbel.trace.shading import Look
+from umbel.trace.shading import Shading
 
 GREY = {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 1], "metallicFactor": 0}}
 TEXTURE = {"index": 0}
 
 
-def look_of(tmp_path: Path, extensions: dict[str, Any], **more: Any) -> Look:
+def shading_of(tmp_path: Path, extensions: dict[str, Any], **more: Any) -> Shading:
     material = GREY | {"extensions": extensions} | more
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return Look(umbel.load(write_square(tmp_path / "a.gltf", material)))
+        return Shading(umbel.load(write_square(tmp_path / "a.gltf", material)))
 
 
 #: Of each extension: its JSON, and what the tracer's material then has.
@@ -78,7 +78,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 @pytest.mark.parametrize("name", CASES)
 def test_an_extension_reaches_the_tracer(tmp_path: Path, name: str) -> None:
     given, expected = CASES[name]
-    (material,) = look_of(tmp_path, {name: given}).materials
+    (material,) = shading_of(tmp_path, {name: given}).materials
     for key, value in expected.items():
         found = getattr(material, key)
         assert (found[0] if key.endswith("texture") else found) == pytest.approx(value), key
@@ -88,8 +88,8 @@ def test_an_extension_reaches_the_tracer(tmp_path: Path, name: str) -> None:
 def test_values_of_the_wrong_kind_are_as_if_absent(tmp_path: Path, name: str) -> None:
     given, _ = CASES[name]
     wrong = {key: "much" for key in given if not key.endswith("Texture")}
-    (material,) = look_of(tmp_path, {name: wrong}).materials
-    (plain,) = look_of(tmp_path, {name: {}}).materials
+    (material,) = shading_of(tmp_path, {name: wrong}).materials
+    (plain,) = shading_of(tmp_path, {name: {}}).materials
     for key in CASES[name][1]:
         assert getattr(material, key) == getattr(plain, key)
 
@@ -98,7 +98,7 @@ def test_extensions_that_are_not_rendered_are_one_warning_each(tmp_path: Path) -
     material = GREY | {"name": "steel", "extensions": {"KHR_materials_anisotropy": {}}}
     path = write_square(tmp_path / "a.gltf", material, materials=[material, material])
     with pytest.warns(umbel.LoadWarning) as said:
-        Look(umbel.load(path))
+        Shading(umbel.load(path))
     (sentence,) = (str(one.message) for one in said)
     assert "KHR_materials_anisotropy" in sentence and "steel" in sentence and "2" in sentence
 
@@ -128,7 +128,7 @@ def test_textures_use_the_texture_coordinates_that_they_name(tmp_path: Path) -> 
     path = write_square(tmp_path / "a.gltf", emitting(texCoord=1), sampler={"magFilter": 9728})
     mesh = umbel.load(path)
     with pytest.warns(umbel.LoadWarning, match="texture coordinates"):
-        Look(mesh)
+        Shading(mesh)
     assert mesh.uvs is not None
     mesh.uv_sets = [mesh.uvs[:, ::-1].copy()]
     mesh.uvs = np.zeros_like(mesh.uvs)
@@ -145,4 +145,4 @@ def test_the_textured_scenes_are_shown_whole(data: Path) -> None:
             warnings.simplefilter("ignore", umbel.LoadWarning)  # of what is no material's
             mesh = umbel.load(path)
             warnings.simplefilter("error")
-            assert Look(mesh).materials
+            assert Shading(mesh).materials

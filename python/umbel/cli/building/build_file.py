@@ -1,5 +1,5 @@
-"""One file built: what `umbel build` does with each of its inputs. Imports little, so that a run
-over files that are all up to date is quick."""
+"""One file built: what `umbel build` does with each of its inputs. What builds is imported only
+when there is something to build, so that a run over files that are up to date is quick."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from umbel.io.scene import Scene
     from umbel.lod.scene_lod import SceneLod
 
-_OF_READING = ("instances", "allow_outside")
 Progress = Callable[[float, str], "bool | None"]
 
 _LEAST_BYTES = 2
@@ -64,6 +63,10 @@ class Options:
         """As it stands in an asset's metadata."""
         return {**asdict(self), "group_size": list(self.group_size)}
 
+    def settings(self) -> dict[str, Any]:
+        """Those for `build_lod`."""
+        return {k: v for k, v in asdict(self).items() if k not in ("instances", "allow_outside")}
+
     @staticmethod
     def of(plain: dict[str, Any]) -> Options:
         """From what `plain` gives."""
@@ -79,8 +82,8 @@ def build_file(
     progress: Progress | None = None,
     threads: int = 0,
 ) -> dict[str, Any]:
-    """Builds the asset of a file, or leaves it as it is if it is up to date. What the command
-    prints with --json."""
+    """Reads a file, builds its levels of detail and writes the asset, unless that is up to date.
+    Returns what the command prints with --json."""
     began = time.perf_counter()
     with _on_this_machine(source) as path:
         origin = {
@@ -91,7 +94,32 @@ def build_file(
         if skip_unchanged and _is_current(output, origin):
             return {"input": source, "output": str(output), "status": "unchanged"}
         scene = _loaded(path, source, options.allow_outside)
-    return _built(scene, source, output, options, origin, began, progress, threads)
+
+    from umbel.lod.arrange import arrange
+    from umbel.lod.build_scene import build_arranged
+
+    scene = arrange(scene, options.instances)
+    read_seconds = time.perf_counter() - began
+    check_space(output, _LEAST_BYTES * sum(len(mesh.triangles) for mesh in scene.meshes))
+    began = time.perf_counter()
+    lod = build_arranged(scene, **options.settings(), progress=progress, threads=threads)
+    seconds = time.perf_counter() - began
+    lod.source.update(origin)
+    if options.drop_invalid and lod.report["dropped_triangles"]:
+        left_out = lod.report["dropped_triangles"]
+        warnings.warn(f"{source}: {left_out:,} invalid triangles left out", stacklevel=2)
+    began = time.perf_counter()
+    file_bytes = lod.save(output, progress=progress, threads=threads)
+    return {
+        "input": source,
+        "output": str(output),
+        "status": "built",
+        **_measured(lod, output, file_bytes, options.max_triangles),
+        "seconds": seconds,
+        "read_seconds": read_seconds,
+        "write_seconds": time.perf_counter() - began,
+        "triangles_per_second": _rate(lod.report, seconds),
+    }
 
 
 @contextmanager
@@ -135,43 +163,6 @@ def _is_current(output: Path, origin: dict[str, Any]) -> bool:
     source = found.get("source", {})
     same = all(source.get(key) == value for key, value in plain(origin).items())
     return same and found.get("generator") == f"umbel {__version__}"
-
-
-def _built(
-    scene: Scene,
-    source: str,
-    output: Path,
-    options: Options,
-    origin: dict[str, Any],
-    began: float,
-    progress: Progress | None,
-    threads: int,
-) -> dict[str, Any]:
-    from umbel.lod.scene_lod import arranged, build_scene
-
-    scene = arranged(scene, options.instances)
-    read_seconds = time.perf_counter() - began
-    check_space(output, _LEAST_BYTES * sum(len(mesh.triangles) for mesh in scene.meshes))
-    build_began = time.perf_counter()
-    settings = {key: value for key, value in asdict(options).items() if key not in _OF_READING}
-    lod = build_scene(scene, instances="on", **settings, progress=progress, threads=threads)
-    seconds = time.perf_counter() - build_began
-    lod.source.update(origin)
-    if options.drop_invalid and lod.report["dropped_triangles"]:
-        left_out = lod.report["dropped_triangles"]
-        warnings.warn(f"{source}: {left_out:,} invalid triangles left out", stacklevel=2)
-    write_began = time.perf_counter()
-    file_bytes = lod.save(output, progress=progress, threads=threads)
-    return {
-        "input": source,
-        "output": str(output),
-        "status": "built",
-        **_measured(lod, output, file_bytes, options.max_triangles),
-        "seconds": seconds,
-        "read_seconds": read_seconds,
-        "write_seconds": time.perf_counter() - write_began,
-        "triangles_per_second": _rate(lod.report, seconds),
-    }
 
 
 def _rate(report: dict[str, Any], seconds: float) -> float:

@@ -30,15 +30,15 @@ def _asset_info(path: str) -> dict[str, Any]:
     from umbel.cli.measure import sha256_of, table_counts
     from umbel.io.addresses import is_address
     from umbel.lod.asset import Asset
-    from umbel.lod.instances import places
+    from umbel.lod.instances import all_instances
 
     asset = Asset(path)
     info = asset.info
     metadata = info["metadata"]
     stored = metadata.get("report", {})
     tables = [asset.mesh_tables(mesh) for mesh in range(len(asset.meshes))]
-    standing = [asset.meshes[mesh] for mesh, _ in places(asset)]
-    triangles = sum(mesh["source_triangles"] for mesh in standing)
+    drawn = [asset.meshes[mesh] for mesh, _ in all_instances(asset)]
+    triangles = sum(mesh["source_triangles"] for mesh in drawn)
     names = ("normals", "tangents", "uvs", "colors")
     return {
         "input": path,
@@ -46,13 +46,13 @@ def _asset_info(path: str) -> dict[str, Any]:
         "format_version": info["format_version"],
         **stored,
         "input_triangles": triangles,
-        "input_vertices": sum(mesh["source_vertices"] for mesh in standing),
+        "input_vertices": sum(mesh["source_vertices"] for mesh in drawn),
         "stored_triangles": info["source_triangles"],
         **table_counts(tables, info["max_triangles"]),
         "pages": info["pages"],
         "materials": _material_count(asset, tables),
         "meshes": len(asset.meshes),
-        "instances": len(standing),
+        "instances": len(drawn),
         "bounds": _bounds(asset),
         "origin": list(info["origin"]),
         "coordinates": asset.coordinates,
@@ -69,10 +69,10 @@ def _asset_info(path: str) -> dict[str, Any]:
 
 
 def _bounds(asset: Any) -> Any:
-    """Of the boxes of all meshes, where they stand."""
-    from umbel.lod.instances import boxes_of
+    """Of the boxes of all instances."""
+    from umbel.lod.instances import asset_boxes
 
-    box = boxes_of(asset).bounds if asset.instances else None
+    box = asset_boxes(asset).bounds if asset.instances else None
     return asset.info["bounds"] if box is None else box.tolist()
 
 

@@ -308,13 +308,13 @@ class _Streamed:
         return [text]
 
     def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
-        from umbel.lod.instances import boxes_of
+        from umbel.lod.instances import asset_boxes
         from umbel.trace.cut_renderer import CutRenderer
         from umbel.trace.renderer import Renderer
 
         # From outside, as for a mesh that is no room: boxes would look like one.
         text = "auto:35,15" if text == "auto" else text
-        view = Renderer(boxes_of(self._asset), up=self._options["up"]).view(text, width, height)
+        view = Renderer(asset_boxes(self._asset), up=self._options["up"]).view(text, width, height)
         view = replace(view, pixel_error=self._pixel_error)
         return CutRenderer(self._asset, view, self._budget, **self._options), view
 

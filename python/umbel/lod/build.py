@@ -1,0 +1,240 @@
+"""Building the levels of detail of one mesh."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel import _umbel
+from umbel.errors import Error, LoadWarning
+from umbel.geometry.arrays import (
+    about,
+    as_mesh,
+    extras_of,
+    indices,
+    mesh_of,
+    native,
+    rows,
+    thread_count,
+)
+from umbel.geometry.mesh import Mesh
+from umbel.geometry.precision_loss import refuse_collapse, warn_of_rounding
+from umbel.geometry.repair import DROPS, Progress, grid_step
+from umbel.geometry.repair import drop_invalid as drop_invalid_triangles
+from umbel.io import load_scene
+from umbel.lod.lod import Lod
+
+SEAM_RULES = {"protect": 0, "allow": 1, "ignore": 2}
+
+Decimate = Callable[[Mesh, NDArray[np.bool_], int], Any]
+"""See `build_lod`."""
+
+
+def build_lod(
+    mesh: Any,
+    *,
+    max_triangles: int = 128,
+    max_vertices: int = 128,
+    group_size: Sequence[int] = (24, 32),
+    ratio: float = 0.5,
+    attributes: str = "auto",
+    normal_weight: float = 0.5,
+    uv_weight: float = 0.5,
+    color_weight: float = 0.5,
+    tangent_weight: float = 0.25,
+    skin_weight: float = 0.5,
+    mix_materials: bool = False,
+    keep_area: bool = True,
+    seams: str = "allow",
+    creases: str = "allow",
+    refit_attributes: bool = True,
+    measured_error: bool = False,
+    max_levels: int = 0,
+    stop_triangles: int = 0,
+    max_error: float = math.inf,
+    decimate: Decimate | None = None,
+    drop_invalid: bool = False,
+    precision: str | float | None = None,
+    allow_outside: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> Lod:
+    """Builds the DAG of a mesh, a path, or anything with .vertices and .faces.
+
+    max_triangles, max_vertices: most a cluster may have (4..256, 6..256).
+    group_size: least and most clusters that are simplified together.
+    ratio: triangles that each level keeps of the one before (0.1..0.9).
+    attributes: "auto" keeps normals, tangents, all sets of UVs, colours, joints and their weights,
+        and weighs them in the error by the weights (`skin_weight`: how much each joint moves a
+        vertex); "none" drops them. Materials stay either way.
+    keep_area: where many small parts (leaves, rubble) shrink or vanish, those that are left are
+        enlarged until they cover as much area as before.
+    mix_materials: clusters may mix materials, which are kept triangle by triangle. Borders between
+        materials are held all the same.
+    seams, creases: how lines are held along which vertices at one position have different UVs or
+        colours, and different normals only: "protect" (they shorten along themselves, until
+        nothing else is left to simplify), "allow" (what crossing them costs the attributes counts
+        as error), or "ignore" (it costs nothing). Borders between materials are always kept.
+    refit_attributes: vertices that stay take the normals and colours that fit best to all that
+        they stand for.
+    measured_error: errors are distances to the source in both directions, measured by samples,
+        instead of sums of what each step moved; takes about twice as long.
+    max_levels, stop_triangles, max_error: stop after so many levels (0: no limit), as soon as no
+        more triangles than that are left, and before any group's error gets larger. What is left
+        then are the roots.
+    decimate: simplifies a group instead of the library. Called with a Mesh of the group, (n,) bool
+        `locked` (vertices that must stay, and the border between them), and the number of
+        triangles that should be left. Returns None to leave the group to the library, or
+        (triangles, error), or (triangles, error, added) where `added` is a Mesh without triangles
+        whose vertices follow the group's own, or (triangles, error, added, materials) with one
+        material a vertex where the group has several. Called from one
+        thread at a time, not always from the one that builds.
+    drop_invalid: leave out triangles with NaN, infinite or missing vertices instead of raising.
+    precision: snap positions to a power-of-two grid first, which makes files several times
+        smaller; None keeps every bit. A number is a length in the mesh's unit, a string as in
+        `umbel build --precision`.
+    allow_outside: of a path, as `umbel.load` has it.
+    force: build even where over 1 % of the triangles lose their area, by `precision` or because
+        float32 cannot hold where their vertices are; that raises otherwise.
+    progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
+    """
+    # Long, because every setting is named and described here.
+    given = _one_mesh(mesh, allow_outside)
+    source = _describe(mesh, given)
+    if attributes not in ("auto", "none"):
+        raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
+    if attributes == "none":
+        given = _without_attributes(given)
+    extra: dict[str, Any] = {"dropped_triangles": 0}
+    if drop_invalid:
+        given, extra["dropped_triangles"] = drop_invalid_triangles(given, threads=threads)
+    if precision is not None:
+        extra["grid_step"] = grid_step(given, precision)
+    if not force:
+        refuse_collapse(given, extra.get("grid_step"))
+    warn_of_rounding(given)
+
+    low, high = _pair(group_size)
+    config: dict[str, Any] = {
+        "max_triangles": max_triangles,
+        "max_vertices": max_vertices,
+        "min_group": low,
+        "max_group": high,
+        "ratio": ratio,
+        "position_step": extra.get("grid_step", 0.0),
+        "attributes": attributes == "auto",
+        "normal_weight": normal_weight,
+        "uv_weight": uv_weight,
+        "color_weight": color_weight,
+        "tangent_weight": tangent_weight,
+        "skin_weight": skin_weight,
+        "mix_materials": mix_materials,
+        "keep_area": keep_area,
+        "seams": seams,
+        "creases": creases,
+        "refit_attributes": refit_attributes,
+        "max_levels": max_levels,
+        "stop_triangles": stop_triangles,
+        "measured_error": measured_error,
+    }
+    if max_error != math.inf:
+        config["max_error"] = max_error
+    with about(given, DROPS):
+        dag = _umbel.build_lod(
+            native(given),
+            _native_config(config),
+            progress,
+            thread_count(threads),
+            None if decimate is None else _decimator(decimate),
+        )
+    extra["largest_move"] = dag.report["largest_move"] + given.rounding.largest_move
+    report = {**dag.report, **extra}
+    materials, name = given.materials, given.name
+    built = Lod(dag, report, config, source, materials, name, given.tree, given.origin)
+    built.coordinates = given.coordinates
+    return built
+
+
+def _one_mesh(source: Any, allow_outside: bool) -> Mesh:
+    """As `as_mesh`, with a warning where the nodes of a file get lost."""
+    if not isinstance(source, (str, os.PathLike)):
+        return as_mesh(source)
+    scene = load_scene(source, allow_outside=allow_outside)
+    lost = scene.merge_loss()
+    if lost:
+        sentence = f"{os.fspath(source)}: {lost}; build_scene(..., instances='on') keeps its nodes"
+        warnings.warn(sentence, LoadWarning, stacklevel=3)
+    return scene.flatten()
+
+
+def _without_attributes(mesh: Mesh) -> Mesh:
+    """Positions, triangles and materials alone."""
+    return replace(
+        mesh,
+        normals=None,
+        tangents=None,
+        uvs=None,
+        colors=None,
+        uv_sets=[],
+        joints=None,
+        weights=None,
+    )
+
+
+def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:
+    native_config = _umbel.LodConfig()
+    for key, value in config.items():
+        try:
+            rule = key in ("seams", "creases")
+            setattr(native_config, key, SEAM_RULES[value] if rule else value)
+        except KeyError:
+            raise Error(f"{key} must be one of {', '.join(SEAM_RULES)}, not {value!r}") from None
+        except TypeError:
+            raise Error(f"{key} cannot be {value!r}") from None
+    return native_config
+
+
+def _pair(group_size: Sequence[int]) -> tuple[int, int]:
+    try:
+        low, high = (int(value) for value in group_size)
+    except (TypeError, ValueError):
+        raise Error(f"group_size must be two integers, not {group_size!r}") from None
+    return low, high
+
+
+def _describe(source: Any, mesh: Mesh) -> dict[str, Any]:
+    described: dict[str, Any] = {"triangles": len(mesh.triangles), "vertices": len(mesh.positions)}
+    if isinstance(source, (str, os.PathLike)):
+        described["file"] = Path(source).name
+    return described
+
+
+def _decimator(decimate: Decimate) -> Callable[[dict[str, Any], NDArray[np.uint8], int], Any]:
+    def ask(arrays: dict[str, Any], locked: NDArray[np.uint8], target: int) -> Any:
+        answer = decimate(mesh_of(arrays, []), locked.astype(bool), target)
+        if answer is None:
+            return None
+        triangles, error, *rest = answer
+        made: dict[str, Any] = {"triangles": indices("triangles", triangles, 3), "error": error}
+        for mesh in rest[:1]:
+            made["positions"] = rows("positions", mesh.positions, 3)
+            for name, columns in (("normals", 3), ("tangents", 4), ("uvs", 2), ("colors", 4)):
+                if getattr(mesh, name) is not None:
+                    made[name] = rows(name, getattr(mesh, name), columns)
+            values = extras_of(mesh)[1]
+            if values is not None:
+                made["extra_values"] = values
+        if len(rest) > 1:
+            made["materials"] = indices("materials", rest[1])
+        return made
+
+    return ask

@@ -1,0 +1,127 @@
+"""Writing meshes with their levels of detail as one .umbel file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from umbel import _umbel
+from umbel.errors import Error
+from umbel.geometry.arrays import numbers, thread_count, whole
+from umbel.geometry.mesh import Material
+from umbel.geometry.origin import origin_of, relative_transform, zero_origin
+from umbel.lod.materials import write_materials
+from umbel.lod.metadata import encode
+
+if TYPE_CHECKING:
+    from umbel.geometry.repair import Progress
+    from umbel.lod.lod import Lod
+
+PAGE_BYTES = 40 << 10
+"""Most bytes of a page of several groups, unless the caller chooses."""
+
+
+def metadata_of(built: Any, name: str) -> dict[str, Any]:
+    """What an asset says of a Lod or SceneLod; `seconds` differ between two builds of one mesh."""
+    said: dict[str, Any] = {
+        "generator": f"umbel {_umbel.version()}",
+        "name": name,
+        "config": built.config,
+        "source": built.source,
+        "report": {key: value for key, value in built.report.items() if key != "seconds"},
+    }
+    return said | ({"coordinates": built.coordinates} if built.coordinates else {})
+
+
+def save_asset(
+    path: str | os.PathLike[str],
+    lods: Sequence[Lod],
+    instances: Sequence[tuple[int, ArrayLike]] = (),
+    *,
+    metadata: dict[str, Any] | None = None,
+    exact: bool | None = None,
+    textures: str = "embed",
+    page_bytes: int = PAGE_BYTES,
+    origin: ArrayLike | None = None,
+    scene: dict[str, Any] | None = None,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> int:
+    """Writes several meshes as one asset, each with its materials; equal ones are stored once.
+    Returns its bytes.
+
+    instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
+        vectors from the mesh to the world). None: every mesh once, where it is.
+    metadata: what `Asset.info["metadata"]` shall be.
+    origin: where the asset lies: it is kept relative to that. None: where the first mesh lies.
+    scene: what `Asset.scene` shall be.
+    The rest is as `Lod.save` has it.
+    """
+    around = origin_of(origin if origin is not None else lods[0].origin if lods else zero_origin())
+    if not instances and any(not np.array_equal(lod.origin, around) for lod in lods):
+        instances = [(k, np.eye(4)) for k in range(len(lods))]
+    meshes, transforms = _placed(lods, instances, around)
+    keep = exact
+    if keep is None:
+        keep = any(lod.config["position_step"] == 0 for lod in lods)
+    folder = Path(os.fspath(path)).absolute().parent
+    all_materials, firsts = _joined([lod._materials for lod in lods])
+    materials, files = write_materials(all_materials, textures, folder, thread_count(threads))
+    return _umbel.write_asset(
+        os.fspath(path),
+        [lod._native for lod in lods],
+        encode(metadata if metadata is not None else {"generator": f"umbel {_umbel.version()}"}),
+        materials,
+        np.array(firsts, np.uint32),
+        files,
+        meshes.astype(np.uint32),
+        transforms.reshape(-1, 12),
+        keep,
+        page_bytes,
+        progress,
+        thread_count(threads),
+        around.tolist(),
+        encode(scene) if scene else "",
+    )
+
+
+def _placed(
+    lods: Sequence[Lod],
+    instances: Sequence[tuple[int, ArrayLike]],
+    origin: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """The instances' meshes, and the matrices that take meshes without their own origins to the
+    world without `origin`."""
+    for instance in instances:
+        if not isinstance(instance, Sequence) or len(instance) != 2:
+            raise Error("instances must be pairs of a mesh's index and a matrix")
+    meshes = np.array([whole("an instance's mesh", mesh) for mesh, _ in instances], np.int64)
+    given = [numbers("an instance's transform", matrix) for _, matrix in instances]
+    if any(matrix.shape not in ((3, 4), (4, 4)) for matrix in given):
+        raise Error("an instance's transform must have shape (3, 4) or (4, 4)")
+    if len(meshes) and not 0 <= meshes.min() <= meshes.max() < len(lods):
+        raise Error(f"an instance is of mesh {meshes.max()}, but there are {len(lods)}")
+    local = [
+        relative_transform(matrix, lods[mesh].origin, origin)
+        for mesh, matrix in zip(meshes, given, strict=True)
+    ]
+    return meshes, np.array(local, np.float32)
+
+
+def _joined(lists: list[list[Material]]) -> tuple[list[Material], list[int]]:
+    """All materials, and where those of each list begin. Who has none gets the default."""
+    if any(lists):
+        lists = [materials or [Material()] for materials in lists]
+    joined: list[Material] = []
+    firsts: list[int] = []
+    for i, materials in enumerate(lists):
+        same = next((j for j in range(i) if lists[j] == materials), None)
+        firsts.append(len(joined) if same is None else firsts[same])
+        if same is None:
+            joined += materials
+    return joined, firsts
