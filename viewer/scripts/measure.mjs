@@ -49,7 +49,7 @@ async function load() {
   const page = await context.newPage();
   await page.goto(url);
   await page.waitForFunction(() => {
-    const mesh = globalThis.umbelViewer?.stage.meshes[0];
+    const mesh = globalThis.umbelViewer?.viewport.meshes[0];
     return mesh?.statistics?.isSettled && mesh.isSettled !== false && mesh.statistics.triangles > 0;
   });
   const first = await page.evaluate(() => {
@@ -80,11 +80,11 @@ for (let i = 0; i < LOADS; ++i) {
   settledTimes.push(last.settled);
 }
 const { page, first } = last;
-const settled = await page.evaluate(() => globalThis.umbelViewer.stage.meshes[0].statistics);
+const settled = await page.evaluate(() => globalThis.umbelViewer.viewport.meshes[0].statistics);
 const cuts = await page.evaluate(async (count) => {
-  const { stage } = globalThis.umbelViewer;
-  const [mesh] = stage.meshes;
-  const { position, target } = stage.pose;
+  const { viewport } = globalThis.umbelViewer;
+  const [mesh] = viewport.meshes;
+  const { position, target } = viewport.camera.pose;
   const heap = () => {
     gc();
     return performance.memory.usedJSHeapSize;
@@ -94,7 +94,7 @@ const cuts = await page.evaluate(async (count) => {
     const angle = i / 7;
     const d = position.map((x, axis) => x - target[axis]);
     const zoom = 0.7 + 0.6 * ((i * 0.618) % 1);
-    stage.setPose({
+    viewport.camera.setPose({
       position: [
         target[0] + zoom * (d[0] * Math.cos(angle) - d[2] * Math.sin(angle)),
         target[1] + zoom * d[1],
@@ -103,10 +103,10 @@ const cuts = await page.evaluate(async (count) => {
       target,
     });
     const version = mesh.cutVersion;
-    mesh.update(stage.camera, stage.renderer);
+    mesh.update(viewport.camera.perspective, viewport.renderer);
     for (let wait = 0; wait < 20 && mesh.cutVersion === version; ++wait) {
       await new Promise((next) => setTimeout(next, 2));
-      mesh.update(stage.camera, stage.renderer);
+      mesh.update(viewport.camera.perspective, viewport.renderer);
     }
     work.push(mesh.updateTime);
   };

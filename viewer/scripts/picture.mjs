@@ -17,10 +17,10 @@ const HEIGHT = 460;
 const CAMERA = "eye=-0.17,0.185,0.17&target=-0.005,0.117,0";
 const CLOSE = "eye=-0.14,0.165,0.075&target=-0.03,0.125,0";
 const LOOKS = [
-  `${CAMERA}&look=shaded&pixels=1`,
-  `${CAMERA}&look=shaded&pixels=6&wireframe=1`,
-  `${CAMERA}&look=clusters&pixels=6`,
-  `${CLOSE}&look=levels&pixels=2`,
+  `${CAMERA}&mode=shaded&pixels=1`,
+  `${CAMERA}&mode=shaded&pixels=6&wireframe=1`,
+  `${CAMERA}&mode=clusters&pixels=6`,
+  `${CLOSE}&mode=levels&pixels=2`,
 ];
 
 const [asset] = process.argv.slice(2);
@@ -45,11 +45,11 @@ for (const look of LOOKS) {
   await page.goto("about:blank");
   await page.goto(`${url}#${look}`);
   await page.waitForFunction(() => {
-    const statistics = globalThis.umbelViewer?.stage.meshes[0]?.statistics;
+    const statistics = globalThis.umbelViewer?.viewport.meshes[0]?.statistics;
     return statistics?.isSettled && statistics.triangles > 0;
   });
   await page.waitForTimeout(1500);
-  const png = await page.locator(".stage canvas").screenshot({
+  const png = await page.locator(".viewport canvas").screenshot({
     style: ".title, .progress, .notice { visibility: hidden }",
   });
   pictures.push(png.toString("base64"));

@@ -1,4 +1,4 @@
-// Camera paths: recorded, replayed, saved and read.
+// Camera paths: recording, replay, and their files.
 
 import { Vector3 } from "three";
 import type { CameraPose } from "./state";
@@ -8,12 +8,13 @@ interface Key extends CameraPose {
   time: number;
 }
 
-/** A file of this kind can be dropped on the page. */
+/** The content of a file with a camera path. */
 export interface PathFile {
   kind: "umbel-camera-path";
   keys: Key[];
 }
 
+/** Milliseconds between two keys. */
 const STEP = 50;
 
 export class CameraPath {
@@ -44,7 +45,7 @@ export class CameraPath {
     this.isReplaying = false;
   }
 
-  /** Takes the camera's pose at a time, if it is due. */
+  /** Records the camera's pose if a key is due. */
   record(time: number, pose: CameraPose): void {
     this.start ||= time;
     const since = time - this.start;
@@ -52,7 +53,7 @@ export class CameraPath {
     if (!last || since - last.time >= STEP) this.keys.push({ ...pose, time: since });
   }
 
-  /** The pose at a time; undefined behind the end. */
+  /** The pose at a time; the last pose after the end, which stops the replay. */
   poseAt(time: number): CameraPose | undefined {
     this.start ||= time;
     const since = time - this.start;
@@ -72,7 +73,7 @@ export class CameraPath {
     return { kind: "umbel-camera-path", keys: this.keys };
   }
 
-  /** Whether this was a camera path. */
+  /** Takes the path of a file; false if it has none. */
   fromFile(value: unknown): boolean {
     const file = value as Partial<PathFile> | null;
     if (file?.kind !== "umbel-camera-path" || !Array.isArray(file.keys)) return false;

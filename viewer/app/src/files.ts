@@ -1,4 +1,4 @@
-// What leaves the page as a file, and what comes in.
+// Reads and writes files, and paints the page's background into pictures.
 
 import { h } from "./ui/dom";
 
@@ -8,7 +8,7 @@ export function save(blob: Blob, name: string): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-/** The JSON in a file; undefined if there is none in it. */
+/** The JSON of a file; undefined if the file is not JSON. */
 export async function readJson(file: Blob): Promise<unknown> {
   try {
     return JSON.parse(await file.text());
@@ -17,10 +17,7 @@ export async function readJson(file: Blob): Promise<unknown> {
   }
 }
 
-/**
- * Paints the page's own background, which a canvas does not have in it: as if the page was of a
- * size, with the canvas in its corner.
- */
+/** Paints the background of a page of some size onto a canvas in the page's corner. */
 export function paintBackground(
   context: CanvasRenderingContext2D,
   { width, height }: { width: number; height: number } = context.canvas,

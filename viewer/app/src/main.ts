@@ -1,33 +1,33 @@
-// The page: the first picture as soon as may be, then the viewer; or why it cannot be shown.
+// The page: shows a preview as soon as possible, then loads the viewer; or says why it cannot.
 
 import { AssetStream } from "umbel";
-import { Sketch } from "./preview/preview_renderer";
+import { PreviewRenderer } from "./preview/preview_renderer";
 import { type CameraPose, defaultState, nameOf, readLink, type State } from "./state";
 import { h } from "./ui/dom";
 import { applyTheme } from "./ui/theme";
 
-/** The viewer comes after the first picture, or after so many milliseconds without one. */
-const PATIENCE = 3000;
+/** Milliseconds that the viewer waits for the preview, at most. */
+const MAX_WAIT = 3000;
 
-function say(root: HTMLElement, title: string, message: string): void {
+function showError(root: HTMLElement, title: string, message: string): void {
   root.append(
-    h("div", { className: "problem", role: "alert" }, h("h1", {}, title), h("p", {}, message)),
+    h("div", { className: "error-card", role: "alert" }, h("h1", {}, title), h("p", {}, message)),
   );
 }
 
-/** A picture without three.js, where one picture of one asset is wanted. */
-async function sketch(
+/** Shows a preview, which does not need three.js, and waits for its first picture. */
+async function showPreview(
   root: HTMLElement,
   stream: Promise<AssetStream>,
   pose: CameraPose | undefined,
   state: State,
-): Promise<Sketch | undefined> {
+): Promise<PreviewRenderer | undefined> {
   try {
-    const sketch = new Sketch(root, await stream, pose, state.pixelError);
-    await Promise.race([sketch.isSeen, new Promise((late) => setTimeout(late, PATIENCE))]);
-    return sketch;
+    const preview = new PreviewRenderer(root, await stream, pose, state.pixelError);
+    await Promise.race([preview.isShown, new Promise((late) => setTimeout(late, MAX_WAIT))]);
+    return preview;
   } catch {
-    return undefined; // the viewer says what was wrong
+    return undefined; // the viewer reports the error
   }
 }
 
@@ -36,7 +36,7 @@ async function main(): Promise<void> {
   applyTheme();
   const state = defaultState();
   const pose = readLink(location.hash, state);
-  if (matchMedia("(max-width: 700px)").matches) root.classList.add("plain");
+  if (matchMedia("(max-width: 700px)").matches) root.classList.add("panel-hidden");
   const search = new URLSearchParams(location.search);
   const asset = search.get("asset") ?? document.body.dataset.asset;
   const title = h("div", { className: "title" });
@@ -44,21 +44,25 @@ async function main(): Promise<void> {
   root.append(title);
   const early = asset ? AssetStream.open(asset, { budget: state.budget }) : undefined;
   const isSingle = state.layout === "single" && !search.has("compare");
-  const first = early && isSingle ? await sketch(root, early, pose, state) : undefined;
+  const preview = early && isSingle ? await showPreview(root, early, pose, state) : undefined;
   try {
     const { Viewer } = await import("./viewer");
     title.remove();
     const viewer = new Viewer(root, state);
-    // For tests, and for whoever embeds the page.
+    // For tests, and for pages that embed the viewer.
     Object.assign(globalThis, { umbelViewer: viewer });
-    viewer.start(asset, { pose, early, sketch: first });
+    viewer.start(asset, { pose, early, preview });
   } catch (error) {
     const hasWebGL2 = document.createElement("canvas").getContext("webgl2") !== null;
     root.replaceChildren();
     if (hasWebGL2)
-      say(root, "The viewer did not start", error instanceof Error ? error.message : String(error));
+      showError(
+        root,
+        "The viewer did not start",
+        error instanceof Error ? error.message : String(error),
+      );
     else
-      say(
+      showError(
         root,
         "This browser cannot show the model",
         "It needs WebGL 2, which this browser does not have or has turned off. A current Firefox, Chrome, Edge or Safari has it.",

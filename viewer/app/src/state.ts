@@ -1,25 +1,25 @@
-// What a person has set, and how a link carries it.
+// The settings of the viewer, and how a link encodes them.
 
-import type { Look } from "./viewport/view_modes";
-import { LOOKS } from "./viewport/view_modes";
+import type { ViewMode } from "./viewport/view_modes";
+import { VIEW_MODES } from "./viewport/view_modes";
 
 export type Layout = "single" | "side" | "wipe";
 
 export interface State {
-  look: Look;
+  viewMode: ViewMode;
   wireframe: boolean;
   pixelError: number;
-  /** Frames a second to keep by choosing the pixel error; 0 leaves it alone. */
+  /** Frames a second to hold by adapting the pixel error; 0 for a fixed pixel error. */
   frameRate: number;
   frozen: boolean;
-  /** Bytes. */
+  /** Bytes of memory for geometry and textures. */
   budget: number;
   layout: Layout;
-  /** Where the wipe stands, from 0 (left) to 1. */
+  /** Position of the wipe, from 0 (left) to 1. */
   wipe: number;
 }
 
-/** Where an asset is: an address, or a file of this device. */
+/** An asset's address, or a local file. */
 export type Source = string | File;
 
 export function nameOf(source: Source): string {
@@ -36,7 +36,7 @@ export interface CameraPose {
 export function defaultState(): State {
   const isSmall = matchMedia("(max-width: 700px)").matches;
   return {
-    look: "shaded",
+    viewMode: "shaded",
     wireframe: false,
     pixelError: 1,
     frameRate: 0,
@@ -47,12 +47,12 @@ export function defaultState(): State {
   };
 }
 
-/** Digits behind the point that tell places apart where a millionth of `length` matters. */
+/** Decimals that resolve a millionth of `length`. */
 export function digitsFor(length: number): number {
   return Math.min(Math.max(6 - Math.floor(Math.log10(length || 1)), 0), 30);
 }
 
-/** The part of a link behind #. */
+/** The part of a link after #. */
 export function writeLink(state: State, pose: CameraPose): string {
   const link = new URLSearchParams();
   const digits = digitsFor(Math.hypot(...pose.position.map((x, i) => x - pose.target[i])));
@@ -60,7 +60,7 @@ export function writeLink(state: State, pose: CameraPose): string {
     numbers.map((n) => Number(n.toFixed(digits))).join(",");
   link.set("eye", round(pose.position));
   link.set("target", round(pose.target));
-  link.set("look", state.look);
+  link.set("mode", state.viewMode);
   link.set("pixels", String(Number(state.pixelError.toPrecision(4))));
   if (state.wireframe) link.set("wireframe", "1");
   if (state.frameRate) link.set("fps", String(state.frameRate));
@@ -76,8 +76,8 @@ function vector(text: string | null): [number, number, number] | undefined {
 
 export function readLink(hash: string, state: State): CameraPose | undefined {
   const link = new URLSearchParams(hash.replace(/^#/, ""));
-  const look = link.get("look");
-  if (look && look in LOOKS) state.look = look as Look;
+  const mode = link.get("mode");
+  if (mode && mode in VIEW_MODES) state.viewMode = mode as ViewMode;
   const pixels = Number(link.get("pixels"));
   if (pixels > 0) state.pixelError = Math.min(Math.max(pixels, PIXELS.low), PIXELS.high);
   state.wireframe = link.get("wireframe") === "1";
@@ -94,7 +94,7 @@ export function readLink(hash: string, state: State): CameraPose | undefined {
   return position && target ? { position, target } : undefined;
 }
 
-/** Pixels of the canvas for each of the page, however fine the screen. */
+/** Limit of canvas pixels for each pixel of the page. */
 export const MAX_PIXEL_RATIO = 2;
 /** The range of the pixel error. */
 export const PIXELS = { low: 0.25, high: 64 };

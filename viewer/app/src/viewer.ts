@@ -1,255 +1,239 @@
-// The viewer: opens assets, and joins the stage with what stands around it.
+// The viewer: opens assets, and connects the viewport with the panel, the keys and the messages.
 
-import { AssetStream, UmbelError } from "umbel";
-import { UmbelMesh } from "umbel/three";
-import { CameraPath } from "./camera_path";
-import { paintBackground, readJson, save } from "./files";
-import type { Sketch } from "./preview/preview_renderer";
-import {
-  type CameraPose,
-  type Layout,
-  nameOf,
-  PIXELS,
-  type Source,
-  type State,
-  writeLink,
-} from "./state";
-import { pickedCard } from "./ui/cluster_card";
-import { Split } from "./ui/divider";
+import { type AssetStream, UmbelError } from "umbel";
+import { AssetLoader } from "./asset_loader";
+import { CameraRecorder } from "./camera_recorder";
+import { Comparison } from "./comparison";
+import { paintBackground, save } from "./files";
+import { adaptedPixelError } from "./frame_rate";
+import { type KeyActions, keyBindings } from "./key_bindings";
+import type { PreviewRenderer } from "./preview/preview_renderer";
+import { type CameraPose, type Layout, nameOf, type Source, type State, writeLink } from "./state";
+import { clusterCard } from "./ui/cluster_card";
 import { h } from "./ui/dom";
 import { listenToDrops, listenToKeys, listenToPointer } from "./ui/input";
-import { helpDialog, Notice, Problem, titleOf } from "./ui/messages";
+import { ErrorCard, helpDialog, Notice, titleOf } from "./ui/messages";
 import { Panel } from "./ui/panel";
 import { Progress } from "./ui/progress";
 import { toggleTheme } from "./ui/theme";
 import { showTitle } from "./ui/title";
-import { LOOKS, type Look } from "./viewport/view_modes";
-import { type FrameCounts, Stage } from "./viewport/viewport";
+import { type FrameCounts, Viewport } from "./viewport/viewport";
 
 interface Opening {
   pose?: CameraPose | undefined;
+  /** A stream of the asset that is open or opening already. */
   early?: Promise<AssetStream> | undefined;
-  /** What is seen until this draws. */
-  sketch?: Sketch | undefined;
+  /** Shown until the viewport draws. */
+  preview?: PreviewRenderer | undefined;
 }
 
 export class Viewer {
-  readonly stage: Stage;
+  readonly viewport: Viewport;
   private readonly panel: Panel;
-  private readonly path = new CameraPath();
-  private readonly notes = new Set<string>();
-  private readonly problem = new Problem();
+  private readonly loader: AssetLoader;
+  private readonly comparison: Comparison;
+  private readonly recorder: CameraRecorder;
+  private readonly error = new ErrorCard();
   private readonly notice = new Notice();
   private readonly help = helpDialog();
   private readonly title = h("div", { className: "title" });
   private readonly progress = new Progress((counts, mesh) => this.panel.showCounts(counts, mesh));
-  private readonly split: Split;
   private readonly dropHint = h(
     "div",
     { className: "drop", hidden: true },
     "Drop an .umbel file here",
   );
-  private readonly chooser = h("input", { type: "file", accept: ".umbel,.json", hidden: true });
-  private readonly sheetButton: HTMLButtonElement;
+  private readonly fileInput = h("input", { type: "file", accept: ".umbel,.json", hidden: true });
+  private readonly panelButton: HTMLButtonElement;
   private card: HTMLElement | undefined;
-  private sketch: Sketch | undefined;
+  private preview: PreviewRenderer | undefined;
   private source: Source | undefined;
-  private other: Source | undefined;
+  /** Whether the file to be chosen is compared with the asset. */
   private choosesOther = false;
-  private opened = 0;
-  private damagedShown = 0;
+  /** Number of assets opened so far: an older one that arrives late is dropped. */
+  private openings = 0;
+  private reportedDamage = 0;
 
   constructor(
     private readonly root: HTMLElement,
     readonly state: State,
   ) {
-    const host = h("div", { className: "stage" });
-    this.panel = new Panel(this.state, {
-      change: () => this.apply(),
-      setBudget: (bytes) => this.setBudget(bytes),
-      setLayout: (layout) => void this.setLayout(layout),
-      chooseOther: () => this.choose(true),
-      frameAll: () => this.stage.frameAll(),
-      share: () => void this.share(),
-      screenshot: () => void this.screenshot(),
-      record: () => this.toggleRecording(),
-      replay: () => this.replay(),
-      savePath: () => this.savePath(),
-      help: () => this.help.showModal(),
-      open: () => this.choose(false),
-      theme: () => this.toggleTheme(),
-    });
-    this.sheetButton = h("button", {
-      className: "sheet",
+    const host = h("div", { className: "viewport" });
+    const actions = this.actions();
+    this.panel = new Panel(state, actions);
+    this.panelButton = h("button", {
+      className: "panel-button",
       type: "button",
       textContent: "Settings",
-      onclick: () => this.togglePanel(),
-      aria: { controls: "panel" },
+      onclick: actions.togglePanel,
+      aria: { controls: "panel", expanded: String(!root.classList.contains("panel-hidden")) },
     });
     root.append(
       host,
       this.progress.element,
       this.title,
       this.panel.element,
-      this.sheetButton,
+      this.panelButton,
       this.notice.element,
-      this.problem.element,
+      this.error.element,
       this.dropHint,
-      this.chooser,
+      this.fileInput,
       this.help,
     );
-    this.sheetButton.setAttribute("aria-expanded", String(!root.classList.contains("plain")));
-    this.stage = new Stage(host, this.state);
-    this.split = new Split(host, (at) => {
-      this.state.wipe = at;
-      this.placeDivider();
-    });
-    this.stage.onFrame = (counts) => this.onFrame(counts);
-    this.stage.beforeFrame = (time) => this.moveCamera(time);
-    this.listen(host);
+    this.viewport = new Viewport(host, state);
+    this.loader = new AssetLoader(state, this.panel, this.notice);
+    this.comparison = new Comparison(host, state, this.viewport, this.loader, this.notice);
+    this.recorder = new CameraRecorder(this.panel, this.notice);
+    this.viewport.onFrame = (counts) => this.onFrame(counts);
+    this.viewport.beforeFrame = (time) => this.recorder.beforeFrame(time, this.viewport.camera);
+    this.listen(host, actions);
   }
 
-  /** Shows the asset that the page's address names, which may be on its way already. */
+  /** What the panel and the keys do. */
+  private actions(): KeyActions {
+    return {
+      change: () => this.apply(),
+      setBudget: (bytes) => this.setBudget(bytes),
+      setLayout: (layout) => void this.setLayout(layout),
+      chooseOther: () => this.chooseFile(true),
+      frameAll: () => this.viewport.frameAll(),
+      share: () => void this.share(),
+      screenshot: () => void this.screenshot(),
+      record: () => {
+        this.recorder.toggleRecording();
+        this.viewport.requestFrame();
+      },
+      replay: () => {
+        this.recorder.toggleReplay();
+        this.viewport.requestFrame();
+      },
+      savePath: () => this.recorder.savePath(),
+      help: () => this.help.showModal(),
+      open: () => this.chooseFile(false),
+      theme: () => {
+        toggleTheme();
+        this.viewport.apply();
+      },
+      togglePanel: () => {
+        const isHidden = this.root.classList.toggle("panel-hidden");
+        this.panelButton.setAttribute("aria-expanded", String(!isHidden));
+      },
+      deselect: () => this.deselect(),
+    };
+  }
+
+  private listen(host: HTMLElement, actions: KeyActions): void {
+    this.fileInput.onchange = () => {
+      const file = this.fileInput.files?.[0];
+      if (file) void this.openFile(file, this.choosesOther);
+    };
+    listenToPointer(host, {
+      down: () => this.recorder.stopReplay(),
+      click: (x, y) => this.pick(x, y),
+    });
+    listenToDrops(this.dropHint, (file, x) => {
+      void this.openFile(file, this.state.layout !== "single" && x > innerWidth / 2);
+    });
+    const bindings = keyBindings(this.state, this.viewport.camera, actions);
+    listenToKeys((key) => {
+      const action = this.help.open ? undefined : bindings[key];
+      action?.();
+      return action !== undefined;
+    });
+  }
+
+  /** Shows the asset that the page's address names. */
   start(asset: string | undefined, opening: Opening): void {
     const search = new URLSearchParams(location.search);
-    this.other = search.get("compare") ?? undefined;
-    if (this.other && this.state.layout === "single") this.state.layout = "wipe";
+    this.comparison.other = search.get("compare") ?? undefined;
+    if (this.comparison.other && this.state.layout === "single") this.state.layout = "wipe";
     this.panel.update();
     if (!asset) {
-      this.problem.show(
+      this.error.show(
         "Nothing to show yet",
         "Drop an .umbel file here, choose one, or add ?asset=ADDRESS to this page’s address.",
-        [{ text: "Choose a file", action: () => this.choose(false) }],
+        [{ text: "Choose a file", action: () => this.chooseFile(false) }],
       );
       return;
     }
     void this.open(asset, opening);
   }
 
-  async open(source: Source, { pose, early, sketch }: Opening = {}): Promise<void> {
-    const turn = ++this.opened;
-    this.sketch = sketch;
-    this.problem.hide();
-    this.letGo();
+  async open(source: Source, { pose, early, preview }: Opening = {}): Promise<void> {
+    const opening = ++this.openings;
+    this.preview = preview;
+    this.error.hide();
+    this.deselect();
     this.title.replaceChildren(h("h1", { textContent: nameOf(source) }), h("p", {}, "Opening …"));
     this.progress.begin();
-    this.notes.clear();
-    this.panel.setNotes([]);
+    this.loader.clearNotes();
     try {
-      const mesh = await this.load(source, this.state.pixelError, early);
-      if (turn !== this.opened) return mesh.dispose();
+      const mesh = await this.loader.load(source, this.state.pixelError, early);
+      if (opening !== this.openings) return mesh.dispose();
       this.source = source;
-      this.stage.setMesh(0, mesh);
-      if (pose) this.stage.setPose(pose);
-      else this.stage.frameAll();
+      this.comparison.setSource(source);
+      this.viewport.setMesh(0, mesh);
+      if (pose) this.viewport.camera.setPose(pose);
+      else this.viewport.frameAll();
       showTitle(this.title, mesh, source);
       await this.setLayout(this.state.layout);
     } catch (error) {
-      if (turn === this.opened) this.fail(error, source);
+      if (opening === this.openings) this.fail(error, source);
     }
   }
 
-  private async load(
-    source: Source,
-    pixelError: number,
-    early?: Promise<AssetStream>,
-  ): Promise<UmbelMesh> {
-    const stream = early ?? AssetStream.open(source, { budget: this.state.budget });
-    const mesh = new UmbelMesh(await stream, { pixelError });
-    mesh.materials.onNote = (text) => this.showNote(text);
-    for (const text of mesh.materials.notes) this.showNote(text);
-    mesh.onConnection = (isLost) => {
-      if (isLost) this.notice.show("The connection is lost. Trying again …", true);
-      else this.notice.show("The connection is back.");
-    };
-    return mesh;
-  }
-
   private fail(error: unknown, source: Source): void {
-    this.dropSketch();
+    this.removePreview();
     this.title.replaceChildren();
     this.progress.end();
-    this.problem.show(
+    this.error.show(
       titleOf(error instanceof UmbelError ? error.kind : "unsupported"),
       error instanceof Error ? error.message : String(error),
       [
         { text: "Try again", action: () => void this.open(source) },
-        { text: "Open another file", action: () => this.choose(false) },
+        { text: "Open another file", action: () => this.chooseFile(false) },
       ],
     );
   }
 
-  /** Says what cannot be shown: once in passing, and in the panel. */
-  private showNote(text: string): void {
-    if (this.notes.has(text)) return;
-    this.notes.add(text);
-    this.panel.setNotes([...this.notes]);
-    this.notice.show(text);
+  private chooseFile(isOther: boolean): void {
+    this.choosesOther = isOther;
+    this.fileInput.value = "";
+    this.fileInput.click();
+  }
+
+  /** Opens a local file: a camera path, the asset to compare with, or the asset to show. */
+  private async openFile(file: File, isOther: boolean): Promise<void> {
+    if (file.name.endsWith(".json")) await this.recorder.openPath(file);
+    else if (isOther) {
+      await this.comparison.setOther(file);
+      this.apply();
+    } else await this.open(file);
   }
 
   private apply(): void {
     this.panel.update();
-    this.stage.apply();
+    this.viewport.apply();
   }
 
   private setBudget(bytes: number): void {
     this.state.budget = bytes;
-    for (const mesh of this.stage.meshes) mesh?.setBudget(bytes);
+    for (const mesh of this.viewport.meshes) mesh?.setBudget(bytes);
     this.panel.update();
-    this.stage.ask();
+    this.viewport.requestFrame();
   }
 
   private async setLayout(layout: Layout): Promise<void> {
-    const { stage } = this;
-    const wasHome = stage.isHome;
-    this.state.layout = layout;
-    if (wasHome) stage.frameAll();
-    if (layout === "single") stage.setMesh(1, undefined);
-    else if (!stage.meshes[1] && this.source) {
-      try {
-        // Beside the full mesh nothing is left out; another asset is seen as this one is.
-        const pixelError = this.other ? this.state.pixelError : 0;
-        stage.setMesh(1, await this.load(this.other ?? this.source, pixelError));
-        stage.rightFollows = this.other !== undefined;
-      } catch (error) {
-        this.state.layout = "single";
-        this.notice.show(error instanceof Error ? error.message : String(error));
-      }
-    }
-    this.placeDivider();
+    await this.comparison.setLayout(layout);
     this.apply();
   }
 
-  private placeDivider(): void {
-    const right = this.other ? nameOf(this.other) : "Full mesh";
-    const left = this.source ? nameOf(this.source) : "";
-    this.split.place(this.state.layout, this.state.wipe, [left, right]);
-    this.stage.ask();
-  }
-
-  private choose(other: boolean): void {
-    this.choosesOther = other;
-    this.chooser.value = "";
-    this.chooser.click();
-  }
-
-  private async take(file: File, other: boolean): Promise<void> {
-    if (file.name.endsWith(".json")) {
-      const isPath = this.path.fromFile(await readJson(file));
-      this.notice.show(isPath ? "Camera path read: press P." : "This is not a camera path.");
-      this.panel.setPath(false, !this.path.isEmpty);
-    } else if (other) {
-      this.other = file;
-      this.stage.setMesh(1, undefined);
-      await this.setLayout(this.state.layout === "single" ? "wipe" : this.state.layout);
-    } else await this.open(file);
-  }
-
+  /** Puts a link to the current view into the clipboard and the address bar. */
   private async share(): Promise<void> {
     const address = new URL(location.href);
-    address.hash = writeLink(this.state, this.stage.pose);
+    address.hash = writeLink(this.state, this.viewport.camera.pose);
     history.replaceState(null, "", address);
-    const copied = await navigator.clipboard?.writeText(address.href).then(
+    const isCopied = await navigator.clipboard?.writeText(address.href).then(
       () => true,
       () => false,
     );
@@ -257,180 +241,60 @@ export class Viewer {
     this.notice.show(
       isLocal
         ? "The link has the view, but a file of this device cannot be in it."
-        : copied
+        : isCopied
           ? "Link copied."
           : "The link is in the address bar.",
     );
   }
 
   private async screenshot(): Promise<void> {
-    const blob = await this.stage.picture((context) => paintBackground(context));
+    const blob = await this.viewport.picture((context) => paintBackground(context));
     save(blob, `${document.title.split(" – ")[0]}.png`);
   }
 
-  private toggleRecording(): void {
-    if (this.path.isRecording) {
-      this.path.stop();
-      this.notice.show(this.path.isEmpty ? "Nothing moved." : "Recorded. P replays it.");
-    } else {
-      this.path.startRecording();
-      this.notice.show("Recording: move the camera. R ends it.", true);
-    }
-    this.panel.setPath(this.path.isRecording, !this.path.isEmpty);
-    this.stage.ask();
-  }
-
-  private replay(): void {
-    if (this.path.isReplaying) this.path.stop();
-    else this.path.startReplay();
-    this.stage.ask();
-  }
-
-  private savePath(): void {
-    const text = JSON.stringify(this.path.toFile());
-    save(new Blob([text], { type: "application/json" }), "camera-path.json");
-  }
-
-  private moveCamera(time: number): boolean {
-    if (this.path.isRecording) {
-      this.path.record(time, this.stage.pose);
-      return true;
-    }
-    if (!this.path.isReplaying) return false;
-    const pose = this.path.poseAt(time);
-    if (pose) this.stage.setPose(pose);
-    return this.path.isReplaying;
-  }
-
-  private dropSketch(): void {
-    this.sketch?.dispose();
-    this.sketch = undefined;
+  private removePreview(): void {
+    this.preview?.dispose();
+    this.preview = undefined;
   }
 
   private onFrame(counts: FrameCounts): void {
-    if (counts.triangles > 0) this.dropSketch();
+    if (counts.triangles > 0) this.removePreview();
     if (this.state.frameRate > 0) this.holdFrameRate(counts.interval);
-    const [mesh] = this.stage.meshes;
+    const [mesh] = this.viewport.meshes;
     this.progress.update(counts, mesh);
     const damaged = mesh?.statistics?.damagedPages ?? 0;
-    if (damaged > this.damagedShown) {
-      this.damagedShown = damaged;
+    if (damaged > this.reportedDamage) {
+      this.reportedDamage = damaged;
       const pages = damaged === 1 ? "A page" : `${damaged} pages`;
       this.notice.show(`${pages} of the file did not arrive whole: it stays coarse there.`, true);
     }
   }
 
-  /** Allows more error while frames take too long, and less again when there is time. */
   private holdFrameRate(interval: number): void {
-    if (interval <= 0 || interval > 1000) return;
-    const wanted = 1000 / this.state.frameRate;
-    const factor = interval > 1.25 * wanted ? 1.04 : interval < 1.05 * wanted ? 0.99 : 1;
-    const pixels = Math.min(Math.max(this.state.pixelError * factor, 1), PIXELS.high);
+    const pixels = adaptedPixelError(this.state.pixelError, this.state.frameRate, interval);
     if (pixels === this.state.pixelError) return;
     this.state.pixelError = pixels;
     this.panel.update();
   }
 
+  /** Picks the cluster at a point of the page, highlights it, and shows its card. */
   private pick(x: number, y: number): void {
-    const found = this.stage.pick(x, y);
-    this.letGo();
+    const found = this.viewport.pick(x, y);
+    this.deselect();
     if (!found) return;
-    const tangent = Math.tan((this.stage.camera.fov * Math.PI) / 360);
-    const pixelsPerUnit = this.stage.height / (2 * tangent * found.distance);
-    this.card = pickedCard(found, pixelsPerUnit, () => this.letGo());
+    const tangent = Math.tan((this.viewport.camera.perspective.fov * Math.PI) / 360);
+    const pixelsPerUnit = this.viewport.height / (2 * tangent * found.distance);
+    this.card = clusterCard(found, pixelsPerUnit, () => this.deselect());
     this.root.append(this.card);
-    this.stage.picked = found.cluster.cluster;
-    this.stage.apply();
+    this.viewport.picked = found.cluster.cluster;
+    this.viewport.apply();
   }
 
-  private letGo(): void {
+  private deselect(): void {
     this.card?.remove();
     this.card = undefined;
-    if (this.stage?.picked === undefined) return;
-    this.stage.picked = undefined;
-    this.stage.apply();
+    if (this.viewport?.picked === undefined) return;
+    this.viewport.picked = undefined;
+    this.viewport.apply();
   }
-
-  private togglePanel(): void {
-    const isClosed = this.root.classList.toggle("plain");
-    this.sheetButton.setAttribute("aria-expanded", String(!isClosed));
-  }
-
-  private toggleTheme(): void {
-    toggleTheme();
-    this.stage.apply();
-  }
-
-  private listen(host: HTMLElement): void {
-    this.chooser.onchange = () => {
-      const file = this.chooser.files?.[0];
-      if (file) void this.take(file, this.choosesOther);
-    };
-    listenToPointer(host, {
-      down: () => {
-        if (this.path.isReplaying) this.path.stop();
-      },
-      click: (x, y) => this.pick(x, y),
-    });
-    listenToDrops(this.dropHint, (file, x) => {
-      void this.take(file, this.state.layout !== "single" && x > innerWidth / 2);
-    });
-    listenToKeys((key) => this.press(key));
-  }
-
-  private press(key: string): boolean {
-    if (this.help.open) return false;
-    const action = this.keys[key];
-    const look = (Object.keys(LOOKS) as Look[]).find((each) => LOOKS[each].key === key);
-    if (look) {
-      this.state.look = look;
-      this.apply();
-    } else if (action) action();
-    else return false;
-    return true;
-  }
-
-  private scaleError(factor: number): void {
-    const pixels = this.state.pixelError * factor;
-    this.state.pixelError = Math.min(Math.max(pixels, PIXELS.low), PIXELS.high);
-    this.apply();
-  }
-
-  private readonly keys: Record<string, () => void> = {
-    w: () => {
-      this.state.wireframe = !this.state.wireframe;
-      this.apply();
-    },
-    f: () => {
-      this.state.frozen = !this.state.frozen;
-      this.apply();
-    },
-    c: () => {
-      const layouts: Layout[] = ["single", "side", "wipe"];
-      void this.setLayout(layouts[(layouts.indexOf(this.state.layout) + 1) % 3] as Layout);
-    },
-    "+": () => this.scaleError(2 ** -0.5),
-    "=": () => this.scaleError(2 ** -0.5),
-    "-": () => this.scaleError(2 ** 0.5),
-    r: () => this.toggleRecording(),
-    p: () => this.replay(),
-    Home: () => this.stage.frameAll(),
-    l: () => void this.share(),
-    s: () => void this.screenshot(),
-    o: () => this.choose(false),
-    t: () => this.toggleTheme(),
-    h: () => this.togglePanel(),
-    "?": () => this.help.showModal(),
-    Escape: () => this.letGo(),
-    ArrowLeft: () => this.stage.fly(-0.06, 0, 0),
-    ArrowRight: () => this.stage.fly(0.06, 0, 0),
-    ArrowUp: () => this.stage.fly(0, 0.06, 0),
-    ArrowDown: () => this.stage.fly(0, -0.06, 0),
-    a: () => this.stage.fly(-0.06, 0, 0),
-    d: () => this.stage.fly(0.06, 0, 0),
-    q: () => this.stage.fly(0, -0.06, 0),
-    e: () => this.stage.fly(0, 0.06, 0),
-    PageUp: () => this.stage.fly(0, 0, 0.08),
-    PageDown: () => this.stage.fly(0, 0, -0.08),
-  };
 }

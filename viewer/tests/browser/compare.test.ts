@@ -1,8 +1,16 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { ASSETS } from "../support/assets.js";
-import { whole } from "../support/whole.js";
-import { canvasPicture, differentPixels, expect, lookAt, quiet, settled, test } from "./page.js";
+import { loadAsset } from "../support/loaded_asset.js";
+import {
+  canvasPicture,
+  differentPixels,
+  expect,
+  measureCanvas,
+  quiet,
+  settled,
+  test,
+} from "./page.js";
 
 const OTHER = "blob_16bits_compact.umbel";
 const PAIR = `/?asset=planet.umbel&compare=${OTHER}#pixels=6`;
@@ -10,13 +18,15 @@ const PAIR = `/?asset=planet.umbel&compare=${OTHER}#pixels=6`;
 test("a wipe shows two assets, each on its side of the line", async ({ page, host }) => {
   await page.goto(host.url + PAIR);
   await settled(page);
-  await page.waitForFunction(() => globalThis.umbelViewer?.stage.meshes[1]?.statistics?.isSettled);
+  await page.waitForFunction(
+    () => globalThis.umbelViewer?.viewport.meshes[1]?.statistics?.isSettled,
+  );
   await expect(page.locator(".names")).toContainText("planet.umbel");
   await expect(page.locator(".names")).toContainText(OTHER);
   const meshes = await page.evaluate(() =>
-    globalThis.umbelViewer?.stage.meshes.map(({ info }) => info.sourceTriangles),
+    globalThis.umbelViewer?.viewport.meshes.map(({ info }) => info.sourceTriangles),
   );
-  const triangles = (name: string) => whole(name).head.meshes[0].sourceTriangles;
+  const triangles = (name: string) => loadAsset(name).head.meshes[0].sourceTriangles;
   expect(meshes).toEqual([triangles("planet"), triangles(OTHER.replace(".umbel", ""))]);
 
   const divider = page.locator(".divider");
@@ -63,5 +73,5 @@ test("another asset that is not there leaves one picture and a sentence", async 
   await page.goto(`${host.url}/?asset=planet.umbel&compare=nothing.umbel#pixels=6`);
   await expect(page.locator(".notice")).toContainText("There is no file at");
   await settled(page);
-  expect((await lookAt(page)).covered).toBeGreaterThan(0.05);
+  expect((await measureCanvas(page)).covered).toBeGreaterThan(0.05);
 });

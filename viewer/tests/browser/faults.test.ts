@@ -1,6 +1,6 @@
 import { assetBytes } from "../support/assets.js";
-import { whole } from "../support/whole.js";
-import { expect, lookAt, settled, statistics, test } from "./page.js";
+import { loadAsset } from "../support/loaded_asset.js";
+import { expect, measureCanvas, settled, statistics, test } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
 
@@ -8,12 +8,12 @@ test("a host without ranges serves as well", async ({ page, host }) => {
   host.hasRanges = false;
   await page.goto(host.url + PLANET);
   await settled(page);
-  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
   expect(host.sent).toBeLessThanOrEqual(2 * assetBytes("planet").length);
 });
 
 test("a damaged page stays coarse and is reported", async ({ page, host }) => {
-  const { head } = whole("planet");
+  const { head } = loadAsset("planet");
   // Coarse enough to be seen from wherever the camera is.
   const damaged = 2;
   host.damage = (bytes) => {
@@ -24,7 +24,7 @@ test("a damaged page stays coarse and is reported", async ({ page, host }) => {
   const { damagedPages, triangles } = await statistics(page);
   expect(damagedPages).toBe(1);
   expect(triangles).toBeGreaterThan(500);
-  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
 });
 
 test("what is not there is said to be not there", async ({ page, host }) => {
@@ -58,12 +58,12 @@ test("a lost connection is said, and what was wanted comes once it is back", asy
     input.dispatchEvent(new Event("input"));
   });
   await expect(page.locator(".notice")).toContainText("The connection is lost");
-  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
   host.isDown = false;
   await page.waitForFunction(
     (few) =>
-      globalThis.umbelViewer?.stage.meshes[0].statistics?.isSettled &&
-      globalThis.umbelViewer.stage.meshes[0].statistics.triangles > 2 * few,
+      globalThis.umbelViewer?.viewport.meshes[0].statistics?.isSettled &&
+      globalThis.umbelViewer.viewport.meshes[0].statistics.triangles > 2 * few,
     before.triangles,
   );
   await expect(page.locator(".notice")).toContainText("The connection is back");

@@ -1,4 +1,4 @@
-import { expect, lookAt, quiet, settled, statistics, test } from "./page.js";
+import { expect, measureCanvas, quiet, settled, statistics, test } from "./page.js";
 
 const COARSE = "/?asset=planet.umbel#pixels=6";
 
@@ -10,7 +10,8 @@ test("the keys are told, and do what is told", async ({ page, host }) => {
   await expect(help).toContainText("Page up, page down");
   await page.keyboard.press("Escape");
   await expect(help).toBeHidden();
-  const eye = () => page.evaluate(() => globalThis.umbelViewer?.stage.pose.position ?? []);
+  const eye = () =>
+    page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose.position ?? []);
   const before = await eye();
   await page.keyboard.press("ArrowRight");
   await page.keyboard.press("PageUp");
@@ -23,7 +24,7 @@ test("the keys are told, and do what is told", async ({ page, host }) => {
   });
   await page.keyboard.press("+");
   await page.waitForFunction(
-    (few) => (globalThis.umbelViewer?.stage.meshes[0].statistics?.triangles ?? 0) > few,
+    (few) => (globalThis.umbelViewer?.viewport.meshes[0].statistics?.triangles ?? 0) > few,
     triangles,
   );
   await page.keyboard.press("h");
@@ -55,11 +56,11 @@ test.describe("on a screen that is touched", () => {
       });
     const away = () =>
       page.evaluate(() => {
-        const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
-        const { position, target } = stage.pose;
+        const { viewport } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+        const { position, target } = viewport.camera.pose;
         return Math.hypot(...position.map((x, i) => x - target[i]));
       });
-    const pose = () => page.evaluate(() => globalThis.umbelViewer?.stage.pose.position);
+    const pose = () => page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose.position);
     const [before, far] = [await pose(), await away()];
     await touch("touchStart", [210, 180]);
     await touch("touchMove", [260, 190]);
@@ -83,16 +84,18 @@ test("held frames draw fewer triangles than slow ones", async ({ page, host }) =
   // No sixty frames a second come of this on any machine: the error must rise as the camera moves.
   await page.locator("#hold").check();
   await page.evaluate(async () => {
-    const { stage, state } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+    const { viewport, state } = globalThis.umbelViewer as NonNullable<
+      typeof globalThis.umbelViewer
+    >;
     for (let i = 0; i < 400 && state.pixelError < 1.5; ++i) {
-      stage.fly(i % 2 ? 0.01 : -0.01, 0, 0);
+      viewport.camera.fly(i % 2 ? 0.01 : -0.01, 0, 0);
       for (const start = performance.now(); performance.now() - start < 40; );
       await new Promise((next) => requestAnimationFrame(next));
     }
   });
   await quiet(page);
   expect((await statistics(page)).triangles).toBeLessThan(triangles);
-  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
 });
 
 test("a missing file can be tried again once it is there", async ({ page, host }) => {
@@ -111,10 +114,10 @@ test("a page that nobody touches rests", async ({ page, host }) => {
     await page.goto(`${host.url}/?asset=${asset}.umbel#pixels=6`);
     await settled(page);
     const frames = await page.evaluate(async () => {
-      const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+      const { viewport } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
       let frames = 0;
-      const before = stage.onFrame;
-      stage.onFrame = (counts) => {
+      const before = viewport.onFrame;
+      viewport.onFrame = (counts) => {
         ++frames;
         before?.(counts);
       };

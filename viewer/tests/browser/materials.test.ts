@@ -18,7 +18,7 @@ const [RED, GREEN, BLUE, WHITE] = [
 async function quartersOf(page: Page, name: string): Promise<number[][]> {
   const x = STEP * NAMES.indexOf(name);
   await page.evaluate((at) => {
-    globalThis.umbelViewer?.stage.setPose({ position: [at, 0, 2], target: [at, 0, 0] });
+    globalThis.umbelViewer?.viewport.camera.setPose({ position: [at, 0, 2], target: [at, 0, 0] });
   }, x);
   await quiet(page);
   const png = (await canvasPicture(page)).toString("base64");

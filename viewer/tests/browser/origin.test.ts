@@ -31,13 +31,13 @@ test("an asset far out looks as one at zero, and its places are in the world", a
   await page.goto(`${host.url}/?asset=${NAME}.umbel#pixels=6`);
   await settled(page);
   const here = await canvasPicture(page);
-  const pose = await page.evaluate(() => globalThis.umbelViewer?.stage.pose as Pose);
+  const pose = await page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose as Pose);
   await page.goto("about:blank");
   await page.goto(`${host.url}/?asset=moved_a.umbel#pixels=6`);
   await settled(page);
   expect(await differentPixels(page, here, await canvasPicture(page))).toBe(0);
   await expect(page.locator(".title")).toContainText("2026 Someone");
-  const there = await page.evaluate(() => globalThis.umbelViewer?.stage.pose as Pose);
+  const there = await page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose as Pose);
   for (let i = 0; i < 3; ++i) expect(there.position[i] - UTM[i]).toBeCloseTo(pose.position[i], 8);
 
   await page.mouse.click(210, 180);
@@ -61,9 +61,11 @@ test("an asset far out looks as one at zero, and its places are in the world", a
 test("two assets with different origins stand where they belong", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=moved_a.umbel&compare=moved_b.umbel#pixels=6`);
   await settled(page);
-  await page.waitForFunction(() => globalThis.umbelViewer?.stage.meshes[1]?.statistics?.isSettled);
+  await page.waitForFunction(
+    () => globalThis.umbelViewer?.viewport.meshes[1]?.statistics?.isSettled,
+  );
   const places = await page.evaluate(() =>
-    globalThis.umbelViewer?.stage.meshes.map(({ position }) => position.toArray()),
+    globalThis.umbelViewer?.viewport.meshes.map(({ position }) => position.toArray()),
   );
   expect(places).toEqual([
     [0, 0, 0],

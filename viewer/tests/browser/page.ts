@@ -2,7 +2,8 @@
 
 import { join } from "node:path";
 import { test as base, type Page } from "@playwright/test";
-import type { AssetInfo, StreamStatistics } from "../../packages/umbel/src/index.js";
+import type { AssetInfo } from "../../packages/umbel/src/stream/asset_info.js";
+import type { StreamStatistics } from "../../packages/umbel/src/stream/stream_update.js";
 import { ASSETS, ROOT } from "../support/assets.js";
 import { Host } from "./host.js";
 
@@ -10,8 +11,8 @@ export { expect } from "@playwright/test";
 
 /** The part of the page's viewer that tests ask. */
 interface PageViewer {
-  state: { pixelError: number; look: string; wipe: number };
-  stage: {
+  state: { pixelError: number; viewMode: string; wipe: number };
+  viewport: {
     meshes: {
       statistics?: StreamStatistics;
       drawn: { triangles: number; clusters: number; calls: number };
@@ -22,12 +23,14 @@ interface PageViewer {
       pages: Uint8Array;
       info: AssetInfo;
     }[];
-    pose: Pose;
     height: number;
-    camera: { getEffectiveFOV(): number };
-    setPose(pose: Pose): void;
+    camera: {
+      pose: Pose;
+      perspective: { getEffectiveFOV(): number };
+      setPose(pose: Pose): void;
+      fly(right: number, up: number, forward: number): void;
+    };
     onFrame: ((counts: unknown) => void) | undefined;
-    fly(right: number, up: number, forward: number): void;
   };
 }
 
@@ -53,7 +56,7 @@ export const test = base.extend<{ host: Host }>({
 /** Waits until what is drawn is what is wanted; a few frames more, so that it is on the screen. */
 export async function settled(page: Page): Promise<StreamStatistics> {
   await page.waitForFunction(() => {
-    const mesh = globalThis.umbelViewer?.stage.meshes[0];
+    const mesh = globalThis.umbelViewer?.viewport.meshes[0];
     const statistics = mesh?.statistics;
     return mesh?.isSettled && statistics && statistics.triangles > 0 && mesh.drawn.triangles > 0;
   });
@@ -68,12 +71,12 @@ export async function quiet(page: Page): Promise<void> {
     for (let same = 0, last = ""; same < 6; ) {
       await frame();
       await new Promise((next) => setTimeout(next, 30));
-      const mesh = globalThis.umbelViewer?.stage.meshes[0];
+      const mesh = globalThis.umbelViewer?.viewport.meshes[0];
       const now = JSON.stringify([
         mesh?.statistics,
         mesh?.textures,
         mesh?.drawn,
-        globalThis.umbelViewer?.stage.pose,
+        globalThis.umbelViewer?.viewport.camera.pose,
       ]);
       same = now === last ? same + 1 : 0;
       last = now;
@@ -83,7 +86,7 @@ export async function quiet(page: Page): Promise<void> {
 
 export function statistics(page: Page): Promise<StreamStatistics> {
   return page.evaluate(
-    () => globalThis.umbelViewer?.stage.meshes[0].statistics as StreamStatistics,
+    () => globalThis.umbelViewer?.viewport.meshes[0].statistics as StreamStatistics,
   );
 }
 
@@ -97,19 +100,19 @@ export async function slide(page: Page, selector: string, value: number): Promis
 
 /** The picture alone, without what floats over it. */
 export function canvasPicture(page: Page): Promise<Buffer> {
-  return page.locator(".stage canvas").screenshot({
-    style: ".title, .names, .divider, .progress, .notice, .sheet { visibility: hidden }",
+  return page.locator(".viewport canvas").screenshot({
+    style: ".title, .names, .divider, .progress, .notice, .panel-button { visibility: hidden }",
   });
 }
 
-export interface Look {
+export interface CanvasContent {
   /** Share of the picture's pixels that are not background. */
   covered: number;
   colors: number;
 }
 
 /** What is on the canvas: how much of it is covered and by how many colours. */
-export async function lookAt(page: Page): Promise<Look> {
+export async function measureCanvas(page: Page): Promise<CanvasContent> {
   const png = (await canvasPicture(page)).toString("base64");
   return page.evaluate(async (data) => {
     const image = await createImageBitmap(

@@ -1,4 +1,4 @@
-import { canvasPicture, differentPixels, expect, lookAt, settled, test } from "./page.js";
+import { canvasPicture, differentPixels, expect, measureCanvas, settled, test } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
 /** Of page and asset together, none of it compressed. */
@@ -31,15 +31,15 @@ test("the first picture needs little, and is the viewer's", async ({ page, host 
   expect(pageBytes).toBeGreaterThan(10_000);
   expect(assetBytes).toBeGreaterThan(10_000);
   expect(pageBytes + assetBytes).toBeLessThan(MOST_BYTES);
-  const first = await lookAt(page);
+  const first = await measureCanvas(page);
   expect(first.covered).toBeGreaterThan(0.1);
-  const sketch = await canvasPicture(page);
+  const preview = await canvasPicture(page);
   release();
   await settled(page);
-  await expect(page.locator(".stage canvas")).toHaveCount(1);
-  const then = await lookAt(page);
+  await expect(page.locator(".viewport canvas")).toHaveCount(1);
+  const then = await measureCanvas(page);
   expect(Math.abs(then.covered - first.covered)).toBeLessThan(0.01);
-  expect(await differentPixels(page, sketch, await canvasPicture(page))).toBeLessThan(0.05);
+  expect(await differentPixels(page, preview, await canvasPicture(page))).toBeLessThan(0.05);
 });
 
 test("a link's first picture is from where the link says", async ({ page, host }) => {
@@ -51,7 +51,7 @@ test("a link's first picture is from where the link says", async ({ page, host }
     await page.waitForFunction(
       () => performance.getEntriesByName("umbel-first-picture").length > 0,
     );
-    seen.push((await lookAt(page)).covered);
+    seen.push((await measureCanvas(page)).covered);
   }
   expect(seen[1]).toBeGreaterThan(2 * seen[0]);
 });

@@ -31,10 +31,10 @@ test("textures grow as one comes closer, within the memory that there is", async
   await settled(page);
   const at = (distance: number) =>
     page.evaluate(async (z) => {
-      globalThis.umbelViewer?.stage.setPose({ position: [0, 0, z], target: [0, 0, 0] });
+      globalThis.umbelViewer?.viewport.camera.setPose({ position: [0, 0, z], target: [0, 0, 0] });
     }, distance);
   const textures = () =>
-    page.evaluate(() => globalThis.umbelViewer?.stage.meshes[0].textures as { bytes: number });
+    page.evaluate(() => globalThis.umbelViewer?.viewport.meshes[0].textures as { bytes: number });
   const far = await textures();
   await at(0.4);
   await settled(page);

@@ -1,13 +1,13 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import type { GroupInfo } from "../../packages/umbel/src/decode/page.js";
+import type { GroupInfo } from "../../packages/umbel/src/decode/group.js";
 import { cameraView } from "../../packages/umbel/src/select/select.js";
-import { ASSETS, assetBytes, said, words } from "../support/assets.js";
-import { select, whole } from "../support/whole.js";
+import { ASSETS, assetBytes, expectedOf, words } from "../support/assets.js";
+import { loadAsset, select } from "../support/loaded_asset.js";
 import {
   canvasPicture,
   expect,
-  lookAt,
+  measureCanvas,
   type Pose,
   quiet,
   settled,
@@ -19,9 +19,9 @@ import {
 const PLANET = "/?asset=planet.umbel";
 /** With few triangles, which software draws fast. */
 const COARSE = `${PLANET}#pixels=6`;
-const ASSET = whole("planet");
-const LEVELS = said("planet").levels.length;
-const TRIANGLES = words(said("planet").triangles);
+const ASSET = loadAsset("planet");
+const LEVELS = expectedOf("planet").levels.length;
+const TRIANGLES = words(expectedOf("planet").triangles);
 
 /** Triangles that the library draws from a pose. */
 function libraryTriangles(pose: Pose, fov: number, height: number, pixels: number): number {
@@ -40,7 +40,7 @@ test("opens, streams and shows", async ({ page, host }) => {
   expect(triangles).toBeGreaterThan(5000);
   expect(fetchedBytes).toBeLessThan(assetBytes("planet").length / 2);
   expect(fetchedBytes).toBe(host.sent);
-  expect((await lookAt(page)).covered).toBeGreaterThan(0.1);
+  expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
   await expect(page.locator(".title h1")).toHaveText("planet.umbel");
   await expect(page.locator(".title p")).toHaveText(`327,680 triangles, ${LEVELS} levels`);
   await expect(page.locator('[data-counter="draws"] .value')).toHaveText("1");
@@ -54,7 +54,7 @@ test("turning and coming closer change the cut", async ({ page, host }) => {
   await page.mouse.wheel(0, -1500);
   await page.waitForFunction(
     (triangles) =>
-      (globalThis.umbelViewer?.stage.meshes[0].statistics?.triangles ?? 0) > 1.1 * triangles,
+      (globalThis.umbelViewer?.viewport.meshes[0].statistics?.triangles ?? 0) > 1.1 * triangles,
     before.triangles,
   );
   const close = await settled(page);
@@ -73,9 +73,14 @@ test("the error slider draws as many triangles as the library says", async ({ pa
     await slide(page, "#pixels", at);
     const { triangles } = await settled(page);
     const { pose, fov, height, pixels } = await page.evaluate(() => {
-      const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
-      const fov = stage.camera.getEffectiveFOV();
-      return { pose: stage.pose, fov, height: stage.height, pixels: stage.meshes[0].pixelError };
+      const { viewport } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+      const fov = viewport.camera.perspective.getEffectiveFOV();
+      return {
+        pose: viewport.camera.pose,
+        fov,
+        height: viewport.height,
+        pixels: viewport.meshes[0].pixelError,
+      };
     });
     expect(triangles).toBe(libraryTriangles(pose, fov, height, pixels));
     seen.push(triangles);
@@ -85,20 +90,20 @@ test("the error slider draws as many triangles as the library says", async ({ pa
 });
 
 test("the budget is kept along a camera path", async ({ page, host }) => {
-  await page.goto(`${host.url}${PLANET}#pixels=0.5&look=shaded&budget=4`);
+  await page.goto(`${host.url}${PLANET}#pixels=0.5&mode=shaded&budget=4`);
   await settled(page);
   const most = await page.evaluate(async () => {
-    const { stage } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
+    const { viewport } = globalThis.umbelViewer as NonNullable<typeof globalThis.umbelViewer>;
     let most = 0;
     for (let i = 0; i < 60; ++i) {
       const angle = i / 10;
       const distance = 1.6 + Math.sin(i / 4);
-      stage.setPose({
+      viewport.camera.setPose({
         position: [Math.sin(angle) * distance, 0.4, Math.cos(angle) * distance],
         target: [0, 0, 0],
       });
       await new Promise((next) => requestAnimationFrame(next));
-      most = Math.max(most, stage.meshes[0].statistics?.residentBytes ?? 0);
+      most = Math.max(most, viewport.meshes[0].statistics?.residentBytes ?? 0);
     }
     return most;
   });
@@ -116,9 +121,9 @@ test("every look shows something else", async ({ page, host }) => {
   const colors: Record<string, number> = {};
   const pictures = new Set<string>();
   for (const look of ["shaded", "clusters", "groups", "levels", "error", "overlap", "pages"]) {
-    await page.locator(`[data-look=${look}]`).click();
+    await page.locator(`[data-mode=${look}]`).click();
     await quiet(page);
-    colors[look] = (await lookAt(page)).colors;
+    colors[look] = (await measureCanvas(page)).colors;
     pictures.add((await canvasPicture(page)).toString("base64"));
   }
   await page.keyboard.press("1");
@@ -163,7 +168,7 @@ test("a click picks a cluster and tells its numbers", async ({ page, host }) => 
   await expect(card.locator("h2")).toHaveText(/^Cluster [\d,]+$/);
   const cluster = Number(((await card.locator("h2").textContent()) ?? "").replace(/\D/g, ""));
   await expect(card).toContainText(`Triangles${TRIANGLES[cluster]}`);
-  const group = ASSET.catalog.info.find(
+  const group = ASSET.dag.info.find(
     (info) =>
       info && info.firstCluster <= cluster && cluster - info.firstCluster < info.clusterCount,
   ) as GroupInfo;
@@ -182,16 +187,16 @@ test("a link carries camera and look", async ({ page, host, context }) => {
   await page.mouse.move(210, 180);
   await page.mouse.wheel(0, -400);
   await settled(page);
-  const pose = await page.evaluate(() => globalThis.umbelViewer?.stage.pose as Pose);
+  const pose = await page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose as Pose);
   await page.locator("#share").click();
   await expect(page.locator(".notice")).toHaveText("Link copied.");
   const link = await page.evaluate(() => navigator.clipboard.readText());
   const other = await context.newPage();
   await other.goto(link);
   await settled(other);
-  const there = await other.evaluate(() => globalThis.umbelViewer?.stage.pose as Pose);
+  const there = await other.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose as Pose);
   for (let i = 0; i < 3; ++i) expect(there.position[i]).toBeCloseTo(pose.position[i], 4);
-  await expect(other.locator("[data-look=groups]")).toHaveAttribute("aria-pressed", "true");
+  await expect(other.locator("[data-mode=groups]")).toHaveAttribute("aria-pressed", "true");
 });
 
 test("side by side and wipe draw the full mesh beside it", async ({ page, host }) => {
@@ -201,7 +206,7 @@ test("side by side and wipe draw the full mesh beside it", async ({ page, host }
     await page.locator(`[data-layout=${layout}]`).click();
     await page.waitForFunction(
       (few) => {
-        const right = globalThis.umbelViewer?.stage.meshes[1];
+        const right = globalThis.umbelViewer?.viewport.meshes[1];
         return right?.statistics?.isSettled && right.statistics.triangles > 10 * few;
       },
       triangles,
@@ -211,7 +216,7 @@ test("side by side and wipe draw the full mesh beside it", async ({ page, host }
     await expect(page.locator(".names")).toContainText("Full mesh");
   }
   const full = await page.evaluate(
-    () => globalThis.umbelViewer?.stage.meshes[1].statistics?.triangles,
+    () => globalThis.umbelViewer?.viewport.meshes[1].statistics?.triangles,
   );
   expect(full).toBe(ASSET.head.meshes[0].sourceTriangles);
   await page.locator("[data-layout=single]").click();
@@ -253,7 +258,9 @@ test("camera paths are recorded, saved and replayed", async ({ page, host }) => 
   await page.locator("#replay").click();
   await page.waitForFunction(
     (wanted) =>
-      globalThis.umbelViewer?.stage.pose.position.every((x, i) => Math.abs(x - wanted[i]) < 1e-3),
+      globalThis.umbelViewer?.viewport.camera.pose.position.every(
+        (x, i) => Math.abs(x - wanted[i]) < 1e-3,
+      ),
     end,
   );
 });

@@ -3,9 +3,9 @@
 
 import { readPage } from "../../packages/umbel/src/decode/page.js";
 import { UmbelError } from "../../packages/umbel/src/errors.js";
-import { type Head, readHead } from "../../packages/umbel/src/format/file_header.js";
+import { type FileHeader, readFileHeader } from "../../packages/umbel/src/format/file_header.js";
 import { jsonOf, listOf } from "../../packages/umbel/src/format/gltf.js";
-import { Catalog } from "../../packages/umbel/src/select/catalog.js";
+import { GroupDag } from "../../packages/umbel/src/select/group_dag.js";
 import { cameraView } from "../../packages/umbel/src/select/select.js";
 import { packGroup } from "../../packages/umbel/src/stream/render_group.js";
 import { BlobSource } from "../../packages/umbel/src/stream/source.js";
@@ -37,8 +37,8 @@ function attempt(action: () => void): void {
 }
 
 /** Numbers that the clusters of a page state that they have. */
-function statedNumbers(head: Head, page: number, bytes: Uint8Array): number {
-  const { maxVertices, maxTriangles } = head.header;
+function statedNumbers(head: FileHeader, page: number, bytes: Uint8Array): number {
+  const { maxVertices, maxTriangles } = head.fixed;
   const components = Math.max(...head.meshes.map(({ smooth }) => smooth.length), 1);
   const clusters = Math.min(bytes.length / 24, head.clusters + head.pages.groups[page]);
   return (
@@ -47,8 +47,8 @@ function statedNumbers(head: Head, page: number, bytes: Uint8Array): number {
   );
 }
 
-function readPages(file: Uint8Array, head: Head): void {
-  const catalog = new Catalog(head);
+function readPages(file: Uint8Array, head: FileHeader): void {
+  const dag = new GroupDag(head);
   for (let page = 0; page < head.pages.count; ++page)
     attempt(() => {
       const { offset, size } = head.pages;
@@ -57,21 +57,21 @@ function readPages(file: Uint8Array, head: Head): void {
       const taken = allocated(() =>
         attempt(() => {
           const groups = readPage(head, page, bytes);
-          catalog.add(
+          dag.add(
             page,
             groups.map(({ info }) => info),
           );
-          for (const group of groups) packGroup(group, catalog);
+          for (const group of groups) packGroup(group, dag);
         }),
       );
       if (taken > most) throw new Error(`page ${page} took ${taken} bytes, not ${most} at most`);
     });
   for (let mesh = 0; mesh < head.meshes.length; ++mesh)
     for (const view of [cameraView([0, 0, 2], 1, 500, 1), { kind: "error", error: 0 } as const])
-      catalog.walk(mesh, view, () => true);
+      dag.traverse(mesh, view, () => true);
 }
 
-function makeMaterials(head: Head): void {
+function makeMaterials(head: FileHeader): void {
   const { materials, textures, samplers, images } = head.materials;
   listOf(textures);
   listOf(samplers);
@@ -123,10 +123,10 @@ async function stream(file: Uint8Array): Promise<void> {
  */
 export async function show(file: Uint8Array, streams = true): Promise<void> {
   const start = performance.now();
-  let head: Head | undefined;
+  let head: FileHeader | undefined;
   const taken = allocated(() =>
     attempt(() => {
-      head = readHead(file);
+      head = readFileHeader(file);
     }),
   );
   if (taken > HEAD_FACTOR * file.length + SPARE) throw new Error(`the head took ${taken} bytes`);

@@ -2,7 +2,12 @@
 // this is for.
 
 import { xxh64 } from "../../packages/umbel/src/format/xxh64.js";
-import { headSections, jsonSection, sealHead, withSections } from "../support/rewrite.js";
+import {
+  fileHeaderSections,
+  jsonSection,
+  sealFileHeader,
+  withSections,
+} from "../support/rewrite.js";
 import type { Random } from "./random.js";
 
 const WORDS = [0, 1, 2, 0x7f, 0xff, 0xffff, 0x10000, 0x7fffffff, 0x80000000, 0xffffffff];
@@ -47,7 +52,7 @@ function changed(value: unknown, random: Random): unknown {
 
 function changeJson(file: Uint8Array, random: Random): Uint8Array {
   const name = random.of(["MTRL", "MTRL", "SCEN"]);
-  const section = headSections(file).find((each) => each.name === name);
+  const section = fileHeaderSections(file).find((each) => each.name === name);
   if (!section) return withSections(file, [jsonSection(name, random.of(VALUES))]);
   let value: unknown = JSON.parse(new TextDecoder().decode(section.bytes) || "{}");
   for (let i = 0; i <= random.below(3); ++i) value = changed(value, random);
@@ -99,7 +104,7 @@ export function mutated(seed: Uint8Array, random: Random): Uint8Array {
     else if (kind === 6 && i === 0) file = changeJson(file, random);
     else file = file.slice(0, 128 + random.below(file.length - 128));
     if (viewOf(file).getUint32(12, true) !== 128 || file.length < head) return file;
-    sealHead(file);
+    sealFileHeader(file);
   }
   return file;
 }

@@ -49,21 +49,21 @@ export function assetBytes(name: string): Uint8Array {
 }
 
 /** What the reference reader and the library say of an asset. */
-export interface Said {
+export interface ExpectedAsset {
   levels: [number, number][];
   source_triangles: number;
   groups: number;
   triangles: string;
-  pages: Record<string, SaidGroup[]>;
-  views: SaidView[];
+  pages: Record<string, ExpectedGroup[]>;
+  views: ExpectedView[];
 }
 
-export interface SaidGroup {
+export interface ExpectedGroup {
   group: number;
   mesh: number;
   first_cluster: number;
   level: number;
-  rung: number;
+  method: number;
   parents: number;
   /** Centre, radius, error. */
   sphere: string;
@@ -74,7 +74,7 @@ export interface SaidGroup {
   clusters: Record<string, string>[];
 }
 
-export interface SaidView {
+export interface ExpectedView {
   kind: "error" | "level" | "camera";
   error: number;
   level: number;
@@ -85,8 +85,8 @@ export interface SaidView {
   cut: string;
 }
 
-export function said(name: string): Said {
-  return JSON.parse(readFileSync(join(ASSETS, `${name}.json`), "utf-8")) as Said;
+export function expectedOf(name: string): ExpectedAsset {
+  return JSON.parse(readFileSync(join(ASSETS, `${name}.json`), "utf-8")) as ExpectedAsset;
 }
 
 export function words(base64: string): Uint32Array {

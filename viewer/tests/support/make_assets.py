@@ -93,7 +93,7 @@ def dump(path: Path) -> None:
                 "mesh": group.mesh,
                 "first_cluster": group.first_cluster,
                 "level": group.level,
-                "rung": group.rung,
+                "method": group.rung,
                 "parents": group.parents,
                 "sphere": encoded([*group.sphere, group.error], "<f4"),
                 "references": [row[:3] for row in group.references],

@@ -31,7 +31,7 @@ function setChecksum(view: DataView, at: number, bytes: Uint8Array): void {
 }
 
 /** Puts the checksums of a file's head right. */
-export function sealHead(file: Uint8Array): void {
+export function sealFileHeader(file: Uint8Array): void {
   const view = viewOf(file);
   const header = view.getUint32(12, true);
   setChecksum(view, 32, file.subarray(header, size(view, 24)));
@@ -39,7 +39,7 @@ export function sealHead(file: Uint8Array): void {
 }
 
 /** The sections that are in the head. */
-export function headSections(file: Uint8Array): Section[] {
+export function fileHeaderSections(file: Uint8Array): Section[] {
   const view = viewOf(file);
   const header = view.getUint32(12, true);
   return Array.from({ length: view.getUint32(40, true) }, (_, i) => {
@@ -59,7 +59,7 @@ export function withSections(file: Uint8Array, changed: readonly Section[]): Uin
   const header = old.getUint32(12, true);
   const oldHead = size(old, 24);
   const names = new Set(changed.map(({ name }) => name));
-  const sections = [...headSections(file).filter(({ name }) => !names.has(name)), ...changed];
+  const sections = [...fileHeaderSections(file).filter(({ name }) => !names.has(name)), ...changed];
   let end = header + TABLE_ROW * sections.length;
   const offsets = sections.map(({ bytes }) => {
     const offset = Math.ceil(end / 8) * 8;
@@ -95,7 +95,7 @@ export function withSections(file: Uint8Array, changed: readonly Section[]): Uin
   setSize(view, 16, out.length);
   setSize(view, 24, head);
   view.setUint32(40, sections.length, true);
-  sealHead(out);
+  sealFileHeader(out);
   return out;
 }
 

@@ -1,4 +1,4 @@
-// What little of matrices the first picture needs: four columns of four, as WebGL takes them.
+// The matrices of the preview: four columns of four, as WebGL takes them.
 
 export type Matrix = number[];
 type Point = [number, number, number];
@@ -22,7 +22,7 @@ function column(m: Matrix, i: number): Point {
   return m.slice(4 * i, 4 * i + 3) as Point;
 }
 
-/** Of three rows of four. */
+/** The matrix of three rows of four. */
 export function fromRows(rows: ArrayLike<number>): Matrix {
   return [0, 1, 2, 3].flatMap((i) => [
     ...AXES.map((axis) => rows[4 * axis + i] as number),
@@ -41,10 +41,10 @@ export function multiply(a: Matrix, b: Matrix): Matrix {
   });
 }
 
-/** From the world to a camera that looks at `target`, with y upwards. */
+/** From the world to a camera that looks at `target`, with y up. */
 export function viewMatrix(eye: Point, target: Point): Matrix {
   const back = normalised(eye.map((x, i) => x - (target[i] as number)) as Point);
-  // Straight up or down, any direction may be to the right.
+  // Any direction may be to the right of a camera that looks straight up or down.
   const across = cross([0, 1, 0], back);
   const right = normalised(Math.hypot(...across) > 1e-9 ? across : [1, 0, 0]);
   const axes = [right, cross(back, right), back] as const;
@@ -55,7 +55,7 @@ export function viewMatrix(eye: Point, target: Point): Matrix {
   ];
 }
 
-/** As cameras of OpenGL; `fov` in radians, from the lower edge to the upper. */
+/** The projection of OpenGL; `fov` is vertical, in radians. */
 export function perspective(fov: number, aspect: number, near: number, far: number): Matrix {
   const y = 1 / Math.tan(fov / 2);
   const depth = (far + near) / (near - far);
@@ -79,8 +79,8 @@ export function perspective(fov: number, aspect: number, near: number, far: numb
   ];
 }
 
-/** The four sides of what a projection shows: normals that point inside, and distances. */
-export function sidesOf(m: Matrix): Float32Array {
+/** The four side planes of a view volume: normals that point inside, and distances. */
+export function sidePlanesOf(m: Matrix): Float32Array {
   const row = (i: number) => [0, 1, 2, 3].map((j) => m[4 * j + i] as number);
   const last = row(3);
   return Float32Array.from(
@@ -94,14 +94,14 @@ export function sidesOf(m: Matrix): Float32Array {
   );
 }
 
-/** Where the origin of what a matrix maps to comes from. */
+/** The point that a matrix maps to the origin. */
 export function originOf(m: Matrix): Point {
   const [a, b, c, t] = [column(m, 0), column(m, 1), column(m, 2), column(m, 3)];
   const volume = dot(a, cross(b, c));
   return [cross(b, c), cross(c, a), cross(a, b)].map((row) => -dot(row, t) / volume) as Point;
 }
 
-/** How much a matrix stretches its axes. */
+/** The scales of a matrix along its axes. */
 export function scalesOf(m: Matrix): number[] {
   return AXES.map((i) => Math.hypot(...column(m, i)));
 }

@@ -1,5 +1,5 @@
-// The first picture, while the rest of the page is still on its way: what has arrived of the asset,
-// without textures, drawn by WebGL 2 alone.
+// Draws the first picture while the viewer and three.js still load: the groups that have arrived,
+// without textures, by WebGL 2 alone.
 
 import {
   type AssetInfo,
@@ -13,8 +13,14 @@ import {
   type StreamUpdate,
 } from "umbel";
 import { type CameraPose, MAX_PIXEL_RATIO } from "../state";
-import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy, UNDRESSED } from "../viewport/camera";
-import { FILL, KEY, type Lamp, linear, SKY } from "../viewport/lights";
+import {
+  boundingSphereOf,
+  depthsOf,
+  FIELD_OF_VIEW,
+  homePose,
+  translated,
+  UNTEXTURED_ERROR_FACTOR,
+} from "../viewport/camera";
 import {
   fromRows,
   type Matrix,
@@ -22,72 +28,34 @@ import {
   originOf,
   perspective,
   scalesOf,
-  sidesOf,
+  sidePlanesOf,
   viewMatrix,
 } from "./matrix";
+import { useProgram } from "./shaders";
 
-/** What has no material. */
+/** Linear colour of meshes without a material. */
 const PLAIN = [0.6867, 0.6445, 0.5776];
-/** As in `UmbelMesh`: how much coarser it may be outside the picture. */
+/** Factor on the allowed error outside of the view volume, as in UmbelMesh. */
 const OFFSCREEN = 4;
 const FOV = (FIELD_OF_VIEW * Math.PI) / 180;
 
-const VERTEX = `#version 300 es
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec3 color;
-uniform mat4 toView, projection;
-out vec3 place, facing, tint;
-void main() {
-  vec4 p = toView * vec4(position, 1);
-  place = p.xyz;
-  facing = mat3(toView) * normal;
-  tint = color;
-  gl_Position = projection * p;
-}`;
-
-const FRAGMENT = `#version 300 es
-precision highp float;
-in vec3 place, facing, tint;
-uniform vec3 base, up;
-uniform bool isSmooth;
-out vec4 pixel;
-void main() {
-  vec3 n = normalize(isSmooth ? facing : cross(dFdx(place), dFdy(place)));
-  vec3 light = ${lamp(KEY)} + ${lamp(FILL)}
-    + mix(${rgb(SKY.ground, SKY.intensity)}, ${rgb(SKY.color, SKY.intensity)}, .5 + .5 * dot(n, up));
-  vec3 c = base * tint * light / 3.14159265;
-  pixel = vec4(mix(12.92 * c, 1.055 * pow(c, vec3(1. / 2.4)) - .055, step(.0031308, c)), 1);
-}`;
-
-function vec3(numbers: readonly number[]): string {
-  return `vec3(${numbers.map((x) => x.toFixed(6)).join(", ")})`;
-}
-
-function rgb(color: number, intensity: number): string {
-  return vec3(linear(color, intensity));
-}
-
-function lamp({ color, intensity, from }: Lamp): string {
-  const length = Math.hypot(...from);
-  return `${rgb(color, intensity)} * max(dot(n, ${vec3(from.map((x) => x / length))}), 0.)`;
-}
-
-interface OnGpu {
+interface UploadedGroup {
   group: RenderGroup;
   vertices: WebGLVertexArrayObject;
 }
 
-export class Sketch {
-  /** Fulfilled once triangles are on the screen. */
-  readonly isSeen: Promise<void>;
-  private tellSeen = () => {};
+export class PreviewRenderer {
+  /** Resolves once triangles are on the screen. */
+  readonly isShown: Promise<void>;
+  private resolveShown = () => {};
   private readonly element = document.createElement("div");
   private readonly gl: WebGL2RenderingContext;
   private readonly program: WebGLProgram;
-  private readonly groups = new Map<number, OnGpu>();
+  private readonly groups = new Map<number, UploadedGroup>();
+  /** The base colour of each material. */
   private readonly colors: number[][];
-  private readonly places: Matrix[];
+  /** For each instance, from the mesh to the camera. */
+  private readonly modelViews: Matrix[];
   private cuts: Uint32Array[] = [];
 
   constructor(
@@ -96,82 +64,67 @@ export class Sketch {
     pose: CameraPose | undefined,
     pixelError: number,
   ) {
-    this.isSeen = new Promise((resolve) => {
-      this.tellSeen = resolve;
+    this.isShown = new Promise((resolve) => {
+      this.resolveShown = resolve;
     });
     const canvas = document.createElement("canvas");
-    this.element.className = "stage";
+    this.element.className = "viewport";
     this.element.append(canvas);
     root.append(this.element);
     const ratio = Math.min(devicePixelRatio, MAX_PIXEL_RATIO);
     canvas.width = Math.floor(this.element.clientWidth * ratio);
     canvas.height = Math.floor(this.element.clientHeight * ratio);
     this.gl = canvas.getContext("webgl2") as WebGL2RenderingContext;
-    this.program = this.makeProgram();
-    this.colors = colorsOf(stream.info);
+    this.program = useProgram(this.gl);
+    this.gl.enable(this.gl.DEPTH_TEST);
+    // The colour of vertices without one.
+    this.gl.vertexAttrib3f(2, 1, 1, 1);
+    this.colors = baseColorsOf(stream.info);
     const hasImages = listOf(stream.info.materials.images).length > 0;
-    this.places = this.look(pose, (hasImages ? UNDRESSED : 1) * pixelError);
-    stream.preview = (update) => this.take(update);
+    const factor = hasImages ? UNTEXTURED_ERROR_FACTOR : 1;
+    this.modelViews = this.setUpCamera(pose, factor * pixelError);
+    stream.onPreviewUpdate = (update) => this.apply(update);
   }
 
   dispose(): void {
-    this.stream.preview = undefined;
+    this.stream.onPreviewUpdate = undefined;
     this.element.remove();
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
-  /** Sets up the camera, asks for what it sees, and gives the matrix from each instance to it. */
-  private look(pose: CameraPose | undefined, pixelError: number): Matrix[] {
+  /** Sets the camera, sends its views to the stream, and returns the matrix of each instance. */
+  private setUpCamera(pose: CameraPose | undefined, pixelError: number): Matrix[] {
     const { gl, stream } = this;
     const { width, height } = gl.canvas;
-    const ball = ballOf(stream.info);
+    const sphere = boundingSphereOf(stream.info);
     const { position, target } = pose
-      ? movedBy(pose, stream.info.origin, -1)
+      ? translated(pose, stream.info.origin, -1)
       : homePose(stream.info, width / height);
-    const distance = Math.hypot(...position.map((x, i) => x - (ball.center[i] as number)));
-    const { near, far } = depthsOf(distance, ball.radius);
+    const distance = Math.hypot(...position.map((x, i) => x - (sphere.center[i] as number)));
+    const { near, far } = depthsOf(distance, sphere.radius);
     const projection = perspective(FOV, width / height, near, far);
     const view = viewMatrix(position, target);
     gl.uniformMatrix4fv(this.uniform("projection"), false, projection);
     gl.uniform3fv(this.uniform("up"), view.slice(4, 7));
-    const places = stream.info.instances.map(({ matrix }) => multiply(view, fromRows(matrix)));
+    const modelViews = stream.info.instances.map(({ matrix }) => multiply(view, fromRows(matrix)));
     stream.setViews(
-      places.map((place, i): MeshView => {
-        const scales = scalesOf(place);
+      modelViews.map((modelView, i): MeshView => {
+        const scales = scalesOf(modelView);
         const pixels = (pixelError * Math.min(...scales)) / Math.max(...scales);
-        const planes = sidesOf(multiply(projection, place));
-        const seen = cameraView(originOf(place), FOV, height, pixels);
+        const planes = sidePlanesOf(multiply(projection, modelView));
+        const camera = cameraView(originOf(modelView), FOV, height, pixels);
         const { mesh } = stream.info.instances[i] as { mesh: number };
-        return { mesh, view: { ...seen, planes, offscreen: OFFSCREEN } };
+        return { mesh, view: { ...camera, planes, offscreen: OFFSCREEN } };
       }),
     );
-    return places;
-  }
-
-  private makeProgram(): WebGLProgram {
-    const { gl } = this;
-    const program = gl.createProgram() as WebGLProgram;
-    for (const [type, source] of [
-      [gl.VERTEX_SHADER, VERTEX],
-      [gl.FRAGMENT_SHADER, FRAGMENT],
-    ] as const) {
-      const shader = gl.createShader(type) as WebGLShader;
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    gl.useProgram(program);
-    gl.enable(gl.DEPTH_TEST);
-    gl.vertexAttrib3f(2, 1, 1, 1);
-    return program;
+    return modelViews;
   }
 
   private uniform(name: string): WebGLUniformLocation | null {
     return this.gl.getUniformLocation(this.program, name);
   }
 
-  private take({ added, removed, cuts, statistics }: StreamUpdate): void {
+  private apply({ added, removed, cuts, statistics }: StreamUpdate): void {
     for (const group of removed) this.groups.delete(group);
     for (const group of added) this.groups.set(group.group, this.upload(group));
     if (!cuts) return;
@@ -179,16 +132,16 @@ export class Sketch {
     if (this.draw() === 0) return;
     requestAnimationFrame(() => {
       performance.mark("umbel-first-picture", { detail: statistics });
-      this.tellSeen();
+      this.resolveShown();
     });
   }
 
-  private upload(group: RenderGroup): OnGpu {
+  private upload(group: RenderGroup): UploadedGroup {
     const { gl } = this;
     const vertices = gl.createVertexArray() as WebGLVertexArrayObject;
     gl.bindVertexArray(vertices);
     const attribute = (
-      place: number,
+      location: number,
       values: ArrayBufferView | undefined,
       type: number,
       size: number,
@@ -196,22 +149,22 @@ export class Sketch {
       if (!values) return;
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
       gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, size, type, type !== gl.FLOAT, 0, 0);
+      gl.enableVertexAttribArray(location);
+      gl.vertexAttribPointer(location, size, type, type !== gl.FLOAT, 0, 0);
     };
     attribute(0, group.positions, gl.FLOAT, 3);
     attribute(1, group.normals, gl.SHORT, 4);
     attribute(2, group.colors, gl.UNSIGNED_SHORT, 4);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, group.indices, gl.STATIC_DRAW);
-    // The stream's next listener takes the arrays away.
+    // A copy: the stream's listener empties the group later.
     return { group: { ...group }, vertices };
   }
 
-  /** Draws the cut as it is; the number of runs of clusters in it. */
+  /** Draws the cuts; returns the number of runs of clusters in them. */
   private draw(): number {
     const { gl, groups } = this;
-    const groupOf = new Map<number, OnGpu>();
+    const groupOf = new Map<number, UploadedGroup>();
     for (const each of groups.values())
       for (let i = 0; i < each.group.clusterCount; ++i)
         groupOf.set(each.group.firstCluster + i, each);
@@ -219,7 +172,7 @@ export class Sketch {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     let runs = 0;
     this.cuts.forEach((cut, i) => {
-      gl.uniformMatrix4fv(this.uniform("toView"), false, this.places[i] as Matrix);
+      gl.uniformMatrix4fv(this.uniform("toView"), false, this.modelViews[i] as Matrix);
       for (let run = 0; run < cut.length; run += 3, ++runs) {
         const found = groupOf.get(cut[run] as number);
         if (found) this.drawRun(found, cut[run] as number, cut[run + 1] as number);
@@ -228,7 +181,7 @@ export class Sketch {
     return runs;
   }
 
-  private drawRun({ group, vertices }: OnGpu, first: number, count: number): void {
+  private drawRun({ group, vertices }: UploadedGroup, first: number, count: number): void {
     const { gl } = this;
     gl.bindVertexArray(vertices);
     gl.uniform1i(this.uniform("isSmooth"), group.normals ? 1 : 0);
@@ -242,8 +195,7 @@ export class Sketch {
   }
 }
 
-/** The plain colours of glTF's materials. */
-function colorsOf({ materials }: AssetInfo): number[][] {
+function baseColorsOf({ materials }: AssetInfo): number[][] {
   return listOf(materials.materials).map(({ pbrMetallicRoughness }) =>
     numbersOf(jsonOf(pbrMetallicRoughness).baseColorFactor, [1, 1, 1]),
   );

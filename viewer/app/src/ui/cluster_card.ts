@@ -1,14 +1,14 @@
-// The numbers of a cluster that was clicked.
+// The card of a picked cluster.
 
 import { Vector3 } from "three";
 import { digitsFor } from "../state";
-import type { Picked } from "../viewport/viewport";
+import type { PickedCluster } from "../viewport/viewport";
 import { count, h, significant } from "./dom";
 
 const NONE = 0xffffffff;
 
-export function pickedCard(
-  { mesh, cluster, distance, point }: Picked,
+export function clusterCard(
+  { mesh, cluster, distance, point }: PickedCluster,
   pixelsPerUnit: number,
   close: () => void,
 ): HTMLElement {
@@ -22,18 +22,18 @@ export function pickedCard(
     ["Group", count(cluster.group)],
     [
       "Made from",
-      cluster.generating === NONE ? "the source" : `group ${count(cluster.generating)}`,
+      cluster.generating === NONE ? "the source mesh" : `group ${count(cluster.generating)}`,
     ],
     ["Triangles", count(cluster.triangles)],
     ["Vertices", count(cluster.vertices)],
     ["Error", significant(cluster.error) + pixels(cluster.error)],
-    ["Once coarser", significant(cluster.groupError) + pixels(cluster.groupError)],
+    ["Group error", significant(cluster.groupError) + pixels(cluster.groupError)],
     ["Material", named || String(cluster.material)],
     ...(mesh.info.instances.length > 1
       ? ([["Instance", count(cluster.instance)]] as [string, string][])
       : []),
     ["Box", size],
-    ["Point", place(point, distance) + unit],
+    ["Point", formatPoint(point, distance) + unit],
   ];
   return h(
     "div",
@@ -45,22 +45,22 @@ export function pickedCard(
       h("button", {
         type: "button",
         textContent: "×",
-        title: "Let go (Esc)",
+        title: "Close (Esc)",
         onclick: close,
-        aria: { label: "Let go" },
+        aria: { label: "Close" },
       }),
     ),
     h("dl", {}, ...rows.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])),
   );
 }
 
-/** A place in the world, with digits down to about a thousandth of how far away it was seen. */
-function place(point: readonly number[], distance: number): string {
+/** A point in the world, with decimals that resolve about a thousandth of its distance. */
+function formatPoint(point: readonly number[], distance: number): string {
   const digits = Math.max(digitsFor(distance) - 3, 0);
   return point.map((x) => x.toFixed(digits)).join(", ");
 }
 
-/** The unit of coordinates where the asset says one. */
+/** The unit of coordinates, if the asset states one. */
 function unitOf(metadata: Record<string, unknown>): string {
   const { coordinates } = metadata as { coordinates?: { unit?: unknown } };
   return typeof coordinates?.unit === "string" ? ` ${coordinates.unit}` : "";

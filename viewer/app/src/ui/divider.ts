@@ -1,13 +1,13 @@
-// The line between two assets, and what is on each side of it.
+// The line between two compared assets, and the name on each side.
 
 import type { Layout } from "../state";
 import { h } from "./dom";
 
-export class Split {
+export class Divider {
   readonly divider = h("div", { className: "divider", hidden: true });
   readonly names = h("div", { className: "names", hidden: true });
 
-  /** @param onMove is told where a hand pulls the line, from 0 (left) to 1 */
+  /** @param onMove is called with the position of a dragged line, from 0 (left) to 1 */
   constructor(host: HTMLElement, onMove: (at: number) => void) {
     const { divider } = this;
     divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));

@@ -1,4 +1,4 @@
-// Makes elements of the page.
+// Makes elements of the page, and formats numbers.
 
 type Child = Node | string | undefined;
 type Properties<K extends keyof HTMLElementTagNameMap> = {

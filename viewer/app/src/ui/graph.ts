@@ -1,4 +1,4 @@
-// A number with its recent past as a small line.
+// The counters' graphs, and the strip of pages.
 
 import { h } from "./dom";
 
@@ -6,6 +6,7 @@ const POINTS = 60;
 const WIDTH = 64;
 const HEIGHT = 18;
 
+/** A number with its recent values as a line. */
 export class Graph {
   readonly element: HTMLElement;
   private readonly value = h("span", { className: "value" });
@@ -37,13 +38,13 @@ export class Graph {
 
   private draw(): void {
     const context = this.canvas.getContext("2d") as CanvasRenderingContext2D;
-    const most = Math.max(...this.points, 1e-9) * 1.1;
+    const max = Math.max(...this.points, 1e-9) * 1.1;
     const { width, height } = this.canvas;
     context.clearRect(0, 0, width, height);
     context.beginPath();
     this.points.forEach((point, i) => {
       const x = width - ((this.points.length - 1 - i) * width) / (POINTS - 1);
-      context.lineTo(x, height - 2 - (point / most) * (height - 4));
+      context.lineTo(x, height - 2 - (point / max) * (height - 4));
     });
     context.strokeStyle = getComputedStyle(this.canvas).color;
     context.lineWidth = 2;
@@ -54,7 +55,7 @@ export class Graph {
 
 const STATES = ["--page-absent", "--page-loading", "--page-resident", "--page-damaged"];
 
-/** The pages of the file, in its order, and where each is. */
+/** The states of all pages, in the order of the file. */
 export class PageStrip {
   readonly element = h("canvas", { className: "strip", width: 520, height: 44 });
 

@@ -1,27 +1,27 @@
-// What hands do: clicks, drops and keys.
+// Input: clicks, dropped files and keys.
 
-/** A click that moves farther than this, in pixels, is a drag. */
-const CLICK = 5;
+/** Pixels of movement from which a click is a drag. */
+const CLICK_DISTANCE = 5;
 
-/** Tells of clicks on the picture, and when a hand begins to move it. */
+/** Reports clicks on the viewport, and each press of a pointer. */
 export function listenToPointer(
   host: HTMLElement,
-  tell: { down(): void; click(x: number, y: number): void },
+  listener: { down(): void; click(x: number, y: number): void },
 ): void {
   let start: [number, number] | undefined;
   host.addEventListener("pointerdown", (event) => {
     start = event.button === 0 ? [event.clientX, event.clientY] : undefined;
-    tell.down();
+    listener.down();
   });
   host.addEventListener("pointerup", (event) => {
     if (!start) return;
     const moved = Math.hypot(event.clientX - start[0], event.clientY - start[1]);
-    if (moved < CLICK) tell.click(event.clientX, event.clientY);
+    if (moved < CLICK_DISTANCE) listener.click(event.clientX, event.clientY);
     start = undefined;
   });
 }
 
-/** Tells of files that are dropped anywhere on the page, and where; `hint` is shown before. */
+/** Reports files dropped on the page, with the position; shows `hint` while a file is dragged. */
 export function listenToDrops(hint: HTMLElement, drop: (file: File, x: number) => void): void {
   addEventListener("dragover", (event) => {
     event.preventDefault();
@@ -38,7 +38,7 @@ export function listenToDrops(hint: HTMLElement, drop: (file: File, x: number) =
   });
 }
 
-/** Calls `press` with keys that nothing else on the page takes; it says whether it knows one. */
+/** Reports keys that no control of the page uses; `press` returns whether it knows the key. */
 export function listenToKeys(press: (key: string) => boolean): void {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;

@@ -1,4 +1,4 @@
-// What the page says in words: problems, short notes, the help.
+// Messages: the error card, short notices, and the help dialog.
 
 import { h } from "./dom";
 
@@ -9,7 +9,7 @@ const KEYS: [string, string][] = [
   ["Arrows or A D Q E", "move sideways, up, down"],
   ["Page up, page down", "fly forward, back"],
   ["Click", "pick a cluster"],
-  ["1 to 7", "ways to look"],
+  ["1 to 7", "view modes"],
   ["W", "wireframe"],
   ["F", "freeze"],
   ["+ and −", "less and more error"],
@@ -20,7 +20,7 @@ const KEYS: [string, string][] = [
   ["O", "open a file"],
   ["T", "dark or light"],
   ["H", "hide the settings"],
-  ["Esc", "close, let go"],
+  ["Esc", "close, deselect"],
 ];
 
 const TITLES: Record<string, string> = {
@@ -31,7 +31,7 @@ const TITLES: Record<string, string> = {
   corrupt: "Damaged file",
 };
 
-/** What a kind of UmbelError is called. */
+/** The title of a kind of UmbelError. */
 export function titleOf(kind: string): string {
   return TITLES[kind] ?? "This did not work";
 }
@@ -41,9 +41,9 @@ export interface Choice {
   action(): void;
 }
 
-/** A card in the middle of the page: what is wrong, and what can be done. */
-export class Problem {
-  readonly element = h("div", { className: "problem", role: "alert", hidden: true });
+/** A card in the middle of the page: an error, and buttons to go on. */
+export class ErrorCard {
+  readonly element = h("div", { className: "error-card", role: "alert", hidden: true });
 
   show(title: string, message: string, choices: readonly Choice[]): void {
     this.element.replaceChildren(
@@ -65,7 +65,7 @@ export class Problem {
   }
 }
 
-/** A line at the foot of the page that goes away by itself, unless it is to stay. */
+/** A line at the bottom of the page; it disappears by itself unless `stays`. */
 export class Notice {
   readonly element = h("div", { className: "notice", role: "status" });
   private timer = 0;

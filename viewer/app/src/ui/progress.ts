@@ -1,5 +1,4 @@
-// How far what is wanted is here: a bar at the page's edge, counters in the panel, and marks for
-// whoever measures.
+// Progress of loading: a bar at the page's edge, the panel's counters, and performance marks.
 
 import type { UmbelMesh } from "umbel/three";
 import type { FrameCounts } from "../viewport/viewport";
@@ -13,7 +12,7 @@ export class Progress {
   private timer = 0;
   private isMarked = false;
 
-  /** @param showCounts shows numbers, now and then */
+  /** @param showCounts called a few times a second */
   constructor(
     private readonly showCounts: (counts: FrameCounts, mesh: UmbelMesh | undefined) => void,
   ) {}
@@ -32,8 +31,8 @@ export class Progress {
       const { wantedBytes, residentBytes, missingPages, triangles } = mesh.statistics;
       const done = missingPages === 0 && triangles > 0 && mesh.textures.missing === 0;
       this.element.classList.toggle("done", done);
-      const here = Math.min(residentBytes / (wantedBytes || 1), 1);
-      this.element.style.width = `${done ? 100 : 10 + 85 * here}%`;
+      const part = Math.min(residentBytes / (wantedBytes || 1), 1);
+      this.element.style.width = `${done ? 100 : 10 + 85 * part}%`;
       this.mark(counts, mesh);
     }
     clearTimeout(this.timer);
@@ -45,7 +44,7 @@ export class Progress {
     else this.timer = window.setTimeout(show, COUNTER_INTERVAL);
   }
 
-  /** Marks when all materials in view have their textures, in whatever size. */
+  /** Marks when all visible materials have a texture of some size. */
   private mark({ triangles }: FrameCounts, { statistics, textures }: UmbelMesh): void {
     if (this.isMarked || triangles === 0 || !textures.isComplete) return;
     this.isMarked = true;

@@ -1,8 +1,8 @@
-// Dark or light: as the system has it, until someone chooses.
+// The dark or light theme: the system's until the user chooses.
 
 const KEY = "umbel-theme";
 
-/** What was chosen before; nothing where the browser keeps nothing for this page. */
+/** The stored choice; null without one, or where the browser stores nothing for this page. */
 function chosenTheme(): string | null {
   try {
     return localStorage.getItem(KEY);
@@ -23,6 +23,6 @@ export function toggleTheme(): void {
   try {
     localStorage.setItem(KEY, other);
   } catch {
-    // It holds until the page is left.
+    // Without storage the choice lasts as long as the page.
   }
 }

@@ -1,11 +1,11 @@
-// What stands above the picture: which asset this is, and whose.
+// The title: the asset's name, size and copyright.
 
 import { jsonOf } from "umbel";
 import type { UmbelMesh } from "umbel/three";
 import { nameOf, type Source } from "../state";
 import { count, h } from "./dom";
 
-/** Shows an asset's name, size and copyright; the page is called after it too. */
+/** Shows an asset's name, size and copyright, and sets the page's title. */
 export function showTitle(element: HTMLElement, mesh: UmbelMesh, source: Source): void {
   const { instancedTriangles, levels, metadata, scene } = mesh.info;
   const name = typeof metadata.name === "string" && metadata.name ? metadata.name : nameOf(source);

@@ -1,22 +1,23 @@
-// The page's background as a picture in the scene: what glass lets through must be drawn there.
+// The page's background as a texture of the scene, because transmissive materials show only what is
+// in the scene.
 
 import { CanvasTexture, LinearFilter, type Material, type Scene, SRGBColorSpace } from "three";
 import { paintBackground } from "../files";
 import { h } from "../ui/dom";
 
-export class Backdrop {
+export class Background {
   private isNeeded = false;
 
   constructor(private readonly scene: Scene) {}
 
-  /** Sees whether a material lets the background through. */
+  /** Adds the background if a material is transmissive. */
   prepare(material: Material, width: number, height: number): void {
     if (this.isNeeded || !((material as { transmission?: number }).transmission ?? 0)) return;
     this.isNeeded = true;
     this.paint(width, height);
   }
 
-  /** To be called when the page's size or colours have changed. */
+  /** Paints again; to be called when the page's size or colours have changed. */
   paint(width: number, height: number): void {
     if (!this.isNeeded) return;
     this.clear();
@@ -30,7 +31,7 @@ export class Backdrop {
     this.scene.background = texture;
   }
 
-  /** For another asset, which may have no glass. */
+  /** Removes the background until another transmissive material comes. */
   reset(): void {
     this.isNeeded = false;
     this.clear();

@@ -1,41 +1,41 @@
-// Where the camera stands at first, and how far it sees.
+// The camera's first pose and its depth range.
 
 import { boundsOf } from "umbel";
 import type { CameraPose } from "../state";
 
-/** In degrees, from the lower edge of the picture to the upper. */
+/** Vertical field of view, in degrees. */
 export const FIELD_OF_VIEW = 40;
-/** From the middle of an asset to the camera, of length 1. */
-const AWAY = [0.4034, 0.1972, 0.8935] as const;
+/** Unit vector from the centre of an asset to the camera. */
+const HOME_DIRECTION = [0.4034, 0.1972, 0.8935] as const;
 /**
- * How many times the error is allowed until all materials in view have their textures, if small
- * ones: until then a few bytes of them do more for the picture than many of geometry.
+ * Factor on the allowed error until all visible materials have a texture of some size. Until then
+ * small textures improve the picture more than the same bytes of geometry.
  */
-export const UNDRESSED = 8;
-/** Room around it. */
+export const UNTEXTURED_ERROR_FACTOR = 8;
+/** Space around the asset. */
 const MARGIN = 1.06;
 
 type Point = [number, number, number];
-type Shown = Parameters<typeof boundsOf>[0];
+type Boxes = Parameters<typeof boundsOf>[0];
 
-export interface Ball {
+export interface Sphere {
   center: Point;
   radius: number;
 }
 
-/** The sphere around all that an asset shows. */
-export function ballOf(info: Shown): Ball {
+/** The sphere around the bounding box of an asset. */
+export function boundingSphereOf(info: Boxes): Sphere {
   const { low, high } = boundsOf(info);
   const center = low.map((x, i) => 0.5 * (x + (high[i] as number))) as Point;
   return { center, radius: 0.5 * Math.hypot(...low.map((x, i) => (high[i] as number) - x)) };
 }
 
-/** From where all of it is seen, as near as may be; `aspect` is the picture's width over height. */
-export function homePose(info: Shown, aspect: number): CameraPose {
+/** The nearest pose that shows the whole asset; `aspect` is the picture's width over height. */
+export function homePose(info: Boxes, aspect: number): CameraPose {
   const { low, high } = boundsOf(info);
-  const { center } = ballOf(info);
+  const { center } = boundingSphereOf(info);
   const up = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
-  const [x, y, z] = AWAY;
+  const [x, y, z] = HOME_DIRECTION;
   const flat = Math.hypot(x, z);
   let distance = 0;
   for (let corner = 0; corner < 8; ++corner) {
@@ -47,12 +47,12 @@ export function homePose(info: Shown, aspect: number): CameraPose {
     const above = Math.abs(b * flat - ((a * x + c * z) * y) / flat);
     distance = Math.max(distance, towards + MARGIN * Math.max(right / (up * aspect), above / up));
   }
-  const position = center.map((m, i) => m + (distance || 1) * AWAY[i]) as Point;
+  const position = center.map((m, i) => m + (distance || 1) * HOME_DIRECTION[i]) as Point;
   return { position, target: center };
 }
 
-/** A pose moved by an asset's origin: with `sign` 1 into its world, with -1 back to its own zero. */
-export function movedBy(
+/** A pose translated by an asset's origin: from the asset to its world if `sign` is 1, back if -1. */
+export function translated(
   { position, target }: CameraPose,
   origin: readonly number[],
   sign: 1 | -1,
@@ -61,7 +61,7 @@ export function movedBy(
   return { position: move(position), target: move(target) };
 }
 
-/** The distances between which a sphere is seen whose centre is `distance` away. */
+/** The depth range of a sphere whose centre is `distance` away. */
 export function depthsOf(distance: number, radius: number): { near: number; far: number } {
   const size = Math.max(radius, 1e-20);
   const far = distance + 1.1 * size;

@@ -1,9 +1,8 @@
-// The surroundings: a studio of soft boxes under a sky, so that metals, glass and lacquer have
-// something to mirror. What is matt gets as much light from it as from the sky of light.ts alone,
-// which is all that the first picture knows of.
+// The environment map: a studio of soft boxes under a sky, for metals, glass and clear coats to
+// reflect. On diffuse surfaces it has the effect of the sky of lights.ts, which lights the preview.
 //
-// three.js would blur a panorama on the GPU, for each roughness; these surroundings are a formula,
-// so they are computed blurred, on few texels, and nobody waits.
+// three.js would blur a panorama on the GPU for each roughness. This map is a formula, so it is
+// computed blurred, on few texels, at once.
 
 import {
   CompressedCubeTexture,
@@ -15,31 +14,31 @@ import {
   RGBAFormat,
   type Texture,
 } from "three";
-import { linear, SKY } from "./lights";
+import { linear, SKY_LIGHT } from "./lights";
 
-/** Texels of a face's side, for each level: from a mirror to what is matt. */
+/** Texels of a face's side for each mip level, from mirrors to diffuse surfaces. */
 const SIDES = [64, 32, 16, 8];
-/** How sharp the horizon is, and the edges of soft boxes. */
+/** Sharpness of the horizon, and of the edges of soft boxes. */
 const HORIZON = 4;
 const EDGE = 8;
 
 type Point = readonly [number, number, number];
 
-/** A soft box: where it is seen, how far it reaches around there, and how bright it is. */
+/** A soft box: its direction, its radius as an angle, and its brightness. */
 interface Box {
   at: Point;
-  reach: number;
+  radius: number;
   light: number;
 }
 
 const BOXES: readonly Box[] = [
-  { at: [-0.62, 0.55, 0.56], reach: 0.3, light: 2.2 },
-  { at: [0.86, 0.3, 0.41], reach: 0.22, light: 1.8 },
-  { at: [0.1, 0.75, -0.66], reach: 0.3, light: 1.6 },
-  { at: [-0.8, 0.12, -0.58], reach: 0.16, light: 1.6 },
+  { at: [-0.62, 0.55, 0.56], radius: 0.3, light: 2.2 },
+  { at: [0.86, 0.3, 0.41], radius: 0.22, light: 1.8 },
+  { at: [0.1, 0.75, -0.66], radius: 0.3, light: 1.6 },
+  { at: [-0.8, 0.12, -0.58], radius: 0.16, light: 1.6 },
 ];
 
-/** Where each face of a cube looks, `s` to the right and `t` down, as WebGL has them. */
+/** The direction of a point on each cube face, `s` to the right and `t` down, as in WebGL. */
 const FACES: readonly ((s: number, t: number) => Point)[] = [
   (s, t) => [1, -t, -s],
   (s, t) => [-1, -t, s],
@@ -49,7 +48,7 @@ const FACES: readonly ((s: number, t: number) => Point)[] = [
   (s, t) => [-s, -t, -1],
 ];
 
-/** Light of the surroundings for a scene, to be disposed of by whoever asked for it. */
+/** Makes the environment map of a scene; the caller disposes of it. */
 export function makeEnvironment(): Texture {
   const studio = new Studio();
   const images = FACES.map((face) => {
@@ -85,7 +84,7 @@ function faceTexels(side: number, light: (s: number, t: number) => Point): Uint1
 
 function normalised([x, y, z]: Point): Point {
   const length = Math.hypot(x, y, z);
-  // Cube maps are looked up mirrored.
+  // Cube maps are mirrored.
   return [-x / length, y / length, z / length];
 }
 
@@ -97,16 +96,16 @@ class Studio {
   private readonly horizonSlope: number;
 
   constructor() {
-    const sky = linear(SKY.color, SKY.intensity);
-    const ground = linear(SKY.ground, SKY.intensity);
-    // Such that a matt surface is lit by half of both, and by more sky the more it faces up.
+    const sky = linear(SKY_LIGHT.color, SKY_LIGHT.intensity);
+    const ground = linear(SKY_LIGHT.ground, SKY_LIGHT.intensity);
+    // A horizontal normal receives half of each; a normal that points up receives the sky alone.
     this.mean = each((c) => ((ground[c] as number) + (sky[c] as number)) / (2 * Math.PI));
     this.slope = each((c) => (3 * ((sky[c] as number) - (ground[c] as number))) / (4 * Math.PI));
     [this.boxMean, this.boxSlope] = moments((direction) => boxLight(direction, 0));
     this.horizonSlope = moments(([, y]) => Math.tanh(HORIZON * y))[1];
   }
 
-  /** What is seen in a direction, blurred as a surface does whose roughness has this level. */
+  /** The radiance from a direction, blurred for the roughness of a mip level. */
   light(direction: Point, level: number): Point {
     const [, y] = direction;
     const last = SIDES.length - 1;
@@ -126,16 +125,16 @@ function each(value: (channel: 0 | 1 | 2) => number): Point {
 }
 
 function boxLight([x, y, z]: Point, blur: number): number {
-  return BOXES.reduce((sum, { at, reach, light }) => {
-    const blurred = Math.hypot(reach, blur);
+  return BOXES.reduce((sum, { at, radius, light }) => {
+    const blurred = Math.hypot(radius, blur);
     const cosine = x * at[0] + y * at[1] + z * at[2];
     const away = Math.acos(Math.min(Math.max(cosine, -1), 1)) / blurred;
-    const edge = (EDGE * reach) / blurred;
-    return sum + (light * (reach / blurred) ** 2) / (1 + Math.exp(edge * (away - 1)));
+    const edge = (EDGE * radius) / blurred;
+    return sum + (light * (radius / blurred) ** 2) / (1 + Math.exp(edge * (away - 1)));
   }, 0);
 }
 
-/** The mean over all directions, and how much more there is the higher one looks. */
+/** The mean of a function over all directions, and its slope along y. */
 function moments(value: (direction: Point) => number): [number, number] {
   const count = 4000;
   let [mean, rise] = [0, 0];

@@ -1,18 +1,18 @@
-// The lamps: one above the viewer's left shoulder, one from the right; and the sky, which is also
-// what metals and glass mirror (see environment.ts).
+// The lights: a key light from the upper left, a fill light from the right, and the sky. The
+// environment map shows the sky too; see environment.ts.
 
-export interface Lamp {
+export interface LightSetup {
   color: number;
   intensity: number;
-  /** Where it stands, as the viewer sees it: to the right, up, towards them. */
+  /** Direction to the light in the camera's axes: right, up, backwards. */
   from: readonly [number, number, number];
 }
 
-export const KEY: Lamp = { color: 0xfff4e6, intensity: 1.7, from: [-0.6, 0.9, 0.8] };
-export const FILL: Lamp = { color: 0xcfe2ff, intensity: 0.45, from: [0.9, 0.1, 0.15] };
-export const SKY = { color: 0xf0f4ff, ground: 0x7d756c, intensity: 1.5 };
+export const KEY_LIGHT: LightSetup = { color: 0xfff4e6, intensity: 1.7, from: [-0.6, 0.9, 0.8] };
+export const FILL_LIGHT: LightSetup = { color: 0xcfe2ff, intensity: 0.45, from: [0.9, 0.1, 0.15] };
+export const SKY_LIGHT = { color: 0xf0f4ff, ground: 0x7d756c, intensity: 1.5 };
 
-/** A colour in linear light, from 0 to 1 before its intensity. */
+/** A colour (0xrrggbb) in linear light, times an intensity. */
 export function linear(color: number, intensity: number): [number, number, number] {
   return [16, 8, 0].map((shift) => {
     const c = ((color >> shift) & 255) / 255;

@@ -1,17 +1,17 @@
-// What the colours of clusters say, for each way of looking at an asset.
+// The view modes: each tints the clusters by one of their properties.
 
 import type { ClusterInfo, TintFunction, UmbelMesh } from "umbel/three";
 
-export type Look = "shaded" | "clusters" | "groups" | "levels" | "error" | "overlap" | "pages";
+export type ViewMode = "shaded" | "clusters" | "groups" | "levels" | "error" | "overlap" | "pages";
 
-export interface LookInfo {
+export interface ViewModeInfo {
   name: string;
   about: string;
   key: string;
 }
 
-export const LOOKS: Record<Look, LookInfo> = {
-  shaded: { name: "Shaded", about: "The surface as it is.", key: "1" },
+export const VIEW_MODES: Record<ViewMode, ViewModeInfo> = {
+  shaded: { name: "Shaded", about: "The surface with its materials.", key: "1" },
   clusters: { name: "Clusters", about: "Each cluster in a colour of its own.", key: "2" },
   groups: {
     name: "Groups",
@@ -30,7 +30,7 @@ export const LOOKS: Record<Look, LookInfo> = {
 
 type Rgb = readonly [number, number, number];
 
-/** Stops of the scale from fine to coarse: equal steps of lightness, told apart by all. */
+/** A colour scale from fine to coarse, in equal steps of lightness. */
 const SCALE: readonly Rgb[] = [
   [0.27, 0.2, 0.5],
   [0.21, 0.41, 0.64],
@@ -53,7 +53,7 @@ export function scaleGradient(): string {
   return `linear-gradient(to right, ${stops.join(", ")})`;
 }
 
-/** A colour that neighbouring numbers do not share: hues by the golden angle. */
+/** A colour for a number, by the golden angle: consecutive numbers get different hues. */
 function numberColor(n: number): Rgb {
   const hue = (n * 0.618034) % 1;
   const light = 0.62 + 0.16 * ((n * 0.7548777) % 1);
@@ -64,29 +64,29 @@ function numberColor(n: number): Rgb {
   return [channel(0), channel(8), channel(4)];
 }
 
-/** Odd levels are paler, so that neighbours are told apart. */
+/** Odd levels are paler, to separate neighbours. */
 function levelColor(level: number, levels: number): Rgb {
   const [r, g, b] = scaleColor(level / Math.max(levels - 1, 1));
   const pale = level % 2 ? 0.22 : 0;
   return [r + pale * (1 - r), g + pale * (1 - g), b + pale * (1 - b)];
 }
 
-const HERE: Rgb = [0.29, 0.62, 0.6];
-const WAITS: Rgb = [0.95, 0.68, 0.28];
+const RESIDENT: Rgb = [0.29, 0.62, 0.6];
+const PENDING: Rgb = [0.95, 0.68, 0.28];
 const PICKED: Rgb = [1, 0.42, 0.24];
 
 function opaque(rgb: Rgb): readonly [number, number, number, number] {
   return [rgb[0], rgb[1], rgb[2], 1];
 }
 
-/** Where an error lies between the smallest and the greatest of an asset, by its logarithm. */
+/** The logarithm of an error on a scale of four decades that ends at the largest one. */
 function errorFraction(error: number, coarsest: number): number {
   return error <= 0 ? 0 : 1 + Math.log10(error / coarsest) / 4;
 }
 
-function lookTint(look: Look, mesh: UmbelMesh): TintFunction | undefined {
+function modeTint(mode: ViewMode, mesh: UmbelMesh): TintFunction | undefined {
   const { levels } = mesh.info;
-  switch (look) {
+  switch (mode) {
     case "clusters":
       return ({ cluster }) => opaque(numberColor(cluster));
     case "groups":
@@ -96,19 +96,19 @@ function lookTint(look: Look, mesh: UmbelMesh): TintFunction | undefined {
     case "error":
       return ({ error }) => opaque(scaleColor(errorFraction(error, mesh.coarsestError)));
     case "pages":
-      return ({ waits }) => opaque(waits ? WAITS : HERE);
+      return ({ isPending }) => opaque(isPending ? PENDING : RESIDENT);
     default:
       return undefined;
   }
 }
 
-/** The tint of a look, with one cluster picked out. */
+/** The tint of a mode, with one cluster highlighted. */
 export function tintOf(
-  look: Look,
+  mode: ViewMode,
   mesh: UmbelMesh,
   picked: number | undefined,
 ): TintFunction | undefined {
-  const tint = lookTint(look, mesh);
+  const tint = modeTint(mode, mesh);
   if (picked === undefined) return tint;
   return (cluster: ClusterInfo) =>
     cluster.cluster === picked ? opaque(PICKED) : (tint?.(cluster) ?? [0, 0, 0, 0]);
@@ -119,8 +119,8 @@ export interface Legend {
   high: string;
 }
 
-export function legendOf(look: Look): Legend | undefined {
-  if (look === "levels") return { low: "fine", high: "coarse" };
-  if (look === "error") return { low: "exact", high: "far off" };
+export function legendOf(mode: ViewMode): Legend | undefined {
+  if (mode === "levels") return { low: "fine", high: "coarse" };
+  if (mode === "error") return { low: "exact", high: "far off" };
   return undefined;
 }

@@ -1,51 +1,37 @@
-// The canvas: renderer, light, camera and what moves it, and one or two assets side by side.
+// The canvas: draws one or two assets, whenever something has changed.
 
 import {
-  BoxGeometry,
   Color,
-  DirectionalLight,
-  InstancedMesh,
   LineBasicMaterial,
   type Material,
-  Matrix4,
-  MeshBasicMaterial,
-  MOUSE,
-  NormalBlending,
-  PerspectiveCamera,
   Raycaster,
   Scene,
-  TOUCH,
   Vector2,
-  Vector3,
   WebGLRenderer,
 } from "three";
-import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { ClusterInfo, UmbelIntersection, UmbelMesh } from "umbel/three";
-import { type CameraPose, MAX_PIXEL_RATIO, type State } from "../state";
-import { Backdrop } from "./background";
-import { ballOf, depthsOf, FIELD_OF_VIEW, homePose, movedBy, UNDRESSED } from "./camera";
+import { MAX_PIXEL_RATIO, type State } from "../state";
+import { Background } from "./background";
+import { ClusterBoxes } from "./cluster_boxes";
 import { makeEnvironment } from "./environment";
-import { FILL, KEY, type Lamp } from "./lights";
+import { dividerAt, type Pane, panesOf } from "./layout";
+import { LightRig } from "./light_rig";
+import { OrbitCamera } from "./orbit_camera";
+import { TextureWait } from "./texture_wait";
 import { tintOf } from "./view_modes";
-
-const BOX_OPACITY = 0.05;
-/** Milliseconds that geometry waits for textures, at most. */
-const PATIENCE = 4000;
-/** Whether the camera glides on for a moment when a hand lets go. */
-const GLIDES = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export interface FrameCounts {
   triangles: number;
   clusters: number;
   draws: number;
-  /** Milliseconds between this frame and the one before; 0 where nothing moved before. */
+  /** Milliseconds since the frame before; 0 if nothing moved then. */
   interval: number;
-  /** Milliseconds that the page's thread was busy with this frame. */
+  /** Milliseconds of the page's thread for this frame, and for the mesh's update alone. */
   work: number;
   updateWork: number;
 }
 
-export interface Picked {
+export interface PickedCluster {
   mesh: UmbelMesh;
   cluster: ClusterInfo;
   distance: number;
@@ -53,34 +39,29 @@ export interface Picked {
   point: number[];
 }
 
-export class Stage {
+export class Viewport {
   readonly canvas: HTMLCanvasElement;
-  readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
-  readonly controls: OrbitControls;
-  /** Left and right; the right one is there to be compared with. */
+  readonly camera: OrbitCamera;
+  /** Left and right; the right one is for comparison. */
   meshes: [UmbelMesh | undefined, UmbelMesh | undefined] = [undefined, undefined];
-  onFrame: ((counts: FrameCounts) => void) | undefined;
+  /** Number of the picked cluster, which is highlighted. */
   picked: number | undefined;
-  /** Whether the right one has the same pixel error as the left, or none. */
+  /** Whether the right mesh has the pixel error of the left one; otherwise it is exact. */
   rightFollows = false;
-  /** Asks for what moves the camera before each frame; true while it does. */
+  onFrame: ((counts: FrameCounts) => void) | undefined;
+  /** Moves the camera before each frame; returns whether it does. */
   beforeFrame: ((time: number) => boolean) | undefined;
 
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly key = new DirectionalLight(KEY.color, KEY.intensity);
-  private readonly fill = new DirectionalLight(FILL.color, FILL.intensity);
+  private readonly lights = new LightRig(this.scene);
+  private readonly boxes = new ClusterBoxes(this.scene);
+  private readonly background = new Background(this.scene);
   private readonly lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.55 });
-  private readonly backdrop = new Backdrop(this.scene);
-  private boxes: InstancedMesh | undefined;
-  private home: Vector3 | undefined;
-  /** Those whose materials in view all had their textures once. */
-  private readonly dressed = new WeakSet<UmbelMesh>();
-  private opened = 0;
-  private isAsked = false;
+  private readonly textureWait = new TextureWait();
+  private isRequested = false;
   private lastFrame = 0;
   private wasMoving = false;
-  private cutKey: unknown;
 
   constructor(
     host: HTMLElement,
@@ -97,19 +78,12 @@ export class Stage {
     this.canvas.setAttribute("aria-label", "The model. Drag to turn, scroll to come closer.");
     host.append(this.canvas);
     this.scene.environment = makeEnvironment();
-    this.scene.add(this.key, this.key.target, this.fill, this.fill.target);
-    this.controls = new OrbitControls(this.camera, this.canvas);
-    this.controls.enableDamping = GLIDES;
-    this.controls.dampingFactor = 0.18;
-    this.controls.zoomToCursor = true;
-    this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
-    this.controls.touches = { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_PAN };
-    this.controls.addEventListener("change", () => this.ask());
+    this.camera = new OrbitCamera(this.canvas, () => this.requestFrame());
     new ResizeObserver(() => this.resize(host)).observe(host);
     this.resize(host);
     this.canvas.addEventListener("webglcontextrestored", () => {
       this.scene.environment = makeEnvironment();
-      this.ask();
+      this.requestFrame();
     });
   }
 
@@ -118,8 +92,8 @@ export class Stage {
     if (!width || !height) return;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, MAX_PIXEL_RATIO));
     this.renderer.setSize(width, height, false);
-    this.backdrop.paint(width, height);
-    this.ask();
+    this.background.paint(width, height);
+    this.requestFrame();
   }
 
   /** Width and height in pixels of the page. */
@@ -127,122 +101,78 @@ export class Stage {
     return this.renderer.getSize(new Vector2()).toArray();
   }
 
-  /** Height of the picture in pixels of the screen. */
+  /** Height in pixels of the canvas. */
   get height(): number {
     return this.renderer.getDrawingBufferSize(new Vector2()).y;
   }
 
   setMesh(side: 0 | 1, mesh: UmbelMesh | undefined): void {
     this.meshes[side]?.dispose();
-    this.backdrop.reset();
+    this.background.reset();
     this.meshes[side] = mesh;
     if (mesh) {
-      this.opened = performance.now();
-      setTimeout(() => this.ask(), PATIENCE);
-      mesh.onChange = () => this.ask();
+      this.textureWait.start(() => this.requestFrame());
+      mesh.onChange = () => this.requestFrame();
       this.scene.add(mesh);
     }
-    // The scene's zero is that of the first asset: what is drawn is near it.
-    for (const each of this.meshes) each?.placeFrom(this.origin);
+    // The scene's zero is that of the first asset, so drawn coordinates are small.
+    this.camera.origin = this.meshes[0]?.origin ?? [0, 0, 0];
+    for (const each of this.meshes) each?.setSceneOrigin(this.camera.origin);
     this.apply();
   }
 
-  /** Brings what is set to the meshes. */
+  /** Applies the settings to the meshes. */
   apply(): void {
-    const { look, wireframe, frozen } = this.state;
+    const { viewMode, wireframe, frozen } = this.state;
     const isDark = document.documentElement.dataset.theme === "dark";
     this.lineMaterial.color = new Color(isDark ? 0x0b0d10 : 0x1c2127);
     for (const mesh of this.meshes) {
       if (!mesh) continue;
-      mesh.setTint(tintOf(look, mesh, this.picked));
+      mesh.setTint(tintOf(viewMode, mesh, this.picked));
       mesh.setLines(wireframe ? this.lineMaterial : undefined);
       mesh.isFrozen = frozen;
       mesh.onMaterial = (material) => this.prepare(material);
       for (const material of mesh.materials.all) this.prepare(material);
     }
-    this.backdrop.paint(...this.size);
+    this.background.paint(...this.size);
     this.setPixelErrors();
-    this.cutKey = undefined;
-    this.ask();
+    this.boxes.invalidate();
+    this.requestFrame();
   }
 
   private setPixelErrors(): void {
     this.meshes.forEach((mesh, side) => {
       if (!mesh || (side === 1 && !this.rightFollows)) return;
-      if (mesh.textures.isComplete || performance.now() - this.opened > PATIENCE)
-        this.dressed.add(mesh);
-      const pixels = (this.dressed.has(mesh) ? 1 : UNDRESSED) * this.state.pixelError;
-      if (mesh.pixelError !== pixels) this.ask();
+      const pixels = this.textureWait.errorFactor(mesh) * this.state.pixelError;
+      if (mesh.pixelError !== pixels) this.requestFrame();
       mesh.pixelError = pixels;
     });
   }
 
   private prepare(material: Material): void {
     const { wireframe } = this.state;
-    // Moves faces back a little, so that lines on them are seen.
+    // Offsets faces in depth, so that lines on them are visible.
     material.polygonOffset = wireframe;
     material.polygonOffsetFactor = 1;
     material.polygonOffsetUnits = 1;
-    this.backdrop.prepare(material, ...this.size);
+    this.background.prepare(material, ...this.size);
   }
 
-  /** Where the scene's zero is in the world. */
-  get origin(): readonly [number, number, number] {
-    return this.meshes[0]?.origin ?? [0, 0, 0];
-  }
-
-  /** Turns the camera to the whole of the asset. */
+  /** Moves the camera to show the whole asset. */
   frameAll(): void {
     const mesh = this.meshes[0];
     if (!mesh) return;
     const [width, height] = this.size;
-    const parts = this.state.layout === "side" ? 2 : 1;
-    this.setPose(movedBy(homePose(mesh.info, width / parts / height), this.origin, 1));
-    this.home = this.camera.position.clone();
+    const panes = this.state.layout === "side" ? 2 : 1;
+    this.camera.frame(mesh, width / panes / height);
   }
 
-  /** Whether the camera is where `frameAll` put it. */
-  get isHome(): boolean {
-    return this.home !== undefined && this.camera.position.distanceTo(this.home) === 0;
-  }
-
-  /** In the world, as poses are in links and in saved paths. */
-  get pose(): CameraPose {
-    const pose = {
-      position: this.camera.position.toArray(),
-      target: this.controls.target.toArray(),
-    };
-    return movedBy(pose, this.origin, 1);
-  }
-
-  setPose(pose: CameraPose): void {
-    const { position, target } = movedBy(pose, this.origin, -1);
-    this.camera.position.set(...position);
-    this.controls.target.set(...target);
-    // Without damping an update also ends what still turns.
-    this.controls.enableDamping = false;
-    this.controls.update();
-    this.controls.enableDamping = GLIDES;
-    this.ask();
-  }
-
-  /** Moves camera and target together, in the camera's directions and units of its distance. */
-  fly(right: number, up: number, forward: number): void {
-    const distance = this.camera.position.distanceTo(this.controls.target);
-    const move = new Vector3(right, up, -forward)
-      .multiplyScalar(distance)
-      .applyQuaternion(this.camera.quaternion);
-    this.camera.position.add(move);
-    this.controls.target.add(move);
-    this.ask();
-  }
-
-  /** Draws a frame soon. */
-  ask(): void {
-    if (this.isAsked) return;
-    this.isAsked = true;
+  /** Requests a frame, once. */
+  requestFrame(): void {
+    if (this.isRequested) return;
+    this.isRequested = true;
     requestAnimationFrame((time) => {
-      this.isAsked = false;
+      this.isRequested = false;
       this.frame(time);
     });
   }
@@ -252,9 +182,9 @@ export class Stage {
     const interval = this.wasMoving && this.lastFrame ? time - this.lastFrame : 0;
     this.lastFrame = time;
     const isDriven = this.beforeFrame?.(time) ?? false;
-    const isDamping = this.controls.update();
+    const isDamping = this.camera.update();
     this.wasMoving = isDriven || isDamping;
-    if (this.wasMoving) this.ask();
+    if (this.wasMoving) this.requestFrame();
     this.draw();
     this.setPixelErrors();
     const [mesh] = this.meshes;
@@ -270,145 +200,72 @@ export class Stage {
 
   private draw(): void {
     const { renderer } = this;
-    const size = renderer.getSize(new Vector2());
+    const [width, height] = this.size;
     const [left, right] = this.meshes;
     const { layout, wipe } = this.state;
     renderer.setScissorTest(false);
     renderer.clear();
     if (layout === "single" || !right) {
-      this.drawMesh(left, [0, 0, size.x, size.y], [0, 0, size.x, size.y]);
+      const whole = [0, 0, width, height] as const;
+      this.drawMesh(left, { viewport: whole, scissor: whole });
       return;
     }
     renderer.setScissorTest(true);
-    const middle = Math.round(size.x * (layout === "side" ? 0.5 : wipe));
-    const whole = [0, 0, size.x, size.y] as const;
-    const parts = [
-      [0, 0, middle, size.y],
-      [middle, 0, size.x - middle, size.y],
-    ] as const;
-    this.drawMesh(left, layout === "side" ? parts[0] : whole, parts[0]);
-    this.drawMesh(right, layout === "side" ? parts[1] : whole, parts[1]);
+    const [leftPane, rightPane] = panesOf(layout, wipe, width, height);
+    this.drawMesh(left, leftPane);
+    this.drawMesh(right, rightPane);
   }
 
-  private drawMesh(
-    mesh: UmbelMesh | undefined,
-    viewport: readonly [number, number, number, number],
-    scissor: readonly [number, number, number, number],
-  ): void {
+  private drawMesh(mesh: UmbelMesh | undefined, { viewport, scissor }: Pane): void {
     const { camera, renderer } = this;
     renderer.setViewport(...viewport);
     renderer.setScissor(...scissor);
-    camera.aspect = viewport[2] / Math.max(viewport[3], 1);
-    this.placeLight();
+    camera.perspective.aspect = viewport[2] / Math.max(viewport[3], 1);
+    this.lights.follow(camera);
     for (const each of this.meshes) if (each) each.visible = each === mesh;
     if (mesh) {
-      this.setDepths(mesh);
-      mesh.update(camera, renderer);
-      this.updateBoxes(mesh);
+      camera.fitTo(mesh);
+      mesh.update(camera.perspective, renderer);
+      if (this.state.viewMode === "overlap") this.boxes.show(mesh);
+      else this.boxes.hide();
     }
-    renderer.render(this.scene, camera);
+    renderer.render(this.scene, camera.perspective);
   }
 
-  private setDepths(mesh: UmbelMesh): void {
-    const { center, radius } = ballOf(mesh.info);
-    const distance = this.camera.position.distanceTo(new Vector3(...center).add(mesh.position));
-    Object.assign(this.camera, depthsOf(distance, radius));
-    this.camera.updateProjectionMatrix();
-    this.controls.minDistance = radius * 1e-3;
-    this.controls.maxDistance = radius * 50;
-  }
-
-  /** Lamps go with the viewer. */
-  private placeLight(): void {
-    const { camera, controls } = this;
-    const at = controls.target;
-    const place = (light: DirectionalLight, { from }: Lamp) => {
-      light.target.position.copy(at);
-      light.position
-        .set(...from)
-        .applyQuaternion(camera.quaternion)
-        .add(at);
-      light.target.updateMatrixWorld();
-    };
-    place(this.key, KEY);
-    place(this.fill, FILL);
-  }
-
-  private updateBoxes(mesh: UmbelMesh): void {
-    if (this.state.look !== "overlap") {
-      if (this.boxes) this.boxes.visible = false;
-      return;
-    }
-    const key = mesh.statistics && `${mesh.id} ${mesh.cutVersion}`;
-    if (this.boxes && this.cutKey === key) {
-      this.boxes.visible = true;
-      return;
-    }
-    this.cutKey = key;
-    const clusters = [...mesh.clusters()];
-    if (this.boxes) {
-      this.scene.remove(this.boxes);
-      this.boxes.dispose();
-    }
-    const material = new MeshBasicMaterial({
-      color: 0xf28c3a,
-      transparent: true,
-      opacity: BOX_OPACITY,
-      depthTest: false,
-      depthWrite: false,
-      blending: NormalBlending,
-    });
-    this.boxes = new InstancedMesh(
-      new BoxGeometry(1, 1, 1),
-      material,
-      Math.max(clusters.length, 1),
-    );
-    this.boxes.count = clusters.length;
-    this.boxes.frustumCulled = false;
-    const [size, middle, matrix] = [new Vector3(), new Vector3(), new Matrix4()];
-    clusters.forEach(({ box, matrix: world }, i) => {
-      box.getSize(size);
-      box.getCenter(middle);
-      matrix.makeScale(size.x, size.y, size.z).setPosition(middle).premultiply(world);
-      matrix.premultiply(mesh.matrixWorld);
-      this.boxes?.setMatrixAt(i, matrix);
-    });
-    this.scene.add(this.boxes);
-  }
-
-  /** The cluster at a place on the page, and the asset that it is of. */
-  pick(x: number, y: number): Picked | undefined {
+  /** Picks the cluster at a point of the page. */
+  pick(x: number, y: number): PickedCluster | undefined {
     const rectangle = this.canvas.getBoundingClientRect();
     let u = (x - rectangle.left) / rectangle.width;
     const v = (y - rectangle.top) / rectangle.height;
     const { layout, wipe } = this.state;
+    const { perspective, origin } = this.camera;
     let [mesh] = this.meshes;
-    this.camera.aspect = rectangle.width / rectangle.height;
+    perspective.aspect = rectangle.width / rectangle.height;
     if (layout !== "single" && this.meshes[1]) {
-      if (u > (layout === "side" ? 0.5 : wipe)) mesh = this.meshes[1];
+      if (u > dividerAt(layout, wipe)) mesh = this.meshes[1];
       if (layout === "side") {
         u = (2 * u) % 1;
-        this.camera.aspect /= 2;
+        perspective.aspect /= 2;
       }
     }
     if (!mesh) return undefined;
-    this.camera.updateProjectionMatrix();
+    perspective.updateProjectionMatrix();
     const raycaster = new Raycaster();
-    raycaster.setFromCamera(new Vector2(2 * u - 1, 1 - 2 * v), this.camera);
+    raycaster.setFromCamera(new Vector2(2 * u - 1, 1 - 2 * v), perspective);
     const [nearest] = raycaster.intersectObject(mesh, false) as UmbelIntersection[];
     if (!nearest) return undefined;
-    const point = nearest.point.toArray().map((at, i) => at + (this.origin[i] as number));
+    const point = nearest.point.toArray().map((at, i) => at + (origin[i] as number));
     return { mesh, cluster: nearest.cluster, distance: nearest.distance, point };
   }
 
-  /** The picture as it is now, on its background. */
-  async picture(background: (context: CanvasRenderingContext2D) => void): Promise<Blob> {
+  /** The current picture on a background, as PNG. */
+  async picture(paintBackground: (context: CanvasRenderingContext2D) => void): Promise<Blob> {
     this.draw();
     const copy = document.createElement("canvas");
     copy.width = this.canvas.width;
     copy.height = this.canvas.height;
     const context = copy.getContext("2d") as CanvasRenderingContext2D;
-    background(context);
+    paintBackground(context);
     context.drawImage(this.canvas, 0, 0);
     return new Promise((resolve, reject) => {
       copy.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no picture"))), "image/png");

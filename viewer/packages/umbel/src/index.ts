@@ -1,29 +1,28 @@
 // Reads, decodes, selects and streams .umbel assets.
 
-export { type GroupGeometry, type GroupInfo, readPage } from "./decode/page.js";
+export type { Values } from "./decode/attribute_values.js";
+export type { GroupGeometry, GroupInfo } from "./decode/group.js";
+export { readPage } from "./decode/page.js";
 export { UmbelError, type UmbelErrorKind } from "./errors.js";
-export type { Attribute, AttributeName, Values } from "./format/attributes.js";
-export { type Head, NONE, readHead, readHeader } from "./format/file_header.js";
+export type { Attribute, AttributeName } from "./format/attributes.js";
+export { type FileHeader, NONE, readFileHeader } from "./format/file_header.js";
 export { type Json, jsonOf, listOf, numbersOf } from "./format/gltf.js";
-export { Catalog } from "./select/catalog.js";
+export { readFixedHeader } from "./format/sections.js";
+export { GroupDag } from "./select/group_dag.js";
 export { type CameraView, cameraView, mustRefine, type View } from "./select/select.js";
+export type { AssetInfo } from "./stream/asset_info.js";
 export { type Bounds, boundsOf } from "./stream/bounds.js";
+export { type HttpOptions, HttpSource } from "./stream/http_source.js";
+export { ABSENT, DAMAGED, LOADING, RESIDENT } from "./stream/page_cache.js";
 export { bytesPerVertex, packGroup, type RenderGroup } from "./stream/render_group.js";
-export {
-  ABSENT,
-  DAMAGED,
-  LOADING,
-  type MeshView,
-  RESIDENT,
-  Residency,
-} from "./stream/residency.js";
-export { BlobSource, type ByteSource, type HttpOptions, HttpSource } from "./stream/source.js";
-export {
-  type AssetInfo,
-  Streamer,
-  type StreamListener,
-  type StreamOptions,
-  type StreamStatistics,
-  type StreamUpdate,
-} from "./stream/streamer.js";
+export { Residency } from "./stream/residency.js";
+export { BlobSource, type ByteSource } from "./stream/source.js";
+export type {
+  StreamListener,
+  StreamOptions,
+  StreamStatistics,
+  StreamUpdate,
+} from "./stream/stream_update.js";
+export { Streamer } from "./stream/streamer.js";
+export type { MeshView } from "./stream/target_cut.js";
 export { AssetStream } from "./worker/asset_stream.js";

@@ -2,11 +2,12 @@ import { describe, expect, test } from "vitest";
 import { readPage } from "../../../packages/umbel/src/decode/page.js";
 import { UmbelError } from "../../../packages/umbel/src/errors.js";
 import type { AttributeName } from "../../../packages/umbel/src/format/attributes.js";
-import { type Head, readHead, readHeader } from "../../../packages/umbel/src/format/file_header.js";
+import { type FileHeader, readFileHeader } from "../../../packages/umbel/src/format/file_header.js";
+import { readFixedHeader } from "../../../packages/umbel/src/format/sections.js";
 import { xxh64 } from "../../../packages/umbel/src/format/xxh64.js";
-import { assetBytes, assetNames, floats, said, words } from "../../support/assets.js";
+import { assetBytes, assetNames, expectedOf, floats, words } from "../../support/assets.js";
 
-function pageBytes(file: Uint8Array, { pages }: Head, page: number): Uint8Array {
+function pageBytes(file: Uint8Array, { pages }: FileHeader, page: number): Uint8Array {
   return file.subarray(pages.offset[page], pages.offset[page] + pages.size[page]);
 }
 
@@ -38,8 +39,8 @@ test("checksums are those of the specification", () => {
 
 describe.each(assetNames())("%s", (name) => {
   const file = assetBytes(name);
-  const head = readHead(file);
-  const expected = said(name);
+  const head = readFileHeader(file);
+  const expected = expectedOf(name);
 
   test("its head is as the reference reader has it", () => {
     expect(head.groups).toBe(expected.groups);
@@ -59,7 +60,7 @@ describe.each(assetNames())("%s", (name) => {
           mesh: group.mesh,
           firstCluster: group.first_cluster,
           level: group.level,
-          rung: group.rung,
+          method: group.method,
           parents: group.parents,
         });
         expect([...info.sphere, info.error]).toEqual([...floats(group.sphere)]);
@@ -104,13 +105,13 @@ describe.each(assetNames())("%s", (name) => {
 
 describe("damage", () => {
   const file = assetBytes("planet");
-  const head = readHead(file);
+  const head = readFileHeader(file);
 
   test("is found in every byte of the head", () => {
-    for (let at = 0; at < head.header.headBytes; at += 13) {
-      const bad = file.slice(0, head.header.headBytes);
+    for (let at = 0; at < head.fixed.headerBytes; at += 13) {
+      const bad = file.slice(0, head.fixed.headerBytes);
       bad[at] ^= 0x10;
-      expect(kindOf(() => readHead(bad))).not.toBe("none");
+      expect(kindOf(() => readFileHeader(bad))).not.toBe("none");
     }
   });
 
@@ -125,8 +126,8 @@ describe("damage", () => {
   });
 
   test("is found where the file is cut off", () => {
-    for (const size of [0, 15, 16, 127, 128, 500, head.header.headBytes - 1])
-      expect(["not-umbel", "corrupt"]).toContain(kindOf(() => readHead(file.slice(0, size))));
+    for (const size of [0, 15, 16, 127, 128, 500, head.fixed.headerBytes - 1])
+      expect(["not-umbel", "corrupt"]).toContain(kindOf(() => readFileHeader(file.slice(0, size))));
   });
 
   test("never does more than throw an UmbelError, whatever the bytes under a right checksum", () => {
@@ -152,12 +153,12 @@ describe("damage", () => {
 
   test("a file of something else is said to be no .umbel file", () => {
     const other = new TextEncoder().encode("<!doctype html><title>not found</title>".repeat(9));
-    expect(kindOf(() => readHeader(other))).toBe("not-umbel");
+    expect(kindOf(() => readFixedHeader(other))).toBe("not-umbel");
   });
 
   test("a file of another major version is said to be that", () => {
     const other = file.slice(0, 128);
     other[8] = 2;
-    expect(kindOf(() => readHeader(other))).toBe("version");
+    expect(kindOf(() => readFixedHeader(other))).toBe("version");
   });
 });

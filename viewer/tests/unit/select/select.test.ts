@@ -3,26 +3,26 @@ import { join } from "node:path";
 import { describe, expect, test } from "vitest";
 import {
   cameraView,
-  facesAway,
+  isBackfacing,
   isBoxOutside,
   isSphereOutside,
   mustRefine,
   type View,
 } from "../../../packages/umbel/src/select/select.js";
-import { assetNames, ROOT, said, words } from "../../support/assets.js";
-import { drawnClusters, select, viewOf, whole } from "../../support/whole.js";
+import { assetNames, expectedOf, ROOT, words } from "../../support/assets.js";
+import { drawnClusters, loadAsset, select, viewOf } from "../../support/loaded_asset.js";
 
 describe.each(assetNames())("%s", (name) => {
-  const asset = whole(name);
+  const asset = loadAsset(name);
 
   test("is cut as the library cuts it, through its pages and without", () => {
-    const { catalog } = asset;
-    for (const each of said(name).views) {
+    const { dag } = asset;
+    for (const each of expectedOf(name).views) {
       const view = viewOf(each);
       const wanted = [...words(each.cut)];
       expect(select(asset, view)).toEqual(wanted);
-      const refined = Uint8Array.from({ length: catalog.count }, (_, g) =>
-        Number(catalog.mustRefine(g, view)),
+      const refined = Uint8Array.from({ length: dag.count }, (_, g) =>
+        Number(dag.mustRefine(g, view)),
       );
       expect(drawnClusters(asset, refined)).toEqual(wanted);
     }
@@ -30,8 +30,8 @@ describe.each(assetNames())("%s", (name) => {
 });
 
 test("the cut of no error is level 0, triangle by triangle", () => {
-  const asset = whole("planet");
-  const triangles = words(said("planet").triangles);
+  const asset = loadAsset("planet");
+  const triangles = words(expectedOf("planet").triangles);
   const cut = select(asset, { kind: "level", level: 0 });
   const sum = cut.reduce((all, c) => all + triangles[c], 0);
   expect(sum).toBe(asset.head.meshes[0].sourceTriangles);
@@ -68,7 +68,7 @@ describe("the library's test vectors", () => {
       if (isBoxOutside(sides, Float32Array.from(box))) return [];
       const [x, y, z, radius, , , , ax, ay, az, cutoff] = (cones[c] ?? []).map(Math.fround);
       const isAway =
-        facing && facesAway({ sphere: [x, y, z, radius], axis: [ax, ay, az], cutoff }, eye);
+        facing && isBackfacing({ sphere: [x, y, z, radius], axis: [ax, ay, az], cutoff }, eye);
       return isAway ? [] : [c];
     });
   }

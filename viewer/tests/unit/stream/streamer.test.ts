@@ -1,18 +1,28 @@
 import { describe, expect, test } from "vitest";
-import type { GroupInfo } from "../../../packages/umbel/src/decode/page.js";
-import { isDrawn, keepDrawable, settle } from "../../../packages/umbel/src/select/refinement.js";
-import { cameraView, type View } from "../../../packages/umbel/src/select/select.js";
-import { RESIDENT, Residency } from "../../../packages/umbel/src/stream/residency.js";
-import { BlobSource, type ByteSource } from "../../../packages/umbel/src/stream/source.js";
+import type { GroupInfo } from "../../../packages/umbel/src/decode/group.js";
 import {
-  Streamer,
-  type StreamStatistics,
-  type StreamUpdate,
-} from "../../../packages/umbel/src/stream/streamer.js";
-import { drawnClusters, select, targetOf as targetOfWhole, whole } from "../../support/whole.js";
+  isDrawn,
+  keepDrawable,
+  nextRefinement,
+} from "../../../packages/umbel/src/select/refinement.js";
+import { cameraView, type View } from "../../../packages/umbel/src/select/select.js";
+import { RESIDENT } from "../../../packages/umbel/src/stream/page_cache.js";
+import { Residency } from "../../../packages/umbel/src/stream/residency.js";
+import { BlobSource, type ByteSource } from "../../../packages/umbel/src/stream/source.js";
+import type {
+  StreamStatistics,
+  StreamUpdate,
+} from "../../../packages/umbel/src/stream/stream_update.js";
+import { Streamer } from "../../../packages/umbel/src/stream/streamer.js";
+import {
+  drawnClusters,
+  loadAsset,
+  select,
+  targetOf as targetOfWhole,
+} from "../../support/loaded_asset.js";
 
-const PLANET = whole("planet");
-const { file: FILE, head: HEAD, catalog: DAG } = PLANET;
+const PLANET = loadAsset("planet");
+const { file: FILE, head: HEAD, dag: DAG } = PLANET;
 const NEAR = [0, 0, 1.3] as const;
 const HUGE = 2 ** 30;
 
@@ -123,7 +133,7 @@ describe("refinement", () => {
     const all = new Uint8Array(DAG.count).fill(1);
     const target = targetOf(cameraView(NEAR, 0.8, 800, 4));
     const before = targetOf(cameraView([0, 3, 0], 0.8, 800, 1));
-    expect(settle(DAG, target, before, all)).toEqual(target);
+    expect(nextRefinement(DAG, target, before, all)).toEqual(target);
   });
 
   test("whatever is here, it is one surface that needs nothing that is not", () => {
@@ -141,7 +151,7 @@ describe("refinement", () => {
       );
       const eye = [next() * 4 - 2, next() * 4 - 2, next() * 4 - 2] as const;
       const target = targetOf(cameraView(eye, 0.8, 800, 1 + 8 * next()));
-      const refined = settle(DAG, target, before, here);
+      const refined = nextRefinement(DAG, target, before, here);
       expectClosed(refined);
       for (let g = 0; g < DAG.count; ++g)
         if (refined[g] && isDrawn(DAG, refined, g)) expect(here[g]).toBe(1);
@@ -172,7 +182,7 @@ describe("streaming", () => {
     const cuts = watched.updates.filter((u) => u.cuts).map((u) => u.statistics.triangles);
     expect(cuts.find((triangles) => triangles > 0)).toBeLessThan(watched.last.triangles / 8);
     expect(watched.last.fetchedBytes).toBeLessThan(
-      1.3 * watched.last.wantedFileBytes + HEAD.header.headBytes,
+      1.3 * watched.last.wantedFileBytes + HEAD.fixed.headerBytes,
     );
   });
 
@@ -250,7 +260,7 @@ describe("streaming", () => {
       for (let n = residency.next(); n; n = residency.next())
         residency.arrived(n.page, infosOf(n.page));
       residency.plan();
-      if (residency.isHungry) residency.unblock();
+      if (residency.hasAbsentPages) residency.unblock();
     }
     let held = 0;
     for (let page = 0; page < residency.state.length; ++page)

@@ -1,22 +1,22 @@
-// A stream of bits, the lowest of a byte first.
+// Reads a stream of bits, the lowest bit of each byte first.
 
 import { corrupt } from "../errors.js";
 
-/** Bytes that a reader may touch behind the last; whoever makes a reader must see that they are. */
+/** A reader may touch this many bytes after the last; the caller pads its buffer by as many. */
 export const BIT_PADDING = 8;
 
 export class BitReader {
-  /** In bits, from the start of the view. */
+  /** Position in bits, from the start of the view. */
   at = 0;
 
   constructor(private readonly view: DataView) {}
 
-  /** The next 25 bits or more, lowest first, without taking them. */
+  /** The next 25 bits or more, lowest first; the position stays. */
   peek(): number {
     return this.view.getUint32(this.at >>> 3, true) >>> (this.at & 7);
   }
 
-  /** A number of 0 to 32 bits, unsigned. */
+  /** Reads an unsigned number of 0 to 32 bits. */
   take(count: number): number {
     if (count > 25) {
       const low = this.take(16);
@@ -27,13 +27,14 @@ export class BitReader {
     return value;
   }
 
-  /** A number below `count`. */
+  /** Reads a number below `count`, in as few bits as hold every such number. */
   below(count: number): number {
     const value = count < 2 ? 0 : this.take(32 - Math.clz32(count - 1));
     if (value >= count) corrupt(`a number of a page is ${value}, not below ${count}`);
     return value;
   }
 
+  /** Reads a Rice code of parameter `k`; 16 zeros escape to a plain number of 32 bits. */
   rice(k: number): number {
     const word = this.peek() | 0x10000;
     const quotient = 31 - Math.clz32(word & -word);

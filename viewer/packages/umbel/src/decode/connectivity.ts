@@ -1,60 +1,64 @@
-// The triangles of a cluster: a walk from triangle to triangle across edges, as docs/format.md
-// describes it under "A cluster's data".
+// Decodes the triangles of a cluster, in the manner of Edgebreaker (Rossignac, "Edgebreaker:
+// Connectivity Compression for Triangle Meshes", 1999). The decoder grows the surface from triangle
+// to triangle across a queue of active edges: directed edges with a triangle on the far side.
+// docs/format.md specifies every bit, under "A cluster's data".
 
 import { corrupt } from "../errors.js";
 import type { BitReader } from "./bit_reader.js";
 
 const MAX_VERTICES = 256;
-const MAX_GATES = 3 * 256;
-const NO_GATE = 0xffff;
+const MAX_EDGES = 3 * 256;
+const NO_EDGE = 0xffff;
 
+/** Where the apex of the triangle across an active edge (a, b) comes from. */
 const NEW = 0;
-const FROM = 1;
-const INTO = 2;
-const NAMED = 3;
-const NOTHING = 4;
+const END_OF_OUTGOING = 1;
+const START_OF_INCOMING = 2;
+const EXPLICIT = 3;
+const NO_TRIANGLE = 4;
 
-/** What each word of the code says, by its bits as they are read. */
-const WORDS: readonly [string, number, number, number][] = [
+/** Prefix codes in the order of their bits: apex, and whether the right and left edge are active. */
+const CODES: readonly [string, number, number, number][] = [
   ["1", NEW, 1, 1],
-  ["011", FROM, 1, 1],
-  ["010", INTO, 1, 1],
+  ["011", END_OF_OUTGOING, 1, 1],
+  ["010", START_OF_INCOMING, 1, 1],
   ["0011", NEW, 0, 1],
   ["0010", NEW, 1, 0],
   ["00011", NEW, 0, 0],
-  ["00010", FROM, 1, 0],
-  ["00001", INTO, 0, 1],
-  ["000001", NAMED, 1, 1],
-  ["00000011", NAMED, 0, 1],
-  ["00000010", NAMED, 1, 0],
-  ["00000001", NAMED, 0, 0],
-  ["00000000", NOTHING, 0, 0],
+  ["00010", END_OF_OUTGOING, 1, 0],
+  ["00001", START_OF_INCOMING, 0, 1],
+  ["000001", EXPLICIT, 1, 1],
+  ["00000011", EXPLICIT, 0, 1],
+  ["00000010", EXPLICIT, 1, 0],
+  ["00000001", EXPLICIT, 0, 0],
+  ["00000000", NO_TRIANGLE, 0, 0],
 ];
-/** For each next eight bits: length of the word, apex, right, left, in 4, 3, 1 and 1 bits. */
+/** By the next eight bits: length of the code, apex, right and left, in 4, 3, 1 and 1 bits. */
 const TABLE = new Uint16Array(256);
-for (const [word, apex, right, left] of WORDS) {
-  const low = [...word].reduce((sum, bit, i) => sum | (Number(bit) << i), 0);
-  for (let high = 0; high < 1 << (8 - word.length); ++high)
-    TABLE[low | (high << word.length)] = word.length | (apex << 4) | (right << 7) | (left << 8);
+for (const [code, apex, right, left] of CODES) {
+  const low = [...code].reduce((sum, bit, i) => sum | (Number(bit) << i), 0);
+  for (let high = 0; high < 1 << (8 - code.length); ++high)
+    TABLE[low | (high << code.length)] = code.length | (apex << 4) | (right << 7) | (left << 8);
 }
 
 /** Decodes one cluster after another; keeps its scratch memory between them. */
 export class TriangleDecoder {
-  /** For each vertex of the last cluster: the three that it is predicted from (a, b, across). */
-  readonly parents = new Uint8Array(3 * MAX_VERTICES);
-  /** The border edges of the last cluster, from and to, in the order of the walk. */
-  readonly border = new Uint8Array(2 * MAX_GATES);
+  /** For each vertex of the last cluster the three that predict it: a, b and the opposite one. */
+  readonly predictors = new Uint8Array(3 * MAX_VERTICES);
+  /** The border edges of the last cluster, start and end, in the order of decoding. */
+  readonly border = new Uint8Array(2 * MAX_EDGES);
   borderEdges = 0;
 
-  private readonly gateA = new Uint8Array(MAX_GATES);
-  private readonly gateB = new Uint8Array(MAX_GATES);
-  private readonly gateAcross = new Uint8Array(MAX_GATES);
-  private readonly gateOpen = new Uint8Array(MAX_GATES);
-  private readonly from = new Uint16Array(MAX_VERTICES);
-  private readonly into = new Uint16Array(MAX_VERTICES);
-  private opened = 0;
-  private seen = 0;
+  private readonly edgeStart = new Uint8Array(MAX_EDGES);
+  private readonly edgeEnd = new Uint8Array(MAX_EDGES);
+  private readonly edgeOpposite = new Uint8Array(MAX_EDGES);
+  private readonly isActive = new Uint8Array(MAX_EDGES);
+  /** The last active edge that starts, or ends, at each vertex. */
+  private readonly outgoing = new Uint16Array(MAX_VERTICES);
+  private readonly incoming = new Uint16Array(MAX_VERTICES);
+  private edges = 0;
   private vertices = 0;
+  private vertexLimit = 0;
   private bits!: BitReader;
 
   /** Writes 3 * `triangles` vertex numbers, each with `base` added, to `out` at `at`. */
@@ -67,38 +71,38 @@ export class TriangleDecoder {
     base: number,
   ): void {
     this.bits = bits;
-    this.vertices = vertices;
-    this.opened = 0;
-    this.seen = 0;
+    this.vertexLimit = vertices;
+    this.edges = 0;
+    this.vertices = 0;
     this.borderEdges = 0;
-    this.from.fill(NO_GATE);
-    this.into.fill(NO_GATE);
+    this.outgoing.fill(NO_EDGE);
+    this.incoming.fill(NO_EDGE);
     let first = 0;
     const end = at + 3 * triangles;
     while (at < end) {
-      while (first < this.opened && this.gateOpen[first] === 0) ++first;
+      while (first < this.edges && this.isActive[first] === 0) ++first;
       let a: number;
       let b: number;
       let c: number;
       let right: number;
       let left: number;
-      if (first < this.opened) {
-        const gate = first++;
-        this.forget(gate);
-        const word = TABLE[bits.peek() & 0xff];
-        bits.at += word & 15;
-        const apex = (word >> 4) & 7;
-        if (apex === NOTHING) continue;
-        a = this.gateA[gate];
-        b = this.gateB[gate];
-        c = this.apex(apex, gate);
-        right = (word >> 7) & 1;
-        left = word >> 8;
+      if (first < this.edges) {
+        const edge = first++;
+        this.unlink(edge);
+        const code = TABLE[bits.peek() & 0xff];
+        bits.at += code & 15;
+        const apex = (code >> 4) & 7;
+        if (apex === NO_TRIANGLE) continue;
+        a = this.edgeStart[edge];
+        b = this.edgeEnd[edge];
+        c = this.readApex(apex, edge);
+        right = (code >> 7) & 1;
+        left = code >> 8;
       } else {
-        a = this.corner();
-        b = this.corner();
-        c = this.corner();
-        this.pass(a, b, c, bits.take(1));
+        a = this.readVertex();
+        b = this.readVertex();
+        c = this.readVertex();
+        this.finishEdge(a, b, c, bits.take(1));
         right = -1;
         left = -1;
       }
@@ -106,66 +110,71 @@ export class TriangleDecoder {
       out[at + 1] = base + b;
       out[at + 2] = base + c;
       at += 3;
-      this.pass(b, c, a, right < 0 ? bits.take(1) : right);
-      this.pass(c, a, b, left < 0 ? bits.take(1) : left);
+      this.finishEdge(b, c, a, right < 0 ? bits.take(1) : right);
+      this.finishEdge(c, a, b, left < 0 ? bits.take(1) : left);
     }
-    while (this.seen < vertices) this.numberAfterLast();
+    while (this.vertices < vertices) this.addVertexAfterLast();
   }
 
-  private number(a: number, b: number, across: number): number {
-    if (this.seen >= this.vertices) corrupt("a cluster's triangles have more vertices than it has");
-    const vertex = this.seen++;
-    this.parents[3 * vertex] = a;
-    this.parents[3 * vertex + 1] = b;
-    this.parents[3 * vertex + 2] = across;
+  private addVertex(a: number, b: number, opposite: number): number {
+    if (this.vertices >= this.vertexLimit)
+      corrupt("a cluster's triangles have more vertices than it has");
+    const vertex = this.vertices++;
+    this.predictors[3 * vertex] = a;
+    this.predictors[3 * vertex + 1] = b;
+    this.predictors[3 * vertex + 2] = opposite;
     return vertex;
   }
 
-  private numberAfterLast(): number {
-    const before = Math.max(this.seen, 1) - 1;
-    return this.number(before, before, before);
+  /** Adds a vertex that the one before it predicts. */
+  private addVertexAfterLast(): number {
+    const before = Math.max(this.vertices, 1) - 1;
+    return this.addVertex(before, before, before);
   }
 
-  private corner(): number {
-    return this.bits.take(1) ? this.numberAfterLast() : this.bits.below(this.seen);
+  private readVertex(): number {
+    return this.bits.take(1) ? this.addVertexAfterLast() : this.bits.below(this.vertices);
   }
 
-  private apex(kind: number, gate: number): number {
-    const a = this.gateA[gate];
-    const b = this.gateB[gate];
-    if (kind === NEW) return this.number(a, b, this.gateAcross[gate]);
-    if (kind === NAMED) return this.bits.below(this.seen);
-    const other = kind === FROM ? this.from[b] : this.into[a];
-    if (other === NO_GATE) corrupt("a triangle leans on a gate that is not there");
-    return kind === FROM ? this.gateB[other] : this.gateA[other];
+  private readApex(kind: number, edge: number): number {
+    const a = this.edgeStart[edge];
+    const b = this.edgeEnd[edge];
+    if (kind === NEW) return this.addVertex(a, b, this.edgeOpposite[edge]);
+    if (kind === EXPLICIT) return this.bits.below(this.vertices);
+    const other = kind === END_OF_OUTGOING ? this.outgoing[b] : this.incoming[a];
+    if (other === NO_EDGE) corrupt("a triangle uses an active edge that is not there");
+    return kind === END_OF_OUTGOING ? this.edgeEnd[other] : this.edgeStart[other];
   }
 
-  private forget(gate: number): void {
-    const a = this.gateA[gate];
-    const b = this.gateB[gate];
-    if (this.from[a] === gate) this.from[a] = NO_GATE;
-    if (this.into[b] === gate) this.into[b] = NO_GATE;
+  private unlink(edge: number): void {
+    const a = this.edgeStart[edge];
+    const b = this.edgeEnd[edge];
+    if (this.outgoing[a] === edge) this.outgoing[a] = NO_EDGE;
+    if (this.incoming[b] === edge) this.incoming[b] = NO_EDGE;
   }
 
-  /** Passes the edge from x to y, opposite to w. */
-  private pass(x: number, y: number, w: number, isGate: number): void {
-    let gate = this.from[x];
-    if (gate === NO_GATE || this.gateB[gate] !== y) gate = this.into[y];
-    if (gate !== NO_GATE && this.gateA[gate] === x) {
-      this.gateOpen[gate] = 0;
-      this.forget(gate);
-    } else if (isGate) {
-      const opened = this.opened++;
-      this.from[y] = opened;
-      this.into[x] = opened;
-      this.gateA[opened] = y;
-      this.gateB[opened] = x;
-      this.gateAcross[opened] = w;
-      this.gateOpen[opened] = 1;
+  /**
+   * Finishes the edge from x to y of a new triangle, opposite to w: closes the active edge that it
+   * meets, or becomes an active edge (y, x), or a border edge.
+   */
+  private finishEdge(x: number, y: number, w: number, becomesActive: number): void {
+    let edge = this.outgoing[x];
+    if (edge === NO_EDGE || this.edgeEnd[edge] !== y) edge = this.incoming[y];
+    if (edge !== NO_EDGE && this.edgeStart[edge] === x) {
+      this.isActive[edge] = 0;
+      this.unlink(edge);
+    } else if (becomesActive) {
+      const added = this.edges++;
+      this.outgoing[y] = added;
+      this.incoming[x] = added;
+      this.edgeStart[added] = y;
+      this.edgeEnd[added] = x;
+      this.edgeOpposite[added] = w;
+      this.isActive[added] = 1;
     } else {
-      const edge = this.borderEdges++;
-      this.border[2 * edge] = x;
-      this.border[2 * edge + 1] = y;
+      const border = this.borderEdges++;
+      this.border[2 * border] = x;
+      this.border[2 * border + 1] = y;
     }
   }
 }

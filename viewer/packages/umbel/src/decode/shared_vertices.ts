@@ -1,5 +1,5 @@
-// Which vertices of a cluster stand in earlier clusters of its group, as docs/format.md describes it
-// under "What is shared". Vertices are numbered through the group.
+// Decodes which vertices of a cluster are equal to vertices of earlier clusters in its group, as
+// docs/format.md specifies under "What is shared". Vertices are numbered through the group.
 
 import type { BitReader } from "./bit_reader.js";
 import type { TriangleDecoder } from "./connectivity.js";
@@ -9,8 +9,10 @@ const NONE = -1;
 export class SharedVertices {
   /** For each vertex of the group the earlier one that it is equal to, or -1. */
   readonly equal: Int32Array;
+  /** The next and the previous vertex along the border of its cluster, or -1. */
   private readonly next: Int32Array;
   private readonly previous: Int32Array;
+  /** Border vertices of all clusters so far. */
   private readonly border: number[] = [];
 
   constructor(vertices: number) {
@@ -19,12 +21,12 @@ export class SharedVertices {
     this.previous = new Int32Array(vertices).fill(NONE);
   }
 
-  /** Reads what the cluster that begins at vertex `first` shares. */
-  read(bits: BitReader, walk: TriangleDecoder, first: number, count: number): void {
+  /** Reads the shared vertices of the cluster whose vertices begin at `first`. */
+  read(bits: BitReader, triangles: TriangleDecoder, first: number, count: number): void {
     const { next, previous, border } = this;
-    for (let i = 0; i < walk.borderEdges; ++i) {
-      const x = first + walk.border[2 * i];
-      const y = first + walk.border[2 * i + 1];
+    for (let i = 0; i < triangles.borderEdges; ++i) {
+      const x = first + triangles.border[2 * i];
+      const y = first + triangles.border[2 * i + 1];
       next[x] = y;
       previous[y] = x;
     }
@@ -43,6 +45,7 @@ export class SharedVertices {
     return this.next[v] !== NONE || this.previous[v] !== NONE;
   }
 
+  /** Shares further vertices along both borders while the file says so; they run in opposite directions. */
   private follow(bits: BitReader, v: number, u: number, ahead: Int32Array, back: Int32Array): void {
     const { equal } = this;
     let w = ahead[v];

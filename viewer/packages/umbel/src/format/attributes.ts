@@ -1,6 +1,9 @@
-// What a vertex has, and how its integers become values: the codings of docs/format.md, `ATTR`.
+// The attributes of vertices: names, and how each is coded (docs/format.md, `ATTR`).
 
 import { corrupt, UmbelError } from "../errors.js";
+
+/** Integers of a vertex, at most. */
+export const MAX_COMPONENTS = 64;
 
 export type AttributeName =
   | "positions"
@@ -25,11 +28,9 @@ export interface AttributeRow {
 }
 
 export interface Attribute extends AttributeRow {
-  /** Undefined for what this reader does not know: its integers are decoded and left. */
+  /** Undefined where this reader does not know or need it: it decodes the integers and skips them. */
   name: AttributeName | undefined;
 }
-
-export type Values = Partial<Record<AttributeName, Float32Array>>;
 
 const NAMES = new Map<number, AttributeName>([
   [0, "positions"],
@@ -40,10 +41,10 @@ const NAMES = new Map<number, AttributeName>([
   [64, "material"],
 ]);
 const TEXTURE_COORDINATE = 4;
-/** Sets of texture coordinates by their number. */
+/** Names of the sets of texture coordinates, by their number. */
 export const UV_SETS = ["uvs", "uvs1", "uvs2", "uvs3"] as const;
 /** Floats of a vertex, once decoded. */
-const WIDTHS: Record<AttributeName, number> = {
+export const WIDTHS: Record<AttributeName, number> = {
   positions: 3,
   normals: 3,
   tangents: 4,
@@ -54,6 +55,7 @@ const WIDTHS: Record<AttributeName, number> = {
   colors: 4,
   material: 1,
 };
+/** The codings that each may have: 0 float, 1 grid, 2 octahedral, 3 angle, 4 sRGB. */
 const CODINGS: Record<AttributeName, readonly number[]> = {
   positions: [0, 1],
   normals: [0, 2],
@@ -79,134 +81,16 @@ export function makeAttribute(row: AttributeRow): Attribute {
     if (row.components !== components || (row.coding >= 2 && (row.bits < 2 || row.bits > 16)))
       corrupt(`The file is damaged: its ${name} have an impossible coding.`);
   } else if (row.kind === 0 && row.set === 0)
-    throw new UmbelError("version", "The file codes positions in a way that is not known here.");
+    throw new UmbelError(
+      "version",
+      "The file codes positions in a way that this viewer does not know.",
+    );
   return { ...row, name: isKnown ? name : undefined };
 }
 
-/** For each component: 1 if it is predicted by a mean. */
+/** For each component: 1 if it is predicted by a mean, 0 by a parallelogram. */
 export function smoothComponents(attributes: readonly Attribute[]): Uint8Array {
   return Uint8Array.from(
     attributes.flatMap((a) => Array<number>(a.components).fill(a.isSmooth ? 1 : 0)),
   );
-}
-
-/** The integers of one attribute of `count` vertices: rows of `stride`, from column `at`. */
-interface Column {
-  rows: Int32Array;
-  stride: number;
-  at: number;
-  count: number;
-}
-
-function floats({ rows, stride, at, count }: Column, width: number): Float32Array {
-  const words = new Int32Array(count * width);
-  for (let v = 0; v < count; ++v)
-    for (let i = 0; i < width; ++i) {
-      const word = rows[v * stride + at + i];
-      words[v * width + i] = word < 0 ? word ^ 0x7fffffff : word;
-    }
-  return new Float32Array(words.buffer);
-}
-
-function steps({ rows, stride, at, count }: Column, width: number, step: number): Float32Array {
-  const values = new Float32Array(count * width);
-  for (let v = 0; v < count; ++v)
-    for (let i = 0; i < width; ++i) values[v * width + i] = rows[v * stride + at + i] * step;
-  return values;
-}
-
-/** Writes the unit vector of two octahedral integers; returns whether it points down. */
-function octahedron(i0: number, i1: number, m: number, out: Float64Array): boolean {
-  let x = i0 / m;
-  let y = i1 / m;
-  const z = 1 - Math.abs(x) - Math.abs(y);
-  if (z < 0) {
-    x += x < 0 ? -z : z;
-    y += y < 0 ? -z : z;
-  }
-  const length = Math.sqrt(x * x + y * y + z * z);
-  out[0] = x / length;
-  out[1] = y / length;
-  out[2] = z / length;
-  return Math.abs(i0) + Math.abs(i1) > m;
-}
-
-const normal = new Float64Array(3);
-
-function normals({ rows, stride, at, count }: Column, bits: number): Float32Array {
-  const m = 2 ** (bits - 1) - 1;
-  const values = new Float32Array(3 * count);
-  for (let v = 0; v < count; ++v) {
-    octahedron(rows[v * stride + at], rows[v * stride + at + 1], m, normal);
-    values.set(normal, 3 * v);
-  }
-  return values;
-}
-
-function tangents(
-  column: Column,
-  bits: number,
-  normalAt: number,
-  normalBits: number,
-): Float32Array {
-  const { rows, stride, at, count } = column;
-  const m = 2 ** (normalBits - 1) - 1;
-  const values = new Float32Array(4 * count);
-  for (let v = 0; v < count; ++v) {
-    const row = v * stride;
-    const below = octahedron(rows[row + normalAt], rows[row + normalAt + 1], m, normal);
-    const [x, y, z] = normal;
-    const g = below ? -1 : 1;
-    const p = -1 / (g + z);
-    const q = x * y * p;
-    const angle = (2 * Math.PI * rows[row + at]) / 2 ** bits;
-    const cos = Math.cos(angle);
-    const sin = Math.sin(angle);
-    values[4 * v] = (1 + g * x * x * p) * cos + q * sin;
-    values[4 * v + 1] = g * q * cos + (g + y * y * p) * sin;
-    values[4 * v + 2] = -g * x * cos - y * sin;
-    values[4 * v + 3] = rows[row + at + 1] !== 0 ? -1 : 1;
-  }
-  return values;
-}
-
-function colors({ rows, stride, at, count }: Column, bits: number): Float32Array {
-  const most = 2 ** bits - 1;
-  const values = new Float32Array(4 * count);
-  for (let v = 0; v < count; ++v)
-    for (let i = 0; i < 4; ++i) {
-      const s = rows[v * stride + at + i] / most;
-      const linear = s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4;
-      values[4 * v + i] = i < 3 ? linear : s;
-    }
-  return values;
-}
-
-/** The values of `count` vertices whose integers are rows one after the other. */
-export function decodeValues(
-  attributes: readonly Attribute[],
-  rows: Int32Array,
-  count: number,
-): Values {
-  const stride = attributes.reduce((sum, a) => sum + a.components, 0);
-  const values: Values = {};
-  let at = 0;
-  let normalAt = 0;
-  let normalBits = 2;
-  for (const { name, coding, bits, step, components } of attributes) {
-    const column = { rows, stride, at, count };
-    if (name === "normals") {
-      normalAt = at;
-      normalBits = bits;
-    }
-    if (name === undefined) {
-      // It is left.
-    } else if (coding === 0) values[name] = floats(column, WIDTHS[name]);
-    else if (coding === 1) values[name] = steps(column, WIDTHS[name], step);
-    else if (coding === 2) values[name] = normals(column, bits);
-    else if (coding === 3) values[name] = tangents(column, bits, normalAt, normalBits);
-    else values[name] = colors(column, bits);
-    at += components;
-  }
-  return values;
 }

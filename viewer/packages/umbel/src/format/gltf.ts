@@ -1,5 +1,5 @@
-// The parts of glTF that an asset's tables are in: `MTRL` of docs/format.md. Nothing in them has
-// been checked, so whoever reads them asks first.
+// The parts of glTF that an asset stores as JSON (docs/format.md, `MTRL` and `SCEN`). The reader
+// checks none of it, so every access goes through these functions.
 
 export type Json = Record<string, unknown>;
 

@@ -1,51 +1,50 @@
-// What can be drawn of what should be: groups as a DAG, and the best refinement for which every
-// page is here.
+// Finds the cut to draw: as close to the selected one as the resident pages allow.
 //
-// A refinement is a set of groups that, with a group, holds all the groups that it was simplified
-// to. A cluster is drawn if its own group is in the set and its generating group is not; so a
-// group whose clusters have all been refined needs no geometry, only to be known.
+// A refinement is a set of groups that holds, with every group, all of the group's parents. It
+// defines a cut of the DAG: a cluster is drawn if its own group is in the set and the group that it
+// was made from is not. So a group whose clusters are all refined needs no geometry.
 
-import type { Catalog } from "./catalog.js";
+import type { GroupDag } from "./group_dag.js";
 
-/** Groups, and which were made from which. */
-export type Dag = Pick<Catalog, "count" | "finer" | "coarser" | "hasSource">;
+/** The part of the DAG that these functions read. */
+export type Dag = Pick<GroupDag, "count" | "finer" | "coarser" | "hasSource">;
 
-/** Whether some cluster of a group of the set is drawn, so that its page is needed. */
+/** Whether a cluster of a group in the set is drawn, so that the group's page is needed. */
 export function isDrawn({ finer, hasSource }: Dag, refined: Uint8Array, group: number): boolean {
   if (hasSource[group]) return true;
-  const made = finer[group];
-  for (let i = 0; i < made.length; ++i) if (!refined[made[i]]) return true;
+  const children = finer[group];
+  for (let i = 0; i < children.length; ++i) if (!refined[children[i]]) return true;
   return false;
 }
 
 /**
- * Takes groups out of a set until it is a refinement with a page for all that it draws. The result
- * is the largest such subset: any two have a union that is one too.
+ * Removes groups from a set until it is a refinement that draws resident groups only. The result is
+ * the largest such subset; it is unique, because the union of two such subsets is another.
  */
 export function keepDrawable(dag: Dag, refined: Uint8Array, isResident: Uint8Array): void {
   const { finer, coarser } = dag;
-  const leaving: number[] = [];
-  const leave = (group: number) => {
+  const removed: number[] = [];
+  const remove = (group: number) => {
     if (!refined[group]) return;
     refined[group] = 0;
-    leaving.push(group);
+    removed.push(group);
   };
   for (let g = 0; g < dag.count; ++g) {
     if (!refined[g]) continue;
     let stays = isResident[g] !== 0 || !isDrawn(dag, refined, g);
     const above = coarser[g];
     for (let i = 0; stays && i < above.length; ++i) stays = refined[above[i]] !== 0;
-    if (!stays) leave(g);
+    if (!stays) remove(g);
   }
-  for (let g = leaving.pop(); g !== undefined; g = leaving.pop()) {
-    for (const below of finer[g]) leave(below);
-    for (const above of coarser[g]) if (!isResident[above]) leave(above);
+  for (let g = removed.pop(); g !== undefined; g = removed.pop()) {
+    for (const below of finer[g]) remove(below);
+    for (const above of coarser[g]) if (!isResident[above]) remove(above);
   }
 }
 
 /**
- * Takes out of a drawable refinement all that is not in `target`, and puts back what hides groups
- * that would be drawn then but are not here.
+ * Removes from a drawable refinement the groups that are not in `target`, and puts back those that
+ * hide groups which would then be drawn without being resident.
  */
 export function coarsen(
   dag: Dag,
@@ -54,7 +53,7 @@ export function coarsen(
   isResident: Uint8Array,
 ): void {
   const { finer, coarser } = dag;
-  const adding: number[] = [];
+  const added: number[] = [];
   const toHide: number[] = [];
   const checkLater = (group: number) => {
     if (!isResident[group]) toHide.push(group);
@@ -66,12 +65,12 @@ export function coarsen(
   const add = (group: number) => {
     if (refined[group]) return;
     refined[group] = 1;
-    adding.push(group);
+    added.push(group);
   };
   for (let hidden = toHide.pop(); hidden !== undefined; hidden = toHide.pop()) {
     if (!isDrawn(dag, refined, hidden)) continue;
     for (const below of finer[hidden]) add(below);
-    for (let g = adding.pop(); g !== undefined; g = adding.pop()) {
+    for (let g = added.pop(); g !== undefined; g = added.pop()) {
       checkLater(g);
       for (const above of coarser[g]) add(above);
     }
@@ -79,10 +78,10 @@ export function coarsen(
 }
 
 /**
- * What to draw now: as close to `target` as the pages allow, and not coarser than what was drawn
- * before only because the target is coarser still and has not arrived.
+ * The refinement to draw: as close to `target` as the resident pages allow. It stays finer than the
+ * target where the target's coarser pages have not arrived.
  */
-export function settle(
+export function nextRefinement(
   dag: Dag,
   target: Uint8Array,
   before: Uint8Array,

@@ -1,13 +1,13 @@
-// Selection of a cut: which groups must be refined, seen from a view, and what of that is in the
-// picture. The arithmetic is that of docs/selection.md, "to the last bit", in binary32.
+// Selects a cut: which groups a view refines, and which clusters it culls. The arithmetic is that of
+// docs/selection.md in binary32, equal to the library's to the last bit.
 
 export interface CameraView {
   kind: "camera";
   eye: readonly [number, number, number];
   threshold: number;
   /**
-   * The view's volume: planes (x, y, z, w), inside where x px + y py + z pz + w >= 0. What is
-   * outside may have `offscreen` times the error.
+   * Planes (x, y, z, w) of the view volume: inside is x px + y py + z pz + w >= 0. Groups outside
+   * may have `offscreen` times the error.
    */
   planes?: Float32Array;
   offscreen?: number;
@@ -15,16 +15,17 @@ export interface CameraView {
 
 export type View = { kind: "error"; error: number } | CameraView | { kind: "level"; level: number };
 
-/** Spheres of four floats each: centre and radius. */
+/** Spheres, four floats each: centre and radius. */
 export type Spheres = Float32Array;
 
 const f = Math.fround;
+/** Squares outside of [SMALLEST_SQUARE, LARGEST] are computed again, scaled by UP or DOWN. */
 const LARGEST = f(3.4028234663852886e38);
 const SMALLEST_SQUARE = 2 ** -100;
 const UP = 2 ** 96;
 const DOWN = 2 ** -96;
 
-/** A view from a camera: errors of up to `pixelError` pixels are good enough. `fovY` in radians. */
+/** A view from a camera that allows errors of `pixelError` pixels; `fovY` in radians. */
 export function cameraView(
   eye: readonly [number, number, number],
   fovY: number,
@@ -46,7 +47,7 @@ function lengthOf(x: number, y: number, z: number): number {
   return f(f(Math.sqrt(f(f(f(x * x) + f(y * y)) + f(z * z)))) * back);
 }
 
-/** Distance from a point to sphere `i`, 0 inside it. */
+/** Distance from a point to sphere `i`; 0 inside it. */
 export function distanceOutside(
   spheres: Spheres,
   i: number,
@@ -59,7 +60,7 @@ export function distanceOutside(
   return Math.max(f(Math.min(lengthOf(dx, dy, dz), LARGEST) - spheres[at + 3]), 0);
 }
 
-/** Whether a group's simplified form is not good enough. */
+/** Whether a group's simplified form is too coarse for a view. */
 export function mustRefine(
   spheres: Spheres,
   i: number,
@@ -99,15 +100,18 @@ export function isBoxOutside(planes: ArrayLike<number>, box: ArrayLike<number>, 
   return false;
 }
 
-/** A cluster's sphere (centre, radius) and the cone of its triangles (axis, cutoff). */
-export interface Facing {
+/** A cluster's sphere (centre, radius) and normal cone (axis, cutoff). */
+export interface NormalCone {
   sphere: readonly [number, number, number, number];
   axis: readonly [number, number, number];
   cutoff: number;
 }
 
-/** Whether all triangles of a cluster are turned away from a point. */
-export function facesAway({ sphere, axis, cutoff }: Facing, eye: readonly number[]): boolean {
+/** Whether all triangles of a cluster face away from a point. */
+export function isBackfacing(
+  { sphere, axis, cutoff }: NormalCone,
+  eye: readonly number[],
+): boolean {
   const x = f(sphere[0] - eye[0]);
   const y = f(sphere[1] - eye[1]);
   const z = f(sphere[2] - eye[2]);

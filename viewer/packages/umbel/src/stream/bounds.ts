@@ -1,6 +1,6 @@
-// Where an asset is: the box around all of its instances.
+// The bounding box of an asset: of all its instances.
 
-import type { AssetInfo } from "./streamer.js";
+import type { AssetInfo } from "./asset_info.js";
 
 type Point = [number, number, number];
 
@@ -9,7 +9,7 @@ export interface Bounds {
   high: Point;
 }
 
-/** The box around everything that is shown; from -1 to 1 if nothing is. */
+/** The box of all instances; from -1 to 1 if there are none. */
 export function boundsOf({ meshes, instances }: Pick<AssetInfo, "meshes" | "instances">): Bounds {
   const low: Point = [Infinity, Infinity, Infinity];
   const high: Point = [-Infinity, -Infinity, -Infinity];

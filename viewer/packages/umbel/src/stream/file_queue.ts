@@ -1,13 +1,13 @@
-// Reads embedded files beside the geometry: few at a time, so that pages never wait for pictures,
-// and those that lie beside each other in the file by one request.
+// Reads embedded files: few at a time, so that pages do not wait for images, and neighbours in the
+// file by one request.
 
-import type { EmbeddedFile } from "../format/file_header.js";
+import type { EmbeddedFile } from "../format/tables.js";
 import type { ByteSource } from "./source.js";
 
-const REQUESTS = 2;
-/** What small files are joined to, at most; a larger one is asked for by itself. */
-const MOST_BYTES = 1 << 18;
-/** Bytes between two files that are worth one request. */
+const MAX_REQUESTS = 2;
+/** Bytes of a request for several files; a larger file has a request of its own. */
+const MAX_BYTES = 1 << 18;
+/** Bytes between two files that one request may skip. */
 const GAP = 1 << 12;
 
 interface Waiting {
@@ -18,13 +18,13 @@ interface Waiting {
 }
 
 export class FileQueue {
-  /** Requests that are under way. */
+  /** Number of open requests. */
   requests = 0;
   private readonly waiting: Waiting[] = [];
 
   /**
-   * @param isBusy whether geometry is missing: then files that are not urgent come one at a time
-   * @param onChange is told when a request has begun or ended
+   * @param isBusy whether pages are missing: then only one file that is not urgent is read at a time
+   * @param onChange is called after each request
    */
   constructor(
     private readonly source: ByteSource,
@@ -35,7 +35,7 @@ export class FileQueue {
   read(file: EmbeddedFile, isUrgent: boolean): Promise<Uint8Array> {
     return new Promise((resolve, reject) => {
       this.waiting.push({ file, isUrgent, resolve, reject });
-      // What is asked for at the same time may go together.
+      // Files that are asked for at the same time may share a request.
       queueMicrotask(() => this.start());
     });
   }
@@ -43,14 +43,14 @@ export class FileQueue {
   private start(): void {
     for (;;) {
       const urgent = this.waiting.findIndex(({ isUrgent }) => isUrgent);
-      const most = urgent >= 0 || !this.isBusy() ? REQUESTS : 1;
-      if (this.waiting.length === 0 || this.requests >= most) return;
-      void this.fetch(this.run(Math.max(urgent, 0)));
+      const limit = urgent >= 0 || !this.isBusy() ? MAX_REQUESTS : 1;
+      if (this.waiting.length === 0 || this.requests >= limit) return;
+      void this.fetch(this.takeRun(Math.max(urgent, 0)));
     }
   }
 
-  /** Takes one that waits, with those that lie right behind it or before it. */
-  private run(at: number): Waiting[] {
+  /** Removes a waiting file and its neighbours in the file from the queue. */
+  private takeRun(at: number): Waiting[] {
     const run = this.waiting.splice(at, 1);
     for (let grows = true; grows; ) {
       const begin = (run[0] as Waiting).file.offset;
@@ -58,7 +58,7 @@ export class FileQueue {
       const next = this.waiting.findIndex(({ file }) => {
         const bytes = Math.max(end, file.offset + file.size) - Math.min(begin, file.offset);
         const isNear = file.offset + file.size >= begin - GAP && file.offset <= end + GAP;
-        return isNear && bytes <= MOST_BYTES;
+        return isNear && bytes <= MAX_BYTES;
       });
       grows = next >= 0;
       if (grows) run.push(...this.waiting.splice(next, 1));

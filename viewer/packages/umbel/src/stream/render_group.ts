@@ -1,24 +1,24 @@
-// A group as the GPU takes it, and what a program may ask of its clusters.
+// A group in the form that the GPU takes, with the properties of its clusters.
 
-import type { GroupGeometry, GroupInfo } from "../decode/page.js";
+import type { GroupGeometry, GroupInfo } from "../decode/group.js";
 import { type Attribute, UV_SETS } from "../format/attributes.js";
 import { NONE } from "../format/file_header.js";
-import type { Catalog } from "../select/catalog.js";
-import { type Parts, partsOf } from "./material_runs.js";
+import type { GroupDag } from "../select/group_dag.js";
+import { type MaterialRanges, materialRangesOf } from "./material_ranges.js";
 import { type TextureSizes, textureSizesOf } from "./texture_sizes.js";
 
-export interface RenderGroup extends Parts, TextureSizes {
+export interface RenderGroup extends MaterialRanges, TextureSizes {
   /** Groups and clusters of all meshes are numbered through. */
   group: number;
   mesh: number;
   level: number;
-  /** Error once simplified; infinite for a root. */
+  /** Error of the simplified group; infinite for a root. */
   error: number;
   /** Centre and radius. */
   sphere: Float32Array;
   firstCluster: number;
   clusterCount: number;
-  /** Where each cluster's vertices and triangles begin, and behind the last. */
+  /** First vertex and triangle of each cluster, and the end of the last. */
   vertexOffsets: Uint32Array;
   triangleOffsets: Uint32Array;
   /** Counted from the group's first vertex. */
@@ -26,7 +26,7 @@ export interface RenderGroup extends Parts, TextureSizes {
   positions: Float32Array;
   /** Four a vertex, normalised; the fourth is 0. */
   normals?: Int16Array;
-  /** Four a vertex, normalised; the fourth is the side of the bitangent. */
+  /** Four a vertex, normalised; the fourth is the sign of the bitangent. */
   tangents?: Int16Array;
   uvs?: Float32Array;
   /** Further sets of texture coordinates, where materials use them. */
@@ -35,7 +35,7 @@ export interface RenderGroup extends Parts, TextureSizes {
   uvs3?: Float32Array;
   /** Four a vertex, normalised, linear. */
   colors?: Uint16Array;
-  /** For each cluster: its generating group, that one's error (0 if none), its material, its box. */
+  /** For each cluster: the group that it was made from, that group's error (0 if none), material, box. */
   generating: Uint32Array;
   generatingError: Float32Array;
   material: Uint32Array;
@@ -53,7 +53,7 @@ const BYTES: Record<string, number> = {
   colors: 8,
 };
 
-/** With the number of the cluster's place on the GPU, which every vertex carries. */
+/** Includes the four bytes of the cluster's slot, which every vertex has. */
 export function bytesPerVertex(attributes: readonly Attribute[]): number {
   return attributes.reduce((sum, { name }) => sum + (BYTES[name ?? ""] ?? 0), 4);
 }
@@ -69,7 +69,7 @@ export function memoryOf(info: GroupInfo, attributes: readonly Attribute[]): num
   );
 }
 
-export function packGroup(geometry: GroupGeometry, catalog: Catalog): RenderGroup {
+export function packGroup(geometry: GroupGeometry, dag: GroupDag): RenderGroup {
   const { info, indices, values } = geometry;
   const packed: RenderGroup = {
     group: info.group,
@@ -81,12 +81,12 @@ export function packGroup(geometry: GroupGeometry, catalog: Catalog): RenderGrou
     clusterCount: info.clusterCount,
     vertexOffsets: info.vertexOffsets.slice(),
     triangleOffsets: info.triangleOffsets.slice(),
-    ...partsOf(geometry),
+    ...materialRangesOf(geometry),
     ...textureSizesOf(geometry),
     indices,
     positions: values.positions ?? new Float32Array(0),
     generating: info.generating.slice(),
-    generatingError: Float32Array.from(info.generating, (g) => (g === NONE ? 0 : catalog.error[g])),
+    generatingError: Float32Array.from(info.generating, (g) => (g === NONE ? 0 : dag.error[g])),
     material: info.material.slice(),
     boxes: info.boxes.slice(),
   };
@@ -105,7 +105,7 @@ function toUnit(value: number): number {
   return Math.min(Math.max(value, 0), 1);
 }
 
-/** Four numbers a vertex, of as many as `width`. */
+/** Packs `width` numbers a vertex as four. */
 function packDirections(values: Float32Array, width: number): Int16Array {
   const packed = new Int16Array((values.length / width) * 4);
   for (let v = 0; width * v < values.length; ++v)

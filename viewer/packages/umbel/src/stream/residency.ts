@@ -1,95 +1,82 @@
-// Which pages are here, which to fetch next and which to let go, under a budget of bytes.
+// Decides which pages to fetch, which to evict, and which cut to draw, under a budget of bytes.
 //
-// What is wanted is found by selection among the groups that are known; pages make more known. Where
-// that does not fit the budget, groups are refined in the order of how much their error is seen, as
-// far as the budget goes. A page that is drawn, or that holds the coarsest picture, never leaves.
+// Selection runs over the known groups; each page that arrives makes more groups known. Where the
+// selected cuts exceed the budget, groups are refined in the order of their visible error until the
+// budget is used up.
 
-import type { GroupInfo } from "../decode/page.js";
-import type { Head } from "../format/file_header.js";
-import { Catalog } from "../select/catalog.js";
-import { isDrawn, keepDrawable, settle } from "../select/refinement.js";
-import { distanceOutside, isSphereOutside, type View } from "../select/select.js";
-import { Heap } from "./priority_queue.js";
+import type { GroupInfo } from "../decode/group.js";
+import type { FileHeader } from "../format/file_header.js";
+import { GroupDag } from "../select/group_dag.js";
+import { keepDrawable, nextRefinement } from "../select/refinement.js";
+import { ABSENT, DAMAGED, PageCache, RESIDENT } from "./page_cache.js";
+import {
+  addDrawnPages,
+  type MeshView,
+  priorityOf,
+  targetCut,
+  targetCutWithin,
+} from "./target_cut.js";
 
-export const ABSENT = 0;
-export const LOADING = 1;
-export const RESIDENT = 2;
-export const DAMAGED = 3;
-
-/** Of the budget, for what is wanted; the rest is for what is drawn until that is here. */
-const SHARE = 0.75;
-const LEAST_SHARE = 0.02;
-const LARGEST_SCALE = 2 ** 24;
-/** How near a group is at most taken to be, in its sphere's radii. */
-const NEAREST = 1e-3;
-/** Bytes that a page takes for each byte in the file, until a page was read. */
-const FIRST_GROWTH = 10;
-
-/** What is to be seen of a mesh. */
-export interface MeshView {
-  mesh: number;
-  view: View;
-}
+/** Part of the budget for the selected cuts; the rest is for what is drawn until they arrive. */
+const MAX_SHARE = 0.75;
+const MIN_SHARE = 0.02;
 
 interface ViewState extends MeshView {
-  /** The groups to refine, and those refined in what is drawn. */
+  /** 1 for each group to refine. */
   target: Uint8Array;
+  /** 1 for each group that is refined in what is drawn. */
   refined: Uint8Array;
 }
 
 export class Residency {
-  readonly catalog: Catalog;
-  readonly state: Uint8Array;
-  /** Bytes of what is here or on its way. */
-  bytes = 0;
-  /** How many times the wanted error is seen where the budget allows no finer; 1 if it does. */
+  readonly dag: GroupDag;
+  /** Factor on the allowed error that the budget demands; 1 if the budget suffices. */
   scale = 1;
-  /**
-   * Memory of the cut that is wanted, file bytes of all pages that tell of its groups, and pages of
-   * it that are not here yet.
-   */
+  /** Memory of the selected cuts, file bytes of all pages that lead to them, and missing pages. */
   wanted = { bytes: 0, fileBytes: 0, missing: 0 };
 
-  /** Bytes that each page takes once it is here; guessed until it was read. */
-  private readonly pageBytes: Float64Array;
-  private growth = FIRST_GROWTH;
-  private readBytes = 0;
-  private readFileBytes = 0;
-  private readonly isResident: Uint8Array;
-  private readonly isPinned: Uint8Array;
-  private readonly lastUse: Float64Array;
+  private readonly cache: PageCache;
   private views: ViewState[] = [];
+  /** Pages to fetch, most urgent first. */
   private queue = new Set<number>();
   private isWanted: Uint8Array;
-  private tick = 0;
-  /** Of the budget, what is wanted may take; less while what is drawn stands in its way. */
-  private share = SHARE;
+  /** Part of the budget for the selected cuts; it shrinks while drawn pages leave no room. */
+  private share = MAX_SHARE;
 
-  /** @param memoryOf the bytes that a group takes */
+  /** @param memoryOf bytes that a group takes */
   constructor(
-    private readonly head: Head,
-    private budget: number,
-    private readonly memoryOf: (info: GroupInfo) => number,
+    private readonly header: FileHeader,
+    budget: number,
+    memoryOf: (info: GroupInfo) => number,
   ) {
-    this.catalog = new Catalog(head);
-    const { count } = head.pages;
-    this.state = new Uint8Array(count);
-    this.pageBytes = new Float64Array(count);
-    this.lastUse = new Float64Array(count);
-    this.isPinned = new Uint8Array(count);
-    this.isWanted = new Uint8Array(count);
-    this.isResident = new Uint8Array(head.groups);
-    for (const { roots } of head.meshes) for (const { page } of roots) this.isPinned[page] = 1;
+    this.dag = new GroupDag(header);
+    this.isWanted = new Uint8Array(header.pages.count);
+    this.cache = new PageCache(header, this.dag, budget, memoryOf, () => {
+      const drawn = new Uint8Array(header.pages.count);
+      const refinements = this.views.map(({ refined }) => refined);
+      addDrawnPages(this.dag, refinements, drawn);
+      return drawn;
+    });
+  }
+
+  /** The state of each page. */
+  get state(): Uint8Array {
+    return this.cache.state;
+  }
+
+  /** Memory of resident and loading pages. */
+  get bytes(): number {
+    return this.cache.bytes;
   }
 
   setBudget(bytes: number): void {
-    this.budget = bytes;
-    this.share = SHARE;
+    this.cache.budget = bytes;
+    this.share = MAX_SHARE;
   }
 
   setViews(views: readonly MeshView[]): void {
-    this.share = Math.min(1.1 * this.share, SHARE);
-    const { count } = this.catalog;
+    this.share = Math.min(1.1 * this.share, MAX_SHARE);
+    const { count } = this.dag;
     this.views = views.map(({ mesh, view }, i) => {
       const before = this.views[i]?.mesh === mesh ? this.views[i] : undefined;
       return {
@@ -105,336 +92,163 @@ export class Residency {
     return this.views.length;
   }
 
-  /** The groups that are refined in what is drawn of a view. */
+  /** 1 for each group that is refined in what is drawn of a view. */
   refined(view: number): Uint8Array {
     return (this.views[view] as ViewState).refined;
   }
 
-  /** Whether a group that is not refined in what is drawn of a view should be. */
-  waits(view: number, group: number): boolean {
+  /** Whether a view selects the refinement of a group that it draws unrefined. */
+  isPending(view: number, group: number): boolean {
     const state = this.views[view] as ViewState;
-    if (this.catalog.info[group]) return state.target[group] === 1;
-    return this.scale === 1 && this.catalog.mustRefine(group, state.view);
+    if (this.dag.info[group]) return state.target[group] === 1;
+    return this.scale === 1 && this.dag.mustRefine(group, state.view);
   }
 
-  /** Whether everything wanted is drawn. */
+  /** Whether the selected cuts are drawn. */
   get isSettled(): boolean {
     if (this.wanted.missing > 0) return false;
     return this.views.every(({ target, refined }) => target.every((t, g) => t === refined[g]));
   }
 
-  /** Decides anew what is wanted, what to fetch and what is drawn; whether that has changed. */
+  /** Selects again, and decides what to fetch and draw; whether other clusters are drawn now. */
   plan(): boolean {
-    ++this.tick;
-    let { targets, needed } = this.wants();
-    this.scale = 1;
-    const limit = this.share * this.budget;
-    if (this.memoryOfPages(needed) > limit) ({ targets, needed } = this.wantsWithin(limit));
+    this.cache.beginRound();
+    const limit = this.share * this.cache.budget;
+    let cut = targetCut(this.dag, this.views, this.state.length);
+    if (this.cache.memoryOfPages(cut.needed) > limit)
+      cut = targetCutWithin(limit, this.dag, this.views, this.cache, (mesh) =>
+        (this.header.meshes[mesh]?.roots ?? []).map(({ group }) => group),
+      );
+    this.scale = cut.scale;
     this.views.forEach((state, i) => {
-      state.target = targets[i] as Uint8Array;
+      state.target = cut.targets[i] as Uint8Array;
     });
-    this.makeQueue(needed);
-    return this.settle();
+    this.queuePages(cut.needed);
+    return this.redraw(({ target, refined }) =>
+      nextRefinement(this.dag, target, refined, this.cache.isGroupResident),
+    );
   }
 
-  private settle(): boolean {
-    let changed = false;
+  /** Sets what is drawn of each view; whether that changes anything. */
+  private redraw(next: (state: ViewState) => Uint8Array): boolean {
+    let hasChanged = false;
     for (const state of this.views) {
-      const refined = settle(this.catalog, state.target, state.refined, this.isResident);
-      changed ||= refined.some((r, g) => r !== state.refined[g]);
+      const refined = next(state);
+      hasChanged ||= refined.some((r, g) => r !== state.refined[g]);
       state.refined = refined;
     }
-    return changed;
+    return hasChanged;
   }
 
-  /** The next page to fetch, now marked as on its way, and those that leave for it. */
+  /** The next page to fetch, now marked as loading, and the pages evicted for it. */
   next(): { page: number; evicted: number[] } | undefined {
     for (const page of this.queue) {
       if (this.state[page] !== ABSENT) {
         this.queue.delete(page);
         continue;
       }
-      const evicted = this.makeRoom(this.memoryOfPage(page));
-      // Without its roots nothing could be drawn at all, however small the budget.
-      if (!evicted && !this.isPinned[page]) return undefined;
+      const evicted = this.cache.makeRoom(this.cache.memoryOfPage(page));
+      if (!evicted && !this.cache.isPinned[page]) return undefined;
       this.load(page);
       return { page, evicted: evicted ?? [] };
     }
     return undefined;
   }
 
-  /** Takes `page` too, if it is among those to fetch and there is room without eviction. */
+  /** Marks `page` as loading too, if it is to be fetched and fits without eviction. */
   takeAlso(page: number): boolean {
     if (!this.queue.has(page) || this.state[page] !== ABSENT) return false;
-    if (this.bytes + this.memoryOfPage(page) > this.budget) return false;
+    if (!this.cache.fits(page)) return false;
     this.load(page);
     return true;
   }
 
   private load(page: number): void {
     this.queue.delete(page);
-    this.state[page] = LOADING;
-    this.pageBytes[page] = this.memoryOfPage(page);
-    this.bytes += this.pageBytes[page];
+    this.cache.beginLoading(page);
   }
 
   /**
-   * A page was read. The pages that leave for it, which may be itself if it is larger than it was
-   * thought to be: then it is known, but not here.
+   * Takes a page that was read. Returns the evicted pages: the page itself where it turns out not to
+   * fit; its groups stay known then.
    */
   arrived(page: number, infos: readonly GroupInfo[]): number[] {
-    this.catalog.add(page, infos);
-    const memory = infos.reduce((sum, info) => sum + this.memoryOf(info), 0);
-    this.readBytes += memory;
-    this.readFileBytes += this.head.pages.size[page];
-    this.growth = this.readBytes / Math.max(this.readFileBytes, 1);
-    this.bytes -= this.pageBytes[page];
-    this.pageBytes[page] = memory;
-    const evicted = this.makeRoom(memory);
-    if (!evicted && !this.isPinned[page]) {
-      this.state[page] = ABSENT;
-      return [page];
-    }
-    this.bytes += memory;
-    this.state[page] = RESIDENT;
-    this.lastUse[page] = this.tick;
-    if (this.isWanted[page]) --this.wanted.missing;
-    for (const { group } of infos) this.isResident[group] = 1;
-    return evicted ?? [];
+    this.dag.add(page, infos);
+    const evicted = this.cache.store(page, infos);
+    if (this.isWanted[page] && this.state[page] === RESIDENT) --this.wanted.missing;
+    return evicted;
   }
 
-  /** The page could not be had: for now, or for good. */
+  /** Gives a page up that could not be read, for now or for good. */
   failed(page: number, forGood: boolean): void {
-    this.bytes -= this.pageBytes[page];
-    this.state[page] = forGood ? DAMAGED : ABSENT;
+    this.cache.fail(page, forGood);
   }
 
-  /** Lets go what is over the budget, after it has shrunk. */
+  /** Evicts pages until the budget is met, after the budget has shrunk. */
   trim(): number[] {
-    return this.makeRoom(0) ?? [];
+    return this.cache.makeRoom(0) ?? [];
   }
 
   /**
-   * When what is drawn leaves no room for what is wanted: draws only what is wanted or coarser,
-   * and wants less if that was so already.
+   * Makes room where drawn pages leave none for the selected cuts: draws only groups of the selected
+   * cuts or coarser ones. If that was so already, less is selected from now on.
    */
   unblock(): void {
-    let changed = false;
-    for (const state of this.views) {
-      const refined = state.target.slice();
-      keepDrawable(this.catalog, refined, this.isResident);
-      changed ||= refined.some((r, g) => r !== state.refined[g]);
-      state.refined = refined;
-    }
-    if (!changed) this.share = Math.max(0.85 * this.share, LEAST_SHARE);
+    const hasChanged = this.redraw(({ target }) => {
+      const refined = target.slice();
+      keepDrawable(this.dag, refined, this.cache.isGroupResident);
+      return refined;
+    });
+    if (!hasChanged) this.share = Math.max(0.85 * this.share, MIN_SHARE);
   }
 
-  /** Whether something is still to be fetched, now or once there is room. */
-  get isHungry(): boolean {
+  /** Whether pages are still to be fetched, now or once there is room. */
+  get hasAbsentPages(): boolean {
     for (const page of this.queue) if (this.state[page] === ABSENT) return true;
     return false;
   }
 
-  private memoryOfPage(page: number): number {
-    return this.catalog.groupsOfPage[page]
-      ? (this.pageBytes[page] as number)
-      : this.head.pages.size[page] * this.growth;
-  }
-
-  /** What the views refine, and the pages that are needed for it. */
-  private wants(): { targets: Uint8Array[]; needed: Uint8Array } {
-    const { catalog } = this;
-    const needed = new Uint8Array(this.state.length);
-    const targets = this.views.map(({ mesh, view }) => {
-      const target = new Uint8Array(catalog.count);
-      catalog.walk(mesh, view, (group) => {
-        if (!catalog.info[group]) {
-          needed[catalog.page[group]] = 1;
-          return false;
-        }
-        target[group] = 1;
-        return true;
-      });
-      return target;
-    });
-    this.addDrawn(targets, needed);
-    return { targets, needed };
-  }
-
-  /** Adds the pages that some refinements draw from. */
-  private addDrawn(refinements: readonly Uint8Array[], needed: Uint8Array): void {
-    const { page } = this.catalog;
-    for (const refined of refinements)
-      for (let g = 0; g < refined.length; ++g)
-        if (refined[g] && !needed[page[g]] && isDrawn(this.catalog, refined, g))
-          needed[page[g]] = 1;
-  }
-
-  private memoryOfPages(needed: Uint8Array): number {
-    let bytes = 0;
-    for (let page = 0; page < needed.length; ++page)
-      if (needed[page]) bytes += this.memoryOfPage(page);
-    return bytes;
-  }
-
-  /** What the views refine with a limit of bytes: what is seen most first, of all views together. */
-  private wantsWithin(limit: number): { targets: Uint8Array[]; needed: Uint8Array } {
-    const { catalog, views } = this;
-    const targets = views.map(() => new Uint8Array(catalog.count));
-    const open = new OpenPages(this.state.length, (page) => this.memoryOfPage(page));
-    const reached = views.map(() => new Map<number, number>());
-    const heap = new Heap();
-    const offer = (view: number, group: number) => {
-      const urgency = this.urgency(group, (views[view] as ViewState).view);
-      heap.push(urgency, view * catalog.count + group);
-    };
-    views.forEach(({ mesh }, view) => {
-      for (const { group } of this.head.meshes[mesh]?.roots ?? []) offer(view, group);
-    });
-    for (let next = heap.pop(); next; next = heap.pop()) {
-      const view = Math.floor(next.value / catalog.count);
-      const group = next.value % catalog.count;
-      const state = views[view] as ViewState;
-      if (!catalog.mustRefine(group, state.view)) continue;
-      const page = catalog.page[group];
-      open.add(page);
-      if (!catalog.info[group]) {
-        if (open.bytes > limit && !this.isPinned[page]) {
-          open.remove(page);
-          this.scale = Math.max(this.scale, next.urgency);
-        }
-        continue;
-      }
-      const target = targets[view] as Uint8Array;
-      target[group] = 1;
-      // Groups that are refined all over are not drawn any more.
-      const hidden = (catalog.coarser[group] as number[]).filter(
-        (above) => !isDrawn(catalog, target, above),
-      );
-      for (const above of hidden) open.remove(catalog.page[above]);
-      if (open.bytes > limit && !this.isPinned[page]) {
-        target[group] = 0;
-        open.remove(page);
-        for (const above of hidden) open.add(catalog.page[above]);
-        this.scale = Math.max(this.scale, next.urgency);
-        continue;
-      }
-      const counts = reached[view] as Map<number, number>;
-      for (const finer of catalog.finer[group] as Uint32Array) {
-        const count = (counts.get(finer) ?? 0) + 1;
-        counts.set(finer, count);
-        if (count === catalog.parentsOf(finer)) offer(view, finer);
-      }
-    }
-    this.scale = Math.min(this.scale, LARGEST_SCALE);
-    return { targets, needed: open.needed() };
-  }
-
-  private makeQueue(needed: Uint8Array): void {
+  private queuePages(needed: Uint8Array): void {
     this.isWanted = needed;
-    this.wanted = { bytes: 0, fileBytes: 0, missing: 0 };
-    const missing: number[] = [];
+    this.wanted = { bytes: 0, fileBytes: this.fileBytes(needed), missing: 0 };
+    const absent: number[] = [];
     for (let page = 0; page < needed.length; ++page) {
       if (!needed[page] || this.state[page] === DAMAGED) continue;
-      this.lastUse[page] = this.tick;
-      this.wanted.bytes += this.memoryOfPage(page);
+      this.cache.use(page);
+      this.wanted.bytes += this.cache.memoryOfPage(page);
       if (this.state[page] !== RESIDENT) ++this.wanted.missing;
-      if (this.state[page] === ABSENT) missing.push(page);
+      if (this.state[page] === ABSENT) absent.push(page);
     }
-    this.queue = new Set(this.byPriority(missing));
-    this.wanted.fileBytes = this.fileBytes(needed);
+    this.queue = new Set(this.byPriority(absent));
   }
 
+  /** File bytes of the needed pages and of all pages above them. */
   private fileBytes(needed: Uint8Array): number {
-    const told = needed.slice();
+    const isRead = needed.slice();
     for (const { target } of this.views)
-      for (let g = 0; g < target.length; ++g) if (target[g]) told[this.catalog.page[g]] = 1;
+      for (let g = 0; g < target.length; ++g) if (target[g]) isRead[this.dag.page[g]] = 1;
     let bytes = 0;
-    for (let page = 0; page < told.length; ++page)
-      if (told[page]) bytes += this.head.pages.size[page];
+    for (let page = 0; page < isRead.length; ++page)
+      if (isRead[page]) bytes += this.header.pages.size[page];
     return bytes;
   }
 
-  /** Coarse before fine, and near before far. */
+  /** Pages with the most visible error first. */
   private byPriority(pages: readonly number[]): number[] {
     if (pages.length < 2) return [...pages];
-    const urgency = new Map<number, number>();
-    for (let group = 0; group < this.catalog.count; ++group) {
-      const page = this.catalog.page[group];
+    const priority = new Map<number, number>();
+    for (let group = 0; group < this.dag.count; ++group) {
+      const page = this.dag.page[group];
       if (this.isWanted[page] && this.state[page] === ABSENT)
-        urgency.set(page, Math.max(urgency.get(page) ?? 0, this.greatestUrgency(group)));
+        priority.set(page, Math.max(priority.get(page) ?? 0, this.highestPriority(group)));
     }
-    return [...pages].sort((a, b) => (urgency.get(b) ?? 0) - (urgency.get(a) ?? 0));
+    return [...pages].sort((a, b) => (priority.get(b) ?? 0) - (priority.get(a) ?? 0));
   }
 
-  private greatestUrgency(group: number): number {
-    return this.views.reduce((most, { view }) => Math.max(most, this.urgency(group, view)), 0);
-  }
-
-  /** How many times the error that a view allows is seen of a group that is not refined. */
-  private urgency(group: number, view: View): number {
-    const { spheres } = this.catalog;
-    const error = Math.min(this.catalog.error[group], 3e38);
-    if (view.kind !== "camera") return error;
-    // From within a sphere all of its groups are too coarse: then those with more error first.
-    const least = NEAREST * spheres[4 * group + 3];
-    const distance = Math.max(distanceOutside(spheres, group, view.eye), least);
-    const isHidden = view.planes !== undefined && isSphereOutside(view.planes, spheres, group);
-    const factor = isHidden ? (view.offscreen ?? 1) : 1;
-    return error / Math.max(view.threshold * factor * distance, 1e-38);
-  }
-
-  /** Lets go the pages unused for longest until `bytes` fit; undefined if they cannot. */
-  private makeRoom(bytes: number): number[] | undefined {
-    if (this.bytes + bytes <= this.budget) return [];
-    const inUse = new Uint8Array(this.state.length);
-    this.addDrawn(
-      this.views.map(({ refined }) => refined),
-      inUse,
+  private highestPriority(group: number): number {
+    return this.views.reduce(
+      (max, { view }) => Math.max(max, priorityOf(this.dag, group, view)),
+      0,
     );
-    const idle: number[] = [];
-    for (let page = 0; page < this.state.length; ++page)
-      if (this.state[page] === RESIDENT && !inUse[page] && !this.isPinned[page]) idle.push(page);
-    idle.sort((a, b) => this.lastUse[a] - this.lastUse[b]);
-    const evicted: number[] = [];
-    let freed = 0;
-    for (const page of idle) {
-      if (this.bytes - freed + bytes <= this.budget) break;
-      if (this.lastUse[page] === this.tick) break;
-      freed += this.pageBytes[page];
-      evicted.push(page);
-    }
-    if (bytes > 0 && this.bytes - freed + bytes > this.budget) return undefined;
-    for (const page of evicted) {
-      this.state[page] = ABSENT;
-      for (const group of this.catalog.groupsOfPage[page] ?? []) this.isResident[group] = 0;
-    }
-    this.bytes -= freed;
-    return evicted;
-  }
-}
-
-/** Pages with how many groups are drawn of each, and the memory of those with any. */
-class OpenPages {
-  bytes = 0;
-  private readonly drawn: Uint32Array;
-
-  constructor(
-    pages: number,
-    private readonly memoryOf: (page: number) => number,
-  ) {
-    this.drawn = new Uint32Array(pages);
-  }
-
-  add(page: number): void {
-    if (this.drawn[page]++ === 0) this.bytes += this.memoryOf(page);
-  }
-
-  remove(page: number): void {
-    if (--this.drawn[page] === 0) this.bytes -= this.memoryOf(page);
-  }
-
-  needed(): Uint8Array {
-    return Uint8Array.from(this.drawn, (count) => Number(count > 0));
   }
 }

@@ -1,16 +1,16 @@
-// How far a texture is stretched over a group's surface: what a program needs to know how large a
-// copy of it is worth having from where the camera is.
+// Measures how far textures are stretched over a group's surface. With the distance of the camera
+// this gives the resolution at which a texture is needed.
 
-import type { GroupGeometry } from "../decode/page.js";
+import type { GroupGeometry } from "../decode/group.js";
 
 export interface TextureSizes {
   /** The materials of the group's clusters, each once. */
   sizeMaterials: Uint32Array;
-  /** For each: the length on the surface, in the mesh's units, that the whole texture takes. */
+  /** For each: length on the surface that a whole texture covers, in the mesh's units. */
   sizes: Float32Array;
 }
 
-/** Of so many triangles one is looked at: what is wanted is a mean. */
+/** Every so many triangles one is measured; a mean needs no more. */
 const STEP = 4;
 
 export function textureSizesOf({ info, indices, values }: GroupGeometry): TextureSizes {
@@ -31,13 +31,13 @@ export function textureSizesOf({ info, indices, values }: GroupGeometry): Textur
     }
   }
   const sizes = [...areas.values()].map(({ surface, texture }) =>
-    // Where all of a surface has the colour of one place, the smallest copy does.
+    // If all vertices share one texture coordinate, the smallest copy suffices.
     texture > 0 ? Math.sqrt(surface / texture) : 0,
   );
   return { sizeMaterials: Uint32Array.from(areas.keys()), sizes: Float32Array.from(sizes) };
 }
 
-/** Twice the area of a triangle. */
+/** Twice the area of a triangle on the surface. */
 function surfaceArea(p: Float32Array, i: number, j: number, k: number): number {
   const ax = p[3 * j] - p[3 * i];
   const ay = p[3 * j + 1] - p[3 * i + 1];
@@ -51,6 +51,7 @@ function surfaceArea(p: Float32Array, i: number, j: number, k: number): number {
   return Math.sqrt(x * x + y * y + z * z);
 }
 
+/** Twice the area of a triangle in texture space. */
 function textureArea(uvs: Float32Array, i: number, j: number, k: number): number {
   const u = uvs[2 * i];
   const v = uvs[2 * i + 1];

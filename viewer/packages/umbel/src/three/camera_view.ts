@@ -1,4 +1,4 @@
-// What a camera of three.js sees of an object, as selection takes it.
+// Converts a camera of three.js into a view for selection, in an object's coordinates.
 
 import {
   type Camera,
@@ -10,7 +10,7 @@ import {
 } from "three";
 import { cameraView, type View } from "../select/select.js";
 
-/** Of three rows of four. */
+/** The matrix of three rows of four. */
 export function matrixOf(rows: Float32Array): Matrix4 {
   return new Matrix4().fromArray([...rows, 0, 0, 0, 1]).transpose();
 }
@@ -22,24 +22,27 @@ export function frustumOf(camera: Camera, world: Matrix4): Frustum {
   return new Frustum().setFromProjectionMatrix(matrix);
 }
 
-export interface Seeing {
+export interface CameraSettings {
   camera: Camera;
-  /** Of the picture, in pixels of the screen. */
+  /** Of the picture, in pixels of the canvas. */
   height: number;
   pixelError: number;
-  /** How many times that where the camera does not look. */
+  /** Factor on `pixelError` outside of the view volume. */
   offscreen: number;
 }
 
-/** What selection needs of a camera, in the object's own coordinates. */
-export function viewOf({ camera, height, pixelError, offscreen }: Seeing, world: Matrix4): View {
+/** The view of a camera, in the object's coordinates. */
+export function viewOf(
+  { camera, height, pixelError, offscreen }: CameraSettings,
+  world: Matrix4,
+): View {
   const [low, high] = scalesOf(world);
   if ((camera as OrthographicCamera).isOrthographicCamera) {
     const { top, bottom, zoom } = camera as OrthographicCamera;
     return { kind: "error", error: (pixelError * (top - bottom)) / (zoom * height * high) };
   }
-  const eye = eyeOf(camera, world);
-  // Where an axis is stretched, errors grow most with the longest and distances least.
+  const eye = cameraPosition(camera, world);
+  // Errors grow at most with the longest axis; distances grow at least with the shortest.
   const view = cameraView(
     [eye.x, eye.y, eye.z],
     fieldOfView(camera),
@@ -54,21 +57,21 @@ export function viewOf({ camera, height, pixelError, offscreen }: Seeing, world:
   return view;
 }
 
-/** A camera and an object, as numbers that belong together: to tell whether either has moved. */
-export function posesOf(camera: Camera, object: Matrix4): number[][] {
+/** The pose of a camera and an object, as groups of numbers of like size. */
+export function poseOf(camera: Camera, object: Matrix4): number[][] {
   const matrices = [camera.matrixWorld, camera.projectionMatrix, object];
   return matrices.flatMap(({ elements }) => [elements.slice(0, 12), elements.slice(12)]);
 }
 
-/** Whether they are the same but for rounding: controls may tremble at rest. */
-export function areSamePoses(a: readonly number[][], b: readonly number[][]): boolean {
+/** Whether two poses are equal up to rounding: camera controls are not exact at rest. */
+export function isSamePose(a: readonly number[][], b: readonly number[][]): boolean {
   return a.every((row, i) => {
-    const most = row.reduce((sum, x) => Math.max(sum, Math.abs(x)), 0);
-    return row.every((x, j) => Math.abs(x - (b[i]?.[j] ?? Infinity)) <= 1e-12 * most);
+    const max = row.reduce((sum, x) => Math.max(sum, Math.abs(x)), 0);
+    return row.every((x, j) => Math.abs(x - (b[i]?.[j] ?? Infinity)) <= 1e-12 * max);
   });
 }
 
-/** Tells how many pixels a unit of the object is long, at a distance in its own units. */
+/** Returns the pixels of a unit of the object, as a function of the distance in its units. */
 export function pixelsPerUnit(
   camera: Camera,
   world: Matrix4,
@@ -83,8 +86,8 @@ export function pixelsPerUnit(
   return (distance) => atOne / distance;
 }
 
-/** Where a camera is, in an object's own coordinates. */
-export function eyeOf(camera: Camera, world: Matrix4): Vector3 {
+/** The position of a camera in an object's coordinates. */
+export function cameraPosition(camera: Camera, world: Matrix4): Vector3 {
   return new Vector3()
     .setFromMatrixPosition(camera.matrixWorld)
     .applyMatrix4(world.clone().invert());
@@ -94,7 +97,7 @@ function fieldOfView(camera: Camera): number {
   return ((camera as PerspectiveCamera).getEffectiveFOV() * Math.PI) / 180;
 }
 
-/** By how much an object's shortest and longest axis are stretched. */
+/** The scales of an object's shortest and longest axis. */
 function scalesOf(world: Matrix4): [number, number] {
   const scale = new Vector3().setFromMatrixScale(world);
   return [Math.min(...scale), Math.max(...scale)];

@@ -1,30 +1,31 @@
-// What may be asked of a cluster that is in memory.
+// The properties of a resident cluster.
 
 import { Box3, type Intersection, type Matrix4, Vector3 } from "three";
 import type { RenderGroup } from "../stream/render_group.js";
 
-/** A cluster that is in memory. */
+/** A resident cluster. */
 export interface ClusterInfo {
   cluster: number;
   group: number;
   level: number;
-  /** Of the cluster's own form: how far it may be from the full mesh. */
+  /** Error of the cluster: its greatest distance from the full mesh. */
   error: number;
-  /** Of the group once simplified; infinite for a root. */
+  /** Error of its simplified group; infinite for a root. */
   groupError: number;
+  /** The group that it was made from; NONE for the source's clusters. */
   generating: number;
   material: number;
   triangles: number;
   vertices: number;
-  /** In the mesh's own space; the instance's matrix brings it into the object's. */
+  /** In the mesh's space; `matrix` transforms it to the object's. */
   box: Box3;
   instance: number;
   matrix: Matrix4;
-  /** Whether something finer is wanted here but has not arrived. */
-  waits: boolean;
+  /** Whether finer clusters are selected here but have not arrived. */
+  isPending: boolean;
 }
 
-/** A colour for a cluster: red, green, blue (sRGB) and how much it covers, 0 to 1. */
+/** The tint of a cluster: red, green, blue (sRGB) and opacity, from 0 to 1. */
 export type TintFunction = (cluster: ClusterInfo) => readonly [number, number, number, number];
 
 export interface UmbelIntersection extends Intersection {
@@ -41,7 +42,7 @@ export function boxOf(group: RenderGroup, i: number): Box3 {
 export function clusterInfo(
   group: RenderGroup,
   cluster: number,
-  waits: boolean,
+  isPending: boolean,
 ): Omit<ClusterInfo, "instance" | "matrix"> {
   const i = cluster - group.firstCluster;
   return {
@@ -55,6 +56,6 @@ export function clusterInfo(
     triangles: group.triangleOffsets[i + 1] - group.triangleOffsets[i],
     vertices: group.vertexOffsets[i + 1] - group.vertexOffsets[i],
     box: boxOf(group, i),
-    waits,
+    isPending,
   };
 }

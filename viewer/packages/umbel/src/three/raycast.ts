@@ -1,14 +1,14 @@
-// Where rays meet the clusters that are drawn.
+// Intersects rays with the drawn clusters.
 
 import { type Intersection, type Object3D, type Ray, type Raycaster, Vector3 } from "three";
 import type { ClusterInfo, UmbelIntersection } from "./cluster_info.js";
-import type { Resident, Residents } from "./geometry/resident_groups.js";
-import type { Instance } from "./instance.js";
+import type { ResidentGroup, ResidentGroups } from "./geometry/resident_groups.js";
+import type { MeshInstance } from "./mesh_instance.js";
 
 export function castRay(
   object: Object3D,
-  instances: readonly Instance[],
-  residents: Residents,
+  instances: readonly MeshInstance[],
+  residents: ResidentGroups,
   raycaster: Raycaster,
   intersections: Intersection[],
 ): void {
@@ -32,10 +32,10 @@ export function castRay(
 function intersectCluster(
   ray: Ray,
   { cluster }: ClusterInfo,
-  { group, place }: Resident,
+  { group, allocation }: ResidentGroup,
 ): Vector3 | undefined {
   const { triangleOffsets, firstCluster } = group;
-  const { indices, positions } = place;
+  const { indices, positions } = allocation;
   const i = cluster - firstCluster;
   const corners = [new Vector3(), new Vector3(), new Vector3()] as const;
   const point = new Vector3();

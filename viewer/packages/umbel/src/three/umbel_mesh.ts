@@ -17,87 +17,79 @@ import {
   Vector3,
   type WebGLRenderer,
 } from "three";
+import type { AssetInfo } from "../stream/asset_info.js";
 import { boundsOf } from "../stream/bounds.js";
-import type { AssetInfo, StreamStatistics, StreamUpdate } from "../stream/streamer.js";
+import type { StreamStatistics, StreamUpdate } from "../stream/stream_update.js";
 import { AssetStream } from "../worker/asset_stream.js";
-import { areSamePoses, frustumOf, posesOf, viewOf } from "./camera_view.js";
+import { frustumOf } from "./camera_view.js";
 import type { ClusterInfo, TintFunction } from "./cluster_info.js";
-import { Tint } from "./cluster_tint.js";
-import { type Resident, Residents } from "./geometry/resident_groups.js";
-import { type Drawn, Instance } from "./instance.js";
+import { ClusterTint } from "./cluster_tint.js";
+import { ResidentGroups } from "./geometry/resident_groups.js";
 import { Materials } from "./materials/materials.js";
-import { notesOf } from "./materials/unsupported.js";
+import { unsupportedFeatures } from "./materials/unsupported.js";
+import { MemoryBudget } from "./memory_budget.js";
+import { type DrawCounts, MeshInstance } from "./mesh_instance.js";
 import { castRay } from "./raycast.js";
-import { Survey } from "./textures/texel_demand.js";
+import { TexelDemand } from "./textures/texel_demand.js";
 import type { TextureStatistics } from "./textures/textures.js";
+import { UpdateQueue } from "./update_queue.js";
+import { ViewTracker } from "./view_tracker.js";
 
 export interface UmbelMeshOptions {
-  /** Bytes of memory for geometry and textures; 256 MiB if not said. */
+  /** Bytes of memory for geometry and textures; 256 MiB by default. */
   budget?: number;
-  /** How many pixels what is drawn may be from the full mesh; 1 if not said. */
+  /** Allowed error of what is drawn, in pixels; 1 by default. */
   pixelError?: number;
-  /** How many times that where the camera does not look; 4 if not said. */
+  /** Factor on `pixelError` outside of the view volume; 4 by default. */
   offscreen?: number;
-  /** Folder of basis_transcoder.js and .wasm, for KTX2; if not said, where three.js has them. */
+  /** Folder of basis_transcoder.js and .wasm, for KTX2; three.js's own by default. */
   basisPath?: string;
 }
 
-/** Time to bring new groups to the GPU in a frame, in milliseconds. */
-const UPLOAD_TIME = 6;
 const DEFAULT_BUDGET = 2 ** 28;
-/** Of the budget, what textures may take, and what is left to geometry whatever they take. */
-const TEXTURE_SHARE = 0.5;
-const LEAST_SHARE = 0.25;
 
 export class UmbelMesh extends Object3D {
-  /** Pixels that what is drawn may be from the full mesh. */
+  /** Allowed error of what is drawn, in pixels. */
   pixelError: number;
-  /** While true, what is drawn stays as it is, wherever the camera goes. */
+  /** While true, the cut stays as it is, wherever the camera goes. */
   isFrozen = false;
   statistics: StreamStatistics | undefined;
-  /** For each page, in the order of the file: 0 absent, 1 loading, 2 resident, 3 damaged. */
+  /** The state of each page, in the order of the file: 0 absent, 1 loading, 2 resident, 3 damaged. */
   pages: Uint8Array = new Uint8Array(0);
   /** Draw calls, triangles and clusters of the last frame, after culling. */
-  readonly drawn: Drawn = { calls: 0, triangles: 0, clusters: 0 };
-  /** Rises whenever other clusters are to be drawn. */
+  readonly drawn: DrawCounts = { calls: 0, triangles: 0, clusters: 0 };
+  /** Rises whenever the cut changes. */
   cutVersion = 0;
-  /** Time of `update` on the page's thread in the last frame, in milliseconds. */
+  /** Milliseconds of the last call of `update`. */
   updateTime = 0;
   readonly materials: Materials;
-  /** Told of each material that is made, as groups that have it arrive. */
-  onMaterial: ((material: Material) => void) | undefined;
   readonly box: Box3;
+  /** Called with each new material. */
+  onMaterial: ((material: Material) => void) | undefined;
+  /** Called when the connection is lost or back. */
   onConnection: ((isLost: boolean) => void) | undefined;
-  /** Told when something has arrived or changed, so that a frame is worth drawing. */
+  /** Called when something has arrived or changed, so that a new frame differs from the last. */
   onChange: (() => void) | undefined;
 
-  private readonly instances: Instance[];
-  private readonly residents: Residents;
-  private readonly survey = new Survey();
-  private readonly offscreen: number;
-  private readonly queue: StreamUpdate[] = [];
-  private readonly tint = new Tint();
+  private readonly instances: MeshInstance[];
+  private readonly residents: ResidentGroups;
+  private readonly updates = new UpdateQueue();
+  private readonly views: ViewTracker;
+  private readonly budget: MemoryBudget;
+  private readonly texelDemand = new TexelDemand();
+  private readonly tint = new ClusterTint();
   private tintFunction: TintFunction | undefined;
   private lineMaterial: Material | undefined;
-  private lastView: number[][] = [];
-  /** Rises whenever the camera has moved. */
-  private viewVersion = 0;
-  private budget: number;
-  private textureBytes = 0;
+  private readonly offscreen: number;
 
-  /** Of a stream that is open; its budget stays as it was opened with. */
+  /** Shows an open stream; the budget stays as the stream was opened with. */
   constructor(
     private readonly stream: AssetStream,
     options: Omit<UmbelMeshOptions, "budget"> = {},
   ) {
     super();
-    stream.listener = {
-      update: (update) => this.receive(update),
-      connection: (isLost) => this.onConnection?.(isLost),
-    };
     this.pixelError = options.pixelError ?? 1;
     this.offscreen = options.offscreen ?? 4;
-    this.budget = stream.budget;
     const { low, high } = boundsOf(stream.info);
     this.box = new Box3(new Vector3(...low), new Vector3(...high));
     this.materials = new Materials(
@@ -107,11 +99,14 @@ export class UmbelMesh extends Object3D {
         this.tint.applyTo(material);
         this.onMaterial?.(material);
       },
-      () => this.onTexture(),
+      () => {
+        this.budget.update();
+        this.onChange?.();
+      },
     );
-    this.materials.textures.limit = TEXTURE_SHARE * this.budget;
-    for (const text of notesOf(stream.info)) this.materials.note(text);
-    this.residents = new Residents(
+    for (const text of unsupportedFeatures(stream.info)) this.materials.note(text);
+    this.budget = new MemoryBudget(stream, this.materials.textures, stream.budget);
+    this.residents = new ResidentGroups(
       stream.info.meshes,
       (slots) => this.tint.reserve(slots),
       (arena) => {
@@ -119,8 +114,16 @@ export class UmbelMesh extends Object3D {
       },
     );
     this.instances = stream.info.instances.map(
-      (row, number) => new Instance(row, number, this, this.materials),
+      (row, number) => new MeshInstance(row, number, this, this.materials),
     );
+    this.views = new ViewTracker(stream, this.instances);
+    stream.listener = {
+      update: (update) => {
+        this.updates.push(update);
+        this.onChange?.();
+      },
+      connection: (isLost) => this.onConnection?.(isLost),
+    };
   }
 
   /** Opens the asset at an address or in a local file; rejects with an UmbelError. */
@@ -133,70 +136,59 @@ export class UmbelMesh extends Object3D {
     return this.stream.info;
   }
 
-  /** Where the object's zero is in the asset's world, in binary64. */
+  /** Position of the object's zero in the asset's world, in binary64. */
   get origin(): readonly [number, number, number] {
     return this.stream.info.origin;
   }
 
   /**
-   * Moves the object to where it is in a scene whose zero stands for `common` of the asset's world,
-   * so that assets with different origins stand where they belong to each other.
+   * Positions the object in a scene whose zero is at `origin` of the world. Assets with different
+   * origins then stand in the right places relative to each other.
    */
-  placeFrom(common: readonly [number, number, number]): void {
+  setSceneOrigin(origin: readonly [number, number, number]): void {
     const [x, y, z] = this.origin;
-    this.position.set(x - common[0], y - common[1], z - common[2]);
+    this.position.set(x - origin[0], y - origin[1], z - origin[2]);
   }
 
-  /** The greatest error that is not infinite, of what has arrived. */
+  /** The largest finite error of all groups so far. */
   get coarsestError(): number {
     return this.residents.coarsestError;
   }
 
-  /** What of the textures is here; `statistics` are of the geometry. */
+  /** Counts of the textures; `statistics` are of the geometry. */
   get textures(): TextureStatistics {
     const { isComplete, ...counts } = this.materials.textures.statistics;
-    const isSeen = this.survey.isDone && this.drawn.triangles > 0;
-    return { ...counts, isComplete: isComplete && (isSeen || !this.materials.textures.hasAny) };
+    const isMeasured = this.texelDemand.isDone && this.drawn.triangles > 0;
+    const isKnown = isMeasured || !this.materials.textures.hasAny;
+    return { ...counts, isComplete: isComplete && isKnown };
   }
 
-  /** Whether nothing is on its way: neither geometry nor textures that are wanted. */
+  /** Whether all selected geometry and textures have arrived. */
   get isSettled(): boolean {
-    const isHere = this.queue.length === 0 && this.statistics?.isSettled === true;
-    return isHere && this.survey.isDone && this.materials.textures.statistics.missing === 0;
+    const isDrawn = this.updates.isEmpty && this.statistics?.isSettled === true;
+    return isDrawn && this.texelDemand.isDone && this.materials.textures.statistics.missing === 0;
   }
 
+  /** Sets the bytes of memory for geometry and textures. */
   setBudget(bytes: number): void {
-    this.budget = bytes;
-    this.materials.textures.limit = TEXTURE_SHARE * bytes;
-    this.survey.isDone = false;
-    this.shareBudget();
+    this.texelDemand.isDone = false;
+    this.budget.set(bytes);
   }
 
-  /** Geometry may take what textures leave. */
-  private shareBudget(): void {
-    this.textureBytes = this.textures.bytes;
-    this.stream.setBudget(Math.max(this.budget - this.textureBytes, LEAST_SHARE * this.budget));
-  }
-
-  private onTexture(): void {
-    if (this.textures.bytes !== this.textureBytes) this.shareBudget();
-    this.onChange?.();
-  }
-
-  /** Colours clusters; undefined takes the colours away. */
+  /** Tints clusters; undefined removes the tints. */
   setTint(tint: TintFunction | undefined): void {
     this.tintFunction = tint;
     this.paint();
   }
 
-  /** Draws the edges of triangles with a material (or no longer, if undefined). */
+  /** Draws the edges of triangles with a material; undefined removes them. */
   setLines(material: Material | undefined): void {
     if (material === this.lineMaterial) return;
     this.lineMaterial = material;
     for (const instance of this.instances) instance.removeLines();
   }
 
-  /** Frees all memory; the object is of no use after that. */
+  /** Frees all memory; the object cannot be used after that. */
   override dispose(): void {
     this.stream.close();
     this.removeFromParent();
@@ -204,28 +196,30 @@ export class UmbelMesh extends Object3D {
     this.residents.dispose();
     this.materials.dispose();
     this.tint.dispose();
-    this.queue.length = 0;
+    this.updates.clear();
   }
 
-  /** To be called before each frame: takes what has arrived, asks for what is seen. */
+  /** Applies what has arrived and requests what is visible. To be called before each frame. */
   update(camera: Camera, renderer: WebGLRenderer): void {
     const start = performance.now();
     this.updateWorldMatrix(true, false);
     camera.updateWorldMatrix(true, false);
-    this.receiveQueued(start);
+    this.applyUpdates(start);
     const { y: height } = renderer.getDrawingBufferSize(new Vector2());
-    if (!this.isFrozen) this.look(camera, height);
-    this.makeRanges(camera);
-    this.survey.update(this.instances, camera, height, `${this.viewVersion} ${this.cutVersion}`, {
-      see: (seen) => this.materials.textures.see(seen, renderer),
-      // What was seen while the camera moved is surveyed once more when it rests.
+    const { pixelError, offscreen } = this;
+    if (!this.isFrozen)
+      this.views.update({ camera, height, pixelError, offscreen }, this.matrixWorld);
+    this.cullAndCount(camera);
+    const key = `${this.views.version} ${this.cutVersion}`;
+    this.texelDemand.update(this.instances, camera, height, key, {
+      measured: (texels) => this.materials.textures.setDemand(texels, renderer),
       again: () => this.onChange?.(),
     });
-    if (this.drawn.triangles > 0 && this.survey.isDone) this.materials.textures.beginFrame();
+    if (this.drawn.triangles > 0 && this.texelDemand.isDone) this.materials.textures.beginFrame();
     this.updateTime = performance.now() - start;
   }
 
-  /** The clusters that are drawn, culled ones too; of every instance. */
+  /** The clusters of the cut, of every instance, culled ones included. */
   *clusters(): Generator<ClusterInfo> {
     for (const instance of this.instances) yield* instance.clusters();
   }
@@ -234,25 +228,13 @@ export class UmbelMesh extends Object3D {
     castRay(this, this.instances, this.residents, raycaster, intersections);
   }
 
-  private receive(update: StreamUpdate): void {
-    this.queue.push(update);
-    this.onChange?.();
+  private applyUpdates(start: number): void {
+    const count = this.updates.apply(start, (update) => this.apply(update));
+    if (!this.updates.isEmpty) this.onChange?.();
+    if (count > 0 && this.tintFunction) this.paint();
   }
 
-  private receiveQueued(start: number): void {
-    let changed = false;
-    while (this.queue.length > 0) {
-      if (changed && performance.now() - start > UPLOAD_TIME) {
-        this.onChange?.();
-        break;
-      }
-      this.take(this.queue.shift() as StreamUpdate);
-      changed = true;
-    }
-    if (changed && this.tintFunction) this.paint();
-  }
-
-  private take(update: StreamUpdate): void {
+  private apply(update: StreamUpdate): void {
     for (const group of update.removed) this.residents.remove(group);
     for (const group of update.added) this.residents.add(group);
     this.statistics = update.statistics;
@@ -265,39 +247,16 @@ export class UmbelMesh extends Object3D {
     ++this.cutVersion;
   }
 
-  /** Tells the stream what the camera sees, if that has changed. */
-  private look(camera: Camera, height: number): void {
-    const view = [[height, this.pixelError], ...posesOf(camera, this.matrixWorld)];
-    if (areSamePoses(view, this.lastView)) return;
-    this.lastView = view;
-    ++this.viewVersion;
-    const seeing = { camera, height, pixelError: this.pixelError, offscreen: this.offscreen };
-    this.stream.setViews(
-      this.instances.map((instance) => ({
-        mesh: instance.mesh,
-        view: viewOf(seeing, instance.worldMatrix()),
-      })),
-    );
-  }
-
-  /** Lists what of the cuts is in view, for the GPU. */
-  private makeRanges(camera: Camera): void {
+  /** Lists the visible part of the cuts for the GPU, and counts it. */
+  private cullAndCount(camera: Camera): void {
     const { drawn } = this;
     drawn.calls = drawn.triangles = drawn.clusters = 0;
     for (const instance of this.instances)
-      instance.makeRanges(frustumOf(camera, instance.worldMatrix()), this.lineMaterial, drawn);
+      instance.updateRanges(frustumOf(camera, instance.worldMatrix()), this.lineMaterial, drawn);
   }
 
   private paint(): void {
-    const { tintFunction } = this;
-    if (!tintFunction) {
-      this.tint.clear();
-      return;
-    }
-    for (const info of this.clusters()) {
-      const { place, group } = this.residents.get(info.group) as Resident;
-      this.tint.set(place.slot + info.cluster - group.firstCluster, ...tintFunction(info));
-    }
-    this.tint.update();
+    if (this.tintFunction) this.tint.paint(this.clusters(), this.residents, this.tintFunction);
+    else this.tint.clear();
   }
 }

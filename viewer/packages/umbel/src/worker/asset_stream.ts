@@ -1,23 +1,25 @@
-// A stream as the page sees it: a worker that is told what is seen and answers with geometry.
+// The page's end of a stream: it sends views to a worker and receives geometry.
 
 import { UmbelError } from "../errors.js";
-import type { MeshView } from "../stream/residency.js";
-import type { AssetInfo, StreamListener, StreamOptions, StreamUpdate } from "../stream/streamer.js";
+import type { AssetInfo } from "../stream/asset_info.js";
+import type { StreamListener, StreamOptions, StreamUpdate } from "../stream/stream_update.js";
+import type { MeshView } from "../stream/target_cut.js";
 import type { FromWorker, ToWorker } from "./messages.js";
 
 export class AssetStream {
-  /** Told of what arrives while there is no listener yet. */
-  preview: ((update: StreamUpdate) => void) | undefined;
-  private listening: StreamListener | undefined;
-  private readonly waiting: StreamUpdate[] = [];
+  /** Called with each update that arrives before a listener is set. */
+  onPreviewUpdate: ((update: StreamUpdate) => void) | undefined;
+  private currentListener: StreamListener | undefined;
+  /** Updates that arrived before a listener was set. */
+  private readonly earlyUpdates: StreamUpdate[] = [];
   private readonly files = new Map<number, (bytes: Uint8Array | undefined) => void>();
 
   private constructor(
     private readonly worker: Worker,
     readonly info: AssetInfo,
-    /** Where the asset is; undefined for a local file. */
+    /** Address of the asset; undefined for a local file. */
     readonly address: string | undefined,
-    /** Bytes of memory that it was opened with. */
+    /** Bytes of memory that the stream was opened with. */
     readonly budget: number,
   ) {}
 
@@ -43,30 +45,30 @@ export class AssetStream {
         } else if (data.type === "failed") fail(new UmbelError(data.kind, data.message));
         else if (data.type === "update") stream?.receive(data.update);
         else if (data.type === "file") stream?.receiveFile(data.index, data.bytes);
-        else stream?.listening?.connection(data.isLost);
+        else stream?.currentListener?.connection(data.isLost);
       };
       send(worker, { type: "open", source: address ?? (source as Blob), options });
     });
   }
 
-  /** Who is told what arrives, once views are set, and what has arrived before. */
+  /** Receives all updates, those before this call included. */
   set listener(listener: StreamListener) {
-    this.listening = listener;
-    for (const update of this.waiting.splice(0)) listener.update(update);
+    this.currentListener = listener;
+    for (const update of this.earlyUpdates.splice(0)) listener.update(update);
   }
 
   private receive(update: StreamUpdate): void {
-    if (this.listening) this.listening.update(update);
+    if (this.currentListener) this.currentListener.update(update);
     else {
-      this.waiting.push(update);
-      this.preview?.(update);
+      this.earlyUpdates.push(update);
+      this.onPreviewUpdate?.(update);
     }
   }
 
   private receiveFile(index: number, bytes: Uint8Array | undefined): void {
-    const tell = this.files.get(index);
+    const resolve = this.files.get(index);
     this.files.delete(index);
-    tell?.(bytes);
+    resolve?.(bytes);
   }
 
   setViews(views: MeshView[]): void {
@@ -77,7 +79,7 @@ export class AssetStream {
     send(this.worker, { type: "budget", bytes });
   }
 
-  /** The bytes of an embedded file; undefined if it could not be read. */
+  /** Reads an embedded file; undefined if that fails. */
   readFile(index: number, isUrgent = false): Promise<Uint8Array | undefined> {
     return new Promise((resolve) => {
       const before = this.files.get(index);

@@ -1,8 +1,9 @@
-// What a stream's worker and its owner say to each other.
+// The messages between the page and a stream's worker.
 
 import type { UmbelErrorKind } from "../errors.js";
-import type { MeshView } from "../stream/residency.js";
-import type { AssetInfo, StreamOptions, StreamUpdate } from "../stream/streamer.js";
+import type { AssetInfo } from "../stream/asset_info.js";
+import type { StreamOptions, StreamUpdate } from "../stream/stream_update.js";
+import type { MeshView } from "../stream/target_cut.js";
 
 export type ToWorker =
   | { type: "open"; source: string | Blob; options: StreamOptions }

@@ -1,9 +1,11 @@
-// The worker of a stream: fetches, decodes and selects, so that the page stays smooth.
+// The worker's end of a stream: it fetches, decodes and selects, so that the page's thread does not.
 
 import { UmbelError } from "../errors.js";
+import { HttpSource } from "../stream/http_source.js";
 import { buffersOf } from "../stream/render_group.js";
-import { BlobSource, HttpSource } from "../stream/source.js";
-import { Streamer, type StreamListener } from "../stream/streamer.js";
+import { BlobSource } from "../stream/source.js";
+import type { StreamListener } from "../stream/stream_update.js";
+import { Streamer } from "../stream/streamer.js";
 import type { FromWorker, ToWorker } from "./messages.js";
 
 interface WorkerScope {
@@ -12,7 +14,7 @@ interface WorkerScope {
 }
 const scope = globalThis as unknown as WorkerScope;
 
-function say(message: FromWorker, transfer: Transferable[] = []): void {
+function send(message: FromWorker, transfer: Transferable[] = []): void {
   scope.postMessage(message, transfer);
 }
 
@@ -20,9 +22,9 @@ const listener: StreamListener = {
   update: (update) => {
     const transfer = update.added.flatMap(buffersOf);
     for (const cut of update.cuts ?? []) transfer.push(cut.buffer as ArrayBuffer);
-    say({ type: "update", update }, [...new Set(transfer)]);
+    send({ type: "update", update }, [...new Set(transfer)]);
   },
-  connection: (isLost) => say({ type: "connection", isLost }),
+  connection: (isLost) => send({ type: "connection", isLost }),
 };
 
 let streamer: Streamer | undefined;
@@ -34,19 +36,19 @@ async function open(message: ToWorker & { type: "open" }): Promise<void> {
       : new BlobSource(message.source);
   try {
     streamer = await Streamer.open(source, message.options, listener);
-    say({ type: "opened", info: streamer.info });
+    send({ type: "opened", info: streamer.info });
   } catch (error) {
     const kind = error instanceof UmbelError ? error.kind : "corrupt";
-    say({ type: "failed", kind, message: String(error instanceof Error ? error.message : error) });
+    send({ type: "failed", kind, message: String(error instanceof Error ? error.message : error) });
   }
 }
 
 async function sendFile(index: number, isUrgent: boolean): Promise<void> {
   try {
     const bytes = await streamer?.readFile(index, isUrgent);
-    say({ type: "file", index, bytes }, bytes ? [bytes.buffer as ArrayBuffer] : []);
+    send({ type: "file", index, bytes }, bytes ? [bytes.buffer as ArrayBuffer] : []);
   } catch {
-    say({ type: "file", index, bytes: undefined });
+    send({ type: "file", index, bytes: undefined });
   }
 }
 

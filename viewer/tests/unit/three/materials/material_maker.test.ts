@@ -1,14 +1,14 @@
 import { MeshBasicMaterial, MeshPhysicalMaterial, MeshStandardMaterial, Texture } from "three";
 import { describe, expect, test } from "vitest";
 import type { Json } from "../../../../packages/umbel/src/format/gltf.js";
-import type { AssetInfo } from "../../../../packages/umbel/src/stream/streamer.js";
+import type { AssetInfo } from "../../../../packages/umbel/src/stream/asset_info.js";
 import { makeMaterial } from "../../../../packages/umbel/src/three/materials/material_maker.js";
 import {
   PHYSICAL,
   STANDARD,
   textureInfo,
 } from "../../../../packages/umbel/src/three/materials/material_slots.js";
-import { notesOf } from "../../../../packages/umbel/src/three/materials/unsupported.js";
+import { unsupportedFeatures } from "../../../../packages/umbel/src/three/materials/unsupported.js";
 import {
   applySampler,
   channelOf,
@@ -153,9 +153,11 @@ describe("materials", () => {
 test("what an asset has that nothing is shown of is said", () => {
   const meshes = [{ skipped: ["joints", "texture coordinates"] }];
   const scene = { extensions: { KHR_lights_punctual: { lights: [] } } };
-  const said = notesOf({ meshes, scene } as unknown as AssetInfo);
-  expect(said.map((text) => /joints|lamps/.exec(text)?.[0])).toEqual(["joints", "lamps"]);
-  expect(notesOf({ meshes: [{ skipped: [] }], scene: {} } as unknown as AssetInfo)).toEqual([]);
+  const said = unsupportedFeatures({ meshes, scene } as unknown as AssetInfo);
+  expect(said.map((text) => /joints|lights/.exec(text)?.[0])).toEqual(["joints", "lights"]);
+  expect(
+    unsupportedFeatures({ meshes: [{ skipped: [] }], scene: {} } as unknown as AssetInfo),
+  ).toEqual([]);
 });
 
 describe("textures are looked up as glTF says", () => {

@@ -1,15 +1,15 @@
 import { describe, expect, test } from "vitest";
-import type { GroupGeometry } from "../../../../packages/umbel/src/decode/page.js";
+import type { GroupGeometry } from "../../../../packages/umbel/src/decode/group.js";
 import { FileQueue } from "../../../../packages/umbel/src/stream/file_queue.js";
-import { partsOf } from "../../../../packages/umbel/src/stream/material_runs.js";
+import { materialRangesOf } from "../../../../packages/umbel/src/stream/material_ranges.js";
 import { textureSizesOf } from "../../../../packages/umbel/src/stream/texture_sizes.js";
 import {
-  type Planned,
+  type PlannedImage,
   planSizes,
 } from "../../../../packages/umbel/src/three/textures/texture_plan.js";
 
-function image(wanted: number, size = 0, full = 4096, least = 256): Planned {
-  return { wanted, size, least, full, bytesOf: (side) => Math.ceil((16 / 3) * side * side) };
+function image(wanted: number, size = 0, full = 4096, smallest = 256): PlannedImage {
+  return { wanted, size, smallest, full, bytesOf: (side) => Math.ceil((16 / 3) * side * side) };
 }
 
 describe("the plan of sizes", () => {
@@ -28,7 +28,7 @@ describe("the plan of sizes", () => {
     ]);
   });
 
-  test("keeps to the memory, and takes it from what is seen least", () => {
+  test("keeps to the memory, and takes it from what is seen smallest", () => {
     let seed = 7;
     const random = () => {
       seed = (Math.imul(seed, 1664525) + 1013904223) >>> 0;
@@ -45,19 +45,19 @@ describe("the plan of sizes", () => {
       const sizes = planSizes(images, limit);
       const bytes = images.reduce((sum, each, i) => sum + each.bytesOf(sizes[i]), 0);
       const isLeast = images.every(
-        ({ least, size }, i) => sizes[i] <= Math.max(least, Math.min(size, least)),
+        ({ smallest, size }, i) => sizes[i] <= Math.max(smallest, Math.min(size, smallest)),
       );
       expect(bytes <= limit || isLeast).toBe(true);
-      images.forEach(({ wanted, least }, i) => {
-        if (wanted > 0) expect(sizes[i]).toBeGreaterThanOrEqual(least);
+      images.forEach(({ wanted, smallest }, i) => {
+        if (wanted > 0) expect(sizes[i]).toBeGreaterThanOrEqual(smallest);
       });
-      // What nobody sees never keeps more than the least while something seen goes without.
+      // What nobody sees never keeps more than the smallest while something seen goes without.
       const isShort = images.some(
         ({ wanted }, i) => wanted > 0 && sizes[i] < wanted && sizes[i] < 4096,
       );
       if (isShort)
-        images.forEach(({ wanted, size, least }, i) => {
-          if (wanted === 0 && size > 0) expect(sizes[i]).toBeLessThanOrEqual(least);
+        images.forEach(({ wanted, size, smallest }, i) => {
+          if (wanted === 0 && size > 0) expect(sizes[i]).toBeLessThanOrEqual(smallest);
         });
     }
   });
@@ -173,14 +173,14 @@ test("a group tells how long a whole texture is on its surface", () => {
 });
 
 test("triangles of a cluster are ordered by material where clusters mix them", () => {
-  const plain = partsOf(square(1));
-  expect([...plain.partOffsets]).toEqual([0, 1, 2]);
-  expect([...plain.partMaterials]).toEqual([7, 9]);
+  const plain = materialRangesOf(square(1));
+  expect([...plain.rangeOffsets]).toEqual([0, 1, 2]);
+  expect([...plain.rangeMaterials]).toEqual([7, 9]);
   const mixed = square(1, [3, 1, 1, 1, 2, 2, 2, 2]);
   mixed.indices.set([0, 1, 2, 1, 2, 3]);
-  const parts = partsOf(mixed);
-  expect([...parts.partOffsets]).toEqual([0, 2, 3]);
-  expect([...parts.partMaterials]).toEqual([1, 3, 2]);
-  expect([...parts.partTriangles]).toEqual([0, 1, 2, 4]);
+  const parts = materialRangesOf(mixed);
+  expect([...parts.rangeOffsets]).toEqual([0, 2, 3]);
+  expect([...parts.rangeMaterials]).toEqual([1, 3, 2]);
+  expect([...parts.rangeTriangles]).toEqual([0, 1, 2, 4]);
   expect([...mixed.indices.subarray(0, 6)]).toEqual([1, 2, 3, 0, 1, 2]);
 });

@@ -1,7 +1,7 @@
-// Hands out ranges of a row of places, the first that is large enough.
+// Allocates ranges of an array: the first free range that is large enough.
 
 export class Allocator {
-  /** Free ranges by rising start, none touching the next. */
+  /** Free ranges by rising start; neighbours are merged. */
   private readonly starts: number[];
   private readonly sizes: number[];
 
@@ -10,8 +10,8 @@ export class Allocator {
     this.sizes = [capacity];
   }
 
-  /** The start of `count` places, or -1 if no free range has so many. */
-  take(count: number): number {
+  /** Allocates `count` elements; returns their start, or -1 if no free range is large enough. */
+  allocate(count: number): number {
     const i = this.sizes.findIndex((size) => size >= count);
     if (i < 0) return -1;
     const start = this.starts[i];
@@ -25,21 +25,21 @@ export class Allocator {
     return start;
   }
 
-  give(start: number, count: number): void {
+  free(start: number, count: number): void {
     if (count === 0) return;
     let i = this.starts.findIndex((other) => other > start);
     if (i < 0) i = this.starts.length;
     this.starts.splice(i, 0, start);
     this.sizes.splice(i, 0, count);
-    this.join(i);
-    if (i > 0) this.join(i - 1);
+    this.merge(i);
+    if (i > 0) this.merge(i - 1);
   }
 
   get isEmpty(): boolean {
     return this.sizes.length === 1 && this.sizes[0] === this.capacity;
   }
 
-  private join(i: number): void {
+  private merge(i: number): void {
     if (this.starts[i] + this.sizes[i] !== this.starts[i + 1]) return;
     this.sizes[i] += this.sizes[i + 1];
     this.starts.splice(i + 1, 1);

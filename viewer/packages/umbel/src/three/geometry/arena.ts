@@ -1,4 +1,4 @@
-// A piece of GPU memory that many groups share, so that all their clusters are drawn by one call.
+// Vertex and index buffers that many groups share, so that one call draws all their clusters.
 
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage } from "three";
 import { UV_SETS } from "../../format/attributes.js";
@@ -7,11 +7,11 @@ import { Allocator } from "./allocator.js";
 import { clusterEdges } from "./edges.js";
 
 const VERTICES = 1 << 17;
-/** More than a closed surface has in clusters of 128. */
+/** More than closed surfaces have in clusters of 128 triangles. */
 const TRIANGLES_PER_VERTEX = 1.75;
 
-/** Which attributes an arena's vertices have. */
-export interface Layout {
+/** The attributes of an arena's vertices. */
+export interface VertexLayout {
   normals: boolean;
   tangents: boolean;
   /** For each set of texture coordinates. */
@@ -19,29 +19,30 @@ export interface Layout {
   colors: boolean;
 }
 
-/** Where a group is. */
-export interface Place {
+/** Where an arena holds a group. */
+export interface Allocation {
   vertex: number;
   vertexCount: number;
   /** The first index; three a triangle. */
   index: number;
+  /** The slot of the group's first cluster: a number that its vertices carry, for tints. */
   slot: number;
-  /** The arena's positions, and the group's part of its indices. */
+  /** Positions of the whole arena, and the indices of the group. */
   positions: Float32Array;
   indices: Uint32Array;
 }
 
 export class Arena {
   readonly geometry = new BufferGeometry();
-  /** The same vertices with the edges of triangles; made when first asked for. */
+  /** The same vertices, with edges as lines; made by the first call of `lines`. */
   private edges: BufferGeometry | undefined;
   private readonly vertices: Allocator;
   private readonly indices: Allocator;
-  private readonly contents = new Map<RenderGroup, Place>();
+  private readonly contents = new Map<RenderGroup, Allocation>();
   private readonly edgeOffsets = new Map<RenderGroup, Uint32Array>();
 
   constructor(
-    readonly layout: Layout,
+    readonly layout: VertexLayout,
     first: RenderGroup,
   ) {
     const vertices = Math.max(VERTICES, first.positions.length / 3);
@@ -65,18 +66,18 @@ export class Arena {
     });
     if (layout.colors) add("color", new Uint16Array(4 * vertices), 4);
     this.geometry.setIndex(dynamic(new BufferAttribute(new Uint32Array(indices), 1)));
-    // Nothing is drawn by three.js itself: see Batch.
+    // Batch draws; three.js itself draws nothing.
     this.geometry.setDrawRange(0, 0);
   }
 
-  /** Moves a group's arrays in, and empties them; undefined if there is no room for it. */
-  put(group: RenderGroup, slot: number): Place | undefined {
+  /** Copies a group's arrays and empties the group; undefined if there is no room. */
+  put(group: RenderGroup, slot: number): Allocation | undefined {
     const vertexCount = group.positions.length / 3;
-    const vertex = this.vertices.take(vertexCount);
+    const vertex = this.vertices.allocate(vertexCount);
     if (vertex < 0) return undefined;
-    const index = this.indices.take(group.indices.length);
+    const index = this.indices.allocate(group.indices.length);
     if (index < 0) {
-      this.vertices.give(vertex, vertexCount);
+      this.vertices.free(vertex, vertexCount);
       return undefined;
     }
     this.write("position", group.positions, vertex);
@@ -91,8 +92,8 @@ export class Arena {
     const indices = this.geometry.index as BufferAttribute;
     for (let i = 0; i < group.indices.length; ++i)
       indices.array[index + i] = group.indices[i] + vertex;
-    touch(indices, index, group.indices.length);
-    const place = {
+    markChanged(indices, index, group.indices.length);
+    const allocation = {
       vertex,
       vertexCount,
       index,
@@ -101,16 +102,16 @@ export class Arena {
       indices: (indices.array as Uint32Array).subarray(index, index + group.indices.length),
     };
     empty(group);
-    this.contents.set(group, place);
-    if (this.edges) this.addEdges(this.edges, group, place);
-    return place;
+    this.contents.set(group, allocation);
+    if (this.edges) this.addEdges(this.edges, group, allocation);
+    return allocation;
   }
 
   remove(group: RenderGroup): void {
-    const place = this.contents.get(group);
-    if (!place) return;
-    this.vertices.give(place.vertex, place.vertexCount);
-    this.indices.give(place.index, place.indices.length);
+    const allocation = this.contents.get(group);
+    if (!allocation) return;
+    this.vertices.free(allocation.vertex, allocation.vertexCount);
+    this.indices.free(allocation.index, allocation.indices.length);
     this.contents.delete(group);
     this.edgeOffsets.delete(group);
   }
@@ -119,22 +120,22 @@ export class Arena {
     return this.contents.size === 0;
   }
 
-  /** The geometry of lines; from now on edges of what comes are made at once. */
+  /** The edges of all groups as lines; later groups add theirs when they arrive. */
   lines(): BufferGeometry {
     if (this.edges) return this.edges;
     const edges = new BufferGeometry();
     for (const [name, attribute] of Object.entries(this.geometry.attributes))
       edges.setAttribute(name, attribute);
-    // Every triangle has room for three edges of its own.
-    const room = 2 * (this.geometry.index as BufferAttribute).count;
-    edges.setIndex(dynamic(new BufferAttribute(new Uint32Array(room), 1)));
+    // There is room for three edges a triangle.
+    const capacity = 2 * (this.geometry.index as BufferAttribute).count;
+    edges.setIndex(dynamic(new BufferAttribute(new Uint32Array(capacity), 1)));
     edges.setDrawRange(0, 0);
     this.edges = edges;
-    for (const [group, place] of this.contents) this.addEdges(edges, group, place);
+    for (const [group, allocation] of this.contents) this.addEdges(edges, group, allocation);
     return edges;
   }
 
-  /** Where the edges of each cluster begin in the lines' index, and behind the last. */
+  /** First index of each cluster's lines, and the end of the last. */
   edgesOf(group: RenderGroup): Uint32Array | undefined {
     return this.edgeOffsets.get(group);
   }
@@ -144,18 +145,18 @@ export class Arena {
     this.geometry.dispose();
   }
 
-  private addEdges(edges: BufferGeometry, group: RenderGroup, place: Place): void {
+  private addEdges(edges: BufferGeometry, group: RenderGroup, allocation: Allocation): void {
     const index = edges.index as BufferAttribute;
-    const offsets = clusterEdges(group, place, index.array as Uint32Array);
+    const offsets = clusterEdges(group, allocation, index.array as Uint32Array);
     this.edgeOffsets.set(group, offsets);
-    touch(index, offsets[0], offsets[offsets.length - 1] - offsets[0]);
+    markChanged(index, offsets[0], offsets[offsets.length - 1] - offsets[0]);
   }
 
   private write(name: string, values: ArrayLike<number>, vertex: number): void {
     const attribute = this.geometry.getAttribute(name) as BufferAttribute;
     const at = vertex * attribute.itemSize;
     attribute.array.set(values, at);
-    touch(attribute, at, values.length);
+    markChanged(attribute, at, values.length);
   }
 
   private writeSlots(group: RenderGroup, vertex: number, slot: number): void {
@@ -163,11 +164,11 @@ export class Arena {
     const { vertexOffsets, clusterCount } = group;
     for (let i = 0; i < clusterCount; ++i)
       attribute.array.fill(slot + i, vertex + vertexOffsets[i], vertex + vertexOffsets[i + 1]);
-    touch(attribute, vertex, vertexOffsets[clusterCount]);
+    markChanged(attribute, vertex, vertexOffsets[clusterCount]);
   }
 }
 
-/** As three.js calls a set of texture coordinates. */
+/** three.js's name of a set of texture coordinates. */
 function uvName(set: number): string {
   return set === 0 ? "uv" : `uv${set}`;
 }
@@ -185,7 +186,7 @@ function dynamic(attribute: BufferAttribute): BufferAttribute {
   return attribute.setUsage(DynamicDrawUsage);
 }
 
-function touch(attribute: BufferAttribute, start: number, count: number): void {
+function markChanged(attribute: BufferAttribute, start: number, count: number): void {
   attribute.addUpdateRange(start, count);
   attribute.needsUpdate = true;
 }

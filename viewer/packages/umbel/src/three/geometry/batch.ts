@@ -1,7 +1,7 @@
-// Draws many ranges of one geometry by one call, with whatever material.
+// Draws many ranges of one geometry in one call, with any material.
 //
-// three.js itself draws nothing of the object (its range is empty), but sets up the program, the
-// buffers and the state for it; what is to be drawn is drawn right after, while those are bound.
+// The object's own draw range is empty: three.js binds the program, the buffers and the state, and
+// draws nothing. The ranges are drawn right after, while those are bound.
 
 import {
   type BufferGeometry,
@@ -24,7 +24,7 @@ interface MultiDraw {
   ): void;
 }
 
-/** Ranges of indices, as WEBGL_multi_draw takes them. */
+/** Ranges of indices, in the form of WEBGL_multi_draw. */
 export class Ranges {
   counts = new Int32Array(256);
   offsets = new Int32Array(256);
@@ -34,7 +34,7 @@ export class Ranges {
     this.length = 0;
   }
 
-  /** Adds a range of indices; joined with the last where it goes on from there. */
+  /** Adds a range of indices; merges it with the last where it continues that. */
   add(start: number, count: number): void {
     const last = this.length - 1;
     if (last >= 0 && this.offsets[last] + 4 * this.counts[last] === 4 * start) {
@@ -72,7 +72,7 @@ function setUp(object: Object3D, ranges: Ranges, mode: "TRIANGLES" | "LINES"): v
   object.matrixAutoUpdate = false;
   object.onAfterRender = (renderer) => ranges.draw(renderer, mode);
   object.onAfterShadow = (renderer) => ranges.draw(renderer as WebGLRenderer, mode);
-  // UmbelMesh itself answers rays.
+  // UmbelMesh casts rays itself.
   object.raycast = () => {};
 }
 

@@ -1,20 +1,24 @@
-// The edges of clusters, each once, for drawing them as lines.
+// Lists the edges of clusters, each once, to draw them as lines.
 
 import type { RenderGroup } from "../../stream/render_group.js";
-import type { Place } from "./arena.js";
+import type { Allocation } from "./arena.js";
 
 const MAX_VERTICES = 256;
 const seen = new Uint8Array(MAX_VERTICES * MAX_VERTICES);
 
 /**
- * Writes two vertices an edge into `out`, where the group's triangles have room for three each.
- * @returns where each cluster's edges begin, and behind the last
+ * Writes two vertices an edge into `out`, which has room for three edges a triangle.
+ * @returns the first index of each cluster's edges, and the end of the last
  */
-export function clusterEdges(group: RenderGroup, place: Place, out: Uint32Array): Uint32Array {
+export function clusterEdges(
+  group: RenderGroup,
+  allocation: Allocation,
+  out: Uint32Array,
+): Uint32Array {
   const { clusterCount, vertexOffsets, triangleOffsets } = group;
-  const { indices, vertex } = place;
+  const { indices, vertex } = allocation;
   const offsets = new Uint32Array(clusterCount + 1);
-  let at = 2 * place.index;
+  let at = 2 * allocation.index;
   offsets[0] = at;
   for (let c = 0; c < clusterCount; ++c) {
     const first = vertex + vertexOffsets[c];

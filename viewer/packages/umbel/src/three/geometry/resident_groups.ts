@@ -1,49 +1,50 @@
-// The groups that are in memory, and where on the GPU each is.
+// The groups in GPU memory, and the arena that holds each.
 
 import { Box3 } from "three";
 import { UV_SETS } from "../../format/attributes.js";
+import type { MeshInfo } from "../../stream/asset_info.js";
 import type { RenderGroup } from "../../stream/render_group.js";
-import type { MeshInfo } from "../../stream/streamer.js";
 import { boxOf } from "../cluster_info.js";
 import { Allocator } from "./allocator.js";
-import { Arena, type Layout, type Place } from "./arena.js";
+import { type Allocation, Arena, type VertexLayout } from "./arena.js";
 
-/** A group in memory and where it is. */
-export interface Resident {
+/** A group in GPU memory. */
+export interface ResidentGroup {
   group: RenderGroup;
   arena: Arena;
-  place: Place;
+  allocation: Allocation;
   box: Box3;
 }
 
 const MAX_SLOTS = 1 << 22;
 
-export class Residents {
-  /** The greatest error that is not infinite, of what has arrived. */
+export class ResidentGroups {
+  /** The largest finite error of all groups so far. */
   coarsestError = 0;
-  private readonly layouts: Layout[];
+  private readonly layouts: VertexLayout[];
   private readonly arenas = new Set<Arena>();
-  private readonly groups = new Map<number, Resident>();
+  private readonly groups = new Map<number, ResidentGroup>();
   private readonly slots = new Allocator(MAX_SLOTS);
 
   /**
-   * @param onSlots is told how many places for clusters are needed
-   * @param onArenaGone is told when a piece of memory is freed
+   * @param onSlots is called with the number of slots in use, at most
+   * @param onArenaRemoved is called before an arena is freed
    */
   constructor(
     meshes: readonly MeshInfo[],
     private readonly onSlots: (count: number) => void,
-    private readonly onArenaGone: (arena: Arena) => void,
+    private readonly onArenaRemoved: (arena: Arena) => void,
   ) {
     this.layouts = meshes.map(({ attributes }) => layoutOf(attributes));
   }
 
-  get(group: number): Resident | undefined {
+  get(group: number): ResidentGroup | undefined {
     return this.groups.get(group);
   }
 
-  byCluster(): Map<number, Resident> {
-    const found = new Map<number, Resident>();
+  /** The group of each resident cluster. */
+  byCluster(): Map<number, ResidentGroup> {
+    const found = new Map<number, ResidentGroup>();
     for (const resident of this.groups.values()) {
       const { firstCluster, clusterCount } = resident.group;
       for (let c = firstCluster; c < firstCluster + clusterCount; ++c) found.set(c, resident);
@@ -52,26 +53,31 @@ export class Residents {
   }
 
   add(group: RenderGroup): void {
-    const slot = this.slots.take(group.clusterCount);
+    const slot = this.slots.allocate(group.clusterCount);
     this.onSlots(slot + group.clusterCount);
-    let [arena, place] = this.findRoom(group, slot);
-    if (!place) {
-      arena = new Arena(this.layouts[group.mesh] as Layout, group);
+    let [arena, allocation] = this.allocate(group, slot);
+    if (!allocation) {
+      arena = new Arena(this.layouts[group.mesh] as VertexLayout, group);
       this.arenas.add(arena);
-      place = arena.put(group, slot);
+      allocation = arena.put(group, slot);
     }
     const box = new Box3();
     for (let i = 0; i < group.clusterCount; ++i) box.union(boxOf(group, i));
     this.coarsestError = Math.max(this.coarsestError, ...group.generatingError);
-    this.groups.set(group.group, { group, arena: arena as Arena, place: place as Place, box });
+    this.groups.set(group.group, {
+      group,
+      arena: arena as Arena,
+      allocation: allocation as Allocation,
+      box,
+    });
   }
 
-  private findRoom(group: RenderGroup, slot: number): [Arena?, Place?] {
-    const layout = this.layouts[group.mesh] as Layout;
+  private allocate(group: RenderGroup, slot: number): [Arena?, Allocation?] {
+    const layout = this.layouts[group.mesh] as VertexLayout;
     for (const arena of this.arenas) {
       if (!isSameLayout(arena.layout, layout)) continue;
-      const place = arena.put(group, slot);
-      if (place) return [arena, place];
+      const allocation = arena.put(group, slot);
+      if (allocation) return [arena, allocation];
     }
     return [];
   }
@@ -80,10 +86,10 @@ export class Residents {
     const resident = this.groups.get(group);
     if (!resident) return;
     this.groups.delete(group);
-    this.slots.give(resident.place.slot, resident.group.clusterCount);
+    this.slots.free(resident.allocation.slot, resident.group.clusterCount);
     resident.arena.remove(resident.group);
     if (!resident.arena.isEmpty) return;
-    this.onArenaGone(resident.arena);
+    this.onArenaRemoved(resident.arena);
     this.arenas.delete(resident.arena);
     resident.arena.dispose();
   }
@@ -95,7 +101,7 @@ export class Residents {
   }
 }
 
-function layoutOf(attributes: readonly string[]): Layout {
+function layoutOf(attributes: readonly string[]): VertexLayout {
   return {
     normals: attributes.includes("normals"),
     tangents: attributes.includes("tangents"),
@@ -104,7 +110,7 @@ function layoutOf(attributes: readonly string[]): Layout {
   };
 }
 
-function isSameLayout(a: Layout, b: Layout): boolean {
+function isSameLayout(a: VertexLayout, b: VertexLayout): boolean {
   const isSame = a.normals === b.normals && a.tangents === b.tangents && a.colors === b.colors;
   return isSame && a.uvs.every((has, set) => has === b.uvs[set]);
 }

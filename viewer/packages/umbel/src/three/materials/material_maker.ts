@@ -1,4 +1,4 @@
-// Makes a material of three.js of one of glTF, all but its textures.
+// Converts materials of glTF to three.js, without their textures.
 
 import {
   Color,
@@ -10,13 +10,13 @@ import {
   Vector2,
 } from "three";
 import { isJson, type Json, jsonOf, numberOf, numbersOf, textOf } from "../../format/gltf.js";
-import type { Layout } from "../geometry/arena.js";
+import type { VertexLayout } from "../geometry/arena.js";
 
 export const UNLIT = "KHR_materials_unlit";
 const STRENGTH = "KHR_materials_emissive_strength";
 const GLOSSINESS = "KHR_materials_pbrSpecularGlossiness";
 
-/** What each extension sets of a physical material. */
+/** The properties of a physical material that each extension sets. */
 const PHYSICAL: Record<string, (extension: Json) => Partial<MeshPhysicalMaterial>> = {
   KHR_materials_clearcoat: (from) => ({
     clearcoat: numberOf(from.clearcoatFactor, 0),
@@ -54,8 +54,8 @@ const PHYSICAL: Record<string, (extension: Json) => Partial<MeshPhysicalMaterial
   KHR_materials_dispersion: (from) => ({ dispersion: numberOf(from.dispersion, 0) }),
 };
 
-/** Extensions of materials that change nothing of what is seen, or that are shown. */
-const SHOWN = new Set([...Object.keys(PHYSICAL), UNLIT, STRENGTH, GLOSSINESS]);
+/** The supported extensions of materials. */
+const SUPPORTED = new Set([...Object.keys(PHYSICAL), UNLIT, STRENGTH, GLOSSINESS]);
 
 function colorOf(value: unknown, otherwise: readonly number[]): Color {
   const [r, g, b] = numbersOf(value, otherwise);
@@ -68,8 +68,8 @@ function scaleOf(info: unknown): Vector2 {
 
 export type AnyMaterial = MeshBasicMaterial | MeshStandardMaterial | MeshPhysicalMaterial;
 
-/** What a mesh is made of that has no material. */
-export function plainMaterial(layout: Layout): AnyMaterial {
+/** The material of meshes without one. */
+export function plainMaterial(layout: VertexLayout): AnyMaterial {
   return new MeshStandardMaterial({
     flatShading: !layout.normals,
     vertexColors: layout.colors,
@@ -78,16 +78,16 @@ export function plainMaterial(layout: Layout): AnyMaterial {
   });
 }
 
-/** @param note is told, in a sentence, what of it cannot be shown */
+/** @param note is called with a sentence for each property that is not shown */
 export function makeMaterial(
   gltf: Json,
-  layout: Layout,
+  layout: VertexLayout,
   note: (text: string) => void,
 ): AnyMaterial {
   const extensions = jsonOf(gltf.extensions);
   for (const name of Object.keys(extensions)) {
-    if (!SHOWN.has(name)) note(`Materials are shown without ${name}.`);
-    if (name === GLOSSINESS) note(`${name} is shown as metal and roughness, as near as may be.`);
+    if (!SUPPORTED.has(name)) note(`Materials are shown without ${name}.`);
+    if (name === GLOSSINESS) note(`${name} is approximated by metal and roughness.`);
   }
   const shared = sharedOf(gltf, layout);
   if (isJson(extensions[UNLIT])) return new MeshBasicMaterial(shared);
@@ -110,27 +110,27 @@ export function makeMaterial(
   return material;
 }
 
-/** Tangents that three.js makes of texture coordinates point the other way down than glTF's. */
+/** three.js derives bitangents from texture coordinates; they are the opposite of glTF's. */
 function flipNormalMaps(material: MeshStandardMaterial): void {
   material.normalScale.y *= -1;
   if (material instanceof MeshPhysicalMaterial) material.clearcoatNormalScale.y *= -1;
 }
 
-/** What materials of all kinds have. */
-function sharedOf(gltf: Json, { colors }: Layout) {
+/** The properties of materials of all kinds. */
+function sharedOf(gltf: Json, { colors }: VertexLayout) {
   const pbr = jsonOf(gltf.pbrMetallicRoughness);
   const glossiness = jsonOf(jsonOf(gltf.extensions)[GLOSSINESS]);
   const [r, g, b, a] = numbersOf(pbr.baseColorFactor ?? glossiness.diffuseFactor, [1, 1, 1, 1]);
-  // What is said to be blended but lets nothing through is drawn as what is solid.
-  const mayShowThrough = (a as number) < 1 || isJson(pbr.baseColorTexture) || colors;
+  // A blended material that is nowhere transparent is drawn as an opaque one.
+  const mayBeTransparent = (a as number) < 1 || isJson(pbr.baseColorTexture) || colors;
   const isBlended =
-    gltf.alphaMode === "BLEND" && (mayShowThrough || "diffuseTexture" in glossiness);
+    gltf.alphaMode === "BLEND" && (mayBeTransparent || "diffuseTexture" in glossiness);
   return {
     name: textOf(gltf.name),
     color: new Color(r, g, b),
     vertexColors: colors,
     side: gltf.doubleSided === true ? DoubleSide : FrontSide,
-    // Both sides at once: they are drawn by a call of their own, right after three.js's.
+    // Batch draws both sides in its own call, after three.js's.
     forceSinglePass: true,
     transparent: isBlended,
     depthWrite: !isBlended,

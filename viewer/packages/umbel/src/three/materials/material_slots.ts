@@ -1,21 +1,22 @@
-// Where textures of glTF's materials go in those of three.js, extensions included.
+// Maps textures of glTF's materials to the slots of three.js's, extensions included.
 
 import { type Json, jsonOf } from "../../format/gltf.js";
-import type { Neutral } from "../textures/textures.js";
+import type { Placeholder } from "../textures/placeholders.js";
 
+/** A texture of glTF's materials, and the slots of three.js's that take it. */
 export interface Slot {
-  /** Where the material has it: in itself, its metallic-roughness part, or an extension. */
+  /** Where the glTF material has the texture: at its top (""), in a part, or in an extension. */
   part: string;
   name: string;
   slots: readonly string[];
   isColor: boolean;
-  neutral: Neutral;
+  placeholder: Placeholder;
 }
 
-function slot(path: string, slots: string, kind: "color" | "data" | Neutral = "data"): Slot {
+function slot(path: string, slots: string, kind: "color" | "data" | Placeholder = "data"): Slot {
   const [name = "", part = ""] = path.split("/").reverse();
-  const neutral = kind === "color" || kind === "data" ? "white" : kind;
-  return { part, name, slots: slots.split(" "), isColor: kind === "color", neutral };
+  const placeholder = kind === "color" || kind === "data" ? "white" : kind;
+  return { part, name, slots: slots.split(" "), isColor: kind === "color", placeholder };
 }
 
 const METALLIC = "pbrMetallicRoughness";
@@ -50,13 +51,13 @@ export const PHYSICAL: readonly Slot[] = [
   slot("KHR_materials_anisotropy/anisotropyTexture", "anisotropyMap", "direction"),
 ];
 
-/** What a material says of a slot's texture; undefined where it has none. */
+/** glTF's textureInfo of a slot; undefined where the material has none. */
 export function textureInfo(material: Json, { part, name }: Slot): Json | undefined {
-  const inside = part === "" ? material : part === METALLIC ? material[part] : inExtension();
-  const info = jsonOf(inside)[name];
+  const owner = part === "" ? material : part === METALLIC ? material[part] : extensionOf();
+  const info = jsonOf(owner)[name];
   return info === undefined || info === null ? undefined : jsonOf(info);
 
-  function inExtension(): unknown {
+  function extensionOf(): unknown {
     return jsonOf(material.extensions)[part];
   }
 }

@@ -1,9 +1,9 @@
-// Materials of three.js for those of an asset, which are glTF's, made as they are first drawn.
+// The materials of an asset, converted from glTF when they are first drawn.
 
 import type { Material } from "three";
 import { type Json, jsonOf, listOf, textOf } from "../../format/gltf.js";
 import type { AssetStream } from "../../worker/asset_stream.js";
-import type { Layout } from "../geometry/arena.js";
+import type { VertexLayout } from "../geometry/arena.js";
 import { channelOf } from "../textures/sampler.js";
 import { Textures } from "../textures/textures.js";
 import { makeMaterial, plainMaterial, UNLIT } from "./material_maker.js";
@@ -16,19 +16,21 @@ const GLOSSY: Slot = {
 };
 
 export class Materials {
-  /** All that were made. */
+  /** All materials so far. */
   readonly all: Material[] = [];
-  /** What cannot be shown, a sentence each. */
+  /** Sentences about what is not shown. */
   readonly notes: string[] = [];
   onNote: ((text: string) => void) | undefined;
   readonly textures: Textures;
-  private readonly described: Json[];
+  /** glTF's materials. */
+  private readonly definitions: Json[];
+  /** By the index of the material and the layout of its vertices. */
   private readonly made = new Map<string, Material>();
 
   /**
-   * @param basisPath the folder of the transcoder for KTX2
-   * @param prepare is told of every material before it is used
-   * @param onArrival is told when a texture has arrived
+   * @param basisPath folder of the transcoder for KTX2
+   * @param prepare is called with every material before its first use
+   * @param onArrival is called when a texture has arrived
    */
   constructor(
     stream: AssetStream,
@@ -36,20 +38,20 @@ export class Materials {
     private readonly prepare: (material: Material) => void,
     onArrival: () => void,
   ) {
-    this.described = listOf(stream.info.materials.materials);
+    this.definitions = listOf(stream.info.materials.materials);
     this.textures = new Textures(stream, basisPath, onArrival, (text) => this.note(text));
   }
 
   get names(): string[] {
-    return this.described.map(({ name }) => textOf(name));
+    return this.definitions.map(({ name }) => textOf(name));
   }
 
-  /** The material of a number, for vertices of a layout. */
-  of(index: number, layout: Layout): Material {
+  /** The material of an index, for vertices of a layout. */
+  of(index: number, layout: VertexLayout): Material {
     const key = [index, layout.normals, layout.tangents, layout.colors, layout.uvs].join();
     let material = this.made.get(key);
     if (!material) {
-      const gltf = this.described[index];
+      const gltf = this.definitions[index];
       material = gltf ? this.make(index, gltf, layout) : plainMaterial(layout);
       this.prepare(material);
       this.made.set(key, material);
@@ -58,7 +60,7 @@ export class Materials {
     return material;
   }
 
-  /** Says something that cannot be shown, once. */
+  /** Reports something that is not shown, once. */
   note(text: string): void {
     if (this.notes.includes(text)) return;
     this.notes.push(text);
@@ -70,7 +72,7 @@ export class Materials {
     this.textures.dispose();
   }
 
-  private make(index: number, gltf: Json, layout: Layout): Material {
+  private make(index: number, gltf: Json, layout: VertexLayout): Material {
     const material = makeMaterial(gltf, layout, (text) => this.note(text));
     const isUnlit = UNLIT in jsonOf(gltf.extensions);
     for (const slot of isUnlit ? [BASE_COLOR] : [...STANDARD, ...PHYSICAL, GLOSSY]) {
@@ -83,15 +85,15 @@ export class Materials {
   private addTexture(
     index: number,
     material: Material,
-    { slots, isColor, neutral }: Slot,
+    { slots, isColor, placeholder }: Slot,
     info: Json,
-    { uvs }: Layout,
+    { uvs }: VertexLayout,
   ): void {
     const set = channelOf(info);
     if (!uvs[set]) {
-      const about = set < uvs.length ? "the mesh does not have" : "cannot be shown";
-      this.note(`A texture is left out: it uses texture coordinates ${set}, which ${about}.`);
-    } else if (!this.textures.use(index, material, slots, info, isColor, neutral))
-      this.note("A texture is left out: the asset has no image for it.");
+      const reason = set < uvs.length ? "the mesh does not have" : "this viewer does not support";
+      this.note(`A texture is not shown: it uses texture coordinates ${set}, which ${reason}.`);
+    } else if (!this.textures.use(index, material, slots, info, isColor, placeholder))
+      this.note("A texture is not shown: the asset has no image for it.");
   }
 }

@@ -1,5 +1,5 @@
-// Makes pictures of an image's bytes: the browser decodes PNG, JPEG, WebP and AVIF; KTX2 is decoded
-// by the Basis transcoder, which is loaded when the first such image comes.
+// Decodes and shrinks images. The browser decodes PNG, JPEG, WebP and AVIF; the Basis transcoder,
+// loaded for the first such image, decodes KTX2.
 
 import {
   type CompressedPixelFormat,
@@ -10,8 +10,8 @@ import {
 } from "three";
 import type { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
-/** As the browser decodes one, or as the transcoder makes one, with its mip levels. */
-export type Picture = ImageBitmap | Texture;
+/** An image that the browser decoded, or one of the transcoder, with its mip levels. */
+export type DecodedImage = ImageBitmap | Texture;
 
 const KTX2 = [0xab, 0x4b, 0x54, 0x58, 0x20, 0x32, 0x30, 0xbb, 0x0d, 0x0a, 0x1a, 0x0a];
 const OPTIONS = { colorSpaceConversion: "none", premultiplyAlpha: "none" } as const;
@@ -19,11 +19,11 @@ const OPTIONS = { colorSpaceConversion: "none", premultiplyAlpha: "none" } as co
 export class ImageDecoder {
   private ktx2: Promise<KTX2Loader> | undefined;
 
-  /** @param basisPath the folder of basis_transcoder.js and .wasm; "" is where three.js has them */
+  /** @param basisPath folder of basis_transcoder.js and .wasm; "" is three.js's own */
   constructor(private readonly basisPath: string) {}
 
-  /** Rejects where the bytes are no image that can be shown here. */
-  async decode(bytes: Uint8Array, renderer: WebGLRenderer): Promise<Picture> {
+  /** Rejects if the bytes are not an image of a supported kind. */
+  async decode(bytes: Uint8Array, renderer: WebGLRenderer): Promise<DecodedImage> {
     if (KTX2.every((byte, i) => bytes[i] === byte)) {
       this.ktx2 ??= this.loadKtx2(renderer);
       const loader = await this.ktx2;
@@ -32,7 +32,7 @@ export class ImageDecoder {
         loader.parse(buffer, resolve, reject);
       });
     }
-    // The browser finds out what it is by the first bytes, but for SVG, which glTF does not have.
+    // The browser finds the kind by the first bytes, except for SVG, which glTF does not allow.
     return createImageBitmap(new Blob([bytes as Uint8Array<ArrayBuffer>]), OPTIONS);
   }
 
@@ -47,17 +47,17 @@ export class ImageDecoder {
 }
 
 /** Width and height, in texels. */
-export function extentOf(picture: Picture): { width: number; height: number } {
-  return picture instanceof Texture ? levelsOf(picture)[0] : picture;
+export function extentOf(image: DecodedImage): { width: number; height: number } {
+  return image instanceof Texture ? levelsOf(image)[0] : image;
 }
 
 /** The longer side, in texels. */
-export function sizeOf(picture: Picture): number {
-  const { width, height } = extentOf(picture);
+export function sizeOf(image: DecodedImage): number {
+  const { width, height } = extentOf(image);
   return Math.max(width, height);
 }
 
-/** The mip levels of what the transcoder made, largest first. */
+/** The mip levels of a transcoded image, largest first. */
 function levelsOf(texture: Texture): [CompressedTextureMipmap, ...CompressedTextureMipmap[]] {
   const levels = (texture.mipmaps ?? []) as CompressedTextureMipmap[];
   return levels.length > 0
@@ -65,15 +65,15 @@ function levelsOf(texture: Texture): [CompressedTextureMipmap, ...CompressedText
     : [texture.image as CompressedTextureMipmap];
 }
 
-/** A copy with a longer side of `size`, or a little more; the picture itself where it is no larger. */
-export async function shrunk(picture: Picture, size: number): Promise<Picture> {
-  const from = sizeOf(picture);
-  if (from <= size) return picture;
-  if (picture instanceof Texture) return withoutLargest(picture, size);
-  const [resizeWidth, resizeHeight] = [picture.width, picture.height].map((side) =>
+/** A copy with a longer side of `size`, or a little more; the image itself if it is no larger. */
+export async function shrunk(image: DecodedImage, size: number): Promise<DecodedImage> {
+  const from = sizeOf(image);
+  if (from <= size) return image;
+  if (image instanceof Texture) return withoutLargest(image, size);
+  const [resizeWidth, resizeHeight] = [image.width, image.height].map((side) =>
     Math.max(Math.round((side * size) / from), 1),
   );
-  return createImageBitmap(picture, {
+  return createImageBitmap(image, {
     ...OPTIONS,
     resizeWidth: resizeWidth as number,
     resizeHeight: resizeHeight as number,
@@ -81,23 +81,23 @@ export async function shrunk(picture: Picture, size: number): Promise<Picture> {
   });
 }
 
-/** Without the largest of its levels, as long as what is left is large enough. */
-function withoutLargest(picture: Texture, size: number): Texture {
-  const levels = levelsOf(picture);
+/** A copy without the levels that are larger than needed for `size`. */
+function withoutLargest(image: Texture, size: number): Texture {
+  const levels = levelsOf(image);
   const sizes = levels.map(({ width, height }) => Math.max(width, height));
   let first = sizes.length - 1;
   while (first > 0 && (sizes[first] as number) < size) --first;
-  if (first <= 0 || !(picture instanceof CompressedTexture)) return picture;
+  if (first <= 0 || !(image instanceof CompressedTexture)) return image;
   const { width, height } = levels[first] as CompressedTextureMipmap;
-  const format = picture.format as CompressedPixelFormat;
-  return new CompressedTexture(levels.slice(first), width, height, format, picture.type);
+  const format = image.format as CompressedPixelFormat;
+  return new CompressedTexture(levels.slice(first), width, height, format, image.type);
 }
 
-/** Bytes that a picture takes on the GPU. */
-export function bytesOf(picture: Picture, hasMipmaps: boolean): number {
-  if (picture instanceof Texture)
-    return levelsOf(picture).reduce((sum, { data }) => sum + (data?.byteLength ?? 0), 0);
-  return texelBytes(picture.width, picture.height, hasMipmaps);
+/** Bytes that an image takes on the GPU. */
+export function bytesOf(image: DecodedImage, hasMipmaps: boolean): number {
+  if (image instanceof Texture)
+    return levelsOf(image).reduce((sum, { data }) => sum + (data?.byteLength ?? 0), 0);
+  return texelBytes(image.width, image.height, hasMipmaps);
 }
 
 export function texelBytes(width: number, height: number, hasMipmaps: boolean): number {

@@ -1,4 +1,4 @@
-// How a texture is looked up: glTF's samplers and texture transforms, in three.js's words.
+// Converts glTF's samplers and texture transforms to three.js.
 
 import {
   ClampToEdgeWrapping,
@@ -23,8 +23,8 @@ const WRAPS = new Map<unknown, Wrapping>([
   [33071, ClampToEdgeWrapping],
   [33648, MirroredRepeatWrapping],
 ]);
-const ENLARGED = new Map<unknown, MagnificationTextureFilter>([[9728, NearestFilter]]);
-const SHRUNK = new Map<unknown, MinificationTextureFilter>([
+const MAG_FILTERS = new Map<unknown, MagnificationTextureFilter>([[9728, NearestFilter]]);
+const MIN_FILTERS = new Map<unknown, MinificationTextureFilter>([
   [9728, NearestFilter],
   [9729, LinearFilter],
   [9984, NearestMipmapNearestFilter],
@@ -36,13 +36,13 @@ export function hasMipmaps(sampler: Json): boolean {
   return sampler.minFilter !== 9728 && sampler.minFilter !== 9729;
 }
 
-/** How often a texture is repeated over the whole range of coordinates, at least. */
+/** Number of repeats of a texture over the unit range of coordinates, along the axis with fewer. */
 export function repeatsOf(info: Json): number {
   const [x = 1, y = 1] = numbersOf(transformOf(info).scale, [1, 1]);
   return Math.max(Math.min(Math.abs(x), Math.abs(y)), 1e-6);
 }
 
-/** The set of texture coordinates that a slot uses. */
+/** The set of texture coordinates that a textureInfo uses. */
 export function channelOf(info: Json): number {
   return numberOf(transformOf(info).texCoord, numberOf(info.texCoord, 0));
 }
@@ -54,8 +54,8 @@ function transformOf(info: Json): Json {
 export function applySampler(texture: Texture, sampler: Json, info: Json, isColor: boolean): void {
   texture.wrapS = WRAPS.get(sampler.wrapS) ?? RepeatWrapping;
   texture.wrapT = WRAPS.get(sampler.wrapT) ?? RepeatWrapping;
-  texture.magFilter = ENLARGED.get(sampler.magFilter) ?? LinearFilter;
-  texture.minFilter = SHRUNK.get(sampler.minFilter) ?? LinearMipmapLinearFilter;
+  texture.magFilter = MAG_FILTERS.get(sampler.magFilter) ?? LinearFilter;
+  texture.minFilter = MIN_FILTERS.get(sampler.minFilter) ?? LinearMipmapLinearFilter;
   texture.generateMipmaps = hasMipmaps(sampler);
   if (texture.minFilter === LinearMipmapLinearFilter) texture.anisotropy = ANISOTROPY;
   texture.flipY = false;

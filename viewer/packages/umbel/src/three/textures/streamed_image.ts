@@ -1,49 +1,50 @@
-// An image of an asset: its copies in the file, what of it is on the GPU, and who shows it.
+// An image of an asset: its copies in the file, the one on the GPU, and the textures that show it.
 
 import { type Material, Texture } from "three";
 import { type Json, listOf, numberOf, textOf } from "../../format/gltf.js";
-import { bytesOf, extentOf, type Picture, sizeOf, texelBytes } from "./image_decoder.js";
+import { bytesOf, type DecodedImage, extentOf, sizeOf, texelBytes } from "./image_decoder.js";
 import { applySampler, hasMipmaps } from "./sampler.js";
-import type { Planned } from "./texture_plan.js";
+import type { PlannedImage } from "./texture_plan.js";
 
-/** Where the bytes of a copy are, and its longer side in texels; 0 where that is not said. */
+/** A copy of an image: where its bytes are, and its longer side in texels; 0 if that is unknown. */
 export interface ImageLevel {
   file: number | undefined;
   uri: string;
   size: number;
 }
 
-/** A texture of three.js that shows an image, and the slots of materials that it is in. */
-interface Showing {
+/** A texture of three.js that shows the image, and the slots that it is in. */
+interface ImageTexture {
   texture: Texture;
   sampler: Json;
   info: Json;
   isColor: boolean;
+  /** Textures of one key share their memory on the GPU. */
   key: string;
   uses: { material: Material; slots: readonly string[] }[];
 }
 
-/** What an image is thought to be where the asset does not say. */
-const GUESS = 1024;
-/** Where there are no smaller copies: what images are shrunk to, at most. */
-const LEAST = 128;
+/** Estimated size of an image where the asset states none. */
+const DEFAULT_SIZE = 1024;
+/** Size down to which an image without smaller copies is shrunk. */
+const MIN_SIZE = 128;
 
-export class StreamedImage implements Planned {
+export class StreamedImage implements PlannedImage {
   wanted = 0;
   size = 0;
   full: number;
-  least: number;
+  smallest: number;
   isBusy = false;
-  /** Whether it cannot be had, for good. */
+  /** Whether it can never be shown. */
   isBroken = false;
-  /** How often in a row it could not be had. */
+  /** Number of failed attempts in a row. */
   failures = 0;
-  /** The bytes of a copy of which less is shown than there is. */
+  /** The file of a copy that is shown shrunk, kept so that the image can grow again. */
   kept: { level: ImageLevel; bytes: Uint8Array } | undefined;
   readonly name: string;
   private readonly levels: ImageLevel[];
-  private readonly showings: Showing[] = [];
-  private picture: Picture | undefined;
+  private readonly textures: ImageTexture[] = [];
+  private decoded: DecodedImage | undefined;
   /** Width times height, over the longer side squared. */
   private shape = 1;
 
@@ -51,110 +52,110 @@ export class StreamedImage implements Planned {
     this.name = textOf(gltf.name);
     this.levels = levelsOf(gltf);
     const full = this.levels.at(-1)?.size ?? 0;
-    const least = this.levels[0]?.size ?? 0;
-    this.full = full || Math.max(GUESS, least);
-    this.least = Math.min(this.levels.length > 1 ? least : LEAST, this.full);
+    const smallest = this.levels[0]?.size ?? 0;
+    this.full = full || Math.max(DEFAULT_SIZE, smallest);
+    this.smallest = Math.min(this.levels.length > 1 ? smallest : MIN_SIZE, this.full);
     this.isBroken = this.levels.length === 0;
   }
 
   /** Bytes on the GPU. */
   get bytes(): number {
-    return this.picture ? this.bytesOf(this.size) : 0;
+    return this.decoded ? this.bytesOf(this.size) : 0;
   }
 
   bytesOf(size: number): number {
     if (size === 0) return 0;
-    const isOnlyOnce = new Map(this.showings.map((each) => [each.key, hasMipmaps(each.sampler)]));
+    const mipmapsOfKey = new Map(this.textures.map((each) => [each.key, hasMipmaps(each.sampler)]));
     let bytes = 0;
-    for (const mipmaps of isOnlyOnce.values()) {
-      if (this.picture instanceof Texture)
-        bytes += bytesOf(this.picture, mipmaps) * (size / this.size) ** 2;
+    for (const mipmaps of mipmapsOfKey.values()) {
+      if (this.decoded instanceof Texture)
+        bytes += bytesOf(this.decoded, mipmaps) * (size / this.size) ** 2;
       else bytes += texelBytes(size, size * this.shape, mipmaps);
     }
     return bytes;
   }
 
-  /** What to read for a size: the smallest copy first, then one that is large enough. */
+  /** The copy to read for a size: the smallest copy first, then one that is large enough. */
   levelFor(size: number): ImageLevel {
     const { levels } = this;
-    const enough = levels.find((level) => level.size >= size) ?? levels.at(-1);
-    return (this.size === 0 ? levels[0] : enough) as ImageLevel;
+    const sufficient = levels.find((level) => level.size >= size) ?? levels.at(-1);
+    return (this.size === 0 ? levels[0] : sufficient) as ImageLevel;
   }
 
-  /** A copy was decoded: it may be of another size than the asset says. */
-  learn(level: ImageLevel, picture: Picture): void {
-    level.size = sizeOf(picture);
-    const { width, height } = extentOf(picture);
+  /** Takes the size of a decoded copy, which may differ from the size that the asset states. */
+  setDecodedSize(level: ImageLevel, image: DecodedImage): void {
+    level.size = sizeOf(image);
+    const { width, height } = extentOf(image);
     this.shape = (width * height) / level.size ** 2;
     if (level === this.levels.at(-1)) this.full = level.size;
-    this.least = Math.min(this.least, this.full);
+    this.smallest = Math.min(this.smallest, this.full);
   }
 
-  /** Puts it into slots of a material, now or once it is there; until then they have `neutral`. */
+  /** Puts the image into slots of a material; they show `placeholder` until the image arrives. */
   use(
     material: Material,
     slots: readonly string[],
-    look: { sampler: Json; info: Json; isColor: boolean; neutral: ImageData },
+    sampling: { sampler: Json; info: Json; isColor: boolean; placeholder: ImageData },
   ): void {
-    const { sampler, info, isColor } = look;
+    const { sampler, info, isColor } = sampling;
     const key = JSON.stringify([sampler, isColor]);
-    const texture = this.make(this.picture ?? look.neutral, { sampler, info, isColor });
+    const texture = this.make(this.decoded ?? sampling.placeholder, { sampler, info, isColor });
     const showing = { texture, sampler, info, isColor, key, uses: [{ material, slots }] };
-    this.showings.push(showing);
-    putInto(showing);
+    this.textures.push(showing);
+    assignToSlots(showing);
   }
 
-  show(picture: Picture): void {
-    const before = this.picture;
-    this.picture = picture;
-    this.size = sizeOf(picture);
+  show(image: DecodedImage): void {
+    const before = this.decoded;
+    this.decoded = image;
+    this.size = sizeOf(image);
     if (this.kept && this.kept.level.size <= this.size) this.kept = undefined;
     let shared: Texture["source"] | undefined;
-    for (const showing of this.showings) {
+    for (const showing of this.textures) {
       showing.texture.dispose();
-      showing.texture = this.make(picture, showing);
-      // One copy on the GPU for all that look it up in the same way.
+      showing.texture = this.make(image, showing);
+      // Textures with the same sampler share their memory on the GPU.
       shared ??= showing.texture.source;
       showing.texture.source = shared;
-      putInto(showing);
+      assignToSlots(showing);
     }
-    if (before && before !== picture) close(before);
+    if (before && before !== image) close(before);
   }
 
-  /** What is shown. */
-  get shown(): Picture | undefined {
-    return this.picture;
+  /** The current copy. */
+  get shown(): DecodedImage | undefined {
+    return this.decoded;
   }
 
   private make(
-    picture: Picture | ImageData,
-    { sampler, info, isColor }: Pick<Showing, "sampler" | "info" | "isColor">,
+    image: DecodedImage | ImageData,
+    { sampler, info, isColor }: Pick<ImageTexture, "sampler" | "info" | "isColor">,
   ): Texture {
-    const isBlocks = picture instanceof Texture;
-    const texture: Texture = isBlocks ? picture.clone() : new Texture(picture);
+    const isCompressed = image instanceof Texture;
+    const texture: Texture = isCompressed ? image.clone() : new Texture(image);
     applySampler(texture, sampler, info, isColor);
-    if (isBlocks) texture.generateMipmaps = false;
+    if (isCompressed) texture.generateMipmaps = false;
     texture.needsUpdate = true;
     return texture;
   }
 
   dispose(): void {
-    for (const { texture } of this.showings) texture.dispose();
-    if (this.picture) close(this.picture);
+    for (const { texture } of this.textures) texture.dispose();
+    if (this.decoded) close(this.decoded);
   }
 }
 
-function putInto({ texture, uses }: Showing): void {
+function assignToSlots({ texture, uses }: ImageTexture): void {
   for (const { material, slots } of uses)
     for (const slot of slots) (material as unknown as Record<string, Texture>)[slot] = texture;
 }
 
-export function close(picture: Picture): void {
-  if (picture instanceof Texture) picture.dispose();
-  else picture.close();
+export function close(image: DecodedImage): void {
+  if (image instanceof Texture) image.dispose();
+  else image.close();
 }
 
-/** The copies of an image, smallest first; the image itself is the last. */
+/** The copies of an image, smallest first; the last is the image itself. */
 function levelsOf(image: Json): ImageLevel[] {
   const smaller = listOf(image.levels)
     .map(levelOf)

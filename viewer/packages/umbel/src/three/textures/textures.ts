@@ -1,65 +1,55 @@
-// The textures of an asset: which of their images are worth having, and how large. The smallest
-// copies of all that is seen come first, then larger ones, as large as they are seen and as the
-// memory allows.
+// Streams the textures of an asset. The smallest copies of all visible images come first, then larger
+// ones, as large as they are visible and as the memory allows.
 
 import type { Material, WebGLRenderer } from "three";
 import { type Json, jsonOf, listOf, numberOf } from "../../format/gltf.js";
 import type { AssetStream } from "../../worker/asset_stream.js";
-import { ImageDecoder, shrunk } from "./image_decoder.js";
+import { type DecodedImage, ImageDecoder, shrunk } from "./image_decoder.js";
+import { type Placeholder, placeholderImage } from "./placeholders.js";
 import { repeatsOf } from "./sampler.js";
 import { close, type ImageLevel, StreamedImage } from "./streamed_image.js";
 import { planSizes } from "./texture_plan.js";
 
-/** Images that are read or decoded at the same time. */
-const PARALLEL = 3;
-/** How often one is tried that could not be read, and the milliseconds between. */
-const TRIES = 2;
-const RETRY_AFTER = 1500;
-
-/** What a slot has until its texture is there: texels that change nothing, or give no light. */
-export type Neutral = "white" | "black" | "normal" | "direction";
-const NEUTRAL: Record<Neutral, readonly number[]> = {
-  white: [255, 255, 255, 255],
-  black: [0, 0, 0, 255],
-  normal: [128, 128, 255, 255],
-  direction: [255, 128, 255, 255],
-};
+/** Number of images that are read or decoded at the same time. */
+const MAX_ACTIVE = 3;
+/** Attempts to read an image, and milliseconds between them. */
+const MAX_ATTEMPTS = 2;
+const RETRY_DELAY = 1500;
 
 export interface TextureStatistics {
-  /** Memory of those that are here. */
+  /** Memory of the resident ones. */
   bytes: number;
-  /** How many there are, how many of them are here, and how many are to come or to grow. */
+  /** Numbers of images: in use, resident, and still to arrive or to grow. */
   images: number;
   resident: number;
   missing: number;
-  /** Whether all that is in view has a copy, if a small one. */
+  /** Whether every visible image has a copy of some size. */
   isComplete: boolean;
-  /** Bytes of images that are not in the asset's file. */
+  /** Bytes received of images outside of the asset's file. */
   fetchedBytes: number;
 }
 
 export class Textures {
-  /** Bytes that they may take. */
+  /** Bytes of memory that textures may take. */
   limit = Infinity;
   private readonly textures: Json[];
   private readonly samplers: Json[];
   private readonly imageRows: Json[];
   private readonly images = new Map<number, StreamedImage>();
-  /** For each material the images in it, and how often each is repeated. */
+  /** For each material its images, and the repeats of each. */
   private readonly usedBy = new Map<number, { image: StreamedImage; repeats: number }[]>();
-  private readonly neutrals = new Map<Neutral, ImageData>();
   private readonly decoder: ImageDecoder;
   private renderer: WebGLRenderer | undefined;
   private active = 0;
   private missing = 0;
-  /** Whether a frame began with a copy of all that is in view; larger ones wait for that. */
-  private isDressed = false;
+  /** Whether a frame began with a copy of every visible image; larger copies wait for that. */
+  private hasAllSmall = false;
   private fetched = 0;
   private isDisposed = false;
 
   /**
-   * @param onChange is told when a texture has arrived or changed its size
-   * @param note is told, in a sentence, what cannot be shown
+   * @param onChange is called when a texture has arrived or changed its size
+   * @param note is called with sentences about what is not shown
    */
   constructor(
     private readonly stream: AssetStream,
@@ -74,7 +64,7 @@ export class Textures {
     this.decoder = new ImageDecoder(basisPath);
   }
 
-  /** Whether the asset has images at all. */
+  /** Whether the asset has images. */
   get hasAny(): boolean {
     return this.imageRows.length > 0;
   }
@@ -91,23 +81,28 @@ export class Textures {
     };
   }
 
-  /** Puts a texture of glTF into slots of a material; false if there is none. */
+  /** Puts a texture of glTF into slots of a material; false if the asset has no such texture. */
   use(
-    number: number,
+    materialIndex: number,
     material: Material,
     slots: readonly string[],
     info: Json,
     isColor: boolean,
-    neutral: Neutral,
+    placeholder: Placeholder,
   ): boolean {
     const texture = this.textures[numberOf(info.index, -1)];
     const image = texture && this.image(sourceOf(texture));
     if (!image) return false;
     const sampler = this.samplers[numberOf(texture.sampler, -1)] ?? {};
-    image.use(material, slots, { sampler, info, isColor, neutral: this.neutral(neutral) });
-    const used = this.usedBy.get(number) ?? [];
+    image.use(material, slots, {
+      sampler,
+      info,
+      isColor,
+      placeholder: placeholderImage(placeholder),
+    });
+    const used = this.usedBy.get(materialIndex) ?? [];
     used.push({ image, repeats: repeatsOf(info) });
-    this.usedBy.set(number, used);
+    this.usedBy.set(materialIndex, used);
     return true;
   }
 
@@ -123,36 +118,27 @@ export class Textures {
     return image;
   }
 
-  private neutral(kind: Neutral): ImageData {
-    let image = this.neutrals.get(kind);
-    if (!image) {
-      image = new ImageData(Uint8ClampedArray.from(NEUTRAL[kind]), 1, 1);
-      this.neutrals.set(kind, image);
-    }
-    return image;
-  }
-
   /**
-   * Takes what is seen, and asks for what is worth having.
-   * @param seen for each material in view the texels of a whole texture that could be told apart
+   * Sets the resolution at which textures are needed, and plans again.
+   * @param demand for each visible material the texels of a whole texture, at one texel a pixel
    */
-  see(seen: ReadonlyMap<number, number>, renderer: WebGLRenderer): void {
+  setDemand(demand: ReadonlyMap<number, number>, renderer: WebGLRenderer): void {
     this.renderer = renderer;
     for (const image of this.images.values()) image.wanted = 0;
-    for (const [material, texels] of seen)
+    for (const [material, texels] of demand)
       for (const { image, repeats } of this.usedBy.get(material) ?? [])
         image.wanted = Math.max(image.wanted, texels / repeats, 1);
     this.plan();
   }
 
-  /** To be called before each frame that draws something. */
+  /** To be called before each frame that draws clusters. */
   beginFrame(): void {
-    if (this.isDressed || !this.isComplete) return;
-    this.isDressed = true;
+    if (this.hasAllSmall || !this.isComplete) return;
+    this.hasAllSmall = true;
     this.plan();
   }
 
-  /** Whether all that is in view has a copy, if a small one, or cannot have any. */
+  /** Whether every visible image has a copy of some size, or can never have one. */
   private get isComplete(): boolean {
     for (const { wanted, size, isBroken } of this.images.values())
       if (wanted > 0 && size === 0 && !isBroken) return false;
@@ -167,13 +153,13 @@ export class Textures {
       else if (size < image.size && !image.isBusy) void this.shrink(image, size);
     });
     this.missing = growing.length;
-    // Those with nothing first, then those that are farthest from what is wanted.
-    const urgency = ({ image, size }: { image: StreamedImage; size: number }) =>
+    // Images without a copy come first, then those that are to grow by the largest factor.
+    const priority = ({ image, size }: { image: StreamedImage; size: number }) =>
       image.size === 0 ? Infinity : size / image.size;
-    growing.sort((a, b) => urgency(b) - urgency(a) || 0);
+    growing.sort((a, b) => priority(b) - priority(a) || 0);
     for (const { image, size } of growing) {
-      if (this.active >= PARALLEL) return;
-      if (image.size > 0 && !this.isDressed) return;
+      if (this.active >= MAX_ACTIVE) return;
+      if (image.size > 0 && !this.hasAllSmall) return;
       if (!image.isBusy) void this.grow(image, size, this.renderer);
     }
   }
@@ -188,41 +174,38 @@ export class Textures {
   private async shrink(image: StreamedImage, size: number): Promise<void> {
     const { shown } = image;
     if (!shown) return;
-    await this.work(image, async () => {
-      const picture = await shrunk(shown, size);
-      // Some compressed images have no smaller copies in them.
-      if (picture === shown) image.least = image.size;
-      return picture;
+    await this.replace(image, async () => {
+      const decoded = await shrunk(shown, size);
+      // Some compressed images have no smaller levels.
+      if (decoded === shown) image.smallest = image.size;
+      return decoded;
     });
   }
 
   private async grow(image: StreamedImage, size: number, renderer: WebGLRenderer): Promise<void> {
-    await this.work(image, async () => {
+    await this.replace(image, async () => {
       const level = image.levelFor(size);
       const isFirst = image.size === 0;
       const bytes =
         image.kept?.level === level ? image.kept.bytes : await this.read(level, isFirst);
-      const whole = await this.decoder.decode(bytes, renderer);
-      image.learn(level, whole);
+      const full = await this.decoder.decode(bytes, renderer);
+      image.setDecodedSize(level, full);
       image.kept = { level, bytes };
-      // Only now it is known how large it is.
-      const picture = await shrunk(whole, Math.max(this.sizes().get(image) ?? size, 1));
-      if (picture !== whole) close(whole);
-      return picture;
+      // The plan may change now: the true size is known.
+      const decoded = await shrunk(full, Math.max(this.sizes().get(image) ?? size, 1));
+      if (decoded !== full) close(full);
+      return decoded;
     });
   }
 
-  /** Shows what a piece of work makes of an image. */
-  private async work(
-    image: StreamedImage,
-    make: () => Promise<Parameters<StreamedImage["show"]>[0]>,
-  ): Promise<void> {
+  /** Replaces the shown copy of an image by the one that `make` returns. */
+  private async replace(image: StreamedImage, make: () => Promise<DecodedImage>): Promise<void> {
     image.isBusy = true;
     ++this.active;
     try {
-      const picture = await make();
-      if (this.isDisposed) close(picture);
-      else if (picture !== image.shown) image.show(picture);
+      const decoded = await make();
+      if (this.isDisposed) close(decoded);
+      else if (decoded !== image.shown) image.show(decoded);
       image.failures = 0;
       image.isBusy = false;
     } catch {
@@ -234,14 +217,14 @@ export class Textures {
     this.plan();
   }
 
-  /** Tries again a little later, some times. */
+  /** Tries again later, or gives up. */
   private failed(image: StreamedImage): void {
     image.kept = undefined;
-    if (++image.failures < TRIES) {
+    if (++image.failures < MAX_ATTEMPTS) {
       setTimeout(() => {
         image.isBusy = false;
         this.plan();
-      }, RETRY_AFTER);
+      }, RETRY_DELAY);
       return;
     }
     image.isBusy = false;
@@ -271,7 +254,7 @@ export class Textures {
   }
 }
 
-/** The image of a texture: that of an extension that names one, where there is any. */
+/** The image of a texture; an extension's image comes first. */
 function sourceOf(texture: Json): number {
   const extensions = jsonOf(texture.extensions);
   for (const name of ["KHR_texture_basisu", "EXT_texture_avif", "EXT_texture_webp"]) {

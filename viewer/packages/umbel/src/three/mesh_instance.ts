@@ -1,29 +1,29 @@
-// An asset's mesh where it stands in the object, and what is drawn of it.
+// An instance of a mesh in the object: it lists the ranges to draw, by arena and material.
 
 import { type Frustum, type Material, Matrix4, type Object3D } from "three";
-import type { Instance as InstanceRow } from "../format/file_header.js";
+import type { Instance as InstanceRow } from "../format/tables.js";
 import { matrixOf } from "./camera_view.js";
 import { type ClusterInfo, clusterInfo } from "./cluster_info.js";
 import type { Arena } from "./geometry/arena.js";
 import { Batch, LineBatch } from "./geometry/batch.js";
-import type { Resident } from "./geometry/resident_groups.js";
+import type { ResidentGroup } from "./geometry/resident_groups.js";
 import type { Materials } from "./materials/materials.js";
 
-/** What of the frame is counted. */
-export interface Drawn {
+/** Counts of a frame. */
+export interface DrawCounts {
   calls: number;
   triangles: number;
   clusters: number;
 }
 
-export class Instance {
+export class MeshInstance {
   readonly mesh: number;
   /** From the mesh to the object. */
   readonly matrix: Matrix4;
-  /** First cluster, number of clusters and whether something finer is wanted, of each run. */
+  /** Runs of clusters; see StreamUpdate.cuts. */
   private cut = new Uint32Array(0);
-  /** The groups of the cut's runs. */
-  private groups: Resident[] = [];
+  /** The group of each run. */
+  private groups: ResidentGroup[] = [];
   /** By arena, then by material. */
   private readonly batches = new Map<Arena, Map<number, Batch>>();
   private readonly lines = new Map<Arena, LineBatch>();
@@ -38,20 +38,20 @@ export class Instance {
     this.matrix = matrixOf(matrix);
   }
 
-  setCut(cut: Uint32Array, groupOf: Map<number, Resident>): void {
+  setCut(cut: Uint32Array, groupOf: Map<number, ResidentGroup>): void {
     this.cut = cut as Uint32Array<ArrayBuffer>;
     this.groups = [];
     for (let run = 0; run < cut.length; run += 3)
-      this.groups.push(groupOf.get(cut[run]) as Resident);
+      this.groups.push(groupOf.get(cut[run]) as ResidentGroup);
   }
 
-  /** The clusters that are drawn, culled ones too. */
+  /** The clusters of the cut, culled ones included. */
   *clusters(): Generator<ClusterInfo> {
     const { cut, groups, matrix, number } = this;
     for (let i = 0; i < groups.length; ++i) {
       const first = cut[3 * i];
       for (let c = first; c < first + cut[3 * i + 1]; ++c) {
-        const info = clusterInfo((groups[i] as Resident).group, c, cut[3 * i + 2] === 1);
+        const info = clusterInfo((groups[i] as ResidentGroup).group, c, cut[3 * i + 2] === 1);
         yield { ...info, instance: number, matrix };
       }
     }
@@ -61,8 +61,8 @@ export class Instance {
     return new Matrix4().multiplyMatrices(this.parent.matrixWorld, this.matrix);
   }
 
-  /** Lists what of the cut is in view, for the GPU; adds what is drawn to `drawn`. */
-  makeRanges(frustum: Frustum, lineMaterial: Material | undefined, drawn: Drawn): void {
+  /** Lists the ranges of visible clusters for the GPU, and adds them to `drawn`. */
+  updateRanges(frustum: Frustum, lineMaterial: Material | undefined, drawn: DrawCounts): void {
     for (const batch of this.all()) batch.ranges.clear();
     this.visibleRuns(frustum, (resident, first, count) => {
       this.addRun(resident, first, count, drawn);
@@ -79,18 +79,18 @@ export class Instance {
     yield* this.lines.values();
   }
 
-  /** The groups of which something is in view, each once. */
-  visibleGroups(frustum: Frustum): Set<Resident> {
-    const found = new Set<Resident>();
+  /** The visible groups, each once. */
+  visibleGroups(frustum: Frustum): Set<ResidentGroup> {
+    const found = new Set<ResidentGroup>();
     this.visibleRuns(frustum, (resident) => found.add(resident));
     return found;
   }
 
   private visibleRuns(
     frustum: Frustum,
-    visit: (resident: Resident, first: number, count: number) => void,
+    visit: (resident: ResidentGroup, first: number, count: number) => void,
   ): void {
-    const isVisible = new Map<Resident, boolean>();
+    const isVisible = new Map<ResidentGroup, boolean>();
     this.groups.forEach((resident, i) => {
       let visible = isVisible.get(resident);
       if (visible === undefined) {
@@ -101,29 +101,34 @@ export class Instance {
     });
   }
 
-  private addRun(resident: Resident, first: number, count: number, drawn: Drawn): void {
-    const { group, arena, place } = resident;
-    const { partOffsets, partTriangles, partMaterials } = group;
-    const begin = partOffsets[first - group.firstCluster];
-    const end = partOffsets[first - group.firstCluster + count];
+  private addRun(resident: ResidentGroup, first: number, count: number, drawn: DrawCounts): void {
+    const { group, arena, allocation } = resident;
+    const { rangeOffsets, rangeTriangles, rangeMaterials } = group;
+    const begin = rangeOffsets[first - group.firstCluster];
+    const end = rangeOffsets[first - group.firstCluster + count];
     for (let i = begin; i < end; ++i) {
-      const start = partTriangles[i];
+      const start = rangeTriangles[i];
       let j = i + 1;
-      while (j < end && partMaterials[j] === partMaterials[i]) ++j;
-      const triangles = partTriangles[j] - start;
-      const batch = this.batch(arena, partMaterials[i]);
-      batch.ranges.add(place.index + 3 * start, 3 * triangles);
+      while (j < end && rangeMaterials[j] === rangeMaterials[i]) ++j;
+      const triangles = rangeTriangles[j] - start;
+      const batch = this.batch(arena, rangeMaterials[i]);
+      batch.ranges.add(allocation.index + 3 * start, 3 * triangles);
       drawn.triangles += triangles;
       i = j - 1;
     }
     drawn.clusters += count;
   }
 
-  private addLines(resident: Resident, first: number, count: number, material: Material): void {
+  private addLines(
+    resident: ResidentGroup,
+    first: number,
+    count: number,
+    material: Material,
+  ): void {
     const { group, arena } = resident;
     let lines = this.lines.get(arena);
     if (!lines) {
-      lines = this.place(new LineBatch(arena.lines(), material));
+      lines = this.add(new LineBatch(arena.lines(), material));
       this.lines.set(arena, lines);
     }
     const edges = arena.edgesOf(group);
@@ -139,13 +144,13 @@ export class Instance {
     }
     let batch = batches.get(material);
     if (!batch) {
-      batch = this.place(new Batch(arena.geometry, this.materials.of(material, arena.layout)));
+      batch = this.add(new Batch(arena.geometry, this.materials.of(material, arena.layout)));
       batches.set(material, batch);
     }
     return batch;
   }
 
-  private place<T extends Object3D>(object: T): T {
+  private add<T extends Object3D>(object: T): T {
     object.matrix.copy(this.matrix);
     this.parent.add(object);
     object.updateMatrixWorld(true);

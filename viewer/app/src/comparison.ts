@@ -1,0 +1,68 @@
+// Compares the asset with its full mesh, or with another asset: side by side, or by a wipe.
+
+import type { AssetLoader } from "./asset_loader";
+import { type Layout, nameOf, type Source, type State } from "./state";
+import { Divider } from "./ui/divider";
+import type { Notice } from "./ui/messages";
+import type { Viewport } from "./viewport/viewport";
+
+export class Comparison {
+  /** The asset to compare with; undefined for the full mesh. */
+  other: Source | undefined;
+  private source: Source | undefined;
+  private readonly divider: Divider;
+
+  constructor(
+    host: HTMLElement,
+    private readonly state: State,
+    private readonly viewport: Viewport,
+    private readonly loader: AssetLoader,
+    private readonly notice: Notice,
+  ) {
+    this.divider = new Divider(host, (at) => {
+      this.state.wipe = at;
+      this.placeDivider();
+    });
+  }
+
+  /** Sets the asset that is compared, which is shown already. */
+  setSource(source: Source): void {
+    this.source = source;
+  }
+
+  /** Compares with another asset, in the current layout or by a wipe. */
+  async setOther(other: Source): Promise<void> {
+    this.other = other;
+    this.viewport.setMesh(1, undefined);
+    await this.setLayout(this.state.layout === "single" ? "wipe" : this.state.layout);
+  }
+
+  async setLayout(layout: Layout): Promise<void> {
+    const { viewport } = this;
+    const wasHome = viewport.camera.isHome;
+    this.state.layout = layout;
+    if (wasHome) viewport.frameAll();
+    if (layout === "single") viewport.setMesh(1, undefined);
+    else if (!viewport.meshes[1] && this.source) await this.loadRight(this.source);
+    this.placeDivider();
+  }
+
+  private async loadRight(source: Source): Promise<void> {
+    try {
+      // The full mesh has no error; another asset has the same error as the first.
+      const pixelError = this.other ? this.state.pixelError : 0;
+      this.viewport.setMesh(1, await this.loader.load(this.other ?? source, pixelError));
+      this.viewport.rightFollows = this.other !== undefined;
+    } catch (error) {
+      this.state.layout = "single";
+      this.notice.show(error instanceof Error ? error.message : String(error));
+    }
+  }
+
+  private placeDivider(): void {
+    const right = this.other ? nameOf(this.other) : "Full mesh";
+    const left = this.source ? nameOf(this.source) : "";
+    this.divider.place(this.state.layout, this.state.wipe, [left, right]);
+    this.viewport.requestFrame();
+  }
+}

@@ -1,0 +1,64 @@
+// The panel's section for the allowed error and the memory.
+
+import { BUDGETS, PIXELS, type State } from "../state";
+import { LogSlider, section, Toggle } from "./controls";
+import { bytes, h } from "./dom";
+
+export class DetailSection {
+  readonly element: HTMLElement;
+  private readonly pixels: LogSlider;
+  private readonly hold: Toggle;
+  private readonly budget: LogSlider;
+  private readonly limit = h("p", { className: "about", hidden: true });
+
+  constructor(
+    private readonly state: State,
+    onChange: () => void,
+    onBudget: (bytes: number) => void,
+  ) {
+    this.pixels = new LogSlider({
+      name: "Error",
+      label: "Allowed error in pixels",
+      id: "pixels",
+      range: PIXELS,
+      format: (value) => `${value.toPrecision(2)} px`,
+      onInput: (value) => {
+        state.pixelError = value;
+        onChange();
+      },
+    });
+    const title = "Choose the error by the time a frame takes";
+    this.hold = new Toggle("Hold 60 fps", title, "hold", (isOn) => {
+      state.frameRate = isOn ? 60 : 0;
+      onChange();
+    });
+    this.budget = new LogSlider({
+      name: "Memory",
+      label: "Memory for geometry and textures",
+      id: "budget",
+      range: BUDGETS,
+      format: bytes,
+      onInput: onBudget,
+    });
+    this.element = section(
+      "Detail",
+      this.pixels.element,
+      this.hold.element,
+      this.budget.element,
+      this.limit,
+    );
+  }
+
+  update(): void {
+    const { pixelError, budget, frameRate } = this.state;
+    this.pixels.set(pixelError);
+    this.budget.set(budget);
+    this.hold.set(frameRate > 0);
+  }
+
+  /** Says by which factor the budget raises the allowed error. */
+  showScale(scale: number): void {
+    this.limit.hidden = scale <= 1.01;
+    this.limit.textContent = `The memory allows ${scale.toPrecision(2)} times the error.`;
+  }
+}

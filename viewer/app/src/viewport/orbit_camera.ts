@@ -1,0 +1,95 @@
+// The camera and its controls. Poses are in the world, as in links and saved paths; the scene's zero
+// is at the first asset's origin.
+
+import { MOUSE, PerspectiveCamera, TOUCH, Vector3 } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import type { UmbelMesh } from "umbel/three";
+import type { CameraPose } from "../state";
+import { boundingSphereOf, depthsOf, FIELD_OF_VIEW, homePose, translated } from "./camera";
+
+/** Whether the camera moves on for a moment after a drag. */
+const HAS_DAMPING = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+export class OrbitCamera {
+  readonly perspective = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
+  /** Position of the scene's zero in the world. */
+  origin: readonly [number, number, number] = [0, 0, 0];
+  private readonly controls: OrbitControls;
+  private home: Vector3 | undefined;
+
+  constructor(
+    canvas: HTMLCanvasElement,
+    private readonly onChange: () => void,
+  ) {
+    this.controls = new OrbitControls(this.perspective, canvas);
+    this.controls.enableDamping = HAS_DAMPING;
+    this.controls.dampingFactor = 0.18;
+    this.controls.zoomToCursor = true;
+    this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
+    this.controls.touches = { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_PAN };
+    this.controls.addEventListener("change", onChange);
+  }
+
+  /** The point that the camera orbits, in the scene. */
+  get target(): Vector3 {
+    return this.controls.target;
+  }
+
+  get pose(): CameraPose {
+    const pose = {
+      position: this.perspective.position.toArray(),
+      target: this.controls.target.toArray(),
+    };
+    return translated(pose, this.origin, 1);
+  }
+
+  setPose(pose: CameraPose): void {
+    const { position, target } = translated(pose, this.origin, -1);
+    this.perspective.position.set(...position);
+    this.controls.target.set(...target);
+    // An update without damping also ends the current movement.
+    this.controls.enableDamping = false;
+    this.controls.update();
+    this.controls.enableDamping = HAS_DAMPING;
+    this.onChange();
+  }
+
+  /** Shows the whole of a mesh; `aspect` is the picture's width over height. */
+  frame(mesh: UmbelMesh, aspect: number): void {
+    this.setPose(translated(homePose(mesh.info, aspect), this.origin, 1));
+    this.home = this.perspective.position.clone();
+  }
+
+  /** Whether the camera is where `frame` put it. */
+  get isHome(): boolean {
+    return this.home !== undefined && this.perspective.position.distanceTo(this.home) === 0;
+  }
+
+  /** Moves camera and target by parts of their distance, along the camera's axes. */
+  fly(right: number, up: number, forward: number): void {
+    const { position, quaternion } = this.perspective;
+    const move = new Vector3(right, up, -forward)
+      .multiplyScalar(position.distanceTo(this.controls.target))
+      .applyQuaternion(quaternion);
+    position.add(move);
+    this.controls.target.add(move);
+    this.onChange();
+  }
+
+  /** Applies input and damping; whether the camera has moved. */
+  update(): boolean {
+    return this.controls.update();
+  }
+
+  /** Fits the depth range and the zoom limits to a mesh. */
+  fitTo(mesh: UmbelMesh): void {
+    const { center, radius } = boundingSphereOf(mesh.info);
+    const distance = this.perspective.position.distanceTo(
+      new Vector3(...center).add(mesh.position),
+    );
+    Object.assign(this.perspective, depthsOf(distance, radius));
+    this.perspective.updateProjectionMatrix();
+    this.controls.minDistance = radius * 1e-3;
+    this.controls.maxDistance = radius * 50;
+  }
+}

@@ -1,0 +1,141 @@
+// Turns the integers of vertices into floats, by the codings of docs/format.md, `ATTR`.
+
+import { type Attribute, type AttributeName, WIDTHS } from "../format/attributes.js";
+
+/** Floats of each attribute, for all vertices of a group. */
+export type Values = Partial<Record<AttributeName, Float32Array>>;
+
+/** One attribute's integers of `count` vertices: rows of `stride`, from column `at`. */
+interface Column {
+  rows: Int32Array;
+  stride: number;
+  at: number;
+  count: number;
+}
+
+/** Floats whose bits are ordered as integers. */
+function floats({ rows, stride, at, count }: Column, width: number): Float32Array {
+  const words = new Int32Array(count * width);
+  for (let v = 0; v < count; ++v)
+    for (let i = 0; i < width; ++i) {
+      const word = rows[v * stride + at + i];
+      words[v * width + i] = word < 0 ? word ^ 0x7fffffff : word;
+    }
+  return new Float32Array(words.buffer);
+}
+
+/** Multiples of a grid step. */
+function gridValues(
+  { rows, stride, at, count }: Column,
+  width: number,
+  step: number,
+): Float32Array {
+  const values = new Float32Array(count * width);
+  for (let v = 0; v < count; ++v)
+    for (let i = 0; i < width; ++i) values[v * width + i] = rows[v * stride + at + i] * step;
+  return values;
+}
+
+/**
+ * Writes the unit vector of two octahedral integers; returns whether it points down.
+ * See Meyer et al., "On floating-point normal vectors" (2010).
+ */
+function decodeOctahedral(i0: number, i1: number, m: number, out: Float64Array): boolean {
+  let x = i0 / m;
+  let y = i1 / m;
+  const z = 1 - Math.abs(x) - Math.abs(y);
+  if (z < 0) {
+    x += x < 0 ? -z : z;
+    y += y < 0 ? -z : z;
+  }
+  const length = Math.sqrt(x * x + y * y + z * z);
+  out[0] = x / length;
+  out[1] = y / length;
+  out[2] = z / length;
+  return Math.abs(i0) + Math.abs(i1) > m;
+}
+
+const normal = new Float64Array(3);
+
+function normals({ rows, stride, at, count }: Column, bits: number): Float32Array {
+  const m = 2 ** (bits - 1) - 1;
+  const values = new Float32Array(3 * count);
+  for (let v = 0; v < count; ++v) {
+    decodeOctahedral(rows[v * stride + at], rows[v * stride + at + 1], m, normal);
+    values.set(normal, 3 * v);
+  }
+  return values;
+}
+
+/**
+ * Each tangent is an angle in the plane of its normal. The plane's basis follows Duff et al.,
+ * "Building an orthonormal basis, revisited" (2017).
+ */
+function tangents(
+  column: Column,
+  bits: number,
+  normalAt: number,
+  normalBits: number,
+): Float32Array {
+  const { rows, stride, at, count } = column;
+  const m = 2 ** (normalBits - 1) - 1;
+  const values = new Float32Array(4 * count);
+  for (let v = 0; v < count; ++v) {
+    const row = v * stride;
+    const isDown = decodeOctahedral(rows[row + normalAt], rows[row + normalAt + 1], m, normal);
+    const [x, y, z] = normal;
+    const g = isDown ? -1 : 1;
+    const p = -1 / (g + z);
+    const q = x * y * p;
+    const angle = (2 * Math.PI * rows[row + at]) / 2 ** bits;
+    const cos = Math.cos(angle);
+    const sin = Math.sin(angle);
+    values[4 * v] = (1 + g * x * x * p) * cos + q * sin;
+    values[4 * v + 1] = g * q * cos + (g + y * y * p) * sin;
+    values[4 * v + 2] = -g * x * cos - y * sin;
+    values[4 * v + 3] = rows[row + at + 1] !== 0 ? -1 : 1;
+  }
+  return values;
+}
+
+/** Linear colours from sRGB; alpha stays as it is. */
+function colors({ rows, stride, at, count }: Column, bits: number): Float32Array {
+  const max = 2 ** bits - 1;
+  const values = new Float32Array(4 * count);
+  for (let v = 0; v < count; ++v)
+    for (let i = 0; i < 4; ++i) {
+      const s = rows[v * stride + at + i] / max;
+      const linear = s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4;
+      values[4 * v + i] = i < 3 ? linear : s;
+    }
+  return values;
+}
+
+/** Decodes `count` vertices; their integers are rows, one after the other. */
+export function decodeValues(
+  attributes: readonly Attribute[],
+  rows: Int32Array,
+  count: number,
+): Values {
+  const stride = attributes.reduce((sum, a) => sum + a.components, 0);
+  const values: Values = {};
+  let at = 0;
+  let normalAt = 0;
+  let normalBits = 2;
+  for (const { name, coding, bits, step, components } of attributes) {
+    const column = { rows, stride, at, count };
+    if (name === "normals") {
+      normalAt = at;
+      normalBits = bits;
+    }
+    if (name === undefined) {
+      // This attribute is skipped.
+    } else if (coding === 0) values[name] = floats(column, WIDTHS[name]);
+    else if (coding === 1) values[name] = gridValues(column, WIDTHS[name], step);
+    else if (coding === 2) values[name] = normals(column, bits);
+    else if (coding === 3) values[name] = tangents(column, bits, normalAt, normalBits);
+    else values[name] = colors(column, bits);
+    at += components;
+  }
+  return values;
+}

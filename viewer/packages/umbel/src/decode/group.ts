@@ -1,0 +1,198 @@
+// Decodes a group of a page: its record, its references to other groups, and its clusters.
+
+import { corrupt } from "../errors.js";
+import { type FileHeader, NONE } from "../format/file_header.js";
+import {
+  CLUSTER_ROW,
+  type GroupReference,
+  type MeshEntry,
+  REFERENCE_ROW,
+  readReference,
+} from "../format/tables.js";
+import { decodeValues, type Values } from "./attribute_values.js";
+import { BIT_PADDING, BitReader } from "./bit_reader.js";
+import { TriangleDecoder } from "./connectivity.js";
+import { SharedVertices } from "./shared_vertices.js";
+import { type ComponentRanges, decodeVertices } from "./vertices.js";
+
+/** A group without its geometry. Groups and clusters of all meshes are numbered through. */
+export interface GroupInfo {
+  group: number;
+  mesh: number;
+  page: number;
+  level: number;
+  /** Number of the simplification method that made its coarser form. */
+  method: number;
+  /** Number of parents in the DAG. */
+  parents: number;
+  /** Error of the simplified group; infinite for a root. */
+  error: number;
+  /** Centre and radius. */
+  sphere: readonly [number, number, number, number];
+  /** Its children in the DAG: the groups that its clusters were made from. */
+  references: GroupReference[];
+  firstCluster: number;
+  clusterCount: number;
+  /** First vertex and triangle of each cluster, and the end of the last. */
+  vertexOffsets: Uint32Array;
+  triangleOffsets: Uint32Array;
+  /** For each cluster the group that it was made from; NONE for the source's clusters. */
+  generating: Uint32Array;
+  material: Uint32Array;
+  /** Lowest and highest corner, six a cluster. */
+  boxes: Float32Array;
+}
+
+export interface GroupGeometry {
+  info: GroupInfo;
+  /** Three vertices a triangle, counted from the group's first. */
+  indices: Uint32Array;
+  values: Values;
+}
+
+/** One for all groups: it keeps its scratch memory. */
+const triangleDecoder = new TriangleDecoder();
+
+/** Reads one group of a page; its data are a chunk of the page. */
+export class GroupReader {
+  private readonly chunk: DataView;
+  private readonly info: GroupInfo;
+  private readonly componentsAt: number;
+  private readonly clustersAt: number;
+
+  constructor(
+    private readonly header: FileHeader,
+    page: number,
+    view: DataView,
+    row: number,
+  ) {
+    const word = (i: number) => view.getUint32(row + 4 * i, true);
+    const float = (i: number) => view.getFloat32(row + 4 * i, true);
+    const mesh = header.meshes[word(0)];
+    const clusterCount = word(3);
+    if (!mesh || word(1) >= mesh.groups || word(2) + clusterCount > mesh.clusters)
+      corrupt(`A group of page ${page} is not in the file's tables.`);
+    if (word(13) + word(14) > view.byteLength - BIT_PADDING)
+      corrupt(`A group of page ${page} does not lie in it.`);
+    this.chunk = new DataView(view.buffer, word(13), word(14) + BIT_PADDING);
+    this.componentsAt = REFERENCE_ROW * word(7);
+    this.clustersAt = this.componentsAt + 8 * mesh.smooth.length;
+    if (this.clustersAt + CLUSTER_ROW * clusterCount > word(14))
+      corrupt(`A group of page ${page} is larger than its chunk.`);
+    this.info = {
+      group: mesh.firstGroup + word(1),
+      mesh: word(0),
+      page,
+      firstCluster: mesh.firstCluster + word(2),
+      clusterCount,
+      level: word(4),
+      method: word(5),
+      parents: word(6),
+      sphere: [float(8), float(9), float(10), float(11)],
+      error: float(12),
+      references: this.references(mesh.firstGroup, mesh.groups, word(7)),
+      vertexOffsets: new Uint32Array(clusterCount + 1),
+      triangleOffsets: new Uint32Array(clusterCount + 1),
+      generating: new Uint32Array(clusterCount),
+      material: new Uint32Array(clusterCount),
+      boxes: new Float32Array(6 * clusterCount),
+    };
+  }
+
+  read(): GroupGeometry {
+    const { info, chunk } = this;
+    const { attributes } = this.mesh;
+    for (let i = 0; i < info.clusterCount; ++i) this.readCluster(i);
+    // The counts are checked now: every triangle takes a bit of the file or more.
+    const vertexCount = info.vertexOffsets[info.clusterCount];
+    const indices = new Uint32Array(3 * info.triangleOffsets[info.clusterCount]);
+    const rows = new Int32Array(this.mesh.smooth.length * vertexCount);
+    const shared = new SharedVertices(vertexCount);
+    const ranges = this.ranges();
+    const bits = new BitReader(chunk);
+    let begin = this.dataAt;
+    for (let i = 0; i < info.clusterCount; ++i) {
+      const end = chunk.getUint32(this.clustersAt + CLUSTER_ROW * i, true);
+      const first = info.vertexOffsets[i];
+      const count = info.vertexOffsets[i + 1] - first;
+      const firstTriangle = info.triangleOffsets[i];
+      const triangles = info.triangleOffsets[i + 1] - firstTriangle;
+      bits.at = 8 * begin;
+      triangleDecoder.decode(bits, count, triangles, indices, 3 * firstTriangle, first);
+      shared.read(bits, triangleDecoder, first, count);
+      decodeVertices(
+        bits,
+        this.mesh.smooth,
+        ranges,
+        triangleDecoder.predictors,
+        shared.equal,
+        rows,
+        first,
+        count,
+      );
+      if (Math.ceil(bits.at / 8) !== end) corrupt(`Cluster ${info.firstCluster + i} is damaged.`);
+      begin = end;
+    }
+    return { info, indices, values: decodeValues(attributes, rows, vertexCount) };
+  }
+
+  /** Offset of the first cluster's data. */
+  private get dataAt(): number {
+    return this.clustersAt + CLUSTER_ROW * this.info.clusterCount;
+  }
+
+  private get mesh(): MeshEntry {
+    return this.header.meshes[this.info.mesh] as MeshEntry;
+  }
+
+  private references(firstGroup: number, groups: number, count: number): GroupReference[] {
+    if (REFERENCE_ROW * count > this.chunk.byteLength)
+      corrupt("A group's references do not lie in its chunk.");
+    return Array.from({ length: count }, (_, i) => {
+      const reference = readReference(this.chunk, REFERENCE_ROW * i, firstGroup);
+      if (reference.group - firstGroup >= groups || reference.page >= this.header.pages.count)
+        corrupt("A group was made from one that is not there.");
+      return reference;
+    });
+  }
+
+  private ranges(): ComponentRanges {
+    const count = this.mesh.smooth.length;
+    const ranges = { lowest: new Int32Array(count), bits: new Uint8Array(count) };
+    for (let i = 0; i < count; ++i) {
+      ranges.lowest[i] = this.chunk.getInt32(this.componentsAt + 8 * i, true);
+      const width = this.chunk.getUint32(this.componentsAt + 8 * i + 4, true);
+      if (width > 32) corrupt(`Group ${this.info.group} has a component of ${width} bits.`);
+      ranges.bits[i] = width;
+    }
+    return ranges;
+  }
+
+  private readCluster(i: number): void {
+    const { info, chunk } = this;
+    const { low, high } = this.mesh;
+    const row = this.clustersAt + CLUSTER_ROW * i;
+    const vertices = chunk.getUint8(row + 4) + 1;
+    const triangles = chunk.getUint8(row + 5) + 1;
+    const begin = i > 0 ? chunk.getUint32(row - CLUSTER_ROW, true) : this.dataAt;
+    const bits = 8 * (chunk.getUint32(row, true) - begin);
+    const { maxVertices, maxTriangles } = this.header.fixed;
+    // A bit for each triangle, and the parameters that precede the vertices.
+    const minBits = triangles + 5 * this.mesh.smooth.length + 2;
+    const isTooLarge = vertices > Math.min(maxVertices, 3 * triangles) || triangles > maxTriangles;
+    if (isTooLarge || bits < minBits)
+      corrupt(`Cluster ${info.firstCluster + i} is larger than the file says.`);
+    info.vertexOffsets[i + 1] = info.vertexOffsets[i] + vertices;
+    info.triangleOffsets[i + 1] = info.triangleOffsets[i] + triangles;
+    const from = chunk.getUint16(row + 6, true);
+    if (from !== 0xffff && from >= info.references.length)
+      corrupt(`Cluster ${info.firstCluster + i} was made from no group of the page.`);
+    info.generating[i] = from === 0xffff ? NONE : (info.references[from] as GroupReference).group;
+    info.material[i] = chunk.getUint32(row + 8, true);
+    for (let j = 0; j < 6; ++j) {
+      const axis = j % 3;
+      const q = chunk.getUint16(row + 12 + 2 * j, true);
+      info.boxes[6 * i + j] = low[axis] + (high[axis] - low[axis]) * (q / 65535);
+    }
+  }
+}

@@ -1,0 +1,108 @@
+// Reads an asset at an address, by HTTP ranges where the server has them.
+
+import { UmbelError } from "../errors.js";
+import { Download } from "./download.js";
+import type { ByteSource } from "./source.js";
+
+export interface HttpOptions {
+  /** Number of times that a failed request is tried again. */
+  retries?: number;
+  /** Milliseconds before the first retry; each further one isPending twice as long. */
+  delay?: number;
+  /** Called when a request fails and will be tried again, and when one succeeds after that. */
+  onConnection?: (isLost: boolean) => void;
+  fetch?: typeof fetch;
+}
+
+export class HttpSource implements ByteSource {
+  fetched = 0;
+  private readonly aborter = new AbortController();
+  private download: Download | undefined;
+  private isLost = false;
+
+  constructor(
+    readonly url: string,
+    private readonly options: HttpOptions = {},
+  ) {}
+
+  close(): void {
+    this.aborter.abort();
+  }
+
+  async read(offset: number, length: number): Promise<Uint8Array> {
+    if (length <= 0) return new Uint8Array(0);
+    const { retries = 5, delay = 400 } = this.options;
+    for (let attempt = 0; ; ++attempt) {
+      try {
+        const bytes = await this.request(offset, length);
+        this.tell(false);
+        return bytes;
+      } catch (error) {
+        if (error instanceof UmbelError && error.kind !== "network") throw error;
+        if (this.aborter.signal.aborted || attempt === retries) throw this.asError(error);
+        this.download = undefined;
+        this.tell(true);
+        await new Promise((resolve) => setTimeout(resolve, delay * 2 ** Math.min(attempt, 5)));
+      }
+    }
+  }
+
+  private tell(isLost: boolean): void {
+    if (isLost !== this.isLost) this.options.onConnection?.(isLost);
+    this.isLost = isLost;
+  }
+
+  private asError(error: unknown): UmbelError {
+    if (error instanceof UmbelError) return error;
+    return new UmbelError("network", `The connection to ${this.host()} was lost.`);
+  }
+
+  private host(): string {
+    try {
+      return new URL(this.url).host || this.url;
+    } catch {
+      return this.url;
+    }
+  }
+
+  private async request(offset: number, length: number): Promise<Uint8Array> {
+    if (this.download) return this.download.read(offset, length);
+    const get = this.options.fetch ?? fetch;
+    const response = await get(this.url, {
+      headers: { Range: `bytes=${offset}-${offset + length - 1}` },
+      signal: this.aborter.signal,
+    });
+    if (response.status === 206) return this.part(response, offset, length);
+    if (response.status === 200) {
+      // Simultaneous requests share the first download.
+      if (this.download) await response.body?.cancel();
+      this.download ??= new Download(response, (bytes) => {
+        this.fetched += bytes;
+      });
+      return this.download.read(offset, length);
+    }
+    if (response.status === 416) return new Uint8Array(0);
+    if (response.status >= 500 || response.status === 408 || response.status === 429)
+      throw new UmbelError(
+        "network",
+        `${this.host()} answered with an error (${response.status}).`,
+      );
+    throw new UmbelError(
+      "missing",
+      response.status === 404 || response.status === 410
+        ? `There is no file at ${this.url}.`
+        : `${this.host()} refuses ${this.url} (${response.status}).`,
+    );
+  }
+
+  private async part(response: Response, offset: number, length: number): Promise<Uint8Array> {
+    const bytes = new Uint8Array(await response.arrayBuffer());
+    this.fetched += bytes.length;
+    const range = /^bytes (\d+)-\d+\/(\d+|\*)$/.exec(response.headers.get("Content-Range") ?? "");
+    const total = range && range[2] !== "*" ? Number(range[2]) : undefined;
+    const wanted = total === undefined ? length : Math.min(length, Math.max(total - offset, 0));
+    if ((range && Number(range[1]) !== offset) || bytes.length < wanted)
+      throw new UmbelError("network", `${this.host()} sent less than was asked for.`);
+    return bytes.subarray(0, length);
+  }
+}

@@ -1,0 +1,49 @@
+// What a stream tells the page.
+
+import type { RenderGroup } from "./render_group.js";
+
+export interface StreamStatistics {
+  /** Of the drawn cuts. */
+  triangles: number;
+  clusters: number;
+  /** Memory of resident and loading pages, and of the pages of the selected cuts. */
+  residentBytes: number;
+  wantedBytes: number;
+  budget: number;
+  /** Bytes received so far, file header included; and file bytes of the selected cuts' pages. */
+  fetchedBytes: number;
+  wantedFileBytes: number;
+  missingPages: number;
+  damagedPages: number;
+  /** Factor on the allowed error that the budget demands; 1 if it suffices. */
+  scale: number;
+  /** Whether the selected cuts are drawn. */
+  isSettled: boolean;
+  /** Time of the last selection, in milliseconds. */
+  selectTime: number;
+}
+
+export interface StreamUpdate {
+  added: RenderGroup[];
+  /** Groups to free. */
+  removed: number[];
+  /**
+   * For each view the runs of clusters to draw; undefined where no cut has changed. A run is a first
+   * cluster, a number of clusters (of one group), and 1 if finer clusters are still to arrive.
+   */
+  cuts: Uint32Array[] | undefined;
+  statistics: StreamStatistics;
+  /** The state of each page, in the order of the file: absent, loading, resident, damaged. */
+  pages: Uint8Array;
+}
+
+export interface StreamListener {
+  update(update: StreamUpdate): void;
+  /** The connection was lost, or is back. */
+  connection(isLost: boolean): void;
+}
+
+export interface StreamOptions {
+  /** Bytes of memory for geometry. */
+  budget: number;
+}
