@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tests" / "python"))
+sys.path.insert(0, str(ROOT / "tests" / "python" / "helpers"))
 
 from make_textured import make_textured  # noqa: E402
 
@@ -93,7 +93,7 @@ def dump(path: Path) -> None:
                 "mesh": group.mesh,
                 "first_cluster": group.first_cluster,
                 "level": group.level,
-                "method": group.rung,
+                "method": group.method,
                 "parents": group.parents,
                 "sphere": encoded([*group.sphere, group.error], "<f4"),
                 "references": [row[:3] for row in group.references],
