@@ -136,7 +136,7 @@ Outcome measure_ours(const umbel::Mesh& mesh, const Options& options, uint32_t t
   const std::vector<uint32_t> cut = lod::select(dag.tables, lod::view_error(error));
   outcome.cut_error = lod::cut_error(dag.tables, cut);
   measure_cut(mesh,
-              lod::cut_mesh(
+              lod::mesh_of_cut(
                   dag.tables, [&](uint32_t c) { return dag.geometry(c); }, cut),
               options.samples, outcome);
   return outcome;

@@ -24,7 +24,7 @@ int main(int argc, char** argv) try {
   for (const float distance : {2.0f, 10.0f, 50.0f, 250.0f}) {
     const auto view = umbel::lod::view_camera({0, 0, distance}, 1.0f, 1080, 1.0f);
     const auto cut = umbel::lod::select_hierarchy(asset.tables(), view);
-    const umbel::Mesh shown = umbel::lod::cut_mesh(
+    const umbel::Mesh shown = umbel::lod::mesh_of_cut(
         asset.tables(), [&](uint32_t cluster) { return asset.geometry(cluster); }, cut);
     std::printf("seen from %.0f: %zu triangles in %zu clusters\n", distance, shown.triangles.size(),
                 cut.size());

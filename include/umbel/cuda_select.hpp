@@ -24,7 +24,8 @@ struct DeviceTables {
   const lod::Node* nodes;
   const lod::Group* groups;
   const lod::Cluster* clusters;
-  const ClusterBounds* facing = nullptr;  ///< as Culling::facing, one a cluster; null: none
+  const ClusterBounds* normal_cones =
+      nullptr;  ///< as Culling::normal_cones, one a cluster; null: none
   uint32_t group_count = 0;
   uint32_t layers = 0;  ///< hierarchy_layers of the nodes; 0: there are none
 };

@@ -35,39 +35,39 @@ struct Cluster {
   bool operator==(const Cluster&) const = default;
 };
 
-/// What it took to simplify a group, in the order in which it is tried.
-enum class Rung : uint32_t {
-  kRegular = 0,     ///< edge collapse that keeps the surface what it is, and seams by rule
-  kPermissive = 1,  ///< edge collapse across any seam, mended where it left faults
-  kPrune = 2,       ///< small separate components removed as well
-  kSloppy = 3,      ///< vertices merged by grid cell, sheets of the surface left out or capped, or
-                    ///< many small parts enlarged to cover what they did; error amplified
+/// How a group was simplified, in the order of the fallback chain.
+enum class SimplifyMethod : uint32_t {
+  kRegular = 0,     ///< edge collapse that keeps the topology, and seams by their rules
+  kPermissive = 1,  ///< edge collapse across any seam, repaired where it left non-manifold edges
+  kPrune = 2,       ///< small connected components removed as well
+  kSloppy = 3,      ///< vertices merged by grid cell, manifold patches removed or capped, or
+                    ///< many small components enlarged to keep their area; error amplified
   kRoot = 4,        ///< not simplified: nothing coarser exists
 };
 
-/// Why a group was not simplified to 70 % by the first rung alone, or is a root: what stood most in
-/// the way of its vertices then.
-enum class Reason : uint32_t {
-  kNone = 0,        ///< the first rung was enough
-  kCaller = 1,      ///< the caller's decimation did it
-  kSmallParts = 2,  ///< parts smaller than the error were kept at a price that larger ones paid
-  kLocked = 3,      ///< other groups share them
-  kIrregular = 4,  ///< the surface is none around them: three triangles at an edge, fans that touch
-  kSeams = 5,      ///< rules of seams and creases, borders between materials
-  kTopology = 6,   ///< any move would make the surface none, or close a hole
-  kTurning = 7,    ///< any move would turn a triangle over
-  kPrice = 8,      ///< moves cost several times what those before did
-  kCoarsest = 9,   ///< a root: no more than one cluster's worth of triangles was left
-  kStopped = 10,   ///< a root: the configuration said where to stop
-  kStuck = 11,     ///< a root: nothing could be simplified any more
-  kAreaLost = 12,  ///< many small parts covered over a tenth less: they were enlarged
+/// Why a group was not simplified to 70 % by the first method alone, or is a root: what kept most
+/// of its vertices from moving.
+enum class LimitingFactor : uint32_t {
+  kNone = 0,             ///< the first method was enough
+  kCaller = 1,           ///< the caller's decimation did it
+  kSmallComponents = 2,  ///< components smaller than the error were kept at the cost of larger ones
+  kLocked = 3,           ///< other groups share them
+  kNonManifold = 4,      ///< non-manifold vertices: three triangles at an edge, fans that touch
+  kSeams = 5,            ///< rules of seams and creases, borders between materials
+  kTopology = 6,         ///< any move would make the surface non-manifold, or close a hole
+  kFlip = 7,             ///< any move would flip a triangle
+  kCost = 8,             ///< any move costs several times as much as those before
+  kCoarsest = 9,         ///< a root: no more than one cluster's worth of triangles was left
+  kStopped = 10,         ///< a root: the configuration said where to stop
+  kStuck = 11,           ///< a root: nothing could be simplified any more
+  kAreaLost = 12,  ///< many small components lost over a tenth of their area: they were enlarged
 };
-inline constexpr size_t kReasons = 13;
+inline constexpr size_t kLimitingFactors = 13;
 
 struct Group {
   Range clusters;  ///< of Tables::clusters; a group's clusters are consecutive
   uint32_t level;  ///< 0 is the finest
-  Rung rung;
+  SimplifyMethod method;
   Sphere sphere;  ///< contains its triangles and the spheres of its generating groups
   float error;    ///< object-space error once simplified, >= its generating groups'; infinite
                   ///< exactly for root groups
@@ -101,7 +101,7 @@ struct ClusterGeometry {
   std::vector<Vec4> colors;
   std::vector<uint8_t> triangles;  ///< 3 a triangle
   /// As a mesh has them. Where clusters mix materials, a triangle's is its first vertex's
-  /// ExtraKind::kMaterial (all of its vertices have the same), and cut_mesh gives it to it.
+  /// ExtraKind::kMaterial (all of its vertices have the same), and mesh_of_cut gives it to it.
   std::vector<Extra> extras;
   std::vector<float> extra_values;
 };
@@ -127,11 +127,11 @@ struct Config {
   float normal_weight = 0.5f, uv_weight = 0.5f, color_weight = 0.5f;
   float tangent_weight = 0.25f;  ///< the tangent's direction
   float skin_weight = 0.5f;      ///< how much a joint moves a vertex, each joint for itself
-  /// Where many small parts that hang together with nothing (leaves, rubble) shrink or vanish,
-  /// those that are left are enlarged until they cover as much area as before.
+  /// Where many small connected components (leaves, rubble) shrink or are removed, those that are
+  /// left are enlarged until they cover as much area as before.
   bool keep_area = true;
   /// Clusters may mix materials, kept triangle by triangle; borders between materials are held all
-  /// the same. Where a mesh has many small parts of different materials, clusters are fuller.
+  /// the same. Where a mesh has many small components of different materials, clusters are fuller.
   bool mix_materials = false;
   /// Seams are where texture coordinates, colours, weights of joints or the handedness of tangents
   /// (mirrored texture coordinates) differ, creases where only normals or tangents do. Where
@@ -155,10 +155,11 @@ struct Report {
   uint32_t root_groups = 0, stuck_groups = 0;  ///< stuck: all roots, if more than one cluster's
                                                ///< worth of triangles is left in them
   uint64_t root_triangles = 0;
-  std::array<uint64_t, 5> groups_by_rung{};
-  /// The same, [rung][reason]; and how often groups waited for the next round, by reason.
-  std::array<std::array<uint64_t, kReasons>, 5> groups_by_reason{};
-  std::array<uint64_t, kReasons> waits_by_reason{};
+  std::array<uint64_t, 5> groups_by_method{};
+  /// The same, [method][limiting_factor]; and how often groups waited for the next round, by
+  /// limiting factor.
+  std::array<std::array<uint64_t, kLimitingFactors>, 5> groups_by_limiting_factor{};
+  std::array<uint64_t, kLimitingFactors> waits_by_limiting_factor{};
   /// With Config::measured_error, over all groups that have a distance to the source: the mean of
   /// log2(estimate / measured distance), and how many were underestimated.
   double mean_log2_overestimate = 0;
@@ -169,7 +170,7 @@ struct Report {
 
 struct Dag {
   Tables tables;
-  std::vector<Reason> reasons;             ///< one a group
+  std::vector<LimitingFactor> limiting_factors;  ///< one a group
   Mesh vertices;                           ///< welded input; `triangles` and `materials` are empty
   std::vector<uint32_t> vertex_offsets;    ///< clusters + 1, into cluster_vertices
   std::vector<uint32_t> triangle_offsets;  ///< clusters + 1, in triangles
@@ -250,8 +251,8 @@ UMBEL_API float cut_error(const Tables& tables, std::span<const uint32_t> cut);
 
 /// One cut as an ordinary mesh: vertices of different clusters that are equal become one.
 using GeometryReader = std::function<ClusterGeometry(uint32_t cluster)>;
-UMBEL_API Mesh cut_mesh(const Tables& tables, const GeometryReader& geometry,
-                        std::span<const uint32_t> cut);
+UMBEL_API Mesh mesh_of_cut(const Tables& tables, const GeometryReader& geometry,
+                           std::span<const uint32_t> cut);
 
 // ---- proof --------------------------------------------------------------------------------
 
@@ -265,8 +266,8 @@ struct VerifyConfig {
 struct VerifyReport {
   bool ok = true;
   uint32_t cuts = 0;
-  uint64_t cracks = 0;    ///< edges of a cut, or of a group's border, that are open unexplained
-  uint64_t overlaps = 0;  ///< edges of a cut with more triangles than the input explains
+  uint64_t cracks = 0;    ///< edges of a cut, or of a group's border, that are open and not allowed
+  uint64_t overlaps = 0;  ///< edges of a cut with more triangles than the input allows
   uint64_t limit_violations = 0;      ///< clusters over a limit, indices out of range, bad links
   bool monotone = true;               ///< errors and spheres never shrink towards the root
   uint64_t checksum_errors = 0;       ///< filled in by asset::verify
@@ -275,12 +276,12 @@ struct VerifyReport {
 
 /// Checks the tables, the size limits, that errors and spheres are monotone, that level 0 is the
 /// source, that simplification kept every group's border, and random cuts. An edge (a pair of
-/// positions) of a cut is good if two triangles share it; any other is explained if its ends are
-/// joined by irregular edges of the source: those that not exactly two triangles share, or that two
-/// share running in the same direction (duplicates, surfaces without orientation); or by such edges
-/// between new positions of what a group of Rung::kSloppy was simplified to (enlarged parts).
-/// Borders of groups are compared side by side where the source has no irregular edge, else
-/// modulo 2.
+/// positions) of a cut is good if two triangles share it; any other is allowed if its ends are
+/// joined by non-manifold edges of the source: those that not exactly two triangles share, or that
+/// two share running in the same direction (duplicates, surfaces without orientation); or by such
+/// edges between new positions of what a group of SimplifyMethod::kSloppy was simplified to
+/// (enlarged components). Borders of groups are compared side by side where the source has no
+/// non-manifold edge, else modulo 2.
 UMBEL_API VerifyReport verify(const Tables& tables, const GeometryReader& geometry,
                               const VerifyConfig& config, const BuildOptions& options = {});
 

@@ -29,11 +29,11 @@ struct Culling {
   std::span<const Plane> planes;
   /// One a cluster, or none: clusters that face away from View::eye as a whole are left out. Only
   /// for cameras, and for surfaces of which only the front is seen.
-  std::span<const ClusterBounds> facing;
+  std::span<const ClusterBounds> normal_cones;
 };
 
-/// Throws kInvalidArgument for values that no view or plane can have, for `facing` of another
-/// length than the clusters, and for `facing` where the view is no camera.
+/// Throws kInvalidArgument for values that no view or plane can have, for `normal_cones` of another
+/// length than the clusters, and for `normal_cones` where the view is no camera.
 UMBEL_API std::vector<uint32_t> select(const Tables& tables, const View& view,
                                        const Culling& culling);
 UMBEL_API std::vector<uint32_t> select_hierarchy(const Tables& tables, const View& view,
@@ -55,10 +55,10 @@ struct Perspective {
 /// The planes of its frustum: left, right, bottom, top, near, and far unless that is infinite.
 UMBEL_API std::vector<Plane> frustum_planes(const Perspective& perspective);
 
-/// Cones and spheres for Culling::facing, from a DAG's or an asset's geometry.
-UMBEL_API std::vector<ClusterBounds> facing_bounds(const Tables& tables,
-                                                   const GeometryReader& geometry,
-                                                   const BuildOptions& options = {});
+/// Cones and spheres for Culling::normal_cones, from a DAG's or an asset's geometry.
+UMBEL_API std::vector<ClusterBounds> normal_cone_bounds(const Tables& tables,
+                                                        const GeometryReader& geometry,
+                                                        const BuildOptions& options = {});
 
 // ---- instances ----------------------------------------------------------------------------
 
@@ -82,7 +82,7 @@ struct InstanceCuts {
 };
 
 /// Each instance's cut through the hierarchy, seen with `view` and `planes` of the scene;
-/// `culling.facing` is as for one.
+/// `culling.normal_cones` is as for one.
 UMBEL_API InstanceCuts select_instances(const Tables& tables, const View& view,
                                         const Culling& culling,
                                         std::span<const Transform> instances);

@@ -135,7 +135,7 @@ typedef struct umbel_lod_config {
   float tangent_weight;    ///< [0.25]
   float skin_weight;       ///< [0.5] of how much each joint moves a vertex
   uint32_t mix_materials;  ///< [0] nonzero: clusters may mix materials, kept triangle by triangle
-  uint32_t keep_area;      ///< [1] nonzero: many small parts are enlarged where they lose area
+  uint32_t keep_area;      ///< [1] nonzero: many small components are enlarged where they lose area
 } umbel_lod_config;
 
 /// What was built.
@@ -146,35 +146,36 @@ typedef struct umbel_lod_report {
                           ///< though nobody asked to stop
   uint32_t levels;
   uint64_t input_triangles, input_vertices, degenerate_triangles, root_triangles;
-  /// Groups by what it took to simplify them: regular, permissive, prune, sloppy, root.
-  uint64_t groups_by_rung[5];
+  /// Groups by simplification method: regular, permissive, prune, sloppy, root.
+  uint64_t groups_by_method[5];
   double seconds;
-  /// The same [rung][umbel_lod_reason], and how often groups waited for the next round, by reason.
-  uint64_t groups_by_reason[5][13];
-  uint64_t waits_by_reason[13];
+  /// The same [method][umbel_lod_limiting_factor], and how often groups waited for the next round,
+  /// by limiting factor.
+  uint64_t groups_by_limiting_factor[5][13];
+  uint64_t waits_by_limiting_factor[13];
   /// With `measured_error`, over the groups that have a distance to the source: the mean of
   /// log2(estimate by quadrics / measured distance), and how many were estimated too small.
   double mean_log2_overestimate;
   uint64_t measured_groups, underestimated_groups;
 } umbel_lod_report;
 
-/// Why a group was not simplified to 70 % by the first rung alone, or is a root: what stood most in
-/// the way of its vertices then.
-typedef enum umbel_lod_reason {
-  UMBEL_LOD_REASON_NONE = 0,         ///< the first rung was enough
-  UMBEL_LOD_REASON_CALLER = 1,       ///< the caller's decimation did it
-  UMBEL_LOD_REASON_SMALL_PARTS = 2,  ///< parts smaller than the error were kept at a high price
-  UMBEL_LOD_REASON_LOCKED = 3,       ///< other groups share them
-  UMBEL_LOD_REASON_IRREGULAR = 4,    ///< the surface is none around them
-  UMBEL_LOD_REASON_SEAMS = 5,        ///< rules of seams and creases, borders between materials
-  UMBEL_LOD_REASON_TOPOLOGY = 6,     ///< any move would make the surface none, or close a hole
-  UMBEL_LOD_REASON_TURNING = 7,      ///< any move would turn a triangle over
-  UMBEL_LOD_REASON_PRICE = 8,        ///< moves cost several times what those before did
-  UMBEL_LOD_REASON_COARSEST = 9,     ///< a root: no more than one cluster's worth was left
-  UMBEL_LOD_REASON_STOPPED = 10,     ///< a root: the configuration said where to stop
-  UMBEL_LOD_REASON_STUCK = 11,       ///< a root: nothing could be simplified any more
-  UMBEL_LOD_REASON_AREA_LOST = 12    ///< many small parts covered less: they were enlarged
-} umbel_lod_reason;
+/// Why a group was not simplified to 70 % by the first method alone, or is a root: what kept most
+/// of its vertices from moving.
+typedef enum umbel_lod_limiting_factor {
+  UMBEL_LOD_LIMIT_NONE = 0,              ///< the first method was enough
+  UMBEL_LOD_LIMIT_CALLER = 1,            ///< the caller's decimation did it
+  UMBEL_LOD_LIMIT_SMALL_COMPONENTS = 2,  ///< small components were kept at a high cost
+  UMBEL_LOD_LIMIT_LOCKED = 3,            ///< other groups share them
+  UMBEL_LOD_LIMIT_NON_MANIFOLD = 4,      ///< non-manifold vertices
+  UMBEL_LOD_LIMIT_SEAMS = 5,             ///< rules of seams and creases, borders between materials
+  UMBEL_LOD_LIMIT_TOPOLOGY = 6,          ///< any move would make the surface non-manifold
+  UMBEL_LOD_LIMIT_FLIP = 7,              ///< any move would flip a triangle
+  UMBEL_LOD_LIMIT_COST = 8,              ///< any move costs several times as much as before
+  UMBEL_LOD_LIMIT_COARSEST = 9,          ///< a root: no more than one cluster's worth was left
+  UMBEL_LOD_LIMIT_STOPPED = 10,          ///< a root: the configuration said where to stop
+  UMBEL_LOD_LIMIT_STUCK = 11,            ///< a root: nothing could be simplified any more
+  UMBEL_LOD_LIMIT_AREA_LOST = 12         ///< many small components lost area and were enlarged
+} umbel_lod_limiting_factor;
 
 typedef struct umbel_lod umbel_lod;
 
@@ -202,10 +203,12 @@ UMBEL_C_API umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel
 UMBEL_C_API void umbel_lod_free(umbel_lod* lod);
 
 UMBEL_C_API umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report);
-/// The umbel_lod_reason of every group. *count is how many there are; with `reasons` NULL nothing
-/// is written, and where `capacity` is too small the result is UMBEL_ERROR_CAPACITY.
-UMBEL_C_API umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons,
-                                               size_t capacity, size_t* count);
+/// The umbel_lod_limiting_factor of every group. *count is how many there are; with
+/// `limiting_factors` NULL nothing is written, and where `capacity` is too small the result is
+/// UMBEL_ERROR_CAPACITY.
+UMBEL_C_API umbel_result umbel_lod_get_limiting_factors(const umbel_lod* lod,
+                                                        uint32_t* limiting_factors, size_t capacity,
+                                                        size_t* count);
 
 /// Writes a .umbel file beside `path` and renames it. `exact`: keep every bit of the attributes.
 UMBEL_C_API umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,
@@ -221,8 +224,8 @@ UMBEL_C_API umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, u
 /// A mesh that the library owns.
 typedef struct umbel_mesh umbel_mesh;
 /// A cut as an ordinary mesh, its clusters joined where they meet.
-UMBEL_C_API umbel_result umbel_lod_cut_mesh(const umbel_lod* lod, const uint32_t* cut, size_t count,
-                                            umbel_mesh** mesh);
+UMBEL_C_API umbel_result umbel_lod_mesh_of_cut(const umbel_lod* lod, const uint32_t* cut,
+                                               size_t count, umbel_mesh** mesh);
 /// Its arrays, which stay the library's.
 UMBEL_C_API umbel_result umbel_mesh_arrays(const umbel_mesh* mesh, umbel_lod_mesh* arrays);
 UMBEL_C_API void umbel_mesh_free(umbel_mesh* mesh);
@@ -231,8 +234,8 @@ UMBEL_C_API void umbel_mesh_free(umbel_mesh* mesh);
 
 typedef struct umbel_lod_group {
   umbel_range clusters;
-  uint32_t level;  ///< 0 is the finest
-  uint32_t rung;   ///< 0 regular, 1 permissive, 2 prune, 3 sloppy, 4 root
+  uint32_t level;   ///< 0 is the finest
+  uint32_t method;  ///< 0 regular, 1 permissive, 2 prune, 3 sloppy, 4 root
   umbel_sphere sphere;
   float error;  ///< once simplified; infinite for a root
 } umbel_lod_group;
@@ -311,8 +314,9 @@ UMBEL_C_API umbel_result umbel_lod_view_level(uint32_t level, umbel_lod_view* vi
 typedef struct umbel_lod_culling {
   const umbel_plane* planes;  ///< clusters wholly outside one of them are left out
   size_t plane_count;
-  const umbel_cull_bounds* facing;  ///< one a cluster, or NULL: those that face away are left out
-  size_t facing_count;
+  const umbel_cull_bounds*
+      normal_cones;  ///< one a cluster, or NULL: those that face away are left out
+  size_t normal_cone_count;
 } umbel_lod_culling;
 
 /// left, right, bottom, top, near and, if far_plane is finite, far.
@@ -321,8 +325,9 @@ UMBEL_C_API umbel_result umbel_lod_frustum(const float eye[3], const float targe
                                            float near_plane, float far_plane, umbel_plane planes[6],
                                            size_t* count);
 /// Spheres and cones of all clusters: bounds[0 .. clusters), of which `capacity` must be as many.
-UMBEL_C_API umbel_result umbel_lod_facing(const umbel_lod* lod, const umbel_build_options* options,
-                                          umbel_cull_bounds* bounds, size_t capacity);
+UMBEL_C_API umbel_result umbel_lod_normal_cones(const umbel_lod* lod,
+                                                const umbel_build_options* options,
+                                                umbel_cull_bounds* bounds, size_t capacity);
 
 typedef enum umbel_lod_method {
   UMBEL_LOD_FLAT = 0,

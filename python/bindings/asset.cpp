@@ -217,9 +217,9 @@ void bind_asset(nb::module_& module) {
           },
           "cut"_a, "mesh"_a = 0)
       .def(
-          "facing",
+          "normal_cones",
           [](const Asset& asset, const nb::object& progress, uint32_t threads, uint32_t mesh) {
-            return facing_array(
+            return normal_cone_array(
                 asset.tables(mesh), [&](uint32_t cluster) { return asset.geometry(cluster, mesh); },
                 progress, threads);
           },

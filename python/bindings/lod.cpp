@@ -56,10 +56,10 @@ Dict geometry_dict(lod::ClusterGeometry&& geometry) {
   return dict_of(std::move(mesh));
 }
 
-Array<float> facing_array(const lod::Tables& tables, const lod::GeometryReader& geometry,
-                          const nb::object& progress, uint32_t threads) {
+Array<float> normal_cone_array(const lod::Tables& tables, const lod::GeometryReader& geometry,
+                               const nb::object& progress, uint32_t threads) {
   return take<float>(run(progress, threads, [&](const BuildOptions& options) {
-    return lod::facing_bounds(tables, geometry, options);
+    return lod::normal_cone_bounds(tables, geometry, options);
   }));
 }
 
@@ -70,7 +70,7 @@ Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
   Mesh mesh;
   {
     nb::gil_scoped_release release;
-    mesh = lod::cut_mesh(tables, geometry, clusters);
+    mesh = lod::mesh_of_cut(tables, geometry, clusters);
   }
   return dict_of(std::move(mesh));
 }
@@ -168,15 +168,15 @@ void bind_config(nb::module_& module) {
       .def_rw("measured_error", &lod::Config::measured_error);
 }
 
-constexpr std::array<const char*, lod::kReasons> kReasonNames = {
+constexpr std::array<const char*, lod::kLimitingFactors> kLimitingFactorNames = {
     "none",    "caller", "small parts", "locked",  "irregular", "seams",    "topology",
     "turning", "price",  "coarsest",    "stopped", "stuck",     "area lost"};
 
 /// Those that occur.
-nb::dict reason_counts(const std::array<uint64_t, lod::kReasons>& counts) {
+nb::dict limiting_factor_counts(const std::array<uint64_t, lod::kLimitingFactors>& counts) {
   nb::dict result;
   for (size_t i = 0; i < counts.size(); ++i)
-    if (counts[i] > 0) result[kReasonNames[i]] = counts[i];
+    if (counts[i] > 0) result[kLimitingFactorNames[i]] = counts[i];
   return result;
 }
 
@@ -188,15 +188,15 @@ Dict build_report(const lod::Report& report) {
   result["root_groups"] = report.root_groups;
   result["root_triangles"] = report.root_triangles;
   result["stuck_groups"] = report.stuck_groups;
-  constexpr const char* kRungs[] = {"regular", "permissive", "prune", "sloppy", "root"};
-  nb::dict rungs, reasons;
-  for (size_t i = 0; i < report.groups_by_rung.size(); ++i) {
-    rungs[kRungs[i]] = report.groups_by_rung[i];
-    reasons[kRungs[i]] = reason_counts(report.groups_by_reason[i]);
+  constexpr const char* kMethodNames[] = {"regular", "permissive", "prune", "sloppy", "root"};
+  nb::dict methods, limiting_factors;
+  for (size_t i = 0; i < report.groups_by_method.size(); ++i) {
+    methods[kMethodNames[i]] = report.groups_by_method[i];
+    limiting_factors[kMethodNames[i]] = limiting_factor_counts(report.groups_by_limiting_factor[i]);
   }
-  result["groups_by_rung"] = rungs;
-  result["groups_by_reason"] = reasons;
-  result["waits_by_reason"] = reason_counts(report.waits_by_reason);
+  result["groups_by_rung"] = methods;
+  result["groups_by_reason"] = limiting_factors;
+  result["waits_by_reason"] = limiting_factor_counts(report.waits_by_limiting_factor);
   result["largest_move"] = report.largest_move;
   if (report.measured_groups > 0) {
     result["measured_groups"] = report.measured_groups;
@@ -285,13 +285,14 @@ void bind_dag(nb::module_& module) {
       .def_prop_ro(
           "tables", [](const Dag& dag) -> const lod::Tables& { return dag.tables; },
           nb::rv_policy::reference_internal)
-      .def_prop_ro("reasons",
-                   [](const Dag& dag) {
-                     std::vector<std::string> names;
-                     for (const lod::Reason reason : dag.reasons)
-                       names.emplace_back(kReasonNames[static_cast<size_t>(reason)]);
-                     return names;
-                   })
+      .def_prop_ro(
+          "limiting_factors",
+          [](const Dag& dag) {
+            std::vector<std::string> names;
+            for (const lod::LimitingFactor limiting_factor : dag.limiting_factors)
+              names.emplace_back(kLimitingFactorNames[static_cast<size_t>(limiting_factor)]);
+            return names;
+          })
       .def_prop_ro("report", [](const Dag& dag) { return build_report(dag.report); })
       .def_prop_ro("source_digest", [](const Dag& dag) { return dag.source_digest; })
       .def(
@@ -309,9 +310,9 @@ void bind_dag(nb::module_& module) {
           },
           "cut"_a)
       .def(
-          "facing",
+          "normal_cones",
           [](const Dag& dag, const nb::object& progress, uint32_t threads) {
-            return facing_array(
+            return normal_cone_array(
                 dag.tables, [&](uint32_t cluster) { return dag.geometry(cluster); }, progress,
                 threads);
           },

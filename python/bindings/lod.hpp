@@ -17,8 +17,8 @@ Dict cut_dict(const lod::Tables& tables, const lod::GeometryReader& geometry,
               const Flat<uint32_t>& cut);
 
 /// (c, 11) float32: the spheres and cones of all clusters.
-Array<float> facing_array(const lod::Tables& tables, const lod::GeometryReader& geometry,
-                          const nb::object& progress, uint32_t threads);
+Array<float> normal_cone_array(const lod::Tables& tables, const lod::GeometryReader& geometry,
+                               const nb::object& progress, uint32_t threads);
 
 /// Binds what needs tables alone; `Tables` must be bound already.
 void bind_select(nb::module_& module);

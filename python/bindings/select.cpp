@@ -8,15 +8,15 @@ namespace {
 using lod::Tables;
 using lod::View;
 using Planes = std::optional<Rows<float, 4>>;
-using Facing = std::optional<Rows<float, 11>>;
+using NormalCones = std::optional<Rows<float, 11>>;
 using Transforms = Rows<float, 12>;
 
 static_assert(sizeof(ClusterBounds) == 11 * sizeof(float));
 static_assert(sizeof(Plane) == 4 * sizeof(float));
 static_assert(sizeof(lod::Transform) == 12 * sizeof(float));
 
-lod::Culling culling_of(const Planes& planes, const Facing& facing) {
-  return {rows_of<Plane>(planes), rows_of<ClusterBounds>(facing)};
+lod::Culling culling_of(const Planes& planes, const NormalCones& normal_cones) {
+  return {rows_of<Plane>(planes), rows_of<ClusterBounds>(normal_cones)};
 }
 
 std::vector<uint32_t> select_by(const std::string& method, const Tables& tables, const View& view,
@@ -79,40 +79,41 @@ void bind_select(nb::module_& module) {
   module.def(
       "select",
       [](const Tables& tables, const View& view, const std::string& method, const Planes& planes,
-         const Facing& facing) {
+         const NormalCones& normal_cones) {
         std::vector<uint32_t> cut;
         {
           nb::gil_scoped_release release;
-          cut = select_by(method, tables, view, culling_of(planes, facing));
+          cut = select_by(method, tables, view, culling_of(planes, normal_cones));
         }
         return take<uint32_t>(std::move(cut));
       },
       "tables"_a, "view"_a, "method"_a = "hierarchy", "planes"_a = nb::none(),
-      "facing"_a = nb::none(), "(c,) clusters of the cut, ascending");
+      "normal_cones"_a = nb::none(), "(c,) clusters of the cut, ascending");
   module.def(
       "select_instances",
       [](const Tables& tables, const View& view, const Transforms& transforms, const Planes& planes,
-         const Facing& facing) -> std::tuple<Array<uint32_t>, Array<uint32_t>> {
+         const NormalCones& normal_cones) -> std::tuple<Array<uint32_t>, Array<uint32_t>> {
         lod::InstanceCuts cuts;
         {
           nb::gil_scoped_release release;
-          cuts = lod::select_instances(tables, view, culling_of(planes, facing),
+          cuts = lod::select_instances(tables, view, culling_of(planes, normal_cones),
                                        rows_of<lod::Transform>(transforms));
         }
         return {take<uint32_t>(std::move(cuts.offsets)), take<uint32_t>(std::move(cuts.clusters))};
       },
-      "tables"_a, "view"_a, "transforms"_a, "planes"_a = nb::none(), "facing"_a = nb::none());
+      "tables"_a, "view"_a, "transforms"_a, "planes"_a = nb::none(), "normal_cones"_a = nb::none());
   module.def(
       "view_for_budget",
       [](const Tables& tables, const View& view, const Flat<uint32_t>& costs, uint64_t budget,
-         const Planes& planes, const Facing& facing, const std::optional<Transforms>& transforms) {
+         const Planes& planes, const NormalCones& normal_cones,
+         const std::optional<Transforms>& transforms) {
         nb::gil_scoped_release release;
         return lod::view_for_budget(tables, view, rows_of<uint32_t>(costs), budget,
-                                    culling_of(planes, facing),
+                                    culling_of(planes, normal_cones),
                                     rows_of<lod::Transform>(transforms));
       },
-      "tables"_a, "view"_a, "costs"_a, "budget"_a, "planes"_a = nb::none(), "facing"_a = nb::none(),
-      "transforms"_a = nb::none());
+      "tables"_a, "view"_a, "costs"_a, "budget"_a, "planes"_a = nb::none(),
+      "normal_cones"_a = nb::none(), "transforms"_a = nb::none());
   module.def(
       "byte_costs",
       [](const Tables& tables, uint32_t vertex_bytes, uint32_t triangle_bytes) {

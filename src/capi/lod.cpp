@@ -20,10 +20,12 @@ umbel_lod_report report_of(const umbel_lod& lod) {
   result.input_vertices = report.input_vertices;
   result.degenerate_triangles = report.degenerate_triangles;
   result.root_triangles = report.root_triangles;
-  std::copy(report.groups_by_rung.begin(), report.groups_by_rung.end(), result.groups_by_rung);
-  for (size_t rung = 0; rung < report.groups_by_reason.size(); ++rung)
-    std::ranges::copy(report.groups_by_reason[rung], result.groups_by_reason[rung]);
-  std::ranges::copy(report.waits_by_reason, result.waits_by_reason);
+  std::copy(report.groups_by_method.begin(), report.groups_by_method.end(),
+            result.groups_by_method);
+  for (size_t method = 0; method < report.groups_by_limiting_factor.size(); ++method)
+    std::ranges::copy(report.groups_by_limiting_factor[method],
+                      result.groups_by_limiting_factor[method]);
+  std::ranges::copy(report.waits_by_limiting_factor, result.waits_by_limiting_factor);
   result.seconds = report.seconds;
   result.mean_log2_overestimate = report.mean_log2_overestimate;
   result.measured_groups = report.measured_groups;
@@ -73,13 +75,14 @@ umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report
       [&] { capi::write_struct(capi::report_of(capi::required(lod, "lod")), report, "report"); });
 }
 
-umbel_result umbel_lod_get_reasons(const umbel_lod* lod, uint32_t* reasons, size_t capacity,
-                                   size_t* count) {
+umbel_result umbel_lod_get_limiting_factors(const umbel_lod* lod, uint32_t* limiting_factors,
+                                            size_t capacity, size_t* count) {
   using namespace umbel;
-  return capi::hand_out_found(reasons, "reasons", capacity, count, [&] {
+  return capi::hand_out_found(limiting_factors, "limiting_factors", capacity, count, [&] {
     std::vector<uint32_t> numbers;
-    for (const lod::Reason reason : capi::required(lod, "lod").dag.reasons)
-      numbers.push_back(static_cast<uint32_t>(reason));
+    for (const lod::LimitingFactor limiting_factor :
+         capi::required(lod, "lod").dag.limiting_factors)
+      numbers.push_back(static_cast<uint32_t>(limiting_factor));
     return numbers;
   });
 }
@@ -108,12 +111,12 @@ umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed
       [&] { capi::verify(capi::required(lod, "lod"), cuts, seed, capi::build_options(options)); });
 }
 
-umbel_result umbel_lod_cut_mesh(const umbel_lod* lod, const uint32_t* cut, size_t count,
-                                umbel_mesh** mesh) {
+umbel_result umbel_lod_mesh_of_cut(const umbel_lod* lod, const uint32_t* cut, size_t count,
+                                   umbel_mesh** mesh) {
   using namespace umbel;
   return capi::hand_out(mesh, "mesh", [&] {
     const umbel_lod& given = capi::required(lod, "lod");
-    return umbel_mesh{lod::cut_mesh(
+    return umbel_mesh{lod::mesh_of_cut(
         given.dag.tables, [&](uint32_t c) { return capi::geometry(given, c); },
         capi::elements<const uint32_t>(cut, count, "cut"))};
   });
@@ -129,8 +132,8 @@ umbel_result umbel_mesh_arrays(const umbel_mesh* mesh, umbel_lod_mesh* arrays) {
 
 void umbel_mesh_free(umbel_mesh* mesh) { delete mesh; }
 
-umbel_result umbel_lod_facing(const umbel_lod* lod, const umbel_build_options* options,
-                              umbel_cull_bounds* bounds, size_t capacity) {
+umbel_result umbel_lod_normal_cones(const umbel_lod* lod, const umbel_build_options* options,
+                                    umbel_cull_bounds* bounds, size_t capacity) {
   using namespace umbel;
   return capi::guard([&] {
     const umbel_lod& given = capi::required(lod, "lod");
@@ -139,7 +142,7 @@ umbel_result umbel_lod_facing(const umbel_lod* lod, const umbel_build_options* o
       throw capi::CapacityError{"capacity is " + std::to_string(capacity) + ", but " +
                                 std::to_string(count) + " are needed"};
     const auto room = capi::elements<ClusterBounds>(bounds, capacity, "bounds");
-    const auto made = lod::facing_bounds(
+    const auto made = lod::normal_cone_bounds(
         given.dag.tables, [&](uint32_t c) { return capi::geometry(given, c); },
         capi::build_options(options));
     std::copy(made.begin(), made.end(), room.begin());

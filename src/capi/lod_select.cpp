@@ -42,7 +42,8 @@ void write(const lod::View& view, umbel_lod_view* out) {
 lod::Culling culling_of(const umbel_lod_culling* given) {
   if (!given) return {};
   return {elements<const Plane>(given->planes, given->plane_count, "culling->planes"),
-          elements<const ClusterBounds>(given->facing, given->facing_count, "culling->facing")};
+          elements<const ClusterBounds>(given->normal_cones, given->normal_cone_count,
+                                        "culling->normal_cones")};
 }
 
 std::vector<uint32_t> select_by(umbel_lod_method method, const lod::Tables& tables,

@@ -40,7 +40,7 @@ struct Scene {
   DeviceArray<lod::Node> nodes;
   DeviceArray<lod::Group> groups;
   DeviceArray<lod::Cluster> clusters;
-  DeviceArray<ClusterBounds> facing;
+  DeviceArray<ClusterBounds> normal_cones;
   DeviceArray<lod::View> view;
   DeviceArray<lod::Plane> planes;
   DeviceArray<lod::Transform> instances;
@@ -54,7 +54,7 @@ struct Scene {
       : nodes(tables.nodes),
         groups(tables.groups),
         clusters(tables.clusters),
-        facing(bounds),
+        normal_cones(bounds),
         view(1),
         planes(p),
         instances(t),
@@ -69,7 +69,7 @@ struct Scene {
     return {nodes.data(),
             groups.data(),
             clusters.data(),
-            facing.size() > 0 ? facing.data() : nullptr,
+            normal_cones.size() > 0 ? normal_cones.data() : nullptr,
             uint32_t(groups.size()),
             layers};
   }
@@ -101,19 +101,19 @@ class SelectOnDevice : public OnDevice {};
 
 TEST_F(SelectOnDevice, cuts_are_those_of_the_processor) {
   Random random(1);
-  const auto bounds = lod::facing_bounds(blob().tables, lod::testing::reader_of(blob()));
+  const auto bounds = lod::normal_cone_bounds(blob().tables, lod::testing::reader_of(blob()));
   const auto instances = transforms(1500, 2);
   for (int round = 0; round < 6; ++round) {
     const Vec3 p = random.point();
     const Vec3 eye{p.x * 20, p.y * 20, p.z * 20};
     const auto planes = round % 2 ? frustum(eye) : std::vector<lod::Plane>{};
-    const auto facing = round % 3 ? bounds : std::vector<ClusterBounds>{};
-    const Scene scene(blob().tables, facing, planes, instances);
+    const auto normal_cones = round % 3 ? bounds : std::vector<ClusterBounds>{};
+    const Scene scene(blob().tables, normal_cones, planes, instances);
     const lod::View view =
         lod::testing::camera(eye, static_cast<float>(random.log_between(1e-4, 1e-1)));
     const_cast<DeviceArray<lod::View>&>(scene.view).write({view});
     scene.select();
-    scene.expect(lod::select_instances(blob().tables, view, {planes, facing}, instances));
+    scene.expect(lod::select_instances(blob().tables, view, {planes, normal_cones}, instances));
   }
 }
 

@@ -185,8 +185,8 @@ void read_everything(const umbel::Asset& asset) {
     const umbel::lod::Tables& tables = asset.tables(mesh);
     const auto view = umbel::lod::view_error(umbel::lod::error_for_triangles(tables, 100));
     const auto geometry = [&](uint32_t cluster) { return asset.geometry(cluster, mesh); };
-    umbel::lod::cut_mesh(tables, geometry, umbel::lod::select(tables, view));
-    umbel::lod::cut_mesh(tables, geometry, umbel::lod::select_hierarchy(tables, view));
+    umbel::lod::mesh_of_cut(tables, geometry, umbel::lod::select(tables, view));
+    umbel::lod::mesh_of_cut(tables, geometry, umbel::lod::select_hierarchy(tables, view));
   }
 }
 

@@ -197,7 +197,7 @@ umbel_lod_view any_view(Case& c) {
 
 /// Selects from tables, which may be anybody's.
 void select(Case& c, const umbel_lod_tables* tables, size_t clusters,
-            const std::vector<umbel_cull_bounds>& facing) {
+            const std::vector<umbel_cull_bounds>& normal_cones) {
   const umbel_lod_view view = any_view(c);
   umbel_plane planes[6];
   size_t plane_count = 0;
@@ -205,7 +205,7 @@ void select(Case& c, const umbel_lod_tables* tables, size_t clusters,
   if (!went_well(umbel_lod_frustum(&from.x, &to.x, &up.x, 1, 1.5f, 0.01f, c.number(), planes,
                                    &plane_count)))
     plane_count = 0;
-  const umbel_lod_culling culling{planes, plane_count, facing.data(), facing.size()};
+  const umbel_lod_culling culling{planes, plane_count, normal_cones.data(), normal_cones.size()};
   const umbel_lod_culling* const culled = c.below(2) ? &culling : nullptr;
   const auto cut = selected(tables, view, culled, UMBEL_LOD_FLAT);
   for (const uint32_t cluster : cut) expect(cluster < clusters, "a cut of no cluster");
@@ -256,11 +256,11 @@ umbel_lod_arrays arrays_of(const umbel_lod_tables* tables) {
   return arrays;
 }
 
-Owned<umbel_mesh> cut_mesh(const umbel_lod* lod, const std::vector<uint32_t>& cut,
-                           umbel_lod_mesh& arrays) {
+Owned<umbel_mesh> mesh_of_cut(const umbel_lod* lod, const std::vector<uint32_t>& cut,
+                              umbel_lod_mesh& arrays) {
   umbel_mesh* mesh = nullptr;
   umbel_lod_mesh_init(&arrays);
-  expect(umbel_lod_cut_mesh(lod, cut.data(), cut.size(), &mesh) == UMBEL_OK &&
+  expect(umbel_lod_mesh_of_cut(lod, cut.data(), cut.size(), &mesh) == UMBEL_OK &&
              umbel_mesh_arrays(mesh, &arrays) == UMBEL_OK,
          "a cut is no mesh");
   return Owned<umbel_mesh>(mesh);
@@ -274,10 +274,10 @@ void check_cuts(Case& c, const umbel_lod* lod) {
              cut == selected(tables, view, nullptr, UMBEL_LOD_BREADTH_FIRST),
          "two ways give different cuts");
   umbel_lod_mesh arrays;
-  cut_mesh(lod, cut, arrays);
+  mesh_of_cut(lod, cut, arrays);
   const std::vector<uint32_t> any{c.below(255), c.below(255)};
   umbel_mesh* mesh = nullptr;
-  went_well(umbel_lod_cut_mesh(lod, any.data(), any.size(), &mesh));
+  went_well(umbel_lod_mesh_of_cut(lod, any.data(), any.size(), &mesh));
   umbel_mesh_free(mesh);
 }
 
@@ -306,10 +306,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (c.is_tame()) expect(proved == UMBEL_OK, "the proof failed");
   check_cuts(c, made);
   const umbel_lod_arrays arrays = arrays_of(umbel_lod_get_tables(made));
-  std::vector<umbel_cull_bounds> facing(arrays.cluster_count);
-  expect(umbel_lod_facing(made, &c.options, facing.data(), facing.size()) == UMBEL_OK,
+  std::vector<umbel_cull_bounds> normal_cones(arrays.cluster_count);
+  expect(umbel_lod_normal_cones(made, &c.options, normal_cones.data(), normal_cones.size()) ==
+             UMBEL_OK,
          "clusters without cones");
-  select(c, umbel_lod_get_tables(made), arrays.cluster_count, facing);
+  select(c, umbel_lod_get_tables(made), arrays.cluster_count, normal_cones);
   spoil_tables(c, arrays);
   if (size % 4 == 0) write_and_read(c, made, arrays.cluster_count);
   return 0;

@@ -18,7 +18,7 @@ int main() {
     const float error = umbel::lod::error_for_triangles(asset.tables(), 2000);
     const auto cut = umbel::lod::select(asset.tables(), umbel::lod::view_error(error));
     const auto geometry = [&](uint32_t cluster) { return asset.geometry(cluster); };
-    triangles = umbel::lod::cut_mesh(asset.tables(), geometry, cut).triangles.size();
+    triangles = umbel::lod::mesh_of_cut(asset.tables(), geometry, cut).triangles.size();
     ok = umbel::verify_asset(path, 4).ok;
   }
   std::filesystem::remove(path);

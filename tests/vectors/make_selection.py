@@ -40,7 +40,7 @@ def tables_of(lod: umbel.Lod) -> dict[str, Any]:
         "groups": [flat(row) for row in lod.groups],
         "clusters": [flat(row) for row in lod.clusters],
         "nodes": [flat(row) for row in lod.nodes],
-        "facing": [[number(v) for v in row] for row in lod.facing().rows()],
+        "facing": [[number(v) for v in row] for row in lod.normal_cones().rows()],
     }
 
 
@@ -88,7 +88,7 @@ def make(seed: int = 1) -> dict[str, Any]:
         center = (low.astype(float) + high) / 2
         size = float(lod.groups["radius"].max())
         tables = lod.tables
-        facing = lod.facing()
+        facing = lod.normal_cones()
         for i in range(24):
             camera = random_camera(random, center, size)
             planes = camera.planes(random.uniform(0.5, 2)) if i % 3 else None
@@ -99,7 +99,7 @@ def make(seed: int = 1) -> dict[str, Any]:
                 culled = None
             if i % 8 == 7:
                 wish, culled = {"level": int(random.integers(0, 8))}, None
-            cut = tables.cut(**wish, planes=planes, facing=culled, method="flat")
+            cut = tables.cut(**wish, planes=planes, normal_cones=culled, method="flat")
             out["cuts"].append(
                 {
                     "tables": name,
@@ -150,10 +150,12 @@ def budget_case(
     if i % 2:
         costs = 3 * costs + 20 * tables.clusters["vertex_count"].astype(np.int64)
         kind = {"bytes": 0}
-    all_of_it = int(costs[tables.cut(**wish, planes=planes, facing=facing)].sum())
+    all_of_it = int(costs[tables.cut(**wish, planes=planes, normal_cones=facing)].sum())
     budget = int(all_of_it * random.uniform(0.05, 1.05))
     (which,) = kind
-    view = tables.view(**wish, **{which: budget}, vertex_bytes=20, planes=planes, facing=facing)
+    view = tables.view(
+        **wish, **{which: budget}, vertex_bytes=20, planes=planes, normal_cones=facing
+    )
     return {
         "tables": name,
         "view": view_of(tables.view(**wish)),

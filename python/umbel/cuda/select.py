@@ -40,7 +40,7 @@ class _Tables(ctypes.Structure):
         ("nodes", ctypes.c_void_p),
         ("groups", ctypes.c_void_p),
         ("clusters", ctypes.c_void_p),
-        ("facing", ctypes.c_void_p),
+        ("normal_cones", ctypes.c_void_p),
         ("group_count", ctypes.c_uint32),
         ("layers", ctypes.c_uint32),
     )
@@ -143,7 +143,8 @@ class Selector:
 
     tables: of a Lod or an Asset; copied to the device.
     like: an array on the device, whose package makes all others: CuPy, PyTorch or Numba.
-    facing: what `facing` of a Lod or an Asset gives; clusters that turn their back are left out.
+    normal_cones: what `normal_cones` of a Lod or an Asset gives; clusters that turn their back are
+        left out.
     page_of_group: (g,) the page of each group, for assets that are not all in memory.
     empty, put: for other packages: `empty` makes an array of a shape and the name of a NumPy type,
         `put` one of a NumPy array.
@@ -154,7 +155,7 @@ class Selector:
         tables: Tables,
         like: Any = None,
         *,
-        facing: Any = None,
+        normal_cones: Any = None,
         page_of_group: Any = None,
         empty: Any = None,
         put: Any = None,
@@ -173,7 +174,7 @@ class Selector:
             "nodes": _bytes(tables.nodes),
             "groups": _bytes(tables.groups),
             "clusters": _bytes(tables.clusters),
-            "facing": None if facing is None else _bytes(facing.rows()),
+            "normal_cones": None if normal_cones is None else _bytes(normal_cones.rows()),
         }
         self._arrays = {k: None if v is None else self._put(v) for k, v in rows.items()}
         self._tables = _Tables(

@@ -58,7 +58,7 @@ class Lod(HasTables):
     def limiting_factors(self) -> list[str]:
         """For each group what kept the first simplification method from reaching 70 %, "none" where
         it did, or why the group is a root (docs/lod.md)."""
-        return list(self._native.reasons)
+        return list(self._native.limiting_factors)
 
     @property
     def levels(self) -> NDArray[Any]:

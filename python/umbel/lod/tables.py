@@ -116,7 +116,7 @@ class Tables:
         bytes: int | None = None,
         vertex_bytes: int = 32,
         planes: ArrayLike | None = None,
-        facing: ClusterBounds | None = None,
+        normal_cones: ClusterBounds | None = None,
         method: str = "hierarchy",
         or_coarsest: bool = False,
     ) -> NDArray[np.uint32]:
@@ -132,8 +132,8 @@ class Tables:
             else that raises, and names the least that is possible.
         planes: (p, 4) inward unit normals and offsets as `Camera.planes` gives them; what is
             wholly outside one of them is left out, and costs nothing.
-        facing: what `facing` of a Lod or an Asset gives; clusters that turn their back on the
-            camera are left out.
+        normal_cones: what `normal_cones` of a Lod or an Asset gives; clusters that turn their back
+            on the camera are left out.
         method: "hierarchy" goes down the nodes, "breadth_first" does so layer by layer, "flat"
             tests every cluster. The answer is the same.
         """
@@ -145,10 +145,12 @@ class Tables:
             bytes=bytes,
             vertex_bytes=vertex_bytes,
             planes=planes,
-            facing=facing,
+            normal_cones=normal_cones,
             or_coarsest=or_coarsest,
         )
-        return _umbel.select(self._native, view, method, self._planes(planes), _facing(facing))
+        return _umbel.select(
+            self._native, view, method, self._planes(planes), _normal_cones(normal_cones)
+        )
 
     def view(
         self,
@@ -160,7 +162,7 @@ class Tables:
         bytes: int | None = None,
         vertex_bytes: int = 32,
         planes: ArrayLike | None = None,
-        facing: ClusterBounds | None = None,
+        normal_cones: ClusterBounds | None = None,
         transforms: ArrayLike | None = None,
         or_coarsest: bool = False,
     ) -> _umbel.View:
@@ -188,7 +190,7 @@ class Tables:
             if bytes is None
             else _umbel.byte_costs(self._native, vertex_bytes)
         )
-        culled = self._planes(planes), _facing(facing)
+        culled = self._planes(planes), _normal_cones(normal_cones)
         rows = None if transforms is None else self._transforms(transforms)
         view = _umbel.view_for_budget(self._native, view, costs, most, *culled, rows)
         least = 0 if or_coarsest else self._least(view, costs, most, culled, rows)
@@ -216,7 +218,7 @@ class Tables:
         view: _umbel.View,
         *,
         planes: ArrayLike | None = None,
-        facing: ClusterBounds | None = None,
+        normal_cones: ClusterBounds | None = None,
     ) -> list[NDArray[np.uint32]]:
         """A cut for each instance. `transforms` are (i, 3, 4) or (i, 4, 4), from the mesh's space
         to the scene's, both in the world; `view` (see `Tables.view`) and `planes` are of the
@@ -226,7 +228,7 @@ class Tables:
             view,
             self._transforms(transforms),
             self._planes(planes),
-            _facing(facing),
+            _normal_cones(normal_cones),
         )
         return np.split(clusters, offsets[1:-1]) if len(offsets) > 1 else []
 
@@ -301,8 +303,8 @@ def check_budget(name: str, budget: int) -> int:
     return min(number, 2**63 - 1)
 
 
-def _facing(facing: ClusterBounds | None) -> NDArray[np.float32] | None:
-    return None if facing is None else facing.rows()
+def _normal_cones(normal_cones: ClusterBounds | None) -> NDArray[np.float32] | None:
+    return None if normal_cones is None else normal_cones.rows()
 
 
 class HasTables:
@@ -335,8 +337,8 @@ class HasTables:
             error=error, camera=camera, level=level, triangles=triangles, bytes=bytes, **more
         )
 
-    def facing(
+    def normal_cones(
         self, *, progress: Callable[[float, str], Any] | None = None, threads: int = 0
     ) -> ClusterBounds:
         """Spheres and cones of normals of all clusters, for `Tables.cut`. Reads all geometry."""
-        return ClusterBounds.of_rows(self._native.facing(progress, thread_count(threads)))
+        return ClusterBounds.of_rows(self._native.normal_cones(progress, thread_count(threads)))

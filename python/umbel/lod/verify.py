@@ -19,9 +19,9 @@ class VerifyReport:
     cuts: int
     """Random cuts looked at."""
     cracks: int
-    """Edges that are open in a cut and that the source does not explain."""
+    """Edges that are open in a cut and that the source does not allow."""
     overlaps: int
-    """Edges of a cut with more triangles than the source explains."""
+    """Edges of a cut with more triangles than the source allows."""
     limit_violations: int
     """Clusters over a limit, indices out of range, bad links."""
     monotone: bool

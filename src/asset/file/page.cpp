@@ -13,7 +13,7 @@ void write(ByteWriter& out, const EncodedGroup& encoded, uint32_t offset) {
   out.u32(group.clusters.offset);
   out.u32(group.clusters.count);
   out.u32(group.level);
-  out.u32(static_cast<uint32_t>(group.rung));
+  out.u32(static_cast<uint32_t>(group.method));
   out.u32(encoded.parents);
   out.u32(encoded.references);
   out.vec3(group.sphere.center);
@@ -30,7 +30,7 @@ uint32_t read(ByteReader& in, PageGroup& record) {
   record.id = in.u32();
   record.group.clusters = in.range();
   record.group.level = in.u32();
-  record.group.rung = static_cast<lod::Rung>(in.u32());
+  record.group.method = static_cast<lod::SimplifyMethod>(in.u32());
   record.parents = in.u32();
   const uint32_t references = in.u32();
   record.group.sphere.center = in.vec3();
@@ -52,9 +52,9 @@ void check(const PageGroup& record, const Head& head, uint64_t page_size) {
   const Range& clusters = record.group.clusters;
   if (clusters.offset > mesh.clusters || clusters.count > mesh.clusters - clusters.offset)
     corrupt(name + " has clusters that are not there");
-  if (record.group.rung > lod::Rung::kRoot)
-    corrupt(name + " has the unknown rung " +
-            std::to_string(static_cast<uint32_t>(record.group.rung)));
+  if (record.group.method > lod::SimplifyMethod::kRoot)
+    corrupt(name + " has the unknown simplification method " +
+            std::to_string(static_cast<uint32_t>(record.group.method)));
   if (record.offset > page_size || record.bytes > page_size - record.offset)
     corrupt(name + " lies outside its page");
 }

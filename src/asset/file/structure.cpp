@@ -34,9 +34,9 @@ std::string group_problem(const lod::Tables& tables) {
     const lod::Group& group = tables.groups[i];
     if (!inside(group.clusters, tables.clusters.size()))
       return leaves("group", i, "clusters", group.clusters, "clusters", tables.clusters.size());
-    if (group.rung > lod::Rung::kRoot)
-      return "group " + std::to_string(i) + " has the unknown rung " +
-             std::to_string(static_cast<uint32_t>(group.rung));
+    if (group.method > lod::SimplifyMethod::kRoot)
+      return "group " + std::to_string(i) + " has the unknown simplification method " +
+             std::to_string(static_cast<uint32_t>(group.method));
     for (uint32_t c = 0; c < group.clusters.count; ++c)
       if (owned[group.clusters.offset + c]++)
         return "cluster " + std::to_string(group.clusters.offset + c) +

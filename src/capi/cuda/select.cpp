@@ -24,7 +24,7 @@ cuda::DeviceTables tables_of(const umbel_cuda_tables* given) {
   return {same<lod::Node>(t.nodes),
           same<lod::Group>(t.groups),
           same<lod::Cluster>(t.clusters),
-          same<ClusterBounds>(t.facing),
+          same<ClusterBounds>(t.normal_cones),
           t.group_count,
           t.layers};
 }

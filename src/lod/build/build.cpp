@@ -13,12 +13,12 @@
 #include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "lod/build/clusterise.hpp"
 #include "lod/build/group.hpp"
 #include "lod/build/hierarchy.hpp"
 #include "lod/build/measure.hpp"
 #include "lod/build/new_positions.hpp"
 #include "lod/dag/bounds.hpp"
-#include "lod/dag/cut_clusters.hpp"
 #include "lod/dag/locked_edges.hpp"
 #include "lod/dag/source.hpp"
 #include "lod/simplify/simplify.hpp"
@@ -76,13 +76,13 @@ class Builder {
 
   Dag run() {
     progress_.report(0.0, "clusters");
-    cut_mesh(source_, config_, pending_, own_spheres_);
+    clusterise_source(source_, config_, pending_, own_spheres_);
     order_vertices(source_, pending_);
     tbb::parallel_invoke([&] { report().degenerate_triangles = settle_source(source_, pending_); },
                          [&] { grouper_.prepare(pending_); });
     if (config_.measured_error) {
-      meter_ = std::make_unique<ErrorMeter>(source_, pending_);
-      samples_ = meter_->first_samples(pending_);
+      surface_distance_ = std::make_unique<SurfaceDistance>(source_, pending_);
+      samples_ = surface_distance_->first_samples(pending_);
     }
     reserve_output();
     int idle = 0;
@@ -111,9 +111,9 @@ class Builder {
  private:
   struct Worker {
     GroupSimplifier simplifier;
-    ClusterCutter cutter;
+    Clusteriser clusteriser;
     Worker(const Source& source, const Config& config, const Decimator& decimate)
-        : simplifier(source, config, decimate), cutter(config) {}
+        : simplifier(source, config, decimate), clusteriser(config) {}
   };
   struct GroupResult {
     Simplified simplified;
@@ -164,53 +164,55 @@ class Builder {
     const Clusters groups = grouper_.group(pending_, locked_, groups_of_);
     groups_in_round_ = groups.ranges.size();
     grouper_.lock_borders(groups, locked_);
-    insert_fixed_edges(groups);
+    insert_own_locked_edges(groups);
     std::vector<GroupResult> results(groups.ranges.size());
     constexpr size_t kBatch = 256;  // groups between two calls of the progress callback
     for (size_t begin = 0; begin < results.size(); begin += kBatch) {
       const size_t count = std::min(kBatch, results.size() - begin);
       parallel_for(count, 1, [&](size_t i) {
         const Range range = groups.ranges[begin + i];
-        results[begin + i] =
-            simplify_group(std::span(groups.items).subspan(range.offset, range.count),
-                           {.chords = true, .last_resort = last_resort, .taken = &chords_});
+        results[begin + i] = simplify_group(
+            std::span(groups.items).subspan(range.offset, range.count),
+            {.locked_edges = true, .last_resort = last_resort, .taken = &locked_edges_});
       });
       // Half of what is left to do is this level.
       const double level_part = static_cast<double>(begin + count) / results.size();
       progress_.report(done_ + (1.0 - done_) * 0.5 * level_part, "levels of detail");
     }
     done_ += (1.0 - done_) * 0.5;
-    settle_chords(groups, results, last_resort);
+    settle_locked_edges(groups, results, last_resort);
     settle_added(results);
     keep_one_triangle(groups, results);
-    if (meter_) measure(groups, results);
+    if (surface_distance_) measure(groups, results);
     join(groups, results);
   }
 
-  void insert_fixed_edges(const Clusters& groups) {
+  void insert_own_locked_edges(const Clusters& groups) {
     std::vector<std::vector<PositionPair>> edges(groups.ranges.size());
     parallel_for(edges.size(), 4, [&](size_t g) {
       const Range range = groups.ranges[g];
-      edges[g] = fixed_edges(pending_, std::span(groups.items).subspan(range.offset, range.count),
-                             source_.position_ids, locked_);
+      edges[g] =
+          own_locked_edges(pending_, std::span(groups.items).subspan(range.offset, range.count),
+                           source_.position_ids, locked_);
     });
-    for (const std::vector<PositionPair>& of_group : edges) chords_.insert(of_group);
+    for (const std::vector<PositionPair>& of_group : edges) locked_edges_.insert(of_group);
   }
 
   // Groups with a chord that another group has laid as well are simplified again without any.
-  void settle_chords(const Clusters& groups, std::vector<GroupResult>& results, bool last_resort) {
+  void settle_locked_edges(const Clusters& groups, std::vector<GroupResult>& results,
+                           bool last_resort) {
     std::vector<size_t> refused;
     for (size_t g = 0; g < results.size(); ++g) {
-      if (chords_.contains_any(results[g].simplified.chords))
+      if (locked_edges_.contains_any(results[g].simplified.locked_edges))
         refused.push_back(g);
       else
-        chords_.insert(results[g].simplified.chords);
+        locked_edges_.insert(results[g].simplified.locked_edges);
     }
     parallel_for(refused.size(), 1, [&](size_t i) {
       const Range range = groups.ranges[refused[i]];
       results[refused[i]] =
           simplify_group(std::span(groups.items).subspan(range.offset, range.count),
-                         {.chords = false, .last_resort = last_resort, .taken = nullptr});
+                         {.locked_edges = false, .last_resort = last_resort, .taken = nullptr});
     });
   }
 
@@ -264,20 +266,20 @@ class Builder {
         if (kept.size() == 1 && !is_degenerate(t)) kept = {t, {t[0], t[2], t[1]}};
       }
     }
-    Piece piece;
+    SubMesh sub_mesh;
     const auto number = [&](uint32_t v) {
-      const auto at = std::find(piece.vertices.begin(), piece.vertices.end(), v);
-      const size_t found = at - piece.vertices.begin();
-      if (at == piece.vertices.end()) {
-        piece.vertices.push_back(v);
-        piece.positions.push_back(source_.mesh.positions[v]);
-        if (!source_.vertex_materials.empty()) piece.materials.push_back(source_.material(v));
+      const auto at = std::find(sub_mesh.vertices.begin(), sub_mesh.vertices.end(), v);
+      const size_t found = at - sub_mesh.vertices.begin();
+      if (at == sub_mesh.vertices.end()) {
+        sub_mesh.vertices.push_back(v);
+        sub_mesh.positions.push_back(source_.mesh.positions[v]);
+        if (!source_.vertex_materials.empty()) sub_mesh.materials.push_back(source_.material(v));
       }
       return static_cast<uint32_t>(found);
     };
     for (const Triangle& t : kept)
-      piece.triangles.push_back({number(t[0]), number(t[1]), number(t[2])});
-    workers_.local()->cutter.cut(piece, kNone, results[0].clusters);
+      sub_mesh.triangles.push_back({number(t[0]), number(t[1]), number(t[2])});
+    workers_.local()->clusteriser.append(sub_mesh, kNone, results[0].clusters);
   }
 
   bool is_degenerate(const Triangle& t) const {
@@ -289,7 +291,8 @@ class Builder {
     Worker& worker = *workers_.local();
     GroupResult result;
     result.simplified = worker.simplifier.simplify(pending_, clusters, locked_, allow);
-    if (result.simplified.done) worker.cutter.cut(worker.simplifier.left(), kNone, result.clusters);
+    if (result.simplified.done)
+      worker.clusteriser.append(worker.simplifier.left(), kNone, result.clusters);
     return result;
   }
 
@@ -300,8 +303,8 @@ class Builder {
       std::vector<Vec3> samples;
       for (uint32_t c : std::span(groups.items).subspan(range.offset, range.count))
         samples.insert(samples.end(), samples_[c].begin(), samples_[c].end());
-      results[g].measured = meter_->measure(results[g].clusters, samples,
-                                            static_cast<uint32_t>(tables().levels.size()));
+      results[g].measured = surface_distance_->measure(
+          results[g].clusters, samples, static_cast<uint32_t>(tables().levels.size()));
     });
   }
 
@@ -310,7 +313,7 @@ class Builder {
   float error_of(std::span<const uint32_t> members, const GroupResult& result) const {
     const Simplified& simplified = result.simplified;
     // What attributes lose does not add up from level to level.
-    const float lost = std::max(simplified.attribute_error, simplified.vanished);
+    const float lost = std::max(simplified.attribute_error, simplified.removed_radius);
     float least = 0, sum = std::max(simplified.error, lost);
     for (uint32_t c : members) {
       const uint32_t generator = pending_.generating_group[c];
@@ -328,7 +331,7 @@ class Builder {
     GroupResult unmeasured;
     unmeasured.simplified.error = result.simplified.error;
     unmeasured.simplified.attribute_error = result.simplified.attribute_error;
-    unmeasured.simplified.vanished = result.simplified.vanished;
+    unmeasured.simplified.removed_radius = result.simplified.removed_radius;
     const double ratio = error_of(members, unmeasured) / double{result.measured.distance};
     ++report().measured_groups;
     if (ratio < 1) ++report().underestimated_groups;
@@ -344,26 +347,26 @@ class Builder {
       const Range range = groups.ranges[g];
       const auto members = std::span(groups.items).subspan(range.offset, range.count);
       const float error = error_of(members, results[g]);
-      const Reason reason = results[g].simplified.reason;
+      const LimitingFactor limiting_factor = results[g].simplified.limiting_factor;
       if (!results[g].simplified.done || error > config_.max_error) {
-        ++report().waits_by_reason[static_cast<size_t>(results[g].simplified.done ? Reason::kStopped
-                                                                                  : reason)];
+        ++report().waits_by_limiting_factor[static_cast<size_t>(
+            results[g].simplified.done ? LimitingFactor::kStopped : limiting_factor)];
         for (uint32_t c : members) {
           next.push_back({&pending_, c});
           next_spheres.push_back(own_spheres_[c]);
-          if (meter_) next_samples.push_back(std::move(samples_[c]));
+          if (surface_distance_) next_samples.push_back(std::move(samples_[c]));
         }
         continue;
       }
-      if (meter_) compare(results[g], members);
-      const uint32_t id =
-          emit_group(members, results[g].simplified.rung, reason, error, results[g].new_positions);
+      if (surface_distance_) compare(results[g], members);
+      const uint32_t id = emit_group(members, results[g].simplified.method, limiting_factor, error,
+                                     results[g].new_positions);
       ClusterSet& made = results[g].clusters;
       std::fill(made.generating_group.begin(), made.generating_group.end(), id);
       for (uint32_t c = 0; c < made.size(); ++c) {
         next.push_back({&made, c});
         next_spheres.push_back(tables().groups[id].sphere);
-        if (meter_) next_samples.push_back(std::move(results[g].measured.samples[c]));
+        if (surface_distance_) next_samples.push_back(std::move(results[g].measured.samples[c]));
       }
     }
     samples_ = std::move(next_samples);
@@ -380,7 +383,8 @@ class Builder {
   }
 
   // A new group of pending clusters, which `emit_clusters` then moves into the DAG.
-  uint32_t emit_group(std::span<const uint32_t> members, Rung rung, Reason reason, float error,
+  uint32_t emit_group(std::span<const uint32_t> members, SimplifyMethod method,
+                      LimitingFactor limiting_factor, float error,
                       std::span<const Vec3> new_positions = {}) {
     const uint32_t id = static_cast<uint32_t>(tables().groups.size());
     std::vector<uint32_t> generators;
@@ -389,7 +393,7 @@ class Builder {
     group.clusters = {static_cast<uint32_t>(tables().clusters.size() + emitted_.size()),
                       static_cast<uint32_t>(members.size())};
     group.level = static_cast<uint32_t>(tables().levels.size());
-    group.rung = rung;
+    group.method = method;
     group.error = error;
     for (uint32_t c : members) {
       const uint32_t generator = pending_.generating_group[c];
@@ -404,9 +408,10 @@ class Builder {
     for (const Vec3& p : new_positions) spheres.push_back({p, 0.0f});
     group.sphere = enclosing_sphere(spheres);
     tables().groups.push_back(group);
-    dag_.reasons.push_back(reason);
-    ++report().groups_by_rung[static_cast<size_t>(rung)];
-    ++report().groups_by_reason[static_cast<size_t>(rung)][static_cast<size_t>(reason)];
+    dag_.limiting_factors.push_back(limiting_factor);
+    ++report().groups_by_method[static_cast<size_t>(method)];
+    ++report().groups_by_limiting_factor[static_cast<size_t>(method)]
+                                        [static_cast<size_t>(limiting_factor)];
     return id;
   }
 
@@ -451,7 +456,9 @@ class Builder {
   void emit_roots() {
     const bool coarsest = is_coarsest();
     const bool wished = is_deep_enough() || config_.max_error < kInfinity;
-    const Reason reason = coarsest ? Reason::kCoarsest : wished ? Reason::kStopped : Reason::kStuck;
+    const LimitingFactor limiting_factor = coarsest ? LimitingFactor::kCoarsest
+                                           : wished ? LimitingFactor::kStopped
+                                                    : LimitingFactor::kStuck;
     report().root_triangles = pending_.triangle_count();
     const uint32_t first_group = static_cast<uint32_t>(tables().groups.size());
     Clusters roots;
@@ -462,8 +469,8 @@ class Builder {
       roots = grouper_.group(pending_, locked_, config_);
     }
     for (const Range& range : roots.ranges)
-      emit_group(std::span(roots.items).subspan(range.offset, range.count), Rung::kRoot, reason,
-                 kInfinity);
+      emit_group(std::span(roots.items).subspan(range.offset, range.count), SimplifyMethod::kRoot,
+                 limiting_factor, kInfinity);
     emit_clusters(first_group);
     report().root_groups = static_cast<uint32_t>(roots.ranges.size());
     report().stuck_groups = coarsest || wished ? 0 : report().root_groups;
@@ -500,14 +507,14 @@ class Builder {
   Source source_;
   Grouper grouper_;
   std::vector<uint8_t> locked_;  // by position id
-  ChordRegistry chords_;
+  LockedEdgeSet locked_edges_;
   NewPositions new_positions_;
   tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
   ClusterSet pending_;
   std::vector<uint32_t> emitted_;    // pending clusters of new groups, group by group
   std::vector<Sphere> own_spheres_;  // of each pending cluster: its generating group's, or its own
-  std::unique_ptr<ErrorMeter> meter_;       // with Config::measured_error
-  std::vector<std::vector<Vec3>> samples_;  // of each pending cluster, see measure.hpp
+  std::unique_ptr<SurfaceDistance> surface_distance_;  // with Config::measured_error
+  std::vector<std::vector<Vec3>> samples_;             // of each pending cluster, see measure.hpp
   double sum_of_logs_ = 0;
   size_t groups_in_round_ = 0;
   double done_ = 0.1;  // part of all work

@@ -61,11 +61,12 @@ Vec3 middle_of(const Corners& p) {
 
 }  // namespace
 
-ErrorMeter::ErrorMeter(const Source& source, const ClusterSet& clusters) : source_(source) {
+SurfaceDistance::SurfaceDistance(const Source& source, const ClusterSet& clusters)
+    : source_(source) {
   surface_.build(clusters, source.mesh.positions, source.scale, true);
 }
 
-std::vector<std::vector<Vec3>> ErrorMeter::first_samples(const ClusterSet& clusters) const {
+std::vector<std::vector<Vec3>> SurfaceDistance::first_samples(const ClusterSet& clusters) const {
   std::vector<std::vector<Vec3>> samples(clusters.size());
   parallel_for(clusters.size(), 256, [&](size_t c) {
     const auto vertices = clusters.cluster_vertices(c);
@@ -76,8 +77,8 @@ std::vector<std::vector<Vec3>> ErrorMeter::first_samples(const ClusterSet& clust
   return samples;
 }
 
-Measured ErrorMeter::measure(const ClusterSet& made, std::span<const Vec3> samples,
-                             uint32_t level) const {
+Measured SurfaceDistance::measure(const ClusterSet& made, std::span<const Vec3> samples,
+                                  uint32_t level) const {
   Measured result;
   if (made.triangle_count() == 0) return result;
   result.valid = true;
@@ -87,12 +88,13 @@ Measured ErrorMeter::measure(const ClusterSet& made, std::span<const Vec3> sampl
   };
   std::vector<Found> found;
   found.reserve(samples.size());
-  NearSurface& surface = made_.local();
+  TriangleDistanceTree& surface = made_.local();
   surface.build(made, source_.mesh.positions, source_.scale);
   float farthest = 0;
   uint32_t hint = 0;
   for (uint32_t i = 0; i < samples.size(); ++i) {
-    const NearSurface::Nearest at = surface.nearest(samples[i], kKnownWell * farthest, hint);
+    const TriangleDistanceTree::Nearest at =
+        surface.nearest(samples[i], kKnownWell * farthest, hint);
     found.push_back({at.squared, at.cluster, i});
     farthest = std::max(farthest, at.squared);
     hint = at.block;
@@ -109,7 +111,8 @@ Measured ErrorMeter::measure(const ClusterSet& made, std::span<const Vec3> sampl
   }
   hint = kNone;
   for (uint32_t t : triangles_to_sample(triangles)) {
-    const NearSurface::Nearest at = surface_.nearest(middle_of(triangles[t]), farthest, hint);
+    const TriangleDistanceTree::Nearest at =
+        surface_.nearest(middle_of(triangles[t]), farthest, hint);
     farthest = std::max(farthest, at.squared);
     hint = at.block;
   }

@@ -29,10 +29,10 @@ struct Measured {
   std::vector<std::vector<Vec3>> samples;  ///< of each new cluster
 };
 
-class ErrorMeter {
+class SurfaceDistance {
  public:
   /// `clusters` are those of level 0.
-  ErrorMeter(const Source& source, const ClusterSet& clusters);
+  SurfaceDistance(const Source& source, const ClusterSet& clusters);
 
   std::vector<std::vector<Vec3>> first_samples(const ClusterSet& clusters) const;
 
@@ -44,8 +44,8 @@ class ErrorMeter {
   Vec3 position(uint32_t vertex) const { return source_.mesh.positions[vertex] * source_.scale; }
 
   const Source& source_;
-  NearSurface surface_;  // the source
-  mutable tbb::enumerable_thread_specific<NearSurface> made_;
+  TriangleDistanceTree surface_;  // the source
+  mutable tbb::enumerable_thread_specific<TriangleDistanceTree> made_;
 };
 
 }  // namespace umbel::lod

@@ -49,8 +49,8 @@ uint32_t spread(uint32_t x) {
 
 }  // namespace
 
-void NearSurface::build(const ClusterSet& set, std::span<const Vec3> positions, float scale,
-                        bool in_parallel) {
+void TriangleDistanceTree::build(const ClusterSet& set, std::span<const Vec3> positions,
+                                 float scale, bool in_parallel) {
   offsets_.assign(1, 0);
   for (uint32_t c = 0; c < set.size(); ++c) {
     const size_t triangles = set.cluster_corners(c).size() / 3;
@@ -68,8 +68,9 @@ void NearSurface::build(const ClusterSet& set, std::span<const Vec3> positions, 
   build_tree();
 }
 
-void NearSurface::fill_blocks(const ClusterSet& set, uint32_t cluster,
-                              std::span<const Vec3> positions, float scale, uint32_t first) {
+void TriangleDistanceTree::fill_blocks(const ClusterSet& set, uint32_t cluster,
+                                       std::span<const Vec3> positions, float scale,
+                                       uint32_t first) {
   const auto vertices = set.cluster_vertices(cluster);
   const auto corners = set.cluster_corners(cluster);
   std::array<Vec3, 256> points;
@@ -113,7 +114,7 @@ void NearSurface::fill_blocks(const ClusterSet& set, uint32_t cluster,
   }
 }
 
-void NearSurface::build_tree() {
+void TriangleDistanceTree::build_tree() {
   Node empty;
   for (int axis = 0; axis < 3; ++axis)
     empty.low[axis] = all(kInfinity), empty.high[axis] = all(-kInfinity);
@@ -147,7 +148,8 @@ void NearSurface::build_tree() {
 }
 
 // In the triangle's plane where the point is above it, else to the nearest side.
-NearSurface::Lanes NearSurface::squared_distances(const Block& block, const Vec3& point) {
+TriangleDistanceTree::Lanes TriangleDistanceTree::squared_distances(const Block& block,
+                                                                    const Vec3& point) {
   const Vec3Lanes ab{block.ab[0], block.ab[1], block.ab[2]};
   const Vec3Lanes ac{block.ac[0], block.ac[1], block.ac[2]};
   const Vec3Lanes p{all(point.x) - block.a[0], all(point.y) - block.a[1],
@@ -161,7 +163,8 @@ NearSurface::Lanes NearSurface::squared_distances(const Block& block, const Vec3
   return select(above, height * height / size, sides);
 }
 
-NearSurface::Lanes NearSurface::squared_distances(const Node& node, const Vec3& point) {
+TriangleDistanceTree::Lanes TriangleDistanceTree::squared_distances(const Node& node,
+                                                                    const Vec3& point) {
   const float p[3] = {point.x, point.y, point.z};
   Lanes sum = all(0.0f);
   for (int axis = 0; axis < 3; ++axis) {
@@ -172,7 +175,8 @@ NearSurface::Lanes NearSurface::squared_distances(const Node& node, const Vec3& 
   return sum;
 }
 
-NearSurface::Nearest NearSurface::nearest(const Vec3& point, float enough, uint32_t hint) const {
+TriangleDistanceTree::Nearest TriangleDistanceTree::nearest(const Vec3& point, float enough,
+                                                            uint32_t hint) const {
   Nearest best{kInfinity, 0, 0};
   if (blocks_.empty()) return best;
   const auto look_at = [&](uint32_t b) {

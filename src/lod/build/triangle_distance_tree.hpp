@@ -15,7 +15,7 @@
 namespace umbel::lod {
 
 /// Reusable; const searches from any thread.
-class NearSurface {
+class TriangleDistanceTree {
  public:
   /// The triangles of the clusters, positions times `scale`.
   void build(const ClusterSet& set, std::span<const Vec3> positions, float scale,

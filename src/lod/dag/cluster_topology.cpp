@@ -123,7 +123,7 @@ ClusterTopology cluster_topology(const ClusterSet& clusters,
     of_chunk.edges = {};
     result.degenerate_triangles += of_chunk.degenerate;
   }
-  result.irregular_components = irregular_components(edges, position_ids.size());
+  result.non_manifold_components = non_manifold_components(edges, position_ids.size());
   return result;
 }
 

@@ -1,4 +1,4 @@
-// Irregular edges of a mesh that is there in clusters.
+// Non-manifold edges of a mesh that is there in clusters.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 namespace umbel::lod {
 
 struct ClusterTopology {
-  std::vector<uint32_t> irregular_components;  ///< see topology.hpp
+  std::vector<uint32_t> non_manifold_components;  ///< see topology.hpp
   size_t degenerate_triangles = 0;
 };
 

@@ -14,25 +14,25 @@ uint64_t key_of(const PositionPair& edge) {
 
 }  // namespace
 
-size_t ChordRegistry::slot_of(uint64_t key) const {
+size_t LockedEdgeSet::slot_of(uint64_t key) const {
   const size_t mask = table_.size() - 1;
   size_t slot = first_slot(key);
   while (table_[slot] != kEmpty && table_[slot] != key) slot = (slot + 1) & mask;
   return slot;
 }
 
-size_t ChordRegistry::first_slot(uint64_t key) const {
+size_t LockedEdgeSet::first_slot(uint64_t key) const {
   return (key * 0x9e3779b97f4a7c15ull) >> 20 & (table_.size() - 1);
 }
 
-void ChordRegistry::grow() {
+void LockedEdgeSet::grow() {
   BigVector<uint64_t> old(std::max<size_t>(1024, 2 * table_.size()), kEmpty);
   old.swap(table_);
   for (uint64_t key : old)
     if (key != kEmpty) table_[slot_of(key)] = key;
 }
 
-void ChordRegistry::insert(std::span<const PositionPair> edges) {
+void LockedEdgeSet::insert(std::span<const PositionPair> edges) {
   constexpr size_t kAhead = 16;
   while (2 * (count_ + edges.size()) > table_.size()) grow();
   for (size_t i = 0; i < edges.size(); ++i) {
@@ -45,18 +45,19 @@ void ChordRegistry::insert(std::span<const PositionPair> edges) {
   }
 }
 
-bool ChordRegistry::contains(const PositionPair& edge) const {
+bool LockedEdgeSet::contains(const PositionPair& edge) const {
   return !table_.empty() && table_[slot_of(key_of(edge))] != kEmpty;
 }
 
-bool ChordRegistry::contains_any(std::span<const PositionPair> edges) const {
+bool LockedEdgeSet::contains_any(std::span<const PositionPair> edges) const {
   return std::any_of(edges.begin(), edges.end(),
                      [&](const PositionPair& edge) { return contains(edge); });
 }
 
-std::vector<PositionPair> fixed_edges(const ClusterSet& set, std::span<const uint32_t> clusters,
-                                      std::span<const uint32_t> position_ids,
-                                      std::span<const uint8_t> locked) {
+std::vector<PositionPair> own_locked_edges(const ClusterSet& set,
+                                           std::span<const uint32_t> clusters,
+                                           std::span<const uint32_t> position_ids,
+                                           std::span<const uint8_t> locked) {
   std::vector<PositionPair> edges;
   std::array<uint32_t, 256> ids;
   std::array<uint8_t, 256> is_locked;

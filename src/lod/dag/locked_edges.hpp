@@ -1,4 +1,4 @@
-// Keeps two pieces of the surface from having an edge between the same two positions.
+// Keeps two sub-meshes of the surface from having an edge between the same two positions.
 //
 // A chord is an edge that simplification laid between two locked vertices. If another group has, or
 // ever had, an edge between the same two, some cut may show both, and four triangles share an edge.
@@ -20,7 +20,7 @@
 namespace umbel::lod {
 
 /// A set of edges, as unordered pairs of position ids.
-class ChordRegistry {
+class LockedEdgeSet {
  public:
   void insert(std::span<const PositionPair> edges);
   bool contains(const PositionPair& edge) const;
@@ -36,8 +36,9 @@ class ChordRegistry {
 };
 
 /// The edges of a group of clusters between two locked positions, several times maybe.
-std::vector<PositionPair> fixed_edges(const ClusterSet& set, std::span<const uint32_t> clusters,
-                                      std::span<const uint32_t> position_ids,
-                                      std::span<const uint8_t> locked);
+std::vector<PositionPair> own_locked_edges(const ClusterSet& set,
+                                           std::span<const uint32_t> clusters,
+                                           std::span<const uint32_t> position_ids,
+                                           std::span<const uint8_t> locked);
 
 }  // namespace umbel::lod

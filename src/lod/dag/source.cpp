@@ -116,8 +116,8 @@ uint32_t append_vertices(Source& source, const AddedVertices& added) {
                                   : shared >= kAddedVertex ? source.position_ids[earlier]
                                                            : shared);
     const uint32_t component = added.components.empty() ? kNone : added.components[v];
-    source.irregular_components.push_back(component == kNone ? kNone
-                                                             : first + (component - kAddedVertex));
+    source.non_manifold_components.push_back(
+        component == kNone ? kNone : first + (component - kAddedVertex));
     source.has_wedges |= shared != kNone;
     if (source.vertex_materials.empty()) continue;
     source.vertex_materials.push_back(added.materials[v]);
@@ -154,7 +154,7 @@ void order_vertices(Source& source, ClusterSet& clusters) {
 size_t settle_source(Source& source, const ClusterSet& clusters) {
   source.mesh.triangles = {};
   ClusterTopology topology = cluster_topology(clusters, source.position_ids);
-  source.irregular_components = std::move(topology.irregular_components);
+  source.non_manifold_components = std::move(topology.non_manifold_components);
   return topology.degenerate_triangles;
 }
 

@@ -11,11 +11,11 @@ namespace umbel::lod {
 
 struct Source {
   Mesh mesh;  ///< welded; its triangles are there until the first clusters are
-  std::vector<uint32_t> position_ids;          ///< one a vertex
-  bool has_wedges = false;                     ///< several vertices at one position
-  std::vector<uint32_t> irregular_components;  ///< one a position id, see topology.hpp
-  std::vector<uint32_t> vertex_materials;      ///< one a vertex; empty where all are 0
-  std::vector<uint8_t> several_materials;      ///< position ids where materials meet, or empty
+  std::vector<uint32_t> position_ids;             ///< one a vertex
+  bool has_wedges = false;                        ///< several vertices at one position
+  std::vector<uint32_t> non_manifold_components;  ///< one a position id, see topology.hpp
+  std::vector<uint32_t> vertex_materials;         ///< one a vertex; empty where all are 0
+  std::vector<uint8_t> several_materials;         ///< position ids where materials meet, or empty
   /// Power of two by which positions are multiplied for simplification, so that areas and volumes
   /// of very small and very large meshes stay within the range of float.
   float scale = 1.0f;
@@ -32,7 +32,7 @@ struct AddedVertices {
   /// kNone: a new position.
   std::vector<uint32_t> position_ids;
   std::vector<uint32_t> materials;  ///< one a vertex
-  /// Empty, or of each vertex: where it touches an irregular edge, a new position that stands for
+  /// Empty, or of each vertex: where it touches a non-manifold edge, a new position that stands for
   /// all that are joined to it by such edges, as the vertex there; else kNone.
   std::vector<uint32_t> components;
 };
@@ -45,14 +45,14 @@ void append_vertex(Mesh& to, const Mesh& from, uint32_t vertex);
 /// where there would be too many.
 uint32_t append_vertices(Source& source, const AddedVertices& added);
 
-/// Welds and prepares a valid mesh, but for its irregular components.
+/// Welds and prepares a valid mesh, but for its non-manifold components.
 Source make_source(const MeshView& mesh, const BuildOptions& options);
 
 /// Numbers vertices anew in the order in which `clusters` use them, so that neighbours are near
 /// each other in memory. The mesh's triangles are not.
 void order_vertices(Source& source, ClusterSet& clusters);
 
-/// Finds the irregular components of the surface in `clusters`, and lets go of the mesh's
+/// Finds the non-manifold components of the surface in `clusters`, and lets go of the mesh's
 /// triangles. Returns how many are degenerate.
 size_t settle_source(Source& source, const ClusterSet& clusters);
 

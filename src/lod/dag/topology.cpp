@@ -52,7 +52,7 @@ std::vector<uint32_t> components(std::span<const std::vector<PositionPair>> pair
 
 }  // namespace
 
-std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, size_t count) {
+std::vector<uint32_t> non_manifold_components(std::span<const PositionPair> edges, size_t count) {
   // Bucket the edges by their lower end; buckets are short, so sorting them is cheap.
   BigVector<uint32_t> offsets(count + 1, 0);
   for (const auto& [a, b] : edges) ++offsets[std::min(a, b) + 1];
@@ -82,18 +82,18 @@ std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, 
   return components(found, count);
 }
 
-std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
-                                           std::span<const uint32_t> position_ids) {
+std::vector<uint32_t> non_manifold_components(std::span<const Triangle> triangles,
+                                              std::span<const uint32_t> position_ids) {
   std::vector<PositionPair> edges;
   for (const Triangle& t : triangles) {
     const uint32_t a = position_ids[t[0]], b = position_ids[t[1]], c = position_ids[t[2]];
     if (a == b || b == c || c == a) continue;
     edges.insert(edges.end(), {{a, b}, {b, c}, {c, a}});
   }
-  return irregular_components(edges, position_ids.size());
+  return non_manifold_components(edges, position_ids.size());
 }
 
-PieceTopology::Entry& PieceTopology::entry(uint32_t a, uint32_t b) {
+SubMeshTopology::Entry& SubMeshTopology::entry(uint32_t a, uint32_t b) {
   const uint64_t key = uint64_t{std::min(a, b)} << 32 | std::max(a, b);
   uint64_t slot = (key * 0x9e3779b97f4a7c15ull) >> 20 & mask_;
   while (table_[slot].key != kEmpty && table_[slot].key != key) slot = (slot + 1) & mask_;
@@ -104,7 +104,7 @@ PieceTopology::Entry& PieceTopology::entry(uint32_t a, uint32_t b) {
   return table_[slot];
 }
 
-void PieceTopology::reset(size_t edges) {
+void SubMeshTopology::reset(size_t edges) {
   const size_t size = std::bit_ceil(edges * 2 + 16);
   if (size > table_.size()) {
     table_.assign(size, {kEmpty, 0, 0});
@@ -115,26 +115,28 @@ void PieceTopology::reset(size_t edges) {
   mask_ = table_.size() - 1;
 }
 
-void PieceTopology::set_piece(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
-                              std::span<const uint32_t> component) {
+void SubMeshTopology::set_sub_mesh(std::span<const Triangle> triangles,
+                                   std::span<const uint8_t> locked,
+                                   std::span<const uint32_t> component) {
   locked_ = locked;
   component_ = component;
-  // Of the piece's own edges only those between two locked vertices matter: their number is known
-  // to the neighbours.
-  fixed_edges_.clear();
+  // Of the sub-mesh's own edges only those between two locked vertices matter: their number is
+  // known to the neighbours.
+  own_locked_edges_.clear();
   for (const Triangle& t : triangles)
     for (int i = 0; i < 3; ++i)
-      if (locked[t[i]] && locked[t[(i + 1) % 3]]) fixed_edges_.push_back({t[i], t[(i + 1) % 3]});
+      if (locked[t[i]] && locked[t[(i + 1) % 3]])
+        own_locked_edges_.push_back({t[i], t[(i + 1) % 3]});
 }
 
 // Finds violations and all chords.
-void PieceTopology::count_edges(std::span<const Triangle> result) {
-  reset(3 * result.size() + fixed_edges_.size());
+void SubMeshTopology::count_edges(std::span<const Triangle> result) {
+  reset(3 * result.size() + own_locked_edges_.size());
   violations_.clear();
-  chords_.clear();
+  locked_edges_.clear();
   for (const Triangle& t : result)
     for (int i = 0; i < 3; ++i) ++entry(t[i], t[(i + 1) % 3]).after;
-  for (const auto& [a, b] : fixed_edges_) ++entry(a, b).before;
+  for (const auto& [a, b] : own_locked_edges_) ++entry(a, b).before;
   for (uint32_t slot : used_) {
     const Entry& e = table_[slot];
     const uint32_t a = static_cast<uint32_t>(e.key >> 32), b = static_cast<uint32_t>(e.key);
@@ -143,7 +145,7 @@ void PieceTopology::count_edges(std::span<const Triangle> result) {
     const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
     const bool chord = fixed && e.before == 0 && e.after == 2;
     if (chord)
-      chords_.push_back({a, b});
+      locked_edges_.push_back({a, b});
     else if (parity_changed || e.after > 2 || (fixed && e.after > e.before))
       violations_.push_back({a, b});
   }

@@ -1,5 +1,5 @@
-// Which edges of a mesh are irregular, by position, and whether a simplified piece brought new
-// ones. An edge is regular if two triangles share it, and run along it in opposite directions.
+// Which edges of a mesh are non-manifold, by position, and whether a simplified sub-mesh brought
+// new ones. An edge is regular if two triangles share it, and run along it in opposite directions.
 #pragma once
 
 #include <cstdint>
@@ -12,49 +12,50 @@ namespace umbel::lod {
 
 using PositionPair = std::pair<uint32_t, uint32_t>;
 
-/// For each position (index of `position_ids`) the component of the graph of irregular edges, or
+/// For each position (index of `position_ids`) the component of the graph of non-manifold edges, or
 /// kNone for a position that touches none.
 /// Degenerate triangles (two corners at one position) are left out.
-std::vector<uint32_t> irregular_components(std::span<const Triangle> triangles,
-                                           std::span<const uint32_t> position_ids);
+std::vector<uint32_t> non_manifold_components(std::span<const Triangle> triangles,
+                                              std::span<const uint32_t> position_ids);
 
 /// The same from the directed edges of all triangles, or at least all edges of those that share
-/// one that may be irregular; `count` positions.
-std::vector<uint32_t> irregular_components(std::span<const PositionPair> edges, size_t count);
+/// one that may be non-manifold; `count` positions.
+std::vector<uint32_t> non_manifold_components(std::span<const PositionPair> edges, size_t count);
 
-/// Compares a piece of a surface before and after simplification. Edge collapse is a simplicial
-/// map, so it keeps the boundary of the piece modulo 2; what it may do wrong is to close a loop
+/// Compares a sub-mesh of a surface before and after simplification. Edge collapse is a simplicial
+/// map, so it keeps the boundary of the sub-mesh modulo 2; what it may do wrong is to close a loop
 /// of three edges that bounds no triangle, after which four triangles share an edge (the link
 /// condition of Dey et al. 1999), and to lay a *chord*, a new edge between two vertices of the
-/// piece's border, where a neighbouring piece may have or lay one too (locked_edges.hpp). Reusable;
-/// not thread-safe.
-class PieceTopology {
+/// sub-mesh's border, where a neighbouring sub-mesh may have or lay one too (locked_edges.hpp).
+/// Reusable; not thread-safe.
+class SubMeshTopology {
  public:
-  /// Positions of the piece are numbered 0..; `locked[p]` says that a neighbour has p too, and
-  /// `component[p]` is that of irregular_components.
-  void set_piece(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
-                 std::span<const uint32_t> component);
+  /// Positions of the sub-mesh are numbered 0..; `locked[p]` says that a neighbour has p too, and
+  /// `component[p]` is that of non_manifold_components.
+  void set_sub_mesh(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
+                    std::span<const uint32_t> component);
 
-  /// The edges of `result` that neither the rule of two triangles nor the source explains, in a
-  /// fixed order. Empty: the result can take the piece's place in every cut, provided that nobody
-  /// else has its chords. Those that `may_add(a, b)` says are legal are collected, others count as
-  /// violations.
+  /// The edges of `result` that neither the rule of two triangles nor the source allows, in a
+  /// fixed order. Empty: the result can take the sub-mesh's place in every cut, provided that
+  /// nobody else has its chords. Those that `may_add(a, b)` says are legal are collected, others
+  /// count as violations.
   template <typename MayAdd>
   std::span<const PositionPair> violations(std::span<const Triangle> result,
                                            const MayAdd& may_add) {
     count_edges(result);
-    std::erase_if(chords_, [&](const PositionPair& chord) {
-      if (may_add(chord.first, chord.second)) return false;
-      violations_.push_back(chord);
+    std::erase_if(locked_edges_, [&](const PositionPair& edge) {
+      if (may_add(edge.first, edge.second)) return false;
+      violations_.push_back(edge);
       return true;
     });
     return violations_;
   }
 
   /// Of the last result that was looked at.
-  std::span<const PositionPair> chords() const { return chords_; }
-  /// The edges of the piece itself between two locked vertices, each as often as a triangle has it.
-  std::span<const PositionPair> fixed_edges() const { return fixed_edges_; }
+  std::span<const PositionPair> locked_edges() const { return locked_edges_; }
+  /// The edges of the sub-mesh itself between two locked vertices, each as often as a triangle has
+  /// it.
+  std::span<const PositionPair> own_locked_edges() const { return own_locked_edges_; }
 
  private:
   struct Entry {
@@ -68,10 +69,10 @@ class PieceTopology {
   std::vector<Entry> table_;
   std::vector<uint32_t> used_;
   uint64_t mask_ = 0;
-  std::vector<PositionPair> fixed_edges_;
+  std::vector<PositionPair> own_locked_edges_;
   std::span<const uint8_t> locked_;
   std::span<const uint32_t> component_;
-  std::vector<PositionPair> violations_, chords_;
+  std::vector<PositionPair> violations_, locked_edges_;
 };
 
 }  // namespace umbel::lod

@@ -64,8 +64,8 @@ struct Event {
 };
 
 void append_events(const Tables& tables, std::span<const uint32_t> costs, const Seen& seen,
-                   std::span<const ClusterBounds> facing, std::vector<Event>& events) {
-  const Culling culling{seen.planes, facing};
+                   std::span<const ClusterBounds> normal_cones, std::vector<Event>& events) {
+  const Culling culling{seen.planes, normal_cones};
   std::vector<float> turns(tables.groups.size());
   parallel_for(turns.size(), 1024,
                [&](size_t g) { turns[g] = turning_point(tables.groups[g], seen); });
@@ -143,10 +143,10 @@ View view_for_budget(const Tables& tables, const View& view, std::span<const uin
   std::vector<Event> events;
   if (instances.empty()) {
     const Seen seen{view, {culling.planes.begin(), culling.planes.end()}, 1.0};
-    append_events(tables, costs, seen, culling.facing, events);
+    append_events(tables, costs, seen, culling.normal_cones, events);
   }
   for (const Transform& transform : instances)
-    append_events(tables, costs, see(view, culling, transform), culling.facing, events);
+    append_events(tables, costs, see(view, culling, transform), culling.normal_cones, events);
   View result = view;
   float& value = view.kind == View::Kind::kError ? result.error : result.threshold;
   value = first_that_fits(events, value, budget);

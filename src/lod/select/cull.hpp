@@ -73,7 +73,7 @@ UMBEL_HOST_DEVICE inline bool opens(const Node& node, const View& view,
 inline bool is_visible(const Tables& tables, uint32_t cluster, const View& view,
                        const Culling& culling) {
   if (is_outside(tables.clusters[cluster].box, culling.planes)) return false;
-  return culling.facing.empty() || !faces_away(culling.facing[cluster], view.eye);
+  return culling.normal_cones.empty() || !faces_away(culling.normal_cones[cluster], view.eye);
 }
 
 /// Throws kInvalidArgument for what no selection can use.

@@ -49,7 +49,8 @@ InstanceCuts select_instances(const Tables& tables, const View& view, const Cull
   std::vector<std::vector<uint32_t>> cuts(instances.size());
   parallel_for(instances.size(), 1, [&](size_t i) {
     const std::vector<Plane> planes = to_object(culling.planes, instances[i]);
-    cuts[i] = select_hierarchy(tables, to_object(view, instances[i]), {planes, culling.facing});
+    cuts[i] =
+        select_hierarchy(tables, to_object(view, instances[i]), {planes, culling.normal_cones});
   });
   InstanceCuts result;
   result.offsets.push_back(0);

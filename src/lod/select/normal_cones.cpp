@@ -23,13 +23,13 @@ ClusterBounds bounds_of(const ClusterGeometry& geometry) {
 
 }  // namespace
 
-std::vector<ClusterBounds> facing_bounds(const Tables& tables, const GeometryReader& geometry,
-                                         const BuildOptions& options) {
+std::vector<ClusterBounds> normal_cone_bounds(const Tables& tables, const GeometryReader& geometry,
+                                              const BuildOptions& options) {
   Progress progress(options);
   std::vector<ClusterBounds> bounds(tables.clusters.size());
   constexpr size_t kBatch = 4096;  // clusters between two calls of the progress callback
   for (size_t begin = 0; begin < bounds.size(); begin += kBatch) {
-    progress.report(static_cast<double>(begin) / bounds.size(), "facing");
+    progress.report(static_cast<double>(begin) / bounds.size(), "normal cones");
     const size_t count = std::min(kBatch, bounds.size() - begin);
     with_threads(options.threads, [&] {
       parallel_for(count, 16, [&](size_t i) {

@@ -57,7 +57,7 @@ class GroupSet {
 // Appends the clusters of the cut that a group has.
 void append_cut(const Tables& tables, const View& view, const Culling& culling, uint32_t group,
                 std::vector<uint32_t>& cut) {
-  const bool culls = !culling.planes.empty() || !culling.facing.empty();
+  const bool culls = !culling.planes.empty() || !culling.normal_cones.empty();
   const Range& range = tables.groups[group].clusters;
   // Clusters made from the same group stand together, so the last answer often holds.
   uint32_t asked = kNone;
@@ -113,12 +113,12 @@ void check(const Tables& tables, const View& view, const Culling& culling) {
              "] must have a normal of length 1 and a finite offset, but has the length " +
              std::to_string(length) + " and the offset " + std::to_string(plane.offset));
   }
-  if (culling.facing.empty()) return;
-  if (culling.facing.size() != tables.clusters.size())
-    reject("Culling::facing has " + std::to_string(culling.facing.size()) +
+  if (culling.normal_cones.empty()) return;
+  if (culling.normal_cones.size() != tables.clusters.size())
+    reject("Culling::normal_cones has " + std::to_string(culling.normal_cones.size()) +
            " elements, but there are " + std::to_string(tables.clusters.size()) + " clusters");
   if (view.kind != View::Kind::kCamera)
-    reject("Culling::facing needs a camera: other views have no eye");
+    reject("Culling::normal_cones needs a camera: other views have no eye");
 }
 
 bool must_refine(const Group& group, const View& view) { return needs_refining(group, view); }

@@ -139,7 +139,7 @@ UMBEL_HOST_DEVICE void each_cluster(const Selecting& s, const ShownGroup& shown,
       asked = from;
     }
     if (is_finer_shown || lod::is_outside(cluster.box, planes)) continue;
-    if (s.tables.facing && lod::faces_away(s.tables.facing[c], view.eye)) continue;
+    if (s.tables.normal_cones && lod::faces_away(s.tables.normal_cones[c], view.eye)) continue;
     take(c);
   }
 }

@@ -112,11 +112,11 @@ void GroupSimplifier::keep_area(const Candidate& best, Simplified& result) {
     }
   }
   result.error += farthest;
-  result.rung = Rung::kSloppy;
-  result.reason = Reason::kAreaLost;
+  result.method = SimplifyMethod::kSloppy;
+  result.limiting_factor = LimitingFactor::kAreaLost;
   std::vector<uint32_t> numbers(position_ids_.size());
   std::iota(numbers.begin(), numbers.end(), 0u);
-  const std::vector<uint32_t> components = irregular_components(grown, numbers);
+  const std::vector<uint32_t> components = non_manifold_components(grown, numbers);
   result.added.components.resize(result.added.position_ids.size(), kNone);
   for (uint32_t p = 0; p < place.size(); ++p)
     if (place[p] != kNone && components[p] != kNone)

@@ -18,15 +18,15 @@ struct Side {
   Triangle t;
 };
 
-class Mender {
+class NonManifoldRepair {
  public:
-  Mender(const RepairInput& input, std::vector<Triangle>& triangles)
+  NonManifoldRepair(const RepairInput& input, std::vector<Triangle>& triangles)
       : input_(input), triangles_(triangles), first_(input.locked.size(), kNone) {
     for (size_t i = 0; i < triangles.size(); ++i)
       for (uint32_t k = 0; k < 3; ++k) link(i, k);
   }
 
-  void mend(uint32_t a, uint32_t b) {
+  void repair(uint32_t a, uint32_t b) {
     std::vector<Side> forward, backward;
     find_sides(a, b, forward, backward);
     if (remove_back_to_back(forward, backward)) return;
@@ -160,7 +160,7 @@ class Mender {
     return true;
   }
 
-  // Splits the edge in one sheet by the nearest spare vertex that turns no triangle over.
+  // Splits the edge in one patch by the nearest spare vertex that turns no triangle over.
   void split(std::span<const Side> forward, std::span<const Side> backward) {
     mark_used();
     for (const Side& f : forward)
@@ -219,10 +219,10 @@ class Mender {
 
 float repair(const RepairInput& input, std::span<const std::pair<uint32_t, uint32_t>> faults,
              std::vector<Triangle>& triangles) {
-  Mender mender(input, triangles);
-  for (const auto& [a, b] : faults) mender.mend(a, b);
+  NonManifoldRepair repairing(input, triangles);
+  for (const auto& [a, b] : faults) repairing.repair(a, b);
   std::erase_if(triangles, [](const Triangle& t) { return t[0] == t[1]; });
-  return mender.deviation();
+  return repairing.deviation();
 }
 
 }  // namespace umbel::lod

@@ -2,9 +2,9 @@
 // and, where they must not be, chords (topology.hpp).
 //
 // Two triangles back to back on three positions bound nothing and are taken out. Otherwise the edge
-// is flipped in the sheet where that moves the surface least, or, where no flip is sound, split by
+// is flipped in the patch where that moves the surface least, or, where no flip is sound, split by
 // a vertex of the source that simplification had removed. All of these keep the boundary of the
-// piece, and cost far less than simplifying again.
+// sub-mesh, and cost far less than simplifying again.
 #pragma once
 
 #include <span>

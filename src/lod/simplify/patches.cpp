@@ -10,15 +10,15 @@
 namespace umbel::lod {
 namespace {
 
-struct Sheet {
+struct Patch {
   Aabb box;
   size_t triangles = 0;
   bool fixed = false;
   float diagonal() const { return length(box.max - box.min); }
 };
 
-// For each triangle the lowest triangle of its sheet.
-std::vector<uint32_t> find_sheets(const SheetInput& input, std::span<const Triangle> triangles) {
+// For each triangle the lowest triangle of its patch.
+std::vector<uint32_t> find_patches(const PatchInput& input, std::span<const Triangle> triangles) {
   struct Side {
     uint32_t a, b, triangle;
     auto operator<=>(const Side&) const = default;
@@ -28,9 +28,8 @@ std::vector<uint32_t> find_sheets(const SheetInput& input, std::span<const Trian
     for (int i = 0; i < 3; ++i) {
       const uint32_t p = input.position_of[triangles[t][i]];
       const uint32_t q = input.position_of[triangles[t][(i + 1) % 3]];
-      const bool explained =
-          input.component[p] != kNone && input.component[p] == input.component[q];
-      if (!explained) sides.push_back({std::min(p, q), std::max(p, q), t});
+      const bool allowed = input.component[p] != kNone && input.component[p] == input.component[q];
+      if (!allowed) sides.push_back({std::min(p, q), std::max(p, q), t});
     }
   std::sort(sides.begin(), sides.end());
   std::vector<uint32_t> parent(triangles.size());
@@ -49,42 +48,41 @@ std::vector<uint32_t> find_sheets(const SheetInput& input, std::span<const Trian
 }
 
 // By the lowest triangle of each; the others are empty.
-std::vector<Sheet> measure_sheets(const SheetInput& input, std::span<const Triangle> triangles,
-                                  std::span<const uint32_t> sheet_of) {
-  std::vector<Sheet> sheets(triangles.size());
+std::vector<Patch> measure_patches(const PatchInput& input, std::span<const Triangle> triangles,
+                                   std::span<const uint32_t> patch_of) {
+  std::vector<Patch> patches(triangles.size());
   for (uint32_t t = 0; t < triangles.size(); ++t) {
-    Sheet& sheet = sheets[sheet_of[t]];
-    ++sheet.triangles;
+    Patch& patch = patches[patch_of[t]];
+    ++patch.triangles;
     for (uint32_t v : triangles[t]) {
-      extend(sheet.box, input.positions[v]);
-      sheet.fixed |= input.locked[input.position_of[v]] != 0;
+      extend(patch.box, input.positions[v]);
+      patch.fixed |= input.locked[input.position_of[v]] != 0;
     }
   }
-  return sheets;
+  return patches;
 }
 
-std::vector<uint32_t> numbers_of(std::span<const Sheet> sheets) {
+std::vector<uint32_t> numbers_of(std::span<const Patch> patches) {
   std::vector<uint32_t> numbers;
-  for (uint32_t s = 0; s < sheets.size(); ++s)
-    if (sheets[s].triangles > 0) numbers.push_back(s);
+  for (uint32_t s = 0; s < patches.size(); ++s)
+    if (patches[s].triangles > 0) numbers.push_back(s);
   return numbers;
 }
 
-// The directed sides of the sheet that nothing cancels and nothing explains, as vertices.
-std::vector<std::pair<uint32_t, uint32_t>> border_of(const SheetInput& input,
-                                                     std::span<const Triangle> sheet) {
+// The directed sides of the patch that nothing cancels and nothing allows, as vertices.
+std::vector<std::pair<uint32_t, uint32_t>> border_of(const PatchInput& input,
+                                                     std::span<const Triangle> patch) {
   struct Side {
     uint32_t low, high;  // positions
     uint32_t from, to;   // vertices
   };
   std::vector<Side> sides;
-  for (const Triangle& t : sheet)
+  for (const Triangle& t : patch)
     for (int i = 0; i < 3; ++i) {
       const uint32_t from = t[i], to = t[(i + 1) % 3];
       const uint32_t p = input.position_of[from], q = input.position_of[to];
-      const bool explained =
-          input.component[p] != kNone && input.component[p] == input.component[q];
-      if (!explained) sides.push_back({std::min(p, q), std::max(p, q), from, to});
+      const bool allowed = input.component[p] != kNone && input.component[p] == input.component[q];
+      if (!allowed) sides.push_back({std::min(p, q), std::max(p, q), from, to});
     }
   std::stable_sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
     return std::pair(a.low, a.high) < std::pair(b.low, b.high);
@@ -104,7 +102,7 @@ using Sides = std::vector<std::pair<uint32_t, uint32_t>>;
 
 // Takes a border apart into loops of vertices, none of which is at a position twice. What does not
 // close is left out.
-std::vector<std::vector<uint32_t>> loops_of(const SheetInput& input, Sides border) {
+std::vector<std::vector<uint32_t>> loops_of(const PatchInput& input, Sides border) {
   const auto position = [&](uint32_t v) { return input.position_of[v]; };
   std::vector<std::vector<uint32_t>> loops;
   while (!border.empty()) {
@@ -131,7 +129,7 @@ std::vector<std::vector<uint32_t>> loops_of(const SheetInput& input, Sides borde
 
 // A fan over each loop of the border, which keeps the loop's sides and their direction, around a
 // vertex from the inside, so that no two of the border's positions become neighbours.
-void add_caps(const SheetInput& input, std::span<const Triangle> sheet, const Sides& border,
+void add_caps(const PatchInput& input, std::span<const Triangle> patch, const Sides& border,
               std::vector<Triangle>& out) {
   std::vector<uint8_t> used(input.locked.begin(), input.locked.end());
   for (const auto& loop : loops_of(input, border)) {
@@ -140,7 +138,7 @@ void add_caps(const SheetInput& input, std::span<const Triangle> sheet, const Si
       middle = middle + input.positions[v] * (1.0f / static_cast<float>(loop.size()));
     uint32_t apex = kNone;
     float nearest = std::numeric_limits<float>::infinity();
-    for (const Triangle& t : sheet)
+    for (const Triangle& t : patch)
       for (uint32_t v : t) {
         const Vec3 d = input.positions[v] - middle;
         if (used[input.position_of[v]] || !(dot(d, d) < nearest)) continue;
@@ -154,14 +152,14 @@ void add_caps(const SheetInput& input, std::span<const Triangle> sheet, const Si
   }
 }
 
-uint32_t farthest(const SheetInput& input, std::span<const uint32_t> vertices, auto&& distance) {
+uint32_t farthest(const PatchInput& input, std::span<const uint32_t> vertices, auto&& distance) {
   return *std::max_element(vertices.begin(), vertices.end(), [&](uint32_t a, uint32_t b) {
     return distance(input.positions[a]) < distance(input.positions[b]);
   });
 }
 
 // Of vertices that may be in one triangle; nothing where they are all in a line.
-void add_double_triangle(const SheetInput& input, std::span<const uint32_t> vertices,
+void add_double_triangle(const PatchInput& input, std::span<const uint32_t> vertices,
                          std::vector<Triangle>& out) {
   const Vec3 start = input.positions[vertices[0]];
   const uint32_t a =
@@ -182,32 +180,32 @@ void add_double_triangle(const SheetInput& input, std::span<const uint32_t> vert
 
 }  // namespace
 
-float drop_sheets(const SheetInput& input, size_t target, std::vector<Triangle>& triangles) {
-  const std::vector<uint32_t> sheet_of = find_sheets(input, triangles);
-  const std::vector<Sheet> sheets = measure_sheets(input, triangles, sheet_of);
-  std::vector<uint32_t> order = numbers_of(sheets);
+float remove_patches(const PatchInput& input, size_t target, std::vector<Triangle>& triangles) {
+  const std::vector<uint32_t> patch_of = find_patches(input, triangles);
+  const std::vector<Patch> patches = measure_patches(input, triangles, patch_of);
+  std::vector<uint32_t> order = numbers_of(patches);
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
-    return sheets[a].diagonal() < sheets[b].diagonal();
+    return patches[a].diagonal() < patches[b].diagonal();
   });
   std::vector<uint8_t> gone(triangles.size(), 0);
   size_t left = triangles.size();
   float moved = 0.0f;
   const auto remove = [&](uint32_t s) {
     gone[s] = 1;
-    left -= sheets[s].triangles;
-    moved = std::max(moved, sheets[s].diagonal());
+    left -= patches[s].triangles;
+    moved = std::max(moved, patches[s].diagonal());
   };
   for (size_t i = 0; i + 1 < order.size() && left > target; ++i)
-    if (!sheets[order[i]].fixed) remove(order[i]);
+    if (!patches[order[i]].fixed) remove(order[i]);
 
   std::vector<Triangle> doubles;
-  if (!order.empty() && left > target && !sheets[order.back()].fixed) {
+  if (!order.empty() && left > target && !patches[order.back()].fixed) {
     std::vector<uint32_t> corners;
     const auto material = [&](const Triangle& t) {
       return input.materials.empty() ? 0 : input.materials[t[0]];
     };
     for (uint32_t t = 0; t < triangles.size(); ++t)
-      if (sheet_of[t] == order.back() &&
+      if (patch_of[t] == order.back() &&
           material(triangles[t]) == material(triangles[order.back()]))
         corners.insert(corners.end(), triangles[t].begin(), triangles[t].end());
     add_double_triangle(input, corners, doubles);
@@ -215,18 +213,18 @@ float drop_sheets(const SheetInput& input, size_t target, std::vector<Triangle>&
   }
   size_t kept = 0;
   for (uint32_t t = 0; t < triangles.size(); ++t)
-    if (!gone[sheet_of[t]]) triangles[kept++] = triangles[t];
+    if (!gone[patch_of[t]]) triangles[kept++] = triangles[t];
   triangles.resize(kept);
   triangles.insert(triangles.end(), doubles.begin(), doubles.end());
   return moved;
 }
 
-float cap_sheets(const SheetInput& input, size_t target, std::vector<Triangle>& triangles) {
-  const std::vector<uint32_t> sheet_of = find_sheets(input, triangles);
-  const std::vector<Sheet> sheets = measure_sheets(input, triangles, sheet_of);
-  std::vector<uint32_t> order = numbers_of(sheets);
+float cap_patches(const PatchInput& input, size_t target, std::vector<Triangle>& triangles) {
+  const std::vector<uint32_t> patch_of = find_patches(input, triangles);
+  const std::vector<Patch> patches = measure_patches(input, triangles, patch_of);
+  std::vector<uint32_t> order = numbers_of(patches);
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
-    return sheets[a].triangles > sheets[b].triangles;
+    return patches[a].triangles > patches[b].triangles;
   });
   size_t left = triangles.size();
   float moved = 0.0f;
@@ -234,20 +232,20 @@ float cap_sheets(const SheetInput& input, size_t target, std::vector<Triangle>& 
   std::vector<Triangle> caps;
   for (uint32_t s : order) {
     if (left <= target) break;
-    if (!sheets[s].fixed) continue;
-    std::vector<Triangle> sheet, its_caps;
+    if (!patches[s].fixed) continue;
+    std::vector<Triangle> patch, its_caps;
     for (uint32_t t = 0; t < triangles.size(); ++t)
-      if (sheet_of[t] == s) sheet.push_back(triangles[t]);
-    add_caps(input, sheet, border_of(input, sheet), its_caps);
-    if (its_caps.size() >= sheet.size()) continue;
+      if (patch_of[t] == s) patch.push_back(triangles[t]);
+    add_caps(input, patch, border_of(input, patch), its_caps);
+    if (its_caps.size() >= patch.size()) continue;
     capped[s] = 1;
-    left -= sheet.size() - its_caps.size();
-    moved = std::max(moved, sheets[s].diagonal());
+    left -= patch.size() - its_caps.size();
+    moved = std::max(moved, patches[s].diagonal());
     caps.insert(caps.end(), its_caps.begin(), its_caps.end());
   }
   size_t kept = 0;
   for (uint32_t t = 0; t < triangles.size(); ++t)
-    if (!capped[sheet_of[t]]) triangles[kept++] = triangles[t];
+    if (!capped[patch_of[t]]) triangles[kept++] = triangles[t];
   triangles.resize(kept);
   triangles.insert(triangles.end(), caps.begin(), caps.end());
   return moved;

@@ -16,9 +16,9 @@
 namespace umbel::lod {
 namespace {
 
-// A result that keeps more than this part of the triangles moves to the next rung of the ladder.
+// A result that keeps more than this part of the triangles moves to the next method of the ladder.
 constexpr double kGoodEnough = 0.7;
-// And one that keeps more than this after the last rung is not worth a level.
+// And one that keeps more than this after the last method is not worth a level.
 constexpr double kStuck = 0.85;
 // Components come back if that lowers the radius of the largest one that is gone to this part.
 constexpr float kWorthwhile = 0.8f;
@@ -27,11 +27,11 @@ constexpr float kPruneAbove = 0.01f;
 // With less than this part of the triangles they make too little room for the rest.
 constexpr double kLeastPruned = 0.02;
 // Of the triangles; to get from these to the target only collapses are done that cost little more.
-constexpr float kCheapBelow = 0.85f;
+constexpr float kLimitBelow = 0.85f;
 // meshoptimizer counts a difference of 1 as a part of the group's extent: ours, where a vertex
 // stands for some hundredths of the area.
 constexpr float kPerExtent = 0.05f;
-// Tries with more and more vertices held before a rung is given up.
+// Tries with more and more vertices held before a method is given up.
 constexpr int kMostTries = 8;
 // Merging vertices by cell loses the look sooner than its distance says.
 constexpr float kCellErrorFactor = 2.0f;
@@ -79,7 +79,7 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
 
   Candidate best;
   best.triangles = triangles_;
-  best.valid = true;  // the piece itself, less what is degenerate or repeated
+  best.valid = true;  // the sub-mesh itself, less what is degenerate or repeated
   const auto consider = [&](Candidate candidate) {
     if (candidate.valid && (!best.valid || candidate.triangles.size() < best.triangles.size()))
       best = std::move(candidate);
@@ -88,23 +88,24 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   const bool by_caller =
       decimate_ && best.triangles.size() > target && ask_caller(target, worthwhile, best);
   Simplified result;
-  if (by_caller) result.reason = Reason::kCaller;
+  if (by_caller) result.limiting_factor = LimitingFactor::kCaller;
   if (!by_caller && best.triangles.size() > target) {
     consider(collapse_regular(target));
-    if (best.rung == Rung::kPrune) result.reason = Reason::kSmallParts;
-    if (best.triangles.size() > good) result.reason = collapser_.hindrance();
-    if (best.triangles.size() > good || has_irregular_) prepare_repair();
+    if (best.method == SimplifyMethod::kPrune)
+      result.limiting_factor = LimitingFactor::kSmallComponents;
+    if (best.triangles.size() > good) result.limiting_factor = collapser_.limiting_factor();
+    if (best.triangles.size() > good || has_non_manifold_) prepare_repair();
     const bool across = !protects_seams() || allow.last_resort;
     if (across && best.triangles.size() > good)
-      consider(collapse_checked(target, meshopt_SimplifyPermissive, Rung::kPermissive));
-    if (across && best.triangles.size() > good) consider(collapse_loosely(target, false));
+      consider(collapse_checked(target, meshopt_SimplifyPermissive, SimplifyMethod::kPermissive));
+    if (across && best.triangles.size() > good) consider(collapse_non_manifold(target, false));
     if (best.triangles.size() > good) consider(prune(best, target));
     if (allow.last_resort) {
-      if (best.triangles.size() > good) consider(collapse_loosely(target, true));
+      if (best.triangles.size() > good) consider(collapse_non_manifold(target, true));
       if (best.triangles.size() > good) consider(prune(best, target));
-      if (best.triangles.size() > good) consider(exchange_sheets(best, target, drop_sheets));
+      if (best.triangles.size() > good) consider(replace_patches(best, target, remove_patches));
       if (best.triangles.size() > good) consider(merge_cells(target));
-      if (best.triangles.size() > good) consider(exchange_sheets(best, target, cap_sheets));
+      if (best.triangles.size() > good) consider(replace_patches(best, target, cap_patches));
     }
   }
 
@@ -116,13 +117,13 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   if (!best.valid || best.triangles.size() > worthwhile) return result;
   result.done = true;
   if (best.pruned > 0)
-    result.vanished = best.pruned;
+    result.removed_radius = best.pruned;
   else if (has_parts_)
-    result.vanished = settle_vanished(good, best.triangles);
+    result.removed_radius = restore_components(good, best.triangles);
   result.error = best.error;
   result.attribute_error = best.attribute_error;
-  result.rung = best.rung;
-  result.chords = to_ids(best.chords);
+  result.method = best.method;
+  result.locked_edges = to_ids(best.locked_edges);
   result.added = std::move(best.added);
   leave(best, result);
   add_refitted(best, result);
@@ -186,7 +187,7 @@ void GroupSimplifier::gather_positions(std::span<const uint8_t> locked) {
   components_.resize(position_ids_.size());
   for (size_t p = 0; p < position_ids_.size(); ++p) {
     locked_[p] = locked[position_ids_[p]];
-    components_[p] = source_.irregular_components[position_ids_[p]];
+    components_[p] = source_.non_manifold_components[position_ids_[p]];
   }
   for (size_t v = 0; v < count; ++v) {
     // Adding 0 turns -0 into 0, so that meshoptimizer sees equal positions as equal bits.
@@ -217,8 +218,8 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
     const uint32_t a = position_of_[t[0]], b = position_of_[t[1]], c = position_of_[t[2]];
     return a == b || b == c || c == a;
   });
-  has_irregular_ = std::any_of(components_.begin(), components_.end(),
-                               [](uint32_t component) { return component != kNone; });
+  has_non_manifold_ = std::any_of(components_.begin(), components_.end(),
+                                  [](uint32_t component) { return component != kNone; });
   drop_repeated_triangles();
 
   position_triangles_.clear();
@@ -226,7 +227,7 @@ void GroupSimplifier::gather(const ClusterSet& set, std::span<const uint32_t> cl
   gather_attributes();
 }
 
-// The piece's own.
+// The sub-mesh's own.
 std::span<const Triangle> GroupSimplifier::position_triangles() {
   if (!source_.has_wedges) return triangles_;
   if (position_triangles_.empty())
@@ -235,7 +236,7 @@ std::span<const Triangle> GroupSimplifier::position_triangles() {
   return position_triangles_;
 }
 
-// What the rungs below the first need to know. No component vanishes in the first.
+// What the methods below the first need to know. No component vanishes in the first.
 void GroupSimplifier::prepare_repair() {
   find_spare_vertices();
   find_components();
@@ -253,9 +254,9 @@ void GroupSimplifier::find_spare_vertices() {
 }
 
 // A triangle that is there twice with the same vertices and the same front looks as one does. Its
-// edges are irregular.
+// edges are non-manifold.
 void GroupSimplifier::drop_repeated_triangles() {
-  if (!has_irregular_) return;
+  if (!has_non_manifold_) return;
   triangle_table_.assign(std::bit_ceil(2 * triangles_.size() + 1), kNone);
   const auto normal_form = [](const Triangle& t) {
     const size_t first = std::min_element(t.begin(), t.end()) - t.begin();
@@ -301,7 +302,7 @@ CollapseInput GroupSimplifier::collapse_input() {
   if (!source_.vertex_materials.empty())
     for (uint32_t v = 0; v < vertices_.size(); ++v) materials_.push_back(material(v));
   CollapseInput input{triangles_,         position_of_, positions_,  attributes_,
-                      attribute_weights_, locked_,      components_, allow_.chords};
+                      attribute_weights_, locked_,      components_, allow_.locked_edges};
   input.taken = allow_.taken;
   input.position_ids = position_ids_;
   input.materials = materials_;
@@ -311,10 +312,10 @@ CollapseInput GroupSimplifier::collapse_input() {
 
 GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   CollapseInput input = collapse_input();
-  input.cheap_below = static_cast<size_t>(kCheapBelow * triangles_.size());
-  // Where nothing is irregular and there is no seam, the next rung has nothing more to permit.
-  if (!has_irregular_ && !source_.has_wedges)
-    input.dear_until = static_cast<size_t>(kGoodEnough * triangles_.size());
+  input.limit_below = static_cast<size_t>(kLimitBelow * triangles_.size());
+  // Where nothing is non-manifold and there is no seam, the next method has nothing more to permit.
+  if (!has_non_manifold_ && !source_.has_wedges)
+    input.unlimited_until = static_cast<size_t>(kGoodEnough * triangles_.size());
   Candidate result = collapse_regular(input, target);
   if (result.error * source_.scale < kPruneAbove * collapser_.extent() &&
       result.triangles.size() <= kGoodEnough * triangles_.size())
@@ -326,9 +327,9 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(size_t target) {
   input.part_of = component_of_;
   input.part_radii = radii;
   Candidate without = collapse_regular(input, target);
-  if (!(collapser_.vanished() > 0)) return without;
-  without.pruned = collapser_.vanished() / source_.scale;
-  without.rung = Rung::kPrune;
+  if (!(collapser_.removed_radius() > 0)) return without;
+  without.pruned = collapser_.removed_radius() / source_.scale;
+  without.method = SimplifyMethod::kPrune;
   return without;
 }
 
@@ -347,28 +348,28 @@ GroupSimplifier::Candidate GroupSimplifier::collapse_regular(CollapseInput input
   Candidate result;
   collapser_.run(input, target);
   result.triangles = collapser_.triangles();
-  if (has_irregular_ && !faults(result.triangles).empty()) {
-    input.irregular = false;
+  if (has_non_manifold_ && !faults(result.triangles).empty()) {
+    input.non_manifold = false;
     collapser_.run(input, target);
     result.triangles = collapser_.triangles();
   }
   result.error = collapser_.error() / source_.scale;
   result.attribute_error = collapser_.attribute_error() / source_.scale;
-  result.chords = collapser_.chords();
+  result.locked_edges = collapser_.locked_edges();
   result.valid = true;
   if (config_.refit_attributes && !attribute_weights_.empty()) refit_attributes(result);
   return result;
 }
 
-// Our own edge collapse once more, with irregular vertices and across seams.
-GroupSimplifier::Candidate GroupSimplifier::collapse_loosely(size_t target, bool any_turn) {
+// Our own edge collapse once more, with non-manifold vertices and across seams.
+GroupSimplifier::Candidate GroupSimplifier::collapse_non_manifold(size_t target, bool allow_flips) {
   CollapseInput input = collapse_input();
-  input.loose = true;
+  input.non_manifold_moves = true;
   input.rules = {};
-  input.any_turn = any_turn;
+  input.allow_flips = allow_flips;
   collapser_.run(input, target);
   Candidate result;
-  result.rung = Rung::kPermissive;
+  result.method = SimplifyMethod::kPermissive;
   result.triangles = collapser_.triangles();
   result.error = collapser_.error() / source_.scale;
   result.attribute_error = collapser_.attribute_error() / source_.scale;
@@ -408,12 +409,12 @@ bool GroupSimplifier::suits_meshoptimizer() const {
 }
 
 GroupSimplifier::Candidate GroupSimplifier::collapse_checked(size_t target, unsigned options,
-                                                             Rung rung) {
+                                                             SimplifyMethod method) {
   if (!suits_meshoptimizer()) return {};
   held_.assign(position_ids_.size(), 0);
   for (int attempt = 0; attempt < kMostTries; ++attempt) {
     Candidate result = collapse(target, options);
-    result.rung = rung;
+    result.method = method;
     if (mixes_materials(result.triangles)) return result;
     const auto found = repair_faults(result);
     if (found.empty()) {
@@ -451,9 +452,9 @@ std::span<const PositionPair> GroupSimplifier::faults(std::span<const Triangle> 
   for (const Triangle& t : triangles)
     result_positions_.push_back({position_of_[t[0]], position_of_[t[1]], position_of_[t[2]]});
   if (!std::exchange(knows_topology_, true))
-    topology_.set_piece(position_triangles(), locked_, components_);
+    topology_.set_sub_mesh(position_triangles(), locked_, components_);
   return topology_.violations(result_positions_, [&](uint32_t a, uint32_t b) {
-    return allow_.chords &&
+    return allow_.locked_edges &&
            !(allow_.taken && allow_.taken->contains({position_ids_[a], position_ids_[b]}));
   });
 }
@@ -461,7 +462,7 @@ std::span<const PositionPair> GroupSimplifier::faults(std::span<const Triangle> 
 // Of a candidate in which `faults` has just found none.
 void GroupSimplifier::accept(Candidate& candidate) {
   candidate.valid = true;
-  candidate.chords.assign(topology_.chords().begin(), topology_.chords().end());
+  candidate.locked_edges.assign(topology_.locked_edges().begin(), topology_.locked_edges().end());
 }
 
 bool GroupSimplifier::mixes_materials(std::span<const Triangle> triangles) const {
@@ -507,24 +508,24 @@ void GroupSimplifier::find_components() {
 // A component that is gone was nowhere nearer to what is left than half its diagonal, whatever the
 // quadrics of a thin or flat one say. The largest come back as they were where that lowers the
 // error much at a small price. Returns the radius of the largest that stays away.
-float GroupSimplifier::settle_vanished(size_t most_triangles, std::vector<Triangle>& triangles) {
+float GroupSimplifier::restore_components(size_t most_triangles, std::vector<Triangle>& triangles) {
   if (parts_.size() == 1 && !triangles.empty()) return 0.0f;
   std::vector<uint8_t> present(parts_.size(), 0);
   for (const Triangle& t : triangles) present[component_of_[position_of_[t[0]]]] = 1;
-  std::vector<uint32_t> vanished, triangles_of(parts_.size(), 0);
+  std::vector<uint32_t> removed, triangles_of(parts_.size(), 0);
   for (const Triangle& t : position_triangles())
     if (const uint32_t part = component_of_[t[0]]; !present[part] && triangles_of[part]++ == 0)
-      vanished.push_back(part);
-  if (vanished.empty()) return 0.0f;
-  std::stable_sort(vanished.begin(), vanished.end(),
+      removed.push_back(part);
+  if (removed.empty()) return 0.0f;
+  std::stable_sort(removed.begin(), removed.end(),
                    [&](uint32_t a, uint32_t b) { return parts_[a].radius() > parts_[b].radius(); });
   size_t restored = 0, count = triangles.size();
-  while (restored < vanished.size() && count + triangles_of[vanished[restored]] <= most_triangles)
-    count += triangles_of[vanished[restored++]];
-  const float largest = parts_[vanished[0]].radius();
-  const float left = restored < vanished.size() ? parts_[vanished[restored]].radius() : 0.0f;
+  while (restored < removed.size() && count + triangles_of[removed[restored]] <= most_triangles)
+    count += triangles_of[removed[restored++]];
+  const float largest = parts_[removed[0]].radius();
+  const float left = restored < removed.size() ? parts_[removed[restored]].radius() : 0.0f;
   if (left > kWorthwhile * largest) return largest / source_.scale;
-  for (size_t i = 0; i < restored; ++i) present[vanished[i]] = 2;
+  for (size_t i = 0; i < restored; ++i) present[removed[i]] = 2;
   for (const Triangle& t : triangles_)
     if (present[component_of_[position_of_[t[0]]]] == 2) triangles.push_back(t);
   return left / source_.scale;
@@ -547,16 +548,16 @@ GroupSimplifier::Candidate GroupSimplifier::prune(const Candidate& from, size_t 
     left -= triangles_of[order[i]];
   }
   Candidate result = from;
-  result.rung = Rung::kPrune;
+  result.method = SimplifyMethod::kPrune;
   std::erase_if(result.triangles,
                 [&](const Triangle& t) { return removed[component_of_[position_of_[t[0]]]]; });
   return result;
 }
 
-GroupSimplifier::Candidate GroupSimplifier::exchange_sheets(const Candidate& from, size_t target,
-                                                            SheetChange change) {
+GroupSimplifier::Candidate GroupSimplifier::replace_patches(const Candidate& from, size_t target,
+                                                            PatchChange change) {
   Candidate result;
-  result.rung = Rung::kSloppy;
+  result.method = SimplifyMethod::kSloppy;
   result.triangles = from.triangles;
   const float moved = change({position_of_, positions_, locked_, components_, materials_}, target,
                              result.triangles);
@@ -574,7 +575,7 @@ GroupSimplifier::Candidate GroupSimplifier::merge_cells(size_t target) {
                 (!source_.several_materials.empty() && source_.several_materials[position_ids_[p]]);
   }
   Candidate result;
-  result.rung = Rung::kSloppy;
+  result.method = SimplifyMethod::kSloppy;
   result.triangles.resize(triangles_.size());
   const size_t count = meshopt_simplifySloppy(
       result.triangles.data()->data(), indices(triangles_), 3 * triangles_.size(), &positions_[0].x,

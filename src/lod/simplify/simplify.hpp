@@ -12,8 +12,8 @@
 
 #include "base/math.hpp"
 #include "lod/dag/cluster_set.hpp"
-#include "lod/dag/cut_clusters.hpp"
 #include "lod/dag/source.hpp"
+#include "lod/dag/sub_mesh.hpp"
 #include "lod/dag/topology.hpp"
 #include "lod/simplify/collapse/collapse.hpp"
 #include "lod/simplify/patches.hpp"
@@ -25,17 +25,17 @@ struct Simplified {
   AddedVertices added;
   float error = 0;            ///< how far this step moved the surface, in object space
   float attribute_error = 0;  ///< how much worse it made attributes, as a length
-  float vanished = 0;         ///< half the diagonal of the largest component that it removed whole
-  Rung rung = Rung::kRegular;
-  Reason reason = Reason::kNone;     ///< set even if not done
-  std::vector<PositionPair> chords;  ///< new edges between two locked vertices
+  float removed_radius = 0;   ///< half the diagonal of the largest component that it removed whole
+  SimplifyMethod method = SimplifyMethod::kRegular;
+  LimitingFactor limiting_factor = LimitingFactor::kNone;  ///< set even if not done
+  std::vector<PositionPair> locked_edges;  ///< new edges between two locked vertices
 };
 
 /// What a simplification may do beyond the usual.
 struct Allowance {
-  bool chords = true;        ///< new edges between locked vertices, for the registry to judge
-  bool last_resort = false;  ///< Rung::kSloppy
-  const ChordRegistry* taken = nullptr;  ///< edges that others have; the rest is for the caller
+  bool locked_edges = true;  ///< new edges between locked vertices, which the caller checks
+  bool last_resort = false;  ///< SimplifyMethod::kSloppy
+  const LockedEdgeSet* taken = nullptr;  ///< edges that others have; the rest is for the caller
 };
 
 /// Keeps its scratch memory from group to group; one a thread.
@@ -48,15 +48,15 @@ class GroupSimplifier {
                       std::span<const uint8_t> locked, Allowance allow);
   /// What the last group that could be simplified became. Vertices are those of the source, or
   /// kAddedVertex and more.
-  Piece& left() { return left_; }
+  SubMesh& left() { return left_; }
 
  private:
   struct Candidate {
     std::vector<Triangle> triangles;  // local vertices
     float error = 0, attribute_error = 0;
     float pruned = 0;  // radius of the largest part that went before the collapse
-    Rung rung = Rung::kRegular;
-    std::vector<PositionPair> chords;  // local positions
+    SimplifyMethod method = SimplifyMethod::kRegular;
+    std::vector<PositionPair> locked_edges;  // local positions
     bool valid = false;
     AddedVertices added;
     // New attributes of gathered vertices, attribute_weights_.size() each.
@@ -80,7 +80,7 @@ class GroupSimplifier {
   void prepare_repair();
   void find_spare_vertices();
   void find_components();
-  float settle_vanished(size_t most_triangles, std::vector<Triangle>& triangles);
+  float restore_components(size_t most_triangles, std::vector<Triangle>& triangles);
   uint32_t local_vertex(uint32_t vertex);
   void gather_positions(std::span<const uint8_t> locked);
   void drop_repeated_triangles();
@@ -110,13 +110,13 @@ class GroupSimplifier {
   std::vector<double> growths(std::span<const Triangle> left);
   void keep_area(const Candidate& best, Simplified& result);
   void add_moved(uint32_t local, const Vec3& position, uint32_t& first_there, Simplified& result);
-  Candidate collapse_loosely(size_t target, bool any_turn);
+  Candidate collapse_non_manifold(size_t target, bool allow_flips);
   Candidate collapse(size_t target, unsigned options);
   bool suits_meshoptimizer() const;
-  Candidate collapse_checked(size_t target, unsigned options, Rung rung);
+  Candidate collapse_checked(size_t target, unsigned options, SimplifyMethod method);
   Candidate prune(const Candidate& from, size_t target);
-  using SheetChange = float (*)(const SheetInput&, size_t, std::vector<Triangle>&);
-  Candidate exchange_sheets(const Candidate& from, size_t target, SheetChange change);
+  using PatchChange = float (*)(const PatchInput&, size_t, std::vector<Triangle>&);
+  Candidate replace_patches(const Candidate& from, size_t target, PatchChange change);
   Candidate merge_cells(size_t target);
   std::span<const PositionPair> faults(std::span<const Triangle> triangles);
   std::span<const PositionPair> repair_faults(Candidate& candidate);
@@ -128,12 +128,12 @@ class GroupSimplifier {
   const Config& config_;
   const Decimator& decimate_;
   std::vector<float> attribute_weights_;  // of this group's attributes
-  PieceTopology topology_;
+  SubMeshTopology topology_;
   EdgeCollapser collapser_;
   Allowance allow_;
-  Piece left_;
+  SubMesh left_;
 
-  // The piece: vertices and positions are numbered from 0.
+  // The sub-mesh: vertices and positions are numbered from 0.
   std::vector<uint32_t> vertices_;  // local -> source vertex, or kAddedVertex and more
   std::vector<uint32_t> added_materials_;
   std::vector<uint32_t> position_of_;         // local vertex -> local position
@@ -143,7 +143,7 @@ class GroupSimplifier {
   std::vector<uint8_t> flags_;                // meshoptimizer's, of local vertices
   std::vector<uint8_t> locked_;               // of local positions
   std::vector<uint32_t> components_;          // of local positions
-  bool has_irregular_ = false;                // any of components_
+  bool has_non_manifold_ = false;             // any of components_
   std::vector<uint32_t> position_ids_;        // local position -> position id
   std::vector<uint8_t> spare_;                // local vertices that repair may bring back
   std::vector<uint32_t> component_of_;        // local position -> index into parts_

@@ -5,7 +5,7 @@
 
 namespace umbel::lod {
 
-/// An edge that neither two triangles share nor the source explains.
+/// An edge that neither two triangles share nor the source allows.
 struct BadEdge {
   uint32_t edge, triangles, cluster;
 };
@@ -22,7 +22,7 @@ class EdgeCount {
     for_each_side(clusters, [&](uint32_t edge, uint32_t) { counts_[edge] += counts_[edge] < 255; });
     for_each_side(clusters, [&](uint32_t edge, uint32_t cluster) {
       const uint8_t triangles = counts_[edge];
-      if (triangles == 2 || topology_.explained[edge]) return;
+      if (triangles == 2 || topology_.allowed[edge]) return;
       counts_[edge] = 2;
       bad(BadEdge{edge, triangles, cluster});
     });

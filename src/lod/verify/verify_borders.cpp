@@ -3,7 +3,7 @@
 // boundary, all cuts have the boundary of the source. The boundary is that of homology: the sum
 // of all triangles' sides, in which an edge that two triangles run along in opposite directions
 // cancels. Where the source is not consistently oriented, it is taken modulo 2. Edges that the
-// source explains are left out.
+// source allows are left out.
 #include "lod/verify/verify_borders.hpp"
 
 #include <algorithm>
@@ -55,7 +55,7 @@ void collect(const Topology& topology, uint32_t cluster, bool simplified,
 }
 
 void judge(const Topology& topology, const EdgeUse& use, bool is_root, GroupResult& result) {
-  if (topology.explained[use.edge]) return;
+  if (topology.allowed[use.edge]) return;
   if (use.own > 2 || use.simplified > 2) {
     ++result.overlaps;
     if (result.first_overlaps.size() < kKept) result.first_overlaps.push_back(use);
@@ -82,7 +82,7 @@ GroupResult compare(const Tables& tables, const Topology& topology, const Genera
       ++(simplified ? use.simplified : use.own);
       use.net += backward == simplified ? 1 : -1;
     }
-    judge(topology, use, tables.groups[g].rung == Rung::kRoot, result);
+    judge(topology, use, tables.groups[g].method == SimplifyMethod::kRoot, result);
   }
   return result;
 }

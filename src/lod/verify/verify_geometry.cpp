@@ -46,7 +46,7 @@ class Reader {
   Topology finish() {
     topology_.positions = positions_.take();
     topology_.edges = edges_.take();
-    explain_edges();
+    find_allowed_edges();
     return std::move(topology_);
   }
 
@@ -165,8 +165,8 @@ class Reader {
           {first + g.triangles[t], first + g.triangles[t + 1], first + g.triangles[t + 2]});
   }
 
-  /// Components of positions joined by the source's irregular edges, by union-find.
-  void explain_edges() {
+  /// Components of positions joined by the source's non-manifold edges, by union-find.
+  void find_allowed_edges() {
     std::vector<uint8_t> forward(topology_.edges.size(), 0), backward(topology_.edges.size(), 0);
     for (uint32_t c = 0; c < tables_.clusters.size(); ++c) {
       if (tables_.clusters[c].generating_group != kNone) continue;
@@ -194,9 +194,9 @@ class Reader {
       join(e);
     }
     for (const uint32_t e : new_open_edges()) join(e);
-    topology_.explained.resize(topology_.edges.size());
+    topology_.allowed.resize(topology_.edges.size());
     for (size_t e = 0; e < topology_.edges.size(); ++e)
-      topology_.explained[e] =
+      topology_.allowed[e] =
           find(topology_.edges[e] >> 32) == find(static_cast<uint32_t>(topology_.edges[e]));
   }
 
@@ -214,7 +214,8 @@ class Reader {
       for (const uint32_t p : topology_.positions_of(c))
         first_level[p] = std::min(first_level[p], level_of(c));
       const uint32_t from = tables_.clusters[c].generating_group;
-      if (from != kNone && tables_.groups[from].rung == Rung::kSloppy) sloppy.push_back(c);
+      if (from != kNone && tables_.groups[from].method == SimplifyMethod::kSloppy)
+        sloppy.push_back(c);
     }
     const auto from = [&](uint32_t c) { return tables_.clusters[c].generating_group; };
     std::stable_sort(sloppy.begin(), sloppy.end(),

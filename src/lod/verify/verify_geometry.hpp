@@ -24,9 +24,9 @@ struct Topology {
   std::vector<uint64_t> side_offsets;  ///< clusters + 1
   std::vector<uint32_t> cluster_positions;
   std::vector<uint64_t> position_offsets;  ///< clusters + 1
-  /// Of each edge: whether its ends are joined by irregular edges of the source, those that are
+  /// Of each edge: whether its ends are joined by non-manifold edges of the source, those that are
   /// not shared by two triangles running in opposite directions, so that it need not be either.
-  std::vector<uint8_t> explained;
+  std::vector<uint8_t> allowed;
   bool oriented = true;  ///< no two triangles of the source run the same way along their edge
   bool complete = true;  ///< every cluster could be read
 

@@ -57,11 +57,13 @@ bool verify_group(const Tables& tables, uint32_t g, Findings& findings) {
     complain("has the clusters from " + number(group.clusters.offset) + ", " +
              number(group.clusters.count) + " of them, but there are " +
              number(tables.clusters.size()));
-  if (static_cast<uint32_t>(group.rung) > static_cast<uint32_t>(Rung::kRoot))
-    complain("has the unknown rung " + number(static_cast<uint32_t>(group.rung)));
-  else if ((group.rung == Rung::kRoot) != is_infinite(group.error))
-    complain("has the rung " + number(static_cast<uint32_t>(group.rung)) + " and the error " +
-             text(group.error) + ", but an infinite error and the root rung (4) belong together");
+  if (static_cast<uint32_t>(group.method) > static_cast<uint32_t>(SimplifyMethod::kRoot))
+    complain("has the unknown simplification method " +
+             number(static_cast<uint32_t>(group.method)));
+  else if ((group.method == SimplifyMethod::kRoot) != is_infinite(group.error))
+    complain("has the simplification method " + number(static_cast<uint32_t>(group.method)) +
+             " and the error " + text(group.error) +
+             ", but an infinite error and the root method (4) belong together");
   if (!(group.error >= 0)) complain("has the error " + text(group.error) + ", below 0");
   if (!is_finite(group.sphere.center) || !std::isfinite(group.sphere.radius) ||
       group.sphere.radius < 0)
@@ -118,7 +120,7 @@ bool verify_generating(const Tables& tables, Findings& findings) {
       complain("which is of level " + number(tables.groups[from].level) +
                ", not below its own group " + number(to) + " of level " +
                number(tables.groups[to].level));
-    if (tables.groups[from].rung == Rung::kRoot)
+    if (tables.groups[from].method == SimplifyMethod::kRoot)
       complain("which is a root and so was never simplified");
   }
   return good;

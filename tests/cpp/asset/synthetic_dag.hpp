@@ -59,10 +59,10 @@ inline lod::Dag synthetic_dag(const Mesh& mesh, const DagShape& shape = {}) {
   for (uint32_t g = 0; g < groups; ++g) {
     const uint32_t first = g * shape.clusters_in_group;
     const Range range{first, std::min(shape.clusters_in_group, clusters - first)};
-    tables.groups.push_back({range, 0, lod::Rung::kRegular, sphere, 0.01f});
+    tables.groups.push_back({range, 0, lod::SimplifyMethod::kRegular, sphere, 0.01f});
   }
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  tables.groups.push_back({{clusters, clusters}, 1, lod::Rung::kRoot, sphere, kInfinity});
+  tables.groups.push_back({{clusters, clusters}, 1, lod::SimplifyMethod::kRoot, sphere, kInfinity});
   for (uint32_t copy = 0; copy < 2; ++copy)
     for (uint32_t c = 0; c < clusters; ++c) {
       const uint32_t group = c / shape.clusters_in_group;

@@ -97,7 +97,7 @@ TEST(LodFromC, builds_what_cpp_builds) {
   EXPECT_EQ(report.root_groups, 1u);
   EXPECT_EQ(report.levels, dag.tables.levels.size());
   EXPECT_EQ(report.input_triangles, mesh.triangles.size());
-  EXPECT_EQ(report.groups_by_rung[0], dag.report.groups_by_rung[0]);
+  EXPECT_EQ(report.groups_by_method[0], dag.report.groups_by_method[0]);
   EXPECT_EQ(umbel_lod_verify(lod.get(), 16, 1, nullptr), UMBEL_OK) << umbel_last_error();
 }
 
@@ -152,12 +152,12 @@ TEST(LodFromC, passes_rules_and_weights_and_further_attributes_on) {
   umbel_lod_view view;
   ASSERT_EQ(umbel_lod_view_level(1, &view), UMBEL_OK);
   const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_FLAT);
-  umbel_mesh* cut_mesh = nullptr;
-  ASSERT_EQ(umbel_lod_cut_mesh(lod.get(), cut.data(), cut.size(), &cut_mesh), UMBEL_OK);
-  const std::unique_ptr<umbel_mesh, Free> owner(cut_mesh);
+  umbel_mesh* mesh_of_cut = nullptr;
+  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &mesh_of_cut), UMBEL_OK);
+  const std::unique_ptr<umbel_mesh, Free> owner(mesh_of_cut);
   umbel_lod_mesh out;
   umbel_lod_mesh_init(&out);
-  ASSERT_EQ(umbel_mesh_arrays(cut_mesh, &out), UMBEL_OK);
+  ASSERT_EQ(umbel_mesh_arrays(mesh_of_cut, &out), UMBEL_OK);
   ASSERT_EQ(out.extra_count, 3u);
   EXPECT_EQ(out.extras[2].kind, uint32_t{UMBEL_EXTRA_WEIGHTS});
   for (size_t v = 0; v < out.position_count; ++v) {
@@ -171,21 +171,24 @@ TEST(LodFromC, says_why_each_group_is_as_it_is) {
   const auto lod = built(mesh, small_config());
   const lod::Dag dag = lod::build(mesh.view(), small_cpp_config());
   size_t count = 0;
-  ASSERT_EQ(umbel_lod_get_reasons(lod.get(), nullptr, 0, &count), UMBEL_OK);
-  ASSERT_EQ(count, dag.reasons.size());
-  std::vector<uint32_t> reasons(count);
-  EXPECT_EQ(umbel_lod_get_reasons(lod.get(), reasons.data(), count - 1, &count),
+  ASSERT_EQ(umbel_lod_get_limiting_factors(lod.get(), nullptr, 0, &count), UMBEL_OK);
+  ASSERT_EQ(count, dag.limiting_factors.size());
+  std::vector<uint32_t> limiting_factors(count);
+  EXPECT_EQ(umbel_lod_get_limiting_factors(lod.get(), limiting_factors.data(), count - 1, &count),
             UMBEL_ERROR_CAPACITY);
-  ASSERT_EQ(umbel_lod_get_reasons(lod.get(), reasons.data(), reasons.size(), &count), UMBEL_OK);
+  ASSERT_EQ(umbel_lod_get_limiting_factors(lod.get(), limiting_factors.data(),
+                                           limiting_factors.size(), &count),
+            UMBEL_OK);
   for (size_t g = 0; g < count; ++g)
-    EXPECT_EQ(reasons[g], static_cast<uint32_t>(dag.reasons[g])) << g;
+    EXPECT_EQ(limiting_factors[g], static_cast<uint32_t>(dag.limiting_factors[g])) << g;
   umbel_lod_report report;
   umbel_lod_report_init(&report);
   ASSERT_EQ(umbel_lod_get_report(lod.get(), &report), UMBEL_OK);
-  for (size_t rung = 0; rung < 5; ++rung)
-    for (size_t reason = 0; reason < lod::kReasons; ++reason)
-      EXPECT_EQ(report.groups_by_reason[rung][reason], dag.report.groups_by_reason[rung][reason]);
-  EXPECT_EQ(report.groups_by_reason[4][UMBEL_LOD_REASON_COARSEST], 1u);
+  for (size_t method = 0; method < 5; ++method)
+    for (size_t limiting_factor = 0; limiting_factor < lod::kLimitingFactors; ++limiting_factor)
+      EXPECT_EQ(report.groups_by_limiting_factor[method][limiting_factor],
+                dag.report.groups_by_limiting_factor[method][limiting_factor]);
+  EXPECT_EQ(report.groups_by_limiting_factor[4][UMBEL_LOD_LIMIT_COARSEST], 1u);
 }
 
 TEST(LodFromC, reports_how_far_estimates_were_from_measured_errors) {
@@ -216,11 +219,12 @@ TEST(LodFromC, selects_what_cpp_selects) {
   ASSERT_EQ(plane_count, 6u);
   const auto cpp_planes =
       lod::frustum_planes({{0.4f, 0.2f, 2.5f}, {0, 0, 0}, {0, 1, 0}, 0.5f, 1.5f, 0.1f, 10});
-  std::vector<umbel_cull_bounds> facing(dag.tables.clusters.size());
-  ASSERT_EQ(umbel_lod_facing(lod.get(), nullptr, facing.data(), facing.size()), UMBEL_OK);
+  std::vector<umbel_cull_bounds> normal_cones(dag.tables.clusters.size());
+  ASSERT_EQ(umbel_lod_normal_cones(lod.get(), nullptr, normal_cones.data(), normal_cones.size()),
+            UMBEL_OK);
   const auto cpp_facing =
-      lod::facing_bounds(dag.tables, [&](uint32_t c) { return dag.geometry(c); });
-  const umbel_lod_culling culling{planes, plane_count, facing.data(), facing.size()};
+      lod::normal_cone_bounds(dag.tables, [&](uint32_t c) { return dag.geometry(c); });
+  const umbel_lod_culling culling{planes, plane_count, normal_cones.data(), normal_cones.size()};
   for (const float pixels : {0.1f, 2.0f, 20.0f, 500.0f}) {
     umbel_lod_view view;
     ASSERT_EQ(umbel_lod_view_camera(eye, 1, 1000, pixels, &view), UMBEL_OK);
@@ -274,7 +278,7 @@ TEST(LodFromC, gives_cuts_as_meshes_and_files) {
   umbel_lod_view_level(0, &view);
   const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
   umbel_mesh* made = nullptr;
-  ASSERT_EQ(umbel_lod_cut_mesh(lod.get(), cut.data(), cut.size(), &made), UMBEL_OK);
+  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &made), UMBEL_OK);
   const std::unique_ptr<umbel_mesh, Free> owner(made);
   umbel_lod_mesh arrays;
   umbel_lod_mesh_init(&arrays);
@@ -393,7 +397,7 @@ TEST(LodFromC, decimation_of_the_callers_own_may_add_vertices) {
   umbel_lod_view_error(0.3f, &view);
   const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
   umbel_mesh* shown = nullptr;
-  ASSERT_EQ(umbel_lod_cut_mesh(lod.get(), cut.data(), cut.size(), &shown), UMBEL_OK);
+  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &shown), UMBEL_OK);
   const std::unique_ptr<umbel_mesh, Free> owner(shown);
   umbel_lod_mesh arrays;
   umbel_lod_mesh_init(&arrays);

@@ -91,7 +91,7 @@ inline Tables random_tables(uint32_t seed, uint32_t groups, const Placement& pla
                         ? 0.0f
                         : static_cast<float>(random.log_between(1e-6, 1e-1) * place.scale);
       if (level == 2) {
-        group.rung = Rung::kRoot;
+        group.method = SimplifyMethod::kRoot;
         group.error = std::numeric_limits<float>::infinity();
       }
       tables.groups.push_back(group);

@@ -58,7 +58,7 @@ def culling(case: dict[str, Any]) -> dict[str, Any]:
     facing = VECTORS["tables"][case["tables"]]["facing"]
     return {
         "planes": np.array(case["planes"], np.float32).reshape(-1, 4),
-        "facing": np.array(facing, np.float32) if case["facing"] else None,
+        "normal_cones": np.array(facing, np.float32) if case["facing"] else None,
     }
 
 
@@ -129,7 +129,9 @@ def test_a_frustum_leaves_out_what_is_behind(lod: umbel.Lod) -> None:
     everything = lod.cut(camera=camera)
     assert len(lod.cut(camera=camera, planes=away.planes())) == 0
     seen = lod.cut(camera=camera, planes=camera.planes(aspect=2.0))
-    front = lod.cut(camera=camera, planes=camera.planes(aspect=2.0), facing=lod.facing())
+    front = lod.cut(
+        camera=camera, planes=camera.planes(aspect=2.0), normal_cones=lod.normal_cones()
+    )
     assert set(front) < set(seen) <= set(everything)
     assert len(camera.planes(far=10.0)) == 6
     with pytest.raises(umbel.Error, match="target"):
@@ -208,7 +210,7 @@ def test_impossible_selections_are_refused(lod: umbel.Lod) -> None:
     with pytest.raises(umbel.Error, match="planes"):
         lod.cut(error=0.1, planes=[[1, 2, 3, 4]])
     with pytest.raises(umbel.Error, match="camera"):
-        lod.cut(error=0.1, facing=lod.facing())
+        lod.cut(error=0.1, normal_cones=lod.normal_cones())
     with pytest.raises(umbel.Error, match="at most one of triangles"):
         lod.cut(triangles=5, bytes=5)
     with pytest.raises(umbel.Error, match="level"):

@@ -17,7 +17,7 @@ namespace {
 // Where collapses begin to cost a multiple of what they did, as squared distances.
 constexpr float kMostRise = 16.0f;
 
-constexpr float kAnyPrice = std::numeric_limits<float>::infinity();
+constexpr float kUnlimited = std::numeric_limits<float>::infinity();
 
 typedef uint32_t Word4 __attribute__((vector_size(16)));
 
@@ -37,21 +37,22 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
   enqueue_parts();
   for (uint32_t p = 0; p < points_.size(); ++p)
     if (kinds_[p] != Kind::kFixed) enqueue_best(p);
-  float dear = 0.0f;
-  bool any_price = false;
+  float cost_limit = 0.0f;
+  bool unlimited = false;
   postponed_.clear();
-  while (live_ > (any_price ? std::max(target, input.dear_until) : target)) {
+  while (live_ > (unlimited ? std::max(target, input.unlimited_until) : target)) {
     if (queue_.empty()) {
-      if (any_price || live_ <= input.dear_until) break;
-      any_price = true;
+      if (unlimited || live_ <= input.unlimited_until) break;
+      unlimited = true;
       enqueue_postponed();
       continue;
     }
-    if (live_ > input.cheap_below) dear = kMostRise * worst_;
-    const bool at_any_price = any_price || live_ > input.cheap_below;
+    if (live_ > input.limit_below) cost_limit = kMostRise * worst_;
+    const bool is_unlimited = unlimited || live_ > input.limit_below;
     const uint32_t p = queue_.pop();
     if (p >= points_.size()) {
-      leave_out(p - static_cast<uint32_t>(points_.size()), target, at_any_price ? kAnyPrice : dear);
+      leave_out(p - static_cast<uint32_t>(points_.size()), target,
+                is_unlimited ? kUnlimited : cost_limit);
       continue;
     }
     if (states_[p] == State::kStale) {
@@ -64,12 +65,12 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
     const bool by_loop = !legal && states_[p] == State::kLoop && has_loop_ && find_loop(p, target);
     if (!legal && !by_loop)
       enqueue_best_legal(p);
-    else if (!at_any_price && !(cost_of(p, target) <= dear))
+    else if (!is_unlimited && !(cost_of(p, target) <= cost_limit))
       postponed_.push_back(p);
     else if (legal)
       collapse(p, target);
     else
-      draw_loop_together();
+      collapse_loop();
   }
   finish();
 }
@@ -85,7 +86,7 @@ void EdgeCollapser::load(const CollapseInput& input) {
   has_wedges_ = input.locked.size() != input.position_of.size();
   attribute_count_ = static_cast<uint32_t>(input.attribute_weights.size());
   worst_ = worst_attributes_ = 0.0f;
-  chords_.clear();
+  locked_edges_.clear();
   triangles_.assign(input.triangles.begin(), input.triangles.end());
   live_ = triangles_.size();
   dead_.assign(live_, 0);
@@ -120,12 +121,12 @@ void EdgeCollapser::build_rings() {
     r.offset = offset;
     offset += blocks(std::exchange(r.count, 0));
   }
-  spokes_end_ = offset;
-  if (spokes_.size() <= offset) make_room(offset + offset / 2);
+  link_end_ = offset;
+  if (link_.size() <= offset) make_room(offset + offset / 2);
   const auto add = [&](uint32_t p, uint32_t n, uint32_t q, uint32_t corner) {
     Ring& r = ring_of_[p];
     const uint32_t slot = r.offset + r.count++;
-    spokes_[slot] = {n, q};
+    link_[slot] = {n, q};
     corners_[slot] = corner;
   };
   for (uint32_t t = 0; t < triangles_.size(); ++t) {
@@ -143,34 +144,34 @@ void EdgeCollapser::find_kinds() {
 
 // Interior: its triangles form one closed fan. Border: one open fan.
 EdgeCollapser::Kind EdgeCollapser::kind_of(uint32_t p) {
-  const auto spokes = ring(p);
-  if (spokes.empty() || input_.locked[p]) return Kind::kFixed;
-  const Kind other = input_.irregular ? Kind::kIrregular : Kind::kFixed;
+  const auto link = ring(p);
+  if (link.empty() || input_.locked[p]) return Kind::kFixed;
+  const Kind other = input_.non_manifold ? Kind::kNonManifold : Kind::kFixed;
   const uint32_t is_next = ++stamp_;
-  for (uint32_t i = 0; i < spokes.size(); ++i) {
-    const uint32_t n = spokes[i].next;
+  for (uint32_t i = 0; i < link.size(); ++i) {
+    const uint32_t n = link[i].next;
     if (marks_[n] == is_next) return other;
     marks_[n] = is_next;
     slots_[n] = i;
   }
   // The fan turns from each triangle to the one that begins where this one ends.
   uint32_t first = 0, ends = 0;
-  for (const Spoke& s : spokes) ends += marks_[s.prev] != is_next;
+  for (const LinkEdge& s : link) ends += marks_[s.prev] != is_next;
   if (ends > 1) return other;
   if (ends == 1) {
-    const auto begins = [&](const Spoke& s) {
-      return std::none_of(spokes.begin(), spokes.end(),
-                          [&](const Spoke& o) { return o.prev == s.next; });
+    const auto begins = [&](const LinkEdge& s) {
+      return std::none_of(link.begin(), link.end(),
+                          [&](const LinkEdge& o) { return o.prev == s.next; });
     };
-    while (!begins(spokes[first])) ++first;
+    while (!begins(link[first])) ++first;
   }
   // Where two triangles end alike the walk may come to a circle without the first.
   size_t steps = 1;
-  for (uint32_t i = first; steps <= spokes.size() && marks_[spokes[i].prev] == is_next; ++steps) {
-    i = slots_[spokes[i].prev];
+  for (uint32_t i = first; steps <= link.size() && marks_[link[i].prev] == is_next; ++steps) {
+    i = slots_[link[i].prev];
     if (i == first) break;
   }
-  if (steps != spokes.size()) return other;
+  if (steps != link.size()) return other;
   return ends == 0 ? Kind::kInterior : Kind::kBorder;
 }
 
@@ -227,8 +228,9 @@ void EdgeCollapser::choose(uint32_t p, const Choice& choice) {
 
 bool EdgeCollapser::is_legal(uint32_t p, uint32_t target) {
   has_loop_ = false;
-  if (moves_loosely(p) ? !keeps_irregular_link(p, target) : !keeps_link(p, target)) return false;
-  if (!input_.any_turn && !keeps_facing(p, target)) return false;
+  if (moves_non_manifold(p) ? !keeps_non_manifold_link(p, target) : !keeps_link(p, target))
+    return false;
+  if (!input_.allow_flips && !keeps_orientation(p, target)) return false;
   return !has_wedges_ || map_wedges(p, target);
 }
 
@@ -236,16 +238,16 @@ bool EdgeCollapser::is_legal(uint32_t p, uint32_t target) {
 void EdgeCollapser::mark_neighbours(uint32_t p) {
   const uint32_t stamp = ++stamp_;
   uint32_t* const marks = marks_.data();
-  for (const Spoke& s : ring(p)) marks[s.next] = stamp;
+  for (const LinkEdge& s : ring(p)) marks[s.next] = stamp;
   if (kinds_[p] != Kind::kInterior)
-    for (const Spoke& s : ring(p)) marks[s.prev] = stamp;
+    for (const LinkEdge& s : ring(p)) marks[s.prev] = stamp;
 }
 
 // Those at the edge from a regular position: one or two.
 void EdgeCollapser::find_opposites(uint32_t p, uint32_t target) {
   uint32_t found[3] = {kNone, kNone, kNone};  // the last for what is not at the edge
   size_t count = 0;
-  for (const Spoke& s : ring(p)) {
+  for (const LinkEdge& s : ring(p)) {
     found[count] = s.next == target ? s.prev : s.next;
     count += s.next == target || s.prev == target;
   }
@@ -262,57 +264,57 @@ bool EdgeCollapser::keeps_link(uint32_t p, uint32_t target) {
   if (around == opposites_ && ring_of_[target].count == around) return false;
   const uint32_t* const marks = marks_.data();
   bool shared = false;
-  for (const Spoke& s : ring(target))
+  for (const LinkEdge& s : ring(target))
     shared |= marks[s.next] == stamp_ && s.next != a && s.next != b;
   if (kinds_[target] != Kind::kInterior)
-    for (const Spoke& s : ring(target))
+    for (const LinkEdge& s : ring(target))
       shared |= marks[s.prev] == stamp_ && s.prev != a && s.prev != b;
   has_loop_ = shared;
   if (shared) return false;
   if (around == 3 && opposites_ == 2)
-    for (const Spoke& s : ring(target))
+    for (const LinkEdge& s : ring(target))
       if (std::minmax(s.next, s.prev) == std::minmax(a, b)) return false;
   if (!input_.locked[target]) return true;
   list_neighbours(p, target);
-  return keeps_chords(target);
+  return keeps_locked_edges(target);
 }
 
 // Of a regular position, the third corners at the edge first. What comes next cannot be foretold,
 // so hardly anything branches on it.
 void EdgeCollapser::list_neighbours(uint32_t p, uint32_t target) {
-  const auto spokes = ring(p);
-  if (neighbour_room_.size() < 2 * spokes.size() + 1) neighbour_room_.resize(4 * spokes.size() + 1);
+  const auto link = ring(p);
+  if (neighbour_room_.size() < 2 * link.size() + 1) neighbour_room_.resize(4 * link.size() + 1);
   uint32_t* const list = neighbour_room_.data();
   const auto [a, b] = opposite_;
   list[0] = a, list[1] = b;
   size_t count = opposites_;
   uint32_t last = kNone;  // of an open fan, what no triangle starts with
-  for (const Spoke& s : spokes) {
+  for (const LinkEdge& s : link) {
     const uint32_t x = s.next;
     list[count] = x;
     count += x != target && x != a && x != b;
   }
   if (kinds_[p] != Kind::kInterior) {
-    for (const Spoke& s : spokes)
-      if (std::none_of(spokes.begin(), spokes.end(),
-                       [&](const Spoke& o) { return o.next == s.prev; }))
+    for (const LinkEdge& s : link)
+      if (std::none_of(link.begin(), link.end(),
+                       [&](const LinkEdge& o) { return o.next == s.prev; }))
         last = s.prev;
     if (last != kNone && last != target && last != a && last != b) list[count++] = last;
   }
   neighbours_ = {list, count};
 }
 
-// An edge that comes to have four triangles must be explained by the source: its ends are in one
-// component of irregular edges. So must be those that have an odd number already.
-bool EdgeCollapser::keeps_irregular_link(uint32_t p, uint32_t target) {
+// An edge that comes to have four triangles must be allowed by the source: its ends are in one
+// component of non-manifold edges. So must be those that have an odd number already.
+bool EdgeCollapser::keeps_non_manifold_link(uint32_t p, uint32_t target) {
   const uint32_t component = input_.component[target];
   if (input_.component[p] != kNone && input_.component[p] != component) return false;
   const uint32_t is_other = list_all_neighbours(p, target);
-  for (const Spoke& s : ring(target))
+  for (const LinkEdge& s : ring(target))
     for (uint32_t x : {s.next, s.prev})
       has_loop_ |=
           marks_[x] == is_other && (component == kNone || input_.component[x] != component);
-  return !has_loop_ && keeps_chords(target);
+  return !has_loop_ && keeps_locked_edges(target);
 }
 
 // Of any position, the third corners at the edge first. Returns what the others are marked with.
@@ -326,35 +328,35 @@ uint32_t EdgeCollapser::list_all_neighbours(uint32_t p, uint32_t target) {
     marks_[x] = mark;
     neighbour_room_[count++] = x;
   };
-  for (const Spoke& s : ring(p))
+  for (const LinkEdge& s : ring(p))
     if (s.next == target || s.prev == target) add(s.next == target ? s.prev : s.next, is_opposite);
   opposites_ = count;
-  for (const Spoke& s : ring(p)) add(s.next, is_other), add(s.prev, is_other);
+  for (const LinkEdge& s : ring(p)) add(s.next, is_other), add(s.prev, is_other);
   neighbours_ = {neighbour_room_.data(), count};
   return is_other;
 }
 
 // Of the new edges at the target those between locked positions may be legal or not.
-bool EdgeCollapser::keeps_chords(uint32_t target) const {
+bool EdgeCollapser::keeps_locked_edges(uint32_t target) const {
   if (!input_.locked[target]) return true;
   return std::none_of(neighbours_.begin() + opposites_, neighbours_.end(), [&](uint32_t x) {
     if (!input_.locked[x]) return false;
     const auto& ids = input_.position_ids;
-    return !input_.chords || (input_.taken && input_.taken->contains({ids[x], ids[target]}));
+    return !input_.locked_edges || (input_.taken && input_.taken->contains({ids[x], ids[target]}));
   });
 }
 
 // Four triangles at once. Areas are scaled so that the fourth powers of lengths fit floats.
-bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
-  const auto spokes = ring(p);
+bool EdgeCollapser::keeps_orientation(uint32_t p, uint32_t target) const {
+  const auto link = ring(p);
   const Point &from = points_[p], &to = points_[target];
   const Float4 zero = Float4::all(0.0f), unit = Float4::all(area_unit_);
   const Float4 least = Float4::all(static_cast<float>(kLeastCosine * kLeastCosine));
-  for (size_t begin = 0; begin < spokes.size(); begin += 4) {
-    std::array<Spoke, 4> four;
+  for (size_t begin = 0; begin < link.size(); begin += 4) {
+    std::array<LinkEdge, 4> four;
     uint32_t stays = 0;
     for (size_t i = 0; i < 4; ++i) {
-      four[i] = spokes[std::min(begin + i, spokes.size() - 1)];
+      four[i] = link[std::min(begin + i, link.size() - 1)];
       stays |= uint32_t{four[i].next != target && four[i].prev != target} << i;
     }
     const auto next = [&](size_t i) { return Float4::load(&points_[four[i].next].x); };
@@ -386,12 +388,12 @@ bool EdgeCollapser::keeps_facing(uint32_t p, uint32_t target) const {
 
 // Right after `is_legal`.
 void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
-  const bool irregular = moves_loosely(p);
-  if (!irregular) list_neighbours(p, target);
-  if (input_.locked[target]) note_chords(target);
+  const bool non_manifold = moves_non_manifold(p);
+  if (!non_manifold) list_neighbours(p, target);
+  if (input_.locked[target]) record_locked_edges(target);
   merge_quadrics(p, target);
   move_ring(p, target);
-  if (irregular) {
+  if (non_manifold) {
     for (uint32_t x : neighbours_) kinds_[x] = kind_of(x);
     kinds_[target] = kind_of(target);
   }
@@ -403,7 +405,7 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
       queue_.remove(x);  // it may have lost its last triangle
       continue;
     }
-    if (irregular || !queue_.contains(x) || kinds_[x] != Kind::kInterior) {
+    if (non_manifold || !queue_.contains(x) || kinds_[x] != Kind::kInterior) {
       enqueue_best(x);
     } else {
       if (choices_[x].target == p) states_[x] = State::kStale;
@@ -421,13 +423,13 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
 // Gives p's triangles to the target, but for those at the edge.
 void EdgeCollapser::move_ring(uint32_t p, uint32_t target) {
   const Ring old = ring_of_[p], kept = ring_of_[target];
-  const uint32_t offset = spokes_end_;
+  const uint32_t offset = link_end_;
   make_room(offset + blocks(old.count + kept.count));
-  Spoke* const spokes = spokes_.data();
+  LinkEdge* const link = link_.data();
   uint32_t* const corners = corners_.data();
   uint32_t end = offset;
   for (uint32_t i = old.offset; i < old.offset + old.count; ++i) {
-    const Spoke s = spokes[i];
+    const LinkEdge s = link[i];
     const uint32_t c = corners[i];
     if (s.next == target || s.prev == target) {
       dead_[c / 3] = 1;
@@ -436,33 +438,33 @@ void EdgeCollapser::move_ring(uint32_t p, uint32_t target) {
     }
     uint32_t& v = vertex(c);
     v = has_wedges_ ? mapped(v) : target;
-    spokes[end] = s;
+    link[end] = s;
     corners[end++] = c;
   }
   for (uint32_t i = kept.offset; i < kept.offset + kept.count; ++i) {
-    const Spoke s = spokes[i];
-    spokes[end] = s;
+    const LinkEdge s = link[i];
+    link[end] = s;
     corners[end] = corners[i];
     end += s.next != p && s.prev != p;
   }
   ring_of_[p].count = 0;
   ring_of_[target] = {offset, end - offset};
-  spokes_end_ = offset + blocks(end - offset);
+  link_end_ = offset + blocks(end - offset);
   for (uint32_t x : neighbours_) rename(x, p, target);
   for (size_t i = 0; i < opposites_; ++i) remove_folded(neighbours_[i]);
 }
 
-// For spokes up to `end`, and one more.
+// For link up to `end`, and one more.
 void EdgeCollapser::make_room(uint32_t end) {
-  if (end < spokes_.size()) return;
-  spokes_.resize(2 * size_t{end} + 1);
-  corners_.resize(spokes_.size());
+  if (end < link_.size()) return;
+  link_.resize(2 * size_t{end} + 1);
+  corners_.resize(link_.size());
 }
 
 // In the ring of a neighbour, whole blocks at a time: what is behind the ring's end does not count.
 void EdgeCollapser::rename(uint32_t at, uint32_t p, uint32_t target) {
   const Ring r = ring_of_[at];
-  uint32_t* const words = &spokes_[r.offset].next;
+  uint32_t* const words = &link_[r.offset].next;
   const Word4 from{p, p, p, p}, to{target, target, target, target};
   for (uint32_t i = 0; i < 2 * r.count; i += 4) {
     Word4 word;
@@ -477,22 +479,22 @@ void EdgeCollapser::rename(uint32_t at, uint32_t p, uint32_t target) {
 void EdgeCollapser::remove_folded(uint32_t at) {
   Ring& r = ring_of_[at];
   for (uint32_t i = r.offset; i < r.offset + r.count;) {
-    if (spokes_[i].next != spokes_[i].prev) {
+    if (link_[i].next != link_[i].prev) {
       ++i;
       continue;
     }
     const uint32_t last = r.offset + --r.count;
-    spokes_[i] = spokes_[last];
+    link_[i] = link_[last];
     corners_[i] = corners_[last];
   }
 }
 
-void EdgeCollapser::note_chords(uint32_t target) {
+void EdgeCollapser::record_locked_edges(uint32_t target) {
   for (size_t i = opposites_; i < neighbours_.size(); ++i) {
     const uint32_t x = neighbours_[i];
     if (!input_.locked[x]) continue;
     if (input_.component[x] != kNone && input_.component[x] == input_.component[target]) continue;
-    chords_.push_back({std::min(x, target), std::max(x, target)});
+    locked_edges_.push_back({std::min(x, target), std::max(x, target)});
   }
 }
 

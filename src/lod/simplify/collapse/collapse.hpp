@@ -1,4 +1,4 @@
-// Edge collapse by quadrics of one piece of a surface (Garland & Heckbert 1997; attributes by
+// Edge collapse by quadrics of one sub-mesh of a surface (Garland & Heckbert 1997; attributes by
 // Hoppe 1999), cheapest first.
 //
 // A vertex moves onto a neighbour and takes its own triangles along; no new vertex is made. A
@@ -25,7 +25,7 @@
 
 namespace umbel::lod {
 
-/// A piece with vertices and positions numbered from 0. Several vertices may be at one position;
+/// A sub-mesh with vertices and positions numbered from 0. Several vertices may be at one position;
 /// no triangle has two corners at one.
 struct CollapseInput {
   std::span<const Triangle> triangles;       ///< of vertices
@@ -36,23 +36,23 @@ struct CollapseInput {
                                              ///< part of the root of the area that has it
   std::span<const uint8_t> locked;           ///< of positions: stays where it is
   std::span<const uint32_t> component;       ///< of positions, see topology.hpp
-  bool chords = true;                        ///< new edges between locked positions are legal
-  const ChordRegistry* taken = nullptr;      ///< but for these
+  bool locked_edges = true;                  ///< new edges between locked positions are legal
+  const LockedEdgeSet* taken = nullptr;      ///< but for these
   std::span<const uint32_t> position_ids = {};  ///< of positions, as in `taken`
   std::span<const uint32_t> materials = {};     ///< of vertices; empty: one
   std::span<const SeamRule> rules = {};         ///< of positions; empty: SeamRule::kAllow
-  /// Irregular positions move too, within their component. The result must be checked.
-  bool irregular = true;
+  /// Non-manifold positions move too, within their component. The result must be checked.
+  bool non_manifold = true;
   /// Below so many triangles only what costs little more than what it took to get there.
-  size_t cheap_below = 0;
+  size_t limit_below = 0;
   /// And where that leaves more than so many, down to these whatever it costs.
-  size_t dear_until = std::numeric_limits<size_t>::max();
+  size_t unlimited_until = std::numeric_limits<size_t>::max();
   /// Separate parts that may be left out: of positions, which they are of; of parts, how far one is
   /// from the rest at most, infinite for those that stay. Empty: none may.
   std::span<const uint32_t> part_of = {};
   std::span<const float> part_radii = {};
-  bool loose = false;     ///< regular positions move as irregular ones do
-  bool any_turn = false;  ///< triangles may turn over
+  bool non_manifold_moves = false;  ///< regular positions move as non-manifold ones do
+  bool allow_flips = false;         ///< triangles may turn over
 };
 
 /// Reusable; not thread-safe.
@@ -66,32 +66,32 @@ class EdgeCollapser {
   /// The largest root of mean squared distance of one collapse from the planes it stands for, in
   /// the units of the positions.
   float error() const;
-  /// Of the piece, the longest side of its box.
+  /// Of the sub-mesh, the longest side of its box.
   float extent() const { return extent_; }
   double area() const { return area_; }
   /// The same of the attributes, as a length.
   float attribute_error() const;
   /// The largest radius of a part that was left out.
-  float vanished() const { return vanished_; }
+  float removed_radius() const { return removed_radius_; }
   /// Moves `values`, the attributes of a vertex that is left, to those that fit best to all that it
   /// stands for. False where that is not known to be better: it stands for itself alone, or
-  /// others stand at its position, or the border of the piece does.
+  /// others stand at its position, or the border of the sub-mesh does.
   bool refit(uint32_t vertex, std::span<float> values) const;
   /// What stands most in the way of the positions that are left.
-  Reason hindrance();
+  LimitingFactor limiting_factor();
   /// New edges between locked positions of different components.
-  const std::vector<PositionPair>& chords() const { return chords_; }
+  const std::vector<PositionPair>& locked_edges() const { return locked_edges_; }
 
  private:
   struct alignas(16) Point {
     float x, y, z, unused;
   };
-  enum class Kind : uint8_t { kFixed, kInterior, kBorder, kIrregular };
+  enum class Kind : uint8_t { kFixed, kInterior, kBorder, kNonManifold };
   // Of a position: a triangle there, by its other two positions in the triangle's order.
-  struct Spoke {
+  struct LinkEdge {
     uint32_t next, prev;
   };
-  // Rings have room for whole blocks of spokes.
+  // Rings have room for whole blocks of link.
   static constexpr uint32_t kBlock = 4;
   static uint32_t blocks(uint32_t count) { return (count + kBlock - 1) / kBlock * kBlock; }
   struct Ring {
@@ -117,13 +117,13 @@ class EdgeCollapser {
   void add_planes(size_t first);
   static float scale_of(float weight);
   void settle_scale(uint32_t p);
-  void add_rim_quadrics(uint32_t p);
+  void add_boundary_quadrics(uint32_t p);
   void build_attribute_quadrics();
   void finish();
 
   Vec3 point(uint32_t p) const { return {points_[p].x, points_[p].y, points_[p].z}; }
-  std::span<const Spoke> ring(uint32_t p) const {
-    return {spokes_.data() + ring_of_[p].offset, ring_of_[p].count};
+  std::span<const LinkEdge> ring(uint32_t p) const {
+    return {link_.data() + ring_of_[p].offset, ring_of_[p].count};
   }
   // The corner at p of its i-th triangle: 3 t + k is the k-th of triangle t.
   uint32_t corner(uint32_t p, size_t i) const { return corners_[ring_of_[p].offset + i]; }
@@ -159,31 +159,33 @@ class EdgeCollapser {
   uint32_t key_of_part(uint32_t part) const { return static_cast<uint32_t>(points_.size()) + part; }
   float rank_of_part(uint32_t part) const;
   void leave_out(uint32_t part, size_t target, float most_squared);
-  Reason hindrance_at(uint32_t p);
+  LimitingFactor limiting_factor_at(uint32_t p);
   bool find_loop(uint32_t p, uint32_t target);
   bool add_to_loop(uint32_t p);
   bool is_in_loop(uint32_t p) const;
   bool complete_loop();
   void count_around(uint32_t from);
-  bool keeps_facing_in_loop(uint32_t p) const;
+  bool keeps_orientation_in_loop(uint32_t p) const;
   bool map_loop_wedges(uint32_t p);
   void take_loop_wedges(size_t i);
   float rank_of_loop();
-  void draw_loop_together();
+  void collapse_loop();
   bool is_legal(uint32_t p, uint32_t target);
-  bool moves_loosely(uint32_t p) const { return input_.loose || kinds_[p] == Kind::kIrregular; }
+  bool moves_non_manifold(uint32_t p) const {
+    return input_.non_manifold_moves || kinds_[p] == Kind::kNonManifold;
+  }
   void mark_neighbours(uint32_t p);
   void find_opposites(uint32_t p, uint32_t target);
   bool keeps_link(uint32_t p, uint32_t target);
   void list_neighbours(uint32_t p, uint32_t target);
   uint32_t list_all_neighbours(uint32_t p, uint32_t target);
-  bool keeps_irregular_link(uint32_t p, uint32_t target);
-  bool keeps_chords(uint32_t target) const;
-  bool keeps_facing(uint32_t p, uint32_t target) const;
+  bool keeps_non_manifold_link(uint32_t p, uint32_t target);
+  bool keeps_locked_edges(uint32_t target) const;
+  bool keeps_orientation(uint32_t p, uint32_t target) const;
   // The cosine by which a triangle may turn in one collapse.
   static constexpr double kLeastCosine = 0.25;
   // Whether a triangle does, or becomes too thin to tell, as its corner moves.
-  bool turns_over(const Vec3& from, const Vec3& to, const Spoke& s) const {
+  bool flips(const Vec3& from, const Vec3& to, const LinkEdge& s) const {
     const Vec3 n = point(s.next), side = point(s.prev) - n;
     const Vec3 before = cross(n - from, side), after = cross(n - to, side);
     const double turn = dot(before, after), size = double{dot(after, after)};
@@ -207,7 +209,7 @@ class EdgeCollapser {
   void make_room(uint32_t end);
   void rename(uint32_t at, uint32_t p, uint32_t target);
   void remove_folded(uint32_t at);
-  void note_chords(uint32_t target);
+  void record_locked_edges(uint32_t target);
   float cost_of(uint32_t p, uint32_t target) const;
   void merge_quadrics(uint32_t p, uint32_t target);
   void merge_attributes(uint32_t from, uint32_t to, const Vec3& d);
@@ -215,9 +217,9 @@ class EdgeCollapser {
   CollapseInput input_;
   bool has_wedges_ = false;
   uint32_t attribute_count_ = 0;
-  float extent_ = 0.0f;                           // of the piece
-  float area_unit_ = 1.0f;                        // scales areas of a piece of any extent alike
-  double area_ = 0.0;                             // of the piece
+  float extent_ = 0.0f;                           // of the sub-mesh
+  float area_unit_ = 1.0f;                        // scales areas of a sub-mesh of any extent alike
+  double area_ = 0.0;                             // of the sub-mesh
   size_t live_ = 0;                               // triangles
   float worst_ = 0.0f, worst_attributes_ = 0.0f;  // squared distances
 
@@ -225,9 +227,9 @@ class EdgeCollapser {
   std::vector<Triangle> triangles_;  // of vertices
   std::vector<uint8_t> dead_;        // triangles
   std::vector<Ring> ring_of_;        // of positions
-  std::vector<Spoke> spokes_;        // merged rings are appended
-  std::vector<uint32_t> corners_;    // of spokes_
-  uint32_t spokes_end_ = 0;          // how many of spokes_ are used
+  std::vector<LinkEdge> link_;       // merged rings are appended
+  std::vector<uint32_t> corners_;    // of link_
+  uint32_t link_end_ = 0;            // how many of link_ are used
   std::vector<Kind> kinds_;
   std::vector<uint8_t> wedge_counts_;        // vertices at a position, at most 2 counted
   std::vector<Quadric> quadrics_;            // of positions; scale: from cost to rank
@@ -248,7 +250,7 @@ class EdgeCollapser {
   std::vector<float> part_areas_;
   std::vector<uint32_t> part_live_;                      // of parts: triangles when last counted
   std::vector<uint32_t> part_offsets_, part_triangles_;  // of parts: their triangles
-  float vanished_ = 0.0f;
+  float removed_radius_ = 0.0f;
   uint32_t stamp_ = 0;
   BucketQueue queue_;
 
@@ -273,27 +275,27 @@ class EdgeCollapser {
   std::pair<uint32_t, uint32_t> opposite_{kNone, kNone};  // of a regular position, the same if one
   bool has_loop_ = false;  // the link fails as others than those are neighbours of both ends
   std::vector<Triangle> result_;
-  std::vector<PositionPair> chords_;
+  std::vector<PositionPair> locked_edges_;
 };
 
 // Calls visit(corner at p, target, whether the target comes after p there) for the neighbours
 // that p may move to: all from the interior, along the border from there.
 template <typename Visit>
 void EdgeCollapser::for_each_target(uint32_t p, const Visit& visit) const {
-  const auto spokes = ring(p);
-  const auto is_in = [&](uint32_t x, uint32_t Spoke::* side) {
-    return std::any_of(spokes.begin(), spokes.end(), [&](const Spoke& s) { return s.*side == x; });
+  const auto link = ring(p);
+  const auto is_in = [&](uint32_t x, uint32_t LinkEdge::* side) {
+    return std::any_of(link.begin(), link.end(), [&](const LinkEdge& s) { return s.*side == x; });
   };
-  for (size_t i = 0; i < spokes.size(); ++i) {
-    const auto [n, q] = spokes[i];
+  for (size_t i = 0; i < link.size(); ++i) {
+    const auto [n, q] = link[i];
     if (kinds_[p] == Kind::kInterior) {
       visit(corner(p, i), n, true);
-    } else if (kinds_[p] == Kind::kIrregular) {
+    } else if (kinds_[p] == Kind::kNonManifold) {
       visit(corner(p, i), n, true);
-      if (!is_in(q, &Spoke::next)) visit(corner(p, i), q, false);
+      if (!is_in(q, &LinkEdge::next)) visit(corner(p, i), q, false);
     } else {
-      if (!is_in(n, &Spoke::prev)) visit(corner(p, i), n, true);
-      if (!is_in(q, &Spoke::next)) visit(corner(p, i), q, false);
+      if (!is_in(n, &LinkEdge::prev)) visit(corner(p, i), n, true);
+      if (!is_in(q, &LinkEdge::next)) visit(corner(p, i), q, false);
     }
   }
 }

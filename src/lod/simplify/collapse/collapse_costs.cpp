@@ -69,7 +69,7 @@ void EdgeCollapser::build_quadrics() {
   for (size_t t = 0; t < input_.triangles.size(); t += 4) add_planes(t);
   for (uint32_t p = 0; p < points_.size(); ++p) {
     if (kinds_[p] != Kind::kFixed && (kinds_[p] != Kind::kInterior || wedge_counts_[p] > 1))
-      add_rim_quadrics(p);
+      add_boundary_quadrics(p);
     settle_scale(p);
   }
 }
@@ -121,7 +121,7 @@ float EdgeCollapser::scale_of(float weight) {
 
 void EdgeCollapser::settle_scale(uint32_t p) { quadrics_[p].scale = scale_of(quadrics_[p].weight); }
 
-void EdgeCollapser::add_rim_quadrics(uint32_t p) {
+void EdgeCollapser::add_boundary_quadrics(uint32_t p) {
   const auto add = [&](uint32_t corner, uint32_t other, float weight) {
     const Triangle q = positions_of(triangles_[corner / 3]);
     const Vec3 n = cross(point(q[1]) - point(q[0]), point(q[2]) - point(q[0]));
@@ -133,18 +133,18 @@ void EdgeCollapser::add_rim_quadrics(uint32_t p) {
     add_plane(quadrics_[p], m * (1.0f / size), weighted);
     quadrics_[p].weight += weighted;
   };
-  const auto spokes = ring(p);
-  const auto count = [&](uint32_t x, uint32_t Spoke::* side) {
-    return std::count_if(spokes.begin(), spokes.end(),
-                         [&](const Spoke& s) { return s.*side == x; });
+  const auto link = ring(p);
+  const auto count = [&](uint32_t x, uint32_t LinkEdge::* side) {
+    return std::count_if(link.begin(), link.end(), [&](const LinkEdge& s) { return s.*side == x; });
   };
   const bool is_closed = kinds_[p] == Kind::kInterior;  // two triangles at every edge
-  for (size_t i = 0; i < spokes.size(); ++i) {
-    const auto [n, q] = spokes[i];
+  for (size_t i = 0; i < link.size(); ++i) {
+    const auto [n, q] = link[i];
     const uint32_t c = corner(p, i);
-    const auto after = is_closed ? 1 : count(n, &Spoke::next);
-    const auto before = is_closed ? 1 : count(n, &Spoke::prev);
-    if (!is_closed && count(q, &Spoke::next) != count(q, &Spoke::prev)) add(c, q, kBorderWeight);
+    const auto after = is_closed ? 1 : count(n, &LinkEdge::next);
+    const auto before = is_closed ? 1 : count(n, &LinkEdge::prev);
+    if (!is_closed && count(q, &LinkEdge::next) != count(q, &LinkEdge::prev))
+      add(c, q, kBorderWeight);
     if (after != before) {
       add(c, n, kBorderWeight);
     } else if (after == 1) {
@@ -213,9 +213,9 @@ void EdgeCollapser::build_attribute_quadrics() {
 
 // The corner at p of the triangle in which q comes before p, or kNone.
 uint32_t EdgeCollapser::corner_before(uint32_t p, uint32_t q) const {
-  const auto spokes = ring(p);
-  for (size_t i = 0; i < spokes.size(); ++i)
-    if (spokes[i].prev == q) return corner(p, i);
+  const auto link = ring(p);
+  for (size_t i = 0; i < link.size(); ++i)
+    if (link[i].prev == q) return corner(p, i);
   return kNone;
 }
 
@@ -264,11 +264,11 @@ EdgeCollapser::Choice EdgeCollapser::position_choice(uint32_t p, uint32_t target
 // As position_choice for all targets, four at once.
 EdgeCollapser::Choice EdgeCollapser::cheapest_position(uint32_t p) const {
   const RanksOfMoves ranks_of(quadrics_[p], &points_[p].x);
-  const auto spokes = ring(p);
+  const auto link = ring(p);
   Choice best{std::numeric_limits<float>::infinity(), kNone};
-  for (size_t begin = 0; begin < spokes.size(); begin += 4) {
+  for (size_t begin = 0; begin < link.size(); begin += 4) {
     std::array<uint32_t, 4> targets;
-    for (size_t i = 0; i < 4; ++i) targets[i] = spokes[std::min(begin + i, spokes.size() - 1)].next;
+    for (size_t i = 0; i < 4; ++i) targets[i] = link[std::min(begin + i, link.size() - 1)].next;
     const std::array<float, 4> ranks = ranks_of([&](size_t i) { return &points_[targets[i]].x; });
     for (size_t i = 0; i < 4; ++i)
       if (ranks[i] < best.rank) best = {ranks[i], targets[i]};

@@ -16,7 +16,7 @@ constexpr size_t kMostTogether = 8;
 }  // namespace
 
 // Finds what has to go to the target together with p, so that no edge has more than two triangles
-// that the source does not explain. Right after the test of the link has failed.
+// that the source does not allow. Right after the test of the link has failed.
 bool EdgeCollapser::find_loop(uint32_t p, uint32_t target) {
   loop_.assign({target});
   loop_moves_.clear();
@@ -24,7 +24,7 @@ bool EdgeCollapser::find_loop(uint32_t p, uint32_t target) {
   const bool found =
       add_to_loop(p) && complete_loop() &&
       std::all_of(loop_.begin() + 1, loop_.end(), [&](uint32_t from) {
-        return (input_.any_turn || keeps_facing_in_loop(from)) && map_loop_wedges(from);
+        return (input_.allow_flips || keeps_orientation_in_loop(from)) && map_loop_wedges(from);
       });
   mark_neighbours(p);
   return found;
@@ -80,7 +80,7 @@ void EdgeCollapser::count_around(uint32_t from) {
     n.at_target |= from == loop_[0];
     return n;
   };
-  for (const Spoke& s : ring(from)) {
+  for (const LinkEdge& s : ring(from)) {
     const bool next_goes = marks_[s.next] == is_in_loop, prev_goes = marks_[s.prev] == is_in_loop;
     if (!next_goes && !prev_goes)
       ++around(s.next).triangles, ++around(s.prev).triangles;
@@ -91,10 +91,10 @@ void EdgeCollapser::count_around(uint32_t from) {
   }
 }
 
-bool EdgeCollapser::keeps_facing_in_loop(uint32_t p) const {
+bool EdgeCollapser::keeps_orientation_in_loop(uint32_t p) const {
   const Vec3 from = point(p), to = point(loop_[0]);
-  return std::none_of(ring(p).begin(), ring(p).end(), [&](const Spoke& s) {
-    return !is_in_loop(s.next) && !is_in_loop(s.prev) && turns_over(from, to, s);
+  return std::none_of(ring(p).begin(), ring(p).end(), [&](const LinkEdge& s) {
+    return !is_in_loop(s.next) && !is_in_loop(s.prev) && flips(from, to, s);
   });
 }
 
@@ -138,12 +138,12 @@ float EdgeCollapser::rank_of_loop() {
   // Those with two positions of the loop are in two of its rings.
   size_t twice = 0;
   for (uint32_t p : loop_)
-    for (const Spoke& s : ring(p)) twice += is_in_loop(s.next) || is_in_loop(s.prev);
+    for (const LinkEdge& s : ring(p)) twice += is_in_loop(s.next) || is_in_loop(s.prev);
   return 4.0f * rank / static_cast<float>(std::max<size_t>(twice, 4));
 }
 
 // The one that was found last.
-void EdgeCollapser::draw_loop_together() {
+void EdgeCollapser::collapse_loop() {
   const uint32_t target = loop_[0];
   std::vector<uint32_t> around = {target};
   for (size_t i = 1; i < loop_.size(); ++i) {

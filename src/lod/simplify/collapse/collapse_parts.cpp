@@ -1,5 +1,5 @@
-// Separate parts of a piece that EdgeCollapser leaves out whole, in their turn among the collapses:
-// what leaving one out costs is shared out among the collapses whose place it takes.
+// Separate parts of a sub-mesh that EdgeCollapser leaves out whole, in their turn among the
+// collapses: what leaving one out costs is shared out among the collapses whose place it takes.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -13,7 +13,7 @@ void EdgeCollapser::load_parts() {
   part_areas_.assign(count, 0.0f);
   part_live_.assign(count, 0);
   part_offsets_.assign(count + 1, 0);
-  vanished_ = 0.0f;
+  removed_radius_ = 0.0f;
   if (count == 0) return;
   const auto part_of = [&](const Triangle& t) { return input_.part_of[positions_of(t)[0]]; };
   for (const Triangle& t : triangles_) {
@@ -56,7 +56,7 @@ void EdgeCollapser::leave_out(uint32_t part, size_t target, float most_squared) 
   }
   const float radius = input_.part_radii[part];
   if (live_ < target + live || radius * radius > most_squared) return;
-  vanished_ = std::max(vanished_, radius);
+  removed_radius_ = std::max(removed_radius_, radius);
   live_ -= live;
   for (uint32_t t : triangles) {
     if (std::exchange(dead_[t], 1)) continue;

@@ -29,10 +29,10 @@ bool EdgeCollapser::map_wedges(uint32_t p, uint32_t target) {
   wedge_map_.clear();
   const Vec3 d = point(target) - point(p);
   const bool protect = rule(p) == SeamRule::kProtect || rule(target) == SeamRule::kProtect;
-  const auto spokes = ring(p);
-  for (size_t i = 0; i < spokes.size(); ++i) {
-    const bool after = spokes[i].next == target;
-    if (!after && spokes[i].prev != target) continue;
+  const auto link = ring(p);
+  for (size_t i = 0; i < link.size(); ++i) {
+    const bool after = link[i].next == target;
+    if (!after && link[i].prev != target) continue;
     const uint32_t c = corner(p, i);
     const uint32_t from = vertex(c), to = vertex(after ? next(c) : prev(c));
     const auto same = std::find_if(wedge_map_.begin(), wedge_map_.end(),
@@ -47,7 +47,7 @@ bool EdgeCollapser::map_wedges(uint32_t p, uint32_t target) {
     }
   }
   if (wedge_counts_[p] == 1) return true;
-  for (size_t i = 0; i < spokes.size(); ++i) {
+  for (size_t i = 0; i < link.size(); ++i) {
     const uint32_t from = vertex(corner(p, i));
     if (mapped(from) != kNone) continue;
     const uint32_t to = protect ? kNone : cheapest_wedge(from, target, d);

@@ -157,7 +157,8 @@ TEST(WriteAsset, refuses_what_is_structurally_impossible) {
       {"cluster range", [](lod::Dag& d) { d.tables.groups[1].clusters.offset = kNone; }},
       {"cluster in two groups", [](lod::Dag& d) { d.tables.groups[1].clusters.offset = 0; }},
       {"cluster in no group", [](lod::Dag& d) { d.tables.groups[1].clusters.count = 1; }},
-      {"rung", [](lod::Dag& d) { d.tables.groups[1].rung = static_cast<lod::Rung>(5); }},
+      {"method",
+       [](lod::Dag& d) { d.tables.groups[1].method = static_cast<lod::SimplifyMethod>(5); }},
       {"group", [](lod::Dag& d) { d.tables.clusters[3].group = 10000; }},
       {"group that it is not in", [](lod::Dag& d) { d.tables.clusters[0].group = 1; }},
       {"vertex count", [](lod::Dag& d) { d.tables.clusters[3].vertex_count = 65536; }},
@@ -190,7 +191,7 @@ TEST(WriteAsset, stores_what_is_merely_wrong) {
       {"error lowered", [](lod::Dag& d) { d.tables.groups[1].error = -1; }},
       {"sphere shrunk", [](lod::Dag& d) { d.tables.groups[1].sphere.radius = 1e-3f; }},
       {"level", [](lod::Dag& d) { d.tables.groups[1].level = 9; }},
-      {"rung", [](lod::Dag& d) { d.tables.groups[1].rung = lod::Rung::kRoot; }},
+      {"method", [](lod::Dag& d) { d.tables.groups[1].method = lod::SimplifyMethod::kRoot; }},
       {"generating group", [](lod::Dag& d) { d.tables.clusters[0].generating_group = 1; }},
       {"node", [](lod::Dag& d) { d.tables.nodes[2].children.count = 1; }},
       {"triangle dropped", [](lod::Dag& d) {

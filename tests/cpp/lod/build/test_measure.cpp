@@ -46,7 +46,7 @@ void expect_bounded(const Mesh& mesh) {
   size_t coarse = 0;
   for (uint32_t level = 1; level < dag.tables.levels.size(); level += 2) {
     const std::vector<uint32_t> cut = select(dag.tables, view_level(level));
-    const Mesh shown = cut_mesh(dag.tables, testing::reader_of(dag), cut);
+    const Mesh shown = mesh_of_cut(dag.tables, testing::reader_of(dag), cut);
     const TriangleBvh bvh = TriangleBvh::build(shown.view());
     const float error = cut_error(dag.tables, cut);
     EXPECT_LE(farthest(shown, source, 3000, random), error) << "level " << level;
@@ -135,7 +135,7 @@ TEST(StopCriteria, no_group_gets_a_larger_error) {
     EXPECT_GT(dag.report.root_triangles, config.max_triangles);
     EXPECT_EQ(dag.report.stuck_groups, 0u);
     for (const Group& group : dag.tables.groups)
-      if (group.rung != Rung::kRoot) EXPECT_LE(group.error, 0.03f);
+      if (group.method != SimplifyMethod::kRoot) EXPECT_LE(group.error, 0.03f);
     const VerifyReport report =
         verify(dag.tables, testing::reader_of(dag), testing::verify_config_of(dag, mesh));
     EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);

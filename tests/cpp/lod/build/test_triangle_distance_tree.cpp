@@ -1,12 +1,12 @@
-// lod::NearSurface: distances as a hierarchy over the same triangles gives them.
+// lod::TriangleDistanceTree: distances as a hierarchy over the same triangles gives them.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
 #include "base/math.hpp"
+#include "lod/build/clusterise.hpp"
 #include "lod/build/triangle_distance_tree.hpp"
-#include "lod/dag/cut_clusters.hpp"
 #include "lod/dag/source.hpp"
 #include "lod/synthetic_dag.hpp"
 #include "umbel/triangle_bvh.hpp"
@@ -21,14 +21,14 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 struct Scene {
   Source source;
   ClusterSet clusters;
-  NearSurface surface;
+  TriangleDistanceTree surface;
   TriangleBvh bvh;
 
   explicit Scene(const Mesh& mesh) : bvh(TriangleBvh::build(mesh.view())) {
     Config config;
     source = make_source(mesh.view(), {});
     std::vector<Sphere> spheres;
-    cut_mesh(source, config, clusters, spheres);
+    clusterise_source(source, config, clusters, spheres);
     surface.build(clusters, source.mesh.positions, 1.0f);
   }
 };
@@ -65,7 +65,7 @@ TEST_P(NearSurfaceOf, finds_the_distance_whatever_the_hint) {
   for (int i = 0; i < 500; ++i) {
     const Vec3 p = random_point(box, random);
     const uint32_t hint = static_cast<uint32_t>(random.uniform() * 2000);
-    const NearSurface::Nearest found = scene.surface.nearest(p, 0.0f, hint);
+    const TriangleDistanceTree::Nearest found = scene.surface.nearest(p, 0.0f, hint);
     EXPECT_NEAR(std::sqrt(found.squared), scene.bvh.closest_point(p).distance, 1e-5f * size);
     EXPECT_LT(found.cluster, scene.clusters.size());
   }
@@ -89,7 +89,7 @@ TEST_P(NearSurfaceOf, what_is_near_enough_is_no_nearer_than_the_nearest) {
 
 INSTANTIATE_TEST_SUITE_P(Shapes, NearSurfaceOf, ::testing::Range(0, 4));
 
-TEST(NearSurface, degenerate_triangles_are_points_and_segments) {
+TEST(TriangleDistanceTree, degenerate_triangles_are_points_and_segments) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {5, 5, 5}};
   mesh.triangles = {{0, 1, 2}, {3, 3, 3}};
@@ -98,7 +98,7 @@ TEST(NearSurface, degenerate_triangles_are_points_and_segments) {
   EXPECT_FLOAT_EQ(scene.surface.nearest({5, 5, 6}, 0.0f).squared, 1.0f);
 }
 
-TEST(NearSurface, clusters_smaller_than_any_cell_are_found) {
+TEST(TriangleDistanceTree, clusters_smaller_than_any_cell_are_found) {
   for (const float size : {1e-44f, 1e-39f, 1e-20f}) {
     Mesh mesh = shapes::sphere(2);
     for (Vec3& p : mesh.positions) p = p * size + Vec3{0, 0, size < 1e-30f ? 0.0f : 1.0f};
@@ -111,15 +111,15 @@ TEST(NearSurface, clusters_smaller_than_any_cell_are_found) {
   }
 }
 
-TEST(NearSurface, rounding_far_from_the_origin_loses_nothing) {
+TEST(TriangleDistanceTree, rounding_far_from_the_origin_loses_nothing) {
   Mesh mesh = shapes::sphere(2);
   for (Vec3& p : mesh.positions) p = p * 4.0f + Vec3{1e7f, -1e7f, 1e7f};
   const Scene scene(mesh);
   for (const Vec3& p : mesh.positions) EXPECT_EQ(scene.surface.nearest(p, 0.0f).squared, 0.0f);
 }
 
-TEST(NearSurface, nothing_is_infinitely_far) {
-  NearSurface surface;
+TEST(TriangleDistanceTree, nothing_is_infinitely_far) {
+  TriangleDistanceTree surface;
   surface.build(ClusterSet(), {}, 1.0f);
   EXPECT_EQ(surface.nearest({0, 0, 0}, 0.0f).squared, kInfinity);
 }

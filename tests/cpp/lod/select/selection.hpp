@@ -11,7 +11,7 @@ namespace umbel::cuda::testing {
 /// A mesh's tables as a device has them, with room for any cut.
 struct Mesh {
   const lod::Tables& tables;
-  std::span<const ClusterBounds> facing{};
+  std::span<const ClusterBounds> normal_cones{};
 
   DeviceTables view() const {
     uint32_t layers = 0;
@@ -25,7 +25,7 @@ struct Mesh {
     return {tables.nodes.data(),
             tables.groups.data(),
             tables.clusters.data(),
-            facing.empty() ? nullptr : facing.data(),
+            normal_cones.empty() ? nullptr : normal_cones.data(),
             uint32_t(tables.groups.size()),
             layers};
   }

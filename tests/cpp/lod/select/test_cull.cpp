@@ -18,9 +18,9 @@ const Dag& blob_dag() {
   return dag;
 }
 
-const std::vector<ClusterBounds>& blob_facing() {
+const std::vector<ClusterBounds>& blob_normal_cones() {
   static const std::vector<ClusterBounds> bounds =
-      facing_bounds(blob_dag().tables, testing::reader_of(blob_dag()));
+      normal_cone_bounds(blob_dag().tables, testing::reader_of(blob_dag()));
   return bounds;
 }
 
@@ -57,7 +57,7 @@ TEST(CulledSelect, all_three_ways_give_the_same) {
     const Perspective seen = random_perspective(random, 3);
     const std::vector<Plane> planes = frustum_planes(seen);
     Culling culling{planes, {}};
-    if (i % 2) culling.facing = blob_facing();
+    if (i % 2) culling.normal_cones = blob_normal_cones();
     const View view = testing::camera(seen.eye, static_cast<float>(random.log_between(1e-5, 1)));
     const std::vector<uint32_t> cut = select(blob_dag().tables, view, culling);
     EXPECT_EQ(select_hierarchy(blob_dag().tables, view, culling), cut);
@@ -107,7 +107,7 @@ TEST(CulledSelect, nothing_that_is_seen_is_left_out) {
     const std::vector<Plane> planes = frustum_planes(seen);
     const View view = testing::camera(seen.eye, static_cast<float>(random.log_between(1e-4, 1e-1)));
     const std::vector<uint32_t> all = select(tables, view);
-    const std::vector<uint32_t> kept = select(tables, view, {planes, blob_facing()});
+    const std::vector<uint32_t> kept = select(tables, view, {planes, blob_normal_cones()});
     ASSERT_TRUE(std::includes(all.begin(), all.end(), kept.begin(), kept.end()));
     for (const uint32_t c : all) {
       if (std::binary_search(kept.begin(), kept.end(), c)) continue;
@@ -339,7 +339,7 @@ TEST(CulledSelect, impossible_arguments_are_rejected) {
   EXPECT_THROW(select_hierarchy(tables, view, {{&no_offset, 1}, {}}), Error);
   const std::vector<ClusterBounds> few(3);
   EXPECT_THROW(select_breadth_first(tables, view, {{}, few}), Error);
-  EXPECT_THROW(select(tables, view_error(0), {{}, blob_facing()}), Error);
+  EXPECT_THROW(select(tables, view_error(0), {{}, blob_normal_cones()}), Error);
   Transform flat;
   flat.rows[0] = 0;
   EXPECT_THROW(select_instances(tables, view, {}, {&flat, 1}), Error);

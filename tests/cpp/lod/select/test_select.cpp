@@ -146,7 +146,7 @@ TEST(Select, cut_of_closed_mesh_is_closed) {
   for (uint32_t i = 0; i < 60; ++i) {
     const std::vector<uint32_t> cut = select(dag.tables, random_view(random, dag.tables, i));
     sizes.insert(cut.size());
-    const Mesh mesh = cut_mesh(dag.tables, testing::reader_of(dag), cut);
+    const Mesh mesh = mesh_of_cut(dag.tables, testing::reader_of(dag), cut);
     std::map<std::pair<uint32_t, uint32_t>, int> edges;
     const std::vector<uint32_t> ids = position_ids(mesh.positions);
     for (const Triangle& t : mesh.triangles)
@@ -162,7 +162,8 @@ TEST(Select, cut_of_closed_mesh_is_closed) {
 TEST(Select, level_zero_is_the_source) {
   const Mesh mesh = shapes::blob(5, 7);
   const Dag& dag = blob_dag();
-  const Mesh cut = cut_mesh(dag.tables, testing::reader_of(dag), select(dag.tables, view_level(0)));
+  const Mesh cut =
+      mesh_of_cut(dag.tables, testing::reader_of(dag), select(dag.tables, view_level(0)));
   EXPECT_EQ(cut.triangles.size(), mesh.triangles.size());
   EXPECT_EQ(triangle_set_digest(cut.view()), triangle_set_digest(mesh.view()));
 }

@@ -64,7 +64,7 @@ const lod::Dag& blob() {
 
 TEST(DeviceSelect, cuts_of_instances_are_those_of_the_processor) {
   Random random(1);
-  const auto facing = lod::facing_bounds(blob().tables, lod::testing::reader_of(blob()));
+  const auto normal_cones = lod::normal_cone_bounds(blob().tables, lod::testing::reader_of(blob()));
   std::set<size_t> sizes;
   for (int round = 0; round < 24; ++round) {
     const auto instances = random_transforms(random, 100, 20);
@@ -73,11 +73,11 @@ TEST(DeviceSelect, cuts_of_instances_are_those_of_the_processor) {
     const auto planes = random_frustum(random, eye);
     lod::Culling culling;
     if (round % 3) culling.planes = planes;
-    if (round % 2) culling.facing = facing;
+    if (round % 2) culling.normal_cones = normal_cones;
     const lod::View view =
         lod::testing::camera(eye, static_cast<float>(random.log_between(1e-4, 1e-1)));
-    const Selection s = selected({blob().tables, culling.facing}, view, culling.planes, instances,
-                                 all_room(blob().tables, instances.size()));
+    const Selection s = selected({blob().tables, culling.normal_cones}, view, culling.planes,
+                                 instances, all_room(blob().tables, instances.size()));
     expect_same(s.cuts, lod::select_instances(blob().tables, view, culling, instances));
     EXPECT_EQ(s.counts.overflow, 0u);
     EXPECT_EQ(s.counts.refused, 0u);

@@ -1,5 +1,5 @@
 // Attributes through the levels of detail: each weighs in the error, none is lost, materials stay
-// the triangles', and the report says why rungs were left.
+// the triangles', and the report says why methods were left.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ Config small() { return testing::small_config(); }
 GeometryReader reader(const Dag& dag) { return testing::reader_of(dag); }
 
 Mesh cut_of(const Dag& dag, float error) {
-  return cut_mesh(dag.tables, reader(dag), select(dag.tables, view_error(error)));
+  return mesh_of_cut(dag.tables, reader(dag), select(dag.tables, view_error(error)));
 }
 
 Mesh cut_to(const Dag& dag, uint64_t triangles) {
@@ -75,14 +75,14 @@ TEST(Attributes, files_keep_further_ones_as_exactly_as_they_are_asked_to) {
     write_asset(scratch / "a.umbel", dag, "{}", {}, exact ? AssetConfig::exact() : AssetConfig{});
     const Asset asset(scratch / "a.umbel");
     const auto cut = select(dag.tables, view_level(1));
-    const Mesh stored = cut_mesh(dag.tables, [&](uint32_t c) { return asset.geometry(c); }, cut);
-    EXPECT_EQ(stored.triangles.size(), cut_mesh(dag.tables, reader(dag), cut).triangles.size());
+    const Mesh stored = mesh_of_cut(dag.tables, [&](uint32_t c) { return asset.geometry(c); }, cut);
+    EXPECT_EQ(stored.triangles.size(), mesh_of_cut(dag.tables, reader(dag), cut).triangles.size());
     expect_extras_of_position(stored, exact ? 0.0f : 0x1p-14f);
   }
 }
 
-// A flat sheet where only `paint` says where detail is: near x = 0.5.
-Mesh sheet(const std::function<void(Mesh&, float)>& paint) {
+// A flat patch where only `paint` says where detail is: near x = 0.5.
+Mesh patch(const std::function<void(Mesh&, float)>& paint) {
   Mesh mesh = shapes::grid(64, 64);
   for (const Vec3& p : mesh.positions) paint(mesh, p.x);
   return mesh;
@@ -106,7 +106,7 @@ void expect_weight_keeps_the_middle(const Mesh& mesh, float Config::* weight) {
 }
 
 TEST(Attributes, further_texture_coordinates_weigh_in_the_error) {
-  expect_weight_keeps_the_middle(sheet([](Mesh& mesh, float x) {
+  expect_weight_keeps_the_middle(patch([](Mesh& mesh, float x) {
                                    mesh.extras = {{ExtraKind::kUvs, 1}};
                                    mesh.extra_values.insert(mesh.extra_values.end(), {wave(x), 0});
                                  }),
@@ -115,7 +115,7 @@ TEST(Attributes, further_texture_coordinates_weigh_in_the_error) {
 
 TEST(Attributes, weights_of_joints_weigh_in_the_error) {
   expect_weight_keeps_the_middle(
-      sheet([](Mesh& mesh, float x) {
+      patch([](Mesh& mesh, float x) {
         mesh.extras = {{ExtraKind::kJoints, 0}, {ExtraKind::kWeights, 0}};
         const float part = 0.5f + 0.5f * wave(x);
         mesh.extra_values.insert(mesh.extra_values.end(), {7, 3, 0, 0, part, 1 - part, 0, 0});
@@ -124,7 +124,7 @@ TEST(Attributes, weights_of_joints_weigh_in_the_error) {
 }
 
 TEST(Attributes, joints_without_weight_do_not_matter) {
-  Mesh plain = sheet([](Mesh& mesh, float x) {
+  Mesh plain = patch([](Mesh& mesh, float x) {
     mesh.extras = {{ExtraKind::kJoints, 0}, {ExtraKind::kWeights, 0}};
     mesh.extra_values.insert(mesh.extra_values.end(), {x < 0.5f ? 1.f : 2.f, 0, 9, 9, 0, 0, 0, 0});
   });
@@ -135,7 +135,7 @@ TEST(Attributes, joints_without_weight_do_not_matter) {
 }
 
 TEST(Attributes, tangents_weigh_in_the_error) {
-  expect_weight_keeps_the_middle(sheet([](Mesh& mesh, float x) {
+  expect_weight_keeps_the_middle(patch([](Mesh& mesh, float x) {
                                    const float a = wave(x);
                                    mesh.tangents.push_back({std::cos(a), std::sin(a), 0, 1});
                                  }),
@@ -257,7 +257,7 @@ TEST(Attributes, files_keep_the_materials_of_triangles_each_mesh_its_own) {
   const auto cut = select(dag.tables, view_error(0.0f));
   for (uint32_t m = 0; m < 2; ++m) {
     const Mesh stored =
-        cut_mesh(asset.tables(m), [&](uint32_t c) { return asset.geometry(c, m); }, cut);
+        mesh_of_cut(asset.tables(m), [&](uint32_t c) { return asset.geometry(c, m); }, cut);
     EXPECT_EQ(std::ranges::count(stored.materials, 3u + 10 * m),
               std::ranges::count(mesh.materials, 3u));
     EXPECT_EQ(std::ranges::count(stored.materials, 5u + 10 * m),
@@ -315,46 +315,48 @@ TEST(Attributes, what_is_no_attribute_is_refused_by_name) {
   EXPECT_NE(message(bad).find("give `materials`"), std::string::npos);
 }
 
-uint64_t sum(const std::array<uint64_t, kReasons>& counts) {
+uint64_t sum(const std::array<uint64_t, kLimitingFactors>& counts) {
   return std::accumulate(counts.begin(), counts.end(), uint64_t{0});
 }
 
-uint64_t count(const Report& report, Rung rung, Reason reason) {
-  return report.groups_by_reason[static_cast<size_t>(rung)][static_cast<size_t>(reason)];
+uint64_t count(const Report& report, SimplifyMethod method, LimitingFactor limiting_factor) {
+  return report
+      .groups_by_limiting_factor[static_cast<size_t>(method)][static_cast<size_t>(limiting_factor)];
 }
 
 void expect_counted(const Dag& dag) {
-  ASSERT_EQ(dag.reasons.size(), dag.tables.groups.size());
-  std::array<std::array<uint64_t, kReasons>, 5> counted{};
-  for (size_t g = 0; g < dag.reasons.size(); ++g)
-    ++counted[static_cast<size_t>(dag.tables.groups[g].rung)][static_cast<size_t>(dag.reasons[g])];
-  EXPECT_EQ(counted, dag.report.groups_by_reason);
-  for (size_t rung = 0; rung < counted.size(); ++rung)
-    EXPECT_EQ(sum(counted[rung]), dag.report.groups_by_rung[rung]);
+  ASSERT_EQ(dag.limiting_factors.size(), dag.tables.groups.size());
+  std::array<std::array<uint64_t, kLimitingFactors>, 5> counted{};
+  for (size_t g = 0; g < dag.limiting_factors.size(); ++g)
+    ++counted[static_cast<size_t>(dag.tables.groups[g].method)]
+             [static_cast<size_t>(dag.limiting_factors[g])];
+  EXPECT_EQ(counted, dag.report.groups_by_limiting_factor);
+  for (size_t method = 0; method < counted.size(); ++method)
+    EXPECT_EQ(sum(counted[method]), dag.report.groups_by_method[method]);
 }
 
-TEST(Reasons, of_every_group_are_counted) {
+TEST(LimitingFactors, of_every_group_are_counted) {
   for (const Mesh& mesh : {shapes::blob(4, 1), shapes::soup(2000, 1), shapes::tetrahedra(500),
                            shapes::moebius(200, 8), mirrored()}) {
     const Dag dag = build(mesh.view(), small());
     expect_counted(dag);
-    EXPECT_EQ(count(dag.report, Rung::kRoot, Reason::kCoarsest), 1u);
+    EXPECT_EQ(count(dag.report, SimplifyMethod::kRoot, LimitingFactor::kCoarsest), 1u);
   }
 }
 
-TEST(Reasons, name_what_stood_in_the_way) {
-  // A smooth closed surface: the first rung does it.
+TEST(LimitingFactors, name_what_stood_in_the_way) {
+  // A smooth closed surface: the first method does it.
   Dag dag = build(shapes::sphere(4).view(), small());
-  EXPECT_GT(count(dag.report, Rung::kRegular, Reason::kNone),
-            dag.report.groups_by_rung[static_cast<size_t>(Rung::kRegular)] * 9 / 10);
+  EXPECT_GT(count(dag.report, SimplifyMethod::kRegular, LimitingFactor::kNone),
+            dag.report.groups_by_method[static_cast<size_t>(SimplifyMethod::kRegular)] * 9 / 10);
   // Separate triangles: whatever moves, the last triangle of a part goes.
   Config config = small();
   config.keep_area = false;
   dag = build(shapes::soup(2000, 1).view(), config);
-  EXPECT_EQ(count(dag.report, Rung::kRegular, Reason::kNone), 0u);
+  EXPECT_EQ(count(dag.report, SimplifyMethod::kRegular, LimitingFactor::kNone), 0u);
   uint64_t topology = 0;
-  for (const auto& reasons : dag.report.groups_by_reason)
-    topology += reasons[static_cast<size_t>(Reason::kTopology)];
+  for (const auto& limiting_factors : dag.report.groups_by_limiting_factor)
+    topology += limiting_factors[static_cast<size_t>(LimitingFactor::kTopology)];
   EXPECT_GT(topology, 0u);
   // Every triangle a chart of its own.
   Mesh charts = shapes::grid(30, 30), split;
@@ -371,21 +373,23 @@ TEST(Reasons, name_what_stood_in_the_way) {
   config.seams = SeamRule::kProtect;
   dag = build(split.view(), config);
   uint64_t seams = 0;
-  for (const auto& reasons : dag.report.groups_by_reason)
-    seams += reasons[static_cast<size_t>(Reason::kSeams)];
-  EXPECT_GT(seams + dag.report.waits_by_reason[static_cast<size_t>(Reason::kSeams)], 0u);
+  for (const auto& limiting_factors : dag.report.groups_by_limiting_factor)
+    seams += limiting_factors[static_cast<size_t>(LimitingFactor::kSeams)];
+  EXPECT_GT(
+      seams + dag.report.waits_by_limiting_factor[static_cast<size_t>(LimitingFactor::kSeams)], 0u);
 }
 
-TEST(Reasons, of_roots_say_why_it_ends_there) {
+TEST(LimitingFactors, of_roots_say_why_it_ends_there) {
   Config config = small();
   config.max_levels = 2;
-  EXPECT_GT(count(build(shapes::blob(4, 1).view(), config).report, Rung::kRoot, Reason::kStopped),
+  EXPECT_GT(count(build(shapes::blob(4, 1).view(), config).report, SimplifyMethod::kRoot,
+                  LimitingFactor::kStopped),
             0u);
   config = small();
   config.max_error = 1e-4f;
   const Report report = build(shapes::blob(4, 1).view(), config).report;
-  EXPECT_GT(count(report, Rung::kRoot, Reason::kStopped), 0u);
-  EXPECT_GT(report.waits_by_reason[static_cast<size_t>(Reason::kStopped)], 0u);
+  EXPECT_GT(count(report, SimplifyMethod::kRoot, LimitingFactor::kStopped), 0u);
+  EXPECT_GT(report.waits_by_limiting_factor[static_cast<size_t>(LimitingFactor::kStopped)], 0u);
 }
 
 }  // namespace

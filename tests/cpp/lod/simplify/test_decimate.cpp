@@ -72,7 +72,8 @@ TEST(Decimator, may_add_vertices) {
     EXPECT_GT(calls, 10u);
     EXPECT_GT(dag.vertices.positions.size(), mesh.positions.size() + 100);
     EXPECT_EQ(dag.report.root_groups, 1u);
-    EXPECT_GT(dag.report.groups_by_reason[0][static_cast<size_t>(Reason::kCaller)], 0u);
+    EXPECT_GT(dag.report.groups_by_limiting_factor[0][static_cast<size_t>(LimitingFactor::kCaller)],
+              0u);
     const VerifyReport report = check(dag, mesh);
     EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
   }
@@ -183,7 +184,7 @@ TEST(RefitAttributes, brings_noisy_normals_closer_to_the_mean) {
     EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
     const float error = error_for_triangles(dag.tables, mesh.triangles.size() / 10);
     const Mesh cut =
-        cut_mesh(dag.tables, testing::reader_of(dag), select(dag.tables, view_error(error)));
+        mesh_of_cut(dag.tables, testing::reader_of(dag), select(dag.tables, view_error(error)));
     double sum = 0;
     for (const Vec3& n : cut.normals) {
       EXPECT_NEAR(length(n), 1, 1e-4);

@@ -35,7 +35,7 @@ double area(const Mesh& mesh) {
 
 Mesh cut_to(const Dag& dag, uint64_t triangles) {
   const float error = error_for_triangles(dag.tables, triangles);
-  return cut_mesh(dag.tables, testing::reader_of(dag), select(dag.tables, view_error(error)));
+  return mesh_of_cut(dag.tables, testing::reader_of(dag), select(dag.tables, view_error(error)));
 }
 
 Dag built(const Mesh& mesh, bool keep_area, uint32_t threads = 0) {
@@ -53,8 +53,8 @@ void expect_verified(const Mesh& mesh, const Dag& dag) {
 }
 
 uint64_t enlarged(const Dag& dag) {
-  return dag.report
-      .groups_by_reason[static_cast<size_t>(Rung::kSloppy)][static_cast<size_t>(Reason::kAreaLost)];
+  return dag.report.groups_by_limiting_factor[static_cast<size_t>(SimplifyMethod::kSloppy)]
+                                             [static_cast<size_t>(LimitingFactor::kAreaLost)];
 }
 
 TEST(KeepArea, leaves_cover_what_they_did) {

@@ -11,7 +11,7 @@
 namespace umbel::lod {
 namespace {
 
-struct Piece {
+struct SubMesh {
   Mesh mesh;
   std::vector<uint32_t> position_of, component;
   std::vector<uint8_t> locked;
@@ -27,76 +27,76 @@ struct Piece {
     component.resize(mesh.positions.size(), kNone);
     locked.resize(mesh.positions.size(), 0);
   }
-  SheetInput input() const { return {position_of, mesh.positions, locked, component, {}}; }
+  PatchInput input() const { return {position_of, mesh.positions, locked, component, {}}; }
 };
 
-TEST(Sheets, the_smallest_go_first_and_the_error_is_their_size) {
-  Piece piece;
-  for (float scale : {1.0f, 0.5f, 4.0f}) piece.add(shapes::sphere(1), scale);
-  std::vector<Triangle> triangles = piece.mesh.triangles;
+TEST(Patches, the_smallest_go_first_and_the_error_is_their_size) {
+  SubMesh sub_mesh;
+  for (float scale : {1.0f, 0.5f, 4.0f}) sub_mesh.add(shapes::sphere(1), scale);
+  std::vector<Triangle> triangles = sub_mesh.mesh.triangles;
   const size_t each = triangles.size() / 3;
-  EXPECT_NEAR(drop_sheets(piece.input(), each, triangles), 2.0 * std::sqrt(3.0), 0.1);
+  EXPECT_NEAR(remove_patches(sub_mesh.input(), each, triangles), 2.0 * std::sqrt(3.0), 0.1);
   ASSERT_EQ(triangles.size(), each);
-  for (const Triangle& t : triangles) EXPECT_GE(t[0], 2 * piece.mesh.positions.size() / 3);
+  for (const Triangle& t : triangles) EXPECT_GE(t[0], 2 * sub_mesh.mesh.positions.size() / 3);
 }
 
-TEST(Sheets, those_with_a_locked_position_stay) {
-  Piece piece;
-  for (float scale : {1.0f, 0.5f, 4.0f}) piece.add(shapes::sphere(1), scale);
-  piece.locked[0] = piece.locked.back() = 1;
-  std::vector<Triangle> triangles = piece.mesh.triangles;
+TEST(Patches, those_with_a_locked_position_stay) {
+  SubMesh sub_mesh;
+  for (float scale : {1.0f, 0.5f, 4.0f}) sub_mesh.add(shapes::sphere(1), scale);
+  sub_mesh.locked[0] = sub_mesh.locked.back() = 1;
+  std::vector<Triangle> triangles = sub_mesh.mesh.triangles;
   const size_t each = triangles.size() / 3;
-  drop_sheets(piece.input(), 0, triangles);
+  remove_patches(sub_mesh.input(), 0, triangles);
   EXPECT_EQ(triangles.size(), 2 * each);
 }
 
-TEST(Sheets, parts_that_only_irregular_edges_join_are_apart) {
-  // Three squares like the pages of a book: the spine has three triangles and explains itself.
-  Piece piece;
-  piece.mesh.positions = {{0, 0, 0}, {0, 0, 1}};
+TEST(Patches, parts_that_only_non_manifold_edges_join_are_apart) {
+  // Three squares like the pages of a book: the spine has three triangles and allows itself.
+  SubMesh sub_mesh;
+  sub_mesh.mesh.positions = {{0, 0, 0}, {0, 0, 1}};
   for (const Vec3& d : {Vec3{1, 0, 0}, Vec3{0, 2, 0}, Vec3{-3, 0, 0}}) {
-    const uint32_t v = static_cast<uint32_t>(piece.mesh.positions.size());
-    piece.mesh.positions.insert(piece.mesh.positions.end(), {d, {d.x, d.y, d.z + 1}});
-    piece.mesh.triangles.insert(piece.mesh.triangles.end(), {{0, v, v + 1}, {0, v + 1, 1}});
+    const uint32_t v = static_cast<uint32_t>(sub_mesh.mesh.positions.size());
+    sub_mesh.mesh.positions.insert(sub_mesh.mesh.positions.end(), {d, {d.x, d.y, d.z + 1}});
+    sub_mesh.mesh.triangles.insert(sub_mesh.mesh.triangles.end(), {{0, v, v + 1}, {0, v + 1, 1}});
   }
-  piece.add({}, 1.0f);
-  std::fill(piece.component.begin(), piece.component.end(), 0u);
-  // The diagonal of a page is regular, but all its ends are irregular positions.
-  std::vector<Triangle> triangles = piece.mesh.triangles;
-  drop_sheets(piece.input(), 3, triangles);
+  sub_mesh.add({}, 1.0f);
+  std::fill(sub_mesh.component.begin(), sub_mesh.component.end(), 0u);
+  // The diagonal of a page is regular, but all its ends are non-manifold positions.
+  std::vector<Triangle> triangles = sub_mesh.mesh.triangles;
+  remove_patches(sub_mesh.input(), 3, triangles);
   EXPECT_LE(triangles.size(), 3u);
   EXPECT_FALSE(triangles.empty());
 }
 
-TEST(Sheets, the_last_becomes_a_double_sided_triangle) {
-  Piece piece;
-  piece.add(shapes::torus(16, 8), 1.0f);
-  std::vector<Triangle> triangles = piece.mesh.triangles;
-  EXPECT_GT(drop_sheets(piece.input(), 10, triangles), 2.0f);
+TEST(Patches, the_last_becomes_a_double_sided_triangle) {
+  SubMesh sub_mesh;
+  sub_mesh.add(shapes::torus(16, 8), 1.0f);
+  std::vector<Triangle> triangles = sub_mesh.mesh.triangles;
+  EXPECT_GT(remove_patches(sub_mesh.input(), 10, triangles), 2.0f);
   ASSERT_EQ(triangles.size(), 2u);
   EXPECT_EQ(triangles[0], (Triangle{triangles[1][2], triangles[1][1], triangles[1][0]}));
 }
 
-TEST(Sheets, caps_keep_the_border_and_nothing_else) {
+TEST(Patches, caps_keep_the_border_and_nothing_else) {
   // A tube: its two rims are locked.
-  Piece piece;
+  SubMesh sub_mesh;
   const uint32_t sides = 12, rings = 9;
   for (uint32_t r = 0; r < rings; ++r)
     for (uint32_t s = 0; s < sides; ++s) {
       const float angle = 6.2831853f * static_cast<float>(s) / sides;
-      piece.mesh.positions.push_back({std::cos(angle), std::sin(angle), static_cast<float>(r)});
+      sub_mesh.mesh.positions.push_back({std::cos(angle), std::sin(angle), static_cast<float>(r)});
     }
   for (uint32_t r = 0; r + 1 < rings; ++r)
     for (uint32_t s = 0; s < sides; ++s) {
       const uint32_t a = r * sides + s, b = r * sides + (s + 1) % sides;
-      piece.mesh.triangles.insert(piece.mesh.triangles.end(),
-                                  {{a, b, a + sides}, {b, b + sides, a + sides}});
+      sub_mesh.mesh.triangles.insert(sub_mesh.mesh.triangles.end(),
+                                     {{a, b, a + sides}, {b, b + sides, a + sides}});
     }
-  piece.add({}, 1.0f);
-  for (uint32_t v = 0; v < piece.locked.size(); ++v)
-    piece.locked[v] = v < sides || v >= (rings - 1) * sides;
-  std::vector<Triangle> triangles = piece.mesh.triangles;
-  EXPECT_GT(cap_sheets(piece.input(), 30, triangles), 8.0f);
+  sub_mesh.add({}, 1.0f);
+  for (uint32_t v = 0; v < sub_mesh.locked.size(); ++v)
+    sub_mesh.locked[v] = v < sides || v >= (rings - 1) * sides;
+  std::vector<Triangle> triangles = sub_mesh.mesh.triangles;
+  EXPECT_GT(cap_patches(sub_mesh.input(), 30, triangles), 8.0f);
   EXPECT_EQ(triangles.size(), 2 * sides);
   // Every directed side that nothing cancels was one of the tube's.
   const auto borders = [](std::span<const Triangle> of) {
@@ -109,7 +109,7 @@ TEST(Sheets, caps_keep_the_border_and_nothing_else) {
     std::erase_if(sum, [](const auto& side) { return side.second == 0; });
     return sum;
   };
-  EXPECT_EQ(borders(triangles), borders(piece.mesh.triangles));
+  EXPECT_EQ(borders(triangles), borders(sub_mesh.mesh.triangles));
 }
 
 }  // namespace

@@ -168,23 +168,25 @@ TEST(Verify, a_shrunk_sphere_is_named) {
 TEST(Verify, a_flipped_root_flag_is_named) {
   Specimen specimen;
   const uint32_t g = specimen.middle_group();
-  specimen.dag.tables.groups[g].rung = Rung::kRoot;
-  expect_named(specimen.report(), "Group " + std::to_string(g) + " has the rung 4");
+  specimen.dag.tables.groups[g].method = SimplifyMethod::kRoot;
+  expect_named(specimen.report(),
+               "Group " + std::to_string(g) + " has the simplification method 4");
   expect_named(specimen.report(), "is a root and so was never simplified");
 }
 
 TEST(Verify, a_root_that_lost_its_flag_is_named) {
   Specimen specimen;
   const uint32_t g = static_cast<uint32_t>(specimen.dag.tables.groups.size()) - 1;
-  specimen.dag.tables.groups[g].rung = Rung::kRegular;
-  expect_named(specimen.report(), "Group " + std::to_string(g) + " has the rung 0");
+  specimen.dag.tables.groups[g].method = SimplifyMethod::kRegular;
+  expect_named(specimen.report(),
+               "Group " + std::to_string(g) + " has the simplification method 0");
 }
 
 TEST(Verify, a_root_with_a_finite_error_and_no_flag_is_named) {
   Specimen specimen;
   Group& root = specimen.dag.tables.groups.back();
-  ASSERT_EQ(root.rung, Rung::kRoot);
-  root.rung = Rung::kRegular;
+  ASSERT_EQ(root.method, SimplifyMethod::kRoot);
+  root.method = SimplifyMethod::kRegular;
   root.error = 1e3f;
   specimen.dag.tables.nodes = build_hierarchy(specimen.dag.tables);
   // It now claims to have been simplified to nothing.

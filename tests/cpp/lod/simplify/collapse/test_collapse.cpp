@@ -14,9 +14,9 @@
 namespace umbel::lod {
 namespace {
 
-/// A mesh as one piece, nothing locked but what a test locks.
-struct Piece {
-  explicit Piece(Mesh m) : mesh(std::move(m)) {
+/// A mesh as one sub-mesh, nothing locked but what a test locks.
+struct SubMesh {
+  explicit SubMesh(Mesh m) : mesh(std::move(m)) {
     position_of.resize(mesh.positions.size());
     std::iota(position_of.begin(), position_of.end(), 0u);
     locked.assign(mesh.positions.size(), 0);
@@ -25,7 +25,7 @@ struct Piece {
 
   CollapseInput input() const {
     return {mesh.triangles, position_of, mesh.positions, attributes,
-            weights,        locked,      component,      chords};
+            weights,        locked,      component,      locked_edges};
   }
 
   Mesh mesh;
@@ -33,7 +33,7 @@ struct Piece {
   std::vector<float> attributes, weights;
   std::vector<uint8_t> locked;
   std::vector<uint32_t> component;
-  bool chords = true;
+  bool locked_edges = true;
 };
 
 std::map<std::pair<uint32_t, uint32_t>, int> edges(std::span<const Triangle> triangles,
@@ -84,77 +84,77 @@ TEST(BucketQueue, takes_zero_and_infinity) {
 TEST(EdgeCollapser, reaches_its_target_on_closed_surfaces_and_keeps_them_closed) {
   EdgeCollapser collapser;
   for (const Mesh& mesh : {shapes::blob(4, 3), shapes::torus(40, 20), shapes::sphere(3)}) {
-    const Piece piece(mesh);
+    const SubMesh sub_mesh(mesh);
     for (size_t part : {2, 8, 30}) {
-      collapser.run(piece.input(), mesh.triangles.size() / part);
+      collapser.run(sub_mesh.input(), mesh.triangles.size() / part);
       EXPECT_LE(collapser.triangles().size(), mesh.triangles.size() / part);
       EXPECT_GE(collapser.triangles().size() + 2, mesh.triangles.size() / part);
-      for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+      for (const auto& [edge, count] : edges(collapser.triangles(), sub_mesh.position_of))
         EXPECT_EQ(count, 2);
     }
   }
 }
 
 TEST(EdgeCollapser, stops_at_a_tetrahedron) {
-  const Piece piece(shapes::sphere(1));
+  const SubMesh sub_mesh(shapes::sphere(1));
   EdgeCollapser collapser;
-  collapser.run(piece.input(), 0);
+  collapser.run(sub_mesh.input(), 0);
   EXPECT_GE(collapser.triangles().size(), 4u);
-  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+  for (const auto& [edge, count] : edges(collapser.triangles(), sub_mesh.position_of))
     EXPECT_EQ(count, 2);
 }
 
 TEST(EdgeCollapser, closes_a_handle_and_no_edge_gets_more_than_two_triangles) {
   // No torus without touching itself has fewer than 14 triangles.
-  const Piece piece(shapes::torus(40, 20));
+  const SubMesh sub_mesh(shapes::torus(40, 20));
   EdgeCollapser collapser;
-  collapser.run(piece.input(), 8);
+  collapser.run(sub_mesh.input(), 8);
   EXPECT_LE(collapser.triangles().size(), 8u);
   EXPECT_GE(collapser.triangles().size(), 2u);
-  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+  for (const auto& [edge, count] : edges(collapser.triangles(), sub_mesh.position_of))
     EXPECT_EQ(count, 2);
   EXPECT_GT(collapser.error(), 0.0f);
 }
 
 TEST(EdgeCollapser, no_loop_through_two_locked_positions_is_drawn_together) {
-  Piece piece(shapes::torus(40, 20));
-  for (uint32_t v = 0; v < 20; ++v) piece.locked[v] = 1;
+  SubMesh sub_mesh(shapes::torus(40, 20));
+  for (uint32_t v = 0; v < 20; ++v) sub_mesh.locked[v] = 1;
   EdgeCollapser collapser;
-  collapser.run(piece.input(), 0);
-  std::vector<uint8_t> left(piece.locked.size(), 0);
+  collapser.run(sub_mesh.input(), 0);
+  std::vector<uint8_t> left(sub_mesh.locked.size(), 0);
   for (const Triangle& t : collapser.triangles())
     for (uint32_t v : t) left[v] = 1;
   for (uint32_t v = 0; v < 20; ++v) EXPECT_TRUE(left[v]);
-  for (const auto& [edge, count] : edges(collapser.triangles(), piece.position_of))
+  for (const auto& [edge, count] : edges(collapser.triangles(), sub_mesh.position_of))
     EXPECT_EQ(count, 2);
 }
 
 TEST(EdgeCollapser, a_flat_sheet_shrinks_to_few_triangles_without_error) {
-  const Piece piece(shapes::grid(20, 20));
+  const SubMesh sub_mesh(shapes::grid(20, 20));
   EdgeCollapser collapser;
-  collapser.run(piece.input(), 20);
+  collapser.run(sub_mesh.input(), 20);
   EXPECT_LE(collapser.triangles().size(), 20u);
   EXPECT_LT(collapser.error(), 1e-6f);
   double area = 0;
   for (const Triangle& t : collapser.triangles()) {
-    const auto& p = piece.mesh.positions;
+    const auto& p = sub_mesh.mesh.positions;
     area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
   }
   EXPECT_NEAR(area, 1.0, 1e-5);
 }
 
 TEST(EdgeCollapser, locked_positions_and_their_edges_stay) {
-  Piece piece(shapes::blob(4, 5));
-  for (uint32_t v = 0; v < piece.locked.size(); ++v)
-    piece.locked[v] = std::fabs(piece.mesh.positions[v].z) < 0.1f;
+  SubMesh sub_mesh(shapes::blob(4, 5));
+  for (uint32_t v = 0; v < sub_mesh.locked.size(); ++v)
+    sub_mesh.locked[v] = std::fabs(sub_mesh.mesh.positions[v].z) < 0.1f;
   EdgeCollapser collapser;
-  for (bool chords : {false, true}) {
-    piece.chords = chords;
-    collapser.run(piece.input(), piece.mesh.triangles.size() / 3);
-    const auto before = edges(piece.mesh.triangles, piece.position_of);
-    const auto after = edges(collapser.triangles(), piece.position_of);
+  for (bool allowed : {false, true}) {
+    sub_mesh.locked_edges = allowed;
+    collapser.run(sub_mesh.input(), sub_mesh.mesh.triangles.size() / 3);
+    const auto before = edges(sub_mesh.mesh.triangles, sub_mesh.position_of);
+    const auto after = edges(collapser.triangles(), sub_mesh.position_of);
     const auto is_locked = [&](const auto& e) {
-      return piece.locked[e.first] && piece.locked[e.second];
+      return sub_mesh.locked[e.first] && sub_mesh.locked[e.second];
     };
     size_t gone = 0;
     std::vector<PositionPair> made;
@@ -162,10 +162,10 @@ TEST(EdgeCollapser, locked_positions_and_their_edges_stay) {
     for (const auto& [edge, count] : after)
       if (is_locked(edge) && !before.contains(edge)) made.push_back(edge);
     EXPECT_EQ(gone, 0u);
-    auto said = collapser.chords();
+    auto said = collapser.locked_edges();
     std::sort(said.begin(), said.end());
     EXPECT_EQ(said, made);
-    if (!chords) {
+    if (!allowed) {
       EXPECT_TRUE(made.empty());
     }
   }
@@ -173,12 +173,12 @@ TEST(EdgeCollapser, locked_positions_and_their_edges_stay) {
 
 TEST(EdgeCollapser, the_stated_error_is_of_the_size_of_the_deviation) {
   // All vertices stay on the unit sphere, so the surface is at most its sagitta inside.
-  const Piece piece(shapes::sphere(4));
+  const SubMesh sub_mesh(shapes::sphere(4));
   EdgeCollapser collapser;
-  collapser.run(piece.input(), piece.mesh.triangles.size() / 8);
+  collapser.run(sub_mesh.input(), sub_mesh.mesh.triangles.size() / 8);
   double deepest = 0;
   for (const Triangle& t : collapser.triangles()) {
-    const auto& p = piece.mesh.positions;
+    const auto& p = sub_mesh.mesh.positions;
     deepest = std::max(deepest, 1.0 - length((p[t[0]] + p[t[1]] + p[t[2]]) * (1.0f / 3.0f)));
   }
   EXPECT_GT(collapser.error(), 0.2 * deepest);
@@ -188,35 +188,35 @@ TEST(EdgeCollapser, the_stated_error_is_of_the_size_of_the_deviation) {
 TEST(EdgeCollapser, a_seam_keeps_its_two_sides) {
   // Two halves of a grid with vertices and an attribute of their own along the middle.
   Mesh mesh = shapes::grid(16, 16);
-  Piece piece(mesh);
+  SubMesh sub_mesh(mesh);
   std::map<uint32_t, uint32_t> twin;
-  auto& m = piece.mesh;
+  auto& m = sub_mesh.mesh;
   const auto is_right = [&](const Triangle& t) {
     return m.positions[t[0]].x + m.positions[t[1]].x + m.positions[t[2]].x > 1.5f;
   };
-  for (uint32_t v = 0; v < mesh.positions.size(); ++v) piece.attributes.push_back(0.0f);
+  for (uint32_t v = 0; v < mesh.positions.size(); ++v) sub_mesh.attributes.push_back(0.0f);
   for (Triangle& t : m.triangles)
     for (uint32_t& v : t)
       if (is_right(t) && std::fabs(m.positions[v].x - 0.5f) < 1e-6f && !twin.contains(v)) {
         twin[v] = static_cast<uint32_t>(m.positions.size());
         m.positions.push_back(m.positions[v]);
-        piece.position_of.push_back(v);
-        piece.attributes.push_back(1.0f);
+        sub_mesh.position_of.push_back(v);
+        sub_mesh.attributes.push_back(1.0f);
       }
   for (Triangle& t : m.triangles) {
     if (!is_right(t)) continue;
     for (uint32_t& v : t) {
       if (twin.contains(v)) v = twin[v];
-      piece.attributes[v] = 1.0f;
+      sub_mesh.attributes[v] = 1.0f;
     }
   }
-  piece.weights = {1.0f};
+  sub_mesh.weights = {1.0f};
   EdgeCollapser collapser;
-  collapser.run(piece.input(), 60);
+  collapser.run(sub_mesh.input(), 60);
   EXPECT_LE(collapser.triangles().size(), 60u);
   for (const Triangle& t : collapser.triangles()) {
-    EXPECT_EQ(piece.attributes[t[0]], piece.attributes[t[1]]);
-    EXPECT_EQ(piece.attributes[t[1]], piece.attributes[t[2]]);
+    EXPECT_EQ(sub_mesh.attributes[t[0]], sub_mesh.attributes[t[1]]);
+    EXPECT_EQ(sub_mesh.attributes[t[1]], sub_mesh.attributes[t[2]]);
   }
 }
 
@@ -224,12 +224,12 @@ TEST(EdgeCollapser, ends_where_triangles_around_a_vertex_run_into_a_circle) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 2}};
-  const Piece piece(mesh);
+  const SubMesh sub_mesh(mesh);
   EdgeCollapser collapser;
-  CollapseInput input = piece.input();
+  CollapseInput input = sub_mesh.input();
   collapser.run(input, 0);
   EXPECT_LE(collapser.triangles().size(), 3u);
-  input.irregular = false;
+  input.non_manifold = false;
   collapser.run(input, 0);
   EXPECT_GE(collapser.triangles().size(), 1u);
 }
@@ -250,15 +250,15 @@ TEST(EdgeCollapser, thin_triangles_at_a_border_do_not_inflate_the_error) {
     mesh.triangles.push_back({2 * i, 2 * i + 2, 2 * i + 3});
     mesh.triangles.push_back({2 * i, 2 * i + 3, 2 * i + 1});
   }
-  const Piece piece(mesh);
+  const SubMesh sub_mesh(mesh);
   EdgeCollapser collapser;
-  collapser.run(piece.input(), mesh.triangles.size() / 4);
+  collapser.run(sub_mesh.input(), mesh.triangles.size() / 4);
   EXPECT_LE(collapser.triangles().size(), mesh.triangles.size() / 4);
   EXPECT_LT(collapser.error(), 2.0f * kRough);
 }
 
 TEST(EdgeCollapser, pages_that_meet_in_a_spine_shrink_without_error) {
-  // Three flat pages: every vertex of the spine is irregular, and may move along it.
+  // Three flat pages: every vertex of the spine is non-manifold, and may move along it.
   constexpr uint32_t kSide = 8;
   Mesh mesh;
   std::vector<uint32_t> spine;
@@ -285,15 +285,15 @@ TEST(EdgeCollapser, pages_that_meet_in_a_spine_shrink_without_error) {
         mesh.triangles.push_back({a, d, c});
       }
   }
-  Piece piece(mesh);
-  for (uint32_t v : spine) piece.component[v] = 0;
+  SubMesh sub_mesh(mesh);
+  for (uint32_t v : spine) sub_mesh.component[v] = 0;
   EdgeCollapser collapser;
-  collapser.run(piece.input(), 12);
+  collapser.run(sub_mesh.input(), 12);
   EXPECT_LE(collapser.triangles().size(), 12u);
   EXPECT_LT(collapser.error(), 1e-4f);
   double area = 0;
   for (const Triangle& t : collapser.triangles()) {
-    const auto& p = piece.mesh.positions;
+    const auto& p = sub_mesh.mesh.positions;
     area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
   }
   EXPECT_NEAR(area, 3.0, 1e-3);
@@ -302,31 +302,31 @@ TEST(EdgeCollapser, pages_that_meet_in_a_spine_shrink_without_error) {
 TEST(EdgeCollapser, charts_are_held_by_the_rule_of_their_seams) {
   // A flat grid of four charts, each with vertices of its own: four at the middle.
   const Mesh mesh = shapes::grid(8, 8);
-  Piece piece(mesh);
-  piece.mesh.positions.clear();
-  piece.position_of.clear();
+  SubMesh sub_mesh(mesh);
+  sub_mesh.mesh.positions.clear();
+  sub_mesh.position_of.clear();
   std::map<std::pair<uint32_t, int>, uint32_t> vertex_of;
-  for (Triangle& t : piece.mesh.triangles) {
+  for (Triangle& t : sub_mesh.mesh.triangles) {
     const Vec3 middle =
         (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) * (1.0f / 3.0f);
     const int chart = (middle.x > 0.5f ? 1 : 0) + (middle.y > 0.5f ? 2 : 0);
     for (uint32_t& v : t) {
       const auto [at, is_new] =
-          vertex_of.insert({{v, chart}, static_cast<uint32_t>(piece.mesh.positions.size())});
+          vertex_of.insert({{v, chart}, static_cast<uint32_t>(sub_mesh.mesh.positions.size())});
       if (is_new) {
-        piece.mesh.positions.push_back(mesh.positions[v]);
-        piece.position_of.push_back(v);
-        piece.attributes.push_back(static_cast<float>(chart));
+        sub_mesh.mesh.positions.push_back(mesh.positions[v]);
+        sub_mesh.position_of.push_back(v);
+        sub_mesh.attributes.push_back(static_cast<float>(chart));
       }
       v = at->second;
     }
   }
-  piece.weights = {1.0f};
-  const auto chart = [&](uint32_t v) { return piece.attributes[v]; };
+  sub_mesh.weights = {1.0f};
+  const auto chart = [&](uint32_t v) { return sub_mesh.attributes[v]; };
   EdgeCollapser collapser;
   for (SeamRule rule : {SeamRule::kProtect, SeamRule::kIgnore}) {
-    const std::vector<SeamRule> rules(piece.locked.size(), rule);
-    CollapseInput input = piece.input();
+    const std::vector<SeamRule> rules(sub_mesh.locked.size(), rule);
+    CollapseInput input = sub_mesh.input();
     input.rules = rules;
     collapser.run(input, 2);
     if (rule == SeamRule::kIgnore) {
@@ -340,36 +340,36 @@ TEST(EdgeCollapser, charts_are_held_by_the_rule_of_their_seams) {
 }
 
 TEST(EdgeCollapser, materials_never_mix_whatever_the_rule) {
-  Piece piece(shapes::grid(8, 8));
-  const Mesh mesh = piece.mesh;
+  SubMesh sub_mesh(shapes::grid(8, 8));
+  const Mesh mesh = sub_mesh.mesh;
   std::vector<uint32_t> materials(mesh.positions.size(), 0);
   std::map<uint32_t, uint32_t> other;
-  for (Triangle& t : piece.mesh.triangles) {
+  for (Triangle& t : sub_mesh.mesh.triangles) {
     const float x = mesh.positions[t[0]].x + mesh.positions[t[1]].x + mesh.positions[t[2]].x;
     if (x < 1.5f) continue;
     for (uint32_t& v : t) {
       const auto [at, is_new] =
-          other.insert({v, static_cast<uint32_t>(piece.mesh.positions.size())});
+          other.insert({v, static_cast<uint32_t>(sub_mesh.mesh.positions.size())});
       if (is_new) {
-        piece.mesh.positions.push_back(mesh.positions[v]);
-        piece.position_of.push_back(v);
+        sub_mesh.mesh.positions.push_back(mesh.positions[v]);
+        sub_mesh.position_of.push_back(v);
         materials.push_back(1);
       }
       v = at->second;
     }
   }
-  const std::vector<SeamRule> rules(piece.locked.size(), SeamRule::kIgnore);
+  const std::vector<SeamRule> rules(sub_mesh.locked.size(), SeamRule::kIgnore);
   EdgeCollapser collapser;
-  for (bool loose : {false, true}) {
-    CollapseInput input = piece.input();
+  for (bool non_manifold_moves : {false, true}) {
+    CollapseInput input = sub_mesh.input();
     input.rules = rules;
     input.materials = materials;
-    input.loose = loose;
+    input.non_manifold_moves = non_manifold_moves;
     collapser.run(input, 4);
     double area[2] = {};
     for (const Triangle& t : collapser.triangles()) {
       EXPECT_TRUE(materials[t[0]] == materials[t[1]] && materials[t[1]] == materials[t[2]]);
-      const auto& p = piece.mesh.positions;
+      const auto& p = sub_mesh.mesh.positions;
       area[materials[t[0]]] += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
     }
     EXPECT_NEAR(area[0], 0.5, 1e-4);
@@ -378,7 +378,7 @@ TEST(EdgeCollapser, materials_never_mix_whatever_the_rule) {
 }
 
 TEST(EdgeCollapser, runs_do_not_depend_on_those_before) {
-  const Piece large(shapes::blob(4, 1)), small(shapes::torus(12, 9));
+  const SubMesh large(shapes::blob(4, 1)), small(shapes::torus(12, 9));
   EdgeCollapser used, fresh;
   used.run(large.input(), 100);
   used.run(small.input(), 90);

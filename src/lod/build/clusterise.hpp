@@ -1,4 +1,4 @@
-// Cuts triangles into clusters within the limits of triangles and vertices.
+// Groups triangles into clusters within the limits of triangles and vertices.
 #pragma once
 
 #include <span>
@@ -7,18 +7,11 @@
 #include "cluster/bisect/bisect.hpp"
 #include "lod/dag/cluster_set.hpp"
 #include "lod/dag/source.hpp"
+#include "lod/dag/sub_mesh.hpp"
 
 namespace umbel::lod {
 
 ClusterConfig cluster_config(const Config& config);
-
-/// Triangles with vertices of their own, numbered from 0, so that all is close together.
-struct Piece {
-  std::vector<Triangle> triangles;
-  std::vector<uint32_t> vertices;   ///< of vertices: what clusters call them
-  std::vector<Vec3> positions;      ///< of vertices
-  std::vector<uint32_t> materials;  ///< of vertices; empty: one
-};
 
 /// The vertices of one cluster after the other, numbered as they come.
 class ClusterVertices {
@@ -38,15 +31,15 @@ class ClusterVertices {
   uint32_t stamp_ = 0;
 };
 
-/// For a piece of a mesh on a worker thread; keeps its scratch memory.
-class ClusterCutter {
+/// For sub-meshes, one a worker thread; keeps its scratch memory.
+class Clusteriser {
  public:
-  explicit ClusterCutter(const Config& config)
+  explicit Clusteriser(const Config& config)
       : config_(cluster_config(config)), mix_(config.mix_materials) {}
 
-  /// Appends the clusters of `piece` to `out`. A cluster has triangles of one material, unless
+  /// Appends the clusters of `sub_mesh` to `out`. A cluster has triangles of one material, unless
   /// Config::mix_materials. The order of the triangles is changed.
-  void cut(Piece& piece, uint32_t generating_group, ClusterSet& out);
+  void append(SubMesh& sub_mesh, uint32_t generating_group, ClusterSet& out);
 
  private:
   ClusterConfig config_;
@@ -58,7 +51,7 @@ class ClusterCutter {
 };
 
 /// For a whole mesh, in parallel; with the bounding sphere of each cluster.
-void cut_mesh(const Source& source, const Config& config, ClusterSet& out,
-              std::vector<Sphere>& spheres);
+void clusterise_source(const Source& source, const Config& config, ClusterSet& out,
+                       std::vector<Sphere>& spheres);
 
 }  // namespace umbel::lod

@@ -1,4 +1,4 @@
-#include "lod/dag/cut_clusters.hpp"
+#include "lod/build/clusterise.hpp"
 
 #include <algorithm>
 #include <array>
@@ -93,15 +93,15 @@ void append_cluster(const Source& source, std::span<const Triangle> triangles,
   out.spheres.push_back(bounding_sphere({points, vertex_count}));
 }
 
-// The same of a piece, whose vertices are few enough for a table.
-void append_cluster(const Piece& piece, std::span<const uint32_t> items, uint32_t generating_group,
-                    ClusterVertices& numbers, ClusterSet& out) {
+// The same of a sub-mesh, whose vertices are few enough for a table.
+void append_cluster(const SubMesh& sub_mesh, std::span<const uint32_t> items,
+                    uint32_t generating_group, ClusterVertices& numbers, ClusterSet& out) {
   uint32_t vertices[257];
   uint8_t corners[3 * 256];
   uint32_t vertex_count = 0, corner_count = 0;
-  numbers.begin(piece.vertices.size());
+  numbers.begin(sub_mesh.vertices.size());
   for (const uint32_t item : items)
-    for (const uint32_t v : piece.triangles[item]) {
+    for (const uint32_t v : sub_mesh.triangles[item]) {
       bool is_new = false;
       corners[corner_count++] = numbers.number(v, vertex_count, is_new);
       vertices[vertex_count] = v;
@@ -109,11 +109,11 @@ void append_cluster(const Piece& piece, std::span<const uint32_t> items, uint32_
     }
   Aabb box;
   for (uint32_t i = 0; i < vertex_count; ++i) {
-    extend(box, piece.positions[vertices[i]]);
-    vertices[i] = piece.vertices[vertices[i]];
+    extend(box, sub_mesh.positions[vertices[i]]);
+    vertices[i] = sub_mesh.vertices[vertices[i]];
   }
   out.append({vertices, vertex_count}, {corners, corner_count}, generating_group,
-             common_material(piece.materials, piece.triangles, items), box);
+             common_material(sub_mesh.materials, sub_mesh.triangles, items), box);
 }
 
 }  // namespace
@@ -133,17 +133,17 @@ void ClusterVertices::begin(size_t most) {
   stamp_ = 1;
 }
 
-void ClusterCutter::cut(Piece& piece, uint32_t generating_group, ClusterSet& out) {
-  if (piece.triangles.empty()) return;
-  sort_by_material(piece.materials, mix_, piece.triangles, segments_);
-  bisector_.build(view_of(piece.positions, piece.triangles), segments_, config_, clusters_);
+void Clusteriser::append(SubMesh& sub_mesh, uint32_t generating_group, ClusterSet& out) {
+  if (sub_mesh.triangles.empty()) return;
+  sort_by_material(sub_mesh.materials, mix_, sub_mesh.triangles, segments_);
+  bisector_.build(view_of(sub_mesh.positions, sub_mesh.triangles), segments_, config_, clusters_);
   for (const Range& range : clusters_.ranges)
-    append_cluster(piece, std::span(clusters_.items).subspan(range.offset, range.count),
+    append_cluster(sub_mesh, std::span(clusters_.items).subspan(range.offset, range.count),
                    generating_group, numbers_, out);
 }
 
-void cut_mesh(const Source& source, const Config& config, ClusterSet& out,
-              std::vector<Sphere>& spheres) {
+void clusterise_source(const Source& source, const Config& config, ClusterSet& out,
+                       std::vector<Sphere>& spheres) {
   std::vector<Triangle> sorted;
   std::vector<Range> segments;
   if (!source.vertex_materials.empty() && !config.mix_materials) {

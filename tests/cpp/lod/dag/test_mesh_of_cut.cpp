@@ -24,7 +24,7 @@ struct TwoClusters {
   }
 
   Mesh mesh(const std::vector<uint32_t>& cut) const {
-    return cut_mesh(tables, [this](uint32_t c) { return geometry[c]; }, cut);
+    return mesh_of_cut(tables, [this](uint32_t c) { return geometry[c]; }, cut);
   }
 };
 
@@ -108,7 +108,8 @@ TEST(CutMesh, level_zero_has_the_vertices_and_attributes_of_the_welded_source) {
   for (size_t t = 0; t < mesh.triangles.size(); ++t) mesh.materials.push_back(t < 1000 ? 1 : 2);
   const Mesh welded = weld(mesh.view());
   const Dag dag = build(mesh.view(), testing::small_config());
-  const Mesh cut = cut_mesh(dag.tables, testing::reader_of(dag), select(dag.tables, view_level(0)));
+  const Mesh cut =
+      mesh_of_cut(dag.tables, testing::reader_of(dag), select(dag.tables, view_level(0)));
   // A triangle as what it looks like, whatever its vertices' numbers.
   const auto looks = [](const Mesh& m) {
     std::multiset<std::array<float, 13>> all;

@@ -51,7 +51,8 @@ void check(const ClusterGeometry& g, uint32_t cluster) {
   for (const uint8_t v : g.triangles)
     if (v >= n) wrong = "has a triangle whose vertex index is out of range";
   if (wrong)
-    throw Error(ErrorCode::kCorrupt, "cut_mesh: cluster " + std::to_string(cluster) + " " + wrong);
+    throw Error(ErrorCode::kCorrupt,
+                "mesh_of_cut: cluster " + std::to_string(cluster) + " " + wrong);
 }
 
 /// Appends vertex `i`. A stream that only some clusters have is filled with zeros in the others.
@@ -83,7 +84,7 @@ class ExtraJoiner {
     const std::span<const Extra> kept(g.extras.data(), g.extras.size() - (has_material_ ? 1 : 0));
     if (mesh_.positions.empty()) mesh_.extras.assign(kept.begin(), kept.end());
     if (!std::ranges::equal(kept, mesh_.extras))
-      throw Error(ErrorCode::kCorrupt, "cut_mesh: cluster " + std::to_string(cluster) +
+      throw Error(ErrorCode::kCorrupt, "mesh_of_cut: cluster " + std::to_string(cluster) +
                                            " has other further attributes than those before it");
   }
   bool has_material() const { return has_material_; }
@@ -115,12 +116,13 @@ class ExtraJoiner {
 
 }  // namespace
 
-Mesh cut_mesh(const Tables& tables, const GeometryReader& geometry, std::span<const uint32_t> cut) {
+Mesh mesh_of_cut(const Tables& tables, const GeometryReader& geometry,
+                 std::span<const uint32_t> cut) {
   size_t triangles = 0;
   bool materials = false;
   for (const uint32_t c : cut) {
     if (c >= tables.clusters.size())
-      throw Error(ErrorCode::kInvalidArgument, "cut_mesh: cluster " + std::to_string(c) +
+      throw Error(ErrorCode::kInvalidArgument, "mesh_of_cut: cluster " + std::to_string(c) +
                                                    " of the cut is out of range, there are " +
                                                    std::to_string(tables.clusters.size()));
     triangles += tables.clusters[c].triangle_count;
