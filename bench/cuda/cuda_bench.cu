@@ -149,7 +149,7 @@ void measure_processor(const std::string& name, const Mesh& mesh) {
   const auto rate = [&](double milliseconds) {
     return double(mesh.triangles.size()) / milliseconds / 1e3;
   };
-  const double areas[2] = {morton.drift().area_ratio, hybrid.drift().area_ratio};
+  const double areas[2] = {morton.area_growth().area_ratio, hybrid.area_growth().area_ratio};
   printf("| %s | %zu | %.1f | %.1f | %.0f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", name.c_str(),
          mesh.triangles.size(), rate(ms[0]), rate(ms[1]), rate(ms[2]), ms[1] / ms[0], areas[0],
          areas[1], quality, areas[1] / quality);
@@ -173,7 +173,7 @@ struct Arrays {
   cuda::DeviceClusters view() const {
     return {items.data(), indices.data(), offsets.data(), boxes.data(), count.data()};
   }
-  cuda::DeviceDrift drift() const { return {now.data(), at_build.data(), total.data()}; }
+  cuda::DeviceAreaGrowth area_growth() const { return {now.data(), at_build.data(), total.data()}; }
 };
 
 void row(const char* what, double milliseconds, double floor_ms, uint32_t n, const char* note) {
@@ -199,7 +199,7 @@ void measure(const std::string& name, const Mesh& mesh, int runs, double bandwid
     cuda::build_frame_clusters(s, b, input, hybrid, h.view(), t);
   });
   Call measure_h([&](void* s, size_t& b, cudaStream_t t) {
-    cuda::measure_frame_clusters(s, b, n, hybrid, h.view(), h.drift(), true, t);
+    cuda::measure_frame_clusters(s, b, n, hybrid, h.view(), h.area_growth(), true, t);
   });
   cuda::DeviceMesh ordered = input;
   ordered.indices = h.indices.data();
@@ -208,12 +208,12 @@ void measure(const std::string& name, const Mesh& mesh, int runs, double bandwid
     cuda::build_frame_clusters(s, b, ordered, hybrid, next.view(), t);
   });
   Call refit_h([&](void* s, size_t& b, cudaStream_t t) {
-    cuda::refit_frame_clusters(s, b, input, hybrid, h.view(), h.drift(), t);
+    cuda::refit_frame_clusters(s, b, input, hybrid, h.view(), h.area_growth(), t);
   });
   const uint32_t budget = n / 128 / 10;
   Call worst_h([&](void* s, size_t& b, cudaStream_t t) {
-    cuda::rebuild_worst_frame_clusters(s, b, input, hybrid, budget, h.view(), h.drift(),
-                                       next.view(), next.drift(), t);
+    cuda::rebuild_worst_frame_clusters(s, b, input, hybrid, budget, h.view(), h.area_growth(),
+                                       next.view(), next.area_growth(), t);
   });
   build_h(stream);
   measure_h(stream);
@@ -249,8 +249,8 @@ void measure(const std::string& name, const Mesh& mesh, int runs, double bandwid
   printf(
       "\nplain / Morton: %.2f. Hybrid / Morton: %.2f. Area ratio of hybrid: %.3f. Scratch memory: "
       "%.1f and %.1f bytes a triangle.\n",
-      ms[8] / ms[0], ms[2] / ms[0], cuda::drift_of(total).area_ratio, double(build_a.bytes()) / n,
-      double(build_h.bytes()) / n);
+      ms[8] / ms[0], ms[2] / ms[0], cuda::area_growth_of(total).area_ratio,
+      double(build_a.bytes()) / n, double(build_h.bytes()) / n);
 }
 
 void measure_device(const std::vector<std::pair<std::string, Mesh>>& scenes, int runs,

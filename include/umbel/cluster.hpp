@@ -44,8 +44,8 @@ struct ClusterConfig {
   uint32_t min_items = 64;             ///< >= 1, <= max_items
   uint32_t max_items = 128;            ///< >= 1
   uint32_t max_vertices = 0;           ///< most unique vertices a cluster; 0: no limit
-  float underfill_cost = 0.5f;         ///< [0, 1]: price of items missing to full clusters
-  float overlap_cost = 0.0f;           ///< [0, 1]: price of overlap between the two sides
+  float underfill_cost = 0.5f;         ///< [0, 1]: penalty for items missing to full clusters
+  float overlap_cost = 0.0f;           ///< [0, 1]: penalty for overlap of the two sides
   float vertex_underfill_cost = 0.5f;  ///< [0, 1]: the same for missing vertices
   /// Nodes with more items than this are split at the median without a sweep; 0: never.
   uint32_t presplit_threshold = 0;

@@ -6,9 +6,8 @@
 //   that was imported by cudaImportExternalMemory.
 // - Every function puts its work into `stream` and returns; none allocates, none waits, so all can
 //   be captured in a graph, which may be replayed for new positions in the same memory.
-// - Scratch memory is asked for by size first, as with CUB: with `scratch` null a function only
-// sets
-//   `scratch_bytes`, which depends on nothing but sizes and the config, and looks at no other
+// - Scratch memory is asked for by size first, as with CUB: with `scratch` null a function sets
+//   `scratch_bytes` alone, which depends on nothing but sizes and the config, and reads no other
 //   pointer. Otherwise `scratch` must be aligned to 256 bytes and have that many. Calls on the same
 //   stream may share it.
 // - Values of positions and indices are not checked: an index must be below the number of vertices.
@@ -48,14 +47,14 @@ struct DeviceClusters {
 };
 
 /// Areas of clusters: shares of that of the box of all, times 2^40; what is infinite has all of it.
-struct DeviceDrift {
+struct DeviceAreaGrowth {
   uint64_t* now;       ///< room for max_frame_clusters(...)
   uint64_t* at_build;  ///< the same
   uint64_t* total;     ///< two: the sum of `now` and the sum of `at_build`
 };
 
-/// The sums of DeviceDrift::total, once they have been copied to the host.
-inline ClusterDrift drift_of(const uint64_t total[2]) {
+/// The sums of DeviceAreaGrowth::total, once they have been copied to the host.
+inline AreaGrowth area_growth_of(const uint64_t total[2]) {
   constexpr double kWhole = double(uint64_t(1) << 40);
   return {double(total[0]) / kWhole, double(total[1]) / kWhole};
 }
@@ -71,25 +70,24 @@ UMBEL_API void build_frame_clusters(void* scratch, size_t& scratch_bytes, const 
 /// measures are compared with.
 UMBEL_API void measure_frame_clusters(void* scratch, size_t& scratch_bytes, uint32_t triangles,
                                       const FrameClusterConfig& config,
-                                      const DeviceClusters& clusters, const DeviceDrift& drift,
-                                      bool is_new, Stream stream = nullptr);
+                                      const DeviceClusters& clusters,
+                                      const DeviceAreaGrowth& growth, bool is_new,
+                                      Stream stream = nullptr);
 
-/// Makes the boxes of clusters for new positions, and measures. Of the mesh, only the positions and
+/// Recomputes the boxes of clusters for new positions, and measures. Of the mesh, only the positions and
 /// the number of triangles are used.
 UMBEL_API void refit_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                                     const FrameClusterConfig& config,
-                                    const DeviceClusters& clusters, const DeviceDrift& drift,
+                                    const DeviceClusters& clusters, const DeviceAreaGrowth& growth,
                                     Stream stream = nullptr);
 
-/// After a refit, builds up to `budget` of the clusters anew whose areas have grown by the largest
-/// factors since they were built; the others come first, in their old order. `out` and `out_drift`
-/// are other arrays, but drift.now and drift.total may be shared. The config has no vertex limit.
-UMBEL_API void rebuild_worst_frame_clusters(void* scratch, size_t& scratch_bytes,
-                                            const DeviceMesh& mesh,
-                                            const FrameClusterConfig& config, uint32_t budget,
-                                            const DeviceClusters& clusters,
-                                            const DeviceDrift& drift, const DeviceClusters& out,
-                                            const DeviceDrift& out_drift, Stream stream = nullptr);
+/// After a refit, rebuilds up to `budget` of the clusters whose areas have grown by the largest
+/// factors since they were built; the others come first, in their old order. `out` and `out_growth`
+/// are other arrays, but growth.now and growth.total may be shared. The config has no vertex limit.
+UMBEL_API void rebuild_worst_frame_clusters(
+    void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh, const FrameClusterConfig& config,
+    uint32_t budget, const DeviceClusters& clusters, const DeviceAreaGrowth& growth,
+    const DeviceClusters& out, const DeviceAreaGrowth& out_growth, Stream stream = nullptr);
 
 /// Vertices of each cluster's own, as mesh shaders and cluster acceleration structures take them.
 struct DeviceVertexLists {

@@ -24,7 +24,7 @@ struct FrameClusterConfig {
   uint32_t min_triangles = 0;
   uint32_t max_vertices = 0;  ///< of a cluster, from 3 to 256; 0: no limit
   float underfill_cost =
-      1.0f;  ///< hybrid only, [0, 4]: price of triangles missing to full clusters
+      1.0f;  ///< hybrid only, [0, 4]: penalty for triangles missing to full clusters
   /// Bits of Morton codes: 30 or 63; 0: 30 up to 4 million triangles, 63 above. 63 tells more
   /// triangles apart, at some half more sorting.
   uint32_t code_bits = 0;
@@ -34,9 +34,9 @@ struct FrameClusterConfig {
 /// kInvalidArgument for a value out of range, kUnsupported above 2^31 / 3 triangles.
 UMBEL_API uint32_t max_frame_clusters(uint32_t triangles, const FrameClusterConfig& config);
 
-/// How far clusters have drifted since they were built. Areas are relative to the box of all at
-/// that time, so that a mesh that only grows does not drift.
-struct ClusterDrift {
+/// How much the areas of clusters have grown since they were built. Areas are relative to the box
+/// of all at that time, so that a mesh that is only scaled has no growth.
+struct AreaGrowth {
   double area_ratio = 0;           ///< sum of the clusters' box areas over that of the box of all
   double area_ratio_at_build = 0;  ///< the same when each cluster was built
   double growth() const { return area_ratio_at_build > 0 ? area_ratio / area_ratio_at_build : 1; }
@@ -62,19 +62,19 @@ class UMBEL_API FrameClusterer {
   /// The same clusters as `build`, except that triangles with equal codes stay in the order of the
   /// last frame; faster where that order is still nearly right. The first call builds.
   void update(std::span<const Vec3> positions, const BuildOptions& options = {});
-  /// Keeps the clusters and makes their boxes anew. The first call builds.
-  ClusterDrift refit(std::span<const Vec3> positions, const BuildOptions& options = {});
-  /// Refits, and then builds up to `clusters` of those anew whose areas have grown by the largest
+  /// Keeps the clusters and recomputes their boxes. The first call builds.
+  AreaGrowth refit(std::span<const Vec3> positions, const BuildOptions& options = {});
+  /// Refits, and then rebuilds up to `clusters` of those whose areas have grown by the largest
   /// factors; the others come first, in their old order. kInvalidArgument with a vertex limit.
-  ClusterDrift rebuild_worst(std::span<const Vec3> positions, uint32_t clusters,
-                             const BuildOptions& options = {});
+  AreaGrowth rebuild_worst(std::span<const Vec3> positions, uint32_t clusters,
+                           const BuildOptions& options = {});
 
   size_t count() const;                         ///< clusters
   std::span<const uint32_t> items() const;      ///< triangle indices, in cluster order
   std::span<const Triangle> triangles() const;  ///< the same triangles: a new index buffer
   std::span<const uint32_t> offsets() const;    ///< count() + 1: cluster c is [c], [c + 1)
   std::span<const Aabb> boxes() const;          ///< one a cluster
-  ClusterDrift drift() const;                   ///< as last measured
+  AreaGrowth area_growth() const;               ///< as last measured
 
  private:
   struct State;
@@ -99,20 +99,20 @@ struct FrameVertexLists {
 UMBEL_API FrameVertexLists list_frame_vertices(const FrameClusterer& clusters,
                                                const BuildOptions& options = {});
 
-/// When to build clusters of a moving mesh anew, from how far they have drifted.
+/// When to rebuild the clusters of a moving mesh, by the growth of their areas.
 struct RebuildPolicy {
   double threshold = 1.25;    ///< rebuild when the growth of the area ratio reaches this (> 1)
   uint32_t least_period = 1;  ///< frames between two rebuilds, at least
   uint32_t most_period = 0;   ///< frames after which to rebuild in any case; 0: never
-  /// Share of the clusters that a rebuild may build anew, the worst ones; 1 or more: all of them.
+  /// Share of the clusters that a rebuild may rebuild, the worst ones; 1 or more: all of them.
   double budget = 1.0;
 
   enum class Action { kKeep, kRebuild, kRebuildWorst };
-  /// What to do in a frame with that drift, `frames` after the last rebuild.
-  Action decide(const ClusterDrift& drift, uint32_t frames) const {
+  /// What to do in a frame with that growth, `frames` after the last rebuild.
+  Action decide(const AreaGrowth& growth, uint32_t frames) const {
     const bool is_due = most_period > 0 && frames >= most_period;
-    const bool has_drifted = drift.growth() >= threshold && frames >= least_period;
-    if (!is_due && !has_drifted) return Action::kKeep;
+    const bool has_grown = growth.growth() >= threshold && frames >= least_period;
+    if (!is_due && !has_grown) return Action::kKeep;
     return budget < 1.0 ? Action::kRebuildWorst : Action::kRebuild;
   }
 };

@@ -28,7 +28,7 @@ typedef struct umbel_frame_config {
   uint32_t max_triangles;  ///< of a cluster, from 1 (hybrid: 2) to 512; default 128
   uint32_t min_triangles;  ///< hybrid: from 1 to max_triangles / 2; 0, the default: a quarter
   uint32_t max_vertices;   ///< of a cluster, from 3 to 256; 0, the default: no limit
-  float underfill_cost;    ///< hybrid: price of missing triangles, from 0 to 4; default 1
+  float underfill_cost;    ///< hybrid: penalty for missing triangles, from 0 to 4; default 1
   uint32_t code_bits;      ///< of Morton codes: 30, 63, or 0, the default: by the number
 } umbel_frame_config;
 
@@ -59,11 +59,11 @@ typedef struct umbel_cuda_clusters {
 } umbel_cuda_clusters;
 
 /// Areas of clusters: shares of the area of the box of all, times 2^40, in device memory.
-typedef struct umbel_cuda_drift {
+typedef struct umbel_cuda_area_growth {
   uint64_t* now;       ///< room for the most clusters
   uint64_t* at_build;  ///< the same
   uint64_t* total;     ///< two: the sums of both
-} umbel_cuda_drift;
+} umbel_cuda_area_growth;
 
 /// Each cluster's own vertices, in device memory.
 typedef struct umbel_cuda_vertex_lists {
@@ -73,7 +73,7 @@ typedef struct umbel_cuda_vertex_lists {
 } umbel_cuda_vertex_lists;
 
 // As the functions of these names in cuda.hpp. `stream` is a cudaStream_t. With `scratch` NULL,
-// only `scratch_bytes` is set, and of the structs only sizes are read; clusters, drift and lists
+// only `scratch_bytes` is set, and of the structs only sizes are read; clusters, growth and lists
 // may be NULL then.
 
 UMBEL_C_API umbel_result umbel_cuda_build_frame_clusters(void* scratch, size_t* scratch_bytes,
@@ -82,22 +82,25 @@ UMBEL_C_API umbel_result umbel_cuda_build_frame_clusters(void* scratch, size_t* 
                                                          const umbel_cuda_clusters* out,
                                                          void* stream);
 
-UMBEL_C_API umbel_result umbel_cuda_measure_frame_clusters(
-    void* scratch, size_t* scratch_bytes, uint32_t triangles, const umbel_frame_config* config,
-    const umbel_cuda_clusters* clusters, const umbel_cuda_drift* drift, int is_new, void* stream);
+UMBEL_C_API umbel_result umbel_cuda_measure_frame_clusters(void* scratch, size_t* scratch_bytes,
+                                                           uint32_t triangles,
+                                                           const umbel_frame_config* config,
+                                                           const umbel_cuda_clusters* clusters,
+                                                           const umbel_cuda_area_growth* growth,
+                                                           int is_new, void* stream);
 
 UMBEL_C_API umbel_result umbel_cuda_refit_frame_clusters(void* scratch, size_t* scratch_bytes,
                                                          const umbel_cuda_mesh* mesh,
                                                          const umbel_frame_config* config,
                                                          const umbel_cuda_clusters* clusters,
-                                                         const umbel_cuda_drift* drift,
+                                                         const umbel_cuda_area_growth* growth,
                                                          void* stream);
 
 UMBEL_C_API umbel_result umbel_cuda_rebuild_worst_frame_clusters(
     void* scratch, size_t* scratch_bytes, const umbel_cuda_mesh* mesh,
     const umbel_frame_config* config, uint32_t budget, const umbel_cuda_clusters* clusters,
-    const umbel_cuda_drift* drift, const umbel_cuda_clusters* out,
-    const umbel_cuda_drift* out_drift, void* stream);
+    const umbel_cuda_area_growth* growth, const umbel_cuda_clusters* out,
+    const umbel_cuda_area_growth* out_growth, void* stream);
 
 UMBEL_C_API umbel_result umbel_cuda_list_frame_vertices(
     void* scratch, size_t* scratch_bytes, uint32_t triangles, const umbel_frame_config* config,

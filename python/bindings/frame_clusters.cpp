@@ -20,8 +20,8 @@ FrameClusterConfig config_of(const std::string& method, uint32_t max_triangles,
           code_bits};
 }
 
-std::tuple<double, double> pair_of(const ClusterDrift& drift) {
-  return {drift.area_ratio, drift.area_ratio_at_build};
+std::tuple<double, double> pair_of(const AreaGrowth& growth) {
+  return {growth.area_ratio, growth.area_ratio_at_build};
 }
 
 using ListArrays = nb::typed<nb::tuple, Array<uint32_t>, Array<uint32_t>, Array<uint8_t>>;
@@ -81,7 +81,7 @@ void bind_frame_clusters(nb::module_& module) {
             });
           },
           "positions"_a, "clusters"_a, "threads"_a = 0)
-      .def("drift", [](const FrameClusterer& self) { return pair_of(self.drift()); })
+      .def("drift", [](const FrameClusterer& self) { return pair_of(self.area_growth()); })
       .def("count", &FrameClusterer::count)
       .def("items", [](const FrameClusterer& self) { return copied<uint32_t>(self.items()); })
       .def("triangles",

@@ -1,59 +1,34 @@
-// Large arrays on large pages.
+// The arrays of a fixed size without values: scratch memory, and what the executor on the processor
+// allocates. base/big_vector.hpp has those that grow.
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <new>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
-#if defined(__linux__)
-#include <sys/mman.h>
-#endif
+#include "base/huge_pages.hpp"
 
 namespace umbel {
 
-inline constexpr size_t kHugePage = size_t(1) << 21;
+enum class Pages {
+  kHuge,   ///< for arrays from a huge page on
+  kSmall,  ///< as the allocator has them, which may be such as were used before
+};
 
-/// Asks the system to back memory that nobody has touched yet with huge pages. Touching it in
-/// small ones can cost more than a pass of a radix sort.
-inline void prefer_huge_pages(void* memory, size_t bytes) {
-#if defined(__linux__) && defined(MADV_HUGEPAGE)
-  const size_t past_a_page = reinterpret_cast<uintptr_t>(memory) % kHugePage;
-  const size_t before_a_page = past_a_page == 0 ? 0 : kHugePage - past_a_page;
-  if (bytes < before_a_page + kHugePage) return;
-  madvise(static_cast<char*>(memory) + before_a_page,
-          (bytes - before_a_page) / kHugePage * kHugePage, MADV_HUGEPAGE);
-#else
-  (void)memory;
-  (void)bytes;
-#endif
-}
-
-/// A vector of `size` elements without a value, or as near as a vector comes to that.
-template <typename T>
-std::vector<T> large_vector(size_t size) {
-  std::vector<T> vector;
-  vector.reserve(size);
-  prefer_huge_pages(vector.data(), size * sizeof(T));
-  vector.resize(size);
-  return vector;
-}
-
-/// Memory of an executor: `size` elements without a value, given back at the end of the scope.
+/// `size` elements without a value, given back at the end of the scope.
 template <typename T>
 class CpuBuffer {
-  static_assert(std::is_trivially_copyable_v<T>);
+  static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);
 
  public:
   CpuBuffer() = default;
-  explicit CpuBuffer(size_t size) : size_(size) {
+  explicit CpuBuffer(size_t size, Pages pages = Pages::kHuge) : size_(size) {
     if (size == 0) return;
     const size_t bytes = size * sizeof(T);
-    alignment_ = std::align_val_t(bytes >= kHugePage ? kHugePage : 64);
+    alignment_ = std::align_val_t(pages == Pages::kHuge ? large_alignment(bytes) : alignof(T));
     data_ = static_cast<T*>(::operator new(bytes, alignment_));
-    prefer_huge_pages(data_, bytes);
+    if (pages == Pages::kHuge) prefer_huge_pages(data_, bytes);
   }
   CpuBuffer(CpuBuffer&& o) noexcept
       : data_(std::exchange(o.data_, nullptr)), size_(o.size_), alignment_(o.alignment_) {}
@@ -76,7 +51,7 @@ class CpuBuffer {
  private:
   T* data_ = nullptr;
   size_t size_ = 0;
-  std::align_val_t alignment_{64};
+  std::align_val_t alignment_{alignof(T)};
 };
 
 }  // namespace umbel

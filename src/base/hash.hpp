@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/bytes.hpp"
 #include "base/host_device.hpp"
 
 namespace umbel {
@@ -35,13 +36,7 @@ template <typename Word>
 Word read_little_endian(const unsigned char* p) {
   Word word;
   std::memcpy(&word, p, sizeof(Word));
-  if constexpr (std::endian::native == std::endian::big) {
-    Word swapped = 0;
-    for (size_t i = 0; i < sizeof(Word); ++i) swapped = swapped << 8 | (word >> (8 * i) & 0xff);
-    return swapped;
-  } else {
-    return word;
-  }
+  return little_endian(word);
 }
 
 inline uint64_t xxh64_round(uint64_t accumulator, uint64_t lane) {

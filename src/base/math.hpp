@@ -2,7 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstddef>
 
 #include "base/host_device.hpp"
 #include "umbel/types.hpp"
@@ -33,6 +36,15 @@ UMBEL_HOST_DEVICE inline Vec3 min(const Vec3& a, const Vec3& b) {
 }
 UMBEL_HOST_DEVICE inline Vec3 max(const Vec3& a, const Vec3& b) {
   return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
+}
+
+/// The same floats with 0 for -0, which are equal but have other bits: of a float, a vector or a
+/// box.
+template <typename Floats>
+UMBEL_HOST_DEVICE Floats without_negative_zero(const Floats& value) {
+  auto floats = std::bit_cast<std::array<float, sizeof(Floats) / sizeof(float)>>(value);
+  for (float& f : floats) f += 0.0f;
+  return std::bit_cast<Floats>(floats);
 }
 
 UMBEL_HOST_DEVICE inline bool is_finite(const Vec3& a) {

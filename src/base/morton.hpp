@@ -10,14 +10,16 @@
 
 namespace umbel {
 
-/// Spreads the low 10 bits so that two zero bits follow each.
-UMBEL_HOST_DEVICE inline uint32_t spread_bits(uint32_t x) {
+/// Spreads the low 10 bits so that two zero bits follow each. `Words` is a word of 32 bits or a
+/// vector of such.
+template <typename Words>
+UMBEL_HOST_DEVICE Words spread_bits_of(Words x) {
   x = (x | x << 16) & 0x030000ffu;
   x = (x | x << 8) & 0x0300f00fu;
   x = (x | x << 4) & 0x030c30c3u;
-  x = (x | x << 2) & 0x09249249u;
-  return x;
+  return (x | x << 2) & 0x09249249u;
 }
+UMBEL_HOST_DEVICE inline uint32_t spread_bits(uint32_t x) { return spread_bits_of(x); }
 
 /// Spreads the low 21 bits so that two zero bits follow each.
 UMBEL_HOST_DEVICE inline uint64_t spread_bits(uint64_t x) {

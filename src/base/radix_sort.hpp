@@ -8,13 +8,13 @@
 #include <cstdint>
 #include <utility>
 
-#include "base/host_device.hpp"
+#include "base/math.hpp"
 
 namespace umbel {
 
 /// A float's bits as an unsigned integer of the same order. Both zeros become the same key.
 UMBEL_HOST_DEVICE inline uint32_t float_to_key(float value) {
-  const uint32_t bits = std::bit_cast<uint32_t>(value + 0.0f);
+  const uint32_t bits = std::bit_cast<uint32_t>(without_negative_zero(value));
   return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
 }
 

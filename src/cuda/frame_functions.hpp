@@ -16,7 +16,7 @@ namespace {
 cluster::FrameClusters view(const DeviceClusters& c) {
   return {c.items, reinterpret_cast<Triangle*>(c.indices), c.offsets, c.boxes, c.count};
 }
-cluster::ClusterShares view(const DeviceDrift& d) { return {d.now, d.at_build, d.total}; }
+cluster::AreaShares view(const DeviceAreaGrowth& d) { return {d.now, d.at_build, d.total}; }
 
 }  // namespace
 
@@ -26,7 +26,7 @@ cluster::ClusterShares view(const DeviceDrift& d) { return {d.now, d.at_build, d
 void build_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                           const FrameClusterConfig& config, const DeviceClusters& out,
                           Stream stream) {
-  const auto rules = cluster::FrameRules::of(config, mesh.triangles);
+  const auto rules = cluster::CheckedFrameConfig::of(config, mesh.triangles);
   const cluster::FrameMesh input{positions_of(mesh),
                                  reinterpret_cast<const Triangle*>(mesh.indices), mesh.items,
                                  mesh.triangles};
@@ -36,46 +36,47 @@ void build_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh
 
 void measure_frame_clusters(void* scratch, size_t& scratch_bytes, uint32_t triangles,
                             const FrameClusterConfig& config, const DeviceClusters& clusters,
-                            const DeviceDrift& drift, bool is_new, Stream stream) {
-  const uint32_t most = cluster::FrameRules::of(config, triangles).most_clusters(triangles);
-  run(scratch, scratch_bytes, stream,
-      [&](auto& exec) { cluster::measure_drift(exec, view(clusters), most, view(drift), is_new); });
+                            const DeviceAreaGrowth& growth, bool is_new, Stream stream) {
+  const uint32_t most = cluster::CheckedFrameConfig::of(config, triangles).most_clusters(triangles);
+  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+    cluster::measure_area_growth(exec, view(clusters), most, view(growth), is_new);
+  });
 }
 
 void refit_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                           const FrameClusterConfig& config, const DeviceClusters& clusters,
-                          const DeviceDrift& drift, Stream stream) {
+                          const DeviceAreaGrowth& growth, Stream stream) {
   const uint32_t most =
-      cluster::FrameRules::of(config, mesh.triangles).most_clusters(mesh.triangles);
+      cluster::CheckedFrameConfig::of(config, mesh.triangles).most_clusters(mesh.triangles);
   const cluster::FrameMesh ordered{positions_of(mesh),
                                    reinterpret_cast<const Triangle*>(clusters.indices), nullptr,
                                    mesh.triangles};
   run(scratch, scratch_bytes, stream, [&](auto& exec) {
     exec.for_each_team(most, cluster::RefitCluster{ordered, view(clusters)});
-    cluster::measure_drift(exec, view(clusters), most, view(drift), false);
+    cluster::measure_area_growth(exec, view(clusters), most, view(growth), false);
   });
 }
 
 void rebuild_worst_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                                   const FrameClusterConfig& config, uint32_t budget,
-                                  const DeviceClusters& clusters, const DeviceDrift& drift,
-                                  const DeviceClusters& out, const DeviceDrift& out_drift,
+                                  const DeviceClusters& clusters, const DeviceAreaGrowth& growth,
+                                  const DeviceClusters& out, const DeviceAreaGrowth& out_growth,
                                   Stream stream) {
-  const auto rules = cluster::FrameRules::of(config, mesh.triangles);
+  const auto rules = cluster::CheckedFrameConfig::of(config, mesh.triangles);
   if (rules.max_vertices)
     throw Error(ErrorCode::kInvalidArgument,
-                "with max_vertices, clusters can only be built anew all together");
+                "with max_vertices, only all clusters together can be rebuilt");
   const cluster::Positions positions = positions_of(mesh);
   run(scratch, scratch_bytes, stream, [&](auto& exec) {
-    cluster::rebuild_worst(exec, positions, rules, view(clusters), view(drift), mesh.triangles,
-                           budget, view(out), view(out_drift));
+    cluster::rebuild_worst(exec, positions, rules, view(clusters), view(growth), mesh.triangles,
+                           budget, view(out), view(out_growth));
   });
 }
 
 void list_frame_vertices(void* scratch, size_t& scratch_bytes, uint32_t triangles,
                          const FrameClusterConfig& config, const DeviceClusters& clusters,
                          const DeviceVertexLists& out, Stream stream) {
-  const auto rules = cluster::FrameRules::of(config, triangles);
+  const auto rules = cluster::CheckedFrameConfig::of(config, triangles);
   if (!rules.max_vertices && 3 * rules.block.max_items > cluster::FewVertices::kMost)
     throw Error(ErrorCode::kInvalidArgument,
                 "clusters may have more vertices than a byte can count: set max_vertices");

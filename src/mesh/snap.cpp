@@ -2,6 +2,7 @@
 // exact in floats, so vertices at one position stay at one position.
 #include <cmath>
 
+#include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "umbel/mesh.hpp"
 
@@ -13,7 +14,7 @@ float snapped(float value, double step) {
   const double steps = value / step;
   auto result = static_cast<float>(std::nearbyint(steps) * step);
   if (!std::isfinite(result)) result = static_cast<float>(std::trunc(steps) * step);
-  return result + 0.0f;
+  return without_negative_zero(result);
 }
 
 }  // namespace

@@ -6,17 +6,10 @@
 #include <cstdint>
 
 #include "base/hash.hpp"
+#include "base/math.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel {
-
-/// -0 becomes 0; every other value keeps its bits.
-template <typename Vector>
-Vector without_negative_zero(const Vector& v) {
-  auto floats = std::bit_cast<std::array<float, sizeof(Vector) / sizeof(float)>>(v);
-  for (float& f : floats) f += 0.0f;
-  return std::bit_cast<Vector>(floats);
-}
 
 template <typename Vector>
 std::array<uint32_t, sizeof(Vector) / 4> value_bits(const Vector& v) {

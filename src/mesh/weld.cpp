@@ -115,7 +115,7 @@ std::vector<float> gathered_extras(const MeshView& mesh, const std::vector<uint3
   if (width == 0) return result;
   parallel_for(from.size(), 1 << 14, [&](size_t i) {
     std::ranges::transform(extra_of(mesh, from[i]), result.begin() + i * width,
-                           [](float f) { return f + 0.0f; });
+                           [](float f) { return without_negative_zero(f); });
   });
   return result;
 }

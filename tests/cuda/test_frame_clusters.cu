@@ -57,7 +57,7 @@ struct Arrays {
   DeviceClusters view() const {
     return {items.data(), indices.data(), offsets.data(), boxes.data(), count.data()};
   }
-  DeviceDrift drift() const { return {now.data(), at_build.data(), total.data()}; }
+  DeviceAreaGrowth area_growth() const { return {now.data(), at_build.data(), total.data()}; }
 
   void expect_same(const FrameClusterer& expected) const {
     const auto clusters = uint32_t(expected.count());
@@ -71,11 +71,11 @@ struct Arrays {
     EXPECT_EQ(offsets.read(clusters + 1), copy(expected.offsets()));
     EXPECT_TRUE(same_bytes(boxes.read(clusters), copy(expected.boxes())));
   }
-  void expect_drift(const ClusterDrift& expected) const {
+  void expect_area_growth(const AreaGrowth& expected) const {
     const auto sums = total.read();
-    const ClusterDrift drift = drift_of(sums.data());
-    EXPECT_EQ(drift.area_ratio, expected.area_ratio);
-    EXPECT_EQ(drift.area_ratio_at_build, expected.area_ratio_at_build);
+    const AreaGrowth growth = area_growth_of(sums.data());
+    EXPECT_EQ(growth.area_ratio, expected.area_ratio);
+    EXPECT_EQ(growth.area_ratio_at_build, expected.area_ratio_at_build);
   }
 
  private:
@@ -126,7 +126,7 @@ struct Scene {
       build_frame_clusters(scratch, bytes, from, config, out.view());
     });
     with_scratch([&](void* scratch, size_t& bytes) {
-      measure_frame_clusters(scratch, bytes, n, config, out.view(), out.drift(), true);
+      measure_frame_clusters(scratch, bytes, n, config, out.view(), out.area_growth(), true);
     });
   }
 };
@@ -149,7 +149,7 @@ TEST_F(FrameClustersOnDevice, builds_are_the_bytes_of_the_processor) {
       scene.expected.build(mesh.positions);
       scene.build(scene.first, scene.input());
       scene.first.expect_same(scene.expected);
-      scene.first.expect_drift(scene.expected.drift());
+      scene.first.expect_area_growth(scene.expected.area_growth());
     }
 }
 
@@ -164,17 +164,17 @@ TEST_F(FrameClustersOnDevice, updates_refits_and_partial_rebuilds_are_the_bytes_
     scene.positions.write(interleaved(moved, Scene::kFloats));
     with_scratch([&](void* scratch, size_t& bytes) {
       refit_frame_clusters(scratch, bytes, scene.input(), config, scene.first.view(),
-                           scene.first.drift());
+                           scene.first.area_growth());
     });
-    scene.first.expect_drift(scene.expected.refit(moved.positions));
+    scene.first.expect_area_growth(scene.expected.refit(moved.positions));
     scene.first.expect_same(scene.expected);
     if (!config.max_vertices) {
       with_scratch([&](void* scratch, size_t& bytes) {
         rebuild_worst_frame_clusters(scratch, bytes, scene.input(), config, 20, scene.first.view(),
-                                     scene.first.drift(), scene.second.view(),
-                                     scene.second.drift());
+                                     scene.first.area_growth(), scene.second.view(),
+                                     scene.second.area_growth());
       });
-      scene.second.expect_drift(scene.expected.rebuild_worst(moved.positions, 20));
+      scene.second.expect_area_growth(scene.expected.rebuild_worst(moved.positions, 20));
       scene.second.expect_same(scene.expected);
     }
     Arrays& last = config.max_vertices ? scene.first : scene.second;

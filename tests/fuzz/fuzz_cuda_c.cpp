@@ -77,7 +77,7 @@ struct Clusters {
         now(most),
         at_build(most),
         view{items.data(), indices.data(), offsets.data(), boxes.data(), &count},
-        drift{now.data(), at_build.data(), total.data()} {}
+        growth{now.data(), at_build.data(), total.data()} {}
 
   void check() const {
     expect(count < offsets.size(), "more clusters than there is room for");
@@ -95,7 +95,7 @@ struct Clusters {
   std::array<uint64_t, 2> total{};
   uint32_t count = 0;
   umbel_cuda_clusters view;
-  umbel_cuda_drift drift;
+  umbel_cuda_area_growth growth;
 };
 
 umbel_frame_config frame_config(Input& in) {
@@ -122,9 +122,9 @@ void cluster_frames(Input& in) {
   Clusters made(triangles, most);
   if (!called(umbel_cuda_build_frame_clusters, &mesh.view, &config, &made.view)) return;
   made.check();
-  called(umbel_cuda_measure_frame_clusters, triangles, &config, &made.view, &made.drift, 1);
+  called(umbel_cuda_measure_frame_clusters, triangles, &config, &made.view, &made.growth, 1);
   mesh.move(in);
-  called(umbel_cuda_refit_frame_clusters, &mesh.view, &config, &made.view, &made.drift);
+  called(umbel_cuda_refit_frame_clusters, &mesh.view, &config, &made.view, &made.growth);
   std::vector<uint32_t> vertices(3 * size_t{triangles}), first(size_t{most} + 1);
   std::vector<uint8_t> corners(3 * size_t{triangles});
   const umbel_cuda_vertex_lists lists{first.data(), vertices.data(), corners.data()};
@@ -132,7 +132,7 @@ void cluster_frames(Input& in) {
   Clusters again(triangles, most);
   const uint32_t budget = in.seldom(8) ? in.bytes.integral<uint32_t>() : in.below(8);
   if (called(umbel_cuda_rebuild_worst_frame_clusters, &mesh.view, &config, budget, &made.view,
-             &made.drift, &again.view, &again.drift))
+             &made.growth, &again.view, &again.growth))
     again.check();
 }
 

@@ -13,6 +13,7 @@
 #include <numeric>
 #include <optional>
 
+#include "base/big_vector.hpp"
 #include "base/cpu_buffer.hpp"
 #include "base/in_order.hpp"
 #include "base/parallel.hpp"
@@ -394,9 +395,8 @@ class Binned {
       stack.push_back(left_first ? left : right);
     }
     Bvh2 tree;
-    tree.nodes.reserve(nodes);
+    reserve_big(tree.nodes, nodes);
     tree.primitives.reserve(primitives);
-    prefer_huge_pages(tree.nodes.data(), nodes * sizeof(Node));
     Node* const to = tree.nodes.data();
     struct None {};
     in_order<None>(

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "base/big_vector.hpp"
 #include "base/cpu_buffer.hpp"
 #include "base/in_order.hpp"
 
@@ -19,8 +20,7 @@ class PartWriter {
              const BuildPart& build)
       : top_(top), pairs_(top.size()), slots_(top.size()), most_(most), build_(build) {
     tree_.primitives = std::move(primitives);
-    tree_.nodes.reserve(most.tree);
-    prefer_huge_pages(tree_.nodes.data(), most.tree * sizeof(Node));
+    reserve_big(tree_.nodes, most.tree);
     tree_.nodes.resize(1);
     nodes_ = tree_.nodes.data();
     steps_.push_back({top.empty() ? ~0u : 0u, 0});

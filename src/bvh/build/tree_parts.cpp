@@ -37,7 +37,9 @@ class Joiner {
   Bvh2 join() {
     for (size_t t = top_.size(); t-- > 0;) unite(t);
     const uint32_t root = top_.empty() ? ~0u : 0u;
-    tree_.nodes = large_vector<Node>(2 * size_t(child(root).pairs) + 1);
+    const size_t nodes = 2 * size_t(child(root).pairs) + 1;
+    reserve_big(tree_.nodes, nodes);
+    tree_.nodes.resize(nodes);
     place(root, 1, 0);
     for (size_t t = 0; t < top_.size(); ++t) {
       const uint32_t base = above_[t].root.first;

@@ -11,7 +11,6 @@
 #include "base/cpu_buffer.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
-#include "base/raw_array.hpp"
 #include "umbel/bvh.hpp"
 
 namespace umbel::bvh {
@@ -41,7 +40,7 @@ class PartStore {
   void keep(TreePart& subtree) {
     const size_t count = 2 * size_t(subtree.pairs);
     if (count == 0) return;
-    RawArray<Node> nodes(count);
+    CpuBuffer<Node> nodes(count, Pages::kSmall);
     keep_at(subtree, nodes.data());
     const std::lock_guard lock(mutex_);
     pieces_.push_back(std::move(nodes));
@@ -56,7 +55,7 @@ class PartStore {
 
  private:
   std::mutex mutex_;
-  std::vector<RawArray<Node>> pieces_;
+  std::vector<CpuBuffer<Node>> pieces_;
 };
 
 /// An inner node above subtrees: each child is another one behind it in the array, or ~subtree.

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <unordered_set>
 
-#include "base/cpu_buffer.hpp"
+#include "base/big_vector.hpp"
 #include "base/in_order.hpp"
 #include "base/progress.hpp"
 #include "bvh/tree/layout.hpp"
@@ -110,9 +110,8 @@ class Writer {
   Writer(const Bvh2& tree, const std::vector<uint8_t>& becomes_leaf,
          const std::vector<uint32_t>& roots)
       : tree_(tree), becomes_leaf_(becomes_leaf), is_root_(roots.begin(), roots.end()) {
-    out_.nodes.reserve(tree.nodes.size());
+    reserve_big(out_.nodes, tree.nodes.size());
     out_.primitives.reserve(tree.primitives.size());
-    prefer_huge_pages(out_.nodes.data(), tree.nodes.size() * sizeof(Node));
     nodes_ = out_.nodes.data();
     primitives_ = out_.primitives.data();
     out_.nodes.resize(1);

@@ -27,9 +27,9 @@ struct Call {
     const umbel_cuda_clusters& c = not_null(given, name);
     return {c.items, c.indices, c.offsets, reinterpret_cast<Aabb*>(c.boxes), c.count};
   }
-  cuda::DeviceDrift of(const umbel_cuda_drift* given, const char* name) const {
+  cuda::DeviceAreaGrowth of(const umbel_cuda_area_growth* given, const char* name) const {
     if (!given && !scratch) return {};
-    const umbel_cuda_drift& d = not_null(given, name);
+    const umbel_cuda_area_growth& d = not_null(given, name);
     return {d.now, d.at_build, d.total};
   }
 };
@@ -74,12 +74,12 @@ umbel_result umbel_cuda_build_frame_clusters(void* scratch, size_t* scratch_byte
 umbel_result umbel_cuda_measure_frame_clusters(void* scratch, size_t* scratch_bytes,
                                                uint32_t triangles, const umbel_frame_config* config,
                                                const umbel_cuda_clusters* clusters,
-                                               const umbel_cuda_drift* drift, int is_new,
+                                               const umbel_cuda_area_growth* growth, int is_new,
                                                void* stream) {
   return guard([&] {
     const Call call{scratch, scratch_bytes};
     umbel::cuda::measure_frame_clusters(scratch, call.bytes(), triangles, config_of(config),
-                                        call.of(clusters, "clusters"), call.of(drift, "drift"),
+                                        call.of(clusters, "clusters"), call.of(growth, "growth"),
                                         is_new != 0, stream_of(stream));
   });
 }
@@ -88,11 +88,11 @@ umbel_result umbel_cuda_refit_frame_clusters(void* scratch, size_t* scratch_byte
                                              const umbel_cuda_mesh* mesh,
                                              const umbel_frame_config* config,
                                              const umbel_cuda_clusters* clusters,
-                                             const umbel_cuda_drift* drift, void* stream) {
+                                             const umbel_cuda_area_growth* growth, void* stream) {
   return guard([&] {
     const Call call{scratch, scratch_bytes};
     umbel::cuda::refit_frame_clusters(scratch, call.bytes(), mesh_of(mesh), config_of(config),
-                                      call.of(clusters, "clusters"), call.of(drift, "drift"),
+                                      call.of(clusters, "clusters"), call.of(growth, "growth"),
                                       stream_of(stream));
   });
 }
@@ -100,14 +100,14 @@ umbel_result umbel_cuda_refit_frame_clusters(void* scratch, size_t* scratch_byte
 umbel_result umbel_cuda_rebuild_worst_frame_clusters(
     void* scratch, size_t* scratch_bytes, const umbel_cuda_mesh* mesh,
     const umbel_frame_config* config, uint32_t budget, const umbel_cuda_clusters* clusters,
-    const umbel_cuda_drift* drift, const umbel_cuda_clusters* out,
-    const umbel_cuda_drift* out_drift, void* stream) {
+    const umbel_cuda_area_growth* growth, const umbel_cuda_clusters* out,
+    const umbel_cuda_area_growth* out_growth, void* stream) {
   return guard([&] {
     const Call call{scratch, scratch_bytes};
     umbel::cuda::rebuild_worst_frame_clusters(
         scratch, call.bytes(), mesh_of(mesh), config_of(config), budget,
-        call.of(clusters, "clusters"), call.of(drift, "drift"), call.of(out, "out"),
-        call.of(out_drift, "out_drift"), stream_of(stream));
+        call.of(clusters, "clusters"), call.of(growth, "growth"), call.of(out, "out"),
+        call.of(out_growth, "out_growth"), stream_of(stream));
   });
 }
 

@@ -7,13 +7,11 @@
 
 #include <tbb/enumerable_thread_specific.h>
 
-#include <atomic>
 #include <numeric>
-#include <thread>
 
 #include "base/big_vector.hpp"
 #include "base/parallel.hpp"
-#include "base/progress.hpp"
+#include "base/shared_progress.hpp"
 #include "cluster/bisect/bisect_micro_clusters.hpp"
 #include "cluster/bisect/block.hpp"
 #include "cluster/bisect/split_cells.hpp"
@@ -43,24 +41,7 @@ void collect(std::span<const Range> segments, const std::vector<uint8_t>& first,
   }
 }
 
-// Tells the caller how far we are. Only the thread that called may call back.
-class Meter {
- public:
-  Meter(const BuildOptions& options, uint32_t total) : progress_(options), total_(total) {}
-  void add(uint32_t items) {
-    const uint64_t done = done_.fetch_add(items, std::memory_order_relaxed) + items;
-    if (std::this_thread::get_id() == caller_)
-      progress_.report(double(done) / double(std::max(total_, 1u)), kStage);
-  }
-  void report(double fraction) { progress_.report(fraction, kStage); }
-
- private:
-  static constexpr std::string_view kStage = "clustering";
-  Progress progress_;
-  const uint32_t total_;
-  const std::thread::id caller_ = std::this_thread::get_id();
-  std::atomic<uint64_t> done_{0};
-};
+constexpr std::string_view kStage = "clustering";
 
 // Above this, nodes are split by runs of items; below, by the items themselves, in a cache.
 constexpr uint32_t kBlock = 1 << 12;
@@ -68,15 +49,15 @@ constexpr uint32_t kBlock = 1 << 12;
 constexpr uint32_t kConnectedBlock = 1 << 16;
 
 // Fewer items than this are not worth micro-clusters.
-constexpr uint32_t kMicrosFrom = 1 << 10;
+constexpr uint32_t kMicroClustersFrom = 1 << 10;
 
 bool is_connected(const Source& source) {
   return !source.connections.ranges.empty() || source.shared_vertex_weight > 0;
 }
 
-uint32_t block_size(const Source& source, const Rules& rules) {
+uint32_t block_size(const Source& source, const SplitConstraints& constraints) {
   // A part must be no smaller than one cluster.
-  return std::max(is_connected(source) ? kConnectedBlock : kBlock, rules.config.max_items);
+  return std::max(is_connected(source) ? kConnectedBlock : kBlock, constraints.config.max_items);
 }
 
 // Puts a part's items in place, and their boxes into `boxes`.
@@ -94,71 +75,75 @@ void load(const Source& source, const CellSet& set, const Part& part, uint32_t* 
 }
 
 // What has to be looked at item by item does not suit micro-clusters.
-bool suits_micros(const Source& source, const Rules& rules, uint32_t count) {
-  const ClusterConfig& config = rules.config;
-  return config.coarse && rules.simple && config.max_items >= 16 && !config.max_vertices &&
+bool suits_micro_clusters(const Source& source, const SplitConstraints& constraints,
+                          uint32_t count) {
+  const ClusterConfig& config = constraints.config;
+  return config.coarse && constraints.simple && config.max_items >= 16 && !config.max_vertices &&
          config.overlap_cost == 0.0f && !config.presplit_threshold &&
          source.connections.ranges.empty() && source.shared_vertex_weight == 0.0f &&
-         source.centroids.empty() && count > kMicrosFrom;
+         source.centroids.empty() && count > kMicroClustersFrom;
 }
 
 // Calls visit(offset, count) as soon as that many items are in the order of clusters. `alone`: no
 // other segment keeps threads busy.
 template <typename LocalBlock>
-void bisect_segment(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
-                    uint32_t count, const BoxRecord* bounds, const LocalBlock& local, bool alone,
-                    const std::function<void(uint32_t)>& done,
-                    const std::function<void(uint32_t, uint32_t)>& visit, bool by_micros = true) {
-  if (by_micros && suits_micros(source, rules, count)) {
+void bisect_segment(const Source& source, const SplitConstraints& constraints, uint32_t* items,
+                    uint8_t* first, uint32_t count, const BoxRecord* bounds,
+                    const LocalBlock& local, bool alone, const std::function<void(uint32_t)>& done,
+                    const std::function<void(uint32_t, uint32_t)>& visit,
+                    bool by_micro_clusters = true) {
+  if (by_micro_clusters && suits_micro_clusters(source, constraints, count)) {
     const BoxRecord box = bounds ? *bounds : box_of(source, items, count);
     if (suits_small_boxes(box)) {
       const auto exact = [&](uint32_t offset, uint32_t n) {
         bisect_segment(
-            source, rules, items + offset, first + offset, n, nullptr, local, false,
+            source, constraints, items + offset, first + offset, n, nullptr, local, false,
             [](uint32_t) {}, [](uint32_t, uint32_t) {}, false);
       };
-      bisect_micros(source, rules, items, first, count, box, exact, done);
+      bisect_micro_clusters(source, constraints, items, first, count, box, exact, done);
       return visit(0, count);
     }
   }
-  const uint32_t most = block_size(source, rules);
+  const uint32_t most = block_size(source, constraints);
   if (count <= most) {
     if (alone && is_connected(source))
-      local().bisect_in_parallel(source, rules, items, first, count);
+      local().bisect_in_parallel(source, constraints, items, first, count);
     else
-      local().bisect(source, rules, items, first, count);
+      local().bisect(source, constraints, items, first, count);
     visit(0, count);
     return done(count);
   }
-  split_cells(source, rules, items, count, most, bounds, [&](const CellSet& set, const Part& part) {
-    Block& block = local();
-    uint32_t* own = items + part.offset;
-    load(source, set, part, own, block.prepare(source, rules, part.count));
-    block.bisect_prepared(own, first + part.offset);
-    visit(part.offset, part.count);
-    done(part.count);
-  });
+  split_cells(source, constraints, items, count, most, bounds,
+              [&](const CellSet& set, const Part& part) {
+                Block& block = local();
+                uint32_t* own = items + part.offset;
+                load(source, set, part, own, block.prepare(source, constraints, part.count));
+                block.bisect_prepared(own, first + part.offset);
+                visit(part.offset, part.count);
+                done(part.count);
+              });
 }
 
 Clusters build(const Source& source, uint32_t count, std::span<const Range> input_segments,
                const ClusterConfig& config, const BuildOptions& options, const BoxRecord* bounds,
                const VisitClusters& visit = nullptr) {
-  const Rules rules(config);
+  const SplitConstraints constraints(config);
   const std::vector<Range> segments = segments_of(input_segments, count);
   Clusters out;
   reserve_big(out.items, count);
   out.items.resize(count);
   std::iota(out.items.begin(), out.items.end(), 0u);
   std::vector<uint8_t> first(count, 0);
-  Meter meter(options, count);
-  meter.report(0);
+  Progress progress(options);
+  progress.report(0, kStage);
+  SharedProgress clustered(progress, kStage, 0, 1, count, SharedProgress::OnCancel::kThrow);
   tbb::enumerable_thread_specific<Block> blocks;
   parallel_for(segments.size(), 1, [&](size_t s) {
     const Range& r = segments[s];
     bisect_segment(
-        source, rules, out.items.data() + r.offset, first.data() + r.offset, r.count,
+        source, constraints, out.items.data() + r.offset, first.data() + r.offset, r.count,
         r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); },
-        segments.size() == 1, [&](uint32_t items) { meter.add(items); },
+        segments.size() == 1, [&](uint32_t items) { clustered.add(items); },
         [&](uint32_t offset, uint32_t items) {
           const uint32_t begin = r.offset + offset;
           if (visit)
@@ -167,7 +152,7 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
         });
   });
   collect(segments, first, out);
-  meter.report(1);
+  progress.report(1, kStage);
   return out;
 }
 
@@ -200,7 +185,7 @@ void Bisector::build(const MeshView& mesh, std::span<const Range> segments,
 
 void Bisector::build(const Source& source, uint32_t count, std::span<const Range> segments,
                      const ClusterConfig& config, Clusters& out) {
-  const Rules rules(config);
+  const SplitConstraints constraints(config);
   const Range whole{0, count};
   if (segments.empty() && count) segments = {&whole, 1};
   out.items.resize(count);
@@ -209,12 +194,12 @@ void Bisector::build(const Source& source, uint32_t count, std::span<const Range
   const auto bisect = [&] {
     for (const Range& r : segments)
       bisect_segment(
-          source, rules, out.items.data() + r.offset, scratch_->first.data() + r.offset, r.count,
-          nullptr, [&]() -> Block& { return scratch_->block; }, false, [](uint32_t) {},
+          source, constraints, out.items.data() + r.offset, scratch_->first.data() + r.offset,
+          r.count, nullptr, [&]() -> Block& { return scratch_->block; }, false, [](uint32_t) {},
           [](uint32_t, uint32_t) {});
   };
   bool large = false;
-  for (const Range& r : segments) large |= r.count > block_size(source, rules);
+  for (const Range& r : segments) large |= r.count > block_size(source, constraints);
   if (large) {
     with_threads(1, bisect);  // the splits of large nodes would otherwise go to other threads
   } else {

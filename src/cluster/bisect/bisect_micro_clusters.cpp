@@ -20,8 +20,8 @@ constexpr size_t kFewGroups = 64;        ///< too few to choose from
 constexpr uint32_t kMostRoundings = 4;   ///< one inside another
 
 struct Node {
-  const Micro* begin;
-  const Micro* end;
+  const MicroCluster* begin;
+  const MicroCluster* end;
   uint32_t offset, count;  ///< of the items
   uint32_t depth;
   SmallBox centers;
@@ -30,9 +30,9 @@ struct Node {
 // Where items go, and who takes those that suit no micro-clusters.
 struct Target {
   const Source& source;
-  const Rules& rules;
-  const MicroBins& bins;
-  MicroSizes sizes;
+  const SplitConstraints& constraints;
+  const MicroClusterBins& bins;
+  MicroClusterSizes sizes;
   uint32_t* items;
   uint8_t* first;
   const std::function<void(uint32_t, uint32_t)>& exact;
@@ -51,7 +51,7 @@ void round_again(const Target& target, uint32_t offset, uint32_t count, uint32_t
   target.exact(offset, count);
 }
 
-uint32_t* write_items(const Micro& micro, uint32_t* to) {
+uint32_t* write_items(const MicroCluster& micro, uint32_t* to) {
   for (uint32_t i = 0; i < micro.count; ++i) *to++ = tag_of(micro.items[i]);
   return to;
 }
@@ -77,10 +77,10 @@ class Splitter {
     const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
     if (choice.axis < 0 || choice.position != choice.before) return run_alone(node);
     const size_t count = size_t(node.end - node.begin);
-    std::vector<Micro> copy(count + 1);
+    std::vector<MicroCluster> copy(count + 1);
     Node left, right;
     {
-      std::vector<Micro> spare(count + 1), between(count + 1);
+      std::vector<MicroCluster> spare(count + 1), between(count + 1);
       origin_ = copy.data();
       spare_ = spare.data();
       between_ = between.data();
@@ -99,13 +99,14 @@ class Splitter {
   // the right and is gone when that is split.
   void run_alone(const Node& node) {
     size_t count = 0;
-    for (const Micro* group = node.begin; group < node.end; ++group) count += group->part_count;
+    for (const MicroCluster* group = node.begin; group < node.end; ++group)
+      count += group->part_count;
     const size_t room = count + node.depth + 1;
-    std::vector<Micro> micros(room), spare(room), between(room);
-    Micro* to = micros.data();
+    std::vector<MicroCluster> micros(room), spare(room), between(room);
+    MicroCluster* to = micros.data();
     Node own = node;
     own.centers = empty_small_box();
-    for (const Micro* group = node.begin; group < node.end; ++group)
+    for (const MicroCluster* group = node.begin; group < node.end; ++group)
       to = std::copy_n(group->parts, group->part_count, to);
     for (size_t m = 0; m < count; ++m) own.centers = join(own.centers, centers_of(micros[m].box));
     origin_ = micros.data();
@@ -118,7 +119,7 @@ class Splitter {
   }
 
   void split(const Node& node) {
-    if (node.count <= target_.rules.config.max_items) return finish(node, true);
+    if (node.count <= target_.constraints.config.max_items) return finish(node, true);
     if (node.depth == 0) return finish(node, false);
     const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
     if (choice.axis < 0) return finish(node, false);
@@ -130,7 +131,8 @@ class Splitter {
 
   void finish(const Node& node, bool is_leaf) const {
     uint32_t* to = target_.items + node.offset;
-    for (const Micro* micro = node.begin; micro < node.end; ++micro) to = write_items(*micro, to);
+    for (const MicroCluster* micro = node.begin; micro < node.end; ++micro)
+      to = write_items(*micro, to);
     if (is_leaf)
       target_.first[node.offset] = 1;
     else if (node.depth > 0)
@@ -141,8 +143,8 @@ class Splitter {
 
   // The right side comes first in memory.
   void separate(const Node& node, const Choice& choice, Node& left, Node& right) {
-    Micro* micros = origin_ + (node.begin - origin_);
-    Micro* spare = spare_ + (node.begin - origin_);
+    MicroCluster* micros = origin_ + (node.begin - origin_);
+    MicroCluster* spare = spare_ + (node.begin - origin_);
     Sides sides;
     if (choice.position == choice.before)
       divide<false>(node, choice, micros, spare, sides);
@@ -162,18 +164,19 @@ class Splitter {
     SmallBox left_centers = empty_small_box(), right_centers = empty_small_box();
   };
 
-  template <bool kCut>
-  void divide(const Node& node, const Choice& choice, Micro* micros, Micro* spare, Sides& sides) {
+  template <bool kThroughBin>
+  void divide(const Node& node, const Choice& choice, MicroCluster* micros, MicroCluster* spare,
+              Sides& sides) {
     size_t l = 0, r = 0, b = 0;
     SmallBox left_centers = empty_small_box(), right_centers = left_centers;
-    for (const Micro* m = node.begin; m < node.end; ++m) {
-      const Micro micro = *m;
+    for (const MicroCluster* m = node.begin; m < node.end; ++m) {
+      const MicroCluster micro = *m;
       const uint32_t bin = choice.places.of(m->box, choice.axis);
-      const uint32_t is_left = bin < choice.bin, is_between = kCut && bin == choice.bin;
+      const uint32_t is_left = bin < choice.bin, is_between = kThroughBin && bin == choice.bin;
       const SmallBox centers = centers_of(micro.box);
       micros[r] = micro;
       spare[l] = micro;
-      if constexpr (kCut) between_[b] = micro;
+      if constexpr (kThroughBin) between_[b] = micro;
       l += is_left;
       r += 1 - is_left - is_between;
       b += is_between;
@@ -181,24 +184,26 @@ class Splitter {
       right_centers = join(right_centers, only_if(1 - is_left - is_between, centers));
     }
     sides = {l, r, left_centers, right_centers};
-    if constexpr (kCut) cut_between(b, choice, micros, spare, sides);
+    if constexpr (kThroughBin) split_bin(b, choice, micros, spare, sides);
   }
 
   // Gives the first micro-clusters of the bin that is cut to the left, until that has its items.
-  void cut_between(size_t count, const Choice& choice, Micro* micros, Micro* spare, Sides& sides) {
+  void split_bin(size_t count, const Choice& choice, MicroCluster* micros, MicroCluster* spare,
+                 Sides& sides) {
     const int axis = choice.axis;
-    const auto give = [&](const Micro& micro, bool to_left) {
+    const auto give = [&](const MicroCluster& micro, bool to_left) {
       (to_left ? spare[sides.left++] : micros[sides.right++]) = micro;
       SmallBox& centers = to_left ? sides.left_centers : sides.right_centers;
       centers = join(centers, centers_of(micro.box));
     };
-    std::sort(between_, between_ + count,
-              [axis](const Micro& x, const Micro& y) { return is_before(x.box, y.box, axis); });
+    std::sort(between_, between_ + count, [axis](const MicroCluster& x, const MicroCluster& y) {
+      return is_before(x.box, y.box, axis);
+    });
     uint32_t wanted = choice.position - choice.before;
     for (size_t k = 0; k < count; ++k) {
-      Micro& micro = between_[k];
+      MicroCluster& micro = between_[k];
       if (wanted > 0 && micro.count > wanted) {
-        give(cut(micro, wanted, axis), true);
+        give(take_items(micro, wanted, axis), true);
         wanted = 0;
       }
       give(micro, wanted > 0);
@@ -207,12 +212,12 @@ class Splitter {
   }
 
   // Takes the first `count` items along an axis out of a micro-cluster.
-  Micro cut(Micro& micro, uint32_t count, int axis) const {
+  MicroCluster take_items(MicroCluster& micro, uint32_t count, int axis) const {
     SmallBox* items = micro.items;
     std::nth_element(
         items, items + count, items + micro.count,
         [axis](const SmallBox& a, const SmallBox& b) { return is_before(a, b, axis); });
-    Micro taken{empty_small_box(), {items}, count, 0};
+    MicroCluster taken{empty_small_box(), {items}, count, 0};
     for (uint32_t i = 0; i < count; ++i) taken.box = join(taken.box, items[i]);
     SmallBox rest = empty_small_box();
     for (uint32_t i = count; i < micro.count; ++i) rest = join(rest, items[i]);
@@ -222,38 +227,38 @@ class Splitter {
 
   const Target& target_;
   const uint32_t roundings_;
-  Micro* origin_ = nullptr;
-  Micro* spare_ = nullptr;
-  Micro* between_ = nullptr;
+  MicroCluster* origin_ = nullptr;
+  MicroCluster* spare_ = nullptr;
+  MicroCluster* between_ = nullptr;
 };
 
-// Crowds are clustered by themselves, in places behind all others. What is left must not be less
-// than a cluster, or the crowd next to it takes it.
-void bisect_crowds(const Target& target, const MicroSet& set, uint32_t offset, uint32_t others,
-                   uint32_t roundings) {
-  std::vector<Micro> crowds = set.crowds;
+// Clusters each set of coincident items by itself and writes it behind all other items. Where fewer
+// than a cluster's items are left, the nearest set takes them.
+void bisect_coincident(const Target& target, const MicroClusterSet& set, uint32_t offset,
+                       uint32_t others, uint32_t roundings) {
+  std::vector<MicroCluster> sets = set.coincident;
   uint32_t taken = 0;
   uint32_t* to = target.items + offset;
-  if (others > 0 && others < target.rules.config.min_items) {
+  if (others > 0 && others < target.constraints.config.min_items) {
     SmallBox box = empty_small_box();
-    for (const Micro& group : set.groups) {
+    for (const MicroCluster& group : set.groups) {
       box = join(box, group.box);
       for (uint32_t m = 0; m < group.part_count; ++m) to = write_items(group.parts[m], to);
     }
-    const auto area = [&](const Micro& crowd) { return box_area(join(crowd.box, box)); };
-    const auto next =
-        std::min_element(crowds.begin(), crowds.end(),
-                         [&](const Micro& a, const Micro& b) { return area(a) < area(b); });
-    std::swap(crowds[0], *next);
+    const auto area = [&](const MicroCluster& m) { return box_area(join(m.box, box)); };
+    const auto next = std::min_element(
+        sets.begin(), sets.end(),
+        [&](const MicroCluster& a, const MicroCluster& b) { return area(a) < area(b); });
+    std::swap(sets[0], *next);
     taken = others;
   } else {
     to += others;
   }
   std::vector<Range> ranges;
-  for (const Micro& crowd : crowds) {
+  for (const MicroCluster& m : sets) {
     const uint32_t begin = uint32_t(to - target.items) - taken;
-    to = write_items(crowd, to);
-    ranges.push_back({begin, crowd.count + std::exchange(taken, 0u)});
+    to = write_items(m, to);
+    ranges.push_back({begin, m.count + std::exchange(taken, 0u)});
   }
   parallel_for(ranges.size(), 16, [&](size_t c) {
     round_again(target, ranges[c].offset, ranges[c].count, roundings);
@@ -262,13 +267,13 @@ void bisect_crowds(const Target& target, const MicroSet& set, uint32_t offset, u
 
 void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
             uint32_t roundings) {
-  const MicroSet set =
-      make_micros(target.source, target.items + offset, count, bounds, target.sizes);
+  const MicroClusterSet set =
+      make_micro_clusters(target.source, target.items + offset, count, bounds, target.sizes);
   uint32_t others = count;
-  for (const Micro& crowd : set.crowds) others -= crowd.count;
-  const bool few = others < target.rules.config.min_items;
-  if ((set.groups.empty() || few) && set.crowds.size() < 2) return target.exact(offset, count);
-  bisect_crowds(target, set, offset, others, roundings);
+  for (const MicroCluster& m : set.coincident) others -= m.count;
+  const bool few = others < target.constraints.config.min_items;
+  if ((set.groups.empty() || few) && set.coincident.size() < 2) return target.exact(offset, count);
+  bisect_coincident(target, set, offset, others, roundings);
   if (few) return;
   Node root{set.groups.data(),
             set.groups.data() + set.groups.size(),
@@ -276,22 +281,23 @@ void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxReco
             others,
             2 * uint32_t(std::bit_width(count)) + 8,
             empty_small_box()};
-  for (const Micro& group : set.groups) root.centers = join(root.centers, centers_of(group.box));
+  for (const MicroCluster& group : set.groups)
+    root.centers = join(root.centers, centers_of(group.box));
   Splitter(target, roundings).run(root);
 }
 
 }  // namespace
 
-void bisect_micros(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
-                   uint32_t count, const BoxRecord& bounds,
-                   const std::function<void(uint32_t, uint32_t)>& exact,
-                   const std::function<void(uint32_t)>& done) {
-  const uint32_t most = rules.config.max_items;
+void bisect_micro_clusters(const Source& source, const SplitConstraints& constraints,
+                           uint32_t* items, uint8_t* first, uint32_t count, const BoxRecord& bounds,
+                           const std::function<void(uint32_t, uint32_t)>& exact,
+                           const std::function<void(uint32_t)>& done) {
+  const uint32_t most = constraints.config.max_items;
   // Large enough to save most of the work, small enough for clusters of good shape.
   const uint32_t micro = std::max(most / 2, 1u);
-  const MicroSizes sizes{micro, kGroup * micro, most};
-  const MicroBins bins(rules);
-  bisect({source, rules, bins, sizes, items, first, exact, done}, 0, count, bounds, 0);
+  const MicroClusterSizes sizes{micro, kGroup * micro, most};
+  const MicroClusterBins bins(constraints);
+  bisect({source, constraints, bins, sizes, items, first, exact, done}, 0, count, bounds, 0);
 }
 
 }  // namespace umbel::cluster

@@ -12,9 +12,9 @@ namespace umbel::cluster {
 /// `first` must be 0 elsewhere. What micro-clusters are too coarse for goes to
 /// exact(offset, count), possibly from several threads at once, with its items in place.
 /// Calls done(count) for parts that are finished, likewise.
-void bisect_micros(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
-                   uint32_t count, const BoxRecord& bounds,
-                   const std::function<void(uint32_t, uint32_t)>& exact,
-                   const std::function<void(uint32_t)>& done);
+void bisect_micro_clusters(const Source& source, const SplitConstraints& constraints,
+                           uint32_t* items, uint8_t* first, uint32_t count, const BoxRecord& bounds,
+                           const std::function<void(uint32_t, uint32_t)>& exact,
+                           const std::function<void(uint32_t)>& done);
 
 }  // namespace umbel::cluster

@@ -31,29 +31,30 @@ Float4 pad_for(const BoxRecord& bounds) {
 
 }  // namespace
 
-void Block::bisect(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
-                   uint32_t count) {
+void Block::bisect(const Source& source, const SplitConstraints& constraints, uint32_t* items,
+                   uint8_t* first, uint32_t count) {
   if (count == 0) return;
-  BoxRecord* boxes = prepare(source, rules, count);
+  BoxRecord* boxes = prepare(source, constraints, count);
   for (uint32_t i = 0; i < count; ++i) {
     boxes[i] = source.record(items[i]).tagged(items[i]);
   }
   bisect_prepared(items, first);
 }
 
-void Block::bisect_in_parallel(const Source& source, const Rules& rules, uint32_t* items,
-                               uint8_t* first, uint32_t count) {
+void Block::bisect_in_parallel(const Source& source, const SplitConstraints& constraints,
+                               uint32_t* items, uint8_t* first, uint32_t count) {
   // A copy is of the whole block, so there should be few.
   constexpr uint32_t kLeast = 512, kPart = 3;
   fork_from_ = std::max(kLeast, count / kPart);
-  bisect(source, rules, items, first, count);
+  bisect(source, constraints, items, first, count);
   fork_from_ = kNone;
 }
 
-BoxRecord* Block::prepare(const Source& source, const Rules& rules, uint32_t count) {
+BoxRecord* Block::prepare(const Source& source, const SplitConstraints& constraints,
+                          uint32_t count) {
   source_ = &source;
-  rules_ = rules;
-  most_items_ = rules.config.max_items;
+  constraints_ = constraints;
+  most_items_ = constraints.config.max_items;
   count_ = count;
   if (boxes_.size() < count) {
     boxes_.resize(count);
@@ -72,7 +73,7 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
   first_ = first;
   if (count_ == 0) return;
   for (uint32_t i = 0; i < count_; ++i) items_[i] = boxes_[i].tag();
-  cut_.load(*source_, items_, count_);
+  connection_cost_.load(*source_, items_, count_);
   shared_.load(*source_, items_, count_);
   BoxRecord all = BoxRecord::empty();
   for (uint32_t i = 0; i < count_; ++i) all.extend(boxes_[i]);
@@ -80,7 +81,7 @@ void Block::bisect_prepared(uint32_t* items, uint8_t* first) {
     for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(more);
     all.scale(more);
   }
-  if (rules_.config.max_vertices) expect_vertices();
+  if (constraints_.config.max_vertices) expect_vertices();
   find_centers();
   for (int axis = 0; axis < 3; ++axis) sort_axis(axis);
   split(0, count_, 2 * std::bit_width(count_) + 8);
@@ -186,7 +187,7 @@ void Block::split(uint32_t begin, uint32_t end, uint32_t depth) {
 }
 
 void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {
-  const ClusterConfig& config = rules_.config;
+  const ClusterConfig& config = constraints_.config;
   const uint32_t presplit = config.presplit_threshold;
   Split best{};
   if (depth > 0 && !(presplit && end - begin > presplit)) best = cheapest(begin, end);
@@ -211,7 +212,7 @@ void Block::split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t
 }
 
 bool Block::is_leaf(uint32_t begin, uint32_t end, int axis) {
-  const ClusterConfig& config = rules_.config;
+  const ClusterConfig& config = constraints_.config;
   const uint32_t n = end - begin;
   if (n > most_items_) return false;
   return n == 1 || !config.max_vertices || uint64_t(n) * source_->arity <= config.max_vertices ||
@@ -249,7 +250,7 @@ Block::Split Block::median(uint32_t begin, uint32_t end) const {
   for (int k = 1; k < 3; ++k)
     if (all.extent(k) > all.extent(axis)) axis = k;
   const uint32_t n = end - begin;
-  return {0.0f, n > most_items_ ? rules_.middle(n) : n / 2, axis};
+  return {0.0f, n > most_items_ ? constraints_.middle(n) : n / 2, axis};
 }
 
 void Block::partition(uint32_t begin, uint32_t end, const Split& split) {

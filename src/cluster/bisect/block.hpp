@@ -23,18 +23,18 @@ class Block {
  public:
   /// Rearranges items[0, count) into cluster order and sets first[i] to 1 where a cluster
   /// starts, 0 elsewhere.
-  void bisect(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
-              uint32_t count);
+  void bisect(const Source& source, const SplitConstraints& constraints, uint32_t* items,
+              uint8_t* first, uint32_t count);
 
   /// The same, but halves of large nodes may be bisected at once, by copies: for a caller that has
   /// no other blocks to keep threads busy.
-  void bisect_in_parallel(const Source& source, const Rules& rules, uint32_t* items, uint8_t* first,
-                          uint32_t count);
+  void bisect_in_parallel(const Source& source, const SplitConstraints& constraints,
+                          uint32_t* items, uint8_t* first, uint32_t count);
 
   /// The same in two steps, for a caller that has the boxes at hand: room for `count` boxes
   /// whose tags are the items' indices, then the bisection of what was put there, at any
   /// scale that is a power of two.
-  BoxRecord* prepare(const Source& source, const Rules& rules, uint32_t count);
+  BoxRecord* prepare(const Source& source, const SplitConstraints& constraints, uint32_t count);
   void bisect_prepared(uint32_t* items, uint8_t* first);
 
  private:
@@ -82,8 +82,9 @@ class Block {
   void number_vertices(uint32_t begin, uint32_t end);
 
   const Source* source_ = nullptr;
-  Rules rules_{ClusterConfig{}};  ///< max_items is what vertices will let a cluster have
-  uint32_t most_items_ = 0;       ///< the limit that was asked for
+  SplitConstraints constraints_{
+      ClusterConfig{}};      ///< max_items is what vertices will let a cluster have
+  uint32_t most_items_ = 0;  ///< the limit that was asked for
   uint32_t* items_ = nullptr;
   uint8_t* first_ = nullptr;
   uint32_t count_ = 0;
@@ -104,7 +105,7 @@ class Block {
   std::array<std::vector<float>, 3> area_before_, area_after_;
   std::vector<float> gap_areas_;
   std::vector<Gap> gaps_;
-  struct Weights {  ///< Rules::weight(i)
+  struct Weights {  ///< SplitConstraints::weight(i)
     std::vector<float> of;
     uint32_t max_items = 0;
     float underfill_cost = -1.0f;
@@ -119,7 +120,7 @@ class Block {
   std::vector<uint32_t> numbers_;  ///< of the vertices of a vertex-bound node
   std::vector<uint8_t> seen_;
   uint32_t node_vertices_ = 0;  ///< of the same node
-  Cut cut_;
+  ConnectionCost connection_cost_;
   SharedBits shared_;
 };
 

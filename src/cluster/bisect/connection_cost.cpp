@@ -4,7 +4,7 @@
 
 namespace umbel::cluster {
 
-void Cut::load(const Source& source, const uint32_t* items, uint32_t count) {
+void ConnectionCost::load(const Source& source, const uint32_t* items, uint32_t count) {
   explicit_ = !source.connections.ranges.empty() && !source.connections.targets.empty();
   vertex_weight_ = source.vertices ? source.shared_vertex_weight : 0.0f;
   arity_ = source.arity;
@@ -35,7 +35,7 @@ void Cut::load(const Source& source, const uint32_t* items, uint32_t count) {
   }
 }
 
-void Cut::enter(const uint32_t* order, uint32_t n) {
+void ConnectionCost::enter(const uint32_t* order, uint32_t n) {
   ++node_;
   if (explicit_)
     for (uint32_t i = 0; i < n; ++i) node_of_[order[i]] = node_;
@@ -49,7 +49,7 @@ void Cut::enter(const uint32_t* order, uint32_t n) {
   }
 }
 
-void Cut::sweep(const uint32_t* order, uint32_t n, float* cuts) {
+void ConnectionCost::sweep(const uint32_t* order, uint32_t n, float* costs) {
   std::fill_n(change_.begin(), n, 0.0);
   if (explicit_) add_explicit(order, n);
   if (vertex_weight_ > 0.0f) add_vertices(order, n);
@@ -57,11 +57,11 @@ void Cut::sweep(const uint32_t* order, uint32_t n, float* cuts) {
   for (uint32_t i = 0; i + 1 < n; ++i) {
     sum += change_[i];
     // Rounding must not leave a tiny negative price.
-    cuts[i] = static_cast<float>(std::max(sum, 0.0));
+    costs[i] = static_cast<float>(std::max(sum, 0.0));
   }
 }
 
-void Cut::add_explicit(const uint32_t* order, uint32_t n) {
+void ConnectionCost::add_explicit(const uint32_t* order, uint32_t n) {
   for (uint32_t i = 0; i < n; ++i) position_[order[i]] = i;
   for (uint32_t i = 0; i < n; ++i) {
     const uint32_t item = order[i];
@@ -75,7 +75,7 @@ void Cut::add_explicit(const uint32_t* order, uint32_t n) {
   }
 }
 
-void Cut::add_vertices(const uint32_t* order, uint32_t n) {
+void ConnectionCost::add_vertices(const uint32_t* order, uint32_t n) {
   for (uint32_t i = 0; i < n; ++i) {
     for (uint32_t k = 0; k < arity_; ++k) {
       const uint32_t v = vertices_[size_t(order[i]) * arity_ + k];

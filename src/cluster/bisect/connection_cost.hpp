@@ -17,7 +17,7 @@
 
 namespace umbel::cluster {
 
-class Cut {
+class ConnectionCost {
  public:
   /// Prepares for nodes of these items; local index i is items[i].
   void load(const Source& source, const uint32_t* items, uint32_t count);
@@ -26,8 +26,8 @@ class Cut {
   /// To be called once a node, with the items in any fixed order.
   void enter(const uint32_t* order, uint32_t n);
 
-  /// cuts[i - 1] = weight between the first i items of the order and the rest, for 0 < i < n.
-  void sweep(const uint32_t* order, uint32_t n, float* cuts);
+  /// costs[i - 1] = weight between the first i items of the order and the rest, for 0 < i < n.
+  void sweep(const uint32_t* order, uint32_t n, float* costs);
 
  private:
   void add_explicit(const uint32_t* order, uint32_t n);

@@ -8,7 +8,7 @@
 namespace umbel::cluster {
 namespace {
 
-constexpr size_t kFewMicros = 128, kManyMicros = 256;  ///< that are worth more bins
+constexpr size_t kFewMicroClusters = 128, kManyMicroClusters = 256;  ///< that are worth more bins
 constexpr float kJump = 0.25f;  ///< by which areas grow as soon as a bin is entered
 
 BinPlaces places_for(SmallBox centers, uint32_t bins) {
@@ -25,27 +25,27 @@ BinPlaces places_for(SmallBox centers, uint32_t bins) {
 
 }  // namespace
 
-MicroBins::MicroBins(const Rules& rules)
-    : rules_(rules), weights_(kTabled), last_weights_(kTabled), whole_(kTabled) {
+MicroClusterBins::MicroClusterBins(const SplitConstraints& constraints)
+    : constraints_(constraints), weights_(kTabled), last_weights_(kTabled), whole_(kTabled) {
   for (uint32_t i = 0; i < kTabled; ++i) {
-    weights_[i] = rules.weight(i, rules.underfill_cost(kNone));
-    last_weights_[i] = rules.weight(i, rules.underfill_cost(1));
-    whole_[i] = i - i % rules.config.max_items;
+    weights_[i] = constraints.weight(i, constraints.underfill_cost(kNone));
+    last_weights_[i] = constraints.weight(i, constraints.underfill_cost(1));
+    whole_[i] = i - i % constraints.config.max_items;
   }
 }
 
-Choice MicroBins::cheapest(const Micro* begin, const Micro* end, uint32_t count,
-                           SmallBox centers) const {
+Choice MicroClusterBins::cheapest(const MicroCluster* begin, const MicroCluster* end,
+                                  uint32_t count, SmallBox centers) const {
   Bins bins;
   const size_t micros = size_t(end - begin);
-  bins.count = micros < kFewMicros ? 8 : micros < kManyMicros ? 16 : kMost;
+  bins.count = micros < kFewMicroClusters ? 8 : micros < kManyMicroClusters ? 16 : kMost;
   Choice best;
   best.places = places_for(centers, bins.count);
   for (int k = 0; k < 3; ++k) {
     std::fill_n(bins.boxes[k], bins.count, empty_small_box());
     std::fill_n(bins.counts[k], bins.count, 0u);
   }
-  for (const Micro* m = begin; m < end; ++m) {
+  for (const MicroCluster* m = begin; m < end; ++m) {
     const SmallBox box = m->box;
     const Center8 place = best.places.of(box);
     for (int k = 0; k < 3; ++k) {
@@ -60,15 +60,15 @@ Choice MicroBins::cheapest(const Micro* begin, const Micro* end, uint32_t count,
   return best;
 }
 
-void MicroBins::weigh(const Bins& bins, int axis, uint32_t count, Choice& best,
-                      float& best_cost) const {
-  const uint32_t least = rules_.config.min_items;
-  const bool divisible = rules_.divisible(count);
-  const float underfill_cost = rules_.underfill_cost(count);
+void MicroClusterBins::weigh(const Bins& bins, int axis, uint32_t count, Choice& best,
+                             float& best_cost) const {
+  const uint32_t least = constraints_.config.min_items;
+  const bool feasible = constraints_.feasible(count);
+  const float underfill_cost = constraints_.underfill_cost(count);
   const float* table =
-      (underfill_cost == rules_.underfill_cost(kNone) ? weights_ : last_weights_).data();
+      (underfill_cost == constraints_.underfill_cost(kNone) ? weights_ : last_weights_).data();
   const auto weight = [&](uint32_t n) {
-    return n < kTabled ? table[n] : rules_.weight(n, underfill_cost);
+    return n < kTabled ? table[n] : constraints_.weight(n, underfill_cost);
   };
   std::array<float, kMost + 1> right_area;
   right_area[bins.count] = 0;
@@ -82,7 +82,7 @@ void MicroBins::weigh(const Bins& bins, int axis, uint32_t count, Choice& best,
   const auto weigh_at = [&](uint32_t bin, uint32_t before, uint32_t position, float left,
                             float right) {
     const float cost = left * weight(position) + right * weight(count - position);
-    if (!(cost < best_cost) || !rules_.legal(position, count, divisible)) return;
+    if (!(cost < best_cost) || !constraints_.legal(position, count, feasible)) return;
     best_cost = cost;
     best.axis = axis;
     best.bin = bin;

@@ -31,12 +31,13 @@ struct Choice {
   BinPlaces places;
 };
 
-class MicroBins {
+class MicroClusterBins {
  public:
-  explicit MicroBins(const Rules& rules);
+  explicit MicroClusterBins(const SplitConstraints& constraints);
 
   /// Splits `count` items in micro-clusters [begin, end), whose centres fill `centers`.
-  Choice cheapest(const Micro* begin, const Micro* end, uint32_t count, SmallBox centers) const;
+  Choice cheapest(const MicroCluster* begin, const MicroCluster* end, uint32_t count,
+                  SmallBox centers) const;
 
  private:
   static constexpr uint32_t kMost = 32;
@@ -50,10 +51,10 @@ class MicroBins {
 
   void weigh(const Bins& bins, int axis, uint32_t count, Choice& best, float& best_cost) const;
   uint32_t whole(uint32_t n) const {
-    return n < kTabled ? whole_[n] : n - n % rules_.config.max_items;
+    return n < kTabled ? whole_[n] : n - n % constraints_.config.max_items;
   }
 
-  const Rules& rules_;
+  const SplitConstraints& constraints_;
   std::vector<float> weights_, last_weights_;  ///< in large nodes, and in those near the leaves
   std::vector<uint32_t> whole_;                ///< items in full clusters
 };

@@ -1,7 +1,7 @@
-// Micro-clusters by a recursive counting sort: items go to the cells of a grid along a Morton
-// curve, and crowded cells are grids of their own (as the buckets of a most-significant-digit radix
-// sort). The largest cells of the binary hierarchy over the curve that hold few enough items become
-// micro-clusters.
+// MicroCluster-clusters by a recursive counting sort: items go to the cells of a grid along a
+// Morton curve, and crowded cells are grids of their own (as the buckets of a
+// most-significant-digit radix sort). The largest cells of the binary hierarchy over the curve that
+// hold few enough items become micro-clusters.
 #include "cluster/bisect/micro_clusters.hpp"
 
 #include <bit>
@@ -72,7 +72,7 @@ class SmallGrid {
 // Sorts one range of items in a cache.
 class Sorter {
  public:
-  explicit Sorter(const MicroSizes& sizes) : sizes_(sizes) {}
+  explicit Sorter(const MicroClusterSizes& sizes) : sizes_(sizes) {}
 
   // Items are in `from`; `to` is room for as many.
   void sort(SmallBox* from, SmallBox* to, uint32_t n) {
@@ -82,14 +82,14 @@ class Sorter {
   }
 
   /// Once all is sorted: groups whose parts are in micros.
-  void refer(std::vector<Micro>& all) {
-    for (Micro& group : groups_) {
+  void refer(std::vector<MicroCluster>& all) {
+    for (MicroCluster& group : groups_) {
       group.parts = micros.data() + firsts_[&group - groups_.data()];
       all.push_back(group);
     }
   }
 
-  std::vector<Micro> micros, crowds;
+  std::vector<MicroCluster> micros, coincident;
 
  private:
   bool begin_group(uint32_t n) {
@@ -99,7 +99,7 @@ class Sorter {
   }
 
   void end_group() {
-    Micro group{empty_small_box(), {nullptr}, 0, 0};
+    MicroCluster group{empty_small_box(), {nullptr}, 0, 0};
     for (size_t m = firsts_.back(); m < micros.size(); ++m) {
       group.box = join(group.box, micros[m].box);
       group.count += micros[m].count;
@@ -155,15 +155,15 @@ class Sorter {
   void emit(SmallBox* items, uint32_t n) {
     SmallBox box = empty_small_box();
     for (uint32_t i = 0; i < n; ++i) box = join(box, items[i]);
-    if (n >= sizes_.crowd) return crowds.push_back({box, {items}, n, 0});
+    if (n >= sizes_.coincident) return coincident.push_back({box, {items}, n, 0});
     const bool is_group = begin_group(0);
     micros.push_back({box, {items}, n, 0});
     if (is_group) end_group();
   }
 
-  const MicroSizes& sizes_;
+  const MicroClusterSizes& sizes_;
   bool grouped_ = false;
-  std::vector<Micro> groups_;
+  std::vector<MicroCluster> groups_;
   std::vector<uint32_t> firsts_;  ///< of their parts
   std::vector<uint16_t> codes_;
 };
@@ -208,15 +208,15 @@ BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count) {
   return all;
 }
 
-MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count,
-                     const BoxRecord& bounds, const MicroSizes& sizes) {
+MicroClusterSet make_micro_clusters(const Source& source, const uint32_t* items, uint32_t count,
+                                    const BoxRecord& bounds, const MicroClusterSizes& sizes) {
   const auto again = [&](const BoxRecord& smallest) {
-    return suits_small_boxes(smallest) ? make_micros(source, items, count, smallest, sizes)
-                                       : MicroSet(0);
+    return suits_small_boxes(smallest) ? make_micro_clusters(source, items, count, smallest, sizes)
+                                       : MicroClusterSet(0);
   };
   const Rounding rounding(bounds);
-  MicroSet set(count);
-  SmallBox *boxes = set.boxes.get(), *sorted = set.sorted.get();
+  MicroClusterSet set(count);
+  SmallBox *boxes = set.boxes.data(), *sorted = set.sorted.data();
   if (count <= kChunk) {
     BoxRecord smallest = BoxRecord::empty();
     for (uint32_t i = 0; i < count; ++i) {
@@ -231,14 +231,14 @@ MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count
     sorter.sort(boxes, sorted, count);
     sorter.refer(set.groups);
     set.micros.push_back(std::move(sorter.micros));
-    set.crowds = std::move(sorter.crowds);
+    set.coincident = std::move(sorter.coincident);
     return set;
   }
   std::array<uint32_t, 3> low{}, high;
   for (int k = 0; k < 3; ++k) high[k] = static_cast<uint32_t>(bounds.extent(k) * rounding.scale[0]);
   const SmallGrid grid(low, high, kMostBits);
   const uint32_t cells = 1u << grid.bits();
-  HugeArray<uint16_t> codes(count);
+  CpuBuffer<uint16_t> codes(count);
   // Few chunks, so that their counts cost little.
   const size_t chunk = std::max<size_t>(kChunk, (count + 63) / 64);
   std::vector<std::vector<uint32_t>> next((count + chunk - 1) / chunk);
@@ -283,7 +283,7 @@ MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count
   for (uint32_t c = 1; c <= cells; ++c)
     if (begins[c] - begins[tasks.back()] >= kChunk || c == cells) tasks.push_back(c);
   set.micros.resize(tasks.size() - 1);
-  std::vector<std::vector<Micro>> groups(set.micros.size()), crowds(set.micros.size());
+  std::vector<std::vector<MicroCluster>> groups(set.micros.size()), coincident(set.micros.size());
   parallel_for(groups.size(), 1, [&](size_t t) {
     Sorter sorter(sizes);
     for (uint32_t c = tasks[t]; c < tasks[t + 1]; ++c)
@@ -291,10 +291,11 @@ MicroSet make_micros(const Source& source, const uint32_t* items, uint32_t count
         sorter.sort(sorted + begins[c], boxes + begins[c], begins[c + 1] - begins[c]);
     sorter.refer(groups[t]);
     set.micros[t] = std::move(sorter.micros);
-    crowds[t] = std::move(sorter.crowds);
+    coincident[t] = std::move(sorter.coincident);
   });
   for (const auto& part : groups) set.groups.insert(set.groups.end(), part.begin(), part.end());
-  for (const auto& part : crowds) set.crowds.insert(set.crowds.end(), part.begin(), part.end());
+  for (const auto& part : coincident)
+    set.coincident.insert(set.coincident.end(), part.begin(), part.end());
   return set;
 }
 

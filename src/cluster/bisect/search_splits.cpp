@@ -60,8 +60,8 @@ void reduce_axis(const BoxRecord* boxes, const uint32_t* order, uint32_t n, uint
 
 Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
   const uint32_t n = end - begin;
-  const ClusterConfig& config = rules_.config;
-  if (cut_.active() || config.overlap_cost > 0.0f || n <= most_items_)
+  const ClusterConfig& config = constraints_.config;
+  if (connection_cost_.active() || config.overlap_cost > 0.0f || n <= most_items_)
     return cheapest_by_sweep(begin, end);
   fill_weights(n);
   const uint32_t step = chunk_size(n);
@@ -83,7 +83,7 @@ Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
 }
 
 uint32_t Block::chunk_size(uint32_t n) const {
-  const ClusterConfig& config = rules_.config;
+  const ClusterConfig& config = constraints_.config;
   if (config.min_items == config.max_items) return config.max_items;
   // Multiples of the step should include those of full clusters.
   if (config.coarse && n > config.max_items)
@@ -112,7 +112,7 @@ BoxRecord Block::reduce_chunks(uint32_t begin, uint32_t n, uint32_t step) {
 
 void Block::weigh_borders(uint32_t n, uint32_t step, Split& best) {
   const uint32_t chunks = (n + step - 1) / step;
-  const bool divisible = rules_.divisible(n);
+  const bool feasible = constraints_.feasible(n);
   for (int axis = 0; axis < 3; ++axis) {
     float* left = area_before_[axis].data();
     float* right = area_after_[axis].data();
@@ -125,14 +125,14 @@ void Block::weigh_borders(uint32_t n, uint32_t step, Split& best) {
     for (uint32_t c = 1; c < chunks; ++c) {
       const uint32_t i = c * step;
       const float cost = left[c] * node_weights_[i] + right[c] * node_weights_[n - i];
-      if (cost < best.cost && rules_.legal(i, n, divisible)) best = {cost, i, axis};
+      if (cost < best.cost && constraints_.legal(i, n, feasible)) best = {cost, i, axis};
     }
   }
 }
 
 void Block::list_gaps(uint32_t n, uint32_t step, const Split& best) {
   const uint32_t chunks = (n + step - 1) / step;
-  const uint32_t least = rules_.divisible(n) ? rules_.config.min_items : 1;
+  const uint32_t least = constraints_.feasible(n) ? constraints_.config.min_items : 1;
   gaps_.clear();
   for (int axis = 0; axis < 3; ++axis) {
     const float* left = area_before_[axis].data();
@@ -149,7 +149,7 @@ void Block::list_gaps(uint32_t n, uint32_t step, const Split& best) {
 void Block::search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap, Split& best) {
   const uint32_t* order = orders_[gap.axis].data() + begin;
   const uint32_t start = gap.chunk * step, stop = std::min(start + step, n);
-  const bool divisible = rules_.divisible(n);
+  const bool feasible = constraints_.feasible(n);
   if (gap_areas_.size() < step) gap_areas_.resize(step);
   BoxRecord box = before_[gap.axis][gap.chunk];
   for (uint32_t i = start; i + 1 < stop; ++i) {
@@ -161,18 +161,18 @@ void Block::search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap
     box.extend(boxes_[order[i]]);
     const float cost =
         gap_areas_[i - 1 - start] * node_weights_[i] + box.half_area(pad_) * node_weights_[n - i];
-    if (cost < best.cost && rules_.legal(i, n, divisible)) best = {cost, i, gap.axis};
+    if (cost < best.cost && constraints_.legal(i, n, feasible)) best = {cost, i, gap.axis};
   }
 }
 
 void Block::fill_weights(uint32_t n) {
-  const float underfill_cost = rules_.underfill_cost(n);
-  const uint32_t max_items = rules_.config.max_items;
-  Weights& weights = weights_[underfill_cost != rules_.underfill_cost(kNone)];
+  const float underfill_cost = constraints_.underfill_cost(n);
+  const uint32_t max_items = constraints_.config.max_items;
+  Weights& weights = weights_[underfill_cost != constraints_.underfill_cost(kNone)];
   if (weights.max_items != max_items || weights.underfill_cost != underfill_cost)
     weights = {{}, max_items, underfill_cost};
   for (uint32_t i = static_cast<uint32_t>(weights.of.size()); i <= n; ++i)
-    weights.of.push_back(rules_.weight(i, underfill_cost));
+    weights.of.push_back(constraints_.weight(i, underfill_cost));
   node_weights_ = weights.of.data();
 }
 

@@ -74,8 +74,9 @@ class Splitter {
  public:
   using Done = std::function<void(const CellSet&, const Part&)>;
 
-  Splitter(const Source& source, const Rules& rules, uint32_t most, const Done& done)
-      : source_(source), rules_(rules), most_(most), done_(done) {}
+  Splitter(const Source& source, const SplitConstraints& constraints, uint32_t most,
+           const Done& done)
+      : source_(source), constraints_(constraints), most_(most), done_(done) {}
 
   void split_items(const uint32_t* items, uint32_t offset, uint32_t count, uint32_t grids,
                    uint32_t depth, const BoxRecord* bounds) const {
@@ -111,17 +112,17 @@ class Splitter {
   }
 
   Choice choose(const Node& node, const Extent& extent) const {
-    const uint32_t n = node.part.count, presplit = rules_.config.presplit_threshold;
+    const uint32_t n = node.part.count, presplit = constraints_.config.presplit_threshold;
     int longest = 0;
     for (int k = 1; k < 3; ++k)
       if (extent.box.extent(k) > extent.box.extent(longest)) longest = k;
     if (presplit && n > presplit)
       if (const Choice half = plane_nearest_to_half(node.part, longest); half.position) return half;
-    if (node.depth == 0 || (presplit && n > presplit)) return {rules_.middle(n), longest};
+    if (node.depth == 0 || (presplit && n > presplit)) return {constraints_.middle(n), longest};
     const Choice best = cheapest(node.part, extent);
-    if (best.position == 0) return {rules_.middle(n), longest};
-    if (rules_.legal(best.position, n)) return best;
-    return {rules_.full_near(best.position, n), best.axis};
+    if (best.position == 0) return {constraints_.middle(n), longest};
+    if (constraints_.legal(best.position, n)) return best;
+    return {constraints_.full_near(best.position, n), best.axis};
   }
 
   // A plane of the grid with at least a quarter of the items on each side, where there is one:
@@ -135,7 +136,7 @@ class Splitter {
     for (const uint32_t layer : layers) {
       before += layer;
       const auto off = [&](uint32_t i) { return i > n / 2 ? i - n / 2 : n / 2 - i; };
-      if (before < n / 4 || before > n - n / 4 || !rules_.legal(before, n)) continue;
+      if (before < n / 4 || before > n - n / 4 || !constraints_.legal(before, n)) continue;
       if (best.position == 0 || off(before) < off(best.position)) best.position = before;
     }
     return best;
@@ -166,7 +167,7 @@ class Splitter {
     const float length = extent.box.longest();
     const Float4 pad =
         splat(length > 0 ? std::ldexp(1.0f, std::max(std::ilogb(length) - 20, -60)) : 1.0f);
-    const float underfill_cost = rules_.underfill_cost(part.count);
+    const float underfill_cost = constraints_.underfill_cost(part.count);
     Choice best{0, 0};
     float best_cost = std::numeric_limits<float>::infinity();
     for (int k = 0; k < 3; ++k) {
@@ -182,8 +183,8 @@ class Splitter {
         side.extend(bins[k][b - 1].box);
         count += bins[k][b - 1].count;
         if (count == 0 || count == part.count) continue;
-        const float cost = side.half_area(pad) * rules_.weight(count, underfill_cost) +
-                           right_area[b] * rules_.weight(part.count - count, underfill_cost);
+        const float cost = side.half_area(pad) * constraints_.weight(count, underfill_cost) +
+                           right_area[b] * constraints_.weight(part.count - count, underfill_cost);
         if (cost < best_cost) {
           best_cost = cost;
           best = {count, k};
@@ -212,11 +213,11 @@ class Splitter {
       if (cell.place[axis] != layer || before == choice.position)
         (cell.place[axis] < layer ? left : right).cells.push_back(cell);
     if (before < choice.position)
-      cut_layer(set, part, axis, layer, choice.position - before, left, right);
+      split_layer(set, part, axis, layer, choice.position - before, left, right);
   }
 
-  void cut_layer(CellSet& set, const Part& part, int axis, int layer, uint32_t rank, Part& left,
-                 Part& right) const {
+  void split_layer(CellSet& set, const Part& part, int axis, int layer, uint32_t rank, Part& left,
+                   Part& right) const {
     std::vector<Item> items;
     const auto key = [&](uint32_t item) {
       const BoxRecord record = record_of(source_, item, set.scale);
@@ -252,17 +253,17 @@ class Splitter {
   }
 
   const Source& source_;
-  const Rules& rules_;
+  const SplitConstraints& constraints_;
   const uint32_t most_;
   const Done& done_;
 };
 
 }  // namespace
 
-void split_cells(const Source& source, const Rules& rules, const uint32_t* items, uint32_t count,
-                 uint32_t most, const BoxRecord* bounds,
+void split_cells(const Source& source, const SplitConstraints& constraints, const uint32_t* items,
+                 uint32_t count, uint32_t most, const BoxRecord* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done) {
-  Splitter(source, rules, most, done)
+  Splitter(source, constraints, most, done)
       .split_items(items, 0, count, 0, 2 * uint32_t(std::bit_width(count)) + 8, bounds);
 }
 

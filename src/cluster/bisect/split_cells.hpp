@@ -17,8 +17,8 @@ struct Part {
 
 /// Splits items[0, count) into parts of at most `most` items. Calls done(set, part) for each,
 /// possibly from several threads at once. `bounds` as for make_cells.
-void split_cells(const Source& source, const Rules& rules, const uint32_t* items, uint32_t count,
-                 uint32_t most, const BoxRecord* bounds,
+void split_cells(const Source& source, const SplitConstraints& constraints, const uint32_t* items,
+                 uint32_t count, uint32_t most, const BoxRecord* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done);
 
 }  // namespace umbel::cluster

@@ -8,12 +8,12 @@
 
 namespace umbel::cluster {
 
-struct Rules {
-  explicit Rules(const ClusterConfig& config)
+struct SplitConstraints {
+  explicit SplitConstraints(const ClusterConfig& config)
       : config(config), simple(config.max_items - config.min_items >= config.min_items - 1) {}
 
   /// Whether n items can be cut into clusters that are all within [min_items, max_items].
-  bool divisible(uint32_t n) const {
+  bool feasible(uint32_t n) const {
     if (simple) return n >= config.min_items;
     const uint64_t slack = config.max_items - config.min_items;
     return n % config.min_items <= slack * (n / config.min_items);
@@ -38,14 +38,14 @@ struct Rules {
     return static_cast<float>(i) + underfill_cost * static_cast<float>(missing(i));
   }
 
-  /// Whether n items may be split after the first i. Where n is not divisible itself, one side
+  /// Whether n items may be split after the first i. Where n is not feasible itself, one side
   /// has to carry the undersized cluster; where it is, neither may.
-  bool legal(uint32_t i, uint32_t n, bool n_is_divisible) const {
-    if (!n_is_divisible) return divisible(i) || divisible(n - i);
+  bool legal(uint32_t i, uint32_t n, bool n_is_feasible) const {
+    if (!n_is_feasible) return feasible(i) || feasible(n - i);
     if (simple) return i >= config.min_items && n - i >= config.min_items;
-    return divisible(i) && divisible(n - i);
+    return feasible(i) && feasible(n - i);
   }
-  bool legal(uint32_t i, uint32_t n) const { return legal(i, n, divisible(n)); }
+  bool legal(uint32_t i, uint32_t n) const { return legal(i, n, feasible(n)); }
 
   /// The legal split near i, of full clusters on the left where that is legal.
   uint32_t full_near(uint32_t i, uint32_t n) const {
@@ -61,7 +61,7 @@ struct Rules {
   uint32_t middle(uint32_t n) const { return full_near(n / 2, n); }
 
   ClusterConfig config;
-  bool simple;  ///< every n >= min_items is divisible
+  bool simple;  ///< every n >= min_items is feasible
 };
 
 }  // namespace umbel::cluster

@@ -18,18 +18,18 @@ Block::Split Block::cheapest_by_sweep(uint32_t begin, uint32_t end) {
     if (array->size() < n) array->resize(n);
   normalise(begin, end, bounds(begin, end));
   const bool vertex_bound = n <= most_items_;
-  const bool divisible = rules_.divisible(n);
+  const bool feasible = constraints_.feasible(n);
   if (vertex_bound) {
     number_vertices(begin, end);
   } else {
-    const float underfill_cost = rules_.underfill_cost(n);
+    const float underfill_cost = constraints_.underfill_cost(n);
     for (uint32_t i = 1; i < n; ++i) {
-      const bool legal = rules_.legal(i, n, divisible);
-      left_weight_[i - 1] = legal ? rules_.weight(i, underfill_cost) : kInfinity;
-      right_weight_[i - 1] = rules_.weight(n - i, underfill_cost);
+      const bool legal = constraints_.legal(i, n, feasible);
+      left_weight_[i - 1] = legal ? constraints_.weight(i, underfill_cost) : kInfinity;
+      right_weight_[i - 1] = constraints_.weight(n - i, underfill_cost);
     }
   }
-  if (cut_.active()) cut_.enter(orders_[0].data() + begin, n);
+  if (connection_cost_.active()) connection_cost_.enter(orders_[0].data() + begin, n);
   Split best{kInfinity};
   for (int axis = 0; axis < 3; ++axis) sweep(begin, end, axis, vertex_bound, best);
   return best;
@@ -46,8 +46,8 @@ void Block::sweep(uint32_t begin, uint32_t end, int axis, bool vertex_bound, Spl
     right_area_[n - 2 - i] = right.half_area(pad_);
   }
   left.extend(boxes_[order[n - 1]]);
-  if (cut_.active()) {
-    cut_.sweep(order, n, extra_.data());
+  if (connection_cost_.active()) {
+    connection_cost_.sweep(order, n, extra_.data());
     const float scale = left.half_area(pad_) * 0.25f * static_cast<float>(n);
     for (uint32_t i = 1; i < n; ++i)
       extra_[i - 1] *=
@@ -55,7 +55,7 @@ void Block::sweep(uint32_t begin, uint32_t end, int axis, bool vertex_bound, Spl
   } else {
     std::fill_n(extra_.begin(), n, 0.0f);
   }
-  if (rules_.config.overlap_cost > 0.0f) add_overlap(order, n);
+  if (constraints_.config.overlap_cost > 0.0f) add_overlap(order, n);
   if (vertex_bound) weigh_vertices(order, n);
   for (uint32_t i = 0; i + 1 < n; ++i) {
     const float cost =
@@ -71,7 +71,7 @@ void Block::add_overlap(const uint32_t* order, uint32_t n) {
     left.extend(boxes_[order[i]]);
     left_boxes_[i] = left;
   }
-  const float scale = rules_.config.overlap_cost * static_cast<float>(n);
+  const float scale = constraints_.config.overlap_cost * static_cast<float>(n);
   for (uint32_t i = n - 1; i > 0; --i) {
     right.extend(boxes_[order[i]]);
     BoxRecord both = right;
@@ -82,13 +82,13 @@ void Block::add_overlap(const uint32_t* order, uint32_t n) {
 }
 
 void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
-  const uint32_t arity = source_->arity, limit = rules_.config.max_vertices;
+  const uint32_t arity = source_->arity, limit = constraints_.config.max_vertices;
   const uint32_t total = node_vertices_;
   const float price =
-      rules_.config.vertex_underfill_cost * static_cast<float>(n) / static_cast<float>(total);
+      constraints_.config.vertex_underfill_cost * static_cast<float>(n) / static_cast<float>(total);
   // A side of limit / arity items fits whatever they are; smaller ones are a waste.
   const uint32_t least =
-      std::min({std::max(limit / arity, 1u), rules_.config.min_items, std::max(n / 2, 1u)});
+      std::min({std::max(limit / arity, 1u), constraints_.config.min_items, std::max(n / 2, 1u)});
   const auto weight = [&](uint32_t items, uint32_t vertices) {
     if (items < least) return kInfinity;
     const uint32_t missing = (vertices + limit - 1) / limit * limit - vertices;
@@ -118,7 +118,7 @@ void Block::weigh_vertices(const uint32_t* order, uint32_t n) {
 // of neighbours tell.
 void Block::expect_vertices() {
   constexpr uint32_t kSamples = 4;
-  const uint32_t arity = source_->arity, limit = rules_.config.max_vertices;
+  const uint32_t arity = source_->arity, limit = constraints_.config.max_vertices;
   const uint32_t length = std::min(most_items_, count_);
   if (uint64_t(length) * arity <= limit) return;
   const auto mean_of_samples = [&](const auto& count_vertices) {
@@ -155,11 +155,11 @@ void Block::expect_vertices() {
   if (mean <= many) return;
   // Shapes differ, and those with a longer border need more vertices.
   constexpr double kMargin = 0.9;
-  ClusterConfig config = rules_.config;
+  ClusterConfig config = constraints_.config;
   config.max_items = std::clamp(uint32_t(kMargin * length * limit / mean),
                                 std::min(limit / arity, most_items_), most_items_);
   config.min_items = std::min(config.min_items, config.max_items);
-  rules_ = Rules(config);
+  constraints_ = SplitConstraints(config);
 }
 
 uint32_t Block::count_vertices(uint32_t begin, uint32_t end, int axis) {
@@ -176,7 +176,7 @@ uint32_t Block::count_vertices(uint32_t begin, uint32_t end, int axis) {
     const uint32_t item = boxes_[order[i]].tag();
     quick_count_.insert(source_->vertices + size_t(item) * arity, arity);
   }
-  if (quick_count_.count() <= rules_.config.max_vertices) return quick_count_.count();
+  if (quick_count_.count() <= constraints_.config.max_vertices) return quick_count_.count();
   table_.clear(size_t(end - begin) * arity);
   for (uint32_t i = begin; i < end; ++i) {
     const uint32_t item = boxes_[orders_[axis][i]].tag();

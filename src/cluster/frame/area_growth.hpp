@@ -1,8 +1,8 @@
-// How far clusters have drifted since they were built, for any executor: their boxes are refitted
-// to new positions, and their areas compared with those at the build.
+// How much the areas of clusters have grown since they were built, for any executor: boxes are
+// refitted to new positions, and their areas compared with those at the build.
 //
-// Areas are shares of the area of the box of all, as integers, so that sums do not depend on their
-// order, and a mesh that only grows does not drift.
+// Areas are shares of the area of the box of all, so that a mesh that is only scaled has no growth,
+// and integers, so that sums do not depend on their order.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 namespace umbel::cluster {
 
 /// Shares, of which kWhole is the box of all. Below 2^23 clusters their sum fits.
-struct ClusterShares {
+struct AreaShares {
   static constexpr uint64_t kWhole = uint64_t(1) << 40;
 
   uint64_t* now;       ///< one a cluster
@@ -37,7 +37,8 @@ struct RefitCluster {
     for (uint32_t i = clusters.offsets[cluster] + team.rank(); i < end; i += team.size())
       extend(box, ordered.box(i));
     box = team.reduce(box, UniteBoxes{});
-    if (team.rank() == 0) clusters.boxes[cluster] = with_positive_zeros(box);
+    // Which of two equal zeros a minimum gives depends on the order.
+    if (team.rank() == 0) clusters.boxes[cluster] = without_negative_zero(box);
   }
 };
 
@@ -51,8 +52,8 @@ UMBEL_HOST_DEVICE inline double double_half_area(const Aabb& box) {
 /// size, which count as the whole; a box of nothing counts as none. So no share is above kWhole.
 UMBEL_HOST_DEVICE inline uint64_t share_of(const Aabb& box, double whole) {
   const double area = is_empty(box) ? 0.0 : double_half_area(box);
-  if (area < whole) return uint64_t(area / whole * double(ClusterShares::kWhole));
-  return area == 0 ? 0 : ClusterShares::kWhole;
+  if (area < whole) return uint64_t(area / whole * double(AreaShares::kWhole));
+  return area == 0 ? 0 : AreaShares::kWhole;
 }
 
 struct AddShares {
@@ -61,8 +62,8 @@ struct AddShares {
 
 /// Measures clusters by their boxes. With `is_new` this is what they are compared with from now on.
 template <typename Exec>
-void measure_drift(Exec& exec, const FrameClusters& clusters, uint32_t most_clusters,
-                   const ClusterShares& shares, bool is_new) {
+void measure_area_growth(Exec& exec, const FrameClusters& clusters, uint32_t most_clusters,
+                         const AreaShares& shares, bool is_new) {
   const auto all = exec.template allocate<Aabb>(1);
   exec.reduce(
       most_clusters, Aabb{},

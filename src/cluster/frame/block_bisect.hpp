@@ -13,7 +13,7 @@
 namespace umbel::cluster {
 
 /// Sizes of clusters, and in sixteenths of an item what one that is missing costs.
-struct BlockRules {
+struct BlockConstraints {
   uint32_t min_items, max_items;  ///< min_items <= max_items / 2
   uint32_t underfill;
   uint32_t reciprocal;  ///< of max_items: 2^22 over it, rounded up
@@ -37,7 +37,7 @@ struct BlockLimits {
 };
 
 /// How a node is cut: `left` items whose keys along the axis are the smallest.
-struct BlockCut {
+struct BlockSplit {
   uint64_t cost;
   uint32_t left;
   uint32_t choice;  ///< axis, bin, and whether through the bin
@@ -47,8 +47,8 @@ struct BlockCut {
   UMBEL_HOST_DEVICE bool through() const { return choice % 4 != 0; }
 };
 
-struct CheaperCut {
-  UMBEL_HOST_DEVICE BlockCut operator()(const BlockCut& a, const BlockCut& b) const {
+struct CheaperSplit {
+  UMBEL_HOST_DEVICE BlockSplit operator()(const BlockSplit& a, const BlockSplit& b) const {
     if (a.cost != b.cost) return a.cost < b.cost ? a : b;
     return a.choice <= b.choice ? a : b;
   }
@@ -80,7 +80,7 @@ class BlockBisector {
   using Node = BlockNode;
   static constexpr uint32_t kBins = BlockLimits::kBins;
 
-  UMBEL_HOST_DEVICE BlockBisector(const Team& team, const BlockRules& rules, Memory& memory)
+  UMBEL_HOST_DEVICE BlockBisector(const Team& team, const BlockConstraints& rules, Memory& memory)
       : team_(team), rules_(rules), m_(memory) {}
 
   /// Orders `count` items, which lie in memory.items, into memory.order; calls
@@ -105,8 +105,8 @@ class BlockBisector {
         continue;
       }
       fill_bins(node);
-      const BlockCut cut = find_cut(node);
-      divide(node, cut);
+      const BlockSplit split = find_split(node);
+      divide(node, split);
     }
   }
 
@@ -202,7 +202,7 @@ class BlockBisector {
     }
   }
 
-  UMBEL_HOST_DEVICE BlockCut find_cut(const Node& node) const {
+  UMBEL_HOST_DEVICE BlockSplit find_split(const Node& node) const {
     const uint32_t items = node.end - node.begin;
     // Where nothing else is legal: half of the items, along the longest axis.
     uint32_t longest = 0;
@@ -210,8 +210,8 @@ class BlockBisector {
       if (node.box.extent(int(axis)) > node.box.extent(int(longest))) longest = axis;
     uint32_t middle = 0;
     while (middle + 1 < kBins && m_.before[longest][middle + 1] <= items / 2) ++middle;
-    BlockCut best{~uint64_t(0), items / 2, (longest * kBins + middle) * 4 + 3};
-    const CheaperCut cheaper;
+    BlockSplit best{~uint64_t(0), items / 2, (longest * kBins + middle) * 4 + 3};
+    const CheaperSplit cheaper;
     for (uint32_t i = team_.rank(); i < 3 * kBins; i += team_.size()) {
       const uint32_t axis = i / kBins, bin = i % kBins;
       const uint32_t before = m_.before[axis][bin], inside = m_.counts[axis][bin];
@@ -242,14 +242,14 @@ class BlockBisector {
     return m_.items[item].middle(int(axis)) * BlockLimits::kItems + item;
   }
 
-  UMBEL_HOST_DEVICE void divide(const Node& node, const BlockCut& cut) {
-    const uint32_t axis = cut.axis();
+  UMBEL_HOST_DEVICE void divide(const Node& node, const BlockSplit& split) {
+    const uint32_t axis = split.axis();
     const Binning binning = Binning::of(node.box, int(axis));
     // What has a key below this goes left.
     const uint32_t bound =
-        cut.through() ? find_bound(node, cut, binning)
-                      : first_middle(node, binning, int(axis), cut.bin()) * BlockLimits::kItems;
-    uint32_t left = node.begin, right = node.begin + cut.left;
+        split.through() ? find_bound(node, split, binning)
+                        : first_middle(node, binning, int(axis), split.bin()) * BlockLimits::kItems;
+    uint32_t left = node.begin, right = node.begin + split.left;
     for (uint32_t base = node.begin; base < node.end; base += team_.size()) {
       const uint32_t i = base + team_.rank();
       const bool present = i < node.end;
@@ -271,7 +271,7 @@ class BlockBisector {
     team_.sync();
     for (uint32_t i = node.begin + team_.rank(); i < node.end; i += team_.size())
       m_.order[i] = m_.other[i];
-    if (team_.rank() == 0) push_halves(node, cut);
+    if (team_.rank() == 0) push_halves(node, split);
     team_.sync();
   }
 
@@ -289,21 +289,21 @@ class BlockBisector {
     return low;
   }
 
-  UMBEL_HOST_DEVICE void push_halves(const Node& node, const BlockCut& cut) {
-    const uint32_t axis = cut.axis(), bin = cut.bin(), middle = node.begin + cut.left;
-    const Node left{node.begin, middle, m_.lefts[axis][cut.through() ? bin : bin - 1]};
+  UMBEL_HOST_DEVICE void push_halves(const Node& node, const BlockSplit& split) {
+    const uint32_t axis = split.axis(), bin = split.bin(), middle = node.begin + split.left;
+    const Node left{node.begin, middle, m_.lefts[axis][split.through() ? bin : bin - 1]};
     const Node right{middle, node.end, m_.rights[axis][bin]};
-    const bool left_is_larger = cut.left > node.end - middle;
+    const bool left_is_larger = split.left > node.end - middle;
     // The larger half waits, so that few nodes do.
     m_.waiting[m_.depth - 1] = left_is_larger ? left : right;
     m_.waiting[m_.depth++] = left_is_larger ? right : left;
   }
 
   /// The key of the first item of the bin that stays right.
-  UMBEL_HOST_DEVICE uint32_t find_bound(const Node& node, const BlockCut& cut,
+  UMBEL_HOST_DEVICE uint32_t find_bound(const Node& node, const BlockSplit& split,
                                         const Binning& binning) {
-    const uint32_t axis = cut.axis(), bin = cut.bin();
-    const uint32_t wanted = cut.left - m_.before[axis][bin];
+    const uint32_t axis = split.axis(), bin = split.bin();
+    const uint32_t wanted = split.left - m_.before[axis][bin];
     // The keys of the bin's items, in memory that is free until the items are divided.
     if constexpr (Team::kIsSerial) {
       uint32_t keys[BlockLimits::kItems];
@@ -338,7 +338,7 @@ class BlockBisector {
   };
 
   const Team& team_;
-  BlockRules rules_;
+  BlockConstraints rules_;
   Memory& m_;
 };
 

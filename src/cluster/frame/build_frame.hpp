@@ -12,21 +12,21 @@
 namespace umbel::cluster {
 
 /// A configuration whose values have been checked and whose defaults are filled in.
-struct FrameRules {
-  BlockRules block;
+struct CheckedFrameConfig {
+  BlockConstraints block;
   FrameMethod method;
   uint32_t max_vertices;  ///< 0: no limit
   uint32_t code_bits;     ///< 30 or 63
 
-  static FrameRules of(const FrameClusterConfig& config, uint64_t triangles);
+  static CheckedFrameConfig of(const FrameClusterConfig& config, uint64_t triangles);
   /// Most clusters of so many triangles.
   uint32_t most_clusters(uint32_t triangles) const;
 };
 
 /// The clusters that flags mark.
 template <typename Exec>
-void take_flags(Exec& exec, const FrameMesh& mesh, const uint8_t* first, uint32_t* offsets,
-                uint32_t* count) {
+void list_flagged(Exec& exec, const FrameMesh& mesh, const uint8_t* first, uint32_t* offsets,
+                  uint32_t* count) {
   exec.select(
       mesh.count, [=] UMBEL_DEVICE_LAMBDA(size_t i) { return first[i] != 0 && i < mesh.size(); },
       offsets, count);
@@ -34,7 +34,7 @@ void take_flags(Exec& exec, const FrameMesh& mesh, const uint8_t* first, uint32_
 }
 
 template <typename Key, typename Exec>
-void build_frame_by(Exec& exec, const FrameMesh& mesh, const FrameRules& rules,
+void build_frame_by(Exec& exec, const FrameMesh& mesh, const CheckedFrameConfig& rules,
                     const FrameClusters& out) {
   const uint32_t n = mesh.count;
   const bool is_hybrid = rules.method == FrameMethod::kHybrid;
@@ -45,9 +45,9 @@ void build_frame_by(Exec& exec, const FrameMesh& mesh, const FrameRules& rules,
   if (is_hybrid) {
     bisect_blocks(exec, mesh, order, rules.block, ordered.data(), first.data());
     places = ordered.data();
-    take_flags(exec, mesh, first.data(), out.offsets, out.count);
+    list_flagged(exec, mesh, first.data(), out.offsets, out.count);
   } else {
-    cut_runs(exec, mesh, rules.block.max_items, out);
+    form_runs(exec, mesh, rules.block.max_items, out);
     if (rules.max_vertices)
       exec.for_each(n, [first = first.data(), size = rules.block.max_items] UMBEL_DEVICE_LAMBDA(
                            size_t i) { first[i] = i % size == 0 ? 1 : 0; });
@@ -56,14 +56,14 @@ void build_frame_by(Exec& exec, const FrameMesh& mesh, const FrameRules& rules,
   if (rules.max_vertices) {
     limit_vertices(exec, mesh, places, out.offsets, out.count, most, rules.max_vertices,
                    first.data());
-    take_flags(exec, mesh, first.data(), out.offsets, out.count);
+    list_flagged(exec, mesh, first.data(), out.offsets, out.count);
   }
   exec.for_each_team(most, WriteClusters{mesh, places, out});
 }
 
 /// `out` has room for rules.most_clusters(mesh.count), and one more offset.
 template <typename Exec>
-void build_frame(Exec& exec, const FrameMesh& mesh, const FrameRules& rules,
+void build_frame(Exec& exec, const FrameMesh& mesh, const CheckedFrameConfig& rules,
                  const FrameClusters& out) {
   if (mesh.count == 0) {
     exec.for_each(1, [=] UMBEL_DEVICE_LAMBDA(size_t) { *out.count = out.offsets[0] = 0; });

@@ -12,13 +12,15 @@
 
 namespace umbel::cluster {
 
-/// Spreads the low 16 bits so that one zero bit follows each.
-UMBEL_HOST_DEVICE inline uint32_t spread_pairs(uint32_t x) {
+/// Spreads the low 16 bits so that one zero bit follows each. `Words` as for spread_bits_of.
+template <typename Words>
+UMBEL_HOST_DEVICE Words spread_pairs_of(Words x) {
   x = (x | x << 8) & 0x00ff00ffu;
   x = (x | x << 4) & 0x0f0f0f0fu;
   x = (x | x << 2) & 0x33333333u;
   return (x | x << 1) & 0x55555555u;
 }
+UMBEL_HOST_DEVICE inline uint32_t spread_pairs(uint32_t x) { return spread_pairs_of(x); }
 
 /// The same for the low 32 bits.
 UMBEL_HOST_DEVICE inline uint64_t spread_pairs(uint64_t x) {
@@ -126,20 +128,6 @@ struct CodeGrid {
     const Words pairs = spread_pairs_of(above & ((1u << of_two) - 1));
     const uint32_t two = pairs[longest] << longest_first | pairs[second] << (1 - longest_first);
     return code | two << 3 * of_all | (above[longest] >> of_two) << (3 * of_all + 2 * of_two);
-  }
-  template <typename Words>
-  static Words spread_bits_of(Words x) {
-    x = (x | x << 16) & 0x030000ffu;
-    x = (x | x << 8) & 0x0300f00fu;
-    x = (x | x << 4) & 0x030c30c3u;
-    return (x | x << 2) & 0x09249249u;
-  }
-  template <typename Words>
-  static Words spread_pairs_of(Words x) {
-    x = (x | x << 8) & 0x00ff00ffu;
-    x = (x | x << 4) & 0x0f0f0f0fu;
-    x = (x | x << 2) & 0x33333333u;
-    return (x | x << 1) & 0x55555555u;
   }
 #endif
   template <typename Key>

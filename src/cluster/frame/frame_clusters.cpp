@@ -27,7 +27,8 @@ void check_range(const char* name, uint64_t value, uint64_t least, uint64_t most
 
 }  // namespace
 
-cluster::FrameRules cluster::FrameRules::of(const FrameClusterConfig& config, uint64_t triangles) {
+cluster::CheckedFrameConfig cluster::CheckedFrameConfig::of(const FrameClusterConfig& config,
+                                                            uint64_t triangles) {
   const bool is_hybrid = config.method == FrameMethod::kHybrid;
   if (!is_hybrid && config.method != FrameMethod::kMorton)
     refuse("method must be kMorton or kHybrid");
@@ -57,7 +58,7 @@ cluster::FrameRules cluster::FrameRules::of(const FrameClusterConfig& config, ui
                                        : 30u};
 }
 
-uint32_t cluster::FrameRules::most_clusters(uint32_t triangles) const {
+uint32_t cluster::CheckedFrameConfig::most_clusters(uint32_t triangles) const {
   const uint32_t by_size = method == FrameMethod::kHybrid ? triangles / block.min_items + 1
                                                           : runs_of(triangles, block.max_items);
   // A cut for want of vertices leaves at least a third as many triangles before it.
@@ -66,7 +67,7 @@ uint32_t cluster::FrameRules::most_clusters(uint32_t triangles) const {
 }
 
 uint32_t max_frame_clusters(uint32_t triangles, const FrameClusterConfig& config) {
-  return cluster::FrameRules::of(config, triangles).most_clusters(triangles);
+  return cluster::CheckedFrameConfig::of(config, triangles).most_clusters(triangles);
 }
 
 namespace {
@@ -97,7 +98,7 @@ struct Arrays {
 struct FrameClusterer::State {
   std::vector<Triangle> source;
   size_t vertices;
-  cluster::FrameRules rules;
+  cluster::CheckedFrameConfig rules;
   uint32_t most;
   Arrays current, next;
   CpuBuffer<uint64_t> now, total;
@@ -106,7 +107,7 @@ struct FrameClusterer::State {
   State(std::span<const Triangle> triangles, size_t vertex_count, const FrameClusterConfig& config)
       : source(triangles.begin(), triangles.end()),
         vertices(vertex_count),
-        rules(cluster::FrameRules::of(config, triangles.size())),
+        rules(cluster::CheckedFrameConfig::of(config, triangles.size())),
         most(rules.most_clusters(size())),
         current(size(), most),
         next(size(), most),
@@ -116,7 +117,7 @@ struct FrameClusterer::State {
   }
 
   uint32_t size() const { return static_cast<uint32_t>(source.size()); }
-  cluster::ClusterShares shares(const Arrays& of) const {
+  cluster::AreaShares shares(const Arrays& of) const {
     return {now.data(), of.at_build.data(), total.data()};
   }
   static cluster::Positions strided(std::span<const Vec3> positions) {
@@ -143,13 +144,13 @@ struct FrameClusterer::State {
   void build(CpuExec& exec, const cluster::FrameMesh& mesh) {
     cluster::build_frame(exec, mesh, rules, next.view());
     std::swap(current, next);
-    cluster::measure_drift(exec, current.view(), most, shares(current), true);
+    cluster::measure_area_growth(exec, current.view(), most, shares(current), true);
     built = true;
   }
   void refit(CpuExec& exec, const cluster::Positions& positions) {
     const cluster::FrameMesh ordered{positions, current.triangles.data(), nullptr, size()};
     exec.for_each_team(current.count[0], cluster::RefitCluster{ordered, current.view()});
-    cluster::measure_drift(exec, current.view(), most, shares(current), false);
+    cluster::measure_area_growth(exec, current.view(), most, shares(current), false);
   }
 };
 
@@ -182,24 +183,24 @@ void FrameClusterer::update(std::span<const Vec3> positions, const BuildOptions&
   });
 }
 
-ClusterDrift FrameClusterer::refit(std::span<const Vec3> positions, const BuildOptions& options) {
+AreaGrowth FrameClusterer::refit(std::span<const Vec3> positions, const BuildOptions& options) {
   State& s = *state_;
   if (!s.built)
     build(positions, options);
   else
     s.run(positions, options,
           [&](CpuExec& exec, const cluster::Positions& p) { s.refit(exec, p); });
-  return drift();
+  return area_growth();
 }
 
-ClusterDrift FrameClusterer::rebuild_worst(std::span<const Vec3> positions, uint32_t clusters,
-                                           const BuildOptions& options) {
+AreaGrowth FrameClusterer::rebuild_worst(std::span<const Vec3> positions, uint32_t clusters,
+                                         const BuildOptions& options) {
   State& s = *state_;
   if (s.rules.max_vertices)
-    refuse("with max_vertices, clusters can only be built anew all together");
+    refuse("with max_vertices, only all clusters together can be rebuilt");
   if (!s.built) {
     build(positions, options);
-    return drift();
+    return area_growth();
   }
   s.run(positions, options, [&](CpuExec& exec, const cluster::Positions& p) {
     s.refit(exec, p);
@@ -207,7 +208,7 @@ ClusterDrift FrameClusterer::rebuild_worst(std::span<const Vec3> positions, uint
                            clusters, s.next.view(), s.shares(s.next));
     std::swap(s.current, s.next);
   });
-  return drift();
+  return area_growth();
 }
 
 size_t FrameClusterer::count() const { return state_->current.count[0]; }
@@ -224,8 +225,8 @@ std::span<const Aabb> FrameClusterer::boxes() const {
   return {state_->current.boxes.data(), count()};
 }
 
-ClusterDrift FrameClusterer::drift() const {
-  const double whole = double(cluster::ClusterShares::kWhole);
+AreaGrowth FrameClusterer::area_growth() const {
+  const double whole = double(cluster::AreaShares::kWhole);
   return {double(state_->total[0]) / whole, double(state_->total[1]) / whole};
 }
 

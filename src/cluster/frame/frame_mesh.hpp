@@ -85,12 +85,6 @@ struct UniteBoxes {
   }
 };
 
-/// The same box with positive zeros: which of two equal zeros a minimum gives depends on the order.
-UMBEL_HOST_DEVICE inline Aabb with_positive_zeros(const Aabb& box) {
-  const Vec3 zero{0, 0, 0};
-  return {box.min + zero, box.max + zero};
-}
-
 /// The box around the triangles at places[0, count), by a team. Calls visit(i) for each on the way.
 template <typename Team, typename Visit>
 UMBEL_HOST_DEVICE Aabb gather_box(const Team& team, const FrameMesh& mesh, const uint32_t* places,

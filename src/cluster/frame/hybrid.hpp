@@ -22,13 +22,13 @@ struct BlockSizes {
 
 /// Finds where block i begins, by a team.
 template <typename Key>
-struct MoveCuts {
+struct FindBlockBegins {
   static constexpr uint32_t kLanes = 32;
   using Shared = NothingShared;
 
   FrameMesh mesh;
   const Key* codes;
-  uint32_t* cuts;
+  uint32_t* begins;
 
   struct Earlier {
     UMBEL_HOST_DEVICE uint32_t operator()(uint32_t a, uint32_t b) const { return a < b ? a : b; }
@@ -38,7 +38,7 @@ struct MoveCuts {
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared&) const {
     const uint32_t count = mesh.size(), blocks = BlockSizes::blocks(count);
     if (i >= blocks) {
-      if (team.rank() == 0) cuts[i] = count;
+      if (team.rank() == 0) begins[i] = count;
       return;
     }
     const auto regular = static_cast<uint32_t>(uint64_t(i) * count / blocks);
@@ -54,7 +54,7 @@ struct MoveCuts {
       }
       best = team.reduce(least, Earlier{}) % BlockSizes::kMove;
     }
-    if (team.rank() == 0) cuts[i] = regular + best - BlockSizes::kMove / 2;
+    if (team.rank() == 0) begins[i] = regular + best - BlockSizes::kMove / 2;
   }
 };
 
@@ -65,15 +65,15 @@ struct BisectBlock {
   using Shared = BlockMemory<Bin>;
 
   FrameMesh mesh;
-  BlockRules rules;
-  const uint32_t* cuts;
+  BlockConstraints rules;
+  const uint32_t* begins;
   const uint32_t* places;
   uint32_t* ordered;
   uint8_t* first;
 
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t block, Shared& memory) const {
-    const uint32_t begin = cuts[block], count = cuts[block + 1] - begin;
+    const uint32_t begin = begins[block], count = begins[block + 1] - begin;
     if (count == 0) return;
     const uint32_t* of_block = places + begin;
     const Aabb frame =
@@ -99,13 +99,14 @@ struct BisectBlock {
 /// are fewer triangles in all, and flags where clusters begin.
 template <typename Key, typename Exec>
 void bisect_blocks(Exec& exec, const FrameMesh& mesh, const TriangleOrder<Exec, Key>& order,
-                   const BlockRules& rules, uint32_t* ordered, uint8_t* first) {
+                   const BlockConstraints& rules, uint32_t* ordered, uint8_t* first) {
   using Bin = std::conditional_t<Exec::kSerialTeams, ShortBox, WideBox>;
   const uint32_t blocks = BlockSizes::blocks(mesh.count);
-  const auto cuts = exec.template allocate<uint32_t>(size_t(blocks) + 1);
-  exec.for_each_team(size_t(blocks) + 1, MoveCuts<Key>{mesh, order.codes.data(), cuts.data()});
+  const auto begins = exec.template allocate<uint32_t>(size_t(blocks) + 1);
+  exec.for_each_team(size_t(blocks) + 1,
+                     FindBlockBegins<Key>{mesh, order.codes.data(), begins.data()});
   exec.for_each_team(
-      blocks, BisectBlock<Bin>{mesh, rules, cuts.data(), order.places.data(), ordered, first});
+      blocks, BisectBlock<Bin>{mesh, rules, begins.data(), order.places.data(), ordered, first});
 }
 
 }  // namespace umbel::cluster

@@ -51,7 +51,7 @@ class FewVertices {
   uint32_t size_;
 };
 
-/// Flags the triangles at which clusters of `places` must begin anew.
+/// Flags the triangles at which clusters of `places` must begin.
 template <typename Exec>
 void limit_vertices(Exec& exec, const FrameMesh& mesh, const uint32_t* places,
                     const uint32_t* offsets, const uint32_t* count, uint32_t most_clusters,

@@ -48,7 +48,7 @@ Clusters cluster_mesh_hybrid(const MeshView& mesh, const ClusterConfig& config,
   frame.max_triangles = config.max_items;
   frame.min_triangles = std::min(config.min_items, std::max(config.max_items / 2, 1u));
   frame.max_vertices = config.max_vertices;
-  const auto rules = cluster::FrameRules::of(frame, mesh.triangles.size());
+  const auto rules = cluster::CheckedFrameConfig::of(frame, mesh.triangles.size());
   const cluster::FrameMesh input = checked(mesh, options);
   Progress progress(options);
   progress.report(0, "clustering");

@@ -98,7 +98,8 @@ struct WriteClusters {
       out.items[begin + i] = mesh.item(place);
       out.triangles[begin + i] = mesh.triangles[place];
     });
-    if (team.rank() == 0) out.boxes[cluster] = with_positive_zeros(box);
+    // Which of two equal zeros a minimum gives depends on the order.
+    if (team.rank() == 0) out.boxes[cluster] = without_negative_zero(box);
   }
 };
 
@@ -108,7 +109,7 @@ UMBEL_HOST_DEVICE inline uint32_t runs_of(uint32_t count, uint32_t max_triangles
 
 /// Offsets of runs of `size` triangles; the last may have fewer.
 template <typename Exec>
-void cut_runs(Exec& exec, const FrameMesh& mesh, uint32_t size, const FrameClusters& out) {
+void form_runs(Exec& exec, const FrameMesh& mesh, uint32_t size, const FrameClusters& out) {
   exec.for_each(size_t(runs_of(mesh.count, size)) + 1, [=] UMBEL_DEVICE_LAMBDA(size_t c) {
     const uint32_t n = mesh.size(), clusters = runs_of(n, size);
     if (c <= clusters) out.offsets[c] = c == clusters ? n : uint32_t(c * size);

@@ -1,4 +1,4 @@
-// Builds the clusters that have drifted farthest anew and keeps the others, for any executor.
+// Rebuilds the clusters whose areas have grown most and keeps the others, for any executor.
 #pragma once
 
 #include <bit>
@@ -10,7 +10,7 @@
 namespace umbel::cluster {
 
 /// Copies what is kept to the front of `out`, and gathers the triangles of the rest.
-struct PartClusters {
+struct SeparateWorst {
   static constexpr uint32_t kLanes = 32;
   using Shared = NothingShared;
 
@@ -85,8 +85,8 @@ void scan_clusters(Exec& exec, const FrameClusters& in, const uint8_t* is_worst,
 
 /// New clusters, from number *kept on, are compared with what they are now.
 template <typename Exec>
-void start_anew(Exec& exec, const FrameClusters& out, const uint32_t* kept, uint32_t most,
-                const ClusterShares& shares) {
+void reset_rebuilt(Exec& exec, const FrameClusters& out, const uint32_t* kept, uint32_t most,
+                   const AreaShares& shares) {
   exec.for_each(most, [=] UMBEL_DEVICE_LAMBDA(size_t c) {
     if (c >= *kept && c < *out.count) shares.at_build[c] = shares.now[c];
   });
@@ -102,9 +102,9 @@ void start_anew(Exec& exec, const FrameClusters& out, const uint32_t* kept, uint
 /// by the largest factor, builds clusters of their triangles, and writes all to `out`, whose arrays
 /// are others than those of `in`. `in` has been refitted and measured; so is `out` then.
 template <typename Exec>
-void rebuild_worst(Exec& exec, const Positions& positions, const FrameRules& rules,
-                   const FrameClusters& in, const ClusterShares& shares, uint32_t triangles,
-                   uint32_t budget, const FrameClusters& out, const ClusterShares& out_shares) {
+void rebuild_worst(Exec& exec, const Positions& positions, const CheckedFrameConfig& rules,
+                   const FrameClusters& in, const AreaShares& shares, uint32_t triangles,
+                   uint32_t budget, const FrameClusters& out, const AreaShares& out_shares) {
   const uint32_t most = rules.most_clusters(triangles);
   const uint32_t worst = budget < most ? budget : most;
   const auto limit = uint64_t(worst) * rules.block.max_items;
@@ -137,9 +137,9 @@ void rebuild_worst(Exec& exec, const Positions& positions, const FrameRules& rul
   scan(true, true, worst_places.data());
   const auto items = exec.template allocate<uint32_t>(room);
   const auto loose = exec.template allocate<Triangle>(room);
-  exec.for_each_team(most, PartClusters{in, out, is_worst.data(), kept_places.data(),
-                                        kept_numbers.data(), worst_places.data(), items.data(),
-                                        loose.data(), shares.at_build, out_shares.at_build});
+  exec.for_each_team(most, SeparateWorst{in, out, is_worst.data(), kept_places.data(),
+                                         kept_numbers.data(), worst_places.data(), items.data(),
+                                         loose.data(), shares.at_build, out_shares.at_build});
   const uint32_t most_made = rules.most_clusters(room);
   const auto made_items = exec.template allocate<uint32_t>(room);
   const auto made_triangles = exec.template allocate<Triangle>(room);
@@ -152,8 +152,8 @@ void rebuild_worst(Exec& exec, const Positions& positions, const FrameRules& rul
               rules, made);
   exec.for_each_team(size_t(most_made) + 1, AppendClusters{made, out, kept_places.data() + most,
                                                            kept_numbers.data() + most});
-  measure_drift(exec, out, most, out_shares, false);
-  start_anew(exec, out, kept_numbers.data() + most, most, out_shares);
+  measure_area_growth(exec, out, most, out_shares, false);
+  reset_rebuilt(exec, out, kept_numbers.data() + most, most, out_shares);
 }
 
 }  // namespace umbel::cluster

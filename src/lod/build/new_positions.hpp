@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/math.hpp"
 #include "lod/dag/interner.hpp"
 #include "lod/dag/source.hpp"
 
@@ -17,7 +18,7 @@ class NewPositions {
   /// step, to the next multiple of it. Returns the farthest that one moved.
   float set_apart(const Source& source, float step, AddedVertices& added) {
     if (known_.keys().empty())
-      for (const Vec3& p : source.mesh.positions) known_.insert(without_sign_of_zero(p));
+      for (const Vec3& p : source.mesh.positions) known_.insert(without_negative_zero(p));
     const bool enlarged = !added.components.empty();
     float farthest = 0;
     for (size_t v = 0; v < added.position_ids.size(); ++v) {
@@ -28,7 +29,7 @@ class NewPositions {
         continue;
       }
       const float before = p.x;
-      while (!known_.insert(without_sign_of_zero(p)).second && enlarged)
+      while (!known_.insert(without_negative_zero(p)).second && enlarged)
         p.x = step > 0 ? p.x + step : std::nextafter(p.x, std::numeric_limits<float>::max());
       farthest = std::max(farthest, p.x - before);
     }
@@ -38,7 +39,6 @@ class NewPositions {
   bool is_empty() const { return known_.keys().empty(); }
 
  private:
-  static Vec3 without_sign_of_zero(const Vec3& p) { return {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}; }
   Interner<Vec3, PositionHash> known_;
 };
 

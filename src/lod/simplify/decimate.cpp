@@ -1,9 +1,12 @@
 // The caller's own decimation of a group: what it is given, and whether what it gives back can take
 // the group's place.
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <map>
 
+#include "base/math.hpp"
 #include "lod/simplify/simplify.hpp"
 
 namespace umbel::lod {
@@ -13,7 +16,9 @@ namespace {
   throw Error(ErrorCode::kInvalidArgument, "decimate: " + what);
 }
 
-std::array<float, 3> key(const Vec3& p) { return {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}; }
+std::array<float, 3> key(const Vec3& p) {
+  return std::bit_cast<std::array<float, 3>>(without_negative_zero(p));
+}
 
 // One material of several that the group has must be said.
 void check(const DecimationInput& input, const DecimationResult& made) {

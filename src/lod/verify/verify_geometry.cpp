@@ -16,9 +16,6 @@ struct EdgeHash {
   uint64_t operator()(uint64_t edge) const { return mix_bits(edge); }
 };
 
-/// Adding 0 turns -0 into 0 and leaves the rest.
-Vec3 without_negative_zero(const Vec3& p) { return {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}; }
-
 class Reader {
  public:
   Reader(const Tables& tables, const VerifyConfig& config, Findings& findings)

@@ -17,9 +17,9 @@ TEST(BisectBadInput, degenerate_inputs_end_in_valid_clusters) {
   const auto all_forms = [](const Items& items) {
     for (const char* preset : {"quality", "fast", "exact"}) checked(items, cluster_preset(preset));
     checked(items, limits(1, 64));
-    ClusterConfig priced = limits(1, 64);
-    priced.overlap_cost = 1;
-    checked(items, priced);
+    ClusterConfig penalised = limits(1, 64);
+    penalised.overlap_cost = 1;
+    checked(items, penalised);
     if (!items.vertices.empty()) checked(items, limits(32, 128, 64));
   };
   Items identical;

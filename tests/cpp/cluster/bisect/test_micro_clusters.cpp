@@ -64,7 +64,7 @@ void expect_valid(const Clusters& c, uint32_t count, uint32_t least, uint32_t mo
   for (const uint32_t item : c.items) EXPECT_EQ(seen.at(item)++, 0);
 }
 
-TEST(Micros, sizes_are_within_limits_for_any_shape) {
+TEST(MicroClusters, sizes_are_within_limits_for_any_shape) {
   for (const uint32_t count : {1000u, 1025u, 5000u, 100000u})
     for (const float flat : {1.0f, 0.01f, 0.0f})
       for (const uint32_t least : {1u, 32u, 64u, 96u, 127u}) {
@@ -75,7 +75,7 @@ TEST(Micros, sizes_are_within_limits_for_any_shape) {
       }
 }
 
-TEST(Micros, degenerate_inputs_end_in_valid_clusters) {
+TEST(MicroClusters, degenerate_inputs_end_in_valid_clusters) {
   std::vector<std::vector<Aabb>> inputs(4);
   inputs[0].assign(50000, {{1, 2, 3}, {2, 3, 4}});
   inputs[1].assign(50000, {{1, 2, 3}, {1, 2, 3}});
@@ -91,7 +91,7 @@ TEST(Micros, degenerate_inputs_end_in_valid_clusters) {
   for (const std::vector<Aabb>& boxes : inputs) expect_valid(fast(boxes), 50000, 32, 128);
 }
 
-TEST(Micros, result_does_not_depend_on_the_number_of_threads) {
+TEST(MicroClusters, result_does_not_depend_on_the_number_of_threads) {
   const std::vector<Aabb> boxes = random_boxes(300000, 6);
   const Clusters one = fast(boxes, 1);
   for (const uint32_t threads : {2u, 8u}) {
@@ -103,7 +103,7 @@ TEST(Micros, result_does_not_depend_on_the_number_of_threads) {
   EXPECT_TRUE(one.items == alone.items && one.ranges == alone.ranges);
 }
 
-TEST(Micros, scale_translation_and_permutation_do_not_change_the_partition) {
+TEST(MicroClusters, scale_translation_and_permutation_do_not_change_the_partition) {
   const std::vector<Aabb> boxes = random_boxes(40000, 7);
   const Partition base = partition_of(fast(boxes));
   for (const int exponent : {-60, -1, 20, 100}) {
@@ -125,7 +125,7 @@ TEST(Micros, scale_translation_and_permutation_do_not_change_the_partition) {
   EXPECT_EQ(base, partition_of(fast(shuffled), &names));
 }
 
-TEST(Micros, one_far_item_costs_little_area) {
+TEST(MicroClusters, one_far_item_costs_little_area) {
   std::vector<Aabb> boxes = random_boxes(40000, 9);
   boxes[777] = {{1e9f, 1e9f, 1e9f}, {1e9f, 1e9f, 1e9f}};
   const auto area = [&](const char* preset) {
@@ -150,7 +150,7 @@ double fill_of(const Clusters& c, uint32_t most) {
   return double(c.items.size()) / (double(c.ranges.size()) * most);
 }
 
-TEST(Micros, clusters_are_nearly_as_full_as_with_the_quality_preset) {
+TEST(MicroClusters, clusters_are_nearly_as_full_as_with_the_quality_preset) {
   for (const float flat : {1.0f, 0.02f}) {
     const std::vector<Aabb> boxes = random_boxes(50000, 11, flat);
     const Clusters quality = build_clusters(input_of(boxes), cluster_preset("quality"));
@@ -158,13 +158,13 @@ TEST(Micros, clusters_are_nearly_as_full_as_with_the_quality_preset) {
   }
 }
 
-TEST(Micros, crowds_too_small_to_see_are_divided_by_place) {
-  // Each crowd is two cubes far apart in its own scale; no cluster should have items of both.
+TEST(MicroClusters, coincident_items_are_divided_by_exact_position) {
+  // Each set is two cubes far apart in its own scale; no cluster should have items of both.
   std::mt19937 random(12);
   std::uniform_real_distribution<float> unit(0, 1);
   std::vector<Aabb> boxes;
-  for (int crowd = 0; crowd < 20; ++crowd) {
-    const float at = float(crowd) * 1000;
+  for (int set = 0; set < 20; ++set) {
+    const float at = float(set) * 1000;
     for (int i = 0; i < 512; ++i) {
       const float x = at + 0.001f * unit(random) + (i % 2 ? 0.02f : 0.0f),
                   y = 0.001f * unit(random);
@@ -182,7 +182,7 @@ TEST(Micros, crowds_too_small_to_see_are_divided_by_place) {
   }
 }
 
-TEST(Micros, a_few_items_beside_a_crowd_are_in_full_enough_clusters) {
+TEST(MicroClusters, a_few_items_beside_a_crowd_are_in_full_enough_clusters) {
   for (const uint32_t others : {1u, 31u, 32u, 100u, 200u}) {
     std::vector<Aabb> boxes(2000, {{1, 1, 1}, {1, 1, 1}});
     for (uint32_t i = 0; i < others; ++i)
@@ -193,7 +193,7 @@ TEST(Micros, a_few_items_beside_a_crowd_are_in_full_enough_clusters) {
   }
 }
 
-TEST(Micros, positions_that_no_triangle_uses_change_nothing) {
+TEST(MicroClusters, positions_that_no_triangle_uses_change_nothing) {
   Mesh mesh;
   const std::vector<Aabb> boxes = random_boxes(50000, 13);
   for (const Aabb& b : boxes) {
@@ -212,7 +212,7 @@ TEST(Micros, positions_that_no_triangle_uses_change_nothing) {
   }
 }
 
-TEST(Micros, used_positions_at_one_place_among_unused_ones_are_legal) {
+TEST(MicroClusters, used_positions_at_one_place_among_unused_ones_are_legal) {
   Mesh mesh;
   for (uint32_t i = 0; i < 20000; ++i) mesh.positions.push_back({float(i), 1, 2});
   mesh.triangles.assign(20000, {7, 7, 7});

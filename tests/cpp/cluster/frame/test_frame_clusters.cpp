@@ -178,8 +178,8 @@ TEST(FrameClusters, hybrid_has_less_than_half_the_area_of_morton) {
   for (const Mesh& mesh : {shapes::sphere(6), soup(30000, 7)}) {
     FrameClusterConfig morton, hybrid;
     morton.method = FrameMethod::kMorton;
-    const double of_morton = clusters_of(mesh, morton).drift().area_ratio;
-    const double of_hybrid = clusters_of(mesh, hybrid).drift().area_ratio;
+    const double of_morton = clusters_of(mesh, morton).area_growth().area_ratio;
+    const double of_hybrid = clusters_of(mesh, hybrid).area_growth().area_ratio;
     EXPECT_LT(of_hybrid, 0.6 * of_morton);
     const Clusters best = cluster_mesh(mesh.view(), cluster_preset("quality", 128));
     Aabb all;
@@ -208,7 +208,7 @@ TEST(FrameClusters, threads_change_nothing) {
 template <typename Exec>
 std::vector<uint32_t> built_by(const Mesh& mesh, const FrameClusterConfig& config) {
   const auto n = uint32_t(mesh.triangles.size());
-  const auto rules = cluster::FrameRules::of(config, n);
+  const auto rules = cluster::CheckedFrameConfig::of(config, n);
   std::vector<uint32_t> items(n), offsets(rules.most_clusters(n) + 1), count(1);
   std::vector<Triangle> triangles(n);
   std::vector<Aabb> boxes(rules.most_clusters(n));
@@ -273,11 +273,11 @@ TEST(FrameClusters, refit_keeps_clusters_and_bounds_them) {
   for (const FrameClusterConfig& config : configs()) {
     FrameClusterer c = clusters_of(mesh, config);
     const auto items = copy(c.items());
-    const ClusterDrift rest = c.refit(mesh.positions);
+    const AreaGrowth rest = c.refit(mesh.positions);
     EXPECT_EQ(rest.area_ratio, rest.area_ratio_at_build);
     EXPECT_EQ(rest.growth(), 1.0);
     const Mesh moved = deformed(mesh, 2);
-    const ClusterDrift drift = c.refit(moved.positions);
+    const AreaGrowth growth = c.refit(moved.positions);
     expect_sound(c, moved, config);
     EXPECT_EQ(copy(c.items()), items);
     Aabb all;
@@ -286,13 +286,13 @@ TEST(FrameClusters, refit_keeps_clusters_and_bounds_them) {
       sum += half_area(box);
       extend(all, box);
     }
-    EXPECT_NEAR(drift.area_ratio, sum / half_area(all), 1e-5 * drift.area_ratio);
-    EXPECT_EQ(drift.area_ratio_at_build, rest.area_ratio);
+    EXPECT_NEAR(growth.area_ratio, sum / half_area(all), 1e-5 * growth.area_ratio);
+    EXPECT_EQ(growth.area_ratio_at_build, rest.area_ratio);
   }
 }
 
 TEST(FrameClusters, boxes_without_a_size_count_as_the_whole) {
-  constexpr uint64_t kWhole = cluster::ClusterShares::kWhole;
+  constexpr uint64_t kWhole = cluster::AreaShares::kWhole;
   const float inf = std::numeric_limits<float>::infinity(), nan = std::nanf("");
   // As devices make them of any positions: a cube, half of it, a point, what is infinite, what is
   // no number, nothing.
@@ -302,8 +302,8 @@ TEST(FrameClusters, boxes_without_a_size_count_as_the_whole) {
     std::vector<uint64_t> now(count), at_build(count), total(2);
     uint32_t n = count;
     CpuExec exec;
-    cluster::measure_drift(exec, {nullptr, nullptr, nullptr, of.data(), &n}, count,
-                           {now.data(), at_build.data(), total.data()}, true);
+    cluster::measure_area_growth(exec, {nullptr, nullptr, nullptr, of.data(), &n}, count,
+                                 {now.data(), at_build.data(), total.data()}, true);
     EXPECT_EQ(total[0], std::accumulate(now.begin(), now.end(), uint64_t(0)));
     return now;
   };
@@ -318,7 +318,7 @@ TEST(FrameClusters, boxes_without_a_size_count_as_the_whole) {
   for (size_t i = 4; i < shares.size(); ++i) EXPECT_EQ(shares[i], kWhole) << i;
 }
 
-TEST(FrameClusters, scaling_alone_is_no_drift) {
+TEST(FrameClusters, scaling_alone_is_no_area_growth) {
   const Mesh mesh = soup(2000, 6);
   FrameClusterer c = clusters_of(mesh, {});
   Mesh larger = mesh;
@@ -326,7 +326,7 @@ TEST(FrameClusters, scaling_alone_is_no_drift) {
   EXPECT_DOUBLE_EQ(c.refit(larger.positions).growth(), 1.0);
 }
 
-TEST(FrameClusters, the_worst_are_built_anew_and_the_others_stay) {
+TEST(FrameClusters, the_worst_are_rebuilt_and_the_others_stay) {
   const Mesh mesh = soup(9000, 8);
   // One end of the soup is stirred.
   Mesh stirred = mesh;
@@ -374,7 +374,7 @@ TEST(FrameClusters, partial_rebuilds_by_teams_of_many_lanes_are_the_same) {
   const Mesh mesh = soup(600, 8), moved = deformed(mesh, 3);
   const auto rebuild = [&](auto exec, const FrameClusterConfig& config) {
     const auto n = uint32_t(mesh.triangles.size());
-    const auto rules = cluster::FrameRules::of(config, n);
+    const auto rules = cluster::CheckedFrameConfig::of(config, n);
     const uint32_t most = rules.most_clusters(n);
     std::vector<uint32_t> items[2], offsets[2], count[2];
     std::vector<Triangle> triangles[2];
@@ -391,11 +391,11 @@ TEST(FrameClusters, partial_rebuilds_by_teams_of_many_lanes_are_the_same) {
       return cluster::Positions{reinterpret_cast<const char*>(m.positions.data()), 12};
     };
     cluster::build_frame(exec, {at(mesh), mesh.triangles.data(), nullptr, n}, rules, view[0]);
-    const cluster::ClusterShares shares{now.data(), at_build[0].data(), total.data()};
-    cluster::measure_drift(exec, view[0], most, shares, true);
+    const cluster::AreaShares shares{now.data(), at_build[0].data(), total.data()};
+    cluster::measure_area_growth(exec, view[0], most, shares, true);
     exec.for_each_team(
         most, cluster::RefitCluster{{at(moved), triangles[0].data(), nullptr, n}, view[0]});
-    cluster::measure_drift(exec, view[0], most, shares, false);
+    cluster::measure_area_growth(exec, view[0], most, shares, false);
     cluster::rebuild_worst(exec, at(moved), rules, view[0], shares, n, 3, view[1],
                            {now.data(), at_build[1].data(), total.data()});
     items[1].insert(items[1].end(), offsets[1].begin(), offsets[1].begin() + count[1][0] + 1);
@@ -522,7 +522,7 @@ TEST(RebuildPolicy, decides_by_threshold_period_and_budget) {
   policy.threshold = 1.5;
   policy.least_period = 4;
   policy.most_period = 20;
-  const ClusterDrift little{2.9, 2.0}, much{3.0, 2.0};
+  const AreaGrowth little{2.9, 2.0}, much{3.0, 2.0};
   EXPECT_EQ(policy.decide(little, 10), Action::kKeep);
   EXPECT_EQ(policy.decide(much, 3), Action::kKeep);
   EXPECT_EQ(policy.decide(much, 4), Action::kRebuild);
