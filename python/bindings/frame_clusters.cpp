@@ -81,7 +81,7 @@ void bind_frame_clusters(nb::module_& module) {
             });
           },
           "positions"_a, "clusters"_a, "threads"_a = 0)
-      .def("drift", [](const FrameClusterer& self) { return pair_of(self.area_growth()); })
+      .def("area_growth", [](const FrameClusterer& self) { return pair_of(self.area_growth()); })
       .def("count", &FrameClusterer::count)
       .def("items", [](const FrameClusterer& self) { return copied<uint32_t>(self.items()); })
       .def("triangles",

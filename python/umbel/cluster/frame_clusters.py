@@ -91,7 +91,7 @@ class FrameClusters:
     @property
     def area_growth(self) -> AreaGrowth:
         """As last measured."""
-        return AreaGrowth(*self._native.drift())
+        return AreaGrowth(*self._native.area_growth())
 
     @property
     def items(self) -> NDArray[np.uint32]:

@@ -1,5 +1,6 @@
 #include "bvh/build/tree_parts.hpp"
 
+#include "base/big_vector.hpp"
 #include "bvh/tree/leaf_order.hpp"
 
 namespace umbel::bvh {
