@@ -190,9 +190,9 @@ void GroupSimplifier::gather_positions(std::span<const uint8_t> locked) {
     components_[p] = source_.non_manifold_components[position_ids_[p]];
   }
   for (size_t v = 0; v < count; ++v) {
-    // Adding 0 turns -0 into 0, so that meshoptimizer sees equal positions as equal bits.
+    // meshoptimizer compares positions by their bits.
     const Vec3 p = source_.mesh.positions[position_ids_[position_of_[v]]] * source_.scale;
-    positions_[v] = {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f};
+    positions_[v] = without_negative_zero(p);
   }
 }
 
