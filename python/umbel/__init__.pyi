@@ -6,11 +6,11 @@ from . import cuda as cuda
 from . import io as io
 from . import shapes as shapes
 from .accel.bvh import Bvh as Bvh
-from .accel.bvh import Bvh2 as Bvh2
-from .accel.bvh import KaryTree as KaryTree
-from .accel.bvh import build_bvh2 as build_bvh2
-from .accel.bvh import build_kary as build_kary
 from .accel.kdtree import KdTree as KdTree
+from .accel.trees import Bvh2 as Bvh2
+from .accel.trees import KaryTree as KaryTree
+from .accel.trees import build_bvh2 as build_bvh2
+from .accel.trees import build_kary as build_kary
 from .accel.trimesh_rays import trimesh_rays as trimesh_rays
 from .accel.uniform import IntervalHierarchy as IntervalHierarchy
 from .accel.uniform import TwoLevelGrid as TwoLevelGrid

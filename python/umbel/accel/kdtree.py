@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from umbel import _umbel
-from umbel.accel.bvh import _geometry, _mesh_of
+from umbel.accel.inputs import geometry_of, mesh_from
 from umbel.accel.queries import TriangleQueries
 from umbel.accel.rays import mask_array
 from umbel.errors import Error
@@ -92,10 +92,10 @@ class KdTree(TriangleQueries):
                 setattr(config, key, value)
             except (TypeError, RuntimeError):
                 raise Error(f"{key} cannot be {value!r}") from None
-        mesh = _mesh_of(positions, triangles)
+        mesh = mesh_from(positions, triangles)
         with about(mesh):
             self._native = _umbel.KdTree.build(
-                _geometry(mesh),
+                geometry_of(mesh),
                 config,
                 mask_array(masks, len(mesh.triangles)),
                 progress,

@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from umbel import _umbel
-from umbel.accel.bvh import _geometry, _mesh_of
+from umbel.accel.inputs import geometry_of, mesh_from
 from umbel.accel.queries import TriangleQueries
 from umbel.accel.rays import mask_array
 from umbel.errors import Error
@@ -30,11 +30,11 @@ class _Uniform(TriangleQueries):
     ) -> None:
         if config["invalid"] not in ("refuse", "drop"):
             raise Error(f"invalid must be 'refuse' or 'drop', not {config['invalid']!r}")
-        mesh = _mesh_of(*source)
+        mesh = mesh_from(*source)
         self._origin = mesh.origin
         given = config | {"drop_invalid": config["invalid"] == "drop"}
         del given["invalid"]
-        geometry, bits = _geometry(mesh), mask_array(masks, len(mesh.triangles))
+        geometry, bits = geometry_of(mesh), mask_array(masks, len(mesh.triangles))
         count = thread_count(threads)
         try:
             with about(mesh):

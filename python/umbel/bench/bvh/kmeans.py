@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from umbel.accel.bvh import build_bvh2, kmeans_times
+from umbel.accel.trees import build_bvh2, kmeans_times
 from umbel.bench.bvh.scenes import COSTS, PRESETS, Kmeans
 from umbel.bench.table import Column, Row
 from umbel.bench.timing import Span

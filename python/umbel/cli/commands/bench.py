@@ -15,7 +15,7 @@ from umbel.cli.outputs import made_folder
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, say, show
 
 if TYPE_CHECKING:
-    from umbel.bench.bvh import compare as bvh_bench
+    from umbel.bench.bvh.compare import Comparison as BvhComparison
     from umbel.bench.bvh.scenes import Kmeans
     from umbel.bench.clusters import Comparison
     from umbel.bench.lod import Comparison as LodComparison
@@ -139,22 +139,24 @@ def bvh(
     parameters = None if kmeans is None else _kmeans(kmeans)
 
     from umbel.bench import charts
-    from umbel.bench.bvh import compare as bench
+    from umbel.bench.bvh.compare import compare, generated_scene
+    from umbel.bench.bvh.methods import PARTS, Effort
+    from umbel.bench.bvh.report import write
     from umbel.cli.progress import Bar
 
     inputs = _loaders(scenes or [])
     if generated is not None or not inputs:
-        inputs |= bench.generated(_PLANT if generated is None else generated)
+        inputs |= generated_scene(_PLANT if generated is None else generated)
     if device == "cuda":
         _bvh_on_device(inputs, builder or [], runs, output, scenes, as_json)
         return
-    effort = bench.Effort(runs, samples, share, widths, threads, part or bench.PARTS, builder or ())
+    effort = Effort(runs, samples, share, widths, threads, part or PARTS, builder or ())
     with Bar() as bar:
-        found = bench.compare(inputs, effort, kmeans=parameters, progress=bar)
+        found = compare(inputs, effort, kmeans=parameters, progress=bar)
     if output is not None:
         if not charts.available():
             say(charts.WITHOUT)
-        bench.write(found, output)
+        write(found, output)
     if as_json:
         _show(found, scenes, output, "bvh")
     else:
@@ -287,19 +289,20 @@ def _bvh_on_device(
         print(bvh_cuda.report(found), end="")
 
 
-def _print_bvh(found: bvh_bench.Comparison) -> None:
-    from umbel.bench.bvh import compare as bench
+def _print_bvh(found: BvhComparison) -> None:
     from umbel.bench.bvh import kmeans as bvh_kmeans
+    from umbel.bench.bvh.columns import CHEAPEST, COLUMNS, MEANS
+    from umbel.bench.bvh.report import report
     from umbel.bench.table import print_table
 
     if not sys.stdout.isatty():
-        print(bench.report(found), end="")
+        print(report(found), end="")
         return
     print(*found.machine.sentences(), sep="\n")
     for title, columns, rows, group in (
-        ("Builders", bench.COLUMNS, found.rows, "scene"),
-        ("Geometric means over the scenes", bench.MEANS, found.means, "width"),
-        ("Which for how many samples", bench.CHEAPEST, found.cheapest, "scene"),
+        ("Builders", COLUMNS, found.rows, "scene"),
+        ("Geometric means over the scenes", MEANS, found.means, "width"),
+        ("Which for how many samples", CHEAPEST, found.cheapest, "scene"),
         ("k-means by stage", bvh_kmeans.STAGES, found.stages, "scene"),
         ("SAH cost of k-means", bvh_kmeans.ITERATIONS, found.iterations, "scene"),
     ):

@@ -16,8 +16,10 @@ from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
-    from umbel.accel.bvh import Bvh, KaryTree, TreeOptions
+    from umbel.accel.bvh import Bvh
     from umbel.accel.kdtree import KdTree
+    from umbel.accel.tree_options import TreeOptions
+    from umbel.accel.trees import KaryTree
     from umbel.bench.bvh.rays import Rays
 
 PICTURE = 512
@@ -162,7 +164,8 @@ def command(
         "treelet_rounds": treelet_rounds,
     }
 
-    from umbel.accel.bvh import Bvh, Bvh2, build_bvh2, build_kary
+    from umbel.accel.bvh import Bvh
+    from umbel.accel.trees import Bvh2, build_bvh2, build_kary
     from umbel.bench.bvh.rays import diffuse_rays, primary_rays
     from umbel.cli.progress import Bar
     from umbel.geometry.origin import warn_of_origin, zero_origin

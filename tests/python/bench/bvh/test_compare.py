@@ -14,16 +14,17 @@ import pytest
 
 import umbel
 from helpers.commands import Umbel
-from umbel.accel.bvh import build_bvh2, builders, kmeans_times
+from umbel.accel.tree_options import builders
+from umbel.accel.trees import build_bvh2, kmeans_times
+from umbel.bench.bvh import columns, methods, paths, report, totals
 from umbel.bench.bvh import compare as bench
 from umbel.bench.bvh import kmeans as bvh_kmeans
-from umbel.bench.bvh import paths
 from umbel.bench.bvh.plant import GROUND, plant
 from umbel.bench.bvh.scenes import PRESETS, SETTINGS, Kmeans, scene
 from umbel.bench.timing import Span
 
 HAS_MATPLOTLIB = importlib.util.find_spec("matplotlib") is not None
-QUICK = bench.Effort(runs=1, share=0.003, threads=1)
+QUICK = methods.Effort(runs=1, share=0.003, threads=1)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,7 @@ def row(builder: str, build: float, sample: float, **changes: object) -> dict:
 
 
 def test_ratios_are_to_a_full_sweep_that_takes_no_time() -> None:
-    sweep, other = bench.normalised(
+    sweep, other = totals.normalised(
         [
             row("sweep", 5.0, 0.5, widen_seconds=1.0),
             row("lbvh", 1.5, 0.625, widen_seconds=0.5, sah_cost=150.0, epo=25.0),
@@ -62,8 +63,8 @@ def test_ratios_are_to_a_full_sweep_that_takes_no_time() -> None:
     )
     assert (sweep["lq_seconds"], sweep["hq_seconds"]) == (10.0, 70.0)  # its own build counts here
     assert (other["lq_seconds"], other["hq_seconds"]) == (7.0, 82.0)
-    assert all(sweep[key] == 1.0 for key in bench.RATIOS)
-    assert [other[key] for key in bench.RATIOS] == [1.5, 2.5, 0.8, 7.0 / 4.0, 82.0 / 64.0]
+    assert all(sweep[key] == 1.0 for key in columns.RATIOS)
+    assert [other[key] for key in columns.RATIOS] == [1.5, 2.5, 0.8, 7.0 / 4.0, 82.0 / 64.0]
 
 
 def test_ratios_stay_within_a_scene_and_a_width() -> None:
@@ -74,7 +75,7 @@ def test_ratios_stay_within_a_scene_and_a_width() -> None:
         row("lbvh", 0.0, 0.5, width=8),
         row("lbvh", 0.0, 2.0, scene="t", epo=None),
     ]
-    ratios = [(r["hq_ratio"], r["epo_ratio"]) for r in bench.normalised(rows)]
+    ratios = [(r["hq_ratio"], r["epo_ratio"]) for r in totals.normalised(rows)]
     assert ratios == [(1, 1), (1, 1), (1, None), (1, 1), (0.5, None)]
 
 
@@ -86,9 +87,9 @@ def test_the_cheapest_builder_is_the_lower_envelope() -> None:
         row("never", 8.0, 1.9),  # crosses binned after sweep has taken over
         row("worse", 4.0, 4.0),
     ]
-    chosen = [(r["builder"], r["from_samples"]) for r in bench.cheapest(rows)]
+    chosen = [(r["builder"], r["from_samples"]) for r in totals.cheapest(rows)]
     assert chosen == [("lbvh", 0.0), ("binned", 1.0), ("sweep", 7.0)]
-    rays = [r["from_mrays"] for r in bench.cheapest(rows)]
+    rays = [r["from_mrays"] for r in totals.cheapest(rows)]
     assert rays == pytest.approx([0.0, 5.0, 35.0])
     for samples in np.linspace(0.0, 20.0, 41):
         (best,) = [name for name, begin in chosen if begin <= samples][-1:]
@@ -116,14 +117,14 @@ def test_a_sample_is_scaled_from_the_paths_to_the_pixels() -> None:
 def test_every_builder_is_compared_at_every_width(
     found: bench.Comparison, blob: umbel.Mesh
 ) -> None:
-    published = dict(bench.PUBLISHED.values())
-    names = [*builders(), *published, "best", *bench.STRUCTURES]
+    published = dict(methods.PUBLISHED.values())
+    names = [*builders(), *published, "best", *methods.STRUCTURES]
     for width in (2, 8):
         own = [r for r in found.rows if r["width"] == width]
         assert own[0]["builder"] == "sweep" and sorted(r["builder"] for r in own) == sorted(names)
     for r in found.rows:
-        if r["builder"] in bench.STRUCTURES:
-            structure = bench.STRUCTURES[r["builder"]](blob, cost=(3, 2))
+        if r["builder"] in methods.STRUCTURES:
+            structure = methods.STRUCTURES[r["builder"]](blob, cost=(3, 2))
             assert r["sah_cost"] == structure.statistics()["sah_cost"] and r["epo"] is None
             assert r["build_seconds"] > 0 and r["mrays_per_second"] > 0 and r["hq_ratio"] > 0
             continue
@@ -169,16 +170,16 @@ def test_stages_make_a_whole(blob: umbel.Mesh) -> None:
 
 
 def test_parts_can_be_left_out(blob: umbel.Mesh) -> None:
-    effort = bench.Effort(runs=1, threads=1, parts=("stages",))
+    effort = methods.Effort(runs=1, threads=1, parts=("stages",))
     only = bench.compare({"blob": lambda: blob}, effort, kmeans=Kmeans(4, 2, 1))
     assert only.stages and not only.rows and not only.iterations and not only.means
-    assert "SAH cost" not in bench.report(only) and only.settings == {"blob": "k 4, p 2, i 1"}
+    assert "SAH cost" not in report.report(only) and only.settings == {"blob": "k 4, p 2, i 1"}
     with pytest.raises(umbel.Error, match="stages, iterations, not rays"):
-        bench.compare({"blob": lambda: blob}, bench.Effort(parts=("rays",)))
+        bench.compare({"blob": lambda: blob}, methods.Effort(parts=("rays",)))
 
 
 def test_builders_can_be_chosen(blob: umbel.Mesh) -> None:
-    effort = bench.Effort(
+    effort = methods.Effort(
         1,
         share=0.003,
         widths=(2,),
@@ -189,7 +190,7 @@ def test_builders_can_be_chosen(blob: umbel.Mesh) -> None:
     chosen = bench.compare({"blob": lambda: blob}, effort)
     assert [row["builder"] for row in chosen.rows] == ["sweep", "binned", "ploc 2018", "ploc"]
     with pytest.raises(umbel.Error, match="no builder 'plock'"):
-        bench.methods(Kmeans(8, 5, 2), ["plock"])
+        methods.methods(Kmeans(8, 5, 2), ["plock"])
 
 
 def test_a_comparison_can_be_cancelled(blob: umbel.Mesh) -> None:
@@ -393,7 +394,7 @@ def test_meshes_at_fault_are_refused(mesh: umbel.Mesh, word: str) -> None:
 def test_a_mesh_without_area_is_compared() -> None:
     flat = umbel.Mesh(np.zeros((9, 3), np.float32), np.arange(9).reshape(3, 3))
     found = bench.compare({"flat": lambda: flat}, QUICK)
-    assert len(found.rows) == 2 * (len(bench.methods(PRESETS["Q2"])) + len(bench.STRUCTURES))
+    assert len(found.rows) == 2 * (len(methods.methods(PRESETS["Q2"])) + len(methods.STRUCTURES))
 
 
 @pytest.mark.parametrize("arguments", [("--runs", "0"), ("--share", "2"), ("--samples", "0")])

@@ -1,0 +1,158 @@
+"""Trees as their builders make them: binary ones, and the k-ary ones of k-means."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from umbel import _umbel
+from umbel.accel.inputs import boxes_from, geometry_of, mesh_from
+from umbel.accel.tree_options import TreeOptions, tree_config
+from umbel.errors import Error
+from umbel.geometry.arrays import as_mesh, thread_count
+from umbel.geometry.repair import Progress
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+NODE = np.dtype([("min", "<f4", 3), ("first", "<u4"), ("max", "<f4", 3), ("count", "<u4")])
+"""A node of a `Bvh2`."""
+
+KARY_NODE = np.dtype(
+    [("min", "<f4", 3), ("first", "<u4"), ("max", "<f4", 3), ("children", "<u2"), ("count", "<u2")]
+)
+"""A node of a `KaryTree`."""
+
+
+class Bvh2:
+    """A binary tree, as a builder gave it. `nodes[0]` is the root, and children come after their
+    parent. Made by `build_bvh2`."""
+
+    def __init__(
+        self,
+        tree: _umbel.Bvh2,
+        config: _umbel.BvhConfig,
+        mesh: _umbel.MeshArrays | None,
+    ) -> None:
+        self._native = tree
+        self._config = config
+        self._mesh = mesh
+
+    @property
+    def nodes(self) -> NDArray[Any]:
+        """(n,) `min first max count`, a read-only view. A leaf has `count` primitives from
+        `primitives[first]` on; an inner node has count 0 and the children first and first + 1."""
+        words = self._native.nodes
+        return words.view(NODE).reshape(len(words))
+
+    @property
+    def primitives(self) -> NDArray[np.uint32]:
+        """(p,) in the order of the leaves: each box or triangle once, or, with spatial splits, at
+        least once. A read-only view."""
+        return self._native.primitives
+
+    def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
+        """`nodes leaves max_depth references sah_cost bytes`."""
+        return self._native.statistics(*(cost or self._config.cost))
+
+    def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
+        """Expected cost of a random line, for (traversal, intersection) costs; those of the build
+        where None."""
+        return float(self.statistics(cost)["sah_cost"])
+
+    def epo(self, cost: tuple[float, float] | None = None, *, threads: int = 0) -> float:
+        """End-point overlap (Aila, Karras & Laine 2013); only for trees over triangles."""
+        if self._mesh is None:
+            raise Error("epo needs triangles, and this tree was built over boxes")
+        costs = cost or self._config.cost
+        return self._native.end_point_overlap(self._mesh, *costs, threads=thread_count(threads))
+
+    def __repr__(self) -> str:
+        return f"<Bvh2: {len(self._native.nodes)} nodes, {len(self._native.primitives)} primitives>"
+
+
+def build_bvh2(
+    source: Any,
+    triangles: ArrayLike | None = None,
+    *,
+    builder: str = "quality",
+    progress: Progress | None = None,
+    threads: int = 0,
+    **options: Unpack[TreeOptions],
+) -> Bvh2:
+    """A binary tree over a mesh (as `umbel.Bvh` takes it), or over (n, 6) boxes: min x, y, z,
+    max x, y, z of each. The other arguments are those of `umbel.Bvh`."""
+    config = tree_config(builder, options)
+    boxes = None if triangles is not None else boxes_from(source)
+    if boxes is not None:
+        tree = _umbel.build_bvh2_boxes(boxes, config, progress, thread_count(threads))
+        return Bvh2(tree, config, None)
+    mesh = geometry_of(mesh_from(source, triangles))
+    return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, thread_count(threads)), config, mesh)
+
+
+class KaryTree:
+    """The clusters of k-means with up to k children a node, before they become a binary tree.
+    `nodes[0]` is the root, and children come after their parent. Made by `build_kary`."""
+
+    def __init__(self, tree: _umbel.KaryTree, config: _umbel.BvhConfig) -> None:
+        self._native = tree
+        self._config = config
+
+    @property
+    def nodes(self) -> NDArray[Any]:
+        """(n,) `min first max children count`, a read-only view. A leaf has `count` primitives from
+        `primitives[first]` on, and no children; an inner node has `children` from `first` on."""
+        words = self._native.nodes
+        return words.view(KARY_NODE).reshape(len(words))
+
+    @property
+    def primitives(self) -> NDArray[np.uint32]:
+        """(p,) in the order of the leaves, each box or triangle once. A read-only view."""
+        return self._native.primitives
+
+    def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
+        """`nodes leaves max_depth references sah_cost bytes`."""
+        return self._native.statistics(*(cost or self._config.cost))
+
+    def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
+        """Expected cost of a random line, for (traversal, intersection) costs, where a visit of a
+        node costs the same whatever its number of children."""
+        return float(self.statistics(cost)["sah_cost"])
+
+    def __repr__(self) -> str:
+        return f"<KaryTree: {len(self.nodes)} nodes, {len(self.primitives)} primitives>"
+
+
+def build_kary(
+    source: Any,
+    triangles: ArrayLike | None = None,
+    *,
+    builder: str = "kmeans",
+    progress: Progress | None = None,
+    threads: int = 0,
+    **options: Unpack[TreeOptions],
+) -> KaryTree:
+    """The tree of k-means clusters over a mesh or boxes, taken as by `build_bvh2`. `builder` is
+    "kmeans" or "kmeans-q1" to "kmeans-q5"; of the options those of kmeans count, `max_leaf_size`,
+    `cost` and `invalid`. `Bvh.from_tree` traces it."""
+    config = tree_config(builder, options)
+    if config.builder != "kmeans":
+        raise Error(f"builder must be kmeans or one of its settings, not {builder!r}")
+    boxes = None if triangles is not None else boxes_from(source)
+    count = thread_count(threads)
+    if boxes is not None:
+        return KaryTree(_umbel.build_kary_boxes(boxes, config, progress, count), config)
+    mesh = geometry_of(mesh_from(source, triangles))
+    return KaryTree(_umbel.build_kary_mesh(mesh, config, progress, count), config)
+
+
+def kmeans_times(
+    source: Any, *, progress: Progress | None = None, **options: Unpack[TreeOptions]
+) -> dict[str, float]:
+    """Where the time of the builder kmeans goes, on one thread over a mesh: wall-clock seconds of
+    `boxes`, `seeding`, `iterations`, `sizes`, `reordering` and `agglomeration`."""
+    config = tree_config("kmeans", options)
+    return _umbel.kmeans_times(geometry_of(as_mesh(source)), config, progress)

@@ -1,0 +1,92 @@
+"""A comparison of builders as Markdown, CSV and charts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from umbel.bench import charts
+from umbel.bench.bvh import charts as bvh_charts
+from umbel.bench.bvh import kmeans as bvh_kmeans
+from umbel.bench.bvh.columns import CHEAPEST, COLUMNS, MEANS
+from umbel.bench.bvh.compare import Comparison
+from umbel.bench.bvh.methods import LARGE, Effort
+from umbel.bench.bvh.paths import HEIGHT, WIDTH
+from umbel.bench.bvh.scenes import COSTS
+from umbel.bench.bvh.totals import HQ, LQ
+from umbel.bench.table import csv_text, markdown
+from umbel.bench.timing import cores
+
+
+def _legend(effort: Effort) -> str:
+    how = (
+        "One thread, timed by the processor time that it used."
+        if effort.threads == 1
+        else f"{effort.threads or cores()} threads, timed by the wall clock."
+    )
+    parts = [
+        f"{how} Medians of {effort.runs} runs that took turns; scenes of over {LARGE:,} triangles "
+        f"are built once, and their EPO is left out. At most 8 triangles a leaf, costs "
+        f"{COSTS[0]:g} and {COSTS[1]:g}."
+    ]
+    if "builders" in effort.parts:
+        share = "" if effort.share >= 1 else f" in {effort.share:.3g} of the pictures' tiles"
+        paths = "1 path" if effort.samples == 1 else f"{effort.samples} paths"
+        parts += [
+            f"Three views of {WIDTH} x {HEIGHT}, two shadow rays at each hit. {paths} a pixel"
+            f"{share} were traced; the total times, those of one picture with {LQ} (LQ) and {HQ} "
+            "(HQ) samples a pixel, are extrapolated from that: build, widening and tracing. Width: "
+            "children a node of what is traced.",
+            "Ratios are to the full sweep of the same width with zero build time: for speed more "
+            "is better, for the others less.",
+        ]
+    return "\n\n".join(parts)
+
+
+def report(found: Comparison) -> str:
+    """The comparison as a Markdown document."""
+    machine = "\n".join(found.machine.sentences())
+    parts = ["# Builders of hierarchies", machine, _legend(found.effort)]
+    for name, kmeans in found.settings.items():
+        rows = [row for row in found.rows if row["scene"] == name]
+        if rows:
+            parts += [
+                f"## {name}",
+                f"{rows[0]['triangles']:,} triangles; k-means with {kmeans}.",
+                markdown(COLUMNS[1:], rows).rstrip(),
+            ]
+    if found.rows:
+        parts += [
+            "## Geometric means over the scenes",
+            markdown(MEANS, found.means).rstrip(),
+            "## Which builder for how many samples",
+            "The builder that makes one picture soonest from so many samples, or rays, on.",
+            markdown(CHEAPEST, found.cheapest).rstrip(),
+        ]
+    for title, columns, rows in (
+        ("k-means by stage", bvh_kmeans.STAGES, found.stages),
+        ("SAH cost of k-means after iterations", bvh_kmeans.ITERATIONS, found.iterations),
+    ):
+        if rows:
+            parts += [f"## {title}", markdown(columns, rows).rstrip()]
+    return "\n\n".join(parts) + "\n"
+
+
+def write(found: Comparison, folder: Path) -> list[Path]:
+    """Writes the tables, and charts if matplotlib is there; the files written."""
+    from umbel.io.files import write_all
+
+    tables = {
+        "bvh.csv": found.rows,
+        "bvh_cheapest.csv": found.cheapest,
+        "bvh_stages.csv": found.stages,
+        "bvh_iterations.csv": found.iterations,
+    }
+    texts = {"bvh.md": report(found)}
+    texts |= {name: csv_text(rows) for name, rows in tables.items() if rows}
+    for name, text in texts.items():
+        write_all(folder / name, [text.encode()])
+    written = [folder / name for name in texts]
+    if not charts.available():
+        return written
+    drawn = bvh_charts.draw(folder, found.rows, found.stages, found.iterations)
+    return written + drawn + bvh_charts.save_sketches(folder, found.sketches)
