@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from umbel import _umbel
 from umbel.accel.inputs import geometry_of, mesh_from
-from umbel.accel.queries import TriangleQueries
+from umbel.accel.queries import SpatialPartition
 from umbel.accel.rays import mask_array
 from umbel.errors import Error
-from umbel.geometry.arrays import about, thread_count
+from umbel.geometry.arrays import about, configure, thread_count
 from umbel.geometry.origin import origin_of, warn_of_origin
 from umbel.geometry.repair import Progress
 
@@ -28,7 +28,7 @@ def _traversal(ropes: bool, name: str | None) -> str:
     return name
 
 
-class KdTree(TriangleQueries):
+class KdTree(SpatialPartition):
     """A kd-tree over triangles that answers what `umbel.Bvh` does, with the same results. It holds
     all that it needs: the mesh need not be kept."""
 
@@ -75,7 +75,7 @@ class KdTree(TriangleQueries):
             raise Error(f"invalid must be 'refuse' or 'drop', not {invalid!r}")
         config.drop_invalid = invalid == "drop"
         config.compact = bool(compact)
-        options: dict[str, Any] = {
+        options = {
             "builder": builder,
             "traversal": _traversal(ropes, traversal),
             "cost": cost,
@@ -85,13 +85,7 @@ class KdTree(TriangleQueries):
             "max_references": max_references,
             "bins": bins,
         }
-        for key, value in options.items():
-            if value is None:
-                continue
-            try:
-                setattr(config, key, value)
-            except (TypeError, RuntimeError):
-                raise Error(f"{key} cannot be {value!r}") from None
+        configure(config, options)
         mesh = mesh_from(positions, triangles)
         with about(mesh):
             self._native = _umbel.KdTree.build(
@@ -134,16 +128,6 @@ class KdTree(TriangleQueries):
     @traversal.setter
     def traversal(self, name: str) -> None:
         self._native.traversal = _traversal(False, name)
-
-    def statistics(self) -> dict[str, Any]:
-        """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests
-        bytes`; visits and tests are those that a random line is expected to make."""
-        return self._native.statistics()
-
-    @property
-    def sah_cost(self) -> float:
-        """Expected cost of a random line."""
-        return float(self._native.statistics()["sah_cost"])
 
     def __repr__(self) -> str:
         return f"<KdTree: {len(self)} triangles, {self._native.statistics()['nodes']} nodes>"

@@ -114,3 +114,19 @@ def _number(name: str, value: float) -> float:
     if not isinstance(value, (int, float, np.number)):
         raise Error(f"{name} must be a number, not {value!r}")
     return float(value)
+
+
+class SpatialPartition(TriangleQueries):
+    """What kd-trees and uniform structures say of themselves besides."""
+
+    _native: _umbel.KdTree | _umbel.TwoLevelGrid | _umbel.IntervalHierarchy
+
+    def statistics(self) -> dict[str, Any]:
+        """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests
+        bytes`; visits and tests are those that a random line is expected to make."""
+        return self._native.statistics()
+
+    @property
+    def sah_cost(self) -> float:
+        """Expected cost of a random line."""
+        return float(self._native.statistics()["sah_cost"])

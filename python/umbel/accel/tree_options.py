@@ -6,6 +6,7 @@ from typing import Any, Literal, TypedDict
 
 from umbel import _umbel
 from umbel.errors import Error
+from umbel.geometry.arrays import configure
 
 PRESETS = ("fast", "quality", "best")
 DISTANCES = ("euclidean", "manhattan")
@@ -77,11 +78,7 @@ def tree_config(builder: str, options: TreeOptions) -> _umbel.BvhConfig:
     config.drop_invalid = _choice("invalid", changes, ("refuse", "drop")) == "drop"
     if "distance" in changes:
         config.manhattan = _choice("distance", changes, DISTANCES) == "manhattan"
-    for name, value in changes.items():
-        try:
-            setattr(config, name, value)
-        except (TypeError, RuntimeError):
-            raise Error(f"{name} cannot be {value!r}") from None
+    configure(config, changes)
     return config
 
 

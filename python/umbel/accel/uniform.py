@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike
 
 from umbel import _umbel
 from umbel.accel.inputs import geometry_of, mesh_from
-from umbel.accel.queries import TriangleQueries
+from umbel.accel.queries import SpatialPartition
 from umbel.accel.rays import mask_array
 from umbel.errors import Error
 from umbel.geometry.arrays import about, thread_count
 from umbel.geometry.repair import Progress
 
 
-class _Uniform(TriangleQueries):
+class _Uniform(SpatialPartition):
     _native: _umbel.TwoLevelGrid | _umbel.IntervalHierarchy
 
     def _build(
@@ -43,16 +43,6 @@ class _Uniform(TriangleQueries):
                 )
         except TypeError:
             raise Error(f"one of these settings is of the wrong type: {config!r}") from None
-
-    def statistics(self) -> dict[str, Any]:
-        """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests
-        bytes`; visits and tests are those that a random line is expected to make."""
-        return self._native.statistics()
-
-    @property
-    def sah_cost(self) -> float:
-        """Expected cost of a random line."""
-        return float(self._native.statistics()["sah_cost"])
 
 
 class TwoLevelGrid(_Uniform):

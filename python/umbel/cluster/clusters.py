@@ -14,6 +14,7 @@ from umbel.errors import Error
 from umbel.geometry.arrays import (
     about,
     as_mesh,
+    configure,
     indices,
     native,
     numbers,
@@ -69,13 +70,7 @@ def _config(preset: str, max_items: int, **changes: Any) -> _umbel.ClusterConfig
     if isinstance(max_items, bool) or not 0 <= max_items <= 0xFFFFFFFF:
         raise Error(f"the most items of a cluster cannot be {max_items}")
     config = _umbel.cluster_preset(preset, max_items)
-    for key, value in changes.items():
-        if value is None:
-            continue
-        try:
-            setattr(config, key, value)
-        except TypeError:
-            raise Error(f"{key} cannot be {value!r}") from None
+    configure(config, changes)
     return config
 
 

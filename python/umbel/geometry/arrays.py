@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import operator
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -76,6 +76,18 @@ def whole(name: str, value: int, most: int = 0xFFFFFFFF) -> int:
 
 def thread_count(threads: int) -> int:
     return whole("threads", threads)
+
+
+def configure(config: Any, options: Mapping[str, Any]) -> None:
+    """Sets those of the library's settings that are not None; umbel.Error names one whose value has
+    the wrong type."""
+    for name, value in options.items():
+        if value is None:
+            continue
+        try:
+            setattr(config, name, value)
+        except (TypeError, RuntimeError):
+            raise Error(f"{name} cannot be {value!r}") from None
 
 
 def as_mesh(source: Any, allow_outside: bool = False) -> Mesh:

@@ -13,17 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import indices, mesh_of, thread_count, whole
+from umbel.geometry.arrays import indices, mesh_of
 from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import zero_origin
-from umbel.geometry.repair import Progress
 from umbel.io.scene import Scene
 from umbel.lod.instances import InstanceCut, scene_cuts, scene_error, scene_mesh, shown_scene
 from umbel.lod.materials import read_materials
 from umbel.lod.remote import readable, remote
 from umbel.lod.tables import HasTables, Tables
-from umbel.lod.verify import VerifyReport
 
 
 class Asset(HasTables):
@@ -179,18 +177,3 @@ class Asset(HasTables):
     def cluster(self, index: int, mesh: int = 0) -> Mesh:
         """The triangles of one cluster."""
         return mesh_of(self._native.geometry(index, mesh), [], origin=self._mesh_origin)
-
-    def verify(
-        self,
-        cuts: int = 64,
-        *,
-        seed: int = 1,
-        progress: Progress | None = None,
-        threads: int = 0,
-    ) -> VerifyReport:
-        """The same as `umbel.verify` on this file."""
-        return VerifyReport(
-            **self._native.verify(
-                whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads)
-            )
-        )

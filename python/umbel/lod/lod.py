@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
-from umbel.geometry.arrays import indices, mesh_of, thread_count, whole
+from umbel.geometry.arrays import indices, mesh_of
 from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import zero_origin
-from umbel.geometry.repair import Progress
 from umbel.io.gltf.tree import is_trivial
-from umbel.lod.save import PAGE_BYTES, metadata_of, save_asset
+from umbel.lod.save import Savable
 from umbel.lod.tables import HasTables
-from umbel.lod.verify import VerifyReport
 
 
-class Lod(HasTables):
+class Lod(HasTables, Savable):
     """A mesh as a DAG of clusters, in memory. `build_lod` makes it, `save` writes it."""
 
     _native: _umbel.Dag
@@ -91,54 +88,6 @@ class Lod(HasTables):
         made.tree, made.coordinates = self._tree, self.coordinates
         return made
 
-    def verify(
-        self,
-        cuts: int = 64,
-        *,
-        seed: int = 1,
-        progress: Progress | None = None,
-        threads: int = 0,
-    ) -> VerifyReport:
-        """The checks of `umbel.verify`, without those of a file."""
-        return VerifyReport(
-            **self._native.verify(
-                whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads)
-            )
-        )
-
-    def metadata(self) -> dict[str, Any]:
-        """What `save` writes beside the geometry. Holds nothing that differs between two builds
-        of the same mesh."""
-        return metadata_of(self, self._name)
-
-    def save(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        exact: bool | None = None,
-        textures: str = "embed",
-        page_bytes: int = PAGE_BYTES,
-        progress: Progress | None = None,
-        threads: int = 0,
-    ) -> int:
-        """Writes the asset beside `path` and renames it, so that a file of that name is always
-        whole. Returns its bytes.
-
-        exact: keep every bit of normals, tangents, UVs and colours, or store them in fewer bits
-            (docs/format.md); None: as the build did with positions, exactly without `precision`.
-        textures: "embed" the materials' images, leave them "external" where they are files of
-            their own, or "none".
-        page_bytes: what is read at once, at most, where one group does not take more.
-        """
-        return save_asset(
-            path,
-            [self],
-            metadata=self.metadata(),
-            exact=exact,
-            textures=textures,
-            page_bytes=page_bytes,
-            origin=self.origin,
-            scene={} if is_trivial(self._tree) else self._tree,
-            progress=progress,
-            threads=threads,
-        )
+    def _saved(self) -> dict[str, Any]:
+        tree = {} if is_trivial(self._tree) else self._tree
+        return {"lods": [self], "scene": tree}

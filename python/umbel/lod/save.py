@@ -26,16 +26,62 @@ PAGE_BYTES = 40 << 10
 """Most bytes of a page of several groups, unless the caller chooses."""
 
 
-def metadata_of(built: Any, name: str) -> dict[str, Any]:
-    """What an asset says of a Lod or SceneLod; `seconds` differ between two builds of one mesh."""
-    said: dict[str, Any] = {
-        "generator": f"umbel {_umbel.version()}",
-        "name": name,
-        "config": built.config,
-        "source": built.source,
-        "report": {key: value for key, value in built.report.items() if key != "seconds"},
-    }
-    return said | ({"coordinates": built.coordinates} if built.coordinates else {})
+class Savable:
+    """What can be saved as an asset: one mesh or a scene, with levels of detail."""
+
+    origin: NDArray[np.float64]
+    report: dict[str, Any]
+    config: dict[str, Any]
+    source: dict[str, Any]
+    coordinates: dict[str, str]
+    _name: str
+
+    def metadata(self) -> dict[str, Any]:
+        """What `save` writes beside the geometry: the same for two builds of the same mesh, so
+        without their times."""
+        said: dict[str, Any] = {
+            "generator": f"umbel {_umbel.version()}",
+            "name": self._name,
+            "config": self.config,
+            "source": self.source,
+            "report": {key: value for key, value in self.report.items() if key != "seconds"},
+        }
+        return said | ({"coordinates": self.coordinates} if self.coordinates else {})
+
+    def _saved(self) -> dict[str, Any]:
+        """The arguments of `save_asset` for the meshes and what stands in the scene."""
+        raise NotImplementedError
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        exact: bool | None = None,
+        textures: str = "embed",
+        page_bytes: int = PAGE_BYTES,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> int:
+        """Writes the asset beside `path` and renames it, so that a file of that name is always
+        whole. Returns its bytes.
+
+        exact: keep every bit of normals, tangents, UVs and colours, or store them in fewer bits
+            (docs/format.md); None: as the build did with positions, exactly without `precision`.
+        textures: "embed" the materials' images, leave them "external" where they are files of
+            their own, or "none".
+        page_bytes: what is read at once, at most, where one group does not take more.
+        """
+        return save_asset(
+            path,
+            metadata=self.metadata(),
+            origin=self.origin,
+            exact=exact,
+            textures=textures,
+            page_bytes=page_bytes,
+            progress=progress,
+            threads=threads,
+            **self._saved(),
+        )
 
 
 def save_asset(

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from umbel.geometry.repair import Progress
 from umbel.io.scene import Scene
 from umbel.lod.arrange import is_single, matrix_rounding, mesh_instances, scene_boxes
 from umbel.lod.instances import scale_range
 from umbel.lod.lod import Lod
-from umbel.lod.save import PAGE_BYTES, metadata_of, save_asset
+from umbel.lod.save import Savable
 
 
-class SceneLod:
+class SceneLod(Savable):
     """Meshes with their levels of detail and instances. `build_scene` makes it."""
 
     def __init__(self, lods: list[Lod], scene: Scene, step: float | None = None) -> None:
@@ -51,34 +49,8 @@ class SceneLod:
     def __repr__(self) -> str:
         return f"<SceneLod: {len(self.lods)} meshes in {max(len(self.instances), 1)} instances>"
 
-    def metadata(self) -> dict[str, Any]:
-        """What `save` writes beside the geometry."""
-        return metadata_of(self, self._name)
-
-    def save(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        exact: bool | None = None,
-        textures: str = "embed",
-        page_bytes: int = PAGE_BYTES,
-        progress: Progress | None = None,
-        threads: int = 0,
-    ) -> int:
-        """Writes the asset, as `Lod.save` does. Returns its bytes."""
-        return save_asset(
-            path,
-            self.lods,
-            self.instances,
-            metadata=self.metadata(),
-            exact=exact,
-            textures=textures,
-            page_bytes=page_bytes,
-            origin=self.origin,
-            scene=self._tree,
-            progress=progress,
-            threads=threads,
-        )
+    def _saved(self) -> dict[str, Any]:
+        return {"lods": self.lods, "instances": self.instances, "scene": self._tree}
 
 
 def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:

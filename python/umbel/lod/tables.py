@@ -15,6 +15,8 @@ from umbel.errors import Error
 from umbel.geometry.arrays import array_of, indices, numbers, rows, thread_count, whole
 from umbel.geometry.camera import Camera, moved_planes
 from umbel.geometry.origin import origin_of
+from umbel.geometry.repair import Progress
+from umbel.lod.verify import VerifyReport
 
 LEVEL = np.dtype([("offset", "<u4"), ("count", "<u4")])
 GROUP = np.dtype(
@@ -342,3 +344,15 @@ class HasTables:
     ) -> ClusterBounds:
         """Spheres and cones of normals of all clusters, for `Tables.cut`. Reads all geometry."""
         return ClusterBounds.of_rows(self._native.normal_cones(progress, thread_count(threads)))
+
+    def verify(
+        self,
+        cuts: int = 64,
+        *,
+        seed: int = 1,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> VerifyReport:
+        """The checks of `umbel.verify`; of what is in memory, those that need no file."""
+        arguments = whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads)
+        return VerifyReport(**self._native.verify(*arguments))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ SRGB_TEXTURES = (
     "specularGlossinessTexture",
 )  # fmt: skip
 
-#: Says nothing of how a surface looks.
+#: Extensions that do not change the picture.
 _INVISIBLE = ("KHR_xmp_json_ld", "KHR_animation_pointer", "KHR_materials_emissive_strength")
 _UNLIT = "KHR_materials_unlit"
 _GLOSSY = "KHR_materials_pbrSpecularGlossiness"
@@ -57,80 +58,115 @@ class _Extension:
         return float(info.get("scale", 1.0)) if isinstance(info, dict) else 1.0
 
 
-def _ior(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    out.ior = e.number("ior", 1.5, 0.0, 100.0)
+@dataclass(frozen=True)
+class _Layer:
+    """How one extension becomes fields of the tracer's material: (field, key in the JSON), with the
+    default and the range of numbers, and the default and the largest value of colours."""
+
+    numbers: Sequence[tuple[str, str, float, float, float]] = ()
+    colors: Sequence[tuple[str, str, float, float]] = ()
+    textures: Sequence[tuple[str, str]] = ()
+    more: Callable[[_Extension, _umbel.TraceMaterial], None] | None = None
+    """What the table cannot say."""
+
+    def add(self, extension: _Extension, out: _umbel.TraceMaterial) -> None:
+        for field, key, default, low, high in self.numbers:
+            setattr(out, field, extension.number(key, default, low, high))
+        for field, key, gray, most in self.colors:
+            setattr(out, field, extension.color(key, gray, most))
+        for field, key in self.textures:
+            setattr(out, field, extension.texture(key))
+        if self.more is not None:
+            self.more(extension, out)
+
+
+def _clamp_ior(_: _Extension, out: _umbel.TraceMaterial) -> None:
+    """Below 1 only 0 means something: that the extension does not apply."""
     if 0.0 < out.ior < 1.0:
         out.ior = 1.0
 
 
-def _specular(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    out.specular = e.number("specularFactor", 1.0)
-    out.specular_color = e.color("specularColorFactor", 1.0, 100.0)
-    out.specular_texture = e.texture("specularTexture")
-    out.specular_color_texture = e.texture("specularColorTexture")
+def _has_volume(extension: _Extension, out: _umbel.TraceMaterial) -> None:
+    """Rays find out themselves how thick it is."""
+    out.body = extension.number("thicknessFactor", 0.0, 0.0, math.inf) > 0.0
 
 
-def _transmission(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    out.transmission = e.number("transmissionFactor", 0.0)
-    out.transmission_texture = e.texture("transmissionTexture")
+def _clearcoat_scale(extension: _Extension, out: _umbel.TraceMaterial) -> None:
+    out.clearcoat_normal_scale = extension.scale("clearcoatNormalTexture")
 
 
-def _volume(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    """How thick it is, rays find out themselves."""
-    out.body = e.number("thicknessFactor", 0.0, 0.0, math.inf) > 0.0
-    out.attenuation_distance = e.number("attenuationDistance", math.inf, 1e-30, math.inf)
-    out.attenuation_color = e.color("attenuationColor", 1.0)
-
-
-def _diffuse_transmission(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    out.diffuse_transmission = e.number("diffuseTransmissionFactor", 0.0)
-    out.diffuse_transmission_color = e.color("diffuseTransmissionColorFactor", 1.0)
-    out.diffuse_transmission_texture = e.texture("diffuseTransmissionTexture")
-    out.diffuse_transmission_color_texture = e.texture("diffuseTransmissionColorTexture")
-
-
-def _clearcoat(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    out.clearcoat = e.number("clearcoatFactor", 0.0)
-    out.clearcoat_roughness = e.number("clearcoatRoughnessFactor", 0.0)
-    out.clearcoat_normal_scale = e.scale("clearcoatNormalTexture")
-    out.clearcoat_texture = e.texture("clearcoatTexture")
-    out.clearcoat_roughness_texture = e.texture("clearcoatRoughnessTexture")
-    out.clearcoat_normal_texture = e.texture("clearcoatNormalTexture")
-
-
-def _sheen(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    out.sheen_color = e.color("sheenColorFactor", 0.0)
-    out.sheen_roughness = e.number("sheenRoughnessFactor", 0.0)
-    out.sheen_color_texture = e.texture("sheenColorTexture")
-    out.sheen_roughness_texture = e.texture("sheenRoughnessTexture")
-
-
-def _iridescence(e: _Extension, out: _umbel.TraceMaterial) -> None:
-    out.iridescence = e.number("iridescenceFactor", 0.0)
-    out.iridescence_ior = e.number("iridescenceIor", 1.3, 1.0, 100.0)
-    out.iridescence_thickness_min = e.number("iridescenceThicknessMinimum", 100.0, 0.0, 1e6)
-    out.iridescence_thickness_max = e.number("iridescenceThicknessMaximum", 400.0, 0.0, 1e6)
-    out.iridescence_texture = e.texture("iridescenceTexture")
-    out.iridescence_thickness_texture = e.texture("iridescenceThicknessTexture")
-
-
-def _glossy(e: _Extension, out: _umbel.TraceMaterial) -> None:
+def _glossy_color(extension: _Extension, out: _umbel.TraceMaterial) -> None:
     """The colour of the reflection; roughness is the material's own, from the glossiness."""
-    r, g, b = (v / _DIELECTRIC for v in e.color("specularFactor", 1.0))
+    r, g, b = (v / _DIELECTRIC for v in extension.color("specularFactor", 1.0))
     out.specular_color = (r, g, b)
-    out.specular_color_texture = e.texture("specularGlossinessTexture")
 
 
-_RENDERED: dict[str, Callable[[_Extension, _umbel.TraceMaterial], None]] = {
-    "KHR_materials_ior": _ior,
-    "KHR_materials_specular": _specular,
-    "KHR_materials_transmission": _transmission,
-    "KHR_materials_volume": _volume,
-    "KHR_materials_diffuse_transmission": _diffuse_transmission,
-    "KHR_materials_clearcoat": _clearcoat,
-    "KHR_materials_sheen": _sheen,
-    "KHR_materials_iridescence": _iridescence,
-    _GLOSSY: _glossy,
+_RENDERED = {
+    "KHR_materials_ior": _Layer(
+        numbers=[("ior", "ior", 1.5, 0.0, 100.0)],
+        more=_clamp_ior,
+    ),
+    "KHR_materials_specular": _Layer(
+        numbers=[("specular", "specularFactor", 1.0, 0.0, 1.0)],
+        colors=[("specular_color", "specularColorFactor", 1.0, 100.0)],
+        textures=[
+            ("specular_texture", "specularTexture"),
+            ("specular_color_texture", "specularColorTexture"),
+        ],
+    ),
+    "KHR_materials_transmission": _Layer(
+        numbers=[("transmission", "transmissionFactor", 0.0, 0.0, 1.0)],
+        textures=[("transmission_texture", "transmissionTexture")],
+    ),
+    "KHR_materials_volume": _Layer(
+        numbers=[("attenuation_distance", "attenuationDistance", math.inf, 1e-30, math.inf)],
+        colors=[("attenuation_color", "attenuationColor", 1.0, 1.0)],
+        more=_has_volume,
+    ),
+    "KHR_materials_diffuse_transmission": _Layer(
+        numbers=[("diffuse_transmission", "diffuseTransmissionFactor", 0.0, 0.0, 1.0)],
+        colors=[("diffuse_transmission_color", "diffuseTransmissionColorFactor", 1.0, 1.0)],
+        textures=[
+            ("diffuse_transmission_texture", "diffuseTransmissionTexture"),
+            ("diffuse_transmission_color_texture", "diffuseTransmissionColorTexture"),
+        ],
+    ),
+    "KHR_materials_clearcoat": _Layer(
+        numbers=[
+            ("clearcoat", "clearcoatFactor", 0.0, 0.0, 1.0),
+            ("clearcoat_roughness", "clearcoatRoughnessFactor", 0.0, 0.0, 1.0),
+        ],
+        textures=[
+            ("clearcoat_texture", "clearcoatTexture"),
+            ("clearcoat_roughness_texture", "clearcoatRoughnessTexture"),
+            ("clearcoat_normal_texture", "clearcoatNormalTexture"),
+        ],
+        more=_clearcoat_scale,
+    ),
+    "KHR_materials_sheen": _Layer(
+        numbers=[("sheen_roughness", "sheenRoughnessFactor", 0.0, 0.0, 1.0)],
+        colors=[("sheen_color", "sheenColorFactor", 0.0, 1.0)],
+        textures=[
+            ("sheen_color_texture", "sheenColorTexture"),
+            ("sheen_roughness_texture", "sheenRoughnessTexture"),
+        ],
+    ),
+    "KHR_materials_iridescence": _Layer(
+        numbers=[
+            ("iridescence", "iridescenceFactor", 0.0, 0.0, 1.0),
+            ("iridescence_ior", "iridescenceIor", 1.3, 1.0, 100.0),
+            ("iridescence_thickness_min", "iridescenceThicknessMinimum", 100.0, 0.0, 1e6),
+            ("iridescence_thickness_max", "iridescenceThicknessMaximum", 400.0, 0.0, 1e6),
+        ],
+        textures=[
+            ("iridescence_texture", "iridescenceTexture"),
+            ("iridescence_thickness_texture", "iridescenceThicknessTexture"),
+        ],
+    ),
+    _GLOSSY: _Layer(
+        textures=[("specular_color_texture", "specularGlossinessTexture")],
+        more=_glossy_color,
+    ),
 }
 
 
@@ -147,9 +183,9 @@ def add_layers(
         out.unlit = True
         out.emission, out.emission_texture = (0.0, 0.0, 0.0), NO_TEXTURE
         return
-    for name, add in _RENDERED.items():
+    for name, layer in _RENDERED.items():
         if name in material.extensions:
-            add(_Extension(name, material, textures), out)
+            layer.add(_Extension(name, material, textures), out)
 
 
 def not_rendered(materials: Sequence[Material]) -> list[str]:

@@ -15,16 +15,6 @@ BUILDERS = umbel.bvh.builders()
 Mesh = umbel.Mesh
 
 
-@pytest.fixture(scope="module")
-def blob() -> Mesh:
-    return umbel.shapes.blob(3)
-
-
-@pytest.fixture(scope="module")
-def bvh(blob: Mesh) -> umbel.Bvh:
-    return umbel.Bvh(blob)
-
-
 def test_refit_follows_and_says_when_to_rebuild(blob: Mesh) -> None:
     for compact in (False, True):
         bvh = umbel.Bvh(blob, compact=compact, keep_tree=True)

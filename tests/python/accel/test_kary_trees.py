@@ -12,16 +12,6 @@ BUILDERS = umbel.bvh.builders()
 Mesh = umbel.Mesh
 
 
-@pytest.fixture(scope="module")
-def blob() -> Mesh:
-    return umbel.shapes.blob(3)
-
-
-@pytest.fixture(scope="module")
-def bvh(blob: Mesh) -> umbel.Bvh:
-    return umbel.Bvh(blob)
-
-
 @pytest.mark.parametrize("clusters", [3, 8, 40])
 def test_kary_trees_are_whole_and_traced(blob: Mesh, bvh: umbel.Bvh, clusters: int) -> None:
     tree = umbel.build_kary(blob, clusters=clusters, max_leaf_size=6)

@@ -23,16 +23,6 @@ BUILDERS = umbel.bvh.builders()
 Mesh = umbel.Mesh
 
 
-@pytest.fixture(scope="module")
-def blob() -> Mesh:
-    return umbel.shapes.blob(3)
-
-
-@pytest.fixture(scope="module")
-def bvh(blob: Mesh) -> umbel.Bvh:
-    return umbel.Bvh(blob)
-
-
 # ---- rays ----------------------------------------------------------------------------------------
 
 

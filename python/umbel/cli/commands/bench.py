@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from umbel.bench.bvh.scenes import Kmeans
     from umbel.bench.clusters import Comparison
     from umbel.bench.lod import Comparison as LodComparison
+    from umbel.bench.table import Column, Row
+    from umbel.bench.timing import Machine
     from umbel.geometry.mesh import Mesh
 
 _PLANT = 200_000  # triangles, where no scene is named
@@ -68,7 +70,7 @@ def clusters(
     if as_json:
         _show(found, inputs, output, "clusters")
     else:
-        _print(found)
+        _print_clusters(found)
 
 
 _BVH_FLAGS = {
@@ -198,14 +200,14 @@ def lod(
 
 def _print_lod(found: LodComparison) -> None:
     from umbel.bench.lod import COLUMNS, RATIOS, report
-    from umbel.bench.table import print_table
 
-    if not sys.stdout.isatty():
-        print(report(found), end="")
-        return
-    print(*found.machine.sentences(), sep="\n")
-    print_table("Levels of detail", COLUMNS, found.rows, group="mesh")
-    print_table("Ours over clusterlod.h's, geometric means", RATIOS, found.ratios, group="share")
+    ratios = "Ours over clusterlod.h's, geometric means"
+    _print_tables(
+        found.machine,
+        lambda: report(found),
+        ("Levels of detail", COLUMNS, found.rows, "mesh"),
+        (ratios, RATIOS, found.ratios, "share"),
+    )
 
 
 @app.command()
@@ -293,21 +295,16 @@ def _print_bvh(found: BvhComparison) -> None:
     from umbel.bench.bvh import kmeans as bvh_kmeans
     from umbel.bench.bvh.columns import CHEAPEST, COLUMNS, MEANS
     from umbel.bench.bvh.report import report
-    from umbel.bench.table import print_table
 
-    if not sys.stdout.isatty():
-        print(report(found), end="")
-        return
-    print(*found.machine.sentences(), sep="\n")
-    for title, columns, rows, group in (
+    _print_tables(
+        found.machine,
+        lambda: report(found),
         ("Builders", COLUMNS, found.rows, "scene"),
         ("Geometric means over the scenes", MEANS, found.means, "width"),
         ("Which for how many samples", CHEAPEST, found.cheapest, "scene"),
         ("k-means by stage", bvh_kmeans.STAGES, found.stages, "scene"),
         ("SAH cost of k-means", bvh_kmeans.ITERATIONS, found.iterations, "scene"),
-    ):
-        if rows:
-            print_table(title, columns, rows, group=group)
+    )
 
 
 def _why(path: Path) -> str:
@@ -355,13 +352,29 @@ def _loaders(paths: list[Path]) -> dict[str, Callable[[], Mesh]]:
     return loaders
 
 
-def _print(found: Comparison) -> None:
+def _print_clusters(found: Comparison) -> None:
     from umbel.bench.clusters import COLUMNS, MEANS, report
+
+    _print_tables(
+        found.machine,
+        lambda: report(found),
+        ("Clusters", COLUMNS, found.rows, "mesh"),
+        ("Geometric means over the meshes", MEANS, found.means, "method"),
+    )
+
+
+def _print_tables(
+    machine: Machine,
+    report: Callable[[], str],
+    *tables: tuple[str, Sequence[Column], list[Row], str],
+) -> None:
+    """The tables (title, columns, rows, column to group by) on a terminal, else the report."""
     from umbel.bench.table import print_table
 
     if not sys.stdout.isatty():
-        print(report(found), end="")
+        print(report(), end="")
         return
-    print(*found.machine.sentences(), sep="\n")
-    print_table("Clusters", COLUMNS, found.rows, group="mesh")
-    print_table("Geometric means over the meshes", MEANS, found.means, group="method")
+    print(*machine.sentences(), sep="\n")
+    for title, columns, rows, group in tables:
+        if rows:
+            print_table(title, columns, rows, group=group)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import statistics
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -14,16 +13,11 @@ import typer
 from umbel.cli.inputs import AllowOutside, load_mesh
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
+from umbel.cli.structures import FLAGS, parse_cost, ray_speeds
 
 if TYPE_CHECKING:
-    from umbel.accel.bvh import Bvh
-    from umbel.accel.kdtree import KdTree
     from umbel.accel.tree_options import TreeOptions
     from umbel.accel.trees import KaryTree
-    from umbel.bench.bvh.rays import Rays
-
-PICTURE = 512
-RUNS = 3
 
 
 class Device(str, enum.Enum):
@@ -41,19 +35,7 @@ def _knob(metavar: str | None, text: str) -> Any:
     return typer.Option(metavar=metavar, help=text, rich_help_panel="Settings of builders")
 
 
-_FLAGS = {
-    "cost.traversal": "the first number of --cost",
-    "cost.intersection": "the second number of --cost",
-    "kmeans.clusters": "--clusters",
-    "kmeans.candidates": "--candidates",
-    "kmeans.iterations": "--iterations",
-    "kmeans.handed_up": "--handed-up",
-    "aac.leaf_size": "--aac-leaf-size",
-    "aac.epsilon": "--aac-epsilon",
-}
-
-
-@ends_cleanly(_FLAGS)
+@ends_cleanly(FLAGS)
 def command(
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
@@ -138,7 +120,7 @@ def command(
         check_output(output, ".umbvh", inputs=[source])
     if kary and not builder.startswith("kmeans"):
         fail(f"--kary is of the builder kmeans, not of {builder}")
-    costs = _costs(cost)
+    costs = parse_cost(cost)
     options: TreeOptions = {
         "cost": costs,
         "max_leaf_size": max_leaf_size,
@@ -166,7 +148,6 @@ def command(
 
     from umbel.accel.bvh import Bvh
     from umbel.accel.trees import Bvh2, build_bvh2, build_kary
-    from umbel.bench.bvh.rays import diffuse_rays, primary_rays
     from umbel.cli.progress import Bar
     from umbel.geometry.origin import warn_of_origin, zero_origin
 
@@ -204,35 +185,8 @@ def command(
         "wide_nodes": wide["nodes"],
         "bytes": wide["bytes"],
     }
-    box = bvh.bounds
-    primary = diffuse = None
-    if box is not None:
-        primary = primary_rays(box[0], box[1], PICTURE)
-        hits = bvh.intersect(primary[0], primary[1], threads=threads)
-        diffuse = diffuse_rays(mesh, primary, hits.t, hits.primitive)
-    result["primary_mrays_per_second"] = _speed(bvh, primary, threads)
-    result["diffuse_mrays_per_second"] = _speed(bvh, diffuse, threads)
+    result |= ray_speeds(bvh, mesh, threads)
     if output is not None:
         result["file_bytes"] = output.stat().st_size
     result["warnings"] = heard
     show(result, as_json, source)
-
-
-def _costs(text: str) -> tuple[float, float]:
-    try:
-        traversal, intersection = (float(part) for part in text.split(","))
-    except ValueError:
-        fail(f"--cost is {text!r}, but must be two numbers such as 3,2")
-    return traversal, intersection
-
-
-def _speed(bvh: Bvh | KdTree, rays: Rays | None, threads: int) -> float:
-    """The median of some runs, in millions of rays a second."""
-    if rays is None or len(rays[0]) == 0:
-        return 0.0
-    seconds = []
-    for _ in range(RUNS):
-        began = time.perf_counter()
-        bvh.intersect(rays[0], rays[1], threads=threads)
-        seconds.append(time.perf_counter() - began)
-    return len(rays[0]) / max(statistics.median(seconds), 1e-9) / 1e6

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
-from umbel.cli.commands.bvh import _FLAGS, PICTURE, _costs, _speed
 from umbel.cli.inputs import AllowOutside, load_mesh
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, heard, show
+from umbel.cli.structures import FLAGS, parse_cost, ray_speeds
 
 
-@ends_cleanly(_FLAGS)
+@ends_cleanly(FLAGS)
 def command(
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
@@ -40,10 +40,9 @@ def command(
     of 512 x 512 pixels, and a diffuse bounce from what they hit)."""
     if output is not None:
         check_output(output, ".umkd", inputs=[source])
-    costs = _costs(cost)
+    costs = parse_cost(cost)
 
     from umbel.accel.kdtree import KdTree
-    from umbel.bench.bvh.rays import diffuse_rays, primary_rays
     from umbel.cli.progress import Bar
     from umbel.geometry.origin import warn_of_origin, zero_origin
 
@@ -79,14 +78,7 @@ def command(
         "epo": 0.0,
         "build_seconds": built - began,
     }
-    box = tree.bounds
-    primary = diffuse = None
-    if box is not None:
-        primary = primary_rays(box[0], box[1], PICTURE)
-        hits = tree.intersect(primary[0], primary[1], threads=threads)
-        diffuse = diffuse_rays(mesh, primary, hits.t, hits.primitive)
-    result["primary_mrays_per_second"] = _speed(tree, primary, threads)
-    result["diffuse_mrays_per_second"] = _speed(tree, diffuse, threads)
+    result |= ray_speeds(tree, mesh, threads)
     if output is not None:
         result["file_bytes"] = output.stat().st_size
     result["warnings"] = heard

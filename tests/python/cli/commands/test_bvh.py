@@ -25,10 +25,10 @@ Run = Callable[..., Outcome]
 def bvh_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """Runs `umbel bvh ARGUMENTS` in this process, with small pictures: starting Python and tracing
     large ones is most of what the command takes."""
+    from umbel.cli import structures
     from umbel.cli.app import app
-    from umbel.cli.commands import bvh as module
 
-    monkeypatch.setattr(module, "PICTURE", 32)
+    monkeypatch.setattr(structures, "PICTURE", 32)
 
     def run(*arguments: object) -> Outcome:
         capsys.readouterr()
