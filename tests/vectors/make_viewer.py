@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "viewer" / "tests" / "support"))
 
 from make_assets import decorated_blob  # noqa: E402
-from make_textured import all_looks  # noqa: E402
+from make_textured import all_materials  # noqa: E402
 
 import umbel  # noqa: E402
 
@@ -28,9 +28,9 @@ def main() -> None:
     umbel.build_lod(plain, max_triangles=32, precision="8bits").save(folder / "plain.umbel")
     empty = umbel.Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
     umbel.build_lod(empty).save(folder / "empty.umbel")
-    all_looks(folder)
-    umbel.build_lod(folder / "looks.gltf").save(folder / "looks.umbel")
-    (folder / "looks.gltf").unlink()
+    all_materials(folder)
+    umbel.build_lod(folder / "materials.gltf").save(folder / "materials.umbel")
+    (folder / "materials.gltf").unlink()
 
 
 if __name__ == "__main__":

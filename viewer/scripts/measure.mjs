@@ -3,12 +3,12 @@
 //     umbel build dragon.ply -o dragon.umbel --precision 16bits
 //     npm run measure -- dragon.umbel
 //
-// It prints one JSON object: milliseconds from the start of the page's loading until the first
-// triangles are drawn, and until what is drawn is within one pixel (medians of seven loads), bytes
-// that came over the line until the first picture, of the asset and of the page, until all materials
-// in view have their textures, if small ones, and until what is drawn is within one pixel, beside those
-// of the pages that hold it; milliseconds of the page's thread for a new cut; and the heap before and
-// after a thousand cuts.
+// It prints one JSON object:
+// - milliseconds from the start of loading until the first triangles are drawn, until all visible
+//   materials have a texture of some size, and until the selected cut is drawn (medians of seven);
+// - bytes of the asset and of the page received by then, beside those of the selected cut's pages;
+// - milliseconds of the page's thread for a new cut, and of the worker for a selection;
+// - the heap before and after a thousand cuts.
 
 import { spawn } from "node:child_process";
 import { resolve } from "node:path";

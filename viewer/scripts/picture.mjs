@@ -1,4 +1,4 @@
-// Makes docs/images/viewer.jpg: an asset in four looks, by the built page in headless Chromium.
+// Makes docs/images/viewer.jpg: an asset in four view modes, by the built page in headless Chromium.
 //
 //     umbel build dragon.ply -o dragon.umbel --precision 16bits
 //     npm run picture -- dragon.umbel
@@ -16,7 +16,7 @@ const WIDTH = 640;
 const HEIGHT = 460;
 const CAMERA = "eye=-0.17,0.185,0.17&target=-0.005,0.117,0";
 const CLOSE = "eye=-0.14,0.165,0.075&target=-0.03,0.125,0";
-const LOOKS = [
+const VIEWS = [
   `${CAMERA}&mode=shaded&pixels=1`,
   `${CAMERA}&mode=shaded&pixels=6&wireframe=1`,
   `${CAMERA}&mode=clusters&pixels=6`,
@@ -41,9 +41,9 @@ const page = await browser.newPage({
   colorScheme: "light",
 });
 const pictures = [];
-for (const look of LOOKS) {
+for (const view of VIEWS) {
   await page.goto("about:blank");
-  await page.goto(`${url}#${look}`);
+  await page.goto(`${url}#${view}`);
   await page.waitForFunction(() => {
     const statistics = globalThis.umbelViewer?.viewport.meshes[0]?.statistics;
     return statistics?.isSettled && statistics.triangles > 0;

@@ -2,7 +2,7 @@
 
 import { PIXELS } from "./state";
 
-/** Frames that took longer than this say nothing of the frame rate. */
+/** Longer frames are pauses, which are ignored. */
 const MAX_INTERVAL = 1000;
 
 /** The allowed error, in pixels, after a frame that took `interval` milliseconds. */

@@ -1,10 +1,8 @@
-import { readFileSync } from "node:fs";
-import { join } from "node:path";
-import { ASSETS } from "../support/assets.js";
 import { loadAsset } from "../support/loaded_asset.js";
 import {
   canvasPicture,
   differentPixels,
+  dropAsset,
   expect,
   measureCanvas,
   quiet,
@@ -26,7 +24,7 @@ test("a wipe shows two assets, each on its side of the line", async ({ page, hos
   const meshes = await page.evaluate(() =>
     globalThis.umbelViewer?.viewport.meshes.map(({ info }) => info.sourceTriangles),
   );
-  const triangles = (name: string) => loadAsset(name).head.meshes[0].sourceTriangles;
+  const triangles = (name: string) => loadAsset(name).header.meshes[0].sourceTriangles;
   expect(meshes).toEqual([triangles("planet"), triangles(OTHER.replace(".umbel", ""))]);
 
   const divider = page.locator(".divider");
@@ -51,25 +49,15 @@ test("a wipe shows two assets, each on its side of the line", async ({ page, hos
   expect(await differentPixels(page, own, other)).toBeGreaterThan(0.03);
 });
 
-test("a file dropped on the right half is compared with", async ({ page, host }) => {
+test("a file dropped on the right half is the one to compare with", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=planet.umbel#pixels=6&layout=side`);
   await settled(page);
-  const bytes = readFileSync(join(ASSETS, OTHER)).toString("base64");
-  const transfer = await page.evaluateHandle(async (data) => {
-    const blob = await (await fetch(`data:application/octet-stream;base64,${data}`)).blob();
-    const transfer = new DataTransfer();
-    transfer.items.add(new File([blob], "dropped.umbel"));
-    return transfer;
-  }, bytes);
-  await page.dispatchEvent("body", "drop", { dataTransfer: transfer, clientX: 600, clientY: 100 });
+  await dropAsset(page, OTHER, "dropped.umbel", { clientX: 600, clientY: 100 });
   await expect(page.locator(".names")).toContainText("dropped.umbel");
   await expect(page.locator(".title h1")).toHaveText("planet.umbel");
 });
 
-test("another asset that is not there leaves one picture and a sentence", async ({
-  page,
-  host,
-}) => {
+test("a missing second asset leaves one picture and a notice", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=planet.umbel&compare=nothing.umbel#pixels=6`);
   await expect(page.locator(".notice")).toContainText("There is no file at");
   await settled(page);

@@ -4,7 +4,7 @@ import { expect, measureCanvas, settled, statistics, test } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
 
-test("a host without ranges serves as well", async ({ page, host }) => {
+test("a host without HTTP ranges works too", async ({ page, host }) => {
   host.hasRanges = false;
   await page.goto(host.url + PLANET);
   await settled(page);
@@ -13,11 +13,11 @@ test("a host without ranges serves as well", async ({ page, host }) => {
 });
 
 test("a damaged page stays coarse and is reported", async ({ page, host }) => {
-  const { head } = loadAsset("planet");
-  // Coarse enough to be seen from wherever the camera is.
+  const { header } = loadAsset("planet");
+  // A coarse page, which every view needs.
   const damaged = 2;
   host.damage = (bytes) => {
-    bytes[head.pages.offset[damaged] + 48] ^= 1;
+    bytes[header.pages.offset[damaged] + 48] ^= 1;
   };
   await page.goto(`${host.url}${PLANET}#pixels=0.5`);
   await expect(page.locator(".notice")).toContainText("it stays coarse there");
@@ -27,18 +27,18 @@ test("a damaged page stays coarse and is reported", async ({ page, host }) => {
   expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
 });
 
-test("what is not there is said to be not there", async ({ page, host }) => {
+test("a missing file is reported", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=nothing.umbel`);
   await expect(page.getByRole("alert")).toContainText("Not found");
   await expect(page.getByRole("alert")).toContainText("There is no file at");
 });
 
-test("another kind of file is said to be that", async ({ page, host }) => {
+test("another kind of file is reported as such", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=index.html`);
   await expect(page.getByRole("alert")).toContainText("This is not an .umbel file.");
 });
 
-test("damaged tables are said to be that", async ({ page, host }) => {
+test("damaged tables are reported", async ({ page, host }) => {
   host.damage = (bytes) => {
     bytes[700] ^= 1;
   };
@@ -46,7 +46,7 @@ test("damaged tables are said to be that", async ({ page, host }) => {
   await expect(page.getByRole("alert")).toContainText("The file is damaged");
 });
 
-test("a lost connection is said, and what was wanted comes once it is back", async ({
+test("a lost connection is reported, and loading goes on once it is back", async ({
   page,
   host,
 }) => {
@@ -69,7 +69,7 @@ test("a lost connection is said, and what was wanted comes once it is back", asy
   await expect(page.locator(".notice")).toContainText("The connection is back");
 });
 
-test("a browser without WebGL 2 gets a sentence", async ({ page, host }) => {
+test("a browser without WebGL 2 gets a message", async ({ page, host }) => {
   await page.addInitScript(() => {
     HTMLCanvasElement.prototype.getContext = () => null;
   });

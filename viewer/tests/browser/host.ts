@@ -1,5 +1,5 @@
-// A static host for tests: the built page and the tests' assets, with every fault that a host or
-// a line may have.
+// A static host for tests: the built page and the tests' assets, with the faults of hosts and
+// connections.
 
 import { createReadStream, existsSync, readFileSync, statSync } from "node:fs";
 import { createServer, type IncomingMessage, type Server, type ServerResponse } from "node:http";
@@ -13,15 +13,15 @@ const TYPES: Record<string, string> = {
 };
 
 export class Host {
-  /** Whether ranges are honoured. */
+  /** Whether HTTP ranges are supported. */
   hasRanges = true;
   /** Whether requests for assets are answered at all. */
   isDown = false;
-  /** Whether assets are said not to be there. */
+  /** Whether assets are reported as missing. */
   isMissing = false;
   /** Bytes of assets that were sent. */
   sent = 0;
-  /** Changes an asset's bytes. */
+  /** Damages an asset's bytes. */
   damage: ((bytes: Buffer) => void) | undefined;
   private server!: Server;
 

@@ -2,7 +2,7 @@ import { expect, measureCanvas, quiet, settled, statistics, test } from "./page.
 
 const COARSE = "/?asset=planet.umbel#pixels=6";
 
-test("the keys are told, and do what is told", async ({ page, host }) => {
+test("the help lists the keys, and they work", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   const { triangles } = await settled(page);
   await page.keyboard.press("?");
@@ -31,7 +31,7 @@ test("the keys are told, and do what is told", async ({ page, host }) => {
   await expect(page.locator("#panel")).toBeHidden();
 });
 
-test("dark and light are a matter of taste", async ({ page, host }) => {
+test("the theme can be toggled, and the choice is stored", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   await settled(page);
   const theme = () => page.evaluate(() => document.documentElement.dataset.theme);
@@ -42,10 +42,10 @@ test("dark and light are a matter of taste", async ({ page, host }) => {
   expect(await theme()).toBe("dark");
 });
 
-test.describe("on a screen that is touched", () => {
+test.describe("on a touch screen", () => {
   test.use({ hasTouch: true });
 
-  test("one finger turns, two come closer, a tap picks", async ({ page, host }) => {
+  test("one finger orbits, two fingers zoom, a tap picks", async ({ page, host }) => {
     await page.goto(host.url + COARSE);
     await settled(page);
     const client = await page.context().newCDPSession(page);
@@ -78,10 +78,10 @@ test.describe("on a screen that is touched", () => {
   });
 });
 
-test("held frames draw fewer triangles than slow ones", async ({ page, host }) => {
+test("holding the frame rate draws fewer triangles", async ({ page, host }) => {
   await page.goto(`${host.url}/?asset=planet.umbel#pixels=1`);
   const { triangles } = await settled(page);
-  // No sixty frames a second come of this on any machine: the error must rise as the camera moves.
+  // No machine draws these frames in a sixtieth of a second, so the error must rise.
   await page.locator("#hold").check();
   await page.evaluate(async () => {
     const { viewport, state } = globalThis.umbelViewer as NonNullable<
@@ -98,7 +98,7 @@ test("held frames draw fewer triangles than slow ones", async ({ page, host }) =
   expect((await measureCanvas(page)).covered).toBeGreaterThan(0.1);
 });
 
-test("a missing file can be tried again once it is there", async ({ page, host }) => {
+test("a missing file can be opened again once it is there", async ({ page, host }) => {
   host.isMissing = true;
   await page.goto(host.url + COARSE);
   await expect(page.getByRole("alert")).toContainText("Not found");
@@ -108,8 +108,8 @@ test("a missing file can be tried again once it is there", async ({ page, host }
   await expect(page.getByRole("alert")).toBeHidden();
 });
 
-test("a page that nobody touches rests", async ({ page, host }) => {
-  for (const asset of ["planet", "looks"]) {
+test("an idle page draws no frames", async ({ page, host }) => {
+  for (const asset of ["planet", "materials"]) {
     await page.goto("about:blank");
     await page.goto(`${host.url}/?asset=${asset}.umbel#pixels=6`);
     await settled(page);

@@ -1,7 +1,7 @@
 import type { Page } from "@playwright/test";
 import { canvasPicture, expect, quiet, settled, test } from "./page.js";
 
-/** As make_textured.py places them. */
+/** The row of squares of make_textured.py. */
 const STEP = 1.25;
 const NAMES = [
   ...["unlit", "basis", "webp", "second set", "moved", "holes", "shaded corners", "glass", "lamp"],
@@ -14,7 +14,7 @@ const [RED, GREEN, BLUE, WHITE] = [
   [255, 255, 255],
 ];
 
-/** Colours of a square's four quarters, from the upper left, as it is seen from right before it. */
+/** Colours of a square's four quarters from the upper left, as the camera in front of it sees them. */
 async function quartersOf(page: Page, name: string): Promise<number[][]> {
   const x = STEP * NAMES.indexOf(name);
   await page.evaluate((at) => {
@@ -49,8 +49,8 @@ function expectColors(seen: number[][], wanted: (number[] | undefined)[], within
   });
 }
 
-test("textures of every kind are shown as glTF says", async ({ page, host }) => {
-  await page.goto(`${host.url}/?asset=looks.umbel#pixels=1`);
+test("textures of every kind are shown as glTF specifies", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=materials.umbel#pixels=1`);
   await settled(page);
   const plain = [RED, GREEN, BLUE, WHITE];
   for (const name of ["unlit", "basis", "webp"]) expectColors(await quartersOf(page, name), plain);
@@ -66,8 +66,8 @@ test("textures of every kind are shown as glTF says", async ({ page, host }) => 
   expect(lower[1]).toBeLessThan(upper[1] - 15);
 });
 
-test("what cannot be shown is said, once, and stays in the panel", async ({ page, host }) => {
-  await page.goto(`${host.url}/?asset=looks.umbel#pixels=1`);
+test("what is not shown is listed once in the panel", async ({ page, host }) => {
+  await page.goto(`${host.url}/?asset=materials.umbel#pixels=1`);
   await settled(page);
   const notes = page.locator("#panel .notes li");
   await expect(notes).toHaveText(["Materials are shown without EXT_unheard_of."]);
@@ -84,7 +84,7 @@ test("the transcoder is loaded only where an asset has KTX2", async ({ page, hos
   await settled(page);
   expect(asked.filter((url) => /basis|KTX2/.test(url))).toEqual([]);
   await page.goto("about:blank");
-  await page.goto(`${host.url}/?asset=looks.umbel#pixels=1`);
+  await page.goto(`${host.url}/?asset=materials.umbel#pixels=1`);
   await settled(page);
   expect(asked.some((url) => /basis_transcoder[^/]*\.wasm$/.test(url))).toBe(true);
 });

@@ -1,15 +1,16 @@
-// What the browser's tests share: a host, and questions to the page.
+// What browser tests share: a host, and functions that control and read the page.
 
+import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { test as base, type Page } from "@playwright/test";
+import { type BrowserContext, test as base, expect, type Page } from "@playwright/test";
 import type { AssetInfo } from "../../packages/umbel/src/stream/asset_info.js";
 import type { StreamStatistics } from "../../packages/umbel/src/stream/stream_update.js";
 import { ASSETS, ROOT } from "../support/assets.js";
 import { Host } from "./host.js";
 
-export { expect } from "@playwright/test";
+export { expect };
 
-/** The part of the page's viewer that tests ask. */
+/** The part of the viewer that tests use. */
 interface PageViewer {
   state: { pixelError: number; viewMode: string; wipe: number };
   viewport: {
@@ -53,7 +54,7 @@ export const test = base.extend<{ host: Host }>({
   },
 });
 
-/** Waits until what is drawn is what is wanted; a few frames more, so that it is on the screen. */
+/** Waits until the selected cut is drawn and on the screen. */
 export async function settled(page: Page): Promise<StreamStatistics> {
   await page.waitForFunction(() => {
     const mesh = globalThis.umbelViewer?.viewport.meshes[0];
@@ -64,7 +65,7 @@ export async function settled(page: Page): Promise<StreamStatistics> {
   return statistics(page);
 }
 
-/** Waits until the statistics have not changed for some frames. */
+/** Waits until statistics and camera do not change for some frames. */
 export async function quiet(page: Page): Promise<void> {
   await page.evaluate(async () => {
     const frame = () => new Promise((next) => requestAnimationFrame(next));
@@ -90,7 +91,7 @@ export function statistics(page: Page): Promise<StreamStatistics> {
   );
 }
 
-/** Sets a range input, as a hand would. */
+/** Sets a range input, as a user would. */
 export async function slide(page: Page, selector: string, value: number): Promise<void> {
   await page.locator(selector).evaluate((input: HTMLInputElement, to) => {
     input.value = String(to);
@@ -98,7 +99,7 @@ export async function slide(page: Page, selector: string, value: number): Promis
   }, value);
 }
 
-/** The picture alone, without what floats over it. */
+/** A picture of the canvas, without what floats over it. */
 export function canvasPicture(page: Page): Promise<Buffer> {
   return page.locator(".viewport canvas").screenshot({
     style: ".title, .names, .divider, .progress, .notice, .panel-button { visibility: hidden }",
@@ -111,7 +112,7 @@ export interface CanvasContent {
   colors: number;
 }
 
-/** What is on the canvas: how much of it is covered and by how many colours. */
+/** Measures how much of the canvas is covered, and by how many colours. */
 export async function measureCanvas(page: Page): Promise<CanvasContent> {
   const png = (await canvasPicture(page)).toString("base64");
   return page.evaluate(async (data) => {
@@ -135,7 +136,7 @@ export async function measureCanvas(page: Page): Promise<CanvasContent> {
   }, png);
 }
 
-/** The share of two pictures' pixels that differ by more than a shade. */
+/** The share of pixels that differ between two pictures by more than a shade. */
 export function differentPixels(page: Page, a: Buffer, b: Buffer): Promise<number> {
   return page.evaluate(
     async (pictures) => {
@@ -156,4 +157,36 @@ export function differentPixels(page: Page, a: Buffer, b: Buffer): Promise<numbe
     },
     [a.toString("base64"), b.toString("base64")],
   );
+}
+
+/** Drops an asset of the tests on the page, as a file. */
+export async function dropAsset(
+  page: Page,
+  asset: string,
+  name: string,
+  at: { clientX?: number; clientY?: number } = {},
+): Promise<void> {
+  const bytes = readFileSync(join(ASSETS, asset)).toString("base64");
+  const dataTransfer = await page.evaluateHandle(
+    async ([data, fileName]) => {
+      const answer = await fetch(`data:application/octet-stream;base64,${data}`);
+      const transfer = new DataTransfer();
+      transfer.items.add(new File([await answer.blob()], fileName as string));
+      return transfer;
+    },
+    [bytes, name],
+  );
+  await page.dispatchEvent("body", "drop", { dataTransfer, ...at });
+}
+
+/** Copies the link to the current view, and opens it in another page. */
+export async function openLink(page: Page, context: BrowserContext): Promise<Page> {
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.locator("#share").click();
+  await expect(page.locator(".notice")).toHaveText("Link copied.");
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  const other = await context.newPage();
+  await other.goto(link);
+  await settled(other);
+  return other;
 }

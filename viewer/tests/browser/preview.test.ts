@@ -1,10 +1,10 @@
 import { canvasPicture, differentPixels, expect, measureCanvas, settled, test } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
-/** Of page and asset together, none of it compressed. */
-const MOST_BYTES = 200_000;
+/** Of page and asset together, uncompressed. */
+const MAX_BYTES = 200_000;
 
-test("the first picture needs little, and is the viewer's", async ({ page, host }) => {
+test("the preview needs few bytes, and looks like the viewer's picture", async ({ page, host }) => {
   let release = () => {};
   const held = new Promise<void>((resolve) => {
     release = resolve;
@@ -30,7 +30,7 @@ test("the first picture needs little, and is the viewer's", async ({ page, host 
   });
   expect(pageBytes).toBeGreaterThan(10_000);
   expect(assetBytes).toBeGreaterThan(10_000);
-  expect(pageBytes + assetBytes).toBeLessThan(MOST_BYTES);
+  expect(pageBytes + assetBytes).toBeLessThan(MAX_BYTES);
   const first = await measureCanvas(page);
   expect(first.covered).toBeGreaterThan(0.1);
   const preview = await canvasPicture(page);
@@ -42,7 +42,7 @@ test("the first picture needs little, and is the viewer's", async ({ page, host 
   expect(await differentPixels(page, preview, await canvasPicture(page))).toBeLessThan(0.05);
 });
 
-test("a link's first picture is from where the link says", async ({ page, host }) => {
+test("the preview has the camera of the link", async ({ page, host }) => {
   await page.route(/\/viewer-[^/]*\.js$/, () => {});
   const seen = [];
   for (const eye of ["0,0,6", "0,0,3"]) {

@@ -3,7 +3,7 @@ import { expect, quiet, settled, test } from "./page.js";
 
 /** Three textures of 4096 x 4096 texels, of 9 MB each. */
 const LARGE = "/?asset=large.umbel#pixels=1";
-const MOST_BYTES = 2e6;
+const MAX_BYTES = 2e6;
 
 test("all materials have their textures after few bytes", async ({ page, host }) => {
   expect(assetBytes("large").length).toBeGreaterThan(2e7);
@@ -20,13 +20,10 @@ test("all materials have their textures after few bytes", async ({ page, host })
   });
   expect(textures.resident).toBe(3);
   // Of page and asset together, none of it compressed.
-  expect(bytes).toBeLessThan(MOST_BYTES);
+  expect(bytes).toBeLessThan(MAX_BYTES);
 });
 
-test("textures grow as one comes closer, within the memory that there is", async ({
-  page,
-  host,
-}) => {
+test("textures grow when the camera comes closer, within the budget", async ({ page, host }) => {
   await page.goto(`${host.url}${LARGE}&budget=64`);
   await settled(page);
   const at = (distance: number) =>
@@ -49,7 +46,7 @@ test("textures grow as one comes closer, within the memory that there is", async
   expect(Number(shown)).toBe(near.bytes);
 });
 
-test("a texture that cannot be read is said, and the rest is shown", async ({ page, host }) => {
+test("an unreadable texture is reported, and the rest is shown", async ({ page, host }) => {
   host.damage = (bytes) => {
     // The first bytes of a JPEG, wherever one begins.
     for (

@@ -1,13 +1,14 @@
 import { readFileSync } from "node:fs";
-import { join } from "node:path";
 import type { GroupInfo } from "../../packages/umbel/src/decode/group.js";
 import { cameraView } from "../../packages/umbel/src/select/select.js";
-import { ASSETS, assetBytes, expectedOf, words } from "../support/assets.js";
+import { assetBytes, expectedOf, words } from "../support/assets.js";
 import { loadAsset, select } from "../support/loaded_asset.js";
 import {
   canvasPicture,
+  dropAsset,
   expect,
   measureCanvas,
+  openLink,
   type Pose,
   quiet,
   settled,
@@ -17,13 +18,13 @@ import {
 } from "./page.js";
 
 const PLANET = "/?asset=planet.umbel";
-/** With few triangles, which software draws fast. */
+/** Few triangles, for software rendering. */
 const COARSE = `${PLANET}#pixels=6`;
 const ASSET = loadAsset("planet");
 const LEVELS = expectedOf("planet").levels.length;
 const TRIANGLES = words(expectedOf("planet").triangles);
 
-/** Triangles that the library draws from a pose. */
+/** Number of triangles that the library selects for a pose. */
 function libraryTriangles(pose: Pose, fov: number, height: number, pixels: number): number {
   const view = cameraView(pose.position, (fov * Math.PI) / 180, height, pixels);
   return select(ASSET, view).reduce((sum, c) => sum + TRIANGLES[c], 0);
@@ -47,7 +48,7 @@ test("opens, streams and shows", async ({ page, host }) => {
   expect(problems).toEqual([]);
 });
 
-test("turning and coming closer change the cut", async ({ page, host }) => {
+test("orbiting and zooming change the cut", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   const before = await settled(page);
   await page.mouse.move(210, 180);
@@ -65,7 +66,7 @@ test("turning and coming closer change the cut", async ({ page, host }) => {
   expect(turned.triangles).not.toBe(close.triangles);
 });
 
-test("the error slider draws as many triangles as the library says", async ({ page, host }) => {
+test("the error slider draws as many triangles as the library selects", async ({ page, host }) => {
   await page.goto(host.url + PLANET);
   await settled(page);
   const seen = [];
@@ -115,15 +116,15 @@ test("the budget is kept along a camera path", async ({ page, host }) => {
   await expect(page.getByText("The memory allows")).toBeVisible();
 });
 
-test("every look shows something else", async ({ page, host }) => {
+test("every view mode shows another picture", async ({ page, host }) => {
   await page.goto(`${host.url}${COARSE}`);
   await settled(page);
   const colors: Record<string, number> = {};
   const pictures = new Set<string>();
-  for (const look of ["shaded", "clusters", "groups", "levels", "error", "overlap", "pages"]) {
-    await page.locator(`[data-mode=${look}]`).click();
+  for (const mode of ["shaded", "clusters", "groups", "levels", "error", "overlap", "pages"]) {
+    await page.locator(`[data-mode=${mode}]`).click();
     await quiet(page);
-    colors[look] = (await measureCanvas(page)).colors;
+    colors[mode] = (await measureCanvas(page)).colors;
     pictures.add((await canvasPicture(page)).toString("base64"));
   }
   await page.keyboard.press("1");
@@ -134,8 +135,8 @@ test("every look shows something else", async ({ page, host }) => {
   expect(colors.clusters).toBeGreaterThan(3 * colors.shaded);
 });
 
-test("pictures are as they were", async ({ page, host }) => {
-  // At little error, so that they show the mesh and not how it was simplified.
+test("pictures equal the stored ones", async ({ page, host }) => {
+  // With little error, so that the pictures do not depend on the simplification.
   await page.setViewportSize({ width: 300, height: 240 });
   for (const [name, eye] of [
     ["front", "1.9,1.5,2.7"],
@@ -148,7 +149,7 @@ test("pictures are as they were", async ({ page, host }) => {
   }
 });
 
-test("a frozen cut stays while the camera goes", async ({ page, host }) => {
+test("a frozen cut stays while the camera moves", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   const before = await settled(page);
   await page.keyboard.press("f");
@@ -160,7 +161,7 @@ test("a frozen cut stays while the camera goes", async ({ page, host }) => {
   expect((await settled(page)).triangles).not.toBe(before.triangles);
 });
 
-test("a click picks a cluster and tells its numbers", async ({ page, host }) => {
+test("a click picks a cluster and shows its properties", async ({ page, host }) => {
   await page.goto(host.url + COARSE);
   await settled(page);
   await page.mouse.click(210, 180);
@@ -179,8 +180,7 @@ test("a click picks a cluster and tells its numbers", async ({ page, host }) => 
   await expect(card).toHaveCount(0);
 });
 
-test("a link carries camera and look", async ({ page, host, context }) => {
-  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+test("a link has the camera and the view mode", async ({ page, host, context }) => {
   await page.goto(host.url + COARSE);
   await settled(page);
   await page.keyboard.press("3");
@@ -188,12 +188,7 @@ test("a link carries camera and look", async ({ page, host, context }) => {
   await page.mouse.wheel(0, -400);
   await settled(page);
   const pose = await page.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose as Pose);
-  await page.locator("#share").click();
-  await expect(page.locator(".notice")).toHaveText("Link copied.");
-  const link = await page.evaluate(() => navigator.clipboard.readText());
-  const other = await context.newPage();
-  await other.goto(link);
-  await settled(other);
+  const other = await openLink(page, context);
   const there = await other.evaluate(() => globalThis.umbelViewer?.viewport.camera.pose as Pose);
   for (let i = 0; i < 3; ++i) expect(there.position[i]).toBeCloseTo(pose.position[i], 4);
   await expect(other.locator("[data-mode=groups]")).toHaveAttribute("aria-pressed", "true");
@@ -218,7 +213,7 @@ test("side by side and wipe draw the full mesh beside it", async ({ page, host }
   const full = await page.evaluate(
     () => globalThis.umbelViewer?.viewport.meshes[1].statistics?.triangles,
   );
-  expect(full).toBe(ASSET.head.meshes[0].sourceTriangles);
+  expect(full).toBe(ASSET.header.meshes[0].sourceTriangles);
   await page.locator("[data-layout=single]").click();
   await expect(page.locator(".divider")).toBeHidden();
 });
@@ -226,14 +221,7 @@ test("side by side and wipe draw the full mesh beside it", async ({ page, host }
 test("a dropped file opens", async ({ page, host }) => {
   await page.goto(host.url);
   await expect(page.getByRole("alert")).toContainText("Drop an .umbel file here");
-  const bytes = readFileSync(join(ASSETS, "blob_16bits_compact.umbel")).toString("base64");
-  const transfer = await page.evaluateHandle(async (data) => {
-    const blob = await (await fetch(`data:application/octet-stream;base64,${data}`)).blob();
-    const transfer = new DataTransfer();
-    transfer.items.add(new File([blob], "blob.umbel"));
-    return transfer;
-  }, bytes);
-  await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
+  await dropAsset(page, "blob_16bits_compact.umbel", "blob.umbel");
   await settled(page);
   await expect(page.locator(".title h1")).toHaveText("blob.umbel");
 });
@@ -277,7 +265,7 @@ test("a picture is saved", async ({ page, host }) => {
   expect(png.length).toBeGreaterThan(5000);
 });
 
-test("a phone has the picture first and the settings in a sheet", async ({ page, host }) => {
+test("a small screen shows the picture, and the settings on demand", async ({ page, host }) => {
   await page.setViewportSize({ width: 390, height: 780 });
   await page.goto(`${host.url}${COARSE}`);
   await settled(page);

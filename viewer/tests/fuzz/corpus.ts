@@ -1,15 +1,15 @@
-// The files that fuzzing begins with, and the fuzzing itself.
+// The seeds of the fuzzer, and its loop.
 
 import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { ROOT } from "../support/assets.js";
+import { Random } from "../support/random.js";
 import { show } from "./drive.js";
 import { mutated } from "./mutate.js";
-import { Random } from "./random.js";
 
 const FOLDER = join(ROOT, "tests/vectors/viewer");
 
-/** Small assets of each kind, and all that ever failed. */
+/** Small assets of each kind, and all inputs that ever failed. */
 export function corpus(): { name: string; file: Uint8Array }[] {
   return readdirSync(FOLDER)
     .filter((name) => name.endsWith(".umbel"))

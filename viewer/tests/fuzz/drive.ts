@@ -1,14 +1,14 @@
-// What a viewer does with a file, without a browser: reads its head and pages, chooses, streams,
-// packs for the GPU and makes materials; and what may come of it: the right thing, or an UmbelError.
+// Does what the viewer does with a file, without a browser: reads header and pages, selects, streams,
+// packs for the GPU and makes materials. It may succeed or throw an UmbelError, and nothing else.
 
 import { readPage } from "../../packages/umbel/src/decode/page.js";
 import { UmbelError } from "../../packages/umbel/src/errors.js";
 import { type FileHeader, readFileHeader } from "../../packages/umbel/src/format/file_header.js";
 import { jsonOf, listOf } from "../../packages/umbel/src/format/gltf.js";
+import { packGroup } from "../../packages/umbel/src/pack/render_group.js";
 import { GroupDag } from "../../packages/umbel/src/select/group_dag.js";
 import { cameraView } from "../../packages/umbel/src/select/select.js";
-import { packGroup } from "../../packages/umbel/src/stream/render_group.js";
-import { BlobSource } from "../../packages/umbel/src/stream/source.js";
+import { BlobSource } from "../../packages/umbel/src/source/source.js";
 import { Streamer } from "../../packages/umbel/src/stream/streamer.js";
 import { makeMaterial } from "../../packages/umbel/src/three/materials/material_maker.js";
 import {
@@ -20,9 +20,9 @@ import { channelOf, repeatsOf } from "../../packages/umbel/src/three/textures/sa
 import { StreamedImage } from "../../packages/umbel/src/three/textures/streamed_image.js";
 import { allocated } from "./watch.js";
 
-/** Of all that is made of a page, for each number that its clusters state; and of the head. */
+/** Limits of memory: words for each number that a page's clusters state, and bytes of the header's. */
 const WORDS_EACH = 8;
-const HEAD_FACTOR = 64;
+const HEADER_FACTOR = 64;
 const SPARE = 1 << 16;
 /** Milliseconds that an input may take, on a busy machine. */
 export const MOST_TIME = 4000;
@@ -36,27 +36,27 @@ function attempt(action: () => void): void {
   }
 }
 
-/** Numbers that the clusters of a page state that they have. */
-function statedNumbers(head: FileHeader, page: number, bytes: Uint8Array): number {
-  const { maxVertices, maxTriangles } = head.fixed;
-  const components = Math.max(...head.meshes.map(({ smooth }) => smooth.length), 1);
-  const clusters = Math.min(bytes.length / 24, head.clusters + head.pages.groups[page]);
+/** Number of values that the clusters of a page state. */
+function statedNumbers(header: FileHeader, page: number, bytes: Uint8Array): number {
+  const { maxVertices, maxTriangles } = header.fixed;
+  const components = Math.max(...header.meshes.map(({ smooth }) => smooth.length), 1);
+  const clusters = Math.min(bytes.length / 24, header.clusters + header.pages.groups[page]);
   return (
     clusters *
     (Math.min(maxVertices, 256) * (components + 8) + 3 * Math.min(maxTriangles, 256) + 40)
   );
 }
 
-function readPages(file: Uint8Array, head: FileHeader): void {
-  const dag = new GroupDag(head);
-  for (let page = 0; page < head.pages.count; ++page)
+function readPages(file: Uint8Array, header: FileHeader): void {
+  const dag = new GroupDag(header);
+  for (let page = 0; page < header.pages.count; ++page)
     attempt(() => {
-      const { offset, size } = head.pages;
+      const { offset, size } = header.pages;
       const bytes = file.subarray(offset[page], offset[page] + size[page]);
-      const most = 4 * WORDS_EACH * statedNumbers(head, page, bytes) + 4 * bytes.length + SPARE;
+      const most = 4 * WORDS_EACH * statedNumbers(header, page, bytes) + 4 * bytes.length + SPARE;
       const taken = allocated(() =>
         attempt(() => {
-          const groups = readPage(head, page, bytes);
+          const groups = readPage(header, page, bytes);
           dag.add(
             page,
             groups.map(({ info }) => info),
@@ -66,13 +66,13 @@ function readPages(file: Uint8Array, head: FileHeader): void {
       );
       if (taken > most) throw new Error(`page ${page} took ${taken} bytes, not ${most} at most`);
     });
-  for (let mesh = 0; mesh < head.meshes.length; ++mesh)
+  for (let mesh = 0; mesh < header.meshes.length; ++mesh)
     for (const view of [cameraView([0, 0, 2], 1, 500, 1), { kind: "error", error: 0 } as const])
       dag.traverse(mesh, view, () => true);
 }
 
-function makeMaterials(head: FileHeader): void {
-  const { materials, textures, samplers, images } = head.materials;
+function makeMaterials(header: FileHeader): void {
+  const { materials, textures, samplers, images } = header.materials;
   listOf(textures);
   listOf(samplers);
   for (const gltf of listOf(materials)) {
@@ -89,7 +89,7 @@ function makeMaterials(head: FileHeader): void {
   }
 }
 
-/** Streams until nothing moves any more; an error that it does not say ends the test. */
+/** Streams until no updates come; an error other than an UmbelError ends the test. */
 async function stream(file: Uint8Array): Promise<void> {
   const source = new BlobSource(new Blob([file as Uint8Array<ArrayBuffer>]));
   let updates = 0;
@@ -118,21 +118,22 @@ async function stream(file: Uint8Array): Promise<void> {
 }
 
 /**
- * Shows a file as far as it can be shown; throws if anything but an UmbelError comes of it.
+ * Reads a file as far as that works; throws if it fails with anything but an UmbelError.
  * @param streams whether it is streamed too, which takes most of the time
  */
 export async function show(file: Uint8Array, streams = true): Promise<void> {
   const start = performance.now();
-  let head: FileHeader | undefined;
+  let header: FileHeader | undefined;
   const taken = allocated(() =>
     attempt(() => {
-      head = readFileHeader(file);
+      header = readFileHeader(file);
     }),
   );
-  if (taken > HEAD_FACTOR * file.length + SPARE) throw new Error(`the head took ${taken} bytes`);
-  if (head) {
-    readPages(file, head);
-    makeMaterials(head);
+  if (taken > HEADER_FACTOR * file.length + SPARE)
+    throw new Error(`the file header took ${taken} bytes`);
+  if (header) {
+    readPages(file, header);
+    makeMaterials(header);
   }
   if (streams) await stream(file);
   const time = performance.now() - start;

@@ -1,14 +1,13 @@
-// Damages an asset at random, and puts the checksums right again: what checksums find is not what
-// this is for.
+// Damages an asset at random, and updates its checksums: the damage is to pass them.
 
 import { xxh64 } from "../../packages/umbel/src/format/xxh64.js";
+import type { Random } from "../support/random.js";
 import {
   fileHeaderSections,
   jsonSection,
   sealFileHeader,
   withSections,
 } from "../support/rewrite.js";
-import type { Random } from "./random.js";
 
 const WORDS = [0, 1, 2, 0x7f, 0xff, 0xffff, 0x10000, 0x7fffffff, 0x80000000, 0xffffffff];
 const FLOATS = [0, -0, 1, -1, Number.NaN, Infinity, -Infinity, 1e-45, 3.4e38, -3.4e38];
@@ -59,7 +58,7 @@ function changeJson(file: Uint8Array, random: Random): Uint8Array {
   return withSections(file, [jsonSection(name, value)]);
 }
 
-/** Where the pages are, by the section that says so; those that lie in the file. */
+/** The pages of the section PAGE that lie in the file. */
 function pagesOf(file: Uint8Array): { row: number; offset: number; size: number }[] {
   const view = viewOf(file);
   const header = view.getUint32(12, true);
@@ -87,13 +86,13 @@ function changePage(file: Uint8Array, random: Random): void {
   const pages = pagesOf(file);
   if (pages.length === 0) return;
   const { row, offset, size } = random.of(pages);
-  // Half of the time in what says where everything is.
+  // Half of the time only the records before the geometry.
   const reach = random.below(2) ? size : Math.min(size, 16 + 64 + 256);
   damage(file, offset, offset + reach, random);
   sealPage(file, row, offset, size);
 }
 
-/** A damaged copy of an asset, whose head and pages have the checksums of what is in them. */
+/** A damaged copy of an asset, whose file header and pages have valid checksums. */
 export function mutated(seed: Uint8Array, random: Random): Uint8Array {
   let file: Uint8Array = Uint8Array.from(seed);
   for (let i = 0; i <= random.below(2); ++i) {

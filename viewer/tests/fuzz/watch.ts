@@ -1,11 +1,11 @@
-// Counts the memory that typed arrays take while something runs.
+// Counts the memory of typed arrays that an action allocates.
 
 const KINDS = [
   ...(["Uint8Array", "Int16Array", "Uint16Array", "Int32Array", "Uint32Array"] as const),
   ...(["Float32Array", "Float64Array"] as const),
 ];
 
-/** Bytes of all typed arrays that were made of a length, or of other values. */
+/** Bytes of all typed arrays that an action makes, views of existing buffers excluded. */
 export function allocated(action: () => void): number {
   const before = new Map<string, unknown>();
   const globals = globalThis as unknown as Record<string, unknown>;

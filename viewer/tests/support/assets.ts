@@ -1,5 +1,5 @@
-// Where the tests' assets are, and how they are made: by the Python package, once for a version of
-// the library and of the script that makes them.
+// The tests' assets. The Python package makes them, once for each version of the library and of the
+// scripts.
 
 import { execFileSync } from "node:child_process";
 import { createHash } from "node:crypto";
@@ -33,7 +33,7 @@ export function makeAssets(): void {
   writeFileSync(file, stamp);
 }
 
-/** Those of which the reference reader has said something. */
+/** The assets that the reference reader has decoded. */
 export function assetNames(): string[] {
   return readdirSync(ASSETS)
     .filter(
@@ -48,7 +48,7 @@ export function assetBytes(name: string): Uint8Array {
   return new Uint8Array(readFileSync(join(ASSETS, `${name}.umbel`)));
 }
 
-/** What the reference reader and the library say of an asset. */
+/** An asset as the reference reader and the library read it. */
 export interface ExpectedAsset {
   levels: [number, number][];
   source_triangles: number;

@@ -1,4 +1,4 @@
-// All of an asset at once: every group known, and the cuts that come of it.
+// A whole asset: all groups known, and the cuts of its DAG.
 
 import type { GroupInfo } from "../../packages/umbel/src/decode/group.js";
 import { readPage } from "../../packages/umbel/src/decode/page.js";
@@ -13,23 +13,23 @@ import { assetBytes, type ExpectedView } from "./assets.js";
 
 export interface LoadedAsset {
   file: Uint8Array;
-  head: FileHeader;
+  header: FileHeader;
   dag: GroupDag;
 }
 
 export function loadAsset(name: string): LoadedAsset {
   const file = assetBytes(name);
-  const head = readFileHeader(file);
-  const dag = new GroupDag(head);
-  const { offset, size, count } = head.pages;
+  const header = readFileHeader(file);
+  const dag = new GroupDag(header);
+  const { offset, size, count } = header.pages;
   for (let page = 0; page < count; ++page) {
     const bytes = file.subarray(offset[page], offset[page] + size[page]);
     dag.add(
       page,
-      readPage(head, page, bytes).map(({ info }) => info),
+      readPage(header, page, bytes).map(({ info }) => info),
     );
   }
-  return { file, head, dag };
+  return { file, header, dag };
 }
 
 export function viewOf(from: ExpectedView): View {
@@ -62,5 +62,5 @@ export function drawnClusters({ dag }: LoadedAsset, refined: Uint8Array): number
 }
 
 export function select(asset: LoadedAsset, view: View): number[] {
-  return asset.head.groups ? drawnClusters(asset, targetOf(asset, view)) : [];
+  return asset.header.groups ? drawnClusters(asset, targetOf(asset, view)) : [];
 }

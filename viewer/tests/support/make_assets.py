@@ -1,9 +1,9 @@
-"""Assets for the viewer's tests, and what the Python reference reader and the library say of them.
+"""Makes the assets of the viewer's tests, and what the reference reader reads of them.
 
     python make_assets.py FOLDER
 
-Each NAME.umbel gets a NAME.json: its tables, some of its groups decoded, and cuts. Arrays are
-base64 of their little-endian bytes.
+Each NAME.umbel gets a NAME.json: its tables, some of its groups decoded, and the library's cuts.
+Arrays are base64 of their little-endian bytes.
 """
 
 import base64
@@ -16,16 +16,15 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tests" / "python" / "helpers"))
+sys.path.insert(0, str(ROOT / "tests" / "python"))
 
 from make_textured import make_textured  # noqa: E402
 
 import umbel  # noqa: E402
-from reference_reader import Reader  # noqa: E402
+from helpers.reference_reader import Reader  # noqa: E402
 
 DATA = Path(os.environ.get("UMBEL_DATA") or ROOT.parent / "shared" / "data")
-#: What the viewer takes of a cluster; joints, their weights and further texture coordinates are
-#: stepped over.
+#: The attributes that the viewer reads; it skips joints, weights and further texture coordinates.
 SHOWN = ("triangles", "positions", "normals", "tangents", "uvs", "colors")
 REAL = ["Fox.glb", "cad_gears_19k.ply", "gargo_50k_normals_colors.ply"]
 
@@ -112,7 +111,7 @@ def dump(path: Path) -> None:
             for (_, number), group in reader.page(page).items()
         ]
     tables = asset.tables
-    said = {
+    expected = {
         "levels": [list(level) for level in reader.levels],
         "source_triangles": reader.meshes[0][0] if reader.meshes else 0,
         "groups": len(tables.groups),
@@ -120,7 +119,7 @@ def dump(path: Path) -> None:
         "pages": pages,
         "views": views(asset),
     }
-    path.with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")
+    path.with_suffix(".json").write_text(json.dumps(expected), encoding="utf-8")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Textured scenes for the viewer's tests: large textures, and materials that show what they are.
+"""Textured scenes for the viewer's tests: large textures, and all features of materials.
 
 Each is written as a glTF file of squares in a row, and built from that.
 """
@@ -121,8 +121,8 @@ def large_textures(folder: Path) -> None:
     )
 
 
-def all_looks(folder: Path) -> None:
-    """A square for each thing that a material can be."""
+def all_materials(folder: Path) -> None:
+    """A square for each feature of materials."""
     quadrants = encoded(QUADRANTS, "PNG")
     dark_above = encoded(np.uint8([[[0, 0, 0]], [[255, 255, 255]]]), "PNG")
     holes = np.concatenate([QUADRANTS, np.uint8([[[255], [0]], [[255], [0]]])], axis=2)
@@ -143,7 +143,7 @@ def all_looks(folder: Path) -> None:
 
     quarter = {"KHR_texture_transform": {"offset": [0.5, 0], "scale": [0.5, 0.5]}}
     write_row(
-        folder / "looks.gltf",
+        folder / "materials.gltf",
         [
             painted({"index": 0}, name="unlit", extensions=unlit),
             painted({"index": 4}, name="basis", extensions=unlit),
@@ -189,7 +189,7 @@ def all_looks(folder: Path) -> None:
 def make_textured(folder: Path) -> None:
     """Builds them all as assets."""
     large_textures(folder)
-    all_looks(folder)
-    for name in ("large", "looks"):
+    all_materials(folder)
+    for name in ("large", "materials"):
         umbel.build_lod(folder / f"{name}.gltf").save(folder / f"{name}.umbel")
         (folder / f"{name}.gltf").unlink()

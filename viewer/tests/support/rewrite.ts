@@ -1,5 +1,5 @@
-// Makes another file of an asset: with other sections in its head, or other bytes in its pages, and
-// with the checksums that then are right.
+// Rewrites an asset: with other sections in its file header, or other bytes in its pages, and with
+// valid checksums.
 
 import { xxh64 } from "../../packages/umbel/src/format/xxh64.js";
 
@@ -30,7 +30,7 @@ function setChecksum(view: DataView, at: number, bytes: Uint8Array): void {
   view.setUint32(at + 4, high, true);
 }
 
-/** Puts the checksums of a file's head right. */
+/** Updates the checksums of a file's header. */
 export function sealFileHeader(file: Uint8Array): void {
   const view = viewOf(file);
   const header = view.getUint32(12, true);
@@ -38,7 +38,7 @@ export function sealFileHeader(file: Uint8Array): void {
   setChecksum(view, header - 8, file.subarray(0, header - 8));
 }
 
-/** The sections that are in the head. */
+/** The sections in the file header. */
 export function fileHeaderSections(file: Uint8Array): Section[] {
   const view = viewOf(file);
   const header = view.getUint32(12, true);
@@ -46,7 +46,7 @@ export function fileHeaderSections(file: Uint8Array): Section[] {
     const row = header + TABLE_ROW * i;
     const name = String.fromCharCode(...file.subarray(row, row + 4));
     const offset = size(view, row + 8);
-    // The hierarchy stands behind the pages.
+    // The hierarchy lies after the pages.
     const bytes =
       name === "NODE" ? new Uint8Array(0) : file.slice(offset, offset + size(view, row + 16));
     return { name, stride: view.getUint32(row + 4, true), bytes };

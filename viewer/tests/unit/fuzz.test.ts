@@ -21,14 +21,14 @@ function keep(file: Uint8Array, number: number): void {
   writeFileSync(join(folder, `${SEED}-${number}.umbel`), file);
 }
 
-describe("whatever a file has in it, the viewer ends with a picture or an UmbelError", () => {
+describe("the viewer shows any file or throws an UmbelError", () => {
   const seeds = corpus();
 
   test.each(seeds)("$name", async ({ file }) => {
     await show(file);
   });
 
-  test("so it is with files damaged at random", { timeout: 1000 * (SECONDS + 60) }, async () => {
+  test("files damaged at random", { timeout: 1000 * (SECONDS + 60) }, async () => {
     const errors: unknown[] = [];
     const inputs = await fuzz(seeds, SEED, 1000 * SECONDS, (file, error) => {
       keep(file, errors.length);

@@ -12,10 +12,10 @@ export interface ViewModeInfo {
 
 export const VIEW_MODES: Record<ViewMode, ViewModeInfo> = {
   shaded: { name: "Shaded", about: "The surface with its materials.", key: "1" },
-  clusters: { name: "Clusters", about: "Each cluster in a colour of its own.", key: "2" },
+  clusters: { name: "Clusters", about: "One colour for each cluster.", key: "2" },
   groups: {
     name: "Groups",
-    about: "Clusters that are exchanged together share a colour.",
+    about: "One colour for clusters that are exchanged together.",
     key: "3",
   },
   levels: { name: "Levels", about: "From the finest level to the coarsest.", key: "4" },
@@ -25,7 +25,7 @@ export const VIEW_MODES: Record<ViewMode, ViewModeInfo> = {
     about: "The clusters’ boxes: the denser, the more overlap.",
     key: "6",
   },
-  pages: { name: "Pages", about: "Where something finer is still on its way.", key: "7" },
+  pages: { name: "Pages", about: "Where finer clusters are still to arrive.", key: "7" },
 };
 
 type Rgb = readonly [number, number, number];

@@ -13,28 +13,28 @@ import {
 } from "../../support/rewrite.js";
 
 const FILE = corpus().find(({ name }) => name === "compact.umbel")?.file as Uint8Array;
-const HEAD = readFileHeader(FILE);
-const MOST = 1 << 18;
+const HEADER = readFileHeader(FILE);
+const MAX_BYTES = 1 << 18;
 
-/** Bytes that are taken until a reader refuses, with what it says. */
-function refusal(action: () => unknown): { taken: number; says: string } {
-  let says = "";
+/** Bytes that a reader allocates until it rejects the input, and its message. */
+function rejection(action: () => unknown): { taken: number; message: string } {
+  let message = "";
   const taken = allocated(() => {
     try {
       action();
     } catch (error) {
       if (!(error instanceof UmbelError)) throw error;
-      says = error.message;
+      message = error.message;
     }
   });
-  return { taken, says };
+  return { taken, message };
 }
 
 function section(name: string): Section {
   return fileHeaderSections(FILE).find((each) => each.name === name) as Section;
 }
 
-/** The file with words of a section changed: byte in it, and value. */
+/** The file with words of a section changed, by their offset in it. */
 function withWords(name: string, words: readonly [number, number][]): Uint8Array {
   const changed = section(name);
   const view = new DataView(changed.bytes.buffer);
@@ -44,20 +44,20 @@ function withWords(name: string, words: readonly [number, number][]): Uint8Array
 
 /** Reads a page with words changed. */
 function readChanged(page: number, words: readonly [number, number][]): unknown {
-  const { offset, size, checksum } = HEAD.pages;
+  const { offset, size, checksum } = HEADER.pages;
   const bytes = FILE.slice(offset[page], offset[page] + size[page]);
   const view = new DataView(bytes.buffer);
   for (const [at, value] of words) view.setUint32(at, value, true);
-  const head = { ...HEAD, pages: { ...HEAD.pages, checksum: checksum.slice() } };
+  const head = { ...HEADER, pages: { ...HEADER.pages, checksum: checksum.slice() } };
   const [high, low] = xxh64(bytes);
   head.pages.checksum.set([low, high], 2 * page);
   return readPage(head, page, bytes);
 }
 
-describe("few bytes cannot claim much memory", () => {
-  test("with more groups than pages can hold", () => {
+describe("a reader rejects few bytes that claim much memory", () => {
+  test("by more groups than pages can hold", () => {
     const many = 2 ** 25;
-    const others = HEAD.groups - HEAD.pages.groups[0];
+    const others = HEADER.groups - HEADER.pages.groups[0];
     const pages = withSections(withWords("PAGE", [[12, many]]), [
       (() => {
         const meshes = section("MESH");
@@ -65,52 +65,52 @@ describe("few bytes cannot claim much memory", () => {
         return meshes;
       })(),
     ]);
-    const { taken, says } = refusal(() => readFileHeader(pages));
-    expect(says).toContain("cannot hold its groups");
-    expect(taken).toBeLessThan(MOST);
+    const { taken, message } = rejection(() => readFileHeader(pages));
+    expect(message).toContain("cannot hold its groups");
+    expect(taken).toBeLessThan(MAX_BYTES);
   });
 
-  test("with more clusters than pages can hold", () => {
-    const { says } = refusal(() => readFileHeader(withWords("MESH", [[84, 2 ** 28]])));
-    expect(says).toContain("cannot hold all clusters");
+  test("by more clusters than pages can hold", () => {
+    const { message } = rejection(() => readFileHeader(withWords("MESH", [[84, 2 ** 28]])));
+    expect(message).toContain("cannot hold all clusters");
   });
 
-  test("with groups that share their bytes", () => {
-    const page = [...HEAD.pages.groups].findIndex((groups) => groups > 1);
+  test("by groups that overlap", () => {
+    const page = [...HEADER.pages.groups].findIndex((groups) => groups > 1);
     expect(page).toBeGreaterThanOrEqual(0);
-    const bytes = FILE.slice(HEAD.pages.offset[page]);
+    const bytes = FILE.slice(HEADER.pages.offset[page]);
     const first = new DataView(bytes.buffer).getUint32(16 + 52, true);
-    const { says } = refusal(() => readChanged(page, [[16 + 64 + 52, first]]));
-    expect(says).toContain("overlap");
+    const { message } = rejection(() => readChanged(page, [[16 + 64 + 52, first]]));
+    expect(message).toContain("overlap");
   });
 
-  test("with clusters that are larger than the file says they are, or than their bytes", () => {
-    const start = HEAD.pages.offset[0];
+  test("by clusters that exceed the file's limits or their bytes", () => {
+    const start = HEADER.pages.offset[0];
     const view = new DataView(FILE.buffer, FILE.byteOffset + start);
     const part = view.getUint32(16 + 52, true);
     const references = view.getUint32(16 + 28, true);
-    const row = part + 32 * references + 8 * HEAD.meshes[0].smooth.length;
+    const row = part + 32 * references + 8 * HEADER.meshes[0].smooth.length;
     const kept = view.getUint32(row + 4, true);
     const sizes: [number, number][] = [
       [row + 4, (kept & 0xffff0000) | 0xffff],
       [row, row - part + 25],
     ];
     for (const change of sizes) {
-      const { taken, says } = refusal(() => readChanged(0, [change]));
-      expect(says).toContain("larger than the file says");
-      expect(taken).toBeLessThan(MOST);
+      const { taken, message } = rejection(() => readChanged(0, [change]));
+      expect(message).toContain("larger than the file says");
+      expect(taken).toBeLessThan(MAX_BYTES);
     }
   });
 });
 
-test("a file that was only written again is the same", () => {
+test("a file that is only written again stays the same", () => {
   const again = Uint8Array.from(FILE);
   sealFileHeader(again);
   expect(again).toEqual(FILE);
   const { origin, meshes, pages } = readFileHeader(withSections(FILE, []));
   expect({ origin, clusters: meshes[0].clusters, groups: [...pages.groups] }).toEqual({
-    origin: HEAD.origin,
-    clusters: HEAD.meshes[0].clusters,
-    groups: [...HEAD.pages.groups],
+    origin: HEADER.origin,
+    clusters: HEADER.meshes[0].clusters,
+    groups: [...HEADER.pages.groups],
   });
 });

@@ -15,7 +15,7 @@ import { drawnClusters, loadAsset, select, viewOf } from "../../support/loaded_a
 describe.each(assetNames())("%s", (name) => {
   const asset = loadAsset(name);
 
-  test("is cut as the library cuts it, through its pages and without", () => {
+  test("gives the library's cut, by traversal and group by group", () => {
     const { dag } = asset;
     for (const each of expectedOf(name).views) {
       const view = viewOf(each);
@@ -29,12 +29,12 @@ describe.each(assetNames())("%s", (name) => {
   });
 });
 
-test("the cut of no error is level 0, triangle by triangle", () => {
+test("the cut without error has all triangles of the source", () => {
   const asset = loadAsset("planet");
   const triangles = words(expectedOf("planet").triangles);
   const cut = select(asset, { kind: "level", level: 0 });
   const sum = cut.reduce((all, c) => all + triangles[c], 0);
-  expect(sum).toBe(asset.head.meshes[0].sourceTriangles);
+  expect(sum).toBe(asset.header.meshes[0].sourceTriangles);
 });
 
 interface Vectors {
@@ -54,7 +54,7 @@ describe("the library's test vectors", () => {
   const vectors = JSON.parse(readFileSync(path, "utf-8")) as Vectors;
   const float = (x: number | null) => (x === null ? Infinity : Math.fround(x));
 
-  /** As docs/selection.md has it: every group and every cluster by itself. */
+  /** The cut by the definition of docs/selection.md: every group and cluster by itself. */
   function cutOf({ tables, view, planes, facing }: Vectors["cuts"][number]): number[] {
     const { groups, clusters, facing: cones } = vectors.tables[tables];
     const spheres = Float32Array.from(groups.flatMap((row) => row.slice(4, 8)));

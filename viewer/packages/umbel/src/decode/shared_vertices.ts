@@ -45,7 +45,7 @@ export class SharedVertices {
     return this.next[v] !== NONE || this.previous[v] !== NONE;
   }
 
-  /** Shares further vertices along both borders while the file says so; they run in opposite directions. */
+  /** Shares further vertices along both borders, which run in opposite directions, while a bit is 1. */
   private follow(bits: BitReader, v: number, u: number, ahead: Int32Array, back: Int32Array): void {
     const { equal } = this;
     let w = ahead[v];

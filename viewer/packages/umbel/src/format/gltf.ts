@@ -11,7 +11,7 @@ export function jsonOf(value: unknown): Json {
   return isJson(value) ? value : {};
 }
 
-/** The objects of a list; what is no object is an empty one, so that places keep their number. */
+/** The objects of a list; an empty object replaces anything else, so that indices stay valid. */
 export function listOf(value: unknown): Json[] {
   return Array.isArray(value) ? value.map(jsonOf) : [];
 }
@@ -29,7 +29,7 @@ export function textOf(value: unknown): string {
   return typeof value === "string" ? value : "";
 }
 
-/** The sets of texture coordinates that materials name; the first always is among them. */
+/** The sets of texture coordinates that materials use, and always the first. */
 export function uvSetsOf(materials: Json): Set<number> {
   const sets = new Set([0]);
   const open: unknown[] = [materials.materials];

@@ -11,7 +11,7 @@ const MAGIC = [0xab, 0x55, 0x4d, 0x42, 0x4c, 0x0d, 0x0a, 0x1a];
 const SECTION_ROW = 40;
 const MAX_SECTIONS = 1024;
 
-/** What the first 128 bytes of a file say. */
+/** The values of the fixed header. */
 export interface FixedHeader {
   minor: number;
   size: number;

@@ -1,6 +1,6 @@
 // What a stream tells the page.
 
-import type { RenderGroup } from "./render_group.js";
+import type { RenderGroup } from "../pack/render_group.js";
 
 export interface StreamStatistics {
   /** Of the drawn cuts. */

@@ -6,12 +6,12 @@ import { UmbelError } from "../errors.js";
 import { type FileHeader, readFileHeader } from "../format/file_header.js";
 import { FIXED_HEADER_SIZE, readFixedHeader } from "../format/sections.js";
 import type { MeshEntry } from "../format/tables.js";
+import { memoryOf, packGroup, type RenderGroup } from "../pack/render_group.js";
+import { FileQueue } from "../source/file_queue.js";
+import type { ByteSource } from "../source/source.js";
 import { type AssetInfo, assetInfoOf } from "./asset_info.js";
 import { type DrawnCut, drawnCut } from "./drawn_cut.js";
-import { FileQueue } from "./file_queue.js";
-import { memoryOf, packGroup, type RenderGroup } from "./render_group.js";
 import { Residency } from "./residency.js";
-import type { ByteSource } from "./source.js";
 import type { StreamListener, StreamOptions } from "./stream_update.js";
 import type { MeshView } from "./target_cut.js";
 

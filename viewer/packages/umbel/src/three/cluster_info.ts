@@ -1,7 +1,7 @@
 // The properties of a resident cluster.
 
 import { Box3, type Intersection, type Matrix4, Vector3 } from "three";
-import type { RenderGroup } from "../stream/render_group.js";
+import type { RenderGroup } from "../pack/render_group.js";
 
 /** A resident cluster. */
 export interface ClusterInfo {

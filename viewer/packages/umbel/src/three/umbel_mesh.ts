@@ -143,7 +143,7 @@ export class UmbelMesh extends Object3D {
 
   /**
    * Positions the object in a scene whose zero is at `origin` of the world. Assets with different
-   * origins then stand in the right places relative to each other.
+   * origins then have the right relative position.
    */
   setSceneOrigin(origin: readonly [number, number, number]): void {
     const [x, y, z] = this.origin;

@@ -1,9 +1,9 @@
 // The worker's end of a stream: it fetches, decodes and selects, so that the page's thread does not.
 
 import { UmbelError } from "../errors.js";
-import { HttpSource } from "../stream/http_source.js";
-import { buffersOf } from "../stream/render_group.js";
-import { BlobSource } from "../stream/source.js";
+import { buffersOf } from "../pack/render_group.js";
+import { HttpSource } from "../source/http_source.js";
+import { BlobSource } from "../source/source.js";
 import type { StreamListener } from "../stream/stream_update.js";
 import { Streamer } from "../stream/streamer.js";
 import type { FromWorker, ToWorker } from "./messages.js";

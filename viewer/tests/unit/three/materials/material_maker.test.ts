@@ -1,19 +1,12 @@
-import { MeshBasicMaterial, MeshPhysicalMaterial, MeshStandardMaterial, Texture } from "three";
+import { MeshBasicMaterial, MeshPhysicalMaterial, MeshStandardMaterial } from "three";
 import { describe, expect, test } from "vitest";
 import type { Json } from "../../../../packages/umbel/src/format/gltf.js";
-import type { AssetInfo } from "../../../../packages/umbel/src/stream/asset_info.js";
 import { makeMaterial } from "../../../../packages/umbel/src/three/materials/material_maker.js";
 import {
   PHYSICAL,
   STANDARD,
   textureInfo,
 } from "../../../../packages/umbel/src/three/materials/material_slots.js";
-import { unsupportedFeatures } from "../../../../packages/umbel/src/three/materials/unsupported.js";
-import {
-  applySampler,
-  channelOf,
-  repeatsOf,
-} from "../../../../packages/umbel/src/three/textures/sampler.js";
 
 const LAYOUT = { normals: true, tangents: true, uvs: [true, true, false, false], colors: false };
 
@@ -24,7 +17,7 @@ function make(gltf: Json, colors = false): { material: MeshPhysicalMaterial; not
 }
 
 describe("materials", () => {
-  test("are of three.js's kinds", () => {
+  test("have the class that their extensions need", () => {
     expect(make({}).material).toBeInstanceOf(MeshStandardMaterial);
     expect(make({}).material).not.toBeInstanceOf(MeshPhysicalMaterial);
     expect(make({ extensions: { KHR_materials_unlit: {} } }).material).toBeInstanceOf(
@@ -35,7 +28,7 @@ describe("materials", () => {
     );
   });
 
-  test("have what the extensions say", () => {
+  test("have the values of their extensions", () => {
     const { material, notes } = make({
       emissiveFactor: [1, 0.5, 0],
       extensions: {
@@ -90,7 +83,7 @@ describe("materials", () => {
     expect(material.emissive.toArray()).toEqual([1, 0.5, 0]);
   });
 
-  test("have normal maps that point as glTF's do, with tangents of the mesh or without", () => {
+  test("have glTF's normal maps, with tangents of the mesh or without", () => {
     const coat = { clearcoatNormalTexture: { scale: 3 } };
     const gltf = { normalTexture: { scale: 2 }, extensions: { KHR_materials_clearcoat: coat } };
     for (const [tangents, sign] of [
@@ -103,12 +96,12 @@ describe("materials", () => {
     }
   });
 
-  test("that cannot be shown whole say so", () => {
+  test("report extensions that are not shown", () => {
     const { notes } = make({ extensions: { KHR_materials_unheard_of: {} } });
     expect(notes).toEqual(["Materials are shown without KHR_materials_unheard_of."]);
   });
 
-  test("let through what glTF says", () => {
+  test("have the transparency of their alpha mode", () => {
     const half = { pbrMetallicRoughness: { baseColorFactor: [1, 1, 1, 0.5] } };
     expect(make({ ...half, alphaMode: "BLEND" }).material).toMatchObject({
       transparent: true,
@@ -128,7 +121,7 @@ describe("materials", () => {
     expect(make({ alphaMode: "MASK", alphaCutoff: 0.25 }).material.alphaTest).toBe(0.25);
   });
 
-  test("of any JSON are made without an error", () => {
+  test("are made of any JSON without an error", () => {
     const odd = [null, true, -1, Infinity, "x", [], [null], {}, { index: "x" }, [1, "2", null]];
     const names = [
       "pbrMetallicRoughness",
@@ -147,67 +140,5 @@ describe("materials", () => {
         for (const slot of [...STANDARD, ...PHYSICAL])
           expect(() => textureInfo({ extensions: { [part]: value } }, slot)).not.toThrow();
       }
-  });
-});
-
-test("what an asset has that nothing is shown of is said", () => {
-  const meshes = [{ skipped: ["joints", "texture coordinates"] }];
-  const scene = { extensions: { KHR_lights_punctual: { lights: [] } } };
-  const said = unsupportedFeatures({ meshes, scene } as unknown as AssetInfo);
-  expect(said.map((text) => /joints|lights/.exec(text)?.[0])).toEqual(["joints", "lights"]);
-  expect(
-    unsupportedFeatures({ meshes: [{ skipped: [] }], scene: {} } as unknown as AssetInfo),
-  ).toEqual([]);
-});
-
-describe("textures are looked up as glTF says", () => {
-  test("each slot by its own set, transform and sampler", () => {
-    const info = {
-      index: 0,
-      texCoord: 0,
-      extensions: {
-        KHR_texture_transform: { offset: [0.5, 0.25], scale: [2, -4], rotation: 1, texCoord: 1 },
-      },
-    };
-    const texture = new Texture();
-    applySampler(
-      texture,
-      { wrapS: 33071, wrapT: 33648, magFilter: 9728, minFilter: 9729 },
-      info,
-      true,
-    );
-    expect(texture).toMatchObject({
-      channel: 1,
-      rotation: 1,
-      wrapS: 1001,
-      wrapT: 1002,
-      magFilter: 1003,
-      minFilter: 1006,
-      generateMipmaps: false,
-      flipY: false,
-      colorSpace: "srgb",
-    });
-    expect(texture.offset.toArray()).toEqual([0.5, 0.25]);
-    expect(texture.repeat.toArray()).toEqual([2, -4]);
-    expect(repeatsOf(info)).toBe(2);
-    const plain = new Texture();
-    applySampler(plain, {}, {}, false);
-    expect(plain).toMatchObject({
-      channel: 0,
-      wrapS: 1000,
-      wrapT: 1000,
-      magFilter: 1006,
-      minFilter: 1008,
-      generateMipmaps: true,
-      colorSpace: "",
-    });
-  });
-
-  test("where the transform's set wins over the texture's", () => {
-    expect(channelOf({ texCoord: 2 })).toBe(2);
-    expect(channelOf({ texCoord: 2, extensions: { KHR_texture_transform: {} } })).toBe(2);
-    expect(channelOf({ texCoord: 2, extensions: { KHR_texture_transform: { texCoord: 0 } } })).toBe(
-      0,
-    );
   });
 });

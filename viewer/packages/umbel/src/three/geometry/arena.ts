@@ -2,7 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage } from "three";
 import { UV_SETS } from "../../format/attributes.js";
-import type { RenderGroup } from "../../stream/render_group.js";
+import type { RenderGroup } from "../../pack/render_group.js";
 import { Allocator } from "./allocator.js";
 import { clusterEdges } from "./edges.js";
 

@@ -1,6 +1,6 @@
 // Lists the edges of clusters, each once, to draw them as lines.
 
-import type { RenderGroup } from "../../stream/render_group.js";
+import type { RenderGroup } from "../../pack/render_group.js";
 import type { Allocation } from "./arena.js";
 
 const MAX_VERTICES = 256;

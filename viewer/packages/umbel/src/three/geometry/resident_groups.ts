@@ -2,8 +2,8 @@
 
 import { Box3 } from "three";
 import { UV_SETS } from "../../format/attributes.js";
+import type { RenderGroup } from "../../pack/render_group.js";
 import type { MeshInfo } from "../../stream/asset_info.js";
-import type { RenderGroup } from "../../stream/render_group.js";
 import { boxOf } from "../cluster_info.js";
 import { Allocator } from "./allocator.js";
 import { type Allocation, Arena, type VertexLayout } from "./arena.js";

@@ -113,7 +113,7 @@ export class Textures {
     if (!image) {
       image = new StreamedImage(row);
       this.images.set(index, image);
-      if (image.isBroken) this.note("The asset does not say where some of its textures are.");
+      if (image.isBroken) this.note("The asset has textures without an image file.");
     }
     return image;
   }

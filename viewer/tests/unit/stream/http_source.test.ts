@@ -1,0 +1,67 @@
+import { describe, expect, test } from "vitest";
+import { UmbelError } from "../../../packages/umbel/src/errors.js";
+import { HttpSource } from "../../../packages/umbel/src/stream/http_source.js";
+
+const BYTES = Uint8Array.from({ length: 1000 }, (_, i) => i % 251);
+const URL = "https://host.test/a.umbel";
+
+/** A host of BYTES; each request fails first as often as `failures` says. */
+function host({ hasRanges = true, failures = 0, status = 0 } = {}) {
+  const requests: string[] = [];
+  const get = async (_: unknown, init?: RequestInit): Promise<Response> => {
+    const range = new Headers(init?.headers).get("Range") ?? "";
+    requests.push(range);
+    if (failures-- > 0) throw new TypeError("no network");
+    if (status) return new Response(null, { status });
+    if (!hasRanges) return new Response(BYTES);
+    const [first, last] = (range.match(/\d+/g) ?? []).map(Number) as [number, number];
+    if (first >= BYTES.length) return new Response(null, { status: 416 });
+    const part = BYTES.subarray(first, last + 1);
+    const headers = { "Content-Range": `bytes ${first}-${last}/${BYTES.length}` };
+    return new Response(part, { status: 206, headers });
+  };
+  return { requests, get: get as typeof fetch };
+}
+
+describe("an HTTP source", () => {
+  test("reads ranges, and fewer bytes at the end of the file", async () => {
+    const { requests, get } = host();
+    const source = new HttpSource(URL, { fetch: get });
+    expect(await source.read(10, 5)).toEqual(BYTES.slice(10, 15));
+    expect(await source.read(990, 50)).toEqual(BYTES.slice(990));
+    expect((await source.read(2000, 5)).length).toBe(0);
+    expect(requests).toEqual(["bytes=10-14", "bytes=990-1039", "bytes=2000-2004"]);
+    expect(source.fetched).toBe(15);
+  });
+
+  test("downloads the file once from a host without ranges", async () => {
+    const { requests, get } = host({ hasRanges: false });
+    const source = new HttpSource(URL, { fetch: get });
+    expect(await source.read(10, 5)).toEqual(BYTES.slice(10, 15));
+    expect(await source.read(900, 500)).toEqual(BYTES.slice(900));
+    expect(requests.length).toBe(1);
+    expect(source.fetched).toBe(BYTES.length);
+  });
+
+  test("tries again, and reports the connection", async () => {
+    const states: boolean[] = [];
+    const onConnection = (isLost: boolean) => states.push(isLost);
+    const { get } = host({ failures: 2 });
+    const source = new HttpSource(URL, { fetch: get, delay: 1, onConnection });
+    expect(await source.read(0, 3)).toEqual(BYTES.slice(0, 3));
+    expect(states).toEqual([true, false]);
+  });
+
+  test.each([
+    [404, "missing", 1],
+    [403, "missing", 1],
+    [503, "network", 3],
+  ])("status %i is an error of kind %s", async (status, kind, count) => {
+    const { requests, get } = host({ status });
+    const source = new HttpSource(URL, { fetch: get, delay: 1, retries: 2 });
+    const error = await source.read(0, 3).catch((caught: unknown) => caught);
+    expect(error).toBeInstanceOf(UmbelError);
+    expect((error as UmbelError).kind).toBe(kind);
+    expect(requests.length).toBe(count);
+  });
+});
