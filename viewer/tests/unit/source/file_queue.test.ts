@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import { FileQueue } from "../../../packages/umbel/src/stream/file_queue.js";
+import { FileQueue } from "../../../packages/umbel/src/source/file_queue.js";
 
 /** A source that answers on demand. */
 class SlowSource {

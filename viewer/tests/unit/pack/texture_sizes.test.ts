@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { textureSizesOf } from "../../../packages/umbel/src/stream/texture_sizes.js";
+import { textureSizesOf } from "../../../packages/umbel/src/pack/texture_sizes.js";
 import { squareGroup } from "../../support/square_group.js";
 
 test("measures the length of a whole texture on the surface", () => {

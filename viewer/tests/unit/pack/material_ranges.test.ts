@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { materialRangesOf } from "../../../packages/umbel/src/stream/material_ranges.js";
+import { materialRangesOf } from "../../../packages/umbel/src/pack/material_ranges.js";
 import { squareGroup } from "../../support/square_group.js";
 
 test("sorts the triangles of a cluster that mixes materials", () => {

@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
 import { UmbelError } from "../../../packages/umbel/src/errors.js";
-import { HttpSource } from "../../../packages/umbel/src/stream/http_source.js";
+import { HttpSource } from "../../../packages/umbel/src/source/http_source.js";
 
 const BYTES = Uint8Array.from({ length: 1000 }, (_, i) => i % 251);
 const URL = "https://host.test/a.umbel";
