@@ -26,13 +26,12 @@
 namespace {
 
 using bench::Embree, bench::Kind, bench::median, bench::Tracer;
-using umbel::Hit, umbel::Mesh, umbel::Ray, umbel::TriangleBvh, umbel::TriangleBvhConfig;
+using umbel::Hit, umbel::Mesh, umbel::Ray, umbel::Bvh, umbel::BvhConfig;
 
-Tracer make_ours(const std::string& name, Kind kind, const Mesh& mesh,
-                 const TriangleBvhConfig& config) {
+Tracer make_ours(const std::string& name, Kind kind, const Mesh& mesh, const BvhConfig& config) {
   const double start = bench::thread_seconds();
-  const auto tree = std::make_shared<TriangleBvh>(
-      TriangleBvh::build(mesh.view(), config, {}, {.progress = {}, .threads = 1}));
+  const auto tree =
+      std::make_shared<Bvh>(Bvh::build(mesh.view(), config, {}, {.progress = {}, .threads = 1}));
   Tracer tracer;
   tracer.name = name;
   tracer.kind = kind;
@@ -84,14 +83,14 @@ using Factory = std::function<Tracer()>;
 
 std::vector<Factory> make_factories(const Mesh& mesh, const Options& options, Embree* embree) {
   std::vector<Factory> factories;
-  const auto add_ours = [&](const char* name, Kind kind, const TriangleBvhConfig& config) {
+  const auto add_ours = [&](const char* name, Kind kind, const BvhConfig& config) {
     if (!options.only.empty() && !std::strstr(name, options.only.c_str()) && !factories.empty())
       return;
     if (config.simd == umbel::Simd::kAvx2 && !__builtin_cpu_supports("avx2")) return;
     factories.push_back([=, &mesh] { return make_ours(name, kind, mesh, config); });
   };
   add_ours("umbel", Kind::kPlain, {});
-  TriangleBvhConfig config;
+  BvhConfig config;
   config.tree = umbel::bvh::preset("best");
   add_ours("umbel best", Kind::kSpatialSplits, config);
   config.tree = umbel::bvh::preset("fast");
@@ -223,7 +222,7 @@ void print_ratios(const std::vector<Ratios>& ratios, Kind kind, const char* titl
 
 void print_counts(const Mesh& mesh, const char* preset, const std::vector<Ray>& primary,
                   const std::vector<Ray>& bounce) {
-  umbel::TriangleBvhData tree;
+  umbel::BvhData tree;
   umbel::with_threads(1, [&] {
     tree = umbel::widen_tree(umbel::bvh::build(mesh.view(), umbel::bvh::preset(preset)),
                              mesh.view(), {}, {});

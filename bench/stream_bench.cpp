@@ -56,7 +56,7 @@ void measure(const umbel::Asset& asset, umbel::ResidencyConfig config, float pix
   umbel::Residency residency(asset, config, umbel::make_model_loader(asset, {0, 1e18}, clock));
   umbel::StreamView view[] = {seen(asset, 0, pixels, has_planes)};
   for (;; *clock += 1) {
-    const umbel::ResidencyStep step = residency.step(view, *clock);
+    const umbel::StreamStep step = residency.step(view, *clock);
     if (step.caught_up && step.missing_groups == 0 && step.loaded == 0) break;
   }
   std::vector<double> times;
@@ -65,7 +65,7 @@ void measure(const umbel::Asset& asset, umbel::ResidencyConfig config, float pix
   for (int frame = 0; frame < frames; ++frame, *clock += 1) {
     view[0] = seen(asset, frame, pixels, has_planes);
     const double start = processor_seconds();
-    const umbel::ResidencyStep step = residency.step(view, *clock);
+    const umbel::StreamStep step = residency.step(view, *clock);
     times.push_back(1e3 * (processor_seconds() - start));
     looked_at += step.looked_at;
     open += step.open_groups;

@@ -16,17 +16,17 @@ class CountingIntersector {
   static constexpr uint32_t kWidth = 8;
   static inline TraversalCounts counts;
 
-  CountingIntersector(const umbel::RayFrame& frame, const umbel::TriangleBvhData& tree)
+  CountingIntersector(const umbel::RayFrame& frame, const umbel::BvhData& tree)
       : lanes_(frame, tree) {}
 
   uint32_t visit(uint32_t node, float cull, umbel::StackEntry*& top) const {
     ++counts.nodes;
     return lanes_.visit(node, cull, top);
   }
-  uint32_t triangles(const umbel::TriangleBvhData& tree, uint32_t link, bool cull_back, float t_max,
+  uint32_t triangles(const umbel::BvhData& tree, uint32_t link, bool cull_back, float t_max,
                      umbel::LeafHits& hits) const {
     ++counts.leaves;
-    counts.triangles += umbel::TriangleBvhData::leaf_size(link);
+    counts.triangles += umbel::BvhData::leaf_size(link);
     return lanes_.triangles(tree, link, cull_back, t_max, hits);
   }
 
@@ -35,12 +35,12 @@ class CountingIntersector {
 };
 
 /// Means over the rays.
-inline TraversalCounts count_traversal(const umbel::TriangleBvhData& tree,
+inline TraversalCounts count_traversal(const umbel::BvhData& tree,
                                        const std::vector<umbel::Ray>& rays) {
   TraversalCounts& counts = CountingIntersector::counts;
   counts = {};
   for (const umbel::Ray& ray : rays)
-    umbel::intersect_ray<CountingIntersector, umbel::TriangleBvhData>(tree, ray, {});
+    umbel::intersect_ray<CountingIntersector, umbel::BvhData>(tree, ray, {});
   const auto n = static_cast<double>(rays.size());
   return {counts.nodes / n, counts.leaves / n, counts.triangles / n};
 }

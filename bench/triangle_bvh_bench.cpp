@@ -1,4 +1,4 @@
-// Whole default builds of TriangleBvh and its refits on one thread and on two: medians by the clock
+// Whole default builds of Bvh and its refits on one thread and on two: medians by the clock
 // on the wall, as a Markdown table of million triangles a second.
 //
 //   triangle_bvh_bench [--runs N] MESH.ply|MESH.obj...
@@ -15,7 +15,7 @@
 
 namespace {
 
-using umbel::BuildOptions, umbel::Mesh, umbel::TriangleBvh, umbel::TriangleBvhConfig;
+using umbel::BuildOptions, umbel::Mesh, umbel::Bvh, umbel::BvhConfig;
 
 /// Seconds on one thread and on two, by turns.
 struct Times {
@@ -43,12 +43,12 @@ void run_mesh(const std::string& path, size_t runs) {
   const Mesh mesh = bench::read_mesh(path);
   std::printf("| **%s** | | | |\n", bench::file_name(path).c_str());
   print("build", mesh, measure(runs, [&](const BuildOptions& options) {
-          (void)TriangleBvh::build(mesh.view(), {}, {}, options);
+          (void)Bvh::build(mesh.view(), {}, {}, options);
         }));
   for (const bool compact : {false, true}) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.compact = compact;
-    TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    Bvh tree = Bvh::build(mesh.view(), config);
     print(
         compact ? "refit, compact" : "refit", mesh,
         measure(3 * runs, [&](const BuildOptions& options) { tree.refit(mesh.view(), options); }));

@@ -26,13 +26,13 @@ constexpr uint32_t kSize = 1024;
 struct Scene {
   std::string name;
   Mesh mesh;
-  TriangleBvh expected;
+  Bvh expected;
   std::vector<Ray> primary, bounce;
 
   explicit Scene(const std::string& path)
       : name(bench::file_name(path)),
         mesh(bench::read_mesh(path)),
-        expected(TriangleBvh::build(mesh.view())) {
+        expected(Bvh::build(mesh.view())) {
     const trace::Scene whole = trace::Scene::build(mesh.view());
     primary = bench::camera_rays(trace::auto_camera(whole, kSize, kSize), kSize, 1);
     bounce = bench::bounces(mesh, primary, expected);
@@ -61,7 +61,7 @@ void trace_on_processor(const Scene& scene, int runs) {
          scene.expected.occluded(scene.bounce, std::span(any).first(scene.bounce.size()), {}, 1);
        }},
       runs);
-  printf("\n## %s on one core: umbel::TriangleBvh\n", scene.name.c_str());
+  printf("\n## %s on one core: umbel::Bvh\n", scene.name.c_str());
   print_ray_head("");
   print_rays("primary, nearest", scene.primary.size(), ms[0], 0);
   print_rays("bounce, nearest", scene.bounce.size(), ms[1], 0);

@@ -76,13 +76,13 @@ int main(void) {
   options.progress = show;
   check(umbel_cluster_build(&input, &config, &options, &output));
 
-  umbel_cluster_quality quality;
-  umbel_cluster_quality_init(&quality);
-  check(umbel_cluster_metrics(&input, &output, config.max_items, &quality));
+  umbel_cluster_metrics metrics;
+  umbel_cluster_metrics_init(&metrics);
+  check(umbel_cluster_get_metrics(&input, &output, config.max_items, &metrics));
 
   printf("%zu triangles in %zu clusters, %.1f %% full, at most %u vertices, ", output.item_count,
-         output.range_count, 100 * quality.mean_fill, quality.max_vertices);
-  printf("surface area ratio %.2f\n", quality.surface_area_ratio);
+         output.range_count, 100 * metrics.mean_fill, metrics.max_vertices);
+  printf("surface area ratio %.2f\n", metrics.surface_area_ratio);
   printf("cluster 0 has %u triangles; the first is number %u\n", output.ranges[0].count,
          output.items[output.ranges[0].offset]);
 

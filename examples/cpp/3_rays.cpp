@@ -8,7 +8,7 @@
 namespace {
 
 /// The visible fraction of the sky, by rays over the upper hemisphere.
-float open_sky(const umbel::TriangleBvh& bvh, const umbel::Vec3& point) {
+float open_sky(const umbel::Bvh& bvh, const umbel::Vec3& point) {
   std::vector<umbel::Ray> rays;
   for (int i = 0; i < 16; ++i)
     for (int k = 0; k < 4; ++k) {
@@ -62,9 +62,9 @@ void own_primitives() {
 
 int main() {
   umbel::Mesh mesh = umbel::shapes::terrain(200, 200, 1);
-  umbel::TriangleBvhConfig config;
+  umbel::BvhConfig config;
   config.tree = umbel::bvh::preset("quality");  // or "fast", "best"
-  umbel::TriangleBvh bvh = umbel::TriangleBvh::build(mesh.view(), config);
+  umbel::Bvh bvh = umbel::Bvh::build(mesh.view(), config);
 
   const umbel::Hit hit = bvh.intersect({{0.5f, 0.5f, 10}, 0, {0, 0, -1}});
   if (!hit.hit()) return 1;
@@ -80,7 +80,7 @@ int main() {
               report.built_sah_cost, report.rebuild_advised ? ": rebuild" : "");
 
   bvh.save("terrain.umbvh");
-  const umbel::TriangleBvh loaded = umbel::TriangleBvh::load("terrain.umbvh");
+  const umbel::Bvh loaded = umbel::Bvh::load("terrain.umbvh");
   std::printf("%u nodes from the file\n", loaded.statistics().nodes);
   own_primitives();
 }

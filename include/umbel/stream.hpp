@@ -88,7 +88,7 @@ struct StreamCluster {
   bool operator==(const StreamCluster&) const = default;
 };
 
-struct ResidencyStep {
+struct StreamStep {
   /// What is missing, at worst: how many times larger the error of something shown is than its
   /// view asked for, within two per cent. 1 or less where nothing is missing.
   float worst_error = 0;
@@ -123,7 +123,7 @@ class UMBEL_API Residency {
 
   /// Takes over what has come, chooses what the views show of it, and asks for what is missing.
   /// `now` are seconds on any clock that does not run backwards.
-  ResidencyStep step(std::span<const StreamView> views, double now);
+  StreamStep step(std::span<const StreamView> views, double now);
   /// What the views of the last step show, in no order. A change of the views of a step costs what
   /// changes, if they keep their places among them.
   std::span<const StreamCluster> cut() const;

@@ -94,8 +94,8 @@ class UMBEL_API Scene {
 
   /// Throws kInvalidMesh for an invalid mesh and kInvalidArgument for a look that does not fit it
   /// or is out of range.
-  static Scene build(const MeshView& mesh, const Look& look = {},
-                     const TriangleBvhConfig& config = {}, const BuildOptions& options = {});
+  static Scene build(const MeshView& mesh, const Look& look = {}, const BvhConfig& config = {},
+                     const BuildOptions& options = {});
   /// The same over any structure of the same triangles, built with `masks` of the same look.
   static Scene build(const MeshView& mesh, const Look& look,
                      std::unique_ptr<TriangleQueries> structure, const BuildOptions& options = {});

@@ -12,7 +12,7 @@
 
 namespace umbel {
 
-struct TriangleBvhConfig {
+struct BvhConfig {
   bvh::Config tree = bvh::preset("quality");
   uint32_t width = 8;  ///< children a node: 2, 4 or 8
   /// Share vertices between triangles, and keep boxes in 16 bits a plane: half the memory, slower
@@ -28,7 +28,7 @@ struct RefitReport {
   bool rebuild_advised;
 };
 
-struct TriangleBvhStatistics {
+struct BvhStatistics {
   uint32_t width;
   uint32_t nodes;  ///< of this width
   uint32_t leaves;
@@ -38,26 +38,24 @@ struct TriangleBvhStatistics {
   uint64_t bytes;   ///< nodes and triangles, everything that a query touches
 };
 
-class UMBEL_API TriangleBvh : public TriangleQueries {
+class UMBEL_API Bvh : public TriangleQueries {
  public:
-  TriangleBvh();  ///< no triangles; every query misses
-  ~TriangleBvh() override;
-  TriangleBvh(TriangleBvh&&) noexcept;
-  TriangleBvh& operator=(TriangleBvh&&) noexcept;
+  Bvh();  ///< no triangles; every query misses
+  ~Bvh() override;
+  Bvh(Bvh&&) noexcept;
+  Bvh& operator=(Bvh&&) noexcept;
 
   /// Builds the tree with config.tree and widens it. `masks` is empty (all bits set) or one a
   /// triangle. Throws as bvh::build does.
-  static TriangleBvh build(const MeshView& mesh, const TriangleBvhConfig& config = {},
-                           std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+  static Bvh build(const MeshView& mesh, const BvhConfig& config = {},
+                   std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
   /// Widens a tree over the triangles of `mesh` from any builder; `tree` is checked.
-  static TriangleBvh widen(const bvh::Bvh2& tree, const MeshView& mesh,
-                           const TriangleBvhConfig& config = {},
-                           std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+  static Bvh widen(const bvh::Bvh2& tree, const MeshView& mesh, const BvhConfig& config = {},
+                   std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
   /// The same of a tree with up to 64 children a node. Nodes with no more children than `width`
   /// stay as they are.
-  static TriangleBvh widen(const bvh::KaryTree& tree, const MeshView& mesh,
-                           const TriangleBvhConfig& config = {},
-                           std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+  static Bvh widen(const bvh::KaryTree& tree, const MeshView& mesh, const BvhConfig& config = {},
+                   std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
 
   /// Follows moved vertices: the same triangles as at the build, new positions.
   RefitReport refit(const MeshView& mesh, const BuildOptions& options = {});
@@ -65,9 +63,9 @@ class UMBEL_API TriangleBvh : public TriangleQueries {
   /// Writes beside `path`, then renames. Format: docs/bvh.md.
   void save(const std::string& path) const;
   /// Throws kIo or kCorrupt; no query on what it returns can leave the file's arrays.
-  static TriangleBvh load(const std::string& path, Simd simd = Simd::kAuto);
+  static Bvh load(const std::string& path, Simd simd = Simd::kAuto);
 
-  TriangleBvhStatistics statistics() const;
+  BvhStatistics statistics() const;
 
  private:
   struct Data;

@@ -55,7 +55,7 @@ enum class Simd : uint32_t { kAuto, kPortable, kAvx2, kAvx512 };
 
 struct LeafStore;
 
-/// The base of TriangleBvh, kdtree::KdTree and the structures of uniform.hpp: the same queries, and
+/// The base of Bvh, kdtree::KdTree and the structures of uniform.hpp: the same queries, and
 /// the same results bit by bit (but for overlaps of a frustum). Queries may run at the same time
 /// from any number of threads.
 class UMBEL_API TriangleQueries {

@@ -25,7 +25,7 @@ typedef struct umbel_cuda_tables {
   const umbel_lod_node* nodes;
   const umbel_lod_group* groups;
   const umbel_lod_cluster* clusters;
-  const umbel_cull_bounds* normal_cones;  ///< one a cluster, or NULL
+  const umbel_cluster_bounds* normal_cones;  ///< one a cluster, or NULL
   uint32_t group_count;
   uint32_t layers;  ///< from umbel_cuda_check_tables
 } umbel_cuda_tables;

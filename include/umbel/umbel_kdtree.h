@@ -5,13 +5,14 @@
 //   umbel_kdtree_intersect(tree, rays, ray_count, NULL, hits);
 //   umbel_kdtree_free(tree);
 //
-// The mesh, rays, hits and options are those of hierarchies (umbel.h), and so are the hits, bit by
-// bit. A umbel_kdtree holds all that it needs; the mesh may go. Any number of threads may ask one
-// at the same time; only umbel_kdtree_set_traversal and umbel_kdtree_free need it for themselves.
+// The mesh, rays, hits and options are those of hierarchies (umbel_bvh.h), and so are the hits, bit
+// by bit. A umbel_kdtree holds all that it needs; the mesh may go. Any number of threads may ask
+// one at the same time; only umbel_kdtree_set_traversal and umbel_kdtree_free need it for
+// themselves.
 #ifndef UMBEL_UMBEL_KDTREE_H
 #define UMBEL_UMBEL_KDTREE_H
 
-#include "umbel/umbel.h"
+#include "umbel/umbel_bvh.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -61,6 +62,7 @@ typedef struct umbel_kdtree_statistics {
   uint64_t bytes;       ///< everything that a query may touch
   umbel_aabb bounds;    ///< min > max where there are no triangles
 } umbel_kdtree_statistics;
+UMBEL_STRUCT_INIT(umbel_kdtree_statistics)
 
 typedef struct umbel_kdtree umbel_kdtree;
 
@@ -69,11 +71,6 @@ UMBEL_C_API void umbel_kdtree_config_init_sized(umbel_kdtree_config* config, siz
 
 static inline void umbel_kdtree_config_init(umbel_kdtree_config* config) {
   umbel_kdtree_config_init_sized(config, sizeof *config);
-}
-
-static inline void umbel_kdtree_statistics_init(umbel_kdtree_statistics* statistics) {
-  memset(statistics, 0, sizeof *statistics);
-  statistics->struct_size = (uint32_t)sizeof *statistics;
 }
 
 /// As umbel_bvh_build. `config` (the defaults) and `options` may be NULL. `*tree` is NULL on
@@ -98,7 +95,7 @@ UMBEL_C_API umbel_result umbel_kdtree_load(const char* path, uint32_t traversal,
 UMBEL_C_API umbel_result umbel_kdtree_get_statistics(const umbel_kdtree* tree,
                                                      umbel_kdtree_statistics* statistics);
 
-// Queries: each as that of umbel_bvh in umbel.h.
+// Queries: each as that of umbel_bvh in umbel_bvh.h.
 
 UMBEL_C_API umbel_result umbel_kdtree_intersect(const umbel_kdtree* tree, const umbel_ray* rays,
                                                 size_t count, const umbel_ray_options* options,
@@ -135,4 +132,4 @@ UMBEL_C_API umbel_result umbel_kdtree_overlaps_frustum(const umbel_kdtree* tree,
 }
 #endif
 
-#endif
+#endif  // UMBEL_UMBEL_KDTREE_H

@@ -25,21 +25,13 @@
 #ifndef UMBEL_UMBEL_LOD_H
 #define UMBEL_UMBEL_LOD_H
 
-#include "umbel/umbel.h"
+#include "umbel/umbel_cluster.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 // ---- building ----------------------------------------------------------------------------------
-
-typedef struct umbel_vec2 {
-  float x, y;
-} umbel_vec2;
-
-typedef struct umbel_vec4 {
-  float x, y, z, w;
-} umbel_vec4;
 
 typedef enum umbel_extra_kind {
   UMBEL_EXTRA_UVS = 4,      ///< 2 values: texture coordinates of the set 1, 2, ...
@@ -72,6 +64,7 @@ typedef struct umbel_lod_mesh {
   size_t extra_count;
   const float* extra_values;
 } umbel_lod_mesh;
+UMBEL_STRUCT_INIT(umbel_lod_mesh)
 
 /// One group for a decimation of the caller's own, see umbel_lod_config.
 typedef struct umbel_lod_decimation {
@@ -158,6 +151,7 @@ typedef struct umbel_lod_report {
   double mean_log2_overestimate;
   uint64_t measured_groups, underestimated_groups;
 } umbel_lod_report;
+UMBEL_STRUCT_INIT(umbel_lod_report)
 
 /// Why a group was not simplified to 70 % by the first method alone, or is a root: what kept most
 /// of its vertices from moving.
@@ -178,16 +172,6 @@ typedef enum umbel_lod_limiting_factor {
 } umbel_lod_limiting_factor;
 
 typedef struct umbel_lod umbel_lod;
-
-static inline void umbel_lod_mesh_init(umbel_lod_mesh* mesh) {
-  memset(mesh, 0, sizeof *mesh);
-  mesh->struct_size = (uint32_t)sizeof *mesh;
-}
-
-static inline void umbel_lod_report_init(umbel_lod_report* report) {
-  memset(report, 0, sizeof *report);
-  report->struct_size = (uint32_t)sizeof *report;
-}
 
 /// Sets the first `size` bytes of a config to the defaults.
 UMBEL_C_API void umbel_lod_config_init_sized(umbel_lod_config* config, size_t size);
@@ -268,11 +252,7 @@ typedef struct umbel_lod_arrays {
   const umbel_lod_node* nodes;
   size_t node_count;
 } umbel_lod_arrays;
-
-static inline void umbel_lod_arrays_init(umbel_lod_arrays* arrays) {
-  memset(arrays, 0, sizeof *arrays);
-  arrays->struct_size = (uint32_t)sizeof *arrays;
-}
+UMBEL_STRUCT_INIT(umbel_lod_arrays)
 
 typedef struct umbel_lod_tables umbel_lod_tables;
 
@@ -314,7 +294,7 @@ UMBEL_C_API umbel_result umbel_lod_view_level(uint32_t level, umbel_lod_view* vi
 typedef struct umbel_lod_culling {
   const umbel_plane* planes;  ///< clusters wholly outside one of them are left out
   size_t plane_count;
-  const umbel_cull_bounds*
+  const umbel_cluster_bounds*
       normal_cones;  ///< one a cluster, or NULL: those that face away are left out
   size_t normal_cone_count;
 } umbel_lod_culling;
@@ -327,7 +307,7 @@ UMBEL_C_API umbel_result umbel_lod_frustum(const float eye[3], const float targe
 /// Spheres and cones of all clusters: bounds[0 .. clusters), of which `capacity` must be as many.
 UMBEL_C_API umbel_result umbel_lod_normal_cones(const umbel_lod* lod,
                                                 const umbel_build_options* options,
-                                                umbel_cull_bounds* bounds, size_t capacity);
+                                                umbel_cluster_bounds* bounds, size_t capacity);
 
 typedef enum umbel_lod_method {
   UMBEL_LOD_FLAT = 0,
@@ -342,11 +322,6 @@ UMBEL_C_API umbel_result umbel_lod_select(const umbel_lod_tables* tables,
                                           const umbel_lod_view* view,
                                           const umbel_lod_culling* culling, umbel_lod_method method,
                                           uint32_t* cut, size_t capacity, size_t* count);
-
-/// Three rows of four: from the mesh's space to the scene's.
-typedef struct umbel_transform {
-  float rows[12];
-} umbel_transform;
 
 /// A cut for each instance, with view and planes of the scene: instance i has
 /// clusters[offsets[i] .. offsets[i + 1]). `offsets` has room for instance_count + 1.

@@ -22,7 +22,7 @@ Dict statistics_dict(const bvh::Statistics& s) {
   return result;
 }
 
-Dict statistics_dict(const TriangleBvhStatistics& s) {
+Dict statistics_dict(const BvhStatistics& s) {
   Dict result;
   result["width"] = s.width;
   result["nodes"] = s.nodes;
@@ -185,9 +185,9 @@ void bind_kary(nb::module_& module) {
                });
 }
 
-TriangleBvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool compact,
-                                  const std::string& simd) {
-  TriangleBvhConfig config;
+BvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool compact,
+                          const std::string& simd) {
+  BvhConfig config;
   config.tree = tree;
   config.width = width;
   config.compact = compact;
@@ -205,25 +205,24 @@ TriangleBvhConfig triangle_config(const bvh::Config& tree, uint32_t width, bool 
 }
 
 template <typename Tree>
-TriangleBvh widen(const Tree& given, const MeshArrays& mesh, const bvh::Config& tree,
-                  uint32_t width, bool compact, const std::string& simd,
-                  const std::optional<Flat<uint32_t>>& masks, const nb::object& progress,
-                  uint32_t threads) {
-  const TriangleBvhConfig config = triangle_config(tree, width, compact, simd);
+Bvh widen(const Tree& given, const MeshArrays& mesh, const bvh::Config& tree, uint32_t width,
+          bool compact, const std::string& simd, const std::optional<Flat<uint32_t>>& masks,
+          const nb::object& progress, uint32_t threads) {
+  const BvhConfig config = triangle_config(tree, width, compact, simd);
   return run(progress, threads, [&](const BuildOptions& options) {
-    return TriangleBvh::widen(given, mesh.view(), config, rows_of<uint32_t>(masks), options);
+    return Bvh::widen(given, mesh.view(), config, rows_of<uint32_t>(masks), options);
   });
 }
 
-void bind_builds(nb::class_<TriangleBvh, TriangleQueries>& bvh) {
+void bind_builds(nb::class_<Bvh, TriangleQueries>& bvh) {
   bvh.def_static(
          "build",
          [](const MeshArrays& mesh, const bvh::Config& tree, uint32_t width, bool compact,
             const std::string& simd, const std::optional<Flat<uint32_t>>& masks,
             const nb::object& progress, uint32_t threads) {
-           const TriangleBvhConfig config = triangle_config(tree, width, compact, simd);
+           const BvhConfig config = triangle_config(tree, width, compact, simd);
            return run(progress, threads, [&](const BuildOptions& options) {
-             return TriangleBvh::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
+             return Bvh::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
            });
          },
          "mesh"_a, "config"_a, "width"_a, "compact"_a, "simd"_a, "masks"_a = nb::none(),
@@ -239,20 +238,19 @@ void bind_builds(nb::class_<TriangleBvh, TriangleQueries>& bvh) {
           [](const std::string& path, const std::string& simd) {
             const Simd wanted = triangle_config({}, 8, false, simd).simd;
             nb::gil_scoped_release release;
-            return TriangleBvh::load(path, wanted);
+            return Bvh::load(path, wanted);
           },
           "path"_a, "simd"_a = "auto")
       .def(
           "save",
-          [](const TriangleBvh& self, const std::string& path) {
+          [](const Bvh& self, const std::string& path) {
             nb::gil_scoped_release release;
             self.save(path);
           },
           "path"_a)
       .def(
           "refit",
-          [](TriangleBvh& self, const MeshArrays& mesh, const nb::object& progress,
-             uint32_t threads) {
+          [](Bvh& self, const MeshArrays& mesh, const nb::object& progress, uint32_t threads) {
             const RefitReport report = run(progress, threads, [&](const BuildOptions& options) {
               return self.refit(mesh.view(), options);
             });
@@ -268,10 +266,9 @@ void bind_bvh(nb::module_& module) {
   bind_config(module);
   bind_tree(module);
   bind_kary(module);
-  nb::class_<TriangleBvh, TriangleQueries> bvh(module, "TriangleBvh",
-                                               "A hierarchy over triangles.");
+  nb::class_<Bvh, TriangleQueries> bvh(module, "Bvh", "A hierarchy over triangles.");
   bind_builds(bvh);
-  bvh.def("statistics", [](const TriangleBvh& self) { return statistics_dict(self.statistics()); });
+  bvh.def("statistics", [](const Bvh& self) { return statistics_dict(self.statistics()); });
 }
 
 }  // namespace umbel::python

@@ -11,7 +11,7 @@
 namespace umbel::python {
 namespace {
 
-Dict step_dict(const ResidencyStep& step) {
+Dict step_dict(const StreamStep& step) {
   Dict result;
   result["worst_error"] = step.worst_error;
   result["open_groups"] = step.open_groups;
@@ -162,7 +162,7 @@ void bind_stream(nb::module_& module) {
                 one.planes.push_back({{p[0], p[1], p[2]}, p[3]});
             }
             if (residency.clock) *residency.clock = now;
-            ResidencyStep step;
+            StreamStep step;
             double seconds = 0;
             {
               const nb::gil_scoped_release release;

@@ -169,9 +169,9 @@ std::unique_ptr<TriangleQueries> build_structure(const MeshView& mesh, const std
   if (accel != "bvh")
     throw Error(ErrorCode::kInvalidArgument,
                 "accel must be bvh, kdtree, grid or bih, not " + accel);
-  TriangleBvhConfig config;
+  BvhConfig config;
   config.tree = bvh::preset(preset);
-  return std::make_unique<TriangleBvh>(TriangleBvh::build(mesh, config, masks, options));
+  return std::make_unique<Bvh>(Bvh::build(mesh, config, masks, options));
 }
 
 trace::Scene build_scene(const MeshArrays& mesh, const std::vector<trace::Material>& materials,

@@ -1,12 +1,13 @@
-// Assets and residency from C.
+// Assets and residency from C (umbel_asset.h).
 #include <algorithm>
 #include <memory>
 #include <span>
 
-#include "capi/bvh_input.hpp"
 #include "capi/hand_out.hpp"
+#include "capi/lod_input.hpp"
 #include "capi/structs.hpp"
 #include "umbel/stream.hpp"
+#include "umbel/umbel_asset.h"
 
 struct umbel_asset {
   umbel::Asset asset;
@@ -37,19 +38,11 @@ class CallbackSource : public ByteSource {
   void* user_;
 };
 
-StreamView view_of(const umbel_stream_view& view) {
-  StreamView out;
-  out.mesh = view.mesh;
-  if (view.error != 0 && view.threshold != 0)
-    throw Error(ErrorCode::kInvalidArgument, "a view has both an error and a threshold");
-  if (view.threshold != 0) {
-    out.view.kind = lod::View::Kind::kCamera;
-    out.view.eye = {view.eye.x, view.eye.y, view.eye.z};
-    out.view.threshold = view.threshold;
-  } else {
-    out.view = lod::view_error(view.error);
-  }
-  return out;
+StreamView stream_view(const umbel_stream_view& given) {
+  StreamView view;
+  view.mesh = given.mesh;
+  view.view = view_of(&given.view);
+  return view;
 }
 
 }  // namespace
@@ -118,8 +111,8 @@ umbel_result umbel_residency_step(umbel_residency* residency, const umbel_stream
     struct_size_of(step, "step", sizeof(umbel_stream_step));
     if (view_count > 0) required(views, "views");
     std::vector<StreamView> all;
-    for (size_t i = 0; i < view_count; ++i) all.push_back(view_of(views[i]));
-    const ResidencyStep made = r.step(all, seconds);
+    for (size_t i = 0; i < view_count; ++i) all.push_back(stream_view(views[i]));
+    const StreamStep made = r.step(all, seconds);
     const ResidencyStatistics said = r.statistics();
     umbel_stream_step out{};
     out.worst_error = made.worst_error;

@@ -16,7 +16,7 @@ static_assert(sizeof(umbel_kmeans_times) == sizeof(bvh::KmeansTimes) &&
 
 }  // namespace
 
-umbel_bvh_config as_c(const TriangleBvhConfig& config) {
+umbel_bvh_config as_c(const BvhConfig& config) {
   const bvh::Config& tree = config.tree;
   umbel_bvh_config result{};
   result.struct_size = sizeof result;
@@ -51,10 +51,10 @@ umbel_bvh_config as_c(const TriangleBvhConfig& config) {
   return result;
 }
 
-TriangleBvhConfig bvh_config(const umbel_bvh_config* config) {
+BvhConfig bvh_config(const umbel_bvh_config* config) {
   if (!config) return {};
   const umbel_bvh_config given = read_struct(config, "config");
-  TriangleBvhConfig result;
+  BvhConfig result;
   bvh::Config& tree = result.tree;
   tree.builder = static_cast<bvh::Builder>(given.builder);
   tree.cost = {given.traversal_cost, given.intersection_cost};

@@ -1,4 +1,4 @@
-// What umbel.h's functions of hierarchies are given, as the C++ interface takes it.
+// What umbel_bvh.h's functions are given, as the C++ interface takes it.
 #pragma once
 
 #include <span>
@@ -6,18 +6,18 @@
 #include <vector>
 
 #include "umbel/triangle_bvh.hpp"
-#include "umbel/umbel.h"
+#include "umbel/umbel_bvh.h"
 
 /// What a C caller holds.
 struct umbel_bvh {
-  umbel::TriangleBvh bvh;
+  umbel::Bvh bvh;
 };
 
 namespace umbel::capi {
 
 /// The caller's config; the defaults where `config` is NULL.
-TriangleBvhConfig bvh_config(const umbel_bvh_config* config);
-umbel_bvh_config as_c(const TriangleBvhConfig& config);
+BvhConfig bvh_config(const umbel_bvh_config* config);
+umbel_bvh_config as_c(const BvhConfig& config);
 /// Of a config's `simd`; throws where there is no such.
 Simd simd_of(uint32_t simd);
 

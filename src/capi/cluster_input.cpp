@@ -8,7 +8,7 @@
 namespace umbel::capi {
 namespace {
 
-// The structs of umbel.h stand for the C++ ones in arrays.
+// The structs of umbel_cluster.h stand for the C++ ones in arrays.
 static_assert(sizeof(umbel_vec3) == sizeof(Vec3) && alignof(umbel_vec3) == alignof(Vec3));
 static_assert(sizeof(umbel_aabb) == sizeof(Aabb) && alignof(umbel_aabb) == alignof(Aabb));
 static_assert(offsetof(umbel_aabb, max) == offsetof(Aabb, max));

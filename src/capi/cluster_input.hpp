@@ -1,10 +1,10 @@
-// What umbel.h's cluster functions are given, as the C++ interface takes it.
+// What umbel_cluster.h's functions are given, as the C++ interface takes it.
 #pragma once
 
 #include <vector>
 
 #include "umbel/cluster.hpp"
-#include "umbel/umbel.h"
+#include "umbel/umbel_cluster.h"
 
 namespace umbel::capi {
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "umbel/umbel.h"
+#include "umbel/umbel_base.h"
 
 namespace umbel::capi {
 

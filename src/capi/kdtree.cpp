@@ -1,12 +1,20 @@
-// Kd-trees from C: how they are made, kept and freed.
+// Kd-trees from C (umbel_kdtree.h).
+#include "umbel/kdtree.hpp"
+
 #include <algorithm>
 #include <cstring>
 
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/hand_out.hpp"
-#include "capi/kdtree_input.hpp"
+#include "capi/queries.hpp"
 #include "capi/structs.hpp"
+#include "umbel/umbel_kdtree.h"
+
+/// What a C caller holds.
+struct umbel_kdtree {
+  umbel::kdtree::KdTree tree;
+};
 
 namespace umbel::capi {
 namespace {
@@ -74,6 +82,8 @@ umbel_kdtree_statistics statistics_of(const KdTree& tree) {
   return result;
 }
 
+Queried queried(const umbel_kdtree* tree) { return {tree ? &tree->tree : nullptr, "tree"}; }
+
 }  // namespace
 }  // namespace umbel::capi
 
@@ -118,4 +128,53 @@ umbel_result umbel_kdtree_get_statistics(const umbel_kdtree* tree,
     capi::write_struct(capi::statistics_of(capi::required(tree, "tree").tree), statistics,
                        "statistics");
   });
+}
+
+// ---- queries -----------------------------------------------------------------------------------
+
+umbel_result umbel_kdtree_intersect(const umbel_kdtree* tree, const umbel_ray* rays, size_t count,
+                                    const umbel_ray_options* options, umbel_hit* hits) {
+  return capi::intersect(capi::queried(tree), rays, count, options, hits);
+}
+
+umbel_result umbel_kdtree_occluded(const umbel_kdtree* tree, const umbel_ray* rays, size_t count,
+                                   const umbel_ray_options* options, uint8_t* results) {
+  return capi::occluded(capi::queried(tree), rays, count, options, results);
+}
+
+umbel_result umbel_kdtree_all_hits(const umbel_kdtree* tree, const umbel_ray* rays, size_t count,
+                                   const umbel_ray_options* options, size_t hits_per_ray,
+                                   umbel_hit* hits, uint32_t* hit_counts) {
+  return capi::all_hits(capi::queried(tree), rays, count, options, hits_per_ray, hits, hit_counts);
+}
+
+umbel_result umbel_kdtree_closest_point(const umbel_kdtree* tree, const umbel_vec3* points,
+                                        size_t count, float max_distance, uint32_t threads,
+                                        umbel_closest_point* results) {
+  return capi::closest_point(capi::queried(tree), points, count, max_distance, threads, results);
+}
+
+umbel_result umbel_kdtree_contains(const umbel_kdtree* tree, const umbel_vec3* points, size_t count,
+                                   uint32_t threads, uint8_t* results) {
+  return capi::contains(capi::queried(tree), points, count, threads, results);
+}
+
+umbel_result umbel_kdtree_signed_distance(const umbel_kdtree* tree, const umbel_vec3* points,
+                                          size_t count, uint32_t threads, float* results) {
+  return capi::signed_distance(capi::queried(tree), points, count, threads, results);
+}
+
+umbel_result umbel_kdtree_overlaps_box(const umbel_kdtree* tree, const umbel_aabb* box,
+                                       uint32_t* triangles, size_t capacity, size_t* count) {
+  return capi::overlaps(capi::queried(tree), box, triangles, capacity, count);
+}
+
+umbel_result umbel_kdtree_overlaps_sphere(const umbel_kdtree* tree, const umbel_sphere* sphere,
+                                          uint32_t* triangles, size_t capacity, size_t* count) {
+  return capi::overlaps(capi::queried(tree), sphere, triangles, capacity, count);
+}
+
+umbel_result umbel_kdtree_overlaps_frustum(const umbel_kdtree* tree, const umbel_plane* planes,
+                                           uint32_t* triangles, size_t capacity, size_t* count) {
+  return capi::overlaps(capi::queried(tree), planes, triangles, capacity, count);
 }

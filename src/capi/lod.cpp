@@ -1,5 +1,8 @@
-// Building levels of detail from C.
+// Continuous level of detail from C (umbel_lod.h): building, saving, checking, selecting. The
+// structs of umbel_lod.h stand for the C++ ones in arrays; only tables are copied.
 #include <algorithm>
+#include <cstddef>
+#include <limits>
 
 #include "capi/cluster_input.hpp"
 #include "capi/hand_out.hpp"
@@ -52,12 +55,68 @@ void verify(const umbel_lod& lod, uint32_t cuts, uint32_t seed, const BuildOptio
                 report.problems.empty() ? "the proof failed" : report.problems.front());
 }
 
+static_assert(offsetof(umbel_lod_group, sphere) == offsetof(lod::Group, sphere));
+static_assert(offsetof(umbel_lod_group, error) == offsetof(lod::Group, error));
+static_assert(offsetof(umbel_lod_cluster, material) == offsetof(lod::Cluster, material));
+static_assert(offsetof(umbel_lod_cluster, box) == offsetof(lod::Cluster, box));
+static_assert(offsetof(umbel_lod_node, group) == offsetof(lod::Node, group));
+static_assert(offsetof(umbel_lod_node, children) == offsetof(lod::Node, children));
+static_assert(offsetof(umbel_plane, offset) == offsetof(Plane, offset));
+
+void write(const lod::View& view, umbel_lod_view* out) {
+  required(out, "view") = {static_cast<uint32_t>(view.kind),
+                           view.error,
+                           {view.eye.x, view.eye.y, view.eye.z},
+                           view.threshold,
+                           view.level};
+}
+
+lod::Culling culling_of(const umbel_lod_culling* given) {
+  if (!given) return {};
+  return {elements<const Plane>(given->planes, given->plane_count, "culling->planes"),
+          elements<const ClusterBounds>(given->normal_cones, given->normal_cone_count,
+                                        "culling->normal_cones")};
+}
+
+std::vector<uint32_t> select_by(umbel_lod_method method, const lod::Tables& tables,
+                                const lod::View& view, const lod::Culling& culling) {
+  switch (method) {
+    case UMBEL_LOD_FLAT:
+      return lod::select(tables, view, culling);
+    case UMBEL_LOD_HIERARCHY:
+      return lod::select_hierarchy(tables, view, culling);
+    case UMBEL_LOD_BREADTH_FIRST:
+      return lod::select_breadth_first(tables, view, culling);
+  }
+  throw Error(ErrorCode::kInvalidArgument,
+              "method is " + std::to_string(static_cast<int>(method)) + ", which is none");
+}
+
+Vec3 point(const float* values, const char* name) {
+  required(values, name);
+  return {values[0], values[1], values[2]};
+}
+
+template <typename To, typename From>
+std::vector<To> copied(const From* array, size_t count, const char* name) {
+  const auto all = elements<const To>(array, count, name);
+  return {all.begin(), all.end()};
+}
+
+lod::Tables copied(const umbel_lod_arrays& arrays) {
+  return {copied<Range>(arrays.levels, arrays.level_count, "arrays->levels"),
+          copied<lod::Group>(arrays.groups, arrays.group_count, "arrays->groups"),
+          copied<lod::Cluster>(arrays.clusters, arrays.cluster_count, "arrays->clusters"),
+          copied<lod::Node>(arrays.nodes, arrays.node_count, "arrays->nodes")};
+}
+
 }  // namespace
 }  // namespace umbel::capi
 
+using namespace umbel;
+
 umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel_lod_config* config,
                              const umbel_build_options* options, umbel_lod** lod) {
-  using namespace umbel;
   return capi::hand_out(lod, "lod", [&] {
     umbel_lod made{lod::build(capi::lod_mesh(mesh), capi::lod_config(config),
                               capi::build_options(options), capi::lod_decimator(config)),
@@ -70,14 +129,12 @@ umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel_lod_config*
 void umbel_lod_free(umbel_lod* lod) { delete lod; }
 
 umbel_result umbel_lod_get_report(const umbel_lod* lod, umbel_lod_report* report) {
-  using namespace umbel;
   return capi::guard(
       [&] { capi::write_struct(capi::report_of(capi::required(lod, "lod")), report, "report"); });
 }
 
 umbel_result umbel_lod_get_limiting_factors(const umbel_lod* lod, uint32_t* limiting_factors,
                                             size_t capacity, size_t* count) {
-  using namespace umbel;
   return capi::hand_out_found(limiting_factors, "limiting_factors", capacity, count, [&] {
     std::vector<uint32_t> numbers;
     for (const lod::LimitingFactor limiting_factor :
@@ -94,7 +151,6 @@ umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,
 
 umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact,
                                umbel_vec3d origin, const umbel_build_options* options) {
-  using namespace umbel;
   return capi::guard([&] {
     AssetContents contents;
     contents.meshes = {&capi::required(lod, "lod").dag};
@@ -106,14 +162,12 @@ umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact
 
 umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed,
                               const umbel_build_options* options) {
-  using namespace umbel;
   return capi::guard(
       [&] { capi::verify(capi::required(lod, "lod"), cuts, seed, capi::build_options(options)); });
 }
 
 umbel_result umbel_lod_mesh_of_cut(const umbel_lod* lod, const uint32_t* cut, size_t count,
                                    umbel_mesh** mesh) {
-  using namespace umbel;
   return capi::hand_out(mesh, "mesh", [&] {
     const umbel_lod& given = capi::required(lod, "lod");
     return umbel_mesh{lod::mesh_of_cut(
@@ -123,7 +177,6 @@ umbel_result umbel_lod_mesh_of_cut(const umbel_lod* lod, const uint32_t* cut, si
 }
 
 umbel_result umbel_mesh_arrays(const umbel_mesh* mesh, umbel_lod_mesh* arrays) {
-  using namespace umbel;
   return capi::guard([&] {
     const umbel_mesh& given = capi::required(mesh, "mesh");
     capi::write_struct(capi::mesh_as_c(given.mesh.view()), arrays, "arrays");
@@ -133,8 +186,7 @@ umbel_result umbel_mesh_arrays(const umbel_mesh* mesh, umbel_lod_mesh* arrays) {
 void umbel_mesh_free(umbel_mesh* mesh) { delete mesh; }
 
 umbel_result umbel_lod_normal_cones(const umbel_lod* lod, const umbel_build_options* options,
-                                    umbel_cull_bounds* bounds, size_t capacity) {
-  using namespace umbel;
+                                    umbel_cluster_bounds* bounds, size_t capacity) {
   return capi::guard([&] {
     const umbel_lod& given = capi::required(lod, "lod");
     const size_t count = given.dag.tables.clusters.size();
@@ -147,4 +199,123 @@ umbel_result umbel_lod_normal_cones(const umbel_lod* lod, const umbel_build_opti
         capi::build_options(options));
     std::copy(made.begin(), made.end(), room.begin());
   });
+}
+
+const umbel_lod_tables* umbel_lod_get_tables(const umbel_lod* lod) {
+  return lod ? &lod->tables : nullptr;
+}
+
+umbel_result umbel_lod_tables_open(const char* path, umbel_lod_tables** tables) {
+  return capi::hand_out(tables, "tables", [&] {
+    return umbel_lod_tables{Asset(&capi::required(path, "path")).tables()};
+  });
+}
+
+umbel_result umbel_lod_tables_create(const umbel_lod_arrays* arrays, umbel_lod_tables** tables) {
+  return capi::hand_out(tables, "tables", [&] {
+    lod::Tables made = capi::copied(capi::read_struct(arrays, "arrays"));
+    lod::validate(made);
+    return umbel_lod_tables{std::move(made)};
+  });
+}
+
+void umbel_lod_tables_free(umbel_lod_tables* tables) { delete tables; }
+
+umbel_result umbel_lod_tables_arrays(const umbel_lod_tables* tables, umbel_lod_arrays* arrays) {
+  return capi::guard([&] {
+    const lod::Tables& given = capi::required(tables, "tables").tables;
+    umbel_lod_arrays result{};
+    result.levels = reinterpret_cast<const umbel_range*>(given.levels.data());
+    result.level_count = given.levels.size();
+    result.groups = reinterpret_cast<const umbel_lod_group*>(given.groups.data());
+    result.group_count = given.groups.size();
+    result.clusters = reinterpret_cast<const umbel_lod_cluster*>(given.clusters.data());
+    result.cluster_count = given.clusters.size();
+    result.nodes = reinterpret_cast<const umbel_lod_node*>(given.nodes.data());
+    result.node_count = given.nodes.size();
+    capi::write_struct(result, arrays, "arrays");
+  });
+}
+
+umbel_result umbel_lod_view_error(float error, umbel_lod_view* view) {
+  return capi::guard([&] { capi::write(lod::view_error(error), view); });
+}
+
+umbel_result umbel_lod_view_camera(const float eye[3], float fov_y, uint32_t height,
+                                   float pixel_error, umbel_lod_view* view) {
+  return capi::guard([&] {
+    capi::write(lod::view_camera(capi::point(eye, "eye"), fov_y, height, pixel_error), view);
+  });
+}
+
+umbel_result umbel_lod_view_level(uint32_t level, umbel_lod_view* view) {
+  return capi::guard([&] { capi::write(lod::view_level(level), view); });
+}
+
+umbel_result umbel_lod_frustum(const float eye[3], const float target[3], const float up[3],
+                               float fov_y, float aspect, float near_plane, float far_plane,
+                               umbel_plane planes[6], size_t* count) {
+  return capi::guard([&] {
+    const auto made =
+        lod::frustum_planes({capi::point(eye, "eye"), capi::point(target, "target"),
+                             capi::point(up, "up"), fov_y, aspect, near_plane, far_plane});
+    const auto room = capi::elements<Plane>(planes, 6, "planes");
+    capi::required(count, "count") = made.size();
+    std::copy(made.begin(), made.end(), room.begin());
+  });
+}
+
+umbel_result umbel_lod_select(const umbel_lod_tables* tables, const umbel_lod_view* view,
+                              const umbel_lod_culling* culling, umbel_lod_method method,
+                              uint32_t* cut, size_t capacity, size_t* count) {
+  return capi::guard([&] {
+    capi::hand_out_all(capi::select_by(method, capi::required(tables, "tables").tables,
+                                       capi::view_of(view), capi::culling_of(culling)),
+                       cut, "cut", capacity, count);
+  });
+}
+
+umbel_result umbel_lod_select_instances(const umbel_lod_tables* tables, const umbel_lod_view* view,
+                                        const umbel_lod_culling* culling,
+                                        const umbel_transform* instances, size_t instance_count,
+                                        uint32_t* offsets, uint32_t* clusters, size_t capacity,
+                                        size_t* count) {
+  return capi::guard([&] {
+    const auto transforms =
+        capi::elements<const lod::Transform>(instances, instance_count, "instances");
+    const lod::InstanceCuts cuts =
+        lod::select_instances(capi::required(tables, "tables").tables, capi::view_of(view),
+                              capi::culling_of(culling), transforms);
+    const auto room = capi::elements<uint32_t>(offsets, instance_count + 1, "offsets");
+    capi::hand_out_all(cuts.clusters, clusters, "clusters", capacity, count);
+    std::copy(cuts.offsets.begin(), cuts.offsets.end(), room.begin());
+  });
+}
+
+umbel_result umbel_lod_view_for_budget(const umbel_lod_tables* tables, const umbel_lod_view* view,
+                                       const uint32_t* costs, uint64_t budget,
+                                       const umbel_lod_culling* culling,
+                                       const umbel_transform* instances, size_t instance_count,
+                                       umbel_lod_view* result) {
+  return capi::guard([&] {
+    const lod::Tables& given = capi::required(tables, "tables").tables;
+    const std::vector<uint32_t> triangles =
+        costs ? std::vector<uint32_t>{} : lod::triangle_costs(given);
+    const std::span<const uint32_t> used =
+        costs ? std::span<const uint32_t>(costs, given.clusters.size()) : triangles;
+    capi::write(lod::view_for_budget(
+                    given, capi::view_of(view), used, budget, capi::culling_of(culling),
+                    capi::elements<const lod::Transform>(instances, instance_count, "instances")),
+                result);
+  });
+}
+
+double umbel_angular_error(double error, double distance) {
+  if (!(error >= 0)) return std::numeric_limits<double>::quiet_NaN();
+  return umbel::lod::angular_error(error, distance);
+}
+
+double umbel_pixel_error(double error, double distance, double fov_y, uint32_t height) {
+  if (!(error >= 0)) return std::numeric_limits<double>::quiet_NaN();
+  return umbel::lod::pixel_error(error, distance, fov_y, height);
 }

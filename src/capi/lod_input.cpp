@@ -205,6 +205,18 @@ lod::Decimator lod_decimator(const umbel_lod_config* given) {
   };
 }
 
+lod::View view_of(const umbel_lod_view* given) {
+  const umbel_lod_view& view = required(given, "view");
+  if (view.kind > UMBEL_LOD_BY_LEVEL)
+    throw Error(ErrorCode::kInvalidArgument,
+                "view->kind is " + std::to_string(view.kind) + ", which is no kind of view");
+  return {static_cast<lod::View::Kind>(view.kind),
+          view.error,
+          {view.eye.x, view.eye.y, view.eye.z},
+          view.threshold,
+          view.level};
+}
+
 }  // namespace umbel::capi
 
 void umbel_lod_config_init_sized(umbel_lod_config* config, size_t size) {

@@ -26,7 +26,9 @@ umbel_lod_mesh mesh_as_c(const MeshView& mesh);
 
 /// The caller's config; the defaults where `config` is NULL.
 lod::Config lod_config(const umbel_lod_config* config);
-/// Its callback, if it has one.
+/// The caller's view.
+lod::View view_of(const umbel_lod_view* given);
+/// The callback of a config, if it has one.
 lod::Decimator lod_decimator(const umbel_lod_config* config);
 
 }  // namespace umbel::capi

@@ -1,4 +1,4 @@
-// The structs of umbel.h stand for the C++ ones in arrays, so that nothing is copied.
+// The structs of umbel_bvh.h stand for the C++ ones in arrays, so that nothing is copied.
 #include "capi/queries.hpp"
 
 #include <algorithm>
@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "base/parallel.hpp"
+#include "capi/hand_out.hpp"
 #include "capi/structs.hpp"
 
 namespace umbel::capi {
@@ -36,74 +37,114 @@ RayQuery ray_query(const umbel_ray* rays, size_t count, const umbel_ray_options*
 
 Vec3 vec(const umbel_vec3& v) { return {v.x, v.y, v.z}; }
 
+const TriangleQueries& queried(Queried in) { return required(in.structure, in.name); }
+
+/// Hands out the triangles that overlap the region that region() makes.
+template <typename Region>
+umbel_result overlaps_of(Queried in, const Region& region, uint32_t* triangles, size_t capacity,
+                         size_t* count) noexcept {
+  return hand_out_found(triangles, "triangles", capacity, count,
+                        [&] { return queried(in).overlaps(region()); });
+}
+
 }  // namespace
 
-void intersect(const TriangleQueries& in, const umbel_ray* rays, size_t count,
-               const umbel_ray_options* options, umbel_hit* hits) {
-  const RayQuery query = ray_query(rays, count, options);
-  in.intersect(query.rays, elements<Hit>(hits, count, "hits"), query.options, query.threads);
+umbel_result intersect(Queried in, const umbel_ray* rays, size_t count,
+                       const umbel_ray_options* options, umbel_hit* hits) noexcept {
+  return guard([&] {
+    const TriangleQueries& structure = queried(in);
+    const RayQuery query = ray_query(rays, count, options);
+    structure.intersect(query.rays, elements<Hit>(hits, count, "hits"), query.options,
+                        query.threads);
+  });
 }
 
-void occluded(const TriangleQueries& in, const umbel_ray* rays, size_t count,
-              const umbel_ray_options* options, uint8_t* results) {
-  const RayQuery query = ray_query(rays, count, options);
-  in.occluded(query.rays, elements<uint8_t>(results, count, "results"), query.options,
-              query.threads);
+umbel_result occluded(Queried in, const umbel_ray* rays, size_t count,
+                      const umbel_ray_options* options, uint8_t* results) noexcept {
+  return guard([&] {
+    const TriangleQueries& structure = queried(in);
+    const RayQuery query = ray_query(rays, count, options);
+    structure.occluded(query.rays, elements<uint8_t>(results, count, "results"), query.options,
+                       query.threads);
+  });
 }
 
-void all_hits(const TriangleQueries& in, const umbel_ray* rays, size_t count,
-              const umbel_ray_options* options, size_t hits_per_ray, umbel_hit* hits,
-              uint32_t* hit_counts) {
-  const RayQuery query = ray_query(rays, count, options);
-  const auto counts = elements<uint32_t>(hit_counts, count, "hit_counts");
-  if (hits_per_ray > kNone || (count > 0 && hits_per_ray > SIZE_MAX / sizeof(Hit) / count))
-    throw Error(ErrorCode::kInvalidArgument,
-                "hits_per_ray is " + std::to_string(hits_per_ray) + ", which no array could hold");
-  const auto room = elements<Hit>(hits, count * hits_per_ray, "hits");
-  with_threads(query.threads, [&] {
-    parallel_for(count, 64, [&](size_t i) {
-      counts[i] = static_cast<uint32_t>(
-          in.all_hits(query.rays[i], room.subspan(i * hits_per_ray, hits_per_ray), query.options));
+umbel_result all_hits(Queried in, const umbel_ray* rays, size_t count,
+                      const umbel_ray_options* options, size_t hits_per_ray, umbel_hit* hits,
+                      uint32_t* hit_counts) noexcept {
+  return guard([&] {
+    const TriangleQueries& structure = queried(in);
+    const RayQuery query = ray_query(rays, count, options);
+    const auto counts = elements<uint32_t>(hit_counts, count, "hit_counts");
+    if (hits_per_ray > kNone || (count > 0 && hits_per_ray > SIZE_MAX / sizeof(Hit) / count))
+      throw Error(ErrorCode::kInvalidArgument, "hits_per_ray is " + std::to_string(hits_per_ray) +
+                                                   ", which no array could hold");
+    const auto room = elements<Hit>(hits, count * hits_per_ray, "hits");
+    with_threads(query.threads, [&] {
+      parallel_for(count, 64, [&](size_t i) {
+        counts[i] = static_cast<uint32_t>(structure.all_hits(
+            query.rays[i], room.subspan(i * hits_per_ray, hits_per_ray), query.options));
+      });
     });
   });
 }
 
-void closest_point(const TriangleQueries& in, const umbel_vec3* points, size_t count,
-                   float max_distance, uint32_t threads, umbel_closest_point* results) {
-  if (!(max_distance >= 0))
-    throw Error(ErrorCode::kInvalidArgument,
-                "max_distance is " + std::to_string(max_distance) + ", but must not be negative");
-  in.closest_point(elements<const Vec3>(points, count, "points"),
-                   elements<ClosestPoint>(results, count, "results"), max_distance, threads);
+umbel_result closest_point(Queried in, const umbel_vec3* points, size_t count, float max_distance,
+                           uint32_t threads, umbel_closest_point* results) noexcept {
+  return guard([&] {
+    const TriangleQueries& structure = queried(in);
+    if (!(max_distance >= 0))
+      throw Error(ErrorCode::kInvalidArgument,
+                  "max_distance is " + std::to_string(max_distance) + ", but must not be negative");
+    structure.closest_point(elements<const Vec3>(points, count, "points"),
+                            elements<ClosestPoint>(results, count, "results"), max_distance,
+                            threads);
+  });
 }
 
-void contains(const TriangleQueries& in, const umbel_vec3* points, size_t count, uint32_t threads,
-              uint8_t* results) {
-  in.contains(elements<const Vec3>(points, count, "points"),
-              elements<uint8_t>(results, count, "results"), threads);
+umbel_result contains(Queried in, const umbel_vec3* points, size_t count, uint32_t threads,
+                      uint8_t* results) noexcept {
+  return guard([&] {
+    queried(in).contains(elements<const Vec3>(points, count, "points"),
+                         elements<uint8_t>(results, count, "results"), threads);
+  });
 }
 
-void signed_distance(const TriangleQueries& in, const umbel_vec3* points, size_t count,
-                     uint32_t threads, float* results) {
-  in.signed_distance(elements<const Vec3>(points, count, "points"),
-                     elements<float>(results, count, "results"), threads);
+umbel_result signed_distance(Queried in, const umbel_vec3* points, size_t count, uint32_t threads,
+                             float* results) noexcept {
+  return guard([&] {
+    queried(in).signed_distance(elements<const Vec3>(points, count, "points"),
+                                elements<float>(results, count, "results"), threads);
+  });
 }
 
-std::vector<uint32_t> overlaps(const TriangleQueries& in, const umbel_aabb* box) {
-  const umbel_aabb& given = required(box, "box");
-  return in.overlaps(Aabb{vec(given.min), vec(given.max)});
+umbel_result overlaps(Queried in, const umbel_aabb* box, uint32_t* triangles, size_t capacity,
+                      size_t* count) noexcept {
+  const auto region = [&] {
+    const umbel_aabb& given = required(box, "box");
+    return Aabb{vec(given.min), vec(given.max)};
+  };
+  return overlaps_of(in, region, triangles, capacity, count);
 }
 
-std::vector<uint32_t> overlaps(const TriangleQueries& in, const umbel_sphere* sphere) {
-  const umbel_sphere& given = required(sphere, "sphere");
-  return in.overlaps(Sphere{vec(given.center), given.radius});
+umbel_result overlaps(Queried in, const umbel_sphere* sphere, uint32_t* triangles, size_t capacity,
+                      size_t* count) noexcept {
+  const auto region = [&] {
+    const umbel_sphere& given = required(sphere, "sphere");
+    return Sphere{vec(given.center), given.radius};
+  };
+  return overlaps_of(in, region, triangles, capacity, count);
 }
 
-std::vector<uint32_t> overlaps(const TriangleQueries& in, const umbel_plane* planes) {
-  const auto given = elements<const Plane>(planes, 6, "planes");
-  Frustum frustum;
-  std::copy(given.begin(), given.end(), frustum.begin());
-  return in.overlaps(frustum);
+umbel_result overlaps(Queried in, const umbel_plane* planes, uint32_t* triangles, size_t capacity,
+                      size_t* count) noexcept {
+  const auto region = [&] {
+    const auto given = elements<const Plane>(planes, 6, "planes");
+    Frustum frustum;
+    std::copy(given.begin(), given.end(), frustum.begin());
+    return frustum;
+  };
+  return overlaps_of(in, region, triangles, capacity, count);
 }
 
 }  // namespace umbel::capi

@@ -1,4 +1,5 @@
-// Reading and writing the structs of umbel.h, whose first field says how large the caller's are.
+// Reading and writing the structs of the C interface, whose first field says how large the caller's
+// are.
 #pragma once
 
 #include <algorithm>

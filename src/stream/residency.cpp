@@ -77,9 +77,9 @@ struct Residency::State {
   void install(uint32_t page, std::shared_ptr<const AssetPage> data, double now);
   void evict(uint32_t page);
   void check_and_pin_roots();
-  void take_arrivals(double now, ResidencyStep& result);
+  void take_arrivals(double now, StreamStep& result);
   void fail(uint32_t page, const std::string& problem, double now);
-  bool make_room(uint64_t bytes, float worth, ResidencyStep& result);
+  bool make_room(uint64_t bytes, float worth, StreamStep& result);
   uint32_t least_worthy(float worth);
   void find_candidates();
   void note_use(double now);
@@ -87,8 +87,8 @@ struct Residency::State {
   // ---- what is missing
 
   std::vector<uint32_t> missing_pages();
-  void ask(double now, ResidencyStep& result);
-  void cancel_stale(ResidencyStep& result);
+  void ask(double now, StreamStep& result);
+  void cancel_stale(StreamStep& result);
   std::pair<double, uint32_t> age(uint32_t page) const { return {pages[page].last_used, ~page}; }
   /// A byte.
   float worth_of(uint32_t page) const {
@@ -193,7 +193,7 @@ uint32_t Residency::State::least_worthy(float worth) {
   return any ? candidates.back().page : kNone;
 }
 
-bool Residency::State::make_room(uint64_t bytes, float worth, ResidencyStep& result) {
+bool Residency::State::make_room(uint64_t bytes, float worth, StreamStep& result) {
   while (statistics.resident_bytes + bytes > config.budget_bytes) {
     if (result.evicted >= config.evictions_per_step) return false;
     const uint32_t page = least_worthy(worth);
@@ -217,7 +217,7 @@ void Residency::State::fail(uint32_t page, const std::string& problem, double no
       now + config.backoff_seconds * std::exp2(static_cast<double>(slot.failures - 1));
 }
 
-void Residency::State::take_arrivals(double now, ResidencyStep& result) {
+void Residency::State::take_arrivals(double now, StreamStep& result) {
   for (PageArrival& arrival : loader->poll()) {
     const bool is_expected = std::erase(in_flight, arrival.page) > 0;
     if (arrival.data) {
@@ -269,7 +269,7 @@ std::vector<uint32_t> Residency::State::missing_pages() {
   return missing;
 }
 
-void Residency::State::cancel_stale(ResidencyStep& result) {
+void Residency::State::cancel_stale(StreamStep& result) {
   for (size_t i = in_flight.size(); i-- > 0;) {
     const uint32_t page = in_flight[i];
     if (frontier.is_wanted(page) || !loader->cancel(page)) continue;
@@ -280,7 +280,7 @@ void Residency::State::cancel_stale(ResidencyStep& result) {
   }
 }
 
-void Residency::State::ask(double now, ResidencyStep& result) {
+void Residency::State::ask(double now, StreamStep& result) {
   const size_t room =
       config.loads_in_flight - std::min<size_t>(in_flight.size(), config.loads_in_flight);
   if (room == 0) return;
@@ -324,10 +324,10 @@ Residency::Residency(Residency&&) noexcept = default;
 Residency& Residency::operator=(Residency&&) noexcept = default;
 Residency::~Residency() = default;
 
-ResidencyStep Residency::step(std::span<const StreamView> views, double now) {
+StreamStep Residency::step(std::span<const StreamView> views, double now) {
   State& state = *state_;
   for (const StreamView& view : views) check(view, state.asset->meshes().size());
-  ResidencyStep result;
+  StreamStep result;
   state.candidates_are_known = false;
   if (state.loader) state.take_arrivals(now, result);
   const uint64_t before = state.frontier.work();

@@ -120,7 +120,7 @@ Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
 }
 
 Scene::Scene() : data_(std::make_unique<Data>()) {
-  data_->structure = std::make_unique<TriangleBvh>();
+  data_->structure = std::make_unique<Bvh>();
   data_->materials.push_back(plain_material());
   sort_materials(*data_);
   data_->light_density.assign(1, 0.0f);
@@ -142,12 +142,11 @@ std::vector<uint32_t> Scene::masks(const MeshView& mesh, std::span<const Materia
   return bits;
 }
 
-Scene Scene::build(const MeshView& mesh, const Look& look, const TriangleBvhConfig& config,
+Scene Scene::build(const MeshView& mesh, const Look& look, const BvhConfig& config,
                    const BuildOptions& options) {
   validate(mesh, {.progress = {}, .threads = options.threads});
   check_look(mesh, look);
-  auto bvh = std::make_unique<TriangleBvh>(
-      TriangleBvh::build(mesh, config, masks(mesh, look.materials), options));
+  auto bvh = std::make_unique<Bvh>(Bvh::build(mesh, config, masks(mesh, look.materials), options));
   return build(mesh, look, std::move(bvh), {.progress = {}, .threads = options.threads});
 }
 
@@ -230,7 +229,7 @@ Scene Scene::build(const ClusterScene& clusters, const Look& look, const BuildOp
     check_look(mesh.view(), look);
     Data& data = *scene.data_;
     data = Data{};
-    data.structure = std::make_unique<TriangleBvh>();
+    data.structure = std::make_unique<Bvh>();
     fill(data, mesh.view(), look);
     // Their places are not where their triangles are.
     data.lights.clear();
@@ -264,7 +263,7 @@ uint64_t Scene::placed_triangles() const {
 
 uint64_t Scene::bytes() const {
   const Data& d = *data_;
-  const auto* bvh = dynamic_cast<const TriangleBvh*>(d.structure.get());
+  const auto* bvh = dynamic_cast<const Bvh*>(d.structure.get());
   const uint64_t of_structure = bvh ? bvh->statistics().bytes : 0;
   return (d.clusters ? d.clusters->bytes() : of_structure) + d.positions.size() * sizeof(Vec3) +
          d.normals.size() * sizeof(Vec3) + d.uvs.size() * sizeof(Vec2) +

@@ -58,7 +58,7 @@ TEST_F(TraceOnDevice, hits_are_those_of_the_processor) {
   for (const Mesh& mesh : meshes())
     for (const float scale : {1e-15f, 1.0f, 1e15f}) {
       const Mesh scaled = transformed(mesh, scale);
-      const TriangleBvh expected = TriangleBvh::build(scaled.view());
+      const Bvh expected = Bvh::build(scaled.view());
       const Tree tree(scaled);
       const auto rays = adversarial_rays(scaled.view(), 5000, 3);
       const DeviceArray<Ray> given(rays);
@@ -91,7 +91,7 @@ TEST_F(TraceOnDevice, masks_hide_triangles) {
   const Mesh mesh = shapes::soup(700, 2);
   std::vector<uint32_t> masks(mesh.triangles.size());
   for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1u << i % 3;
-  const TriangleBvh expected = TriangleBvh::build(mesh.view(), {}, masks);
+  const Bvh expected = Bvh::build(mesh.view(), {}, masks);
   const Tree tree(mesh);
   const auto rays = adversarial_rays(mesh.view(), 1000, 3);
   const DeviceArray<Ray> given(rays);
@@ -142,7 +142,7 @@ std::vector<Vec3> points_around(const Mesh& mesh, size_t count) {
 
 TEST_F(TraceOnDevice, closest_points_are_those_of_the_processor) {
   for (const Mesh& mesh : meshes()) {
-    const TriangleBvh expected = TriangleBvh::build(mesh.view());
+    const Bvh expected = Bvh::build(mesh.view());
     const Tree tree(mesh);
     const auto points = points_around(mesh, 2000);
     const DeviceArray<Vec3> given(points), places(points.size());
@@ -166,7 +166,7 @@ TEST_F(TraceOnDevice, closest_points_are_those_of_the_processor) {
 
 TEST_F(TraceOnDevice, overlaps_are_those_of_the_processor) {
   for (const Mesh& mesh : meshes()) {
-    const TriangleBvh expected = TriangleBvh::build(mesh.view());
+    const Bvh expected = Bvh::build(mesh.view());
     const Tree tree(mesh);
     const auto points = points_around(mesh, 300);
     std::vector<Aabb> boxes;

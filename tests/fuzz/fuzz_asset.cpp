@@ -155,7 +155,7 @@ void stream(const std::vector<uint8_t>& bytes, uint32_t meshes) {
   umbel_residency_create(asset, bytes.size() / 2, 1, &residency);
   umbel_stream_step step;
   umbel_stream_step_init(&step);
-  const umbel_stream_view views[] = {{0, {0, 0, 2}, 0.01f, 0}, {meshes / 2, {}, 0, 0.01f}};
+  const umbel_stream_view views[] = {{0, {UMBEL_LOD_BY_CAMERA, 0, {0, 0, 2}, 0.01f, 0}}, {meshes / 2, {UMBEL_LOD_BY_ERROR, 0.01f, {}, 0, 0}}};
   for (int round = 0; residency && round < 3; ++round)
     if (umbel_residency_step(residency, views, 2, round, &step) == UMBEL_ERROR_INTERNAL)
       fail(umbel_last_error());

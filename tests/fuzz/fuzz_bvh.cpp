@@ -6,7 +6,7 @@
 
 namespace {
 
-using umbel::TriangleBvh;
+using umbel::Bvh;
 using umbel::fuzz::Bytes;
 
 std::vector<Bytes> make_seeds() {
@@ -15,11 +15,11 @@ std::vector<Bytes> make_seeds() {
        {umbel::shapes::sphere(1), umbel::shapes::soup(20, 1), umbel::Mesh{}})
     for (const uint32_t width : {2u, 4u, 8u})
       for (const bool compact : {false, true}) {
-        umbel::TriangleBvhConfig config;
+        umbel::BvhConfig config;
         config.width = width, config.compact = compact;
         std::vector<uint32_t> masks;
         if (compact) masks.assign(mesh.triangles.size(), 5);
-        TriangleBvh::build(mesh.view(), config, masks).save(umbel::fuzz::scratch());
+        Bvh::build(mesh.view(), config, masks).save(umbel::fuzz::scratch());
         seeds.push_back(umbel::fuzz::read_file());
       }
   return seeds;
@@ -29,7 +29,7 @@ std::vector<Bytes> make_seeds() {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   static const std::vector<Bytes> seeds = make_seeds();
-  umbel::fuzz::read_and_ask<TriangleBvh>(
-      seeds, data, size, [](const TriangleBvh& tree) { umbel::fuzz::ask_everything(tree); });
+  umbel::fuzz::read_and_ask<Bvh>(seeds, data, size,
+                                 [](const Bvh& tree) { umbel::fuzz::ask_everything(tree); });
   return 0;
 }

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "c_interface.hpp"
-#include "umbel/umbel_kary.h"
+#include "umbel/umbel_bvh.h"
 #include "umbel/umbel_kdtree.h"
 
 namespace {

@@ -262,10 +262,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   expect(build(c, room, 2, two) == UMBEL_OK && same(one, two), "threads change the result");
   // Thousands of lines against all boxes: slow under the sanitizers.
   if (size % 16 != 0) return 0;
-  umbel_cluster_quality quality;
-  umbel_cluster_quality_init(&quality);
-  expect(umbel_cluster_metrics(&c.input, &one.output, c.config.max_items, &quality) == UMBEL_OK,
+  umbel_cluster_metrics metrics;
+  umbel_cluster_metrics_init(&metrics);
+  expect(umbel_cluster_get_metrics(&c.input, &one.output, c.config.max_items, &metrics) == UMBEL_OK,
          "clusters that cannot be measured");
-  expect(quality.clusters == one.output.range_count && quality.mean_fill <= 1.0, "wrong metrics");
+  expect(metrics.clusters == one.output.range_count && metrics.mean_fill <= 1.0, "wrong metrics");
   return 0;
 }

@@ -197,7 +197,7 @@ umbel_lod_view any_view(Case& c) {
 
 /// Selects from tables, which may be anybody's.
 void select(Case& c, const umbel_lod_tables* tables, size_t clusters,
-            const std::vector<umbel_cull_bounds>& normal_cones) {
+            const std::vector<umbel_cluster_bounds>& normal_cones) {
   const umbel_lod_view view = any_view(c);
   umbel_plane planes[6];
   size_t plane_count = 0;
@@ -306,7 +306,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (c.is_tame()) expect(proved == UMBEL_OK, "the proof failed");
   check_cuts(c, made);
   const umbel_lod_arrays arrays = arrays_of(umbel_lod_get_tables(made));
-  std::vector<umbel_cull_bounds> normal_cones(arrays.cluster_count);
+  std::vector<umbel_cluster_bounds> normal_cones(arrays.cluster_count);
   expect(umbel_lod_normal_cones(made, &c.options, normal_cones.data(), normal_cones.size()) ==
              UMBEL_OK,
          "clusters without cones");

@@ -187,14 +187,14 @@ void check_rays(Input& in, const Mesh& mesh, const umbel::TriangleQueries& tree)
 }
 
 void hierarchies(Input& in, const Mesh& mesh) {
-  umbel::TriangleBvhConfig config;
+  umbel::BvhConfig config;
   config.width = 2u << in.below(3);
   config.compact = in.below(2) != 0;
   config.tree = umbel::bvh::preset(in.below(2) ? "fast" : "quality");
   const auto builders = umbel::bvh::builders();
   if (in.below(4)) config.tree.builder = builders[in.below(255) % builders.size()];
-  const auto tree = unless_refused(
-      [&] { return umbel::TriangleBvh::build(mesh.view(), config, {}, one_thread()); });
+  const auto tree =
+      unless_refused([&] { return umbel::Bvh::build(mesh.view(), config, {}, one_thread()); });
   if (tree) check_rays(in, mesh, *tree);
 }
 

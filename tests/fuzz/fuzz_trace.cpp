@@ -221,8 +221,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   options.threads = 1;
   try {
     if (in.below(3))
-      render(in,
-             trace::Scene::build(mesh.view(), look.view(), umbel::TriangleBvhConfig{}, options));
+      render(in, trace::Scene::build(mesh.view(), look.view(), umbel::BvhConfig{}, options));
     else
       render(in, trace::Scene::build(clusters_of(in, mesh), look.view(), options));
   } catch (const umbel::Error& error) {

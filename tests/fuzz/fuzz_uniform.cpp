@@ -69,7 +69,7 @@ std::unique_ptr<TriangleQueries> build_intervals(Input& in, const Mesh& mesh,
 /// Within the range that it is promised for, every structure gives the same hits.
 void compare(Input& in, const Mesh& mesh, std::span<const uint32_t> masks,
              const TriangleQueries& tree) {
-  const auto other = umbel::TriangleBvh::build(mesh.view(), {}, masks);
+  const auto other = umbel::Bvh::build(mesh.view(), {}, masks);
   for (uint32_t i = 0; i < 16; ++i) {
     const umbel::Ray ray{point(in), 0, point(in)};
     const umbel::Hit one = tree.intersect(ray), two = other.intersect(ray);

@@ -13,7 +13,7 @@ int main(void) {
   umbel_cluster_config config;
   umbel_cluster_output output;
   umbel_cluster_capacity needed;
-  umbel_cluster_quality quality;
+  umbel_cluster_metrics metrics;
   umbel_result missing;
   for (int i = 0; i < COUNT; ++i) {
     boxes[i].min.x = (float)(i * 7919 % COUNT);
@@ -24,7 +24,7 @@ int main(void) {
   umbel_cluster_config_init(&config);
   umbel_cluster_output_init(&output);
   umbel_cluster_capacity_init(&needed);
-  umbel_cluster_quality_init(&quality);
+  umbel_cluster_metrics_init(&metrics);
   input.boxes = boxes;
   input.item_count = COUNT;
   output.ranges = ranges;
@@ -33,15 +33,15 @@ int main(void) {
   output.item_capacity = COUNT;
   if (umbel_cluster_requirements(&input, &config, &needed) != UMBEL_OK || needed.ranges > COUNT ||
       needed.items != COUNT || umbel_cluster_build(&input, &config, NULL, &output) != UMBEL_OK ||
-      umbel_cluster_metrics(&input, &output, config.max_items, &quality) != UMBEL_OK) {
+      umbel_cluster_get_metrics(&input, &output, config.max_items, &metrics) != UMBEL_OK) {
     fprintf(stderr, "%s\n", umbel_last_error());
     return 1;
   }
   input.boxes = NULL;
   missing = umbel_cluster_build(&input, &config, NULL, &output);
-  printf("umbel %s from C: %zu clusters of %u to %u; %s: %s\n", umbel_version(), quality.clusters,
-         quality.min_size, quality.max_size, umbel_result_name(missing), umbel_last_error());
-  return quality.clusters > 0 && quality.max_size <= config.max_items &&
+  printf("umbel %s from C: %zu clusters of %u to %u; %s: %s\n", umbel_version(), metrics.clusters,
+         metrics.min_size, metrics.max_size, umbel_result_name(missing), umbel_last_error());
+  return metrics.clusters > 0 && metrics.max_size <= config.max_items &&
                  missing == UMBEL_ERROR_INVALID_ARGUMENT && umbel_last_error()[0]
              ? 0
              : 1;

@@ -40,7 +40,7 @@ class Bvh(TriangleQueries):
     """A hierarchy over triangles that answers rays, distances and overlaps. It holds all that it
     needs: the mesh need not be kept."""
 
-    _native: _umbel.TriangleBvh
+    _native: _umbel.Bvh
 
     def __init__(
         self,
@@ -80,11 +80,11 @@ class Bvh(TriangleQueries):
             if keep_tree:
                 made = _umbel.build_bvh2_mesh(geometry, config, progress, thread_count(threads))
                 self.tree = Bvh2(made, config, geometry)
-                self._native = _umbel.TriangleBvh.widen(
+                self._native = _umbel.Bvh.widen(
                     made, geometry, config, *form, threads=thread_count(threads)
                 )
             else:
-                self._native = _umbel.TriangleBvh.build(
+                self._native = _umbel.Bvh.build(
                     geometry, config, *form, progress=progress, threads=thread_count(threads)
                 )
         self._triangles: NDArray[np.uint32] | None = mesh.triangles
@@ -93,7 +93,7 @@ class Bvh(TriangleQueries):
     @classmethod
     def _of(
         cls,
-        bvh: _umbel.TriangleBvh,
+        bvh: _umbel.Bvh,
         triangles: NDArray[np.uint32] | None,
         tree: Bvh2 | None = None,
         origin: ArrayLike = (0.0, 0.0, 0.0),
@@ -122,7 +122,7 @@ class Bvh(TriangleQueries):
         """The hierarchy that a tree over the triangles of this mesh becomes. Of a `KaryTree` nodes
         with no more children than `width` stay as they are."""
         mesh = mesh_from(positions, triangles)
-        bvh = _umbel.TriangleBvh.widen(
+        bvh = _umbel.Bvh.widen(
             tree._native,
             geometry_of(mesh),
             tree._config,
@@ -146,7 +146,7 @@ class Bvh(TriangleQueries):
     ) -> Bvh:
         """Reads what `save` wrote; a file that is not whole is refused. `origin` is that of the
         hierarchy that was saved, which the file does not hold."""
-        return cls._of(_umbel.TriangleBvh.load(os.fspath(path), simd), None, origin=origin)
+        return cls._of(_umbel.Bvh.load(os.fspath(path), simd), None, origin=origin)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a `.umbvh` file, beside its name first, so that no half file is left. Warns where

@@ -7,7 +7,7 @@
 namespace umbel {
 namespace {
 
-const RayKernels* kernels_for(const TriangleBvhData& data, Simd simd) {
+const RayKernels* kernels_for(const BvhData& data, Simd simd) {
   const bool quantised = data.quantised != 0;
   if (simd == Simd::kAvx512) return avx512_kernels(data.width, quantised);
   return simd == Simd::kAvx2 ? avx2_kernels(data.width, quantised)
@@ -24,7 +24,7 @@ const ShapeKernels* shape_kernels(uint32_t width, bool quantised) {
   });
 }
 
-void prepare_rays(TriangleBvhData& data, Simd simd) {
+void prepare_rays(BvhData& data, Simd simd) {
   const RayKernels* const kernels = kernels_for(data, choose_simd(simd));
   data.rays = data.nodes.empty() ? &kNoRays : kernels;
   data.shapes = shape_kernels(data.width, data.quantised != 0);
@@ -32,6 +32,6 @@ void prepare_rays(TriangleBvhData& data, Simd simd) {
   prepare_scale(data);
 }
 
-void prepare_rays(TriangleBvhData& data) { prepare_rays(data, data.simd); }
+void prepare_rays(BvhData& data) { prepare_rays(data, data.simd); }
 
 }  // namespace umbel

@@ -13,7 +13,7 @@ class PortableIntersector {
  public:
   static constexpr uint32_t kWidth = width;
 
-  PortableIntersector(const RayFrame& frame, const TriangleBvhData& tree)
+  PortableIntersector(const RayFrame& frame, const BvhData& tree)
       : nodes_(tree.nodes.data()), boxes_(frame), triangles_(frame) {}
 
   uint32_t visit(uint32_t node, float cull, StackEntry*& top) const {

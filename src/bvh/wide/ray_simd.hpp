@@ -112,7 +112,7 @@ class WideIntersector {
  public:
   static constexpr uint32_t kWidth = 8;
 
-  UMBEL_SIMD WideIntersector(const RayFrame& frame, const TriangleBvhData& tree)
+  UMBEL_SIMD WideIntersector(const RayFrame& frame, const BvhData& tree)
       : boxes_(frame, tree.nodes.data()),
         triangles_(frame),
         links_(tree.nodes.data() + (quantised ? grid::links_at(kWidth) : 6 * kWidth)) {}
@@ -125,8 +125,8 @@ class WideIntersector {
     if ((slots & (slots - 1)) == 0) return links[std::countr_zero(slots)];
     return Isa::push(links, slots, near, top);
   }
-  UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
-                                float t_max, LeafHits& hits) const {
+  UMBEL_SIMD uint32_t triangles(const BvhData& tree, uint32_t link, bool cull_back, float t_max,
+                                LeafHits& hits) const {
     return triangles_(tree, link, cull_back, t_max, hits);
   }
 
@@ -142,14 +142,14 @@ class NarrowIntersector {
  public:
   static constexpr uint32_t kWidth = width;
 
-  UMBEL_SIMD NarrowIntersector(const RayFrame& frame, const TriangleBvhData& tree)
+  UMBEL_SIMD NarrowIntersector(const RayFrame& frame, const BvhData& tree)
       : nodes_(tree.nodes.data()), boxes_(frame), triangles_(frame) {}
 
   UMBEL_SIMD uint32_t visit(uint32_t node, float cull, StackEntry*& top) const {
     return boxes_.visit(nodes_ + size_t{2} * node, cull, top);
   }
-  UMBEL_SIMD uint32_t triangles(const TriangleBvhData& tree, uint32_t link, bool cull_back,
-                                float t_max, LeafHits& hits) const {
+  UMBEL_SIMD uint32_t triangles(const BvhData& tree, uint32_t link, bool cull_back, float t_max,
+                                LeafHits& hits) const {
     return triangles_(tree, link, cull_back, t_max, hits);
   }
 

@@ -25,7 +25,7 @@ struct StackEntry {
 template <typename Intersector>
 class RayStack {
  public:
-  explicit RayStack(const TriangleBvhData& tree) {
+  explicit RayStack(const BvhData& tree) {
     // A node leaves at most width - 1 siblings behind; eight are written at once.
     const size_t need = size_t{tree.max_depth} * (Intersector::kWidth - 1) + 16;
     if (need > kSmall) [[unlikely]] {
@@ -153,25 +153,24 @@ class GridBoxes {
 
 /// What comes after the next is fetched ahead: its first two cache lines, as the others follow by
 /// themselves. There is nothing where the stack's first entry points, which does no harm.
-static inline void prefetch(const TriangleBvhData& tree, uint32_t link) {
-  const uint32_t* const words = TriangleBvhData::is_leaf(link)
-                                    ? leaf_words(tree, link)
-                                    : tree.nodes.data() + size_t{2} * link;
+static inline void prefetch(const BvhData& tree, uint32_t link) {
+  const uint32_t* const words =
+      BvhData::is_leaf(link) ? leaf_words(tree, link) : tree.nodes.data() + size_t{2} * link;
   __builtin_prefetch(words);
   __builtin_prefetch(words + 16);
 }
 
 /// Visits leaves from near to far. leaf(link) may lower cull, and ends the traversal by true.
 template <typename Intersector, typename Leaf>
-static inline bool traverse(const TriangleBvhData& tree, const Intersector& intersector,
-                            const float& cull, const Leaf& leaf) {
+static inline bool traverse(const BvhData& tree, const Intersector& intersector, const float& cull,
+                            const Leaf& leaf) {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   RayStack<Intersector> room(tree);
   StackEntry* top = room.base();
   *top++ = {kNoChild, -kInfinity};
   uint32_t link = 0;
   while (true) {
-    while (!TriangleBvhData::is_leaf(link)) {
+    while (!BvhData::is_leaf(link)) {
       link = intersector.visit(link, cull, top);
       prefetch(tree, top[-1].link);
     }
@@ -185,8 +184,8 @@ static inline bool traverse(const TriangleBvhData& tree, const Intersector& inte
 }
 
 template <typename Intersector>
-constexpr RayKernels kernels_of{intersect_ray<Intersector, TriangleBvhData>,
-                                occluded_ray<Intersector, TriangleBvhData>,
-                                all_hits_ray<Intersector, TriangleBvhData>};
+constexpr RayKernels kernels_of{intersect_ray<Intersector, BvhData>,
+                                occluded_ray<Intersector, BvhData>,
+                                all_hits_ray<Intersector, BvhData>};
 
 }  // namespace umbel

@@ -77,7 +77,7 @@ struct LaneBox {
 template <uint32_t kWidth, bool kQuantised>
 class Refit {
  public:
-  Refit(TriangleBvhData& data, const MeshView& mesh)
+  Refit(BvhData& data, const MeshView& mesh)
       : data_(data), mesh_(mesh), boxes_(data.node_count()), is_done_(data.node_count()) {}
 
   /// Returns what the tree costs now as a multiple of what it cost before.
@@ -142,22 +142,20 @@ class Refit {
     return data_.nodes.data() + size_t{node} * kNodeWords + (kNodeWords - kWidth);
   }
   uint32_t* leaf_words(uint32_t link) {
-    return data_.leaves.data() +
-           size_t{TriangleBvhData::first_reference(link)} * data_.reference_words();
+    return data_.leaves.data() + size_t{BvhData::first_reference(link)} * data_.reference_words();
   }
   template <typename Visit>
   void for_each_leaf(uint32_t node, const Visit& visit) {
     const uint32_t* links = links_of(node);
     for (uint32_t slot = 0; slot < kWidth; ++slot)
-      if (links[slot] != kNoChild && TriangleBvhData::is_leaf(links[slot]))
-        visit(slot, links[slot]);
+      if (links[slot] != kNoChild && BvhData::is_leaf(links[slot])) visit(slot, links[slot]);
   }
 
   void gather_corners(uint32_t begin, uint32_t end, Corners& corners) {
     Triangle* next = corners.data();
     for (uint32_t node = begin; node < end; ++node)
       for_each_leaf(node, [&](uint32_t, uint32_t link) {
-        const uint32_t n = TriangleBvhData::leaf_size(link);
+        const uint32_t n = BvhData::leaf_size(link);
         const uint32_t* primitives = leaf_words(link) + size_t{data_.corner_words()} * n;
         for (uint32_t i = 0; i < n; ++i) *next++ = mesh_.triangles[primitives[i]];
       });
@@ -168,7 +166,7 @@ class Refit {
     LaneBox all;
     for_each_leaf(node, [&](uint32_t slot, uint32_t link) {
       const LaneBox box = move_leaf(link, triangles);
-      triangles += TriangleBvhData::leaf_size(link);
+      triangles += BvhData::leaf_size(link);
       set_box(node, slot, box, boxes);
       all.extend(box);
     });
@@ -194,7 +192,7 @@ class Refit {
   }
 
   LaneBox move_leaf(uint32_t link, const Triangle* triangles) {
-    const uint32_t n = TriangleBvhData::leaf_size(link);
+    const uint32_t n = BvhData::leaf_size(link);
     uint32_t* const words = leaf_words(link);
     if (data_.compact) return move_vertices(words, n, triangles);
     return n == 1 ? move_triangle(words, triangles[0]) : move_triangles(words, n, triangles);
@@ -276,7 +274,7 @@ class Refit {
   bool has_child_outside(uint32_t node, uint32_t end) const {
     const uint32_t* links = links_of(node);
     return std::any_of(links, links + kWidth, [&](uint32_t link) {
-      if (TriangleBvhData::is_leaf(link)) return false;
+      if (BvhData::is_leaf(link)) return false;
       const uint32_t child = linked_node(link);
       return child >= end || !is_done_[child];
     });
@@ -286,7 +284,7 @@ class Refit {
   void move_inner_boxes(uint32_t node, NodeBoxes& boxes) {
     const uint32_t* links = links_of(node);
     for (uint32_t slot = 0; slot < kWidth; ++slot) {
-      if (TriangleBvhData::is_leaf(links[slot])) continue;
+      if (BvhData::is_leaf(links[slot])) continue;
       const LaneBox& box = boxes_[linked_node(links[slot])];
       set_box(node, slot, box, boxes);
       boxes_[node].extend(box);
@@ -301,8 +299,8 @@ class Refit {
     const float* const planes = children.boxes().planes;
     std::array<double, kWidth> visits, areas;
     for (uint32_t i = 0; i < kWidth; ++i) {
-      const double leaf = double(data_.cost.intersection) * TriangleBvhData::leaf_size(links[i]);
-      visits[i] = TriangleBvhData::is_leaf(links[i]) ? leaf : double(data_.cost.traversal);
+      const double leaf = double(data_.cost.intersection) * BvhData::leaf_size(links[i]);
+      visits[i] = BvhData::is_leaf(links[i]) ? leaf : double(data_.cost.traversal);
       const double x = double(planes[kWidth + i]) - planes[i];
       const double y = double(planes[3 * kWidth + i]) - planes[2 * kWidth + i];
       const double z = double(planes[5 * kWidth + i]) - planes[4 * kWidth + i];
@@ -317,7 +315,7 @@ class Refit {
     return sum;
   }
 
-  TriangleBvhData& data_;
+  BvhData& data_;
   const MeshView& mesh_;
   const Vec3* last_ = mesh_.positions.data() + mesh_.positions.size() - 1;
   BigVector<LaneBox> boxes_;  ///< of all below a node, once it is done
@@ -350,11 +348,11 @@ bool any_index_is_out_of_range(const MeshView& mesh) {
 }
 
 /// Only what the tree holds: triangles that were dropped at the build may still be invalid.
-void check_triangles(const TriangleBvhData& data, const MeshView& mesh) {
+void check_triangles(const BvhData& data, const MeshView& mesh) {
   for (uint32_t node = 0; node < data.node_count(); ++node)
     for (uint32_t slot = 0; slot < data.width; ++slot) {
       const uint32_t link = data.link(node, slot);
-      if (link == kNoChild || !TriangleBvhData::is_leaf(link)) continue;
+      if (link == kNoChild || !BvhData::is_leaf(link)) continue;
       data.for_each_triangle(link, [&](const LeafTriangle& t) {
         for (const uint32_t vertex : mesh.triangles[t.primitive]) {
           if (vertex >= mesh.positions.size())
@@ -371,7 +369,7 @@ void check_triangles(const TriangleBvhData& data, const MeshView& mesh) {
     }
 }
 
-void check_mesh(const TriangleBvhData& data, const MeshView& mesh) {
+void check_mesh(const BvhData& data, const MeshView& mesh) {
   if (mesh.triangles.size() != data.triangle_count)
     throw Error(ErrorCode::kInvalidArgument, "refit takes the triangles of the build, which were " +
                                                  std::to_string(data.triangle_count) +
@@ -383,8 +381,8 @@ void check_mesh(const TriangleBvhData& data, const MeshView& mesh) {
 
 }  // namespace
 
-RefitReport TriangleBvh::refit(const MeshView& mesh, const BuildOptions& options) {
-  TriangleBvhData& data = this->data();
+RefitReport Bvh::refit(const MeshView& mesh, const BuildOptions& options) {
+  BvhData& data = this->data();
   Progress progress(options);
   progress.report(0, "refit");
   with_threads(options.threads, [&] {

@@ -1,4 +1,4 @@
-// TriangleBvh: how it is made.
+// Bvh: how it is made.
 #include "umbel/triangle_bvh.hpp"
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 namespace umbel {
 namespace {
 
-void check_config(const TriangleBvhConfig& config) {
+void check_config(const BvhConfig& config) {
   if (config.width != 2 && config.width != 4 && config.width != 8)
     throw Error(ErrorCode::kInvalidArgument,
                 "width must be 2, 4 or 8, but is " + std::to_string(config.width));
@@ -45,10 +45,9 @@ void check_presence(std::span<const uint32_t> primitives, const MeshView& mesh,
       throw Error(ErrorCode::kCorrupt, "primitive " + std::to_string(i) + " is not in the tree");
 }
 
-TriangleBvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh,
-                          const TriangleBvhConfig& config, const WidenOptions& options,
-                          std::span<const uint32_t> masks, uint32_t threads) {
-  TriangleBvhData data;
+BvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh, const BvhConfig& config,
+                  const WidenOptions& options, std::span<const uint32_t> masks, uint32_t threads) {
+  BvhData data;
   with_threads(threads, [&] {
     data = widen_tree(tree, mesh, options, masks);
     data.cost = config.tree.cost;
@@ -60,34 +59,31 @@ TriangleBvhData make_data(const bvh::Bvh2& tree, const MeshView& mesh,
 
 }  // namespace
 
-TriangleBvh::TriangleBvh() : TriangleQueries(std::make_unique<Data>()) {
-  prepare_rays(data(), Simd::kAuto);
-}
-TriangleBvh::~TriangleBvh() = default;
+Bvh::Bvh() : TriangleQueries(std::make_unique<Data>()) { prepare_rays(data(), Simd::kAuto); }
+Bvh::~Bvh() = default;
 // What was moved from stays a tree without triangles, so that every query on it has an answer.
-TriangleBvh::TriangleBvh(TriangleBvh&& other) noexcept : TriangleBvh() { swap(other); }
-TriangleBvh& TriangleBvh::operator=(TriangleBvh&& other) noexcept {
+Bvh::Bvh(Bvh&& other) noexcept : Bvh() { swap(other); }
+Bvh& Bvh::operator=(Bvh&& other) noexcept {
   swap(other);
   return *this;
 }
 
-TriangleBvh TriangleBvh::build(const MeshView& mesh, const TriangleBvhConfig& config,
-                               std::span<const uint32_t> masks, const BuildOptions& options) {
+Bvh Bvh::build(const MeshView& mesh, const BvhConfig& config, std::span<const uint32_t> masks,
+               const BuildOptions& options) {
   check_config(config);
   check_masks(masks, mesh.triangles.size());
   const bvh::Bvh2 tree = bvh::build(mesh, config.tree, options);
   WidenOptions widening{config.width, config.compact};
   widening.is_valid = true;
   widening.may_repeat = config.tree.builder == bvh::Builder::kSpatial;
-  TriangleBvh result;
-  static_cast<TriangleBvhData&>(result.data()) =
+  Bvh result;
+  static_cast<BvhData&>(result.data()) =
       make_data(tree, mesh, config, widening, masks, options.threads);
   return result;
 }
 
-TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
-                               const TriangleBvhConfig& config, std::span<const uint32_t> masks,
-                               const BuildOptions& options) {
+Bvh Bvh::widen(const bvh::Bvh2& tree, const MeshView& mesh, const BvhConfig& config,
+               std::span<const uint32_t> masks, const BuildOptions& options) {
   check_config(config);
   check_masks(masks, mesh.triangles.size());
   bvh::check_structure(tree, static_cast<uint32_t>(mesh.triangles.size()));
@@ -99,22 +95,21 @@ TriangleBvh TriangleBvh::widen(const bvh::Bvh2& tree, const MeshView& mesh,
     bvh::limit_depth(shallow, bvh::kDeepest);
     source = &shallow;
   }
-  TriangleBvh result;
-  static_cast<TriangleBvhData&>(result.data()) =
+  Bvh result;
+  static_cast<BvhData&>(result.data()) =
       make_data(*source, mesh, config, {config.width, config.compact}, masks, options.threads);
   return result;
 }
 
-TriangleBvh TriangleBvh::widen(const bvh::KaryTree& tree, const MeshView& mesh,
-                               const TriangleBvhConfig& config, std::span<const uint32_t> masks,
-                               const BuildOptions& options) {
+Bvh Bvh::widen(const bvh::KaryTree& tree, const MeshView& mesh, const BvhConfig& config,
+               std::span<const uint32_t> masks, const BuildOptions& options) {
   check_config(config);
   check_masks(masks, mesh.triangles.size());
   bvh::check(tree, static_cast<uint32_t>(mesh.triangles.size()));
   check_presence(tree.primitives, mesh, config.tree.invalid);
   check_triangles(mesh, tree.primitives);
-  TriangleBvh result;
-  TriangleBvhData& data = result.data();
+  Bvh result;
+  BvhData& data = result.data();
   with_threads(options.threads,
                [&] { data = widen_kary(tree, mesh, {config.width, config.compact}, masks); });
   data.cost = config.tree.cost;
@@ -123,7 +118,7 @@ TriangleBvh TriangleBvh::widen(const bvh::KaryTree& tree, const MeshView& mesh,
   return result;
 }
 
-TriangleBvhStatistics TriangleBvh::statistics() const {
+BvhStatistics Bvh::statistics() const {
   const Data& d = data();
   return {d.width,           d.node_count(), d.leaf_count, d.nodes.empty() ? 0 : d.max_depth,
           d.reference_count, d.sah_cost,     d.bytes()};

@@ -1,4 +1,4 @@
-// What a TriangleBvh holds: the nodes over a leaf store, flat arrays of words too.
+// What a Bvh holds: the nodes over a leaf store, flat arrays of words too.
 #pragma once
 
 #include <bit>
@@ -15,7 +15,7 @@ namespace umbel {
 /// Words of all nodes: what links can tell apart.
 inline constexpr size_t kMaxNodeWords = size_t{2} * kLeafBit;
 
-struct TriangleBvhData : LeafStore {
+struct BvhData : LeafStore {
   // What a file has to hold.
   uint32_t width = 8;      ///< slots a node: 2, 4 or 8
   uint32_t quantised = 0;  ///< 1: nodes are those of grid_node.hpp; 0: plain
@@ -77,18 +77,16 @@ struct TriangleBvhData : LeafStore {
   }
 };
 
-/// Only a name for TriangleBvh's private part.
-struct TriangleBvh::Data : TriangleBvhData {};
-inline TriangleBvh::Data& TriangleBvh::data() { return static_cast<Data&>(*store_); }
-inline const TriangleBvh::Data& TriangleBvh::data() const {
-  return static_cast<const Data&>(*store_);
-}
+/// Only a name for Bvh's private part.
+struct Bvh::Data : BvhData {};
+inline Bvh::Data& Bvh::data() { return static_cast<Data&>(*store_); }
+inline const Bvh::Data& Bvh::data() const { return static_cast<const Data&>(*store_); }
 
 /// Chooses the kernels for this machine and what they need to know of the boxes. To be called
 /// on every Data that was made, loaded or refitted. Throws kUnsupported where the machine lacks
 /// the instructions asked for.
-void prepare_rays(TriangleBvhData& data, Simd simd);
+void prepare_rays(BvhData& data, Simd simd);
 /// As before, after a change of boxes.
-void prepare_rays(TriangleBvhData& data);
+void prepare_rays(BvhData& data);
 
 }  // namespace umbel

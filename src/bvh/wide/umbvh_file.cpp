@@ -1,4 +1,4 @@
-// Saving and loading of a TriangleBvh: a header, and the arrays as they are in memory but for links
+// Saving and loading of a Bvh: a header, and the arrays as they are in memory but for links
 // to nodes, aligned so that a file can be mapped. docs/bvh.md has every byte. Loading checks the
 // checksums first and then, because a checksum proves nothing about who wrote it, every link: what
 // it returns is a tree, and no query on it can leave its arrays or go round in circles.
@@ -15,7 +15,7 @@ namespace {
 constexpr ContainerKind kKind{".umbvh", {'\x89', 'U', 'B', 'V', 'H', '\r', '\n', '\x1a'}, 1, 1};
 constexpr uint32_t kCompact = 1, kMasked = 2, kRepeats = 4, kQuantised = 8;
 
-ContainerFields encode(const TriangleBvhData& data) {
+ContainerFields encode(const BvhData& data) {
   ContainerFields fields{};
   ByteWriter out(fields);
   out.u32(data.width), out.u32(data.max_depth);
@@ -30,9 +30,9 @@ ContainerFields encode(const TriangleBvhData& data) {
 }
 
 /// All but the arrays.
-TriangleBvhData decode(const ContainerFields& fields) {
+BvhData decode(const ContainerFields& fields) {
   ByteReader in(fields);
-  TriangleBvhData data;
+  BvhData data;
   data.width = in.u32(), data.max_depth = in.u32();
   data.triangle_count = in.u32(), data.leaf_count = in.u32(), data.reference_count = in.u32();
   const uint32_t flags = in.u32();
@@ -48,7 +48,7 @@ TriangleBvhData decode(const ContainerFields& fields) {
 }
 
 /// What the header says of the arrays must agree with itself before anything is allocated.
-void check_header(const TriangleBvhData& data, const ContainerFile& file) {
+void check_header(const BvhData& data, const ContainerFile& file) {
   if (data.width != 2 && data.width != 4 && data.width != 8)
     corrupt("its width is " + std::to_string(data.width));
   if (data.max_depth > kMaxTraversalDepth)
@@ -71,7 +71,7 @@ void check_header(const TriangleBvhData& data, const ContainerFile& file) {
 
 /// Calls change(link) for every link to a node.
 template <typename Change>
-void change_links(const TriangleBvhData& data, BigVector<uint32_t>& nodes, const Change& change) {
+void change_links(const BvhData& data, BigVector<uint32_t>& nodes, const Change& change) {
   for (size_t at = data.links_at(); at < nodes.size(); at += data.node_words())
     for (uint32_t slot = 0; slot < data.width; ++slot)
       if (!LeafStore::is_leaf(nodes[at + slot])) change(nodes[at + slot]);
@@ -81,7 +81,7 @@ void change_links(const TriangleBvhData& data, BigVector<uint32_t>& nodes, const
 /// every leaf within the references, and no more of either than the header says.
 class TreeChecker {
  public:
-  explicit TreeChecker(const TriangleBvhData& data)
+  explicit TreeChecker(const BvhData& data)
       : data_(data), depth_(data.node_count(), 0), is_covered_(data.reference_count, 0) {}
 
   void run() {
@@ -111,7 +111,7 @@ class TreeChecker {
       if (!is_finite(box.min) || !is_finite(box.max) || is_empty(box))
         fail(node, "has a box that is empty or not finite");
       deepest_ = std::max(deepest_, depth_[node] + 1);
-      if (TriangleBvhData::is_leaf(link))
+      if (BvhData::is_leaf(link))
         check_leaf(node, link, box);
       else
         check_child(node, link, box);
@@ -146,8 +146,8 @@ class TreeChecker {
     Aabb both = data_.bounds;
     extend(both, box);
     if (!data_.quantised && !(both == data_.bounds)) fail(node, "reaches out of the bounds");
-    const uint32_t size = TriangleBvhData::leaf_size(link);
-    const uint64_t first = TriangleBvhData::first_reference(link);
+    const uint32_t size = BvhData::leaf_size(link);
+    const uint64_t first = BvhData::first_reference(link);
     if (first + size > data_.reference_count) fail(node, "has a leaf out of range");
     for (uint64_t i = first; i < first + size; ++i) {
       if (is_covered_[i]) fail(node, "has a leaf that overlaps another");
@@ -159,10 +159,9 @@ class TreeChecker {
   }
 
   void check_triangles(uint32_t node, uint32_t link) const {
-    const uint32_t n = TriangleBvhData::leaf_size(link), rows = data_.corner_words();
+    const uint32_t n = BvhData::leaf_size(link), rows = data_.corner_words();
     const uint32_t* const words =
-        data_.leaves.data() +
-        size_t{TriangleBvhData::first_reference(link)} * data_.reference_words();
+        data_.leaves.data() + size_t{BvhData::first_reference(link)} * data_.reference_words();
     for (uint32_t i = 0; i < rows * n; ++i) {
       const bool fits = data_.compact ? words[i] < data_.vertices.size()
                                       : std::isfinite(std::bit_cast<float>(words[i]));
@@ -173,13 +172,13 @@ class TreeChecker {
         fail(node, "has a leaf with a triangle out of range");
   }
 
-  const TriangleBvhData& data_;
+  const BvhData& data_;
   std::vector<uint32_t> depth_;
   std::vector<uint8_t> is_covered_;
   uint32_t leaves_ = 0, covered_ = 0, deepest_ = 0;
 };
 
-void check_tree(const TriangleBvhData& data) {
+void check_tree(const BvhData& data) {
   for (size_t i = 0; i < data.vertices.size(); ++i)
     if (!is_finite(data.vertices[i])) corrupt("vertex " + std::to_string(i) + " is not finite");
   if (data.nodes.empty()) {
@@ -192,9 +191,9 @@ void check_tree(const TriangleBvhData& data) {
   TreeChecker(data).run();
 }
 
-TriangleBvhData read_file(const std::string& path) {
+BvhData read_file(const std::string& path) {
   const ContainerFile file(path, kKind);
-  TriangleBvhData data = decode(file.fields());
+  BvhData data = decode(file.fields());
   check_header(data, file);
   data.nodes.resize(file.bytes(0) / 4);
   data.leaves.resize(file.bytes(1) / 4);
@@ -207,16 +206,16 @@ TriangleBvhData read_file(const std::string& path) {
 
 }  // namespace
 
-void TriangleBvh::save(const std::string& path) const {
+void Bvh::save(const std::string& path) const {
   const Data& d = data();
   BigVector<uint32_t> nodes = d.nodes;
   change_links(d, nodes, [&](uint32_t& link) { link = d.linked_node(link); });
   write_container(path, kKind, encode(d), container_bytes(nodes, d.leaves, d.vertices));
 }
 
-TriangleBvh TriangleBvh::load(const std::string& path, Simd simd) {
-  TriangleBvh result;
-  static_cast<TriangleBvhData&>(result.data()) = reading(path, [&] { return read_file(path); });
+Bvh Bvh::load(const std::string& path, Simd simd) {
+  Bvh result;
+  static_cast<BvhData&>(result.data()) = reading(path, [&] { return read_file(path); });
   prepare_rays(result.data(), simd);
   return result;
 }

@@ -1,4 +1,4 @@
-// The nodes of a TriangleBvh, as the queries of traverse_leaves.hpp see them.
+// The nodes of a Bvh, as the queries of traverse_leaves.hpp see them.
 #pragma once
 
 #include <type_traits>
@@ -34,10 +34,10 @@ class WideNodes {
   };
   using Children = std::conditional_t<quantised, GridChildren, PlainChildren>;
 
-  explicit WideNodes(const LeafStore& store) : data_(static_cast<const TriangleBvhData&>(store)) {}
+  explicit WideNodes(const LeafStore& store) : data_(static_cast<const BvhData&>(store)) {}
 
   Link root() const { return 0; }
-  static bool is_leaf(Link link) { return TriangleBvhData::is_leaf(link); }
+  static bool is_leaf(Link link) { return BvhData::is_leaf(link); }
   Children children(Link node) const { return Children(data_.nodes.data() + size_t{2} * node); }
   template <typename Visit>
   void visit_runs(Link leaf, const Visit& visit) const {
@@ -46,7 +46,7 @@ class WideNodes {
   bool repeats() const { return data_.repeats != 0; }
 
  private:
-  const TriangleBvhData& data_;
+  const BvhData& data_;
 };
 
 /// Calls body(std::integral_constant<uint32_t, width>) for a width.

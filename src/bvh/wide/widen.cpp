@@ -196,7 +196,7 @@ struct Work {
 /// Lays out nodes depth-first, and says which primitives each leaf holds.
 class Emitter {
  public:
-  Emitter(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out)
+  Emitter(const bvh::Bvh2& tree, const Planner& plans, BvhData& out)
       : tree_(tree), plans_(plans), out_(out) {}
 
   void reserve(size_t primitives) {
@@ -364,14 +364,14 @@ class Emitter {
 
   const bvh::Bvh2& tree_;
   const Planner& plans_;
-  TriangleBvhData& out_;
+  BvhData& out_;
   std::vector<Work> work_;
   std::vector<uint32_t> children_, order_;
   std::vector<Leaf> leaves_;
 };
 
 /// Emits all, subtrees below a few levels by all threads; the result does not depend on them.
-void emit_all(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out, Emitter& emitter) {
+void emit_all(const bvh::Bvh2& tree, const Planner& plans, BvhData& out, Emitter& emitter) {
   constexpr uint32_t kSharedLevels = 3, kNever = kNone;
   constexpr Work kRoot{0, 0, 0, kNone, 0, 0};
   const auto ignore = [](const Work&) {};
@@ -382,7 +382,7 @@ void emit_all(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out,
     return;
   }
   const auto empty = [&] {
-    auto data = std::make_unique<TriangleBvhData>();
+    auto data = std::make_unique<BvhData>();
     data->width = out.width;
     data->compact = data->quantised = out.quantised;
     return data;
@@ -393,7 +393,7 @@ void emit_all(const bvh::Bvh2& tree, const Planner& plans, TriangleBvhData& out,
     roots.push_back(root);
   });
   struct Part {
-    std::unique_ptr<TriangleBvhData> data;
+    std::unique_ptr<BvhData> data;
     std::unique_ptr<Emitter> emitter;
     Emitter::Place place;
   };
@@ -442,7 +442,7 @@ void check_triangles(const MeshView& mesh, std::span<const uint32_t> order) {
     }
 }
 
-void check_size(const TriangleBvhData& data) {
+void check_size(const BvhData& data) {
   if (data.nodes.size() > kMaxNodeWords)
     throw Error(ErrorCode::kUnsupported,
                 "a tree of " + std::to_string(data.nodes.size() / data.node_words()) +
@@ -450,9 +450,9 @@ void check_size(const TriangleBvhData& data) {
                     std::to_string(kMaxNodeWords / data.node_words()) + " supported");
 }
 
-TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
-                           std::span<const uint32_t> masks) {
-  TriangleBvhData out;
+BvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
+                   std::span<const uint32_t> masks) {
+  BvhData out;
   out.width = options.width;
   out.compact = out.quantised = options.compact;
   out.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });

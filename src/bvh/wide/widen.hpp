@@ -33,12 +33,12 @@ inline constexpr SlotBoxes kNoBoxes = [] {
 void check_triangles(const MeshView& mesh, std::span<const uint32_t> triangles);
 
 /// Throws kUnsupported for more nodes than links can tell apart.
-void check_size(const TriangleBvhData& data);
+void check_size(const BvhData& data);
 
 /// `tree` is sound (bvh::check) and over the triangles of `mesh`; `masks` is empty or one a
 /// triangle. Throws kInvalidMesh for an index out of range in a triangle of the tree. The result
 /// does not depend on the number of threads. Leaves costs and kernels to the caller.
-TriangleBvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
-                           std::span<const uint32_t> masks);
+BvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
+                   std::span<const uint32_t> masks);
 
 }  // namespace umbel

@@ -110,7 +110,7 @@ class Groups {
 /// Lays out nodes depth-first, and says which primitives each leaf holds.
 class Emitter {
  public:
-  Emitter(const KaryTree& tree, const Groups& groups, TriangleBvhData& out)
+  Emitter(const KaryTree& tree, const Groups& groups, BvhData& out)
       : tree_(tree), groups_(groups), out_(out) {
     const KaryNode& root = tree.nodes[0];
     work_.push_back({root.is_leaf() ? Members{0} : children_of(root), 0, 0, {}, kNone, 0, 1});
@@ -201,14 +201,14 @@ class Emitter {
 
   const KaryTree& tree_;
   const Groups& groups_;
-  TriangleBvhData& out_;
+  BvhData& out_;
   std::vector<Work> work_;
   std::vector<uint32_t> order_, leaves_;
 };
 
-TriangleBvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenOptions& options,
-                        std::span<const uint32_t> masks, bool even) {
-  TriangleBvhData out;
+BvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenOptions& options,
+                std::span<const uint32_t> masks, bool even) {
+  BvhData out;
   out.width = options.width;
   out.compact = out.quantised = options.compact;
   out.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
@@ -231,9 +231,9 @@ TriangleBvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenO
 
 }  // namespace
 
-TriangleBvhData widen_kary(const KaryTree& tree, const MeshView& mesh, const WidenOptions& options,
-                           std::span<const uint32_t> masks) {
-  TriangleBvhData out = widened(tree, mesh, options, masks, false);
+BvhData widen_kary(const KaryTree& tree, const MeshView& mesh, const WidenOptions& options,
+                   std::span<const uint32_t> masks) {
+  BvhData out = widened(tree, mesh, options, masks, false);
   if (out.max_depth > bvh::kDeepest) out = widened(tree, mesh, options, masks, true);
   if (out.max_depth > bvh::kDeepest)
     throw Error(ErrorCode::kUnsupported, "a tree of " + std::to_string(out.max_depth) +

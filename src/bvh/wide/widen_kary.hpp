@@ -7,7 +7,7 @@ namespace umbel {
 
 /// As widen_tree, of a sound tree (bvh::check), whose nodes stay as they are: what has more
 /// children than the width has them in nodes of its own.
-TriangleBvhData widen_kary(const bvh::KaryTree& tree, const MeshView& mesh,
-                           const WidenOptions& options, std::span<const uint32_t> masks);
+BvhData widen_kary(const bvh::KaryTree& tree, const MeshView& mesh, const WidenOptions& options,
+                   std::span<const uint32_t> masks);
 
 }  // namespace umbel

@@ -8,12 +8,12 @@
 namespace umbel::testing {
 
 /// Every builder, width and layout, with the builders' own settings as they are by default.
-inline std::vector<TriangleBvhConfig> every_config() {
-  std::vector<TriangleBvhConfig> configs;
+inline std::vector<BvhConfig> every_config() {
+  std::vector<BvhConfig> configs;
   for (const bvh::Builder builder : bvh::builders())
     for (const uint32_t width : {2u, 4u, 8u})
       for (const bool compact : {false, true}) {
-        TriangleBvhConfig& config = configs.emplace_back();
+        BvhConfig& config = configs.emplace_back();
         config.tree = bvh::Config{};
         config.tree.builder = builder;
         config.width = width, config.compact = compact;

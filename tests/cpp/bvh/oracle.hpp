@@ -67,10 +67,10 @@ inline std::vector<Simd> simd_paths() {
   std::vector<Simd> paths;
   const Mesh mesh = shapes::grid(1, 1);
   for (const Simd simd : {Simd::kPortable, Simd::kAvx2, Simd::kAvx512}) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.simd = simd;
     try {
-      TriangleBvh::build(mesh.view(), config);
+      Bvh::build(mesh.view(), config);
       paths.push_back(simd);
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kUnsupported);

@@ -22,7 +22,7 @@ struct Call {
     umbel_build_options_init(&options);
     umbel_cluster_output_init(&output);
     umbel_cluster_capacity_init(&capacity);
-    umbel_cluster_quality_init(&quality);
+    umbel_cluster_metrics_init(&metrics);
   }
 
   void set(const ClusterInput& in) {
@@ -95,7 +95,7 @@ struct Call {
   umbel_build_options options;
   umbel_cluster_output output;
   umbel_cluster_capacity capacity;
-  umbel_cluster_quality quality;
+  umbel_cluster_metrics metrics;
   std::vector<umbel_range> ranges, segments;
   std::vector<uint32_t> items;
 };

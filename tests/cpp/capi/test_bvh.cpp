@@ -36,7 +36,7 @@ Mesh large_triangles(uint32_t count) {
 TEST(CapiBvh, defaults_are_those_of_cpp) {
   umbel_bvh_config config;
   umbel_bvh_config_init(&config);
-  const TriangleBvhConfig cpp;
+  const BvhConfig cpp;
   EXPECT_EQ(config.struct_size, sizeof config);
   EXPECT_EQ(config.builder, uint32_t(cpp.tree.builder));
   EXPECT_EQ(config.traversal_cost, cpp.tree.cost.traversal);
@@ -82,10 +82,10 @@ TEST(CapiBvh, every_builder_is_reached_by_name_and_by_number) {
     ASSERT_EQ(umbel_bvh_config_builder(&call.config, name.c_str()), UMBEL_OK);
     EXPECT_EQ(call.config.builder, uint32_t(builder)) << name;
     ASSERT_EQ(call.build(), UMBEL_OK) << name << ": " << umbel_last_error();
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.tree = bvh::Config{};
     config.tree.builder = builder;
-    const TriangleBvh expected = TriangleBvh::build(call.source.view(), config);
+    const Bvh expected = Bvh::build(call.source.view(), config);
     umbel_bvh_statistics found;
     umbel_bvh_statistics_init(&found);
     ASSERT_EQ(umbel_bvh_get_statistics(call.bvh.get(), &found), UMBEL_OK);
@@ -143,7 +143,7 @@ TEST(CapiBvh, rays_get_what_they_get_from_cpp) {
       call.config.width = width;
       call.config.compact = compact;
       ASSERT_EQ(call.build(), UMBEL_OK) << umbel_last_error();
-      const TriangleBvh expected = TriangleBvh::build(call.source.view());
+      const Bvh expected = Bvh::build(call.source.view());
       const std::vector<Ray> rays = random_rays(500, width);
       std::vector<umbel_hit> hits(rays.size());
       std::vector<uint8_t> occluded(rays.size(), 7);
@@ -166,7 +166,7 @@ TEST(CapiBvh, rays_get_what_they_get_from_cpp) {
 
 TEST(CapiBvh, all_hits_fill_their_rows_and_leave_the_rest) {
   const Call call = built(large_triangles(200));
-  const TriangleBvh expected = TriangleBvh::build(call.source.view());
+  const Bvh expected = Bvh::build(call.source.view());
   const std::vector<Ray> rays = random_rays(300, 4);
   constexpr size_t kEach = 3;
   const umbel_hit untouched{-1, 77, -1, -1};
@@ -240,7 +240,7 @@ TEST(CapiBvh, ray_options_and_masks_select_triangles) {
 
 TEST(CapiBvh, points_get_what_they_get_from_cpp) {
   const Call call = built();
-  const TriangleBvh expected = TriangleBvh::build(call.source.view());
+  const Bvh expected = Bvh::build(call.source.view());
   std::vector<umbel_vec3> points;
   for (const Ray& ray : random_rays(300, 6))
     points.push_back({0.7f * ray.origin.x, 0.7f * ray.origin.y, 0.7f * ray.origin.z});
@@ -274,7 +274,7 @@ TEST(CapiBvh, points_get_what_they_get_from_cpp) {
 
 TEST(CapiBvh, overlaps_are_asked_for_in_two_calls) {
   const Call call = built();
-  const TriangleBvh expected = TriangleBvh::build(call.source.view());
+  const Bvh expected = Bvh::build(call.source.view());
   const umbel_aabb box{{0, 0, 0}, {1, 1, 1}};
   const umbel_sphere sphere{{0.5f, 0.5f, 0.5f}, 0.5f};
   const umbel_plane planes[6] = {{{1, 0, 0}, 0},  {{0, 1, 0}, 0},  {{0, 0, 1}, 0},
@@ -317,7 +317,7 @@ TEST(CapiBvh, refit_follows_moved_vertices) {
   EXPECT_EQ(report.built_sah_cost, before.sah_cost);
   EXPECT_GT(report.sah_cost, 0);
   EXPECT_EQ(report.rebuild_advised, 0u);
-  const TriangleBvh expected = TriangleBvh::build(call.source.view());
+  const Bvh expected = Bvh::build(call.source.view());
   std::vector<Ray> rays = random_rays(200, 8);
   for (Ray& ray : rays) ray.origin.x += 5;
   std::vector<umbel_hit> hits(rays.size());
@@ -354,8 +354,8 @@ TEST(CapiBvh, statistics_say_what_is_there) {
   umbel_bvh_statistics found;
   umbel_bvh_statistics_init(&found);
   ASSERT_EQ(umbel_bvh_get_statistics(call.bvh.get(), &found), UMBEL_OK);
-  const TriangleBvh expected = TriangleBvh::build(call.source.view());
-  const TriangleBvhStatistics truth = expected.statistics();
+  const Bvh expected = Bvh::build(call.source.view());
+  const BvhStatistics truth = expected.statistics();
   EXPECT_EQ(found.struct_size, sizeof found);
   EXPECT_EQ(found.width, 8u);
   EXPECT_EQ(found.nodes, truth.nodes);

@@ -143,12 +143,12 @@ TEST(CapiMistakes, null_structs_are_named) {
                  "input is NULL");
   expect_failure(umbel_cluster_requirements(&c.input, &c.config, nullptr), invalid,
                  "capacity is NULL");
-  expect_failure(umbel_cluster_metrics(nullptr, &c.output, 128, &c.quality), invalid,
+  expect_failure(umbel_cluster_get_metrics(nullptr, &c.output, 128, &c.metrics), invalid,
                  "input is NULL");
-  expect_failure(umbel_cluster_metrics(&c.input, nullptr, 128, &c.quality), invalid,
+  expect_failure(umbel_cluster_get_metrics(&c.input, nullptr, 128, &c.metrics), invalid,
                  "clusters is NULL");
-  expect_failure(umbel_cluster_metrics(&c.input, &c.output, 128, nullptr), invalid,
-                 "quality is NULL");
+  expect_failure(umbel_cluster_get_metrics(&c.input, &c.output, 128, nullptr), invalid,
+                 "metrics is NULL");
   expect_failure(umbel_cluster_config_preset(nullptr, "fast", 128), invalid, "config is NULL");
   expect_failure(umbel_cluster_config_preset(&c.config, nullptr, 128), invalid, "name is NULL");
   umbel_cluster_config_init_sized(nullptr, sizeof(umbel_cluster_config));
@@ -200,10 +200,13 @@ TEST(CapiMistakes, small_arrays_are_named_with_what_they_need) {
 TEST(CapiMistakes, clusters_that_are_none_are_named) {
   GoodCall c;
   ASSERT_EQ(c.build(), UMBEL_OK);
-  const auto measure = [&] { return umbel_cluster_metrics(&c.input, &c.output, 128, &c.quality); };
+  const auto measure = [&] {
+    return umbel_cluster_get_metrics(&c.input, &c.output, 128, &c.metrics);
+  };
   const auto invalid = UMBEL_ERROR_INVALID_ARGUMENT;
   ASSERT_EQ(measure(), UMBEL_OK);
-  expect_failure(umbel_cluster_metrics(&c.input, &c.output, 0, &c.quality), invalid, "max_items");
+  expect_failure(umbel_cluster_get_metrics(&c.input, &c.output, 0, &c.metrics), invalid,
+                 "max_items");
   c.ranges[1].count = 0xffffffffu;
   expect_failure(measure(), invalid, "ranges[1]");
   c.ranges[1].count = 1;

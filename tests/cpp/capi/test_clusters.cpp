@@ -36,20 +36,20 @@ TEST(Capi, metrics_equal_the_cpp_metrics_for_random_input) {
     call.set(items.config);
     ASSERT_EQ(call.run(), UMBEL_OK) << umbel_last_error();
     ASSERT_EQ(
-        umbel_cluster_metrics(&call.input, &call.output, items.config.max_items, &call.quality),
+        umbel_cluster_get_metrics(&call.input, &call.output, items.config.max_items, &call.metrics),
         UMBEL_OK)
         << umbel_last_error();
-    EXPECT_EQ(call.quality.struct_size, sizeof call.quality);
-    EXPECT_EQ(call.quality.clusters, expected.clusters);
-    EXPECT_EQ(call.quality.min_size, expected.min_size);
-    EXPECT_EQ(call.quality.max_size, expected.max_size);
-    EXPECT_EQ(call.quality.max_vertices, expected.max_vertices);
-    EXPECT_EQ(call.quality.mean_fill, expected.mean_fill);
-    EXPECT_EQ(call.quality.mean_vertices, expected.mean_vertices);
-    EXPECT_EQ(call.quality.surface_area_ratio, expected.surface_area_ratio);
-    EXPECT_EQ(call.quality.sah, expected.sah);
-    EXPECT_EQ(call.quality.overlap, expected.overlap);
-    EXPECT_EQ(call.quality.ratio_cut, expected.ratio_cut);
+    EXPECT_EQ(call.metrics.struct_size, sizeof call.metrics);
+    EXPECT_EQ(call.metrics.clusters, expected.clusters);
+    EXPECT_EQ(call.metrics.min_size, expected.min_size);
+    EXPECT_EQ(call.metrics.max_size, expected.max_size);
+    EXPECT_EQ(call.metrics.max_vertices, expected.max_vertices);
+    EXPECT_EQ(call.metrics.mean_fill, expected.mean_fill);
+    EXPECT_EQ(call.metrics.mean_vertices, expected.mean_vertices);
+    EXPECT_EQ(call.metrics.surface_area_ratio, expected.surface_area_ratio);
+    EXPECT_EQ(call.metrics.sah, expected.sah);
+    EXPECT_EQ(call.metrics.overlap, expected.overlap);
+    EXPECT_EQ(call.metrics.ratio_cut, expected.ratio_cut);
   }
 }
 
@@ -77,7 +77,7 @@ TEST(Capi, triangles_given_by_positions_take_segments) {
   call.input.segment_count = segments.size();
   ASSERT_EQ(call.run(), UMBEL_OK) << umbel_last_error();
   expect_equal(call.clusters(), build_clusters(same, ClusterConfig{}));
-  EXPECT_EQ(umbel_cluster_metrics(&call.input, &call.output, 128, &call.quality), UMBEL_OK);
+  EXPECT_EQ(umbel_cluster_get_metrics(&call.input, &call.output, 128, &call.metrics), UMBEL_OK);
 }
 
 TEST(Capi, result_does_not_depend_on_threads) {
@@ -124,8 +124,8 @@ TEST(Capi, empty_input_gives_an_empty_result) {
   EXPECT_EQ(call.output.range_count, 0u);
   EXPECT_EQ(call.output.item_count, 0u);
   EXPECT_EQ(call.output.segment_count, 0u);
-  EXPECT_EQ(umbel_cluster_metrics(&call.input, &call.output, 128, &call.quality), UMBEL_OK);
-  EXPECT_EQ(call.quality.clusters, 0u);
+  EXPECT_EQ(umbel_cluster_get_metrics(&call.input, &call.output, 128, &call.metrics), UMBEL_OK);
+  EXPECT_EQ(call.metrics.clusters, 0u);
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "capi/bvh_call.hpp"
-#include "umbel/umbel_kary.h"
+#include "umbel/umbel_bvh.h"
 
 namespace umbel {
 namespace {
@@ -77,7 +77,7 @@ TEST(CapiKary, trees_are_traced) {
   ASSERT_EQ(umbel_bvh_from_kary(&c.tree, &c.mesh, &c.config, nullptr, &made), UMBEL_OK)
       << umbel_last_error();
   const Owned bvh(made);
-  const TriangleBvh truth = TriangleBvh::build(c.source.view());
+  const Bvh truth = Bvh::build(c.source.view());
   const std::vector<Ray> rays = random_rays(300, 4);
   std::vector<umbel_hit> hits(rays.size());
   ASSERT_EQ(umbel_bvh_intersect(made, as_c(rays), rays.size(), nullptr, hits.data()), UMBEL_OK);

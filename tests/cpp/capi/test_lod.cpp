@@ -11,7 +11,7 @@
 
 #include "umbel/asset.hpp"
 #include "umbel/lod_select.hpp"
-#include "umbel/umbel_lod.h"
+#include "umbel/umbel.h"
 
 namespace umbel {
 namespace {
@@ -219,7 +219,7 @@ TEST(LodFromC, selects_what_cpp_selects) {
   ASSERT_EQ(plane_count, 6u);
   const auto cpp_planes =
       lod::frustum_planes({{0.4f, 0.2f, 2.5f}, {0, 0, 0}, {0, 1, 0}, 0.5f, 1.5f, 0.1f, 10});
-  std::vector<umbel_cull_bounds> normal_cones(dag.tables.clusters.size());
+  std::vector<umbel_cluster_bounds> normal_cones(dag.tables.clusters.size());
   ASSERT_EQ(umbel_lod_normal_cones(lod.get(), nullptr, normal_cones.data(), normal_cones.size()),
             UMBEL_OK);
   const auto cpp_facing =

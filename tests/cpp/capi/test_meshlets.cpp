@@ -61,9 +61,9 @@ TEST(CapiMeshlets, order_equals_the_cpp_order) {
 
 TEST(CapiMeshlets, bounds_equal_the_cpp_bounds) {
   MeshletCall call;
-  std::vector<umbel_cull_bounds> bounds(call.output.range_count);
-  ASSERT_EQ(umbel_cluster_cull_bounds(&call.input, &call.output, &call.options, bounds.data(),
-                                      bounds.size()),
+  std::vector<umbel_cluster_bounds> bounds(call.output.range_count);
+  ASSERT_EQ(umbel_cluster_get_bounds(&call.input, &call.output, &call.options, bounds.data(),
+                                     bounds.size()),
             UMBEL_OK)
       << umbel_last_error();
   const std::vector<ClusterBounds> expected = cluster_bounds(call.mesh.view(), call.clusters());
@@ -80,8 +80,8 @@ TEST(CapiMeshlets, small_arrays_stay_and_are_named_with_what_they_need) {
   EXPECT_EQ(call.vertices[0], kNone);
   call.reserve_meshlets(call.out.vertex_count);
   EXPECT_EQ(call.order(), UMBEL_OK) << umbel_last_error();
-  umbel_cull_bounds one;
-  EXPECT_EQ(umbel_cluster_cull_bounds(&call.input, &call.output, nullptr, &one, 1),
+  umbel_cluster_bounds one;
+  EXPECT_EQ(umbel_cluster_get_bounds(&call.input, &call.output, nullptr, &one, 1),
             UMBEL_ERROR_CAPACITY);
 }
 
@@ -106,7 +106,7 @@ TEST(CapiMeshlets, mistakes_are_named) {
   fails(UMBEL_ERROR_INVALID_ARGUMENT, "positions");
   EXPECT_EQ(umbel_cluster_order(&call.input, &call.output, 0, nullptr, nullptr),
             UMBEL_ERROR_INVALID_ARGUMENT);
-  EXPECT_EQ(umbel_cluster_cull_bounds(&call.input, &call.output, nullptr, nullptr, 7),
+  EXPECT_EQ(umbel_cluster_get_bounds(&call.input, &call.output, nullptr, nullptr, 7),
             UMBEL_ERROR_INVALID_ARGUMENT);
 }
 
@@ -121,7 +121,7 @@ TEST(CapiMeshlets, nothing_has_no_order_and_no_bounds) {
   EXPECT_EQ(umbel_cluster_order(&empty.input, &empty.output, 0, nullptr, &out), UMBEL_OK)
       << umbel_last_error();
   EXPECT_EQ(offset, 0u);
-  EXPECT_EQ(umbel_cluster_cull_bounds(&empty.input, &empty.output, nullptr, nullptr, 0), UMBEL_OK);
+  EXPECT_EQ(umbel_cluster_get_bounds(&empty.input, &empty.output, nullptr, nullptr, 0), UMBEL_OK);
 }
 
 }  // namespace

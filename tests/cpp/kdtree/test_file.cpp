@@ -114,7 +114,7 @@ TEST(KdTreeFile, random_changes_under_right_checksums_never_crash) {
 TEST(KdTreeFile, files_that_are_none_or_newer_are_refused) {
   expect_other_files_are_refused(bytes_of(shapes::sphere(1)), failure_of);
   const Scratch scratch;
-  TriangleBvh::build(shapes::sphere(1).view()).save((scratch / "a.umbvh").string());
+  Bvh::build(shapes::sphere(1).view()).save((scratch / "a.umbvh").string());
   EXPECT_EQ(failure_of(scratch / "a.umbvh"), ErrorCode::kCorrupt);
 }
 

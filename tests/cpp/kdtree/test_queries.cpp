@@ -12,7 +12,7 @@ TEST(KdTreeQueries, distances_and_overlaps_are_those_of_the_hierarchy) {
   for (const NamedMesh& named : hard_meshes()) {
     SCOPED_TRACE(named.name);
     const MeshView mesh = named.mesh.view();
-    const TriangleBvh bvh = TriangleBvh::build(mesh);
+    const Bvh bvh = Bvh::build(mesh);
     for (const bool compact : {false, true}) {
       kdtree::KdTreeConfig config;
       config.compact = compact;
@@ -25,8 +25,7 @@ TEST(KdTreeQueries, of_meshes_of_extreme_size_and_far_from_the_origin) {
   const Mesh ball = shapes::blob(3, 2);
   for (const Mesh& mesh : {transformed(ball, 1e-12f), transformed(ball, 1e12f),
                            transformed(ball, 1, {1000, -3000, 500})})
-    expect_same_shapes(KdTree::build(mesh.view()), TriangleBvh::build(mesh.view()), mesh.view(),
-                       300);
+    expect_same_shapes(KdTree::build(mesh.view()), Bvh::build(mesh.view()), mesh.view(), 300);
 }
 
 TEST(KdTreeQueries, without_triangles_there_is_nothing_near) {

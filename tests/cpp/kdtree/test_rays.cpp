@@ -84,7 +84,7 @@ TEST(KdTreeRays, every_traversal_equals_brute_force) {
 TEST(KdTreeRays, hits_are_those_of_the_bvh) {
   for (const NamedMesh& named : hard_meshes()) {
     const MeshView mesh = named.mesh.view();
-    const TriangleBvh bvh = TriangleBvh::build(mesh);
+    const Bvh bvh = Bvh::build(mesh);
     const std::vector<Ray> rays = hard_rays(mesh, 700, 11);
     for (const KdTreeConfig& config : all_configs()) {
       SCOPED_TRACE(named.name + ", " + described(config));
@@ -119,7 +119,7 @@ TEST(KdTreeRays, all_hits_are_those_of_the_bvh) {
   for (const NamedMesh& named : hard_meshes()) {
     SCOPED_TRACE(named.name);
     const MeshView mesh = named.mesh.view();
-    const TriangleBvh bvh = TriangleBvh::build(mesh);
+    const Bvh bvh = Bvh::build(mesh);
     for (const Traversal traversal : kTraversals) {
       KdTreeConfig config;
       config.traversal = traversal;
@@ -139,7 +139,7 @@ TEST(KdTreeRays, masks_and_culling_are_those_of_the_bvh) {
   const Mesh mesh = shapes::blob(3, 2);
   std::vector<uint32_t> masks(mesh.triangles.size());
   for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1u << i % 3;
-  const TriangleBvh bvh = TriangleBvh::build(mesh.view(), {}, masks);
+  const Bvh bvh = Bvh::build(mesh.view(), {}, masks);
   const KdTree tree = KdTree::build(mesh.view(), {}, masks);
   for (const Ray& ray : adversarial_rays(mesh.view(), 500, 2))
     for (const RayOptions options : {RayOptions{1, false}, RayOptions{6, true}, RayOptions{0}}) {
@@ -168,7 +168,7 @@ TEST(KdTreeRays, extreme_scales_give_the_hits_of_the_bvh) {
   for (const float scale : {1e-20f, 1e-12f, 1e12f, 1e15f}) {
     SCOPED_TRACE(scale);
     const Mesh mesh = transformed(shapes::blob(2, 3), scale);
-    const TriangleBvh bvh = TriangleBvh::build(mesh.view());
+    const Bvh bvh = Bvh::build(mesh.view());
     for (const Traversal traversal : kTraversals) {
       KdTreeConfig config;
       config.traversal = traversal;
@@ -191,7 +191,7 @@ TEST(KdTreeRays, real_meshes_equal_brute_force) {
     const MeshView view = mesh->view();
     KdTreeConfig config;
     KdTree tree = KdTree::build(view, config);
-    const TriangleBvh bvh = TriangleBvh::build(view);
+    const Bvh bvh = Bvh::build(view);
     const std::vector<Ray> rays = adversarial_rays(view, 5000, 8);
     std::vector<Truth> truths;
     for (size_t i = 0; i < 14; ++i) truths.push_back(trace_all(view, rays[i]));

@@ -24,7 +24,7 @@ std::vector<Vec3> points_around(const MeshView& mesh, size_t count, uint32_t see
   return points;
 }
 
-void expect_closest(const MeshView& mesh, const TriangleBvh& tree, const Vec3& p) {
+void expect_closest(const MeshView& mesh, const Bvh& tree, const Vec3& p) {
   const ClosestPoint found = tree.closest_point(p);
   const double distance = std::sqrt(closest_distance2(mesh, p));
   ASSERT_NE(found.primitive, kNone);
@@ -50,9 +50,9 @@ TEST(BvhClosestPoint, equals_brute_force_for_every_width) {
   for (const Mesh& mesh : meshes)
     for (const uint32_t width : {2u, 4u, 8u})
       for (const bool compact : {false, true}) {
-        TriangleBvhConfig config;
+        BvhConfig config;
         config.width = width, config.compact = compact;
-        const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+        const Bvh tree = Bvh::build(mesh.view(), config);
         for (const Vec3& p : points_around(mesh.view(), 200, 3))
           expect_closest(mesh.view(), tree, p);
       }
@@ -61,7 +61,7 @@ TEST(BvhClosestPoint, equals_brute_force_for_every_width) {
 TEST(BvhClosestPoint, works_at_any_scale) {
   for (const float scale : {1e-37f, 1e-30f, 1e-15f, 1e-5f, 1e5f, 1e15f, 1e30f, 1e37f}) {
     const Mesh mesh = transformed(shapes::blob(2, 1), scale);
-    const TriangleBvh tree = TriangleBvh::build(mesh.view());
+    const Bvh tree = Bvh::build(mesh.view());
     for (const Vec3& p : points_around(mesh.view(), 60, 4)) expect_closest(mesh.view(), tree, p);
     // A far-away point, and one that is close to nothing but the origin.
     expect_closest(mesh.view(), tree, {1, 2, 3});
@@ -72,11 +72,11 @@ TEST(BvhClosestPoint, works_at_any_scale) {
 TEST(BvhClosestPoint, of_equals_the_lowest_triangle_is_taken_by_every_tree) {
   Mesh mesh = shapes::sphere(2);
   mesh.triangles.insert(mesh.triangles.end(), mesh.triangles.begin(), mesh.triangles.end());
-  TriangleBvhConfig first;
+  BvhConfig first;
   first.width = 2;
-  const TriangleBvh reference = TriangleBvh::build(mesh.view(), first);
-  for (const TriangleBvhConfig& config : every_config()) {
-    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+  const Bvh reference = Bvh::build(mesh.view(), first);
+  for (const BvhConfig& config : every_config()) {
+    const Bvh tree = Bvh::build(mesh.view(), config);
     for (const Vec3& p : points_around(mesh.view(), 100, 5)) {
       const ClosestPoint a = reference.closest_point(p), b = tree.closest_point(p);
       ASSERT_EQ(a.primitive, b.primitive) << bvh::name(config.tree.builder) << " " << config.width;
@@ -89,7 +89,7 @@ TEST(BvhClosestPoint, of_equals_the_lowest_triangle_is_taken_by_every_tree) {
 
 TEST(BvhClosestPoint, batches_equal_single_points_for_any_threads) {
   const Mesh mesh = shapes::blob(4, 2);
-  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::build(mesh.view());
   // More than are sorted, and fewer.
   for (const size_t count : {10000u, 100u}) {
     std::vector<Vec3> points = points_around(mesh.view(), count, 6);
@@ -111,7 +111,7 @@ TEST(BvhClosestPoint, batches_equal_single_points_for_any_threads) {
 
 TEST(BvhClosestPoint, nothing_is_found_beyond_the_distance_asked_for) {
   const Mesh mesh = shapes::grid(4, 4);
-  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::build(mesh.view());
   const Vec3 p{0.5f, 0.5f, 0.25f};
   EXPECT_EQ(tree.closest_point(p, 0.2499f).primitive, kNone);
   EXPECT_EQ(tree.closest_point(p, 0.25f).distance, 0.25f);
@@ -122,7 +122,7 @@ TEST(BvhClosestPoint, nothing_is_found_beyond_the_distance_asked_for) {
 }
 
 TEST(BvhClosestPoint, lengths_that_differ_are_refused) {
-  const TriangleBvh tree;
+  const Bvh tree;
   std::vector<Vec3> points(3);
   std::vector<ClosestPoint> results(2);
   std::vector<float> distances(4);
@@ -134,7 +134,7 @@ TEST(BvhClosestPoint, degenerate_triangles_are_the_segments_and_points_they_look
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {3, 0, 0}, {5, 5, 5}};
   mesh.triangles = {{0, 1, 2}, {3, 3, 3}, {0, 2, 0}};
-  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::build(mesh.view());
   EXPECT_EQ(tree.closest_point(Vec3{2, 1, 0}).distance, 1);
   EXPECT_EQ(tree.closest_point(Vec3{2, 1, 0}).point, (Vec3{2, 0, 0}));
   EXPECT_EQ(tree.closest_point(Vec3{4, 0, 0}).distance, 1);
@@ -150,7 +150,7 @@ TEST(BvhClosestPoint, real_meshes_equal_brute_force) {
     const auto mesh = read_mesh(name);
     if (!mesh) continue;
     ++read;
-    const TriangleBvh tree = TriangleBvh::build(mesh->view());
+    const Bvh tree = Bvh::build(mesh->view());
     const size_t count = mesh->triangles.size() > 100000 ? 6 : 30;
     for (const Vec3& p : points_around(mesh->view(), count, 7))
       expect_closest(mesh->view(), tree, p);

@@ -33,9 +33,9 @@ Mesh cube(uint32_t n) {
 TEST(BvhContains, a_grid_of_points_through_every_vertex_and_edge_of_a_cube) {
   const Mesh mesh = cube(4);
   for (const uint32_t width : {2u, 4u, 8u}) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.width = width;
-    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    const Bvh tree = Bvh::build(mesh.view(), config);
     // Every half: rays along the axes meet vertices, edges and diagonals.
     for (int x = -2; x <= 10; ++x)
       for (int y = -2; y <= 10; ++y)
@@ -54,7 +54,7 @@ TEST(BvhContains, points_in_line_with_vertices_are_judged_by_the_winding_number)
                          shapes::tetrahedra(30),
                          transformed(shapes::blob(2, 6), 1, {1000, -500, 300})};
   for (const Mesh& mesh : meshes) {
-    const TriangleBvh tree = TriangleBvh::build(mesh.view());
+    const Bvh tree = Bvh::build(mesh.view());
     std::mt19937 random(1);
     const auto coordinate = [&](int axis) {
       return (&mesh.positions[random() % mesh.positions.size()].x)[axis];
@@ -83,8 +83,8 @@ TEST(BvhContains, every_builder_and_width_agree_at_every_scale) {
     for (Vec3& p : points) p = {unit(random) * scale, unit(random) * scale, unit(random) * scale};
     std::vector<bool> truth;
     for (const Vec3& p : points) truth.push_back(winding_number(mesh.view(), p) > 0.5);
-    for (const TriangleBvhConfig& config : every_config()) {
-      const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    for (const BvhConfig& config : every_config()) {
+      const Bvh tree = Bvh::build(mesh.view(), config);
       for (size_t i = 0; i < points.size(); ++i)
         ASSERT_EQ(tree.contains(points[i]), truth[i])
             << bvh::name(config.tree.builder) << " " << scale;
@@ -100,7 +100,7 @@ TEST(BvhContains, a_wall_that_two_solids_share_does_not_hide_the_inside) {
   mesh.positions.insert(mesh.positions.end(), other.positions.begin(), other.positions.end());
   for (const Triangle& t : other.triangles)
     mesh.triangles.push_back({t[0] + base, t[1] + base, t[2] + base});
-  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::build(mesh.view());
   for (int halves = -1; halves < 10; ++halves) {
     const float x = 0.5f * float(halves);
     if (x == 0 || x == 2 || x == 4) continue;
@@ -110,7 +110,7 @@ TEST(BvhContains, a_wall_that_two_solids_share_does_not_hide_the_inside) {
 
 TEST(BvhContains, batches_equal_single_points) {
   const Mesh mesh = shapes::blob(3, 4);
-  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::build(mesh.view());
   std::mt19937 random(3);
   std::uniform_real_distribution<float> unit(-1.2f, 1.2f);
   std::vector<Vec3> points(6000);
@@ -136,7 +136,7 @@ TEST(BvhContains, real_closed_meshes_are_judged_by_the_winding_number) {
     const auto mesh = read_mesh(name);
     if (!mesh) continue;
     ++read;
-    const TriangleBvh tree = TriangleBvh::build(mesh->view());
+    const Bvh tree = Bvh::build(mesh->view());
     const Aabb box = tree.bounds();
     std::mt19937 random(4);
     std::uniform_real_distribution<float> unit(0, 1);

@@ -8,10 +8,9 @@ namespace {
 
 using namespace testing;
 
-std::vector<TriangleBvh> trees_of(const Mesh& mesh) {
-  std::vector<TriangleBvh> trees;
-  for (const TriangleBvhConfig& config : every_config())
-    trees.push_back(TriangleBvh::build(mesh.view(), config));
+std::vector<Bvh> trees_of(const Mesh& mesh) {
+  std::vector<Bvh> trees;
+  for (const BvhConfig& config : every_config()) trees.push_back(Bvh::build(mesh.view(), config));
   return trees;
 }
 
@@ -28,7 +27,7 @@ std::vector<uint32_t> brute_force(const Mesh& mesh, const Touches& touches) {
 
 TEST(BvhOverlap, boxes_and_spheres_equal_brute_force) {
   for (const Mesh& mesh : {shapes::blob(2, 1), shapes::soup(200, 2), shapes::grid(9, 9)}) {
-    const std::vector<TriangleBvh> trees = trees_of(mesh);
+    const std::vector<Bvh> trees = trees_of(mesh);
     std::mt19937 random(3);
     std::uniform_real_distribution<float> unit(-1, 1);
     size_t touched = 0;
@@ -44,7 +43,7 @@ TEST(BvhOverlap, boxes_and_spheres_equal_brute_force) {
         return touches_sphere(sphere, a, b, c);
       });
       touched += in_box.size() + in_sphere.size();
-      for (const TriangleBvh& tree : trees) {
+      for (const Bvh& tree : trees) {
         ASSERT_EQ(tree.overlaps(box), in_box);
         ASSERT_EQ(tree.overlaps(sphere), in_sphere);
       }
@@ -80,7 +79,7 @@ TEST(BvhOverlap, a_frustum_has_all_that_has_a_corner_in_it_and_nothing_beyond_on
     return true;
   });
   EXPECT_GT(certain.size(), 5u);
-  for (const TriangleBvh& tree : trees_of(mesh)) {
+  for (const Bvh& tree : trees_of(mesh)) {
     const std::vector<uint32_t> found = tree.overlaps(region);
     ASSERT_TRUE(std::includes(found.begin(), found.end(), certain.begin(), certain.end()));
     ASSERT_TRUE(std::includes(possible.begin(), possible.end(), found.begin(), found.end()));
@@ -88,7 +87,7 @@ TEST(BvhOverlap, a_frustum_has_all_that_has_a_corner_in_it_and_nothing_beyond_on
 }
 
 TEST(BvhOverlap, regions_that_are_none_touch_nothing) {
-  const TriangleBvh tree = TriangleBvh::build(shapes::sphere(2).view());
+  const Bvh tree = Bvh::build(shapes::sphere(2).view());
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_TRUE(tree.overlaps(Aabb{}).empty());
   EXPECT_TRUE(tree.overlaps(Aabb{{1, 1, 1}, {-1, -1, -1}}).empty());

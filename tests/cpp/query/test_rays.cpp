@@ -43,20 +43,20 @@ std::vector<Named> small_meshes() {
           {"one triangle", shapes::soup(1, 5)}};
 }
 
-std::string described(const TriangleBvhConfig& c) {
+std::string described(const BvhConfig& c) {
   return std::string(bvh::name(c.tree.builder)) + ", width " + std::to_string(c.width) +
          (c.compact ? ", compact" : "") + ", simd " + std::to_string(static_cast<int>(c.simd));
 }
 
 /// Every builder, width, instruction set, compact and not.
-std::vector<TriangleBvhConfig> all_configs() {
-  std::vector<TriangleBvhConfig> all;
+std::vector<BvhConfig> all_configs() {
+  std::vector<BvhConfig> all;
   const std::vector<Simd> paths = simd_paths();
   for (const bvh::Builder builder : bvh::builders())
     for (const uint32_t width : {2u, 4u, 8u})
       for (const Simd simd : paths)
         for (const bool compact : {false, true}) {
-          TriangleBvhConfig config;
+          BvhConfig config;
           config.tree = bvh::Config{};
           config.tree.builder = builder;
           config.width = width, config.simd = simd, config.compact = compact;
@@ -65,7 +65,7 @@ std::vector<TriangleBvhConfig> all_configs() {
   return all;
 }
 
-void expect_right_hits(const TriangleBvh& tree, const MeshView& mesh, const std::vector<Ray>& rays,
+void expect_right_hits(const Bvh& tree, const MeshView& mesh, const std::vector<Ray>& rays,
                        const std::vector<Truth>& truths, const std::string& what) {
   for (size_t i = 0; i < rays.size(); ++i) {
     const Hit hit = tree.intersect(rays[i]);
@@ -81,14 +81,14 @@ std::vector<Truth> truths_of(const MeshView& mesh, const std::vector<Ray>& rays)
 }
 
 TEST(BvhOracle, closest_and_any_hits_of_every_tree_equal_brute_force) {
-  const std::vector<TriangleBvhConfig> configs = all_configs();
+  const std::vector<BvhConfig> configs = all_configs();
   for (const Named& named : small_meshes()) {
     const MeshView mesh = named.mesh.view();
     const std::vector<Ray> rays = adversarial_rays(mesh, 280, 11);
     const std::vector<Truth> truths = truths_of(mesh, rays);
     // Of the rays that are aimed at something, most meet it: the comparison is not idle.
-    for (const TriangleBvhConfig& config : configs)
-      expect_right_hits(TriangleBvh::build(mesh, config), mesh, rays, truths,
+    for (const BvhConfig& config : configs)
+      expect_right_hits(Bvh::build(mesh, config), mesh, rays, truths,
                         named.name + ", " + described(config));
   }
 }
@@ -115,15 +115,15 @@ Mesh without_area() {
 TEST(BvhOracle, which_tree_is_asked_makes_no_difference) {
   std::vector<Named> meshes = small_meshes();
   meshes.push_back({"without area", without_area()});
-  const std::vector<TriangleBvhConfig> configs = all_configs();
+  const std::vector<BvhConfig> configs = all_configs();
   for (const Named& named : meshes) {
     const MeshView mesh = named.mesh.view();
     const std::vector<Ray> rays = adversarial_rays(mesh, 420, 16);
-    const TriangleBvh first = TriangleBvh::build(mesh);
+    const Bvh first = Bvh::build(mesh);
     std::vector<Hit> hits;
     for (const Ray& ray : rays) hits.push_back(first.intersect(ray));
-    for (const TriangleBvhConfig& config : configs) {
-      const TriangleBvh tree = TriangleBvh::build(mesh, config);
+    for (const BvhConfig& config : configs) {
+      const Bvh tree = Bvh::build(mesh, config);
       for (size_t i = 0; i < rays.size(); ++i)
         ASSERT_EQ(tree.intersect(rays[i]), hits[i])
             << named.name << ", " << described(config) << ", ray " << i;
@@ -137,12 +137,12 @@ TEST(BvhOracle, every_instruction_set_gives_the_same_bits) {
     const std::vector<Ray> rays = adversarial_rays(mesh, 280, 12);
     for (const uint32_t width : {2u, 4u, 8u})
       for (const bool compact : {false, true}) {
-        TriangleBvhConfig config;
+        BvhConfig config;
         config.width = width, config.compact = compact, config.simd = Simd::kPortable;
-        const TriangleBvh portable = TriangleBvh::build(mesh, config);
+        const Bvh portable = Bvh::build(mesh, config);
         for (const Simd simd : simd_paths()) {
           config.simd = simd;
-          const TriangleBvh other = TriangleBvh::build(mesh, config);
+          const Bvh other = Bvh::build(mesh, config);
           for (size_t i = 0; i < rays.size(); ++i)
             ASSERT_EQ(portable.intersect(rays[i]), other.intersect(rays[i]))
                 << named.name << ", " << described(config) << ", ray " << i;
@@ -155,7 +155,7 @@ TEST(BvhOracle, rays_that_are_aimed_at_a_mesh_find_it) {
   const Mesh sphere = shapes::sphere(2);
   size_t found = 0;
   const std::vector<Ray> rays = adversarial_rays(sphere.view(), 700, 13);
-  const TriangleBvh tree = TriangleBvh::build(sphere.view());
+  const Bvh tree = Bvh::build(sphere.view());
   for (const Ray& ray : rays) found += tree.intersect(ray).hit();
   EXPECT_GT(found, 350u);
 }
@@ -164,9 +164,9 @@ TEST(BvhOracle, all_hits_are_the_triangles_on_the_ray_in_order) {
   for (const Named& named : small_meshes()) {
     const MeshView mesh = named.mesh.view();
     for (const uint32_t width : {2u, 4u, 8u}) {
-      TriangleBvhConfig config;
+      BvhConfig config;
       config.width = width, config.compact = width == 4;
-      const TriangleBvh tree = TriangleBvh::build(mesh, config);
+      const Bvh tree = Bvh::build(mesh, config);
       const std::vector<Ray> rays = adversarial_rays(mesh, 140, 14);
       for (size_t r = 0; r < rays.size(); ++r) {
         const Ray& ray = rays[r];
@@ -204,7 +204,7 @@ TEST(BvhOracle, all_hits_are_the_triangles_on_the_ray_in_order) {
 
 TEST(BvhOracle, batches_equal_single_rays) {
   const Mesh mesh = shapes::blob(3, 1);
-  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::build(mesh.view());
   const std::vector<Ray> rays = adversarial_rays(mesh.view(), 3000, 15);
   std::vector<Hit> hits(rays.size());
   std::vector<uint8_t> occluded(rays.size());
@@ -263,9 +263,9 @@ TEST(BvhOracle, hits_on_real_meshes_equal_brute_force) {
     const std::vector<Truth> truths = truths_of(mesh->view(), rays);
     for (const uint32_t width : {2u, 4u, 8u})
       for (const bool compact : {false, true}) {
-        TriangleBvhConfig config;
+        BvhConfig config;
         config.width = width, config.compact = compact;
-        expect_right_hits(TriangleBvh::build(mesh->view(), config), mesh->view(), rays, truths,
+        expect_right_hits(Bvh::build(mesh->view(), config), mesh->view(), rays, truths,
                           std::string(name) + ", " + described(config));
       }
   }
@@ -281,8 +281,8 @@ TEST(BvhOracle, hits_on_large_meshes_equal_brute_force) {
     if (!mesh) continue;
     ++read;
     const std::vector<Ray> rays = adversarial_rays(mesh->view(), 14, 22);
-    expect_right_hits(TriangleBvh::build(mesh->view()), mesh->view(), rays,
-                      truths_of(mesh->view(), rays), name);
+    expect_right_hits(Bvh::build(mesh->view()), mesh->view(), rays, truths_of(mesh->view(), rays),
+                      name);
   }
   if (read == 0) GTEST_SKIP() << "no meshes";
 }
@@ -297,10 +297,10 @@ TEST(BvhOracle, every_builder_takes_every_nasty_mesh) {
     const std::vector<Ray> rays = adversarial_rays(mesh->view(), 14, 23);
     const std::vector<Truth> truths = truths_of(mesh->view(), rays);
     for (const bvh::Builder builder : bvh::builders()) {
-      TriangleBvhConfig config;
+      BvhConfig config;
       config.tree = bvh::Config{};
       config.tree.builder = builder;
-      expect_right_hits(TriangleBvh::build(mesh->view(), config), mesh->view(), rays, truths,
+      expect_right_hits(Bvh::build(mesh->view(), config), mesh->view(), rays, truths,
                         std::string(name) + ", " + described(config));
     }
   }
@@ -311,9 +311,9 @@ TEST(BvhOracle, every_builder_takes_every_nasty_mesh) {
 
 /// From points inside at every vertex and the middle of every edge: all must hit.
 void expect_no_leak(const Mesh& mesh, const Vec3& inside, const std::string& what) {
-  for (const TriangleBvhConfig& config : all_configs()) {
+  for (const BvhConfig& config : all_configs()) {
     if (config.tree.builder != bvh::Builder::kBinned) continue;
-    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    const Bvh tree = Bvh::build(mesh.view(), config);
     const auto expect_hit = [&](const Vec3& at) {
       const Ray ray{inside, 0, {at.x - inside.x, at.y - inside.y, at.z - inside.z}};
       ASSERT_TRUE(tree.intersect(ray).hit()) << what << ", " << described(config);
@@ -347,15 +347,15 @@ TEST(BvhOracle, no_ray_passes_between_triangles_at_any_scale) {
 // ---- what has no answer -------------------------------------------------------------------------
 
 TEST(BvhOracle, empty_meshes_answer_every_query) {
-  std::vector<TriangleBvh> trees;
+  std::vector<Bvh> trees;
   trees.emplace_back();
   for (const bvh::Builder builder : bvh::builders()) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.tree = bvh::Config{};
     config.tree.builder = builder;
-    trees.push_back(TriangleBvh::build(MeshView{}, config));
+    trees.push_back(Bvh::build(MeshView{}, config));
   }
-  for (TriangleBvh& tree : trees) {
+  for (Bvh& tree : trees) {
     const Ray ray{{0, 0, 0}, 0, {1, 0, 0}};
     EXPECT_FALSE(tree.intersect(ray).hit());
     EXPECT_FALSE(tree.occluded(ray));
@@ -376,9 +376,9 @@ TEST(BvhOracle, empty_meshes_answer_every_query) {
 TEST(BvhOracle, rays_that_are_none_hit_nothing) {
   const Mesh mesh = shapes::sphere(2);
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-  for (const TriangleBvhConfig& config : all_configs()) {
+  for (const BvhConfig& config : all_configs()) {
     if (config.tree.builder != bvh::builders()[0]) continue;
-    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    const Bvh tree = Bvh::build(mesh.view(), config);
     const Ray rays[] = {{{kNan, 0, 0}, 0, {1, 0, 0}},     {{0, 0, 0}, 0, {1, kNan, 0}},
                         {{0, 0, 0}, 0, {0, 0, 0}},        {{0, 0, 0}, 2, {1, 0, 0}, 1},
                         {{0, 0, 0}, kNan, {1, 0, 0}},     {{0, 0, 0}, 0, {1, 0, 0}, kNan},
@@ -398,17 +398,17 @@ TEST(BvhOracle, triangles_that_are_not_finite_are_refused_or_dropped) {
   const Mesh kept = drop_invalid(mesh.view()).mesh;
   const std::vector<Ray> rays = adversarial_rays(kept.view(), 100, 31);
   for (const bvh::Builder builder : bvh::builders()) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.tree = bvh::Config{};
     config.tree.builder = builder;
-    EXPECT_THROW(TriangleBvh::build(mesh.view(), config), Error);
+    EXPECT_THROW(Bvh::build(mesh.view(), config), Error);
     config.tree.invalid = bvh::InvalidTriangles::kDrop;
-    const TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
-    const TriangleBvh whole = TriangleBvh::build(kept.view(), config);
+    const Bvh tree = Bvh::build(mesh.view(), config);
+    const Bvh whole = Bvh::build(kept.view(), config);
     EXPECT_EQ(tree.triangle_count(), mesh.triangles.size());
     for (const Ray& ray : rays) EXPECT_EQ(tree.intersect(ray).t, whole.intersect(ray).t);
     mesh.triangles[3][1] = 100000;
-    EXPECT_THROW(TriangleBvh::build(mesh.view(), config), Error);
+    EXPECT_THROW(Bvh::build(mesh.view(), config), Error);
     mesh.triangles[3][1] = shapes::sphere(2).triangles[3][1];
   }
 }

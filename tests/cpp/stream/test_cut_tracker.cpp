@@ -62,7 +62,7 @@ class Walk {
   std::map<uint32_t, uint32_t> met_;
 };
 
-void expect_as_walked(const Streamed& s, const StreamView& view, const ResidencyStep& step) {
+void expect_as_walked(const Streamed& s, const StreamView& view, const StreamStep& step) {
   const Walk walk(s.residency, view);
   ASSERT_TRUE(step.caught_up);
   ASSERT_EQ(world().clusters(s.residency), walk.cut);
@@ -125,7 +125,7 @@ TEST(Frontier, shows_what_a_walk_from_the_roots_would_at_every_step_of_any_path)
       s.postman->per_poll = 2;
       for (int i = 0; i < 200; ++i) {
         const StreamView view[] = {path(i)};
-        const ResidencyStep step = s.residency.step(view, s.now += 1.0 / 60);
+        const StreamStep step = s.residency.step(view, s.now += 1.0 / 60);
         ASSERT_NO_FATAL_FAILURE(expect_as_walked(s, view[0], step)) << "frame " << i;
       }
       world().expect_whole(s.residency);
@@ -147,7 +147,7 @@ TEST(Frontier, is_whole_and_in_time_the_same_if_each_step_looks_at_few_groups) {
       world().expect_whole(s.residency);
     }
     EXPECT_GT(behind, 0);
-    ResidencyStep step;
+    StreamStep step;
     for (int i = 0; i < 1000; ++i) step = s.residency.step(view, s.now += 1.0 / 60);
     ASSERT_NO_FATAL_FAILURE(expect_as_walked(s, view[0], step));
   }
@@ -158,7 +158,7 @@ TEST(Frontier, looks_at_few_groups_again_when_a_camera_walks) {
   Streamed s(config);
   const Path walking = paths()[0];
   StreamView view[] = {walking(0)};
-  ResidencyStep step;
+  StreamStep step;
   for (int i = 0; i < 400; ++i) step = s.residency.step(view, s.now += 1.0 / 60);
   ASSERT_EQ(step.missing_groups, 0u);
   EXPECT_EQ(step.looked_at, 0u);  // at rest, at nothing
@@ -197,7 +197,7 @@ TEST(Frontier, follows_a_camera_that_comes_from_far_away) {
   for (const float far : {1e5f, 1e12f, 1e17f, 1e30f}) {
     Streamed s;
     StreamView view[] = {{0, seen_from({far, 0, 0}), {}}};
-    ResidencyStep step;
+    StreamStep step;
     for (int i = 0; i < 30; ++i) s.residency.step(view, s.now += 1.0 / 60);
     for (const float near : {2.0f, 1.2f, 1.1f}) {
       view[0].view = seen_from({near, 0, 0});

@@ -23,7 +23,7 @@ TEST(Residency, shows_the_ideal_cut_once_all_is_there) {
   Streamed s;
   for (const lod::View& view : {seen_from({0, 0, 3}), seen_from({1.1f, 0, 0}),
                                 lod::view_error(0.01f), lod::view_error(0)}) {
-    const ResidencyStep last = s.settle(view);
+    const StreamStep last = s.settle(view);
     EXPECT_EQ(last.missing_groups, 0u);
     EXPECT_LE(last.worst_error, 1);
     EXPECT_EQ(world().clusters(s.residency), lod::select(world().asset().tables(), view));
@@ -96,7 +96,7 @@ TEST(Residency, cancels_what_is_not_wanted_any_more) {
   s.postman->per_poll = 2;
   for (int i = 0; i < 4; ++i) s.step(seen_from({1.1f, 0, 0}, 0.3f));
   EXPECT_FALSE(s.postman->asked.empty());
-  const ResidencyStep away = s.step(seen_from({1000, 0, 0}));
+  const StreamStep away = s.step(seen_from({1000, 0, 0}));
   EXPECT_GT(away.cancelled, 0u);
   EXPECT_TRUE(s.postman->asked.empty());
 }
@@ -110,7 +110,7 @@ TEST(Residency, bounds_what_a_step_does) {
   Streamed s(config);
   s.postman->per_poll = 50;
   for (int i = 0; i < 60; ++i) {
-    const ResidencyStep step =
+    const StreamStep step =
         s.step(seen_from({1.2f * std::cos(0.1f * static_cast<float>(i)), 1.2f, 0}, 0.3f));
     EXPECT_LE(step.loaded, 3u);
     EXPECT_LE(step.evicted, 1u);

@@ -139,13 +139,13 @@ struct Streamed {
   Streamed(const ResidencyConfig& config, Postman* loader)
       : postman(loader), residency(world().asset(), config, std::unique_ptr<PageLoader>(loader)) {}
 
-  ResidencyStep step(const lod::View& view) {
+  StreamStep step(const lod::View& view) {
     now += 1.0 / 60;
     const StreamView views[] = {{0, view, {}}};
     return residency.step(views, now);
   }
-  ResidencyStep settle(const lod::View& view) {
-    ResidencyStep last;
+  StreamStep settle(const lod::View& view) {
+    StreamStep last;
     for (int i = 0; i < 400; ++i) last = step(view);
     return last;
   }

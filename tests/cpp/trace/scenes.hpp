@@ -34,8 +34,8 @@ inline Environment constant(float radiance) {
   return environment;
 }
 
-inline TriangleBvhConfig quick() {
-  TriangleBvhConfig config;
+inline BvhConfig quick() {
+  BvhConfig config;
   config.tree = bvh::preset("fast");
   return config;
 }

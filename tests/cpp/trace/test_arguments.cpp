@@ -104,7 +104,7 @@ TEST(TraceArguments, another_size_or_hierarchy_is_refused) {
   expect_refused(
       [&] {
         scene.replace_structure(
-            std::make_unique<TriangleBvh>(TriangleBvh::build(shapes::sphere(1).view(), quick())));
+            std::make_unique<Bvh>(Bvh::build(shapes::sphere(1).view(), quick())));
       },
       "triangles");
 }

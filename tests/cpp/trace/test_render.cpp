@@ -269,11 +269,11 @@ TEST(Render, every_builder_gives_the_same_picture) {
   const Camera camera = auto_camera(scene, 32, 32);
   const Image expected = render(scene, camera, small_picture(32, 8)).image;
   for (const bvh::Builder builder : {bvh::Builder::kSweep, bvh::Builder::kLbvh}) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.tree = {};
     config.tree.builder = builder;
     config.width = 4;
-    scene.replace_structure(std::make_unique<TriangleBvh>(TriangleBvh::build(mesh.view(), config)));
+    scene.replace_structure(std::make_unique<Bvh>(Bvh::build(mesh.view(), config)));
     EXPECT_EQ(render(scene, camera, small_picture(32, 8)).image.pixels, expected.pixels);
   }
 }

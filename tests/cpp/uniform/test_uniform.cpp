@@ -41,7 +41,7 @@ void for_structures(const MeshView& mesh, const Check& check) {
 TEST(Uniform, hits_are_those_of_the_hierarchy) {
   for (const NamedMesh& named : hard_meshes()) {
     const MeshView mesh = named.mesh.view();
-    const TriangleBvh bvh = TriangleBvh::build(mesh);
+    const Bvh bvh = Bvh::build(mesh);
     const std::vector<Ray> rays = adversarial_rays(mesh, 350, 4);
     for_structures(mesh, [&](const TriangleQueries& structure, const char* name) {
       SCOPED_TRACE(named.name + ", " + name);
@@ -67,7 +67,7 @@ TEST(Uniform, hits_equal_brute_force) {
 /// Rays in the planes between cells, along them and through where they cross.
 TEST(Uniform, rays_in_planes_of_the_grid_miss_nothing) {
   const Mesh mesh = boxes(6);
-  const TriangleBvh bvh = TriangleBvh::build(mesh.view());
+  const Bvh bvh = Bvh::build(mesh.view());
   const TwoLevelGrid grid = TwoLevelGrid::build(mesh.view());
   const IntervalHierarchy intervals = IntervalHierarchy::build(mesh.view());
   std::vector<Ray> rays;
@@ -86,7 +86,7 @@ TEST(Uniform, masks_intervals_and_sizes_are_those_of_the_hierarchy) {
   for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1 + i % 3;
   for (const Mesh& mesh : {ball, transformed(ball, 1e-12f), transformed(ball, 1e12f),
                            transformed(ball, 1, {1000, -3000, 500})}) {
-    const TriangleBvh bvh = TriangleBvh::build(mesh.view(), {}, masks);
+    const Bvh bvh = Bvh::build(mesh.view(), {}, masks);
     const TwoLevelGrid grid = TwoLevelGrid::build(mesh.view(), {}, masks);
     const IntervalHierarchy intervals = IntervalHierarchy::build(mesh.view(), {}, masks);
     for (Ray ray : adversarial_rays(mesh.view(), 700, 5)) {
@@ -107,7 +107,7 @@ TEST(Uniform, masks_intervals_and_sizes_are_those_of_the_hierarchy) {
 TEST(Uniform, distances_and_overlaps_are_those_of_the_hierarchy) {
   for (const NamedMesh& named : hard_meshes()) {
     const MeshView mesh = named.mesh.view();
-    const TriangleBvh bvh = TriangleBvh::build(mesh);
+    const Bvh bvh = Bvh::build(mesh);
     SCOPED_TRACE(named.name);
     expect_same_shapes(TwoLevelGrid::build(mesh), bvh, mesh, 100);
     expect_same_shapes(IntervalHierarchy::build(mesh), bvh, mesh, 100);
@@ -236,7 +236,7 @@ TEST(Uniform, real_meshes_and_nasty_ones) {
     if (!mesh) continue;
     is_any = true;
     SCOPED_TRACE(name);
-    const TriangleBvh bvh = TriangleBvh::build(mesh->view());
+    const Bvh bvh = Bvh::build(mesh->view());
     const std::vector<Ray> rays = adversarial_rays(mesh->view(), 700, 8);
     const TwoLevelGrid grid = TwoLevelGrid::build(mesh->view());
     const IntervalHierarchy intervals = IntervalHierarchy::build(mesh->view());

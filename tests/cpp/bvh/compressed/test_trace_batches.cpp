@@ -82,7 +82,7 @@ TEST(DeviceTrace, hits_are_those_of_the_processor_on_adversarial_rays) {
   for (const Mesh& mesh : meshes())
     for (const float scale : {1e-15f, 1e-4f, 1.0f, 1e6f, 1e15f}) {
       const Mesh scaled = transformed(mesh, scale);
-      expect_hits_of(TriangleBvh::build(scaled.view()), HalvedTree(scaled.view()).view(),
+      expect_hits_of(Bvh::build(scaled.view()), HalvedTree(scaled.view()).view(),
                      adversarial_rays(scaled.view(), 420, 3));
     }
 }
@@ -91,7 +91,7 @@ TEST(DeviceTrace, masks_hide_triangles) {
   const Mesh mesh = shapes::soup(700, 2);
   std::vector<uint32_t> masks(mesh.triangles.size());
   for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1u << i % 3;
-  const TriangleBvh expected = TriangleBvh::build(mesh.view(), {}, masks);
+  const Bvh expected = Bvh::build(mesh.view(), {}, masks);
   const HalvedTree tree(mesh.view());
   const std::vector<Ray> rays = adversarial_rays(mesh.view(), 420, 3);
   for (const uint32_t mask : {0u, 1u, 2u, 6u, 8u, ~0u}) {
@@ -115,7 +115,7 @@ TEST(DeviceTrace, masks_hide_triangles) {
 
 TEST(DeviceTrace, hits_far_from_the_origin_are_those_of_the_processor) {
   const Mesh mesh = transformed(shapes::sphere(3), 1, {1000, -2000, 500});
-  expect_hits_of(TriangleBvh::build(mesh.view()), HalvedTree(mesh.view()).view(),
+  expect_hits_of(Bvh::build(mesh.view()), HalvedTree(mesh.view()).view(),
                  adversarial_rays(mesh.view(), 1400, 4));
 }
 
@@ -227,7 +227,7 @@ TEST(DeviceTrace, closest_points_are_those_of_the_processor) {
   for (const Mesh& mesh : meshes())
     for (const float scale : {1e-15f, 1.0f, 1e15f}) {
       const Mesh scaled = transformed(mesh, scale);
-      const TriangleBvh expected = TriangleBvh::build(scaled.view());
+      const Bvh expected = Bvh::build(scaled.view());
       const HalvedTree tree(scaled.view());
       const auto points = points_around(scaled, 200, 11);
       for (const float reach : {std::numeric_limits<float>::infinity(), 0.3f * scale, 0.0f}) {
@@ -268,7 +268,7 @@ std::vector<Aabb> boxes_around(const Mesh& mesh, size_t count) {
 
 TEST(DeviceTrace, overlaps_are_those_of_the_processor) {
   for (const Mesh& mesh : meshes()) {
-    const TriangleBvh expected = TriangleBvh::build(mesh.view());
+    const Bvh expected = Bvh::build(mesh.view());
     const HalvedTree tree(mesh.view());
     const auto boxes = boxes_around(mesh, 150);
     const auto count = uint32_t(boxes.size());
@@ -314,7 +314,7 @@ TEST(DeviceTrace, triangles_in_several_leaves_are_listed_once) {
   list_touching(exec, view, &box, 1, offsets.data(), primitives.data(), offsets[1]);
   EXPECT_EQ(2 * offsets[1], primitives.size());
   primitives.resize(offsets[1]);
-  EXPECT_EQ(primitives, TriangleBvh::build(shapes::sphere(3).view()).overlaps(box));
+  EXPECT_EQ(primitives, Bvh::build(shapes::sphere(3).view()).overlaps(box));
 }
 
 }  // namespace

@@ -24,9 +24,9 @@ TEST(BvhRefit, queries_see_the_moved_mesh_with_every_builder_and_width) {
   const std::vector<Ray> rays = adversarial_rays(moved.view(), 140, 1);
   std::vector<Truth> truths;
   for (const Ray& ray : rays) truths.push_back(trace_all(moved.view(), ray));
-  const TriangleBvh fresh = TriangleBvh::build(moved.view());
-  for (const TriangleBvhConfig& config : every_config()) {
-    TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+  const Bvh fresh = Bvh::build(moved.view());
+  for (const BvhConfig& config : every_config()) {
+    Bvh tree = Bvh::build(mesh.view(), config);
     const RefitReport report = tree.refit(moved.view());
     EXPECT_GT(report.sah_cost, 0);
     EXPECT_EQ(report.sah_cost, tree.statistics().sah_cost);
@@ -48,9 +48,9 @@ TEST(BvhRefit, the_same_positions_keep_the_cost_and_the_bytes) {
   const Scratch scratch;
   const Mesh mesh = shapes::blob(3, 3), other = twisted(mesh, 1);
   for (const bool compact : {false, true}) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.compact = compact;
-    TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+    Bvh tree = Bvh::build(mesh.view(), config);
     tree.save((scratch / "before").string());
     const RefitReport same = tree.refit(mesh.view());
     EXPECT_DOUBLE_EQ(same.sah_cost, same.built_sah_cost);
@@ -69,7 +69,7 @@ TEST(BvhRefit, the_same_positions_keep_the_cost_and_the_bytes) {
 
 TEST(BvhRefit, a_rebuild_is_advised_once_the_tree_has_lost_half_its_quality) {
   const Mesh mesh = shapes::blob(4, 4);
-  TriangleBvh tree = TriangleBvh::build(mesh.view());
+  Bvh tree = Bvh::build(mesh.view());
   bool advised = false;
   for (const float turns : {0.1f, 1.0f, 5.0f, 20.0f}) {
     const RefitReport report = tree.refit(twisted(mesh, turns).view());
@@ -83,7 +83,7 @@ TEST(BvhRefit, the_cost_is_near_that_of_the_same_binary_tree) {
   // The binary tree itself, refitted here by hand.
   const Mesh mesh = shapes::blob(3, 5), moved = twisted(mesh, 1);
   bvh::Bvh2 tree = bvh::build(mesh.view());
-  TriangleBvh wide = TriangleBvh::widen(tree, mesh.view());
+  Bvh wide = Bvh::widen(tree, mesh.view());
   for (size_t i = tree.nodes.size(); i-- > 0;) {
     bvh::Node& node = tree.nodes[i];
     Aabb box;
@@ -105,7 +105,7 @@ TEST(BvhRefit, any_number_of_threads_gives_the_same_bytes) {
   const Mesh mesh = shapes::blob(5, 6), moved = twisted(mesh, 0.3f);
   std::vector<std::vector<char>> files;
   for (const uint32_t threads : {1u, 2u, 7u}) {
-    TriangleBvh tree = TriangleBvh::build(mesh.view());
+    Bvh tree = Bvh::build(mesh.view());
     BuildOptions options;
     options.threads = threads;
     tree.refit(moved.view(), options);
@@ -119,7 +119,7 @@ TEST(BvhRefit, any_number_of_threads_gives_the_same_bytes) {
 TEST(BvhRefit, what_cannot_be_followed_is_refused_and_changes_nothing) {
   const Scratch scratch;
   const Mesh mesh = shapes::blob(2, 7);
-  TriangleBvh tree = TriangleBvh::build(mesh.view());
+  Bvh tree = Bvh::build(mesh.view());
   tree.save((scratch / "before").string());
   Mesh fewer = mesh;
   fewer.triangles.pop_back();
@@ -141,16 +141,16 @@ TEST(BvhRefit, what_cannot_be_followed_is_refused_and_changes_nothing) {
 TEST(BvhRefit, triangles_that_were_dropped_may_stay_invalid) {
   Mesh mesh = shapes::sphere(2);
   mesh.positions[5].x = std::nanf("");
-  TriangleBvhConfig config;
+  BvhConfig config;
   config.tree.invalid = bvh::InvalidTriangles::kDrop;
-  TriangleBvh tree = TriangleBvh::build(mesh.view(), config);
+  Bvh tree = Bvh::build(mesh.view(), config);
   EXPECT_NO_THROW(tree.refit(transformed(mesh, 2).view()));
   EXPECT_EQ(tree.bounds().max.x, 2 * bounds(drop_invalid(mesh.view()).mesh.view()).max.x);
 }
 
 TEST(BvhRefit, a_mesh_that_collapses_to_a_point_and_returns_is_fine) {
   const Mesh mesh = shapes::blob(2, 8), point = transformed(mesh, 0);
-  TriangleBvh tree = TriangleBvh::build(mesh.view());
+  Bvh tree = Bvh::build(mesh.view());
   EXPECT_TRUE(std::isfinite(tree.refit(point.view()).sah_cost));
   EXPECT_EQ(tree.closest_point(Vec3{0, 0, 2}).distance, 2);
   const RefitReport back = tree.refit(mesh.view());

@@ -14,13 +14,13 @@ namespace {
 
 using testing::simd_paths;
 
-TriangleBvh build(const Mesh& mesh, uint32_t width, bool compact, Simd simd,
-                  std::span<const uint32_t> masks = {}) {
-  TriangleBvhConfig config;
+Bvh build(const Mesh& mesh, uint32_t width, bool compact, Simd simd,
+          std::span<const uint32_t> masks = {}) {
+  BvhConfig config;
   config.width = width;
   config.compact = compact;
   config.simd = simd;
-  return TriangleBvh::build(mesh.view(), config, masks);
+  return Bvh::build(mesh.view(), config, masks);
 }
 
 /// Half of them random, half from far away at a vertex or the middle of an edge.
@@ -57,7 +57,7 @@ TEST(Rays, instruction_sets_widths_and_forms_give_the_same_bits) {
     for (const Simd simd : simd_paths())
       for (const uint32_t width : {2u, 4u, 8u})
         for (const bool compact : {false, true}) {
-          const TriangleBvh tree = build(mesh, width, compact, simd);
+          const Bvh tree = build(mesh, width, compact, simd);
           tree.intersect(rays, hits);
           EXPECT_EQ(hits, expected)
               << width << " wide, compact " << compact << ", path " << static_cast<uint32_t>(simd);
@@ -72,7 +72,7 @@ TEST(Rays, no_ray_passes_between_triangles_at_any_scale) {
   for (const Simd simd : simd_paths())
     for (const float scale : {1e-15f, 1e-7f, 1.0f, 1e7f, 1e15f}) {
       const Mesh mesh = testing::transformed(sphere, scale);
-      const TriangleBvh tree = build(mesh, 8, false, simd);
+      const Bvh tree = build(mesh, 8, false, simd);
       for (const float length : {1e-15f, 1.0f, 1e15f})
         for (const Triangle& triangle : mesh.triangles)
           for (uint32_t corner = 0; corner < 3; ++corner) {
@@ -90,7 +90,7 @@ TEST(Rays, no_ray_passes_between_triangles_at_any_scale) {
 TEST(Rays, the_distance_scales_with_the_direction) {
   const Mesh mesh = shapes::sphere(3);
   for (const Simd simd : simd_paths()) {
-    const TriangleBvh tree = build(mesh, 8, false, simd);
+    const Bvh tree = build(mesh, 8, false, simd);
     for (const float length : {0x1p-60f, 0x1p-1f, 1.0f, 0x1p60f}) {
       Ray ray;
       ray.origin = {0.1f, 0.2f, -3};
@@ -115,7 +115,7 @@ TEST(Rays, of_equal_distances_the_lowest_primitive_is_hit) {
   mesh.triangles.assign(500, {0, 1, 2});
   for (const Simd simd : simd_paths())
     for (const uint32_t width : {2u, 4u, 8u}) {
-      const TriangleBvh tree = build(mesh, width, false, simd);
+      const Bvh tree = build(mesh, width, false, simd);
       Ray ray;
       ray.origin = {0.25f, 0.25f, 1};
       ray.direction = {0, 0, -1};
@@ -132,7 +132,7 @@ TEST(Rays, all_hits_are_those_found_by_going_on_behind_each) {
   const Mesh mesh = shapes::soup(2000, 9);
   const std::vector<Ray> rays = mixed_rays(mesh, 300);
   for (const Simd simd : simd_paths()) {
-    const TriangleBvh tree = build(mesh, 8, false, simd);
+    const Bvh tree = build(mesh, 8, false, simd);
     for (Ray ray : rays) {
       std::vector<Hit> hits(64);
       hits.resize(tree.all_hits(ray, hits));
@@ -156,8 +156,7 @@ TEST(Rays, only_triangles_that_the_mask_sees_are_hit) {
   }
   const std::vector<Ray> rays = mixed_rays(mesh, 1000);
   for (const Simd simd : simd_paths()) {
-    const TriangleBvh masked = build(mesh, 8, false, simd, masks),
-                      alone = build(odd, 8, false, simd);
+    const Bvh masked = build(mesh, 8, false, simd, masks), alone = build(odd, 8, false, simd);
     RayOptions options;
     options.mask = 2;
     for (const Ray& ray : rays) {
@@ -177,7 +176,7 @@ TEST(Rays, back_faces_are_passed_when_asked) {
   RayOptions options;
   options.cull_back_faces = true;
   for (const Simd simd : simd_paths()) {
-    const TriangleBvh tree = build(mesh, 8, false, simd);
+    const Bvh tree = build(mesh, 8, false, simd);
     for (const Ray& outer : mixed_rays(mesh, 500)) {
       Ray ray;
       ray.direction = outer.direction;
@@ -194,7 +193,7 @@ TEST(Rays, what_is_no_ray_hits_nothing) {
   const float infinity = std::numeric_limits<float>::infinity();
   const Mesh mesh = shapes::sphere(2);
   for (const Simd simd : simd_paths()) {
-    const TriangleBvh tree = build(mesh, 8, false, simd);
+    const Bvh tree = build(mesh, 8, false, simd);
     for (const float bad : {nan, infinity, -infinity}) {
       EXPECT_FALSE(tree.intersect({{bad, 0, 0}, 0, {0, 0, 1}, infinity}).hit());
       EXPECT_FALSE(tree.intersect({{0, 0, 0}, 0, {0, bad, 1}, infinity}).hit());
@@ -208,20 +207,20 @@ TEST(Rays, what_is_no_ray_hits_nothing) {
 }
 
 TEST(Rays, a_tree_without_triangles_answers) {
-  TriangleBvh empty = TriangleBvh::build({});
+  Bvh empty = Bvh::build({});
   const Ray ray{{0, 0, 0}, 0, {0, 0, 1}, 1};
   std::vector<Hit> hits(4);
   EXPECT_FALSE(empty.intersect(ray).hit());
-  EXPECT_FALSE(TriangleBvh().occluded(ray));
+  EXPECT_FALSE(Bvh().occluded(ray));
   EXPECT_EQ(empty.all_hits(ray, hits), 0u);
-  const TriangleBvh moved = std::move(empty);
+  const Bvh moved = std::move(empty);
   EXPECT_FALSE(empty.occluded(ray));  // NOLINT(bugprone-use-after-move)
   EXPECT_FALSE(moved.occluded(ray));
 }
 
 TEST(Rays, batches_do_not_depend_on_threads) {
   const Mesh mesh = shapes::blob(4, 3);
-  const TriangleBvh tree = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::build(mesh.view());
   const std::vector<Ray> rays = mixed_rays(mesh, 3000);
   std::vector<Hit> one(rays.size()), two(rays.size());
   tree.intersect(rays, one, {}, 1);

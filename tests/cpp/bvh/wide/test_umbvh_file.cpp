@@ -8,11 +8,11 @@ namespace {
 
 using namespace testing;
 
-std::vector<TriangleBvhConfig> kinds() {
-  std::vector<TriangleBvhConfig> all;
+std::vector<BvhConfig> kinds() {
+  std::vector<BvhConfig> all;
   for (const uint32_t width : {2u, 4u, 8u})
     for (const bool compact : {false, true}) {
-      TriangleBvhConfig config;
+      BvhConfig config;
       config.width = width, config.compact = compact;
       all.push_back(config);
     }
@@ -20,7 +20,7 @@ std::vector<TriangleBvhConfig> kinds() {
 }
 
 /// Asks everything, as a query that leaves an array would be noticed by the sanitizers at least.
-void ask_everything(const TriangleBvh& tree) {
+void ask_everything(const Bvh& tree) {
   for (const Vec3& p : {Vec3{0, 0, 0}, Vec3{0.3f, -0.2f, 0.9f}, Vec3{5, 5, 5}}) {
     for (const Vec3& d : {Vec3{1, 0, 0}, Vec3{-0.3f, 0.4f, -0.8f}}) {
       tree.intersect({p, 0, d});
@@ -37,7 +37,7 @@ void ask_everything(const TriangleBvh& tree) {
 
 Failure failure_of(const std::filesystem::path& path) {
   try {
-    ask_everything(TriangleBvh::load(path.string()));
+    ask_everything(Bvh::load(path.string()));
   } catch (const Error& error) {
     EXPECT_GT(std::string(error.what()).size(), 10u);
     return error.code();
@@ -51,13 +51,12 @@ TEST(BvhFile, a_loaded_tree_answers_as_the_saved_one) {
   std::vector<uint32_t> masks(mesh.triangles.size());
   for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1 + i % 3;
   const std::vector<Ray> rays = adversarial_rays(mesh.view(), 280, 1);
-  for (const TriangleBvhConfig& config : kinds())
+  for (const BvhConfig& config : kinds())
     for (const bool masked : {false, true}) {
       const std::string path = (scratch / "a.umbvh").string();
-      const TriangleBvh saved =
-          TriangleBvh::build(mesh.view(), config, masked ? masks : std::vector<uint32_t>{});
+      const Bvh saved = Bvh::build(mesh.view(), config, masked ? masks : std::vector<uint32_t>{});
       saved.save(path);
-      const TriangleBvh loaded = TriangleBvh::load(path);
+      const Bvh loaded = Bvh::load(path);
       EXPECT_EQ(loaded.bounds(), saved.bounds());
       EXPECT_EQ(loaded.triangle_count(), saved.triangle_count());
       EXPECT_EQ(loaded.statistics().bytes, saved.statistics().bytes);
@@ -79,10 +78,10 @@ TEST(BvhFile, trees_of_every_builder_can_be_saved_and_loaded) {
   const Scratch scratch;
   for (const Mesh& mesh : {shapes::blob(2, 2), shapes::soup(100, 1), Mesh{}})
     for (const bvh::Builder builder : bvh::builders()) {
-      TriangleBvhConfig config;
+      BvhConfig config;
       config.tree = bvh::Config{};
       config.tree.builder = builder;
-      TriangleBvh::build(mesh.view(), config).save((scratch / "a").string());
+      Bvh::build(mesh.view(), config).save((scratch / "a").string());
       EXPECT_EQ(failure_of(scratch / "a"), std::nullopt) << bvh::name(builder);
     }
 }
@@ -90,21 +89,21 @@ TEST(BvhFile, trees_of_every_builder_can_be_saved_and_loaded) {
 TEST(BvhFile, a_loaded_tree_can_be_refitted) {
   const Scratch scratch;
   const Mesh mesh = shapes::blob(3, 1), moved = transformed(mesh, 3, {1, 2, 3});
-  TriangleBvh::build(mesh.view()).save((scratch / "a").string());
-  TriangleBvh tree = TriangleBvh::load((scratch / "a").string());
+  Bvh::build(mesh.view()).save((scratch / "a").string());
+  Bvh tree = Bvh::load((scratch / "a").string());
   const RefitReport report = tree.refit(moved.view());
   EXPECT_NEAR(report.sah_cost, report.built_sah_cost, 1e-4 * report.built_sah_cost);
   EXPECT_EQ(tree.bounds(), bounds(moved.view()));
 }
 
-std::vector<char> bytes_of(const Mesh& mesh, const TriangleBvhConfig& config = {}) {
+std::vector<char> bytes_of(const Mesh& mesh, const BvhConfig& config = {}) {
   const Scratch scratch;
-  TriangleBvh::build(mesh.view(), config).save((scratch / "a").string());
+  Bvh::build(mesh.view(), config).save((scratch / "a").string());
   return read_bytes(scratch / "a");
 }
 
 TEST(BvhFile, any_byte_that_is_changed_is_noticed) {
-  for (const TriangleBvhConfig& config : kinds()) {
+  for (const BvhConfig& config : kinds()) {
     const std::vector<char> whole = bytes_of(shapes::sphere(0), config);
     ASSERT_LT(whole.size(), 4000u);
     expect_changed_bytes_are_noticed(whole, failure_of);
@@ -112,17 +111,17 @@ TEST(BvhFile, any_byte_that_is_changed_is_noticed) {
 }
 
 TEST(BvhFile, any_length_but_the_right_one_is_noticed) {
-  for (const TriangleBvhConfig& config : kinds())
+  for (const BvhConfig& config : kinds())
     expect_other_lengths_are_noticed(bytes_of(shapes::sphere(0), config), failure_of);
 }
 
 TEST(BvhFile, wrong_words_under_right_checksums_are_errors_or_harmless) {
-  for (const TriangleBvhConfig& config : kinds())
+  for (const BvhConfig& config : kinds())
     EXPECT_GT(count_wrong_words_refused(bytes_of(shapes::sphere(1), config), failure_of), 300u);
 }
 
 TEST(BvhFile, random_changes_under_right_checksums_never_crash) {
-  for (const TriangleBvhConfig& config : kinds())
+  for (const BvhConfig& config : kinds())
     ask_files_with_random_changes(bytes_of(shapes::blob(2, 1), config), failure_of);
 }
 
@@ -131,7 +130,7 @@ TEST(BvhFile, files_that_are_none_or_newer_are_refused) {
 }
 
 TEST(BvhFile, what_cannot_be_written_leaves_what_was_there) {
-  const TriangleBvh tree = TriangleBvh::build(shapes::sphere(1).view());
+  const Bvh tree = Bvh::build(shapes::sphere(1).view());
   expect_saving_is_whole_or_nothing([&](const std::string& path) { tree.save(path); });
 }
 

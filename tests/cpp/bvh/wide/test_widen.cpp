@@ -16,14 +16,14 @@ bool holds(const Aabb& outer, const Aabb& inner) {
 }
 
 /// Checks all below a node; returns the box around the triangles there.
-Aabb check_node(const TriangleBvhData& data, const Mesh& mesh, uint32_t node, uint32_t depth,
+Aabb check_node(const BvhData& data, const Mesh& mesh, uint32_t node, uint32_t depth,
                 std::vector<uint32_t>& seen) {
   Aabb all;
   for (uint32_t slot = 0; slot < data.width; ++slot) {
     const uint32_t link = data.link(node, slot);
     if (link == kNoChild) continue;
     Aabb box;
-    if (TriangleBvhData::is_leaf(link)) {
+    if (BvhData::is_leaf(link)) {
       EXPECT_LE(depth + 1, data.max_depth);
       data.for_each_triangle(link, [&](const LeafTriangle& t) {
         const Triangle& triangle = mesh.triangles[t.primitive];
@@ -51,7 +51,7 @@ TEST_P(Widen, every_triangle_is_in_one_leaf_and_in_the_boxes_above) {
   for (const Mesh& mesh : {shapes::blob(4, 1), shapes::soup(2000, 2), shapes::grid(1, 1)})
     for (const bool compact : {false, true}) {
       const bvh::Bvh2 tree = bvh::build(mesh.view());
-      const TriangleBvhData data = widen_tree(tree, mesh.view(), {GetParam(), compact}, {});
+      const BvhData data = widen_tree(tree, mesh.view(), {GetParam(), compact}, {});
       std::vector<uint32_t> seen;
       const Aabb box = check_node(data, mesh, 0, 0, seen);
       EXPECT_EQ(box, data.bounds);
@@ -67,7 +67,7 @@ TEST_P(Widen, leaves_larger_than_a_pack_are_cut_up) {
   const Aabb box = bounds(mesh.view());
   tree.nodes = {{box.min, 0, box.max, 250}};
   for (uint32_t i = 0; i < 250; ++i) tree.primitives.push_back(i);
-  const TriangleBvhData data = widen_tree(tree, mesh.view(), {GetParam(), false}, {});
+  const BvhData data = widen_tree(tree, mesh.view(), {GetParam(), false}, {});
   std::vector<uint32_t> seen;
   check_node(data, mesh, 0, 0, seen);
   std::sort(seen.begin(), seen.end());
@@ -91,7 +91,7 @@ TEST_P(Widen, the_result_does_not_depend_on_threads) {
   const Mesh mesh = shapes::blob(4, 1);
   const bvh::Bvh2 tree = bvh::build(mesh.view());
   for (const bool compact : {false, true}) {
-    TriangleBvhData one, two;
+    BvhData one, two;
     with_threads(1, [&] { one = widen_tree(tree, mesh.view(), {GetParam(), compact}, {}); });
     with_threads(2, [&] { two = widen_tree(tree, mesh.view(), {GetParam(), compact}, {}); });
     EXPECT_EQ(one.nodes, two.nodes);
@@ -117,10 +117,10 @@ TEST_P(Widen, trees_of_any_depth_are_taken) {
     const bool is_last = i + 2 == count;
     chain.nodes.push_back({box.min, is_last ? i + 1 : 2 * i + 3, box.max, is_last ? 1u : 0u});
   }
-  TriangleBvhConfig config;
+  BvhConfig config;
   config.width = GetParam();
-  const TriangleBvh tree = TriangleBvh::widen(chain, mesh.view(), config);
-  const TriangleBvh usual = TriangleBvh::build(mesh.view());
+  const Bvh tree = Bvh::widen(chain, mesh.view(), config);
+  const Bvh usual = Bvh::build(mesh.view());
   for (uint32_t i = 0; i < 50; ++i) {
     const Vec3& p = mesh.positions[i];
     const Ray ray{{p.x, p.y, p.z - 1}, 0, {0.1f, 0.2f, 1}};

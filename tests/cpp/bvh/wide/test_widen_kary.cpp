@@ -22,21 +22,21 @@ bvh::Config with_clusters(uint32_t clusters) {
 TEST(KaryTree, hits_are_those_of_the_hierarchy_for_every_width) {
   for (const NamedMesh& named : hard_meshes()) {
     const MeshView mesh = named.mesh.view();
-    const TriangleBvh truth = TriangleBvh::build(mesh);
+    const Bvh truth = Bvh::build(mesh);
     const std::vector<Ray> rays = adversarial_rays(mesh, 420, 5);
     for (const uint32_t clusters : {2u, 8u, 20u, 64u})
       for (const uint32_t width : {2u, 4u, 8u})
         for (const uint32_t leaf : {1u, 8u, 40u}) {
           SCOPED_TRACE(named.name + ", k " + std::to_string(clusters) + ", width " +
                        std::to_string(width) + ", leaves of " + std::to_string(leaf));
-          TriangleBvhConfig config;
+          BvhConfig config;
           config.tree = with_clusters(clusters);
           config.tree.max_leaf_size = leaf;
           config.width = width;
           config.compact = leaf == 8;
           const KaryTree tree = bvh::build_kmeans_kary(mesh, config.tree);
           bvh::check(tree, static_cast<uint32_t>(mesh.triangles.size()));
-          const TriangleBvh bvh = TriangleBvh::widen(tree, mesh, config);
+          const Bvh bvh = Bvh::widen(tree, mesh, config);
           EXPECT_EQ(bvh.statistics().references, mesh.triangles.size());
           size_t differences = 0;
           for (const Ray& ray : rays) differences += bvh.intersect(ray) != truth.intersect(ray);
@@ -49,12 +49,12 @@ TEST(KaryTree, hits_are_those_of_the_hierarchy_for_every_width) {
 TEST(KaryTree, nodes_that_fit_stay_as_they_are) {
   const Mesh mesh = shapes::blob(4, 2);
   for (const uint32_t clusters : {2u, 4u, 8u}) {
-    TriangleBvhConfig config;
+    BvhConfig config;
     config.tree = with_clusters(clusters);
     config.width = clusters;
     const KaryTree tree = bvh::build_kmeans_kary(mesh.view(), config.tree);
     const bvh::Statistics s = bvh::statistics(tree, config.tree.cost);
-    const TriangleBvhStatistics wide = TriangleBvh::widen(tree, mesh.view(), config).statistics();
+    const BvhStatistics wide = Bvh::widen(tree, mesh.view(), config).statistics();
     EXPECT_EQ(wide.nodes, s.nodes - s.leaves);
     EXPECT_EQ(wide.leaves, s.leaves);
     EXPECT_EQ(wide.max_depth, s.max_depth);
@@ -80,11 +80,11 @@ TEST(KaryTree, costs_less_with_more_children_and_is_what_its_nodes_sum_up_to) {
 TEST(KaryTree, follows_moved_vertices) {
   Mesh mesh = shapes::blob(3, 2);
   const KaryTree tree = bvh::build_kmeans_kary(mesh.view());
-  TriangleBvh bvh = TriangleBvh::widen(tree, mesh.view());
+  Bvh bvh = Bvh::widen(tree, mesh.view());
   mesh = transformed(mesh, 2, {1, 2, 3});
   const RefitReport report = bvh.refit(mesh.view());
   EXPECT_NEAR(report.sah_cost, report.built_sah_cost, 0.01 * report.sah_cost);
-  const TriangleBvh truth = TriangleBvh::build(mesh.view());
+  const Bvh truth = Bvh::build(mesh.view());
   for (const Ray& ray : adversarial_rays(mesh.view(), 300, 3))
     EXPECT_EQ(bvh.intersect(ray), truth.intersect(ray));
 }
@@ -99,12 +99,11 @@ TEST(KaryTree, invalid_triangles_are_refused_or_left_out) {
   for (const uint32_t t : tree.primitives)
     for (const uint32_t vertex : mesh.triangles[t]) EXPECT_NE(vertex, 7u);
   EXPECT_LT(tree.primitives.size(), mesh.triangles.size());
-  TriangleBvhConfig how;
-  EXPECT_THROW(TriangleBvh::widen(tree, mesh.view(), how), Error);
+  BvhConfig how;
+  EXPECT_THROW(Bvh::widen(tree, mesh.view(), how), Error);
   how.tree.invalid = bvh::InvalidTriangles::kDrop;
-  EXPECT_EQ(TriangleBvh::widen(tree, mesh.view(), how).statistics().references,
-            tree.primitives.size());
-  EXPECT_EQ(TriangleBvh::widen(KaryTree{}, MeshView{}).statistics().nodes, 0u);
+  EXPECT_EQ(Bvh::widen(tree, mesh.view(), how).statistics().references, tree.primitives.size());
+  EXPECT_EQ(Bvh::widen(KaryTree{}, MeshView{}).statistics().nodes, 0u);
 }
 
 /// A chain, each of whose nodes has a leaf and the rest of the chain below.
@@ -131,11 +130,11 @@ TEST(KaryTree, trees_too_deep_to_trace_are_refused) {
     const KaryTree tree = chain(levels);
     bvh::check(tree, levels);
     if (levels < 255) {
-      EXPECT_EQ(TriangleBvh::widen(tree, mesh.view()).statistics().references, levels);
+      EXPECT_EQ(Bvh::widen(tree, mesh.view()).statistics().references, levels);
       continue;
     }
     try {
-      TriangleBvh::widen(tree, mesh.view());
+      Bvh::widen(tree, mesh.view());
       ADD_FAILURE() << "was traced";
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
@@ -155,7 +154,7 @@ TEST(KaryTree, check_finds_every_kind_of_fault) {
     KaryTree tree = sound;
     change(tree);
     EXPECT_THROW(bvh::check(tree, count), Error);
-    EXPECT_THROW(TriangleBvh::widen(tree, mesh.view()), Error);
+    EXPECT_THROW(Bvh::widen(tree, mesh.view()), Error);
   };
   broken([](KaryTree& t) { t.nodes.pop_back(); });
   broken([](KaryTree& t) { t.nodes.push_back(t.nodes.back()); });

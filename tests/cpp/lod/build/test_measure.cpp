@@ -14,7 +14,7 @@ namespace {
 using testing::Random;
 
 // The largest distance from `count` random points of one surface to the other.
-float farthest(const Mesh& from, const TriangleBvh& to, size_t count, Random& random) {
+float farthest(const Mesh& from, const Bvh& to, size_t count, Random& random) {
   std::vector<double> areas{0};
   for (const Triangle& t : from.triangles)
     areas.push_back(areas.back() + length(cross(from.positions[t[1]] - from.positions[t[0]],
@@ -41,13 +41,13 @@ Config measured_config() {
 
 void expect_bounded(const Mesh& mesh) {
   const Dag dag = build(mesh.view(), measured_config());
-  const TriangleBvh source = TriangleBvh::build(mesh.view());
+  const Bvh source = Bvh::build(mesh.view());
   Random random(4);
   size_t coarse = 0;
   for (uint32_t level = 1; level < dag.tables.levels.size(); level += 2) {
     const std::vector<uint32_t> cut = select(dag.tables, view_level(level));
     const Mesh shown = mesh_of_cut(dag.tables, testing::reader_of(dag), cut);
-    const TriangleBvh bvh = TriangleBvh::build(shown.view());
+    const Bvh bvh = Bvh::build(shown.view());
     const float error = cut_error(dag.tables, cut);
     EXPECT_LE(farthest(shown, source, 3000, random), error) << "level " << level;
     EXPECT_LE(farthest(mesh, bvh, 3000, random), error) << "level " << level;

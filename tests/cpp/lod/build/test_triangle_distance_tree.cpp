@@ -22,9 +22,9 @@ struct Scene {
   Source source;
   ClusterSet clusters;
   TriangleDistanceTree surface;
-  TriangleBvh bvh;
+  Bvh bvh;
 
-  explicit Scene(const Mesh& mesh) : bvh(TriangleBvh::build(mesh.view())) {
+  explicit Scene(const Mesh& mesh) : bvh(Bvh::build(mesh.view())) {
     Config config;
     source = make_source(mesh.view(), {});
     std::vector<Sphere> spheres;

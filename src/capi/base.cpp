@@ -1,12 +1,11 @@
-// Turns exceptions into results. The sentence is kept in memory that is there from the start, so
-// that even running out of memory can be reported.
-#include "capi/guard.hpp"
-
+// Results and errors from C (umbel_base.h): turns exceptions into results. The sentence is kept in
+// memory that is there from the start, so that even running out of memory can be reported.
 #include <algorithm>
 #include <new>
 #include <stdexcept>
 #include <string_view>
 
+#include "capi/guard.hpp"
 #include "umbel/types.hpp"
 #include "umbel/version.hpp"
 

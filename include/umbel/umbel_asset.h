@@ -1,0 +1,124 @@
+// Assets (.umbel files) and residency from C: which pages of a file are in memory, under a budget
+// of bytes, as cameras move. C99.
+//
+//   umbel_asset* asset;
+//   if (umbel_asset_open("dragon.umbel", &asset) != UMBEL_OK) puts(umbel_last_error());
+//   umbel_residency* residency;
+//   umbel_residency_create(asset, 64 << 20, 2, &residency);
+//   const umbel_vec3 local = umbel_relative_to(info.origin, eye);    // in the mesh's space
+//   umbel_stream_view view = {0};                                    // the first mesh
+//   umbel_lod_view_camera(&local.x, fov_y, height, 1, &view.view);   // errors of a pixel
+//   umbel_residency_step(residency, &view, 1, seconds, &step);     // each frame
+//   umbel_residency_cut(residency, clusters, capacity, &count);    // what to draw
+//   umbel_residency_cluster(residency, &clusters[i], &geometry);
+//   umbel_residency_free(residency);
+//   umbel_asset_free(asset);
+#ifndef UMBEL_UMBEL_ASSET_H
+#define UMBEL_UMBEL_ASSET_H
+
+#include "umbel/umbel_lod.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+// ---- assets ------------------------------------------------------------------------------------
+
+/// An open .umbel file, for any number of threads at the same time.
+typedef struct umbel_asset umbel_asset;
+
+/// Fills `out` with `size` bytes from `offset` on; 0 if it did. Called from many threads at once.
+typedef int (*umbel_read)(void* user, uint64_t offset, uint64_t size, void* out);
+
+/// *asset is NULL after a failure. `path` is UTF-8.
+UMBEL_C_API umbel_result umbel_asset_open(const char* path, umbel_asset** asset);
+
+/// From a source of `size` bytes that `read` reads; `user` is handed through to it, until the asset
+/// is freed.
+UMBEL_C_API umbel_result umbel_asset_open_source(uint64_t size, umbel_read read, void* user,
+                                                 umbel_asset** asset);
+
+UMBEL_C_API void umbel_asset_free(umbel_asset* asset);
+
+typedef struct umbel_asset_info {
+  uint32_t struct_size;
+  uint32_t version_major, version_minor;
+  uint32_t pages, meshes, instances;
+  uint32_t max_triangles, max_vertices;  ///< limits that every cluster keeps
+  uint64_t file_bytes, head_bytes;       ///< opening reads the latter
+  uint64_t checksum;                     ///< of the whole file
+  uint64_t source_triangles;             ///< of all meshes
+  umbel_aabb bounds;                     ///< relative to origin; min > max where there is nothing
+  umbel_vec3d origin;                    ///< points of the asset are at origin + point
+} umbel_asset_info;
+UMBEL_STRUCT_INIT(umbel_asset_info)
+
+UMBEL_C_API umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_asset_info* info);
+
+// ---- residency ---------------------------------------------------------------------------------
+
+/// Pages of an asset in memory; one thread at a time. The asset must outlive it.
+typedef struct umbel_residency umbel_residency;
+
+/// With at most `budget_bytes` of pages, loaded by so many threads. Reads the pages of all roots.
+UMBEL_C_API umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_bytes,
+                                                uint32_t threads, umbel_residency** residency);
+
+/// Waits for loads that are under way.
+UMBEL_C_API void umbel_residency_free(umbel_residency* residency);
+
+/// One mesh as somebody sees it: by error or by camera, in the mesh's own space, relative to the
+/// asset's origin.
+typedef struct umbel_stream_view {
+  uint32_t mesh;
+  umbel_lod_view view;
+} umbel_stream_view;
+
+typedef struct umbel_stream_step {
+  uint32_t struct_size;
+  float worst_error;  ///< times what was asked for; at most 1 where nothing is missing
+  uint32_t open_groups, missing_groups, loaded, evicted, requested, cancelled;
+  uint64_t resident_bytes;
+  uint64_t failures;   ///< of loads, since the beginning
+  uint32_t looked_at;  ///< groups whose errors may have become too large, or small enough
+  uint32_t caught_up;  ///< 0: there was more to look at than a step does; the next goes on
+} umbel_stream_step;
+UMBEL_STRUCT_INIT(umbel_stream_step)
+
+/// Chooses what the views show, and asks for what is missing. `seconds` are of any clock that does
+/// not run backwards.
+UMBEL_C_API umbel_result umbel_residency_step(umbel_residency* residency,
+                                              const umbel_stream_view* views, size_t view_count,
+                                              double seconds, umbel_stream_step* step);
+
+/// A cluster of a cut: of which view, and where it is.
+typedef struct umbel_stream_cluster {
+  uint32_t view, page, group, cluster;
+} umbel_stream_cluster;
+
+/// What the views of the last step show. *count is how many there are, also if they do not fit
+/// (UMBEL_ERROR_CAPACITY).
+UMBEL_C_API umbel_result umbel_residency_cut(const umbel_residency* residency,
+                                             umbel_stream_cluster* clusters, size_t capacity,
+                                             size_t* count);
+
+/// Arrays of at least 256 vertices and 256 triangles, or NULL for what is not wanted.
+typedef struct umbel_cluster_geometry {
+  uint32_t struct_size;
+  uint32_t vertex_count, triangle_count, material;
+  umbel_vec3* positions;
+  umbel_vec3* normals;  ///< left alone where the asset has none
+  uint8_t* triangles;   ///< three a triangle
+} umbel_cluster_geometry;
+UMBEL_STRUCT_INIT(umbel_cluster_geometry)
+
+/// Decodes a cluster of the last cut.
+UMBEL_C_API umbel_result umbel_residency_cluster(const umbel_residency* residency,
+                                                 const umbel_stream_cluster* cluster,
+                                                 umbel_cluster_geometry* geometry);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif  // UMBEL_UMBEL_ASSET_H
