@@ -61,3 +61,36 @@ def test_importing_the_package_imports_nothing_else() -> None:
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.startswith("[] <class 'umbel.geometry.mesh.Mesh'>")
+
+
+#: Each imports only what is listed before it, when it is imported itself.
+ROOMS = ["errors", "plain_json", "geometry", "shapes", "cluster", "accel", "bvh", "io", "lod"]
+ROOMS += ["trace", "viewer", "cuda", "bench", "cli"]
+
+
+def imported_rooms(source: Path) -> set[str]:
+    """The rooms that a file imports at its top level, not in functions and not for types alone."""
+    found = set()
+    for node in ast.parse(source.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "umbel":
+            below = (node.module or "").split(".")[1:]
+            found |= set(below[:1]) if below else {name.name for name in node.names}
+    return found - {"_umbel", "_peers"}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_imports_only_rooms_before_it(room: str) -> None:
+    below = STUB.parent / room
+    for source in [
+        *below.rglob("*.py"),
+        *([below.with_suffix(".py")] if not below.is_dir() else []),
+    ]:
+        allowed = ROOMS[: ROOMS.index(room) + 1]
+        assert imported_rooms(source) <= set(allowed), source
+
+
+def test_every_room_has_its_place() -> None:
+    below = {
+        p.stem for p in STUB.parent.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()
+    }
+    assert {p.stem for p in files} == {*ROOMS, "__init__", "__main__"}

@@ -35,6 +35,7 @@ class KdTree(SpatialPartition):
     _native: _umbel.KdTree
 
     def __init__(
+        # Long: every setting is named and described here.
         self,
         positions: Any,
         triangles: ArrayLike | None = None,
@@ -63,7 +64,7 @@ class KdTree(SpatialPartition):
         compact: share vertices between triangles: less memory, slower rays.
         masks: (m,) bits of each triangle; a query sees those that share a bit with its mask.
         cost: (traversal, intersection) of the surface-area heuristic.
-        empty_bonus: 0..0.9, how much cheaper it is to cut off empty space.
+        empty_bonus: 0..0.9, the bonus of splits that separate empty space.
         max_depth: 1..64; 8 + 1.3 log2(m) where None.
         bad_refines: 0..64 splits on one path that may cost more than a leaf.
         max_references: 1..64, most references a triangle, which bounds memory.

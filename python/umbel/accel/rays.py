@@ -77,7 +77,7 @@ class RayQueries:
             return points
         array = numbers(name, points)
         if array.ndim not in (1, 2) or array.shape[-1] != 3:
-            return points  # for whoever reads them to refuse
+            return points  # refused where they are read
         return array.astype(np.float64) - self._origin
 
     def intersect(

@@ -38,8 +38,8 @@ class TreeOptions(TypedDict, total=False):
     ploc_radius: int | None
     """ploc: neighbours searched each way, 1 to 128."""
     ploc_sweep: int | None
-    """ploc: the tree above clusters of at most so many triangles is also swept, and the cheaper one
-    kept, 0 to 255; 0 as published."""
+    """ploc: the levels above clusters of at most so many triangles are also built by the sweep, and
+    the cheaper of the two is kept, 0 to 255; 0 as published."""
     atrbvh_bits: int | None
     """atrbvh: as hlbvh_bits, of the tree to begin with, 3 to 30; 0: a plain lbvh, as published."""
     treelet_size: int | None
@@ -55,12 +55,12 @@ class TreeOptions(TypedDict, total=False):
     distance: Literal["euclidean", "manhattan"] | None
     """kmeans: of the boxes' corners; with "manhattan", medians instead of means."""
     handed_up: int | None
-    """kmeans: subtrees that a node's treelet hands up, 0 to 64; 1 is the algorithm as published,
+    """kmeans: clusters that a node's treelet forwards to its parent's, 0 to 64; 1 as published,
     0 as many as a treelet can take."""
     aac_leaf_size: int | None
     """aac: fewer triangles are not halved any more, 2 to 128."""
     aac_epsilon: float | None
-    """aac: n triangles hand up some n^(0.5 - epsilon) nodes, 0 to 0.5."""
+    """aac: n triangles forward some n^(0.5 - epsilon) nodes, 0 to 0.5."""
 
 
 def builders() -> tuple[str, ...]:

@@ -119,7 +119,7 @@ class KaryTree:
 
     def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
         """Expected cost of a random line, for (traversal, intersection) costs, where a visit of a
-        node costs the same whatever its number of children."""
+        node costs the same for any number of children."""
         return float(self.statistics(cost)["sah_cost"])
 
     def __repr__(self) -> str:

@@ -131,8 +131,8 @@ class RayMeshIntersector:
             u, v = hits.u[index_ray], hits.v[index_ray]
         if not return_locations:
             return index_tri, index_ray
-        places = self._locations(origins[index_ray], directions[index_ray], index_tri, u, v)
-        return index_tri, index_ray, places
+        points = self._locations(origins[index_ray], directions[index_ray], index_tri, u, v)
+        return index_tri, index_ray, points
 
     def _all_hits(
         self, bvh: Bvh, starts: NDArray[np.float32], ways: NDArray[np.float32], max_hits: int
@@ -172,8 +172,8 @@ class RayMeshIntersector:
             t = np.einsum("ij,ij->i", a - origins, normal) / steep
             plain = np.abs(steep) > _GRAZING * np.linalg.norm(normal, axis=1)
         on_plane = origins + np.where(plain, t, 0.0)[:, None] * directions
-        places: NDArray[np.float64] = np.where(plain[:, None], on_plane, inside)
-        return places
+        points: NDArray[np.float64] = np.where(plain[:, None], on_plane, inside)
+        return points
 
     def intersects_first(
         self, ray_origins: ArrayLike, ray_directions: ArrayLike, **_kwargs: Any

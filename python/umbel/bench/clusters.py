@@ -197,7 +197,7 @@ def _metrics(arrays: _umbel.MeshArrays, made: Made, threads: int) -> dict[str, A
 
 
 def _frontier(name: str, arrays: _umbel.MeshArrays, threads: int) -> list[Row]:
-    """Fill against area: each library's own price of fill, from none to much."""
+    """Fill against area: each library's own penalty for low fill, from none to high."""
     rows = []
     for weight in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
         ours = _umbel.timed_cluster_mesh(

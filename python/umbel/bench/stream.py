@@ -1,4 +1,4 @@
-"""Streaming under a budget: a camera walks about an asset while its pages come over a line.
+"""Streaming under a budget: a camera moves around an asset while its pages load over a link.
 
 Time is simulated: 60 frames a second, and a line with a latency and a bandwidth. Each frame asks
 for errors of one pixel; it is *near* if nothing that it shows is more than one pixel worse than
@@ -54,7 +54,7 @@ COLUMNS = [
     Column("worst_step_ms", "worst step ms", ".3f"),
 ]
 LEGEND = (
-    "A camera walks round the asset at 60 frames a second, 1080 pixels high, and asks for errors "
+    "A camera moves around the asset at 60 frames a second, 1080 pixels high, and asks for errors "
     "of one pixel. Near: frames in which nothing is more than one pixel worse than that; first "
     "near: frames until the first such. Loaded / needed: bytes of pages that came over bytes of "
     "the pages that some frame needed; at once: those that the neediest frame needs, as a share of "
@@ -77,7 +77,7 @@ class Comparison:
         return {"rows": self.rows, "machine": self.machine.fields()}
 
 
-def walk(asset: Asset, frames: int) -> Iterator[Camera]:
+def camera_path(asset: Asset, frames: int) -> Iterator[Camera]:
     """Round the asset's box in a minute, nearer and farther, looking past its middle ahead."""
     low, high = (np.array(corner, np.float64) for corner in asset.info["bounds"])
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -105,7 +105,7 @@ def simulate(
     runs = len(assets) * len(lines) * len(budgets)
     for name, load in assets.items():
         asset = load()
-        cameras = list(walk(asset, frames))
+        cameras = list(camera_path(asset, frames))
         needed = _needed(asset, cameras)
         for line, link in lines.items():
             for budget in budgets:

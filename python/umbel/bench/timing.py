@@ -14,7 +14,7 @@ from umbel import _umbel
 from umbel.errors import Cancelled
 from umbel.geometry.repair import Progress
 
-RESOLUTION = 1e-6  # seconds: the clock's; whatever is faster took this
+RESOLUTION = 1e-6  # seconds: the clock's; anything faster took this
 BUSY_LOAD = 0.25  # of a core: more than this was going on beside the benchmark
 
 Result = TypeVar("Result")
@@ -37,7 +37,7 @@ class Span:
         )
 
     def __call__(self, fraction: float, what: str) -> None:
-        """Raises Cancelled if whoever is told wants no more."""
+        """Raises Cancelled if the callback wants no more."""
         if self._progress is None:
             return
         done = self._begin + (self._end - self._begin) * fraction

@@ -47,7 +47,7 @@ def naming_file(sentence: str, source: str | None, paths: Sequence[str]) -> str:
 
 def failure_object(sentence: str, source: Any) -> str:
     """What `--json` prints of a failure."""
-    from umbel.lod.metadata import plain
+    from umbel.plain_json import plain
 
     return json.dumps({"error": plain(sentence), "input": plain(source)})
 

@@ -1,4 +1,4 @@
-"""A progress bar on standard error, for whoever waits at a terminal."""
+"""A progress bar on standard error, on a terminal."""
 
 from __future__ import annotations
 

@@ -173,7 +173,7 @@ def is_asset(path: str | Path) -> bool:
 
 def show(result: dict[str, Any], as_json: bool, title: str) -> None:
     """The result: one JSON object, a table on a terminal, plain lines elsewhere."""
-    from umbel.lod.metadata import plain
+    from umbel.plain_json import plain
 
     result = plain(result)
     if not as_json:

@@ -58,7 +58,7 @@ def build_rows(built: Mapping[str, Any]) -> dict[str, str]:
 
 def print_rows(title: str, rows: Mapping[str, str]) -> None:
     """The lines on standard output: a table on a terminal, plain ones elsewhere."""
-    from umbel.lod.metadata import plain
+    from umbel.plain_json import plain
 
     if not sys.stdout.isatty():
         print(plain(title))

@@ -75,6 +75,7 @@ def _config(preset: str, max_items: int, **changes: Any) -> _umbel.ClusterConfig
 
 
 def cluster_mesh(
+    # Long: every setting is named and described here.
     mesh: Any,
     max_triangles: int = 128,
     max_vertices: int = 0,
@@ -97,12 +98,12 @@ def cluster_mesh(
     max_vertices: most unique vertices a cluster; 0 for no limit.
     preset: "quality" (lowest area), "fast", or "exact" (all clusters full but one). What it says
         is overridden by min_triangles, underfill_cost, overlap_cost, vertex_underfill_cost
-        (prices in [0, 1]), presplit_threshold (larger nodes are split without a sweep) and coarse
-        (groups of neighbours are split instead of triangles).
+        (penalties in [0, 1]), presplit_threshold (larger nodes are split without a sweep) and
+        coarse (groups of neighbours are split instead of triangles).
     shared_vertex_weight: what a vertex shared by two triangles weighs as a connection that a cut
         would break; 0 for no connections.
     method: "bisect", or "morton": the fastest, with three to four times the area, where only
-        max_triangles counts; or "hybrid": between them in price, and nearly as good as "bisect",
+        max_triangles counts; or "hybrid": between them in time, and nearly as good as "bisect",
         where max_triangles (up to 512), min_triangles and max_vertices count.
     """
     if method not in METHODS:
@@ -231,6 +232,7 @@ def cluster_bounds(
 
 
 def build_clusters(
+    # Long: every setting is named and described here.
     boxes: ArrayLike,
     max_items: int = 128,
     preset: str = "quality",
@@ -264,7 +266,7 @@ def build_clusters(
     item_vertices: (n, v) vertex indices of each item, which max_vertices and
         shared_vertex_weight need.
     segments: (s, 2) offset and count of item ranges that are clustered each by itself.
-    The limits and prices are those of `cluster_mesh`.
+    The limits and penalties are those of `cluster_mesh`.
     """
     config = _config(
         preset,

@@ -59,7 +59,7 @@ class FrameClusters:
         return int(self._native.count())
 
     def build(self, positions: ArrayLike) -> None:
-        """Clusters of these positions alone, whatever came before."""
+        """Clusters of these positions alone, without the last frame's order."""
         self._native.build(self._positions(positions), self._threads)
 
     def update(self, positions: ArrayLike) -> None:

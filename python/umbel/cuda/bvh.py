@@ -125,7 +125,7 @@ class Bvh(Queries):
         self._call("umbel_cuda_build_bvh", mesh, where)
 
     def build(self, positions: Any, *, stream: int | None = None) -> None:
-        """Builds anew, for other positions of as many vertices."""
+        """Builds again, for other positions of as many vertices."""
         where = current_stream(positions) if stream is None else stream
         self._call("umbel_cuda_build_bvh", mesh_struct(positions, self._source, where), where)
 

@@ -215,6 +215,7 @@ class Selector:
         )
 
     def select(
+        # Long: every setting is named and described here.
         self,
         transforms: Any,
         view: Any,

@@ -1,1 +1,1 @@
-"""Meshes, their cleaning, their place in the world, and the arrays that callers give."""
+"""Meshes, their cleaning, their origins, and the arrays that callers give."""

@@ -1,4 +1,4 @@
-"""From whatever holds a mesh to the arrays that the library reads, copying only where it must."""
+"""From anything that holds a mesh to the arrays that the library reads, without needless copies."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def extras_of(mesh: Mesh) -> tuple[list[tuple[int, int]], NDArray[np.float32] | 
 
 
 def _from_extras(arrays: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a Mesh in the place of `extras` and `extra_values`."""
+    """The fields of a Mesh instead of `extras` and `extra_values`."""
     extras, values = arrays.pop("extras", []), arrays.pop("extra_values", None)
     if not extras:
         return arrays

@@ -108,7 +108,7 @@ class Mesh:
 
     def _take_positions(self) -> None:
         array = _table(self.positions, 3, "positions")
-        # Types of which float32 holds every value need no more looking at.
+        # float32 holds every value of these types.
         if array.dtype.itemsize <= 2 or array.dtype == np.float32:
             self.positions = np.ascontiguousarray(array, np.float32)
             return

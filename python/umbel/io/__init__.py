@@ -89,7 +89,7 @@ def save(path: str | os.PathLike[str], mesh: object) -> None:
     """Writes a mesh (anything that `Mesh.from_any` takes) or a `Scene`: .glb, .gltf, .ply or .obj.
 
     glTF keeps everything: a scene's nodes, materials with their textures, joints, cameras, lights,
-    extras. What the other formats have no place for is one `umbel.LoadWarning`. The file is written
+    extras. What the other formats cannot hold is one `umbel.LoadWarning`. The file is written
     beside its name and renamed when whole, so a failure leaves nothing; so are the .bin of a .gltf
     and the .mtl and images of an .obj. Raises `umbel.Error` if the folder cannot be written, the
     disk is full or the extension is unknown. Positions, normals and UVs come back to the bit.
@@ -122,7 +122,7 @@ def _is_plain(file: Path) -> bool:
 
 
 def _sniffed(data: bytes) -> str:
-    """The format that the first bytes prove, or nothing."""
+    """The format that the first bytes show, or nothing."""
     if data[:4] == b"glTF":
         return ".glb"
     if data[:4] in (b"ply\n", b"ply\r", b"ply "):

@@ -78,7 +78,7 @@ def _keep_images(material: Material) -> None:
     for slot, image in list(material.images.items()):
         if image.path is None:
             continue
-        with contextlib.suppress(OSError):  # not fetched: whoever shows it says so
+        with contextlib.suppress(OSError):  # not fetched: showing it says so
             material.images[slot] = replace(image, data=image.path.read_bytes(), path=None)
 
 

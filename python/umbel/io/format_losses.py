@@ -1,4 +1,4 @@
-"""What formats with less to say than glTF have no place for, in words."""
+"""What formats that hold less than glTF lose, in words."""
 
 from __future__ import annotations
 

@@ -17,9 +17,9 @@ def fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64
     starts = np.cumsum(counts) - counts
     pieces = np.maximum(counts - 2, 0)
     parents = np.repeat(np.arange(len(counts)), pieces)
-    piece = np.arange(len(parents)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    corner = np.arange(len(parents)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     first = starts[parents]
-    return np.stack([first, first + piece + 1, first + piece + 2], axis=1), parents
+    return np.stack([first, first + corner + 1, first + corner + 2], axis=1), parents
 
 
 def strips(counts: NDArray[np.int64], values: NDArray[Any], restart: int | None) -> UInt32Array:
@@ -29,15 +29,15 @@ def strips(counts: NDArray[np.int64], values: NDArray[Any], restart: int | None)
     ends[np.cumsum(counts)] = True
     ends = ends[1:]  # the last index of each strip
     restarts = np.zeros(len(values), bool) if restart is None else values == restart
-    # The place in its own strip of each index, counted from the last break before it.
+    # The position of each index in its own strip, counted from the last break before it.
     breaks = np.zeros(len(values), bool)
     if len(values):
         breaks[0] = True
         breaks[1:] = ends[:-1] | restarts[:-1]
     last_break = np.maximum.accumulate(np.where(breaks, np.arange(len(values)), 0))
-    place = np.arange(len(values)) - last_break
-    last = np.flatnonzero((place >= 2) & ~restarts)
-    odd = place[last] % 2 == 1
+    position = np.arange(len(values)) - last_break
+    last = np.flatnonzero((position >= 2) & ~restarts)
+    odd = position[last] % 2 == 1
     a = np.where(odd, last - 1, last - 2)
     b = np.where(odd, last - 2, last - 1)
     out: UInt32Array = to_uint32(values)[np.stack([a, b, last], axis=1)]

@@ -24,7 +24,7 @@ _JSON_CHUNK = 0x4E4F534A
 def references(name: str, data: Any) -> list[str]:
     """The other files that a mesh file or a material library names, in its order, each once, as
     paths beside it. `name` is the file's own path; the others' are relative to the same folder.
-    What is damaged names none: whoever reads the file says so."""
+    Damaged files name none; reading them says so."""
     folder, name = posixpath.dirname(name), name.lower().removesuffix(".gz")
     found: Iterable[str] = ()
     if bytes(data[:4]) == b"glTF":

@@ -1,4 +1,4 @@
-"""A scene: meshes, the places where they stand, and all of it as the one mesh that is drawn."""
+"""A scene: meshes, their instances, and all of it as the one mesh that is drawn."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ class Scene:
                 f"the scene as drawn has {triangles} triangles on {vertices} vertices, more than "
                 f"32-bit indices can number"
             )
-        places = [(self.meshes[i.mesh], i.transform) for i in self.instances]
-        blocks = [transformed(mesh, matrix) for mesh, matrix in places]
+        drawn = [(self.meshes[i.mesh], i.transform) for i in self.instances]
+        blocks = [transformed(mesh, matrix) for mesh, matrix in drawn]
         flat = join(blocks, [(k, m.triangles, m.material_ids) for k, m in enumerate(blocks)])
-        if len(blocks) != 1 or blocks[0] is not places[0][0]:
-            flat = _far_from_zero(flat, places)
+        if len(blocks) != 1 or blocks[0] is not drawn[0][0]:
+            flat = _far_from_zero(flat, drawn)
         materials, ids = with_default(self.materials, flat.material_ids)
         return replace(
             flat,
@@ -82,17 +82,17 @@ class Scene:
 
     def _merged_tree(self, origin: Float64Array) -> dict[str, Any]:
         """`tree` for all of the scene as one mesh."""
-        used = {place.mesh for place in self.instances}
+        used = {instance.mesh for instance in self.instances}
         mesh = self.mesh_notes(used.pop()) if len(used) == 1 else {}
-        still = all(np.array_equal(place.transform, np.eye(4)) for place in self.instances)
-        owners = [place.node for place in self.instances]
+        still = all(np.array_equal(instance.transform, np.eye(4)) for instance in self.instances)
+        owners = [instance.node for instance in self.instances]
         return merged(self.tree, owners, None if still else origin, self.name, mesh)
 
     def stored_tree(self) -> dict[str, Any]:
         """`tree` with what says which of its nodes the meshes and instances are; {} where it says
         nothing."""
         notes = [self.mesh_notes(k) for k in range(len(self.meshes))]
-        out = with_instances(self.tree, [place.node for place in self.instances], notes)
+        out = with_instances(self.tree, [instance.node for instance in self.instances], notes)
         return {} if is_trivial(out) else out
 
     def merge_loss(self) -> str:
@@ -129,8 +129,8 @@ def scene_of(mesh: Mesh) -> Scene:
     if notes:
         extras = notes.get("extras", mesh.extras)
         named = replace(mesh, name=str(notes.get("name") or mesh.name), extras=extras)
-    places = [Instance(0, node=owner)]
-    return Scene([named], mesh.materials, places, mesh.name, mesh.cameras, tree)
+    drawn = [Instance(0, node=owner)]
+    return Scene([named], mesh.materials, drawn, mesh.name, mesh.cameras, tree)
 
 
 #: "this triangle has no material", until `with_default` gives it one.
@@ -227,7 +227,7 @@ def transformed(mesh: Mesh, matrix: Float64Array) -> Mesh:
 
 
 def place_skins(scene: Scene, exact: dict[int, NDArray[Any]]) -> None:
-    """Gives meshes that skins have placed in the world (index: positions before rounding) origins,
+    """Gives meshes that skins moved to the world (index: positions before rounding) origins,
     if the scene as a whole lies far from zero."""
     if not exact:
         return
@@ -240,14 +240,14 @@ def place_skins(scene: Scene, exact: dict[int, NDArray[Any]]) -> None:
 
 
 def _corners(scene: Scene) -> Float64Array:
-    """Least and greatest corners of the meshes where they stand, near enough."""
+    """Least and greatest corners of all instances, approximately."""
     found: list[Float64Array] = [np.zeros((0, 3))]
-    for place in scene.instances:
-        mesh = scene.meshes[place.mesh]
+    for instance in scene.instances:
+        mesh = scene.meshes[instance.mesh]
         if len(mesh.positions):
             box = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
             corners = Mesh(box, np.zeros((0, 3), np.uint32), origin=mesh.origin)
-            found.append(_world_points(corners, place.transform))
+            found.append(_world_points(corners, instance.transform))
     return np.concatenate(found)
 
 
@@ -257,14 +257,14 @@ def transformed_far(mesh: Mesh, matrix: Float64Array) -> Mesh:
     return mesh if moved is mesh else _far_from_zero(moved, [(mesh, matrix)])
 
 
-def _far_from_zero(flat: Mesh, places: list[tuple[Mesh, Float64Array]]) -> Mesh:
+def _far_from_zero(flat: Mesh, drawn: list[tuple[Mesh, Float64Array]]) -> Mesh:
     """What meshes make where matrices take them; their positions once more from doubles, and
     relative to an origin, if that lies far from zero."""
     if not (flat.origin.any() or is_far(flat.positions)):
         return flat
     with np.errstate(all="ignore"):
-        points = np.concatenate([_world_points(mesh, matrix) for mesh, matrix in places])
-    rounding = _together([_carried(mesh, matrix) for mesh, matrix in places])
+        points = np.concatenate([_world_points(mesh, matrix) for mesh, matrix in drawn])
+    rounding = _together([_carried(mesh, matrix) for mesh, matrix in drawn])
     return replace(flat, positions=points, origin=zero_origin(), rounding=rounding)
 
 

@@ -76,7 +76,7 @@ def build_lod(
     attributes: "auto" keeps normals, tangents, all sets of UVs, colours, joints and their weights,
         and weighs them in the error by the weights (`skin_weight`: how much each joint moves a
         vertex); "none" drops them. Materials stay either way.
-    keep_area: where many small parts (leaves, rubble) shrink or vanish, those that are left are
+    keep_area: where many small components (leaves, rubble) shrink or are removed, the others are
         enlarged until they cover as much area as before.
     mix_materials: clusters may mix materials, which are kept triangle by triangle. Borders between
         materials are held all the same.
@@ -84,8 +84,8 @@ def build_lod(
         colours, and different normals only: "protect" (they shorten along themselves, until
         nothing else is left to simplify), "allow" (what crossing them costs the attributes counts
         as error), or "ignore" (it costs nothing). Borders between materials are always kept.
-    refit_attributes: vertices that stay take the normals and colours that fit best to all that
-        they stand for.
+    refit_attributes: remaining vertices take the normals and colours that fit the collapsed ones
+        best.
     measured_error: errors are distances to the source in both directions, measured by samples,
         instead of sums of what each step moved; takes about twice as long.
     max_levels, stop_triangles, max_error: stop after so many levels (0: no limit), as soon as no

@@ -52,7 +52,7 @@ def instance_boxes(bounds: Sequence[Any], instances: Sequence[MeshInstance]) -> 
             continue
         low, high = np.array(bounds[mesh], np.float64)
         unit = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
-        with np.errstate(invalid="ignore"):  # whoever uses the boxes names what is not finite
+        with np.errstate(invalid="ignore"):  # what is not finite is refused later
             corners.append((low + unit * (high - low)) @ matrix[:3, :3].T + matrix[:3, 3])
     if not corners:
         return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))

@@ -16,7 +16,7 @@ from umbel.io.gltf.textures import Source, TextureReader, TextureTable
 from umbel.io.textures.images import TextureImage, beside, mime_type
 from umbel.io.textures.levels import add_levels
 from umbel.io.textures.packed import packed
-from umbel.lod.metadata import encode
+from umbel.plain_json import encode
 
 Json = dict[str, Any]
 

@@ -22,10 +22,10 @@ class Residency:
     budget: most bytes of pages, as they are in the file; those of the root groups count.
     loads_in_flight: pages asked for and not there yet.
     bytes_per_step, evictions_per_step: most that a step takes over and gives up.
-    groups_per_step: about how many groups a step looks at; what is left is looked at in the next.
-    hysteresis: how many times as much a page must be worth as one that it takes the place of.
+    groups_per_step: about how many groups a step evaluates; the others follow in the next.
+    hysteresis: a page replaces another only if its priority is so many times higher.
     attempts, backoff, slow: loads that fail, or take longer than `slow` seconds, are tried again
-        after `backoff` seconds, twice that, and so on, so many times; then the place stays coarse.
+        after `backoff` seconds, twice that, and so on, so many times; then the region stays coarse.
     threads: that read and check pages.
     link: instead of reading, simulate a line: its latency in seconds, its bytes a second, and the
         shares of loads that fail and that are ten times as slow. Its time is the steps' `now`.

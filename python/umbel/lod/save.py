@@ -16,7 +16,7 @@ from umbel.geometry.arrays import numbers, thread_count, whole
 from umbel.geometry.mesh import Material
 from umbel.geometry.origin import origin_of, relative_transform, zero_origin
 from umbel.lod.materials import write_materials
-from umbel.lod.metadata import encode
+from umbel.plain_json import encode
 
 if TYPE_CHECKING:
     from umbel.geometry.repair import Progress
@@ -49,7 +49,7 @@ class Savable:
         return said | ({"coordinates": self.coordinates} if self.coordinates else {})
 
     def _saved(self) -> dict[str, Any]:
-        """The arguments of `save_asset` for the meshes and what stands in the scene."""
+        """The arguments of `save_asset` for meshes, instances and scene."""
         raise NotImplementedError
 
     def save(

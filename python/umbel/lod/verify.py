@@ -1,4 +1,4 @@
-"""Proving that an asset is what it says."""
+"""Checking an asset: its file, tables, and the cuts that they give."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class VerifyReport:
 
     ok: bool
     cuts: int
-    """Random cuts looked at."""
+    """Random cuts that were checked."""
     cracks: int
     """Edges that are open in a cut and that the source does not allow."""
     overlaps: int

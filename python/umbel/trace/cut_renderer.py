@@ -24,7 +24,7 @@ from umbel.trace.shading import Environment, Shading, matching
 
 _PAGES = 1 / 6
 """Share of a budget that pages may take, as they are in the file, while the cut is chosen."""
-_BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_A_PLACE = 110, 12, 160, 60
+_BYTES_A_TRIANGLE, _BYTES_A_VERTEX, _BYTES_A_CLUSTER, _BYTES_AN_INSTANCE = 110, 12, 160, 60
 """What is traced takes, at most."""
 _MOST_UV_SETS = 7
 _CAMERA_RAYS, _OTHER_RAYS, _ALL_RAYS = 1, 2, 3
@@ -36,8 +36,8 @@ class CutRenderer(Renderer):
     camera: where from; its `height` and `pixel_error` say how fine.
     budget: most bytes of pages while the cut is chosen, and of what is traced afterwards. Where the
         cut would take more, errors are larger: `pixel_error` says what they became.
-    bounce_error: how many times the error may be for rays that bounce or look for light, which then
-        meet a cut of their own, and begin beyond what it may be away from the camera's.
+    bounce_error: how many times larger the error may be for bounce and shadow rays. They then trace
+        a cut of their own, and start beyond the distance that it may have to the camera's.
     hide: as `Renderer` has it, by clusters: where they mix materials, by that of most of their
         triangles.
     The rest is as `Renderer` has it.
@@ -71,31 +71,21 @@ class CutRenderer(Renderer):
         camera = camera.relative_to(self.origin)
         transforms = local_transforms(asset)
         meshes = [mesh for mesh, _ in all_instances(asset)]
-        self._places = list(zip(meshes, transforms, strict=True))
+        self._instances = list(zip(meshes, transforms, strict=True))
         residency = Residency(asset, max(int(budget * _PAGES), 1), groups_per_step=(1 << 32) - 1)
         factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
         self.pixel_error, self.estimate, tables = _settle(
-            residency, self._places, camera, budget, factors, hidden
+            residency, self._instances, camera, budget, factors, hidden
         )
         self.page_bytes = residency.statistics["resident_bytes"]
         residency.close()
-        count = len(self._places)
+        count = len(self._instances)
         for k, table in enumerate(tables):
-            table[:, 0] += k * count  # of as many places again
+            table[:, 0] += k * count  # the instances of the cut before come first
         kinds = [_ALL_RAYS] if len(tables) == 1 else [_CAMERA_RAYS, _OTHER_RAYS]
         pixel = 2 * math.tan(0.5 * camera.fov_y) / camera.height
         gap = 0.0 if len(tables) == 1 else sum(factors) * self.pixel_error * pixel
-        shading = Shading(
-            Mesh(
-                np.zeros((0, 3), np.float32),
-                np.zeros((0, 3), np.uint32),
-                uvs=np.zeros((0, 2), np.float32) if asset.info["uvs"] else None,
-                # Which of the further ones there are, clusters say.
-                uv_sets=[np.zeros((0, 2), np.float32)] * _MOST_UV_SETS,
-                material_ids=np.zeros(0, np.uint32),
-                materials=asset.materials,
-            )
-        )
+        shading = _shading_of(asset)
         self._scene = _umbel.cluster_scene(
             asset._native,
             np.concatenate(tables),
@@ -111,7 +101,7 @@ class CutRenderer(Renderer):
 
     @property
     def triangles(self) -> int:
-        """Triangles that are shown, each as often as it stands somewhere."""
+        """Triangles that are shown, once per instance."""
         return self._scene.placed_triangles
 
     @property
@@ -120,9 +110,24 @@ class CutRenderer(Renderer):
         return self._scene.bytes
 
 
+def _shading_of(asset: Asset) -> Shading:
+    """The materials of an asset, on a mesh without triangles that has every set of UVs: which of
+    them a cluster has, the cluster itself says."""
+    return Shading(
+        Mesh(
+            np.zeros((0, 3), np.float32),
+            np.zeros((0, 3), np.uint32),
+            uvs=np.zeros((0, 2), np.float32) if asset.info["uvs"] else None,
+            uv_sets=[np.zeros((0, 2), np.float32)] * _MOST_UV_SETS,
+            material_ids=np.zeros(0, np.uint32),
+            materials=asset.materials,
+        )
+    )
+
+
 def _settle(
     residency: Residency,
-    standing: list[tuple[int, Any]],
+    instances: list[tuple[int, Any]],
     camera: Camera,
     budget: int,
     factors: list[float],
@@ -134,13 +139,13 @@ def _settle(
     while True:
         needs, tables = 0, []
         for factor in factors:
-            fits = _load(residency, _views(standing, camera, factor * pixels))
-            clusters, triangles, vertices, placed = residency._native.cost()
+            fits = _load(residency, _views(instances, camera, factor * pixels))
+            clusters, triangles, vertices, drawn = residency._native.cost()
             needs += (
                 _BYTES_A_TRIANGLE * triangles
                 + _BYTES_A_VERTEX * vertices
                 + _BYTES_A_CLUSTER * clusters
-                + _BYTES_A_PLACE * placed
+                + _BYTES_AN_INSTANCE * drawn
             )
             tables.append(residency._native.table(hidden))
             if not fits or needs > budget:
@@ -167,12 +172,12 @@ def _load(residency: Residency, views: list[tuple[int, _umbel.View, None]]) -> b
 
 
 def _views(
-    standing: list[tuple[int, Any]], camera: Camera, pixels: float
+    instances: list[tuple[int, Any]], camera: Camera, pixels: float
 ) -> list[tuple[int, _umbel.View, None]]:
     eye = tuple(float(x) for x in camera.position)
     view = _umbel.view_camera(eye, camera.fov_y, camera.height, pixels)
-    rows = np.array([matrix for _, matrix in standing], np.float32).reshape(-1, 1, 12)
+    rows = np.array([matrix for _, matrix in instances], np.float32).reshape(-1, 1, 12)
     return [
         (mesh, _umbel.view_in_instance(view, row), None)
-        for (mesh, _), row in zip(standing, rows, strict=True)
+        for (mesh, _), row in zip(instances, rows, strict=True)
     ]

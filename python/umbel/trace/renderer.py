@@ -326,7 +326,7 @@ def _with_ground(
         uvs=grown(mesh.uvs, (0.0, 0.0)),
         colors=grown(mesh.colors, (1.0, 1.0, 1.0, 1.0)),
         uv_sets=[grown(uvs, (0.0, 0.0)) for uvs in mesh.uv_sets],
-        # Not looked at by the tracer, so not for the floor to have.
+        # The tracer does not read these, so the floor needs none.
         joints=None,
         weights=None,
         material_ids=np.concatenate([ids, np.full(len(faces), len(materials), np.uint32)]),

@@ -165,7 +165,7 @@ class Shading:
             su, sv = (float(x) for x in moved.get("scale", (1, 1)))
             return index, u, v, su, sv, float(moved.get("rotation", 0)), uv_set
         except (TypeError, ValueError):
-            self._say(f"material {material.name!r} places its {slot} texture by no numbers")
+            self._say(f"material {material.name!r}: no numbers transform its {slot} texture")
             return index, 0.0, 0.0, 1.0, 1.0, 0.0, uv_set
 
     def _texture(self, image: TextureImage, srgb: bool, name: str) -> int:

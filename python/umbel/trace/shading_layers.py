@@ -171,7 +171,7 @@ _RENDERED = {
 
 
 def is_unlit(material: Material) -> bool:
-    """Whether it shows its base colour whatever the light."""
+    """Whether it shows its base colour unlit."""
     return _UNLIT in material.extensions
 
 

@@ -54,7 +54,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def log_message(self, format: str, *args: object) -> None:
-        """Says nothing: requests are no news."""
+        """Logs nothing."""
 
     def do_GET(self) -> None:
         self._answer(with_body=True)

@@ -133,12 +133,12 @@ def draw_iterations(path: Path, rows: Sequence[Row]) -> None:
     _save(figure, path)
 
 
-def save_sketches(folder: Path, sketches: Mapping[str, NDArray[np.uint8]]) -> list[Path]:
+def save_previews(folder: Path, previews: Mapping[str, NDArray[np.uint8]]) -> list[Path]:
     """Writes grey pictures; the files written."""
     from PIL import Image
 
     written = []
-    for scene, grey in sketches.items():
+    for scene, grey in previews.items():
         path = _file(folder, scene, "views")
         with replacing(path) as file:
             Image.fromarray(grey).quantize(64).save(file, "PNG", optimize=True)

@@ -23,7 +23,7 @@ from umbel.accel.trees import Bvh2, build_bvh2
 from umbel.bench.bvh import kmeans as bvh_kmeans
 from umbel.bench.bvh.columns import MEANS
 from umbel.bench.bvh.methods import LARGE, PARTS, Effort, Method, compared_structures, methods
-from umbel.bench.bvh.paths import HEIGHT, WIDTH, View, path_view, sketch, trace
+from umbel.bench.bvh.paths import HEIGHT, WIDTH, View, path_view, preview, trace
 from umbel.bench.bvh.plant import plant
 from umbel.bench.bvh.scenes import COSTS, GENERATED, Kmeans, Scene, scene
 from umbel.bench.bvh.totals import cheapest, normalised
@@ -50,7 +50,7 @@ class Comparison:
     """Build time of k-means by stage."""
     iterations: list[Row] = field(default_factory=list)
     """SAH cost of k-means after some iterations."""
-    sketches: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
+    previews: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     """Of each scene: what its views show, side by side, in grey."""
 
     @property
@@ -112,7 +112,7 @@ def compare(
             trees = _built(on, effort, spans["builders"].part(0.0, 0.4))
             others = _structures(on, effort, spans["builders"].part(0.4, 0.5))
             found.rows += _rows(on, trees, others, effort, spans["builders"].part(0.5, 1.0))
-            found.sketches[name] = _sketches(on, trees[0].result, threads)
+            found.previews[name] = _previews(on, trees[0].result, threads)
         if "stages" in spans:
             found.stages += bvh_kmeans.stage_rows(name, on.mesh, runs, spans["stages"])
         if "iterations" in spans:
@@ -210,9 +210,9 @@ def _views(on: Scene, tree: Bvh2, effort: Effort) -> list[View]:
     ]
 
 
-def _sketches(on: Scene, tree: Bvh2, threads: int) -> NDArray[np.uint8]:
+def _previews(on: Scene, tree: Bvh2, threads: int) -> NDArray[np.uint8]:
     bvh = Bvh.from_tree(tree, on.mesh, threads=threads)
-    return np.hstack([sketch(bvh, on.mesh, camera) for camera in on.cameras])
+    return np.hstack([preview(bvh, on.mesh, camera) for camera in on.cameras])
 
 
 def clock_of(threads: int) -> Callable[[], float]:

@@ -142,7 +142,7 @@ def _through(camera: TraceCamera, x: Floats, y: Floats) -> Rays:
     return _rays(np.broadcast_to(position, directions.shape), directions)
 
 
-def sketch(
+def preview(
     structure: TriangleQueries, mesh: Mesh, camera: TraceCamera, height: int = 180
 ) -> NDArray[np.uint8]:
     """(height, height * 4 / 3) grey: what a camera sees, shaded by the slope of the surface."""

@@ -1,6 +1,6 @@
 """A large scene to measure with: a power station on hilly ground.
 
-Few shapes, each baked many times at its place, as exporters of CAD scenes write them: beams of
+Few shapes, each baked into many positions, as exporters of CAD scenes write them: beams of
 twelve long triangles beside pipes and tanks of thousands of small ones. Long triangles at odd
 angles, and sizes that differ by four orders of magnitude, are what tells hierarchies apart.
 """
@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 GROUND = 600.0
 """Length of a side of the ground; heights are along y."""
 BUILT = 360.0
-"""Length of a side of the middle of it, where the plant stands."""
+"""Length of a side of the middle of it, where the plant is."""
 _STREETS = 40.0
 _HILLS = 0.1  # times the heights of shapes.terrain
 
@@ -94,10 +94,10 @@ def _copies(kind: _Kind, count: int, ground: Mesh, dice: np.random.Generator) ->
     block = np.round(at / _STREETS) * _STREETS
     at = block + (dice.random((count, 2)) - 0.5) * _STREETS * 0.7
     above = dice.random(count) ** 2 * kind.up_to + scale[:, 1] / 2
-    place = np.stack([at[:, 0], _heights(ground, at) + above, at[:, 1]], axis=1)
+    position = np.stack([at[:, 0], _heights(ground, at) + above, at[:, 1]], axis=1)
     axes = _orientations(count, kind.tilted, dice)
     points = kind.shape.positions.astype(np.float64)
-    baked = np.einsum("pj,nj,nij->npi", points, scale, axes) + place[:, None, :]
+    baked = np.einsum("pj,nj,nij->npi", points, scale, axes) + position[:, None, :]
     first = (np.arange(count) * len(points))[:, None, None]
     return Mesh(
         baked.reshape(-1, 3).astype(np.float32),

@@ -89,4 +89,4 @@ def write(found: Comparison, folder: Path) -> list[Path]:
     if not charts.available():
         return written
     drawn = bvh_charts.draw(folder, found.rows, found.stages, found.iterations)
-    return written + drawn + bvh_charts.save_sketches(folder, found.sketches)
+    return written + drawn + bvh_charts.save_previews(folder, found.previews)

@@ -110,5 +110,7 @@ def _cameras(mesh: Mesh, texts: Sequence[str], threads: int) -> list[TraceCamera
         return [renderer.camera(text, WIDTH, HEIGHT) for text in texts]
     camera = renderer.camera("auto", WIDTH, HEIGHT)
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
-    place = np.array(camera.position)
-    return views_around(camera, bool((low < place).all() and (place < high).all()), (0, 120, 240))
+    position = np.array(camera.position)
+    return views_around(
+        camera, bool((low < position).all() and (position < high).all()), (0, 120, 240)
+    )

@@ -14,10 +14,10 @@ LQ, HQ = 8, 128
 def normalised(rows: Sequence[Row]) -> list[Row]:
     """The rows with their total times, and with ratios to the full sweep of the same scene and
     width, whose build counts as nothing."""
-    swept = {(row["scene"], row["width"]): row for row in rows if row["builder"] == BASELINE}
+    baseline = {(row["scene"], row["width"]): row for row in rows if row["builder"] == BASELINE}
     found = []
     for row in rows:
-        to = swept[row["scene"], row["width"]]
+        to = baseline[row["scene"], row["width"]]
         made = row["build_seconds"] + row["widen_seconds"]
         found.append(
             {

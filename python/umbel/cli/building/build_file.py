@@ -60,7 +60,7 @@ class Options:
             parse_precision(self.precision)
 
     def plain(self) -> dict[str, Any]:
-        """As it stands in an asset's metadata."""
+        """As an asset's metadata store it."""
         return {**asdict(self), "group_size": list(self.group_size)}
 
     def settings(self) -> dict[str, Any]:
@@ -158,7 +158,7 @@ def _is_current(output: Path, origin: dict[str, Any]) -> bool:
     if found is None or origin["sha256"] is None:
         return False
     from umbel import __version__
-    from umbel.lod.metadata import plain
+    from umbel.plain_json import plain
 
     source = found.get("source", {})
     same = all(source.get(key) == value for key, value in plain(origin).items())

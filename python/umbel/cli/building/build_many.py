@@ -79,7 +79,7 @@ def _own(answer: dict[str, Any]) -> dict[str, Any]:
 def _report(answer: dict[str, Any], as_json: bool, bar: Bar) -> None:
     """A file's line: its object with --json, else only what is wrong with it."""
     if as_json:
-        from umbel.lod.metadata import plain
+        from umbel.plain_json import plain
 
         print(json.dumps(plain(answer), allow_nan=False), flush=True)
     if answer["status"] == "failed":
@@ -124,7 +124,7 @@ class _Done:
         if self.failed:
             rows["failed"] = f"{counted(len(self.failed), 'file')}: {self._names()}"
         if self.warnings > _LISTED:
-            rows["warnings"] = f"{self.warnings:,}, of which {_LISTED} are above; --json has all"
+            rows["warnings"] = f"{self.warnings:,}; the first {_LISTED} are above, --json has all"
         if left:
             rows["not finished"] = counted(left, "file")
         rows["in"] = f"{seconds:.1f} s"

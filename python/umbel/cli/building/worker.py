@@ -19,7 +19,7 @@ from umbel.cli.run import hear, heard, sentence_of
 
 def main() -> None:
     """Works until there are no more jobs."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever gives the jobs ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that gives the jobs ends this one
     signal.signal(signal.SIGTERM, _stop)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
@@ -38,7 +38,7 @@ def _work(jobs: IO[str], answers: IO[str]) -> None:
 
 
 def _answer(job: dict[str, Any]) -> dict[str, Any]:
-    from umbel.lod.metadata import plain
+    from umbel.plain_json import plain
 
     source, output = job["input"], job["output"]
     try:

@@ -85,6 +85,7 @@ _BVH_FLAGS = {
 @app.command()
 @ends_cleanly(_BVH_FLAGS)
 def bvh(
+    # Long: typer reads the flags and their help from the signature.
     scenes: Annotated[
         list[Path] | None,
         typer.Argument(metavar="SCENES", help="Meshes; without any, a generated one."),
@@ -177,7 +178,7 @@ def lod(
     threads: Threads = 0,
 ) -> None:
     """Levels of detail: how far cuts of 10 %, 1 % and 0.1 % of the triangles are from the mesh,
-    beside meshoptimizer's clusterlod.h. Each is built on one thread, whatever --threads says."""
+    beside meshoptimizer's clusterlod.h. Each is built on one thread: --threads is ignored."""
     _check(inputs or [], output)
 
     from umbel.bench import charts
@@ -218,7 +219,7 @@ def stream(
         typer.Argument(metavar="INPUT", help="Assets or meshes; without any, a blob."),
     ] = None,
     seconds: Annotated[
-        float, typer.Option(min=0.1, metavar="S", help="That the camera walks.")
+        float, typer.Option(min=0.1, metavar="S", help="Simulated seconds of the camera's path.")
     ] = 20.0,
     output: Folder = None,
     as_json: Json = False,

@@ -54,6 +54,7 @@ class SeamRule(str, enum.Enum):
 
 @ends_cleanly(_FLAGS)
 def command(
+    # Long: typer reads the flags and their help from the signature.
     inputs: Annotated[
         list[str],
         typer.Argument(
@@ -95,7 +96,7 @@ def command(
     instances: Annotated[
         Instances,
         typer.Option(
-            help="Of a scene: keep its meshes and the places where they stand apart, or make one "
+            help="Of a scene: keep its meshes and their instances apart, or make one "
             "mesh of all that is drawn; auto: apart if that is more than twice what is stored."
         ),
     ] = Instances.auto,

@@ -37,6 +37,7 @@ def _knob(metavar: str | None, text: str) -> Any:
 
 @ends_cleanly(FLAGS)
 def command(
+    # Long: typer reads the flags and their help from the signature.
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
     ],
@@ -86,19 +87,20 @@ def command(
         bool, _knob(None, "kmeans: the clusters themselves, up to K children a node.")
     ] = False,
     handed_up: Annotated[
-        int | None, _knob("N", "kmeans: nodes a treelet hands up, 0 to 64; 1 as published.")
+        int | None, _knob("N", "kmeans: nodes a treelet forwards, 0 to 64; 1 as published.")
     ] = None,
     aac_leaf_size: Annotated[
         int | None, _knob("N", "aac: fewer triangles are not halved any more, 2 to 128.")
     ] = None,
     aac_epsilon: Annotated[
-        float | None, _knob("E", "aac: n triangles hand up some n^(0.5-E) nodes, 0 to 0.5.")
+        float | None, _knob("E", "aac: n triangles forward some n^(0.5-E) nodes, 0 to 0.5.")
     ] = None,
     ploc_radius: Annotated[
         int | None, _knob("N", "ploc: neighbours searched each way, 1 to 128.")
     ] = None,
     ploc_sweep: Annotated[
-        int | None, _knob("N", "ploc: swept above so many triangles, 0 to 255; 0 as published.")
+        int | None,
+        _knob("N", "ploc: full sweep above so many triangles, 0 to 255; 0 as published."),
     ] = None,
     atrbvh_bits: Annotated[
         int | None, _knob("N", "atrbvh: as --hlbvh-bits, to begin with; 0 as published.")

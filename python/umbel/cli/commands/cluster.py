@@ -56,6 +56,7 @@ _FLAGS = {
 
 @ends_cleanly(_FLAGS)
 def command(
+    # Long: typer reads the flags and their help from the signature.
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
     ],
@@ -64,7 +65,7 @@ def command(
     ] = Method.bisect,
     device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
     preset: Annotated[
-        Preset, typer.Option(help="Where limits and prices start from.")
+        Preset, typer.Option(help="Where limits and penalties start from.")
     ] = Preset.quality,
     max_triangles: Annotated[
         int, typer.Option(metavar="N", help="Most triangles a cluster.")
@@ -89,7 +90,7 @@ def command(
         typer.Option(metavar="N", help="Halve larger parts without a search; 0: never."),
     ] = None,
     weights: Annotated[
-        Weights, typer.Option(help="What keeps triangles together besides place.")
+        Weights, typer.Option(help="What keeps triangles together besides their positions.")
     ] = Weights.none,
     output: Annotated[
         Path | None,

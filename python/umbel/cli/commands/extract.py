@@ -49,7 +49,7 @@ def command(
     shown = asset.scene_cuts(error=error, triangles=triangles, level=level)
     scene = asset.scene_of(shown)
     save(output, scene)
-    meshes = [scene.meshes[place.mesh] for place in scene.instances]
+    meshes = [scene.meshes[instance.mesh] for instance in scene.instances]
     result = {
         "input": path,
         "output": str(output),

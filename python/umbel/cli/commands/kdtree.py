@@ -17,6 +17,7 @@ from umbel.cli.structures import FLAGS, parse_cost, ray_speeds
 
 @ends_cleanly(FLAGS)
 def command(
+    # Long: typer reads the flags and their help from the signature.
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
     ],

@@ -49,6 +49,7 @@ _FLAGS = {
 
 @ends_cleanly(_FLAGS)
 def command(
+    # Long: typer reads the flags and their help from the signature.
     source: Annotated[
         str, typer.Argument(metavar="INPUT", help="Mesh (.glb .gltf .obj .ply .stl) or asset.")
     ],

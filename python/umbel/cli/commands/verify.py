@@ -1,4 +1,4 @@
-"""`umbel verify`: proves an asset."""
+"""`umbel verify`: checks an asset."""
 
 from __future__ import annotations
 

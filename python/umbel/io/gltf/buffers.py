@@ -252,15 +252,15 @@ class Buffers:
     def _with_sparse(self, values: NDArray[Any], sparse: Json, name: str) -> NDArray[Any]:
         name = f"{name}.sparse"
         count = self.number(sparse, "count", name)
-        places, entries = sparse.get("indices"), sparse.get("values")
-        if places is None or entries is None:
+        indices, entries = sparse.get("indices"), sparse.get("values")
+        if indices is None or entries is None:
             raise Error(f"{self.where}: {name} lacks its indices or values")
-        kind = _COMPONENTS.get(places.get("componentType", 0))
+        kind = _COMPONENTS.get(indices.get("componentType", 0))
         if kind is None or kind[1] != "u":
             raise Error(f"{self.where}: {name} has indices of no integer type")
         at = self._strided(
-            places.get("bufferView"),
-            self.number(places, "byteOffset", name, 0), count, kind, 1, name,
+            indices.get("bufferView"),
+            self.number(indices, "byteOffset", name, 0), count, kind, 1, name,
         )[:, 0]  # fmt: skip
         new = self._strided(
             entries.get("bufferView"),

@@ -35,7 +35,7 @@ def read_camera(entry: Json, name: str, world: Float64Array) -> Camera | None:
     position = world[:3, 3]
     if not (np.isfinite([*position, *forward, *up]).all() and 0.0 < fov_y < np.pi):
         return None
-    # One part in a thousand of where it stands, so that single precision keeps the direction.
+    # One part in a thousand of its distance, so that single precision keeps the direction.
     target = position + forward * max(1.0, 1e-3 * float(np.abs(position).max()))
     return Camera(
         tuple(position.tolist()),

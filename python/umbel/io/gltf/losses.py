@@ -42,7 +42,7 @@ def losses(root: Json, drawn: Iterable[Json], extensions: set[str]) -> Iterator[
 
 
 def _attributes(attributes: Json) -> set[str]:
-    """Those that a Mesh has no place for."""
+    """Those that a Mesh cannot hold."""
     lost = set(attributes) - _PLAIN - _SKIN
     for kind, most in (("TEXCOORD", 8), ("JOINTS", 3)):
         sets = [k for k in range(most) if f"{kind}_{k}" in attributes]

@@ -138,7 +138,7 @@ def texture_sets(entry: Any) -> int:
 
 
 def extensions_in(value: Any) -> set[str]:
-    """The names of all extensions anywhere in a piece of glTF's JSON."""
+    """The names of all extensions anywhere in a part of glTF's JSON."""
     if isinstance(value, list):
         return set().union(*(extensions_in(item) for item in value))
     if not isinstance(value, dict):

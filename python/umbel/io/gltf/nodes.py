@@ -12,7 +12,7 @@ from umbel.io.gltf.buffers import Buffers, Json
 
 
 class Nodes:
-    """World matrices of all nodes, whatever scene they belong to (joints may be in none)."""
+    """World matrices of all nodes, of any scene or none (as joints may be)."""
 
     def __init__(self, buffers: Buffers) -> None:
         self.buffers = buffers

@@ -50,7 +50,7 @@ _UNDERSTOOD = {
     "KHR_xmp_json_ld",
     "KHR_node_visibility",
 }
-#: Extensions that change how a surface looks, never where it is.
+#: Extensions that change shading, but not geometry.
 _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _WIDTHS = {"POSITION": 3, "NORMAL": 3, "TANGENT": 4}
@@ -371,7 +371,7 @@ def _apply_skin(
         raise Error(f"{where}: {name} has joints and weights that do not fit each other")
     if index.size and int(index[weight != 0].max(initial=0)) >= len(joints):
         raise Error(f"{where}: {name} names joint {int(index.max())} of {len(joints)}")
-    if (joints == np.eye(4)).all():  # bound as it stands: every bit stays
+    if (joints == np.eye(4)).all():  # bound in this pose: every bit stays
         return arrays["POSITION"].astype(np.float64)
     index = np.where(weight != 0, index, 0)
     matrix = np.zeros((len(index), 3, 4))

@@ -28,9 +28,9 @@ class Skin:
             named.append(len(nodes) - 1)
         #: The nodes that are joints, each once.
         self.joints = list(dict.fromkeys(named))
-        places = {node: place for place, node in enumerate(self.joints)}
-        #: The place in `joints` of each of the source's numbers.
-        self.numbers: UInt32Array = np.array([places[node] for node in named], np.uint32)
+        slots = {node: slot for slot, node in enumerate(self.joints)}
+        #: The index in `joints` of each of the source's numbers.
+        self.numbers: UInt32Array = np.array([slots[node] for node in named], np.uint32)
         self.name = next((s["name"] for s in skins if s.get("name")), "")
         #: The joint of vertices that no other moves.
         self.still = 0
@@ -46,12 +46,12 @@ class Skin:
         every = worlds(nodes)
         return all(np.linalg.cond(every[k][:3, :3]) < 1e12 for k in self.joints)
 
-    def write(self, arrays: Arrays, every: Sequence[Float64Array], placed: Float64Array) -> int:
-        """The number of the skin for a mesh that shall be seen as the matrix `placed` puts it;
+    def write(self, arrays: Arrays, every: Sequence[Float64Array], world: Float64Array) -> int:
+        """The number of the skin for a mesh that is drawn at the matrix `world`;
         `every` are the world matrices of all nodes."""
-        key = placed.tobytes()
+        key = world.tobytes()
         if key not in self._made:
-            inverse = np.array([np.linalg.inv(every[k]) @ placed for k in self.joints])
+            inverse = np.array([np.linalg.inv(every[k]) @ world for k in self.joints])
             inverse[:, 3] = (0, 0, 0, 1)
             columns = inverse.transpose(0, 2, 1).reshape(-1, 16)
             skin: Json = {"inverseBindMatrices": arrays.array(columns, "MAT4")}

@@ -1,4 +1,4 @@
-"""Textures of glTF: an image, how it is filtered and repeated, and what stands in for it where a
+"""Textures of glTF: an image, how it is filtered and repeated, and what replaces it where a
 reader does not know its format."""
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What a glTF file says of its scene beside geometry and materials: the tree of nodes with names,
 extras, cameras and lights, its skins' joints, and who made it.
 
-It is kept as glTF's own JSON (docs/format.md, section SCEN). Where meshes stand apart, a node's
-`instances` are the range of instances that it draws.
+It is kept as glTF's own JSON (docs/format.md, section SCEN). Where instances are kept apart, a
+node's `instances` are the range of instances that it draws.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ import numpy as np
 from umbel.errors import Error, warn_lost
 from umbel.io.files import write_all
 from umbel.io.gltf.arrays import Arrays, Json
+from umbel.io.gltf.attach import attach
 from umbel.io.gltf.materials import extensions_in, texture_sets, write_material
-from umbel.io.gltf.placing import place
 from umbel.io.gltf.primitives import write_primitives
 from umbel.io.gltf.skins import Skin, common_root, has_joints
 from umbel.io.gltf.textures import TextureTable
@@ -23,7 +23,7 @@ from umbel.io.gltf.tree import check_tree, worlds
 from umbel.io.scene import Instance, Scene
 from umbel.io.textures.images import TextureImage, decode, mime_type
 from umbel.io.textures.packed import packed
-from umbel.lod.metadata import plain
+from umbel.plain_json import plain
 
 _MOST_BYTES = 0xFFFFFFFF
 
@@ -108,18 +108,18 @@ class _Writer:
 
     def _place(self, instance: Instance) -> None:
         mesh = self.scene.meshes[instance.mesh]
-        placed = np.array(instance.transform, np.float64)
-        placed[:3, 3] += placed[:3, :3] @ mesh.origin
+        world = np.array(instance.transform, np.float64)
+        world[:3, 3] += world[:3, :3] @ mesh.origin
         entry: Json = {"mesh": self._mesh(instance.mesh)}
         if instance.name:
             entry["name"] = instance.name
         if self.skin is None or not has_joints(mesh):
-            place(self.nodes, self.roots, self.every, instance.node, placed, entry)
+            attach(self.nodes, self.roots, self.every, instance.node, world, entry)
             return
-        # What stands where its joints are stands nowhere else: its node's place counts for nothing.
-        entry["skin"] = self.skin.write(self.arrays, self.every, placed)
+        # Joints alone say where a skinned mesh is; its node's matrix does not count.
+        entry["skin"] = self.skin.write(self.arrays, self.every, world)
         where = np.eye(4) if instance.node is None else self.every[instance.node]
-        place(self.nodes, self.roots, self.every, instance.node, where, entry)
+        attach(self.nodes, self.roots, self.every, instance.node, where, entry)
 
     def _mesh(self, index: int) -> int:
         if index not in self._numbers:

@@ -50,7 +50,7 @@ class _Statements:
     def __init__(self, material: Material, folder: Folder | None, where: str) -> None:
         self.material = material
         self._folder, self._where = folder, where
-        self._has_roughness = False  # of its own: then no exponent stands for it
+        self._has_roughness = False  # of its own: then the exponent does not count
 
     def take(self, key: str, words: list[str], line: str) -> None:
         material, values = self.material, _some_floats(words)

@@ -96,7 +96,7 @@ class MtlWriter:
         return lines
 
     def _options(self, info: dict[str, Any], slot: str, image: TextureImage) -> str | None:
-        """How the map is placed; None where OBJ cannot say it."""
+        """The map's transform; None where OBJ cannot express it."""
         moved = (info.get("extensions") or {}).get("KHR_texture_transform") or {}
         if moved.get("texCoord", info.get("texCoord", 0)) or moved.get("rotation", 0):
             return None
@@ -116,7 +116,7 @@ class MtlWriter:
         return out + (" -clamp on" if image.wrap_u == image.wrap_v == "clamp" else "")
 
     def _scaled(self, values: NDArray[np.float64], kind: str, image: TextureImage) -> str:
-        """An image of one channel, times the material's factor: in OBJ a map stands for it."""
+        """An image of one channel, times the material's factor: in OBJ a map replaces it."""
         from PIL import Image
 
         out = io.BytesIO()

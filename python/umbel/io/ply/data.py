@@ -60,7 +60,7 @@ def read_tables(data: bytes, where: str) -> dict[str, Columns]:
     header, and warns of data after the last element."""
     byte_order, elements, body, data = _header(data, where)
     columns: dict[str, Columns] = {}
-    place = _Place(data, where, body, byte_order == "=")
+    place = _Position(data, where, body, byte_order == "=")
     if byte_order == "=":
         values = numbers(data[body:], None, where, first_line=line_at(data, body))
         at = 0
@@ -86,7 +86,7 @@ def _warn(sentence: str) -> None:
 
 
 @dataclass
-class _Place:
+class _Position:
     """Where in a file something is: a byte, or in ASCII a number, whose line is named."""
 
     data: bytes
@@ -156,14 +156,14 @@ def _property(words: list[str], line: str, place: str) -> _Property:
 # --- elements ---------------------------------------------------------------------------------
 
 
-def _short(element: Element, rows: int, at: int, place: _Place) -> Error:
+def _short(element: Element, rows: int, at: int, place: _Position) -> Error:
     return Error(
         f"{place.named(at)}: the file is cut short or corrupt: the header says {element.count} of "
         f"element {element.name!r}, the data holds {rows}"
     )
 
 
-def _bad_count(element: Element, row: int, count: float, at: int, place: _Place) -> Error:
+def _bad_count(element: Element, row: int, count: float, at: int, place: _Position) -> Error:
     return Error(
         f"{place.named(at)}: a list of element {element.name!r}, row {row}, has length {count:g}"
     )
@@ -182,7 +182,7 @@ def _dtype(element: Element, byte_order: str, lengths: list[int]) -> np.dtype[An
 
 
 def _binary_element(
-    data: bytes, start: int, element: Element, byte_order: str, place: _Place
+    data: bytes, start: int, element: Element, byte_order: str, place: _Position
 ) -> tuple[Columns, int]:
     if not element.properties or not element.count:
         return {p.name: _empty(p) for p in element.properties}, start
@@ -239,7 +239,7 @@ def _uniform_rows(
 
 
 def _ragged_rows(
-    data: bytes, start: int, element: Element, byte_order: str, place: _Place
+    data: bytes, start: int, element: Element, byte_order: str, place: _Position
 ) -> tuple[Columns, int]:
     """Rows whose lists differ in length: found one by one, then gathered all at once."""
     sizes = [np.dtype(p.type).itemsize for p in element.properties]
@@ -314,7 +314,7 @@ def _gather(
 
 
 def _ascii_element(
-    values: NDArray[Any], start: int, element: Element, place: _Place
+    values: NDArray[Any], start: int, element: Element, place: _Position
 ) -> tuple[Columns, int]:
     if not element.properties or not element.count:
         return {p.name: _empty(p) for p in element.properties}, start

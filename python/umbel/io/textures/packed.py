@@ -23,7 +23,7 @@ Texels = NDArray[np.uint8]
 
 
 def packed(material: Material) -> tuple[Material, list[str]]:
-    """The material with textures in glTF's slots alone, and what has no place in them."""
+    """The material with textures in glTF's slots alone, and what these cannot hold."""
     if not any(slot in material.images for slot in _SLOTS):
         return material, []
     images, textures = dict(material.images), dict(material.textures)
@@ -69,7 +69,7 @@ def _add_mask(material: Material, mask: TextureImage, info: dict[str, Any]) -> N
 def _add_metal(
     out: Material, material: Material, rough: TextureImage | None, metal: TextureImage | None
 ) -> None:
-    """In OBJ a map stands for the factor, in glTF they are multiplied."""
+    """In OBJ a map replaces the factor, in glTF they are multiplied."""
     planes = [None if image is None else image.texels()[..., 0] for image in (rough, metal)]
     size = np.max([plane.shape for plane in planes if plane is not None], axis=0)
     texels = np.full((*size, 3), 255, np.uint8)

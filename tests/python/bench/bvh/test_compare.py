@@ -248,10 +248,10 @@ def test_camera_rays_pass_through_the_pixels(blob: umbel.Mesh) -> None:
     assert 0.98 * corner < angles.max() <= corner + 1e-3
 
 
-def test_sketches_show_the_silhouette() -> None:
+def test_previews_show_the_silhouette() -> None:
     ball = umbel.shapes.sphere(5)
     made = scene("ball", lambda: ball)
-    grey = paths.sketch(umbel.Bvh(ball), ball, made.cameras[0])
+    grey = paths.preview(umbel.Bvh(ball), ball, made.cameras[0])
     assert grey.shape == (180, 240) and (grey[0] == 255).all() and grey[90, 120] < 255
     # The ball just fills the picture: its disc, and nothing else, is darker than the sky.
     share = np.pi / 4 * (1 - 0.06) ** 2 * 180**2 / grey.size

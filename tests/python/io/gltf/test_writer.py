@@ -13,7 +13,7 @@ import umbel
 from helpers.gltf_builder import GltfBuilder
 from helpers.gltf_files import binary_of, json_of, validator_errors
 from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, corners
-from umbel.io.gltf.placing import same_place
+from umbel.io.gltf.attach import same_matrix
 from umbel.io.gltf.reader import read_root
 from umbel.io.gltf.tree import worlds
 
@@ -304,10 +304,10 @@ def test_places_differ_by_more_than_rounding() -> None:
     near, off = matrix.copy(), matrix.copy()
     near[0, 3] += 1e-8
     off[0, 3] += 1e-3
-    assert same_place(matrix, near) and not same_place(matrix, off)
+    assert same_matrix(matrix, near) and not same_matrix(matrix, off)
     turned = matrix.copy()
     turned[0, 1] = 1e-5
-    assert not same_place(matrix, turned)
+    assert not same_matrix(matrix, turned)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
-"""Instances as nodes of a glTF file that is written: on the nodes that they are from, where those
-stand in their places, or below them."""
+"""Instances as nodes of a glTF file that is written: on the node that each comes from where that
+has the same matrix, else below it."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ from umbel.geometry.mesh import Float64Array
 from umbel.io.gltf.arrays import Json
 
 _SAME = 2.0**-40
-"""Two places are the same if they differ by less, beside their largest entry."""
+"""Two matrices are the same if they differ by less, relative to their largest entry."""
 _INVERTIBLE = 1e10
 
 
-def place(
+def attach(
     nodes: list[Json],
     roots: list[int],
     every: Sequence[Float64Array],
     owner: int | None,
-    placed: Float64Array,
+    matrix: Float64Array,
     entry: Json,
 ) -> int:
-    """Gives a mesh (`entry`: what its node says of it) a node at `placed`, and returns that. Its
+    """Gives a mesh (`entry`: what its node says of it) a node at `matrix`, and returns that. Its
     `owner` in the tree is the node, or the parent of a new one; `every` are the world matrices of
     the tree."""
     if owner is not None:
         world = every[owner]
-        if same_place(world, placed) and "mesh" not in nodes[owner]:
+        if same_matrix(world, matrix) and "mesh" not in nodes[owner]:
             nodes[owner] |= {k: v for k, v in entry.items() if k != "name"}
             return owner
         if np.linalg.cond(world) < _INVERTIBLE:
-            made = _nodes_at(nodes, np.linalg.inv(world) @ placed, entry)
+            made = _nodes_at(nodes, np.linalg.inv(world) @ matrix, entry)
             nodes[owner]["children"] = [*nodes[owner].get("children", []), made]
             return made
-    made = _nodes_at(nodes, placed, entry)
+    made = _nodes_at(nodes, matrix, entry)
     roots.append(made)
     return made
 
 
-def same_place(a: Float64Array, b: Float64Array) -> bool:
-    """Whether two matrices are the same but for rounding: turns and stretches, and moves, each
-    beside the largest of their own."""
+def same_matrix(a: Float64Array, b: Float64Array) -> bool:
+    """Whether two matrices are the same but for rounding: the linear part and the translation, each
+    relative to its own largest entry."""
     for part in (np.s_[:3, :3], np.s_[:3, 3]):
         most = max(float(np.abs(a[part]).max()), float(np.abs(b[part]).max()))
         if not np.abs(a[part] - b[part]).max() <= _SAME * most:
