@@ -2,15 +2,16 @@ import { existsSync } from "node:fs";
 import { defineConfig } from "@playwright/test";
 
 const CHROMIUM = process.env.UMBEL_CHROMIUM ?? "/usr/bin/chromium";
-const isLeftOut = !existsSync(CHROMIUM) && !process.env.CI;
-if (isLeftOut) process.stderr.write(`viewer: no tests in a browser: there is no ${CHROMIUM}\n`);
+const isSkipped = !existsSync(CHROMIUM) && !process.env.CI;
+if (isSkipped)
+  process.stderr.write(`viewer: browser tests are skipped: ${CHROMIUM} does not exist\n`);
 
 // The system's Chromium, with WebGL2 in software.
 export default defineConfig({
   testDir: "tests/browser",
-  // A browser that starts slowly on a busy machine is tried again.
+  // A browser may start slowly on a busy machine.
   retries: process.env.CI ? 2 : 0,
-  testIgnore: isLeftOut ? "**" : [],
+  testIgnore: isSkipped ? "**" : [],
   globalSetup: "./tests/browser/setup.ts",
   outputDir: "../build/viewer/browser",
   snapshotPathTemplate: "{testDir}/pictures/{arg}{ext}",
@@ -21,7 +22,7 @@ export default defineConfig({
   use: {
     viewport: { width: 720, height: 360 },
     colorScheme: "light",
-    // A camera that glides is many frames, which software draws slowly.
+    // Without damping of the camera: software draws frames slowly.
     contextOptions: { reducedMotion: "reduce" },
     launchOptions: {
       executablePath: CHROMIUM,

@@ -1,4 +1,4 @@
-"""Makes the small assets in viewer/ that the viewer's fuzzer begins with.
+"""Makes the seeds of the viewer's fuzzer in viewer/.
 
 python make_viewer.py
 """

@@ -3,7 +3,7 @@ import { defineConfig } from "vite";
 
 export default defineConfig({
   root: fileURLToPath(new URL(".", import.meta.url)),
-  // So that the page works in any folder of any server.
+  // Relative paths: the page works in any folder of a server.
   base: "./",
   build: {
     outDir: process.env.UMBEL_PAGE ?? "../dist",

@@ -1,9 +1,9 @@
-// Fuzzes what reads files in the viewer. For longer, and with other numbers:
+// Fuzzes the viewer's readers. For longer, and with another seed:
 //
 //     SECONDS_EACH=600 SEED=1 npm run fuzz
 //
-// An input that fails is kept in build/viewer/fuzz; moved to tests/vectors/viewer it is tried by every
-// run of the tests.
+// Inputs that fail are kept in build/viewer/fuzz. Every run of the tests reads those in
+// tests/vectors/viewer.
 
 import { mkdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";

@@ -12,7 +12,7 @@ export class Progress {
   private timer = 0;
   private isMarked = false;
 
-  /** @param showCounts called a few times a second */
+  /** @param showCounts is called a few times a second */
   constructor(
     private readonly showCounts: (counts: FrameCounts, mesh: UmbelMesh | undefined) => void,
   ) {}

@@ -1,4 +1,4 @@
-// What can go wrong with an asset, as sentences for people and as kinds for programs.
+// Errors of assets: a sentence for the user, and a kind for the program.
 
 export type UmbelErrorKind =
   | "network" // the connection failed, or the server did

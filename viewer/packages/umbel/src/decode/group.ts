@@ -103,7 +103,7 @@ export class GroupReader {
     const { info, chunk } = this;
     const { attributes } = this.mesh;
     for (let i = 0; i < info.clusterCount; ++i) this.readCluster(i);
-    // The counts are checked now: every triangle takes a bit of the file or more.
+    // Allocates only now: readCluster has checked the counts against the bytes of the file.
     const vertexCount = info.vertexOffsets[info.clusterCount];
     const indices = new Uint32Array(3 * info.triangleOffsets[info.clusterCount]);
     const rows = new Int32Array(this.mesh.smooth.length * vertexCount);

@@ -24,7 +24,7 @@ export function readPage(header: FileHeader, page: number, bytes: Uint8Array): G
     return Array.from({ length: pages.groups[page] }, (_, i) => {
       const row = PAGE_HEADER + GROUP_ROW * i;
       const begin = view.getUint32(row + 52, true);
-      // MaterialRanges that overlap could make much of few bytes.
+      // If chunks overlapped, few bytes could claim much memory.
       if (begin < end) corrupt(`Two groups of page ${page} overlap.`);
       end = begin + view.getUint32(row + 56, true);
       return new GroupReader(header, page, view, row).read();

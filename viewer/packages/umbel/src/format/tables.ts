@@ -11,7 +11,7 @@ import {
 import { readFloats, readU64 } from "./binary.js";
 import { type FixedHeader, readRows, type Section } from "./sections.js";
 
-/** A group as roots and other groups refer to it. Groups of all meshes are numbered through. */
+/** A reference to a group. Groups of all meshes are numbered through. */
 export interface GroupReference {
   group: number;
   page: number;

@@ -7,7 +7,7 @@ import type { ByteSource } from "./source.js";
 export interface HttpOptions {
   /** Number of times that a failed request is tried again. */
   retries?: number;
-  /** Milliseconds before the first retry; each further one isPending twice as long. */
+  /** Milliseconds before the first retry; each further delay is twice as long. */
   delay?: number;
   /** Called when a request fails and will be tried again, and when one succeeds after that. */
   onConnection?: (isLost: boolean) => void;

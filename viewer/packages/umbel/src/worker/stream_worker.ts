@@ -1,4 +1,4 @@
-// The worker's end of a stream: it fetches, decodes and selects, so that the page's thread does not.
+// The worker's end of a stream: it fetches, decodes and selects, to keep the page's thread free.
 
 import { UmbelError } from "../errors.js";
 import { buffersOf } from "../pack/render_group.js";

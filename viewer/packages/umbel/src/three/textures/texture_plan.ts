@@ -35,7 +35,7 @@ function sufficientSize({ wanted, size, smallest, full }: PlannedImage): number 
   return Math.max(found, size);
 }
 
-/** The image with the most texels a visible one, of those that can still shrink. */
+/** The image with the most texels for each visible one, of those that can still shrink. */
 function mostOversized(images: readonly PlannedImage[], sizes: readonly number[]): number {
   let found = -1;
   let maxExcess = 0;
