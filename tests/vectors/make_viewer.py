@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "python"))
 sys.path.insert(0, str(ROOT / "viewer" / "tests" / "support"))
 
-from make_assets import decorated_blob  # noqa: E402
 from make_textured import all_materials  # noqa: E402
 
 import umbel  # noqa: E402
+from helpers.meshes import decorated_blob  # noqa: E402
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helpers.mesh_files import bumpy_sphere
-from umbel import Material, Mesh
+from umbel import Material, Mesh, shapes
 
 _ODD = np.random.default_rng(20).integers(0, 2**63, 64, dtype=np.uint64) * np.uint64(2) + np.uint64(
     1
@@ -89,4 +89,22 @@ def full_mesh(seed: int = 0, materials: bool = True) -> Mesh:
         if materials
         else [],
         name="full",
+    )
+
+
+def decorated_blob(subdivisions: int) -> Mesh:
+    """A closed surface with every attribute."""
+    mesh = shapes.blob(subdivisions, seed=3)
+    positions = mesh.positions
+    normals = positions / np.linalg.norm(positions, axis=1, keepdims=True)
+    tangents = np.cross([0.3, 0.5, 0.8], normals)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    side = np.where(positions[:, :1] > 0, 1.0, -1.0)
+    return Mesh(
+        positions=positions,
+        triangles=mesh.triangles,
+        normals=normals.astype(np.float32),
+        tangents=np.hstack([tangents, side]).astype(np.float32),
+        uvs=(positions[:, :2] * 2).astype(np.float32),
+        colors=np.hstack([np.abs(normals), np.full((len(normals), 1), 0.5)]).astype(np.float32),
     )

@@ -7,27 +7,10 @@ import pytest
 
 import umbel
 from helpers.commands import DATA
+from helpers.meshes import decorated_blob
 from helpers.reference_reader import NONE, Group, Reader
 
 MESHES = ["Fox.glb", "littlest_tokyo.glb", "cad_gears_19k.ply", "gargo_50k_normals_colors.ply"]
-
-
-def decorated_blob() -> umbel.Mesh:
-    """A closed surface with every attribute."""
-    mesh = umbel.shapes.blob(4, seed=3)
-    positions = mesh.positions
-    normals = positions / np.linalg.norm(positions, axis=1, keepdims=True)
-    tangents = np.cross([0.3, 0.5, 0.8], normals)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    side = np.where(positions[:, :1] > 0, 1.0, -1.0)
-    return umbel.Mesh(
-        positions=positions,
-        triangles=mesh.triangles,
-        normals=normals.astype(np.float32),
-        tangents=np.hstack([tangents, side]).astype(np.float32),
-        uvs=(positions[:, :2] * 2).astype(np.float32),
-        colors=np.hstack([np.abs(normals), np.full((len(normals), 1), 0.5)]).astype(np.float32),
-    )
 
 
 def expect_same(path: Path, pages: list[int] | None = None) -> None:
@@ -105,14 +88,14 @@ def expect_same_clusters(asset: umbel.Asset, mesh: int, group: Group) -> None:
 def test_reference_reader_agrees_on_every_attribute(
     tmp_path: Path, precision: str | None, exact: bool
 ) -> None:
-    lod = umbel.build_lod(decorated_blob(), max_triangles=64, precision=precision)
+    lod = umbel.build_lod(decorated_blob(4), max_triangles=64, precision=precision)
     lod.save(tmp_path / "a.umbel", exact=exact)
     expect_same(tmp_path / "a.umbel")
 
 
 @pytest.mark.parametrize("exact", [False, True])
 def test_reference_reader_agrees_on_further_attributes(tmp_path: Path, exact: bool) -> None:
-    blob = decorated_blob()
+    blob = decorated_blob(4)
     near = np.abs(blob.positions)
     weights = near / near.sum(axis=1, keepdims=True)
     mesh = umbel.Mesh(
@@ -137,7 +120,7 @@ def test_reference_reader_agrees_on_further_attributes(tmp_path: Path, exact: bo
 
 
 def test_reference_reader_agrees_on_several_meshes_and_instances(tmp_path: Path) -> None:
-    lods = [umbel.build_lod(decorated_blob()), umbel.build_lod(umbel.shapes.torus(24, 12))]
+    lods = [umbel.build_lod(decorated_blob(4)), umbel.build_lod(umbel.shapes.torus(24, 12))]
     moved = np.eye(4)
     moved[:3, 3] = (1, 2, 3)
     umbel.save_asset(tmp_path / "a.umbel", lods, [(1, np.eye(4)), (0, moved), (1, 2 * moved[:3])])

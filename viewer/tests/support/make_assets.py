@@ -21,6 +21,7 @@ sys.path.insert(0, str(ROOT / "tests" / "python"))
 from make_textured import make_textured  # noqa: E402
 
 import umbel  # noqa: E402
+from helpers.meshes import decorated_blob  # noqa: E402
 from helpers.reference_reader import Reader  # noqa: E402
 
 DATA = Path(os.environ.get("UMBEL_DATA") or ROOT.parent / "shared" / "data")
@@ -32,24 +33,6 @@ REAL = ["Fox.glb", "cad_gears_19k.ply", "gargo_50k_normals_colors.ply"]
 def encoded(values: Any, kind: str) -> str:
     """Base64 of an array."""
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
-
-
-def decorated_blob(subdivisions: int) -> umbel.Mesh:
-    """A closed surface with every attribute."""
-    mesh = umbel.shapes.blob(subdivisions, seed=3)
-    positions = mesh.positions
-    normals = positions / np.linalg.norm(positions, axis=1, keepdims=True)
-    tangents = np.cross([0.3, 0.5, 0.8], normals)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    side = np.where(positions[:, :1] > 0, 1.0, -1.0)
-    return umbel.Mesh(
-        positions=positions,
-        triangles=mesh.triangles,
-        normals=normals.astype(np.float32),
-        tangents=np.hstack([tangents, side]).astype(np.float32),
-        uvs=(positions[:, :2] * 2).astype(np.float32),
-        colors=np.hstack([np.abs(normals), np.full((len(normals), 1), 0.5)]).astype(np.float32),
-    )
 
 
 def views(asset: umbel.Asset) -> list[dict[str, Any]]:
