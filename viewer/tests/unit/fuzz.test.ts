@@ -12,7 +12,7 @@ import { corpus, fuzz } from "../fuzz/corpus.js";
 import { show } from "../fuzz/drive.js";
 import { ROOT } from "../support/assets.js";
 
-const SECONDS = Number(process.env.SECONDS_EACH ?? 5);
+const SECONDS = Number(process.env.SECONDS_EACH ?? 10);
 const SEED = Number(process.env.SEED ?? 20);
 
 function keep(file: Uint8Array, number: number): void {
