@@ -35,7 +35,9 @@ struct SplitGrid {
   UMBEL_HOST_DEVICE uint32_t cell(float x, float low) const {
     const float at = (x - low) * scale;
     constexpr float kLast = static_cast<float>((1u << kBits) - 1);
-    return static_cast<uint32_t>(at < kLast ? at : kLast);
+    // What is not finite may lie outside of the scene, as a box of nothing at 0.
+    const float first = at > 0 ? at : 0;
+    return static_cast<uint32_t>(at < kLast ? first : kLast);
   }
 
   /// The most important plane that a box crosses: `level` 0 halves the scene.
