@@ -1,12 +1,13 @@
 // Spatial clusters by recursive axis-aligned bisection: every node is split at the cheapest legal
 // position of three axes, by the surface area heuristic (Goldsmith and Salmon, "Automatic
-// creation of object hierarchies for ray tracing", 1987) with prices on clusters that are not
-// full, on overlap, and on cut connections (ratio cut). The legal positions and prices are those
-// of nv_cluster_builder's published description.
+// creation of object hierarchies for ray tracing", 1987) with penalties for clusters that are not
+// full, for overlap, and for connections between the sides (ratio cut). The legal positions and
+// penalties are those of nv_cluster_builder's published description.
 #include "cluster/bisect/bisect.hpp"
 
 #include <tbb/enumerable_thread_specific.h>
 
+#include <functional>
 #include <numeric>
 
 #include "base/big_vector.hpp"
@@ -60,68 +61,72 @@ uint32_t block_size(const Source& source, const SplitConstraints& constraints) {
   return std::max(is_connected(source) ? kConnectedBlock : kBlock, constraints.config.max_items);
 }
 
-// Puts a part's items in place, and their boxes into `boxes`.
-void load(const Source& source, const CellSet& set, const Part& part, uint32_t* items,
-          BoxRecord* boxes) {
-  uint32_t* to = items;
+// Writes a part's items to their segment, and their boxes to `boxes`.
+void load(const Segment& segment, const CellSet& set, const Part& part, BoxRecord* boxes) {
+  uint32_t* to = segment.items;
   for (const Cell& cell : part.cells)
     for (uint32_t i = 0; i < cell.count; ++i) *to++ = set.order[cell.begin + i];
+  const uint32_t* items = segment.items;
   const uint32_t last = part.count - 1;
   for (uint32_t i = 0; i < part.count; ++i) {
-    source.prefetch(items[std::min(i + 24, last)]);
-    source.prefetch_box(items[std::min(i + 8, last)]);
-    boxes[i] = record_of(source, items[i], set.scale).tagged(items[i]);
+    segment.source.prefetch(items[std::min(i + 24, last)]);
+    segment.source.prefetch_box(items[std::min(i + 8, last)]);
+    boxes[i] = record_of(segment.source, items[i], set.scale).tagged(items[i]);
   }
 }
 
-// What has to be looked at item by item does not suit micro-clusters.
-bool suits_micro_clusters(const Source& source, const SplitConstraints& constraints,
-                          uint32_t count) {
+// What depends on more than boxes does not suit micro-clusters.
+bool suits_micro_clusters(const Segment& segment) {
+  const Source& source = segment.source;
+  const SplitConstraints& constraints = segment.constraints;
   const ClusterConfig& config = constraints.config;
   return config.coarse && constraints.simple && config.max_items >= 16 && !config.max_vertices &&
          config.overlap_cost == 0.0f && !config.presplit_threshold &&
          source.connections.ranges.empty() && source.shared_vertex_weight == 0.0f &&
-         source.centroids.empty() && count > kMicroClustersFrom;
+         source.centroids.empty() && segment.count > kMicroClustersFrom;
 }
 
-// Calls visit(offset, count) as soon as that many items are in the order of clusters. `alone`: no
-// other segment keeps threads busy.
-template <typename LocalBlock>
-void bisect_segment(const Source& source, const SplitConstraints& constraints, uint32_t* items,
-                    uint8_t* first, uint32_t count, const BoxRecord* bounds,
-                    const LocalBlock& local, bool alone, const std::function<void(uint32_t)>& done,
-                    const std::function<void(uint32_t, uint32_t)>& visit,
-                    bool by_micro_clusters = true) {
-  if (by_micro_clusters && suits_micro_clusters(source, constraints, count)) {
-    const BoxRecord box = bounds ? *bounds : box_of(source, items, count);
-    if (suits_small_boxes(box)) {
-      const auto exact = [&](uint32_t offset, uint32_t n) {
-        bisect_segment(
-            source, constraints, items + offset, first + offset, n, nullptr, local, false,
-            [](uint32_t) {}, [](uint32_t, uint32_t) {}, false);
-      };
-      bisect_micro_clusters(source, constraints, items, first, count, box, exact, done);
-      return visit(0, count);
-    }
-  }
-  const uint32_t most = block_size(source, constraints);
-  if (count <= most) {
-    if (alone && is_connected(source))
-      local().bisect_in_parallel(source, constraints, items, first, count);
+// What a bisection needs beside its segment.
+struct Resources {
+  std::function<Block&()> block;  // this thread's
+  std::function<void(uint32_t count)> done = [](uint32_t) {};
+  /// As soon as items are in cluster order.
+  std::function<void(uint32_t offset, uint32_t count)> visit = [](uint32_t, uint32_t) {};
+  bool alone = false;  // no other segment keeps threads busy
+};
+
+// By the items themselves: in a block, or in parts of a block's size.
+void bisect_items(const Segment& segment, const BoxRecord* bounds, const Resources& resources) {
+  const Source& source = segment.source;
+  const uint32_t most = block_size(source, segment.constraints);
+  if (segment.count <= most) {
+    if (resources.alone && is_connected(source))
+      resources.block().bisect_in_parallel(segment);
     else
-      local().bisect(source, constraints, items, first, count);
-    visit(0, count);
-    return done(count);
+      resources.block().bisect(segment);
+    resources.visit(0, segment.count);
+    return resources.done(segment.count);
   }
-  split_cells(source, constraints, items, count, most, bounds,
-              [&](const CellSet& set, const Part& part) {
-                Block& block = local();
-                uint32_t* own = items + part.offset;
-                load(source, set, part, own, block.prepare(source, constraints, part.count));
-                block.bisect_prepared(own, first + part.offset);
-                visit(part.offset, part.count);
-                done(part.count);
-              });
+  split_cells(segment, most, bounds, [&](const CellSet& set, const Part& part) {
+    Block& block = resources.block();
+    const Segment own = segment.part(part.offset, part.count);
+    load(own, set, part, block.prepare(part.count));
+    block.bisect_prepared(own);
+    resources.visit(part.offset, part.count);
+    resources.done(part.count);
+  });
+}
+
+// `bounds` holds all items, or is null.
+void bisect_segment(const Segment& segment, const BoxRecord* bounds, const Resources& resources) {
+  if (!suits_micro_clusters(segment)) return bisect_items(segment, bounds, resources);
+  const BoxRecord box = bounds ? *bounds : box_of(segment.source, segment.items, segment.count);
+  if (!suits_small_boxes(box)) return bisect_items(segment, bounds, resources);
+  const auto exact = [&](uint32_t offset, uint32_t count) {
+    bisect_items(segment.part(offset, count), nullptr, {.block = resources.block});
+  };
+  bisect_micro_clusters(segment, box, exact, resources.done);
+  resources.visit(0, segment.count);
 }
 
 Clusters build(const Source& source, uint32_t count, std::span<const Range> input_segments,
@@ -140,16 +145,19 @@ Clusters build(const Source& source, uint32_t count, std::span<const Range> inpu
   tbb::enumerable_thread_specific<Block> blocks;
   parallel_for(segments.size(), 1, [&](size_t s) {
     const Range& r = segments[s];
+    const auto visit_items = [&](uint32_t offset, uint32_t items) {
+      const uint32_t begin = r.offset + offset;
+      if (visit)
+        visit(begin, std::span(out.items).subspan(begin, items),
+              std::span(first).subspan(begin, items));
+    };
     bisect_segment(
-        source, constraints, out.items.data() + r.offset, first.data() + r.offset, r.count,
-        r.count == count ? bounds : nullptr, [&]() -> Block& { return blocks.local(); },
-        segments.size() == 1, [&](uint32_t items) { clustered.add(items); },
-        [&](uint32_t offset, uint32_t items) {
-          const uint32_t begin = r.offset + offset;
-          if (visit)
-            visit(begin, std::span(out.items).subspan(begin, items),
-                  std::span(first).subspan(begin, items));
-        });
+        {source, constraints, out.items.data() + r.offset, first.data() + r.offset, r.count},
+        r.count == count ? bounds : nullptr,
+        {.block = [&]() -> Block& { return blocks.local(); },
+         .done = [&](uint32_t items) { clustered.add(items); },
+         .visit = visit_items,
+         .alone = segments.size() == 1});
   });
   collect(segments, first, out);
   progress.report(1, kStage);
@@ -193,10 +201,9 @@ void Bisector::build(const Source& source, uint32_t count, std::span<const Range
   scratch_->first.assign(count, 0);
   const auto bisect = [&] {
     for (const Range& r : segments)
-      bisect_segment(
-          source, constraints, out.items.data() + r.offset, scratch_->first.data() + r.offset,
-          r.count, nullptr, [&]() -> Block& { return scratch_->block; }, false, [](uint32_t) {},
-          [](uint32_t, uint32_t) {});
+      bisect_segment({source, constraints, out.items.data() + r.offset,
+                      scratch_->first.data() + r.offset, r.count},
+                     nullptr, {.block = [&]() -> Block& { return scratch_->block; }});
   };
   bool large = false;
   for (const Range& r : segments) large |= r.count > block_size(source, constraints);

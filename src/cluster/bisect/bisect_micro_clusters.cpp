@@ -1,6 +1,6 @@
 // Nodes are split by the surface area heuristic between bins of micro-clusters (binned as by Wald,
 // "On fast construction of SAH-based bounding volume hierarchies", 2007), or within a bin where
-// that fills the clusters: then one micro-cluster is cut item by item.
+// that fills the clusters: then one micro-cluster is split item by item.
 #include "cluster/bisect/bisect_micro_clusters.hpp"
 
 #include <algorithm>
@@ -29,12 +29,9 @@ struct Node {
 
 // Where items go, and who takes those that suit no micro-clusters.
 struct Target {
-  const Source& source;
-  const SplitConstraints& constraints;
+  const Segment& segment;
   const MicroClusterBins& bins;
   MicroClusterSizes sizes;
-  uint32_t* items;
-  uint8_t* first;
   const std::function<void(uint32_t, uint32_t)>& exact;
   const std::function<void(uint32_t)>& done;
 };
@@ -45,7 +42,7 @@ void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxReco
 // Items that are in place, to be looked at more closely.
 void round_again(const Target& target, uint32_t offset, uint32_t count, uint32_t roundings) {
   if (roundings < kMostRoundings) {
-    const BoxRecord box = box_of(target.source, target.items + offset, count);
+    const BoxRecord box = box_of(target.segment.source, target.segment.items + offset, count);
     if (suits_small_boxes(box)) return bisect(target, offset, count, box, roundings + 1);
   }
   target.exact(offset, count);
@@ -95,8 +92,8 @@ class Splitter {
   }
 
  private:
-  // Cuts make more micro-clusters: at most one a level at any time, as the left side lies behind
-  // the right and is gone when that is split.
+  // A split within a micro-cluster makes one more: at most one a level at any time, as the left
+  // side lies behind the right and is gone when that is split.
   void run_alone(const Node& node) {
     size_t count = 0;
     for (const MicroCluster* group = node.begin; group < node.end; ++group)
@@ -119,7 +116,7 @@ class Splitter {
   }
 
   void split(const Node& node) {
-    if (node.count <= target_.constraints.config.max_items) return finish(node, true);
+    if (node.count <= target_.segment.constraints.config.max_items) return finish(node, true);
     if (node.depth == 0) return finish(node, false);
     const Choice choice = target_.bins.cheapest(node.begin, node.end, node.count, node.centers);
     if (choice.axis < 0) return finish(node, false);
@@ -130,11 +127,11 @@ class Splitter {
   }
 
   void finish(const Node& node, bool is_leaf) const {
-    uint32_t* to = target_.items + node.offset;
+    uint32_t* to = target_.segment.items + node.offset;
     for (const MicroCluster* micro = node.begin; micro < node.end; ++micro)
       to = write_items(*micro, to);
     if (is_leaf)
-      target_.first[node.offset] = 1;
+      target_.segment.first[node.offset] = 1;
     else if (node.depth > 0)
       round_again(target_, node.offset, node.count, roundings_);
     else
@@ -187,7 +184,7 @@ class Splitter {
     if constexpr (kThroughBin) split_bin(b, choice, micros, spare, sides);
   }
 
-  // Gives the first micro-clusters of the bin that is cut to the left, until that has its items.
+  // Moves the first micro-clusters of the bin that is split to the left, until that has its items.
   void split_bin(size_t count, const Choice& choice, MicroCluster* micros, MicroCluster* spare,
                  Sides& sides) {
     const int axis = choice.axis;
@@ -238,8 +235,8 @@ void bisect_coincident(const Target& target, const MicroClusterSet& set, uint32_
                        uint32_t others, uint32_t roundings) {
   std::vector<MicroCluster> sets = set.coincident;
   uint32_t taken = 0;
-  uint32_t* to = target.items + offset;
-  if (others > 0 && others < target.constraints.config.min_items) {
+  uint32_t* to = target.segment.items + offset;
+  if (others > 0 && others < target.segment.constraints.config.min_items) {
     SmallBox box = empty_small_box();
     for (const MicroCluster& group : set.groups) {
       box = join(box, group.box);
@@ -256,7 +253,7 @@ void bisect_coincident(const Target& target, const MicroClusterSet& set, uint32_
   }
   std::vector<Range> ranges;
   for (const MicroCluster& m : sets) {
-    const uint32_t begin = uint32_t(to - target.items) - taken;
+    const uint32_t begin = uint32_t(to - target.segment.items) - taken;
     to = write_items(m, to);
     ranges.push_back({begin, m.count + std::exchange(taken, 0u)});
   }
@@ -267,11 +264,11 @@ void bisect_coincident(const Target& target, const MicroClusterSet& set, uint32_
 
 void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
             uint32_t roundings) {
-  const MicroClusterSet set =
-      make_micro_clusters(target.source, target.items + offset, count, bounds, target.sizes);
+  const MicroClusterSet set = make_micro_clusters(
+      target.segment.source, target.segment.items + offset, count, bounds, target.sizes);
   uint32_t others = count;
   for (const MicroCluster& m : set.coincident) others -= m.count;
-  const bool few = others < target.constraints.config.min_items;
+  const bool few = others < target.segment.constraints.config.min_items;
   if ((set.groups.empty() || few) && set.coincident.size() < 2) return target.exact(offset, count);
   bisect_coincident(target, set, offset, others, roundings);
   if (few) return;
@@ -288,16 +285,15 @@ void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxReco
 
 }  // namespace
 
-void bisect_micro_clusters(const Source& source, const SplitConstraints& constraints,
-                           uint32_t* items, uint8_t* first, uint32_t count, const BoxRecord& bounds,
+void bisect_micro_clusters(const Segment& segment, const BoxRecord& bounds,
                            const std::function<void(uint32_t, uint32_t)>& exact,
                            const std::function<void(uint32_t)>& done) {
-  const uint32_t most = constraints.config.max_items;
+  const uint32_t most = segment.constraints.config.max_items;
   // Large enough to save most of the work, small enough for clusters of good shape.
   const uint32_t micro = std::max(most / 2, 1u);
   const MicroClusterSizes sizes{micro, kGroup * micro, most};
-  const MicroClusterBins bins(constraints);
-  bisect({source, constraints, bins, sizes, items, first, exact, done}, 0, count, bounds, 0);
+  const MicroClusterBins bins(segment.constraints);
+  bisect({segment, bins, sizes, exact, done}, 0, segment.count, bounds, 0);
 }
 
 }  // namespace umbel::cluster

@@ -5,12 +5,13 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
+#include <limits>
 #include <utility>
 
 #include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 #include "cluster/bisect/cells.hpp"
+#include "cluster/bisect/scaling.hpp"
 
 namespace umbel::cluster {
 namespace {
@@ -46,15 +47,8 @@ Bounds bounds_of(const Source& source, const uint32_t* items, uint32_t count) {
   return all;
 }
 
-float scale_for(const BoxRecord& b) {
-  float magnitude = 0, extent = 0;
-  for (int k = 0; k < 3; ++k) {
-    magnitude = std::max({magnitude, std::abs(b.low[k]), std::abs(b.negated_high[k])});
-    extent = std::max(extent, b.negated_high[k] * -0.5f - b.low[k] * 0.5f);
-  }
-  if (extent == 0.0f || (extent > 0x1p-30f && magnitude < 0x1p40f)) return 1.0f;
-  return std::ldexp(
-      1.0f, std::clamp(std::min(-std::ilogb(extent), 40 - std::ilogb(magnitude)), -126, 127));
+float grid_scale(const BoxRecord& b) {
+  return scale_for(b, std::numeric_limits<float>::infinity(), 40);
 }
 
 // A grid whose cells are numbered along a Morton curve; each bit of the number halves the cells
@@ -173,8 +167,8 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
                    const BoxRecord* bounds) {
   CellSet set;
   const Bounds all = bounds ? Bounds{*bounds, *bounds} : bounds_of(source, items, count);
-  set.scale = scale_for(all.boxes);
-  set.centroid_scale = source.centroids.empty() ? set.scale : scale_for(all.centers);
+  set.scale = grid_scale(all.boxes);
+  set.centroid_scale = source.centroids.empty() ? set.scale : grid_scale(all.centers);
   BoxRecord centers = all.centers;
   centers.scale(set.centroid_scale);
   const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 2, 6, 21);

@@ -81,8 +81,8 @@ class Sorter {
     if (is_group) end_group();
   }
 
-  /// Once all is sorted: groups whose parts are in micros.
-  void refer(std::vector<MicroCluster>& all) {
+  /// Once all is sorted: points the groups to their parts in `micros`, and appends them.
+  void link_groups(std::vector<MicroCluster>& all) {
     for (MicroCluster& group : groups_) {
       group.parts = micros.data() + firsts_[&group - groups_.data()];
       all.push_back(group);
@@ -133,11 +133,12 @@ class Sorter {
     uint32_t sum = 0;
     for (uint32_t c = 0; c < cells; ++c) sum += std::exchange(ends[c + 1], sum);
     for (uint32_t i = 0; i < n; ++i) to[ends[codes[i] + 1]++] = from[i];
-    walk(to, from, ends.data(), 0, grid.bits());
+    visit_cells(to, from, ends.data(), 0, grid.bits());
   }
 
   // The cells from `code` on that share all but the last `level` bits.
-  void walk(SmallBox* from, SmallBox* to, const uint32_t* ends, uint32_t code, uint32_t level) {
+  void visit_cells(SmallBox* from, SmallBox* to, const uint32_t* ends, uint32_t code,
+                   uint32_t level) {
     const uint32_t begin = ends[code], n = ends[code + (1u << level)] - begin;
     if (n == 0) return;
     const bool is_group = begin_group(n);
@@ -146,8 +147,8 @@ class Sorter {
     } else if (level == 0) {
       sort_grouped(from + begin, to + begin, n);
     } else {
-      walk(from, to, ends, code, level - 1);
-      walk(from, to, ends, code + (1u << (level - 1)), level - 1);
+      visit_cells(from, to, ends, code, level - 1);
+      visit_cells(from, to, ends, code + (1u << (level - 1)), level - 1);
     }
     if (is_group) end_group();
   }
@@ -185,6 +186,135 @@ struct Rounding {
   Float4 origin, scale;
 };
 
+// By one thread: rounds few boxes. Returns the box of all items.
+BoxRecord round_few(const Source& source, const uint32_t* items, uint32_t count,
+                    const Rounding& rounding, SmallBox* boxes) {
+  BoxRecord all = BoxRecord::empty();
+  for (uint32_t i = 0; i < count; ++i) {
+    source.prefetch(items[std::min(i + 24, count - 1)]);
+    source.prefetch_box(items[std::min(i + 8, count - 1)]);
+    const BoxRecord record = source.record(items[i]);
+    all.extend(record);
+    boxes[i] = rounding.round(record, items[i]);
+  }
+  return all;
+}
+
+void make_of_few(const MicroClusterSizes& sizes, uint32_t count, MicroClusterSet& set) {
+  Sorter sorter(sizes);
+  sorter.sort(set.boxes.data(), set.sorted.data(), count);
+  sorter.link_groups(set.groups);
+  set.micros.push_back(std::move(sorter.micros));
+  set.coincident = std::move(sorter.coincident);
+}
+
+// By all threads: rounds all boxes, sorts them into the cells of one grid, and then each cell.
+class ManyItems {
+ public:
+  ManyItems(const Source& source, const uint32_t* items, uint32_t count, const Rounding& rounding,
+            const SmallGrid& grid, MicroClusterSet& set)
+      : source_(source),
+        items_(items),
+        count_(count),
+        rounding_(rounding),
+        grid_(grid),
+        set_(set),
+        cells_(1u << grid.bits()),
+        // Few chunks, so that their counts cost little.
+        chunk_(std::max<size_t>(kChunk, (count + 63) / 64)),
+        codes_(count),
+        next_((count + chunk_ - 1) / chunk_) {}
+
+  // Counts the items of each cell, by chunk. Returns the box of all items.
+  BoxRecord round() {
+    std::vector<BoxRecord> parts(next_.size());
+    parallel_chunks(count_, chunk_, [&](size_t begin, size_t end) {
+      parts[begin / chunk_] = round_chunk(begin, end, next_[begin / chunk_]);
+    });
+    BoxRecord all = BoxRecord::empty();
+    for (const BoxRecord& part : parts) all.extend(part);
+    return all;
+  }
+
+  void make(const MicroClusterSizes& sizes) {
+    const std::vector<uint32_t> begins = sort_by_cell();
+    // Runs of cells that are large enough to be worth a task.
+    std::vector<uint32_t> tasks{0};
+    for (uint32_t c = 1; c <= cells_; ++c)
+      if (begins[c] - begins[tasks.back()] >= kChunk || c == cells_) tasks.push_back(c);
+    set_.micros.resize(tasks.size() - 1);
+    std::vector<std::vector<MicroCluster>> groups(set_.micros.size()),
+        coincident(set_.micros.size());
+    SmallBox *boxes = set_.boxes.data(), *sorted = set_.sorted.data();
+    parallel_for(groups.size(), 1, [&](size_t t) {
+      Sorter sorter(sizes);
+      for (uint32_t c = tasks[t]; c < tasks[t + 1]; ++c)
+        if (begins[c + 1] > begins[c])
+          sorter.sort(sorted + begins[c], boxes + begins[c], begins[c + 1] - begins[c]);
+      sorter.link_groups(groups[t]);
+      set_.micros[t] = std::move(sorter.micros);
+      coincident[t] = std::move(sorter.coincident);
+    });
+    for (const auto& part : groups) set_.groups.insert(set_.groups.end(), part.begin(), part.end());
+    for (const auto& part : coincident)
+      set_.coincident.insert(set_.coincident.end(), part.begin(), part.end());
+  }
+
+ private:
+  BoxRecord round_chunk(size_t begin, size_t end, std::vector<uint32_t>& own) {
+    SmallBox* boxes = set_.boxes.data();
+    uint16_t* codes = codes_.data();
+    // Neighbours often share a cell, and two counts at one address would wait for each other.
+    std::vector<uint32_t> counts(2 * size_t(cells_), 0);
+    BoxRecord all = BoxRecord::empty();
+    // Counts that wait for each other would hold up the boxes behind them in the same loop.
+    for (size_t from = begin; from < end; from += kBatch) {
+      const size_t to = std::min(from + kBatch, end);
+      for (size_t i = from; i < to; ++i) {
+        const BoxRecord record = source_.record(items_[i]);
+        all.extend(record);
+        boxes[i] = rounding_.round(record, items_[i]);
+      }
+      for (size_t i = from; i < to; ++i)
+        codes[i] = static_cast<uint16_t>(grid_.code(center_of(boxes[i])));
+      for (size_t i = from; i < to; ++i) ++counts[2 * codes[i] + (i & 1)];
+    }
+    own.resize(cells_);
+    for (uint32_t c = 0; c < cells_; ++c) own[c] = counts[2 * c] + counts[2 * c + 1];
+    return all;
+  }
+
+  // Returns where each cell's items begin.
+  std::vector<uint32_t> sort_by_cell() {
+    std::vector<uint32_t> begins(cells_ + 1);
+    uint32_t sum = 0;
+    for (uint32_t c = 0; c < cells_; ++c) {
+      begins[c] = sum;
+      for (auto& own : next_) sum += std::exchange(own[c], sum);
+    }
+    begins[cells_] = sum;
+    const SmallBox* boxes = set_.boxes.data();
+    SmallBox* sorted = set_.sorted.data();
+    const uint16_t* codes = codes_.data();
+    parallel_chunks(count_, chunk_, [&](size_t begin, size_t end) {
+      uint32_t* own = next_[begin / chunk_].data();
+      for (size_t i = begin; i < end; ++i) sorted[own[codes[i]]++] = boxes[i];
+    });
+    return begins;
+  }
+
+  const Source& source_;
+  const uint32_t* items_;
+  const uint32_t count_;
+  const Rounding& rounding_;
+  const SmallGrid& grid_;
+  MicroClusterSet& set_;
+  const uint32_t cells_;
+  const size_t chunk_;
+  CpuBuffer<uint16_t> codes_;
+  std::vector<std::vector<uint32_t>> next_;  ///< by chunk and cell: counts, then where items go
+};
+
 }  // namespace
 
 bool suits_small_boxes(const BoxRecord& bounds) {
@@ -210,92 +340,26 @@ BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count) {
 
 MicroClusterSet make_micro_clusters(const Source& source, const uint32_t* items, uint32_t count,
                                     const BoxRecord& bounds, const MicroClusterSizes& sizes) {
-  const auto again = [&](const BoxRecord& smallest) {
+  // Without coordinates that no item uses, the grid is finer.
+  const auto make_within = [&](const BoxRecord& smallest) {
     return suits_small_boxes(smallest) ? make_micro_clusters(source, items, count, smallest, sizes)
                                        : MicroClusterSet(0);
   };
   const Rounding rounding(bounds);
   MicroClusterSet set(count);
-  SmallBox *boxes = set.boxes.data(), *sorted = set.sorted.data();
   if (count <= kChunk) {
-    BoxRecord smallest = BoxRecord::empty();
-    for (uint32_t i = 0; i < count; ++i) {
-      source.prefetch(items[std::min(i + 24, count - 1)]);
-      source.prefetch_box(items[std::min(i + 8, count - 1)]);
-      const BoxRecord record = source.record(items[i]);
-      smallest.extend(record);
-      boxes[i] = rounding.round(record, items[i]);
-    }
-    if (!same_box(smallest, bounds)) return again(smallest);
-    Sorter sorter(sizes);
-    sorter.sort(boxes, sorted, count);
-    sorter.refer(set.groups);
-    set.micros.push_back(std::move(sorter.micros));
-    set.coincident = std::move(sorter.coincident);
+    const BoxRecord smallest = round_few(source, items, count, rounding, set.boxes.data());
+    if (!same_box(smallest, bounds)) return make_within(smallest);
+    make_of_few(sizes, count, set);
     return set;
   }
   std::array<uint32_t, 3> low{}, high;
   for (int k = 0; k < 3; ++k) high[k] = static_cast<uint32_t>(bounds.extent(k) * rounding.scale[0]);
   const SmallGrid grid(low, high, kMostBits);
-  const uint32_t cells = 1u << grid.bits();
-  CpuBuffer<uint16_t> codes(count);
-  // Few chunks, so that their counts cost little.
-  const size_t chunk = std::max<size_t>(kChunk, (count + 63) / 64);
-  std::vector<std::vector<uint32_t>> next((count + chunk - 1) / chunk);
-  std::vector<BoxRecord> parts(next.size());
-  parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
-    std::vector<uint32_t>& own = next[begin / chunk];
-    // Neighbours often share a cell, and two counts at one address would wait for each other.
-    std::vector<uint32_t> counts(2 * size_t(cells), 0);
-    BoxRecord part = BoxRecord::empty();
-    // Counts that wait for each other would hold up the boxes behind them in the same loop.
-    for (size_t from = begin; from < end; from += kBatch) {
-      const size_t to = std::min(from + kBatch, end);
-      for (size_t i = from; i < to; ++i) {
-        const BoxRecord record = source.record(items[i]);
-        part.extend(record);
-        boxes[i] = rounding.round(record, items[i]);
-      }
-      for (size_t i = from; i < to; ++i)
-        codes[i] = static_cast<uint16_t>(grid.code(center_of(boxes[i])));
-      for (size_t i = from; i < to; ++i) ++counts[2 * codes[i] + (i & 1)];
-    }
-    own.resize(cells);
-    for (uint32_t c = 0; c < cells; ++c) own[c] = counts[2 * c] + counts[2 * c + 1];
-    parts[begin / chunk] = part;
-  });
-  BoxRecord smallest = BoxRecord::empty();
-  for (const BoxRecord& part : parts) smallest.extend(part);
-  if (!same_box(smallest, bounds)) return again(smallest);
-  std::vector<uint32_t> begins(cells + 1);
-  uint32_t sum = 0;
-  for (uint32_t c = 0; c < cells; ++c) {
-    begins[c] = sum;
-    for (auto& own : next) sum += std::exchange(own[c], sum);
-  }
-  begins[cells] = sum;
-  parallel_chunks(count, chunk, [&](size_t begin, size_t end) {
-    std::vector<uint32_t>& own = next[begin / chunk];
-    for (size_t i = begin; i < end; ++i) sorted[own[codes[i]]++] = boxes[i];
-  });
-  // Runs of cells that are large enough to be worth a task.
-  std::vector<uint32_t> tasks{0};
-  for (uint32_t c = 1; c <= cells; ++c)
-    if (begins[c] - begins[tasks.back()] >= kChunk || c == cells) tasks.push_back(c);
-  set.micros.resize(tasks.size() - 1);
-  std::vector<std::vector<MicroCluster>> groups(set.micros.size()), coincident(set.micros.size());
-  parallel_for(groups.size(), 1, [&](size_t t) {
-    Sorter sorter(sizes);
-    for (uint32_t c = tasks[t]; c < tasks[t + 1]; ++c)
-      if (begins[c + 1] > begins[c])
-        sorter.sort(sorted + begins[c], boxes + begins[c], begins[c + 1] - begins[c]);
-    sorter.refer(groups[t]);
-    set.micros[t] = std::move(sorter.micros);
-    coincident[t] = std::move(sorter.coincident);
-  });
-  for (const auto& part : groups) set.groups.insert(set.groups.end(), part.begin(), part.end());
-  for (const auto& part : coincident)
-    set.coincident.insert(set.coincident.end(), part.begin(), part.end());
+  ManyItems all(source, items, count, rounding, grid, set);
+  if (const BoxRecord smallest = all.round(); !same_box(smallest, bounds))
+    return make_within(smallest);
+  all.make(sizes);
   return set;
 }
 

@@ -1,14 +1,8 @@
-// The cheapest split by the surface area heuristic, exactly, without sweeping every item.
-//
-// The items of an order are taken in chunks. At the borders between chunks the boxes before and
-// after, and so the cost, are known. Before a position inside a chunk lies at least what lies
-// before the chunk, and after it at least what lies after; item weights grow with their number.
-// That bounds the cost from below, and only chunks whose bound is below the best cost are swept.
+#include "cluster/bisect/search_splits.hpp"
+
 #include <algorithm>
 #include <bit>
 #include <limits>
-
-#include "cluster/bisect/block.hpp"
 
 namespace umbel::cluster {
 namespace {
@@ -56,34 +50,7 @@ void reduce_axis(const BoxRecord* boxes, const uint32_t* order, uint32_t n, uint
   reduce_axis_generic(boxes, order, n, step, chunk, before);
 }
 
-}  // namespace
-
-Block::Split Block::cheapest(uint32_t begin, uint32_t end) {
-  const uint32_t n = end - begin;
-  const ClusterConfig& config = constraints_.config;
-  if (connection_cost_.active() || config.overlap_cost > 0.0f || n <= most_items_)
-    return cheapest_by_sweep(begin, end);
-  fill_weights(n);
-  const uint32_t step = chunk_size(n);
-  const BoxRecord all = reduce_chunks(begin, n, step);
-  if (all.longest() > 0.0f && all.longest() < 0x1p-40f) {
-    normalise(begin, end, all);
-    reduce_chunks(begin, n, step);
-  } else {
-    normalise(begin, end, all);
-  }
-  Split best{std::numeric_limits<float>::infinity()};
-  weigh_borders(n, step, best);
-  if (config.min_items == config.max_items && n % step == 0) return best;
-  if (config.coarse && best.position) return best;
-  list_gaps(n, step, best);
-  for (const Gap& gap : gaps_)
-    if (gap.bound < best.cost) search_gap(begin, n, step, gap, best);
-  return best;
-}
-
-uint32_t Block::chunk_size(uint32_t n) const {
-  const ClusterConfig& config = constraints_.config;
+uint32_t chunk_size(const ClusterConfig& config, uint32_t n) {
   if (config.min_items == config.max_items) return config.max_items;
   // Multiples of the step should include those of full clusters.
   if (config.coarse && n > config.max_items)
@@ -91,9 +58,31 @@ uint32_t Block::chunk_size(uint32_t n) const {
   return std::clamp(std::bit_floor(n) / 32, 16u, 1u << 20);
 }
 
-BoxRecord Block::reduce_chunks(uint32_t begin, uint32_t n, uint32_t step) {
-  const uint32_t chunks = (n + step - 1) / step;
-  const BoxRecord* boxes = boxes_.data();
+}  // namespace
+
+AxisSplit SplitSearch::cheapest(BlockItems& items, const SplitConstraints& constraints,
+                                uint32_t begin, uint32_t end) {
+  const uint32_t n = end - begin;
+  const ClusterConfig& config = constraints.config;
+  const uint32_t step = chunk_size(config, n);
+  Node node{items, constraints, begin, n, step, fill_weights(constraints, n), {}};
+  const BoxRecord all = reduce_chunks(node);
+  node.pad = items.normalise(begin, end, all);
+  if (all.longest() > 0.0f && all.longest() < 0x1p-40f)
+    reduce_chunks(node);  // boxes are scaled now
+  AxisSplit best{std::numeric_limits<float>::infinity()};
+  evaluate_borders(node, best);
+  if (config.min_items == config.max_items && n % step == 0) return best;
+  if (config.coarse && best.position) return best;
+  list_gaps(node, best);
+  for (const Gap& gap : gaps_)
+    if (gap.bound < best.cost) search_gap(node, gap, best);
+  return best;
+}
+
+BoxRecord SplitSearch::reduce_chunks(const Node& node) {
+  const uint32_t chunks = node.chunks();
+  const BoxRecord* boxes = node.items.boxes();
   BoxRecord all = BoxRecord::empty();
   for (int axis = 0; axis < 3; ++axis) {
     if (before_[axis].size() < chunks + 1) {
@@ -102,7 +91,7 @@ BoxRecord Block::reduce_chunks(uint32_t begin, uint32_t n, uint32_t step) {
     }
     BoxRecord* chunk = after_[axis].data();
     BoxRecord* before = before_[axis].data();
-    reduce_axis(boxes, orders_[axis].data() + begin, n, step, chunk, before);
+    reduce_axis(boxes, node.items.order(axis) + node.begin, node.n, node.step, chunk, before);
     all = before[chunks];
     chunk[chunks] = BoxRecord::empty();
     for (uint32_t c = chunks; c-- > 0;) chunk[c].extend(chunk[c + 1]);
@@ -110,29 +99,32 @@ BoxRecord Block::reduce_chunks(uint32_t begin, uint32_t n, uint32_t step) {
   return all;
 }
 
-void Block::weigh_borders(uint32_t n, uint32_t step, Split& best) {
-  const uint32_t chunks = (n + step - 1) / step;
-  const bool feasible = constraints_.feasible(n);
+void SplitSearch::evaluate_borders(const Node& node, AxisSplit& best) {
+  const uint32_t n = node.n, chunks = node.chunks();
+  const bool feasible = node.constraints.feasible(n);
+  const float* weights = node.weights;
+  const Float4 pad = node.pad;
   for (int axis = 0; axis < 3; ++axis) {
     float* left = area_before_[axis].data();
     float* right = area_after_[axis].data();
     left[0] = right[chunks] = 0.0f;
     for (uint32_t c = 1; c < chunks; ++c) {
-      left[c] = before_[axis][c].half_area(pad_);
-      right[c] = after_[axis][c].half_area(pad_);
+      left[c] = before_[axis][c].half_area(pad);
+      right[c] = after_[axis][c].half_area(pad);
     }
-    left[chunks] = right[0] = before_[axis][chunks].half_area(pad_);
+    left[chunks] = right[0] = before_[axis][chunks].half_area(pad);
     for (uint32_t c = 1; c < chunks; ++c) {
-      const uint32_t i = c * step;
-      const float cost = left[c] * node_weights_[i] + right[c] * node_weights_[n - i];
-      if (cost < best.cost && constraints_.legal(i, n, feasible)) best = {cost, i, axis};
+      const uint32_t i = c * node.step;
+      const float cost = left[c] * weights[i] + right[c] * weights[n - i];
+      if (cost < best.cost && node.constraints.legal(i, n, feasible)) best = {cost, i, axis};
     }
   }
 }
 
-void Block::list_gaps(uint32_t n, uint32_t step, const Split& best) {
-  const uint32_t chunks = (n + step - 1) / step;
-  const uint32_t least = constraints_.feasible(n) ? constraints_.config.min_items : 1;
+void SplitSearch::list_gaps(const Node& node, const AxisSplit& best) {
+  const uint32_t n = node.n, step = node.step, chunks = node.chunks();
+  const uint32_t least = node.constraints.feasible(n) ? node.constraints.config.min_items : 1;
+  const float* weights = node.weights;
   gaps_.clear();
   for (int axis = 0; axis < 3; ++axis) {
     const float* left = area_before_[axis].data();
@@ -140,40 +132,44 @@ void Block::list_gaps(uint32_t n, uint32_t step, const Split& best) {
     for (uint32_t c = 0; c < chunks; ++c) {
       const uint32_t first = c * step + 1, last = std::min((c + 1) * step, n) - 1;
       if (last < first || last < least || n - first < least) continue;
-      const float bound = left[c] * node_weights_[first] + right[c + 1] * node_weights_[n - last];
+      const float bound = left[c] * weights[first] + right[c + 1] * weights[n - last];
       if (bound < best.cost) gaps_.push_back({bound, axis, c});
     }
   }
 }
 
-void Block::search_gap(uint32_t begin, uint32_t n, uint32_t step, const Gap& gap, Split& best) {
-  const uint32_t* order = orders_[gap.axis].data() + begin;
+void SplitSearch::search_gap(const Node& node, const Gap& gap, AxisSplit& best) {
+  const uint32_t n = node.n, step = node.step;
+  const uint32_t* order = node.items.order(gap.axis) + node.begin;
+  const BoxRecord* boxes = node.items.boxes();
+  const float* weights = node.weights;
+  const Float4 pad = node.pad;
   const uint32_t start = gap.chunk * step, stop = std::min(start + step, n);
-  const bool feasible = constraints_.feasible(n);
+  const bool feasible = node.constraints.feasible(n);
   if (gap_areas_.size() < step) gap_areas_.resize(step);
+  float* areas = gap_areas_.data();
   BoxRecord box = before_[gap.axis][gap.chunk];
   for (uint32_t i = start; i + 1 < stop; ++i) {
-    box.extend(boxes_[order[i]]);
-    gap_areas_[i - start] = box.half_area(pad_);
+    box.extend(boxes[order[i]]);
+    areas[i - start] = box.half_area(pad);
   }
   box = after_[gap.axis][gap.chunk + 1];
   for (uint32_t i = stop - 1; i > start; --i) {
-    box.extend(boxes_[order[i]]);
-    const float cost =
-        gap_areas_[i - 1 - start] * node_weights_[i] + box.half_area(pad_) * node_weights_[n - i];
-    if (cost < best.cost && constraints_.legal(i, n, feasible)) best = {cost, i, gap.axis};
+    box.extend(boxes[order[i]]);
+    const float cost = areas[i - 1 - start] * weights[i] + box.half_area(pad) * weights[n - i];
+    if (cost < best.cost && node.constraints.legal(i, n, feasible)) best = {cost, i, gap.axis};
   }
 }
 
-void Block::fill_weights(uint32_t n) {
-  const float underfill_cost = constraints_.underfill_cost(n);
-  const uint32_t max_items = constraints_.config.max_items;
-  Weights& weights = weights_[underfill_cost != constraints_.underfill_cost(kNone)];
+const float* SplitSearch::fill_weights(const SplitConstraints& constraints, uint32_t n) {
+  const float underfill_cost = constraints.underfill_cost(n);
+  const uint32_t max_items = constraints.config.max_items;
+  Weights& weights = weights_[underfill_cost != constraints.underfill_cost(kNone)];
   if (weights.max_items != max_items || weights.underfill_cost != underfill_cost)
     weights = {{}, max_items, underfill_cost};
   for (uint32_t i = static_cast<uint32_t>(weights.of.size()); i <= n; ++i)
-    weights.of.push_back(constraints_.weight(i, underfill_cost));
-  node_weights_ = weights.of.data();
+    weights.of.push_back(constraints.weight(i, underfill_cost));
+  return weights.of.data();
 }
 
 }  // namespace umbel::cluster

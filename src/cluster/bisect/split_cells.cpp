@@ -1,16 +1,16 @@
 // The surface area heuristic at the planes of a grid (binned as by Wald, "On fast construction of
 // SAH-based bounding volume hierarchies", 2007, but the items are binned once for many levels).
 // Where the number of items left of a plane is not legal, the layer of cells at the nearest legal
-// number is cut item by item.
+// number is split item by item.
 #include "cluster/bisect/split_cells.hpp"
 
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <limits>
 
 #include "base/parallel.hpp"
+#include "cluster/bisect/scaling.hpp"
 
 namespace umbel::cluster {
 namespace {
@@ -126,7 +126,7 @@ class Splitter {
   }
 
   // A plane of the grid with at least a quarter of the items on each side, where there is one:
-  // no layer has to be cut then.
+  // no layer has to be split then.
   Choice plane_nearest_to_half(const Part& part, int axis) const {
     std::vector<uint32_t> layers(size_t(1) << 12, 0);
     for (const Cell& cell : part.cells) layers[cell.place[axis]] += cell.count;
@@ -164,9 +164,7 @@ class Splitter {
 
   Choice cheapest(const Part& part, const Extent& extent) const {
     const Bins bins = fill_bins(part, extent);
-    const float length = extent.box.longest();
-    const Float4 pad =
-        splat(length > 0 ? std::ldexp(1.0f, std::max(std::ilogb(length) - 20, -60)) : 1.0f);
+    const Float4 pad = pad_for(extent.box);
     const float underfill_cost = constraints_.underfill_cost(part.count);
     Choice best{0, 0};
     float best_cost = std::numeric_limits<float>::infinity();
@@ -235,21 +233,21 @@ class Splitter {
       uint32_t* end = begin + cell.count;
       uint32_t* middle =
           std::stable_partition(begin, end, [&](uint32_t item) { return !(last < key(item)); });
-      add_piece(set, cell, begin, middle, left);
-      add_piece(set, cell, middle, end, right);
+      add_cell_part(set, cell, begin, middle, left);
+      add_cell_part(set, cell, middle, end, right);
     }
   }
 
-  void add_piece(const CellSet& set, const Cell& cell, const uint32_t* begin, const uint32_t* end,
-                 Part& part) const {
+  void add_cell_part(const CellSet& set, const Cell& cell, const uint32_t* begin,
+                     const uint32_t* end, Part& part) const {
     if (begin == end) return;
-    Cell piece;
-    piece.place = cell.place;
-    piece.begin = static_cast<uint32_t>(begin - set.order.data());
-    piece.count = static_cast<uint32_t>(end - begin);
+    Cell own;
+    own.place = cell.place;
+    own.begin = static_cast<uint32_t>(begin - set.order.data());
+    own.count = static_cast<uint32_t>(end - begin);
     for (const uint32_t* item = begin; item != end; ++item)
-      piece.box.extend(record_of(source_, *item, set.scale));
-    part.cells.push_back(piece);
+      own.box.extend(record_of(source_, *item, set.scale));
+    part.cells.push_back(own);
   }
 
   const Source& source_;
@@ -260,11 +258,11 @@ class Splitter {
 
 }  // namespace
 
-void split_cells(const Source& source, const SplitConstraints& constraints, const uint32_t* items,
-                 uint32_t count, uint32_t most, const BoxRecord* bounds,
+void split_cells(const Segment& segment, uint32_t most, const BoxRecord* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done) {
-  Splitter(source, constraints, most, done)
-      .split_items(items, 0, count, 0, 2 * uint32_t(std::bit_width(count)) + 8, bounds);
+  const uint32_t count = segment.count;
+  Splitter(segment.source, segment.constraints, most, done)
+      .split_items(segment.items, 0, count, 0, 2 * uint32_t(std::bit_width(count)) + 8, bounds);
 }
 
 }  // namespace umbel::cluster

@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "cluster/bisect/cells.hpp"
-#include "cluster/bisect/split_constraints.hpp"
+#include "cluster/bisect/segment.hpp"
 
 namespace umbel::cluster {
 
@@ -15,10 +15,9 @@ struct Part {
   std::vector<Cell> cells;
 };
 
-/// Splits items[0, count) into parts of at most `most` items. Calls done(set, part) for each,
-/// possibly from several threads at once. `bounds` as for make_cells.
-void split_cells(const Source& source, const SplitConstraints& constraints, const uint32_t* items,
-                 uint32_t count, uint32_t most, const BoxRecord* bounds,
+/// Splits a segment into parts of at most `most` items. Calls done(set, part) for each, possibly
+/// from several threads at once. `bounds` as for make_cells.
+void split_cells(const Segment& segment, uint32_t most, const BoxRecord* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done);
 
 }  // namespace umbel::cluster

@@ -1,0 +1,60 @@
+// The items of a block: their boxes, and their order by centroid along each axis. Splits keep the
+// three orders sorted by stable partition.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "base/simd/box_record.hpp"
+#include "cluster/source.hpp"
+
+namespace umbel::cluster {
+
+struct AxisSplit {
+  float cost;
+  uint32_t position = 0;  ///< items on the left; 0: none found
+  int axis = 0;
+};
+
+/// Items are named by local indices, from 0 on in the order in which they came.
+class BlockItems {
+ public:
+  /// Room for `count` boxes whose tags are the items' indices in the source, to be filled before
+  /// `sort`, at any scale that is a power of two.
+  BoxRecord* prepare(uint32_t count);
+  /// Sorts by the centroids of the source, or else by the boxes' centres.
+  void sort(const Source& source);
+
+  uint32_t count() const { return count_; }
+  const BoxRecord* boxes() const { return boxes_.data(); }
+  /// In the source.
+  uint32_t item(uint32_t local) const { return boxes_[local].tag(); }
+  const uint32_t* order(int axis) const { return orders_[axis].data(); }
+
+  /// Of the items [begin, end) of the orders, which are the same ones on every axis.
+  BoxRecord bounds(uint32_t begin, uint32_t end) const;
+  /// Scales the boxes of a node up if they are tiny, where a split has parted it from something far
+  /// away. Returns the padding that suits the node.
+  Float4 normalise(uint32_t begin, uint32_t end, const BoxRecord& bounds);
+  /// Moves the left items of each order to its front.
+  void partition(uint32_t begin, uint32_t end, const AxisSplit& split);
+
+ private:
+  void find_centers(const Source& source);
+  void sort_axis(int axis);
+  void settle_ties(int axis);
+  void sort_exactly(int axis);
+
+  uint32_t count_ = 0;
+  std::vector<BoxRecord> boxes_;
+  std::array<std::vector<float>, 3> centers_;
+  Float4 lowest_{}, highest_{};  ///< centre an axis
+  std::array<std::vector<uint32_t>, 3> orders_;
+  std::vector<uint32_t> spare_;
+  std::vector<uint8_t> right_;  ///< by local index: on the right of the split
+  std::vector<uint32_t> words_;
+  std::vector<uint64_t> long_words_, spare_long_words_;
+};
+
+}  // namespace umbel::cluster

@@ -1,0 +1,96 @@
+#include "cluster/bisect/block_vertices.hpp"
+
+#include <algorithm>
+
+namespace umbel::cluster {
+
+void BlockVertices::load(const Source& source, const uint32_t* items, uint32_t count) {
+  vertices_ = source.vertices;
+  arity_ = source.arity;
+  shared_.load(source, items, count);
+}
+
+SplitConstraints BlockVertices::expected(const BlockItems& items,
+                                         const SplitConstraints& constraints) {
+  constexpr uint32_t kSamples = 4;
+  const uint32_t limit = constraints.config.max_vertices, most = constraints.config.max_items;
+  const uint32_t length = std::min(most, items.count());
+  if (uint64_t(length) * arity_ <= limit) return constraints;
+  const auto mean_of_samples = [&](const auto& count_vertices) {
+    uint64_t vertices = 0;
+    for (uint32_t s = 0; s < kSamples; ++s) {
+      const uint32_t begin = uint32_t(uint64_t(items.count() - length) * s / (kSamples - 1));
+      vertices += count_vertices(begin, begin + length);
+    }
+    return double(vertices) / kSamples;
+  };
+  const auto count_quickly = [&](uint32_t begin, uint32_t end) {
+    quick_count_.clear();
+    for (uint32_t i = begin; i < end; ++i) quick_count_.insert(vertices_of(items, i), arity_);
+    return quick_count_.count();
+  };
+  const auto count_by_bits = [&](uint32_t begin, uint32_t end) {
+    shared_.clear();
+    for (uint32_t i = begin; i < end; ++i) shared_.insert(i);
+    return shared_.count();
+  };
+  const auto count_exactly = [&](uint32_t begin, uint32_t end) {
+    table_.clear(size_t(end - begin) * arity_);
+    for (uint32_t i = begin; i < end; ++i)
+      for (uint32_t k = 0; k < arity_; ++k) table_.insert(vertices_of(items, i)[k]);
+    return table_.count();
+  };
+  const double many = 1.35 * limit;
+  if (!shared_.active() && mean_of_samples(count_quickly) <= many) return constraints;
+  const double mean =
+      shared_.active() ? mean_of_samples(count_by_bits) : mean_of_samples(count_exactly);
+  if (mean <= many) return constraints;
+  // Shapes differ, and those with a longer border need more vertices.
+  constexpr double kMargin = 0.9;
+  ClusterConfig config = constraints.config;
+  config.max_items =
+      std::clamp(uint32_t(kMargin * length * limit / mean), std::min(limit / arity_, most), most);
+  config.min_items = std::min(config.min_items, config.max_items);
+  return SplitConstraints(config);
+}
+
+uint32_t BlockVertices::count_by_bits(const uint32_t* order, uint32_t begin, uint32_t end) {
+  shared_.clear();
+  for (uint32_t i = begin; i < end; ++i) shared_.insert(order[i]);
+  return shared_.count();
+}
+
+bool BlockVertices::within(const BlockItems& items, uint32_t begin, uint32_t end, int axis,
+                           uint32_t limit) {
+  const uint32_t* order = items.order(axis);
+  if (shared_.active()) return count_by_bits(order, begin, end) <= limit;
+  for (uint32_t i = begin; i < end; ++i) __builtin_prefetch(vertices_of(items, order[i]));
+  quick_count_.clear();
+  for (uint32_t i = begin; i < end; ++i) quick_count_.insert(vertices_of(items, order[i]), arity_);
+  // It never counts too few.
+  if (quick_count_.count() <= limit) return true;
+  table_.clear(size_t(end - begin) * arity_);
+  for (uint32_t i = begin; i < end; ++i) {
+    const uint32_t* vertices = vertices_of(items, order[i]);
+    for (uint32_t k = 0; k < arity_; ++k) table_.insert(vertices[k]);
+  }
+  return table_.count() <= limit;
+}
+
+void BlockVertices::enter(const BlockItems& items, uint32_t begin, uint32_t end) {
+  const uint32_t* order = items.order(0);
+  if (shared_.active()) {
+    node_count_ = count_by_bits(order, begin, end);
+    return;
+  }
+  numbers_.resize(std::max(numbers_.size(), size_t(items.count()) * arity_));
+  table_.clear(size_t(end - begin) * arity_);
+  for (uint32_t i = begin; i < end; ++i) {
+    const uint32_t* vertices = vertices_of(items, order[i]);
+    for (uint32_t k = 0; k < arity_; ++k)
+      numbers_[size_t(order[i]) * arity_ + k] = table_.insert(vertices[k]);
+  }
+  node_count_ = table_.count();
+}
+
+}  // namespace umbel::cluster

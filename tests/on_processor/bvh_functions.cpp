@@ -1,4 +1,0 @@
-#include "run.hpp"
-
-// What is above comes first.
-#include "cuda/bvh_functions.hpp"

@@ -1,4 +1,0 @@
-#include "run.hpp"
-
-// What is above comes first.
-#include "cuda/frame_functions.hpp"
