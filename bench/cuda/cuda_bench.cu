@@ -24,7 +24,7 @@
 #include "mesh_reader.hpp"
 #include "timing.cuh"
 #include "umbel/cluster.hpp"
-#include "umbel/cuda.hpp"
+#include "umbel/cuda_clusters.hpp"
 
 namespace umbel {
 namespace {

@@ -1,6 +1,6 @@
 // Selection on CUDA devices: the cuts of thousands of instances of one mesh, the same clusters in
 // the same order as lod::select_instances gives (lod_select.hpp), and what of an asset is missing
-// for them. Part of the library umbel::cuda; cuda.hpp says what holds of pointers, streams, scratch
+// for them. Part of the library umbel::cuda; cuda_types.hpp says what holds of pointers, streams, scratch
 // memory and errors.
 //
 // A walk goes down the hierarchy breadth-first, all instances at once, with a queue of nodes in
@@ -12,7 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "umbel/cuda.hpp"
+#include "umbel/cuda_types.hpp"
 #include "umbel/lod_select.hpp"
 
 namespace umbel::cuda {

@@ -1,5 +1,5 @@
 // Rays, closest points and overlaps of boxes on CUDA devices, by the trees of cuda_bvh.hpp. Part of
-// the library umbel::cuda; cuda.hpp says what holds of pointers, streams, scratch memory and
+// the library umbel::cuda; cuda_types.hpp says what holds of pointers, streams, scratch memory and
 // errors.
 //
 // Answers are those of TriangleQueries over the same triangles, bit by bit: watertight rays (Woop

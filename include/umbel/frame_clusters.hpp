@@ -1,5 +1,5 @@
 // Clusters of meshes that change every frame: the same triangles, new positions. On the processor
-// here, on CUDA devices in cuda.hpp, with the same bytes.
+// here, on CUDA devices in cuda_clusters.hpp, with the same bytes.
 #pragma once
 
 #include <memory>

@@ -1,10 +1,10 @@
-// The triangles of cuda.hpp as the algorithms take them.
+// The triangles of cuda_types.hpp as the algorithms take them.
 #pragma once
 
 #include <string>
 
 #include "cluster/frame/frame_mesh.hpp"
-#include "umbel/cuda.hpp"
+#include "umbel/cuda_types.hpp"
 
 namespace umbel::cuda {
 

@@ -1,7 +1,7 @@
 #include <random>
 
 #include "device_arrays.cuh"
-#include "umbel/cuda.hpp"
+#include "umbel/cuda_clusters.hpp"
 #include "umbel/umbel_cuda.h"
 
 namespace umbel::cuda {

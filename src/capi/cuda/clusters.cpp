@@ -1,7 +1,7 @@
 // umbel_cuda.h over cuda.hpp. Part of the library umbel::cuda.
 #include "capi/cuda/input.hpp"
 #include "capi/guard.hpp"
-#include "umbel/cuda.hpp"
+#include "umbel/cuda_clusters.hpp"
 
 namespace umbel::capi {
 namespace {
