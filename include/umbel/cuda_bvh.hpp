@@ -1,9 +1,9 @@
 // Hierarchies of triangles built on CUDA devices, in the form of compact_bvh.hpp, with the bytes
 // that the same algorithms give on the processor. Part of the library umbel::cuda.
 //
-// What cuda_types.hpp says of pointers, streams, scratch memory and errors holds here too, but that two
-// builders read sizes back while they build, and so wait for the stream and cannot be captured in a
-// graph: see DeviceBuilder.
+// What cuda_types.hpp says of pointers, streams, scratch memory and errors holds here too, but that
+// two builders read sizes back while they build, and so wait for the stream and cannot be captured
+// in a graph: see DeviceBuilder.
 #pragma once
 
 #include <cstddef>

@@ -1,6 +1,7 @@
-// Clusters of meshes that change every frame, on CUDA devices: with the same bytes as on the processor
-// (frame_clusters.hpp). cuda_types.hpp says what holds of pointers, streams, scratch memory and
-// errors. NaN and infinite positions give clusters of some order, each triangle in one of them.
+// Clusters of meshes that change every frame, on CUDA devices: with the same bytes as on the
+// processor (frame_clusters.hpp). cuda_types.hpp says what holds of pointers, streams, scratch
+// memory and errors. NaN and infinite positions give clusters of some order, each triangle in one
+// of them.
 #pragma once
 
 #include <cstddef>
@@ -48,8 +49,8 @@ UMBEL_API void measure_frame_clusters(void* scratch, size_t& scratch_bytes, uint
                                       const DeviceAreaGrowth& growth, bool is_new,
                                       Stream stream = nullptr);
 
-/// Recomputes the boxes of clusters for new positions, and measures. Of the mesh, only the positions and
-/// the number of triangles are used.
+/// Recomputes the boxes of clusters for new positions, and measures. Of the mesh, only the
+/// positions and the number of triangles are used.
 UMBEL_API void refit_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                                     const FrameClusterConfig& config,
                                     const DeviceClusters& clusters, const DeviceAreaGrowth& growth,

@@ -1,7 +1,7 @@
 // Selection on CUDA devices: the cuts of thousands of instances of one mesh, the same clusters in
 // the same order as lod::select_instances gives (lod_select.hpp), and what of an asset is missing
-// for them. Part of the library umbel::cuda; cuda_types.hpp says what holds of pointers, streams, scratch
-// memory and errors.
+// for them. Part of the library umbel::cuda; cuda_types.hpp says what holds of pointers, streams,
+// scratch memory and errors.
 //
 // A walk goes down the hierarchy breadth-first, all instances at once, with a queue of nodes in
 // device memory; which groups each instance shows is kept as bits, so that the result does not

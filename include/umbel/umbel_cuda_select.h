@@ -1,6 +1,6 @@
 // Selection on CUDA devices, from C: the twin of cuda_select.hpp, which says what everything means.
-// What cuda.hpp says of pointers, streams, scratch memory and errors holds here too; structs in
-// device memory are those of umbel_lod.h.
+// What cuda_types.hpp says of pointers, streams, scratch memory and errors holds here too; structs
+// in device memory are those of umbel_lod.h.
 //
 //   uint32_t layers;
 //   umbel_cuda_check_tables(&arrays, &layers);          // on the host, once

@@ -1,6 +1,6 @@
 // Rays, closest points and overlaps on CUDA devices, from C: the twin of cuda_trace.hpp, which says
-// what everything means. What cuda.hpp says of pointers, streams, scratch memory and errors holds
-// here too. Trees are built by umbel_cuda_build_bvh.
+// what everything means. What cuda_types.hpp says of pointers, streams, scratch memory and errors
+// holds here too. Trees are built by umbel_cuda_build_bvh.
 //
 //   umbel_cuda_rays rays = {origins, directions, 12, 12, NULL, NULL, 4, ray_count, 0, 0, NULL};
 //   umbel_cuda_hits hits = {t, primitives, NULL};
@@ -10,7 +10,7 @@
 #ifndef UMBEL_UMBEL_CUDA_TRACE_H
 #define UMBEL_UMBEL_CUDA_TRACE_H
 
-#include "umbel/umbel_cuda.h"
+#include "umbel/umbel_cuda_bvh.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,6 +1,6 @@
 // How the functions of umbel/cuda*.hpp run work that is written over an executor. A CUDA compiler
-// takes the device's executor. Any other takes the processor's: so tests compile the same sources for
-// machines without a device (tests/on_processor).
+// takes the device's executor. Any other takes the processor's: so tests compile the same sources
+// for machines without a device (tests/on_processor).
 #pragma once
 
 #include <cstddef>

@@ -2,7 +2,7 @@
 
 #include "device_arrays.cuh"
 #include "umbel/cuda_clusters.hpp"
-#include "umbel/umbel_cuda.h"
+#include "umbel/umbel_cuda_clusters.h"
 
 namespace umbel::cuda {
 namespace {

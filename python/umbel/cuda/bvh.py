@@ -68,7 +68,7 @@ class Bvh(Queries):
     builder: "lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans", "kmeans-q1" to "kmeans-q5" or
         "sweep". Those of "ploc" and "kmeans" wait for the stream while they build; the others do
         not.
-    settings: of the builder, by the names of umbel_cuda_bvh_config in umbel_cuda.h, such as
+    settings: of the builder, by the names of umbel_cuda_bvh_config in umbel_cuda_bvh.h, such as
         max_leaf_size (1 to 8), presplit (0 to 1) or ploc_radius.
     masks: (m,) uint32 or int32, bits of each triangle; rays see those that share a bit with their
         mask. By default all bits are set. Not copied: a later ray sees what was written since.

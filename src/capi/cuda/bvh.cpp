@@ -1,7 +1,8 @@
-// The hierarchies of umbel_cuda.h over cuda_bvh.hpp. Part of the library umbel::cuda.
+// umbel_cuda_bvh.h over cuda_bvh.hpp. Part of the library umbel::cuda.
 #include "capi/cuda/input.hpp"
 #include "capi/guard.hpp"
 #include "umbel/cuda_bvh.hpp"
+#include "umbel/umbel_cuda_bvh.h"
 
 namespace umbel::capi {
 namespace {
@@ -53,20 +54,18 @@ using umbel::capi::guard;
 
 umbel_result umbel_cuda_bvh_config_init(umbel_cuda_bvh_config* config, const char* builder) {
   return guard([&] {
-    if (!config) umbel::capi::refuse_null("config");
-    *config = umbel::capi::config_of(builder ? umbel::cuda::device_builder_preset(builder)
-                                             : umbel::cuda::DeviceBvhConfig{});
+    umbel::capi::required(config, "config") = umbel::capi::config_of(
+        builder ? umbel::cuda::device_builder_preset(builder) : umbel::cuda::DeviceBvhConfig{});
   });
 }
 
 umbel_result umbel_cuda_bvh_capacity(uint32_t triangles, const umbel_cuda_bvh_config* config,
                                      uint32_t* node_capacity, uint32_t* triangle_capacity) {
   return guard([&] {
-    if (!node_capacity) umbel::capi::refuse_null("node_capacity");
-    if (!triangle_capacity) umbel::capi::refuse_null("triangle_capacity");
-    *triangle_capacity =
+    uint32_t& nodes = umbel::capi::required(node_capacity, "node_capacity");
+    umbel::capi::required(triangle_capacity, "triangle_capacity") =
         umbel::cuda::device_references(triangles, umbel::capi::bvh_config_of(config));
-    *node_capacity = umbel::bvh::compact_node_capacity(*triangle_capacity);
+    nodes = umbel::bvh::compact_node_capacity(*triangle_capacity);
   });
 }
 
@@ -74,7 +73,7 @@ umbel_result umbel_cuda_build_bvh(void* scratch, size_t* scratch_bytes, const um
                                   const umbel_cuda_bvh_config* config, const umbel_cuda_bvh* out,
                                   void* stream) {
   return guard([&] {
-    umbel::cuda::build_bvh(scratch, umbel::capi::bytes_of(scratch_bytes),
+    umbel::cuda::build_bvh(scratch, umbel::capi::required(scratch_bytes, "scratch_bytes"),
                            umbel::capi::mesh_of(mesh), umbel::capi::bvh_config_of(config),
                            umbel::capi::bvh_of(out, scratch, "out"),
                            umbel::capi::stream_of(stream));
@@ -85,7 +84,7 @@ umbel_result umbel_cuda_refit_bvh(void* scratch, size_t* scratch_bytes, const um
                                   const umbel_cuda_bvh_config* config, const umbel_cuda_bvh* bvh,
                                   void* stream) {
   return guard([&] {
-    umbel::cuda::refit_bvh(scratch, umbel::capi::bytes_of(scratch_bytes),
+    umbel::cuda::refit_bvh(scratch, umbel::capi::required(scratch_bytes, "scratch_bytes"),
                            umbel::capi::mesh_of(mesh), umbel::capi::bvh_config_of(config),
                            umbel::capi::bvh_of(bvh, scratch), umbel::capi::stream_of(stream));
   });

@@ -1,7 +1,8 @@
-// umbel_cuda.h over cuda.hpp. Part of the library umbel::cuda.
+// umbel_cuda_clusters.h over cuda_clusters.hpp. Part of the library umbel::cuda.
 #include "capi/cuda/input.hpp"
 #include "capi/guard.hpp"
 #include "umbel/cuda_clusters.hpp"
+#include "umbel/umbel_cuda_clusters.h"
 
 namespace umbel::capi {
 namespace {
@@ -21,15 +22,15 @@ struct Call {
   void* scratch;
   size_t* scratch_bytes;
 
-  size_t& bytes() const { return bytes_of(scratch_bytes); }
+  size_t& bytes() const { return required(scratch_bytes, "scratch_bytes"); }
   cuda::DeviceClusters of(const umbel_cuda_clusters* given, const char* name) const {
     if (!given && !scratch) return {};
-    const umbel_cuda_clusters& c = not_null(given, name);
+    const umbel_cuda_clusters& c = required(given, name);
     return {c.items, c.indices, c.offsets, reinterpret_cast<Aabb*>(c.boxes), c.count};
   }
   cuda::DeviceAreaGrowth of(const umbel_cuda_area_growth* given, const char* name) const {
     if (!given && !scratch) return {};
-    const umbel_cuda_area_growth& d = not_null(given, name);
+    const umbel_cuda_area_growth& d = required(given, name);
     return {d.now, d.at_build, d.total};
   }
 };
@@ -55,8 +56,8 @@ void umbel_frame_config_init(umbel_frame_config* config) {
 umbel_result umbel_frame_max_clusters(uint32_t triangles, const umbel_frame_config* config,
                                       uint32_t* clusters) {
   return guard([&] {
-    if (!clusters) umbel::capi::refuse_null("clusters");
-    *clusters = umbel::max_frame_clusters(triangles, config_of(config));
+    umbel::capi::required(clusters, "clusters") =
+        umbel::max_frame_clusters(triangles, config_of(config));
   });
 }
 
@@ -117,8 +118,8 @@ umbel_result umbel_cuda_list_frame_vertices(void* scratch, size_t* scratch_bytes
                                             const umbel_cuda_vertex_lists* out, void* stream) {
   return guard([&] {
     const Call call{scratch, scratch_bytes};
-    if (!out && scratch) umbel::capi::refuse_null("out");
-    const umbel_cuda_vertex_lists lists = out ? *out : umbel_cuda_vertex_lists{};
+    const umbel_cuda_vertex_lists lists =
+        scratch ? umbel::capi::required(out, "out") : umbel_cuda_vertex_lists{};
     umbel::cuda::list_frame_vertices(
         scratch, call.bytes(), triangles, config_of(config), call.of(clusters, "clusters"),
         {lists.offsets, lists.vertices, lists.corners}, stream_of(stream));

@@ -1,37 +1,23 @@
-// What the functions of umbel_cuda.h take, as cuda.hpp takes it.
+// What the functions of umbel_cuda_*.h take, as those of cuda_*.hpp take it.
 #pragma once
 
 #include <string>
 
+#include "capi/arguments.hpp"
 #include "umbel/cuda_bvh.hpp"
-#include "umbel/umbel_cuda.h"
+#include "umbel/umbel_cuda_bvh.h"
 
 namespace umbel::capi {
 
-[[noreturn]] inline void refuse_null(const char* name) {
-  throw Error(ErrorCode::kInvalidArgument, std::string(name) + " must not be NULL");
-}
-
-template <typename T>
-const T& not_null(const T* pointer, const char* name) {
-  if (!pointer) refuse_null(name);
-  return *pointer;
-}
-
-inline size_t& bytes_of(size_t* scratch_bytes) {
-  if (!scratch_bytes) refuse_null("scratch_bytes");
-  return *scratch_bytes;
-}
-
 inline cuda::DeviceMesh mesh_of(const umbel_cuda_mesh* given) {
-  const umbel_cuda_mesh& m = not_null(given, "mesh");
+  const umbel_cuda_mesh& m = required(given, "mesh");
   return {m.positions, m.position_stride, m.indices, m.items, m.triangles};
 }
 
 /// A config that its function `init` has filled.
 template <typename T>
 const T& sized_config(const T* given, const char* init) {
-  const T& config = not_null(given, "config");
+  const T& config = required(given, "config");
   if (config.struct_size != sizeof config)
     throw Error(ErrorCode::kUnsupported,
                 "config has a struct_size of " + std::to_string(config.struct_size) + ", not " +
@@ -43,7 +29,7 @@ const T& sized_config(const T* given, const char* init) {
 inline cuda::DeviceBvh bvh_of(const umbel_cuda_bvh* given, const void* scratch,
                               const char* name = "bvh") {
   if (!given && !scratch) return {};
-  const umbel_cuda_bvh& b = not_null(given, name);
+  const umbel_cuda_bvh& b = required(given, name);
   return {static_cast<bvh::CompactNode*>(b.nodes), static_cast<bvh::CompactTriangle*>(b.triangles),
           reinterpret_cast<bvh::CompactInfo*>(b.info)};
 }
