@@ -11,8 +11,7 @@
 #include <vector>
 
 #include "c_interface.hpp"
-#include "umbel/umbel_cuda_select.h"
-#include "umbel/umbel_cuda_trace.h"
+#include "umbel/umbel_cuda.h"
 
 namespace {
 
