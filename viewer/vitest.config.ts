@@ -1,7 +1,7 @@
 import { fileURLToPath } from "node:url";
 import { defineConfig } from "vitest/config";
 
-const SOURCE = fileURLToPath(new URL("./packages/umbel/src/index", import.meta.url));
+const SOURCE = fileURLToPath(new URL("./packages/umbel/src", import.meta.url));
 
 export default defineConfig({
   // The page's modules import the package by its name; tests take its sources.
