@@ -139,8 +139,7 @@ def test_selection(torch):
 # ---- C++ and C
 
 CPP = """
-#include "umbel/cuda_bvh.hpp"
-#include "umbel/cuda_trace.hpp"
+#include "umbel/cuda.hpp"
 int cudaMalloc(void** memory, size_t bytes);
 namespace {
 umbel::Vec3 *positions, *origins, *directions;
