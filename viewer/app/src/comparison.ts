@@ -21,7 +21,7 @@ export class Comparison {
   ) {
     this.divider = new Divider(host, (at) => {
       this.state.wipe = at;
-      this.placeDivider();
+      this.updateDivider();
     });
   }
 
@@ -44,7 +44,7 @@ export class Comparison {
     if (wasHome) viewport.frameAll();
     if (layout === "single") viewport.setMesh(1, undefined);
     else if (!viewport.meshes[1] && this.source) await this.loadRight(this.source);
-    this.placeDivider();
+    this.updateDivider();
   }
 
   private async loadRight(source: Source): Promise<void> {
@@ -59,10 +59,10 @@ export class Comparison {
     }
   }
 
-  private placeDivider(): void {
+  private updateDivider(): void {
     const right = this.other ? nameOf(this.other) : "Full mesh";
     const left = this.source ? nameOf(this.source) : "";
-    this.divider.place(this.state.layout, this.state.wipe, [left, right]);
+    this.divider.update(this.state.layout, this.state.wipe, [left, right]);
     this.viewport.requestFrame();
   }
 }

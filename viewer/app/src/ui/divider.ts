@@ -19,7 +19,7 @@ export class Divider {
     host.append(this.names, divider);
   }
 
-  place(layout: Layout, wipe: number, names: readonly [string, string]): void {
+  update(layout: Layout, wipe: number, names: readonly [string, string]): void {
     const isSplit = layout !== "single";
     this.divider.hidden = !isSplit;
     this.names.hidden = !isSplit;

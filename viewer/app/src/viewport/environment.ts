@@ -142,9 +142,9 @@ function moments(value: (direction: Point) => number): [number, number] {
     const y = (2 * i + 1) / count - 1;
     const around = i * Math.PI * (3 - Math.sqrt(5));
     const flat = Math.sqrt(1 - y * y);
-    const here = value([flat * Math.cos(around), y, flat * Math.sin(around)]);
-    mean += here / count;
-    rise += (3 * here * y) / count;
+    const sample = value([flat * Math.cos(around), y, flat * Math.sin(around)]);
+    mean += sample / count;
+    rise += (3 * sample * y) / count;
   }
   return [mean, rise];
 }

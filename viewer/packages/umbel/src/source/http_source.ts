@@ -35,19 +35,19 @@ export class HttpSource implements ByteSource {
     for (let attempt = 0; ; ++attempt) {
       try {
         const bytes = await this.request(offset, length);
-        this.tell(false);
+        this.report(false);
         return bytes;
       } catch (error) {
         if (error instanceof UmbelError && error.kind !== "network") throw error;
         if (this.aborter.signal.aborted || attempt === retries) throw this.asError(error);
         this.download = undefined;
-        this.tell(true);
+        this.report(true);
         await new Promise((resolve) => setTimeout(resolve, delay * 2 ** Math.min(attempt, 5)));
       }
     }
   }
 
-  private tell(isLost: boolean): void {
+  private report(isLost: boolean): void {
     if (isLost !== this.isLost) this.options.onConnection?.(isLost);
     this.isLost = isLost;
   }

@@ -117,7 +117,7 @@ export class Streamer {
       const start = performance.now();
       if (this.residency.plan()) this.cutChanged = true;
       this.selectTime = performance.now() - start;
-      this.drop(this.residency.trim());
+      this.removeGroups(this.residency.trim());
     }
     this.fetchMore();
     if (this.requests === 0 && this.residency.hasAbsentPages) {
@@ -132,7 +132,7 @@ export class Streamer {
     while (this.requests < MAX_REQUESTS - this.files.requests) {
       const next = this.residency.next();
       if (!next) return;
-      this.drop(next.evicted);
+      this.removeGroups(next.evicted);
       void this.fetch(this.requestFor(next.page));
     }
   }
@@ -163,7 +163,7 @@ export class Streamer {
       const bytes = await this.read(begin, length);
       if (this.isClosed) return;
       for (const page of run)
-        this.take(page, bytes.subarray(offset[page] - begin, offset[page] - begin + size[page]));
+        this.addPage(page, bytes.subarray(offset[page] - begin, offset[page] - begin + size[page]));
     } catch (error) {
       if (this.isClosed) return;
       if (!(error instanceof UmbelError)) throw error;
@@ -184,14 +184,14 @@ export class Streamer {
     return known.length === 0 ? rest : joined(known, rest);
   }
 
-  private take(page: number, bytes: Uint8Array): void {
+  private addPage(page: number, bytes: Uint8Array): void {
     try {
       const groups = readPage(this.header, page, bytes);
       const evicted = this.residency.arrived(
         page,
         groups.map(({ info }) => info),
       );
-      this.drop(evicted.filter((other) => other !== page));
+      this.removeGroups(evicted.filter((other) => other !== page));
       if (evicted.includes(page)) return;
       for (const group of groups) this.added.push(packGroup(group, this.residency.dag));
     } catch (error) {
@@ -201,7 +201,7 @@ export class Streamer {
     }
   }
 
-  private drop(pages: readonly number[]): void {
+  private removeGroups(pages: readonly number[]): void {
     for (const page of pages) {
       const groups = this.residency.dag.groupsOfPage[page] ?? [];
       this.removed.push(...groups);

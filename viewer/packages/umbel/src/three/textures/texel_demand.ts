@@ -61,8 +61,8 @@ export function wantedTexels(
       const minDistance = NEAREST * (group.sphere[3] as number);
       const perUnit = pixels(Math.max(box.distanceToPoint(eye), minDistance, 1e-30));
       group.sizeMaterials.forEach((material, i) => {
-        const seen = perUnit * (group.sizes[i] as number);
-        texels.set(material, Math.max(texels.get(material) ?? 0, seen));
+        const wanted = perUnit * (group.sizes[i] as number);
+        texels.set(material, Math.max(texels.get(material) ?? 0, wanted));
       });
     }
   }
