@@ -1,10 +1,11 @@
-// A crowd for selection: 10,000 instances of a mesh of about 1,000 groups, and who looks at them.
+// A crowd for selection: 10,000 instances of a mesh of about 1,000 groups, and who looks at
+// them.
 #pragma once
 
 #include <cmath>
 #include <vector>
 
-#include "umbel/lod_select.hpp"
+#include "umbel/lod.hpp"
 #include "umbel/mesh.hpp"
 
 namespace bench {
@@ -12,7 +13,7 @@ namespace bench {
 struct Crowd {
   static constexpr int kHalf = 50, kSide = 2 * kHalf;
   umbel::lod::Dag dag;
-  std::vector<umbel::lod::Transform> instances;
+  std::vector<umbel::Transform> instances;
   std::vector<umbel::Plane> planes;
   umbel::lod::View view;
 
@@ -30,12 +31,9 @@ struct Crowd {
       const float c = size * std::cos(a), s = size * std::sin(a);
       instances.push_back({{c, 0, s, 4 * x, 0, size, 0, 0, -s, 0, c, 4 * z}});
     }
-    umbel::lod::Perspective seen;
-    seen.eye = {0, 6, 0};
-    seen.target = {100, 0, 60};
-    seen.aspect = 16.0f / 9;
-    planes = umbel::lod::frustum_planes(seen);
-    view = umbel::lod::view_camera(seen.eye, seen.fov_y, 1080, 1);
+    const umbel::Camera camera{{0, 6, 0}, {100, 0, 60}, {0, 1, 0}, 1.0f};
+    planes = umbel::lod::frustum_planes(camera, 16.0f / 9);
+    view = umbel::lod::view_camera(camera.position, camera.fov_y, 1080, 1);
   }
 };
 

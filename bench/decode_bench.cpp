@@ -1,4 +1,4 @@
-// How fast an asset is written and decoded on one core: the parts of its groups, from and to
+// How fast an asset is written and decoded on one core: the chunks of its groups, from and to
 // memory. Positions are on a grid of 16 bits over the longest side.
 //
 //   decode_bench [--runs N] MESH.ply...
@@ -49,7 +49,7 @@ double median_seconds(int runs, const Work& work) {
 
 struct Part {
   std::vector<std::byte> bytes;
-  asset::PartTables tables;
+  asset::ChunkTables tables;
 };
 
 umbel::Aabb box_of(const umbel::Mesh& mesh) {
@@ -59,22 +59,22 @@ umbel::Aabb box_of(const umbel::Mesh& mesh) {
 }
 
 /// Reads the triangles of every cluster, and nothing else; a sum, so that all of it happens.
-uint64_t read_triangles(const std::vector<Part>& parts) {
+uint64_t read_triangles(const std::vector<Part>& chunks) {
   std::array<uint8_t, 3 * asset::kMaxLocal> triangles;
-  std::array<asset::Parents, asset::kMaxLocal> parents;
+  std::array<asset::Predictors, asset::kMaxLocal> predictors;
   std::array<uint32_t, asset::kMaxLocal> next{}, previous{};
   uint64_t sum = 0;
-  for (const Part& part : parts) {
-    uint32_t begin = part.tables.first_data;
-    for (size_t c = 0; c < part.tables.clusters.size(); ++c) {
-      umbel::BitReader in(std::span(part.bytes).subspan(begin, part.tables.ends[c] - begin),
-                          part.bytes.size() - part.tables.ends[c]);
-      const lod::Cluster& cluster = part.tables.clusters[c];
+  for (const Part& chunk : chunks) {
+    uint32_t begin = chunk.tables.first_data;
+    for (size_t c = 0; c < chunk.tables.clusters.size(); ++c) {
+      umbel::BitReader in(std::span(chunk.bytes).subspan(begin, chunk.tables.ends[c] - begin),
+                          chunk.bytes.size() - chunk.tables.ends[c]);
+      const lod::Cluster& cluster = chunk.tables.clusters[c];
       asset::decode_triangles(in, std::span(triangles).first(3 * cluster.triangle_count),
-                              std::span(parents).first(cluster.vertex_count),
+                              std::span(predictors).first(cluster.vertex_count),
                               {next.data(), previous.data(), 0});
       sum += triangles[0] + next[0];
-      begin = part.tables.ends[c];
+      begin = chunk.tables.ends[c];
     }
   }
   return sum;
@@ -110,32 +110,33 @@ void measure(const std::string& path, int runs) {
   umbel::Aabb box;
   for (const lod::Cluster& cluster : dag.tables.clusters) umbel::extend(box, cluster.box);
 
-  std::vector<Part> parts(dag.tables.groups.size());
+  std::vector<Part> chunks(dag.tables.groups.size());
   uint64_t triangles = 0, vertices = 0, bytes = 0;
   const double writing = median_seconds(runs, [&] {
-    for (uint32_t g = 0; g < parts.size(); ++g)
-      parts[g].bytes = asset::encode_part({dag, format, box}, g, asset::children_of(dag.tables, g));
+    for (uint32_t g = 0; g < chunks.size(); ++g)
+      chunks[g].bytes =
+          asset::encode_chunk({dag, format, box}, g, asset::children_of(dag.tables, g));
   });
-  for (uint32_t g = 0; g < parts.size(); ++g) {
-    Part& part = parts[g];
+  for (uint32_t g = 0; g < chunks.size(); ++g) {
+    Part& chunk = chunks[g];
     const auto children = static_cast<uint32_t>(asset::children_of(dag.tables, g).size());
-    part.tables = asset::decode_tables(format, box, dag.tables.groups[g].clusters.count, children,
-                                       part.bytes);
-    bytes += part.bytes.size();
-    for (const lod::Cluster& cluster : part.tables.clusters)
+    chunk.tables = asset::decode_tables(format, box, dag.tables.groups[g].clusters.count, children,
+                                        chunk.bytes);
+    bytes += chunk.bytes.size();
+    for (const lod::Cluster& cluster : chunk.tables.clusters)
       triangles += cluster.triangle_count, vertices += cluster.vertex_count;
   }
   uint64_t sum = 0;
   const double all = median_seconds(runs, [&] {
-    for (const Part& part : parts)
-      sum += asset::decode_clusters(format, part.tables, part.bytes, part.tables.clusters.size())
+    for (const Part& chunk : chunks)
+      sum += asset::decode_clusters(format, chunk.tables, chunk.bytes, chunk.tables.clusters.size())
                  .size();
   });
-  const double connectivity = median_seconds(runs, [&] { sum += read_triangles(parts); });
+  const double connectivity = median_seconds(runs, [&] { sum += read_triangles(chunks); });
   std::vector<std::vector<lod::ClusterGeometry>> groups;
-  for (const Part& part : parts)
+  for (const Part& chunk : chunks)
     groups.push_back(
-        asset::decode_clusters(format, part.tables, part.bytes, part.tables.clusters.size()));
+        asset::decode_clusters(format, chunk.tables, chunk.bytes, chunk.tables.clusters.size()));
   uint64_t tree_bytes = 0;
   const double trees = median_seconds(runs, [&] { tree_bytes = build_trees(groups); });
   const auto count = static_cast<double>(triangles);

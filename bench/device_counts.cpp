@@ -1,6 +1,6 @@
 // What builds, rays and selections do on a device, counted on the processor, where the same code
 // runs: kernels that a build starts, and how often it waits; nodes and triangles that a ray visits,
-// and so the bytes that it reads; nodes, groups and clusters that a selection looks at. Prints
+// and so the bytes that it reads; nodes, groups and clusters that a selection evaluates. Prints
 // Markdown; nothing here is a time.
 //
 //   device_counts MESH...
@@ -168,7 +168,7 @@ void count_selection() {
   const lod::InstanceCuts cuts =
       lod::select_instances(tables, crowd.view, {crowd.planes, {}}, crowd.instances);
   double visited = 0, opened = 0, groups = 0, clusters = 0;
-  for (const lod::Transform& transform : crowd.instances) {
+  for (const umbel::Transform& transform : crowd.instances) {
     const lod::View view = to_object(crowd.view, transform);
     const auto planes = lod::to_object(crowd.planes, transform);
     std::vector<uint32_t> stack{0};
@@ -178,10 +178,12 @@ void count_selection() {
       ++visited;
       if (node.group != kNone) {
         const lod::Group& group = tables.groups[node.group];
-        if (!lod::needs_refining(group, view) || lod::is_outside(group.sphere, planes)) continue;
+        if (!lod::must_refine(group.sphere, group.error, group.level, view) ||
+            lod::is_outside(group.sphere, planes))
+          continue;
         ++groups;
         clusters += group.clusters.count;
-      } else if (lod::opens(node, view, planes)) {
+      } else if (lod::must_descend(node, view, planes)) {
         ++opened;
         for (uint32_t k = 0; k < node.children.count; ++k)
           stack.push_back(node.children.offset + k);

@@ -18,7 +18,7 @@ namespace trace = umbel::trace;
 
 /// One ray through every pixel for each sample, in the order of the tracer's tiles;
 /// `size` is a multiple of 16.
-inline std::vector<Ray> camera_rays(const trace::Camera& camera, uint32_t size, uint32_t samples) {
+inline std::vector<Ray> camera_rays(const umbel::Camera& camera, uint32_t size, uint32_t samples) {
   const trace::RayCamera rays(camera, size, size);
   std::vector<Ray> result;
   const uint32_t across = size / 16;
@@ -53,7 +53,7 @@ inline std::vector<Ray> bounces(const Mesh& mesh, const std::vector<Ray>& rays,
     const float z = std::sqrt(std::max(0.0f, 1.0f - disc.x * disc.x - disc.y * disc.y));
     Ray ray;
     ray.origin = rays[i].origin + rays[i].direction * hit.t + normal * offset;
-    ray.direction = trace::frame_around(normal).to_world({disc.x, disc.y, z});
+    ray.direction = trace::basis_around(normal).to_world({disc.x, disc.y, z});
     result.push_back(ray);
   }
   return result;

@@ -17,7 +17,7 @@
 
 #include "base/math.hpp"
 #include "ply_reader.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod.hpp"
 
 namespace {
 
@@ -46,14 +46,14 @@ double median_ms(int runs, std::vector<uint32_t>& cut, const Select& select) {
 
 Views seen_from(const char* name, const umbel::Aabb& box, float along) {
   constexpr float kFov = 1.0f;
-  lod::Perspective camera;
+  umbel::Camera camera;
   const Vec3 size = box.max - box.min;
   camera.target = (box.min + box.max) * 0.5f;
-  camera.eye = camera.target + Vec3{0, 0, along * umbel::length(size)};
+  camera.position = camera.target + Vec3{0, 0, along * umbel::length(size)};
   if (along == 0) camera.target = camera.target - Vec3{0, 0, 1};
   camera.fov_y = kFov;
-  camera.aspect = 16.0f / 9.0f;
-  return {name, lod::view_camera(camera.eye, kFov, 1080, 1.0f), lod::frustum_planes(camera)};
+  return {name, lod::view_camera(camera.position, kFov, 1080, 1.0f),
+          lod::frustum_planes(camera, 16.0f / 9.0f)};
 }
 
 void measure(const std::string& path, int runs) {

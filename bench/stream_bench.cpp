@@ -7,7 +7,7 @@
 // second, once round in a minute, and looks ahead, 1080 pixels high; errors of 1, .3, .1 and .02
 // pixels are asked for, without the frustum's planes and with them. Printed: groups that are open,
 // clusters that are shown, and the processor time of a step: its mean, the 99th of 100, the worst;
-// groups that a step looked at, and the share of steps that had more to look at.
+// groups that a step evaluated, and the share of steps that had more to evaluate.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "base/math.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod.hpp"
 #include "umbel/stream.hpp"
 
 namespace {
@@ -41,12 +41,11 @@ umbel::StreamView seen(const umbel::Asset& asset, int frame, float pixels, bool 
   const float distance = size * (0.6f + 0.15f * std::sin(5 * turn));
   const Vec3 out{std::cos(turn), 0.25f * std::sin(3 * turn), std::sin(turn)};
   const Vec3 ahead{-std::sin(turn), 0, std::cos(turn)};
-  umbel::lod::Perspective camera;
-  camera.eye = middle + distance * out;
-  camera.target = middle + 0.15f * size * ahead;
-  camera.aspect = 16.0f / 9;
-  umbel::StreamView view{0, umbel::lod::view_camera(camera.eye, camera.fov_y, 1080, pixels), {}};
-  if (has_planes) view.planes = umbel::lod::frustum_planes(camera);
+  const umbel::Camera camera{
+      middle + distance * out, middle + 0.15f * size * ahead, {0, 1, 0}, 1.0f};
+  umbel::StreamView view{
+      0, umbel::lod::view_camera(camera.position, camera.fov_y, 1080, pixels), {}};
+  if (has_planes) view.planes = umbel::lod::frustum_planes(camera, 16.0f / 9);
   return view;
 }
 
@@ -60,14 +59,14 @@ void measure(const umbel::Asset& asset, umbel::ResidencyConfig config, float pix
     if (step.caught_up && step.missing_groups == 0 && step.loaded == 0) break;
   }
   std::vector<double> times;
-  double looked_at = 0, open = 0;
+  double evaluated = 0, open = 0;
   int behind = 0;
   for (int frame = 0; frame < frames; ++frame, *clock += 1) {
     view[0] = seen(asset, frame, pixels, has_planes);
     const double start = processor_seconds();
     const umbel::StreamStep step = residency.step(view, *clock);
     times.push_back(1e3 * (processor_seconds() - start));
-    looked_at += step.looked_at;
+    evaluated += step.evaluated;
     open += step.open_groups;
     behind += !step.caught_up;
   }
@@ -78,7 +77,7 @@ void measure(const umbel::Asset& asset, umbel::ResidencyConfig config, float pix
       "%5.2f pixels, %-6s %7.0f open, %7zu clusters: mean %.3f, 99 %% %.3f, worst %.3f ms; "
       "looked at %5.0f, behind in %4.1f %% of steps\n",
       pixels, has_planes ? "planes" : "all", open / frames, residency.cut().size(), sum / frames,
-      times[times.size() * 99 / 100], times.back(), looked_at / frames, 100.0 * behind / frames);
+      times[times.size() * 99 / 100], times.back(), evaluated / frames, 100.0 * behind / frames);
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ double rate_of(const TriangleQueries& structure, const std::vector<Ray>& rays) {
 void run_mesh(const std::string& path, const Options& options) {
   const Mesh mesh = bench::read_ply(path);
   const trace::Scene scene = trace::Scene::build(mesh.view());
-  const trace::Camera camera = trace::auto_camera(scene, options.size, options.size);
+  const umbel::Camera camera = trace::auto_camera(scene, options.size, options.size);
   const std::vector<Ray> primary = bench::camera_rays(camera, options.size, options.samples);
   const std::vector<Ray> bounce = bench::bounces(mesh, primary, scene.structure());
   trace::Settings settings;

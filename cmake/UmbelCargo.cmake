@@ -41,3 +41,26 @@ function(umbel_crate_folder what crate variable)
   endforeach()
   message(STATUS "${what}: cargo's answer names no crate `${crate}`")
 endfunction()
+
+# umbel_bench_crate(<what> <crate> <folder> <target> <option>...): lets the benchmark <target> compare
+# with <what>, whose C or C++ sources are in <folder> of a crate. UMBEL_<WHAT>_DIR names the sources'
+# folder; cargo fetches them only if UMBEL_BENCH_<WHAT> asks for it. The benchmark compiles their
+# implementation, so with the compiler's <option>s and without its warnings.
+function(umbel_bench_crate what crate folder target)
+  string(TOUPPER ${what} name)
+  option(UMBEL_BENCH_${name} "Compare with ${what} in ${target} (fetches a crate with cargo)" OFF)
+  set(UMBEL_${name}_DIR "" CACHE PATH "The folder of ${what}'s sources")
+  mark_as_advanced(UMBEL_${name}_DIR)
+  if(UMBEL_BENCH_${name} AND NOT UMBEL_${name}_DIR)
+    umbel_crate_folder(${what} ${crate} crate_folder)
+    if(crate_folder)
+      set(UMBEL_${name}_DIR "${crate_folder}/${folder}" CACHE PATH "" FORCE)
+    endif()
+  endif()
+  if(UMBEL_${name}_DIR AND TARGET ${target})
+    message(STATUS "${what}: ${UMBEL_${name}_DIR}")
+    target_include_directories(${target} SYSTEM PRIVATE ${UMBEL_${name}_DIR})
+    target_compile_definitions(${target} PRIVATE UMBEL_HAS_${name})
+    target_compile_options(${target} PRIVATE ${ARGN} -w)
+  endif()
+endfunction()

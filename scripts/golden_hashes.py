@@ -70,7 +70,7 @@ def tables_of(lod: umbel.Lod) -> str:
 
 def pages_of(asset: umbel.Asset, path: Path) -> str:
     """The file behind its head: pages, nodes and embedded files."""
-    return digest(path.read_bytes()[asset.info["head_bytes"] :])
+    return digest(path.read_bytes()[asset.info["header_bytes"] :])
 
 
 def saved(make: Callable[[Path], Any], suffix: str) -> bytes:

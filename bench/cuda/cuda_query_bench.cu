@@ -167,7 +167,7 @@ void select_on_device(const Crowd& crowd, const lod::InstanceCuts& cuts, int run
   const Device<lod::Cluster> clusters(t.clusters.data(), t.clusters.size());
   const Device<lod::View> view(&crowd.view, 1);
   const Device<lod::Plane> planes(crowd.planes.data(), crowd.planes.size());
-  const Device<lod::Transform> instances(crowd.instances.data(), crowd.instances.size());
+  const Device<umbel::Transform> instances(crowd.instances.data(), crowd.instances.size());
   const cuda::SelectionRoom room = room_of(crowd, cuts.clusters.size() + 1000);
   const Device<uint32_t> offsets(crowd.instances.size() + 1), out(room.clusters);
   const Device<cuda::SelectionCounts> counts(1);

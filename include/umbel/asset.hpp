@@ -1,4 +1,12 @@
-// A .umbel file: continuous-LOD assets, read page by page. docs/format.md has every byte.
+// Assets: .umbel files of meshes with continuous level of detail, read page by page. docs/format.md
+// specifies every byte.
+//
+//   write_asset("dragon.umbel", lod::build(mesh.view()));
+//   const Asset asset("dragon.umbel");
+//   const auto cut = lod::select_hierarchy(asset.tables(), view);
+//   const lod::ClusterGeometry geometry = asset.geometry(cut[0]);
+//
+// To stream an asset under a budget of bytes, see stream.hpp.
 #pragma once
 
 #include <array>
@@ -10,31 +18,32 @@
 #include <string>
 #include <vector>
 
-#include "umbel/lod.hpp"
+#include "umbel/lod/build.hpp"
+#include "umbel/lod/verify.hpp"
 
 namespace umbel {
 
 struct AssetInfo {
   uint16_t version_major = 3, version_minor = 2;
   uint64_t file_bytes = 0;
-  uint64_t head_bytes = 0;  ///< what opening reads
-  /// A hash of the whole file: of the hashes of its parts.
+  uint64_t header_bytes = 0;  ///< what opening reads
+  /// A hash of the whole file: the checksum of the fixed header, which covers all other checksums.
   uint64_t checksum = 0;
   uint32_t pages = 0;
-  uint32_t page_bytes = 0;                       ///< most of a page, unless one group takes more
+  uint32_t page_bytes = 0;                       ///< largest page, unless one group takes more
   uint32_t max_triangles = 0, max_vertices = 0;  ///< limits that every cluster keeps
   std::string metadata;                          ///< JSON, as given to write_asset
 
-  // Of all meshes together; of the first one where they differ in what they have.
+  // Attributes are those of the first mesh, sums and bounds those of all meshes.
   bool normals = false, tangents = false, uvs = false, colors = false;
   float position_step = 0;  ///< positions are multiples of it; 0: any floats
   float uv_step = 0;        ///< likewise
   uint32_t normal_bits = 0, tangent_bits = 0, color_bits = 0;  ///< see AssetConfig; 0: floats
-  Aabb bounds;  ///< of the meshes, each where it is without any instance, relative to `origin`
-  /// Where the world of meshes and instances lies: a point of the asset is at origin + point.
+  Aabb bounds;  ///< of the meshes, each in its own space, relative to `origin`
+  /// A point of the asset is at origin + point in the world.
   Vec3d origin{};
   uint64_t source_triangles = 0, source_vertices = 0;
-  uint64_t source_digest = 0;  ///< the sum of the meshes'
+  uint64_t source_digest = 0;  ///< the sum of the meshes' digests
 };
 
 /// One of an asset's meshes. Its groups, clusters and nodes are numbered from 0.
@@ -44,51 +53,50 @@ struct AssetMesh {
   uint32_t groups = 0, clusters = 0;
 };
 
-/// A mesh where it is in the scene.
+/// A mesh in the scene.
 struct Instance {
   uint32_t mesh;
-  /// Three rows of four: x' = t[0] x + t[1] y + t[2] z + t[3], and so on.
-  std::array<float, 12> transform{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+  Transform transform{};  ///< from the mesh's space to the scene's
   bool operator==(const Instance&) const = default;
 };
 
-/// What a group's clusters were made from, as a reader meets it on its way from coarse to fine.
+/// A reference to a group, from a coarser group that was made from it, or from the roots.
 struct GroupRef {
   uint32_t group;
-  uint32_t page;     ///< where it is
-  uint32_t parents;  ///< groups that have clusters made from it
+  uint32_t page;     ///< the page that has the group
+  uint32_t parents;  ///< how many groups have clusters made from it
   Sphere sphere;     ///< this and the error are the group's own
   float error;
   bool operator==(const GroupRef&) const = default;
 };
 
-/// A group as its page has it.
+/// A group of a page.
 struct PageGroup {
   uint32_t mesh, id;  ///< of Asset::meshes(), and in that mesh's tables
   lod::Group group;
-  uint32_t parents;                    ///< groups that have clusters made from it
-  std::vector<GroupRef> children;      ///< that its clusters were made from
+  uint32_t parents;                    ///< how many groups have clusters made from it
+  std::vector<GroupRef> children;      ///< the groups that its clusters were made from
   std::vector<lod::Cluster> clusters;  ///< the mesh's clusters group.clusters
-  uint32_t offset, bytes;              ///< of its part, in the page
+  uint32_t offset, bytes;              ///< of its chunk, in the page
 };
 
-/// A page that was read and whose checksum held.
+/// A page in memory, checked.
 struct AssetPage {
   uint32_t index = 0;
   std::vector<PageGroup> groups;
   std::vector<std::byte> bytes;
 };
 
-/// How exactly attributes are kept; 0 everywhere, and for those that do not fit (colours outside
-/// [0, 1]): as the floats that they are. Positions are stored exactly, and small where
-/// lod::Config::position_step put them on a grid.
+/// How exactly attributes are stored. 0 stores floats unchanged, and so do values out of range
+/// (colours outside [0, 1]). Positions are always exact, and take fewer bits if
+/// lod::Config::position_step snapped them to a grid.
 struct AssetConfig {
   uint32_t normal_bits = 10;   ///< of each of two octahedral components, 2..16
   uint32_t tangent_bits = 10;  ///< of the angle about the normal, 2..16; needs normal_bits
   uint32_t color_bits = 8;     ///< of red, green, blue (as sRGB) and alpha, 2..16
   float uv_step = 0x1p-14f;    ///< texture coordinates become multiples of this power of two
-  /// Groups that together take at most so much form a page, what is read at once: a multiple of
-  /// 4096, up to 1 GiB.
+  /// Size of a page, the unit of reading: a multiple of 4096, up to 1 GiB. A larger group has a
+  /// page of its own.
   uint32_t page_bytes = 40 << 10;
 
   static AssetConfig exact() { return {0, 0, 0, 0}; }
@@ -97,27 +105,27 @@ struct AssetConfig {
 /// All that an asset may hold.
 struct AssetContents {
   std::vector<const lod::Dag*> meshes;
-  /// Where meshes are; none: each once, where it is.
+  /// Empty: each mesh once, untransformed.
   std::vector<Instance> instances;
-  std::string metadata = "{}";   ///< a JSON object that comes back as AssetInfo::metadata
+  std::string metadata = "{}";   ///< a JSON object, read as AssetInfo::metadata
   std::string materials = "{}";  ///< a JSON object: see docs/format.md, section MTRL
   /// What is added to each mesh's material numbers, so that each may have its own of `materials`;
   /// empty: nothing.
   std::vector<uint32_t> first_materials;
   /// Files that `materials` refers to: images.
   std::vector<std::vector<std::byte>> files;
-  /// Where the world of meshes and instances lies, so that their floats can be small.
+  /// Added to every point of the asset, so that coordinates can be small floats.
   Vec3d origin{};
-  /// A JSON object about the scene that the meshes are from, or nothing: see docs/format.md,
-  /// section SCEN.
+  /// A JSON object about the scene that the meshes are from, or "": see docs/format.md, section
+  /// SCEN.
   std::string scene;
 };
 
 /// Writes beside `path` and renames, so that a file of that name is always whole. Returns the bytes
 /// written. Throws kIo, kCancelled, and kInvalidArgument for a DAG that cannot be stored (a range
 /// or index out of its table, clusters not in one group each, nodes that are no tree), an instance
-/// of no mesh, or a configuration out of range. A DAG that is merely wrong (an error too low, a
-/// triangle missing) is stored as it is; verify_asset tells.
+/// of no mesh, or a configuration out of range. A DAG that is only wrong (an error too low, a
+/// triangle missing) is stored unchanged; verify_asset reports it.
 UMBEL_API uint64_t write_asset(const std::filesystem::path& path, const AssetContents& contents,
                                const BuildOptions& options = {}, const AssetConfig& config = {});
 /// The same for one mesh.
@@ -135,17 +143,17 @@ class UMBEL_API ByteSource {
   virtual void read(uint64_t offset, std::span<std::byte> out) const = 0;
 };
 
-/// Throw kIo. A file that becomes shorter while it is open is an error if it is read by position,
-/// and ends the process if it is mapped.
+/// Sources of files and of memory; throw kIo. A file that shrinks while it is open is an error if
+/// it is read by position, and ends the process if it is mapped.
 UMBEL_API std::shared_ptr<const ByteSource> open_file(const std::filesystem::path& path);
 UMBEL_API std::shared_ptr<const ByteSource> map_file(const std::filesystem::path& path);
 UMBEL_API std::shared_ptr<const ByteSource> from_memory(std::vector<std::byte> bytes);
 
-/// An open asset. Opening reads the head alone; tables are read when first asked for, and pages
-/// when needed. Safe to use from many threads.
+/// An open asset. Opening reads only the file header; tables are read when first asked for, and
+/// pages when needed. Safe to use from many threads.
 class UMBEL_API Asset {
  public:
-  /// Reads and checks the head. Throws kIo, kCorrupt, kUnsupported (a newer version).
+  /// Reads and checks the file header. Throws kIo, kCorrupt, kUnsupported (a newer version).
   explicit Asset(const std::filesystem::path& path);
   explicit Asset(std::shared_ptr<const ByteSource> source);
   Asset(Asset&&) noexcept;
@@ -157,31 +165,31 @@ class UMBEL_API Asset {
   const std::vector<Instance>& instances() const;
   /// JSON; docs/format.md, section MTRL.
   const std::string& materials() const;
-  /// JSON, or nothing; docs/format.md, section SCEN.
+  /// JSON, or ""; docs/format.md, section SCEN.
   const std::string& scene() const;
   /// A file that `materials` refers to. Throws kCorrupt if its checksum does not hold.
   std::vector<std::byte> file(uint32_t index) const;
   uint32_t files() const;
 
-  /// The groups of a mesh that no cluster was made from: where a reader that goes from coarse to
-  /// fine begins.
+  /// The groups of a mesh that no cluster was made from: a traversal from coarse to fine starts
+  /// here.
   std::span<const GroupRef> roots(uint32_t mesh = 0) const;
-  /// Bytes of a page. Throws kInvalidArgument for one that is not there.
+  /// Size of a page. Throws kInvalidArgument for a page out of range, as the following do.
   uint32_t page_bytes(uint32_t page) const;
   /// Reads a page. Throws kCorrupt if its checksum does not hold or its contents are impossible.
   AssetPage read_page(uint32_t page) const;
-  /// The same of bytes that the caller has read. Also throws kCorrupt if they are not page_bytes.
+  /// The same from bytes that the caller has read; also throws kCorrupt for a wrong number of
+  /// bytes.
   AssetPage page_of(uint32_t page, std::vector<std::byte> bytes) const;
   /// The clusters of groups[index] of a page of this asset.
   std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
-  /// Whether the page holds what its checksum says.
+  /// Whether the page's checksum holds.
   bool page_is_whole(uint32_t page) const;
 
-  /// All that selection needs, for those who want it at once: the first call reads every page.
-  /// Throws kCorrupt if pages do not fit together.
+  /// All that selection needs. The first call reads every page. Throws kCorrupt if pages do not fit
+  /// together.
   const lod::Tables& tables(uint32_t mesh = 0) const;
-  /// One cluster, by its number in the mesh's tables. Its group is decoded up to it, and kept for
-  /// the next call.
+  /// One cluster, by its number in the mesh's tables. Caches its group for the next call.
   lod::ClusterGeometry geometry(uint32_t cluster, uint32_t mesh = 0) const;
 
  private:
@@ -189,9 +197,8 @@ class UMBEL_API Asset {
   std::unique_ptr<State> state_;
 };
 
-/// Everything that lod::verify checks of every mesh, and every checksum. A file that cannot be
-/// opened as an asset at all gives a report with checksum_errors and the sentence, not an
-/// exception, unless it does not exist.
+/// Checks every checksum, then every mesh by lod::verify. A file that cannot be opened as an asset
+/// gives a report with checksum_errors, not an exception, unless it does not exist (kIo).
 UMBEL_API lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts = 64,
                                          uint32_t seed = 1, const BuildOptions& options = {});
 UMBEL_API lod::VerifyReport verify_asset(const Asset& asset, uint32_t cuts = 64, uint32_t seed = 1,

@@ -1,5 +1,5 @@
-// Going through a Bvh2 over primitives of your own: the visits are templates that take what to
-// test at a node and what to do at a leaf, so both are inlined.
+// Traversals of a Bvh2 over primitives of your own: templates that take the test of a node and the
+// visit of a leaf as functions, which are inlined.
 //
 // A ray against spheres, nearest first:
 //
@@ -88,8 +88,8 @@ bool traverse(const Bvh2& tree, Enters&& enters, Leaf&& leaf) {
   }
 }
 
-/// Visits leaves nearest first, as far as one can tell: `key(const Node&)` is a lower bound of
-/// what is looked for below the node (a distance, its square, a t); NaN or infinity leave the
+/// Visits leaves in the order of `key(const Node&)`, nearest child first: a lower bound of
+/// what is searched for below the node (a distance, its square, a t); NaN or infinity leave the
 /// node out. `leaf(std::span<const uint32_t> primitives)` returns the limit from then on: nodes
 /// whose key is above it are not visited, those equal to it are, and the limit never rises. A
 /// negative infinite limit ends the visit. Returns the last limit. Otherwise as traverse().

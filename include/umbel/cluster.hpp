@@ -46,7 +46,7 @@ struct ClusterConfig {
   uint32_t max_vertices = 0;           ///< most unique vertices a cluster; 0: no limit
   float underfill_cost = 0.5f;         ///< [0, 1]: penalty for items missing to full clusters
   float overlap_cost = 0.0f;           ///< [0, 1]: penalty for overlap of the two sides
-  float vertex_underfill_cost = 0.5f;  ///< [0, 1]: the same for missing vertices
+  float vertex_underfill_cost = 0.5f;  ///< [0, 1]: penalty for too few vertices
   /// Nodes with more items than this are split at the median without a sweep; 0: never.
   uint32_t presplit_threshold = 0;
   /// Split by groups of neighbours and at few positions instead of all legal ones: 2 to 3 times
@@ -64,7 +64,7 @@ struct Clusters {
   std::vector<Range> segments;  ///< of `ranges`, one a segment
 };
 
-/// Recursive axis-aligned bisection by cost (src/cluster/bisect.cpp). Every item of a segment
+/// Recursive axis-aligned bisection by cost. Every item of a segment
 /// is in exactly one cluster of that segment; cluster sizes are within [min_items, max_items]
 /// with at most one smaller cluster a segment, except that a vertex limit may make more.
 /// Deterministic for any thread count. Throws kInvalidArgument or kInvalidMesh (a NaN or
@@ -78,7 +78,7 @@ UMBEL_API Clusters cluster_mesh(const MeshView& mesh, const ClusterConfig& confi
                                 const BuildOptions& options = {});
 
 /// Runs of `max_items` triangles in Morton order of their centroids: the fastest clusters, with
-/// three to four times the area (src/cluster/morton.cpp). Only max_items is used.
+/// three to four times the area. Only max_items is used.
 UMBEL_API Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
                                        const BuildOptions& options = {});
 
@@ -101,7 +101,7 @@ struct ClusterMeshlets {
 };
 
 /// Orders the triangles and vertices of each cluster for vertex reuse and rasterisation, with
-/// meshoptimizer's meshlet optimiser (src/cluster/order.cpp). At `level` 0 triangles keep their
+/// meshoptimizer's meshlet optimiser. At `level` 0 triangles keep their
 /// corner order; levels 1 to 9 try harder to make what is stored compress well (3 is a good value),
 /// and may rotate corners. Every triangle stays in its cluster. Deterministic for any thread count.
 /// Throws kInvalidArgument for a cluster of more than kMaxMeshletVertices or kMaxMeshletTriangles,
@@ -110,8 +110,8 @@ struct ClusterMeshlets {
 UMBEL_API ClusterMeshlets order_clusters(const MeshView& mesh, const Clusters& clusters,
                                          int level = 0, const BuildOptions& options = {});
 
-/// What a cluster can be culled by. With e the eye: the cluster is outside a frustum that misses
-/// `sphere`, and faces away as a whole, no triangle's front side being visible, where
+/// Bounds for culling a cluster. With e the eye: the cluster is outside a frustum that misses
+/// `sphere`, and no triangle's front is visible where
 ///   dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff   or, without the apex,
 ///   dot(center - e, cone_axis) >= cone_cutoff * length(center - e) + radius.
 struct ClusterBounds {
@@ -122,15 +122,15 @@ struct ClusterBounds {
   bool operator==(const ClusterBounds&) const = default;
 };
 
-/// Bounding sphere and normal cone of each cluster, with meshoptimizer's bounds as a start
-/// (src/cluster/cluster_bounds.cpp) and rounded so that they hold for any mesh, however far from
+/// Bounding sphere and normal cone of each cluster, with meshoptimizer's bounds as a start and
+/// rounded so that they hold for any mesh, however far from
 /// the origin, however large or small. Triangles without area are in the sphere, but not in the
 /// cone. Deterministic for any thread count.
 /// Throws as order_clusters does, and kInvalidMesh for a NaN or infinite position.
 UMBEL_API std::vector<ClusterBounds> cluster_bounds(const MeshView& mesh, const Clusters& clusters,
                                                     const BuildOptions& options = {});
 
-/// How good clusters are (src/cluster/metrics.cpp).
+/// How good clusters are.
 struct ClusterMetrics {
   size_t clusters = 0;
   double mean_fill = 0;  ///< items / (clusters * max_items)

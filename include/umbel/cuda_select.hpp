@@ -1,5 +1,5 @@
 // Selection on CUDA devices: the cuts of thousands of instances of one mesh, the same clusters in
-// the same order as lod::select_instances gives (lod_select.hpp), and what of an asset is missing
+// the same order as lod::select_instances gives (lod/select.hpp), and what of an asset is missing
 // for them. Part of the library umbel::cuda; cuda_types.hpp says what holds of pointers, streams,
 // scratch memory and errors.
 //
@@ -13,7 +13,7 @@
 #include <cstdint>
 
 #include "umbel/cuda_types.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod/select.hpp"
 
 namespace umbel::cuda {
 
@@ -41,7 +41,7 @@ struct DeviceScene {
   const lod::View* view;               ///< one, of the scene; values as lod::select wants them
   const lod::Plane* planes = nullptr;  ///< of the scene, as Culling::planes
   uint32_t plane_count = 0;
-  const lod::Transform* instances = nullptr;
+  const Transform* instances = nullptr;
   uint32_t instance_count = 0;
 };
 

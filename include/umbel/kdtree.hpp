@@ -66,7 +66,7 @@ struct Config {
   float empty_bonus = 0.2f;   ///< 0..0.9: cutting off empty space is that much cheaper
   uint32_t max_depth = 0;     ///< 1..64; 0: 8 + 1.3 log2(triangles), at most 64
   uint32_t bad_refines = 3;   ///< 0..64: splits on one path that may cost more than a leaf, of 16
-                              ///< triangles or more; what did not pay becomes a leaf after all
+                              ///< triangles or more; splits that did not pay are undone
   float max_references = 16;  ///< 1..64: most references a triangle, which bounds memory
   uint32_t bins = 64;         ///< binned: bins an axis, 4..256
   bvh::InvalidTriangles invalid = bvh::InvalidTriangles::kRefuse;
@@ -93,7 +93,7 @@ struct Statistics {
 };
 UMBEL_API Statistics statistics(const Tree& tree, const bvh::CostModel& cost = {});
 
-/// How rays find their way. All visit the same leaves in the same order and give the same hits.
+/// How rays traverse the tree. All visit the same leaves in the same order and give the same hits.
 enum class Traversal : uint32_t {
   kStack,  ///< the far child waits on a stack (Havran 2000, TA-B), whichever way planes are met
   kRopes,  ///< from leaf to neighbouring leaf (Havran et al. 1998), without a stack but where a

@@ -1,5 +1,5 @@
-// Triangle meshes as views and as values, and what is done to them before anything else:
-// validation, welding, and procedural shapes to test with.
+// Triangle meshes, as views and as values: validation, welding, rounding, and procedural shapes for
+// tests.
 #pragma once
 
 #include <cstddef>
@@ -29,7 +29,7 @@ UMBEL_API uint32_t extra_width(ExtraKind kind);
 UMBEL_API uint32_t extra_width(std::span<const Extra> extras);
 inline constexpr uint32_t kMostExtraValues = 40;
 
-/// A triangle mesh that somebody else owns. Optional streams are empty or have one element
+/// A triangle mesh that the caller owns. Optional streams are empty or have one element
 /// a vertex (`materials`: one a triangle).
 struct MeshView {
   std::span<const Vec3> positions;
@@ -64,8 +64,8 @@ struct Mesh {
 
 /// Throws kInvalidArgument if a stream's length does not fit, and kInvalidMesh naming the
 /// first offender if a triangle's index is out of range or a vertex *that a triangle uses*
-/// has a NaN or infinite position or attribute, or a joint that is no number of one. Degenerate and
-/// duplicate triangles are legal, and so is anything in vertices that no triangle uses.
+/// has a NaN or infinite position or attribute, or a joint that is not a whole number. Degenerate
+/// and duplicate triangles are legal, and so is anything in vertices that no triangle uses.
 UMBEL_API void validate(const MeshView& mesh, const BuildOptions& options = {});
 
 struct DropResult {
@@ -91,11 +91,11 @@ UMBEL_API float snap_to_grid(std::span<Vec3> positions, float step);
 
 struct RoundingLoss {
   double largest_move = 0;  ///< of a vertex that a triangle uses
-  uint64_t degenerate = 0;  ///< triangles that had an area and have none any more
+  uint64_t degenerate = 0;  ///< triangles that have lost their area
 };
 
-/// What became of a mesh whose vertices were at `world` and are now at origin + `rounded`.
-/// Triangles with an index out of range or a corner that is not finite count for nothing.
+/// What rounding did to a mesh whose vertices were at `world` and are now at origin + `rounded`.
+/// Ignores triangles with an index out of range or a corner that is not finite.
 UMBEL_API RoundingLoss rounding_loss(std::span<const Vec3d> world, const Vec3d& origin,
                                      std::span<const Vec3> rounded,
                                      std::span<const Triangle> triangles);

@@ -1,5 +1,5 @@
-// Many rays at once whose parts lie in arrays of their own, as NumPy, Fortran and GPU programs
-// hold them: nothing has to be put together first.
+// Many rays at once, with origins, directions and intervals in arrays of their own, as NumPy,
+// Fortran and GPU programs store them.
 #pragma once
 
 #include <cstddef>

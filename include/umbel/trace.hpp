@@ -1,8 +1,8 @@
 // A path tracer over triangle_queries.hpp: pictures of meshes, and the rays that compare
 // structures.
 //
-//   const trace::Scene scene = trace::Scene::build(mesh.view(), look);
-//   const trace::Camera camera = trace::auto_camera(scene, 1024, 768);
+//   const trace::Scene scene = trace::Scene::build(mesh.view(), shading);
+//   const Camera camera = trace::auto_camera(scene, 1024, 768);
 //   const trace::Picture picture = trace::render(scene, camera, settings);
 //
 // Light is computed forward from the camera: at every hit two shadow rays go to the lights (sun,
@@ -18,24 +18,14 @@
 #include <span>
 #include <vector>
 
-#include "umbel/lod.hpp"
+#include "umbel/camera.hpp"
+#include "umbel/lod/types.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/trace_material.hpp"
 #include "umbel/triangle_bvh.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel::trace {
-
-/// Where a picture is taken from. Rays go through the pixels of a plane perpendicular to
-/// target - position; `up` points to the picture's top.
-struct Camera {
-  Vec3 position{0, 0, 1};
-  Vec3 target{0, 0, 0};
-  Vec3 up{0, 1, 0};
-  float fov_y = 0.6981317f;     ///< vertical field of view in radians, in (0, pi)
-  float lens_radius = 0.0f;     ///< of a thin lens, in the mesh's unit; 0: a pinhole, all sharp
-  float focus_distance = 0.0f;  ///< where the lens is sharp; 0: at the target
-};
 
 /// The light from outside. Preetham, Shirley & Smits 1999 for a clear sky, in units in which a
 /// white horizontal surface under a high sun has radiance of about 1.
@@ -56,31 +46,31 @@ struct Environment {
   Vec3 ground_albedo{0.3f, 0.29f, 0.27f};  ///< of what lies below the horizon, each in [0, 1]
 };
 
-/// How a mesh looks: what its material indices mean, and the light on it.
-struct Look {
+/// What a mesh's material indices mean, and the light on it.
+struct Shading {
   std::span<const Material> materials;  ///< empty: one Lambert material of albedo 0.75
   std::span<const TextureView> textures;
   Environment environment;
 };
 
-/// Clusters of cuts and where they stand, in any number of places.
+/// A cluster of a cut, in its own space.
 struct ClusterPart {
   lod::ClusterGeometry geometry;
   uint32_t material = 0;
 };
-/// Which rays meet a cluster: those from the camera, or those that bounce and look for light.
+/// Which rays meet a cluster: those from the camera, or bounce and shadow rays.
 enum RayKinds : uint32_t { kCameraRays = 1, kOtherRays = 2, kAllRays = 3 };
-struct PlacedCluster {
+struct ClusterInstance {
   uint32_t part, transform;
   uint32_t rays = kAllRays;
 };
+/// Instances of clusters.
 struct ClusterScene {
   std::vector<ClusterPart> parts;
-  std::vector<PlacedCluster> placed;
-  /// Three rows of four, from the part's space to the world; invertible.
-  std::vector<std::array<float, 12>> transforms;
-  /// Where other rays meet a coarser cut than the camera's: how far the two are apart at most, over
-  /// the distance to the camera. Other rays begin so far from where they come from.
+  std::vector<ClusterInstance> instances;
+  std::vector<Transform> transforms;  ///< from a part's space to the world; invertible
+  /// If other rays meet a coarser cut than the camera's: the largest distance between the two cuts,
+  /// relative to the distance from the camera. Other rays start that far from their surface.
   float gap = 0;
 };
 
@@ -92,17 +82,17 @@ class UMBEL_API Scene {
   Scene(Scene&&) noexcept;
   Scene& operator=(Scene&&) noexcept;
 
-  /// Throws kInvalidMesh for an invalid mesh and kInvalidArgument for a look that does not fit it
-  /// or is out of range.
-  static Scene build(const MeshView& mesh, const Look& look = {}, const BvhConfig& config = {},
-                     const BuildOptions& options = {});
-  /// The same over any structure of the same triangles, built with `masks` of the same look.
-  static Scene build(const MeshView& mesh, const Look& look,
+  /// Throws kInvalidMesh for an invalid mesh and kInvalidArgument for a shading that does not fit
+  /// it or is out of range.
+  static Scene build(const MeshView& mesh, const Shading& shading = {},
+                     const BvhConfig& config = {}, const BuildOptions& options = {});
+  /// The same over any structure of the same triangles, built with `masks` of the same shading.
+  static Scene build(const MeshView& mesh, const Shading& shading,
                      std::unique_ptr<TriangleQueries> structure, const BuildOptions& options = {});
 
   /// Clusters through two levels of trees. Emission is found by bounces alone. Attributes that only
   /// some parts have are left out.
-  static Scene build(const ClusterScene& clusters, const Look& look,
+  static Scene build(const ClusterScene& clusters, const Shading& shading,
                      const BuildOptions& options = {});
 
   /// The masks that a structure must be built with for rays to see through what is not opaque: bit
@@ -115,9 +105,8 @@ class UMBEL_API Scene {
   Aabb bounds() const;
   uint32_t triangle_count() const;
   uint32_t light_count() const;  ///< emissive triangles
-  /// Triangles as placed, and bytes of what rays touch (of structures only hierarchies are
-  /// counted).
-  uint64_t placed_triangles() const;
+  /// Triangles of all instances, and bytes that rays touch (of structures only BVHs are counted).
+  uint64_t instanced_triangles() const;
   uint64_t bytes() const;
 
   struct Data;
@@ -127,7 +116,7 @@ class UMBEL_API Scene {
   std::unique_ptr<Data> data_;
 };
 
-/// A direction to look from for auto_camera, in degrees about Environment::up.
+/// The direction from which a camera looks at a mesh, in degrees about its up direction.
 struct Viewpoint {
   float azimuth = 35.0f;    ///< from the +Z axis towards +X (where up is +Y)
   float elevation = 15.0f;  ///< above the horizon, -89..89
@@ -135,11 +124,11 @@ struct Viewpoint {
   float margin = 0.06f;  ///< of the picture left free at the tightest side, 0..0.9
 };
 
-/// The camera from which the mesh just fills the picture.
-UMBEL_API Camera frame(const MeshView& mesh, const Vec3& up, uint32_t width, uint32_t height,
-                       const Viewpoint& viewpoint = {});
+/// The camera from which the mesh just fills the picture. `up` is the scene's.
+UMBEL_API Camera fit_camera(const MeshView& mesh, const Vec3& up, uint32_t width, uint32_t height,
+                            const Viewpoint& viewpoint = {});
 
-/// `frame`, or where the middle of the scene is a room, a place inside with a long view.
+/// fit_camera, or, if the middle of the scene is a room, a camera inside with a long view.
 UMBEL_API Camera auto_camera(const Scene& scene, uint32_t width, uint32_t height,
                              const Viewpoint& viewpoint = {});
 

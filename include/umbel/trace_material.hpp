@@ -12,7 +12,7 @@ namespace umbel::trace {
 
 enum class Wrap : uint32_t { kRepeat, kClamp, kMirror };
 
-/// An image of 8-bit RGBA texels, row by row from the top (v = 0), that somebody else owns.
+/// An image of 8-bit RGBA texels, row by row from the top (v = 0), that the caller owns.
 struct TextureView {
   std::span<const uint8_t> texels;  ///< 4 * width * height
   uint32_t width = 0, height = 0;   ///< 1..65536
@@ -24,7 +24,7 @@ struct TextureView {
 /// A texture and where the mesh's UVs meet it: uv' = offset + rotate(rotation, scale * uv), as
 /// KHR_texture_transform has it.
 struct TextureUse {
-  uint32_t texture = kNone;  ///< index into Look::textures
+  uint32_t texture = kNone;  ///< index into Shading::textures
   Vec2 offset{0, 0};
   Vec2 scale{1, 1};
   float rotation = 0.0f;  ///< radians, counter-clockwise with v down
@@ -33,7 +33,7 @@ struct TextureUse {
 };
 
 enum class AlphaMode : uint32_t {
-  kOpaque,  ///< alpha means nothing
+  kOpaque,  ///< alpha is ignored
   kMask,    ///< there or not, by alpha_cutoff
   kBlend,   ///< lets the fraction 1 - alpha of all light pass straight through
 };
@@ -60,10 +60,10 @@ struct Material {
   TextureUse specular_texture;   ///< alpha
   TextureUse specular_color_texture;
 
-  bool unlit = false;  ///< sends out its base colour and reflects nothing
+  bool unlit = false;  ///< emits its base colour and reflects nothing
 
-  /// The part of the light below the reflection that goes through instead of being scattered. The
-  /// surface is a thin sheet, or that of a body of `ior`, which bends the light.
+  /// The part of the light below the reflection that is transmitted instead of scattered. The
+  /// surface is thin, or with `body` that of a solid of index `ior`, which refracts.
   float transmission = 0.0f;  ///< 0..1
   TextureUse transmission_texture;
   bool body = false;
@@ -90,7 +90,7 @@ struct Material {
   /// Interference of a thin film on the surface.
   float iridescence = 0.0f;      ///< 0..1
   float iridescence_ior = 1.3f;  ///< 1..100
-  /// In nanometres; the texture goes from one to the other, and without it is the second.
+  /// In nanometres; the texture interpolates between them, and without one the second holds.
   float iridescence_thickness_min = 100.0f, iridescence_thickness_max = 400.0f;
   TextureUse iridescence_texture, iridescence_thickness_texture;
 };

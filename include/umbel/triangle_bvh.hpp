@@ -1,5 +1,5 @@
-// A hierarchy over triangles that answers rays, distances and overlaps. It holds all that it
-// needs: the mesh it was built from need not be kept.
+// A BVH over triangles that answers rays, distances and overlaps. It copies all that it needs from
+// the mesh.
 #pragma once
 
 #include <cstdint>

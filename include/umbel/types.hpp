@@ -75,6 +75,12 @@ struct Range {
   bool operator==(const Range&) const = default;
 };
 
+/// An affine map: three rows of four, x' = rows[0] x + rows[1] y + rows[2] z + rows[3], and so on.
+struct Transform {
+  std::array<float, 12> rows{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+  bool operator==(const Transform&) const = default;
+};
+
 /// "No such element", where an index is optional.
 inline constexpr uint32_t kNone = 0xffffffffu;
 

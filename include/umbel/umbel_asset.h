@@ -1,5 +1,5 @@
-// Assets (.umbel files) and residency from C: which pages of a file are in memory, under a budget
-// of bytes, as cameras move. C99.
+// Assets (.umbel files) from C, and streaming them: which pages are in memory, under a budget of
+// bytes, as cameras move. C99.
 //
 //   umbel_asset* asset;
 //   if (umbel_asset_open("dragon.umbel", &asset) != UMBEL_OK) puts(umbel_last_error());
@@ -24,16 +24,18 @@ extern "C" {
 
 // ---- assets ------------------------------------------------------------------------------------
 
-/// An open .umbel file, for any number of threads at the same time.
+/// An open .umbel file. Any number of threads may use it at once.
 typedef struct umbel_asset umbel_asset;
 
-/// Fills `out` with `size` bytes from `offset` on; 0 if it did. Called from many threads at once.
+/// Reads `size` bytes from `offset` on into `out`; returns 0 on success. Called by many threads at
+/// once.
 typedef int (*umbel_read)(void* user, uint64_t offset, uint64_t size, void* out);
 
-/// *asset is NULL after a failure. `path` is UTF-8.
+/// Opens a file; reads its file header only. `path` is UTF-8. *asset is NULL on failure, else to be
+/// freed.
 UMBEL_C_API umbel_result umbel_asset_open(const char* path, umbel_asset** asset);
 
-/// From a source of `size` bytes that `read` reads; `user` is handed through to it, until the asset
+/// Opens a source of `size` bytes, which `read` reads. `read` and `user` must live until the asset
 /// is freed.
 UMBEL_C_API umbel_result umbel_asset_open_source(uint64_t size, umbel_read read, void* user,
                                                  umbel_asset** asset);
@@ -45,7 +47,7 @@ typedef struct umbel_asset_info {
   uint32_t version_major, version_minor;
   uint32_t pages, meshes, instances;
   uint32_t max_triangles, max_vertices;  ///< limits that every cluster keeps
-  uint64_t file_bytes, head_bytes;       ///< opening reads the latter
+  uint64_t file_bytes, header_bytes;     ///< of the file, and of what opening reads
   uint64_t checksum;                     ///< of the whole file
   uint64_t source_triangles;             ///< of all meshes
   umbel_aabb bounds;                     ///< relative to origin; min > max where there is nothing
@@ -57,14 +59,15 @@ UMBEL_C_API umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_as
 
 // ---- residency ---------------------------------------------------------------------------------
 
-/// Pages of an asset in memory; one thread at a time. The asset must outlive it.
+/// Pages of an asset in memory. One thread at a time may use it. The asset must outlive it.
 typedef struct umbel_residency umbel_residency;
 
-/// With at most `budget_bytes` of pages, loaded by so many threads. Reads the pages of all roots.
+/// Keeps at most `budget_bytes` of pages in memory, loaded by `threads` threads (0: one). Reads the
+/// pages of the coarsest groups at once, which must fit (UMBEL_ERROR_INVALID_ARGUMENT).
 UMBEL_C_API umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_bytes,
                                                 uint32_t threads, umbel_residency** residency);
 
-/// Waits for loads that are under way.
+/// Waits for loads in progress.
 UMBEL_C_API void umbel_residency_free(umbel_residency* residency);
 
 /// One mesh as somebody sees it: by error or by camera, in the mesh's own space, relative to the
@@ -76,43 +79,44 @@ typedef struct umbel_stream_view {
 
 typedef struct umbel_stream_step {
   uint32_t struct_size;
-  float worst_error;  ///< times what was asked for; at most 1 where nothing is missing
+  float worst_error;  ///< in units of what its view allows; at most 1 if nothing is missing
   uint32_t open_groups, missing_groups, loaded, evicted, requested, cancelled;
   uint64_t resident_bytes;
-  uint64_t failures;   ///< of loads, since the beginning
-  uint32_t looked_at;  ///< groups whose errors may have become too large, or small enough
-  uint32_t caught_up;  ///< 0: there was more to look at than a step does; the next goes on
+  uint64_t failures;   ///< of loads, in all steps
+  uint32_t evaluated;  ///< groups tested in this step
+  uint32_t caught_up;  ///< 0: some groups remain to be tested; the next step goes on
 } umbel_stream_step;
 UMBEL_STRUCT_INIT(umbel_stream_step)
 
-/// Chooses what the views show, and asks for what is missing. `seconds` are of any clock that does
-/// not run backwards.
+/// Takes over pages that have arrived, updates the cut for these views, and requests missing pages.
+/// `seconds` is the time on any clock that does not run backwards.
 UMBEL_C_API umbel_result umbel_residency_step(umbel_residency* residency,
                                               const umbel_stream_view* views, size_t view_count,
                                               double seconds, umbel_stream_step* step);
 
-/// A cluster of a cut: of which view, and where it is.
+/// A cluster of a cut: the index of its view, and cluster `cluster` of group `group` of a page.
 typedef struct umbel_stream_cluster {
   uint32_t view, page, group, cluster;
 } umbel_stream_cluster;
 
-/// What the views of the last step show. *count is how many there are, also if they do not fit
-/// (UMBEL_ERROR_CAPACITY).
+/// The clusters that the views of the last step show. *count is their number, also if they do not
+/// fit (UMBEL_ERROR_CAPACITY).
 UMBEL_C_API umbel_result umbel_residency_cut(const umbel_residency* residency,
                                              umbel_stream_cluster* clusters, size_t capacity,
                                              size_t* count);
 
-/// Arrays of at least 256 vertices and 256 triangles, or NULL for what is not wanted.
+/// A decoded cluster. Arrays are the caller's, for at least 256 vertices and 256 triangles; NULL:
+/// not wanted.
 typedef struct umbel_cluster_geometry {
   uint32_t struct_size;
   uint32_t vertex_count, triangle_count, material;
   umbel_vec3* positions;
-  umbel_vec3* normals;  ///< left alone where the asset has none
-  uint8_t* triangles;   ///< three a triangle
+  umbel_vec3* normals;  ///< not written if the asset has none
+  uint8_t* triangles;   ///< three vertex indices a triangle
 } umbel_cluster_geometry;
 UMBEL_STRUCT_INIT(umbel_cluster_geometry)
 
-/// Decodes a cluster of the last cut.
+/// Decodes a cluster of the last cut. UMBEL_ERROR_INVALID_ARGUMENT for any other.
 UMBEL_C_API umbel_result umbel_residency_cluster(const umbel_residency* residency,
                                                  const umbel_stream_cluster* cluster,
                                                  umbel_cluster_geometry* geometry);

@@ -1,5 +1,5 @@
 // What every part of Umbel's C interface shares: results, errors, how structs grow, vectors, boxes,
-// and the options that every build takes. C99; no exception crosses this border.
+// and the options that every build takes. C99; no exception leaves it.
 //
 // The library keeps no pointer after a call has returned, unless a function says so, and owns no
 // memory that it gave out. Every function may be called from any number of threads at once. The
@@ -86,8 +86,8 @@ typedef struct umbel_vec3d {
   double x, y, z;
 } umbel_vec3d;
 
-/// A point of the world as one relative to `origin` (umbel_asset_info.origin), as views, rays and
-/// positions are: subtracted first, rounded to floats then.
+/// A point of the world relative to `origin` (umbel_asset_info.origin), as views, rays and
+/// positions are: subtracted in double precision, then rounded.
 static inline umbel_vec3 umbel_relative_to(umbel_vec3d origin, umbel_vec3d point) {
   umbel_vec3 local;
   local.x = (float)(point.x - origin.x);

@@ -1,5 +1,5 @@
-// Bounding volume hierarchies from C: hierarchies over triangles that answer rays, distances and
-// overlaps, and the binary and k-ary trees that they can be made of. C99.
+// Bounding volume hierarchies from C: BVHs over triangles that answer rays, distances and overlaps,
+// and the binary and k-ary trees that they are made of. C99.
 //
 //   umbel_bvh_mesh mesh;
 //   umbel_bvh_mesh_init(&mesh);
@@ -13,8 +13,8 @@
 //   umbel_bvh_intersect(bvh, rays, ray_count, NULL, hits);
 //   umbel_bvh_free(bvh);
 //
-// A umbel_bvh holds all that it needs; the mesh may go. Any number of threads may ask one at the
-// same time; only umbel_bvh_refit and umbel_bvh_free need it for themselves.
+// An umbel_bvh copies all that it needs from the mesh. Any number of threads may query one at once;
+// umbel_bvh_refit and umbel_bvh_free need exclusive access.
 #ifndef UMBEL_UMBEL_BVH_H
 #define UMBEL_UMBEL_BVH_H
 
@@ -104,7 +104,8 @@ typedef struct umbel_bvh_config {
   umbel_kmeans_times* kmeans_times;  ///< kmeans: where a build writes its times, or NULL
 } umbel_bvh_config;
 
-/// As umbel_cluster_config_init_sized.
+/// Sets the first `size` bytes of a config to the defaults; `size` is sizeof(umbel_bvh_config) as
+/// the caller was compiled with it.
 UMBEL_C_API void umbel_bvh_config_init_sized(umbel_bvh_config* config, size_t size);
 
 static inline void umbel_bvh_config_init(umbel_bvh_config* config) {
@@ -121,7 +122,7 @@ UMBEL_C_API umbel_result umbel_bvh_config_preset(umbel_bvh_config* config, const
 /// stay. Leaves the config as it is on failure.
 UMBEL_C_API umbel_result umbel_bvh_config_builder(umbel_bvh_config* config, const char* name);
 
-/// A hierarchy over triangles.
+/// A BVH over triangles.
 typedef struct umbel_bvh umbel_bvh;
 
 /// Builds over triangles. Degenerate and duplicate triangles are legal; indices out of range are
@@ -229,16 +230,17 @@ typedef struct umbel_refit_report {
 } umbel_refit_report;
 UMBEL_STRUCT_INIT(umbel_refit_report)
 
-/// Follows moved vertices: `mesh` has the triangles of the build and new positions. `options` and
+/// Refits to moved vertices: `mesh` has the triangles of the build and new positions. `options` and
 /// `report` may be NULL.
 UMBEL_C_API umbel_result umbel_bvh_refit(umbel_bvh* bvh, const umbel_bvh_mesh* mesh,
                                          const umbel_build_options* options,
                                          umbel_refit_report* report);
 
-/// Writes a .umbvh file, beside its name first, so that no half file is left.
+/// Writes a .umbvh file: beside `path` first, then renamed, so that a file is always whole.
 UMBEL_C_API umbel_result umbel_bvh_save(const umbel_bvh* bvh, const char* path);
 
-/// Reads one; what is not whole is refused (UMBEL_ERROR_CORRUPT). `*bvh` is NULL on failure.
+/// Reads a .umbvh file; UMBEL_ERROR_CORRUPT if it is damaged. `*bvh` is NULL on failure, else to be
+/// freed.
 UMBEL_C_API umbel_result umbel_bvh_load(const char* path, umbel_bvh** bvh);
 
 typedef struct umbel_bvh_statistics {
@@ -328,7 +330,7 @@ UMBEL_C_API umbel_result umbel_bvh2_get_statistics(const umbel_bvh2* tree,
                                                    const umbel_bvh_config* config,
                                                    umbel_bvh2_statistics* statistics);
 
-/// Makes a hierarchy of a binary tree over the triangles of `mesh`, from this library or any other;
+/// Makes a BVH of a binary tree over the triangles of `mesh`, from this library or any other;
 /// `tree->nodes`, `node_count`, `primitives` and `primitive_count` are read, and checked
 /// (UMBEL_ERROR_CORRUPT).
 UMBEL_C_API umbel_result umbel_bvh_from_bvh2(const umbel_bvh2* tree, const umbel_bvh_mesh* mesh,
@@ -392,8 +394,8 @@ UMBEL_C_API umbel_result umbel_kary_get_statistics(const umbel_kary* tree,
                                                    const umbel_bvh_config* config,
                                                    umbel_bvh2_statistics* statistics);
 
-/// A hierarchy of that tree, from this library or any other, as umbel_bvh_from_bvh2: nodes with no
-/// more children than `config->width` stay as they are.
+/// Makes a BVH of a k-ary tree, as umbel_bvh_from_bvh2: nodes with no more children than
+/// `config->width` stay as they are.
 UMBEL_C_API umbel_result umbel_bvh_from_kary(const umbel_kary* tree, const umbel_bvh_mesh* mesh,
                                              const umbel_bvh_config* config,
                                              const umbel_build_options* options, umbel_bvh** bvh);

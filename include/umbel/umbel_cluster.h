@@ -36,7 +36,7 @@ extern "C" {
 
 // ---- building ----------------------------------------------------------------------------------
 
-/// What to cluster: items with boxes, or triangles with positions.
+/// What to cluster: items with boxes, or triangles with positions. Arrays stay the caller's.
 typedef struct umbel_cluster_input {
   uint32_t struct_size;
   /// Vertices of each item in `item_vertices`: 3 for triangles, 4 for quads, any number.
@@ -81,9 +81,9 @@ typedef struct umbel_cluster_config {
   uint32_t min_items;           ///< [64] >= 1, <= max_items
   uint32_t max_items;           ///< [128] >= 1
   uint32_t max_vertices;        ///< [0] most unique vertices a cluster; 0: no limit
-  float underfill_cost;         ///< [0.5] in [0, 1]: price of items missing to full clusters
-  float overlap_cost;           ///< [0] in [0, 1]: price of overlap between two sides of a split
-  float vertex_underfill_cost;  ///< [0.5] in [0, 1]: price of vertices missing to full clusters
+  float underfill_cost;         ///< [0.5] in [0, 1]: penalty for clusters with too few items
+  float overlap_cost;           ///< [0] in [0, 1]: penalty for overlap of the two sides of a split
+  float vertex_underfill_cost;  ///< [0.5] in [0, 1]: penalty for clusters with too few vertices
   /// [0] Nodes with more items than this are split at the median without a search; 0: never.
   uint32_t presplit_threshold;
   /// [0] Nonzero: try some positions an axis instead of all. Faster, slightly larger boxes.
@@ -214,8 +214,8 @@ UMBEL_C_API umbel_result umbel_cluster_order(const umbel_cluster_input* input,
                                              const umbel_build_options* options,
                                              umbel_cluster_meshlets* meshlets);
 
-/// What a cluster can be culled by. With e the eye: the cluster is outside a frustum that misses
-/// the sphere, and faces away as a whole where
+/// Bounds for culling a cluster. With e the eye: the cluster is outside a frustum that misses the
+/// sphere, and no triangle's front is visible where
 ///   dot(normalize(cone_apex - e), cone_axis) >= cone_cutoff   or, without the apex,
 ///   dot(center - e, cone_axis) >= cone_cutoff * length(center - e) + radius.
 typedef struct umbel_cluster_bounds {

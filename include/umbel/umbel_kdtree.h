@@ -5,10 +5,9 @@
 //   umbel_kdtree_intersect(tree, rays, ray_count, NULL, hits);
 //   umbel_kdtree_free(tree);
 //
-// The mesh, rays, hits and options are those of hierarchies (umbel_bvh.h), and so are the hits, bit
-// by bit. A umbel_kdtree holds all that it needs; the mesh may go. Any number of threads may ask
-// one at the same time; only umbel_kdtree_set_traversal and umbel_kdtree_free need it for
-// themselves.
+// The mesh, rays and options are those of BVHs (umbel_bvh.h), and so are the hits, bit by bit. An
+// umbel_kdtree copies all that it needs from the mesh. Any number of threads may query one at once;
+// umbel_kdtree_set_traversal and umbel_kdtree_free need exclusive access.
 #ifndef UMBEL_UMBEL_KDTREE_H
 #define UMBEL_UMBEL_KDTREE_H
 
@@ -23,7 +22,7 @@ typedef enum umbel_kdtree_builder {
   UMBEL_KDTREE_BINNED = 1  ///< planes between bins, until few triangles are left
 } umbel_kdtree_builder;
 
-/// How rays find their way. All give the same hits.
+/// How rays traverse the tree. All give the same hits.
 typedef enum umbel_kdtree_traversal {
   UMBEL_KDTREE_STACK = 0,
   UMBEL_KDTREE_ROPES = 1,
@@ -66,7 +65,7 @@ UMBEL_STRUCT_INIT(umbel_kdtree_statistics)
 
 typedef struct umbel_kdtree umbel_kdtree;
 
-/// As umbel_cluster_config_init_sized.
+/// Sets the first `size` bytes of a config to the defaults.
 UMBEL_C_API void umbel_kdtree_config_init_sized(umbel_kdtree_config* config, size_t size);
 
 static inline void umbel_kdtree_config_init(umbel_kdtree_config* config) {
@@ -83,12 +82,13 @@ UMBEL_C_API umbel_result umbel_kdtree_build(const umbel_bvh_mesh* mesh,
 /// NULL is legal.
 UMBEL_C_API void umbel_kdtree_free(umbel_kdtree* tree);
 
-/// A umbel_kdtree_traversal. Ropes are made when they are first asked for.
+/// `traversal` is an umbel_kdtree_traversal. Ropes are made when first asked for.
 UMBEL_C_API umbel_result umbel_kdtree_set_traversal(umbel_kdtree* tree, uint32_t traversal);
 
-/// Writes a `.umkd` file beside `path`, then renames. Ropes are not kept.
+/// Writes a .umkd file beside `path`, then renames. Ropes are not stored.
 UMBEL_C_API umbel_result umbel_kdtree_save(const umbel_kdtree* tree, const char* path);
-/// Refuses what is not whole. `*tree` is NULL on failure, else to be freed.
+/// Reads a .umkd file; UMBEL_ERROR_CORRUPT if it is damaged. `*tree` is NULL on failure, else to be
+/// freed.
 UMBEL_C_API umbel_result umbel_kdtree_load(const char* path, uint32_t traversal,
                                            umbel_kdtree** tree);
 

@@ -19,9 +19,9 @@
 //                    &count);
 //   umbel_lod_free(lod);
 //
-// docs/lod.md says what is built, docs/selection.md what is selected, to the last bit. Whatever the
-// library made it owns until the matching _free; what is given to it may go once a call returned.
-// Any number of threads may ask the same object at the same time.
+// docs/lod.md explains what is built; docs/selection.md specifies what is selected, to the last
+// bit. Objects and their arrays live until the matching _free. Any number of threads may use the
+// same object at once.
 #ifndef UMBEL_UMBEL_LOD_H
 #define UMBEL_UMBEL_LOD_H
 
@@ -107,13 +107,13 @@ typedef struct umbel_lod_config {
   uint32_t min_group;         ///< [24] clusters that are simplified together
   uint32_t max_group;         ///< [32] at most 1024
   float ratio;                ///< [0.5] triangles that each level keeps, in [0.1, 0.9]
-  float position_step;        ///< [0] positions are moved to multiples of this power of two; 0: not
+  float position_step;        ///< [0] positions are snapped to multiples of this power of two
   uint32_t attributes;        ///< [1] nonzero: attributes weigh in the error, seams are kept
   float normal_weight;        ///< [0.5] in [0, 1000], as the other weights
   float uv_weight;            ///< [0.5]
   float color_weight;         ///< [0.5]
-  uint32_t refit_attributes;  ///< [1] nonzero: vertices that stay take what fits best to all that
-                              ///< they stand for
+  uint32_t refit_attributes;  ///< [1] nonzero: vertices that stay take the attributes that fit best
+                              ///< to all vertices that they replace
   uint32_t max_levels;        ///< [0] 0: no limit
   float max_error;            ///< [infinity] no group gets a larger error
   uint64_t stop_triangles;    ///< [0] stop as soon as no more than these are left
@@ -136,7 +136,7 @@ typedef struct umbel_lod_report {
   uint32_t struct_size;
   uint32_t root_groups;
   uint32_t stuck_groups;  ///< all roots, if more than one cluster's worth of triangles is left
-                          ///< though nobody asked to stop
+                          ///< though the configuration did not ask to stop
   uint32_t levels;
   uint64_t input_triangles, input_vertices, degenerate_triangles, root_triangles;
   /// Groups by simplification method: regular, permissive, prune, sloppy, root.
@@ -201,7 +201,7 @@ UMBEL_C_API umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, 
 UMBEL_C_API umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact,
                                            umbel_vec3d origin, const umbel_build_options* options);
 
-/// Proves the DAG with that many random cuts; UMBEL_ERROR_CORRUPT and a sentence where it fails.
+/// Verifies the DAG with that many random cuts; UMBEL_ERROR_CORRUPT and a sentence if it is wrong.
 UMBEL_C_API umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed,
                                           const umbel_build_options* options);
 

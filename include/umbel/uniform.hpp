@@ -1,7 +1,7 @@
 // Structures that divide triangles uniformly, without weighing costs: a two-level grid and the
-// bounding interval hierarchy. Built in little more than a sort, for those who compare structures
-// and for meshes that are traced a little and thrown away. Queries are those of every structure,
-// with the same results.
+// bounding interval hierarchy. They are built in little more time than a sort takes: for
+// comparing structures, and for meshes of which few rays are traced. Queries and their results are
+// those of every structure.
 #pragma once
 
 #include <cstdint>

@@ -20,7 +20,7 @@ Dict info_dict(const Asset& asset) {
   result["format_version"] =
       std::to_string(info.version_major) + "." + std::to_string(info.version_minor);
   result["file_bytes"] = info.file_bytes;
-  result["head_bytes"] = info.head_bytes;
+  result["header_bytes"] = info.header_bytes;
   result["checksum"] = info.checksum;
   result["pages"] = info.pages;
   result["page_bytes"] = info.page_bytes;
@@ -82,7 +82,7 @@ class PythonSource : public ByteSource {
 
 Array<float> transforms_of(const Asset& asset) {
   std::vector<std::array<float, 12>> rows;
-  for (const Instance& instance : asset.instances()) rows.push_back(instance.transform);
+  for (const Instance& instance : asset.instances()) rows.push_back(instance.transform.rows);
   return take<float>(std::move(rows));
 }
 

@@ -9,7 +9,6 @@
 #include <type_traits>
 
 #include "lod.hpp"
-#include "umbel/lod_select.hpp"
 
 namespace umbel::python {
 

@@ -1,6 +1,6 @@
 // Selection from tables alone: cuts, culling, instances, budgets.
 #include "lod.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod.hpp"
 
 namespace umbel::python {
 namespace {
@@ -13,7 +13,7 @@ using Transforms = Rows<float, 12>;
 
 static_assert(sizeof(ClusterBounds) == 11 * sizeof(float));
 static_assert(sizeof(Plane) == 4 * sizeof(float));
-static_assert(sizeof(lod::Transform) == 12 * sizeof(float));
+static_assert(sizeof(Transform) == 12 * sizeof(float));
 
 lod::Culling culling_of(const Planes& planes, const NormalCones& normal_cones) {
   return {rows_of<Plane>(planes), rows_of<ClusterBounds>(normal_cones)};
@@ -51,7 +51,7 @@ void bind_views(nb::module_& module) {
   module.def(
       "view_in_instance",
       [](const View& view, const Transforms& transform) {
-        return lod::to_object(view, rows_of<lod::Transform>(transform).front());
+        return lod::to_object(view, rows_of<Transform>(transform).front());
       },
       "view"_a, "transform"_a);
   module.def(
@@ -61,10 +61,8 @@ void bind_views(nb::module_& module) {
         return take<float>(lod::frustum_planes({{eye[0], eye[1], eye[2]},
                                                 {target[0], target[1], target[2]},
                                                 {up[0], up[1], up[2]},
-                                                fov_y,
-                                                aspect,
-                                                near_plane,
-                                                far_plane}));
+                                                fov_y},
+                                               aspect, near_plane, far_plane));
       },
       "eye"_a, "target"_a, "up"_a, "fov_y"_a, "aspect"_a, "near_plane"_a, "far_plane"_a,
       "(5 or 6, 4) inward unit normal and offset: left, right, bottom, top, near, far");
@@ -97,7 +95,7 @@ void bind_select(nb::module_& module) {
         {
           nb::gil_scoped_release release;
           cuts = lod::select_instances(tables, view, culling_of(planes, normal_cones),
-                                       rows_of<lod::Transform>(transforms));
+                                       rows_of<Transform>(transforms));
         }
         return {take<uint32_t>(std::move(cuts.offsets)), take<uint32_t>(std::move(cuts.clusters))};
       },
@@ -110,7 +108,7 @@ void bind_select(nb::module_& module) {
         nb::gil_scoped_release release;
         return lod::view_for_budget(tables, view, rows_of<uint32_t>(costs), budget,
                                     culling_of(planes, normal_cones),
-                                    rows_of<lod::Transform>(transforms));
+                                    rows_of<Transform>(transforms));
       },
       "tables"_a, "view"_a, "costs"_a, "budget"_a, "planes"_a = nb::none(),
       "normal_cones"_a = nb::none(), "transforms"_a = nb::none());

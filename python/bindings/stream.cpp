@@ -20,7 +20,7 @@ Dict step_dict(const StreamStep& step) {
   result["evicted"] = step.evicted;
   result["requested"] = step.requested;
   result["cancelled"] = step.cancelled;
-  result["looked_at"] = step.looked_at;
+  result["evaluated"] = step.evaluated;
   result["caught_up"] = step.caught_up;
   return result;
 }
@@ -205,7 +205,7 @@ void bind_stream(nb::module_& module) {
       .def_prop_ro(
           "statistics",
           [](const PythonResidency& residency) { return statistics_dict(residency.statistics()); })
-      .def("forgive", [](PythonResidency& residency) { residency.forgive(); })
+      .def("retry_failed", [](PythonResidency& residency) { residency.retry_failed(); })
       .def("close", &PythonResidency::end)
       .def(
           "set_budget",

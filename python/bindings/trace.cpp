@@ -1,4 +1,4 @@
-// The path tracer: looks, scenes, cameras, and films that pictures grow on.
+// The path tracer: materials, scenes, cameras, and films to which samples are added.
 #include "umbel/trace.hpp"
 
 #include <nanobind/stl/string_view.h>
@@ -112,7 +112,7 @@ void bind_material(nb::module_& module) {
   use_property(material, "iridescence_thickness_texture", &Material::iridescence_thickness_texture);
 }
 
-void bind_look(nb::module_& module) {
+void bind_shading(nb::module_& module) {
   using trace::Environment;
   nb::enum_<trace::AlphaMode>(module, "TraceAlpha")
       .value("opaque", trace::AlphaMode::kOpaque)
@@ -180,13 +180,13 @@ trace::Scene build_scene(const MeshArrays& mesh, const std::vector<trace::Materi
                          const std::string& preset, const nb::object& progress, uint32_t threads) {
   std::vector<trace::TextureView> views;
   for (const TextureInput* texture : textures) views.push_back(texture->view);
-  const trace::Look look{materials, views, environment};
+  const trace::Shading shading{materials, views, environment};
   return run(progress, threads, [&](const BuildOptions& options) {
     const MeshView view = mesh.view();
     validate(view, {.progress = {}, .threads = options.threads});
     auto structure =
         build_structure(view, accel, preset, trace::Scene::masks(view, materials), options);
-    return trace::Scene::build(view, look, std::move(structure),
+    return trace::Scene::build(view, shading, std::move(structure),
                                {.progress = {}, .threads = options.threads});
   });
 }
@@ -194,7 +194,7 @@ trace::Scene build_scene(const MeshArrays& mesh, const std::vector<trace::Materi
 /// The clusters of a residency's cut, `table` of (view, page, group, cluster), each view by its
 /// transform and for its kind of rays. Pages are read and decoded once each.
 trace::ClusterScene read_clusters(const Asset& asset, std::span<const StreamCluster> table,
-                                  std::span<const std::array<float, 12>> transforms,
+                                  std::span<const Transform> transforms,
                                   std::span<const uint32_t> rays) {
   trace::ClusterScene scene;
   scene.transforms.assign(transforms.begin(), transforms.end());
@@ -221,7 +221,8 @@ trace::ClusterScene read_clusters(const Asset& asset, std::span<const StreamClus
       if (is_new)
         scene.parts.push_back(
             {std::move(group[c.cluster]), page.groups[c.group].clusters[c.cluster].material});
-      scene.placed.push_back({static_cast<uint32_t>(scene.parts.size() - 1), c.view, rays[c.view]});
+      scene.instances.push_back(
+          {static_cast<uint32_t>(scene.parts.size() - 1), c.view, rays[c.view]});
     }
     before = &c;
   }
@@ -236,25 +237,25 @@ trace::Scene cluster_scene(const Asset& asset, const Rows<uint32_t, 4>& table,
                            uint32_t threads) {
   std::vector<trace::TextureView> views;
   for (const TextureInput* texture : textures) views.push_back(texture->view);
-  const trace::Look look{materials, views, environment};
+  const trace::Shading shading{materials, views, environment};
   return run(progress, threads, [&](const BuildOptions& options) {
     trace::ClusterScene clusters =
-        read_clusters(asset, rows_of<StreamCluster>(table),
-                      rows_of<std::array<float, 12>>(transforms), rows_of<uint32_t>(rays));
+        read_clusters(asset, rows_of<StreamCluster>(table), rows_of<Transform>(transforms),
+                      rows_of<uint32_t>(rays));
     clusters.gap = gap;
-    return trace::Scene::build(clusters, look, options);
+    return trace::Scene::build(clusters, shading, options);
   });
 }
 
 void bind_scene(nb::module_& module) {
-  nb::class_<trace::Camera> camera(module, "TraceCamera");
+  nb::class_<Camera> camera(module, "TraceCamera");
   camera.def(nb::init<>())
-      .def_rw("fov_y", &trace::Camera::fov_y)
-      .def_rw("lens_radius", &trace::Camera::lens_radius)
-      .def_rw("focus_distance", &trace::Camera::focus_distance);
-  triple_property(camera, "position", &trace::Camera::position);
-  triple_property(camera, "target", &trace::Camera::target);
-  triple_property(camera, "up", &trace::Camera::up);
+      .def_rw("fov_y", &Camera::fov_y)
+      .def_rw("lens_radius", &Camera::lens_radius)
+      .def_rw("focus_distance", &Camera::focus_distance);
+  triple_property(camera, "position", &Camera::position);
+  triple_property(camera, "target", &Camera::target);
+  triple_property(camera, "up", &Camera::up);
 
   const auto viewpoint = [](float azimuth, float elevation, float fov_y, float margin) {
     return trace::Viewpoint{azimuth, elevation, fov_y, margin};
@@ -262,7 +263,7 @@ void bind_scene(nb::module_& module) {
   nb::class_<trace::Scene>(module, "TraceScene")
       .def_prop_ro("triangle_count", &trace::Scene::triangle_count)
       .def_prop_ro("light_count", &trace::Scene::light_count)
-      .def_prop_ro("placed_triangles", &trace::Scene::placed_triangles)
+      .def_prop_ro("instanced_triangles", &trace::Scene::instanced_triangles)
       .def_prop_ro("bytes", &trace::Scene::bytes)
       .def(
           "auto_camera",
@@ -283,8 +284,8 @@ void bind_scene(nb::module_& module) {
       [=](const MeshArrays& mesh, const Triple& up, uint32_t width, uint32_t height, float azimuth,
           float elevation, float fov_y, float margin) {
         const nb::gil_scoped_release release;
-        return trace::frame(mesh.view(), vec3(up), width, height,
-                            viewpoint(azimuth, elevation, fov_y, margin));
+        return trace::fit_camera(mesh.view(), vec3(up), width, height,
+                                 viewpoint(azimuth, elevation, fov_y, margin));
       },
       "mesh"_a, "up"_a, "width"_a, "height"_a, "azimuth"_a, "elevation"_a, "fov_y"_a, "margin"_a);
 }
@@ -331,7 +332,7 @@ void bind_film(nb::module_& module) {
       .def("pixels", &pixels_of, "(height, width, 3) float32: the means so far")
       .def(
           "add",
-          [](trace::Film& film, const trace::Scene& scene, const trace::Camera& camera,
+          [](trace::Film& film, const trace::Scene& scene, const Camera& camera,
              const Settings& settings, const nb::object& progress, uint32_t threads) {
             run(progress, threads, [&](const BuildOptions& options) {
               trace::accumulate(scene, camera, settings, film, options);
@@ -343,7 +344,7 @@ void bind_film(nb::module_& module) {
 }  // namespace
 
 void bind_trace(nb::module_& module) {
-  bind_look(module);
+  bind_shading(module);
   bind_material(module);
   bind_scene(module);
   bind_film(module);

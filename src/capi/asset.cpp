@@ -81,7 +81,7 @@ umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_asset_info* in
     out.max_triangles = i.max_triangles;
     out.max_vertices = i.max_vertices;
     out.file_bytes = i.file_bytes;
-    out.head_bytes = i.head_bytes;
+    out.header_bytes = i.header_bytes;
     out.checksum = i.checksum;
     out.source_triangles = i.source_triangles;
     out.bounds = {{i.bounds.min.x, i.bounds.min.y, i.bounds.min.z},
@@ -124,7 +124,7 @@ umbel_result umbel_residency_step(umbel_residency* residency, const umbel_stream
     out.cancelled = made.cancelled;
     out.resident_bytes = said.resident_bytes;
     out.failures = said.failures;
-    out.looked_at = made.looked_at;
+    out.evaluated = made.evaluated;
     out.caught_up = made.caught_up;
     write_struct(out, step, "step");
   });

@@ -18,31 +18,56 @@ namespace {
 static_assert(offsetof(umbel_kary_node, children) == offsetof(bvh::KaryNode, children));
 static_assert(offsetof(umbel_kary_node, count) == offsetof(bvh::KaryNode, count));
 
+/// Binary trees, and the k-ary ones of k-means, in arrays of a C caller.
+struct Binary {
+  using Given = umbel_bvh2;
+  using Tree = bvh::Bvh2;
+  using Node = bvh::Node;
+  template <typename Source>
+  static Tree build(const Source& source, const bvh::Config& config, const BuildOptions& options) {
+    return bvh::build(source, config, options);
+  }
+  static void check(const Tree& tree) { bvh::check_structure(tree, kNone); }
+};
+
+struct Kary {
+  using Given = umbel_kary;
+  using Tree = bvh::KaryTree;
+  using Node = bvh::KaryNode;
+  template <typename Source>
+  static Tree build(const Source& source, const bvh::Config& config, const BuildOptions& options) {
+    return bvh::build_kmeans_kary(source, config, options);
+  }
+  static void check(const Tree& tree) { bvh::check(tree, kNone); }
+};
+
 /// The tree that a C caller holds; copied, since the library takes vectors.
-template <typename Tree, typename Given>
-Tree copied_tree(const Given* tree) {
-  using Node = typename decltype(Tree::nodes)::value_type;
+template <typename Kind>
+typename Kind::Tree copied_tree(const typename Kind::Given* tree) {
+  using Node = typename Kind::Node;
+  using Given = typename Kind::Given;
   const Given given = read_struct(tree, "tree");
   const auto nodes = elements<const Node>(given.nodes, given.node_count, "tree->nodes");
   const auto primitives =
       elements<const uint32_t>(given.primitives, given.primitive_count, "tree->primitives");
-  Tree result;
+  typename Kind::Tree result;
   result.nodes.assign(nodes.begin(), nodes.end());
   result.primitives.assign(primitives.begin(), primitives.end());
   return result;
 }
 
-/// Runs make(config, options) and writes the tree that it gives, or what room it needs.
-template <typename Node, typename Given, typename Make>
+/// Builds over what source() gives, and writes the tree or the room that it needs.
+template <typename Kind, typename Source>
 umbel_result build_tree(const umbel_bvh_config* config, const umbel_build_options* options,
-                        Given* tree, const Make& make) {
+                        typename Kind::Given* tree, const Source& source) {
   return guard([&] {
-    Given given = read_struct(tree, "tree");
+    typename Kind::Given given = read_struct(tree, "tree");
     given.node_count = given.primitive_count = 0;
     write_struct(given, tree, "tree");
-    const auto nodes = elements<Node>(given.nodes, given.node_capacity, "tree->nodes");
+    const auto nodes =
+        elements<typename Kind::Node>(given.nodes, given.node_capacity, "tree->nodes");
     elements<uint32_t>(given.primitives, given.primitive_capacity, "tree->primitives");
-    const auto made = make(bvh_config(config).tree, build_options(options));
+    const auto made = Kind::build(source(), bvh_config(config).tree, build_options(options));
     given.node_count = made.nodes.size();
     given.primitive_count = made.primitives.size();
     const bool fits = made.nodes.size() <= given.node_capacity &&
@@ -70,8 +95,6 @@ umbel_bvh2_statistics tree_statistics(const bvh::Statistics& found) {
   return result;
 }
 
-bvh::Bvh2 tree_of(const umbel_bvh2* tree) { return copied_tree<bvh::Bvh2>(tree); }
-
 /// Replaces how the config builds; everything else about it stays.
 void set_tree(umbel_bvh_config* config, const bvh::Config& tree) {
   BvhConfig changed = bvh_config(&required(config, "config"));
@@ -94,11 +117,28 @@ umbel_bvh2_capacity requirements(size_t primitive_count, const bvh::Config& conf
   return result;
 }
 
-umbel_bvh2_statistics measure(const umbel_bvh2* tree, const bvh::CostModel& cost) {
-  const bvh::Bvh2 copied = tree_of(tree);
-  // Whether every primitive is there cannot be known without their number.
-  bvh::check_structure(copied, kNone);
-  return tree_statistics(bvh::statistics(copied, cost));
+/// Checks and measures a tree. Without the number of primitives it cannot be known whether all are
+/// there.
+template <typename Kind>
+umbel_result get_tree_statistics(const typename Kind::Given* tree, const umbel_bvh_config* config,
+                                 umbel_bvh2_statistics* statistics) {
+  return guard([&] {
+    const typename Kind::Tree copied = copied_tree<Kind>(tree);
+    Kind::check(copied);
+    write_struct(tree_statistics(bvh::statistics(copied, bvh_config(config).tree.cost)), statistics,
+                 "statistics");
+  });
+}
+
+template <typename Kind>
+umbel_result widen(const typename Kind::Given* tree, const umbel_bvh_mesh* mesh,
+                   const umbel_bvh_config* config, const umbel_build_options* options,
+                   umbel_bvh** bvh) {
+  return hand_out(bvh, "bvh", [&] {
+    const BvhMesh given = bvh_mesh(mesh);
+    return umbel_bvh{Bvh::widen(copied_tree<Kind>(tree), given.view, bvh_config(config),
+                                given.masks, build_options(options))};
+  });
 }
 
 umbel_bvh_statistics statistics_of(const Bvh& bvh) {
@@ -116,8 +156,6 @@ umbel_bvh_statistics statistics_of(const Bvh& bvh) {
   std::memcpy(&result.bounds, &bounds, sizeof bounds);
   return result;
 }
-
-bvh::KaryTree tree_of(const umbel_kary* tree) { return copied_tree<bvh::KaryTree>(tree); }
 
 Queried queried(const umbel_bvh* bvh) { return {bvh ? &bvh->bvh : nullptr, "bvh"}; }
 
@@ -151,11 +189,7 @@ umbel_result umbel_bvh_build(const umbel_bvh_mesh* mesh, const umbel_bvh_config*
 umbel_result umbel_bvh_from_bvh2(const umbel_bvh2* tree, const umbel_bvh_mesh* mesh,
                                  const umbel_bvh_config* config, const umbel_build_options* options,
                                  umbel_bvh** bvh) {
-  return capi::hand_out(bvh, "bvh", [&] {
-    const capi::BvhMesh given = capi::bvh_mesh(mesh);
-    return umbel_bvh{Bvh::widen(capi::tree_of(tree), given.view, capi::bvh_config(config),
-                                given.masks, capi::build_options(options))};
-  });
+  return capi::widen<capi::Binary>(tree, mesh, config, options, bvh);
 }
 
 void umbel_bvh_free(umbel_bvh* bvh) { delete bvh; }
@@ -202,66 +236,43 @@ umbel_result umbel_bvh2_requirements(size_t primitive_count, const umbel_bvh_con
 umbel_result umbel_bvh2_build(const umbel_aabb* boxes, size_t box_count,
                               const umbel_bvh_config* config, const umbel_build_options* options,
                               umbel_bvh2* tree) {
-  return capi::build_tree<bvh::Node>(
-      config, options, tree, [&](const bvh::Config& how, const BuildOptions& build_options) {
-        return bvh::build(capi::elements<const Aabb>(boxes, box_count, "boxes"), how,
-                          build_options);
-      });
+  return capi::build_tree<capi::Binary>(
+      config, options, tree, [&] { return capi::elements<const Aabb>(boxes, box_count, "boxes"); });
 }
 
 umbel_result umbel_bvh2_build_triangles(const umbel_bvh_mesh* mesh, const umbel_bvh_config* config,
                                         const umbel_build_options* options, umbel_bvh2* tree) {
-  return capi::build_tree<bvh::Node>(
-      config, options, tree, [&](const bvh::Config& how, const BuildOptions& build_options) {
-        return bvh::build(capi::bvh_mesh(mesh).view, how, build_options);
-      });
+  return capi::build_tree<capi::Binary>(config, options, tree,
+                                        [&] { return capi::bvh_mesh(mesh).view; });
 }
 
 umbel_result umbel_bvh2_get_statistics(const umbel_bvh2* tree, const umbel_bvh_config* config,
                                        umbel_bvh2_statistics* statistics) {
-  return capi::guard([&] {
-    capi::write_struct(capi::measure(tree, capi::bvh_config(config).tree.cost), statistics,
-                       "statistics");
-  });
+  return capi::get_tree_statistics<capi::Binary>(tree, config, statistics);
 }
 
 umbel_result umbel_kary_build(const umbel_aabb* boxes, size_t box_count,
                               const umbel_bvh_config* config, const umbel_build_options* options,
                               umbel_kary* tree) {
-  return capi::build_tree<bvh::KaryNode>(
-      config, options, tree, [&](const bvh::Config& how, const BuildOptions& build_options) {
-        return bvh::build_kmeans_kary(capi::elements<const Aabb>(boxes, box_count, "boxes"), how,
-                                      build_options);
-      });
+  return capi::build_tree<capi::Kary>(
+      config, options, tree, [&] { return capi::elements<const Aabb>(boxes, box_count, "boxes"); });
 }
 
 umbel_result umbel_kary_build_triangles(const umbel_bvh_mesh* mesh, const umbel_bvh_config* config,
                                         const umbel_build_options* options, umbel_kary* tree) {
-  return capi::build_tree<bvh::KaryNode>(
-      config, options, tree, [&](const bvh::Config& how, const BuildOptions& build_options) {
-        return bvh::build_kmeans_kary(capi::bvh_mesh(mesh).view, how, build_options);
-      });
+  return capi::build_tree<capi::Kary>(config, options, tree,
+                                      [&] { return capi::bvh_mesh(mesh).view; });
 }
 
 umbel_result umbel_kary_get_statistics(const umbel_kary* tree, const umbel_bvh_config* config,
                                        umbel_bvh2_statistics* statistics) {
-  return capi::guard([&] {
-    const bvh::KaryTree copied = capi::tree_of(tree);
-    // Whether every primitive is there cannot be known without their number.
-    bvh::check(copied, kNone);
-    capi::write_struct(capi::tree_statistics(bvh::statistics(copied, capi::bvh_config(config).tree.cost)),
-                       statistics, "statistics");
-  });
+  return capi::get_tree_statistics<capi::Kary>(tree, config, statistics);
 }
 
 umbel_result umbel_bvh_from_kary(const umbel_kary* tree, const umbel_bvh_mesh* mesh,
                                  const umbel_bvh_config* config, const umbel_build_options* options,
                                  umbel_bvh** bvh) {
-  return capi::hand_out(bvh, "bvh", [&] {
-    const capi::BvhMesh given = capi::bvh_mesh(mesh);
-    return umbel_bvh{Bvh::widen(capi::tree_of(tree), given.view, capi::bvh_config(config),
-                                given.masks, capi::build_options(options))};
-  });
+  return capi::widen<capi::Kary>(tree, mesh, config, options, bvh);
 }
 
 // ---- queries -----------------------------------------------------------------------------------

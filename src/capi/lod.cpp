@@ -52,7 +52,7 @@ void verify(const umbel_lod& lod, uint32_t cuts, uint32_t seed, const BuildOptio
       lod::verify(lod.dag.tables, [&](uint32_t c) { return geometry(lod, c); }, config, options);
   if (!report.ok)
     throw Error(ErrorCode::kCorrupt,
-                report.problems.empty() ? "the proof failed" : report.problems.front());
+                report.problems.empty() ? "verification failed" : report.problems.front());
 }
 
 static_assert(offsetof(umbel_lod_group, sphere) == offsetof(lod::Group, sphere));
@@ -256,9 +256,9 @@ umbel_result umbel_lod_frustum(const float eye[3], const float target[3], const 
                                float fov_y, float aspect, float near_plane, float far_plane,
                                umbel_plane planes[6], size_t* count) {
   return capi::guard([&] {
-    const auto made =
-        lod::frustum_planes({capi::point(eye, "eye"), capi::point(target, "target"),
-                             capi::point(up, "up"), fov_y, aspect, near_plane, far_plane});
+    const auto made = lod::frustum_planes(
+        {capi::point(eye, "eye"), capi::point(target, "target"), capi::point(up, "up"), fov_y},
+        aspect, near_plane, far_plane);
     const auto room = capi::elements<Plane>(planes, 6, "planes");
     capi::required(count, "count") = made.size();
     std::copy(made.begin(), made.end(), room.begin());
@@ -281,8 +281,7 @@ umbel_result umbel_lod_select_instances(const umbel_lod_tables* tables, const um
                                         uint32_t* offsets, uint32_t* clusters, size_t capacity,
                                         size_t* count) {
   return capi::guard([&] {
-    const auto transforms =
-        capi::elements<const lod::Transform>(instances, instance_count, "instances");
+    const auto transforms = capi::elements<const Transform>(instances, instance_count, "instances");
     const lod::InstanceCuts cuts =
         lod::select_instances(capi::required(tables, "tables").tables, capi::view_of(view),
                               capi::culling_of(culling), transforms);
@@ -305,7 +304,7 @@ umbel_result umbel_lod_view_for_budget(const umbel_lod_tables* tables, const umb
         costs ? std::span<const uint32_t>(costs, given.clusters.size()) : triangles;
     capi::write(lod::view_for_budget(
                     given, capi::view_of(view), used, budget, capi::culling_of(culling),
-                    capi::elements<const lod::Transform>(instances, instance_count, "instances")),
+                    capi::elements<const Transform>(instances, instance_count, "instances")),
                 result);
   });
 }

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "capi/bvh_input.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod.hpp"
 #include "umbel/umbel_lod.h"
 
 /// What a C caller holds.

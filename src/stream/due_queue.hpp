@@ -1,6 +1,6 @@
-// A queue of what is due when a clock has come so far: a radix heap (Ahuja, Mehlhorn, Orlin and
-// Tarjan, Faster Algorithms for the Shortest Path Problem, 1990). The clock only goes forward, so
-// an entry moves on from one list to a shorter one as its time comes near, and nothing is sorted.
+// A monotone priority queue: a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan, "Faster Algorithms
+// for the Shortest Path Problem", 1990). Keys are never below those taken so far, so entries move
+// to shorter lists as they become due, and nothing is sorted.
 #pragma once
 
 #include <algorithm>

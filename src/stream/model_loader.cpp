@@ -1,6 +1,6 @@
-// A line with a latency and a bandwidth, in the time of a simulation: requests travel side by side,
-// bytes one after the other, and some loads fail, come short or corrupt, or are slow, as a hash of
-// page and attempt says.
+// A simulated network link with a latency and a bandwidth: requests overlap, bytes are sent one
+// after the other, and a hash of page and attempt decides which loads fail, arrive short or
+// corrupt, or are slow.
 #include <algorithm>
 #include <map>
 
@@ -14,7 +14,7 @@ struct Transfer {
   uint32_t page;
   double ready;
   bool fails;
-  uint32_t way;  ///< in which it fails
+  uint32_t failure;  ///< 0: nothing arrives, 1: half of it, 2: a wrong byte
 };
 
 class ModelLoader : public PageLoader {
@@ -64,13 +64,13 @@ class ModelLoader : public PageLoader {
     return static_cast<double>(xxh64(key, sizeof key) >> 11) * 0x1p-53;
   }
 
-  /// What comes where a load fails: nothing, half of it, or a byte that is another.
+  /// The arrival of a load that fails: see Transfer::failure.
   PageArrival broken(const Transfer& t) const {
     std::vector<std::byte> bytes = pages_[t.page]->bytes;
-    if (t.way == 1) bytes.resize(bytes.size() / 2);
-    if (t.way == 2) bytes[bytes.size() / 3] ^= std::byte{1};
+    if (t.failure == 1) bytes.resize(bytes.size() / 2);
+    if (t.failure == 2) bytes[bytes.size() / 3] ^= std::byte{1};
     try {
-      if (t.way == 0) throw Error(ErrorCode::kIo, "the line failed");
+      if (t.failure == 0) throw Error(ErrorCode::kIo, "the link failed");
       asset_.page_of(t.page, std::move(bytes));
     } catch (const Error& error) {
       return {t.page, nullptr, error.what()};
@@ -84,7 +84,7 @@ class ModelLoader : public PageLoader {
   std::vector<std::shared_ptr<const AssetPage>> pages_;
   std::vector<uint32_t> attempts_;
   std::vector<Transfer> under_way_;
-  double free_ = 0;  // when the line has sent all that was asked for
+  double free_ = 0;  // when all requested bytes have been sent
 };
 
 }  // namespace
@@ -93,7 +93,7 @@ std::unique_ptr<PageLoader> make_model_loader(const Asset& asset, const LinkMode
                                               std::shared_ptr<const double> clock) {
   if (!(link.latency_seconds >= 0) || !(link.bytes_per_second > 0) || !clock)
     throw Error(ErrorCode::kInvalidArgument,
-                "a line needs a latency that is not negative, a bandwidth and a clock");
+                "a link needs a latency that is not negative, a bandwidth and a clock");
   return std::make_unique<ModelLoader>(asset, link, std::move(clock));
 }
 

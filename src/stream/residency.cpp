@@ -1,10 +1,10 @@
-// Pages come for what they are worth a byte and go when others are worth more.
+// Pages are loaded by priority per byte, and evicted for pages of a higher one.
 //
-// What views show and want of the pages that are there is the frontier's to know. A reference to a
-// group that must be refined is worth the square of how many times its error is too large (the
-// worst places count, not how many are a little too coarse), a page the sum over its groups, a
-// byte; but not less than any page that is reached through it. So parents come before their
-// children, and no page is given up for one that cannot be shown without it.
+// The cut tracker knows what views show and want of the pages in memory. A reference to a group
+// that must be refined has the square of how many times its error is too large as its priority (the
+// worst errors count, not the number of small ones); a page has the sum over its groups, per byte,
+// but not less than any page that is reached through it. So parents are loaded before their
+// children, and no page is evicted for one that cannot be shown without it.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -30,9 +30,9 @@ struct PageSlot {
   uint64_t listed = 0;  // the list of missing pages that it was last put in
 };
 
-/// A page that is shown and might go.
+/// A page that is shown and may be evicted.
 struct Candidate {
-  float worth;
+  float priority;
   uint32_t page;
 };
 
@@ -55,56 +55,56 @@ void check(const StreamView& view, size_t meshes) {
 
 struct Residency::State {
   State(const Asset& of, const ResidencyConfig& how)
-      : asset(&of), config(how), frontier(of), pages(of.info().pages) {}
+      : asset(&of), config(how), tracker(of), pages(of.info().pages) {}
 
   const Asset* asset;
   ResidencyConfig config;
-  stream::Frontier frontier;
+  stream::CutTracker tracker;
   std::unique_ptr<PageLoader> loader;
   std::vector<PageSlot> pages;
   std::vector<uint32_t> resident, in_flight;
-  /// What nobody shows, the longest first and the finer of two: its time, and the page's
-  /// complement.
+  /// Pages that no view shows: when each was last used, and the complement of its number, so that
+  /// the first is the one unused longest, and the finer of two.
   std::set<std::pair<double, uint32_t>> unused;
-  std::vector<Candidate> candidates;  // the least worthy last
+  std::vector<Candidate> candidates;  // the lowest priority last
   bool candidates_are_known = false;
-  std::vector<PageArrival> waiting;  // have come, for a later step
+  std::vector<PageArrival> waiting;  // have arrived, for a later step
   uint64_t lists = 0;
   ResidencyStatistics statistics;
 
-  // ---- pages come and go
+  // ---- loading and evicting
 
   void install(uint32_t page, std::shared_ptr<const AssetPage> data, double now);
   void evict(uint32_t page);
   void check_and_pin_roots();
   void take_arrivals(double now, StreamStep& result);
   void fail(uint32_t page, const std::string& problem, double now);
-  bool make_room(uint64_t bytes, float worth, StreamStep& result);
-  uint32_t least_worthy(float worth);
+  bool make_room(uint64_t bytes, float priority, StreamStep& result);
+  uint32_t lowest_priority(float priority);
   void find_candidates();
   void note_use(double now);
 
-  // ---- what is missing
+  // ---- missing pages
 
   std::vector<uint32_t> missing_pages();
-  void ask(double now, StreamStep& result);
+  void request(double now, StreamStep& result);
   void cancel_stale(StreamStep& result);
   std::pair<double, uint32_t> age(uint32_t page) const { return {pages[page].last_used, ~page}; }
-  /// A byte.
-  float worth_of(uint32_t page) const {
-    return static_cast<float>(frontier.worth(page) / asset->page_bytes(page));
+  /// Per byte.
+  float priority_of(uint32_t page) const {
+    return static_cast<float>(tracker.priority(page) / asset->page_bytes(page));
   }
 };
 
 void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> data, double now) {
   PageSlot& slot = pages[page];
-  frontier.install(*data);
+  tracker.install(*data);
   slot.data = std::move(data);
   slot.state = PageState::kResident;
   slot.last_used = now;
   slot.failures = 0;
   resident.push_back(page);
-  if (!slot.pinned && !frontier.is_wanted(page)) unused.insert(age(page));
+  if (!slot.pinned && !tracker.is_wanted(page)) unused.insert(age(page));
   const uint64_t bytes = asset->page_bytes(page);
   statistics.resident_bytes += bytes;
   statistics.loaded_bytes += bytes;
@@ -116,7 +116,7 @@ void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> d
 void Residency::State::evict(uint32_t page) {
   PageSlot& slot = pages[page];
   unused.erase(age(page));
-  frontier.remove(page);
+  tracker.remove(page);
   slot.data.reset();
   slot.state = PageState::kAbsent;
   resident.erase(std::find(resident.begin(), resident.end(), page));
@@ -150,53 +150,53 @@ void Residency::State::check_and_pin_roots() {
     if (pages[p].pinned) install(p, std::make_shared<const AssetPage>(asset->read_page(p)), 0);
 }
 
-/// Pages that begin or cease to be wanted.
+/// Updates `unused` for pages that have become wanted, or ceased to be.
 void Residency::State::note_use(double now) {
-  for (const uint32_t page : frontier.take_changed()) {
+  for (const uint32_t page : tracker.take_changed()) {
     PageSlot& slot = pages[page];
     if (slot.pinned || slot.state != PageState::kResident) continue;
     unused.erase(age(page));
     slot.last_used = now;
-    if (!frontier.is_wanted(page)) unused.insert(age(page));
+    if (!tracker.is_wanted(page)) unused.insert(age(page));
   }
 }
 
-/// Pages that are shown and by way of which no other is. What is missing hands its worth to those
-/// by way of which it is reached.
+/// Lists pages that are shown and through which no other is. A missing page's priority counts for
+/// the pages through which it is reached.
 void Residency::State::find_candidates() {
-  std::vector<float> handed(pages.size());
+  std::vector<float> inherited(pages.size());
   for (const uint32_t page : missing_pages()) {
-    const float worth = worth_of(page);
-    frontier.for_each_way_to(page,
-                             [&](uint32_t way) { handed[way] = std::max(handed[way], worth); });
+    const float priority = priority_of(page);
+    tracker.for_each_page_above(
+        page, [&](uint32_t above) { inherited[above] = std::max(inherited[above], priority); });
   }
   candidates.clear();
   for (const uint32_t page : resident)
-    if (!pages[page].pinned && frontier.is_wanted(page) && frontier.is_end(page))
-      candidates.push_back({std::max(worth_of(page), handed[page]), page});
+    if (!pages[page].pinned && tracker.is_wanted(page) && tracker.is_leaf(page))
+      candidates.push_back({std::max(priority_of(page), inherited[page]), page});
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-    return a.worth != b.worth ? a.worth > b.worth : a.page < b.page;
+    return a.priority != b.priority ? a.priority > b.priority : a.page < b.page;
   });
   candidates_are_known = true;
 }
 
-/// The resident page that may go for one of the given worth, or kNone: first what nobody shows, the
-/// longest first and the finer of two; then what is worth least, if that is little enough.
-uint32_t Residency::State::least_worthy(float worth) {
+/// The resident page to evict for one of the given priority, or kNone: first pages that no view
+/// shows, unused longest first; then the shown page of the lowest priority, if that is low enough.
+uint32_t Residency::State::lowest_priority(float priority) {
   if (!unused.empty()) return ~unused.begin()->second;
   if (!candidates_are_known) find_candidates();
   const auto is_gone = [&](uint32_t page) {
-    return pages[page].state != PageState::kResident || !frontier.is_end(page);
+    return pages[page].state != PageState::kResident || !tracker.is_leaf(page);
   };
   while (!candidates.empty() && is_gone(candidates.back().page)) candidates.pop_back();
-  const bool any = !candidates.empty() && candidates.back().worth < worth / config.hysteresis;
+  const bool any = !candidates.empty() && candidates.back().priority < priority / config.hysteresis;
   return any ? candidates.back().page : kNone;
 }
 
-bool Residency::State::make_room(uint64_t bytes, float worth, StreamStep& result) {
+bool Residency::State::make_room(uint64_t bytes, float priority, StreamStep& result) {
   while (statistics.resident_bytes + bytes > config.budget_bytes) {
     if (result.evicted >= config.evictions_per_step) return false;
-    const uint32_t page = least_worthy(worth);
+    const uint32_t page = lowest_priority(priority);
     if (page == kNone) return false;
     evict(page);
     ++result.evicted;
@@ -237,8 +237,8 @@ void Residency::State::take_arrivals(double now, StreamStep& result) {
     if (taken > 0 && taken + bytes > config.bytes_per_step) break;
     std::erase(in_flight, arrival.page);  // asked for again, after it was slow
     slot.state = PageState::kAbsent;
-    // Its worth is that of the last step, which asked for it.
-    if (!make_room(bytes, worth_of(arrival.page), result)) {
+    // By the priority of the last step, which requested it.
+    if (!make_room(bytes, priority_of(arrival.page), result)) {
       ++statistics.refused;
       continue;
     }
@@ -258,12 +258,12 @@ void Residency::State::take_arrivals(double now, StreamStep& result) {
   }
 }
 
-/// Pages that something asks for, which are not there.
+/// Pages that are wanted and not in memory.
 std::vector<uint32_t> Residency::State::missing_pages() {
   ++lists;
   std::vector<uint32_t> missing;
-  for (const stream::Frontier::Missing& group : frontier.missing()) {
-    const uint32_t page = frontier.page_of(group);
+  for (const stream::MissingList::Missing& group : tracker.missing()) {
+    const uint32_t page = tracker.page_of(group);
     if (std::exchange(pages[page].listed, lists) != lists) missing.push_back(page);
   }
   return missing;
@@ -272,7 +272,7 @@ std::vector<uint32_t> Residency::State::missing_pages() {
 void Residency::State::cancel_stale(StreamStep& result) {
   for (size_t i = in_flight.size(); i-- > 0;) {
     const uint32_t page = in_flight[i];
-    if (frontier.is_wanted(page) || !loader->cancel(page)) continue;
+    if (tracker.is_wanted(page) || !loader->cancel(page)) continue;
     pages[page].state = PageState::kAbsent;
     in_flight.erase(in_flight.begin() + static_cast<ptrdiff_t>(i));
     ++statistics.cancellations;
@@ -280,7 +280,7 @@ void Residency::State::cancel_stale(StreamStep& result) {
   }
 }
 
-void Residency::State::ask(double now, StreamStep& result) {
+void Residency::State::request(double now, StreamStep& result) {
   const size_t room =
       config.loads_in_flight - std::min<size_t>(in_flight.size(), config.loads_in_flight);
   if (room == 0) return;
@@ -288,21 +288,21 @@ void Residency::State::ask(double now, StreamStep& result) {
   for (const uint32_t page : missing_pages()) {
     const PageSlot& slot = pages[page];
     if (slot.state == PageState::kAbsent && !slot.given_up && now >= slot.not_before)
-      wanted.push_back({worth_of(page), page});
+      wanted.push_back({priority_of(page), page});
   }
   const size_t asked = std::min(room, wanted.size());
   std::partial_sort(wanted.begin(), wanted.begin() + static_cast<ptrdiff_t>(asked), wanted.end(),
                     [](const Candidate& a, const Candidate& b) {
-                      return a.worth != b.worth ? a.worth > b.worth : a.page < b.page;
+                      return a.priority != b.priority ? a.priority > b.priority : a.page < b.page;
                     });
   wanted.resize(asked);
   uint64_t coming = 0;
   for (const uint32_t page : in_flight) coming += asset->page_bytes(page);
-  for (const auto& [worth, page] : wanted) {
-    // What would find no place when it comes is not asked for.
+  for (const auto& [priority, page] : wanted) {
+    // What would not fit on arrival is not requested.
     const uint64_t bytes = asset->page_bytes(page);
     const bool fits = statistics.resident_bytes + coming + bytes <= config.budget_bytes;
-    if (!fits && least_worthy(worth) == kNone) break;
+    if (!fits && lowest_priority(priority) == kNone) break;
     coming += bytes;
     pages[page].state = PageState::kInFlight;
     pages[page].asked_at = now;
@@ -330,24 +330,24 @@ StreamStep Residency::step(std::span<const StreamView> views, double now) {
   StreamStep result;
   state.candidates_are_known = false;
   if (state.loader) state.take_arrivals(now, result);
-  const uint64_t before = state.frontier.work();
-  result.caught_up = state.frontier.follow(views, state.config.groups_per_step);
-  result.looked_at = static_cast<uint32_t>(state.frontier.work() - before);
+  const uint64_t before = state.tracker.work();
+  result.caught_up = state.tracker.follow(views, state.config.groups_per_step);
+  result.evaluated = static_cast<uint32_t>(state.tracker.work() - before);
   state.note_use(now);
   state.candidates_are_known = false;
   if (state.loader) {
     state.cancel_stale(result);
-    state.ask(now, result);
+    state.request(now, result);
   }
-  result.open_groups = state.frontier.open_groups();
-  result.missing_groups = static_cast<uint32_t>(state.frontier.missing().size());
-  for (const stream::Frontier::Missing& group : state.frontier.missing())
+  result.open_groups = state.tracker.open_groups();
+  result.missing_groups = static_cast<uint32_t>(state.tracker.missing().size());
+  for (const stream::MissingList::Missing& group : state.tracker.missing())
     result.worst_error = std::max(result.worst_error, group.ratio);
   ++state.statistics.steps;
   return result;
 }
 
-std::span<const StreamCluster> Residency::cut() const { return state_->frontier.cut(); }
+std::span<const StreamCluster> Residency::cut() const { return state_->tracker.cut(); }
 
 std::shared_ptr<const AssetPage> Residency::page(uint32_t page) const {
   return page < state_->pages.size() ? state_->pages[page].data : nullptr;
@@ -362,7 +362,7 @@ std::vector<uint32_t> Residency::resident_pages() const {
 std::vector<uint32_t> Residency::wanted_pages() const {
   std::vector<uint32_t> pages;
   for (uint32_t p = 0; p < state_->pages.size(); ++p)
-    if (state_->frontier.is_wanted(p)) pages.push_back(p);
+    if (state_->tracker.is_wanted(p)) pages.push_back(p);
   return pages;
 }
 
@@ -373,7 +373,7 @@ ResidencyStatistics Residency::statistics() const {
   return statistics;
 }
 
-void Residency::forgive() {
+void Residency::retry_failed() {
   for (const uint32_t page : state_->statistics.given_up) {
     state_->pages[page].given_up = false;
     state_->pages[page].failures = 0;

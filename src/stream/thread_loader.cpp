@@ -1,5 +1,5 @@
-// Loads pages on a pool of threads: a queue of what is asked for, first come first served, and a
-// list of what has come.
+// Loads pages on a pool of threads: a queue of requests, first come first served, and a list of
+// arrivals.
 #include <algorithm>
 #include <condition_variable>
 #include <deque>

@@ -1,4 +1,4 @@
-// Numbers that depend on a cosine and a roughness, tabled at even steps of both and interpolated.
+// Tables of numbers that depend on a cosine and a roughness, interpolated bilinearly.
 #pragma once
 
 #include <algorithm>

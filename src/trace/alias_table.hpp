@@ -14,7 +14,7 @@ class AliasTable {
  public:
   AliasTable() = default;
 
-  /// Weights are finite and not negative; their sum may be zero, and then there is no table.
+  /// Weights must be finite and not negative. If their sum is zero, the table is empty.
   explicit AliasTable(std::span<const double> weights) {
     for (const double w : weights) total_ += w;
     if (!(total_ > 0.0)) return;

@@ -1,5 +1,5 @@
-// Cameras for meshes that nobody has chosen one for: from outside, so that the mesh just fills the
-// picture, or from inside where the scene is a room.
+// Chooses a camera: outside, so that the mesh just fills the picture, or inside if the scene is a
+// room.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -28,7 +28,7 @@ Horizon horizon_of(const Vec3& given_up) {
   const Vec3 up = normalized(given_up, {0, 1, 0});
   // +Z is the front of what stands on the XZ plane (glTF), -Y of what stands on the XY plane.
   const Vec3 guess = std::abs(up.z) > 0.9f ? Vec3{0, -1, 0} : Vec3{0, 0, 1};
-  const Vec3 front = normalized(guess - up * umbel::dot(guess, up), frame_around(up).x);
+  const Vec3 front = normalized(guess - up * umbel::dot(guess, up), basis_around(up).x);
   return {front, cross(up, front), up};
 }
 
@@ -60,8 +60,8 @@ void each_corner(const MeshView& mesh, const Visit& visit) {
     for (const uint32_t v : t) visit(mesh.positions[v]);
 }
 
-Camera frame_points(const MeshView& mesh, const Horizon& horizon, uint32_t width, uint32_t height,
-                    const Viewpoint& view) {
+Camera fit_points(const MeshView& mesh, const Horizon& horizon, uint32_t width, uint32_t height,
+                  const Viewpoint& view) {
   const double azimuth = view.azimuth * std::numbers::pi / 180;
   const double elevation = view.elevation * std::numbers::pi / 180;
   const auto level = horizon.front * static_cast<float>(std::cos(azimuth)) +
@@ -95,14 +95,14 @@ Camera frame_points(const MeshView& mesh, const Horizon& horizon, uint32_t width
       std::max({(reach.right + reach.left) / (2 * tan_x), (reach.top + reach.bottom) / (2 * tan_y),
                 reach.nearest + 0.01 * size});
   const double tz = (reach.nearest + deepest) / 2;
-  const auto place = [&](double z) {
+  const auto on_axis = [&](double z) {
     return Vec3{static_cast<float>(r.x * cx + u.x * cy + b.x * z),
                 static_cast<float>(r.y * cx + u.y * cy + b.y * z),
                 static_cast<float>(r.z * cx + u.z * cy + b.z * z)};
   };
   Camera camera;
-  camera.position = place(cz);
-  camera.target = place(tz);
+  camera.position = on_axis(cz);
+  camera.target = on_axis(tz);
   camera.up = horizon.up;
   camera.fov_y = view.fov_y;
   if (camera.position == camera.target) camera.position = camera.target + back;
@@ -147,14 +147,14 @@ Around look_around(const Scene::Data& scene, const Vec3& point, const Horizon& h
   return around;
 }
 
-struct View {
+struct Candidate {
   Vec3 position{0, 0, 0}, direction{0, 0, 0};
   double score = -1;
 };
 
-/// The view from one place that reaches furthest over a cone of rays.
-void try_place(const Scene::Data& scene, const Vec3& place, const Horizon& horizon, float far,
-               View& best) {
+/// The direction from one position in which a cone of rays reaches furthest.
+void try_position(const Scene::Data& scene, const Vec3& position, const Horizon& horizon, float far,
+                  Candidate& best) {
   constexpr uint32_t kDirections = 48, kHalf = 4;
   std::array<double, kDirections> reach{};
   double nearest = far;
@@ -162,7 +162,7 @@ void try_place(const Scene::Data& scene, const Vec3& place, const Horizon& horiz
     const float angle = 2.0f * kPi * static_cast<float>(i) / kDirections;
     for (const float tilt : {-0.12f, 0.0f, 0.2f}) {
       Ray ray;
-      ray.origin = place;
+      ray.origin = position;
       ray.direction = normalized(
           horizon.front * std::cos(angle) + horizon.side * std::sin(angle) + horizon.up * tilt,
           horizon.front);
@@ -176,11 +176,11 @@ void try_place(const Scene::Data& scene, const Vec3& place, const Horizon& horiz
     double sum = reach[i];
     for (uint32_t k = 1; k <= kHalf; ++k)
       sum += reach[(i + k) % kDirections] + reach[(i + kDirections - k) % kDirections];
-    // Too close to a wall is a bad place, whatever the view.
+    // Too close to a wall is bad, whatever the view.
     const double score = sum / (2 * kHalf + 1) * std::min(1.0, nearest / (0.03 * far));
     if (score <= best.score) continue;
     const float angle = 2.0f * kPi * static_cast<float>(i) / kDirections;
-    best = {place, horizon.front * std::cos(angle) + horizon.side * std::sin(angle), score};
+    best = {position, horizon.front * std::cos(angle) + horizon.side * std::sin(angle), score};
   }
 }
 
@@ -189,9 +189,9 @@ Vec3 lerp3(const Aabb& box, const Vec3& t) {
   return box.min + size * t;
 }
 
-/// The longest view from places in the middle of the scene, at several heights.
+/// The longest view from positions in the middle of the scene, at several heights.
 Camera camera_inside(const Scene::Data& scene, const Horizon& horizon, float far) {
-  View best;
+  Candidate best;
   constexpr std::array<float, 7> kAcross{0.12f, 0.25f, 0.38f, 0.5f, 0.62f, 0.75f, 0.88f};
   // A little below the middle: rooms are seen from the height of people rather than of lamps.
   constexpr std::array<float, 3> kUp{0.25f, 0.35f, 0.45f};
@@ -201,7 +201,7 @@ Camera camera_inside(const Scene::Data& scene, const Horizon& horizon, float far
         const Vec3 t = std::abs(horizon.up.z) > 0.9f   ? Vec3{a, b, h}
                        : std::abs(horizon.up.x) > 0.9f ? Vec3{h, a, b}
                                                        : Vec3{a, h, b};
-        try_place(scene, lerp3(scene.bounds, t), horizon, far, best);
+        try_position(scene, lerp3(scene.bounds, t), horizon, far, best);
       }
     }
   }
@@ -227,15 +227,15 @@ MeshView view_of(const Scene::Data& scene, std::vector<Triangle>& triangles) {
 
 }  // namespace
 
-Camera frame(const MeshView& mesh, const Vec3& up, uint32_t width, uint32_t height,
-             const Viewpoint& viewpoint) {
+Camera fit_camera(const MeshView& mesh, const Vec3& up, uint32_t width, uint32_t height,
+                  const Viewpoint& viewpoint) {
   check_size(width, height);
   check_viewpoint(viewpoint);
   if (!is_finite(up) || is_black(up))
     throw Error(ErrorCode::kInvalidArgument, "up is no direction");
   validate(mesh);
   if (mesh.triangles.empty()) return {};
-  return frame_points(mesh, horizon_of(up), width, height, viewpoint);
+  return fit_points(mesh, horizon_of(up), width, height, viewpoint);
 }
 
 Camera auto_camera(const Scene& scene, uint32_t width, uint32_t height,
@@ -251,7 +251,7 @@ Camera auto_camera(const Scene& scene, uint32_t width, uint32_t height,
   if (around.enclosed > 0.95 && around.facing > 0.5 && around.median > 0.1 * diagonal)
     return camera_inside(data, horizon, diagonal);
   std::vector<Triangle> triangles;
-  return frame_points(view_of(data, triangles), horizon, width, height, viewpoint);
+  return fit_points(view_of(data, triangles), horizon, width, height, viewpoint);
 }
 
 }  // namespace umbel::trace

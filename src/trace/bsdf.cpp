@@ -20,7 +20,7 @@ Bsdf::Bsdf(const SurfaceColor& color, const Vec3& wo) : wo_(wo) {
   diffuse_ = diffuse_ * (one - albedo);
   const float reflected = luminance(albedo), scattered = luminance(diffuse_);
   const float sum = reflected + scattered;
-  // A share of each keeps what is rare from being found too rarely.
+  // A lower bound for both, so that no lobe is sampled too rarely.
   reflect_ = sum > 0.0f ? std::clamp(reflected / sum, 0.1f, 0.9f) : 0.5f;
   if (scattered <= 0.0f) reflect_ = 1.0f;
 }

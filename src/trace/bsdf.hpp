@@ -1,5 +1,5 @@
-// How a plain surface scatters light: Lambert's diffuse reflection under a rough GGX reflection, in
-// which no energy appears and, where the colours are white, none is lost.
+// The BSDF of a surface without layers: Lambert's diffuse reflection below a rough GGX reflection.
+// It conserves energy, and loses none where colours are white.
 #pragma once
 
 #include "trace/microfacet.hpp"
@@ -7,7 +7,7 @@
 
 namespace umbel::trace {
 
-/// What a material is at one point.
+/// A material at one point.
 struct SurfaceColor {
   Vec3 base;
   float metallic, roughness, specular;
@@ -26,8 +26,8 @@ struct BsdfSample {
   float density;  ///< 0: no direction; the path ends
 };
 
-/// For one point and the direction `wo` to where the light goes; directions are in the frame in
-/// which the normal is z, and all point away from the surface.
+/// For one point and the outgoing direction `wo`. Directions are in the basis in which the normal
+/// is z, and point away from the surface.
 class Bsdf {
  public:
   static constexpr bool kTransmits = false;

@@ -32,8 +32,8 @@ RayCamera::RayCamera(const Camera& camera, uint32_t width, uint32_t height)
   require(!is_black(forward), "the camera's target must be apart from its position");
   Vec3 right = normalized(cross(forward, normalized(camera.up, none)), none);
   // Looking along `up`, any picture is upright.
-  if (is_black(right)) right = frame_around(forward).x;
-  frame_ = {right, cross(right, forward), -forward};
+  if (is_black(right)) right = basis_around(forward).x;
+  basis_ = {right, cross(right, forward), -forward};
   if (focus_distance_ == 0.0f) focus_distance_ = length(camera.target - camera.position);
 }
 
@@ -42,13 +42,13 @@ Ray RayCamera::ray(float x, float y, const Vec2& lens) const {
   Ray ray;
   ray.origin = position_;
   if (lens_radius_ == 0.0f) {
-    ray.direction = normalized(frame_.to_world(through), -frame_.z);
+    ray.direction = normalized(basis_.to_world(through), -basis_.z);
     return ray;
   }
   const Vec2 disc = on_disc(lens);
   const Vec3 from{disc.x * lens_radius_, disc.y * lens_radius_, 0.0f};
-  ray.origin = position_ + frame_.to_world(from);
-  ray.direction = normalized(frame_.to_world(through * focus_distance_ - from), -frame_.z);
+  ray.origin = position_ + basis_.to_world(from);
+  ray.direction = normalized(basis_.to_world(through * focus_distance_ - from), -basis_.z);
   return ray;
 }
 

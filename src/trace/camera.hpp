@@ -1,4 +1,4 @@
-// A camera made ready to shoot rays.
+// A camera prepared to make rays.
 #pragma once
 
 #include "trace/vector.hpp"
@@ -9,15 +9,16 @@ namespace umbel::trace {
 
 class RayCamera {
  public:
-  /// Throws kInvalidArgument for a camera that looks nowhere.
+  /// Throws kInvalidArgument for values out of range, or a target at the position.
   RayCamera(const Camera& camera, uint32_t width, uint32_t height);
 
-  /// Through the place (x, y) of the picture in pixels, from the place `lens` of the unit square.
+  /// The ray through (x, y) of the picture, in pixels, from the lens' point that `lens` of the unit
+  /// square maps to.
   Ray ray(float x, float y, const Vec2& lens) const;
 
  private:
   Vec3 position_;
-  Frame frame_;  ///< right, up, backwards
+  Basis basis_;  ///< right, up, backwards
   float scale_;  ///< of a pixel, at distance 1
   float center_x_, center_y_;
   float lens_radius_, focus_distance_;

@@ -67,7 +67,7 @@ void LayeredBsdf::lay_reflection(const SurfaceColor& color, const SurfaceLayers&
   albedos_[kThrough] = luminance(min(through_ * single_through, kOne));
 }
 
-/// Sheen and coat, and what they take from the rest.
+/// Sheen and coat, and the light that they leave to the rest.
 void LayeredBsdf::lay_top(const SurfaceLayers& layers) {
   float rest = 1.0f;
   if (!is_black(layers.sheen)) {
@@ -76,8 +76,8 @@ void LayeredBsdf::lay_top(const SurfaceLayers& layers) {
     rest = 1.0f - max_component(sheen_) * sheen_albedo(wo_.z, sheen_roughness_);
   }
   float under_coat = 1.0f;
-  coat_frame_ = frame_around(layers.coat_normal);
-  coat_wo_ = coat_frame_.to_local(wo_);
+  coat_basis_ = basis_around(layers.coat_normal);
+  coat_wo_ = coat_basis_.to_local(wo_);
   if (layers.coat > 0.0f && coat_wo_.z > 0.0f) {
     coat_alpha_ = alpha_of(layers.coat_roughness);
     coat_lambda_o_ = smith_lambda(coat_wo_, coat_alpha_);
@@ -96,7 +96,7 @@ void LayeredBsdf::lay_top(const SurfaceLayers& layers) {
   albedos_[kDiffuseThrough] = luminance(diffuse_through_);
 }
 
-/// In proportion to what they send, and not too rarely.
+/// Lobes are chosen in proportion to their albedos, with a lower bound.
 void LayeredBsdf::choose_lobes() {
   float sum = 0.0f, raised = 0.0f;
   for (const float albedo : albedos_) sum += albedo;
@@ -122,7 +122,7 @@ void LayeredBsdf::add_reflection(const Vec3& wi, BsdfValue& sum) const {
 }
 
 void LayeredBsdf::add_coat(const Vec3& wi, BsdfValue& sum) const {
-  const Vec3 in = coat_frame_.to_local(wi);
+  const Vec3 in = coat_basis_.to_local(wi);
   if (in.z <= 0.0f) return;
   const Vec3 h = normalized(coat_wo_ + in, {0, 0, 1});
   const float common = ggx(h, coat_alpha_) / (4.0f * coat_wo_.z);
@@ -135,7 +135,7 @@ void LayeredBsdf::add_coat(const Vec3& wi, BsdfValue& sum) const {
 
 void LayeredBsdf::add_through(const Vec3& wi, BsdfValue& sum) const {
   if (thin_) {
-    // As if reflected, and turned to the other side.
+    // As if reflected, then mirrored to the other side.
     const Vec3 up{wi.x, wi.y, -wi.z};
     const Vec3 h = normalized(wo_ + up, {0, 0, 1});
     const float common = ggx(h, alpha_) / (4.0f * wo_.z);
@@ -175,7 +175,7 @@ BsdfValue LayeredBsdf::evaluate(const Vec3& wi) const {
 Vec3 LayeredBsdf::direction(Lobe lobe, const Vec2& u) const {
   if (lobe == kCoat) {
     const Vec3 in = mirrored(coat_wo_, visible_facet(coat_wo_, coat_alpha_, u));
-    const Vec3 wi = coat_frame_.to_world(in);
+    const Vec3 wi = coat_basis_.to_world(in);
     return in.z > 0.0f && wi.z > 0.0f ? wi : Vec3{0, 0, 0};
   }
   if (lobe == kDiffuse) return by_cosine(u);

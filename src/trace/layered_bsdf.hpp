@@ -1,6 +1,6 @@
-// How a surface with the layers of glTF's extensions scatters light: from the top a clear coat, a
-// sheen, a reflection with or without a thin film, and below it what is diffuse, diffuse to the
-// other side, or let through. Each layer gets what those above leave of the light.
+// The BSDF of a surface with the layers of glTF's extensions: from the top a clear coat, a sheen, a
+// reflection with or without a thin film, and below it diffuse reflection, diffuse transmission and
+// transmission. Each layer gets the light that those above leave.
 #pragma once
 
 #include <array>
@@ -10,10 +10,10 @@
 
 namespace umbel::trace {
 
-/// What the extensions say of one point, as the side that is seen has it.
+/// The layers of one point, on the side that is seen.
 struct SurfaceLayers {
   float transmission = 0.0f;
-  Vec3 passing{1, 1, 1};  ///< colour of what goes through
+  Vec3 passing{1, 1, 1};  ///< colour of transmitted light
   /// Through a thin surface so smooth that light keeps its direction: `straight` has it, and
   /// nothing else.
   bool straight = false;
@@ -24,7 +24,7 @@ struct SurfaceLayers {
   Vec3 diffuse_transmission_color{1, 1, 1};
 
   float coat = 0.0f, coat_roughness = 0.0f;
-  Vec3 coat_normal{0, 0, 1};  ///< in the frame in which the normal is z
+  Vec3 coat_normal{0, 0, 1};  ///< in the basis in which the normal is z
 
   Vec3 sheen{0, 0, 0};
   float sheen_roughness = 0.0f;
@@ -42,7 +42,7 @@ class LayeredBsdf {
 
   BsdfValue evaluate(const Vec3& wi) const;
   BsdfSample sample(const Vec2& u, float choice) const;
-  /// The light that goes through as it is; not in `evaluate`.
+  /// The light that passes without a change of direction; not in `evaluate`.
   const Vec3& straight() const { return straight_; }
 
  private:
@@ -67,7 +67,7 @@ class LayeredBsdf {
   Vec3 sheen_{0, 0, 0};
   float sheen_roughness_ = 0.0f;
   float coat_ = 0.0f, coat_alpha_ = 1.0f, coat_lambda_o_ = 0.0f;
-  Frame coat_frame_{};
+  Basis coat_basis_{};
   Vec3 coat_wo_{0, 0, 1};
   std::array<float, kLobes> albedos_{};  ///< of each lobe, roughly
   std::array<float, kLobes> chances_{};

@@ -7,9 +7,9 @@
 namespace umbel::trace {
 namespace {
 
-/// Roughness up to which light keeps its direction in a thin surface: it turns by half a degree.
+/// Up to this roughness a thin surface does not change light's direction: by half a degree at most.
 constexpr float kStraightRoughness = 0.1f;
-/// Bodies of an index below this bend no light: its direction after them is no float's to say.
+/// Bodies of an index below this do not refract: floats cannot resolve the change of direction.
 constexpr float kLeastIndex = 1.01f;
 constexpr float kLeastStop = 0.1f;
 
@@ -42,7 +42,7 @@ bool keeps_direction(const Material& m, float roughness) {
   return m.body ? !bends(m) : roughness <= kStraightRoughness;
 }
 
-void lay_coat(const Scene::Data& scene, const SceneHit& hit, const Point& at, const Frame& frame,
+void lay_coat(const Scene::Data& scene, const SceneHit& hit, const Point& at, const Basis& basis,
               const Vec3& direction, SurfaceLayers& layers) {
   const Material& m = scene.materials[scene.triangles[hit.primitive].material];
   layers.coat = at.scaled(m.clearcoat, m.clearcoat_texture, &Vec4::x);
@@ -50,7 +50,7 @@ void lay_coat(const Scene::Data& scene, const SceneHit& hit, const Point& at, co
   layers.coat_roughness = at.scaled(m.clearcoat_roughness, m.clearcoat_roughness_texture, &Vec4::y);
   if (m.normal_texture.texture != kNone || m.clearcoat_normal_texture.texture != kNone)
     layers.coat_normal =
-        normalized(frame.to_local(coat_normal_at(scene, hit, direction)), {0, 0, 1});
+        normalized(basis.to_local(coat_normal_at(scene, hit, direction)), {0, 0, 1});
 }
 
 void lay_film(const Material& m, const Point& at, SurfaceLayers& layers) {
@@ -87,7 +87,7 @@ void sort_materials(Scene::Data& scene) {
 }
 
 SurfaceLayers layers_at(const Scene::Data& scene, const SceneHit& hit, const Surface& surface,
-                        const Frame& frame, const Vec3& direction) {
+                        const Basis& basis, const Vec3& direction) {
   const Material& m = scene.materials[surface.material];
   const Point at(scene, hit);
   SurfaceLayers layers;
@@ -104,7 +104,7 @@ SurfaceLayers layers_at(const Scene::Data& scene, const SceneHit& hit, const Sur
   layers.sheen = at.tinted(m.sheen_color, m.sheen_color_texture);
   layers.sheen_roughness = at.scaled(m.sheen_roughness, m.sheen_roughness_texture, &Vec4::w);
   lay_film(m, at, layers);
-  if (!layers.inside) lay_coat(scene, hit, at, frame, direction, layers);
+  if (!layers.inside) lay_coat(scene, hit, at, basis, direction, layers);
   return layers;
 }
 
@@ -114,9 +114,9 @@ Passage passage_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& di
   Passage passage{opacity, 1.0f, {open, open, open}};
   if (!scene.kinds[material].straight || opacity <= 0.0f) return passage;
   const Surface surface = surface_at(scene, hit, direction);
-  const Frame frame = frame_around(surface.shading);
-  const SurfaceLayers layers = layers_at(scene, hit, surface, frame, direction);
-  const LayeredBsdf bsdf(surface.color, layers, frame.to_local(-direction));
+  const Basis basis = basis_around(surface.shading);
+  const SurfaceLayers layers = layers_at(scene, hit, surface, basis, direction);
+  const LayeredBsdf bsdf(surface.color, layers, basis.to_local(-direction));
   passage.through = passage.through + bsdf.straight() * opacity;
   passage.stop = std::clamp(1.0f - max_component(passage.through), kLeastStop * opacity, 1.0f);
   passage.weight = opacity / passage.stop;

@@ -1,4 +1,4 @@
-// What a scene's arrays say at a point of a triangle.
+// Interpolates a scene's arrays at a point of a triangle.
 #pragma once
 
 #include "trace/scene_data.hpp"
@@ -18,7 +18,7 @@ inline Vec2 uv_at(const std::vector<Vec2>& uvs, const Triangle& t, const Barycen
   return {w.a * a.x + w.b * b.x + w.c * c.x, w.a * a.y + w.b * b.y + w.c * c.y};
 }
 
-/// A point whose first texture coordinates are found once, and others when they are asked for.
+/// A point of a triangle. Computes its first texture coordinates once, and others when asked for.
 class Point {
  public:
   Point(const Scene::Data& scene, const Hit& hit) : Point(scene, hit.primitive, hit.u, hit.v) {}

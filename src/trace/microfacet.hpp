@@ -1,5 +1,5 @@
-// GGX (Walter et al. 2007) with Smith's shadowing (Heitz 2014) in the frame in which the normal is
-// z, Schlick's Fresnel term (1994), and what such a reflection sends on altogether.
+// GGX (Walter et al. 2007) with Smith's shadowing (Heitz 2014) in the basis in which the normal is
+// z, Schlick's Fresnel term (1994), and the albedo of such a reflection.
 #pragma once
 
 #include "trace/albedo_grid.hpp"
@@ -56,7 +56,7 @@ inline Vec3 by_cosine(const Vec2& u) {
 struct ReflectionAlbedo {
   float a, b;
 };
-/// Inline, because each hit asks for it.
+/// Inline, because each hit calls it.
 AlbedoGrid<2> reflection_table();
 inline ReflectionAlbedo reflection_albedo(float cosine, float roughness) {
   static const AlbedoGrid<2> table = reflection_table();
@@ -64,7 +64,7 @@ inline ReflectionAlbedo reflection_albedo(float cosine, float roughness) {
   return {a, b};
 }
 
-/// What a reflection's value is to be multiplied by for the light that bounces between facets.
+/// The factor of a reflection's value that accounts for light that bounces between facets.
 inline Vec3 bounce_gain(const Vec3& f0, const ReflectionAlbedo& tabled) {
   const float whole = std::max(tabled.a + tabled.b, 1e-3f);
   return Vec3{1, 1, 1} + f0 * (1.0f / whole - 1.0f);

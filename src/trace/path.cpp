@@ -51,10 +51,10 @@ class Path {
       // The ray after the last bounce brings what the bounce was weighted for, and no more.
       const MaterialKind& kind = scene_.kinds[surface.material];
       if (bounce > context_.settings.max_bounces || kind.unlit) return light_;
-      const Frame frame = frame_around(surface.shading);
+      const Basis basis = basis_around(surface.shading);
       const bool goes_on =
-          kind.layered ? layered_step(surface, frame, hit, bounce, ray)
-                       : step(surface, frame, Bsdf(surface.color, frame.to_local(-ray.direction)),
+          kind.layered ? layered_step(surface, basis, hit, bounce, ray)
+                       : step(surface, basis, Bsdf(surface.color, basis.to_local(-ray.direction)),
                               bounce, ray);
       if (!goes_on) return light_;
     }
@@ -62,17 +62,17 @@ class Path {
 
  private:
   template <typename B>
-  bool step(const Surface& surface, const Frame& frame, const B& bsdf, uint32_t bounce, Ray& ray) {
-    add_direct(surface, frame, bsdf, bounce);
-    return scatter(surface, frame, bsdf, bounce, ray);
+  bool step(const Surface& surface, const Basis& basis, const B& bsdf, uint32_t bounce, Ray& ray) {
+    add_direct(surface, basis, bsdf, bounce);
+    return scatter(surface, basis, bsdf, bounce, ray);
   }
 
-  /// Apart, so that it takes no registers from paths that meet no layers.
-  [[gnu::noinline]] bool layered_step(const Surface& surface, const Frame& frame,
+  /// Not inlined, so that it takes no registers from paths without layers.
+  [[gnu::noinline]] bool layered_step(const Surface& surface, const Basis& basis,
                                       const SceneHit& hit, uint32_t bounce, Ray& ray) {
-    const SurfaceLayers layers = layers_at(scene_, hit, surface, frame, ray.direction);
-    const LayeredBsdf bsdf(surface.color, layers, frame.to_local(-ray.direction));
-    return step(surface, frame, bsdf, bounce, ray);
+    const SurfaceLayers layers = layers_at(scene_, hit, surface, basis, ray.direction);
+    const LayeredBsdf bsdf(surface.color, layers, basis.to_local(-ray.direction));
+    return step(surface, basis, bsdf, bounce, ray);
   }
 
   /// Takes what the body that a ray has come through up to `t` keeps: the one of the surface that
@@ -97,7 +97,7 @@ class Path {
     body_ = passage.enters_body ? material : kNone;
   }
 
-  /// The nearest hit that is not looked through.
+  /// The nearest hit at which light does not pass straight through.
   SceneHit first_hit(Ray& ray, RayKinds kind, uint64_t& counter) {
     ++counter;
     const SceneHit hit = scene_.intersect(ray, {}, kind);
@@ -124,7 +124,7 @@ class Path {
     return hit;
   }
 
-  /// The part of light that comes through along a ray.
+  /// The transmittance along a ray.
   Vec3 visibility(const Ray& ray) {
     ++counts_.shadow;
     if (scene_.see_through) return visibility_through(ray);
@@ -184,9 +184,9 @@ class Path {
     add(throughput_ * surface.emission * weight, bounce > 1);
   }
 
-  /// Light straight from sun, sky and triangles.
+  /// Direct light from sun, sky and triangles, by shadow rays.
   template <typename B>
-  void add_direct(const Surface& surface, const Frame& frame, const B& bsdf, uint32_t bounce) {
+  void add_direct(const Surface& surface, const Basis& basis, const B& bsdf, uint32_t bounce) {
     const ShadowPlan& plan = context_.plan;
     for (uint32_t i = 0; i < plan.rays; ++i) {
       Vec2 u = sampler_.point(dimension_ + kShadow + i);
@@ -202,11 +202,11 @@ class Path {
         sample = sample_triangle(surface.point, choice, u, distance);
       }
       sample.density *= plan.expected[kind];
-      add_shadowed(surface, frame, bsdf, sample, distance, bounce);
+      add_shadowed(surface, basis, bsdf, sample, distance, bounce);
     }
   }
 
-  /// A kind by its chance; the number that chose it is stretched to be used again.
+  /// Chooses a kind by its probability; rescales the random number to be used again.
   static LightKind choose_kind(const std::array<float, kLightKinds>& chances, float& u) {
     uint32_t kind = 0;
     float low = 0.0f, high = 0.0f;
@@ -250,10 +250,10 @@ class Path {
   }
 
   template <typename B>
-  void add_shadowed(const Surface& surface, const Frame& frame, const B& bsdf,
+  void add_shadowed(const Surface& surface, const Basis& basis, const B& bsdf,
                     const LightSample& sample, float distance, uint32_t bounce) {
     if (!(sample.density > 0.0f) || is_black(sample.radiance)) return;
-    const Vec3 local = frame.to_local(sample.direction);
+    const Vec3 local = basis.to_local(sample.direction);
     if (!on_same_side<B>(surface, sample.direction, local)) return;
     const BsdfValue value = bsdf.evaluate(local);
     if (is_black(value.value)) return;
@@ -265,14 +265,14 @@ class Path {
     if (!is_black(through)) add(light * through, bounce > 0);
   }
 
-  /// Chooses where the path goes on; false if it ends.
+  /// Samples the next direction of the path; false if it ends.
   template <typename B>
-  bool scatter(const Surface& surface, const Frame& frame, const B& bsdf, uint32_t bounce,
+  bool scatter(const Surface& surface, const Basis& basis, const B& bsdf, uint32_t bounce,
                Ray& ray) {
     const Vec2 lobe = sampler_.point(dimension_ + kLobe);
     const BsdfSample sample = bsdf.sample(sampler_.point(dimension_ + kScatter), lobe.x);
     if (!(sample.density > 0.0f)) return false;
-    const Vec3 direction = frame.to_world(sample.direction);
+    const Vec3 direction = basis.to_world(sample.direction);
     if (!on_same_side<B>(surface, direction, sample.direction)) return false;
     if (B::kTransmits && sample.direction.z < 0.0f && scene_.materials[surface.material].body)
       body_ = surface.behind ? kNone : surface.material;

@@ -1,4 +1,4 @@
-// The light that comes back along one ray.
+// Radiance along one ray, by path tracing.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@ namespace umbel::trace {
 
 enum LightKind : uint32_t { kSun, kSky, kTriangles, kLightKinds };
 
-/// Which kind of light each shadow ray of a hit goes to.
+/// With which probability each shadow ray of a hit goes to each kind of light.
 struct ShadowPlan {
   uint32_t rays = 0;
   std::array<std::array<float, kLightKinds>, 2> chances{};  ///< of each ray

@@ -1,8 +1,8 @@
-// Light that goes through the rough surface of a body (Walter et al., "Microfacet Models for
+// Refraction at the rough surface of a body (Walter et al., "Microfacet Models for
 // Refraction through Rough Surfaces", 2007).
 //
-// Radiance is kept divided by the square of the index of where it is, which refraction leaves as it
-// is: fractions of energy are then all that surfaces multiply by.
+// Radiance is stored divided by the square of the medium's index, which refraction does not change:
+// so surfaces multiply by fractions of energy only.
 #pragma once
 
 #include <optional>
@@ -20,7 +20,7 @@ inline std::optional<float> refracted_cosine(float cosine, float eta) {
   return std::sqrt(1.0f - sin2);
 }
 
-/// The direction in which light that goes to wo comes from behind a facet.
+/// The direction behind a facet from which light is refracted to wo.
 inline Vec3 refracted(const Vec3& wo, const Vec3& h, float eta, float cosine_behind) {
   return h * (dot(wo, h) / eta - cosine_behind) - wo * (1.0f / eta);
 }

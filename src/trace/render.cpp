@@ -1,5 +1,5 @@
-// Pictures: tiles in parallel, every sample of a pixel in its order, so that neither the threads
-// nor the number of calls that a picture is made by change a bit of it.
+// Renders tiles in parallel, and the samples of a pixel in order, so that neither the number of
+// threads nor the number of calls changes a bit of the picture.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -47,7 +47,7 @@ void check(const Film& film, const Settings& s) {
   require(film.samples <= (1u << 24) - s.samples, "the film has too many samples");
 }
 
-/// Distance from a pixel's middle by a tent filter that is two pixels wide.
+/// An offset from the pixel's centre, for a tent filter two pixels wide.
 float tent(float u) {
   return u < 0.5f ? std::sqrt(2.0f * u) - 1.0f : 1.0f - std::sqrt(2.0f - 2.0f * u);
 }

@@ -4,14 +4,14 @@
 #include <utility>
 
 #include "base/parallel.hpp"
-#include "trace/check_look.hpp"
+#include "trace/check_shading.hpp"
 #include "trace/layers.hpp"
 #include "trace/scene_data.hpp"
 
 namespace umbel::trace {
 namespace {
 
-Material plain_material() {
+Material default_material() {
   Material plain;
   plain.base_color = {0.75f, 0.75f, 0.75f};
   plain.specular = 0.0f;
@@ -81,23 +81,23 @@ void copy_uv_sets(const MeshView& mesh, Scene::Data& scene) {
   }
 }
 
-void fill(Scene::Data& scene, const MeshView& mesh, const Look& look) {
+void fill(Scene::Data& scene, const MeshView& mesh, const Shading& shading) {
   scene.bounds = bounds(mesh);
   copy(mesh.positions, scene.positions);
   copy(mesh.normals, scene.normals);
   copy(mesh.uvs, scene.uvs);
   copy(mesh.colors, scene.colors);
-  copy(look.materials, scene.materials);
-  if (scene.materials.empty()) scene.materials.push_back(plain_material());
-  for (const TextureView& texture : look.textures) scene.textures.emplace_back(texture);
+  copy(shading.materials, scene.materials);
+  if (scene.materials.empty()) scene.materials.push_back(default_material());
+  for (const TextureView& texture : shading.textures) scene.textures.emplace_back(texture);
   scene.triangles.resize(mesh.triangles.size());
-  const bool one_material = mesh.materials.empty() || look.materials.empty();
+  const bool one_material = mesh.materials.empty() || shading.materials.empty();
   parallel_for(scene.triangles.size(), 4096, [&](size_t i) {
     scene.triangles[i] = {mesh.triangles[i], one_material ? 0 : mesh.materials[i]};
   });
-  scene.up = normalized(look.environment.up, {0, 1, 0});
-  scene.sky = Sky(look.environment);
-  scene.sun = Sun(look.environment);
+  scene.up = normalized(shading.environment.up, {0, 1, 0});
+  scene.sky = Sky(shading.environment);
+  scene.sun = Sun(shading.environment);
   copy_uv_sets(mesh, scene);
   sort_materials(scene);
   find_lights(scene);
@@ -121,7 +121,7 @@ Vec3 mean_emission(const Scene::Data& scene, const Material& m) {
 
 Scene::Scene() : data_(std::make_unique<Data>()) {
   data_->structure = std::make_unique<Bvh>();
-  data_->materials.push_back(plain_material());
+  data_->materials.push_back(default_material());
   sort_materials(*data_);
   data_->light_density.assign(1, 0.0f);
   data_->sky = Sky(Environment{});
@@ -142,23 +142,24 @@ std::vector<uint32_t> Scene::masks(const MeshView& mesh, std::span<const Materia
   return bits;
 }
 
-Scene Scene::build(const MeshView& mesh, const Look& look, const BvhConfig& config,
+Scene Scene::build(const MeshView& mesh, const Shading& shading, const BvhConfig& config,
                    const BuildOptions& options) {
   validate(mesh, {.progress = {}, .threads = options.threads});
-  check_look(mesh, look);
-  auto bvh = std::make_unique<Bvh>(Bvh::build(mesh, config, masks(mesh, look.materials), options));
-  return build(mesh, look, std::move(bvh), {.progress = {}, .threads = options.threads});
+  check_shading(mesh, shading);
+  auto bvh =
+      std::make_unique<Bvh>(Bvh::build(mesh, config, masks(mesh, shading.materials), options));
+  return build(mesh, shading, std::move(bvh), {.progress = {}, .threads = options.threads});
 }
 
-Scene Scene::build(const MeshView& mesh, const Look& look,
+Scene Scene::build(const MeshView& mesh, const Shading& shading,
                    std::unique_ptr<TriangleQueries> structure, const BuildOptions& options) {
   Scene scene;
   with_threads(options.threads, [&] {
     validate(mesh);
-    check_look(mesh, look);
+    check_shading(mesh, shading);
     check_structure(structure.get(), mesh.triangles.size());
     *scene.data_ = Data{};
-    fill(*scene.data_, mesh, look);
+    fill(*scene.data_, mesh, shading);
   });
   scene.data_->structure = std::move(structure);
   return scene;
@@ -203,11 +204,11 @@ Mesh joined(const ClusterScene& clusters, std::vector<Range>& ranges) {
   return mesh;
 }
 
-void check_placed(const ClusterScene& clusters) {
-  for (size_t i = 0; i < clusters.placed.size(); ++i) {
-    const PlacedCluster& at = clusters.placed[i];
+void check_instances(const ClusterScene& clusters) {
+  for (size_t i = 0; i < clusters.instances.size(); ++i) {
+    const ClusterInstance& at = clusters.instances[i];
     if (at.part >= clusters.parts.size() || at.transform >= clusters.transforms.size())
-      refuse("placed[" + std::to_string(i) + "] is part " + std::to_string(at.part) +
+      refuse("instances[" + std::to_string(i) + "] is part " + std::to_string(at.part) +
              " by transform " + std::to_string(at.transform) + ", but there are " +
              std::to_string(clusters.parts.size()) + " and " +
              std::to_string(clusters.transforms.size()));
@@ -219,25 +220,26 @@ void check_placed(const ClusterScene& clusters) {
 
 }  // namespace
 
-Scene Scene::build(const ClusterScene& clusters, const Look& look, const BuildOptions& options) {
-  check_placed(clusters);
+Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
+                   const BuildOptions& options) {
+  check_instances(clusters);
   Scene scene;
   with_threads(options.threads, [&] {
     std::vector<Range> ranges;
     const Mesh mesh = joined(clusters, ranges);
     validate(mesh.view());
-    check_look(mesh.view(), look);
+    check_shading(mesh.view(), shading);
     Data& data = *scene.data_;
     data = Data{};
     data.structure = std::make_unique<Bvh>();
-    fill(data, mesh.view(), look);
-    // Their places are not where their triangles are.
+    fill(data, mesh.view(), shading);
+    // Lights would be sampled in the space of their part, not where instances are.
     data.lights.clear();
     data.light_choices = {};
     std::fill(data.light_density.begin(), data.light_density.end(), 0.0f);
 
     const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
-    const std::vector<uint32_t> masks = Scene::masks(mesh.view(), look.materials);
+    const std::vector<uint32_t> masks = Scene::masks(mesh.view(), shading.materials);
     bvh::Config config = bvh::preset("fast");
     std::vector<TracedPart> parts(ranges.size());
     parallel_for(parts.size(), 16, [&](size_t i) {
@@ -247,18 +249,19 @@ Scene Scene::build(const ClusterScene& clusters, const Look& look, const BuildOp
       parts[i].tree = bvh::build(std::span(boxes).subspan(range.offset, range.count), config);
       parts[i].tree.nodes.shrink_to_fit();  // builders reserve what leaves of one would need
     });
-    std::vector<Placement> placements;
-    for (const auto& rows : clusters.transforms) placements.emplace_back(rows);
-    data.clusters = std::make_unique<const ClusterBvh>(
-        std::move(parts), clusters.placed, std::move(placements), mesh.positions, mesh.triangles);
+    std::vector<InstanceTransform> transforms;
+    for (const auto& rows : clusters.transforms) transforms.emplace_back(rows);
+    data.clusters =
+        std::make_unique<const ClusterBvh>(std::move(parts), clusters.instances,
+                                           std::move(transforms), mesh.positions, mesh.triangles);
     data.bounds = data.clusters->bounds();
     data.gap = clusters.gap;
   });
   return scene;
 }
 
-uint64_t Scene::placed_triangles() const {
-  return data_->clusters ? data_->clusters->placed_triangles() : data_->triangles.size();
+uint64_t Scene::instanced_triangles() const {
+  return data_->clusters ? data_->clusters->instanced_triangles() : data_->triangles.size();
 }
 
 uint64_t Scene::bytes() const {

@@ -1,4 +1,4 @@
-// What a Scene holds: the mesh as flat arrays, materials, textures, lights.
+// A Scene's data: the mesh as flat arrays, materials, textures, lights.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,7 @@ struct TriangleRecord {
   uint32_t material;
 };
 
-/// What follows from a material, found once.
+/// Properties of a material that are computed once.
 struct MaterialKind {
   bool layered = false;  ///< scatters as a LayeredBsdf does
   bool unlit = false;
@@ -71,7 +71,7 @@ struct Scene::Data {
     if (clusters) return clusters->intersect(ray, options, kind);
     return {structure->intersect(ray, options), 0};
   }
-  /// Whether anything is in a ray's way that is not the camera's.
+  /// Whether anything occludes a shadow or bounce ray.
   bool occluded(const Ray& ray, const RayOptions& options = {}) const {
     return clusters ? clusters->occluded(ray, options, kOtherRays)
                     : structure->occluded(ray, options);

@@ -9,7 +9,7 @@ namespace {
 constexpr float kSmoothestCloth = 0.07f;
 constexpr uint32_t kSamples = 256;
 
-/// The curve that Estevez & Kulla fitted their shadowing by.
+/// The curve of Estevez & Kulla's fit of shadowing.
 float fitted(float x, float alpha) {
   const float t = (1.0f - alpha) * (1.0f - alpha);
   const auto between = [t](float low, float high) { return high + (low - high) * t; };
@@ -52,7 +52,7 @@ float tabled(float cosine, float roughness) {
 }  // namespace
 
 float sheen_value(const Vec3& wo, const Vec3& wi, float roughness) {
-  // At grazing angles the model sends out more than it gets.
+  // At grazing angles the model does not conserve energy.
   return unbounded(wo, wi, roughness) / std::max(1.0f, tabled(wo.z, roughness));
 }
 

@@ -6,10 +6,10 @@
 
 namespace umbel::trace {
 
-/// White cloth's reflectance times the cosine, in the frame in which the normal is z.
+/// White cloth's reflectance times the cosine, in the basis in which the normal is z.
 float sheen_value(const Vec3& wo, const Vec3& wi, float roughness);
 
-/// What of the light from above it sends on, at most 1.
+/// Its albedo, at most 1.
 float sheen_albedo(float cosine, float roughness);
 
 }  // namespace umbel::trace

@@ -61,12 +61,12 @@ struct ClearSky {
   }
 };
 
-/// The direction to the sun, lifted above the horizon: the model knows no night.
+/// The direction to the sun, lifted above the horizon: the model has no night.
 Vec3 sun_of(const Environment& environment, const Vec3& up) {
   const Vec3 given = normalized(environment.sun_direction, up);
   const double height = dot(given, up);
   if (height >= kLowest) return given;
-  const Vec3 along = normalized(given - up * static_cast<float>(height), frame_around(up).x);
+  const Vec3 along = normalized(given - up * static_cast<float>(height), basis_around(up).x);
   return normalized(along * static_cast<float>(std::sqrt(1 - kLowest * kLowest)) +
                         up * static_cast<float>(kLowest),
                     up);
@@ -96,8 +96,8 @@ Sky::Sky(const Environment& environment) {
     return;
   }
   const Vec3 up = normalized(environment.up, {0, 1, 0});
-  frame_ = frame_around(up);
-  const Vec3 sun = frame_.to_local(sun_of(environment, up));
+  basis_ = basis_around(up);
+  const Vec3 sun = basis_.to_local(sun_of(environment, up));
   const ClearSky clear(environment.turbidity, std::acos(std::clamp(sun.z, -1.0f, 1.0f)));
   const float scale = static_cast<float>(environment.sky_strength / kUnit);
   Vec3 irradiance = sun_illuminance(sun.z, environment.turbidity) *
@@ -134,7 +134,7 @@ float Sky::column_of(const Vec3& local) {
 Vec3 Sky::radiance(const Vec3& direction) const {
   if (constant_) return color_;
   if (texels_.empty()) return {0, 0, 0};
-  const Vec3 local = frame_.to_local(direction);
+  const Vec3 local = basis_.to_local(direction);
   return local.z < 0.0f ? texels_[kGround] : interpolated(column_of(local), local.z * kRows);
 }
 
@@ -159,18 +159,18 @@ LightSample Sky::sample(const Vec2& u) const {
   const AliasTable::Choice choice = choices_.choose(u.x);
   const float density = density_of(choice.index);
   if (choice.index == kGround)
-    return {frame_.to_world(direction(-choice.rest, u.y)), texels_[kGround], density};
+    return {basis_.to_world(direction(-choice.rest, u.y)), texels_[kGround], density};
   const uint32_t whole_row = choice.index / kColumns, whole_column = choice.index % kColumns;
   const float row = static_cast<float>(whole_row) + choice.rest;
   const float column = static_cast<float>(whole_column) + u.y;
-  return {frame_.to_world(direction(row / kRows, column / kColumns)), interpolated(column, row),
+  return {basis_.to_world(direction(row / kRows, column / kColumns)), interpolated(column, row),
           density};
 }
 
 float Sky::density(const Vec3& direction) const {
   if (is_black()) return 0.0f;
   if (constant_) return 1.0f / (4.0f * kPi);
-  const Vec3 local = frame_.to_local(direction);
+  const Vec3 local = basis_.to_local(direction);
   if (local.z < 0.0f) return density_of(kGround);
   const uint32_t row = std::min(static_cast<uint32_t>(local.z * kRows), kRows - 1);
   return density_of(row * kColumns + static_cast<uint32_t>(column_of(local)) % kColumns);
@@ -179,12 +179,12 @@ float Sky::density(const Vec3& direction) const {
 Sun::Sun(const Environment& environment) {
   if (environment.kind == Environment::Kind::kConstant || environment.sun_strength <= 0.0f) return;
   const Vec3 up = normalized(environment.up, {0, 1, 0});
-  frame_ = frame_around(sun_of(environment, up));
+  basis_ = basis_around(sun_of(environment, up));
   // 1 - cos written so that small angles keep their digits.
   const float half = std::sin(environment.sun_radius / 2.0f);
   cap_ = 2.0f * half * half;
   density_ = 1.0f / (2.0f * kPi * cap_);
-  radiance_ = sun_illuminance(dot(frame_.z, up), environment.turbidity) *
+  radiance_ = sun_illuminance(dot(basis_.z, up), environment.turbidity) *
               (environment.sun_strength * density_ / static_cast<float>(kUnit));
 }
 
@@ -193,7 +193,7 @@ LightSample Sun::sample(const Vec2& u) const {
   // Height is uniform within a cap, and so is the squared radius within a disc.
   const float depth = (disc.x * disc.x + disc.y * disc.y) * cap_;
   const float scale = std::sqrt(cap_ * (2.0f - depth));
-  return {frame_.to_world({disc.x * scale, disc.y * scale, 1.0f - depth}), radiance_, density_};
+  return {basis_.to_world({disc.x * scale, disc.y * scale, 1.0f - depth}), radiance_, density_};
 }
 
 }  // namespace umbel::trace

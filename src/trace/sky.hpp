@@ -1,4 +1,4 @@
-// The light from outside the scene: a sky as a table of radiance, and a sun as a bright disc.
+// Light from outside the scene: a sky, as a table of radiance, and a sun, as a disc.
 #pragma once
 
 #include <numbers>
@@ -41,7 +41,7 @@ class Sky {
 
   bool constant_ = false;
   Vec3 color_{0, 0, 0};
-  Frame frame_{};             ///< z is up
+  Basis basis_{};             ///< z is up
   std::vector<Vec3> texels_;  ///< rows from the horizon to the zenith, then the ground
   float density_scale_ = 0.0f;
   AliasTable choices_;
@@ -56,7 +56,7 @@ class Sun {
   bool is_black() const { return trace::is_black(radiance_); }
   Vec3 radiance(const Vec3& direction) const {
     // The chord, because cosines of small angles have few digits.
-    const Vec3 chord = direction - frame_.z;
+    const Vec3 chord = direction - basis_.z;
     return dot(chord, chord) <= 2.0f * cap_ ? radiance_ : Vec3{0, 0, 0};
   }
   LightSample sample(const Vec2& u) const;
@@ -65,7 +65,7 @@ class Sun {
   double power() const { return is_black() ? 0.0 : double{luminance(radiance_)} / density_; }
 
  private:
-  Frame frame_{};
+  Basis basis_{};
   float cap_ = -1.0f;  ///< 1 - cosine of the disc's radius
   float density_ = 0.0f;
   Vec3 radiance_{0, 0, 0};

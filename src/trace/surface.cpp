@@ -138,7 +138,7 @@ void color_surface(const Scene::Data& scene, const Material& m, const Point& at,
 }
 
 /// In the space of the triangle's corners.
-Surface surface_in_place(const Scene::Data& scene, const Hit& hit, const Vec3& direction) {
+Surface surface_in_part_space(const Scene::Data& scene, const Hit& hit, const Vec3& direction) {
   const Point at(scene, hit);
   const Triangle& t = at.corners();
   const Barycentric& w = at.weights();
@@ -167,34 +167,35 @@ Surface surface_in_place(const Scene::Data& scene, const Hit& hit, const Vec3& d
 }  // namespace
 
 Surface surface_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction) {
-  if (!scene.clusters) return surface_in_place(scene, hit, direction);
-  const Placement& placement = scene.clusters->placement(hit.transform);
-  Surface s =
-      surface_in_place(scene, hit, normalized(placement.vector_to_object(direction), direction));
-  s.point = placement.point_to_world(s.point);
-  s.face = normalized(placement.normal_to_world(s.face), -direction);
-  s.shading = normalized(placement.normal_to_world(s.shading), s.face);
-  s.offset = std::max(s.offset * placement.scale(), kOffset * coordinate_size(s.point));
+  if (!scene.clusters) return surface_in_part_space(scene, hit, direction);
+  const InstanceTransform& transform = scene.clusters->transform(hit.transform);
+  Surface s = surface_in_part_space(scene, hit,
+                                    normalized(transform.vector_to_object(direction), direction));
+  s.point = transform.point_to_world(s.point);
+  s.face = normalized(transform.normal_to_world(s.face), -direction);
+  s.shading = normalized(transform.normal_to_world(s.shading), s.face);
+  s.offset = std::max(s.offset * transform.scale(), kOffset * coordinate_size(s.point));
   return s;
 }
 
 Vec3 coat_normal_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction) {
-  const Placement* placement = scene.clusters ? &scene.clusters->placement(hit.transform) : nullptr;
-  const Vec3 way =
-      placement ? normalized(placement->vector_to_object(direction), direction) : direction;
+  const InstanceTransform* transform =
+      scene.clusters ? &scene.clusters->transform(hit.transform) : nullptr;
+  const Vec3 local =
+      transform ? normalized(transform->vector_to_object(direction), direction) : direction;
   const Point at(scene, hit);
   const Edges edges = edges_of(scene, at.corners());
-  const Vec3 outside = outside_of(edges, way);
+  const Vec3 outside = outside_of(edges, local);
   const Material& m = scene.materials[scene.triangles[hit.primitive].material];
   Vec3 normal = smooth_normal(scene, at, outside);
   if (m.clearcoat_normal_texture.texture != kNone)
     normal = mapped_normal(scene, at, m.clearcoat_normal_texture, m.clearcoat_normal_scale, edges,
                            normal);
-  const Vec3 face = dot(outside, way) > 0.0f ? -outside : outside;
-  normal = facing(normal, face, way);
+  const Vec3 face = dot(outside, local) > 0.0f ? -outside : outside;
+  normal = facing(normal, face, local);
   if (m.clearcoat_normal_texture.texture != kNone)
-    normal = reflecting(normal, face, way, m.clearcoat_roughness);
-  return placement ? normalized(placement->normal_to_world(normal), -direction) : normal;
+    normal = reflecting(normal, face, local, m.clearcoat_roughness);
+  return transform ? normalized(transform->normal_to_world(normal), -direction) : normal;
 }
 
 float opacity_at(const Scene::Data& scene, const Hit& hit) {

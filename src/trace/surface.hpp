@@ -1,4 +1,4 @@
-// What a ray finds at a hit: the place, its normals and colours. All that reads the scene's arrays.
+// A hit's surface: point, normals and colours, from the scene's arrays.
 #pragma once
 
 #include "trace/bsdf.hpp"
@@ -30,10 +30,10 @@ Surface surface_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& di
 /// The normal of the clear coat at a hit, on the side that is seen.
 Vec3 coat_normal_at(const Scene::Data& scene, const SceneHit& hit, const Vec3& direction);
 
-/// The part of light along a ray that a hit's alpha stops, 0..1.
+/// The part of light along a ray that a hit's alpha absorbs, 0..1.
 float opacity_at(const Scene::Data& scene, const Hit& hit);
 
-/// What a point of a light sends out.
+/// The radiance that a point of a light emits.
 Vec3 emission_at(const Scene::Data& scene, uint32_t triangle, float u, float v);
 
 }  // namespace umbel::trace

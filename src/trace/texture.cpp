@@ -19,7 +19,7 @@ const std::array<float, 256>& decode(bool srgb) {
   return tables[srgb ? 1 : 0];
 }
 
-/// A texel's number brought into [0, size).
+/// A texel's index, wrapped into [0, size).
 int64_t wrapped(int64_t i, int64_t size, Wrap wrap) {
   if (wrap == Wrap::kClamp) return std::clamp<int64_t>(i, 0, size - 1);
   if (wrap == Wrap::kRepeat) {

@@ -1,4 +1,4 @@
-// Textures as the tracer keeps them: bytes, decoded by table and looked up bilinearly.
+// Textures as bytes, decoded by a table and filtered bilinearly.
 #pragma once
 
 #include <cmath>

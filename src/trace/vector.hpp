@@ -31,14 +31,14 @@ inline Vec3 normalized(const Vec3& a, const Vec3& fallback) {
 }
 
 /// Three unit vectors at right angles.
-struct Frame {
+struct Basis {
   Vec3 x, y, z;
   Vec3 to_world(const Vec3& v) const { return x * v.x + y * v.y + z * v.z; }
   Vec3 to_local(const Vec3& v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
 };
 
-/// A frame around a unit vector (Duff et al., "Building an Orthonormal Basis, Revisited", 2017).
-inline Frame frame_around(const Vec3& z) {
+/// A basis around a unit vector (Duff et al., "Building an Orthonormal Basis, Revisited", 2017).
+inline Basis basis_around(const Vec3& z) {
   const float sign = std::copysign(1.0f, z.z);
   const float a = -1.0f / (sign + z.z), b = z.x * z.y * a;
   return {{1.0f + sign * z.x * z.x * a, sign * b, -sign * z.x}, {b, sign + z.y * z.y * a, -z.y}, z};

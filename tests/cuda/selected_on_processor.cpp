@@ -4,7 +4,7 @@
 namespace umbel::cuda {
 
 Selected select_on_processor(const lod::Tables& tables, const lod::View& view,
-                             std::span<const lod::Transform> instances, const SelectionRoom& room,
+                             std::span<const Transform> instances, const SelectionRoom& room,
                              const std::vector<uint32_t>& page_of_group,
                              const std::vector<uint8_t>& resident) {
   testing::Pages pages{page_of_group, resident};

@@ -15,10 +15,10 @@ const lod::Dag& blob() {
   return dag;
 }
 
-std::vector<lod::Transform> transforms(size_t count, uint32_t seed) {
+std::vector<Transform> transforms(size_t count, uint32_t seed) {
   Random random(seed);
-  std::vector<lod::Transform> all(count);
-  for (lod::Transform& t : all)
+  std::vector<Transform> all(count);
+  for (Transform& t : all)
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j)
         t.rows[4 * i + j] = static_cast<float>((i == j ? 1 : 0) + random.between(-0.3, 0.3));
@@ -28,11 +28,7 @@ std::vector<lod::Transform> transforms(size_t count, uint32_t seed) {
 }
 
 std::vector<lod::Plane> frustum(const Vec3& eye) {
-  lod::Perspective seen;
-  seen.eye = eye;
-  seen.target = {1, 2, 3};
-  seen.aspect = 1.5f;
-  return lod::frustum_planes(seen);
+  return lod::frustum_planes({eye, {1, 2, 3}, {0, 1, 0}, 1.0f}, 1.5f);
 }
 
 /// A mesh's tables, instances, and all that a selection reads and writes, on the device.
@@ -43,14 +39,14 @@ struct Scene {
   DeviceArray<ClusterBounds> normal_cones;
   DeviceArray<lod::View> view;
   DeviceArray<lod::Plane> planes;
-  DeviceArray<lod::Transform> instances;
+  DeviceArray<Transform> instances;
   SelectionRoom room;
   DeviceArray<uint32_t> offsets, cut;
   DeviceArray<SelectionCounts> counts;
   uint32_t layers;
 
   Scene(const lod::Tables& tables, const std::vector<ClusterBounds>& bounds,
-        const std::vector<lod::Plane>& p, const std::vector<lod::Transform>& t)
+        const std::vector<lod::Plane>& p, const std::vector<Transform>& t)
       : nodes(tables.nodes),
         groups(tables.groups),
         clusters(tables.clusters),
@@ -120,14 +116,14 @@ TEST_F(SelectOnDevice, cuts_are_those_of_the_processor) {
 TEST_F(SelectOnDevice, cuts_are_those_of_the_processor_where_rounding_decides) {
   Random random(3);
   for (const double scale : {1e-20, 1.0, 1e20}) {
-    const lod::testing::Placement place{scale, {}};
-    const lod::Tables tables = lod::testing::random_tables(4, 300, place);
+    const lod::testing::Extent extent{scale, {}};
+    const lod::Tables tables = lod::testing::random_tables(4, 300, extent);
     auto instances = transforms(20, 5);
-    for (lod::Transform& t : instances)
+    for (Transform& t : instances)
       for (const int k : {3, 7, 11}) t.rows[k] *= static_cast<float>(scale);
     Scene scene(tables, {}, {}, instances);
     for (int i = 0; i < 20; ++i) {
-      const lod::View view = lod::testing::random_camera(random, tables, place);
+      const lod::View view = lod::testing::random_camera(random, tables, extent);
       scene.view.write({view});
       scene.select();
       scene.expect(lod::select_instances(tables, view, {}, instances));

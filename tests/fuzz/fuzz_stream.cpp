@@ -140,7 +140,7 @@ void step(Input& in, const umbel::Asset& asset, umbel::Residency& residency, uin
       continue;
     }
     check(asset, residency, budget);
-    if (in.seldom(8)) residency.forgive();
+    if (in.seldom(8)) residency.retry_failed();
   }
 }
 

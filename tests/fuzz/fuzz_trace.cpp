@@ -44,18 +44,18 @@ umbel::Mesh read_mesh(Input& in) {
   return mesh;
 }
 
-struct Look {
+struct Shading {
   std::vector<trace::Material> materials;
   std::vector<std::vector<uint8_t>> texels;
   std::vector<trace::TextureView> textures;
   trace::Environment environment;
-  trace::Look view() const { return {materials, textures, environment}; }
+  trace::Shading view() const { return {materials, textures, environment}; }
 };
 
-trace::TextureUse texture_use(Input& in, const Look& look) {
+trace::TextureUse texture_use(Input& in, const Shading& shading) {
   trace::TextureUse use;
-  if (look.textures.empty() || in.below(2)) return use;
-  use.texture = in.below(static_cast<uint32_t>(look.textures.size()) + (in.seldom(64) ? 1 : 0));
+  if (shading.textures.empty() || in.below(2)) return use;
+  use.texture = in.below(static_cast<uint32_t>(shading.textures.size()) + (in.seldom(64) ? 1 : 0));
   if (in.likes(4)) {
     use.offset = {in.number(), in.number()};
     use.scale = {in.number(), in.number()};
@@ -66,7 +66,7 @@ trace::TextureUse texture_use(Input& in, const Look& look) {
 }
 
 /// What glTF's extensions add.
-void add_layers(Input& in, const Look& look, trace::Material& m) {
+void add_layers(Input& in, const Shading& shading, trace::Material& m) {
   m.unlit = in.seldom(8);
   m.ior = in.seldom(8) ? in.number() : 1 + in.bytes.probability();
   m.body = in.below(2) != 0;
@@ -85,10 +85,10 @@ void add_layers(Input& in, const Look& look, trace::Material& m) {
        {&m.specular_texture, &m.specular_color_texture, &m.transmission_texture,
         &m.diffuse_transmission_texture, &m.clearcoat_texture, &m.clearcoat_normal_texture,
         &m.sheen_color_texture, &m.iridescence_texture, &m.iridescence_thickness_texture})
-    if (in.below(4) == 0) *use = texture_use(in, look);
+    if (in.below(4) == 0) *use = texture_use(in, shading);
 }
 
-trace::Material material(Input& in, const Look& look) {
+trace::Material material(Input& in, const Shading& shading) {
   trace::Material m;
   m.base_color = color(in);
   m.alpha = share(in);
@@ -101,13 +101,13 @@ trace::Material material(Input& in, const Look& look) {
   m.normal_scale = in.number();
   for (trace::TextureUse* use : {&m.base_color_texture, &m.metallic_roughness_texture,
                                  &m.emission_texture, &m.normal_texture})
-    *use = texture_use(in, look);
-  if (in.below(2)) add_layers(in, look, m);
+    *use = texture_use(in, shading);
+  if (in.below(2)) add_layers(in, shading, m);
   return m;
 }
 
-Look read_look(Input& in, umbel::Mesh& mesh) {
-  Look look;
+Shading read_shading(Input& in, umbel::Mesh& mesh) {
+  Shading shading;
   for (uint32_t i = in.below(3); i-- > 0;) {
     trace::TextureView t;
     t.width = in.seldom(32) ? in.bytes.integral<uint32_t>() : in.below(5);
@@ -117,18 +117,19 @@ Look read_look(Input& in, umbel::Mesh& mesh) {
     t.nearest = in.below(2) != 0;
     t.wrap_u = static_cast<trace::Wrap>(in.below(3));
     t.wrap_v = static_cast<trace::Wrap>(in.below(3));
-    look.texels.emplace_back(t.width < 5 ? 4 * size_t{t.width} * t.height : 4);
-    for (uint8_t& texel : look.texels.back()) texel = in.bytes.integral<uint8_t>();
-    look.textures.push_back(t);
+    shading.texels.emplace_back(t.width < 5 ? 4 * size_t{t.width} * t.height : 4);
+    for (uint8_t& texel : shading.texels.back()) texel = in.bytes.integral<uint8_t>();
+    shading.textures.push_back(t);
   }
-  for (size_t i = 0; i < look.textures.size(); ++i) look.textures[i].texels = look.texels[i];
-  for (uint32_t i = in.below(4); i-- > 0;) look.materials.push_back(material(in, look));
-  const auto materials = static_cast<uint32_t>(look.materials.size());
+  for (size_t i = 0; i < shading.textures.size(); ++i)
+    shading.textures[i].texels = shading.texels[i];
+  for (uint32_t i = in.below(4); i-- > 0;) shading.materials.push_back(material(in, shading));
+  const auto materials = static_cast<uint32_t>(shading.materials.size());
   if (materials > 0)
     for (size_t t = 0; t < mesh.triangles.size(); ++t)
       mesh.materials.push_back(in.below(materials + (in.seldom(255) ? 1 : 0)));
   if (in.likes(5)) {
-    trace::Environment& e = look.environment;
+    trace::Environment& e = shading.environment;
     if (in.below(2)) e.kind = trace::Environment::Kind::kConstant;
     e.color = color(in);
     e.up = point(in);
@@ -139,7 +140,7 @@ Look read_look(Input& in, umbel::Mesh& mesh) {
     e.sky_strength = share(in);
     e.ground_albedo = color(in);
   }
-  return look;
+  return shading;
 }
 
 /// The mesh as clusters, each where a transform puts it.
@@ -157,22 +158,22 @@ trace::ClusterScene clusters_of(Input& in, const umbel::Mesh& mesh) {
     scene.parts.push_back(std::move(part));
   }
   for (uint32_t i = in.below(4); i-- > 0;) {
-    std::array<float, 12> rows{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    for (uint32_t k = in.below(5); k-- > 0;) rows[in.below(12)] = in.number();
-    scene.transforms.push_back(rows);
+    umbel::Transform transform;
+    for (uint32_t k = in.below(5); k-- > 0;) transform.rows[in.below(12)] = in.number();
+    scene.transforms.push_back(transform);
   }
   const auto parts = static_cast<uint32_t>(scene.parts.size() + in.below(2) * in.below(2));
   const auto transforms = static_cast<uint32_t>(scene.transforms.size());
   if (parts > 0 && transforms > 0)
     for (uint32_t i = in.below(6); i-- > 0;)
-      scene.placed.push_back({in.below(parts), in.below(transforms), 1 + in.below(3)});
+      scene.instances.push_back({in.below(parts), in.below(transforms), 1 + in.below(3)});
   if (in.likes(6)) scene.gap = in.number();
   return scene;
 }
 
-trace::Camera camera_of(Input& in, const trace::Scene& scene) {
+umbel::Camera camera_of(Input& in, const trace::Scene& scene) {
   if (in.below(2)) return trace::auto_camera(scene, 4, 4);
-  trace::Camera camera;
+  umbel::Camera camera;
   camera.position = point(in);
   camera.target = point(in);
   camera.up = point(in);
@@ -198,7 +199,7 @@ trace::Settings settings_of(Input& in) {
 }
 
 void render(Input& in, const trace::Scene& scene) {
-  const trace::Camera camera = camera_of(in, scene);
+  const umbel::Camera camera = camera_of(in, scene);
   const trace::Settings settings = settings_of(in);
   umbel::BuildOptions one, two;
   one.threads = 1;
@@ -216,14 +217,14 @@ void render(Input& in, const trace::Scene& scene) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Input in(data, size);
   umbel::Mesh mesh = read_mesh(in);
-  const Look look = read_look(in, mesh);
+  const Shading shading = read_shading(in, mesh);
   umbel::BuildOptions options;
   options.threads = 1;
   try {
     if (in.below(3))
-      render(in, trace::Scene::build(mesh.view(), look.view(), umbel::BvhConfig{}, options));
+      render(in, trace::Scene::build(mesh.view(), shading.view(), umbel::BvhConfig{}, options));
     else
-      render(in, trace::Scene::build(clusters_of(in, mesh), look.view(), options));
+      render(in, trace::Scene::build(clusters_of(in, mesh), shading.view(), options));
   } catch (const umbel::Error& error) {
     const auto code = error.code();
     expect(code == umbel::ErrorCode::kInvalidArgument || code == umbel::ErrorCode::kInvalidMesh,

@@ -78,7 +78,7 @@ class Residency:
         now: seconds on any clock that does not run backwards; None: the machine's.
         Returns `worst_error` (how many times larger than asked for the largest error shown is, at
         most 1 where nothing is missing), `open_groups missing_groups loaded evicted requested
-        cancelled looked_at`, `caught_up` (false: there were more groups to look at than
+        cancelled evaluated`, `caught_up` (false: there were more groups to look at than
         `groups_per_step`), and `seconds` of processor time.
         """
         named = [view if isinstance(view, tuple) else (0, view) for view in views]
@@ -113,7 +113,7 @@ class Residency:
 
     def retry_failed(self) -> None:
         """Requests pages again whose loads failed too often."""
-        self._native.forgive()
+        self._native.retry_failed()
 
     def set_budget(self, budget: int) -> None:
         """Changes the budget; the next steps keep to it as pages come."""

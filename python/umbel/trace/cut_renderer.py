@@ -102,7 +102,7 @@ class CutRenderer(Renderer):
     @property
     def triangles(self) -> int:
         """Triangles that are shown, once per instance."""
-        return self._scene.placed_triangles
+        return self._scene.instanced_triangles
 
     @property
     def bytes(self) -> int:

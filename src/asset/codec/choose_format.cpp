@@ -27,7 +27,7 @@ bool is_on_grid(float value, float step) {
   return std::fabs(steps) <= kMostSteps && std::nearbyint(steps) == steps;
 }
 
-/// Positions on the grid that they were moved to.
+/// Positions as multiples of the grid step that they were snapped to, else floats.
 AttributeFormat positions_of(const lod::Dag& dag) {
   const float step = dag.config.position_step;
   if (step == 0) return {kPositions, Coding::kFloats, 0, 0};
@@ -41,7 +41,7 @@ AttributeFormat positions_of(const lod::Dag& dag) {
              : AttributeFormat{kPositions, Coding::kFloats, 0, 0};
 }
 
-/// The asked step, or as much more as the largest coordinate needs.
+/// The requested step, or the next larger power of two that the largest value needs.
 AttributeFormat on_grid_of(uint32_t attribute, uint32_t set, const auto& for_each, float step) {
   float largest = 0;
   bool finite = true;

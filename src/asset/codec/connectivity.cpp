@@ -7,8 +7,8 @@
 namespace umbel::asset {
 namespace {
 
-/// Behind the last gate that a cluster can have, and behind the place for what is no gate.
-constexpr uint16_t kNoGate = 3 * kMaxLocal + 1;
+/// One past the last active edge of a cluster, and one more for closed edges.
+constexpr uint16_t kNoActiveEdge = 3 * kMaxLocal + 1;
 
 /// Where each symbol is among the words; kWords.size() where it is not.
 constexpr std::array<uint8_t, kSymbols> encoding_table() {
@@ -19,76 +19,76 @@ constexpr std::array<uint8_t, kSymbols> encoding_table() {
 }
 constexpr auto kEncodingTable = encoding_table();
 
-struct Gate {
+struct ActiveEdge {
   uint16_t a, b, across;
   uint16_t edge;  ///< of the triangle behind it, when it was opened
 };
 
-/// The gates in the order in which they were opened, and the last open one that begins and that
-/// ends at each vertex. First opened, first passed: so the walk grows as a disc, and hardly ever
-/// meets itself anywhere but beside a gate.
+/// The queue of active edges, and for each vertex the last open one that starts there and that ends
+/// there. First opened, first crossed: the traversal grows as a disc and rarely meets itself
+/// anywhere but beside an active edge.
 class Front {
  public:
   Front() {
-    from_.fill(kNoGate);
-    into_.fill(kNoGate);
+    from_.fill(kNoActiveEdge);
+    into_.fill(kNoActiveEdge);
     open_.fill(0);
-    // No vertex has this number, so that what is asked of no gate is never true.
-    gates_[kNoGate] = {0xffff, 0xffff, 0xffff, 0xffff};
+    // No vertex has this number, so tests of no active edge fail.
+    edges_[kNoActiveEdge] = {0xffff, 0xffff, 0xffff, 0xffff};
   }
 
-  /// The first open gate, closed; false if there is none.
-  bool pop(Gate& gate) {
+  /// The first open active edge, closed; false if there is none.
+  bool pop(ActiveEdge& active) {
     while (head_ == 0) {
       if (word_ >= count_ / 64) return false;
       head_ = open_[++word_];
     }
     const uint32_t first = 64 * word_ + static_cast<uint32_t>(std::countr_zero(head_));
     head_ &= head_ - 1;
-    gate = gates_[first];
+    active = edges_[first];
     forget(first);
     return true;
   }
 
-  void push(const Gate& gate) {
-    gates_[count_] = gate;
-    from_[gate.a] = into_[gate.b] = static_cast<uint16_t>(count_);
+  void push(const ActiveEdge& active) {
+    edges_[count_] = active;
+    from_[active.a] = into_[active.b] = static_cast<uint16_t>(count_);
     const uint64_t bit = uint64_t{1} << (count_ % 64);
     open_[count_ / 64] |= bit;
     if (count_ / 64 == word_) head_ |= bit;
     ++count_;
   }
 
-  /// Closes an open gate from a to b, if one is known.
+  /// Closes an open active edge from a to b, if one is known.
   bool close(uint32_t a, uint32_t b) {
-    uint32_t gate = from_[a];
-    if (gates_[gate].b != b) gate = into_[b];
-    if (gates_[gate].a != a) return false;
-    const uint64_t bit = uint64_t{1} << (gate % 64);
-    open_[gate / 64] &= ~bit;
-    head_ &= gate / 64 == word_ ? ~bit : ~uint64_t{0};
-    forget(gate);
+    uint32_t active = from_[a];
+    if (edges_[active].b != b) active = into_[b];
+    if (edges_[active].a != a) return false;
+    const uint64_t bit = uint64_t{1} << (active % 64);
+    open_[active / 64] &= ~bit;
+    head_ &= active / 64 == word_ ? ~bit : ~uint64_t{0};
+    forget(active);
     return true;
   }
 
-  /// The end of the last open gate that begins at v; 0xffff if none is known.
-  uint32_t after(uint32_t v) const { return gates_[from_[v]].b; }
-  /// The beginning of the last open gate that ends at v.
-  uint32_t before(uint32_t v) const { return gates_[into_[v]].a; }
+  /// The end of the last open active edge that begins at v; 0xffff if none is known.
+  uint32_t after(uint32_t v) const { return edges_[from_[v]].b; }
+  /// The beginning of the last open active edge that ends at v.
+  uint32_t before(uint32_t v) const { return edges_[into_[v]].a; }
 
  private:
-  void forget(uint32_t gate) {
-    uint16_t& from = from_[gates_[gate].a];
-    uint16_t& into = into_[gates_[gate].b];
-    from = from == gate ? kNoGate : from;
-    into = into == gate ? kNoGate : into;
+  void forget(uint32_t active) {
+    uint16_t& from = from_[edges_[active].a];
+    uint16_t& into = into_[edges_[active].b];
+    from = from == active ? kNoActiveEdge : from;
+    into = into == active ? kNoActiveEdge : into;
   }
 
-  // A triangle opens three gates at most.
-  std::array<Gate, kNoGate + 1> gates_;
+  // A triangle opens three active edges at most.
+  std::array<ActiveEdge, kNoActiveEdge + 1> edges_;
   std::array<uint16_t, kMaxLocal> from_, into_;
-  std::array<uint64_t, kNoGate / 64 + 1> open_;
-  // The word that the first open gate is in, apart from the others, which then are not waited for.
+  std::array<uint64_t, kNoActiveEdge / 64 + 1> open_;
+  // The word of open_ that has the first open active edge, in a variable of its own: a register.
   uint64_t head_ = 0;
   uint32_t word_ = 0, count_ = 0;
 };
@@ -111,10 +111,10 @@ class EdgeTable {
     std::copy_n(first_.begin(), vertices, next.begin());
     for (uint32_t at = 0; at < triangles.size(); at += 3)
       for (uint32_t k = 0; k < 3; ++k) {
-        const uint16_t place = next[triangles[at + k]]++;
-        edges_[place] = {triangles[at + (k + 1) % 3], triangles[at + (k + 2) % 3],
-                         static_cast<uint8_t>(at / 3), false};
-        places_[at + k] = place;
+        const uint16_t edge = next[triangles[at + k]]++;
+        edges_[edge] = {triangles[at + (k + 1) % 3], triangles[at + (k + 2) % 3],
+                        static_cast<uint8_t>(at / 3), false};
+        edge_of_corner_[at + k] = edge;
       }
   }
 
@@ -129,13 +129,13 @@ class EdgeTable {
   const Edge& operator[](uint16_t edge) const { return edges_[edge]; }
 
   void visit(uint32_t triangle) {
-    for (uint32_t k = 0; k < 3; ++k) edges_[places_[3 * triangle + k]].is_visited = true;
+    for (uint32_t k = 0; k < 3; ++k) edges_[edge_of_corner_[3 * triangle + k]].is_visited = true;
   }
 
  private:
   std::array<uint16_t, kMaxLocal + 1> first_;
   std::array<Edge, size_t{3} * kMaxLocal> edges_;
-  std::array<uint16_t, size_t{3} * kMaxLocal> places_;  // of each corner's edge
+  std::array<uint16_t, size_t{3} * kMaxLocal> edge_of_corner_;  // of each corner's edge
 };
 
 class Encoder {
@@ -143,32 +143,32 @@ class Encoder {
   Encoder(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out)
       : triangles_(triangles), edges_(triangles, vertices), out_(out), vertices_(vertices) {
     left_ = triangles.size() / 3;
-    walk_.vertices.reserve(vertices);
-    walk_.parents.reserve(vertices);
-    walk_.triangles.reserve(triangles.size());
+    traversal_.vertices.reserve(vertices);
+    traversal_.predictors.reserve(vertices);
+    traversal_.triangles.reserve(triangles.size());
   }
 
-  Walk run() {
+  Traversal run() {
     for (uint32_t t = 0; 3 * t < triangles_.size(); ++t)
-      if (!visited_[t]) walk_from(t);
+      if (!visited_[t]) traverse_from(t);
     for (uint32_t v = 0; v < vertices_; ++v)
-      if (!is_known_[v]) number(static_cast<uint8_t>(v), parents_at_start());
-    return std::move(walk_);
+      if (!is_known_[v]) number(static_cast<uint8_t>(v), predictors_at_start());
+    return std::move(traversal_);
   }
 
  private:
-  Parents parents_at_start() const {
+  Predictors predictors_at_start() const {
     const uint32_t before = std::max(known(), 1u) - 1;
-    return parents_of(before, before, before);
+    return predictors_of(before, before, before);
   }
 
-  uint32_t known() const { return static_cast<uint32_t>(walk_.vertices.size()); }
+  uint32_t known() const { return static_cast<uint32_t>(traversal_.vertices.size()); }
 
-  void number(uint8_t vertex, Parents parents) {
+  void number(uint8_t vertex, Predictors predictors) {
     numbers_[vertex] = static_cast<uint8_t>(known());
     is_known_[vertex] = true;
-    walk_.vertices.push_back(vertex);
-    walk_.parents.push_back(parents);
+    traversal_.vertices.push_back(vertex);
+    traversal_.predictors.push_back(predictors);
   }
 
   void visit(uint32_t triangle) {
@@ -177,7 +177,7 @@ class Encoder {
     --left_;
   }
 
-  void walk_from(uint32_t triangle) {
+  void traverse_from(uint32_t triangle) {
     visit(triangle);
     for (uint32_t k = 0; k < 3; ++k) {
       const uint8_t vertex = triangles_[3 * triangle + k];
@@ -185,43 +185,43 @@ class Encoder {
       if (is_known_[vertex])
         out_.write(numbers_[vertex], bits_below(known()));
       else
-        number(vertex, parents_at_start());
-      walk_.triangles.push_back(numbers_[vertex]);
+        number(vertex, predictors_at_start());
+      traversal_.triangles.push_back(numbers_[vertex]);
     }
     const uint8_t a = triangles_[3 * triangle], b = triangles_[3 * triangle + 1],
                   c = triangles_[3 * triangle + 2];
     out_.write(pass_edge(a, b, c), 1);
     out_.write(pass_edge(b, c, a), 1);
     out_.write(pass_edge(c, a, b), 1);
-    // Gates are kept in the walk's numbers.
-    for (Gate gate; left_ > 0 && front_.pop(gate);) pass_gate(gate);
+    // Active edges are kept in the traversal's numbers.
+    for (ActiveEdge active; left_ > 0 && front_.pop(active);) cross(active);
   }
 
-  void pass_gate(const Gate& gate) {
-    const uint8_t a = walk_.vertices[gate.a], b = walk_.vertices[gate.b];
-    const uint16_t edge = edges_.find(gate.edge, a, b);
+  void cross(const ActiveEdge& active) {
+    const uint8_t a = traversal_.vertices[active.a], b = traversal_.vertices[active.b];
+    const uint16_t edge = edges_.find(active.edge, a, b);
     if (edge == EdgeTable::kNoEdge) {
       write(kNothing, false, false);
       return;
     }
     visit(edges_[edge].triangle);
     const uint8_t c = edges_[edge].across;
-    const uint32_t apex = apex_of(gate, c), seen = known();
-    if (apex == kNew) number(c, parents_of(gate.a, gate.b, gate.across));
-    for (const uint32_t v : {uint32_t{gate.a}, uint32_t{gate.b}, uint32_t{numbers_[c]}})
-      walk_.triangles.push_back(static_cast<uint8_t>(v));
+    const uint32_t apex = apex_of(active, c), seen = known();
+    if (apex == kNew) number(c, predictors_of(active.a, active.b, active.across));
+    for (const uint32_t v : {uint32_t{active.a}, uint32_t{active.b}, uint32_t{numbers_[c]}})
+      traversal_.triangles.push_back(static_cast<uint8_t>(v));
     const bool right = pass_edge(b, c, a), left = pass_edge(c, a, b);
     if (write(apex, right, left) == kNamed) out_.write(numbers_[c], bits_below(seen));
   }
 
-  uint32_t apex_of(const Gate& gate, uint8_t c) const {
+  uint32_t apex_of(const ActiveEdge& active, uint8_t c) const {
     if (!is_known_[c]) return kNew;
-    if (front_.after(gate.b) == numbers_[c]) return kAfter;
-    return front_.before(gate.a) == numbers_[c] ? kBefore : kNamed;
+    if (front_.after(active.b) == numbers_[c]) return kAfter;
+    return front_.before(active.a) == numbers_[c] ? kBefore : kNamed;
   }
 
-  /// Writes the symbol, or that of the same triangle by name where it has none (with edges from a
-  /// vertex to itself, a gate beside this one may be gone by the time that it would be closed).
+  /// Writes the symbol; where it has no code, that of the same triangle with a named vertex. (With
+  /// an edge from a vertex to itself, the active edge beside this one may already be closed.)
   uint32_t write(uint32_t apex, bool right, bool left) {
     const uint8_t word = kEncodingTable[symbol(apex, right, left)];
     if (word == kWords.size()) return write(kNamed, right, left);
@@ -229,16 +229,16 @@ class Encoder {
     return apex;
   }
 
-  /// The edge (a, b) of a triangle with the third vertex c: whether it is or closes a gate.
+  /// Passes the edge (a, b) opposite to c; true if it becomes or closes an active edge.
   bool pass_edge(uint8_t a, uint8_t b, uint8_t c) {
     if (front_.close(numbers_[a], numbers_[b])) return true;
     const uint16_t edge = edges_.find(b, a);
-    const bool is_gate = edge != EdgeTable::kNoEdge;
-    if (is_gate)
+    const bool is_active = edge != EdgeTable::kNoEdge;
+    if (is_active)
       front_.push({numbers_[b], numbers_[a], numbers_[c], edge});
     else
-      walk_.border.push_back({numbers_[a], numbers_[b]});
-    return is_gate;
+      traversal_.border.push_back({numbers_[a], numbers_[b]});
+    return is_active;
   }
 
   std::span<const uint8_t> triangles_;
@@ -248,13 +248,13 @@ class Encoder {
   std::array<bool, kMaxLocal> visited_{}, is_known_{};
   size_t left_;
   std::array<uint8_t, kMaxLocal> numbers_;
-  Walk walk_;
+  Traversal traversal_;
   Front front_;
 };
 
 }  // namespace
 
-Walk encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out) {
+Traversal encode_triangles(std::span<const uint8_t> triangles, uint32_t vertices, BitWriter& out) {
   return Encoder(triangles, vertices, out).run();
 }
 

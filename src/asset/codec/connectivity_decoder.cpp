@@ -1,12 +1,12 @@
-// Reads what connectivity.cpp writes. What takes the time is which word comes next, which no
-// processor foresees; so that is found out once for each triangle, by one jump to code that does
-// what this word asks for and no more, and all that changes from triangle to triangle is local.
+// Decodes what connectivity.cpp writes. The branch on the next code word is unpredictable and takes
+// most of the time, so each triangle has one: a jump to code specialised for its symbol. All state
+// is local, in registers.
 #include <cstring>
 
 #include "asset/codec/connectivity.hpp"
 #include "asset/codec/connectivity_words.hpp"
 
-// Functions that were called would keep the walk's state in memory.
+// A call would spill the traversal's state to memory.
 #define UMBEL_INLINE __attribute__((always_inline))
 
 namespace umbel::asset {
@@ -26,25 +26,25 @@ constexpr std::array<Decoding, 1u << kLongestWord> decoding_table() {
 }
 constexpr auto kDecodingTable = decoding_table();
 
-constexpr uint32_t kMostGates = 3 * kMaxLocal;  // a triangle opens three at most
-constexpr uint16_t kNoGate = kMostGates + 2;
+constexpr uint32_t kMaxActiveEdges = 3 * kMaxLocal;  // a triangle opens three at most
+constexpr uint16_t kNoActiveEdge = kMaxActiveEdges + 2;
 
-/// A gate is a word: a, b and across from the lowest byte on. What is no gate, or is closed, begins
-/// and ends at a vertex that there is none of.
+/// An active edge is a word: a, b and across from the lowest byte on. A closed edge starts and ends
+/// at a vertex number that does not exist.
 constexpr uint32_t kNowhere = 0xff000000;
-constexpr uint32_t gate_of(uint32_t a, uint32_t b, uint32_t across) {
+constexpr uint32_t active_edge(uint32_t a, uint32_t b, uint32_t across) {
   return a | b << 8 | across << 16;
 }
-constexpr uint32_t begin_of(uint32_t gate) { return gate & 0xff0000ff; }
-constexpr uint32_t end_of(uint32_t gate) { return gate >> 8 & 0xff00ff; }
+constexpr uint32_t begin_of(uint32_t active) { return active & 0xff0000ff; }
+constexpr uint32_t end_of(uint32_t active) { return active >> 8 & 0xff00ff; }
 
-/// Gates as they are opened form a list, from which those are taken that are closed.
+/// The queue of active edges: a linked list in the order of opening, without those that are closed.
 struct List {
-  std::array<uint16_t, kMostGates + 2> next, previous;
+  std::array<uint16_t, kMaxActiveEdges + 2> next, previous;
 };
 constexpr List list_of_all() {
   List list{};
-  for (uint16_t i = 0; i < kMostGates + 2; ++i) {
+  for (uint16_t i = 0; i < kMaxActiveEdges + 2; ++i) {
     list.next[i] = i + 1;
     list.previous[i] = static_cast<uint16_t>(i - (i > 0));
   }
@@ -59,21 +59,24 @@ constexpr List kAll = list_of_all();
   corrupt("a triangle has the local vertex " + std::to_string(vertex) + " of " +
           std::to_string(known));
 }
-[[noreturn]] void no_such_gate() { corrupt("a triangle leans on a gate that is not there"); }
+[[noreturn]] void no_such_edge() {
+  corrupt("a triangle refers to an active edge that is not there");
+}
 
 }  // namespace
 
-void decode_triangles(BitReader& reader, std::span<uint8_t> triangles, std::span<Parents> parents,
-                      BorderLinks border) {
-  const auto vertices = static_cast<uint32_t>(parents.size());
+// Over 60 lines: the lambdas share local state that a struct would keep in memory.
+void decode_triangles(BitReader& reader, std::span<uint8_t> triangles,
+                      std::span<Predictors> predictors, BorderLinks border) {
+  const auto vertices = static_cast<uint32_t>(predictors.size());
   const auto end = static_cast<uint32_t>(triangles.size());
   BitReader in = reader;
-  // The gates in the order in which they are opened, the list of those that are open, and the last
-  // one that was opened that begins and that ends at each vertex.
-  std::array<uint32_t, kNoGate + 1> gates;
+  // All active edges in the order of opening, the list of open ones, and for each vertex the last
+  // one opened that starts there and that ends there.
+  std::array<uint32_t, kNoActiveEdge + 1> edges;
   List list;
   std::array<uint16_t, kMaxLocal> from, into;
-  gates[kNoGate] = kNowhere;
+  edges[kNoActiveEdge] = kNowhere;
   std::copy_n(kAll.next.begin(), end + 2, list.next.begin());
   std::copy_n(kAll.previous.begin(), end + 2, list.previous.begin());
   uint32_t first = 0, count = 0;  // the list begins at the one and ends before the other
@@ -82,15 +85,15 @@ void decode_triangles(BitReader& reader, std::span<uint8_t> triangles, std::span
   std::array<uint8_t, size_t{3} * kMaxLocal + 1> corners;
   uint32_t at = 0, known = 0;
 
-  const auto new_vertex = [&](uint32_t gate) UMBEL_INLINE {
+  const auto new_vertex = [&](uint32_t active) UMBEL_INLINE {
     if (known >= vertices) too_many_vertices();
-    parents[known].word = gate;
+    predictors[known].word = active;
     return known++;
   };
   const auto new_after_last = [&]() UMBEL_INLINE {
     const uint32_t before = known - (known > 0);
-    const uint32_t vertex = new_vertex(gate_of(before, before, before));
-    from[vertex] = into[vertex] = kNoGate;
+    const uint32_t vertex = new_vertex(active_edge(before, before, before));
+    from[vertex] = into[vertex] = kNoActiveEdge;
     return vertex;
   };
   const auto named = [&]() UMBEL_INLINE {
@@ -107,25 +110,25 @@ void decode_triangles(BitReader& reader, std::span<uint8_t> triangles, std::span
     border.next[a] = border.first + b;
     border.previous[b] = border.first + a;
   };
-  const auto open_gate = [&](uint32_t a, uint32_t b, uint32_t across) UMBEL_INLINE {
-    gates[count] = gate_of(a, b, across);
+  const auto open_edge = [&](uint32_t a, uint32_t b, uint32_t across) UMBEL_INLINE {
+    edges[count] = active_edge(a, b, across);
     from[a] = into[b] = static_cast<uint16_t>(count);
     ++count;
   };
-  const auto close_gate = [&](uint32_t gate) UMBEL_INLINE {
-    gates[gate] = kNowhere;
-    const uint16_t next = list.next[gate], previous = list.previous[gate];
+  const auto close_edge = [&](uint32_t active) UMBEL_INLINE {
+    edges[active] = kNowhere;
+    const uint16_t next = list.next[active], previous = list.previous[active];
     list.next[previous] = next;
     list.previous[next] = previous;
-    first = gate == first ? next : first;
+    first = active == first ? next : first;
   };
-  const auto pass_edge = [&](uint32_t a, uint32_t b, uint32_t c, bool is_gate) UMBEL_INLINE {
-    uint32_t gate = from[a];
-    gate = end_of(gates[gate]) == b ? gate : into[b];
-    if (begin_of(gates[gate]) == a)
-      close_gate(gate);
-    else if (is_gate)
-      open_gate(b, a, c);
+  const auto pass_edge = [&](uint32_t a, uint32_t b, uint32_t c, bool is_active) UMBEL_INLINE {
+    uint32_t active = from[a];
+    active = end_of(edges[active]) == b ? active : into[b];
+    if (begin_of(edges[active]) == a)
+      close_edge(active);
+    else if (is_active)
+      open_edge(b, a, c);
     else
       add_border(a, b);
   };
@@ -143,47 +146,47 @@ void decode_triangles(BitReader& reader, std::span<uint8_t> triangles, std::span
       start();
       continue;
     }
-    const uint32_t gate = gates[first], a = gate & 0xff, b = gate >> 8 & 0xff;
-    gates[first] = kNowhere;
+    const uint32_t active = edges[first], a = active & 0xff, b = active >> 8 & 0xff;
+    edges[first] = kNowhere;
     first = list.next[first];
     in.ensure(kLongestWord + 8);  // and a vertex
     const Decoding decoding = kDecodingTable[in.peek(kLongestWord)];
     in.skip(decoding.length);
     const auto new_apex = [&](bool right, bool left) UMBEL_INLINE {
-      const uint32_t c = new_vertex(gate);
-      if (!right || a == b) from[c] = kNoGate;
-      if (!left || a == b) into[c] = kNoGate;
-      add(gate & 0xffff, c);
+      const uint32_t c = new_vertex(active);
+      if (!right || a == b) from[c] = kNoActiveEdge;
+      if (!left || a == b) into[c] = kNoActiveEdge;
+      add(active & 0xffff, c);
       if (a == b) [[unlikely]] {
         pass_edge(b, c, a, right);
         pass_edge(c, a, b, left);
         return;
       }
-      // No gate is at a new vertex, so none can be closed.
+      // No active edge is at a new vertex, so none can be closed.
       if (right)
-        open_gate(c, b, a);
+        open_edge(c, b, a);
       else
         add_border(b, c);
       if (left)
-        open_gate(a, c, b);
+        open_edge(a, c, b);
       else
         add_border(c, a);
     };
     const auto old_apex = [&](uint32_t c, bool right, bool left) UMBEL_INLINE {
-      add(gate & 0xffff, c);
+      add(active & 0xffff, c);
       pass_edge(b, c, a, right);
       pass_edge(c, a, b, left);
     };
     const auto after = [&](bool left) UMBEL_INLINE {
-      const uint32_t beside = from[b], c = end_of(gates[beside]);
-      if (c >= kMaxLocal) no_such_gate();
-      add(gate & 0xffff, c);
-      close_gate(beside);
+      const uint32_t beside = from[b], c = end_of(edges[beside]);
+      if (c >= kMaxLocal) no_such_edge();
+      add(active & 0xffff, c);
+      close_edge(beside);
       pass_edge(c, a, b, left);
     };
     const auto before = [&](bool right) UMBEL_INLINE {
-      const uint32_t c = begin_of(gates[into[a]]);
-      if (c >= kMaxLocal) no_such_gate();
+      const uint32_t c = begin_of(edges[into[a]]);
+      if (c >= kMaxLocal) no_such_edge();
       old_apex(c, right, true);
     };
     switch (decoding.symbol) {

@@ -1,4 +1,4 @@
-// The prefix code of connectivity.hpp's walk: which words there are, for encoder and decoder.
+// The prefix code of connectivity.hpp's symbols, for encoder and decoder.
 #pragma once
 
 #include <array>
@@ -6,17 +6,17 @@
 
 namespace umbel::asset {
 
-/// What the third vertex of a gate's triangle is.
+/// The third vertex of the triangle beyond an active edge.
 enum Apex : uint32_t {
   kNew = 0,      ///< the next number
-  kAfter = 1,    ///< the end of an open gate that begins at b
-  kBefore = 2,   ///< the beginning of an open gate that ends at a
+  kAfter = 1,    ///< the end of an open active edge that starts at b
+  kBefore = 2,   ///< the start of an open active edge that ends at a
   kNamed = 3,    ///< its number follows
-  kNothing = 4,  ///< there is no triangle after all
+  kNothing = 4,  ///< no triangle: it has been visited from elsewhere
 };
 
-/// A triangle's apex, and whether its edges (b, c) and (c, a) are gates, as one number. Edges that
-/// close a gate count as gates here.
+/// A triangle's apex, and whether its edges (b, c) and (c, a) become or close active edges, as one
+/// number.
 constexpr uint32_t symbol(uint32_t apex, bool right, bool left) {
   return 4 * apex + 2 * right + left;
 }
@@ -30,7 +30,7 @@ struct Word {
 };
 
 inline constexpr uint32_t kLongestWord = 8;
-/// From how often each occurs on scans; complete, so that any bits are words.
+/// Lengths follow the frequencies on scanned meshes. The code is complete: any bits decode.
 inline constexpr std::array<Word, 13> kWords{{{symbol(kNew, true, true), 1, 0b1},
                                               {symbol(kAfter, true, true), 3, 0b110},
                                               {symbol(kBefore, true, true), 3, 0b010},

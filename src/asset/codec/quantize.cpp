@@ -1,4 +1,4 @@
-// Floats as integers and back, by attribute.
+// Quantises attributes to integers and back.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -14,7 +14,7 @@ namespace {
 constexpr uint32_t kMaxBits = 16;
 constexpr uint32_t kMostSets = 255;
 
-/// An integer that rises with the float and keeps every bit of it.
+/// An integer in the order of the floats, which keeps every bit.
 int32_t ordered(float f) {
   const auto bits = std::bit_cast<int32_t>(f);
   return bits < 0 ? bits ^ 0x7fffffff : bits;
@@ -22,7 +22,7 @@ int32_t ordered(float f) {
 float unordered(int32_t i) { return std::bit_cast<float>(i < 0 ? i ^ 0x7fffffff : i); }
 
 int32_t on_grid(float f, float step) {
-  // Division by a power of two is exact. A double that is this large has no bits behind the point.
+  // Division by a power of two is exact. Adding this rounds a double to a whole number.
   constexpr double kWhole = 0x1.8p52;
   const double i = std::clamp(double{f} / double{step}, -2147483647.0, 2147483647.0);
   return static_cast<int32_t>((i + kWhole) - kWhole);
@@ -60,13 +60,13 @@ Vec3 decoded_normal(const int32_t* in, uint32_t bits) {
 
 // ---- tangents: an angle in the plane of the decoded normal
 
-/// Two unit vectors at right angles to a normal and each other (Duff et al., "Building an
-/// Orthonormal Basis, Revisited", 2017). Which hemisphere the normal is in is told by its integers:
-/// rounding may tell it differently elsewhere.
-struct Plane {
+/// The tangent plane of a normal: two orthonormal vectors (Duff et al., "Building an Orthonormal
+/// Basis, Revisited", 2017). The normal's integers decide its hemisphere, since floats may round
+/// differently on another machine.
+struct TangentPlane {
   Vec3 u, v;
 };
-Plane plane_of(const int32_t* normal, uint32_t bits) {
+TangentPlane plane_of(const int32_t* normal, uint32_t bits) {
   const Vec3 n = decoded_normal(normal, bits);
   const int64_t sum = std::abs(int64_t{normal[0]}) + std::abs(int64_t{normal[1]});
   const float sign = sum > octahedral_steps(bits) ? -1.0f : 1.0f;
@@ -74,18 +74,18 @@ Plane plane_of(const int32_t* normal, uint32_t bits) {
   return {{1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, {b, sign + n.y * n.y * a, -n.y}};
 }
 
-constexpr float kTurn = 6.28318530717958648f;
+constexpr float kTwoPi = 6.28318530717958648f;
 
-int32_t angle_of(const Vec4& tangent, const Plane& plane, uint32_t bits) {
+int32_t angle_of(const Vec4& tangent, const TangentPlane& plane, uint32_t bits) {
   const Vec3 t{tangent.x, tangent.y, tangent.z};
   const float angle = std::atan2(dot(t, plane.v), dot(t, plane.u));
   if (!std::isfinite(angle)) return 0;
   const auto steps = static_cast<float>(1u << bits);
-  return rounded(angle / kTurn * steps) & static_cast<int32_t>((1u << bits) - 1);
+  return rounded(angle / kTwoPi * steps) & static_cast<int32_t>((1u << bits) - 1);
 }
 
-Vec4 decoded_tangent(const int32_t* in, const Plane& plane, uint32_t bits) {
-  const float angle = static_cast<float>(in[0]) * (kTurn / static_cast<float>(1u << bits));
+Vec4 decoded_tangent(const int32_t* in, const TangentPlane& plane, uint32_t bits) {
+  const float angle = static_cast<float>(in[0]) * (kTwoPi / static_cast<float>(1u << bits));
   const Vec3 t = plane.u * std::cos(angle) + plane.v * std::sin(angle);
   return {t.x, t.y, t.z, in[1] != 0 ? -1.0f : 1.0f};
 }
@@ -212,7 +212,7 @@ void quantize_one(const AttributeFormat& format, const int32_t* normals, uint32_
   }
 }
 
-/// One of Mesh::extras, whose values begin at `at` of a vertex's.
+/// One of Mesh::extras, whose values start at index `at` of a vertex's.
 void quantize_extra(const AttributeFormat& format, uint32_t at, const Mesh& streams,
                     std::span<const uint32_t> vertices, uint32_t stride, int32_t* out) {
   const size_t width = extra_width(streams.extras);
@@ -221,7 +221,7 @@ void quantize_extra(const AttributeFormat& format, uint32_t at, const Mesh& stre
       out[k] = integer_of(streams.extra_values[vertices[i] * width + at + k], format);
 }
 
-/// All of them: what they are, and their values.
+/// Mesh::extras: kinds and values.
 void dequantize_extras(const VertexFormat& format, std::span<const int32_t> integers,
                        lod::ClusterGeometry& geometry) {
   std::vector<Extra>& extras = geometry.extras;

@@ -15,7 +15,7 @@ BorderLinks GroupBorders::add_cluster(uint32_t vertices) {
 }
 
 void GroupBorders::list_last() {
-  // Without a branch: which vertices are at the border is hard to foresee.
+  // Without a branch, which would be unpredictable.
   const uint32_t *const next = next_.data(), *const previous = previous_.data();
   size_t count = count_;
   for (uint32_t v = first_; v < end_; ++v) {
@@ -106,8 +106,8 @@ std::vector<uint32_t> SharedVertices::encode(std::span<const uint32_t> ids,
     const uint32_t copy = best_copy(v);
     out.write(copy != kNone, 1);
     if (copy == kNone) continue;
-    const auto place = std::lower_bound(earlier.begin(), earlier.end(), copy) - earlier.begin();
-    out.write(static_cast<uint32_t>(place), bits_below(static_cast<uint32_t>(earlier.size())));
+    const auto index = std::lower_bound(earlier.begin(), earlier.end(), copy) - earlier.begin();
+    out.write(static_cast<uint32_t>(index), bits_below(static_cast<uint32_t>(earlier.size())));
     source_[v] = copy;
     follow(v, copy, true, out);
     follow(v, copy, false, out);
@@ -134,13 +134,13 @@ void decode_shared(BitReader& reader, const GroupBorders& borders, std::span<uin
   };
   for (const uint32_t v : borders.last().first(any ? borders.last().size() : 0)) {
     if (source[v - first] != kNone || !in.read(1)) continue;
-    const uint32_t place = in.read(width);
-    if (place >= earlier.size())
-      corrupt("a cluster shares the border vertex " + std::to_string(place) + " of " +
+    const uint32_t index = in.read(width);
+    if (index >= earlier.size())
+      corrupt("a cluster shares the border vertex " + std::to_string(index) + " of " +
               std::to_string(earlier.size()));
-    source[v - first] = earlier[place];
-    follow(v, earlier[place], true);
-    follow(v, earlier[place], false);
+    source[v - first] = earlier[index];
+    follow(v, earlier[index], true);
+    follow(v, earlier[index], false);
   }
   reader = in;
 }

@@ -1,7 +1,6 @@
-// Vertices that clusters of one group share, stored once. Clusters meet along their borders, and
-// where two meet, one border runs as the other does backwards. So a cluster names one vertex of an
-// earlier cluster, and then says, vertex by vertex along both borders, how far they stay together.
-// docs/format.md has every bit.
+// Stores vertices that clusters of one group share once. Adjacent clusters share runs of border
+// vertices in opposite order, so a cluster names one vertex of an earlier cluster and then codes,
+// one bit a vertex, how far the two borders agree. docs/format.md has every bit.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +12,13 @@
 namespace umbel::asset {
 
 /// The borders of a group's clusters. Vertices are numbered through the group: cluster by cluster,
-/// in each as its walk numbers them.
+/// in each as its traversal numbers them.
 class GroupBorders {
  public:
   /// Of clusters with `vertices` in all.
   explicit GroupBorders(size_t vertices);
 
-  /// The next cluster, of `vertices` vertices: where its border is to be noted. Then list_last.
+  /// Adds a cluster of `vertices` vertices; fill in the links of its border, then call list_last.
   BorderLinks add_cluster(uint32_t vertices);
   void list_last();
 
@@ -44,14 +43,15 @@ class GroupBorders {
   size_t earlier_ = 0, count_ = 0;  // of listed_
 };
 
-/// Finds what the last of a growing number of clusters shares with those before it.
+/// Encodes what each cluster shares with those before it.
 class SharedVertices {
  public:
   /// `vertices` in all clusters that will come.
   explicit SharedVertices(size_t vertices);
 
   /// Writes what the next cluster shares; `ids` are equal where its vertices are, in the order of
-  /// its walk. The result has for each of its vertices the earlier one that it equals, or kNone.
+  /// its traversal. The result has for each of its vertices the earlier one that it equals, or
+  /// kNone.
   std::vector<uint32_t> encode(std::span<const uint32_t> ids, std::span<const BorderEdge> edges,
                                BitWriter& out);
 

@@ -10,32 +10,33 @@ constexpr uint32_t kParameterBits = 5, kDampingBits = 2;
 constexpr uint32_t kAllZero = 31;  ///< in place of a Rice parameter: every remainder is 0
 
 // Sums of 32-bit integers wrap: any file decodes to something, on every machine to the same.
-uint32_t predicted_flat(const int32_t* column, uint32_t stride, const Parents& p, int damping) {
+uint32_t predicted_flat(const int32_t* column, uint32_t stride, const Predictors& p, int damping) {
   const auto at = [&](uint32_t v) { return int64_t{column[v * stride]}; };
   const int64_t sum = at(p.a()) + at(p.b()), across = at(p.across());
   return static_cast<uint32_t>(sum - across - ((damping * (sum - 2 * across)) >> 4));
 }
 
-uint32_t predicted_smooth(const int32_t* column, uint32_t stride, const Parents& p) {
+uint32_t predicted_smooth(const int32_t* column, uint32_t stride, const Predictors& p) {
   const int64_t sum = int64_t{column[p.a() * stride]} + column[p.b() * stride];
   return static_cast<uint32_t>(sum >> 1);
 }
 
 uint32_t predicted(const VertexFormat& format, uint32_t component, const int32_t* column,
-                   uint32_t stride, const Parents& parents, int damping) {
-  return format.is_smooth[component] ? predicted_smooth(column, stride, parents)
-                                     : predicted_flat(column, stride, parents, damping);
+                   uint32_t stride, const Predictors& predictors, int damping) {
+  return format.is_smooth[component] ? predicted_smooth(column, stride, predictors)
+                                     : predicted_flat(column, stride, predictors, damping);
 }
 
 /// The damping with the least sum of remainders of the positions.
 int best_damping(std::span<const int32_t> integers, uint32_t stride,
-                 std::span<const Parents> parents, std::span<const uint32_t> source) {
+                 std::span<const Predictors> predictors, std::span<const uint32_t> source) {
   std::array<uint64_t, 1 << kDampingBits> sums{};
-  for (size_t v = 1; v < parents.size(); ++v) {
+  for (size_t v = 1; v < predictors.size(); ++v) {
     if (source[v] != kNone) continue;
     for (uint32_t c = 0; c < 3; ++c) {
       const auto at = [&](size_t vertex) { return int64_t{integers[vertex * stride + c]}; };
-      const int64_t sum = at(parents[v].a()) + at(parents[v].b()), across = at(parents[v].across());
+      const int64_t sum = at(predictors[v].a()) + at(predictors[v].b()),
+                    across = at(predictors[v].across());
       const int64_t undamped = at(v) - (sum - across), bend = sum - 2 * across;
       for (int damping = 0; damping < 1 << kDampingBits; ++damping)
         sums[damping] += zigzag(static_cast<int32_t>(undamped + ((damping * bend) >> 4)));
@@ -62,10 +63,10 @@ uint32_t best_parameter(std::span<const uint32_t> remainders) {
   return best;
 }
 
-/// From what a cluster's vertices are predicted.
-struct Predictors {
+/// All that predicts a cluster's vertices.
+struct Prediction {
   const VertexFormat& format;
-  std::span<const Parents> parents;
+  std::span<const Predictors> predictors;
   std::span<const uint32_t> source;
   const std::array<uint32_t, kMaxComponents>& parameters;
   int damping;
@@ -77,8 +78,8 @@ struct OwnVertices {
   uint32_t count = 0;
 };
 
-/// Copies what a cluster's vertices have of earlier clusters', and lists the others: without a
-/// branch, since which those are is hard to foresee.
+/// Copies the vertices that a cluster shares with earlier ones, and lists the others: without a
+/// branch, which would be unpredictable.
 OwnVertices copy_shared(std::span<const uint32_t> source, uint32_t stride, std::span<int32_t> group,
                         int32_t* integers) {
   OwnVertices own;
@@ -99,19 +100,19 @@ OwnVertices copy_shared(std::span<const uint32_t> source, uint32_t stride, std::
 }
 
 /// Reads a cluster's vertices but for the first, the group's from `first` on.
-void decode_any(const Predictors& from, BitReader& in, std::span<int32_t> group, uint32_t first) {
+void decode_any(const Prediction& from, BitReader& in, std::span<int32_t> group, uint32_t first) {
   const uint32_t stride = row_stride(from.format), count = components(from.format);
   int32_t* const integers = group.data() + size_t{first} * stride;
   const OwnVertices own = copy_shared(from.source, stride, group, integers);
   BitReader bits = in;  // its state stays in registers
   for (uint32_t i = 0; i < own.count; ++i) {
-    const Parents parents = from.parents[own.vertices[i]];
+    const Predictors predictors = from.predictors[own.vertices[i]];
     int32_t* const vertex = integers + size_t{own.vertices[i]} * stride;
     for (uint32_t c = 0; c < count; ++c) {
       const uint32_t parameter = from.parameters[c];
       const uint32_t remainder = parameter == kAllZero ? 0 : bits.rice(parameter);
       const uint32_t expected =
-          predicted(from.format, c, integers + c, stride, parents, from.damping);
+          predicted(from.format, c, integers + c, stride, predictors, from.damping);
       vertex[c] = static_cast<int32_t>(expected + static_cast<uint32_t>(unzigzag(remainder)));
     }
   }
@@ -146,7 +147,7 @@ bool are_small(std::span<const ComponentRange> ranges,
 }
 
 /// As decode_any. That there is no choice within a vertex makes it twice as fast.
-void decode_positions(const Predictors& from, BitReader& in, std::span<int32_t> group,
+void decode_positions(const Prediction& from, BitReader& in, std::span<int32_t> group,
                       uint32_t first) {
   constexpr uint32_t kStride = 4;
   int32_t* const integers = group.data() + size_t{first} * kStride;
@@ -157,14 +158,14 @@ void decode_positions(const Predictors& from, BitReader& in, std::span<int32_t> 
   const Lanes once = Lanes{} - (damping & 1), twice = Lanes{} - (damping >> 1);
   for (uint32_t i = 0; i < own.count; ++i) {
     const uint32_t v = own.vertices[i];
-    const Parents parents = from.parents[v];
+    const Predictors predictors = from.predictors[v];
     bits.refill();
     const uint32_t r0 = bits.take_rice(k0), r1 = bits.take_rice(k1);
     const uint32_t r2 = bits.rice(k2);
     const Lanes zigzag{r0, r1, r2, 0};
-    const Lanes across = load(integers + kStride * parents.across());
-    const Lanes sum =
-        load(integers + kStride * parents.a()) + load(integers + kStride * parents.b()) - across;
+    const Lanes across = load(integers + kStride * predictors.across());
+    const Lanes sum = load(integers + kStride * predictors.a()) +
+                      load(integers + kStride * predictors.b()) - across;
     const Lanes bend = sum - across, bends = (bend & once) + ((bend + bend) & twice);
     const auto damped = reinterpret_cast<Lanes>(reinterpret_cast<SignedLanes>(bends) >> 4);
     store(sum - damped + ((zigzag >> 1) ^ (Lanes{} - (zigzag & 1))), integers + kStride * v);
@@ -175,13 +176,13 @@ void decode_positions(const Predictors& from, BitReader& in, std::span<int32_t> 
 }  // namespace
 
 void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
-                     std::span<const Parents> parents, std::span<const uint32_t> source,
+                     std::span<const Predictors> predictors, std::span<const uint32_t> source,
                      std::span<const ComponentRange> ranges, BitWriter& out) {
   const uint32_t stride = components(format);
-  const int damping = best_damping(integers, stride, parents, source);
+  const int damping = best_damping(integers, stride, predictors, source);
   out.write(static_cast<uint32_t>(damping), kDampingBits);
   std::vector<uint32_t> own;
-  for (uint32_t v = 1; v < parents.size(); ++v)
+  for (uint32_t v = 1; v < predictors.size(); ++v)
     if (source[v] == kNone) own.push_back(v);
   std::vector<uint32_t> remainders(stride * own.size());
   std::array<uint32_t, kMaxComponents> parameters{};
@@ -190,7 +191,7 @@ void encode_vertices(const VertexFormat& format, std::span<const int32_t> intege
     for (size_t i = 0; i < own.size(); ++i)
       mine[i] = zigzag(static_cast<int32_t>(
           static_cast<uint32_t>(integers[own[i] * stride + c]) -
-          predicted(format, c, integers.data() + c, stride, parents[own[i]], damping)));
+          predicted(format, c, integers.data() + c, stride, predictors[own[i]], damping)));
     parameters[c] = best_parameter(mine);
     out.write(parameters[c], kParameterBits);
     if (source[0] == kNone)
@@ -202,7 +203,7 @@ void encode_vertices(const VertexFormat& format, std::span<const int32_t> intege
       if (parameters[c] != kAllZero) out.rice(remainders[c * own.size() + i], parameters[c]);
 }
 
-void decode_vertices(const VertexFormat& format, std::span<const Parents> parents,
+void decode_vertices(const VertexFormat& format, std::span<const Predictors> predictors,
                      std::span<const uint32_t> source, std::span<const ComponentRange> ranges,
                      BitReader& in, std::span<int32_t> group, uint32_t first) {
   const uint32_t count = components(format), stride = row_stride(format);
@@ -215,13 +216,13 @@ void decode_vertices(const VertexFormat& format, std::span<const Parents> parent
       integers[c] =
           static_cast<int32_t>(static_cast<uint32_t>(ranges[c].lowest) + in.read(ranges[c].bits));
   }
-  const Predictors predictors{format, parents, source, parameters, damping};
-  const std::span<int32_t> values = group.first((size_t{first} + parents.size()) * stride);
+  const Prediction prediction{format, predictors, source, parameters, damping};
+  const std::span<int32_t> values = group.first((size_t{first} + predictors.size()) * stride);
   const bool is_flat = !format.is_smooth[0] && !format.is_smooth[1] && !format.is_smooth[2];
   if (count == 3 && is_flat && are_small(ranges, parameters))
-    decode_positions(predictors, in, values, first);
+    decode_positions(prediction, in, values, first);
   else
-    decode_any(predictors, in, values, first);
+    decode_any(prediction, in, values, first);
 }
 
 }  // namespace umbel::asset

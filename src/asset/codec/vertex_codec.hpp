@@ -1,6 +1,6 @@
-// Vertices of a cluster as integers, and those as few bits: each component is predicted from
-// vertices of the triangle before, as in Touma & Gotsman, "Triangle Mesh Compression" (1998), and
-// what remains is Rice-coded. docs/format.md has every bit.
+// Quantises a cluster's vertices to integers and codes these in few bits: the parallelogram rule
+// (Touma & Gotsman, "Triangle Mesh Compression", 1998) predicts each component from the adjacent
+// triangle, and the residual is Rice-coded. docs/format.md has every bit.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 #include "asset/codec/connectivity.hpp"
 #include "base/bits.hpp"
-#include "umbel/lod.hpp"
+#include "umbel/lod/build.hpp"
 
 namespace umbel::asset {
 
@@ -69,20 +69,20 @@ void quantize(const VertexFormat& format, const Mesh& streams, std::span<const u
 void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
                 lod::ClusterGeometry& geometry);
 
-/// Where a page's components begin, and how many bits reach its first vertices.
+/// The range of a component in a group: first vertices of clusters are stored relative to `lowest`.
 struct ComponentRange {
   int32_t lowest;
   uint32_t bits;  ///< <= 32
 };
 
-/// Writes `integers`, those of `parents.size()` vertices in the order of the walk, but for those
-/// whose source (their equal among the group's earlier vertices) is not kNone.
+/// Writes `integers`, those of `predictors.size()` vertices in the order of the traversal, but for
+/// those whose source (their equal among the group's earlier vertices) is not kNone.
 void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
-                     std::span<const Parents> parents, std::span<const uint32_t> source,
+                     std::span<const Predictors> predictors, std::span<const uint32_t> source,
                      std::span<const ComponentRange> ranges, BitWriter& out);
 /// Reads them into `group`, the integers of the group's vertices, row_stride(format) apart, from
 /// its vertex `first` on. Sources are below that.
-void decode_vertices(const VertexFormat& format, std::span<const Parents> parents,
+void decode_vertices(const VertexFormat& format, std::span<const Predictors> predictors,
                      std::span<const uint32_t> source, std::span<const ComponentRange> ranges,
                      BitReader& in, std::span<int32_t> group, uint32_t first);
 

@@ -8,8 +8,8 @@ namespace {
 
 constexpr uint32_t kSteps = 65535;
 
-/// Where step `i` is: the ends exactly, and never falling as i rises.
-float place(float low, float high, uint32_t i) {
+/// The coordinate of step `i`: exact at both ends, and monotone.
+float coordinate(float low, float high, uint32_t i) {
   if (i == 0) return low;
   if (i == kSteps) return high;
   const double t = double(i) / kSteps;
@@ -23,13 +23,13 @@ uint32_t guess(float low, float high, float value) {
 
 uint16_t at_most(float low, float high, float value) {
   uint32_t i = guess(low, high, value);
-  while (i > 0 && place(low, high, i) > value) --i;
+  while (i > 0 && coordinate(low, high, i) > value) --i;
   return static_cast<uint16_t>(i);
 }
 
 uint16_t at_least(float low, float high, float value) {
   uint32_t i = guess(low, high, value);
-  while (i < kSteps && place(low, high, i) < value) ++i;
+  while (i < kSteps && coordinate(low, high, i) < value) ++i;
   return static_cast<uint16_t>(i);
 }
 
@@ -44,10 +44,10 @@ std::array<uint16_t, 6> box_steps(const Aabb& box, const Aabb& bounds) {
 
 Aabb box_of_steps(const std::array<uint16_t, 6>& steps, const Aabb& bounds) {
   const Vec3 low = bounds.min, high = bounds.max;
-  return {{place(low.x, high.x, steps[0]), place(low.y, high.y, steps[1]),
-           place(low.z, high.z, steps[2])},
-          {place(low.x, high.x, steps[3]), place(low.y, high.y, steps[4]),
-           place(low.z, high.z, steps[5])}};
+  return {{coordinate(low.x, high.x, steps[0]), coordinate(low.y, high.y, steps[1]),
+           coordinate(low.z, high.z, steps[2])},
+          {coordinate(low.x, high.x, steps[3]), coordinate(low.y, high.y, steps[4]),
+           coordinate(low.z, high.z, steps[5])}};
 }
 
 }  // namespace umbel::asset

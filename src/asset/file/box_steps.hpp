@@ -1,4 +1,4 @@
-// Boxes in 12 bytes: each corner coordinate as one of 65,536 steps across the box of everything.
+// Boxes in 12 bytes: 16-bit coordinates on a grid across the mesh's box.
 #pragma once
 
 #include <array>
@@ -8,8 +8,8 @@
 
 namespace umbel::asset {
 
-/// The lowest corner's steps and the highest's. Their box contains `box`, which lies within
-/// `bounds`, and is at most a step larger on each side.
+/// The steps of the lowest and of the highest corner, rounded outward: their box contains `box`,
+/// which lies within `bounds`, and is at most a step larger on each side.
 std::array<uint16_t, 6> box_steps(const Aabb& box, const Aabb& bounds);
 Aabb box_of_steps(const std::array<uint16_t, 6>& steps, const Aabb& bounds);
 

@@ -3,7 +3,7 @@
 #include <array>
 #include <optional>
 
-#include "asset/file/check_head.hpp"
+#include "asset/file/check_header.hpp"
 #include "asset/file/records.hpp"
 #include "base/hash.hpp"
 #include "base/math.hpp"
@@ -11,9 +11,9 @@
 namespace umbel::asset {
 namespace {
 
-// As in PNG: a transfer that rewrites line ends or clears the eighth bit breaks it.
+// As in PNG: transfers that rewrite line ends or clear the eighth bit damage it.
 constexpr std::array<unsigned char, 8> kMagic{0xAB, 'U', 'M', 'B', 'L', '\r', '\n', 0x1A};
-constexpr uint64_t kHeaderBytes = 128, kMaxHeaderBytes = 4096;
+constexpr uint64_t kFixedHeaderBytes = 128, kMaxFixedHeaderBytes = 4096;
 constexpr uint64_t kSectionEntryBytes = 40;
 constexpr uint32_t kMaxSections = 1024;
 
@@ -42,8 +42,8 @@ struct SectionKind {
   uint32_t id;
   const char* name;
   uint32_t element_bytes;
-  bool in_head = true;
-  bool is_optional = false;  // not there if it is empty
+  bool in_header = true;
+  bool is_optional = false;  // absent if empty
 };
 
 constexpr std::array<SectionKind, kSectionCount> kSections{
@@ -82,26 +82,27 @@ struct Layout {
 };
 
 /// The table of the section ORIG.
-std::vector<Vec3d> origins_of(const Head& head) {
-  if (head.info.origin == Vec3d{}) return {};
-  return {head.info.origin};
+std::vector<Vec3d> origins_of(const FileHeader& header) {
+  if (header.info.origin == Vec3d{}) return {};
+  return {header.info.origin};
 }
 
-Layout layout_of(const Head& head) {
+Layout layout_of(const FileHeader& header) {
   const uint64_t counts[kSectionCount] = {
-      head.info.metadata.size(), head.materials.size(), head.attributes.size(),  head.meshes.size(),
-      head.levels.size(),        head.roots.size(),     head.instances.size(),   head.files.size(),
-      head.pages.size(),         head.nodes.count,      origins_of(head).size(), head.scene.size()};
+      header.info.metadata.size(), header.materials.size(),   header.attributes.size(),
+      header.meshes.size(),        header.levels.size(),      header.roots.size(),
+      header.instances.size(),     header.files.size(),       header.pages.size(),
+      header.nodes.count,          origins_of(header).size(), header.scene.size()};
   Layout layout;
   for (size_t i = 0; i < kSectionCount; ++i)
     layout.sections[i] = {0, counts[i], kSections[i].element_bytes, 0};
-  uint64_t at = kHeaderBytes + layout.section_count() * kSectionEntryBytes;
+  uint64_t at = kFixedHeaderBytes + layout.section_count() * kSectionEntryBytes;
   for (size_t i = 0; i < kSectionCount; ++i) {
     layout.sections[i].offset = at;
-    if (kSections[i].in_head) at = aligned(at + counts[i] * kSections[i].element_bytes, 8);
+    if (kSections[i].in_header) at = aligned(at + counts[i] * kSections[i].element_bytes, 8);
   }
-  layout.sections[kNodes].offset = head.nodes.offset;
-  layout.sections[kNodes].checksum = head.nodes.checksum;
+  layout.sections[kNodes].offset = header.nodes.offset;
+  layout.sections[kNodes].checksum = header.nodes.checksum;
   layout.bytes = aligned(at, kPageAlignment);
   return layout;
 }
@@ -136,52 +137,53 @@ std::string read_text(ByteReader& in, const Section& section) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-void write_header(ByteWriter& out, const AssetInfo& info, const Layout& layout,
-                  uint64_t head_checksum) {
+void write_fixed_header(ByteWriter& out, const AssetInfo& info, const Layout& layout,
+                        uint64_t tables_checksum) {
   out.bytes(kMagic.data(), kMagic.size());
   out.u16(kVersionMajor);
   out.u16(kVersionMinor);
-  out.u32(kHeaderBytes);
+  out.u32(kFixedHeaderBytes);
   out.u64(info.file_bytes);
   out.u64(layout.bytes);
-  out.u64(head_checksum);
+  out.u64(tables_checksum);
   out.u32(layout.section_count());
   out.u32(info.page_bytes);
   out.u32(info.max_triangles);
   out.u32(info.max_vertices);
 }
 
-struct Header {
+struct FixedHeader {
   AssetInfo info;
-  uint64_t header_bytes, head_checksum;
+  uint64_t bytes, tables_checksum;
   uint32_t sections;
 };
 
-Header read_header(std::span<const std::byte> bytes) {
-  Header header;
-  AssetInfo& info = header.info;
+FixedHeader read_fixed_header(std::span<const std::byte> bytes) {
+  FixedHeader fixed;
+  AssetInfo& info = fixed.info;
   ByteReader in(bytes);
   in.skip_to(kMagic.size());
   info.version_major = in.u16();
   info.version_minor = in.u16();
-  header.header_bytes = in.u32();
+  fixed.bytes = in.u32();
   info.file_bytes = in.u64();
-  info.head_bytes = in.u64();
-  header.head_checksum = in.u64();
-  header.sections = in.u32();
+  info.header_bytes = in.u64();
+  fixed.tables_checksum = in.u64();
+  fixed.sections = in.u32();
   info.page_bytes = in.u32();
   info.max_triangles = in.u32();
   info.max_vertices = in.u32();
-  in.skip_to(header.header_bytes - 8);
+  in.skip_to(fixed.bytes - 8);
   info.checksum = in.u64();
-  return header;
+  return fixed;
 }
 
 void check_section(const SectionKind& kind, const Section& section, uint64_t bytes,
                    const AssetInfo& info) {
   const std::string name = std::string("section ") + kind.name;
-  const bool fits = kind.in_head ? inside(section.offset, bytes, 0, info.head_bytes)
-                                 : inside(section.offset, bytes, info.head_bytes, info.file_bytes);
+  const bool fits = kind.in_header
+                        ? inside(section.offset, bytes, 0, info.header_bytes)
+                        : inside(section.offset, bytes, info.header_bytes, info.file_bytes);
   if (!fits)
     corrupt(name + " of " + std::to_string(bytes) + " bytes at byte " +
             std::to_string(section.offset) + " is not where it must be");
@@ -196,21 +198,21 @@ void check_section(const SectionKind& kind, const Section& section, uint64_t byt
     corrupt(name + " has more elements than 32-bit indices can name");
 }
 
-std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head,
-                                                 const Header& header) {
-  if (header.sections > kMaxSections)
-    corrupt("the section table has " + std::to_string(header.sections) + " entries");
+std::array<Section, kSectionCount> read_sections(std::span<const std::byte> header,
+                                                 const FixedHeader& fixed) {
+  if (fixed.sections > kMaxSections)
+    corrupt("the section table has " + std::to_string(fixed.sections) + " entries");
   std::array<std::optional<Section>, kSectionCount> found;
-  ByteReader in(head);
-  for (uint32_t i = 0; i < header.sections; ++i) {
-    in.skip_to(header.header_bytes + i * kSectionEntryBytes);
+  ByteReader in(header);
+  for (uint32_t i = 0; i < fixed.sections; ++i) {
+    in.skip_to(fixed.bytes + i * kSectionEntryBytes);
     const uint32_t id = in.u32(), element_bytes = in.u32();
     const uint64_t offset = in.u64(), bytes = in.u64(), count = in.u64(), checksum = in.u64();
     for (size_t kind = 0; kind < kSectionCount; ++kind) {
       if (kSections[kind].id != id) continue;
       if (found[kind]) corrupt(std::string("section ") + kSections[kind].name + " is there twice");
       found[kind] = Section{offset, count, element_bytes, checksum};
-      check_section(kSections[kind], *found[kind], bytes, header.info);
+      check_section(kSections[kind], *found[kind], bytes, fixed.info);
     }
   }
   std::array<Section, kSectionCount> sections;
@@ -222,17 +224,17 @@ std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head
   return sections;
 }
 
-void describe(Head& head) {
-  AssetInfo& info = head.info;
-  info.pages = static_cast<uint32_t>(head.pages.size());
-  for (const MeshEntry& entry : head.meshes) {
+void describe(FileHeader& header) {
+  AssetInfo& info = header.info;
+  info.pages = static_cast<uint32_t>(header.pages.size());
+  for (const MeshEntry& entry : header.meshes) {
     const AssetMesh& mesh = entry.mesh;
     info.source_triangles += mesh.source_triangles;
     info.source_vertices += mesh.source_vertices;
     info.source_digest += mesh.source_digest;
     extend(info.bounds, mesh.bounds);
   }
-  if (!head.meshes.empty()) describe_format(format_of(head, head.meshes.front()), info);
+  if (!header.meshes.empty()) describe_format(format_of(header, header.meshes.front()), info);
 }
 
 }  // namespace
@@ -250,8 +252,8 @@ void describe_format(const VertexFormat& format, AssetInfo& info) {
   }
 }
 
-VertexFormat format_of(const Head& head, const MeshEntry& mesh) {
-  const auto first = head.attributes.begin() + mesh.attributes.offset;
+VertexFormat format_of(const FileHeader& header, const MeshEntry& mesh) {
+  const auto first = header.attributes.begin() + mesh.attributes.offset;
   return make_format({first, first + mesh.attributes.count});
 }
 
@@ -268,28 +270,28 @@ std::vector<lod::Node> decode_nodes(std::span<const std::byte> bytes, uint64_t c
   return read_table<lod::Node>(in, {0, count, element_bytes, 0});
 }
 
-uint64_t head_bytes(const Head& head) { return layout_of(head).bytes; }
+uint64_t header_bytes(const FileHeader& header) { return layout_of(header).bytes; }
 
-std::vector<std::byte> encode_head(const Head& head) {
-  Layout layout = layout_of(head);
+std::vector<std::byte> encode_header(const FileHeader& header) {
+  Layout layout = layout_of(header);
   std::vector<std::byte> bytes(layout.bytes);
   ByteWriter out(bytes);
   out.skip_to(layout.sections[kMetadata].offset);
-  out.bytes(head.info.metadata.data(), head.info.metadata.size());
+  out.bytes(header.info.metadata.data(), header.info.metadata.size());
   out.skip_to(layout.sections[kMaterials].offset);
-  out.bytes(head.materials.data(), head.materials.size());
-  write_table(out, layout.sections[kAttributes], head.attributes);
-  write_table(out, layout.sections[kMeshes], head.meshes);
-  write_table(out, layout.sections[kLevels], head.levels);
-  write_table(out, layout.sections[kRoots], head.roots);
-  write_table(out, layout.sections[kInstances], head.instances);
-  write_table(out, layout.sections[kFiles], head.files);
-  write_table(out, layout.sections[kPages], head.pages);
-  write_table(out, layout.sections[kOrigin], origins_of(head));
+  out.bytes(header.materials.data(), header.materials.size());
+  write_table(out, layout.sections[kAttributes], header.attributes);
+  write_table(out, layout.sections[kMeshes], header.meshes);
+  write_table(out, layout.sections[kLevels], header.levels);
+  write_table(out, layout.sections[kRoots], header.roots);
+  write_table(out, layout.sections[kInstances], header.instances);
+  write_table(out, layout.sections[kFiles], header.files);
+  write_table(out, layout.sections[kPages], header.pages);
+  write_table(out, layout.sections[kOrigin], origins_of(header));
   out.skip_to(layout.sections[kScene].offset);
-  out.bytes(head.scene.data(), head.scene.size());
+  out.bytes(header.scene.data(), header.scene.size());
 
-  out.skip_to(kHeaderBytes);
+  out.skip_to(kFixedHeaderBytes);
   for (size_t i = 0; i < kSectionCount; ++i) {
     if (!layout.has(i)) continue;
     const Section& section = layout.sections[i];
@@ -299,29 +301,29 @@ std::vector<std::byte> encode_head(const Head& head) {
     out.u64(section.offset);
     out.u64(size);
     out.u64(section.count);
-    out.u64(kSections[i].in_head ? xxh64(bytes.data() + section.offset, size) : section.checksum);
+    out.u64(kSections[i].in_header ? xxh64(bytes.data() + section.offset, size) : section.checksum);
   }
   out.skip_to(0);
-  write_header(out, head.info, layout,
-               xxh64(bytes.data() + kHeaderBytes, bytes.size() - kHeaderBytes));
-  out.skip_to(kHeaderBytes - 8);
-  out.u64(xxh64(bytes.data(), kHeaderBytes - 8));
+  write_fixed_header(out, header.info, layout,
+                     xxh64(bytes.data() + kFixedHeaderBytes, bytes.size() - kFixedHeaderBytes));
+  out.skip_to(kFixedHeaderBytes - 8);
+  out.u64(xxh64(bytes.data(), kFixedHeaderBytes - 8));
   return bytes;
 }
 
-uint64_t header_bytes_in(std::span<const std::byte> prologue) {
+uint64_t fixed_header_bytes_in(std::span<const std::byte> prologue) {
   if (prologue.size() < kPrologueBytes ||
       std::memcmp(prologue.data(), kMagic.data(), kMagic.size()) != 0)
     corrupt("this is not a .umbel file");
   ByteReader in(prologue);
   in.skip_to(12);
   const uint64_t bytes = in.u32();
-  if (bytes < kHeaderBytes || bytes > kMaxHeaderBytes || bytes % 8 != 0)
+  if (bytes < kFixedHeaderBytes || bytes > kMaxFixedHeaderBytes || bytes % 8 != 0)
     corrupt("the header says that it has " + std::to_string(bytes) + " bytes");
   return bytes;
 }
 
-uint64_t head_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) {
+uint64_t header_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) {
   ByteReader in(bytes);
   in.skip_to(bytes.size() - 8);
   if (in.u64() != xxh64(bytes.data(), bytes.size() - 8))
@@ -331,41 +333,40 @@ uint64_t head_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) {
     throw Error(ErrorCode::kUnsupported, "the file has format version " + std::to_string(major) +
                                              ", but this Umbel reads version " +
                                              std::to_string(kVersionMajor));
-  const Header header = read_header(bytes);
-  if (header.info.file_bytes != file_bytes)
-    corrupt("the header says that the file has " + std::to_string(header.info.file_bytes) +
+  const FixedHeader fixed = read_fixed_header(bytes);
+  if (fixed.info.file_bytes != file_bytes)
+    corrupt("the header says that the file has " + std::to_string(fixed.info.file_bytes) +
             " bytes, but it has " + std::to_string(file_bytes));
-  if (header.info.head_bytes < bytes.size() || header.info.head_bytes > file_bytes)
-    corrupt("the header says that the head has " + std::to_string(header.info.head_bytes) +
+  if (fixed.info.header_bytes < bytes.size() || fixed.info.header_bytes > file_bytes)
+    corrupt("the header says that the file header has " + std::to_string(fixed.info.header_bytes) +
             " bytes");
-  return header.info.head_bytes;
+  return fixed.info.header_bytes;
 }
 
-Head decode_head(std::span<const std::byte> bytes) {
-  const Header header = read_header(bytes);
-  if (header.head_checksum !=
-      xxh64(bytes.data() + header.header_bytes, bytes.size() - header.header_bytes))
+FileHeader decode_header(std::span<const std::byte> bytes) {
+  const FixedHeader fixed = read_fixed_header(bytes);
+  if (fixed.tables_checksum != xxh64(bytes.data() + fixed.bytes, bytes.size() - fixed.bytes))
     corrupt("the checksum of the tables does not hold");
-  const auto sections = read_sections(bytes, header);
-  Head head;
-  head.info = header.info;
+  const auto sections = read_sections(bytes, fixed);
+  FileHeader header;
+  header.info = fixed.info;
   ByteReader in(bytes);
-  head.info.metadata = read_text(in, sections[kMetadata]);
-  head.materials = read_text(in, sections[kMaterials]);
-  head.scene = read_text(in, sections[kScene]);
-  head.info.origin = read_origin(in, sections[kOrigin]);
-  head.attributes = read_table<AttributeFormat>(in, sections[kAttributes]);
-  head.meshes = read_table<MeshEntry>(in, sections[kMeshes]);
-  head.levels = read_table<Range>(in, sections[kLevels]);
-  head.roots = read_table<GroupRef>(in, sections[kRoots]);
-  head.instances = read_table<Instance>(in, sections[kInstances]);
-  head.files = read_table<FileEntry>(in, sections[kFiles]);
-  head.pages = read_table<PageEntry>(in, sections[kPages]);
+  header.info.metadata = read_text(in, sections[kMetadata]);
+  header.materials = read_text(in, sections[kMaterials]);
+  header.scene = read_text(in, sections[kScene]);
+  header.info.origin = read_origin(in, sections[kOrigin]);
+  header.attributes = read_table<AttributeFormat>(in, sections[kAttributes]);
+  header.meshes = read_table<MeshEntry>(in, sections[kMeshes]);
+  header.levels = read_table<Range>(in, sections[kLevels]);
+  header.roots = read_table<GroupRef>(in, sections[kRoots]);
+  header.instances = read_table<Instance>(in, sections[kInstances]);
+  header.files = read_table<FileEntry>(in, sections[kFiles]);
+  header.pages = read_table<PageEntry>(in, sections[kPages]);
   const Section& nodes = sections[kNodes];
-  head.nodes = {nodes.offset, nodes.count, nodes.element_bytes, nodes.checksum};
-  check_head(head);
-  describe(head);
-  return head;
+  header.nodes = {nodes.offset, nodes.count, nodes.element_bytes, nodes.checksum};
+  check_header(header);
+  describe(header);
+  return header;
 }
 
 }  // namespace umbel::asset

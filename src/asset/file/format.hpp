@@ -1,5 +1,5 @@
-// The fixed part of a .umbel file, its head: header, section table and sections. docs/format.md
-// has every byte.
+// The file header of a .umbel file: fixed header, section table and sections. docs/format.md has
+// every byte.
 #pragma once
 
 #include <cstddef>
@@ -33,14 +33,14 @@ struct MeshEntry {
   Range attributes, levels, roots, nodes;
 };
 
-/// The table of nodes, which lies behind the pages.
+/// The table of nodes, which follows the pages.
 struct NodeSection {
   uint64_t offset, count;
   uint32_t element_bytes;
   uint64_t checksum;
 };
 
-struct Head {
+struct FileHeader {
   AssetInfo info;
   std::string materials, scene;
   std::vector<AttributeFormat> attributes;
@@ -54,7 +54,7 @@ struct Head {
 };
 
 /// The attributes of a mesh.
-VertexFormat format_of(const Head& head, const MeshEntry& mesh);
+VertexFormat format_of(const FileHeader& header, const MeshEntry& mesh);
 /// Says in `info` what attributes there are, and how they are stored.
 void describe_format(const VertexFormat& format, AssetInfo& info);
 
@@ -64,15 +64,15 @@ std::vector<std::byte> encode_nodes(std::span<const lod::Node> nodes);
 std::vector<lod::Node> decode_nodes(std::span<const std::byte> bytes, uint64_t count,
                                     uint32_t element_bytes);
 
-/// Size of the head, a multiple of kPageAlignment: where the first page begins.
-uint64_t head_bytes(const Head& head);
-std::vector<std::byte> encode_head(const Head& head);
+/// Size of the file header, a multiple of kPageAlignment: where the first page starts.
+uint64_t header_bytes(const FileHeader& header);
+std::vector<std::byte> encode_header(const FileHeader& header);
 
-/// Bytes that must be read to know how many to read for decode_head: kPrologueBytes, then what
-/// header_bytes_in and head_bytes_in say. All throw kCorrupt or kUnsupported.
+/// To read a file header: read kPrologueBytes, then fixed_header_bytes_in of these, then
+/// header_bytes_in of those. All throw kCorrupt or kUnsupported.
 inline constexpr uint64_t kPrologueBytes = 16;
-uint64_t header_bytes_in(std::span<const std::byte> prologue);
-uint64_t head_bytes_in(std::span<const std::byte> header, uint64_t file_bytes);
-Head decode_head(std::span<const std::byte> head);
+uint64_t fixed_header_bytes_in(std::span<const std::byte> prologue);
+uint64_t header_bytes_in(std::span<const std::byte> header, uint64_t file_bytes);
+FileHeader decode_header(std::span<const std::byte> header);
 
 }  // namespace umbel::asset

@@ -67,32 +67,32 @@ Integers quantize_group(const EncodedMesh& mesh, const Range& clusters) {
 
 class GroupEncoder {
  public:
-  GroupEncoder(const EncodedMesh& mesh, uint32_t group, std::vector<std::byte>& part)
+  GroupEncoder(const EncodedMesh& mesh, uint32_t group, std::vector<std::byte>& chunk)
       : dag_(mesh.dag),
         format_(mesh.format),
         integers_(quantize_group(mesh, dag_.tables.groups[group].clusters)),
         ranges_(ranges_of(components(format_), integers_.values)),
         shared_(integers_.vertices),
-        part_(part) {}
+        chunk_(chunk) {}
 
   const std::vector<ComponentRange>& ranges() const { return ranges_; }
 
   void encode(uint32_t cluster, size_t index) {
-    BitWriter out(part_);
+    BitWriter out(chunk_);
     const std::span<const uint32_t> vertices = vertices_of(dag_, cluster);
-    const Walk walk =
+    const Traversal traversal =
         encode_triangles(triangles_of(dag_, cluster), static_cast<uint32_t>(vertices.size()), out);
     const uint32_t stride = components(format_);
     ids_.resize(vertices.size());
     ordered_.resize(vertices.size() * stride);
     const int32_t* const integers = integers_.values.data() + integers_.first[index];
     for (size_t v = 0; v < vertices.size(); ++v) {
-      ids_[v] = vertices[walk.vertices[v]];
-      std::copy_n(integers + size_t{walk.vertices[v]} * stride, stride,
+      ids_[v] = vertices[traversal.vertices[v]];
+      std::copy_n(integers + size_t{traversal.vertices[v]} * stride, stride,
                   ordered_.data() + v * stride);
     }
-    const std::vector<uint32_t> source = shared_.encode(ids_, walk.border, out);
-    encode_vertices(format_, ordered_, walk.parents, source, ranges_, out);
+    const std::vector<uint32_t> source = shared_.encode(ids_, traversal.border, out);
+    encode_vertices(format_, ordered_, traversal.predictors, source, ranges_, out);
     out.finish();
   }
 
@@ -104,7 +104,7 @@ class GroupEncoder {
   SharedVertices shared_;
   std::vector<uint32_t> ids_;
   std::vector<int32_t> ordered_;
-  std::vector<std::byte>& part_;
+  std::vector<std::byte>& chunk_;
 };
 
 void write_record(ByteWriter& out, const lod::Cluster& cluster, uint32_t end, uint16_t reference,
@@ -131,25 +131,25 @@ std::vector<uint32_t> children_of(const lod::Tables& tables, uint32_t group) {
   return children;
 }
 
-std::vector<std::byte> encode_part(const EncodedMesh& mesh, uint32_t group,
-                                   std::span<const uint32_t> children) {
+std::vector<std::byte> encode_chunk(const EncodedMesh& mesh, uint32_t group,
+                                    std::span<const uint32_t> children) {
   const Range range = mesh.dag.tables.groups[group].clusters;
   const uint64_t tables_at = kReferenceBytes * children.size();
-  std::vector<std::byte> part(tables_at + kComponentBytes * components(mesh.format) +
-                              kClusterRecordBytes * range.count);
-  GroupEncoder encoder(mesh, group, part);
+  std::vector<std::byte> chunk(tables_at + kComponentBytes * components(mesh.format) +
+                               kClusterRecordBytes * range.count);
+  GroupEncoder encoder(mesh, group, chunk);
   std::vector<uint32_t> ends;
   for (uint32_t i = 0; i < range.count; ++i) {
     encoder.encode(range.offset + i, i);
-    ends.push_back(static_cast<uint32_t>(part.size()));
+    ends.push_back(static_cast<uint32_t>(chunk.size()));
   }
   // A cluster has at most 256 vertices; only the number of clusters is free.
-  if (part.size() >= std::numeric_limits<uint32_t>::max() / 2)
+  if (chunk.size() >= std::numeric_limits<uint32_t>::max() / 2)
     throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group) + " takes " +
-                                                 std::to_string(part.size()) +
+                                                 std::to_string(chunk.size()) +
                                                  " bytes, but a group may take 2 GiB");
-  part.resize(aligned(part.size(), kPartAlignment));
-  ByteWriter out(part);
+  chunk.resize(aligned(chunk.size(), kChunkAlignment));
+  ByteWriter out(chunk);
   out.skip_to(tables_at);
   for (const ComponentRange& component : encoder.ranges()) {
     out.u32(static_cast<uint32_t>(component.lowest));
@@ -162,23 +162,23 @@ std::vector<std::byte> encode_part(const EncodedMesh& mesh, uint32_t group,
         child == children.end() ? kNoReference : static_cast<uint16_t>(child - children.begin());
     write_record(out, cluster, ends[i], reference, mesh);
   }
-  return part;
+  return chunk;
 }
 
-void write_reference(std::span<std::byte> part, size_t index, const GroupRef& reference) {
-  ByteWriter out(part);
+void write_reference(std::span<std::byte> chunk, size_t index, const GroupRef& reference) {
+  ByteWriter out(chunk);
   out.skip_to(kReferenceBytes * index);
   write(out, reference);
 }
 
-PartTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
-                         uint32_t references, std::span<const std::byte> part) {
-  PartTables tables;
+ChunkTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
+                          uint32_t references, std::span<const std::byte> chunk) {
+  ChunkTables tables;
   const uint64_t bytes = kReferenceBytes * references + kComponentBytes * components(format) +
                          kClusterRecordBytes * clusters;
-  if (bytes > part.size()) corrupt("a group's tables are longer than its part of the page");
+  if (bytes > chunk.size()) corrupt("a group's tables are longer than its chunk");
   tables.first_data = static_cast<uint32_t>(bytes);
-  ByteReader in(part);
+  ByteReader in(chunk);
   tables.children.resize(references);
   for (GroupRef& child : tables.children) read(in, child);
   tables.ranges.resize(components(format));
@@ -206,30 +206,30 @@ PartTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_
     std::array<uint16_t, 6> steps;
     for (uint16_t& step : steps) step = in.u16();
     cluster.box = box_of_steps(steps, bounds);
-    if (tables.ends[i] < begin || tables.ends[i] > part.size())
-      corrupt("a cluster's data lie outside its group's part of the page");
+    if (tables.ends[i] < begin || tables.ends[i] > chunk.size())
+      corrupt("a cluster's data lie outside its group's chunk");
     begin = tables.ends[i];
   }
   return tables;
 }
 
 std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
-                                                  const PartTables& tables,
-                                                  std::span<const std::byte> part, size_t count) {
+                                                  const ChunkTables& tables,
+                                                  std::span<const std::byte> chunk, size_t count) {
   std::vector<lod::ClusterGeometry> all(count);
   const uint32_t stride = row_stride(format);
   size_t vertices = 0;
   for (size_t i = 0; i < count; ++i) vertices += tables.clusters[i].vertex_count;
   std::vector<int32_t> integers(vertices * stride);
   GroupBorders borders(vertices);
-  std::array<Parents, kMaxLocal> parents;
+  std::array<Predictors, kMaxLocal> predictors;
   std::array<uint32_t, kMaxLocal> source;
   uint32_t begin = tables.first_data, first = 0;
   for (size_t i = 0; i < count; ++i) {
     const lod::Cluster& cluster = tables.clusters[i];
-    BitReader in(part.subspan(begin, tables.ends[i] - begin), part.size() - tables.ends[i]);
+    BitReader in(chunk.subspan(begin, tables.ends[i] - begin), chunk.size() - tables.ends[i]);
     all[i].triangles.resize(size_t{3} * cluster.triangle_count);
-    const auto mine = std::span(parents).first(cluster.vertex_count);
+    const auto mine = std::span(predictors).first(cluster.vertex_count);
     decode_triangles(in, all[i].triangles, mine, borders.add_cluster(cluster.vertex_count));
     borders.list_last();
     const auto sources = std::span(source).first(cluster.vertex_count);

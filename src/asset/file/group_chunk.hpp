@@ -1,5 +1,5 @@
-// The part of a page that is one group: what its clusters were made from, what is known of them
-// without decoding, and their geometry. docs/format.md has every byte.
+// A group's chunk of a page: references to the groups that its clusters were made from, the
+// clusters' records, and their coded geometry. docs/format.md has every byte.
 #pragma once
 
 #include <cstddef>
@@ -15,9 +15,9 @@ namespace umbel::asset {
 inline constexpr uint64_t kReferenceBytes = 32, kComponentBytes = 8, kClusterRecordBytes = 24;
 /// Clusters name the group that they were made from in 16 bits, one value of which is none.
 inline constexpr uint32_t kMaxReferences = 0xffff;
-inline constexpr uint64_t kPartAlignment = 8;
+inline constexpr uint64_t kChunkAlignment = 8;
 
-/// A mesh whose groups are encoded, and what their parts need beside it.
+/// A mesh and its vertex format, as its groups' chunks need them.
 struct EncodedMesh {
   const lod::Dag& dag;
   const VertexFormat& format;
@@ -28,29 +28,29 @@ struct EncodedMesh {
 /// The distinct groups that a group's clusters were made from, in the order in which they occur.
 std::vector<uint32_t> children_of(const lod::Tables& tables, uint32_t group);
 
-/// The part of `group`, a multiple of kPartAlignment long, its references left zero; the writer
-/// fills them in by write_reference once it knows their pages. The DAG has been checked.
-std::vector<std::byte> encode_part(const EncodedMesh& mesh, uint32_t group,
-                                   std::span<const uint32_t> children);
-void write_reference(std::span<std::byte> part, size_t index, const GroupRef& reference);
+/// The chunk of `group`, a multiple of kChunkAlignment long. Its references are zero until the
+/// writer knows their pages and calls write_reference. The DAG has been checked.
+std::vector<std::byte> encode_chunk(const EncodedMesh& mesh, uint32_t group,
+                                    std::span<const uint32_t> children);
+void write_reference(std::span<std::byte> chunk, size_t index, const GroupRef& reference);
 
-/// What is in front of a part's bits.
-struct PartTables {
+/// A chunk without its clusters' data.
+struct ChunkTables {
   std::vector<GroupRef> children;
   std::vector<ComponentRange> ranges;
   std::vector<lod::Cluster> clusters;  ///< `group` is not set
-  std::vector<uint32_t> ends;          ///< of each cluster's data, in the part
+  std::vector<uint32_t> ends;          ///< of each cluster's data, in the chunk
   uint32_t first_data;                 ///< where the first cluster's data begin
 };
 
-/// Throws kCorrupt if the part ends before what it holds, or holds impossible values.
-PartTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
-                         uint32_t references, std::span<const std::byte> part);
+/// Throws kCorrupt if the chunk is too short or holds impossible values.
+ChunkTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
+                          uint32_t references, std::span<const std::byte> chunk);
 
-/// Decodes the part's clusters up to the `count`-th: each may lean on those before it. Throws
-/// kCorrupt if the bits are not those of their vertices and triangles.
+/// Decodes the first `count` clusters of a chunk: each may share vertices with those before it.
+/// Throws kCorrupt if the bits do not decode to their vertices and triangles.
 std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
-                                                  const PartTables& tables,
-                                                  std::span<const std::byte> part, size_t count);
+                                                  const ChunkTables& tables,
+                                                  std::span<const std::byte> chunk, size_t count);
 
 }  // namespace umbel::asset

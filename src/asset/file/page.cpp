@@ -20,7 +20,7 @@ void write(ByteWriter& out, const EncodedGroup& encoded, uint32_t offset) {
   out.f32(group.sphere.radius);
   out.f32(group.error);
   out.u32(offset);
-  out.u32(static_cast<uint32_t>(encoded.part.size()));
+  out.u32(static_cast<uint32_t>(encoded.chunk.size()));
   out.u32(0);
 }
 
@@ -41,12 +41,12 @@ uint32_t read(ByteReader& in, PageGroup& record) {
   return references;
 }
 
-void check(const PageGroup& record, const Head& head, uint64_t page_size) {
+void check(const PageGroup& record, const FileHeader& header, uint64_t page_size) {
   const std::string name = "group " + std::to_string(record.id);
-  if (record.mesh >= head.meshes.size())
+  if (record.mesh >= header.meshes.size())
     corrupt(name + " is of mesh " + std::to_string(record.mesh) + ", but there are " +
-            std::to_string(head.meshes.size()));
-  const AssetMesh& mesh = head.meshes[record.mesh].mesh;
+            std::to_string(header.meshes.size()));
+  const AssetMesh& mesh = header.meshes[record.mesh].mesh;
   if (record.id >= mesh.groups)
     corrupt("a page holds " + name + ", but there are " + std::to_string(mesh.groups));
   const Range& clusters = record.group.clusters;
@@ -63,7 +63,7 @@ void check(const PageGroup& record, const Head& head, uint64_t page_size) {
 
 uint64_t page_bytes(std::span<const EncodedGroup> groups) {
   uint64_t bytes = kPageHeaderBytes + kGroupRecordBytes * groups.size();
-  for (const EncodedGroup& group : groups) bytes += group.part.size();
+  for (const EncodedGroup& group : groups) bytes += group.chunk.size();
   return aligned(bytes, kPageAlignment);
 }
 
@@ -76,37 +76,38 @@ std::vector<std::byte> encode_page(uint32_t index, std::span<const EncodedGroup>
   uint64_t at = kPageHeaderBytes + kGroupRecordBytes * groups.size();
   for (const EncodedGroup& group : groups) {
     write(out, group, static_cast<uint32_t>(at));
-    at += group.part.size();
+    at += group.chunk.size();
   }
-  for (const EncodedGroup& group : groups) out.bytes(group.part.data(), group.part.size());
+  for (const EncodedGroup& group : groups) out.bytes(group.chunk.data(), group.chunk.size());
   return page;
 }
 
-AssetPage decode_page(const Head& head, std::span<const VertexFormat> formats, uint32_t index,
-                      std::vector<std::byte> bytes) {
+AssetPage decode_page(const FileHeader& header, std::span<const VertexFormat> formats,
+                      uint32_t index, std::vector<std::byte> bytes) {
   AssetPage page;
   page.index = index;
   ByteReader in(bytes);
   if (const uint32_t said = in.u32(); said != index)
     corrupt("page " + std::to_string(index) + " says that it is page " + std::to_string(said));
   const uint32_t groups = in.u32();
-  if (groups != head.pages[index].groups || groups > bytes.size() / kGroupRecordBytes)
+  if (groups != header.pages[index].groups || groups > bytes.size() / kGroupRecordBytes)
     corrupt("page " + std::to_string(index) + " has " + std::to_string(groups) + " groups, not " +
-            std::to_string(head.pages[index].groups));
+            std::to_string(header.pages[index].groups));
   page.groups.resize(groups);
   uint64_t end = kPageHeaderBytes + kGroupRecordBytes * groups;
   for (uint32_t g = 0; g < groups; ++g) {
     PageGroup& record = page.groups[g];
     in.skip_to(kPageHeaderBytes + kGroupRecordBytes * g);
     const uint32_t references = read(in, record);
-    check(record, head, bytes.size());
+    check(record, header, bytes.size());
     if (record.offset < end) corrupt("two groups of a page overlap");
     end = uint64_t{record.offset} + record.bytes;
-    const auto part = std::span(bytes).subspan(record.offset, record.bytes);
-    PartTables tables = decode_tables(formats[record.mesh], head.meshes[record.mesh].mesh.bounds,
-                                      record.group.clusters.count, references, part);
+    const auto chunk = std::span(bytes).subspan(record.offset, record.bytes);
+    ChunkTables tables = decode_tables(formats[record.mesh], header.meshes[record.mesh].mesh.bounds,
+                                       record.group.clusters.count, references, chunk);
     for (const GroupRef& child : tables.children)
-      if (child.page >= head.pages.size() || child.group >= head.meshes[record.mesh].mesh.groups)
+      if (child.page >= header.pages.size() ||
+          child.group >= header.meshes[record.mesh].mesh.groups)
         corrupt("group " + std::to_string(record.id) + " was made from group " +
                 std::to_string(child.group) + " in page " + std::to_string(child.page) +
                 ", which is not there");

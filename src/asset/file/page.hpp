@@ -13,12 +13,12 @@ namespace umbel::asset {
 
 inline constexpr uint64_t kPageHeaderBytes = 16, kGroupRecordBytes = 64;
 
-/// A group with its part encoded.
+/// A group and its encoded chunk.
 struct EncodedGroup {
   uint32_t mesh, id;
   lod::Group group;
   uint32_t parents, references;
-  std::vector<std::byte> part;
+  std::vector<std::byte> chunk;
 };
 
 /// A multiple of kPageAlignment.
@@ -27,7 +27,7 @@ std::vector<std::byte> encode_page(uint32_t index, std::span<const EncodedGroup>
 
 /// Decodes a page's groups, without their geometry, and takes its bytes. `formats` are the meshes'.
 /// Throws kCorrupt for impossible values.
-AssetPage decode_page(const Head& head, std::span<const VertexFormat> formats, uint32_t index,
-                      std::vector<std::byte> bytes);
+AssetPage decode_page(const FileHeader& header, std::span<const VertexFormat> formats,
+                      uint32_t index, std::vector<std::byte> bytes);
 
 }  // namespace umbel::asset

@@ -1,14 +1,14 @@
-// An open asset. The head is read and checked once; everything else when asked for, and checked
-// before it is used.
+// An open asset. Opening reads and checks the file header; everything else is read when asked for,
+// and checked before use.
 #include <algorithm>
 #include <mutex>
 
 #include "asset/file/format.hpp"
 #include "asset/file/group_chunk.hpp"
 #include "asset/file/page.hpp"
-#include "asset/file/structure.hpp"
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
+#include "lod/verify/table_structure.hpp"
 
 namespace umbel {
 
@@ -17,16 +17,16 @@ using asset::PageEntry;
 
 namespace {
 
-/// The tables of all meshes, and where their groups are.
+/// The tables of all meshes, and the page of each group.
 struct AllTables {
-  struct Place {
+  struct GroupLocation {
     uint32_t page = kNone, index = 0;
   };
   std::vector<lod::Tables> meshes;
-  std::vector<std::vector<Place>> places;  // by mesh and group
+  std::vector<std::vector<GroupLocation>> locations;  // by mesh and group
 };
 
-/// Clusters of a group that were decoded from the first on.
+/// A decoded group.
 struct Decoded {
   uint32_t mesh = kNone, group = kNone;
   std::vector<lod::ClusterGeometry> clusters;
@@ -43,17 +43,17 @@ struct Asset::State {
   explicit State(std::shared_ptr<const ByteSource> bytes) : source(std::move(bytes)) {}
 
   std::shared_ptr<const ByteSource> source;
-  asset::Head head;
+  asset::FileHeader header;
   std::vector<AssetMesh> meshes;
   std::vector<asset::VertexFormat> formats;
   mutable std::once_flag tables_once;
   mutable AllTables tables;
-  // The last groups that single clusters were asked of: one a slot, by group.
+  // A cache of decoded groups for geometry(): one a slot, by group number.
   static constexpr size_t kSlots = 16;
   mutable std::mutex decoded_mutex;
   mutable std::array<std::shared_ptr<const Decoded>, kSlots> decoded;
 
-  void read_head();
+  void read_header();
   std::vector<std::byte> read(uint64_t offset, uint64_t bytes, uint64_t checksum,
                               const std::string& name) const;
   AssetPage read_page(uint32_t page) const;
@@ -64,7 +64,7 @@ struct Asset::State {
   std::shared_ptr<const Decoded> group(uint32_t mesh, uint32_t group) const;
 };
 
-void Asset::State::read_head() {
+void Asset::State::read_header() {
   std::vector<std::byte> bytes(asset::kPrologueBytes);
   const auto read_up_to = [&](uint64_t size) {
     if (size > source->size()) corrupt("the file ends within its header");
@@ -74,12 +74,12 @@ void Asset::State::read_head() {
   };
   if (source->size() < bytes.size()) corrupt("this is not a .umbel file");
   source->read(0, bytes);
-  read_up_to(asset::header_bytes_in(bytes));
-  read_up_to(asset::head_bytes_in(bytes, source->size()));
-  head = asset::decode_head(bytes);
-  for (const MeshEntry& entry : head.meshes) {
+  read_up_to(asset::fixed_header_bytes_in(bytes));
+  read_up_to(asset::header_bytes_in(bytes, source->size()));
+  header = asset::decode_header(bytes);
+  for (const MeshEntry& entry : header.meshes) {
     meshes.push_back(entry.mesh);
-    formats.push_back(asset::format_of(head, entry));
+    formats.push_back(asset::format_of(header, entry));
   }
 }
 
@@ -97,30 +97,30 @@ std::vector<std::byte> Asset::State::read(uint64_t offset, uint64_t size, uint64
 }
 
 AssetPage Asset::State::read_page(uint32_t page) const {
-  std::vector<std::byte> bytes(head.pages[page].bytes);
-  source->read(head.pages[page].offset, bytes);
+  std::vector<std::byte> bytes(header.pages[page].bytes);
+  source->read(header.pages[page].offset, bytes);
   return page_of(page, std::move(bytes));
 }
 
 AssetPage Asset::State::page_of(uint32_t page, std::vector<std::byte> bytes) const {
-  const PageEntry& entry = head.pages[page];
+  const PageEntry& entry = header.pages[page];
   const std::string name = "page " + std::to_string(page);
   if (bytes.size() != entry.bytes)
     corrupt(name + " has " + std::to_string(entry.bytes) + " bytes, but there are " +
             std::to_string(bytes.size()));
   check_sum(bytes, entry.checksum, name);
-  return asset::decode_page(head, formats, page, std::move(bytes));
+  return asset::decode_page(header, formats, page, std::move(bytes));
 }
 
 std::vector<lod::ClusterGeometry> Asset::State::decode(const AssetPage& page, size_t index) const {
   const PageGroup& group = page.groups[index];
-  const auto part = std::span(page.bytes).subspan(group.offset, group.bytes);
+  const auto chunk = std::span(page.bytes).subspan(group.offset, group.bytes);
   const asset::VertexFormat& format = formats[group.mesh];
   const auto tables =
       asset::decode_tables(format, meshes[group.mesh].bounds, group.group.clusters.count,
-                           static_cast<uint32_t>(group.children.size()), part);
+                           static_cast<uint32_t>(group.children.size()), chunk);
   try {
-    return asset::decode_clusters(format, tables, part, tables.clusters.size());
+    return asset::decode_clusters(format, tables, chunk, tables.clusters.size());
   } catch (const Error& error) {
     throw Error(error.code(), "group " + std::to_string(group.id) + ": " + error.what());
   }
@@ -128,22 +128,22 @@ std::vector<lod::ClusterGeometry> Asset::State::decode(const AssetPage& page, si
 
 AllTables Asset::State::read_tables() const {
   AllTables all;
-  for (const MeshEntry& entry : head.meshes) {
+  for (const MeshEntry& entry : header.meshes) {
     lod::Tables& tables = all.meshes.emplace_back();
-    const auto levels = head.levels.begin() + entry.levels.offset;
+    const auto levels = header.levels.begin() + entry.levels.offset;
     tables.levels.assign(levels, levels + entry.levels.count);
     tables.groups.resize(entry.mesh.groups);
     tables.clusters.resize(entry.mesh.clusters);
-    all.places.emplace_back(entry.mesh.groups);
+    all.locations.emplace_back(entry.mesh.groups);
   }
-  std::vector<std::vector<GroupRef>> references(head.meshes.size());
-  for (uint32_t p = 0; p < head.pages.size(); ++p) {
+  std::vector<std::vector<GroupRef>> references(header.meshes.size());
+  for (uint32_t p = 0; p < header.pages.size(); ++p) {
     const AssetPage page = read_page(p);
     for (uint32_t i = 0; i < page.groups.size(); ++i) {
       const PageGroup& group = page.groups[i];
-      AllTables::Place& place = all.places[group.mesh][group.id];
-      if (place.page != kNone) corrupt("group " + std::to_string(group.id) + " is in two places");
-      place = {p, i};
+      AllTables::GroupLocation& location = all.locations[group.mesh][group.id];
+      if (location.page != kNone) corrupt("group " + std::to_string(group.id) + " is in two pages");
+      location = {p, i};
       lod::Tables& tables = all.meshes[group.mesh];
       tables.groups[group.id] = group.group;
       std::copy(group.clusters.begin(), group.clusters.end(),
@@ -152,33 +152,33 @@ AllTables Asset::State::read_tables() const {
       known.insert(known.end(), group.children.begin(), group.children.end());
     }
   }
-  for (size_t m = 0; m < head.meshes.size(); ++m) {
-    const MeshEntry& entry = head.meshes[m];
+  for (size_t m = 0; m < header.meshes.size(); ++m) {
+    const MeshEntry& entry = header.meshes[m];
     // As many groups as the pages have, and none twice: so all are there.
-    const auto roots = head.roots.begin() + entry.roots.offset;
+    const auto roots = header.roots.begin() + entry.roots.offset;
     references[m].insert(references[m].end(), roots, roots + entry.roots.count);
     for (const GroupRef& reference : references[m]) {
       const lod::Group& group = all.meshes[m].groups[reference.group];
       const bool same_error =
           std::bit_cast<uint32_t>(group.error) == std::bit_cast<uint32_t>(reference.error);
-      if (all.places[m][reference.group].page != reference.page || !same_error ||
+      if (all.locations[m][reference.group].page != reference.page || !same_error ||
           std::bit_cast<std::array<uint32_t, 4>>(group.sphere) !=
               std::bit_cast<std::array<uint32_t, 4>>(reference.sphere))
         corrupt("a reference to group " + std::to_string(reference.group) +
                 " is not what the group says of itself");
     }
   }
-  const asset::NodeSection& section = head.nodes;
+  const asset::NodeSection& section = header.nodes;
   const std::vector<lod::Node> nodes =
       asset::decode_nodes(read(section.offset, section.count * section.element_bytes,
                                section.checksum, "the table of nodes"),
                           section.count, section.element_bytes);
-  for (size_t m = 0; m < head.meshes.size(); ++m) {
-    const Range& range = head.meshes[m].nodes;
+  for (size_t m = 0; m < header.meshes.size(); ++m) {
+    const Range& range = header.meshes[m].nodes;
     all.meshes[m].nodes.assign(nodes.begin() + range.offset,
                                nodes.begin() + range.offset + range.count);
-    if (const std::string problem = asset::structural_problem(all.meshes[m]); !problem.empty())
-      corrupt(problem);
+    if (const std::string fault = lod::structure_fault(all.meshes[m]); !fault.empty())
+      corrupt(fault);
   }
   return all;
 }
@@ -194,11 +194,11 @@ std::shared_ptr<const Decoded> Asset::State::group(uint32_t mesh, uint32_t group
     const std::lock_guard lock(decoded_mutex);
     if (slot && slot->mesh == mesh && slot->group == group) return slot;
   }
-  const AllTables::Place& place = all_tables().places[mesh][group];
+  const AllTables::GroupLocation& location = all_tables().locations[mesh][group];
   auto result = std::make_shared<Decoded>();
   result->mesh = mesh;
   result->group = group;
-  result->clusters = decode(read_page(place.page), place.index);
+  result->clusters = decode(read_page(location.page), location.index);
   const std::lock_guard lock(decoded_mutex);
   slot = result;
   return result;
@@ -207,12 +207,12 @@ std::shared_ptr<const Decoded> Asset::State::group(uint32_t mesh, uint32_t group
 Asset::Asset(std::shared_ptr<const ByteSource> source)
     : state_(std::make_unique<State>(std::move(source))) {
   if (!state_->source) throw Error(ErrorCode::kInvalidArgument, "the source of the asset is null");
-  state_->read_head();
+  state_->read_header();
 }
 
 Asset::Asset(const std::filesystem::path& path) : state_(std::make_unique<State>(open_file(path))) {
   try {
-    state_->read_head();
+    state_->read_header();
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kIo) throw;
     throw Error(error.code(), path.string() + ": " + error.what());
@@ -223,43 +223,43 @@ Asset::Asset(Asset&&) noexcept = default;
 Asset& Asset::operator=(Asset&&) noexcept = default;
 Asset::~Asset() = default;
 
-const AssetInfo& Asset::info() const { return state_->head.info; }
+const AssetInfo& Asset::info() const { return state_->header.info; }
 
 const std::vector<AssetMesh>& Asset::meshes() const { return state_->meshes; }
 
-const std::vector<Instance>& Asset::instances() const { return state_->head.instances; }
+const std::vector<Instance>& Asset::instances() const { return state_->header.instances; }
 
-const std::string& Asset::materials() const { return state_->head.materials; }
+const std::string& Asset::materials() const { return state_->header.materials; }
 
-const std::string& Asset::scene() const { return state_->head.scene; }
+const std::string& Asset::scene() const { return state_->header.scene; }
 
-uint32_t Asset::files() const { return static_cast<uint32_t>(state_->head.files.size()); }
+uint32_t Asset::files() const { return static_cast<uint32_t>(state_->header.files.size()); }
 
 std::vector<std::byte> Asset::file(uint32_t index) const {
   if (index >= files()) out_of_range("file", index, files());
-  const asset::FileEntry& entry = state_->head.files[index];
+  const asset::FileEntry& entry = state_->header.files[index];
   return state_->read(entry.offset, entry.bytes, entry.checksum,
                       "embedded file " + std::to_string(index));
 }
 
 std::span<const GroupRef> Asset::roots(uint32_t mesh) const {
   if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
-  const Range& range = state_->head.meshes[mesh].roots;
-  return std::span(state_->head.roots).subspan(range.offset, range.count);
+  const Range& range = state_->header.meshes[mesh].roots;
+  return std::span(state_->header.roots).subspan(range.offset, range.count);
 }
 
 uint32_t Asset::page_bytes(uint32_t page) const {
-  if (page >= state_->head.pages.size()) out_of_range("page", page, state_->head.pages.size());
-  return state_->head.pages[page].bytes;
+  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
+  return state_->header.pages[page].bytes;
 }
 
 AssetPage Asset::read_page(uint32_t page) const {
-  if (page >= state_->head.pages.size()) out_of_range("page", page, state_->head.pages.size());
+  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
   return state_->read_page(page);
 }
 
 AssetPage Asset::page_of(uint32_t page, std::vector<std::byte> bytes) const {
-  if (page >= state_->head.pages.size()) out_of_range("page", page, state_->head.pages.size());
+  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
   return state_->page_of(page, std::move(bytes));
 }
 
@@ -273,8 +273,8 @@ std::vector<lod::ClusterGeometry> Asset::decode(const AssetPage& page, size_t in
 }
 
 bool Asset::page_is_whole(uint32_t page) const {
-  if (page >= state_->head.pages.size()) out_of_range("page", page, state_->head.pages.size());
-  const PageEntry& entry = state_->head.pages[page];
+  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
+  const PageEntry& entry = state_->header.pages[page];
   std::vector<std::byte> bytes(entry.bytes);
   state_->source->read(entry.offset, bytes);
   return xxh64(bytes.data(), bytes.size()) == entry.checksum;

@@ -1,4 +1,4 @@
-// The elements of a .umbel file's tables, field by field. docs/format.md has every byte.
+// Reads and writes the elements of a .umbel file's tables. docs/format.md has every byte.
 #pragma once
 
 #include "asset/file/format.hpp"
@@ -54,7 +54,7 @@ inline void write(ByteWriter& out, const lod::Node& node) {
 }
 
 inline void write(ByteWriter& out, const Instance& instance) {
-  for (const float f : instance.transform) out.f32(f);
+  for (const float f : instance.transform.rows) out.f32(f);
   out.u32(instance.mesh);
   out.u32(0);
   out.u64(0);
@@ -118,7 +118,7 @@ inline void read(ByteReader& in, lod::Node& node) {
 }
 
 inline void read(ByteReader& in, Instance& instance) {
-  for (float& f : instance.transform) f = in.f32();
+  for (float& f : instance.transform.rows) f = in.f32();
   instance.mesh = in.u32();
 }
 

@@ -1,4 +1,4 @@
-// Where an asset's bytes may come from.
+// Sources of an asset's bytes: files, mapped files, memory.
 #include <cstring>
 
 #include "base/file.hpp"

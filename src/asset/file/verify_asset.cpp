@@ -1,5 +1,5 @@
-// Everything about an asset that can be checked: that it opens, that every page is what its
-// checksum says, and then what lod::verify proves.
+// Checks all of an asset: that it opens, that every checksum holds, and then what lod::verify
+// checks.
 #include <optional>
 
 #include "base/parallel.hpp"
@@ -17,7 +17,7 @@ void add_checksum_error(lod::VerifyReport& report, const std::string& sentence) 
   if (report.problems.size() < kMaxProblems) report.problems.push_back(sentence);
 }
 
-/// A page that has become unreadable counts as one that is not whole.
+/// Pages that are unreadable or whose checksum does not hold.
 std::vector<uint8_t> broken_pages(const Asset& asset, const BuildOptions& options) {
   std::vector<uint8_t> broken(asset.info().pages);
   with_threads(options.threads, [&] {
@@ -67,7 +67,7 @@ lod::VerifyReport verify_asset(const Asset& asset, uint32_t cuts, uint32_t seed,
         add_checksum_error(report,
                            "the checksum of page " + std::to_string(page) + " does not hold");
     for (uint32_t file = 0; file < asset.files(); ++file) asset.file(file);
-    // Geometry that is known to be damaged would only add its consequences to the causes.
+    // Errors in damaged pages' geometry would only repeat the cause.
     if (!report.ok) return report;
     for (uint32_t m = 0; m < asset.meshes().size(); ++m)
       add(report, lod::verify(

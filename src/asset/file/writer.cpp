@@ -1,6 +1,6 @@
-// Writes an asset. Groups are encoded in parallel, coarsest first, and as many of them as fit form
-// a page; what they were made from is in a later page, so references are filled in once all pages
-// are known. The head, which needs everybody's checksums, comes last, in front.
+// Writes an asset. Groups are encoded in parallel, coarsest first, and packed into pages. The
+// groups that a group was made from are in its page or a later one, so references are filled in
+// once all pages are known. The file header, which has every checksum, is written last.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -9,13 +9,13 @@
 #include "asset/file/format.hpp"
 #include "asset/file/group_chunk.hpp"
 #include "asset/file/page.hpp"
-#include "asset/file/structure.hpp"
 #include "base/bytes.hpp"
 #include "base/file.hpp"
 #include "base/hash.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
+#include "lod/verify/table_structure.hpp"
 
 namespace umbel {
 namespace asset {
@@ -79,7 +79,7 @@ void check_cluster(const lod::Dag& dag, uint32_t cluster) {
 
 /// Refuses what cannot be stored or read back; what is merely wrong is lod::verify's to find.
 void check_dag(const lod::Dag& dag) {
-  if (const std::string problem = structural_problem(dag.tables); !problem.empty()) refuse(problem);
+  if (const std::string fault = lod::structure_fault(dag.tables); !fault.empty()) refuse(fault);
   const size_t clusters = dag.tables.clusters.size(), vertices = dag.vertices.positions.size();
   check_stream("normals", dag.vertices.normals, vertices);
   check_stream("tangents", dag.vertices.tangents, vertices);
@@ -119,7 +119,7 @@ void check_contents(const AssetContents& contents, const AssetConfig& config) {
   if (!is_finite(contents.origin)) refuse("the asset's origin is not finite");
   for (size_t i = 0; i < contents.instances.size(); ++i) {
     const Instance& instance = contents.instances[i];
-    const auto& t = instance.transform;
+    const auto& t = instance.transform.rows;
     if (instance.mesh >= contents.meshes.size() ||
         !std::all_of(t.begin(), t.end(), [](float f) { return std::isfinite(f); }))
       refuse("instance " + std::to_string(i) + " is of mesh " + std::to_string(instance.mesh) +
@@ -127,7 +127,7 @@ void check_contents(const AssetContents& contents, const AssetConfig& config) {
   }
 }
 
-/// Appends to one of the head's tables what is one mesh's, and returns where it is.
+/// Appends to one of the header's tables what is one mesh's, and returns where it is.
 template <typename Element>
 Range append(std::vector<Element>& table, std::span<const Element> more) {
   const Range range{static_cast<uint32_t>(table.size()), static_cast<uint32_t>(more.size())};
@@ -147,24 +147,24 @@ class Writer {
     fill_pages();
     refer_to_pages();
     for (size_t m = 0; m < contents_.meshes.size(); ++m) add_roots(m);
-    head_.info.metadata = contents_.metadata;
+    header_.info.metadata = contents_.metadata;
     // Without the sign of zero, which the sum does not keep.
-    head_.info.origin = {contents_.origin.x + 0.0, contents_.origin.y + 0.0,
-                         contents_.origin.z + 0.0};
-    head_.scene = contents_.scene;
-    head_.info.page_bytes = config_.page_bytes;
-    head_.materials = contents_.materials;
-    head_.instances = contents_.instances;
-    head_.files.resize(contents_.files.size());
+    header_.info.origin = {contents_.origin.x + 0.0, contents_.origin.y + 0.0,
+                           contents_.origin.z + 0.0};
+    header_.scene = contents_.scene;
+    header_.info.page_bytes = config_.page_bytes;
+    header_.materials = contents_.materials;
+    header_.instances = contents_.instances;
+    header_.files.resize(contents_.files.size());
     write_pages(file);
     write_tail(file);
-    file.write(0, encode_head(head_));
-    return head_.info.file_bytes;
+    file.write(0, encode_header(header_));
+    return header_.info.file_bytes;
   }
 
  private:
   /// Where a group is, and what its page must say of it.
-  struct Place {
+  struct GroupLocation {
     std::vector<uint32_t> children;
     uint32_t parents = 0, page = 0;
   };
@@ -179,20 +179,20 @@ class Writer {
     entry.mesh.clusters = static_cast<uint32_t>(dag.tables.clusters.size());
     formats_.push_back(choose_format(dag, config_));
     entry.attributes =
-        append<AttributeFormat>(head_.attributes, std::span(formats_.back().attributes));
-    entry.levels = append<Range>(head_.levels, dag.tables.levels);
+        append<AttributeFormat>(header_.attributes, std::span(formats_.back().attributes));
+    entry.levels = append<Range>(header_.levels, dag.tables.levels);
     entry.nodes = append<lod::Node>(nodes_, dag.tables.nodes);
-    head_.meshes.push_back(entry);
-    head_.info.max_triangles = std::max(head_.info.max_triangles, dag.config.max_triangles);
-    head_.info.max_vertices = std::max(head_.info.max_vertices, dag.config.max_vertices);
+    header_.meshes.push_back(entry);
+    header_.info.max_triangles = std::max(header_.info.max_triangles, dag.config.max_triangles);
+    header_.info.max_vertices = std::max(header_.info.max_vertices, dag.config.max_vertices);
 
-    std::vector<Place>& places = places_.emplace_back(entry.mesh.groups);
+    std::vector<GroupLocation>& locations = locations_.emplace_back(entry.mesh.groups);
     for (uint32_t g = 0; g < entry.mesh.groups; ++g) {
-      places[g].children = children_of(dag.tables, g);
-      if (places[g].children.size() > kMaxReferences)
+      locations[g].children = children_of(dag.tables, g);
+      if (locations[g].children.size() > kMaxReferences)
         refuse("group " + std::to_string(g) + " was made from " +
-               std::to_string(places[g].children.size()) + " groups, but at most 65535 can be");
-      for (const uint32_t child : places[g].children) ++places[child].parents;
+               std::to_string(locations[g].children.size()) + " groups, but at most 65535 can be");
+      for (const uint32_t child : locations[g].children) ++locations[child].parents;
     }
   }
 
@@ -208,8 +208,8 @@ class Writer {
         encoded_.push_back({m,
                             g,
                             groups[g],
-                            places_[m][g].parents,
-                            static_cast<uint32_t>(places_[m][g].children.size()),
+                            locations_[m][g].parents,
+                            static_cast<uint32_t>(locations_[m][g].children.size()),
                             {}});
       }
     }
@@ -237,8 +237,8 @@ class Writer {
       parallel_for(std::min(kBatch, encoded_.size() - begin), 1, [&](size_t i) {
         EncodedGroup& group = encoded_[begin + i];
         const EncodedMesh mesh{*contents_.meshes[group.mesh], formats_[group.mesh],
-                               head_.meshes[group.mesh].mesh.bounds, first_material(group.mesh)};
-        group.part = encode_part(mesh, group.id, places_[group.mesh][group.id].children);
+                               header_.meshes[group.mesh].mesh.bounds, first_material(group.mesh)};
+        group.chunk = encode_chunk(mesh, group.id, locations_[group.mesh][group.id].children);
       });
     }
   }
@@ -246,26 +246,27 @@ class Writer {
   /// Fills pages one after the other, each with the next group and with what fits of those soon
   /// after it, as long as they are as far below the coarsest level: parents stay in front.
   void fill_pages() {
-    std::vector<bool> is_placed(encoded_.size());
+    std::vector<bool> is_in_page(encoded_.size());
     std::vector<EncodedGroup> ordered;
     ordered.reserve(encoded_.size());
     for (size_t next = 0; next < encoded_.size(); ++next) {
-      if (is_placed[next]) continue;
+      if (is_in_page[next]) continue;
       pages_.push_back({static_cast<uint32_t>(ordered.size()), 0});
       uint64_t bytes = kPageHeaderBytes;
       size_t passed = 0;
       for (size_t i = next; i < encoded_.size() && passed <= kReach; ++i) {
-        if (is_placed[i]) continue;
+        if (is_in_page[i]) continue;
         if (passed > 0 && depths_[i] != depths_[next]) break;
-        const uint64_t more = kGroupRecordBytes + encoded_[i].part.size();
+        const uint64_t more = kGroupRecordBytes + encoded_[i].chunk.size();
         if (i > next && bytes + more > config_.page_bytes) {
           ++passed;
           continue;
         }
         bytes += more;
-        is_placed[i] = true;
+        is_in_page[i] = true;
         ++pages_.back().count;
-        places_[encoded_[i].mesh][encoded_[i].id].page = static_cast<uint32_t>(pages_.size() - 1);
+        locations_[encoded_[i].mesh][encoded_[i].id].page =
+            static_cast<uint32_t>(pages_.size() - 1);
         ordered.push_back(std::move(encoded_[i]));
       }
     }
@@ -274,51 +275,51 @@ class Writer {
 
   GroupRef reference_to(uint32_t mesh, uint32_t group) const {
     const lod::Group& g = contents_.meshes[mesh]->tables.groups[group];
-    const Place& place = places_[mesh][group];
-    return {group, place.page, place.parents, g.sphere, g.error};
+    const GroupLocation& location = locations_[mesh][group];
+    return {group, location.page, location.parents, g.sphere, g.error};
   }
 
   void refer_to_pages() {
     for (EncodedGroup& group : encoded_) {
-      const std::vector<uint32_t>& children = places_[group.mesh][group.id].children;
+      const std::vector<uint32_t>& children = locations_[group.mesh][group.id].children;
       for (size_t i = 0; i < children.size(); ++i)
-        write_reference(group.part, i, reference_to(group.mesh, children[i]));
+        write_reference(group.chunk, i, reference_to(group.mesh, children[i]));
     }
   }
 
   void add_roots(size_t mesh) {
     std::vector<GroupRef> roots;
-    for (uint32_t g = 0; g < places_[mesh].size(); ++g)
-      if (places_[mesh][g].parents == 0)
+    for (uint32_t g = 0; g < locations_[mesh].size(); ++g)
+      if (locations_[mesh][g].parents == 0)
         roots.push_back(reference_to(static_cast<uint32_t>(mesh), g));
-    head_.meshes[mesh].roots = append<GroupRef>(head_.roots, roots);
+    header_.meshes[mesh].roots = append<GroupRef>(header_.roots, roots);
   }
 
   void write_pages(OutputFile& file) {
-    head_.pages.resize(pages_.size());
-    uint64_t at = head_bytes(head_);
+    header_.pages.resize(pages_.size());
+    uint64_t at = header_bytes(header_);
     for (uint32_t p = 0; p < pages_.size(); ++p) {
       const auto groups = std::span(encoded_).subspan(pages_[p].offset, pages_[p].count);
       const std::vector<std::byte> page = encode_page(p, groups);
       file.write(at, page);
-      head_.pages[p] = {at, static_cast<uint32_t>(page.size()), pages_[p].count,
-                        xxh64(page.data(), page.size())};
+      header_.pages[p] = {at, static_cast<uint32_t>(page.size()), pages_[p].count,
+                          xxh64(page.data(), page.size())};
       at += page.size();
     }
-    head_.info.file_bytes = at;
+    header_.info.file_bytes = at;
   }
 
   /// What lies behind the pages.
   void write_tail(OutputFile& file) {
-    uint64_t& at = head_.info.file_bytes;
+    uint64_t& at = header_.info.file_bytes;
     const std::vector<std::byte> nodes = encode_nodes(nodes_);
     file.write(at, nodes);
-    head_.nodes = {at, nodes_.size(), kNodeBytes, xxh64(nodes.data(), nodes.size())};
+    header_.nodes = {at, nodes_.size(), kNodeBytes, xxh64(nodes.data(), nodes.size())};
     at += nodes.size();
     for (size_t i = 0; i < contents_.files.size(); ++i) {
       const std::vector<std::byte>& bytes = contents_.files[i];
       file.write(at, bytes);
-      head_.files[i] = {at, bytes.size(), xxh64(bytes.data(), bytes.size())};
+      header_.files[i] = {at, bytes.size(), xxh64(bytes.data(), bytes.size())};
       at += bytes.size();
     }
   }
@@ -326,13 +327,13 @@ class Writer {
   const AssetContents& contents_;
   const AssetConfig& config_;
   Progress& progress_;
-  Head head_;
+  FileHeader header_;
   std::vector<VertexFormat> formats_;
   std::vector<lod::Node> nodes_;
-  std::vector<std::vector<Place>> places_;  // by mesh and group
-  std::vector<EncodedGroup> encoded_;       // in file order
-  std::vector<uint32_t> depths_;            // of encoded_, until pages are filled
-  std::vector<Range> pages_;                // of encoded_
+  std::vector<std::vector<GroupLocation>> locations_;  // by mesh and group
+  std::vector<EncodedGroup> encoded_;                  // in file order
+  std::vector<uint32_t> depths_;                       // of encoded_, until pages are filled
+  std::vector<Range> pages_;                           // of encoded_
 };
 
 }  // namespace

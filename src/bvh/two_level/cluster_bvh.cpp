@@ -67,32 +67,32 @@ struct LocalRay {
 
 }  // namespace
 
-Placement::Placement(const std::array<float, 12>& to_world)
-    : to_world_(to_world), to_object_(inverse_of(to_world)), scale_(0) {
+InstanceTransform::InstanceTransform(const Transform& to_world)
+    : to_world_(to_world.rows), to_object_(inverse_of(to_world.rows)), scale_(0) {
   float squares = 0;
   for (int i = 0; i < 12; ++i) {
-    if (i % 4 != 3) squares += to_world[i] * to_world[i];
+    if (i % 4 != 3) squares += to_world_[i] * to_world_[i];
     if (!std::isfinite(to_object_[i]))
       throw Error(ErrorCode::kInvalidArgument, "a transform of the scene cannot be inverted");
   }
   scale_ = std::sqrt(squares);
 }
 
-Vec3 Placement::point_to_world(const Vec3& p) const {
+Vec3 InstanceTransform::point_to_world(const Vec3& p) const {
   return turned(to_world_, p) + Vec3{to_world_[3], to_world_[7], to_world_[11]};
 }
-Vec3 Placement::point_to_object(const Vec3& p) const {
+Vec3 InstanceTransform::point_to_object(const Vec3& p) const {
   return turned(to_object_, p) + Vec3{to_object_[3], to_object_[7], to_object_[11]};
 }
-Vec3 Placement::vector_to_object(const Vec3& v) const { return turned(to_object_, v); }
+Vec3 InstanceTransform::vector_to_object(const Vec3& v) const { return turned(to_object_, v); }
 
-Vec3 Placement::normal_to_world(const Vec3& n) const {
+Vec3 InstanceTransform::normal_to_world(const Vec3& n) const {
   const auto& m = to_object_;
   return {m[0] * n.x + m[4] * n.y + m[8] * n.z, m[1] * n.x + m[5] * n.y + m[9] * n.z,
           m[2] * n.x + m[6] * n.y + m[10] * n.z};
 }
 
-Aabb Placement::box_to_world(const Aabb& box) const {
+Aabb InstanceTransform::box_to_world(const Aabb& box) const {
   Aabb out;
   for (int corner = 0; corner < 8; ++corner)
     extend(out,
@@ -102,10 +102,10 @@ Aabb Placement::box_to_world(const Aabb& box) const {
   return {out.min - slack, out.max + slack};
 }
 
-ClusterBvh::ClusterBvh(std::vector<TracedPart> parts, std::vector<PlacedCluster> placed,
-                       std::vector<Placement> placements, const std::vector<Vec3>& positions,
-                       const std::vector<Triangle>& triangles)
-    : parts_(std::move(parts)), placements_(std::move(placements)) {
+ClusterBvh::ClusterBvh(std::vector<TracedPart> parts, std::vector<ClusterInstance> instances,
+                       std::vector<InstanceTransform> transforms,
+                       const std::vector<Vec3>& positions, const std::vector<Triangle>& triangles)
+    : parts_(std::move(parts)), transforms_(std::move(transforms)) {
   corners_.reserve(triangles.size());
   for (const Triangle& t : triangles)
     corners_.push_back({positions[t[0]], positions[t[1]], positions[t[2]]});
@@ -114,21 +114,22 @@ ClusterBvh::ClusterBvh(std::vector<TracedPart> parts, std::vector<PlacedCluster>
     space_.reach[1] = std::max(space_.reach[1], std::fabs(p.y));
     space_.reach[2] = std::max(space_.reach[2], std::fabs(p.z));
   }
-  camera_ = top_of(placed, kCameraRays);
-  for (const PlacedCluster& at : camera_.placed)
-    placed_triangles_ += parts_[at.part].triangles.count;
-  has_others_ = std::any_of(placed.begin(), placed.end(),
-                            [](const PlacedCluster& at) { return at.rays != kAllRays; });
-  if (has_others_) others_ = top_of(placed, kOtherRays);
+  camera_ = top_of(instances, kCameraRays);
+  for (const ClusterInstance& at : camera_.instances)
+    instanced_triangles_ += parts_[at.part].triangles.count;
+  has_others_ = std::any_of(instances.begin(), instances.end(),
+                            [](const ClusterInstance& at) { return at.rays != kAllRays; });
+  if (has_others_) others_ = top_of(instances, kOtherRays);
 }
 
-ClusterBvh::Top ClusterBvh::top_of(const std::vector<PlacedCluster>& placed, RayKinds kind) const {
+ClusterBvh::Top ClusterBvh::top_of(const std::vector<ClusterInstance>& instances,
+                                   RayKinds kind) const {
   Top top;
   std::vector<Aabb> boxes;
-  for (const PlacedCluster& at : placed) {
+  for (const ClusterInstance& at : instances) {
     if (!(at.rays & kind)) continue;
-    top.placed.push_back(at);
-    boxes.push_back(placements_[at.transform].box_to_world(parts_[at.part].tree.nodes[0].box()));
+    top.instances.push_back(at);
+    boxes.push_back(transforms_[at.transform].box_to_world(parts_[at.part].tree.nodes[0].box()));
   }
   top.tree = bvh::build(boxes, bvh::preset("quality"));
   return top;
@@ -144,15 +145,15 @@ void ClusterBvh::visit(const Top& top, const Ray& ray, const RayOptions& options
       top.tree, [&](const bvh::Node& node) { return world.entry(node.box(), limit); },
       [&](std::span<const uint32_t> leaf) {
         for (const uint32_t p : leaf) {
-          const PlacedCluster& at = top.placed[p];
+          const ClusterInstance& at = top.instances[p];
           const TracedPart& part = parts_[at.part];
           if (!(part.mask & options.mask)) continue;
           if (local.transform != at.transform) {
-            const Placement& placement = placements_[at.transform];
+            const InstanceTransform& transform = transforms_[at.transform];
             local.transform = at.transform;
             local.ray = ray;
-            local.ray.origin = placement.point_to_object(ray.origin);
-            local.ray.direction = placement.vector_to_object(ray.direction);
+            local.ray.origin = transform.point_to_object(ray.origin);
+            local.ray.direction = transform.vector_to_object(ray.direction);
             local.is_sound = make_frame(space_, local.ray, local.frame);
             local.slabs.emplace(local.ray);
           }
@@ -218,9 +219,9 @@ uint64_t ClusterBvh::bytes() const {
     return tree.nodes.capacity() * sizeof(bvh::Node) + tree.primitives.capacity() * 4;
   };
   uint64_t bytes =
-      corners_.capacity() * sizeof corners_[0] + placements_.capacity() * sizeof(Placement);
+      corners_.capacity() * sizeof corners_[0] + transforms_.capacity() * sizeof(InstanceTransform);
   for (const Top* top : {&camera_, &others_})
-    bytes += of_tree(top->tree) + top->placed.capacity() * sizeof(PlacedCluster);
+    bytes += of_tree(top->tree) + top->instances.capacity() * sizeof(ClusterInstance);
   for (const TracedPart& part : parts_) bytes += sizeof part + of_tree(part.tree);
   return bytes;
 }

@@ -18,10 +18,10 @@ struct SceneHit : Hit {
 };
 
 /// An affine map and its inverse.
-class Placement {
+class InstanceTransform {
  public:
   /// Throws kInvalidArgument if it cannot be inverted.
-  explicit Placement(const std::array<float, 12>& to_world);
+  explicit InstanceTransform(const Transform& to_world);
 
   Vec3 point_to_world(const Vec3& p) const;
   Vec3 point_to_object(const Vec3& p) const;
@@ -46,27 +46,27 @@ struct TracedPart {
 class ClusterBvh {
  public:
   /// `corners(triangle)` are its three positions in the space of its part.
-  ClusterBvh(std::vector<TracedPart> parts, std::vector<PlacedCluster> placed,
-             std::vector<Placement> placements, const std::vector<Vec3>& positions,
+  ClusterBvh(std::vector<TracedPart> parts, std::vector<ClusterInstance> instances,
+             std::vector<InstanceTransform> transforms, const std::vector<Vec3>& positions,
              const std::vector<Triangle>& triangles);
 
   /// `kind`: of RayKinds.
   SceneHit intersect(const Ray& ray, const RayOptions& options, RayKinds kind) const;
   bool occluded(const Ray& ray, const RayOptions& options, RayKinds kind) const;
 
-  const Placement& placement(uint32_t transform) const { return placements_[transform]; }
+  const InstanceTransform& transform(uint32_t transform) const { return transforms_[transform]; }
   Aabb bounds() const;
-  uint64_t placed_triangles() const { return placed_triangles_; }
+  uint64_t instanced_triangles() const { return instanced_triangles_; }
   uint64_t bytes() const;
 
  private:
   /// The places that rays of a kind meet, and the tree over them.
   struct Top {
-    std::vector<PlacedCluster> placed;
+    std::vector<ClusterInstance> instances;
     bvh::Bvh2 tree;
   };
 
-  Top top_of(const std::vector<PlacedCluster>& placed, RayKinds kind) const;
+  Top top_of(const std::vector<ClusterInstance>& instances, RayKinds kind) const;
   const Top& top_for(RayKinds kind) const {
     return kind == kOtherRays && has_others_ ? others_ : camera_;
   }
@@ -74,12 +74,12 @@ class ClusterBvh {
   void visit(const Top& top, const Ray& ray, const RayOptions& options, const Found& found) const;
 
   std::vector<TracedPart> parts_;
-  std::vector<Placement> placements_;
+  std::vector<InstanceTransform> transforms_;
   std::vector<std::array<Vec3, 3>> corners_;
   Top camera_, others_;
   bool has_others_ = false;  ///< if not, all rays meet what the camera's do
   LeafStore space_;          // for make_frame: how far coordinates reach
-  uint64_t placed_triangles_ = 0;
+  uint64_t instanced_triangles_ = 0;
 };
 
 }  // namespace umbel::trace

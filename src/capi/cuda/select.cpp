@@ -11,7 +11,7 @@ static_assert(sizeof(umbel_lod_view) == sizeof(lod::View));
 static_assert(sizeof(umbel_lod_node) == sizeof(lod::Node));
 static_assert(sizeof(umbel_lod_group) == sizeof(lod::Group));
 static_assert(sizeof(umbel_lod_cluster) == sizeof(lod::Cluster));
-static_assert(sizeof(umbel_transform) == sizeof(lod::Transform));
+static_assert(sizeof(umbel_transform) == sizeof(Transform));
 static_assert(sizeof(umbel_cuda_counts) == sizeof(cuda::SelectionCounts));
 
 template <typename T, typename From>
@@ -32,7 +32,7 @@ cuda::DeviceTables tables_of(const umbel_cuda_tables* given) {
 cuda::DeviceScene scene_of(const umbel_cuda_scene* given) {
   const umbel_cuda_scene& s = required(given, "scene");
   return {same<lod::View>(s.view), same<Plane>(s.planes), s.plane_count,
-          same<lod::Transform>(s.instances), s.instance_count};
+          same<Transform>(s.instances), s.instance_count};
 }
 
 cuda::DevicePages pages_of(const umbel_cuda_pages& p) {

@@ -2,6 +2,8 @@
 // SIGGRAPH 2021): clusters, groups, simplification of each group with its border locked, clusters
 // again, until one group is left. Groups of a level are independent and run in parallel; results
 // are joined in the order of the groups.
+#include "umbel/lod/build.hpp"
+
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
@@ -22,7 +24,6 @@
 #include "lod/dag/locked_edges.hpp"
 #include "lod/dag/source.hpp"
 #include "lod/simplify/simplify.hpp"
-#include "umbel/lod.hpp"
 
 namespace umbel::lod {
 namespace {

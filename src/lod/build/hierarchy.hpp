@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "umbel/lod.hpp"
+#include "umbel/lod/types.hpp"
 
 namespace umbel::lod {
 

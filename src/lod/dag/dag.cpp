@@ -1,5 +1,5 @@
 // The geometry of one cluster, gathered from the DAG's shared vertices.
-#include "umbel/lod.hpp"
+#include "umbel/lod/build.hpp"
 
 namespace umbel::lod {
 namespace {

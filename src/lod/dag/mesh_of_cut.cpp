@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "lod/dag/interner.hpp"
-#include "umbel/lod.hpp"
+#include "umbel/lod/types.hpp"
 
 namespace umbel::lod {
 namespace {

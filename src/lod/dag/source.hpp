@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "lod/dag/cluster_set.hpp"
-#include "umbel/lod.hpp"
+#include "umbel/lod/build.hpp"
 
 namespace umbel::lod {
 

@@ -54,7 +54,7 @@ float turning_point(const Group& group, const Seen& seen) {
   return first_that(static_cast<float>(guess), [&](float value) {
     if (value == kInfinity) return true;
     (by_error ? view.error : view.threshold) = scaled(value, seen.factor);
-    return !error_too_large(group.sphere, group.error, view);
+    return !must_refine(group.sphere, group.error, view);
   });
 }
 

@@ -13,7 +13,7 @@
 #include <cmath>
 
 #include "lod/select/refine.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod/select.hpp"
 
 namespace umbel::lod {
 
@@ -61,11 +61,10 @@ UMBEL_HOST_DEVICE inline bool faces_away(const ClusterBounds& bounds, const Vec3
          bounds.cone_cutoff * vector_length(x, y, z) + bounds.sphere.radius;
 }
 
-/// Whether a walk of the hierarchy must look below this inner node.
-UMBEL_HOST_DEVICE inline bool opens(const Node& node, const View& view,
-                                    std::span<const Plane> planes) {
-  if (view.kind != View::Kind::kLevel && !error_too_large(node.sphere, node.error, view))
-    return false;
+/// Whether a traversal of the hierarchy must descend below this inner node.
+UMBEL_HOST_DEVICE inline bool must_descend(const Node& node, const View& view,
+                                           std::span<const Plane> planes) {
+  if (view.kind != View::Kind::kLevel && !must_refine(node.sphere, node.error, view)) return false;
   return !is_node_outside(node.sphere, planes);
 }
 

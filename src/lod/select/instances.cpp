@@ -9,8 +9,8 @@
 namespace umbel::lod {
 namespace {
 
-ObjectSpace space_of(const Transform& transform) {
-  ObjectSpace space(transform);
+InstanceSpace space_of(const Transform& transform) {
+  InstanceSpace space(transform);
   if (!space.is_invertible())
     throw Error(ErrorCode::kInvalidArgument,
                 "a transform must be finite and invertible, but has the determinant " +
@@ -36,7 +36,7 @@ Plane to_object(const Plane& plane, const Transform& transform) {
 }
 
 std::vector<Plane> to_object(std::span<const Plane> planes, const Transform& transform) {
-  const ObjectSpace space = space_of(transform);
+  const InstanceSpace space = space_of(transform);
   std::vector<Plane> result;
   result.reserve(planes.size());
   for (const Plane& plane : planes) result.push_back(space.plane(plane));

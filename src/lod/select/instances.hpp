@@ -27,9 +27,9 @@ UMBEL_HOST_DEVICE inline float scaled(float value, double factor) {
 }
 
 /// A transform, taken apart.
-class ObjectSpace {
+class InstanceSpace {
  public:
-  UMBEL_HOST_DEVICE explicit ObjectSpace(const Transform& transform) {
+  UMBEL_HOST_DEVICE explicit InstanceSpace(const Transform& transform) {
     is_finite_ = true;
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) m_[i][j] = double{transform.rows[4 * i + j]};

@@ -1,7 +1,7 @@
 // Cones of normals of a DAG's clusters, cluster by cluster from wherever the geometry is.
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod/select.hpp"
 
 namespace umbel::lod {
 namespace {

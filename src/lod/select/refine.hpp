@@ -1,4 +1,4 @@
-// The one test that selection is made of: is this error, seen from here, too large?
+// The one test that selection is made of: is this error, seen from the view, too large?
 //
 // It is arithmetic in 32-bit floats in exactly the order below, so that a selection on another
 // processor, on a GPU or in a browser can give the same cut. The file must be compiled without
@@ -10,7 +10,7 @@
 #include <limits>
 
 #include "base/host_device.hpp"
-#include "umbel/lod.hpp"
+#include "umbel/lod/select.hpp"
 
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
@@ -42,9 +42,9 @@ UMBEL_HOST_DEVICE inline float distance_outside(const Sphere& sphere, const Vec3
   return std::max(std::min(length, std::numeric_limits<float>::max()) - sphere.radius, 0.0f);
 }
 
-/// kError and kCamera, for a group or for a node of the hierarchy. Infinite errors are always
-/// too large.
-UMBEL_HOST_DEVICE inline bool error_too_large(const Sphere& sphere, float error, const View& view) {
+/// By error or camera, for a group or a node of the hierarchy. An infinite error must always be
+/// refined.
+UMBEL_HOST_DEVICE inline bool must_refine(const Sphere& sphere, float error, const View& view) {
   if (error == std::numeric_limits<float>::infinity()) return true;
   if (view.kind == View::Kind::kError) return error > view.error;
   return error > view.threshold * distance_outside(sphere, view.eye);
@@ -56,18 +56,19 @@ UMBEL_HOST_DEVICE inline float times_too_large(const Sphere& sphere, float error
                                                const View& view) {
   constexpr float kMost = 1e6f;
   if (view.kind == View::Kind::kLevel) return 1;
-  if (!error_too_large(sphere, error, view)) return 0;
+  if (!must_refine(sphere, error, view)) return 0;
   const float allowed = view.kind == View::Kind::kError
                             ? view.error
                             : view.threshold * distance_outside(sphere, view.eye);
   return std::min(error / std::max(allowed, std::numeric_limits<float>::min()), kMost);
 }
 
-/// must_refine.
-UMBEL_HOST_DEVICE inline bool needs_refining(const Group& group, const View& view) {
+/// By any view, for a group: must_refine(group, view) of lod/select.hpp, inlined and on devices.
+UMBEL_HOST_DEVICE inline bool must_refine(const Sphere& sphere, float error, uint32_t level,
+                                          const View& view) {
   if (view.kind == View::Kind::kLevel)
-    return group.level >= view.level || group.error == std::numeric_limits<float>::infinity();
-  return error_too_large(group.sphere, group.error, view);
+    return level >= view.level || error == std::numeric_limits<float>::infinity();
+  return must_refine(sphere, error, view);
 }
 
 }  // namespace umbel::lod

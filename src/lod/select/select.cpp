@@ -121,7 +121,9 @@ void check(const Tables& tables, const View& view, const Culling& culling) {
     reject("Culling::normal_cones needs a camera: other views have no eye");
 }
 
-bool must_refine(const Group& group, const View& view) { return needs_refining(group, view); }
+bool must_refine(const Group& group, const View& view) {
+  return must_refine(group.sphere, group.error, group.level, view);
+}
 
 std::vector<uint32_t> select(const Tables& tables, const View& view) {
   return select(tables, view, Culling{});
@@ -173,7 +175,7 @@ std::vector<uint32_t> select_hierarchy(const Tables& tables, const View& view,
     stack.pop_back();
     if (node.group != kNone) {
       if (is_shown(tables.groups[node.group], view, culling)) groups.insert(node.group);
-    } else if (opens(node, view, culling.planes)) {
+    } else if (must_descend(node, view, culling.planes)) {
       for (uint32_t i = 0; i < node.children.count; ++i) stack.push_back(node.children.offset + i);
     }
   }
@@ -194,7 +196,7 @@ std::vector<uint32_t> select_breadth_first(const Tables& tables, const View& vie
       const Node& node = tables.nodes[n];
       if (node.group != kNone) {
         if (is_shown(tables.groups[node.group], view, culling)) groups.insert(node.group);
-      } else if (opens(node, view, culling.planes)) {
+      } else if (must_descend(node, view, culling.planes)) {
         for (uint32_t i = 0; i < node.children.count; ++i) next.push_back(node.children.offset + i);
       }
     }

@@ -1,9 +1,9 @@
-// Selection for many instances at once, for any executor: down the hierarchy a layer at a time,
-// with a queue of nodes whose children come next (Karis, "Nanite: A Deep Dive", 2021, has the
-// persistent form of it).
+// Selection for many instances at once, for any executor: breadth-first through the hierarchy, with
+// a queue of the nodes whose children are visited next (Karis, "Nanite: A Deep Dive", 2021, has a
+// persistent-threads form).
 //
-// The queue fills in no particular order. What it leads to is a bit for each instance and group,
-// and everything after that is in the order of the bits: instances, then groups, then clusters.
+// The queue is in no particular order. It sets a bit for each group that an instance shows, and
+// the results are in the order of the bits: instances, then groups, then clusters.
 #pragma once
 
 #include <bit>
@@ -63,12 +63,16 @@ struct Selecting {
     return !pages.page_of_group || (pages.states[group] & kCanBeShown) != 0;
   }
 
+  UMBEL_HOST_DEVICE bool must_refine(uint32_t group, const lod::View& view) const {
+    const lod::Group& g = tables.groups[group];
+    return lod::must_refine(g.sphere, g.error, g.level, view);
+  }
+
   /// Marks the group of a leaf if the instance shows it, and wants its page.
   UMBEL_HOST_DEVICE void visit_group(uint32_t instance, uint32_t index) const {
     const lod::Group& group = tables.groups[index];
     const lod::View& view = views[instance];
-    if (!lod::needs_refining(group, view) || lod::is_outside(group.sphere, planes_of(instance)))
-      return;
+    if (!must_refine(index, view) || lod::is_outside(group.sphere, planes_of(instance))) return;
     if (pages.page_of_group) {
       const uint32_t state = pages.states[index];
       if (urgencies && (state & kReachable || !(state & kHasCoarser)))
@@ -84,7 +88,7 @@ struct Selecting {
     const lod::Node& node = tables.nodes[index];
     if (node.group != kNone) {
       visit_group(instance, node.group);
-    } else if (lod::opens(node, views[instance], planes_of(instance))) {
+    } else if (lod::must_descend(node, views[instance], planes_of(instance))) {
       const uint32_t at = atomic_count(&lengths[layer]);
       if (at < queue_room) queues[layer % 2][at] = {instance, index};
     }
@@ -96,7 +100,7 @@ struct StartInstance {
   Selecting s;
 
   UMBEL_HOST_DEVICE void operator()(size_t i) const {
-    const lod::ObjectSpace space(s.scene.instances[i]);
+    const lod::InstanceSpace space(s.scene.instances[i]);
     const lod::View view = space.view(*s.scene.view);
     if (!space.is_invertible() || (view.kind == lod::View::Kind::kCamera && !is_finite(view.eye))) {
       atomic_count(&s.counts->refused);
@@ -134,8 +138,7 @@ UMBEL_HOST_DEVICE void each_cluster(const Selecting& s, const ShownGroup& shown,
     const lod::Cluster& cluster = s.tables.clusters[c];
     const uint32_t from = cluster.generating_group;
     if (from != asked) {
-      is_finer_shown =
-          from != kNone && s.can_be_shown(from) && lod::needs_refining(s.tables.groups[from], view);
+      is_finer_shown = from != kNone && s.can_be_shown(from) && s.must_refine(from, view);
       asked = from;
     }
     if (is_finer_shown || lod::is_outside(cluster.box, planes)) continue;
@@ -300,7 +303,7 @@ void select_by_queue(Exec& exec, const DeviceTables& tables, const DeviceScene& 
       feedback.requests, &out.counts->requests);
 }
 
-// ---- what is there
+// ---- resident groups
 
 /// What a group's state means for the groups that its clusters were made from. All coarser levels
 /// are done.

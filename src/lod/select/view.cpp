@@ -3,7 +3,7 @@
 
 #include "base/math.hpp"
 #include "lod/select/refine.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod/select.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -74,32 +74,31 @@ View view_level(uint32_t level) {
   return view;
 }
 
-std::vector<Plane> frustum_planes(const Perspective& given) {
+std::vector<Plane> frustum_planes(const Camera& camera, float aspect, float near_plane,
+                                  float far_plane) {
   constexpr float kPi = 3.14159265f;
-  if (!is_finite(given.eye) || !is_finite(given.target) || !is_finite(given.up))
-    reject("frustum_planes: eye, target and up must be finite");
-  if (!(given.fov_y > 0 && given.fov_y < kPi))
+  if (!is_finite(camera.position) || !is_finite(camera.target) || !is_finite(camera.up))
+    reject("frustum_planes: position, target and up must be finite");
+  if (!(camera.fov_y > 0 && camera.fov_y < kPi))
     reject("frustum_planes: fov_y must be between 0 and pi radians, but is " +
-           std::to_string(given.fov_y));
-  if (!(given.aspect > 0 && std::isfinite(given.aspect)))
-    reject("frustum_planes: aspect must be over 0 and finite, but is " +
-           std::to_string(given.aspect));
-  if (!(given.near_plane >= 0 && given.far_plane > given.near_plane))
+           std::to_string(camera.fov_y));
+  if (!(aspect > 0 && std::isfinite(aspect)))
+    reject("frustum_planes: aspect must be over 0 and finite, but is " + std::to_string(aspect));
+  if (!(near_plane >= 0 && far_plane > near_plane))
     reject("frustum_planes: must be 0 <= near_plane < far_plane, but they are " +
-           std::to_string(given.near_plane) + " and " + std::to_string(given.far_plane));
-  const Row eye = row(given.eye);
-  const Row ahead = unit(sum(row(given.target), -1, eye), "the target, which is where the eye is,");
-  const Row right = unit(cross(ahead, row(given.up)), "up, which is along the line of sight,");
+           std::to_string(near_plane) + " and " + std::to_string(far_plane));
+  const Row eye = row(camera.position);
+  const Row ahead = unit(sum(row(camera.target), -1, eye), "the target, which is the position,");
+  const Row right = unit(cross(ahead, row(camera.up)), "up, which is along the line of sight,");
   const Row up = cross(right, ahead);
-  const double y = std::tan(0.5 * given.fov_y), x = y * given.aspect;
+  const double y = std::tan(0.5 * camera.fov_y), x = y * aspect;
   const auto side = [&](const Row& inwards, double tangent) {
     return plane_through(unit(sum(inwards, tangent, ahead), "the field of view"), eye, 0);
   };
   std::vector<Plane> planes = {side(right, x), side(sum({}, -1, right), x), side(up, y),
-                               side(sum({}, -1, up), y),
-                               plane_through(ahead, eye, given.near_plane)};
-  if (std::isfinite(given.far_plane))
-    planes.push_back(plane_through(sum({}, -1, ahead), eye, -double{given.far_plane}));
+                               side(sum({}, -1, up), y), plane_through(ahead, eye, near_plane)};
+  if (std::isfinite(far_plane))
+    planes.push_back(plane_through(sum({}, -1, ahead), eye, -double{far_plane}));
   return planes;
 }
 

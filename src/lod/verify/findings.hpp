@@ -1,10 +1,10 @@
-// What verification found: counts, and the first sentences.
+// What verification finds: counts, and the first sentences.
 #pragma once
 
 #include <string>
 #include <utility>
 
-#include "umbel/lod.hpp"
+#include "umbel/lod/verify.hpp"
 
 namespace umbel::lod {
 

@@ -1,6 +1,6 @@
-// Proof that a DAG is what it should be: tables first, then every cluster by itself, then what
-// groups were simplified to, then cuts. A stage that needs what an earlier one found broken is
-// left out, and the report says so.
+// Verifies a DAG: tables first, then every cluster by itself, then what groups were simplified to,
+// then cuts. A stage is left out if it needs what an earlier one found broken, and the report says
+// so.
 #include "base/parallel.hpp"
 #include "lod/verify/verify_borders.hpp"
 #include "lod/verify/verify_cuts.hpp"

@@ -5,7 +5,7 @@
 
 namespace umbel::lod {
 
-/// See the .cpp for what is proved.
+/// See the .cpp for what this proves.
 void verify_borders(const Tables& tables, const Topology& topology, Findings& findings);
 
 }  // namespace umbel::lod

@@ -9,6 +9,7 @@
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "lod/verify/edge_count.hpp"
+#include "umbel/lod/select.hpp"
 
 namespace umbel::lod {
 namespace {

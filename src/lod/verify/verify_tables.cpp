@@ -1,18 +1,16 @@
-// Verification of the tables: levels are ranges of groups, groups ranges of clusters, the
-// hierarchy is a tree with one leaf a group, and errors and spheres grow towards the root.
+// Verification of the tables, after their structure: levels in order, each cluster in its group,
+// every group one leaf of the hierarchy, and errors and spheres that grow towards the root.
 #include "lod/verify/verify_tables.hpp"
 
+#include <cctype>
 #include <cmath>
 
 #include "base/math.hpp"
-#include "umbel/lod_select.hpp"
+#include "lod/verify/table_structure.hpp"
+#include "umbel/lod/verify.hpp"
 
 namespace umbel::lod {
 namespace {
-
-bool in_range(const Range& range, size_t count) {
-  return uint64_t{range.offset} + range.count <= count;
-}
 
 bool is_infinite(float error) { return error == std::numeric_limits<float>::infinity(); }
 
@@ -20,11 +18,10 @@ bool verify_levels(const Tables& tables, Findings& findings) {
   uint64_t next = 0;
   for (size_t l = 0; l < tables.levels.size(); ++l) {
     const Range& level = tables.levels[l];
-    if (level.offset != next || !in_range(level, tables.groups.size())) {
+    if (level.offset != next) {
       findings.limit([&] {
-        return "Level " + number(l) + " has the groups from " + number(level.offset) + ", " +
-               number(level.count) + " of them, but should begin at " + number(next) +
-               " and end within " + number(tables.groups.size());
+        return "Level " + number(l) + " has the groups from " + number(level.offset) +
+               " on, but should have those from " + number(next);
       });
       return false;
     }
@@ -46,62 +43,42 @@ bool verify_levels(const Tables& tables, Findings& findings) {
   return false;
 }
 
+/// Whether the group has clusters.
 bool verify_group(const Tables& tables, uint32_t g, Findings& findings) {
   const Group& group = tables.groups[g];
   const auto complain = [&](const std::string& what) {
     findings.limit([&] { return "Group " + number(g) + " " + what; });
   };
-  const bool has_range =
-      in_range(group.clusters, tables.clusters.size()) && group.clusters.count > 0;
-  if (!has_range)
-    complain("has the clusters from " + number(group.clusters.offset) + ", " +
-             number(group.clusters.count) + " of them, but there are " +
-             number(tables.clusters.size()));
-  if (static_cast<uint32_t>(group.method) > static_cast<uint32_t>(SimplifyMethod::kRoot))
-    complain("has the unknown simplification method " +
-             number(static_cast<uint32_t>(group.method)));
-  else if ((group.method == SimplifyMethod::kRoot) != is_infinite(group.error))
+  if (group.clusters.count == 0) complain("has no clusters");
+  if ((group.method == SimplifyMethod::kRoot) != is_infinite(group.error))
     complain("has the simplification method " + number(static_cast<uint32_t>(group.method)) +
              " and the error " + text(group.error) +
-             ", but an infinite error and the root method (4) belong together");
+             ", but an infinite error and the method of roots (4) belong together");
   if (!(group.error >= 0)) complain("has the error " + text(group.error) + ", below 0");
   if (!is_finite(group.sphere.center) || !std::isfinite(group.sphere.radius) ||
       group.sphere.radius < 0)
     complain("has the impossible " + text(group.sphere));
-  return has_range;
+  return group.clusters.count > 0;
 }
 
-/// That the groups' ranges hold every cluster once.
-bool verify_partition(const Tables& tables, Findings& findings) {
-  std::vector<uint32_t> owner(tables.clusters.size(), kNone);
+/// Whether each cluster names the group whose range it is in.
+bool verify_owners(const Tables& tables, Findings& findings) {
   bool good = true;
   for (uint32_t g = 0; g < tables.groups.size(); ++g) {
     const Range& range = tables.groups[g].clusters;
     for (uint32_t c = range.offset; c < range.offset + range.count; ++c) {
-      if (owner[c] != kNone) {
-        good = false;
-        findings.limit([&] {
-          return "Cluster " + number(c) + " is in the ranges of group " + number(owner[c]) +
-                 " and of group " + number(g);
-        });
-      }
-      owner[c] = g;
-    }
-  }
-  for (uint32_t c = 0; c < owner.size(); ++c)
-    if (owner[c] == kNone || owner[c] != tables.clusters[c].group) {
+      if (tables.clusters[c].group == g) continue;
       good = false;
       findings.limit([&] {
         return "Cluster " + number(c) + " says group " + number(tables.clusters[c].group) +
-               " but is in the range of " +
-               (owner[c] == kNone ? "none" : "group " + number(owner[c]));
+               " but is in the range of group " + number(g);
       });
     }
+  }
   return good;
 }
 
-bool verify_generating(const Tables& tables, Findings& findings) {
-  bool good = true;
+void verify_generating(const Tables& tables, Findings& findings) {
   for (uint32_t c = 0; c < tables.clusters.size(); ++c) {
     const uint32_t from = tables.clusters[c].generating_group;
     if (from == kNone) continue;
@@ -110,11 +87,6 @@ bool verify_generating(const Tables& tables, Findings& findings) {
         return "Cluster " + number(c) + " was made from group " + number(from) + ", " + what;
       });
     };
-    if (from >= tables.groups.size()) {
-      complain("but there are " + number(tables.groups.size()));
-      good = false;
-      continue;
-    }
     const uint32_t to = tables.clusters[c].group;
     if (tables.groups[from].level >= tables.groups[to].level)
       complain("which is of level " + number(tables.groups[from].level) +
@@ -123,7 +95,6 @@ bool verify_generating(const Tables& tables, Findings& findings) {
     if (tables.groups[from].method == SimplifyMethod::kRoot)
       complain("which is a root and so was never simplified");
   }
-  return good;
 }
 
 bool verify_leaf(const Tables& tables, uint32_t n, std::vector<uint32_t>& leaf_of,
@@ -133,10 +104,9 @@ bool verify_leaf(const Tables& tables, uint32_t n, std::vector<uint32_t>& leaf_o
     findings.limit([&] { return "Node " + number(n) + " of the hierarchy " + what; });
     return false;
   };
-  if (node.group >= tables.groups.size() || node.children.count != 0)
+  if (node.children.count != 0)
     return complain("is a leaf of group " + number(node.group) + " with " +
-                    number(node.children.count) + " children, but there are " +
-                    number(tables.groups.size()) + " groups and leaves have no children");
+                    number(node.children.count) + " children, but leaves have none");
   if (leaf_of[node.group] != kNone)
     return complain("is a leaf of group " + number(node.group) + ", and so is node " +
                     number(leaf_of[node.group]));
@@ -151,12 +121,12 @@ bool verify_leaf(const Tables& tables, uint32_t n, std::vector<uint32_t>& leaf_o
   return true;
 }
 
-bool verify_hierarchy_links(const Tables& tables, Findings& findings) {
+/// Whether every group is one leaf below the root.
+bool verify_hierarchy(const Tables& tables, Findings& findings) {
   bool good = true;
   std::vector<uint32_t> leaf_of(tables.groups.size(), kNone);
-  std::vector<uint8_t> seen(tables.nodes.size(), 0);
   std::vector<uint32_t> stack;
-  if (!tables.nodes.empty()) stack.push_back(0), seen[0] = 1;
+  if (!tables.nodes.empty()) stack.push_back(0);
   while (!stack.empty()) {
     const uint32_t n = stack.back();
     const Node& node = tables.nodes[n];
@@ -165,26 +135,13 @@ bool verify_hierarchy_links(const Tables& tables, Findings& findings) {
       good &= verify_leaf(tables, n, leaf_of, findings);
       continue;
     }
-    const Range& children = node.children;
-    if (children.count == 0 || !in_range(children, tables.nodes.size())) {
+    if (node.children.count == 0) {
       findings.limit([&] {
-        return "Node " + number(n) + " of the hierarchy has the children from " +
-               number(children.offset) + ", " + number(children.count) +
-               " of them, but there are " + number(tables.nodes.size()) + " nodes";
+        return "Node " + number(n) + " of the hierarchy has neither a group nor children";
       });
       return false;
     }
-    for (uint32_t i = children.offset; i < children.offset + children.count; ++i) {
-      if (seen[i]) {
-        findings.limit([&] {
-          return "Node " + number(i) + " of the hierarchy has two parents, one of them node " +
-                 number(n);
-        });
-        return false;
-      }
-      seen[i] = 1;
-      stack.push_back(i);
-    }
+    for (uint32_t i = 0; i < node.children.count; ++i) stack.push_back(node.children.offset + i);
   }
   for (uint32_t g = 0; g < leaf_of.size(); ++g)
     if (leaf_of[g] == kNone) {
@@ -226,12 +183,17 @@ bool contains(const Sphere& outer, const Sphere& inner) {
 
 bool verify_links(const Tables& tables, Findings& findings) {
   findings.begin_stage();
+  if (std::string fault = structure_fault(tables); !fault.empty()) {
+    fault[0] = static_cast<char>(std::toupper(fault[0]));
+    findings.limit([&] { return fault; });
+    return false;
+  }
   if (!verify_levels(tables, findings)) return false;
   bool good = true;
   for (uint32_t g = 0; g < tables.groups.size(); ++g) good &= verify_group(tables, g, findings);
-  if (!good || !verify_partition(tables, findings)) return false;
-  good = verify_generating(tables, findings);
-  return verify_hierarchy_links(tables, findings) && good;
+  if (!good || !verify_owners(tables, findings)) return false;
+  verify_generating(tables, findings);
+  return verify_hierarchy(tables, findings);
 }
 
 void verify_monotone(const Tables& tables, Findings& findings) {

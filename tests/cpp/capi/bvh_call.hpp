@@ -25,6 +25,19 @@ using Owned = std::unique_ptr<umbel_bvh, Free>;
 
 inline umbel_vec3 vec(const Vec3& v) { return {v.x, v.y, v.z}; }
 
+/// A soup that a ray meets many triangles of.
+inline Mesh large_triangles(uint32_t count) {
+  Mesh mesh;
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> unit(-1, 1);
+  for (uint32_t i = 0; i < count; ++i) {
+    for (int corner = 0; corner < 3; ++corner)
+      mesh.positions.push_back({unit(random), unit(random), unit(random)});
+    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  return mesh;
+}
+
 /// A mesh and the structs that stand for it.
 struct Call {
   explicit Call(Mesh given = shapes::blob(3, 1)) : source(std::move(given)) {

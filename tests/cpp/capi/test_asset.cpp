@@ -73,6 +73,41 @@ TEST(CAsset, streams_to_the_cut_that_is_asked_for) {
   umbel_asset_free(asset);
 }
 
+TEST(CAsset, streams_what_a_view_of_levels_of_detail_asks_for) {
+  const Scratch scratch;
+  const std::string path = written(scratch).string();
+  umbel_asset* asset = nullptr;
+  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
+  umbel_residency* residency = nullptr;
+  ASSERT_EQ(umbel_residency_create(asset, 1 << 24, 1, &residency), UMBEL_OK);
+  umbel_stream_step step;
+  umbel_stream_step_init(&step);
+  std::vector<size_t> counts;
+  double seconds = 0;
+  for (const float distance : {2.0f, 200.0f}) {
+    const float eye[] = {0, 0, distance};
+    umbel_stream_view view{};
+    ASSERT_EQ(umbel_lod_view_camera(eye, 1, 1080, 1, &view.view), UMBEL_OK);
+    for (int i = 0; i < 2000; ++i) {
+      ASSERT_EQ(umbel_residency_step(residency, &view, 1, seconds += 0.01, &step), UMBEL_OK);
+      if (step.missing_groups == 0 && step.caught_up) break;
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    size_t count = 0;
+    std::vector<umbel_stream_cluster> cut(10000);
+    ASSERT_EQ(umbel_residency_cut(residency, cut.data(), cut.size(), &count), UMBEL_OK);
+    counts.push_back(count);
+  }
+  EXPECT_GT(counts[0], 4 * counts[1]);
+  EXPECT_GT(counts[1], 0u);
+  umbel_stream_view by_level{};
+  ASSERT_EQ(umbel_lod_view_level(1, &by_level.view), UMBEL_OK);
+  EXPECT_EQ(umbel_residency_step(residency, &by_level, 1, seconds, &step),
+            UMBEL_ERROR_INVALID_ARGUMENT);
+  umbel_residency_free(residency);
+  umbel_asset_free(asset);
+}
+
 TEST(CAsset, has_its_mistakes_named) {
   const Scratch scratch;
   const std::string path = written(scratch).string();

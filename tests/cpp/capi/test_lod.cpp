@@ -5,75 +5,16 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
+#include "capi/lod_call.hpp"
 #include "umbel/asset.hpp"
-#include "umbel/lod_select.hpp"
-#include "umbel/umbel.h"
 
 namespace umbel {
 namespace {
 
-umbel_lod_mesh c_mesh(const Mesh& mesh) {
-  umbel_lod_mesh result;
-  umbel_lod_mesh_init(&result);
-  result.positions = reinterpret_cast<const umbel_vec3*>(mesh.positions.data());
-  result.position_count = mesh.positions.size();
-  result.triangles = mesh.triangles[0].data();
-  result.triangle_count = mesh.triangles.size();
-  if (!mesh.uvs.empty()) result.uvs = reinterpret_cast<const umbel_vec2*>(mesh.uvs.data());
-  if (!mesh.materials.empty()) result.materials = mesh.materials.data();
-  return result;
-}
-
-umbel_lod_config small_config() {
-  umbel_lod_config config;
-  umbel_lod_config_init(&config);
-  config.max_triangles = 32;
-  config.max_vertices = 64;
-  config.min_group = 4;
-  config.max_group = 8;
-  return config;
-}
-
-lod::Config small_cpp_config() {
-  lod::Config config;
-  config.max_triangles = 32;
-  config.max_vertices = 64;
-  config.min_group = 4;
-  config.max_group = 8;
-  return config;
-}
-
-Mesh blob() {
-  Mesh mesh = shapes::blob(4, 5);
-  for (const Vec3& p : mesh.positions) mesh.uvs.push_back({p.x, p.y});
-  return mesh;
-}
-
-struct Free {
-  void operator()(umbel_lod* lod) const { umbel_lod_free(lod); }
-  void operator()(umbel_lod_tables* tables) const { umbel_lod_tables_free(tables); }
-  void operator()(umbel_mesh* mesh) const { umbel_mesh_free(mesh); }
-};
-
-std::unique_ptr<umbel_lod, Free> built(const Mesh& mesh, const umbel_lod_config& config) {
-  const umbel_lod_mesh given = c_mesh(mesh);
-  umbel_lod* lod = nullptr;
-  EXPECT_EQ(umbel_lod_build(&given, &config, nullptr, &lod), UMBEL_OK) << umbel_last_error();
-  return std::unique_ptr<umbel_lod, Free>(lod);
-}
-
-std::vector<uint32_t> selected(const umbel_lod_tables* tables, const umbel_lod_view& view,
-                               const umbel_lod_culling* culling, umbel_lod_method method) {
-  size_t count = 0;
-  EXPECT_EQ(umbel_lod_select(tables, &view, culling, method, nullptr, 0, &count), UMBEL_OK);
-  std::vector<uint32_t> cut(count);
-  EXPECT_EQ(umbel_lod_select(tables, &view, culling, method, cut.data(), count, &count), UMBEL_OK);
-  return cut;
-}
+using namespace lod_call;
 
 TEST(LodFromC, builds_what_cpp_builds) {
   const Mesh mesh = blob();
@@ -218,7 +159,7 @@ TEST(LodFromC, selects_what_cpp_selects) {
             UMBEL_OK);
   ASSERT_EQ(plane_count, 6u);
   const auto cpp_planes =
-      lod::frustum_planes({{0.4f, 0.2f, 2.5f}, {0, 0, 0}, {0, 1, 0}, 0.5f, 1.5f, 0.1f, 10});
+      lod::frustum_planes({{0.4f, 0.2f, 2.5f}, {0, 0, 0}, {0, 1, 0}, 0.5f}, 1.5f, 0.1f, 10);
   std::vector<umbel_cluster_bounds> normal_cones(dag.tables.clusters.size());
   ASSERT_EQ(umbel_lod_normal_cones(lod.get(), nullptr, normal_cones.data(), normal_cones.size()),
             UMBEL_OK);
@@ -260,7 +201,7 @@ TEST(LodFromC, budgets_and_instances_are_those_of_cpp) {
   ASSERT_EQ(umbel_lod_select_instances(tables, &fitting, nullptr, two.data(), 2, offsets.data(),
                                        clusters.data(), clusters.size(), &count),
             UMBEL_OK);
-  const lod::Transform cpp[] = {lod::Transform{}, {{2, 0, 0, 9, 0, 2, 0, 0, 0, 0, 2, 0}}};
+  const Transform cpp[] = {Transform{}, {{2, 0, 0, 9, 0, 2, 0, 0, 0, 0, 2, 0}}};
   const lod::InstanceCuts cuts =
       lod::select_instances(dag.tables, lod::view_error(fitting.error), {}, cpp);
   clusters.resize(count);
@@ -336,75 +277,6 @@ TEST(LodFromC, tables_can_come_from_anywhere_and_are_checked) {
   EXPECT_EQ(umbel_lod_tables_create(&arrays, &made), UMBEL_ERROR_CORRUPT);
   EXPECT_EQ(made, nullptr);
   EXPECT_NE(std::string(umbel_last_error()).find("1048576"), std::string::npos);
-}
-
-struct Calls {
-  int count = 0;
-  size_t vertices = 0;
-};
-
-// The edges that one triangle has, in its direction.
-std::vector<std::pair<uint32_t, uint32_t>> border_of(const umbel_lod_mesh& mesh) {
-  std::set<std::pair<uint32_t, uint32_t>> edges;
-  for (size_t i = 0; i < 3 * mesh.triangle_count; ++i)
-    edges.insert({mesh.triangles[i], mesh.triangles[i % 3 == 2 ? i - 2 : i + 1]});
-  std::vector<std::pair<uint32_t, uint32_t>> border;
-  for (const auto& [a, b] : edges)
-    if (edges.count({b, a}) == 0) border.emplace_back(a, b);
-  return border;
-}
-
-// A fan from the border to a new vertex above, where that is few enough triangles.
-int fan_around_a_new_vertex(umbel_lod_decimation* group, void* user) {
-  auto& calls = *static_cast<Calls*>(user);
-  ++calls.count;
-  calls.vertices += group->mesh.position_count;
-  const auto border = border_of(group->mesh);
-  if (border.empty() || border.size() > group->target) return 0;
-  for (const auto& [a, b] : border) {
-    uint32_t* t = group->triangles + 3 * group->triangle_count++;
-    t[0] = a;
-    t[1] = b;
-    t[2] = static_cast<uint32_t>(group->mesh.position_count);
-  }
-  const umbel_vec3& first = group->mesh.positions[border[0].first];
-  const umbel_vec3& second = group->mesh.positions[border[border.size() / 2].first];
-  group->added_positions[0] = {(first.x + second.x) / 2, (first.y + second.y) / 2, 0.25f};
-  group->added_uvs[0] = {first.x, first.y};
-  group->added_count = 1;
-  group->error = 0.25f;
-  return 1;
-}
-
-TEST(LodFromC, decimation_of_the_callers_own_may_add_vertices) {
-  Mesh mesh = shapes::grid(40, 40);
-  for (const Vec3& p : mesh.positions) mesh.uvs.push_back({p.x, p.y});
-  umbel_lod_config config = small_config();
-  Calls calls;
-  config.decimate = fan_around_a_new_vertex;
-  config.decimate_user = &calls;
-  umbel_build_options options;
-  umbel_build_options_init(&options);
-  options.threads = 1;
-  const umbel_lod_mesh given = c_mesh(mesh);
-  umbel_lod* made = nullptr;
-  ASSERT_EQ(umbel_lod_build(&given, &config, &options, &made), UMBEL_OK) << umbel_last_error();
-  const std::unique_ptr<umbel_lod, Free> lod(made);
-  EXPECT_GT(calls.count, 5);
-  EXPECT_GT(calls.vertices, 500u);
-  EXPECT_EQ(umbel_lod_verify(lod.get(), 16, 1, nullptr), UMBEL_OK) << umbel_last_error();
-  umbel_lod_view view;
-  umbel_lod_view_error(0.3f, &view);
-  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
-  umbel_mesh* shown = nullptr;
-  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &shown), UMBEL_OK);
-  const std::unique_ptr<umbel_mesh, Free> owner(shown);
-  umbel_lod_mesh arrays;
-  umbel_lod_mesh_init(&arrays);
-  umbel_mesh_arrays(shown, &arrays);
-  bool raised = false;
-  for (size_t v = 0; v < arrays.position_count; ++v) raised |= arrays.positions[v].z == 0.25f;
-  EXPECT_TRUE(raised);
 }
 
 TEST(LodFromC, mistakes_are_named) {

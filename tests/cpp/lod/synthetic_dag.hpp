@@ -55,26 +55,26 @@ class Random {
 };
 
 /// Where and how large the spheres of `random_tables` are.
-struct Placement {
+struct Extent {
   double scale = 1;
   Vec3 offset{0, 0, 0};
 };
 
-inline Sphere random_sphere(Random& random, const Placement& place) {
+inline Sphere random_sphere(Random& random, const Extent& extent) {
   const Vec3 p = random.point();
   // Some are points, some coincide.
   const double radius = random.uniform() < 0.1 ? 0 : random.log_between(1e-4, 1);
   const bool central = random.uniform() < 0.05;
   const auto at = [&](float x, float o) {
-    return static_cast<float>(o + (central ? 0.0 : x * place.scale));
+    return static_cast<float>(o + (central ? 0.0 : x * extent.scale));
   };
-  return {{at(p.x, place.offset.x), at(p.y, place.offset.y), at(p.z, place.offset.z)},
-          static_cast<float>(radius * place.scale)};
+  return {{at(p.x, extent.offset.x), at(p.y, extent.offset.y), at(p.z, extent.offset.z)},
+          static_cast<float>(radius * extent.scale)};
 }
 
 /// Tables of three levels of groups that obey nothing but their links: the hierarchy must serve
 /// any. Every group has two clusters, made from any group of the level below.
-inline Tables random_tables(uint32_t seed, uint32_t groups, const Placement& place) {
+inline Tables random_tables(uint32_t seed, uint32_t groups, const Extent& extent) {
   Random random(seed);
   Tables tables;
   for (const uint32_t count : {groups, groups / 3 + 1, 1u}) {
@@ -86,10 +86,10 @@ inline Tables random_tables(uint32_t seed, uint32_t groups, const Placement& pla
       Group group{};
       group.clusters = {static_cast<uint32_t>(tables.clusters.size()), 2};
       group.level = level;
-      group.sphere = random_sphere(random, place);
+      group.sphere = random_sphere(random, extent);
       group.error = random.uniform() < 0.05
                         ? 0.0f
-                        : static_cast<float>(random.log_between(1e-6, 1e-1) * place.scale);
+                        : static_cast<float>(random.log_between(1e-6, 1e-1) * extent.scale);
       if (level == 2) {
         group.method = SimplifyMethod::kRoot;
         group.error = std::numeric_limits<float>::infinity();
@@ -118,13 +118,13 @@ inline View camera(const Vec3& eye, float threshold) {
 
 /// An eye far away, near, inside a sphere, on its surface or at its centre, and a threshold at
 /// which the answer is likely to turn over.
-inline View random_camera(Random& random, const Tables& tables, const Placement& place) {
+inline View random_camera(Random& random, const Tables& tables, const Extent& extent) {
   constexpr double kMax = std::numeric_limits<float>::max();
   const Node& node = tables.nodes[random.below(static_cast<uint32_t>(tables.nodes.size()))];
   const Vec3 direction = random.point();
   const double reach[] = {0.0, 1.0, random.uniform(), random.log_between(1, 10),
                           random.log_between(10, 1e6)};
-  const double far = reach[random.below(5)] * std::max<double>(node.sphere.radius, place.scale);
+  const double far = reach[random.below(5)] * std::max<double>(node.sphere.radius, extent.scale);
   const auto at = [&](float c, float d) {
     return static_cast<float>(std::clamp(c + far * d, -kMax, kMax));
   };

@@ -21,9 +21,9 @@ class Walk {
  public:
   Walk(const Residency& residency, StreamView view)
       : residency_(residency), view_(std::move(view)) {
-    for (const GroupRef& root : world().asset().roots()) meet(root);
+    for (const GroupRef& root : world().asset().roots()) track(root);
     for (size_t k = 0; k < open_.size(); ++k)
-      for (const GroupRef& child : open_[k].children) meet(child);
+      for (const GroupRef& child : open_[k].children) track(child);
     for (const PageGroup& group : open_)
       for (uint32_t c = 0; c < group.clusters.size(); ++c)
         if (!is_open_.contains(group.clusters[c].generating_group))
@@ -38,7 +38,7 @@ class Walk {
   size_t open() const { return open_.size(); }
 
  private:
-  void meet(const GroupRef& group) {
+  void track(const GroupRef& group) {
     const bool outside = group.error != std::numeric_limits<float>::infinity() &&
                          lod::is_outside(group.sphere, view_.planes);
     const float ratio = lod::times_too_large(group.sphere, group.error, view_.view);
@@ -74,7 +74,7 @@ void expect_as_walked(const Streamed& s, const StreamView& view, const StreamSte
 }
 
 StreamView looking(const Vec3& eye, const Vec3& at, float pixels) {
-  return {0, seen_from(eye, pixels), lod::frustum_planes({eye, at, {0, 0, 1}})};
+  return {0, seen_from(eye, pixels), lod::frustum_planes({eye, at, {0, 0, 1}, 1.0f})};
 }
 
 using Path = std::function<StreamView(int)>;
@@ -113,7 +113,7 @@ std::vector<Path> paths() {
   return {walking, looking_ahead, turning, approaching, asking_more_and_less, leaping};
 }
 
-TEST(Frontier, shows_what_a_walk_from_the_roots_would_at_every_step_of_any_path) {
+TEST(CutTracker, shows_what_a_walk_from_the_roots_would_at_every_step_of_any_path) {
   size_t number = 0;
   for (const Path& path : paths()) {
     SCOPED_TRACE("path " + std::to_string(number++));
@@ -133,7 +133,7 @@ TEST(Frontier, shows_what_a_walk_from_the_roots_would_at_every_step_of_any_path)
   }
 }
 
-TEST(Frontier, is_whole_and_in_time_the_same_if_each_step_looks_at_few_groups) {
+TEST(CutTracker, is_whole_and_in_time_the_same_if_each_step_looks_at_few_groups) {
   for (const Path& path : paths()) {
     ResidencyConfig config;
     config.groups_per_step = 20;
@@ -153,7 +153,7 @@ TEST(Frontier, is_whole_and_in_time_the_same_if_each_step_looks_at_few_groups) {
   }
 }
 
-TEST(Frontier, looks_at_few_groups_again_when_a_camera_walks) {
+TEST(CutTracker, looks_at_few_groups_again_when_a_camera_walks) {
   ResidencyConfig config;
   Streamed s(config);
   const Path walking = paths()[0];
@@ -161,18 +161,18 @@ TEST(Frontier, looks_at_few_groups_again_when_a_camera_walks) {
   StreamStep step;
   for (int i = 0; i < 400; ++i) step = s.residency.step(view, s.now += 1.0 / 60);
   ASSERT_EQ(step.missing_groups, 0u);
-  EXPECT_EQ(step.looked_at, 0u);  // at rest, at nothing
-  uint64_t looked_at = 0;
+  EXPECT_EQ(step.evaluated, 0u);  // at rest, at nothing
+  uint64_t evaluated = 0;
   const auto eye = view[0].view.eye;
   for (int i = 1; i <= 200; ++i) {
     view[0].view.eye = {eye.x + 0.0005f * static_cast<float>(i), eye.y, eye.z};
-    looked_at += s.residency.step(view, s.now += 1.0 / 60).looked_at;
+    evaluated += s.residency.step(view, s.now += 1.0 / 60).evaluated;
   }
-  EXPECT_GT(looked_at, 0u);
-  EXPECT_LT(looked_at / 200, step.open_groups / 10);
+  EXPECT_GT(evaluated, 0u);
+  EXPECT_LT(evaluated / 200, step.open_groups / 10);
 }
 
-TEST(Frontier, follows_views_that_come_change_and_go) {
+TEST(CutTracker, follows_views_that_come_change_and_go) {
   Streamed s;
   std::mt19937 random(5);
   std::vector<StreamView> views;
@@ -193,7 +193,7 @@ TEST(Frontier, follows_views_that_come_change_and_go) {
   }
 }
 
-TEST(Frontier, follows_a_camera_that_comes_from_far_away) {
+TEST(CutTracker, follows_a_camera_that_comes_from_far_away) {
   for (const float far : {1e5f, 1e12f, 1e17f, 1e30f}) {
     Streamed s;
     StreamView view[] = {{0, seen_from({far, 0, 0}), {}}};
@@ -208,7 +208,7 @@ TEST(Frontier, follows_a_camera_that_comes_from_far_away) {
 }
 
 /// References that lie: of groups that are elsewhere, in circles, with other parents.
-TEST(Frontier, shows_something_of_any_file_whose_checksums_are_right) {
+TEST(CutTracker, shows_something_of_any_file_whose_checksums_are_right) {
   const testing::Scratch scratch;
   testing::write_pages(scratch / "a.umbel", shapes::blob(4, 1), {16, 2, 4, 4096});
   const std::vector<char> whole = testing::read_bytes(scratch / "a.umbel");

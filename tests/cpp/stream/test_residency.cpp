@@ -142,7 +142,7 @@ TEST(Residency, tries_broken_pages_again_later_and_then_stays_coarse) {
   }
   // Repaired and forgiven, all comes.
   s.postman->broken.clear();
-  s.residency.forgive();
+  s.residency.retry_failed();
   EXPECT_EQ(s.settle(view).missing_groups, 0u);
   EXPECT_TRUE(s.residency.statistics().given_up.empty());
 }
@@ -161,7 +161,7 @@ TEST(Residency, asks_again_for_what_never_comes) {
   EXPECT_GT(said.slow_loads, 0u);
   EXPECT_FALSE(said.given_up.empty());
   s.postman->lost.clear();
-  s.residency.forgive();
+  s.residency.retry_failed();
   EXPECT_EQ(s.settle(view).missing_groups, 0u);
 }
 
@@ -240,14 +240,14 @@ TEST(Residency, shows_several_views_of_what_it_has) {
 
 TEST(Residency, keeps_what_is_out_of_sight_coarse) {
   const Vec3 eye{3, 0, 0};
-  const std::vector<lod::Plane> planes = lod::frustum_planes({eye, {3, 1, 0}, {0, 0, 1}});
+  const std::vector<lod::Plane> planes = lod::frustum_planes({eye, {3, 1, 0}, {0, 0, 1}, 1.0f});
   Streamed s;
   const StreamView away[] = {{0, seen_from(eye, 0.1f), planes}};
   for (int i = 0; i < 100; ++i) s.residency.step(away, s.now += 0.01);
   world().expect_whole(s.residency);
   const size_t far_off = s.residency.cut().size();
   const StreamView towards[] = {
-      {0, seen_from(eye, 0.1f), lod::frustum_planes({eye, {0, 0, 0}, {0, 0, 1}})}};
+      {0, seen_from(eye, 0.1f), lod::frustum_planes({eye, {0, 0, 0}, {0, 0, 1}, 1.0f})}};
   for (int i = 0; i < 400; ++i) s.residency.step(towards, s.now += 0.01);
   world().expect_whole(s.residency);
   EXPECT_EQ(world().clusters(s.residency), lod::select(world().asset().tables(), towards[0].view));

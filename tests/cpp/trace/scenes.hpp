@@ -34,6 +34,16 @@ inline Environment constant(float radiance) {
   return environment;
 }
 
+/// A sun in this direction, and no other light.
+inline Environment lone_sun(const Vec3& direction) {
+  Environment sun;
+  sun.up = {0, 0, 1};
+  sun.sky_strength = 0;
+  sun.ground_albedo = {0, 0, 0};
+  sun.sun_direction = direction;
+  return sun;
+}
+
 inline BvhConfig quick() {
   BvhConfig config;
   config.tree = bvh::preset("fast");
@@ -78,6 +88,12 @@ inline Material lambert(float albedo) {
   Material material;
   material.base_color = {albedo, albedo, albedo};
   material.specular = 0.0f;
+  return material;
+}
+
+inline Material emitter(float radiance, float albedo = 0.0f) {
+  Material material = lambert(albedo);
+  material.emission = {radiance, radiance, radiance};
   return material;
 }
 

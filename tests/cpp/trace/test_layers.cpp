@@ -93,8 +93,7 @@ TEST(Layers, what_stands_in_a_body_is_seen_through_it) {
   m.attenuation_color = {0.5f, 0.5f, 0.5f};
   m.attenuation_distance = 1.0f;
   m.ior = 1.0f;
-  Material lamp = lambert(0.0f);
-  lamp.emission = {3, 3, 3};
+  Material lamp = emitter(3);
   Mesh mesh = slab(1.0f);
   append(mesh, square(50), {0, 0, 0}, 1);
   EXPECT_NEAR(mean(picture_of(mesh, {m, lamp}, constant(0))), 1.5, 1e-3);
@@ -106,8 +105,7 @@ TEST(Layers, a_thin_surface_tints_what_is_behind_it_and_bends_nothing) {
   pane.base_color = {0.5f, 0.5f, 0.5f};
   Mesh mesh = square(100);
   append(mesh, square(0.02f), {0, 0, -1}, 1);
-  Material lamp = lambert(0.0f);
-  lamp.emission = {1, 1, 1};
+  Material lamp = emitter(1);
   Settings settings = small_picture(8, 1024);
   const Image image =
       picture_of(mesh, {pane, lamp}, constant(0), settings, from_above(1.0f, 0.01f));
@@ -115,11 +113,7 @@ TEST(Layers, a_thin_surface_tints_what_is_behind_it_and_bends_nothing) {
 }
 
 TEST(Layers, light_reaches_through_thin_surfaces_in_their_colour) {
-  Environment sun;
-  sun.up = {0, 0, 1};
-  sun.sky_strength = 0;
-  sun.ground_albedo = {0, 0, 0};
-  sun.sun_direction = {0, 0, 1};
+  Environment sun = lone_sun({0, 0, 1});
   Material pane = glass();
   pane.body = false;
   pane.base_color = {1.0f, 0.5f, 0.0f};
@@ -216,11 +210,7 @@ TEST(Layers, textures_use_the_texture_coordinates_that_they_name) {
 }
 
 TEST(Layers, normal_maps_lean_the_way_that_their_image_stands) {
-  Environment sun;
-  sun.up = {0, 0, 1};
-  sun.sky_strength = 0;
-  sun.ground_albedo = {0, 0, 0};
-  sun.sun_direction = {0.3f, 0.5f, 0.8f};
+  Environment sun = lone_sun({0.3f, 0.5f, 0.8f});
   // Leans to the image's right and, more, to its top: (0.3, 0.6, 0.74).
   const std::vector<uint8_t> leaning = {166, 204, 222, 255}, flat = {128, 128, 255, 255};
   const Vec3 sun_at = normalized(sun.sun_direction, {0, 0, 1});

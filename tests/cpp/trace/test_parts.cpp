@@ -182,14 +182,14 @@ Vec2 seen_at(const Camera& camera, uint32_t width, uint32_t height, const Vec3& 
           0.5f - dot(way, up) / depth / t / 2};
 }
 
-TEST(Frame, the_mesh_fills_the_picture_but_for_the_margin) {
+TEST(FitCamera, the_mesh_fills_the_picture_but_for_the_margin) {
   for (const auto& [width, height] : {std::pair{1024u, 768u}, std::pair{300u, 900u}}) {
     for (const float azimuth : {0.0f, 35.0f, 200.0f}) {
       const Mesh mesh = shapes::torus(24, 12);
       Viewpoint view;
       view.azimuth = azimuth;
       view.margin = 0.1f;
-      const Camera camera = frame(mesh.view(), {0, 1, 0}, width, height, view);
+      const Camera camera = fit_camera(mesh.view(), {0, 1, 0}, width, height, view);
       Vec2 low{1, 1}, high{0, 0};
       for (const Vec3& p : mesh.positions) {
         const Vec2 s = seen_at(camera, width, height, p);

@@ -72,8 +72,7 @@ TEST(Render, a_plane_under_an_even_sky_has_the_radiance_of_its_albedo) {
 }
 
 TEST(Render, a_plane_under_a_square_light_has_the_radiance_of_its_form_factor) {
-  Material light = lambert(0.0f);
-  light.emission = {5, 5, 5};
+  Material light = emitter(5);
   Mesh mesh = square(100);
   append(mesh, square(0.5f), {0, 0, 1}, 1);
   const Scene scene = scene_of(mesh, {lambert(0.6f), light}, constant(0));
@@ -89,11 +88,7 @@ TEST(Render, a_plane_under_a_square_light_has_the_radiance_of_its_form_factor) {
 }
 
 TEST(Render, the_sun_lights_a_plane_by_the_cosine_of_its_angle) {
-  Environment environment;
-  environment.up = {0, 0, 1};
-  environment.sky_strength = 0;
-  environment.ground_albedo = {0, 0, 0};
-  environment.sun_direction = {0, 0, 1};
+  Environment environment = lone_sun({0, 0, 1});
   const auto radiance = [&](float albedo) {
     const Scene scene = scene_of(square(100), {lambert(albedo)}, environment);
     return mean(render(scene, from_above(), small_picture(8, 64)).image);
@@ -115,8 +110,7 @@ TEST(Render, shadow_rays_change_the_noise_and_not_the_picture) {
   metal.base_color = {0.9f, 0.6f, 0.4f};
   metal.metallic = 1.0f;
   metal.roughness = 0.4f;
-  Material light = lambert(0.3f);
-  light.emission = {3, 3, 3};
+  Material light = emitter(3, 0.3f);
   Mesh mesh = square(2);
   append(mesh, shapes::sphere(3), {0, 0, 1}, 1);
   append(mesh, square(0.7f), {1.5f, 0, 2}, 2);
@@ -162,8 +156,7 @@ TEST(Render, russian_roulette_changes_the_noise_and_not_the_picture) {
 }
 
 TEST(Render, errors_fall_with_the_root_of_the_samples_or_faster) {
-  Material light = lambert(0.0f);
-  light.emission = {5, 5, 5};
+  Material light = emitter(5);
   Mesh mesh = square(100);
   append(mesh, square(0.5f), {0, 0, 1}, 1);
   const Scene scene = scene_of(mesh, {lambert(0.6f), light}, constant(0));
@@ -284,7 +277,7 @@ TEST(Render, rays_are_counted) {
   settings.max_bounces = 0;
   const Statistics s = render(scene, from_above(), settings).statistics;
   EXPECT_EQ(s.primary, 8u * 8 * 16);
-  EXPECT_EQ(s.bounce, s.primary);  // one more, which only looks for light
+  EXPECT_EQ(s.bounce, s.primary);  // one more, which only finds light
   EXPECT_LE(s.shadow, 2 * s.primary);
   EXPECT_GT(s.shadow, s.primary / 2);
   EXPECT_EQ(s.rays(), s.primary + s.bounce + s.shadow);

@@ -72,7 +72,7 @@ def expect_same(asset: umbel.Asset, folder: Path) -> None:
 def test_an_asset_opens_from_a_server_with_few_bytes(server: str, folder: Path) -> None:
     pytest.importorskip("aiohttp")
     asset = umbel.Asset(f"{server}/a.umbel")
-    assert RangeHandler.sent == asset.info["head_bytes"] < asset.info["file_bytes"] / 20
+    assert RangeHandler.sent == asset.info["header_bytes"] < asset.info["file_bytes"] / 20
     expect_same(asset, folder)
     with pytest.raises(umbel.Error, match="cannot open"):
         umbel.Asset(f"{server}/missing.umbel")

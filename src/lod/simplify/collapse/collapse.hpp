@@ -21,7 +21,7 @@
 #include "lod/dag/topology.hpp"
 #include "lod/simplify/collapse/bucket_queue.hpp"
 #include "lod/simplify/collapse/quadric.hpp"
-#include "umbel/lod.hpp"
+#include "umbel/lod/build.hpp"
 
 namespace umbel::lod {
 

@@ -27,33 +27,33 @@ std::vector<std::array<uint8_t, 3>> sorted(const Triangles& triangles) {
 double expect_round_trip(const Triangles& triangles, uint32_t vertices) {
   std::vector<std::byte> bytes;
   BitWriter out(bytes);
-  const Walk walk = encode_triangles(triangles, vertices, out);
+  const Traversal traversal = encode_triangles(triangles, vertices, out);
   out.finish();
   BitReader in(bytes);
   Triangles decoded(triangles.size());
-  std::vector<Parents> parents(vertices);
+  std::vector<Predictors> predictors(vertices);
   std::vector<uint32_t> next(vertices, kNone), previous = next, last_to = next, last_from = next;
-  decode_triangles(in, decoded, parents, {next.data(), previous.data(), 1000});
+  decode_triangles(in, decoded, predictors, {next.data(), previous.data(), 1000});
   EXPECT_NO_THROW(in.finish());
-  for (const BorderEdge& edge : walk.border) {
+  for (const BorderEdge& edge : traversal.border) {
     last_to[edge.from] = 1000u + edge.to;
     last_from[edge.to] = 1000u + edge.from;
   }
   EXPECT_EQ(next, last_to);
   EXPECT_EQ(previous, last_from);
 
-  EXPECT_TRUE(decoded == walk.triangles);
+  EXPECT_TRUE(decoded == traversal.triangles);
   std::vector<bool> seen(vertices);
-  for (const uint8_t v : walk.vertices) seen[v] = true;
-  EXPECT_EQ(walk.vertices.size(), vertices);
+  for (const uint8_t v : traversal.vertices) seen[v] = true;
+  EXPECT_EQ(traversal.vertices.size(), vertices);
   EXPECT_TRUE(std::all_of(seen.begin(), seen.end(), [](bool s) { return s; }));
   for (uint32_t v = 0; v < vertices; ++v) {
-    const Parents& p = parents[v];
-    EXPECT_TRUE(p.a() == walk.parents[v].a() && p.b() == walk.parents[v].b() &&
-                p.across() == walk.parents[v].across());
+    const Predictors& p = predictors[v];
+    EXPECT_TRUE(p.a() == traversal.predictors[v].a() && p.b() == traversal.predictors[v].b() &&
+                p.across() == traversal.predictors[v].across());
     EXPECT_TRUE(v == 0 || (p.a() < v && p.b() < v && p.across() < v)) << v;
   }
-  for (uint8_t& v : decoded) v = walk.vertices[v];
+  for (uint8_t& v : decoded) v = traversal.vertices[v];
   EXPECT_TRUE(sorted(decoded) == sorted(triangles));
   return triangles.empty() ? 0 : 24.0 * double(bytes.size()) / double(triangles.size());
 }
@@ -100,13 +100,13 @@ TEST(Connectivity, of_garbage_is_refused_or_in_range) {
     std::vector<std::byte> bytes(random() % 200);
     for (std::byte& b : bytes) b = static_cast<std::byte>(random());
     Triangles triangles(3 * (1 + random() % 256));
-    std::vector<Parents> parents(1 + random() % 256);
+    std::vector<Predictors> predictors(1 + random() % 256);
     BitReader in(bytes);
-    std::vector<uint32_t> next(parents.size(), 0), previous = next;
+    std::vector<uint32_t> next(predictors.size(), 0), previous = next;
     try {
-      decode_triangles(in, triangles, parents, {next.data(), previous.data(), 0});
-      for (const uint32_t v : next) ASSERT_LT(v, parents.size());
-      for (const uint8_t v : triangles) ASSERT_LT(v, parents.size());
+      decode_triangles(in, triangles, predictors, {next.data(), previous.data(), 0});
+      for (const uint32_t v : next) ASSERT_LT(v, predictors.size());
+      for (const uint8_t v : triangles) ASSERT_LT(v, predictors.size());
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kCorrupt);
       ++refused;

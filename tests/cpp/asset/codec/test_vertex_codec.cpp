@@ -25,9 +25,10 @@ void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t b
   const uint32_t width = components(format), stride = row_stride(format);
   std::vector<int32_t> integers(count * width);
   for (int32_t& i : integers) i = bits == 0 ? 7 : static_cast<int32_t>(random()) >> (32 - bits);
-  std::vector<Parents> parents(count);
+  std::vector<Predictors> predictors(count);
   for (uint32_t v = 1; v < count; ++v)
-    parents[v] = parents_of(uint32_t(random() % v), uint32_t(random() % v), uint32_t(random() % v));
+    predictors[v] =
+        predictors_of(uint32_t(random() % v), uint32_t(random() % v), uint32_t(random() % v));
   const auto lowest = static_cast<int32_t>(bits == 0 ? 7 : ~0u << (bits - 1));
   const std::vector<ComponentRange> ranges(width, {lowest, bits});
   std::vector<uint32_t> source(count, kNone);
@@ -38,10 +39,10 @@ void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t b
   }
   std::vector<std::byte> bytes;
   BitWriter out(bytes);
-  encode_vertices(format, integers, parents, source, ranges, out);
+  encode_vertices(format, integers, predictors, source, ranges, out);
   out.finish();
   BitReader in(bytes);
-  decode_vertices(format, parents, source, ranges, in, group, count);
+  decode_vertices(format, predictors, source, ranges, in, group, count);
   EXPECT_NO_THROW(in.finish());
   for (uint32_t v = 0; v < count; ++v)
     EXPECT_TRUE(std::equal(&integers[size_t{v} * width], &integers[size_t{v} * width] + width,

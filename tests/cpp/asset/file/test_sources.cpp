@@ -61,7 +61,7 @@ TEST(ByteSource, is_hardly_read_when_an_asset_is_opened) {
       write_asset(scratch / "a.umbel", lod::build(shapes::blob(7, 1).view()), "{}", {}, config);
   const auto counting = std::make_shared<const Counting>(open_file(scratch / "a.umbel"));
   const Asset asset(counting);
-  EXPECT_EQ(counting->bytes, asset.info().head_bytes);
+  EXPECT_EQ(counting->bytes, asset.info().header_bytes);
   EXPECT_LT(counting->bytes, bytes / 100);
   EXPECT_LT(double(counting->bytes), 8192 + 24.0 * asset.info().pages);
 }

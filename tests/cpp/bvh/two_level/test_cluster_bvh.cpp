@@ -11,11 +11,11 @@
 namespace umbel::trace {
 namespace {
 
-constexpr std::array<float, 12> kIdentity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+constexpr Transform kIdentity;
 
 void add_level(ClusterScene& scene, const lod::Dag& dag, uint32_t level, RayKinds rays) {
   for (const uint32_t c : lod::select(dag.tables, lod::view_level(level))) {
-    scene.placed.push_back({static_cast<uint32_t>(scene.parts.size()), 0, rays});
+    scene.instances.push_back({static_cast<uint32_t>(scene.parts.size()), 0, rays});
     scene.parts.push_back({dag.geometry(c), 0});
   }
 }
@@ -44,7 +44,7 @@ TEST(ClusterScene, is_hit_where_one_tree_over_all_triangles_is) {
   const lod::Dag dag = lod::build(mesh.view());
   const Scene clusters = Scene::build(clusters_of(dag), {});
   const Scene whole = Scene::build(mesh.view());
-  EXPECT_EQ(clusters.placed_triangles(), mesh.triangles.size());
+  EXPECT_EQ(clusters.instanced_triangles(), mesh.triangles.size());
   EXPECT_GT(clusters.bytes(), 0u);
   uint32_t hits = 0;
   for (uint32_t i = 0; i < 3000; ++i) {
@@ -65,17 +65,17 @@ TEST(ClusterScene, with_transforms_is_hit_where_the_transformed_mesh_is) {
   ClusterScene scene = clusters_of(dag);
   const auto parts = static_cast<uint32_t>(scene.parts.size());
   // Turned, stretched, mirrored and moved.
-  scene.transforms.push_back({0, -0.5f, 0, 1.2f, 0.7f, 0, 0, -0.4f, 0, 0, -0.3f, 0.5f});
-  for (uint32_t p = 0; p < parts; ++p) scene.placed.push_back({p, 1});
+  scene.transforms.push_back({{0, -0.5f, 0, 1.2f, 0.7f, 0, 0, -0.4f, 0, 0, -0.3f, 0.5f}});
+  for (uint32_t p = 0; p < parts; ++p) scene.instances.push_back({p, 1});
   const Scene clusters = Scene::build(scene, {});
   Mesh both = mesh;
-  const Placement placement(scene.transforms[1]);
+  const InstanceTransform transform(scene.transforms[1]);
   const auto first = static_cast<uint32_t>(mesh.positions.size());
-  for (const Vec3& p : mesh.positions) both.positions.push_back(placement.point_to_world(p));
+  for (const Vec3& p : mesh.positions) both.positions.push_back(transform.point_to_world(p));
   for (const Triangle& t : mesh.triangles)
     both.triangles.push_back({first + t[0], first + t[1], first + t[2]});
   const Scene whole = Scene::build(both.view());
-  EXPECT_EQ(clusters.placed_triangles(), both.triangles.size());
+  EXPECT_EQ(clusters.instanced_triangles(), both.triangles.size());
   uint32_t moved = 0;
   for (uint32_t i = 0; i < 3000; ++i) {
     const Ray ray = ray_of(i);
@@ -122,8 +122,8 @@ TEST(ClusterScene, rays_that_bounce_may_meet_a_coarser_cut) {
   const Scene fine = Scene::build(clusters_of(dag), {});
   const Scene coarse = Scene::build(clusters_of(dag, 3), {});
   const Scene scene = Scene::build(both, {});
-  ASSERT_LT(coarse.placed_triangles(), fine.placed_triangles() / 4);
-  EXPECT_EQ(scene.placed_triangles(), fine.placed_triangles());
+  ASSERT_LT(coarse.instanced_triangles(), fine.instanced_triangles() / 4);
+  EXPECT_EQ(scene.instanced_triangles(), fine.instanced_triangles());
   for (uint32_t i = 0; i < 1000; ++i) {
     const Ray ray = ray_of(i);
     EXPECT_EQ(scene.data().intersect(ray).t, fine.data().intersect(ray).t);
@@ -147,18 +147,18 @@ TEST(ClusterScene, refuses_what_does_not_fit) {
   const lod::Dag dag = lod::build(shapes::sphere(2).view());
   const ClusterScene good = clusters_of(dag);
   ClusterScene scene = good;
-  scene.placed[0].part = 1000;
+  scene.instances[0].part = 1000;
   EXPECT_THROW(Scene::build(scene, {}), Error);
   scene = good;
-  scene.placed[0].transform = 1;
+  scene.instances[0].transform = 1;
   EXPECT_THROW(Scene::build(scene, {}), Error);
   scene = good;
-  scene.transforms[0] = {};
+  scene.transforms[0].rows = {};
   EXPECT_THROW(Scene::build(scene, {}), Error);
   scene = good;
   scene.parts[0].geometry.triangles.clear();
   EXPECT_THROW(Scene::build(scene, {}), Error);
-  EXPECT_EQ(Scene::build(ClusterScene{}, {}).placed_triangles(), 0u);
+  EXPECT_EQ(Scene::build(ClusterScene{}, {}).instanced_triangles(), 0u);
 }
 
 }  // namespace

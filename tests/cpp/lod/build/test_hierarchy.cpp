@@ -7,11 +7,11 @@
 namespace umbel::lod {
 namespace {
 
-using testing::Placement;
+using testing::Extent;
 using testing::Random;
 
 /// From the smallest subnormal floats to the largest, at the origin and far from it.
-std::vector<Placement> placements() {
+std::vector<Extent> extents() {
   return {{1, {0, 0, 0}},         {1, {1e3f, -2e3f, 5e2f}},     {0.25, {6.4e6f, 1e5f, -3e6f}},
           {1e15, {0, 0, 0}},      {1e15, {1e17f, 0, -1e16f}},   {1e-15, {0, 0, 0}},
           {1e-15, {1e-9f, 0, 0}}, {1e-20, {0, 0, 0}},           {1e-30, {0, 0, 0}},
@@ -58,8 +58,8 @@ TEST(Hierarchy, a_single_group_is_its_own_root) {
 }
 
 TEST(Hierarchy, spheres_and_errors_contain_those_below) {
-  for (const Placement& place : placements()) {
-    const Tables tables = testing::random_tables(5, 300, place);
+  for (const Extent& extent : extents()) {
+    const Tables tables = testing::random_tables(5, 300, extent);
     for (const Node& node : tables.nodes)
       for (uint32_t i = 0; i < node.children.count; ++i) {
         const Node& child = tables.nodes[node.children.offset + i];
@@ -76,23 +76,23 @@ TEST(Hierarchy, spheres_and_errors_contain_those_below) {
 
 TEST(Hierarchy, a_node_that_need_not_be_refined_has_no_child_that_must_be) {
   Random random(1);
-  for (const Placement& place : placements()) {
-    const Tables tables = testing::random_tables(11, 200, place);
+  for (const Extent& extent : extents()) {
+    const Tables tables = testing::random_tables(11, 200, extent);
     size_t decided = 0;
     for (int i = 0; i < 3000; ++i) {
-      const View view = testing::random_camera(random, tables, place);
+      const View view = testing::random_camera(random, tables, extent);
       for (const Node& node : tables.nodes) {
-        if (error_too_large(node.sphere, node.error, view)) continue;
+        if (must_refine(node.sphere, node.error, view)) continue;
         ++decided;
         for (uint32_t k = 0; k < node.children.count; ++k) {
           const Node& child = tables.nodes[node.children.offset + k];
-          ASSERT_FALSE(error_too_large(child.sphere, child.error, view))
-              << "scale " << place.scale << ", eye " << view.eye.x << " " << view.eye.y << " "
+          ASSERT_FALSE(must_refine(child.sphere, child.error, view))
+              << "scale " << extent.scale << ", eye " << view.eye.x << " " << view.eye.y << " "
               << view.eye.z << ", threshold " << view.threshold;
         }
       }
     }
-    EXPECT_GT(decided, 0u) << place.scale;
+    EXPECT_GT(decided, 0u) << extent.scale;
   }
 }
 
@@ -101,11 +101,11 @@ TEST(Hierarchy, a_node_that_need_not_be_refined_has_no_child_that_must_be) {
 // very far, and the threshold is the last one at which the node need not be refined.
 TEST(Hierarchy, a_node_hides_nothing_even_where_it_is_tight) {
   Random random(6);
-  for (const Placement& place : placements()) {
+  for (const Extent& extent : extents()) {
     for (int i = 0; i < 20000; ++i) {
       Node children[2] = {};
-      for (Node& child : children) child.sphere = testing::random_sphere(random, place);
-      children[0].error = static_cast<float>(random.log_between(1e-3, 1) * place.scale);
+      for (Node& child : children) child.sphere = testing::random_sphere(random, extent);
+      children[0].error = static_cast<float>(random.log_between(1e-3, 1) * extent.scale);
       const Node node = enclosing_node(children, 2);
       const Vec3 &c = children[0].sphere.center, &o = node.sphere.center;
       double x = double{c.x} - o.x, y = double{c.y} - o.y, z = double{c.z} - o.z;
@@ -119,25 +119,25 @@ TEST(Hierarchy, a_node_hides_nothing_even_where_it_is_tight) {
       if (distance == 0) continue;
       View view = testing::camera(eye, std::nextafter(node.error / distance, 0.0f));
       if (!std::isfinite(view.threshold)) continue;
-      for (int k = 0; k < 3 && error_too_large(node.sphere, node.error, view); ++k)
+      for (int k = 0; k < 3 && must_refine(node.sphere, node.error, view); ++k)
         view.threshold = std::nextafter(view.threshold, std::numeric_limits<float>::max());
-      if (error_too_large(node.sphere, node.error, view)) continue;
-      ASSERT_FALSE(error_too_large(children[0].sphere, children[0].error, view))
-          << "scale " << place.scale << ", distance " << far;
+      if (must_refine(node.sphere, node.error, view)) continue;
+      ASSERT_FALSE(must_refine(children[0].sphere, children[0].error, view))
+          << "scale " << extent.scale << ", distance " << far;
     }
   }
 }
 
 TEST(Hierarchy, cuts_equal_those_of_flat_selection) {
   Random random(2);
-  for (const Placement& place : placements()) {
-    const Tables tables = testing::random_tables(17, 90, place);
+  for (const Extent& extent : extents()) {
+    const Tables tables = testing::random_tables(17, 90, extent);
     size_t sizes = 0;
     for (int i = 0; i < 4000; ++i) {
-      const View view = testing::random_camera(random, tables, place);
+      const View view = testing::random_camera(random, tables, extent);
       const std::vector<uint32_t> cut = select(tables, view);
       ASSERT_EQ(cut, select_hierarchy(tables, view))
-          << "scale " << place.scale << ", eye " << view.eye.x << " " << view.eye.y << " "
+          << "scale " << extent.scale << ", eye " << view.eye.x << " " << view.eye.y << " "
           << view.eye.z << ", threshold " << view.threshold;
       sizes += cut.size();
     }
@@ -147,8 +147,8 @@ TEST(Hierarchy, cuts_equal_those_of_flat_selection) {
 
 TEST(Hierarchy, cuts_by_error_and_level_equal_those_of_flat_selection) {
   Random random(3);
-  for (const Placement& place : placements()) {
-    const Tables tables = testing::random_tables(23, 200, place);
+  for (const Extent& extent : extents()) {
+    const Tables tables = testing::random_tables(23, 200, extent);
     for (const Group& group : tables.groups) {
       ASSERT_EQ(select(tables, view_error(group.error)),
                 select_hierarchy(tables, view_error(group.error)));

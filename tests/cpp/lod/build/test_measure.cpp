@@ -5,7 +5,7 @@
 #include "base/math.hpp"
 #include "data_folder.hpp"
 #include "lod/synthetic_dag.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 namespace umbel::lod {

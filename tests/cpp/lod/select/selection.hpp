@@ -55,9 +55,8 @@ inline SelectionRoom all_room(const lod::Tables& tables, size_t instances) {
 }
 
 inline Selection selected(const Mesh& mesh, const lod::View& view,
-                          std::span<const lod::Plane> planes,
-                          std::span<const lod::Transform> instances, const SelectionRoom& room,
-                          Pages* pages = nullptr) {
+                          std::span<const lod::Plane> planes, std::span<const Transform> instances,
+                          const SelectionRoom& room, Pages* pages = nullptr) {
   CpuExec exec;
   Selection s;
   const size_t page_count = pages ? pages->resident.size() : 0;

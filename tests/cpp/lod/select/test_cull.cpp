@@ -6,7 +6,7 @@
 
 #include "lod/select/cull.hpp"
 #include "lod/synthetic_dag.hpp"
-#include "umbel/lod_select.hpp"
+#include "umbel/lod.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -24,14 +24,22 @@ const std::vector<ClusterBounds>& blob_normal_cones() {
   return bounds;
 }
 
-Perspective random_perspective(Random& random, double reach) {
-  Perspective result;
+struct Frustum {
+  Camera camera;
+  float aspect = 1, near_plane = 0, far_plane = std::numeric_limits<float>::infinity();
+  std::vector<Plane> planes() const {
+    return frustum_planes(camera, aspect, near_plane, far_plane);
+  }
+};
+
+Frustum random_frustum(Random& random, double reach) {
+  Frustum result;
   const Vec3 e = random.point(), t = random.point();
   const auto at = [&](float v) { return static_cast<float>(v * reach); };
-  result.eye = {at(e.x), at(e.y), at(e.z)};
-  result.target = t;
-  result.up = {0.1f, 0.2f, 1};
-  result.fov_y = static_cast<float>(random.between(0.1, 2));
+  result.camera.position = {at(e.x), at(e.y), at(e.z)};
+  result.camera.target = t;
+  result.camera.up = {0.1f, 0.2f, 1};
+  result.camera.fov_y = static_cast<float>(random.between(0.1, 2));
   result.aspect = static_cast<float>(random.between(0.5, 2));
   result.near_plane = static_cast<float>(random.between(0, 0.1));
   if (random.below(2)) result.far_plane = static_cast<float>(random.between(0.5, 4));
@@ -54,11 +62,12 @@ TEST(CulledSelect, all_three_ways_give_the_same) {
   Random random(5);
   std::set<size_t> sizes;
   for (int i = 0; i < 300; ++i) {
-    const Perspective seen = random_perspective(random, 3);
-    const std::vector<Plane> planes = frustum_planes(seen);
+    const Frustum seen = random_frustum(random, 3);
+    const std::vector<Plane> planes = seen.planes();
     Culling culling{planes, {}};
     if (i % 2) culling.normal_cones = blob_normal_cones();
-    const View view = testing::camera(seen.eye, static_cast<float>(random.log_between(1e-5, 1)));
+    const View view =
+        testing::camera(seen.camera.position, static_cast<float>(random.log_between(1e-5, 1)));
     const std::vector<uint32_t> cut = select(blob_dag().tables, view, culling);
     EXPECT_EQ(select_hierarchy(blob_dag().tables, view, culling), cut);
     EXPECT_EQ(select_breadth_first(blob_dag().tables, view, culling), cut);
@@ -103,9 +112,10 @@ TEST(CulledSelect, nothing_that_is_seen_is_left_out) {
   Random random(7);
   size_t left_out = 0;
   for (int i = 0; i < 60; ++i) {
-    const Perspective seen = random_perspective(random, 3);
-    const std::vector<Plane> planes = frustum_planes(seen);
-    const View view = testing::camera(seen.eye, static_cast<float>(random.log_between(1e-4, 1e-1)));
+    const Frustum seen = random_frustum(random, 3);
+    const std::vector<Plane> planes = seen.planes();
+    const View view =
+        testing::camera(seen.camera.position, static_cast<float>(random.log_between(1e-4, 1e-1)));
     const std::vector<uint32_t> all = select(tables, view);
     const std::vector<uint32_t> kept = select(tables, view, {planes, blob_normal_cones()});
     ASSERT_TRUE(std::includes(all.begin(), all.end(), kept.begin(), kept.end()));
@@ -118,9 +128,9 @@ TEST(CulledSelect, nothing_that_is_seen_is_left_out) {
                    &r = g.positions[g.triangles[t + 2]];
         const double ux = double{q.x} - p.x, uy = double{q.y} - p.y, uz = double{q.z} - p.z;
         const double vx = double{r.x} - p.x, vy = double{r.y} - p.y, vz = double{r.z} - p.z;
-        const double front = (uy * vz - uz * vy) * (double{seen.eye.x} - p.x) +
-                             (uz * vx - ux * vz) * (double{seen.eye.y} - p.y) +
-                             (ux * vy - uy * vx) * (double{seen.eye.z} - p.z);
+        const double front = (uy * vz - uz * vy) * (double{seen.camera.position.x} - p.x) +
+                             (uz * vx - ux * vz) * (double{seen.camera.position.y} - p.y) +
+                             (ux * vy - uy * vx) * (double{seen.camera.position.z} - p.z);
         const auto is_inside = [&](const Vec3& v) {
           return std::all_of(planes.begin(), planes.end(), [&](const Plane& plane) {
             return double{plane.normal.x} * v.x + double{plane.normal.y} * v.y +
@@ -138,18 +148,18 @@ TEST(CulledSelect, nothing_that_is_seen_is_left_out) {
 TEST(CulledSelect, the_frustum_holds_what_the_camera_sees) {
   Random random(8);
   for (int i = 0; i < 200; ++i) {
-    Perspective seen = random_perspective(random, 2);
+    Frustum seen = random_frustum(random, 2);
     seen.far_plane = 5;
-    const std::vector<Plane> planes = frustum_planes(seen);
+    const std::vector<Plane> planes = seen.planes();
     ASSERT_EQ(planes.size(), 6u);
     // In the camera's own axes.
     const auto minus = [](const Vec3& a, const Vec3& b) {
       return std::array<double, 3>{double{a.x} - b.x, double{a.y} - b.y, double{a.z} - b.z};
     };
-    auto f = minus(seen.target, seen.eye);
+    auto f = minus(seen.camera.target, seen.camera.position);
     const double length = std::hypot(f[0], f[1], f[2]);
     for (double& v : f) v /= length;
-    const Vec3& w = seen.up;
+    const Vec3& w = seen.camera.up;
     std::array<double, 3> r{f[1] * w.z - f[2] * w.y, f[2] * w.x - f[0] * w.z,
                             f[0] * w.y - f[1] * w.x};
     const double size = std::hypot(r[0], r[1], r[2]);
@@ -158,11 +168,11 @@ TEST(CulledSelect, the_frustum_holds_what_the_camera_sees) {
                                   r[0] * f[1] - r[1] * f[0]};
     for (int k = 0; k < 50; ++k) {
       const Vec3 p = random.point();
-      const auto d = minus(p, seen.eye);
+      const auto d = minus(p, seen.camera.position);
       const double z = d[0] * f[0] + d[1] * f[1] + d[2] * f[2];
       const double x = d[0] * r[0] + d[1] * r[1] + d[2] * r[2];
       const double y = d[0] * u[0] + d[1] * u[1] + d[2] * u[2];
-      const double tangent = std::tan(0.5 * seen.fov_y);
+      const double tangent = std::tan(0.5 * seen.camera.fov_y);
       const double slack[] = {z * tangent * seen.aspect - std::fabs(x), z * tangent - std::fabs(y),
                               z - seen.near_plane, seen.far_plane - z};
       const double least = *std::min_element(std::begin(slack), std::end(slack));
@@ -264,11 +274,11 @@ TEST(Budget, the_view_fits_and_the_next_finer_one_does_not) {
   const std::vector<uint32_t> triangles = triangle_costs(tables), bytes = byte_costs(tables, 16);
   size_t bound = 0;
   for (int i = 0; i < 120; ++i) {
-    const Perspective seen = random_perspective(random, 3);
-    const std::vector<Plane> planes = frustum_planes(seen);
+    const Frustum seen = random_frustum(random, 3);
+    const std::vector<Plane> planes = seen.planes();
     const Culling culling{i % 2 ? std::span<const Plane>(planes) : std::span<const Plane>{}, {}};
     const std::vector<uint32_t>& costs = i % 3 ? triangles : bytes;
-    const View finest = i % 5 ? testing::camera(seen.eye, 1e-6f) : view_error(0);
+    const View finest = i % 5 ? testing::camera(seen.camera.position, 1e-6f) : view_error(0);
     const uint64_t all = cost_of(select(tables, finest, culling), costs);
     const uint64_t budget = static_cast<uint64_t>(random.uniform() * 1.1 * all);
     View view = view_for_budget(tables, finest, costs, budget, culling);
@@ -348,18 +358,18 @@ TEST(CulledSelect, impossible_arguments_are_rejected) {
   const std::vector<uint32_t> costs = triangle_costs(tables);
   EXPECT_THROW(view_for_budget(tables, view_level(1), costs, 10), Error);
   EXPECT_THROW(view_for_budget(tables, view, std::span(costs).first(2), 10), Error);
-  Perspective wrong;
-  wrong.target = wrong.eye;
-  EXPECT_THROW(frustum_planes(wrong), Error);
+  Frustum wrong;
+  wrong.camera.target = wrong.camera.position;
+  EXPECT_THROW(wrong.planes(), Error);
   wrong = {};
-  wrong.up = {0, 0, 3};
-  EXPECT_THROW(frustum_planes(wrong), Error);
+  wrong.camera.up = {0, 0, 3};
+  EXPECT_THROW(wrong.planes(), Error);
   wrong = {};
-  wrong.fov_y = 4;
-  EXPECT_THROW(frustum_planes(wrong), Error);
+  wrong.camera.fov_y = 4;
+  EXPECT_THROW(wrong.planes(), Error);
   wrong = {};
   wrong.near_plane = 2, wrong.far_plane = 1;
-  EXPECT_THROW(frustum_planes(wrong), Error);
+  EXPECT_THROW(wrong.planes(), Error);
 }
 
 }  // namespace

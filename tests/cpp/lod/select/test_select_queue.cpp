@@ -13,15 +13,15 @@
 namespace umbel::cuda {
 namespace {
 
-using lod::testing::Placement;
+using lod::testing::Extent;
 using lod::testing::Random;
 using testing::all_room;
 using testing::selected;
 using testing::Selection;
 
 // Turned, stretched and moved within a cube of `reach`.
-lod::Transform random_transform(Random& random, double reach) {
-  lod::Transform t;
+Transform random_transform(Random& random, double reach) {
+  Transform t;
   const double a = random.between(0, 6.3), b = random.between(0, 6.3);
   const double size = random.log_between(0.2, 5);
   const double s[3] = {size, random.below(3) ? size : size * random.between(0.5, 2),
@@ -36,20 +36,17 @@ lod::Transform random_transform(Random& random, double reach) {
   return t;
 }
 
-std::vector<lod::Transform> random_transforms(Random& random, size_t count, double reach) {
-  std::vector<lod::Transform> all(count);
-  for (lod::Transform& t : all) t = random_transform(random, reach);
+std::vector<Transform> random_transforms(Random& random, size_t count, double reach) {
+  std::vector<Transform> all(count);
+  for (Transform& t : all) t = random_transform(random, reach);
   return all;
 }
 
 std::vector<lod::Plane> random_frustum(Random& random, const Vec3& eye) {
-  lod::Perspective seen;
-  seen.eye = eye;
-  seen.target = random.point();
-  seen.up = {0.1f, 0.2f, 1};
-  seen.aspect = static_cast<float>(random.between(0.5, 2));
-  if (random.below(2)) seen.far_plane = 30;
-  return lod::frustum_planes(seen);
+  const Camera camera{eye, random.point(), {0.1f, 0.2f, 1}, 1.0f};
+  const auto aspect = static_cast<float>(random.between(0.5, 2));
+  return random.below(2) ? lod::frustum_planes(camera, aspect, 0, 30)
+                         : lod::frustum_planes(camera, aspect);
 }
 
 void expect_same(const lod::InstanceCuts& cuts, const lod::InstanceCuts& expected) {
@@ -101,10 +98,10 @@ TEST(DeviceSelect, errors_and_levels_are_views_too) {
 TEST(DeviceSelect, cuts_are_the_same_where_rounding_decides) {
   Random random(3);
   for (const double scale : {1e-20, 1.0, 1e20}) {
-    const Placement place{scale, {}};
-    const lod::Tables tables = lod::testing::random_tables(4, 300, place);
+    const Extent extent{scale, {}};
+    const lod::Tables tables = lod::testing::random_tables(4, 300, extent);
     for (int i = 0; i < 100; ++i) {
-      const lod::View view = lod::testing::random_camera(random, tables, place);
+      const lod::View view = lod::testing::random_camera(random, tables, extent);
       auto instances = random_transforms(random, 3, scale);
       instances.emplace_back();
       expect_same(selected({tables}, view, {}, instances, all_room(tables, 4)).cuts,
@@ -174,7 +171,7 @@ TEST(DeviceSelect, instances_that_cannot_be_seen_are_refused_alone) {
 TEST(DeviceSelect, nothing_gives_nothing) {
   const lod::Tables none;
   const Selection empty =
-      selected({none}, lod::view_error(1), {}, std::vector<lod::Transform>(3), {5, 5, 5});
+      selected({none}, lod::view_error(1), {}, std::vector<Transform>(3), {5, 5, 5});
   EXPECT_EQ(empty.cuts.offsets, std::vector<uint32_t>(4, 0));
   const Selection no_instances = selected({blob().tables}, lod::view_error(1), {}, {}, {5, 5, 5});
   EXPECT_EQ(no_instances.cuts.offsets, std::vector<uint32_t>(1, 0));
@@ -262,7 +259,7 @@ TEST(DeviceSelect, what_is_shown_and_wanted_is_what_residency_shows_and_wants) {
     residency.step(seen, *clock);
     *clock += 1.0 / 30;
     testing::Pages pages = paged.with(residency.resident_pages());
-    const lod::Transform here[1];
+    const Transform here[1];
     const Selection s = selected({tables}, view, {}, here, all_room(tables, 1), &pages);
     ASSERT_EQ(s.cuts.clusters, cut_of(residency));
     std::vector<uint32_t> wanted;

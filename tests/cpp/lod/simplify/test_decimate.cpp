@@ -167,7 +167,7 @@ TEST(Decimator, impossible_results_are_rejected_in_a_sentence) {
                std::runtime_error);
 }
 
-// Noise that has no place at a tenth of the triangles must go into means, not be sampled.
+// Noise that has no extent at a tenth of the triangles must go into means, not be sampled.
 TEST(RefitAttributes, brings_noisy_normals_closer_to_the_mean) {
   Mesh mesh = shapes::grid(120, 120);
   testing::Random random(3);

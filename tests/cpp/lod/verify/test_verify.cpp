@@ -208,7 +208,7 @@ TEST(Verify, a_generating_group_that_is_wrong_is_named) {
   EXPECT_GT(report.cracks + report.limit_violations, 0u);
   expect_named(report, "Group");
   from = static_cast<uint32_t>(specimen.dag.tables.groups.size());
-  expect_named(specimen.report(), "Cluster " + std::to_string(c) + " was made from group");
+  expect_named(specimen.report(), "Cluster " + std::to_string(c) + " has generating group");
 }
 
 TEST(Verify, a_moved_vertex_is_named) {

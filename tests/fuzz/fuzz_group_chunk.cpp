@@ -1,6 +1,6 @@
-// Fuzzes the decoder of a group's part, and the coding of triangles there and back. Any bytes must
+// Fuzzes the decoder of a group's chunk, and the coding of triangles there and back. Any bytes must
 // decode, or be refused with a sentence; any triangles must come back as they were, but for the
-// order and the first corner, which the walk chooses.
+// order and the first corner, which the traversal chooses.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -20,7 +20,7 @@ namespace asset = umbel::asset;
 using Triangle = std::array<uint8_t, 3>;
 
 [[noreturn]] void fail(const std::string& what) {
-  std::fprintf(stderr, "fuzz_part: %s\n", what.c_str());
+  std::fprintf(stderr, "fuzz_group_chunk: %s\n", what.c_str());
   std::abort();
 }
 
@@ -43,19 +43,20 @@ asset::VertexFormat format_of(uint8_t choice) {
 void decode_any(const uint8_t* data, size_t size) {
   const asset::VertexFormat format = format_of(data[0]);
   const uint32_t clusters = 1 + data[1] % 4, references = data[1] / 64;
-  std::vector<std::byte> part(size - 2);
-  std::transform(data + 2, data + size, part.begin(), [](uint8_t b) { return std::byte{b}; });
-  // The ends of clusters lie somewhere within the part, or hardly any input would get past them.
+  std::vector<std::byte> chunk(size - 2);
+  std::transform(data + 2, data + size, chunk.begin(), [](uint8_t b) { return std::byte{b}; });
+  // The ends of clusters lie somewhere within the chunk, or hardly any input would get past them.
   const size_t records = 32 * size_t{references} + 8 * asset::components(format);
   const size_t begin = records + 24 * size_t{clusters};
-  for (uint32_t c = 0; c < clusters && part.size() > begin; ++c) {
-    const auto end = static_cast<uint32_t>(begin + (part.size() - begin) * (c + 1) / clusters);
+  for (uint32_t c = 0; c < clusters && chunk.size() > begin; ++c) {
+    const auto end = static_cast<uint32_t>(begin + (chunk.size() - begin) * (c + 1) / clusters);
     for (size_t i = 0; i < 4; ++i)
-      part[records + 24 * c + i] = static_cast<std::byte>(end >> (8 * i));
+      chunk[records + 24 * c + i] = static_cast<std::byte>(end >> (8 * i));
   }
   const umbel::Aabb bounds{{0, 0, 0}, {1, 1, 1}};
-  const asset::PartTables tables = asset::decode_tables(format, bounds, clusters, references, part);
-  const auto decoded = asset::decode_clusters(format, tables, part, clusters);
+  const asset::ChunkTables tables =
+      asset::decode_tables(format, bounds, clusters, references, chunk);
+  const auto decoded = asset::decode_clusters(format, tables, chunk, clusters);
   for (uint32_t c = 0; c < clusters; ++c) {
     if (decoded[c].positions.size() != tables.clusters[c].vertex_count)
       fail("vertices are missing");
@@ -78,18 +79,18 @@ void there_and_back(const uint8_t* data, size_t size) {
   for (size_t i = 0; i < given.size(); ++i) given[i] = static_cast<uint8_t>(data[1 + i] % vertices);
   std::vector<std::byte> bytes;
   umbel::BitWriter out(bytes);
-  const asset::Walk walk = asset::encode_triangles(given, vertices, out);
+  const asset::Traversal traversal = asset::encode_triangles(given, vertices, out);
   out.finish();
   std::vector<uint8_t> read(given.size());
-  std::vector<asset::Parents> parents(vertices);
+  std::vector<asset::Predictors> predictors(vertices);
   std::array<uint32_t, asset::kMaxLocal> next, previous;
   umbel::BitReader in(bytes);
-  asset::decode_triangles(in, read, parents, {next.data(), previous.data(), 0});
+  asset::decode_triangles(in, read, predictors, {next.data(), previous.data(), 0});
   in.finish();
   std::vector<Triangle> before(count), after(count);
   for (size_t i = 0; i < given.size(); ++i) {
     before[i / 3][i % 3] = given[i];
-    after[i / 3][i % 3] = walk.vertices[read[i]];
+    after[i / 3][i % 3] = traversal.vertices[read[i]];
   }
   if (sorted(before) != sorted(after)) fail("triangles did not come back");
 }

@@ -1,4 +1,4 @@
-// What must hold of a head before anything else of the file is read.
+// Checks of a file header before anything else of the file is read.
 #pragma once
 
 #include "asset/file/format.hpp"
@@ -10,8 +10,8 @@ inline bool inside(uint64_t offset, uint64_t bytes, uint64_t begin, uint64_t end
   return offset >= begin && offset <= end && bytes <= end - offset;
 }
 
-/// Throws kCorrupt if ranges leave their tables, pages or files lie where they cannot, an
-/// instance is of no mesh, or it or the origin is not finite.
-void check_head(const Head& head);
+/// Throws kCorrupt for ranges outside their tables, pages or files outside the file, instances of
+/// no mesh, and transforms or an origin that are not finite.
+void check_header(const FileHeader& header);
 
 }  // namespace umbel::asset

@@ -1,4 +1,4 @@
-#include "stream/motion.hpp"
+#include "stream/view_motion.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,8 +9,8 @@
 namespace umbel::stream {
 namespace {
 
-constexpr double kForEver = Answer::kForEver;
-/// Of the roundings of the tests in 32-bit floats, which the margins leave out.
+constexpr double kForEver = Evaluation::kForEver;
+/// Covers the roundings of the tests in 32-bit floats.
 constexpr double kSlack = 4e-6;
 
 struct Point {
@@ -22,7 +22,7 @@ double dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z 
 double length(const Point& a) { return std::sqrt(dot(a, a)); }
 Point point(const Vec3& v) { return {v.x, v.y, v.z}; }
 
-/// Any point will do for a view without an eye: distances are then to the planes alone.
+/// Any point will do for a view without an eye: only distances to planes matter then.
 Point eye_of(const StreamView& view) {
   return view.view.kind == lod::View::Kind::kCamera ? point(view.view.eye) : Point{0, 0, 0};
 }
@@ -31,15 +31,15 @@ double side(const lod::Plane& plane, const Point& p) {
   return dot(point(plane.normal), p) + plane.offset;
 }
 
-/// How far the eye is from where the error begins or ceases to be too large.
+/// How far the eye is from the distance at which the error becomes too large.
 double margin_of_error(const GroupRef& group, const lod::View& view, double distance) {
   if (view.kind == lod::View::Kind::kError) return kForEver;
-  const double turns = group.sphere.radius + group.error / static_cast<double>(view.threshold);
-  if (!(turns < std::numeric_limits<float>::max())) return kForEver;
-  return std::abs(distance - turns) - kSlack * (distance + turns);
+  const double limit = group.sphere.radius + group.error / static_cast<double>(view.threshold);
+  if (!(limit < std::numeric_limits<float>::max())) return kForEver;
+  return std::abs(distance - limit) - kSlack * (distance + limit);
 }
 
-/// How far the sphere is from being outside by any plane, or from being inside by all.
+/// How far the sphere is from leaving any plane, or, if it is outside, from entering all.
 double margin_of_planes(const GroupRef& group, const StreamView& view, bool is_outside) {
   const Point c = point(group.sphere.center);
   double least = kForEver, most = -kForEver;
@@ -54,7 +54,7 @@ double margin_of_planes(const GroupRef& group, const StreamView& view, bool is_o
   return is_outside ? most : least;
 }
 
-/// How far the view may move until a ratio is no longer what it was, about.
+/// How far the view may move until a ratio is inaccurate.
 double margin_of_ratio(const GroupRef& group, double distance, bool is_missing) {
   const double reach = std::max<double>(distance, group.sphere.radius);
   if (!is_missing) return 0.25 * reach;
@@ -64,7 +64,7 @@ double margin_of_ratio(const GroupRef& group, double distance, bool is_missing) 
 
 }  // namespace
 
-bool Motion::add(const StreamView& from, const StreamView& to) {
+bool ViewMotion::add(const StreamView& from, const StreamView& to) {
   const lod::View &a = from.view, &b = to.view;
   if (a.kind != b.kind || from.planes.size() != to.planes.size()) return false;
   double way = 0, zoom = 0;
@@ -88,28 +88,29 @@ bool Motion::add(const StreamView& from, const StreamView& to) {
   return std::isfinite(zoom);
 }
 
-Answer look_at(const GroupRef& group, const StreamView& view, bool is_missing) {
-  Answer answer;
+Evaluation evaluate(const GroupRef& group, const StreamView& view, bool is_missing) {
+  Evaluation evaluation;
   const bool always = group.error == std::numeric_limits<float>::infinity();
   const bool is_outside = !always && lod::is_outside(group.sphere, view.planes);
   const float ratio = lod::times_too_large(group.sphere, group.error, view.view);
-  answer.ratio = is_outside ? 0 : ratio;
+  evaluation.ratio = is_outside ? 0 : ratio;
   const bool has_eye = view.view.kind == lod::View::Kind::kCamera;
-  if (always || (!has_eye && view.planes.empty())) return answer;
+  if (always || (!has_eye && view.planes.empty())) return evaluation;
   const double distance = length(point(group.sphere.center) - eye_of(view));
   const double size = std::max<double>(distance, group.sphere.radius);
   const double of_error = margin_of_error(group, view.view, distance);
   const double of_planes = margin_of_planes(group, view, is_outside);
   // What is small enough or outside stays so as long as either holds.
-  const bool by_planes =
-      answer.ratio > 0 ? !view.planes.empty() : is_outside && (ratio > 0 || of_planes > of_error);
-  const bool by_error = has_eye && (answer.ratio > 0 || !by_planes);
+  const bool by_planes = evaluation.ratio > 0 ? !view.planes.empty()
+                                              : is_outside && (ratio > 0 || of_planes > of_error);
+  const bool by_error = has_eye && (evaluation.ratio > 0 || !by_planes);
   if (by_error)
-    answer.error_margin =
+    evaluation.error_margin =
         std::max(0.0, std::min(of_error, margin_of_ratio(group, distance, is_missing)));
-  if (by_planes) answer.planes_margin = std::max(0.0, std::min(of_planes, 0.25 * size));
-  answer.size = static_cast<int>(std::ceil(4 * std::log2(std::max(1.25 * size, 1e-300)) + 1e-3));
-  return answer;
+  if (by_planes) evaluation.planes_margin = std::max(0.0, std::min(of_planes, 0.25 * size));
+  evaluation.size =
+      static_cast<int>(std::ceil(4 * std::log2(std::max(1.25 * size, 1e-300)) + 1e-3));
+  return evaluation;
 }
 
 }  // namespace umbel::stream

@@ -1,11 +1,7 @@
-#include "asset/file/structure.hpp"
+#include "lod/verify/table_structure.hpp"
 
-namespace umbel::asset {
+namespace umbel::lod {
 namespace {
-
-bool inside(const Range& range, size_t size) {
-  return range.offset <= size && range.count <= size - range.offset;
-}
 
 std::string leaves(const std::string& what, size_t index, const char* field, const Range& range,
                    const char* table, size_t size) {
@@ -21,20 +17,20 @@ std::string bad_link(const std::string& what, size_t index, const char* field, u
          ", but there are " + std::to_string(size) + " " + table;
 }
 
-std::string level_problem(const lod::Tables& tables) {
+std::string level_fault(const Tables& tables) {
   for (size_t i = 0; i < tables.levels.size(); ++i)
-    if (!inside(tables.levels[i], tables.groups.size()))
+    if (!is_within(tables.levels[i], tables.groups.size()))
       return leaves("level", i, "groups", tables.levels[i], "groups", tables.groups.size());
   return {};
 }
 
-std::string group_problem(const lod::Tables& tables) {
+std::string group_fault(const Tables& tables) {
   std::vector<uint8_t> owned(tables.clusters.size());
   for (size_t i = 0; i < tables.groups.size(); ++i) {
-    const lod::Group& group = tables.groups[i];
-    if (!inside(group.clusters, tables.clusters.size()))
+    const Group& group = tables.groups[i];
+    if (!is_within(group.clusters, tables.clusters.size()))
       return leaves("group", i, "clusters", group.clusters, "clusters", tables.clusters.size());
-    if (group.method > lod::SimplifyMethod::kRoot)
+    if (group.method > SimplifyMethod::kRoot)
       return "group " + std::to_string(i) + " has the unknown simplification method " +
              std::to_string(static_cast<uint32_t>(group.method));
     for (uint32_t c = 0; c < group.clusters.count; ++c)
@@ -47,10 +43,10 @@ std::string group_problem(const lod::Tables& tables) {
   return {};
 }
 
-std::string cluster_problem(const lod::Tables& tables) {
+std::string cluster_fault(const Tables& tables) {
   const size_t groups = tables.groups.size();
   for (size_t i = 0; i < tables.clusters.size(); ++i) {
-    const lod::Cluster& cluster = tables.clusters[i];
+    const Cluster& cluster = tables.clusters[i];
     if (cluster.group >= groups)
       return bad_link("cluster", i, "group", cluster.group, "groups", groups);
     if (cluster.generating_group != kNone && cluster.generating_group >= groups)
@@ -59,12 +55,12 @@ std::string cluster_problem(const lod::Tables& tables) {
   return {};
 }
 
-std::string node_problem(const lod::Tables& tables) {
+std::string node_fault(const Tables& tables) {
   // With one parent at most, and none for the root, what can be reached from it is a tree.
   std::vector<uint8_t> has_parent(tables.nodes.size());
   for (size_t i = 0; i < tables.nodes.size(); ++i) {
-    const lod::Node& node = tables.nodes[i];
-    if (!inside(node.children, tables.nodes.size()))
+    const Node& node = tables.nodes[i];
+    if (!is_within(node.children, tables.nodes.size()))
       return leaves("node", i, "children", node.children, "nodes", tables.nodes.size());
     if (node.group != kNone && node.group >= tables.groups.size())
       return bad_link("node", i, "group", node.group, "groups", tables.groups.size());
@@ -79,10 +75,10 @@ std::string node_problem(const lod::Tables& tables) {
 
 }  // namespace
 
-std::string structural_problem(const lod::Tables& tables) {
-  for (const auto& problem_in : {level_problem, group_problem, cluster_problem, node_problem})
-    if (std::string problem = problem_in(tables); !problem.empty()) return problem;
+std::string structure_fault(const Tables& tables) {
+  for (const auto& fault_in : {level_fault, group_fault, cluster_fault, node_fault})
+    if (std::string fault = fault_in(tables); !fault.empty()) return fault;
   return {};
 }
 
-}  // namespace umbel::asset
+}  // namespace umbel::lod

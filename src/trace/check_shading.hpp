@@ -1,4 +1,4 @@
-// What is refused in a look, with a sentence that names it.
+// Checks of materials, textures and the environment.
 #pragma once
 
 #include <array>
@@ -10,10 +10,10 @@ namespace umbel::trace {
 
 [[noreturn]] void refuse(const std::string& sentence);
 
-/// Throws kInvalidArgument where a look is out of range or does not fit the mesh.
-void check_look(const MeshView& mesh, const Look& look);
+/// Throws kInvalidArgument where a shading is out of range or does not fit the mesh.
+void check_shading(const MeshView& mesh, const Shading& shading);
 
-/// Every place where a material uses a texture.
+/// All textures that a material may use.
 std::array<const TextureUse*, 16> texture_uses(const Material& material);
 
 }  // namespace umbel::trace

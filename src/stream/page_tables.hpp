@@ -1,0 +1,50 @@
+// What traversals read of the pages that are in memory, in compact tables: the pages of a large cut
+// are far larger than caches.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "umbel/asset.hpp"
+
+namespace umbel::stream {
+
+class PageTables {
+ public:
+  explicit PageTables(const Asset& asset);
+
+  void add(const AssetPage& page);
+  void remove(uint32_t page) { tables_[page] = {}; }
+  bool has(uint32_t page) const { return !tables_[page].groups.empty(); }
+
+  /// The index of a group in its page. kNone where the page is not in memory, or does not have the
+  /// group though the file refers to it.
+  uint32_t find(uint32_t mesh, const GroupRef& reference) const;
+  /// The groups that a group of a page was made from.
+  std::span<const GroupRef> children(uint32_t page, uint32_t index) const {
+    const Group* group = &tables_[page].groups[index];
+    return std::span(tables_[page].children)
+        .subspan(group->first_child, group[1].first_child - group->first_child);
+  }
+  /// For each of its clusters, the group that the cluster was made from, or kNone.
+  std::span<const uint32_t> generating_groups(uint32_t page, uint32_t index) const {
+    const Group* group = &tables_[page].groups[index];
+    return std::span(tables_[page].generating_groups)
+        .subspan(group->first_cluster, group[1].first_cluster - group->first_cluster);
+  }
+
+ private:
+  struct Group {
+    uint32_t mesh, group, first_child, first_cluster;
+  };
+  struct Table {
+    std::vector<Group> groups;  // and one past the last
+    std::vector<GroupRef> children;
+    std::vector<uint32_t> generating_groups;
+  };
+
+  std::vector<std::vector<uint32_t>> in_page_;  // by mesh and group
+  std::vector<Table> tables_;                   // by page
+};
+
+}  // namespace umbel::stream

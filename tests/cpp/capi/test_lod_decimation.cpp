@@ -1,0 +1,84 @@
+// A decimation of the caller's own, from C.
+#include <gtest/gtest.h>
+
+#include <set>
+#include <utility>
+
+#include "capi/lod_call.hpp"
+
+namespace umbel {
+namespace {
+
+using namespace lod_call;
+
+struct Calls {
+  int count = 0;
+  size_t vertices = 0;
+};
+
+// The edges that one triangle has, in its direction.
+std::vector<std::pair<uint32_t, uint32_t>> border_of(const umbel_lod_mesh& mesh) {
+  std::set<std::pair<uint32_t, uint32_t>> edges;
+  for (size_t i = 0; i < 3 * mesh.triangle_count; ++i)
+    edges.insert({mesh.triangles[i], mesh.triangles[i % 3 == 2 ? i - 2 : i + 1]});
+  std::vector<std::pair<uint32_t, uint32_t>> border;
+  for (const auto& [a, b] : edges)
+    if (edges.count({b, a}) == 0) border.emplace_back(a, b);
+  return border;
+}
+
+// A fan from the border to a new vertex above, where that is few enough triangles.
+int fan_around_a_new_vertex(umbel_lod_decimation* group, void* user) {
+  auto& calls = *static_cast<Calls*>(user);
+  ++calls.count;
+  calls.vertices += group->mesh.position_count;
+  const auto border = border_of(group->mesh);
+  if (border.empty() || border.size() > group->target) return 0;
+  for (const auto& [a, b] : border) {
+    uint32_t* t = group->triangles + 3 * group->triangle_count++;
+    t[0] = a;
+    t[1] = b;
+    t[2] = static_cast<uint32_t>(group->mesh.position_count);
+  }
+  const umbel_vec3& first = group->mesh.positions[border[0].first];
+  const umbel_vec3& second = group->mesh.positions[border[border.size() / 2].first];
+  group->added_positions[0] = {(first.x + second.x) / 2, (first.y + second.y) / 2, 0.25f};
+  group->added_uvs[0] = {first.x, first.y};
+  group->added_count = 1;
+  group->error = 0.25f;
+  return 1;
+}
+
+TEST(LodFromC, decimation_of_the_callers_own_may_add_vertices) {
+  Mesh mesh = shapes::grid(40, 40);
+  for (const Vec3& p : mesh.positions) mesh.uvs.push_back({p.x, p.y});
+  umbel_lod_config config = small_config();
+  Calls calls;
+  config.decimate = fan_around_a_new_vertex;
+  config.decimate_user = &calls;
+  umbel_build_options options;
+  umbel_build_options_init(&options);
+  options.threads = 1;
+  const umbel_lod_mesh given = c_mesh(mesh);
+  umbel_lod* made = nullptr;
+  ASSERT_EQ(umbel_lod_build(&given, &config, &options, &made), UMBEL_OK) << umbel_last_error();
+  const std::unique_ptr<umbel_lod, Free> lod(made);
+  EXPECT_GT(calls.count, 5);
+  EXPECT_GT(calls.vertices, 500u);
+  EXPECT_EQ(umbel_lod_verify(lod.get(), 16, 1, nullptr), UMBEL_OK) << umbel_last_error();
+  umbel_lod_view view;
+  umbel_lod_view_error(0.3f, &view);
+  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
+  umbel_mesh* shown = nullptr;
+  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &shown), UMBEL_OK);
+  const std::unique_ptr<umbel_mesh, Free> owner(shown);
+  umbel_lod_mesh arrays;
+  umbel_lod_mesh_init(&arrays);
+  umbel_mesh_arrays(shown, &arrays);
+  bool raised = false;
+  for (size_t v = 0; v < arrays.position_count; ++v) raised |= arrays.positions[v].z == 0.25f;
+  EXPECT_TRUE(raised);
+}
+
+}  // namespace
+}  // namespace umbel
