@@ -1,4 +1,5 @@
-# The extension module umbel._umbel and its stub; the target `umbel_python` makes both.
+# The extension module umbel._umbel, for benchmarks umbel._peers, and their stubs; the target
+# `umbel_python` makes all of them.
 # pyproject.toml builds this; the rest of the package is python/umbel.
 
 find_package(Python 3.10 REQUIRED COMPONENTS Interpreter Development.Module)
@@ -13,16 +14,6 @@ endif()
 # Under build isolation each build has nanobind in another place.
 set(nanobind_DIR ${umbel_nanobind_dir} CACHE PATH "nanobind's CMake files" FORCE)
 find_package(nanobind CONFIG REQUIRED)
-
-file(GLOB umbel_binding_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/python/bindings/*.cpp)
-nanobind_add_module(_umbel NB_STATIC ${umbel_binding_sources})
-umbel_compile_options(_umbel)
-target_include_directories(_umbel PRIVATE ${PROJECT_SOURCE_DIR}/python/bindings ${PROJECT_SOURCE_DIR}/src)
-target_link_libraries(_umbel PRIVATE umbel_internal umbel_meshoptimizer_library TBB::tbb)
-if(UMBEL_CLUSTERLOD_DIR)
-  target_include_directories(_umbel SYSTEM PRIVATE ${UMBEL_CLUSTERLOD_DIR})
-  target_compile_definitions(_umbel PRIVATE UMBEL_HAS_CLUSTERLOD)
-endif()
 
 # The wheel `tbb` puts its library into the environment's lib folder, which is
 # .../lib/pythonX.Y/site-packages/umbel/../../.. ; the second form is for lib64.
@@ -39,15 +30,38 @@ file(MAKE_DIRECTORY ${umbel_stub_root}/umbel)
 file(WRITE ${umbel_stub_root}/umbel/__init__.py "")
 configure_file(${PROJECT_SOURCE_DIR}/python/umbel/errors.py ${umbel_stub_root}/umbel/errors.py
                COPYONLY)
-set_target_properties(_umbel PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${umbel_stub_root}/umbel
-                                        INSTALL_RPATH "${umbel_rpath}")
-nanobind_add_stub(
-  umbel_stub
-  MODULE umbel._umbel
-  OUTPUT ${umbel_stub_root}/umbel/_umbel.pyi
-  PYTHON_PATH ${umbel_stub_root}
-  DEPENDS _umbel)
-add_custom_target(umbel_python DEPENDS _umbel umbel_stub)
+add_custom_target(umbel_python)
 
-install(TARGETS _umbel LIBRARY DESTINATION umbel COMPONENT python)
-install(FILES ${umbel_stub_root}/umbel/_umbel.pyi DESTINATION umbel COMPONENT python)
+# Builds and installs the extension module umbel.NAME of the sources, and its stub.
+function(umbel_python_module name)
+  nanobind_add_module(${name} NB_STATIC ${ARGN})
+  umbel_compile_options(${name})
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/python/bindings
+                                             ${PROJECT_SOURCE_DIR}/src)
+  target_link_libraries(${name} PRIVATE umbel_internal umbel_meshoptimizer_library TBB::tbb)
+  set_target_properties(${name} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${umbel_stub_root}/umbel
+                                           INSTALL_RPATH "${umbel_rpath}")
+  # _peers imports _umbel.
+  nanobind_add_stub(
+    ${name}_stub
+    MODULE umbel.${name}
+    OUTPUT ${umbel_stub_root}/umbel/${name}.pyi
+    PYTHON_PATH ${umbel_stub_root}
+    DEPENDS _umbel ${name})
+  add_dependencies(umbel_python ${name} ${name}_stub)
+  install(TARGETS ${name} LIBRARY DESTINATION umbel COMPONENT python)
+  install(FILES ${umbel_stub_root}/umbel/${name}.pyi DESTINATION umbel COMPONENT python)
+endfunction()
+
+file(GLOB umbel_binding_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/python/bindings/*.cpp)
+umbel_python_module(_umbel ${umbel_binding_sources})
+
+# What `umbel bench` compares with, and encoders for tests: for development, not for wheels.
+if(UMBEL_BUILD_BENCH)
+  file(GLOB umbel_peer_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/python/peers/*.cpp)
+  umbel_python_module(_peers ${umbel_peer_sources} ${PROJECT_SOURCE_DIR}/python/bindings/bind.cpp)
+  if(UMBEL_CLUSTERLOD_DIR)
+    target_include_directories(_peers SYSTEM PRIVATE ${UMBEL_CLUSTERLOD_DIR})
+    target_compile_definitions(_peers PRIVATE UMBEL_HAS_CLUSTERLOD)
+  endif()
+endif()

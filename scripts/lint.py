@@ -73,7 +73,7 @@ def mypy() -> bool:
     merged = ROOT / "build" / "mypy" / "umbel"
     shutil.rmtree(merged, ignore_errors=True)
     merged.mkdir(parents=True)
-    for source in [stub, *(ROOT / "python" / "umbel").iterdir()]:
+    for source in [*stub.parent.glob("*.pyi"), *(ROOT / "python" / "umbel").iterdir()]:
         (merged / source.name).symlink_to(source)
     command = [TOOLS / "mypy", "--python-executable", sys.executable]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

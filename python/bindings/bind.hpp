@@ -148,10 +148,8 @@ void bind_queries(nb::module_& module);
 void bind_bvh(nb::module_& module);
 void bind_kdtree(nb::module_& module);
 void bind_uniform(nb::module_& module);
-void bind_peers(nb::module_& module);
-void bind_peer_lod(nb::module_& module);
+void bind_timed_clusters(nb::module_& module);
+/// The decoders that compressed glTF needs.
+void bind_meshopt(nb::module_& module);
 
 }  // namespace umbel::python
-
-/// The vertex codecs that compressed glTF needs.
-void bind_meshopt(nanobind::module_& module);

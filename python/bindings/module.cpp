@@ -20,5 +20,5 @@ NB_MODULE(_umbel, module) {
   bind_kdtree(module);
   bind_uniform(module);
   bind_meshopt(module);
-  bind_peers(module);
+  bind_timed_clusters(module);
 }

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from umbel import _umbel, shapes
 from umbel.bench import charts
-from umbel.bench.table import Column, Row, csv_text, geometric_means, markdown
+from umbel.bench.peers import peers
+from umbel.bench.table import Row, columns, csv_text, geometric_means, markdown
 from umbel.bench.timing import Machine, Span, Timed, cores, take_turns, this_machine
 from umbel.errors import Error
 from umbel.geometry.arrays import native
@@ -26,22 +27,25 @@ from umbel.geometry.mesh import Mesh
 from umbel.geometry.repair import Progress, validate, weld
 
 MAX_TRIANGLES = 128
-BASELINE = "meshoptimizer Spatial v128"
+BASELINE = "quality" if peers is None else "meshoptimizer Spatial v128"
+"""The method that speed ratios refer to."""
 
-COLUMNS = [
-    Column("mesh", "mesh"),
-    Column("triangles", "triangles", ",d"),
-    Column("method", "method"),
-    Column("threads", "threads", "d"),
-    Column("seconds", "seconds", ".4f"),
-    Column("mtriangles_per_second", "M/s", ".2f"),
-    Column("ratio", "speed ratio", ".2f"),
-    Column("mean_fill", "fill", ".3f"),
-    Column("mean_vertices", "vertices", ".1f"),
-    Column("surface_area_ratio", "area ratio", ".3f"),
-    Column("sah", "SAH", ".1f"),
-    Column("overlap", "overlap", ".3f"),
-]
+COLUMNS = columns(
+    """
+    mesh                  | mesh
+    triangles             | triangles   | ,d
+    method                | method
+    threads               | threads     | d
+    seconds               | seconds     | .4f
+    mtriangles_per_second | M/s         | .2f
+    ratio                 | speed ratio | .2f
+    mean_fill             | fill        | .3f
+    mean_vertices         | vertices    | .1f
+    surface_area_ratio    | area ratio  | .3f
+    sah                   | SAH         | .1f
+    overlap               | overlap     | .3f
+    """
+)
 MEANS = [column for column in COLUMNS[2:] if column.field not in ("threads", "seconds")]
 METRICS = ("clusters", "mean_fill", "mean_vertices", "surface_area_ratio", "sah", "overlap")
 LEGEND = (
@@ -104,7 +108,6 @@ def methods(threads: int = 0) -> list[Method]:
             partial(_umbel.timed_cluster_mesh, config=_config(preset, **changes), threads=threads),
         )
 
-    spatial, flex = _umbel.meshopt_meshlets_spatial, _umbel.meshopt_meshlets_flex
     found = [ours("quality", "quality"), ours("quality v128", "quality", max_vertices=128)]
     if many > 1:
         found.append(ours(f"quality, {many} threads", "quality", many))
@@ -117,7 +120,17 @@ def methods(threads: int = 0) -> list[Method]:
             1,
             partial(_umbel.timed_cluster_mesh, config=_config("quality"), morton=True, threads=1),
         ),
-        Method(BASELINE, 1, partial(spatial, max_vertices=128)),
+        *_meshoptimizer(),
+    ]
+
+
+def _meshoptimizer() -> list[Method]:
+    """Its methods, where it is built in."""
+    if peers is None:
+        return []
+    spatial, flex = peers.meshlets_spatial, peers.meshlets_flex
+    return [
+        Method("meshoptimizer Spatial v128", 1, partial(spatial, max_vertices=128)),
         Method("meshoptimizer Spatial v256", 1, partial(spatial, max_vertices=256)),
         Method("meshoptimizer Flex v128", 1, partial(flex, max_vertices=128)),
     ]
@@ -203,8 +216,11 @@ def _frontier(name: str, arrays: _umbel.MeshArrays, threads: int) -> list[Row]:
         ours = _umbel.timed_cluster_mesh(
             arrays, _config("quality", min_items=32, underfill_cost=weight), threads=threads
         )
-        theirs = _umbel.meshopt_meshlets_spatial(arrays, max_vertices=256, fill_weight=weight)
-        for method, made in (("quality", ours), ("meshoptimizer Spatial v256", theirs)):
+        made_by = {"quality": ours}
+        if peers is not None:
+            theirs = peers.meshlets_spatial(arrays, max_vertices=256, fill_weight=weight)
+            made_by["meshoptimizer Spatial v256"] = theirs
+        for method, made in made_by.items():
             metrics = _metrics(arrays, made[:2], threads)
             rows.append(
                 {

@@ -19,10 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from umbel import _umbel, shapes
+from umbel import shapes
 from umbel.accel.bvh import Bvh
 from umbel.bench import charts
-from umbel.bench.table import Column, Row, csv_text, markdown
+from umbel.bench.peers import clusterlod_cuts, has_clusterlod
+from umbel.bench.table import Column, Row, columns, csv_text, markdown
 from umbel.bench.timing import Machine, Span, this_machine
 from umbel.errors import Error
 from umbel.geometry.arrays import native
@@ -38,18 +39,20 @@ PEERS = {PEER: False, f"{PEER}, ray tracing": True}
 MEASURES = ("mean_distance", "max_distance", "normal_degrees", "uv_error")
 PIXELS = 160
 """Of a side of the pictures that coverage is counted in."""
-COLUMNS = [
-    Column("mesh", "mesh"),
-    Column("method", "method"),
-    Column("share", "share", ".3%"),
-    Column("triangles", "triangles", ",d"),
-    Column("mean_distance", "mean", ".2f"),
-    Column("max_distance", "max", ".1f"),
-    Column("normal_degrees", "normals", ".3f"),
-    Column("uv_error", "UVs", ".3f"),
-    Column("coverage", "covered", ".3f"),
-    Column("seconds", "seconds", ".3f"),
-]
+COLUMNS = columns(
+    """
+    mesh           | mesh
+    method         | method
+    share          | share     | .3%
+    triangles      | triangles | ,d
+    mean_distance  | mean      | .2f
+    max_distance   | max       | .1f
+    normal_degrees | normals   | .3f
+    uv_error       | UVs       | .3f
+    coverage       | covered   | .3f
+    seconds        | seconds   | .3f
+    """
+)
 RATIOS = [
     Column("peer", "beside"),
     Column("share", "share", ".3%"),
@@ -138,11 +141,11 @@ def _rows(name: str, mesh: Mesh, samples: int, report: Callable[[float, str], No
     budgets = [int(f * len(mesh.triangles)) for f in shares]
     source = _Surface(mesh, samples)
     rows: list[Row] = []
-    wanted = [] if _umbel.has_clusterlod else list(zip(shares, budgets, [""] * 3, strict=False))
-    for peer, ray_tracing in PEERS.items() if _umbel.has_clusterlod else ():
+    wanted = [] if has_clusterlod() else list(zip(shares, budgets, [""] * 3, strict=False))
+    for peer, ray_tracing in PEERS.items() if has_clusterlod() else ():
         report(0.15 * ray_tracing, peer)
         values, weights = _attributes(mesh)
-        cuts, seconds = _umbel.clusterlod_cuts(native(mesh), values, weights, budgets, ray_tracing)
+        cuts, seconds = clusterlod_cuts(native(mesh), values, weights, budgets, ray_tracing)
         for share, triangles in zip(shares, cuts, strict=True):
             cut = _with_triangles(mesh, triangles)
             wanted.append((share, len(cut.triangles), peer))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from umbel.bench import charts
-from umbel.bench.table import Column, Row, csv_text, markdown
+from umbel.bench.table import Row, columns, csv_text, markdown
 from umbel.bench.timing import Machine, Span, this_machine
 from umbel.geometry.camera import Camera
 from umbel.geometry.repair import Progress
@@ -37,22 +37,24 @@ LINES: dict[str, tuple[float, float, float, float]] = {
 ASPECT = 16 / 9
 _NEAR = 2.0  # times the error asked for: one pixel, and one pixel worse
 
-COLUMNS = [
-    Column("asset", "asset"),
-    Column("line", "line"),
-    Column("budget", "budget", ".0%"),
-    Column("near", "near", ".2%"),
-    Column("frames_until_near", "first near", "d"),
-    Column("median_error", "median px", ".2f"),
-    Column("worst_error", "worst px", ".2f"),
-    Column("loaded_over_needed", "loaded / needed", ".2f"),
-    Column("needed", "needed", ".1%"),
-    Column("needed_at_once", "at once", ".1%"),
-    Column("reloads", "reloads", "d"),
-    Column("failures", "failures", "d"),
-    Column("mean_step_ms", "mean step ms", ".3f"),
-    Column("worst_step_ms", "worst step ms", ".3f"),
-]
+COLUMNS = columns(
+    """
+    asset              | asset
+    line               | line
+    budget             | budget          | .0%
+    near               | near            | .2%
+    frames_until_near  | first near      | d
+    median_error       | median px       | .2f
+    worst_error        | worst px        | .2f
+    loaded_over_needed | loaded / needed | .2f
+    needed             | needed          | .1%
+    needed_at_once     | at once         | .1%
+    reloads            | reloads         | d
+    failures           | failures        | d
+    mean_step_ms       | mean step ms    | .3f
+    worst_step_ms      | worst step ms   | .3f
+    """
+)
 LEGEND = (
     "A camera moves around the asset at 60 frames a second, 1080 pixels high, and asks for errors "
     "of one pixel. Near: frames in which nothing is more than one pixel worse than that; first "

@@ -29,6 +29,12 @@ class Column:
         return bool(self.form)
 
 
+def columns(table: str) -> list[Column]:
+    """Columns from lines `field | title`, or `field | title | form` for numbers."""
+    lines = [line for line in table.splitlines() if line.strip()]
+    return [Column(*(part.strip() for part in line.split("|"))) for line in lines]
+
+
 def markdown(columns: Sequence[Column], rows: Iterable[Row]) -> str:
     """The rows as a Markdown table."""
     lines = [

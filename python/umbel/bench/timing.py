@@ -11,6 +11,7 @@ from statistics import median
 from typing import Any, Generic, TypeVar
 
 from umbel import _umbel
+from umbel.bench.peers import meshoptimizer_version
 from umbel.errors import Cancelled
 from umbel.geometry.repair import Progress
 
@@ -96,7 +97,8 @@ class Machine:
     load: float | None
     """Mean number of running processes in the minute before; None where nobody counts."""
     umbel: str
-    meshoptimizer: str
+    meshoptimizer: str | None
+    """Its version, where it is compared with."""
 
     @property
     def busy(self) -> bool:
@@ -106,9 +108,11 @@ class Machine:
     def sentences(self) -> list[str]:
         """The machine in words."""
         load = "unknown" if self.load is None else f"{self.load:.2f}"
+        version = self.meshoptimizer
+        theirs = "no other libraries" if version is None else f"meshoptimizer {version}"
         said = [
             f"{self.cpu}, {self.cores} cores, {self.system}. Load average before: {load}.",
-            f"Umbel {self.umbel}, meshoptimizer {self.meshoptimizer}.",
+            f"Umbel {self.umbel}, {theirs}.",
         ]
         if self.busy:
             said.append(
@@ -134,7 +138,7 @@ def this_machine() -> Machine:
         system=f"{platform.system()} {platform.machine()}",
         load=load,
         umbel=_umbel.version(),
-        meshoptimizer=_umbel.meshopt_version(),
+        meshoptimizer=meshoptimizer_version(),
     )
 
 

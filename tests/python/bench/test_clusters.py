@@ -11,6 +11,7 @@ import os
 import pty
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ import pytest
 
 import umbel
 from helpers.commands import COMMAND, Outcome, Umbel
+from umbel import _peers as peers
 from umbel import _umbel
 from umbel.bench import charts, table, timing
 from umbel.bench.clusters import BASELINE, PROCEDURAL, compare, methods, write
@@ -82,7 +84,7 @@ def test_ours_are_what_the_package_builds() -> None:
 def test_meshlets_of_equal_triangles_are_told_apart() -> None:
     mesh = umbel.shapes.blob(3)
     twice = umbel.Mesh(mesh.positions, np.vstack([mesh.triangles, np.roll(mesh.triangles, 1, 1)]))
-    for make in (_umbel.meshopt_meshlets_spatial, _umbel.meshopt_meshlets_flex):
+    for make in (peers.meshlets_spatial, peers.meshlets_flex):
         items, ranges, _ = make(native(twice))
         assert_partition(items, ranges, len(twice.triangles))
 
@@ -101,19 +103,19 @@ def test_meshlets_of_equal_triangles_are_told_apart() -> None:
 )
 def test_limits_that_meshoptimizer_refuses_are_named(limits: dict, word: str) -> None:
     with pytest.raises(umbel.Error, match=word):
-        _umbel.meshopt_meshlets_spatial(native(umbel.shapes.grid(2, 2)), **limits)
+        peers.meshlets_spatial(native(umbel.shapes.grid(2, 2)), **limits)
 
 
 def test_meshlets_of_a_broken_mesh_are_refused() -> None:
     broken = umbel.Mesh(np.zeros((3, 3), np.float32), np.array([[0, 1, 7]], np.uint32))
-    for make in (_umbel.meshopt_meshlets_spatial, _umbel.meshopt_meshlets_flex):
+    for make in (peers.meshlets_spatial, peers.meshlets_flex):
         with pytest.raises(umbel.Error, match="7"):
             make(native(broken))
 
 
 def test_no_triangles_make_no_meshlets() -> None:
     empty = umbel.Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
-    for make in (_umbel.meshopt_meshlets_spatial, _umbel.meshopt_meshlets_flex):
+    for make in (peers.meshlets_spatial, peers.meshlets_flex):
         items, ranges, _ = make(native(empty))
         assert len(items) == 0 and len(ranges) == 0
 
@@ -329,3 +331,22 @@ def test_wrong_usage_exits_with_2(umbel_command: Umbel, arguments: tuple[str, ..
 def test_help_names_the_comparisons(umbel_command: Umbel) -> None:
     assert "clusters" in umbel_command("bench", "--help").out
     assert "--runs" in umbel_command("bench", "clusters", "--help").out
+
+
+def test_without_other_libraries_ours_are_compared(tmp_path: Path) -> None:
+    """As users install the package: there is no umbel._peers."""
+    code = """
+import sys
+sys.modules["umbel._peers"] = None
+import umbel
+from umbel.bench import clusters, lod
+mesh = umbel.shapes.blob(4)
+for bench, options in (clusters, {"runs": 1, "frontier": True}), (lod, {"samples": 500}):
+    found = bench.compare({"blob": lambda: mesh}, **options)
+    print(sorted({row["method"] for row in found.rows}), "no other" in bench.report(found))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    clusters, lod = done.stdout.splitlines()
+    assert "'quality'" in clusters and "meshoptimizer" not in clusters and "True" in clusters
+    assert lod == "['umbel'] True"

@@ -10,9 +10,9 @@ import pytest
 
 import umbel
 from helpers.commands import Umbel
-from umbel import _umbel
 from umbel.bench import lod as bench
 from umbel.bench.lod import _Surface
+from umbel.bench.peers import has_clusterlod
 
 
 def with_uvs(mesh: umbel.Mesh) -> umbel.Mesh:
@@ -63,11 +63,11 @@ def test_tables_hold_both_methods_and_their_ratio(tmp_path: Path) -> None:
     meshes = {"blob": lambda: with_uvs(umbel.shapes.blob(4, 1))}
     found = bench.compare(meshes, samples=2000)
     methods = {row["method"] for row in found.rows}
-    assert methods == {"umbel", *(bench.PEERS if _umbel.has_clusterlod else [])}
+    assert methods == {"umbel", *(bench.PEERS if has_clusterlod() else [])}
     for row in found.rows:
         assert row["mean_distance"] > 0 and row["max_distance"] >= row["mean_distance"]
         assert row["triangles"] <= row["share"] * 5120
-    if _umbel.has_clusterlod:
+    if has_clusterlod():
         assert [row["peer"] for row in found.ratios] == list(bench.PEERS)
         assert all(row["mean_distance"] > 0 for row in found.ratios)
     bench.write(found, tmp_path)

@@ -150,7 +150,7 @@ def skinned() -> GltfBuilder:
 
 def meshopt_sphere() -> bytes:
     """A .glb whose positions and triangles are streams of EXT_meshopt_compression."""
-    codec = pytest.importorskip("umbel._umbel")
+    encoders = pytest.importorskip("umbel._peers")
     positions, triangles = bumpy_sphere(4)
     flat = triangles.reshape(-1)
     b = GltfBuilder()
@@ -158,11 +158,11 @@ def meshopt_sphere() -> bytes:
     name = "EXT_meshopt_compression"
     padded = np.zeros((len(positions), 4), np.float32)
     padded[:, :3] = positions
-    stream = codec.meshopt_encode_vertex(padded.view(np.uint8))
+    stream = encoders.encode_vertex(padded.view(np.uint8))
     view = b.meshopt_view(stream, len(positions), 16, "ATTRIBUTES", name)
     position = b.add("accessors", {"bufferView": view, "componentType": 5126,
                                    "count": len(positions), "type": "VEC3"})  # fmt: skip
-    stream = codec.meshopt_encode_index(flat, len(positions))
+    stream = encoders.encode_index(flat, len(positions))
     view = b.meshopt_view(stream, len(flat), 4, "TRIANGLES", name)
     indices = b.add("accessors", {"bufferView": view, "componentType": 5125,
                                   "count": len(flat), "type": "SCALAR"})  # fmt: skip

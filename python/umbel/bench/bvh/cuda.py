@@ -18,30 +18,32 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from umbel.bench.table import Column, Row, csv_text, geometric_means, markdown
+from umbel.bench.table import Column, Row, columns, csv_text, geometric_means, markdown
 from umbel.errors import Error
 
 BASELINE = "sweep"
 LQ, HQ = 8, 128
 RATIOS = ("sah_ratio", "speed_ratio", "lq_ratio", "hq_ratio")
-COLUMNS = [
-    Column("scene", "scene"),
-    Column("builder", "builder"),
-    Column("build_ms", "build ms", ".3f"),
-    Column("mtriangles_per_second", "M tri/s", ".1f"),
-    Column("refit_ms", "refit ms", ".3f"),
-    Column("sah", "SAH", ".1f"),
-    Column("primary_mrays", "primary M rays/s", ".1f"),
-    Column("bounce_mrays", "bounce M rays/s", ".1f"),
-    Column("lq_ms", "LQ ms", ".2f"),
-    Column("hq_ms", "HQ ms", ".2f"),
-    Column("sah_ratio", "SAH ratio", ".3f"),
-    Column("speed_ratio", "speed ratio", ".3f"),
-    Column("lq_ratio", "LQ ratio", ".3f"),
-    Column("hq_ratio", "HQ ratio", ".3f"),
-    Column("scratch_per_triangle", "scratch B/tri", ".0f"),
-    Column("nodes_per_triangle", "nodes B/tri", ".1f"),
-]
+COLUMNS = columns(
+    """
+    scene                 | scene
+    builder               | builder
+    build_ms              | build ms         | .3f
+    mtriangles_per_second | M tri/s          | .1f
+    refit_ms              | refit ms         | .3f
+    sah                   | SAH              | .1f
+    primary_mrays         | primary M rays/s | .1f
+    bounce_mrays          | bounce M rays/s  | .1f
+    lq_ms                 | LQ ms            | .2f
+    hq_ms                 | HQ ms            | .2f
+    sah_ratio             | SAH ratio        | .3f
+    speed_ratio           | speed ratio      | .3f
+    lq_ratio              | LQ ratio         | .3f
+    hq_ratio              | HQ ratio         | .3f
+    scratch_per_triangle  | scratch B/tri    | .0f
+    nodes_per_triangle    | nodes B/tri      | .1f
+    """
+)
 MEANS = [COLUMNS[1], COLUMNS[3], *(column for column in COLUMNS if column.field in RATIOS)]
 NODE_BYTES = 80
 

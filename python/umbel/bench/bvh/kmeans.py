@@ -8,7 +8,7 @@ from typing import Any
 
 from umbel.accel.trees import build_bvh2, kmeans_times
 from umbel.bench.bvh.scenes import COSTS, PRESETS, Kmeans
-from umbel.bench.table import Column, Row
+from umbel.bench.table import Row, columns
 from umbel.bench.timing import Span
 from umbel.geometry.mesh import Mesh
 
@@ -21,24 +21,28 @@ PUBLISHED: dict[str, Any] = {"handed_up": 1}
 VARIANTS: Mapping[str, dict[str, Any]] = {"kmeans 2016": PUBLISHED, "kmeans": {}}
 """As published, and as it is here."""
 
-STAGES = [
-    Column("scene", "scene"),
-    Column("preset", "preset"),
-    Column("clusters", "k", "d"),
-    Column("candidates", "p", "d"),
-    Column("iterations", "i", "d"),
-    Column("stage", "stage"),
-    Column("seconds", "s", ".4f"),
-]
-ITERATIONS = [
-    Column("scene", "scene"),
-    Column("builder", "builder"),
-    Column("clusters", "k", "d"),
-    Column("candidates", "p", "d"),
-    Column("iterations", "i", "d"),
-    Column("sah_cost", "SAH", ".2f"),
-    Column("sweep", "SAH of the full sweep", ".2f"),
-]
+STAGES = columns(
+    """
+    scene      | scene
+    preset     | preset
+    clusters   | k      | d
+    candidates | p      | d
+    iterations | i      | d
+    stage      | stage
+    seconds    | s      | .4f
+    """
+)
+ITERATIONS = columns(
+    """
+    scene      | scene
+    builder    | builder
+    clusters   | k                     | d
+    candidates | p                     | d
+    iterations | i                     | d
+    sah_cost   | SAH                   | .2f
+    sweep      | SAH of the full sweep | .2f
+    """
+)
 
 
 STAGE_NAMES = {

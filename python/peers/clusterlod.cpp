@@ -2,7 +2,8 @@
 #include <nanobind/stl/vector.h>
 
 #include "bind.hpp"
-#include "processor_time.hpp"
+#include "peers.hpp"
+#include "timed.hpp"
 #include "umbel/lod.hpp"
 
 #ifdef UMBEL_HAS_CLUSTERLOD
@@ -67,7 +68,9 @@ PeerDag build_peer(const MeshView& view, std::span<const float> attributes,
   return dag;
 }
 
-nb::tuple clusterlod_cuts(
+using Cuts = nb::typed<nb::tuple, nb::typed<nb::list, Array<uint32_t>>, double>;
+
+Cuts clusterlod_cuts(
     const MeshArrays& mesh,
     const nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>& attributes,
     const Flat<float>& weights, const std::vector<uint64_t>& budgets, bool ray_tracing) {
@@ -97,17 +100,11 @@ nb::tuple clusterlod_cuts(
 
 }  // namespace
 
-void bind_peer_lod(nb::module_& module) {
+void bind_clusterlod(nb::module_& module) {
 #ifdef UMBEL_HAS_CLUSTERLOD
-  module.def(
-      "clusterlod_cuts", &clusterlod_cuts, "mesh"_a, "attributes"_a, "weights"_a, "budgets"_a,
-      "ray_tracing"_a = false,
-      nb::sig(
-          "def clusterlod_cuts(mesh: MeshArrays, attributes: numpy.typing.NDArray[numpy.float32], "
-          "weights: numpy.typing.NDArray[numpy.float32], budgets: list[int], ray_tracing: bool = "
-          "False) "
-          "-> tuple[list[numpy.typing.NDArray[numpy.uint32]], float]"),
-      "Triangles of the cut with at most so many, for each budget, and seconds.");
+  module.def("clusterlod_cuts", &clusterlod_cuts, "mesh"_a, "attributes"_a, "weights"_a,
+             "budgets"_a, "ray_tracing"_a = false,
+             "Triangles of the cut with at most so many, for each budget, and seconds.");
   module.attr("has_clusterlod") = true;
 #else
   module.attr("has_clusterlod") = false;

@@ -1,18 +1,15 @@
-// Clusterers under the same clock, for `umbel bench clusters`: ours, and those of meshoptimizer
-// (meshopt_buildMeshletsSpatial and meshopt_buildMeshletsFlex). Seconds are of the build alone,
-// without a copy to or from Python.
+// Meshlets by meshoptimizer (meshopt_buildMeshletsSpatial and meshopt_buildMeshletsFlex), for
+// `umbel bench clusters`. Seconds are of the build alone, without a copy to or from Python.
 #include <meshoptimizer.h>
 
 #include <algorithm>
 
 #include "bind.hpp"
-#include "processor_time.hpp"
-#include "umbel/cluster.hpp"
+#include "peers.hpp"
+#include "timed.hpp"
 
 namespace umbel::python {
 namespace {
-
-using TimedClusters = nb::typed<nb::tuple, Array<uint32_t>, Array<uint32_t>, double>;
 
 /// Limits of meshoptimizer's meshlets, with what weighs in the choice of them: `fill_weight` of
 /// Spatial, `split_factor` of Flex.
@@ -38,17 +35,6 @@ struct MeshletLimits {
     }
   }
 };
-
-/// Seconds that `work` took. One thread is timed by the processor time that it used, so that
-/// other programs disturb less; several by the clock on the wall.
-template <typename Work>
-double seconds_of(bool one_thread, const Work& work) {
-  const auto wall = std::chrono::steady_clock::now();
-  const double processor = thread_seconds();
-  work();
-  if (one_thread) return thread_seconds() - processor;
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
-}
 
 struct Meshlets {
   std::vector<meshopt_Meshlet> list;
@@ -153,43 +139,15 @@ TimedClusters meshlets_of(const MeshArrays& mesh, uint32_t max_vertices, uint32_
   return meshlets(peer, mesh, {max_vertices, min_triangles, max_triangles, weight});
 }
 
-TimedClusters timed_clusters(const MeshArrays& mesh, const ClusterConfig& config, bool morton,
-                             uint32_t threads) {
-  double seconds = 0;
-  Clusters clusters = run(nb::none(), threads, [&](const BuildOptions& options) {
-    const MeshView view = mesh.view();
-    validate(view, options);
-    Clusters built;
-    seconds = seconds_of(threads == 1, [&] {
-      built = morton ? cluster_mesh_morton(view, config, options)
-                     : cluster_mesh(view, config, 0.0f, options);
-    });
-    return built;
-  });
-  return nb::make_tuple(take<uint32_t>(std::move(clusters.items)),
-                        take<uint32_t>(std::move(clusters.ranges)), seconds);
-}
-
 }  // namespace
 
-void bind_peers(nb::module_& module) {
-  bind_peer_lod(module);
-  module.def("timed_cluster_mesh", &timed_clusters, "mesh"_a, "config"_a, "morton"_a = false,
-             "threads"_a = 1,
-             "(items, ranges (k, 2), seconds): processor time of one thread, else wall time.");
-  module.def("meshopt_meshlets_spatial", &meshlets_of<Peer::kSpatial>, "mesh"_a,
-             "max_vertices"_a = 128, "min_triangles"_a = 32, "max_triangles"_a = 128,
-             "fill_weight"_a = 0.5f, "(items, ranges (k, 2), seconds of processor time)");
-  module.def("meshopt_meshlets_flex", &meshlets_of<Peer::kFlex>, "mesh"_a, "max_vertices"_a = 128,
+void bind_meshlets(nb::module_& module) {
+  module.def("meshlets_spatial", &meshlets_of<Peer::kSpatial>, "mesh"_a, "max_vertices"_a = 128,
+             "min_triangles"_a = 32, "max_triangles"_a = 128, "fill_weight"_a = 0.5f,
+             "(items, ranges (k, 2), seconds of processor time)");
+  module.def("meshlets_flex", &meshlets_of<Peer::kFlex>, "mesh"_a, "max_vertices"_a = 128,
              "min_triangles"_a = 32, "max_triangles"_a = 128, "split_factor"_a = 2.0f,
              "(items, ranges (k, 2), seconds of processor time)");
-  module.def(
-      "meshopt_version",
-      [] {
-        return std::to_string(MESHOPTIMIZER_VERSION / 1000) + "." +
-               std::to_string(MESHOPTIMIZER_VERSION % 1000 / 10);
-      },
-      "The version of meshoptimizer that is built in.");
 }
 
 }  // namespace umbel::python
