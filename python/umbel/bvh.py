@@ -1,4 +1,4 @@
-"""What belongs to bounding volume hierarchies, beside `umbel.Bvh` itself."""
+"""The public names of bounding volume hierarchies, beside `umbel.Bvh` itself."""
 
 from umbel.accel.bvh import Bvh as Bvh
 from umbel.accel.bvh import Refit as Refit

@@ -1,5 +1,5 @@
-"""Structures that divide triangles uniformly, without weighing costs: built in little more than a
-sort, for comparisons, and for meshes that are traced a little and thrown away."""
+"""Structures that divide space uniformly, without a cost model: they build about as fast as a sort,
+for comparisons, and for meshes that few rays are traced through."""
 
 from __future__ import annotations
 

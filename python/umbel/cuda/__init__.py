@@ -1,9 +1,9 @@
-"""Clusters of meshes that change every frame, hierarchies of triangles and what
-they answer, and cuts of levels of detail, on a CUDA device.
+"""Clusters of meshes that change every frame, hierarchies of triangles with their queries, and cuts
+of levels of detail, on a CUDA device.
 
 Takes arrays of CuPy, PyTorch, Numba, or anything with `__cuda_array_interface__` or DLPack, without
 copying them, and puts its work into the current stream of their package; nothing waits. Needs the
-library umbel_cuda_c, which `make cuda` builds: its path in UMBEL_CUDA_LIBRARY, or beside this file.
+library umbel_cuda_c, which `make cuda` builds: its path in UMBEL_CUDA_LIBRARY, or the package's own folder.
 """
 
 from umbel.cuda.bvh import Bvh

@@ -29,7 +29,9 @@ class MeshStruct(ctypes.Structure):
 
 def library_path() -> Path:
     """Where the library is looked for."""
-    return Path(os.environ.get("UMBEL_CUDA_LIBRARY", Path(__file__).parent / "libumbel_cuda_c.so"))
+    return Path(
+        os.environ.get("UMBEL_CUDA_LIBRARY", Path(__file__).parents[1] / "libumbel_cuda_c.so")
+    )
 
 
 @cache

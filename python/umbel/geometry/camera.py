@@ -1,4 +1,4 @@
-"""A viewpoint, as far as level of detail is concerned, and what errors look like from there."""
+"""A camera for selection and pictures, and the projected size of errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What reading into float32, or snapping to a grid, does to a mesh: said, or refused."""
+"""What rounding to float32 or to a grid costs a mesh: a warning, or an error if it is too much."""
 
 from __future__ import annotations
 

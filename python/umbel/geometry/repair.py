@@ -1,4 +1,4 @@
-"""What is done to a mesh before anything else: checking, repairing, welding, snapping."""
+"""Validating, repairing, welding and snapping meshes."""
 
 from __future__ import annotations
 

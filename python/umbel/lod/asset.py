@@ -1,4 +1,4 @@
-""".umbel files."""
+"""Reading .umbel files."""
 
 from __future__ import annotations
 

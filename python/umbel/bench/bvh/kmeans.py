@@ -1,4 +1,4 @@
-"""k-means alone: where its time goes, and what its iterations bring."""
+"""k-means alone: its time by stage, and the SAH cost after each number of iterations."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The properties that glTF 2.0 has, to find those that a file has beside them: a name that is
-misspelt or damaged says nothing, and what it stood for would be lost without a word."""
+"""The properties that glTF 2.0 has, to warn of others: a misspelt or damaged name would be ignored
+without a word."""
 
 from __future__ import annotations
 
