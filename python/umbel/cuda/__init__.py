@@ -3,7 +3,8 @@ of levels of detail, on a CUDA device.
 
 Takes arrays of CuPy, PyTorch, Numba, or anything with `__cuda_array_interface__` or DLPack, without
 copying them, and puts its work into the current stream of their package; nothing waits. Needs the
-library umbel_cuda_c, which `make cuda` builds: its path in UMBEL_CUDA_LIBRARY, or the package's own folder.
+library umbel_cuda_c, which `make cuda` builds: its path is UMBEL_CUDA_LIBRARY, or it lies in the
+package's folder.
 """
 
 from umbel.cuda.bvh import Bvh

@@ -1,8 +1,8 @@
-"""Builders of hierarchies compared on a CUDA device. The program cuda_bvh_bench measures; this makes
-tables and charts of what it prints.
+"""Builders of hierarchies compared on a CUDA device. The program cuda_bvh_bench measures; this
+makes tables and charts of what it prints.
 
-All is normalised to the full sweep with zero build time, as in compare.py. A sample is one ray through
-each pixel of three pictures of 512 x 512, and one diffuse bounce from what it hits.
+All is normalised to the full sweep with zero build time, as in compare.py. A sample is one ray
+through each pixel of three pictures of 512 x 512, and one diffuse bounce from what it hits.
 
     python -m umbel.bench.bvh.cuda MEASURED.json FOLDER [NAME]     writes them without measuring
 """
