@@ -3,7 +3,7 @@ for comparisons, and for meshes that few rays are traced through."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from numpy.typing import ArrayLike
 
@@ -15,6 +15,20 @@ from umbel.errors import Error
 from umbel.geometry.arrays import about, thread_count
 from umbel.geometry.repair import Progress
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+
+class CommonOptions(TypedDict, total=False):
+    """The options of both structures; `compact`, `masks` and `invalid` are those of `umbel.Bvh`."""
+
+    compact: bool
+    masks: ArrayLike | None
+    cost: tuple[float, float]
+    """(traversal, intersection), for statistics; 3 and 2 where not given."""
+    invalid: Literal["refuse", "drop"]
+    progress: Progress | None
+
 
 class _Uniform(SpatialPartition):
     _native: _umbel.TwoLevelGrid | _umbel.IntervalHierarchy
@@ -23,26 +37,34 @@ class _Uniform(SpatialPartition):
         self,
         structure: type[_umbel.TwoLevelGrid] | type[_umbel.IntervalHierarchy],
         source: tuple[Any, ArrayLike | None],
-        masks: ArrayLike | None,
-        config: dict[str, Any],
-        progress: Progress | None,
         threads: int,
+        settings: dict[str, Any],
+        *,
+        compact: bool = False,
+        masks: ArrayLike | None = None,
+        cost: tuple[float, float] = (3, 2),
+        invalid: Literal["refuse", "drop"] = "refuse",
+        progress: Progress | None = None,
     ) -> None:
-        if config["invalid"] not in ("refuse", "drop"):
-            raise Error(f"invalid must be 'refuse' or 'drop', not {config['invalid']!r}")
+        if invalid not in ("refuse", "drop"):
+            raise Error(f"invalid must be 'refuse' or 'drop', not {invalid!r}")
         mesh = mesh_from(*source)
         self._origin = mesh.origin
-        given = config | {"drop_invalid": config["invalid"] == "drop"}
-        del given["invalid"]
+        given = {**settings, "compact": bool(compact), "cost": cost}
         geometry, bits = geometry_of(mesh), mask_array(masks, len(mesh.triangles))
         count = thread_count(threads)
         try:
             with about(mesh):
                 self._native = structure.build(
-                    geometry, masks=bits, progress=progress, threads=count, **given
+                    geometry,
+                    masks=bits,
+                    progress=progress,
+                    threads=count,
+                    drop_invalid=invalid == "drop",
+                    **given,
                 )
         except TypeError:
-            raise Error(f"one of these settings is of the wrong type: {config!r}") from None
+            raise Error(f"one of these settings is of the wrong type: {given!r}") from None
 
 
 class TwoLevelGrid(_Uniform):
@@ -58,28 +80,20 @@ class TwoLevelGrid(_Uniform):
         density: float = 0.12,
         leaf_density: float = 2.4,
         max_references: float = 16,
-        compact: bool = False,
-        masks: ArrayLike | None = None,
-        cost: tuple[float, float] = (3, 2),
-        invalid: str = "refuse",
-        progress: Progress | None = None,
+        **options: Unpack[CommonOptions],
     ) -> None:
         """
-        positions, triangles, compact, masks, invalid: as of `umbel.Bvh`.
+        positions, triangles: as of `umbel.Bvh`.
         density, leaf_density: 0.001..16, cells a triangle of the whole grid, and of a cell's own.
         max_references: 1..64, most references a triangle; grids are made coarser to keep to it.
-        cost: (traversal, intersection), for statistics.
         """
-        config = {
+        settings = {
             "density": density,
             "leaf_density": leaf_density,
             "max_references": max_references,
-            "compact": bool(compact),
-            "cost": cost,
-            "invalid": invalid,
         }
         source = (positions, triangles)
-        self._build(_umbel.TwoLevelGrid, source, masks, config, progress, threads)
+        self._build(_umbel.TwoLevelGrid, source, threads, settings, **options)
 
     def __repr__(self) -> str:
         return f"<TwoLevelGrid: {len(self)} triangles, {self.statistics()['leaves']} cells>"
@@ -95,25 +109,15 @@ class IntervalHierarchy(_Uniform):
         threads: int = 0,
         *,
         max_leaf_size: int = 4,
-        compact: bool = False,
-        masks: ArrayLike | None = None,
-        cost: tuple[float, float] = (3, 2),
-        invalid: str = "refuse",
-        progress: Progress | None = None,
+        **options: Unpack[CommonOptions],
     ) -> None:
         """
-        positions, triangles, compact, masks, invalid: as of `umbel.Bvh`.
+        positions, triangles: as of `umbel.Bvh`.
         max_leaf_size: 1..64, most triangles a leaf.
-        cost: (traversal, intersection), for statistics.
         """
-        config = {
-            "max_leaf_size": max_leaf_size,
-            "compact": bool(compact),
-            "cost": cost,
-            "invalid": invalid,
-        }
+        settings = {"max_leaf_size": max_leaf_size}
         source = (positions, triangles)
-        self._build(_umbel.IntervalHierarchy, source, masks, config, progress, threads)
+        self._build(_umbel.IntervalHierarchy, source, threads, settings, **options)
 
     def __repr__(self) -> str:
         return f"<IntervalHierarchy: {len(self)} triangles, {self.statistics()['nodes']} nodes>"

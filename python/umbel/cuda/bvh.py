@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from umbel.cuda.arrays import current_stream, device_array
+from umbel.cuda.c_structs import c_fields
 from umbel.cuda.calls import (
     INTEGERS,
     MeshStruct,
@@ -28,22 +29,13 @@ TRIANGLE_BYTES = 48
 
 
 class _Config(ctypes.Structure):
-    _fields_ = (
-        ("struct_size", ctypes.c_uint32),
-        ("builder", ctypes.c_uint32),
-        ("traversal_cost", ctypes.c_float),
-        ("intersection_cost", ctypes.c_float),
-        ("max_leaf_size", ctypes.c_uint32),
-        ("presplit", ctypes.c_float),
-        ("hlbvh_bits", ctypes.c_uint32),
-        ("treelet_size", ctypes.c_uint32),
-        ("treelet_rounds", ctypes.c_uint32),
-        ("ploc_radius", ctypes.c_uint32),
-        ("kmeans_clusters", ctypes.c_uint32),
-        ("kmeans_candidates", ctypes.c_uint32),
-        ("kmeans_iterations", ctypes.c_uint32),
-        ("kmeans_manhattan", ctypes.c_uint32),
-        ("kmeans_handed_up", ctypes.c_uint32),
+    _fields_ = c_fields(
+        "uint32_t struct_size, builder",
+        "float traversal_cost, intersection_cost",
+        "uint32_t max_leaf_size",
+        "float presplit",
+        "uint32_t hlbvh_bits, treelet_size, treelet_rounds, ploc_radius, kmeans_clusters",
+        "uint32_t kmeans_candidates, kmeans_iterations, kmeans_manhattan, kmeans_handed_up",
     )
 
 

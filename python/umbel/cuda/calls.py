@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from umbel.cuda.arrays import DeviceArray, device_array
+from umbel.cuda.c_structs import c_fields
 from umbel.errors import Error
 
 INTEGERS = ("u4", "i4")
@@ -18,12 +19,11 @@ INTEGERS = ("u4", "i4")
 class MeshStruct(ctypes.Structure):
     """umbel_cuda_mesh."""
 
-    _fields_ = (
-        ("positions", ctypes.c_void_p),
-        ("position_stride", ctypes.c_size_t),
-        ("indices", ctypes.c_void_p),
-        ("items", ctypes.c_void_p),
-        ("triangles", ctypes.c_uint32),
+    _fields_ = c_fields(
+        "void* positions",
+        "size_t position_stride",
+        "void* indices, items",
+        "uint32_t triangles",
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from umbel.cluster.area_growth import AreaGrowth, RebuildPolicy
 from umbel.cuda.arrays import current_stream, device_array
+from umbel.cuda.c_structs import c_fields
 from umbel.cuda.calls import (
     MeshStruct,
     Scratch,
@@ -22,14 +23,10 @@ from umbel.errors import Error
 
 
 class _Config(ctypes.Structure):
-    _fields_ = (
-        ("struct_size", ctypes.c_uint32),
-        ("method", ctypes.c_uint32),
-        ("max_triangles", ctypes.c_uint32),
-        ("min_triangles", ctypes.c_uint32),
-        ("max_vertices", ctypes.c_uint32),
-        ("underfill_cost", ctypes.c_float),
-        ("code_bits", ctypes.c_uint32),
+    _fields_ = c_fields(
+        "uint32_t struct_size, method, max_triangles, min_triangles, max_vertices",
+        "float underfill_cost",
+        "uint32_t code_bits",
     )
 
 

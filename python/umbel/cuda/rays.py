@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from umbel.cuda.arrays import DeviceArray, current_stream, device_array
+from umbel.cuda.c_structs import c_fields
 from umbel.cuda.calls import Scratch, address, on_host
 from umbel.errors import Error
 
@@ -17,35 +18,29 @@ ALL_BITS = 0xFFFFFFFF
 class BvhStruct(ctypes.Structure):
     """umbel_cuda_bvh."""
 
-    _fields_ = (
-        ("nodes", ctypes.c_void_p),
-        ("triangles", ctypes.c_void_p),
-        ("info", ctypes.c_void_p),
+    _fields_ = c_fields(
+        "void* nodes, triangles, info",
     )
 
 
 class _Rays(ctypes.Structure):
-    _fields_ = (
-        ("origins", ctypes.c_void_p),
-        ("directions", ctypes.c_void_p),
-        ("origin_stride", ctypes.c_size_t),
-        ("direction_stride", ctypes.c_size_t),
-        ("t_min", ctypes.c_void_p),
-        ("t_max", ctypes.c_void_p),
-        ("interval_stride", ctypes.c_size_t),
-        ("count", ctypes.c_uint64),
-        ("cull_back_faces", ctypes.c_uint32),
-        ("mask", ctypes.c_uint32),
-        ("masks", ctypes.c_void_p),
+    _fields_ = c_fields(
+        "void* origins, directions",
+        "size_t origin_stride, direction_stride",
+        "void* t_min, t_max",
+        "size_t interval_stride",
+        "uint64_t count",
+        "uint32_t cull_back_faces, mask",
+        "void* masks",
     )
 
 
 class _Points(ctypes.Structure):
-    _fields_ = (
-        ("points", ctypes.c_void_p),
-        ("stride", ctypes.c_size_t),
-        ("count", ctypes.c_uint64),
-        ("max_distance", ctypes.c_float),
+    _fields_ = c_fields(
+        "void* points",
+        "size_t stride",
+        "uint64_t count",
+        "float max_distance",
     )
 
 

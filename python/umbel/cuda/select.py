@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from umbel.cuda.arrays import current_stream, device_array
+from umbel.cuda.c_structs import c_fields
 from umbel.cuda.calls import Scratch, address, check, library, maker, on_host
 from umbel.errors import Error
 
@@ -21,55 +22,45 @@ MOST_ROOM = 1 << 24
 
 
 class _Arrays(ctypes.Structure):
-    _fields_ = (
-        ("struct_size", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
-        ("levels", ctypes.c_void_p),
-        ("level_count", ctypes.c_size_t),
-        ("groups", ctypes.c_void_p),
-        ("group_count", ctypes.c_size_t),
-        ("clusters", ctypes.c_void_p),
-        ("cluster_count", ctypes.c_size_t),
-        ("nodes", ctypes.c_void_p),
-        ("node_count", ctypes.c_size_t),
+    _fields_ = c_fields(
+        "uint32_t struct_size, reserved",
+        "void* levels",
+        "size_t level_count",
+        "void* groups",
+        "size_t group_count",
+        "void* clusters",
+        "size_t cluster_count",
+        "void* nodes",
+        "size_t node_count",
     )
 
 
 class _Tables(ctypes.Structure):
-    _fields_ = (
-        ("nodes", ctypes.c_void_p),
-        ("groups", ctypes.c_void_p),
-        ("clusters", ctypes.c_void_p),
-        ("normal_cones", ctypes.c_void_p),
-        ("group_count", ctypes.c_uint32),
-        ("layers", ctypes.c_uint32),
+    _fields_ = c_fields(
+        "void* nodes, groups, clusters, normal_cones",
+        "uint32_t group_count, layers",
     )
 
 
 class _Scene(ctypes.Structure):
-    _fields_ = (
-        ("view", ctypes.c_void_p),
-        ("planes", ctypes.c_void_p),
-        ("plane_count", ctypes.c_uint32),
-        ("instances", ctypes.c_void_p),
-        ("instance_count", ctypes.c_uint32),
+    _fields_ = c_fields(
+        "void* view, planes",
+        "uint32_t plane_count",
+        "void* instances",
+        "uint32_t instance_count",
     )
 
 
 class _Pages(ctypes.Structure):
-    _fields_ = (
-        ("page_of_group", ctypes.c_void_p),
-        ("resident", ctypes.c_void_p),
-        ("states", ctypes.c_void_p),
-        ("page_count", ctypes.c_uint32),
+    _fields_ = c_fields(
+        "void* page_of_group, resident, states",
+        "uint32_t page_count",
     )
 
 
 class _Room(ctypes.Structure):
-    _fields_ = (
-        ("queue", ctypes.c_uint32),
-        ("groups", ctypes.c_uint32),
-        ("clusters", ctypes.c_uint32),
+    _fields_ = c_fields(
+        "uint32_t queue, groups, clusters",
     )
 
 
