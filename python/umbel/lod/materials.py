@@ -37,7 +37,9 @@ class _Files:
         """The entry of an image; None where it cannot be read."""
         if self.external and image.path is not None:
             relative = os.path.relpath(image.path, self.folder).replace(os.sep, "/")
-            return {"uri": urllib.parse.quote(relative)}
+            # Readers of an asset look in its folder and below, so others are embedded.
+            if not relative.startswith("../"):
+                return {"uri": urllib.parse.quote(relative)}
         try:
             data = image.encoded()
         except Error as error:
@@ -56,8 +58,8 @@ def write_materials(
     materials: list[Material], textures: str, folder: Path, threads: int = 0
 ) -> tuple[str, list[bytes]]:
     """The section MTRL, and the files that it refers to. `textures`: "embed" their images with
-    smaller copies of large ones, leave them "external" where they are files (named from `folder`),
-    or "none"."""
+    smaller copies of large ones, leave them "external" where they are files in `folder` or below, or
+    "none"."""
     if textures not in ("embed", "external", "none"):
         raise Error(f"textures must be 'embed', 'external' or 'none', not {textures!r}")
     files = _Files(textures == "external", folder)

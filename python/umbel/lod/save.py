@@ -67,8 +67,8 @@ class Savable:
 
         exact: keep every bit of normals, tangents, UVs and colours, or store them in fewer bits
             (docs/format.md); None: as the build did with positions, exactly without `precision`.
-        textures: "embed" the materials' images, leave them "external" where they are files of
-            their own, or "none".
+        textures: "embed" the materials' images, leave them "external" where they are files in
+            the asset's folder or below, or "none".
         page_bytes: what is read at once, at most, where one group does not take more.
         """
         return save_asset(

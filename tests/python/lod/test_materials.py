@@ -159,3 +159,19 @@ def test_without_textures_the_rest_stays(materials: list[umbel.Material]) -> Non
     assert not files and not again.images
     assert again.extensions["KHR_materials_clearcoat"] == {"clearcoatFactor": 0.75}
     assert again.extras == materials[0].extras
+
+
+def test_images_outside_of_the_assets_folder_are_embedded(tmp_path: Path) -> None:
+    folder = tmp_path / "asset"
+    folder.mkdir()
+    for path in (folder / "inside.png", tmp_path / "above.png"):
+        path.write_bytes(picture())
+    images = {
+        "base_color": TextureImage(path=folder / "inside.png"),
+        "emissive": TextureImage(path=tmp_path / "above.png"),
+    }
+    text, files = write_materials([umbel.Material(images=images)], "external", folder)
+    assert files == [picture()]
+    (again,) = read_materials(text, lambda k: files[k], folder)
+    assert again.images["base_color"].path == folder / "inside.png"
+    assert again.images["emissive"].encoded() == picture()
