@@ -14,7 +14,7 @@ namespace umbel::cuda {
 
 /// Clusters of a frame. Cluster c has triangles [offsets[c], offsets[c + 1]).
 struct DeviceClusters {
-  uint32_t* items;    ///< one a triangle: what they are called, in cluster order
+  uint32_t* items;    ///< one a triangle: their names, in cluster order
   uint32_t* indices;  ///< three a triangle: the index buffer in cluster order
   uint32_t* offsets;  ///< room for max_frame_clusters(...) + 1
   Aabb* boxes;        ///< room for max_frame_clusters(...)

@@ -32,7 +32,7 @@ struct DeviceMesh {
   const void* positions;        ///< three floats a vertex
   size_t position_stride = 12;  ///< bytes from one vertex to the next: a multiple of 4, at least 12
   const uint32_t* indices;      ///< three a triangle
-  const uint32_t* items = nullptr;  ///< what each triangle is called; null: by its place
+  const uint32_t* items = nullptr;  ///< the name of each triangle; null: its index
   uint32_t triangles = 0;
 };
 

@@ -15,7 +15,7 @@ typedef struct umbel_cuda_mesh {
   const void* positions;    ///< three floats a vertex
   size_t position_stride;   ///< bytes from one vertex to the next: a multiple of 4, at least 12
   const uint32_t* indices;  ///< three a triangle
-  const uint32_t* items;    ///< what each triangle is called; NULL: by its place
+  const uint32_t* items;    ///< the name of each triangle; NULL: its index
   uint32_t triangles;
 } umbel_cuda_mesh;
 

@@ -1,4 +1,4 @@
-// Work that is done by all threads, but takes its place one after the other, such as pieces of an
+// Work that all threads do, but whose results are placed one after the other, such as parts of an
 // array whose sizes are not known before they are made.
 #pragma once
 

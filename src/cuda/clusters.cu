@@ -20,12 +20,12 @@ cluster::AreaShares view(const DeviceAreaGrowth& d) { return {d.now, d.at_build,
 void build_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                           const FrameClusterConfig& config, const DeviceClusters& out,
                           Stream stream) {
-  const auto rules = cluster::CheckedFrameConfig::of(config, mesh.triangles);
+  const auto checked = cluster::CheckedFrameConfig::of(config, mesh.triangles);
   const cluster::FrameMesh input{positions_of(mesh),
                                  reinterpret_cast<const Triangle*>(mesh.indices), mesh.items,
                                  mesh.triangles};
   run(scratch, scratch_bytes, stream,
-      [&](auto& exec) { cluster::build_frame(exec, input, rules, view(out)); });
+      [&](auto& exec) { cluster::build_frame(exec, input, checked, view(out)); });
 }
 
 void measure_frame_clusters(void* scratch, size_t& scratch_bytes, uint32_t triangles,
@@ -56,13 +56,13 @@ void rebuild_worst_frame_clusters(void* scratch, size_t& scratch_bytes, const De
                                   const DeviceClusters& clusters, const DeviceAreaGrowth& growth,
                                   const DeviceClusters& out, const DeviceAreaGrowth& out_growth,
                                   Stream stream) {
-  const auto rules = cluster::CheckedFrameConfig::of(config, mesh.triangles);
-  if (rules.max_vertices)
+  const auto checked = cluster::CheckedFrameConfig::of(config, mesh.triangles);
+  if (checked.max_vertices)
     throw Error(ErrorCode::kInvalidArgument,
                 "with max_vertices, only all clusters together can be rebuilt");
   const cluster::Positions positions = positions_of(mesh);
   run(scratch, scratch_bytes, stream, [&](auto& exec) {
-    cluster::rebuild_worst(exec, positions, rules, view(clusters), view(growth), mesh.triangles,
+    cluster::rebuild_worst(exec, positions, checked, view(clusters), view(growth), mesh.triangles,
                            budget, view(out), view(out_growth));
   });
 }
@@ -70,12 +70,12 @@ void rebuild_worst_frame_clusters(void* scratch, size_t& scratch_bytes, const De
 void list_frame_vertices(void* scratch, size_t& scratch_bytes, uint32_t triangles,
                          const FrameClusterConfig& config, const DeviceClusters& clusters,
                          const DeviceVertexLists& out, Stream stream) {
-  const auto rules = cluster::CheckedFrameConfig::of(config, triangles);
-  if (!rules.max_vertices && 3 * rules.block.max_items > cluster::FewVertices::kMost)
+  const auto checked = cluster::CheckedFrameConfig::of(config, triangles);
+  if (!checked.max_vertices && 3 * checked.block.max_items > cluster::FewVertices::kMost)
     throw Error(ErrorCode::kInvalidArgument,
                 "clusters may have more vertices than a byte can count: set max_vertices");
   run(scratch, scratch_bytes, stream, [&](auto& exec) {
-    cluster::list_vertices(exec, view(clusters), rules.most_clusters(triangles),
+    cluster::list_vertices(exec, view(clusters), checked.most_clusters(triangles),
                            {out.offsets, out.vertices, out.corners});
   });
 }

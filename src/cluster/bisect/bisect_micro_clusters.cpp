@@ -39,7 +39,7 @@ struct Target {
 void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
             uint32_t roundings);
 
-// Items that are in place, to be looked at more closely.
+// Items that are in place, with boxes rounded again to a finer grid.
 void round_again(const Target& target, uint32_t offset, uint32_t count, uint32_t roundings) {
   if (roundings < kMostRoundings) {
     const BoxRecord box = box_of(target.segment.source, target.segment.items + offset, count);
@@ -53,7 +53,7 @@ uint32_t* write_items(const MicroCluster& micro, uint32_t* to) {
   return to;
 }
 
-// An order of places that depends on nothing but geometry, up to equal rounded boxes.
+// An order of positions that depends on nothing but geometry, up to equal rounded boxes.
 bool is_before(const SmallBox& a, const SmallBox& b, int axis) {
   const uint16_t x = center_of(a, axis), y = center_of(b, axis);
   if (x != y) return x < y;
@@ -168,7 +168,7 @@ class Splitter {
     SmallBox left_centers = empty_small_box(), right_centers = left_centers;
     for (const MicroCluster* m = node.begin; m < node.end; ++m) {
       const MicroCluster micro = *m;
-      const uint32_t bin = choice.places.of(m->box, choice.axis);
+      const uint32_t bin = choice.mapping.of(m->box, choice.axis);
       const uint32_t is_left = bin < choice.bin, is_between = kThroughBin && bin == choice.bin;
       const SmallBox centers = centers_of(micro.box);
       micros[r] = micro;

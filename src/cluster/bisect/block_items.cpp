@@ -38,7 +38,7 @@ void BlockItems::sort(const Source& source) {
   for (int axis = 0; axis < 3; ++axis) sort_axis(axis);
 }
 
-// Given centroids, or twice the boxes' centres: only their order matters.
+// Centroids of the source, or twice the boxes' centres: only their order matters.
 void BlockItems::find_centers(const Source& source) {
   const Int4 mask{-1, -1, -1, 0};  // without the tag, which as a float is slow to compute with
   lowest_ = splat(std::numeric_limits<float>::max());
@@ -72,8 +72,8 @@ void BlockItems::sort_axis(int axis) {
   for (uint32_t i = 0; i < count; i += 4, index += 4) {
     Float4 center;
     memcpy(&center, centers + i, sizeof center);
-    const Float4 place = min4((center * splat(0.5f) - splat(low)) * splat(step), splat(last));
-    const Int4 word = __builtin_convertvector(place, Int4) << int(index_bits) | index;
+    const Float4 key = min4((center * splat(0.5f) - splat(low)) * splat(step), splat(last));
+    const Int4 word = __builtin_convertvector(key, Int4) << int(index_bits) | index;
     memcpy(words + i, &word, sizeof word);
   }
   std::array<uint32_t, 1 << kDigit> offsets[2] = {};

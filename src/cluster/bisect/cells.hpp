@@ -14,7 +14,7 @@ namespace umbel::cluster {
 struct Cell {
   BoxRecord box = BoxRecord::empty();  ///< of its items; at the scale of the set
   uint32_t begin = 0, count = 0;       ///< its items, in CellSet::order
-  std::array<uint16_t, 3> place{};     ///< in the grid
+  std::array<uint16_t, 3> position{};  ///< in the grid
 };
 
 struct CellSet {

@@ -56,7 +56,7 @@ void ConnectionCost::sweep(const uint32_t* order, uint32_t n, float* costs) {
   double sum = 0;
   for (uint32_t i = 0; i + 1 < n; ++i) {
     sum += change_[i];
-    // Rounding must not leave a tiny negative price.
+    // Rounding must not leave a tiny negative cost.
     costs[i] = static_cast<float>(std::max(sum, 0.0));
   }
 }

@@ -1,7 +1,7 @@
-// The weight of the connections that each split of an order would cut.
+// The weight of the connections between the two sides of each split of an order.
 //
 // Explicit connections: each adds its weight where it starts and takes it away where it ends, and
-// a prefix sum gives the cut at every position. Shared vertices: a vertex that l of its m items
+// a prefix sum gives the cost at every position. Shared vertices: a vertex that l of its m items
 // in the node have left behind connects l (m - l) pairs; moving one more item across changes that
 // by m - 2 l - 1, so no list of neighbours is ever made.
 // Ratio cut: Wei and Cheng, "Towards efficient hierarchical designs by ratio cut partitioning",

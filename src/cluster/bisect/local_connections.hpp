@@ -1,4 +1,4 @@
-// The connections among a few items, with their numbers among these: what splits of a cell look at
+// The connections among a few items, with their numbers among these: what splits of a block read
 // again and again, without the items that lie elsewhere.
 #pragma once
 
@@ -13,7 +13,7 @@ struct LocalConnections {
   std::vector<uint32_t> offsets, targets;  ///< between local indices: i is items[i]
   std::vector<uint32_t> local_of;          ///< by item; stale where not of these items
 
-  /// Takes those of the items, in order; `keep(k)` is called with the place of each in the source.
+  /// Takes those of the items, in order; `keep(k)` is called with the index of each in the source.
   template <typename Keep>
   void load(const Connections& source, const uint32_t* items, uint32_t count, Keep keep) {
     if (local_of.size() < source.ranges.size()) local_of.resize(source.ranges.size());

@@ -78,11 +78,11 @@ class Grid {
           spread_[k][v] |= (v >> (bits_of[k].size() - 1 - b) & 1) << bits_of[k][b];
     }
   }
-  Int4 place(Float4 center) const {
+  Int4 position(Float4 center) const {
     return __builtin_convertvector(min4((center - origin_) * scale_, last_), Int4);
   }
-  uint32_t code(Int4 place) const {
-    return spread_[0][place[0]] | spread_[1][place[1]] | spread_[2][place[2]];
+  uint32_t code(Int4 position) const {
+    return spread_[0][position[0]] | spread_[1][position[1]] | spread_[2][position[2]];
   }
 
  private:
@@ -90,7 +90,7 @@ class Grid {
   Float4 origin_{}, scale_{}, last_{};
 };
 
-using Place = std::array<uint16_t, 3>;
+using GridPosition = std::array<uint16_t, 3>;
 
 // The boxes of the cells that one thread has seen, numbered in the order in which they came.
 class Tally {
@@ -99,13 +99,13 @@ class Tally {
 
   void prefetch(uint32_t code) const { __builtin_prefetch(&number[code]); }
   // The number of a code's cell, which may be a new one.
-  uint32_t find(uint32_t code, Int4 place) {
+  uint32_t find(uint32_t code, Int4 position) {
     uint32_t& n = number[code];
     if (n == kNone) {
       n = static_cast<uint32_t>(boxes.size());
       boxes.push_back(BoxRecord::empty());
       codes.push_back(code);
-      places.push_back({uint16_t(place[0]), uint16_t(place[1]), uint16_t(place[2])});
+      positions.push_back({uint16_t(position[0]), uint16_t(position[1]), uint16_t(position[2])});
     }
     __builtin_prefetch(&boxes[n]);
     return n;
@@ -114,7 +114,7 @@ class Tally {
   std::vector<uint32_t> number;  ///< of each code's cell
   std::vector<BoxRecord> boxes;
   std::vector<uint32_t> codes;
-  std::vector<Place> places;
+  std::vector<GridPosition> positions;
 };
 
 // Numbers the cells by code, and leaves their numbers in the first tally.
@@ -123,7 +123,7 @@ std::vector<Cell> merge(std::vector<Tally*>& tallies) {
   for (size_t t = 1; t < tallies.size(); ++t) {
     const Tally& other = *tallies[t];
     for (size_t c = 0; c < other.boxes.size(); ++c) {
-      const Place& p = other.places[c];
+      const GridPosition& p = other.positions[c];
       all.boxes[all.find(other.codes[c], Int4{p[0], p[1], p[2], 0})].extend(other.boxes[c]);
     }
   }
@@ -131,7 +131,7 @@ std::vector<Cell> merge(std::vector<Tally*>& tallies) {
   cells.reserve(all.boxes.size());
   for (uint32_t& n : all.number) {
     if (n == kNone) continue;
-    cells.push_back({all.boxes[n], 0, 0, all.places[n]});
+    cells.push_back({all.boxes[n], 0, 0, all.positions[n]});
     n = static_cast<uint32_t>(cells.size() - 1);
   }
   return cells;
@@ -178,17 +178,17 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     Tally& tally = tallies.local();
     std::array<BoxRecord, kBatch> records;
-    std::array<Int4, kBatch> places;
+    std::array<Int4, kBatch> positions;
     std::array<uint32_t, kBatch> cells;
     for (size_t first = begin; first < end; first += kBatch) {
       const size_t n = std::min(kBatch, end - first);
       for (size_t i = 0; i < n; ++i) {
         const uint32_t item = items[first + i];
         records[i] = record_of(source, item, set.scale);
-        places[i] = grid.place(center_of(source, records[i], item, set.centroid_scale));
-        tally.prefetch(codes[first + i] = grid.code(places[i]));
+        positions[i] = grid.position(center_of(source, records[i], item, set.centroid_scale));
+        tally.prefetch(codes[first + i] = grid.code(positions[i]));
       }
-      for (size_t i = 0; i < n; ++i) cells[i] = tally.find(codes[first + i], places[i]);
+      for (size_t i = 0; i < n; ++i) cells[i] = tally.find(codes[first + i], positions[i]);
       for (size_t i = 0; i < n; ++i) tally.boxes[cells[i]].extend(records[i]);
     }
   });

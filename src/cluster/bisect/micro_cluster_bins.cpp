@@ -11,16 +11,16 @@ namespace {
 constexpr size_t kFewMicroClusters = 128, kManyMicroClusters = 256;  ///< that are worth more bins
 constexpr float kJump = 0.25f;  ///< by which areas grow as soon as a bin is entered
 
-BinPlaces places_for(SmallBox centers, uint32_t bins) {
-  BinPlaces places;
+BinMapping mapping_for(SmallBox centers, uint32_t bins) {
+  BinMapping mapping;
   for (int k = 0; k < 3; ++k) {
-    places.origin[k] = static_cast<uint16_t>(centers[k]);
+    mapping.origin[k] = static_cast<uint16_t>(centers[k]);
     const uint32_t extent = uint32_t(-int(centers[k]) - int(centers[k + 4]));
     const uint32_t shift = extent ? 16 - std::bit_width(extent) : 0;
-    places.multiplier[k] = static_cast<uint16_t>(1u << shift);
-    places.factor[k] = static_cast<uint16_t>(extent ? (bins << 16) / ((extent + 1) << shift) : 0);
+    mapping.multiplier[k] = static_cast<uint16_t>(1u << shift);
+    mapping.factor[k] = static_cast<uint16_t>(extent ? (bins << 16) / ((extent + 1) << shift) : 0);
   }
-  return places;
+  return mapping;
 }
 
 }  // namespace
@@ -40,16 +40,16 @@ Choice MicroClusterBins::cheapest(const MicroCluster* begin, const MicroCluster*
   const size_t micros = size_t(end - begin);
   bins.count = micros < kFewMicroClusters ? 8 : micros < kManyMicroClusters ? 16 : kMost;
   Choice best;
-  best.places = places_for(centers, bins.count);
+  best.mapping = mapping_for(centers, bins.count);
   for (int k = 0; k < 3; ++k) {
     std::fill_n(bins.boxes[k], bins.count, empty_small_box());
     std::fill_n(bins.counts[k], bins.count, 0u);
   }
   for (const MicroCluster* m = begin; m < end; ++m) {
     const SmallBox box = m->box;
-    const Center8 place = best.places.of(box);
+    const Center8 bin_of = best.mapping.of(box);
     for (int k = 0; k < 3; ++k) {
-      const uint32_t bin = place[k];
+      const uint32_t bin = bin_of[k];
       bins.boxes[k][bin] = join(bins.boxes[k][bin], box);
       bins.counts[k][bin] += m->count;
     }

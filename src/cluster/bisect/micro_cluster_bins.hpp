@@ -12,14 +12,14 @@
 namespace umbel::cluster {
 
 /// The bins that centres fall into, on three axes at once.
-struct BinPlaces {
+struct BinMapping {
   Center8 origin{}, multiplier{}, factor{};
   Center8 of(SmallBox box) const {
     return multiply_high((center_of(box) - origin) * multiplier, factor);
   }
   uint32_t of(const SmallBox& box, int axis) const {
-    const uint16_t place = center_of(box, axis) - origin[axis];
-    return uint32_t(uint16_t(uint32_t(place) * multiplier[axis])) * factor[axis] >> 16;
+    const uint16_t offset = center_of(box, axis) - origin[axis];
+    return uint32_t(uint16_t(uint32_t(offset) * multiplier[axis])) * factor[axis] >> 16;
   }
 };
 
@@ -27,8 +27,8 @@ struct Choice {
   int axis = -1;          ///< -1: none
   uint32_t bin = 0;       ///< all bins below it are on the left
   uint32_t before = 0;    ///< items in those
-  uint32_t position = 0;  ///< items on the left: `before`, or so many that the bin is cut
-  BinPlaces places;
+  uint32_t position = 0;  ///< items on the left: `before`, or more: a split within the bin
+  BinMapping mapping;
 };
 
 class MicroClusterBins {

@@ -1,5 +1,5 @@
 // MicroCluster-clusters by a recursive counting sort: items go to the cells of a grid along a
-// Morton curve, and crowded cells are grids of their own (as the buckets of a
+// Morton curve, and cells with many items are grids of their own (as the buckets of a
 // most-significant-digit radix sort). The largest cells of the binary hierarchy over the curve that
 // hold few enough items become micro-clusters.
 #include "cluster/bisect/micro_clusters.hpp"
@@ -41,7 +41,7 @@ class SmallGrid {
       axes[bits_++] = static_cast<uint8_t>(axis);
     }
     for (int k = 0; k < 3; ++k) {
-      // The multiplier moves the largest place to the top of 16 bits.
+      // The multiplier moves the largest offset to the top of 16 bits.
       const uint32_t last = high[k] - low[k];
       const uint32_t shift = last ? 16 - std::bit_width(last) : 0;
       multiplier_[k] = static_cast<uint16_t>(1u << shift);
@@ -59,8 +59,8 @@ class SmallGrid {
   }
   uint32_t bits() const { return bits_; }
   uint32_t code(Center8 c) const {
-    const Center8 place = multiply_high((c - origin_) * multiplier_, factor_);
-    return spread_[0][place[0]] | spread_[1][place[1]] | spread_[2][place[2]];
+    const Center8 cell = multiply_high((c - origin_) * multiplier_, factor_);
+    return spread_[0][cell[0]] | spread_[1][cell[1]] | spread_[2][cell[2]];
   }
 
  private:

@@ -48,7 +48,7 @@ struct Item {
   }
 };
 
-// The places that a node's cells take.
+// The positions of a node's cells.
 struct Extent {
   std::array<int, 3> low{1 << 16, 1 << 16, 1 << 16}, high{-1, -1, -1};
   BoxRecord box = BoxRecord::empty();
@@ -57,8 +57,8 @@ struct Extent {
     for (const Cell& cell : part.cells) {
       box.extend(cell.box);
       for (int k = 0; k < 3; ++k) {
-        low[k] = std::min<int>(low[k], cell.place[k]);
-        high[k] = std::max<int>(high[k], cell.place[k]);
+        low[k] = std::min<int>(low[k], cell.position[k]);
+        high[k] = std::max<int>(high[k], cell.position[k]);
       }
     }
   }
@@ -129,7 +129,7 @@ class Splitter {
   // no layer has to be split then.
   Choice plane_nearest_to_half(const Part& part, int axis) const {
     std::vector<uint32_t> layers(size_t(1) << 12, 0);
-    for (const Cell& cell : part.cells) layers[cell.place[axis]] += cell.count;
+    for (const Cell& cell : part.cells) layers[cell.position[axis]] += cell.count;
     const uint32_t n = part.count;
     Choice best{0, axis};
     uint32_t before = 0;
@@ -153,7 +153,7 @@ class Splitter {
       for (size_t c = begin; c < end; ++c) {
         const Cell& cell = part.cells[c];
         for (int k = 0; k < 3; ++k)
-          bins[k][(cell.place[k] >> shift[k]) - (extent.low[k] >> shift[k])].add(cell);
+          bins[k][(cell.position[k] >> shift[k]) - (extent.low[k] >> shift[k])].add(cell);
       }
     });
     for (size_t p = 1; p < parts.size(); ++p)
@@ -203,13 +203,13 @@ class Splitter {
     left.cells.reserve(part.cells.size());
     right.cells.reserve(part.cells.size());
     std::vector<uint32_t> layers(size_t(1) << 12, 0);
-    for (const Cell& cell : part.cells) layers[cell.place[axis]] += cell.count;
+    for (const Cell& cell : part.cells) layers[cell.position[axis]] += cell.count;
     int layer = 0;
     uint32_t before = 0;
     while (before + layers[layer] <= choice.position) before += layers[layer++];
     for (const Cell& cell : part.cells)
-      if (cell.place[axis] != layer || before == choice.position)
-        (cell.place[axis] < layer ? left : right).cells.push_back(cell);
+      if (cell.position[axis] != layer || before == choice.position)
+        (cell.position[axis] < layer ? left : right).cells.push_back(cell);
     if (before < choice.position)
       split_layer(set, part, axis, layer, choice.position - before, left, right);
   }
@@ -222,13 +222,13 @@ class Splitter {
       return Item{center_of(source_, record, item, set.centroid_scale)[axis], item};
     };
     for (const Cell& cell : part.cells)
-      if (cell.place[axis] == layer)
+      if (cell.position[axis] == layer)
         for (uint32_t i = cell.begin; i < cell.begin + cell.count; ++i)
           items.push_back(key(set.order[i]));
     std::nth_element(items.begin(), items.begin() + (rank - 1), items.end());
     const Item last = items[rank - 1];
     for (const Cell& cell : part.cells) {
-      if (cell.place[axis] != layer) continue;
+      if (cell.position[axis] != layer) continue;
       uint32_t* begin = set.order.data() + cell.begin;
       uint32_t* end = begin + cell.count;
       uint32_t* middle =
@@ -242,7 +242,7 @@ class Splitter {
                      const uint32_t* end, Part& part) const {
     if (begin == end) return;
     Cell own;
-    own.place = cell.place;
+    own.position = cell.position;
     own.begin = static_cast<uint32_t>(begin - set.order.data());
     own.count = static_cast<uint32_t>(end - begin);
     for (const uint32_t* item = begin; item != end; ++item)

@@ -8,8 +8,8 @@
 
 namespace umbel::cluster {
 
-/// A part of a segment that is small enough for a Block, or that no grid can split. Its place
-/// among the segment's items begins at `offset`.
+/// A part of a segment that is small enough for a Block, or that no grid can split. Its items
+/// begin at `offset` of the segment's.
 struct Part {
   uint32_t offset = 0, count = 0;
   std::vector<Cell> cells;

@@ -1,7 +1,7 @@
 // Bisection of a block of neighbouring triangles into clusters by the surface area heuristic, by a
 // team in its own memory: binned as in Wald, "On fast Construction of SAH-based Bounding Volume
-// Hierarchies", 2007, with a price on clusters that are not full. What separates a bin's items
-// where a cut through it would make full clusters is their rank along the axis.
+// Hierarchies", 2007, with a penalty for clusters that are not full. Where a split within a bin
+// would make full clusters, the rank along the axis separates the bin's items.
 #pragma once
 
 #include <algorithm>
@@ -33,10 +33,10 @@ struct BlockConstraints {
 struct BlockLimits {
   static constexpr uint32_t kItems = 2048;
   static constexpr uint32_t kBins = 32;
-  static constexpr uint32_t kDepth = 12;  ///< nodes that wait, of which each is the larger half
+  static constexpr uint32_t kDepth = 12;  ///< nodes that wait, each the larger half of its parent
 };
 
-/// How a node is cut: `left` items whose keys along the axis are the smallest.
+/// How a node is split: the `left` items whose keys along the axis are the smallest go left.
 struct BlockSplit {
   uint64_t cost;
   uint32_t left;
@@ -80,8 +80,9 @@ class BlockBisector {
   using Node = BlockNode;
   static constexpr uint32_t kBins = BlockLimits::kBins;
 
-  UMBEL_HOST_DEVICE BlockBisector(const Team& team, const BlockConstraints& rules, Memory& memory)
-      : team_(team), rules_(rules), m_(memory) {}
+  UMBEL_HOST_DEVICE BlockBisector(const Team& team, const BlockConstraints& constraints,
+                                  Memory& memory)
+      : team_(team), constraints_(constraints), m_(memory) {}
 
   /// Orders `count` items, which lie in memory.items, into memory.order; calls
   /// start(position) on one lane where a cluster begins.
@@ -96,7 +97,7 @@ class BlockBisector {
     while (m_.depth > 0) {
       const Node node = m_.waiting[m_.depth - 1];
       team_.sync();
-      if (node.end - node.begin <= rules_.max_items) {
+      if (node.end - node.begin <= constraints_.max_items) {
         if (team_.rank() == 0) {
           start(node.begin);
           --m_.depth;
@@ -169,8 +170,8 @@ class BlockBisector {
       add(1, uint32_t(_mm_extract_epi16(bins, 1)), item);
       add(2, uint32_t(_mm_extract_epi16(bins, 2)), item);
     };
-    // Neighbours often share a bin, and would wait for each other; from two places at once they
-    // wait half as long.
+    // Neighbours often share a bin, and would wait for each other; from two positions at once
+    // they wait half as long.
     const uint32_t half = (node.end - node.begin) / 2;
     for (uint32_t i = node.begin; i < node.begin + half; ++i) {
       put(i);
@@ -218,26 +219,28 @@ class BlockBisector {
       if (inside == 0) continue;
       const uint32_t after = items - before - inside;
       const uint64_t right_area = padded_area(m_.rights[axis][bin]);
-      if (bin > 0 && rules_.legal(before, items)) {
-        const uint64_t cost = padded_area(m_.lefts[axis][bin - 1]) * rules_.weight(before) +
-                              right_area * rules_.weight(items - before);
+      if (bin > 0 && constraints_.legal(before, items)) {
+        const uint64_t cost = padded_area(m_.lefts[axis][bin - 1]) * constraints_.weight(before) +
+                              right_area * constraints_.weight(items - before);
         best = cheaper(best, {cost, before, i * 4});
       }
-      // Cuts through the bin that leave full clusters on one side.
-      const uint32_t from_left = rules_.full_clusters(before + inside - 1) * rules_.max_items;
-      const uint32_t from_right = rules_.full_clusters(after + inside - 1) * rules_.max_items;
+      // Splits within the bin that leave full clusters on one side.
+      const uint32_t from_left =
+          constraints_.full_clusters(before + inside - 1) * constraints_.max_items;
+      const uint32_t from_right =
+          constraints_.full_clusters(after + inside - 1) * constraints_.max_items;
       for (uint32_t k = 1; k < 3; ++k) {
         const uint32_t left = k == 1 ? from_left : items - from_right;
-        if (left <= before || left >= before + inside || !rules_.legal(left, items)) continue;
-        const uint64_t cost = padded_area(m_.lefts[axis][bin]) * rules_.weight(left) +
-                              right_area * rules_.weight(items - left);
+        if (left <= before || left >= before + inside || !constraints_.legal(left, items)) continue;
+        const uint64_t cost = padded_area(m_.lefts[axis][bin]) * constraints_.weight(left) +
+                              right_area * constraints_.weight(items - left);
         best = cheaper(best, {cost, left, i * 4 + k});
       }
     }
     return team_.reduce(best, cheaper);
   }
 
-  /// Where an item stands along an axis; no two are equal.
+  /// The rank of an item along an axis; no two are equal.
   UMBEL_HOST_DEVICE uint32_t key(uint32_t axis, uint32_t item) const {
     return m_.items[item].middle(int(axis)) * BlockLimits::kItems + item;
   }
@@ -338,7 +341,7 @@ class BlockBisector {
   };
 
   const Team& team_;
-  BlockConstraints rules_;
+  BlockConstraints constraints_;
   Memory& m_;
 };
 

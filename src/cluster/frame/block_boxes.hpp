@@ -15,7 +15,7 @@
 
 namespace umbel::cluster {
 
-/// The same in whole words, which the lanes of a team can lower together.
+/// A ShortBox in whole words, which the lanes of a team can lower together.
 struct WideBox {
   int32_t low[6];
 
@@ -26,7 +26,7 @@ struct WideBox {
 };
 
 /// Minima and, from the fifth on, negated maxima, so that a union is a minimum of all eight. The
-/// fourth and the last are nothing.
+/// fourth and the last are unused.
 struct alignas(16) ShortBox {
   static constexpr int16_t kEmpty = 32767;
 
@@ -42,12 +42,12 @@ struct alignas(16) ShortBox {
   UMBEL_HOST_DEVICE uint32_t middle(int axis) const {
     return uint32_t(int32_t(low[axis]) - int32_t(low[axis + 4]));
   }
-  /// Moves the planes to between those of `frame`, and the upper ones not below the lower ones.
-  /// Only what is not finite lies outside or is turned over.
-  UMBEL_HOST_DEVICE void keep_within(const ShortBox& frame) {
+  /// Moves the planes to between those of `bounds`, and the upper ones not below the lower ones.
+  /// Only what is not finite lies outside or has its planes swapped.
+  UMBEL_HOST_DEVICE void keep_within(const ShortBox& bounds) {
     for (int k = 0; k < 3; ++k) {
-      const int16_t last = int16_t(-frame.low[k + 4]), upper = int16_t(-low[k + 4]);
-      low[k] = low[k] < frame.low[k] ? frame.low[k] : low[k] > last ? last : low[k];
+      const int16_t last = int16_t(-bounds.low[k + 4]), upper = int16_t(-low[k + 4]);
+      low[k] = low[k] < bounds.low[k] ? bounds.low[k] : low[k] > last ? last : low[k];
       low[k + 4] = int16_t(-(upper < low[k] ? low[k] : upper > last ? last : upper));
     }
   }
@@ -87,18 +87,18 @@ UMBEL_HOST_DEVICE void join_shared(const Team& team, WideBox& into, const ShortB
   for (int k = 0; k < 6; ++k) team.lower(&into.low[k], int32_t(box.low[k < 3 ? k : k + 1]));
 }
 
-/// Rounds boxes to the grid over `frame`.
+/// Rounds boxes to the grid over the bounds of a block.
 struct BlockGrid {
   Vec3 origin;
   float scale;
 
-  UMBEL_HOST_DEVICE static BlockGrid over(const Aabb& frame) {
-    const double x = double(frame.max.x) - double(frame.min.x),
-                 y = double(frame.max.y) - double(frame.min.y),
-                 z = double(frame.max.z) - double(frame.min.z);
+  UMBEL_HOST_DEVICE static BlockGrid over(const Aabb& bounds) {
+    const double x = double(bounds.max.x) - double(bounds.min.x),
+                 y = double(bounds.max.y) - double(bounds.min.y),
+                 z = double(bounds.max.z) - double(bounds.min.z);
     const double xy = x > y ? x : y, longest = xy > z ? xy : z;
     const double scale = longest > 0 ? 32760.0 / longest : 0.0;
-    return {frame.min, float(scale < 3e38 ? scale : 3e38)};
+    return {bounds.min, float(scale < 3e38 ? scale : 3e38)};
   }
   /// All of it.
   UMBEL_HOST_DEVICE static ShortBox whole() {
@@ -115,15 +115,15 @@ struct BlockGrid {
              int16_t(-cell(box.max.x, origin.x)), int16_t(-cell(box.max.y, origin.y)),
              int16_t(-cell(box.max.z, origin.z)), 0}};
   }
-  UMBEL_HOST_DEVICE ShortBox round(const FrameMesh& mesh, uint32_t place) const {
+  UMBEL_HOST_DEVICE ShortBox round(const FrameMesh& mesh, uint32_t triangle) const {
 #if UMBEL_BOX_VECTORS
-    const BoxRecord box = mesh.record(place);
+    const BoxRecord box = mesh.record(triangle);
     ShortBox result;
     result.store(_mm_packs_epi32(cells(box.low),
                                  _mm_sub_epi32(_mm_setzero_si128(), cells(-box.negated_high))));
     return result;
 #else
-    return round(mesh.box(place));
+    return round(mesh.box(triangle));
 #endif
   }
 

@@ -1,5 +1,5 @@
-// Clusters of one frame, for any executor: Morton runs or their bisection, cut to the vertex limit,
-// written out with a new index buffer.
+// Clusters of one frame, for any executor: Morton runs or their bisection, split to keep the vertex
+// limit, written with a new index buffer.
 #pragma once
 
 #include <cstdint>
@@ -34,45 +34,45 @@ void list_flagged(Exec& exec, const FrameMesh& mesh, const uint8_t* first, uint3
 }
 
 template <typename Key, typename Exec>
-void build_frame_by(Exec& exec, const FrameMesh& mesh, const CheckedFrameConfig& rules,
+void build_frame_by(Exec& exec, const FrameMesh& mesh, const CheckedFrameConfig& config,
                     const FrameClusters& out) {
   const uint32_t n = mesh.count;
-  const bool is_hybrid = rules.method == FrameMethod::kHybrid;
+  const bool is_hybrid = config.method == FrameMethod::kHybrid;
   const auto ordered = exec.template allocate<uint32_t>(is_hybrid ? n : 0);
-  const auto first = exec.template allocate<uint8_t>(is_hybrid || rules.max_vertices ? n : 0);
-  const auto order = order_triangles<Key>(exec, mesh, rules.code_bits);
-  const uint32_t* places = order.places.data();
+  const auto first = exec.template allocate<uint8_t>(is_hybrid || config.max_vertices ? n : 0);
+  const auto order = order_triangles<Key>(exec, mesh, config.code_bits);
+  const uint32_t* indices = order.indices.data();
   if (is_hybrid) {
-    bisect_blocks(exec, mesh, order, rules.block, ordered.data(), first.data());
-    places = ordered.data();
+    bisect_blocks(exec, mesh, order, config.block, ordered.data(), first.data());
+    indices = ordered.data();
     list_flagged(exec, mesh, first.data(), out.offsets, out.count);
   } else {
-    form_runs(exec, mesh, rules.block.max_items, out);
-    if (rules.max_vertices)
-      exec.for_each(n, [first = first.data(), size = rules.block.max_items] UMBEL_DEVICE_LAMBDA(
+    form_runs(exec, mesh, config.block.max_items, out);
+    if (config.max_vertices)
+      exec.for_each(n, [first = first.data(), size = config.block.max_items] UMBEL_DEVICE_LAMBDA(
                            size_t i) { first[i] = i % size == 0 ? 1 : 0; });
   }
-  const uint32_t most = rules.most_clusters(n);
-  if (rules.max_vertices) {
-    limit_vertices(exec, mesh, places, out.offsets, out.count, most, rules.max_vertices,
+  const uint32_t most = config.most_clusters(n);
+  if (config.max_vertices) {
+    limit_vertices(exec, mesh, indices, out.offsets, out.count, most, config.max_vertices,
                    first.data());
     list_flagged(exec, mesh, first.data(), out.offsets, out.count);
   }
-  exec.for_each_team(most, WriteClusters{mesh, places, out});
+  exec.for_each_team(most, WriteClusters{mesh, indices, out});
 }
 
-/// `out` has room for rules.most_clusters(mesh.count), and one more offset.
+/// `out` has room for config.most_clusters(mesh.count), and one more offset.
 template <typename Exec>
-void build_frame(Exec& exec, const FrameMesh& mesh, const CheckedFrameConfig& rules,
+void build_frame(Exec& exec, const FrameMesh& mesh, const CheckedFrameConfig& config,
                  const FrameClusters& out) {
   if (mesh.count == 0) {
     exec.for_each(1, [=] UMBEL_DEVICE_LAMBDA(size_t) { *out.count = out.offsets[0] = 0; });
     return;
   }
-  if (rules.code_bits <= 30)
-    build_frame_by<uint32_t>(exec, mesh, rules, out);
+  if (config.code_bits <= 30)
+    build_frame_by<uint32_t>(exec, mesh, config, out);
   else
-    build_frame_by<uint64_t>(exec, mesh, rules, out);
+    build_frame_by<uint64_t>(exec, mesh, config, out);
 }
 
 }  // namespace umbel::cluster

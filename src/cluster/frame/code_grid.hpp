@@ -1,5 +1,5 @@
 // Morton codes that adapt to the scene's shape (Vinkler, Bittner & Havran, "Extended Morton Codes
-// for High Performance Bounding Volume Hierarchy Construction", 2017): cells are near to cubes, so
+// for High Performance Bounding Volume Hierarchy Construction", 2017): cells are nearly cubes, so
 // the longest axis has most bits, and the highest ones; a flat scene wastes none on its thin axis.
 #pragma once
 
@@ -38,16 +38,16 @@ UMBEL_HOST_DEVICE inline uint64_t spread_pairs(uint64_t x) {
 /// size bits of the same paper, but one is as good as more).
 struct CodeGrid {
   static constexpr uint32_t kMostBits = 21;  ///< an axis: floats have little more to tell
-  /// Longer than this much of the longest axis is large. Measured on eight scenes, of .12 to .5.
+  /// A side that is longer than this share of the longest axis is large.
   static constexpr double kLarge = 0.35;
 
-  // By axis; the fourth is nothing.
+  // By axis; the fourth is unused.
   alignas(16) float origin[4];  ///< in units of 1 / prescale
   alignas(16) float scale[4];   ///< cells such a unit
   alignas(16) float last[4];    ///< cells, less one
   float prescale;               ///< a power of two, with which no extent overflows or vanishes
   float large;                  ///< the sides of large boxes are longer, in such units
-  uint32_t turn[3];             ///< places within the three bits that all axes have
+  uint32_t turn[3];             ///< positions within the three bits that all axes have
   uint32_t longest, second;     ///< axes
   uint32_t of_all;              ///< bits that all axes have
   uint32_t of_two;              ///< more bits that the two longer ones have

@@ -61,7 +61,7 @@ cluster::CheckedFrameConfig cluster::CheckedFrameConfig::of(const FrameClusterCo
 uint32_t cluster::CheckedFrameConfig::most_clusters(uint32_t triangles) const {
   const uint32_t by_size = method == FrameMethod::kHybrid ? triangles / block.min_items + 1
                                                           : runs_of(triangles, block.max_items);
-  // A cut for want of vertices leaves at least a third as many triangles before it.
+  // A cluster that ends at the vertex limit has at least a third as many triangles.
   const uint32_t by_vertices = max_vertices ? triangles / std::max(max_vertices / 3, 1u) : 0;
   return std::min(by_size + by_vertices, triangles);
 }
@@ -98,7 +98,7 @@ struct Arrays {
 struct FrameClusterer::State {
   std::vector<Triangle> source;
   size_t vertices;
-  cluster::CheckedFrameConfig rules;
+  cluster::CheckedFrameConfig checked;
   uint32_t most;
   Arrays current, next;
   CpuBuffer<uint64_t> now, total;
@@ -107,8 +107,8 @@ struct FrameClusterer::State {
   State(std::span<const Triangle> triangles, size_t vertex_count, const FrameClusterConfig& config)
       : source(triangles.begin(), triangles.end()),
         vertices(vertex_count),
-        rules(cluster::CheckedFrameConfig::of(config, triangles.size())),
-        most(rules.most_clusters(size())),
+        checked(cluster::CheckedFrameConfig::of(config, triangles.size())),
+        most(checked.most_clusters(size())),
         current(size(), most),
         next(size(), most),
         now(most),
@@ -142,7 +142,7 @@ struct FrameClusterer::State {
   }
 
   void build(CpuExec& exec, const cluster::FrameMesh& mesh) {
-    cluster::build_frame(exec, mesh, rules, next.view());
+    cluster::build_frame(exec, mesh, checked, next.view());
     std::swap(current, next);
     cluster::measure_area_growth(exec, current.view(), most, shares(current), true);
     built = true;
@@ -196,15 +196,14 @@ AreaGrowth FrameClusterer::refit(std::span<const Vec3> positions, const BuildOpt
 AreaGrowth FrameClusterer::rebuild_worst(std::span<const Vec3> positions, uint32_t clusters,
                                          const BuildOptions& options) {
   State& s = *state_;
-  if (s.rules.max_vertices)
-    refuse("with max_vertices, only all clusters together can be rebuilt");
+  if (s.checked.max_vertices) refuse("with max_vertices, only all clusters together can be rebuilt");
   if (!s.built) {
     build(positions, options);
     return area_growth();
   }
   s.run(positions, options, [&](CpuExec& exec, const cluster::Positions& p) {
     s.refit(exec, p);
-    cluster::rebuild_worst(exec, p, s.rules, s.current.view(), s.shares(s.current), s.size(),
+    cluster::rebuild_worst(exec, p, s.checked, s.current.view(), s.shares(s.current), s.size(),
                            clusters, s.next.view(), s.shares(s.next));
     std::swap(s.current, s.next);
   });

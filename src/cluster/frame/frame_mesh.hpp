@@ -1,4 +1,4 @@
-// What the algorithms for meshes that change every frame take and give: raw pointers into an
+// The input and output of the algorithms for meshes that change every frame: raw pointers into an
 // executor's memory.
 #pragma once
 
@@ -29,29 +29,31 @@ struct Positions {
 struct FrameMesh {
   Positions positions;
   const Triangle* triangles;
-  const uint32_t* items;  ///< what each triangle is called; null: by its place
+  const uint32_t* items;  ///< the name of each triangle; null: its index
   uint32_t count;         ///< triangles, or where that is known on the device only, the most
   const uint32_t* actual = nullptr;  ///< how many there are, if not `count`
 
   UMBEL_HOST_DEVICE uint32_t size() const { return actual ? *actual : count; }
-  UMBEL_HOST_DEVICE Aabb box(uint32_t place) const {
-    const Triangle& t = triangles[place];
+  UMBEL_HOST_DEVICE Aabb box(uint32_t triangle) const {
+    const Triangle& t = triangles[triangle];
     const Vec3 a = positions[t[0]], b = positions[t[1]], c = positions[t[2]];
     return {min(min(a, b), c), max(max(a, b), c)};
   }
-  UMBEL_HOST_DEVICE uint32_t item(uint32_t place) const { return items ? items[place] : place; }
+  UMBEL_HOST_DEVICE uint32_t item(uint32_t triangle) const {
+    return items ? items[triangle] : triangle;
+  }
 
 #if UMBEL_BOX_VECTORS
   /// The same box, in a third of the instructions.
-  BoxRecord record(uint32_t place) const {
-    const Triangle& t = triangles[place];
+  BoxRecord record(uint32_t triangle) const {
+    const Triangle& t = triangles[triangle];
     const Float4 a = load(t[0]), b = load(t[1]), c = load(t[2]);
     return {min4(min4(a, b), c), -max4(max4(a, b), c)};
   }
   /// Starts to bring a triangle closer, to be called some before `prefetch_box` is.
-  void prefetch(uint32_t place) const { __builtin_prefetch(&triangles[place]); }
-  void prefetch_box(uint32_t place) const {
-    for (const uint32_t v : triangles[place])
+  void prefetch(uint32_t triangle) const { __builtin_prefetch(&triangles[triangle]); }
+  void prefetch_box(uint32_t triangle) const {
+    for (const uint32_t v : triangles[triangle])
       __builtin_prefetch(positions.first + v * positions.stride);
   }
 
@@ -85,20 +87,21 @@ struct UniteBoxes {
   }
 };
 
-/// The box around the triangles at places[0, count), by a team. Calls visit(i) for each on the way.
+/// The box around the triangles at indices[0, count), by a team. Calls visit(i) for each on the
+/// way.
 template <typename Team, typename Visit>
-UMBEL_HOST_DEVICE Aabb gather_box(const Team& team, const FrameMesh& mesh, const uint32_t* places,
+UMBEL_HOST_DEVICE Aabb gather_box(const Team& team, const FrameMesh& mesh, const uint32_t* indices,
                                   uint32_t count, const Visit& visit) {
 #if UMBEL_BOX_VECTORS
   if constexpr (Team::kIsSerial) {
     constexpr uint32_t kAhead = 16;
     BoxRecord box = BoxRecord::empty();
     for (uint32_t i = 0; i < count; ++i) {
-      // Of the next cluster too, which lies behind; never past the last triangle's place.
-      if (i + 2 * kAhead < count) mesh.prefetch(places[i + 2 * kAhead]);
-      if (i + kAhead < count) mesh.prefetch_box(places[i + kAhead]);
+      // Of the next cluster too, which lies behind; never past the last triangle.
+      if (i + 2 * kAhead < count) mesh.prefetch(indices[i + 2 * kAhead]);
+      if (i + kAhead < count) mesh.prefetch_box(indices[i + kAhead]);
       visit(i);
-      box.extend(mesh.record(places[i]));
+      box.extend(mesh.record(indices[i]));
     }
     return box_of(box);
   }
@@ -106,7 +109,7 @@ UMBEL_HOST_DEVICE Aabb gather_box(const Team& team, const FrameMesh& mesh, const
   Aabb box;
   for (uint32_t i = team.rank(); i < count; i += team.size()) {
     visit(i);
-    extend(box, mesh.box(places[i]));
+    extend(box, mesh.box(indices[i]));
   }
   return team.reduce(box, UniteBoxes{});
 }

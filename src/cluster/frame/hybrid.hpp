@@ -1,7 +1,6 @@
-// Clusters of low area at little more than the price of Morton runs, for any executor: the Morton
-// order is cut into blocks, each block is bisected by the surface area heuristic in a team's own
-// memory (cluster/frame/block_bisect.hpp). Cuts between blocks move to where the curve jumps
-// farthest.
+// Clusters of low area in little more time than Morton runs, for any executor: the Morton order is
+// divided into blocks, and a team bisects each by the surface area heuristic in its own memory
+// (cluster/frame/block_bisect.hpp). Borders of blocks move to where the curve jumps farthest.
 #pragma once
 
 #include <bit>
@@ -14,7 +13,7 @@
 namespace umbel::cluster {
 
 struct BlockSizes {
-  static constexpr uint32_t kMove = 512;  ///< places among which a cut can choose
+  static constexpr uint32_t kMove = 512;  ///< positions among which a border can choose
   static constexpr uint32_t kSpacing = BlockLimits::kItems - kMove;
 
   UMBEL_HOST_DEVICE static uint32_t blocks(uint32_t count) { return runs_of(count, kSpacing); }
@@ -58,16 +57,16 @@ struct FindBlockBegins {
   }
 };
 
-/// Bisects block i: writes its triangles' places in cluster order, and flags where clusters begin.
+/// Bisects block i: writes its triangles' indices in cluster order, and flags where clusters begin.
 template <typename Bin>
 struct BisectBlock {
   static constexpr uint32_t kLanes = 256;
   using Shared = BlockMemory<Bin>;
 
   FrameMesh mesh;
-  BlockConstraints rules;
+  BlockConstraints constraints;
   const uint32_t* begins;
-  const uint32_t* places;
+  const uint32_t* indices;
   uint32_t* ordered;
   uint8_t* first;
 
@@ -75,11 +74,11 @@ struct BisectBlock {
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t block, Shared& memory) const {
     const uint32_t begin = begins[block], count = begins[block + 1] - begin;
     if (count == 0) return;
-    const uint32_t* of_block = places + begin;
-    const Aabb frame =
+    const uint32_t* of_block = indices + begin;
+    const Aabb bounds =
         gather_box(team, mesh, of_block, count, [&](uint32_t i) { first[begin + i] = 0; });
-    const BlockGrid grid = BlockGrid::over(frame);
-    ShortBox root = grid.round(frame);
+    const BlockGrid grid = BlockGrid::over(bounds);
+    ShortBox root = grid.round(bounds);
     root.keep_within(BlockGrid::whole());
     for (uint32_t i = team.rank(); i < count; i += team.size()) {
       ShortBox item = grid.round(mesh, of_block[i]);
@@ -87,7 +86,7 @@ struct BisectBlock {
       memory.items[i] = item;
     }
     team.sync();
-    BlockBisector<Team, Bin>(team, rules, memory).run(count, root, [&](uint32_t i) {
+    BlockBisector<Team, Bin>(team, constraints, memory).run(count, root, [&](uint32_t i) {
       first[begin + i] = 1;
     });
     for (uint32_t i = team.rank(); i < count; i += team.size())
@@ -95,18 +94,18 @@ struct BisectBlock {
   }
 };
 
-/// Orders triangles into clusters of rules.min_items to rules.max_items, but for one where there
-/// are fewer triangles in all, and flags where clusters begin.
+/// Orders triangles into clusters of constraints.min_items to constraints.max_items, except for one
+/// where there are fewer triangles in all, and flags where clusters begin.
 template <typename Key, typename Exec>
 void bisect_blocks(Exec& exec, const FrameMesh& mesh, const TriangleOrder<Exec, Key>& order,
-                   const BlockConstraints& rules, uint32_t* ordered, uint8_t* first) {
+                   const BlockConstraints& constraints, uint32_t* ordered, uint8_t* first) {
   using Bin = std::conditional_t<Exec::kSerialTeams, ShortBox, WideBox>;
   const uint32_t blocks = BlockSizes::blocks(mesh.count);
   const auto begins = exec.template allocate<uint32_t>(size_t(blocks) + 1);
   exec.for_each_team(size_t(blocks) + 1,
                      FindBlockBegins<Key>{mesh, order.codes.data(), begins.data()});
-  exec.for_each_team(
-      blocks, BisectBlock<Bin>{mesh, rules, begins.data(), order.places.data(), ordered, first});
+  exec.for_each_team(blocks, BisectBlock<Bin>{mesh, constraints, begins.data(),
+                                              order.indices.data(), ordered, first});
 }
 
 }  // namespace umbel::cluster

@@ -1,5 +1,5 @@
-// Vertices of clusters: cuts clusters that use too many, and gives each a list of its own, for any
-// executor. Vertices are told apart by a small hash table each.
+// Vertices of clusters, for any executor: splits clusters that use too many, and lists the vertices
+// of each. A small hash table a cluster tells vertices apart.
 #pragma once
 
 #include <cstdint>
@@ -51,16 +51,16 @@ class FewVertices {
   uint32_t size_;
 };
 
-/// Flags the triangles at which clusters of `places` must begin.
+/// Flags where clusters of the triangles at `indices` must begin.
 template <typename Exec>
-void limit_vertices(Exec& exec, const FrameMesh& mesh, const uint32_t* places,
+void limit_vertices(Exec& exec, const FrameMesh& mesh, const uint32_t* indices,
                     const uint32_t* offsets, const uint32_t* count, uint32_t most_clusters,
                     uint32_t max_vertices, uint8_t* first) {
   exec.for_each(most_clusters, [=] UMBEL_DEVICE_LAMBDA(size_t c) {
     if (c >= *count) return;
     FewVertices vertices;
     for (uint32_t i = offsets[c]; i < offsets[c + 1]; ++i) {
-      const Triangle& t = mesh.triangles[places[i]];
+      const Triangle& t = mesh.triangles[indices[i]];
       if (vertices.size() + vertices.missing_of(t) > max_vertices) {
         first[i] = 1;
         vertices.clear();

@@ -10,7 +10,7 @@
 namespace umbel {
 namespace {
 
-cluster::FrameMesh checked(const MeshView& mesh, const BuildOptions& options) {
+cluster::FrameMesh checked_mesh(const MeshView& mesh, const BuildOptions& options) {
   with_threads(options.threads, [&] { cluster::validate_triangles(mesh, ClusterConfig{}, 0.0f); });
   return {{reinterpret_cast<const char*>(mesh.positions.data()), sizeof(Vec3)},
           mesh.triangles.data(),
@@ -23,7 +23,7 @@ cluster::FrameMesh checked(const MeshView& mesh, const BuildOptions& options) {
 Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
                              const BuildOptions& options) {
   cluster::validate_config(config);
-  const cluster::FrameMesh input = checked(mesh, options);
+  const cluster::FrameMesh input = checked_mesh(mesh, options);
   Progress progress(options);
   progress.report(0, "clustering");
   Clusters out;
@@ -32,7 +32,7 @@ Clusters cluster_mesh_morton(const MeshView& mesh, const ClusterConfig& config,
     CpuExec exec;
     const auto order = cluster::order_triangles<uint32_t>(exec, input, 30);
     progress.report(0.9, "clustering");
-    out.items.assign(order.places.data(), order.places.data() + input.count);
+    out.items.assign(order.indices.data(), order.indices.data() + input.count);
   });
   for (uint32_t i = 0; i < input.count; i += std::min(config.max_items, input.count - i))
     out.ranges.push_back({i, std::min(config.max_items, input.count - i)});
@@ -48,20 +48,20 @@ Clusters cluster_mesh_hybrid(const MeshView& mesh, const ClusterConfig& config,
   frame.max_triangles = config.max_items;
   frame.min_triangles = std::min(config.min_items, std::max(config.max_items / 2, 1u));
   frame.max_vertices = config.max_vertices;
-  const auto rules = cluster::CheckedFrameConfig::of(frame, mesh.triangles.size());
-  const cluster::FrameMesh input = checked(mesh, options);
+  const auto checked = cluster::CheckedFrameConfig::of(frame, mesh.triangles.size());
+  const cluster::FrameMesh input = checked_mesh(mesh, options);
   Progress progress(options);
   progress.report(0, "clustering");
   Clusters out;
   if (input.count == 0) return out;
-  const uint32_t most = rules.most_clusters(input.count);
+  const uint32_t most = checked.most_clusters(input.count);
   const CpuBuffer<uint32_t> items(input.count), offsets(size_t(most) + 1), count(1);
   const CpuBuffer<Triangle> triangles(input.count);
   const CpuBuffer<Aabb> boxes(most);
   with_threads(options.threads, [&] {
     CpuExec exec;
     cluster::build_frame(
-        exec, input, rules,
+        exec, input, checked,
         {items.data(), triangles.data(), offsets.data(), boxes.data(), count.data()});
   });
   progress.report(0.9, "clustering");

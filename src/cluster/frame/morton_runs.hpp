@@ -1,5 +1,6 @@
 // Clusters as runs of triangles in Morton order of their boxes' centres, for any executor (Morton,
-// "A computer oriented geodetic data base", 1966): one radix sort, then a cut at every so many.
+// "A computer oriented geodetic data base", 1966): one radix sort; every so many triangles are a
+// run.
 #pragma once
 
 #include <algorithm>
@@ -11,19 +12,19 @@
 
 namespace umbel::cluster {
 
-/// Places of triangles in the order of their codes; equal codes in the order of the places.
+/// Indices of triangles in the order of their codes; equal codes in the order of the indices.
 template <typename Exec, typename Key>
 struct TriangleOrder {
   typename Exec::template Buffer<Key> codes;
-  typename Exec::template Buffer<uint32_t> places;
+  typename Exec::template Buffer<uint32_t> indices;
 };
 
 template <typename Key>
-UMBEL_HOST_DEVICE Key code_of(const CodeGrid& grid, const FrameMesh& mesh, uint32_t place) {
+UMBEL_HOST_DEVICE Key code_of(const CodeGrid& grid, const FrameMesh& mesh, uint32_t triangle) {
 #if UMBEL_BOX_VECTORS
-  return grid.template code<Key>(mesh.record(place));
+  return grid.template code<Key>(mesh.record(triangle));
 #else
-  return grid.template code<Key>(mesh.box(place));
+  return grid.template code<Key>(mesh.box(triangle));
 #endif
 }
 
@@ -70,33 +71,33 @@ TriangleOrder<Exec, Key> order_triangles(Exec& exec, const FrameMesh& mesh, uint
     *grid = CodeGrid::around(*centers, bits);
   });
   exec.for_each(n, [=, grid = grid.data(), codes = order.codes.data(),
-                    places = order.places.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-    // What is not there goes last.
+                    indices = order.indices.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+    // What does not exist goes last.
     codes[i] = i < mesh.size() ? code_of<Key>(*grid, mesh, uint32_t(i)) : (Key(1) << bits) - 1;
-    places[i] = static_cast<uint32_t>(i);
+    indices[i] = static_cast<uint32_t>(i);
   });
-  exec.radix_sort_pairs(n, order.codes.data(), order.places.data(), 0u, bits);
+  exec.radix_sort_pairs(n, order.codes.data(), order.indices.data(), 0u, bits);
   return order;
 }
 
 /// Writes the triangles and the box of each cluster, by a team: triangle i of the clusters is the
-/// one at places[i] of the mesh.
+/// one at indices[i] of the mesh.
 struct WriteClusters {
   static constexpr uint32_t kLanes = 32;
   using Shared = NothingShared;
 
   FrameMesh mesh;
-  const uint32_t* places;
+  const uint32_t* indices;
   FrameClusters out;
 
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t cluster, Shared&) const {
     if (cluster >= *out.count) return;
     const uint32_t begin = out.offsets[cluster], end = out.offsets[cluster + 1];
-    const Aabb box = gather_box(team, mesh, places + begin, end - begin, [&](uint32_t i) {
-      const uint32_t place = places[begin + i];
-      out.items[begin + i] = mesh.item(place);
-      out.triangles[begin + i] = mesh.triangles[place];
+    const Aabb box = gather_box(team, mesh, indices + begin, end - begin, [&](uint32_t i) {
+      const uint32_t triangle = indices[begin + i];
+      out.items[begin + i] = mesh.item(triangle);
+      out.triangles[begin + i] = mesh.triangles[triangle];
     });
     // Which of two equal zeros a minimum gives depends on the order.
     if (team.rank() == 0) out.boxes[cluster] = without_negative_zero(box);

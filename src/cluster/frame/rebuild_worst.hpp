@@ -16,8 +16,8 @@ struct SeparateWorst {
 
   FrameClusters in, out;
   const uint8_t* is_worst;
-  const uint32_t *kept_places, *kept_numbers,
-      *worst_places;  ///< by cluster, one more than clusters
+  const uint32_t *kept_offsets, *kept_numbers,
+      *worst_offsets;  ///< by cluster, one more than clusters
   uint32_t* items;
   Triangle* triangles;
   const uint64_t* at_build;
@@ -28,7 +28,7 @@ struct SeparateWorst {
     if (cluster >= *in.count) return;
     const bool worst = is_worst[cluster] != 0;
     const uint32_t begin = in.offsets[cluster], size = in.offsets[cluster + 1] - begin;
-    const uint32_t to = worst ? worst_places[cluster] : kept_places[cluster];
+    const uint32_t to = worst ? worst_offsets[cluster] : kept_offsets[cluster];
     for (uint32_t i = team.rank(); i < size; i += team.size()) {
       (worst ? items : out.items)[to + i] = in.items[begin + i];
       (worst ? triangles : out.triangles)[to + i] = in.triangles[begin + i];
@@ -102,12 +102,12 @@ void reset_rebuilt(Exec& exec, const FrameClusters& out, const uint32_t* kept, u
 /// by the largest factor, builds clusters of their triangles, and writes all to `out`, whose arrays
 /// are others than those of `in`. `in` has been refitted and measured; so is `out` then.
 template <typename Exec>
-void rebuild_worst(Exec& exec, const Positions& positions, const CheckedFrameConfig& rules,
+void rebuild_worst(Exec& exec, const Positions& positions, const CheckedFrameConfig& config,
                    const FrameClusters& in, const AreaShares& shares, uint32_t triangles,
                    uint32_t budget, const FrameClusters& out, const AreaShares& out_shares) {
-  const uint32_t most = rules.most_clusters(triangles);
+  const uint32_t most = config.most_clusters(triangles);
   const uint32_t worst = budget < most ? budget : most;
-  const auto limit = uint64_t(worst) * rules.block.max_items;
+  const auto limit = uint64_t(worst) * config.block.max_items;
   const auto room = uint32_t(limit < triangles ? limit : triangles);
   const auto keys = exec.template allocate<uint32_t>(most);
   const auto numbers = exec.template allocate<uint32_t>(most);
@@ -126,21 +126,21 @@ void rebuild_worst(Exec& exec, const Positions& positions, const CheckedFrameCon
                         is_worst = is_worst.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
     if (keys[i] != ~0u) is_worst[numbers[i]] = 1;
   });
-  const auto kept_places = exec.template allocate<uint32_t>(size_t(most) + 1);
+  const auto kept_offsets = exec.template allocate<uint32_t>(size_t(most) + 1);
   const auto kept_numbers = exec.template allocate<uint32_t>(size_t(most) + 1);
-  const auto worst_places = exec.template allocate<uint32_t>(size_t(most) + 1);
+  const auto worst_offsets = exec.template allocate<uint32_t>(size_t(most) + 1);
   const auto scan = [&](bool of_worst, bool of_triangles, uint32_t* to) {
     scan_clusters(exec, in, is_worst.data(), of_worst, of_triangles, most, to);
   };
-  scan(false, true, kept_places.data());
+  scan(false, true, kept_offsets.data());
   scan(false, false, kept_numbers.data());
-  scan(true, true, worst_places.data());
+  scan(true, true, worst_offsets.data());
   const auto items = exec.template allocate<uint32_t>(room);
-  const auto loose = exec.template allocate<Triangle>(room);
-  exec.for_each_team(most, SeparateWorst{in, out, is_worst.data(), kept_places.data(),
-                                         kept_numbers.data(), worst_places.data(), items.data(),
-                                         loose.data(), shares.at_build, out_shares.at_build});
-  const uint32_t most_made = rules.most_clusters(room);
+  const auto gathered = exec.template allocate<Triangle>(room);
+  exec.for_each_team(most, SeparateWorst{in, out, is_worst.data(), kept_offsets.data(),
+                                         kept_numbers.data(), worst_offsets.data(), items.data(),
+                                         gathered.data(), shares.at_build, out_shares.at_build});
+  const uint32_t most_made = config.most_clusters(room);
   const auto made_items = exec.template allocate<uint32_t>(room);
   const auto made_triangles = exec.template allocate<Triangle>(room);
   const auto made_offsets = exec.template allocate<uint32_t>(size_t(most_made) + 1);
@@ -148,9 +148,9 @@ void rebuild_worst(Exec& exec, const Positions& positions, const CheckedFrameCon
   const auto made_count = exec.template allocate<uint32_t>(1);
   const FrameClusters made{made_items.data(), made_triangles.data(), made_offsets.data(),
                            made_boxes.data(), made_count.data()};
-  build_frame(exec, {positions, loose.data(), items.data(), room, worst_places.data() + most},
-              rules, made);
-  exec.for_each_team(size_t(most_made) + 1, AppendClusters{made, out, kept_places.data() + most,
+  build_frame(exec, {positions, gathered.data(), items.data(), room, worst_offsets.data() + most},
+              config, made);
+  exec.for_each_team(size_t(most_made) + 1, AppendClusters{made, out, kept_offsets.data() + most,
                                                            kept_numbers.data() + most});
   measure_area_growth(exec, out, most, out_shares, false);
   reset_rebuilt(exec, out, kept_numbers.data() + most, most, out_shares);

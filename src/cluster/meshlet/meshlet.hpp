@@ -17,7 +17,7 @@ void validate_clusters(const MeshView& mesh, const Clusters& clusters);
 
 class Meshlet {
  public:
-  /// Takes the place of what was there before. Vertices are numbered by first use. Throws
+  /// Replaces what was there before. Vertices are numbered by first use. Throws
   /// kInvalidArgument if there are more than kMaxMeshletVertices.
   void load(const MeshView& mesh, const Clusters& clusters, size_t cluster);
 

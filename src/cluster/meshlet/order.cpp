@@ -19,15 +19,15 @@ namespace {
 using cluster::Meshlet;
 using LocalTriangle = std::array<uint8_t, 3>;
 
-// Clusters between two questions whether to go on.
+// Clusters between two reports of progress.
 constexpr size_t kBatch = 1 << 12;
 
 // A triangle by the mesh's vertices, and where it stands.
-struct Placed {
+struct Positioned {
   Triangle vertices;
-  uint32_t place;
-  bool operator<(const Placed& o) const {
-    return std::tie(vertices, place) < std::tie(o.vertices, o.place);
+  uint32_t position;
+  bool operator<(const Positioned& o) const {
+    return std::tie(vertices, position) < std::tie(o.vertices, o.position);
   }
 };
 
@@ -35,8 +35,8 @@ Triangle rotated_to_least(const Triangle& t) {
   return std::min({t, Triangle{t[1], t[2], t[0]}, Triangle{t[2], t[0], t[1]}});
 }
 
-std::vector<Placed> placed(const Meshlet& meshlet, bool any_rotation) {
-  std::vector<Placed> result(meshlet.corners.size());
+std::vector<Positioned> positioned(const Meshlet& meshlet, bool any_rotation) {
+  std::vector<Positioned> result(meshlet.corners.size());
   for (uint32_t i = 0; i < result.size(); ++i) {
     const LocalTriangle& t = meshlet.corners[i];
     const Triangle named{meshlet.vertices[t[0]], meshlet.vertices[t[1]], meshlet.vertices[t[2]]};
@@ -60,11 +60,11 @@ void optimize(Meshlet& meshlet, int level) {
 
 // Orders one cluster, whose items come in their old order and leave in the new one.
 void order(Meshlet& meshlet, int level, std::span<uint32_t> items) {
-  const std::vector<Placed> before = placed(meshlet, level > 0);
+  const std::vector<Positioned> before = positioned(meshlet, level > 0);
   optimize(meshlet, level);
-  const std::vector<Placed> after = placed(meshlet, level > 0);
+  const std::vector<Positioned> after = positioned(meshlet, level > 0);
   const std::vector<uint32_t> old(items.begin(), items.end());
-  for (size_t i = 0; i < before.size(); ++i) items[after[i].place] = old[before[i].place];
+  for (size_t i = 0; i < before.size(); ++i) items[after[i].position] = old[before[i].position];
 }
 
 void check_level(int level) {
