@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "bvh/compressed/build_compact.hpp"
+#include "cuda/run.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
 #include "timing.hpp"

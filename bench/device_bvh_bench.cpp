@@ -3,11 +3,10 @@
 // builder_comparison.hpp. Its times say nothing of a device; its SAH costs are a device's, too.
 //
 //   device_bvh_bench [--runs N] [--builder NAME]... [--large MILLIONS] MESH...
-#include "../tests/on_processor/run.hpp"
-// What is above comes first.
 #include "builder_comparison.hpp"
-#include "cuda/bvh_functions.hpp"
-#include "cuda/trace_functions.hpp"
+// The processor's form of these, as in tests/on_processor.
+#include "cuda/bvh.cu"
+#include "cuda/trace.cu"
 
 namespace {
 

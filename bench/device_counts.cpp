@@ -7,14 +7,13 @@
 #include <cmath>
 #include <cstdio>
 
-#include "../tests/on_processor/run.hpp"
-// What is above comes first.
 #include "bvh/compressed/trace_batches.hpp"
 #include "crowd.hpp"
-#include "cuda/bvh_functions.hpp"
 #include "lod/select/instances.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
+// The processor's form of this, as in tests/on_processor.
+#include "cuda/bvh.cu"
 
 namespace {
 

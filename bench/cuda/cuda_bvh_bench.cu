@@ -2,7 +2,7 @@
 // builder_comparison.hpp.
 //
 //   cuda_bvh_bench [--runs N] [--builder NAME]... [--large MILLIONS] MESH...
-#include "cuda/run.cuh"
+#include "cuda/run.hpp"
 // What is above comes first.
 #include "builder_comparison.hpp"
 #include "timing.cuh"

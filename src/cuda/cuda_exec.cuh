@@ -1,8 +1,8 @@
 // The executor on a CUDA device (see base/exec.hpp): CUB's device-wide primitives on one stream.
 //
-// Nothing is allocated, and but for `read` nothing waits, so all work can be captured in a graph.
-// Intermediates and CUB's own scratch come from an arena; over an arena that only counts nothing is
-// run, which is how the size of the scratch memory is asked for.
+// Nothing is allocated, and nothing but `read` waits, so all work can be captured in a graph.
+// Intermediates and CUB's own scratch come from an arena; over an arena that only counts nothing
+// runs, and its count is the size of the scratch memory.
 #pragma once
 
 #include <cooperative_groups.h>
@@ -35,7 +35,7 @@ __global__ void __launch_bounds__(kThreads) run_each(size_t n, Body body) {
   if (i < n) body(i);
 }
 
-/// Blocks that keep any device busy, each to be done in turns.
+/// So many blocks keep any device busy; each does several shares of the work.
 inline constexpr uint32_t kMostBlocks = 2048;
 
 template <typename Body>
@@ -64,18 +64,18 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-/// Walks of lanes that stay while walks come and go (persistent threads: Aila & Laine,
-/// "Understanding the Efficiency of Ray Traversal on GPUs", 2009): as soon as kIdle lanes of a warp
-/// have nothing to do, they take the next walks together.
-inline constexpr uint32_t kWalkThreads = 128;
+/// Persistent threads (Aila & Laine, "Understanding the Efficiency of Ray Traversal on GPUs",
+/// 2009): as soon as kIdle lanes of a warp have nothing to do, they take the next traversals
+/// together.
+inline constexpr uint32_t kTraversalThreads = 128;
 
 template <typename Body>
-__global__ void __launch_bounds__(kWalkThreads)
-    run_walks(size_t n, unsigned long long* next, Body body) {
+__global__ void __launch_bounds__(kTraversalThreads)
+    run_traversals(size_t n, unsigned long long* next, Body body) {
   constexpr int kIdle = 8, kStepsAtOnce = 4;
   const uint32_t lane = threadIdx.x % kWarp;
   typename Body::State state;
-  size_t walk = 0;
+  size_t index = 0;
   bool is_busy = false, is_more = true;
   for (;;) {
     const uint32_t idle = __ballot_sync(kAllLanes, !is_busy);
@@ -85,10 +85,10 @@ __global__ void __launch_bounds__(kWalkThreads)
       first = __shfl_sync(kAllLanes, first, 0);
       is_more = first + __popc(int(idle)) < n;
       if (!is_busy) {
-        walk = first + __popc(int(idle & ((1u << lane) - 1)));
-        if (walk < n) {
-          is_busy = body.begin(walk, state);
-          if (!is_busy) body.end(walk, state);
+        index = first + __popc(int(idle & ((1u << lane) - 1)));
+        if (index < n) {
+          is_busy = body.begin(index, state);
+          if (!is_busy) body.end(index, state);
         }
       }
     }
@@ -98,7 +98,7 @@ __global__ void __launch_bounds__(kWalkThreads)
     }
     for (int k = 0; k < kStepsAtOnce && is_busy; ++k) {
       is_busy = body.step(state);
-      if (!is_busy) body.end(walk, state);
+      if (!is_busy) body.end(index, state);
     }
   }
 }
@@ -223,10 +223,12 @@ class CudaExec {
     const auto next = allocate<unsigned long long>(1);
     if (n == 0 || arena_.counts()) return;
     check(cudaMemsetAsync(next.data(), 0, sizeof(unsigned long long), stream_), "clearing");
-    const size_t blocks = std::min((n + detail::kWalkThreads - 1) / detail::kWalkThreads,
-                                   resident_blocks(detail::run_walks<Body>, detail::kWalkThreads));
-    detail::run_walks<<<uint32_t(blocks), detail::kWalkThreads, 0, stream_>>>(n, next.data(), body);
-    check(cudaGetLastError(), "starting a kernel of walks");
+    const size_t blocks =
+        std::min((n + detail::kTraversalThreads - 1) / detail::kTraversalThreads,
+                 resident_blocks(detail::run_traversals<Body>, detail::kTraversalThreads));
+    detail::run_traversals<<<uint32_t(blocks), detail::kTraversalThreads, 0, stream_>>>(
+        n, next.data(), body);
+    check(cudaGetLastError(), "starting a kernel of traversals");
   }
 
   template <typename Body>

@@ -5,14 +5,13 @@
 #include <cmath>
 #include <map>
 
-#include "../../../on_processor/run.hpp"
 #include "base/thread_teams.hpp"
 #include "bvh/compressed/compact_oracle.hpp"
 #include "bvh/tree_tests.hpp"
 #include "umbel/bvh_presets.hpp"
 
-// What is above comes first.
-#include "cuda/bvh_functions.hpp"
+// The processor's form of this, as in tests/on_processor.
+#include "cuda/bvh.cu"
 
 namespace umbel::cuda {
 namespace {
