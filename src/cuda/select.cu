@@ -7,6 +7,7 @@
 #include "cuda/run.hpp"
 #include "lod/select/select_queue.hpp"
 #include "umbel/cuda_select.hpp"
+#include "umbel/lod/verify.hpp"
 
 namespace umbel::cuda {
 
