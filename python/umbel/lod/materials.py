@@ -58,8 +58,8 @@ def write_materials(
     materials: list[Material], textures: str, folder: Path, threads: int = 0
 ) -> tuple[str, list[bytes]]:
     """The section MTRL, and the files that it refers to. `textures`: "embed" their images with
-    smaller copies of large ones, leave them "external" where they are files in `folder` or below, or
-    "none"."""
+    smaller copies of large ones, leave them "external" where they are files in `folder` and below,
+    or "none"."""
     if textures not in ("embed", "external", "none"):
         raise Error(f"textures must be 'embed', 'external' or 'none', not {textures!r}")
     files = _Files(textures == "external", folder)
