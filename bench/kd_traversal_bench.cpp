@@ -1,9 +1,9 @@
 // What could be gained on the way through a kd-tree: other orders of its nodes in memory (treelets
 // of a cache line, van Emde Boas), and mailboxes, which remember the triangles a ray was tested
-// with. Timed is the walk alone, with a touch of each leaf's first triangle, up to each ray's hit,
-// by turns; counted is how many triangles, and packs of up to eight, a ray meets again.
+// with. Timed is the traversal alone, with a touch of each leaf's first triangle, up to each ray's
+// hit, by turns; counted is how many triangles, and packs of up to eight, a ray meets again.
 //
-//   kd_walk_bench [--runs N] [--size PIXELS] MESH.ply...
+//   kd_traversal_bench [--runs N] [--size PIXELS] MESH.ply...
 #include <array>
 #include <cstdio>
 #include <cstdlib>
@@ -66,7 +66,7 @@ class VanEmdeBoas {
  public:
   explicit VanEmdeBoas(const Tree& tree) : tree_(tree) {
     std::vector<uint32_t> below;
-    if (is_inner(tree, 0)) place(0, height(0), below);
+    if (is_inner(tree, 0)) lay_out(0, height(0), below);
   }
   Order order;
 
@@ -76,7 +76,7 @@ class VanEmdeBoas {
     return 1 + std::max(height(node + 1), height(tree_.nodes[node].above()));
   }
   /// The inner nodes of `levels` levels from `node` on; `below` gets what is under them.
-  void place(uint32_t node, uint32_t levels, std::vector<uint32_t>& below) {
+  void lay_out(uint32_t node, uint32_t levels, std::vector<uint32_t>& below) {
     if (levels == 1) {
       order.push_back(node);
       for (const uint32_t child : {node + 1, tree_.nodes[node].above()})
@@ -84,18 +84,18 @@ class VanEmdeBoas {
       return;
     }
     std::vector<uint32_t> middle;
-    place(node, levels / 2, middle);
-    for (const uint32_t child : middle) place(child, levels - levels / 2, below);
+    lay_out(node, levels / 2, middle);
+    for (const uint32_t child : middle) lay_out(child, levels - levels / 2, below);
   }
   const Tree& tree_;
 };
 
 Paired paired(const Tree& tree, const Order& order) {
-  std::vector<uint32_t> place(tree.nodes.size());
-  for (uint32_t i = 0; i < order.size(); ++i) place[order[i]] = 2 * i + 1;
+  std::vector<uint32_t> lay_out(tree.nodes.size());
+  for (uint32_t i = 0; i < order.size(); ++i) position[order[i]] = 2 * i + 1;
   const auto moved = [&](uint32_t node) {
     const Node& n = tree.nodes[node];
-    return n.is_leaf() ? n : Node::inner(n.axis(), n.at, place[node]);
+    return n.is_leaf() ? n : Node::inner(n.axis(), n.at, position[node]);
   };
   Paired result;
   result.nodes.resize(2 * order.size() + 1);
@@ -120,7 +120,8 @@ struct AsPairs {
 
 /// traverse_with_stack for any order of nodes.
 template <typename Nodes, typename Leaf>
-void traverse_nodes(const Nodes& tree, const RayFrame& f, const RayPart& part, const Leaf& leaf) {
+void traverse_nodes(const Nodes& tree, const RayFrame& f, const ClippedRay& part,
+                    const Leaf& leaf) {
   KdEntry stack[kMaxKdDepth + 1];
   KdEntry* top = stack;
   const uint32_t flips[3] = {f.inv[0] < 0.0f, f.inv[1] < 0.0f, f.inv[2] < 0.0f};
@@ -152,9 +153,9 @@ void traverse_nodes(const Nodes& tree, const RayFrame& f, const RayPart& part, c
 }
 
 struct Work {
-  KdTreeData bounds;  ///< what frames and RayParts are made of
+  KdTreeData bounds;  ///< what frames and ClippedRays are made of
   std::vector<RayFrame> frames;
-  std::vector<RayPart> parts;
+  std::vector<ClippedRay> parts;
 };
 
 /// The parts of the rays up to their hits.
@@ -165,9 +166,9 @@ Work work_of(const Tree& tree, const TriangleQueries& structure, const std::vect
   for (const Ray& ray : rays) {
     RayFrame frame;
     if (!make_frame(work.bounds, ray, frame)) continue;
-    RayPart part;
+    ClippedRay part;
     const float t = structure.intersect(ray).t / frame.t_unit;
-    if (!enter_bounds(work.bounds, frame, t, part)) continue;
+    if (!clip_to_bounds(work.bounds, frame, t, part)) continue;
     work.frames.push_back(frame);
     work.parts.push_back(part);
   }

@@ -1,4 +1,4 @@
-// What a nearest-hit query does on average: the walk of the ray kernels, counting.
+// What a nearest-hit query does on average: the traversal of the ray kernels, counting.
 #pragma once
 
 #include <vector>

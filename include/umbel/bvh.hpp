@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -72,27 +73,15 @@ enum class KmeansDistance : uint32_t {
   kManhattan,  ///< 1-norm of the boxes' corners, component-wise medians
 };
 
-/// Where the time of k-means goes, by the stages of Meister & Bittner's charts: seconds by the wall
-/// clock, while all threads work on the stage.
-struct KmeansTimes {
-  double boxes = 0;          ///< the scene's box, and the primitives' in the builder's own arrays
-  double seeding = 0;        ///< choosing representatives
-  double iterations = 0;     ///< assigning primitives and moving representatives
-  double sizes = 0;          ///< of the new clusters, and where each goes
-  double reordering = 0;     ///< moving primitives to their clusters
-  double agglomeration = 0;  ///< binary trees, with the boxes of their nodes
-};
-
 struct KmeansConfig {
   uint32_t clusters = 8;    ///< k, 2..64
   uint32_t candidates = 5;  ///< p, 1..64: the best of p becomes the next representative
   uint32_t iterations = 2;  ///< i, 0..100 Lloyd iterations
   KmeansDistance distance = KmeansDistance::kEuclidean;
-  /// Subtrees that the treelet of a node hands up to the one above it, 0..64; 0 and what is too
-  /// much mean as many as make treelets of 128. With 1, the paper's algorithm, treelets are joined
-  /// by agglomeration; with others also by a full sweep, and the cheaper is kept.
-  uint32_t handed_up = 0;
-  KmeansTimes* times = nullptr;  ///< where a build writes its times, if anywhere
+  /// Subtrees that the treelet of a node forwards to the one above it, 0..64; 0, and numbers that
+  /// are too large, mean as many as make treelets of 128. With 1, as published, treelets are joined
+  /// by agglomeration; with others also by a full sweep, and the cheaper tree is kept.
+  uint32_t forwarded_clusters = 0;
 };
 
 /// The slides' settings "q1" to "q5", from k 8, p 5, i 0 to k 64, p 30, i 15. Throws
@@ -101,7 +90,8 @@ UMBEL_API KmeansConfig kmeans_preset(std::string_view name);
 
 struct AacConfig {
   uint32_t leaf_size = 4;  ///< delta, 2..128: fewer primitives are not halved any more
-  float epsilon = 0.2f;    ///< 0..0.5: x primitives hand up in proportion to x^(0.5 - epsilon)
+  float epsilon = 0.2f;    ///< 0..0.5: x primitives forward clusters in proportion to
+                           ///< x^(0.5 - epsilon)
 };
 
 /// "fast" (the default) and "hq", the paper's two settings. Throws kInvalidArgument for others.
@@ -122,7 +112,8 @@ UMBEL_API AacConfig aac_preset(std::string_view name);
 /// | kmeans        | kmeans.candidates     | 1..64           | 5       | their p                     |
 /// | kmeans        | kmeans.iterations     | 0..100          | 2       | their i                     |
 /// | kmeans        | kmeans.distance       | both            | squared | their slides                |
-/// | kmeans        | kmeans.handed_up      | 0..64           | 0       | 1 is theirs                 |
+/// | kmeans        | kmeans.forwarded_     | 0..64           | 0       | 1 is theirs                 |
+/// |               |   clusters            |                 |         |                             |
 /// | agglomerative | none                  |                 |         | Walter et al. 2008          |
 /// | aac           | aac.leaf_size         | 2..128          | 4       | Gu et al. 2013: delta       |
 /// | aac           | aac.epsilon           | 0..0.5          | 0.2     | their epsilon               |
@@ -163,15 +154,21 @@ struct Config {
 /// "fast", "quality" (the default) and "best". Throws kInvalidArgument for other names.
 UMBEL_API Config preset(std::string_view name);
 
+/// Told at the end of a build how long each of its stages took: its name, and seconds by the wall
+/// clock. Builds by k-means have the stages of Meister & Bittner's charts: "boxes" (the scene's,
+/// and those of the primitives in the builder's own arrays), "seeding", "iterations", "sizes" (of
+/// clusters, and where each goes), "reordering" and "agglomeration". Others have none.
+using StageObserver = std::function<void(std::string_view stage, double seconds)>;
+
 /// Builds over boxes. Empty boxes, NaN and infinities are refused (kInvalidMesh, naming the
 /// first); kSpatial is (kInvalidArgument), because it needs triangles to split.
 UMBEL_API Bvh2 build(std::span<const Aabb> boxes, const Config& config = {},
-                     const BuildOptions& options = {});
+                     const BuildOptions& options = {}, const StageObserver& observer = {});
 
 /// Builds over triangles: primitives are triangle indices. Degenerate and duplicate triangles
 /// are legal; for invalid ones see Config::invalid; indices out of range are always refused.
 UMBEL_API Bvh2 build(const MeshView& mesh, const Config& config = {},
-                     const BuildOptions& options = {});
+                     const BuildOptions& options = {}, const StageObserver& observer = {});
 
 /// A box with up to 64 children, or a leaf.
 struct KaryNode {
@@ -212,9 +209,9 @@ UMBEL_API void collapse_leaves(Bvh2& tree, const CostModel& cost, uint32_t max_l
 /// one gains nothing.
 UMBEL_API void reinsert(Bvh2& tree, uint32_t rounds, const BuildOptions& options = {});
 
-/// Joins the largest `treelet_size` (3..15) subtrees below each node anew, always the two with the
-/// smallest common box, where that is cheaper (Domingues & Pedrini 2015), in rounds (0..16). Leaves
-/// stay as they are.
+/// Agglomerates the largest `treelet_size` (3..15) subtrees below each node, always the two with
+/// the smallest common box, where that is cheaper (Domingues & Pedrini 2015), in rounds (0..16).
+/// Leaves stay as they are.
 UMBEL_API void restructure_treelets(Bvh2& tree, uint32_t treelet_size = 9, uint32_t rounds = 2,
                                     const CostModel& cost = {}, const BuildOptions& options = {});
 

@@ -36,7 +36,7 @@ enum class DeviceBuilder : uint32_t {
 /// | atrbvh  | treelet_rounds                      | 1..16  | 2       |
 /// | ploc    | ploc_radius                         | 1..128 | 16      |
 /// | hploc   | ploc_radius, of at most 32 clusters | 1..128 | 16      |
-/// | kmeans  | kmeans, but kmeans.times            |        |         |
+/// | kmeans  | kmeans                              |        |         |
 // clang-format on
 struct DeviceBvhConfig {
   DeviceBuilder builder = DeviceBuilder::kHploc;

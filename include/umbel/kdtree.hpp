@@ -26,6 +26,7 @@ struct Node {
   uint32_t axis() const { return link & 3; }
   uint32_t above() const { return link >> 2; }
   uint32_t count() const { return link >> 2; }
+  Range list() const { return {first, count()}; }  ///< of a leaf, its references
 
   static Node inner(uint32_t axis, float at, uint32_t above) {
     Node node;

@@ -130,12 +130,19 @@ typedef struct umbel_transform {
 /// and the name of the stage. Return nonzero to go on, 0 to cancel.
 typedef int (*umbel_progress)(float fraction, const char* stage, void* user);
 
+/// Called at the end of a build that times its stages, once a stage, with seconds by the wall
+/// clock. umbel_bvh2_build and umbel_bvh2_build_triangles do by k-means: "boxes", "seeding",
+/// "iterations", "sizes", "reordering" and "agglomeration".
+typedef void (*umbel_stage_observer)(const char* stage, double seconds, void* user);
+
 /// What every build takes. None of it changes the result.
 typedef struct umbel_build_options {
   uint32_t struct_size;
-  uint32_t threads;         ///< most threads to use; 0: all cores
-  umbel_progress progress;  ///< NULL: none
-  void* progress_user;      ///< handed to `progress`
+  uint32_t threads;                     ///< most threads to use; 0: all cores
+  umbel_progress progress;              ///< NULL: none
+  void* progress_user;                  ///< passed to `progress`
+  umbel_stage_observer stage_observer;  ///< NULL: none
+  void* stage_user;                     ///< passed to `stage_observer`
 } umbel_build_options;
 
 UMBEL_STRUCT_INIT(umbel_build_options)

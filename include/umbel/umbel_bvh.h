@@ -60,16 +60,6 @@ typedef enum umbel_simd {
   UMBEL_SIMD_AVX512 = 3
 } umbel_simd;
 
-/// Where the time of a build by k-means goes: seconds by the wall clock.
-typedef struct umbel_kmeans_times {
-  double boxes;          ///< the scene's box, and the triangles' in the builder's own arrays
-  double seeding;        ///< choosing representatives
-  double iterations;     ///< assigning triangles and moving representatives
-  double sizes;          ///< of the new clusters, and where each goes
-  double reordering;     ///< moving triangles to their clusters
-  double agglomeration;  ///< binary trees, with the boxes of their nodes
-} umbel_kmeans_times;
-
 /// How to build. umbel_bvh_config_init sets the preset "quality"; umbel_bvh_config_preset and
 /// umbel_bvh_config_builder set others. Ranges in brackets.
 typedef struct umbel_bvh_config {
@@ -94,14 +84,13 @@ typedef struct umbel_bvh_config {
   uint32_t kmeans_iterations;   ///< [0, 100] kmeans: i
   uint32_t kmeans_manhattan;    ///< nonzero: the Manhattan distance and medians
   uint32_t aac_leaf_size;       ///< [2, 128] aac: fewer triangles are not halved any more
-  float aac_epsilon;            ///< [0, 0.5] aac: n triangles hand up some n^(0.5 - epsilon) nodes
+  float aac_epsilon;            ///< [0, 0.5] aac: n triangles forward some n^(0.5 - epsilon) nodes
   uint32_t width;               ///< children a node of a umbel_bvh: 2, 4 or 8
   uint32_t compact;             ///< nonzero: shared vertices, boxes of 16 bits; slower rays
   uint32_t simd;                ///< umbel_simd: what queries use; results are the same for all
-  uint32_t kmeans_handed_up;    ///< [0, 64] kmeans: nodes that a treelet hands up; 1 as published
-  uint32_t ploc_sweep;          ///< [0, 255] ploc: swept above so many triangles; 0 as published
-  uint32_t atrbvh_bits;         ///< [0; 3, 30] atrbvh: as hlbvh_bits, to begin with; 0 as published
-  umbel_kmeans_times* kmeans_times;  ///< kmeans: where a build writes its times, or NULL
+  uint32_t kmeans_forwarded_clusters;  ///< [0, 64] kmeans: of a treelet; 1 as published
+  uint32_t ploc_sweep;   ///< [0, 255] ploc: swept above so many triangles; 0 as published
+  uint32_t atrbvh_bits;  ///< [0; 3, 30] atrbvh: as hlbvh_bits, to begin with; 0 as published
 } umbel_bvh_config;
 
 /// Sets the first `size` bytes of a config to the defaults; `size` is sizeof(umbel_bvh_config) as

@@ -30,7 +30,7 @@ typedef struct umbel_cuda_bvh_config {
   uint32_t kmeans_candidates;  ///< p, from 1 to 64; default 5
   uint32_t kmeans_iterations;  ///< i, from 0 to 100; default 2
   uint32_t kmeans_manhattan;   ///< nonzero: medians; default 0
-  uint32_t kmeans_handed_up;   ///< from 0, the default, to 64; 1 as published
+  uint32_t kmeans_forwarded_clusters;  ///< from 0, the default, to 64; 1 as published
 } umbel_cuda_bvh_config;
 
 /// Sets the defaults of a builder: "lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans",

@@ -85,7 +85,7 @@ void bind_config(nb::module_& module) {
   define("clusters", [](Config& c) -> uint32_t& { return c.kmeans.clusters; });
   define("candidates", [](Config& c) -> uint32_t& { return c.kmeans.candidates; });
   define("iterations", [](Config& c) -> uint32_t& { return c.kmeans.iterations; });
-  define("handed_up", [](Config& c) -> uint32_t& { return c.kmeans.handed_up; });
+  define("forwarded_clusters", [](Config& c) -> uint32_t& { return c.kmeans.forwarded_clusters; });
   define("aac_leaf_size", [](Config& c) -> uint32_t& { return c.aac.leaf_size; });
   define("aac_epsilon", [](Config& c) -> float& { return c.aac.epsilon; });
   module.def(
@@ -97,18 +97,15 @@ void bind_config(nb::module_& module) {
   module.def("bvh_builders", &builder_names, "The names of all builders.");
 }
 
-Dict kmeans_times(const MeshArrays& mesh, const bvh::Config& given, const nb::object& progress) {
-  bvh::KmeansTimes times;
-  bvh::Config config = given;
-  config.kmeans.times = &times;
-  run(progress, 1, [&](const BuildOptions& options) { bvh::build(mesh.view(), config, options); });
+Dict kmeans_times(const MeshArrays& mesh, const bvh::Config& config, const nb::object& progress) {
+  std::vector<std::pair<std::string, double>> stages;
+  run(progress, 1, [&](const BuildOptions& options) {
+    bvh::build(mesh.view(), config, options, [&](std::string_view stage, double seconds) {
+      stages.emplace_back(stage, seconds);
+    });
+  });
   Dict result;
-  result["boxes"] = times.boxes;
-  result["seeding"] = times.seeding;
-  result["iterations"] = times.iterations;
-  result["sizes"] = times.sizes;
-  result["reordering"] = times.reordering;
-  result["agglomeration"] = times.agglomeration;
+  for (const auto& [stage, seconds] : stages) result[stage.c_str()] = seconds;
   return result;
 }
 

@@ -18,14 +18,25 @@ namespace {
 static_assert(offsetof(umbel_kary_node, children) == offsetof(bvh::KaryNode, children));
 static_assert(offsetof(umbel_kary_node, count) == offsetof(bvh::KaryNode, count));
 
+/// The caller's observer, as bvh::build takes it.
+bvh::StageObserver stage_observer(const umbel_build_options* options) {
+  if (!options) return {};
+  const umbel_build_options given = read_struct(options, "options");
+  if (!given.stage_observer) return {};
+  return [given](std::string_view stage, double seconds) {
+    given.stage_observer(std::string(stage).c_str(), seconds, given.stage_user);
+  };
+}
+
 /// Binary trees, and the k-ary ones of k-means, in arrays of a C caller.
 struct Binary {
   using Given = umbel_bvh2;
   using Tree = bvh::Bvh2;
   using Node = bvh::Node;
   template <typename Source>
-  static Tree build(const Source& source, const bvh::Config& config, const BuildOptions& options) {
-    return bvh::build(source, config, options);
+  static Tree build(const Source& source, const bvh::Config& config,
+                    const umbel_build_options* options) {
+    return bvh::build(source, config, build_options(options), stage_observer(options));
   }
   static void check(const Tree& tree) { bvh::check_structure(tree, kNone); }
 };
@@ -35,8 +46,9 @@ struct Kary {
   using Tree = bvh::KaryTree;
   using Node = bvh::KaryNode;
   template <typename Source>
-  static Tree build(const Source& source, const bvh::Config& config, const BuildOptions& options) {
-    return bvh::build_kmeans_kary(source, config, options);
+  static Tree build(const Source& source, const bvh::Config& config,
+                    const umbel_build_options* options) {
+    return bvh::build_kmeans_kary(source, config, build_options(options));
   }
   static void check(const Tree& tree) { bvh::check(tree, kNone); }
 };
@@ -67,7 +79,7 @@ umbel_result build_tree(const umbel_bvh_config* config, const umbel_build_option
     const auto nodes =
         elements<typename Kind::Node>(given.nodes, given.node_capacity, "tree->nodes");
     elements<uint32_t>(given.primitives, given.primitive_capacity, "tree->primitives");
-    const auto made = Kind::build(source(), bvh_config(config).tree, build_options(options));
+    const auto made = Kind::build(source(), bvh_config(config).tree, options);
     given.node_count = made.nodes.size();
     given.primitive_count = made.primitives.size();
     const bool fits = made.nodes.size() <= given.node_capacity &&

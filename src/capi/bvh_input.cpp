@@ -1,7 +1,5 @@
 #include "capi/bvh_input.hpp"
 
-#include <cstddef>
-
 #include "capi/structs.hpp"
 
 namespace umbel::capi {
@@ -10,9 +8,6 @@ namespace {
 static_assert(uint32_t{UMBEL_BVH_INSERTION} == uint32_t(bvh::Builder::kInsertion));
 static_assert(uint32_t{UMBEL_BVH_KMEANS} == uint32_t(bvh::Builder::kKmeans));
 static_assert(uint32_t{UMBEL_SIMD_AVX512} == uint32_t(Simd::kAvx512));
-static_assert(sizeof(umbel_kmeans_times) == sizeof(bvh::KmeansTimes) &&
-              offsetof(umbel_kmeans_times, agglomeration) ==
-                  offsetof(bvh::KmeansTimes, agglomeration));
 
 }  // namespace
 
@@ -44,8 +39,7 @@ umbel_bvh_config as_c(const BvhConfig& config) {
   result.width = config.width;
   result.compact = config.compact;
   result.simd = static_cast<uint32_t>(config.simd);
-  result.kmeans_handed_up = tree.kmeans.handed_up;
-  result.kmeans_times = reinterpret_cast<umbel_kmeans_times*>(tree.kmeans.times);
+  result.kmeans_forwarded_clusters = tree.kmeans.forwarded_clusters;
   result.ploc_sweep = tree.ploc_sweep;
   result.atrbvh_bits = tree.atrbvh_bits;
   return result;
@@ -75,8 +69,7 @@ BvhConfig bvh_config(const umbel_bvh_config* config) {
   tree.kmeans.iterations = given.kmeans_iterations;
   tree.kmeans.distance =
       given.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
-  tree.kmeans.handed_up = given.kmeans_handed_up;
-  tree.kmeans.times = reinterpret_cast<bvh::KmeansTimes*>(given.kmeans_times);
+  tree.kmeans.forwarded_clusters = given.kmeans_forwarded_clusters;
   tree.ploc_sweep = given.ploc_sweep;
   tree.atrbvh_bits = given.atrbvh_bits;
   tree.aac = {given.aac_leaf_size, given.aac_epsilon};

@@ -8,7 +8,7 @@
 #include <span>
 
 #include "base/math.hpp"
-#include "base/simd/box_record.hpp"
+#include "base/simd/box4.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster {

@@ -1,7 +1,7 @@
 // Checks of everything that a caller may get wrong. Each failure is one sentence.
 #pragma once
 
-#include "base/simd/box_record.hpp"
+#include "base/simd/box4.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster {

@@ -93,7 +93,7 @@ Split BoxSet::best_split(const Aabb& cell) const {
 bool BoxSet::split(const Aabb& cell, const Split& split, uint64_t spare, BoxSet& below,
                    BoxSet& above) const {
   std::vector<Item> first, second;
-  std::vector<uint32_t> cut;
+  std::vector<uint32_t> both;
   for (uint32_t i = 0; i < items_.size(); ++i) {
     const Item& item = items_[i];
     if (component(item.box.max, split.axis) <= split.at)
@@ -101,15 +101,15 @@ bool BoxSet::split(const Aabb& cell, const Split& split, uint64_t spare, BoxSet&
     else if (component(item.box.min, split.axis) >= split.at)
       second.push_back(item);
     else
-      cut.push_back(i);
+      both.push_back(i);
   }
-  if (cut.size() > spare) return false;
-  std::vector<Halves> halves(cut.size());
-  parallel_for(cut.size(), 512, [&](size_t i) {
-    halves[i] = halves_of(*mesh_, items_[cut[i]].triangle, cell, split);
+  if (both.size() > spare) return false;
+  std::vector<Halves> halves(both.size());
+  parallel_for(both.size(), 512, [&](size_t i) {
+    halves[i] = halves_of(*mesh_, items_[both[i]].triangle, cell, split);
   });
-  for (size_t i = 0; i < cut.size(); ++i) {
-    const uint32_t triangle = items_[cut[i]].triangle;
+  for (size_t i = 0; i < both.size(); ++i) {
+    const uint32_t triangle = items_[both[i]].triangle;
     if (!is_empty(halves[i].below)) first.push_back({halves[i].below, triangle});
     if (!is_empty(halves[i].above)) second.push_back({halves[i].above, triangle});
   }

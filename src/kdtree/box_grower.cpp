@@ -6,14 +6,10 @@
 namespace umbel::kdtree {
 namespace {
 
-using bvh::Float4;
-using bvh::Int4;
-using bvh::splat;
-
 typedef uint8_t Byte4 __attribute__((vector_size(4)));
 
-/// From coordinates to slots: first what lies in one face of the cell, then the bins, and last what
-/// lies in the other face.
+/// From coordinates to intervals: first one face of the cell, then the bins, and last the other
+/// face.
 class Scale {
  public:
   Scale(const Aabb& cell, uint32_t bins) : last_(splat(static_cast<float>(bins - 1))) {
@@ -30,11 +26,11 @@ class Scale {
     return extent(least, most) > 0x1p-100 && extent(least, most) < 0x1p126;
   }
 
-  Byte4 slots_of(Float4 at) const {
-    const Float4 bin = bvh::min4((at - least_) * factor_, last_);
+  Byte4 intervals_of(Float4 at) const {
+    const Float4 bin = min4((at - least_) * factor_, last_);
     // Comparisons give 0 or -1.
-    const Int4 slot = __builtin_convertvector(bin, Int4) - (at > least_) - (at >= most_);
-    return __builtin_convertvector(slot, Byte4);
+    const Int4 interval = __builtin_convertvector(bin, Int4) - (at > least_) - (at >= most_);
+    return __builtin_convertvector(interval, Byte4);
   }
 
  private:
@@ -81,7 +77,7 @@ double BoxGrower::grow(const Span& span, const Aabb& cell, const Allowance& left
   out.nodes.emplace_back();
   const double cost_below = grow(below, low, first, out);
   const auto middle = static_cast<uint32_t>(out.nodes.size());
-  // Nobody needs what lay here any more.
+  // What lay here is not needed any more.
   std::copy_n(items_.begin() + above.first, above.count, items_.begin() + span.first);
   const double cost_above = grow({span.first, above.count, span.top}, high, second, out);
   out.nodes[node] = Node::inner(plane.axis, plane.at, middle);
@@ -104,10 +100,10 @@ double BoxGrower::grow_small(const Span& span, const Aabb& cell, const Allowance
 }
 
 Split BoxGrower::best_split(const Span& span, const Aabb& cell) {
-  constexpr uint32_t kEnds = 4;  // in a slot
+  constexpr uint32_t kEnds = 4;  // in an interval
   const uint32_t bins = std::clamp(span.count / kEnds, 8u, kMostBins);
   count(span, cell, bins);
-  slots_.clear();
+  intervals_.clear();
   Split best;
   for (uint32_t axis = 0; axis < 3; ++axis) {
     if (!(component(cell.min, axis) < component(cell.max, axis))) continue;
@@ -115,21 +111,21 @@ Split BoxGrower::best_split(const Span& span, const Aabb& cell) {
     const uint32_t at_low = ends_[axis][0], at_high = begins_[axis][bins + 1];
     cost.consider(cost.low(), 0, at_low, span.count - at_low, best);
     cost.consider(cost.high(), span.count - at_high, at_high, 0, best);
-    list_slots(cost, span.count, bins);
+    list_intervals(cost, span.count, bins);
   }
-  if (slots_.empty()) return best;
-  const auto look_into = [&](const Slot& slot) {
-    sweep(PlaneCost(rule_, cell, slot.axis), span, slot, best);
+  if (intervals_.empty()) return best;
+  const auto look_into = [&](const Interval& interval) {
+    sweep(PlaneCost(rule_, cell, interval.axis), span, interval, best);
   };
-  const Slot first = *std::min_element(slots_.begin(), slots_.end());
+  const Interval first = *std::min_element(intervals_.begin(), intervals_.end());
   look_into(first);
-  std::erase_if(slots_, [&](const Slot& s) {
+  std::erase_if(intervals_, [&](const Interval& s) {
     return s.bound > best.cost || (s.axis == first.axis && s.number == first.number);
   });
-  std::sort(slots_.begin(), slots_.end());
-  for (const Slot& slot : slots_) {
-    if (slot.bound > best.cost) break;
-    look_into(slot);
+  std::sort(intervals_.begin(), intervals_.end());
+  for (const Interval& interval : intervals_) {
+    if (interval.bound > best.cost) break;
+    look_into(interval);
   }
   return best;
 }
@@ -139,13 +135,13 @@ void BoxGrower::count(const Span& span, const Aabb& cell, uint32_t bins) {
     std::fill_n(begins_[axis], bins + 2, 0u);
     std::fill_n(ends_[axis], bins + 2, 0u);
   }
-  if (slots_of_.size() < span.count) slots_of_.resize(span.count);
+  if (intervals_of_.size() < span.count) intervals_of_.resize(span.count);
   const Scale scale(cell, bins);
   for (uint32_t i = 0; i < span.count; ++i) {
     const Item& item = items_[span.first + i];
-    const uint64_t low = std::bit_cast<uint32_t>(scale.slots_of(item.low)),
-                   high = std::bit_cast<uint32_t>(scale.slots_of(item.high));
-    slots_of_[i] = high << 32 | low;
+    const uint64_t low = std::bit_cast<uint32_t>(scale.intervals_of(item.low)),
+                   high = std::bit_cast<uint32_t>(scale.intervals_of(item.high));
+    intervals_of_[i] = high << 32 | low;
     for (uint32_t axis = 0; axis < 3; ++axis) {
       ++begins_[axis][low >> (8 * axis) & 255];
       ++ends_[axis][high >> (8 * axis) & 255];
@@ -153,28 +149,28 @@ void BoxGrower::count(const Span& span, const Aabb& cell, uint32_t bins) {
   }
 }
 
-void BoxGrower::list_slots(const PlaneCost& cost, uint32_t count, uint32_t bins) {
+void BoxGrower::list_intervals(const PlaneCost& cost, uint32_t count, uint32_t bins) {
   const uint32_t axis = cost.axis();
   const bool is_even = Scale::can_divide(cost.low(), cost.high());
   uint32_t before = begins_[axis][0], after = count - ends_[axis][0];
-  for (uint32_t slot = 1; slot <= bins; ++slot) {
-    after -= ends_[axis][slot];
-    if ((begins_[axis][slot] | ends_[axis][slot]) != 0) {
-      const double from = double(slot - 1) / bins, to = double(slot) / bins;
+  for (uint32_t interval = 1; interval <= bins; ++interval) {
+    after -= ends_[axis][interval];
+    if ((begins_[axis][interval] | ends_[axis][interval]) != 0) {
+      const double from = double(interval - 1) / bins, to = double(interval) / bins;
       const double bound = is_even ? cost.bound(from, to, before, after) : 0;
-      slots_.push_back({bound, axis, slot, before, after});
+      intervals_.push_back({bound, axis, interval, before, after});
     }
-    before += begins_[axis][slot];
+    before += begins_[axis][interval];
   }
 }
 
-void BoxGrower::gather(const Span& span, uint32_t axis, uint32_t slot) {
+void BoxGrower::gather(const Span& span, uint32_t axis, uint32_t interval) {
   lows_.clear();
   highs_.clear();
   flats_.clear();
   for (uint32_t i = 0; i < span.count; ++i) {
-    const uint64_t slots = slots_of_[i] >> (8 * axis);
-    const bool begins = (slots & 255) == slot, ends = (slots >> 32 & 255) == slot;
+    const uint64_t intervals = intervals_of_[i] >> (8 * axis);
+    const bool begins = (intervals & 255) == interval, ends = (intervals >> 32 & 255) == interval;
     if (!(begins | ends)) continue;
     const Item& item = items_[span.first + i];
     const float low = item.low[axis], high = item.high[axis];
@@ -190,8 +186,9 @@ void BoxGrower::gather(const Span& span, uint32_t axis, uint32_t slot) {
   sort_few(flats_);
 }
 
-void BoxGrower::sweep(const PlaneCost& cost, const Span& span, const Slot& slot, Split& best) {
-  gather(span, slot.axis, slot.number);
+void BoxGrower::sweep(const PlaneCost& cost, const Span& span, const Interval& interval,
+                      Split& best) {
+  gather(span, interval.axis, interval.number);
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   size_t i = 0, j = 0, k = 0;
   const auto at = [](const std::vector<float>& ends, size_t n) {
@@ -201,11 +198,11 @@ void BoxGrower::sweep(const PlaneCost& cost, const Span& span, const Slot& slot,
   while (true) {
     const float plane = std::min(std::min(low, high), flat);
     if (plane == kInfinity) return;
-    const size_t below = slot.before + i + k, first_flat = k;
+    const size_t below = interval.before + i + k, first_flat = k;
     while (high == plane) high = at(highs_, ++j);
     while (flat == plane) flat = at(flats_, ++k);
-    cost.consider(plane, below, k - first_flat, slot.after + highs_.size() - j + flats_.size() - k,
-                  best);
+    cost.consider(plane, below, k - first_flat,
+                  interval.after + highs_.size() - j + flats_.size() - k, best);
     while (low == plane) low = at(lows_, ++i);
   }
 }
@@ -215,10 +212,10 @@ bool BoxGrower::split(const Span& span, const Aabb& cell, const Split& split, ui
                       Span& below, Span& above) {
   const uint32_t axis = split.axis, end = span.first + span.count;
   if (spare < span.count) {
-    const auto cut = std::count_if(
+    const auto split_count = std::count_if(
         items_.begin() + span.first, items_.begin() + end,
         [&](const Item& item) { return item.low[axis] < split.at && item.high[axis] > split.at; });
-    if (static_cast<uint64_t>(cut) > spare) return false;
+    if (static_cast<uint64_t>(split_count) > spare) return false;
   }
   if (items_.size() < size_t{span.top} + span.count)
     items_.resize(std::max(size_t{span.top} + span.count, 2 * items_.size()));

@@ -1,7 +1,7 @@
 // Subtrees of a few thousand triangles, held as boxes. No events are kept: the ends of boxes are
-// counted into slots along each axis, the counts bound from below what any plane in a slot may
-// cost, and only where that bound beats the best plane so far are the ends in the slot sorted and
-// looked at one by one. What is found is what a sweep over all events finds.
+// counted into intervals along each axis. The counts bound from below what any plane in an interval
+// may cost. Only where that bound beats the best plane so far are the ends in the interval sorted
+// and tried one by one. The plane that is found is that of a sweep over all events.
 #pragma once
 
 #include <vector>
@@ -28,9 +28,7 @@ class BoxGrower {
   }
 
  private:
-  using Float4 = bvh::Float4;
-  using Int4 = bvh::Int4;
-  static constexpr uint32_t kMostBins = 128, kMostSlots = kMostBins + 2;
+  static constexpr uint32_t kMostBins = 128, kMostIntervals = kMostBins + 2;
 
   struct Item {
     Float4 low, high;  ///< lane 3 is zero
@@ -41,11 +39,12 @@ class BoxGrower {
   struct Span {
     uint32_t first, count, top;
   };
-  /// A slot in which the best plane may lie, and how many triangles begin before and end after it.
-  struct Slot {
+  /// An interval in which the best plane may lie, and how many triangles begin before and end after
+  /// it.
+  struct Interval {
     double bound;
     uint32_t axis, number, before, after;
-    bool operator<(const Slot& o) const {
+    bool operator<(const Interval& o) const {
       if (bound != o.bound) return bound < o.bound;
       return axis != o.axis ? axis < o.axis : number < o.number;
     }
@@ -55,19 +54,20 @@ class BoxGrower {
   double grow_small(const Span& span, const Aabb& cell, const Allowance& left, Subtree& out) const;
   Split best_split(const Span& span, const Aabb& cell);
   void count(const Span& span, const Aabb& cell, uint32_t bins);
-  void list_slots(const PlaneCost& cost, uint32_t count, uint32_t bins);
-  void sweep(const PlaneCost& cost, const Span& span, const Slot& slot, Split& best);
-  void gather(const Span& span, uint32_t axis, uint32_t slot);
+  void list_intervals(const PlaneCost& cost, uint32_t count, uint32_t bins);
+  void sweep(const PlaneCost& cost, const Span& span, const Interval& interval, Split& best);
+  void gather(const Span& span, uint32_t axis, uint32_t interval);
   bool split(const Span& span, const Aabb& cell, const Split& split, uint64_t spare, Span& below,
              Span& above);
 
   const MeshView& mesh_;
   const CostRule& rule_;
   std::vector<Item> items_;
-  uint32_t begins_[3][kMostSlots], ends_[3][kMostSlots];
-  std::vector<uint64_t> slots_of_;  ///< of each box a byte an end: low x, y, z, -, high x, y, z, -
-  std::vector<Slot> slots_;
-  std::vector<float> lows_, highs_, flats_;  ///< the ends in a slot
+  uint32_t begins_[3][kMostIntervals], ends_[3][kMostIntervals];
+  std::vector<uint64_t>
+      intervals_of_;  ///< of each box a byte an end: low x, y, z, -, high x, y, z, -
+  std::vector<Interval> intervals_;
+  std::vector<float> lows_, highs_, flats_;  ///< the ends in an interval
 };
 
 }  // namespace umbel::kdtree

@@ -6,7 +6,7 @@
 #include "base/parallel.hpp"
 #include "kdtree/builders.hpp"
 #include "kdtree/clip.hpp"
-#include "kdtree/leaf_lists.hpp"
+#include "query/leaf_lists.hpp"
 
 namespace umbel::kdtree {
 namespace {
@@ -101,7 +101,8 @@ Tree build(const MeshView& mesh, const Config& config, const BuildOptions& optio
   progress.report(0, "checking triangles");
   Tree tree;
   with_threads(options.threads, [&] {
-    const std::vector<uint32_t> triangles = usable_triangles(geometry, config.invalid);
+    const std::vector<uint32_t> triangles =
+        usable_triangles(geometry, config.invalid == bvh::InvalidTriangles::kDrop);
     progress.report(0.02, "checking triangles");
     if (!triangles.empty()) tree = build_usable(geometry, triangles, config, progress);
   });

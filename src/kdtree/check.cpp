@@ -2,8 +2,8 @@
 #include <string>
 
 #include "base/math.hpp"
-#include "kdtree/split_cost.hpp"
 #include "kdtree/tree_data.hpp"
+#include "query/cells.hpp"
 
 namespace umbel::kdtree {
 namespace {
@@ -12,7 +12,7 @@ namespace {
   throw Error(ErrorCode::kCorrupt, "node " + std::to_string(node) + " " + what);
 }
 
-struct Place {
+struct Visit {
   uint32_t node, depth;
   Aabb cell;
 };
@@ -59,23 +59,22 @@ void check(const Tree& tree, uint32_t triangle_count) {
   uint32_t next = 0;
   Lists lists;
   lists.count_at.resize(tree.references.size());
-  std::vector<Place> stack{{0, 0, tree.bounds}};
+  std::vector<Visit> stack{{0, 0, tree.bounds}};
   while (!stack.empty()) {
-    const Place place = stack.back();
+    const Visit visit = stack.back();
     stack.pop_back();
-    if (place.node != next || next >= tree.nodes.size()) fail(next, "is not in depth-first order");
+    if (visit.node != next || next >= tree.nodes.size()) fail(next, "is not in depth-first order");
     const Node& node = tree.nodes[next++];
     if (node.is_leaf()) {
-      check_list(tree, place.node, lists);
+      check_list(tree, visit.node, lists);
       continue;
     }
-    if (place.depth >= kMaxKdDepth) fail(place.node, "is too deep");
-    if (!(node.at >= component(place.cell.min, node.axis()) &&
-          node.at <= component(place.cell.max, node.axis())))
-      fail(place.node, "has its plane outside its cell");
-    const Split split{0, node.at, node.axis(), false};
-    stack.push_back({node.above(), place.depth + 1, cell_above(place.cell, split)});
-    stack.push_back({next, place.depth + 1, cell_below(place.cell, split)});
+    if (visit.depth >= kMaxKdDepth) fail(visit.node, "is too deep");
+    if (!(node.at >= component(visit.cell.min, node.axis()) &&
+          node.at <= component(visit.cell.max, node.axis())))
+      fail(visit.node, "has its plane outside its cell");
+    stack.push_back({node.above(), visit.depth + 1, cell_above(visit.cell, node.axis(), node.at)});
+    stack.push_back({next, visit.depth + 1, cell_below(visit.cell, node.axis(), node.at)});
   }
   if (next != tree.nodes.size()) fail(next, "is not reached from the root");
   if (lists.end != tree.references.size())

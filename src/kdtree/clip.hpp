@@ -1,4 +1,4 @@
-// The boxes of the two parts into which a plane cuts what lies of a triangle in a cell ("perfect
+// The boxes of the two parts into which a plane splits what lies of a triangle in a cell ("perfect
 // splits", Havran & Bittner 2002; polygons clipped after Sutherland & Hodgman 1974). Computed in
 // double and rounded to the nearest float, half a unit in the last place, which is far below what
 // rays allow for (see query/ray_frame.hpp).
@@ -12,15 +12,9 @@
 
 #include "base/math.hpp"
 #include "kdtree/split_cost.hpp"
+#include "query/leaf_lists.hpp"
 
 namespace umbel::kdtree {
-
-using Corners = std::array<Vec3, 3>;
-
-inline Corners corners_of(const MeshView& mesh, uint32_t triangle) {
-  const Triangle& t = mesh.triangles[triangle];
-  return {mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
-}
 
 namespace detail {
 
@@ -28,7 +22,7 @@ struct ClipPoint {
   double at[3];
 };
 
-/// A triangle cut by six planes has at most nine corners.
+/// A triangle clipped by six planes has at most nine corners.
 struct ClipPolygon {
   std::array<ClipPoint, 10> points;
   uint32_t count = 0;
@@ -58,14 +52,14 @@ inline void clip(ClipPolygon& polygon, uint32_t axis, double sign, double plane)
   polygon = kept;
 }
 
-/// How far beyond a face at `at` a triangle is kept that reaches to `reach`. A box that was rounded
-/// to the face may have brought it into the cell: cut at the face itself, all but its corner there
-/// would be lost.
-inline double clip_slack(float at, double reach) {
-  return std::fabs(double{at}) * 0x1p-22 + reach * 0x1p-40;
+/// How far beyond a face at `at` a triangle is kept whose largest coordinate is `max_abs_coord`. A
+/// box that was rounded to the face may have brought it into the cell: clipped at the face itself,
+/// all but its corner there would be lost.
+inline double clip_error_bound(float at, double max_abs_coord) {
+  return std::fabs(double{at}) * 0x1p-22 + max_abs_coord * 0x1p-40;
 }
 
-inline ClipPolygon clipped(const Corners& corners, const Aabb& cell) {
+inline ClipPolygon clipped(const TriangleCorners& corners, const Aabb& cell) {
   ClipPolygon polygon;
   Aabb box;
   for (const Vec3& c : corners) {
@@ -75,8 +69,9 @@ inline ClipPolygon clipped(const Corners& corners, const Aabb& cell) {
   for (uint32_t axis = 0; axis < 3; ++axis) {
     const float low = component(cell.min, axis), high = component(cell.max, axis);
     const double least = component(box.min, axis), most = component(box.max, axis);
-    const double reach = std::max(std::fabs(least), std::fabs(most));
-    const double floor = low - clip_slack(low, reach), ceiling = high + clip_slack(high, reach);
+    const double max_abs = std::max(std::fabs(least), std::fabs(most));
+    const double floor = low - clip_error_bound(low, max_abs);
+    const double ceiling = high + clip_error_bound(high, max_abs);
     if (least < floor) clip(polygon, axis, -1, floor);
     if (most > ceiling) clip(polygon, axis, 1, ceiling);
   }
@@ -114,7 +109,7 @@ struct Halves {
   Aabb below, above;  ///< empty where nothing of the triangle lies there
 };
 
-inline Halves clip_triangle(const Corners& corners, const Aabb& cell, const Split& split) {
+inline Halves clip_triangle(const TriangleCorners& corners, const Aabb& cell, const Split& split) {
   const detail::ClipPolygon polygon = detail::clipped(corners, cell);
   const uint32_t axis = split.axis;
   const double plane = split.at;
@@ -137,7 +132,7 @@ inline Halves clip_triangle(const Corners& corners, const Aabb& cell, const Spli
 /// nothing of it, the parts of its box: no triangle is lost.
 inline Halves halves_of(const MeshView& mesh, uint32_t triangle, const Aabb& cell,
                         const Split& split) {
-  const Corners corners = corners_of(mesh, triangle);
+  const TriangleCorners corners = corners_of(mesh, triangle);
   Halves halves = clip_triangle(corners, cell, split);
   if (!is_empty(halves.below) || !is_empty(halves.above)) return halves;
   Aabb box;

@@ -11,7 +11,7 @@
 namespace umbel::kdtree {
 namespace {
 
-/// Sets larger than this are worth more than one task.
+/// Sets larger than this are divided by several tasks.
 constexpr uint32_t kParallel = 1u << 14;
 
 // Where a triangle goes: its number in the set below, or in the set above with kAbove.
@@ -48,15 +48,15 @@ void merge(EventList& list, std::span<const Event> added) {
 
 }  // namespace
 
-/// Who goes where. Triangles that the plane cuts come last in both sets.
-struct EventSet::Cut {
-  CpuBuffer<uint32_t> target;  ///< of each triangle; kBoth for those that are cut
-  std::vector<uint32_t> cut;   ///< their numbers
+/// Which triangle goes where. Those that the plane splits come last in both sets.
+struct EventSet::Division {
+  CpuBuffer<uint32_t> target;   ///< of each triangle; kBoth for those that are split
+  std::vector<uint32_t> split;  ///< their numbers
   std::vector<Halves> halves;
   uint32_t whole_below = 0, whole_above = 0;
   uint32_t below = 0, above = 0;  ///< all
 
-  /// The ends of the cut triangles' boxes on one side, sorted.
+  /// The ends of the split triangles' boxes on one side, sorted.
   std::vector<Event> events(bool is_above, uint32_t axis, Kind kind) const {
     std::vector<Event> found;
     uint32_t id = is_above ? whole_above : whole_below;
@@ -189,8 +189,8 @@ void EventSet::sweep(const PlaneCost& cost, float from, float to, Split& best) c
   }
 }
 
-void EventSet::assign(const Split& split, Cut& cut) const {
-  uint32_t* const target = cut.target.data();
+void EventSet::assign(const Split& split, Division& division) const {
+  uint32_t* const target = division.target.data();
   std::fill_n(target, count_, kBoth);
   const EventList &low = list(split.axis, kLow), &high = list(split.axis, kHigh),
                   &flat = list(split.axis, kFlat);
@@ -203,72 +203,74 @@ void EventSet::assign(const Split& split, Cut& cut) const {
   for (uint32_t id = 0; id < count_; ++id) {
     const uint32_t side = target[id];
     if (side == kBoth) {
-      cut.cut.push_back(id);
+      division.split.push_back(id);
       continue;
     }
     target[id] = side | (side ? above : below);
     above += side >> 31;
     below += 1 - (side >> 31);
   }
-  cut.whole_below = below;
-  cut.whole_above = above;
+  division.whole_below = below;
+  division.whole_above = above;
 }
 
 bool EventSet::split(const Aabb& cell, const Split& split, uint64_t spare, EventSet& below,
                      EventSet& above) const {
-  Cut cut;
-  cut.target = CpuBuffer<uint32_t>(count_);
-  assign(split, cut);
-  if (cut.cut.size() > spare) return false;
-  cut.halves.resize(cut.cut.size());
-  parallel_for(cut.cut.size(), 512, [&](size_t i) {
-    cut.halves[i] = halves_of(*mesh_, triangles_[cut.cut[i]], cell, split);
+  Division division;
+  division.target = CpuBuffer<uint32_t>(count_);
+  assign(split, division);
+  if (division.split.size() > spare) return false;
+  division.halves.resize(division.split.size());
+  parallel_for(division.split.size(), 512, [&](size_t i) {
+    division.halves[i] = halves_of(*mesh_, triangles_[division.split[i]], cell, split);
   });
-  cut.below = cut.whole_below;
-  cut.above = cut.whole_above;
-  for (const Halves& h : cut.halves) {
-    cut.below += !is_empty(h.below);
-    cut.above += !is_empty(h.above);
+  division.below = division.whole_below;
+  division.above = division.whole_above;
+  for (const Halves& h : division.halves) {
+    division.below += !is_empty(h.below);
+    division.above += !is_empty(h.above);
   }
   std::array<uint32_t, 3> flats_below, flats_above;
-  const auto added = static_cast<uint32_t>(cut.cut.size());
+  const auto added = static_cast<uint32_t>(division.split.size());
   for (uint32_t axis = 0; axis < 3; ++axis) {
     const uint32_t most = list(axis, kFlat).size + added;
-    flats_below[axis] = std::min(most, cut.below);
-    flats_above[axis] = std::min(most, cut.above);
+    flats_below[axis] = std::min(most, division.below);
+    flats_above[axis] = std::min(most, division.above);
   }
-  below.allocate(*mesh_, *rule_, cut.below, flats_below);
-  above.allocate(*mesh_, *rule_, cut.above, flats_above);
+  below.allocate(*mesh_, *rule_, division.below, flats_below);
+  above.allocate(*mesh_, *rule_, division.above, flats_above);
   const auto filter_list = [&](size_t i) {
-    filter(static_cast<uint32_t>(i / 3), static_cast<Kind>(i % 3), cut, below, above);
+    filter(static_cast<uint32_t>(i / 3), static_cast<Kind>(i % 3), division, below, above);
   };
   if (count_ < kParallel)
     for (size_t i = 0; i < 9; ++i) filter_list(i);
   else
     parallel_for(9, 1, filter_list);
   for (uint32_t id = 0; id < count_; ++id) {
-    const uint32_t target = cut.target[id];
+    const uint32_t target = division.target[id];
     if (target >= kAbove)
       above.triangles_[target - kAbove] = triangles_[id];
     else if (target != kBoth)
       below.triangles_[target] = triangles_[id];
   }
-  uint32_t next_below = cut.whole_below, next_above = cut.whole_above;
+  uint32_t next_below = division.whole_below, next_above = division.whole_above;
   for (uint32_t i = 0; i < added; ++i) {
-    if (!is_empty(cut.halves[i].below)) below.triangles_[next_below++] = triangles_[cut.cut[i]];
-    if (!is_empty(cut.halves[i].above)) above.triangles_[next_above++] = triangles_[cut.cut[i]];
+    if (!is_empty(division.halves[i].below))
+      below.triangles_[next_below++] = triangles_[division.split[i]];
+    if (!is_empty(division.halves[i].above))
+      above.triangles_[next_above++] = triangles_[division.split[i]];
   }
   return true;
 }
 
-void EventSet::filter(uint32_t axis, Kind kind, const Cut& cut, EventSet& below,
+void EventSet::filter(uint32_t axis, Kind kind, const Division& division, EventSet& below,
                       EventSet& above) const {
-  const std::vector<Event> added_below = cut.events(false, axis, kind);
-  const std::vector<Event> added_above = cut.events(true, axis, kind);
+  const std::vector<Event> added_below = division.events(false, axis, kind);
+  const std::vector<Event> added_above = division.events(true, axis, kind);
   EventList &low = below.list(axis, kind), &high = above.list(axis, kind);
   Event* const out_below = low.events + added_below.size();
   Event* const out_above = high.events + added_above.size();
-  const uint32_t* const target = cut.target.data();
+  const uint32_t* const target = division.target.data();
   uint32_t count_below = 0, count_above = 0;
   for (const Event& event : list(axis, kind)) {
     const uint32_t to = target[event.id];

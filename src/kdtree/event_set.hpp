@@ -1,7 +1,7 @@
 // The triangles of a cell with their boxes' ends in sorted order on every axis, as Wald & Havran,
 // "On building fast kd-Trees for Ray Tracing, and on doing that in O(N log N)" (2006) keep them:
 // sorted once, at the root; a split filters the lists, and only the new ends of triangles that the
-// plane cuts are sorted and merged in. Starts, ends and planar events have lists of their own, so
+// plane splits are sorted and merged in. Starts, ends and planar events have lists of their own, so
 // counts are positions in lists.
 //
 // A sweep over all events is not needed to find the best plane: counts at a few planes bound from
@@ -50,7 +50,7 @@ class EventSet {
 
  private:
   enum Kind : uint32_t { kLow, kHigh, kFlat };
-  struct Cut;
+  struct Division;
 
   void allocate(const MeshView& mesh, const CostRule& rule, uint32_t count,
                 const std::array<uint32_t, 3>& flats);
@@ -59,8 +59,9 @@ class EventSet {
   void sort_ends(uint32_t axis, Kind kind, std::span<const Aabb> boxes);
   void search_axis(const PlaneCost& cost, Split& best) const;
   void sweep(const PlaneCost& cost, float from, float to, Split& best) const;
-  void assign(const Split& split, Cut& cut) const;
-  void filter(uint32_t axis, Kind kind, const Cut& cut, EventSet& below, EventSet& above) const;
+  void assign(const Split& split, Division& division) const;
+  void filter(uint32_t axis, Kind kind, const Division& division, EventSet& below,
+              EventSet& above) const;
 
   const MeshView* mesh_ = nullptr;
   const CostRule* rule_ = nullptr;

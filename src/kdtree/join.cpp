@@ -29,7 +29,7 @@ class Joiner {
     for (const Node& node : part.nodes) {
       if (node.is_leaf()) {
         const std::span list(part.references.data() + node.first, node.count());
-        tree_.nodes.push_back(Node::leaf(place(list), node.count()));
+        tree_.nodes.push_back(Node::leaf(offset_of(list), node.count()));
       } else {
         tree_.nodes.push_back(Node::inner(node.axis(), node.at, base + node.above()));
       }
@@ -38,7 +38,7 @@ class Joiner {
 
   /// Where a list lies; leaves that share one are neighbours mostly, so a small table that forgets
   /// finds nearly all.
-  uint32_t place(std::span<const uint32_t> list) {
+  uint32_t offset_of(std::span<const uint32_t> list) {
     if (list.empty()) return 0;
     Known& known = known_[xxh64(list.data(), list.size_bytes()) % known_.size()];
     if (known.count == list.size() &&

@@ -44,7 +44,10 @@ KdTreeData make_data(const Tree& tree, const MeshView& mesh, const KdTreeConfig&
   data.bounds = tree.bounds;
   data.statistics = kdtree::statistics(tree, config.tree.cost);
   data.nodes.assign(tree.nodes.begin(), tree.nodes.end());
-  fill_store(tree.nodes, tree.references, mesh, masks, data);
+  std::vector<Range> lists;
+  for (const Node& node : tree.nodes)
+    if (node.is_leaf()) lists.push_back(node.list());
+  fill_store(lists, tree.references, mesh, masks, data);
   prepare_rays(data);
   return data;
 }

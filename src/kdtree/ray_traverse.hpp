@@ -13,70 +13,21 @@
 #pragma once
 
 #include "kdtree/ray_kernels.hpp"
-#include "query/ray_queries.hpp"
+#include "query/cell_rays.hpp"
 
 namespace umbel {
 
-/// Where a ray passes a plane.
-struct PlanePass {
-  float low, high;
-};
-
-static inline PlanePass pass_of(const RayFrame& f, uint32_t axis, float plane) {
-  const float t = plane * f.inv[axis];
-  return {t + f.near_b[axis], t + f.far_b[axis]};
-}
-
-/// The part of a ray within the bounds. NaN, which extreme numbers may lead to, cuts off nothing.
-struct RayPart {
-  float from, to;
-  PlanePass entry;     ///< where the ray comes in
-  int32_t entry_axis;  ///< of the face there; 3: there are several; -1: it begins inside
-};
-
-static inline bool enter_bounds(const LeafStore& tree, const RayFrame& f, float cull,
-                                RayPart& part) {
-  part.from = f.t_min;
-  part.to = cull;
-  const Vec3 &least = tree.bounds.min, &most = tree.bounds.max;
-  const float low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
-  float near_high[3];
-  for (uint32_t axis = 0; axis < 3; ++axis) {
-    const bool flip = f.inv[axis] < 0.0f;
-    const PlanePass near = pass_of(f, axis, flip ? high[axis] : low[axis]);
-    const PlanePass far = pass_of(f, axis, flip ? low[axis] : high[axis]);
-    near_high[axis] = near.high;
-    if (near.low > part.from) part.from = near.low;
-    if (far.high < part.to) part.to = far.high;
-  }
-  part.entry = {part.from, f.t_min};
-  part.entry_axis = -1;
-  for (int32_t axis = 0; axis < 3; ++axis) {
-    if (near_high[axis] < part.from) continue;
-    part.entry_axis = part.entry_axis < 0 ? axis : 3;
-    if (near_high[axis] > part.entry.high) part.entry.high = near_high[axis];
-  }
-  return part.from <= part.to;
-}
-
-/// Tests the triangles of a leaf, eight at a time.
+/// Tests the triangles of a leaf.
 template <typename Leaf>
 static inline bool visit_leaf(const kdtree::Node& node, const Leaf& leaf) {
-  uint32_t first = node.first;
-  for (uint32_t rest = node.count(); rest > 0;) {
-    const uint32_t count = rest < kMaxLeafTriangles ? rest : kMaxLeafTriangles;
-    if (leaf(LeafStore::leaf_link(first, count))) return true;
-    first += count;
-    rest -= count;
-  }
-  return false;
+  return visit_list(node.list(), leaf);
 }
 
 /// Remembers which lists a ray was tested with last (Amanatides & Woo 1987 remember triangles):
 /// large triangles reach through many cells, and leaves with the same triangles share their list.
 class Mailbox {
  public:
-  /// As visit_leaf, but for what is remembered.
+  /// As visit_leaf, without the lists that are remembered.
   template <typename Leaf>
   bool visit(const kdtree::Node& node, const Leaf& leaf) {
     if (node.count() == 0) return false;
@@ -91,22 +42,17 @@ class Mailbox {
   uint32_t firsts_[kLists] = {kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone};
 };
 
-struct KdEntry {
-  uint32_t node;
-  float from, to;
-};
-
 /// From near to far, the far child on a stack.
 template <typename Leaf>
-static inline bool traverse_with_stack(const KdTreeData& tree, const RayFrame& f, RayPart part,
-                                       const float& cull, const Leaf& leaf) {
-  KdEntry stack[kMaxKdDepth + 1];
-  KdEntry* top = stack;
+static inline bool traverse_with_stack(const KdTreeData& tree, const RayFrame& f,
+                                       ClippedRay clipped, const float& cull, const Leaf& leaf) {
+  CellEntry stack[kMaxKdDepth + 1];
+  CellEntry* top = stack;
   Mailbox mailbox;
   const kdtree::Node* const nodes = tree.nodes.data();
   const uint32_t flips[3] = {f.inv[0] < 0.0f, f.inv[1] < 0.0f, f.inv[2] < 0.0f};
   uint32_t node = 0;
-  float from = part.from, to = part.to;
+  float from = clipped.from, to = clipped.to;
   while (true) {
     while (!nodes[node].is_leaf()) {
       const kdtree::Node& n = nodes[node];
@@ -137,14 +83,16 @@ static inline bool traverse_with_stack(const KdTreeData& tree, const RayFrame& f
 
 /// With a stack that forgets its oldest entries. A bit of `trail` is set on each level where the
 /// ray is done with the first child or has no other; to find what comes next after the stack has
-/// run dry, the lowest such level that is not set is set, and the path is walked again. For that
-/// it has to be the same path, so `to` must not depend on hits.
+/// run dry, the lowest such level that is not set is set, and the path is traversed again. For that
+/// it has to be the same path, so `to` must not depend on hits. Long, because as one loop it keeps
+/// its state in registers.
 template <typename Leaf>
 static inline bool traverse_with_short_stack(const KdTreeData& tree, const RayFrame& f,
-                                             RayPart part, const float& cull, const Leaf& leaf) {
+                                             ClippedRay clipped, const float& cull,
+                                             const Leaf& leaf) {
   constexpr uint32_t kEntries = 4;
   struct Entry {
-    KdEntry at;
+    CellEntry at;
     uint32_t level;
   };
   Entry ring[kEntries];
@@ -154,7 +102,7 @@ static inline bool traverse_with_short_stack(const KdTreeData& tree, const RayFr
   const auto bit = [](uint32_t level) { return uint64_t{1} << (63 - level); };
   const kdtree::Node* const nodes = tree.nodes.data();
   uint32_t node = 0, level = 0;
-  float from = part.from, to = part.to;
+  float from = clipped.from, to = clipped.to;
   while (true) {
     while (!nodes[node].is_leaf()) {
       const kdtree::Node& n = nodes[node];
@@ -200,8 +148,8 @@ static inline bool traverse_with_short_stack(const KdTreeData& tree, const RayFr
       level = entry.level + 1;
     } else {
       node = level = 0;
-      from = part.from;
-      to = part.to;
+      from = clipped.from;
+      to = clipped.to;
     }
   }
 }
@@ -210,12 +158,12 @@ static inline bool traverse_with_short_stack(const KdTreeData& tree, const RayFr
 /// as cannot be told from that. Where a second axis has a plane within it, the ray may be on either
 /// side of an edge, and the stack takes over from there: it visits all cells near the edge.
 template <typename Leaf>
-static inline bool traverse_with_ropes(const KdTreeData& tree, const RayFrame& f, RayPart part,
-                                       const float& cull, const Leaf& leaf) {
+static inline bool traverse_with_ropes(const KdTreeData& tree, const RayFrame& f,
+                                       ClippedRay clipped, const float& cull, const Leaf& leaf) {
   const kdtree::Node* const nodes = tree.nodes.data();
   const uint32_t flips[3] = {f.inv[0] < 0.0f, f.inv[1] < 0.0f, f.inv[2] < 0.0f};
-  PlanePass entry = part.entry;
-  int32_t entry_axis = part.entry_axis;
+  PlanePass entry = clipped.entry;
+  int32_t entry_axis = clipped.entry_axis;
   uint32_t node = 0;
   while (true) {
     while (!nodes[node].is_leaf()) {
@@ -233,8 +181,8 @@ static inline bool traverse_with_ropes(const KdTreeData& tree, const RayFrame& f
         if (pass.high > entry.high) entry.high = pass.high;
         node = first;
       } else {
-        part.from = entry.low;
-        return traverse_with_stack(tree, f, part, cull, leaf);
+        clipped.from = entry.low;
+        return traverse_with_stack(tree, f, clipped, cull, leaf);
       }
     }
     if (visit_leaf(nodes[node], leaf)) return true;
@@ -259,10 +207,10 @@ static inline bool traverse_with_ropes(const KdTreeData& tree, const RayFrame& f
       next = z.low < next ? z.low : next;
     }
     const float soonest = next < exit.low ? next : exit.low;
-    if (soonest > cull || soonest > part.to) return false;
+    if (soonest > cull || soonest > clipped.to) return false;
     if (!(next > exit.high) || (axis != entry_axis && !(exit.low > entry.high))) {
-      part.from = entry.low;
-      return traverse_with_stack(tree, f, part, cull, leaf);
+      clipped.from = entry.low;
+      return traverse_with_stack(tree, f, clipped, cull, leaf);
     }
     node = rope.ropes[2 * axis + (flips[axis] ? 0 : 1)];
     if (node == kNone) return false;
@@ -271,47 +219,26 @@ static inline bool traverse_with_ropes(const KdTreeData& tree, const RayFrame& f
   }
 }
 
-/// What the queries of query/ray_traverse.hpp are made with.
-template <typename Triangles>
-class FrameLanes {
- public:
-  FrameLanes(const RayFrame& frame, const LeafStore& /*tree*/) : frame_(frame), triangles_(frame) {}
-  const RayFrame& frame() const { return frame_; }
-  uint32_t triangles(const LeafStore& tree, uint32_t link, bool cull_back, float t_max,
-                     LeafHits& hits) const {
-    return triangles_(tree, link, cull_back, t_max, hits);
-  }
-
- private:
-  const RayFrame& frame_;
-  Triangles triangles_;
-};
-
 template <typename Triangles, kdtree::Traversal traversal>
-class KdIntersector : public FrameLanes<Triangles> {
+class KdIntersector : public LeafIntersector<Triangles> {
  public:
-  using FrameLanes<Triangles>::FrameLanes;
+  using LeafIntersector<Triangles>::LeafIntersector;
 };
 
 template <typename Triangles, kdtree::Traversal traversal, typename Leaf>
 static inline bool traverse(const KdTreeData& tree,
                             const KdIntersector<Triangles, traversal>& intersector,
                             const float& cull, const Leaf& leaf) {
-  RayPart part;
+  ClippedRay clipped;
   const RayFrame& frame = intersector.frame();
-  if (!enter_bounds(tree, frame, cull, part)) return false;
+  if (!clip_to_bounds(tree, frame, cull, clipped)) return false;
   if constexpr (traversal == kdtree::Traversal::kStack)
-    return traverse_with_stack(tree, frame, part, cull, leaf);
+    return traverse_with_stack(tree, frame, clipped, cull, leaf);
   else if constexpr (traversal == kdtree::Traversal::kRopes)
-    return traverse_with_ropes(tree, frame, part, cull, leaf);
+    return traverse_with_ropes(tree, frame, clipped, cull, leaf);
   else
-    return traverse_with_short_stack(tree, frame, part, cull, leaf);
+    return traverse_with_short_stack(tree, frame, clipped, cull, leaf);
 }
-
-template <typename Intersector, typename Tree>
-constexpr RayKernels structure_kernels{intersect_ray<Intersector, Tree>,
-                                       occluded_ray<Intersector, Tree>,
-                                       all_hits_ray<Intersector, Tree>};
 
 template <typename Triangles>
 static const RayKernels* kd_kernels(kdtree::Traversal traversal) {

@@ -1,16 +1,14 @@
 // Ropes: links from each face of a leaf to its neighbours there (Havran, Bittner & Zara, "Ray
 // Tracing with Rope Trees", 1998), pushed down as far as a single subtree holds all of them.
 #include "base/parallel.hpp"
-#include "kdtree/split_cost.hpp"
 #include "kdtree/tree_data.hpp"
 
 namespace umbel {
 namespace {
 
-using kdtree::component;
 using kdtree::Node;
 
-struct Place {
+struct Visit {
   uint32_t node;
   RopeLeaf rope;
 };
@@ -36,19 +34,19 @@ uint32_t pushed_down(const KdTreeData& data, uint32_t node, uint32_t face, const
 void make_ropes(KdTreeData& data) {
   if (data.nodes.empty() || !data.rope_leaves.empty()) return;
   data.rope_leaf_of.assign(data.nodes.size(), kNone);
-  Place root{0, {data.bounds, {kNone, kNone, kNone, kNone, kNone, kNone}}};
-  std::vector<Place> stack{root};
+  const Visit root{0, {data.bounds, {kNone, kNone, kNone, kNone, kNone, kNone}}};
+  std::vector<Visit> stack{root};
   while (!stack.empty()) {
-    const Place place = stack.back();
+    const Visit visit = stack.back();
     stack.pop_back();
-    const Node& node = data.nodes[place.node];
+    const Node& node = data.nodes[visit.node];
     if (node.is_leaf()) {
-      data.rope_leaf_of[place.node] = static_cast<uint32_t>(data.rope_leaves.size());
-      data.rope_leaves.push_back(place.rope);
+      data.rope_leaf_of[visit.node] = static_cast<uint32_t>(data.rope_leaves.size());
+      data.rope_leaves.push_back(visit.rope);
       continue;
     }
-    Place below = place, above = place;
-    below.node = place.node + 1;
+    Visit below = visit, above = visit;
+    below.node = visit.node + 1;
     above.node = node.above();
     component(below.rope.cell.max, node.axis()) = node.at;
     component(above.rope.cell.min, node.axis()) = node.at;

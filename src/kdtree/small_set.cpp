@@ -69,21 +69,19 @@ bool SmallSet::list_planes(const PlaneCost& cost, float* planes, uint32_t& count
 
 void SmallSet::search_axis(const PlaneCost& cost, const float* planes, uint32_t count,
                            Split& best) const {
-  using bvh::Float4;
-  using bvh::splat;
   const float *low = low_[cost.axis()], *high = high_[cost.axis()];
   if (count == 0) return;
-  const PlaneCost::Lanes lanes(cost);
+  const PlaneCost::FourPlanes four_planes(cost);
   Float4 least = splat(std::numeric_limits<float>::infinity()), where = splat(0);
-  const auto keep = [&](Float4 plane, bvh::Int4 below, bvh::Int4 above) {
-    const Float4 plane_cost = lanes(plane, below, above);
+  const auto keep = [&](Float4 plane, Int4 below, Int4 above) {
+    const Float4 plane_cost = four_planes(plane, below, above);
     where = plane_cost < least ? plane : where;
     least = plane_cost < least ? plane_cost : least;
   };
   uint32_t k = 0;
   for (; k + 4 < count; k += 8) {
-    const Float4 p = bvh::load4(planes + k), q = bvh::load4(planes + k + 4);
-    bvh::Int4 p_below{}, p_above{}, q_below{}, q_above{};
+    const Float4 p = load4(planes + k), q = load4(planes + k + 4);
+    Int4 p_below{}, p_above{}, q_below{}, q_above{};
     for (uint32_t i = 0; i < count_; ++i) {
       const Float4 l = splat(low[i]), h = splat(high[i]);
       // Comparisons give 0 or -1.
@@ -96,8 +94,8 @@ void SmallSet::search_axis(const PlaneCost& cost, const float* planes, uint32_t 
     keep(q, q_below, q_above);
   }
   if (k < count) {
-    const Float4 p = bvh::load4(planes + k);
-    bvh::Int4 below{}, above{};
+    const Float4 p = load4(planes + k);
+    Int4 below{}, above{};
     for (uint32_t i = 0; i < count_; ++i) {
       below -= splat(low[i]) < p;
       above -= splat(high[i]) > p;

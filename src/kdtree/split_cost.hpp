@@ -6,17 +6,13 @@
 #include <algorithm>
 #include <limits>
 
-#include "base/simd/box4.hpp"
+#include "base/simd/float4.hpp"
+#include "query/cells.hpp"
 #include "umbel/kdtree.hpp"
 
 namespace umbel::kdtree {
 
-inline float component(const Vec3& v, uint32_t axis) {
-  return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
-}
-inline float& component(Vec3& v, uint32_t axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
-
-/// Where to cut a cell, and which side the triangles go to that lie in the plane.
+/// Where to split a cell, and to which side triangles go that lie in the plane.
 struct Split {
   double cost = std::numeric_limits<double>::infinity();
   float at = 0;
@@ -93,35 +89,35 @@ class PlaneCost {
     return (below == 0 || above == 0 ? cost * rule_.empty_factor : cost) - rounding;
   }
 
-  /// The same of four planes, in single precision. What is rounded are shares of the cell's
-  /// extent and area, so no coordinates are too large or too small.
-  class Lanes {
+  /// The same for four planes at once, in single precision. What is rounded are shares of the
+  /// cell's extent and area, so no coordinates are too large or too small.
+  class FourPlanes {
    public:
-    explicit Lanes(const PlaneCost& c) {
+    explicit FourPlanes(const PlaneCost& c) {
       const double extent = double(c.high_) - double(c.low_) + 2 * c.rule_.pad;
-      middle_ = bvh::splat(static_cast<float>((double(c.low_) + double(c.high_)) / 2));
-      to_share_ = bvh::splat(static_cast<float>(2 / extent));
-      fixed_ = bvh::splat(static_cast<float>(c.scale_ * (c.base_ + extent * c.slope_ / 2)));
-      moving_ = bvh::splat(static_cast<float>(c.scale_ * extent * c.slope_ / 2));
-      traversal_ = bvh::splat(static_cast<float>(c.rule_.traversal));
-      empty_ = bvh::splat(static_cast<float>(c.rule_.empty_factor));
+      middle_ = splat(static_cast<float>((double(c.low_) + double(c.high_)) / 2));
+      to_share_ = splat(static_cast<float>(2 / extent));
+      fixed_ = splat(static_cast<float>(c.scale_ * (c.base_ + extent * c.slope_ / 2)));
+      moving_ = splat(static_cast<float>(c.scale_ * extent * c.slope_ / 2));
+      traversal_ = splat(static_cast<float>(c.rule_.traversal));
+      empty_ = splat(static_cast<float>(c.rule_.empty_factor));
     }
-    bvh::Float4 operator()(bvh::Float4 at, bvh::Int4 below, bvh::Int4 above) const {
-      const bvh::Float4 moved = (at - middle_) * to_share_ * moving_;
-      const auto below_f = __builtin_convertvector(below, bvh::Float4);
-      const auto above_f = __builtin_convertvector(above, bvh::Float4);
-      const bvh::Float4 sum = traversal_ + (fixed_ + moved) * below_f + (fixed_ - moved) * above_f;
-      const bvh::Int4 is_empty = (below == 0) | (above == 0);
+    Float4 operator()(Float4 at, Int4 below, Int4 above) const {
+      const Float4 moved = (at - middle_) * to_share_ * moving_;
+      const auto below_f = __builtin_convertvector(below, Float4);
+      const auto above_f = __builtin_convertvector(above, Float4);
+      const Float4 sum = traversal_ + (fixed_ + moved) * below_f + (fixed_ - moved) * above_f;
+      const Int4 is_empty = (below == 0) | (above == 0);
       return is_empty ? sum * empty_ : sum;
     }
 
    private:
-    bvh::Float4 middle_, to_share_, fixed_, moving_, traversal_, empty_;
+    Float4 middle_, to_share_, fixed_, moving_, traversal_, empty_;
   };
 
   /// The better of both sides for `flat` triangles that lie in the plane.
   void consider(float at, size_t below, size_t flat, size_t above, Split& best) const {
-    // At the end of a cell only triangles in that very plane can be cut off.
+    // At the end of a cell a plane can only separate triangles that lie in it.
     const bool at_low = at <= low_, at_high = at >= high_;
     if ((at_low || at_high) && flat == 0) return;
     if (!at_low) keep({(*this)(at, below, above + flat), at, axis_, false}, best);
@@ -140,13 +136,11 @@ class PlaneCost {
 };
 
 /// The two cells.
-inline Aabb cell_below(Aabb cell, const Split& split) {
-  component(cell.max, split.axis) = split.at;
-  return cell;
+inline Aabb cell_below(const Aabb& cell, const Split& split) {
+  return umbel::cell_below(cell, split.axis, split.at);
 }
-inline Aabb cell_above(Aabb cell, const Split& split) {
-  component(cell.min, split.axis) = split.at;
-  return cell;
+inline Aabb cell_above(const Aabb& cell, const Split& split) {
+  return umbel::cell_above(cell, split.axis, split.at);
 }
 
 }  // namespace umbel::kdtree

@@ -1,7 +1,7 @@
 // What a KdTree holds.
 #pragma once
 
-#include "kdtree/leaf_lists.hpp"
+#include "query/leaf_lists.hpp"
 #include "umbel/kdtree.hpp"
 
 namespace umbel {

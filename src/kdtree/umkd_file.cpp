@@ -93,7 +93,7 @@ kdtree::Tree tree_of(const KdTreeData& data) {
     if (!node.is_leaf() || node.first != end) continue;
     end += node.count();
     if (end > data.reference_count) break;
-    visit_links(node, [&](uint32_t link) { read_leaf(data, link, tree.references); });
+    visit_links(node.list(), [&](uint32_t link) { read_leaf(data, link, tree.references); });
   }
   return tree;
 }

@@ -70,38 +70,39 @@ class Search {
     float distance2[kLanes];
     uint32_t near = 0;
     for (uint32_t i = 0; i < kWidth; i += 4) {
-      const auto plane = [&](uint32_t k) { return Float4::load(planes + size_t{k} * kWidth + i); };
+      const auto plane = [&](uint32_t k) { return load4(planes + size_t{k} * kWidth + i); };
       near |=
           box_distances(plane(0), plane(1), plane(2), plane(3), plane(4), plane(5), distance2 + i)
           << i;
     }
-    // Two slots are half of what was computed. The nearest child ends on top.
+    // Where nodes have two children, half of the lanes mean nothing. half of what was computed. The
+    // nearest child ends on top.
     near &= (1u << kWidth) - 1;
     const size_t base = size_;
     for (; near != 0; near &= near - 1) {
-      const auto slot = static_cast<uint32_t>(std::countr_zero(near));
-      const Link link = children.link(slot);
+      const auto child = static_cast<uint32_t>(std::countr_zero(near));
+      const Link link = children.link(child);
       if (link == Nodes::kNoLink) continue;
       size_t at = size_++;
-      for (; at > base && stack_[at - 1].distance2 < distance2[slot]; --at)
+      for (; at > base && stack_[at - 1].distance2 < distance2[child]; --at)
         stack_[at] = stack_[at - 1];
-      stack_[at] = {distance2[slot], link};
+      stack_[at] = {distance2[child], link};
     }
   }
 
   /// Squared distances of four boxes; the bits of those within the limit.
   uint32_t box_distances(Float4 low_x, Float4 high_x, Float4 low_y, Float4 high_y, Float4 low_z,
                          Float4 high_z, float* distance2) const {
-    const Float4 scale = Float4::all(scale_), zero = Float4::all(0);
+    const Float4 scale = splat(scale_), zero = splat(0);
     const auto outside = [&](Float4 low, Float4 high, float p) {
-      const Float4 at = Float4::all(p);
-      return max(max(low * scale - at, at - high * scale), zero);
+      const Float4 at = splat(p);
+      return max4(max4(low * scale - at, at - high * scale), zero);
     };
     const Float4 dx = outside(low_x, high_x, scaled_.x), dy = outside(low_y, high_y, scaled_.y);
     const Float4 dz = outside(low_z, high_z, scaled_.z);
     const Float4 squared = dx * dx + dy * dy + dz * dz;
-    squared.store(distance2);
-    return at_most(squared, Float4::all(limit_));
+    store4(distance2, squared);
+    return at_most(squared, splat(limit_));
   }
 
   void visit_run(uint32_t link) {
@@ -122,9 +123,9 @@ class Search {
                        size_t{LeafStore::first_reference(link)} * data_.reference_words();
     uint32_t near = 0;
     for (uint32_t i = 0; i < n; i += 4) {
-      const auto row = [&](uint32_t k) { return Float4::load(rows + size_t{k} * n + i); };
-      const auto low = [&](uint32_t k) { return min(min(row(k), row(k + 3)), row(k + 6)); };
-      const auto high = [&](uint32_t k) { return max(max(row(k), row(k + 3)), row(k + 6)); };
+      const auto row = [&](uint32_t k) { return load4(rows + size_t{k} * n + i); };
+      const auto low = [&](uint32_t k) { return min4(min4(row(k), row(k + 3)), row(k + 6)); };
+      const auto high = [&](uint32_t k) { return max4(max4(row(k), row(k + 3)), row(k + 6)); };
       near |= box_distances(low(0), high(0), low(1), high(1), low(2), high(2), distance2 + i) << i;
     }
     return near;

@@ -10,7 +10,7 @@
 
 namespace umbel::closest {
 
-/// The power of two that brings a coordinate to between 1 and 4, but for the smallest.
+/// The power of two that brings a coordinate, unless it is too small, to between 1 and 4.
 UMBEL_HOST_DEVICE inline float unit_scale(float largest) {
   const uint32_t exponent = std::bit_cast<uint32_t>(largest) >> 23;
   return std::bit_cast<float>((254u - std::clamp(exponent, 1u, 253u)) << 23);

@@ -1,5 +1,5 @@
 // Whether points lie inside a closed mesh: the parity of the triangles that a ray along an axis
-// crosses. The ray is moved aside by an infinitely small amount (Edelsbrunner & Muecke,
+// crosses. The ray is perturbed by an infinitely small amount (Edelsbrunner & Muecke,
 // "Simulation of Simplicity", 1990) and every decision is an exact sign, so a ray through a
 // vertex or along an edge crosses exactly the triangles that its neighbour crosses, and boxes are
 // compared without rounding at all. For the nodes of any structure: see traverse_leaves.hpp.

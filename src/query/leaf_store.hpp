@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "base/axis.hpp"
 #include "base/big_vector.hpp"
 #include "base/math.hpp"
 #include "umbel/mesh.hpp"
@@ -15,7 +16,7 @@
 
 namespace umbel {
 
-/// No child in this slot.
+/// No child.
 inline constexpr uint32_t kNoChild = 0xffffffffu;
 /// A link to a leaf: this bit, then triangles - 1 in 3 bits, then the first reference. All ones
 /// would be a leaf of 8 at the last reference that can be numbered, and is not used.
@@ -58,8 +59,8 @@ struct LeafStore {
   BigVector<Vec3> vertices;  ///< compact: what the vertex numbers mean; else empty
 
   // Set by prepare_scale, never stored.
-  /// The largest coordinate of any box on each axis, by amount.
-  alignas(16) float reach[4] = {};
+  /// The largest absolute coordinate of any box on each axis.
+  alignas(16) float max_abs_coord[4] = {};
   float scale = 1;    ///< power of two that brings triangles of extreme size into a safe range
   float unscale = 1;  ///< 1 / scale
 
@@ -106,15 +107,15 @@ struct LeafStore {
   }
 };
 
-/// The vertices that the triangles in `order` use, in the order in which these come to them, and
-/// for each vertex of the mesh its place among them.
+/// The vertices that the triangles in `order` use, in the order of their first use. Returns for
+/// each vertex of the mesh its number among them.
 std::vector<uint32_t> collect_vertices(const MeshView& mesh, std::span<const uint32_t> order,
                                        BigVector<Vec3>& vertices);
 
-/// Writes the leaf of a link; its triangles are those at the same places of `order`. `masks` is
-/// needed where the store is masked, `places` (see collect_vertices) where it is compact.
+/// Writes the leaf of a link, with the triangles of the same range of `order`. `masks` is needed
+/// where the store is masked, `vertex_ids` (see collect_vertices) where it is compact.
 void fill_leaf(const MeshView& mesh, std::span<const uint32_t> masks,
-               std::span<const uint32_t> places, std::span<const uint32_t> order, uint32_t link,
+               std::span<const uint32_t> vertex_ids, std::span<const uint32_t> order, uint32_t link,
                LeafStore& out);
 
 /// To be called when the bounds are known or have changed.

@@ -1,4 +1,4 @@
-// The order in which a batch of points is best asked about: along a Morton curve (Morton 1966), so
+// The order in which a batch of points is best queried: along a Morton curve (Morton 1966), so
 // that one query finds in the cache what the one before it needed.
 #pragma once
 
@@ -9,31 +9,20 @@
 #include <vector>
 
 #include "base/math.hpp"
+#include "base/morton.hpp"
 #include "base/parallel.hpp"
 #include "base/radix_sort.hpp"
 
 namespace umbel {
 
-namespace detail {
-
-/// Two zero bits before each of the lowest ten.
-inline uint32_t spread_bits(uint32_t x) {
-  x = (x | x << 16) & 0x030000ffu;
-  x = (x | x << 8) & 0x0300f00fu;
-  x = (x | x << 4) & 0x030c30c3u;
-  return (x | x << 2) & 0x09249249u;
-}
-
-}  // namespace detail
-
-/// Calls body(i) for every point, in parallel, neighbours in space after one another; `state` is
-/// made anew for each run of neighbours and handed to their calls.
+/// Calls body(i, state) for every point, in parallel, neighbours in space after one another. Each
+/// run of neighbours has a `state` of its own.
 template <typename State, typename Body>
 void for_points_in_order(std::span<const Vec3> points, const Body& body) {
-  constexpr size_t kRun = 512, kWorthSorting = 4096;
+  constexpr size_t kRun = 512, kLeastSorted = 4096;
   std::vector<uint64_t> words, spare;
   const uint64_t* order = nullptr;
-  if (points.size() >= kWorthSorting && points.size() <= kNone) {
+  if (points.size() >= kLeastSorted && points.size() <= kNone) {
     Aabb bounds;
     for (const Vec3& p : points)
       if (is_finite(p)) extend(bounds, p);
@@ -47,9 +36,9 @@ void for_points_in_order(std::span<const Vec3> points, const Body& body) {
     parallel_chunks(points.size(), size_t{1} << 14, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
         const Vec3& p = points[i];
-        const uint64_t code = detail::spread_bits(cell(p.x, bounds.min.x, bounds.max.x)) |
-                              detail::spread_bits(cell(p.y, bounds.min.y, bounds.max.y)) << 1 |
-                              detail::spread_bits(cell(p.z, bounds.min.z, bounds.max.z)) << 2;
+        const uint64_t code = spread_bits(cell(p.x, bounds.min.x, bounds.max.x)) |
+                              spread_bits(cell(p.y, bounds.min.y, bounds.max.y)) << 1 |
+                              spread_bits(cell(p.z, bounds.min.z, bounds.max.z)) << 2;
         words[i] = code << 32 | i;
       }
     });

@@ -28,6 +28,7 @@
 #include <cstring>
 #include <limits>
 
+#include "base/simd/float4.hpp"
 #include "query/leaf_store.hpp"
 
 #if defined(__SSE2__)
@@ -36,10 +37,7 @@
 
 namespace umbel {
 
-/// Four lanes on which arithmetic works one by one (an extension of GCC and Clang).
-typedef float Quad __attribute__((vector_size(16)));
-typedef int32_t QuadBits __attribute__((vector_size(16)));
-typedef double WideQuad __attribute__((vector_size(32)));
+typedef double Double4 __attribute__((vector_size(32)));
 
 struct RayFrame {
   // Of x, y and z; the fourth lane means nothing.
@@ -51,7 +49,7 @@ struct RayFrame {
   uint32_t kx, ky, kz;  ///< Woop's axes
   uint32_t negative;    ///< bit i is set where inv[i] < 0
   float t_min, t_max;   /// in units of the scaled direction
-  float t_unit;         ///< what t is to be multiplied by to give the ray's own
+  float t_unit;         ///< t times this is the ray's own
   float scale;          ///< what triangles are multiplied by: a power of two
   float unscale;        ///< 1 / scale
 };
@@ -72,7 +70,7 @@ inline constexpr uint8_t kLargestAxis[8] = {2, 2, 2, 0, 1, 2, 1, 0};
 /// mispredicted.
 inline constexpr uint8_t kOtherAxes[3][2] = {{1, 2}, {2, 0}, {0, 1}};
 
-static inline uint32_t sign_bits(Quad lanes) {
+static inline uint32_t sign_bits(Float4 lanes) {
 #if defined(__SSE2__)
   return static_cast<uint32_t>(_mm_movemask_ps(lanes));
 #else
@@ -82,23 +80,23 @@ static inline uint32_t sign_bits(Quad lanes) {
 #endif
 }
 
-/// False where the ray can hit nothing.
+/// False where the ray can hit nothing. Long, because its values stay in vector registers.
 static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f) {
   constexpr float kMax = std::numeric_limits<float>::max();
-  // Number by number: a ray that was only just written so cannot be read in one piece yet.
-  const Quad o = {ray.origin.x, ray.origin.y, ray.origin.z, 0};
-  Quad d = {ray.direction.x, ray.direction.y, ray.direction.z, 1};
+  // Number by number: a ray that was just written so cannot be read as one vector yet.
+  const Float4 o = {ray.origin.x, ray.origin.y, ray.origin.z, 0};
+  Float4 d = {ray.direction.x, ray.direction.y, ray.direction.z, 1};
   constexpr int32_t kSign = std::numeric_limits<int32_t>::min();
-  const QuadBits signs = QuadBits(d) & kSign;
-  Quad a = Quad(QuadBits(d) & ~kSign);
-  const Quad away = Quad(QuadBits(o) & ~kSign), sums = a + away;
+  const Int4 signs = Int4(d) & kSign;
+  Float4 a = Float4(Int4(d) & ~kSign);
+  const Float4 away = Float4(Int4(o) & ~kSign), sums = a + away;
   // Written so that a NaN anywhere fails.
   if (!(sums[0] + sums[1] + sums[2] <= kMax) || !(ray.t_min <= ray.t_max)) return false;
   float largest = std::max(std::max(a[0], a[1]), a[2]);
   if (!(largest > 0.0f)) return false;
-  const Quad firsts = __builtin_shufflevector(a, a, 0, 0, 1, 3);
-  const Quad seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
-  const uint32_t kz = kLargestAxis[sign_bits(Quad(firsts > seconds))];
+  const Float4 firsts = __builtin_shufflevector(a, a, 0, 0, 1, 3);
+  const Float4 seconds = __builtin_shufflevector(a, a, 1, 2, 2, 3);
+  const uint32_t kz = kLargestAxis[sign_bits(Float4(firsts > seconds))];
 
   f.t_min = ray.t_min;
   f.t_max = ray.t_max;
@@ -114,19 +112,19 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
     largest *= f.t_unit;
   }
 
-  Quad reach;
-  std::memcpy(&reach, tree.reach, sizeof reach);
-  reach = reach > away ? reach : away;
-  const float furthest = std::max(std::max(reach[0], reach[1]), reach[2]);
-  const Quad slack = reach * 0x1p-20f + furthest * 0x1p-38f;
+  Float4 most;
+  std::memcpy(&most, tree.max_abs_coord, sizeof most);
+  most = most > away ? most : away;
+  const float furthest = std::max(std::max(most[0], most[1]), most[2]);
+  const Float4 error_bound = most * 0x1p-20f + furthest * 0x1p-38f;
   const float smallest = 0x1p-40f * largest;
-  const Quad component = Quad(QuadBits(a < smallest ? Quad{} + smallest : a) | signs);
-  const Quad inv = 1.0f / component, e = Quad(QuadBits(inv) & ~kSign) * slack;
+  const Float4 component = Float4(Int4(a < smallest ? Float4{} + smallest : a) | signs);
+  const Float4 inv = 1.0f / component, e = Float4(Int4(inv) & ~kSign) * error_bound;
   // Rounded once.
-  const WideQuad b = __builtin_convertvector(o, WideQuad) * __builtin_convertvector(inv, WideQuad);
-  const WideQuad wide_e = __builtin_convertvector(e, WideQuad);
-  const Quad near_b = __builtin_convertvector(-wide_e - b, Quad);
-  const Quad far_b = __builtin_convertvector(wide_e - b, Quad);
+  const Double4 b = __builtin_convertvector(o, Double4) * __builtin_convertvector(inv, Double4);
+  const Double4 wide_e = __builtin_convertvector(e, Double4);
+  const Float4 near_b = __builtin_convertvector(-wide_e - b, Float4);
+  const Float4 far_b = __builtin_convertvector(wide_e - b, Float4);
   std::memcpy(f.inv, &inv, sizeof inv);
   std::memcpy(f.near_b, &near_b, sizeof near_b);
   std::memcpy(f.far_b, &far_b, sizeof far_b);
@@ -145,6 +143,21 @@ static inline bool make_frame(const LeafStore& tree, const Ray& ray, RayFrame& f
   f.scale = tree.scale;
   f.unscale = tree.unscale;
   return true;
+}
+
+/// Where a ray enters a box, or infinity where it does not meet it in [t_min, t_max]. In units of
+/// the scaled direction.
+static inline float box_entry(const RayFrame& f, const Aabb& box, float t_max) {
+  float near = f.t_min, far = t_max;
+  for (uint32_t axis = 0; axis < 3; ++axis) {
+    const float low = component(box.min, axis), high = component(box.max, axis);
+    const bool flip = f.inv[axis] < 0.0f;
+    const float enter = (flip ? high : low) * f.inv[axis] + f.near_b[axis];
+    const float leave = (flip ? low : high) * f.inv[axis] + f.far_b[axis];
+    near = enter > near ? enter : near;
+    far = leave < far ? leave : far;
+  }
+  return near <= far ? near : std::numeric_limits<float>::infinity();
 }
 
 }  // namespace umbel

@@ -1,7 +1,6 @@
 // The ray queries, over any structure with a function
-//   traverse(tree, intersector, cull, leaf)   visits leaves roughly from near to far; leaf(link)
-//   may
-//                                             lower cull, and ends the traversal by true
+//   traverse(tree, intersector, cull, leaf)  visits leaves roughly from near to far; leaf(link) may
+//                                            lower cull, and ends the traversal by true
 // and for any instruction set. `Intersector`, made of a ray's frame and the tree, has
 //   triangles(tree, link, cull_back, t_max, hits)  which triangles of a leaf the ray meets in
 //                                                  [t_min, t_max]
@@ -45,8 +44,7 @@ static inline Hit hit_of(const LeafHits& hits, uint32_t lane, float t, uint32_t 
           hits.w[lane] / hits.determinant[lane]};
 }
 
-/// All that it calls becomes part of it: as calls, which a compiler prefers in files with many such
-/// traversals, they took 3 % of the time.
+/// Flattened: in files with many such traversals a compiler leaves calls, which cost time.
 template <typename Intersector, typename Tree>
 [[gnu::flatten]] static Hit intersect_ray(const LeafStore& store, const Ray& ray,
                                           const RayOptions& options) {
@@ -118,17 +116,17 @@ static size_t all_hits_ray(const LeafStore& store, const Ray& ray, std::span<Hit
       if (t > t_max) continue;
       const Hit hit = hit_of(hits, lane, t, primitives[lane]);
       const auto end = found.begin() + static_cast<std::ptrdiff_t>(count);
-      const auto place = std::lower_bound(found.begin(), end, hit, precedes);
+      const auto at = std::lower_bound(found.begin(), end, hit, precedes);
       // Spatial splits put a triangle into several leaves.
-      if (place != end && place->t == hit.t && place->primitive == hit.primitive) continue;
+      if (at != end && at->t == hit.t && at->primitive == hit.primitive) continue;
       if (count < found.size()) {
-        std::move_backward(place, end, end + 1);
+        std::move_backward(at, end, end + 1);
         ++count;
       } else {
-        if (place == end) continue;
-        std::move_backward(place, end - 1, end);
+        if (at == end) continue;
+        std::move_backward(at, end - 1, end);
       }
-      *place = hit;
+      *at = hit;
       if (count == found.size()) t_max = std::min(t_max, found.back().t);
     }
     return false;

@@ -116,12 +116,12 @@ class TriangleTester {
   /// Where the ray is between a triangle's corners along one axis.
   UMBEL_SIMD Span span(__m256 a, __m256 b, __m256 c, uint32_t axis) const {
     const __m256 inv = all(f_.inv[axis]);
-    const __m256 slack = _mm256_mul_ps(_mm256_sub_ps(all(f_.far_b[axis]), all(f_.near_b[axis])),
-                                       all(kBoxSlackShare));
+    const __m256 error_bound =
+        _mm256_mul_ps(_mm256_sub_ps(all(f_.far_b[axis]), all(f_.near_b[axis])), all(kOwnBoxShare));
     const __m256 one = _mm256_mul_ps(_mm256_min_ps(c, _mm256_min_ps(a, b)), inv);
     const __m256 other = _mm256_mul_ps(_mm256_max_ps(c, _mm256_max_ps(a, b)), inv);
-    return {_mm256_sub_ps(_mm256_min_ps(one, other), slack),
-            _mm256_add_ps(_mm256_max_ps(one, other), slack)};
+    return {_mm256_sub_ps(_mm256_min_ps(one, other), error_bound),
+            _mm256_add_ps(_mm256_max_ps(one, other), error_bound)};
   }
 
   UMBEL_SIMD static __m256 all(float x) { return _mm256_set1_ps(x); }

@@ -1,10 +1,10 @@
 // The traversal to every leaf whose boxes pass a test, over any structure.
 //
 // Queries see the nodes of any structure through a class with
-//   kWidth, kDepth              slots a node, deepest level of a leaf
+//   kWidth, kDepth              children a node, deepest level of a leaf
 //   Link                        names a node or a leaf; kNoLink is neither
 //   root(), is_leaf(link)
-//   children(link)              the boxes and links of a node's slots
+//   children(link)              the boxes and links of a node's children
 //   visit_runs(link, visit)     calls visit(run) for the leaf store's runs of a leaf
 //   repeats()                   whether a triangle may be in several leaves
 #pragma once
@@ -16,7 +16,7 @@
 namespace umbel {
 
 /// Deepest tree there is: 255 levels of Config::max_depth, and those of leaves of up to 255
-/// triangles that had to be cut up.
+/// triangles that had to be divided.
 inline constexpr uint32_t kMaxTraversalDepth = 288;
 
 /// A node's boxes, one array a plane.
@@ -32,7 +32,8 @@ struct NodeBoxes {
 };
 
 /// Every leaf whose boxes pass a test, in no particular order. `test(NodeBoxes, uint32_t* passes)`
-/// sets passes[slot] for each slot, whatever for those without a child; `run(link)` takes runs.
+/// sets passes[child] for each child, to anything for those that are not there; `run(link)` takes
+/// runs.
 template <typename Nodes, typename Test, typename Run>
 void traverse_leaves(const Nodes& nodes, const Test& test, const Run& run) {
   using Link = typename Nodes::Link;
@@ -44,9 +45,9 @@ void traverse_leaves(const Nodes& nodes, const Test& test, const Run& run) {
     const auto children = nodes.children(stack[--waiting]);
     uint32_t passes[Nodes::kWidth];
     test(children.boxes(), passes);
-    for (uint32_t slot = 0; slot < Nodes::kWidth; ++slot) {
-      const Link link = children.link(slot);
-      if (!passes[slot] || link == Nodes::kNoLink) continue;
+    for (uint32_t child = 0; child < Nodes::kWidth; ++child) {
+      const Link link = children.link(child);
+      if (!passes[child] || link == Nodes::kNoLink) continue;
       if (nodes.is_leaf(link))
         nodes.visit_runs(link, run);
       else

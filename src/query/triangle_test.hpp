@@ -12,27 +12,28 @@ static inline bool test_triangle(const RayFrame& f, const FrameTriangle& triangl
   return test_triangle(f, f.origin[f.kx], f.origin[f.ky], f.origin[f.kz], triangle, cull_back, hit);
 }
 
-/// Of what far_b and near_b differ by: see ray_frame.hpp.
-inline constexpr float kBoxSlackShare = 6.0f / 16.0f / 2.0f;
+/// How wide the interval of a triangle's own box is made, as a share of far_b - near_b: see
+/// ray_frame.hpp.
+inline constexpr float kOwnBoxShare = 6.0f / 16.0f / 2.0f;
 
 /// False where the ray does not meet the triangle's own box (see ray_frame.hpp); else makes `t` no
 /// less than where it does.
 static inline bool settle(const RayFrame& f, const LeafTriangle& triangle, float& t) {
-  const Quad a = {triangle.p0.x, triangle.p0.y, triangle.p0.z, 0};
-  const Quad b = {triangle.p1.x, triangle.p1.y, triangle.p1.z, 0};
-  const Quad c = {triangle.p2.x, triangle.p2.y, triangle.p2.z, 0};
-  Quad low = a < b ? a : b, high = a > b ? a : b;
+  const Float4 a = {triangle.p0.x, triangle.p0.y, triangle.p0.z, 0};
+  const Float4 b = {triangle.p1.x, triangle.p1.y, triangle.p1.z, 0};
+  const Float4 c = {triangle.p2.x, triangle.p2.y, triangle.p2.z, 0};
+  Float4 low = a < b ? a : b, high = a > b ? a : b;
   low = c < low ? c : low;
   high = c > high ? c : high;
-  Quad o, inv, near_b, far_b;
+  Float4 o, inv, near_b, far_b;
   std::memcpy(&o, f.origin, sizeof o);
   std::memcpy(&inv, f.inv, sizeof inv);
   std::memcpy(&near_b, f.near_b, sizeof near_b);
   std::memcpy(&far_b, f.far_b, sizeof far_b);
-  const Quad slack = (far_b - near_b) * kBoxSlackShare;
-  const Quad one = (low - o) * inv, other = (high - o) * inv;
-  const Quad enter = (one < other ? one : other) - slack,
-             leave = (one > other ? one : other) + slack;
+  const Float4 error_bound = (far_b - near_b) * kOwnBoxShare;
+  const Float4 one = (low - o) * inv, other = (high - o) * inv;
+  const Float4 enter = (one < other ? one : other) - error_bound,
+               leave = (one > other ? one : other) + error_bound;
   const float entry = std::max(std::max(enter[0], enter[1]), enter[2]);
   const float exit = std::min(std::min(leave[0], leave[1]), leave[2]);
   t = std::max(t, entry);

@@ -241,7 +241,7 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
     const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
     const std::vector<uint32_t> masks = Scene::masks(mesh.view(), shading.materials);
     bvh::Config config = bvh::preset("fast");
-    std::vector<TracedPart> parts(ranges.size());
+    std::vector<bvh::BottomTree> parts(ranges.size());
     parallel_for(parts.size(), 16, [&](size_t i) {
       const Range& range = ranges[i];
       parts[i].triangles = range;
@@ -249,11 +249,14 @@ Scene Scene::build(const ClusterScene& clusters, const Shading& shading,
       parts[i].tree = bvh::build(std::span(boxes).subspan(range.offset, range.count), config);
       parts[i].tree.nodes.shrink_to_fit();  // builders reserve what leaves of one would need
     });
-    std::vector<InstanceTransform> transforms;
-    for (const auto& rows : clusters.transforms) transforms.emplace_back(rows);
-    data.clusters =
-        std::make_unique<const ClusterBvh>(std::move(parts), clusters.instances,
-                                           std::move(transforms), mesh.positions, mesh.triangles);
+    static_assert(kCameraRays == bvh::kPrimaryRays && kOtherRays == bvh::kSecondaryRays);
+    std::vector<bvh::ClusterInstance> instances;
+    for (const ClusterInstance& at : clusters.instances)
+      instances.push_back({at.part, at.transform, at.rays});
+    const std::vector<InstanceTransform> transforms(clusters.transforms.begin(),
+                                                    clusters.transforms.end());
+    data.clusters = std::make_unique<const bvh::TwoLevelBvh>(
+        std::move(parts), instances, transforms, mesh.positions, mesh.triangles);
     data.bounds = data.clusters->bounds();
     data.gap = clusters.gap;
   });

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "bvh/two_level/cluster_bvh.hpp"
+#include "bvh/two_level/two_level_bvh.hpp"
 #include "trace/alias_table.hpp"
 #include "trace/refraction.hpp"
 #include "trace/sky.hpp"
@@ -34,10 +34,14 @@ struct MaterialKind {
   Vec3 absorption{0, 0, 0};           ///< inside the body, per unit of length
 };
 
+/// A hit, and the transform of the instance that was hit.
+using SceneHit = bvh::InstanceHit;
+using bvh::InstanceTransform;
+
 struct Scene::Data {
   std::unique_ptr<TriangleQueries> structure;  ///< never null
   /// Instead of it, where the scene is clusters: triangles are then in their parts' spaces.
-  std::unique_ptr<const ClusterBvh> clusters;
+  std::unique_ptr<const bvh::TwoLevelBvh> clusters;
   float gap = 0;  ///< see ClusterScene
   Aabb bounds;
   std::vector<Vec3> positions;
@@ -69,7 +73,7 @@ struct Scene::Data {
   SceneHit intersect(const Ray& ray, const RayOptions& options = {},
                      RayKinds kind = kCameraRays) const {
     if (clusters) return clusters->intersect(ray, options, kind);
-    return {structure->intersect(ray, options), 0};
+    return {{structure->intersect(ray, options)}, 0};
   }
   /// Whether anything occludes a shadow or bounce ray.
   bool occluded(const Ray& ray, const RayOptions& options = {}) const {

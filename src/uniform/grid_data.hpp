@@ -4,7 +4,8 @@
 
 #include <array>
 
-#include "kdtree/cell_nodes.hpp"
+#include "query/cells.hpp"
+#include "query/leaf_lists.hpp"
 #include "umbel/uniform.hpp"
 
 namespace umbel {
@@ -18,14 +19,14 @@ inline constexpr uint32_t kMaxGridDepth = 2 * 3 * 8;
 
 using GridSize = std::array<uint8_t, 3>;
 
-/// A box cut by planes at equal distances.
+/// A box divided by planes at equal distances.
 struct GridFrame {
   Aabb box;
   GridSize size{1, 1, 1};
 
   /// Plane k of 0 .. size; the first and the last are the box's own.
   UMBEL_GRID float plane(uint32_t axis, uint32_t k) const {
-    const float low = kdtree::component(box.min, axis), high = kdtree::component(box.max, axis);
+    const float low = component(box.min, axis), high = component(box.max, axis);
     if (k == size[axis]) return high;
     return static_cast<float>(double(low) + (double(high) - double(low)) * k / size[axis]);
   }
@@ -48,7 +49,7 @@ struct TopCell {
 struct GridData : LeafStore {
   GridFrame frame;
   BigVector<TopCell> tops;
-  BigVector<kdtree::Node> cells;  ///< leaves
+  BigVector<Range> cells;  ///< the references of each
   uniform::Statistics statistics{};
 
   UMBEL_GRID uint32_t top_index(const std::array<uint32_t, 3>& at) const {
@@ -82,7 +83,7 @@ class GridNodes {
   static constexpr Link kNoLink{{{{1, 1, 1}, {0, 0, 0}}, {{0, 0, 0}, {0, 0, 0}}}, {}};
 
   explicit GridNodes(const LeafStore& store)
-      : data_(static_cast<const GridData&>(store)), slack_(cell_slack(store)) {}
+      : data_(static_cast<const GridData&>(store)), error_(cell_error_bound(store)) {}
 
   UMBEL_GRID Link root() const { return {named({{0, 0, 0}, data_.frame.size}), data_.bounds}; }
   UMBEL_GRID static bool is_leaf(const Link& link) {
@@ -90,12 +91,12 @@ class GridNodes {
   }
 
   /// The plane between the halves of a range.
-  struct Cut {
+  struct Split {
     uint32_t axis;
     float at;
     GridName below, above;
   };
-  UMBEL_GRID Cut cut(const GridName& name) const {
+  UMBEL_GRID Split split(const GridName& name) const {
     if (!name.top.is_one()) {
       const auto [axis, middle, below, above] = halves(name.top);
       return {axis, data_.frame.plane(axis, middle), named(below), named(above)};
@@ -107,13 +108,12 @@ class GridNodes {
             {name.top, above}};
   }
   CellChildren<Link> children(const Link& link) const {
-    const Cut c = cut(link.name);
-    const kdtree::Split split{0, c.at, c.axis, false};
-    return {{c.below, kdtree::cell_below(link.cell, split)},
-            {c.above, kdtree::cell_above(link.cell, split)},
-            slack_};
+    const Split s = split(link.name);
+    return {{s.below, cell_below(link.cell, s.axis, s.at)},
+            {s.above, cell_above(link.cell, s.axis, s.at)},
+            error_};
   }
-  UMBEL_GRID const kdtree::Node& leaf(const GridName& name) const {
+  UMBEL_GRID const Range& leaf(const GridName& name) const {
     const TopCell& top = data_.tops[data_.top_index(corner(name.top))];
     const GridFrame inner{{}, top.size};
     const auto at = corner(name.inner);
@@ -148,7 +148,7 @@ class GridNodes {
   }
 
   const GridData& data_;
-  Vec3 slack_;
+  Vec3 error_;
 };
 
 #undef UMBEL_GRID

@@ -1,17 +1,17 @@
 // Rays through a two-level grid, for any instruction set: from cell to cell (Amanatides & Woo, "A
 // Fast Voxel Traversal Algorithm for Ray Tracing", 1987), with the bounds of
-// kdtree/ray_traverse.hpp for where a plane is passed. Where a ray runs so close to an edge of
+// query/cell_rays.hpp for where a plane is passed. Where a ray runs so close to an edge of
 // cells that rounding would decide where it goes on, the grid is gone through by halves instead, as
 // a kd-tree: that visits all cells near the edge.
 #pragma once
 
-#include "kdtree/ray_traverse.hpp"
+#include "query/cell_rays.hpp"
 #include "uniform/grid_data.hpp"
 
 namespace umbel {
 
 /// Where a ray is in one grid. `entry` is where it came into its cell, through a face across
-/// `entry_axis` (-1: it begins there). `Tag` keeps the instruction sets' forms apart.
+/// `entry_axis` (-1: it begins there). `Tag` keeps the instruction sets' forms aclipped.
 template <typename Tag>
 class GridSteps {
  public:
@@ -86,8 +86,7 @@ class GridSteps {
   /// Finds the cell on an axis where the entry is, certainly behind one plane and before the next.
   bool locate(uint32_t axis) {
     const uint32_t size = frame_.size[axis];
-    const float low = kdtree::component(frame_.box.min, axis),
-                high = kdtree::component(frame_.box.max, axis);
+    const float low = component(frame_.box.min, axis), high = component(frame_.box.max, axis);
     const float here = (entry_.low - f_.near_b[axis]) / f_.inv[axis];
     const float share = (here - low) / (high - low) * float(size);
     // A NaN, as of a flat box, gives 0.
@@ -124,7 +123,7 @@ class GridSteps {
 
 /// By halves, with a stack.
 template <typename Leaf>
-static bool traverse_by_halves(const GridData& grid, const RayFrame& f, const RayPart& part,
+static bool traverse_by_halves(const GridData& grid, const RayFrame& f, const ClippedRay& clipped,
                                const float& cull, const Leaf& leaf) {
   struct Entry {
     GridName name;
@@ -134,13 +133,14 @@ static bool traverse_by_halves(const GridData& grid, const RayFrame& f, const Ra
   Entry* top = stack;
   const GridNodes nodes(grid);
   GridNodes::Link here = nodes.root();
-  float from = part.from, to = part.to;
+  float from = clipped.from, to = clipped.to;
   while (true) {
     while (!GridNodes::is_leaf(here)) {
-      const GridNodes::Cut cut = nodes.cut(here.name);
-      const PlanePass pass = pass_of(f, cut.axis, cut.at);
-      const bool flip = f.inv[cut.axis] < 0.0f;
-      const GridName &first = flip ? cut.above : cut.below, &second = flip ? cut.below : cut.above;
+      const GridNodes::Split split = nodes.split(here.name);
+      const PlanePass pass = pass_of(f, split.axis, split.at);
+      const bool flip = f.inv[split.axis] < 0.0f;
+      const GridName &first = flip ? split.above : split.below,
+                     &second = flip ? split.below : split.above;
       if (pass.high < from) {
         here.name = second;
       } else if (pass.low > to) {
@@ -151,7 +151,7 @@ static bool traverse_by_halves(const GridData& grid, const RayFrame& f, const Ra
         here.name = first;
       }
     }
-    if (visit_leaf(nodes.leaf(here.name), leaf)) return true;
+    if (visit_list(nodes.leaf(here.name), leaf)) return true;
     do {
       if (top == stack) return false;
       --top;
@@ -172,7 +172,7 @@ static inline GridEnd traverse_inner(const GridData& grid, const TopCell& top,
   const GridFrame size{{}, top.size};
   while (true) {
     const auto& at = inner.at();
-    if (visit_leaf(grid.cells[top.first + size.index(at[0], at[1], at[2])], leaf))
+    if (visit_list(grid.cells[top.first + size.index(at[0], at[1], at[2])], leaf))
       return GridEnd::kHit;
     const bool is_certain = inner.find_exit();
     if (inner.soonest() > cull || inner.soonest() > to) return GridEnd::kPast;
@@ -182,30 +182,31 @@ static inline GridEnd traverse_inner(const GridData& grid, const TopCell& top,
 }
 
 template <typename Triangles>
-class GridIntersector : public FrameLanes<Triangles> {
+class GridIntersector : public LeafIntersector<Triangles> {
  public:
-  using FrameLanes<Triangles>::FrameLanes;
+  using LeafIntersector<Triangles>::LeafIntersector;
 };
 
 template <typename Triangles, typename Leaf>
 static inline bool traverse(const GridData& grid, const GridIntersector<Triangles>& intersector,
                             const float& cull, const Leaf& leaf) {
-  RayPart part;
+  ClippedRay clipped;
   const RayFrame& f = intersector.frame();
-  if (!enter_bounds(grid, f, cull, part)) return false;
+  if (!clip_to_bounds(grid, f, cull, clipped)) return false;
   GridSteps<Triangles> top(f, grid.frame);
-  if (part.entry_axis == 3 || !top.enter(part.entry, part.entry_axis))
-    return traverse_by_halves(grid, f, part, cull, leaf);
+  if (clipped.entry_axis == 3 || !top.enter(clipped.entry, clipped.entry_axis))
+    return traverse_by_halves(grid, f, clipped, cull, leaf);
   while (true) {
     GridSteps<Triangles> inner(f, grid.inner(top.at()));
     GridEnd end = GridEnd::kUncertain;
     if (inner.enter(top.entry(), top.entry_axis()))
-      end = traverse_inner(grid, grid.tops[grid.top_index(top.at())], inner, part.to, cull, leaf);
+      end =
+          traverse_inner(grid, grid.tops[grid.top_index(top.at())], inner, clipped.to, cull, leaf);
     if (end == GridEnd::kHit) return true;
     if (end == GridEnd::kPast) return false;
     if (end == GridEnd::kUncertain) {
-      part.from = inner.entry().low;
-      return traverse_by_halves(grid, f, part, cull, leaf);
+      clipped.from = inner.entry().low;
+      return traverse_by_halves(grid, f, clipped, cull, leaf);
     }
     if (!top.step_as(inner)) return false;
   }

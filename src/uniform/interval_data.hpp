@@ -1,7 +1,8 @@
 // What an IntervalHierarchy holds, and its nodes as queries see them.
 #pragma once
 
-#include "kdtree/cell_nodes.hpp"
+#include "query/cells.hpp"
+#include "query/leaf_lists.hpp"
 #include "umbel/uniform.hpp"
 
 namespace umbel {
@@ -24,7 +25,7 @@ struct IntervalNode {
   bool is_leaf() const { return (link & 3) == 3; }
   uint32_t axis() const { return link & 3; }
   uint32_t above() const { return link >> 2; }
-  kdtree::Node list() const { return kdtree::Node::leaf(first, count); }
+  Range list() const { return {first, count}; }  ///< of a leaf, its references
 };
 static_assert(sizeof(IntervalNode) == 12);
 
@@ -41,25 +42,25 @@ class IntervalNodes {
   static constexpr Link kNoLink{kNone, {}};
 
   explicit IntervalNodes(const LeafStore& store)
-      : data_(static_cast<const IntervalData&>(store)), slack_(cell_slack(store)) {}
+      : data_(static_cast<const IntervalData&>(store)), error_(cell_error_bound(store)) {}
 
   Link root() const { return {0, data_.bounds}; }
   bool is_leaf(const Link& link) const { return data_.nodes[link.name].is_leaf(); }
   Link below(const Link& link) const {
     const IntervalNode& node = data_.nodes[link.name];
     Aabb cell = link.cell;
-    float& high = kdtree::component(cell.max, node.axis());
+    float& high = component(cell.max, node.axis());
     high = std::min(high, node.below_max);
     return {link.name + 1, cell};
   }
   Link above(const Link& link) const {
     const IntervalNode& node = data_.nodes[link.name];
     Aabb cell = link.cell;
-    float& low = kdtree::component(cell.min, node.axis());
+    float& low = component(cell.min, node.axis());
     low = std::max(low, node.above_min);
     return {link.name + node.above(), cell};
   }
-  CellChildren<Link> children(const Link& link) const { return {below(link), above(link), slack_}; }
+  CellChildren<Link> children(const Link& link) const { return {below(link), above(link), error_}; }
   template <typename Visit>
   void visit_runs(const Link& leaf, const Visit& visit) const {
     visit_links(data_.nodes[leaf.name].list(), visit);
@@ -68,7 +69,7 @@ class IntervalNodes {
 
  private:
   const IntervalData& data_;
-  Vec3 slack_;
+  Vec3 error_;
 };
 
 }  // namespace umbel

@@ -6,15 +6,12 @@
 
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
-#include "kdtree/clip.hpp"
 #include "query/shape_kernels.hpp"
 #include "uniform/interval_data.hpp"
 #include "uniform/ray_kernels.hpp"
 
 namespace umbel {
 namespace {
-
-using kdtree::component;
 
 IntervalNode leaf_node(uint32_t first, uint32_t count) {
   IntervalNode node;
@@ -66,7 +63,7 @@ class IntervalBuilder {
  private:
   static constexpr uint32_t kSequential = 1u << 13;
 
-  /// A cut of a part of space.
+  /// A part of space and the plane that halves it.
   struct Half {
     Aabb space;
     uint32_t axis;
@@ -139,28 +136,27 @@ uniform::Statistics measure(const IntervalData& data, const bvh::CostModel& cost
   s.references = data.reference_count;
   s.bytes = data.nodes.size() * sizeof(IntervalNode) + data.leaf_bytes();
   if (data.nodes.empty()) return s;
-  struct Place {
+  struct Visit {
     IntervalNodes::Link link;
     uint32_t depth;
   };
   const IntervalNodes nodes(data);
-  const kdtree::CostRule rule{0, 0, 0, 0};
-  const double whole = rule.area(data.bounds);
-  std::vector<Place> stack{{nodes.root(), 0}};
+  const double whole = cell_area(data.bounds);
+  std::vector<Visit> stack{{nodes.root(), 0}};
   while (!stack.empty()) {
-    const Place place = stack.back();
+    const Visit visit = stack.back();
     stack.pop_back();
-    const double share = whole > 0 ? rule.area(place.link.cell) / whole : 1;
-    if (nodes.is_leaf(place.link)) {
+    const double share = whole > 0 ? cell_area(visit.link.cell) / whole : 1;
+    if (nodes.is_leaf(visit.link)) {
       ++s.leaves;
-      s.max_depth = std::max(s.max_depth, place.depth);
+      s.max_depth = std::max(s.max_depth, visit.depth);
       s.leaf_visits += share;
-      s.tests += share * data.nodes[place.link.name].count;
+      s.tests += share * data.nodes[visit.link.name].count;
       continue;
     }
     s.inner_visits += share;
-    stack.push_back({nodes.above(place.link), place.depth + 1});
-    stack.push_back({nodes.below(place.link), place.depth + 1});
+    stack.push_back({nodes.above(visit.link), visit.depth + 1});
+    stack.push_back({nodes.below(visit.link), visit.depth + 1});
   }
   s.sah_cost = double(cost.traversal) * s.inner_visits + double(cost.intersection) * s.tests;
   return s;
@@ -175,21 +171,22 @@ void check_config(const uniform::IntervalConfig& config) {
 
 void build_intervals(const MeshView& mesh, const uniform::IntervalConfig& config,
                      std::span<const uint32_t> masks, IntervalData& data) {
-  std::vector<uint32_t> order = usable_triangles(mesh, config.invalid);
+  std::vector<uint32_t> order =
+      usable_triangles(mesh, config.invalid == bvh::InvalidTriangles::kDrop);
   if (order.size() > kMaxReferences)
     throw Error(ErrorCode::kUnsupported, std::to_string(order.size()) +
                                              " triangles are more than the " +
                                              std::to_string(kMaxReferences) + " supported");
   std::vector<Aabb> boxes(mesh.triangles.size());
   parallel_for(order.size(), 4096, [&](size_t i) {
-    for (const Vec3& corner : kdtree::corners_of(mesh, order[i])) extend(boxes[order[i]], corner);
+    for (const Vec3& corner : corners_of(mesh, order[i])) extend(boxes[order[i]], corner);
   });
   for (const uint32_t triangle : order) extend(data.bounds, boxes[triangle]);
   std::vector<IntervalNode> nodes;
   if (!order.empty())
     IntervalBuilder(boxes, order, config.max_leaf_size)
         .grow(0, static_cast<uint32_t>(order.size()), data.bounds, 0, nodes);
-  std::vector<kdtree::Node> lists;
+  std::vector<Range> lists;
   for (const IntervalNode& node : nodes)
     if (node.is_leaf()) lists.push_back(node.list());
   data.compact = config.compact;

@@ -1,32 +1,32 @@
 // Rays through a bounding interval hierarchy, for any instruction set: from near to far, with the
-// bounds of kdtree/ray_traverse.hpp for where a plane is passed.
+// bounds of query/cell_rays.hpp for where a plane is passed.
 #pragma once
 
-#include "kdtree/ray_traverse.hpp"
+#include "query/cell_rays.hpp"
 #include "uniform/interval_data.hpp"
 
 namespace umbel {
 
 template <typename Triangles>
-class IntervalIntersector : public FrameLanes<Triangles> {
+class IntervalIntersector : public LeafIntersector<Triangles> {
  public:
-  using FrameLanes<Triangles>::FrameLanes;
+  using LeafIntersector<Triangles>::LeafIntersector;
 };
 
 template <typename Triangles, typename Leaf>
 static inline bool traverse(const IntervalData& tree,
                             const IntervalIntersector<Triangles>& intersector, const float& cull,
                             const Leaf& leaf) {
-  RayPart part;
+  ClippedRay clipped;
   const RayFrame& f = intersector.frame();
-  if (!enter_bounds(tree, f, cull, part)) return false;
-  KdEntry stack[kMaxIntervalDepth + 1];
-  KdEntry* top = stack;
+  if (!clip_to_bounds(tree, f, cull, clipped)) return false;
+  CellEntry stack[kMaxIntervalDepth + 1];
+  CellEntry* top = stack;
   const IntervalNode* const nodes = tree.nodes.data();
   uint32_t node = 0;
-  float from = part.from, to = part.to;
+  float from = clipped.from, to = clipped.to;
   while (true) {
-    bool is_between = false;  // no child has the ray
+    bool is_between = false;  // the ray passes between the children
     while (!nodes[node].is_leaf()) {
       const IntervalNode& n = nodes[node];
       const uint32_t axis = n.axis(), below = node + 1, above = node + n.above();
@@ -49,7 +49,7 @@ static inline bool traverse(const IntervalData& tree,
         break;
       }
     }
-    if (!is_between && visit_leaf(nodes[node].list(), leaf)) return true;
+    if (!is_between && visit_list(nodes[node].list(), leaf)) return true;
     do {
       if (top == stack) return false;
       --top;

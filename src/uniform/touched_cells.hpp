@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kdtree/clip.hpp"
 #include "query/triangle_geometry.hpp"
 #include "uniform/grid_data.hpp"
 
@@ -27,13 +26,13 @@ inline CellBlock block_of(const GridFrame& frame, const Aabb& box) {
   CellBlock block;
   for (uint32_t axis = 0; axis < 3; ++axis) {
     const uint32_t size = frame.size[axis];
-    const double low = kdtree::component(frame.box.min, axis),
-                 width = double(kdtree::component(frame.box.max, axis)) - low;
+    const double low = component(frame.box.min, axis),
+                 width = double(component(frame.box.max, axis)) - low;
     const auto guess = [&](float at) {
       const double share = width > 0 ? (double(at) - low) / width * size : 0;
       return static_cast<uint32_t>(std::clamp(share, 0.0, double(size - 1)));
     };
-    const float from = kdtree::component(box.min, axis), to = kdtree::component(box.max, axis);
+    const float from = component(box.min, axis), to = component(box.max, axis);
     uint32_t first = guess(from), last = guess(to);
     while (first > 0 && frame.plane(axis, first) >= from) --first;
     while (first + 1 < size && frame.plane(axis, first + 1) < from) ++first;
@@ -47,24 +46,24 @@ inline CellBlock block_of(const GridFrame& frame, const Aabb& box) {
 
 class CellTest {
  public:
-  explicit CellTest(const kdtree::Corners& c)
+  explicit CellTest(const TriangleCorners& c)
       : corners_{to_double(c[0]), to_double(c[1]), to_double(c[2])} {
     const Vec3d a = corners_[1] - corners_[0], b = corners_[2] - corners_[0];
     normal_ = cross(a, b);
-    double reach = 0;
+    double max_abs_coord = 0;
     for (const Vec3d& p : corners_)
-      reach = std::max({reach, std::fabs(p.x), std::fabs(p.y), std::fabs(p.z)});
-    margin_ = reach * 0x1p-40;
-    normal_margin_ = (length(a) * length(b)) * reach * 0x1p-44;
+      max_abs_coord = std::max({max_abs_coord, std::fabs(p.x), std::fabs(p.y), std::fabs(p.z)});
+    margin_ = max_abs_coord * 0x1p-40;
+    normal_margin_ = (length(a) * length(b)) * max_abs_coord * 0x1p-44;
   }
 
   bool touches(const Aabb& cell) const {
     const Vec3d low = to_double(cell.min), high = to_double(cell.max);
     const Vec3d middle = (low + high) * 0.5;
     const Vec3d half = (high - low) * 0.5 + Vec3d{margin_, margin_, margin_};
-    const double reach = std::fabs(normal_.x) * half.x + std::fabs(normal_.y) * half.y +
-                         std::fabs(normal_.z) * half.z;
-    if (std::fabs(dot(normal_, middle - corners_[0])) > reach + normal_margin_) return false;
+    const double extent = std::fabs(normal_.x) * half.x + std::fabs(normal_.y) * half.y +
+                          std::fabs(normal_.z) * half.z;
+    if (std::fabs(dot(normal_, middle - corners_[0])) > extent + normal_margin_) return false;
     return !is_apart(&Vec3d::x, &Vec3d::y, middle, half) &&
            !is_apart(&Vec3d::y, &Vec3d::z, middle, half) &&
            !is_apart(&Vec3d::z, &Vec3d::x, middle, half);
@@ -80,9 +79,9 @@ class CellTest {
       const double ex = q.*x - p.*x, ey = q.*y - p.*y;
       const auto side = [&](const Vec3d& c) { return ex * (c.*y - p.*y) - ey * (c.*x - p.*x); };
       const double turn = side(r), at = side(middle);
-      const double reach = std::fabs(ex) * half.*y + std::fabs(ey) * half.*x +
-                           (std::fabs(ex) + std::fabs(ey)) * margin_;
-      if ((turn >= 0 && at < -reach) || (turn <= 0 && at > reach)) return true;
+      const double extent = std::fabs(ex) * half.*y + std::fabs(ey) * half.*x +
+                            (std::fabs(ex) + std::fabs(ey)) * margin_;
+      if ((turn >= 0 && at < -extent) || (turn <= 0 && at > extent)) return true;
     }
     return false;
   }
@@ -95,7 +94,7 @@ class CellTest {
 /// Calls visit(x, y, z) for each cell of a block that the triangle touches.
 template <typename Visit>
 void for_touched_cells(const GridFrame& frame, const CellBlock& block,
-                       const kdtree::Corners& corners, const Visit& visit) {
+                       const TriangleCorners& corners, const Visit& visit) {
   const bool is_one = block.count() == 1;
   const CellTest test(corners);
   for (uint32_t z = block.first[2]; z <= block.last[2]; ++z)

@@ -15,9 +15,6 @@
 namespace umbel {
 namespace {
 
-using kdtree::component;
-using kdtree::Node;
-
 /// Cells so that there are about density times `count`, as near to cubes as whole numbers allow.
 GridSize size_for(const Aabb& box, double count, double density) {
   std::array<double, 3> extent;
@@ -56,7 +53,9 @@ struct TopLists {
 class GridBuilder {
  public:
   GridBuilder(const MeshView& mesh, const uniform::GridConfig& config)
-      : mesh_(mesh), config_(config), triangles_(usable_triangles(mesh, config.invalid)) {
+      : mesh_(mesh),
+        config_(config),
+        triangles_(usable_triangles(mesh, config.invalid == bvh::InvalidTriangles::kDrop)) {
     boxes_.resize(triangles_.size());
     parallel_for(triangles_.size(), 4096, [&](size_t i) { boxes_[i] = box_of(triangles_[i]); });
   }
@@ -90,7 +89,7 @@ class GridBuilder {
 
   Aabb box_of(uint32_t triangle) const {
     Aabb box;
-    for (const Vec3& corner : kdtree::corners_of(mesh_, triangle)) extend(box, corner);
+    for (const Vec3& corner : corners_of(mesh_, triangle)) extend(box, corner);
     return box;
   }
 
@@ -112,8 +111,7 @@ class GridBuilder {
     std::vector<std::vector<Pair>> parts((triangles_.size() + kChunk - 1) / kChunk);
     parallel_chunks(triangles_.size(), kChunk, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i)
-        for_touched_cells(frame, block_of(frame, boxes_[i]),
-                          kdtree::corners_of(mesh_, triangles_[i]),
+        for_touched_cells(frame, block_of(frame, boxes_[i]), corners_of(mesh_, triangles_[i]),
                           [&](uint32_t x, uint32_t y, uint32_t z) {
                             parts[begin / kChunk].push_back({frame.index(x, y, z), triangles_[i]});
                           });
@@ -140,7 +138,7 @@ class GridBuilder {
 
   /// What one task makes of some top cells; leaves are numbered from 0.
   struct Part {
-    std::vector<Node> cells;
+    std::vector<Range> cells;
     std::vector<uint32_t> references;
   };
 
@@ -160,8 +158,8 @@ class GridBuilder {
       const auto first = static_cast<uint32_t>(references.size());
       for (size_t i = k * kTops; i < std::min(count, (k + 1) * kTops); ++i)
         data.tops[i].first += first_cell;
-      for (const Node& cell : parts[k].cells)
-        data.cells.push_back(Node::leaf(cell.count() == 0 ? 0 : first + cell.first, cell.count()));
+      for (const Range& cell : parts[k].cells)
+        data.cells.push_back({cell.count == 0 ? 0 : first + cell.offset, cell.count});
       references.insert(references.end(), parts[k].references.begin(), parts[k].references.end());
     }
     return references;
@@ -188,13 +186,13 @@ class GridBuilder {
     const auto for_pairs = [&](const auto& visit) {
       for (const uint32_t triangle : here)
         for_touched_cells(
-            inner, block_of(inner, box_of(triangle)), kdtree::corners_of(mesh_, triangle),
+            inner, block_of(inner, box_of(triangle)), corners_of(mesh_, triangle),
             [&](uint32_t a, uint32_t b, uint32_t c) { visit(inner.index(a, b, c), triangle); });
     };
     for_pairs([&](uint32_t at, uint32_t) { ++counts[at + 1]; });
     auto first = static_cast<uint32_t>(part.references.size());
     for (size_t i = 1; i < counts.size(); ++i) {
-      part.cells.push_back(Node::leaf(first + counts[i - 1], counts[i]));
+      part.cells.push_back({first + counts[i - 1], counts[i]});
       counts[i] += counts[i - 1];
     }
     part.references.resize(first + counts.back());
@@ -211,14 +209,13 @@ class GridBuilder {
 uniform::Statistics measure(const GridData& data, const bvh::CostModel& cost) {
   uniform::Statistics s{};
   s.bytes =
-      data.tops.size() * sizeof(TopCell) + data.cells.size() * sizeof(Node) + data.leaf_bytes();
+      data.tops.size() * sizeof(TopCell) + data.cells.size() * sizeof(Range) + data.leaf_bytes();
   if (data.cells.empty()) return s;
   s.nodes = static_cast<uint32_t>(data.tops.size() + data.cells.size());
   s.leaves = static_cast<uint32_t>(data.cells.size());
   s.max_depth = 2;
-  const kdtree::CostRule rule{0, 0, 0, 0};
-  const double whole = rule.area(data.bounds);
-  const auto share = [&](const Aabb& cell) { return whole > 0 ? rule.area(cell) / whole : 1; };
+  const double whole = cell_area(data.bounds);
+  const auto share = [&](const Aabb& cell) { return whole > 0 ? cell_area(cell) / whole : 1; };
   const GridSize& size = data.frame.size;
   for (uint32_t z = 0; z < size[2]; ++z)
     for (uint32_t y = 0; y < size[1]; ++y)
@@ -226,10 +223,10 @@ uniform::Statistics measure(const GridData& data, const bvh::CostModel& cost) {
         const TopCell& top = data.tops[data.frame.index(x, y, z)];
         const GridFrame inner = data.inner({x, y, z});
         s.inner_visits += share(inner.box);
-        // Cells of one grid are alike, but for rounding.
+        // Cells of one grid are alike, up to rounding.
         const double each = share(inner.cell(0, 0, 0));
         for (uint32_t i = 0; i < inner.count(); ++i) {
-          const uint32_t count = data.cells[top.first + i].count();
+          const uint32_t count = data.cells[top.first + i].count;
           s.references += count;
           s.empty_leaves += count == 0;
           s.leaf_visits += each;

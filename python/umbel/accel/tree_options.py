@@ -54,7 +54,7 @@ class TreeOptions(TypedDict, total=False):
     """kmeans: i, 0 to 100."""
     distance: Literal["euclidean", "manhattan"] | None
     """kmeans: of the boxes' corners; with "manhattan", medians instead of means."""
-    handed_up: int | None
+    forwarded_clusters: int | None
     """kmeans: clusters that a node's treelet forwards to its parent's, 0 to 64; 1 as published,
     0 as many as a treelet can take."""
     aac_leaf_size: int | None

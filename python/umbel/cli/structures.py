@@ -23,7 +23,7 @@ FLAGS = {
     "kmeans.clusters": "--clusters",
     "kmeans.candidates": "--candidates",
     "kmeans.iterations": "--iterations",
-    "kmeans.handed_up": "--handed-up",
+    "kmeans.forwarded_clusters": "--forwarded-clusters",
     "aac.leaf_size": "--aac-leaf-size",
     "aac.epsilon": "--aac-epsilon",
 }

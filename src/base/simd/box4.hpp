@@ -1,39 +1,19 @@
-// A box as two vectors of four floats, {min.xyz, 0} and {-max.xyz, 0}, so that a union is two
-// minimums.
+// A box as two vectors of four floats, {min.xyz, tag} and {-max.xyz, 0}, so that a union is two
+// minimums. The tag may carry an item's index; unions leave garbage in it.
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 
-#include "umbel/bvh.hpp"
+#include "base/simd/float4.hpp"
+#include "umbel/types.hpp"
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
+namespace umbel {
 
-namespace umbel::bvh {
-
-/// Four floats on which arithmetic works lane by lane (an extension of GCC and Clang).
-typedef float Float4 __attribute__((vector_size(16)));
-
-typedef int32_t Int4 __attribute__((vector_size(16)));
-
-inline Float4 load4(const float* p) {
-  Float4 v;
-  std::memcpy(&v, p, sizeof v);
-  return v;
-}
-inline Float4 splat(float x) { return Float4{x, x, x, x}; }
-inline Float4 min4(Float4 a, Float4 b) {
-#if defined(__SSE2__)
-  return Float4(_mm_min_ps(__m128(a), __m128(b)));
-#else
-  return a < b ? a : b;
-#endif
-}
-
-struct Box4 {
+/// Aligned, so that it can be loaded as one vector of eight.
+struct alignas(32) Box4 {
   Float4 low;
   Float4 negated_high;
 
@@ -55,18 +35,30 @@ struct Box4 {
     return from(b);
 #endif
   }
+  Aabb box() const {
+    return {{low[0], low[1], low[2]}, {-negated_high[0], -negated_high[1], -negated_high[2]}};
+  }
+
   void extend(const Box4& o) {
     low = min4(low, o.low);
     negated_high = min4(negated_high, o.negated_high);
   }
+  void intersect(const Box4& o) {
+    low = max4(low, o.low);
+    negated_high = max4(negated_high, o.negated_high);
+  }
+
   Float4 extents() const { return -(low + negated_high); }
+  float extent(int axis) const { return -(low[axis] + negated_high[axis]); }
+  float longest() const { return std::max({extent(0), extent(1), extent(2)}); }
   /// Twice the centre.
   Float4 center2() const { return low - negated_high; }
+  float center(int axis) const { return low[axis] * 0.5f - negated_high[axis] * 0.5f; }
 
-  /// Half the area of the box after it has grown by `pad`. A little padding makes boxes without
-  /// area, those of points on one line, comparable by their length.
+  /// Half the area of the box after each extent has grown by `pad`. A little padding makes boxes
+  /// without area, those of points on one line, comparable by their length.
   float half_area(Float4 pad) const {
-    const Float4 e = extents() + pad;
+    const Float4 e = pad - (low + negated_high);
     const Float4 p = e * __builtin_shufflevector(e, e, 1, 2, 0, 3);
     return p[0] + p[1] + p[2];
   }
@@ -76,12 +68,33 @@ struct Box4 {
     const float longest = e[0] > e[1] ? (e[0] > e[2] ? e[0] : e[2]) : (e[1] > e[2] ? e[1] : e[2]);
     return splat(longest * 0x1p-22f);
   }
-  Node node(uint32_t first, uint32_t count) const {
-    return {{low[0], low[1], low[2]},
-            first,
-            {-negated_high[0], -negated_high[1], -negated_high[2]},
-            count};
+
+  uint32_t tag() const { return std::bit_cast<uint32_t>(float(low[3])); }
+  void set_tag(uint32_t tag) { low[3] = std::bit_cast<float>(tag); }
+  Box4 tagged(uint32_t tag) const {
+    return {Float4{low[0], low[1], low[2], std::bit_cast<float>(tag)}, negated_high};
+  }
+  /// By a power of two; keeps the tag.
+  void scale(float s) {
+    const uint32_t old = tag();
+    low *= splat(s);
+    negated_high *= splat(s);
+    set_tag(old);
   }
 };
 
-}  // namespace umbel::bvh
+/// May alias a Box4.
+typedef float Float8 __attribute__((vector_size(32), may_alias));
+
+/// Whether two boxes are the same, whatever their tags.
+inline bool same_box(const Box4& a, const Box4& b) {
+  for (int k = 0; k < 3; ++k)
+    if (a.low[k] != b.low[k] || a.negated_high[k] != b.negated_high[k]) return false;
+  return true;
+}
+
+namespace cluster {
+using BoxRecord = Box4;
+}
+
+}  // namespace umbel

@@ -1,7 +1,7 @@
 // Approximate agglomerative clustering (Gu, He, Fatahalian & Blelloch, "Efficient BVH Construction
 // via Approximate Agglomerative Clustering", 2013): primitives in Morton order are halved down to a
-// few; on the way back each half hands up the clusters that are left after the nearest ones have
-// been merged, fewer and fewer of them the larger the half.
+// few; on the way back each half forwards the clusters that are left after the nearest ones have
+// been merged, relatively fewer the larger the half.
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -15,11 +15,11 @@
 namespace umbel::bvh {
 namespace {
 
-/// How many clusters are handed up by how many primitives: f(x) = delta^(1/2 + e) / 2 * x^(1/2 -
+/// How many clusters a range of primitives forwards: f(x) = delta^(1/2 + e) / 2 * x^(1/2 -
 /// e).
-class HandUp {
+class ForwardedCount {
  public:
-  explicit HandUp(const AacConfig& config)
+  explicit ForwardedCount(const AacConfig& config)
       : factor_(std::pow(double(config.leaf_size), 0.5 + double(config.epsilon)) / 2),
         power_(0.5 - double(config.epsilon)) {
     for (uint32_t i = 0; i < kTabled; ++i) table_[i] = compute(i);
@@ -120,7 +120,7 @@ class ClusterSet {
     return {{f, f + c, f + 2 * c, f + 3 * c, f + 4 * c, f + 5 * c}};
   }
 
-  /// Room for `size`, and for reading three more.
+  /// Allocates for `size`, and for reading three more.
   void grow(uint32_t size) {
     if (size <= capacity_) return;
     const uint32_t capacity = std::max(size, 2 * capacity_ + 16);
@@ -156,7 +156,7 @@ class ClusterSet {
     nearest_[b] = nearest_[last];
     distances_[a] = std::numeric_limits<float>::infinity();
     if (size_ - begin < 2) return;
-    // The merged cluster is no nearer to anybody than its parts were: others need not look.
+    // The merged cluster is no nearer to any other than its parts were: the rest need no search.
     for (uint32_t i = begin; i < size_; ++i) {
       if (i == a || nearest_[i] == a || nearest_[i] == b)
         find_nearest(i, begin);
@@ -173,7 +173,7 @@ class ClusterSet {
 };
 
 /// The clusters of a range of primitives, and the merges that are free: as many as clusters.
-struct Handed {
+struct Forwarded {
   ClusterSet clusters;
   std::vector<uint32_t> free;
 };
@@ -185,39 +185,39 @@ class Aac {
       : boxes_(boxes),
         order_(order),
         leaf_size_(config.leaf_size),
-        hand_up_(config),
+        forwarded_count_(config),
         merges_(merges) {}
 
   /// Large ranges, by tasks.
-  Handed solve(uint32_t begin, uint32_t end) const {
-    Handed handed;
+  Forwarded solve(uint32_t begin, uint32_t end) const {
+    Forwarded forwarded;
     if (end - begin <= kTask) {
       uint32_t next = begin;
-      solve_range(begin, end, handed.clusters, next);
-      for (; next < end; ++next) handed.free.push_back(next);
-      return handed;
+      solve_range(begin, end, forwarded.clusters, next);
+      for (; next < end; ++next) forwarded.free.push_back(next);
+      return forwarded;
     }
     const uint32_t middle = split(begin, end);
-    Handed right;
-    tbb::parallel_invoke([&] { handed = solve(begin, middle); },
+    Forwarded right;
+    tbb::parallel_invoke([&] { forwarded = solve(begin, middle); },
                          [&] { right = solve(middle, end); });
-    const uint32_t left_size = handed.clusters.size();
-    handed.clusters.append(right.clusters);
-    handed.clusters.find_neighbors_across(0, left_size);
-    handed.free.insert(handed.free.end(), right.free.begin(), right.free.end());
-    handed.clusters.reduce(0, left_of(begin, end), merges_, [&] {
-      const uint32_t merge = handed.free.back();
-      handed.free.pop_back();
+    const uint32_t left_size = forwarded.clusters.size();
+    forwarded.clusters.append(right.clusters);
+    forwarded.clusters.find_neighbors_across(0, left_size);
+    forwarded.free.insert(forwarded.free.end(), right.free.begin(), right.free.end());
+    forwarded.clusters.reduce(0, left_of(begin, end), merges_, [&] {
+      const uint32_t merge = forwarded.free.back();
+      forwarded.free.pop_back();
       return merge;
     });
-    return handed;
+    return forwarded;
   }
 
  private:
   static constexpr uint32_t kTask = 8192;
 
   uint32_t left_of(uint32_t begin, uint32_t end) const {
-    return end - begin == boxes_.size() ? 1 : hand_up_(end - begin);
+    return end - begin == boxes_.size() ? 1 : forwarded_count_(end - begin);
   }
 
   /// Where the highest bit that differs becomes one; the middle where none does.
@@ -244,7 +244,7 @@ class Aac {
         clusters.add(boxes_[primitive], Subtree::of_primitive(primitive), 1);
       }
       clusters.find_neighbors(bottom);
-      const uint32_t left = end - begin == boxes_.size() ? 1 : hand_up_(leaf_size_);
+      const uint32_t left = end - begin == boxes_.size() ? 1 : forwarded_count_(leaf_size_);
       clusters.reduce(bottom, left, merges_, next_merge);
       return;
     }
@@ -259,20 +259,20 @@ class Aac {
   Boxes boxes_;
   const MortonOrder<CpuExec, uint64_t>& order_;
   uint32_t leaf_size_;
-  HandUp hand_up_;
+  ForwardedCount forwarded_count_;
   Merge* merges_;
 };
 
 }  // namespace
 
-Bvh2 build_aac(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_aac(Boxes boxes, const Config& config, BuildProgress& progress) {
   CpuExec exec;
   const auto count = static_cast<uint32_t>(boxes.size());
   const auto order = morton_order<uint64_t>(exec, boxes.data(), count, 21);
   progress.report(0.1, "clustering");
   // One more than there are merges: the last range leaves one free.
   BigVector<Merge> merges(count);
-  const Handed root = Aac(boxes, order, config.aac, merges.data()).solve(0, count);
+  const Forwarded root = Aac(boxes, order, config.aac, merges.data()).solve(0, count);
   progress.report(0.8, "laying out");
   return emit(merges, root.clusters.subtree(0), boxes);
 }

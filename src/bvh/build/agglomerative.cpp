@@ -4,8 +4,8 @@
 //
 // A merged cluster is never nearer to a third than its parts were. So two clusters that are each
 // other's nearest stay so, whatever else is merged, and all such pairs can be merged at once: the
-// tree is that of the one-by-one algorithm but for ties. Where few pairs are left at a time, as in
-// boxes within boxes, chains of nearest neighbours are followed one by one.
+// tree is that of the one-by-one algorithm, except for ties. Where few pairs are left at a time, as
+// in boxes within boxes, chains of nearest neighbours are followed one by one.
 #include <vector>
 
 #include "base/exec.hpp"
@@ -79,7 +79,7 @@ class Agglomeration {
         moved_[i] = moved_[other];
         continue;
       }
-      // The left one of a pair takes the place of both.
+      // The left one of a pair keeps its slot for both.
       moved_[i] |= kept;
       if (merged) merge(i, i, other);
       keep(kept++, i);
@@ -90,7 +90,7 @@ class Agglomeration {
     return made_ - before >= size / 16;
   }
 
-  /// Makes one cluster, in the place `to`, of those in two others.
+  /// Makes one cluster, in slot `to`, of those in two others.
   void merge(uint32_t to, uint32_t a, uint32_t b) {
     Cluster &left = clusters_[a], &right = clusters_[b];
     Merge& merge = merges_[made_];
@@ -160,7 +160,7 @@ class Agglomeration {
 
 }  // namespace
 
-Bvh2 build_agglomerative(Boxes boxes, const Config& /*config*/, Progress& progress) {
+Bvh2 build_agglomerative(Boxes boxes, const Config& /*config*/, BuildProgress& progress) {
   BigVector<Merge> merges(boxes.size() - 1);
   const Subtree root = Agglomeration(boxes, merges.data(), progress).run();
   progress.report(0.95, "laying out");

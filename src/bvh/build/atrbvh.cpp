@@ -24,7 +24,7 @@ Bvh2 linear_tree(Boxes boxes, Progress& progress) {
   return emit(merges, root, boxes);
 }
 
-Bvh2 hierarchical_tree(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 hierarchical_tree(Boxes boxes, const Config& config, BuildProgress& progress) {
   Config start = config;
   start.hlbvh_bits = config.atrbvh_bits;
   start.max_leaf_size = 1;
@@ -33,7 +33,7 @@ Bvh2 hierarchical_tree(Boxes boxes, const Config& config, Progress& progress) {
 
 }  // namespace
 
-Bvh2 build_atrbvh(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_atrbvh(Boxes boxes, const Config& config, BuildProgress& progress) {
   Bvh2 tree = config.atrbvh_bits == 0 ? linear_tree(boxes, progress)
                                       : hierarchical_tree(boxes, config, progress);
   if (boxes.size() > 2)

@@ -1,12 +1,12 @@
 // Binned SAH (Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007): every
 // node is split at the cheapest plane of a regular grid over its centroids, on three axes.
 //
-// What is binned and moved are boxes rounded to 15 bits a coordinate. They are rounded anew, from
-// the boxes themselves, wherever the grid has become too coarse for the node. The last few
-// primitives are swept exactly, and node boxes are those of the input.
+// What is binned and moved are boxes rounded to 15 bits a coordinate. Where the grid has become too
+// coarse for the node they are rounded again, from the boxes themselves. The last few primitives
+// are swept exactly, and node boxes are those of the input.
 //
-// Large nodes are split by all threads together, then subtrees are built side by side into places
-// of their own, and at last copied together, depth-first.
+// All threads split large nodes together, then build subtrees side by side into memory of their
+// own, and at last copy them together, depth-first.
 #include <array>
 #include <cstring>
 #include <memory>
@@ -23,6 +23,7 @@
 #include "bvh/build/short_bins.hpp"
 #include "bvh/build/small_sweep.hpp"
 #include "bvh/build/tree_parts.hpp"
+#include "bvh/tree/box_node.hpp"
 #include "bvh/tree/config.hpp"
 
 namespace umbel::bvh {
@@ -30,19 +31,19 @@ namespace {
 
 constexpr uint32_t kBlock = 1 << 12;  ///< primitives of a subtree that one thread builds
 constexpr uint32_t kChunk = 1 << 14;  ///< primitives of a large node that one thread takes
-constexpr uint32_t kExact = 2048;     ///< primitives from which on cuts between planes count
+constexpr uint32_t kExact = 2048;     ///< primitives from which on splits between planes count
 constexpr uint32_t kUpper = 16;       ///< and the part of all that these are, at least
-constexpr float kCoarse = 1.0f / 16;  ///< of the frame's size; smaller nodes get their own
+constexpr float kCoarse = 1.0f / 16;  ///< of the grid's size; smaller nodes get their own
 
-/// Records that are being split, and as much room to move them to.
+/// Records that are being split, and as much memory to move them to.
 struct Records {
   ShortBox* now;
   ShortBox* spare;
   Records after(uint32_t count) const { return {spare + count, now + count}; }
 };
 
-float longest_of(const ShortBounds& bounds, const Frame& frame) {
-  const Float4 e = steps_of(bounds.box) * frame.unit;
+float longest_of(const ShortBounds& bounds, const ShortBoxGrid& grid) {
+  const Float4 e = steps_of(bounds.box) * grid.unit;
   return std::max({e[0], e[1], e[2]});
 }
 
@@ -63,8 +64,8 @@ ShortBounds bounds_in_parallel(const ShortBox* boxes, uint32_t count) {
   return all;
 }
 
-/// Rounds the boxes anew, to a grid that just holds them.
-Frame round_anew(Boxes boxes, ShortBox* records, uint32_t count) {
+/// Rounds the boxes again, to a grid that just holds them.
+ShortBoxGrid round_again(Boxes boxes, ShortBox* records, uint32_t count) {
   std::vector<Box4> parts((count + kChunk - 1) / kChunk);
   for_chunks(count, [&](uint32_t begin, uint32_t end) {
     Box4 part = Box4::empty();
@@ -73,22 +74,23 @@ Frame round_anew(Boxes boxes, ShortBox* records, uint32_t count) {
   });
   Box4 all = Box4::empty();
   for (const Box4& part : parts) all.extend(part);
-  const Frame frame(all);
+  const ShortBoxGrid grid(all);
   for_chunks(count, [&](uint32_t begin, uint32_t end) {
     for (uint32_t i = begin; i < end; ++i) {
       const uint32_t tag = tag_of(records[i]);
-      records[i] = frame.rounded(boxes[tag], tag);
+      records[i] = grid.rounded(boxes[tag], tag);
     }
   });
-  return frame;
+  return grid;
 }
 
 /// Halves the records by centre along the longest axis, or in their order where all centres agree.
-uint32_t halve(ShortBox* records, uint32_t count, const ShortBounds& bounds, const Frame& frame) {
+uint32_t halve(ShortBox* records, uint32_t count, const ShortBounds& bounds,
+               const ShortBoxGrid& grid) {
   int axis = 0;
   float longest = 0;
   for (int k = 0; k < 3; ++k) {
-    const float range = float(-int(bounds.centers[k + 4]) - int(bounds.centers[k])) * frame.unit[k];
+    const float range = float(-int(bounds.centers[k + 4]) - int(bounds.centers[k])) * grid.unit[k];
     if (range > longest) {
       longest = range;
       axis = k;
@@ -117,27 +119,28 @@ class Block {
         small_(boxes, out),
         bins_(config.bins) {}
 
-  BuiltSubtree split(Records records, uint32_t count, Frame frame, uint32_t slot, uint32_t depth) {
+  BuiltSubtree split(Records records, uint32_t count, ShortBoxGrid grid, uint32_t slot,
+                     uint32_t depth) {
     if (count <= SmallSweep::kMost) {
       for (uint32_t i = 0; i < count; ++i) small_.ids()[i] = tag_of(records.now[i]);
       return small_.build(count, slot, depth);
     }
     ShortBounds bounds = bounds_of(records.now, count);
-    if (longest_of(bounds, frame) < frame.longest * kCoarse) {
-      frame = round_anew(boxes_, records.now, count);
+    if (longest_of(bounds, grid) < grid.longest * kCoarse) {
+      grid = round_again(boxes_, records.now, count);
       bounds = bounds_of(records.now, count);
     }
-    const ShortCut at = cut(records, count, bounds, frame, depth);
+    const ShortSplit chosen = divide(records, count, bounds, grid, depth);
     const uint32_t pair = out_.add_pair();
     BuiltSubtree left, right;
     const auto go_left = [&] {
-      left = split(records.after(0), at.left_count, frame, pair, depth + 1);
+      left = split(records.after(0), chosen.left_count, grid, pair, depth + 1);
     };
     const auto go_right = [&] {
-      right =
-          split(records.after(at.left_count), count - at.left_count, frame, pair + 1, depth + 1);
+      right = split(records.after(chosen.left_count), count - chosen.left_count, grid, pair + 1,
+                    depth + 1);
     };
-    if (at.left_area >= at.right_area) {
+    if (chosen.left_area >= chosen.right_area) {
       go_left();
       go_right();
     } else {
@@ -149,28 +152,28 @@ class Block {
 
  private:
   /// Moves the records to the spare room, those of the left child first.
-  ShortCut cut(Records records, uint32_t count, const ShortBounds& bounds, const Frame& frame,
-               uint32_t depth) {
-    const ShortBinning binning(bounds, frame, config_.bins);
+  ShortSplit divide(Records records, uint32_t count, const ShortBounds& bounds,
+                    const ShortBoxGrid& grid, uint32_t depth) {
+    const ShortBinning binning(bounds, grid, config_.bins);
     binning.clear(bins_.data());
     binning.add(records.now, count, bins_.data());
-    ShortCut cut = binning.cheapest(bins_.data(), count, planes_);
+    ShortSplit split = binning.cheapest(bins_.data(), count, planes_);
     if (count > exact_) {
-      const ShortWindows windows = binning.windows(planes_, count, cut);
+      const ShortWindows windows = binning.windows(planes_, count, split);
       if (windows.any) {
         for (std::vector<uint64_t>& items : items_) items.clear();
         ShortBinning::collect(records.now, 0, count, windows, items_);
-        cut = binning.search(records.now, bins_.data(), count, planes_, windows, items_, cut);
+        split = binning.search(records.now, bins_.data(), count, planes_, windows, items_, split);
       }
     }
-    const uint32_t larger = std::max(cut.left_count, count - cut.left_count);
-    if (cut.axis < 0 || !fits_depth(larger, out_.max_depth - depth - 1)) {
-      cut.left_count = halve(records.now, count, bounds, frame);
+    const uint32_t larger = std::max(split.left_count, count - split.left_count);
+    if (split.axis < 0 || !fits_depth(larger, out_.max_depth - depth - 1)) {
+      split.left_count = halve(records.now, count, bounds, grid);
       std::copy_n(records.now, count, records.spare);
-      return cut;
+      return split;
     }
-    partition(records.now, count, cut, records.spare, records.spare + cut.left_count);
-    return cut;
+    partition(records.now, count, split, records.spare, records.spare + split.left_count);
+    return split;
   }
 
   Boxes boxes_;
@@ -189,7 +192,7 @@ struct Top {
   std::unique_ptr<Top> left, right;
   uint32_t begin, count;  ///< primitives
   // Of a block:
-  Records records{};                   ///< which it needs no more, and where its nodes lie
+  Records records{};                   ///< not needed any more; its nodes lie there
   std::unique_ptr<Node[]> more_nodes;  ///< those for which there is no room
   uint32_t node_count = 0;
 };
@@ -230,15 +233,15 @@ class Binned {
   Bvh2 build() {
     records_ = CpuBuffer<ShortBox>(2 * size_t(count_));
     primitives_ = CpuBuffer<uint32_t>(count_);
-    const Frame frame = round_all();
+    const ShortBoxGrid grid = round_all();
     const std::unique_ptr<Top> root =
-        split({records_.data(), records_.data() + count_}, 0, count_, frame, 0);
+        split({records_.data(), records_.data() + count_}, 0, count_, grid, 0);
     progress_.finish();
     return assemble(*root);
   }
 
  private:
-  Frame round_all() {
+  ShortBoxGrid round_all() {
     std::vector<Box4> parts((count_ + kChunk - 1) / kChunk);
     for_chunks(count_, [&](uint32_t begin, uint32_t end) {
       Box4 part = Box4::empty();
@@ -247,34 +250,34 @@ class Binned {
     });
     Box4 all = Box4::empty();
     for (const Box4& part : parts) all.extend(part);
-    const Frame frame(all);
+    const ShortBoxGrid grid(all);
     for_chunks(count_, [&](uint32_t begin, uint32_t end) {
-      for (uint32_t i = begin; i < end; ++i) records_[i] = frame.rounded(boxes_[i], i);
+      for (uint32_t i = begin; i < end; ++i) records_[i] = grid.rounded(boxes_[i], i);
     });
-    return frame;
+    return grid;
   }
 
-  std::unique_ptr<Top> split(Records records, uint32_t begin, uint32_t count, Frame frame,
+  std::unique_ptr<Top> split(Records records, uint32_t begin, uint32_t count, ShortBoxGrid grid,
                              uint32_t depth) {
     auto top = std::make_unique<Top>();
     top->begin = begin;
     top->count = count;
     if (progress_.is_stopped()) return top;
     if (count <= kBlock) {
-      build_block(records, frame, depth, *top);
+      build_block(records, grid, depth, *top);
       return top;
     }
     ShortBounds bounds = bounds_in_parallel(records.now, count);
-    if (longest_of(bounds, frame) < frame.longest * kCoarse) {
-      frame = round_anew(boxes_, records.now, count);
+    if (longest_of(bounds, grid) < grid.longest * kCoarse) {
+      grid = round_again(boxes_, records.now, count);
       bounds = bounds_in_parallel(records.now, count);
     }
-    const uint32_t left_count = cut(records, count, bounds, frame, depth);
+    const uint32_t left_count = divide(records, count, bounds, grid, depth);
     tbb::parallel_invoke(
-        [&] { top->left = split(records.after(0), begin, left_count, frame, depth + 1); },
+        [&] { top->left = split(records.after(0), begin, left_count, grid, depth + 1); },
         [&] {
           top->right = split(records.after(left_count), begin + left_count, count - left_count,
-                             frame, depth + 1);
+                             grid, depth + 1);
         });
     // oneTBB skips what has not begun when a task runs out of memory.
     if (!top->left || !top->right) return top;
@@ -283,11 +286,11 @@ class Binned {
     return top;
   }
 
-  uint32_t cut(Records records, uint32_t count, const ShortBounds& bounds, const Frame& frame,
-               uint32_t depth) {
+  uint32_t divide(Records records, uint32_t count, const ShortBounds& bounds,
+                  const ShortBoxGrid& grid, uint32_t depth) {
     // Narrow bins leave little to search between their planes, and cost nothing here.
     const uint32_t bins = std::min(4 * config_.bins, kMaxBins);
-    const ShortBinning binning(bounds, frame, bins);
+    const ShortBinning binning(bounds, grid, bins);
     const uint32_t chunks = (count + kChunk - 1) / kChunk;
     std::vector<ShortBin> parts(size_t(chunks) * bins), sum(bins);
     for_chunks(count, [&](uint32_t begin, uint32_t end) {
@@ -299,8 +302,8 @@ class Binned {
     for (uint32_t c = 0; c < chunks; ++c)
       binning.merge(parts.data() + size_t(c) * bins, sum.data());
     const auto planes = std::make_unique_for_overwrite<ShortPlanes>();
-    ShortCut cut = binning.cheapest(sum.data(), count, *planes);
-    const ShortWindows windows = binning.windows(*planes, count, cut);
+    ShortSplit split = binning.cheapest(sum.data(), count, *planes);
+    const ShortWindows windows = binning.windows(*planes, count, split);
     if (windows.any) {
       std::vector<ShortItems> found(chunks);
       for_chunks(count, [&](uint32_t begin, uint32_t end) {
@@ -310,35 +313,35 @@ class Binned {
       for (uint32_t c = 1; c < chunks; ++c)
         for (int axis = 0; axis < 3; ++axis)
           found[0][axis].insert(found[0][axis].end(), found[c][axis].begin(), found[c][axis].end());
-      cut = binning.search(records.now, sum.data(), count, *planes, windows, found[0], cut);
+      split = binning.search(records.now, sum.data(), count, *planes, windows, found[0], split);
     }
-    const uint32_t larger = std::max(cut.left_count, count - cut.left_count);
-    if (cut.axis < 0 || !fits_depth(larger, config_.max_depth - depth - 1)) {
-      const uint32_t middle = halve(records.now, count, bounds, frame);
+    const uint32_t larger = std::max(split.left_count, count - split.left_count);
+    if (split.axis < 0 || !fits_depth(larger, config_.max_depth - depth - 1)) {
+      const uint32_t middle = halve(records.now, count, bounds, grid);
       std::copy_n(records.now, count, records.spare);
       return middle;
     }
     std::vector<uint32_t> left_in(chunks), left_before(chunks);
-    // Nothing begins after the last.
+    // No chunk begins after the last.
     for_chunks((chunks - 1) * kChunk, [&](uint32_t begin, uint32_t end) {
-      left_in[begin / kChunk] = count_left(records.now + begin, end - begin, cut);
+      left_in[begin / kChunk] = count_left(records.now + begin, end - begin, split);
     });
     std::exclusive_scan(left_in.begin(), left_in.end(), left_before.begin(), 0u);
-    const uint32_t left = cut.left_count;
+    const uint32_t left = split.left_count;
     for_chunks(count, [&](uint32_t begin, uint32_t end) {
       const uint32_t before = left_before[begin / kChunk];
-      partition(records.now + begin, end - begin, cut, records.spare + before,
+      partition(records.now + begin, end - begin, split, records.spare + before,
                 records.spare + left + (begin - before));
     });
     return left;
   }
 
-  void build_block(Records records, const Frame& frame, uint32_t depth, Top& top) {
+  void build_block(Records records, const ShortBoxGrid& grid, uint32_t depth, Top& top) {
     Emitter out{scratch_nodes(), primitives_.data() + top.begin, config_.cost,
                 config_.max_leaf_size, config_.max_depth};
     if (config_.reinsertion_rounds > 0) out.max_leaf_size = 1;
     Block block(boxes_, config_, out);
-    top.box = block.split(records, top.count, frame, 0, depth).box;
+    top.box = block.split(records, top.count, grid, 0, depth).box;
     top.node_count = out.node_count;
     top.records = records;
     keep(out.nodes, top);
@@ -385,7 +388,7 @@ class Binned {
         primitives += s.top->count;
         continue;
       }
-      upper.push_back(s.top->box.node(nodes, 0));
+      upper.push_back(node_of(s.top->box, nodes, 0));
       upper_slots.push_back(s.slot);
       const Step left{s.top->left.get(), nodes}, right{s.top->right.get(), nodes + 1};
       nodes += 2;
@@ -421,7 +424,7 @@ class Binned {
 
 }  // namespace
 
-Bvh2 build_binned(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_binned(Boxes boxes, const Config& config, BuildProgress& progress) {
   progress.report(0.1, "binning");
   return Binned(boxes, config, progress).build();
 }

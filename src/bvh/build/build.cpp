@@ -15,13 +15,14 @@
 #include "bvh/build/builders.hpp"
 #include "bvh/optimize/reinsertion.hpp"
 #include "bvh/tree/config.hpp"
+#include "bvh/tree/scale.hpp"
 #include "mesh/streams.hpp"
 
 namespace umbel::bvh {
 namespace {
 
-using BoxBuilder = Bvh2 (*)(Boxes, const Config&, Progress&);
-using TriangleBuilder = Bvh2 (*)(const MeshView&, Boxes, const Config&, Progress&);
+using BoxBuilder = Bvh2 (*)(Boxes, const Config&, BuildProgress&);
+using TriangleBuilder = Bvh2 (*)(const MeshView&, Boxes, const Config&, BuildProgress&);
 
 struct Entry {
   Builder builder;
@@ -124,34 +125,20 @@ Aabb bounds_of(Boxes boxes) {
   return all;
 }
 
-/// The power of two that brings coordinates to about 1, or 1 where they are in range already.
-/// Nothing is moved, so what floats can tell apart stays apart.
-float scale_of(const Aabb& bounds) {
-  const Vec3 low = bounds.min, high = bounds.max;
-  const float largest = std::max({std::fabs(low.x), std::fabs(low.y), std::fabs(low.z),
-                                  std::fabs(high.x), std::fabs(high.y), std::fabs(high.z)});
-  if (largest == 0 || (largest >= 1e-6f && largest <= 1e6f)) return 1.0f;
-  return std::ldexp(1.0f, std::clamp(-std::ilogb(largest), -126, 126));
-}
-
-Vec3 scaled(const Vec3& v, float scale) { return {v.x * scale, v.y * scale, v.z * scale}; }
-
-Bvh2 run_builder(const MeshView* mesh, Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 run_builder(const MeshView* mesh, Boxes boxes, const Config& config, BuildProgress& progress) {
   const Entry& entry = entry_of(config.builder);
   if (entry.over_boxes) return entry.over_boxes(boxes, config, progress);
   return entry.over_triangles(*mesh, boxes, config, progress);
 }
 
 Bvh2 run_scaled(const MeshView* mesh, Boxes boxes, float scale, const Config& config,
-                Progress& progress) {
+                BuildProgress& progress) {
   std::vector<Aabb> scaled_boxes(boxes.size());
-  parallel_for(boxes.size(), kChunk, [&](size_t i) {
-    scaled_boxes[i] = {scaled(boxes[i].min, scale), scaled(boxes[i].max, scale)};
-  });
+  parallel_for(boxes.size(), kChunk, [&](size_t i) { scaled_boxes[i] = scaled(boxes[i], scale); });
   if (!mesh) return run_builder(nullptr, scaled_boxes, config, progress);
   std::vector<Vec3> positions(mesh->positions.size());
   parallel_for(positions.size(), kChunk,
-               [&](size_t i) { positions[i] = scaled(mesh->positions[i], scale); });
+               [&](size_t i) { positions[i] = mesh->positions[i] * scale; });
   MeshView scaled_mesh = *mesh;
   scaled_mesh.positions = positions;
   return run_builder(&scaled_mesh, scaled_boxes, config, progress);
@@ -167,8 +154,7 @@ void unscale(Bvh2& tree, Boxes boxes, float scale, bool parts) {
       box = tree.nodes[node.first].box();
       extend(box, tree.nodes[node.first + 1].box());
     } else if (parts) {
-      const float back = 1.0f / scale;
-      box = {scaled(node.min, back), scaled(node.max, back)};
+      box = scaled(node.box(), 1.0f / scale);
     } else {
       for (uint32_t k = 0; k < node.count; ++k) extend(box, boxes[tree.primitives[node.first + k]]);
     }
@@ -183,9 +169,10 @@ bool has_area(const Node& node) {
   return (e.x > 0) + (e.y > 0) + (e.z > 0) >= 2;
 }
 
-Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_checked(const MeshView* mesh, Boxes boxes, const Config& config,
+                   BuildProgress& progress) {
   const bool parts = config.builder == Builder::kSpatial;
-  const float scale = scale_of(bounds_of(boxes));
+  const float scale = moderate_scale(bounds_of(boxes));
   Bvh2 tree = scale == 1.0f ? run_builder(mesh, boxes, config, progress)
                             : run_scaled(mesh, boxes, scale, config, progress);
   if (config.reinsertion_rounds > 0) {
@@ -305,7 +292,8 @@ Config preset(std::string_view name) {
                                                "\"; the presets are fast, quality, best");
 }
 
-Bvh2 build(std::span<const Aabb> boxes, const Config& config, const BuildOptions& options) {
+Bvh2 build(std::span<const Aabb> boxes, const Config& config, const BuildOptions& options,
+           const StageObserver& observer) {
   check_count(boxes.size());
   check_config(config, boxes.size());
   check_supported(config);
@@ -313,7 +301,7 @@ Bvh2 build(std::span<const Aabb> boxes, const Config& config, const BuildOptions
     throw Error(ErrorCode::kInvalidArgument,
                 "builder is \"" + std::string(name(config.builder)) +
                     "\", which splits triangles and so cannot build over boxes");
-  Progress progress(options);
+  BuildProgress progress(options, observer);
   progress.report(0, "building");
   Bvh2 tree;
   with_threads(options.threads, [&] {
@@ -323,11 +311,12 @@ Bvh2 build(std::span<const Aabb> boxes, const Config& config, const BuildOptions
   return tree;
 }
 
-Bvh2 build(const MeshView& mesh, const Config& config, const BuildOptions& options) {
+Bvh2 build(const MeshView& mesh, const Config& config, const BuildOptions& options,
+           const StageObserver& observer) {
   check_count(mesh.triangles.size());
   check_config(config, mesh.triangles.size());
   check_supported(config);
-  Progress progress(options);
+  BuildProgress progress(options, observer);
   progress.report(0, "building");
   Bvh2 tree;
   with_threads(options.threads, [&] {

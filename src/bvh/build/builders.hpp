@@ -12,17 +12,32 @@
 
 namespace umbel::bvh {
 
-Bvh2 build_sweep(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_binned(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_spatial(const MeshView& mesh, Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_lbvh(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_hlbvh(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_kmeans(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_agglomerative(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_aac(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_ploc(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_atrbvh(Boxes boxes, const Config& config, Progress& progress);
-Bvh2 build_insertion(Boxes boxes, const Config& config, Progress& progress);
+/// What a builder tells the caller.
+class BuildProgress : public Progress {
+ public:
+  BuildProgress(const BuildOptions& options, const StageObserver& observer)
+      : Progress(options), observer_(observer) {}
+
+  void stage_took(std::string_view stage, double seconds) const {
+    if (observer_) observer_(stage, seconds);
+  }
+
+ private:
+  const StageObserver& observer_;
+};
+
+Bvh2 build_sweep(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_binned(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_spatial(const MeshView& mesh, Boxes boxes, const Config& config,
+                   BuildProgress& progress);
+Bvh2 build_lbvh(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_hlbvh(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_kmeans(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_agglomerative(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_aac(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_ploc(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_atrbvh(Boxes boxes, const Config& config, BuildProgress& progress);
+Bvh2 build_insertion(Boxes boxes, const Config& config, BuildProgress& progress);
 
 /// The full sweep over boxes that stand for `counts` primitives each: a tree with one box a leaf.
 Bvh2 sweep_clusters(Boxes boxes, std::span<const uint32_t> counts, const Config& config);

@@ -1,4 +1,4 @@
-// The boxes of the two parts of a triangle that a plane across an axis cuts it into.
+// Clips a triangle at a plane across an axis: the boxes of its two parts.
 #pragma once
 
 #include <array>
@@ -19,13 +19,6 @@ struct Corners {
   }
 };
 
-inline Float4 max4(Float4 a, Float4 b) {
-#if defined(__SSE2__)
-  return Float4(_mm_max_ps(__m128(a), __m128(b)));
-#else
-  return a > b ? a : b;
-#endif
-}
 inline Float4 magnitude(Float4 x) { return max4(x, -x); }
 
 /// `v` with another value for an axis. To write one lane in memory and then read all four would

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "base/simd/box4.hpp"
+#include "bvh/tree/box_node.hpp"
 
 namespace umbel::bvh {
 
@@ -30,7 +31,7 @@ struct Emitter {
 
   /// Makes a leaf of the `count` primitives that were written last, in the order that they have.
   BuiltSubtree make_leaf(uint32_t slot, uint32_t count, const Box4& box, float area) const {
-    nodes[slot] = box.node(primitive_count - count, count);
+    nodes[slot] = node_of(box, primitive_count - count, count);
     return {box, cost.intersection * float(count) * area};
   }
 
@@ -45,7 +46,7 @@ struct Emitter {
       node_count = pair;
       return make_leaf(slot, count, box, area);
     }
-    nodes[slot] = box.node(pair, 0);
+    nodes[slot] = node_of(box, pair, 0);
     return {box, split};
   }
 };

@@ -95,7 +95,7 @@ void add_parts(const Bvh2& above, const std::vector<Range>& ranges, RadixParts<u
 
 }  // namespace
 
-Bvh2 build_hlbvh(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_hlbvh(Boxes boxes, const Config& config, BuildProgress& progress) {
   progress.report(0.05, "sorting by Morton code");
   CpuExec exec;
   const auto order = morton_order<uint64_t>(exec, boxes.data(), boxes.size(), kBits);

@@ -1,7 +1,7 @@
 // Hierarchical linear BVH for any executor (Garanzha, Pantaleoni & McAllister, "Simpler and Faster
 // HLBVH with Work Queues", 2011): the radix tree over all Morton codes holds the treelets, which
-// are its subtrees of the codes that agree in their leading bits; the merges above them are made
-// anew by a full sweep.
+// are its subtrees of the codes that agree in their leading bits; a full sweep replaces the merges
+// above them.
 #pragma once
 
 #include "bvh/build/radix_merges.hpp"
@@ -43,7 +43,7 @@ void hlbvh_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives,
                                                                : merges[subtree.index()].box;
                      treelet_counts[t] = end - begin;
                      subtrees[t] = subtree;
-                     // The merges that are to be made anew are those where leading bits differ.
+                     // The merges to be replaced are those where leading bits differ.
                      ids[t] = begin - 1;
                    });
   sweep_merges(exec, {treelet_boxes.data(), treelet_counts.data(), subtrees.data(), ids.data()},

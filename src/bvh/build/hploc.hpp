@@ -4,7 +4,7 @@
 // and at every node with many primitives merge the few clusters that its two children left, in
 // rounds in shared memory, until few are left. All is one kernel, and nothing waits.
 //
-// What a node hands up depends on nothing but what is below it, and a merge takes the number of one
+// What a node forwards depends on nothing but what is below it, and a merge takes the number of one
 // of the two that it joins, so the same bytes come out whatever the order in which nodes are done.
 #pragma once
 
@@ -27,21 +27,21 @@ struct HplocNodes {
   uint32_t* arrived;
   uint32_t* begins;      ///< of the codes below
   uint32_t* ends;        ///< the last one
-  uint32_t* left_kept;   ///< clusters that the left child handed up
-  uint32_t* right_kept;  ///< clusters that the right child handed up
+  uint32_t* left_kept;   ///< clusters that the left child forwarded
+  uint32_t* right_kept;  ///< clusters that the right child forwarded
 };
 
 /// A team takes the leaves of kLanes codes.
 struct HplocClimb {
   static constexpr uint32_t kLanes = 32;
-  static constexpr uint32_t kKept = kLanes / 2;  ///< clusters that a node hands up, at most
+  static constexpr uint32_t kKept = kLanes / 2;  ///< clusters that a node forwards, at most
 
   /// A node at which two children have met.
   struct Met {
     bool is_large;           ///< it has clusters to merge
     uint32_t begin, middle;  ///< where the codes of its children begin
     uint32_t left, right;    ///< clusters of its children
-    uint32_t most;           ///< that it may hand up
+    uint32_t most;           ///< that it may forward
   };
   struct Shared {
     Met met[kLanes];
@@ -102,7 +102,7 @@ struct HplocClimb {
     begin = nodes.begins[parent];
     end = nodes.ends[parent];
     const uint32_t count = end - begin + 1;
-    // Few are handed up as they are: those of the right child follow those of the left one.
+    // Few are forwarded as they are: those of the right child follow those of the left one.
     kept = count;
     const bool is_root = count == n;
     met = {count > kKept || is_root,
@@ -150,12 +150,12 @@ struct HplocClimb {
     }
     for (uint32_t i = team.rank(); i < count; i += team.size()) {
       if (goes_away(shared.nearest, i)) continue;
-      uint32_t place = 0;
-      for (uint32_t k = 0; k < i; ++k) place += goes_away(shared.nearest, k) ? 0 : 1;
+      uint32_t to = 0;
+      for (uint32_t k = 0; k < i; ++k) to += goes_away(shared.nearest, k) ? 0 : 1;
       HplocCluster cluster = shared.clusters[i];
       const uint32_t other = shared.nearest[i];
       if (other != i && shared.nearest[other] == i) merge(cluster, shared.clusters[other]);
-      shared.merged[place] = cluster;
+      shared.merged[to] = cluster;
     }
     team.sync();
     for (uint32_t i = team.rank(); i < left; i += team.size())

@@ -1,7 +1,7 @@
 // Incremental insertion (Goldsmith & Salmon, "Automatic Creation of Object Hierarchies for Ray
 // Tracing", 1987): each primitive joins the node where it adds least to the area of the tree. That
 // node is found by branch and bound (Bittner, Hapala & Havran, "Incremental BVH construction for
-// ray tracing", 2015), and on the way up from it nodes change places where that saves area
+// ray tracing", 2015), and on the way up from it nodes are exchanged where that saves area
 // (Kensler, "Tree rotations for improving bounding volume hierarchies", 2008).
 #include <utility>
 #include <vector>
@@ -78,7 +78,7 @@ class GrowingTree {
     return subtree.is_primitive() ? 1 : merges[subtree.index()].count;
   }
 
-  /// The node whose place a common parent of it and the box should take.
+  /// The node that should become the sibling of the box.
   uint32_t best_sibling(const Aabb& box, float area) {
     float best = united_area(nodes_[0].box, box);
     uint32_t best_node = 0;
@@ -109,7 +109,7 @@ class GrowingTree {
     return best_node;
   }
 
-  /// Puts a node in another place; its children follow.
+  /// Moves a node into another slot; its children follow.
   void put(uint32_t at, const GrowingNode& node) {
     nodes_[at] = node;
     if (!node.link.is_primitive()) parents_[node.link.index()] = at;
@@ -177,7 +177,7 @@ std::vector<uint32_t> insertion_order(Boxes boxes) {
 
 }  // namespace
 
-Bvh2 build_insertion(Boxes boxes, const Config& /*config*/, Progress& progress) {
+Bvh2 build_insertion(Boxes boxes, const Config& /*config*/, BuildProgress& progress) {
   const auto count = static_cast<uint32_t>(boxes.size());
   GrowingTree tree(count);
   uint32_t inserted = 0;

@@ -21,18 +21,18 @@ struct KmeansChunk {
 
 /// A cluster that is being divided, and what it needs beside its items.
 struct KmeansDivided {
-  static constexpr uint32_t kMending = 0xffffffffu;  ///< the pass after the last one
+  static constexpr uint32_t kReseeded = 0xffffffffu;  ///< the pass after the last one
 
   KmeansCluster* cluster;
   uint32_t first_chunk, chunks;
   uint32_t used;        ///< representatives; one: divided evenly
   uint32_t changed[2];  ///< the last even and the last odd pass that changed a label
-  bool is_mended;       ///< all items had one label, and it is divided anew
+  bool is_reseeded;     ///< all items had one label, so it was seeded again
 
   /// Whether its items are labelled in a pass, which are counted from 1 on: not once two passes
   /// have come to the same.
   UMBEL_HOST_DEVICE bool takes_part(uint32_t pass) const {
-    if (pass == kMending) return is_mended;
+    if (pass == kReseeded) return is_reseeded;
     if (used == 1) return pass == 1;
     return pass < 3 || changed[(pass - 1) % 2] == pass - 1;
   }
@@ -43,7 +43,7 @@ struct KmeansTotals {
   uint32_t* counts;  ///< k a cluster
   KmeansSum* sums;   ///< k a cluster
   /// k a chunk: items. Those of a cluster come after those of the one before it, and among them
-  /// first all of representative 0: so their sums are places.
+  /// first all of representative 0: so their sums are where items go.
   uint32_t* chunk_counts;
 };
 
@@ -59,7 +59,7 @@ struct KmeansAssign {
     KmeansPoint representatives[kMostKmeansClusters];
     KmeansSum sums[kMostKmeansClusters];
     uint32_t counts[kMostKmeansClusters];
-    int32_t cells[6][KmeansChunk::kMost + 1];  // one more, for the sake of memory banks
+    int32_t cells[6][KmeansChunk::kMost + 1];  // one more, against bank conflicts
     uint8_t labels[KmeansChunk::kMost];
   };
 
@@ -96,7 +96,7 @@ struct KmeansAssign {
   }
 
  private:
-  /// Whether a lane has changed a label.
+  /// Labels the items of a chunk. Whether a lane has changed a label.
   template <typename Team>
   UMBEL_HOST_DEVICE bool label(const Team& team, const KmeansChunk& chunk, uint32_t used,
                                Shared& shared) const {
@@ -172,9 +172,9 @@ struct KmeansAssign {
   UMBEL_HOST_DEVICE void label_evenly(const Team& team, const KmeansCluster& cluster,
                                       const KmeansChunk& chunk, Shared& shared) const {
     for (uint32_t i = chunk.begin + team.rank(); i < chunk.end; i += team.size()) {
-      const uint64_t place = i - cluster.offset + 1;
+      const uint64_t rank = i - cluster.offset + 1;
       labels[i] = shared.labels[i - chunk.begin] =
-          static_cast<uint8_t>((place * k - 1) / cluster.count);
+          static_cast<uint8_t>((rank * k - 1) / cluster.count);
     }
   }
 

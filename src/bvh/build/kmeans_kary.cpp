@@ -1,7 +1,6 @@
 // The tree of k-means clusters itself, with up to k children a node, which Meister & Bittner name
 // as future work.
 #include <algorithm>
-#include <cmath>
 #include <string>
 
 #include "base/parallel.hpp"
@@ -9,6 +8,7 @@
 #include "bvh/build/builders.hpp"
 #include "bvh/build/kmeans_passes.hpp"
 #include "bvh/tree/config.hpp"
+#include "bvh/tree/scale.hpp"
 
 namespace umbel::bvh {
 namespace {
@@ -26,15 +26,12 @@ void check_boxes(Boxes boxes) {
 }
 
 /// Copies of the boxes at a scale at which squares of distances neither overflow nor vanish.
-std::vector<Aabb> scaled(Boxes boxes) {
-  float largest = 0;
-  for (const Aabb& b : boxes)
-    for (const float v : {b.min.x, b.min.y, b.min.z, b.max.x, b.max.y, b.max.z})
-      largest = std::max(largest, std::fabs(v));
-  const int exponent = largest > 0 ? std::clamp(-std::ilogb(largest), -126, 126) : 0;
-  const float scale = std::ldexp(1.0f, exponent);
+std::vector<Aabb> moderate_boxes(Boxes boxes) {
+  Aabb all;
+  for (const Aabb& box : boxes) extend(all, box);
+  const float scale = moderate_scale(all);
   std::vector<Aabb> copies(boxes.begin(), boxes.end());
-  for (Aabb& b : copies) b = {b.min * scale, b.max * scale};
+  for (Aabb& box : copies) box = scaled(box, scale);
   return copies;
 }
 
@@ -76,13 +73,12 @@ KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config,
   Progress progress(options);
   with_threads(options.threads, [&] {
     CpuExec exec;
-    const std::vector<Aabb> copies = scaled(boxes);
+    const std::vector<Aabb> copies = moderate_boxes(boxes);
     KmeansPasses<CpuExec> passes(exec, copies.data(), static_cast<uint32_t>(boxes.size()),
                                  config.kmeans, config.max_leaf_size);
     passes.run([&](double done) { progress.report(done, "clustering"); });
     // At the input's own scale, which is not exactly the scaled one where that underflows.
     tree = tree_of(passes, boxes);
-    if (config.kmeans.times) *config.kmeans.times = passes.times();
   });
   progress.report(1, "clustering");
   return tree;

@@ -5,28 +5,15 @@
 // done. Sizes are read back once a level.
 #pragma once
 
-#include <chrono>
 #include <utility>
 #include <vector>
 
 #include "bvh/build/kmeans_assign.hpp"
 #include "bvh/build/kmeans_medians.hpp"
 #include "bvh/build/kmeans_seeding.hpp"
+#include "bvh/build/kmeans_times.hpp"
 
 namespace umbel::bvh {
-
-/// Adds the time since the last lap, or since it was made, to a stage.
-class StageClock {
- public:
-  void lap(double& stage) {
-    const auto now = std::chrono::steady_clock::now();
-    stage += std::chrono::duration<double>(now - last_).count();
-    last_ = now;
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
 
 /// Seeds a cluster that is divided, and clears what will be added up.
 template <KmeansDistance kDistance>
@@ -60,10 +47,10 @@ struct KmeansSeed {
   }
 };
 
-/// Seeds a cluster anew if all its items have one label: means of a few distant items may coincide
+/// Seeds a cluster again if all its items have one label: means of a few distant items may coincide
 /// once rounded.
 template <KmeansDistance kDistance>
-struct KmeansMend {
+struct KmeansReseed {
   static constexpr uint32_t kLanes = 32;
   using Shared = KmeansSeedingShared;
 
@@ -82,9 +69,9 @@ struct KmeansMend {
     for (uint32_t r = team.rank(); r < k; r += team.size())
       if (counts[i * k + r] > most) most = counts[i * k + r];
     most = team.reduce(most, [](uint32_t a, uint32_t b) { return a > b ? a : b; });
-    const bool is_broken = most == cluster.count;
-    if (team.rank() == 0) of.is_mended = is_broken;
-    if (!is_broken) return;
+    const bool is_undivided = most == cluster.count;
+    if (team.rank() == 0) of.is_reseeded = is_undivided;
+    if (!is_undivided) return;
     for (uint32_t r = team.rank(); r < k; r += team.size()) counts[i * k + r] = 0;
     KmeansSeeding<kDistance, Team> seeding(team, points, cluster, nearest + cluster.offset, shared);
     const uint32_t used = seeding.choose_farthest();
@@ -98,7 +85,7 @@ struct KmeansMove {
   static constexpr uint32_t kLanes = 128;
   struct Shared {
     uint32_t next[kMostKmeansClusters];
-    uint32_t places[KmeansChunk::kMost];
+    uint32_t targets[KmeansChunk::kMost];
     uint8_t labels[KmeansChunk::kMost];
   };
 
@@ -124,21 +111,21 @@ struct KmeansMove {
     team.sync();
     if constexpr (Team::kIsSerial) {
       for (uint32_t r = 0; r < k; ++r) shared.next[r] = first_of(r);
-      for (uint32_t i = 0; i < count; ++i) shared.places[i] = shared.next[shared.labels[i]]++;
+      for (uint32_t i = 0; i < count; ++i) shared.targets[i] = shared.next[shared.labels[i]]++;
     } else {
       // Each lane has labels of its own.
       for (uint32_t r = team.rank(); r < k; r += team.size()) {
         uint32_t at = first_of(r);
         for (uint32_t i = 0; i < count; ++i)
-          if (shared.labels[i] == r) shared.places[i] = at++;
+          if (shared.labels[i] == r) shared.targets[i] = at++;
       }
     }
     team.sync();
     for (int v = 0; v < 6; ++v)
       for (uint32_t i = team.rank(); i < count; i += team.size())
-        to.column[v][shared.places[i]] = from.column[v][chunk.begin + i];
+        to.column[v][shared.targets[i]] = from.column[v][chunk.begin + i];
     for (uint32_t i = team.rank(); i < count; i += team.size())
-      to.primitives[shared.places[i]] = from.primitives[chunk.begin + i];
+      to.primitives[shared.targets[i]] = from.primitives[chunk.begin + i];
   }
 };
 
@@ -304,9 +291,9 @@ class KmeansPasses {
     if (config_.iterations == 0) return;
     exec_.for_each_team(
         size_.divided,
-        KmeansMend<kDistance>{items(level()), divided(), nearest_.data(), representatives_.data(),
-                              counts_.data(), config_.clusters});
-    assign<kDistance>(KmeansDivided::kMending, false);
+        KmeansReseed<kDistance>{items(level()), divided(), nearest_.data(), representatives_.data(),
+                                counts_.data(), config_.clusters});
+    assign<kDistance>(KmeansDivided::kReseeded, false);
   }
 
   template <KmeansDistance kDistance>

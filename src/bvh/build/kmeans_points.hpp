@@ -1,6 +1,6 @@
 // What k-means clustering computes with (Meister & Bittner, "Parallel BVH Construction using
 // k-means Clustering", 2016): boxes as points of six dimensions, their distances, sums that do not
-// depend on the order of addition, and random numbers that depend on nothing but the place.
+// depend on the order of addition, and random numbers that depend on nothing but the cluster.
 #pragma once
 
 #include <cmath>
@@ -84,7 +84,7 @@ struct KmeansSum {
   int64_t v[6];
 };
 
-/// Random numbers that depend on nothing but the cluster's place.
+/// Random numbers that depend on nothing but the cluster's range.
 struct KmeansDice {
   uint64_t key;
 

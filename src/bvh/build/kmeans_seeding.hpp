@@ -28,8 +28,7 @@ class KmeansSeeding {
         representatives_(shared.representatives),
         dice_(KmeansDice::of_cluster(cluster.offset, cluster.count)) {}
 
-  /// Returns how many representatives there are: at least two, or one if all items are at one
-  /// place.
+  /// Returns how many representatives there are: at least two, or one if all items are equal.
   UMBEL_HOST_DEVICE uint32_t run(uint32_t clusters, uint32_t candidates) {
     used_ = 0;
     keep(dice_.draw(0, cluster_.count));
@@ -41,7 +40,7 @@ class KmeansSeeding {
     return used_ > 1 ? used_ : choose_farthest();
   }
 
-  /// Where the dice found only one place: the first item and the one farthest from it.
+  /// Where the random candidates were all equal: the first item and the one farthest from it.
   UMBEL_HOST_DEVICE uint32_t choose_farthest() {
     team_.sync();  // what was there may still be read
     used_ = 0;
@@ -54,14 +53,14 @@ class KmeansSeeding {
     return used_;
   }
 
-  /// The representatives go to memory.
+  /// Writes the representatives to memory.
   UMBEL_HOST_DEVICE void write(KmeansPoint* representatives) const {
     for (uint32_t r = team_.rank(); r < used_; r += team_.size())
       representatives[r] = representatives_[r];
   }
 
  private:
-  /// Of as far ones, the first counts.
+  /// Of candidates equally far, the first counts.
   struct Candidate {
     float distance = 0;
     uint32_t number = 0xffffffffu;

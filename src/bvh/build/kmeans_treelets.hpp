@@ -7,13 +7,16 @@
 
 namespace umbel::bvh {
 
-/// Clusters of at most so many items are not divided: agglomeration is better at few than the dice.
+/// Clusters of at most so many items are not divided: of few, agglomeration makes better trees than
+/// random seeds do.
 inline constexpr uint32_t kFewForKmeans = 64;
 
-/// Subtrees that a treelet hands up at most.
-inline uint32_t handed_up(const KmeansConfig& config) {
+/// Subtrees that a treelet forwards to the one above it, at most.
+inline uint32_t forwarded_clusters(const KmeansConfig& config) {
   const uint32_t most = kMostJoined / config.clusters;
-  return config.handed_up == 0 || config.handed_up > most ? most : config.handed_up;
+  return config.forwarded_clusters == 0 || config.forwarded_clusters > most
+             ? most
+             : config.forwarded_clusters;
 }
 
 /// Joins one treelet of a level.
@@ -32,9 +35,9 @@ struct KmeansTreelet {
   uint32_t first_below;           ///< cluster of the level below
   bool is_top;
   LeafRule rule;
-  uint32_t handed;
+  uint32_t forwarded;
   Merge* merges;
-  const JoinItem* below;  ///< what the level below hands up
+  const JoinItem* below;  ///< what the level below forwards
   const uint32_t* below_counts;
   JoinItem* up;
   uint32_t* counts;
@@ -46,8 +49,9 @@ struct KmeansTreelet {
     gather(team, cluster, join);
     team.sync();
     join.agglomerate(team, rule, shared.agglomeration);
-    if (handed > 1 && cluster.parts > 0) join.sweep(team, rule, shared.sweep);
-    if (team.rank() == 0) counts[i] = join.hand_up(is_top ? 1 : handed, merges, up + i * handed);
+    if (forwarded > 1 && cluster.parts > 0) join.sweep(team, rule, shared.sweep);
+    if (team.rank() == 0)
+      counts[i] = join.forward(is_top ? 1 : forwarded, merges, up + i * forwarded);
   }
 
  private:
@@ -73,7 +77,7 @@ struct KmeansTreelet {
         break;
       }
       for (uint32_t s = 0; s < below_counts[first + part]; ++s)
-        join.put(at + s, below[size_t(first + part) * handed + s]);
+        join.put(at + s, below[size_t(first + part) * forwarded + s]);
     }
   }
 };
@@ -81,17 +85,17 @@ struct KmeansTreelet {
 template <typename Exec>
 class KmeansTreelets {
  public:
-  /// A treelet hands up at most `handed`, so that those of `clusters` parts fit into one.
+  /// A treelet forwards at most `forwarded`, so that those of `clusters` parts fit into one.
   KmeansTreelets(Exec& exec, const KmeansPasses<Exec>& passes, const LeafRule& rule,
-                 uint32_t handed, Merge* merges)
-      : exec_(exec), passes_(passes), rule_(rule), handed_(handed), merges_(merges) {}
+                 uint32_t forwarded, Merge* merges)
+      : exec_(exec), passes_(passes), rule_(rule), forwarded_(forwarded), merges_(merges) {}
 
   /// Makes all merges, and the root. A cluster of n items at `offset` has the slots of n
   /// merges from `offset` on, one more than it can need.
   void run(Subtree* root) {
     const std::vector<uint32_t>& levels = passes_.levels();
     const size_t most = passes_.most_of_level();
-    for (auto& up : up_) up = exec_.template allocate<JoinItem>(most * handed_);
+    for (auto& up : up_) up = exec_.template allocate<JoinItem>(most * forwarded_);
     for (auto& counts : counts_) counts = exec_.template allocate<uint32_t>(most);
     for (size_t level = levels.size() - 1; level-- > 0;) join_level(level);
     exec_.for_each(1,
@@ -108,16 +112,16 @@ class KmeansTreelets {
     const size_t own = level % 2, below = 1 - own;
     exec_.for_each_team(end - begin,
                         KmeansTreelet{passes_.items(level), passes_.clusters() + begin, end,
-                                      begin == 0, rule_, handed_, merges_, up_[below].data(),
+                                      begin == 0, rule_, forwarded_, merges_, up_[below].data(),
                                       counts_[below].data(), up_[own].data(), counts_[own].data()});
   }
 
   Exec& exec_;
   const KmeansPasses<Exec>& passes_;
   LeafRule rule_;
-  uint32_t handed_;
+  uint32_t forwarded_;
   Merge* merges_;
-  Buffer<JoinItem> up_[2];  ///< what the clusters of a level hand up: `handed_` places each
+  Buffer<JoinItem> up_[2];  ///< what the clusters of a level forward: `forwarded_` elements each
   Buffer<uint32_t> counts_[2];
 };
 

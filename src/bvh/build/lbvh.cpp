@@ -1,5 +1,5 @@
 // Linear BVH on the processor: the radix tree over sorted Morton codes (Karras, "Maximizing
-// Parallelism in the Construction of BVHs, Octrees, and k-d Trees", 2012), cut into parts that
+// Parallelism in the Construction of BVHs, Octrees, and k-d Trees", 2012), divided into parts that
 // MortonStack builds.
 #include "base/morton.hpp"
 #include "base/simd/box4.hpp"
@@ -25,7 +25,7 @@ Aabb centers_of(Boxes boxes) {
   });
   Box4 all = Box4::empty();
   for (const Box4& part : parts) all.extend(part);
-  return all.node(0, 0).box();
+  return all.box();
 }
 
 /// What MortonGrid::code gives, all three axes at once.
@@ -92,7 +92,7 @@ Bvh2 build(Boxes boxes, uint32_t bits, const Config& config, Progress& progress)
 
 }  // namespace
 
-Bvh2 build_lbvh(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_lbvh(Boxes boxes, const Config& config, BuildProgress& progress) {
   return config.morton_bits <= 30 ? build<uint32_t>(boxes, 10, config, progress)
                                   : build<uint64_t>(boxes, 21, config, progress);
 }

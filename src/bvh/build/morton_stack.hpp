@@ -13,6 +13,7 @@
 #include "bvh/build/builders.hpp"
 #include "bvh/build/radix_splits.hpp"
 #include "bvh/build/tree_parts.hpp"
+#include "bvh/tree/box_node.hpp"
 #include "bvh/tree/leaf_rule.hpp"
 
 namespace umbel::bvh {
@@ -45,7 +46,7 @@ class MortonStack {
       for (; top->bits > grown.bits; --top) next = join(grown, *top, i, next, nodes_end);
       *++top = grown;
     }
-    return {grown.box.node(grown.first, grown.count), grown.pairs, nodes_end, 0};
+    return {node_of(grown.box, grown.first, grown.count), grown.pairs, nodes_end, 0};
   }
 
  private:

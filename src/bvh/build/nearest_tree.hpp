@@ -25,7 +25,7 @@ class NearestTree {
     bool beats(const Neighbor& o) const { return area < o.area || (area == o.area && key < o.key); }
   };
 
-  /// Room for boxes in the slots [0, size), for now empty.
+  /// Allocates slots [0, size), empty for now.
   void resize(uint32_t size) {
     for (; !levels_.empty() && levels_.back().groups == 0; levels_.pop_back()) {
     }
@@ -43,7 +43,7 @@ class NearestTree {
   Aabb box(uint32_t slot) const { return levels_[0].columns().get(slot); }
   void put(uint32_t slot, const Aabb& box) const { levels_[0].columns().put(slot, box); }
   void move(uint32_t to, uint32_t from) const { levels_[0].columns().copy(to, from); }
-  /// A box that is nobody's neighbour.
+  /// Writes a box that is no other's neighbour.
   void clear(uint32_t slot) const {
     for (float* column : levels_[0].columns().column) column[slot] = kFar;
   }
@@ -117,7 +117,7 @@ class NearestTree {
       }
     }
 
-    /// Visits the members of a group on a level above the slots, but for one, the nearest first.
+    /// Visits the members of a group on a level above the slots, except one, the nearest first.
     void visit_groups(size_t level, uint32_t group, uint32_t but) {
       struct Member {
         float area;

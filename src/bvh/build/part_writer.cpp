@@ -39,7 +39,7 @@ class PartWriter {
           if (s.nodes.size() == 0) s.nodes = CpuBuffer<Node>(most_.part);
           s.part = build_(parts[i], s.nodes.data() + s.nodes.size());
         },
-        [&](size_t /*i*/, Scratch& s) { s.base = place(s.part); },
+        [&](size_t /*i*/, Scratch& s) { s.base = reserve_for(s.part); },
         [&](size_t /*i*/, Scratch& s) { copy_part(s.part, s.base, nodes_, tree_.primitives); });
     unite_top();
     return std::move(tree_);
@@ -63,7 +63,7 @@ class PartWriter {
   }
 
   /// Where the nodes go that are below the root of the next part.
-  uint32_t place(const TreePart& part) {
+  uint32_t reserve_for(const TreePart& part) {
     auto nodes = static_cast<uint32_t>(tree_.nodes.size());
     while (static_cast<int32_t>(steps_.back().id) >= 0) {
       const Step step = steps_.back();

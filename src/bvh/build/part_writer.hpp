@@ -1,5 +1,5 @@
-// A tree whose subtrees are written to their places as soon as all before them are known, while
-// they still lie in the cache: nothing else is kept of them.
+// A tree whose subtrees are written to where they belong as soon as all before them are known,
+// while they still lie in the cache: nothing else is kept of them.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// Parallel locally-ordered clustering on the processor. See the header. The tree above the small
-// clusters may be swept instead, which the paper does not do.
+// Parallel locally-ordered clustering on the processor. See the header. The top levels, above small
+// clusters, may be built by SAH instead, which the paper does not do.
 #include "bvh/build/ploc.hpp"
 
 #include "bvh/build/builders.hpp"
@@ -7,7 +7,7 @@
 
 namespace umbel::bvh {
 
-Bvh2 build_ploc(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_ploc(Boxes boxes, const Config& config, BuildProgress& progress) {
   progress.report(0.05, "clustering");
   CpuExec exec;
   const auto count = static_cast<uint32_t>(boxes.size());
@@ -16,7 +16,7 @@ Bvh2 build_ploc(Boxes boxes, const Config& config, Progress& progress) {
   Ploc<CpuExec>().run(exec, boxes.data(), count, config.ploc_radius, merges.data(), &root);
   if (config.ploc_sweep > 0) {
     progress.report(0.65, "sweeping clusters");
-    root = sweep_top(merges, root, boxes, config.ploc_sweep, config);
+    root = sah_top_levels(merges, root, boxes, config.ploc_sweep, config);
   }
   progress.report(0.75, "laying out");
   return emit(merges, root, boxes);

@@ -21,7 +21,7 @@ struct PlocCluster {
 };
 
 /// What is compared: the area of the common box; of pairs as near, first those that differ least in
-/// the bits of their places. That orders pairs totally, so that some two always find each other;
+/// the bits of their indices. That orders pairs totally, so that some two always find each other;
 /// and among clusters that are all alike every one finds a partner.
 struct PlocDistance {
   float area = std::numeric_limits<float>::infinity();
@@ -59,7 +59,7 @@ class Ploc {
     clusters_ = exec.template allocate<PlocCluster>(n);
     merged_ = exec.template allocate<PlocCluster>(n);
     nearest_ = exec.template allocate<uint32_t>(n);
-    places_ = exec.template allocate<uint64_t>(n + size_t{1});
+    targets_ = exec.template allocate<uint64_t>(n + size_t{1});
     gather(exec, boxes, n);
     uint32_t made = 0;
     for (uint32_t left = n; left > 1;) {
@@ -111,27 +111,27 @@ class Ploc {
           return (is_paired && i < nearest[i] ? 1 : 0) |
                  (is_paired && nearest[i] < i ? 0 : uint64_t{1} << 32);
         },
-        places_.data());
-    return static_cast<uint32_t>(exec.read(places_.data() + count));
+        targets_.data());
+    return static_cast<uint32_t>(exec.read(targets_.data() + count));
   }
 
   void merge(Exec& exec, uint32_t count, uint32_t made, Merge* merges) {
     exec.for_each(count,
                   [=, from = clusters_.data(), to = merged_.data(), nearest = nearest_.data(),
-                   places = places_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                   targets = targets_.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
                     const uint32_t other = nearest[i];
                     const bool is_pair = other != i && nearest[other] == i;
                     if (is_pair && other < i) return;
                     PlocCluster cluster = from[i];
                     if (is_pair) {
                       const PlocCluster& right = from[other];
-                      const uint32_t merge = made + static_cast<uint32_t>(places[i]);
+                      const uint32_t merge = made + static_cast<uint32_t>(targets[i]);
                       cluster.box = united(cluster.box, right.box);
                       cluster.count += right.count;
                       merges[merge] = {cluster.box, cluster.subtree, right.subtree, cluster.count};
                       cluster.subtree = Subtree::of_merge(merge);
                     }
-                    to[places[i] >> 32] = cluster;
+                    to[targets[i] >> 32] = cluster;
                   });
     std::swap(clusters_, merged_);
   }
@@ -144,7 +144,7 @@ class Ploc {
 
   Buffer<PlocCluster> clusters_, merged_;
   Buffer<uint32_t> nearest_;
-  Buffer<uint64_t> places_;  ///< the pairs before each, and above them the clusters there will be
+  Buffer<uint64_t> targets_;  ///< the pairs before each, and above them the clusters there will be
 };
 
 }  // namespace umbel::bvh

@@ -11,12 +11,11 @@
 #include <cstdint>
 
 #include "base/exec.hpp"
-#include "bvh/compressed/compact_node.hpp"
 #include "bvh/tree/merge_tree.hpp"
 
 namespace umbel::bvh {
 
-/// The most that a triangle is cut into; more only if there would be too few otherwise.
+/// The most splits of a triangle; more only if there would be too few otherwise.
 inline constexpr uint32_t kMostSplits = 63;
 
 /// A grid of 2^20 cells an axis around the scene.
@@ -90,7 +89,7 @@ UMBEL_HOST_DEVICE inline float split_priority(const SplitGrid& grid, const Vec3&
   return cube_root(importance * (area_of(box) - ideal));
 }
 
-/// Cuts a triangle.
+/// Splits a triangle.
 struct TriangleParts {
   Vec3 corners[3];
   SplitGrid grid;
@@ -103,8 +102,8 @@ struct TriangleParts {
   }
 
   /// What lies before and behind a plane that crosses a box, which holds a part of the triangle.
-  UMBEL_HOST_DEVICE void cut(const Aabb& box, uint32_t axis, float at, Aabb& before,
-                             Aabb& behind) const {
+  UMBEL_HOST_DEVICE void split(const Aabb& box, uint32_t axis, float at, Aabb& before,
+                               Aabb& behind) const {
     before = behind = Aabb{};
     for (int k = 0; k < 3; ++k) {
       const Vec3 &a = corners[k], &b = corners[k == 2 ? 0 : k + 1];
@@ -161,7 +160,7 @@ struct TriangleParts {
         plane.at = along(part.box.min, plane.axis) * 0.5f + along(part.box.max, plane.axis) * 0.5f;
       }
       Aabb before, behind;
-      cut(part.box, plane.axis, plane.at, before, behind);
+      split(part.box, plane.axis, plane.at, before, behind);
       const float a = length_of(before), b = length_of(behind),
                   share = a + b > 0 ? a / (a + b) : 0.5f;
       auto first = static_cast<uint32_t>(static_cast<float>(part.count) * share);
@@ -194,7 +193,8 @@ struct SplitCounts {
 };
 
 /// Boxes of parts of triangles, and the triangles that they belong to: `extra` more than there are
-/// triangles. corners(i) gives a triangle's three corners. n > 0.
+/// triangles. corners(i) gives a triangle's three corners. n > 0. Long, as it is one kernel after
+/// the other, all of which use the same arrays.
 template <typename Exec, typename Corners>
 void presplit(Exec& exec, const Corners& corners, uint32_t n, uint32_t extra, Aabb* boxes,
               uint32_t* triangles) {
@@ -240,7 +240,7 @@ void presplit(Exec& exec, const Corners& corners, uint32_t n, uint32_t extra, Aa
   }
   // What is left goes to those that are next, in their order; and if that is not enough, to all.
   auto next = exec.template allocate<uint32_t>(n + size_t{1});
-  auto places = exec.template allocate<uint32_t>(n + size_t{1});
+  auto offsets = exec.template allocate<uint32_t>(n + size_t{1});
   exec.exclusive_scan(
       n,
       [=, factor = factor.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
@@ -261,13 +261,15 @@ void presplit(Exec& exec, const Corners& corners, uint32_t n, uint32_t extra, Aa
         return 1 + static_cast<uint32_t>(splits_of(i, *factor)) + (is_next ? 1 : 0) + more / n +
                (i < more % n ? 1 : 0);
       },
-      places.data());
-  exec.for_each(n, [=, scene = scene.data(), places = places.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-    const auto c = corners(static_cast<uint32_t>(i));
-    const TriangleParts parts{{c.a, c.b, c.c}, SplitGrid::around(*scene)};
-    parts.write(places[i + 1] - places[i], boxes + places[i]);
-    for (uint32_t k = places[i]; k < places[i + 1]; ++k) triangles[k] = static_cast<uint32_t>(i);
-  });
+      offsets.data());
+  exec.for_each(n,
+                [=, scene = scene.data(), offsets = offsets.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                  const auto c = corners(static_cast<uint32_t>(i));
+                  const TriangleParts parts{{c.a, c.b, c.c}, SplitGrid::around(*scene)};
+                  parts.write(offsets[i + 1] - offsets[i], boxes + offsets[i]);
+                  for (uint32_t k = offsets[i]; k < offsets[i + 1]; ++k)
+                    triangles[k] = static_cast<uint32_t>(i);
+                });
 }
 
 }  // namespace umbel::bvh

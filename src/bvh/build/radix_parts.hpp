@@ -1,5 +1,5 @@
-// Radix trees over sorted Morton codes, cut into parts that fit into the cache and are built in
-// parallel. The cut depends on nothing but the codes.
+// Radix trees over sorted Morton codes, divided into parts that fit into the cache and are built in
+// parallel. The division depends on nothing but the codes.
 #pragma once
 
 #include <cstdint>

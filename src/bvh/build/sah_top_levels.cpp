@@ -1,7 +1,6 @@
-// The tree above clusters, built anew by the surface area heuristic, as HLBVH does above its
-// treelets (Pantaleoni & Luebke, "HLBVH: Hierarchical LBVH Construction for Real-Time Ray Tracing
-// of Dynamic Geometry", 2010). Agglomeration finds good small clusters, but where triangles are
-// small and alike, what it makes of them is worse than what planes do. See the header.
+// SAH-built top levels, as HLBVH has above its treelets (Pantaleoni & Luebke, "HLBVH: Hierarchical
+// LBVH Construction for Real-Time Ray Tracing of Dynamic Geometry", 2010). Agglomeration finds good
+// small clusters, but where triangles are small and alike, a sweep makes a better tree of them.
 #include "bvh/build/sah_top_levels.hpp"
 
 #include <vector>
@@ -52,18 +51,18 @@ double inner_area(const Bvh2& tree) {
 
 }  // namespace
 
-Subtree sweep_top(BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most,
-                  const Config& config) {
+Subtree sah_top_levels(BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most,
+                       const Config& config) {
   const Top top = find_top(merges, root, boxes, most);
   if (top.clusters.size() < 3) return root;
-  const Bvh2 swept = sweep_clusters(top.boxes, top.counts, config);
-  if (inner_area(swept) >= top.area) return root;
-  std::vector<Subtree> subtrees(swept.nodes.size());
+  const Bvh2 by_sah = sweep_clusters(top.boxes, top.counts, config);
+  if (inner_area(by_sah) >= top.area) return root;
+  std::vector<Subtree> subtrees(by_sah.nodes.size());
   uint32_t used = 0;
-  for (size_t i = swept.nodes.size(); i-- > 0;) {
-    const Node& node = swept.nodes[i];
+  for (size_t i = by_sah.nodes.size(); i-- > 0;) {
+    const Node& node = by_sah.nodes[i];
     if (node.is_leaf()) {
-      subtrees[i] = top.clusters[swept.primitives[node.first]];
+      subtrees[i] = top.clusters[by_sah.primitives[node.first]];
       continue;
     }
     const auto count = [&](Subtree s) { return s.is_primitive() ? 1 : merges[s.index()].count; };

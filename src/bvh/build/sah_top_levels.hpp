@@ -1,4 +1,4 @@
-// The tree above clusters, built anew.
+// The levels above clusters, built by the surface area heuristic.
 #pragma once
 
 #include "bvh/tree/merge_tree.hpp"
@@ -7,7 +7,7 @@ namespace umbel::bvh {
 
 /// Where that is cheaper, replaces the tree above the largest subtrees of at most `most` primitives
 /// by a full sweep over them. Returns the root.
-Subtree sweep_top(BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most,
-                  const Config& config);
+Subtree sah_top_levels(BigVector<Merge>& merges, Subtree root, Boxes boxes, uint32_t most,
+                       const Config& config);
 
 }  // namespace umbel::bvh

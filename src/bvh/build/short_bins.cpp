@@ -12,14 +12,14 @@
 namespace umbel::bvh {
 namespace {
 
-// A cut between two planes is looked for where it may cost less than this part of the cheapest
+// A split between two planes is searched where it may cost less than this part of the cheapest
 // plane's cost. One gets trees as good as the full sweep's at three times the search; much less
 // than this gives trees that cost 3 % more now and then.
-constexpr float kWorth = 0.97f;
+constexpr float kPromising = 0.97f;
 
 void add_one(const ShortBox* box, ShortBox lowest, ShortBox factor, ShortBin* bins) {
   const ShortBox b = *box;
-  const ShortBox at = multiply_high(difference(center2(b), lowest), factor);
+  const UShort8 at = multiply_high(UShort8(difference(center2(b), lowest)), UShort8(factor));
   for (int axis = 0; axis < 3; ++axis) {
     ShortBin& bin = bins[uint16_t(at[axis])];
     bin.box[axis] = join(bin.box[axis], b);
@@ -38,11 +38,11 @@ ShortBounds bounds_of(const ShortBox* boxes, uint32_t count) {
   return bounds;
 }
 
-ShortBinning::ShortBinning(const ShortBounds& bounds, const Frame& frame, uint32_t bins)
-    : bounds_(bounds), unit_(frame.unit), pad_(splat(frame.longest * 0x1p-24f)), bins_(bins) {
+ShortBinning::ShortBinning(const ShortBounds& bounds, const ShortBoxGrid& grid, uint32_t bins)
+    : bounds_(bounds), unit_(grid.unit), pad_(splat(grid.longest * 0x1p-24f)), bins_(bins) {
   for (int axis = 0; axis < 3; ++axis) {
     const int low = bounds.centers[axis], range = -int(bounds.centers[axis + 4]) - low;
-    // No more bins than there are places, so that the factor stays below one.
+    // No more bins than there are steps, so that the factor stays below one.
     const int used = std::min(int(bins), range);
     lowest_[axis] = int16_t(low);
     factor_[axis] = int16_t((used << 16) / (range + 1));
@@ -57,7 +57,7 @@ void ShortBinning::clear(ShortBin* bins) const {
 }
 
 void ShortBinning::add(const ShortBox* boxes, uint32_t count, ShortBin* bins) const {
-  // Neighbours often share a bin, and would wait for each other: two places take turns.
+  // Neighbours often share a bin, and would wait for each other: two sums take turns.
   const uint32_t half = count / 2;
   for (uint32_t i = 0; i < half; ++i) {
     add_one(boxes + i, lowest_, factor_, bins);
@@ -82,12 +82,12 @@ float ShortBinning::half_area(ShortBox box) const {
 
 /// The lowest centre, doubled, that is not below bin `bin`.
 int ShortBinning::edge(uint32_t bin, int axis) const {
-  // Nothing is cut along an axis without extent, whose factor is 0.
+  // Nothing is split along an axis without extent, whose factor is 0.
   const uint32_t factor = std::max<uint32_t>(uint16_t(factor_[axis]), 1);
   return int(lowest_[axis]) + int(((bin << 16) + factor - 1) / factor);
 }
 
-ShortCut ShortBinning::cheapest(const ShortBin* bins, uint32_t count, ShortPlanes& planes) const {
+ShortSplit ShortBinning::cheapest(const ShortBin* bins, uint32_t count, ShortPlanes& planes) const {
   const auto areas = [&](const std::array<ShortBox, 3>& box) {
     return half_areas(steps_of(box[0]) * unit_ + pad_, steps_of(box[1]) * unit_ + pad_,
                       steps_of(box[2]) * unit_ + pad_);
@@ -99,9 +99,9 @@ ShortCut ShortBinning::cheapest(const ShortBin* bins, uint32_t count, ShortPlane
     for (int axis = 0; axis < 3; ++axis) side[axis] = join(side[axis], bins[b].box[axis]);
     planes.right_area[b] = areas(side);
   }
-  // Where nothing is gained, all planes cost the same but for rounding.
+  // Where nothing is gained, all planes cost the same, up to rounding.
   Float4 best = splat(half_area(bounds_.box) * float(count) * 0.99999f);
-  Int4 place{}, before{};
+  Int4 plane{}, before{};
   planes.left_area[0] = Float4{};
   planes.before[0] = before;
   side.fill(empty_short_box());
@@ -121,40 +121,40 @@ ShortCut ShortBinning::cheapest(const ShortBin* bins, uint32_t count, ShortPlane
     const Int4 better = Int4(cost < best);
     best = min4(cost, best);
     const int at = static_cast<int>(b);
-    place = (Int4{at, at, at, at} & better) | (place & ~better);
+    plane = (Int4{at, at, at, at} & better) | (plane & ~better);
   }
   planes.before[bins_] = Int4{all, all, all, all};
-  ShortCut cut;
-  cut.cost = best[3];
+  ShortSplit split;
+  split.cost = best[3];
   for (int axis = 0; axis < 3; ++axis)
-    if (place[axis] && (cut.axis < 0 || best[axis] < best[cut.axis])) cut.axis = axis;
-  if (cut.axis < 0) {
-    cut.cost = best[0];
-    return cut;
+    if (plane[axis] && (split.axis < 0 || best[axis] < best[split.axis])) split.axis = axis;
+  if (split.axis < 0) {
+    split.cost = best[0];
+    return split;
   }
-  const auto b = static_cast<uint32_t>(place[cut.axis]);
-  cut.cost = best[cut.axis];
-  cut.threshold = edge(b, cut.axis);
-  cut.left_count = static_cast<uint32_t>(planes.before[b][cut.axis]);
-  cut.left_area = planes.left_area[b][cut.axis];
-  cut.right_area = planes.right_area[b][cut.axis];
-  return cut;
+  const auto b = static_cast<uint32_t>(plane[split.axis]);
+  split.cost = best[split.axis];
+  split.threshold = edge(b, split.axis);
+  split.left_count = static_cast<uint32_t>(planes.before[b][split.axis]);
+  split.left_area = planes.left_area[b][split.axis];
+  split.right_area = planes.right_area[b][split.axis];
+  return split;
 }
 
 ShortWindows ShortBinning::windows(const ShortPlanes& planes, uint32_t count,
-                                   const ShortCut& cut) const {
+                                   const ShortSplit& split) const {
   ShortWindows w;
   w.low = w.high = ShortBox{} + int16_t(-32768);
-  const float worth = cut.cost * kWorth;
+  const float most = split.cost * kPromising;
   const int all = static_cast<int>(count);
   for (uint32_t b = 0; b < bins_; ++b) {
-    // Left of a cut in this bin lies at least what lies left of the bin, and so on the right.
+    // Left of a split in this bin lies at least what lies left of the bin, and so on the right.
     const Float4 left = __builtin_convertvector(planes.before[b], Float4);
     const Float4 right =
         __builtin_convertvector(Int4{all, all, all, all} - planes.before[b + 1], Float4);
     const Float4 bound = planes.left_area[b] * left + planes.right_area[b + 1] * right;
     for (int axis = 0; axis < 3; ++axis) {
-      if (!(bound[axis] < worth) || factor_[axis] == 0 ||
+      if (!(bound[axis] < most) || factor_[axis] == 0 ||
           planes.before[b + 1][axis] - planes.before[b][axis] < 2)
         continue;
       if (w.last_bin[axis] == 0) w.first_bin[axis] = b;
@@ -185,26 +185,26 @@ void ShortBinning::collect(const ShortBox* boxes, uint32_t first, uint32_t count
   }
 }
 
-ShortCut ShortBinning::search(const ShortBox* boxes, const ShortBin* bins, uint32_t count,
-                              const ShortPlanes& planes, const ShortWindows& windows,
-                              ShortItems& items, ShortCut cut) const {
+ShortSplit ShortBinning::search(const ShortBox* boxes, const ShortBin* bins, uint32_t count,
+                                const ShortPlanes& planes, const ShortWindows& windows,
+                                ShortItems& items, ShortSplit split) const {
   constexpr size_t kMany = size_t(1) << 15;
-  std::array<ShortCut, 3> found;
+  std::array<ShortSplit, 3> found;
   const size_t all = items[0].size() + items[1].size() + items[2].size();
   parallel_for(3, all < kMany ? 3 : 1, [&](size_t axis) {
-    found[axis] = search_axis(int(axis), boxes, bins, count, planes, windows, items[axis], cut);
+    found[axis] = search_axis(int(axis), boxes, bins, count, planes, windows, items[axis], split);
   });
-  for (const ShortCut& best : found)
-    if (best.cost < cut.cost) cut = best;
-  return cut;
+  for (const ShortSplit& best : found)
+    if (best.cost < split.cost) split = best;
+  return split;
 }
 
-ShortCut ShortBinning::search_axis(int axis, const ShortBox* boxes, const ShortBin* bins,
-                                   uint32_t count, const ShortPlanes& planes,
-                                   const ShortWindows& windows, std::vector<uint64_t>& items,
-                                   ShortCut cut) const {
+ShortSplit ShortBinning::search_axis(int axis, const ShortBox* boxes, const ShortBin* bins,
+                                     uint32_t count, const ShortPlanes& planes,
+                                     const ShortWindows& windows, std::vector<uint64_t>& items,
+                                     ShortSplit split) const {
   const size_t n = items.size();
-  if (n < 2) return cut;
+  if (n < 2) return split;
   const auto spare = std::make_unique_for_overwrite<uint64_t[]>(n);
   const auto right_areas = std::make_unique_for_overwrite<float[]>(n);
   const uint32_t bits = std::bit_width(uint32_t(windows.high[axis] - windows.low[axis]));
@@ -225,28 +225,28 @@ ShortCut ShortBinning::search_axis(int axis, const ShortBox* boxes, const ShortB
     const uint32_t left = before + uint32_t(i);
     const float area = half_area(side);
     const float cost = area * float(left) + right_areas[i] * float(count - left);
-    if (!(cost < cut.cost)) continue;
-    cut.axis = axis;
-    cut.threshold = int(windows.low[axis]) + int(sorted[i] >> 32);
-    cut.cost = cost;
-    cut.left_count = left;
-    cut.left_area = area;
-    cut.right_area = right_areas[i];
+    if (!(cost < split.cost)) continue;
+    split.axis = axis;
+    split.threshold = int(windows.low[axis]) + int(sorted[i] >> 32);
+    split.cost = cost;
+    split.left_count = left;
+    split.left_area = area;
+    split.right_area = right_areas[i];
   }
-  return cut;
+  return split;
 }
 
-uint32_t count_left(const ShortBox* boxes, uint32_t count, const ShortCut& cut) {
+uint32_t count_left(const ShortBox* boxes, uint32_t count, const ShortSplit& split) {
   uint32_t left = 0;
-  for (uint32_t i = 0; i < count; ++i) left += cut.is_left(boxes[i]);
+  for (uint32_t i = 0; i < count; ++i) left += split.is_left(boxes[i]);
   return left;
 }
 
-void partition(const ShortBox* boxes, uint32_t count, const ShortCut& cut, ShortBox* left,
+void partition(const ShortBox* boxes, uint32_t count, const ShortSplit& split, ShortBox* left,
                ShortBox* right) {
-  const auto* coordinates = reinterpret_cast<const int16_t*>(boxes) + cut.axis;
+  const auto* coordinates = reinterpret_cast<const int16_t*>(boxes) + split.axis;
   for (uint32_t i = 0; i < count; ++i) {
-    const bool goes_left = int(coordinates[8 * i]) - int(coordinates[8 * i + 4]) < cut.threshold;
+    const bool goes_left = int(coordinates[8 * i]) - int(coordinates[8 * i + 4]) < split.threshold;
     *(goes_left ? left : right) = boxes[i];
     left += goes_left;
     right += !goes_left;

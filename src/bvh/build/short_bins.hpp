@@ -32,7 +32,7 @@ ShortBounds bounds_of(const ShortBox* boxes, uint32_t count);
 
 /// A plane: boxes with twice the centre below `threshold` on `axis` are on the left. No plane is
 /// better than none where `axis` is negative.
-struct ShortCut {
+struct ShortSplit {
   int axis = -1;
   int threshold = 0;
   float cost = 0;  ///< half areas times counts
@@ -48,7 +48,7 @@ struct ShortPlanes {
   std::array<Int4, kMaxBins + 1> before;
 };
 
-/// Bins of each axis between whose planes there may be a better cut, and their centres, doubled.
+/// Bins of each axis between whose planes there may be a better split, and their centres, doubled.
 struct ShortWindows {
   std::array<uint32_t, 3> first_bin{}, last_bin{};
   ShortBox low, high;  ///< from low up to, but not with, high
@@ -60,28 +60,28 @@ using ShortItems = std::array<std::vector<uint64_t>, 3>;
 
 class ShortBinning {
  public:
-  ShortBinning(const ShortBounds& bounds, const Frame& frame, uint32_t bins);
+  ShortBinning(const ShortBounds& bounds, const ShortBoxGrid& grid, uint32_t bins);
 
   void clear(ShortBin* bins) const;
   void add(const ShortBox* boxes, uint32_t count, ShortBin* bins) const;
   void merge(const ShortBin* from, ShortBin* into) const;
   /// The cheapest of the planes between bins.
-  ShortCut cheapest(const ShortBin* bins, uint32_t count, ShortPlanes& planes) const;
+  ShortSplit cheapest(const ShortBin* bins, uint32_t count, ShortPlanes& planes) const;
 
-  /// Where a cut between two planes may be cheaper than `cut`.
-  ShortWindows windows(const ShortPlanes& planes, uint32_t count, const ShortCut& cut) const;
+  /// Where a split between two planes may be cheaper than `split`.
+  ShortWindows windows(const ShortPlanes& planes, uint32_t count, const ShortSplit& split) const;
   /// Appends the boxes in the windows; the first of `boxes` has the index `first`.
   static void collect(const ShortBox* boxes, uint32_t first, uint32_t count,
                       const ShortWindows& windows, ShortItems& items);
-  /// The cheapest cut among `cut` and all those inside the windows. Sorts `items`.
-  ShortCut search(const ShortBox* boxes, const ShortBin* bins, uint32_t count,
-                  const ShortPlanes& planes, const ShortWindows& windows, ShortItems& items,
-                  ShortCut cut) const;
+  /// The cheapest among `split` and all splits inside the windows. Sorts `items`.
+  ShortSplit search(const ShortBox* boxes, const ShortBin* bins, uint32_t count,
+                    const ShortPlanes& planes, const ShortWindows& windows, ShortItems& items,
+                    ShortSplit split) const;
 
  private:
-  ShortCut search_axis(int axis, const ShortBox* boxes, const ShortBin* bins, uint32_t count,
-                       const ShortPlanes& planes, const ShortWindows& windows,
-                       std::vector<uint64_t>& items, ShortCut cut) const;
+  ShortSplit search_axis(int axis, const ShortBox* boxes, const ShortBin* bins, uint32_t count,
+                         const ShortPlanes& planes, const ShortWindows& windows,
+                         std::vector<uint64_t>& items, ShortSplit split) const;
   int edge(uint32_t bin, int axis) const;
   float half_area(ShortBox box) const;
 
@@ -91,10 +91,10 @@ class ShortBinning {
   uint32_t bins_;
 };
 
-uint32_t count_left(const ShortBox* boxes, uint32_t count, const ShortCut& cut);
+uint32_t count_left(const ShortBox* boxes, uint32_t count, const ShortSplit& split);
 
-/// Moves the boxes left of the cut to `left`, the others to `right`, in the order that they have.
-void partition(const ShortBox* boxes, uint32_t count, const ShortCut& cut, ShortBox* left,
+/// Moves the boxes left of the split to `left`, the others to `right`, in the order that they have.
+void partition(const ShortBox* boxes, uint32_t count, const ShortSplit& split, ShortBox* left,
                ShortBox* right);
 
 }  // namespace umbel::bvh

@@ -15,18 +15,18 @@ namespace {
 // Negative, which does not matter to a product of two.
 Float4 negated_extents(const Box4& b, Float4 pad) { return b.low + b.negated_high - pad; }
 
-using Places = std::array<ShortBox, SmallSweep::kMost / 8>;
+using Ranks = std::array<ShortBox, SmallSweep::kMost / 8>;
 
 /// For each key of some vectors how many of the first `count` keys are smaller.
 template <uint32_t vectors>
-Places count_smaller(const ShortBox* keys, uint32_t count) {
-  Places places{};
+Ranks count_smaller(const ShortBox* keys, uint32_t count) {
+  Ranks ranks{};
   const auto* const key = reinterpret_cast<const int16_t*>(keys);
   for (uint32_t k = 0; k < count; ++k) {
     const ShortBox own = ShortBox{} + key[k];
-    for (uint32_t v = 0; v < vectors; ++v) places[v] -= ShortBox(keys[v] > own);
+    for (uint32_t v = 0; v < vectors; ++v) ranks[v] -= ShortBox(keys[v] > own);
   }
-  return places;
+  return ranks;
 }
 
 }  // namespace
@@ -48,7 +48,7 @@ BuiltSubtree SmallSweep::build(uint32_t count, uint32_t slot, uint32_t depth) {
   return split(0, count, slot, depth);
 }
 
-// A place in the order is the number of smaller centres: few enough to count them all. They are
+// The rank of a centre is the number of smaller ones: few enough to count them all. They are
 // compared in 15 bits; of equal ones the earlier comes first.
 void SmallSweep::sort(uint32_t count, const Box4& centers) {
   Float4 scale{};
@@ -63,21 +63,21 @@ void SmallSweep::sort(uint32_t count, const Box4& centers) {
   const uint32_t vectors = (count + 7) / 8;
   for (int axis = 0; axis < 3; ++axis) {
     const auto* const key = reinterpret_cast<const ShortBox*>(keys[axis].data());
-    Places places;
+    Ranks ranks;
     if (vectors == 1)
-      places = count_smaller<1>(key, count);
+      ranks = count_smaller<1>(key, count);
     else if (vectors == 2)
-      places = count_smaller<2>(key, count);
+      ranks = count_smaller<2>(key, count);
     else if (vectors == 3)
-      places = count_smaller<3>(key, count);
+      ranks = count_smaller<3>(key, count);
     else
-      places = count_smaller<4>(key, count);
+      ranks = count_smaller<4>(key, count);
     uint32_t taken = 0;
     for (uint32_t i = 0; i < count; ++i) {
-      auto place = static_cast<uint32_t>(places[i / 8][i % 8]);
-      while (taken >> place & 1u) ++place;
-      taken |= 1u << place;
-      orders_[axis][place] = static_cast<uint8_t>(i);
+      auto rank = static_cast<uint32_t>(ranks[i / 8][i % 8]);
+      while (taken >> rank & 1u) ++rank;
+      taken |= 1u << rank;
+      orders_[axis][rank] = static_cast<uint8_t>(i);
     }
   }
 }
@@ -181,7 +181,7 @@ SmallSweep::Choice SmallSweep::cheapest(uint32_t begin, uint32_t count) {
   if (best[2] < best[axis]) axis = 2;
   const auto p = static_cast<uint32_t>(position[axis]);
   a.extend(boxes_[x[count - 1]]);
-  // Where nothing is gained, all positions cost the same but for rounding.
+  // Where nothing is gained, all positions cost the same, up to rounding.
   if (!(best[axis] < a.half_area(pad_) * float(count) * 0.99999f)) return {axis, count / 2, 0, 0};
   return {axis, p, best_left[axis], right_areas_[p][axis]};
 }

@@ -1,9 +1,10 @@
 // SAH with spatial splits (Stich, Friedrich and Dietrich, "Spatial Splits in Bounding Volume
-// Hierarchies", 2009): where the boxes of the best partition overlap, a plane may cut triangles in
-// two instead, each part with a box of its own. Both kinds of split are searched in bins; spatial
-// bins hold exactly clipped parts. References that are better left whole stay whole.
+// Hierarchies", 2009): where the boxes of the best object split overlap, a plane may split the
+// triangles instead, each part with a box of its own. Both kinds of split are searched in bins;
+// spatial bins hold exactly clipped parts (chopped binning). References that are better left whole
+// stay whole (reference unsplitting).
 //
-// References live in one array. A node owns a stretch of it with some slack, which bounds how
+// References live in one array. A node owns a stretch of it with some spare room, which bounds how
 // often references are split below; what is left of it goes to the children by a fixed rule, so
 // nothing depends on the order in which subtrees are built.
 #include <bit>
@@ -15,6 +16,7 @@
 #include "bvh/build/builders.hpp"
 #include "bvh/build/split_search.hpp"
 #include "bvh/build/tree_parts.hpp"
+#include "bvh/tree/box_node.hpp"
 #include "bvh/tree/config.hpp"
 #include "bvh/tree/leaf_rule.hpp"
 
@@ -24,7 +26,7 @@ namespace {
 /// References [begin, begin + count) of an array, which may become more until `limit`.
 struct Stretch {
   uint32_t begin, count, limit, depth;
-  uint32_t slack() const { return limit - begin - count; }
+  uint32_t spare() const { return limit - begin - count; }
 };
 
 /// A subtree that one thread builds, or two such trees.
@@ -65,8 +67,9 @@ class SpatialBuilder {
 
  private:
   static constexpr uint32_t kSequential = 1u << 12;
-  // Where cuts are not searched, because they gain next to nothing for the time: few references,
-  // which become one pack of a wide tree anyway, and overlaps of less than this part of the node.
+  // Spatial splits are not searched where they gain next to nothing for the time: among few
+  // references, which become one leaf of a wide tree anyway, and where the children overlap in less
+  // than this part of the node.
   static constexpr uint32_t kWholeBelow = 8;
   static constexpr uint32_t kFew = 4;
   static constexpr float kWorthOverlap = 0.35f;
@@ -171,7 +174,7 @@ class SpatialBuilder {
     return join(first, second, out);
   }
 
-  /// The bits of those that go to the left.
+  /// The mask of the references that go to the left.
   static uint32_t best_of_few(const Box4* references, uint32_t count) {
     float best = std::numeric_limits<float>::infinity();
     uint32_t best_mask = 1;
@@ -197,14 +200,14 @@ class SpatialBuilder {
   Grown make_leaf(const Box4& box, uint32_t count, uint32_t references, const Output& out) const {
     // Counted from the end: see TreePart::leaf_base.
     const auto first = static_cast<uint32_t>(out.next_primitive - out.primitives_end);
-    const Node node = box.node(first, count);
+    const Node node = node_of(box, first, count);
     return {node, 0, count, references, rule_.leaf_cost(node.box(), count)};
   }
 
   Grown join(const Grown& left, const Grown& right, Output& out) const {
     Box4 box = Box4::from(left.node.box());
     box.extend(Box4::from(right.node.box()));
-    Node node = box.node(0, 0);
+    Node node = node_of(box, 0, 0);
     const float inner = rule_.inner_cost(node.box(), left.cost, right.cost);
     const uint32_t primitives = left.primitives + right.primitives;
     const uint32_t references = left.references + right.references;
@@ -247,21 +250,23 @@ class SpatialBuilder {
     const uint32_t n = stretch.count, levels = config_.max_depth - stretch.depth - 1;
     const NodeBounds bounds = bounds_of(references, n);
     Split split = best_partition(references, n, bounds);
-    const bool roomy = stretch.slack() > 0 && fits_depth(size_t(n) + stretch.slack(), levels);
+    const bool roomy = stretch.spare() > 0 && fits_depth(size_t(n) + stretch.spare(), levels);
     const float worth = std::max(least_overlap_, kWorthOverlap * bounds.box.half_area(bounds.pad));
     if (roomy && n > kWholeBelow && split.overlap > worth) {
-      const Split cut = best_cut(references, n, bounds, mesh_);
-      if (cut.cost < split.cost && cut.left_count + cut.right_count <= n + stretch.slack())
-        split = cut;
+      const Split spatial = best_spatial_split(references, n, bounds, mesh_);
+      if (spatial.cost < split.cost &&
+          spatial.left_count + spatial.right_count <= n + stretch.spare())
+        split = spatial;
     }
-    Halves halves = split.is_cut ? cut_references(references, n, stretch.slack(), split, mesh_)
-                                 : partition_references(references, n, split);
+    Halves halves = split.is_spatial
+                        ? split_references(references, n, stretch.spare(), split, mesh_)
+                        : partition_references(references, n, split);
     if (!fits_depth(std::max(halves.left_count, halves.right_count), levels)) {
-      // Only a partition comes here: with a cut there is room for every reference.
+      // Only an object split comes here: before a spatial one there is room for every reference.
       std::copy(halves.right, halves.right + halves.right_count, references + halves.left_count);
       halves = {n / 2, n - n / 2, copy_to_scratch(references + n / 2, n - n / 2)};
     }
-    place(stretch, halves, left, right);
+    divide_room(stretch, halves, left, right);
   }
 
   /// How much there is to gain by splitting: boxes with volume hold more than their triangles.
@@ -279,17 +284,17 @@ class SpatialBuilder {
     return sum * (double(count) / seen);
   }
 
-  /// Hands the slack down and moves the right half to its own stretch.
-  void place(const Stretch& stretch, const Halves& halves, Stretch& left, Stretch& right) {
-    const uint32_t slack = stretch.limit - stretch.begin - halves.left_count - halves.right_count;
-    const bool any = slack > 0;
+  /// Divides the spare room and moves the right half to its own stretch.
+  void divide_room(const Stretch& stretch, const Halves& halves, Stretch& left, Stretch& right) {
+    const uint32_t spare = stretch.limit - stretch.begin - halves.left_count - halves.right_count;
+    const bool any = spare > 0;
     const double left_weight =
         any ? waste(references_.data() + stretch.begin, halves.left_count) : 0;
     const double right_weight = any ? waste(halves.right, halves.right_count) : 0;
     const double share =
         left_weight + right_weight > 0 ? left_weight / (left_weight + right_weight) : 0.5;
     const uint32_t left_limit =
-        stretch.begin + halves.left_count + static_cast<uint32_t>(double(slack) * share);
+        stretch.begin + halves.left_count + static_cast<uint32_t>(double(spare) * share);
     left = {stretch.begin, halves.left_count, left_limit, stretch.depth + 1};
     right = {left_limit, halves.right_count, stretch.limit, stretch.depth + 1};
     std::copy(halves.right, halves.right + halves.right_count, references_.data() + left_limit);
@@ -308,7 +313,8 @@ class SpatialBuilder {
 
 }  // namespace
 
-Bvh2 build_spatial(const MeshView& mesh, Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_spatial(const MeshView& mesh, Boxes boxes, const Config& config,
+                   BuildProgress& progress) {
   progress.report(0.1, "splitting in space");
   return SpatialBuilder(mesh, boxes, config).build();
 }

@@ -191,7 +191,7 @@ struct SweepRange {
     for (uint32_t axis = 0; axis < 3; ++axis)
       best = cheaper(best, sweep(team, task, axis, all, pad, shared));
     best = team.reduce(best, cheaper);
-    // Where nothing is gained, all positions cost the same but for rounding.
+    // Where nothing is gained, all positions cost the same, up to rounding.
     if (!(best.cost < padded_area(whole, pad) * float(all) * 0.99999f))
       best = {best.cost, best.axis, n / 2};
     if (best.axis > 2) best.axis = 0;

@@ -12,6 +12,7 @@
 #include "base/radix_sort.hpp"
 #include "base/simd/box4.hpp"
 #include "bvh/build/builders.hpp"
+#include "bvh/tree/box_node.hpp"
 #include "bvh/tree/config.hpp"
 
 namespace umbel::bvh {
@@ -73,7 +74,7 @@ class Sweep {
       const uint32_t primitive = orders_[0][begin];
       const Box4 box = Box4::from(boxes_[primitive]);
       tree_.primitives[begin] = primitive;
-      tree_.nodes[index] = box.node(begin, 1);
+      tree_.nodes[index] = node_of(box, begin, 1);
       return box;
     }
     Split best = cheapest(begin, end);
@@ -93,7 +94,7 @@ class Sweep {
       tbb::parallel_invoke(go_left, go_right);
     }
     left.extend(right);
-    tree_.nodes[index] = left.node(free, 0);
+    tree_.nodes[index] = node_of(left, free, 0);
     return left;
   }
 
@@ -108,7 +109,7 @@ class Sweep {
     const Float4 pad = whole.pad();
     Split best;
     for (int axis = 0; axis < 3; ++axis) sweep(begin, n, all, axis, pad, best);
-    // Where nothing is gained, all positions cost the same but for rounding.
+    // Where nothing is gained, all positions cost the same, up to rounding.
     if (!(best.cost < whole.half_area(pad) * float(all) * 0.99999f)) best.position = n / 2;
     return best;
   }
@@ -164,7 +165,7 @@ class Sweep {
 
 }  // namespace
 
-Bvh2 build_sweep(Boxes boxes, const Config& config, Progress& progress) {
+Bvh2 build_sweep(Boxes boxes, const Config& config, BuildProgress& progress) {
   progress.report(0.1, "sorting centroids");
   Sweep sweep(boxes, OneEach{}, config);
   progress.report(0.2, "sweeping");

@@ -41,11 +41,11 @@ class Joiner {
     const size_t nodes = 2 * size_t(child(root).pairs) + 1;
     reserve_big(tree_.nodes, nodes);
     tree_.nodes.resize(nodes);
-    place(root, 1, 0);
+    write_root(root, 1, 0);
     for (size_t t = 0; t < top_.size(); ++t) {
       const uint32_t base = above_[t].root.first;
-      place(top_[t].left, base + 2, base);
-      place(top_[t].right, base + 2 + 2 * child(top_[t].left).pairs, base + 1);
+      write_root(top_[t].left, base + 2, base);
+      write_root(top_[t].right, base + 2 + 2 * child(top_[t].left).pairs, base + 1);
     }
     parallel_for(parts_.size(), 1, [&](size_t s) {
       copy_part(parts_[s], bases_[s], tree_.nodes.data(), tree_.primitives);
@@ -66,7 +66,7 @@ class Joiner {
   }
 
   /// The nodes below this child begin at `base`; it is itself the node `slot`.
-  void place(uint32_t id, uint32_t base, uint32_t slot) {
+  void write_root(uint32_t id, uint32_t base, uint32_t slot) {
     Node& node = tree_.nodes[slot];
     node = child(id).root;
     if (static_cast<int32_t>(id) < 0) {

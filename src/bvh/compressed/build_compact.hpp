@@ -38,7 +38,7 @@ struct MeshCorners {
   }
 };
 
-/// The binary tree of n > 0 boxes: room for n merges, of which those that are not used get a count
+/// The binary tree of n > 0 boxes. There is room for n merges; those that are not used get a count
 /// of 0, and the root. `stage` is called with the name of each stage that ends.
 template <typename Exec, typename Stage>
 void build_by_codes(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
@@ -71,7 +71,7 @@ void build_kmeans(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, 
   passes.run([](double) {});
   stage("clusters");
   bvh::KmeansTreelets<Exec>(exec, passes, bvh::LeafRule(config.cost, config.max_leaf_size),
-                            bvh::handed_up(config.kmeans), merges)
+                            bvh::forwarded_clusters(config.kmeans), merges)
       .run(root);
 }
 
@@ -141,7 +141,7 @@ void make_boxes(Exec& exec, const MeshCorners& corners, uint32_t n, uint32_t ref
   bring_to_scale(exec, boxes, references);
 }
 
-/// Over n triangles with these names (none: by their places), at most 2^28 references.
+/// Over n triangles with these names (none: by their indices), at most 2^28 references.
 template <typename Exec, typename Stage>
 void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names, uint32_t n,
                    const DeviceBvhConfig& config, const bvh::CompactArrays& out,
@@ -166,8 +166,9 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
       *out.info = bvh::CompactInfo{};
       out.info->triangles = references;
     });
-    const uint32_t slots = config.builder == DeviceBuilder::kKmeans ? references : references - 1;
-    bvh::lay_out_compact(exec, {merges.data(), slots, root.data(), boxes.data(), references},
+    const uint32_t merge_count =
+        config.builder == DeviceBuilder::kKmeans ? references : references - 1;
+    bvh::lay_out_compact(exec, {merges.data(), merge_count, root.data(), boxes.data(), references},
                          config.cost, config.max_leaf_size, out.nodes, out.info, order.data());
     stage("nodes");
   }

@@ -78,23 +78,24 @@ struct CompactFrame {
  private:
   UMBEL_HOST_DEVICE void make_slabs(const CompactInfo& info, const float* d, const float* a,
                                     const float* away, float largest) {
-    float reach[3], tree_furthest = 0;
+    float max_abs[3], tree_furthest = 0;
     for (uint32_t k = 0; k < 3; ++k) {
-      reach[k] = larger(std::fabs(along(info.bounds.min, k)), std::fabs(along(info.bounds.max, k)));
-      tree_furthest = larger(tree_furthest, reach[k]);
-      reach[k] = reach[k] > away[k] ? reach[k] : away[k];
+      max_abs[k] =
+          larger(std::fabs(along(info.bounds.min, k)), std::fabs(along(info.bounds.max, k)));
+      tree_furthest = larger(tree_furthest, max_abs[k]);
+      max_abs[k] = max_abs[k] > away[k] ? max_abs[k] : away[k];
     }
     scale = unscale = 1;
     if (tree_furthest > 0x1p20f || (tree_furthest < 0x1p-20f && tree_furthest > 0)) {
       scale = power_of_two(clamp_exponent(-exponent_of(tree_furthest)));
       unscale = 1 / scale;
     }
-    const float furthest = larger(larger(reach[0], reach[1]), reach[2]);
+    const float furthest = larger(larger(max_abs[0], max_abs[1]), max_abs[2]);
     const float smallest = 0x1p-40f * largest;
     for (uint32_t k = 0; k < 3; ++k) {
-      const float slack = reach[k] * 0x1p-20f + furthest * 0x1p-38f;
+      const float error_bound = max_abs[k] * 0x1p-20f + furthest * 0x1p-38f;
       inv[k] = 1.0f / std::copysign(a[k] < smallest ? smallest : a[k], d[k]);
-      const float e = std::fabs(inv[k]) * slack;
+      const float e = std::fabs(inv[k]) * error_bound;
       // Rounded once.
       const double b = -double{along(origin, k)} * double{inv[k]};
       near_b[k] = static_cast<float>(b - double{e});
@@ -138,10 +139,10 @@ UMBEL_HOST_DEVICE inline bool settles(const CompactFrame& f, const CompactTriang
     low = c < low ? c : low;
     high = c > high ? c : high;
     const float o = along(f.origin, k);
-    const float slack = (f.far_b[k] - f.near_b[k]) * kShare;
+    const float error_bound = (f.far_b[k] - f.near_b[k]) * kShare;
     const float one = (low - o) * f.inv[k], other = (high - o) * f.inv[k];
-    const float enter = (one < other ? one : other) - slack;
-    const float leave = (one > other ? one : other) + slack;
+    const float enter = (one < other ? one : other) - error_bound;
+    const float leave = (one > other ? one : other) + error_bound;
     entry = k == 0 ? enter : larger(entry, enter);
     exit = k == 0 ? leave : smaller(exit, leave);
   }
@@ -198,11 +199,11 @@ class RayVisitor : public Count {
 
   UMBEL_HOST_DEVICE CompactGroup visit(const CompactNode& node) {
     float near = std::numeric_limits<float>::infinity();
-    const uint32_t slots = meet_children(node, near);
-    if ((slots & ~uint32_t{node.inner}) != 0)
-      each_triangle(tree_, node, slots, octant_,
+    const uint32_t children = meet_children(node, near);
+    if ((children & ~uint32_t{node.inner}) != 0)
+      each_triangle(tree_, node, children, octant_,
                     [this](const CompactTriangle& triangle, uint32_t) { return take(triangle); });
-    return CompactGroup::of(node, slots, octant_, near);
+    return CompactGroup::of(node, children, octant_, near);
   }
 
   UMBEL_HOST_DEVICE Hit result() const {
@@ -212,7 +213,8 @@ class RayVisitor : public Count {
   }
 
  private:
-  /// The slots whose boxes the ray meets within the limit, and where it meets the first.
+  /// The children, by slot, whose boxes the ray meets within the limit, and where it meets the
+  /// first.
   UMBEL_HOST_DEVICE uint32_t meet_children(const CompactNode& node, float& first) const {
     float enter[8], leave[8];
     for (uint32_t slot = 0; slot < 8; ++slot) {
@@ -221,7 +223,7 @@ class RayVisitor : public Count {
     }
     for (uint32_t k = 0; k < 3; ++k) {
       // t of plane q is q (cell inv) + (origin inv + b), with more room than ray_frame.hpp leaves
-      // for planes that are not on a grid: see widen_slack in ray_traverse.hpp.
+      // for planes that are not on a grid: see widen_error_bounds in ray_traverse.hpp.
       const float more = (frame_.far_b[k] - frame_.near_b[k]) * 0.25f;
       const float inv = frame_.inv[k];
       const float cell = compact_cell(node.exponent[k]) * inv;
@@ -237,14 +239,14 @@ class RayVisitor : public Count {
         leave[slot] = b < leave[slot] ? b : leave[slot];
       }
     }
-    uint32_t slots = 0;
+    uint32_t children = 0;
     const uint64_t meta = slots_of(node.meta);
     for (uint32_t slot = 0; slot < 8; ++slot) {
       if (slot_of(meta, slot) == 0 || !(enter[slot] <= leave[slot])) continue;
-      slots |= 1u << slot;
+      children |= 1u << slot;
       first = smaller(first, enter[slot]);
     }
-    return slots;
+    return children;
   }
 
   UMBEL_HOST_DEVICE bool take(const CompactTriangle& triangle) {

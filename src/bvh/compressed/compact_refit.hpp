@@ -64,10 +64,10 @@ void refit_compact(Exec& exec, const CompactArrays& tree, uint32_t triangles, co
                     exact = exact.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
                      const CompactBoxes boxes{tree, parts, exact};
                      auto node = static_cast<uint32_t>(i);
-                     uint32_t slots = 0;
-                     for (const uint8_t meta : tree.nodes[node].meta) slots |= meta;
+                     uint32_t children = 0;
+                     for (const uint8_t meta : tree.nodes[node].meta) children |= meta;
                      // Without any child it is a gap in the array.
-                     if (slots == 0 || tree.nodes[node].inner != 0) return;
+                     if (children == 0 || tree.nodes[node].inner != 0) return;
                      while (true) {
                        exact[node] = boxes(node);
                        const uint32_t parent = parents[node];

@@ -43,33 +43,33 @@ class ClosestVisitor {
       }
     }
     const uint64_t meta = slots_of(node.meta);
-    uint32_t slots = 0, first = 0;
+    uint32_t children = 0, first = 0;
     float near = std::numeric_limits<float>::infinity();
     for (uint32_t slot = 0; slot < 8; ++slot) {
       if (slot_of(meta, slot) == 0 || !(distance2[slot] <= limit_)) continue;
-      slots |= 1u << slot;
+      children |= 1u << slot;
       if (distance2[slot] < near) {
         near = distance2[slot];
         first = slot;
       }
     }
-    if ((slots & ~uint32_t{node.inner}) != 0)
-      each_triangle(tree_, node, slots, first,
-                    [this](const CompactTriangle& triangle, uint32_t place) {
-                      take(triangle, place);
+    if ((children & ~uint32_t{node.inner}) != 0)
+      each_triangle(tree_, node, children, first,
+                    [this](const CompactTriangle& triangle, uint32_t position) {
+                      take(triangle, position);
                       return true;
                     });
-    return CompactGroup::of(node, slots, first, near);
+    return CompactGroup::of(node, children, first, near);
   }
 
   UMBEL_HOST_DEVICE ClosestPoint result() const {
     if (primitive_ == kNone) return {};
-    const CompactTriangle triangle = load_words(tree_.triangles + place_);
+    const CompactTriangle triangle = load_words(tree_.triangles + position_);
     return closest::closest_at(best_, primitive_, triangle.p0, triangle.p1, triangle.p2);
   }
 
  private:
-  UMBEL_HOST_DEVICE void take(const CompactTriangle& triangle, uint32_t place) {
+  UMBEL_HOST_DEVICE void take(const CompactTriangle& triangle, uint32_t position) {
     if (!is_finite(triangle.p0) || !is_finite(triangle.p1) || !is_finite(triangle.p2)) return;
     const TrianglePoint p = closest_on_triangle(point_, triangle.p0, triangle.p1, triangle.p2);
     const bool is_closer = p.distance2 < best_.distance2;
@@ -77,7 +77,7 @@ class ClosestVisitor {
     if (!is_closer && !is_equal) return;
     best_ = p;
     primitive_ = triangle.primitive;
-    place_ = place;
+    position_ = position;
     limit_ = smaller(closest::box_limit(best_.distance2, unit_), limit_);
   }
 
@@ -85,10 +85,10 @@ class ClosestVisitor {
   Vec3 point_, scaled_;
   float unit_ = 1, limit_ = 0;
   TrianglePoint best_;
-  uint32_t primitive_ = kNone, place_ = 0;
+  uint32_t primitive_ = kNone, position_ = 0;
 };
 
-/// Calls found(primitive) for every place of a triangle in a leaf that touches a box.
+/// Calls found(primitive) for every triangle of a leaf that touches a box.
 template <typename Found>
 class BoxVisitor {
  public:
@@ -116,16 +116,16 @@ class BoxVisitor {
           apart |= 1u << slot;
     }
     const uint64_t meta = slots_of(node.meta);
-    uint32_t slots = 0;
+    uint32_t children = 0;
     for (uint32_t slot = 0; slot < 8; ++slot)
-      if (slot_of(meta, slot) != 0 && (apart >> slot & 1) == 0) slots |= 1u << slot;
-    each_triangle(tree_, node, slots, 0, [this](const CompactTriangle& t, uint32_t) {
+      if (slot_of(meta, slot) != 0 && (apart >> slot & 1) == 0) children |= 1u << slot;
+    each_triangle(tree_, node, children, 0, [this](const CompactTriangle& t, uint32_t) {
       if (is_finite(t.p0) && is_finite(t.p1) && is_finite(t.p2) &&
           touches_box(box_, t.p0, t.p1, t.p2))
         found_(t.primitive);
       return true;
     });
-    return CompactGroup::of(node, slots, 0, 0);
+    return CompactGroup::of(node, children, 0, 0);
   }
 
  private:

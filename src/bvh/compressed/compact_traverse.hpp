@@ -87,19 +87,19 @@ struct CompactGroup {
   uint32_t bits = 0;  ///< 0..7: who waits; 8..15: CompactNode::inner; 16..18: first
   float near = 0;     ///< no child is nearer, in whatever the visitor counts
 
-  UMBEL_HOST_DEVICE static CompactGroup of(const CompactNode& node, uint32_t slots, uint32_t first,
-                                           float near) {
+  UMBEL_HOST_DEVICE static CompactGroup of(const CompactNode& node, uint32_t children,
+                                           uint32_t first, float near) {
     uint32_t waiting = 0;
-    for (uint32_t rest = slots & node.inner; rest != 0; rest &= rest - 1)
+    for (uint32_t rest = children & node.inner; rest != 0; rest &= rest - 1)
       waiting |= 1u << (lowest_bit(rest) ^ first);
     return {node.first_child, waiting | uint32_t{node.inner} << 8 | first << 16, near};
   }
   UMBEL_HOST_DEVICE bool is_empty() const { return (bits & 0xffu) == 0; }
   /// Takes the first child out.
   UMBEL_HOST_DEVICE uint32_t take() {
-    const uint32_t place = lowest_bit(bits);
+    const uint32_t rank = lowest_bit(bits);
     bits &= bits - 1;
-    const uint32_t slot = place ^ (bits >> 16);
+    const uint32_t slot = rank ^ (bits >> 16);
     return first_child + count_bits((bits >> 8 & 0xffu) & ((1u << slot) - 1));
   }
 };
@@ -133,15 +133,15 @@ class CompactTraversal {
   CompactGroup stack_[kMaxCompactDepth];
 };
 
-/// Calls take(triangle, place) for the triangles of leaves in slots, in the order of (slot ^
-/// first), until it says false.
+/// Calls take(triangle, position) for the triangles of the leaves among `children`, in the order of
+/// (slot ^ first), until it says false.
 template <typename Take>
 UMBEL_HOST_DEVICE inline void each_triangle(const CompactTree& tree, const CompactNode& node,
-                                            uint32_t slots, uint32_t first, const Take& take) {
+                                            uint32_t children, uint32_t first, const Take& take) {
   const uint64_t meta = slots_of(node.meta), starts = leaf_starts(meta);
-  for (uint32_t place = 0; place < 8; ++place) {
-    const uint32_t slot = place ^ first;
-    if ((slots >> slot & 1) == 0 || (node.inner >> slot & 1) != 0) continue;
+  for (uint32_t rank = 0; rank < 8; ++rank) {
+    const uint32_t slot = rank ^ first;
+    if ((children >> slot & 1) == 0 || (node.inner >> slot & 1) != 0) continue;
     const uint32_t begin = node.first_triangle + slot_of(starts, slot);
     const uint32_t count = slot_of(meta, slot);
     for (uint32_t i = begin; i < begin + count; ++i)

@@ -18,7 +18,7 @@ namespace umbel::bvh {
 /// A binary tree in an executor's memory.
 struct BinaryTree {
   const Merge* merges;
-  uint32_t slots;  ///< of merges; those that are not in the tree have a count of 0
+  uint32_t merge_count;  ///< those that are not in the tree have a count of 0
   const Subtree* root;
   const Aabb* boxes;  ///< of the items
   uint32_t items;
@@ -94,9 +94,9 @@ struct CompactLayout {
   UMBEL_HOST_DEVICE uint32_t open(uint32_t merge, Subtree children[8]) const {
     float areas[8];
     uint32_t count = 0;
-    const auto add = [&](uint32_t place, Subtree s) {
-      children[place] = s;
-      areas[place] = is_leaf(s) ? -1 : area_of(box(s));
+    const auto add = [&](uint32_t at, Subtree s) {
+      children[at] = s;
+      areas[at] = is_leaf(s) ? -1 : area_of(box(s));
     };
     add(count++, tree.merges[merge].left);
     add(count++, tree.merges[merge].right);
@@ -157,7 +157,7 @@ struct CompactTask {
 struct CompactTop {
   CompactLayout layout;
   CompactNode* nodes;
-  uint32_t* order;     ///< which item each place in leaves has
+  uint32_t* order;     ///< which item each entry of the leaves is
   uint32_t* even_at;   ///< of a merge that was laid out evenly: kEvenBit, and where its items begin
   uint32_t* any_even;  ///< whether there are such
   CompactTask* next;
@@ -208,11 +208,11 @@ struct CompactTop {
         ++inner;
       }
     }
-    uint32_t place = task.below, below = task.below + inner;
+    uint32_t next = task.below, below = task.below + inner;
     for (uint32_t slot = 0; slot < 8; ++slot) {
       if ((node.inner >> slot & 1) == 0) continue;
       const Subtree child = slots[slot];
-      push({child.index(), 0, place++, below, triangle});
+      push({child.index(), 0, next++, below, triangle});
       below += layout.nodes(child) - 1;
       triangle += layout.count(child);
     }
@@ -288,7 +288,7 @@ struct CompactTop {
     return used;
   }
 
-  /// The items below, of which there are at most 8. Returns the place behind them.
+  /// The items below, of which there are at most 8. Returns the index behind them.
   UMBEL_HOST_DEVICE uint32_t write_leaf(Subtree leaf, uint32_t triangle) const {
     Subtree open[9];
     uint32_t size = 0;
@@ -306,20 +306,21 @@ struct CompactTop {
   }
 };
 
-/// Lays out a tree of at least one item: all of the nodes but their boxes, info->nodes and
-/// info->sah_cost, and which item each place in leaves has. max_leaf_size is at most 8.
+/// Lays out a tree of at least one item: the nodes without their boxes, info->nodes and
+/// info->sah_cost, and which item each entry of the leaves is. max_leaf_size is at most 8.
+/// Long, as it is one kernel after the other, all of which use the same arrays.
 template <typename Exec>
 void lay_out_compact(Exec& exec, const BinaryTree& tree, const CostModel& cost,
                      uint32_t max_leaf_size, CompactNode* nodes, CompactInfo* info,
                      uint32_t* order) {
-  auto below = exec.template allocate<CompactBelow>(tree.slots);
-  auto arrived = exec.template allocate<uint32_t>(tree.slots);
-  auto parents_of_merges = exec.template allocate<uint32_t>(tree.slots);
+  auto below = exec.template allocate<CompactBelow>(tree.merge_count);
+  auto arrived = exec.template allocate<uint32_t>(tree.merge_count);
+  auto parents_of_merges = exec.template allocate<uint32_t>(tree.merge_count);
   auto parents_of_items = exec.template allocate<uint32_t>(tree.items);
   const MergeParents parents{parents_of_merges.data(), parents_of_items.data()};
-  find_parents(exec, tree.merges, tree.slots, tree.root, parents);
+  find_parents(exec, tree.merges, tree.merge_count, tree.root, parents);
   const CompactLayout layout{tree, below.data(), cost.traversal, cost.intersection, max_leaf_size};
-  exec.for_each(tree.slots,
+  exec.for_each(tree.merge_count,
                 [arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) { arrived[i] = 0; });
   exec.for_each(tree.items,
                 [layout, parents, arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t item) {

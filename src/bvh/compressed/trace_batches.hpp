@@ -148,9 +148,9 @@ void list_touching(Exec& exec, const bvh::CompactTree& tree, const Aabb* boxes, 
   constexpr uint64_t kNoKey = ~uint64_t(0);
   const auto key_buffer = exec.template allocate<uint64_t>(room);
   const auto values = exec.template allocate<uint32_t>(room);
-  const auto place_buffer = exec.template allocate<uint32_t>(size_t(room) + 1);
+  const auto target_buffer = exec.template allocate<uint32_t>(size_t(room) + 1);
   uint64_t* keys = key_buffer.data();
-  uint32_t* places = place_buffer.data();
+  uint32_t* targets = target_buffer.data();
   exec.for_each(room, [keys, values = values.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
     keys[i] = kNoKey;
     values[i] = 0;
@@ -162,11 +162,11 @@ void list_touching(Exec& exec, const bvh::CompactTree& tree, const Aabb* boxes, 
       [keys] UMBEL_DEVICE_LAMBDA(size_t i) {
         return keys[i] != kNoKey && (i == 0 || keys[i] != keys[i - 1]) ? 1u : 0u;
       },
-      places);
-  exec.for_each(room, [keys, places, primitives] UMBEL_DEVICE_LAMBDA(size_t i) {
-    if (places[i + 1] != places[i]) primitives[places[i]] = uint32_t(keys[i]);
+      targets);
+  exec.for_each(room, [keys, targets, primitives] UMBEL_DEVICE_LAMBDA(size_t i) {
+    if (targets[i + 1] != targets[i]) primitives[targets[i]] = uint32_t(keys[i]);
   });
-  exec.for_each(size_t(count) + 1, [keys, places, offsets, room] UMBEL_DEVICE_LAMBDA(size_t box) {
+  exec.for_each(size_t(count) + 1, [keys, targets, offsets, room] UMBEL_DEVICE_LAMBDA(size_t box) {
     uint32_t first = 0, last = room;
     while (first < last) {
       const uint32_t middle = first + (last - first) / 2;
@@ -175,7 +175,7 @@ void list_touching(Exec& exec, const bvh::CompactTree& tree, const Aabb* boxes, 
       else
         last = middle;
     }
-    offsets[box] = places[first];
+    offsets[box] = targets[first];
   });
 }
 

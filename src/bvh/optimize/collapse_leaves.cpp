@@ -1,4 +1,4 @@
-// Leaves by cost: bottom-up, every subtree that is no dearer as one leaf becomes one (as in Karras
+// Leaves by cost: bottom-up, every subtree that costs no more as one leaf becomes one (as in Karras
 // & Aila, "Fast parallel construction of high-quality bounding volume hierarchies", 2013).
 #include <vector>
 

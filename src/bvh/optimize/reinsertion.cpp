@@ -1,6 +1,6 @@
 // Parallel reinsertion (Meister & Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy
-// Optimization", 2018): for many subtrees at once the place is searched, by branch and bound over
-// the whole tree, where they enlarge it least. The moves are then made one by one, the best first.
+// Optimization", 2018): for many subtrees at once a branch-and-bound search over the
+// whole tree finds where they enlarge it least. The moves are then made one by one, the best first.
 //
 // Where the paper keeps conflicting moves apart by locks, each move is tried on the tree as it is
 // by then, and taken back unless it pays. So the cost never rises, and nothing depends on threads.
@@ -13,6 +13,7 @@
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "base/simd/box4.hpp"
+#include "bvh/tree/box_node.hpp"
 #include "bvh/tree/layout.hpp"
 
 namespace umbel::bvh {
@@ -25,9 +26,10 @@ struct Move {
 };
 
 float area(const Box4& b) { return b.half_area(splat(0)); }
-Box4 joined(Box4 a, const Box4& b) {
-  a.extend(b);
-  return a;
+Box4 joined(const Box4& a, const Box4& b) {
+  Box4 both = a;
+  both.extend(b);
+  return both;
 }
 
 /// A tree whose nodes know their parents. The two children of a node stay neighbours; children
@@ -50,8 +52,9 @@ class LinkedTree {
     return ancestor == 0;
   }
 
-  /// Makes `node` and `target` siblings: the old sibling takes the place of the old parent, and
-  /// `target` that of the old sibling. Returns how much larger the inner nodes have become.
+  /// Makes `node` and `target` siblings: the old sibling replaces the old parent, and
+  /// `target` moves to where the old sibling was. Returns how much larger the inner nodes have
+  /// become.
   double move(uint32_t node, uint32_t target) {
     const uint32_t old_sibling = sibling(node), old_parent = parent(node);
     const Node new_parent = nodes_[old_parent];
@@ -75,7 +78,7 @@ class LinkedTree {
     adopt(i);
   }
   void set_box(uint32_t i, const Box4& box) {
-    nodes_[i] = box.node(nodes_[i].first, nodes_[i].count);
+    nodes_[i] = node_of(box, nodes_[i].first, nodes_[i].count);
   }
   double refit_above(uint32_t i) {
     double change = 0;

@@ -1,7 +1,7 @@
 // Treelet restructuring for any executor (Domingues & Pedrini, "Bounding Volume Hierarchy
 // Optimization through Agglomerative Treelet Restructuring", 2015): bottom-up, the few largest
-// subtrees below each node are joined anew, always the two with the smallest common box, and what
-// comes out is kept where it costs less (as in Karras & Aila, "Fast Parallel Construction of
+// subtrees below each node are agglomerated, always the two with the smallest common box, and the
+// result is kept where it costs less (as in Karras & Aila, "Fast Parallel Construction of
 // High-Quality Bounding Volume Hierarchies", 2013, who search all ways of joining them).
 #pragma once
 
@@ -23,7 +23,7 @@ struct TreeletInput {
   Merge* merges;
 };
 
-/// One treelet: takes it apart and joins it anew, on one thread.
+/// One treelet: takes it apart and agglomerates it, on one thread.
 class Treelet {
  public:
   static constexpr uint32_t kMost = 15;
@@ -124,7 +124,7 @@ class Treelet {
     return area_of(united(parts_[i].box, parts_[j].box));
   }
 
-  /// The joined part takes the place of b < a, and the last one that of a.
+  /// Writes the joined part to b < a, and moves the last one to a.
   UMBEL_HOST_DEVICE void join_two(uint32_t a, uint32_t b) {
     Join& join = joins_[join_count_];
     join.left = parts_[b];

@@ -7,7 +7,7 @@
 
 namespace umbel::bvh {
 
-/// bvh::check but for whether every primitive is in the tree, and how often.
+/// As bvh::check, without asking whether every primitive is in the tree, and how often.
 void check_structure(const Bvh2& tree, uint32_t primitive_count);
 
 }  // namespace umbel::bvh

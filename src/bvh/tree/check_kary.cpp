@@ -40,7 +40,7 @@ void check_node(const KaryTree& tree, size_t index, std::vector<uint8_t>& has_pa
   }
 }
 
-/// Each place among the primitives is in at most one leaf.
+/// Each entry of the primitives is in at most one leaf.
 void check_leaves(const KaryTree& tree) {
   std::vector<uint8_t> in_leaf(tree.primitives.size());
   for (size_t i = 0; i < tree.nodes.size(); ++i) {

@@ -61,7 +61,7 @@ void check_config(const Config& c, size_t primitives) {
   check_range("kmeans.clusters", c.kmeans.clusters, 2, 64);
   check_range("kmeans.candidates", c.kmeans.candidates, 1, 64);
   check_range("kmeans.iterations", c.kmeans.iterations, 0, 100);
-  check_range("kmeans.handed_up", c.kmeans.handed_up, 0, 64);
+  check_range("kmeans.forwarded_clusters", c.kmeans.forwarded_clusters, 0, 64);
   check_range("aac.leaf_size", c.aac.leaf_size, 2, 128);
   check_range("aac.epsilon", double(c.aac.epsilon), 0, 0.5);
 

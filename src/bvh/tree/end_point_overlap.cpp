@@ -119,9 +119,9 @@ struct Polygon {
 // Keeps what lies where sign * coordinate <= sign * limit (Sutherland & Hodgman 1974).
 void clip(Polygon& polygon, double Vec3d::* axis, double sign, double limit) {
   const auto excess = [&](const Vec3d& corner) { return sign * (corner.*axis - limit); };
-  bool cuts = false;
-  for (uint32_t i = 0; i < polygon.count; ++i) cuts |= excess(polygon.corners[i]) > 0;
-  if (!cuts) return;
+  bool crosses = false;
+  for (uint32_t i = 0; i < polygon.count; ++i) crosses |= excess(polygon.corners[i]) > 0;
+  if (!crosses) return;
   Polygon kept;
   for (uint32_t i = 0; i < polygon.count; ++i) {
     const Vec3d& from = polygon.corners[i];

@@ -1,4 +1,4 @@
-// Writes a tree anew, depth-first.
+// Lays a tree out again, depth-first.
 #pragma once
 
 #include <cstdint>

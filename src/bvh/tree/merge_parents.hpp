@@ -12,12 +12,12 @@ struct MergeParents {
   uint32_t* of_items;
 };
 
-/// Merges without primitives (count 0) are passed over.
+/// Skips merges without primitives (count 0).
 template <typename Exec>
-void find_parents(Exec& exec, const Merge* merges, uint32_t slots, const Subtree* root,
+void find_parents(Exec& exec, const Merge* merges, uint32_t merge_count, const Subtree* root,
                   const MergeParents& parents) {
-  exec.for_each(slots + size_t{1}, [=] UMBEL_DEVICE_LAMBDA(size_t i) {
-    if (i == slots) {
+  exec.for_each(merge_count + size_t{1}, [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+    if (i == merge_count) {
       (root->is_primitive() ? parents.of_items : parents.of_merges)[root->index()] = kNone;
       return;
     }

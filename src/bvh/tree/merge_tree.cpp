@@ -10,7 +10,7 @@ namespace umbel::bvh {
 namespace {
 
 /// A subtree and where it goes: its own node, those below it, and its primitives.
-struct Place {
+struct Target {
   Subtree subtree;
   uint32_t node, below, primitive;
 };
@@ -21,33 +21,33 @@ class Layout {
       : merges_(merges), boxes_(boxes), tree_(tree) {}
 
   /// Writes the nodes of at least `grain` primitives, and returns what lies below them.
-  std::vector<Place> top(Place root, uint32_t grain) {
-    std::vector<Place> rest, open{root};
+  std::vector<Target> top(Target root, uint32_t grain) {
+    std::vector<Target> rest, open{root};
     while (!open.empty()) {
-      const Place place = open.back();
+      const Target target = open.back();
       open.pop_back();
-      if (count_of(place.subtree) < grain) {
-        rest.push_back(place);
+      if (count_of(target.subtree) < grain) {
+        rest.push_back(target);
         continue;
       }
       open.resize(open.size() + 2);
-      write(place, &open[open.size() - 2]);
+      write(target, &open[open.size() - 2]);
     }
     return rest;
   }
 
   /// Writes a whole subtree.
-  void all(Place root) {
-    std::vector<Place> open{root};
+  void all(Target root) {
+    std::vector<Target> open{root};
     while (!open.empty()) {
-      const Place place = open.back();
+      const Target target = open.back();
       open.pop_back();
-      if (place.subtree.is_primitive()) {
-        write_leaf(place);
+      if (target.subtree.is_primitive()) {
+        write_leaf(target);
         continue;
       }
       open.resize(open.size() + 2);
-      write(place, &open[open.size() - 2]);
+      write(target, &open[open.size() - 2]);
     }
   }
 
@@ -56,20 +56,20 @@ class Layout {
     return subtree.is_primitive() ? 1 : merges_[subtree.index()].count;
   }
 
-  void write_leaf(const Place& place) {
-    const uint32_t primitive = place.subtree.index();
+  void write_leaf(const Target& target) {
+    const uint32_t primitive = target.subtree.index();
     const Aabb& box = boxes_[primitive];
-    tree_.nodes[place.node] = {box.min, place.primitive, box.max, 1};
-    tree_.primitives[place.primitive] = primitive;
+    tree_.nodes[target.node] = {box.min, target.primitive, box.max, 1};
+    tree_.primitives[target.primitive] = primitive;
   }
 
-  /// Writes an inner node and gives the places of its children, the left one last.
-  void write(const Place& place, Place* children) {
-    const Merge& merge = merges_[place.subtree.index()];
-    tree_.nodes[place.node] = {merge.box.min, place.below, merge.box.max, 0};
+  /// Writes an inner node and gives the targets of its children, the left one last.
+  void write(const Target& target, Target* children) {
+    const Merge& merge = merges_[target.subtree.index()];
+    tree_.nodes[target.node] = {merge.box.min, target.below, merge.box.max, 0};
     const uint32_t left = count_of(merge.left);
-    children[1] = {merge.left, place.below, place.below + 2, place.primitive};
-    children[0] = {merge.right, place.below + 1, place.below + 2 * left, place.primitive + left};
+    children[1] = {merge.left, target.below, target.below + 2, target.primitive};
+    children[0] = {merge.right, target.below + 1, target.below + 2 * left, target.primitive + left};
   }
 
   const BigVector<Merge>& merges_;
@@ -85,7 +85,7 @@ Bvh2 emit(const BigVector<Merge>& merges, Subtree root, Boxes boxes) {
   tree.primitives.resize(boxes.size());
   Layout layout(merges, boxes, tree);
   constexpr uint32_t kGrain = 4096;
-  const std::vector<Place> subtrees = layout.top({root, 0, 1, 0}, kGrain);
+  const std::vector<Target> subtrees = layout.top({root, 0, 1, 0}, kGrain);
   parallel_for(subtrees.size(), 1, [&](size_t i) { layout.all(subtrees[i]); });
   return tree;
 }

@@ -46,4 +46,14 @@ UMBEL_HOST_DEVICE inline Aabb united(Aabb a, const Aabb& b) {
   return a;
 }
 
+/// The box of a triangle; empty where a corner is not finite.
+UMBEL_HOST_DEVICE inline Aabb box_of_finite(const Vec3& p0, const Vec3& p1, const Vec3& p2) {
+  Aabb box;
+  if (!is_finite(p0) || !is_finite(p1) || !is_finite(p2)) return box;
+  extend(box, p0);
+  extend(box, p1);
+  extend(box, p2);
+  return box;
+}
+
 }  // namespace umbel::bvh

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "base/axis.hpp"
 #include "bvh/tree/leaf_rule.hpp"
 #include "bvh/tree/merge_tree.hpp"
 #include "bvh/tree/nearest_area.hpp"
@@ -95,7 +96,7 @@ class TreeletAgglomeration {
   }
   UMBEL_HOST_DEVICE uint32_t below(uint32_t i) const { return counts_[i] + counts_[nearest_[i]]; }
 
-  /// The last item takes the place of item `b`; links to both are put right by `update`.
+  /// Moves the last item into slot `b`; `update` corrects the links to both.
   UMBEL_HOST_DEVICE void replace(uint32_t b, uint32_t last) {
     boxes().copy(b, last);
     nodes_[b] = nodes_[last];
@@ -104,8 +105,8 @@ class TreeletAgglomeration {
     distances_[b] = distances_[last];
   }
 
-  /// After two were merged into `a` and the last item took the place `b`: searches anew for those
-  /// that had one of the two nearest. They were at `b`, and at `a` or at the end.
+  /// After two were merged into `a` and the last item was moved into slot `b`: searches again for
+  /// those whose nearest was one of the two, which were at `b`, and at `a` or at the end.
   template <typename Team>
   UMBEL_HOST_DEVICE void update(const Team& team, uint32_t a, uint32_t b, uint32_t size) {
     const uint32_t last = size;
@@ -170,9 +171,6 @@ class TreeletSweep {
     uint8_t axis;
   };
 
-  UMBEL_HOST_DEVICE static float component(const Vec3& v, uint32_t axis) {
-    return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
-  }
   UMBEL_HOST_DEVICE static float center_of(const JoinItem& item, uint32_t axis) {
     return component(item.box.min, axis) + component(item.box.max, axis);
   }
@@ -302,17 +300,17 @@ class TreeletJoin {
   template <typename Team>
   UMBEL_HOST_DEVICE void sweep(const Team& team, const LeafRule& rule, TreeletSweep& sweep) {
     if (size_ < 3) return;
-    sweep.run(team, nodes_, size_, swept_);
+    sweep.run(team, nodes_, size_, by_sweep_);
     if (team.rank() != 0) return;
-    if (evaluate(rule, swept_) < cost_)
-      for (uint32_t i = 0; i + 1 < size_; ++i) joins_[i] = swept_[i];
+    if (evaluate(rule, by_sweep_) < cost_)
+      for (uint32_t i = 0; i + 1 < size_; ++i) joins_[i] = by_sweep_[i];
     evaluate(rule, joins_);
   }
 
   /// By one lane. Opens the joins with the largest boxes until `left` nodes are left, makes the
-  /// others, and writes what is left. Each merge takes the slot of one of its two. Returns how many
-  /// are left.
-  UMBEL_HOST_DEVICE uint32_t hand_up(uint32_t left, Merge* merges, JoinItem* out) {
+  /// other joins, and writes the nodes that are left for the treelet above. Each merge takes the
+  /// slot of one of its two. Returns how many nodes are left.
+  UMBEL_HOST_DEVICE uint32_t forward(uint32_t left, Merge* merges, JoinItem* out) {
     if (size_ == 0) return 0;
     const uint32_t root = 2 * size_ - 2;
     for (uint32_t i = 0; i + 1 < size_; ++i) is_open_[i] = false;
@@ -359,7 +357,7 @@ class TreeletJoin {
 
   uint32_t size_;  ///< items
   float cost_;
-  Join joins_[kMostJoined], swept_[kMostJoined];
+  Join joins_[kMostJoined], by_sweep_[kMostJoined];
   uint32_t open_[kMostJoined];
   bool is_open_[kMostJoined];
   JoinItem nodes_[2 * kMostJoined];  ///< items, and then joins

@@ -3,9 +3,9 @@
 // what is not met in them is not there. In words:
 //   3        the grid's origin, which is the lowest corner of all below the node: x, y, z
 //   3        the size of its cells: x, y, z
-//   6 rows   a plane of each slot, in the order of plain nodes, as unsigned integers of GridPlane
+//   6 rows   a plane of each child, in the order of plain nodes, as unsigned integers of GridPlane
 //   width    links
-// The boxes of slots without a child mean nothing.
+// The boxes of children that are not there mean nothing.
 #pragma once
 
 #include <algorithm>
@@ -89,7 +89,7 @@ inline void set_plane(uint32_t* node, uint32_t width, uint32_t row, uint32_t slo
               &plane, sizeof plane);
 }
 
-/// A plane of a slot, 0 to 5 in the order of the rows.
+/// A plane of a child, 0 to 5 in the order of the rows.
 inline float position_of(const uint32_t* node, uint32_t width, uint32_t row, uint32_t slot) {
   return position(std::bit_cast<float>(node[row / 2]), std::bit_cast<float>(node[3 + row / 2]),
                   plane_of(node, width, row, slot));
@@ -113,7 +113,7 @@ inline bool is_grid(const uint32_t* node) {
   return true;
 }
 
-/// Writes the grid and all boxes of a node; empty ones are of slots without a child.
+/// Writes the grid and all boxes of a node; empty ones are of children that are not there.
 inline void set_boxes(uint32_t* node, uint32_t width, const Aabb* boxes) {
   Aabb all;
   for (uint32_t slot = 0; slot < width; ++slot) extend(all, boxes[slot]);

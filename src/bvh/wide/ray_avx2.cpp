@@ -29,11 +29,11 @@ struct WideAvx2 : Avx2 {
     const __m256i none = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(-1));
     return ~static_cast<uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(none)));
   }
-  UMBEL_SIMD static uint32_t push(const uint32_t* links, uint32_t slots, __m256 near,
+  UMBEL_SIMD static uint32_t push(const uint32_t* links, uint32_t entered, __m256 near,
                                   StackEntry*& top) {
     alignas(32) float distances[8];
     _mm256_store_ps(distances, near);
-    return push_sorted<8>(links, slots, distances, top);
+    return push_sorted<8>(links, entered, distances, top);
   }
 };
 

@@ -54,9 +54,9 @@ struct Avx512 {
   /// Sorts (distance, link) as 64-bit integers by a network, of two, four or eight. Which is the
   /// nearest is known before the others are sorted, and is what the next node waits for. Negative
   /// distances come in the wrong order, which costs time and nothing else.
-  UMBEL_SIMD static uint32_t push(const uint32_t* at, uint32_t slots, __m256 near,
+  UMBEL_SIMD static uint32_t push(const uint32_t* at, uint32_t entered, __m256 near,
                                   StackEntry*& top) {
-    const auto count = static_cast<uint32_t>(std::popcount(slots));
+    const auto count = static_cast<uint32_t>(std::popcount(entered));
     const __m256i links = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at));
     const __m512i interleave =
         _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
@@ -64,7 +64,8 @@ struct Avx512 {
         _mm512_permutex2var_epi32(_mm512_castsi256_si512(links), interleave,
                                   _mm512_castsi256_si512(_mm256_castps_si256(near)));
     const __m512i last = _mm512_set1_epi64(std::numeric_limits<int64_t>::max());
-    const __m512i packed = _mm512_mask_compress_epi64(last, static_cast<__mmask8>(slots), entries);
+    const __m512i packed =
+        _mm512_mask_compress_epi64(last, static_cast<__mmask8>(entered), entries);
     if (count == 2) return push2(_mm512_castsi512_si128(packed), top);
     // The furthest of the others comes first, the second nearest last.
     const __m512i descending =

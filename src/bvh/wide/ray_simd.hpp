@@ -1,9 +1,9 @@
 // The ray kernels of wide trees in 256-bit vectors, for the translation units that turn on an
 // instruction set before they include this. What the sets do differently comes from `Isa`, as in
 // query/simd_triangles.hpp, and
-//   children(links)                which of eight links are some; higher bits may be set
-//   push(links, slots, near, top)  puts the slots of a mask on the stack, the furthest first, but
-//                                  for the nearest, whose link it returns; two slots at least
+//   children(links)                  which of eight links lead to a child; higher bits may be set
+//   push(links, entered, near, top)  puts the children of a mask, two at least, on the stack, the
+//                                    furthest first, except the nearest, whose link it returns
 // Box tests only cull, so how they round does not matter (see query/ray_frame.hpp).
 #pragma once
 
@@ -16,7 +16,7 @@
 
 namespace umbel {
 
-/// The box test of the eight slots of a node.
+/// The box test of the eight children of a node.
 template <typename Isa>
 class BoxTester {
  public:
@@ -53,13 +53,13 @@ class BoxTester {
   const char *near_[3], *far_[3];  ///< planes of the first node
 };
 
-/// The same for the eight slots of a node on a grid.
+/// The same for the eight children of a node on a grid.
 template <typename Isa>
 class GridBoxTester {
  public:
   UMBEL_SIMD GridBoxTester(const RayFrame& f, const uint32_t* nodes) : nodes_(nodes) {
-    Quad near_b, far_b;
-    widen_slack(f, near_b, far_b);
+    Float4 near_b, far_b;
+    widen_error_bounds(f, near_b, far_b);
     for (int axis = 0; axis < 3; ++axis) {
       inv_[axis] = _mm256_set1_ps(f.inv[axis]);
       near_b_[axis] = _mm256_set1_ps(near_b[axis]);
@@ -106,7 +106,7 @@ class GridBoxTester {
   const uint32_t* nodes_;
 };
 
-/// Nodes of eight slots.
+/// Nodes of eight children.
 template <typename Isa, bool quantised>
 class WideIntersector {
  public:
@@ -119,11 +119,11 @@ class WideIntersector {
 
   UMBEL_SIMD uint32_t visit(size_t node, float cull, StackEntry*& top) const {
     __m256 near;
-    const uint32_t slots = boxes_(node, cull, near);
-    if (slots == 0) return kNoChild;
+    const uint32_t entered = boxes_(node, cull, near);
+    if (entered == 0) return kNoChild;
     const uint32_t* const links = links_ + 2 * node;
-    if ((slots & (slots - 1)) == 0) return links[std::countr_zero(slots)];
-    return Isa::push(links, slots, near, top);
+    if ((entered & (entered - 1)) == 0) return links[std::countr_zero(entered)];
+    return Isa::push(links, entered, near, top);
   }
   UMBEL_SIMD uint32_t triangles(const BvhData& tree, uint32_t link, bool cull_back, float t_max,
                                 LeafHits& hits) const {
@@ -136,7 +136,7 @@ class WideIntersector {
   const uint32_t* links_;  ///< of the first node
 };
 
-/// Nodes of two or four slots, whose boxes the compiler vectorises.
+/// Nodes of two or four children, whose boxes the compiler vectorises.
 template <typename Isa, uint32_t width, bool quantised>
 class NarrowIntersector {
  public:

@@ -21,7 +21,7 @@ struct StackEntry {
   float near;
 };
 
-/// Room for what a traversal may have to come back to; on the heap only for trees of absurd depth.
+/// Memory for what a traversal has to come back to; on the heap only for extremely deep trees.
 template <typename Intersector>
 class RayStack {
  public:
@@ -42,16 +42,16 @@ class RayStack {
   StackEntry* base_ = small_;
 };
 
-/// Pushes the slots of a mask, the furthest first, and takes the nearest off again.
+/// Pushes the children of a mask, the furthest first, and takes the nearest off again.
 template <uint32_t width>
-static inline uint32_t push_sorted(const uint32_t* links, uint32_t slots, const float* near,
+static inline uint32_t push_sorted(const uint32_t* links, uint32_t entered, const float* near,
                                    StackEntry*& top) {
   StackEntry* const first = top;
-  for (; slots != 0; slots &= slots - 1) {
-    const auto slot = static_cast<uint32_t>(std::countr_zero(slots));
-    StackEntry* place = top++;
-    for (; place != first && place[-1].near < near[slot]; --place) *place = place[-1];
-    *place = {links[slot], near[slot]};
+  for (; entered != 0; entered &= entered - 1) {
+    const auto child = static_cast<uint32_t>(std::countr_zero(entered));
+    StackEntry* at = top++;
+    for (; at != first && at[-1].near < near[child]; --at) *at = at[-1];
+    *at = {links[child], near[child]};
   }
   return (--top)->link;
 }
@@ -80,9 +80,9 @@ class PlainBoxes {
         far[i] = b < far[i] ? b : far[i];
       }
     }
-    uint32_t slots = 0;
-    for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(near[i] <= far[i]) << i;
-    return slots == 0 ? kNoChild : push_sorted<width>(node + 6 * width, slots, near, top);
+    uint32_t entered = 0;
+    for (uint32_t i = 0; i < width; ++i) entered |= static_cast<uint32_t>(near[i] <= far[i]) << i;
+    return entered == 0 ? kNoChild : push_sorted<width>(node + 6 * width, entered, near, top);
   }
 
  private:
@@ -93,19 +93,19 @@ class PlainBoxes {
 /// Moves b for nodes on grids. There t of plane q is q (cell inv) + (origin inv + b), which is off
 /// by up to 8 u E |inv| rather than 4 (see ray_frame.hpp). One more may be lost where a plane is
 /// rounded to what it is compared with, and one where b is moved: 6 + 6 + 8 + 1 + 1 < 16 + 8.
-static inline void widen_slack(const RayFrame& f, Quad& near_b, Quad& far_b) {
+static inline void widen_error_bounds(const RayFrame& f, Float4& near_b, Float4& far_b) {
   std::memcpy(&near_b, f.near_b, sizeof near_b);
   std::memcpy(&far_b, f.far_b, sizeof far_b);
-  const Quad more = (far_b - near_b) * 0.25f;
+  const Float4 more = (far_b - near_b) * 0.25f;
   near_b -= more;
   far_b += more;
 }
 
 template <uint32_t width>
 static inline uint32_t children_of(const uint32_t* links) {
-  uint32_t slots = 0;
-  for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(links[i] != kNoChild) << i;
-  return slots;
+  uint32_t children = 0;
+  for (uint32_t i = 0; i < width; ++i) children |= static_cast<uint32_t>(links[i] != kNoChild) << i;
+  return children;
 }
 
 /// PlainBoxes for nodes on grids.
@@ -113,7 +113,7 @@ template <typename Tag, uint32_t width>
 class GridBoxes {
  public:
   explicit GridBoxes(const RayFrame& frame) : f_(frame), t_min_(frame.t_min) {
-    widen_slack(frame, near_b_, far_b_);
+    widen_error_bounds(frame, near_b_, far_b_);
   }
 
   uint32_t visit(const uint32_t* node, float cull, StackEntry*& top) const {
@@ -138,21 +138,21 @@ class GridBoxes {
         far[i] = b < far[i] ? b : far[i];
       }
     }
-    uint32_t slots = 0;
-    for (uint32_t i = 0; i < width; ++i) slots |= static_cast<uint32_t>(near[i] <= far[i]) << i;
+    uint32_t entered = 0;
+    for (uint32_t i = 0; i < width; ++i) entered |= static_cast<uint32_t>(near[i] <= far[i]) << i;
     const uint32_t* const links = node + grid::links_at(width);
-    slots &= children_of<width>(links);
-    return slots == 0 ? kNoChild : push_sorted<width>(links, slots, near, top);
+    entered &= children_of<width>(links);
+    return entered == 0 ? kNoChild : push_sorted<width>(links, entered, near, top);
   }
 
  private:
   const RayFrame& f_;
-  Quad near_b_, far_b_;
+  Float4 near_b_, far_b_;
   float t_min_;
 };
 
-/// What comes after the next is fetched ahead: its first two cache lines, as the others follow by
-/// themselves. There is nothing where the stack's first entry points, which does no harm.
+/// Fetches what comes after the next node: its first two cache lines, as the hardware fetches the
+/// others. The stack's first entry points to nothing, which does no harm.
 static inline void prefetch(const BvhData& tree, uint32_t link) {
   const uint32_t* const words =
       BvhData::is_leaf(link) ? leaf_words(tree, link) : tree.nodes.data() + size_t{2} * link;

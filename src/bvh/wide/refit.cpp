@@ -55,21 +55,21 @@ struct Block {
 
 /// A box as two vectors, whose fourth lanes mean nothing.
 struct LaneBox {
-  Float4 low = Float4::all(std::numeric_limits<float>::infinity());
-  Float4 high = Float4::all(-std::numeric_limits<float>::infinity());
+  Float4 low = splat(std::numeric_limits<float>::infinity());
+  Float4 high = splat(-std::numeric_limits<float>::infinity());
 
   void extend(const Float4& point) {
-    low = min(low, point);
-    high = max(high, point);
+    low = min4(low, point);
+    high = max4(high, point);
   }
   void extend(const LaneBox& other) {
-    low = min(low, other.low);
-    high = max(high, other.high);
+    low = min4(low, other.low);
+    high = max4(high, other.high);
   }
   Aabb bounds() const {
     float least[4], most[4];
-    low.store(least);
-    high.store(most);
+    store4(least, low);
+    store4(most, high);
     return {{least[0], least[1], least[2]}, {most[0], most[1], most[2]}};
   }
 };
@@ -109,7 +109,7 @@ class Refit {
   static constexpr uint32_t kNodesAhead = 128 / kWidth;
   static constexpr uint32_t kNodeWords = kQuantised ? grid::node_words(kWidth) : 7 * kWidth;
   using Corners = std::array<Triangle, size_t{kNodesAhead} * kWidth * kMaxLeafTriangles>;
-  /// Of a node's slots. Plain nodes take boxes one by one, those on grids when all are there.
+  /// Of a node's children. Plain nodes take boxes one by one, those on grids when all are there.
   using NodeBoxes = std::array<Aabb, kQuantised ? kWidth : 0>;
 
   void move_block(uint32_t begin, uint32_t end, Block& block) {
@@ -202,9 +202,9 @@ class Refit {
     const Vec3& p = mesh_.positions[vertex];
     // Four floats are read at once, but nothing behind the last vertex.
     if (&p != last_) [[likely]]
-      return Float4::load(reinterpret_cast<const float*>(&p));
+      return load4(reinterpret_cast<const float*>(&p));
     const float padded[4] = {p.x, p.y, p.z, 0};
-    return Float4::load(padded);
+    return load4(padded);
   }
 
   LaneBox move_triangle(uint32_t* words, const Triangle& triangle) {
@@ -240,13 +240,13 @@ class Refit {
       float* const row = rows + size_t{3} * corner * n;
       const std::array<Float4, 4> first = four_corners(triangles, 0, n, corner, box);
       if (n <= 4) {
-        for (size_t axis = 0; axis < 3; ++axis) first[axis].store(row + axis * n);
+        for (size_t axis = 0; axis < 3; ++axis) store4(row + axis * n, first[axis]);
         continue;
       }
       const std::array<Float4, 4> second = four_corners(triangles, 4, n, corner, box);
       for (size_t axis = 0; axis < 3; ++axis) {
-        first[axis].store(row + axis * n);
-        second[axis].store(row + axis * n + 4);
+        store4(row + axis * n, first[axis]);
+        store4(row + axis * n + 4, second[axis]);
       }
     }
     for (uint32_t i = 0; i < (n <= 4 ? 4 : 8) - n; ++i) primitives[i] = kept[i];

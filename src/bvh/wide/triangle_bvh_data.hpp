@@ -17,7 +17,7 @@ inline constexpr size_t kMaxNodeWords = size_t{2} * kLeafBit;
 
 struct BvhData : LeafStore {
   // What a file has to hold.
-  uint32_t width = 8;      ///< slots a node: 2, 4 or 8
+  uint32_t width = 8;      ///< children a node: 2, 4 or 8
   uint32_t quantised = 0;  ///< 1: nodes are those of grid_node.hpp; 0: plain
   uint32_t max_depth = 0;  ///< of a leaf; the children of node 0 have depth 1
   uint32_t leaf_count = 0;
@@ -25,7 +25,7 @@ struct BvhData : LeafStore {
   bvh::CostModel cost;
   double sah_cost = 0, built_sah_cost = 0;  ///< of the binary tree; of it when it was built
 
-  /// node_words() a node, which is if plain for each slot its lowest x, then for each its highest
+  /// node_words() a node, which is if plain for each child its lowest x, then for each its highest
   /// x, the same for y and z, then its link (see box(), link()). Children come after their parent,
   /// node 0 is the root; there are none without triangles.
   BigVector<uint32_t> nodes;
@@ -45,23 +45,22 @@ struct BvhData : LeafStore {
   /// Nodes and triangles: everything that a query may touch.
   uint64_t bytes() const { return nodes.size() * sizeof(uint32_t) + leaf_bytes(); }
 
-  /// What links to a node: half the number of its first word, which processors make an address of
-  /// without further ado. Files have the node's number instead.
+  /// What links to a node: half the number of its first word, which processors turn into an
+  /// address in one instruction. Files have the node's number instead.
   uint32_t node_link(uint32_t node) const { return node * (node_words() / 2); }
   uint32_t linked_node(uint32_t link) const { return link / (node_words() / 2); }
 
-  /// kNoChild for a slot without a child (which may lie between slots that have one), a leaf's
-  /// link, or a node's.
+  /// kNoChild for a child that is not there (children may follow it), a leaf's link, or a node's.
   uint32_t link(uint32_t node, uint32_t slot) const { return node_at(node)[links_at() + slot]; }
 
-  /// A box that holds all below the slot, and may be a little larger.
+  /// A box that holds all below the child, and may be a little larger.
   Aabb box(uint32_t node, uint32_t slot) const {
     if (quantised) return grid::box(node_at(node), width, slot);
     const uint32_t* planes = node_at(node) + slot;
     const auto plane = [&](uint32_t i) { return std::bit_cast<float>(planes[i * width]); };
     return {{plane(0), plane(2), plane(4)}, {plane(1), plane(3), plane(5)}};
   }
-  /// One a slot; empty ones where there is no child.
+  /// One a child; empty ones where there is none.
   void set_boxes(uint32_t node, const Aabb* boxes) {
     if (quantised) return grid::set_boxes(node_at(node), width, boxes);
     for (uint32_t slot = 0; slot < width; ++slot) set_box(node, slot, boxes[slot]);

@@ -1,4 +1,4 @@
-// Saving and loading of a Bvh: a header, and the arrays as they are in memory but for links
+// Saving and loading of a Bvh: a header, and the arrays as they are in memory, except links
 // to nodes, aligned so that a file can be mapped. docs/bvh.md has every byte. Loading checks the
 // checksums first and then, because a checksum proves nothing about who wrote it, every link: what
 // it returns is a tree, and no query on it can leave its arrays or go round in circles.

@@ -1,185 +1,19 @@
-// Collapses a binary tree into one with up to 8 children a node, at the least expected cost over
-// all ways to do so, by dynamic programming (Ylitie, Karras & Laine 2017); leaves are packs of at
-// most 8 triangles, which cost little more than one, so subtrees become leaves where that is
-// cheaper than to walk them.
+// Collapses a binary tree into one with up to 8 children a node, as widen_plan.hpp has chosen.
 #include "bvh/wide/widen.hpp"
 
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
-#include <cstring>
-#include <limits>
 #include <memory>
 #include <string>
 
 #include "base/parallel.hpp"
-#include "base/simd/box4.hpp"
+#include "bvh/wide/widen_plan.hpp"
 #include "query/leaf_store.hpp"
 
 namespace umbel {
 namespace {
-
-// What a visit costs, in any unit: of a node, of a leaf, and of each triangle of it. Measured with
-// ray_bench (see docs/bvh.md).
-constexpr float kNodeCost = 1.0f, kLeafCost = 0.5f, kTriangleCost = 0.06f;
-
-using bvh::Float4;
-using bvh::Int4;
-
-/// A subtree of more primitives than fit a leaf; how many more does not matter.
-constexpr uint8_t kTooMany = kMaxLeafTriangles + 1;
-
-/// What a binary node's subtree costs as at most 1 to 4 and 5 to 8 children.
-struct Costs {
-  Float4 few, many;
-};
-
-/// Costs of one child more each; `first` is the new first one.
-Costs shifted(const Costs& costs, Float4 first) {
-  return {__builtin_shufflevector(first, costs.few, 0, 4, 5, 6),
-          __builtin_shufflevector(costs.few, costs.many, 3, 4, 5, 6)};
-}
-
-/// How many of 1 to 4 and 5 to 8 children go to the left.
-struct ShareLanes {
-  Int4 few, many;
-};
-
-using Shares = std::array<uint8_t, kMaxWidth>;
-
-/// For one binary node: how best to make 1, 2, ... width children of its subtree.
-struct Plan {
-  /// [i - 1]: how many of i go to the left; 0: as for i - 1. [0]: how many of the node's own width.
-  Shares left_share;
-  uint8_t primitives;  ///< below, at most kTooMany
-  uint8_t parts;       ///< binary leaves below, at most kMaxWidth: more children make no sense
-  bool is_leaf;        ///< one child of it is a leaf
-};
-
-float leaf_cost(float area, uint32_t primitives) {
-  // Larger leaves than a pack become nodes of packs.
-  const uint32_t packs = (primitives + kMaxLeafTriangles - 1) / kMaxLeafTriangles;
-  return area * ((packs > 1 ? kNodeCost : 0.0f) + kLeafCost * static_cast<float>(packs) +
-                 kTriangleCost * static_cast<float>(primitives));
-}
-
-class Planner {
- public:
-  Planner(const bvh::Bvh2& tree, uint32_t width)
-      : tree_(tree),
-        width_(width),
-        plans_(std::make_unique_for_overwrite<Plan[]>(tree.nodes.size())) {
-    plan(0, 0);
-  }
-  const Plan& operator[](uint32_t node) const { return plans_[node]; }
-
- private:
-  /// Subtrees below are planned by one thread.
-  static constexpr uint32_t kSharedLevels = 8;
-  static constexpr float kNever = std::numeric_limits<float>::infinity();
-
-  /// As deep as the tree, whose depth is bounded.
-  Costs plan(uint32_t index, uint32_t depth) {
-    const bvh::Node& node = tree_.nodes[index];
-    Plan& p = plans_[index];
-    const float area = half_area(node.box());
-    if (node.is_leaf()) {
-      p = {{}, static_cast<uint8_t>(std::min<uint32_t>(node.count, kTooMany)), 1, true};
-      const Float4 cost = bvh::splat(leaf_cost(area, node.count));
-      return {cost, cost};
-    }
-    Costs left, right;
-    const auto plan_left = [&] { left = plan(node.first, depth + 1); };
-    const auto plan_right = [&] { right = plan(node.first + 1, depth + 1); };
-    if (depth < kSharedLevels) {
-      tbb::parallel_invoke(plan_left, plan_right);
-    } else {
-      plan_left();
-      plan_right();
-    }
-    const Plan &on_left = plans_[node.first], &on_right = plans_[node.first + 1];
-    p.primitives = static_cast<uint8_t>(
-        std::min<uint32_t>(on_left.primitives + on_right.primitives, kTooMany));
-    p.parts = static_cast<uint8_t>(std::min<uint32_t>(on_left.parts + on_right.parts, kMaxWidth));
-    ShareLanes shares;
-    const Costs apart = distribute(left, right, on_left.parts, on_right.parts, shares);
-    // One child: a node of its own, or a leaf.
-    std::array<float, kMaxWidth> numbers;
-    std::memcpy(numbers.data(), &apart, sizeof numbers);
-    float one = numbers[width_ - 1] + area * kNodeCost;
-    const uint8_t own_share = bytes_of(shares)[width_ - 1];
-    p.is_leaf = false;
-    if (p.primitives <= kMaxLeafTriangles) {
-      const float as_leaf = leaf_cost(area, p.primitives);
-      p.is_leaf = as_leaf <= one;
-      one = std::min(one, as_leaf);
-    }
-    // As more children never cost more than fewer, but for one, only that is to be compared.
-    const Float4 as_one = bvh::splat(one);
-    const Costs costs{__builtin_shufflevector(as_one, bvh::min4(apart.few, as_one), 0, 5, 6, 7),
-                      bvh::min4(apart.many, as_one)};
-    const Costs before = shifted(costs, as_one);
-    shares.few &= Int4(apart.few < before.few);
-    shares.many &= Int4(apart.many < before.many);
-    p.left_share = bytes_of(shares);
-    p.left_share[0] = own_share;
-    return costs;
-  }
-
-  /// What two children and more cost, and how many of them best go to the left.
-  static Costs distribute(const Costs& left, const Costs& right, uint32_t left_parts,
-                          uint32_t right_parts, ShareLanes& shares) {
-    const Float4 never = bvh::splat(kNever);
-    const Int4 one{1, 1, 1, 1};
-    shares = ShareLanes{one, one};
-    // A binary leaf is one child whatever room there is, and the other side takes what is left.
-    if (left_parts == 1 || right_parts == 1) {
-      if (left_parts > 1) shares = ShareLanes{Int4{0, 1, 2, 3}, Int4{4, 5, 6, 7}};
-      const Costs rest = shifted(left_parts > 1 ? left : right, never);
-      const Float4 leaf = left_parts > 1 ? right.few : left.few;
-      return {rest.few + leaf, rest.many + leaf};
-    }
-    // All numbers of children at once, and for each number that go to the left in turn.
-    std::array<float, kMaxWidth> lefts;
-    std::memcpy(lefts.data(), &left, sizeof lefts);
-    Costs best{never, never}, rest = right;
-    const uint32_t most = std::min(left_parts, kMaxWidth - 1);
-    for (uint32_t k = 1; k <= most; ++k) {
-      rest = shifted(rest, never);
-      const Float4 own = bvh::splat(lefts[k - 1]);
-      take(own + rest.few, k, best.few, shares.few);
-      take(own + rest.many, k, best.many, shares.many);
-    }
-    return best;
-  }
-
-  static void take(Float4 cost, uint32_t share, Float4& best, Int4& shares) {
-    const Int4 is_better = Int4(cost < best);
-    best = bvh::min4(cost, best);
-    const auto number = static_cast<int>(share);
-    shares = (Int4{number, number, number, number} & is_better) | (shares & ~is_better);
-  }
-
-  static Shares bytes_of(const ShareLanes& shares) {
-    Shares bytes;
-#if defined(__SSE2__)
-    const __m128i words = _mm_packs_epi32(__m128i(shares.few), __m128i(shares.many));
-    const __m128i packed = _mm_packus_epi16(words, words);
-    std::memcpy(bytes.data(), &packed, sizeof bytes);
-#else
-    for (int i = 0; i < 4; ++i) {
-      bytes[i] = static_cast<uint8_t>(shares.few[i]);
-      bytes[i + 4] = static_cast<uint8_t>(shares.many[i]);
-    }
-#endif
-    return bytes;
-  }
-
-  const bvh::Bvh2& tree_;
-  uint32_t width_;
-  std::unique_ptr<Plan[]> plans_;
-};
 
 struct Leaf {
   uint32_t first, count;
@@ -196,7 +30,7 @@ struct Work {
 /// Lays out nodes depth-first, and says which primitives each leaf holds.
 class Emitter {
  public:
-  Emitter(const bvh::Bvh2& tree, const Planner& plans, BvhData& out)
+  Emitter(const bvh::Bvh2& tree, const WidePlans& plans, BvhData& out)
       : tree_(tree), plans_(plans), out_(out) {}
 
   void reserve(size_t primitives) {
@@ -219,34 +53,33 @@ class Emitter {
   }
 
   /// Where the nodes, leaves and primitives of another emitter begin.
-  struct Place {
+  struct Offsets {
     uint32_t node, leaf, primitive;
   };
   /// Makes room for what another emitter laid out.
-  Place make_room(const Work& work, const Emitter& other) {
-    const Place place{out_.node_count(), static_cast<uint32_t>(leaves_.size()),
-                      static_cast<uint32_t>(order_.size())};
+  Offsets make_room(const Work& work, const Emitter& other) {
+    const Offsets at{out_.node_count(), static_cast<uint32_t>(leaves_.size()),
+                     static_cast<uint32_t>(order_.size())};
     out_.nodes.resize(out_.nodes.size() + other.out_.nodes.size());
-    if (work.parent != kNone) out_.set_link(work.parent, work.slot, out_.node_link(place.node));
+    if (work.parent != kNone) out_.set_link(work.parent, work.slot, out_.node_link(at.node));
     out_.max_depth = std::max(out_.max_depth, other.out_.max_depth);
     leaves_.resize(leaves_.size() + other.leaves_.size());
     order_.resize(order_.size() + other.order_.size());
-    return place;
+    return at;
   }
-  /// Moves it there.
-  void copy(const Emitter& other, const Place& place) {
-    std::copy(other.out_.nodes.begin(), other.out_.nodes.end(), out_.node_at(place.node));
-    for (uint32_t node = place.node; node < place.node + other.out_.node_count(); ++node)
+  /// Copies it there.
+  void copy(const Emitter& other, const Offsets& at) {
+    std::copy(other.out_.nodes.begin(), other.out_.nodes.end(), out_.node_at(at.node));
+    for (uint32_t node = at.node; node < at.node + other.out_.node_count(); ++node)
       for (uint32_t slot = 0; slot < out_.width; ++slot) {
         const uint32_t link = out_.link(node, slot);
         if (link == kNoChild) continue;
-        const uint32_t moved =
-            LeafStore::is_leaf(link) ? place.primitive : out_.node_link(place.node);
+        const uint32_t moved = LeafStore::is_leaf(link) ? at.primitive : out_.node_link(at.node);
         out_.set_link(node, slot, link + moved);
       }
     for (size_t i = 0; i < other.leaves_.size(); ++i)
-      leaves_[place.leaf + i] = {other.leaves_[i].first + place.primitive, other.leaves_[i].count};
-    std::copy(other.order_.begin(), other.order_.end(), order_.begin() + place.primitive);
+      leaves_[at.leaf + i] = {other.leaves_[i].first + at.primitive, other.leaves_[i].count};
+    std::copy(other.order_.begin(), other.order_.end(), order_.begin() + at.primitive);
   }
 
   const std::vector<uint32_t>& order() const { return order_; }
@@ -274,14 +107,14 @@ class Emitter {
   void emit_children(const Work& work, uint32_t index) {
     children_.clear();
     const bvh::Node& node = tree_.nodes[work.node];
-    const Plan& plan = plans_[work.node];
+    const WidePlan& plan = plans_[work.node];
     if (plan.is_leaf) {
       children_.push_back(work.node);
     } else {
       collect(node.first, plan.left_share[0]);
       collect(node.first + 1, out_.width - plan.left_share[0]);
     }
-    SlotBoxes boxes = kNoBoxes;
+    ChildBoxes boxes = kNoBoxes;
     for (uint32_t slot = 0; slot < children_.size(); ++slot) {
       const uint32_t child = children_[slot];
       const bvh::Node& c = tree_.nodes[child];
@@ -300,7 +133,7 @@ class Emitter {
   }
 
   void collect(uint32_t node, uint32_t children) {
-    const Plan& plan = plans_[node];
+    const WidePlan& plan = plans_[node];
     while (children > 1 && plan.left_share[children - 1] == 0) --children;
     if (children == 1) {
       children_.push_back(node);
@@ -313,7 +146,7 @@ class Emitter {
 
   void emit_run(const Work& work, uint32_t index) {
     const Aabb box = tree_.nodes[work.node].box();
-    SlotBoxes boxes = kNoBoxes;
+    ChildBoxes boxes = kNoBoxes;
     uint32_t part = kMaxLeafTriangles;
     while (uint64_t{part} * out_.width < work.count) part *= out_.width;
     for (uint32_t slot = 0; slot * part < work.count; ++slot) {
@@ -345,7 +178,7 @@ class Emitter {
     gather(node.first + 1);
   }
 
-  /// Few at a time, for which a call to move them would be dear.
+  /// Few at a time, for which a call to move them would cost too much.
   void append(uint32_t first, uint32_t count) {
     for (uint32_t i = first; i < first + count; ++i) order_.push_back(tree_.primitives[i]);
   }
@@ -363,7 +196,7 @@ class Emitter {
   }
 
   const bvh::Bvh2& tree_;
-  const Planner& plans_;
+  const WidePlans& plans_;
   BvhData& out_;
   std::vector<Work> work_;
   std::vector<uint32_t> children_, order_;
@@ -371,7 +204,7 @@ class Emitter {
 };
 
 /// Emits all, subtrees below a few levels by all threads; the result does not depend on them.
-void emit_all(const bvh::Bvh2& tree, const Planner& plans, BvhData& out, Emitter& emitter) {
+void emit_all(const bvh::Bvh2& tree, const WidePlans& plans, BvhData& out, Emitter& emitter) {
   constexpr uint32_t kSharedLevels = 3, kNever = kNone;
   constexpr Work kRoot{0, 0, 0, kNone, 0, 0};
   const auto ignore = [](const Work&) {};
@@ -395,7 +228,7 @@ void emit_all(const bvh::Bvh2& tree, const Planner& plans, BvhData& out, Emitter
   struct Part {
     std::unique_ptr<BvhData> data;
     std::unique_ptr<Emitter> emitter;
-    Emitter::Place place;
+    Emitter::Offsets at;
   };
   std::vector<Part> parts(roots.size());
   parallel_for(roots.size(), 1, [&](size_t i) {
@@ -411,9 +244,9 @@ void emit_all(const bvh::Bvh2& tree, const Planner& plans, BvhData& out, Emitter
   size_t next = 0;
   emitter.run(kRoot, kSharedLevels, [&](const Work& root) {
     Part& part = parts[next++];
-    part.place = emitter.make_room(root, *part.emitter);
+    part.at = emitter.make_room(root, *part.emitter);
   });
-  parallel_for(parts.size(), 1, [&](size_t i) { emitter.copy(*parts[i].emitter, parts[i].place); });
+  parallel_for(parts.size(), 1, [&](size_t i) { emitter.copy(*parts[i].emitter, parts[i].at); });
 }
 
 bool has_repeats(std::span<const uint32_t> order, size_t triangles) {
@@ -464,7 +297,7 @@ BvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptio
                                              std::to_string(kMaxReferences) + " supported");
   out.bounds = tree.nodes[0].box();
 
-  const Planner plans(tree, options.width);
+  const WidePlans plans(tree, options.width);
   Emitter emitter(tree, plans, out);
   emit_all(tree, plans, out, emitter);
   check_size(out);
@@ -474,12 +307,12 @@ BvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptio
   out.reference_count = static_cast<uint32_t>(order.size());
   out.repeats = options.may_repeat && has_repeats(order, mesh.triangles.size()) ? 1 : 0;
 
-  std::vector<uint32_t> places;
-  if (options.compact) places = collect_vertices(mesh, order, out.vertices);
+  std::vector<uint32_t> vertex_ids;
+  if (options.compact) vertex_ids = collect_vertices(mesh, order, out.vertices);
   out.leaves.resize(size_t{out.reference_count} * out.reference_words() + kLeafPadding);
   parallel_for(emitter.leaves().size(), 1024, [&](size_t i) {
     const Leaf& leaf = emitter.leaves()[i];
-    fill_leaf(mesh, masks, places, order, LeafStore::leaf_link(leaf.first, leaf.count), out);
+    fill_leaf(mesh, masks, vertex_ids, order, LeafStore::leaf_link(leaf.first, leaf.count), out);
   });
   return out;
 }

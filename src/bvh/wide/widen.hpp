@@ -12,18 +12,18 @@ namespace umbel {
 struct WidenOptions {
   uint32_t width = 8;
   bool compact = false;  ///< vertices shared, boxes quantised
-  // What is known of a tree that was only just built need not be looked for.
+  // What the build of the tree guarantees need not be checked.
   bool is_valid = false;   ///< the tree's triangles have indices in range and finite corners
   bool may_repeat = true;  ///< a triangle may be in several leaves
 };
 
 inline constexpr uint32_t kMaxWidth = 8;
 
-/// Of a node's slots. The boxes of those without a child lie nowhere.
-using SlotBoxes = std::array<Aabb, kMaxWidth>;
-inline constexpr SlotBoxes kNoBoxes = [] {
+/// Of a node's children. Those that are not there have boxes that lie nowhere.
+using ChildBoxes = std::array<Aabb, kMaxWidth>;
+inline constexpr ChildBoxes kNoBoxes = [] {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  SlotBoxes boxes;
+  ChildBoxes boxes;
   boxes.fill({{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}});
   return boxes;
 }();

@@ -1,13 +1,13 @@
-// A tree with up to k children a node, traced as it is: nodes with no more children than the layout
-// has slots stay as they are; the children of others are agglomerated (Walter et al. 2008) until as
-// many groups are left as there are slots.
+// A tree with up to k children a node, traced as it is: nodes with no more children than the width
+// stay as they are; the children of others are agglomerated (Walter et al. 2008) until as many
+// groups are left as the width.
 #include "bvh/wide/widen_kary.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/parallel.hpp"
 #include "bvh/tree/config.hpp"
+#include "bvh/tree/scale.hpp"
 #include "bvh/tree/treelet_join.hpp"
 #include "query/leaf_store.hpp"
 
@@ -29,15 +29,7 @@ std::vector<uint32_t> weights_of(const KaryTree& tree) {
   return weights;
 }
 
-/// A power of two that brings boxes to a size at which areas neither overflow nor vanish.
-float scale_of(const Aabb& box) {
-  float largest = 0;
-  for (const float v : {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z})
-    largest = std::max(largest, std::fabs(v));
-  return largest > 0 ? std::ldexp(1.0f, std::clamp(-std::ilogb(largest), -126, 126)) : 1.0f;
-}
-
-/// Which nodes go together where there are more than slots.
+/// Which nodes go together where there are more than the width.
 class Groups {
  public:
   /// `even`: by numbers of primitives, which bounds the depth; else by boxes, which trace faster.
@@ -46,7 +38,7 @@ class Groups {
         width_(width),
         even_(even),
         weights_(weights_of(tree)),
-        scale_(scale_of(tree.nodes[0].box())) {}
+        scale_(bvh::moderate_scale(tree.nodes[0].box())) {}
 
   std::vector<Members> of(const Members& members) const {
     if (members.size() <= width_) {
@@ -63,7 +55,7 @@ class Groups {
     std::vector<bvh::JoinItem> items(count);
     for (uint32_t i = 0; i < count; ++i) {
       const Aabb box = tree_.nodes[members[i]].box();
-      items[i].box = {box.min * scale_, box.max * scale_};
+      items[i].box = bvh::scaled(box, scale_);
       items[i].count = weights_[members[i]];
     }
     std::vector<bvh::Join> joins(count);
@@ -87,14 +79,14 @@ class Groups {
     for (const uint32_t member : members) left += weights_[member];
     std::vector<Members> groups;
     size_t next = 0;
-    for (uint32_t slots = width_; slots > 0 && next < members.size(); --slots) {
-      const uint64_t share = (left + slots - 1) / slots;
+    for (uint32_t rest = width_; rest > 0 && next < members.size(); --rest) {
+      const uint64_t share = (left + rest - 1) / rest;
       uint64_t taken = 0;
       groups.emplace_back();
       do {
         taken += weights_[members[next]];
         groups.back().push_back(members[next++]);
-      } while (next < members.size() && (slots == 1 || taken + weights_[members[next]] <= share));
+      } while (next < members.size() && (rest == 1 || taken + weights_[members[next]] <= share));
       left -= taken;
     }
     return groups;
@@ -153,7 +145,7 @@ class Emitter {
 
   void emit_groups(const Work& work, uint32_t index) {
     const std::vector<Members> groups = groups_.of(work.members);
-    SlotBoxes boxes = kNoBoxes;
+    ChildBoxes boxes = kNoBoxes;
     // Backwards, so that the first child follows its parent in memory.
     for (auto slot = static_cast<uint32_t>(groups.size()); slot-- > 0;) {
       const Members& group = groups[slot];
@@ -174,7 +166,7 @@ class Emitter {
   }
 
   void emit_run(const Work& work, uint32_t index) {
-    SlotBoxes boxes = kNoBoxes;
+    ChildBoxes boxes = kNoBoxes;
     uint32_t part = kMaxLeafTriangles;
     while (uint64_t{part} * out_.width < work.count) part *= out_.width;
     for (uint32_t slot = 0; slot * part < work.count; ++slot) {
@@ -221,11 +213,12 @@ BvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenOptions& 
   const std::vector<uint32_t>& order = emitter.order();
   out.leaf_count = static_cast<uint32_t>(emitter.leaves().size());
   out.reference_count = static_cast<uint32_t>(order.size());
-  std::vector<uint32_t> places;
-  if (options.compact) places = collect_vertices(mesh, order, out.vertices);
+  std::vector<uint32_t> vertex_ids;
+  if (options.compact) vertex_ids = collect_vertices(mesh, order, out.vertices);
   out.leaves.resize(size_t{out.reference_count} * out.reference_words() + kLeafPadding);
-  parallel_for(emitter.leaves().size(), 1024,
-               [&](size_t i) { fill_leaf(mesh, masks, places, order, emitter.leaves()[i], out); });
+  parallel_for(emitter.leaves().size(), 1024, [&](size_t i) {
+    fill_leaf(mesh, masks, vertex_ids, order, emitter.leaves()[i], out);
+  });
   return out;
 }
 

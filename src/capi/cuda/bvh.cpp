@@ -25,7 +25,7 @@ cuda::DeviceBvhConfig bvh_config_of(const umbel_cuda_bvh_config* given) {
   config.kmeans.iterations = c.kmeans_iterations;
   config.kmeans.distance =
       c.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
-  config.kmeans.handed_up = c.kmeans_handed_up;
+  config.kmeans.forwarded_clusters = c.kmeans_forwarded_clusters;
   return config;
 }
 
@@ -44,7 +44,7 @@ umbel_cuda_bvh_config config_of(const cuda::DeviceBvhConfig& c) {
           c.kmeans.candidates,
           c.kmeans.iterations,
           c.kmeans.distance == bvh::KmeansDistance::kManhattan ? 1u : 0u,
-          c.kmeans.handed_up};
+          c.kmeans.forwarded_clusters};
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/simd/box_record.hpp"
+#include "base/simd/box4.hpp"
 #include "cluster/source.hpp"
 
 namespace umbel::cluster {

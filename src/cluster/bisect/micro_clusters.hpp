@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/cpu_buffer.hpp"
-#include "base/simd/small_box.hpp"
+#include "base/simd/short_box.hpp"
 #include "cluster/source.hpp"
 
 namespace umbel::cluster {

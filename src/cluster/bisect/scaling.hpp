@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/simd/box_record.hpp"
+#include "base/simd/box4.hpp"
 
 namespace umbel::cluster {
 

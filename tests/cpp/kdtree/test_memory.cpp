@@ -11,7 +11,7 @@ namespace {
 using namespace testing;
 
 /// What docs/kdtree.md states, in bytes a triangle: the bound for what never comes apart, and the
-/// greatest of these meshes with the settings that nobody changed, on two threads: each thread more
+/// greatest of these meshes with the default settings, on two threads: each thread more
 /// has a subtree of its own in hand.
 constexpr double kBytesAReference = 300, kNastyBytes = 700;
 

@@ -86,7 +86,7 @@ def command(
     kary: Annotated[
         bool, _knob(None, "kmeans: the clusters themselves, up to K children a node.")
     ] = False,
-    handed_up: Annotated[
+    forwarded_clusters: Annotated[
         int | None, _knob("N", "kmeans: nodes a treelet forwards, 0 to 64; 1 as published.")
     ] = None,
     aac_leaf_size: Annotated[
@@ -138,7 +138,7 @@ def command(
         "candidates": candidates,
         "iterations": iterations,
         "distance": None if distance is None else distance.value,
-        "handed_up": handed_up,
+        "forwarded_clusters": forwarded_clusters,
         "aac_leaf_size": aac_leaf_size,
         "aac_epsilon": aac_epsilon,
         "ploc_radius": ploc_radius,

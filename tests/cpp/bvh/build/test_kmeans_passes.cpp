@@ -24,7 +24,7 @@ class BackwardExec {
   template <typename T>
   Buffer<T> allocate(size_t size) {
     Buffer<T> buffer(size);
-    // What nobody has written is not nought on other devices either.
+    // Memory that was never written is not zero on other devices either.
     if (size > 0) std::memset(static_cast<void*>(buffer.data()), 0xa5, size * sizeof(T));
     return buffer;
   }

@@ -52,7 +52,7 @@ TEST(Ploc, identical_clusters_all_find_a_partner) {
 }
 
 TEST(Ploc, boxes_that_grow_from_one_to_the_next_take_few_rounds) {
-  // Each is nearest to the one before, so but for the first two none finds a partner.
+  // Each is nearest to the one before, so none but the first two finds a partner.
   std::vector<Aabb> boxes;
   for (int i = 0; i < 200000; ++i) {
     const float size = 1 + float(i) * 1e-3f;
@@ -62,17 +62,17 @@ TEST(Ploc, boxes_that_grow_from_one_to_the_next_take_few_rounds) {
   EXPECT_NO_THROW(check(tree, 200000));
 }
 
-TEST(Ploc, a_swept_top_is_taken_where_it_is_cheaper) {
+TEST(Ploc, sah_built_top_levels_are_taken_where_they_are_cheaper) {
   const Mesh mesh = shapes::blob(6, 4);
   const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
-  Config swept = ploc(16), sweep;
-  swept.ploc_sweep = 8;
+  Config with_top = ploc(16), sweep;
+  with_top.ploc_sweep = 8;
   sweep.builder = Builder::kSweep;
-  EXPECT_LT(cost_of(boxes, swept), 0.97 * cost_of(boxes, ploc(16)));
-  EXPECT_LT(cost_of(boxes, swept), 1.05 * cost_of(boxes, sweep));
+  EXPECT_LT(cost_of(boxes, with_top), 0.97 * cost_of(boxes, ploc(16)));
+  EXPECT_LT(cost_of(boxes, with_top), 1.05 * cost_of(boxes, sweep));
   for (uint32_t seed = 0; seed < 8; ++seed) {
     const std::vector<Aabb> random = random_boxes(2000, seed, 0.5f);
-    EXPECT_LE(cost_of(random, swept), cost_of(random, ploc(16)) * 1.0001);
+    EXPECT_LE(cost_of(random, with_top), cost_of(random, ploc(16)) * 1.0001);
   }
 }
 

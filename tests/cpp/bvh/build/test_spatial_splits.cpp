@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "bvh/build/clip_triangle.hpp"
+#include "bvh/tree/box_node.hpp"
 #include "bvh/tree_tests.hpp"
 
 namespace umbel::bvh {
@@ -68,7 +69,7 @@ TEST(Spatial, is_sound_within_its_limits_and_the_same_for_any_threads) {
         if (node.is_leaf()) continue;
         Box4 box = Box4::from(tree.nodes[node.first].box());
         box.extend(Box4::from(tree.nodes[node.first + 1].box()));
-        ASSERT_EQ(box.node(node.first, 0), node);
+        ASSERT_EQ(node_of(box, node.first, 0), node);
       }
       expect_same(tree, build(input.mesh.view(), config, with_thread_count(2)));
       expect_same(tree, build(input.mesh.view(), config, with_thread_count(8)));

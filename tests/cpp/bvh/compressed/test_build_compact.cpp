@@ -292,7 +292,7 @@ TEST(Presplit, parts_together_hold_their_triangle) {
     for (int step = 0; step < 400; ++step) {
       const int column = step % 20, row = step / 20;
       const float u = float(column) / 19, v = float(row) / 19 * (1 - u);
-      // Points of the triangle, but for what rounding moves them.
+      // Points of the triangle, up to rounding.
       const Vec3 p = c.a + u * (c.b - c.a) + v * (c.c - c.a);
       const bool is_held = std::any_of(parts.begin() + begin, parts.begin() + end, [&](Aabb box) {
         const Vec3 slack{1e-6f, 1e-6f, 1e-6f};

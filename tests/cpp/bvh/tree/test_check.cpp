@@ -94,7 +94,7 @@ TEST(Check, survives_any_damage) {
     }
     try {
       check(damaged, kCount);
-      // What it accepts can be walked: every primitive is in a leaf.
+      // What it accepts can be traversed: every primitive is in a leaf.
       EXPECT_EQ(statistics(damaged).references, kCount);
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::kCorrupt);

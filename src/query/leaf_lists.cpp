@@ -1,4 +1,4 @@
-#include "kdtree/leaf_lists.hpp"
+#include "query/leaf_lists.hpp"
 
 #include <algorithm>
 #include <numeric>
@@ -9,8 +9,8 @@
 
 namespace umbel {
 
-std::vector<uint32_t> usable_triangles(const MeshView& mesh, bvh::InvalidTriangles invalid) {
-  if (invalid == bvh::InvalidTriangles::kRefuse) {
+std::vector<uint32_t> usable_triangles(const MeshView& mesh, bool drops_invalid) {
+  if (!drops_invalid) {
     validate(mesh);
     std::vector<uint32_t> all(mesh.triangles.size());
     std::iota(all.begin(), all.end(), 0u);
@@ -31,7 +31,7 @@ void check_masks(std::span<const uint32_t> masks, size_t triangles) {
                                                  std::to_string(triangles) + " triangles");
 }
 
-void fill_store(std::span<const kdtree::Node> nodes, std::span<const uint32_t> references,
+void fill_store(std::span<const Range> lists, std::span<const uint32_t> references,
                 const MeshView& mesh, std::span<const uint32_t> masks, LeafStore& store) {
   store.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
   store.triangle_count = static_cast<uint32_t>(mesh.triangles.size());
@@ -39,16 +39,16 @@ void fill_store(std::span<const kdtree::Node> nodes, std::span<const uint32_t> r
   if (references.empty()) return;
   std::vector<uint32_t> links;
   uint32_t filled = 0;
-  for (const kdtree::Node& node : nodes) {
-    if (!node.is_leaf() || node.first < filled) continue;  // else shared
-    visit_links(node, [&](uint32_t link) { links.push_back(link); });
-    filled += node.count();
+  for (const Range& list : lists) {
+    if (list.offset < filled) continue;
+    visit_links(list, [&](uint32_t link) { links.push_back(link); });
+    filled += list.count;
   }
-  std::vector<uint32_t> places;
-  if (store.compact) places = collect_vertices(mesh, references, store.vertices);
+  std::vector<uint32_t> vertex_ids;
+  if (store.compact) vertex_ids = collect_vertices(mesh, references, store.vertices);
   store.leaves.resize(size_t{store.reference_count} * store.reference_words() + kLeafPadding);
   parallel_for(links.size(), 1024,
-               [&](size_t i) { fill_leaf(mesh, masks, places, references, links[i], store); });
+               [&](size_t i) { fill_leaf(mesh, masks, vertex_ids, references, links[i], store); });
 }
 
 }  // namespace umbel
