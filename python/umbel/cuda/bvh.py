@@ -35,7 +35,8 @@ class _Config(ctypes.Structure):
         "uint32_t max_leaf_size",
         "float presplit",
         "uint32_t hlbvh_bits, treelet_size, treelet_rounds, ploc_radius, kmeans_clusters",
-        "uint32_t kmeans_candidates, kmeans_iterations, kmeans_manhattan, kmeans_forwarded_clusters",
+        "uint32_t kmeans_candidates, kmeans_iterations, kmeans_manhattan",
+        "uint32_t kmeans_forwarded_clusters",
     )
 
 
