@@ -49,8 +49,8 @@ struct Source {
     return {min(min(a, b), c), max(max(a, b), c)};
   }
 
-  BoxRecord record(uint32_t item) const {
-    if (!positions) return BoxRecord::from(boxes[item]);
+  Box4 record(uint32_t item) const {
+    if (!positions) return Box4::from(boxes[item]);
     const uint32_t* t = vertices + size_t(item) * 3;
     const Float4 a = load(positions[t[0]]), b = load(positions[t[1]]), c = load(positions[t[2]]);
     return {min4(min4(a, b), c), -max4(max4(a, b), c)};

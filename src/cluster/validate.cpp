@@ -143,7 +143,7 @@ void check_segments(const ClusterInput& input) {
 }
 
 // The box of all positions, where each may be used. Reads everything once and in order.
-bool positions_tell(const MeshView& mesh, BoxRecord& box) {
+bool positions_tell(const MeshView& mesh, Box4& box) {
   constexpr size_t kChunk = 1 << 13;
   const size_t triangles = mesh.triangles.size(), positions = mesh.positions.size();
   if (positions / 4 > triangles) return false;
@@ -154,9 +154,9 @@ bool positions_tell(const MeshView& mesh, BoxRecord& box) {
       for (const uint32_t v : mesh.triangles[i]) last = std::max(last, v);
     bad[begin / kChunk] = last >= positions;
   });
-  std::vector<BoxRecord> parts((positions + kChunk - 1) / kChunk);
+  std::vector<Box4> parts((positions + kChunk - 1) / kChunk);
   parallel_chunks(positions, kChunk, [&](size_t begin, size_t end) {
-    BoxRecord part = BoxRecord::empty();
+    Box4 part = Box4::empty();
     Float4 zero{};  // stays 0 unless something is not finite
     for (size_t i = begin; i < end; ++i) {
       const Vec3& p = mesh.positions[i];
@@ -167,12 +167,12 @@ bool positions_tell(const MeshView& mesh, BoxRecord& box) {
     if (!(zero[0] == 0 && zero[1] == 0 && zero[2] == 0)) part.low = splat(-HUGE_VALF);
     parts[begin / kChunk] = part;
   });
-  for (const BoxRecord& part : parts) box.extend(part);
+  for (const Box4& part : parts) box.extend(part);
   return std::find(bad.begin(), bad.end(), 1) == bad.end() && box.low[3] == 0;
 }
 
 // The box of all positions that are used.
-BoxRecord check_corners(const MeshView& mesh) {
+Box4 check_corners(const MeshView& mesh) {
   const auto is_valid = [&](const Triangle& t) {
     for (const uint32_t v : t)
       if (v >= mesh.positions.size() || !is_finite(mesh.positions[v])) return false;
@@ -180,7 +180,7 @@ BoxRecord check_corners(const MeshView& mesh) {
   };
   constexpr size_t kChunk = 1 << 14;
   struct Summary {
-    BoxRecord box = BoxRecord::empty();
+    Box4 box = Box4::empty();
     bool bad = false;
   };
   std::vector<Summary> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
@@ -202,7 +202,7 @@ BoxRecord check_corners(const MeshView& mesh) {
     part.bad |= !(zero[0] == 0 && zero[1] == 0 && zero[2] == 0);
     parts[begin / kChunk] = part;
   });
-  BoxRecord all = BoxRecord::empty();
+  Box4 all = Box4::empty();
   for (size_t c = 0; c < parts.size(); ++c) {
     all.extend(parts[c].box);
     if (!parts[c].bad) continue;
@@ -217,7 +217,7 @@ bool are_valid(const ClusterInput& input, size_t begin, size_t end) {
   Float4 zero{};  // stays 0 unless something is not finite
   bool valid = true;
   for (size_t i = begin; i < end; ++i) {
-    const BoxRecord box = BoxRecord::from(input.boxes[i]);
+    const Box4 box = Box4::from(input.boxes[i]);
     zero += box.low * Float4{} + box.negated_high * Float4{};
     valid &= !is_empty(input.boxes[i]);
     if (input.centroids.empty()) continue;
@@ -253,8 +253,8 @@ void validate_layout(const ClusterInput& input, const ClusterConfig& config) {
   check_segments(input);
 }
 
-BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
-                             float shared_vertex_weight) {
+Box4 validate_triangles(const MeshView& mesh, const ClusterConfig& config,
+                        float shared_vertex_weight) {
   if (mesh.triangles.size() >= kNone)
     bad_argument("there are " + std::to_string(mesh.triangles.size()) +
                  " triangles, more than 32-bit indices can name");
@@ -264,7 +264,7 @@ BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
   if (config.max_vertices && config.max_vertices < 3)
     bad_argument("max_vertices is " + std::to_string(config.max_vertices) +
                  ", too few for one triangle");
-  BoxRecord box = BoxRecord::empty();
+  Box4 box = Box4::empty();
   if (!positions_tell(mesh, box)) box = check_corners(mesh);
   return box;
 }

@@ -20,7 +20,7 @@ void validate_all_boxes(const ClusterInput& input);
 /// A mesh that is to be clustered: indices within the positions, and finite positions where
 /// triangles use them. Attributes do not matter. Returns a box that holds all triangles: theirs,
 /// unless positions that no triangle uses lie outside of it.
-BoxRecord validate_triangles(const MeshView& mesh, const ClusterConfig& config,
-                             float shared_vertex_weight);
+Box4 validate_triangles(const MeshView& mesh, const ClusterConfig& config,
+                        float shared_vertex_weight);
 
 }  // namespace umbel::cluster

@@ -93,8 +93,4 @@ inline bool same_box(const Box4& a, const Box4& b) {
   return true;
 }
 
-namespace cluster {
-using BoxRecord = Box4;
-}
-
 }  // namespace umbel

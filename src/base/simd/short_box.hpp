@@ -175,11 +175,4 @@ struct ShortBoxGrid {
   }
 };
 
-namespace cluster {
-using SmallBox = umbel::ShortBox;
-using Center8 = UShort8;
-inline constexpr float kSmallBoxLast = 32767.0f;
-inline SmallBox empty_small_box() { return empty_short_box(); }
-}  // namespace cluster
-
 }  // namespace umbel

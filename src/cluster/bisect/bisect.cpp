@@ -62,7 +62,7 @@ uint32_t block_size(const Source& source, const SplitConstraints& constraints) {
 }
 
 // Writes a part's items to their segment, and their boxes to `boxes`.
-void load(const Segment& segment, const CellSet& set, const Part& part, BoxRecord* boxes) {
+void load(const Segment& segment, const CellSet& set, const Part& part, Box4* boxes) {
   uint32_t* to = segment.items;
   for (const Cell& cell : part.cells)
     for (uint32_t i = 0; i < cell.count; ++i) *to++ = set.order[cell.begin + i];
@@ -96,7 +96,7 @@ struct Resources {
 };
 
 // By the items themselves: in a block, or in parts of a block's size.
-void bisect_items(const Segment& segment, const BoxRecord* bounds, const Resources& resources) {
+void bisect_items(const Segment& segment, const Box4* bounds, const Resources& resources) {
   const Source& source = segment.source;
   const uint32_t most = block_size(source, segment.constraints);
   if (segment.count <= most) {
@@ -118,10 +118,10 @@ void bisect_items(const Segment& segment, const BoxRecord* bounds, const Resourc
 }
 
 // `bounds` holds all items, or is null.
-void bisect_segment(const Segment& segment, const BoxRecord* bounds, const Resources& resources) {
+void bisect_segment(const Segment& segment, const Box4* bounds, const Resources& resources) {
   if (!suits_micro_clusters(segment)) return bisect_items(segment, bounds, resources);
-  const BoxRecord box = bounds ? *bounds : box_of(segment.source, segment.items, segment.count);
-  if (!suits_small_boxes(box)) return bisect_items(segment, bounds, resources);
+  const Box4 box = bounds ? *bounds : box_of(segment.source, segment.items, segment.count);
+  if (!suits_short_boxes(box)) return bisect_items(segment, bounds, resources);
   const auto exact = [&](uint32_t offset, uint32_t count) {
     bisect_items(segment.part(offset, count), nullptr, {.block = resources.block});
   };
@@ -130,7 +130,7 @@ void bisect_segment(const Segment& segment, const BoxRecord* bounds, const Resou
 }
 
 Clusters build(const Source& source, uint32_t count, std::span<const Range> input_segments,
-               const ClusterConfig& config, const BuildOptions& options, const BoxRecord* bounds,
+               const ClusterConfig& config, const BuildOptions& options, const Box4* bounds,
                const VisitClusters& visit = nullptr) {
   const SplitConstraints constraints(config);
   const std::vector<Range> segments = segments_of(input_segments, count);
@@ -221,7 +221,7 @@ Clusters cluster_triangles(const MeshView& mesh, std::span<const Range> segments
   validate_config(config);
   Clusters clusters;
   with_threads(options.threads, [&] {
-    const BoxRecord bounds = validate_triangles(mesh, config, shared_vertex_weight);
+    const Box4 bounds = validate_triangles(mesh, config, shared_vertex_weight);
     clusters = cluster::build(Source::of(mesh, shared_vertex_weight),
                               static_cast<uint32_t>(mesh.triangles.size()), segments, config,
                               options, &bounds, visit);

@@ -24,7 +24,7 @@ struct Node {
   const MicroCluster* end;
   uint32_t offset, count;  ///< of the items
   uint32_t depth;
-  SmallBox centers;
+  ShortBox centers;
 };
 
 // Where items go, and who takes those that suit no micro-clusters.
@@ -36,14 +36,14 @@ struct Target {
   const std::function<void(uint32_t)>& done;
 };
 
-void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
+void bisect(const Target& target, uint32_t offset, uint32_t count, const Box4& bounds,
             uint32_t roundings);
 
 // Items that are in place, with boxes rounded again to a finer grid.
 void round_again(const Target& target, uint32_t offset, uint32_t count, uint32_t roundings) {
   if (roundings < kMostRoundings) {
-    const BoxRecord box = box_of(target.segment.source, target.segment.items + offset, count);
-    if (suits_small_boxes(box)) return bisect(target, offset, count, box, roundings + 1);
+    const Box4 box = box_of(target.segment.source, target.segment.items + offset, count);
+    if (suits_short_boxes(box)) return bisect(target, offset, count, box, roundings + 1);
   }
   target.exact(offset, count);
 }
@@ -54,7 +54,7 @@ uint32_t* write_items(const MicroCluster& micro, uint32_t* to) {
 }
 
 // An order of positions that depends on nothing but geometry, up to equal rounded boxes.
-bool is_before(const SmallBox& a, const SmallBox& b, int axis) {
+bool is_before(const ShortBox& a, const ShortBox& b, int axis) {
   const uint16_t x = center_of(a, axis), y = center_of(b, axis);
   if (x != y) return x < y;
   for (const int k : {0, 1, 2, 4, 5, 6})
@@ -102,7 +102,7 @@ class Splitter {
     std::vector<MicroCluster> micros(room), spare(room), between(room);
     MicroCluster* to = micros.data();
     Node own = node;
-    own.centers = empty_small_box();
+    own.centers = empty_short_box();
     for (const MicroCluster* group = node.begin; group < node.end; ++group)
       to = std::copy_n(group->parts, group->part_count, to);
     for (size_t m = 0; m < count; ++m) own.centers = join(own.centers, centers_of(micros[m].box));
@@ -158,19 +158,19 @@ class Splitter {
 
   struct Sides {
     size_t left = 0, right = 0;  ///< micro-clusters
-    SmallBox left_centers = empty_small_box(), right_centers = empty_small_box();
+    ShortBox left_centers = empty_short_box(), right_centers = empty_short_box();
   };
 
   template <bool kThroughBin>
   void divide(const Node& node, const Choice& choice, MicroCluster* micros, MicroCluster* spare,
               Sides& sides) {
     size_t l = 0, r = 0, b = 0;
-    SmallBox left_centers = empty_small_box(), right_centers = left_centers;
+    ShortBox left_centers = empty_short_box(), right_centers = left_centers;
     for (const MicroCluster* m = node.begin; m < node.end; ++m) {
       const MicroCluster micro = *m;
       const uint32_t bin = choice.mapping.of(m->box, choice.axis);
       const uint32_t is_left = bin < choice.bin, is_between = kThroughBin && bin == choice.bin;
-      const SmallBox centers = centers_of(micro.box);
+      const ShortBox centers = centers_of(micro.box);
       micros[r] = micro;
       spare[l] = micro;
       if constexpr (kThroughBin) between_[b] = micro;
@@ -190,7 +190,7 @@ class Splitter {
     const int axis = choice.axis;
     const auto give = [&](const MicroCluster& micro, bool to_left) {
       (to_left ? spare[sides.left++] : micros[sides.right++]) = micro;
-      SmallBox& centers = to_left ? sides.left_centers : sides.right_centers;
+      ShortBox& centers = to_left ? sides.left_centers : sides.right_centers;
       centers = join(centers, centers_of(micro.box));
     };
     std::sort(between_, between_ + count, [axis](const MicroCluster& x, const MicroCluster& y) {
@@ -210,13 +210,13 @@ class Splitter {
 
   // Takes the first `count` items along an axis out of a micro-cluster.
   MicroCluster take_items(MicroCluster& micro, uint32_t count, int axis) const {
-    SmallBox* items = micro.items;
+    ShortBox* items = micro.items;
     std::nth_element(
         items, items + count, items + micro.count,
-        [axis](const SmallBox& a, const SmallBox& b) { return is_before(a, b, axis); });
-    MicroCluster taken{empty_small_box(), {items}, count, 0};
+        [axis](const ShortBox& a, const ShortBox& b) { return is_before(a, b, axis); });
+    MicroCluster taken{empty_short_box(), {items}, count, 0};
     for (uint32_t i = 0; i < count; ++i) taken.box = join(taken.box, items[i]);
-    SmallBox rest = empty_small_box();
+    ShortBox rest = empty_short_box();
     for (uint32_t i = count; i < micro.count; ++i) rest = join(rest, items[i]);
     micro = {rest, {items + count}, micro.count - count, 0};
     return taken;
@@ -237,7 +237,7 @@ void bisect_coincident(const Target& target, const MicroClusterSet& set, uint32_
   uint32_t taken = 0;
   uint32_t* to = target.segment.items + offset;
   if (others > 0 && others < target.segment.constraints.config.min_items) {
-    SmallBox box = empty_small_box();
+    ShortBox box = empty_short_box();
     for (const MicroCluster& group : set.groups) {
       box = join(box, group.box);
       for (uint32_t m = 0; m < group.part_count; ++m) to = write_items(group.parts[m], to);
@@ -262,7 +262,7 @@ void bisect_coincident(const Target& target, const MicroClusterSet& set, uint32_
   });
 }
 
-void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxRecord& bounds,
+void bisect(const Target& target, uint32_t offset, uint32_t count, const Box4& bounds,
             uint32_t roundings) {
   const MicroClusterSet set = make_micro_clusters(
       target.segment.source, target.segment.items + offset, count, bounds, target.sizes);
@@ -277,7 +277,7 @@ void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxReco
             offset,
             others,
             2 * uint32_t(std::bit_width(count)) + 8,
-            empty_small_box()};
+            empty_short_box()};
   for (const MicroCluster& group : set.groups)
     root.centers = join(root.centers, centers_of(group.box));
   Splitter(target, roundings).run(root);
@@ -285,7 +285,7 @@ void bisect(const Target& target, uint32_t offset, uint32_t count, const BoxReco
 
 }  // namespace
 
-void bisect_micro_clusters(const Segment& segment, const BoxRecord& bounds,
+void bisect_micro_clusters(const Segment& segment, const Box4& bounds,
                            const std::function<void(uint32_t, uint32_t)>& exact,
                            const std::function<void(uint32_t)>& done) {
   const uint32_t most = segment.constraints.config.max_items;

@@ -9,7 +9,7 @@ namespace umbel::cluster {
 
 void Block::bisect(const Segment& segment) {
   if (segment.count == 0) return;
-  BoxRecord* boxes = prepare(segment.count);
+  Box4* boxes = prepare(segment.count);
   for (uint32_t i = 0; i < segment.count; ++i) {
     const uint32_t item = segment.items[i];
     boxes[i] = segment.source.record(item).tagged(item);
@@ -73,7 +73,7 @@ AxisSplit Block::find_split(uint32_t begin, uint32_t end) {
 }
 
 AxisSplit Block::median(uint32_t begin, uint32_t end) const {
-  const BoxRecord all = items_.bounds(begin, end);
+  const Box4 all = items_.bounds(begin, end);
   int axis = 0;
   for (int k = 1; k < 3; ++k)
     if (all.extent(k) > all.extent(axis)) axis = k;

@@ -22,7 +22,7 @@ class Block {
   /// The same in two steps, for a caller that has the boxes at hand: room for `count` boxes
   /// whose tags are the items' indices, then the bisection of what was put there, at any
   /// scale that is a power of two.
-  BoxRecord* prepare(uint32_t count) { return items_.prepare(count); }
+  Box4* prepare(uint32_t count) { return items_.prepare(count); }
   void bisect_prepared(const Segment& segment);
 
  private:

@@ -11,11 +11,11 @@
 namespace umbel::cluster {
 namespace {
 
-float block_scale(const BoxRecord& bounds) { return scale_for(bounds, 0x1p30f, 60); }
+float block_scale(const Box4& bounds) { return scale_for(bounds, 0x1p30f, 60); }
 
 }  // namespace
 
-BoxRecord* BlockItems::prepare(uint32_t count) {
+Box4* BlockItems::prepare(uint32_t count) {
   count_ = count;
   if (boxes_.size() < count) {
     boxes_.resize(count);
@@ -30,7 +30,7 @@ BoxRecord* BlockItems::prepare(uint32_t count) {
 }
 
 void BlockItems::sort(const Source& source) {
-  BoxRecord all = BoxRecord::empty();
+  Box4 all = Box4::empty();
   for (uint32_t i = 0; i < count_; ++i) all.extend(boxes_[i]);
   if (const float scale = block_scale(all); scale != 1.0f)
     for (uint32_t i = 0; i < count_; ++i) boxes_[i].scale(scale);
@@ -44,7 +44,7 @@ void BlockItems::find_centers(const Source& source) {
   lowest_ = splat(std::numeric_limits<float>::max());
   highest_ = -lowest_;
   for (uint32_t i = 0; i < count_; ++i) {
-    const BoxRecord& box = boxes_[i];
+    const Box4& box = boxes_[i];
     Float4 c = std::bit_cast<Float4>(std::bit_cast<Int4>(box.low) & mask) - box.negated_high;
     if (!source.centroids.empty()) {
       const Vec3& given = source.centroids[box.tag()];
@@ -132,14 +132,14 @@ void BlockItems::sort_exactly(int axis) {
   for (uint32_t i = 0; i < count_; ++i) orders_[axis][i] = static_cast<uint32_t>(words[i]);
 }
 
-BoxRecord BlockItems::bounds(uint32_t begin, uint32_t end) const {
-  BoxRecord all = BoxRecord::empty();
+Box4 BlockItems::bounds(uint32_t begin, uint32_t end) const {
+  Box4 all = Box4::empty();
   for (uint32_t i = begin; i < end; ++i) all.extend(boxes_[orders_[0][i]]);
   return all;
 }
 
-Float4 BlockItems::normalise(uint32_t begin, uint32_t end, const BoxRecord& bounds) {
-  BoxRecord scaled = bounds;
+Float4 BlockItems::normalise(uint32_t begin, uint32_t end, const Box4& bounds) {
+  Box4 scaled = bounds;
   if (const float extent = bounds.longest(); extent > 0.0f && extent < 0x1p-40f) {
     const float scale = block_scale(bounds);
     scaled.scale(scale);

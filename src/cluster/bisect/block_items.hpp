@@ -22,21 +22,21 @@ class BlockItems {
  public:
   /// Room for `count` boxes whose tags are the items' indices in the source, to be filled before
   /// `sort`, at any scale that is a power of two.
-  BoxRecord* prepare(uint32_t count);
+  Box4* prepare(uint32_t count);
   /// Sorts by the centroids of the source, or else by the boxes' centres.
   void sort(const Source& source);
 
   uint32_t count() const { return count_; }
-  const BoxRecord* boxes() const { return boxes_.data(); }
+  const Box4* boxes() const { return boxes_.data(); }
   /// In the source.
   uint32_t item(uint32_t local) const { return boxes_[local].tag(); }
   const uint32_t* order(int axis) const { return orders_[axis].data(); }
 
   /// Of the items [begin, end) of the orders, which are the same ones on every axis.
-  BoxRecord bounds(uint32_t begin, uint32_t end) const;
+  Box4 bounds(uint32_t begin, uint32_t end) const;
   /// Scales the boxes of a node up if they are tiny, where a split has parted it from something far
   /// away. Returns the padding that suits the node.
-  Float4 normalise(uint32_t begin, uint32_t end, const BoxRecord& bounds);
+  Float4 normalise(uint32_t begin, uint32_t end, const Box4& bounds);
   /// Moves the left items of each order to its front.
   void partition(uint32_t begin, uint32_t end, const AxisSplit& split);
 
@@ -47,7 +47,7 @@ class BlockItems {
   void sort_exactly(int axis);
 
   uint32_t count_ = 0;
-  std::vector<BoxRecord> boxes_;
+  std::vector<Box4> boxes_;
   std::array<std::vector<float>, 3> centers_;
   Float4 lowest_{}, highest_{};  ///< centre an axis
   std::array<std::vector<uint32_t>, 3> orders_;

@@ -12,7 +12,7 @@
 namespace umbel::cluster {
 
 struct Cell {
-  BoxRecord box = BoxRecord::empty();  ///< of its items; at the scale of the set
+  Box4 box = Box4::empty();            ///< of its items; at the scale of the set
   uint32_t begin = 0, count = 0;       ///< its items, in CellSet::order
   std::array<uint16_t, 3> position{};  ///< in the grid
 };
@@ -24,15 +24,15 @@ struct CellSet {
   float centroid_scale = 1.0f;  ///< of given centroids: another
 };
 
-inline BoxRecord record_of(const Source& source, uint32_t item, float scale) {
-  BoxRecord record = source.record(item);
+inline Box4 record_of(const Source& source, uint32_t item, float scale) {
+  Box4 record = source.record(item);
   if (scale != 1.0f) record.scale(scale);
   return record;
 }
 
 /// A given centroid at `centroid_scale`, or the centre of the record. The record must have no tag:
 /// as a float that is a denormal number, and slow to multiply.
-inline Float4 center_of(const Source& source, const BoxRecord& record, uint32_t item,
+inline Float4 center_of(const Source& source, const Box4& record, uint32_t item,
                         float centroid_scale) {
   if (source.centroids.empty()) return record.low * splat(0.5f) - record.negated_high * splat(0.5f);
   const Vec3& c = source.centroids[item];
@@ -42,7 +42,6 @@ inline Float4 center_of(const Source& source, const BoxRecord& record, uint32_t 
 /// `bounds` is a box that holds all items where the caller knows one, or null: it saves a pass if
 /// it is the smallest, and does not change the result. The result does not
 /// depend on the order of `items`, except for the order within cells.
-CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
-                   const BoxRecord* bounds);
+CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count, const Box4* bounds);
 
 }  // namespace umbel::cluster

@@ -21,7 +21,7 @@ constexpr size_t kChunk = 1 << 13;
 constexpr size_t kBatch = 64;  ///< items whose cells are fetched at the same time
 
 struct Bounds {
-  BoxRecord boxes = BoxRecord::empty(), centers = BoxRecord::empty();
+  Box4 boxes = Box4::empty(), centers = Box4::empty();
   void extend(const Bounds& o) {
     boxes.extend(o.boxes);
     centers.extend(o.centers);
@@ -34,7 +34,7 @@ Bounds bounds_of(const Source& source, const uint32_t* items, uint32_t count) {
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     Bounds b;
     for (size_t i = begin; i < end; ++i) {
-      const BoxRecord record = record_of(source, items[i], 1.0f);
+      const Box4 record = record_of(source, items[i], 1.0f);
       const Float4 center = center_of(source, record, items[i], 1.0f);
       b.boxes.extend(record);
       b.centers.extend({center, -center});
@@ -47,15 +47,13 @@ Bounds bounds_of(const Source& source, const uint32_t* items, uint32_t count) {
   return all;
 }
 
-float grid_scale(const BoxRecord& b) {
-  return scale_for(b, std::numeric_limits<float>::infinity(), 40);
-}
+float grid_scale(const Box4& b) { return scale_for(b, std::numeric_limits<float>::infinity(), 40); }
 
 // A grid whose cells are numbered along a Morton curve; each bit of the number halves the cells
 // along the axis on which they are longest, so that flat and long inputs get useful cells too.
 class Grid {
  public:
-  Grid(const BoxRecord& centers, uint32_t bits) {
+  Grid(const Box4& centers, uint32_t bits) {
     std::array<float, 3> length;
     for (int k = 0; k < 3; ++k) length[k] = centers.extent(k);
     std::array<std::vector<uint32_t>, 3> bits_of;
@@ -103,7 +101,7 @@ class Tally {
     uint32_t& n = number[code];
     if (n == kNone) {
       n = static_cast<uint32_t>(boxes.size());
-      boxes.push_back(BoxRecord::empty());
+      boxes.push_back(Box4::empty());
       codes.push_back(code);
       positions.push_back({uint16_t(position[0]), uint16_t(position[1]), uint16_t(position[2])});
     }
@@ -112,7 +110,7 @@ class Tally {
   }
 
   std::vector<uint32_t> number;  ///< of each code's cell
-  std::vector<BoxRecord> boxes;
+  std::vector<Box4> boxes;
   std::vector<uint32_t> codes;
   std::vector<GridPosition> positions;
 };
@@ -164,12 +162,12 @@ void sort_by_cell(const uint32_t* items, const std::vector<uint32_t>& number_of_
 }  // namespace
 
 CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
-                   const BoxRecord* bounds) {
+                   const Box4* bounds) {
   CellSet set;
   const Bounds all = bounds ? Bounds{*bounds, *bounds} : bounds_of(source, items, count);
   set.scale = grid_scale(all.boxes);
   set.centroid_scale = source.centroids.empty() ? set.scale : grid_scale(all.centers);
-  BoxRecord centers = all.centers;
+  Box4 centers = all.centers;
   centers.scale(set.centroid_scale);
   const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 2, 6, 21);
   const Grid grid(centers, bits);
@@ -177,7 +175,7 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   tbb::enumerable_thread_specific<Tally> tallies([&] { return Tally(bits); });
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
     Tally& tally = tallies.local();
-    std::array<BoxRecord, kBatch> records;
+    std::array<Box4, kBatch> records;
     std::array<Int4, kBatch> positions;
     std::array<uint32_t, kBatch> cells;
     for (size_t first = begin; first < end; first += kBatch) {
@@ -196,7 +194,7 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   for (Tally& tally : tallies) list.push_back(&tally);
   set.cells = merge(list);
   if (bounds) {
-    BoxRecord own = BoxRecord::empty(), given = *bounds;
+    Box4 own = Box4::empty(), given = *bounds;
     for (const Cell& cell : set.cells) own.extend(cell.box);
     given.scale(set.scale);
     if (!same_box(own, given)) return make_cells(source, items, count, nullptr);

@@ -11,7 +11,7 @@ namespace {
 constexpr size_t kFewMicroClusters = 128, kManyMicroClusters = 256;  ///< that are worth more bins
 constexpr float kJump = 0.25f;  ///< by which areas grow as soon as a bin is entered
 
-BinMapping mapping_for(SmallBox centers, uint32_t bins) {
+BinMapping mapping_for(ShortBox centers, uint32_t bins) {
   BinMapping mapping;
   for (int k = 0; k < 3; ++k) {
     mapping.origin[k] = static_cast<uint16_t>(centers[k]);
@@ -35,19 +35,19 @@ MicroClusterBins::MicroClusterBins(const SplitConstraints& constraints)
 }
 
 Choice MicroClusterBins::cheapest(const MicroCluster* begin, const MicroCluster* end,
-                                  uint32_t count, SmallBox centers) const {
+                                  uint32_t count, ShortBox centers) const {
   Bins bins;
   const size_t micros = size_t(end - begin);
   bins.count = micros < kFewMicroClusters ? 8 : micros < kManyMicroClusters ? 16 : kMost;
   Choice best;
   best.mapping = mapping_for(centers, bins.count);
   for (int k = 0; k < 3; ++k) {
-    std::fill_n(bins.boxes[k], bins.count, empty_small_box());
+    std::fill_n(bins.boxes[k], bins.count, empty_short_box());
     std::fill_n(bins.counts[k], bins.count, 0u);
   }
   for (const MicroCluster* m = begin; m < end; ++m) {
-    const SmallBox box = m->box;
-    const Center8 bin_of = best.mapping.of(box);
+    const ShortBox box = m->box;
+    const UShort8 bin_of = best.mapping.of(box);
     for (int k = 0; k < 3; ++k) {
       const uint32_t bin = bin_of[k];
       bins.boxes[k][bin] = join(bins.boxes[k][bin], box);
@@ -72,7 +72,7 @@ void MicroClusterBins::weigh(const Bins& bins, int axis, uint32_t count, Choice&
   };
   std::array<float, kMost + 1> right_area;
   right_area[bins.count] = 0;
-  SmallBox side = empty_small_box();
+  ShortBox side = empty_short_box();
   for (uint32_t i = bins.count - 1; i > 0; --i) {
     // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): at least one bin
     side = join(side, bins.boxes[axis][i]);
@@ -89,7 +89,7 @@ void MicroClusterBins::weigh(const Bins& bins, int axis, uint32_t count, Choice&
     best.before = before;
     best.position = position;
   };
-  side = empty_small_box();
+  side = empty_short_box();
   float left_area = 0;
   for (uint32_t i = 0, before = 0; i < bins.count && before < count; ++i) {
     const uint32_t inside = bins.counts[axis][i], after = before + inside;

@@ -13,11 +13,11 @@ namespace umbel::cluster {
 
 /// The bins that centres fall into, on three axes at once.
 struct BinMapping {
-  Center8 origin{}, multiplier{}, factor{};
-  Center8 of(SmallBox box) const {
+  UShort8 origin{}, multiplier{}, factor{};
+  UShort8 of(ShortBox box) const {
     return multiply_high((center_of(box) - origin) * multiplier, factor);
   }
-  uint32_t of(const SmallBox& box, int axis) const {
+  uint32_t of(const ShortBox& box, int axis) const {
     const uint16_t offset = center_of(box, axis) - origin[axis];
     return uint32_t(uint16_t(uint32_t(offset) * multiplier[axis])) * factor[axis] >> 16;
   }
@@ -37,7 +37,7 @@ class MicroClusterBins {
 
   /// Splits `count` items in micro-clusters [begin, end), whose centres fill `centers`.
   Choice cheapest(const MicroCluster* begin, const MicroCluster* end, uint32_t count,
-                  SmallBox centers) const;
+                  ShortBox centers) const;
 
  private:
   static constexpr uint32_t kMost = 32;
@@ -45,7 +45,7 @@ class MicroClusterBins {
 
   struct Bins {
     uint32_t count;  ///< a axis
-    SmallBox boxes[3][kMost];
+    ShortBox boxes[3][kMost];
     uint32_t counts[3][kMost];
   };
 

@@ -58,14 +58,14 @@ class SmallGrid {
     }
   }
   uint32_t bits() const { return bits_; }
-  uint32_t code(Center8 c) const {
-    const Center8 cell = multiply_high((c - origin_) * multiplier_, factor_);
+  uint32_t code(UShort8 c) const {
+    const UShort8 cell = multiply_high((c - origin_) * multiplier_, factor_);
     return spread_[0][cell[0]] | spread_[1][cell[1]] | spread_[2][cell[2]];
   }
 
  private:
   uint32_t bits_ = 0;
-  Center8 origin_{}, multiplier_{}, factor_{};
+  UShort8 origin_{}, multiplier_{}, factor_{};
   std::array<std::array<uint16_t, 1 << kMostAxisBits>, 3> spread_;
 };
 
@@ -75,7 +75,7 @@ class Sorter {
   explicit Sorter(const MicroClusterSizes& sizes) : sizes_(sizes) {}
 
   // Items are in `from`; `to` is room for as many.
-  void sort(SmallBox* from, SmallBox* to, uint32_t n) {
+  void sort(ShortBox* from, ShortBox* to, uint32_t n) {
     const bool is_group = begin_group(n);
     sort_grouped(from, to, n);
     if (is_group) end_group();
@@ -99,7 +99,7 @@ class Sorter {
   }
 
   void end_group() {
-    MicroCluster group{empty_small_box(), {nullptr}, 0, 0};
+    MicroCluster group{empty_short_box(), {nullptr}, 0, 0};
     for (size_t m = firsts_.back(); m < micros.size(); ++m) {
       group.box = join(group.box, micros[m].box);
       group.count += micros[m].count;
@@ -112,9 +112,9 @@ class Sorter {
     grouped_ = false;
   }
 
-  void sort_grouped(SmallBox* from, SmallBox* to, uint32_t n) {
+  void sort_grouped(ShortBox* from, ShortBox* to, uint32_t n) {
     if (n <= sizes_.micro) return emit(from, n);
-    SmallBox centers = empty_small_box();
+    ShortBox centers = empty_short_box();
     for (uint32_t i = 0; i < n; ++i) centers = join(centers, centers_of(from[i]));
     const auto bound = [&](int lane) { return uint32_t(std::abs(int(centers[lane]))); };
     const SmallGrid grid({bound(0), bound(1), bound(2)}, {bound(4), bound(5), bound(6)},
@@ -137,7 +137,7 @@ class Sorter {
   }
 
   // The cells from `code` on that share all but the last `level` bits.
-  void visit_cells(SmallBox* from, SmallBox* to, const uint32_t* ends, uint32_t code,
+  void visit_cells(ShortBox* from, ShortBox* to, const uint32_t* ends, uint32_t code,
                    uint32_t level) {
     const uint32_t begin = ends[code], n = ends[code + (1u << level)] - begin;
     if (n == 0) return;
@@ -153,8 +153,8 @@ class Sorter {
     if (is_group) end_group();
   }
 
-  void emit(SmallBox* items, uint32_t n) {
-    SmallBox box = empty_small_box();
+  void emit(ShortBox* items, uint32_t n) {
+    ShortBox box = empty_short_box();
     for (uint32_t i = 0; i < n; ++i) box = join(box, items[i]);
     if (n >= sizes_.coincident) return coincident.push_back({box, {items}, n, 0});
     const bool is_group = begin_group(0);
@@ -169,16 +169,18 @@ class Sorter {
   std::vector<uint16_t> codes_;
 };
 
+constexpr float kLastStep = 32767.0f;  ///< of the longest side
+
 struct Rounding {
-  explicit Rounding(const BoxRecord& bounds) : origin(bounds.low) {
+  explicit Rounding(const Box4& bounds) : origin(bounds.low) {
     origin[3] = 0;
-    scale = splat(kSmallBoxLast / bounds.longest());
+    scale = splat(kLastStep / bounds.longest());
   }
   // Both corners are rounded down.
-  SmallBox round(const BoxRecord& b, uint32_t tag) const {
+  ShortBox round(const Box4& b, uint32_t tag) const {
     const Int4 low = __builtin_convertvector((b.low - origin) * scale, Int4);
     const Int4 high = __builtin_convertvector((-b.negated_high - origin) * scale, Int4);
-    SmallBox box = pack(low, -high);
+    ShortBox box = pack(low, -high);
     box[3] = static_cast<int16_t>(tag);
     box[7] = static_cast<int16_t>(tag >> 16);
     return box;
@@ -187,13 +189,13 @@ struct Rounding {
 };
 
 // By one thread: rounds few boxes. Returns the box of all items.
-BoxRecord round_few(const Source& source, const uint32_t* items, uint32_t count,
-                    const Rounding& rounding, SmallBox* boxes) {
-  BoxRecord all = BoxRecord::empty();
+Box4 round_few(const Source& source, const uint32_t* items, uint32_t count,
+               const Rounding& rounding, ShortBox* boxes) {
+  Box4 all = Box4::empty();
   for (uint32_t i = 0; i < count; ++i) {
     source.prefetch(items[std::min(i + 24, count - 1)]);
     source.prefetch_box(items[std::min(i + 8, count - 1)]);
-    const BoxRecord record = source.record(items[i]);
+    const Box4 record = source.record(items[i]);
     all.extend(record);
     boxes[i] = rounding.round(record, items[i]);
   }
@@ -226,13 +228,13 @@ class ManyItems {
         next_((count + chunk_ - 1) / chunk_) {}
 
   // Counts the items of each cell, by chunk. Returns the box of all items.
-  BoxRecord round() {
-    std::vector<BoxRecord> parts(next_.size());
+  Box4 round() {
+    std::vector<Box4> parts(next_.size());
     parallel_chunks(count_, chunk_, [&](size_t begin, size_t end) {
       parts[begin / chunk_] = round_chunk(begin, end, next_[begin / chunk_]);
     });
-    BoxRecord all = BoxRecord::empty();
-    for (const BoxRecord& part : parts) all.extend(part);
+    Box4 all = Box4::empty();
+    for (const Box4& part : parts) all.extend(part);
     return all;
   }
 
@@ -245,7 +247,7 @@ class ManyItems {
     set_.micros.resize(tasks.size() - 1);
     std::vector<std::vector<MicroCluster>> groups(set_.micros.size()),
         coincident(set_.micros.size());
-    SmallBox *boxes = set_.boxes.data(), *sorted = set_.sorted.data();
+    ShortBox *boxes = set_.boxes.data(), *sorted = set_.sorted.data();
     parallel_for(groups.size(), 1, [&](size_t t) {
       Sorter sorter(sizes);
       for (uint32_t c = tasks[t]; c < tasks[t + 1]; ++c)
@@ -261,17 +263,17 @@ class ManyItems {
   }
 
  private:
-  BoxRecord round_chunk(size_t begin, size_t end, std::vector<uint32_t>& own) {
-    SmallBox* boxes = set_.boxes.data();
+  Box4 round_chunk(size_t begin, size_t end, std::vector<uint32_t>& own) {
+    ShortBox* boxes = set_.boxes.data();
     uint16_t* codes = codes_.data();
     // Neighbours often share a cell, and two counts at one address would wait for each other.
     std::vector<uint32_t> counts(2 * size_t(cells_), 0);
-    BoxRecord all = BoxRecord::empty();
+    Box4 all = Box4::empty();
     // Counts that wait for each other would hold up the boxes behind them in the same loop.
     for (size_t from = begin; from < end; from += kBatch) {
       const size_t to = std::min(from + kBatch, end);
       for (size_t i = from; i < to; ++i) {
-        const BoxRecord record = source_.record(items_[i]);
+        const Box4 record = source_.record(items_[i]);
         all.extend(record);
         boxes[i] = rounding_.round(record, items_[i]);
       }
@@ -293,8 +295,8 @@ class ManyItems {
       for (auto& own : next_) sum += std::exchange(own[c], sum);
     }
     begins[cells_] = sum;
-    const SmallBox* boxes = set_.boxes.data();
-    SmallBox* sorted = set_.sorted.data();
+    const ShortBox* boxes = set_.boxes.data();
+    ShortBox* sorted = set_.sorted.data();
     const uint16_t* codes = codes_.data();
     parallel_chunks(count_, chunk_, [&](size_t begin, size_t end) {
       uint32_t* own = next_[begin / chunk_].data();
@@ -317,15 +319,15 @@ class ManyItems {
 
 }  // namespace
 
-bool suits_small_boxes(const BoxRecord& bounds) {
+bool suits_short_boxes(const Box4& bounds) {
   const float extent = bounds.longest();
   return extent > 0x1p-100f && extent < 0x1p126f;
 }
 
-BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count) {
-  std::vector<BoxRecord> parts((count + kChunk - 1) / kChunk);
+Box4 box_of(const Source& source, const uint32_t* items, uint32_t count) {
+  std::vector<Box4> parts((count + kChunk - 1) / kChunk);
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
-    BoxRecord box = BoxRecord::empty();
+    Box4 box = Box4::empty();
     for (size_t i = begin; i < end; ++i) {
       source.prefetch(items[std::min(i + 24, end - 1)]);
       source.prefetch_box(items[std::min(i + 8, end - 1)]);
@@ -333,22 +335,22 @@ BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count) {
     }
     parts[begin / kChunk] = box;
   });
-  BoxRecord all = BoxRecord::empty();
-  for (const BoxRecord& part : parts) all.extend(part);
+  Box4 all = Box4::empty();
+  for (const Box4& part : parts) all.extend(part);
   return all;
 }
 
 MicroClusterSet make_micro_clusters(const Source& source, const uint32_t* items, uint32_t count,
-                                    const BoxRecord& bounds, const MicroClusterSizes& sizes) {
+                                    const Box4& bounds, const MicroClusterSizes& sizes) {
   // Without coordinates that no item uses, the grid is finer.
-  const auto make_within = [&](const BoxRecord& smallest) {
-    return suits_small_boxes(smallest) ? make_micro_clusters(source, items, count, smallest, sizes)
+  const auto make_within = [&](const Box4& smallest) {
+    return suits_short_boxes(smallest) ? make_micro_clusters(source, items, count, smallest, sizes)
                                        : MicroClusterSet(0);
   };
   const Rounding rounding(bounds);
   MicroClusterSet set(count);
   if (count <= kChunk) {
-    const BoxRecord smallest = round_few(source, items, count, rounding, set.boxes.data());
+    const Box4 smallest = round_few(source, items, count, rounding, set.boxes.data());
     if (!same_box(smallest, bounds)) return make_within(smallest);
     make_of_few(sizes, count, set);
     return set;
@@ -357,8 +359,7 @@ MicroClusterSet make_micro_clusters(const Source& source, const uint32_t* items,
   for (int k = 0; k < 3; ++k) high[k] = static_cast<uint32_t>(bounds.extent(k) * rounding.scale[0]);
   const SmallGrid grid(low, high, kMostBits);
   ManyItems all(source, items, count, rounding, grid, set);
-  if (const BoxRecord smallest = all.round(); !same_box(smallest, bounds))
-    return make_within(smallest);
+  if (const Box4 smallest = all.round(); !same_box(smallest, bounds)) return make_within(smallest);
   all.make(sizes);
   return set;
 }

@@ -12,9 +12,9 @@ namespace umbel::cluster {
 
 /// A micro-cluster, or a group of them.
 struct alignas(32) MicroCluster {
-  SmallBox box;
+  ShortBox box;
   union {
-    SmallBox* items;            ///< of a micro-cluster: boxes, whose tags are the items
+    ShortBox* items;            ///< of a micro-cluster: boxes, whose tags are the items
     const MicroCluster* parts;  ///< of a group
   };
   uint32_t count;       ///< items
@@ -23,15 +23,15 @@ struct alignas(32) MicroCluster {
 
 struct MicroClusterSet {
   explicit MicroClusterSet(uint32_t count) : boxes(count), sorted(count) {}
-  CpuBuffer<SmallBox> boxes, sorted;
+  CpuBuffer<ShortBox> boxes, sorted;
   std::vector<std::vector<MicroCluster>> micros;
   std::vector<MicroCluster> groups;  ///< along a Morton curve
   /// Sets of coincident items: a cluster's items or more that have one rounded centre.
   std::vector<MicroCluster> coincident;
 };
 
-/// Whether coordinates within these bounds can be rounded to small boxes.
-bool suits_small_boxes(const BoxRecord& bounds);
+/// Whether coordinates within these bounds can be rounded to short boxes.
+bool suits_short_boxes(const Box4& bounds);
 
 struct MicroClusterSizes {
   uint32_t micro;  ///< most items of a micro-cluster, unless their rounded centres are the same
@@ -42,9 +42,9 @@ struct MicroClusterSizes {
 /// `bounds` holds all items; the result does not depend on how much more it holds. Empty if the
 /// items fill too little or too much room.
 MicroClusterSet make_micro_clusters(const Source& source, const uint32_t* items, uint32_t count,
-                                    const BoxRecord& bounds, const MicroClusterSizes& sizes);
+                                    const Box4& bounds, const MicroClusterSizes& sizes);
 
 /// The box of all items.
-BoxRecord box_of(const Source& source, const uint32_t* items, uint32_t count);
+Box4 box_of(const Source& source, const uint32_t* items, uint32_t count);
 
 }  // namespace umbel::cluster

@@ -11,7 +11,7 @@ namespace umbel::cluster {
 /// 1 for usual boxes. Others are scaled so that areas stay within the range of floats: extents
 /// above 2^-30 and below `max_extent`, coordinates below 2^max_exponent. A power of two changes no
 /// comparison.
-inline float scale_for(const BoxRecord& bounds, float max_extent, int max_exponent) {
+inline float scale_for(const Box4& bounds, float max_extent, int max_exponent) {
   float extent = 0, magnitude = 0;
   for (int k = 0; k < 3; ++k) {
     // Halved before the difference, so that it does not overflow.
@@ -27,7 +27,7 @@ inline float scale_for(const BoxRecord& bounds, float max_extent, int max_expone
 
 /// What the sides of boxes grow by within a node with these bounds, so that flat boxes have an
 /// area.
-inline Float4 pad_for(const BoxRecord& bounds) {
+inline Float4 pad_for(const Box4& bounds) {
   const float extent = bounds.longest();
   return splat(extent > 0.0f ? std::ldexp(1.0f, std::max(std::ilogb(extent) - 20, -60)) : 1.0f);
 }

@@ -8,11 +8,11 @@ namespace umbel::cluster {
 namespace {
 
 // The box of each chunk, and of all chunks before each.
-__attribute__((always_inline)) inline void reduce(const BoxRecord* boxes, const uint32_t* order,
-                                                  uint32_t n, uint32_t step, BoxRecord* chunk,
-                                                  BoxRecord* before) {
+__attribute__((always_inline)) inline void reduce(const Box4* boxes, const uint32_t* order,
+                                                  uint32_t n, uint32_t step, Box4* chunk,
+                                                  Box4* before) {
   const Float8* const all_boxes = reinterpret_cast<const Float8*>(boxes);
-  *before = BoxRecord::empty();
+  *before = Box4::empty();
   Float8 all = *reinterpret_cast<const Float8*>(before);
   for (uint32_t i = 0; i < n;) {
     const uint32_t stop = n - i < step ? n : i + step;
@@ -27,22 +27,22 @@ __attribute__((always_inline)) inline void reduce(const BoxRecord* boxes, const 
   }
 }
 
-void reduce_axis_generic(const BoxRecord* boxes, const uint32_t* order, uint32_t n, uint32_t step,
-                         BoxRecord* chunk, BoxRecord* before) {
+void reduce_axis_generic(const Box4* boxes, const uint32_t* order, uint32_t n, uint32_t step,
+                         Box4* chunk, Box4* before) {
   reduce(boxes, order, n, step, chunk, before);
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) void reduce_axis_avx2(const BoxRecord* boxes, const uint32_t* order,
-                                                      uint32_t n, uint32_t step, BoxRecord* chunk,
-                                                      BoxRecord* before) {
+__attribute__((target("avx2"))) void reduce_axis_avx2(const Box4* boxes, const uint32_t* order,
+                                                      uint32_t n, uint32_t step, Box4* chunk,
+                                                      Box4* before) {
   reduce(boxes, order, n, step, chunk, before);
 }
 #endif
 
 // Minimums are exact: the result does not depend on the machine.
-void reduce_axis(const BoxRecord* boxes, const uint32_t* order, uint32_t n, uint32_t step,
-                 BoxRecord* chunk, BoxRecord* before) {
+void reduce_axis(const Box4* boxes, const uint32_t* order, uint32_t n, uint32_t step, Box4* chunk,
+                 Box4* before) {
 #if defined(__x86_64__)
   static const bool has_avx2 = __builtin_cpu_supports("avx2");
   if (has_avx2) return reduce_axis_avx2(boxes, order, n, step, chunk, before);
@@ -66,7 +66,7 @@ AxisSplit SplitSearch::cheapest(BlockItems& items, const SplitConstraints& const
   const ClusterConfig& config = constraints.config;
   const uint32_t step = chunk_size(config, n);
   Node node{items, constraints, begin, n, step, fill_weights(constraints, n), {}};
-  const BoxRecord all = reduce_chunks(node);
+  const Box4 all = reduce_chunks(node);
   node.pad = items.normalise(begin, end, all);
   if (all.longest() > 0.0f && all.longest() < 0x1p-40f)
     reduce_chunks(node);  // boxes are scaled now
@@ -80,20 +80,20 @@ AxisSplit SplitSearch::cheapest(BlockItems& items, const SplitConstraints& const
   return best;
 }
 
-BoxRecord SplitSearch::reduce_chunks(const Node& node) {
+Box4 SplitSearch::reduce_chunks(const Node& node) {
   const uint32_t chunks = node.chunks();
-  const BoxRecord* boxes = node.items.boxes();
-  BoxRecord all = BoxRecord::empty();
+  const Box4* boxes = node.items.boxes();
+  Box4 all = Box4::empty();
   for (int axis = 0; axis < 3; ++axis) {
     if (before_[axis].size() < chunks + 1) {
       for (auto* array : {&before_[axis], &after_[axis]}) array->resize(chunks + 1);
       for (auto* array : {&area_before_[axis], &area_after_[axis]}) array->resize(chunks + 1);
     }
-    BoxRecord* chunk = after_[axis].data();
-    BoxRecord* before = before_[axis].data();
+    Box4* chunk = after_[axis].data();
+    Box4* before = before_[axis].data();
     reduce_axis(boxes, node.items.order(axis) + node.begin, node.n, node.step, chunk, before);
     all = before[chunks];
-    chunk[chunks] = BoxRecord::empty();
+    chunk[chunks] = Box4::empty();
     for (uint32_t c = chunks; c-- > 0;) chunk[c].extend(chunk[c + 1]);
   }
   return all;
@@ -141,14 +141,14 @@ void SplitSearch::list_gaps(const Node& node, const AxisSplit& best) {
 void SplitSearch::search_gap(const Node& node, const Gap& gap, AxisSplit& best) {
   const uint32_t n = node.n, step = node.step;
   const uint32_t* order = node.items.order(gap.axis) + node.begin;
-  const BoxRecord* boxes = node.items.boxes();
+  const Box4* boxes = node.items.boxes();
   const float* weights = node.weights;
   const Float4 pad = node.pad;
   const uint32_t start = gap.chunk * step, stop = std::min(start + step, n);
   const bool feasible = node.constraints.feasible(n);
   if (gap_areas_.size() < step) gap_areas_.resize(step);
   float* areas = gap_areas_.data();
-  BoxRecord box = before_[gap.axis][gap.chunk];
+  Box4 box = before_[gap.axis][gap.chunk];
   for (uint32_t i = start; i + 1 < stop; ++i) {
     box.extend(boxes[order[i]]);
     areas[i - start] = box.half_area(pad);

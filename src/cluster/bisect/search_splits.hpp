@@ -44,14 +44,14 @@ class SplitSearch {
     float underfill_cost = -1.0f;
   };
 
-  BoxRecord reduce_chunks(const Node& node);
+  Box4 reduce_chunks(const Node& node);
   void evaluate_borders(const Node& node, AxisSplit& best);
   void list_gaps(const Node& node, const AxisSplit& best);
   void search_gap(const Node& node, const Gap& gap, AxisSplit& best);
   const float* fill_weights(const SplitConstraints& constraints, uint32_t n);
 
   // By chunk border: the boxes of all before and of all after, and their areas.
-  std::array<std::vector<BoxRecord>, 3> before_, after_;
+  std::array<std::vector<Box4>, 3> before_, after_;
   std::array<std::vector<float>, 3> area_before_, area_after_;
   std::vector<float> gap_areas_;
   std::vector<Gap> gaps_;

@@ -26,7 +26,7 @@ struct Node {
 };
 
 struct Bin {
-  BoxRecord box = BoxRecord::empty();
+  Box4 box = Box4::empty();
   uint32_t count = 0;
   template <typename Items>
   void add(const Items& items) {
@@ -51,7 +51,7 @@ struct Item {
 // The positions of a node's cells.
 struct Extent {
   std::array<int, 3> low{1 << 16, 1 << 16, 1 << 16}, high{-1, -1, -1};
-  BoxRecord box = BoxRecord::empty();
+  Box4 box = Box4::empty();
 
   explicit Extent(const Part& part) {
     for (const Cell& cell : part.cells) {
@@ -79,7 +79,7 @@ class Splitter {
       : source_(source), constraints_(constraints), most_(most), done_(done) {}
 
   void split_items(const uint32_t* items, uint32_t offset, uint32_t count, uint32_t grids,
-                   uint32_t depth, const BoxRecord* bounds) const {
+                   uint32_t depth, const Box4* bounds) const {
     CellSet set = make_cells(source_, items, count, bounds);
     std::vector<Cell> cells = std::move(set.cells);
     split(set, {{offset, count, std::move(cells)}, depth}, grids, true);
@@ -170,12 +170,12 @@ class Splitter {
     float best_cost = std::numeric_limits<float>::infinity();
     for (int k = 0; k < 3; ++k) {
       std::array<float, kBins> right_area;
-      BoxRecord side = BoxRecord::empty();
+      Box4 side = Box4::empty();
       for (int b = kBins - 1; b > 0; --b) {
         side.extend(bins[k][b].box);
         right_area[b] = side.half_area(pad);
       }
-      side = BoxRecord::empty();
+      side = Box4::empty();
       uint32_t count = 0;
       for (int b = 1; b < kBins; ++b) {
         side.extend(bins[k][b - 1].box);
@@ -218,7 +218,7 @@ class Splitter {
                    Part& right) const {
     std::vector<Item> items;
     const auto key = [&](uint32_t item) {
-      const BoxRecord record = record_of(source_, item, set.scale);
+      const Box4 record = record_of(source_, item, set.scale);
       return Item{center_of(source_, record, item, set.centroid_scale)[axis], item};
     };
     for (const Cell& cell : part.cells)
@@ -258,7 +258,7 @@ class Splitter {
 
 }  // namespace
 
-void split_cells(const Segment& segment, uint32_t most, const BoxRecord* bounds,
+void split_cells(const Segment& segment, uint32_t most, const Box4* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done) {
   const uint32_t count = segment.count;
   Splitter(segment.source, segment.constraints, most, done)

@@ -17,7 +17,7 @@ struct Part {
 
 /// Splits a segment into parts of at most `most` items. Calls done(set, part) for each, possibly
 /// from several threads at once. `bounds` as for make_cells.
-void split_cells(const Segment& segment, uint32_t most, const BoxRecord* bounds,
+void split_cells(const Segment& segment, uint32_t most, const Box4* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done);
 
 }  // namespace umbel::cluster

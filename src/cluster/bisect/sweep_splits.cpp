@@ -25,7 +25,7 @@ AxisSplit SplitSweep::cheapest(BlockItems& items, BlockVertices& vertices,
   AxisSplit best{kInfinity};
   for (int axis = 0; axis < 3; ++axis) {
     const uint32_t* order = items.order(axis) + begin;
-    BoxRecord all;
+    Box4 all;
     sweep(node, order, all);
     if (has_connections())
       add_connections(node, order, all);
@@ -42,11 +42,11 @@ AxisSplit SplitSweep::cheapest(BlockItems& items, BlockVertices& vertices,
   return best;
 }
 
-void SplitSweep::sweep(const Node& node, const uint32_t* order, BoxRecord& all) {
+void SplitSweep::sweep(const Node& node, const uint32_t* order, Box4& all) {
   const uint32_t n = node.n;
-  const BoxRecord* boxes = node.items.boxes();
+  const Box4* boxes = node.items.boxes();
   const Float4 pad = node.pad;
-  BoxRecord left = BoxRecord::empty(), right = left;
+  Box4 left = Box4::empty(), right = left;
   for (uint32_t i = 0; i + 1 < n; ++i) {
     left.extend(boxes[order[i]]);
     left_area_[i] = left.half_area(pad);
@@ -58,7 +58,7 @@ void SplitSweep::sweep(const Node& node, const uint32_t* order, BoxRecord& all) 
 }
 
 // Scaled as bisect.hpp says: by the area of the node, and as ratio cut.
-void SplitSweep::add_connections(const Node& node, const uint32_t* order, const BoxRecord& all) {
+void SplitSweep::add_connections(const Node& node, const uint32_t* order, const Box4& all) {
   const uint32_t n = node.n;
   connections_.sweep(order, n, extra_.data());
   const float scale = all.half_area(node.pad) * 0.25f * static_cast<float>(n);
@@ -69,9 +69,9 @@ void SplitSweep::add_connections(const Node& node, const uint32_t* order, const 
 
 void SplitSweep::add_overlap(const Node& node, const uint32_t* order) {
   const uint32_t n = node.n;
-  const BoxRecord* boxes = node.items.boxes();
+  const Box4* boxes = node.items.boxes();
   if (left_boxes_.size() < n) left_boxes_.resize(n);
-  BoxRecord left = BoxRecord::empty(), right = left;
+  Box4 left = Box4::empty(), right = left;
   for (uint32_t i = 0; i + 1 < n; ++i) {
     left.extend(boxes[order[i]]);
     left_boxes_[i] = left;
@@ -79,7 +79,7 @@ void SplitSweep::add_overlap(const Node& node, const uint32_t* order) {
   const float scale = node.constraints.config.overlap_cost * static_cast<float>(n);
   for (uint32_t i = n - 1; i > 0; --i) {
     right.extend(boxes[order[i]]);
-    BoxRecord both = right;
+    Box4 both = right;
     both.intersect(left_boxes_[i - 1]);
     if (both.extent(0) < 0.0f || both.extent(1) < 0.0f || both.extent(2) < 0.0f) continue;
     extra_[i - 1] += scale * both.half_area(Float4{});

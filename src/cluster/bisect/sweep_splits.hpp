@@ -34,8 +34,8 @@ class SplitSweep {
     Float4 pad;
   };
 
-  void sweep(const Node& node, const uint32_t* order, BoxRecord& all);
-  void add_connections(const Node& node, const uint32_t* order, const BoxRecord& all);
+  void sweep(const Node& node, const uint32_t* order, Box4& all);
+  void add_connections(const Node& node, const uint32_t* order, const Box4& all);
   void add_overlap(const Node& node, const uint32_t* order);
   void weigh_items(const Node& node);
   void weigh_vertices(const Node& node, const uint32_t* order, BlockVertices& vertices);
@@ -43,7 +43,7 @@ class SplitSweep {
   ConnectionCost connections_;
   // By position, less one: of the sides, and what is added to their cost.
   std::vector<float> left_area_, right_area_, extra_, left_weight_, right_weight_;
-  std::vector<BoxRecord> left_boxes_;
+  std::vector<Box4> left_boxes_;
 };
 
 }  // namespace umbel::cluster

@@ -56,16 +56,16 @@ struct CheaperSplit {
 
 struct BlockNode {
   uint32_t begin, end;
-  ShortBox box;
+  BlockBox box;
 };
 
-/// The memory of a team that bisects. `Bin` is what its lanes can lower: ShortBox or WideBox.
+/// The memory of a team that bisects. `Bin` is what its lanes can lower: BlockBox or WideBox.
 template <typename Bin>
 struct BlockMemory {
-  ShortBox items[BlockLimits::kItems];
+  BlockBox items[BlockLimits::kItems];
   uint16_t order[BlockLimits::kItems], other[BlockLimits::kItems];
   Bin bins[3][BlockLimits::kBins];
-  ShortBox lefts[3][BlockLimits::kBins],
+  BlockBox lefts[3][BlockLimits::kBins],
       rights[3][BlockLimits::kBins];  ///< of all bins up to, and from
   uint32_t counts[3][BlockLimits::kBins];
   uint32_t before[3][BlockLimits::kBins];
@@ -87,7 +87,7 @@ class BlockBisector {
   /// Orders `count` items, which lie in memory.items, into memory.order; calls
   /// start(position) on one lane where a cluster begins.
   template <typename Start>
-  UMBEL_HOST_DEVICE void run(uint32_t count, const ShortBox& box, const Start& start) {
+  UMBEL_HOST_DEVICE void run(uint32_t count, const BlockBox& box, const Start& start) {
     for (uint32_t i = team_.rank(); i < count; i += team_.size()) m_.order[i] = uint16_t(i);
     if (team_.rank() == 0) {
       m_.waiting[0] = {0, count, box};
@@ -117,7 +117,7 @@ class BlockBisector {
   struct Binning {
     uint32_t from, scale, factor;
 
-    UMBEL_HOST_DEVICE static Binning of(const ShortBox& box, int axis) {
+    UMBEL_HOST_DEVICE static Binning of(const BlockBox& box, int axis) {
       const uint32_t range = 2 * box.extent(axis);
       if (range == 0) return {uint32_t(2 * int32_t(box.low[axis])), 1, 0};
       const uint32_t shift = uint32_t(std::countl_zero(uint16_t(range)));
@@ -143,7 +143,7 @@ class BlockBisector {
     } else
 #endif
       for (uint32_t i = node.begin + team_.rank(); i < node.end; i += team_.size()) {
-        const ShortBox& item = m_.items[m_.order[i]];
+        const BlockBox& item = m_.items[m_.order[i]];
         add(0, x.bin(item.middle(0)), item);
         add(1, y.bin(item.middle(1)), item);
         add(2, z.bin(item.middle(2)), item);
@@ -162,7 +162,7 @@ class BlockBisector {
                   factor = of(x.factor, y.factor, z.factor);
     constexpr int kShift = 15 - std::countr_zero(kBins);
     const auto put = [&](uint32_t i) {
-      const ShortBox& item = m_.items[m_.order[i]];
+      const BlockBox& item = m_.items[m_.order[i]];
       const __m128i box = item.load(), middle = _mm_sub_epi16(box, _mm_srli_si128(box, 8));
       const __m128i scaled = _mm_mullo_epi16(_mm_sub_epi16(middle, from), scale);
       const __m128i bins = _mm_srli_epi16(_mm_mulhi_epu16(scaled, factor), kShift);
@@ -180,13 +180,13 @@ class BlockBisector {
     if (node.begin + 2 * half < node.end) put(node.end - 1);
   }
 #endif
-  UMBEL_HOST_DEVICE void add(int axis, uint32_t bin, const ShortBox& item) {
+  UMBEL_HOST_DEVICE void add(int axis, uint32_t bin, const BlockBox& item) {
     join_shared(team_, m_.bins[axis][bin], item);
     team_.add(&m_.counts[axis][bin], 1);
   }
   UMBEL_HOST_DEVICE void accumulate(uint32_t sweep) {
     const uint32_t axis = sweep % 3;
-    ShortBox box = ShortBox::empty();
+    BlockBox box = BlockBox::empty();
     if (sweep < 3) {
       uint32_t before = 0;
       for (uint32_t k = 0; k < kBins; ++k) {

@@ -15,7 +15,7 @@
 
 namespace umbel::cluster {
 
-/// A ShortBox in whole words, which the lanes of a team can lower together.
+/// A BlockBox in whole words, which the lanes of a team can lower together.
 struct WideBox {
   int32_t low[6];
 
@@ -27,12 +27,12 @@ struct WideBox {
 
 /// Minima and, from the fifth on, negated maxima, so that a union is a minimum of all eight. The
 /// fourth and the last are unused.
-struct alignas(16) ShortBox {
+struct alignas(16) BlockBox {
   static constexpr int16_t kEmpty = 32767;
 
   int16_t low[8];
 
-  UMBEL_HOST_DEVICE static ShortBox empty() {
+  UMBEL_HOST_DEVICE static BlockBox empty() {
     return {{kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty, kEmpty}};
   }
   UMBEL_HOST_DEVICE uint32_t extent(int axis) const {
@@ -44,14 +44,14 @@ struct alignas(16) ShortBox {
   }
   /// Moves the planes to between those of `bounds`, and the upper ones not below the lower ones.
   /// Only what is not finite lies outside or has its planes swapped.
-  UMBEL_HOST_DEVICE void keep_within(const ShortBox& bounds) {
+  UMBEL_HOST_DEVICE void keep_within(const BlockBox& bounds) {
     for (int k = 0; k < 3; ++k) {
       const int16_t last = int16_t(-bounds.low[k + 4]), upper = int16_t(-low[k + 4]);
       low[k] = low[k] < bounds.low[k] ? bounds.low[k] : low[k] > last ? last : low[k];
       low[k + 4] = int16_t(-(upper < low[k] ? low[k] : upper > last ? last : upper));
     }
   }
-  UMBEL_HOST_DEVICE void join(const ShortBox& o) {
+  UMBEL_HOST_DEVICE void join(const BlockBox& o) {
 #if UMBEL_BOX_VECTORS
     store(_mm_min_epi16(load(), o.load()));
 #else
@@ -72,18 +72,18 @@ struct alignas(16) ShortBox {
 
 /// Half the surface area, of sides that are a cell longer: what is flat has an area too, of its
 /// length. Below 2^32.
-UMBEL_HOST_DEVICE inline uint64_t padded_area(const ShortBox& box) {
+UMBEL_HOST_DEVICE inline uint64_t padded_area(const BlockBox& box) {
   const uint64_t x = box.extent(0) + 1, y = box.extent(1) + 1, z = box.extent(2) + 1;
   return x * y + z * (x + y);
 }
 
 /// Adds an item's box to what lanes of a team share.
 template <typename Team>
-UMBEL_HOST_DEVICE void join_shared(const Team&, ShortBox& into, const ShortBox& box) {
+UMBEL_HOST_DEVICE void join_shared(const Team&, BlockBox& into, const BlockBox& box) {
   into.join(box);
 }
 template <typename Team>
-UMBEL_HOST_DEVICE void join_shared(const Team& team, WideBox& into, const ShortBox& box) {
+UMBEL_HOST_DEVICE void join_shared(const Team& team, WideBox& into, const BlockBox& box) {
   for (int k = 0; k < 6; ++k) team.lower(&into.low[k], int32_t(box.low[k < 3 ? k : k + 1]));
 }
 
@@ -101,7 +101,7 @@ struct BlockGrid {
     return {bounds.min, float(scale < 3e38 ? scale : 3e38)};
   }
   /// All of it.
-  UMBEL_HOST_DEVICE static ShortBox whole() {
+  UMBEL_HOST_DEVICE static BlockBox whole() {
     constexpr auto last = int16_t(kLast);
     return {{0, 0, 0, 0, -last, -last, -last, 0}};
   }
@@ -110,15 +110,15 @@ struct BlockGrid {
     const float below = x < kLast ? x : kLast;
     return static_cast<int16_t>(below > 0 ? below : 0.0f);
   }
-  UMBEL_HOST_DEVICE ShortBox round(const Aabb& box) const {
+  UMBEL_HOST_DEVICE BlockBox round(const Aabb& box) const {
     return {{cell(box.min.x, origin.x), cell(box.min.y, origin.y), cell(box.min.z, origin.z), 0,
              int16_t(-cell(box.max.x, origin.x)), int16_t(-cell(box.max.y, origin.y)),
              int16_t(-cell(box.max.z, origin.z)), 0}};
   }
-  UMBEL_HOST_DEVICE ShortBox round(const FrameMesh& mesh, uint32_t triangle) const {
+  UMBEL_HOST_DEVICE BlockBox round(const FrameMesh& mesh, uint32_t triangle) const {
 #if UMBEL_BOX_VECTORS
-    const BoxRecord box = mesh.record(triangle);
-    ShortBox result;
+    const Box4 box = mesh.record(triangle);
+    BlockBox result;
     result.store(_mm_packs_epi32(cells(box.low),
                                  _mm_sub_epi32(_mm_setzero_si128(), cells(-box.negated_high))));
     return result;

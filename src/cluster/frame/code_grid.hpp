@@ -98,7 +98,7 @@ struct CodeGrid {
 #if UMBEL_BOX_VECTORS
   /// The same.
   template <typename Key>
-  Key code(const BoxRecord& box) const {
+  Key code(const Box4& box) const {
     const Float4 center = box.low * splat(0.5f) - box.negated_high * splat(0.5f);
     const Float4 x = (center * splat(prescale) - of(origin)) * of(scale);
     const Float4 below = min4(x, of(last));

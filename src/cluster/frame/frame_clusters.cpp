@@ -196,7 +196,8 @@ AreaGrowth FrameClusterer::refit(std::span<const Vec3> positions, const BuildOpt
 AreaGrowth FrameClusterer::rebuild_worst(std::span<const Vec3> positions, uint32_t clusters,
                                          const BuildOptions& options) {
   State& s = *state_;
-  if (s.checked.max_vertices) refuse("with max_vertices, only all clusters together can be rebuilt");
+  if (s.checked.max_vertices)
+    refuse("with max_vertices, only all clusters together can be rebuilt");
   if (!s.built) {
     build(positions, options);
     return area_growth();

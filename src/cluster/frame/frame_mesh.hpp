@@ -45,7 +45,7 @@ struct FrameMesh {
 
 #if UMBEL_BOX_VECTORS
   /// The same box, in a third of the instructions.
-  BoxRecord record(uint32_t triangle) const {
+  Box4 record(uint32_t triangle) const {
     const Triangle& t = triangles[triangle];
     const Float4 a = load(t[0]), b = load(t[1]), c = load(t[2]);
     return {min4(min4(a, b), c), -max4(max4(a, b), c)};
@@ -65,7 +65,7 @@ struct FrameMesh {
 };
 
 #if UMBEL_BOX_VECTORS
-inline Aabb box_of(const BoxRecord& r) {
+inline Aabb box_of(const Box4& r) {
   return {{r.low[0], r.low[1], r.low[2]},
           {-r.negated_high[0], -r.negated_high[1], -r.negated_high[2]}};
 }
@@ -95,7 +95,7 @@ UMBEL_HOST_DEVICE Aabb gather_box(const Team& team, const FrameMesh& mesh, const
 #if UMBEL_BOX_VECTORS
   if constexpr (Team::kIsSerial) {
     constexpr uint32_t kAhead = 16;
-    BoxRecord box = BoxRecord::empty();
+    Box4 box = Box4::empty();
     for (uint32_t i = 0; i < count; ++i) {
       // Of the next cluster too, which lies behind; never past the last triangle.
       if (i + 2 * kAhead < count) mesh.prefetch(indices[i + 2 * kAhead]);

@@ -78,10 +78,10 @@ struct BisectBlock {
     const Aabb bounds =
         gather_box(team, mesh, of_block, count, [&](uint32_t i) { first[begin + i] = 0; });
     const BlockGrid grid = BlockGrid::over(bounds);
-    ShortBox root = grid.round(bounds);
+    BlockBox root = grid.round(bounds);
     root.keep_within(BlockGrid::whole());
     for (uint32_t i = team.rank(); i < count; i += team.size()) {
-      ShortBox item = grid.round(mesh, of_block[i]);
+      BlockBox item = grid.round(mesh, of_block[i]);
       item.keep_within(root);
       memory.items[i] = item;
     }
@@ -99,7 +99,7 @@ struct BisectBlock {
 template <typename Key, typename Exec>
 void bisect_blocks(Exec& exec, const FrameMesh& mesh, const TriangleOrder<Exec, Key>& order,
                    const BlockConstraints& constraints, uint32_t* ordered, uint8_t* first) {
-  using Bin = std::conditional_t<Exec::kSerialTeams, ShortBox, WideBox>;
+  using Bin = std::conditional_t<Exec::kSerialTeams, BlockBox, WideBox>;
   const uint32_t blocks = BlockSizes::blocks(mesh.count);
   const auto begins = exec.template allocate<uint32_t>(size_t(blocks) + 1);
   exec.for_each_team(size_t(blocks) + 1,

@@ -32,15 +32,15 @@ UMBEL_HOST_DEVICE Key code_of(const CodeGrid& grid, const FrameMesh& mesh, uint3
 template <typename Exec>
 void bound_centers(Exec& exec, const FrameMesh& mesh, Aabb* centers) {
 #if UMBEL_BOX_VECTORS
-  BoxRecord bounds;
+  Box4 bounds;
   exec.reduce(
-      mesh.size(), BoxRecord::empty(),
+      mesh.size(), Box4::empty(),
       [=](size_t i) {
-        const BoxRecord box = mesh.record(uint32_t(i));
+        const Box4 box = mesh.record(uint32_t(i));
         const Float4 c = box.low * splat(0.5f) - box.negated_high * splat(0.5f);
-        return BoxRecord{c, -c};
+        return Box4{c, -c};
       },
-      [](BoxRecord a, const BoxRecord& b) {
+      [](Box4 a, const Box4& b) {
         a.extend(b);
         return a;
       },

@@ -56,7 +56,7 @@ TEST(CodeGrid, vectors_round_as_scalars_do) {
     for (uint32_t i = 0; i < 3000; ++i) {
       ASSERT_EQ(small.code<uint32_t>(view.record(i)), small.code<uint32_t>(view.box(i)));
       ASSERT_EQ(large.code<uint64_t>(view.record(i)), large.code<uint64_t>(view.box(i)));
-      const cluster::ShortBox a = block.round(view, i), b = block.round(view.box(i));
+      const cluster::BlockBox a = block.round(view, i), b = block.round(view.box(i));
       ASSERT_TRUE(std::equal(a.low, a.low + 8, b.low));
     }
   }
