@@ -122,7 +122,7 @@ class Reader {
   ObjMesh read() {
     Parsed parsed = parse(texts_);
     blocks_ = std::move(parsed.blocks);
-    places_ = places_of(blocks_);
+    offsets_ = offsets_of(blocks_);
     check_statements();
     check_counts();
     const std::string fault = resolve_all();
@@ -131,9 +131,9 @@ class Reader {
       notes.push_back(name_ + ": its " + std::to_string(parts.size()) + " objects and groups (" +
                       some_of(parts) + ") become one mesh");
     if (parsed.is_cut)
-      notes.push_back(at(places_.back().lines - 1) +
+      notes.push_back(at(offsets_.back().lines - 1) +
                       "the last line has no end; the file may be cut short");
-    ObjMesh mesh = join(blocks_, places_);
+    ObjMesh mesh = join(blocks_, offsets_);
     mesh.notes = std::move(notes);
     mesh.fault = fault;
     return mesh;
@@ -150,7 +150,7 @@ class Reader {
     bool is_known = false;
     for (size_t k = 0; k < blocks_.size(); ++k) {
       const ObjBlock& block = blocks_[k];
-      const uint64_t before = places_[k].lines;
+      const uint64_t before = offsets_[k].lines;
       if (!is_known && block.unknown.count > 0 &&
           block.unknown.first < block.first_known.value_or(block.lines + 1))
         fail(at(before + block.unknown.first) + block.unknown.word +
@@ -161,7 +161,7 @@ class Reader {
   }
 
   void check_counts() const {
-    const ObjPlace& all = places_.back();
+    const ObjOffsets& all = offsets_.back();
     const std::string holds = name_ + " holds ";
     const bool says_empty =
         std::any_of(blocks_.begin(), blocks_.end(), [](const ObjBlock& b) { return b.says_empty; });
@@ -181,7 +181,7 @@ class Reader {
   std::string resolve_all() {
     std::vector<BadIndices> bad(blocks_.size());
     parallel_for(blocks_.size(), 1, [&](size_t k) {
-      bad[k] = resolve(blocks_[k], places_[k].rows, places_.back().rows);
+      bad[k] = resolve(blocks_[k], offsets_[k].rows, offsets_.back().rows);
     });
     for (size_t k = 0; k < blocks_.size(); ++k)
       if (bad[k].attributes) fail(bad_index(k, true));
@@ -193,9 +193,10 @@ class Reader {
   std::string bad_index(size_t k, bool only_attributes) const {
     TextBlock text;
     texts_.again(blocks_[k].offset, blocks_[k].size, text);
-    const auto fault = find_bad_index(text, places_[k].rows, places_.back().rows, only_attributes);
+    const auto fault =
+        find_bad_index(text, offsets_[k].rows, offsets_.back().rows, only_attributes);
     if (!fault) return name_ + " has become another file while it was read";
-    return at(places_[k].lines + fault->line) + fault->what;
+    return at(offsets_[k].lines + fault->line) + fault->what;
   }
 
   std::vector<std::string> notes_of_lines() const {
@@ -216,7 +217,7 @@ class Reader {
       for (size_t k = 0; k < blocks_.size(); ++k) {
         const ObjLines& lines = blocks_[k].*kind.lines;
         if (!first && lines.count > 0) {
-          first = places_[k].lines + lines.first;
+          first = offsets_[k].lines + lines.first;
           word = lines.word;
         }
         count += lines.count;
@@ -231,7 +232,7 @@ class Reader {
   std::string name_;
   TextBlocks texts_;
   std::vector<ObjBlock> blocks_;
-  std::vector<ObjPlace> places_;
+  std::vector<ObjOffsets> offsets_;
 };
 
 }  // namespace

@@ -243,7 +243,7 @@ class Parser {
     skip_line(p_, line_);
   }
 
-  /// What is left of the line but for a comment, without blank space around it.
+  /// What is left of the line except for a comment, without blank space around it.
   std::string rest() {
     std::string text;
     for (;;) {

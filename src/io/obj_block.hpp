@@ -80,7 +80,7 @@ struct ObjCounts {
 
 /// The first corner of a block's faces whose index is beyond the file's tables: "vertex index 9 is
 /// beyond the 4 there are". `before` are the rows of the blocks before. Only texture coordinates
-/// and normals are looked at where `only_attributes`.
+/// and normals are checked where `only_attributes`.
 std::optional<ObjBlock::Fault> find_bad_index(const TextBlock& text, ObjCounts before,
                                               const ObjCounts& total, bool only_attributes);
 

@@ -42,8 +42,8 @@ bool follows_vertices(const ObjIndices& indices, const ObjIndices& v) {
 
 class Joiner {
  public:
-  Joiner(std::vector<ObjBlock>& blocks, const std::vector<ObjPlace>& places)
-      : blocks_(blocks), places_(places), total_(places.back()) {}
+  Joiner(std::vector<ObjBlock>& blocks, const std::vector<ObjOffsets>& offsets)
+      : blocks_(blocks), offsets_(offsets), total_(offsets.back()) {}
 
   ObjMesh join() {
     has_vt_ = any_block([](const ObjBlock& b) { return !b.vt.values.empty(); });
@@ -72,18 +72,18 @@ class Joiner {
                     }));
   }
 
-  /// Calls body(block, place) for every block, on all threads.
+  /// Calls body(block, offsets) for every block, on all threads.
   template <typename Body>
   void for_each_block(const Body& body) {
-    parallel_for(blocks_.size(), 1, [&](size_t k) { body(blocks_[k], places_[k]); });
+    parallel_for(blocks_.size(), 1, [&](size_t k) { body(blocks_[k], offsets_[k]); });
   }
 
   /// A table's indices of all corners; the blocks' own are gone then.
   std::vector<int32_t> gathered(ObjIndices ObjBlock::* indices) {
     std::vector<int32_t> all(total_.corners, kNoIndex);
-    for_each_block([&](ObjBlock& block, const ObjPlace& place) {
+    for_each_block([&](ObjBlock& block, const ObjOffsets& offsets) {
       std::vector<int32_t>& own = (block.*indices).values;
-      std::copy(own.begin(), own.end(), all.begin() + static_cast<ptrdiff_t>(place.corners));
+      std::copy(own.begin(), own.end(), all.begin() + static_cast<ptrdiff_t>(offsets.corners));
       own = {};
     });
     return all;
@@ -93,9 +93,10 @@ class Joiner {
   template <typename T, typename Scalar>
   std::vector<T> rows(std::vector<Scalar> ObjBlock::* numbers, uint64_t ObjCounts::* before) {
     std::vector<T> all(total_.rows.*before);
-    for_each_block([&](ObjBlock& block, const ObjPlace& place) {
+    for_each_block([&](ObjBlock& block, const ObjOffsets& offsets) {
       std::vector<Scalar>& own = block.*numbers;
-      std::copy(own.begin(), own.end(), reinterpret_cast<Scalar*>(all.data() + place.rows.*before));
+      std::copy(own.begin(), own.end(),
+                reinterpret_cast<Scalar*>(all.data() + offsets.rows.*before));
       own = {};
     });
     return all;
@@ -103,7 +104,7 @@ class Joiner {
 
   void gather_tables() {
     if (any_block([](const ObjBlock& b) { return !b.colors.empty(); })) {
-      for_each_block([](ObjBlock& block, const ObjPlace&) {
+      for_each_block([](ObjBlock& block, const ObjOffsets&) {
         if (block.colors.empty()) block.colors.assign(4 * block.vertices(), 1.0f);
       });
       mesh_.colors = rows<Vec4>(&ObjBlock::colors, &ObjCounts::v);
@@ -125,7 +126,7 @@ class Joiner {
         const auto next = static_cast<uint32_t>(mesh_.material_names.size());
         const auto [known, is_new] = numbers.try_emplace(name, next);
         if (is_new) mesh_.material_names.push_back(name);
-        uses.emplace_back(places_[k].triangles + use.triangle, known->second);
+        uses.emplace_back(offsets_[k].triangles + use.triangle, known->second);
       }
     }
     if (uses.empty()) return;
@@ -236,9 +237,9 @@ class Joiner {
 
   void make_triangles() {
     mesh_.triangles.resize(total_.triangles);
-    for_each_block([&](const ObjBlock& block, const ObjPlace& place) {
-      const int32_t* corner = v_.data() + place.corners;
-      Triangle* out = mesh_.triangles.data() + place.triangles;
+    for_each_block([&](const ObjBlock& block, const ObjOffsets& offsets) {
+      const int32_t* corner = v_.data() + offsets.corners;
+      Triangle* out = mesh_.triangles.data() + offsets.triangles;
       const auto vertex = [](int32_t v) {
         return v == kBadIndex ? kNone : static_cast<uint32_t>(v);
       };
@@ -252,8 +253,8 @@ class Joiner {
   }
 
   std::vector<ObjBlock>& blocks_;
-  const std::vector<ObjPlace>& places_;
-  const ObjPlace& total_;
+  const std::vector<ObjOffsets>& offsets_;
+  const ObjOffsets& total_;
   ObjMesh mesh_;
   bool has_vt_ = false, has_vn_ = false;
   std::vector<int32_t> v_, vt_, vn_;      // of each corner
@@ -262,19 +263,19 @@ class Joiner {
 
 }  // namespace
 
-std::vector<ObjPlace> places_of(const std::vector<ObjBlock>& blocks) {
-  std::vector<ObjPlace> places(1);
+std::vector<ObjOffsets> offsets_of(const std::vector<ObjBlock>& blocks) {
+  std::vector<ObjOffsets> offsets(1);
   for (const ObjBlock& block : blocks) {
-    ObjPlace next = places.back();
+    ObjOffsets next = offsets.back();
     next.rows.v += block.vertices();
     next.rows.vt += block.uvs.size() / 2;
     next.rows.vn += block.normals.size() / 3;
     next.corners += block.v.values.size();
     next.triangles += block.triangles;
     next.lines += block.lines;
-    places.push_back(next);
+    offsets.push_back(next);
   }
-  return places;
+  return offsets;
 }
 
 BadIndices resolve(ObjBlock& block, const ObjCounts& before, const ObjCounts& total) {
@@ -286,8 +287,8 @@ BadIndices resolve(ObjBlock& block, const ObjCounts& before, const ObjCounts& to
   return bad;
 }
 
-ObjMesh join(std::vector<ObjBlock>& blocks, const std::vector<ObjPlace>& places) {
-  return Joiner(blocks, places).join();
+ObjMesh join(std::vector<ObjBlock>& blocks, const std::vector<ObjOffsets>& offsets) {
+  return Joiner(blocks, offsets).join();
 }
 
 }  // namespace umbel::io

@@ -8,14 +8,14 @@
 
 namespace umbel::io {
 
-/// What stands before a block.
-struct ObjPlace {
+/// How much stands before a block.
+struct ObjOffsets {
   ObjCounts rows;
   uint64_t corners = 0, triangles = 0, lines = 0;
 };
 
-/// Each block's place, and after them the whole file's size.
-std::vector<ObjPlace> places_of(const std::vector<ObjBlock>& blocks);
+/// Each block's offsets, and after them the whole file's size.
+std::vector<ObjOffsets> offsets_of(const std::vector<ObjBlock>& blocks);
 
 /// A block whose faces name what is not there.
 struct BadIndices {
@@ -27,6 +27,6 @@ struct BadIndices {
 BadIndices resolve(ObjBlock& block, const ObjCounts& before, const ObjCounts& total);
 
 /// The arrays of blocks that are resolved; takes the blocks apart.
-ObjMesh join(std::vector<ObjBlock>& blocks, const std::vector<ObjPlace>& places);
+ObjMesh join(std::vector<ObjBlock>& blocks, const std::vector<ObjOffsets>& offsets);
 
 }  // namespace umbel::io

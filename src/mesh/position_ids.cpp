@@ -1,8 +1,8 @@
 // Classes of vertices at exactly the same position, each named by its lowest vertex: one pass
 // through a hash table in vertex order, with hashes made in parallel beforehand.
+#include "base/hash_index.hpp"
 #include "base/parallel.hpp"
 #include "mesh/vertex_bits.hpp"
-#include "mesh/vertex_table.hpp"
 #include "umbel/mesh.hpp"
 
 namespace umbel {
@@ -15,7 +15,7 @@ std::vector<uint32_t> position_ids(std::span<const Vec3> positions) {
   parallel_for(hashes.size(), 1 << 14, [&](size_t i) { hashes[i] = hash_value(positions[i], 0); });
 
   std::vector<uint32_t> ids(positions.size());
-  VertexTable table(positions.size());
+  HashIndex table(positions.size());
   for_each_prefetched(table, hashes, [&](uint32_t i, uint64_t hash) {
     ids[i] = table.find_or_insert(
         hash, i, [&](uint32_t other) { return same_value(positions[i], positions[other]); });

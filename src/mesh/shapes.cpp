@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "base/hash.hpp"
+#include "base/hash_index.hpp"
 #include "base/parallel.hpp"
-#include "mesh/vertex_table.hpp"
 #include "umbel/mesh.hpp"
 
 namespace umbel::shapes {
@@ -163,7 +163,7 @@ class Midpoints {
  private:
   std::vector<Vec3d>& directions_;
   uint32_t first_;
-  VertexTable table_;
+  HashIndex table_;
   std::vector<uint64_t> ends_;
 };
 
@@ -259,14 +259,14 @@ Mesh moebius(uint32_t segments, uint32_t width) {
 Mesh fan(uint32_t triangles) {
   Mesh mesh;
   if (triangles == 0) return mesh;
-  const uint32_t rim = triangles < 3 ? triangles + 1 : triangles;  // closed from 3 on
-  require_vertices(uint64_t{rim} + 1);
+  const uint32_t corners = triangles < 3 ? triangles + 1 : triangles;  // closed from 3 on
+  require_vertices(uint64_t{corners} + 1);
   mesh.positions.push_back({0, 0, 0});
-  for (uint32_t i = 0; i < rim; ++i) {
-    const SinCos at = sin_cos_turns(i, std::max(rim, 4u));
+  for (uint32_t i = 0; i < corners; ++i) {
+    const SinCos at = sin_cos_turns(i, std::max(corners, 4u));
     mesh.positions.push_back(rounded({at.cos, at.sin, 0}));
   }
-  for (uint32_t i = 0; i < triangles; ++i) mesh.triangles.push_back({0, 1 + i, 1 + (i + 1) % rim});
+  for (uint32_t i = 0; i < triangles; ++i) mesh.triangles.push_back({0, 1 + i, 1 + (i + 1) % corners});
   return mesh;
 }
 

@@ -31,4 +31,12 @@ uint64_t hash_value(const Vector& v, uint64_t seed) {
   return hash;
 }
 
+/// For Interner.
+struct ValueHash {
+  template <typename Vector>
+  uint64_t operator()(const Vector& v) const {
+    return hash_value(v, 0);
+  }
+};
+
 }  // namespace umbel

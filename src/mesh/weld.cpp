@@ -6,11 +6,11 @@
 #include <array>
 
 #include "base/big_vector.hpp"
+#include "base/hash_index.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "mesh/streams.hpp"
 #include "mesh/vertex_bits.hpp"
-#include "mesh/vertex_table.hpp"
 
 namespace umbel {
 namespace {
@@ -82,7 +82,7 @@ std::vector<uint32_t> number_distinct(const MeshView& mesh, Candidates& list) {
 
   std::vector<uint32_t> numbers(count), distinct;
   distinct.reserve(count);
-  VertexTable table(count);
+  HashIndex table(count);
   for_each_prefetched(table, hashes, [&](uint32_t i, uint64_t hash) {
     const uint32_t first = table.find_or_insert(
         hash, i, [&](uint32_t other) { return are_equal(mesh, list, i, other); });

@@ -60,7 +60,7 @@ struct FirstClusters {
 // One cluster of the whole mesh with vertices of its own, numbered by first use.
 void append_cluster(const Source& source, std::span<const Triangle> triangles,
                     std::span<const uint32_t> items, FirstClusters& out) {
-  // Open addressing over at most 256 vertices. Whether a vertex is new cannot be foretold, so
+  // A table of its own, on the stack: at most 256 vertices. No branch can predict which are new, so
   // nothing branches on it.
   constexpr uint32_t kSlots = 1024;
   uint32_t keys[kSlots];

@@ -9,8 +9,8 @@
 namespace umbel::lod {
 namespace {
 
-// So much that what is cut decides and boxes are second: what groups share cannot be simplified,
-// and parts that lie within each other have much the same boxes.
+// So large that shared vertices decide and boxes are second: what groups share cannot be
+// simplified, and components that lie within each other have much the same boxes.
 constexpr float kSharedWeight = 20.0f;
 constexpr float kLockedWeight = 60.0f;
 

@@ -1,21 +1,22 @@
-// Positions that simplification makes are nobody else's: two that are equal would be one position,
-// and edges between such would be shared by triangles that have nothing to do with each other.
+// Keeps new positions apart from all others: two that are equal would be one position, and edges
+// between such would be shared by triangles that have nothing to do with each other.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "base/interner.hpp"
 #include "base/math.hpp"
-#include "lod/dag/interner.hpp"
 #include "lod/dag/source.hpp"
+#include "mesh/vertex_bits.hpp"
 
 namespace umbel::lod {
 
 class NewPositions {
  public:
-  /// Moves the new positions of enlarged parts away from all others, to the next float or, with a
-  /// step, to the next multiple of it. Returns the farthest that one moved.
+  /// Moves the new positions of enlarged components away from all others, to the next float or,
+  /// with a step, to the next multiple of it. Returns the farthest that one moved.
   float set_apart(const Source& source, float step, AddedVertices& added) {
     if (known_.keys().empty())
       for (const Vec3& p : source.mesh.positions) known_.insert(without_negative_zero(p));
@@ -39,7 +40,7 @@ class NewPositions {
   bool is_empty() const { return known_.keys().empty(); }
 
  private:
-  Interner<Vec3, PositionHash> known_;
+  Interner<Vec3, ValueHash> known_;
 };
 
 }  // namespace umbel::lod

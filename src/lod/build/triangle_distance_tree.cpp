@@ -179,7 +179,7 @@ TriangleDistanceTree::Nearest TriangleDistanceTree::nearest(const Vec3& point, f
                                                             uint32_t hint) const {
   Nearest best{kInfinity, 0, 0};
   if (blocks_.empty()) return best;
-  const auto look_at = [&](uint32_t b) {
+  const auto visit = [&](uint32_t b) {
     const Lanes d = squared_distances(blocks_[b], point);
     const float least = std::min(std::min(d[0], d[1]), std::min(d[2], d[3]));
     if (least < best.squared) best = {least, b, cluster_of_[b]};
@@ -205,7 +205,7 @@ TriangleDistanceTree::Nearest TriangleDistanceTree::nearest(const Vec3& point, f
   };
   // From the hint upwards: what is near it in the tree comes first.
   uint32_t at = std::min(hint, static_cast<uint32_t>(blocks_.size() - 1));
-  if (look_at(at)) return best;
+  if (visit(at)) return best;
   for (uint32_t level = 1; level <= levels_.size(); ++level, at /= kWidth) {
     push_children(level, at / kWidth, at % kWidth);
     while (count > 0) {
@@ -213,7 +213,7 @@ TriangleDistanceTree::Nearest TriangleDistanceTree::nearest(const Vec3& point, f
       if (!(top.squared < best.squared)) continue;
       if (top.level > 0)
         push_children(top.level, top.node, kWidth);
-      else if (look_at(top.node))
+      else if (visit(top.node))
         return best;
     }
   }

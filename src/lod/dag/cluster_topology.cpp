@@ -1,4 +1,4 @@
-// Most edges of a mesh in clusters are regular, and a cluster alone can tell: all triangles around
+// Most edges of a mesh in clusters are manifold, and one cluster shows it: all triangles around
 // most vertices are in one cluster. Only what is left is gathered from all of them.
 #include "lod/dag/cluster_topology.hpp"
 
@@ -24,7 +24,7 @@ bool insert(Neighbours& set, uint8_t vertex) {
   return is_known;
 }
 
-// Finds the edges of clusters that cannot be told to be regular from one cluster alone.
+// Finds the edges of clusters that one cluster alone does not show to be manifold.
 class DoubtfulEdges {
  public:
   DoubtfulEdges(const ClusterSet& clusters, std::span<const uint32_t> position_ids)
@@ -42,25 +42,25 @@ class DoubtfulEdges {
     const auto corners = clusters_.cluster_corners(cluster);
     const auto number = numbers(vertices);
     std::array<Neighbours, 256> next, prev;
-    std::array<bool, 256> is_regular;
+    std::array<bool, 256> is_manifold;
     std::fill_n(next.begin(), vertices.size(), Neighbours{});
     std::fill_n(prev.begin(), vertices.size(), Neighbours{});
-    for (size_t i = 0; i < vertices.size(); ++i) is_regular[i] = uses_[ids_[vertices[i]]] == 1;
+    for (size_t i = 0; i < vertices.size(); ++i) is_manifold[i] = uses_[ids_[vertices[i]]] == 1;
     size_t degenerate = 0;
     for_each_triangle(corners, number, degenerate, [&](const std::array<uint8_t, 3>& t) {
       for (size_t k = 0; k < 3; ++k) {
-        is_regular[t[k]] &= !insert(next[t[k]], t[(k + 1) % 3]);
+        is_manifold[t[k]] &= !insert(next[t[k]], t[(k + 1) % 3]);
         insert(prev[t[k]], t[(k + 2) % 3]);
       }
     });
-    // Where every neighbour comes next once and before once, all edges of the vertex are regular,
+    // Where every neighbour comes next once and before once, all edges of the vertex are manifold,
     // if all that are at its position are here.
-    for (size_t i = 0; i < vertices.size(); ++i) is_regular[i] &= next[i] == prev[i];
+    for (size_t i = 0; i < vertices.size(); ++i) is_manifold[i] &= next[i] == prev[i];
     degenerate = 0;
     for_each_triangle(corners, number, degenerate, [&](const std::array<uint8_t, 3>& t) {
       for (size_t k = 0; k < 3; ++k) {
         const uint8_t a = t[k], b = t[(k + 1) % 3];
-        if (!is_regular[a] && !is_regular[b])
+        if (!is_manifold[a] && !is_manifold[b])
           edges.push_back({ids_[vertices[a]], ids_[vertices[b]]});
       }
     });

@@ -1,4 +1,4 @@
-// Non-manifold edges of a mesh that is there in clusters.
+// Non-manifold edges of a mesh in clusters.
 #pragma once
 
 #include <cstddef>

@@ -4,49 +4,17 @@
 #include <array>
 
 namespace umbel::lod {
-namespace {
-
-constexpr uint64_t kEmpty = ~uint64_t{0};
-
-uint64_t key_of(const PositionPair& edge) {
-  return uint64_t{std::min(edge.first, edge.second)} << 32 | std::max(edge.first, edge.second);
-}
-
-}  // namespace
-
-size_t LockedEdgeSet::slot_of(uint64_t key) const {
-  const size_t mask = table_.size() - 1;
-  size_t slot = first_slot(key);
-  while (table_[slot] != kEmpty && table_[slot] != key) slot = (slot + 1) & mask;
-  return slot;
-}
-
-size_t LockedEdgeSet::first_slot(uint64_t key) const {
-  return (key * 0x9e3779b97f4a7c15ull) >> 20 & (table_.size() - 1);
-}
-
-void LockedEdgeSet::grow() {
-  BigVector<uint64_t> old(std::max<size_t>(1024, 2 * table_.size()), kEmpty);
-  old.swap(table_);
-  for (uint64_t key : old)
-    if (key != kEmpty) table_[slot_of(key)] = key;
-}
-
 void LockedEdgeSet::insert(std::span<const PositionPair> edges) {
   constexpr size_t kAhead = 16;
-  while (2 * (count_ + edges.size()) > table_.size()) grow();
+  edges_.reserve(edges.size());
   for (size_t i = 0; i < edges.size(); ++i) {
-    if (i + kAhead < edges.size())
-      __builtin_prefetch(&table_[first_slot(key_of(edges[i + kAhead]))], 1);
-    const uint64_t key = key_of(edges[i]);
-    uint64_t& entry = table_[slot_of(key)];
-    count_ += entry == kEmpty;
-    entry = key;
+    if (i + kAhead < edges.size()) edges_.prefetch(edge_key(edges[i + kAhead]));
+    edges_.insert(edge_key(edges[i]));
   }
 }
 
 bool LockedEdgeSet::contains(const PositionPair& edge) const {
-  return !table_.empty() && table_[slot_of(key_of(edge))] != kEmpty;
+  return edges_.contains(edge_key(edge));
 }
 
 bool LockedEdgeSet::contains_any(std::span<const PositionPair> edges) const {

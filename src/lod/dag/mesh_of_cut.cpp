@@ -4,7 +4,8 @@
 #include <bit>
 #include <cstring>
 
-#include "lod/dag/interner.hpp"
+#include "base/hash.hpp"
+#include "base/interner.hpp"
 #include "umbel/lod/types.hpp"
 
 namespace umbel::lod {
@@ -35,7 +36,7 @@ struct KeyHash {
     uint64_t h = 0;
     for (size_t i = 0; i < key.size(); i += 2)
       h = std::rotl(h, 27) * 0x9e3779b97f4a7c15ull ^ (uint64_t{key[i]} << 32 | key[i + 1]);
-    return mix_bits(h);
+    return mix64(h);
   }
 };
 
@@ -72,7 +73,7 @@ void append_vertex(Mesh& mesh, const ClusterGeometry& g, size_t i) {
   append(mesh.colors, index, g.colors, i);
 }
 
-/// Further attributes of vertices, but for their material, which is the triangles'.
+/// Further attributes of vertices, except for their material, which triangles get.
 class ExtraJoiner {
  public:
   explicit ExtraJoiner(Mesh& mesh) : mesh_(mesh) {}

@@ -45,14 +45,14 @@ void append_vertex(Mesh& to, const Mesh& from, uint32_t vertex);
 /// where there would be too many.
 uint32_t append_vertices(Source& source, const AddedVertices& added);
 
-/// Welds and prepares a valid mesh, but for its non-manifold components.
+/// Welds and prepares a valid mesh, without its non-manifold components.
 Source make_source(const MeshView& mesh, const BuildOptions& options);
 
-/// Numbers vertices anew in the order in which `clusters` use them, so that neighbours are near
+/// Renumbers vertices in the order in which `clusters` use them, so that neighbours are near
 /// each other in memory. The mesh's triangles are not.
 void order_vertices(Source& source, ClusterSet& clusters);
 
-/// Finds the non-manifold components of the surface in `clusters`, and lets go of the mesh's
+/// Finds the non-manifold components of the surface in `clusters`, and frees the mesh's
 /// triangles. Returns how many are degenerate.
 size_t settle_source(Source& source, const ClusterSet& clusters);
 

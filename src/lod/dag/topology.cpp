@@ -3,7 +3,6 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <bit>
 #include <numeric>
 
 #include "base/big_vector.hpp"
@@ -11,8 +10,6 @@
 
 namespace umbel::lod {
 namespace {
-
-constexpr uint64_t kEmpty = ~uint64_t{0};
 
 uint32_t find_root(std::vector<uint32_t>& parent, uint32_t i) {
   while (parent[i] != i) i = parent[i] = parent[parent[i]];
@@ -94,25 +91,12 @@ std::vector<uint32_t> non_manifold_components(std::span<const Triangle> triangle
 }
 
 SubMeshTopology::Entry& SubMeshTopology::entry(uint32_t a, uint32_t b) {
-  const uint64_t key = uint64_t{std::min(a, b)} << 32 | std::max(a, b);
-  uint64_t slot = (key * 0x9e3779b97f4a7c15ull) >> 20 & mask_;
-  while (table_[slot].key != kEmpty && table_[slot].key != key) slot = (slot + 1) & mask_;
-  if (table_[slot].key == kEmpty) {
-    table_[slot] = {key, 0, 0};
-    used_.push_back(static_cast<uint32_t>(slot));
-  }
-  return table_[slot];
-}
-
-void SubMeshTopology::reset(size_t edges) {
-  const size_t size = std::bit_ceil(edges * 2 + 16);
-  if (size > table_.size()) {
-    table_.assign(size, {kEmpty, 0, 0});
-  } else {
-    for (uint32_t slot : used_) table_[slot].key = kEmpty;
-  }
-  used_.clear();
-  mask_ = table_.size() - 1;
+  const PositionPair edge{std::min(a, b), std::max(a, b)};
+  const uint32_t next = static_cast<uint32_t>(entries_.size());
+  const uint32_t found = index_.find_or_insert(
+      IntegerHash()(edge_key(edge)), next, [&](uint32_t i) { return entries_[i].edge == edge; });
+  if (found == next) entries_.push_back({edge, 0, 0});
+  return entries_[found];
 }
 
 void SubMeshTopology::set_sub_mesh(std::span<const Triangle> triangles,
@@ -129,22 +113,22 @@ void SubMeshTopology::set_sub_mesh(std::span<const Triangle> triangles,
         own_locked_edges_.push_back({t[i], t[(i + 1) % 3]});
 }
 
-// Finds violations and all chords.
+// Finds violations and all new edges between locked vertices.
 void SubMeshTopology::count_edges(std::span<const Triangle> result) {
-  reset(3 * result.size() + own_locked_edges_.size());
+  entries_.clear();
+  index_.reset(3 * result.size() + own_locked_edges_.size());
   violations_.clear();
   locked_edges_.clear();
   for (const Triangle& t : result)
     for (int i = 0; i < 3; ++i) ++entry(t[i], t[(i + 1) % 3]).after;
   for (const auto& [a, b] : own_locked_edges_) ++entry(a, b).before;
-  for (uint32_t slot : used_) {
-    const Entry& e = table_[slot];
-    const uint32_t a = static_cast<uint32_t>(e.key >> 32), b = static_cast<uint32_t>(e.key);
+  for (const Entry& e : entries_) {
+    const auto [a, b] = e.edge;
     if (component_[a] != kNone && component_[a] == component_[b]) continue;
     const bool fixed = locked_[a] && locked_[b];
     const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
-    const bool chord = fixed && e.before == 0 && e.after == 2;
-    if (chord)
+    const bool is_new = fixed && e.before == 0 && e.after == 2;
+    if (is_new)
       locked_edges_.push_back({a, b});
     else if (parity_changed || e.after > 2 || (fixed && e.after > e.before))
       violations_.push_back({a, b});

@@ -1,20 +1,33 @@
-// Which edges of a mesh are non-manifold, by position, and whether a simplified sub-mesh brought
-// new ones. An edge is regular if two triangles share it, and run along it in opposite directions.
+// Which edges of a mesh are non-manifold, by position, and whether a simplified sub-mesh has new
+// ones.
+//
+// An edge is manifold if exactly two triangles share it and run along it in opposite directions.
+// All others are called non-manifold here: boundaries, three triangles at an edge, and surfaces
+// that are not consistently oriented. Where the source has such edges, edges between positions that
+// they connect are *allowed* to be so in every cut.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
+#include "base/hash_index.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel::lod {
 
 using PositionPair = std::pair<uint32_t, uint32_t>;
 
+/// The same for both directions of an edge.
+inline uint64_t edge_key(const PositionPair& edge) {
+  return uint64_t{std::min(edge.first, edge.second)} << 32 | std::max(edge.first, edge.second);
+}
+
 /// For each position (index of `position_ids`) the component of the graph of non-manifold edges, or
-/// kNone for a position that touches none.
-/// Degenerate triangles (two corners at one position) are left out.
+/// kNone for a position that touches none. Degenerate triangles (two corners at one position) are
+/// left out.
 std::vector<uint32_t> non_manifold_components(std::span<const Triangle> triangles,
                                               std::span<const uint32_t> position_ids);
 
@@ -25,9 +38,8 @@ std::vector<uint32_t> non_manifold_components(std::span<const PositionPair> edge
 /// Compares a sub-mesh of a surface before and after simplification. Edge collapse is a simplicial
 /// map, so it keeps the boundary of the sub-mesh modulo 2; what it may do wrong is to close a loop
 /// of three edges that bounds no triangle, after which four triangles share an edge (the link
-/// condition of Dey et al. 1999), and to lay a *chord*, a new edge between two vertices of the
-/// sub-mesh's border, where a neighbouring sub-mesh may have or lay one too (locked_edges.hpp).
-/// Reusable; not thread-safe.
+/// condition of Dey et al. 1999), and to make a new edge between two locked vertices, where a
+/// neighbouring sub-mesh may have or make one too (locked_edges.hpp). Reusable; not thread-safe.
 class SubMeshTopology {
  public:
   /// Positions of the sub-mesh are numbered 0..; `locked[p]` says that a neighbour has p too, and
@@ -37,8 +49,8 @@ class SubMeshTopology {
 
   /// The edges of `result` that neither the rule of two triangles nor the source allows, in a
   /// fixed order. Empty: the result can take the sub-mesh's place in every cut, provided that
-  /// nobody else has its chords. Those that `may_add(a, b)` says are legal are collected, others
-  /// count as violations.
+  /// nobody else has its new edges between locked vertices. Those that `may_add(a, b)` says are
+  /// legal are collected, others count as violations.
   template <typename MayAdd>
   std::span<const PositionPair> violations(std::span<const Triangle> result,
                                            const MayAdd& may_add) {
@@ -51,7 +63,7 @@ class SubMeshTopology {
     return violations_;
   }
 
-  /// Of the last result that was looked at.
+  /// New edges between locked vertices of the last result.
   std::span<const PositionPair> locked_edges() const { return locked_edges_; }
   /// The edges of the sub-mesh itself between two locked vertices, each as often as a triangle has
   /// it.
@@ -59,16 +71,14 @@ class SubMeshTopology {
 
  private:
   struct Entry {
-    uint64_t key;
-    uint32_t before, after;
+    PositionPair edge;
+    uint32_t before, after;  // triangles
   };
   Entry& entry(uint32_t a, uint32_t b);
-  void reset(size_t edges);
   void count_edges(std::span<const Triangle> result);
 
-  std::vector<Entry> table_;
-  std::vector<uint32_t> used_;
-  uint64_t mask_ = 0;
+  HashIndex index_;
+  std::vector<Entry> entries_;
   std::vector<PositionPair> own_locked_edges_;
   std::span<const uint8_t> locked_;
   std::span<const uint32_t> component_;

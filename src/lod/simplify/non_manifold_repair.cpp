@@ -26,7 +26,7 @@ class NonManifoldRepair {
       for (uint32_t k = 0; k < 3; ++k) link(i, k);
   }
 
-  void repair(uint32_t a, uint32_t b) {
+  void repair_edge(uint32_t a, uint32_t b) {
     std::vector<Side> forward, backward;
     find_sides(a, b, forward, backward);
     if (remove_back_to_back(forward, backward)) return;
@@ -47,7 +47,7 @@ class NonManifoldRepair {
   static bool is_gone(const Triangle& t) { return t[0] == t[1]; }
 
   // Every corner of a triangle is in the list of its position. Where a triangle has changed since,
-  // its old entries stay and are told by no longer having that position.
+  // its old entries stay, and are skipped because the corner is elsewhere.
   void link(size_t triangle, uint32_t corner) {
     const uint32_t p = position(triangles_[triangle][corner]);
     next_.push_back(first_[p]);
@@ -136,8 +136,8 @@ class NonManifoldRepair {
     };
     const float worst = std::min(cosine(first), cosine(second));
     if (!(worst >= kLeastCosine) || edge_exists(px, py)) return {};
-    // Both surfaces of a skew quad agree on its rim; they are farthest apart where the diagonals
-    // pass each other.
+    // Both surfaces of a skew quad agree on its boundary; they are farthest apart where the
+    // diagonals pass each other.
     const Vec3 across = cross(point(b) - point(a), point(y) - point(x));
     const float l = length(across);
     const float apart = l > 0.0f ? std::fabs(dot(point(x) - point(a), across)) / l : 0.0f;
@@ -160,7 +160,7 @@ class NonManifoldRepair {
     return true;
   }
 
-  // Splits the edge in one patch by the nearest spare vertex that turns no triangle over.
+  // Splits the edge in one patch by the nearest spare vertex that flips no triangle.
   void split(std::span<const Side> forward, std::span<const Side> backward) {
     mark_used();
     for (const Side& f : forward)
@@ -217,12 +217,12 @@ class NonManifoldRepair {
 
 }  // namespace
 
-float repair(const RepairInput& input, std::span<const std::pair<uint32_t, uint32_t>> faults,
-             std::vector<Triangle>& triangles) {
-  NonManifoldRepair repairing(input, triangles);
-  for (const auto& [a, b] : faults) repairing.repair(a, b);
+float repair_edges(const RepairInput& input, std::span<const std::pair<uint32_t, uint32_t>> faults,
+                   std::vector<Triangle>& triangles) {
+  NonManifoldRepair repair(input, triangles);
+  for (const auto& [a, b] : faults) repair.repair_edge(a, b);
   std::erase_if(triangles, [](const Triangle& t) { return t[0] == t[1]; });
-  return repairing.deviation();
+  return repair.deviation();
 }
 
 }  // namespace umbel::lod

@@ -1,5 +1,5 @@
-// Mends what edge collapse without the link condition leaves behind: edges with too many triangles
-// and, where they must not be, chords (topology.hpp).
+// Repairs what edge collapse without the link condition leaves behind: edges with too many
+// triangles and, where they must not be, new edges between locked vertices (topology.hpp).
 //
 // Two triangles back to back on three positions bound nothing and are taken out. Otherwise the edge
 // is flipped in the patch where that moves the surface least, or, where no flip is sound, split by
@@ -24,9 +24,9 @@ struct RepairInput {
                                    ///< (not locked, alone at its position)
 };
 
-/// Mends each edge of `faults` (pairs of local positions) that it can. Returns the largest
+/// Repairs each edge of `faults` (pairs of local positions) that it can. Returns the largest
 /// distance by which that moved the surface.
-float repair(const RepairInput& input, std::span<const std::pair<uint32_t, uint32_t>> faults,
-             std::vector<Triangle>& triangles);
+float repair_edges(const RepairInput& input, std::span<const std::pair<uint32_t, uint32_t>> faults,
+                   std::vector<Triangle>& triangles);
 
 }  // namespace umbel::lod

@@ -1,9 +1,9 @@
-// Last resort where edge collapse goes no further: whole patches of the surface are left out, or
-// exchanged for a few triangles.
+// A last resort where edge collapse goes no further: whole manifold patches are removed, or
+// replaced by a few triangles.
 //
-// A patch is what hangs together by regular edges. Where nothing of it is locked, leaving it out
-// changes the parity of non-manifold edges alone, which the source allows, so every cut stays
-// sound; and a closed surface in its place changes none.
+// A patch is what manifold edges connect. Where nothing of it is locked, removing it changes the
+// parity of non-manifold edges alone, which the source allows, so every cut stays sound; and a
+// closed surface in its place changes none.
 #pragma once
 
 #include <cstdint>

@@ -6,14 +6,16 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/hash.hpp"
+#include "base/interner.hpp"
 #include "base/math.hpp"
-#include "lod/dag/interner.hpp"
+#include "mesh/vertex_bits.hpp"
 
 namespace umbel::lod {
 namespace {
 
 struct EdgeHash {
-  uint64_t operator()(uint64_t edge) const { return mix_bits(edge); }
+  uint64_t operator()(uint64_t edge) const { return mix64(edge); }
 };
 
 class Reader {
@@ -240,7 +242,7 @@ class Reader {
   const VerifyConfig& config_;
   Findings& findings_;
   Topology topology_;
-  Interner<Vec3, PositionHash> positions_;
+  Interner<Vec3, ValueHash> positions_;
   Interner<uint64_t, EdgeHash> edges_;
   std::vector<uint32_t> ids_;
   Mesh source_;

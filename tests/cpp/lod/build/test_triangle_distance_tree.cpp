@@ -40,7 +40,7 @@ Vec3 random_point(const Aabb& box, Random& random) {
   return {at(box.min.x, box.max.x), at(box.min.y, box.max.y), at(box.min.z, box.max.z)};
 }
 
-class NearSurfaceOf : public ::testing::TestWithParam<int> {
+class TriangleDistanceTreeOf : public ::testing::TestWithParam<int> {
  public:
   static Mesh mesh() {
     switch (GetParam()) {
@@ -56,8 +56,8 @@ class NearSurfaceOf : public ::testing::TestWithParam<int> {
   }
 };
 
-TEST_P(NearSurfaceOf, finds_the_distance_whatever_the_hint) {
-  const Mesh mesh = NearSurfaceOf::mesh();
+TEST_P(TriangleDistanceTreeOf, finds_the_distance_whatever_the_hint) {
+  const Mesh mesh = TriangleDistanceTreeOf::mesh();
   const Scene scene(mesh);
   const Aabb box = bounds(mesh.view());
   const float size = length(box.max - box.min);
@@ -71,8 +71,8 @@ TEST_P(NearSurfaceOf, finds_the_distance_whatever_the_hint) {
   }
 }
 
-TEST_P(NearSurfaceOf, what_is_near_enough_is_no_nearer_than_the_nearest) {
-  const Mesh mesh = NearSurfaceOf::mesh();
+TEST_P(TriangleDistanceTreeOf, what_is_near_enough_is_no_nearer_than_the_nearest) {
+  const Mesh mesh = TriangleDistanceTreeOf::mesh();
   const Scene scene(mesh);
   const Aabb box = bounds(mesh.view());
   const float size = length(box.max - box.min);
@@ -87,7 +87,7 @@ TEST_P(NearSurfaceOf, what_is_near_enough_is_no_nearer_than_the_nearest) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, NearSurfaceOf, ::testing::Range(0, 4));
+INSTANTIATE_TEST_SUITE_P(Shapes, TriangleDistanceTreeOf, ::testing::Range(0, 4));
 
 TEST(TriangleDistanceTree, degenerate_triangles_are_points_and_segments) {
   Mesh mesh;

@@ -29,7 +29,7 @@ struct SubMesh {
 
   float repair_edge(uint32_t a, uint32_t b) {
     const std::pair<uint32_t, uint32_t> fault{a, b};
-    return repair({position_of, positions, locked, patches, spare}, {&fault, 1}, triangles);
+    return repair_edges({position_of, positions, locked, patches, spare}, {&fault, 1}, triangles);
   }
 
   bool has_edge(uint32_t a, uint32_t b) const {

@@ -7,7 +7,6 @@
 #include <random>
 
 #include "base/math.hpp"
-#include "lod/simplify/collapse/bucket_queue.hpp"
 #include "lod/simplify/collapse/collapse.hpp"
 #include "umbel/mesh.hpp"
 
@@ -47,40 +46,6 @@ std::map<std::pair<uint32_t, uint32_t>, int> edges(std::span<const Triangle> tri
   return result;
 }
 
-TEST(BucketQueue, gives_keys_in_the_order_of_their_values_to_within_a_bucket) {
-  std::mt19937 random(1);
-  std::uniform_real_distribution<float> exponent(-60.0f, 60.0f);
-  BucketQueue queue;
-  queue.reset(1000);
-  std::vector<float> values(1000);
-  for (int round = 0; round < 3; ++round)
-    for (uint32_t key = 0; key < 1000; ++key)
-      queue.set(key, values[key] = std::exp2(exponent(random)));
-  for (uint32_t key = 0; key < 1000; key += 7) queue.remove(key);
-  float last = 0.0f;
-  size_t count = 0;
-  for (; !queue.empty(); ++count) {
-    const uint32_t key = queue.pop();
-    EXPECT_NE(key % 7, 0u);
-    EXPECT_FALSE(queue.contains(key));
-    EXPECT_GT(values[key], last / 1.0625f);
-    last = std::max(last, values[key]);
-  }
-  EXPECT_EQ(count, 1000u - 143u);
-}
-
-TEST(BucketQueue, takes_zero_and_infinity) {
-  BucketQueue queue;
-  queue.reset(3);
-  queue.set(0, std::numeric_limits<float>::infinity());
-  queue.set(1, 1.0f);
-  queue.set(2, 0.0f);
-  EXPECT_EQ(queue.pop(), 2u);
-  EXPECT_EQ(queue.pop(), 1u);
-  EXPECT_EQ(queue.pop(), 0u);
-  EXPECT_TRUE(queue.empty());
-}
-
 TEST(EdgeCollapser, reaches_its_target_on_closed_surfaces_and_keeps_them_closed) {
   EdgeCollapser collapser;
   for (const Mesh& mesh : {shapes::blob(4, 3), shapes::torus(40, 20), shapes::sphere(3)}) {
@@ -116,7 +81,7 @@ TEST(EdgeCollapser, closes_a_handle_and_no_edge_gets_more_than_two_triangles) {
   EXPECT_GT(collapser.error(), 0.0f);
 }
 
-TEST(EdgeCollapser, no_loop_through_two_locked_positions_is_drawn_together) {
+TEST(EdgeCollapser, no_loop_through_two_locked_positions_is_collapsed) {
   SubMesh sub_mesh(shapes::torus(40, 20));
   for (uint32_t v = 0; v < 20; ++v) sub_mesh.locked[v] = 1;
   EdgeCollapser collapser;
@@ -129,7 +94,7 @@ TEST(EdgeCollapser, no_loop_through_two_locked_positions_is_drawn_together) {
     EXPECT_EQ(count, 2);
 }
 
-TEST(EdgeCollapser, a_flat_sheet_shrinks_to_few_triangles_without_error) {
+TEST(EdgeCollapser, a_flat_surface_shrinks_to_few_triangles_without_error) {
   const SubMesh sub_mesh(shapes::grid(20, 20));
   EdgeCollapser collapser;
   collapser.run(sub_mesh.input(), 20);
@@ -229,7 +194,7 @@ TEST(EdgeCollapser, ends_where_triangles_around_a_vertex_run_into_a_circle) {
   CollapseInput input = sub_mesh.input();
   collapser.run(input, 0);
   EXPECT_LE(collapser.triangles().size(), 3u);
-  input.non_manifold = false;
+  input.move_non_manifold = false;
   collapser.run(input, 0);
   EXPECT_GE(collapser.triangles().size(), 1u);
 }

@@ -1,21 +1,17 @@
-// What of a group's vertices weighs in the error of its simplification: the values of each
-// attribute, and its weight. Joints and their weights become one column for each joint: how much it
-// moves a vertex.
+#include "lod/simplify/group_attributes.hpp"
+
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <type_traits>
 #include <utility>
-#include <vector>
-
-#include "lod/simplify/simplify.hpp"
 
 namespace umbel::lod {
 namespace {
 
-// What meshoptimizer can take.
+// As many as meshoptimizer takes.
 constexpr size_t kMostColumns = 32;
-// Joints of a group with a column of their own; those that move less share the last.
+// Joints of a group with a column of their own; the others share the last.
 constexpr size_t kMostJoints = 12;
 
 struct Influence {
@@ -77,17 +73,18 @@ std::vector<std::pair<uint32_t, uint32_t>> joint_columns(std::span<const Influen
 
 // `value(vertex of the source, column)`.
 template <typename Value>
-void GroupSimplifier::add_columns(float weight, uint32_t count, const Value& value) {
+void GroupAttributes::add_columns(float weight, uint32_t count, const Value& value) {
   for (uint32_t k = 0; k < count; ++k) {
-    attribute_weights_.push_back(weight);
+    weights_.push_back(weight);
     for (uint32_t v : vertices_) columns_.push_back(value(v, k));
   }
 }
 
-void GroupSimplifier::gather_attributes() {
-  attribute_weights_.clear();
+void GroupAttributes::gather(std::span<const uint32_t> vertices) {
+  vertices_ = vertices;
+  weights_.clear();
   columns_.clear();
-  attributes_.clear();
+  values_.clear();
   if (!config_.attributes) return;
   const Mesh& mesh = source_.mesh;
   const auto component = [](const auto& stream) {
@@ -102,19 +99,19 @@ void GroupSimplifier::gather_attributes() {
   if (!mesh.colors.empty()) add_columns(config_.color_weight, 4, component(mesh.colors));
   if (!mesh.tangents.empty() && config_.tangent_weight > 0.0f)
     add_columns(config_.tangent_weight, 3, component(mesh.tangents));
-  gather_further_attributes();
-  const size_t count = vertices_.size(), width = attribute_weights_.size();
-  attributes_.resize(count * width);
+  gather_extras();
+  const size_t count = vertices_.size(), width = weights_.size();
+  values_.resize(count * width);
   for (size_t k = 0; k < width; ++k)
-    for (size_t v = 0; v < count; ++v) attributes_[v * width + k] = columns_[k * count + v];
+    for (size_t v = 0; v < count; ++v) values_[v * width + k] = columns_[k * count + v];
 }
 
-void GroupSimplifier::gather_further_attributes() {
+void GroupAttributes::gather_extras() {
   const Mesh& mesh = source_.mesh;
   uint32_t at = 0;
   bool skin = false;
   for (const Extra& extra : mesh.extras) {
-    if (extra.kind == ExtraKind::kUvs && attribute_weights_.size() + 2 <= kMostColumns)
+    if (extra.kind == ExtraKind::kUvs && weights_.size() + 2 <= kMostColumns)
       add_columns(config_.uv_weight, 2,
                   [&](uint32_t v, uint32_t k) { return extra_of(mesh, v)[at + k]; });
     skin |= extra.kind == ExtraKind::kWeights;
@@ -123,13 +120,13 @@ void GroupSimplifier::gather_further_attributes() {
   if (skin && config_.skin_weight > 0.0f) gather_skin();
 }
 
-void GroupSimplifier::gather_skin() {
-  const size_t most = std::min(kMostJoints, kMostColumns - attribute_weights_.size());
+void GroupAttributes::gather_skin() {
+  const size_t most = std::min(kMostJoints, kMostColumns - weights_.size());
   if (most == 0) return;
   const std::vector<Influence> influences = influences_of(source_.mesh, vertices_);
   const auto columns = joint_columns(influences, most);
   const size_t first = columns_.size(), width = std::min(columns.size(), most);
-  attribute_weights_.insert(attribute_weights_.end(), width, config_.skin_weight);
+  weights_.insert(weights_.end(), width, config_.skin_weight);
   columns_.resize(first + width * vertices_.size(), 0.0f);
   for (const Influence& influence : influences) {
     const auto column =

@@ -1,0 +1,53 @@
+#include "lod/build/check_config.hpp"
+
+#include <string>
+
+namespace umbel::lod {
+namespace {
+
+void require(bool holds, const std::string& sentence) {
+  if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+void check_values(const Config& config) {
+  require(config.max_triangles >= 4 && config.max_triangles <= 256,
+          "max_triangles is " + std::to_string(config.max_triangles) + ", must be in [4, 256]");
+  require(config.max_vertices >= 6 && config.max_vertices <= 256,
+          "max_vertices is " + std::to_string(config.max_vertices) + ", must be in [6, 256]");
+  require(config.min_group >= 2 && config.min_group <= config.max_group && config.max_group <= 1024,
+          "group size is " + std::to_string(config.min_group) + ":" +
+              std::to_string(config.max_group) + ", must be 2 <= min <= max <= 1024");
+  require(config.ratio >= 0.1f && config.ratio <= 0.9f,
+          "ratio is " + std::to_string(config.ratio) + ", must be in [0.1, 0.9]");
+  for (float weight : {config.normal_weight, config.uv_weight, config.color_weight,
+                       config.tangent_weight, config.skin_weight})
+    require(weight >= 0.0f && weight <= 1e3f,
+            "an attribute weight is " + std::to_string(weight) + ", must be in [0, 1000]");
+  require(config.max_error >= 0.0f,
+          "max_error is " + std::to_string(config.max_error) + ", must be at least 0");
+}
+
+// Materials of triangles are kept as floats where clusters mix them.
+void check_materials(const MeshView& mesh, const Config& config) {
+  require(mesh.extras.empty() || mesh.extras.back().kind != ExtraKind::kMaterial,
+          "the extras have a material, which only levels of detail have: give `materials`");
+  if (!config.mix_materials || mesh.materials.empty()) return;
+  require(extra_width(mesh.extras) < kMostExtraValues,
+          "the extras have " + std::to_string(extra_width(mesh.extras)) +
+              " values a vertex, but with mix_materials at most " +
+              std::to_string(kMostExtraValues - 1) + " are possible");
+  for (size_t t = 0; t < mesh.materials.size(); ++t)
+    if (mesh.materials[t] > 1u << 24)
+      require(false, "triangle " + std::to_string(t) + " has the material " +
+                         std::to_string(mesh.materials[t]) +
+                         ", at most 16777216 is possible with mix_materials");
+}
+
+}  // namespace
+
+void check_config(const MeshView& mesh, const Config& config) {
+  check_values(config);
+  check_materials(mesh, config);
+}
+
+}  // namespace umbel::lod

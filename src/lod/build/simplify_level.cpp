@@ -1,0 +1,143 @@
+#include "lod/build/simplify_level.hpp"
+
+#include <algorithm>
+
+#include "base/math.hpp"
+#include "base/parallel.hpp"
+
+namespace umbel::lod {
+
+LevelSimplifier::LevelSimplifier(Source& source, const Config& config, const Decimator& decimate)
+    : source_(source),
+      config_(config),
+      workers_([this, &decimate] { return std::make_unique<Worker>(source_, config_, decimate); }) {
+}
+
+std::vector<GroupResult> LevelSimplifier::simplify(const ClusterSet& set, const Clusters& groups,
+                                                   std::span<const uint8_t> locked,
+                                                   bool last_resort,
+                                                   const std::function<void(double)>& progress) {
+  set_ = &set;
+  groups_ = &groups;
+  locked_ = locked;
+  insert_own_locked_edges();
+  std::vector<GroupResult> results(groups.ranges.size());
+  constexpr size_t kBatch = 256;  // groups between two calls of `progress`
+  for (size_t begin = 0; begin < results.size(); begin += kBatch) {
+    const size_t count = std::min(kBatch, results.size() - begin);
+    parallel_for(count, 1, [&](size_t i) {
+      results[begin + i] = simplify_group(
+          members_of(groups, begin + i),
+          {.locked_edges = true, .last_resort = last_resort, .taken = &locked_edges_});
+    });
+    progress(static_cast<double>(begin + count) / results.size());
+  }
+  settle_locked_edges(results, last_resort);
+  settle_added(results);
+  keep_one_triangle(results);
+  return results;
+}
+
+GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members,
+                                            const Allowance& allow) {
+  Worker& worker = *workers_.local();
+  GroupResult result;
+  result.simplified = worker.simplifier.simplify(*set_, members, locked_, allow);
+  if (result.simplified.done)
+    worker.clusteriser.append(result.simplified.mesh, kNone, result.clusters);
+  result.simplified.mesh = {};
+  return result;
+}
+
+void LevelSimplifier::insert_own_locked_edges() {
+  std::vector<std::vector<PositionPair>> edges(groups_->ranges.size());
+  parallel_for(edges.size(), 4, [&](size_t g) {
+    edges[g] = own_locked_edges(*set_, members_of(*groups_, g), source_.position_ids, locked_);
+  });
+  for (const std::vector<PositionPair>& of_group : edges) locked_edges_.insert(of_group);
+}
+
+// Groups with a new edge between locked vertices that another group has made as well are simplified
+// again without any.
+void LevelSimplifier::settle_locked_edges(std::vector<GroupResult>& results, bool last_resort) {
+  std::vector<size_t> refused;
+  for (size_t g = 0; g < results.size(); ++g) {
+    if (locked_edges_.contains_any(results[g].simplified.locked_edges))
+      refused.push_back(g);
+    else
+      locked_edges_.insert(results[g].simplified.locked_edges);
+  }
+  parallel_for(refused.size(), 1, [&](size_t i) {
+    results[refused[i]] =
+        simplify_group(members_of(*groups_, refused[i]),
+                       {.locked_edges = false, .last_resort = last_resort, .taken = nullptr});
+  });
+}
+
+// Vertices that groups have made get their numbers.
+void LevelSimplifier::settle_added(std::vector<GroupResult>& results) {
+  for (GroupResult& result : results) {
+    Simplified& simplified = result.simplified;
+    if (simplified.added.position_ids.empty()) continue;
+    float moved = 0;
+    if (!simplified.added.components.empty() || !new_positions_.is_empty())
+      moved = new_positions_.set_apart(source_, config_.position_step, simplified.added);
+    simplified.error += moved;
+    const uint32_t first = append_vertices(source_, simplified.added);
+    for (size_t v = 0; v < simplified.added.position_ids.size(); ++v)
+      if (simplified.added.position_ids[v] == kNone)
+        result.new_positions.push_back(simplified.added.mesh.positions[v]);
+    for (uint32_t& v : result.clusters.vertices)
+      if (v >= kAddedVertex) v = first + (v - kAddedVertex);
+    if (moved > 0) fit_boxes(result.clusters);
+    simplified.added = {};
+  }
+}
+
+void LevelSimplifier::fit_boxes(ClusterSet& clusters) const {
+  for (size_t c = 0; c < clusters.size(); ++c) {
+    clusters.boxes[c] = {};
+    for (uint32_t v : clusters.cluster_vertices(c))
+      extend(clusters.boxes[c], source_.mesh.positions[v]);
+  }
+}
+
+// Groups may leave nothing behind, where every triangle is degenerate, or where one group is all
+// that is left. A DAG still ends in a root: the first triangle stays, or where it has two sides
+// both, so that a closed surface stays closed.
+void LevelSimplifier::keep_one_triangle(std::vector<GroupResult>& results) {
+  if (std::any_of(results.begin(), results.end(),
+                  [](const GroupResult& r) { return !r.simplified.done || r.clusters.size() > 0; }))
+    return;
+  std::vector<Triangle> kept;
+  for (uint32_t c : members_of(*groups_, 0)) {
+    const auto vertices = set_->cluster_vertices(c);
+    const auto corners = set_->cluster_corners(c);
+    for (size_t i = 0; i < corners.size(); i += 3) {
+      const Triangle t{vertices[corners[i]], vertices[corners[i + 1]], vertices[corners[i + 2]]};
+      if (kept.empty()) kept = {t};
+      if (kept.size() == 1 && !is_degenerate(t)) kept = {t, {t[0], t[2], t[1]}};
+    }
+  }
+  SubMesh mesh;
+  const auto number = [&](uint32_t v) {
+    const auto at = std::find(mesh.vertices.begin(), mesh.vertices.end(), v);
+    const size_t found = at - mesh.vertices.begin();
+    if (at == mesh.vertices.end()) {
+      mesh.vertices.push_back(v);
+      mesh.positions.push_back(source_.mesh.positions[v]);
+      if (!source_.vertex_materials.empty()) mesh.materials.push_back(source_.material(v));
+    }
+    return static_cast<uint32_t>(found);
+  };
+  for (const Triangle& t : kept)
+    mesh.triangles.push_back({number(t[0]), number(t[1]), number(t[2])});
+  workers_.local()->clusteriser.append(mesh, kNone, results[0].clusters);
+}
+
+bool LevelSimplifier::is_degenerate(const Triangle& t) const {
+  const auto& ids = source_.position_ids;
+  return ids[t[0]] == ids[t[1]] || ids[t[1]] == ids[t[2]] || ids[t[2]] == ids[t[0]];
+}
+
+}  // namespace umbel::lod

@@ -1,0 +1,72 @@
+// Simplifies all groups of a level in parallel, and joins what they decide together: which new
+// edges between locked vertices are legal, and which numbers new vertices get.
+#pragma once
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "lod/build/clusterise.hpp"
+#include "lod/build/new_positions.hpp"
+#include "lod/dag/cluster_set.hpp"
+#include "lod/dag/locked_edges.hpp"
+#include "lod/dag/source.hpp"
+#include "lod/simplify/simplify.hpp"
+#include "umbel/cluster.hpp"
+#include "umbel/lod/build.hpp"
+
+namespace umbel::lod {
+
+/// What a group of clusters becomes.
+struct GroupResult {
+  Simplified simplified;            ///< without its mesh
+  ClusterSet clusters;              ///< of that mesh; generating_group is not set yet
+  std::vector<Vec3> new_positions;  ///< that the group did not have
+};
+
+inline std::span<const uint32_t> members_of(const Clusters& groups, size_t group) {
+  const Range range = groups.ranges[group];
+  return std::span(groups.items).subspan(range.offset, range.count);
+}
+
+class LevelSimplifier {
+ public:
+  LevelSimplifier(Source& source, const Config& config, const Decimator& decimate);
+
+  /// One result a group of `set`; `locked` is by position id. New vertices are appended to the
+  /// source. `progress` is called with the part that is done, now and then.
+  std::vector<GroupResult> simplify(const ClusterSet& set, const Clusters& groups,
+                                    std::span<const uint8_t> locked, bool last_resort,
+                                    const std::function<void(double)>& progress);
+
+ private:
+  struct Worker {
+    GroupSimplifier simplifier;
+    Clusteriser clusteriser;
+    Worker(const Source& source, const Config& config, const Decimator& decimate)
+        : simplifier(source, config, decimate), clusteriser(config) {}
+  };
+
+  GroupResult simplify_group(std::span<const uint32_t> members, const Allowance& allow);
+  void insert_own_locked_edges();
+  void settle_locked_edges(std::vector<GroupResult>& results, bool last_resort);
+  void settle_added(std::vector<GroupResult>& results);
+  void fit_boxes(ClusterSet& clusters) const;
+  void keep_one_triangle(std::vector<GroupResult>& results);
+  bool is_degenerate(const Triangle& t) const;
+
+  Source& source_;
+  const Config& config_;
+  LockedEdgeSet locked_edges_;  // of all levels
+  NewPositions new_positions_;
+  tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
+  // Of the level.
+  const ClusterSet* set_ = nullptr;
+  const Clusters* groups_ = nullptr;
+  std::span<const uint8_t> locked_;
+};
+
+}  // namespace umbel::lod

@@ -1,0 +1,52 @@
+// What the vertices at a position become when it moves: its wedges (Hoppe 1999), one a side of each
+// seam.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "lod/simplify/collapse/attribute_quadrics.hpp"
+#include "lod/simplify/collapse/collapse_mesh.hpp"
+
+namespace umbel::lod {
+
+class WedgeMap {
+ public:
+  struct Move {
+    uint32_t from, to;
+    bool along;  ///< along a seam, or on the smooth surface; else across a seam
+  };
+
+  WedgeMap(const CollapseMesh& mesh, const AttributeQuadrics& attributes)
+      : mesh_(mesh), attributes_(attributes) {}
+
+  /// As p moves onto its neighbour. False where a seam that is protected forbids it, or no vertex
+  /// there has the same material.
+  bool find(uint32_t p, uint32_t target);
+  /// As p moves there with a loop: each becomes the vertex of its material that costs least.
+  bool find_cheapest(uint32_t p, uint32_t target);
+  void set(std::span<const Move> moves) { moves_.assign(moves.begin(), moves.end()); }
+
+  std::span<const Move> moves() const { return moves_; }
+  /// kNone: the vertex is not in the map.
+  uint32_t new_vertex(uint32_t vertex) const {
+    for (const Move& move : moves_)
+      if (move.from == vertex) return move.to;
+    return kNone;
+  }
+  /// Of all moves, `d` being the way.
+  float cost(const Vec3& d) const;
+
+ private:
+  bool is_protected(uint32_t p, uint32_t target) const {
+    return mesh_.rule(p) == SeamRule::kProtect || mesh_.rule(target) == SeamRule::kProtect;
+  }
+  uint32_t cheapest(uint32_t from, uint32_t target, const Vec3& d) const;
+
+  const CollapseMesh& mesh_;
+  const AttributeQuadrics& attributes_;
+  std::vector<Move> moves_;
+};
+
+}  // namespace umbel::lod

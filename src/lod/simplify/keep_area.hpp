@@ -1,0 +1,17 @@
+// Leaves, grass, rubble: many small connected components. Simplified one by one they shrink and are
+// removed, and what they cover is lost. Those that are left are enlarged about their centroids
+// until all cover as much area as before (Cook, Halstead, Planck & Ryu, "Stochastic Simplification
+// of Aggregate Detail", 2007).
+#pragma once
+
+#include "lod/simplify/candidate.hpp"
+#include "lod/simplify/group_components.hpp"
+#include "lod/simplify/group_mesh.hpp"
+
+namespace umbel::lod {
+
+/// `result` is what the group has become, `area_before` the group's area.
+void keep_area(const GroupMesh& group, GroupComponents& components, double area_before,
+               Simplified& result);
+
+}  // namespace umbel::lod
