@@ -34,6 +34,7 @@ Array<Scalar> copied(std::span<const T> values) {
 
 }  // namespace
 
+/// Over 60 lines: a list of methods.
 void bind_frame_clusters(nb::module_& module) {
   using Positions = Rows<float, 3>;
   nb::class_<FrameClusterer>(module, "FrameClusterer")

@@ -278,6 +278,7 @@ bool ask_python(const nb::object& decimate, const lod::DecimationInput& input,
   throw Error(ErrorCode::kCancelled, "decimate raised an exception");
 }
 
+/// Over 60 lines: a list of methods.
 void bind_dag(nb::module_& module) {
   using lod::Dag;
   nb::class_<Dag>(module, "Dag", "A mesh as a DAG of clusters.")

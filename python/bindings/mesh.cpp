@@ -63,6 +63,7 @@ void bind_shapes(nb::module_& module) {
 
 }  // namespace
 
+/// Over 60 lines: a list of methods.
 void bind_mesh(nb::module_& module) {
   nb::class_<MeshArrays>(module, "MeshArrays",
                          "A mesh's arrays, checked for type and shape and kept alive.")

@@ -34,6 +34,7 @@ struct GoodCall : Call {
   umbel_vec3 points[4] = {};
 };
 
+// Over 60 lines: a list of mistakes.
 TEST(CapiBvhMistakes, null_is_refused_by_name) {
   GoodCall c;
   umbel_bvh* const bvh = c.bvh.get();

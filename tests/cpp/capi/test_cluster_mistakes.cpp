@@ -27,6 +27,7 @@ TEST(CapiMistakes, good_call_is_good) {
   EXPECT_EQ(call.build(), UMBEL_OK) << umbel_last_error();
 }
 
+// Over 60 lines: a list of mistakes.
 TEST(CapiMistakes, invalid_arguments_are_named) {
   const std::pair<std::function<void(GoodCall&)>, const char*> cases[] = {
       {[](GoodCall& c) { c.input.boxes = nullptr; }, "input->boxes"},
