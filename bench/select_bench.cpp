@@ -71,19 +71,19 @@ void measure(const std::string& path, int runs) {
        {Views{"a hundredth", lod::view_error(error), {}}, seen_from("far", box, 2.0f),
         seen_from("side", box, 0.6f), seen_from("inside", box, 0.0f)}) {
     const lod::Culling culling{v.planes, {}};
-    std::vector<uint32_t> flat, walked, broad;
+    std::vector<uint32_t> flat, descended, broad;
     const double flat_ms =
         median_ms(runs, flat, [&] { return lod::select(tables, v.view, culling); });
-    const double walked_ms =
-        median_ms(runs, walked, [&] { return lod::select_hierarchy(tables, v.view, culling); });
+    const double descended_ms =
+        median_ms(runs, descended, [&] { return lod::select_hierarchy(tables, v.view, culling); });
     const double broad_ms =
         median_ms(runs, broad, [&] { return lod::select_breadth_first(tables, v.view, culling); });
-    std::sort(walked.begin(), walked.end());
+    std::sort(descended.begin(), descended.end());
     std::sort(broad.begin(), broad.end());
-    if (walked != flat || broad != flat) bench::fail(path, "selections differ");
+    if (descended != flat || broad != flat) bench::fail(path, "selections differ");
     std::printf("| %s | %zu | %zu | %s | %zu | %.3f | %.3f | %.3f |\n", name.c_str(),
                 tables.groups.size(), tables.clusters.size(), v.name, flat.size(), flat_ms,
-                walked_ms, broad_ms);
+                descended_ms, broad_ms);
   }
 }
 

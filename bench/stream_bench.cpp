@@ -3,7 +3,7 @@
 //   stream_bench [--subdivisions N] [--groups-per-step N] [--seconds S]
 //
 // A blob of 20 * 4^N triangles (9: 5.2 million) is built into small groups, so that
-// there are many of them. All of its pages are there. A camera walks round it at 60 frames a
+// there are many of them. All of its pages are there. A camera circles it at 60 frames a
 // second, once round in a minute, and looks ahead, 1080 pixels high; errors of 1, .3, .1 and .02
 // pixels are asked for, without the frustum's planes and with them. Printed: groups that are open,
 // clusters that are shown, and the processor time of a step: its mean, the 99th of 100, the worst;
@@ -75,7 +75,7 @@ void measure(const umbel::Asset& asset, umbel::ResidencyConfig config, float pix
   for (const double time : times) sum += time;
   printf(
       "%5.2f pixels, %-6s %7.0f open, %7zu clusters: mean %.3f, 99 %% %.3f, worst %.3f ms; "
-      "looked at %5.0f, behind in %4.1f %% of steps\n",
+      "evaluated %5.0f, behind in %4.1f %% of steps\n",
       pixels, has_planes ? "planes" : "all", open / frames, residency.cut().size(), sum / frames,
       times[times.size() * 99 / 100], times.back(), evaluated / frames, 100.0 * behind / frames);
 }

@@ -3,7 +3,7 @@
 // for them. Part of the library umbel::cuda; cuda_types.hpp says what holds of pointers, streams,
 // scratch memory and errors.
 //
-// A walk goes down the hierarchy breadth-first, all instances at once, with a queue of nodes in
+// A traversal descends the hierarchy breadth-first, all instances at once, with a queue of nodes in
 // device memory; which groups each instance shows is kept as bits, so that the result does not
 // depend on the order in which the queue fills. View, planes, transforms and pages are read on the
 // device: a captured graph follows whatever is written there.
@@ -64,7 +64,7 @@ UMBEL_API void mark_resident_groups(void* scratch, size_t& scratch_bytes,
 /// Room for a selection. What is too small is said in SelectionCounts, and then no instance has a
 /// cut.
 struct SelectionRoom {
-  uint32_t queue;     ///< inner nodes that are looked below in a layer, of all instances
+  uint32_t queue;     ///< inner nodes whose children are visited in a layer, of all instances
   uint32_t groups;    ///< that instances show, of all together
   uint32_t clusters;  ///< of all cuts together
 };

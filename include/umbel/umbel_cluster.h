@@ -113,7 +113,7 @@ typedef struct umbel_cluster_capacity {
 } umbel_cluster_capacity;
 UMBEL_STRUCT_INIT(umbel_cluster_capacity)
 
-/// How much room umbel_cluster_build needs. Looks at counts, segments and the config only, not at
+/// How much room umbel_cluster_build needs. Reads counts, segments and the config only, not
 /// boxes, vertices or connections.
 ///
 /// Without a vertex limit a segment of n items has at most ceil(n / min_items) clusters; with one

@@ -9,7 +9,7 @@ namespace {
 using FlatFloats = std::optional<Flat<float>>;
 using HitTuple = nb::typed<nb::tuple, Array<float>, Array<int32_t>, Array<float>, Array<float>>;
 
-/// Rays between two looks at whether Ctrl-C was pressed.
+/// Rays between two checks for Ctrl-C.
 constexpr size_t kSlice = size_t{1} << 20;
 
 template <typename T>

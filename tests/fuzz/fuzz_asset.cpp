@@ -69,9 +69,9 @@ void repair_checksums(std::vector<uint8_t>& bytes) {
         repair_elements(bytes, offset, size, 8);
       if (!pages) repair(bytes, entry + 32, offset, size);
     }
-  const size_t head = get(bytes, 24, 8);
-  if (head >= header && head <= bytes.size())
-    put(bytes, 32, xxh64(bytes.data() + header, head - header));
+  const size_t header_end = get(bytes, 24, 8);
+  if (header_end >= header && header_end <= bytes.size())
+    put(bytes, 32, xxh64(bytes.data() + header, header_end - header));
   put(bytes, header - 8, xxh64(bytes.data(), header - 8));
 }
 
@@ -155,7 +155,8 @@ void stream(const std::vector<uint8_t>& bytes, uint32_t meshes) {
   umbel_residency_create(asset, bytes.size() / 2, 1, &residency);
   umbel_stream_step step;
   umbel_stream_step_init(&step);
-  const umbel_stream_view views[] = {{0, {UMBEL_LOD_BY_CAMERA, 0, {0, 0, 2}, 0.01f, 0}}, {meshes / 2, {UMBEL_LOD_BY_ERROR, 0.01f, {}, 0, 0}}};
+  const umbel_stream_view views[] = {{0, {UMBEL_LOD_BY_CAMERA, 0, {0, 0, 2}, 0.01f, 0}},
+                                     {meshes / 2, {UMBEL_LOD_BY_ERROR, 0.01f, {}, 0, 0}}};
   for (int round = 0; residency && round < 3; ++round)
     if (umbel_residency_step(residency, views, 2, round, &step) == UMBEL_ERROR_INTERNAL)
       fail(umbel_last_error());

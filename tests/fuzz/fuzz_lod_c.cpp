@@ -1,6 +1,6 @@
 // Fuzzes the C interface of levels of detail: the bytes become a mesh with any attributes, settings
 // and a decimation of the caller's own, and then views, transforms and tables that may be spoilt.
-// What is built must be proved, and written and read again; all ways to select must give one cut.
+// What is built must be verified, written and read again; all ways to select must give one cut.
 #include <algorithm>
 #include <cstring>
 #include <memory>
@@ -302,8 +302,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   umbel_lod_report report;
   umbel_lod_report_init(&report);
   expect(umbel_lod_get_report(made, &report) == UMBEL_OK, "no report");
-  const umbel_result proved = umbel_lod_verify(made, 3, 1, &c.options);
-  if (c.is_tame()) expect(proved == UMBEL_OK, "the proof failed");
+  const umbel_result verified = umbel_lod_verify(made, 3, 1, &c.options);
+  if (c.is_tame()) expect(verified == UMBEL_OK, "verification failed");
   check_cuts(c, made);
   const umbel_lod_arrays arrays = arrays_of(umbel_lod_get_tables(made));
   std::vector<umbel_cluster_bounds> normal_cones(arrays.cluster_count);

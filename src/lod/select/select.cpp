@@ -15,7 +15,7 @@ namespace {
 
 constexpr size_t kChunk = 1 << 14;
 
-// What is known of a group before its clusters are looked at.
+// What is known of a group before its clusters are tested.
 enum : uint8_t { kRefined = 1, kVisible = 2 };
 
 bool in_cut(const Cluster& cluster, const std::vector<uint8_t>& groups) {

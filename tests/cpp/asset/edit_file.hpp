@@ -92,8 +92,8 @@ inline void repair_checksums(std::vector<char>& bytes) {
     const size_t entry = entry_of(bytes, section);
     repair(bytes, entry + 32, get(bytes, entry + 8, 8), get(bytes, entry + 16, 8));
   }
-  const size_t head = get(bytes, 24, 8);
-  if (head >= header) repair(bytes, 32, header, head - header);
+  const size_t header_end = get(bytes, 24, 8);
+  if (header_end >= header) repair(bytes, 32, header, header_end - header);
   put(bytes, header - 8, 8, xxh64(bytes.data(), header - 8));
 }
 

@@ -1,4 +1,4 @@
-// What a residency keeps from step to step is what a walk from the roots would find.
+// What a residency keeps from step to step is what a traversal from the roots finds.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,9 +17,9 @@ using testing::Streamed;
 using testing::world;
 
 /// docs/format.md, "How to show an asset", from the roots, of the pages that are there.
-class Walk {
+class Traversal {
  public:
-  Walk(const Residency& residency, StreamView view)
+  Traversal(const Residency& residency, StreamView view)
       : residency_(residency), view_(std::move(view)) {
     for (const GroupRef& root : world().asset().roots()) track(root);
     for (size_t k = 0; k < open_.size(); ++k)
@@ -62,15 +62,15 @@ class Walk {
   std::map<uint32_t, uint32_t> met_;
 };
 
-void expect_as_walked(const Streamed& s, const StreamView& view, const StreamStep& step) {
-  const Walk walk(s.residency, view);
+void expect_as_traversed(const Streamed& s, const StreamView& view, const StreamStep& step) {
+  const Traversal expected(s.residency, view);
   ASSERT_TRUE(step.caught_up);
-  ASSERT_EQ(world().clusters(s.residency), walk.cut);
-  ASSERT_EQ(step.open_groups, walk.open());
-  ASSERT_EQ(step.missing_groups, walk.missing.size());
-  ASSERT_NEAR(step.worst_error, walk.worst, 0.03f * walk.worst);
+  ASSERT_EQ(world().clusters(s.residency), expected.cut);
+  ASSERT_EQ(step.open_groups, expected.open());
+  ASSERT_EQ(step.missing_groups, expected.missing.size());
+  ASSERT_NEAR(step.worst_error, expected.worst, 0.03f * expected.worst);
   const std::vector<uint32_t> wanted = s.residency.wanted_pages();
-  ASSERT_EQ(std::set<uint32_t>(wanted.begin(), wanted.end()), walk.wanted_pages);
+  ASSERT_EQ(std::set<uint32_t>(wanted.begin(), wanted.end()), expected.wanted_pages);
 }
 
 StreamView looking(const Vec3& eye, const Vec3& at, float pixels) {
@@ -85,7 +85,7 @@ Vec3 round_about(float turn, float radius) {
 
 /// Ways of moving, by frame.
 std::vector<Path> paths() {
-  const auto walking = [](int i) {
+  const auto circling = [](int i) {
     const float t = 0.004f * static_cast<float>(i);
     return StreamView{0, seen_from(round_about(t, 1.2f + 0.3f * std::sin(5 * t)), 0.4f), {}};
   };
@@ -110,10 +110,10 @@ std::vector<Path> paths() {
     if (i % 21 == 20) return StreamView{0, lod::view_error(0.01f), {}};
     return looking({any(), any(), any()}, {any(), any(), any()}, 0.2f + std::abs(any()));
   };
-  return {walking, looking_ahead, turning, approaching, asking_more_and_less, leaping};
+  return {circling, looking_ahead, turning, approaching, asking_more_and_less, leaping};
 }
 
-TEST(CutTracker, shows_what_a_walk_from_the_roots_would_at_every_step_of_any_path) {
+TEST(CutTracker, shows_what_a_traversal_from_the_roots_does_at_every_step_of_any_path) {
   size_t number = 0;
   for (const Path& path : paths()) {
     SCOPED_TRACE("path " + std::to_string(number++));
@@ -126,14 +126,14 @@ TEST(CutTracker, shows_what_a_walk_from_the_roots_would_at_every_step_of_any_pat
       for (int i = 0; i < 200; ++i) {
         const StreamView view[] = {path(i)};
         const StreamStep step = s.residency.step(view, s.now += 1.0 / 60);
-        ASSERT_NO_FATAL_FAILURE(expect_as_walked(s, view[0], step)) << "frame " << i;
+        ASSERT_NO_FATAL_FAILURE(expect_as_traversed(s, view[0], step)) << "frame " << i;
       }
       world().expect_whole(s.residency);
     }
   }
 }
 
-TEST(CutTracker, is_whole_and_in_time_the_same_if_each_step_looks_at_few_groups) {
+TEST(CutTracker, is_whole_and_in_time_the_same_if_each_step_evaluates_few_groups) {
   for (const Path& path : paths()) {
     ResidencyConfig config;
     config.groups_per_step = 20;
@@ -149,15 +149,15 @@ TEST(CutTracker, is_whole_and_in_time_the_same_if_each_step_looks_at_few_groups)
     EXPECT_GT(behind, 0);
     StreamStep step;
     for (int i = 0; i < 1000; ++i) step = s.residency.step(view, s.now += 1.0 / 60);
-    ASSERT_NO_FATAL_FAILURE(expect_as_walked(s, view[0], step));
+    ASSERT_NO_FATAL_FAILURE(expect_as_traversed(s, view[0], step));
   }
 }
 
-TEST(CutTracker, looks_at_few_groups_again_when_a_camera_walks) {
+TEST(CutTracker, evaluates_few_groups_again_when_a_camera_circles) {
   ResidencyConfig config;
   Streamed s(config);
-  const Path walking = paths()[0];
-  StreamView view[] = {walking(0)};
+  const Path circling = paths()[0];
+  StreamView view[] = {circling(0)};
   StreamStep step;
   for (int i = 0; i < 400; ++i) step = s.residency.step(view, s.now += 1.0 / 60);
   ASSERT_EQ(step.missing_groups, 0u);
@@ -188,7 +188,7 @@ TEST(CutTracker, follows_views_that_come_change_and_go) {
                                 c.cluster);
     for (size_t v = 0; v < views.size(); ++v) {
       std::sort(cuts[v].begin(), cuts[v].end());
-      ASSERT_EQ(cuts[v], Walk(s.residency, views[v]).cut) << "step " << i;
+      ASSERT_EQ(cuts[v], Traversal(s.residency, views[v]).cut) << "step " << i;
     }
   }
 }
@@ -202,7 +202,7 @@ TEST(CutTracker, follows_a_camera_that_comes_from_far_away) {
     for (const float near : {2.0f, 1.2f, 1.1f}) {
       view[0].view = seen_from({near, 0, 0});
       for (int i = 0; i < 300; ++i) step = s.residency.step(view, s.now += 1.0 / 60);
-      ASSERT_NO_FATAL_FAILURE(expect_as_walked(s, view[0], step)) << far;
+      ASSERT_NO_FATAL_FAILURE(expect_as_traversed(s, view[0], step)) << far;
     }
   }
 }
@@ -212,14 +212,14 @@ TEST(CutTracker, shows_something_of_any_file_whose_checksums_are_right) {
   const testing::Scratch scratch;
   testing::write_pages(scratch / "a.umbel", shapes::blob(4, 1), {16, 2, 4, 4096});
   const std::vector<char> whole = testing::read_bytes(scratch / "a.umbel");
-  const size_t head = testing::get(whole, 24, 8);
+  const size_t header_end = testing::get(whole, 24, 8);
   std::mt19937 random(3);
   size_t shown = 0;
   for (int run = 0; run < 150; ++run) {
     std::vector<char> bytes = whole;
     for (int change = 0; change < 40; ++change) {
       // A group, a page, or a number of parents or references becomes another that is in range.
-      const size_t page = head + random() % ((bytes.size() - head) / 4096) * 4096;
+      const size_t page = header_end + random() % ((bytes.size() - header_end) / 4096) * 4096;
       const size_t at = page + 16 + random() % 200 * 4;
       const uint64_t old = testing::get(bytes, at, 4);
       if (old < 1000) testing::put(bytes, at, 4, random() % 3 == 0 ? random() % 60 : old + 1);

@@ -99,11 +99,11 @@ TEST(AssetDamage, wrong_values_under_right_checksums_are_errors_or_harmless) {
 TEST(AssetDamage, random_changes_under_right_checksums_never_crash) {
   const Scratch scratch;
   const std::vector<char> whole = small_asset(scratch);
-  const size_t head = get(whole, 24, 8);
+  const size_t header_end = get(whole, 24, 8);
   uint64_t state = 7;
   for (int run = 0; run < 3000; ++run) {
     std::vector<char> bytes = whole;
-    const size_t among = run % 2 ? head : bytes.size();
+    const size_t among = run % 2 ? header_end : bytes.size();
     for (uint64_t change = mix64(++state) % 4 + 1; change > 0; --change) {
       const size_t at = mix64(++state) % among;
       bytes[at] = static_cast<char>(mix64(++state));

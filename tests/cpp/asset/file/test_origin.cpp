@@ -81,7 +81,7 @@ TEST(AssetOrigin, sections_of_wrong_sizes_are_refused_and_longer_elements_steppe
   const Scratch scratch;
   const std::vector<char> whole = small_asset(scratch, kEarth, "{\"extras\": \"of some length\"}");
   const size_t entry = entry_of(whole, kOriginSection);
-  // Elements that are too short, more than one of them, and one that leaves the head.
+  // Elements that are too short, more than one of them, and one that leaves the file header.
   std::vector<char> bytes = whole;
   put(bytes, entry + 4, 4, 12);
   put(bytes, entry + 24, 8, 2);

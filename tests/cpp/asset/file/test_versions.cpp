@@ -23,16 +23,16 @@ using testing::write_bytes;
 
 constexpr size_t kPage = 4096;
 
-/// Makes room at a place of the head, of a multiple of 8 bytes, and as much behind as keeps pages
-/// aligned.
+/// Makes room at an offset of the file header, a multiple of 8 bytes, and as much after it as keeps
+/// pages aligned.
 std::vector<char> with_room(const std::vector<char>& whole, size_t at, size_t room) {
-  const size_t old_head = get(whole, 24, 8), more = (room + kPage - 1) / kPage * kPage;
+  const size_t old_end = get(whole, 24, 8), more = (room + kPage - 1) / kPage * kPage;
   std::vector<char> bytes = whole;
-  bytes.insert(bytes.begin() + static_cast<ptrdiff_t>(old_head), more - room, 0);
+  bytes.insert(bytes.begin() + static_cast<ptrdiff_t>(old_end), more - room, 0);
   bytes.insert(bytes.begin() + static_cast<ptrdiff_t>(at), room, 0);
   put(bytes, 10, 2, 7);
   put(bytes, 16, 8, bytes.size());
-  put(bytes, 24, 8, old_head + more);
+  put(bytes, 24, 8, old_end + more);
   if (at < kHeaderBytes) put(bytes, 12, 4, kHeaderBytes + room);
   for (size_t section = 0; section < kSections; ++section) {
     const size_t offset = entry_of(bytes, section) + 8;
@@ -91,7 +91,7 @@ TEST(AssetVersions, unknown_sections_are_skipped) {
   put(bytes, 40, 4, kSections + 1);
   std::memcpy(&bytes[end_of_table], "NEWS", 4);
   put(bytes, end_of_table + 4, 4, 8);
-  const size_t at = get(bytes, 24, 8) - 64;  // within what the head was padded by
+  const size_t at = get(bytes, 24, 8) - 64;  // within the padding of the file header
   put(bytes, end_of_table + 8, 8, at);
   put(bytes, end_of_table + 16, 8, 48);
   put(bytes, end_of_table + 24, 8, 6);
@@ -106,15 +106,15 @@ TEST(AssetVersions, longer_elements_are_stepped_over) {
     SCOPED_TRACE("section " + std::to_string(section));
     const size_t count = get(whole, entry_of(whole, section) + 24, 8);
     const size_t stride = get(whole, entry_of(whole, section) + 4, 4), longer = stride + 8;
-    const size_t old_head = get(whole, 24, 8);
-    std::vector<char> bytes = with_room(whole, old_head, (count * longer + 7) / 8 * 8);
+    const size_t old_end = get(whole, 24, 8);
+    std::vector<char> bytes = with_room(whole, old_end, (count * longer + 7) / 8 * 8);
     const size_t entry = entry_of(bytes, section), table = get(bytes, entry + 8, 8);
-    std::fill_n(bytes.begin() + static_cast<ptrdiff_t>(old_head), count * longer, 'y');
+    std::fill_n(bytes.begin() + static_cast<ptrdiff_t>(old_end), count * longer, 'y');
     for (size_t i = 0; i < count; ++i)
       std::copy_n(bytes.begin() + static_cast<ptrdiff_t>(table + i * stride), stride,
-                  bytes.begin() + static_cast<ptrdiff_t>(old_head + i * longer));
+                  bytes.begin() + static_cast<ptrdiff_t>(old_end + i * longer));
     put(bytes, entry + 4, 4, longer);
-    put(bytes, entry + 8, 8, old_head);
+    put(bytes, entry + 8, 8, old_end);
     put(bytes, entry + 16, 8, count * longer);
     expect_readable(bytes);
   }
@@ -149,27 +149,27 @@ class Beginning : public ByteSource {
 TEST(AssetVersions, a_gigabyte_opens_with_less_than_a_megabyte) {
   const Scratch scratch;
   const std::vector<char> whole = small_asset(scratch);
-  const size_t old_head = get(whole, 24, 8);
+  const size_t old_end = get(whole, 24, 8);
   constexpr uint32_t kBytes = AssetConfig{}.page_bytes, kPages = (uint32_t{1} << 30) / kBytes + 1;
-  std::vector<char> bytes = with_room(whole, old_head, size_t{24} * kPages);
-  const size_t head = get(bytes, 24, 8);
-  bytes.resize(head);
+  std::vector<char> bytes = with_room(whole, old_end, size_t{24} * kPages);
+  const size_t header_end = get(bytes, 24, 8);
+  bytes.resize(header_end);
   // So many full pages of one group each, all of the first mesh's.
   const size_t meshes = get(bytes, entry_of(bytes, 3) + 8, 8);
   put(bytes, meshes + 80, 4, kPages - get(bytes, meshes + 88 + 80, 4));
   for (size_t i = 0; i < kPages; ++i) {
-    put(bytes, old_head + 24 * i, 8, head + i * kBytes);
-    put(bytes, old_head + 24 * i + 8, 4, kBytes);
-    put(bytes, old_head + 24 * i + 12, 4, 1);
+    put(bytes, old_end + 24 * i, 8, header_end + i * kBytes);
+    put(bytes, old_end + 24 * i + 8, 4, kBytes);
+    put(bytes, old_end + 24 * i + 12, 4, 1);
   }
   const size_t pages = entry_of(bytes, kPageSection), files = entry_of(bytes, kFileSection);
-  put(bytes, pages + 8, 8, old_head);
+  put(bytes, pages + 8, 8, old_end);
   put(bytes, pages + 16, 8, size_t{24} * kPages);
   put(bytes, pages + 24, 8, kPages);
   put(bytes, files + 16, 8, 0);
   put(bytes, files + 24, 8, 0);
   const size_t nodes = entry_of(bytes, kNodeSection);
-  const uint64_t size = head + uint64_t{kPages} * kBytes + get(bytes, nodes + 16, 8);
+  const uint64_t size = header_end + uint64_t{kPages} * kBytes + get(bytes, nodes + 16, 8);
   put(bytes, nodes + 8, 8, size - get(bytes, nodes + 16, 8));
   put(bytes, 16, 8, size);
   repair_checksums(bytes);
@@ -177,7 +177,7 @@ TEST(AssetVersions, a_gigabyte_opens_with_less_than_a_megabyte) {
   const Asset asset(source);
   EXPECT_GT(asset.info().file_bytes, uint64_t{1} << 30);
   EXPECT_EQ(asset.info().pages, kPages);
-  EXPECT_EQ(source->touched, head);
+  EXPECT_EQ(source->touched, header_end);
   EXPECT_LT(source->touched, 1'000'000u);
 }
 
