@@ -1,9 +1,8 @@
-// Verifies all cuts at once, group by group. A cut follows from another by putting what a
-// group generated for the group's own triangles, so if the two have the same
-// boundary, all cuts have the boundary of the source. The boundary is that of homology: the sum
-// of all triangles' sides, in which an edge that two triangles run along in opposite directions
-// cancels. Where the source is not consistently oriented, it is taken modulo 2. Edges that the
-// source allows are left out.
+// Verifies all cuts at once, group by group. A cut follows from another by replacing a group's own
+// triangles with those that it generated, so if the two have the same boundary, all cuts have that
+// of the source. The boundary is that of homology: the sum of all triangles' sides, in which an
+// edge that two triangles run along in opposite directions cancels. Where the source is not
+// consistently oriented, it is taken modulo 2. Edges that the source allows are left out.
 #include "lod/verify/verify_borders.hpp"
 
 #include <algorithm>
