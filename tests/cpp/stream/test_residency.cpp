@@ -254,7 +254,7 @@ TEST(Residency, keeps_what_is_out_of_sight_coarse) {
   EXPECT_LT(4 * far_off, s.residency.cut().size());
 }
 
-TEST(Residency, on_a_line_of_a_simulation_takes_the_time_that_it_takes) {
+TEST(Residency, over_a_simulated_link_takes_the_time_that_it_takes) {
   const auto clock = std::make_shared<double>(0);
   const LinkModel link{0.05, 1e6, 0.1, 0.1};
   Residency residency(world().asset(), {}, make_model_loader(world().asset(), link, clock));
@@ -271,7 +271,7 @@ TEST(Residency, on_a_line_of_a_simulation_takes_the_time_that_it_takes) {
   EXPECT_GT(*clock, static_cast<double>(world().bytes() - 40000) / 1e6);
   EXPECT_LT(frame, 1200);
   EXPECT_GT(residency.statistics().failures, 0u);
-  for (const char* part : {"the line failed", "bytes, but there are", "checksum of page"})
+  for (const char* part : {"the link failed", "bytes, but there are", "checksum of page"})
     EXPECT_TRUE(std::any_of(problems.begin(), problems.end(), [&](const std::string& problem) {
       return problem.find(part) != std::string::npos;
     })) << part;
