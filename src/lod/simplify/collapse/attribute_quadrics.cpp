@@ -12,7 +12,7 @@ namespace {
 
 float sum_of(Float4 lanes) {
   std::array<float, 4> x;
-  lanes.store(x.data());
+  store4(x.data(), lanes);
   return (x[0] + x[1]) + (x[2] + x[3]);
 }
 
@@ -43,23 +43,23 @@ void AttributeQuadrics::add_triangle(const CollapseInput& input, const Triangle&
   if (!(determinant > 1e-6f * d11 * d22)) return;
   const Vec3 gu = (e1 * d22 - e2 * d12) * (1.0f / determinant);
   const Vec3 gv = (e2 * d11 - e1 * d12) * (1.0f / determinant);
-  const Float4 ux = Float4::all(gu.x), uy = Float4::all(gu.y), uz = Float4::all(gu.z);
-  const Float4 vx = Float4::all(gv.x), vy = Float4::all(gv.y), vz = Float4::all(gv.z);
-  const Float4 weight = Float4::all(area);
-  Float4 xx = Float4::all(0.0f), yy = xx, zz = xx, xy = xx, xz = xx, yz = xx;
+  const Float4 ux = splat(gu.x), uy = splat(gu.y), uz = splat(gu.z);
+  const Float4 vx = splat(gv.x), vy = splat(gv.y), vz = splat(gv.z);
+  const Float4 weight = splat(area);
+  Float4 xx = splat(0.0f), yy = xx, zz = xx, xy = xx, xz = xx, yz = xx;
   for (uint32_t k = 0; k < stride_; k += 4) {
-    const Float4 s0 = Float4::load(values_of(t[0]) + k);
-    const Float4 s1 = Float4::load(values_of(t[1]) + k) - s0;
-    const Float4 s2 = Float4::load(values_of(t[2]) + k) - s0;
+    const Float4 s0 = load4(values_of(t[0]) + k);
+    const Float4 s1 = load4(values_of(t[1]) + k) - s0;
+    const Float4 s2 = load4(values_of(t[2]) + k) - s0;
     const Float4 x = ux * s1 + vx * s2, y = uy * s1 + vy * s2, z = uz * s1 + vz * s2;
     const Float4 wx = weight * x, wy = weight * y, wz = weight * z;
     xx = xx + wx * x, yy = yy + wy * y, zz = zz + wz * z;
     xy = xy + wx * y, xz = xz + wx * z, yz = yz + wy * z;
     for (uint32_t v : t) {
       float* out = gradients_of(v) + k;
-      (Float4::load(out) + wx).store(out);
-      (Float4::load(out + stride_) + wy).store(out + stride_);
-      (Float4::load(out + 2 * stride_) + wz).store(out + 2 * stride_);
+      store4(out, load4(out) + wx);
+      store4(out + stride_, load4(out + stride_) + wy);
+      store4(out + 2 * stride_, load4(out + 2 * stride_) + wz);
     }
   }
   Quadric sum{};
@@ -71,17 +71,17 @@ void AttributeQuadrics::add_triangle(const CollapseInput& input, const Triangle&
 float AttributeQuadrics::cost(uint32_t from, uint32_t to, const Vec3& d) const {
   const Quadric& q = quadrics_[from];
   const float *a = values_of(from), *b = values_of(to), *g = gradients_of(from);
-  const Float4 dx = Float4::all(d.x), dy = Float4::all(d.y), dz = Float4::all(d.z);
-  Float4 products = Float4::all(0.0f), squares = products;
+  const Float4 dx = splat(d.x), dy = splat(d.y), dz = splat(d.z);
+  Float4 products = splat(0.0f), squares = products;
   for (uint32_t k = 0; k < stride_; k += 4) {
-    const Float4 difference = Float4::load(b + k) - Float4::load(a + k);
+    const Float4 difference = load4(b + k) - load4(a + k);
     const float* at = g + k;
-    const Float4 mean = Float4::load(at) * dx + Float4::load(at + stride_) * dy +
-                        Float4::load(at + 2 * stride_) * dz + Float4::load(at + 3 * stride_);
+    const Float4 mean = load4(at) * dx + load4(at + stride_) * dy + load4(at + 2 * stride_) * dz +
+                        load4(at + 3 * stride_);
     products = products + difference * mean;
     squares = squares + difference * difference;
   }
-  const float sum = sum_of(Float4::all(q.weight) * squares - Float4::all(2.0f) * products);
+  const float sum = sum_of(splat(q.weight) * squares - splat(2.0f) * products);
   return std::max(value_at(q, d) + sum, 0.0f);
 }
 

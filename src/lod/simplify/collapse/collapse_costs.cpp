@@ -22,33 +22,33 @@ using Kind = CollapseMesh::Kind;
 class RanksOfMoves {
  public:
   RanksOfMoves(const Quadric& q, const float* from)
-      : xx_(Float4::all(q.xx)),
-        yy_(Float4::all(q.yy)),
-        zz_(Float4::all(q.zz)),
-        xy_(Float4::all(q.xy)),
-        xz_(Float4::all(q.xz)),
-        yz_(Float4::all(q.yz)),
-        x2_(Float4::all(2.0f * q.x)),
-        y2_(Float4::all(2.0f * q.y)),
-        z2_(Float4::all(2.0f * q.z)),
-        c_(Float4::all(q.c)),
-        shape_(Float4::all(CollapseCosts::kShape * q.weight)),
-        scale_(Float4::all(q.scale)),
-        from_(Float4::load(from)) {}
+      : xx_(splat(q.xx)),
+        yy_(splat(q.yy)),
+        zz_(splat(q.zz)),
+        xy_(splat(q.xy)),
+        xz_(splat(q.xz)),
+        yz_(splat(q.yz)),
+        x2_(splat(2.0f * q.x)),
+        y2_(splat(2.0f * q.y)),
+        z2_(splat(2.0f * q.z)),
+        c_(splat(q.c)),
+        shape_(splat(CollapseCosts::kShape * q.weight)),
+        scale_(splat(q.scale)),
+        from_(load4(from)) {}
 
   // To the four points where `to(i)` points.
   template <typename To>
   std::array<float, 4> operator()(const To& to) const {
-    Float4 dx = Float4::load(to(0)) - from_, dy = Float4::load(to(1)) - from_;
-    Float4 dz = Float4::load(to(2)) - from_, d3 = Float4::load(to(3)) - from_;
+    Float4 dx = load4(to(0)) - from_, dy = load4(to(1)) - from_;
+    Float4 dz = load4(to(2)) - from_, d3 = load4(to(3)) - from_;
     transpose(dx, dy, dz, d3);
     const Float4 mx = xx_ * dx + xy_ * dy + xz_ * dz, my = xy_ * dx + yy_ * dy + yz_ * dz;
     const Float4 mz = xz_ * dx + yz_ * dy + zz_ * dz;
     const Float4 value = c_ + (mx + x2_) * dx + (my + y2_) * dy + (mz + z2_) * dz;
     // In this order max keeps what is not a number, which then is never the least.
-    const Float4 sum = max(Float4::all(0.0f), value);
+    const Float4 sum = max4(splat(0.0f), value);
     std::array<float, 4> ranks;
-    ((sum + shape_ * (dx * dx + dy * dy + dz * dz)) * scale_).store(ranks.data());
+    store4(ranks.data(), (sum + shape_ * (dx * dx + dy * dy + dz * dz)) * scale_);
     return ranks;
   }
 
@@ -80,7 +80,7 @@ void CollapseCosts::add_planes(size_t first) {
   for (size_t i = 0; i < 4; ++i)
     four[i] = mesh_.positions_of(triangles[first + std::min(i, count - 1)]);
   const auto corner = [&](size_t k) {
-    const auto at = [&](size_t i) { return Float4::load(mesh_.coordinates(four[i][k])); };
+    const auto at = [&](size_t i) { return load4(mesh_.coordinates(four[i][k])); };
     std::array p{at(0), at(1), at(2), at(3)};
     transpose(p[0], p[1], p[2], p[3]);
     return p;
@@ -90,25 +90,25 @@ void CollapseCosts::add_planes(size_t first) {
   const Float4 vx = c[0] - a[0], vy = c[1] - a[1], vz = c[2] - a[2];
   const Float4 x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
   std::array<float, 4> sizes, factors;
-  (x * x + y * y + z * z).store(sizes.data());
+  store4(sizes.data(), x * x + y * y + z * z);
   for (size_t i = 0; i < 4; ++i) {
     const float size = std::sqrt(sizes[i]);
     sizes[i] = 0.5f * size;
     factors[i] = size > 0.0f ? 0.5f / size : 0.0f;
     area_ += i < count ? double{sizes[i]} : 0.0;
   }
-  const Float4 factor = Float4::load(factors.data());
+  const Float4 factor = load4(factors.data());
   const Float4 fx = x * factor, fy = y * factor;
   std::array low{fx * x, fy * y, z * factor * z, fx * y};
-  std::array high{fx * z, fy * z, Float4::load(sizes.data()), Float4::all(0.0f)};
+  std::array high{fx * z, fy * z, load4(sizes.data()), splat(0.0f)};
   transpose(low[0], low[1], low[2], low[3]);
   transpose(high[0], high[1], high[2], high[3]);
   // All else in the quadric of a plane through its origin is 0.
   for (size_t i = 0; i < count; ++i)
     for (uint32_t v : four[i]) {
       Quadric& q = quadrics_[v];
-      (Float4::load(&q.xx) + low[i]).store(&q.xx);
-      (Float4::load(&q.xz) + high[i]).store(&q.xz);
+      store4(&q.xx, load4(&q.xx) + low[i]);
+      store4(&q.xz, load4(&q.xz) + high[i]);
     }
 }
 

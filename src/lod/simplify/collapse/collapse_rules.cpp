@@ -18,8 +18,8 @@ bool CollapseRules::allow(uint32_t p, uint32_t target) {
 bool CollapseRules::keeps_orientation(uint32_t p, uint32_t target) const {
   const auto link = mesh_.link(p);
   const float *from = mesh_.coordinates(p), *to = mesh_.coordinates(target);
-  const Float4 zero = Float4::all(0.0f), unit = Float4::all(mesh_.area_unit());
-  const Float4 least = Float4::all(static_cast<float>(kLeastCosine * kLeastCosine));
+  const Float4 zero = splat(0.0f), unit = splat(mesh_.area_unit());
+  const Float4 least = splat(static_cast<float>(kLeastCosine * kLeastCosine));
   for (size_t begin = 0; begin < link.size(); begin += 4) {
     std::array<LinkEdge, 4> four;
     uint32_t stays = 0;
@@ -27,16 +27,16 @@ bool CollapseRules::keeps_orientation(uint32_t p, uint32_t target) const {
       four[i] = link[std::min(begin + i, link.size() - 1)];
       stays |= uint32_t{four[i].next != target && four[i].prev != target} << i;
     }
-    const auto next = [&](size_t i) { return Float4::load(mesh_.coordinates(four[i].next)); };
-    const auto prev = [&](size_t i) { return Float4::load(mesh_.coordinates(four[i].prev)); };
+    const auto next = [&](size_t i) { return load4(mesh_.coordinates(four[i].next)); };
+    const auto prev = [&](size_t i) { return load4(mesh_.coordinates(four[i].prev)); };
     Float4 nx = next(0), ny = next(1), nz = next(2), n3 = next(3);
     transpose(nx, ny, nz, n3);
     Float4 sx = prev(0), sy = prev(1), sz = prev(2), s3 = prev(3);
     transpose(sx, sy, sz, s3);
     sx = sx - nx, sy = sy - ny, sz = sz - nz;
     const auto normal = [&](const float* at) {
-      const Float4 x = nx - Float4::all(at[0]), y = ny - Float4::all(at[1]);
-      const Float4 z = nz - Float4::all(at[2]);
+      const Float4 x = nx - splat(at[0]), y = ny - splat(at[1]);
+      const Float4 z = nz - splat(at[2]);
       return std::array{(y * sz - z * sy) * unit, (z * sx - x * sz) * unit,
                         (x * sy - y * sx) * unit};
     };
