@@ -1,6 +1,7 @@
 // An open asset. Opening reads and checks the file header; everything else is read when asked for,
 // and checked before use.
 #include <algorithm>
+#include <atomic>
 #include <mutex>
 
 #include "asset/file/format.hpp"
@@ -46,7 +47,8 @@ struct Asset::State {
   asset::FileHeader header;
   std::vector<AssetMesh> meshes;
   std::vector<asset::VertexFormat> formats;
-  mutable std::once_flag tables_once;
+  mutable std::mutex tables_mutex;
+  mutable std::atomic<bool> has_tables = false;
   mutable AllTables tables;
   // A cache of decoded groups for geometry(): one a slot, by group number.
   static constexpr size_t kSlots = 16;
@@ -184,7 +186,14 @@ AllTables Asset::State::read_tables() const {
 }
 
 const AllTables& Asset::State::all_tables() const {
-  std::call_once(tables_once, [&] { tables = read_tables(); });
+  // Not std::call_once, which waits for ever under the thread sanitizer once a reading has failed.
+  if (!has_tables.load(std::memory_order_acquire)) {
+    const std::lock_guard lock(tables_mutex);
+    if (!has_tables.load(std::memory_order_relaxed)) {
+      tables = read_tables();
+      has_tables.store(true, std::memory_order_release);
+    }
+  }
   return tables;
 }
 
