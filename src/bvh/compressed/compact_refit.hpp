@@ -7,6 +7,7 @@
 #include <bit>
 
 #include "bvh/compressed/compact_node.hpp"
+#include "bvh/tree/merge_tree.hpp"
 
 namespace umbel::bvh {
 
