@@ -91,7 +91,7 @@ class VanEmdeBoas {
 };
 
 Paired paired(const Tree& tree, const Order& order) {
-  std::vector<uint32_t> lay_out(tree.nodes.size());
+  std::vector<uint32_t> position(tree.nodes.size());
   for (uint32_t i = 0; i < order.size(); ++i) position[order[i]] = 2 * i + 1;
   const auto moved = [&](uint32_t node) {
     const Node& n = tree.nodes[node];
@@ -122,8 +122,8 @@ struct AsPairs {
 template <typename Nodes, typename Leaf>
 void traverse_nodes(const Nodes& tree, const RayFrame& f, const ClippedRay& part,
                     const Leaf& leaf) {
-  KdEntry stack[kMaxKdDepth + 1];
-  KdEntry* top = stack;
+  CellEntry stack[kMaxKdDepth + 1];
+  CellEntry* top = stack;
   const uint32_t flips[3] = {f.inv[0] < 0.0f, f.inv[1] < 0.0f, f.inv[2] < 0.0f};
   uint32_t node = 0;
   float from = part.from, to = part.to;
