@@ -266,7 +266,8 @@ Mesh fan(uint32_t triangles) {
     const SinCos at = sin_cos_turns(i, std::max(corners, 4u));
     mesh.positions.push_back(rounded({at.cos, at.sin, 0}));
   }
-  for (uint32_t i = 0; i < triangles; ++i) mesh.triangles.push_back({0, 1 + i, 1 + (i + 1) % corners});
+  for (uint32_t i = 0; i < triangles; ++i)
+    mesh.triangles.push_back({0, 1 + i, 1 + (i + 1) % corners});
   return mesh;
 }
 

@@ -145,11 +145,17 @@ umbel_cuda_bvh_config bvh_config(Input& in) {
   config.max_leaf_size = 1 + in.below(8);
   if (in.likes(2)) config.presplit = static_cast<float>(in.below(9)) / 8;
   if (!in.likes(1)) return config;
-  uint32_t* const counts[] = {
-      &config.builder,          &config.max_leaf_size,     &config.hlbvh_bits,
-      &config.treelet_size,     &config.treelet_rounds,    &config.ploc_radius,
-      &config.kmeans_clusters,  &config.kmeans_candidates, &config.kmeans_iterations,
-      &config.kmeans_manhattan, &config.kmeans_forwarded_clusters};
+  uint32_t* const counts[] = {&config.builder,
+                              &config.max_leaf_size,
+                              &config.hlbvh_bits,
+                              &config.treelet_size,
+                              &config.treelet_rounds,
+                              &config.ploc_radius,
+                              &config.kmeans_clusters,
+                              &config.kmeans_candidates,
+                              &config.kmeans_iterations,
+                              &config.kmeans_manhattan,
+                              &config.kmeans_forwarded_clusters};
   float* const numbers[] = {&config.traversal_cost, &config.intersection_cost, &config.presplit};
   for (uint32_t i = in.below(4); i-- > 0;)
     *counts[in.below(std::size(counts))] = in.bytes.integral<uint8_t>();

@@ -22,7 +22,7 @@ inline void put_word(std::vector<char>& bytes, size_t at, size_t size, uint64_t 
   for (size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<char>(value >> (8 * i));
 }
 
-inline void repair_checksums(std::vector<char>& bytes) {
+inline void repair_container_checksums(std::vector<char>& bytes) {
   for (size_t entry = 112; entry < 184; entry += 24) {
     const uint64_t offset = get_word(bytes, entry), size = get_word(bytes, entry + 8);
     if (offset > bytes.size() || size > bytes.size() - offset) continue;
@@ -65,14 +65,14 @@ template <typename FailureOf>
 size_t count_wrong_words_refused(const std::vector<char>& whole, const FailureOf& failure_of) {
   const Scratch scratch;
   std::vector<char> bytes = whole;
-  repair_checksums(bytes);
+  repair_container_checksums(bytes);
   EXPECT_TRUE(bytes == whole);
   size_t refused = 0;
   for (size_t at = 0; at + 4 <= whole.size(); at += 4)
     for (const uint64_t value : {0xffffffffu, 0x7fffffffu, 0u, 1u, 0x80000000u, 0xf0000005u}) {
       bytes = whole;
       put_word(bytes, at, 4, value);
-      repair_checksums(bytes);
+      repair_container_checksums(bytes);
       write_bytes(scratch / "b", bytes);
       const Failure failure = failure_of(scratch / "b");
       if (!failure) continue;
@@ -94,7 +94,7 @@ void ask_files_with_random_changes(const std::vector<char>& whole, const Failure
           mix64(++state) % (run % 4 ? bytes.size() : std::min<size_t>(bytes.size(), 1024));
       bytes[at] = static_cast<char>(mix64(++state));
     }
-    repair_checksums(bytes);
+    repair_container_checksums(bytes);
     write_bytes(scratch / "b", bytes);
     (void)failure_of(scratch / "b");
   }
@@ -104,7 +104,7 @@ template <typename FailureOf>
 void expect_other_files_are_refused(std::vector<char> whole, const FailureOf& failure_of) {
   const Scratch scratch;
   put_word(whole, 8, 2, 2);
-  repair_checksums(whole);
+  repair_container_checksums(whole);
   write_bytes(scratch / "newer", whole);
   EXPECT_EQ(failure_of(scratch / "newer"), ErrorCode::kUnsupported);
   EXPECT_EQ(failure_of(scratch / "missing"), ErrorCode::kIo);

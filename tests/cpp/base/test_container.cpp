@@ -94,7 +94,7 @@ TEST(Container, sections_that_lie_elsewhere_are_refused) {
   for (size_t at = 112; at < 184; at += at % 24 == 0 ? 16 : 8) {
     std::vector<char> moved = bytes;
     testing::put_word(moved, at, 8, testing::get_word(bytes, at) + 64);
-    testing::repair_checksums(moved);
+    testing::repair_container_checksums(moved);
     const Scratch scratch;
     testing::write_bytes(scratch / "a", moved);
     EXPECT_EQ(failure_of(scratch / "a"), ErrorCode::kCorrupt) << "byte " << at;
