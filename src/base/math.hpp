@@ -42,7 +42,8 @@ UMBEL_HOST_DEVICE inline Vec3 max(const Vec3& a, const Vec3& b) {
 /// box.
 template <typename Floats>
 UMBEL_HOST_DEVICE Floats without_negative_zero(const Floats& value) {
-  auto floats = std::bit_cast<std::array<float, sizeof(Floats) / sizeof(float)>>(value);
+  constexpr size_t kFloatBytes = 4;
+  auto floats = std::bit_cast<std::array<float, sizeof(Floats) / kFloatBytes>>(value);
   for (float& f : floats) f += 0.0f;
   return std::bit_cast<Floats>(floats);
 }
