@@ -43,7 +43,7 @@ GLTF_WORDS = (
 def seeds(kind: str, folder: Path) -> None:
     """Files to begin with: those that the tests break."""
     sys.path.insert(0, str(ROOT / "tests" / "python"))
-    from broken_files import SOURCES
+    from helpers.broken_files import SOURCES
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -36,6 +36,7 @@ struct NodeBounds {
 };
 
 /// Splits are in bins of a grid; costs are areas times counts.
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): there is one at a time
 struct Split {
   float cost = std::numeric_limits<float>::infinity();
   bool is_spatial = false;
