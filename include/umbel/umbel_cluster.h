@@ -226,8 +226,8 @@ typedef struct umbel_cluster_bounds {
   float cone_cutoff;     ///< sine of the cone's half angle, and a little; 1 if there is no cone
 } umbel_cluster_bounds;
 
-/// Bounding sphere and normal cone of each cluster, for culling: bounds[0 .. range_count), of which
-/// `capacity` must be at least as many. `input` and `clusters` as for umbel_cluster_order.
+/// Bounding sphere and normal cone of each cluster, for culling: bounds[0 .. range_count).
+/// `capacity` must be at least as large. `input` and `clusters` as for umbel_cluster_order.
 UMBEL_C_API umbel_result umbel_cluster_get_bounds(const umbel_cluster_input* input,
                                                   const umbel_cluster_output* clusters,
                                                   const umbel_build_options* options,

@@ -304,7 +304,7 @@ UMBEL_C_API umbel_result umbel_lod_frustum(const float eye[3], const float targe
                                            const float up[3], float fov_y, float aspect,
                                            float near_plane, float far_plane, umbel_plane planes[6],
                                            size_t* count);
-/// Spheres and cones of all clusters: bounds[0 .. clusters), of which `capacity` must be as many.
+/// Spheres and cones of all clusters: bounds[0 .. clusters). `capacity` must be as large.
 UMBEL_C_API umbel_result umbel_lod_normal_cones(const umbel_lod* lod,
                                                 const umbel_build_options* options,
                                                 umbel_cluster_bounds* bounds, size_t capacity);

@@ -118,7 +118,7 @@ class CpuExec {
     for_each(size_t(each) * std::min(*count, most), body);
   }
 
-  /// Layers of work, each of which says how much there is in the next one: for layer 0, 1, ...
+  /// Layers of work; each says how much there is in the next one: for layer 0, 1, ...
   /// while counts[layer] is not 0, at most `layers` of them, body(layer, i) for i in [0, each *
   /// min(counts[layer], most)), in any order. The counts are in the executor's memory.
   template <typename Body>

@@ -58,7 +58,7 @@ struct Culling {
   /// Clusters wholly outside one of them are left out. Normals of unit length, to within 1e-5.
   std::span<const Plane> planes;
   /// One a cluster, or none: clusters that face away from View::eye as a whole are left out. Only
-  /// for cameras, and for surfaces of which only the front is seen.
+  /// for cameras, and for surfaces that are seen from the front only.
   std::span<const ClusterBounds> normal_cones;
 };
 

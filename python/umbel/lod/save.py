@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,7 @@ PAGE_BYTES = 40 << 10
 """Most bytes of a page of several groups, unless the caller chooses."""
 
 
-class Savable:
+class Savable(ABC):
     """What can be saved as an asset: one mesh or a scene, with levels of detail."""
 
     origin: NDArray[np.float64]
@@ -48,9 +49,9 @@ class Savable:
         }
         return said | ({"coordinates": self.coordinates} if self.coordinates else {})
 
+    @abstractmethod
     def _saved(self) -> dict[str, Any]:
         """The arguments of `save_asset` for meshes, instances and scene."""
-        raise NotImplementedError
 
     def save(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -309,7 +310,7 @@ def _normal_cones(normal_cones: ClusterBounds | None) -> NDArray[np.float32] | N
     return None if normal_cones is None else normal_cones.rows()
 
 
-class HasTables:
+class HasTables(ABC):
     """What everything with tables and geometry can be asked: a Lod, an Asset."""
 
     _native: _umbel.Dag | _umbel.Asset
@@ -320,9 +321,9 @@ class HasTables:
         return Tables(self._native.tables, self._mesh_origin)
 
     @property
+    @abstractmethod
     def _mesh_origin(self) -> NDArray[np.float64]:
         """Where the tables and meshes lie."""
-        raise NotImplementedError
 
     def cut(
         self,

@@ -25,7 +25,7 @@ constexpr size_t kBatch = 256;  // groups
 /// How many groups that do not fit a page any more are passed by in search of one that does.
 constexpr size_t kReach = 12;
 constexpr uint64_t kMaxPageBytes = 1u << 30;
-// Numbers of materials may be floats, of which whole ones are exact up to here.
+// Numbers of materials may be floats; whole ones are exact up to here.
 constexpr uint32_t kMostFirstMaterial = 1u << 24;
 
 [[noreturn]] void refuse(const std::string& sentence) {

@@ -12,7 +12,7 @@
 
 namespace umbel::cluster {
 
-/// Shares, of which kWhole is the box of all. Below 2^23 clusters their sum fits.
+/// Shares; kWhole is that of the box of all. Below 2^23 clusters their sum fits.
 struct AreaShares {
   static constexpr uint64_t kWhole = uint64_t(1) << 40;
 

@@ -183,7 +183,7 @@ TEST(Residency, loads_on_threads_while_the_camera_moves) {
   EXPECT_GT(residency.statistics().loads, 0u);
 }
 
-/// The world's bytes, of which each page's first reads fail: one ends early, one has a wrong byte.
+/// The world's bytes. The first reads of each page fail: one ends early, one has a wrong byte.
 class Unreliable : public ByteSource {
  public:
   explicit Unreliable(std::shared_ptr<const ByteSource> source) : source_(std::move(source)) {}

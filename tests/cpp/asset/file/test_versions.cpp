@@ -129,7 +129,7 @@ TEST(AssetVersions, a_section_that_must_be_there_is_missed) {
   EXPECT_EQ(failure_of(scratch / "b.umbel"), ErrorCode::kCorrupt);
 }
 
-/// The first bytes of a large file, of which nothing else may be read; and how many were.
+/// The first bytes of a large file, and how many were read. Nothing else of it may be read.
 class Beginning : public ByteSource {
  public:
   Beginning(std::vector<char> bytes, uint64_t size) : bytes_(std::move(bytes)), size_(size) {}
