@@ -1,0 +1,1 @@
+"""What tests and experiments need that users of meshes do not."""
