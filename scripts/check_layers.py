@@ -34,6 +34,7 @@ LAYERS = [
     "lod/verify",
     "asset/codec",
     "asset/file",
+    "scale",
     "stream",
     "trace",
     "cuda",
