@@ -13,6 +13,7 @@ LAYERS = [
     "base/simd",
     "mesh",
     "io",
+    "io/source",
     "query",
     "cluster",
     "cluster/bisect",

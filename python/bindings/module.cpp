@@ -9,6 +9,7 @@ NB_MODULE(_umbel, module) {
   bind_errors(module);
   bind_mesh(module);
   bind_obj(module);
+  bind_source(module);
   bind_cluster(module);
   bind_frame_clusters(module);
   bind_lod(module);

@@ -33,9 +33,9 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
-def read_head(path: Path) -> bytes:
+def read_head(path: Path, count: int = 1 << 12) -> bytes:
     """The file's first bytes, as they are."""
-    return _read(path, 1 << 12)
+    return _read(path, count)
 
 
 def _read(path: Path, count: int = -1) -> bytes:

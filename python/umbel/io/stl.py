@@ -28,47 +28,65 @@ _FACET += ["endloop", "endfacet"]
 
 def read_stl(data: bytes, where: str) -> Scene:
     """The scene in an STL file's bytes; `where` names the file in errors."""
-    corners: NDArray[Any] = _ascii(data, where) if _is_ascii(data) else _binary(data, where)
+    corners: NDArray[Any] = (
+        _ascii(data, where) if _is_ascii(data, len(data)) else _binary(data, where)
+    )
     mesh = Mesh(corners, np.arange(len(corners), dtype=np.uint32).reshape(-1, 3))
     return Scene([mesh], [], [Instance(0)])
 
 
-def _is_ascii(data: bytes) -> bool:
+def _is_ascii(data: bytes, length: int) -> bool:
+    """Whether a file is text, by its first bytes and its length."""
     # Binary files may begin with "solid" too; their length gives them away.
-    if len(data) >= _HEADER:
+    if length >= _HEADER:
         count = int.from_bytes(data[80:84], "little")
-        if len(data) == _HEADER + count * _RECORD.itemsize:
+        if length == _HEADER + count * _RECORD.itemsize:
             return False
     if not data[:1024].lstrip().lower().startswith(b"solid"):
         return False
     return b"facet" in data[:4096].lower() or b"\0" not in data[:4096]
 
 
-def _binary(data: bytes, where: str) -> Float32Array:
-    if len(data) < _HEADER:
+def binary_table(head: bytes, length: int, where: str) -> tuple[int, int, int] | None:
+    """Where the triangles of a binary file begin, the bytes of each, and how many there are, by the
+    file's first 4096 bytes and its length; None for a text."""
+    return (
+        None
+        if _is_ascii(head, length)
+        else (_HEADER, _RECORD.itemsize, _count(head, length, where))
+    )
+
+
+def _count(head: bytes, length: int, where: str) -> int:
+    if length < _HEADER:
         raise Error(
             f"{where} is cut short or no STL: a binary one has at least {_HEADER} bytes, this has "
-            f"{len(data)}"
+            f"{length}"
         )
-    count = int.from_bytes(data[80:84], "little")
+    count = int.from_bytes(head[80:84], "little")
     size = _RECORD.itemsize
-    have = (len(data) - _HEADER) // size
+    have = (length - _HEADER) // size
     if count > have:
         raise Error(
             f"{where} is cut short or no STL: the header says {count} triangles, there "
             f"are bytes for {have}, the last of them at byte {_HEADER + have * size}"
         )
     end = _HEADER + count * size
-    if end < len(data) and not count:
-        raise Error(f"{where} is no STL: it says 0 triangles, and {len(data) - end} bytes follow")
-    if end < len(data):
+    if end < length and not count:
+        raise Error(f"{where} is no STL: it says 0 triangles, and {length - end} bytes follow")
+    if end < length:
         says = f"{have - count} more" if have > count else "no whole one"
         warnings.warn(
-            f"{where}: {len(data) - end} bytes after the {count} triangles of its header are left "
+            f"{where}: {length - end} bytes after the {count} triangles of its header are left "
             f"out, from byte {end} on; there is room for {says}",
             LoadWarning,
-            stacklevel=5,
+            stacklevel=6,
         )
+    return count
+
+
+def _binary(data: bytes, where: str) -> Float32Array:
+    count = _count(data, len(data), where)
     records = np.frombuffer(data, _RECORD, count, _HEADER)
     return np.ascontiguousarray(records["corners"]).reshape(-1, 3)
 

@@ -9,6 +9,7 @@ import binascii
 import json
 import urllib.parse
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -37,37 +38,54 @@ def parse_container(data: bytes, where: str) -> tuple[Json, bytes | None]:
     text = data
     if data[:4] == b"glTF":
         text, binary = _glb_chunks(data, where)
+    return parse_json(text, where), binary
+
+
+def parse_json(text: bytes, where: str) -> Json:
+    """The object that a file's JSON is."""
     try:
         root = json.loads(text.decode("utf-8-sig"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise Error(f"{where}: its JSON is corrupt: {error}") from None
     if not isinstance(root, dict):
         raise Error(f"{where}: its JSON is no object")
-    return root, binary
+    return root
 
 
 def _glb_chunks(data: bytes, where: str) -> tuple[bytes, bytes | None]:
-    if len(data) < 20:
-        raise Error(f"{where} is cut short: {len(data)} bytes are no .glb")
-    version = int.from_bytes(data[4:8], "little")
-    length = int.from_bytes(data[8:12], "little")
+    ranges = glb_ranges(lambda at, size: data[at : at + size], len(data), where)
+    parts = [data[at : at + size] for at, size in (r for r in ranges if r is not None)]
+    return parts[0], parts[1] if len(parts) > 1 else None
+
+
+def glb_ranges(
+    read: Callable[[int, int], bytes], length: int, where: str
+) -> tuple[tuple[int, int], tuple[int, int] | None]:
+    """Where in a .glb of so many bytes the JSON and the binary chunk are: first byte and size.
+    `read(at, size)` gives bytes of the file."""
+    if length < 20:
+        raise Error(f"{where} is cut short: {length} bytes are no .glb")
+    head = read(0, 12)
+    version = int.from_bytes(head[4:8], "little")
+    says = int.from_bytes(head[8:12], "little")
     if version != 2:
         raise Error(f"{where}: glTF version {version}, only 2 can be read")
-    if length > len(data):
-        raise Error(f"{where} is cut short: its header says {length} bytes, it has {len(data)}")
-    if length < len(data):
-        _warn(f"{where}: {len(data) - length} bytes from byte {length} on, its header's end")
-    chunks: dict[int, bytes] = {}
+    if says > length:
+        raise Error(f"{where} is cut short: its header says {says} bytes, it has {length}")
+    if says < length:
+        _warn(f"{where}: {length - says} bytes from byte {says} on, its header's end")
+    chunks: dict[int, tuple[int, int]] = {}
     at = 12
-    while at + 8 <= length:
-        size = int.from_bytes(data[at : at + 4], "little")
-        kind = int.from_bytes(data[at + 4 : at + 8], "little")
-        if at + 8 + size > length:
+    while at + 8 <= says:
+        chunk = read(at, 8)
+        size = int.from_bytes(chunk[:4], "little")
+        kind = int.from_bytes(chunk[4:], "little")
+        if at + 8 + size > says:
             raise Error(f"{where}: the chunk at byte {at} runs past the end of the file")
-        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
+        chunks.setdefault(kind, (at + 8, size))
         at += 8 + size
-    if at != length:
-        raise Error(f"{where}, byte {at}: {length - at} bytes are no chunk; the file is corrupt")
+    if at != says:
+        raise Error(f"{where}, byte {at}: {says - at} bytes are no chunk; the file is corrupt")
     if _JSON_CHUNK not in chunks:
         raise Error(f"{where} has no JSON chunk")
     return chunks[_JSON_CHUNK], chunks.get(_BIN_CHUNK)

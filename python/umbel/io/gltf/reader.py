@@ -72,7 +72,7 @@ def read_root(
     """The scene of parsed JSON and the binary chunk beside it. One warning names what is left out
     of it."""
     check_schema(root, where)
-    _check_header(root, where)
+    check_header(root, where)
     reader = _Reader(Buffers(root, binary, where, folder))
     scene = reader.scene()
     reader.lost += _named(list(unknown_properties(root)))
@@ -93,7 +93,7 @@ def _named(unknown: list[str]) -> list[str]:
     return [f"{', '.join(unknown[:_SHOWN])}{more}, which glTF does not have"]
 
 
-def _check_header(root: Json, where: str) -> None:
+def check_header(root: Json, where: str) -> None:
     version = str((root.get("asset") or {}).get("version", ""))
     if not version.startswith("2."):
         raise Error(f"{where}: glTF version {version or '(none)'!s}, only 2 can be read")

@@ -23,11 +23,11 @@ _TYPES = {
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LONGEST_HEADER = 1 << 20
+LONGEST_HEADER = 1 << 20
 
 
 @dataclass
-class _Property:
+class Property:
     name: str
     type: str
     count_type: str | None = None  # of a list
@@ -37,7 +37,7 @@ class _Property:
 class Element:
     name: str
     count: int
-    properties: list[_Property] = field(default_factory=list)
+    properties: list[Property] = field(default_factory=list)
 
     @property
     def has_lists(self) -> bool:
@@ -58,7 +58,7 @@ Columns = dict[str, Any]  # property name -> array of one value a row, or ListCo
 def read_tables(data: bytes, where: str) -> dict[str, Columns]:
     """The columns of each element. Raises, with the line or the byte, where the data do not fit the
     header, and warns of data after the last element."""
-    byte_order, elements, body, data = _header(data, where)
+    byte_order, elements, body, data = read_header(data, where)
     columns: dict[str, Columns] = {}
     place = _Position(data, where, body, byte_order == "=")
     if byte_order == "=":
@@ -112,16 +112,16 @@ class _Position:
 # --- header -----------------------------------------------------------------------------------
 
 
-def _header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes]:
+def read_header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes]:
     """Byte order, elements, where the body begins, and the data, which end with a line's end."""
     first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     if not first:
         raise Error(f"{where} is no PLY file: it does not begin with 'ply'")
     newline = first.group(1)
-    end = re.search(rb"[\r\n]end_header[ \t]*" + newline, data[:_LONGEST_HEADER])
-    if not end and re.search(rb"[\r\n]end_header[ \t]*$", data[:_LONGEST_HEADER]):
+    end = re.search(rb"[\r\n]end_header[ \t]*" + newline, data[:LONGEST_HEADER])
+    if not end and re.search(rb"[\r\n]end_header[ \t]*$", data[:LONGEST_HEADER]):
         data += newline  # nothing follows
-        end = re.search(rb"[\r\n]end_header[ \t]*" + newline, data[:_LONGEST_HEADER])
+        end = re.search(rb"[\r\n]end_header[ \t]*" + newline, data[:LONGEST_HEADER])
     if not end:
         raise Error(f"{where} is cut short or corrupt: its header has no 'end_header'")
     byte_order = ""
@@ -145,11 +145,11 @@ def _header(data: bytes, where: str) -> tuple[str, list[Element], int, bytes]:
     return byte_order, elements, end.end(), data
 
 
-def _property(words: list[str], line: str, place: str) -> _Property:
+def _property(words: list[str], line: str, place: str) -> Property:
     if len(words) == 3 and words[1] in _TYPES:
-        return _Property(words[2], _TYPES[words[1]])
+        return Property(words[2], _TYPES[words[1]])
     if len(words) == 5 and words[1] == "list" and words[2] in _TYPES and words[3] in _TYPES:
-        return _Property(words[4], _TYPES[words[3]], _TYPES[words[2]])
+        return Property(words[4], _TYPES[words[3]], _TYPES[words[2]])
     raise Error(f"{place}: header line {line[:80]!r} makes no sense")
 
 
@@ -195,7 +195,7 @@ def _binary_element(
     return _ragged_rows(data, start, element, byte_order, place)
 
 
-def _empty(p: _Property) -> Any:
+def _empty(p: Property) -> Any:
     values = np.zeros(0, p.type)
     return ListColumn(np.zeros(0, np.int64), values) if p.count_type else values
 
@@ -284,11 +284,11 @@ def _ragged_rows(
     return columns, position
 
 
-def _number(raw: bytes, p: _Property, order: Any) -> float:
+def _number(raw: bytes, p: Property, order: Any) -> float:
     return float(np.frombuffer(raw, (">" if order == "big" else "<") + str(p.count_type))[0])
 
 
-def _list_length(raw: bytes, p: _Property, order: Any) -> int:
+def _list_length(raw: bytes, p: Property, order: Any) -> int:
     assert p.count_type is not None
     if p.count_type[0] == "f":
         value = _number(raw, p, order)
@@ -329,7 +329,7 @@ def _ascii_element(
     doubles = Element(
         element.name,
         element.count,
-        [_Property(p.name, "f8", "f8" if p.count_type else None) for p in element.properties],
+        [Property(p.name, "f8", "f8" if p.count_type else None) for p in element.properties],
     )
     raw = values[start:].tobytes()
     columns, stop = _binary_element(raw, 0, doubles, "=", replace(place, first=start, size=8))

@@ -34,9 +34,9 @@ COLOR = [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_gre
           "diffuse_blue")]  # fmt: skip
 ALPHA = [("alpha",), ("a",), ("diffuse_alpha",)]
 TANGENT = [("tx", "ty", "tz", "tw")]
-_INDEX_LISTS = ("vertex_indices", "vertex_index")
-_MOST_MATERIALS = 1 << 16
-_MATERIAL_ID = ("material_index", "material_id", "material")
+INDEX_LISTS = ("vertex_indices", "vertex_index")
+MOST_MATERIALS = 1 << 16
+MATERIAL_ID = ("material_index", "material_id", "material")
 
 
 def read_ply(data: bytes, where: str) -> Scene:
@@ -131,7 +131,7 @@ def _unit(values: NDArray[Any]) -> Float32Array:
 
 
 def _index_list(columns: Columns, element: str, where: str) -> ListColumn | None:
-    for name in _INDEX_LISTS:
+    for name in INDEX_LISTS:
         column = columns.get(name)
         if isinstance(column, ListColumn):
             return column
@@ -173,7 +173,7 @@ def _triangles(
 def _materials(
     faces: Columns, parents: NDArray[np.int64] | None, where: str
 ) -> tuple[list[Material], UInt32Array | None]:
-    column = next((faces[k] for k in _MATERIAL_ID if isinstance(faces.get(k), np.ndarray)), None)
+    column = next((faces[k] for k in MATERIAL_ID if isinstance(faces.get(k), np.ndarray)), None)
     if column is None or column.dtype.kind == "f":
         return [], None
     if parents is not None:
@@ -181,7 +181,7 @@ def _materials(
     if column is None or not len(column):
         return [], None
     low, high = int(column.min()), int(column.max())
-    if low < 0 or high >= _MOST_MATERIALS:
+    if low < 0 or high >= MOST_MATERIALS:
         _warn(f"{where}: material indices run from {low} to {high} and are left out")
         return [], None
     return [Material(name=f"material_{k}") for k in range(high + 1)], column.astype(np.uint32)
@@ -190,7 +190,7 @@ def _materials(
 def _with_corner_uvs(mesh: Mesh, faces: Columns) -> Mesh:
     """Splits vertices so that each corner has the texture coordinate that its face lists."""
     wedge = faces.get("texcoord")
-    polygons = next((faces[k] for k in _INDEX_LISTS if k in faces), None)
+    polygons = next((faces[k] for k in INDEX_LISTS if k in faces), None)
     if (
         mesh.uvs is not None
         or not isinstance(wedge, ListColumn)

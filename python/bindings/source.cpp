@@ -1,0 +1,174 @@
+// Sources of triangles that are read in blocks.
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <map>
+
+#include "bind.hpp"
+#include "io/source/face_table.hpp"
+#include "io/source/mesh_source.hpp"
+#include "io/source/table_source.hpp"
+
+namespace umbel::python {
+namespace {
+
+using io::Scalar;
+/// Table, type as NumPy has it, offsets, and whether integers stand for fractions.
+using ColumnArguments = std::tuple<uint32_t, std::string, std::vector<uint32_t>, bool>;
+/// Type, and the type of the length or nothing.
+using PropertyArguments = std::tuple<std::string, std::optional<std::string>>;
+
+Scalar scalar_of(const std::string& name) {
+  static const std::map<std::string, Scalar> kTypes{
+      {"i1", Scalar::kI8},  {"u1", Scalar::kU8},  {"i2", Scalar::kI16}, {"u2", Scalar::kU16},
+      {"i4", Scalar::kI32}, {"u4", Scalar::kU32}, {"i8", Scalar::kI64}, {"u8", Scalar::kU64},
+      {"f4", Scalar::kF32}, {"f8", Scalar::kF64}};
+  const auto found = kTypes.find(name);
+  if (found == kTypes.end())
+    throw Error(ErrorCode::kInvalidArgument, "'" + name + "' is no type of numbers");
+  return found->second;
+}
+
+io::Column column_of(const std::map<std::string, ColumnArguments>& columns, const char* name) {
+  const auto found = columns.find(name);
+  if (found == columns.end()) return {};
+  const auto& [table, type, offsets, unit] = found->second;
+  return {table, scalar_of(type), offsets, unit};
+}
+
+uint32_t add_part(io::TableLayout& layout, const std::string& name,
+                  const std::map<std::string, ColumnArguments>& columns, uint64_t triangles,
+                  std::optional<uint32_t> material,
+                  const std::optional<std::array<double, 12>>& transform) {
+  io::TablePart part;
+  part.name = name;
+  part.positions = column_of(columns, "positions");
+  part.normals = column_of(columns, "normals");
+  part.tangents = column_of(columns, "tangents");
+  part.uvs = column_of(columns, "uvs");
+  part.colors = column_of(columns, "colors");
+  part.indices = column_of(columns, "indices");
+  part.materials = column_of(columns, "materials");
+  part.triangles = triangles;
+  part.material = material.value_or(0);
+  part.transform = transform;
+  layout.has_materials |= material.has_value() || part.materials.is_there();
+  layout.parts.push_back(std::move(part));
+  return static_cast<uint32_t>(layout.parts.size() - 1);
+}
+
+/// Keeps the arrays of a mesh alive.
+class HeldMesh final : public io::TriangleSource {
+ public:
+  HeldMesh(MeshArrays mesh, const std::array<double, 3>& origin, std::string name)
+      : arrays_(std::move(mesh)),
+        source_(arrays_.view(), {origin[0], origin[1], origin[2]}, std::move(name)) {}
+  uint64_t triangles() const override { return source_.triangles(); }
+  io::SourceStreams streams() const override { return source_.streams(); }
+  io::TriangleBlock read(uint64_t begin, uint64_t end) const override {
+    return source_.read(begin, end);
+  }
+
+ private:
+  MeshArrays arrays_;
+  io::MeshSource source_;
+};
+
+Dict read(const io::TriangleSource& source, uint64_t begin, uint64_t end) {
+  io::TriangleBlock block;
+  {
+    const nb::gil_scoped_release release;
+    block = source.read(begin, end);
+  }
+  const io::SourceStreams streams = source.streams();
+  const auto optional = [](nb::object array, bool is_there) {
+    return is_there ? std::move(array) : nb::none();
+  };
+  Dict out;
+  out["positions"] = take<double>(std::move(block.positions));
+  out["triangles"] = take<uint32_t>(std::move(block.triangles));
+  out["normals"] = optional(nb::cast(take<float>(std::move(block.normals))), streams.normals);
+  out["tangents"] = optional(nb::cast(take<float>(std::move(block.tangents))), streams.tangents);
+  out["uvs"] = optional(nb::cast(take<float>(std::move(block.uvs))), streams.uvs);
+  out["colors"] = optional(nb::cast(take<float>(std::move(block.colors))), streams.colors);
+  out["materials"] =
+      optional(nb::cast(take<uint32_t>(std::move(block.materials))), streams.materials);
+  return out;
+}
+
+io::FaceRows face_rows(const std::filesystem::path& path, const std::string& name, uint64_t offset,
+                       uint64_t rows, bool big_endian,
+                       const std::vector<PropertyArguments>& properties, size_t indices,
+                       std::optional<size_t> material) {
+  io::FaceRows faces{path, name, offset, rows, big_endian, {}, indices, material};
+  for (const auto& [type, length] : properties)
+    faces.properties.push_back(
+        {scalar_of(type), length ? std::optional(scalar_of(*length)) : std::nullopt});
+  return faces;
+}
+
+void bind_faces(nb::module_& module) {
+  nb::class_<io::FaceScan>(module, "FaceScan")
+      .def_ro("are_triangles", &io::FaceScan::are_triangles)
+      .def_ro("row_bytes", &io::FaceScan::row_bytes)
+      .def_ro("index_offset", &io::FaceScan::index_offset)
+      .def_ro("material_offset", &io::FaceScan::material_offset)
+      .def_ro("triangles", &io::FaceScan::triangles)
+      .def_ro("small_faces", &io::FaceScan::small_faces)
+      .def_ro("end", &io::FaceScan::end)
+      .def_ro("least_material", &io::FaceScan::least_material)
+      .def_ro("largest_material", &io::FaceScan::largest_material);
+  nb::class_<io::FaceRows>(module, "FaceRows")
+      .def(
+          "__init__",
+          [](io::FaceRows* self, const std::filesystem::path& path, const std::string& name,
+             uint64_t offset, uint64_t rows, bool big_endian,
+             const std::vector<PropertyArguments>& properties, size_t indices,
+             std::optional<size_t> material) {
+            new (self) io::FaceRows(
+                face_rows(path, name, offset, rows, big_endian, properties, indices, material));
+          },
+          "path"_a, "name"_a, "offset"_a, "rows"_a, "big_endian"_a, "properties"_a, "indices"_a,
+          "material"_a = nb::none());
+  module.def("scan_faces", &io::scan_faces, "faces"_a, nb::call_guard<nb::gil_scoped_release>(),
+             "Whether the faces of a binary PLY file are triangles.");
+  module.def("write_triangles", &io::write_triangles, "faces"_a, "path"_a,
+             nb::call_guard<nb::gil_scoped_release>(), "Writes them as a table of triangles.");
+}
+
+}  // namespace
+
+void bind_source(nb::module_& module) {
+  bind_faces(module);
+  nb::class_<io::TriangleSource>(module, "TriangleSource",
+                                 "Triangles that are read in blocks; see umbel.io.blocks.")
+      .def_prop_ro("triangles", &io::TriangleSource::triangles)
+      .def("read", &read, "begin"_a, "end"_a, "The arrays of the triangles [begin, end).");
+  nb::class_<HeldMesh, io::TriangleSource>(module, "MeshSource")
+      .def(nb::init<MeshArrays, const std::array<double, 3>&, std::string>(), "mesh"_a, "origin"_a,
+           "name"_a);
+  nb::class_<io::TableLayout>(module, "TableLayout", "Tables in files, and the meshes of them.")
+      .def(nb::init<>())
+      .def(
+          "add_file",
+          [](io::TableLayout& self, const std::filesystem::path& path) {
+            self.files.push_back(path);
+            return static_cast<uint32_t>(self.files.size() - 1);
+          },
+          "path"_a)
+      .def(
+          "add_table",
+          [](io::TableLayout& self, uint32_t file, uint64_t offset, uint64_t stride, uint64_t rows,
+             bool big_endian) {
+            self.tables.push_back({file, offset, stride, rows, big_endian});
+            return static_cast<uint32_t>(self.tables.size() - 1);
+          },
+          "file"_a, "offset"_a, "stride"_a, "rows"_a, "big_endian"_a = false)
+      .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,
+           "material"_a = nb::none(), "transform"_a = nb::none());
+  nb::class_<io::TableSource, io::TriangleSource>(module, "TableSource")
+      .def(nb::init<io::TableLayout>(), "layout"_a);
+}
+
+}  // namespace umbel::python

@@ -1,0 +1,70 @@
+"""Mesh files as sources of triangles that are read in blocks, in a memory that does not grow with
+them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from umbel import _umbel
+from umbel.errors import Error
+from umbel.geometry.mesh import Material
+from umbel.io import load
+from umbel.io.blocks import gltf, ply, stl
+from umbel.io.blocks.layout import Layout
+from umbel.io.blocks.spool import spool, spool_mesh
+from umbel.io.coordinates import sidecar
+
+__all__ = ["Source", "open_source"]
+
+Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+
+
+@dataclass
+class Source:
+    """Triangles to read in blocks, and what belongs to all of them."""
+
+    triangles: Any  #: `_umbel.TriangleSource`
+    materials: list[Material] = field(default_factory=list)
+    coordinates: dict[str, str] = field(default_factory=dict)
+    files: list[Path] = field(default_factory=list)  #: that are read; none for an iterator
+
+
+def open_source(source: Paths | Iterable[Any], work: str | os.PathLike[str]) -> Source:
+    """One file, several, or an iterable of blocks (anything with `positions` and `triangles`, and
+    perhaps `normals`, `tangents`, `uvs`, `colors` and `materials`; or pairs of the first two), as
+    one mesh: parts that have vertices at equal positions join there.
+
+    Binary PLY and STL and uncompressed glTF are read where they are. All else is written once to
+    tables in the folder `work`, which must stay: an iterable block by block; other files as a
+    whole, so those must fit into memory.
+    """
+    layout = Layout(Path(work))
+    if isinstance(source, (str, os.PathLike)):
+        files: list[Path] | None = [Path(source)]
+    elif isinstance(source, Sequence) and all(isinstance(p, (str, os.PathLike)) for p in source):
+        files = [Path(path) for path in source]
+    else:
+        files = None
+        spool(layout, source, "the blocks")
+    coordinates: dict[str, str] = {}
+    for file in files or []:
+        coordinates = coordinates or _add(layout, file)
+    if files is not None and not files:
+        raise Error("there are no files to read")
+    triangles = _umbel.TableSource(layout.finished())
+    return Source(triangles, layout.materials, coordinates, files or [])
+
+
+def _add(layout: Layout, file: Path) -> dict[str, str]:
+    """Adds a file; gives what it says of its coordinates."""
+    kinds = {".ply": ply.lay_out, ".stl": stl.lay_out, ".glb": gltf.lay_out, ".gltf": gltf.lay_out}
+    lay_out = kinds.get(file.suffix.lower())
+    if lay_out is not None and lay_out(layout, file):
+        return {**(gltf.COORDINATES if lay_out is gltf.lay_out else {}), **sidecar(file)}
+    mesh = load(file)
+    spool_mesh(layout, mesh, str(file))
+    return mesh.coordinates

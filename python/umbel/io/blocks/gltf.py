@@ -1,0 +1,199 @@
+"""glTF as tables: triangles of accessors that are neither compressed nor sparse, moved by nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from umbel.io.blocks.layout import Column, Layout
+from umbel.io.coordinates import GLTF as COORDINATES
+from umbel.io.files import GZIP, read_head
+from umbel.io.folder import Folder
+from umbel.io.gltf.buffers import Buffers, Json, glb_ranges, parse_json
+from umbel.io.gltf.images import texture_reader
+from umbel.io.gltf.materials import read_material
+from umbel.io.gltf.nodes import Nodes
+from umbel.io.gltf.reader import check_header
+from umbel.io.gltf.schema import check_schema
+from umbel.io.scene import NO_MATERIAL
+
+__all__ = ["COORDINATES", "lay_out"]
+
+_STREAMS = {
+    "POSITION": ("positions", "VEC3"),
+    "NORMAL": ("normals", "VEC3"),
+    "TANGENT": ("tangents", "VEC4"),
+    "TEXCOORD_0": ("uvs", "VEC2"),
+    "COLOR_0": ("colors", None),
+}
+_TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_TRIANGLES = 4
+
+
+class _Whole(Exception):
+    """Only the reader of whole files can read this."""
+
+
+def lay_out(layout: Layout, path: Path) -> bool:
+    """Adds the file's tables; False if only the reader of whole files can read it."""
+    head = read_head(path)
+    if head.startswith(GZIP):
+        return False
+    binary = None
+    with path.open("rb") as file:
+
+        def read(at: int, size: int) -> bytes:
+            file.seek(at)
+            return file.read(size)
+
+        length = path.stat().st_size
+        if head[:4] == b"glTF":
+            (at, size), binary = glb_ranges(read, length, str(path))
+            root = parse_json(read(at, size), str(path))
+        else:
+            root = parse_json(read(0, length), str(path))
+    check_schema(root, str(path))
+    check_header(root, str(path))
+    try:
+        plan = _Plan(root, path, binary)
+    except _Whole:
+        return False
+    plan.add_to(layout)
+    return True
+
+
+class _Plan:
+    """What would be added: nothing is, until it is known that all can be."""
+
+    def __init__(self, root: Json, path: Path, binary: tuple[int, int] | None) -> None:
+        self.root, self.path, self.binary = root, path, binary
+        self.folder = Folder(path.parent)
+        self.buffers = Buffers(root, None, str(path), self.folder)
+        self.nodes = Nodes(self.buffers)
+        #: node, accessors by stream, indices, material
+        self.parts: list[tuple[int, dict[str, int], int | None, int]] = []
+        streams = set()
+        for index in self.nodes.drawn():
+            node = self.nodes.node(index)
+            if "mesh" not in node:
+                continue
+            if "skin" in node or node.get("extensions"):
+                raise _Whole
+            mesh = self.buffers.item("meshes", node["mesh"], f"nodes[{index}]")
+            if any(node.get("weights", mesh.get("weights")) or ()):
+                raise _Whole
+            for primitive in mesh.get("primitives") or []:
+                streams.add(self._add(index, primitive))
+        # Normals and tangents that only some have are made from the whole mesh.
+        if not self.parts or len({s & {"NORMAL", "TANGENT"} for s in streams}) > 1:
+            raise _Whole
+
+    def _add(self, node: int, primitive: Json) -> frozenset[str]:
+        attributes = primitive.get("attributes") or {}
+        other = [a for a in attributes if a not in _STREAMS and not a.startswith("_")]
+        if (
+            primitive.get("mode", _TRIANGLES) != _TRIANGLES
+            or primitive.get("extensions")
+            or other
+            or "POSITION" not in attributes
+        ):
+            raise _Whole
+        for semantic, accessor in attributes.items():
+            if semantic in _STREAMS:
+                self._place(accessor, semantic)
+        known = {k: v for k, v in attributes.items() if k in _STREAMS}
+        counts = {self._accessor(accessor)["count"] for accessor in known.values()}
+        indices = primitive.get("indices")
+        if indices is not None:
+            self._place(indices, "")
+            counts.discard(None)
+        count = self._accessor(indices if indices is not None else known["POSITION"])["count"]
+        if len(counts) != 1 or count % 3:
+            raise _Whole
+        material = primitive.get("material")
+        if material is not None:
+            self.buffers.item("materials", material, "a primitive")
+        self.parts.append((node, known, indices, NO_MATERIAL if material is None else material))
+        return frozenset(known)
+
+    def _accessor(self, index: Any) -> Json:
+        return self.buffers.item("accessors", index, "a primitive")
+
+    def _place(self, index: Any, semantic: str) -> tuple[Path, int, int, int, str, int, bool]:
+        """File, first byte, stride, rows, type, width, and whether integers stand for fractions."""
+        accessor = self._accessor(index)
+        kind, width = _TYPES.get(accessor["componentType"]), _WIDTHS.get(accessor["type"])
+        unit = bool(accessor.get("normalized", False))
+        wanted = _STREAMS[semantic][1] if semantic else "SCALAR"
+        if (
+            kind is None
+            or width is None
+            or accessor.get("bufferView") is None
+            or "sparse" in accessor
+            or (wanted is not None and accessor["type"] != wanted)
+            or (semantic == "COLOR_0" and width not in (3, 4))
+            or (semantic == "POSITION" and unit)
+            or (not semantic and kind[0] != "u")
+        ):
+            raise _Whole
+        view = self.buffers.item("bufferViews", accessor["bufferView"], "an accessor")
+        if view.get("extensions"):
+            raise _Whole
+        path, at, size = self._buffer(view["buffer"])
+        offset, length = view.get("byteOffset", 0), view["byteLength"]
+        item = np.dtype(kind).itemsize * width
+        stride = view.get("byteStride") or item
+        first, rows = accessor.get("byteOffset", 0), accessor["count"]
+        last = first + (rows - 1) * stride + item if rows else 0
+        if stride < item or last > length or offset + length > size:
+            raise _Whole  # which says what is wrong
+        return path, at + offset + first, stride, rows, kind, width, unit
+
+    def _buffer(self, index: Any) -> tuple[Path, int, int]:
+        """The file that a buffer is in, its first byte there, and its bytes."""
+        entry = self.buffers.item("buffers", index, "a view")
+        uri, length = entry.get("uri"), entry.get("byteLength", 0)
+        if uri is None:
+            if self.binary is None or index != 0 or length > self.binary[1]:
+                raise _Whole
+            return self.path, self.binary[0], length
+        if not isinstance(uri, str) or uri.startswith("data:"):
+            raise _Whole
+        path = self.folder.find_uri(uri)
+        if read_head(path).startswith(GZIP) or path.stat().st_size < length:
+            raise _Whole
+        return path, 0, length
+
+    def add_to(self, layout: Layout) -> None:
+        offset = len(layout.materials)
+        textures = texture_reader(self.buffers, [])
+        entries = self.root.get("materials") or []
+        layout.materials += [read_material(entry, textures.image) for entry in entries]
+        files: dict[Path, int] = {}
+        tables: dict[tuple[int, str], Column] = {}
+
+        def column(accessor: int, semantic: str) -> Column:
+            if (accessor, semantic) not in tables:
+                path, at, stride, rows, kind, width, unit = self._place(accessor, semantic)
+                if path not in files:
+                    files[path] = layout.add_file(path)
+                offsets = [k * np.dtype(kind).itemsize for k in range(width)]
+                if not semantic:  # three indices are a row
+                    offsets, stride, rows = [k * stride for k in range(3)], 3 * stride, rows // 3
+                table = layout.add_table(files[path], at, stride, rows)
+                tables[accessor, semantic] = (table, kind, offsets, unit)
+            return tables[accessor, semantic]
+
+        for node, attributes, indices, material in self.parts:
+            columns = {_STREAMS[s][0]: column(accessor, s) for s, accessor in attributes.items()}
+            triangles = 0
+            if indices is not None:
+                columns["indices"] = column(indices, "")
+                triangles = self._accessor(indices)["count"] // 3
+            number = None if not entries else material
+            if number is not None and number != NO_MATERIAL:
+                number += offset
+            layout.add_part(str(self.path), columns, triangles, number, self.nodes.world(node))

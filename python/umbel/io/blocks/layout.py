@@ -1,0 +1,77 @@
+"""The tables of all files of a source, as C++ takes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from umbel import _umbel
+from umbel.geometry.mesh import Material
+from umbel.io.scene import NO_MATERIAL
+
+#: Table, NumPy's name of the type without its byte order, offsets in the row, whether integers
+#: stand for fractions.
+Column = tuple[int, str, list[int], bool]
+
+
+@dataclass
+class _Part:
+    name: str
+    columns: dict[str, Column]
+    triangles: int
+    material: int | None
+    transform: list[float] | None
+
+
+@dataclass
+class Layout:
+    """Collects files, tables and parts, and the materials of all of them."""
+
+    work: Path
+    materials: list[Material] = field(default_factory=list)
+    native: Any = field(default_factory=_umbel.TableLayout)
+    parts: list[_Part] = field(default_factory=list)
+
+    def add_file(self, path: Path) -> int:
+        return int(self.native.add_file(path))
+
+    def add_table(
+        self, file: int, offset: int, stride: int, rows: int, big_endian: bool = False
+    ) -> int:
+        return int(self.native.add_table(file, offset, stride, rows, big_endian))
+
+    def add_part(
+        self,
+        name: str,
+        columns: dict[str, Column],
+        triangles: int = 0,
+        material: int | None = None,
+        transform: np.ndarray[Any, Any] | None = None,
+    ) -> None:
+        """A mesh with vertices of its own. `material`: of all triangles, or what is added to the
+        numbers in a column; None: it has none."""
+        if transform is not None and np.array_equal(transform, np.eye(4)):
+            transform = None
+        rows = None if transform is None else transform[:3].reshape(-1).tolist()
+        self.parts.append(_Part(name, columns, triangles, material, rows))
+
+    def new_file(self, suffix: str) -> Path:
+        """The name of a file in the work folder that no other of this source has."""
+        self.work.mkdir(parents=True, exist_ok=True)
+        return self.work / f"source_{len(self.parts):06d}{suffix}"
+
+    def finished(self) -> Any:
+        """For `_umbel.TableSource`."""
+        missing = [p for p in self.parts if p.material in (None, NO_MATERIAL)]
+        default = len(self.materials)
+        if self.materials and missing:
+            self.materials.append(Material(name="default", metallic=1.0))
+        for part in self.parts:
+            material = part.material
+            if material is None or material == NO_MATERIAL:
+                material = default if self.materials else None
+            self.native.add_part(part.name, part.columns, part.triangles, material, part.transform)
+        return self.native

@@ -1,0 +1,168 @@
+"""Binary PLY as tables."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from umbel import _umbel
+from umbel.errors import Error, LoadWarning
+from umbel.geometry.mesh import Material
+from umbel.io.blocks.layout import Column, Layout
+from umbel.io.files import GZIP, read_head
+from umbel.io.ply.data import LONGEST_HEADER, Element, read_header
+from umbel.io.ply.reader import (
+    ALPHA,
+    COLOR,
+    INDEX_LISTS,
+    MATERIAL_ID,
+    MOST_MATERIALS,
+    NORMAL,
+    POSITION,
+    TANGENT,
+    UV,
+)
+
+
+def lay_out(layout: Layout, path: Path) -> bool:
+    """Adds the file's tables; False if only the reader of whole files can read it."""
+    head = read_head(path, LONGEST_HEADER)
+    if head.startswith(GZIP) or head[:3] != b"ply":
+        return False
+    byte_order, elements, offset, _ = read_header(head, str(path))
+    vertex = next((e for e in elements if e.name == "vertex"), None)
+    faces = next((e for e in elements if e.name == "face"), None)
+    if byte_order == "=" or vertex is None or faces is None or not faces.count:
+        return False
+    length, big = path.stat().st_size, byte_order == ">"
+    columns: dict[str, Column] = {}
+    triangles = largest = 0
+    file = layout.add_file(path)
+    for element in elements:
+        stride = sum(np.dtype(p.type).itemsize for p in element.properties)
+        if element is faces:
+            found = _faces(layout, path, file, element, offset, big)
+            if found is None:
+                return False
+            triangles, more, offset, largest = found
+            columns.update(more)
+            continue
+        if element.has_lists or not element.properties:
+            return False
+        if offset + stride * element.count > length:
+            raise Error(
+                f"{path}, byte {length}: the file is cut short or corrupt: the header says "
+                f"{element.count} of element {element.name!r}, the data holds "
+                f"{max(0, length - offset) // stride}"
+            )
+        if element is vertex:
+            table = layout.add_table(file, offset, stride, element.count, big)
+            own = _vertex_columns(element, table)
+            if own is None:
+                return False
+            columns.update(own)
+        offset += stride * element.count
+    if offset < length:
+        _warn(
+            f"{path}, byte {offset}: {length - offset} bytes after the last element are left out; "
+            "do the header's counts lie?"
+        )
+    material = None
+    if "materials" in columns:
+        material = len(layout.materials)
+        layout.materials += [Material(name=f"material_{k}") for k in range(largest + 1)]
+    layout.add_part(str(path), columns, triangles, material)
+    return True
+
+
+def _vertex_columns(vertex: Element, table: int) -> dict[str, Column] | None:
+    """The streams of vertices by name; None where one is not of one type."""
+    properties = {p.name: p.type for p in vertex.properties}
+    offsets, at = {}, 0
+    for p in vertex.properties:
+        offsets[p.name] = at
+        at += np.dtype(p.type).itemsize
+
+    def names_of(choices: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+        return next((names for names in choices if all(n in properties for n in names)), ())
+
+    groups = {
+        "positions": names_of(POSITION),
+        "normals": names_of(NORMAL),
+        "tangents": names_of(TANGENT),
+        "uvs": names_of(UV),
+        "colors": names_of(COLOR),
+    }
+    if groups["colors"]:
+        groups["colors"] += names_of(ALPHA)
+    columns: dict[str, Column] = {}
+    for stream, names in groups.items():
+        if not names:
+            continue
+        types = {properties[name] for name in names}
+        # Floats as colours may mean bytes: only all of them together tell.
+        if len(types) > 1 or (stream == "colors" and types <= {"f4", "f8"}):
+            return None
+        unit = stream == "colors"
+        columns[stream] = (table, types.pop(), [offsets[name] for name in names], unit)
+    return columns if "positions" in columns else None
+
+
+def _faces(
+    layout: Layout, path: Path, file: int, faces: Element, offset: int, big: bool
+) -> tuple[int, dict[str, Column], int, int] | None:
+    """The number of triangles, the columns of indices and materials, where the faces end, and the
+    largest material; None if only the reader of whole files can read them."""
+    names = [p.name for p in faces.properties]
+    lists = [name for name in INDEX_LISTS if name in names]
+    if not lists or "texcoord" in names:
+        return None
+    index = names.index(lists[0])
+    if faces.properties[index].count_type is None or faces.properties[index].type[0] == "f":
+        return None
+    material = next((names.index(name) for name in MATERIAL_ID if name in names), None)
+    if material is not None:
+        one = faces.properties[material]
+        material = None if one.count_type or one.type[0] == "f" else material
+    rows = _umbel.FaceRows(
+        path,
+        str(path),
+        offset,
+        faces.count,
+        big,
+        [(p.type, p.count_type) for p in faces.properties],
+        index,
+        material,
+    )
+    scan = _umbel.scan_faces(rows)
+    if scan.small_faces:
+        _warn(f"{path}: {scan.small_faces} faces have fewer than three corners and are left out")
+    low, high = scan.least_material, scan.largest_material
+    if material is not None and (low < 0 or high >= MOST_MATERIALS):
+        _warn(f"{path}: material indices run from {low} to {high} and are left out")
+        material = None
+    if scan.are_triangles:
+        table = layout.add_table(file, offset, scan.row_bytes, faces.count, big)
+        kind, at = faces.properties[index].type, scan.index_offset
+        size = np.dtype(kind).itemsize
+        columns: dict[str, Column] = {
+            "indices": (table, kind, [at, at + size, at + 2 * size], False)
+        }
+        if material is not None:
+            kind = faces.properties[material].type
+            columns["materials"] = (table, kind, [scan.material_offset], False)
+    else:
+        made = layout.new_file(".triangles")
+        _umbel.write_triangles(rows, made)
+        table = layout.add_table(layout.add_file(made), 0, 16, scan.triangles)
+        columns = {"indices": (table, "u4", [0, 4, 8], False)}
+        if material is not None:
+            columns["materials"] = (table, "u4", [12], False)
+    return scan.triangles, columns, scan.end, high
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, LoadWarning, stacklevel=5)
