@@ -91,7 +91,7 @@ class Reader {
       scan.are_triangles &= row.vertices.size() == 3 && row.lengths == lengths;
       scan.small_faces += row.vertices.size() < 3 ? 1 : 0;
       scan.triangles += row.vertices.size() < 3 ? 0 : row.vertices.size() - 2;
-      if (faces_.material) {
+      if (faces_.material && row.vertices.size() >= 3) {
         scan.least_material = std::min(scan.least_material, row.material);
         scan.largest_material = std::max(scan.largest_material, row.material);
       }
