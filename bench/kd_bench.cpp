@@ -9,10 +9,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <string>
 #include <vector>
 
+#include "clocks.hpp"
 #include "mesh_reader.hpp"
 #include "umbel/kdtree.hpp"
 
@@ -24,24 +24,13 @@ struct Times {
   std::vector<double> processor, wall;
 };
 
-double median(std::vector<double> times) {
-  std::sort(times.begin(), times.end());
-  return times[times.size() / 2];
-}
-
-double processor_seconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
 void time_build(const umbel::Mesh& mesh, const kdtree::Config& config, uint32_t threads,
                 kdtree::Tree& tree, Times& times) {
   tree = {};
   const auto start = std::chrono::steady_clock::now();
-  const double processor = processor_seconds();
+  const double processor = bench::process_seconds();
   tree = kdtree::build(mesh.view(), config, {.progress = {}, .threads = threads});
-  times.processor.push_back(processor_seconds() - processor);
+  times.processor.push_back(bench::process_seconds() - processor);
   times.wall.push_back(
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
 }
@@ -58,10 +47,10 @@ void measure(const std::string& label, const umbel::Mesh& mesh, int runs) {
       time_build(mesh, config, 2, tree, two);
     }
     const kdtree::Statistics s = kdtree::statistics(tree);
-    const double seconds = median(one.processor);
+    const double seconds = bench::median(one.processor);
     std::printf("| %s | %s | %.3f | %.3f | %.2f | %.2f | %.1f | %.2f | %.2f | %.2f | %.2f | %u |\n",
                 label.c_str(), std::string(kdtree::name(builder)).c_str(), count * 1e-6, seconds,
-                count / seconds * 1e-6, median(one.wall) / median(two.wall),
+                count / seconds * 1e-6, bench::median(one.wall) / bench::median(two.wall),
                 1e9 * seconds / (count * std::log2(count)), s.sah_cost,
                 static_cast<double>(s.references) / count,
                 static_cast<double>(s.empty_leaves) / s.leaves, s.inner_visits + s.leaf_visits,

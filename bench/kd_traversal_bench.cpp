@@ -7,9 +7,9 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <string>
 
+#include "clocks.hpp"
 #include "kdtree/ray_traverse.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
@@ -175,35 +175,24 @@ Work work_of(const Tree& tree, const TriangleQueries& structure, const std::vect
   return work;
 }
 
-double cpu_seconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
 /// Nanoseconds a ray.
 template <typename Nodes>
 double time_walk(const Nodes& nodes, const Work& work, const std::vector<uint32_t>& triangles,
                  uint64_t& sum) {
-  const double start = cpu_seconds();
+  const double start = bench::process_seconds();
   for (size_t i = 0; i < work.frames.size(); ++i)
     traverse_nodes(nodes, work.frames[i], work.parts[i], [&](const Node& leaf) {
       if (leaf.count() > 0) sum += triangles[size_t{10} * leaf.first];
     });
-  return 1e9 * (cpu_seconds() - start) / static_cast<double>(work.frames.size());
+  return 1e9 * (bench::process_seconds() - start) / static_cast<double>(work.frames.size());
 }
 
 /// Nanoseconds a ray of whole queries.
 double time_queries(const kdtree::KdTree& tree, const std::vector<Ray>& rays,
                     std::vector<Hit>& hits) {
-  const double start = cpu_seconds();
+  const double start = bench::process_seconds();
   tree.intersect(rays, hits, {}, 1);
-  return 1e9 * (cpu_seconds() - start) / static_cast<double>(rays.size());
+  return 1e9 * (bench::process_seconds() - start) / static_cast<double>(rays.size());
 }
 
 /// Of a stack; those of ropes and of a short stack relative to it.
@@ -216,8 +205,9 @@ void print_queries(kdtree::KdTree& tree, const std::vector<Ray>& rays, size_t ru
       tree.set_traversal(way);
       times[static_cast<size_t>(way)].push_back(time_queries(tree, rays, hits));
     }
-  const double stack = median(times[0]);
-  std::printf(" %.0f | %.3f | %.3f |", stack, median(times[1]) / stack, median(times[2]) / stack);
+  const double stack = bench::median(times[0]);
+  std::printf(" %.0f | %.3f | %.3f |", stack, bench::median(times[1]) / stack,
+              bench::median(times[2]) / stack);
 }
 
 void print_counts(const Tree& tree, const Work& work) {
@@ -282,10 +272,10 @@ void run_mesh(const std::string& path, size_t runs, uint32_t size) {
       for (size_t i = 0; i < 4; ++i)
         seconds[i + 1].push_back(time_walk(AsPairs{orders[i].nodes}, work, triangles, sum));
     }
-    const double as_built = median(seconds[0]);
+    const double as_built = bench::median(seconds[0]);
     std::printf("| %s | %s | %.0f |", path.substr(path.find_last_of('/') + 1).c_str(), kind,
                 as_built + 0 * static_cast<double>(sum));
-    for (size_t i = 1; i < 5; ++i) std::printf(" %.3f |", median(seconds[i]) / as_built);
+    for (size_t i = 1; i < 5; ++i) std::printf(" %.3f |", bench::median(seconds[i]) / as_built);
     print_queries(queries, *rays, runs);
     print_counts(tree, work);
     std::fflush(stdout);

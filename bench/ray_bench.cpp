@@ -28,13 +28,13 @@ namespace {
 using bench::Embree, bench::Kind, bench::median, bench::Tracer;
 using umbel::Hit, umbel::Mesh, umbel::Ray, umbel::Bvh, umbel::BvhConfig;
 
-Tracer make_ours(const std::string& name, Kind kind, const Mesh& mesh, const BvhConfig& config) {
+/// A tracer of ours that build() makes.
+template <typename Build>
+Tracer make_tracer(const std::string& name, const Mesh& mesh, const Build& build) {
   const double start = bench::thread_seconds();
-  const auto tree =
-      std::make_shared<Bvh>(Bvh::build(mesh.view(), config, {}, {.progress = {}, .threads = 1}));
+  const auto tree = std::make_shared<decltype(build())>(build());
   Tracer tracer;
   tracer.name = name;
-  tracer.kind = kind;
   tracer.is_ours = true;
   tracer.build_seconds = bench::thread_seconds() - start;
   tracer.bytes_per_triangle =
@@ -45,21 +45,19 @@ Tracer make_ours(const std::string& name, Kind kind, const Mesh& mesh, const Bvh
   return tracer;
 }
 
+Tracer make_ours(const std::string& name, Kind kind, const Mesh& mesh, const BvhConfig& config) {
+  Tracer tracer = make_tracer(name, mesh, [&] {
+    return Bvh::build(mesh.view(), config, {}, {.progress = {}, .threads = 1});
+  });
+  tracer.kind = kind;
+  return tracer;
+}
+
 Tracer make_kdtree(const std::string& name, const Mesh& mesh,
                    const umbel::kdtree::KdTreeConfig& config) {
-  const double start = bench::thread_seconds();
-  const auto tree = std::make_shared<umbel::kdtree::KdTree>(
-      umbel::kdtree::KdTree::build(mesh.view(), config, {}, {.progress = {}, .threads = 1}));
-  Tracer tracer;
-  tracer.name = name;
-  tracer.is_ours = true;
-  tracer.build_seconds = bench::thread_seconds() - start;
-  tracer.bytes_per_triangle =
-      static_cast<double>(tree->statistics().bytes) / static_cast<double>(mesh.triangles.size());
-  tracer.trace = [tree](const std::vector<Ray>& rays, std::vector<Hit>& hits) {
-    for (size_t i = 0; i < rays.size(); ++i) hits[i] = tree->intersect(rays[i]);
-  };
-  return tracer;
+  return make_tracer(name, mesh, [&] {
+    return umbel::kdtree::KdTree::build(mesh.view(), config, {}, {.progress = {}, .threads = 1});
+  });
 }
 
 struct Options {

@@ -27,9 +27,9 @@ import numpy as np
 from docs_tables import ROOT, fill, save_chart, table
 
 import umbel
-from umbel.bench.bvh.scenes import scene
 from umbel.bench.bvh.paths import camera_rays
 from umbel.bench.bvh.rays import Rays, diffuse_rays
+from umbel.bench.bvh.scenes import scene
 
 COSTS = (3.0, 2.0)
 STRUCTURES: dict[str, Callable[..., Any]] = {

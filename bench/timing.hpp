@@ -4,25 +4,15 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <exception>
 #include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "clocks.hpp"
+
 namespace bench {
-
-inline double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
-inline double seconds_of_thread() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 /// Milliseconds of one thread of the processor; works take turns, after a warm-up.
 inline std::vector<double> processor_milliseconds(const std::vector<std::function<void()>>& works,
@@ -30,9 +20,9 @@ inline std::vector<double> processor_milliseconds(const std::vector<std::functio
   std::vector<std::vector<double>> times(works.size());
   for (int run = -1; run < runs; ++run)
     for (size_t k = 0; k < works.size(); ++k) {
-      const double start = seconds_of_thread();
+      const double start = thread_seconds();
       works[k]();
-      if (run >= 0) times[k].push_back(1e3 * (seconds_of_thread() - start));
+      if (run >= 0) times[k].push_back(1e3 * (thread_seconds() - start));
     }
   std::vector<double> medians;
   for (const auto& of_work : times) medians.push_back(median(of_work));

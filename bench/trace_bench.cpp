@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <string>
 #include <vector>
 
+#include "clocks.hpp"
 #include "picture_rays.hpp"
 #include "ply_reader.hpp"
 #include "umbel/trace.hpp"
@@ -24,22 +24,11 @@ struct Options {
   std::vector<std::string> meshes;
 };
 
-double cpu_seconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
 double rate_of(const TriangleQueries& structure, const std::vector<Ray>& rays) {
   std::vector<Hit> hits(rays.size());
-  const double start = cpu_seconds();
+  const double start = bench::process_seconds();
   structure.intersect(rays, hits, {}, 1);
-  return static_cast<double>(rays.size()) / (cpu_seconds() - start);
+  return static_cast<double>(rays.size()) / (bench::process_seconds() - start);
 }
 
 void run_mesh(const std::string& path, const Options& options) {
@@ -54,19 +43,20 @@ void run_mesh(const std::string& path, const Options& options) {
   std::vector<double> seconds, primary_rates, bounce_rates;
   trace::Statistics counts;
   for (size_t run = 0; run < options.runs; ++run) {
-    const double start = cpu_seconds();
+    const double start = bench::process_seconds();
     counts = trace::render(scene, camera, settings, {.progress = {}, .threads = 1}).statistics;
-    seconds.push_back(cpu_seconds() - start);
+    seconds.push_back(bench::process_seconds() - start);
     primary_rates.push_back(rate_of(scene.structure(), primary));
     bounce_rates.push_back(rate_of(scene.structure(), bounce));
   }
-  const double time = median(seconds);
+  const double time = bench::median(seconds);
   const auto first = static_cast<double>(counts.primary), all = static_cast<double>(counts.rays());
-  const double queries = first / median(primary_rates) + (all - first) / median(bounce_rates);
+  const double queries =
+      first / bench::median(primary_rates) + (all - first) / bench::median(bounce_rates);
   const std::string name = path.substr(path.find_last_of('/') + 1);
   printf("| %s | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", name.c_str(), first / time * 1e-6,
-         all / first, all / time * 1e-6, median(primary_rates) * 1e-6, median(bounce_rates) * 1e-6,
-         queries / time);
+         all / first, all / time * 1e-6, bench::median(primary_rates) * 1e-6,
+         bench::median(bounce_rates) * 1e-6, queries / time);
   fflush(stdout);
 }
 

@@ -19,31 +19,15 @@ Dict info_dict(const Asset& asset) {
   Dict result;
   result["format_version"] =
       std::to_string(info.version_major) + "." + std::to_string(info.version_minor);
-  result["file_bytes"] = info.file_bytes;
-  result["header_bytes"] = info.header_bytes;
-  result["checksum"] = info.checksum;
-  result["pages"] = info.pages;
-  result["page_bytes"] = info.page_bytes;
-  result["normals"] = info.normals;
-  result["tangents"] = info.tangents;
-  result["uvs"] = info.uvs;
-  result["colors"] = info.colors;
-  result["position_step"] = info.position_step;
-  result["uv_step"] = info.uv_step;
-  result["normal_bits"] = info.normal_bits;
-  result["tangent_bits"] = info.tangent_bits;
-  result["color_bits"] = info.color_bits;
+  PUT_FIELDS(result, info, file_bytes, header_bytes, checksum, pages, page_bytes, normals, tangents,
+             uvs, colors, position_step, uv_step, normal_bits, tangent_bits, color_bits);
   const bool empty = info.bounds.min.x > info.bounds.max.x;
   result["bounds"] = empty ? nb::object(nb::none())
                            : nb::object(nb::make_tuple(tuple_of(info.bounds.min, shift),
                                                        tuple_of(info.bounds.max, shift)));
   result["origin"] = nb::make_tuple(info.origin.x, info.origin.y, info.origin.z);
-  result["source_triangles"] = info.source_triangles;
-  result["source_vertices"] = info.source_vertices;
-  result["source_digest"] = info.source_digest;
-  result["max_triangles"] = info.max_triangles;
-  result["max_vertices"] = info.max_vertices;
-  result["metadata"] = info.metadata;
+  PUT_FIELDS(result, info, source_triangles, source_vertices, source_digest, max_triangles,
+             max_vertices, metadata);
   return result;
 }
 
@@ -100,11 +84,7 @@ nb::typed<nb::list, Dict> meshes_of(const Asset& asset) {
     entry["bounds"] =
         empty ? nb::object(nb::none())
               : nb::object(nb::make_tuple(tuple_of(mesh.bounds.min), tuple_of(mesh.bounds.max)));
-    entry["source_triangles"] = mesh.source_triangles;
-    entry["source_vertices"] = mesh.source_vertices;
-    entry["source_digest"] = mesh.source_digest;
-    entry["groups"] = mesh.groups;
-    entry["clusters"] = mesh.clusters;
+    PUT_FIELDS(entry, mesh, source_triangles, source_vertices, source_digest, groups, clusters);
     list.append(entry);
   }
   return list;

@@ -22,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/fields.hpp"
 #include "umbel/kdtree.hpp"
 #include "umbel/mesh.hpp"
 #include "umbel/types.hpp"
@@ -42,6 +43,10 @@ using Flat = nb::ndarray<const Scalar, nb::ndim<1>, nb::c_contig, nb::device::cp
 template <typename Scalar>
 using Array = nb::ndarray<nb::numpy, Scalar>;
 using Dict = nb::typed<nb::dict, nb::str, nb::any>;
+
+/// Fields of a struct to a dict, under their names: PUT_FIELDS(dict, tree, nodes, leaves).
+#define PUT_FIELDS(dict, from, ...) UMBEL_EACH_FIELD(UMBEL_PUT_FIELD, dict, from, __VA_ARGS__)
+#define UMBEL_PUT_FIELD(dict, from, field) (dict)[#field] = (from).field
 
 /// The rows of an array as values of T, which has the same layout.
 template <typename T, typename Array>

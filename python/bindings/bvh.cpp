@@ -13,24 +13,13 @@ namespace {
 
 Dict statistics_dict(const bvh::Statistics& s) {
   Dict result;
-  result["nodes"] = s.nodes;
-  result["leaves"] = s.leaves;
-  result["max_depth"] = s.max_depth;
-  result["references"] = s.references;
-  result["sah_cost"] = s.sah_cost;
-  result["bytes"] = s.bytes;
+  PUT_FIELDS(result, s, nodes, leaves, max_depth, references, sah_cost, bytes);
   return result;
 }
 
 Dict statistics_dict(const BvhStatistics& s) {
   Dict result;
-  result["width"] = s.width;
-  result["nodes"] = s.nodes;
-  result["leaves"] = s.leaves;
-  result["max_depth"] = s.max_depth;
-  result["references"] = s.references;
-  result["sah_cost"] = s.sah_cost;
-  result["bytes"] = s.bytes;
+  PUT_FIELDS(result, s, width, nodes, leaves, max_depth, references, sah_cost, bytes);
   return result;
 }
 

@@ -85,16 +85,8 @@ void check_items(const Clusters& clusters, size_t count) {
 
 Dict metrics_dict(const ClusterMetrics& metrics) {
   Dict result;
-  result["clusters"] = metrics.clusters;
-  result["mean_fill"] = metrics.mean_fill;
-  result["min_size"] = metrics.min_size;
-  result["max_size"] = metrics.max_size;
-  result["mean_vertices"] = metrics.mean_vertices;
-  result["max_vertices"] = metrics.max_vertices;
-  result["surface_area_ratio"] = metrics.surface_area_ratio;
-  result["sah"] = metrics.sah;
-  result["overlap"] = metrics.overlap;
-  result["ratio_cut"] = metrics.ratio_cut;
+  PUT_FIELDS(result, metrics, clusters, mean_fill, min_size, max_size, mean_vertices, max_vertices,
+             surface_area_ratio, sah, overlap, ratio_cut);
   return result;
 }
 

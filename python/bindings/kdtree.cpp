@@ -58,16 +58,8 @@ void bind_config(nb::module_& module) {
 
 Dict statistics_dict(const kdtree::Statistics& s) {
   Dict result;
-  result["nodes"] = s.nodes;
-  result["leaves"] = s.leaves;
-  result["empty_leaves"] = s.empty_leaves;
-  result["max_depth"] = s.max_depth;
-  result["references"] = s.references;
-  result["sah_cost"] = s.sah_cost;
-  result["inner_visits"] = s.inner_visits;
-  result["leaf_visits"] = s.leaf_visits;
-  result["tests"] = s.tests;
-  result["bytes"] = s.bytes;
+  PUT_FIELDS(result, s, nodes, leaves, empty_leaves, max_depth, references, sah_cost, inner_visits,
+             leaf_visits, tests, bytes);
   return result;
 }
 

@@ -25,13 +25,8 @@ void check_cut(const lod::Tables& tables, std::span<const uint32_t> cut) {
 
 Dict report_dict(const lod::VerifyReport& report) {
   Dict result;
-  result["ok"] = report.ok;
-  result["cuts"] = report.cuts;
-  result["cracks"] = report.cracks;
-  result["overlaps"] = report.overlaps;
-  result["limit_violations"] = report.limit_violations;
-  result["monotone"] = report.monotone;
-  result["checksum_errors"] = report.checksum_errors;
+  PUT_FIELDS(result, report, ok, cuts, cracks, overlaps, limit_violations, monotone,
+             checksum_errors);
   nb::list problems;
   for (const std::string& problem : report.problems) problems.append(problem);
   result["problems"] = problems;
@@ -181,12 +176,8 @@ nb::dict limiting_factor_counts(const std::array<uint64_t, lod::kLimitingFactors
 
 Dict build_report(const lod::Report& report) {
   Dict result;
-  result["input_triangles"] = report.input_triangles;
-  result["input_vertices"] = report.input_vertices;
-  result["degenerate_triangles"] = report.degenerate_triangles;
-  result["root_groups"] = report.root_groups;
-  result["root_triangles"] = report.root_triangles;
-  result["stuck_groups"] = report.stuck_groups;
+  PUT_FIELDS(result, report, input_triangles, input_vertices, degenerate_triangles, root_groups,
+             root_triangles, stuck_groups);
   constexpr const char* kMethodNames[] = {"regular", "permissive", "prune", "sloppy", "root"};
   nb::dict methods, limiting_factors;
   for (size_t i = 0; i < report.groups_by_method.size(); ++i) {

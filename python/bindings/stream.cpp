@@ -13,34 +13,16 @@ namespace {
 
 Dict step_dict(const StreamStep& step) {
   Dict result;
-  result["worst_error"] = step.worst_error;
-  result["open_groups"] = step.open_groups;
-  result["missing_groups"] = step.missing_groups;
-  result["loaded"] = step.loaded;
-  result["evicted"] = step.evicted;
-  result["requested"] = step.requested;
-  result["cancelled"] = step.cancelled;
-  result["evaluated"] = step.evaluated;
-  result["caught_up"] = step.caught_up;
+  PUT_FIELDS(result, step, worst_error, open_groups, missing_groups, loaded, evicted, requested,
+             cancelled, evaluated, caught_up);
   return result;
 }
 
 Dict statistics_dict(const ResidencyStatistics& s) {
   Dict result;
-  result["steps"] = s.steps;
-  result["resident_bytes"] = s.resident_bytes;
-  result["pinned_bytes"] = s.pinned_bytes;
-  result["loaded_bytes"] = s.loaded_bytes;
-  result["evicted_bytes"] = s.evicted_bytes;
-  result["loads"] = s.loads;
-  result["reloads"] = s.reloads;
-  result["evictions"] = s.evictions;
-  result["cancellations"] = s.cancellations;
-  result["failures"] = s.failures;
-  result["slow_loads"] = s.slow_loads;
-  result["refused"] = s.refused;
-  result["resident_pages"] = s.resident_pages;
-  result["in_flight"] = s.in_flight;
+  PUT_FIELDS(result, s, steps, resident_bytes, pinned_bytes, loaded_bytes, evicted_bytes, loads,
+             reloads, evictions, cancellations, failures, slow_loads, refused, resident_pages,
+             in_flight);
   nb::list given_up;
   for (const uint32_t page : s.given_up) given_up.append(page);
   result["given_up"] = given_up;

@@ -3,6 +3,7 @@
 #include <memory>
 #include <span>
 
+#include "base/fields.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
 #include "capi/structs.hpp"
@@ -78,12 +79,8 @@ umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_asset_info* in
     out.pages = i.pages;
     out.meshes = static_cast<uint32_t>(a.meshes().size());
     out.instances = static_cast<uint32_t>(a.instances().size());
-    out.max_triangles = i.max_triangles;
-    out.max_vertices = i.max_vertices;
-    out.file_bytes = i.file_bytes;
-    out.header_bytes = i.header_bytes;
-    out.checksum = i.checksum;
-    out.source_triangles = i.source_triangles;
+    COPY_FIELDS(out, i, max_triangles, max_vertices, file_bytes, header_bytes, checksum,
+                source_triangles);
     out.bounds = {{i.bounds.min.x, i.bounds.min.y, i.bounds.min.z},
                   {i.bounds.max.x, i.bounds.max.y, i.bounds.max.z}};
     out.origin = {i.origin.x, i.origin.y, i.origin.z};
@@ -115,13 +112,8 @@ umbel_result umbel_residency_step(umbel_residency* residency, const umbel_stream
     const StreamStep made = r.step(all, seconds);
     const ResidencyStatistics said = r.statistics();
     umbel_stream_step out{};
-    out.worst_error = made.worst_error;
-    out.open_groups = made.open_groups;
-    out.missing_groups = made.missing_groups;
-    out.loaded = made.loaded;
-    out.evicted = made.evicted;
-    out.requested = made.requested;
-    out.cancelled = made.cancelled;
+    COPY_FIELDS(out, made, worst_error, open_groups, missing_groups, loaded, evicted, requested,
+                cancelled);
     out.resident_bytes = said.resident_bytes;
     out.failures = said.failures;
     out.evaluated = made.evaluated;

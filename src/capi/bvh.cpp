@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstring>
 
+#include "base/fields.hpp"
 #include "bvh/tree/check.hpp"
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
@@ -99,11 +100,7 @@ umbel_result build_tree(const umbel_bvh_config* config, const umbel_build_option
 
 umbel_bvh2_statistics tree_statistics(const bvh::Statistics& found) {
   umbel_bvh2_statistics result{};
-  result.nodes = found.nodes;
-  result.leaves = found.leaves;
-  result.max_depth = found.max_depth;
-  result.references = found.references;
-  result.sah_cost = found.sah_cost;
+  COPY_FIELDS(result, found, nodes, leaves, max_depth, references, sah_cost);
   return result;
 }
 
@@ -156,11 +153,7 @@ umbel_result widen(const typename Kind::Given* tree, const umbel_bvh_mesh* mesh,
 umbel_bvh_statistics statistics_of(const Bvh& bvh) {
   const BvhStatistics found = bvh.statistics();
   umbel_bvh_statistics result{};
-  result.width = found.width;
-  result.nodes = found.nodes;
-  result.leaves = found.leaves;
-  result.max_depth = found.max_depth;
-  result.references = found.references;
+  COPY_FIELDS(result, found, width, nodes, leaves, max_depth, references);
   result.triangle_count = bvh.triangle_count();
   result.sah_cost = found.sah_cost;
   result.bytes = found.bytes;

@@ -1,9 +1,15 @@
 #include "capi/bvh_input.hpp"
 
+#include "base/fields.hpp"
 #include "capi/structs.hpp"
 
 namespace umbel::capi {
 namespace {
+
+// What bvh::Config and umbel_bvh_config have in common.
+#define TREE_CONFIG_FIELDS                                                                  \
+  max_leaf_size, max_depth, ploc_sweep, atrbvh_bits, bins, spatial_budget, spatial_overlap, \
+      morton_bits, hlbvh_bits, ploc_radius, treelet_size, treelet_rounds, reinsertion_rounds
 
 static_assert(uint32_t{UMBEL_BVH_INSERTION} == uint32_t(bvh::Builder::kInsertion));
 static_assert(uint32_t{UMBEL_BVH_KMEANS} == uint32_t(bvh::Builder::kKmeans));
@@ -18,18 +24,8 @@ umbel_bvh_config as_c(const BvhConfig& config) {
   result.builder = static_cast<uint32_t>(tree.builder);
   result.traversal_cost = tree.cost.traversal;
   result.intersection_cost = tree.cost.intersection;
-  result.max_leaf_size = tree.max_leaf_size;
-  result.max_depth = tree.max_depth;
   result.drop_invalid = tree.invalid == bvh::InvalidTriangles::kDrop;
-  result.bins = tree.bins;
-  result.spatial_budget = tree.spatial_budget;
-  result.spatial_overlap = tree.spatial_overlap;
-  result.morton_bits = tree.morton_bits;
-  result.hlbvh_bits = tree.hlbvh_bits;
-  result.ploc_radius = tree.ploc_radius;
-  result.treelet_size = tree.treelet_size;
-  result.treelet_rounds = tree.treelet_rounds;
-  result.reinsertion_rounds = tree.reinsertion_rounds;
+  COPY_FIELDS(result, tree, TREE_CONFIG_FIELDS);
   result.kmeans_clusters = tree.kmeans.clusters;
   result.kmeans_candidates = tree.kmeans.candidates;
   result.kmeans_iterations = tree.kmeans.iterations;
@@ -40,8 +36,6 @@ umbel_bvh_config as_c(const BvhConfig& config) {
   result.compact = config.compact;
   result.simd = static_cast<uint32_t>(config.simd);
   result.kmeans_forwarded_clusters = tree.kmeans.forwarded_clusters;
-  result.ploc_sweep = tree.ploc_sweep;
-  result.atrbvh_bits = tree.atrbvh_bits;
   return result;
 }
 
@@ -52,26 +46,14 @@ BvhConfig bvh_config(const umbel_bvh_config* config) {
   bvh::Config& tree = result.tree;
   tree.builder = static_cast<bvh::Builder>(given.builder);
   tree.cost = {given.traversal_cost, given.intersection_cost};
-  tree.max_leaf_size = given.max_leaf_size;
-  tree.max_depth = given.max_depth;
   tree.invalid = given.drop_invalid ? bvh::InvalidTriangles::kDrop : bvh::InvalidTriangles::kRefuse;
-  tree.bins = given.bins;
-  tree.spatial_budget = given.spatial_budget;
-  tree.spatial_overlap = given.spatial_overlap;
-  tree.morton_bits = given.morton_bits;
-  tree.hlbvh_bits = given.hlbvh_bits;
-  tree.ploc_radius = given.ploc_radius;
-  tree.treelet_size = given.treelet_size;
-  tree.treelet_rounds = given.treelet_rounds;
-  tree.reinsertion_rounds = given.reinsertion_rounds;
+  COPY_FIELDS(tree, given, TREE_CONFIG_FIELDS);
   tree.kmeans.clusters = given.kmeans_clusters;
   tree.kmeans.candidates = given.kmeans_candidates;
   tree.kmeans.iterations = given.kmeans_iterations;
   tree.kmeans.distance =
       given.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
   tree.kmeans.forwarded_clusters = given.kmeans_forwarded_clusters;
-  tree.ploc_sweep = given.ploc_sweep;
-  tree.atrbvh_bits = given.atrbvh_bits;
   tree.aac = {given.aac_leaf_size, given.aac_epsilon};
   result.width = given.width;
   result.compact = given.compact != 0;

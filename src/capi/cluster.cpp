@@ -4,6 +4,7 @@
 #include <cstring>
 #include <string>
 
+#include "base/fields.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/guard.hpp"
 #include "capi/structs.hpp"
@@ -15,14 +16,7 @@ namespace {
 umbel_cluster_config as_c(const ClusterConfig& config) {
   umbel_cluster_config result{};
   result.struct_size = sizeof result;
-  result.min_items = config.min_items;
-  result.max_items = config.max_items;
-  result.max_vertices = config.max_vertices;
-  result.underfill_cost = config.underfill_cost;
-  result.overlap_cost = config.overlap_cost;
-  result.vertex_underfill_cost = config.vertex_underfill_cost;
-  result.presplit_threshold = config.presplit_threshold;
-  result.coarse = config.coarse ? 1 : 0;
+  COPY_FIELDS(result, config, CLUSTER_CONFIG_FIELDS);
   return result;
 }
 
@@ -131,16 +125,8 @@ ClusterMetrics measure(const umbel_cluster_input* input, const umbel_cluster_out
 
 umbel_cluster_metrics as_c(const ClusterMetrics& metrics) {
   umbel_cluster_metrics result{};
-  result.min_size = metrics.min_size;
-  result.max_size = metrics.max_size;
-  result.max_vertices = metrics.max_vertices;
-  result.clusters = metrics.clusters;
-  result.mean_fill = metrics.mean_fill;
-  result.mean_vertices = metrics.mean_vertices;
-  result.surface_area_ratio = metrics.surface_area_ratio;
-  result.sah = metrics.sah;
-  result.overlap = metrics.overlap;
-  result.ratio_cut = metrics.ratio_cut;
+  COPY_FIELDS(result, metrics, min_size, max_size, max_vertices, clusters, mean_fill, mean_vertices,
+              surface_area_ratio, sah, overlap, ratio_cut);
   return result;
 }
 

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <string>
 
+#include "base/fields.hpp"
 #include "capi/structs.hpp"
 
 namespace umbel::capi {
@@ -45,14 +46,7 @@ ClusterConfig cluster_config(const umbel_cluster_config* config) {
   ClusterConfig result;
   if (!config) return result;
   const umbel_cluster_config given = read_struct(config, "config");
-  result.min_items = given.min_items;
-  result.max_items = given.max_items;
-  result.max_vertices = given.max_vertices;
-  result.underfill_cost = given.underfill_cost;
-  result.overlap_cost = given.overlap_cost;
-  result.vertex_underfill_cost = given.vertex_underfill_cost;
-  result.presplit_threshold = given.presplit_threshold;
-  result.coarse = given.coarse != 0;
+  COPY_FIELDS(result, given, CLUSTER_CONFIG_FIELDS);
   return result;
 }
 

@@ -8,6 +8,11 @@
 
 namespace umbel::capi {
 
+/// What ClusterConfig and umbel_cluster_config have in common.
+#define CLUSTER_CONFIG_FIELDS                                                              \
+  min_items, max_items, max_vertices, underfill_cost, overlap_cost, vertex_underfill_cost, \
+      presplit_threshold, coarse
+
 /// The caller's options; none where `options` is NULL.
 BuildOptions build_options(const umbel_build_options* options);
 

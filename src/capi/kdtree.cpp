@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/fields.hpp"
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/hand_out.hpp"
@@ -66,17 +67,9 @@ KdTreeConfig kdtree_config(const umbel_kdtree_config* config) {
 umbel_kdtree_statistics statistics_of(const KdTree& tree) {
   const kdtree::Statistics found = tree.statistics();
   umbel_kdtree_statistics result{};
-  result.nodes = found.nodes;
-  result.leaves = found.leaves;
-  result.empty_leaves = found.empty_leaves;
-  result.max_depth = found.max_depth;
+  COPY_FIELDS(result, found, nodes, leaves, empty_leaves, max_depth);
   result.triangle_count = tree.triangle_count();
-  result.references = found.references;
-  result.sah_cost = found.sah_cost;
-  result.inner_visits = found.inner_visits;
-  result.leaf_visits = found.leaf_visits;
-  result.tests = found.tests;
-  result.bytes = found.bytes;
+  COPY_FIELDS(result, found, references, sah_cost, inner_visits, leaf_visits, tests, bytes);
   const Aabb bounds = tree.bounds();
   std::memcpy(&result.bounds, &bounds, sizeof bounds);
   return result;

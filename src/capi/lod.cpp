@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <limits>
 
+#include "base/fields.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
@@ -19,20 +20,16 @@ umbel_lod_report report_of(const umbel_lod& lod) {
   result.root_groups = report.root_groups;
   result.stuck_groups = report.stuck_groups;
   result.levels = static_cast<uint32_t>(lod.tables.tables.levels.size());
-  result.input_triangles = report.input_triangles;
-  result.input_vertices = report.input_vertices;
-  result.degenerate_triangles = report.degenerate_triangles;
-  result.root_triangles = report.root_triangles;
+  COPY_FIELDS(result, report, input_triangles, input_vertices, degenerate_triangles,
+              root_triangles);
   std::copy(report.groups_by_method.begin(), report.groups_by_method.end(),
             result.groups_by_method);
   for (size_t method = 0; method < report.groups_by_limiting_factor.size(); ++method)
     std::ranges::copy(report.groups_by_limiting_factor[method],
                       result.groups_by_limiting_factor[method]);
   std::ranges::copy(report.waits_by_limiting_factor, result.waits_by_limiting_factor);
-  result.seconds = report.seconds;
-  result.mean_log2_overestimate = report.mean_log2_overestimate;
-  result.measured_groups = report.measured_groups;
-  result.underestimated_groups = report.underestimated_groups;
+  COPY_FIELDS(result, report, seconds, mean_log2_overestimate, measured_groups,
+              underestimated_groups);
   return result;
 }
 

@@ -1,34 +1,23 @@
 #include "capi/lod_input.hpp"
 
+#include "base/fields.hpp"
 #include "capi/structs.hpp"
 
 namespace umbel::capi {
 namespace {
 
+// What lod::Config and umbel_lod_config have in common.
+#define LOD_CONFIG_FIELDS                                                              \
+  max_triangles, max_vertices, min_group, max_group, ratio, position_step, attributes, \
+      normal_weight, uv_weight, color_weight, refit_attributes, max_levels, max_error, \
+      stop_triangles, measured_error, tangent_weight, skin_weight, mix_materials, keep_area
+
 umbel_lod_config config_as_c(const lod::Config& config) {
   umbel_lod_config result{};
   result.struct_size = sizeof result;
-  result.max_triangles = config.max_triangles;
-  result.max_vertices = config.max_vertices;
-  result.min_group = config.min_group;
-  result.max_group = config.max_group;
-  result.ratio = config.ratio;
-  result.position_step = config.position_step;
-  result.attributes = config.attributes ? 1 : 0;
-  result.normal_weight = config.normal_weight;
-  result.uv_weight = config.uv_weight;
-  result.color_weight = config.color_weight;
-  result.refit_attributes = config.refit_attributes ? 1 : 0;
-  result.max_levels = config.max_levels;
-  result.max_error = config.max_error;
-  result.stop_triangles = config.stop_triangles;
-  result.measured_error = config.measured_error ? 1 : 0;
+  COPY_FIELDS(result, config, LOD_CONFIG_FIELDS);
   result.seams = static_cast<uint32_t>(config.seams);
   result.creases = static_cast<uint32_t>(config.creases);
-  result.tangent_weight = config.tangent_weight;
-  result.skin_weight = config.skin_weight;
-  result.mix_materials = config.mix_materials ? 1 : 0;
-  result.keep_area = config.keep_area ? 1 : 0;
   return result;
 }
 
@@ -168,27 +157,9 @@ umbel_lod_mesh mesh_as_c(const MeshView& mesh) {
 lod::Config lod_config(const umbel_lod_config* given) {
   const umbel_lod_config config = read(given);
   lod::Config result;
-  result.max_triangles = config.max_triangles;
-  result.max_vertices = config.max_vertices;
-  result.min_group = config.min_group;
-  result.max_group = config.max_group;
-  result.ratio = config.ratio;
-  result.position_step = config.position_step;
-  result.attributes = config.attributes != 0;
-  result.normal_weight = config.normal_weight;
-  result.uv_weight = config.uv_weight;
-  result.color_weight = config.color_weight;
-  result.refit_attributes = config.refit_attributes != 0;
-  result.max_levels = config.max_levels;
-  result.max_error = config.max_error;
-  result.stop_triangles = config.stop_triangles;
-  result.measured_error = config.measured_error != 0;
+  COPY_FIELDS(result, config, LOD_CONFIG_FIELDS);
   result.seams = seam_rule(config.seams, "seams");
   result.creases = seam_rule(config.creases, "creases");
-  result.tangent_weight = config.tangent_weight;
-  result.skin_weight = config.skin_weight;
-  result.mix_materials = config.mix_materials != 0;
-  result.keep_area = config.keep_area != 0;
   return result;
 }
 

@@ -1,5 +1,6 @@
 // The functions of umbel/cuda_bvh.hpp: the algorithms of bvh/compressed on an executor.
 
+#include "base/fields.hpp"
 #include "bvh/compressed/build_compact.hpp"
 #include "bvh/tree/config.hpp"
 #include "cuda/device_mesh.hpp"
@@ -22,12 +23,7 @@ void check_bvh_config(const DeviceBvhConfig& c) {
     throw Error(ErrorCode::kInvalidArgument,
                 "presplit is " + std::to_string(c.presplit) + ", but must be from 0 to 1");
   bvh::Config same;
-  same.cost = c.cost;
-  same.hlbvh_bits = c.hlbvh_bits;
-  same.ploc_radius = c.ploc_radius;
-  same.treelet_size = c.treelet_size;
-  same.treelet_rounds = c.treelet_rounds;
-  same.kmeans = c.kmeans;
+  COPY_FIELDS(same, c, cost, hlbvh_bits, ploc_radius, treelet_size, treelet_rounds, kmeans);
   bvh::check_config(same, 0);
 }
 

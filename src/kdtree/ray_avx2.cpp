@@ -2,20 +2,9 @@
 #include "kdtree/ray_kernels.hpp"
 
 #if defined(__GNUC__) && defined(__x86_64__)
-#include <immintrin.h>
+#include "query/begin_avx2.hpp"
 
-#include <algorithm>
-#include <limits>
-#include <memory>
-
-#if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2,fma,bmi,bmi2,lzcnt,popcnt"))), \
-                             apply_to = function)
-#else
-#pragma GCC push_options
-#pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt")
-#endif
-// After the pragma, because their templates are to be compiled for these instructions.
+// Afterwards, because their templates are to be compiled for these instructions.
 #include "kdtree/ray_traverse.hpp"
 #include "query/isa_avx2.hpp"
 
@@ -27,11 +16,7 @@ const RayKernels* avx2_kd_kernels(kdtree::Traversal traversal) {
 
 }  // namespace umbel
 
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
-#endif
+#include "query/end_target.hpp"
 
 #else
 namespace umbel {

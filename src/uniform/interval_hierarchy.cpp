@@ -5,8 +5,8 @@
 #include <string>
 
 #include "base/parallel.hpp"
-#include "base/progress.hpp"
 #include "query/shape_kernels.hpp"
+#include "uniform/build_over.hpp"
 #include "uniform/interval_data.hpp"
 #include "uniform/ray_kernels.hpp"
 
@@ -230,20 +230,12 @@ IntervalHierarchy IntervalHierarchy::build(const MeshView& mesh, const IntervalC
                                            const BuildOptions& options) {
   check_config(config);
   choose_simd(config.simd);
-  check_masks(masks, mesh.triangles.size());
-  Progress progress(options);
-  progress.report(0, "building");
   IntervalHierarchy result;
   auto& data = static_cast<Data&>(*result.store_);
-  with_threads(options.threads, [&] {
-    MeshView geometry;
-    geometry.positions = mesh.positions;
-    geometry.triangles = mesh.triangles;
-    build_intervals(geometry, config, masks, data);
-  });
+  build_over(mesh, masks, options,
+             [&](const MeshView& geometry) { build_intervals(geometry, config, masks, data); });
   prepare(data, config.simd);
   data.statistics = measure(data, config.cost);
-  progress.report(1, "building");
   return result;
 }
 

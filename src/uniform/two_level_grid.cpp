@@ -6,9 +6,9 @@
 #include <string>
 
 #include "base/parallel.hpp"
-#include "base/progress.hpp"
 #include "base/radix_sort_pairs.hpp"
 #include "query/shape_kernels.hpp"
+#include "uniform/build_over.hpp"
 #include "uniform/ray_kernels.hpp"
 #include "uniform/touched_cells.hpp"
 
@@ -282,20 +282,12 @@ TwoLevelGrid TwoLevelGrid::build(const MeshView& mesh, const GridConfig& config,
                                  std::span<const uint32_t> masks, const BuildOptions& options) {
   check_config(config);
   choose_simd(config.simd);
-  check_masks(masks, mesh.triangles.size());
-  Progress progress(options);
-  progress.report(0, "building");
   TwoLevelGrid result;
   auto& data = static_cast<Data&>(*result.store_);
-  with_threads(options.threads, [&] {
-    MeshView geometry;
-    geometry.positions = mesh.positions;
-    geometry.triangles = mesh.triangles;
-    GridBuilder(geometry, config).build(masks, data);
-  });
+  build_over(mesh, masks, options,
+             [&](const MeshView& geometry) { GridBuilder(geometry, config).build(masks, data); });
   prepare(data, config.simd);
   data.statistics = measure(data, config.cost);
-  progress.report(1, "building");
   return result;
 }
 

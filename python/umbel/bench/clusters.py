@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from umbel import _umbel, shapes
 from umbel.bench import charts
 from umbel.bench.peers import peers
-from umbel.bench.table import Row, columns, csv_text, geometric_means, markdown
+from umbel.bench.table import Row, columns, csv_text, geometric_means, markdown, write_tables
 from umbel.bench.timing import Machine, Span, Timed, cores, take_turns, this_machine
 from umbel.errors import Error
 from umbel.geometry.arrays import native
@@ -250,14 +250,10 @@ def report(found: Comparison) -> str:
 
 def write(found: Comparison, folder: Path) -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
-    from umbel.io.files import write_all
-
     tables = {"clusters.md": report(found), "clusters.csv": csv_text(found.rows)}
     if found.frontier:
         tables["clusters_frontier.csv"] = csv_text(found.frontier)
-    for name, text in tables.items():
-        write_all(folder / name, [text.encode()])
-    written = [folder / name for name in tables]
+    written = write_tables(folder, tables)
     return written + (_charts(found, folder) if charts.available() else [])
 
 

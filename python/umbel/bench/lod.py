@@ -23,7 +23,7 @@ from umbel import shapes
 from umbel.accel.bvh import Bvh
 from umbel.bench import charts
 from umbel.bench.peers import clusterlod_cuts, has_clusterlod
-from umbel.bench.table import Column, Row, columns, csv_text, markdown
+from umbel.bench.table import Column, Row, columns, csv_text, markdown, write_tables
 from umbel.bench.timing import Machine, Span, this_machine
 from umbel.errors import Error
 from umbel.geometry.arrays import native
@@ -328,12 +328,8 @@ def report(found: Comparison) -> str:
 
 def write(found: Comparison, folder: Path) -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
-    from umbel.io.files import write_all
-
     tables = {"lod.md": report(found), "lod.csv": csv_text(_same_fields(found.rows))}
-    for name, text in tables.items():
-        write_all(folder / name, [text.encode()])
-    written = [folder / name for name in tables]
+    written = write_tables(folder, tables)
     if not charts.available():
         return written
     for mesh in dict.fromkeys(row["mesh"] for row in found.rows):

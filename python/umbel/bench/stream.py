@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from umbel.bench import charts
-from umbel.bench.table import Row, columns, csv_text, markdown
+from umbel.bench.table import Row, columns, csv_text, markdown, write_tables
 from umbel.bench.timing import Machine, Span, this_machine
 from umbel.geometry.camera import Camera
 from umbel.geometry.repair import Progress
@@ -178,7 +178,7 @@ def _run(
     }
 
 
-def stored(path: Path) -> Callable[[], Asset]:
+def stored(path: Path, allow_outside: bool = False) -> Callable[[], Asset]:
     """An asset, or a mesh that is built at 16 bits first."""
 
     def load() -> Asset:
@@ -188,7 +188,7 @@ def stored(path: Path) -> Callable[[], Asset]:
 
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "asset.umbel"
-            build_lod(path, precision="16bits").save(file)
+            build_lod(path, precision="16bits", allow_outside=allow_outside).save(file)
             return Asset(file)
 
     return load
@@ -213,12 +213,8 @@ def report(found: Comparison) -> str:
 
 def write(found: Comparison, folder: Path) -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
-    from umbel.io.files import write_all
-
     tables = {"stream.md": report(found), "stream.csv": csv_text(found.rows)}
-    for name, text in tables.items():
-        write_all(folder / name, [text.encode()])
-    written = [folder / name for name in tables]
+    written = write_tables(folder, tables)
     if not charts.available():
         return written
     for asset in dict.fromkeys(row["asset"] for row in found.rows):

@@ -5,9 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+from umbel.io.files import write_all
 
 Row = dict[str, Any]
 
@@ -74,6 +77,13 @@ def print_table(title: str, columns: Sequence[Column], rows: Iterable[Row], grou
         before = row[group]
         table.add_row(*(escape(column.text(row)) for column in columns))
     Console().print(table)
+
+
+def write_tables(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Writes each text to the file of its name; the files written."""
+    for name, text in texts.items():
+        write_all(folder / name, [text.encode()])
+    return [folder / name for name in texts]
 
 
 def geometric_means(rows: Sequence[Row], by: str, fields: Sequence[str]) -> list[Row]:

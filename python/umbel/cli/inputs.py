@@ -9,6 +9,7 @@ import typer
 if TYPE_CHECKING:
     from umbel.geometry.mesh import Mesh
 
+MeshFile = Annotated[str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")]
 AllowOutside = Annotated[
     bool,
     typer.Option(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import enum
 import functools
 import json
 import os
@@ -28,6 +29,12 @@ Json = Annotated[
 Threads = Annotated[
     int, typer.Option("--threads", min=0, metavar="N", help="Most threads to use; 0: all cores.")
 ]
+
+
+class Device(str, enum.Enum):
+    cpu = "cpu"
+    cuda = "cuda"
+
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

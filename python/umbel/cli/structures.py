@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import statistics
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from umbel.cli.run import fail
 
@@ -16,6 +18,12 @@ if TYPE_CHECKING:
 PICTURE = 512
 """Pixels a side of the three views whose primary rays are traced."""
 RUNS = 3
+
+Costs = Annotated[str, typer.Option(metavar="T,I", help="Costs of traversal and intersection.")]
+Compact = Annotated[bool, typer.Option(help="Share vertices: smaller, slower rays.")]
+DropInvalid = Annotated[
+    bool, typer.Option(help="Leave out triangles with a NaN or infinite vertex.")
+]
 
 FLAGS = {
     "cost.traversal": "the first number of --cost",

@@ -2,21 +2,9 @@
 #include "bvh/wide/kernels.hpp"
 
 #if defined(__GNUC__) && defined(__x86_64__)
-#include <immintrin.h>
+#include "query/begin_avx2.hpp"
 
-#include <algorithm>
-#include <limits>
-#include <memory>
-#include <type_traits>
-
-#if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2,fma,bmi,bmi2,lzcnt,popcnt"))), \
-                             apply_to = function)
-#else
-#pragma GCC push_options
-#pragma GCC target("avx2,fma,bmi,bmi2,lzcnt,popcnt")
-#endif
-// After the pragma, because its templates are to be compiled for these instructions.
+// Afterwards, because their templates are to be compiled for these instructions.
 #include "bvh/wide/ray_simd.hpp"
 #include "query/isa_avx2.hpp"
 
@@ -45,11 +33,7 @@ const RayKernels* avx2_kernels(uint32_t width, bool quantised) {
 
 }  // namespace umbel
 
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
-#endif
+#include "query/end_target.hpp"
 
 #else
 namespace umbel {

@@ -123,11 +123,7 @@ const RayKernels* avx512_kernels(uint32_t width, bool quantised) {
 
 }  // namespace umbel
 
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
-#endif
+#include "query/end_target.hpp"
 
 #else
 namespace umbel {

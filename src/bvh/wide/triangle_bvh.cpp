@@ -11,6 +11,7 @@
 #include "bvh/tree/config.hpp"
 #include "bvh/wide/widen.hpp"
 #include "bvh/wide/widen_kary.hpp"
+#include "query/leaf_lists.hpp"
 #include "query/ray_kernels.hpp"
 
 namespace umbel {
@@ -20,13 +21,6 @@ void check_config(const BvhConfig& config) {
   if (config.width != 2 && config.width != 4 && config.width != 8)
     throw Error(ErrorCode::kInvalidArgument,
                 "width must be 2, 4 or 8, but is " + std::to_string(config.width));
-}
-
-void check_masks(std::span<const uint32_t> masks, size_t triangles) {
-  if (!masks.empty() && masks.size() != triangles)
-    throw Error(ErrorCode::kInvalidArgument, "masks must be empty or one a triangle: there are " +
-                                                 std::to_string(masks.size()) + " masks and " +
-                                                 std::to_string(triangles) + " triangles");
 }
 
 /// A tree lacks no triangle but those that its build was to drop.

@@ -147,19 +147,17 @@ class Emitter {
   void emit_run(const Work& work, uint32_t index) {
     const Aabb box = tree_.nodes[work.node].box();
     ChildBoxes boxes = kNoBoxes;
-    uint32_t part = kMaxLeafTriangles;
-    while (uint64_t{part} * out_.width < work.count) part *= out_.width;
-    for (uint32_t slot = 0; slot * part < work.count; ++slot) {
-      const uint32_t first = work.first + slot * part;
-      const uint32_t count = std::min(part, work.count - slot * part);
-      boxes[slot] = box;
-      if (part > kMaxLeafTriangles) {
-        work_.push_back({work.node, first, count, index, slot, work.depth + 1});
-        continue;
-      }
-      append(first, count);
-      add_leaf(count, index, slot, work.depth + 1);
-    }
+    divide_run(work.count, out_.width,
+               [&](uint32_t slot, uint32_t offset, uint32_t count, bool is_leaf) {
+                 const uint32_t first = work.first + offset;
+                 boxes[slot] = box;
+                 if (!is_leaf) {
+                   work_.push_back({work.node, first, count, index, slot, work.depth + 1});
+                   return;
+                 }
+                 append(first, count);
+                 add_leaf(count, index, slot, work.depth + 1);
+               });
     out_.set_boxes(index, boxes.data());
   }
 

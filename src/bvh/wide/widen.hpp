@@ -1,6 +1,7 @@
 // Makes a wide tree of a binary one.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <limits>
 #include <span>
@@ -27,6 +28,16 @@ inline constexpr ChildBoxes kNoBoxes = [] {
   boxes.fill({{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}});
   return boxes;
 }();
+
+/// Divides `count` primitives evenly among the children of a node, into leaves or into subtrees of
+/// full leaves: visit(slot, offset, count, is_leaf).
+template <typename Visit>
+void divide_run(uint32_t count, uint32_t width, const Visit& visit) {
+  uint32_t part = kMaxLeafTriangles;
+  while (uint64_t{part} * width < count) part *= width;
+  for (uint32_t slot = 0; slot * part < count; ++slot)
+    visit(slot, slot * part, std::min(part, count - slot * part), part == kMaxLeafTriangles);
+}
 
 /// Throws kInvalidMesh for an index out of range, or a corner that is not finite, in one of these
 /// triangles.

@@ -167,17 +167,15 @@ class Emitter {
 
   void emit_run(const Work& work, uint32_t index) {
     ChildBoxes boxes = kNoBoxes;
-    uint32_t part = kMaxLeafTriangles;
-    while (uint64_t{part} * out_.width < work.count) part *= out_.width;
-    for (uint32_t slot = 0; slot * part < work.count; ++slot) {
-      const uint32_t first = work.first + slot * part;
-      const uint32_t count = std::min(part, work.count - slot * part);
-      boxes[slot] = work.box;
-      if (part > kMaxLeafTriangles)
-        work_.push_back({{}, first, count, work.box, index, slot, work.depth + 1});
-      else
-        add_leaf(first, count, index, slot, work.depth);
-    }
+    divide_run(work.count, out_.width,
+               [&](uint32_t slot, uint32_t offset, uint32_t count, bool is_leaf) {
+                 const uint32_t first = work.first + offset;
+                 boxes[slot] = work.box;
+                 if (!is_leaf)
+                   work_.push_back({{}, first, count, work.box, index, slot, work.depth + 1});
+                 else
+                   add_leaf(first, count, index, slot, work.depth);
+               });
     out_.set_boxes(index, boxes.data());
   }
 

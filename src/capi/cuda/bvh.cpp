@@ -1,4 +1,5 @@
 // umbel_cuda_bvh.h over cuda_bvh.hpp. Part of the library umbel::cuda.
+#include "base/fields.hpp"
 #include "capi/cuda/input.hpp"
 #include "capi/guard.hpp"
 #include "umbel/cuda_bvh.hpp"
@@ -14,12 +15,8 @@ cuda::DeviceBvhConfig bvh_config_of(const umbel_cuda_bvh_config* given) {
   cuda::DeviceBvhConfig config;
   config.builder = static_cast<cuda::DeviceBuilder>(c.builder);
   config.cost = {c.traversal_cost, c.intersection_cost};
-  config.max_leaf_size = c.max_leaf_size;
-  config.presplit = c.presplit;
-  config.hlbvh_bits = c.hlbvh_bits;
-  config.treelet_size = c.treelet_size;
-  config.treelet_rounds = c.treelet_rounds;
-  config.ploc_radius = c.ploc_radius;
+  COPY_FIELDS(config, c, max_leaf_size, presplit, hlbvh_bits, treelet_size, treelet_rounds,
+              ploc_radius);
   config.kmeans.clusters = c.kmeans_clusters;
   config.kmeans.candidates = c.kmeans_candidates;
   config.kmeans.iterations = c.kmeans_iterations;

@@ -18,7 +18,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from umbel.bench.table import Column, Row, columns, csv_text, geometric_means, markdown
+from umbel.bench.table import (
+    Column,
+    Row,
+    columns,
+    csv_text,
+    geometric_means,
+    markdown,
+    write_tables,
+)
 from umbel.errors import Error
 
 BASELINE = "sweep"
@@ -213,16 +221,13 @@ def report(found: DeviceComparison) -> str:
 def write(found: DeviceComparison, folder: Path, name: str = "bvh_cuda") -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
     from umbel.bench import charts
-    from umbel.io.files import write_all
 
     texts = {
         f"{name}.md": report(found),
         f"{name}.csv": csv_text(found.rows),
         f"{name}_stages.csv": csv_text(found.stages),
     }
-    for file, text in texts.items():
-        write_all(folder / file, [text.encode()])
-    written = [folder / file for file in texts]
+    written = write_tables(folder, texts)
     if charts.available():
         for scene in dict.fromkeys(row["scene"] for row in found.rows):
             path = folder / f"{name}_{''.join(c if c.isalnum() else '-' for c in scene)}.png"

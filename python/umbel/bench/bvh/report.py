@@ -13,7 +13,7 @@ from umbel.bench.bvh.methods import LARGE, Effort
 from umbel.bench.bvh.paths import HEIGHT, WIDTH
 from umbel.bench.bvh.scenes import COSTS
 from umbel.bench.bvh.totals import HQ, LQ
-from umbel.bench.table import csv_text, markdown
+from umbel.bench.table import csv_text, markdown, write_tables
 from umbel.bench.timing import cores
 
 
@@ -73,8 +73,6 @@ def report(found: Comparison) -> str:
 
 def write(found: Comparison, folder: Path) -> list[Path]:
     """Writes the tables, and charts if matplotlib is there; the files written."""
-    from umbel.io.files import write_all
-
     tables = {
         "bvh.csv": found.rows,
         "bvh_cheapest.csv": found.cheapest,
@@ -83,9 +81,7 @@ def write(found: Comparison, folder: Path) -> list[Path]:
     }
     texts = {"bvh.md": report(found)}
     texts |= {name: csv_text(rows) for name, rows in tables.items() if rows}
-    for name, text in texts.items():
-        write_all(folder / name, [text.encode()])
-    written = [folder / name for name in texts]
+    written = write_tables(folder, texts)
     if not charts.available():
         return written
     drawn = bvh_charts.draw(folder, found.rows, found.stages, found.iterations)

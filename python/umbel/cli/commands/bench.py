@@ -6,22 +6,27 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from umbel.cli.failure import naming_file
+from umbel.cli.inputs import AllowOutside
 from umbel.cli.outputs import made_folder
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, say, show
 
 if TYPE_CHECKING:
     from umbel.bench.bvh.compare import Comparison as BvhComparison
+    from umbel.bench.bvh.cuda import DeviceComparison
     from umbel.bench.bvh.scenes import Kmeans
     from umbel.bench.clusters import Comparison
     from umbel.bench.lod import Comparison as LodComparison
+    from umbel.bench.stream import Comparison as Streaming
     from umbel.bench.table import Column, Row
     from umbel.bench.timing import Machine
     from umbel.geometry.mesh import Mesh
+
+Found = TypeVar("Found", bound=Any)
 
 _PLANT = 200_000  # triangles, where no scene is named
 
@@ -49,28 +54,21 @@ def clusters(
     inputs: Inputs = None,
     output: Folder = None,
     runs: Runs = 5,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
     """Clusters of triangles: our presets and the Morton order beside meshoptimizer."""
     _check(inputs or [], output)
 
-    from umbel.bench import charts
     from umbel.bench.clusters import PROCEDURAL, compare, write
     from umbel.cli.progress import Bar
 
-    meshes = _loaders(inputs) if inputs else PROCEDURAL
+    meshes = _loaders(inputs, allow_outside) if inputs else PROCEDURAL
     draws = output is not None
     with Bar() as bar:
         found = compare(meshes, runs=runs, frontier=draws, progress=bar, threads=threads)
-    if output is not None:
-        if not charts.available():
-            say(charts.WITHOUT)
-        write(found, output)
-    if as_json:
-        _show(found, inputs, output, "clusters")
-    else:
-        _print_clusters(found)
+    _finish(found, "clusters", inputs, output, as_json, write, _print_clusters)
 
 
 _BVH_FLAGS = {
@@ -128,6 +126,7 @@ def bvh(
     ] = "cpu",
     output: Folder = None,
     runs: Runs = 3,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -141,13 +140,12 @@ def bvh(
         fail("--width must be 2, 4 or 8")
     parameters = None if kmeans is None else _kmeans(kmeans)
 
-    from umbel.bench import charts
     from umbel.bench.bvh.compare import compare, generated_scene
     from umbel.bench.bvh.methods import PARTS, Effort
     from umbel.bench.bvh.report import write
     from umbel.cli.progress import Bar
 
-    inputs = _loaders(scenes or [])
+    inputs = _loaders(scenes or [], allow_outside)
     if generated is not None or not inputs:
         inputs |= generated_scene(_PLANT if generated is None else generated)
     if device == "cuda":
@@ -156,14 +154,7 @@ def bvh(
     effort = Effort(runs, samples, share, widths, threads, part or PARTS, builder or ())
     with Bar() as bar:
         found = compare(inputs, effort, kmeans=parameters, progress=bar)
-    if output is not None:
-        if not charts.available():
-            say(charts.WITHOUT)
-        write(found, output)
-    if as_json:
-        _show(found, scenes, output, "bvh")
-    else:
-        _print_bvh(found)
+    _finish(found, "bvh", scenes, output, as_json, write, _print_bvh)
 
 
 @app.command()
@@ -174,6 +165,7 @@ def lod(
     samples: Annotated[
         int, typer.Option(min=100, metavar="N", help="Points on each surface.")
     ] = 50_000,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -181,22 +173,16 @@ def lod(
     beside meshoptimizer's clusterlod.h. Each is built on one thread: --threads is ignored."""
     _check(inputs or [], output)
 
-    from umbel.bench import charts
     from umbel.bench import lod as bench
     from umbel.cli.progress import Bar
 
     with Bar() as bar:
         found = bench.compare(
-            _loaders(inputs) if inputs else bench.PROCEDURAL, samples=samples, progress=bar
+            _loaders(inputs, allow_outside) if inputs else bench.PROCEDURAL,
+            samples=samples,
+            progress=bar,
         )
-    if output is not None:
-        if not charts.available():
-            say(charts.WITHOUT)
-        bench.write(found, output)
-    if as_json:
-        _show(found, inputs, output, "lod")
-    else:
-        _print_lod(found)
+    _finish(found, "lod", inputs, output, as_json, bench.write, _print_lod)
 
 
 def _print_lod(found: LodComparison) -> None:
@@ -222,6 +208,7 @@ def stream(
         float, typer.Option(min=0.1, metavar="S", help="Simulated seconds of the camera's path.")
     ] = 20.0,
     output: Folder = None,
+    allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -229,24 +216,23 @@ def stream(
     are within a pixel, what is loaded, and what a step takes. Simulated time."""
     _check(inputs or [], output)
 
-    from umbel.bench import charts
     from umbel.bench import stream as bench
     from umbel.bench.table import print_table
     from umbel.cli.progress import Bar
 
-    assets = {path.stem: bench.stored(path) for path in inputs or []} or {"blob": bench.blob}
+    assets = {path.stem: bench.stored(path, allow_outside) for path in inputs or []} or {
+        "blob": bench.blob
+    }
     with Bar() as bar:
         found = bench.simulate(assets, seconds=seconds, progress=bar)
-    if output is not None:
-        if not charts.available():
-            say(charts.WITHOUT)
-        bench.write(found, output)
-    if as_json:
-        _show(found, inputs, output, "stream")
-    elif sys.stdout.isatty():
-        print_table("Streaming", bench.COLUMNS, found.rows, group="line")
-    else:
-        print(bench.report(found), end="")
+
+    def print_found(found: Streaming) -> None:
+        if sys.stdout.isatty():
+            print_table("Streaming", bench.COLUMNS, found.rows, group="line")
+        else:
+            print(bench.report(found), end="")
+
+    _finish(found, "stream", inputs, output, as_json, bench.write, print_found)
 
 
 def _kmeans(text: str) -> Kmeans:
@@ -270,7 +256,6 @@ def _bvh_on_device(
     import tempfile
 
     from umbel import io
-    from umbel.bench import charts
     from umbel.bench.bvh import cuda as bvh_cuda
     from umbel.bench.table import print_table
 
@@ -280,16 +265,14 @@ def _bvh_on_device(
             mesh = load()
             io.save(path, type(mesh)(mesh.positions, mesh.triangles))
         found = bvh_cuda.measure(paths, runs=runs, builders=builders)
-    if output is not None:
-        if not charts.available():
-            say(charts.WITHOUT)
-        bvh_cuda.write(found, output)
-    if as_json:
-        _show(found, scenes, output, "bvh")
-    elif sys.stdout.isatty():
-        print_table(f"Builders on {found.device}", bvh_cuda.COLUMNS, found.rows, group="scene")
-    else:
-        print(bvh_cuda.report(found), end="")
+
+    def print_found(found: DeviceComparison) -> None:
+        if sys.stdout.isatty():
+            print_table(f"Builders on {found.device}", bvh_cuda.COLUMNS, found.rows, group="scene")
+        else:
+            print(bvh_cuda.report(found), end="")
+
+    _finish(found, "bvh", scenes, output, as_json, bvh_cuda.write, print_found)
 
 
 def _print_bvh(found: BvhComparison) -> None:
@@ -321,19 +304,37 @@ def _check(inputs: list[Path], output: Path | None) -> None:
         made_folder(output)
 
 
-def _show(found: Any, inputs: Sequence[Path] | None, output: Path | None, title: str) -> None:
+def _finish(
+    found: Found,
+    title: str,
+    inputs: Sequence[Path] | None,
+    output: Path | None,
+    as_json: bool,
+    write: Callable[[Found, Path], Any],
+    print_found: Callable[[Found], None],
+) -> None:
+    """Writes what was found into the folder `output`, if there is one, and prints it."""
+    from umbel.bench import charts
+
+    if output is not None:
+        if not charts.available():
+            say(charts.WITHOUT)
+        write(found, output)
+    if not as_json:
+        print_found(found)
+        return
     result = {"input": [str(path) for path in inputs or []]}
     written = {"output": None if output is None else str(output)}
     show({**result, **written, **found.fields(), "warnings": heard}, True, title)
 
 
-def _valid(path: Path) -> Mesh:
+def _valid(path: Path, allow_outside: bool) -> Mesh:
     """The mesh in a file; what is wrong with it names the file."""
     from umbel.errors import Error
     from umbel.geometry.repair import validate
     from umbel.io import load
 
-    mesh = load(path)
+    mesh = load(path, allow_outside=allow_outside)
     try:
         validate(mesh)
     except Error as error:
@@ -341,7 +342,7 @@ def _valid(path: Path) -> Mesh:
     return mesh
 
 
-def _loaders(paths: list[Path]) -> dict[str, Callable[[], Mesh]]:
+def _loaders(paths: list[Path], allow_outside: bool) -> dict[str, Callable[[], Mesh]]:
     """What loads each mesh, under a name of its own."""
     loaders: dict[str, Callable[[], Mesh]] = {}
     for path in paths:
@@ -349,7 +350,7 @@ def _loaders(paths: list[Path]) -> dict[str, Callable[[], Mesh]]:
         while name in loaders:
             number += 1
             name = f"{path.stem}-{number}"
-        loaders[name] = partial(_valid, path)
+        loaders[name] = partial(_valid, path, allow_outside)
     return loaders
 
 

@@ -10,19 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from umbel.cli.inputs import AllowOutside, load_mesh
+from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
 from umbel.cli.outputs import check_output
-from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
-from umbel.cli.structures import FLAGS, parse_cost, ray_speeds
+from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show
+from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
 
 if TYPE_CHECKING:
     from umbel.accel.tree_options import TreeOptions
     from umbel.accel.trees import KaryTree
-
-
-class Device(str, enum.Enum):
-    cpu = "cpu"
-    cuda = "cuda"
 
 
 class Distance(str, enum.Enum):
@@ -38,9 +33,7 @@ def _knob(metavar: str | None, text: str) -> Any:
 @ends_cleanly(FLAGS)
 def command(
     # Long: typer reads the flags and their help from the signature.
-    source: Annotated[
-        str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
-    ],
+    source: MeshFile,
     builder: Annotated[
         str,
         typer.Option(
@@ -50,17 +43,13 @@ def command(
     ] = "quality",
     device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
     width: Annotated[int, typer.Option(metavar="2|4|8", help="Children a node.")] = 8,
-    cost: Annotated[
-        str, typer.Option(metavar="T,I", help="Costs of traversal and intersection.")
-    ] = "3,2",
+    cost: Costs = "3,2",
     max_leaf_size: Annotated[int, typer.Option(metavar="N", help="Most triangles a leaf.")] = 8,
     max_depth: Annotated[
         int | None, typer.Option(metavar="N", help="Deepest level of a leaf, 8 to 255.")
     ] = None,
-    compact: Annotated[bool, typer.Option(help="Share vertices: smaller, slower rays.")] = False,
-    drop_invalid: Annotated[
-        bool, typer.Option(help="Leave out triangles with a NaN or infinite vertex.")
-    ] = False,
+    compact: Compact = False,
+    drop_invalid: DropInvalid = False,
     reinsertion_rounds: Annotated[
         int | None, _knob("N", "Rounds of reinsertion, after any builder: 0 to 64.")
     ] = None,

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from umbel.cli.inputs import AllowOutside, load_mesh
+from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
 from umbel.cli.outputs import check_output
-from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
+from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
     from umbel.cluster.clusters import Clusters
@@ -26,11 +26,6 @@ class Method(str, enum.Enum):
     bisect = "bisect"
     morton = "morton"
     hybrid = "hybrid"
-
-
-class Device(str, enum.Enum):
-    cpu = "cpu"
-    cuda = "cuda"
 
 
 class Preset(str, enum.Enum):
@@ -57,9 +52,7 @@ _FLAGS = {
 @ends_cleanly(_FLAGS)
 def command(
     # Long: typer reads the flags and their help from the signature.
-    source: Annotated[
-        str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
-    ],
+    source: MeshFile,
     method: Annotated[
         Method, typer.Option(help="Bisection by cost, or runs of the Morton order.")
     ] = Method.bisect,

@@ -9,27 +9,21 @@ from typing import Annotated, Any
 
 import typer
 
-from umbel.cli.inputs import AllowOutside, load_mesh
+from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, heard, show
-from umbel.cli.structures import FLAGS, parse_cost, ray_speeds
+from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
 
 
 @ends_cleanly(FLAGS)
 def command(
     # Long: typer reads the flags and their help from the signature.
-    source: Annotated[
-        str, typer.Argument(metavar="INPUT", help="Mesh: .glb .gltf .obj .ply .stl.")
-    ],
+    source: MeshFile,
     builder: Annotated[str, typer.Option(help="exact or binned.")] = "exact",
     ropes: Annotated[bool, typer.Option(help="Trace by ropes instead of with a stack.")] = False,
-    cost: Annotated[
-        str, typer.Option(metavar="T,I", help="Costs of traversal and intersection.")
-    ] = "3,2",
-    compact: Annotated[bool, typer.Option(help="Share vertices: smaller, slower rays.")] = False,
-    drop_invalid: Annotated[
-        bool, typer.Option(help="Leave out triangles with a NaN or infinite vertex.")
-    ] = False,
+    cost: Costs = "3,2",
+    compact: Compact = False,
+    drop_invalid: DropInvalid = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="OUT.umkd", help="Keep it.")
     ] = None,
