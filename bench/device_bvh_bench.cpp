@@ -38,15 +38,15 @@ class OnProcessor {
     std::vector<std::vector<double>> times;
     for (int run = 0; run < runs; ++run) {
       size_t number = 0;
-      double last = bench::seconds_of_thread();
+      double last = bench::thread_seconds();
       work([&](const char* stage) {
-        const double now = bench::seconds_of_thread();
+        const double now = bench::thread_seconds();
         if (run == 0) {
           stages.push_back({stage, 0});
           times.emplace_back();
         }
         times[number++].push_back(1e3 * (now - last));
-        last = bench::seconds_of_thread();
+        last = bench::thread_seconds();
       });
     }
     for (size_t i = 0; i < stages.size(); ++i) stages[i].milliseconds = bench::median(times[i]);

@@ -13,7 +13,7 @@
 
 namespace umbel {
 
-using bench::median, bench::processor_milliseconds, bench::seconds_of_thread;
+using bench::median, bench::processor_milliseconds, bench::thread_seconds;
 using cuda::check;
 
 template <typename T>

@@ -1,7 +1,7 @@
 // Structures that divide triangles uniformly, without weighing costs: a two-level grid and the
 // bounding interval hierarchy. They are built in little more time than a sort takes: for
-// comparing structures, and for meshes that few rays are traced through. Queries and their results are
-// those of every structure.
+// comparing structures, and for meshes that few rays are traced through. Queries and their results
+// are those of every structure.
 #pragma once
 
 #include <cstdint>
