@@ -51,6 +51,12 @@ uint32_t Partition::leaf(const Vec3& centroid) const {
   return at;
 }
 
+uint32_t Partition::shared_leaves() const {
+  return static_cast<uint32_t>(std::count_if(nodes_.begin(), nodes_.end(), [](const Node& n) {
+    return n.kind == Kind::kUnit && n.second > 1;
+  }));
+}
+
 std::vector<std::byte> Partition::bytes() const {
   std::vector<std::byte> bytes(kHeaderBytes + grids_.size() * kGridBytes +
                                nodes_.size() * kNodeBytes);

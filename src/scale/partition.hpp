@@ -45,6 +45,9 @@ class Partition {
   uint32_t first_unit(uint32_t leaf) const { return nodes_[leaf].first; }
   uint32_t unit_count(uint32_t leaf) const { return nodes_[leaf].second; }
 
+  /// Leaves of several units, which share the triangles there by their order in the source.
+  uint32_t shared_leaves() const;
+
   /// Little-endian, for files.
   std::vector<std::byte> bytes() const;
   /// Throws kCorrupt.
