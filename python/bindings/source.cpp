@@ -8,6 +8,7 @@
 #include "bind.hpp"
 #include "io/source/face_table.hpp"
 #include "io/source/mesh_source.hpp"
+#include "io/source/obj_tables.hpp"
 #include "io/source/table_source.hpp"
 
 namespace umbel::python {
@@ -39,7 +40,7 @@ io::Column column_of(const std::map<std::string, ColumnArguments>& columns, cons
 
 uint32_t add_part(io::TableLayout& layout, const std::string& name,
                   const std::map<std::string, ColumnArguments>& columns, uint64_t triangles,
-                  std::optional<uint32_t> material,
+                  std::optional<uint32_t> material, uint32_t default_material, float color_divisor,
                   const std::optional<std::array<double, 12>>& transform) {
   io::TablePart part;
   part.name = name;
@@ -49,9 +50,13 @@ uint32_t add_part(io::TableLayout& layout, const std::string& name,
   part.uvs = column_of(columns, "uvs");
   part.colors = column_of(columns, "colors");
   part.indices = column_of(columns, "indices");
+  part.uv_indices = column_of(columns, "uv_indices");
+  part.normal_indices = column_of(columns, "normal_indices");
   part.materials = column_of(columns, "materials");
   part.triangles = triangles;
   part.material = material.value_or(0);
+  part.default_material = default_material;
+  part.color_divisor = color_divisor;
   part.transform = transform;
   layout.has_materials |= material.has_value() || part.materials.is_there();
   layout.parts.push_back(std::move(part));
@@ -74,6 +79,56 @@ class HeldMesh final : public io::TriangleSource {
   MeshArrays arrays_;
   io::MeshSource source_;
 };
+
+/// Appends the tables of a file to a layout: the part, by its columns' names, is for add_part.
+Dict add_obj(io::TableLayout& layout, const std::filesystem::path& path, const std::string& name,
+             const std::filesystem::path& prefix) {
+  io::ObjTables tables;
+  {
+    const nb::gil_scoped_release release;
+    const InputFile file(path);
+    tables = io::write_obj_tables(io::ByteSource(file), name, prefix);
+  }
+  const auto first_file = static_cast<uint32_t>(layout.files.size());
+  const auto first_table = static_cast<uint32_t>(layout.tables.size());
+  for (const auto& file : tables.layout.files) layout.files.push_back(file);
+  for (io::Table table : tables.layout.tables) {
+    table.file += first_file;
+    layout.tables.push_back(table);
+  }
+  const io::TablePart& part = tables.layout.parts.front();
+  Dict columns;
+  const auto add = [&](const char* key, const io::Column& column) {
+    if (!column.is_there()) return;
+    const char* type = column.type == Scalar::kF64   ? "f8"
+                       : column.type == Scalar::kU32 ? "u4"
+                                                     : "f4";
+    columns[key] = nb::make_tuple(column.table + first_table, type, column.offsets, column.unit);
+  };
+  add("positions", part.positions);
+  add("colors", part.colors);
+  add("uvs", part.uvs);
+  add("normals", part.normals);
+  add("indices", part.indices);
+  add("uv_indices", part.uv_indices);
+  add("normal_indices", part.normal_indices);
+  add("materials", part.materials);
+  Dict out;
+  out["columns"] = columns;
+  out["triangles"] = part.triangles;
+  out["color_divisor"] = part.color_divisor;
+  out["has_materials"] = tables.has_materials;
+  out["misses_material"] = tables.misses_material;
+  const auto bytes_of = [](const std::vector<std::string>& texts) {
+    nb::list list;
+    for (const std::string& text : texts) list.append(nb::bytes(text.data(), text.size()));
+    return list;
+  };
+  out["material_names"] = bytes_of(tables.material_names);
+  out["libraries"] = bytes_of(tables.libraries);
+  out["notes"] = bytes_of(tables.notes);
+  return out;
+}
 
 Dict read(const io::TriangleSource& source, uint64_t begin, uint64_t end) {
   io::TriangleBlock block;
@@ -165,8 +220,11 @@ void bind_source(nb::module_& module) {
             return static_cast<uint32_t>(self.tables.size() - 1);
           },
           "file"_a, "offset"_a, "stride"_a, "rows"_a, "big_endian"_a = false)
+      .def("add_obj", &add_obj, "path"_a, "name"_a, "prefix"_a,
+           "Writes an OBJ file as tables, and adds those.")
       .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,
-           "material"_a = nb::none(), "transform"_a = nb::none());
+           "material"_a = nb::none(), "default_material"_a = kNone, "color_divisor"_a = 1.0f,
+           "transform"_a = nb::none());
   nb::class_<io::TableSource, io::TriangleSource>(module, "TableSource")
       .def(nb::init<io::TableLayout>(), "layout"_a);
 }

@@ -49,10 +49,12 @@ bool last_line_counts(const TextBlock& text) {
 /// All blocks of a text, up to the first that has a fault.
 struct Parsed {
   std::vector<ObjBlock> blocks;
-  bool is_cut = false;  ///< the last line has no end
+  std::vector<ObjOffsets> offsets{1};  ///< of each block, and after them the whole file's size
+  bool is_cut = false;                 ///< the last line has no end
 };
 
-Parsed parse(TextBlocks& texts) {
+/// `sink`, if there is one, gets each block before it is kept.
+Parsed parse(TextBlocks& texts, ObjSink* sink) {
   struct Piece {
     ObjBlock block;
     bool is_cut = false;
@@ -77,6 +79,9 @@ Parsed parse(TextBlocks& texts) {
     if (has_fault) return;
     has_fault = piece.block.fault.has_value();
     parsed.is_cut = piece.is_cut;
+    const ObjOffsets before = parsed.offsets.back();
+    parsed.offsets.push_back(after(before, piece.block));
+    if (sink && !has_fault) sink->take(piece.block, before.rows);
     parsed.blocks.push_back(std::move(piece.block));
   };
   using tbb::filter_mode, tbb::make_filter;
@@ -120,26 +125,48 @@ class Reader {
       : name_(name), texts_(source, block_bytes) {}
 
   ObjMesh read() {
-    Parsed parsed = parse(texts_);
-    blocks_ = std::move(parsed.blocks);
-    offsets_ = offsets_of(blocks_);
-    check_statements();
-    check_counts();
+    const bool is_cut = parse_all(nullptr);
+    const ObjOffsets& all = offsets_.back();
+    check_counts(std::max(all.corners, all.triangles));
     const std::string fault = resolve_all();
-    std::vector<std::string> notes = notes_of_lines();
-    if (const std::vector<std::string> parts = parts_of(blocks_); parts.size() > 1)
-      notes.push_back(name_ + ": its " + std::to_string(parts.size()) + " objects and groups (" +
-                      some_of(parts) + ") become one mesh");
-    if (parsed.is_cut)
-      notes.push_back(at(offsets_.back().lines - 1) +
-                      "the last line has no end; the file may be cut short");
+    std::vector<std::string> notes = all_notes(is_cut);
     ObjMesh mesh = join(blocks_, offsets_);
     mesh.notes = std::move(notes);
     mesh.fault = fault;
     return mesh;
   }
 
+  std::vector<std::string> read_to(ObjSink& sink) {
+    const bool is_cut = parse_all(&sink);
+    check_counts(0);
+    if (const auto bad = sink.bad_index(offsets_.back().rows)) {
+      const std::string what = bad_index(bad->block, bad->is_attribute);
+      throw Error(bad->is_attribute ? ErrorCode::kCorrupt : ErrorCode::kInvalidMesh, what);
+    }
+    return all_notes(is_cut);
+  }
+
  private:
+  /// Whether the last line has no end.
+  bool parse_all(ObjSink* sink) {
+    Parsed parsed = parse(texts_, sink);
+    blocks_ = std::move(parsed.blocks);
+    offsets_ = std::move(parsed.offsets);
+    check_statements();
+    return parsed.is_cut;
+  }
+
+  std::vector<std::string> all_notes(bool is_cut) const {
+    std::vector<std::string> notes = notes_of_lines();
+    if (const std::vector<std::string> parts = parts_of(blocks_); parts.size() > 1)
+      notes.push_back(name_ + ": its " + std::to_string(parts.size()) + " objects and groups (" +
+                      some_of(parts) + ") become one mesh");
+    if (is_cut)
+      notes.push_back(at(offsets_.back().lines - 1) +
+                      "the last line has no end; the file may be cut short");
+    return notes;
+  }
+
   std::string at(uint64_t line) const {
     return name_ + ", line " + std::to_string(line + 1) + ": ";
   }
@@ -160,7 +187,8 @@ class Reader {
     }
   }
 
-  void check_counts() const {
+  /// `others`: what else 32-bit indices number.
+  void check_counts(uint64_t others) const {
     const ObjOffsets& all = offsets_.back();
     const std::string holds = name_ + " holds ";
     const bool says_empty =
@@ -168,8 +196,7 @@ class Reader {
     if (all.triangles == 0 && !says_empty)
       fail(holds + std::to_string(all.rows.v) +
            " vertices and no faces: it is no mesh, a point cloud, or cut short");
-    const uint64_t most =
-        std::max({all.rows.v, all.rows.vt, all.rows.vn, all.corners, all.triangles});
+    const uint64_t most = std::max({all.rows.v, all.rows.vt, all.rows.vn, others});
     if (most >= kBadIndex)
       throw Error(ErrorCode::kUnsupported,
                   holds + std::to_string(most) +
@@ -236,6 +263,11 @@ class Reader {
 };
 
 }  // namespace
+
+std::vector<std::string> read_obj_blocks(const ByteSource& source, const std::string& name,
+                                         ObjSink& sink, size_t block_bytes) {
+  return Reader(source, name, block_bytes).read_to(sink);
+}
 
 ObjMesh read_obj(const ByteSource& source, const std::string& name, size_t block_bytes) {
   return Reader(source, name, block_bytes).read();

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,5 +37,28 @@ struct ObjMesh {
 /// Reads a whole file. Throws kCorrupt: "NAME, line 7: ...", with lines as editors count them.
 ObjMesh read_obj(const ByteSource& source, const std::string& name,
                  size_t block_bytes = size_t{1} << 20);
+
+struct ObjBlock;
+struct ObjCounts;
+
+/// Takes a file's blocks one after the other.
+class ObjSink {
+ public:
+  virtual ~ObjSink() = default;
+  /// May take the block's arrays apart. `before`: rows of the tables that stand before it.
+  virtual void take(ObjBlock& block, const ObjCounts& before) = 0;
+  /// After all blocks: the index of a vertex, a texture coordinate or a normal that is beyond the
+  /// tables, of the block of this number.
+  struct Bad {
+    size_t block;
+    bool is_attribute;
+  };
+  virtual std::optional<Bad> bad_index(const ObjCounts& total) const = 0;
+};
+
+/// Reads a file whose mesh need not fit into memory. Gives the notes; throws like `read_obj`, and
+/// kInvalidMesh for the first face with a vertex that is not there.
+std::vector<std::string> read_obj_blocks(const ByteSource& source, const std::string& name,
+                                         ObjSink& sink, size_t block_bytes = size_t{1} << 20);
 
 }  // namespace umbel::io

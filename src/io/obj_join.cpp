@@ -263,19 +263,15 @@ class Joiner {
 
 }  // namespace
 
-std::vector<ObjOffsets> offsets_of(const std::vector<ObjBlock>& blocks) {
-  std::vector<ObjOffsets> offsets(1);
-  for (const ObjBlock& block : blocks) {
-    ObjOffsets next = offsets.back();
-    next.rows.v += block.vertices();
-    next.rows.vt += block.uvs.size() / 2;
-    next.rows.vn += block.normals.size() / 3;
-    next.corners += block.v.values.size();
-    next.triangles += block.triangles;
-    next.lines += block.lines;
-    offsets.push_back(next);
-  }
-  return offsets;
+ObjOffsets after(const ObjOffsets& before, const ObjBlock& block) {
+  ObjOffsets next = before;
+  next.rows.v += block.vertices();
+  next.rows.vt += block.uvs.size() / 2;
+  next.rows.vn += block.normals.size() / 3;
+  next.corners += block.v.values.size();
+  next.triangles += block.triangles;
+  next.lines += block.lines;
+  return next;
 }
 
 BadIndices resolve(ObjBlock& block, const ObjCounts& before, const ObjCounts& total) {

@@ -14,8 +14,8 @@ struct ObjOffsets {
   uint64_t corners = 0, triangles = 0, lines = 0;
 };
 
-/// Each block's offsets, and after them the whole file's size.
-std::vector<ObjOffsets> offsets_of(const std::vector<ObjBlock>& blocks);
+/// How much stands before the block after this one.
+ObjOffsets after(const ObjOffsets& before, const ObjBlock& block);
 
 /// A block whose faces name what is not there.
 struct BadIndices {

@@ -4,9 +4,12 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <span>
 #include <utility>
 
 #include "base/bytes.hpp"
+#include "base/hash.hpp"
+#include "base/interner.hpp"
 #include "io/source/gather.hpp"
 #include "io/source/vertex_numbers.hpp"
 
@@ -78,6 +81,172 @@ void transform(const std::array<double, 12>& m, TriangleBlock& block, size_t ver
     std::swap(block.triangles[i][1], block.triangles[i][2]);
 }
 
+/// The numbers of a corner's rows: position, texture coordinate, normal.
+using CornerKey = std::array<uint32_t, 3>;
+struct CornerHash {
+  uint64_t operator()(const CornerKey& key) const {
+    return mix64(mix64(key[0] | uint64_t{key[1]} << 32) ^ key[2]);
+  }
+};
+
+/// Reads triangles of one part.
+class PartReader {
+ public:
+  PartReader(const TableLayout& layout, const TablePart& part, const SourceStreams& streams)
+      : layout_(layout), part_(part), streams_(streams), files_(layout.files) {}
+
+  void append(uint64_t begin, uint64_t end, TriangleBlock& block) {
+    const size_t vertex = block.positions.size(), triangle = block.triangles.size();
+    std::vector<uint32_t> corners;
+    if (part_.positions.offsets.size() == 9) {
+      std::vector<double> positions;
+      rows(part_.positions, begin, end, positions);
+      add_positions(positions, block);
+      corners.resize(3 * (end - begin));
+      for (size_t i = 0; i < corners.size(); ++i) corners[i] = static_cast<uint32_t>(i);
+    } else {
+      corners = number_corners(begin, end);
+      std::vector<double> positions;
+      gather_rows(part_.positions, vertices_, positions);
+      add_positions(positions, block);
+    }
+    for (size_t i = 0; i < corners.size(); i += 3)
+      block.triangles.push_back({static_cast<uint32_t>(vertex + corners[i]),
+                                 static_cast<uint32_t>(vertex + corners[i + 1]),
+                                 static_cast<uint32_t>(vertex + corners[i + 2])});
+    add_streams(block);
+    if (streams_.materials) add_materials(begin, end, block, triangle);
+    if (part_.transform) transform(*part_.transform, block, vertex, triangle);
+    check_finite(block, part_.name, begin, vertex, triangle);
+  }
+
+ private:
+  const Table& table(const Column& column) const { return layout_.tables[column.table]; }
+
+  template <typename Out>
+  void rows(const Column& column, uint64_t begin, uint64_t end, std::vector<Out>& out) {
+    gather(files_[table(column).file], table(column), column, begin, end, out);
+  }
+
+  /// Values of the rows `ids`, which may be in any order; zeros for kNone.
+  template <typename Out>
+  void gather_rows(const Column& column, std::span<const uint32_t> ids, std::vector<Out>& out) {
+    const InputFile& file = files_[table(column).file];
+    if (std::is_sorted(ids.begin(), ids.end()) && (ids.empty() || ids.back() != kNone))
+      return gather(file, table(column), column, ids, out);
+    std::vector<uint32_t> numbers;
+    for (uint32_t id : ids)
+      if (id != kNone) numbers.push_back(id);
+    const std::vector<uint32_t> used = number_vertices(numbers);
+    std::vector<Out> values;
+    gather(file, table(column), column, std::span<const uint32_t>(used), values);
+    const size_t width = column.offsets.size();
+    size_t at = 0;
+    for (uint32_t id : ids) {
+      if (id == kNone) {
+        out.insert(out.end(), width, Out{});
+      } else {
+        const auto from = values.begin() + static_cast<ptrdiff_t>(numbers[at++] * width);
+        out.insert(out.end(), from, from + static_cast<ptrdiff_t>(width));
+      }
+    }
+  }
+
+  std::vector<uint32_t> indices(const Column& column, uint64_t begin, uint64_t end, uint64_t count,
+                                bool may_miss) {
+    std::vector<uint32_t> ids;
+    rows(column, begin, end, ids);
+    for (size_t i = 0; i < ids.size(); ++i)
+      if (ids[i] >= count && !(may_miss && ids[i] == kNone))
+        throw Error(ErrorCode::kInvalidMesh, part_.name + ": triangle " +
+                                                 std::to_string(begin + i / 3) +
+                                                 " has vertex index " + std::to_string(ids[i]) +
+                                                 ", of " + std::to_string(count) + " there are");
+    return ids;
+  }
+
+  /// The vertices of the block that corners are, and for each of those its rows.
+  std::vector<uint32_t> number_corners(uint64_t begin, uint64_t end) {
+    std::vector<uint32_t> ids;
+    if (part_.indices.is_there()) {
+      ids = indices(part_.indices, begin, end, part_.vertices, false);
+    } else {
+      ids.resize(3 * (end - begin));
+      for (size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<uint32_t>(3 * begin + i);
+    }
+    const bool own_uvs = part_.uv_indices.is_there(), own_normals = part_.normal_indices.is_there();
+    if (!own_uvs && !own_normals) {
+      vertices_ = number_vertices(ids);
+      uv_rows_ = normal_rows_ = vertices_;
+      return ids;
+    }
+    std::vector<uint32_t> uvs, normals;
+    if (own_uvs) uvs = indices(part_.uv_indices, begin, end, table(part_.uvs).rows, true);
+    if (own_normals)
+      normals = indices(part_.normal_indices, begin, end, table(part_.normals).rows, true);
+    Interner<CornerKey, CornerHash> known;
+    for (size_t i = 0; i < ids.size(); ++i)
+      ids[i] = known.insert({ids[i], own_uvs ? uvs[i] : ids[i], own_normals ? normals[i] : ids[i]})
+                   .first;
+    for (const CornerKey& key : known.keys()) {
+      vertices_.push_back(key[0]);
+      uv_rows_.push_back(key[1]);
+      normal_rows_.push_back(key[2]);
+    }
+    return ids;
+  }
+
+  static void add_positions(const std::vector<double>& values, TriangleBlock& block) {
+    for (size_t v = 0; v < values.size(); v += 3)
+      block.positions.push_back({values[v], values[v + 1], values[v + 2]});
+  }
+
+  /// Appends a stream so that it is as long as the positions.
+  template <typename Value, typename Make>
+  void add_stream(const Column& column, std::span<const uint32_t> ids, TriangleBlock& block,
+                  std::vector<Value>& out, Value missing, const Make& make) {
+    if (!column.is_there()) return out.resize(block.positions.size(), missing);
+    std::vector<float> values;
+    gather_rows(column, ids, values);
+    const size_t width = column.offsets.size();
+    for (size_t v = 0; v < values.size(); v += width) out.push_back(make(values.data() + v));
+  }
+
+  void add_streams(TriangleBlock& block) {
+    if (streams_.normals)
+      add_stream(part_.normals, normal_rows_, block, block.normals, Vec3{0, 0, 0},
+                 [](const float* p) { return unit_normal({p[0], p[1], p[2]}); });
+    if (streams_.tangents)
+      add_stream(part_.tangents, vertices_, block, block.tangents, Vec4{0, 0, 0, 1},
+                 [](const float* p) { return Vec4{p[0], p[1], p[2], p[3]}; });
+    if (streams_.uvs)
+      add_stream(part_.uvs, uv_rows_, block, block.uvs, Vec2{0, 0},
+                 [](const float* p) { return Vec2{p[0], p[1]}; });
+    if (!streams_.colors) return;
+    const bool has_alpha = part_.colors.offsets.size() == 4;
+    const float divisor = part_.color_divisor;
+    add_stream(part_.colors, vertices_, block, block.colors, Vec4{1, 1, 1, 1}, [&](const float* p) {
+      return Vec4{p[0] / divisor, p[1] / divisor, p[2] / divisor, has_alpha ? p[3] : 1.0f};
+    });
+  }
+
+  void add_materials(uint64_t begin, uint64_t end, TriangleBlock& block, size_t triangle) {
+    if (!part_.materials.is_there())
+      return block.materials.resize(block.triangles.size(), part_.material);
+    rows(part_.materials, begin, end, block.materials);
+    for (size_t i = triangle; i < block.materials.size(); ++i) {
+      uint32_t& material = block.materials[i];
+      material = material == kNone ? part_.default_material : material + part_.material;
+    }
+  }
+
+  const TableLayout& layout_;
+  const TablePart& part_;
+  const SourceStreams& streams_;
+  Files files_;
+  std::vector<uint32_t> vertices_, uv_rows_, normal_rows_;  // rows of each vertex of the block
+};
+
 [[noreturn]] void refuse(const TablePart& part, const std::string& what) {
   throw Error(ErrorCode::kInvalidArgument, part.name + ": " + what);
 }
@@ -132,9 +301,19 @@ void TableSource::check(TablePart& part) const {
   if (width == 9 && part.indices.is_there()) refuse(part, "corners have indices");
   if (!part.indices.is_there()) part.triangles = part.vertices / 3;
   check(part.positions, width, part.vertices / (width / 3), part);
-  check(part.normals, 3, part.vertices, part);
   check(part.tangents, 4, part.vertices, part);
-  check(part.uvs, 2, part.vertices, part);
+  const auto needed = [&](const Column& stream, const Column& own) {
+    return own.is_there() && stream.is_there() && stream.table < layout_.tables.size()
+               ? layout_.tables[stream.table].rows
+               : part.vertices;
+  };
+  check(part.normals, 3, needed(part.normals, part.normal_indices), part);
+  check(part.uvs, 2, needed(part.uvs, part.uv_indices), part);
+  check(part.uv_indices, 3, part.triangles, part);
+  check(part.normal_indices, 3, part.triangles, part);
+  if ((part.uv_indices.is_there() && !part.uvs.is_there()) ||
+      (part.normal_indices.is_there() && !part.normals.is_there()))
+    refuse(part, "a stream has indices and no values");
   check(part.colors, part.colors.offsets.size() == 3 ? 3 : 4, part.vertices, part);
   check(part.indices, 3, part.triangles, part);
   check(part.materials, 1, part.triangles, part);
@@ -152,79 +331,11 @@ TriangleBlock TableSource::read(uint64_t begin, uint64_t end) const {
       1;
   for (; k < layout_.parts.size() && first_[k] < end; ++k) {
     const uint64_t from = std::max(begin, first_[k]), to = std::min(end, first_[k + 1]);
-    if (from < to) append(layout_.parts[k], from - first_[k], to - first_[k], block);
+    if (from < to)
+      PartReader(layout_, layout_.parts[k], streams_)
+          .append(from - first_[k], to - first_[k], block);
   }
   return block;
-}
-
-// One step a stream.
-void TableSource::append(const TablePart& part, uint64_t begin, uint64_t end,
-                         TriangleBlock& block) const {
-  Files files(layout_.files);
-  const size_t base = block.positions.size(), first = block.triangles.size();
-  const auto table = [&](const Column& c) -> const Table& { return layout_.tables[c.table]; };
-  const auto rows = [&](const Column& c, uint64_t from, uint64_t to, auto& out) {
-    gather(files[table(c).file], table(c), c, from, to, out);
-  };
-  std::vector<uint32_t> ids;
-  if (part.indices.is_there()) {
-    rows(part.indices, begin, end, ids);
-    for (size_t i = 0; i < ids.size(); ++i)
-      if (ids[i] >= part.vertices)
-        throw Error(ErrorCode::kInvalidMesh,
-                    part.name + ": triangle " + std::to_string(begin + i / 3) +
-                        " has vertex index " + std::to_string(ids[i]) + ", of " +
-                        std::to_string(part.vertices) + " there are");
-  } else {
-    ids.resize(3 * (end - begin));
-    for (size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<uint32_t>(3 * begin + i);
-  }
-  std::vector<double> positions;
-  std::vector<uint32_t> used;
-  if (part.positions.offsets.size() == 9) {
-    rows(part.positions, begin, end, positions);
-    for (size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<uint32_t>(i);
-  } else {
-    used = number_vertices(ids);
-    gather(files[table(part.positions).file], table(part.positions), part.positions, used,
-           positions);
-  }
-  const size_t count = positions.size() / 3;
-  for (size_t v = 0; v < count; ++v)
-    block.positions.push_back({positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]});
-  for (size_t i = 0; i < ids.size(); i += 3)
-    block.triangles.push_back({static_cast<uint32_t>(base + ids[i]),
-                               static_cast<uint32_t>(base + ids[i + 1]),
-                               static_cast<uint32_t>(base + ids[i + 2])});
-  std::vector<float> values;
-  const auto stream = [&](const Column& c, bool wanted, auto& out, auto missing, const auto& make) {
-    if (!wanted) return;
-    if (!c.is_there()) return out.resize(base + count, missing);
-    values.clear();
-    gather(files[table(c).file], table(c), c, std::span<const uint32_t>(used), values);
-    const size_t width = c.offsets.size();
-    for (size_t v = 0; v < count; ++v) out.push_back(make(values.data() + v * width, width));
-  };
-  stream(part.normals, streams_.normals, block.normals, Vec3{0, 0, 0},
-         [](const float* p, size_t) { return unit_normal({p[0], p[1], p[2]}); });
-  stream(part.tangents, streams_.tangents, block.tangents, Vec4{0, 0, 0, 1},
-         [](const float* p, size_t) { return Vec4{p[0], p[1], p[2], p[3]}; });
-  stream(part.uvs, streams_.uvs, block.uvs, Vec2{0, 0},
-         [](const float* p, size_t) { return Vec2{p[0], p[1]}; });
-  stream(part.colors, streams_.colors, block.colors, Vec4{1, 1, 1, 1},
-         [](const float* p, size_t width) {
-           return Vec4{p[0], p[1], p[2], width == 4 ? p[3] : 1.0f};
-         });
-  if (streams_.materials) {
-    if (part.materials.is_there()) {
-      rows(part.materials, begin, end, block.materials);
-      for (size_t i = first; i < block.materials.size(); ++i) block.materials[i] += part.material;
-    } else {
-      block.materials.resize(block.triangles.size(), part.material);
-    }
-  }
-  if (part.transform) transform(*part.transform, block, base, first);
-  check_finite(block, part.name, begin, base, first);
 }
 
 }  // namespace umbel::io

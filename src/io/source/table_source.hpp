@@ -14,15 +14,18 @@ namespace umbel::io {
 
 /// A mesh whose vertices are rows of tables.
 struct TablePart {
-  std::string name;       ///< of the file, in messages
-  Column positions;       ///< 3 values; 9: the rows are triangles, three corners each
-  Column normals;         ///< 3
-  Column tangents;        ///< 4
-  Column uvs;             ///< 2
-  Column colors;          ///< 3 or 4
-  Column indices;         ///< 3, a row a triangle; without it, three vertices in a row are one
-  Column materials;       ///< 1, a row a triangle
-  uint32_t material = 0;  ///< of all triangles, or what is added to `materials`
+  std::string name;  ///< of the file, in messages
+  Column positions;  ///< 3 values; 9: the rows are triangles, three corners each
+  Column normals;    ///< 3
+  Column tangents;   ///< 4
+  Column uvs;        ///< 2
+  Column colors;     ///< 3 or 4
+  Column indices;    ///< 3, a row a triangle; without it, three vertices in a row are one
+  Column uv_indices, normal_indices;  ///< 3; where these streams have rows of their own
+  Column materials;                   ///< 1, a row a triangle
+  uint32_t material = 0;              ///< of all triangles, or what is added to `materials`
+  uint32_t default_material = kNone;  ///< of rows of `materials` that are kNone
+  float color_divisor = 1.0f;         ///< of all values but alpha
   /// Three rows of four: where the part's vertices are in the world.
   std::optional<std::array<double, 12>> transform;
 
@@ -52,7 +55,6 @@ class TableSource final : public TriangleSource {
  private:
   void check(TablePart& part) const;
   void check(const Column& column, size_t width, uint64_t rows, const TablePart& part) const;
-  void append(const TablePart& part, uint64_t begin, uint64_t end, TriangleBlock& block) const;
 
   TableLayout layout_;
   std::vector<uint64_t> first_;  // triangle of each part, and of none

@@ -13,7 +13,7 @@ from umbel import _umbel
 from umbel.errors import Error
 from umbel.geometry.mesh import Material
 from umbel.io import load
-from umbel.io.blocks import gltf, ply, stl
+from umbel.io.blocks import gltf, obj, ply, stl
 from umbel.io.blocks.layout import Layout
 from umbel.io.blocks.spool import spool, spool_mesh
 from umbel.io.coordinates import sidecar
@@ -39,8 +39,8 @@ def open_source(source: Paths | Iterable[Any], work: str | os.PathLike[str]) -> 
     one mesh: parts that have vertices at equal positions join there.
 
     Binary PLY and STL and uncompressed glTF are read where they are. All else is written once to
-    tables in the folder `work`, which must stay: an iterable block by block; other files as a
-    whole, so those must fit into memory.
+    tables in the folder `work`, which must stay: OBJ and iterables in little memory; text of the
+    other formats, packed, compressed and skinned files as a whole, so those must fit into memory.
     """
     layout = Layout(Path(work))
     if isinstance(source, (str, os.PathLike)):
@@ -61,7 +61,13 @@ def open_source(source: Paths | Iterable[Any], work: str | os.PathLike[str]) -> 
 
 def _add(layout: Layout, file: Path) -> dict[str, str]:
     """Adds a file; gives what it says of its coordinates."""
-    kinds = {".ply": ply.lay_out, ".stl": stl.lay_out, ".glb": gltf.lay_out, ".gltf": gltf.lay_out}
+    kinds = {
+        ".ply": ply.lay_out,
+        ".stl": stl.lay_out,
+        ".obj": obj.lay_out,
+        ".glb": gltf.lay_out,
+        ".gltf": gltf.lay_out,
+    }
     lay_out = kinds.get(file.suffix.lower())
     if lay_out is not None and lay_out(layout, file):
         return {**(gltf.COORDINATES if lay_out is gltf.lay_out else {}), **sidecar(file)}

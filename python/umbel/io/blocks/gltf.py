@@ -196,4 +196,6 @@ class _Plan:
             number = None if not entries else material
             if number is not None and number != NO_MATERIAL:
                 number += offset
-            layout.add_part(str(self.path), columns, triangles, number, self.nodes.world(node))
+            layout.add_part(
+                str(self.path), columns, triangles, number, transform=self.nodes.world(node)
+            )

@@ -23,7 +23,9 @@ class _Part:
     columns: dict[str, Column]
     triangles: int
     material: int | None
+    color_divisor: float
     transform: list[float] | None
+    may_miss: bool  # the column of materials has rows without one
 
 
 @dataclass
@@ -49,14 +51,16 @@ class Layout:
         columns: dict[str, Column],
         triangles: int = 0,
         material: int | None = None,
+        color_divisor: float = 1.0,
         transform: np.ndarray[Any, Any] | None = None,
+        may_miss: bool = False,
     ) -> None:
         """A mesh with vertices of its own. `material`: of all triangles, or what is added to the
         numbers in a column; None: it has none."""
         if transform is not None and np.array_equal(transform, np.eye(4)):
             transform = None
         rows = None if transform is None else transform[:3].reshape(-1).tolist()
-        self.parts.append(_Part(name, columns, triangles, material, rows))
+        self.parts.append(_Part(name, columns, triangles, material, color_divisor, rows, may_miss))
 
     def new_file(self, suffix: str) -> Path:
         """The name of a file in the work folder that no other of this source has."""
@@ -65,7 +69,7 @@ class Layout:
 
     def finished(self) -> Any:
         """For `_umbel.TableSource`."""
-        missing = [p for p in self.parts if p.material in (None, NO_MATERIAL)]
+        missing = any(p.material in (None, NO_MATERIAL) or p.may_miss for p in self.parts)
         default = len(self.materials)
         if self.materials and missing:
             self.materials.append(Material(name="default", metallic=1.0))
@@ -73,5 +77,13 @@ class Layout:
             material = part.material
             if material is None or material == NO_MATERIAL:
                 material = default if self.materials else None
-            self.native.add_part(part.name, part.columns, part.triangles, material, part.transform)
+            self.native.add_part(
+                part.name,
+                part.columns,
+                part.triangles,
+                material,
+                default,
+                part.color_divisor,
+                part.transform,
+            )
         return self.native

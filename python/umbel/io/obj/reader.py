@@ -35,7 +35,8 @@ def read_obj(source: bytes | Path, where: str, folder: Folder | None = None) -> 
     )
     mesh.normals = _normals(arrays["normals"], arrays["without_normal"], mesh)
     mesh.fault = _text(arrays["fault"])
-    materials, ids = _materials(arrays, folder, where)
+    ids = arrays["materials"]
+    materials = [] if ids is None else materials_of(arrays, folder, where)
     mesh.materials, mesh.material_ids = with_default(materials, ids)
     return Scene([mesh], mesh.materials, [Instance(0)])
 
@@ -66,16 +67,13 @@ def _normals(given: Float32Array | None, missing: Any, mesh: Mesh) -> Float32Arr
 # --- materials --------------------------------------------------------------------------------
 
 
-def _materials(
-    arrays: dict[str, Any], folder: Folder | None, where: str
-) -> tuple[list[Material], Any]:
-    if arrays["materials"] is None:
-        return [], None
+def materials_of(arrays: dict[str, Any], folder: Folder | None, where: str) -> list[Material]:
+    """The materials that `material_names` name, of the `libraries`."""
     library: dict[str, Material] = {}
     for text in arrays["libraries"]:
         library.update(_library(_text(text), folder, where))
     names = [_text(name) for name in arrays["material_names"]]
-    return [library.get(name) or Material(name=name) for name in names], arrays["materials"]
+    return [library.get(name) or Material(name=name) for name in names]
 
 
 def _library(whole: str, folder: Folder | None, where: str) -> dict[str, Material]:

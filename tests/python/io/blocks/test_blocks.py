@@ -210,3 +210,53 @@ def test_broken_files_are_refused_by_name(tmp_path: Path) -> None:
         open_source(iter([(np.eye(3), [[0, 1, 3]])]), tmp_path)
     with pytest.raises(umbel.Error, match="hold no triangles"):
         open_source(iter([]), tmp_path)
+
+
+OBJ = """mtllib none.mtl
+f 1/1 2/2 3/1
+v 0 0 0
+v 1 0 0 255 0 0
+v 0 1 0
+v 0 0 1
+vt 0 0
+vt 1 0
+usemtl a
+f -4 -3 -2 -1
+vn 0 0 2
+usemtl b
+f 1//1 2/2/1 4
+f 1/1 3/2 4/2
+"""
+
+
+@pytest.mark.filterwarnings("ignore::umbel.LoadWarning")
+def test_obj_of_every_kind_of_corner(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text(OBJ)
+    source = open_source(path, tmp_path / "work")
+    read, mesh = read_all(source), umbel.load(path)
+    assert np.array_equal(read["positions"], mesh.positions[mesh.triangles])
+    assert np.array_equal(read["uvs"], mesh.uvs[mesh.triangles])
+    assert np.array_equal(read["colors"], mesh.colors[mesh.triangles])
+    assert np.array_equal(read["materials"], mesh.material_ids)
+    assert [m.name for m in source.materials] == [m.name for m in mesh.materials]
+    assert np.array_equal(read["normals"][3], [[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("lines", "match"),
+    [
+        ("f 1 2 9\n", r"a.obj, line 4: vertex index 9 is beyond the 3 there are"),
+        ("f 1/4 2/1 3/1\nvt 0 0\n", r"a.obj, line 4: .* 4 is beyond the 1 there are"),
+        ("f 1 2 -7\n", r"a.obj, line 4: "),
+        ("f 1 2 x\n", r"a.obj, line 4: "),
+        ("", r"a.obj holds 3 vertices and no faces"),
+    ],
+)
+def test_broken_obj_files_are_refused_by_line(tmp_path: Path, lines: str, match: str) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + lines)
+    with pytest.raises(umbel.Error, match=match):
+        open_source(path, tmp_path / "work")
+    work = tmp_path / "work"
+    assert not work.exists() or not list(work.iterdir())

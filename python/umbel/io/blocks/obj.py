@@ -1,0 +1,35 @@
+"""OBJ: a text, so it is written as tables once."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+from umbel.errors import LoadWarning
+from umbel.io.blocks.layout import Layout
+from umbel.io.files import GZIP, read_head
+from umbel.io.folder import Folder
+from umbel.io.obj.reader import materials_of
+
+
+def lay_out(layout: Layout, path: Path) -> bool:
+    """Adds the file's tables; False if only the reader of whole files can read it."""
+    if read_head(path).startswith(GZIP):
+        return False
+    where = str(path).encode("utf-8", "replace").decode()
+    found = layout.native.add_obj(path, where, layout.new_file(""))
+    for note in found["notes"]:
+        warnings.warn(note.decode("utf-8", "replace"), LoadWarning, stacklevel=4)
+    material = None
+    if found["has_materials"]:
+        material = len(layout.materials)
+        layout.materials += materials_of(found, Folder(path.parent), where)
+    layout.add_part(
+        where,
+        found["columns"],
+        found["triangles"],
+        material,
+        found["color_divisor"],
+        may_miss=found["misses_material"],
+    )
+    return True
