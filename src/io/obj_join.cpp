@@ -21,7 +21,7 @@ bool resolve(ObjIndices& indices, uint64_t before, uint64_t total) {
     const int64_t found = index + static_cast<int64_t>(before);
     index = found < 0 ? kBadIndex : static_cast<int32_t>(std::min<int64_t>(found, kBadIndex));
   }
-  indices.relative = {};
+  indices.relative = std::vector<uint32_t>();
   const auto rows = static_cast<int32_t>(total);
   bool is_bad = false;
   for (int32_t& index : indices.values) {
@@ -84,7 +84,7 @@ class Joiner {
     for_each_block([&](ObjBlock& block, const ObjOffsets& offsets) {
       std::vector<int32_t>& own = (block.*indices).values;
       std::copy(own.begin(), own.end(), all.begin() + static_cast<ptrdiff_t>(offsets.corners));
-      own = {};
+      own = std::vector<int32_t>();  // {} would keep the memory
     });
     return all;
   }
@@ -97,7 +97,7 @@ class Joiner {
       std::vector<Scalar>& own = block.*numbers;
       std::copy(own.begin(), own.end(),
                 reinterpret_cast<Scalar*>(all.data() + offsets.rows.*before));
-      own = {};
+      own = std::vector<Scalar>();
     });
     return all;
   }
@@ -208,8 +208,8 @@ class Joiner {
     mesh_.normals = std::move(split.normals);
     for (uint32_t i = 0; i < lacks_normal.size(); ++i)
       if (lacks_normal[i]) mesh_.without_normal.push_back(i);
-    order_ = {};
-    starts_ = {};
+    order_ = std::vector<uint32_t>();
+    starts_ = std::vector<uint32_t>();
   }
 
   /// The new vertices of the file's vertices [begin, end), from number `next` on; their corners

@@ -211,13 +211,13 @@ class Writer final : public ObjSink {
 
   /// Keeps what messages are made of.
   static void release(ObjBlock& block) {
-    block.positions = {};
-    block.colors = block.uvs = block.normals = {};
-    block.v = block.vt = block.vn = {};
-    block.sizes = {};
-    block.uses = {};
-    block.names = {};
-    block.libraries = {};
+    // Assigning {} would keep the memory.
+    block.positions = std::vector<double>();
+    for (auto* values : {&block.colors, &block.uvs, &block.normals}) *values = std::vector<float>();
+    for (auto* indices : {&block.v, &block.vt, &block.vn}) *indices = ObjIndices();
+    block.sizes = std::vector<uint32_t>();
+    block.uses = std::vector<ObjBlock::Use>();
+    for (auto* names : {&block.names, &block.libraries}) *names = std::vector<std::string>();
   }
 
   RowFile positions_, colors_, uvs_, normals_, triangles_, uv_corners_, normal_corners_;
