@@ -36,7 +36,9 @@ class Interner {
     if (keys_.size() + more > index_.room()) grow(2 * (keys_.size() + more));
   }
   void prefetch(const Key& key) const { index_.prefetch(Hash()(key)); }
-  bool contains(const Key& key) const { return index_.find(Hash()(key), equal_to(key)) != kNone; }
+  bool contains(const Key& key) const { return find(key) != kNone; }
+  /// The key's number, kNone where it has none.
+  uint32_t find(const Key& key) const { return index_.find(Hash()(key), equal_to(key)); }
 
   const std::vector<Key>& keys() const { return keys_; }
   std::vector<Key> take() { return std::move(keys_); }

@@ -5,7 +5,6 @@
 
 #include "base/big_vector.hpp"
 #include "base/parallel.hpp"
-#include "lod/dag/bounds.hpp"
 
 namespace umbel::lod {
 
@@ -19,41 +18,26 @@ void DagWriter::reserve(const ClusterSet& finest) {
   reserve_big(dag_.tables.clusters, with_levels(finest.size()));
 }
 
-uint32_t DagWriter::add_group(const ClusterSet& pending, std::span<const Sphere> spheres,
-                              const NewGroup& added) {
+void DagWriter::add_group(const NewGroup& added) {
   Tables& tables = dag_.tables;
-  const uint32_t id = static_cast<uint32_t>(tables.groups.size());
   Group group;
   group.clusters = {static_cast<uint32_t>(tables.clusters.size() + members_.size()),
                     static_cast<uint32_t>(added.members.size())};
-  group.level = static_cast<uint32_t>(tables.levels.size());
+  group.level = added.level;
   group.method = added.method;
+  group.sphere = added.sphere;
   group.error = added.error;
-  std::vector<uint32_t> generators;
-  std::vector<Sphere> inner;
-  for (uint32_t c : added.members) {
-    const uint32_t generator = pending.generating_group[c];
-    if (generator == kNone) {
-      inner.push_back(spheres[c]);
-    } else if (std::find(generators.begin(), generators.end(), generator) == generators.end()) {
-      generators.push_back(generator);
-      inner.push_back(spheres[c]);
-    }
-    members_.push_back(c);
-  }
-  for (const Vec3& p : added.new_positions) inner.push_back({p, 0.0f});
-  group.sphere = enclosing_sphere(inner);
+  members_.insert(members_.end(), added.members.begin(), added.members.end());
   tables.groups.push_back(group);
   dag_.limiting_factors.push_back(added.limiting_factor);
   const size_t method = static_cast<size_t>(added.method);
   ++dag_.report.groups_by_method[method];
   ++dag_.report.groups_by_limiting_factor[method][static_cast<size_t>(added.limiting_factor)];
-  return id;
 }
 
-bool DagWriter::finish_level(const ClusterSet& pending) {
+void DagWriter::finish_level(const ClusterSet& pending) {
   const uint32_t end = static_cast<uint32_t>(dag_.tables.groups.size());
-  if (end == first_group_) return false;
+  if (end == first_group_) return;
   write_clusters(pending);
   for (uint32_t g = first_group_; g < end; ++g) {
     const Range range = dag_.tables.groups[g].clusters;
@@ -62,7 +46,6 @@ bool DagWriter::finish_level(const ClusterSet& pending) {
   }
   dag_.tables.levels.push_back({first_group_, end - first_group_});
   first_group_ = end;
-  return true;
 }
 
 void DagWriter::write_clusters(const ClusterSet& pending) {

@@ -143,6 +143,11 @@ Clusters Grouper::group(const ClusterSet& set, std::span<const uint8_t> locked,
   return build_clusters(input, cluster_config);
 }
 
+void Grouper::know_locked(std::span<const uint8_t> locked) {
+  for (uint32_t p = 0; p < locked.size(); ++p)
+    if (locked[p]) locked_.push_back(p);
+}
+
 void Grouper::lock_borders(const Clusters& groups, std::vector<uint8_t>& locked) {
   std::vector<uint32_t> group_of(groups.items.size());
   for (uint32_t g = 0; g < groups.ranges.size(); ++g) {

@@ -27,6 +27,9 @@ class Grouper {
 
   Clusters group(const ClusterSet& set, std::span<const uint8_t> locked, const Config& config);
 
+  /// Positions that are locked before the first `lock_borders`, which clears them.
+  void know_locked(std::span<const uint8_t> locked);
+
   /// Of what `group` has just grouped: sets locked[p] to 1 for the positions that clusters of two
   /// groups use, and to 0 for all others that are locked.
   void lock_borders(const Clusters& groups, std::vector<uint8_t>& locked);

@@ -7,19 +7,14 @@
 
 namespace umbel::lod {
 
-LevelSimplifier::LevelSimplifier(Source& source, const Config& config, const Decimator& decimate)
-    : source_(source),
-      config_(config),
-      workers_([this, &decimate] { return std::make_unique<Worker>(source_, config_, decimate); }) {
-}
+LevelSimplifier::LevelSimplifier(Unit& unit, const Config& config, const Decimator& decimate)
+    : unit_(unit), source_(unit.source), config_(config), workers_([this, &decimate] {
+        return std::make_unique<Worker>(source_, config_, decimate);
+      }) {}
 
-std::vector<GroupResult> LevelSimplifier::simplify(const ClusterSet& set, const Clusters& groups,
-                                                   std::span<const uint8_t> locked,
-                                                   bool last_resort,
+std::vector<GroupResult> LevelSimplifier::simplify(const Clusters& groups, bool last_resort,
                                                    const std::function<void(double)>& progress) {
-  set_ = &set;
   groups_ = &groups;
-  locked_ = locked;
   insert_own_locked_edges();
   std::vector<GroupResult> results(groups.ranges.size());
   constexpr size_t kBatch = 256;  // groups between two calls of `progress`
@@ -28,7 +23,7 @@ std::vector<GroupResult> LevelSimplifier::simplify(const ClusterSet& set, const 
     parallel_for(count, 1, [&](size_t i) {
       results[begin + i] = simplify_group(
           members_of(groups, begin + i),
-          {.locked_edges = true, .last_resort = last_resort, .taken = &locked_edges_});
+          {.locked_edges = true, .last_resort = last_resort, .taken = &unit_.locked_edges});
     });
     progress(static_cast<double>(begin + count) / results.size());
   }
@@ -38,11 +33,12 @@ std::vector<GroupResult> LevelSimplifier::simplify(const ClusterSet& set, const 
   return results;
 }
 
-GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members,
-                                            const Allowance& allow) {
+GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members, Allowance allow) {
+  // Nobody here knows which other positions there are elsewhere.
+  allow.new_positions = unit_.is_whole;
   Worker& worker = *workers_.local();
   GroupResult result;
-  result.simplified = worker.simplifier.simplify(*set_, members, locked_, allow);
+  result.simplified = worker.simplifier.simplify(unit_.pending, members, unit_.locked, allow);
   if (result.simplified.done)
     worker.clusteriser.append(result.simplified.mesh, kNone, result.clusters);
   result.simplified.mesh = {};
@@ -52,9 +48,10 @@ GroupResult LevelSimplifier::simplify_group(std::span<const uint32_t> members,
 void LevelSimplifier::insert_own_locked_edges() {
   std::vector<std::vector<PositionPair>> edges(groups_->ranges.size());
   parallel_for(edges.size(), 4, [&](size_t g) {
-    edges[g] = own_locked_edges(*set_, members_of(*groups_, g), source_.position_ids, locked_);
+    edges[g] = own_locked_edges(unit_.pending, members_of(*groups_, g), source_.position_ids,
+                                unit_.locked);
   });
-  for (const std::vector<PositionPair>& of_group : edges) locked_edges_.insert(of_group);
+  for (const std::vector<PositionPair>& of_group : edges) unit_.locked_edges.insert(of_group);
 }
 
 // Groups with a new edge between locked vertices that another group has made as well are simplified
@@ -62,10 +59,10 @@ void LevelSimplifier::insert_own_locked_edges() {
 void LevelSimplifier::settle_locked_edges(std::vector<GroupResult>& results, bool last_resort) {
   std::vector<size_t> refused;
   for (size_t g = 0; g < results.size(); ++g) {
-    if (locked_edges_.contains_any(results[g].simplified.locked_edges))
+    if (unit_.locked_edges.contains_any(results[g].simplified.locked_edges))
       refused.push_back(g);
     else
-      locked_edges_.insert(results[g].simplified.locked_edges);
+      unit_.locked_edges.insert(results[g].simplified.locked_edges);
   }
   parallel_for(refused.size(), 1, [&](size_t i) {
     results[refused[i]] =
@@ -104,17 +101,18 @@ void LevelSimplifier::fit_boxes(ClusterSet& clusters) const {
 
 // Groups may leave nothing behind, where every triangle is degenerate, or where one group is all
 // that is left. A DAG still ends in a root: the first triangle stays, or where it has two sides
-// both, so that a closed surface stays closed.
+// both, so that a closed surface stays closed. None whose edges another unit may have.
 void LevelSimplifier::keep_one_triangle(std::vector<GroupResult>& results) {
   if (std::any_of(results.begin(), results.end(),
                   [](const GroupResult& r) { return !r.simplified.done || r.clusters.size() > 0; }))
     return;
   std::vector<Triangle> kept;
   for (uint32_t c : members_of(*groups_, 0)) {
-    const auto vertices = set_->cluster_vertices(c);
-    const auto corners = set_->cluster_corners(c);
+    const auto vertices = unit_.pending.cluster_vertices(c);
+    const auto corners = unit_.pending.cluster_corners(c);
     for (size_t i = 0; i < corners.size(); i += 3) {
       const Triangle t{vertices[corners[i]], vertices[corners[i + 1]], vertices[corners[i + 2]]};
+      if (!may_be_left(t)) continue;
       if (kept.empty()) kept = {t};
       if (kept.size() == 1 && !is_degenerate(t)) kept = {t, {t[0], t[2], t[1]}};
     }
@@ -133,6 +131,15 @@ void LevelSimplifier::keep_one_triangle(std::vector<GroupResult>& results) {
   for (const Triangle& t : kept)
     mesh.triangles.push_back({number(t[0]), number(t[1]), number(t[2])});
   workers_.local()->clusteriser.append(mesh, kNone, results[0].clusters);
+}
+
+bool LevelSimplifier::may_be_left(const Triangle& t) const {
+  if (unit_.frozen.empty() || is_degenerate(t)) return true;
+  int frozen = 0;
+  for (uint32_t v : t)
+    frozen += std::find(unit_.frozen.begin(), unit_.frozen.end(), source_.position_ids[v]) !=
+              unit_.frozen.end();
+  return frozen < 2;
 }
 
 bool LevelSimplifier::is_degenerate(const Triangle& t) const {

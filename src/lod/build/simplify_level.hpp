@@ -11,8 +11,8 @@
 
 #include "lod/build/clusterise.hpp"
 #include "lod/build/new_positions.hpp"
+#include "lod/build/unit.hpp"
 #include "lod/dag/cluster_set.hpp"
-#include "lod/dag/locked_edges.hpp"
 #include "lod/dag/source.hpp"
 #include "lod/simplify/simplify.hpp"
 #include "umbel/cluster.hpp"
@@ -34,12 +34,11 @@ inline std::span<const uint32_t> members_of(const Clusters& groups, size_t group
 
 class LevelSimplifier {
  public:
-  LevelSimplifier(Source& source, const Config& config, const Decimator& decimate);
+  LevelSimplifier(Unit& unit, const Config& config, const Decimator& decimate);
 
-  /// One result a group of `set`; `locked` is by position id. New vertices are appended to the
-  /// source. `progress` is called with the part that is done, now and then.
-  std::vector<GroupResult> simplify(const ClusterSet& set, const Clusters& groups,
-                                    std::span<const uint8_t> locked, bool last_resort,
+  /// One result a group of the unit's pending clusters. New vertices are appended to the source.
+  /// `progress` is called with the part that is done, now and then.
+  std::vector<GroupResult> simplify(const Clusters& groups, bool last_resort,
                                     const std::function<void(double)>& progress);
 
  private:
@@ -50,23 +49,21 @@ class LevelSimplifier {
         : simplifier(source, config, decimate), clusteriser(config) {}
   };
 
-  GroupResult simplify_group(std::span<const uint32_t> members, const Allowance& allow);
+  GroupResult simplify_group(std::span<const uint32_t> members, Allowance allow);
   void insert_own_locked_edges();
   void settle_locked_edges(std::vector<GroupResult>& results, bool last_resort);
   void settle_added(std::vector<GroupResult>& results);
   void fit_boxes(ClusterSet& clusters) const;
   void keep_one_triangle(std::vector<GroupResult>& results);
   bool is_degenerate(const Triangle& t) const;
+  bool may_be_left(const Triangle& t) const;
 
+  Unit& unit_;
   Source& source_;
   const Config& config_;
-  LockedEdgeSet locked_edges_;  // of all levels
   NewPositions new_positions_;
   tbb::enumerable_thread_specific<std::unique_ptr<Worker>> workers_;
-  // Of the level.
-  const ClusterSet* set_ = nullptr;
-  const Clusters* groups_ = nullptr;
-  std::span<const uint8_t> locked_;
+  const Clusters* groups_ = nullptr;  // of the level
 };
 
 }  // namespace umbel::lod

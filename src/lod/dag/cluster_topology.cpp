@@ -27,13 +27,15 @@ bool insert(Neighbours& set, uint8_t vertex) {
 // Finds the edges of clusters that one cluster alone does not show to be manifold.
 class DoubtfulEdges {
  public:
-  DoubtfulEdges(const ClusterSet& clusters, std::span<const uint32_t> position_ids)
+  DoubtfulEdges(const ClusterSet& clusters, std::span<const uint32_t> position_ids,
+                std::span<const uint32_t> frozen)
       : clusters_(clusters), ids_(position_ids), uses_(position_ids.size(), 0) {
     for (uint32_t v : clusters.vertices) {
       uint8_t& uses = uses_[ids_[v]];
       uses = static_cast<uint8_t>(std::min(uses + 1, 2));
       has_wedges_ |= ids_[v] != v;
     }
+    for (uint32_t p : frozen) uses_[p] = 2;
   }
 
   /// Of a cluster, as directed pairs of positions. Returns how many triangles are degenerate.
@@ -101,16 +103,29 @@ class DoubtfulEdges {
   std::vector<uint8_t> uses_;  // of positions, by vertices of clusters: 0, 1, or 2 for more
 };
 
+// Takes the edges between two frozen positions out of `edges`.
+std::vector<PositionPair> take_frozen(std::vector<PositionPair>& edges,
+                                      std::span<const uint32_t> frozen, size_t count) {
+  std::vector<uint8_t> is_frozen(count, 0);
+  for (uint32_t p : frozen) is_frozen[p] = 1;
+  const auto begin = std::stable_partition(
+      edges.begin(), edges.end(),
+      [&](const PositionPair& edge) { return !is_frozen[edge.first] || !is_frozen[edge.second]; });
+  std::vector<PositionPair> taken(begin, edges.end());
+  edges.erase(begin, edges.end());
+  return taken;
+}
+
 }  // namespace
 
-ClusterTopology cluster_topology(const ClusterSet& clusters,
-                                 std::span<const uint32_t> position_ids) {
+ClusterTopology cluster_topology(const ClusterSet& clusters, std::span<const uint32_t> position_ids,
+                                 std::span<const uint32_t> frozen) {
   constexpr size_t kChunk = 256;
   struct Found {
     std::vector<PositionPair> edges;
     size_t degenerate = 0;
   };
-  const DoubtfulEdges doubtful(clusters, position_ids);
+  const DoubtfulEdges doubtful(clusters, position_ids, frozen);
   std::vector<Found> found((clusters.size() + kChunk - 1) / kChunk);
   parallel_chunks(clusters.size(), kChunk, [&](size_t begin, size_t end) {
     Found& of_chunk = found[begin / kChunk];
@@ -123,6 +138,7 @@ ClusterTopology cluster_topology(const ClusterSet& clusters,
     of_chunk.edges = {};
     result.degenerate_triangles += of_chunk.degenerate;
   }
+  if (!frozen.empty()) result.undecided = take_frozen(edges, frozen, position_ids.size());
   result.non_manifold_components = non_manifold_components(edges, position_ids.size());
   return result;
 }

@@ -14,7 +14,14 @@ void LockedEdgeSet::insert(std::span<const PositionPair> edges) {
 }
 
 bool LockedEdgeSet::contains(const PositionPair& edge) const {
-  return edges_.contains(edge_key(edge));
+  return edges_.contains(edge_key(edge)) || (was_frozen(edge.first) && was_frozen(edge.second));
+}
+
+void LockedEdgeSet::freeze(std::span<const uint32_t> positions) {
+  if (positions.empty()) return;
+  const uint32_t highest = *std::max_element(positions.begin(), positions.end());
+  if (was_frozen_.size() <= highest) was_frozen_.resize(size_t{highest} + 1, 0);
+  for (const uint32_t p : positions) was_frozen_[p] = 1;
 }
 
 bool LockedEdgeSet::contains_any(std::span<const PositionPair> edges) const {

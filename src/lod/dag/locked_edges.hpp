@@ -27,8 +27,23 @@ class LockedEdgeSet {
   bool contains(const PositionPair& edge) const;
   bool contains_any(std::span<const PositionPair> edges) const;
 
+  /// From now on it contains every edge between two of all positions that were given here: others
+  /// may have edges between them that nobody here has heard of.
+  void freeze(std::span<const uint32_t> positions);
+  bool was_frozen(uint32_t position) const {
+    return position < was_frozen_.size() && was_frozen_[position] != 0;
+  }
+
+  /// Calls visit(PositionPair) for each edge that was inserted, in that order.
+  template <typename Visit>
+  void for_each(const Visit& visit) const {
+    for (const uint64_t key : edges_.keys())
+      visit(PositionPair{static_cast<uint32_t>(key >> 32), static_cast<uint32_t>(key)});
+  }
+
  private:
   Interner<uint64_t, IntegerHash> edges_;
+  std::vector<uint8_t> was_frozen_;  // by position id, as far as any was
 };
 
 /// The edges of a group of clusters between two locked positions, once for each triangle.

@@ -16,19 +16,12 @@ namespace {
 // Beyond this the square of a distance overflows in selection's 32-bit arithmetic.
 constexpr float kLargestCoordinate = 1e18f;
 
-float simplification_scale(const Aabb& box) {
-  const Vec3 size = box.max - box.min;
-  const float extent = std::max({size.x, size.y, size.z});
-  // Ordinary meshes are left alone: scaling could underflow their smallest coordinates.
-  if (extent == 0.0f || (extent > 1e-6f && extent < 1e6f)) return 1.0f;
-  // What is smaller still than the largest power of two can scale is as large as that makes it.
-  return std::ldexp(1.0f, std::min(-std::ilogb(extent), 126));
-}
-
 // Where vertices have nothing but a position, welding has left one at each.
-std::vector<uint32_t> find_position_ids(const Mesh& mesh) {
-  const bool only_positions = mesh.normals.empty() && mesh.tangents.empty() && mesh.uvs.empty() &&
-                              mesh.colors.empty() && mesh.materials.empty() && mesh.extras.empty();
+std::vector<uint32_t> find_position_ids(const Source& source) {
+  const Mesh& mesh = source.mesh;
+  const bool only_positions = source.vertex_materials.empty() && mesh.normals.empty() &&
+                              mesh.tangents.empty() && mesh.uvs.empty() && mesh.colors.empty() &&
+                              mesh.materials.empty() && mesh.extras.empty();
   if (!only_positions) return position_ids(mesh.positions);
   std::vector<uint32_t> ids;
   reserve_big(ids, mesh.positions.size());
@@ -59,6 +52,15 @@ void permute_extras(Mesh& mesh, const std::vector<uint32_t>& from) {
 
 }  // namespace
 
+float simplification_scale(const Aabb& box) {
+  const Vec3 size = box.max - box.min;
+  const float extent = std::max({size.x, size.y, size.z});
+  // Ordinary meshes are left alone: scaling could underflow their smallest coordinates.
+  if (extent == 0.0f || (extent > 1e-6f && extent < 1e6f)) return 1.0f;
+  // What is smaller still than the largest power of two can scale is as large as that makes it.
+  return std::ldexp(1.0f, std::min(-std::ilogb(extent), 126));
+}
+
 Source make_source(const MeshView& input, const BuildOptions& options) {
   Source source;
   source.mesh = weld(input, options);
@@ -68,9 +70,6 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
     if (!mesh.triangles.empty() && std::fabs(c) > kLargestCoordinate)
       throw Error(ErrorCode::kInvalidMesh, "coordinate " + std::to_string(c) +
                                                " is too large: the limit is 1e18 in magnitude");
-  source.position_ids = find_position_ids(mesh);
-  for (uint32_t v = 0; v < source.position_ids.size(); ++v)
-    source.has_wedges |= source.position_ids[v] != v;
   if (!mesh.triangles.empty()) source.scale = simplification_scale(box);
 
   if (std::any_of(mesh.materials.begin(), mesh.materials.end(),
@@ -78,13 +77,21 @@ Source make_source(const MeshView& input, const BuildOptions& options) {
     source.vertex_materials.resize(mesh.positions.size());
     for (size_t i = 0; i < mesh.triangles.size(); ++i)
       for (uint32_t v : mesh.triangles[i]) source.vertex_materials[v] = mesh.materials[i];
-    source.several_materials.resize(mesh.positions.size(), 0);
-    for (size_t v = 0; v < mesh.positions.size(); ++v) {
-      const uint32_t p = source.position_ids[v];
-      if (source.vertex_materials[v] != source.vertex_materials[p]) source.several_materials[p] = 1;
-    }
   }
+  find_shared_positions(source);
   return source;
+}
+
+void find_shared_positions(Source& source) {
+  source.position_ids = find_position_ids(source);
+  for (uint32_t v = 0; v < source.position_ids.size(); ++v)
+    source.has_wedges |= source.position_ids[v] != v;
+  if (source.vertex_materials.empty()) return;
+  source.several_materials.resize(source.position_ids.size(), 0);
+  for (size_t v = 0; v < source.position_ids.size(); ++v) {
+    const uint32_t p = source.position_ids[v];
+    if (source.vertex_materials[v] != source.vertex_materials[p]) source.several_materials[p] = 1;
+  }
 }
 
 void append_vertex(Mesh& to, const Mesh& from, uint32_t vertex) {
@@ -126,7 +133,7 @@ uint32_t append_vertices(Source& source, const AddedVertices& added) {
   return first;
 }
 
-void order_vertices(Source& source, ClusterSet& clusters) {
+BigVector<uint32_t> order_vertices(Source& source, ClusterSet& clusters) {
   const size_t count = source.mesh.positions.size();
   BigVector<uint32_t> number(count, kNone);
   std::vector<uint32_t> from;
@@ -149,12 +156,15 @@ void order_vertices(Source& source, ClusterSet& clusters) {
   permute(source.several_materials, from);
   permute(source.position_ids, from);
   for (uint32_t& id : source.position_ids) id = number[id];
+  return number;
 }
 
-size_t settle_source(Source& source, const ClusterSet& clusters) {
+size_t settle_source(Source& source, const ClusterSet& clusters, std::span<const uint32_t> frozen,
+                     std::vector<PositionPair>* undecided) {
   source.mesh.triangles = {};
-  ClusterTopology topology = cluster_topology(clusters, source.position_ids);
+  ClusterTopology topology = cluster_topology(clusters, source.position_ids, frozen);
   source.non_manifold_components = std::move(topology.non_manifold_components);
+  if (undecided != nullptr) *undecided = std::move(topology.undecided);
   return topology.degenerate_triangles;
 }
 

@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
+#include "base/big_vector.hpp"
 #include "lod/dag/cluster_set.hpp"
+#include "lod/dag/topology.hpp"
 #include "umbel/lod/build.hpp"
 
 namespace umbel::lod {
@@ -45,15 +48,26 @@ void append_vertex(Mesh& to, const Mesh& from, uint32_t vertex);
 /// where there would be too many.
 uint32_t append_vertices(Source& source, const AddedVertices& added);
 
+/// Source::scale of a mesh with this box.
+float simplification_scale(const Aabb& box);
+
 /// Welds and prepares a valid mesh, without its non-manifold components.
 Source make_source(const MeshView& mesh, const BuildOptions& options);
 
+/// Finds what follows from the mesh's vertices: position ids, and with `vertex_materials` where
+/// several meet.
+void find_shared_positions(Source& source);
+
 /// Renumbers vertices in the order in which `clusters` use them, so that neighbours are near
-/// each other in memory. The mesh's triangles are not.
-void order_vertices(Source& source, ClusterSet& clusters);
+/// each other in memory. The mesh's triangles are not. Returns the new numbers.
+BigVector<uint32_t> order_vertices(Source& source, ClusterSet& clusters);
 
 /// Finds the non-manifold components of the surface in `clusters`, and frees the mesh's
-/// triangles. Returns how many are degenerate.
-size_t settle_source(Source& source, const ClusterSet& clusters);
+/// triangles. Returns how many are degenerate. Whether an edge between two `frozen` positions is
+/// manifold, nobody knows who has not all triangles: such edges join nothing, and what is here of
+/// those that are doubtful, as directed edges, goes to `undecided`.
+size_t settle_source(Source& source, const ClusterSet& clusters,
+                     std::span<const uint32_t> frozen = {},
+                     std::vector<PositionPair>* undecided = nullptr);
 
 }  // namespace umbel::lod

@@ -30,6 +30,7 @@ struct Candidate {
 struct Allowance {
   bool locked_edges = true;              ///< new edges between locked vertices
   bool last_resort = false;              ///< SimplifyMethod::kSloppy
+  bool new_positions = true;             ///< positions that the group does not have
   const LockedEdgeSet* taken = nullptr;  ///< edges that others have; the caller checks the rest
 };
 

@@ -35,8 +35,8 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   Simplified result;
   bool by_caller = false;
   if (best.triangles.size() > target) {
-    by_caller =
-        decimate_ && decimate_by_caller(decimate_, target, worthwhile, group_, check_, best);
+    by_caller = decimate_ && allow.new_positions &&
+                decimate_by_caller(decimate_, target, worthwhile, group_, check_, best);
     result.limiting_factor = by_caller ? LimitingFactor::kCaller : try_methods(target, good, best);
   }
   if (!best.valid || best.triangles.size() > worthwhile) return result;
@@ -53,7 +53,8 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.added = std::move(best.added);
   result.mesh = sub_mesh_of(best, result.added);
   add_refitted(group_, best, result);
-  if (config.keep_area && !by_caller && best.triangles.size() < group_.triangles.size())
+  if (config.keep_area && allow.new_positions && !by_caller &&
+      best.triangles.size() < group_.triangles.size())
     keep_area(group_, components_, collapse_.area(), result);
   return result;
 }
