@@ -1,0 +1,89 @@
+// Units that are built apart, through files, are one sound DAG whatever the order.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "scale/parts.hpp"
+#include "scale/tiers.hpp"
+#include "umbel/lod.hpp"
+
+namespace umbel::scale::testing {
+namespace {
+
+struct Built {
+  lod::Dag dag;
+  uint32_t tiers = 0;
+  size_t first_units = 0;
+};
+
+Built build(const Mesh& mesh, uint64_t capacity, bool reversed = false, lod::Config config = {}) {
+  const umbel::testing::Scratch scratch;
+  const io::MeshSource source(mesh.view(), {0, 0, 0}, "mesh");
+  Built built;
+  const auto run = [&](std::span<const Task> tasks) {
+    if (built.tiers++ == 0) built.first_units = tasks.size();
+    std::vector<Task> order(tasks.begin(), tasks.end());
+    if (reversed) std::reverse(order.begin(), order.end());
+    for (const Task& task : order) run_task(scratch / ".", task);
+  };
+  ScaleConfig scale;
+  scale.capacity = capacity;
+  built.dag = build_in_tiers(source, config, scale, scratch / ".", run);
+  return built;
+}
+
+void expect_sound(const Mesh& mesh, const lod::Dag& dag) {
+  lod::VerifyConfig config;
+  config.source_triangles = mesh.triangles.size();
+  config.source_digest = triangle_set_digest(mesh.view());
+  const lod::VerifyReport report =
+      lod::verify(dag.tables, [&](uint32_t c) { return dag.geometry(c); }, config);
+  EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+}
+
+bool same(const lod::Dag& a, const lod::Dag& b) {
+  return a.tables.groups == b.tables.groups && a.tables.clusters == b.tables.clusters &&
+         a.tables.nodes == b.tables.nodes && a.cluster_vertices == b.cluster_vertices &&
+         a.cluster_triangles == b.cluster_triangles && a.vertices.positions == b.vertices.positions;
+}
+
+std::vector<std::pair<std::string, Mesh>> meshes() {
+  return {{"terrain", shapes::terrain(90, 90, 1)},   {"blob", shapes::blob(5, 2)},
+          {"moebius", shapes::moebius(600, 8)},      {"fan", shapes::fan(5000)},
+          {"soup", shapes::soup(6000, 3)},           {"tetrahedra", shapes::tetrahedra(2000)},
+          {"rich", rich(shapes::terrain(70, 70, 5))}};
+}
+
+TEST(Tiers, EveryMeshIsSoundAndTheSameInAnyOrder) {
+  for (const auto& [name, mesh] : meshes()) {
+    SCOPED_TRACE(name);
+    const Built built = build(mesh, 1500);
+    EXPECT_GT(built.first_units, 2u);
+    EXPECT_GT(built.tiers, 1u);
+    expect_sound(mesh, built.dag);
+    EXPECT_TRUE(same(built.dag, build(mesh, 1500, true).dag));
+  }
+}
+
+TEST(Tiers, OneUnitIsWhatBuildMakes) {
+  for (const auto& [name, mesh] : meshes()) {
+    SCOPED_TRACE(name);
+    const Built built = build(mesh, 1u << 20);
+    EXPECT_EQ(built.tiers, 1u);
+    const lod::Dag whole = lod::build(mesh.view());
+    EXPECT_EQ(built.dag.tables.groups, whole.tables.groups);
+    EXPECT_EQ(built.dag.tables.clusters, whole.tables.clusters);
+  }
+}
+
+TEST(Tiers, RefusesWhatNeedsTheWholeMesh) {
+  lod::Config config;
+  config.measured_error = true;
+  EXPECT_THROW(build(shapes::blob(3, 1), 300, false, config), Error);
+}
+
+}  // namespace
+}  // namespace umbel::scale::testing
