@@ -6,6 +6,7 @@
 #include <map>
 
 #include "bind.hpp"
+#include "io/source/coherent.hpp"
 #include "io/source/face_table.hpp"
 #include "io/source/mesh_source.hpp"
 #include "io/source/obj_tables.hpp"
@@ -79,6 +80,26 @@ class HeldMesh final : public io::TriangleSource {
   MeshArrays arrays_;
   io::MeshSource source_;
 };
+
+/// Puts parts in order whose triangles jump about; gives how many. Files have names that begin with
+/// `prefix`.
+size_t put_in_order(io::TableLayout& layout, const std::filesystem::path& prefix,
+                    uint64_t least_bytes, uint64_t block) {
+  const nb::gil_scoped_release release;
+  io::CoherenceConfig config;
+  config.least_bytes = least_bytes;
+  config.block = block;
+  size_t moved = 0;
+  for (size_t part = 0; part < layout.parts.size(); ++part) {
+    if (!io::is_incoherent(layout, layout.parts[part], config)) continue;
+    std::filesystem::create_directories(prefix.parent_path());
+    std::filesystem::path own = prefix;
+    const size_t before = layout.parts.size();
+    io::make_coherent(layout, part, own += std::to_string(moved++), config);
+    part += layout.parts.size() - before;
+  }
+  return moved;
+}
 
 /// Appends the tables of a file to a layout: the part, by its columns' names, is for add_part.
 Dict add_obj(io::TableLayout& layout, const std::filesystem::path& path, const std::string& name,
@@ -220,6 +241,9 @@ void bind_source(nb::module_& module) {
             return static_cast<uint32_t>(self.tables.size() - 1);
           },
           "file"_a, "offset"_a, "stride"_a, "rows"_a, "big_endian"_a = false)
+      .def("put_in_order", &put_in_order, "prefix"_a, "least_bytes"_a,
+           "block"_a = io::kBlockTriangles,
+           "Sorts the vertices of meshes whose triangles jump about among them.")
       .def("add_obj", &add_obj, "path"_a, "name"_a, "prefix"_a,
            "Writes an OBJ file as tables, and adds those.")
       .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,

@@ -9,24 +9,21 @@
 
 namespace umbel::io {
 
-/// Calls take(rows, first, begin, end): `rows` are bytes of row `first` and on, which hold the rows
-/// ids[begin] to ids[end - 1]. `ids` rise.
+/// Calls take(begin, end, bytes) for runs of rows ids[begin] to ids[end - 1] that are best read at
+/// once, and how many bytes that is. `ids` rise; `row_end` bytes of a row are needed.
 template <typename Take>
-void for_rows(const InputFile& file, const Table& table, uint64_t row_end,
-              std::span<const uint32_t> ids, const Take& take) {
+void for_runs(const Table& table, uint64_t row_end, std::span<const uint32_t> ids,
+              const Take& take) {
   // One read costs about as much as copying this much.
   constexpr uint64_t kGap = uint64_t{1} << 14;
   constexpr uint64_t kMost = uint64_t{1} << 20;
-  std::vector<std::byte> bytes;
   for (size_t begin = 0; begin < ids.size();) {
     size_t end = begin + 1;
     const auto span_to = [&](size_t k) { return (ids[k] - ids[begin]) * table.stride + row_end; };
     while (end < ids.size() && (ids[end] - ids[end - 1]) * table.stride <= kGap &&
            span_to(end) <= kMost)
       ++end;
-    bytes.resize(span_to(end - 1));
-    file.read(table.offset + ids[begin] * table.stride, bytes);
-    take(static_cast<const std::byte*>(bytes.data()), ids[begin], begin, end);
+    take(begin, end, span_to(end - 1));
     begin = end;
   }
 }
@@ -37,17 +34,19 @@ void gather(const InputFile& file, const Table& table, const Column& column,
             std::span<const uint32_t> ids, std::vector<Out>& out) {
   const size_t width = column.offsets.size(), base = out.size();
   out.resize(base + ids.size() * width);
-  for_rows(file, table, column.end(), ids,
-           [&](const std::byte* rows, uint32_t first, size_t begin, size_t end) {
-             with_type(column.type, [&]<typename T>(T) {
-               for (size_t k = 0; k < width; ++k)
-                 for (size_t i = begin; i < end; ++i) {
-                   const std::byte* row = rows + (ids[i] - first) * table.stride;
-                   out[base + i * width + k] = converted<Out>(
-                       load_scalar<T>(row + column.offsets[k], table.big_endian), column);
-                 }
-             });
-           });
+  std::vector<std::byte> bytes;
+  for_runs(table, column.end(), ids, [&](size_t begin, size_t end, uint64_t size) {
+    bytes.resize(size);
+    file.read(table.offset + ids[begin] * table.stride, bytes);
+    with_type(column.type, [&]<typename T>(T) {
+      for (size_t k = 0; k < width; ++k)
+        for (size_t i = begin; i < end; ++i) {
+          const std::byte* row = bytes.data() + (ids[i] - ids[begin]) * table.stride;
+          out[base + i * width + k] =
+              converted<Out>(load_scalar<T>(row + column.offsets[k], table.big_endian), column);
+        }
+    });
+  });
 }
 
 /// The same of the rows [begin, end).

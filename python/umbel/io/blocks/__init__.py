@@ -20,6 +20,11 @@ from umbel.io.coordinates import sidecar
 
 __all__ = ["Source", "open_source"]
 
+#: Vertices of fewer bytes are read again and again where triangles jump about among them.
+_LEAST_BYTES = 256 << 20
+#: Triangles that are mostly read at once.
+_BLOCK = 1 << 20
+
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
@@ -40,7 +45,8 @@ def open_source(source: Paths | Iterable[Any], work: str | os.PathLike[str]) -> 
 
     Binary PLY and STL and uncompressed glTF are read where they are. All else is written once to
     tables in the folder `work`, which must stay: OBJ and iterables in little memory; text of the
-    other formats, packed, compressed and skinned files as a whole, so those must fit into memory.
+    other formats, packed, compressed and skinned files as a whole, so those must fit into memory;
+    large meshes whose triangles jump about among their vertices.
     """
     layout = Layout(Path(work))
     if isinstance(source, (str, os.PathLike)):
@@ -55,7 +61,9 @@ def open_source(source: Paths | Iterable[Any], work: str | os.PathLike[str]) -> 
         coordinates = coordinates or _add(layout, file)
     if files is not None and not files:
         raise Error("there are no files to read")
-    triangles = _umbel.TableSource(layout.finished())
+    native = layout.finished()
+    native.put_in_order(layout.work / "sorted_", _LEAST_BYTES, _BLOCK)
+    triangles = _umbel.TableSource(native)
     return Source(triangles, layout.materials, coordinates, files or [])
 
 

@@ -94,6 +94,22 @@ def test_large_formats_are_read_where_they_are(
     check_same(source, umbel.load(path))
 
 
+@pytest.mark.parametrize("kind", ["terrain", "city"])
+def test_meshes_in_random_order_are_sorted_once(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("umbel.io.blocks._LEAST_BYTES", 0)
+    monkeypatch.setattr("umbel.io.blocks._BLOCK", 4000)
+    path, work = tmp_path / "a.ply", tmp_path / "work"
+    giant.write(giant.make(kind, 200_000, shuffled=True, seams=kind == "city"), path)
+    source = open_source(path, work)
+    assert {p.suffix for p in work.iterdir()} == {".indices", ".rows0"}
+    check_same(source, umbel.load(path))
+    giant.write(giant.make(kind, 200_000), path)
+    open_source(path, tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
 def test_any_block_size_gives_the_same(tmp_path: Path) -> None:
     giant.write(giant.city(5000, seams=True, shuffled=True), tmp_path / "a.ply")
     source = open_source(tmp_path / "a.ply", tmp_path)
