@@ -113,13 +113,16 @@ void measure(const std::string& path, int runs) {
   std::vector<Part> chunks(dag.tables.groups.size());
   uint64_t triangles = 0, vertices = 0, bytes = 0;
   const double writing = median_seconds(runs, [&] {
-    for (uint32_t g = 0; g < chunks.size(); ++g)
+    for (uint32_t g = 0; g < chunks.size(); ++g) {
+      const asset::GroupView group = asset::group_of(dag, g);
       chunks[g].bytes =
-          asset::encode_chunk({dag, format, box}, g, asset::children_of(dag.tables, g));
+          asset::encode_chunk({format, box}, group, asset::children_of(group.clusters));
+    }
   });
   for (uint32_t g = 0; g < chunks.size(); ++g) {
     Part& chunk = chunks[g];
-    const auto children = static_cast<uint32_t>(asset::children_of(dag.tables, g).size());
+    const auto children =
+        static_cast<uint32_t>(asset::children_of(asset::group_of(dag, g).clusters).size());
     chunk.tables = asset::decode_tables(format, box, dag.tables.groups[g].clusters.count, children,
                                         chunk.bytes);
     bytes += chunk.bytes.size();

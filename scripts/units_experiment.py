@@ -58,7 +58,8 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--capacity", type=int, default=4096)
     parser.add_argument("--only", default="")
-    parser.add_argument("--most", type=int, default=0, help="leave out meshes of more triangles")
+    parser.add_argument("--least", type=int, default=0, help="leave out meshes of fewer triangles")
+    parser.add_argument("--most", type=int, default=1 << 32, help="and of more")
     root = Path(__file__).resolve().parent.parent
     parser.add_argument("--program", type=Path, default=root / "build/release/bench/units_check")
     args = parser.parse_args()
@@ -74,7 +75,7 @@ def main() -> int:
             except umbel.Error as error:
                 print(f"{path.name}: not read: {error}", flush=True)
                 continue
-            if args.most and len(mesh.triangles) > args.most:
+            if not args.least <= len(mesh.triangles) <= args.most:
                 continue
             write_raw(mesh, raw)
             lines = lines_of(args.program, raw, args.capacity)

@@ -52,6 +52,14 @@ void for_each_array(UnitSummary& summary, Visit& visit) {
   visit(summary.next_level), visit(summary.triangles), visit(summary.report);
 }
 
+// Enough cells for planes between them to come near enough, and no more for a small mesh.
+uint32_t resolution_of(uint64_t triangles) {
+  uint32_t resolution = 32;
+  while (resolution < 256 && uint64_t{resolution} * resolution * resolution < 64 * triangles)
+    resolution *= 2;
+  return resolution;
+}
+
 fs::path tier_folder(const fs::path& work, uint32_t tier) {
   return work / ("t" + std::to_string(tier));
 }
@@ -119,7 +127,8 @@ class Tiers {
     dag_.source_digest = digest(source_, rule, 0, source_.triangles());
     dag_.report.input_triangles = triangles_;
     const Aabb box = box_of(summary, rule);
-    partition_ = build_partition(source_, rule, box, {.capacity = scale_.capacity});
+    partition_ = build_partition(
+        source_, rule, box, {.capacity = scale_.capacity, .resolution = resolution_of(triangles_)});
     make_folders(work_, 0);
     const auto files =
         route(source_, partition_, {rule, scale_.capacity}, tier_folder(work_, 0) / "route");
@@ -192,7 +201,9 @@ class Tiers {
 
   // By their clusters' places.
   Partition partition_of_exits(uint32_t units) const {
-    PartitionBuilder builder(plan_.tier[0].box, {.capacity = scale_.capacity, .tier = tier_ + 1});
+    PartitionBuilder builder(
+        plan_.tier[0].box,
+        {.capacity = scale_.capacity, .tier = tier_ + 1, .resolution = resolution_of(triangles_)});
     while (!builder.is_done()) {
       CellCounts counts = builder.empty_counts();
       for (uint32_t u = 0; u < units; ++u) {

@@ -13,15 +13,15 @@ namespace {
 
 constexpr uint16_t kNoReference = 0xffff;
 
-std::span<const uint32_t> vertices_of(const lod::Dag& dag, uint32_t cluster) {
-  return std::span(dag.cluster_vertices)
-      .subspan(dag.vertex_offsets[cluster],
-               dag.vertex_offsets[cluster + 1] - dag.vertex_offsets[cluster]);
+std::span<const uint32_t> vertices_of(const GroupView& group, uint32_t cluster) {
+  return group.cluster_vertices.subspan(
+      group.vertex_offsets[cluster],
+      group.vertex_offsets[cluster + 1] - group.vertex_offsets[cluster]);
 }
 
-std::span<const uint8_t> triangles_of(const lod::Dag& dag, uint32_t cluster) {
-  const size_t first = dag.triangle_offsets[cluster], last = dag.triangle_offsets[cluster + 1];
-  return std::span(dag.cluster_triangles).subspan(3 * first, 3 * (last - first));
+std::span<const uint8_t> triangles_of(const GroupView& group, uint32_t cluster) {
+  const size_t first = group.triangle_offsets[cluster], last = group.triangle_offsets[cluster + 1];
+  return group.cluster_triangles.subspan(3 * first, 3 * (last - first));
 }
 
 std::vector<ComponentRange> ranges_of(uint32_t stride, std::span<const int32_t> values) {
@@ -45,18 +45,17 @@ struct Integers {
   size_t vertices = 0;
 };
 
-Integers quantize_group(const EncodedMesh& mesh, const Range& clusters) {
-  const lod::Dag& dag = mesh.dag;
-  const VertexFormat& format = mesh.format;
+Integers quantize_group(const ChunkFormat& mesh, const GroupView& group) {
+  const VertexFormat& format = mesh.vertices;
   Integers all;
-  for (uint32_t i = 0; i < clusters.count; ++i) {
+  for (uint32_t i = 0; i < group.clusters.size(); ++i) {
     all.first.push_back(all.vertices * components(format));
-    all.vertices += vertices_of(dag, clusters.offset + i).size();
+    all.vertices += vertices_of(group, i).size();
   }
   all.values.resize(all.vertices * components(format));
-  for (uint32_t i = 0; i < clusters.count; ++i) {
-    const auto mine = vertices_of(dag, clusters.offset + i);
-    quantize(format, dag.vertices, mine,
+  for (uint32_t i = 0; i < group.clusters.size(); ++i) {
+    const auto mine = vertices_of(group, i);
+    quantize(format, group.vertices, mine,
              std::span(all.values).subspan(all.first[i], mine.size() * components(format)));
   }
   if (format.attributes.back().attribute == kMaterial)
@@ -67,25 +66,25 @@ Integers quantize_group(const EncodedMesh& mesh, const Range& clusters) {
 
 class GroupEncoder {
  public:
-  GroupEncoder(const EncodedMesh& mesh, uint32_t group, std::vector<std::byte>& chunk)
-      : dag_(mesh.dag),
-        format_(mesh.format),
-        integers_(quantize_group(mesh, dag_.tables.groups[group].clusters)),
+  GroupEncoder(const ChunkFormat& mesh, const GroupView& group, std::vector<std::byte>& chunk)
+      : group_(group),
+        format_(mesh.vertices),
+        integers_(quantize_group(mesh, group)),
         ranges_(ranges_of(components(format_), integers_.values)),
         shared_(integers_.vertices),
         chunk_(chunk) {}
 
   const std::vector<ComponentRange>& ranges() const { return ranges_; }
 
-  void encode(uint32_t cluster, size_t index) {
+  void encode(uint32_t cluster) {
     BitWriter out(chunk_);
-    const std::span<const uint32_t> vertices = vertices_of(dag_, cluster);
-    const Traversal traversal =
-        encode_triangles(triangles_of(dag_, cluster), static_cast<uint32_t>(vertices.size()), out);
+    const std::span<const uint32_t> vertices = vertices_of(group_, cluster);
+    const Traversal traversal = encode_triangles(triangles_of(group_, cluster),
+                                                 static_cast<uint32_t>(vertices.size()), out);
     const uint32_t stride = components(format_);
     ids_.resize(vertices.size());
     ordered_.resize(vertices.size() * stride);
-    const int32_t* const integers = integers_.values.data() + integers_.first[index];
+    const int32_t* const integers = integers_.values.data() + integers_.first[cluster];
     for (size_t v = 0; v < vertices.size(); ++v) {
       ids_[v] = vertices[traversal.vertices[v]];
       std::copy_n(integers + size_t{traversal.vertices[v]} * stride, stride,
@@ -97,7 +96,7 @@ class GroupEncoder {
   }
 
  private:
-  const lod::Dag& dag_;
+  const GroupView& group_;
   const VertexFormat& format_;
   Integers integers_;
   std::vector<ComponentRange> ranges_;
@@ -108,7 +107,7 @@ class GroupEncoder {
 };
 
 void write_record(ByteWriter& out, const lod::Cluster& cluster, uint32_t end, uint16_t reference,
-                  const EncodedMesh& mesh) {
+                  const ChunkFormat& mesh) {
   out.u32(end);
   out.u16(static_cast<uint16_t>((cluster.vertex_count - 1) | (cluster.triangle_count - 1) << 8));
   out.u16(reference);
@@ -118,11 +117,24 @@ void write_record(ByteWriter& out, const lod::Cluster& cluster, uint32_t end, ui
 
 }  // namespace
 
-std::vector<uint32_t> children_of(const lod::Tables& tables, uint32_t group) {
+GroupView group_of(const lod::Dag& dag, uint32_t group) {
+  const Range range = dag.tables.groups[group].clusters;
+  const auto offsets = [&](const std::vector<uint32_t>& of_all) {
+    return std::span(of_all).subspan(range.offset, size_t{range.count} + 1);
+  };
+  return {group,
+          std::span(dag.tables.clusters).subspan(range.offset, range.count),
+          offsets(dag.vertex_offsets),
+          offsets(dag.triangle_offsets),
+          dag.cluster_vertices,
+          dag.cluster_triangles,
+          dag.vertices};
+}
+
+std::vector<uint32_t> children_of(std::span<const lod::Cluster> clusters) {
   std::vector<uint32_t> children;
-  const Range& range = tables.groups[group].clusters;
-  for (uint32_t c = range.offset; c < range.offset + range.count; ++c) {
-    const uint32_t child = tables.clusters[c].generating_group;
+  for (const lod::Cluster& cluster : clusters) {
+    const uint32_t child = cluster.generating_group;
     // Clusters made from the same group stand together.
     if (child == kNone || (!children.empty() && children.back() == child)) continue;
     if (std::find(children.begin(), children.end(), child) == children.end())
@@ -131,21 +143,20 @@ std::vector<uint32_t> children_of(const lod::Tables& tables, uint32_t group) {
   return children;
 }
 
-std::vector<std::byte> encode_chunk(const EncodedMesh& mesh, uint32_t group,
+std::vector<std::byte> encode_chunk(const ChunkFormat& format, const GroupView& group,
                                     std::span<const uint32_t> children) {
-  const Range range = mesh.dag.tables.groups[group].clusters;
   const uint64_t tables_at = kReferenceBytes * children.size();
-  std::vector<std::byte> chunk(tables_at + kComponentBytes * components(mesh.format) +
-                               kClusterRecordBytes * range.count);
-  GroupEncoder encoder(mesh, group, chunk);
+  std::vector<std::byte> chunk(tables_at + kComponentBytes * components(format.vertices) +
+                               kClusterRecordBytes * group.clusters.size());
+  GroupEncoder encoder(format, group, chunk);
   std::vector<uint32_t> ends;
-  for (uint32_t i = 0; i < range.count; ++i) {
-    encoder.encode(range.offset + i, i);
+  for (uint32_t i = 0; i < group.clusters.size(); ++i) {
+    encoder.encode(i);
     ends.push_back(static_cast<uint32_t>(chunk.size()));
   }
   // A cluster has at most 256 vertices; only the number of clusters is free.
   if (chunk.size() >= std::numeric_limits<uint32_t>::max() / 2)
-    throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group) + " takes " +
+    throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group.number) + " takes " +
                                                  std::to_string(chunk.size()) +
                                                  " bytes, but a group may take 2 GiB");
   chunk.resize(aligned(chunk.size(), kChunkAlignment));
@@ -155,12 +166,12 @@ std::vector<std::byte> encode_chunk(const EncodedMesh& mesh, uint32_t group,
     out.u32(static_cast<uint32_t>(component.lowest));
     out.u32(component.bits);
   }
-  for (uint32_t i = 0; i < range.count; ++i) {
-    const lod::Cluster& cluster = mesh.dag.tables.clusters[range.offset + i];
+  for (uint32_t i = 0; i < group.clusters.size(); ++i) {
+    const lod::Cluster& cluster = group.clusters[i];
     const auto child = std::find(children.begin(), children.end(), cluster.generating_group);
     const auto reference =
         child == children.end() ? kNoReference : static_cast<uint16_t>(child - children.begin());
-    write_record(out, cluster, ends[i], reference, mesh);
+    write_record(out, cluster, ends[i], reference, format);
   }
   return chunk;
 }

@@ -17,20 +17,31 @@ inline constexpr uint64_t kReferenceBytes = 32, kComponentBytes = 8, kClusterRec
 inline constexpr uint32_t kMaxReferences = 0xffff;
 inline constexpr uint64_t kChunkAlignment = 8;
 
-/// A mesh and its vertex format, as its groups' chunks need them.
-struct EncodedMesh {
-  const lod::Dag& dag;
-  const VertexFormat& format;
-  const Aabb& bounds;           ///< of all its clusters
+/// What the chunks of all groups of a mesh depend on.
+struct ChunkFormat {
+  const VertexFormat& vertices;
+  const Aabb& bounds;           ///< of all clusters of the mesh
   uint32_t first_material = 0;  ///< added to its material numbers
 };
 
-/// The distinct groups that a group's clusters were made from, in the order in which they occur.
-std::vector<uint32_t> children_of(const lod::Tables& tables, uint32_t group);
+/// A group and its clusters, wherever they are kept.
+struct GroupView {
+  uint32_t number;  ///< for errors
+  std::span<const lod::Cluster> clusters;
+  std::span<const uint32_t> vertex_offsets;    ///< clusters + 1, into `cluster_vertices`
+  std::span<const uint32_t> triangle_offsets;  ///< clusters + 1, in triangles
+  std::span<const uint32_t> cluster_vertices;  ///< of `vertices`
+  std::span<const uint8_t> cluster_triangles;  ///< 3 a triangle
+  const Mesh& vertices;
+};
+GroupView group_of(const lod::Dag& dag, uint32_t group);
 
-/// The chunk of `group`, a multiple of kChunkAlignment long. Its references are zero until the
-/// writer knows their pages and calls write_reference. The DAG has been checked.
-std::vector<std::byte> encode_chunk(const EncodedMesh& mesh, uint32_t group,
+/// The distinct groups that a group's clusters were made from, in the order in which they occur.
+std::vector<uint32_t> children_of(std::span<const lod::Cluster> clusters);
+
+/// The chunk of a group, a multiple of kChunkAlignment long. Its references are zero until the
+/// writer knows their pages and calls write_reference. The group has been checked.
+std::vector<std::byte> encode_chunk(const ChunkFormat& format, const GroupView& group,
                                     std::span<const uint32_t> children);
 void write_reference(std::span<std::byte> chunk, size_t index, const GroupRef& reference);
 

@@ -188,7 +188,7 @@ class Writer {
 
     std::vector<GroupLocation>& locations = locations_.emplace_back(entry.mesh.groups);
     for (uint32_t g = 0; g < entry.mesh.groups; ++g) {
-      locations[g].children = children_of(dag.tables, g);
+      locations[g].children = children_of(group_of(dag, g).clusters);
       if (locations[g].children.size() > kMaxReferences)
         refuse("group " + std::to_string(g) + " was made from " +
                std::to_string(locations[g].children.size()) + " groups, but at most 65535 can be");
@@ -236,9 +236,10 @@ class Writer {
                        "writing");
       parallel_for(std::min(kBatch, encoded_.size() - begin), 1, [&](size_t i) {
         EncodedGroup& group = encoded_[begin + i];
-        const EncodedMesh mesh{*contents_.meshes[group.mesh], formats_[group.mesh],
-                               header_.meshes[group.mesh].mesh.bounds, first_material(group.mesh)};
-        group.chunk = encode_chunk(mesh, group.id, locations_[group.mesh][group.id].children);
+        const ChunkFormat format{formats_[group.mesh], header_.meshes[group.mesh].mesh.bounds,
+                                 first_material(group.mesh)};
+        group.chunk = encode_chunk(format, group_of(*contents_.meshes[group.mesh], group.id),
+                                   locations_[group.mesh][group.id].children);
       });
     }
   }

@@ -101,7 +101,8 @@ void LevelSimplifier::fit_boxes(ClusterSet& clusters) const {
 
 // Groups may leave nothing behind, where every triangle is degenerate, or where one group is all
 // that is left. A DAG still ends in a root: the first triangle stays, or where it has two sides
-// both, so that a closed surface stays closed. None whose edges another unit may have.
+// both, so that a closed surface stays closed. Where another unit may have the edges of all, the
+// first group waits instead.
 void LevelSimplifier::keep_one_triangle(std::vector<GroupResult>& results) {
   if (std::any_of(results.begin(), results.end(),
                   [](const GroupResult& r) { return !r.simplified.done || r.clusters.size() > 0; }))
@@ -116,6 +117,11 @@ void LevelSimplifier::keep_one_triangle(std::vector<GroupResult>& results) {
       if (kept.empty()) kept = {t};
       if (kept.size() == 1 && !is_degenerate(t)) kept = {t, {t[0], t[2], t[1]}};
     }
+  }
+  if (kept.empty()) {
+    results[0].simplified.done = false;
+    results[0].simplified.limiting_factor = LimitingFactor::kLocked;
+    return;
   }
   SubMesh mesh;
   const auto number = [&](uint32_t v) {

@@ -50,21 +50,29 @@ bool same(const lod::Dag& a, const lod::Dag& b) {
          a.cluster_triangles == b.cluster_triangles && a.vertices.positions == b.vertices.positions;
 }
 
+// All in one place: units share every position, and what is left of pairs is nothing.
+Mesh identical(uint32_t triangles) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  mesh.triangles.assign(triangles, Triangle{0, 1, 2});
+  return mesh;
+}
+
 std::vector<std::pair<std::string, Mesh>> meshes() {
-  return {{"terrain", shapes::terrain(90, 90, 1)},   {"blob", shapes::blob(5, 2)},
-          {"moebius", shapes::moebius(600, 8)},      {"fan", shapes::fan(5000)},
-          {"soup", shapes::soup(6000, 3)},           {"tetrahedra", shapes::tetrahedra(2000)},
-          {"rich", rich(shapes::terrain(70, 70, 5))}};
+  return {{"terrain", shapes::terrain(60, 60, 1)},  {"blob", shapes::blob(4, 2)},
+          {"moebius", shapes::moebius(400, 8)},     {"fan", shapes::fan(5000)},
+          {"soup", shapes::soup(4000, 3)},          {"identical", identical(4000)},
+          {"tetrahedra", shapes::tetrahedra(1000)}, {"rich", rich(shapes::terrain(50, 50, 5))}};
 }
 
 TEST(Tiers, EveryMeshIsSoundAndTheSameInAnyOrder) {
   for (const auto& [name, mesh] : meshes()) {
     SCOPED_TRACE(name);
-    const Built built = build(mesh, 1500);
+    const Built built = build(mesh, 1000);
     EXPECT_GT(built.first_units, 2u);
     EXPECT_GT(built.tiers, 1u);
     expect_sound(mesh, built.dag);
-    EXPECT_TRUE(same(built.dag, build(mesh, 1500, true).dag));
+    EXPECT_TRUE(same(built.dag, build(mesh, 1000, true).dag));
   }
 }
 
