@@ -3,7 +3,12 @@
 //
 //   write_asset("dragon.umbel", lod::build(mesh.view()));
 //   const Asset asset("dragon.umbel");
-//   const auto cut = lod::select_hierarchy(asset.tables(), view);
+//   asset.walk(view, [&](const CutGroup& group) {  // reads the pages that the view needs
+//     const std::vector<lod::ClusterGeometry> all = asset.decode(group.page, group.index);
+//     for (const uint32_t c : group.clusters) draw(all[c]);
+//   });
+//
+//   const auto cut = lod::select_hierarchy(asset.tables(), view);  // reads all tables, once
 //   const lod::ClusterGeometry geometry = asset.geometry(cut[0]);
 //
 // To stream an asset under a budget of bytes, see stream.hpp.
@@ -13,12 +18,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "umbel/lod/build.hpp"
+#include "umbel/lod/select.hpp"
 #include "umbel/lod/verify.hpp"
 
 namespace umbel {
@@ -87,6 +94,30 @@ struct AssetPage {
   std::vector<std::byte> bytes;
 };
 
+/// A group with clusters in the cut that Asset::walk looks for.
+struct CutGroup {
+  const AssetPage& page;
+  uint32_t index;                      ///< the group is page.groups[index]
+  std::span<const uint32_t> clusters;  ///< those in the cut, of page.groups[index].clusters
+};
+/// Gets each group once. The page stays for the call only.
+using CutVisitor = std::function<void(const CutGroup&)>;
+
+struct WalkReport {
+  uint64_t pages = 0;                                ///< read
+  uint64_t cut_pages = 0;                            ///< of these, pages with clusters of the cut
+  uint64_t groups = 0, clusters = 0, triangles = 0;  ///< of the cut
+  float error = 0;  ///< the largest of the groups that the cut stands for, 0 for level 0 alone
+};
+
+/// What all pages together say of a mesh.
+struct MeshSummary {
+  uint64_t triangles = 0;  ///< of all levels
+  uint64_t root_groups = 0, root_clusters = 0, root_triangles = 0;
+  uint32_t max_triangles = 0, max_vertices = 0;  ///< of a cluster
+  uint32_t max_material = 0;
+};
+
 /// How exactly attributes are stored. 0 stores floats unchanged, and so do values out of range
 /// (colours outside [0, 1]). Positions are always exact, and take fewer bits if
 /// lod::Config::position_step snapped them to a grid.
@@ -96,8 +127,8 @@ struct AssetConfig {
   uint32_t color_bits = 8;     ///< of red, green, blue (as sRGB) and alpha, 2..16
   float uv_step = 0x1p-14f;    ///< texture coordinates become multiples of this power of two
   /// Size of a page, the unit of reading: a multiple of 4096, up to 1 GiB. A larger group has a
-  /// page of its own.
-  uint32_t page_bytes = 40 << 10;
+  /// page of its own. 0: 40 KiB, 64 KiB where the file takes over 4 GB, 256 KiB over 16 GB.
+  uint32_t page_bytes = 0;
 
   static AssetConfig exact() { return {0, 0, 0, 0}; }
 };
@@ -149,8 +180,9 @@ UMBEL_API std::shared_ptr<const ByteSource> open_file(const std::filesystem::pat
 UMBEL_API std::shared_ptr<const ByteSource> map_file(const std::filesystem::path& path);
 UMBEL_API std::shared_ptr<const ByteSource> from_memory(std::vector<std::byte> bytes);
 
-/// An open asset. Opening reads only the file header; tables are read when first asked for, and
-/// pages when needed. Safe to use from many threads.
+/// An open asset. Opening reads only the file header, and of a large file not even its table of
+/// pages, which is then read in slices; tables are read when first asked for, and pages when
+/// needed. Safe to use from many threads.
 class UMBEL_API Asset {
  public:
   /// Reads and checks the file header. Throws kIo, kCorrupt, kUnsupported (a newer version).
@@ -174,7 +206,10 @@ class UMBEL_API Asset {
   /// The groups of a mesh that no cluster was made from: a traversal from coarse to fine starts
   /// here.
   std::span<const GroupRef> roots(uint32_t mesh = 0) const;
-  /// Size of a page. Throws kInvalidArgument for a page out of range, as the following do.
+  /// The groups of each level of a mesh, finest first, as the file says.
+  std::span<const Range> levels(uint32_t mesh = 0) const;
+  /// Size of a page. Throws kInvalidArgument for a page out of range, as the following do, and
+  /// kCorrupt where the table of pages is damaged.
   uint32_t page_bytes(uint32_t page) const;
   /// Reads a page. Throws kCorrupt if its checksum does not hold or its contents are impossible.
   AssetPage read_page(uint32_t page) const;
@@ -185,9 +220,21 @@ class UMBEL_API Asset {
   std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
   /// Whether the page's checksum holds.
   bool page_is_whole(uint32_t page) const;
+  /// Whether the whole file header's checksum holds, which opening checks of small files only.
+  bool header_is_whole() const;
+  /// Reads a mesh's hierarchy. Throws kCorrupt if a checksum does not hold.
+  std::vector<lod::Node> nodes(uint32_t mesh = 0) const;
 
-  /// All that selection needs. The first call reads every page. Throws kCorrupt if pages do not fit
-  /// together.
+  /// Finds the cut of a view, without what lies outside the planes, and passes on its groups by
+  /// pages, coarse ones first. It descends from the roots by references, so it reads the pages of
+  /// groups that must be refined and no others, each once, and keeps one at a time. The clusters
+  /// are those of lod::select. Throws what the visitor throws, and kCorrupt where references do not
+  /// lead where they say.
+  WalkReport walk(const lod::View& view, const CutVisitor& visit, uint32_t mesh = 0,
+                  std::span<const Plane> planes = {}) const;
+
+  /// All that selection needs. The first call reads every page, and takes some 45 bytes a cluster:
+  /// see `walk` for large assets. Throws kCorrupt if pages do not fit together.
   const lod::Tables& tables(uint32_t mesh = 0) const;
   /// One cluster, by its number in the mesh's tables. Caches its group for the next call.
   lod::ClusterGeometry geometry(uint32_t cluster, uint32_t mesh = 0) const;
@@ -197,11 +244,50 @@ class UMBEL_API Asset {
   std::unique_ptr<State> state_;
 };
 
+/// The finest view, by error or by camera, that is not finer than `view` and whose cuts have no
+/// more triangles in all instances together (none: each mesh once); the coarsest where none has so
+/// few. As lod::view_for_budget, but descending from the roots, the largest error first, so that it
+/// reads no more pages than the cut needs, each once.
+UMBEL_API lod::View view_for_triangles(const Asset& asset, const lod::View& view,
+                                       uint64_t max_triangles,
+                                       std::span<const Instance> instances = {});
+
+/// Reads every page, one at a time, and counts: one summary a mesh.
+UMBEL_API std::vector<MeshSummary> summarize(const Asset& asset, const BuildOptions& options = {});
+
+/// A cluster of a cut, and where it is: AssetPage::groups[group], of that clusters[cluster].
+struct CutCluster {
+  uint32_t id;  ///< its number in the mesh's tables
+  uint32_t page, group, cluster;
+  uint32_t material;
+  uint32_t triangles;
+  auto operator<=>(const CutCluster&) const = default;
+};
+/// The clusters that a walk finds, by rising id; `report` may be null.
+UMBEL_API std::vector<CutCluster> clusters_of_cut(const Asset& asset, const lod::View& view,
+                                                  uint32_t mesh = 0,
+                                                  std::span<const Plane> planes = {},
+                                                  WalkReport* report = nullptr);
+/// As lod::mesh_of_cut, of clusters by rising id: equal vertices of different clusters become one.
+UMBEL_API Mesh mesh_of_clusters(const Asset& asset, std::span<const CutCluster> cut);
+
 /// Checks every checksum, then every mesh by lod::verify. A file that cannot be opened as an asset
 /// gives a report with checksum_errors, not an exception, unless it does not exist (kIo).
 UMBEL_API lod::VerifyReport verify_asset(const std::filesystem::path& path, uint32_t cuts = 64,
                                          uint32_t seed = 1, const BuildOptions& options = {});
 UMBEL_API lod::VerifyReport verify_asset(const Asset& asset, uint32_t cuts = 64, uint32_t seed = 1,
                                          const BuildOptions& options = {});
+
+/// The same in about so many bytes, however large the asset is: pages are read in order, several
+/// times. All but the random cuts is checked as whole as verify_asset checks it; of each cut it
+/// looks at one window. Throws kInvalidArgument, and says what would do, for less than the tables
+/// of groups take: some 200 bytes a group, a group having some 3500 triangles.
+UMBEL_API lod::VerifyReport verify_asset_within(uint64_t memory_bytes, const Asset& asset,
+                                                uint32_t cuts = 64, uint32_t seed = 1,
+                                                const BuildOptions& options = {});
+UMBEL_API lod::VerifyReport verify_asset_within(uint64_t memory_bytes,
+                                                const std::filesystem::path& path,
+                                                uint32_t cuts = 64, uint32_t seed = 1,
+                                                const BuildOptions& options = {});
 
 }  // namespace umbel

@@ -85,6 +85,54 @@ nb::typed<nb::list, Dict> meshes_of(const Asset& asset) {
         empty ? nb::object(nb::none())
               : nb::object(nb::make_tuple(tuple_of(mesh.bounds.min), tuple_of(mesh.bounds.max)));
     PUT_FIELDS(entry, mesh, source_triangles, source_vertices, source_digest, groups, clusters);
+    entry["levels"] = asset.levels(static_cast<uint32_t>(&mesh - asset.meshes().data())).size();
+    list.append(entry);
+  }
+  return list;
+}
+
+/// A cut as a walk has found it.
+struct FoundCut {
+  uint32_t mesh;
+  std::vector<CutCluster> clusters;
+  WalkReport report;
+};
+
+FoundCut find_cut(const Asset& asset, const lod::View& view, uint32_t mesh,
+                  const std::optional<Rows<float, 4>>& planes) {
+  const nb::gil_scoped_release release;
+  FoundCut found{mesh, {}, {}};
+  found.clusters = clusters_of_cut(asset, view, mesh, rows_of<Plane>(planes), &found.report);
+  return found;
+}
+
+lod::View find_view(const Asset& asset, const lod::View& view, uint64_t triangles,
+                    const Flat<uint32_t>& meshes, const Rows<float, 12>& transforms) {
+  const auto rows = rows_of<std::array<float, 12>>(transforms);
+  const auto indices = rows_of<uint32_t>(meshes);
+  std::vector<Instance> instances;
+  for (size_t i = 0; i < std::min(rows.size(), indices.size()); ++i)
+    instances.push_back({indices[i], rows[i]});
+  const nb::gil_scoped_release release;
+  return view_for_triangles(asset, view, triangles, instances);
+}
+
+Dict mesh_of_found(const Asset& asset, const FoundCut& found) {
+  Mesh mesh;
+  {
+    const nb::gil_scoped_release release;
+    mesh = mesh_of_clusters(asset, found.clusters);
+  }
+  return dict_of(std::move(mesh));
+}
+
+nb::typed<nb::list, Dict> summaries_of(const Asset& asset, const nb::object& progress) {
+  nb::typed<nb::list, Dict> list;
+  for (const MeshSummary& mesh :
+       run(progress, 1, [&](const BuildOptions& options) { return summarize(asset, options); })) {
+    Dict entry;
+    PUT_FIELDS(entry, mesh, triangles, root_groups, root_clusters, root_triangles, max_triangles,
+               max_vertices, max_material);
     list.append(entry);
   }
   return list;
@@ -127,6 +175,17 @@ uint64_t write(const std::filesystem::path& path, const nb::typed<nb::list, lod:
 
 /// Over 60 lines: a list of methods.
 void bind_asset(nb::module_& module) {
+  nb::class_<FoundCut>(module, "FoundCut", "A cut, and where its clusters are in the file.")
+      .def("clusters",
+           [](const FoundCut& found) {
+             std::vector<uint32_t> ids;
+             for (const CutCluster& cluster : found.clusters) ids.push_back(cluster.id);
+             return take<uint32_t>(std::move(ids));
+           })
+      .def_prop_ro("triangles", [](const FoundCut& found) { return found.report.triangles; })
+      .def_prop_ro("error", [](const FoundCut& found) { return found.report.error; })
+      .def_prop_ro("pages", [](const FoundCut& found) { return found.report.pages; })
+      .def_prop_ro("cut_pages", [](const FoundCut& found) { return found.report.cut_pages; });
   nb::class_<Asset>(module, "Asset", "An open .umbel file.")
       .def(
           "__init__",
@@ -167,6 +226,10 @@ void bind_asset(nb::module_& module) {
             return nb::bytes(bytes.data(), bytes.size());
           },
           "index"_a)
+      .def("find_cut", &find_cut, "view"_a, "mesh"_a = 0, "planes"_a = nb::none())
+      .def("view_for_triangles", &find_view, "view"_a, "triangles"_a, "meshes"_a, "transforms"_a)
+      .def("found_mesh", &mesh_of_found, "found"_a)
+      .def("summaries", &summaries_of, "progress"_a = nb::none())
       .def_prop_ro(
           "tables", [](const Asset& asset) -> const lod::Tables& { return asset.tables(); },
           nb::rv_policy::reference_internal)
@@ -208,12 +271,13 @@ void bind_asset(nb::module_& module) {
       .def(
           "verify",
           [](const Asset& asset, uint32_t cuts, uint32_t seed, const nb::object& progress,
-             uint32_t threads) {
+             uint32_t threads, uint64_t memory) {
             return report_dict(run(progress, threads, [&](const BuildOptions& options) {
-              return verify_asset(asset, cuts, seed, options);
+              return memory > 0 ? verify_asset_within(memory, asset, cuts, seed, options)
+                                : verify_asset(asset, cuts, seed, options);
             }));
           },
-          "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0);
+          "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0, "memory"_a = 0);
   module.def(
       "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "first_materials"_a,
       "files"_a, "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a,
@@ -228,14 +292,17 @@ void bind_asset(nb::module_& module) {
   module.def(
       "verify_asset",
       [](const std::filesystem::path& path, uint32_t cuts, uint32_t seed,
-         const nb::object& progress, uint32_t threads) {
+         const nb::object& progress, uint32_t threads, uint64_t memory) {
         return report_dict(run(progress, threads, [&](const BuildOptions& options) {
-          return verify_asset(path, cuts, seed, options);
+          return memory > 0 ? verify_asset_within(memory, path, cuts, seed, options)
+                            : verify_asset(path, cuts, seed, options);
         }));
       },
       "path"_a, "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0,
+      "memory"_a = 0,
       nb::sig("def verify_asset(path: str | os.PathLike[str], cuts: int = 64, seed: int = 1, "
-              "progress: object | None = None, threads: int = 0) -> dict[str, typing.Any]"));
+              "progress: object | None = None, threads: int = 0, memory: int = 0) "
+              "-> dict[str, typing.Any]"));
 }
 
 }  // namespace umbel::python

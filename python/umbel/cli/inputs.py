@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from umbel.cli.run import fail
+
 if TYPE_CHECKING:
     from umbel.geometry.mesh import Mesh
 
@@ -18,6 +20,20 @@ AllowOutside = Annotated[
         "its folder, too.",
     ),
 ]
+
+
+def bytes_of(option: str, text: str) -> int:
+    """Bytes of a size such as 64MB; powers of 1000, and of 1024 for MiB."""
+    units = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9}
+    units |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30}
+    number = text.strip().rstrip("BbIiKkMmGg")
+    try:
+        size = float(number) * units[text.strip()[len(number) :].upper()]
+    except (KeyError, ValueError):
+        size = 0.0
+    if not 1 <= size < 1e18:
+        fail(f"{option} must be a size such as 64MB, not {text!r}")
+    return int(size)
 
 
 def load_mesh(source: str, *, allow_outside: bool, drops: bool = False, threads: int = 0) -> Mesh:

@@ -11,12 +11,6 @@ if TYPE_CHECKING:
     from umbel.lod.tables import Tables
 
 
-_LARGEST = {
-    "max_cluster_triangles": "triangle_count",
-    "max_cluster_vertices": "vertex_count",
-}
-
-
 def peak_rss_bytes() -> int:
     """The most memory that this process has had resident."""
     # Linux counts what a process had before exec() in ru_maxrss, but not in VmHWM.
@@ -42,32 +36,52 @@ def sha256_of(path: str | Path) -> str:
 
 
 def table_counts(meshes: Sequence[Tables], max_triangles: int) -> dict[str, Any]:
-    """What the tables of an asset's meshes say about it."""
+    """What the tables of meshes say about them."""
     import numpy as np
 
-    counts = {"levels": 0, "groups": 0, "clusters": 0, "triangles_all_levels": 0}
-    counts |= {"root_groups": 0, "root_triangles": 0, "stuck_groups": 0}
-    largest = dict.fromkeys(_LARGEST, 0)
+    counts = []
     for tables in meshes:
         clusters, groups = tables.clusters, tables.groups
-        roots = groups[np.isinf(groups["error"])]
-        root_triangles = sum(
-            int(clusters["triangle_count"][offset : offset + count].sum(dtype=np.int64))
-            for offset, count in zip(
-                roots["cluster_offset"].tolist(), roots["cluster_count"].tolist(), strict=True
-            )
+        in_root = np.isinf(groups["error"])[clusters["group"]]
+        counts.append(
+            {
+                "levels": len(tables.levels),
+                "groups": len(groups),
+                "clusters": len(clusters),
+                "triangles": int(clusters["triangle_count"].sum(dtype=np.int64)),
+                "root_groups": int(np.isinf(groups["error"]).sum()),
+                "root_clusters": int(in_root.sum()),
+                "root_triangles": int(clusters["triangle_count"][in_root].sum(dtype=np.int64)),
+                "max_triangles": int(clusters["triangle_count"].max(initial=0)),
+                "max_vertices": int(clusters["vertex_count"].max(initial=0)),
+            }
         )
-        # The rule of the builder: roots are stuck unless no more than one cluster's worth is left.
-        finished = roots["cluster_count"].sum() <= 1 or root_triangles <= max_triangles
-        counts["levels"] = max(counts["levels"], len(tables.levels))
-        counts["groups"] += len(groups)
-        counts["clusters"] += len(clusters)
-        counts["triangles_all_levels"] += int(clusters["triangle_count"].sum(dtype=np.int64))
-        counts["root_groups"] += len(roots)
-        counts["root_triangles"] += root_triangles
-        counts["stuck_groups"] += 0 if finished else len(roots)
-        for key, column in _LARGEST.items():
-            largest[key] = max(largest[key], int(clusters[column].max(initial=0)))
-    room = counts["clusters"] * max_triangles
-    fill = counts["triangles_all_levels"] / room if room else 0.0
-    return {**counts, "mean_fill": fill, **largest}
+    return total_counts(counts, max_triangles)
+
+
+def total_counts(meshes: Sequence[dict[str, Any]], max_triangles: int) -> dict[str, Any]:
+    """The sums of what is known of each mesh, by the names that commands print."""
+
+    def total(name: str) -> int:
+        return sum(mesh[name] for mesh in meshes)
+
+    def most(name: str) -> int:
+        return max((mesh[name] for mesh in meshes), default=0)
+
+    def is_stuck(mesh: dict[str, Any]) -> bool:
+        """By the builder's rule: unless no more than one cluster's worth is left."""
+        return bool(mesh["root_clusters"] > 1 and mesh["root_triangles"] > max_triangles)
+
+    room = total("clusters") * max_triangles
+    return {
+        "levels": most("levels"),
+        "groups": total("groups"),
+        "clusters": total("clusters"),
+        "triangles_all_levels": total("triangles"),
+        "root_groups": total("root_groups"),
+        "root_triangles": total("root_triangles"),
+        "stuck_groups": sum(mesh["root_groups"] for mesh in meshes if is_stuck(mesh)),
+        "mean_fill": total("triangles") / room if room else 0.0,
+        "max_cluster_triangles": most("max_triangles"),
+        "max_cluster_vertices": most("max_vertices"),
+    }

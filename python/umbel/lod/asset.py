@@ -13,15 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import indices, mesh_of
+from umbel.geometry.arrays import indices, mesh_of, thread_count, whole
 from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import zero_origin
+from umbel.geometry.repair import Progress
 from umbel.io.scene import Scene
 from umbel.lod.instances import InstanceCut, scene_cuts, scene_error, scene_mesh, shown_scene
 from umbel.lod.materials import read_materials
 from umbel.lod.remote import readable, remote
 from umbel.lod.tables import HasTables, Tables
+from umbel.lod.verify import VerifyReport, memory_limit
 
 
 class Asset(HasTables):
@@ -64,7 +66,8 @@ class Asset(HasTables):
 
     @property
     def meshes(self) -> list[dict[str, Any]]:
-        """Each mesh's `bounds source_triangles source_vertices source_digest groups clusters`."""
+        """Each mesh's `bounds source_triangles source_vertices source_digest levels groups
+        clusters`."""
         return self._native.meshes
 
     @property
@@ -131,12 +134,34 @@ class Asset(HasTables):
             made.tree = self.scene
         return made
 
-    def _mesh(self, cut: ArrayLike, mesh: int, materials: list[Material]) -> Mesh:
-        arrays = self._native.mesh(indices("cut", cut), mesh)
+    def _mesh(
+        self,
+        cut: ArrayLike,
+        mesh: int,
+        materials: list[Material],
+        found: _umbel.FoundCut | None = None,
+    ) -> Mesh:
+        if found is None:
+            arrays = self._native.mesh(indices("cut", cut), mesh)
+        else:
+            arrays = self._native.found_mesh(found)
         name = self.info["metadata"].get("name", "")
         made = mesh_of(arrays, materials, name, self._mesh_origin)
         made.coordinates = self.coordinates
         return made
+
+    def verify(
+        self,
+        cuts: int = 64,
+        *,
+        seed: int = 1,
+        memory: int | None = None,
+        progress: Progress | None = None,
+        threads: int = 0,
+    ) -> VerifyReport:
+        """The checks of `umbel.verify`, with its arguments."""
+        arguments = whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads)
+        return VerifyReport(**self._native.verify(*arguments, memory_limit(memory)))
 
     def scene_cuts(
         self,
@@ -147,7 +172,8 @@ class Asset(HasTables):
         triangles: int | None = None,
         or_coarsest: bool = False,
     ) -> list[InstanceCut]:
-        """The cuts of all meshes one for each instance, with `mesh transform cut`.
+        """The cuts of all meshes one for each instance, with `mesh transform cut`. Reads the pages
+        that they need and no tables, however large the asset is.
         Exactly one of error (at most so much, in the scene's unit; `math.inf` gives the coarsest
         cuts), camera (in the scene), level (a mesh that has fewer shows its coarsest), and
         triangles (at most so many in all; where no cuts have so few that raises, or gives the

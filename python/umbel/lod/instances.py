@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from umbel import _umbel
 from umbel.errors import Error
+from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Mesh
 from umbel.io.gltf.cameras import tree_cameras
 from umbel.io.gltf.tree import check_tree, owners_of, worlds
 from umbel.io.scene import Instance, Scene
-from umbel.lod.tables import Tables, check_budget, check_level
+from umbel.lod.tables import check_budget, check_error, check_level
 
 if TYPE_CHECKING:
     from umbel.lod.asset import Asset
@@ -33,6 +35,9 @@ class InstanceCut:
     mesh: int
     transform: NDArray[Any]
     cut: NDArray[np.uint32]
+    """The clusters' numbers in the mesh's tables, ascending."""
+    found: _umbel.FoundCut | None = None
+    """Where the clusters are in the file; None: looked up in the tables."""
 
 
 def all_instances(asset: Asset) -> list[MeshInstance]:
@@ -85,43 +90,46 @@ def scale_range(matrix: NDArray[Any]) -> tuple[float, float]:
 
 def scene_cuts(asset: Asset, *, or_coarsest: bool = False, **how: Any) -> list[InstanceCut]:
     """The cut of every instance. One of error and camera (as in `Tables.cut`, in the scene's
-    unit), level, and triangles (most of all cuts together), with `or_coarsest` as there."""
+    unit), level, and triangles (most of all cuts together), with `or_coarsest` as there. Reads the
+    pages that the cuts need, and no tables."""
     if sum(value is not None for value in how.values()) != 1:
         raise Error("a scene needs exactly one of error, camera, level and triangles")
-    instances = all_instances(asset)
-    if len(instances) == 1 and not asset.instances:
-        return [InstanceCut(0, instances[0][1], asset.cut(**how, or_coarsest=or_coarsest))]
     if how.get("level") is not None:
-        return _cuts_by_level(asset, instances, how["level"])
-    if how.get("triangles") is None:
-        if how.get("camera") is not None:
-            how = how | {"camera": how["camera"].relative_to(asset.origin)}
-        return _cuts(asset, instances, lambda tables: tables.view(**how))
-    most = check_budget("triangles", how["triangles"])
-    errors = _errors(asset, instances)
-    low, high = 0, len(errors) - 1  # the last is enough, or nothing is
-    while low < high:
-        middle = (low + high) // 2
-        if _triangles(asset, _cuts_by_error(asset, instances, errors[middle])) <= most:
-            high = middle
-        else:
-            low = middle + 1
-    shown = _cuts_by_error(asset, instances, errors[low])
-    least = _triangles(asset, shown)
-    if least > most and not or_coarsest:
-        raise Error(f"triangles is {most}, but the coarsest cut has {least}")
+        return _cuts_by_level(asset, how["level"])
+    most = None if how.get("triangles") is None else check_budget("triangles", how["triangles"])
+    view = _scene_view(asset, how.get("error"), how.get("camera"))
+    if most is not None:
+        meshes, rows = asset._native.instance_meshes(), asset._native.transforms()
+        view = asset._native.view_for_triangles(view, most, meshes, rows.reshape(-1, 12))
+    shown = _cuts(asset, view)
+    if most is not None and not or_coarsest:
+        least = sum(one.found.triangles for one in shown if one.found is not None)
+        if least > most:
+            raise Error(f"triangles is {most}, but the coarsest cut has {least}")
     return shown
+
+
+def _scene_view(asset: Asset, error: float | None, camera: Camera | None) -> _umbel.View:
+    """Relative to the asset's origin; without either that of the source itself."""
+    if camera is not None:
+        if not isinstance(camera, Camera):
+            raise Error(f"camera must be an umbel.Camera, not a {type(camera).__name__}")
+        return camera.relative_to(asset.origin).view()
+    if error is None:
+        return _umbel.view_error(0)
+    check_error(error)
+    return _umbel.view_error(error)
 
 
 def scene_error(asset: Asset, shown: Sequence[InstanceCut]) -> float:
     """The largest error of what is shown, in the scene's unit."""
-    return max(
-        (
-            asset.mesh_tables(one.mesh).cut_error(one.cut) * scale_range(one.transform)[1]
-            for one in shown
-        ),
-        default=0.0,
-    )
+
+    def error_of(one: InstanceCut) -> float:
+        if one.found is not None:
+            return one.found.error
+        return asset.mesh_tables(one.mesh).cut_error(one.cut)
+
+    return max((error_of(one) * scale_range(one.transform)[1] for one in shown), default=0.0)
 
 
 def scene_mesh(asset: Asset, shown: Sequence[InstanceCut]) -> Mesh:
@@ -146,7 +154,7 @@ def shown_scene(asset: Asset, shown: Sequence[InstanceCut]) -> Scene:
         key = (one.mesh, one.cut.tobytes())
         if key not in made:
             made[key] = len(scene.meshes)
-            mesh = asset._mesh(one.cut, one.mesh, materials)
+            mesh = asset._mesh(one.cut, one.mesh, materials, one.found)
             if one.mesh < len(notes) and isinstance(notes[one.mesh], dict):
                 mesh.name = str(notes[one.mesh].get("name") or mesh.name)
                 mesh.extras = notes[one.mesh].get("extras")
@@ -170,50 +178,33 @@ def _is_rounded(matrix: NDArray[Any], exact: NDArray[Any], origin: NDArray[Any])
     return bool(np.allclose(kept(matrix), kept(exact), rtol=2.0**-22, atol=0.0))
 
 
-def _cuts(
-    asset: Asset, instances: Sequence[MeshInstance], view: Callable[[Tables], Any]
-) -> list[InstanceCut]:
-    shown: dict[int, InstanceCut] = {}
+def _cuts(asset: Asset, view: _umbel.View) -> list[InstanceCut]:
+    """The cuts that a view of the scene gives."""
     local = local_transforms(asset)
-    for mesh in {mesh for mesh, _ in instances}:
-        tables = Tables(asset.mesh_tables(mesh)._native)  # relative to the asset's origin
-        mine = [k for k, (m, _) in enumerate(instances) if m == mesh]
-        cuts = tables.instance_cuts(local[mine], view(tables))
-        for k, cut in zip(mine, cuts, strict=True):
-            shown[k] = InstanceCut(mesh, instances[k][1], cut)
-    return [shown[k] for k in range(len(instances))]
-
-
-def _cuts_by_level(
-    asset: Asset, instances: Sequence[MeshInstance], level: int
-) -> list[InstanceCut]:
-    """A level of every mesh; the coarsest of one that does not have as many."""
-    tables = {mesh: asset.mesh_tables(mesh) for mesh, _ in instances}
-    check_level(level, max((len(one.levels) for one in tables.values()), default=0))
-    return [
-        InstanceCut(
-            mesh, matrix, tables[mesh].cut(level=min(level, max(len(tables[mesh].levels) - 1, 0)))
-        )
-        for mesh, matrix in instances
+    views = [
+        _umbel.view_in_instance(view, row.reshape(1, 12)) if asset.instances else view
+        for row in local
     ]
+    return _found(asset, views)
 
 
-def _cuts_by_error(
-    asset: Asset, instances: Sequence[MeshInstance], error: float
-) -> list[InstanceCut]:
-    return _cuts(asset, instances, lambda tables: tables.view(error=error))
+def _cuts_by_level(asset: Asset, level: int) -> list[InstanceCut]:
+    """A level of every mesh; the coarsest of one that does not have as many."""
+    levels = [asset.meshes[mesh]["levels"] for mesh, _ in all_instances(asset)]
+    check_level(level, max(levels, default=0))
+    return _found(asset, [_umbel.view_level(min(level, max(n - 1, 0))) for n in levels])
 
 
-def _triangles(asset: Asset, shown: Sequence[InstanceCut]) -> int:
-    return sum(asset.mesh_tables(one.mesh).cut_triangles(one.cut) for one in shown)
-
-
-def _errors(asset: Asset, instances: Sequence[MeshInstance]) -> NDArray[np.float64]:
-    """All errors in the scene's unit at which a cut changes, and 0."""
-    found = [np.zeros(1)]
-    for mesh, matrix in instances:
-        errors = asset.mesh_tables(mesh).groups["error"].astype(np.float64)
-        # A little more, so that rounding does not keep what is exactly so large.
-        factor = scale_range(matrix)[1] * (1 + 2.0**-20)
-        found.append(np.unique(errors[np.isfinite(errors)]) * factor)
-    return np.unique(np.concatenate(found))
+def _found(asset: Asset, views: Sequence[_umbel.View]) -> list[InstanceCut]:
+    """The cuts of all instances, each seen with a view of its own space; equal ones are found
+    once."""
+    known: dict[tuple[Any, ...], tuple[_umbel.FoundCut, NDArray[np.uint32]]] = {}
+    shown = []
+    for (mesh, matrix), view in zip(all_instances(asset), views, strict=True):
+        key = (mesh, view.kind, view.error, view.threshold, view.level, tuple(view.eye))
+        if key not in known:
+            found = asset._native.find_cut(view, mesh)
+            known[key] = found, found.clusters()
+        found, clusters = known[key]
+        shown.append(InstanceCut(mesh, matrix, clusters, found))
+    return shown

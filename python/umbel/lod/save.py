@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from umbel.geometry.repair import Progress
     from umbel.lod.lod import Lod
 
-PAGE_BYTES = 40 << 10
-"""Most bytes of a page of several groups, unless the caller chooses."""
+PAGE_BYTES = 0
+"""Most bytes of a page of several groups, unless the caller chooses; 0: as the file's size asks."""
 
 
 class Savable(ABC):
@@ -70,7 +70,8 @@ class Savable(ABC):
             (docs/format.md); None: as the build did with positions, exactly without `precision`.
         textures: "embed" the materials' images, leave them "external" where they are files in
             the asset's folder or below, or "none".
-        page_bytes: what is read at once, at most, where one group does not take more.
+        page_bytes: what is read at once, at most, where one group does not take more. 0: 40 KiB,
+            64 KiB where the file takes over 4 GB, 256 KiB over 16 GB.
         """
         return save_asset(
             path,

@@ -37,16 +37,26 @@ class VerifyReport:
         return asdict(self)
 
 
+def memory_limit(memory: int | None) -> int:
+    """The limit in bytes; 0 where there is none."""
+    return 0 if memory is None else max(whole("memory", memory), 1)
+
+
 def verify(
     path: str | os.PathLike[str],
     cuts: int = 64,
     *,
     seed: int = 1,
+    memory: int | None = None,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> VerifyReport:
     """Checks an asset file: checksums, tables, size limits, monotone errors and spheres, that
-    level 0 is the source, and that `cuts` random cuts have no hole and no overlap."""
+    level 0 is the source, and that `cuts` random cuts have no hole and no overlap.
+
+    memory: read pages in order, several times, in about so many bytes, however large the file is;
+        of each random cut one window is looked at. None: all tables and edges in memory.
+    """
     return VerifyReport(
         **_umbel.verify_asset(
             os.fspath(path),
@@ -54,5 +64,6 @@ def verify(
             whole("seed", seed),
             progress,
             thread_count(threads),
+            memory_limit(memory),
         )
     )

@@ -14,4 +14,9 @@ inline bool inside(uint64_t offset, uint64_t bytes, uint64_t begin, uint64_t end
 /// no mesh, and transforms or an origin that are not finite.
 void check_header(const FileHeader& header);
 
+/// The same for some entries of the table of pages, numbered from `first` on, none of which may
+/// begin before `earliest`.
+void check_pages(const AssetInfo& info, std::span<const PageEntry> pages, uint32_t first,
+                 uint64_t earliest);
+
 }  // namespace umbel::asset

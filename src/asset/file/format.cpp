@@ -35,6 +35,8 @@ enum SectionIndex {
   kNodes,
   kOrigin,
   kScene,
+  kPageSlices,
+  kNodeSlices,
   kSectionCount
 };
 
@@ -58,7 +60,9 @@ constexpr std::array<SectionKind, kSectionCount> kSections{
      {four_letters("PAGE"), "PAGE", 24},
      {four_letters("NODE"), "NODE", kNodeBytes, false},
      {four_letters("ORIG"), "ORIG", 24, true, true},
-     {four_letters("SCEN"), "SCEN", 1, true, true}}};
+     {four_letters("SCEN"), "SCEN", 1, true, true},
+     {four_letters("PSUM"), "PSUM", 8, true, true},
+     {four_letters("NSUM"), "NSUM", 8, true, true}}};
 
 struct Section {
   uint64_t offset, count;
@@ -66,9 +70,12 @@ struct Section {
   uint64_t checksum;
 };
 
+uint64_t slices_of(uint64_t entries) { return (entries + kSliceEntries - 1) / kSliceEntries; }
+
 struct Layout {
   std::array<Section, kSectionCount> sections;
   uint64_t bytes;
+  uint64_t opening_bytes;  // what comes before a table of pages that has slices; else 0
 
   /// Whether the file has the section.
   bool has(size_t section) const {
@@ -89,17 +96,33 @@ std::vector<Vec3d> origins_of(const FileHeader& header) {
 
 Layout layout_of(const FileHeader& header) {
   const uint64_t counts[kSectionCount] = {
-      header.info.metadata.size(), header.materials.size(),   header.attributes.size(),
-      header.meshes.size(),        header.levels.size(),      header.roots.size(),
-      header.instances.size(),     header.files.size(),       header.pages.size(),
-      header.nodes.count,          origins_of(header).size(), header.scene.size()};
-  Layout layout;
+      header.info.metadata.size(),
+      header.materials.size(),
+      header.attributes.size(),
+      header.meshes.size(),
+      header.levels.size(),
+      header.roots.size(),
+      header.instances.size(),
+      header.files.size(),
+      header.pages.size(),
+      header.nodes.count,
+      origins_of(header).size(),
+      header.scene.size(),
+      header.has_page_slices ? slices_of(header.pages.size()) : 0,
+      header.nodes.slices.size()};
+  Layout layout{};
   for (size_t i = 0; i < kSectionCount; ++i)
     layout.sections[i] = {0, counts[i], kSections[i].element_bytes, 0};
   uint64_t at = kFixedHeaderBytes + layout.section_count() * kSectionEntryBytes;
-  for (size_t i = 0; i < kSectionCount; ++i) {
+  const auto add = [&](size_t i) {
     layout.sections[i].offset = at;
     if (kSections[i].in_header) at = aligned(at + counts[i] * kSections[i].element_bytes, 8);
+  };
+  for (size_t i = 0; i < kSectionCount; ++i)
+    if (i != kPages || !header.has_page_slices) add(i);
+  if (header.has_page_slices) {
+    layout.opening_bytes = at;
+    add(kPages);
   }
   layout.sections[kNodes].offset = header.nodes.offset;
   layout.sections[kNodes].checksum = header.nodes.checksum;
@@ -138,7 +161,7 @@ std::string read_text(ByteReader& in, const Section& section) {
 }
 
 void write_fixed_header(ByteWriter& out, const AssetInfo& info, const Layout& layout,
-                        uint64_t tables_checksum) {
+                        uint64_t tables_checksum, uint64_t opening_checksum) {
   out.bytes(kMagic.data(), kMagic.size());
   out.u16(kVersionMajor);
   out.u16(kVersionMinor);
@@ -150,11 +173,14 @@ void write_fixed_header(ByteWriter& out, const AssetInfo& info, const Layout& la
   out.u32(info.page_bytes);
   out.u32(info.max_triangles);
   out.u32(info.max_vertices);
+  out.u64(layout.opening_bytes);
+  out.u64(opening_checksum);
 }
 
 struct FixedHeader {
   AssetInfo info;
   uint64_t bytes, tables_checksum;
+  uint64_t opening_bytes, opening_checksum;  // of what comes before a table of pages with slices
   uint32_t sections;
 };
 
@@ -173,16 +199,22 @@ FixedHeader read_fixed_header(std::span<const std::byte> bytes) {
   info.page_bytes = in.u32();
   info.max_triangles = in.u32();
   info.max_vertices = in.u32();
+  fixed.opening_bytes = in.u64();
+  fixed.opening_checksum = in.u64();
   in.skip_to(fixed.bytes - 8);
   info.checksum = in.u64();
   return fixed;
 }
 
 void check_section(const SectionKind& kind, const Section& section, uint64_t bytes,
-                   const AssetInfo& info) {
+                   const FixedHeader& fixed) {
+  const AssetInfo& info = fixed.info;
   const std::string name = std::string("section ") + kind.name;
-  const bool fits = kind.in_header
-                        ? inside(section.offset, bytes, 0, info.header_bytes)
+  const uint64_t read = fixed.opening_bytes == 0 ? info.header_bytes : fixed.opening_bytes;
+  const bool stands_apart = fixed.opening_bytes != 0 && &kind == &kSections[kPages];
+  const bool fits = stands_apart ? inside(section.offset, bytes, read, info.header_bytes)
+                    : kind.in_header
+                        ? inside(section.offset, bytes, 0, read)
                         : inside(section.offset, bytes, info.header_bytes, info.file_bytes);
   if (!fits)
     corrupt(name + " of " + std::to_string(bytes) + " bytes at byte " +
@@ -212,7 +244,7 @@ std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head
       if (kSections[kind].id != id) continue;
       if (found[kind]) corrupt(std::string("section ") + kSections[kind].name + " is there twice");
       found[kind] = Section{offset, count, element_bytes, checksum};
-      check_section(kSections[kind], *found[kind], bytes, fixed.info);
+      check_section(kSections[kind], *found[kind], bytes, fixed);
     }
   }
   std::array<Section, kSectionCount> sections;
@@ -224,9 +256,32 @@ std::array<Section, kSectionCount> read_sections(std::span<const std::byte> head
   return sections;
 }
 
+/// Reads the checksums of a table's slices, if there are any.
+TableSection read_slices(ByteReader& in, const Section& table, const Section& slices,
+                         const char* name) {
+  if (slices.count > 0 && slices.count != slices_of(table.count))
+    corrupt(std::string("section ") + name + " has " + std::to_string(slices.count) +
+            " checksums for " + std::to_string(table.count) + " entries");
+  return {table.offset, table.count, table.element_bytes, table.checksum,
+          read_table<uint64_t>(in, slices)};
+}
+
+/// Reads the table of pages, unless that is read in slices.
+void read_pages(FileHeader& header, std::span<const std::byte> bytes, bool is_opening) {
+  const TableSection& table = header.page_table;
+  if (is_opening) {
+    if (table.slices.empty() && table.count > 0)
+      corrupt("the table of pages stands apart, but section PSUM is missing");
+    return;
+  }
+  const auto rows = bytes.subspan(table.offset, table.count * table.element_bytes);
+  header.pages = decode_pages(rows, table.count, table.element_bytes);
+  if (!table.slices.empty() && slice_checksums(rows, table.element_bytes) != table.slices)
+    corrupt("the checksums of slices of the table of pages do not hold");
+}
+
 void describe(FileHeader& header) {
   AssetInfo& info = header.info;
-  info.pages = static_cast<uint32_t>(header.pages.size());
   for (const MeshEntry& entry : header.meshes) {
     const AssetMesh& mesh = entry.mesh;
     info.source_triangles += mesh.source_triangles;
@@ -270,6 +325,20 @@ std::vector<lod::Node> decode_nodes(std::span<const std::byte> bytes, uint64_t c
   return read_table<lod::Node>(in, {0, count, element_bytes, 0});
 }
 
+std::vector<PageEntry> decode_pages(std::span<const std::byte> bytes, uint64_t count,
+                                    uint32_t element_bytes) {
+  ByteReader in(bytes);
+  return read_table<PageEntry>(in, {0, count, element_bytes, 0});
+}
+
+std::vector<uint64_t> slice_checksums(std::span<const std::byte> table, uint64_t element_bytes) {
+  std::vector<uint64_t> sums;
+  const uint64_t most = kSliceEntries * element_bytes;
+  for (; !table.empty(); table = table.subspan(std::min<uint64_t>(most, table.size())))
+    sums.push_back(xxh64(table.data(), std::min<uint64_t>(most, table.size())));
+  return sums;
+}
+
 uint64_t header_bytes(const FileHeader& header) { return layout_of(header).bytes; }
 
 std::vector<std::byte> encode_header(const FileHeader& header) {
@@ -290,6 +359,13 @@ std::vector<std::byte> encode_header(const FileHeader& header) {
   write_table(out, layout.sections[kOrigin], origins_of(header));
   out.skip_to(layout.sections[kScene].offset);
   out.bytes(header.scene.data(), header.scene.size());
+  const Section& pages = layout.sections[kPages];
+  if (header.has_page_slices)
+    write_table(
+        out, layout.sections[kPageSlices],
+        slice_checksums(std::span(bytes).subspan(pages.offset, pages.count * pages.element_bytes),
+                        pages.element_bytes));
+  write_table(out, layout.sections[kNodeSlices], header.nodes.slices);
 
   out.skip_to(kFixedHeaderBytes);
   for (size_t i = 0; i < kSectionCount; ++i) {
@@ -305,7 +381,10 @@ std::vector<std::byte> encode_header(const FileHeader& header) {
   }
   out.skip_to(0);
   write_fixed_header(out, header.info, layout,
-                     xxh64(bytes.data() + kFixedHeaderBytes, bytes.size() - kFixedHeaderBytes));
+                     xxh64(bytes.data() + kFixedHeaderBytes, bytes.size() - kFixedHeaderBytes),
+                     layout.opening_bytes == 0 ? 0
+                                               : xxh64(bytes.data() + kFixedHeaderBytes,
+                                                       layout.opening_bytes - kFixedHeaderBytes));
   out.skip_to(kFixedHeaderBytes - 8);
   out.u64(xxh64(bytes.data(), kFixedHeaderBytes - 8));
   return bytes;
@@ -323,7 +402,7 @@ uint64_t fixed_header_bytes_in(std::span<const std::byte> prologue) {
   return bytes;
 }
 
-uint64_t header_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) {
+uint64_t opening_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) {
   ByteReader in(bytes);
   in.skip_to(bytes.size() - 8);
   if (in.u64() != xxh64(bytes.data(), bytes.size() - 8))
@@ -340,15 +419,27 @@ uint64_t header_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes) 
   if (fixed.info.header_bytes < bytes.size() || fixed.info.header_bytes > file_bytes)
     corrupt("the header says that the file header has " + std::to_string(fixed.info.header_bytes) +
             " bytes");
-  return fixed.info.header_bytes;
+  if (fixed.opening_bytes == 0) return fixed.info.header_bytes;
+  if (fixed.opening_bytes < bytes.size() || fixed.opening_bytes > fixed.info.header_bytes)
+    corrupt("the header says that the table of pages is at byte " +
+            std::to_string(fixed.opening_bytes));
+  return fixed.opening_bytes;
+}
+
+bool header_is_whole(std::span<const std::byte> bytes) {
+  const FixedHeader fixed = read_fixed_header(bytes);
+  return fixed.tables_checksum == xxh64(bytes.data() + fixed.bytes, bytes.size() - fixed.bytes);
 }
 
 FileHeader decode_header(std::span<const std::byte> bytes) {
   const FixedHeader fixed = read_fixed_header(bytes);
-  if (fixed.tables_checksum != xxh64(bytes.data() + fixed.bytes, bytes.size() - fixed.bytes))
+  const bool is_opening = fixed.opening_bytes != 0;
+  if ((is_opening ? fixed.opening_checksum : fixed.tables_checksum) !=
+      xxh64(bytes.data() + fixed.bytes, bytes.size() - fixed.bytes))
     corrupt("the checksum of the tables does not hold");
   const auto sections = read_sections(bytes, fixed);
   FileHeader header;
+  header.has_page_slices = is_opening;
   header.info = fixed.info;
   ByteReader in(bytes);
   header.info.metadata = read_text(in, sections[kMetadata]);
@@ -361,9 +452,10 @@ FileHeader decode_header(std::span<const std::byte> bytes) {
   header.roots = read_table<GroupRef>(in, sections[kRoots]);
   header.instances = read_table<Instance>(in, sections[kInstances]);
   header.files = read_table<FileEntry>(in, sections[kFiles]);
-  header.pages = read_table<PageEntry>(in, sections[kPages]);
-  const Section& nodes = sections[kNodes];
-  header.nodes = {nodes.offset, nodes.count, nodes.element_bytes, nodes.checksum};
+  header.page_table = read_slices(in, sections[kPages], sections[kPageSlices], "PSUM");
+  header.nodes = read_slices(in, sections[kNodes], sections[kNodeSlices], "NSUM");
+  header.info.pages = static_cast<uint32_t>(header.page_table.count);
+  read_pages(header, bytes, is_opening);
   check_header(header);
   describe(header);
   return header;

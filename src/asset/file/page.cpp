@@ -83,16 +83,16 @@ std::vector<std::byte> encode_page(uint32_t index, std::span<const EncodedGroup>
 }
 
 AssetPage decode_page(const FileHeader& header, std::span<const VertexFormat> formats,
-                      uint32_t index, std::vector<std::byte> bytes) {
+                      uint32_t index, uint32_t expected, std::vector<std::byte> bytes) {
   AssetPage page;
   page.index = index;
   ByteReader in(bytes);
   if (const uint32_t said = in.u32(); said != index)
     corrupt("page " + std::to_string(index) + " says that it is page " + std::to_string(said));
   const uint32_t groups = in.u32();
-  if (groups != header.pages[index].groups || groups > bytes.size() / kGroupRecordBytes)
+  if (groups != expected || groups > bytes.size() / kGroupRecordBytes)
     corrupt("page " + std::to_string(index) + " has " + std::to_string(groups) + " groups, not " +
-            std::to_string(header.pages[index].groups));
+            std::to_string(expected));
   page.groups.resize(groups);
   uint64_t end = kPageHeaderBytes + kGroupRecordBytes * groups;
   for (uint32_t g = 0; g < groups; ++g) {
@@ -106,8 +106,7 @@ AssetPage decode_page(const FileHeader& header, std::span<const VertexFormat> fo
     ChunkTables tables = decode_tables(formats[record.mesh], header.meshes[record.mesh].mesh.bounds,
                                        record.group.clusters.count, references, chunk);
     for (const GroupRef& child : tables.children)
-      if (child.page >= header.pages.size() ||
-          child.group >= header.meshes[record.mesh].mesh.groups)
+      if (child.page >= header.info.pages || child.group >= header.meshes[record.mesh].mesh.groups)
         corrupt("group " + std::to_string(record.id) + " was made from group " +
                 std::to_string(child.group) + " in page " + std::to_string(child.page) +
                 ", which is not there");

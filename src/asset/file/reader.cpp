@@ -4,9 +4,11 @@
 #include <atomic>
 #include <mutex>
 
+#include "asset/file/follow_reference.hpp"
 #include "asset/file/format.hpp"
 #include "asset/file/group_chunk.hpp"
 #include "asset/file/page.hpp"
+#include "asset/file/page_table.hpp"
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
 #include "lod/verify/table_structure.hpp"
@@ -41,10 +43,16 @@ struct Decoded {
 }  // namespace
 
 struct Asset::State {
-  explicit State(std::shared_ptr<const ByteSource> bytes) : source(std::move(bytes)) {}
+  explicit State(std::shared_ptr<const ByteSource> bytes) : source(required(std::move(bytes))) {}
+
+  static std::shared_ptr<const ByteSource> required(std::shared_ptr<const ByteSource> bytes) {
+    if (!bytes) throw Error(ErrorCode::kInvalidArgument, "the source of the asset is null");
+    return bytes;
+  }
 
   std::shared_ptr<const ByteSource> source;
   asset::FileHeader header;
+  asset::PageTable pages{header, *source};
   std::vector<AssetMesh> meshes;
   std::vector<asset::VertexFormat> formats;
   mutable std::mutex tables_mutex;
@@ -56,11 +64,15 @@ struct Asset::State {
   mutable std::array<std::shared_ptr<const Decoded>, kSlots> decoded;
 
   void read_header();
+  void check_page(uint32_t page) const {
+    if (page >= pages.size()) out_of_range("page", page, pages.size());
+  }
   std::vector<std::byte> read(uint64_t offset, uint64_t bytes, uint64_t checksum,
                               const std::string& name) const;
   AssetPage read_page(uint32_t page) const;
   AssetPage page_of(uint32_t page, std::vector<std::byte> bytes) const;
   std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
+  std::vector<lod::Node> read_nodes(const Range& range) const;
   AllTables read_tables() const;
   const AllTables& all_tables() const;
   std::shared_ptr<const Decoded> group(uint32_t mesh, uint32_t group) const;
@@ -77,7 +89,7 @@ void Asset::State::read_header() {
   if (source->size() < bytes.size()) corrupt("this is not a .umbel file");
   source->read(0, bytes);
   read_up_to(asset::fixed_header_bytes_in(bytes));
-  read_up_to(asset::header_bytes_in(bytes, source->size()));
+  read_up_to(asset::opening_bytes_in(bytes, source->size()));
   header = asset::decode_header(bytes);
   for (const MeshEntry& entry : header.meshes) {
     meshes.push_back(entry.mesh);
@@ -99,19 +111,20 @@ std::vector<std::byte> Asset::State::read(uint64_t offset, uint64_t size, uint64
 }
 
 AssetPage Asset::State::read_page(uint32_t page) const {
-  std::vector<std::byte> bytes(header.pages[page].bytes);
-  source->read(header.pages[page].offset, bytes);
+  const PageEntry entry = pages.at(page);
+  std::vector<std::byte> bytes(entry.bytes);
+  source->read(entry.offset, bytes);
   return page_of(page, std::move(bytes));
 }
 
 AssetPage Asset::State::page_of(uint32_t page, std::vector<std::byte> bytes) const {
-  const PageEntry& entry = header.pages[page];
+  const PageEntry entry = pages.at(page);
   const std::string name = "page " + std::to_string(page);
   if (bytes.size() != entry.bytes)
     corrupt(name + " has " + std::to_string(entry.bytes) + " bytes, but there are " +
             std::to_string(bytes.size()));
   check_sum(bytes, entry.checksum, name);
-  return asset::decode_page(header, formats, page, std::move(bytes));
+  return asset::decode_page(header, formats, page, entry.groups, std::move(bytes));
 }
 
 std::vector<lod::ClusterGeometry> Asset::State::decode(const AssetPage& page, size_t index) const {
@@ -139,7 +152,8 @@ AllTables Asset::State::read_tables() const {
     all.locations.emplace_back(entry.mesh.groups);
   }
   std::vector<std::vector<GroupRef>> references(header.meshes.size());
-  for (uint32_t p = 0; p < header.pages.size(); ++p) {
+  uint64_t found = 0;
+  for (uint32_t p = 0; p < pages.size(); ++p) {
     const AssetPage page = read_page(p);
     for (uint32_t i = 0; i < page.groups.size(); ++i) {
       const PageGroup& group = page.groups[i];
@@ -153,7 +167,13 @@ AllTables Asset::State::read_tables() const {
       auto& known = references[group.mesh];
       known.insert(known.end(), group.children.begin(), group.children.end());
     }
+    found += page.groups.size();
   }
+  uint64_t groups = 0;
+  for (const MeshEntry& entry : header.meshes) groups += entry.mesh.groups;
+  if (found != groups)
+    corrupt("the pages have " + std::to_string(found) + " groups, but the meshes " +
+            std::to_string(groups));
   for (size_t m = 0; m < header.meshes.size(); ++m) {
     const MeshEntry& entry = header.meshes[m];
     // As many groups as the pages have, and none twice: so all are there.
@@ -161,28 +181,38 @@ AllTables Asset::State::read_tables() const {
     references[m].insert(references[m].end(), roots, roots + entry.roots.count);
     for (const GroupRef& reference : references[m]) {
       const lod::Group& group = all.meshes[m].groups[reference.group];
-      const bool same_error =
-          std::bit_cast<uint32_t>(group.error) == std::bit_cast<uint32_t>(reference.error);
-      if (all.locations[m][reference.group].page != reference.page || !same_error ||
-          std::bit_cast<std::array<uint32_t, 4>>(group.sphere) !=
-              std::bit_cast<std::array<uint32_t, 4>>(reference.sphere))
-        corrupt("a reference to group " + std::to_string(reference.group) +
-                " is not what the group says of itself");
+      if (all.locations[m][reference.group].page != reference.page ||
+          !asset::agrees(reference, group))
+        asset::disagree(reference);
     }
   }
-  const asset::NodeSection& section = header.nodes;
-  const std::vector<lod::Node> nodes =
-      asset::decode_nodes(read(section.offset, section.count * section.element_bytes,
-                               section.checksum, "the table of nodes"),
-                          section.count, section.element_bytes);
+  const std::vector<lod::Node> nodes = read_nodes({0, static_cast<uint32_t>(header.nodes.count)});
   for (size_t m = 0; m < header.meshes.size(); ++m) {
-    const Range& range = header.meshes[m].nodes;
-    all.meshes[m].nodes.assign(nodes.begin() + range.offset,
-                               nodes.begin() + range.offset + range.count);
+    const auto first = nodes.begin() + header.meshes[m].nodes.offset;
+    all.meshes[m].nodes.assign(first, first + header.meshes[m].nodes.count);
     if (const std::string fault = lod::structure_fault(all.meshes[m]); !fault.empty())
       corrupt(fault);
   }
   return all;
+}
+
+std::vector<lod::Node> Asset::State::read_nodes(const Range& range) const {
+  const asset::TableSection& table = header.nodes;
+  std::vector<lod::Node> nodes;
+  nodes.reserve(range.count);
+  const uint64_t in_slice = table.slices.empty() ? table.count : asset::kSliceEntries;
+  const uint64_t end = uint64_t{range.offset} + range.count;
+  for (uint64_t at = range.offset; at < end;) {
+    const uint64_t slice = at / in_slice, first = slice * in_slice;
+    const std::vector<std::byte> bytes = asset::read_slice(*source, table, slice, "nodes");
+    const std::vector<lod::Node> some =
+        asset::decode_nodes(bytes, bytes.size() / table.element_bytes, table.element_bytes);
+    const uint64_t last = std::min(end, first + some.size());
+    nodes.insert(nodes.end(), some.begin() + static_cast<ptrdiff_t>(at - first),
+                 some.begin() + static_cast<ptrdiff_t>(last - first));
+    at = last;
+  }
+  return nodes;
 }
 
 const AllTables& Asset::State::all_tables() const {
@@ -215,7 +245,6 @@ std::shared_ptr<const Decoded> Asset::State::group(uint32_t mesh, uint32_t group
 
 Asset::Asset(std::shared_ptr<const ByteSource> source)
     : state_(std::make_unique<State>(std::move(source))) {
-  if (!state_->source) throw Error(ErrorCode::kInvalidArgument, "the source of the asset is null");
   state_->read_header();
 }
 
@@ -257,18 +286,24 @@ std::span<const GroupRef> Asset::roots(uint32_t mesh) const {
   return std::span(state_->header.roots).subspan(range.offset, range.count);
 }
 
+std::span<const Range> Asset::levels(uint32_t mesh) const {
+  if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
+  const Range& range = state_->header.meshes[mesh].levels;
+  return std::span(state_->header.levels).subspan(range.offset, range.count);
+}
+
 uint32_t Asset::page_bytes(uint32_t page) const {
-  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
-  return state_->header.pages[page].bytes;
+  state_->check_page(page);
+  return state_->pages.at(page).bytes;
 }
 
 AssetPage Asset::read_page(uint32_t page) const {
-  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
+  state_->check_page(page);
   return state_->read_page(page);
 }
 
 AssetPage Asset::page_of(uint32_t page, std::vector<std::byte> bytes) const {
-  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
+  state_->check_page(page);
   return state_->page_of(page, std::move(bytes));
 }
 
@@ -282,11 +317,22 @@ std::vector<lod::ClusterGeometry> Asset::decode(const AssetPage& page, size_t in
 }
 
 bool Asset::page_is_whole(uint32_t page) const {
-  if (page >= state_->header.pages.size()) out_of_range("page", page, state_->header.pages.size());
-  const PageEntry& entry = state_->header.pages[page];
+  state_->check_page(page);
+  const PageEntry entry = state_->pages.at(page);
   std::vector<std::byte> bytes(entry.bytes);
   state_->source->read(entry.offset, bytes);
   return xxh64(bytes.data(), bytes.size()) == entry.checksum;
+}
+
+bool Asset::header_is_whole() const {
+  std::vector<std::byte> bytes(info().header_bytes);
+  state_->source->read(0, bytes);
+  return asset::header_is_whole(bytes);
+}
+
+std::vector<lod::Node> Asset::nodes(uint32_t mesh) const {
+  if (mesh >= state_->meshes.size()) out_of_range("mesh", mesh, state_->meshes.size());
+  return state_->read_nodes(state_->header.meshes[mesh].nodes);
 }
 
 const lod::Tables& Asset::tables(uint32_t mesh) const {

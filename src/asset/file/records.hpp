@@ -73,7 +73,10 @@ inline void write(ByteWriter& out, const PageEntry& page) {
   out.u64(page.checksum);
 }
 
+inline void write(ByteWriter& out, uint64_t checksum) { out.u64(checksum); }
+
 inline void read(ByteReader& in, Range& range) { range = in.range(); }
+inline void read(ByteReader& in, uint64_t& checksum) { checksum = in.u64(); }
 
 inline void read(ByteReader& in, Vec3d& point) {
   point.x = in.f64();

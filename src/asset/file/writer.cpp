@@ -100,10 +100,9 @@ void check_dag(const lod::Dag& dag) {
 }
 
 void check_contents(const AssetContents& contents, const AssetConfig& config) {
-  if (config.page_bytes < kPageAlignment || config.page_bytes % kPageAlignment != 0 ||
-      config.page_bytes > kMaxPageBytes)
+  if (config.page_bytes % kPageAlignment != 0 || config.page_bytes > kMaxPageBytes)
     refuse("page_bytes is " + std::to_string(config.page_bytes) +
-           ", but must be a multiple of 4096 up to 1 GiB");
+           ", but must be a multiple of 4096 up to 1 GiB, or 0");
   for (const lod::Dag* dag : contents.meshes) {
     if (dag == nullptr) refuse("one of the asset's meshes is null");
     check_dag(*dag);
@@ -144,6 +143,7 @@ class Writer {
     for (const lod::Dag* dag : contents_.meshes) add_mesh(*dag);
     order_groups();
     encode_groups();
+    choose_page_bytes();
     fill_pages();
     refer_to_pages();
     for (size_t m = 0; m < contents_.meshes.size(); ++m) add_roots(m);
@@ -152,7 +152,6 @@ class Writer {
     header_.info.origin = {contents_.origin.x + 0.0, contents_.origin.y + 0.0,
                            contents_.origin.z + 0.0};
     header_.scene = contents_.scene;
-    header_.info.page_bytes = config_.page_bytes;
     header_.materials = contents_.materials;
     header_.instances = contents_.instances;
     header_.files.resize(contents_.files.size());
@@ -244,6 +243,14 @@ class Writer {
     }
   }
 
+  void choose_page_bytes() {
+    header_.info.page_bytes = config_.page_bytes;
+    if (config_.page_bytes > 0) return;
+    uint64_t bytes = 0;
+    for (const EncodedGroup& group : encoded_) bytes += kGroupRecordBytes + group.chunk.size();
+    header_.info.page_bytes = page_bytes_for(bytes);
+  }
+
   /// Fills pages one after the other, each with the next group and with what fits of those soon
   /// after it, as long as they are as far below the coarsest level: parents stay in front.
   void fill_pages() {
@@ -259,7 +266,7 @@ class Writer {
         if (is_in_page[i]) continue;
         if (passed > 0 && depths_[i] != depths_[next]) break;
         const uint64_t more = kGroupRecordBytes + encoded_[i].chunk.size();
-        if (i > next && bytes + more > config_.page_bytes) {
+        if (i > next && bytes + more > header_.info.page_bytes) {
           ++passed;
           continue;
         }
@@ -298,6 +305,10 @@ class Writer {
 
   void write_pages(OutputFile& file) {
     header_.pages.resize(pages_.size());
+    header_.has_page_slices = wants_slices(pages_.size());
+    // As many as there will be, for the size of the file header.
+    if (wants_slices(nodes_.size()))
+      header_.nodes.slices.resize((nodes_.size() + kSliceEntries - 1) / kSliceEntries);
     uint64_t at = header_bytes(header_);
     for (uint32_t p = 0; p < pages_.size(); ++p) {
       const auto groups = std::span(encoded_).subspan(pages_[p].offset, pages_[p].count);
@@ -315,7 +326,8 @@ class Writer {
     uint64_t& at = header_.info.file_bytes;
     const std::vector<std::byte> nodes = encode_nodes(nodes_);
     file.write(at, nodes);
-    header_.nodes = {at, nodes_.size(), kNodeBytes, xxh64(nodes.data(), nodes.size())};
+    header_.nodes = {at, nodes_.size(), kNodeBytes, xxh64(nodes.data(), nodes.size()), {}};
+    if (wants_slices(nodes_.size())) header_.nodes.slices = slice_checksums(nodes, kNodeBytes);
     at += nodes.size();
     for (size_t i = 0; i < contents_.files.size(); ++i) {
       const std::vector<std::byte>& bytes = contents_.files[i];

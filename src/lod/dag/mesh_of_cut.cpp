@@ -6,7 +6,7 @@
 
 #include "base/hash.hpp"
 #include "base/interner.hpp"
-#include "umbel/lod/types.hpp"
+#include "lod/dag/join_clusters.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -117,25 +117,21 @@ class ExtraJoiner {
 
 }  // namespace
 
-Mesh mesh_of_cut(const Tables& tables, const GeometryReader& geometry,
-                 std::span<const uint32_t> cut) {
+Mesh join_clusters(std::span<const JoinedCluster> cut, const GeometryReader& geometry) {
   size_t triangles = 0;
   bool materials = false;
-  for (const uint32_t c : cut) {
-    if (c >= tables.clusters.size())
-      throw Error(ErrorCode::kInvalidArgument, "mesh_of_cut: cluster " + std::to_string(c) +
-                                                   " of the cut is out of range, there are " +
-                                                   std::to_string(tables.clusters.size()));
-    triangles += tables.clusters[c].triangle_count;
-    materials |= tables.clusters[c].material != 0;
+  for (const JoinedCluster& c : cut) {
+    triangles += c.triangles;
+    materials |= c.material != 0;
   }
   Mesh mesh;
   mesh.triangles.reserve(triangles);
   Interner<Key, KeyHash> vertices(triangles / 2);
   ExtraJoiner extras(mesh);
   std::vector<uint32_t> index;
-  for (const uint32_t c : cut) {
-    const ClusterGeometry g = geometry(c);
+  for (size_t k = 0; k < cut.size(); ++k) {
+    const uint32_t c = cut[k].id;
+    const ClusterGeometry g = geometry(static_cast<uint32_t>(k));
     check(g, c);
     extras.begin(g, c);
     index.clear();
@@ -158,7 +154,7 @@ Mesh mesh_of_cut(const Tables& tables, const GeometryReader& geometry,
       mesh.materials.resize(mesh.triangles.size() - 1, 0);
       mesh.materials.push_back(material);
     }
-    if (materials) mesh.materials.resize(mesh.triangles.size(), tables.clusters[c].material);
+    if (materials) mesh.materials.resize(mesh.triangles.size(), cut[k].material);
   }
   if (!materials) mesh.materials.clear();
   // A stream that ended before the last vertices, because their clusters lack it.
@@ -168,6 +164,20 @@ Mesh mesh_of_cut(const Tables& tables, const GeometryReader& geometry,
   if (!mesh.uvs.empty()) mesh.uvs.resize(n);
   if (!mesh.colors.empty()) mesh.colors.resize(n);
   return mesh;
+}
+
+Mesh mesh_of_cut(const Tables& tables, const GeometryReader& geometry,
+                 std::span<const uint32_t> cut) {
+  std::vector<JoinedCluster> clusters;
+  clusters.reserve(cut.size());
+  for (const uint32_t c : cut) {
+    if (c >= tables.clusters.size())
+      throw Error(ErrorCode::kInvalidArgument, "mesh_of_cut: cluster " + std::to_string(c) +
+                                                   " of the cut is out of range, there are " +
+                                                   std::to_string(tables.clusters.size()));
+    clusters.push_back({c, tables.clusters[c].material, tables.clusters[c].triangle_count});
+  }
+  return join_clusters(clusters, [&](uint32_t k) { return geometry(cut[k]); });
 }
 
 }  // namespace umbel::lod

@@ -7,34 +7,12 @@
 
 #include "base/parallel.hpp"
 #include "lod/select/instances.hpp"
+#include "lod/select/turning_point.hpp"
 
 namespace umbel::lod {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
-// The smallest float >= 0 for which `holds`, which never turns from yes to no; infinite where there
-// is none. Non-negative floats are in the order of their bits.
-template <typename Holds>
-float first_that(float guess, const Holds& holds) {
-  uint32_t low = 0, high = std::bit_cast<uint32_t>(kInfinity);  // holds(high) is taken for granted
-  const uint32_t bits = std::bit_cast<uint32_t>(std::clamp(guess, 0.0f, kInfinity));
-  // Rounding is seldom off by more than this.
-  const uint32_t under = bits > 4 ? bits - 4 : 0, over = std::min(bits + 4, high);
-  if (holds(std::bit_cast<float>(over)))
-    high = over;
-  else
-    low = over + 1;
-  if (under < high && !holds(std::bit_cast<float>(under))) low = std::max(low, under + 1);
-  while (low < high) {
-    const uint32_t middle = low + (high - low) / 2;
-    if (holds(std::bit_cast<float>(middle)))
-      high = middle;
-    else
-      low = middle + 1;
-  }
-  return std::bit_cast<float>(high);
-}
 
 // One instance, and what turns the scene's errors or thresholds into its own.
 struct Seen {
@@ -42,21 +20,6 @@ struct Seen {
   std::vector<Plane> planes;
   double factor;
 };
-
-// The least error or threshold of the scene at which a group need not be refined.
-float turning_point(const Group& group, const Seen& seen) {
-  if (group.error == kInfinity) return kInfinity;
-  View view = seen.view;
-  const bool by_error = view.kind == View::Kind::kError;
-  const float distance = by_error ? 1.0f : distance_outside(group.sphere, view.eye);
-  if (group.error > 0 && distance == 0) return kInfinity;
-  const double guess = group.error == 0 ? 0.0 : group.error / (distance * seen.factor);
-  return first_that(static_cast<float>(guess), [&](float value) {
-    if (value == kInfinity) return true;
-    (by_error ? view.error : view.threshold) = scaled(value, seen.factor);
-    return !must_refine(group.sphere, group.error, view);
-  });
-}
 
 struct Event {
   float at;
@@ -67,8 +30,10 @@ void append_events(const Tables& tables, std::span<const uint32_t> costs, const 
                    std::span<const ClusterBounds> normal_cones, std::vector<Event>& events) {
   const Culling culling{seen.planes, normal_cones};
   std::vector<float> turns(tables.groups.size());
-  parallel_for(turns.size(), 1024,
-               [&](size_t g) { turns[g] = turning_point(tables.groups[g], seen); });
+  parallel_for(turns.size(), 1024, [&](size_t g) {
+    const Group& group = tables.groups[g];
+    turns[g] = turning_point(group.sphere, group.error, seen.view, seen.factor);
+  });
   for (const Group& group : tables.groups) {
     if (is_outside(group.sphere, culling.planes)) continue;
     for (uint32_t c = group.clusters.offset; c < group.clusters.offset + group.clusters.count;

@@ -48,6 +48,16 @@ class Findings {
     keep(sentence);
   }
 
+  /// Adds what was found of a part by itself.
+  void absorb(const VerifyReport& part) {
+    report_.cracks += part.cracks;
+    report_.overlaps += part.overlaps;
+    report_.limit_violations += part.limit_violations;
+    report_.monotone &= part.monotone;
+    report_.ok &= part.ok;
+    for (const std::string& problem : part.problems) keep([&] { return problem; });
+  }
+
  private:
   static constexpr size_t kMost = 32, kMostInStage = 8;
 

@@ -24,19 +24,21 @@ std::string level_fault(const Tables& tables) {
   return {};
 }
 
-std::string group_fault(const Tables& tables) {
-  std::vector<uint8_t> owned(tables.clusters.size());
+std::string group_fault(const Tables& tables, size_t clusters) {
+  std::vector<bool> owned(clusters);
   for (size_t i = 0; i < tables.groups.size(); ++i) {
     const Group& group = tables.groups[i];
-    if (!is_within(group.clusters, tables.clusters.size()))
-      return leaves("group", i, "clusters", group.clusters, "clusters", tables.clusters.size());
+    if (!is_within(group.clusters, clusters))
+      return leaves("group", i, "clusters", group.clusters, "clusters", clusters);
     if (group.method > SimplifyMethod::kRoot)
       return "group " + std::to_string(i) + " has the unknown simplification method " +
              std::to_string(static_cast<uint32_t>(group.method));
-    for (uint32_t c = 0; c < group.clusters.count; ++c)
-      if (owned[group.clusters.offset + c]++)
+    for (uint32_t c = 0; c < group.clusters.count; ++c) {
+      if (owned[group.clusters.offset + c])
         return "cluster " + std::to_string(group.clusters.offset + c) +
                " is in the cluster ranges of two groups";
+      owned[group.clusters.offset + c] = true;
+    }
   }
   for (size_t c = 0; c < owned.size(); ++c)
     if (!owned[c]) return "cluster " + std::to_string(c) + " is in no group's cluster range";
@@ -76,9 +78,16 @@ std::string node_fault(const Tables& tables) {
 }  // namespace
 
 std::string structure_fault(const Tables& tables) {
-  for (const auto& fault_in : {level_fault, group_fault, cluster_fault, node_fault})
-    if (std::string fault = fault_in(tables); !fault.empty()) return fault;
-  return {};
+  if (std::string fault = structure_fault_but_clusters(tables, tables.clusters.size());
+      !fault.empty())
+    return fault;
+  return cluster_fault(tables);
+}
+
+std::string structure_fault_but_clusters(const Tables& tables, size_t clusters) {
+  if (std::string fault = level_fault(tables); !fault.empty()) return fault;
+  if (std::string fault = group_fault(tables, clusters); !fault.empty()) return fault;
+  return node_fault(tables);
 }
 
 }  // namespace umbel::lod

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/parallel.hpp"
 
@@ -33,18 +34,6 @@ struct Generated {
   }
 };
 
-/// How often the two forms of a group run along one edge.
-struct EdgeUse {
-  uint32_t edge;
-  uint32_t own = 0, simplified = 0;
-  int64_t net = 0;  ///< forward minus backward, own minus simplified
-};
-
-struct GroupResult {
-  uint64_t cracks = 0, overlaps = 0;
-  std::vector<EdgeUse> first_cracks, first_overlaps;
-};
-
 constexpr size_t kKept = 3;
 
 void collect(const Topology& topology, uint32_t cluster, bool simplified,
@@ -53,7 +42,7 @@ void collect(const Topology& topology, uint32_t cluster, bool simplified,
     uses.push_back(uint64_t{side.edge} << 2 | side.backward << 1 | uint32_t{simplified});
 }
 
-void judge(const Topology& topology, const EdgeUse& use, bool is_root, GroupResult& result) {
+void judge(const Topology& topology, const EdgeUse& use, bool is_root, BorderResult& result) {
   if (topology.allowed[use.edge]) return;
   if (use.own > 2 || use.simplified > 2) {
     ++result.overlaps;
@@ -66,14 +55,27 @@ void judge(const Topology& topology, const EdgeUse& use, bool is_root, GroupResu
   }
 }
 
-GroupResult compare(const Tables& tables, const Topology& topology, const Generated& generated,
-                    uint32_t g) {
+bool is_within(const Sphere& sphere, const Vec3& p) {
+  const double x = double{p.x} - sphere.center.x, y = double{p.y} - sphere.center.y,
+               z = double{p.z} - sphere.center.z;
+  return std::sqrt(x * x + y * y + z * z) <= sphere.radius * (1 + 1e-6);
+}
+
+/// The clusters of a group.
+std::vector<uint32_t> own_clusters(const Group& group) {
+  std::vector<uint32_t> own(group.clusters.count);
+  std::iota(own.begin(), own.end(), group.clusters.offset);
+  return own;
+}
+
+}  // namespace
+
+BorderResult compare_forms(const Topology& topology, const GroupForms& forms, bool is_root) {
   std::vector<uint64_t> uses;
-  const Range& own = tables.groups[g].clusters;
-  for (uint32_t c = own.offset; c < own.offset + own.count; ++c) collect(topology, c, false, uses);
-  for (const uint32_t c : generated.of(g)) collect(topology, c, true, uses);
+  for (const uint32_t c : forms.own) collect(topology, c, false, uses);
+  for (const uint32_t c : forms.simplified) collect(topology, c, true, uses);
   std::sort(uses.begin(), uses.end());
-  GroupResult result;
+  BorderResult result;
   for (size_t i = 0; i < uses.size();) {
     EdgeUse use{static_cast<uint32_t>(uses[i] >> 2)};
     for (; i < uses.size() && uses[i] >> 2 == use.edge; ++i) {
@@ -81,19 +83,19 @@ GroupResult compare(const Tables& tables, const Topology& topology, const Genera
       ++(simplified ? use.simplified : use.own);
       use.net += backward == simplified ? 1 : -1;
     }
-    judge(topology, use, tables.groups[g].method == SimplifyMethod::kRoot, result);
+    judge(topology, use, is_root, result);
   }
   return result;
 }
 
-void name(const Tables& tables, const Topology& topology, uint32_t g, const GroupResult& result,
-          Findings& findings) {
+void name_border(const Topology& topology, uint32_t g, const Group& group_entry,
+                 const BorderResult& result, Findings& findings) {
   const auto use_text = [&](const EdgeUse& use) {
     return topology.edge_text(use.edge) + ", which " + number(use.own) +
            " of its own triangles have and " + number(use.simplified) +
            " of those that it was simplified to";
   };
-  const std::string group = "Group " + number(g) + " of level " + number(tables.groups[g].level);
+  const std::string group = "Group " + number(g) + " of level " + number(group_entry.level);
   for (size_t i = 0; i < result.first_cracks.size(); ++i)
     findings.crack(
         [&] {
@@ -110,43 +112,39 @@ void name(const Tables& tables, const Topology& topology, uint32_t g, const Grou
         i == 0 ? result.overlaps : 0);
 }
 
-bool is_within(const Sphere& sphere, const Vec3& p) {
-  const double x = double{p.x} - sphere.center.x, y = double{p.y} - sphere.center.y,
-               z = double{p.z} - sphere.center.z;
-  return std::sqrt(x * x + y * y + z * z) <= sphere.radius * (1 + 1e-6);
+void verify_new_positions(const Topology& topology, uint32_t g, const Sphere& sphere,
+                          const GroupForms& forms, std::span<const uint32_t> numbers,
+                          PositionMarks& marks, Findings& findings) {
+  for (const uint32_t c : forms.own)
+    for (const uint32_t p : topology.positions_of(c)) marks.set(p, g);
+  for (size_t i = 0; i < forms.simplified.size(); ++i)
+    for (const uint32_t p : topology.positions_of(forms.simplified[i]))
+      if (!marks.is(p, g) && !is_within(sphere, topology.positions[p]))
+        findings.limit([&] {
+          return "Cluster " + number(numbers[i]) + " has a vertex at " +
+                 text(topology.positions[p]) + ", where group " + number(g) +
+                 " that it was made from has none, outside that group's sphere";
+        });
 }
-
-/// Simplification only drops vertices, but for a decimation of somebody's own: its new vertices
-/// are within the group's sphere.
-void verify_positions(const Tables& tables, const Topology& topology, const Generated& generated,
-                      Findings& findings) {
-  std::vector<uint32_t> last_group(topology.positions.size(), kNone);
-  for (uint32_t g = 0; g < tables.groups.size(); ++g) {
-    const Range& own = tables.groups[g].clusters;
-    for (uint32_t c = own.offset; c < own.offset + own.count; ++c)
-      for (const uint32_t p : topology.positions_of(c)) last_group[p] = g;
-    for (const uint32_t c : generated.of(g))
-      for (const uint32_t p : topology.positions_of(c))
-        if (last_group[p] != g && !is_within(tables.groups[g].sphere, topology.positions[p]))
-          findings.limit([&] {
-            return "Cluster " + number(c) + " has a vertex at " + text(topology.positions[p]) +
-                   ", where group " + number(g) +
-                   " that it was made from has none, outside that group's sphere";
-          });
-  }
-}
-
-}  // namespace
 
 void verify_borders(const Tables& tables, const Topology& topology, Findings& findings) {
   findings.begin_stage();
   const Generated generated(tables);
-  std::vector<GroupResult> results(tables.groups.size());
+  std::vector<BorderResult> results(tables.groups.size());
   parallel_for(results.size(), 1, [&](size_t g) {
-    results[g] = compare(tables, topology, generated, static_cast<uint32_t>(g));
+    const Group& group = tables.groups[g];
+    const std::vector<uint32_t> own = own_clusters(group);
+    results[g] = compare_forms(topology, {own, generated.of(static_cast<uint32_t>(g))},
+                               group.method == SimplifyMethod::kRoot);
   });
-  for (uint32_t g = 0; g < results.size(); ++g) name(tables, topology, g, results[g], findings);
-  verify_positions(tables, topology, generated, findings);
+  for (uint32_t g = 0; g < results.size(); ++g)
+    name_border(topology, g, tables.groups[g], results[g], findings);
+  PositionMarks marks(topology.positions.size());
+  for (uint32_t g = 0; g < results.size(); ++g) {
+    const std::vector<uint32_t> own = own_clusters(tables.groups[g]);
+    verify_new_positions(topology, g, tables.groups[g].sphere, {own, generated.of(g)},
+                         generated.of(g), marks, findings);
+  }
 }
 
 }  // namespace umbel::lod

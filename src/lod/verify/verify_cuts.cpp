@@ -4,100 +4,18 @@
 
 #include <tbb/enumerable_thread_specific.h>
 
-#include <cmath>
+#include <algorithm>
+#include <numeric>
 
-#include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "lod/verify/edge_count.hpp"
-#include "umbel/lod/select.hpp"
+#include "lod/verify/view_maker.hpp"
 
 namespace umbel::lod {
 namespace {
 
 constexpr size_t kKept = 3;
 constexpr size_t kMostLevels = 64;  // far more than halving ever makes
-
-/// SplitMix64 (Steele, Lea & Flood 2014): the same numbers on every platform.
-class Random {
- public:
-  explicit Random(uint64_t seed) : state_(seed) {}
-  uint64_t next() {
-    uint64_t z = (state_ += 0x9e3779b97f4a7c15ull);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
-    return z ^ (z >> 31);
-  }
-  double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }
-  double between(double low, double high) { return low + (high - low) * uniform(); }
-  double log_between(double low, double high) {
-    return std::exp(between(std::log(low), std::log(high)));
-  }
-
- private:
-  uint64_t state_;
-};
-
-/// The views that the random cuts are seen from.
-class ViewMaker {
- public:
-  ViewMaker(const Tables& tables, uint32_t seed) : tables_(tables), random_(seed) {
-    Aabb box;
-    for (const Cluster& cluster : tables.clusters) extend(box, cluster.box);
-    low_[0] = box.min.x, low_[1] = box.min.y, low_[2] = box.min.z;
-    high_[0] = box.max.x, high_[1] = box.max.y, high_[2] = box.max.z;
-    double square = 0;
-    for (int i = 0; i < 3; ++i) square += (high_[i] - low_[i]) * (high_[i] - low_[i]);
-    diagonal_ = std::sqrt(square);
-    if (!(diagonal_ > 0)) diagonal_ = 1;
-    for (const Group& group : tables.groups) {
-      if (!std::isfinite(group.error) || !(group.error > 0)) continue;
-      smallest_ = smallest_ == 0 ? group.error : std::min<double>(smallest_, group.error);
-      largest_ = std::max<double>(largest_, group.error);
-    }
-    if (largest_ == 0) smallest_ = largest_ = diagonal_;
-  }
-
-  View make(uint32_t index) { return index % 2 == 0 ? by_error() : by_camera(); }
-
- private:
-  View by_error() {
-    // Equality is a case of its own, so some of the errors are those of groups.
-    if (random_.uniform() < 0.25) {
-      const float error = tables_.groups[random_.next() % tables_.groups.size()].error;
-      if (std::isfinite(error) && error >= 0) return view_error(error);
-    }
-    return view_error(static_cast<float>(random_.log_between(smallest_, largest_)));
-  }
-
-  View by_camera() {
-    double eye[3];
-    for (int i = 0; i < 3; ++i) eye[i] = random_.between(low_[i], high_[i]);
-    double distance = random_.log_between(0.01, 1) * diagonal_;
-    if (random_.uniform() < 0.5) {
-      distance = random_.log_between(0.1, 100) * diagonal_;
-      const double z = random_.between(-1, 1), angle = random_.between(0, 6.283185307179586);
-      const double r = std::sqrt(1 - z * z);
-      const double direction[3] = {r * std::cos(angle), r * std::sin(angle), z};
-      for (int i = 0; i < 3; ++i)
-        eye[i] = 0.5 * (low_[i] + high_[i]) + direction[i] * (0.5 * diagonal_ + distance);
-    }
-    View view;
-    view.kind = View::Kind::kCamera;
-    view.eye = {clamped(eye[0]), clamped(eye[1]), clamped(eye[2])};
-    view.threshold = std::max(0.0f, clamped(random_.log_between(smallest_, largest_) / distance));
-    return view;
-  }
-
-  static float clamped(double value) {
-    constexpr double kMax = std::numeric_limits<float>::max();
-    if (std::isnan(value)) return 0;  // of boxes that are damaged
-    return static_cast<float>(std::clamp(value, -kMax, kMax));
-  }
-
-  const Tables& tables_;
-  Random random_;
-  double low_[3], high_[3], diagonal_ = 1, smallest_ = 0, largest_ = 0;
-};
 
 std::string view_text(const View& view) {
   if (view.kind == View::Kind::kError) return "The cut of error " + text(view.error);
@@ -112,17 +30,21 @@ struct CutResult {
   bool empty = false;
 };
 
-CutResult examine(const Tables& tables, const View& view, EdgeCount& edges) {
-  const std::vector<uint32_t> cut = select(tables, view);
-  CutResult result;
-  result.same = cut == select_hierarchy(tables, view);
-  result.empty = cut.empty();
+void count_edges(EdgeCount& edges, std::span<const uint32_t> cut, CutResult& result) {
   edges.count(cut, [&](const BadEdge& bad) {
     const bool crack = bad.triangles < 2;
     ++(crack ? result.cracks : result.overlaps);
     auto& kept = crack ? result.first_cracks : result.first_overlaps;
     if (kept.size() < kKept) kept.push_back(bad);
   });
+}
+
+CutResult examine(const Tables& tables, const View& view, EdgeCount& edges) {
+  const std::vector<uint32_t> cut = select(tables, view);
+  CutResult result;
+  result.same = cut == select_hierarchy(tables, view);
+  result.empty = cut.empty();
+  count_edges(edges, cut, result);
   return result;
 }
 
@@ -157,6 +79,18 @@ void name(const Topology& topology, const View& view, const CutResult& result, b
 
 }  // namespace
 
+void verify_part_of_cut(const Topology& topology, std::span<const uint32_t> numbers,
+                        const View& view, Findings& findings) {
+  std::vector<uint32_t> all(numbers.size());
+  std::iota(all.begin(), all.end(), 0u);
+  EdgeCount edges(topology);
+  CutResult result;
+  count_edges(edges, all, result);
+  for (auto* kept : {&result.first_cracks, &result.first_overlaps})
+    for (BadEdge& bad : *kept) bad.cluster = numbers[bad.cluster];
+  name(topology, view, result, true, findings);
+}
+
 void verify_cuts(const Tables& tables, const Topology& topology, const VerifyConfig& config,
                  uint32_t& cuts, Findings& findings, Progress& progress) {
   constexpr size_t kBatch = 16;
@@ -168,7 +102,9 @@ void verify_cuts(const Tables& tables, const Topology& topology, const VerifyCon
   const size_t levels = std::min(tables.levels.size(), kMostLevels);
   std::vector<View> views;
   views.reserve(size_t{config.cuts} + levels + 1);
-  ViewMaker maker(tables, config.seed);
+  Aabb box;
+  for (const Cluster& cluster : tables.clusters) extend(box, cluster.box);
+  ViewMaker maker(tables.groups, box, config.seed);
   for (uint32_t i = 0; i < config.cuts; ++i) views.push_back(maker.make(i));
   for (size_t level = 0; level <= levels; ++level)
     views.push_back(view_level(static_cast<uint32_t>(level)));

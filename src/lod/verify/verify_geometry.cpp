@@ -1,22 +1,13 @@
-// Reads the geometry of all clusters for verification, and checks each cluster by itself: sizes,
-// indices, box, sphere; then the clusters of level 0 together against the source.
+// Reads the geometry of all clusters for verification, checks each by itself, and the clusters of
+// level 0 together against the source.
 #include "lod/verify/verify_geometry.hpp"
 
-#include <bit>
-#include <cmath>
 #include <numeric>
 
-#include "base/hash.hpp"
-#include "base/interner.hpp"
-#include "base/math.hpp"
-#include "mesh/vertex_bits.hpp"
+#include "lod/verify/cluster_check.hpp"
 
 namespace umbel::lod {
 namespace {
-
-struct EdgeHash {
-  uint64_t operator()(uint64_t edge) const { return mix64(edge); }
-};
 
 class Reader {
  public:
@@ -25,26 +16,29 @@ class Reader {
     uint64_t triangles = 0;
     for (const Cluster& cluster : tables.clusters)
       triangles += std::min(cluster.triangle_count, 256u);
-    topology_.sides.reserve(3 * triangles);
-    topology_.side_offsets = topology_.position_offsets = {0};
+    builder_.reserve(triangles);
   }
 
   void read(uint32_t cluster, const GeometryReader& geometry) {
     try {
       const ClusterGeometry g = geometry(cluster);
-      if (check(cluster, g)) add(cluster, g);
+      const Cluster& entry = tables_.clusters[cluster];
+      if (check_cluster(cluster, entry, tables_.groups[entry.group], g, config_, findings_)) {
+        builder_.add(g);
+        if (entry.generating_group == kNone) add_to_source(g);
+        return;
+      }
     } catch (const Error& error) {
       if (error.code() == ErrorCode::kCancelled) throw;
-      complain(cluster, std::string("cannot be read: ") + error.what());
-      topology_.complete = false;
+      name_unreadable(cluster, error.what(), findings_);
     }
-    topology_.side_offsets.push_back(topology_.sides.size());
-    topology_.position_offsets.push_back(topology_.cluster_positions.size());
+    complete_ = false;
+    builder_.add({});
   }
 
   Topology finish() {
-    topology_.positions = positions_.take();
-    topology_.edges = edges_.take();
+    topology_ = builder_.take();
+    topology_.complete = complete_;
     find_allowed_edges();
     return std::move(topology_);
   }
@@ -52,110 +46,6 @@ class Reader {
   const Mesh& source() const { return source_; }
 
  private:
-  void complain(uint32_t cluster, const std::string& what) {
-    findings_.limit([&] { return "Cluster " + number(cluster) + " " + what; });
-  }
-
-  bool check(uint32_t c, const ClusterGeometry& g) {
-    const Cluster& cluster = tables_.clusters[c];
-    const size_t vertices = g.positions.size(), triangles = g.triangles.size() / 3;
-    if (triangles != cluster.triangle_count || g.triangles.size() % 3 != 0)
-      complain(c, "has " + number(triangles) + " triangles, but its entry says " +
-                      number(cluster.triangle_count));
-    if (vertices != cluster.vertex_count)
-      complain(c, "has " + number(vertices) + " vertices, but its entry says " +
-                      number(cluster.vertex_count));
-    if (triangles == 0) complain(c, "has no triangles");
-    if (triangles > config_.max_triangles)
-      complain(c, "has " + number(triangles) + " triangles, more than the limit of " +
-                      number(config_.max_triangles));
-    if (vertices > config_.max_vertices)
-      complain(c, "has " + number(vertices) + " vertices, more than the limit of " +
-                      number(config_.max_vertices));
-    check_stream(c, "normals", g.normals.size(), vertices);
-    check_stream(c, "tangents", g.tangents.size(), vertices);
-    check_stream(c, "texture coordinates", g.uvs.size(), vertices);
-    check_stream(c, "colors", g.colors.size(), vertices);
-    const uint32_t width = extra_width(g.extras);
-    check_stream(c, "values of further attributes", width == 0 ? 0 : g.extra_values.size() / width,
-                 vertices);
-    const bool usable = check_indices(c, g) && check_positions(c, g);
-    topology_.complete &= usable;
-    return usable;
-  }
-
-  void check_stream(uint32_t c, const char* name, size_t size, size_t vertices) {
-    if (size != 0 && size != vertices)
-      complain(c, "has " + number(size) + " " + name + " for " + number(vertices) + " vertices");
-  }
-
-  bool check_indices(uint32_t c, const ClusterGeometry& g) {
-    for (size_t i = 0; i < g.triangles.size(); ++i)
-      if (g.triangles[i] >= g.positions.size()) {
-        complain(c, "has the vertex index " + number(g.triangles[i]) + " in its triangle " +
-                        number(i / 3) + ", but only " + number(g.positions.size()) + " vertices");
-        return false;
-      }
-    return true;
-  }
-
-  /// Boxes and spheres may be rounded; one complaint a cluster is enough.
-  bool check_positions(uint32_t c, const ClusterGeometry& g) {
-    const Cluster& cluster = tables_.clusters[c];
-    const Group& group = tables_.groups[cluster.group];
-    bool in_box = true, in_sphere = true;
-    for (const Vec3& p : g.positions) {
-      if (!is_finite(p)) {
-        complain(c, "has a vertex at the impossible position " + text(p));
-        return false;
-      }
-      Aabb box = cluster.box;
-      extend(box, p);
-      if (in_box && !(box == cluster.box))
-        complain(c, "has a vertex at " + text(p) + " outside its box from " +
-                        text(cluster.box.min) + " to " + text(cluster.box.max));
-      in_box &= box == cluster.box;
-      if (in_sphere && !contains_point(group.sphere, p)) {
-        in_sphere = false;
-        findings_.not_monotone([&] {
-          return "Group " + number(cluster.group) + " has the " + text(group.sphere) +
-                 ", which does not contain the vertex at " + text(p) + " of its cluster " +
-                 number(c);
-        });
-      }
-    }
-    return true;
-  }
-
-  static bool contains_point(const Sphere& sphere, const Vec3& p) {
-    const double x = double{p.x} - sphere.center.x;
-    const double y = double{p.y} - sphere.center.y;
-    const double z = double{p.z} - sphere.center.z;
-    const double radius = double{sphere.radius} * (1 + 1e-6);
-    return x * x + y * y + z * z <= radius * radius;
-  }
-
-  void add(uint32_t c, const ClusterGeometry& g) {
-    ids_.clear();
-    for (const Vec3& p : g.positions)
-      ids_.push_back(positions_.insert(without_negative_zero(p)).first);
-    topology_.cluster_positions.insert(topology_.cluster_positions.end(), ids_.begin(), ids_.end());
-    for (size_t t = 0; t + 2 < g.triangles.size(); t += 3)
-      add_triangle(ids_[g.triangles[t]], ids_[g.triangles[t + 1]], ids_[g.triangles[t + 2]]);
-    if (tables_.clusters[c].generating_group == kNone) add_to_source(g);
-  }
-
-  void add_triangle(uint32_t a, uint32_t b, uint32_t c) {
-    if (a == b || b == c || c == a) return;
-    for (const auto& [from, to] : {std::pair{a, b}, std::pair{b, c}, std::pair{c, a}}) {
-      const uint64_t key = uint64_t{std::min(from, to)} << 32 | std::max(from, to);
-      const uint32_t edge = edges_.insert(key).first;
-      if (edge >> 31)
-        throw Error(ErrorCode::kUnsupported, "verify: more than 2147483648 different edges");
-      topology_.sides.push_back({edge, from > to});
-    }
-  }
-
   void add_to_source(const ClusterGeometry& g) {
     const uint32_t first = static_cast<uint32_t>(source_.positions.size());
     source_.positions.insert(source_.positions.end(), g.positions.begin(), g.positions.end());
@@ -219,21 +109,17 @@ class Reader {
     const auto from = [&](uint32_t c) { return tables_.clusters[c].generating_group; };
     std::stable_sort(sloppy.begin(), sloppy.end(),
                      [&](uint32_t a, uint32_t b) { return from(a) < from(b); });
-    std::vector<uint64_t> uses;
-    for (size_t i = 0; i < sloppy.size(); ++i) {
-      const uint32_t level = level_of(sloppy[i]);
-      for (const Side& side : topology_.sides_of(sloppy[i]))
-        if (first_level[topology_.edges[side.edge] >> 32] == level &&
-            first_level[static_cast<uint32_t>(topology_.edges[side.edge])] == level)
-          uses.push_back(uint64_t{side.edge} << 1 | side.backward);
-      if (i + 1 < sloppy.size() && from(sloppy[i + 1]) == from(sloppy[i])) continue;
-      std::sort(uses.begin(), uses.end());
-      for (auto at = uses.begin(); at != uses.end();) {
-        const auto end = std::upper_bound(at, uses.end(), *at | 1);
-        if (end - at != 2 || *at == *(at + 1)) found.push_back(static_cast<uint32_t>(*at >> 1));
-        at = end;
-      }
-      uses.clear();
+    for (size_t i = 0; i < sloppy.size();) {
+      const size_t begin = i;
+      while (i < sloppy.size() && from(sloppy[i]) == from(sloppy[begin])) ++i;
+      const uint32_t level = level_of(sloppy[begin]);
+      for_each_irregular(
+          topology_, std::span(sloppy).subspan(begin, i - begin),
+          [&](uint32_t edge) {
+            return first_level[topology_.edges[edge] >> 32] == level &&
+                   first_level[static_cast<uint32_t>(topology_.edges[edge])] == level;
+          },
+          [&](uint32_t edge) { found.push_back(edge); });
     }
     return found;
   }
@@ -241,30 +127,41 @@ class Reader {
   const Tables& tables_;
   const VerifyConfig& config_;
   Findings& findings_;
+  TopologyBuilder builder_;
   Topology topology_;
-  Interner<Vec3, ValueHash> positions_;
-  Interner<uint64_t, EdgeHash> edges_;
-  std::vector<uint32_t> ids_;
+  bool complete_ = true;
   Mesh source_;
 };
 
-void verify_source(const Mesh& source, const VerifyConfig& config, Findings& findings) {
-  if (source.triangles.size() != config.source_triangles) {
-    findings.limit([&] {
-      return "Level 0 has " + number(source.triangles.size()) + " triangles, but the source has " +
-             number(config.source_triangles);
-    });
-    return;
-  }
-  if (triangle_set_digest(source.view()) != config.source_digest)
-    findings.limit([&] {
-      return std::string(
-          "Level 0 has as many triangles as the source, but not the same ones: "
-          "their digests differ");
-    });
+}  // namespace
+
+void TopologyBuilder::add(const ClusterGeometry& g) {
+  ids_.clear();
+  for (const Vec3& p : g.positions)
+    ids_.push_back(positions_.insert(without_negative_zero(p)).first);
+  topology_.cluster_positions.insert(topology_.cluster_positions.end(), ids_.begin(), ids_.end());
+  for (size_t t = 0; t + 2 < g.triangles.size(); t += 3)
+    add_triangle(ids_[g.triangles[t]], ids_[g.triangles[t + 1]], ids_[g.triangles[t + 2]]);
+  topology_.side_offsets.push_back(topology_.sides.size());
+  topology_.position_offsets.push_back(topology_.cluster_positions.size());
 }
 
-}  // namespace
+void TopologyBuilder::add_triangle(uint32_t a, uint32_t b, uint32_t c) {
+  if (a == b || b == c || c == a) return;
+  for (const auto& [from, to] : {std::pair{a, b}, std::pair{b, c}, std::pair{c, a}}) {
+    const uint64_t key = uint64_t{std::min(from, to)} << 32 | std::max(from, to);
+    const uint32_t edge = edges_.insert(key).first;
+    if (edge >> 31)
+      throw Error(ErrorCode::kUnsupported, "verify: more than 2147483648 different edges");
+    topology_.sides.push_back({edge, from > to});
+  }
+}
+
+Topology TopologyBuilder::take() {
+  topology_.positions = positions_.take();
+  topology_.edges = edges_.take();
+  return std::move(topology_);
+}
 
 Topology read_topology(const Tables& tables, const GeometryReader& geometry,
                        const VerifyConfig& config, Findings& findings, Progress& progress) {
@@ -278,7 +175,10 @@ Topology read_topology(const Tables& tables, const GeometryReader& geometry,
   }
   findings.begin_stage();
   Topology topology = reader.finish();
-  if (topology.complete) verify_source(reader.source(), config, findings);
+  if (topology.complete)
+    verify_source(
+        reader.source().triangles.size(),
+        [&] { return triangle_set_digest(reader.source().view()); }, config, findings);
   return topology;
 }
 

@@ -79,22 +79,9 @@ bool verify_owners(const Tables& tables, Findings& findings) {
 }
 
 void verify_generating(const Tables& tables, Findings& findings) {
-  for (uint32_t c = 0; c < tables.clusters.size(); ++c) {
-    const uint32_t from = tables.clusters[c].generating_group;
-    if (from == kNone) continue;
-    const auto complain = [&](const std::string& what) {
-      findings.limit([&] {
-        return "Cluster " + number(c) + " was made from group " + number(from) + ", " + what;
-      });
-    };
-    const uint32_t to = tables.clusters[c].group;
-    if (tables.groups[from].level >= tables.groups[to].level)
-      complain("which is of level " + number(tables.groups[from].level) +
-               ", not below its own group " + number(to) + " of level " +
-               number(tables.groups[to].level));
-    if (tables.groups[from].method == SimplifyMethod::kRoot)
-      complain("which is a root and so was never simplified");
-  }
+  for (uint32_t c = 0; c < tables.clusters.size(); ++c)
+    if (const uint32_t from = tables.clusters[c].generating_group; from != kNone)
+      verify_origin(tables, tables.clusters[c].group, from, "Cluster " + number(c), findings);
 }
 
 bool verify_leaf(const Tables& tables, uint32_t n, std::vector<uint32_t>& leaf_of,
@@ -170,6 +157,20 @@ void verify_node(const Tables& tables, uint32_t n, Findings& findings) {
   }
 }
 
+bool verify_groups(const Tables& tables, Findings& findings) {
+  if (!verify_levels(tables, findings)) return false;
+  bool good = true;
+  for (uint32_t g = 0; g < tables.groups.size(); ++g) good &= verify_group(tables, g, findings);
+  return good;
+}
+
+bool complain_of(std::string fault, Findings& findings) {
+  if (fault.empty()) return false;
+  fault[0] = static_cast<char>(std::toupper(fault[0]));
+  findings.limit([&] { return fault; });
+  return true;
+}
+
 }  // namespace
 
 bool contains(const Sphere& outer, const Sphere& inner) {
@@ -181,19 +182,51 @@ bool contains(const Sphere& outer, const Sphere& inner) {
          double{outer.radius} * (1 + kTolerance) + std::numeric_limits<float>::denorm_min();
 }
 
+void verify_origin(const Tables& tables, uint32_t to, uint32_t from, const std::string& what,
+                   Findings& findings) {
+  const auto complain = [&](const std::string& why) {
+    findings.limit([&] { return what + " was made from group " + number(from) + ", " + why; });
+  };
+  if (tables.groups[from].level >= tables.groups[to].level)
+    complain("which is of level " + number(tables.groups[from].level) +
+             ", not below its own group " + number(to) + " of level " +
+             number(tables.groups[to].level));
+  if (tables.groups[from].method == SimplifyMethod::kRoot)
+    complain("which is a root and so was never simplified");
+}
+
 bool verify_links(const Tables& tables, Findings& findings) {
   findings.begin_stage();
-  if (std::string fault = structure_fault(tables); !fault.empty()) {
-    fault[0] = static_cast<char>(std::toupper(fault[0]));
-    findings.limit([&] { return fault; });
-    return false;
-  }
-  if (!verify_levels(tables, findings)) return false;
-  bool good = true;
-  for (uint32_t g = 0; g < tables.groups.size(); ++g) good &= verify_group(tables, g, findings);
-  if (!good || !verify_owners(tables, findings)) return false;
+  if (complain_of(structure_fault(tables), findings)) return false;
+  if (!verify_groups(tables, findings) || !verify_owners(tables, findings)) return false;
   verify_generating(tables, findings);
   return verify_hierarchy(tables, findings);
+}
+
+bool verify_links_but_clusters(const Tables& tables, size_t clusters, Findings& findings) {
+  findings.begin_stage();
+  if (complain_of(structure_fault_but_clusters(tables, clusters), findings)) return false;
+  return verify_groups(tables, findings) && verify_hierarchy(tables, findings);
+}
+
+void verify_rise(const Tables& tables, uint32_t to, uint32_t from, Findings& findings) {
+  const Group& fine = tables.groups[from];
+  const Group& coarse = tables.groups[to];
+  if (!(coarse.error >= fine.error))
+    findings.not_monotone([&] {
+      return "Group " + number(to) + " has the error " + text(coarse.error) +
+             ", less than its generating group " + number(from) + " with " + text(fine.error);
+    });
+  if (!contains(coarse.sphere, fine.sphere))
+    findings.not_monotone([&] {
+      return "Group " + number(to) + " has the " + text(coarse.sphere) +
+             ", which does not contain that of its generating group " + number(from) + ", the " +
+             text(fine.sphere);
+    });
+}
+
+void verify_nodes(const Tables& tables, Findings& findings) {
+  for (uint32_t n = 0; n < tables.nodes.size(); ++n) verify_node(tables, n, findings);
 }
 
 void verify_monotone(const Tables& tables, Findings& findings) {
@@ -203,21 +236,9 @@ void verify_monotone(const Tables& tables, Findings& findings) {
     const uint32_t from = cluster.generating_group, to = cluster.group;
     if (from == kNone || (from == last_from && to == last_to)) continue;
     last_from = from, last_to = to;
-    const Group& fine = tables.groups[from];
-    const Group& coarse = tables.groups[to];
-    if (!(coarse.error >= fine.error))
-      findings.not_monotone([&] {
-        return "Group " + number(to) + " has the error " + text(coarse.error) +
-               ", less than its generating group " + number(from) + " with " + text(fine.error);
-      });
-    if (!contains(coarse.sphere, fine.sphere))
-      findings.not_monotone([&] {
-        return "Group " + number(to) + " has the " + text(coarse.sphere) +
-               ", which does not contain that of its generating group " + number(from) + ", the " +
-               text(fine.sphere);
-      });
+    verify_rise(tables, to, from, findings);
   }
-  for (uint32_t n = 0; n < tables.nodes.size(); ++n) verify_node(tables, n, findings);
+  verify_nodes(tables, findings);
 }
 
 void validate(const Tables& tables) {

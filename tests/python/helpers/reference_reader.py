@@ -325,6 +325,18 @@ class Reader:
         assert len(origins) <= 1
         self.origin = origins[0] if origins else (0.0, 0.0, 0.0)
         self.scene = self.text("SCEN") if "SCEN" in self.sections else ""
+        self.slices = {name: self.slices_of(*name) for name in (("PAGE", "PSUM"), ("NODE", "NSUM"))}
+        (opening,) = struct.unpack_from("<Q", data, 56)
+        assert opening == (self.sections["PAGE"][0] if opening else 0)
+
+    def slices_of(self, table: str, sums: str) -> list[tuple[bytes, int]]:
+        """Each slice of a table, and its checksum."""
+        if sums not in self.sections:
+            return []
+        offset, stride, rows = self.sections[table]
+        begins = range(0, rows, 4096)
+        slices = [self.data[offset + i * stride :][: min(4096, rows - i) * stride] for i in begins]
+        return list(zip(slices, [row[0] for row in self.rows(sums, "<Q")], strict=True))
 
     def text(self, section: str) -> str:
         offset, _, count = self.sections[section]

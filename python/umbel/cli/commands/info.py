@@ -27,7 +27,7 @@ def command(
 
 
 def _asset_info(path: str) -> dict[str, Any]:
-    from umbel.cli.measure import sha256_of, table_counts
+    from umbel.cli.measure import sha256_of, total_counts
     from umbel.io.addresses import is_address
     from umbel.lod.asset import Asset
     from umbel.lod.instances import all_instances
@@ -36,7 +36,9 @@ def _asset_info(path: str) -> dict[str, Any]:
     info = asset.info
     metadata = info["metadata"]
     stored = metadata.get("report", {})
-    tables = [asset.mesh_tables(mesh) for mesh in range(len(asset.meshes))]
+    counts = [
+        mesh | found for mesh, found in zip(asset.meshes, asset._native.summaries(), strict=True)
+    ]
     drawn = [asset.meshes[mesh] for mesh, _ in all_instances(asset)]
     triangles = sum(mesh["source_triangles"] for mesh in drawn)
     names = ("normals", "tangents", "uvs", "colors")
@@ -48,9 +50,9 @@ def _asset_info(path: str) -> dict[str, Any]:
         "input_triangles": triangles,
         "input_vertices": sum(mesh["source_vertices"] for mesh in drawn),
         "stored_triangles": info["source_triangles"],
-        **table_counts(tables, info["max_triangles"]),
+        **total_counts(counts, info["max_triangles"]),
         "pages": info["pages"],
-        "materials": _material_count(asset, tables),
+        "materials": _material_count(asset, counts),
         "meshes": len(asset.meshes),
         "instances": len(drawn),
         "bounds": _bounds(asset),
@@ -76,9 +78,9 @@ def _bounds(asset: Any) -> Any:
     return asset.info["bounds"] if box is None else box.tolist()
 
 
-def _material_count(asset: Any, tables: list[Any]) -> int:
+def _material_count(asset: Any, counts: list[dict[str, Any]]) -> int:
     named = len(asset.materials)
-    highest = max((int(t.clusters["material"].max(initial=0)) for t in tables), default=0)
+    highest = max((mesh["max_material"] for mesh in counts), default=0)
     return max(named, highest + 1 if highest else 0)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from umbel.cli.inputs import AllowOutside, load_mesh
+from umbel.cli.inputs import AllowOutside, bytes_of, load_mesh
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
 
@@ -143,7 +143,7 @@ def command(
     if exposure != "auto":
         tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
     method = _accel(source, accel, pixel_error)
-    most = None if budget is None else _size(budget)
+    most = None if budget is None else bytes_of("--budget", budget)
     if most is not None and (method is not Accel.lod or ground):
         fail("--budget is for .umbel assets with --accel lod, without --ground")
     if not bounce_error >= 1 or (bounce_error > 1 and most is None):
@@ -318,20 +318,6 @@ class _Streamed:
         view = Renderer(asset_boxes(self._asset), up=self._options["up"]).view(text, width, height)
         view = replace(view, pixel_error=self._pixel_error)
         return CutRenderer(self._asset, view, self._budget, **self._options), view
-
-
-def _size(text: str) -> int:
-    """Bytes of a size such as 64MB; powers of 1000, and of 1024 for MiB."""
-    units = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9}
-    units |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30}
-    number = text.strip().rstrip("BbIiKkMmGg")
-    try:
-        size = float(number) * units[text.strip()[len(number) :].upper()]
-    except (KeyError, ValueError):
-        size = 0.0
-    if not 1 <= size < 1e18:
-        fail(f"--budget must be a size such as 64MB, not {text!r}")
-    return int(size)
 
 
 def _result(path: Path, renderer: Renderer, film: Film, camera: Camera) -> dict[str, Any]:

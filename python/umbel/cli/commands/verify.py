@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from umbel.cli.failure import naming_file, one_line
+from umbel.cli.inputs import bytes_of
 from umbel.cli.run import CHECK_FAILED, Json, Threads, ends_cleanly, say, show
 
 
@@ -20,6 +21,14 @@ def command(
     seed: Annotated[
         int, typer.Option(min=0, max=0xFFFFFFFF, metavar="N", help="Which random cuts.")
     ] = 1,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Read pages in order, several times, in about so much memory, as in 1GB; of each "
+            "random cut, look at one window.",
+        ),
+    ] = None,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
@@ -35,6 +44,8 @@ def command(
     began = time.perf_counter()
     with Bar() as bar:
         how: dict[str, Any] = {"seed": seed, "progress": bar, "threads": threads}
+        if memory is not None:
+            how["memory"] = bytes_of("--memory", memory)
         report = Asset(path).verify(cuts, **how) if is_address(path) else verify(path, cuts, **how)
     result = {"input": path, **report.to_dict(), "seconds": time.perf_counter() - began}
     problem = one_line(report.problems[0] if report.problems else "a check did not hold")

@@ -178,7 +178,7 @@ TEST(AssetRoundTrip, refuses_contents_that_do_not_fit_together) {
   contents.instances.clear();
   contents.meshes.push_back(nullptr);
   EXPECT_THROW(write_asset(scratch / "a.umbel", contents), Error);
-  for (const uint32_t bytes : {0u, 100u, 5000u, 0xfffff000u}) {
+  for (const uint32_t bytes : {100u, 5000u, 0xfffff000u}) {
     AssetConfig config;
     config.page_bytes = bytes;
     EXPECT_THROW(write_asset(scratch / "a.umbel", dag, "{}", {}, config), Error) << bytes;

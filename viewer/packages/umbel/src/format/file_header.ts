@@ -11,6 +11,7 @@ import {
   readSections,
   type Section,
 } from "./sections.js";
+import { checkSlices } from "./table_slices.js";
 import {
   CLUSTER_ROW,
   type EmbeddedFile,
@@ -57,6 +58,7 @@ export function readFileHeader(bytes: Uint8Array): FileHeader {
     corrupt("The file is damaged: the checksum of its tables does not match.");
   const sections = readSections(view, fixed);
   const section = (name: string) => sections.get(name) as Section;
+  checkSlices(view, section("PAGE"), sections.get("PSUM"));
   const pages = readPages(view, section("PAGE"), fixed);
   const materials = readJson(header, section("MTRL"));
   const meshes = readMeshes(view, section, pages.count, uvSetsOf(materials));

@@ -43,7 +43,7 @@ const REQUIRED: Record<string, number> = {
   PAGE: 24,
   NODE: 32,
 };
-const OPTIONAL: Record<string, number> = { ORIG: 24, SCEN: 1 };
+const OPTIONAL: Record<string, number> = { ORIG: 24, SCEN: 1, PSUM: 8, NSUM: 8 };
 
 /** Reads the fixed header from the first bytes of a file: FIXED_HEADER_SIZE of them or more. */
 export function readFixedHeader(bytes: Uint8Array): FixedHeader {
