@@ -1,16 +1,12 @@
 #include "stream/page_tables.hpp"
 
+#include <utility>
+
 namespace umbel::stream {
 
-PageTables::PageTables(const Asset& asset) : tables_(asset.info().pages) {
-  for (const AssetMesh& mesh : asset.meshes()) in_page_.emplace_back(mesh.groups);
-}
-
 void PageTables::add(const AssetPage& page) {
-  for (uint32_t i = 0; i < page.groups.size(); ++i)
-    in_page_[page.groups[i].mesh][page.groups[i].id] = i;
-  Table& table = tables_[page.index];
-  table = {};
+  auto made = std::make_unique<Table>();
+  Table& table = *made;
   table.groups.reserve(page.groups.size() + 1);
   const auto add_group = [&](uint32_t mesh, uint32_t group) {
     table.groups.push_back({mesh, group, static_cast<uint32_t>(table.children.size()),
@@ -23,13 +19,16 @@ void PageTables::add(const AssetPage& page) {
       table.generating_groups.push_back(cluster.generating_group);
   }
   add_group(kNone, kNone);
+  tables_[page.index] = std::move(made);
 }
 
 uint32_t PageTables::find(uint32_t mesh, const GroupRef& reference) const {
-  const std::vector<Group>& groups = tables_[reference.page].groups;
-  const uint32_t at = in_page_[mesh][reference.group];
-  if (at + 1 >= groups.size()) return kNone;
-  return groups[at].group == reference.group && groups[at].mesh == mesh ? at : kNone;
+  if (!has(reference.page)) return kNone;
+  // A page has a handful of groups, so a number for each of an asset's would not pay.
+  const std::vector<Group>& groups = tables_[reference.page]->groups;
+  for (uint32_t at = 0; at + 1 < groups.size(); ++at)
+    if (groups[at].group == reference.group && groups[at].mesh == mesh) return at;
+  return kNone;
 }
 
 }  // namespace umbel::stream

@@ -2,6 +2,7 @@
 // are far larger than caches.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -11,25 +12,25 @@ namespace umbel::stream {
 
 class PageTables {
  public:
-  explicit PageTables(const Asset& asset);
+  explicit PageTables(const Asset& asset) : tables_(asset.info().pages) {}
 
   void add(const AssetPage& page);
-  void remove(uint32_t page) { tables_[page] = {}; }
-  bool has(uint32_t page) const { return !tables_[page].groups.empty(); }
+  void remove(uint32_t page) { tables_[page] = nullptr; }
+  bool has(uint32_t page) const { return tables_[page] != nullptr; }
 
   /// The index of a group in its page. kNone where the page is not in memory, or does not have the
   /// group though the file refers to it.
   uint32_t find(uint32_t mesh, const GroupRef& reference) const;
   /// The groups that a group of a page was made from.
   std::span<const GroupRef> children(uint32_t page, uint32_t index) const {
-    const Group* group = &tables_[page].groups[index];
-    return std::span(tables_[page].children)
+    const Group* group = &tables_[page]->groups[index];
+    return std::span(tables_[page]->children)
         .subspan(group->first_child, group[1].first_child - group->first_child);
   }
   /// For each of its clusters, the group that the cluster was made from, or kNone.
   std::span<const uint32_t> generating_groups(uint32_t page, uint32_t index) const {
-    const Group* group = &tables_[page].groups[index];
-    return std::span(tables_[page].generating_groups)
+    const Group* group = &tables_[page]->groups[index];
+    return std::span(tables_[page]->generating_groups)
         .subspan(group->first_cluster, group[1].first_cluster - group->first_cluster);
   }
 
@@ -43,8 +44,7 @@ class PageTables {
     std::vector<uint32_t> generating_groups;
   };
 
-  std::vector<std::vector<uint32_t>> in_page_;  // by mesh and group
-  std::vector<Table> tables_;                   // by page
+  std::vector<std::unique_ptr<const Table>> tables_;  // by page; null: not in memory
 };
 
 }  // namespace umbel::stream

@@ -42,9 +42,11 @@ class Collector {
       refer(child);
       links_.push_back(uint64_t{child.group} << 32 | group.id);
     }
-    made_.has_source[group.id] =
-        std::any_of(group.clusters.begin(), group.clusters.end(),
-                    [](const lod::Cluster& c) { return c.generating_group == kNone; });
+    for (const lod::Cluster& cluster : group.clusters) {
+      if (cluster.generating_group != kNone) continue;
+      made_.has_source[group.id] = true;
+      made_.source_triangles += cluster.triangle_count;
+    }
   }
 
   void refer(const GroupRef& reference) {

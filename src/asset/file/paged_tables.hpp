@@ -12,9 +12,10 @@ namespace umbel::asset {
 
 /// Of one mesh.
 struct GroupTables {
-  lod::Tables tables;            ///< no clusters
-  std::vector<uint32_t> pages;   ///< of each group
-  std::vector<bool> has_source;  ///< whether some of its clusters were made from no group
+  lod::Tables tables;             ///< no clusters
+  std::vector<uint32_t> pages;    ///< of each group
+  std::vector<bool> has_source;   ///< whether some of its clusters were made from no group
+  uint64_t source_triangles = 0;  ///< of such clusters
   /// The groups that have clusters made from group g: parents[parent_offsets[g]] and on.
   std::vector<uint32_t> parent_offsets, parents;
 

@@ -11,6 +11,8 @@
 //    right at once: see lod/verify/verify_borders.cpp.
 // 4. Random cuts, each in the window around one group, of which all edges are counted that lie
 //    wholly inside.
+#include "asset/file/verify_paged.hpp"
+
 #include <algorithm>
 #include <deque>
 #include <functional>
@@ -18,12 +20,10 @@
 #include <optional>
 
 #include "asset/file/decoded_pages.hpp"
-#include "asset/file/paged_tables.hpp"
 #include "asset/file/verify_parts.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "lod/verify/cluster_check.hpp"
-#include "lod/verify/source_edges.hpp"
 #include "lod/verify/verify_borders.hpp"
 #include "lod/verify/verify_cuts.hpp"
 #include "lod/verify/verify_tables.hpp"
@@ -34,26 +34,7 @@ namespace {
 
 using lod::number;
 
-constexpr uint32_t kBatch = 16;  // pages
 constexpr uint64_t kWorkingBytes = uint64_t{16} << 20;
-
-/// One mesh, as it is verified.
-struct Mesh {
-  uint32_t index;
-  GroupTables& groups;
-  lod::VerifyConfig config;
-  lod::VerifyReport report;
-  lod::Findings findings{report};
-  lod::PositionHash hash;
-  lod::JoinedPositions joined;
-  bool links_hold = false, complete = true, oriented = true;
-  uint64_t source_triangles = 0, source_digest = 0;
-
-  Mesh(uint32_t mesh, GroupTables& tables, const lod::VerifyConfig& how)
-      : index(mesh), groups(tables), config(how), hash(how.seed) {}
-
-  lod::SimplifyMethod method(uint32_t group) const { return groups.tables.groups[group].method; }
-};
 
 /// A group beside what it was simplified to, in numbers of one topology.
 struct Forms {
@@ -75,9 +56,9 @@ class PagedVerifier {
   }
 
   void run(lod::VerifyReport& report) {
-    for (Mesh& mesh : meshes_) verify_tables(mesh);
-    if (all([](const Mesh& mesh) { return mesh.links_hold; })) verify_geometry();
-    for (const Mesh& mesh : meshes_) add(report, mesh.report);
+    for (VerifiedMesh& mesh : meshes_) verify_tables(mesh);
+    if (all([](const VerifiedMesh& mesh) { return mesh.links_hold; })) verify_geometry();
+    for (const VerifiedMesh& mesh : meshes_) add(report, mesh.report);
   }
 
  private:
@@ -88,7 +69,7 @@ class PagedVerifier {
 
   // ---- tables
 
-  void verify_tables(Mesh& mesh) {
+  void verify_tables(VerifiedMesh& mesh) {
     const lod::Tables& tables = mesh.groups.tables;
     mesh.links_hold =
         lod::verify_links_but_clusters(tables, asset_.meshes()[mesh.index].clusters, mesh.findings);
@@ -120,9 +101,9 @@ class PagedVerifier {
   // ---- geometry
 
   void verify_geometry() {
-    for (Mesh& mesh : meshes_) mesh.findings.begin_stage();
-    read_source();
-    for (Mesh& mesh : meshes_) {
+    for (VerifiedMesh& mesh : meshes_) mesh.findings.begin_stage();
+    read_source(asset_, meshes_, memory_, progress_);
+    for (VerifiedMesh& mesh : meshes_) {
       mesh.findings.begin_stage();
       if (mesh.complete)
         lod::verify_source(
@@ -133,164 +114,21 @@ class PagedVerifier {
               "Neither borders nor cuts were checked, because some clusters could not be read");
         });
     }
-    if (!all([](const Mesh& mesh) { return mesh.complete; })) return;
+    if (!all([](const VerifiedMesh& mesh) { return mesh.complete; })) return;
     join_new_edges();
-    for (Mesh& mesh : meshes_) mesh.findings.begin_stage();
+    for (VerifiedMesh& mesh : meshes_) mesh.findings.begin_stage();
     verify_borders();
-    for (Mesh& mesh : meshes_) {
+    for (VerifiedMesh& mesh : meshes_) {
       mesh.findings.begin_stage();
       verify_windows(mesh);
     }
-  }
-
-  /// Every cluster by itself, and the edges of level 0, in as many parts as memory asks for.
-  void read_source() {
-    uint64_t triangles = 0;
-    for (const Mesh& mesh : meshes_) triangles += mesh.config.source_triangles;
-    // Of a closed surface; where there are more edges, the table turns out too small.
-    const uint64_t edges = triangles + triangles / 2 + 1024;
-    const uint64_t most = std::max<uint64_t>(memory_ / 2 / lod::EdgeTable::kEntryBytes, 1 << 16);
-    bool is_first = true;
-    for (uint64_t parts = (edges + most - 1) / most;; parts *= 2) {
-      const size_t room = std::min(most, 2 * edges);
-      bool fits = true;
-      for (uint32_t part = 0; part < parts && fits; ++part) {
-        fits = count_edges(room, part, static_cast<uint32_t>(parts), is_first);
-        is_first = false;
-      }
-      if (fits) return;
-      for (Mesh& mesh : meshes_) {
-        mesh.joined = {};
-        mesh.oriented = true;
-      }
-      if (parts > (1u << 20))
-        throw Error(ErrorCode::kInvalidArgument, "the memory is too small to count edges in");
-    }
-  }
-
-  /// Edges of different meshes never meet: each mesh has a table of its own in turn.
-  bool count_edges(size_t room, uint32_t part, uint32_t parts, bool is_first) {
-    std::deque<lod::EdgeTable> tables;
-    uint64_t all_triangles = 1;
-    for (const Mesh& mesh : meshes_) all_triangles += mesh.config.source_triangles;
-    for (const Mesh& mesh : meshes_)
-      tables.emplace_back(
-          1024 + static_cast<size_t>(double(room) * double(mesh.config.source_triangles) /
-                                     double(all_triangles)),
-          part, parts);
-    bool fits = true;
-    const auto wanted = [&](const Mesh& mesh, uint32_t group) {
-      return is_first || mesh.groups.has_source[group];
-    };
-    for_each_page(wanted, is_first, "reading clusters", [&](const DecodedPage& page, size_t i) {
-      const PageGroup& group = page.groups[i];
-      Mesh& mesh = meshes_[group.mesh];
-      for (size_t c = 0; c < page.geometry[i].size(); ++c)
-        if (group.clusters[c].generating_group == kNone)
-          fits &= add_source(mesh, page.geometry[i][c], is_first, tables[group.mesh]);
-    });
-    for (size_t m = 0; m < meshes_.size() && fits; ++m)
-      tables[m].for_each([&](uint64_t a, uint64_t b, uint32_t forward, uint32_t backward) {
-        if (forward == 1 && backward == 1) return;
-        meshes_[m].oriented &= forward + backward != 2;
-        meshes_[m].joined.join(a, b);
-      });
-    return fits;
-  }
-
-  bool add_source(Mesh& mesh, const lod::ClusterGeometry& cluster, bool is_first,
-                  lod::EdgeTable& edges) {
-    std::array<uint64_t, 256> ids;
-    if (!is_usable(cluster)) return true;
-    for (size_t v = 0; v < cluster.positions.size(); ++v) ids[v] = mesh.hash(cluster.positions[v]);
-    std::vector<Triangle> triangles;
-    bool fits = true;
-    for (size_t t = 0; t + 2 < cluster.triangles.size(); t += 3) {
-      const uint8_t a = cluster.triangles[t], b = cluster.triangles[t + 1],
-                    c = cluster.triangles[t + 2];
-      triangles.push_back({a, b, c});
-      if (ids[a] == ids[b] || ids[b] == ids[c] || ids[c] == ids[a]) continue;
-      fits &= edges.add(ids[a], ids[b]) && edges.add(ids[b], ids[c]) && edges.add(ids[c], ids[a]);
-    }
-    if (is_first) {
-      MeshView view;
-      view.positions = cluster.positions;
-      view.triangles = triangles;
-      mesh.source_triangles += triangles.size();
-      mesh.source_digest += triangle_set_digest(view);
-    }
-    return fits;
-  }
-
-  static bool is_usable(const lod::ClusterGeometry& cluster) {
-    return cluster.positions.size() <= 256 &&
-           std::all_of(cluster.triangles.begin(), cluster.triangles.end(),
-                       [&](uint8_t v) { return v < cluster.positions.size(); });
-  }
-
-  /// Reads pages in order, and calls visit(page, i) for groups that are wanted.
-  template <typename Wanted, typename Visit>
-  void for_each_page(const Wanted& wanted, bool checks, const char* stage, const Visit& visit) {
-    const uint32_t count = asset_.info().pages;
-    std::vector<bool> has_wanted = pages_with(wanted);
-    std::vector<uint32_t> batch;
-    for (uint32_t p = 0; p < count; ++p) {
-      if (has_wanted[p]) batch.push_back(p);
-      if (batch.size() < kBatch && p + 1 < count) continue;
-      progress_.report(0.1 + 0.4 * p / count, stage);
-      std::vector<std::shared_ptr<const DecodedPage>> decoded(batch.size());
-      std::vector<std::vector<lod::VerifyReport>> reports(batch.size());
-      parallel_for(batch.size(), 1, [&](size_t i) {
-        decoded[i] = decode_whole_page(asset_, batch[i], checks);
-        if (checks) reports[i] = check_clusters(*decoded[i]);
-      });
-      for (size_t i = 0; i < batch.size(); ++i)
-        for (size_t g = 0; g < decoded[i]->groups.size(); ++g) {
-          const PageGroup& group = decoded[i]->groups[g];
-          if (checks) absorb(meshes_[group.mesh], reports[i][g], decoded[i]->problems[g]);
-          if (wanted(meshes_[group.mesh], group.id)) visit(*decoded[i], g);
-        }
-      batch.clear();
-    }
-  }
-
-  /// One report a group; that cannot be used at all if it counts no cut.
-  std::vector<lod::VerifyReport> check_clusters(const DecodedPage& page) const {
-    std::vector<lod::VerifyReport> reports(page.groups.size());
-    for (size_t g = 0; g < page.groups.size(); ++g) {
-      const PageGroup& group = page.groups[g];
-      lod::Findings findings(reports[g]);
-      bool usable = page.problems[g].empty();
-      if (!usable)
-        lod::name_unreadable(group.group.clusters.offset, page.problems[g].c_str(), findings);
-      for (uint32_t c = 0; c < page.geometry[g].size(); ++c)
-        usable &=
-            lod::check_cluster(group.group.clusters.offset + c, group.clusters[c], group.group,
-                               page.geometry[g][c], meshes_[group.mesh].config, findings);
-      reports[g].cuts = usable;
-    }
-    return reports;
-  }
-
-  static void absorb(Mesh& mesh, const lod::VerifyReport& part, const std::string& problem) {
-    mesh.complete &= part.cuts > 0 && problem.empty();
-    mesh.findings.absorb(part);
-  }
-
-  template <typename Wanted>
-  std::vector<bool> pages_with(const Wanted& wanted) const {
-    std::vector<bool> has(asset_.info().pages);
-    for (const Mesh& mesh : meshes_)
-      for (uint32_t g = 0; g < mesh.groups.pages.size(); ++g)
-        if (wanted(mesh, g)) has[mesh.groups.pages[g]] = true;
-    return has;
   }
 
   // ---- groups beside what they were simplified to
 
   /// A group, and what work says of it.
   struct Job {
-    Mesh* mesh;
+    VerifiedMesh* mesh;
     uint32_t group;
     lod::VerifyReport report;
     std::vector<std::pair<uint64_t, uint64_t>> joined;
@@ -302,12 +140,12 @@ class PagedVerifier {
   template <typename Wanted, typename Work, typename Finish>
   void for_each_group(const Wanted& wanted, const Work& work, const Finish& finish) {
     std::vector<uint32_t> needed;
-    const std::vector<bool> has_wanted = pages_with(wanted);
+    const std::vector<bool> has_wanted = pages_with(asset_, meshes_, wanted);
     std::vector<std::vector<std::pair<uint32_t, uint32_t>>> order = groups_by_page(wanted);
-    for (uint32_t begin = 0; begin < has_wanted.size(); begin += kBatch) {
+    for (uint32_t begin = 0; begin < has_wanted.size(); begin += kPagesAtOnce) {
       std::vector<Job> jobs;
       needed.clear();
-      for (uint32_t p = begin; p < std::min<size_t>(begin + kBatch, has_wanted.size()); ++p) {
+      for (uint32_t p = begin; p < std::min<size_t>(begin + kPagesAtOnce, has_wanted.size()); ++p) {
         if (!has_wanted[p]) continue;
         needed.push_back(p);
         for (const auto& [m, g] : order[p]) {
@@ -329,7 +167,7 @@ class PagedVerifier {
   std::vector<std::vector<std::pair<uint32_t, uint32_t>>> groups_by_page(
       const Wanted& wanted) const {
     std::vector<std::vector<std::pair<uint32_t, uint32_t>>> order(asset_.info().pages);
-    for (const Mesh& mesh : meshes_)
+    for (const VerifiedMesh& mesh : meshes_)
       for (uint32_t g = 0; g < mesh.groups.pages.size(); ++g)
         if (wanted(mesh, g)) order[mesh.groups.pages[g]].push_back({mesh.index, g});
     return order;
@@ -364,7 +202,9 @@ class PagedVerifier {
   /// Edges between new positions of what groups were simplified to with enlarged components.
   void join_new_edges() {
     for_each_group(
-        [](const Mesh& mesh, uint32_t g) { return mesh.method(g) == lod::SimplifyMethod::kSloppy; },
+        [](const VerifiedMesh& mesh, uint32_t g) {
+          return mesh.method(g) == lod::SimplifyMethod::kSloppy;
+        },
         [](Job& job, const Forms& forms) {
           const lod::Topology& topology = forms.topology;
           std::vector<bool> is_old(topology.positions.size());
@@ -387,7 +227,7 @@ class PagedVerifier {
   }
 
   void verify_borders() {
-    for_each_group([](const Mesh&, uint32_t) { return true; },
+    for_each_group([](const VerifiedMesh&, uint32_t) { return true; },
                    [](Job& job, Forms&& forms) {
                      allow_edges(*job.mesh, forms.topology);
                      const lod::Group& group = job.mesh->groups.tables.groups[job.group];
@@ -402,7 +242,7 @@ class PagedVerifier {
                    [](Job& job) { job.mesh->findings.absorb(job.report); });
   }
 
-  static void allow_edges(const Mesh& mesh, lod::Topology& topology) {
+  static void allow_edges(const VerifiedMesh& mesh, lod::Topology& topology) {
     topology.oriented = mesh.oriented;
     topology.allowed.assign(topology.edges.size(), 0);
     if (mesh.joined.empty()) return;
@@ -415,7 +255,7 @@ class PagedVerifier {
 
   // ---- cuts
 
-  void verify_windows(Mesh& mesh) {
+  void verify_windows(VerifiedMesh& mesh) {
     const lod::Tables& tables = mesh.groups.tables;
     mesh.report.cuts = mesh.config.cuts;
     if (tables.groups.empty()) return;
@@ -432,7 +272,7 @@ class PagedVerifier {
   }
 
   /// Of the cut, what lies in the box around half of a sphere.
-  void verify_window(Mesh& mesh, const lod::View& view, const Sphere& around) {
+  void verify_window(VerifiedMesh& mesh, const lod::View& view, const Sphere& around) {
     const float reach = 0.5f * around.radius, more = 0.51f * around.radius;
     const float x[3] = {around.center.x, around.center.y, around.center.z};
     std::vector<Plane> planes;
@@ -473,7 +313,7 @@ class PagedVerifier {
   Progress& progress_;
   uint64_t memory_;
   DecodedPages pages_;
-  std::deque<Mesh> meshes_;
+  std::deque<VerifiedMesh> meshes_;
 };
 
 void verify_all(const Asset& asset, uint64_t memory, uint32_t cuts, uint32_t seed,

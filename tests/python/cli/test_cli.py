@@ -199,6 +199,22 @@ def test_verify_says_what_holds(umbel_command: Umbel, blob_asset: Path) -> None:
     assert umbel_command("verify", blob_asset, "--json").json["cuts"] == 64
 
 
+def test_verify_in_a_fixed_memory_says_the_same(
+    umbel_command: Umbel, blob_asset: Path, tmp_path: Path
+) -> None:
+    whole = umbel_command("verify", blob_asset, "--json").json
+    paged = umbel_command("verify", blob_asset, "--json", "--memory", "200MB").json
+    assert paged["ok"] is True and paged | {"seconds": 0} == whole | {"seconds": 0}
+    bad = bytearray(blob_asset.read_bytes())
+    bad[-1000] ^= 0x10
+    (tmp_path / "bad.umbel").write_bytes(bad)
+    done = umbel_command("verify", tmp_path / "bad.umbel", "--json", "--memory", "200MB")
+    assert done.status == 3 and done.json["checksum_errors"] >= 1
+    refused = umbel_command("verify", blob_asset, "--memory", "1KB")
+    assert refused.status != 0 and "at least" in refused.err
+    assert "--memory must be a size" in umbel_command("verify", blob_asset, "--memory", "big").err
+
+
 @pytest.mark.parametrize("where", [0.3, 0.6, 0.9])
 def test_verify_finds_a_changed_byte(
     umbel_command: Umbel, blob_asset: Path, tmp_path: Path, where: float
