@@ -181,21 +181,28 @@ void PartitionBuilder::cut(const Cells& cells, uint32_t node, uint32_t used) {
 }
 
 CellCounts count_cells(const io::TriangleSource& source, const PointRule& rule,
-                       const PartitionBuilder& builder, uint64_t begin, uint64_t end) {
+                       const PartitionBuilder& builder, uint64_t begin, uint64_t end,
+                       uint64_t* digest) {
   CellCounts counts = builder.empty_counts();
   io::for_each_block(source, begin, end, io::kBlockTriangles, [&](const io::TriangleBlock& block) {
     const std::vector<Vec3> points = points_of(block, rule);
     for (const Triangle& t : block.triangles)
       builder.count(counts, centroid(points[t[0]], points[t[1]], points[t[2]]), 1);
+    if (!digest) return;
+    MeshView view;
+    view.positions = points;
+    view.triangles = block.triangles;
+    *digest += triangle_set_digest(view);
   });
   return counts;
 }
 
 Partition build_partition(const io::TriangleSource& source, const PointRule& rule, const Aabb& box,
-                          const PartitionConfig& config) {
+                          const PartitionConfig& config, uint64_t* digest) {
   PartitionBuilder builder(box, config);
-  while (!builder.is_done())
-    builder.advance(count_cells(source, rule, builder, 0, source.triangles()));
+  if (digest) *digest = 0;
+  for (; !builder.is_done(); digest = nullptr)  // once is enough
+    builder.advance(count_cells(source, rule, builder, 0, source.triangles(), digest));
   return builder.finished();
 }
 

@@ -56,12 +56,14 @@ class PartitionBuilder {
   std::vector<Pending> pending_, next_;
 };
 
-/// Counts the triangles [begin, end) for this round.
+/// Counts the triangles [begin, end) for this round. Adds their digest (triangle_set_digest), of
+/// which those of parts of the input add up, where one is asked for.
 CellCounts count_cells(const io::TriangleSource& source, const PointRule& rule,
-                       const PartitionBuilder& builder, uint64_t begin, uint64_t end);
+                       const PartitionBuilder& builder, uint64_t begin, uint64_t end,
+                       uint64_t* digest = nullptr);
 
-/// All rounds over a whole source.
+/// All rounds over a whole source, and its digest where that is asked for.
 Partition build_partition(const io::TriangleSource& source, const PointRule& rule, const Aabb& box,
-                          const PartitionConfig& config);
+                          const PartitionConfig& config, uint64_t* digest = nullptr);
 
 }  // namespace umbel::scale

@@ -99,17 +99,4 @@ Aabb box_of(const SourceSummary& summary, const PointRule& rule) {
   return {point_of(summary.low, rule), point_of(summary.high, rule)};
 }
 
-uint64_t digest(const io::TriangleSource& source, const PointRule& rule, uint64_t begin,
-                uint64_t end) {
-  uint64_t sum = 0;
-  io::for_each_block(source, begin, end, io::kBlockTriangles, [&](const io::TriangleBlock& block) {
-    const std::vector<Vec3> points = points_of(block, rule);
-    MeshView view;
-    view.positions = points;
-    view.triangles = block.triangles;
-    sum += triangle_set_digest(view);
-  });
-  return sum;
-}
-
 }  // namespace umbel::scale

@@ -36,8 +36,4 @@ Vec3d choose_origin(const SourceSummary& summary);
 /// The box of all positions.
 Aabb box_of(const SourceSummary& summary, const PointRule& rule);
 
-/// The digest of `triangle_set_digest` of the triangles [begin, end): digests of parts add up.
-uint64_t digest(const io::TriangleSource& source, const PointRule& rule, uint64_t begin,
-                uint64_t end);
-
 }  // namespace umbel::scale

@@ -124,11 +124,11 @@ class Tiers {
     const SourceSummary summary = summarise(source_, 0, source_.triangles());
     const PointRule rule{choose_origin(summary), config().position_step};
     triangles_ = source_.triangles();
-    dag_.source_digest = digest(source_, rule, 0, source_.triangles());
     dag_.report.input_triangles = triangles_;
     const Aabb box = box_of(summary, rule);
     partition_ = build_partition(
-        source_, rule, box, {.capacity = scale_.capacity, .resolution = resolution_of(triangles_)});
+        source_, rule, box, {.capacity = scale_.capacity, .resolution = resolution_of(triangles_)},
+        &dag_.source_digest);
     make_folders(work_, 0);
     const auto files =
         route(source_, partition_, {rule, scale_.capacity}, tier_folder(work_, 0) / "route");

@@ -110,6 +110,7 @@ class PartReader {
       gather_rows(part_.positions, vertices_, positions);
       add_positions(positions, block);
     }
+    block.triangles.reserve(triangle + corners.size() / 3);
     for (size_t i = 0; i < corners.size(); i += 3)
       block.triangles.push_back({static_cast<uint32_t>(vertex + corners[i]),
                                  static_cast<uint32_t>(vertex + corners[i + 1]),
@@ -197,6 +198,7 @@ class PartReader {
   }
 
   static void add_positions(const std::vector<double>& values, TriangleBlock& block) {
+    block.positions.reserve(block.positions.size() + values.size() / 3);
     for (size_t v = 0; v < values.size(); v += 3)
       block.positions.push_back({values[v], values[v + 1], values[v + 2]});
   }
@@ -209,6 +211,7 @@ class PartReader {
     std::vector<float> values;
     gather_rows(column, ids, values);
     const size_t width = column.offsets.size();
+    out.reserve(block.positions.size());
     for (size_t v = 0; v < values.size(); v += width) out.push_back(make(values.data() + v));
   }
 

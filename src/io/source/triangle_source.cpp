@@ -4,8 +4,12 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <string>
 #include <type_traits>
+#include <utility>
+
+#include "base/in_order.hpp"
 
 namespace umbel::io {
 namespace {
@@ -50,8 +54,26 @@ void check_stream(const TriangleBlock& block, const std::vector<Value>& values, 
 
 void for_each_block(const TriangleSource& source, uint64_t begin, uint64_t end, uint64_t size,
                     const std::function<void(TriangleBlock&&)>& visit) {
-  for (uint64_t at = begin; at < end; at += std::min(size, end - at))
-    visit(source.read(at, std::min(at + size, end)));
+  struct Ahead {
+    TriangleBlock block;
+    std::exception_ptr error;
+  };
+  const auto count = static_cast<size_t>((end - begin + size - 1) / size);
+  in_order<Ahead>(
+      count,
+      [&](size_t k, Ahead& ahead) {
+        const uint64_t at = begin + k * size;
+        try {
+          ahead.block = source.read(at, std::min(at + size, end));
+        } catch (...) {
+          ahead.error = std::current_exception();
+        }
+      },
+      [&](size_t, Ahead& ahead) {
+        if (ahead.error) std::rethrow_exception(ahead.error);
+        visit(std::move(ahead.block));
+      },
+      [](size_t, Ahead& ahead) { ahead.block = TriangleBlock(); });
 }
 
 void check_finite(const TriangleBlock& block, const std::string& name, uint64_t first,

@@ -44,9 +44,11 @@ class TriangleSource {
 };
 
 /// Triangles of one block, unless a caller knows better.
-inline constexpr uint64_t kBlockTriangles = uint64_t{1} << 20;
+inline constexpr uint64_t kBlockTriangles = uint64_t{1} << 18;
 
-/// Calls visit(block) for the triangles [begin, end) in order, `size` at a time.
+/// Calls visit(block) for the triangles [begin, end) in order, `size` at a time. Blocks are read
+/// ahead by all threads, two a thread; of several that cannot be read, the first one's error is
+/// thrown.
 void for_each_block(const TriangleSource& source, uint64_t begin, uint64_t end, uint64_t size,
                     const std::function<void(TriangleBlock&&)>& visit);
 

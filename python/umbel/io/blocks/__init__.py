@@ -23,7 +23,7 @@ __all__ = ["Source", "open_source"]
 #: Vertices of fewer bytes are read again and again where triangles jump about among them.
 _LEAST_BYTES = 256 << 20
 #: Triangles that are mostly read at once.
-_BLOCK = 1 << 20
+_BLOCK = 1 << 18
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
