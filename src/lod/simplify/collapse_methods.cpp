@@ -72,35 +72,33 @@ Candidate CollapseMethods::regular(size_t target, size_t good) {
   given.limit_below = static_cast<size_t>(kLimitBelow * group_.triangles.size());
   // Without non-manifold edges and seams, the next method has nothing more to permit.
   if (!group_.has_non_manifold && !group_.source.has_wedges) given.unlimited_until = good;
-  Candidate whole = run_regular(given, target);
-  if (whole.error * group_.source.scale < kPruneAbove * collapser_.extent() &&
-      whole.triangles.size() <= good)
-    return whole;
-  // Small components may be kept at a cost that larger ones pay.
-  components_.find();
-  const std::vector<float> radii = components_.removable_radii();
-  if (radii.empty()) return whole;
-  given.component_of = components_.of_positions();
-  given.component_radii = radii;
-  Candidate pruned = run_regular(given, target);
-  if (!(collapser_.removed_radius() > 0)) return pruned;
-  pruned.removed_radius = collapser_.removed_radius() / group_.source.scale;
-  pruned.method = SimplifyMethod::kPrune;
-  return pruned;
-}
-
-Candidate CollapseMethods::run_regular(CollapseInput input, size_t target) {
-  collapser_.run(input, target);
-  if (group_.has_non_manifold && !check_.faults(collapser_.triangles()).empty()) {
-    input.move_non_manifold = false;
-    collapser_.run(input, target);
+  given.pause_above = kPruneAbove;
+  given.pause_until = good;
+  run_with_removal(given, target);
+  if (group_.has_non_manifold && collapser_.has_moved_non_manifold() &&
+      !check_.faults(collapser_.triangles()).empty()) {
+    given.move_non_manifold = false;
+    run_with_removal(given, target);
   }
   Candidate candidate = result();
+  if (collapser_.removed_radius() > 0) {
+    candidate.removed_radius = collapser_.removed_radius() / group_.source.scale;
+    candidate.method = SimplifyMethod::kPrune;
+  }
   candidate.locked_edges = collapser_.locked_edges();
   candidate.valid = true;
   if (group_.config.refit_attributes && !group_.attributes.weights().empty())
     refit_attributes(candidate);
   return candidate;
+}
+
+// Small components may be removed once larger ones would pay for keeping them.
+void CollapseMethods::run_with_removal(const CollapseInput& input, size_t target) {
+  collapser_.run(input, target);
+  if (!collapser_.is_paused()) return;
+  components_.find();
+  const std::vector<float> radii = components_.removable_radii();
+  collapser_.resume(components_.of_positions(), radii);
 }
 
 Candidate CollapseMethods::non_manifold(size_t target, bool allow_flips) {

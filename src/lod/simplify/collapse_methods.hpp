@@ -24,13 +24,15 @@ class CollapseMethods {
   Candidate non_manifold(size_t target, bool allow_flips);
 
   /// What the last of them stopped at.
-  LimitingFactor limiting_factor() { return collapser_.limiting_factor(); }
+  LimitingFactor limiting_factor() const { return collapser_.limiting_factor(); }
+  /// Whether the last of them may have left no triangle of a component.
+  bool may_lose_components() const { return collapser_.has_moved_non_manifold(); }
   double area() const { return collapser_.area(); }  ///< of the group
 
  private:
   CollapseInput input();
   void find_seam_rules();
-  Candidate run_regular(CollapseInput input, size_t target);
+  void run_with_removal(const CollapseInput& input, size_t target);
   Candidate result() const;
   void refit_attributes(Candidate& candidate) const;
 

@@ -1,9 +1,6 @@
 #include "lod/simplify/group_attributes.hpp"
 
 #include <algorithm>
-#include <array>
-#include <bit>
-#include <type_traits>
 #include <utility>
 
 namespace umbel::lod {
@@ -14,11 +11,7 @@ constexpr size_t kMostColumns = 32;
 // Joints of a group with a column of their own; the others share the last.
 constexpr size_t kMostJoints = 12;
 
-struct Influence {
-  uint32_t vertex;
-  uint32_t joint;
-  float weight;
-};
+using Influence = GroupAttributes::Influence;
 
 std::span<const float> extra_of(const Mesh& mesh, uint32_t vertex) {
   const size_t width = extra_width(mesh.extras);
@@ -71,68 +64,62 @@ std::vector<std::pair<uint32_t, uint32_t>> joint_columns(std::span<const Influen
 
 }  // namespace
 
-// `value(vertex of the source, column)`.
-template <typename Value>
-void GroupAttributes::add_columns(float weight, uint32_t count, const Value& value) {
-  for (uint32_t k = 0; k < count; ++k) {
-    weights_.push_back(weight);
-    for (uint32_t v : vertices_) columns_.push_back(value(v, k));
+void GroupAttributes::gather(std::span<const uint32_t> vertices) {
+  weights_.clear();
+  values_.clear();
+  streams_.clear();
+  if (!config_.attributes) return;
+  list_streams();
+  const Skin skin = find_skin(vertices);
+  const size_t count = vertices.size(), width = weights_.size();
+  values_.assign(count * width, 0.0f);
+  float* column = values_.data();
+  for (const Stream& stream : streams_) {
+    for (size_t v = 0; v < count; ++v) {
+      const float* const from = stream.values + size_t{stream.stride} * vertices[v];
+      for (uint32_t k = 0; k < stream.count; ++k) column[width * v + k] = from[k];
+    }
+    column += stream.count;
+  }
+  for (const Influence& influence : skin.influences) {
+    const auto of_joint = std::lower_bound(skin.columns.begin(), skin.columns.end(),
+                                           std::pair{influence.joint, uint32_t{0}});
+    column[width * influence.vertex + of_joint->second] += influence.weight;
   }
 }
 
-void GroupAttributes::gather(std::span<const uint32_t> vertices) {
-  vertices_ = vertices;
-  weights_.clear();
-  columns_.clear();
-  values_.clear();
-  if (!config_.attributes) return;
+// What refitting changes comes first.
+void GroupAttributes::list_streams() {
   const Mesh& mesh = source_.mesh;
-  const auto component = [](const auto& stream) {
-    using Vector = typename std::decay_t<decltype(stream)>::value_type;
-    return [&stream](uint32_t v, uint32_t k) {
-      return std::bit_cast<std::array<float, sizeof(Vector) / sizeof(float)>>(stream[v])[k];
-    };
+  const auto add = [&](const float* values, uint32_t stride, uint32_t count, float weight) {
+    streams_.push_back({values, stride, count});
+    weights_.insert(weights_.end(), count, weight);
   };
-  // What refitting changes comes first.
-  if (!mesh.normals.empty()) add_columns(config_.normal_weight, 3, component(mesh.normals));
-  if (!mesh.uvs.empty()) add_columns(config_.uv_weight, 2, component(mesh.uvs));
-  if (!mesh.colors.empty()) add_columns(config_.color_weight, 4, component(mesh.colors));
+  if (!mesh.normals.empty()) add(&mesh.normals[0].x, 3, 3, config_.normal_weight);
+  if (!mesh.uvs.empty()) add(&mesh.uvs[0].x, 2, 2, config_.uv_weight);
+  if (!mesh.colors.empty()) add(&mesh.colors[0].x, 4, 4, config_.color_weight);
   if (!mesh.tangents.empty() && config_.tangent_weight > 0.0f)
-    add_columns(config_.tangent_weight, 3, component(mesh.tangents));
-  gather_extras();
-  const size_t count = vertices_.size(), width = weights_.size();
-  values_.resize(count * width);
-  for (size_t k = 0; k < width; ++k)
-    for (size_t v = 0; v < count; ++v) values_[v * width + k] = columns_[k * count + v];
-}
-
-void GroupAttributes::gather_extras() {
-  const Mesh& mesh = source_.mesh;
+    add(&mesh.tangents[0].x, 4, 3, config_.tangent_weight);
   uint32_t at = 0;
-  bool skin = false;
   for (const Extra& extra : mesh.extras) {
     if (extra.kind == ExtraKind::kUvs && weights_.size() + 2 <= kMostColumns)
-      add_columns(config_.uv_weight, 2,
-                  [&](uint32_t v, uint32_t k) { return extra_of(mesh, v)[at + k]; });
-    skin |= extra.kind == ExtraKind::kWeights;
+      add(mesh.extra_values.data() + at, extra_width(mesh.extras), 2, config_.uv_weight);
     at += extra_width(extra.kind);
   }
-  if (skin && config_.skin_weight > 0.0f) gather_skin();
 }
 
-void GroupAttributes::gather_skin() {
+GroupAttributes::Skin GroupAttributes::find_skin(std::span<const uint32_t> vertices) {
+  const auto& extras = source_.mesh.extras;
   const size_t most = std::min(kMostJoints, kMostColumns - weights_.size());
-  if (most == 0) return;
-  const std::vector<Influence> influences = influences_of(source_.mesh, vertices_);
-  const auto columns = joint_columns(influences, most);
-  const size_t first = columns_.size(), width = std::min(columns.size(), most);
-  weights_.insert(weights_.end(), width, config_.skin_weight);
-  columns_.resize(first + width * vertices_.size(), 0.0f);
-  for (const Influence& influence : influences) {
-    const auto column =
-        std::lower_bound(columns.begin(), columns.end(), std::pair{influence.joint, uint32_t{0}});
-    columns_[first + column->second * vertices_.size() + influence.vertex] += influence.weight;
-  }
+  if (most == 0 || !(config_.skin_weight > 0.0f) ||
+      std::none_of(extras.begin(), extras.end(),
+                   [](const Extra& extra) { return extra.kind == ExtraKind::kWeights; }))
+    return {};
+  Skin skin;
+  skin.influences = influences_of(source_.mesh, vertices);
+  skin.columns = joint_columns(skin.influences, most);
+  weights_.insert(weights_.end(), std::min(skin.columns.size(), most), config_.skin_weight);
+  return skin;
 }
 
 }  // namespace umbel::lod

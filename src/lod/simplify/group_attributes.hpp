@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "lod/dag/source.hpp"
@@ -13,6 +14,11 @@ namespace umbel::lod {
 /// Joints and their weights become one column for each joint: how much it moves a vertex.
 class GroupAttributes {
  public:
+  struct Influence {
+    uint32_t vertex, joint;
+    float weight;
+  };
+
   GroupAttributes(const Source& source, const Config& config) : source_(source), config_(config) {}
 
   void gather(std::span<const uint32_t> vertices);
@@ -21,16 +27,23 @@ class GroupAttributes {
   std::span<const float> values() const { return values_; }    ///< weights().size() a vertex
 
  private:
-  template <typename Value>
-  void add_columns(float weight, uint32_t count, const Value& value);
-  void gather_extras();
-  void gather_skin();
+  // Columns that follow each other in the source, `stride` values a vertex.
+  struct Stream {
+    const float* values;
+    uint32_t stride, count;
+  };
+  struct Skin {
+    std::vector<Influence> influences;
+    std::vector<std::pair<uint32_t, uint32_t>> columns;  // of joints
+  };
+
+  void list_streams();
+  Skin find_skin(std::span<const uint32_t> vertices);
 
   const Source& source_;
   const Config& config_;
-  std::span<const uint32_t> vertices_;
   std::vector<float> weights_, values_;
-  std::vector<float> columns_;  // attributes, one after the other
+  std::vector<Stream> streams_;
 };
 
 }  // namespace umbel::lod

@@ -70,7 +70,7 @@ LimitingFactor GroupSimplifier::try_methods(size_t target, size_t good, Candidat
   consider(collapse_.regular(target, static_cast<size_t>(kGoodEnough * group_.triangles.size())));
   if (best.method == SimplifyMethod::kPrune) limit = LimitingFactor::kSmallComponents;
   if (!is_good()) limit = collapse_.limiting_factor();
-  if (!is_good() || group_.has_non_manifold) components_.find();
+  if (!is_good() || collapse_.may_lose_components()) components_.find();
 
   const Config& config = group_.config;
   const bool last_resort = check_.allowance().last_resort;

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "base/math.hpp"
-#include "base/simd/float4.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -19,18 +18,34 @@ float sum_of(Float4 lanes) {
 }  // namespace
 
 void AttributeQuadrics::build(const CollapseInput& input) {
-  weights_ = input.attribute_weights;
-  count_ = static_cast<uint32_t>(weights_.size());
+  find_columns(input);
   if (count_ == 0) return;
-  const size_t vertices = input.position_of.size();
+  const size_t vertices = input.position_of.size(), width = input.attribute_weights.size();
   stride_ = (count_ + 3) / 4 * 4;
   values_.assign(vertices * stride_, 0.0f);
   for (size_t v = 0; v < vertices; ++v)
     for (uint32_t k = 0; k < count_; ++k)
-      values_of(v)[k] = input.attributes[v * count_ + k] * weights_[k];
+      values_of(v)[k] = input.attributes[v * width + columns_[k]] * weights_[k];
   quadrics_.assign(vertices, Quadric{});
   gradients_.assign(4 * vertices * stride_, 0.0f);
   for (const Triangle& t : input.triangles) add_triangle(input, t);
+}
+
+// What is the same everywhere, or has no weight, costs nothing.
+void AttributeQuadrics::find_columns(const CollapseInput& input) {
+  const size_t width = input.attribute_weights.size();
+  std::vector<uint8_t> differs(width, 0);
+  const float* const first = input.attributes.data();
+  for (size_t v = 0; v < input.position_of.size(); ++v)
+    for (size_t k = 0; k < width; ++k) differs[k] |= first[v * width + k] != first[k];
+  columns_.clear();
+  weights_.clear();
+  for (uint32_t k = 0; k < width; ++k) {
+    if (!differs[k] || input.attribute_weights[k] == 0.0f) continue;
+    columns_.push_back(k);
+    weights_.push_back(input.attribute_weights[k]);
+  }
+  count_ = static_cast<uint32_t>(columns_.size());
 }
 
 void AttributeQuadrics::add_triangle(const CollapseInput& input, const Triangle& t) {
@@ -85,10 +100,36 @@ float AttributeQuadrics::cost(uint32_t from, uint32_t to, const Vec3& d) const {
   return std::max(value_at(q, d) + sum, 0.0f);
 }
 
-void AttributeQuadrics::merge(uint32_t from, uint32_t to, const Vec3& d) {
+Float4 AttributeQuadrics::costs(uint32_t from, const std::array<uint32_t, 4>& to, Float4 dx,
+                                Float4 dy, Float4 dz) const {
+  const Quadric& q = quadrics_[from];
+  const float *a = values_of(from), *g = gradients_of(from);
+  const Float4 weight = splat(q.weight), two = splat(2.0f);
+  std::array<Float4, 4> sums{splat(0.0f), splat(0.0f), splat(0.0f), splat(0.0f)};
+  for (uint32_t k = 0; k < stride_; k += 4) {
+    const Float4 here = load4(a + k), mean = load4(g + 3 * stride_ + k);
+    const Float4 gx = load4(g + k), gy = load4(g + stride_ + k), gz = load4(g + 2 * stride_ + k);
+    for (size_t i = 0; i < 4; ++i) {
+      const Float4 difference = load4(values_of(to[i]) + k) - here;
+      const Float4 there = gx * splat(dx[i]) + gy * splat(dy[i]) + gz * splat(dz[i]) + mean;
+      sums[i] = sums[i] + difference * (weight * difference - two * there);
+    }
+  }
+  transpose(sums[0], sums[1], sums[2], sums[3]);
+  const Float4 sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  const auto row = [&](float x, float y, float z, float constant) {
+    return splat(x) * dx + splat(y) * dy + splat(z) * dz + splat(2.0f * constant);
+  };
+  const Float4 value = splat(q.c) + row(q.xx, q.xy, q.xz, q.x) * dx +
+                       row(q.xy, q.yy, q.yz, q.y) * dy + row(q.xz, q.yz, q.zz, q.z) * dz;
+  // In this order max keeps what is not a number.
+  return max4(splat(0.0f), value + sum);
+}
+
+void AttributeQuadrics::merge(uint32_t from, uint32_t to, const Vec3& d, float cost) {
   const Quadric& q = quadrics_[from];
   Quadric& sum = quadrics_[to];
-  add_moved(sum, q, d, cost(from, to, d));
+  add_moved(sum, q, d, cost);
   const float *a = values_of(from), *b = values_of(to), *g = gradients_of(from);
   float* out = gradients_of(to);
   for (uint32_t k = 0; k < count_; ++k) {
@@ -108,7 +149,7 @@ bool AttributeQuadrics::refit(uint32_t vertex, std::span<float> values) const {
     const float difference =
         gradients_of(vertex)[3 * stride_ + k] / (quadrics_[vertex].weight * weights_[k]);
     if (!std::isfinite(difference) || difference == 0.0f) continue;
-    values[k] += difference;
+    values[columns_[k]] += difference;
     moved = true;
   }
   return moved;

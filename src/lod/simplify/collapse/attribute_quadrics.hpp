@@ -7,10 +7,12 @@
 // normal that is off by d, at any scale.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "base/simd/float4.hpp"
 #include "lod/simplify/collapse/collapse_input.hpp"
 #include "lod/simplify/collapse/quadric.hpp"
 
@@ -25,22 +27,27 @@ class AttributeQuadrics {
 
   /// Of the vertex `from` as it becomes `to`, which is `d` away.
   float cost(uint32_t from, uint32_t to, const Vec3& d) const;
-  /// Adds the quadric of `from` to that of `to`.
-  void merge(uint32_t from, uint32_t to, const Vec3& d);
+  /// Of the vertex `from` as it becomes each of four, whose differences from it are given.
+  Float4 costs(uint32_t from, const std::array<uint32_t, 4>& to, Float4 dx, Float4 dy,
+               Float4 dz) const;
+  /// Adds the quadric of `from` to that of `to`; `cost` is of that move.
+  void merge(uint32_t from, uint32_t to, const Vec3& d, float cost);
 
   /// Moves `values`, the attributes of a vertex, to those of the least cost. False: they do not
   /// move.
   bool refit(uint32_t vertex, std::span<float> values) const;
 
  private:
+  void find_columns(const CollapseInput& input);
   void add_triangle(const CollapseInput& input, const Triangle& t);
   float* values_of(size_t v) { return &values_[v * stride_]; }
   const float* values_of(size_t v) const { return &values_[v * stride_]; }
   float* gradients_of(size_t v) { return &gradients_[4 * v * stride_]; }
   const float* gradients_of(size_t v) const { return &gradients_[4 * v * stride_]; }
 
-  uint32_t count_ = 0, stride_ = 0;  // attributes; in whole blocks of 4
-  std::span<const float> weights_;   // of attributes
+  uint32_t count_ = 0, stride_ = 0;  // attributes that differ anywhere; in whole blocks of 4
+  std::vector<uint32_t> columns_;    // of them: their place in the input
+  std::vector<float> weights_;       // of them
   std::vector<Quadric> quadrics_;    // of vertices
   std::vector<float> values_;        // of vertices: weighted attributes, stride_ each
   std::vector<float> gradients_;     // of vertices: stride_ each by x, y, z, and for the mean

@@ -28,6 +28,13 @@ class BucketQueue {
     bucket_.assign(count, kNone);
   }
 
+  /// Keys are [0, count) from now on, no fewer than before.
+  void extend(size_t count) {
+    next_.resize(count);
+    prev_.resize(count);
+    bucket_.resize(count, kNone);
+  }
+
   /// `value` >= 0. Moves the key if it is there already.
   void set(uint32_t key, float value) {
     const uint32_t b = std::bit_cast<uint32_t>(value) >> 19;

@@ -10,6 +10,16 @@ namespace {
 
 // Beyond so many times the largest squared error so far, a limited collapse is postponed.
 constexpr float kMostRise = 16.0f;
+// Ranks within this factor count as the same: about the width of a bucket of the queue.
+constexpr float kSameRank = 1.0625f;
+
+// Of two moves of a position, what stops the one that passes more tests.
+LimitingFactor last_of(LimitingFactor a, LimitingFactor b) {
+  constexpr std::array kTests = {LimitingFactor::kTopology, LimitingFactor::kFlip,
+                                 LimitingFactor::kSeams, LimitingFactor::kCost};
+  const auto find = [&](LimitingFactor x) { return std::find(kTests.begin(), kTests.end(), x); };
+  return find(a) < find(b) ? b : a;
+}
 
 }  // namespace
 
@@ -24,21 +34,43 @@ void EdgeCollapser::run(const CollapseInput& input, size_t target) {
   load(input);
   fill_queue();
   target_ = target;
-  cost_limit_ = 0.0f;
-  bool unlimited = false;  // to the end
-  while (mesh_.triangle_count() > (unlimited ? std::max(target, input.unlimited_until) : target)) {
+  collapse_all();
+}
+
+void EdgeCollapser::resume(std::span<const uint32_t> component_of,
+                           std::span<const float> component_radii) {
+  may_pause_ = is_paused_ = false;
+  components_.load(component_of, component_radii);
+  const uint32_t positions = static_cast<uint32_t>(mesh_.position_count());
+  queue_.extend(positions + components_.count());
+  for (uint32_t c = 0; c < components_.count(); ++c)
+    if (components_.is_removable(c)) queue_.set(positions + c, components_.rank(c));
+  collapse_all();
+}
+
+void EdgeCollapser::collapse_all() {
+  const CollapseInput& input = mesh_.input();
+  const auto enough = [&] {
+    return is_unlimited_to_the_end_ ? std::max(target_, input.unlimited_until) : target_;
+  };
+  while (!is_paused_ && mesh_.triangle_count() > enough()) {
+    const size_t left = mesh_.triangle_count();
     if (queue_.empty()) {
-      if (unlimited || mesh_.triangle_count() <= input.unlimited_until) break;
-      unlimited = true;
-      enqueue_postponed();
+      if (may_pause_ && left > input.pause_until) {
+        is_paused_ = true;
+      } else {
+        if (is_unlimited_to_the_end_ || left <= input.unlimited_until) break;
+        is_unlimited_to_the_end_ = true;
+        enqueue_postponed();
+      }
       continue;
     }
-    const bool is_above = mesh_.triangle_count() > input.limit_below;
+    const bool is_above = left > input.limit_below;
     if (is_above) cost_limit_ = kMostRise * costs_.largest_squared_error();
-    is_unlimited_ = unlimited || is_above;
+    is_unlimited_ = is_unlimited_to_the_end_ || is_above;
     process(queue_.pop());
   }
-  mesh_.copy_triangles(result_);
+  if (!is_paused_) mesh_.copy_triangles(result_);
 }
 
 void EdgeCollapser::load(const CollapseInput& input) {
@@ -47,19 +79,21 @@ void EdgeCollapser::load(const CollapseInput& input) {
   attributes_.build(input);
   link_.reset();
   loop_.reset();
-  components_.load();
   locked_edges_.clear();
   postponed_.clear();
-  removed_radius_ = 0.0f;
+  removed_radius_ = cost_limit_ = 0.0f;
+  is_unlimited_to_the_end_ = is_paused_ = has_moved_non_manifold_ = false;
+  may_pause_ = std::isfinite(input.pause_above);
+  pause_above_ = input.pause_above * mesh_.extent();
+  pause_above_ *= pause_above_;
+  limiting_factors_.assign(mesh_.position_count(), LimitingFactor::kCost);
   choices_.resize(mesh_.position_count());
   states_.assign(mesh_.position_count(), State::kCurrent);
 }
 
 void EdgeCollapser::fill_queue() {
   const uint32_t positions = static_cast<uint32_t>(mesh_.position_count());
-  queue_.reset(positions + components_.count());
-  for (uint32_t c = 0; c < components_.count(); ++c)
-    if (components_.is_removable(c)) queue_.set(positions + c, components_.rank(c));
+  queue_.reset(positions);
   for (uint32_t p = 0; p < positions; ++p)
     if (!mesh_.is_fixed(p)) enqueue_best(p);
 }
@@ -74,11 +108,22 @@ void EdgeCollapser::process(uint32_t p) {
   const bool legal = rules_.allow(p, target);
   const bool by_loop =
       !legal && states_[p] == State::kLoop && link_.has_loop() && loop_.find(p, target);
-  if (!legal && !by_loop)
-    enqueue_best_legal(p);
-  else if (!is_unlimited_ && !(costs_.squared_error(p, target) <= cost_limit_))
-    postponed_.push_back(p);
-  else if (legal)
+  if (!legal && !by_loop) return enqueue_best_legal(p);
+  // What the vertices become depends on triangles that may have changed.
+  if (legal && mesh_.has_wedges() && costs_.rank(p, target) > kSameRank * choices_[p].rank)
+    return enqueue_best(p);
+  if (!is_unlimited_ || may_pause_) {
+    const float error = costs_.squared_error(p, target);
+    if (!is_unlimited_ && !(error <= cost_limit_)) {
+      limiting_factors_[p] = LimitingFactor::kCost;
+      return postponed_.push_back(p);
+    }
+    if (may_pause_ && !(error <= pause_above_)) {
+      is_paused_ = true;
+      return queue_.set(p, choices_[p].rank);
+    }
+  }
+  if (legal)
     collapse(p, target);
   else
     collapse_loop();
@@ -91,14 +136,14 @@ void EdgeCollapser::enqueue_postponed() {
 
 void EdgeCollapser::enqueue_best(uint32_t p) {
   const Choice best = costs_.cheapest(p);
-  if (best.target != kNone)
-    choose(p, best);
-  else
-    queue_.remove(p);
+  if (best.target != kNone) return choose(p, best);
+  limiting_factors_[p] = LimitingFactor::kSeams;
+  queue_.remove(p);
 }
 
 // Once the best is found illegal.
 void EdgeCollapser::enqueue_best_legal(uint32_t p) {
+  LimitingFactor& limit = limiting_factors_[p] = rules_.limiting_factor();
   candidates_.clear();
   mesh_.for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
     candidates_.push_back(costs_.choice(p, {costs_.rank_of_position(p, target), target, c, after}));
@@ -111,7 +156,12 @@ void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   for (const Choice& candidate : candidates_) {
     if (!(candidate.rank < loop.rank)) break;
     if (candidate.target == illegal) continue;
-    if (rules_.allow(p, candidate.target)) return choose(p, candidate);
+    if (rules_.allow(p, candidate.target)) {
+      choose(p, candidate);
+      states_[p] = State::kSecond;
+      return;
+    }
+    limit = last_of(limit, rules_.limiting_factor());
     if (!link_.has_loop() || !loop_.find(p, candidate.target)) continue;
     const float rank = loop_.rank();
     if (rank < loop.rank) loop = {rank, candidate.target};
@@ -121,11 +171,11 @@ void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   states_[p] = State::kLoop;
 }
 
-// `target` is a new neighbour of p.
+// `target` is a new neighbour of p. At a border only some neighbours are where it may move to.
 void EdgeCollapser::offer(uint32_t p, uint32_t target) {
   const float least = costs_.rank_of_position(p, target);
   if (!(least < choices_[p].rank)) return;
-  if (attributes_.is_empty()) return choose(p, {least, target});
+  if (attributes_.is_empty() && mesh_.kind(p) == Kind::kInterior) return choose(p, {least, target});
   mesh_.for_each_target(p, [&](uint32_t c, uint32_t q, bool after) {
     if (q != target) return;
     const Choice candidate = costs_.choice(p, {least, q, c, after});
@@ -142,6 +192,8 @@ void EdgeCollapser::choose(uint32_t p, const Choice& choice) {
 // Right after the rules have allowed it.
 void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
   const bool non_manifold = mesh_.moves_non_manifold(p);
+  const bool at_border = mesh_.kind(p) == Kind::kBorder;
+  has_moved_non_manifold_ |= non_manifold;
   if (!non_manifold) link_.list(p, target);
   if (mesh_.input().locked[target]) record_locked_edges(target);
   costs_.merge(p, target);
@@ -159,11 +211,18 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
       queue_.remove(x);  // it may have lost its last triangle
       continue;
     }
-    if (non_manifold || !queue_.contains(x) || mesh_.kind(x) != Kind::kInterior) {
+    const bool is_opposite = i < link_.opposites();
+    // At a border, the edge from a third corner to the target may have become one of the border,
+    // and where the two triangles at the edge have one third corner, there may be none any more.
+    // A border has few places to go to: the best may be legal now.
+    const bool is_second = mesh_.kind(x) != Kind::kInterior &&
+                           (states_[x] == State::kSecond || states_[x] == State::kLoop);
+    if (non_manifold || !queue_.contains(x) || (is_opposite && at_border) || is_second) {
       enqueue_best(x);
     } else {
-      if (choices_[x].target == p) states_[x] = State::kStale;
-      if (i >= link_.opposites()) offer(x, target);
+      if (choices_[x].target == p || (is_opposite && choices_[x].target == target))
+        states_[x] = State::kStale;
+      if (!is_opposite) offer(x, target);
     }
   }
   if (mesh_.is_fixed(target))
@@ -176,6 +235,7 @@ void EdgeCollapser::collapse(uint32_t p, uint32_t target) {
 
 // The one that was found last.
 void EdgeCollapser::collapse_loop() {
+  has_moved_non_manifold_ = true;
   const auto loop = loop_.positions();
   const uint32_t target = loop[0];
   std::vector<uint32_t> around = {target};
@@ -237,10 +297,15 @@ bool EdgeCollapser::refit(uint32_t vertex, std::span<float> values) const {
          attributes_.refit(vertex, values);
 }
 
-LimitingFactor EdgeCollapser::limiting_factor() {
+LimitingFactor EdgeCollapser::limiting_factor() const {
   std::array<size_t, kLimitingFactors> counts{};
-  for (uint32_t p = 0; p < mesh_.position_count(); ++p)
-    if (mesh_.rings().size(p) > 0) ++counts[static_cast<size_t>(rules_.limiting_factor(p))];
+  for (uint32_t p = 0; p < mesh_.position_count(); ++p) {
+    if (mesh_.rings().size(p) == 0) continue;
+    const LimitingFactor limit = mesh_.input().locked[p] ? LimitingFactor::kLocked
+                                 : mesh_.is_fixed(p)     ? LimitingFactor::kNonManifold
+                                                         : limiting_factors_[p];
+    ++counts[static_cast<size_t>(limit)];
+  }
   return static_cast<LimitingFactor>(std::max_element(counts.begin(), counts.end()) -
                                      counts.begin());
 }

@@ -33,9 +33,14 @@ class EdgeCollapser {
   EdgeCollapser(const EdgeCollapser&) = delete;
   EdgeCollapser& operator=(const EdgeCollapser&) = delete;
 
-  /// Collapses edges until at most `target` triangles are left or nothing can go. The triangles
-  /// that are left keep their order.
+  /// Collapses edges until at most `target` triangles are left or nothing can go, or until it
+  /// pauses. The triangles that are left keep their order.
   void run(const CollapseInput& input, size_t target);
+  bool is_paused() const { return is_paused_; }
+  /// Goes on after a pause, with connected components that may be removed as a whole: of
+  /// positions, their component; of components, how far one is from the rest at most, infinite for
+  /// those that stay. Empty: none may.
+  void resume(std::span<const uint32_t> component_of, std::span<const float> component_radii);
 
   const std::vector<Triangle>& triangles() const { return result_; }
   /// The largest root of mean squared distance of one collapse from the planes it stands for, in
@@ -43,26 +48,30 @@ class EdgeCollapser {
   float error() const;
   /// The same of the attributes, as a length.
   float attribute_error() const;
-  float extent() const { return mesh_.extent(); }  ///< the longest side of the box
-  double area() const { return costs_.area(); }    ///< before
+  double area() const { return costs_.area(); }  ///< before
   /// The largest radius of a component that was removed.
   float removed_radius() const { return removed_radius_; }
   /// Moves `values`, the attributes of a vertex that is left, to those that fit best to all that it
   /// stands for. False where that is not known to be better: it stands for itself alone, or others
   /// stand at its position, or the border does.
   bool refit(uint32_t vertex, std::span<float> values) const;
-  /// What stops most of the positions that are left.
-  LimitingFactor limiting_factor();
+  /// What stops most of the positions that are left: of the moves of each, the one that fails at
+  /// the last of the tests says why.
+  LimitingFactor limiting_factor() const;
+  /// Whether it did what may leave a non-manifold edge, or no triangle of a component.
+  bool has_moved_non_manifold() const { return has_moved_non_manifold_; }
   /// New edges between locked positions of different non-manifold components.
   const std::vector<PositionPair>& locked_edges() const { return locked_edges_; }
 
  private:
   using Choice = CollapseCosts::Choice;
-  /// Of a choice: to be made again, or to collapse a loop.
-  enum class State : uint8_t { kCurrent, kStale, kLoop };
+  /// Of a choice: the best, the best of those that were legal, to be made again, or to collapse a
+  /// loop.
+  enum class State : uint8_t { kCurrent, kSecond, kStale, kLoop };
 
   void load(const CollapseInput& input);
   void fill_queue();
+  void collapse_all();
   void process(uint32_t p);
   void enqueue_best(uint32_t p);
   void enqueue_best_legal(uint32_t p);
@@ -85,13 +94,16 @@ class EdgeCollapser {
   RemovableComponents components_{mesh_};
 
   size_t target_ = 0;
-  float cost_limit_ = 0.0f;  // as a squared distance
-  bool is_unlimited_ = false;
-  BucketQueue queue_;                // of positions, then components
-  std::vector<Choice> choices_;      // of positions
-  std::vector<State> states_;        // of choices_
-  std::vector<Choice> candidates_;   // scratch
-  std::vector<uint32_t> postponed_;  // positions whose choice is over the limit
+  float cost_limit_ = 0.0f;   // as a squared distance
+  float pause_above_ = 0.0f;  // as a squared distance
+  bool is_unlimited_ = false, is_unlimited_to_the_end_ = false;
+  bool may_pause_ = false, is_paused_ = false, has_moved_non_manifold_ = false;
+  BucketQueue queue_;                             // of positions, then components
+  std::vector<Choice> choices_;                   // of positions
+  std::vector<State> states_;                     // of choices_
+  std::vector<Choice> candidates_;                // scratch
+  std::vector<uint32_t> postponed_;               // positions whose choice is over the limit
+  std::vector<LimitingFactor> limiting_factors_;  // of positions that are not in the queue
   float removed_radius_ = 0.0f;
   std::vector<PositionPair> locked_edges_;
   std::vector<Triangle> result_;

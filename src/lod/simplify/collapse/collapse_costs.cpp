@@ -218,12 +218,45 @@ CollapseCosts::Choice CollapseCosts::cheapest_with_attributes(uint32_t p) {
       if (moves_[i].rank < moves_[first].rank) first = i;
     }
   }
-  if (!moves_.empty()) std::swap(moves_[0], moves_[first]);
+  if (moves_.empty()) return {std::numeric_limits<float>::infinity(), kNone};
+  std::swap(moves_[0], moves_[first]);
+  return attributes_.is_empty() || mesh_.has_wedges(p) ? cheapest_of_moves(p)
+                                                       : cheapest_of_smooth_moves(p);
+}
+
+CollapseCosts::Choice CollapseCosts::cheapest_of_moves(uint32_t p) {
   Choice best{std::numeric_limits<float>::infinity(), kNone};
   for (const Move& move : moves_) {
     if (!(move.rank < best.rank)) continue;
     const Choice candidate = choice(p, move);
     if (candidate.rank < best.rank) best = candidate;
+  }
+  return best;
+}
+
+// The same where p has one vertex, for four at once.
+CollapseCosts::Choice CollapseCosts::cheapest_of_smooth_moves(uint32_t p) const {
+  const uint32_t from = mesh_.vertex(moves_[0].corner);
+  const Float4 point = load4(mesh_.coordinates(p));
+  const Float4 factor = splat(quadrics_[p].weight * quadrics_[p].scale);
+  Choice best{std::numeric_limits<float>::infinity(), kNone};
+  for (size_t begin = 0; begin < moves_.size(); begin += 4) {
+    const size_t count = std::min<size_t>(4, moves_.size() - begin);
+    const Move* const moves = &moves_[begin];
+    if (std::none_of(moves, moves + count, [&](const Move& m) { return m.rank < best.rank; }))
+      continue;
+    std::array<uint32_t, 4> to;
+    std::array<Float4, 4> d;
+    for (size_t i = 0; i < 4; ++i) {
+      const Move& move = moves[std::min(i, count - 1)];
+      to[i] = mesh_.vertex(move.after ? next_corner(move.corner) : previous_corner(move.corner));
+      d[i] = load4(mesh_.coordinates(move.target)) - point;
+    }
+    transpose(d[0], d[1], d[2], d[3]);
+    std::array<float, 4> ranks;
+    store4(ranks.data(), attributes_.costs(from, to, d[0], d[1], d[2]) * factor);
+    for (size_t i = 0; i < count; ++i)
+      if (moves[i].rank + ranks[i] < best.rank) best = {moves[i].rank + ranks[i], moves[i].target};
   }
   return best;
 }
@@ -237,8 +270,7 @@ void CollapseCosts::merge(uint32_t p, uint32_t target) {
     const WedgeMap::Move whole{p, target, true};
     if (!mesh_.has_wedges()) wedges_.set({&whole, 1});
     attributes = wedges_.cost(d);
-    if (merges)
-      for (const WedgeMap::Move& move : wedges_.moves()) attributes_.merge(move.from, move.to, d);
+    if (merges) wedges_.merge(d, attributes_);
   }
   const float moved = displacements_[p] + length(d), weight = quadrics_[p].weight;
   displacements_[target] = std::max(displacements_[target], moved);

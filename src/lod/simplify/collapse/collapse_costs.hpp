@@ -41,9 +41,14 @@ class CollapseCosts {
   /// With attributes; infinite where some vertex has none to become.
   Choice choice(uint32_t p, const Move& move);
   /// What the moves in the wedge map add to the rank of p.
-  float rank_of_wedges(uint32_t p, uint32_t target) const {
+  float rank_of_wedges(uint32_t p, uint32_t target) {
+    if (attributes_.is_empty()) return 0.0f;
     return wedges_.cost(mesh_.point(target) - mesh_.point(p)) * quadrics_[p].weight *
            quadrics_[p].scale;
+  }
+  /// Of a move whose vertices' moves are in the wedge map.
+  float rank(uint32_t p, uint32_t target) {
+    return rank_of_position(p, target) + rank_of_wedges(p, target);
   }
   /// Turns a sum of weighted squared distances into a rank, by the sum of weights: between the
   /// integral of the squared distance, which keeps means low but lets small details move any
@@ -70,6 +75,8 @@ class CollapseCosts {
   uint32_t corner_before(uint32_t p, uint32_t q) const;
   Choice cheapest_position(uint32_t p) const;
   Choice cheapest_with_attributes(uint32_t p);
+  Choice cheapest_of_moves(uint32_t p);
+  Choice cheapest_of_smooth_moves(uint32_t p) const;
 
   const CollapseMesh& mesh_;
   AttributeQuadrics& attributes_;

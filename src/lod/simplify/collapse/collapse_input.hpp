@@ -32,10 +32,10 @@ struct CollapseInput {
   size_t limit_below = 0;
   /// And where that leaves more triangles than this, cost is unlimited down to this many.
   size_t unlimited_until = std::numeric_limits<size_t>::max();
-  /// Connected components that may be removed: of positions, their component; of components, how
-  /// far one is from the rest at most, infinite for those that stay. Empty: none may.
-  std::span<const uint32_t> component_of = {};
-  std::span<const float> component_radii = {};
+  /// Before the first collapse with a larger error than this, or where nothing can go and more
+  /// than `pause_until` triangles are left, the loop pauses.
+  float pause_above = std::numeric_limits<float>::infinity();
+  size_t pause_until = std::numeric_limits<size_t>::max();
   bool non_manifold_moves = false;  ///< manifold positions move as non-manifold ones do
   bool allow_flips = false;         ///< triangles may flip
 };

@@ -1,7 +1,7 @@
 #include "lod/simplify/collapse/collapse_mesh.hpp"
 
 #include <cmath>
-#include <utility>
+#include <numeric>
 
 namespace umbel::lod {
 
@@ -12,8 +12,7 @@ void CollapseMesh::load(const CollapseInput& input) {
   live_ = triangles_.size();
   removed_.assign(live_, 0);
   load_points();
-  wedge_counts_.assign(points_.size(), 1);
-  if (has_wedges_) count_wedges();
+  if (has_wedges_) list_wedges();
   rings_.build(points_.size(), triangles_.size(), [&](size_t t) { return positions_of(t); });
   marks_.assign(points_.size(), 0);
   slots_.resize(points_.size());
@@ -36,14 +35,18 @@ void CollapseMesh::load_points() {
   area_unit_ = unit * unit;
 }
 
-void CollapseMesh::count_wedges() {
-  std::fill(wedge_counts_.begin(), wedge_counts_.end(), uint8_t{0});
-  wedge_seen_.assign(input_.position_of.size(), 0);
+void CollapseMesh::list_wedges() {
+  const size_t count = input_.position_of.size();
+  uses_.assign(count, 0);
   for (const Triangle& t : triangles_)
-    for (uint32_t v : t) {
-      uint8_t& wedges = wedge_counts_[input_.position_of[v]];
-      if (!std::exchange(wedge_seen_[v], 1) && wedges < 2) ++wedges;
-    }
+    for (uint32_t v : t) ++uses_[v];
+  // Offsets are ends first, which filling from behind turns into beginnings.
+  wedge_offsets_.assign(points_.size() + 1, 0);
+  for (size_t v = 0; v < count; ++v) wedge_offsets_[input_.position_of[v]] += is_used(v);
+  std::partial_sum(wedge_offsets_.begin(), wedge_offsets_.end(), wedge_offsets_.begin());
+  wedges_.resize(wedge_offsets_.back());
+  for (size_t v = count; v-- > 0;)
+    if (is_used(v)) wedges_[--wedge_offsets_[input_.position_of[v]]] = static_cast<uint32_t>(v);
 }
 
 CollapseMesh::Kind CollapseMesh::kind_of(uint32_t p) {
@@ -81,6 +84,7 @@ CollapseMesh::Kind CollapseMesh::kind_of(uint32_t p) {
 void CollapseMesh::remove_triangle(size_t t) {
   removed_[t] = 1;
   --live_;
+  if (has_wedges_) forget_uses(t);
   for (uint32_t p : positions_of(t)) {
     rings_.clear(p);
     kinds_[p] = Kind::kFixed;

@@ -31,7 +31,15 @@ class CollapseMesh {
   float extent() const { return extent_; }         ///< the longest side of its box
   float area_unit() const { return area_unit_; }   ///< scales areas of any extent alike
   bool has_wedges() const { return has_wedges_; }  ///< several vertices at some position
-  bool has_wedges(uint32_t p) const { return wedge_counts_[p] > 1; }
+  bool has_wedges(uint32_t p) const {
+    return has_wedges_ && wedge_offsets_[p + 1] - wedge_offsets_[p] > 1;
+  }
+  /// The vertices at a position, those that no triangle has any more too. Where there are wedges.
+  std::span<const uint32_t> wedges(uint32_t p) const {
+    return std::span(wedges_).subspan(wedge_offsets_[p], wedge_offsets_[p + 1] - wedge_offsets_[p]);
+  }
+  /// Whether any triangle has the vertex. Where there are wedges.
+  bool is_used(uint32_t vertex) const { return uses_[vertex] > 0; }
 
   Kind kind(uint32_t p) const { return kinds_[p]; }
   bool is_fixed(uint32_t p) const { return kinds_[p] == Kind::kFixed; }
@@ -83,7 +91,10 @@ class CollapseMesh {
   };
 
   void load_points();
-  void count_wedges();
+  void list_wedges();
+  void forget_uses(size_t t) {
+    for (uint32_t v : triangles_[t]) --uses_[v];
+  }
   Kind kind_of(uint32_t p);
 
   CollapseInput input_;
@@ -94,10 +105,10 @@ class CollapseMesh {
   std::vector<Triangle> triangles_;  // of vertices
   std::vector<uint8_t> removed_;     // of triangles
   OneRings rings_;
-  std::vector<Kind> kinds_;              // of positions
-  std::vector<uint8_t> wedge_counts_;    // of positions: vertices there, at most 2 counted
-  std::vector<uint8_t> wedge_seen_;      // of vertices
-  std::vector<uint32_t> marks_, slots_;  // of positions, while a kind is found
+  std::vector<Kind> kinds_;                       // of positions
+  std::vector<uint32_t> wedge_offsets_, wedges_;  // of positions: their vertices
+  std::vector<uint32_t> uses_;                    // of vertices: triangles
+  std::vector<uint32_t> marks_, slots_;           // of positions, while a kind is found
   uint32_t stamp_ = 0;
 };
 
@@ -130,8 +141,13 @@ void CollapseMesh::collapse(uint32_t p, uint32_t target, std::span<const uint32_
       [&](uint32_t c) {
         removed_[c / 3] = 1;
         --live_;
+        if (has_wedges_) forget_uses(c / 3);
       },
-      [&](uint32_t c) { vertices[c] = new_vertex(vertices[c]); });
+      [&](uint32_t c) {
+        const uint32_t to = new_vertex(vertices[c]);
+        if (has_wedges_) --uses_[vertices[c]], ++uses_[to];
+        vertices[c] = to;
+      });
 }
 
 }  // namespace umbel::lod

@@ -9,8 +9,12 @@ namespace umbel::lod {
 
 bool CollapseRules::allow(uint32_t p, uint32_t target) {
   link_.forget_loop();
-  return link_.holds(p, target) && (mesh_.input().allow_flips || keeps_orientation(p, target)) &&
-         (!mesh_.has_wedges() || wedges_.find(p, target));
+  limiting_factor_ = LimitingFactor::kTopology;
+  if (!link_.holds(p, target)) return false;
+  limiting_factor_ = LimitingFactor::kFlip;
+  if (!mesh_.input().allow_flips && !keeps_orientation(p, target)) return false;
+  limiting_factor_ = LimitingFactor::kSeams;
+  return !mesh_.has_wedges() || wedges_.find(p, target);
 }
 
 // Four triangles at once, as `flips`. Areas are scaled so that the fourth powers of lengths fit
@@ -52,28 +56,6 @@ bool CollapseRules::keeps_orientation(uint32_t p, uint32_t target) const {
     if ((stays & ~is_fine) != 0) return false;
   }
   return true;
-}
-
-LimitingFactor CollapseRules::limiting_factor(uint32_t p) {
-  const CollapseInput& input = mesh_.input();
-  if (input.locked[p]) return LimitingFactor::kLocked;
-  if (mesh_.is_fixed(p)) return LimitingFactor::kNonManifold;
-  constexpr std::array kTests = {LimitingFactor::kTopology, LimitingFactor::kFlip,
-                                 LimitingFactor::kSeams, LimitingFactor::kCost};
-  size_t passed = 0;
-  // A loop is not forgotten here, so that one non-manifold position on it makes all that follow
-  // count as stopped by topology. Only reports depend on it.
-  link_.mark(p);
-  mesh_.for_each_target(p, [&](uint32_t, uint32_t target, bool) {
-    size_t passes = 0;
-    if (link_.holds(p, target)) {
-      passes = 1;
-      if (input.allow_flips || keeps_orientation(p, target)) passes = 2;
-      if (passes == 2 && (!mesh_.has_wedges() || wedges_.find(p, target))) passes = 3;
-    }
-    passed = std::max(passed, passes);
-  });
-  return kTests[passed];
 }
 
 }  // namespace umbel::lod

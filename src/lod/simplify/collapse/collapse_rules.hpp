@@ -19,8 +19,8 @@ class CollapseRules {
   /// Whether all triangles at p but those that `goes` (LinkEdge) says go keep their orientation.
   template <typename Goes>
   bool keeps_orientation_but_for(uint32_t p, uint32_t target, const Goes& goes) const;
-  /// Of the moves of a position, the one that fails at the last of the tests says why.
-  LimitingFactor limiting_factor(uint32_t p);
+  /// Why not: what the last call of `allow` stopped at.
+  LimitingFactor limiting_factor() const { return limiting_factor_; }
 
  private:
   using LinkEdge = CollapseMesh::LinkEdge;
@@ -34,6 +34,7 @@ class CollapseRules {
   const CollapseMesh& mesh_;
   LinkCondition& link_;
   WedgeMap& wedges_;
+  LimitingFactor limiting_factor_ = LimitingFactor::kNone;
 };
 
 // Whether a triangle does, or becomes too thin to tell, as its corner moves.

@@ -108,7 +108,6 @@ float LoopCollapse::rank() {
   for (size_t i = 1; i < positions_.size(); ++i) {
     const uint32_t p = positions_[i];
     rank += costs_.rank_of_position(p, target);
-    if (mesh_.input().attribute_weights.empty()) continue;
     map_wedges(i);
     rank += costs_.rank_of_wedges(p, target);
   }

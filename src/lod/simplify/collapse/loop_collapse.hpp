@@ -15,7 +15,7 @@ namespace umbel::lod {
 
 class LoopCollapse {
  public:
-  LoopCollapse(const CollapseMesh& mesh, const CollapseRules& rules, const CollapseCosts& costs,
+  LoopCollapse(const CollapseMesh& mesh, const CollapseRules& rules, CollapseCosts& costs,
                WedgeMap& wedges)
       : mesh_(mesh), rules_(rules), costs_(costs), wedges_(wedges) {}
 
@@ -48,7 +48,7 @@ class LoopCollapse {
 
   const CollapseMesh& mesh_;
   const CollapseRules& rules_;
-  const CollapseCosts& costs_;
+  CollapseCosts& costs_;
   WedgeMap& wedges_;
   std::vector<uint32_t> positions_;
   std::vector<Neighbour> around_;

@@ -8,25 +8,28 @@
 
 namespace umbel::lod {
 
-void RemovableComponents::load() {
+void RemovableComponents::load(std::span<const uint32_t> component_of,
+                               std::span<const float> radii) {
   const CollapseInput& input = mesh_.input();
+  radii_ = radii;
   areas_.assign(count(), 0.0f);
   left_.assign(count(), 0);
   offsets_.assign(count() + 1, 0);
   if (count() == 0) return;
   const size_t triangles = input.triangles.size();
   for (size_t t = 0; t < triangles; ++t) {
-    const auto [a, b, c] = mesh_.positions_of(t);
+    const auto [a, b, c] = mesh_.positions_of(input.triangles[t]);
     const Vec3 origin = mesh_.point(a);
-    ++left_[input.component_of[a]];
-    areas_[input.component_of[a]] +=
+    ++left_[component_of[a]];
+    areas_[component_of[a]] +=
         0.5f * length(cross(mesh_.point(b) - origin, mesh_.point(c) - origin));
   }
   for (size_t i = 0; i < count(); ++i) offsets_[i + 1] = offsets_[i] + left_[i];
   std::vector<uint32_t> cursor(offsets_.begin(), offsets_.end() - 1);
   triangles_.resize(triangles);
   for (uint32_t t = 0; t < triangles; ++t)
-    triangles_[cursor[input.component_of[mesh_.positions_of(t)[0]]]++] = t;
+    triangles_[cursor[component_of[mesh_.positions_of(input.triangles[t])[0]]]++] = t;
+  for (uint32_t c = 0; c < count(); ++c) recount(c);
 }
 
 bool RemovableComponents::is_removable(uint32_t component) const {

@@ -14,12 +14,13 @@ class RemovableComponents {
  public:
   explicit RemovableComponents(const CollapseMesh& mesh) : mesh_(mesh) {}
 
-  /// Whenever the mesh has been loaded.
-  void load();
+  /// Of positions, their component; of components, how far one is from the rest at most, infinite
+  /// for those that stay. Empty: none may go. Whenever the mesh has been loaded.
+  void load(std::span<const uint32_t> component_of, std::span<const float> radii);
 
-  size_t count() const { return mesh_.input().component_radii.size(); }
+  size_t count() const { return radii_.size(); }
   bool is_removable(uint32_t component) const;
-  float radius(uint32_t component) const { return mesh_.input().component_radii[component]; }
+  float radius(uint32_t component) const { return radii_[component]; }
   /// Its place among the ranks of collapses, by the triangles when last counted.
   float rank(uint32_t component) const;
   /// Its triangles as loaded, removed ones too.
@@ -33,7 +34,8 @@ class RemovableComponents {
 
  private:
   const CollapseMesh& mesh_;
-  std::vector<float> areas_;
+  std::span<const float> radii_;
+  std::vector<float> areas_;                   // of components, before any collapse
   std::vector<uint32_t> left_;                 // of components: triangles when last counted
   std::vector<uint32_t> offsets_, triangles_;  // of components: their triangles
 };

@@ -1,7 +1,6 @@
 #include "lod/simplify/collapse/wedge_map.hpp"
 
 #include <algorithm>
-#include <limits>
 
 namespace umbel::lod {
 
@@ -25,18 +24,18 @@ bool WedgeMap::find(uint32_t p, uint32_t target) {
     } else if (same->to != to) {
       if (protect) return false;
       same->along = false;
-      if (!attributes_.is_empty() &&
-          attributes_.cost(from, to, d) < attributes_.cost(from, same->to, d))
-        same->to = to;
+      if (attributes_.is_empty()) continue;
+      find_cost(*same, d);
+      const float other = attributes_.cost(from, to, d);
+      if (other < same->cost) same->to = to, same->cost = other;
     }
   }
   if (!mesh_.has_wedges(p)) return true;
-  for (size_t i = 0; i < link.size(); ++i) {
-    const uint32_t from = mesh_.vertex(mesh_.corner(p, i));
-    if (new_vertex(from) != kNone) continue;
-    const uint32_t to = protect ? kNone : cheapest(from, target, d);
-    if (to == kNone) return false;
-    moves_.push_back({from, to, false});
+  for (uint32_t from : mesh_.wedges(p)) {
+    if (!mesh_.is_used(from) || new_vertex(from) != kNone) continue;
+    if (protect) return false;
+    moves_.push_back(cheapest(from, target, d));
+    if (moves_.back().to == kNone) return false;
   }
   return true;
 }
@@ -46,41 +45,46 @@ bool WedgeMap::find_cheapest(uint32_t p, uint32_t target) {
   if (!is_single && is_protected(p, target)) return false;
   const Vec3 d = mesh_.point(target) - mesh_.point(p);
   moves_.clear();
-  for (size_t i = 0; i < mesh_.link(p).size(); ++i) {
-    const uint32_t from = mesh_.vertex(mesh_.corner(p, i));
-    if (new_vertex(from) != kNone) continue;
-    const uint32_t to = mesh_.has_wedges() ? cheapest(from, target, d) : target;
-    if (to == kNone) return false;
-    moves_.push_back({from, to, is_single});
+  if (!mesh_.has_wedges()) {
+    moves_.push_back({p, target, true});
+    return true;
+  }
+  for (uint32_t from : mesh_.wedges(p)) {
+    if (!mesh_.is_used(from)) continue;
+    moves_.push_back(cheapest(from, target, d));
+    moves_.back().along = is_single;
+    if (moves_.back().to == kNone) return false;
   }
   return true;
 }
 
-uint32_t WedgeMap::cheapest(uint32_t from, uint32_t target, const Vec3& d) const {
-  uint32_t best = kNone, other = kNone;  // the last that was not
-  float least = std::numeric_limits<float>::infinity();
-  const size_t count = mesh_.link(target).size();
-  for (size_t i = 0; i < count; ++i) {
-    const uint32_t to = mesh_.vertex(mesh_.corner(target, i));
-    if (to == best || to == other || !mesh_.same_material(from, to)) continue;
+// Across a seam. It has nowhere to go where no vertex at the target has its material.
+WedgeMap::Move WedgeMap::cheapest(uint32_t from, uint32_t target, const Vec3& d) const {
+  Move best{from, kNone, false, 0.0f};
+  for (uint32_t to : mesh_.wedges(target)) {
+    if (!mesh_.is_used(to) || !mesh_.same_material(from, to)) continue;
     const float cost = attributes_.is_empty() ? 0.0f : attributes_.cost(from, to, d);
-    if (best != kNone && !(cost < least)) {
-      other = to;
-      continue;
-    }
-    other = best;
-    best = to;
-    least = cost;
+    if (best.to == kNone || cost < best.cost) best.to = to, best.cost = cost;
   }
   return best;
 }
 
-float WedgeMap::cost(const Vec3& d) const {
+float WedgeMap::cost(const Vec3& d) {
   float sum = 0.0f;
-  for (const Move& move : moves_)
-    if (move.along || mesh_.rule(mesh_.input().position_of[move.from]) != SeamRule::kIgnore)
-      sum += attributes_.cost(move.from, move.to, d);
+  for (Move& move : moves_) {
+    if (!move.along && mesh_.rule(mesh_.input().position_of[move.from]) == SeamRule::kIgnore)
+      continue;
+    find_cost(move, d);
+    sum += move.cost;
+  }
   return sum;
+}
+
+void WedgeMap::merge(const Vec3& d, AttributeQuadrics& attributes) {
+  for (Move& move : moves_) {
+    find_cost(move, d);
+    attributes.merge(move.from, move.to, d, move.cost);
+  }
 }
 
 }  // namespace umbel::lod

@@ -15,7 +15,8 @@ class WedgeMap {
  public:
   struct Move {
     uint32_t from, to;
-    bool along;  ///< along a seam, or on the smooth surface; else across a seam
+    bool along;          ///< along a seam, or on the smooth surface; else across a seam
+    float cost = -1.0f;  ///< of its attributes; negative: not known yet
   };
 
   WedgeMap(const CollapseMesh& mesh, const AttributeQuadrics& attributes)
@@ -36,13 +37,18 @@ class WedgeMap {
     return kNone;
   }
   /// Of all moves, `d` being the way.
-  float cost(const Vec3& d) const;
+  float cost(const Vec3& d);
+  /// Adds the attributes' quadrics of what moves to those of what it becomes.
+  void merge(const Vec3& d, AttributeQuadrics& attributes);
 
  private:
   bool is_protected(uint32_t p, uint32_t target) const {
     return mesh_.rule(p) == SeamRule::kProtect || mesh_.rule(target) == SeamRule::kProtect;
   }
-  uint32_t cheapest(uint32_t from, uint32_t target, const Vec3& d) const;
+  Move cheapest(uint32_t from, uint32_t target, const Vec3& d) const;
+  void find_cost(Move& move, const Vec3& d) const {
+    if (move.cost < 0.0f) move.cost = attributes_.cost(move.from, move.to, d);
+  }
 
   const CollapseMesh& mesh_;
   const AttributeQuadrics& attributes_;

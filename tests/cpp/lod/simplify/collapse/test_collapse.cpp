@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <random>
@@ -340,6 +342,47 @@ TEST(EdgeCollapser, materials_never_mix_whatever_the_rule) {
     EXPECT_NEAR(area[0], 0.5, 1e-4);
     EXPECT_NEAR(area[1], 0.5, 1e-4);
   }
+}
+
+TEST(EdgeCollapser, after_a_pause_it_goes_on_as_if_there_had_been_none) {
+  const SubMesh sub_mesh(shapes::blob(4, 3));
+  EdgeCollapser collapser;
+  collapser.run(sub_mesh.input(), 100);
+  EXPECT_FALSE(collapser.is_paused());
+  const std::vector<Triangle> expected = collapser.triangles();
+  const float error = collapser.error();
+  CollapseInput input = sub_mesh.input();
+  input.pause_above = 1e-3f;
+  collapser.run(input, 100);
+  ASSERT_TRUE(collapser.is_paused());
+  EXPECT_LE(collapser.error(), 1e-3f * 4.0f);
+  collapser.resume({}, {});
+  EXPECT_FALSE(collapser.is_paused());
+  EXPECT_EQ(collapser.triangles(), expected);
+  EXPECT_EQ(collapser.error(), error);
+}
+
+TEST(EdgeCollapser, small_components_go_once_larger_ones_would_pay_for_them) {
+  Mesh mesh = shapes::blob(4, 3);
+  const uint32_t large = static_cast<uint32_t>(mesh.positions.size());
+  const Mesh small = shapes::sphere(2);
+  for (const Vec3& p : small.positions)
+    mesh.positions.push_back(p * 0.01f + Vec3{3.0f, 0.0f, 0.0f});
+  for (const Triangle& t : small.triangles)
+    mesh.triangles.push_back({t[0] + large, t[1] + large, t[2] + large});
+  const SubMesh sub_mesh(mesh);
+  std::vector<uint32_t> component_of(mesh.positions.size(), 0);
+  std::fill(component_of.begin() + large, component_of.end(), 1u);
+  const std::array radii{std::numeric_limits<float>::infinity(), 0.01f};
+  CollapseInput input = sub_mesh.input();
+  input.pause_above = 1e-2f;
+  EdgeCollapser collapser;
+  collapser.run(input, 60);
+  ASSERT_TRUE(collapser.is_paused());
+  collapser.resume(component_of, radii);
+  EXPECT_FLOAT_EQ(collapser.removed_radius(), 0.01f);
+  EXPECT_LE(collapser.triangles().size(), 60u);
+  for (const Triangle& t : collapser.triangles()) EXPECT_LT(t[0], large);
 }
 
 TEST(EdgeCollapser, runs_do_not_depend_on_those_before) {
