@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
-from umbel.geometry.arrays import indices, mesh_of, thread_count, whole
+from umbel.geometry.arrays import indices, mesh_of
 from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Material, Mesh
 from umbel.geometry.origin import zero_origin
@@ -23,7 +23,7 @@ from umbel.lod.instances import InstanceCut, scene_cuts, scene_error, scene_mesh
 from umbel.lod.materials import read_materials
 from umbel.lod.remote import readable, remote
 from umbel.lod.tables import HasTables, Tables
-from umbel.lod.verify import VerifyReport, memory_limit
+from umbel.lod.verify import VerifyReport, verify_arguments
 
 
 class Asset(HasTables):
@@ -160,8 +160,8 @@ class Asset(HasTables):
         threads: int = 0,
     ) -> VerifyReport:
         """The checks of `umbel.verify`, with its arguments."""
-        arguments = whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads)
-        return VerifyReport(**self._native.verify(*arguments, memory_limit(memory)))
+        how = verify_arguments(cuts, seed, progress, threads, memory)
+        return VerifyReport(**self._native.verify(*how))
 
     def scene_cuts(
         self,

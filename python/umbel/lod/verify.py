@@ -37,9 +37,12 @@ class VerifyReport:
         return asdict(self)
 
 
-def memory_limit(memory: int | None) -> int:
-    """The limit in bytes; 0 where there is none."""
-    return 0 if memory is None else max(whole("memory", memory), 1)
+def verify_arguments(
+    cuts: int, seed: int, progress: Progress | None, threads: int, memory: int | None
+) -> tuple[int, int, Progress | None, int, int]:
+    """As the library takes them: a memory of 0 is no limit."""
+    limit = 0 if memory is None else max(whole("memory", memory), 1)
+    return whole("cuts", cuts), whole("seed", seed), progress, thread_count(threads), limit
 
 
 def verify(
@@ -57,13 +60,5 @@ def verify(
     memory: read pages in order, several times, in about so many bytes, however large the file is;
         of each random cut one window is looked at. None: all tables and edges in memory.
     """
-    return VerifyReport(
-        **_umbel.verify_asset(
-            os.fspath(path),
-            whole("cuts", cuts),
-            whole("seed", seed),
-            progress,
-            thread_count(threads),
-            memory_limit(memory),
-        )
-    )
+    how = verify_arguments(cuts, seed, progress, threads, memory)
+    return VerifyReport(**_umbel.verify_asset(os.fspath(path), *how))

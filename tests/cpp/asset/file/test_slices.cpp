@@ -3,6 +3,7 @@
 
 #include <cstring>
 
+#include "asset/beginning.hpp"
 #include "asset/edit_file.hpp"
 #include "asset/file/format.hpp"
 #include "asset/file/page.hpp"
@@ -11,6 +12,7 @@
 namespace umbel {
 namespace {
 
+using testing::Beginning;
 using testing::failure_of;
 using testing::read_bytes;
 using testing::Scratch;
@@ -103,23 +105,6 @@ TEST(AssetSlices, are_written_for_long_tables_and_no_others) {
   EXPECT_EQ(damaged.read_page(4095).index, 4095u);
   EXPECT_THROW(damaged.read_page(4096), Error);
 }
-
-/// A file of which only the beginning is there: nothing else of it may be read.
-class Beginning : public ByteSource {
- public:
-  Beginning(std::vector<std::byte> bytes, uint64_t size) : bytes_(std::move(bytes)), size_(size) {}
-  uint64_t size() const override { return size_; }
-  void read(uint64_t offset, std::span<std::byte> out) const override {
-    ASSERT_LE(offset + out.size(), bytes_.size());
-    std::memcpy(out.data(), &bytes_[offset], out.size());
-    touched += out.size();
-  }
-  mutable uint64_t touched = 0;
-
- private:
-  std::vector<std::byte> bytes_;
-  uint64_t size_;
-};
 
 TEST(AssetSlices, a_terabyte_opens_with_a_few_kilobytes) {
   constexpr uint32_t kPages = 4'000'000, kBytes = 256 << 10;

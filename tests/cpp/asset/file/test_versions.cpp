@@ -3,6 +3,7 @@
 
 #include <cstring>
 
+#include "asset/beginning.hpp"
 #include "asset/edit_file.hpp"
 #include "asset/scratch.hpp"
 #include "umbel/asset.hpp"
@@ -10,6 +11,7 @@
 namespace umbel {
 namespace {
 
+using testing::Beginning;
 using testing::entry_of;
 using testing::failure_of;
 using testing::get;
@@ -129,23 +131,6 @@ TEST(AssetVersions, a_section_that_must_be_there_is_missed) {
   EXPECT_EQ(failure_of(scratch / "b.umbel"), ErrorCode::kCorrupt);
 }
 
-/// The first bytes of a large file, and how many were read. Nothing else of it may be read.
-class Beginning : public ByteSource {
- public:
-  Beginning(std::vector<char> bytes, uint64_t size) : bytes_(std::move(bytes)), size_(size) {}
-  uint64_t size() const override { return size_; }
-  void read(uint64_t offset, std::span<std::byte> out) const override {
-    ASSERT_LE(offset + out.size(), bytes_.size());
-    std::memcpy(out.data(), &bytes_[offset], out.size());
-    touched += out.size();
-  }
-  mutable uint64_t touched = 0;
-
- private:
-  std::vector<char> bytes_;
-  uint64_t size_;
-};
-
 TEST(AssetVersions, a_gigabyte_opens_with_less_than_a_megabyte) {
   const Scratch scratch;
   const std::vector<char> whole = small_asset(scratch);
@@ -173,7 +158,7 @@ TEST(AssetVersions, a_gigabyte_opens_with_less_than_a_megabyte) {
   put(bytes, nodes + 8, 8, size - get(bytes, nodes + 16, 8));
   put(bytes, 16, 8, size);
   repair_checksums(bytes);
-  const auto source = std::make_shared<Beginning>(bytes, size);
+  const auto source = std::make_shared<Beginning>(std::as_bytes(std::span(bytes)), size);
   const Asset asset(source);
   EXPECT_GT(asset.info().file_bytes, uint64_t{1} << 30);
   EXPECT_EQ(asset.info().pages, kPages);

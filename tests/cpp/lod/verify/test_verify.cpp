@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "lod/synthetic_dag.hpp"
+#include "lod/specimen.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -8,34 +8,12 @@ namespace {
 using testing::Random;
 
 /// A right DAG of several levels, to be damaged.
-struct Specimen {
-  Mesh mesh = shapes::blob(4, 5);
-  Dag dag = build(mesh.view(), testing::small_config());
-
+struct Specimen : testing::Specimen {
   VerifyReport report(uint32_t threads = 0) const {
     BuildOptions options;
     options.threads = threads;
     return verify(dag.tables, testing::reader_of(dag), testing::verify_config_of(dag, mesh),
                   options);
-  }
-
-  /// A group in the middle: made of generated clusters, and generating some.
-  uint32_t middle_group() const {
-    for (const Cluster& cluster : dag.tables.clusters)
-      if (cluster.generating_group != kNone &&
-          dag.tables.groups[cluster.generating_group].level == 1)
-        return cluster.generating_group;
-    ADD_FAILURE() << "the specimen has too few levels";
-    return 0;
-  }
-  uint32_t coarse_cluster() const { return dag.tables.groups[middle_group()].clusters.offset; }
-
-  void drop_last_triangle(uint32_t cluster) {
-    const uint32_t at = 3 * (dag.triangle_offsets[cluster + 1] - 1);
-    dag.cluster_triangles.erase(dag.cluster_triangles.begin() + at,
-                                dag.cluster_triangles.begin() + at + 3);
-    for (size_t c = cluster + 1; c < dag.triangle_offsets.size(); ++c) --dag.triangle_offsets[c];
-    --dag.tables.clusters[cluster].triangle_count;
   }
 };
 
@@ -79,7 +57,7 @@ TEST(Verify, a_triangle_dropped_at_level_0_is_named) {
 
 TEST(Verify, a_triangle_of_level_0_turned_over_is_named) {
   Specimen specimen;
-  std::swap(specimen.dag.cluster_triangles[0], specimen.dag.cluster_triangles[1]);
+  specimen.turn_over(0);
   expect_named(specimen.report(), "digests differ");
 }
 
@@ -108,18 +86,8 @@ TEST(Verify, a_triangle_that_is_there_twice_is_named) {
 }
 
 TEST(Verify, two_coincident_triangles_too_many_are_overlaps) {
-  // A closed pair of triangles keeps every border, so only over-sharing tells.
   Specimen specimen;
-  Dag& dag = specimen.dag;
-  const uint32_t c = specimen.coarse_cluster();
-  dag.config.max_triangles = 34;  // so that no limit is in the way
-  const size_t first = size_t{3} * dag.triangle_offsets[c];
-  const uint8_t x = dag.cluster_triangles[first], y = dag.cluster_triangles[first + 1],
-                z = dag.cluster_triangles[first + 2];
-  const uint8_t pair[] = {x, y, z, y, x, z};
-  dag.cluster_triangles.insert(dag.cluster_triangles.begin() + first, pair, pair + 6);
-  for (size_t i = c + 1; i < dag.triangle_offsets.size(); ++i) dag.triangle_offsets[i] += 2;
-  dag.tables.clusters[c].triangle_count += 2;
+  specimen.add_pair(specimen.coarse_cluster());
   const VerifyReport report = specimen.report();
   EXPECT_GT(report.overlaps, 0u);
   EXPECT_EQ(report.cracks, 0u);
@@ -128,8 +96,7 @@ TEST(Verify, two_coincident_triangles_too_many_are_overlaps) {
 
 TEST(Verify, a_coarse_triangle_turned_over_is_named) {
   Specimen specimen;
-  const size_t at = size_t{3} * specimen.dag.triangle_offsets[specimen.coarse_cluster()];
-  std::swap(specimen.dag.cluster_triangles[at], specimen.dag.cluster_triangles[at + 1]);
+  specimen.turn_over(specimen.coarse_cluster());
   expect_named(specimen.report(), "does not keep its border");
 }
 
@@ -213,14 +180,8 @@ TEST(Verify, a_generating_group_that_is_wrong_is_named) {
 
 TEST(Verify, a_moved_vertex_is_named) {
   Specimen specimen;
-  Dag& dag = specimen.dag;
   const uint32_t c = specimen.coarse_cluster();
-  // Its own copy, so that no other cluster's vertex moves.
-  Vec3 moved = dag.vertices.positions[dag.cluster_vertices[dag.vertex_offsets[c]]];
-  moved.x += 3;  // out of the sphere of the group that the cluster was made from
-  dag.cluster_vertices[dag.vertex_offsets[c]] =
-      static_cast<uint32_t>(dag.vertices.positions.size());
-  dag.vertices.positions.push_back(moved);
+  specimen.move_vertex(c, 3);  // out of the sphere of the group that the cluster was made from
   expect_named(specimen.report(), "Cluster " + std::to_string(c) + " has a vertex at (");
 }
 
