@@ -206,11 +206,18 @@ void bind_faces(nb::module_& module) {
                 face_rows(path, name, offset, rows, big_endian, properties, indices, material));
           },
           "path"_a, "name"_a, "offset"_a, "rows"_a, "big_endian"_a, "properties"_a, "indices"_a,
-          "material"_a = nb::none());
+          "material"_a = nb::none(),
+          nb::sig("def __init__(self, path: str | os.PathLike[str], name: str, offset: int, "
+                  "rows: int, big_endian: bool, properties: "
+                  "collections.abc.Sequence[tuple[str, str | None]], indices: int, "
+                  "material: int | None = None) -> None"));
   module.def("scan_faces", &io::scan_faces, "faces"_a, nb::call_guard<nb::gil_scoped_release>(),
              "Whether the faces of a binary PLY file are triangles.");
   module.def("write_triangles", &io::write_triangles, "faces"_a, "path"_a,
-             nb::call_guard<nb::gil_scoped_release>(), "Writes them as a table of triangles.");
+             nb::call_guard<nb::gil_scoped_release>(),
+             nb::sig("def write_triangles(faces: FaceRows, path: str | os.PathLike[str]) -> "
+                     "FaceScan"),
+             "Writes them as a table of triangles.");
 }
 
 }  // namespace
@@ -232,7 +239,7 @@ void bind_source(nb::module_& module) {
             self.files.push_back(path);
             return static_cast<uint32_t>(self.files.size() - 1);
           },
-          "path"_a)
+          "path"_a, nb::sig("def add_file(self, path: str | os.PathLike[str]) -> int"))
       .def(
           "add_table",
           [](io::TableLayout& self, uint32_t file, uint64_t offset, uint64_t stride, uint64_t rows,
@@ -243,8 +250,12 @@ void bind_source(nb::module_& module) {
           "file"_a, "offset"_a, "stride"_a, "rows"_a, "big_endian"_a = false)
       .def("put_in_order", &put_in_order, "prefix"_a, "least_bytes"_a,
            "block"_a = io::kBlockTriangles,
+           nb::sig("def put_in_order(self, prefix: str | os.PathLike[str], least_bytes: int, "
+                   "block: int = ...) -> int"),
            "Sorts the vertices of meshes whose triangles jump about among them.")
       .def("add_obj", &add_obj, "path"_a, "name"_a, "prefix"_a,
+           nb::sig("def add_obj(self, path: str | os.PathLike[str], name: str, "
+                   "prefix: str | os.PathLike[str]) -> dict[str, typing.Any]"),
            "Writes an OBJ file as tables, and adds those.")
       .def("add_part", &add_part, "name"_a, "columns"_a, "triangles"_a = 0,
            "material"_a = nb::none(), "default_material"_a = kNone, "color_divisor"_a = 1.0f,

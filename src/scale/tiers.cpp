@@ -61,7 +61,7 @@ uint32_t resolution_of(uint64_t triangles) {
 }
 
 fs::path tier_folder(const fs::path& work, uint32_t tier) {
-  return work / ("t" + std::to_string(tier));
+  return work / std::string("t").append(std::to_string(tier));
 }
 
 std::string number(uint32_t n) {

@@ -14,7 +14,8 @@ namespace {
 /// A file's bytes from a place on, through a window.
 class Window {
  public:
-  Window(const FaceRows& faces) : file_(faces.path), at_(faces.offset), begin_(faces.offset) {}
+  explicit Window(const FaceRows& faces)
+      : file_(faces.path), at_(faces.offset), begin_(faces.offset) {}
 
   uint64_t at() const { return at_; }
   uint64_t size() const { return file_.size(); }
@@ -49,7 +50,7 @@ int64_t length_of(const std::byte* p, Scalar type, bool big_endian) {
       if (value >= 0 && value == std::floor(value) && value < T(0x1p53))
         length = static_cast<int64_t>(value);
     } else if (value >= 0 && static_cast<uint64_t>(value) < uint64_t{1} << 53) {
-      length = static_cast<int64_t>(value);
+      length = static_cast<int64_t>(static_cast<uint64_t>(value));
     }
   });
   return length;
