@@ -70,11 +70,12 @@ std::string number(uint32_t n) {
 }
 
 fs::path unit_file(const fs::path& work, const Task& task, const char* what) {
-  return tier_folder(work, task.tier) / "unit" / ("u" + number(task.unit) + what);
+  return tier_folder(work, task.tier) / "unit" /
+         (std::string("u").append(number(task.unit)) + what);
 }
 
 fs::path shard_file(const fs::path& work, uint32_t tier, uint32_t shard) {
-  return tier_folder(work, tier) / "route" / ("s" + number(shard) + ".route");
+  return tier_folder(work, tier) / "route" / (std::string("s").append(number(shard)) + ".route");
 }
 
 void make_folders(const fs::path& work, uint32_t tier) {
