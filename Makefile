@@ -21,7 +21,7 @@ PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
 .PHONY: help setup tools build test test-cpp test-python test-viewer test-install test-asan test-tsan \
-        fuzz cuda gpu gpu-carry demo lint format bench clean
+        fuzz cuda simt gpu gpu-carry demo lint format bench clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
@@ -68,6 +68,9 @@ fuzz: tools  ## the fuzzers, a minute each, under the sanitizers; SECONDS_EACH=9
 
 cuda: tools  ## umbel::cuda with its tests and benchmark, in build/release; no GPU needed
 	@scripts/cuda.sh
+
+simt: tools  ## the tests of umbel::cuda on an emulated device; SEEDS=1000 for longer
+	@scripts/simt.sh
 
 gpu:  ## on a machine with a GPU: builds, tests, sanitizes, measures; see scripts/gpu.sh
 	@scripts/gpu.sh

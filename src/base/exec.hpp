@@ -21,16 +21,34 @@
 
 namespace umbel {
 
-/// Adds to a counter that several threads share and gives its old value. What a thread wrote
-/// before is seen by every thread that adds later.
-UMBEL_HOST_DEVICE inline uint32_t atomic_add(uint32_t* counter, uint32_t amount) {
-#if defined(__CUDA_ARCH__)
-  __threadfence();
-  const uint32_t old = atomicAdd(counter, amount);
-  __threadfence();
+#if defined(__CUDA_ARCH__) && !defined(UMBEL_ADD_RELEASE)
+/// Adds to a counter in global memory, after all that the thread wrote before.
+__device__ inline uint32_t add_release(uint32_t* counter, uint32_t amount) {
+  uint32_t old;
+  asm volatile("atom.add.release.gpu.global.u32 %0, [%1], %2;"
+               : "=r"(old)
+               : "l"(__cvta_generic_to_global(counter)), "r"(amount)
+               : "memory");
   return old;
+}
+/// What others released before the thread's last atomic operation is seen from here on. Less than
+/// __threadfence(), which puts all fences of all threads in one order.
+__device__ inline void acquire() { asm volatile("fence.acq_rel.gpu;" ::: "memory"); }
+// The emulator of tests/simt has its own.
+#define UMBEL_ADD_RELEASE(counter, amount) ::umbel::add_release(counter, amount)
+#define UMBEL_ACQUIRE() ::umbel::acquire()
+#endif
+
+/// Counts an arrival where several threads arrive, each once: true for the one after `others`
+/// more, which then sees what the others wrote before they arrived. Only that one pays for an
+/// acquire.
+UMBEL_HOST_DEVICE inline bool is_last_to_arrive(uint32_t* counter, uint32_t others) {
+#if defined(__CUDA_ARCH__)
+  if (UMBEL_ADD_RELEASE(counter, 1) != others) return false;
+  UMBEL_ACQUIRE();
+  return true;
 #else
-  return std::atomic_ref<uint32_t>(*counter).fetch_add(amount, std::memory_order_acq_rel);
+  return std::atomic_ref<uint32_t>(*counter).fetch_add(1, std::memory_order_acq_rel) == others;
 #endif
 }
 

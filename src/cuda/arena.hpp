@@ -10,6 +10,11 @@
 
 #include "umbel/types.hpp"
 
+// The emulator of tests/simt fills memory that is taken or given back.
+#if !defined(UMBEL_POISON)
+#define UMBEL_POISON(memory, bytes) ((void)0)
+#endif
+
 namespace umbel::cuda {
 
 /// Without memory an arena only counts: the same calls in the same order, without any work, tell
@@ -41,6 +46,7 @@ class Arena {
       throw Error(ErrorCode::kInvalidArgument, "scratch memory has " + std::to_string(bytes_) +
                                                    " bytes, but " + std::to_string(used_) +
                                                    " are needed already");
+    UMBEL_POISON(memory_ + begin, used_ - begin);
     return memory_ + begin;
   }
 
@@ -48,7 +54,9 @@ class Arena {
   /// Makes room again from `begin` on, if what lies there ends where the free room starts. What
   /// does not stays taken.
   void give_back(size_t begin, size_t end) {
-    if (used_ == end) used_ = begin;
+    if (used_ != end) return;
+    used_ = begin;
+    if (!counts_) UMBEL_POISON(memory_ + begin, end - begin);
   }
 
  private:

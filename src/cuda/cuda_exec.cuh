@@ -112,7 +112,7 @@ __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
   using Team = std::conditional_t<Body::kLanes == kWarp, WarpTeam, BlockTeam>;
   using Shared = typename Body::Shared;
   constexpr uint32_t kTeams = kTeamsPerBlock<Body>;
-  __shared__ alignas(16) unsigned char shared[kTeams * sizeof(Shared)];
+  UMBEL_SHARED(unsigned char, shared, kTeams * sizeof(Shared));
   const uint32_t team = threadIdx.x / Body::kLanes;
   const size_t i = size_t(blockIdx.x) * kTeams + team;
   if (i < n) body(Team{}, i, reinterpret_cast<Shared*>(shared)[team]);
@@ -124,7 +124,7 @@ __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
   using Team = std::conditional_t<Body::kLanes == kWarp, WarpTeam, BlockTeam>;
   using Shared = typename Body::Shared;
   constexpr uint32_t kTeams = kTeamsPerBlock<Body>;
-  __shared__ alignas(16) unsigned char shared[kTeams * sizeof(Shared)];
+  UMBEL_SHARED(unsigned char, shared, kTeams * sizeof(Shared));
   const uint32_t team = threadIdx.x / Body::kLanes;
   const size_t n = *count < most ? *count : most;
   for (size_t i = size_t(blockIdx.x) * kTeams + team; i < n; i += size_t(gridDim.x) * kTeams) {
@@ -188,8 +188,8 @@ class CudaExec {
   template <typename Body>
   void for_each(size_t n, const Body& body, size_t /*grain*/ = 1) {
     if (n == 0 || arena_.counts()) return;
-    detail::run_each<<<blocks(n, detail::kThreads), detail::kThreads, 0, stream_>>>(n, body);
-    check(cudaGetLastError(), "starting a kernel");
+    launch("starting a kernel", detail::run_each<Body>, blocks(n, detail::kThreads),
+           detail::kThreads, n, body);
   }
 
   template <typename Body>
@@ -198,9 +198,8 @@ class CudaExec {
     if (n == 0 || arena_.counts()) return;
     const size_t blocks =
         std::min<size_t>((n + detail::kThreads - 1) / detail::kThreads, detail::kMostBlocks);
-    detail::run_counted<<<uint32_t(blocks), detail::kThreads, 0, stream_>>>(count, most, each,
-                                                                            body);
-    check(cudaGetLastError(), "starting a kernel");
+    launch("starting a kernel", detail::run_counted<Body>, blocks, detail::kThreads, count, most,
+           each, body);
   }
 
   template <typename Body>
@@ -210,12 +209,11 @@ class CudaExec {
     if (n == 0 || layers == 0 || arena_.counts()) return;
     const size_t blocks = std::min((n + detail::kThreads - 1) / detail::kThreads,
                                    resident_blocks(detail::run_layers<Body>, detail::kThreads));
-    Body copy = body;
-    void* arguments[] = {&counts, &layers, &most, &each, &copy};
-    check(cudaLaunchCooperativeKernel(reinterpret_cast<const void*>(detail::run_layers<Body>),
-                                      dim3(uint32_t(blocks)), dim3(detail::kThreads), arguments, 0,
-                                      stream_),
-          "starting a kernel of layers");
+    cudaLaunchAttribute together;
+    together.id = cudaLaunchAttributeCooperative;
+    together.val.cooperative = 1;
+    launch_with(&together, "starting a kernel of layers", detail::run_layers<Body>, blocks,
+                detail::kThreads, counts, layers, most, each, body);
   }
 
   template <typename Body>
@@ -226,17 +224,16 @@ class CudaExec {
     const size_t blocks =
         std::min((n + detail::kTraversalThreads - 1) / detail::kTraversalThreads,
                  resident_blocks(detail::run_traversals<Body>, detail::kTraversalThreads));
-    detail::run_traversals<<<uint32_t(blocks), detail::kTraversalThreads, 0, stream_>>>(
-        n, next.data(), body);
-    check(cudaGetLastError(), "starting a kernel of traversals");
+    launch("starting a kernel of traversals", detail::run_traversals<Body>, blocks,
+           detail::kTraversalThreads, n, next.data(), body);
   }
 
   template <typename Body>
   void for_each_team(size_t n, const Body& body) {
     constexpr uint32_t kTeams = detail::kTeamsPerBlock<Body>;
     if (n == 0 || arena_.counts()) return;
-    detail::run_teams<<<blocks(n, kTeams), Body::kLanes * kTeams, 0, stream_>>>(n, body);
-    check(cudaGetLastError(), "starting a kernel of teams");
+    launch("starting a kernel of teams", detail::run_teams<Body>, blocks(n, kTeams),
+           Body::kLanes * kTeams, n, body);
   }
 
   template <typename Body>
@@ -245,9 +242,8 @@ class CudaExec {
     if (most == 0 || arena_.counts()) return;
     const size_t blocks =
         std::min<size_t>((size_t(most) + kTeams - 1) / kTeams, detail::kMostBlocks);
-    detail::run_counted_teams<<<uint32_t(blocks), Body::kLanes * kTeams, 0, stream_>>>(count, most,
-                                                                                       body);
-    check(cudaGetLastError(), "starting a kernel of teams");
+    launch("starting a kernel of teams", detail::run_counted_teams<Body>, blocks,
+           Body::kLanes * kTeams, count, most, body);
   }
 
   template <typename T, typename Map, typename Op>
@@ -308,6 +304,24 @@ class CudaExec {
     if (count > 0x7fffffffu)
       throw Error(ErrorCode::kUnsupported, "more work than a grid of a CUDA device can have");
     return static_cast<uint32_t>(count);
+  }
+
+  // Not by <<<>>>, which only a CUDA compiler reads: the emulator of tests/simt compiles this too.
+  template <typename... Parameters, typename... Arguments>
+  void launch(const char* what, void (*kernel)(Parameters...), size_t blocks, uint32_t threads,
+              const Arguments&... arguments) {
+    launch_with(nullptr, what, kernel, blocks, threads, arguments...);
+  }
+  template <typename... Parameters, typename... Arguments>
+  void launch_with(cudaLaunchAttribute* attribute, const char* what, void (*kernel)(Parameters...),
+                   size_t blocks, uint32_t threads, const Arguments&... arguments) {
+    cudaLaunchConfig_t config{};
+    config.gridDim = dim3(uint32_t(blocks));
+    config.blockDim = dim3(threads);
+    config.stream = stream_;
+    config.attrs = attribute;
+    config.numAttrs = attribute ? 1 : 0;
+    check(cudaLaunchKernelEx(&config, kernel, arguments...), what);
   }
 
   /// Blocks of a kernel that the device holds at a time.

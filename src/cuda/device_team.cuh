@@ -8,6 +8,11 @@
 
 #include "base/team.hpp"
 
+// An array of a block. The emulator of tests/simt has its own.
+#if !defined(UMBEL_SHARED)
+#define UMBEL_SHARED(Type, name, count) __shared__ alignas(16) Type name[count]
+#endif
+
 namespace umbel::cuda {
 
 inline constexpr uint32_t kWarp = 32;
@@ -47,7 +52,7 @@ struct DeviceTeam {
 struct WarpTeam : DeviceTeam {
   __device__ static uint32_t size() { return kWarp; }
   __device__ static uint32_t rank() { return threadIdx.x % kWarp; }
-  __device__ void sync() const { __syncwarp(); }
+  __device__ __forceinline__ void sync() const { __syncwarp(); }
 
   template <typename T, typename Op>
   __device__ T reduce(const T& value, const Op& op) const {
@@ -67,11 +72,11 @@ struct BlockTeam : DeviceTeam {
 
   __device__ static uint32_t size() { return blockDim.x; }
   __device__ static uint32_t rank() { return threadIdx.x; }
-  __device__ void sync() const { __syncthreads(); }
+  __device__ __forceinline__ void sync() const { __syncthreads(); }
 
   template <typename T, typename Op>
   __device__ T reduce(const T& value, const Op& op) const {
-    __shared__ alignas(16) unsigned char bytes[kMostWarps * sizeof(T)];
+    UMBEL_SHARED(unsigned char, bytes, kMostWarps * sizeof(T));
     T* of_warps = reinterpret_cast<T*>(bytes);
     const T of_warp = warp_reduce(value, op);
     __syncthreads();  // the last reduction's values may still be read
@@ -92,7 +97,7 @@ struct BlockTeam : DeviceTeam {
 
  private:
   __device__ void count_warps(bool flag, uint32_t& before, uint32_t& all) const {
-    __shared__ uint32_t of_warps[kMostWarps];
+    UMBEL_SHARED(uint32_t, of_warps, kMostWarps);
     const uint32_t ballot = __ballot_sync(kAllLanes, flag);
     __syncthreads();
     if (rank() % kWarp == 0) of_warps[rank() / kWarp] = __popc(ballot);

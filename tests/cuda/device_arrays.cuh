@@ -11,6 +11,13 @@
 
 namespace umbel::cuda {
 
+/// Whether the device is the one of tests/simt, for which meshes must be small.
+#if defined(UMBEL_SIMT)
+inline constexpr bool kEmulated = true;
+#else
+inline constexpr bool kEmulated = false;
+#endif
+
 inline bool has_device() {
   int count = 0;
   const bool found = cudaGetDeviceCount(&count) == cudaSuccess && count > 0;
@@ -33,9 +40,7 @@ class DeviceArray {
     check(cudaMalloc(&memory_, bytes() + kGuard), "allocating on the device");
     check(cudaMemset(memory_, 0xa5, bytes() + kGuard), "filling device memory");
   }
-  explicit DeviceArray(const std::vector<T>& values) : DeviceArray(values.size()) {
-    check(cudaMemcpy(memory_, values.data(), bytes(), cudaMemcpyHostToDevice), "copying");
-  }
+  explicit DeviceArray(const std::vector<T>& values) : DeviceArray(values.size()) { write(values); }
   DeviceArray(const DeviceArray&) = delete;
   DeviceArray& operator=(const DeviceArray&) = delete;
   ~DeviceArray() {

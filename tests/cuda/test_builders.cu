@@ -68,14 +68,36 @@ class BuildersOnDevice : public OnDevice {
     });
     tree.expect(refit_on_processor(expected, mesh));
   }
+  /// The emulated device takes long for the barriers of a sweep.
+  static bool sweeps(const DeviceBvhConfig& config) {
+    return config.builder == DeviceBuilder::kSweep || config.builder == DeviceBuilder::kHlbvh;
+  }
+  /// All triangles the same, of a line, and of a point.
+  static void expect_same_of_degenerate_meshes(const DeviceBvhConfig& config) {
+    Mesh mesh = shapes::soup(kEmulated ? (sweeps(config) ? 5 : 20) : 2000, 5);
+    for (size_t v = 0; v < mesh.positions.size(); ++v)
+      mesh.positions[v] = {float(v % 3), float(v % 3 == 1), 0};
+    expect_same(mesh, config);
+    for (size_t v = 0; v < mesh.positions.size(); ++v) mesh.positions[v] = {float(v), 0, 0};
+    expect_same(mesh, config);
+    for (Vec3& p : mesh.positions) p = {1, 2, -0.0f};
+    expect_same(mesh, config);
+  }
   static void expect_same(const char* builder) {
-    for (const uint32_t n : {1u, 2u, 9u, 33u, 400u})
-      expect_same(shapes::soup(n, n), device_builder_preset(builder));
+    const DeviceBvhConfig config = device_builder_preset(builder);
+    DeviceBvhConfig split = config;
+    split.presplit = 0.5f;
+    for (const uint32_t n : {1u, 2u, 9u}) expect_same(shapes::soup(n, n), config);
+    expect_same_of_degenerate_meshes(config);
+    if (kEmulated) {
+      expect_same(shapes::soup(sweeps(config) ? 6 : 60, 7), split);
+      if (!sweeps(config)) expect_same(shapes::soup(300, 7), config);
+      return;
+    }
+    for (const uint32_t n : {33u, 400u}) expect_same(shapes::soup(n, n), config);
     expect_same(shapes::terrain(150, 120, 5), device_builder_preset(builder));
     expect_same(shapes::grid(70, 90), device_builder_preset(builder));
     expect_same(shapes::fan(3000), device_builder_preset(builder));
-    DeviceBvhConfig split = device_builder_preset(builder);
-    split.presplit = 0.5f;
     expect_same(shapes::soup(3000, 7), split);
   }
 };
@@ -89,7 +111,32 @@ TEST_F(BuildersOnDevice, kmeans_is_that_of_the_processor) {
   expect_same("kmeans");
   DeviceBvhConfig medians = device_builder_preset("kmeans-q3");
   medians.kmeans.distance = bvh::KmeansDistance::kManhattan;
-  expect_same(shapes::terrain(80, 70, 2), medians);
+  expect_same(kEmulated ? shapes::terrain(6, 5, 2) : shapes::terrain(80, 70, 2), medians);
+  for (const char* quality : {"kmeans-q1", "kmeans-q2", "kmeans-q3", "kmeans-q4", "kmeans-q5"})
+    expect_same(shapes::soup(kEmulated ? 60 : 3000, 6), device_builder_preset(quality));
+}
+
+// The fewer clusters are forwarded, the more memory the medians' sort takes.
+TEST_F(BuildersOnDevice, scratch_is_enough_for_medians_where_few_clusters_are_forwarded) {
+  for (const uint32_t k : {2u, 4u, 8u})
+    for (const uint32_t forwarded : {1u, 2u}) {
+      DeviceBvhConfig config = device_builder_preset("kmeans");
+      config.kmeans.distance = bvh::KmeansDistance::kManhattan;
+      config.kmeans.clusters = k;
+      config.kmeans.forwarded_clusters = forwarded;
+      expect_same(shapes::soup(kEmulated ? 50 : 2000, k), config);
+    }
+}
+
+class LargerBuildersOnDevice : public BuildersOnDevice {};
+
+TEST_F(LargerBuildersOnDevice, are_those_of_the_processor) {
+  for (const char* builder : {"lbvh", "atrbvh", "ploc", "hploc"}) {
+    expect_same(shapes::terrain(40, 30, 5), device_builder_preset(builder));
+    expect_same(shapes::fan(3000), device_builder_preset(builder));
+  }
+  for (const char* builder : {"hlbvh", "sweep"})
+    expect_same(shapes::soup(150, 8), device_builder_preset(builder));
 }
 TEST_F(BuildersOnDevice, sweep_is_that_of_the_processor) { expect_same("sweep"); }
 
@@ -99,14 +146,14 @@ class BuildersSmallOnDevice : public BuildersOnDevice {};
 TEST_F(BuildersSmallOnDevice, are_those_of_the_processor) {
   for (const char* builder : {"lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans", "sweep"}) {
     DeviceBvhConfig config = device_builder_preset(builder);
-    expect_same(shapes::soup(1500, 3), config);
+    expect_same(shapes::soup(kEmulated ? 12 : 1500, 3), config);
     config.presplit = 0.3f;
-    expect_same(shapes::soup(200, 4), config);
+    expect_same(shapes::soup(kEmulated ? 5 : 200, 4), config);
   }
 }
 
 TEST_F(BuildersOnDevice, graphs_follow_new_positions) {
-  Mesh mesh = shapes::terrain(100, 100, 1);
+  Mesh mesh = kEmulated ? shapes::terrain(3, 2, 1) : shapes::terrain(100, 100, 1);
   const auto n = uint32_t(mesh.triangles.size());
   MeshOnDevice on_device(mesh);
   for (const char* builder : {"lbvh", "hlbvh", "atrbvh", "hploc"}) {

@@ -11,7 +11,8 @@ namespace {
 using lod::testing::Random;
 
 const lod::Dag& blob() {
-  static const lod::Dag dag = lod::build(shapes::blob(5, 7).view(), lod::testing::small_config());
+  static const lod::Dag dag =
+      lod::build(shapes::blob(kEmulated ? 3 : 5, 7).view(), lod::testing::small_config());
   return dag;
 }
 
@@ -98,7 +99,7 @@ class SelectOnDevice : public OnDevice {};
 TEST_F(SelectOnDevice, cuts_are_those_of_the_processor) {
   Random random(1);
   const auto bounds = lod::normal_cone_bounds(blob().tables, lod::testing::reader_of(blob()));
-  const auto instances = transforms(1500, 2);
+  const auto instances = transforms(kEmulated ? 12 : 1500, 2);
   for (int round = 0; round < 6; ++round) {
     const Vec3 p = random.point();
     const Vec3 eye{p.x * 20, p.y * 20, p.z * 20};
@@ -118,11 +119,11 @@ TEST_F(SelectOnDevice, cuts_are_those_of_the_processor_where_rounding_decides) {
   for (const double scale : {1e-20, 1.0, 1e20}) {
     const lod::testing::Extent extent{scale, {}};
     const lod::Tables tables = lod::testing::random_tables(4, 300, extent);
-    auto instances = transforms(20, 5);
+    auto instances = transforms(kEmulated ? 3 : 20, 5);
     for (Transform& t : instances)
       for (const int k : {3, 7, 11}) t.rows[k] *= static_cast<float>(scale);
     Scene scene(tables, {}, {}, instances);
-    for (int i = 0; i < 20; ++i) {
+    for (int i = 0; i < (kEmulated ? 2 : 20); ++i) {
       const lod::View view = lod::testing::random_camera(random, tables, extent);
       scene.view.write({view});
       scene.select();
@@ -132,7 +133,7 @@ TEST_F(SelectOnDevice, cuts_are_those_of_the_processor_where_rounding_decides) {
 }
 
 TEST_F(SelectOnDevice, a_graph_follows_the_camera) {
-  const auto instances = transforms(300, 6);
+  const auto instances = transforms(kEmulated ? 5 : 300, 6);
   Scene scene(blob().tables, {}, {}, instances);
   size_t bytes = 0;
   scene.select(nullptr, bytes, {}, {});
@@ -159,7 +160,7 @@ TEST_F(SelectOnDevice, a_graph_follows_the_camera) {
 
 TEST_F(SelectOnDevice, what_is_missing_is_asked_for_as_on_the_processor) {
   const lod::Tables& tables = blob().tables;
-  const auto instances = transforms(100, 7);
+  const auto instances = transforms(kEmulated ? 4 : 100, 7);
   Random random(8);
   Scene scene(tables, {}, {}, instances);
   const lod::View view = lod::testing::camera({1, 2, 0}, 2e-3f);

@@ -98,7 +98,7 @@ struct HplocClimb {
     const uint32_t parent = is_right ? begin - 1 : end;
     (is_right ? nodes.ends[parent] : nodes.begins[parent]) = is_right ? end : begin;
     (is_right ? nodes.right_kept[parent] : nodes.left_kept[parent]) = kept;
-    if (atomic_add(&nodes.arrived[parent], 1) == 0) return false;
+    if (!is_last_to_arrive(&nodes.arrived[parent], 1)) return false;
     begin = nodes.begins[parent];
     end = nodes.ends[parent];
     const uint32_t count = end - begin + 1;
@@ -114,7 +114,7 @@ struct HplocClimb {
     return true;
   }
 
-  /// Returns how many clusters are left.
+  /// Returns how many clusters are left, which the team may read after its next sync().
   template <typename Team>
   UMBEL_HOST_DEVICE uint32_t merge_at(const Team& team, const Met& met, Shared& shared) const {
     uint32_t count = met.left + met.right;
@@ -124,7 +124,6 @@ struct HplocClimb {
     while (count > met.most) count = merge_round(team, count, shared);
     for (uint32_t i = team.rank(); i < count; i += team.size())
       clusters[met.begin + i] = shared.clusters[i];
-    team.sync();
     return count;
   }
 

@@ -204,7 +204,6 @@ struct KmeansAssign {
         publish(of, &all, sum);
       }
     }
-    team.sync();  // the next chunk has the same memory
   }
   UMBEL_HOST_DEVICE void add_serially(uint32_t count, Shared& shared) const {
     for (uint32_t r = 0; r < k; ++r) {

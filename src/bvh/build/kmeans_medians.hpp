@@ -38,10 +38,11 @@ class KmeansMedians {
  public:
   explicit KmeansMedians(Exec& exec) : exec_(exec) {}
 
-  /// Moves the representatives, `k` for each of `clusters` clusters, that have items.
-  void run(const KmeansPoints& points, const KmeansChunk* chunks, uint32_t chunk_count,
-           const uint8_t* labels, const uint32_t* counts, uint32_t clusters, uint32_t k,
-           KmeansPoint* representatives) {
+  /// Moves the representatives, `k` for each of `clusters` clusters, that have some of the items,
+  /// which are `most_items` at most.
+  void run(const KmeansPoints& points, uint32_t most_items, const KmeansChunk* chunks,
+           uint32_t chunk_count, const uint8_t* labels, const uint32_t* counts, uint32_t clusters,
+           uint32_t k, KmeansPoint* representatives) {
     const size_t groups = size_t(clusters) * k;
     auto begins = exec_.template allocate<uint32_t>(groups + 1);
     exec_.exclusive_scan(
@@ -51,7 +52,7 @@ class KmeansMedians {
         chunk_count,
         [=] UMBEL_DEVICE_LAMBDA(size_t c) -> uint32_t { return chunks[c].end - chunks[c].begin; },
         starts.data());
-    const uint32_t items = exec_.read(starts.data() + chunk_count);
+    const uint32_t items = exec_.counts() ? most_items : exec_.read(starts.data() + chunk_count);
     auto keys = exec_.template allocate<uint64_t>(items);
     auto values = exec_.template allocate<uint32_t>(items);
     uint32_t bits = 1;

@@ -309,9 +309,9 @@ class KmeansPasses {
   void move_representatives(uint32_t pass) {
     constexpr bool kMeans = kDistance == KmeansDistance::kEuclidean;
     if constexpr (!kMeans)
-      KmeansMedians<Exec>(exec_).run(items(level()), chunks_.data(), size_.chunks, labels_.data(),
-                                     counts_.data(), size_.divided, config_.clusters,
-                                     representatives_.data());
+      KmeansMedians<Exec>(exec_).run(items(level()), n_, chunks_.data(), size_.chunks,
+                                     labels_.data(), counts_.data(), size_.divided,
+                                     config_.clusters, representatives_.data());
     exec_.for_each(
         size_t(size_.divided) * config_.clusters,
         [=, divided = divided(), totals = totals(), representatives = representatives_.data(),

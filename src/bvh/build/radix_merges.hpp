@@ -30,7 +30,7 @@ void radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives,
       Merge& merge = merges[parent];
       (is_right ? merge.right : merge.left) = subtree;
       (is_right ? ends[parent] : begins[parent]) = is_right ? end : begin;
-      if (atomic_add(&arrived[parent], 1) == 0) return;
+      if (!is_last_to_arrive(&arrived[parent], 1)) return;
       begin = begins[parent];
       end = ends[parent];
       const auto box_of = [&](Subtree s) {

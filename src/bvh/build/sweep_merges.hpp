@@ -77,7 +77,7 @@ struct SweepRange {
       divide(team, task, shared, parts);
       if (team.rank() != 0) return;
       for (const SweepTask& part : parts)
-        if (part.end - part.begin > 1) next[atomic_add(next_count, 1)] = part;
+        if (part.end - part.begin > 1) next[atomic_count(next_count)] = part;
       return;
     }
     if (team.rank() == 0) {
@@ -161,7 +161,6 @@ struct SweepRange {
       if (best.position == 1) merges[id].left = items.subtree(arrays.orders[0][task.begin]);
       if (best.position + 1 == n) merges[id].right = items.subtree(arrays.orders[0][middle]);
     }
-    team.sync();
   }
 
   /// Grows with a little padding, which makes boxes without area comparable by their length.

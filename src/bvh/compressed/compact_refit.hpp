@@ -74,7 +74,7 @@ void refit_compact(Exec& exec, const CompactArrays& tree, uint32_t triangles, co
                        const uint32_t parent = parents[node];
                        if (parent == kNone) break;
                        const uint32_t children = uint32_t(std::popcount(tree.nodes[parent].inner));
-                       if (atomic_add(&arrived[parent], 1) + 1 < children) return;
+                       if (!is_last_to_arrive(&arrived[parent], children - 1)) return;
                        node = parent;
                      }
                      tree.info->bounds = exact[0];

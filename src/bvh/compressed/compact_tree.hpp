@@ -325,7 +325,7 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CostModel& cost,
   exec.for_each(tree.items,
                 [layout, parents, arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t item) {
                   uint32_t merge = parents.of_items[item];
-                  while (merge != kNone && atomic_add(&arrived[merge], 1) != 0) {
+                  while (merge != kNone && is_last_to_arrive(&arrived[merge], 1)) {
                     layout.sum_up(merge);
                     merge = parents.of_merges[merge];
                   }

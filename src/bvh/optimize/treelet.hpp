@@ -193,7 +193,7 @@ class TreeletRounds {
                                  of_items = item_parents_.data()] UMBEL_DEVICE_LAMBDA(size_t item) {
       Treelet treelet(tree, costs, rule);
       uint32_t node = of_items[item];
-      while (node != kNone && atomic_add(&arrived[node], 1) != 0) {
+      while (node != kNone && is_last_to_arrive(&arrived[node], 1)) {
         costs[node] = treelet.cost_of_merge(tree.merges[node]);
         if (tree.merges[node].count >= size && treelet.restructure(node, size)) {
           for (uint32_t i = 0; i < treelet.merge_count(); ++i) {

@@ -318,7 +318,9 @@ class BlockBisector {
       std::nth_element(keys, keys + wanted, keys + count);
       return keys[wanted];
     } else {
-      uint32_t low = 0, high = ~0u;  // fewer than or `wanted` keys are below low, more below high
+      // `wanted` keys of the bin or fewer are below low, more below high; at first none and all.
+      uint32_t low = first_middle(node, binning, int(axis), bin) * BlockLimits::kItems;
+      uint32_t high = first_middle(node, binning, int(axis), bin + 1) * BlockLimits::kItems;
       while (high - low > 1) {
         const uint32_t middle = low + (high - low) / 2;
         uint32_t below = 0;

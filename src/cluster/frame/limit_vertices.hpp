@@ -82,23 +82,29 @@ struct LocalLists {
 template <typename Exec>
 void list_vertices(Exec& exec, const FrameClusters& clusters, uint32_t most_clusters,
                    const LocalLists& out) {
-  exec.exclusive_scan(
-      most_clusters,
-      [=] UMBEL_DEVICE_LAMBDA(size_t c) -> uint32_t {
-        if (c >= *clusters.count) return 0;
-        FewVertices vertices;
-        for (uint32_t i = clusters.offsets[c]; i < clusters.offsets[c + 1]; ++i)
-          for (int k = 0; k < 3; ++k) vertices.add(clusters.triangles[i][k]);
-        return vertices.size();
-      },
-      out.offsets);
+  // Not within the scan, which few of a device's blocks do.
   exec.for_each(most_clusters, [=] UMBEL_DEVICE_LAMBDA(size_t c) {
-    if (c >= *clusters.count) return;
+    if (c >= *clusters.count) {
+      out.offsets[c] = 0;
+      return;
+    }
     FewVertices vertices;
     for (uint32_t i = clusters.offsets[c]; i < clusters.offsets[c + 1]; ++i)
       for (int k = 0; k < 3; ++k)
         out.corners[size_t(i) * 3 + k] = uint8_t(vertices.add(clusters.triangles[i][k]));
-    for (uint32_t v = 0; v < vertices.size(); ++v) out.vertices[out.offsets[c] + v] = vertices[v];
+    out.offsets[c] = vertices.size();
+  });
+  exec.exclusive_scan(
+      most_clusters, [offsets = out.offsets] UMBEL_DEVICE_LAMBDA(size_t c) { return offsets[c]; },
+      out.offsets);
+  // Vertices have the numbers in which they come, so each follows those before it.
+  exec.for_each(most_clusters, [=] UMBEL_DEVICE_LAMBDA(size_t c) {
+    if (c >= *clusters.count) return;
+    uint32_t next = 0;
+    for (uint32_t i = clusters.offsets[c]; i < clusters.offsets[c + 1]; ++i)
+      for (int k = 0; k < 3; ++k)
+        if (out.corners[size_t(i) * 3 + k] == next)
+          out.vertices[out.offsets[c] + next++] = clusters.triangles[i][k];
   });
 }
 

@@ -74,7 +74,7 @@ TEST(Exec, sort_does_not_depend_on_the_threads) {
 TEST(Exec, for_each_visits_each_index_once) {
   for (const size_t n : kSizes) {
     std::vector<uint32_t> visits(n);
-    CpuExec().for_each(n, [v = visits.data()](size_t i) { atomic_add(&v[i], 1); });
+    CpuExec().for_each(n, [v = visits.data()](size_t i) { atomic_sum(&v[i], 1u); });
     EXPECT_EQ(std::count(visits.begin(), visits.end(), 1u), ptrdiff_t(n));
   }
 }

@@ -1,0 +1,2 @@
+// tests/cuda/test_builders.cu on the emulated device.
+#include "cuda/test_builders.cu"

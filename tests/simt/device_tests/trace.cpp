@@ -1,0 +1,2 @@
+// tests/cuda/test_trace.cu on the emulated device.
+#include "cuda/test_trace.cu"

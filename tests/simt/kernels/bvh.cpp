@@ -1,0 +1,2 @@
+// src/cuda/bvh.cu for the emulated device.
+#include "cuda/bvh.cu"

@@ -1,0 +1,2 @@
+// src/cuda/clusters.cu for the emulated device.
+#include "cuda/clusters.cu"

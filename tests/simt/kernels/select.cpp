@@ -1,0 +1,2 @@
+// src/cuda/select.cu for the emulated device.
+#include "cuda/select.cu"

@@ -1,0 +1,2 @@
+// src/cuda/trace.cu for the emulated device.
+#include "cuda/trace.cu"
