@@ -34,7 +34,7 @@ namespace {
 
 using lod::number;
 
-constexpr uint64_t kWorkingBytes = uint64_t{16} << 20;
+constexpr uint64_t kWorkingBytes = uint64_t{32} << 20;
 
 /// A group beside what it was simplified to, in numbers of one topology.
 struct Forms {
@@ -49,7 +49,7 @@ class PagedVerifier {
  public:
   PagedVerifier(const Asset& asset, uint64_t memory, uint32_t cuts, uint32_t seed,
                 std::vector<GroupTables>& tables, Progress& progress)
-      : asset_(asset), progress_(progress), memory_(memory), pages_(asset, memory / 3) {
+      : asset_(asset), progress_(progress), memory_(memory), pages_(asset, memory / 4) {
     for (uint32_t m = 0; m < tables.size(); ++m)
       meshes_.emplace_back(m, tables[m],
                            verify_config(asset.info(), asset.meshes()[m], cuts, seed));

@@ -12,7 +12,7 @@
 
 namespace umbel::asset {
 
-inline constexpr uint32_t kPagesAtOnce = 16;
+inline constexpr uint32_t kPagesAtOnce = 8;
 
 /// One mesh, as it is verified.
 struct VerifiedMesh {

@@ -22,7 +22,7 @@ class SourceReader {
     for (const VerifiedMesh& mesh : meshes_) triangles += mesh.groups.source_triangles;
     // Of a closed surface; where there are more edges, the table turns out too small.
     const uint64_t edges = triangles + triangles / 2 + 1024;
-    const uint64_t most = std::max<uint64_t>(memory_ / 2 / lod::EdgeTable::kEntryBytes, 1 << 16);
+    const uint64_t most = std::max<uint64_t>(memory_ / 3 / lod::EdgeTable::kEntryBytes, 1 << 16);
     bool is_first = true;
     for (uint64_t parts = (edges + most - 1) / most;; parts *= 2) {
       // Entries for each triangle.
