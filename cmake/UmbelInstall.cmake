@@ -26,6 +26,31 @@ endif()
 configure_package_config_file(
   ${PROJECT_SOURCE_DIR}/cmake/umbel-config.cmake.in ${PROJECT_BINARY_DIR}/umbel-config.cmake
   INSTALL_DESTINATION ${umbel_cmake_dir})
+# For projects that do not use CMake. Its prefix is relative to where the file is, so that a tree may
+# be moved. A program that links the static library needs the C++ runtime, oneTBB and meshoptimizer
+# too, so they are in Libs: pkg-config knows only `--static`, which nobody gives for one library.
+file(RELATIVE_PATH umbel_pc_up /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+string(REGEX REPLACE "/$" "" umbel_pc_up "${umbel_pc_up}")
+set(umbel_pc_prefix "\${pcfiledir}/${umbel_pc_up}")
+set(umbel_pc_libs "")
+set(umbel_pc_cflags "")
+if(UMBEL_BUILD_SHARED)
+  set(umbel_pc_cflags " -DUMBEL_SHARED")
+else()
+  if(umbel_meshoptimizer_is_package)
+    string(APPEND umbel_pc_libs " -lmeshoptimizer")
+  endif()
+  string(APPEND umbel_pc_libs " -ltbb")
+  foreach(library IN LISTS CMAKE_CXX_IMPLICIT_LINK_LIBRARIES)
+    if(library MATCHES "^(stdc\\+\\+|c\\+\\+|m)$")
+      string(APPEND umbel_pc_libs " -l${library}")
+    endif()
+  endforeach()
+endif()
+configure_file(${PROJECT_SOURCE_DIR}/cmake/umbel.pc.in ${PROJECT_BINARY_DIR}/umbel.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/umbel.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
+        COMPONENT library)
+
 # Before 1.0, a minor version may change the interface.
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/umbel-config-version.cmake
                                  COMPATIBILITY SameMinorVersion)

@@ -35,6 +35,10 @@ if(umbel_test_sources)
                                                  ${PROJECT_SOURCE_DIR}/tests/cpp)
   target_link_libraries(umbel_tests PRIVATE umbel_internal umbel_meshoptimizer_library TBB::tbb
                                             GTest::gtest_main)
+  if(UMBEL_CLUSTERLOD_DIR)
+    target_include_directories(umbel_tests SYSTEM PRIVATE ${UMBEL_CLUSTERLOD_DIR})
+    target_compile_definitions(umbel_tests PRIVATE UMBEL_HAS_CLUSTERLOD)
+  endif()
   # The tests find their meshes from the repository's root. They are listed when ctest runs, not
   # when they are built, because the sanitizers' builds are slow to start.
   gtest_discover_tests(umbel_tests WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}

@@ -48,6 +48,7 @@ HEADER_LAYERS = {
     "types.hpp": "base",
     "version.hpp": "base",
     "mesh.hpp": "mesh",
+    "mesh_buffers.hpp": "mesh",
     "triangle_queries.hpp": "query",
     "ray_arrays.hpp": "query",
     "cluster.hpp": "cluster",

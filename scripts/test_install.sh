@@ -48,11 +48,32 @@ use_sources() {
   "$work/subdirectory/use_umbel_c"
 }
 
+# A C program by the compiler alone; oneTBB may be in the environment's folder.
+use_pkg_config() {
+  local prefix=$1 program=$2 flags library
+  flags=$(PKG_CONFIG_PATH="$prefix/lib/pkgconfig:$prefix/lib64/pkgconfig" \
+    pkg-config --cflags --libs umbel)
+  library=$(dirname "$(dirname "$tbb")")
+  # shellcheck disable=SC2086  # flags are several words
+  cc -std=c99 tests/install/use_umbel.c -o "$program" $flags -L"$library" \
+    -Wl,-rpath,"$library:$prefix/lib:$prefix/lib64"
+  "$program"
+}
+
 step "install the static library" \
   cmake --install build/release --prefix "$work/static" --component library
 step "find_package, static library" use_package "$work/static" "$work/use_static" -DTBB_DIR="$tbb"
+have_pkg_config=$(command -v pkg-config || true)
+if [[ $have_pkg_config ]]; then
+  step "pkg-config, static library" use_pkg_config "$work/static" "$work/use_pc_static"
+fi
 step "add_subdirectory, shared library" use_sources
 step "install the shared library" \
   cmake --install "$work/subdirectory" --prefix "$work/shared" --component library
 step "find_package, shared library" use_package "$work/shared" "$work/use_shared"
-echo "5 passed, 0 failed"
+if [[ $have_pkg_config ]]; then
+  step "pkg-config, shared library" use_pkg_config "$work/shared" "$work/use_pc_shared"
+  echo "7 passed, 0 failed"
+else
+  echo "5 passed, 0 failed (without pkg-config)"
+fi

@@ -16,7 +16,7 @@ namespace umbel {
 struct Connections {
   std::span<const Range> ranges;  ///< one an item, or empty: no connections
   std::span<const uint32_t> targets;
-  std::span<const float> weights;  ///< >= 0, one a target, or empty: all 1
+  std::span<const float> weights;  ///< >= 0, one a target, or empty: all 1; with vertex_bits all 0
   /// One a target, or empty. Bit k is set where vertex k of item i is one of the target's as well.
   /// With ClusterInput::vertices_per_item, from 1 to 8, they stand for `item_vertices` where
   /// vertices have no indices: ClusterConfig::max_vertices then counts by them. All pairs of items

@@ -13,6 +13,7 @@
 #include "umbel/kdtree.hpp"
 #include "umbel/lod.hpp"
 #include "umbel/mesh.hpp"
+#include "umbel/mesh_buffers.hpp"
 #include "umbel/ray_arrays.hpp"
 #include "umbel/stream.hpp"
 #include "umbel/trace.hpp"

@@ -62,8 +62,9 @@ UMBEL_C_API umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_as
 /// Pages of an asset in memory. One thread at a time may use it. The asset must outlive it.
 typedef struct umbel_residency umbel_residency;
 
-/// Keeps at most `budget_bytes` of pages in memory, loaded by `threads` threads (0: one). Reads the
-/// pages of the coarsest groups at once, which must fit (UMBEL_ERROR_INVALID_ARGUMENT).
+/// Keeps at most `budget_bytes` of pages in memory (UMBEL_NO_LIMIT: all), loaded by `threads`
+/// threads (0: one). Reads the pages of the coarsest groups at once, which must fit
+/// (UMBEL_ERROR_INVALID_ARGUMENT).
 UMBEL_C_API umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_bytes,
                                                 uint32_t threads, umbel_residency** residency);
 
@@ -120,6 +121,38 @@ UMBEL_STRUCT_INIT(umbel_cluster_geometry)
 UMBEL_C_API umbel_result umbel_residency_cluster(const umbel_residency* residency,
                                                  const umbel_stream_cluster* cluster,
                                                  umbel_cluster_geometry* geometry);
+
+// ---- pages -------------------------------------------------------------------------------------
+
+/// A page in memory, checked. Its asset must outlive it; its residency need not.
+typedef struct umbel_page umbel_page;
+
+/// Reads a page; umbel_asset_info.pages says how many there are. *page is NULL on failure, else to
+/// be freed.
+UMBEL_C_API umbel_result umbel_asset_read_page(const umbel_asset* asset, uint32_t number,
+                                               umbel_page** page);
+/// A page that is in memory, without a copy; UMBEL_ERROR_INVALID_ARGUMENT where it is not.
+UMBEL_C_API umbel_result umbel_residency_get_page(const umbel_residency* residency, uint32_t number,
+                                                  umbel_page** page);
+UMBEL_C_API void umbel_page_free(umbel_page* page);
+
+/// A group of a page: clusters first_cluster up to first_cluster + cluster_count of the mesh's
+/// tables, which are those from page_cluster on in the page's geometry.
+typedef struct umbel_page_group {
+  uint32_t mesh, group;
+  uint32_t first_cluster, cluster_count;
+  uint32_t page_cluster;
+} umbel_page_group;
+
+/// The groups of a page, in the order of umbel_stream_cluster.group. With `groups` NULL only *count
+/// is written.
+UMBEL_C_API umbel_result umbel_page_get_groups(const umbel_page* page, umbel_page_group* groups,
+                                               size_t capacity, size_t* count);
+
+/// The geometry of all clusters of a page, as umbel_lod_get_geometry gives it.
+UMBEL_C_API umbel_result umbel_page_get_geometry(const umbel_page* page,
+                                                 const umbel_build_options* options,
+                                                 umbel_lod_geometry* geometry);
 
 #ifdef __cplusplus
 }

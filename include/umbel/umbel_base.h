@@ -34,9 +34,9 @@ typedef enum umbel_result {
   UMBEL_ERROR_INVALID_ARGUMENT = 1,  ///< a config value, a size or a combination that cannot be met
   UMBEL_ERROR_INVALID_MESH = 2,      ///< NaN, infinity or an index out of range in the geometry
   UMBEL_ERROR_IO = 3,                ///< a file cannot be opened, read or written
-  UMBEL_ERROR_CORRUPT = 4,           ///< a file's bytes are not what its format says
+  UMBEL_ERROR_CORRUPT = 4,           ///< bytes of a file, or tables, are not what they should be
   UMBEL_ERROR_UNSUPPORTED = 5,       ///< valid, but more than this version of the library can do
-  UMBEL_ERROR_CANCELLED = 6,         ///< the progress callback asked to stop
+  UMBEL_ERROR_CANCELLED = 6,         ///< a callback asked to stop
   UMBEL_ERROR_CAPACITY = 7,          ///< an output array is too small; its count says what it needs
   UMBEL_ERROR_OUT_OF_MEMORY = 8,
   UMBEL_ERROR_INTERNAL = 9,  ///< a fault of the library itself
@@ -123,6 +123,10 @@ typedef struct umbel_transform {
 
 /// "No such element", where an index is optional: no triangle was hit, no group was simplified.
 #define UMBEL_NONE 0xffffffffu
+
+/// "No limit", in every setting that limits a whole number: triangles, vertices, levels, bytes.
+/// UMBEL_NONE says the same. Settings that are floats have no limit where they are INFINITY.
+#define UMBEL_NO_LIMIT 0u
 
 // ---- builds ------------------------------------------------------------------------------------
 

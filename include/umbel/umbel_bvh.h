@@ -35,6 +35,8 @@ typedef struct umbel_bvh_mesh {
   const uint32_t* triangles;  ///< 3 vertex indices each
   size_t triangle_count;
   const uint32_t* masks;  ///< one a triangle, or NULL: all bits set
+  /// Bytes from one position to the next; 0: one right after the other.
+  size_t position_stride;
 } umbel_bvh_mesh;
 UMBEL_STRUCT_INIT(umbel_bvh_mesh)
 

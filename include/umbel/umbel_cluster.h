@@ -54,11 +54,15 @@ typedef struct umbel_cluster_input {
   /// `boxes` are given.
   const umbel_vec3* positions;
   size_t position_count;
+  /// Bytes from one position to the next, a multiple of nothing; 0: one right after the other.
+  size_t position_stride;
   /// Weighted adjacency: item i is connected to connection_targets[offset .. offset + count) of
   /// connection_ranges[i]. Should be symmetric. All NULL: no connections.
   const umbel_range* connection_ranges;  ///< one an item
   const uint32_t* connection_targets;    ///< `connection_count` item indices
-  const float* connection_weights;       ///< `connection_count`, >= 0, or NULL: all 1
+  /// `connection_count`, >= 0. NULL: all 1, or all 0 beside connection_vertex_bits, which then only
+  /// count vertices.
+  const float* connection_weights;
   /// `connection_count`, or NULL. Bit k is set where vertex k of the item is one of the target's as
   /// well. With `vertices_per_item` from 1 to 8 they stand for `item_vertices` where vertices have
   /// no indices: umbel_cluster_config.max_vertices then counts by them. All pairs of items that
@@ -66,7 +70,8 @@ typedef struct umbel_cluster_input {
   const uint8_t* connection_vertex_bits;
   size_t connection_count;
   /// Item ranges that are clustered each by itself. They must not overlap, may be empty and in any
-  /// order; items in none stay where they are. None (0): one segment of all items.
+  /// order; items in none stay where they are. NULL: one segment of all items. (Not NULL and
+  /// segment_count 0: there is no segment, and so no cluster.)
   const umbel_range* segments;
   size_t segment_count;
   /// Weight of one shared vertex as a connection between two items; 0: none.
@@ -80,7 +85,7 @@ typedef struct umbel_cluster_config {
   uint32_t struct_size;
   uint32_t min_items;           ///< [64] >= 1, <= max_items
   uint32_t max_items;           ///< [128] >= 1
-  uint32_t max_vertices;        ///< [0] most unique vertices a cluster; 0: no limit
+  uint32_t max_vertices;        ///< [UMBEL_NO_LIMIT] most unique vertices a cluster
   float underfill_cost;         ///< [0.5] in [0, 1]: penalty for clusters with too few items
   float overlap_cost;           ///< [0] in [0, 1]: penalty for overlap of the two sides of a split
   float vertex_underfill_cost;  ///< [0.5] in [0, 1]: penalty for clusters with too few vertices
@@ -113,8 +118,8 @@ typedef struct umbel_cluster_capacity {
 } umbel_cluster_capacity;
 UMBEL_STRUCT_INIT(umbel_cluster_capacity)
 
-/// How much room umbel_cluster_build needs. Reads counts, segments and the config only, not
-/// boxes, vertices or connections.
+/// How much room umbel_cluster_build needs. Reads counts, segments and the config only; boxes,
+/// vertices and connections may still be NULL.
 ///
 /// Without a vertex limit a segment of n items has at most ceil(n / min_items) clusters; with one
 /// it may have n, so a caller who is short of memory can give less room for ranges, and try again

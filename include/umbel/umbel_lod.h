@@ -63,8 +63,27 @@ typedef struct umbel_lod_mesh {
   const umbel_extra* extras;
   size_t extra_count;
   const float* extra_values;
+  /// Bytes from the values of one vertex to those of the next, so that all may lie in one buffer;
+  /// any alignment. 0: one right after the other, as in all meshes that the library gives out.
+  size_t position_stride, normal_stride, tangent_stride, uv_stride, color_stride, extra_stride;
+  /// One a vertex, or NULL. Where it is not 0, everything at the vertex's position stays in every
+  /// cut: the position, and the open edges between two such positions. See
+  /// umbel_lod_config.lock_borders for all open edges.
+  const uint8_t* locked;
 } umbel_lod_mesh;
 UMBEL_STRUCT_INIT(umbel_lod_mesh)
+
+/// Why the library could not use what a decimation gave.
+typedef enum umbel_lod_refusal {
+  UMBEL_LOD_NOT_REFUSED = 0,         ///< the first call for the group
+  UMBEL_LOD_REFUSED_TOO_MANY = 1,    ///< more than `most` triangles
+  UMBEL_LOD_REFUSED_DEGENERATE = 2,  ///< a triangle has two corners at one position
+  UMBEL_LOD_REFUSED_MATERIALS = 3,   ///< a triangle has corners of several materials
+  UMBEL_LOD_REFUSED_EDGES = 4,       ///< edges of the group's border are missing, or edges are
+                                     ///< open, or have more than two triangles, that must not
+  UMBEL_LOD_REFUSED_TAKEN_EDGE = 5   ///< another group has made the same new edge between two
+                                     ///< locked vertices: this group may make none at all
+} umbel_lod_refusal;
 
 /// One group for a decimation of the caller's own, see umbel_lod_config.
 typedef struct umbel_lod_decimation {
@@ -86,11 +105,26 @@ typedef struct umbel_lod_decimation {
   uint32_t* added_materials;
   size_t added_count;  ///< out
   float* added_extra_values;
+
+  size_t most;  ///< triangles that may be left at most: 85 % of the group's
+  /// umbel_lod_refusal: why the result of the last call for this group was refused. The arrays for
+  /// the answer are empty again.
+  uint32_t refusal;
+  uint32_t refused_triangle;  ///< of that result, or UMBEL_NONE
+  const char* refused_why;    ///< the same in a sentence, or NULL
+  /// With UMBEL_LOD_REFUSED_EDGES: pairs of vertices, as the result numbered them. Of several at
+  /// one position it is the first.
+  const uint32_t* refused_edges;
+  size_t refused_edge_count;
 } umbel_lod_decimation;
 
-/// Returns nonzero if it simplified the group, 0 to leave it to the library, which also takes over
-/// where the result has over 85 % of the triangles or not the group's border. Called by several
-/// threads at once unless umbel_build_options.threads is 1.
+/// What a decimation returns to end the build with UMBEL_ERROR_CANCELLED.
+#define UMBEL_LOD_DECIMATE_CANCEL (-1)
+
+/// Returns a positive number if it simplified the group, 0 to leave it to the library, a negative
+/// one to cancel the build. A result that cannot take the group's place is refused, and the
+/// function called again, told why, up to four times in all: it may mend the result, or return 0.
+/// Called by several threads at once unless umbel_build_options.threads is 1.
 typedef int (*umbel_lod_decimate)(umbel_lod_decimation* group, void* user);
 
 typedef enum umbel_seam_rule {
@@ -102,8 +136,8 @@ typedef enum umbel_seam_rule {
 /// How to build. The defaults in brackets are those of umbel_lod_config_init.
 typedef struct umbel_lod_config {
   uint32_t struct_size;
-  uint32_t max_triangles;     ///< [128] a cluster, 4..256
-  uint32_t max_vertices;      ///< [128] a cluster, 6..256
+  uint32_t max_triangles;     ///< [128] a cluster, 4..256; UMBEL_NO_LIMIT: 256
+  uint32_t max_vertices;      ///< [128] a cluster, 6..256; UMBEL_NO_LIMIT: 256
   uint32_t min_group;         ///< [24] clusters that are simplified together
   uint32_t max_group;         ///< [32] at most 1024
   float ratio;                ///< [0.5] triangles that each level keeps, in [0.1, 0.9]
@@ -114,7 +148,7 @@ typedef struct umbel_lod_config {
   float color_weight;         ///< [0.5]
   uint32_t refit_attributes;  ///< [1] nonzero: vertices that stay take the attributes that fit best
                               ///< to all vertices that they replace
-  uint32_t max_levels;        ///< [0] 0: no limit
+  uint32_t max_levels;        ///< [UMBEL_NO_LIMIT]
   float max_error;            ///< [infinity] no group gets a larger error
   uint64_t stop_triangles;    ///< [0] stop as soon as no more than these are left
   uint32_t
@@ -129,14 +163,27 @@ typedef struct umbel_lod_config {
   float skin_weight;       ///< [0.5] of how much each joint moves a vertex
   uint32_t mix_materials;  ///< [0] nonzero: clusters may mix materials, kept triangle by triangle
   uint32_t keep_area;      ///< [1] nonzero: many small components are enlarged where they lose area
+  /// [0] nonzero: open edges of the mesh (of one triangle, by position) stay as they are in every
+  /// cut, so that parts of a larger mesh that are built apart join without a crack, whatever cut
+  /// each shows. Coarse levels cannot have fewer triangles than that needs.
+  uint32_t lock_borders;
+  /// [0] Least triangles of a cluster, where materials and max_vertices allow it, at most
+  /// max_triangles; 0: a quarter of them.
+  uint32_t min_triangles;
+  /// [0.3, 0.5, 0] in [0, 1]: what clusters cost that have too few triangles or vertices, and
+  /// splits whose sides overlap, as in umbel_cluster_config.
+  float underfill_cost, vertex_underfill_cost, overlap_cost;
+  /// [0.5, 0] in [0, 1]: the same of groups that have too few clusters, and of groups that overlap.
+  float group_underfill_cost, group_overlap_cost;
+  uint32_t reserved2;  ///< 0
 } umbel_lod_config;
 
 /// What was built.
 typedef struct umbel_lod_report {
   uint32_t struct_size;
   uint32_t root_groups;
-  uint32_t stuck_groups;  ///< all roots, if more than one cluster's worth of triangles is left
-                          ///< though the configuration did not ask to stop
+  uint32_t stuck_groups;  ///< all roots, if more than one cluster's worth of triangles or vertices
+                          ///< is left though the configuration did not ask to stop
   uint32_t levels;
   uint64_t input_triangles, input_vertices, degenerate_triangles, root_triangles;
   /// Groups by simplification method: regular, permissive, prune, sloppy, root.
@@ -159,7 +206,7 @@ typedef enum umbel_lod_limiting_factor {
   UMBEL_LOD_LIMIT_NONE = 0,              ///< the first method was enough
   UMBEL_LOD_LIMIT_CALLER = 1,            ///< the caller's decimation did it
   UMBEL_LOD_LIMIT_SMALL_COMPONENTS = 2,  ///< small components were kept at a high cost
-  UMBEL_LOD_LIMIT_LOCKED = 3,            ///< other groups share them
+  UMBEL_LOD_LIMIT_LOCKED = 3,            ///< other groups share them, or the caller locked them
   UMBEL_LOD_LIMIT_NON_MANIFOLD = 4,      ///< non-manifold vertices
   UMBEL_LOD_LIMIT_SEAMS = 5,             ///< rules of seams and creases, borders between materials
   UMBEL_LOD_LIMIT_TOPOLOGY = 6,          ///< any move would make the surface non-manifold
@@ -205,6 +252,58 @@ UMBEL_C_API umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* pat
 UMBEL_C_API umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed,
                                           const umbel_build_options* options);
 
+/// Which arrays of a umbel_lod_geometry there is something for.
+typedef enum umbel_lod_stream {
+  UMBEL_LOD_NORMALS = 1,
+  UMBEL_LOD_TANGENTS = 2,
+  UMBEL_LOD_UVS = 4,
+  UMBEL_LOD_COLORS = 8,
+  UMBEL_LOD_EXTRAS = 16,
+  UMBEL_LOD_SOURCE_VERTICES = 32
+} umbel_lod_stream;
+
+/// The geometry of many clusters as a structure of arrays, all of them the caller's. An array that
+/// is NULL is not wanted; one that is not must have the room that the capacities say. Cluster i has
+/// the vertices vertex_offsets[i] up to vertex_offsets[i + 1], and the triangles likewise. A
+/// triangle is three bytes, numbers of vertices of its own cluster: with at most 256 vertices and
+/// triangles a cluster, these are the layouts that mesh shaders (VK_EXT_mesh_shader) and cluster
+/// acceleration structures (VK_NV_cluster_acceleration_structure, DXR 1.2) take: positions as three
+/// floats 12 bytes apart, indices as bytes. See examples/c/3_cluster_structures.c.
+typedef struct umbel_lod_geometry {
+  uint32_t struct_size;
+  uint32_t streams;      ///< out: umbel_lod_stream, those that there are
+  size_t cluster_count;  ///< out, as the next two: how many there are
+  size_t vertex_count;
+  size_t triangle_count;
+  size_t cluster_capacity;     ///< in: room for the arrays of clusters; offsets need one more
+  size_t vertex_capacity;      ///< in: for those of vertices
+  size_t triangle_capacity;    ///< in: for those of triangles
+  uint32_t* vertex_offsets;    ///< cluster_count + 1
+  uint32_t* triangle_offsets;  ///< cluster_count + 1, in triangles
+  uint32_t* materials;         ///< cluster_count
+  umbel_vec3* positions;       ///< vertex_count, as the following
+  umbel_vec3* normals;
+  umbel_vec4* tangents;
+  umbel_vec2* uvs;
+  umbel_vec4* colors;
+  float* extra_values;  ///< vertex_count times extra_width
+  size_t extra_width;   ///< out: values of further attributes a vertex
+  /// The vertex of the umbel_lod_mesh that each vertex is, so that a renderer can keep its own
+  /// vertex buffer; UMBEL_NONE where it is new. Not of files, which do not keep it.
+  uint32_t* source_vertices;
+  uint8_t* triangles;            ///< three a triangle
+  uint32_t* triangle_materials;  ///< one a triangle; as `materials` unless clusters mix them
+} umbel_lod_geometry;
+UMBEL_STRUCT_INIT(umbel_lod_geometry)
+
+/// The geometry of clusters[0 .. count), or of all clusters in their order where `clusters` is
+/// NULL, in one call. Call it twice: first with all arrays NULL, for the three counts; then with
+/// arrays of that size. Where one is too small the result is UMBEL_ERROR_CAPACITY, the counts are
+/// right, and nothing else is written.
+UMBEL_C_API umbel_result umbel_lod_get_geometry(const umbel_lod* lod, const uint32_t* clusters,
+                                                size_t count, const umbel_build_options* options,
+                                                umbel_lod_geometry* geometry);
+
 /// A mesh that the library owns.
 typedef struct umbel_mesh umbel_mesh;
 /// A cut as an ordinary mesh, its clusters joined where they meet.
@@ -221,7 +320,9 @@ typedef struct umbel_lod_group {
   uint32_t level;   ///< 0 is the finest
   uint32_t method;  ///< 0 regular, 1 permissive, 2 prune, 3 sloppy, 4 root
   umbel_sphere sphere;
-  float error;  ///< once simplified; infinite for a root
+  /// How far the group's simplified form may be from the source, in the mesh's unit. INFINITY
+  /// exactly for roots, which are never simplified and so always shown at the least.
+  float error;
 } umbel_lod_group;
 
 typedef struct umbel_lod_cluster {
@@ -260,7 +361,9 @@ typedef struct umbel_lod_tables umbel_lod_tables;
 UMBEL_C_API const umbel_lod_tables* umbel_lod_get_tables(const umbel_lod* lod);
 /// Those of a file.
 UMBEL_C_API umbel_result umbel_lod_tables_open(const char* path, umbel_lod_tables** tables);
-/// A checked copy of arrays from anywhere; UMBEL_ERROR_CORRUPT where an index leads nowhere.
+/// A checked copy of arrays from anywhere; UMBEL_ERROR_CORRUPT where an index leads nowhere. Where
+/// there are no nodes (node_count 0), the hierarchy is built; where there are no levels, they are
+/// made from the groups', which then must not fall from one group to the next.
 UMBEL_C_API umbel_result umbel_lod_tables_create(const umbel_lod_arrays* arrays,
                                                  umbel_lod_tables** tables);
 /// Of tables that were opened or created.
@@ -287,6 +390,11 @@ typedef struct umbel_lod_view {
 } umbel_lod_view;
 
 UMBEL_C_API umbel_result umbel_lod_view_error(float error, umbel_lod_view* view);
+/// A group is refined where its error, seen from the point of its sphere that is nearest to `eye`,
+/// covers more than `pixel_error` pixels: error / distance * height / (2 tan(fov_y / 2)), that is
+/// umbel_pixel_error. (The error-over-distance of NVIDIA's nvclusterlod leaves the 2 out: it counts
+/// the same error as twice as many pixels.) `fov_y` is the vertical field of view in radians, above
+/// 0 and below pi; `height` that of the picture in pixels.
 UMBEL_C_API umbel_result umbel_lod_view_camera(const float eye[3], float fov_y, uint32_t height,
                                                float pixel_error, umbel_lod_view* view);
 UMBEL_C_API umbel_result umbel_lod_view_level(uint32_t level, umbel_lod_view* view);
@@ -330,18 +438,48 @@ UMBEL_C_API umbel_result umbel_lod_select_instances(
     const umbel_transform* instances, size_t instance_count, uint32_t* offsets, uint32_t* clusters,
     size_t capacity, size_t* count);
 
-/// The finest view, by error or camera, not finer than `view`, whose cut costs at most `budget`.
-/// `costs` are one a cluster; NULL: their triangles. `culling` and `instances` may be NULL.
+typedef enum umbel_lod_budget_unit {
+  UMBEL_LOD_TRIANGLES = 0,
+  UMBEL_LOD_CLUSTERS = 1,
+  UMBEL_LOD_GROUPS = 2,  ///< groups with a cluster in the cut
+  UMBEL_LOD_COSTS = 3    ///< of cluster_costs and group_costs
+} umbel_lod_budget_unit;
+
+/// How much a cut may cost. What is culled costs nothing.
+typedef struct umbel_lod_budget {
+  uint32_t struct_size;
+  uint32_t unit;                  ///< umbel_lod_budget_unit
+  uint64_t limit;                 ///< UMBEL_NO_LIMIT: as much as the view asks for
+  const uint32_t* cluster_costs;  ///< with UMBEL_LOD_COSTS: one a cluster, or NULL: nothing
+  size_t cluster_cost_count;
+  const uint32_t* group_costs;  ///< likewise: for a group with any cluster in the cut
+  size_t group_cost_count;
+} umbel_lod_budget;
+UMBEL_STRUCT_INIT(umbel_lod_budget)
+
+/// The finest view, by error or camera, not finer than `view`, whose cut is within the budget;
+/// where none is, that of the coarsest cut. `culling` and `instances` may be NULL.
 UMBEL_C_API umbel_result umbel_lod_view_for_budget(const umbel_lod_tables* tables,
                                                    const umbel_lod_view* view,
-                                                   const uint32_t* costs, uint64_t budget,
+                                                   const umbel_lod_budget* budget,
                                                    const umbel_lod_culling* culling,
                                                    const umbel_transform* instances,
                                                    size_t instance_count, umbel_lod_view* result);
 
+/// The cut of that view, and then, since it leaves unused what the next group would take too much
+/// of, the groups that still fit, refined one by one, the worst error first. No view selects such a
+/// cut, but it is as whole as others. Arrays as for umbel_lod_select_instances; without instances
+/// `offsets` has room for two. *cost (NULL: not wanted) is what the cut costs: over the limit only
+/// where no cut is within it.
+UMBEL_C_API umbel_result umbel_lod_select_for_budget(
+    const umbel_lod_tables* tables, const umbel_lod_view* view, const umbel_lod_budget* budget,
+    const umbel_lod_culling* culling, const umbel_transform* instances, size_t instance_count,
+    uint32_t* offsets, uint32_t* clusters, size_t capacity, size_t* count, uint64_t* cost);
+
 /// asin(error / distance), pi / 2 from where the distance is not larger; NaN for a negative error.
 UMBEL_C_API double umbel_angular_error(double error, double distance);
-/// error / distance * height / (2 tan(fov_y / 2)); NaN for a negative error.
+/// Pixels that an error covers at the centre of a picture: error / distance * height /
+/// (2 tan(fov_y / 2)); NaN for a negative error.
 UMBEL_C_API double umbel_pixel_error(double error, double distance, double fov_y, uint32_t height);
 
 #ifdef __cplusplus

@@ -103,6 +103,7 @@ void bind_tables(nb::module_& module) {
             Tables tables{table_of<Range>(levels, "levels"), table_of<lod::Group>(groups, "groups"),
                           table_of<lod::Cluster>(clusters, "clusters"),
                           table_of<lod::Node>(nodes, "nodes")};
+            lod::complete(tables);
             lod::validate(tables);
             new (self) Tables(std::move(tables));
           },
@@ -137,6 +138,13 @@ void bind_config(nb::module_& module) {
       .def(nb::init<>())
       .def_rw("max_triangles", &lod::Config::max_triangles)
       .def_rw("max_vertices", &lod::Config::max_vertices)
+      .def_rw("min_triangles", &lod::Config::min_triangles)
+      .def_rw("underfill_cost", &lod::Config::underfill_cost)
+      .def_rw("vertex_underfill_cost", &lod::Config::vertex_underfill_cost)
+      .def_rw("overlap_cost", &lod::Config::overlap_cost)
+      .def_rw("group_underfill_cost", &lod::Config::group_underfill_cost)
+      .def_rw("group_overlap_cost", &lod::Config::group_overlap_cost)
+      .def_rw("lock_borders", &lod::Config::lock_borders)
       .def_rw("min_group", &lod::Config::min_group)
       .def_rw("max_group", &lod::Config::max_group)
       .def_rw("ratio", &lod::Config::ratio)
@@ -245,8 +253,10 @@ bool ask_python(const nb::object& decimate, const lod::DecimationInput& input,
     mesh.extras.assign(view.extras.begin(), view.extras.end());
     mesh.extra_values.assign(view.extra_values.begin(), view.extra_values.end());
     std::vector<uint8_t> locked(input.locked.begin(), input.locked.end());
+    const nb::object why =
+        input.refused ? nb::cast(lod::to_string(*input.refused)) : nb::object(nb::none());
     const nb::object given =
-        decimate(dict_of(std::move(mesh)), take<uint8_t>(std::move(locked)), input.target);
+        decimate(dict_of(std::move(mesh)), take<uint8_t>(std::move(locked)), input.target, why);
     if (given.is_none()) return false;
     const auto answer = nb::cast<nb::dict>(given);
     result.triangles = rows_from<Triangle>(answer, "triangles");
@@ -284,6 +294,18 @@ void bind_dag(nb::module_& module) {
               names.emplace_back(kLimitingFactorNames[static_cast<size_t>(limiting_factor)]);
             return names;
           })
+      .def_prop_ro("source_vertices",
+                   [](nb::handle_t<Dag> self) {
+                     const auto& dag = nb::cast<const Dag&>(self);
+                     return array_over<const uint32_t>(
+                         std::span<const uint32_t>(dag.source_vertices), self);
+                   })
+      .def_prop_ro("cluster_vertices",
+                   [](nb::handle_t<Dag> self) {
+                     const auto& dag = nb::cast<const Dag&>(self);
+                     return array_over<const uint32_t>(
+                         std::span<const uint32_t>(dag.cluster_vertices), self);
+                   })
       .def_prop_ro("report", [](const Dag& dag) { return build_report(dag.report); })
       .def_prop_ro("source_digest", [](const Dag& dag) { return dag.source_digest; })
       .def(
@@ -313,7 +335,7 @@ void bind_dag(nb::module_& module) {
   module.def(
       "build_lod",
       [](const MeshArrays& mesh, const lod::Config& config, const nb::object& progress,
-         uint32_t threads, const nb::object& decimate) {
+         uint32_t threads, const nb::object& decimate, const std::optional<Flat<uint8_t>>& locked) {
         std::exception_ptr raised;
         std::mutex mutex;
         const auto build = [&](const BuildOptions& options) {
@@ -322,7 +344,7 @@ void bind_dag(nb::module_& module) {
             decimator = [&](const lod::DecimationInput& input, lod::DecimationResult& result) {
               return ask_python(decimate, input, result, raised, mutex);
             };
-          return lod::build(mesh.view(), config, options, decimator);
+          return lod::build(mesh.view(), config, options, decimator, rows_of<uint8_t>(locked));
         };
         try {
           return run(progress, threads, build);
@@ -331,7 +353,8 @@ void bind_dag(nb::module_& module) {
           throw;
         }
       },
-      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0, "decimate"_a = nb::none());
+      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0, "decimate"_a = nb::none(),
+      "locked"_a = nb::none());
 }
 
 }  // namespace

@@ -104,14 +104,34 @@ void bind_select(nb::module_& module) {
       "view_for_budget",
       [](const Tables& tables, const View& view, const Flat<uint32_t>& costs, uint64_t budget,
          const Planes& planes, const NormalCones& normal_cones,
-         const std::optional<Transforms>& transforms) {
+         const std::optional<Transforms>& transforms,
+         const std::optional<Flat<uint32_t>>& group_costs) {
         nb::gil_scoped_release release;
-        return lod::view_for_budget(tables, view, rows_of<uint32_t>(costs), budget,
-                                    culling_of(planes, normal_cones),
-                                    rows_of<Transform>(transforms));
+        return lod::view_for_budget(
+            tables, view, {rows_of<uint32_t>(costs), rows_of<uint32_t>(group_costs)}, budget,
+            culling_of(planes, normal_cones), rows_of<Transform>(transforms));
       },
       "tables"_a, "view"_a, "costs"_a, "budget"_a, "planes"_a = nb::none(),
-      "normal_cones"_a = nb::none(), "transforms"_a = nb::none());
+      "normal_cones"_a = nb::none(), "transforms"_a = nb::none(), "group_costs"_a = nb::none());
+  module.def(
+      "select_for_budget",
+      [](const Tables& tables, const View& view, const Flat<uint32_t>& costs, uint64_t budget,
+         const Planes& planes, const NormalCones& normal_cones,
+         const std::optional<Transforms>& transforms,
+         const std::optional<Flat<uint32_t>>& group_costs)
+          -> std::tuple<Array<uint32_t>, Array<uint32_t>> {
+        lod::BudgetCuts made;
+        {
+          nb::gil_scoped_release release;
+          made = lod::select_for_budget(
+              tables, view, {rows_of<uint32_t>(costs), rows_of<uint32_t>(group_costs)}, budget,
+              culling_of(planes, normal_cones), rows_of<Transform>(transforms));
+        }
+        return {take<uint32_t>(std::move(made.cuts.offsets)),
+                take<uint32_t>(std::move(made.cuts.clusters))};
+      },
+      "tables"_a, "view"_a, "costs"_a, "budget"_a, "planes"_a = nb::none(),
+      "normal_cones"_a = nb::none(), "transforms"_a = nb::none(), "group_costs"_a = nb::none());
   module.def(
       "byte_costs",
       [](const Tables& tables, uint32_t vertex_bytes, uint32_t triangle_bytes) {

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstring>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "umbel/types.hpp"
 
@@ -18,6 +20,32 @@ std::span<To> elements(From* array, size_t count, const char* name) {
                                                  std::to_string(count) + " elements");
   return {reinterpret_cast<To*>(array), array ? count : 0};
 }
+
+/// The same of rows of `width` elements, `stride` bytes from one to the next (0: one right after
+/// the other). They are copied to `copies` where there is anything between them.
+template <typename To, typename From>
+std::span<const To> strided_rows(const From* array, size_t count, size_t width, size_t stride,
+                                 const char* name, std::vector<To>& copies) {
+  const auto all = elements<const To>(array, count * width, name);
+  const size_t bytes = width * sizeof(To);
+  if (stride == 0 || stride == bytes) return all;
+  if (stride < bytes)
+    throw Error(ErrorCode::kInvalidArgument, std::string(name) + " has a stride of " +
+                                                 std::to_string(stride) + " bytes, but values of " +
+                                                 std::to_string(bytes));
+  copies.resize(count * width);
+  const auto* from = reinterpret_cast<const unsigned char*>(array);
+  for (size_t i = 0; i < count; ++i) std::memcpy(&copies[i * width], from + i * stride, bytes);
+  return copies;
+}
+template <typename To, typename From>
+std::span<const To> strided(const From* array, size_t count, size_t stride, const char* name,
+                            std::vector<To>& copies) {
+  return strided_rows(array, count, 1, stride, name, copies);
+}
+
+/// A limit as the library has it: 0 where there is none.
+inline uint32_t limit(uint32_t given) { return given == kNone ? 0 : given; }
 
 /// Throws if an argument that must be there is not.
 template <typename T>

@@ -1,9 +1,13 @@
 // Assets and residency from C (umbel_asset.h).
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <span>
 
 #include "base/fields.hpp"
+#include "base/parallel.hpp"
+#include "capi/cluster_input.hpp"
+#include "capi/geometry.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
 #include "capi/structs.hpp"
@@ -17,6 +21,11 @@ struct umbel_asset {
 struct umbel_residency {
   const umbel::Asset& asset;
   umbel::Residency residency;
+};
+
+struct umbel_page {
+  const umbel::Asset& asset;
+  std::shared_ptr<const umbel::AssetPage> page;
 };
 
 namespace umbel::capi {
@@ -38,6 +47,55 @@ class CallbackSource : public ByteSource {
   umbel_read read_;
   void* user_;
 };
+
+// Of all meshes that the page has groups of.
+ClusterStreams streams_of(const Asset& asset, const AssetPage& page) {
+  ClusterStreams result;
+  uint32_t last = kNone;
+  for (size_t g = 0; g < page.groups.size(); ++g) {
+    if (page.groups[g].mesh == last || page.groups[g].clusters.empty()) continue;
+    last = page.groups[g].mesh;
+    const lod::ClusterGeometry first = asset.decode(page, g).front();
+    const auto add = [&](const auto& stream, umbel_lod_stream bit) {
+      if (!stream.empty()) result.streams |= bit;
+    };
+    add(first.normals, UMBEL_LOD_NORMALS);
+    add(first.tangents, UMBEL_LOD_TANGENTS);
+    add(first.uvs, UMBEL_LOD_UVS);
+    add(first.colors, UMBEL_LOD_COLORS);
+    if (result.extras.empty()) result.extras = first.extras;
+  }
+  return result;
+}
+
+void get_geometry(const umbel_page& page, const BuildOptions& options,
+                  umbel_lod_geometry* geometry) {
+  std::vector<lod::Cluster> clusters;
+  std::vector<size_t> first;
+  for (const PageGroup& group : page.page->groups) {
+    first.push_back(clusters.size());
+    clusters.insert(clusters.end(), group.clusters.begin(), group.clusters.end());
+  }
+  const GeometryArrays arrays(clusters, streams_of(page.asset, *page.page), geometry);
+  if (!arrays.need_geometry()) return;
+  with_threads(options.threads, [&] {
+    parallel_for(first.size(), 1, [&](size_t g) {
+      const std::vector<lod::ClusterGeometry> made = page.asset.decode(*page.page, g);
+      for (size_t c = 0; c < made.size(); ++c) arrays.write(first[g] + c, made[c], {});
+    });
+  });
+}
+
+std::vector<umbel_page_group> groups_of(const AssetPage& page) {
+  std::vector<umbel_page_group> groups;
+  uint32_t clusters = 0;
+  for (const PageGroup& group : page.groups) {
+    const Range& range = group.group.clusters;
+    groups.push_back({group.mesh, group.id, range.offset, range.count, clusters});
+    clusters += static_cast<uint32_t>(group.clusters.size());
+  }
+  return groups;
+}
 
 StreamView stream_view(const umbel_stream_view& given) {
   StreamView view;
@@ -93,7 +151,10 @@ umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_by
   return hand_out(residency, "residency", [&] {
     const Asset& a = required(asset, "asset").asset;
     ResidencyConfig config;
-    config.budget_bytes = budget_bytes;
+    // Half of what a number can be, so that sums of it and of pages are numbers too.
+    config.budget_bytes = budget_bytes == UMBEL_NO_LIMIT || budget_bytes == UMBEL_NONE
+                              ? std::numeric_limits<uint64_t>::max() / 2
+                              : budget_bytes;
     config.threads = std::max(threads, 1u);
     return umbel_residency{a, Residency(a, config)};
   });
@@ -158,4 +219,38 @@ umbel_result umbel_residency_cluster(const umbel_residency* residency,
     if (out.triangles) std::copy(made.triangles.begin(), made.triangles.end(), out.triangles);
     write_struct(out, geometry, "geometry");
   });
+}
+
+umbel_result umbel_asset_read_page(const umbel_asset* asset, uint32_t number, umbel_page** page) {
+  return hand_out(page, "page", [&] {
+    const Asset& a = required(asset, "asset").asset;
+    return umbel_page{a, std::make_shared<const AssetPage>(a.read_page(number))};
+  });
+}
+
+umbel_result umbel_residency_get_page(const umbel_residency* residency, uint32_t number,
+                                      umbel_page** page) {
+  return hand_out(page, "page", [&] {
+    const umbel_residency& r = required(residency, "residency");
+    const uint32_t pages = r.asset.info().pages;
+    std::shared_ptr<const AssetPage> found = number < pages ? r.residency.page(number) : nullptr;
+    if (!found)
+      throw Error(ErrorCode::kInvalidArgument, "page " + std::to_string(number) + " of " +
+                                                   std::to_string(pages) + " is not in memory");
+    return umbel_page{r.asset, std::move(found)};
+  });
+}
+
+void umbel_page_free(umbel_page* page) { delete page; }
+
+umbel_result umbel_page_get_groups(const umbel_page* page, umbel_page_group* groups,
+                                   size_t capacity, size_t* count) {
+  return guard([&] {
+    hand_out_all(groups_of(*required(page, "page").page), groups, "groups", capacity, count);
+  });
+}
+
+umbel_result umbel_page_get_geometry(const umbel_page* page, const umbel_build_options* options,
+                                     umbel_lod_geometry* geometry) {
+  return guard([&] { get_geometry(required(page, "page"), build_options(options), geometry); });
 }

@@ -77,7 +77,7 @@ const char* umbel_result_name(umbel_result result) {
     case UMBEL_ERROR_IO:
       return "input or output failed";
     case UMBEL_ERROR_CORRUPT:
-      return "corrupt file";
+      return "corrupt data";
     case UMBEL_ERROR_UNSUPPORTED:
       return "unsupported";
     case UMBEL_ERROR_CANCELLED:

@@ -247,8 +247,11 @@ umbel_result umbel_bvh2_build(const umbel_aabb* boxes, size_t box_count,
 
 umbel_result umbel_bvh2_build_triangles(const umbel_bvh_mesh* mesh, const umbel_bvh_config* config,
                                         const umbel_build_options* options, umbel_bvh2* tree) {
-  return capi::build_tree<capi::Binary>(config, options, tree,
-                                        [&] { return capi::bvh_mesh(mesh).view; });
+  capi::BvhMesh given;  // what is built over may be a copy
+  return capi::build_tree<capi::Binary>(config, options, tree, [&] {
+    given = capi::bvh_mesh(mesh);
+    return given.view;
+  });
 }
 
 umbel_result umbel_bvh2_get_statistics(const umbel_bvh2* tree, const umbel_bvh_config* config,
@@ -265,8 +268,11 @@ umbel_result umbel_kary_build(const umbel_aabb* boxes, size_t box_count,
 
 umbel_result umbel_kary_build_triangles(const umbel_bvh_mesh* mesh, const umbel_bvh_config* config,
                                         const umbel_build_options* options, umbel_kary* tree) {
-  return capi::build_tree<capi::Kary>(config, options, tree,
-                                      [&] { return capi::bvh_mesh(mesh).view; });
+  capi::BvhMesh given;  // what is built over may be a copy
+  return capi::build_tree<capi::Kary>(config, options, tree, [&] {
+    given = capi::bvh_mesh(mesh);
+    return given.view;
+  });
 }
 
 umbel_result umbel_kary_get_statistics(const umbel_kary* tree, const umbel_bvh_config* config,

@@ -76,8 +76,8 @@ BvhMesh bvh_mesh(const umbel_bvh_mesh* mesh) {
                                                  std::to_string(given.triangle_count) +
                                                  ", more than 32-bit indices can name");
   BvhMesh result;
-  result.view.positions =
-      elements<const Vec3>(given.positions, given.position_count, "mesh->positions");
+  result.view.positions = strided(given.positions, given.position_count, given.position_stride,
+                                  "mesh->positions", result.copied_positions);
   const auto corners =
       elements<const uint32_t>(given.triangles, 3 * given.triangle_count, "mesh->triangles");
   result.view.triangles = {reinterpret_cast<const Triangle*>(corners.data()), given.triangle_count};

@@ -25,6 +25,7 @@ Simd simd_of(uint32_t simd);
 struct BvhMesh {
   MeshView view;
   std::span<const uint32_t> masks;
+  std::vector<Vec3> copied_positions;  ///< where the caller's have gaps
 };
 /// Views of the caller's arrays. What they hold is checked by who reads them.
 BvhMesh bvh_mesh(const umbel_bvh_mesh* mesh);

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstring>
 #include <string>
+#include <string_view>
 
 #include "base/fields.hpp"
 #include "capi/cluster_input.hpp"
@@ -24,19 +25,19 @@ size_t most_clusters(size_t items, const ClusterConfig& config) {
   return config.max_vertices ? items : (items + config.min_items - 1) / config.min_items;
 }
 
-umbel_cluster_capacity requirements(const ClusterArrays& arrays, const ClusterConfig& config) {
+umbel_cluster_capacity requirements(const ItemCounts& counts, const ClusterConfig& config) {
   cluster::validate_config(config);
   umbel_cluster_capacity needed{};
-  needed.items = arrays.item_count();
-  if (arrays.segments().empty()) {
+  needed.items = counts.items;
+  if (!counts.has_segments) {
     needed.segments = needed.items ? 1 : 0;
     needed.ranges = most_clusters(needed.items, config);
     return needed;
   }
-  needed.segments = arrays.segments().size();
+  needed.segments = counts.segments.size();
   size_t held = 0;
   for (size_t s = 0; s < needed.segments; ++s) {
-    const Range& r = arrays.segments()[s];
+    const Range& r = counts.segments[s];
     if (uint64_t(r.offset) + r.count > needed.items)
       throw Error(ErrorCode::kInvalidArgument, "segments[" + std::to_string(s) + "] ends at " +
                                                    std::to_string(uint64_t(r.offset) + r.count) +
@@ -98,13 +99,14 @@ void build(const umbel_cluster_input* input, const umbel_cluster_config* config_
   const BuildOptions options = build_options(options_given);
   const ClusterConfig config = cluster_config(config_given);
   ClusterArrays arrays(input);
-  check_capacity(output, requirements(arrays, config));
+  check_capacity(output, requirements(arrays.counts(), config));
 
-  const Clusters clusters =
+  Clusters clusters =
       arrays.is_mesh_alone()
           ? cluster_mesh(arrays.mesh(), config, arrays.shared_vertex_weight(), options)
           : build_clusters(arrays.items(options), config, options);
 
+  if (arrays.counts().has_segments && arrays.counts().segments.empty()) clusters.segments.clear();
   umbel_cluster_capacity made{};
   made.ranges = clusters.ranges.size();
   made.items = clusters.items.size();
@@ -142,6 +144,25 @@ const MeshView& mesh_of(const ClusterArrays& arrays) {
     throw Error(ErrorCode::kInvalidArgument,
                 "input->positions is NULL: only clusters of triangles have an order and bounds");
   return arrays.mesh();
+}
+
+// C++ has a struct for connections, C has none.
+std::string in_words_of_c(std::string sentence) {
+  constexpr std::string_view kCpp = "connections.", kC = "connection_";
+  for (size_t at = 0; (at = sentence.find(kCpp, at)) != std::string::npos; at += kC.size())
+    sentence.replace(at, kCpp.size(), kC);
+  return sentence;
+}
+
+template <typename Work>
+umbel_result guard_clusters(const Work& work) noexcept {
+  return guard([&] {
+    try {
+      work();
+    } catch (const Error& error) {
+      throw Error(error.code(), in_words_of_c(error.what()));
+    }
+  });
 }
 
 struct Array {
@@ -218,7 +239,7 @@ void umbel_cluster_config_init_sized(umbel_cluster_config* config, size_t size) 
 
 umbel_result umbel_cluster_config_preset(umbel_cluster_config* config, const char* name,
                                          uint32_t max_items) {
-  return capi::guard([&] {
+  return capi::guard_clusters([&] {
     if (!name) throw Error(ErrorCode::kInvalidArgument, "name is NULL");
     capi::write_struct(capi::as_c(cluster_preset(name, max_items)), config, "config");
   });
@@ -227,9 +248,9 @@ umbel_result umbel_cluster_config_preset(umbel_cluster_config* config, const cha
 umbel_result umbel_cluster_requirements(const umbel_cluster_input* input,
                                         const umbel_cluster_config* config,
                                         umbel_cluster_capacity* capacity) {
-  return capi::guard([&] {
-    const capi::ClusterArrays arrays(input);
-    capi::write_struct(capi::requirements(arrays, capi::cluster_config(config)), capacity,
+  return capi::guard_clusters([&] {
+    const capi::ItemCounts counts(capi::read_struct(input, "input"));
+    capi::write_struct(capi::requirements(counts, capi::cluster_config(config)), capacity,
                        "capacity");
   });
 }
@@ -237,13 +258,13 @@ umbel_result umbel_cluster_requirements(const umbel_cluster_input* input,
 umbel_result umbel_cluster_build(const umbel_cluster_input* input,
                                  const umbel_cluster_config* config,
                                  const umbel_build_options* options, umbel_cluster_output* output) {
-  return capi::guard([&] { capi::build(input, config, options, output); });
+  return capi::guard_clusters([&] { capi::build(input, config, options, output); });
 }
 
 umbel_result umbel_cluster_get_metrics(const umbel_cluster_input* input,
                                        const umbel_cluster_output* clusters, uint32_t max_items,
                                        umbel_cluster_metrics* metrics) {
-  return capi::guard([&] {
+  return capi::guard_clusters([&] {
     capi::write_struct(capi::as_c(capi::measure(input, clusters, max_items)), metrics, "metrics");
   });
 }
@@ -252,12 +273,12 @@ umbel_result umbel_cluster_order(const umbel_cluster_input* input,
                                  const umbel_cluster_output* clusters, int level,
                                  const umbel_build_options* options,
                                  umbel_cluster_meshlets* meshlets) {
-  return capi::guard([&] { capi::order(input, clusters, level, options, meshlets); });
+  return capi::guard_clusters([&] { capi::order(input, clusters, level, options, meshlets); });
 }
 
 umbel_result umbel_cluster_get_bounds(const umbel_cluster_input* input,
                                       const umbel_cluster_output* clusters,
                                       const umbel_build_options* options,
                                       umbel_cluster_bounds* bounds, size_t capacity) {
-  return capi::guard([&] { capi::bound(input, clusters, options, bounds, capacity); });
+  return capi::guard_clusters([&] { capi::bound(input, clusters, options, bounds, capacity); });
 }

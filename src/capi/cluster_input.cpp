@@ -4,6 +4,7 @@
 #include <string>
 
 #include "base/fields.hpp"
+#include "capi/arguments.hpp"
 #include "capi/structs.hpp"
 
 namespace umbel::capi {
@@ -47,6 +48,7 @@ ClusterConfig cluster_config(const umbel_cluster_config* config) {
   if (!config) return result;
   const umbel_cluster_config given = read_struct(config, "config");
   COPY_FIELDS(result, given, CLUSTER_CONFIG_FIELDS);
+  result.max_vertices = limit(given.max_vertices);
   return result;
 }
 
@@ -61,13 +63,20 @@ Clusters given_clusters(const umbel_cluster_output* clusters) {
   return copied;
 }
 
-ClusterArrays::ClusterArrays(const umbel_cluster_input* input) {
-  const umbel_cluster_input in = read_struct(input, "input");
+ItemCounts::ItemCounts(const umbel_cluster_input& in) : items(in.item_count) {
   // Before any size is multiplied. The last index is kNone, "no such element".
   if (in.item_count >= kNone)
     bad_argument("input->item_count is " + std::to_string(in.item_count) +
                  ", more than 32-bit indices can name");
-  item_count_ = in.item_count;
+  has_segments = in.segments != nullptr;
+  segments = view<Range>(in.segments, in.segment_count, "input->segments");
+}
+
+ClusterArrays::ClusterArrays(const umbel_cluster_input* input)
+    : ClusterArrays(read_struct(input, "input")) {}
+
+ClusterArrays::ClusterArrays(const umbel_cluster_input& in) : counts_(in) {
+  item_count_ = counts_.items;
   has_positions_ = in.positions != nullptr;
   if (in.item_vertices) {
     if (in.vertices_per_item == 0)
@@ -95,7 +104,10 @@ ClusterArrays::ClusterArrays(const umbel_cluster_input* input) {
              in.connection_count > 0) {
     bad_argument("input->connection_ranges is NULL, but there are connections");
   }
-  input_.segments = view<Range>(in.segments, in.segment_count, "input->segments");
+  input_.segments = counts_.segments;
+  // For the library none at all would be one of everything.
+  static constexpr Range kNothing{0, 0};
+  if (counts_.has_segments && counts_.segments.empty()) input_.segments = {&kNothing, 1};
   input_.shared_vertex_weight = in.shared_vertex_weight;
 }
 
@@ -106,7 +118,8 @@ void ClusterArrays::read_positions(const umbel_cluster_input& in) {
   if (in.item_vertices && in.vertices_per_item != 3)
     bad_argument("input->vertices_per_item must be 3 where positions are given, not " +
                  std::to_string(in.vertices_per_item));
-  mesh_.positions = view<Vec3>(in.positions, in.position_count, "input->positions");
+  mesh_.positions =
+      strided(in.positions, in.position_count, in.position_stride, "input->positions", positions_);
   mesh_.triangles = view<Triangle>(in.item_vertices, item_count_, "input->item_vertices");
 }
 

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <numeric>
 
 #include "base/fields.hpp"
+#include "base/parallel.hpp"
 #include "capi/cluster_input.hpp"
+#include "capi/geometry.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/lod_input.hpp"
 #include "capi/structs.hpp"
@@ -100,6 +103,92 @@ std::vector<To> copied(const From* array, size_t count, const char* name) {
   return {all.begin(), all.end()};
 }
 
+std::vector<uint32_t> chosen_clusters(const lod::Dag& dag, const uint32_t* clusters, size_t count) {
+  const size_t all = dag.tables.clusters.size();
+  std::vector<uint32_t> chosen(clusters ? count : all);
+  if (!clusters) {
+    std::iota(chosen.begin(), chosen.end(), 0u);
+    return chosen;
+  }
+  for (size_t i = 0; i < count; ++i) {
+    if (clusters[i] >= all)
+      throw Error(ErrorCode::kInvalidArgument, "clusters[" + std::to_string(i) + "] is " +
+                                                   std::to_string(clusters[i]) +
+                                                   ", but there are " + std::to_string(all));
+    chosen[i] = clusters[i];
+  }
+  return chosen;
+}
+
+ClusterStreams streams_of(const Mesh& mesh) {
+  ClusterStreams result;
+  const auto add = [&](const auto& stream, umbel_lod_stream bit) {
+    if (!stream.empty()) result.streams |= bit;
+  };
+  add(mesh.normals, UMBEL_LOD_NORMALS);
+  add(mesh.tangents, UMBEL_LOD_TANGENTS);
+  add(mesh.uvs, UMBEL_LOD_UVS);
+  add(mesh.colors, UMBEL_LOD_COLORS);
+  result.streams |= UMBEL_LOD_SOURCE_VERTICES;
+  result.extras = mesh.extras;
+  return result;
+}
+
+void get_geometry(const lod::Dag& dag, std::span<const uint32_t> chosen,
+                  const BuildOptions& options, umbel_lod_geometry* geometry) {
+  std::vector<lod::Cluster> clusters;
+  for (const uint32_t c : chosen) clusters.push_back(dag.tables.clusters[c]);
+  const GeometryArrays arrays(clusters, streams_of(dag.vertices), geometry);
+  if (!arrays.need_geometry()) return;
+  with_threads(options.threads, [&] {
+    parallel_for(chosen.size(), 32, [&](size_t i) {
+      const uint32_t c = chosen[i];
+      std::vector<uint32_t> sources;
+      if (arrays.want_sources())
+        for (uint32_t v = dag.vertex_offsets[c]; v < dag.vertex_offsets[c + 1]; ++v)
+          sources.push_back(dag.source_vertices[dag.cluster_vertices[v]]);
+      arrays.write(i, dag.geometry(c), sources);
+    });
+  });
+}
+
+// What a budget counts; `own` holds costs that are not the caller's array.
+struct Budget {
+  lod::Costs costs;
+  uint64_t limit;
+  std::vector<uint32_t> own;
+};
+
+Budget budget_of(const lod::Tables& tables, const umbel_lod_budget* given) {
+  const umbel_lod_budget budget = read_struct(given, "budget");
+  Budget result;
+  result.limit = budget.limit == UMBEL_NO_LIMIT || budget.limit == UMBEL_NONE
+                     ? std::numeric_limits<uint64_t>::max()
+                     : budget.limit;
+  switch (budget.unit) {
+    case UMBEL_LOD_TRIANGLES:
+      result.own = lod::triangle_costs(tables);
+      result.costs = lod::Costs(result.own);
+      return result;
+    case UMBEL_LOD_CLUSTERS:
+      result.own.assign(tables.clusters.size(), 1);
+      result.costs = lod::Costs(result.own);
+      return result;
+    case UMBEL_LOD_GROUPS:
+      result.own.assign(tables.groups.size(), 1);
+      result.costs.groups = result.own;
+      return result;
+    case UMBEL_LOD_COSTS:
+      result.costs = {elements<const uint32_t>(budget.cluster_costs, budget.cluster_cost_count,
+                                               "budget->cluster_costs"),
+                      elements<const uint32_t>(budget.group_costs, budget.group_cost_count,
+                                               "budget->group_costs")};
+      return result;
+  }
+  throw Error(ErrorCode::kInvalidArgument, "budget->unit is " + std::to_string(budget.unit) +
+                                               ", must be an umbel_lod_budget_unit");
+}
+
 lod::Tables copied(const umbel_lod_arrays& arrays) {
   return {copied<Range>(arrays.levels, arrays.level_count, "arrays->levels"),
           copied<lod::Group>(arrays.groups, arrays.group_count, "arrays->groups"),
@@ -115,8 +204,9 @@ using namespace umbel;
 umbel_result umbel_lod_build(const umbel_lod_mesh* mesh, const umbel_lod_config* config,
                              const umbel_build_options* options, umbel_lod** lod) {
   return capi::hand_out(lod, "lod", [&] {
-    umbel_lod made{lod::build(capi::lod_mesh(mesh), capi::lod_config(config),
-                              capi::build_options(options), capi::lod_decimator(config)),
+    const capi::LodMesh given = capi::lod_mesh(mesh);
+    umbel_lod made{lod::build(given.view, capi::lod_config(config), capi::build_options(options),
+                              capi::lod_decimator(config), given.locked),
                    {}};
     made.tables.tables = made.dag.tables;
     return made;
@@ -173,6 +263,16 @@ umbel_result umbel_lod_mesh_of_cut(const umbel_lod* lod, const uint32_t* cut, si
   });
 }
 
+umbel_result umbel_lod_get_geometry(const umbel_lod* lod, const uint32_t* clusters, size_t count,
+                                    const umbel_build_options* options,
+                                    umbel_lod_geometry* geometry) {
+  return capi::guard([&] {
+    const lod::Dag& dag = capi::required(lod, "lod").dag;
+    capi::get_geometry(dag, capi::chosen_clusters(dag, clusters, count),
+                       capi::build_options(options), geometry);
+  });
+}
+
 umbel_result umbel_mesh_arrays(const umbel_mesh* mesh, umbel_lod_mesh* arrays) {
   return capi::guard([&] {
     const umbel_mesh& given = capi::required(mesh, "mesh");
@@ -211,6 +311,7 @@ umbel_result umbel_lod_tables_open(const char* path, umbel_lod_tables** tables) 
 umbel_result umbel_lod_tables_create(const umbel_lod_arrays* arrays, umbel_lod_tables** tables) {
   return capi::hand_out(tables, "tables", [&] {
     lod::Tables made = capi::copied(capi::read_struct(arrays, "arrays"));
+    lod::complete(made);
     lod::validate(made);
     return umbel_lod_tables{std::move(made)};
   });
@@ -289,20 +390,37 @@ umbel_result umbel_lod_select_instances(const umbel_lod_tables* tables, const um
 }
 
 umbel_result umbel_lod_view_for_budget(const umbel_lod_tables* tables, const umbel_lod_view* view,
-                                       const uint32_t* costs, uint64_t budget,
+                                       const umbel_lod_budget* budget,
                                        const umbel_lod_culling* culling,
                                        const umbel_transform* instances, size_t instance_count,
                                        umbel_lod_view* result) {
   return capi::guard([&] {
     const lod::Tables& given = capi::required(tables, "tables").tables;
-    const std::vector<uint32_t> triangles =
-        costs ? std::vector<uint32_t>{} : lod::triangle_costs(given);
-    const std::span<const uint32_t> used =
-        costs ? std::span<const uint32_t>(costs, given.clusters.size()) : triangles;
-    capi::write(lod::view_for_budget(
-                    given, capi::view_of(view), used, budget, capi::culling_of(culling),
-                    capi::elements<const Transform>(instances, instance_count, "instances")),
-                result);
+    const capi::Budget wanted = capi::budget_of(given, budget);
+    capi::write(
+        lod::view_for_budget(
+            given, capi::view_of(view), wanted.costs, wanted.limit, capi::culling_of(culling),
+            capi::elements<const Transform>(instances, instance_count, "instances")),
+        result);
+  });
+}
+
+umbel_result umbel_lod_select_for_budget(const umbel_lod_tables* tables, const umbel_lod_view* view,
+                                         const umbel_lod_budget* budget,
+                                         const umbel_lod_culling* culling,
+                                         const umbel_transform* instances, size_t instance_count,
+                                         uint32_t* offsets, uint32_t* clusters, size_t capacity,
+                                         size_t* count, uint64_t* cost) {
+  return capi::guard([&] {
+    const lod::Tables& given = capi::required(tables, "tables").tables;
+    const capi::Budget wanted = capi::budget_of(given, budget);
+    const lod::BudgetCuts made = lod::select_for_budget(
+        given, capi::view_of(view), wanted.costs, wanted.limit, capi::culling_of(culling),
+        capi::elements<const Transform>(instances, instance_count, "instances"));
+    if (cost) *cost = made.cost;
+    const auto room = capi::elements<uint32_t>(offsets, made.cuts.offsets.size(), "offsets");
+    capi::hand_out_all(made.cuts.clusters, clusters, "clusters", capacity, count);
+    std::ranges::copy(made.cuts.offsets, room.begin());
   });
 }
 

@@ -11,11 +11,15 @@ namespace {
   max_triangles, max_vertices, min_group, max_group, ratio, position_step, attributes, \
       normal_weight, uv_weight, color_weight, refit_attributes, max_levels, max_error, \
       stop_triangles, measured_error, tangent_weight, skin_weight, mix_materials, keep_area
+#define LOD_CLUSTER_FIELDS                                                          \
+  lock_borders, min_triangles, underfill_cost, vertex_underfill_cost, overlap_cost, \
+      group_underfill_cost, group_overlap_cost
 
 umbel_lod_config config_as_c(const lod::Config& config) {
   umbel_lod_config result{};
   result.struct_size = sizeof result;
   COPY_FIELDS(result, config, LOD_CONFIG_FIELDS);
+  COPY_FIELDS(result, config, LOD_CLUSTER_FIELDS);
   result.seams = static_cast<uint32_t>(config.seams);
   result.creases = static_cast<uint32_t>(config.creases);
   return result;
@@ -54,6 +58,16 @@ class Answer {
     group.mesh = mesh_as_c(input_.mesh);
     group.locked = input_.locked.data();
     group.target = input_.target;
+    group.most = input_.most;
+    group.refused_triangle = UMBEL_NONE;
+    if (const lod::DecimationRefusal* refused = input_.refused) {
+      why_ = to_string(*refused);
+      group.refusal = static_cast<uint32_t>(refused->reason);
+      group.refused_triangle = refused->triangle;
+      group.refused_why = why_.c_str();
+      group.refused_edge_count = refused->edges.size();
+      if (!refused->edges.empty()) group.refused_edges = refused->edges[0].data();
+    }
     group.triangles = triangles_.empty() ? nullptr : triangles_[0].data();
     const auto place = [](auto*& to, auto& stream) {
       to = stream.empty() ? nullptr
@@ -101,35 +115,44 @@ class Answer {
   std::vector<Triangle> triangles_;
   Mesh added_;
   std::vector<uint32_t> materials_;
+  std::string why_;
 };
+
+static_assert(uint32_t{UMBEL_LOD_REFUSED_TAKEN_EDGE} ==
+              uint32_t(lod::DecimationRefusal::Reason::kTakenEdge));
 
 }  // namespace
 
-MeshView lod_mesh(const umbel_lod_mesh* given) {
+LodMesh lod_mesh(const umbel_lod_mesh* given) {
   const umbel_lod_mesh mesh = read_struct(given, "mesh");
-  MeshView view;
-  view.positions = elements<const Vec3>(mesh.positions, mesh.position_count, "mesh->positions");
+  LodMesh result;
+  MeshView& view = result.view;
+  Mesh& copied = result.copied;
+  const size_t count = mesh.position_count;
+  view.positions =
+      strided(mesh.positions, count, mesh.position_stride, "mesh->positions", copied.positions);
   if (!mesh.triangles && mesh.triangle_count > 0)
     throw Error(ErrorCode::kInvalidArgument,
                 "mesh->triangles is NULL, but there are " + std::to_string(mesh.triangle_count));
   view.triangles = {reinterpret_cast<const Triangle*>(mesh.triangles), mesh.triangle_count};
-  const auto optional = [&](auto& to, const auto* from, size_t count) {
-    using To = typename std::remove_reference_t<decltype(to)>::element_type;
-    if (from) to = elements<To>(from, count, "mesh");
+  const auto optional = [&](auto& to, const auto* from, size_t stride, const char* name,
+                            auto& copies) {
+    if (from) to = strided(from, count, stride, name, copies);
   };
-  optional(view.normals, mesh.normals, mesh.position_count);
-  optional(view.tangents, mesh.tangents, mesh.position_count);
-  optional(view.uvs, mesh.uvs, mesh.position_count);
-  optional(view.colors, mesh.colors, mesh.position_count);
-  optional(view.materials, mesh.materials, mesh.triangle_count);
+  optional(view.normals, mesh.normals, mesh.normal_stride, "mesh->normals", copied.normals);
+  optional(view.tangents, mesh.tangents, mesh.tangent_stride, "mesh->tangents", copied.tangents);
+  optional(view.uvs, mesh.uvs, mesh.uv_stride, "mesh->uvs", copied.uvs);
+  optional(view.colors, mesh.colors, mesh.color_stride, "mesh->colors", copied.colors);
+  if (mesh.materials) view.materials = {mesh.materials, mesh.triangle_count};
+  if (mesh.locked) result.locked = {mesh.locked, count};
   if (mesh.extra_count > 0) {
     view.extras = elements<const Extra>(mesh.extras, mesh.extra_count, "mesh->extras");
-    const size_t width = extra_width(view.extras);
-    if (mesh.position_count > 0 && width > 0)
-      view.extra_values = elements<const float>(mesh.extra_values, width * mesh.position_count,
-                                                "mesh->extra_values");
+    if (count > 0)
+      view.extra_values =
+          strided_rows(mesh.extra_values, count, extra_width(view.extras), mesh.extra_stride,
+                       "mesh->extra_values", copied.extra_values);
   }
-  return view;
+  return result;
 }
 
 umbel_lod_mesh mesh_as_c(const MeshView& mesh) {
@@ -158,8 +181,12 @@ lod::Config lod_config(const umbel_lod_config* given) {
   const umbel_lod_config config = read(given);
   lod::Config result;
   COPY_FIELDS(result, config, LOD_CONFIG_FIELDS);
+  COPY_FIELDS(result, config, LOD_CLUSTER_FIELDS);
   result.seams = seam_rule(config.seams, "seams");
   result.creases = seam_rule(config.creases, "creases");
+  result.max_triangles = limit(config.max_triangles);
+  result.max_vertices = limit(config.max_vertices);
+  result.max_levels = limit(config.max_levels);
   return result;
 }
 
@@ -170,7 +197,9 @@ lod::Decimator lod_decimator(const umbel_lod_config* given) {
              const lod::DecimationInput& input, lod::DecimationResult& result) {
     Answer answer(input);
     umbel_lod_decimation group = answer.question();
-    if (decimate(&group, user) == 0) return false;
+    const int answered = decimate(&group, user);
+    if (answered < 0) throw Error(ErrorCode::kCancelled, "decimate cancelled the build");
+    if (answered == 0) return false;
     answer.read(group, result);
     return true;
   };

@@ -19,8 +19,13 @@ struct umbel_mesh {
 
 namespace umbel::capi {
 
+struct LodMesh {
+  MeshView view;
+  std::span<const uint8_t> locked;
+  Mesh copied;  ///< streams of the caller's that have gaps
+};
 /// Views of the caller's arrays. What they hold is checked by who reads them.
-MeshView lod_mesh(const umbel_lod_mesh* mesh);
+LodMesh lod_mesh(const umbel_lod_mesh* mesh);
 /// The arrays of a mesh, as C sees them.
 umbel_lod_mesh mesh_as_c(const MeshView& mesh);
 

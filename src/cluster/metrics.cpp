@@ -9,6 +9,7 @@
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/radix_sort.hpp"
+#include "cluster/source.hpp"
 #include "cluster/validate.hpp"
 #include "cluster/vertex_table.hpp"
 #include "umbel/cluster.hpp"
@@ -120,8 +121,7 @@ double explicit_ratio_cut(const ClusterInput& input, const Clusters& clusters,
       const uint32_t item = clusters.items[i];
       const Range& list = c.ranges[item];
       for (uint32_t k = list.offset; k < list.offset + list.count; ++k)
-        if (cluster_of[c.targets[k]] != cluster_of[item])
-          cut += c.weights.empty() ? 1 : c.weights[k];
+        if (cluster_of[c.targets[k]] != cluster_of[item]) cut += cluster::weight_of(c, k);
     }
     sum += cut / r.count;
   }

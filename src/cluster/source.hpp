@@ -22,6 +22,12 @@ inline bool has_vertex_bits(const ClusterInput& input) {
           (input.vertices_per_item > 0 && !c.ranges.empty() && c.targets.empty()));
 }
 
+/// Of connection k. Vertex bits alone only count vertices.
+inline float weight_of(const Connections& connections, uint32_t k) {
+  if (!connections.weights.empty()) return connections.weights[k];
+  return connections.vertex_bits.empty() ? 1.0f : 0.0f;
+}
+
 struct Source {
   static Source of(const ClusterInput& input) {
     Source s;

@@ -2,6 +2,8 @@
 // (a vertex once more wherever the material changes); the list goes through a hash table whose
 // hashes were made in parallel and whose slots are loaded ahead; equal entries become one vertex.
 // The list is in order of first use, and so are the vertices that come out.
+#include "mesh/weld.hpp"
+
 #include <algorithm>
 #include <array>
 
@@ -123,6 +125,10 @@ std::vector<float> gathered_extras(const MeshView& mesh, const std::vector<uint3
 }  // namespace
 
 Mesh weld(const MeshView& mesh, const BuildOptions& options) {
+  return weld_and_trace(mesh, options).mesh;
+}
+
+TracedWeld weld_and_trace(const MeshView& mesh, const BuildOptions& options) {
   check_streams(mesh);
   // Corners may each become a vertex of their own, and vertices have 32-bit numbers.
   if (mesh.triangles.size() > kNone / 3)
@@ -131,7 +137,8 @@ Mesh weld(const MeshView& mesh, const BuildOptions& options) {
                                              " can be welded");
   Progress progress(options);
   progress.report(0, "welding");
-  Mesh result;
+  TracedWeld welded;
+  Mesh& result = welded.mesh;
   with_threads(options.threads, [&] {
     check_indices(mesh);
     reserve_big(result.triangles, mesh.triangles.size());
@@ -151,9 +158,10 @@ Mesh weld(const MeshView& mesh, const BuildOptions& options) {
     result.colors = gathered(mesh.colors, list.vertices);
     result.extras.assign(mesh.extras.begin(), mesh.extras.end());
     result.extra_values = gathered_extras(mesh, list.vertices);
+    welded.sources = std::move(list.vertices);
   });
   progress.report(1, "welding");
-  return result;
+  return welded;
 }
 
 }  // namespace umbel

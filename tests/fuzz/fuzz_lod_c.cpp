@@ -219,8 +219,16 @@ void select(Case& c, const umbel_lod_tables* tables, size_t clusters,
   went_well(umbel_lod_select_instances(tables, &view, culled, instances.data(), instances.size(),
                                        offsets.data(), chosen.data(), chosen.size(), &count));
   umbel_lod_view affordable;
-  went_well(umbel_lod_view_for_budget(tables, &view, nullptr, c.bytes.integral<uint16_t>(), culled,
-                                      instances.data(), instances.size(), &affordable));
+  umbel_lod_budget budget;
+  umbel_lod_budget_init(&budget);
+  budget.unit = c.below(4);
+  budget.limit = c.bytes.integral<uint16_t>();
+  went_well(umbel_lod_view_for_budget(tables, &view, &budget, culled, instances.data(),
+                                      instances.size(), &affordable));
+  offsets.resize(std::max<size_t>(offsets.size(), 2));
+  went_well(umbel_lod_select_for_budget(tables, &view, &budget, culled, instances.data(),
+                                        instances.size(), offsets.data(), chosen.data(),
+                                        chosen.size(), &count, nullptr));
 }
 
 /// A copy of the tables with a few words of it overwritten.

@@ -108,6 +108,7 @@ def test_c_examples_run(installed: Path, tmp_path: Path) -> None:
     _cpp(ROOT / "examples" / "c", installed, build)
     assert "clusters" in _run(build / "1_clusters", folder=tmp_path)
     picture = _run(build / "2_rays", folder=tmp_path)
+    assert "a cut of at most 100 clusters" in _run(build / "3_cluster_structures", folder=tmp_path)
     assert picture.count("#") > 300 and picture.count(".") > 300
 
 

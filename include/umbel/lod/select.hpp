@@ -117,21 +117,45 @@ UMBEL_API InstanceCuts select_instances(const Tables& tables, const View& view,
 /// has so few).
 UMBEL_API float error_for_triangles(const Tables& tables, uint64_t max_triangles);
 
-/// What each cluster costs: its triangles.
+/// What each cluster costs: its triangles. (For a budget of clusters or groups each costs 1.)
 UMBEL_API std::vector<uint32_t> triangle_costs(const Tables& tables);
 /// Its bytes: `vertex_bytes` a vertex and `triangle_bytes` a triangle.
 UMBEL_API std::vector<uint32_t> byte_costs(const Tables& tables, uint32_t vertex_bytes,
                                            uint32_t triangle_bytes = 3);
 
+/// What a budget counts. Clusters that are left out cost nothing.
+struct Costs {
+  std::span<const uint32_t> clusters;  ///< one a cluster, or empty: they cost nothing
+  std::span<const uint32_t> groups =
+      {};  ///< one a group, for drawing any of its clusters; or empty
+  Costs() = default;
+  Costs(std::span<const uint32_t> of_clusters, std::span<const uint32_t> of_groups = {})
+      : clusters(of_clusters), groups(of_groups) {}
+  Costs(const std::vector<uint32_t>& of_clusters) : clusters(of_clusters) {}
+};
+
 /// The finest view, by error or by camera, that is not finer than `view` and whose cut costs no
 /// more than `budget`: it has the smallest error or threshold of all that fit, exactly, so the cut
-/// has the smallest possible largest error, as seen from there. Clusters that are left out cost
-/// nothing. Where no cut is so cheap, the view of the coarsest one. With instances it is the view
-/// of the scene, and the budget is for all of them together.
-UMBEL_API View view_for_budget(const Tables& tables, const View& view,
-                               std::span<const uint32_t> costs, uint64_t budget,
-                               const Culling& culling = {},
+/// has the smallest possible largest error, as seen from there. Where no cut is so cheap, the view
+/// of the coarsest one. With instances it is the view of the scene, and the budget is for all of
+/// them together.
+UMBEL_API View view_for_budget(const Tables& tables, const View& view, const Costs& costs,
+                               uint64_t budget, const Culling& culling = {},
                                std::span<const Transform> instances = {});
+
+struct BudgetCuts {
+  InstanceCuts cuts;  ///< one an instance; of the mesh alone without any
+  View view;          ///< of view_for_budget: nothing is coarser than it asks for
+  uint64_t cost = 0;  ///< over the budget only where no cut is within it
+};
+
+/// The cut of view_for_budget, and then, as that leaves unused what the next group would take too
+/// much of, the groups that still fit are refined one by one, always the one that `view` finds the
+/// farthest from good enough. Cuts as this gives them are surfaces without holes like all others,
+/// but no view selects them. Deterministic.
+UMBEL_API BudgetCuts select_for_budget(const Tables& tables, const View& view, const Costs& costs,
+                                       uint64_t budget, const Culling& culling = {},
+                                       std::span<const Transform> instances = {});
 
 // ---- units --------------------------------------------------------------------------------
 

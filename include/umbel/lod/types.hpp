@@ -71,6 +71,18 @@ struct Tables {
   std::vector<Node> nodes;  ///< nodes[0] is the root; one tree over the levels' trees
 };
 
+/// The hierarchy of a DAG of any origin: one tree over per-level trees over the groups of
+/// `tables.levels`. nodes[0] is the root, the children of a node are consecutive, and every group
+/// is one leaf with its own sphere and error. Empty without groups. Uses levels and groups alone.
+/// Throws kCorrupt for a level of groups that are not there, and for a group whose sphere or error
+/// is NaN or negative, or whose centre is not finite.
+UMBEL_API std::vector<Node> build_hierarchy(const Tables& tables);
+
+/// Gives tables of any origin what they lack: levels, where there are none, from the groups' own,
+/// which must not fall from one group to the next; and nodes, where there are none. Throws as
+/// build_hierarchy does; call validate (lod/verify.hpp) for the rest.
+UMBEL_API void complete(Tables& tables);
+
 /// Triangles and vertices of one cluster, wherever they are stored. Triangles are triples of
 /// indices into the cluster's own vertices.
 struct ClusterGeometry {

@@ -259,7 +259,8 @@ def build_clusters(
     boxes: (n, 6) min x, y, z, max x, y, z of each item.
     centroids: (n, 3); the boxes' centres where None.
     connections: (offsets, targets, weights): item i is connected to
-        targets[offsets[i]:offsets[i + 1]], with those weights (None: all 1). Should be symmetric.
+        targets[offsets[i]:offsets[i + 1]], with those weights (None: all 1, or all 0 beside
+        connection_vertex_bits). Should be symmetric.
     connection_vertex_bits: one byte a target, with vertices_per_item from 1 to 8: bit k is set
         where vertex k of the item is one of the target's as well. For max_vertices where vertices
         have no indices; all pairs that share a vertex must be connected, in both directions.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 import warnings
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from umbel import _umbel
 from umbel.errors import Error, LoadWarning
@@ -34,7 +35,7 @@ from umbel.lod.lod import Lod
 
 SEAM_RULES = {"protect": 0, "allow": 1, "ignore": 2}
 
-Decimate = Callable[[Mesh, NDArray[np.bool_], int], Any]
+Decimate = Callable[..., Any]
 """See `build_lod`."""
 
 
@@ -43,7 +44,13 @@ def build_lod(
     *,
     max_triangles: int = 128,
     max_vertices: int = 128,
+    min_triangles: int = 0,
+    underfill_cost: float = 0.3,
+    vertex_underfill_cost: float = 0.5,
+    overlap_cost: float = 0.0,
     group_size: Sequence[int] = (24, 32),
+    group_underfill_cost: float = 0.5,
+    group_overlap_cost: float = 0.0,
     ratio: float = 0.5,
     attributes: str = "auto",
     normal_weight: float = 0.5,
@@ -60,6 +67,8 @@ def build_lod(
     max_levels: int = 0,
     stop_triangles: int = 0,
     max_error: float = math.inf,
+    lock_borders: bool = False,
+    locked: ArrayLike | None = None,
     decimate: Decimate | None = None,
     drop_invalid: bool = False,
     precision: str | float | None = None,
@@ -70,8 +79,11 @@ def build_lod(
 ) -> Lod:
     """Builds the DAG of a mesh, a path, or anything with .vertices and .faces.
 
-    max_triangles, max_vertices: most a cluster may have (4..256, 6..256).
+    max_triangles, max_vertices: most a cluster may have (4..256, 6..256; 0: no limit but 256).
+    min_triangles: least a cluster should have; 0: a quarter of max_triangles.
+    underfill_cost, vertex_underfill_cost, overlap_cost: 0..1, as for `cluster_mesh`.
     group_size: least and most clusters that are simplified together.
+    group_underfill_cost, group_overlap_cost: the same penalties, of groups.
     ratio: triangles that each level keeps of the one before (0.1..0.9).
     attributes: "auto" keeps normals, tangents, all sets of UVs, colours, joints and their weights,
         and weighs them in the error by the weights (`skin_weight`: how much each joint moves a
@@ -91,13 +103,18 @@ def build_lod(
     max_levels, stop_triangles, max_error: stop after so many levels (0: no limit), as soon as no
         more triangles than that are left, and before any group's error gets larger. What is left
         then are the roots.
+    lock_borders: open edges stay as they are in every cut, so that parts of a larger mesh that are
+        built apart join without a crack. Coarse levels cannot have fewer triangles than that needs.
+    locked: (n,) bool, vertices whose positions, and the open edges between them, stay likewise.
     decimate: simplifies a group instead of the library. Called with a Mesh of the group, (n,) bool
         `locked` (vertices that must stay, and the border between them), and the number of
         triangles that should be left. Returns None to leave the group to the library, or
         (triangles, error), or (triangles, error, added) where `added` is a Mesh without triangles
         whose vertices follow the group's own, or (triangles, error, added, materials) with one
-        material a vertex where the group has several. Called from one
-        thread at a time, not always from the one that builds.
+        material a vertex where the group has several. Where that cannot take the group's place, a
+        function of four arguments is called again, up to four times in all, with a sentence that
+        says why (None at first). Called from one thread at a time, not always from the one that
+        builds; what it raises ends the build.
     drop_invalid: leave out triangles with NaN, infinite or missing vertices instead of raising.
     precision: snap positions to a power-of-two grid first, which makes files several times
         smaller; None keeps every bit. A number is a length in the mesh's unit, a string as in
@@ -127,8 +144,14 @@ def build_lod(
     config: dict[str, Any] = {
         "max_triangles": max_triangles,
         "max_vertices": max_vertices,
+        "min_triangles": min_triangles,
+        "underfill_cost": underfill_cost,
+        "vertex_underfill_cost": vertex_underfill_cost,
+        "overlap_cost": overlap_cost,
         "min_group": low,
         "max_group": high,
+        "group_underfill_cost": group_underfill_cost,
+        "group_overlap_cost": group_overlap_cost,
         "ratio": ratio,
         "position_step": extra.get("grid_step", 0.0),
         "attributes": attributes == "auto",
@@ -145,6 +168,7 @@ def build_lod(
         "max_levels": max_levels,
         "stop_triangles": stop_triangles,
         "measured_error": measured_error,
+        "lock_borders": lock_borders,
     }
     if max_error != math.inf:
         config["max_error"] = max_error
@@ -155,6 +179,7 @@ def build_lod(
             progress,
             thread_count(threads),
             None if decimate is None else _decimator(decimate),
+            None if locked is None else _locked(locked),
         )
     extra["largest_move"] = dag.report["largest_move"] + given.rounding.largest_move
     report = {**dag.report, **extra}
@@ -218,9 +243,28 @@ def _describe(source: Any, mesh: Mesh) -> dict[str, Any]:
     return described
 
 
-def _decimator(decimate: Decimate) -> Callable[[dict[str, Any], NDArray[np.uint8], int], Any]:
-    def ask(arrays: dict[str, Any], locked: NDArray[np.uint8], target: int) -> Any:
-        answer = decimate(mesh_of(arrays, []), locked.astype(bool), target)
+def _locked(locked: ArrayLike) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(np.asarray(locked).astype(bool)).view(np.uint8)
+
+
+def _takes_reasons(decimate: Decimate) -> bool:
+    try:
+        inspect.signature(decimate).bind(None, None, 0, None)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _decimator(decimate: Decimate) -> Callable[..., Any]:
+    takes_reasons = _takes_reasons(decimate)
+
+    def ask(
+        arrays: dict[str, Any], locked: NDArray[np.uint8], target: int, refused: str | None
+    ) -> Any:
+        if refused is not None and not takes_reasons:
+            return None
+        reasons = (refused,) if takes_reasons else ()
+        answer = decimate(mesh_of(arrays, []), locked.astype(bool), target, *reasons)
         if answer is None:
             return None
         triangles, error, *rest = answer

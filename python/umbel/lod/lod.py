@@ -58,6 +58,13 @@ class Lod(HasTables, Savable):
         return list(self._native.limiting_factors)
 
     @property
+    def source_vertices(self) -> NDArray[np.uint32]:
+        """Of the vertices of all clusters, one cluster after the other, each in the order of its
+        own: the vertex of the mesh that it is, so that a renderer can keep its own vertex buffer,
+        or 0xffffffff where it is new."""
+        return self._native.source_vertices[self._native.cluster_vertices]
+
+    @property
     def levels(self) -> NDArray[Any]:
         """See `Tables.levels`."""
         return self.tables.levels

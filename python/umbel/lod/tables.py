@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -69,17 +70,18 @@ class Tables:
         levels: NDArray[Any],
         groups: NDArray[Any],
         clusters: NDArray[Any],
-        nodes: NDArray[Any],
+        nodes: NDArray[Any] | None = None,
         origin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Tables:
         """From structured arrays (LEVEL, GROUP, CLUSTER, NODE), as other programs may have stored
-        them, relative to `origin`. Raises where an index leads nowhere."""
+        them, relative to `origin`. Without nodes the hierarchy is built; empty levels are made from
+        those of the groups, which then must not fall. Raises where an index leads nowhere."""
         return Tables(
             _umbel.Tables(
                 _words("levels", levels, LEVEL),
                 _words("groups", groups, GROUP),
                 _words("clusters", clusters, CLUSTER),
-                _words("nodes", nodes, NODE),
+                _words("nodes", np.empty(0, NODE) if nodes is None else nodes, NODE),
             ),
             origin,
         )
@@ -117,6 +119,8 @@ class Tables:
         level: int | None = None,
         triangles: int | None = None,
         bytes: int | None = None,
+        clusters: int | None = None,
+        groups: int | None = None,
         vertex_bytes: int = 32,
         planes: ArrayLike | None = None,
         normal_cones: ClusterBounds | None = None,
@@ -128,11 +132,13 @@ class Tables:
         error, camera, level: with at most this error (in the mesh's unit; `math.inf` gives the
             coarsest cut), as this camera needs it, or as it is on this level (0: the mesh itself;
             one that is not there raises). At most one of them.
-        triangles, bytes: at most so much in all, by making the error or the camera's pixels
-            larger as far as that takes, and no further. Bytes are `vertex_bytes` a vertex and 3 a
-            triangle. At most one of them, not with `level`; alone they find the smallest error.
-        or_coarsest: where no cut is as small as `triangles` or `bytes` say, give the coarsest;
-            else that raises, and names the least that is possible.
+        triangles, bytes, clusters, groups: at most so much in all. The error or the camera's
+            pixels become larger as far as that takes, and no further; what that leaves unused
+            refines groups that still fit, those with the worst error first. Bytes are
+            `vertex_bytes` a vertex and 3 a triangle; a group counts where any of its clusters is
+            shown. At most one of them, not with `level`; alone they find the smallest error.
+        or_coarsest: where no cut is as small as the budget says, give the coarsest; else that
+            raises, and names the least that is possible.
         planes: (p, 4) inward unit normals and offsets as `Camera.planes` gives them; what is
             wholly outside one of them is left out, and costs nothing.
         normal_cones: what `normal_cones` of a Lod or an Asset gives; clusters that turn their back
@@ -140,20 +146,16 @@ class Tables:
         method: "hierarchy" goes down the nodes, "breadth_first" does so layer by layer, "flat"
             tests every cluster. The answer is the same.
         """
-        view = self.view(
-            error=error,
-            camera=camera,
-            level=level,
-            triangles=triangles,
-            bytes=bytes,
-            vertex_bytes=vertex_bytes,
-            planes=planes,
-            normal_cones=normal_cones,
-            or_coarsest=or_coarsest,
-        )
-        return _umbel.select(
-            self._native, view, method, self._planes(planes), _normal_cones(normal_cones)
-        )
+        view = self._wanted(error, camera, level)
+        budget = self._budget(triangles, bytes, clusters, groups, vertex_bytes)
+        culled = self._planes(planes), _normal_cones(normal_cones)
+        if budget is None:
+            return _umbel.select(self._native, _given(view), method, *culled)
+        view = _umbel.view_error(0) if view is None else view
+        _, cut = budget.select(self._native, view, culled, None)
+        if not or_coarsest:
+            budget.check(self, cut)
+        return cut
 
     def view(
         self,
@@ -163,6 +165,8 @@ class Tables:
         level: int | None = None,
         triangles: int | None = None,
         bytes: int | None = None,
+        clusters: int | None = None,
+        groups: int | None = None,
         vertex_bytes: int = 32,
         planes: ArrayLike | None = None,
         normal_cones: ClusterBounds | None = None,
@@ -170,50 +174,57 @@ class Tables:
         or_coarsest: bool = False,
     ) -> _umbel.View:
         """What decides a cut, with the `error` or `threshold` that a budget leads to. Arguments
-        as for `cut`; with `transforms` the budget is for all instances together."""
-        given = {"error": error, "camera": camera, "level": level}
-        chosen = [name for name, value in given.items() if value is not None]
-        budget = triangles if bytes is None else bytes
-        if len(chosen) > 1 or (triangles is not None and bytes is not None):
-            raise Error(
-                "a cut needs one of error, camera and level, and at most one of triangles and "
-                f"bytes, not {' and '.join(chosen) or 'both'}"
-            )
-        if not chosen and budget is None:
-            raise Error("a cut needs one of error, camera, level, triangles and bytes")
-        if level is not None:
-            check_level(level, len(self.levels))
-        view = self._view(chosen[0], given[chosen[0]]) if chosen else _umbel.view_error(0)
+        as for `cut`, which goes on to fill the budget; with `transforms` the budget is for all
+        instances together."""
+        view = self._wanted(error, camera, level)
+        budget = self._budget(triangles, bytes, clusters, groups, vertex_bytes)
         if budget is None:
-            return view
-        name = "triangles" if bytes is None else "bytes"
-        most = check_budget(name, budget)
-        costs = (
-            np.ascontiguousarray(self.clusters["triangle_count"])
-            if bytes is None
-            else _umbel.byte_costs(self._native, vertex_bytes)
-        )
+            return _given(view)
+        view = _umbel.view_error(0) if view is None else view
         culled = self._planes(planes), _normal_cones(normal_cones)
         rows = None if transforms is None else self._transforms(transforms)
-        view = _umbel.view_for_budget(self._native, view, costs, most, *culled, rows)
-        least = 0 if or_coarsest else self._least(view, costs, most, culled, rows)
-        if least > most:
-            raise Error(f"{name} is {most}, but the coarsest cut has {least}")
-        return view
+        fitting = budget.view(self._native, view, culled, rows)
+        if not or_coarsest:
+            budget.check(self, *budget.cut(self._native, fitting, culled, rows))
+        return fitting
 
-    def _least(
-        self, view: _umbel.View, costs: NDArray[Any], most: int, culled: Any, rows: Any
-    ) -> int:
-        """What a view for a budget costs, or less if that is within the budget in any case."""
-        roots = np.isinf(self.groups["error"])[self.clusters["group"]]
-        coarsest = int(costs[roots].sum(dtype=np.int64)) * (1 if rows is None else len(rows))
-        if coarsest <= most:
-            return coarsest
-        if rows is None:
-            cut = _umbel.select(self._native, view, "hierarchy", *culled)
+    def _wanted(
+        self, error: float | None, camera: Camera | None, level: int | None
+    ) -> _umbel.View | None:
+        """The view that was asked for, if any."""
+        given = {"error": error, "camera": camera, "level": level}
+        chosen = [name for name, value in given.items() if value is not None]
+        if len(chosen) > 1:
+            raise Error(f"a cut needs one of error, camera and level, not {' and '.join(chosen)}")
+        if level is not None:
+            check_level(level, len(self.levels))
+        return self._view(chosen[0], given[chosen[0]]) if chosen else None
+
+    def _budget(
+        self,
+        triangles: int | None,
+        bytes: int | None,
+        clusters: int | None,
+        groups: int | None,
+        vertex_bytes: int,
+    ) -> _Budget | None:
+        given = {"triangles": triangles, "bytes": bytes, "clusters": clusters, "groups": groups}
+        chosen = [name for name, value in given.items() if value is not None]
+        if not chosen:
+            return None
+        if len(chosen) > 1:
+            raise Error(f"a cut needs at most one of {', '.join(given)}, not both")
+        name = chosen[0]
+        most = check_budget(name, given[name])
+        if name == "groups":
+            return _Budget(name, most, None, np.ones(len(self.groups), np.uint32))
+        if name == "clusters":
+            costs = np.ones(len(self.clusters), np.uint32)
+        elif name == "bytes":
+            costs = _umbel.byte_costs(self._native, vertex_bytes)
         else:
-            _, cut = _umbel.select_instances(self._native, view, rows, *culled)
-        return int(costs[cut].sum(dtype=np.int64))
+            costs = np.ascontiguousarray(self.clusters["triangle_count"])
+        return _Budget(name, most, costs, None)
 
     def instance_cuts(
         self,
@@ -308,6 +319,63 @@ def check_budget(name: str, budget: int) -> int:
 
 def _normal_cones(normal_cones: ClusterBounds | None) -> NDArray[np.float32] | None:
     return None if normal_cones is None else normal_cones.rows()
+
+
+@dataclass(frozen=True)
+class _Budget:
+    """How much of something a cut may have."""
+
+    name: str
+    most: int
+    cluster_costs: NDArray[np.uint32] | None
+    group_costs: NDArray[np.uint32] | None
+
+    def view(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> Any:
+        costs = np.empty(0, np.uint32) if self.cluster_costs is None else self.cluster_costs
+        return _umbel.view_for_budget(
+            tables, view, costs, self.most, *culled, rows, self.group_costs
+        )
+
+    def select(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> Any:
+        """Offsets and clusters of the cuts that fill the budget."""
+        costs = np.empty(0, np.uint32) if self.cluster_costs is None else self.cluster_costs
+        return _umbel.select_for_budget(
+            tables, view, costs, self.most, *culled, rows, self.group_costs
+        )
+
+    def cut(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> list[Any]:
+        """The cuts of a view, one an instance."""
+        if rows is None:
+            return [_umbel.select(tables, view, "hierarchy", *culled)]
+        offsets, clusters = _umbel.select_instances(tables, view, rows, *culled)
+        return np.split(clusters, offsets[1:-1]) if len(offsets) > 1 else []
+
+    def check(self, tables: Tables, *cuts: NDArray[np.uint32]) -> None:
+        """Raises where the cuts have more, and so would the roots. (A camera within the spheres of
+        groups has those refined whatever it allows.)"""
+        roots = np.flatnonzero(np.isinf(tables.groups["error"])[tables.clusters["group"]])
+        if len(cuts) * self._cost(tables, roots) <= self.most:
+            return
+        least = sum(self._cost(tables, cut) for cut in cuts)
+        if least > self.most:
+            raise Error(f"{self.name} is {self.most}, but the coarsest cut has {least}")
+
+    def _cost(self, tables: Tables, cut: NDArray[Any]) -> int:
+        cost = 0
+        if self.cluster_costs is not None:
+            cost += int(self.cluster_costs[cut].sum(dtype=np.int64))
+        if self.group_costs is not None:
+            shown = np.unique(tables.clusters["group"][cut])
+            cost += int(self.group_costs[shown].sum(dtype=np.int64))
+        return cost
+
+
+def _given(view: _umbel.View | None) -> _umbel.View:
+    if view is None:
+        raise Error(
+            "a cut needs one of error, camera, level, triangles, bytes, clusters and groups"
+        )
+    return view
 
 
 class HasTables(ABC):

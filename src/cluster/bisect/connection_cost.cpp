@@ -14,9 +14,8 @@ void ConnectionCost::load(const Source& source, const uint32_t* items, uint32_t 
     const Connections& c = source.connections;
     weights_.clear();
     // Half from each end: a connection that only one end lists still counts, by half.
-    connections_.load(c, items, count, [&](uint32_t k) {
-      weights_.push_back(c.weights.empty() ? 0.5f : 0.5f * c.weights[k]);
-    });
+    connections_.load(c, items, count,
+                      [&](uint32_t k) { weights_.push_back(0.5f * weight_of(c, k)); });
     node_ = 0;
     node_of_.assign(count, 0);
     position_.resize(count);

@@ -19,12 +19,14 @@ namespace {
 
 // All of the mesh is one unit, whose groups go to the DAG.
 Dag build_in_core(const MeshView& mesh, const Config& config, const BuildOptions& options,
-                  const Decimator& decimate) {
+                  const Decimator& decimate, std::span<const uint8_t> locked) {
   Dag dag;
   dag.config = config;
   Unit unit;
   tbb::parallel_invoke([&] { unit.source = make_source(mesh, BuildOptions{}); },
                        [&] { dag.source_digest = triangle_set_digest(mesh); });
+  for (size_t v = 0; v < locked.size(); ++v)
+    if (locked[v]) unit.locked_positions.push_back(mesh.positions[v]);
   dag.report.input_triangles = mesh.triangles.size();
   dag.report.input_vertices = mesh.positions.size();
   Progress progress(options);
@@ -36,6 +38,7 @@ Dag build_in_core(const MeshView& mesh, const Config& config, const BuildOptions
   builder.write_roots();
   dag.report.mean_log2_overestimate = builder.mean_log2_overestimate();
   dag.tables.nodes = build_hierarchy(dag.tables);
+  dag.source_vertices = std::move(unit.source.caller_vertices);
   dag.vertices = std::move(unit.source.mesh);
   dag.vertices.triangles = {};
   dag.vertices.materials = {};
@@ -46,13 +49,13 @@ Dag build_in_core(const MeshView& mesh, const Config& config, const BuildOptions
 }
 
 Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& options,
-                const Decimator& decimate) {
-  if (config.position_step == 0) return build_in_core(mesh, config, options, decimate);
+                const Decimator& decimate, std::span<const uint8_t> locked) {
+  if (config.position_step == 0) return build_in_core(mesh, config, options, decimate, locked);
   std::vector<Vec3> positions(mesh.positions.begin(), mesh.positions.end());
   const float moved = snap_to_grid(positions, config.position_step);
   MeshView snapped = mesh;
   snapped.positions = positions;
-  Dag dag = build_in_core(snapped, config, options, decimate);
+  Dag dag = build_in_core(snapped, config, options, decimate, locked);
   // Adding the same to all keeps them monotone.
   for (Group& group : dag.tables.groups) group.error += moved;
   for (Node& node : dag.tables.nodes) node.error += moved;
@@ -63,13 +66,19 @@ Dag build_valid(const MeshView& mesh, const Config& config, const BuildOptions& 
 
 }  // namespace
 
-Dag build(const MeshView& mesh, const Config& config, const BuildOptions& options,
-          const Decimator& decimate) {
+Dag build(const MeshView& mesh, const Config& given, const BuildOptions& options,
+          const Decimator& decimate, std::span<const uint8_t> locked) {
+  const Config config = with_limits(given);
   check_config(mesh, config);
+  if (!locked.empty() && locked.size() != mesh.positions.size())
+    throw Error(ErrorCode::kInvalidArgument,
+                "locked has " + std::to_string(locked.size()) + " elements, but there are " +
+                    std::to_string(mesh.positions.size()) + " vertices");
   validate(mesh, options.threads == 0 ? BuildOptions{} : BuildOptions{{}, options.threads});
   const auto start = std::chrono::steady_clock::now();
   Dag dag;
-  with_threads(options.threads, [&] { dag = build_valid(mesh, config, options, decimate); });
+  with_threads(options.threads,
+               [&] { dag = build_valid(mesh, config, options, decimate, locked); });
   dag.report.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return dag;

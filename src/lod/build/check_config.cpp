@@ -1,6 +1,7 @@
 #include "lod/build/check_config.hpp"
 
 #include <string>
+#include <utility>
 
 namespace umbel::lod {
 namespace {
@@ -14,6 +15,18 @@ void check_values(const Config& config) {
           "max_triangles is " + std::to_string(config.max_triangles) + ", must be in [4, 256]");
   require(config.max_vertices >= 6 && config.max_vertices <= 256,
           "max_vertices is " + std::to_string(config.max_vertices) + ", must be in [6, 256]");
+  require(config.min_triangles <= config.max_triangles,
+          "min_triangles is " + std::to_string(config.min_triangles) +
+              ", more than max_triangles, " + std::to_string(config.max_triangles));
+  const std::pair<const char*, float> costs[] = {
+      {"underfill_cost", config.underfill_cost},
+      {"vertex_underfill_cost", config.vertex_underfill_cost},
+      {"overlap_cost", config.overlap_cost},
+      {"group_underfill_cost", config.group_underfill_cost},
+      {"group_overlap_cost", config.group_overlap_cost}};
+  for (const auto& [name, cost] : costs)
+    require(cost >= 0.0f && cost <= 1.0f,
+            std::string(name) + " is " + std::to_string(cost) + ", must be in [0, 1]");
   require(config.min_group >= 2 && config.min_group <= config.max_group && config.max_group <= 1024,
           "group size is " + std::to_string(config.min_group) + ":" +
               std::to_string(config.max_group) + ", must be 2 <= min <= max <= 1024");
@@ -44,6 +57,14 @@ void check_materials(const MeshView& mesh, const Config& config) {
 }
 
 }  // namespace
+
+Config with_limits(const Config& config) {
+  constexpr uint32_t kMost = 256;  // that bytes can name
+  Config result = config;
+  if (result.max_triangles == 0) result.max_triangles = kMost;
+  if (result.max_vertices == 0) result.max_vertices = kMost;
+  return result;
+}
 
 void check_config(const MeshView& mesh, const Config& config) {
   check_values(config);

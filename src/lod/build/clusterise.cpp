@@ -120,8 +120,12 @@ void append_cluster(const SubMesh& sub_mesh, std::span<const uint32_t> items,
 
 ClusterConfig cluster_config(const Config& config) {
   ClusterConfig result = cluster_preset("quality", config.max_triangles);
-  result.min_items = std::max(1u, config.max_triangles / 4);
+  result.min_items =
+      config.min_triangles > 0 ? config.min_triangles : std::max(1u, config.max_triangles / 4);
   result.max_vertices = config.max_vertices;
+  result.underfill_cost = config.underfill_cost;
+  result.vertex_underfill_cost = config.vertex_underfill_cost;
+  result.overlap_cost = config.overlap_cost;
   return result;
 }
 

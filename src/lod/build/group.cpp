@@ -139,7 +139,8 @@ Clusters Grouper::group(const ClusterSet& set, std::span<const uint8_t> locked,
   ClusterConfig cluster_config;
   cluster_config.min_items = config.min_group;
   cluster_config.max_items = config.max_group;
-  cluster_config.underfill_cost = 0.5f;
+  cluster_config.underfill_cost = config.group_underfill_cost;
+  cluster_config.overlap_cost = config.group_overlap_cost;
   return build_clusters(input, cluster_config);
 }
 

@@ -30,6 +30,9 @@
 #include <limits>
 #include <numeric>
 #include <span>
+#include <string>
+
+#include "base/math.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -117,6 +120,24 @@ std::vector<Node> leaves_of_level(const Tables& tables, const Range& level) {
   return ordered;
 }
 
+void check_groups(const Tables& tables) {
+  for (size_t l = 0; l < tables.levels.size(); ++l) {
+    const Range& level = tables.levels[l];
+    if (level.offset > tables.groups.size() || level.count > tables.groups.size() - level.offset)
+      throw Error(ErrorCode::kCorrupt,
+                  "level " + std::to_string(l) + " has groups from " +
+                      std::to_string(level.offset) + " on, " + std::to_string(level.count) +
+                      " of them, but there are " + std::to_string(tables.groups.size()));
+  }
+  for (size_t g = 0; g < tables.groups.size(); ++g) {
+    const Group& group = tables.groups[g];
+    if (!is_finite(group.sphere.center) || !(group.sphere.radius >= 0) || !(group.error >= 0))
+      throw Error(ErrorCode::kCorrupt, "group " + std::to_string(g) +
+                                           " has a sphere or an error that is not a number, or "
+                                           "below 0");
+  }
+}
+
 /// The same tree, breadth first from its root.
 std::vector<Node> breadth_first(const Node& root, const std::vector<Node>& nodes) {
   std::vector<Node> out{root};
@@ -164,12 +185,27 @@ Node enclosing_node(const Node* children, size_t count) {
 }
 
 std::vector<Node> build_hierarchy(const Tables& tables) {
+  check_groups(tables);
   std::vector<Node> nodes, roots;
   for (const Range& level : tables.levels)
     if (level.count) roots.push_back(build_tree(leaves_of_level(tables, level), nodes));
   if (roots.empty()) return {};
   const Node root = build_tree(std::move(roots), nodes);
   return breadth_first(root, nodes);
+}
+
+void complete(Tables& tables) {
+  if (tables.levels.empty())
+    for (uint32_t g = 0; g < tables.groups.size(); ++g) {
+      const uint32_t level = tables.groups[g].level;
+      if (level + uint64_t{1} < tables.levels.size() || level > tables.groups.size())
+        throw Error(ErrorCode::kCorrupt, "group " + std::to_string(g) + " is of level " +
+                                             std::to_string(level) +
+                                             ", but levels must not fall, and rise one by one");
+      while (tables.levels.size() <= level) tables.levels.push_back({g, 0});
+      ++tables.levels.back().count;
+    }
+  if (tables.nodes.empty()) tables.nodes = build_hierarchy(tables);
 }
 
 }  // namespace umbel::lod

@@ -23,11 +23,13 @@ struct Unit {
   std::vector<Sphere> spheres;  ///< of pending: generating groups', or their own
   /// Those of the clusters that the unit began with, then its own groups in their order.
   std::vector<GeneratingGroup> generators;
-  LockedEdgeSet locked_edges;    ///< of all rounds
-  std::vector<uint8_t> locked;   ///< by position id: borders of the last round; empty: none
-  std::vector<uint32_t> frozen;  ///< position ids that other units may have: they stay
-  uint32_t level = 0;            ///< of the next groups
-  bool is_whole = true;          ///< no other unit has a part of the surface, or ever had
+  LockedEdgeSet locked_edges;          ///< of all rounds
+  std::vector<uint8_t> locked;         ///< by position id: borders of the last round; empty: none
+  std::vector<uint32_t> frozen;        ///< position ids that other units may have: they stay
+  std::vector<Vec3> locked_positions;  ///< that the caller has locked
+  std::vector<uint32_t> held;          ///< position ids of those, and of borders that stay
+  uint32_t level = 0;                  ///< of the next groups
+  bool is_whole = true;                ///< no other unit has a part of the surface, or ever had
 };
 
 }  // namespace umbel::lod

@@ -7,6 +7,7 @@
 #include "base/big_vector.hpp"
 #include "base/parallel.hpp"
 #include "lod/build/clusterise.hpp"
+#include "lod/build/held_positions.hpp"
 #include "lod/dag/bounds.hpp"
 
 namespace umbel::lod {
@@ -43,6 +44,8 @@ void UnitBuilder::make_finest_level(std::vector<PositionPair>* undecided) {
     const BigVector<uint32_t> number = order_vertices(unit_.source, unit_.pending);
     for (uint32_t& p : unit_.frozen) p = number[p];
   }
+  unit_.held =
+      held_positions(unit_.source, unit_.pending, unit_.locked_positions, config_.lock_borders);
   lock_frozen();
   unit_.locked_edges.freeze(unit_.frozen);
   tbb::parallel_invoke(
@@ -64,7 +67,8 @@ void UnitBuilder::run(uint32_t rounds) {
     if (pending.size() == 0 || is_coarsest() || is_deep_enough()) break;
     const size_t before = pending.triangle_count();
     const double enough = before * kLeastProgress;
-    const size_t groups = simplify_level(last_resort);
+    // The last resort would damage the rest for the sake of what must stay.
+    const size_t groups = simplify_level(last_resort && unit_.held.empty());
     // One group that is what it was would be so again.
     if (groups == 1 && pending.triangle_count() == before) idle = kPatience;
     if (pending.triangle_count() <= enough) {
@@ -91,9 +95,14 @@ void UnitBuilder::grow() {
   unit_.locked.resize(unit_.source.mesh.positions.size(), 0);
 }
 
-// Nothing is gained by levels above a single cluster's worth of triangles.
+// Nothing is gained by levels above a single cluster's worth of triangles and vertices.
 bool UnitBuilder::is_coarsest() const {
-  return unit_.pending.size() == 1 || unit_.pending.triangle_count() <= config_.max_triangles;
+  if (unit_.pending.size() == 1) return true;
+  if (unit_.pending.triangle_count() > config_.max_triangles) return false;
+  std::vector<uint32_t> vertices = unit_.pending.vertices;
+  std::sort(vertices.begin(), vertices.end());
+  const auto end = std::unique(vertices.begin(), vertices.end());
+  return end - vertices.begin() <= std::ptrdiff_t{config_.max_vertices};
 }
 
 // Whether the caller wants no more.
@@ -120,8 +129,10 @@ size_t UnitBuilder::simplify_level(bool last_resort) {
   return results.size();
 }
 
+// What other units may have, and what the caller holds.
 void UnitBuilder::lock_frozen() {
   for (uint32_t p : unit_.frozen) unit_.locked[p] = 1;
+  for (uint32_t p : unit_.held) unit_.locked[p] = kHeld;
 }
 
 void UnitBuilder::measure(const Clusters& groups, const std::vector<GroupResult>& results,

@@ -9,6 +9,7 @@
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "lod/dag/cluster_topology.hpp"
+#include "mesh/weld.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -63,7 +64,9 @@ float simplification_scale(const Aabb& box) {
 
 Source make_source(const MeshView& input, const BuildOptions& options) {
   Source source;
-  source.mesh = weld(input, options);
+  TracedWeld welded = weld_and_trace(input, options);
+  source.mesh = std::move(welded.mesh);
+  source.caller_vertices = std::move(welded.sources);
   const Mesh& mesh = source.mesh;
   const Aabb box = bounds(mesh.view());
   for (float c : {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z})
@@ -117,6 +120,7 @@ uint32_t append_vertices(Source& source, const AddedVertices& added) {
     throw Error(ErrorCode::kUnsupported, "the levels of detail have over 2^31 vertices");
   for (uint32_t v = 0; v < count; ++v) {
     append_vertex(source.mesh, added.mesh, v);
+    source.caller_vertices.push_back(kNone);
     const uint32_t shared = added.position_ids[v];
     const uint32_t earlier = first + (shared - kAddedVertex);
     source.position_ids.push_back(shared == kNone          ? first + v
@@ -154,6 +158,7 @@ BigVector<uint32_t> order_vertices(Source& source, ClusterSet& clusters) {
   permute_extras(mesh, from);
   permute(source.vertex_materials, from);
   permute(source.several_materials, from);
+  permute(source.caller_vertices, from);
   permute(source.position_ids, from);
   for (uint32_t& id : source.position_ids) id = number[id];
   return number;

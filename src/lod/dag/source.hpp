@@ -15,6 +15,7 @@ namespace umbel::lod {
 struct Source {
   Mesh mesh;  ///< welded; its triangles are there until the first clusters are
   std::vector<uint32_t> position_ids;             ///< one a vertex
+  std::vector<uint32_t> caller_vertices;          ///< one a vertex: the input's, or kNone if made
   bool has_wedges = false;                        ///< several vertices at one position
   std::vector<uint32_t> non_manifold_components;  ///< one a position id, see topology.hpp
   std::vector<uint32_t> vertex_materials;         ///< one a vertex; empty where all are 0

@@ -124,7 +124,9 @@ void SubMeshTopology::count_edges(std::span<const Triangle> result) {
   for (const auto& [a, b] : own_locked_edges_) ++entry(a, b).before;
   for (const Entry& e : entries_) {
     const auto [a, b] = e.edge;
-    if (component_[a] != kNone && component_[a] == component_[b]) continue;
+    // What the caller holds stays open where it was, and nowhere else.
+    const bool held = locked_[a] == kHeld && locked_[b] == kHeld;
+    if (!held && component_[a] != kNone && component_[a] == component_[b]) continue;
     const bool fixed = locked_[a] && locked_[b];
     const bool parity_changed = fixed ? ((e.before ^ e.after) & 1) != 0 : (e.after & 1) != 0;
     const bool is_new = fixed && e.before == 0 && e.after == 2;

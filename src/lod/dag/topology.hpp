@@ -35,6 +35,9 @@ std::vector<uint32_t> non_manifold_components(std::span<const Triangle> triangle
 /// one that may be non-manifold; `count` positions.
 std::vector<uint32_t> non_manifold_components(std::span<const PositionPair> edges, size_t count);
 
+/// Of locked positions: the caller holds them, and the open edges between two such.
+inline constexpr uint8_t kHeld = 2;
+
 /// Compares a sub-mesh of a surface before and after simplification. Edge collapse is a simplicial
 /// map, so it keeps the boundary of the sub-mesh modulo 2; what it may do wrong is to close a loop
 /// of three edges that bounds no triangle, after which four triangles share an edge (the link
@@ -42,8 +45,8 @@ std::vector<uint32_t> non_manifold_components(std::span<const PositionPair> edge
 /// neighbouring sub-mesh may have or make one too (locked_edges.hpp). Reusable; not thread-safe.
 class SubMeshTopology {
  public:
-  /// Positions of the sub-mesh are numbered 0..; `locked[p]` says that a neighbour has p too, and
-  /// `component[p]` is that of non_manifold_components.
+  /// Positions of the sub-mesh are numbered 0..; `locked[p]` is not 0 where a neighbour has p too,
+  /// and kHeld where the caller holds it; `component[p]` is that of non_manifold_components.
   void set_sub_mesh(std::span<const Triangle> triangles, std::span<const uint8_t> locked,
                     std::span<const uint32_t> component);
 

@@ -1,5 +1,7 @@
 // The best cut within a budget, without trying cuts: a cluster is in the cuts of a range of
 // errors, or of thresholds, and sorting the ends of those ranges gives the cost of every cut.
+#include "lod/select/budget.hpp"
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -14,38 +16,49 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// One instance, and what turns the scene's errors or thresholds into its own.
-struct Seen {
-  View view;
-  std::vector<Plane> planes;
-  double factor;
-};
+}  // namespace
+
+float turning_point(const Group& group, const Seen& seen) {
+  return turning_point(group.sphere, group.error, seen.view, seen.factor);
+}
+
+namespace {
 
 struct Event {
   float at;
   int64_t cost;
 };
 
-void append_events(const Tables& tables, std::span<const uint32_t> costs, const Seen& seen,
+// From where on a cluster is in the cut, and up to where.
+struct Stay {
+  float enters, leaves;
+};
+
+void append(const Stay& stay, uint32_t cost, std::vector<Event>& events) {
+  if (cost == 0 || !(stay.enters < stay.leaves)) return;
+  events.push_back({stay.enters, cost});
+  if (stay.leaves < kInfinity) events.push_back({stay.leaves, -int64_t{cost}});
+}
+
+void append_events(const Tables& tables, const Costs& costs, const Seen& seen,
                    std::span<const ClusterBounds> normal_cones, std::vector<Event>& events) {
   const Culling culling{seen.planes, normal_cones};
   std::vector<float> turns(tables.groups.size());
-  parallel_for(turns.size(), 1024, [&](size_t g) {
+  parallel_for(turns.size(), 1024,
+               [&](size_t g) { turns[g] = turning_point(tables.groups[g], seen); });
+  for (size_t g = 0; g < turns.size(); ++g) {
     const Group& group = tables.groups[g];
-    turns[g] = turning_point(group.sphere, group.error, seen.view, seen.factor);
-  });
-  for (const Group& group : tables.groups) {
     if (is_outside(group.sphere, culling.planes)) continue;
+    Stay first{kInfinity, turns[g]};  // of the group: as soon as one of its clusters
     for (uint32_t c = group.clusters.offset; c < group.clusters.offset + group.clusters.count;
          ++c) {
-      const Cluster& cluster = tables.clusters[c];
-      const float enters =
-          cluster.generating_group == kNone ? 0.0f : turns[cluster.generating_group];
-      const float leaves = turns[cluster.group];
-      if (!(enters < leaves) || !is_visible(tables, c, seen.view, culling)) continue;
-      events.push_back({enters, costs[c]});
-      if (leaves < kInfinity) events.push_back({leaves, -int64_t{costs[c]}});
+      const uint32_t generating = tables.clusters[c].generating_group;
+      const Stay stay{generating == kNone ? 0.0f : turns[generating], turns[g]};
+      if (!(stay.enters < stay.leaves) || !is_visible(tables, c, seen.view, culling)) continue;
+      first.enters = std::min(first.enters, stay.enters);
+      if (!costs.clusters.empty()) append(stay, costs.clusters[c], events);
     }
+    if (!costs.groups.empty()) append(first, costs.groups[g], events);
   }
 }
 
@@ -63,13 +76,33 @@ float first_that_fits(std::vector<Event>& events, float least, uint64_t budget) 
   }
 }
 
+void check_length(size_t given, size_t needed, const char* of) {
+  if (given == 0 || given == needed) return;
+  throw Error(ErrorCode::kInvalidArgument, "view_for_budget: there are " + std::to_string(given) +
+                                               " costs for " + std::to_string(needed) + " " + of);
+}
+
+}  // namespace
+
+Seen see(const View& view, const Culling& culling) {
+  return {view, {culling.planes.begin(), culling.planes.end()}, 1.0};
+}
+
 Seen see(const View& view, const Culling& culling, const Transform& transform) {
   const Stretch s = stretch(transform);
   return {to_object(view, transform), to_object(culling.planes, transform),
           view.kind == View::Kind::kError ? 1 / s.most : s.least / s.most};
 }
 
-}  // namespace
+void check_budget(const Tables& tables, const View& view, const Costs& costs,
+                  const Culling& culling) {
+  check(tables, view, culling);
+  if (view.kind == View::Kind::kLevel)
+    throw Error(ErrorCode::kInvalidArgument,
+                "a budget needs a view by error or by camera: levels are whole");
+  check_length(costs.clusters.size(), tables.clusters.size(), "clusters");
+  check_length(costs.groups.size(), tables.groups.size(), "groups");
+}
 
 std::vector<uint32_t> triangle_costs(const Tables& tables) {
   std::vector<uint32_t> costs;
@@ -94,22 +127,12 @@ std::vector<uint32_t> byte_costs(const Tables& tables, uint32_t vertex_bytes,
   return costs;
 }
 
-View view_for_budget(const Tables& tables, const View& view, std::span<const uint32_t> costs,
-                     uint64_t budget, const Culling& culling,
-                     std::span<const Transform> instances) {
-  check(tables, view, culling);
-  if (view.kind == View::Kind::kLevel)
-    throw Error(ErrorCode::kInvalidArgument,
-                "view_for_budget needs a view by error or by camera: levels are whole");
-  if (costs.size() != tables.clusters.size())
-    throw Error(ErrorCode::kInvalidArgument,
-                "view_for_budget: there are " + std::to_string(costs.size()) + " costs for " +
-                    std::to_string(tables.clusters.size()) + " clusters");
+View view_for_budget(const Tables& tables, const View& view, const Costs& costs, uint64_t budget,
+                     const Culling& culling, std::span<const Transform> instances) {
+  check_budget(tables, view, costs, culling);
   std::vector<Event> events;
-  if (instances.empty()) {
-    const Seen seen{view, {culling.planes.begin(), culling.planes.end()}, 1.0};
-    append_events(tables, costs, seen, culling.normal_cones, events);
-  }
+  if (instances.empty())
+    append_events(tables, costs, see(view, culling), culling.normal_cones, events);
   for (const Transform& transform : instances)
     append_events(tables, costs, see(view, culling, transform), culling.normal_cones, events);
   View result = view;

@@ -52,6 +52,10 @@ InstanceCuts select_instances(const Tables& tables, const View& view, const Cull
     cuts[i] =
         select_hierarchy(tables, to_object(view, instances[i]), {planes, culling.normal_cones});
   });
+  return join_cuts(cuts);
+}
+
+InstanceCuts join_cuts(std::span<const std::vector<uint32_t>> cuts) {
   InstanceCuts result;
   result.offsets.push_back(0);
   for (const std::vector<uint32_t>& cut : cuts) {

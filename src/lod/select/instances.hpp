@@ -141,4 +141,7 @@ class InstanceSpace {
 
 std::vector<Plane> to_object(std::span<const Plane> planes, const Transform& transform);
 
+/// One cut an instance, one after the other. Throws kUnsupported where they are too many clusters.
+InstanceCuts join_cuts(std::span<const std::vector<uint32_t>> cuts);
+
 }  // namespace umbel::lod

@@ -61,18 +61,34 @@ void validate_result(const DecimationInput& input, const DecimationResult& made)
   validate(probe.view());
 }
 
-}  // namespace
+// The first vertex at each position.
+std::vector<uint32_t> first_vertices(const GroupMesh& group) {
+  std::vector<uint32_t> first(group.position_count(), kNone);
+  for (uint32_t v = 0; v < group.position_of.size(); ++v)
+    first[group.position_of[v]] = std::min(first[group.position_of[v]], v);
+  return first;
+}
 
-bool decimate_by_caller(const Decimator& decimate, size_t target, size_t most, GroupMesh& group,
-                        CandidateCheck& check, Candidate& candidate) {
-  const Mesh mesh = mesh_of(group);
-  std::vector<uint8_t> locked;
-  for (uint32_t p : group.position_of) locked.push_back(group.locked[p]);
-  const DecimationInput input{mesh.view(), locked, target};
-  DecimationResult made;
-  if (!decimate(input, made)) return false;
-  validate_result(input, made);
-  if (made.triangles.size() > most) return false;
+// Of a result whose vertices have been appended to the group; no reason where there is none.
+DecimationRefusal refusal_of(const GroupMesh& group, CandidateCheck& check,
+                             std::span<const Triangle> triangles) {
+  using Reason = DecimationRefusal::Reason;
+  for (uint32_t i = 0; i < triangles.size(); ++i) {
+    if (group.is_degenerate(triangles[i])) return {Reason::kDegenerate, i, {}};
+    if (group.mixes_materials({&triangles[i], 1})) return {Reason::kMixedMaterials, i, {}};
+  }
+  DecimationRefusal refusal;
+  const auto faults = check.faults(triangles);
+  if (faults.empty()) return refusal;
+  refusal.reason = Reason::kEdges;
+  const std::vector<uint32_t> first = first_vertices(group);
+  for (const auto& [a, b] : faults) refusal.edges.push_back({first[a], first[b]});
+  return refusal;
+}
+
+// Takes the result into the group, or says why not and leaves the group as it was.
+DecimationRefusal take(DecimationResult& made, GroupMesh& group, CandidateCheck& check,
+                       Candidate& candidate) {
   Candidate result;
   result.error = made.error;
   const float step = group.config.position_step;
@@ -88,16 +104,67 @@ bool decimate_by_caller(const Decimator& decimate, size_t target, size_t most, G
   group.append(made.added, result.added);
   check.reset(check.allowance());
   result.triangles = std::move(made.triangles);
-  if (std::none_of(result.triangles.begin(), result.triangles.end(),
-                   [&](const Triangle& t) { return group.is_degenerate(t); }))
-    check.accept_if_sound(result);
-  if (result.valid) {
+  DecimationRefusal refusal = refusal_of(group, check, result.triangles);
+  if (refusal.reason == DecimationRefusal::Reason{}) {
+    check.accept(result);
     candidate = std::move(result);
-    return true;
+  } else {
+    group.remove_appended();
+    check.reset(check.allowance());
   }
-  group.remove_appended();
-  check.reset(check.allowance());
+  return refusal;
+}
+
+}  // namespace
+
+bool decimate_by_caller(const Decimator& decimate, size_t target, size_t most, GroupMesh& group,
+                        CandidateCheck& check, Candidate& candidate) {
+  constexpr int kMostCalls = 4;
+  const Mesh mesh = mesh_of(group);
+  std::vector<uint8_t> locked;
+  for (uint32_t p : group.position_of) locked.push_back(group.locked[p] != 0);
+  DecimationInput input{mesh.view(), locked, target, most};
+  DecimationRefusal refusal;
+  if (!check.allowance().locked_edges) {
+    refusal.reason = DecimationRefusal::Reason::kTakenEdge;
+    input.refused = &refusal;
+  }
+  for (int call = 0; call < kMostCalls; ++call) {
+    DecimationResult made;
+    if (!decimate(input, made)) return false;
+    validate_result(input, made);
+    if (made.triangles.size() > most)
+      refusal = {DecimationRefusal::Reason::kTooMany, kNone, {}};
+    else
+      refusal = take(made, group, check, candidate);
+    if (refusal.reason == DecimationRefusal::Reason{}) return true;
+    input.refused = &refusal;
+  }
   return false;
+}
+
+std::string to_string(const DecimationRefusal& refusal) {
+  using Reason = DecimationRefusal::Reason;
+  const std::string triangle = "triangle " + std::to_string(refusal.triangle);
+  switch (refusal.reason) {
+    case Reason::kTooMany:
+      return "too many triangles are left";
+    case Reason::kDegenerate:
+      return triangle + " has two corners at one position";
+    case Reason::kMixedMaterials:
+      return triangle + " has corners of several materials";
+    case Reason::kEdges: {
+      std::string sentence = std::to_string(refusal.edges.size()) +
+                             " edges are open, missing or shared by too many triangles";
+      if (!refusal.edges.empty())
+        sentence += ", the first from vertex " + std::to_string(refusal.edges[0][0]) + " to " +
+                    std::to_string(refusal.edges[0][1]);
+      return sentence;
+    }
+    case Reason::kTakenEdge:
+      return "another group has made the same edge between two locked vertices: make none";
+  }
+  return "not refused";
 }
 
 }  // namespace umbel::lod

@@ -8,8 +8,9 @@
 
 namespace umbel::lod {
 
-/// Asks for `target` triangles and takes at most `most`. False: the group is to be simplified
-/// otherwise, and is as it was. Throws kInvalidArgument where the result is no mesh.
+/// Asks for `target` triangles and takes at most `most`; asks again where it refuses. False: the
+/// group is to be simplified otherwise, and is as it was. Throws kInvalidArgument where the result
+/// is no mesh.
 bool decimate_by_caller(const Decimator& decimate, size_t target, size_t most, GroupMesh& group,
                         CandidateCheck& check, Candidate& candidate);
 

@@ -191,7 +191,10 @@ TEST(LodFromC, budgets_and_instances_are_those_of_cpp) {
   const umbel_lod_tables* tables = umbel_lod_get_tables(lod.get());
   umbel_lod_view view, fitting;
   ASSERT_EQ(umbel_lod_view_error(0, &view), UMBEL_OK);
-  ASSERT_EQ(umbel_lod_view_for_budget(tables, &view, nullptr, 1000, nullptr, nullptr, 0, &fitting),
+  umbel_lod_budget budget;
+  umbel_lod_budget_init(&budget);
+  budget.limit = 1000;
+  ASSERT_EQ(umbel_lod_view_for_budget(tables, &view, &budget, nullptr, nullptr, 0, &fitting),
             UMBEL_OK);
   EXPECT_EQ(fitting.error, lod::error_for_triangles(dag.tables, 1000));
   const std::vector<umbel_transform> two = {{{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}},

@@ -1,6 +1,7 @@
 // A decimation of the caller's own, from C.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -78,6 +79,40 @@ TEST(LodFromC, decimation_of_the_callers_own_may_add_vertices) {
   bool raised = false;
   for (size_t v = 0; v < arrays.position_count; ++v) raised |= arrays.positions[v].z == 0.25f;
   EXPECT_TRUE(raised);
+}
+
+TEST(LodFromC, a_decimation_is_told_why_it_was_refused_and_can_cancel) {
+  const Mesh mesh = shapes::grid(40, 40);
+  umbel_lod_config config = small_config();
+  std::set<uint32_t> told;
+  config.decimate_user = &told;
+  config.decimate = [](umbel_lod_decimation* group, void* user) {
+    static_cast<std::set<uint32_t>*>(user)->insert(group->refusal);
+    EXPECT_EQ(group->refused_why != nullptr, group->refusal != UMBEL_LOD_NOT_REFUSED);
+    EXPECT_LT(group->target, group->most);
+    if (group->refusal == UMBEL_LOD_REFUSED_EDGES) {
+      EXPECT_GT(group->refused_edge_count, 0u);
+      EXPECT_LT(group->refused_edges[0], group->mesh.position_count);
+      return 0;
+    }
+    // All triangles are too many; one alone does not have the border.
+    const bool first = group->refusal == UMBEL_LOD_NOT_REFUSED;
+    group->triangle_count = first ? group->mesh.triangle_count : 1;
+    std::copy_n(group->mesh.triangles, 3 * group->triangle_count, group->triangles);
+    return 1;
+  };
+  umbel_build_options options;
+  umbel_build_options_init(&options);
+  options.threads = 1;
+  const umbel_lod_mesh given = c_mesh(mesh);
+  umbel_lod* lod = nullptr;
+  ASSERT_EQ(umbel_lod_build(&given, &config, &options, &lod), UMBEL_OK) << umbel_last_error();
+  umbel_lod_free(lod);
+  EXPECT_TRUE(told.count(UMBEL_LOD_NOT_REFUSED) && told.count(UMBEL_LOD_REFUSED_TOO_MANY) &&
+              told.count(UMBEL_LOD_REFUSED_EDGES));
+  config.decimate = [](umbel_lod_decimation*, void*) { return UMBEL_LOD_DECIMATE_CANCEL; };
+  EXPECT_EQ(umbel_lod_build(&given, &config, nullptr, &lod), UMBEL_ERROR_CANCELLED);
+  EXPECT_EQ(lod, nullptr);
 }
 
 }  // namespace

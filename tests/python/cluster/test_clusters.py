@@ -355,7 +355,8 @@ def test_vertex_bits_limit_clusters_as_vertex_indices_do(blob: umbel.Mesh) -> No
         targets += shared.keys()
         bits += shared.values()
         offsets.append(len(targets))
-    links = (offsets, targets, None)
+    # Beside bits, connections without weights only count vertices.
+    links = (offsets, targets, np.ones(len(targets), np.float32))
     by_bits = umbel.build_clusters(
         boxes,
         connections=links,

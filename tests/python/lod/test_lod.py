@@ -357,3 +357,71 @@ def test_measured_errors_say_how_far_estimates_were_off(blob: umbel.Mesh) -> Non
     assert built.report["measured_groups"] > 10
     assert 0.1 < built.report["mean_overestimate"] < 100
     assert built.report["underestimated_groups"] <= built.report["measured_groups"]
+
+
+def test_every_vertex_is_the_meshs_or_new() -> None:
+    blob = umbel.shapes.blob(4, 3)
+    lod = umbel.build_lod(blob, max_triangles=32, group_size=(4, 8), refit_attributes=False)
+    vertices = lod.source_vertices
+    assert len(vertices) == int(lod.clusters["vertex_count"].sum())
+    offsets = [0, *np.cumsum(lod.clusters["vertex_count"]).tolist()]
+    for cluster in (0, 7, len(lod.clusters) - 1):
+        own = vertices[offsets[cluster] : offsets[cluster + 1]]
+        shown = lod.mesh([cluster]).positions
+        assert {tuple(p) for p in blob.positions[own].tolist()} == {
+            tuple(p) for p in shown.tolist()
+        }
+
+
+def test_locked_borders_and_vertices_stay() -> None:
+    grid = umbel.shapes.grid(30, 30)
+    small = {"max_triangles": 32, "group_size": (4, 8)}
+    free = umbel.build_lod(grid, **small)
+    tile = umbel.build_lod(grid, **small, lock_borders=True)
+    assert free.report["root_triangles"] <= 32 < 118 <= tile.report["root_triangles"]
+    x, y = grid.positions[:, 0], grid.positions[:, 1]
+    outline = {tuple(p) for p in grid.positions[(x % 1 == 0) | (y % 1 == 0)].tolist()}
+    coarsest = tile.mesh(tile.cut(error=math.inf)).positions
+    assert outline <= {tuple(p) for p in coarsest.tolist()}
+    corner = umbel.build_lod(grid, **small, locked=np.arange(len(grid.positions)) < 100)
+    shown = {tuple(p) for p in corner.mesh(corner.cut(error=math.inf)).positions.tolist()}
+    assert {tuple(p) for p in grid.positions[:100].tolist()} <= shown
+    with pytest.raises(umbel.Error, match="locked"):
+        umbel.build_lod(grid, locked=[True])
+
+
+def test_a_decimation_is_told_why_it_was_refused() -> None:
+    told: list[str | None] = []
+
+    def keep_all(mesh: umbel.Mesh, locked: object, target: int, refused: str | None) -> object:
+        told.append(refused)
+        return None if refused else (mesh.triangles, 0.0)
+
+    umbel.build_lod(
+        umbel.shapes.blob(3, 3), max_triangles=32, group_size=(4, 8), decimate=keep_all, threads=1
+    )
+    assert told.count(None) == len(told) // 2
+    assert "too many triangles are left" in told
+
+
+def test_budgets_count_clusters_and_groups_and_are_filled() -> None:
+    lod = umbel.build_lod(umbel.shapes.blob(5, 3), max_triangles=32, group_size=(4, 8))
+    for most in (10, 60, 300):
+        cut = lod.cut(clusters=most)
+        assert len(cut) <= most
+        shown = lod.cut(groups=most)
+        assert len(np.unique(lod.clusters["group"][shown])) <= most
+    plain = lod.tables.view(triangles=5000)
+    assert lod.tables.cut_triangles(lod.cut(triangles=5000)) >= lod.tables.cut_triangles(
+        lod.cut(error=plain.error)
+    )
+    with pytest.raises(umbel.Error, match="triangles is 1, but the coarsest cut has"):
+        lod.cut(triangles=1)
+
+
+def test_tables_need_no_nodes() -> None:
+    lod = umbel.build_lod(umbel.shapes.blob(4, 3), max_triangles=32, group_size=(4, 8))
+    bare = umbel.Tables.of_arrays(lod.levels, lod.groups, lod.clusters)
+    assert np.array_equal(bare.nodes, lod.nodes)
+    barer = umbel.Tables.of_arrays(lod.levels[:0], lod.groups, lod.clusters)
+    assert np.array_equal(barer.levels, lod.levels)

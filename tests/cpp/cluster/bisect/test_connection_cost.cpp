@@ -104,6 +104,8 @@ TEST(BisectConnections, vertex_bits_limit_clusters_as_vertex_indices_do) {
       ClusterInput with_bits = with_indices;
       with_bits.item_vertices = {};
       with_bits.connections.vertex_bits = bits;
+      const std::vector<float> ones(bits.size(), 1.0f);  // bits alone would only count vertices
+      if (with_bits.connections.weights.empty()) with_bits.connections.weights = ones;
       EXPECT_TRUE(same(expected, build_clusters(with_bits, limits(16, 128, limit))));
       Clusters alone;
       cluster::Bisector().build(with_bits, limits(16, 128, limit), alone);

@@ -114,6 +114,81 @@ TEST(Decimator, that_breaks_the_border_is_not_used) {
   EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
 }
 
+// It mends what it is told.
+TEST(Decimator, is_told_why_and_may_try_again) {
+  using Reason = DecimationRefusal::Reason;
+  const Mesh mesh = shapes::blob(5, 4);
+  std::map<Reason, int> told;
+  BuildOptions one;
+  one.threads = 1;
+  const Dag dag = build(
+      mesh.view(), testing::small_config(), one,
+      [&](const DecimationInput& input, DecimationResult& result) {
+        EXPECT_GT(input.most, input.target);
+        if (!input.refused) {  // all triangles: too many
+          result.triangles.assign(input.mesh.triangles.begin(), input.mesh.triangles.end());
+          return true;
+        }
+        EXPECT_FALSE(to_string(*input.refused).empty());
+        ++told[input.refused->reason];
+        switch (input.refused->reason) {
+          case Reason::kTooMany:  // half of them: torn
+            result.triangles.assign(input.mesh.triangles.begin(),
+                                    input.mesh.triangles.begin() + input.mesh.triangles.size() / 2);
+            return true;
+          case Reason::kEdges:
+            EXPECT_FALSE(input.refused->edges.empty());
+            for (const auto& edge : input.refused->edges)
+              for (const uint32_t v : edge) EXPECT_LT(v, input.mesh.positions.size());
+            result.triangles = {{0, 1, 1}};
+            return true;
+          case Reason::kDegenerate:
+            EXPECT_EQ(input.refused->triangle, 0u);
+            return merge_edges(input, result);
+          default:
+            return false;
+        }
+      });
+  EXPECT_GT(told[Reason::kTooMany], 5);
+  EXPECT_EQ(told[Reason::kTooMany], told[Reason::kEdges]);
+  EXPECT_EQ(told[Reason::kTooMany], told[Reason::kDegenerate]);
+  EXPECT_GT(dag.report.groups_by_limiting_factor[0][static_cast<size_t>(LimitingFactor::kCaller)],
+            0u);
+  const VerifyReport report = check(dag, mesh);
+  EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+}
+
+TEST(Decimator, that_never_mends_is_asked_four_times) {
+  const Mesh mesh = shapes::blob(4, 4);
+  std::atomic<int> first = 0, again = 0;
+  const Dag dag =
+      build(mesh.view(), testing::small_config(), {},
+            [&](const DecimationInput& input, DecimationResult& result) {
+              // An edge that another group has made is known before the first call.
+              const bool is_first =
+                  !input.refused || input.refused->reason == DecimationRefusal::Reason::kTakenEdge;
+              ++(is_first ? first : again);
+              result.triangles.assign(input.mesh.triangles.begin(), input.mesh.triangles.end());
+              return true;
+            });
+  EXPECT_GT(first, 10);
+  EXPECT_EQ(again, 3 * first);
+  EXPECT_EQ(dag.tables.groups, build(mesh.view(), testing::small_config()).tables.groups);
+}
+
+TEST(Decimator, can_cancel) {
+  const Mesh mesh = shapes::blob(4, 4);
+  try {
+    build(mesh.view(), testing::small_config(), {},
+          [](const DecimationInput&, DecimationResult&) -> bool {
+            throw Error(ErrorCode::kCancelled, "enough");
+          });
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kCancelled);
+  }
+}
+
 TEST(Decimator, gets_materials_and_attributes_and_keeps_seams) {
   Mesh mesh = shapes::grid(60, 60);
   for (size_t i = 0; i < mesh.triangles.size(); ++i)

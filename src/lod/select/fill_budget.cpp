@@ -1,0 +1,243 @@
+// What is left of a budget once the finest view that fits is known goes to the groups that still
+// fit, the one that is farthest from good enough first. A set of refined groups gives a cut without
+// holes exactly if with each group all are in it that have clusters made from that group; so only
+// such groups may follow.
+#include <algorithm>
+#include <queue>
+#include <ranges>
+
+#include "base/hash.hpp"
+#include "base/interner.hpp"
+#include "base/parallel.hpp"
+#include "lod/select/budget.hpp"
+#include "lod/select/cull.hpp"
+#include "lod/select/instances.hpp"
+
+namespace umbel::lod {
+namespace {
+
+/// The clusters that each group generated.
+class GeneratedClusters {
+ public:
+  explicit GeneratedClusters(const Tables& tables) : offsets_(tables.groups.size() + 1, 0) {
+    for (const Cluster& cluster : tables.clusters)
+      if (cluster.generating_group != kNone) ++offsets_[cluster.generating_group + 1];
+    for (size_t g = 1; g < offsets_.size(); ++g) offsets_[g] += offsets_[g - 1];
+    clusters_.resize(offsets_.back());
+    std::vector<uint32_t> next(offsets_.begin(), offsets_.end() - 1);
+    for (uint32_t c = 0; c < tables.clusters.size(); ++c)
+      if (const uint32_t g = tables.clusters[c].generating_group; g != kNone)
+        clusters_[next[g]++] = c;
+  }
+
+  std::span<const uint32_t> of(uint32_t group) const {
+    return {clusters_.data() + offsets_[group], offsets_[group + 1] - offsets_[group]};
+  }
+
+ private:
+  std::vector<uint32_t> offsets_, clusters_;
+};
+
+/// The refined groups of one instance.
+class InstanceCut {
+ public:
+  InstanceCut(const Tables& tables, const GeneratedClusters& generated, const Costs& costs,
+              Seen wanted, Seen fitted, std::span<const ClusterBounds> normal_cones)
+      : tables_(tables),
+        generated_(generated),
+        costs_(costs),
+        wanted_(std::move(wanted)),
+        fitted_(std::move(fitted)),
+        normal_cones_(normal_cones) {}
+
+  /// Whether the group may be refined next: its view wants it, and all above it are.
+  bool is_next(uint32_t group) const {
+    if (is_refined(group) || !must_refine(tables_.groups[group], wanted_.view)) return false;
+    const auto above = generated_.of(group);
+    return std::all_of(above.begin(), above.end(),
+                       [&](uint32_t c) { return is_refined(tables_.clusters[c].group); });
+  }
+
+  std::vector<uint32_t> all_next() const {
+    std::vector<uint32_t> groups;
+    for (uint32_t g = 0; g < tables_.groups.size(); ++g)
+      if (is_next(g)) groups.push_back(g);
+    return groups;
+  }
+
+  float turning_point_of(uint32_t group) const {
+    return turning_point(tables_.groups[group], wanted_);
+  }
+
+  /// What the cut costs more (or less) with the group refined.
+  int64_t price(uint32_t group) const {
+    int64_t price = cost_of_group(group, kNone);
+    for (const uint32_t c : range(group))
+      if (is_drawn(c)) price += cost_of_cluster(c);
+    uint32_t last = kNone;
+    for (const uint32_t c : generated_.of(group)) {
+      if (!is_shown(c)) continue;
+      price -= cost_of_cluster(c);
+      // Clusters of a group are consecutive.
+      const uint32_t above = tables_.clusters[c].group;
+      if (above != last) price -= cost_of_group(above, kNone) - cost_of_group(above, group);
+      last = above;
+    }
+    return price;
+  }
+
+  /// Groups that may have become next are appended.
+  void refine(uint32_t group, std::vector<uint32_t>& next) {
+    extra_.insert(group);
+    uint32_t last = kNone;
+    for (const uint32_t c : range(group)) {
+      const uint32_t below = tables_.clusters[c].generating_group;
+      if (below != kNone && below != last && is_next(below)) next.push_back(below);
+      last = below;
+    }
+    std::sort(next.begin(), next.end());
+    next.erase(std::unique(next.begin(), next.end()), next.end());
+  }
+
+  /// Ascending.
+  std::vector<uint32_t> clusters() const {
+    std::vector<uint32_t> cut =
+        select_hierarchy(tables_, fitted_.view, {fitted_.planes, normal_cones_});
+    if (extra_.keys().empty()) return cut;
+    std::erase_if(cut, [&](uint32_t c) { return !is_drawn(c); });
+    for (const uint64_t group : extra_.keys())
+      for (const uint32_t c : range(static_cast<uint32_t>(group)))
+        if (is_drawn(c)) cut.push_back(c);
+    std::sort(cut.begin(), cut.end());
+    return cut;
+  }
+
+ private:
+  std::ranges::iota_view<uint32_t, uint32_t> range(uint32_t group) const {
+    const Range& r = tables_.groups[group].clusters;
+    return {r.offset, r.offset + r.count};
+  }
+  bool is_refined(uint32_t group) const {
+    return must_refine(tables_.groups[group], fitted_.view) || extra_.contains(group);
+  }
+  /// Not left out, whatever the level of detail.
+  bool is_shown(uint32_t cluster) const {
+    const Group& group = tables_.groups[tables_.clusters[cluster].group];
+    return !is_outside(group.sphere, fitted_.planes) &&
+           is_visible(tables_, cluster, fitted_.view, {fitted_.planes, normal_cones_});
+  }
+  /// Of a cluster whose own group is refined, or about to be.
+  bool is_drawn(uint32_t cluster) const {
+    const uint32_t below = tables_.clusters[cluster].generating_group;
+    return (below == kNone || !is_refined(below)) && is_shown(cluster);
+  }
+  int64_t cost_of_cluster(uint32_t cluster) const {
+    return costs_.clusters.empty() ? 0 : costs_.clusters[cluster];
+  }
+  /// Of drawing any cluster of the group but those that `without` generated.
+  int64_t cost_of_group(uint32_t group, uint32_t without) const {
+    if (costs_.groups.empty()) return 0;
+    for (const uint32_t c : range(group)) {
+      const uint32_t below = tables_.clusters[c].generating_group;
+      if ((without == kNone || below != without) && is_drawn(c)) return costs_.groups[group];
+    }
+    return 0;
+  }
+
+  const Tables& tables_;
+  const GeneratedClusters& generated_;
+  const Costs& costs_;
+  Seen wanted_, fitted_;
+  std::span<const ClusterBounds> normal_cones_;
+  Interner<uint64_t, IntegerHash> extra_;  ///< groups that are refined although no view says so
+};
+
+/// A group that may be refined next.
+struct Candidate {
+  float turning_point;
+  uint32_t instance, group;
+  /// Whether another comes before this: the farther from good enough, the earlier.
+  bool operator<(const Candidate& other) const {
+    if (turning_point != other.turning_point) return turning_point < other.turning_point;
+    if (instance != other.instance) return instance > other.instance;
+    return group > other.group;
+  }
+};
+
+uint64_t cost_of(const Tables& tables, const Costs& costs, std::span<const uint32_t> cut) {
+  uint64_t cost = 0;
+  uint32_t last = kNone;
+  for (const uint32_t c : cut) {
+    if (!costs.clusters.empty()) cost += costs.clusters[c];
+    const uint32_t group = tables.clusters[c].group;
+    if (!costs.groups.empty() && group != last) cost += costs.groups[group];
+    last = group;
+  }
+  return cost;
+}
+
+std::vector<InstanceCut> instance_cuts(const Tables& tables, const GeneratedClusters& generated,
+                                       const Costs& costs, const View& wanted, const View& fitted,
+                                       const Culling& culling,
+                                       std::span<const Transform> instances) {
+  std::vector<InstanceCut> cuts;
+  if (instances.empty())
+    cuts.emplace_back(tables, generated, costs, see(wanted, culling), see(fitted, culling),
+                      culling.normal_cones);
+  for (const Transform& transform : instances)
+    cuts.emplace_back(tables, generated, costs, see(wanted, culling, transform),
+                      see(fitted, culling, transform), culling.normal_cones);
+  return cuts;
+}
+
+/// Refines what fits, best first; `left` is what may be spent.
+void refine_what_fits(std::vector<InstanceCut>& cuts, uint64_t left) {
+  std::vector<std::vector<Candidate>> first(cuts.size());
+  parallel_for(cuts.size(), 1, [&](size_t i) {
+    for (const uint32_t g : cuts[i].all_next())
+      first[i].push_back({cuts[i].turning_point_of(g), static_cast<uint32_t>(i), g});
+  });
+  std::priority_queue<Candidate> queue;
+  for (const std::vector<Candidate>& some : first)
+    for (const Candidate& candidate : some) queue.push(candidate);
+  int64_t room = static_cast<int64_t>(std::min<uint64_t>(left, INT64_MAX));
+  std::vector<uint32_t> next;
+  while (!queue.empty()) {
+    const Candidate best = queue.top();
+    queue.pop();
+    InstanceCut& cut = cuts[best.instance];
+    const int64_t price = cut.price(best.group);
+    if (price > room) continue;
+    room -= price;
+    next.clear();
+    cut.refine(best.group, next);
+    for (const uint32_t g : next) queue.push({cut.turning_point_of(g), best.instance, g});
+  }
+}
+
+}  // namespace
+
+BudgetCuts select_for_budget(const Tables& tables, const View& view, const Costs& costs,
+                             uint64_t budget, const Culling& culling,
+                             std::span<const Transform> instances) {
+  BudgetCuts result;
+  result.view = view_for_budget(tables, view, costs, budget, culling, instances);
+  const GeneratedClusters generated(tables);
+  std::vector<InstanceCut> cuts =
+      instance_cuts(tables, generated, costs, view, result.view, culling, instances);
+  std::vector<std::vector<uint32_t>> clusters(cuts.size());
+  const auto gather = [&] {
+    parallel_for(cuts.size(), 1, [&](size_t i) { clusters[i] = cuts[i].clusters(); });
+    result.cost = 0;
+    for (const auto& cut : clusters) result.cost += cost_of(tables, costs, cut);
+  };
+  gather();
+  if (result.cost < budget) {
+    refine_what_fits(cuts, budget - result.cost);
+    gather();
+  }
+  result.cuts = join_cuts(clusters);
+  return result;
+}
+
+}  // namespace umbel::lod
