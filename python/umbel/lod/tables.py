@@ -209,13 +209,13 @@ class Tables:
         vertex_bytes: int,
     ) -> _Budget | None:
         given = {"triangles": triangles, "bytes": bytes, "clusters": clusters, "groups": groups}
-        chosen = [name for name, value in given.items() if value is not None]
+        chosen = [(name, value) for name, value in given.items() if value is not None]
         if not chosen:
             return None
         if len(chosen) > 1:
             raise Error(f"a cut needs at most one of {', '.join(given)}, not both")
-        name = chosen[0]
-        most = check_budget(name, given[name])
+        name, value = chosen[0]
+        most = check_budget(name, value)
         if name == "groups":
             return _Budget(name, most, None, np.ones(len(self.groups), np.uint32))
         if name == "clusters":
@@ -330,13 +330,15 @@ class _Budget:
     cluster_costs: NDArray[np.uint32] | None
     group_costs: NDArray[np.uint32] | None
 
-    def view(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> Any:
+    def view(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> _umbel.View:
         costs = np.empty(0, np.uint32) if self.cluster_costs is None else self.cluster_costs
         return _umbel.view_for_budget(
             tables, view, costs, self.most, *culled, rows, self.group_costs
         )
 
-    def select(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> Any:
+    def select(
+        self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
         """Offsets and clusters of the cuts that fill the budget."""
         costs = np.empty(0, np.uint32) if self.cluster_costs is None else self.cluster_costs
         return _umbel.select_for_budget(
