@@ -70,7 +70,9 @@ void refit_compact(Exec& exec, const CompactArrays& tree, uint32_t triangles, co
                      // Without any child it is a gap in the array.
                      if (children == 0 || tree.nodes[node].inner != 0) return;
                      while (true) {
-                       exact[node] = boxes(node);
+                       // Not returned into the array, where GCC hides the write from sanitizers.
+                       const Aabb box = boxes(node);
+                       exact[node] = box;
                        const uint32_t parent = parents[node];
                        if (parent == kNone) break;
                        const uint32_t children = uint32_t(std::popcount(tree.nodes[parent].inner));
