@@ -169,7 +169,8 @@ TEST(KmeansDistanceTest, medians_of_a_group_are_its_middle) {
   const KmeansChunk chunk{0, 0, 7};
   const uint32_t counts[2] = {4, 3};
   KmeansPoint representatives[2] = {};
-  KmeansMedians<CpuExec>(exec).run(points, &chunk, 1, labels.data(), counts, 1, 2, representatives);
+  KmeansMedians<CpuExec>(exec).run(points, 7, &chunk, 1, labels.data(), counts, 1, 2,
+                                   representatives);
   for (int v = 0; v < 6; ++v) {
     EXPECT_EQ(representatives[0].v[v], 2.5f);
     EXPECT_EQ(representatives[1].v[v], 110.0f);
