@@ -13,30 +13,38 @@ constexpr size_t kMostJoints = 12;
 
 using Influence = GroupAttributes::Influence;
 
-std::span<const float> extra_of(const Mesh& mesh, uint32_t vertex) {
-  const size_t width = extra_width(mesh.extras);
-  return std::span(mesh.extra_values).subspan(vertex * width, width);
+// Where a vertex has a set's joints and their weights among its values.
+struct SkinSet {
+  uint32_t joints_at, weights_at, count;
+};
+
+std::vector<SkinSet> skin_sets(std::span<const Extra> extras) {
+  std::vector<SkinSet> sets;
+  uint32_t joints_at = 0;
+  for (const Extra& joints : extras) {
+    uint32_t weights_at = 0;
+    for (const Extra& weights : extras) {
+      if (joints.kind == ExtraKind::kJoints && weights == Extra{ExtraKind::kWeights, joints.set})
+        sets.push_back({joints_at, weights_at, extra_width(weights.kind)});
+      weights_at += extra_width(weights.kind);
+    }
+    joints_at += extra_width(joints.kind);
+  }
+  return sets;
 }
 
 // Of all sets.
 std::vector<Influence> influences_of(const Mesh& mesh, std::span<const uint32_t> vertices) {
+  const std::vector<SkinSet> sets = skin_sets(mesh.extras);
+  const size_t width = extra_width(mesh.extras);
   std::vector<Influence> influences;
   for (uint32_t i = 0; i < vertices.size(); ++i) {
-    const std::span<const float> values = extra_of(mesh, vertices[i]);
-    uint32_t joints_at = 0;
-    for (const Extra& joints : mesh.extras) {
-      uint32_t weights_at = 0;
-      for (const Extra& weights : mesh.extras) {
-        const bool match =
-            joints.kind == ExtraKind::kJoints && weights == Extra{ExtraKind::kWeights, joints.set};
-        for (uint32_t k = 0; match && k < extra_width(weights.kind); ++k)
-          if (values[weights_at + k] != 0.0f)
-            influences.push_back(
-                {i, static_cast<uint32_t>(values[joints_at + k]), values[weights_at + k]});
-        weights_at += extra_width(weights.kind);
-      }
-      joints_at += extra_width(joints.kind);
-    }
+    const float* const values = mesh.extra_values.data() + width * vertices[i];
+    for (const SkinSet& set : sets)
+      for (uint32_t k = 0; k < set.count; ++k)
+        if (values[set.weights_at + k] != 0.0f)
+          influences.push_back(
+              {i, static_cast<uint32_t>(values[set.joints_at + k]), values[set.weights_at + k]});
   }
   return influences;
 }
