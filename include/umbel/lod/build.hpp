@@ -137,6 +137,7 @@ struct Dag {
 /// Why what a decimation gave could not take its group's place.
 struct DecimationRefusal {
   enum class Reason : uint32_t {
+    kNone = 0,            ///< it can take it
     kTooMany = 1,         ///< more than DecimationInput::most triangles
     kDegenerate = 2,      ///< a triangle has two corners at one position
     kMixedMaterials = 3,  ///< a triangle has corners of several materials
@@ -144,7 +145,7 @@ struct DecimationRefusal {
                           ///< more than two triangles, that must not
     kTakenEdge = 5,       ///< another group has made the same new edge between two locked vertices:
                           ///< this group may make none at all
-  } reason{};
+  } reason = Reason::kNone;
   uint32_t triangle = kNone;  ///< kDegenerate, kMixedMaterials: of the result
   /// kEdges: pairs of vertices, as the result numbers them. Of several vertices at a position it is
   /// the first.

@@ -126,11 +126,14 @@ UMBEL_API std::vector<uint32_t> byte_costs(const Tables& tables, uint32_t vertex
 /// What a budget counts. Clusters that are left out cost nothing.
 struct Costs {
   std::span<const uint32_t> clusters;  ///< one a cluster, or empty: they cost nothing
-  std::span<const uint32_t> groups =
-      {};  ///< one a group, for drawing any of its clusters; or empty
+  /// One a group, for drawing any of its clusters; or empty.
+  std::span<const uint32_t> groups = {};
   Costs() = default;
+  // What clusters cost may be given alone.
+  // NOLINTNEXTLINE(google-explicit-constructor)
   Costs(std::span<const uint32_t> of_clusters, std::span<const uint32_t> of_groups = {})
       : clusters(of_clusters), groups(of_groups) {}
+  // NOLINTNEXTLINE(google-explicit-constructor)
   Costs(const std::vector<uint32_t>& of_clusters) : clusters(of_clusters) {}
 };
 

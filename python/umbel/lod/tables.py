@@ -330,14 +330,16 @@ class _Budget:
     cluster_costs: NDArray[np.uint32] | None
     group_costs: NDArray[np.uint32] | None
 
-    def view(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> _umbel.View:
+    def view(
+        self, tables: _umbel.Tables, view: _umbel.View, culled: tuple[Any, Any], rows: Any
+    ) -> _umbel.View:
         costs = np.empty(0, np.uint32) if self.cluster_costs is None else self.cluster_costs
         return _umbel.view_for_budget(
             tables, view, costs, self.most, *culled, rows, self.group_costs
         )
 
     def select(
-        self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any
+        self, tables: _umbel.Tables, view: _umbel.View, culled: tuple[Any, Any], rows: Any
     ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
         """Offsets and clusters of the cuts that fill the budget."""
         costs = np.empty(0, np.uint32) if self.cluster_costs is None else self.cluster_costs
@@ -345,7 +347,9 @@ class _Budget:
             tables, view, costs, self.most, *culled, rows, self.group_costs
         )
 
-    def cut(self, tables: _umbel.Tables, view: _umbel.View, culled: Any, rows: Any) -> list[Any]:
+    def cut(
+        self, tables: _umbel.Tables, view: _umbel.View, culled: tuple[Any, Any], rows: Any
+    ) -> list[Any]:
         """The cuts of a view, one an instance."""
         if rows is None:
             return [_umbel.select(tables, view, "hierarchy", *culled)]

@@ -105,7 +105,7 @@ DecimationRefusal take(DecimationResult& made, GroupMesh& group, CandidateCheck&
   check.reset(check.allowance());
   result.triangles = std::move(made.triangles);
   DecimationRefusal refusal = refusal_of(group, check, result.triangles);
-  if (refusal.reason == DecimationRefusal::Reason{}) {
+  if (refusal.reason == DecimationRefusal::Reason::kNone) {
     check.accept(result);
     candidate = std::move(result);
   } else {
@@ -137,7 +137,7 @@ bool decimate_by_caller(const Decimator& decimate, size_t target, size_t most, G
       refusal = {DecimationRefusal::Reason::kTooMany, kNone, {}};
     else
       refusal = take(made, group, check, candidate);
-    if (refusal.reason == DecimationRefusal::Reason{}) return true;
+    if (refusal.reason == DecimationRefusal::Reason::kNone) return true;
     input.refused = &refusal;
   }
   return false;
@@ -147,6 +147,8 @@ std::string to_string(const DecimationRefusal& refusal) {
   using Reason = DecimationRefusal::Reason;
   const std::string triangle = "triangle " + std::to_string(refusal.triangle);
   switch (refusal.reason) {
+    case Reason::kNone:
+      break;
     case Reason::kTooMany:
       return "too many triangles are left";
     case Reason::kDegenerate:
