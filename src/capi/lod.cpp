@@ -184,9 +184,10 @@ Budget budget_of(const lod::Tables& tables, const umbel_lod_budget* given) {
                       elements<const uint32_t>(budget.group_costs, budget.group_cost_count,
                                                "budget->group_costs")};
       return result;
+    default:
+      throw Error(ErrorCode::kInvalidArgument, "budget->unit is " + std::to_string(budget.unit) +
+                                                   ", must be an umbel_lod_budget_unit");
   }
-  throw Error(ErrorCode::kInvalidArgument, "budget->unit is " + std::to_string(budget.unit) +
-                                               ", must be an umbel_lod_budget_unit");
 }
 
 lod::Tables copied(const umbel_lod_arrays& arrays) {
