@@ -20,6 +20,7 @@
 
 #include "umbel/types.hpp"
 
+// NOLINTNEXTLINE(readability-identifier-naming): CUDA names it so.
 struct CUstream_st;
 
 namespace umbel::cuda {

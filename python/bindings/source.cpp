@@ -22,12 +22,12 @@ using ColumnArguments = std::tuple<uint32_t, std::string, std::vector<uint32_t>,
 using PropertyArguments = std::tuple<std::string, std::optional<std::string>>;
 
 Scalar scalar_of(const std::string& name) {
-  static const std::map<std::string, Scalar> kTypes{
+  static const std::map<std::string, Scalar> types{
       {"i1", Scalar::kI8},  {"u1", Scalar::kU8},  {"i2", Scalar::kI16}, {"u2", Scalar::kU16},
       {"i4", Scalar::kI32}, {"u4", Scalar::kU32}, {"i8", Scalar::kI64}, {"u8", Scalar::kU64},
       {"f4", Scalar::kF32}, {"f8", Scalar::kF64}};
-  const auto found = kTypes.find(name);
-  if (found == kTypes.end())
+  const auto found = types.find(name);
+  if (found == types.end())
     throw Error(ErrorCode::kInvalidArgument, "'" + name + "' is no type of numbers");
   return found->second;
 }

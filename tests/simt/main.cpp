@@ -8,10 +8,12 @@
 #include "machine.hpp"
 
 // ThreadSanitizer asks for it. The processor's side is not compiled with it.
+// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming): its name
 extern "C" const char* __tsan_default_options();
 extern "C" const char* __tsan_default_options() {
   return "halt_on_error=1:exitcode=66:ignore_noninstrumented_modules=1:history_size=2";
 }
+// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
 
 namespace {
 

@@ -88,7 +88,9 @@ TEST(InputsFromC, clusters_and_trees_take_strides) {
   umbel_bvh_statistics_init(&found);
   ASSERT_EQ(umbel_bvh_get_statistics(bvh, &found), UMBEL_OK);
   const Aabb expected = bounds(mesh.view());
-  EXPECT_EQ(std::memcmp(&found.bounds, &expected, sizeof expected), 0);
+  const Aabb got{{found.bounds.min.x, found.bounds.min.y, found.bounds.min.z},
+                 {found.bounds.max.x, found.bounds.max.y, found.bounds.max.z}};
+  EXPECT_TRUE(got == expected);
   umbel_bvh_free(bvh);
   umbel_bvh2 tree;
   umbel_bvh2_init(&tree);

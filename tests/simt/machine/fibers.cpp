@@ -46,7 +46,7 @@ Fiber::Fiber(void (*main)()) : sanitized_(__tsan_create_fiber ? __tsan_create_fi
   void** top = reinterpret_cast<void**>(static_cast<char*>(stack) + kStack) - 2;
   top[0] = reinterpret_cast<void*>(main);
   top[1] = nullptr;
-  stack_ = top - 6;
+  stack_ = static_cast<void*>(top - 6);
 #else
   getcontext(&context_);
   context_.uc_stack.ss_sp = stack;
