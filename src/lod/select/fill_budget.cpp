@@ -4,7 +4,7 @@
 // such groups may follow.
 #include <algorithm>
 #include <queue>
-#include <ranges>
+#include <utility>
 
 #include "base/hash.hpp"
 #include "base/interner.hpp"
@@ -72,7 +72,8 @@ class InstanceCut {
   /// What the cut costs more (or less) with the group refined.
   int64_t price(uint32_t group) const {
     int64_t price = cost_of_group(group, kNone);
-    for (const uint32_t c : range(group))
+    const auto [begin, end] = range(group);
+    for (uint32_t c = begin; c < end; ++c)
       if (is_drawn(c)) price += cost_of_cluster(c);
     uint32_t last = kNone;
     for (const uint32_t c : generated_.of(group)) {
@@ -90,7 +91,8 @@ class InstanceCut {
   void refine(uint32_t group, std::vector<uint32_t>& next) {
     extra_.insert(group);
     uint32_t last = kNone;
-    for (const uint32_t c : range(group)) {
+    const auto [begin, end] = range(group);
+    for (uint32_t c = begin; c < end; ++c) {
       const uint32_t below = tables_.clusters[c].generating_group;
       if (below != kNone && below != last && is_next(below)) next.push_back(below);
       last = below;
@@ -105,15 +107,18 @@ class InstanceCut {
         select_hierarchy(tables_, fitted_.view, {fitted_.planes, normal_cones_});
     if (extra_.keys().empty()) return cut;
     std::erase_if(cut, [&](uint32_t c) { return !is_drawn(c); });
-    for (const uint64_t group : extra_.keys())
-      for (const uint32_t c : range(static_cast<uint32_t>(group)))
+    for (const uint64_t group : extra_.keys()) {
+      const auto [begin, end] = range(static_cast<uint32_t>(group));
+      for (uint32_t c = begin; c < end; ++c)
         if (is_drawn(c)) cut.push_back(c);
+    }
     std::sort(cut.begin(), cut.end());
     return cut;
   }
 
  private:
-  std::ranges::iota_view<uint32_t, uint32_t> range(uint32_t group) const {
+  /// Its first cluster and the one past its last.
+  std::pair<uint32_t, uint32_t> range(uint32_t group) const {
     const Range& r = tables_.groups[group].clusters;
     return {r.offset, r.offset + r.count};
   }
@@ -137,7 +142,8 @@ class InstanceCut {
   /// Of drawing any cluster of the group but those that `without` generated.
   int64_t cost_of_group(uint32_t group, uint32_t without) const {
     if (costs_.groups.empty()) return 0;
-    for (const uint32_t c : range(group)) {
+    const auto [begin, end] = range(group);
+    for (uint32_t c = begin; c < end; ++c) {
       const uint32_t below = tables_.clusters[c].generating_group;
       if ((without == kNone || below != without) && is_drawn(c)) return costs_.groups[group];
     }
