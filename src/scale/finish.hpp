@@ -1,0 +1,51 @@
+// From the parts that units have left to an asset, in a memory that does not depend on how many
+// triangles there are: some 300 bytes a group (of some 3,500 triangles), and a few blocks of parts.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "umbel/asset.hpp"
+#include "umbel/lod/build.hpp"
+#include "umbel/types.hpp"
+
+namespace umbel::scale {
+
+/// What has been built.
+struct FinishInput {
+  std::vector<std::filesystem::path> parts;  ///< files of parts of all units, by serial number
+  lod::Config config;
+  /// Of the whole build, but for what it says of groups, which the parts know.
+  lod::Report report;
+  uint64_t source_digest = 0;
+};
+
+/// What has been written.
+struct Finished {
+  lod::Report report;  ///< as given, with groups_by_method and groups_by_limiting_factor
+  uint32_t levels = 0, groups = 0, clusters = 0;
+  uint64_t triangles = 0;  ///< of all levels
+  uint64_t bytes = 0;      ///< of the asset
+};
+
+struct FinishOptions {
+  /// All that the asset has besides the one mesh: `meshes` is empty.
+  AssetContents contents;
+  AssetConfig asset;
+  /// Where it is set, it makes the metadata once everything but the bytes is known.
+  std::function<std::string(const Finished&)> metadata;
+  /// A folder with room for as much as the asset takes. Nothing is left there.
+  std::filesystem::path work;
+};
+
+/// Writes the asset beside `path` and renames it, so that a file of that name is always whole. The
+/// bytes are those that write_asset gives for the same groups in memory, for any number of threads.
+/// The parts stay as they are, so it can be run again. Throws kIo, kCancelled, kCorrupt for a
+/// damaged file of parts, and what write_asset throws.
+Finished finish(const std::filesystem::path& path, const FinishInput& input,
+                const FinishOptions& options, const BuildOptions& build = {});
+
+}  // namespace umbel::scale
