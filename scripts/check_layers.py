@@ -82,6 +82,8 @@ HEADER_LAYERS = {
     "umbel_bvh.h": "capi",
     "umbel_kdtree.h": "capi",
     "umbel_lod.h": "capi",
+    "umbel_lod_build.h": "capi",
+    "umbel_lod_select.h": "capi",
     "umbel_asset.h": "capi",
     "umbel_cuda.h": "capi",
     "umbel_cuda_types.h": "capi",

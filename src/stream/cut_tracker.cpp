@@ -30,7 +30,7 @@ CutTracker::CutTracker(const Asset& asset)
 
 void CutTracker::install(const AssetPage& page) {
   tables_.add(page);
-  for (uint32_t n = pages_[page.index].first; n != kNone; n = nodes_[n].after) {
+  for (uint32_t n = pages_.first_node(page.index); n != kNone; n = nodes_[n].after) {
     missing_.remove(nodes_, n);
     update_later(n);
   }
@@ -38,12 +38,12 @@ void CutTracker::install(const AssetPage& page) {
 
 void CutTracker::remove(uint32_t page) {
   std::vector<uint32_t> open;
-  for (uint32_t n = pages_[page].first; n != kNone; n = nodes_[n].after)
+  for (uint32_t n = pages_.first_node(page); n != kNone; n = nodes_[n].after)
     if (nodes_[n].is_open) open.push_back(n);
   for (const uint32_t n : open)
     if (nodes_[n].is_open) close(n);
   tables_.remove(page);
-  for (uint32_t n = pages_[page].first; n != kNone; n = nodes_[n].after) {
+  for (uint32_t n = pages_.first_node(page); n != kNone; n = nodes_[n].after) {
     missing_.add(nodes_, n);
     update_later(n);
   }
@@ -178,57 +178,48 @@ void CutTracker::unlink(uint32_t parent, uint32_t child) {
   if (--node.open_parents == 0) untrack(child);
 }
 
-/// Sets the ratio, and what follows from it for the page's priority.
+/// Sets the ratio, and what follows from it for the page and the list of missing ones.
 void CutTracker::want(uint32_t n, float ratio) {
-  TrackedNode& node = nodes_[n];
-  Page& page = pages_[node.reference.page];
-  const float before = std::exchange(node.ratio, ratio);
-  page.priority += double{ratio} * ratio - double{before} * before;
+  const float before = nodes_[n].ratio;
+  pages_.set_ratio(nodes_, n, ratio);
+  const TrackedNode& node = nodes_[n];
   if (before == 0 && ratio > 0) {
-    node.before = kNone;
-    node.after = page.first;
-    if (page.first != kNone) nodes_[page.first].before = n;
-    page.first = n;
-    if (page.wanted++ == 0) changed_.push_back(node.reference.page);
     if (!tables_.has(node.reference.page)) missing_.add(nodes_, n);
-  } else if (before > 0 && ratio == 0) {
-    (node.before == kNone ? page.first : nodes_[node.before].after) = node.after;
-    if (node.after != kNone) nodes_[node.after].before = node.before;
-    if (--page.wanted == 0) changed_.push_back(node.reference.page), page.priority = 0;
-    if (node.missing_at != kNone) missing_.remove(nodes_, n);
   } else if (node.missing_at != kNone) {
-    missing_.update(node);
+    if (ratio == 0)
+      missing_.remove(nodes_, n);
+    else
+      missing_.update(node);
   }
 }
 
 void CutTracker::open(uint32_t n) {
   nodes_[n].is_open = true;
-  nodes_[n].shown.assign(generating_groups(n).size(), kNone);
+  nodes_[n].shown.assign(tables_.generating_groups(nodes_[n]).size(), kNone);
   ++open_groups_;
   const GroupRef reference = nodes_[n].reference;
   for (uint32_t e = nodes_[n].first_edge; e != kNone; e = edges_[e].next) {
     const uint32_t parent = edges_[e].parent;
     ++nodes_[parent].open_children;
-    pages_[nodes_[parent].reference.page].open_in_others +=
-        nodes_[parent].reference.page != reference.page;
-    const std::span<const uint32_t> from = generating_groups(parent);
+    pages_.count_opened(nodes_[parent].reference.page, reference.page);
+    const std::span<const uint32_t> from = tables_.generating_groups(nodes_[parent]);
     for (uint32_t i = 0; i < from.size(); ++i)
       if (from[i] == reference.group) cut_.hide(nodes_, parent, i);
   }
-  for (const GroupRef& child : children_of(n)) {
+  for (const GroupRef& child : tables_.children(nodes_[n])) {
     const uint32_t c = track(nodes_[n].view, child);
     link(n, c);
     if (!nodes_[c].is_open) continue;  // it is, where a file says that it has fewer parents
     ++nodes_[n].open_children;
-    pages_[reference.page].open_in_others += nodes_[c].reference.page != reference.page;
+    pages_.count_opened(reference.page, nodes_[c].reference.page);
   }
   const GroupMap& known = views_[nodes_[n].view].nodes;
-  const std::span<const uint32_t> from = generating_groups(n);
+  const std::span<const uint32_t> from = tables_.generating_groups(nodes_[n]);
   for (uint32_t i = 0; i < from.size(); ++i) {
     const uint32_t c = from[i] == kNone ? kNone : known.find(from[i]);
     if (c == kNone || !nodes_[c].is_open) cut_.show(nodes_, n, i);
   }
-  work_ += children_of(n).size();
+  work_ += tables_.children(nodes_[n]).size();
 }
 
 /// Closes all that is open below it first: a group may have parents at several depths.
@@ -241,7 +232,7 @@ void CutTracker::close(uint32_t top) {
   nodes_[top].is_open = false;
   while (!path.empty()) {
     const uint32_t n = path.back().node;
-    const std::span<const GroupRef> children = children_of(n);
+    const std::span<const GroupRef> children = tables_.children(nodes_[n]);
     if (path.back().next_child == children.size()) {
       finish_closing(n);
       path.pop_back();
@@ -261,16 +252,16 @@ void CutTracker::finish_closing(uint32_t n) {
   for (uint32_t e = nodes_[n].first_edge; e != kNone; e = edges_[e].next) {
     TrackedNode& parent = nodes_[edges_[e].parent];
     --parent.open_children;
-    pages_[parent.reference.page].open_in_others -= parent.reference.page != reference.page;
+    pages_.count_closed(parent.reference.page, reference.page);
     if (!parent.is_open) continue;
-    const std::span<const uint32_t> from = generating_groups(edges_[e].parent);
+    const std::span<const uint32_t> from = tables_.generating_groups(parent);
     for (uint32_t i = 0; i < from.size(); ++i)
       if (from[i] == reference.group) cut_.show(nodes_, edges_[e].parent, i);
     if (parent.ratio == kWaitsToClose && parent.open_children == 0) update_later(edges_[e].parent);
   }
   const GroupMap& known = views_[nodes_[n].view].nodes;
-  for (const GroupRef& child : children_of(n)) unlink(n, known.find(child.group));
-  work_ += children_of(n).size();
+  for (const GroupRef& child : tables_.children(nodes_[n])) unlink(n, known.find(child.group));
+  work_ += tables_.children(nodes_[n]).size();
 }
 
 }  // namespace umbel::stream

@@ -10,12 +10,12 @@
 
 #include <deque>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "stream/page_tables.hpp"
 #include "stream/tracked_node.hpp"
 #include "stream/tracked_view.hpp"
+#include "stream/wanted_pages.hpp"
 #include "umbel/stream.hpp"
 
 namespace umbel::stream {
@@ -41,19 +41,13 @@ class CutTracker {
     return nodes_[missing.node].reference.page;
   }
 
-  /// Whether a group of the page must be refined in some view.
-  bool is_wanted(uint32_t page) const { return pages_[page].wanted > 0; }
-  /// The sum, over the page's wanted groups, of the squares of how many times too large their
-  /// errors are.
-  double priority(uint32_t page) const { return pages_[page].priority; }
-  /// Whether no open group in another page was reached through this one.
-  bool is_leaf(uint32_t page) const { return pages_[page].open_in_others == 0; }
+  const WantedPages& pages() const { return pages_; }
   /// Pages that have become wanted, or ceased to be, since the last call.
-  std::vector<uint32_t> take_changed() { return std::exchange(changed_, {}); }
+  std::vector<uint32_t> take_changed() { return pages_.take_changed(); }
   /// Calls visit(page) for each other page through which a wanted group of `page` was reached.
   template <typename Visit>
   void for_each_page_above(uint32_t page, const Visit& visit) const {
-    for (uint32_t n = pages_[page].first; n != kNone; n = nodes_[n].after)
+    for (uint32_t n = pages_.first_node(page); n != kNone; n = nodes_[n].after)
       for (uint32_t e = nodes_[n].first_edge; e != kNone; e = edges_[e].next)
         if (const uint32_t from = nodes_[edges_[e].parent].reference.page; from != page)
           visit(from);
@@ -62,11 +56,6 @@ class CutTracker {
  private:
   struct Edge {
     uint32_t parent, next;
-  };
-  struct Page {
-    uint32_t first = kNone, wanted = 0;  ///< nodes whose errors are too large
-    uint32_t open_in_others = 0;         ///< open nodes in other pages, once for each parent here
-    double priority = 0;
   };
   struct Pending {
     uint32_t node, stamp;
@@ -88,16 +77,9 @@ class CutTracker {
   void close(uint32_t node);
   void finish_closing(uint32_t node);
 
-  std::span<const GroupRef> children_of(uint32_t n) const {
-    return tables_.children(nodes_[n].reference.page, nodes_[n].in_page);
-  }
-  std::span<const uint32_t> generating_groups(uint32_t n) const {
-    return tables_.generating_groups(nodes_[n].reference.page, nodes_[n].in_page);
-  }
-
   const Asset& asset_;
   PageTables tables_;
-  std::vector<Page> pages_;
+  WantedPages pages_;
   std::vector<TrackedNode> nodes_;
   std::vector<Edge> edges_;
   std::vector<uint32_t> free_nodes_, free_edges_;
@@ -106,7 +88,6 @@ class CutTracker {
   std::vector<DueQueue::Entry> due_;
   size_t next_due_ = 0;
   MissingList missing_;
-  std::vector<uint32_t> changed_;
   CutList cut_;
   uint32_t open_groups_ = 0;
   uint64_t work_ = 0;

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "stream/tracked_node.hpp"
 #include "umbel/asset.hpp"
 
 namespace umbel::stream {
@@ -21,16 +22,18 @@ class PageTables {
   /// The index of a group in its page. kNone where the page is not in memory, or does not have the
   /// group though the file refers to it.
   uint32_t find(uint32_t mesh, const GroupRef& reference) const;
-  /// The groups that a group of a page was made from.
-  std::span<const GroupRef> children(uint32_t page, uint32_t index) const {
-    const Group* group = &tables_[page]->groups[index];
-    return std::span(tables_[page]->children)
+  /// The groups that an open node's group was made from.
+  std::span<const GroupRef> children(const TrackedNode& node) const {
+    const Table& table = *tables_[node.reference.page];
+    const Group* group = &table.groups[node.in_page];
+    return std::span(table.children)
         .subspan(group->first_child, group[1].first_child - group->first_child);
   }
   /// For each of its clusters, the group that the cluster was made from, or kNone.
-  std::span<const uint32_t> generating_groups(uint32_t page, uint32_t index) const {
-    const Group* group = &tables_[page]->groups[index];
-    return std::span(tables_[page]->generating_groups)
+  std::span<const uint32_t> generating_groups(const TrackedNode& node) const {
+    const Table& table = *tables_[node.reference.page];
+    const Group* group = &table.groups[node.in_page];
+    return std::span(table.generating_groups)
         .subspan(group->first_cluster, group[1].first_cluster - group->first_cluster);
   }
 

@@ -92,7 +92,7 @@ struct Residency::State {
   std::pair<double, uint32_t> age(uint32_t page) const { return {pages[page].last_used, ~page}; }
   /// Per byte.
   float priority_of(uint32_t page) const {
-    return static_cast<float>(tracker.priority(page) / asset->page_bytes(page));
+    return static_cast<float>(tracker.pages().priority(page) / asset->page_bytes(page));
   }
 };
 
@@ -104,7 +104,7 @@ void Residency::State::install(uint32_t page, std::shared_ptr<const AssetPage> d
   slot.last_used = now;
   slot.failures = 0;
   resident.push_back(page);
-  if (!slot.pinned && !tracker.is_wanted(page)) unused.insert(age(page));
+  if (!slot.pinned && !tracker.pages().is_wanted(page)) unused.insert(age(page));
   const uint64_t bytes = asset->page_bytes(page);
   statistics.resident_bytes += bytes;
   statistics.loaded_bytes += bytes;
@@ -157,7 +157,7 @@ void Residency::State::note_use(double now) {
     if (slot.pinned || slot.state != PageState::kResident) continue;
     unused.erase(age(page));
     slot.last_used = now;
-    if (!tracker.is_wanted(page)) unused.insert(age(page));
+    if (!tracker.pages().is_wanted(page)) unused.insert(age(page));
   }
 }
 
@@ -172,7 +172,7 @@ void Residency::State::find_candidates() {
   }
   candidates.clear();
   for (const uint32_t page : resident)
-    if (!pages[page].pinned && tracker.is_wanted(page) && tracker.is_leaf(page))
+    if (!pages[page].pinned && tracker.pages().is_wanted(page) && tracker.pages().is_leaf(page))
       candidates.push_back({std::max(priority_of(page), inherited[page]), page});
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
     return a.priority != b.priority ? a.priority > b.priority : a.page < b.page;
@@ -186,7 +186,7 @@ uint32_t Residency::State::lowest_priority(float priority) {
   if (!unused.empty()) return ~unused.begin()->second;
   if (!candidates_are_known) find_candidates();
   const auto is_gone = [&](uint32_t page) {
-    return pages[page].state != PageState::kResident || !tracker.is_leaf(page);
+    return pages[page].state != PageState::kResident || !tracker.pages().is_leaf(page);
   };
   while (!candidates.empty() && is_gone(candidates.back().page)) candidates.pop_back();
   const bool any = !candidates.empty() && candidates.back().priority < priority / config.hysteresis;
@@ -272,7 +272,7 @@ std::vector<uint32_t> Residency::State::missing_pages() {
 void Residency::State::cancel_stale(StreamStep& result) {
   for (size_t i = in_flight.size(); i-- > 0;) {
     const uint32_t page = in_flight[i];
-    if (tracker.is_wanted(page) || !loader->cancel(page)) continue;
+    if (tracker.pages().is_wanted(page) || !loader->cancel(page)) continue;
     pages[page].state = PageState::kAbsent;
     in_flight.erase(in_flight.begin() + static_cast<ptrdiff_t>(i));
     ++statistics.cancellations;
@@ -362,7 +362,7 @@ std::vector<uint32_t> Residency::resident_pages() const {
 std::vector<uint32_t> Residency::wanted_pages() const {
   std::vector<uint32_t> pages;
   for (uint32_t p = 0; p < state_->pages.size(); ++p)
-    if (state_->tracker.is_wanted(p)) pages.push_back(p);
+    if (state_->tracker.pages().is_wanted(p)) pages.push_back(p);
   return pages;
 }
 
