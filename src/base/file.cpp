@@ -56,6 +56,10 @@ fs::path temporary_name(const fs::path& target, unsigned long process) {
          ("." + name + "." + std::to_string(process) + "." + std::to_string(counter++) + ".tmp");
 }
 
+fs::path temporary_folder(const fs::path& folder) {
+  return folder.empty() ? fs::temp_directory_path() : folder;
+}
+
 [[noreturn]] void fail_shortened(const fs::path& path) {
   throw Error(ErrorCode::kCorrupt, path.string() + " has become shorter while it was read");
 }
@@ -64,12 +68,54 @@ fs::path temporary_name(const fs::path& target, unsigned long process) {
 
 #if defined(UMBEL_POSIX_FILES)
 
-struct InputFile::Handle {
+namespace {
+
+struct Descriptor {
   int descriptor = -1;
-  ~Handle() {
+  Descriptor() = default;
+  Descriptor(const Descriptor&) = delete;
+  ~Descriptor() {
     if (descriptor >= 0) ::close(descriptor);
   }
 };
+
+void read_all(int descriptor, const fs::path& path, uint64_t offset, std::span<std::byte> out) {
+  while (!out.empty()) {
+    const ssize_t count = ::pread(descriptor, out.data(), out.size(), static_cast<off_t>(offset));
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) fail("cannot read", path, errno);
+    if (count == 0) fail_shortened(path);
+    offset += static_cast<uint64_t>(count);
+    out = out.subspan(static_cast<size_t>(count));
+  }
+}
+
+void write_all(int descriptor, const fs::path& path, uint64_t offset,
+               std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count =
+        ::pwrite(descriptor, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) fail("cannot write", path, count < 0 ? errno : ENOSPC);
+    offset += static_cast<uint64_t>(count);
+    bytes = bytes.subspan(static_cast<size_t>(count));
+  }
+}
+
+/// A new file beside `target`, open for `access`; `path` is for errors.
+int create_beside(const fs::path& target, const fs::path& path, int access, fs::path& name) {
+  int descriptor = -1;
+  do {
+    name = temporary_name(target, static_cast<unsigned long>(::getpid()));
+    descriptor = ::open(name.c_str(), access | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  } while (descriptor < 0 && errno == EEXIST);
+  if (descriptor < 0) fail("cannot write", path, errno);
+  return descriptor;
+}
+
+}  // namespace
+
+struct InputFile::Handle : Descriptor {};
 
 InputFile::InputFile(const fs::path& path) : path_(path), handle_(std::make_unique<Handle>()) {
   // Without O_NONBLOCK a named pipe would wait here for somebody to write to it.
@@ -82,42 +128,18 @@ InputFile::InputFile(const fs::path& path) : path_(path), handle_(std::make_uniq
 }
 
 void InputFile::read(uint64_t offset, std::span<std::byte> out) const {
-  while (!out.empty()) {
-    const ssize_t count =
-        ::pread(handle_->descriptor, out.data(), out.size(), static_cast<off_t>(offset));
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) fail("cannot read", path_, errno);
-    if (count == 0) fail_shortened(path_);
-    offset += static_cast<uint64_t>(count);
-    out = out.subspan(static_cast<size_t>(count));
-  }
+  read_all(handle_->descriptor, path_, offset, out);
 }
 
-struct OutputFile::Handle {
-  int descriptor = -1;
-  ~Handle() {
-    if (descriptor >= 0) ::close(descriptor);
-  }
-};
+struct OutputFile::Handle : Descriptor {};
 
 OutputFile::OutputFile(const fs::path& path)
     : target_(resolved_target(path)), handle_(std::make_unique<Handle>()) {
-  do {
-    temporary_ = temporary_name(target_, static_cast<unsigned long>(::getpid()));
-    handle_->descriptor = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  } while (handle_->descriptor < 0 && errno == EEXIST);
-  if (handle_->descriptor < 0) fail("cannot write", path, errno);
+  handle_->descriptor = create_beside(target_, path, O_WRONLY, temporary_);
 }
 
 void OutputFile::write(uint64_t offset, std::span<const std::byte> bytes) {
-  while (!bytes.empty()) {
-    const ssize_t count =
-        ::pwrite(handle_->descriptor, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) fail("cannot write", target_, count < 0 ? errno : ENOSPC);
-    offset += static_cast<uint64_t>(count);
-    bytes = bytes.subspan(static_cast<size_t>(count));
-  }
+  write_all(handle_->descriptor, target_, offset, bytes);
 }
 
 void OutputFile::commit() {
@@ -133,6 +155,25 @@ void OutputFile::commit() {
     ::close(descriptor);
   }
 }
+
+struct TemporaryFile::Handle : Descriptor {};
+
+TemporaryFile::TemporaryFile(const fs::path& folder) : handle_(std::make_unique<Handle>()) {
+  const fs::path in = temporary_folder(folder);
+  handle_->descriptor = create_beside(in / "umbel", in, O_RDWR, path_);
+  ::unlink(path_.c_str());
+}
+
+void TemporaryFile::append(std::span<const std::byte> bytes) {
+  write_all(handle_->descriptor, path_, size_, bytes);
+  size_ += bytes.size();
+}
+
+void TemporaryFile::read(uint64_t offset, std::span<std::byte> out) const {
+  read_all(handle_->descriptor, path_, offset, out);
+}
+
+TemporaryFile::~TemporaryFile() = default;
 
 #else
 
@@ -188,6 +229,40 @@ void OutputFile::commit() {
   if (error)
     throw Error(ErrorCode::kIo, "cannot write " + target_.string() + ": " + error.message());
   temporary_.clear();
+}
+
+struct TemporaryFile::Handle {
+  std::fstream stream;
+};
+
+TemporaryFile::TemporaryFile(const fs::path& folder) : handle_(std::make_unique<Handle>()) {
+  do {
+    path_ =
+        temporary_name(temporary_folder(folder) / "umbel", static_cast<unsigned long>(::_getpid()));
+  } while (fs::exists(path_));
+  handle_->stream.open(path_, std::ios::binary | std::ios::in | std::ios::out | std::ios::trunc);
+  if (!handle_->stream) fail("cannot write", path_, errno);
+}
+
+void TemporaryFile::append(std::span<const std::byte> bytes) {
+  handle_->stream.seekp(static_cast<std::streamoff>(size_));
+  handle_->stream.write(reinterpret_cast<const char*>(bytes.data()),
+                        static_cast<std::streamsize>(bytes.size()));
+  if (!handle_->stream) fail("cannot write", path_, errno);
+  size_ += bytes.size();
+}
+
+void TemporaryFile::read(uint64_t offset, std::span<std::byte> out) const {
+  handle_->stream.seekg(static_cast<std::streamoff>(offset));
+  handle_->stream.read(reinterpret_cast<char*>(out.data()),
+                       static_cast<std::streamsize>(out.size()));
+  if (!handle_->stream) fail_shortened(path_);
+}
+
+TemporaryFile::~TemporaryFile() {
+  handle_.reset();
+  std::error_code ignored;
+  fs::remove(path_, ignored);
 }
 
 #endif

@@ -48,4 +48,25 @@ class OutputFile {
   std::unique_ptr<Handle> handle_;
 };
 
+/// What does not fit into memory: a file without a name, gone once it is closed or the process
+/// ends, however it does. One thread at a time.
+class TemporaryFile {
+ public:
+  /// In a folder; empty: the system's for temporary files. Throws kIo.
+  explicit TemporaryFile(const std::filesystem::path& folder);
+  TemporaryFile(const TemporaryFile&) = delete;
+  ~TemporaryFile();
+
+  uint64_t size() const { return size_; }
+  void append(std::span<const std::byte> bytes);
+  /// Fills `out` from `offset` on, all of it within size().
+  void read(uint64_t offset, std::span<std::byte> out) const;
+
+ private:
+  struct Handle;
+  std::filesystem::path path_;
+  std::unique_ptr<Handle> handle_;
+  uint64_t size_ = 0;
+};
+
 }  // namespace umbel

@@ -1,18 +1,15 @@
 #include "scale/exits.hpp"
 
+#include <utility>
+
 #include "lod/dag/source.hpp"
 
 namespace umbel::scale {
+namespace {
 
-Exits select_clusters(const Exits& from, const std::vector<uint32_t>& clusters) {
-  Exits out;
+// Copies what the clusters of `out` name, by numbers in `from`, and numbers it anew.
+void copy_used(const Exits& from, Exits& out) {
   out.vertices.extras = from.vertices.extras;
-  std::vector<lod::ClusterRef> refs;
-  for (const uint32_t c : clusters) {
-    refs.push_back({&from.clusters, c});
-    out.spheres.push_back(from.spheres[c]);
-  }
-  out.clusters = lod::gather_clusters(refs);
   std::vector<uint32_t> number(from.flags.size(), kNone);
   for (uint32_t& v : out.clusters.vertices) {
     if (number[v] == kNone) {
@@ -33,6 +30,27 @@ Exits select_clusters(const Exits& from, const std::vector<uint32_t>& clusters) 
     }
     g = generator[g];
   }
+}
+
+}  // namespace
+
+Exits select_clusters(const Exits& from, const std::vector<uint32_t>& clusters) {
+  Exits out;
+  std::vector<lod::ClusterRef> refs;
+  for (const uint32_t c : clusters) {
+    refs.push_back({&from.clusters, c});
+    out.spheres.push_back(from.spheres[c]);
+  }
+  out.clusters = lod::gather_clusters(refs);
+  copy_used(from, out);
+  return out;
+}
+
+Exits with_used_only(Exits&& from) {
+  Exits out;
+  out.clusters = std::move(from.clusters);
+  out.spheres = std::move(from.spheres);
+  copy_used(from, out);
   return out;
 }
 

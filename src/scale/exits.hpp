@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "lod/dag/cluster_set.hpp"
-#include "umbel/lod/build.hpp"
 #include "umbel/mesh.hpp"
 
 namespace umbel::scale {
@@ -47,28 +46,10 @@ struct Exits {
   std::vector<PositionEdge> undecided;
 };
 
-/// What is written for good: the groups of a unit, and their clusters.
-struct Parts {
-  struct FinishedGroup {
-    uint32_t clusters, level;
-    lod::SimplifyMethod method;
-    lod::LimitingFactor limiting_factor;
-    Sphere sphere;
-    float error;
-  };
-  Mesh vertices;
-  std::vector<uint32_t> materials;  ///< one a vertex; empty where all are 0
-  std::vector<FinishedGroup> groups;
-  lod::ClusterSet clusters;          ///< group by group; generating_group means nothing
-  std::vector<uint64_t> generators;  ///< ids, one a cluster; kNoGenerator at level 0
-};
-inline constexpr uint64_t kNoGenerator = ~uint64_t{0};
-
-/// The id of the i-th group of a unit; units are numbered through all tiers.
-inline uint64_t group_id(uint32_t serial, uint32_t group) { return uint64_t{serial} << 32 | group; }
-
 /// The given clusters, with what belongs to them; no edges.
 Exits select_clusters(const Exits& from, const std::vector<uint32_t>& clusters);
+/// All clusters, without vertices and generators that none of them has; no edges.
+Exits with_used_only(Exits&& from);
 
 /// Calls visit(member) for all arrays.
 template <typename Visit>
@@ -88,12 +69,4 @@ void for_each_array(Exits& exits, Visit& visit) {
   for_each_array(exits.clusters, visit);
   visit(exits.spheres), visit(exits.generators), visit(exits.locked_edges), visit(exits.undecided);
 }
-template <typename Visit>
-void for_each_array(Parts& parts, Visit& visit) {
-  for_each_array(parts.vertices, visit);
-  visit(parts.materials), visit(parts.groups);
-  for_each_array(parts.clusters, visit);
-  visit(parts.generators);
-}
-
 }  // namespace umbel::scale

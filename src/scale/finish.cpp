@@ -1,26 +1,293 @@
+// Three passes. The summaries of the parts tell the format and number the groups. Then the blocks
+// are read, each group is encoded, and the chunks go to a temporary file in the order in which they
+// come. With their sizes known, pages are planned, and written with chunks from there.
+//
+// Groups are numbered level by level, in each by unit, so a unit's groups of one level are
+// consecutive: a few runs a unit say the number of any group.
 #include "scale/finish.hpp"
 
-#include "scale/join_parts.hpp"
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <span>
+#include <utility>
+
+#include "asset/file/group_chunk.hpp"
+#include "asset/file/write_encoded.hpp"
+#include "base/file.hpp"
+#include "base/math.hpp"
+#include "base/parallel.hpp"
+#include "lod/build/dag_writer.hpp"
+#include "lod/build/hierarchy.hpp"
+#include "scale/parts.hpp"
 
 namespace umbel::scale {
+namespace {
+
+// What encoding takes of all work.
+constexpr double kEncoding = 0.8;
+
+// A unit's groups of one level.
+struct Run {
+  uint32_t level;         // as the units count
+  uint32_t first, count;  // of the unit's groups
+  uint32_t number;        // of the first in the asset
+};
+
+std::vector<Run> runs_of(const PartsSummary& summary) {
+  std::vector<Run> runs;
+  for (uint32_t g = 0; g < summary.groups.size(); ++g) {
+    const uint32_t level = summary.groups[g].level;
+    if (runs.empty() || runs.back().level != level) runs.push_back({level, g, 0, 0});
+    ++runs.back().count;
+  }
+  return runs;
+}
+
+struct Unit {
+  std::vector<Run> runs;
+  uint32_t number_of(uint32_t group) const {
+    const auto after = std::ranges::upper_bound(runs, group, {}, &Run::first);
+    if (after == runs.begin() || group - (after - 1)->first >= (after - 1)->count)
+      corrupt("a cluster was made from a group that is not there");
+    return (after - 1)->number + (group - (after - 1)->first);
+  }
+};
+
+struct BlockName {
+  uint32_t unit, block;
+  uint32_t first_group;  // of the unit
+  uint32_t groups;
+};
+
+// The chunks of a block's groups, one after the other.
+struct EncodedBlock {
+  std::vector<std::byte> bytes;
+  std::vector<asset::GroupEntry> groups;  // what encoding tells of them
+};
+
+class Finisher {
+ public:
+  Finisher(const FinishInput& input, const FinishOptions& options, Progress& progress)
+      : input_(input), options_(options), progress_(progress), chunks_(options.work) {
+    finished_.report = input.report;
+    asset::check_contents(options.contents, options.asset, 1);
+  }
+
+  Finished run(OutputFile& file) {
+    number_groups();
+    describe_groups();
+    encode_groups();
+    AssetContents contents = options_.contents;
+    if (options_.metadata) contents.metadata = options_.metadata(finished_);
+    std::vector<asset::EncodedMesh> meshes;
+    meshes.push_back(std::move(mesh_));
+    finished_.bytes = asset::write_encoded(
+        file, contents, std::move(meshes), options_.asset.page_bytes,
+        [&](const asset::GroupName& name) { return read_chunk(name.group); }, progress_, kEncoding);
+    return finished_;
+  }
+
+ private:
+  // From the summaries: what there is, and which number each group gets.
+  void number_groups() {
+    asset::VertexStatistics vertices;
+    uint32_t largest_material = 0;
+    uint64_t groups = 0, clusters = 0;
+    std::map<uint32_t, std::vector<Run*>> levels;
+    units_.resize(input_.parts.size());
+    for (uint32_t u = 0; u < units_.size(); ++u) {
+      const PartsSummary summary = read_summary(input_.parts[u]);
+      asset::add(vertices, {summary.streams.at(0), summary.extras, summary.extra_ranges});
+      largest_material = std::max(largest_material, summary.largest_material.at(0));
+      extend(mesh_.mesh.bounds, summary.box.at(0));
+      finished_.triangles += summary.triangles.at(0);
+      units_[u].runs = runs_of(summary);
+      for (Run& run : units_[u].runs) levels[run.level].push_back(&run);
+      uint32_t first = 0;
+      for (uint32_t b = 0; b < summary.blocks.size(); ++b) {
+        blocks_.push_back({u, b, first, summary.blocks[b]});
+        first += summary.blocks[b];
+      }
+      groups += summary.groups.size();
+      for (const FinishedGroup& group : summary.groups) {
+        clusters += group.clusters;
+        lod::count_group(group.method, group.limiting_factor, finished_.report);
+      }
+    }
+    if (groups >= kNone || clusters >= kNone)
+      throw Error(ErrorCode::kUnsupported, "the levels of detail have " + std::to_string(groups) +
+                                               " groups of " + std::to_string(clusters) +
+                                               " clusters, but an asset can have 4294967294");
+    uint32_t number = 0;
+    for (const auto& [level, runs] : levels) {
+      mesh_.levels.push_back({number, 0});
+      for (Run* run : runs) {
+        run->number = number;
+        number += run->count;
+      }
+      mesh_.levels.back().count = number - mesh_.levels.back().offset;
+    }
+    finished_.levels = static_cast<uint32_t>(levels.size());
+    finished_.groups = mesh_.mesh.groups = static_cast<uint32_t>(groups);
+    finished_.clusters = mesh_.mesh.clusters = static_cast<uint32_t>(clusters);
+    choose_format(std::move(vertices), largest_material);
+  }
+
+  void choose_format(asset::VertexStatistics vertices, uint32_t largest_material) {
+    has_materials_ = input_.config.mix_materials && largest_material > 0;
+    if (has_materials_) {
+      vertices.extras.push_back({ExtraKind::kMaterial, 0});
+      vertices.extra_ranges.push_back({static_cast<float>(largest_material), 1});
+    }
+    mesh_.format = asset::choose_format(vertices, input_.config.position_step, options_.asset);
+    mesh_.mesh.source_triangles = input_.report.input_triangles;
+    mesh_.mesh.source_vertices = input_.report.input_vertices;
+    mesh_.mesh.source_digest = input_.source_digest;
+    mesh_.max_triangles = input_.config.max_triangles;
+    mesh_.max_vertices = input_.config.max_vertices;
+  }
+
+  void describe_groups() {
+    mesh_.groups.resize(finished_.groups);
+    for (uint32_t u = 0; u < units_.size(); ++u) {
+      const PartsSummary summary = read_summary(input_.parts[u]);
+      for (uint32_t g = 0; g < summary.groups.size(); ++g) {
+        lod::Group& group = mesh_.groups[units_[u].number_of(g)].group;
+        group = group_of(summary.groups[g]);
+        group.clusters.count = summary.groups[g].clusters;
+      }
+    }
+    lod::Tables tables;
+    tables.levels = mesh_.levels;
+    tables.groups.reserve(mesh_.groups.size());
+    uint32_t clusters = 0;
+    for (uint32_t l = 0; l < mesh_.levels.size(); ++l)
+      for (uint32_t i = 0; i < mesh_.levels[l].count; ++i) {
+        lod::Group& group = mesh_.groups[mesh_.levels[l].offset + i].group;
+        group.level = l;
+        group.clusters.offset = clusters;
+        clusters += group.clusters.count;
+        tables.groups.push_back(group);
+      }
+    mesh_.nodes = lod::build_hierarchy(tables);
+  }
+
+  void encode_groups() {
+    chunk_at_.resize(mesh_.groups.size());
+    const auto threads = static_cast<size_t>(tbb::this_task_arena::max_concurrency());
+    std::vector<EncodedBlock> made(threads == 1 ? 1 : 2 * threads);
+    for (size_t begin = 0; begin < blocks_.size(); begin += made.size()) {
+      progress_.report(kEncoding * static_cast<double>(begin) / static_cast<double>(blocks_.size()),
+                       "writing");
+      const size_t count = std::min(made.size(), blocks_.size() - begin);
+      parallel_for(count, 1, [&](size_t i) { encode(blocks_[begin + i], made[i]); });
+      for (size_t i = 0; i < count; ++i) keep(blocks_[begin + i], made[i]);
+    }
+  }
+
+  void encode(const BlockName& name, EncodedBlock& made) const {
+    PartsBlock block = read_block(input_.parts[name.unit], name.block);
+    if (has_materials_) {
+      block.materials.resize(block.vertices.positions.size());
+      lod::keep_vertex_materials(block.materials, block.vertices);
+    }
+    const std::vector<lod::Cluster> clusters = clusters_of(block);
+    const asset::ChunkFormat format{mesh_.format, mesh_.mesh.bounds,
+                                    asset::first_material(options_.contents, 0)};
+    made.bytes.clear();
+    made.groups.clear();
+    uint32_t first = 0;
+    for (uint32_t i = 0; i < name.groups; ++i) {
+      const uint32_t number = units_[name.unit].number_of(name.first_group + i);
+      const uint32_t count = mesh_.groups[number].group.clusters.count;
+      if (first + uint64_t{count} > clusters.size()) corrupt("a block of parts is too short");
+      const asset::GroupView group{
+          number,
+          std::span(clusters).subspan(first, count),
+          std::span(block.clusters.vertex_offsets).subspan(first, count + size_t{1}),
+          std::span(block.clusters.triangle_offsets).subspan(first, count + size_t{1}),
+          block.clusters.vertices,
+          block.clusters.corners,
+          block.vertices};
+      const std::vector<uint32_t> children = asset::children_of(group.clusters);
+      asset::check_references(number, children.size());
+      const std::vector<std::byte> chunk = asset::encode_chunk(format, group, children);
+      asset::GroupEntry& entry = made.groups.emplace_back();
+      entry.references = static_cast<uint32_t>(children.size());
+      entry.chunk_bytes = static_cast<uint32_t>(chunk.size());
+      made.bytes.insert(made.bytes.end(), chunk.begin(), chunk.end());
+      first += count;
+    }
+  }
+
+  // With the numbers of the groups that generated them.
+  std::vector<lod::Cluster> clusters_of(const PartsBlock& block) const {
+    std::vector<lod::Cluster> clusters;
+    for (uint32_t c = 0; c < block.clusters.size(); ++c) {
+      const uint64_t generator = block.generators[c];
+      uint32_t number = kNone;
+      if (generator != kNoGenerator)
+        number = units_.at(generator >> 32).number_of(static_cast<uint32_t>(generator));
+      clusters.push_back({kNone, number, block.clusters.material[c],
+                          static_cast<uint32_t>(block.clusters.cluster_vertices(c).size()),
+                          static_cast<uint32_t>(block.clusters.cluster_corners(c).size() / 3),
+                          block.clusters.boxes[c]});
+    }
+    return clusters;
+  }
+
+  void keep(const BlockName& name, const EncodedBlock& made) {
+    uint64_t at = chunks_.size();
+    chunks_.append(made.bytes);
+    std::span<const std::byte> rest = made.bytes;
+    for (uint32_t i = 0; i < name.groups; ++i) {
+      const uint32_t number = units_[name.unit].number_of(name.first_group + i);
+      asset::GroupEntry& entry = mesh_.groups[number];
+      entry.references = made.groups[i].references;
+      entry.chunk_bytes = made.groups[i].chunk_bytes;
+      for (uint32_t r = 0; r < entry.references; ++r)
+        ++mesh_.groups[asset::referred_group(rest, r)].parents;
+      rest = rest.subspan(entry.chunk_bytes);
+      chunk_at_[number] = {at, entry.chunk_bytes};
+      at += entry.chunk_bytes;
+    }
+  }
+
+  std::vector<std::byte> read_chunk(uint32_t group) const {
+    std::vector<std::byte> chunk(chunk_at_[group].bytes);
+    chunks_.read(chunk_at_[group].at, chunk);
+    return chunk;
+  }
+
+  struct ChunkPlace {
+    uint64_t at;
+    uint64_t bytes;
+  };
+
+  const FinishInput& input_;
+  const FinishOptions& options_;
+  Progress& progress_;
+  Finished finished_;
+  asset::EncodedMesh mesh_;
+  bool has_materials_ = false;  // vertices have them, since clusters mix them
+  std::vector<Unit> units_;     // by serial
+  std::vector<BlockName> blocks_;
+  TemporaryFile chunks_;
+  std::vector<ChunkPlace> chunk_at_;  // by group
+};
+
+}  // namespace
 
 Finished finish(const std::filesystem::path& path, const FinishInput& input,
                 const FinishOptions& options, const BuildOptions& build) {
-  lod::Dag dag;
-  dag.config = input.config;
-  dag.report = input.report;
-  dag.source_digest = input.source_digest;
-  join_parts(input.parts, dag);
+  Progress progress(build);
+  OutputFile file(path);
   Finished finished;
-  finished.report = dag.report;
-  finished.levels = static_cast<uint32_t>(dag.tables.levels.size());
-  finished.groups = static_cast<uint32_t>(dag.tables.groups.size());
-  finished.clusters = static_cast<uint32_t>(dag.tables.clusters.size());
-  finished.triangles = dag.cluster_triangles.size() / 3;
-  AssetContents contents = options.contents;
-  contents.meshes = {&dag};
-  if (options.metadata) contents.metadata = options.metadata(finished);
-  finished.bytes = write_asset(path, contents, build, options.asset);
+  with_threads(build.threads, [&] { finished = Finisher(input, options, progress).run(file); });
+  file.commit();
   return finished;
 }
 

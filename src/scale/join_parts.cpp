@@ -6,24 +6,23 @@
 
 #include "lod/build/dag_writer.hpp"
 #include "lod/build/hierarchy.hpp"
-#include "scale/exits.hpp"
+#include "scale/parts.hpp"
 #include "scale/vertex_table.hpp"
-#include "scale/work_file.hpp"
 
 namespace umbel::scale {
 namespace {
 
-// A group of one of the parts.
+// A group of one of the parts, in one of their blocks.
 struct PlacedGroup {
   uint32_t level, serial, group;
-  uint32_t first_cluster;  // of the part
+  uint32_t block, first_cluster;
 };
 
 class Joiner {
  public:
   Joiner(const std::vector<std::filesystem::path>& files, lod::Dag& dag) : dag_(dag) {
     dag_.vertex_offsets = dag_.triangle_offsets = {0};
-    for (const std::filesystem::path& file : files) add(read_record<Parts>(file));
+    for (const std::filesystem::path& file : files) add(file);
   }
 
   void run() {
@@ -48,52 +47,54 @@ class Joiner {
   }
 
  private:
-  void add(Parts parts) {
-    std::vector<uint32_t> numbers(parts.vertices.positions.size(), kNone);
-    for (uint32_t& v : parts.clusters.vertices) {
-      if (numbers[v] == kNone)
-        numbers[v] =
-            table_.insert(parts.vertices, v, parts.materials.empty() ? 0 : parts.materials[v]);
-      v = numbers[v];
+  void add(const std::filesystem::path& file) {
+    const auto serial = static_cast<uint32_t>(summaries_.size());
+    const PartsSummary& summary = summaries_.emplace_back(read_summary(file));
+    uint32_t group = 0;
+    for (uint32_t b = 0; b < summary.blocks.size(); ++b) {
+      uint32_t first = 0;
+      for (uint32_t i = 0; i < summary.blocks[b]; ++i, ++group) {
+        order_.push_back({summary.groups[group].level, serial, group,
+                          static_cast<uint32_t>(blocks_.size()), first});
+        first += summary.groups[group].clusters;
+      }
+      add(read_block(file, b));
     }
-    parts.vertices = {};
-    uint32_t first = 0;
-    for (uint32_t g = 0; g < parts.groups.size(); ++g) {
-      order_.push_back({parts.groups[g].level, static_cast<uint32_t>(parts_.size()), g, first});
-      first += parts.groups[g].clusters;
-    }
-    parts_.push_back(std::move(parts));
+  }
+
+  void add(PartsBlock block) {
+    std::vector<uint32_t> numbers;
+    for (uint32_t v = 0; v < block.vertices.positions.size(); ++v)
+      numbers.push_back(
+          table_.insert(block.vertices, v, block.materials.empty() ? 0 : block.materials[v]));
+    for (uint32_t& v : block.clusters.vertices) v = numbers[v];
+    block.vertices = {};
+    blocks_.push_back(std::move(block));
   }
 
   void add_group(const PlacedGroup& placed, const std::unordered_map<uint64_t, uint32_t>& number) {
-    const Parts& parts = parts_[placed.serial];
-    const Parts::FinishedGroup& from = parts.groups[placed.group];
+    const FinishedGroup& from = summaries_[placed.serial].groups[placed.group];
     lod::Tables& tables = dag_.tables;
-    lod::Group group;
+    lod::Group group = group_of(from);
     group.clusters = {static_cast<uint32_t>(tables.clusters.size()), from.clusters};
     group.level = static_cast<uint32_t>(tables.levels.size() - 1);
-    group.method = from.method;
-    group.sphere = from.sphere;
-    group.error = from.error;
     const auto id = static_cast<uint32_t>(tables.groups.size());
     tables.groups.push_back(group);
     dag_.limiting_factors.push_back(from.limiting_factor);
-    const auto method = static_cast<size_t>(from.method);
-    ++dag_.report.groups_by_method[method];
-    ++dag_.report.groups_by_limiting_factor[method][static_cast<size_t>(from.limiting_factor)];
+    lod::count_group(from.method, from.limiting_factor, dag_.report);
     for (uint32_t i = 0; i < from.clusters; ++i)
-      add_cluster(parts, placed.first_cluster + i, id, number);
+      add_cluster(blocks_[placed.block], placed.first_cluster + i, id, number);
   }
 
-  void add_cluster(const Parts& parts, uint32_t c, uint32_t group,
+  void add_cluster(const PartsBlock& block, uint32_t c, uint32_t group,
                    const std::unordered_map<uint64_t, uint32_t>& number) {
-    const auto vertices = parts.clusters.cluster_vertices(c);
-    const auto corners = parts.clusters.cluster_corners(c);
-    const uint64_t generator = parts.generators[c];
+    const auto vertices = block.clusters.cluster_vertices(c);
+    const auto corners = block.clusters.cluster_corners(c);
+    const uint64_t generator = block.generators[c];
     dag_.tables.clusters.push_back(
         {group, generator == kNoGenerator ? kNone : number.at(generator),
-         parts.clusters.material[c], static_cast<uint32_t>(vertices.size()),
-         static_cast<uint32_t>(corners.size() / 3), parts.clusters.boxes[c]});
+         block.clusters.material[c], static_cast<uint32_t>(vertices.size()),
+         static_cast<uint32_t>(corners.size() / 3), block.clusters.boxes[c]});
     dag_.cluster_vertices.insert(dag_.cluster_vertices.end(), vertices.begin(), vertices.end());
     dag_.cluster_triangles.insert(dag_.cluster_triangles.end(), corners.begin(), corners.end());
     dag_.vertex_offsets.push_back(static_cast<uint32_t>(dag_.cluster_vertices.size()));
@@ -102,7 +103,8 @@ class Joiner {
 
   lod::Dag& dag_;
   VertexTable table_;
-  std::vector<Parts> parts_;
+  std::vector<PartsSummary> summaries_;  // by serial
+  std::vector<PartsBlock> blocks_;
   std::vector<PlacedGroup> order_;
 };
 

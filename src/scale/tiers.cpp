@@ -237,12 +237,13 @@ void run_task(const std::filesystem::path& work, const Task& task) {
   const Partition partition = Partition::from_bytes(plan.partition);
   const TierConfig& tier = plan.tier.at(0);
   const uint32_t serial = plan.first_serial.at(0) + task.unit;
+  const fs::path parts = unit_file(work, task, ".parts");
   BuiltUnit built;
   if (task.tier == 0) {
     std::vector<fs::path> files;
     for (uint32_t s = 0; s < plan.shards.at(0); ++s) files.push_back(shard_file(work, 0, s));
     built = build_unit(read_unit(files, partition, streams_of(plan), tier.box, task.unit), tier,
-                       serial);
+                       serial, parts);
   } else {
     std::vector<Slice> slices;
     for (uint32_t s = 0; s < plan.shards.at(0); ++s) {
@@ -250,9 +251,9 @@ void run_task(const std::filesystem::path& work, const Task& task) {
           SliceReader(shard_file(work, task.tier, s)).read(task.unit);
       if (!bytes.empty()) slices.push_back(record_of<Slice>(bytes));
     }
-    built = build_unit(std::move(slices), plan.non_manifold, partition, task.unit, tier, serial);
+    built =
+        build_unit(std::move(slices), plan.non_manifold, partition, task.unit, tier, serial, parts);
   }
-  write_record(unit_file(work, task, ".parts"), built.parts);
   write_record(unit_file(work, task, ".exits"), built.exits);
   UnitSummary summary{{built.next_level}, {built.exits.clusters.triangle_count()}, {built.report}};
   write_record(unit_file(work, task, ".done"), summary);

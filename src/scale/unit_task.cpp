@@ -1,7 +1,5 @@
 #include "scale/unit_task.hpp"
 
-#include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "base/interner.hpp"
@@ -11,36 +9,37 @@
 #include "lod/dag/source.hpp"
 #include "mesh/vertex_bits.hpp"
 #include "scale/gather_unit.hpp"
-#include "scale/parts_writer.hpp"
+#include "scale/parts.hpp"
 
 namespace umbel::scale {
 namespace {
 
-// What the next tier gets of a unit once it is built.
+// What the next tier gets of a unit once it is built. Nothing of use is left in the unit.
 class ExitWriter {
  public:
-  ExitWriter(lod::Unit& unit, const std::vector<Generator>& generators)
-      : unit_(unit), generators_(generators) {}
+  ExitWriter(lod::Unit& unit, std::vector<Generator> generators)
+      : unit_(unit), generators_(std::move(generators)) {}
 
   Exits run(const std::vector<HalfKnownEdge>& half_known,
             const std::vector<lod::PositionPair>& undecided) {
     list_vertices();
+    std::vector<PositionEdge> locked_edges = edges_that_go_on(half_known);
+    std::vector<PositionEdge> undecided_edges;
+    for (const auto& [a, b] : undecided) undecided_edges.push_back({position(a), position(b)});
     Exits all;
-    all.vertices = unit_.source.mesh;
-    all.materials = unit_.source.vertex_materials;
+    all.vertices = std::move(unit_.source.mesh);
+    all.materials = std::move(unit_.source.vertex_materials);
     all.clusters = std::move(unit_.pending);
     all.spheres = std::move(unit_.spheres);
-    all.generators = generators_;
+    all.generators = std::move(generators_);
     const auto& ids = unit_.source.position_ids;
     for (const uint32_t p : ids) {
       all.labels.push_back(unit_.source.non_manifold_components[p]);
       all.flags.push_back(flags_[p]);
     }
-    std::vector<uint32_t> clusters(all.clusters.size());
-    std::iota(clusters.begin(), clusters.end(), 0u);
-    Exits exits = select_clusters(all, clusters);
-    exits.locked_edges = edges_that_go_on(half_known);
-    for (const auto& [a, b] : undecided) exits.undecided.push_back({position(a), position(b)});
+    Exits exits = with_used_only(std::move(all));
+    exits.locked_edges = std::move(locked_edges);
+    exits.undecided = std::move(undecided_edges);
     return exits;
   }
 
@@ -87,16 +86,16 @@ class ExitWriter {
   }
 
   lod::Unit& unit_;
-  const std::vector<Generator>& generators_;
+  std::vector<Generator> generators_;
   std::vector<uint8_t> flags_, is_left_;  // by position id
 };
 
 // Some rounds, or all that are left. `generators`: of the clusters that the unit begins with.
 BuiltUnit run(lod::Unit& unit, std::vector<Generator> generators,
               const std::vector<HalfKnownEdge>& half_known, const TierConfig& tier, uint32_t serial,
-              bool is_first) {
+              const std::filesystem::path& parts, bool is_first) {
   BuiltUnit built;
-  PartsWriter writer;
+  PartsWriter writer(parts, unit, generators, serial);
   const BuildOptions quiet;
   Progress progress(quiet);
   const lod::Decimator none;
@@ -108,18 +107,20 @@ BuiltUnit run(lod::Unit& unit, std::vector<Generator> generators,
     builder.run(tier.is_last ? lod::UnitBuilder::kAllRounds : tier.rounds);
     if (tier.is_last) builder.write_roots();
   }
+  writer.commit();
   for (size_t g = known; g < unit.generators.size(); ++g)
     generators.push_back({group_id(serial, static_cast<uint32_t>(g - known)),
                           unit.generators[g].sphere, unit.generators[g].error});
-  built.parts = writer.take(unit.source.mesh, unit.source.vertex_materials, generators);
   built.next_level = unit.level;
-  if (!tier.is_last) built.exits = ExitWriter(unit, generators).run(half_known, undecided);
+  if (!tier.is_last)
+    built.exits = ExitWriter(unit, std::move(generators)).run(half_known, undecided);
   return built;
 }
 
 }  // namespace
 
-BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial) {
+BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial,
+                     const std::filesystem::path& parts) {
   lod::Unit unit;
   unit.source = lod::make_source(input.mesh.view(), BuildOptions{});
   unit.source.scale = lod::simplification_scale(tier.box);
@@ -132,15 +133,15 @@ BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial) {
     if (unit.source.position_ids[p] == p && frozen.contains(unit.source.mesh.positions[p]))
       unit.frozen.push_back(p);
   input = {};
-  return run(unit, {}, {}, tier, serial, true);
+  return run(unit, {}, {}, tier, serial, parts, true);
 }
 
 BuiltUnit build_unit(std::vector<Slice> slices, const std::vector<PositionEdge>& non_manifold,
                      const Partition& partition, uint32_t unit, const TierConfig& tier,
-                     uint32_t serial) {
+                     uint32_t serial, const std::filesystem::path& parts) {
   GatheredUnit gathered = gather_unit(std::move(slices), non_manifold, partition, unit, tier);
   return run(gathered.unit, std::move(gathered.generators), gathered.half_known, tier, serial,
-             false);
+             parts, false);
 }
 
 }  // namespace umbel::scale

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <vector>
 
 #include "scale/exits.hpp"
@@ -35,20 +36,21 @@ struct TierConfig {
 };
 
 struct BuiltUnit {
-  Parts parts;
   Exits exits;
   uint32_t next_level = 0;  ///< above all of its groups
   lod::Report report;
 };
 
-/// A unit of the first tier. `serial` numbers units through all tiers.
-BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial);
+/// A unit of the first tier. `serial` numbers units through all tiers. The groups go to the file
+/// `parts`, which has its name only once all of them are in it.
+BuiltUnit build_unit(UnitInput input, const TierConfig& tier, uint32_t serial,
+                     const std::filesystem::path& parts);
 
 /// A unit of a later tier, from the slices of all units of the tier before in their order.
 /// `non_manifold`: edges between once frozen positions that the first tier could not decide and
 /// that are not manifold.
 BuiltUnit build_unit(std::vector<Slice> slices, const std::vector<PositionEdge>& non_manifold,
                      const Partition& partition, uint32_t unit, const TierConfig& tier,
-                     uint32_t serial);
+                     uint32_t serial, const std::filesystem::path& parts);
 
 }  // namespace umbel::scale

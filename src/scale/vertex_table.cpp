@@ -55,4 +55,14 @@ uint32_t VertexTable::insert(const Mesh& from, uint32_t vertex, uint32_t materia
   return next;
 }
 
+Mesh VertexTable::take_mesh() {
+  const auto normalise = [](auto& stream) {
+    for (auto& value : stream) value = without_negative_zero(value);
+  };
+  normalise(mesh_.positions), normalise(mesh_.normals), normalise(mesh_.tangents);
+  normalise(mesh_.uvs), normalise(mesh_.colors);
+  for (float& value : mesh_.extra_values) value += 0.0f;
+  return std::move(mesh_);
+}
+
 }  // namespace umbel::scale

@@ -15,9 +15,8 @@ class VertexTable {
   uint32_t insert(const Mesh& from, uint32_t vertex, uint32_t material);
 
   size_t size() const { return materials_.size(); }
-  /// The vertices, rising by number, without triangles.
-  const Mesh& mesh() const { return mesh_; }
-  Mesh take_mesh() { return std::move(mesh_); }
+  /// The vertices, rising by number, without triangles and without -0.
+  Mesh take_mesh();
   std::vector<uint32_t> take_materials() { return std::move(materials_); }
 
  private:

@@ -27,61 +27,36 @@ bool is_on_grid(float value, float step) {
   return std::fabs(steps) <= kMostSteps && std::nearbyint(steps) == steps;
 }
 
-/// Positions as multiples of the grid step that they were snapped to, else floats.
-AttributeFormat positions_of(const lod::Dag& dag) {
-  const float step = dag.config.position_step;
-  if (step == 0) return {kPositions, Coding::kFloats, 0, 0};
-  const auto on_grid = [&](const Vec3& p) {
-    return is_on_grid(p.x, step) && is_on_grid(p.y, step) && is_on_grid(p.z, step);
-  };
-  const auto& positions = dag.vertices.positions;
-  // Coordinates of more steps than floats can count stay floats.
-  const bool all = std::all_of(positions.begin(), positions.end(), on_grid);
-  return all ? AttributeFormat{kPositions, Coding::kGrid, 0, step}
-             : AttributeFormat{kPositions, Coding::kFloats, 0, 0};
+ValueRange range_of(const auto& for_each) {
+  ValueRange range;
+  for_each([&](float value) {
+    range.largest = std::max(range.largest, std::fabs(value));
+    range.is_finite &= std::isfinite(value);
+  });
+  return range;
+}
+
+/// Positions as multiples of the grid step that they were snapped to, else floats. Coordinates of
+/// more steps than floats can count stay floats.
+AttributeFormat positions_of(const StreamStatistics& streams, float step) {
+  if (step == 0 || !streams.positions_on_grid) return {kPositions, Coding::kFloats, 0, 0};
+  return {kPositions, Coding::kGrid, 0, step};
 }
 
 /// The requested step, or the next larger power of two that the largest value needs.
-AttributeFormat on_grid_of(uint32_t attribute, uint32_t set, const auto& for_each, float step) {
-  float largest = 0;
-  bool finite = true;
-  for_each([&](float value) {
-    largest = std::max(largest, std::fabs(value));
-    finite &= std::isfinite(value);
-  });
-  while (finite && step > 0 && largest / step > kMostSteps) step *= 2;
-  if (step > 0 && finite) return {attribute, Coding::kGrid, 0, step, set};
-  return {attribute, Coding::kFloats, 0, 0, set};
-}
-
-AttributeFormat uvs_of(const std::vector<Vec2>& uvs, float step) {
-  const auto for_each = [&](const auto& visit) {
-    for (const Vec2& uv : uvs) visit(uv.x), visit(uv.y);
-  };
-  return on_grid_of(kUvs, 0, for_each, step);
+AttributeFormat on_grid_of(uint32_t attribute, uint32_t set, const ValueRange& range, float step) {
+  if (step == 0 || !range.is_finite) return {attribute, Coding::kFloats, 0, 0, set};
+  while (range.largest / step > kMostSteps) step *= 2;
+  return {attribute, Coding::kGrid, 0, step, set};
 }
 
 /// Those of a kind. Joints and materials are whole numbers.
-void add_extras(const Mesh& mesh, ExtraKind kind, float step, std::vector<AttributeFormat>& out) {
-  const size_t width = extra_width(mesh.extras);
-  size_t at = 0;
-  for (const Extra& extra : mesh.extras) {
-    const size_t count = extra_width(extra.kind);
-    const auto for_each = [&](const auto& visit) {
-      for (size_t v = 0; v < mesh.positions.size(); ++v)
-        for (size_t k = 0; k < count; ++k) visit(mesh.extra_values[v * width + at + k]);
-    };
-    if (extra.kind == kind)
-      out.push_back(on_grid_of(static_cast<uint32_t>(kind), extra.set, for_each, step));
-    at += count;
-  }
-}
-
-bool are_in_range(const std::vector<Vec4>& colors) {
-  const auto fits = [](float f) { return f >= 0 && f <= 1; };
-  return std::all_of(colors.begin(), colors.end(), [&](const Vec4& c) {
-    return fits(c.x) && fits(c.y) && fits(c.z) && fits(c.w);
-  });
+void add_extras(const VertexStatistics& vertices, ExtraKind kind, float step,
+                std::vector<AttributeFormat>& out) {
+  for (size_t i = 0; i < vertices.extras.size(); ++i)
+    if (vertices.extras[i].kind == kind)
+      out.push_back(on_grid_of(static_cast<uint32_t>(kind), vertices.extras[i].set,
+                               vertices.extra_ranges[i], step));
 }
 
 AttributeFormat with_bits(uint32_t attribute, Coding coding, uint32_t bits) {
@@ -91,30 +66,89 @@ AttributeFormat with_bits(uint32_t attribute, Coding coding, uint32_t bits) {
 
 }  // namespace
 
-VertexFormat choose_format(const lod::Dag& dag, const AssetConfig& config) {
+VertexStatistics vertex_statistics(const Mesh& vertices, float position_step) {
+  VertexStatistics all;
+  StreamStatistics& streams = all.streams;
+  streams.normals = !vertices.normals.empty();
+  streams.tangents = !vertices.tangents.empty();
+  streams.uvs = !vertices.uvs.empty();
+  streams.colors = !vertices.colors.empty();
+  streams.positions_on_grid =
+      position_step == 0 || std::ranges::all_of(vertices.positions, [&](const Vec3& p) {
+        return is_on_grid(p.x, position_step) && is_on_grid(p.y, position_step) &&
+               is_on_grid(p.z, position_step);
+      });
+  const auto fits = [](float f) { return f >= 0 && f <= 1; };
+  streams.colors_in_range = std::ranges::all_of(vertices.colors, [&](const Vec4& c) {
+    return fits(c.x) && fits(c.y) && fits(c.z) && fits(c.w);
+  });
+  streams.uv_range = range_of([&](const auto& visit) {
+    for (const Vec2& uv : vertices.uvs) visit(uv.x), visit(uv.y);
+  });
+  all.extras = vertices.extras;
+  const size_t width = extra_width(vertices.extras);
+  size_t at = 0;
+  for (const Extra& extra : vertices.extras) {
+    const size_t count = extra_width(extra.kind);
+    all.extra_ranges.push_back(range_of([&](const auto& visit) {
+      for (size_t v = 0; v < vertices.positions.size(); ++v)
+        for (size_t k = 0; k < count; ++k) visit(vertices.extra_values[v * width + at + k]);
+    }));
+    at += count;
+  }
+  return all;
+}
+
+void add(VertexStatistics& sum, const VertexStatistics& more) {
+  const auto join = [](ValueRange& range, const ValueRange& other) {
+    range.largest = std::max(range.largest, other.largest);
+    range.is_finite &= other.is_finite;
+  };
+  sum.streams.normals |= more.streams.normals;
+  sum.streams.tangents |= more.streams.tangents;
+  sum.streams.uvs |= more.streams.uvs;
+  sum.streams.colors |= more.streams.colors;
+  sum.streams.positions_on_grid &= more.streams.positions_on_grid;
+  sum.streams.colors_in_range &= more.streams.colors_in_range;
+  join(sum.streams.uv_range, more.streams.uv_range);
+  if (sum.extras.empty()) {
+    sum.extras = more.extras;
+    sum.extra_ranges = more.extra_ranges;
+    return;
+  }
+  for (size_t i = 0; i < more.extras.size(); ++i) join(sum.extra_ranges[i], more.extra_ranges[i]);
+}
+
+VertexFormat choose_format(const VertexStatistics& vertices, float position_step,
+                           const AssetConfig& config) {
   check_bits("normal_bits", config.normal_bits);
   check_bits("tangent_bits", config.tangent_bits);
   check_bits("color_bits", config.color_bits);
   if (config.uv_step != 0 && !is_power_of_two(config.uv_step))
     throw Error(ErrorCode::kInvalidArgument, "uv_step is " + std::to_string(config.uv_step) +
                                                  ", but must be 0 or a power of two");
-  const Mesh& mesh = dag.vertices;
-  std::vector<AttributeFormat> attributes{positions_of(dag)};
-  const bool octahedral = !mesh.normals.empty() && config.normal_bits > 0;
-  if (!mesh.normals.empty())
+  const StreamStatistics& streams = vertices.streams;
+  std::vector<AttributeFormat> attributes{positions_of(streams, position_step)};
+  const bool octahedral = streams.normals && config.normal_bits > 0;
+  if (streams.normals)
     attributes.push_back(with_bits(kNormals, Coding::kOctahedral, config.normal_bits));
-  if (!mesh.tangents.empty())
+  if (streams.tangents)
     attributes.push_back(
         with_bits(kTangents, Coding::kAngle, octahedral ? config.tangent_bits : 0));
-  if (!mesh.uvs.empty()) attributes.push_back(uvs_of(mesh.uvs, config.uv_step));
-  add_extras(mesh, ExtraKind::kUvs, config.uv_step, attributes);
-  if (!mesh.colors.empty())
+  if (streams.uvs) attributes.push_back(on_grid_of(kUvs, 0, streams.uv_range, config.uv_step));
+  add_extras(vertices, ExtraKind::kUvs, config.uv_step, attributes);
+  if (streams.colors)
     attributes.push_back(
-        with_bits(kColors, Coding::kSrgb, are_in_range(mesh.colors) ? config.color_bits : 0));
-  add_extras(mesh, ExtraKind::kJoints, 1.0f, attributes);
-  add_extras(mesh, ExtraKind::kWeights, config.uv_step > 0 ? kWeightStep : 0.0f, attributes);
-  add_extras(mesh, ExtraKind::kMaterial, 1.0f, attributes);
+        with_bits(kColors, Coding::kSrgb, streams.colors_in_range ? config.color_bits : 0));
+  add_extras(vertices, ExtraKind::kJoints, 1.0f, attributes);
+  add_extras(vertices, ExtraKind::kWeights, config.uv_step > 0 ? kWeightStep : 0.0f, attributes);
+  add_extras(vertices, ExtraKind::kMaterial, 1.0f, attributes);
   return make_format(std::move(attributes));
+}
+
+VertexFormat choose_format(const lod::Dag& dag, const AssetConfig& config) {
+  const float step = dag.config.position_step;
+  return choose_format(vertex_statistics(dag.vertices, step), step, config);
 }
 
 }  // namespace umbel::asset

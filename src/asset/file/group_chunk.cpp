@@ -143,6 +143,13 @@ std::vector<uint32_t> children_of(std::span<const lod::Cluster> clusters) {
   return children;
 }
 
+void check_references(uint32_t group, size_t references) {
+  if (references > kMaxReferences)
+    throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group) + " was made from " +
+                                                 std::to_string(references) +
+                                                 " groups, but at most 65535 can be");
+}
+
 std::vector<std::byte> encode_chunk(const ChunkFormat& format, const GroupView& group,
                                     std::span<const uint32_t> children) {
   const uint64_t tables_at = kReferenceBytes * children.size();
@@ -160,6 +167,8 @@ std::vector<std::byte> encode_chunk(const ChunkFormat& format, const GroupView& 
                                                  std::to_string(chunk.size()) +
                                                  " bytes, but a group may take 2 GiB");
   chunk.resize(aligned(chunk.size(), kChunkAlignment));
+  for (size_t i = 0; i < children.size(); ++i)
+    write_reference(chunk, i, {children[i], 0, 0, {}, 0});
   ByteWriter out(chunk);
   out.skip_to(tables_at);
   for (const ComponentRange& component : encoder.ranges()) {
@@ -180,6 +189,14 @@ void write_reference(std::span<std::byte> chunk, size_t index, const GroupRef& r
   ByteWriter out(chunk);
   out.skip_to(kReferenceBytes * index);
   write(out, reference);
+}
+
+uint32_t referred_group(std::span<const std::byte> chunk, size_t index) {
+  ByteReader in(chunk);
+  in.skip_to(kReferenceBytes * index);
+  GroupRef reference;
+  read(in, reference);
+  return reference.group;
 }
 
 ChunkTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,

@@ -38,12 +38,15 @@ GroupView group_of(const lod::Dag& dag, uint32_t group);
 
 /// The distinct groups that a group's clusters were made from, in the order in which they occur.
 std::vector<uint32_t> children_of(std::span<const lod::Cluster> clusters);
+/// Throws kInvalidArgument for more than kMaxReferences.
+void check_references(uint32_t group, size_t references);
 
-/// The chunk of a group, a multiple of kChunkAlignment long. Its references are zero until the
-/// writer knows their pages and calls write_reference. The group has been checked.
+/// The chunk of a group, a multiple of kChunkAlignment long. Of its references it has the groups
+/// alone, until the writer knows their pages and calls write_reference. The group has been checked.
 std::vector<std::byte> encode_chunk(const ChunkFormat& format, const GroupView& group,
                                     std::span<const uint32_t> children);
 void write_reference(std::span<std::byte> chunk, size_t index, const GroupRef& reference);
+uint32_t referred_group(std::span<const std::byte> chunk, size_t index);
 
 /// A chunk without its clusters' data.
 struct ChunkTables {

@@ -30,9 +30,7 @@ void DagWriter::add_group(const NewGroup& added) {
   members_.insert(members_.end(), added.members.begin(), added.members.end());
   tables.groups.push_back(group);
   dag_.limiting_factors.push_back(added.limiting_factor);
-  const size_t method = static_cast<size_t>(added.method);
-  ++dag_.report.groups_by_method[method];
-  ++dag_.report.groups_by_limiting_factor[method][static_cast<size_t>(added.limiting_factor)];
+  count_group(added.method, added.limiting_factor, dag_.report);
 }
 
 void DagWriter::finish_level(const ClusterSet& pending) {
@@ -75,6 +73,12 @@ void DagWriter::write_clusters(const ClusterSet& pending) {
         corners, dag_.cluster_triangles.begin() + 3 * size_t{dag_.triangle_offsets[first + i]});
   });
   members_.clear();
+}
+
+void count_group(SimplifyMethod method, LimitingFactor factor, Report& report) {
+  const auto row = static_cast<size_t>(method);
+  ++report.groups_by_method[row];
+  ++report.groups_by_limiting_factor[row][static_cast<size_t>(factor)];
 }
 
 void keep_vertex_materials(std::span<const uint32_t> materials, Mesh& mesh) {

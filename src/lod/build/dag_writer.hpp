@@ -31,6 +31,9 @@ class DagWriter : public GroupSink {
   std::vector<uint32_t> members_;  // pending clusters of the level's groups, group by group
 };
 
+/// In groups_by_method and groups_by_limiting_factor.
+void count_group(SimplifyMethod method, LimitingFactor factor, Report& report);
+
 /// Keeps the materials of vertices as one more attribute.
 void keep_vertex_materials(std::span<const uint32_t> materials, Mesh& mesh);
 

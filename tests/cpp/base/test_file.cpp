@@ -138,5 +138,20 @@ TEST(File, names_may_be_as_long_as_the_system_allows) {
   EXPECT_EQ(read_bytes(scratch / name), numbered(5));
 }
 
+TEST(TemporaryFile, gives_back_what_was_appended_and_leaves_nothing) {
+  const Scratch scratch;
+  {
+    TemporaryFile file(scratch / ".");
+    file.append(bytes_of(numbered(100)));
+    file.append(bytes_of(numbered(5000)));
+    EXPECT_EQ(file.size(), 5100u);
+    std::vector<char> read(5000);
+    file.read(100, std::as_writable_bytes(std::span(read)));
+    EXPECT_EQ(read, numbered(5000));
+  }
+  EXPECT_EQ(scratch.files(), 0u);
+  EXPECT_THROW(TemporaryFile(scratch / "no_such_folder"), Error);
+}
+
 }  // namespace
 }  // namespace umbel

@@ -3,7 +3,7 @@
 #include <map>
 
 #include "scale/build_partition.hpp"
-#include "scale/parts.hpp"
+#include "scale/units.hpp"
 
 namespace umbel::scale::testing {
 namespace {

@@ -8,9 +8,9 @@
 
 #include "heap_peak.hpp"
 #include "io/source/table_source.hpp"
-#include "scale/parts.hpp"
 #include "scale/route.hpp"
 #include "scale/route_file.hpp"
+#include "scale/units.hpp"
 
 namespace umbel::scale::testing {
 namespace {

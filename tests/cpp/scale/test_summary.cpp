@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "scale/parts.hpp"
 #include "scale/summary.hpp"
+#include "scale/units.hpp"
 
 namespace umbel::scale::testing {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "scale/parts.hpp"
 #include "scale/tiers.hpp"
+#include "scale/units.hpp"
 #include "umbel/lod.hpp"
 
 namespace umbel::scale::testing {

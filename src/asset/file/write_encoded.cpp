@@ -1,0 +1,184 @@
+// The groups that a group was made from are in its page or a later one, so pages are planned
+// before the first is written. The file header, which has every checksum, is written last.
+#include "asset/file/write_encoded.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "asset/file/format.hpp"
+#include "asset/file/group_chunk.hpp"
+#include "asset/file/page.hpp"
+#include "base/hash.hpp"
+#include "base/math.hpp"
+
+namespace umbel::asset {
+namespace {
+
+constexpr uint64_t kMaxPageBytes = 1u << 30;
+// Numbers of materials may be floats; whole ones are exact up to here.
+constexpr uint32_t kMostFirstMaterial = 1u << 24;
+constexpr uint32_t kPagesAReport = 64;
+
+[[noreturn]] void refuse(const std::string& sentence) {
+  throw Error(ErrorCode::kInvalidArgument, sentence);
+}
+
+/// Appends to one of the header's tables what is one mesh's, and returns where it is.
+template <typename Element>
+Range append(std::vector<Element>& table, const std::vector<Element>& more) {
+  const Range range{static_cast<uint32_t>(table.size()), static_cast<uint32_t>(more.size())};
+  table.insert(table.end(), more.begin(), more.end());
+  return range;
+}
+
+class Writer {
+ public:
+  Writer(const AssetContents& contents, std::vector<EncodedMesh> meshes, uint32_t page_bytes)
+      : contents_(contents) {
+    for (EncodedMesh& mesh : meshes) add_mesh(std::move(mesh));
+    plan_ = plan_pages(groups_, page_bytes);
+    header_.info.page_bytes = plan_.page_bytes;
+    for (size_t m = 0; m < groups_.size(); ++m) add_roots(m);
+    header_.info.metadata = contents_.metadata;
+    // Without the sign of zero, which the sum does not keep.
+    header_.info.origin = {contents_.origin.x + 0.0, contents_.origin.y + 0.0,
+                           contents_.origin.z + 0.0};
+    header_.scene = contents_.scene;
+    header_.materials = contents_.materials;
+    header_.instances = contents_.instances;
+    header_.files.resize(contents_.files.size());
+  }
+
+  uint64_t write(OutputFile& file, const ChunkReader& read_chunk, Progress& progress,
+                 double begun) {
+    lay_out_header();
+    uint64_t at = header_bytes(header_);
+    for (uint32_t p = 0; p < plan_.pages.size(); ++p) {
+      if (p % kPagesAReport == 0)
+        progress.report(begun + (1 - begun) * p / static_cast<double>(plan_.pages.size()),
+                        "writing");
+      const std::vector<std::byte> page = make_page(p, read_chunk);
+      file.write(at, page);
+      header_.pages[p] = {at, static_cast<uint32_t>(page.size()), plan_.pages[p].count,
+                          xxh64(page.data(), page.size())};
+      at += page.size();
+    }
+    header_.info.file_bytes = at;
+    write_tail(file);
+    file.write(0, encode_header(header_));
+    return header_.info.file_bytes;
+  }
+
+ private:
+  void add_mesh(EncodedMesh&& mesh) {
+    MeshEntry entry;
+    entry.mesh = mesh.mesh;
+    entry.attributes = append(header_.attributes, mesh.format.attributes);
+    entry.levels = append(header_.levels, mesh.levels);
+    entry.nodes = nodes_.empty() ? Range{0, static_cast<uint32_t>(mesh.nodes.size())}
+                                 : append(nodes_, mesh.nodes);
+    if (nodes_.empty()) nodes_ = std::move(mesh.nodes);
+    header_.meshes.push_back(entry);
+    header_.info.max_triangles = std::max(header_.info.max_triangles, mesh.max_triangles);
+    header_.info.max_vertices = std::max(header_.info.max_vertices, mesh.max_vertices);
+    groups_.push_back(std::move(mesh.groups));
+  }
+
+  GroupRef reference_to(const GroupName& name) const {
+    const GroupEntry& entry = groups_[name.mesh][name.group];
+    return {name.group, entry.page, entry.parents, entry.group.sphere, entry.group.error};
+  }
+
+  void add_roots(size_t mesh) {
+    std::vector<GroupRef> roots;
+    for (uint32_t g = 0; g < groups_[mesh].size(); ++g)
+      if (groups_[mesh][g].parents == 0)
+        roots.push_back(reference_to({static_cast<uint32_t>(mesh), g}));
+    header_.meshes[mesh].roots = append(header_.roots, roots);
+  }
+
+  /// As many entries as there will be, for the size of the file header.
+  void lay_out_header() {
+    header_.pages.resize(plan_.pages.size());
+    header_.has_page_slices = wants_slices(plan_.pages.size());
+    if (wants_slices(nodes_.size()))
+      header_.nodes.slices.resize((nodes_.size() + kSliceEntries - 1) / kSliceEntries);
+  }
+
+  std::vector<std::byte> make_page(uint32_t page, const ChunkReader& read_chunk) const {
+    std::vector<EncodedGroup> groups;
+    for (uint32_t i = 0; i < plan_.pages[page].count; ++i) {
+      const GroupName name = plan_.order[plan_.pages[page].offset + i];
+      const GroupEntry& entry = groups_[name.mesh][name.group];
+      std::vector<std::byte> chunk = read_chunk(name);
+      for (uint32_t r = 0; r < entry.references; ++r)
+        write_reference(chunk, r, reference_to({name.mesh, referred_group(chunk, r)}));
+      groups.push_back(
+          {name.mesh, name.group, entry.group, entry.parents, entry.references, std::move(chunk)});
+    }
+    return encode_page(page, groups);
+  }
+
+  /// What lies behind the pages.
+  void write_tail(OutputFile& file) {
+    uint64_t& at = header_.info.file_bytes;
+    const std::vector<std::byte> nodes = encode_nodes(nodes_);
+    file.write(at, nodes);
+    header_.nodes = {at, nodes_.size(), kNodeBytes, xxh64(nodes.data(), nodes.size()), {}};
+    if (wants_slices(nodes_.size())) header_.nodes.slices = slice_checksums(nodes, kNodeBytes);
+    at += nodes.size();
+    for (size_t i = 0; i < contents_.files.size(); ++i) {
+      const std::vector<std::byte>& bytes = contents_.files[i];
+      file.write(at, bytes);
+      header_.files[i] = {at, bytes.size(), xxh64(bytes.data(), bytes.size())};
+      at += bytes.size();
+    }
+  }
+
+  const AssetContents& contents_;
+  FileHeader header_;
+  std::vector<lod::Node> nodes_;
+  std::vector<std::vector<GroupEntry>> groups_;  // by mesh
+  PagePlan plan_;
+};
+
+}  // namespace
+
+void check_contents(const AssetContents& contents, const AssetConfig& config, size_t meshes) {
+  if (config.page_bytes % kPageAlignment != 0 || config.page_bytes > kMaxPageBytes)
+    refuse("page_bytes is " + std::to_string(config.page_bytes) +
+           ", but must be a multiple of 4096 up to 1 GiB, or 0");
+  if (!contents.first_materials.empty() && contents.first_materials.size() != meshes)
+    refuse("first_materials has " + std::to_string(contents.first_materials.size()) +
+           " elements, but there are " + std::to_string(meshes) + " meshes");
+  for (const uint32_t first : contents.first_materials)
+    if (first > kMostFirstMaterial)
+      refuse("first_materials has " + std::to_string(first) + ", at most " +
+             std::to_string(kMostFirstMaterial) + " is possible");
+  if (!is_finite(contents.origin)) refuse("the asset's origin is not finite");
+  for (size_t i = 0; i < contents.instances.size(); ++i) {
+    const Instance& instance = contents.instances[i];
+    const auto& t = instance.transform.rows;
+    if (instance.mesh >= meshes ||
+        !std::all_of(t.begin(), t.end(), [](float f) { return std::isfinite(f); }))
+      refuse("instance " + std::to_string(i) + " is of mesh " + std::to_string(instance.mesh) +
+             " of " + std::to_string(meshes) + ", or its transform is not finite");
+  }
+}
+
+uint32_t first_material(const AssetContents& contents, size_t mesh) {
+  return contents.first_materials.empty() ? 0 : contents.first_materials[mesh];
+}
+
+uint64_t write_encoded(OutputFile& file, const AssetContents& contents,
+                       std::vector<EncodedMesh> meshes, uint32_t page_bytes,
+                       const ChunkReader& read_chunk, Progress& progress, double begun) {
+  const uint64_t bytes =
+      Writer(contents, std::move(meshes), page_bytes).write(file, read_chunk, progress, begun);
+  progress.report(1, "writing");
+  return bytes;
+}
+
+}  // namespace umbel::asset
