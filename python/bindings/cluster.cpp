@@ -156,6 +156,15 @@ void bind_config(nb::module_& module) {
       "name"_a, "max_items"_a = 128, "The config called quality, fast or exact.");
 }
 
+/// The clusters of a method without settings of its own.
+template <auto kMethod>
+auto clusters_along_a_curve(const MeshArrays& mesh, const ClusterConfig& config,
+                            const nb::object& progress, uint32_t threads) {
+  return tuple_of(run(progress, threads, [&](const BuildOptions& options) {
+    return kMethod(checked(mesh, options), config, options);
+  }));
+}
+
 }  // namespace
 
 /// Over 60 lines: a list of methods.
@@ -210,28 +219,12 @@ void bind_cluster(nb::module_& module) {
       },
       "mesh"_a, "config"_a, "shared_vertex_weight"_a = 0.0f, "progress"_a = nb::none(),
       "threads"_a = 0, "(items, ranges (k, 2), segments (s, 2))");
-  module.def(
-      "cluster_mesh_morton",
-      [](const MeshArrays& mesh, const ClusterConfig& config, const nb::object& progress,
-         uint32_t threads) {
-        return tuple_of(run(progress, threads, [&](const BuildOptions& options) {
-          const MeshView view = checked(mesh, options);
-          return cluster_mesh_morton(view, config, options);
-        }));
-      },
-      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0,
-      "(items, ranges (k, 2), segments (s, 2))");
-  module.def(
-      "cluster_mesh_hybrid",
-      [](const MeshArrays& mesh, const ClusterConfig& config, const nb::object& progress,
-         uint32_t threads) {
-        return tuple_of(run(progress, threads, [&](const BuildOptions& options) {
-          const MeshView view = checked(mesh, options);
-          return cluster_mesh_hybrid(view, config, options);
-        }));
-      },
-      "mesh"_a, "config"_a, "progress"_a = nb::none(), "threads"_a = 0,
-      "(items, ranges (k, 2), segments (s, 2))");
+  module.def("cluster_mesh_morton", clusters_along_a_curve<cluster_mesh_morton>, "mesh"_a,
+             "config"_a, "progress"_a = nb::none(), "threads"_a = 0,
+             "(items, ranges (k, 2), segments (s, 2))");
+  module.def("cluster_mesh_hybrid", clusters_along_a_curve<cluster_mesh_hybrid>, "mesh"_a,
+             "config"_a, "progress"_a = nb::none(), "threads"_a = 0,
+             "(items, ranges (k, 2), segments (s, 2))");
   module.def(
       "cluster_metrics",
       [](const InputArrays& input, const Flat<uint32_t>& items, const Rows<uint32_t, 2>& ranges,

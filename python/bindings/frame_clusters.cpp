@@ -32,11 +32,19 @@ Array<Scalar> copied(std::span<const T> values) {
   return take<Scalar>(std::vector<T>(values.begin(), values.end()));
 }
 
+using Positions = Rows<float, 3>;
+
+/// A method that takes the positions of a frame.
+template <auto kMethod>
+void over_positions(FrameClusterer& self, const Positions& positions, uint32_t threads) {
+  run(nb::none(), threads,
+      [&](const BuildOptions& options) { (self.*kMethod)(rows_of<Vec3>(positions), options); });
+}
+
 }  // namespace
 
 /// Over 60 lines: a list of methods.
 void bind_frame_clusters(nb::module_& module) {
-  using Positions = Rows<float, 3>;
   nb::class_<FrameClusterer>(module, "FrameClusterer")
       .def(
           "__init__",
@@ -49,22 +57,8 @@ void bind_frame_clusters(nb::module_& module) {
           },
           "triangles"_a, "vertices"_a, "method"_a, "max_triangles"_a, "min_triangles"_a,
           "max_vertices"_a, "underfill_cost"_a, "code_bits"_a)
-      .def(
-          "build",
-          [](FrameClusterer& self, const Positions& positions, uint32_t threads) {
-            run(nb::none(), threads, [&](const BuildOptions& options) {
-              self.build(rows_of<Vec3>(positions), options);
-            });
-          },
-          "positions"_a, "threads"_a = 0)
-      .def(
-          "update",
-          [](FrameClusterer& self, const Positions& positions, uint32_t threads) {
-            run(nb::none(), threads, [&](const BuildOptions& options) {
-              self.update(rows_of<Vec3>(positions), options);
-            });
-          },
-          "positions"_a, "threads"_a = 0)
+      .def("build", over_positions<&FrameClusterer::build>, "positions"_a, "threads"_a = 0)
+      .def("update", over_positions<&FrameClusterer::update>, "positions"_a, "threads"_a = 0)
       .def(
           "refit",
           [](FrameClusterer& self, const Positions& positions, uint32_t threads) {

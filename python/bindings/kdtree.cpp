@@ -9,9 +9,17 @@ namespace {
 using kdtree::KdTree;
 using kdtree::KdTreeConfig;
 
+/// A number among the settings of the tree's build.
+template <typename T>
+void tree_property(nb::class_<KdTreeConfig>& config, const char* name, T kdtree::Config::* member) {
+  config.def_prop_rw(
+      name, [member](const KdTreeConfig& c) { return c.tree.*member; },
+      [member](KdTreeConfig& c, T value) { c.tree.*member = value; });
+}
+
 void bind_config(nb::module_& module) {
-  nb::class_<KdTreeConfig>(module, "KdTreeConfig", "How a kd-tree is built and traced.")
-      .def(nb::init<>())
+  nb::class_<KdTreeConfig> config(module, "KdTreeConfig", "How a kd-tree is built and traced.");
+  config.def(nb::init<>())
       .def_prop_rw(
           "builder", [](const KdTreeConfig& c) { return std::string(name(c.tree.builder)); },
           [](KdTreeConfig& c, const std::string& name) {
@@ -36,22 +44,12 @@ void bind_config(nb::module_& module) {
           [](KdTreeConfig& c, bool drop) {
             c.tree.invalid = drop ? bvh::InvalidTriangles::kDrop : bvh::InvalidTriangles::kRefuse;
           })
-      .def_rw("compact", &KdTreeConfig::compact)
-      .def_prop_rw(
-          "empty_bonus", [](const KdTreeConfig& c) { return c.tree.empty_bonus; },
-          [](KdTreeConfig& c, float value) { c.tree.empty_bonus = value; })
-      .def_prop_rw(
-          "max_depth", [](const KdTreeConfig& c) { return c.tree.max_depth; },
-          [](KdTreeConfig& c, uint32_t value) { c.tree.max_depth = value; })
-      .def_prop_rw(
-          "bad_refines", [](const KdTreeConfig& c) { return c.tree.bad_refines; },
-          [](KdTreeConfig& c, uint32_t value) { c.tree.bad_refines = value; })
-      .def_prop_rw(
-          "max_references", [](const KdTreeConfig& c) { return c.tree.max_references; },
-          [](KdTreeConfig& c, float value) { c.tree.max_references = value; })
-      .def_prop_rw(
-          "bins", [](const KdTreeConfig& c) { return c.tree.bins; },
-          [](KdTreeConfig& c, uint32_t value) { c.tree.bins = value; });
+      .def_rw("compact", &KdTreeConfig::compact);
+  tree_property(config, "empty_bonus", &kdtree::Config::empty_bonus);
+  tree_property(config, "max_depth", &kdtree::Config::max_depth);
+  tree_property(config, "bad_refines", &kdtree::Config::bad_refines);
+  tree_property(config, "max_references", &kdtree::Config::max_references);
+  tree_property(config, "bins", &kdtree::Config::bins);
 }
 
 }  // namespace

@@ -92,6 +92,12 @@ std::vector<T> table_of(
   return table;
 }
 
+/// The getter of one of the tables.
+template <auto kTable>
+Array<const uint32_t> words_in(nb::handle_t<lod::Tables> self) {
+  return words_of(nb::cast<const lod::Tables&>(self).*kTable, self);
+}
+
 void bind_tables(nb::module_& module) {
   using lod::Tables;
   using Words = nb::ndarray<const uint32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
@@ -108,22 +114,10 @@ void bind_tables(nb::module_& module) {
             new (self) Tables(std::move(tables));
           },
           "levels"_a, "groups"_a, "clusters"_a, "nodes"_a)
-      .def_prop_ro("levels",
-                   [](nb::handle_t<Tables> self) {
-                     return words_of(nb::cast<const Tables&>(self).levels, self);
-                   })
-      .def_prop_ro("groups",
-                   [](nb::handle_t<Tables> self) {
-                     return words_of(nb::cast<const Tables&>(self).groups, self);
-                   })
-      .def_prop_ro("clusters",
-                   [](nb::handle_t<Tables> self) {
-                     return words_of(nb::cast<const Tables&>(self).clusters, self);
-                   })
-      .def_prop_ro("nodes",
-                   [](nb::handle_t<Tables> self) {
-                     return words_of(nb::cast<const Tables&>(self).nodes, self);
-                   })
+      .def_prop_ro("levels", words_in<&Tables::levels>)
+      .def_prop_ro("groups", words_in<&Tables::groups>)
+      .def_prop_ro("clusters", words_in<&Tables::clusters>)
+      .def_prop_ro("nodes", words_in<&Tables::nodes>)
       .def(
           "cut_error",
           [](const Tables& tables, const Flat<uint32_t>& cut) {

@@ -56,13 +56,7 @@ ClusterStreams streams_of(const Asset& asset, const AssetPage& page) {
     if (page.groups[g].mesh == last || page.groups[g].clusters.empty()) continue;
     last = page.groups[g].mesh;
     const lod::ClusterGeometry first = asset.decode(page, g).front();
-    const auto add = [&](const auto& stream, umbel_lod_stream bit) {
-      if (!stream.empty()) result.streams |= bit;
-    };
-    add(first.normals, UMBEL_LOD_NORMALS);
-    add(first.tangents, UMBEL_LOD_TANGENTS);
-    add(first.uvs, UMBEL_LOD_UVS);
-    add(first.colors, UMBEL_LOD_COLORS);
+    result.streams |= streams_in(first);
     if (result.extras.empty()) result.extras = first.extras;
   }
   return result;

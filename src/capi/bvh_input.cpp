@@ -48,12 +48,7 @@ BvhConfig bvh_config(const umbel_bvh_config* config) {
   tree.cost = {given.traversal_cost, given.intersection_cost};
   tree.invalid = given.drop_invalid ? bvh::InvalidTriangles::kDrop : bvh::InvalidTriangles::kRefuse;
   COPY_FIELDS(tree, given, TREE_CONFIG_FIELDS);
-  tree.kmeans.clusters = given.kmeans_clusters;
-  tree.kmeans.candidates = given.kmeans_candidates;
-  tree.kmeans.iterations = given.kmeans_iterations;
-  tree.kmeans.distance =
-      given.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
-  tree.kmeans.forwarded_clusters = given.kmeans_forwarded_clusters;
+  tree.kmeans = kmeans_config(given);
   tree.aac = {given.aac_leaf_size, given.aac_epsilon};
   result.width = given.width;
   result.compact = given.compact != 0;

@@ -22,6 +22,19 @@ umbel_bvh_config as_c(const BvhConfig& config);
 /// Of a config's `simd`; throws where there is no such.
 Simd simd_of(uint32_t simd);
 
+/// The settings of k-means in a config for either processor.
+template <typename Given>
+bvh::KmeansConfig kmeans_config(const Given& given) {
+  bvh::KmeansConfig kmeans;
+  kmeans.clusters = given.kmeans_clusters;
+  kmeans.candidates = given.kmeans_candidates;
+  kmeans.iterations = given.kmeans_iterations;
+  kmeans.distance =
+      given.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
+  kmeans.forwarded_clusters = given.kmeans_forwarded_clusters;
+  return kmeans;
+}
+
 struct BvhMesh {
   MeshView view;
   std::span<const uint32_t> masks;

@@ -15,6 +15,20 @@ struct ClusterStreams {
   std::vector<Extra> extras;  ///< as clusters have them, which may include a material
 };
 
+/// umbel_lod_stream of what `given`, a mesh or a cluster, has.
+template <typename Given>
+uint32_t streams_in(const Given& given) {
+  uint32_t streams = 0;
+  const auto add = [&](const auto& stream, umbel_lod_stream bit) {
+    if (!stream.empty()) streams |= bit;
+  };
+  add(given.normals, UMBEL_LOD_NORMALS);
+  add(given.tangents, UMBEL_LOD_TANGENTS);
+  add(given.uvs, UMBEL_LOD_UVS);
+  add(given.colors, UMBEL_LOD_COLORS);
+  return streams;
+}
+
 class GeometryArrays {
  public:
   /// Writes the counts, and, unless all arrays are NULL, the offsets and materials of clusters.

@@ -121,17 +121,7 @@ std::vector<uint32_t> chosen_clusters(const lod::Dag& dag, const uint32_t* clust
 }
 
 ClusterStreams streams_of(const Mesh& mesh) {
-  ClusterStreams result;
-  const auto add = [&](const auto& stream, umbel_lod_stream bit) {
-    if (!stream.empty()) result.streams |= bit;
-  };
-  add(mesh.normals, UMBEL_LOD_NORMALS);
-  add(mesh.tangents, UMBEL_LOD_TANGENTS);
-  add(mesh.uvs, UMBEL_LOD_UVS);
-  add(mesh.colors, UMBEL_LOD_COLORS);
-  result.streams |= UMBEL_LOD_SOURCE_VERTICES;
-  result.extras = mesh.extras;
-  return result;
+  return {streams_in(mesh) | UMBEL_LOD_SOURCE_VERTICES, mesh.extras};
 }
 
 void get_geometry(const lod::Dag& dag, std::span<const uint32_t> chosen,

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/first_where.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
 #include "mesh/streams.hpp"
@@ -117,26 +118,9 @@ std::string offending_value(const MeshView& mesh, uint32_t vertex) {
   throw Error(ErrorCode::kInvalidMesh, sentence);
 }
 
-/// The lowest triangle that `is_bad`, or the number of triangles.
-template <typename IsBad>
-size_t first_bad_triangle(const MeshView& mesh, const IsBad& is_bad) {
-  std::atomic<size_t> first{mesh.triangles.size()};
-  parallel_chunks(mesh.triangles.size(), kTriangleChunk, [&](size_t begin, size_t end) {
-    if (begin > first.load(std::memory_order_relaxed)) return;
-    for (size_t i = begin; i < end; ++i) {
-      if (!is_bad(i)) continue;
-      size_t seen = first.load(std::memory_order_relaxed);
-      while (i < seen && !first.compare_exchange_weak(seen, i)) {
-      }
-      return;
-    }
-  });
-  return first;
-}
-
 size_t first_index_out_of_range(const MeshView& mesh) {
   const size_t vertices = mesh.positions.size();
-  return first_bad_triangle(mesh, [&](size_t i) {
+  return first_where(mesh.triangles.size(), kTriangleChunk, [&](size_t i) {
     const Triangle& t = mesh.triangles[i];
     return t[0] >= vertices || t[1] >= vertices || t[2] >= vertices;
   });
@@ -236,7 +220,8 @@ void validate(const MeshView& mesh, const BuildOptions& options) {
     if (few_unused && every_vertex_is_finite(mesh))
       first = first_index_out_of_range(mesh);
     else
-      first = first_bad_triangle(mesh, [&](size_t i) { return first_invalid_corner(mesh, i) < 3; });
+      first = first_where(mesh.triangles.size(), kTriangleChunk,
+                          [&](size_t i) { return first_invalid_corner(mesh, i) < 3; });
   });
   if (first < mesh.triangles.size()) reject(mesh, first, first_invalid_corner(mesh, first));
   progress.report(1, "validating");

@@ -73,6 +73,16 @@ class DeviceArray {
   T* memory_ = nullptr;
 };
 
+/// Asks for the scratch memory, and then calls with exactly that.
+template <typename Call>
+void with_scratch(const Call& call) {
+  size_t bytes = 0;
+  call(nullptr, bytes);
+  const DeviceArray<unsigned char> scratch(bytes);
+  call(scratch.data(), bytes);
+  check(cudaDeviceSynchronize(), "waiting for the device");
+}
+
 /// Whether two arrays are the same bytes.
 template <typename T>
 bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {

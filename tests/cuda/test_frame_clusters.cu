@@ -96,15 +96,6 @@ struct Arrays {
         total(2) {}
 };
 
-/// Asks for the scratch memory, and then calls with exactly that.
-template <typename Call>
-void with_scratch(const Call& call) {
-  size_t bytes = 0;
-  call(nullptr, bytes);
-  const DeviceArray<unsigned char> scratch(bytes);
-  call(scratch.data(), bytes);
-}
-
 /// The same scene on both sides.
 struct Scene {
   static constexpr size_t kFloats = 5;

@@ -12,15 +12,6 @@ namespace {
 using umbel::testing::adversarial_rays;
 using umbel::testing::transformed;
 
-template <typename Call>
-void with_scratch(const Call& call) {
-  size_t bytes = 0;
-  call(nullptr, bytes);
-  const DeviceArray<unsigned char> scratch(bytes);
-  call(scratch.data(), bytes);
-  check(cudaDeviceSynchronize(), "tracing");
-}
-
 /// A tree made on the host, on the device.
 struct Tree {
   DeviceArray<bvh::CompactNode> nodes;

@@ -186,6 +186,13 @@ void check_rays(Input& in, const Mesh& mesh, const umbel::TriangleQueries& tree)
   }
 }
 
+template <typename Structure, typename Config>
+void build_and_check_rays(Input& in, const Mesh& mesh, const Config& config) {
+  const auto structure =
+      unless_refused([&] { return Structure::build(mesh.view(), config, {}, one_thread()); });
+  if (structure) check_rays(in, mesh, *structure);
+}
+
 void hierarchies(Input& in, const Mesh& mesh) {
   umbel::BvhConfig config;
   config.width = 2u << in.below(3);
@@ -193,9 +200,7 @@ void hierarchies(Input& in, const Mesh& mesh) {
   config.tree = umbel::bvh::preset(in.below(2) ? "fast" : "quality");
   const auto builders = umbel::bvh::builders();
   if (in.below(4)) config.tree.builder = builders[in.below(255) % builders.size()];
-  const auto tree =
-      unless_refused([&] { return umbel::Bvh::build(mesh.view(), config, {}, one_thread()); });
-  if (tree) check_rays(in, mesh, *tree);
+  build_and_check_rays<umbel::Bvh>(in, mesh, config);
 }
 
 void other_structures(Input& in, const Mesh& mesh) {
@@ -204,28 +209,20 @@ void other_structures(Input& in, const Mesh& mesh) {
     case 0: {
       umbel::uniform::GridConfig config;
       config.compact = compact;
-      const auto grid = unless_refused([&] {
-        return umbel::uniform::TwoLevelGrid::build(mesh.view(), config, {}, one_thread());
-      });
-      if (grid) check_rays(in, mesh, *grid);
+      build_and_check_rays<umbel::uniform::TwoLevelGrid>(in, mesh, config);
       break;
     }
     case 1: {
       umbel::uniform::IntervalConfig config;
       config.compact = compact;
-      const auto intervals = unless_refused([&] {
-        return umbel::uniform::IntervalHierarchy::build(mesh.view(), config, {}, one_thread());
-      });
-      if (intervals) check_rays(in, mesh, *intervals);
+      build_and_check_rays<umbel::uniform::IntervalHierarchy>(in, mesh, config);
       break;
     }
     default: {
       umbel::kdtree::KdTreeConfig config;
       config.compact = compact;
       if (in.below(2)) config.tree.builder = umbel::kdtree::Builder::kBinned;
-      const auto tree = unless_refused(
-          [&] { return umbel::kdtree::KdTree::build(mesh.view(), config, {}, one_thread()); });
-      if (tree) check_rays(in, mesh, *tree);
+      build_and_check_rays<umbel::kdtree::KdTree>(in, mesh, config);
     }
   }
 }

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/cpu_buffer.hpp"
+#include "base/first_where.hpp"
 #include "base/math.hpp"
 #include "base/parallel.hpp"
 #include "base/progress.hpp"
@@ -87,25 +88,9 @@ std::string printed(const Vec3& v) {
 /// False for boxes that are empty or have a NaN or an infinity.
 bool is_valid(const Aabb& b) { return is_finite(b.min) && is_finite(b.max) && !is_empty(b); }
 
-/// The lowest i in [0, count) with bad(i), or count; the same for any number of threads.
-template <typename Bad>
-size_t first_where(size_t count, const Bad& bad) {
-  std::atomic<size_t> first{count};
-  parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
-    if (begin > first.load(std::memory_order_relaxed)) return;
-    for (size_t i = begin; i < end; ++i) {
-      if (!bad(i)) continue;
-      size_t seen = first.load(std::memory_order_relaxed);
-      while (i < seen && !first.compare_exchange_weak(seen, i)) {
-      }
-      return;
-    }
-  });
-  return first;
-}
-
 void check_boxes(Boxes boxes) {
-  const size_t bad = first_where(boxes.size(), [&](size_t i) { return !is_valid(boxes[i]); });
+  const size_t bad =
+      first_where(boxes.size(), kChunk, [&](size_t i) { return !is_valid(boxes[i]); });
   if (bad == boxes.size()) return;
   const Aabb& b = boxes[bad];
   throw Error(ErrorCode::kInvalidMesh,
@@ -231,7 +216,8 @@ auto build_triangles(const MeshView& mesh, const Config& config, const Build& bu
   check_indices(mesh);
   const size_t count = mesh.triangles.size();
   const CpuBuffer<Aabb> boxes(count);
-  const size_t bad = first_where(count, [&](size_t i) { return !find_box(mesh, i, boxes[i]); });
+  const size_t bad =
+      first_where(count, kChunk, [&](size_t i) { return !find_box(mesh, i, boxes[i]); });
   if (bad == count) return build(mesh, Boxes(boxes.data(), count));
   if (config.invalid == InvalidTriangles::kRefuse) refuse_triangle(mesh, bad);
   std::vector<uint32_t> kept;

@@ -131,7 +131,7 @@ struct HplocClimb {
   template <typename Team>
   UMBEL_HOST_DEVICE uint32_t merge_round(const Team& team, uint32_t count, Shared& shared) const {
     for (uint32_t i = team.rank(); i < count; i += team.size())
-      shared.nearest[i] = nearest(shared.clusters, count, i);
+      shared.nearest[i] = nearest_within(shared.clusters, count, i, radius);
     team.sync();
     uint32_t left = 0;
     bool found_any = false;
@@ -161,22 +161,6 @@ struct HplocClimb {
       shared.clusters[i] = shared.merged[i];
     team.sync();
     return left;
-  }
-
-  UMBEL_HOST_DEVICE uint32_t nearest(const HplocCluster* all, uint32_t count, uint32_t i) const {
-    const uint32_t begin = i > radius ? i - radius : 0;
-    const uint32_t end = count - i > radius + 1 ? i + radius + 1 : count;
-    const Aabb box = all[i].box;
-    PlocDistance least;
-    uint32_t nearest = i;
-    for (uint32_t j = begin; j < end; ++j) {
-      if (j == i) continue;
-      const PlocDistance distance{area_of(united(box, all[j].box)), i ^ j};
-      if (!(distance < least)) continue;
-      least = distance;
-      nearest = j;
-    }
-    return nearest;
   }
 
   /// It is the right one of a pair.

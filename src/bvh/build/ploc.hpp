@@ -32,8 +32,10 @@ struct PlocDistance {
   }
 };
 
-UMBEL_HOST_DEVICE inline uint32_t nearest_within(const PlocCluster* clusters, uint32_t count,
-                                                 uint32_t i, uint32_t radius) {
+/// The cluster that is nearest to the i-th, of those that are no farther from it in the order.
+template <typename Cluster>
+UMBEL_HOST_DEVICE uint32_t nearest_within(const Cluster* clusters, uint32_t count, uint32_t i,
+                                          uint32_t radius) {
   const uint32_t begin = i > radius ? i - radius : 0;
   const uint32_t end = count - i > radius + 1 ? i + radius + 1 : count;
   const Aabb box = clusters[i].box;

@@ -26,6 +26,14 @@ UMBEL_HOST_DEVICE inline Ray ray_at(const DeviceRays& rays, size_t i) {
                      : std::numeric_limits<float>::infinity()};
 }
 
+/// Barycentric coordinates of what was found, if they are wanted.
+template <typename Found>
+UMBEL_HOST_DEVICE void write_uv(float* uvs, size_t i, const Found& found) {
+  if (!uvs) return;
+  uvs[2 * i] = found.u;
+  uvs[2 * i + 1] = found.v;
+}
+
 /// A query on its way through the tree.
 template <typename Visitor>
 struct TraversalState {
@@ -57,10 +65,7 @@ struct TraceRay {
     }
     if (hits.t) hits.t[i] = hit.t;
     if (hits.primitives) hits.primitives[i] = hit.primitive;
-    if (hits.uvs) {
-      hits.uvs[2 * i] = hit.u;
-      hits.uvs[2 * i + 1] = hit.v;
-    }
+    write_uv(hits.uvs, i, hit);
   }
 };
 
@@ -87,10 +92,7 @@ struct FindClosest {
     }
     if (out.distances) out.distances[i] = found.distance;
     if (out.primitives) out.primitives[i] = found.primitive;
-    if (out.uvs) {
-      out.uvs[2 * i] = found.u;
-      out.uvs[2 * i + 1] = found.v;
-    }
+    write_uv(out.uvs, i, found);
   }
 };
 

@@ -281,13 +281,19 @@ void check_size(const BvhData& data) {
                     std::to_string(kMaxNodeWords / data.node_words()) + " supported");
 }
 
-BvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
+BvhData empty_tree(const MeshView& mesh, const WidenOptions& options,
                    std::span<const uint32_t> masks) {
   BvhData out;
   out.width = options.width;
   out.compact = out.quantised = options.compact;
   out.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
   out.triangle_count = static_cast<uint32_t>(mesh.triangles.size());
+  return out;
+}
+
+BvhData widen_tree(const bvh::Bvh2& tree, const MeshView& mesh, const WidenOptions& options,
+                   std::span<const uint32_t> masks) {
+  BvhData out = empty_tree(mesh, options, masks);
   if (tree.nodes.empty()) return out;
   if (tree.primitives.size() > kMaxReferences)
     throw Error(ErrorCode::kUnsupported, "a tree of " + std::to_string(tree.primitives.size()) +

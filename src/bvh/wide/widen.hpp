@@ -46,6 +46,10 @@ void check_triangles(const MeshView& mesh, std::span<const uint32_t> triangles);
 /// Throws kUnsupported for more nodes than links can tell apart.
 void check_size(const BvhData& data);
 
+/// What a wide tree says of itself before it has nodes.
+BvhData empty_tree(const MeshView& mesh, const WidenOptions& options,
+                   std::span<const uint32_t> masks);
+
 /// `tree` is sound (bvh::check) and over the triangles of `mesh`; `masks` is empty or one a
 /// triangle. Throws kInvalidMesh for an index out of range in a triangle of the tree. The result
 /// does not depend on the number of threads. Leaves costs and kernels to the caller.

@@ -198,11 +198,7 @@ class Emitter {
 
 BvhData widened(const KaryTree& tree, const MeshView& mesh, const WidenOptions& options,
                 std::span<const uint32_t> masks, bool even) {
-  BvhData out;
-  out.width = options.width;
-  out.compact = out.quantised = options.compact;
-  out.masked = std::any_of(masks.begin(), masks.end(), [](uint32_t m) { return m != ~0u; });
-  out.triangle_count = static_cast<uint32_t>(mesh.triangles.size());
+  BvhData out = empty_tree(mesh, options, masks);
   if (tree.nodes.empty()) return out;
   out.bounds = tree.nodes[0].box();
   const Groups groups(tree, options.width, even);

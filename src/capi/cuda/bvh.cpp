@@ -1,5 +1,6 @@
 // umbel_cuda_bvh.h over cuda_bvh.hpp. Part of the library umbel::cuda.
 #include "base/fields.hpp"
+#include "capi/bvh_input.hpp"
 #include "capi/cuda/input.hpp"
 #include "capi/guard.hpp"
 #include "umbel/cuda_bvh.hpp"
@@ -17,12 +18,7 @@ cuda::DeviceBvhConfig bvh_config_of(const umbel_cuda_bvh_config* given) {
   config.cost = {c.traversal_cost, c.intersection_cost};
   COPY_FIELDS(config, c, max_leaf_size, presplit, hlbvh_bits, treelet_size, treelet_rounds,
               ploc_radius);
-  config.kmeans.clusters = c.kmeans_clusters;
-  config.kmeans.candidates = c.kmeans_candidates;
-  config.kmeans.iterations = c.kmeans_iterations;
-  config.kmeans.distance =
-      c.kmeans_manhattan ? bvh::KmeansDistance::kManhattan : bvh::KmeansDistance::kEuclidean;
-  config.kmeans.forwarded_clusters = c.kmeans_forwarded_clusters;
+  config.kmeans = kmeans_config(c);
   return config;
 }
 

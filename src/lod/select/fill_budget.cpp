@@ -9,34 +9,13 @@
 #include "base/hash.hpp"
 #include "base/interner.hpp"
 #include "base/parallel.hpp"
+#include "lod/dag/generated_clusters.hpp"
 #include "lod/select/budget.hpp"
 #include "lod/select/cull.hpp"
 #include "lod/select/instances.hpp"
 
 namespace umbel::lod {
 namespace {
-
-/// The clusters that each group generated.
-class GeneratedClusters {
- public:
-  explicit GeneratedClusters(const Tables& tables) : offsets_(tables.groups.size() + 1, 0) {
-    for (const Cluster& cluster : tables.clusters)
-      if (cluster.generating_group != kNone) ++offsets_[cluster.generating_group + 1];
-    for (size_t g = 1; g < offsets_.size(); ++g) offsets_[g] += offsets_[g - 1];
-    clusters_.resize(offsets_.back());
-    std::vector<uint32_t> next(offsets_.begin(), offsets_.end() - 1);
-    for (uint32_t c = 0; c < tables.clusters.size(); ++c)
-      if (const uint32_t g = tables.clusters[c].generating_group; g != kNone)
-        clusters_[next[g]++] = c;
-  }
-
-  std::span<const uint32_t> of(uint32_t group) const {
-    return {clusters_.data() + offsets_[group], offsets_[group + 1] - offsets_[group]};
-  }
-
- private:
-  std::vector<uint32_t> offsets_, clusters_;
-};
 
 /// The refined groups of one instance.
 class InstanceCut {

@@ -10,29 +10,10 @@
 #include <numeric>
 
 #include "base/parallel.hpp"
+#include "lod/dag/generated_clusters.hpp"
 
 namespace umbel::lod {
 namespace {
-
-/// Clusters by the group that generated them.
-struct Generated {
-  std::vector<uint32_t> offsets, clusters;
-
-  explicit Generated(const Tables& tables) : offsets(tables.groups.size() + 1, 0) {
-    for (const Cluster& c : tables.clusters)
-      if (c.generating_group != kNone) ++offsets[c.generating_group + 1];
-    for (size_t g = 1; g < offsets.size(); ++g) offsets[g] += offsets[g - 1];
-    clusters.resize(offsets.back());
-    std::vector<uint32_t> next(offsets.begin(), offsets.end() - 1);
-    for (uint32_t c = 0; c < tables.clusters.size(); ++c)
-      if (tables.clusters[c].generating_group != kNone)
-        clusters[next[tables.clusters[c].generating_group]++] = c;
-  }
-
-  std::span<const uint32_t> of(uint32_t group) const {
-    return std::span(clusters).subspan(offsets[group], offsets[group + 1] - offsets[group]);
-  }
-};
 
 constexpr size_t kKept = 3;
 
@@ -129,7 +110,7 @@ void verify_new_positions(const Topology& topology, uint32_t g, const Sphere& sp
 
 void verify_borders(const Tables& tables, const Topology& topology, Findings& findings) {
   findings.begin_stage();
-  const Generated generated(tables);
+  const GeneratedClusters generated(tables);
   std::vector<BorderResult> results(tables.groups.size());
   parallel_for(results.size(), 1, [&](size_t g) {
     const Group& group = tables.groups[g];

@@ -47,17 +47,10 @@ TEST(InputsFromC, one_buffer_with_strides_is_the_same_mesh) {
   given.normals = at<umbel_vec3>(vertices, offsetof(Vertex, normal));
   given.position_stride = given.uv_stride = given.normal_stride = sizeof(Vertex);
   const umbel_lod_config config = small_config();
-  umbel_lod* made = nullptr;
-  ASSERT_EQ(umbel_lod_build(&given, &config, nullptr, &made), UMBEL_OK) << umbel_last_error();
-  const std::unique_ptr<umbel_lod, Free> lod(made);
+  const auto lod = built(given, config);
   const lod::Dag dag = lod::build(mesh.view(), small_cpp_config());
-  umbel_lod_arrays arrays;
-  umbel_lod_arrays_init(&arrays);
-  ASSERT_EQ(umbel_lod_tables_arrays(umbel_lod_get_tables(lod.get()), &arrays), UMBEL_OK);
-  ASSERT_EQ(arrays.group_count, dag.tables.groups.size());
-  EXPECT_EQ(std::memcmp(arrays.groups, dag.tables.groups.data(),
-                        arrays.group_count * sizeof *arrays.groups),
-            0);
+  expect_groups_of(dag, lod.get());
+  umbel_lod* made = nullptr;
   given.uv_stride = 7;
   EXPECT_EQ(umbel_lod_build(&given, &config, nullptr, &made), UMBEL_ERROR_INVALID_ARGUMENT);
   EXPECT_NE(std::string(umbel_last_error()).find("mesh->uvs"), std::string::npos);

@@ -72,33 +72,20 @@ TEST(LodFromC, passes_rules_and_weights_and_further_attributes_on) {
   config.seams = UMBEL_SEAM_PROTECT;
   config.creases = UMBEL_SEAM_IGNORE;
   config.skin_weight = 0.1f;
-  umbel_lod* made = nullptr;
-  ASSERT_EQ(umbel_lod_build(&given, &config, nullptr, &made), UMBEL_OK) << umbel_last_error();
-  const std::unique_ptr<umbel_lod, Free> lod(made);
+  const auto lod = built(given, config);
   lod::Config cpp = small_cpp_config();
   cpp.seams = lod::SeamRule::kProtect;
   cpp.creases = lod::SeamRule::kIgnore;
   cpp.skin_weight = 0.1f;
   const lod::Dag dag = lod::build(mesh.view(), cpp);
-  umbel_lod_arrays arrays;
-  umbel_lod_arrays_init(&arrays);
-  ASSERT_EQ(umbel_lod_tables_arrays(umbel_lod_get_tables(lod.get()), &arrays), UMBEL_OK);
-  ASSERT_EQ(arrays.group_count, dag.tables.groups.size());
-  EXPECT_EQ(std::memcmp(arrays.groups, dag.tables.groups.data(),
-                        arrays.group_count * sizeof *arrays.groups),
-            0);
+  expect_groups_of(dag, lod.get());
   cpp.seams = lod::SeamRule::kIgnore;
   EXPECT_FALSE(lod::build(mesh.view(), cpp).tables.groups == dag.tables.groups);
 
   umbel_lod_view view;
   ASSERT_EQ(umbel_lod_view_level(1, &view), UMBEL_OK);
-  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_FLAT);
-  umbel_mesh* mesh_of_cut = nullptr;
-  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &mesh_of_cut), UMBEL_OK);
-  const std::unique_ptr<umbel_mesh, Free> owner(mesh_of_cut);
-  umbel_lod_mesh out;
-  umbel_lod_mesh_init(&out);
-  ASSERT_EQ(umbel_mesh_arrays(mesh_of_cut, &out), UMBEL_OK);
+  const CutMesh shown(lod.get(), view);
+  const umbel_lod_mesh& out = shown.arrays;
   ASSERT_EQ(out.extra_count, 3u);
   EXPECT_EQ(out.extras[2].kind, uint32_t{UMBEL_EXTRA_WEIGHTS});
   for (size_t v = 0; v < out.position_count; ++v) {
@@ -220,13 +207,8 @@ TEST(LodFromC, gives_cuts_as_meshes_and_files) {
   const auto lod = built(mesh, small_config());
   umbel_lod_view view;
   umbel_lod_view_level(0, &view);
-  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
-  umbel_mesh* made = nullptr;
-  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &made), UMBEL_OK);
-  const std::unique_ptr<umbel_mesh, Free> owner(made);
-  umbel_lod_mesh arrays;
-  umbel_lod_mesh_init(&arrays);
-  ASSERT_EQ(umbel_mesh_arrays(made, &arrays), UMBEL_OK);
+  const CutMesh shown(lod.get(), view);
+  const umbel_lod_mesh& arrays = shown.arrays;
   EXPECT_EQ(arrays.triangle_count, mesh.triangles.size());
   EXPECT_NE(arrays.uvs, nullptr);
   EXPECT_EQ(arrays.normals, nullptr);

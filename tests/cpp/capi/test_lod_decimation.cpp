@@ -57,25 +57,14 @@ TEST(LodFromC, decimation_of_the_callers_own_may_add_vertices) {
   Calls calls;
   config.decimate = fan_around_a_new_vertex;
   config.decimate_user = &calls;
-  umbel_build_options options;
-  umbel_build_options_init(&options);
-  options.threads = 1;
-  const umbel_lod_mesh given = c_mesh(mesh);
-  umbel_lod* made = nullptr;
-  ASSERT_EQ(umbel_lod_build(&given, &config, &options, &made), UMBEL_OK) << umbel_last_error();
-  const std::unique_ptr<umbel_lod, Free> lod(made);
+  const auto lod = built(mesh, config, 1);
   EXPECT_GT(calls.count, 5);
   EXPECT_GT(calls.vertices, 500u);
   EXPECT_EQ(umbel_lod_verify(lod.get(), 16, 1, nullptr), UMBEL_OK) << umbel_last_error();
   umbel_lod_view view;
   umbel_lod_view_error(0.3f, &view);
-  const auto cut = selected(umbel_lod_get_tables(lod.get()), view, nullptr, UMBEL_LOD_HIERARCHY);
-  umbel_mesh* shown = nullptr;
-  ASSERT_EQ(umbel_lod_mesh_of_cut(lod.get(), cut.data(), cut.size(), &shown), UMBEL_OK);
-  const std::unique_ptr<umbel_mesh, Free> owner(shown);
-  umbel_lod_mesh arrays;
-  umbel_lod_mesh_init(&arrays);
-  umbel_mesh_arrays(shown, &arrays);
+  const CutMesh shown(lod.get(), view);
+  const umbel_lod_mesh& arrays = shown.arrays;
   bool raised = false;
   for (size_t v = 0; v < arrays.position_count; ++v) raised |= arrays.positions[v].z == 0.25f;
   EXPECT_TRUE(raised);
@@ -101,16 +90,12 @@ TEST(LodFromC, a_decimation_is_told_why_it_was_refused_and_can_cancel) {
     std::copy_n(group->mesh.triangles, 3 * group->triangle_count, group->triangles);
     return 1;
   };
-  umbel_build_options options;
-  umbel_build_options_init(&options);
-  options.threads = 1;
-  const umbel_lod_mesh given = c_mesh(mesh);
-  umbel_lod* lod = nullptr;
-  ASSERT_EQ(umbel_lod_build(&given, &config, &options, &lod), UMBEL_OK) << umbel_last_error();
-  umbel_lod_free(lod);
+  ASSERT_NE(built(mesh, config, 1), nullptr);
   EXPECT_TRUE(told.count(UMBEL_LOD_NOT_REFUSED) && told.count(UMBEL_LOD_REFUSED_TOO_MANY) &&
               told.count(UMBEL_LOD_REFUSED_EDGES));
   config.decimate = [](umbel_lod_decimation*, void*) { return UMBEL_LOD_DECIMATE_CANCEL; };
+  const umbel_lod_mesh given = c_mesh(mesh);
+  umbel_lod* lod = nullptr;
   EXPECT_EQ(umbel_lod_build(&given, &config, nullptr, &lod), UMBEL_ERROR_CANCELLED);
   EXPECT_EQ(lod, nullptr);
 }

@@ -62,14 +62,15 @@ inline Mesh grid(uint32_t columns, uint32_t rows, float wave = 0.0f) {
   return mesh;
 }
 
-inline Mesh soup(uint32_t triangles, uint32_t seed) {
+/// Small triangles in the box from zero to `extent`.
+inline Mesh soup(uint32_t triangles, uint32_t seed, float size = 0.02f, Vec3 extent = {1, 1, 1}) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> unit(0, 1);
   Mesh mesh;
   for (uint32_t i = 0; i < triangles; ++i) {
-    const Vec3 p{unit(random), unit(random), unit(random)};
+    const Vec3 p{extent.x * unit(random), extent.y * unit(random), extent.z * unit(random)};
     for (int k = 0; k < 3; ++k)
-      mesh.positions.push_back(p + 0.02f * Vec3{unit(random), unit(random), unit(random)});
+      mesh.positions.push_back(p + size * Vec3{unit(random), unit(random), unit(random)});
     mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
   }
   return mesh;
@@ -155,6 +156,20 @@ inline Clusters checked(const Items& items, const ClusterConfig& config, uint32_
   Clusters c = in_time([&] { return build_clusters(items.input(), config, options); });
   expect_valid(items, config, c);
   return c;
+}
+
+using Partition = std::set<std::set<uint32_t>>;
+
+/// The sets of items that are clusters, by their `names` where they have some.
+inline Partition partition_of(const Clusters& c, const std::vector<uint32_t>* names = nullptr) {
+  Partition all;
+  for (const Range& r : c.ranges) {
+    std::set<uint32_t> one;
+    for (uint32_t i = r.offset; i < r.offset + r.count; ++i)
+      one.insert(names ? (*names)[c.items[i]] : c.items[i]);
+    all.insert(one);
+  }
+  return all;
 }
 
 inline bool same(const Clusters& a, const Clusters& b) {

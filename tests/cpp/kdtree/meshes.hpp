@@ -5,9 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "umbel/kdtree.hpp"
 #include "umbel/mesh.hpp"
 
 namespace umbel::testing {
+
+inline constexpr kdtree::Traversal kTraversals[] = {
+    kdtree::Traversal::kStack, kdtree::Traversal::kRopes, kdtree::Traversal::kShortStack};
 
 struct NamedMesh {
   std::string name;

@@ -13,8 +13,6 @@ using kdtree::KdTree;
 using kdtree::KdTreeConfig;
 using kdtree::Traversal;
 
-constexpr Traversal kTraversals[] = {Traversal::kStack, Traversal::kRopes, Traversal::kShortStack};
-
 std::vector<KdTreeConfig> kinds() {
   std::vector<KdTreeConfig> all(2);
   all[1].compact = true;

@@ -14,8 +14,6 @@ using kdtree::KdTree;
 using kdtree::KdTreeConfig;
 using kdtree::Traversal;
 
-constexpr Traversal kTraversals[] = {Traversal::kStack, Traversal::kRopes, Traversal::kShortStack};
-
 std::string described(const KdTreeConfig& c) {
   return std::string(name(c.tree.builder)) + ", " + std::string(name(c.traversal)) +
          (c.compact ? ", compact" : "") + ", simd " + std::to_string(static_cast<int>(c.simd));

@@ -56,13 +56,19 @@ TEST(ReadBuffers, interleaved_vertices_and_short_indices_are_the_mesh) {
   EXPECT_EQ(read_buffers(buffers).triangles[0][1], kNone);
 }
 
-TEST(ReadBuffers, tight_streams_need_no_stride) {
-  const Mesh mesh = shapes::blob(2, 1);
+/// Positions and triangles where the mesh has them.
+MeshBuffers tight_buffers(const Mesh& mesh) {
   MeshBuffers buffers;
   buffers.vertex_count = mesh.positions.size();
   buffers.positions = {mesh.positions.data()};
   buffers.indices = mesh.triangles.data();
   buffers.triangle_count = mesh.triangles.size();
+  return buffers;
+}
+
+TEST(ReadBuffers, tight_streams_need_no_stride) {
+  const Mesh mesh = shapes::blob(2, 1);
+  const MeshBuffers buffers = tight_buffers(mesh);
   EXPECT_EQ(read_buffers(buffers).positions, mesh.positions);
   EXPECT_EQ(read_buffers(buffers).triangles, mesh.triangles);
   EXPECT_TRUE(read_buffers(buffers).normals.empty());
@@ -71,11 +77,7 @@ TEST(ReadBuffers, tight_streams_need_no_stride) {
 
 TEST(ReadBuffers, mistakes_are_named) {
   const Mesh mesh = shapes::blob(1, 1);
-  MeshBuffers good;
-  good.vertex_count = mesh.positions.size();
-  good.positions = {mesh.positions.data()};
-  good.indices = mesh.triangles.data();
-  good.triangle_count = mesh.triangles.size();
+  const MeshBuffers good = tight_buffers(mesh);
   const auto reject = [&](const auto& spoil, const char* part) {
     MeshBuffers buffers = good;
     spoil(buffers);

@@ -6,10 +6,13 @@
 #include <set>
 
 #include "cluster/bisect/bisect.hpp"
+#include "cluster/cluster_cases.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel {
 namespace {
+
+using cluster_cases::Partition, cluster_cases::partition_of;
 
 ClusterInput input_of(const std::vector<Aabb>& boxes) {
   ClusterInput input;
@@ -35,19 +38,6 @@ Clusters fast(const std::vector<Aabb>& boxes, uint32_t threads = 0) {
   BuildOptions options;
   options.threads = threads;
   return build_clusters(input_of(boxes), cluster_preset("fast"), options);
-}
-
-using Partition = std::set<std::set<uint32_t>>;
-
-Partition partition_of(const Clusters& c, const std::vector<uint32_t>* names = nullptr) {
-  Partition all;
-  for (const Range& r : c.ranges) {
-    std::set<uint32_t> one;
-    for (uint32_t i = r.offset; i < r.offset + r.count; ++i)
-      one.insert(names ? (*names)[c.items[i]] : c.items[i]);
-    all.insert(one);
-  }
-  return all;
 }
 
 void expect_valid(const Clusters& c, uint32_t count, uint32_t least, uint32_t most) {

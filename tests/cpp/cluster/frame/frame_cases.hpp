@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/math.hpp"
+#include "cluster/cluster_cases.hpp"
 #include "umbel/frame_clusters.hpp"
 
 namespace umbel::testing {
@@ -33,16 +34,7 @@ inline std::vector<FrameClusterConfig> configs() {
 }
 
 inline Mesh soup(uint32_t triangles, uint32_t seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<float> unit(0, 1);
-  Mesh mesh;
-  for (uint32_t i = 0; i < triangles; ++i) {
-    const Vec3 at{4 * unit(random), unit(random), 0.2f * unit(random)};
-    for (int k = 0; k < 3; ++k)
-      mesh.positions.push_back(at + Vec3{unit(random), unit(random), unit(random)} * 0.05f);
-    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
-  }
-  return mesh;
+  return cluster_cases::soup(triangles, seed, 0.05f, {4, 1, 0.2f});
 }
 
 inline FrameClusterer clusters_of(const Mesh& mesh, const FrameClusterConfig& config,

@@ -5,19 +5,14 @@
 #include <limits>
 #include <map>
 
+#include "lod/synthetic_dag.hpp"
 #include "umbel/lod.hpp"
 
 namespace umbel::lod {
 namespace {
 
 VerifyReport check(const Mesh& mesh, const Dag& dag, uint32_t cuts = 24) {
-  VerifyConfig config;
-  config.cuts = cuts;
-  config.max_triangles = dag.config.max_triangles;
-  config.max_vertices = dag.config.max_vertices;
-  config.source_triangles = mesh.triangles.size();
-  config.source_digest = triangle_set_digest(mesh.view());
-  return verify(dag.tables, [&](uint32_t c) { return dag.geometry(c); }, config);
+  return verify(dag.tables, testing::reader_of(dag), testing::verify_config_of(dag, mesh, cuts));
 }
 
 std::string first_problem(const VerifyReport& report) {

@@ -42,7 +42,7 @@ Vec3 random_point(const Aabb& box, Random& random) {
 
 class TriangleDistanceTreeOf : public ::testing::TestWithParam<int> {
  public:
-  static Mesh mesh() {
+  static Mesh shape() {
     switch (GetParam()) {
       case 0:
         return shapes::blob(5, 3);
@@ -54,13 +54,14 @@ class TriangleDistanceTreeOf : public ::testing::TestWithParam<int> {
         return shapes::tetrahedra(1);
     }
   }
+
+  const Mesh mesh = shape();
+  const Scene scene{mesh};
+  const Aabb box = bounds(mesh.view());
+  const float size = length(box.max - box.min);
 };
 
 TEST_P(TriangleDistanceTreeOf, finds_the_distance_whatever_the_hint) {
-  const Mesh mesh = TriangleDistanceTreeOf::mesh();
-  const Scene scene(mesh);
-  const Aabb box = bounds(mesh.view());
-  const float size = length(box.max - box.min);
   Random random(3);
   for (int i = 0; i < 500; ++i) {
     const Vec3 p = random_point(box, random);
@@ -72,10 +73,6 @@ TEST_P(TriangleDistanceTreeOf, finds_the_distance_whatever_the_hint) {
 }
 
 TEST_P(TriangleDistanceTreeOf, what_is_near_enough_is_no_nearer_than_the_nearest) {
-  const Mesh mesh = TriangleDistanceTreeOf::mesh();
-  const Scene scene(mesh);
-  const Aabb box = bounds(mesh.view());
-  const float size = length(box.max - box.min);
   Random random(4);
   for (int i = 0; i < 500; ++i) {
     const Vec3 p = random_point(box, random);

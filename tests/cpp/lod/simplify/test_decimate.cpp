@@ -58,6 +58,14 @@ VerifyReport check(const Dag& dag, const Mesh& mesh) {
   return verify(dag.tables, testing::reader_of(dag), testing::verify_config_of(dag, mesh, 24));
 }
 
+/// That the caller's function was used, and the result verifies.
+void expect_sound_and_decimated(const Dag& dag, const Mesh& mesh) {
+  EXPECT_GT(dag.report.groups_by_limiting_factor[0][static_cast<size_t>(LimitingFactor::kCaller)],
+            0u);
+  const VerifyReport report = check(dag, mesh);
+  EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+}
+
 TEST(Decimator, may_add_vertices) {
   const Mesh mesh = shapes::blob(5, 4);
   for (const uint32_t threads : {1u, 4u}) {
@@ -72,10 +80,7 @@ TEST(Decimator, may_add_vertices) {
     EXPECT_GT(calls, 10u);
     EXPECT_GT(dag.vertices.positions.size(), mesh.positions.size() + 100);
     EXPECT_EQ(dag.report.root_groups, 1u);
-    EXPECT_GT(dag.report.groups_by_limiting_factor[0][static_cast<size_t>(LimitingFactor::kCaller)],
-              0u);
-    const VerifyReport report = check(dag, mesh);
-    EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+    expect_sound_and_decimated(dag, mesh);
   }
 }
 
@@ -152,10 +157,7 @@ TEST(Decimator, is_told_why_and_may_try_again) {
   EXPECT_GT(told[Reason::kTooMany], 5);
   EXPECT_EQ(told[Reason::kTooMany], told[Reason::kEdges]);
   EXPECT_EQ(told[Reason::kTooMany], told[Reason::kDegenerate]);
-  EXPECT_GT(dag.report.groups_by_limiting_factor[0][static_cast<size_t>(LimitingFactor::kCaller)],
-            0u);
-  const VerifyReport report = check(dag, mesh);
-  EXPECT_TRUE(report.ok) << (report.problems.empty() ? "" : report.problems[0]);
+  expect_sound_and_decimated(dag, mesh);
 }
 
 TEST(Decimator, that_never_mends_is_asked_four_times) {

@@ -96,18 +96,22 @@ TEST(EdgeCollapser, no_loop_through_two_locked_positions_is_collapsed) {
     EXPECT_EQ(count, 2);
 }
 
+double area_of(const EdgeCollapser& collapser, const Mesh& mesh) {
+  double area = 0;
+  for (const Triangle& t : collapser.triangles()) {
+    const auto& p = mesh.positions;
+    area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
+  }
+  return area;
+}
+
 TEST(EdgeCollapser, a_flat_surface_shrinks_to_few_triangles_without_error) {
   const SubMesh sub_mesh(shapes::grid(20, 20));
   EdgeCollapser collapser;
   collapser.run(sub_mesh.input(), 20);
   EXPECT_LE(collapser.triangles().size(), 20u);
   EXPECT_LT(collapser.error(), 1e-6f);
-  double area = 0;
-  for (const Triangle& t : collapser.triangles()) {
-    const auto& p = sub_mesh.mesh.positions;
-    area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
-  }
-  EXPECT_NEAR(area, 1.0, 1e-5);
+  EXPECT_NEAR(area_of(collapser, sub_mesh.mesh), 1.0, 1e-5);
 }
 
 TEST(EdgeCollapser, locked_positions_and_their_edges_stay) {
@@ -258,12 +262,7 @@ TEST(EdgeCollapser, pages_that_meet_in_a_spine_shrink_without_error) {
   collapser.run(sub_mesh.input(), 12);
   EXPECT_LE(collapser.triangles().size(), 12u);
   EXPECT_LT(collapser.error(), 1e-4f);
-  double area = 0;
-  for (const Triangle& t : collapser.triangles()) {
-    const auto& p = sub_mesh.mesh.positions;
-    area += 0.5 * length(cross(p[t[1]] - p[t[0]], p[t[2]] - p[t[0]]));
-  }
-  EXPECT_NEAR(area, 3.0, 1e-3);
+  EXPECT_NEAR(area_of(collapser, sub_mesh.mesh), 3.0, 1e-3);
 }
 
 TEST(EdgeCollapser, charts_are_held_by_the_rule_of_their_seams) {
