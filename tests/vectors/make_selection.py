@@ -67,6 +67,7 @@ def random_camera(random: np.random.Generator, center: Any, size: float) -> umbe
 
 
 def make(seed: int = 1) -> dict[str, Any]:
+    # Long: one stream of random numbers decides all cases, in this order.
     random = np.random.default_rng(seed)
     small = {"max_triangles": 32, "max_vertices": 64, "group_size": (4, 8)}
     lods: dict[str, umbel.Lod] = {}

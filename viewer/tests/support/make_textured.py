@@ -123,6 +123,7 @@ def large_textures(folder: Path) -> None:
 
 def all_materials(folder: Path) -> None:
     """A square for each feature of materials."""
+    # Long: a list of materials.
     quadrants = encoded(QUADRANTS, "PNG")
     dark_above = encoded(np.uint8([[[0, 0, 0]], [[255, 255, 255]]]), "PNG")
     holes = np.concatenate([QUADRANTS, np.uint8([[[255], [0]], [[255], [0]]])], axis=2)
