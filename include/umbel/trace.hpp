@@ -174,6 +174,18 @@ struct Film {
 UMBEL_API void accumulate(const Scene& scene, const Camera& camera, const Settings& settings,
                           Film& film, const BuildOptions& options = {});
 
+/// What a denoiser wants to know beside a picture, of the same size.
+struct Features {
+  Image
+      albedo;  ///< colours of the surfaces seen, each in [0, 1]; of the sky its radiance, at most 1
+  Image normal;  ///< their shading normals in the world; zero for the sky
+};
+
+/// Means over settings.samples of the paths that accumulate traces first: of their first surfaces.
+/// Same bytes for any number of threads. Throws as accumulate does.
+UMBEL_API Features features(const Scene& scene, const Camera& camera, const Settings& settings,
+                            const BuildOptions& options = {});
+
 struct Picture {
   Image image;
   Statistics statistics;

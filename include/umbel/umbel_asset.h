@@ -4,7 +4,7 @@
 //   umbel_asset* asset;
 //   if (umbel_asset_open("dragon.umbel", &asset) != UMBEL_OK) puts(umbel_last_error());
 //   umbel_residency* residency;
-//   umbel_residency_create(asset, 64 << 20, 2, &residency);
+//   umbel_residency_create(asset, NULL, &residency);
 //   const umbel_vec3 local = umbel_relative_to(info.origin, eye);    // in the mesh's space
 //   umbel_stream_view view = {0};                                    // the first mesh
 //   umbel_lod_view_camera(&local.x, fov_y, height, 1, &view.view);   // errors of a pixel
@@ -62,11 +62,33 @@ UMBEL_C_API umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_as
 /// Pages of an asset in memory. One thread at a time may use it. The asset must outlive it.
 typedef struct umbel_residency umbel_residency;
 
-/// Keeps at most `budget_bytes` of pages in memory (UMBEL_NO_LIMIT: all), loaded by `threads`
-/// threads (0: one). Reads the pages of the coarsest groups at once, which must fit
-/// (UMBEL_ERROR_INVALID_ARGUMENT).
-UMBEL_C_API umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_bytes,
-                                                uint32_t threads, umbel_residency** residency);
+/// How to stream. The defaults in brackets are those of umbel_residency_config_init.
+typedef struct umbel_residency_config {
+  uint32_t struct_size;
+  uint32_t threads;             ///< that read and decode pages, at least 1 [2]
+  uint64_t budget_bytes;        ///< most bytes of pages in memory [256 MiB]; UMBEL_NO_LIMIT: all
+  uint64_t bytes_per_step;      ///< most bytes taken over in a step, at least one page [8 MiB]
+  uint32_t loads_in_flight;     ///< most pages requested and not arrived [8]
+  uint32_t evictions_per_step;  ///< [64]
+  uint32_t groups_per_step;     ///< groups that a step tests, about [4096]
+  /// A page that is shown is evicted only for one of so many times its priority, at least 1 [1.5].
+  /// The larger, the less a camera that moves to and fro loads the same pages again and again.
+  float hysteresis;
+  uint32_t attempts;       ///< to load a page, before its region stays coarse [5]
+  double backoff_seconds;  ///< after the first failure, doubled after each further one [0.1]
+  double slow_seconds;     ///< a load that takes longer counts as failed [10]
+} umbel_residency_config;
+
+UMBEL_C_API void umbel_residency_config_init_sized(umbel_residency_config* config, size_t size);
+static inline void umbel_residency_config_init(umbel_residency_config* config) {
+  umbel_residency_config_init_sized(config, sizeof *config);
+}
+
+/// `config` NULL: the defaults. Reads the pages of the coarsest groups at once, which must fit the
+/// budget (UMBEL_ERROR_INVALID_ARGUMENT).
+UMBEL_C_API umbel_result umbel_residency_create(const umbel_asset* asset,
+                                                const umbel_residency_config* config,
+                                                umbel_residency** residency);
 
 /// Waits for loads in progress.
 UMBEL_C_API void umbel_residency_free(umbel_residency* residency);
@@ -76,6 +98,10 @@ UMBEL_C_API void umbel_residency_free(umbel_residency* residency);
 typedef struct umbel_stream_view {
   uint32_t mesh;
   umbel_lod_view view;
+  /// Those of a frustum, as umbel_lod_frustum makes them, in the same space, or NULL: what lies
+  /// outside one of them is shown as coarse as possible, and loads last.
+  const umbel_plane* planes;
+  size_t plane_count;
 } umbel_stream_view;
 
 typedef struct umbel_stream_step {

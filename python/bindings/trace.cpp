@@ -1,6 +1,7 @@
 // The path tracer: materials, scenes, cameras, and films to which samples are added.
 #include "umbel/trace.hpp"
 
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/vector.h>
 
@@ -303,11 +304,11 @@ Dict statistics_of(const trace::Film& film) {
 }
 
 /// (height, width, 3) float32
-Array<float> pixels_of(const trace::Film& film) {
-  auto owner = std::make_unique<std::vector<Vec3>>(film.image().pixels);
+Array<float> pixels_of(trace::Image image) {
+  auto owner = std::make_unique<std::vector<Vec3>>(std::move(image.pixels));
   static float nothing = 0.0f;
   float* data = owner->empty() ? &nothing : &owner->front().x;
-  const size_t shape[3] = {film.height, film.width, 3};
+  const size_t shape[3] = {image.height, image.width, 3};
   nb::capsule capsule(owner.release(),
                       [](void* p) noexcept { delete static_cast<std::vector<Vec3>*>(p); });
   return Array<float>(data, 3, shape, capsule);
@@ -329,7 +330,9 @@ void bind_film(nb::module_& module) {
       .def(nb::init<>())
       .def_ro("samples", &trace::Film::samples)
       .def_prop_ro("statistics", &statistics_of)
-      .def("pixels", &pixels_of, "(height, width, 3) float32: the means so far")
+      .def(
+          "pixels", [](const trace::Film& film) { return pixels_of(film.image()); },
+          "(height, width, 3) float32: the means so far")
       .def(
           "add",
           [](trace::Film& film, const trace::Scene& scene, const Camera& camera,
@@ -339,6 +342,18 @@ void bind_film(nb::module_& module) {
             });
           },
           "scene"_a, "camera"_a, "settings"_a, "progress"_a = nb::none(), "threads"_a = 0);
+  module.def(
+      "trace_features",
+      [](const trace::Scene& scene, const Camera& camera, const Settings& settings,
+         const nb::object& progress, uint32_t threads) {
+        trace::Features made;
+        run(progress, threads, [&](const BuildOptions& options) {
+          made = trace::features(scene, camera, settings, options);
+        });
+        return std::pair(pixels_of(std::move(made.albedo)), pixels_of(std::move(made.normal)));
+      },
+      "scene"_a, "camera"_a, "settings"_a, "progress"_a = nb::none(), "threads"_a = 0,
+      "Albedo and normal of what is seen: two (height, width, 3) float32");
 }
 
 }  // namespace

@@ -95,7 +95,32 @@ StreamView stream_view(const umbel_stream_view& given) {
   StreamView view;
   view.mesh = given.mesh;
   view.view = view_of(&given.view);
+  const auto planes = elements<const Plane>(given.planes, given.plane_count, "views[i].planes");
+  view.planes.assign(planes.begin(), planes.end());
   return view;
+}
+
+umbel_residency_config defaults_of_residency() {
+  const ResidencyConfig config;
+  umbel_residency_config out{};
+  COPY_FIELDS(out, config, threads, budget_bytes, bytes_per_step, loads_in_flight,
+              evictions_per_step, groups_per_step, hysteresis, attempts, backoff_seconds,
+              slow_seconds);
+  return out;
+}
+
+ResidencyConfig residency_config(const umbel_residency_config* given) {
+  ResidencyConfig config;
+  if (!given) return config;
+  const umbel_residency_config in = read_struct(given, "config", defaults_of_residency());
+  COPY_FIELDS(config, in, bytes_per_step, loads_in_flight, evictions_per_step, groups_per_step,
+              hysteresis, attempts, backoff_seconds, slow_seconds);
+  // Half of what a number can be, so that sums of it and of pages are numbers too.
+  config.budget_bytes = in.budget_bytes == UMBEL_NO_LIMIT || in.budget_bytes == UMBEL_NONE
+                            ? std::numeric_limits<uint64_t>::max() / 2
+                            : in.budget_bytes;
+  config.threads = std::max(in.threads, 1u);
+  return config;
 }
 
 }  // namespace
@@ -140,17 +165,15 @@ umbel_result umbel_asset_get_info(const umbel_asset* asset, umbel_asset_info* in
   });
 }
 
-umbel_result umbel_residency_create(const umbel_asset* asset, uint64_t budget_bytes,
-                                    uint32_t threads, umbel_residency** residency) {
+void umbel_residency_config_init_sized(umbel_residency_config* config, size_t size) {
+  init_sized(config, size, defaults_of_residency());
+}
+
+umbel_result umbel_residency_create(const umbel_asset* asset, const umbel_residency_config* config,
+                                    umbel_residency** residency) {
   return hand_out(residency, "residency", [&] {
     const Asset& a = required(asset, "asset").asset;
-    ResidencyConfig config;
-    // Half of what a number can be, so that sums of it and of pages are numbers too.
-    config.budget_bytes = budget_bytes == UMBEL_NO_LIMIT || budget_bytes == UMBEL_NONE
-                              ? std::numeric_limits<uint64_t>::max() / 2
-                              : budget_bytes;
-    config.threads = std::max(threads, 1u);
-    return umbel_residency{a, Residency(a, config)};
+    return umbel_residency{a, Residency(a, residency_config(config))};
   });
 }
 

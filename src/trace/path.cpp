@@ -60,6 +60,18 @@ class Path {
     }
   }
 
+  FirstHit first(Ray ray) {
+    dimension_ = kFirstBounceDimension;
+    const SceneHit hit = first_hit(ray, kCameraRays, counts_.primary);
+    if (!hit.hit()) return {min(scene_.sky.radiance(ray.direction), {1, 1, 1}), {0, 0, 0}};
+    const Surface surface = surface_at(scene_, hit, ray.direction);
+    // Light that goes on through a body or off a lamp is not coloured by its surface.
+    const Material& material = scene_.materials[surface.material];
+    const bool is_clear = material.transmission >= 0.5f || scene_.kinds[surface.material].unlit;
+    const Vec3 albedo = is_clear ? Vec3{1, 1, 1} : surface.color.base + surface.emission;
+    return {min(albedo, {1, 1, 1}), surface.shading};
+  }
+
  private:
   template <typename B>
   bool step(const Surface& surface, const Basis& basis, const B& bsdf, uint32_t bounce, Ray& ray) {
@@ -356,6 +368,11 @@ ShadowPlan plan_shadows(const Scene::Data& scene, uint32_t shadow_samples) {
     }
   }
   return plan;
+}
+
+FirstHit trace_first_hit(const PathContext& context, Ray ray, const Sampler& sampler) {
+  Statistics counts;
+  return Path(context, sampler, counts).first(ray);
 }
 
 Vec3 trace_path(const PathContext& context, Ray ray, const Sampler& sampler, Statistics& counts) {

@@ -35,4 +35,12 @@ inline constexpr uint32_t kPixelDimension = 0, kLensDimension = 1, kFirstBounceD
 /// Radiance against the direction of `ray`. Counts its rays.
 Vec3 trace_path(const PathContext& context, Ray ray, const Sampler& sampler, Statistics& counts);
 
+/// What a denoiser is told about a pixel beside its radiance.
+struct FirstHit {
+  Vec3 albedo{0, 0, 0};  ///< of what is seen, each in [0, 1]; of the sky its colour, at most 1
+  Vec3 normal{0, 0, 0};  ///< unit length, on the side that is seen; zero for the sky
+};
+/// That of the first surface that a path along `ray` with this sampler meets.
+FirstHit trace_first_hit(const PathContext& context, Ray ray, const Sampler& sampler);
+
 }  // namespace umbel::trace

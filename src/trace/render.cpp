@@ -70,15 +70,9 @@ class Renderer {
 
   /// Adds to `sums`; gives what was traced.
   Statistics run(std::vector<Vec3>& sums, Progress& progress) {
-    const std::thread::id caller = std::this_thread::get_id();
     std::vector<Statistics> counts(tiles_.count());
-    std::atomic<size_t> done{0};
-    parallel_for(tiles_.count(), 1, [&](size_t tile) {
-      counts[tile] = render_tile(tile, sums);
-      const size_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
-      if (std::this_thread::get_id() == caller)
-        progress.report(static_cast<double>(finished) / static_cast<double>(tiles_.count()),
-                        "tracing");
+    for_each_sample(progress, [&](size_t tile, size_t pixel, const Ray& ray, const Sampler& s) {
+      sums[pixel] += trace_path(context_, ray, s, counts[tile]);
     });
     Statistics total;
     for (const Statistics& c : counts) {
@@ -90,26 +84,46 @@ class Renderer {
     return total;
   }
 
- private:
-  Statistics render_tile(size_t tile, std::vector<Vec3>& sums) const {
-    Statistics counts;
-    const uint32_t left = static_cast<uint32_t>(tile % tiles_.across) * kTile;
-    const uint32_t top = static_cast<uint32_t>(tile / tiles_.across) * kTile;
-    for (uint32_t y = top; y < std::min(top + kTile, settings_.height); ++y)
-      for (uint32_t x = left; x < std::min(left + kTile, settings_.width); ++x)
-        render_pixel(x, y, sums[size_t(y) * settings_.width + x], counts);
-    return counts;
+  /// The same for albedo and normal.
+  void run(Features& sums, Progress& progress) {
+    for_each_sample(progress, [&](size_t, size_t pixel, const Ray& ray, const Sampler& s) {
+      const FirstHit hit = trace_first_hit(context_, ray, s);
+      sums.albedo.pixels[pixel] += hit.albedo;
+      sums.normal.pixels[pixel] += hit.normal;
+    });
   }
 
-  void render_pixel(uint32_t x, uint32_t y, Vec3& sum, Statistics& counts) const {
+ private:
+  /// Calls sample(tile, pixel, ray, sampler), of each pixel in order.
+  template <typename Sample>
+  void for_each_sample(Progress& progress, const Sample& sample) const {
+    const std::thread::id caller = std::this_thread::get_id();
+    std::atomic<size_t> done{0};
+    parallel_for(tiles_.count(), 1, [&](size_t tile) {
+      const uint32_t left = static_cast<uint32_t>(tile % tiles_.across) * kTile;
+      const uint32_t top = static_cast<uint32_t>(tile / tiles_.across) * kTile;
+      for (uint32_t y = top; y < std::min(top + kTile, settings_.height); ++y)
+        for (uint32_t x = left; x < std::min(left + kTile, settings_.width); ++x)
+          sample_pixel(x, y, [&](size_t pixel, const Ray& ray, const Sampler& sampler) {
+            sample(tile, pixel, ray, sampler);
+          });
+      const size_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
+      if (std::this_thread::get_id() == caller)
+        progress.report(static_cast<double>(finished) / static_cast<double>(tiles_.count()),
+                        "tracing");
+    });
+  }
+
+  template <typename Sample>
+  void sample_pixel(uint32_t x, uint32_t y, const Sample& sample) const {
     const uint32_t pixel = y * settings_.width + x;
     for (uint32_t i = 0; i < settings_.samples; ++i) {
       const Sampler sampler(settings_.seed, pixel, first_ + i);
       const Vec2 u = sampler.point(kPixelDimension);
-      const Ray ray =
-          camera_.ray(static_cast<float>(x) + 0.5f + tent(u.x),
-                      static_cast<float>(y) + 0.5f + tent(u.y), sampler.point(kLensDimension));
-      sum += trace_path(context_, ray, sampler, counts);
+      sample(size_t{y} * settings_.width + x,
+             camera_.ray(static_cast<float>(x) + 0.5f + tent(u.x),
+                         static_cast<float>(y) + 0.5f + tent(u.y), sampler.point(kLensDimension)),
+             sampler);
     }
   }
 
@@ -150,6 +164,20 @@ void accumulate(const Scene& scene, const Camera& camera, const Settings& settin
   film.statistics.shadow += traced.shadow;
   film.statistics.continued += traced.continued;
   film.statistics.seconds += took.count();
+}
+
+Features features(const Scene& scene, const Camera& camera, const Settings& settings,
+                  const BuildOptions& options) {
+  check(settings);
+  Progress progress(options);
+  const std::vector<Vec3> none(size_t(settings.width) * settings.height, Vec3{0, 0, 0});
+  Features made{{settings.width, settings.height, none}, {settings.width, settings.height, none}};
+  Renderer renderer(scene, camera, settings, {});
+  with_threads(options.threads, [&] { renderer.run(made, progress); });
+  const float scale = 1.0f / static_cast<float>(settings.samples);
+  for (Image* image : {&made.albedo, &made.normal})
+    for (Vec3& pixel : image->pixels) pixel = pixel * scale;
+  return made;
 }
 
 Picture render(const Scene& scene, const Camera& camera, const Settings& settings,

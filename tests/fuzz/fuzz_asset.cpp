@@ -155,11 +155,17 @@ void stream(const std::vector<uint8_t>& bytes, uint32_t meshes) {
   if (umbel_asset_open_source(bytes.size(), read, const_cast<uint8_t*>(bytes.data()), &asset))
     return;
   umbel_residency* residency = nullptr;
-  umbel_residency_create(asset, bytes.size() / 2, 1, &residency);
+  umbel_residency_config config;
+  umbel_residency_config_init(&config);
+  config.budget_bytes = bytes.size() / 2;
+  config.threads = 1;
+  umbel_residency_create(asset, &config, &residency);
   umbel_stream_step step;
   umbel_stream_step_init(&step);
-  const umbel_stream_view views[] = {{0, {UMBEL_LOD_BY_CAMERA, 0, {0, 0, 2}, 0.01f, 0}},
-                                     {meshes / 2, {UMBEL_LOD_BY_ERROR, 0.01f, {}, 0, 0}}};
+  const umbel_plane plane{{1, 0, 0}, 0};
+  const umbel_stream_view views[] = {
+      {0, {UMBEL_LOD_BY_CAMERA, 0, {0, 0, 2}, 0.01f, 0}, &plane, 1},
+      {meshes / 2, {UMBEL_LOD_BY_ERROR, 0.01f, {}, 0, 0}, nullptr, 0}};
   for (int round = 0; residency && round < 3; ++round)
     if (umbel_residency_step(residency, views, 2, round, &step) == UMBEL_ERROR_INTERNAL)
       fail(umbel_last_error());

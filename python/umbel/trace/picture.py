@@ -50,8 +50,7 @@ def _encoded(rgb: NDArray[np.float32], exposure: float) -> NDArray[np.float64]:
     x = np.nan_to_num(rgb.astype(np.float64), nan=0.0, posinf=1e6, neginf=0.0)
     x = np.clip(x, 0.0, 1e6) * exposure
     x = np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0)
-    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.round(encoded * 255)
+    return np.round(_srgb(x) * 255)
 
 
 def save_picture(
@@ -67,6 +66,31 @@ def save_picture(
         _save_exr(file, _rgb(pixels))
     else:
         raise Error(f"{file}: pictures are {' or '.join(FORMATS)}, not '{file.suffix}'")
+
+
+def save_features(
+    path: str | os.PathLike[str], albedo: ArrayLike, normal: ArrayLike
+) -> tuple[Path, Path]:
+    """Writes albedo and normals beside a picture's name, as NAME-albedo and NAME-normal. As .exr
+    they are what `Film.features` gives; as .png the albedo is in sRGB, and normals are
+    128 + 127 n."""
+    file = Path(path)
+    paths = (
+        file.with_name(f"{file.stem}-albedo{file.suffix}"),
+        file.with_name(f"{file.stem}-normal{file.suffix}"),
+    )
+    colors, normals = _rgb(albedo), _rgb(normal)
+    if file.suffix.lower() == ".exr":
+        _save_exr(paths[0], colors)
+        _save_exr(paths[1], normals)
+    else:
+        _save_png(paths[0], np.round(255 * _srgb(np.clip(colors, 0, 1))).astype(np.uint8))
+        _save_png(paths[1], np.round(128 + 127 * np.clip(normals, -1, 1)).astype(np.uint8))
+    return paths
+
+
+def _srgb(linear: NDArray[Any]) -> NDArray[Any]:
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def check_format(path: Path) -> None:

@@ -218,6 +218,27 @@ class Film:
             raise Error("the film is empty; add samples first")
         return self._native.pixels()
 
+    def features(
+        self, samples: int | None = None, *, progress: Progress | None = None
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What a denoiser wants to know: the albedo and the normal, in the world, of what each
+        pixel shows, as (height, width, 3) float32. Means over `samples` paths a pixel; None: those
+        of the film, at most 32."""
+        if samples is None:
+            samples = min(max(self.samples, 1), 32)
+        _set(self._settings, "samples", samples)
+        return _umbel.trace_features(
+            self._scene, self.camera, self._settings, progress, self._threads
+        )
+
+    def denoised(self) -> NDArray[np.float32]:
+        """The pixels without their noise, as `umbel.denoise` makes them with the features. Needs
+        the package pyoidn."""
+        from umbel.trace.denoise import denoise, denoiser
+
+        denoiser()
+        return denoise(self.pixels, *self.features())
+
     @property
     def statistics(self) -> dict[str, Any]:
         """Rays by what they were for (primary_rays, bounce_rays, shadow_rays, continued_rays;
@@ -243,6 +264,7 @@ def render(
     max_bounces: int = 32,
     shadow_samples: int = 2,
     clamp: float = 8.0,
+    denoise: bool = False,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> NDArray[np.float32]:
@@ -257,10 +279,15 @@ def render(
     max_bounces: after which a path ends, if Russian roulette has not ended it.
     shadow_samples: rays to lights at each hit, 0 to 2.
     clamp: most radiance of one indirect sample, against bright specks; 0 for no limit.
+    denoise: takes the noise out at the end; needs the package pyoidn.
     environment, up, ground, hide: see `Renderer`.
 
     `umbel.save_picture` writes the result.
     """
+    if denoise:
+        from umbel.trace.denoise import denoiser
+
+        denoiser()
     renderer = Renderer(
         mesh,
         environment=environment,
@@ -279,7 +306,8 @@ def render(
         shadow_samples=shadow_samples,
         clamp=clamp,
     )
-    return film.add(samples, progress=_share(progress, 0.1, 1.0)).pixels
+    film.add(samples, progress=_share(progress, 0.1, 1.0))
+    return film.denoised() if denoise else film.pixels
 
 
 def _share(progress: Progress | None, begin: float, end: float) -> Callable[..., Any] | None:

@@ -6,6 +6,12 @@
 #include "base/parallel.hpp"
 
 namespace umbel::cluster {
+namespace {
+
+// In nodes of more clusters, full ones are not worth counting the vertices for.
+constexpr uint32_t kCountedClusters = 8;
+
+}  // namespace
 
 void Block::bisect(const Segment& segment) {
   if (segment.count == 0) return;
@@ -66,9 +72,13 @@ void Block::split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t
 }
 
 AxisSplit Block::find_split(uint32_t begin, uint32_t end) {
-  const bool by_vertices = end - begin <= most_items_;
+  const uint32_t n = end - begin;
+  const bool by_vertices =
+      n <= most_items_ || (constraints_.few_vertices &&
+                           n <= kCountedClusters * uint64_t(constraints_.config.max_items));
   if (by_vertices || sweep_.has_connections() || constraints_.config.overlap_cost > 0.0f)
-    return sweep_.cheapest(items_, vertices_, constraints_, begin, end, by_vertices);
+    return sweep_.cheapest(items_, by_vertices ? &vertices_ : nullptr, constraints_, most_items_,
+                           begin, end);
   return search_.cheapest(items_, constraints_, begin, end);
 }
 

@@ -13,6 +13,8 @@ void BlockVertices::load(const Source& source, const uint32_t* items, uint32_t c
 SplitConstraints BlockVertices::expected(const BlockItems& items,
                                          const SplitConstraints& constraints) {
   constexpr uint32_t kSamples = 4;
+  // Runs of neighbours are no good clusters, which have fewer vertices.
+  constexpr double kManyVertices = 1.15;
   const uint32_t limit = constraints.config.max_vertices, most = constraints.config.max_items;
   const uint32_t length = std::min(most, items.count());
   if (uint64_t(length) * arity_ <= limit) return constraints;
@@ -40,7 +42,7 @@ SplitConstraints BlockVertices::expected(const BlockItems& items,
       for (uint32_t k = 0; k < arity_; ++k) table_.insert(vertices_of(items, i)[k]);
     return table_.count();
   };
-  const double many = 1.35 * limit;
+  const double many = kManyVertices * limit;
   if (!shared_.active() && mean_of_samples(count_quickly) <= many) return constraints;
   const double mean =
       shared_.active() ? mean_of_samples(count_by_bits) : mean_of_samples(count_exactly);
@@ -51,7 +53,9 @@ SplitConstraints BlockVertices::expected(const BlockItems& items,
   config.max_items =
       std::clamp(uint32_t(kMargin * length * limit / mean), std::min(limit / arity_, most), most);
   config.min_items = std::min(config.min_items, config.max_items);
-  return SplitConstraints(config);
+  SplitConstraints fewer(config);
+  fewer.few_vertices = true;
+  return fewer;
 }
 
 uint32_t BlockVertices::count_by_bits(const uint32_t* order, uint32_t begin, uint32_t end) {

@@ -17,11 +17,28 @@ struct Cell {
   std::array<uint16_t, 3> position{};  ///< in the grid
 };
 
+/// Layers of cells along each axis, by centre.
+struct GridMapping {
+  Float4 origin{}, scale{}, last{};
+
+  Int4 position(Float4 center) const {
+    return __builtin_convertvector(min4((center - origin) * scale, last), Int4);
+  }
+  /// Whether the centre may lie in the grid, and not beyond it.
+  bool holds(Float4 center) const {
+    const Float4 at = (center - origin) * scale;
+    for (int k = 0; k < 3; ++k)
+      if (!(at[k] > -0.5f && at[k] < last[k] + 1.5f)) return false;
+    return true;
+  }
+};
+
 struct CellSet {
   std::vector<uint32_t> order;  ///< items by cell, cells along a Morton curve
   std::vector<Cell> cells;      ///< that are not empty
   float scale = 1.0f;           ///< of the boxes: a power of two
   float centroid_scale = 1.0f;  ///< of given centroids: another
+  GridMapping mapping;          ///< of centres at that scale
 };
 
 inline Box4 record_of(const Source& source, uint32_t item, float scale) {

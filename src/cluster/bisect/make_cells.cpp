@@ -65,27 +65,25 @@ class Grid {
       bits_of[axis].push_back(bit);
       length[axis] *= 0.5f;
     }
-    origin_ = centers.low;
+    mapping_.origin = centers.low;
     for (int k = 0; k < 3; ++k) {
       const uint32_t cells = 1u << bits_of[k].size();
-      scale_[k] = cells > 1 ? float(cells) / centers.extent(k) : 0.0f;
-      last_[k] = static_cast<float>(cells - 1);
+      mapping_.scale[k] = cells > 1 ? float(cells) / centers.extent(k) : 0.0f;
+      mapping_.last[k] = static_cast<float>(cells - 1);
       spread_[k].assign(cells, 0);
       for (uint32_t v = 0; v < cells; ++v)
         for (size_t b = 0; b < bits_of[k].size(); ++b)
           spread_[k][v] |= (v >> (bits_of[k].size() - 1 - b) & 1) << bits_of[k][b];
     }
   }
-  Int4 position(Float4 center) const {
-    return __builtin_convertvector(min4((center - origin_) * scale_, last_), Int4);
-  }
+  const GridMapping& mapping() const { return mapping_; }
   uint32_t code(Int4 position) const {
     return spread_[0][position[0]] | spread_[1][position[1]] | spread_[2][position[2]];
   }
 
  private:
   std::array<std::vector<uint32_t>, 3> spread_;
-  Float4 origin_{}, scale_{}, last_{};
+  GridMapping mapping_;
 };
 
 using GridPosition = std::array<uint16_t, 3>;
@@ -171,6 +169,7 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
   centers.scale(set.centroid_scale);
   const uint32_t bits = std::clamp<uint32_t>(std::bit_width(count) - 2, 6, 21);
   const Grid grid(centers, bits);
+  set.mapping = grid.mapping();
   BigVector<uint32_t> codes(count);
   tbb::enumerable_thread_specific<Tally> tallies([&] { return Tally(bits); });
   parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
@@ -183,7 +182,8 @@ CellSet make_cells(const Source& source, const uint32_t* items, uint32_t count,
       for (size_t i = 0; i < n; ++i) {
         const uint32_t item = items[first + i];
         records[i] = record_of(source, item, set.scale);
-        positions[i] = grid.position(center_of(source, records[i], item, set.centroid_scale));
+        positions[i] =
+            set.mapping.position(center_of(source, records[i], item, set.centroid_scale));
         tally.prefetch(codes[first + i] = grid.code(positions[i]));
       }
       for (size_t i = 0; i < n; ++i) cells[i] = tally.find(codes[first + i], positions[i]);

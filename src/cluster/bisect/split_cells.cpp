@@ -10,12 +10,14 @@
 #include <limits>
 
 #include "base/parallel.hpp"
+#include "cluster/bisect/cell_bins.hpp"
+#include "cluster/bisect/cell_connections.hpp"
 #include "cluster/bisect/scaling.hpp"
 
 namespace umbel::cluster {
 namespace {
 
-constexpr int kBins = 64;
+constexpr int kBins = kCellBins;
 constexpr size_t kChunk = 1 << 13;  ///< cells that one thread bins
 constexpr size_t kFewCells = 8;     ///< too few to choose from: a finer grid is made
 constexpr uint32_t kMaxGrids = 8;   ///< one inside another
@@ -38,6 +40,7 @@ struct Bin {
 struct Choice {
   uint32_t position;  ///< items on the left; 0: none found
   int axis;
+  float weight = 0.0f;  ///< of the connections between the sides
 };
 
 struct Item {
@@ -48,35 +51,16 @@ struct Item {
   }
 };
 
-// The positions of a node's cells.
-struct Extent {
-  std::array<int, 3> low{1 << 16, 1 << 16, 1 << 16}, high{-1, -1, -1};
-  Box4 box = Box4::empty();
-
-  explicit Extent(const Part& part) {
-    for (const Cell& cell : part.cells) {
-      box.extend(cell.box);
-      for (int k = 0; k < 3; ++k) {
-        low[k] = std::min<int>(low[k], cell.position[k]);
-        high[k] = std::max<int>(high[k], cell.position[k]);
-      }
-    }
-  }
-  int shift(int axis) const {
-    int s = 0;
-    while ((high[axis] >> s) - (low[axis] >> s) >= kBins) ++s;
-    return s;
-  }
-  bool single() const { return low == high; }
-};
-
 class Splitter {
  public:
   using Done = std::function<void(const CellSet&, const Part&)>;
 
-  Splitter(const Source& source, const SplitConstraints& constraints, uint32_t most,
-           const Done& done)
-      : source_(source), constraints_(constraints), most_(most), done_(done) {}
+  Splitter(const Segment& segment, uint32_t most, const Done& done)
+      : source_(segment.source),
+        constraints_(segment.constraints),
+        connections_(segment),
+        most_(most),
+        done_(done) {}
 
   void split_items(const uint32_t* items, uint32_t offset, uint32_t count, uint32_t grids,
                    uint32_t depth, const Box4* bounds) const {
@@ -89,11 +73,11 @@ class Splitter {
   void split(CellSet& set, Node node, uint32_t grids, bool is_whole) const {
     const uint32_t n = node.part.count;
     if (n <= most_) return done_(set, node.part);
-    const Extent extent(node.part);
+    const CellExtent extent(node.part.cells);
     if (node.part.cells.size() < kFewCells && !is_whole && grids < kMaxGrids)
       return split_again(set, node, grids);
     if (extent.single()) return done_(set, node.part);
-    const Choice choice = choose(node, extent);
+    const Choice choice = choose(set, node, extent);
     Node left, right;
     left.depth = right.depth = node.depth ? node.depth - 1 : 0;
     separate(set, node.part, choice, left.part, right.part);
@@ -111,7 +95,7 @@ class Splitter {
     split_items(items.data(), node.part.offset, node.part.count, grids + 1, node.depth, nullptr);
   }
 
-  Choice choose(const Node& node, const Extent& extent) const {
+  Choice choose(const CellSet& set, const Node& node, const CellExtent& extent) const {
     const uint32_t n = node.part.count, presplit = constraints_.config.presplit_threshold;
     int longest = 0;
     for (int k = 1; k < 3; ++k)
@@ -119,8 +103,12 @@ class Splitter {
     if (presplit && n > presplit)
       if (const Choice half = plane_nearest_to_half(node.part, longest); half.position) return half;
     if (node.depth == 0 || (presplit && n > presplit)) return {constraints_.middle(n), longest};
-    const Choice best = cheapest(node.part, extent);
+    const Choice best = cheapest(set, node.part, extent);
     if (best.position == 0) return {constraints_.middle(n), longest};
+    if (connections_.active())
+      if (const uint32_t position =
+              connections_.refine(set, node.part, extent, best.axis, best.position, best.weight))
+        return {position, best.axis};
     if (constraints_.legal(best.position, n)) return best;
     return {constraints_.full_near(best.position, n), best.axis};
   }
@@ -144,16 +132,14 @@ class Splitter {
 
   using Bins = std::array<std::array<Bin, kBins>, 3>;
 
-  Bins fill_bins(const Part& part, const Extent& extent) const {
-    const std::array<int, 3> shift{extent.shift(0), extent.shift(1), extent.shift(2)};
+  Bins fill_bins(const Part& part, const CellExtent& extent) const {
     const size_t count = part.cells.size();
     std::vector<Bins> parts((count + kChunk - 1) / kChunk);
     parallel_chunks(count, kChunk, [&](size_t begin, size_t end) {
       Bins& bins = parts[begin / kChunk];
       for (size_t c = begin; c < end; ++c) {
         const Cell& cell = part.cells[c];
-        for (int k = 0; k < 3; ++k)
-          bins[k][(cell.position[k] >> shift[k]) - (extent.low[k] >> shift[k])].add(cell);
+        for (int k = 0; k < 3; ++k) bins[k][extent.bin(k, cell.position[k])].add(cell);
       }
     });
     for (size_t p = 1; p < parts.size(); ++p)
@@ -162,18 +148,22 @@ class Splitter {
     return parts[0];
   }
 
-  Choice cheapest(const Part& part, const Extent& extent) const {
+  Choice cheapest(const CellSet& set, const Part& part, const CellExtent& extent) const {
     const Bins bins = fill_bins(part, extent);
     const Float4 pad = pad_for(extent.box);
     const float underfill_cost = constraints_.underfill_cost(part.count);
+    const float overlap_cost = constraints_.config.overlap_cost;
+    const float area = extent.box.half_area(pad);
+    AtPlanes cuts{};
+    if (connections_.active()) cuts = connections_.weigh_planes(set, part, extent);
     Choice best{0, 0};
     float best_cost = std::numeric_limits<float>::infinity();
     for (int k = 0; k < 3; ++k) {
-      std::array<float, kBins> right_area;
+      std::array<Box4, kBins> right;
       Box4 side = Box4::empty();
       for (int b = kBins - 1; b > 0; --b) {
         side.extend(bins[k][b].box);
-        right_area[b] = side.half_area(pad);
+        right[b] = side;
       }
       side = Box4::empty();
       uint32_t count = 0;
@@ -181,11 +171,14 @@ class Splitter {
         side.extend(bins[k][b - 1].box);
         count += bins[k][b - 1].count;
         if (count == 0 || count == part.count) continue;
-        const float cost = side.half_area(pad) * constraints_.weight(count, underfill_cost) +
-                           right_area[b] * constraints_.weight(part.count - count, underfill_cost);
+        float cost =
+            side.half_area(pad) * constraints_.weight(count, underfill_cost) +
+            right[b].half_area(pad) * constraints_.weight(part.count - count, underfill_cost);
+        if (overlap_cost > 0.0f) cost += overlap_cost * overlap_weight(side, right[b], part.count);
+        if (connections_.active()) cost += area * ratio_cut(cuts[k][b], count, part.count);
         if (cost < best_cost) {
           best_cost = cost;
-          best = {count, k};
+          best = {count, k, cuts[k][b]};
         }
       }
     }
@@ -252,6 +245,7 @@ class Splitter {
 
   const Source& source_;
   const SplitConstraints& constraints_;
+  const CellConnections connections_;
   const uint32_t most_;
   const Done& done_;
 };
@@ -261,7 +255,7 @@ class Splitter {
 void split_cells(const Segment& segment, uint32_t most, const Box4* bounds,
                  const std::function<void(const CellSet&, const Part&)>& done) {
   const uint32_t count = segment.count;
-  Splitter(segment.source, segment.constraints, most, done)
+  Splitter(segment, most, done)
       .split_items(segment.items, 0, count, 0, 2 * uint32_t(std::bit_width(count)) + 8, bounds);
 }
 

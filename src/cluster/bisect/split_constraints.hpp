@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "base/simd/box4.hpp"
 #include "umbel/cluster.hpp"
 
 namespace umbel::cluster {
@@ -26,11 +27,22 @@ struct SplitConstraints {
   }
 
   /// What a missing item costs where a node of n items is split: three times as much where the
-  /// split is one of the last, which decides how many clusters there will be, and twice as much
-  /// where the vertices will leave clusters less full.
+  /// split is one of the last, which decides how many clusters there will be. At most 1, so that
+  /// weights grow with the number of items.
   float underfill_cost(uint32_t n) const {
-    const float cost = config.underfill_cost * (config.max_vertices ? 2.0f : 1.0f);
+    const float cost = cost_of_large_nodes();
     return std::min(n <= 3 * uint64_t(config.max_items) ? 3.0f * cost : cost, 1.0f);
+  }
+
+  /// The same in nodes that are not among the last. With a limit on vertices more, up to twice as
+  /// much, as vertices leave clusters less full. Where that limit decides how many items a cluster
+  /// has, what is missing are vertices too.
+  float cost_of_large_nodes() const {
+    const float cost = config.underfill_cost;
+    if (!config.max_vertices) return cost;
+    constexpr float kBend = 0.3f;
+    const float more = cost <= kBend ? cost * 2.0f : 2.0f * kBend + (cost - kBend) * (4.0f / 7.0f);
+    return few_vertices ? more + (1.0f - more) * config.vertex_underfill_cost : more;
   }
 
   /// What i items weigh in the surface area heuristic, at that cost.
@@ -62,6 +74,24 @@ struct SplitConstraints {
 
   ClusterConfig config;
   bool simple;  ///< every n >= min_items is feasible
+  /// Clusters run out of vertices before they are full of items: max_items is about as many as they
+  /// will have.
+  bool few_vertices = false;
 };
+
+/// What the overlap of two sides costs at an overlap_cost of 1, where n items are split.
+inline float overlap_weight(const Box4& left, const Box4& right, uint32_t n) {
+  Box4 both = right;
+  both.intersect(left);
+  if (both.extent(0) < 0.0f || both.extent(1) < 0.0f || both.extent(2) < 0.0f) return 0.0f;
+  return static_cast<float>(n) * both.half_area(Float4{});
+}
+
+/// What connections of this weight between i items and the other n - i cost, for a node of unit
+/// area (ratio cut, scaled as bisect.hpp says).
+inline float ratio_cut(float weight, uint32_t i, uint32_t n) {
+  const float items = static_cast<float>(n);
+  return weight * 0.25f * items * (items / static_cast<float>(i)) / static_cast<float>(n - i);
+}
 
 }  // namespace umbel::cluster

@@ -7,20 +7,31 @@ namespace umbel::cluster {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kMostLost = 0.6f;    ///< of a cluster's vertices, as duplicates of others'
+constexpr float kLastSplits = 2.0f;  ///< how much more what is missing costs near the leaves
 
 }  // namespace
 
-AxisSplit SplitSweep::cheapest(BlockItems& items, BlockVertices& vertices,
-                               const SplitConstraints& constraints, uint32_t begin, uint32_t end,
-                               bool by_vertices) {
+AxisSplit SplitSweep::cheapest(BlockItems& items, BlockVertices* vertices,
+                               const SplitConstraints& constraints, uint32_t most_items,
+                               uint32_t begin, uint32_t end) {
   const uint32_t n = end - begin;
   for (auto* array : {&left_area_, &right_area_, &extra_, &left_weight_, &right_weight_})
     if (array->size() < n) array->resize(n);
-  const Node node{items, constraints, n, items.normalise(begin, end, items.bounds(begin, end))};
-  if (by_vertices)
-    vertices.enter(items, begin, end);
-  else
+  const Node node{items, constraints, most_items, n,
+                  items.normalise(begin, end, items.bounds(begin, end))};
+  ClustersOfVertices clusters{};
+  uint32_t least = 0;
+  if (vertices) {
+    vertices->enter(items, begin, end);
+    count_vertices(node, begin, *vertices);
+    clusters = clusters_of_vertices(node, vertices->node_count());
+    // A side of limit / arity items fits whatever they are; smaller ones are a waste.
+    least = std::min({std::max(constraints.config.max_vertices / vertices->per_item(), 1u),
+                      constraints.config.min_items, std::max(n / 2, 1u)});
+  } else {
     weigh_items(node);
+  }
   if (has_connections()) connections_.enter(items.order(0) + begin, n);
   AxisSplit best{kInfinity};
   for (int axis = 0; axis < 3; ++axis) {
@@ -32,7 +43,7 @@ AxisSplit SplitSweep::cheapest(BlockItems& items, BlockVertices& vertices,
     else
       std::fill_n(extra_.begin(), n, 0.0f);
     if (constraints.config.overlap_cost > 0.0f) add_overlap(node, order);
-    if (by_vertices) weigh_vertices(node, order, vertices);
+    if (vertices) weigh_vertices(node, axis, vertices->node_count(), clusters, least);
     for (uint32_t i = 0; i + 1 < n; ++i) {
       const float cost =
           left_area_[i] * left_weight_[i] + right_area_[i] * right_weight_[i] + extra_[i];
@@ -76,13 +87,10 @@ void SplitSweep::add_overlap(const Node& node, const uint32_t* order) {
     left.extend(boxes[order[i]]);
     left_boxes_[i] = left;
   }
-  const float scale = node.constraints.config.overlap_cost * static_cast<float>(n);
+  const float overlap_cost = node.constraints.config.overlap_cost;
   for (uint32_t i = n - 1; i > 0; --i) {
     right.extend(boxes[order[i]]);
-    Box4 both = right;
-    both.intersect(left_boxes_[i - 1]);
-    if (both.extent(0) < 0.0f || both.extent(1) < 0.0f || both.extent(2) < 0.0f) continue;
-    extra_[i - 1] += scale * both.half_area(Float4{});
+    extra_[i - 1] += overlap_cost * overlap_weight(left_boxes_[i - 1], right, n);
   }
 }
 
@@ -98,25 +106,74 @@ void SplitSweep::weigh_items(const Node& node) {
   }
 }
 
-void SplitSweep::weigh_vertices(const Node& node, const uint32_t* order, BlockVertices& vertices) {
+// Unique vertices of both sides of every position.
+void SplitSweep::count_vertices(const Node& node, uint32_t begin, BlockVertices& vertices) {
+  const uint32_t n = node.n;
+  for (int axis = 0; axis < 3; ++axis) {
+    const uint32_t* order = node.items.order(axis) + begin;
+    std::vector<uint32_t>&left = left_vertices_[axis], &right = right_vertices_[axis];
+    if (left.size() < n) left.resize(n);
+    if (right.size() < n) right.resize(n);
+    vertices.reset();
+    for (uint32_t i = 0, count = 0; i + 1 < n; ++i) left[i] = count += vertices.insert(order[i]);
+    vertices.reset();
+    for (uint32_t i = n - 1, count = 0; i > 0; --i)
+      right[i - 1] = count += vertices.insert(order[i]);
+  }
+}
+
+// A cut through the middle duplicates vertices in proportion to the root of their number. Two
+// clusters have one such border between them, and k in a plane some k - sqrt(k), in units of the
+// border that a cluster has on two of four sides.
+SplitSweep::ClustersOfVertices SplitSweep::clusters_of_vertices(const Node& node,
+                                                                uint32_t node_vertices) const {
+  const float limit = static_cast<float>(node.constraints.config.max_vertices);
+  uint32_t duplicates = kNone;
+  for (int axis = 0; axis < 3; ++axis) {
+    const uint32_t middle = node.n / 2 - 1;
+    duplicates = std::min(
+        duplicates, left_vertices_[axis][middle] + right_vertices_[axis][middle] - node_vertices);
+  }
+  const float halves = std::sqrt(static_cast<float>(node_vertices) / (2.0f * limit));
+  const float lost = static_cast<float>(duplicates) / ((2.0f - std::sqrt(2.0f)) * halves);
+  const float per_item = static_cast<float>(node_vertices) / static_cast<float>(node.n);
+  const float usable = std::max(std::floor(limit / per_item + 1e-3f) * per_item, 0.5f * limit);
+  return {limit, usable, std::min(lost, kMostLost * usable)};
+}
+
+float SplitSweep::ClustersOfVertices::clusters_of(float vertices) const {
+  if (vertices <= limit) return 1.0f;
+  // The capacity grows with the clusters, by usable - lost at least.
+  float clusters = std::floor(vertices / limit);
+  while (capacity(clusters) < vertices) clusters += 1.0f;
+  return clusters;
+}
+
+// Both kinds of what is missing count for the clusters that a side needs. Prices may exceed 1 here,
+// where every position is evaluated.
+void SplitSweep::weigh_vertices(const Node& node, int axis, uint32_t node_vertices,
+                                const ClustersOfVertices& clusters, uint32_t least) {
   const ClusterConfig& config = node.constraints.config;
-  const uint32_t n = node.n, limit = config.max_vertices;
-  const float penalty = config.vertex_underfill_cost * static_cast<float>(n) /
-                        static_cast<float>(vertices.node_count());
-  // A side of limit / arity items fits whatever they are; smaller ones are a waste.
-  const uint32_t least =
-      std::min({std::max(limit / vertices.per_item(), 1u), config.min_items, std::max(n / 2, 1u)});
-  const auto weight = [&](uint32_t items, uint32_t count) {
+  const uint32_t n = node.n;
+  const float items_per_vertex = static_cast<float>(n) / static_cast<float>(node_vertices);
+  const float item_price = kLastSplits * config.underfill_cost;
+  // Less than in proportion: at the highest prices clusters fill up with duplicates.
+  const float cost = config.vertex_underfill_cost;
+  const float vertex_price =
+      kLastSplits * cost * (4.0f - 2.0f * cost) * (1.0f / 3.0f) * items_per_vertex;
+  const float most = static_cast<float>(node.most_items);
+  const float full = static_cast<float>(std::min(node.most_items, config.max_items));
+  const auto weight = [&](uint32_t items, uint32_t vertices) {
     if (items < least) return kInfinity;
-    const uint32_t missing = (count + limit - 1) / limit * limit - count;
-    return static_cast<float>(items) + penalty * static_cast<float>(missing);
+    const float i = static_cast<float>(items), v = static_cast<float>(vertices);
+    const float k = std::max(std::ceil(i / most), clusters.clusters_of(v));
+    return i + item_price * std::max(k * full - i, 0.0f) +
+           vertex_price * std::max(clusters.capacity(k) - v, 0.0f);
   };
-  vertices.reset();
-  for (uint32_t i = 0, count = 0; i + 1 < n; ++i)
-    left_weight_[i] = weight(i + 1, count += vertices.insert(order[i]));
-  vertices.reset();
-  for (uint32_t i = n - 1, count = 0; i > 0; --i)
-    right_weight_[i - 1] = weight(n - i, count += vertices.insert(order[i]));
+  for (uint32_t i = 0; i + 1 < n; ++i) {
+    left_weight_[i] = weight(i + 1, left_vertices_[axis][i]);
+    right_weight_[i] = weight(n - i - 1, right_vertices_[axis][i]);
+  }
 }
 
 }  // namespace umbel::cluster

@@ -2,6 +2,8 @@
 // than areas: overlap, connections between the sides, or too many vertices for a leaf.
 #pragma once
 
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -20,29 +22,45 @@ class SplitSweep {
   }
   bool has_connections() const { return connections_.active(); }
 
-  /// Splits the items [begin, end) of the orders. `by_vertices`: so that both sides have as many
-  /// items as their vertices allow, rather than by the items that full clusters lack.
-  AxisSplit cheapest(BlockItems& items, BlockVertices& vertices,
-                     const SplitConstraints& constraints, uint32_t begin, uint32_t end,
-                     bool by_vertices);
+  /// Splits the items [begin, end) of the orders. With `vertices`, both sides are weighed by how
+  /// many clusters of at most `most_items` their vertices allow, rather than by their items alone.
+  AxisSplit cheapest(BlockItems& items, BlockVertices* vertices,
+                     const SplitConstraints& constraints, uint32_t most_items, uint32_t begin,
+                     uint32_t end);
 
  private:
   struct Node {
     const BlockItems& items;
     const SplitConstraints& constraints;
+    uint32_t most_items;
     uint32_t n;
     Float4 pad;
+  };
+  /// The clusters that vertices make, with the duplicates along the cuts between them.
+  struct ClustersOfVertices {
+    float limit;   ///< of one cluster
+    float usable;  ///< of these, in whole items
+    float lost;    ///< by the border of one that others surround
+
+    float capacity(float clusters) const {
+      return clusters * usable - lost * (clusters - std::sqrt(clusters));
+    }
+    float clusters_of(float vertices) const;
   };
 
   void sweep(const Node& node, const uint32_t* order, Box4& all);
   void add_connections(const Node& node, const uint32_t* order, const Box4& all);
   void add_overlap(const Node& node, const uint32_t* order);
   void weigh_items(const Node& node);
-  void weigh_vertices(const Node& node, const uint32_t* order, BlockVertices& vertices);
+  void count_vertices(const Node& node, uint32_t begin, BlockVertices& vertices);
+  ClustersOfVertices clusters_of_vertices(const Node& node, uint32_t node_vertices) const;
+  void weigh_vertices(const Node& node, int axis, uint32_t node_vertices,
+                      const ClustersOfVertices& clusters, uint32_t least);
 
   ConnectionCost connections_;
   // By position, less one: of the sides, and what is added to their cost.
   std::vector<float> left_area_, right_area_, extra_, left_weight_, right_weight_;
+  std::array<std::vector<uint32_t>, 3> left_vertices_, right_vertices_;  ///< an axis
   std::vector<Box4> left_boxes_;
 };
 

@@ -1,6 +1,8 @@
 // Builds the DAG of clusters of continuous level of detail (Karis, "Nanite: A Deep Dive",
 // SIGGRAPH 2021): clusters, groups, simplification of each group with its border locked, clusters
-// again, until one group is left (unit_builder.hpp).
+// again, until one group is left (unit_builder.hpp). Such a graph is a multi-triangulation (De
+// Floriani, Magillo and Puppo, "Efficient implementation of multi-triangulations", 1998) of patches
+// (Cignoni et al., "Batched multi triangulation", 2005); docs/lod.md has its history.
 #include "umbel/lod/build.hpp"
 
 #include <chrono>

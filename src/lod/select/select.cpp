@@ -1,7 +1,8 @@
 // Selection of a cut by tests that are independent of each other (Karis, "Nanite: A Deep Dive",
 // 2021): a cluster is in the cut if its group must be refined and the group that it was made
 // from need not be. Errors and spheres never shrink from a generating group to the groups of
-// what it generated, so along every path through the DAG exactly one cluster answers yes.
+// what it generated, so along every path through the DAG exactly one cluster answers yes (nested
+// errors and spheres: Lindstrom and Pascucci, "Visualization of large terrains made easy", 2001).
 #include <algorithm>
 #include <bit>
 #include <numeric>

@@ -1,12 +1,15 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <thread>
 
 #include "asset/scratch.hpp"
 #include "umbel/asset.hpp"
+#include "umbel/stream.hpp"
 #include "umbel/umbel.h"
 
 namespace umbel {
@@ -41,7 +44,7 @@ TEST(CAsset, streams_to_the_cut_that_is_asked_for) {
   EXPECT_EQ(info.source_triangles, 20480u);
 
   umbel_residency* residency = nullptr;
-  ASSERT_EQ(umbel_residency_create(asset, 1 << 24, 1, &residency), UMBEL_OK);
+  ASSERT_EQ(umbel_residency_create(asset, nullptr, &residency), UMBEL_OK);
   umbel_stream_view view{};
   umbel_stream_step step;
   umbel_stream_step_init(&step);
@@ -79,7 +82,7 @@ TEST(CAsset, streams_what_a_view_of_levels_of_detail_asks_for) {
   umbel_asset* asset = nullptr;
   ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
   umbel_residency* residency = nullptr;
-  ASSERT_EQ(umbel_residency_create(asset, 1 << 24, 1, &residency), UMBEL_OK);
+  ASSERT_EQ(umbel_residency_create(asset, nullptr, &residency), UMBEL_OK);
   umbel_stream_step step;
   umbel_stream_step_init(&step);
   std::vector<size_t> counts;
@@ -108,6 +111,80 @@ TEST(CAsset, streams_what_a_view_of_levels_of_detail_asks_for) {
   umbel_asset_free(asset);
 }
 
+// Steps until everything is there; returns the size of the cut.
+size_t settled(umbel_residency* residency, const umbel_stream_view& view, double& seconds,
+               uint64_t* resident) {
+  umbel_stream_step step;
+  umbel_stream_step_init(&step);
+  for (int i = 0; i < 200; ++i) {
+    EXPECT_EQ(umbel_residency_step(residency, &view, 1, seconds += 0.01, &step), UMBEL_OK);
+    if (step.missing_groups == 0 && step.caught_up) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  *resident = step.resident_bytes;
+  size_t count = 0;
+  umbel_residency_cut(residency, nullptr, 0, &count);
+  return count;
+}
+
+TEST(CAsset, shows_and_loads_little_of_what_lies_outside_the_planes) {
+  const Scratch scratch;
+  const std::string path = written(scratch).string();
+  umbel_asset* asset = nullptr;
+  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
+  double seconds = 0;
+  const float eye[] = {0, 0, 3}, up[] = {0, 1, 0};
+  const float toward[] = {0, 0, 0}, away[] = {0, 0, 6};
+  umbel_plane planes[6];
+  size_t counts[3] = {};
+  uint64_t bytes[3] = {};
+  for (int i = 0; i < 3; ++i) {
+    umbel_residency* residency = nullptr;
+    ASSERT_EQ(umbel_residency_create(asset, nullptr, &residency), UMBEL_OK);
+    umbel_stream_view view{};
+    ASSERT_EQ(umbel_lod_view_camera(eye, 1, 1080, 1, &view.view), UMBEL_OK);
+    if (i > 0) {
+      ASSERT_EQ(umbel_lod_frustum(eye, i == 1 ? toward : away, up, 0.2f, 1, 0.01f, INFINITY, planes,
+                                  &view.plane_count),
+                UMBEL_OK);
+      view.planes = planes;
+    }
+    counts[i] = settled(residency, view, seconds, &bytes[i]);
+    umbel_residency_free(residency);
+  }
+  EXPECT_LE(counts[1], counts[0]);
+  EXPECT_LT(counts[2], counts[1] / 2);
+  EXPECT_LT(bytes[2], bytes[1] / 2);
+  umbel_asset_free(asset);
+}
+
+TEST(CAsset, a_step_keeps_the_limits_of_its_config) {
+  const Scratch scratch;
+  const std::string path = written(scratch).string();
+  umbel_asset* asset = nullptr;
+  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
+  uint32_t most[2] = {};
+  for (int i = 0; i < 2; ++i) {
+    umbel_residency_config config;
+    umbel_residency_config_init(&config);
+    if (i == 0) config.loads_in_flight = 1;
+    umbel_residency* residency = nullptr;
+    ASSERT_EQ(umbel_residency_create(asset, &config, &residency), UMBEL_OK);
+    umbel_stream_view view{};
+    umbel_stream_step step;
+    umbel_stream_step_init(&step);
+    for (int k = 0; k < 20; ++k) {
+      ASSERT_EQ(umbel_residency_step(residency, &view, 1, 0.01 * k, &step), UMBEL_OK);
+      most[i] = std::max(most[i], step.requested);
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    umbel_residency_free(residency);
+  }
+  EXPECT_EQ(most[0], 1u);
+  EXPECT_GT(most[1], 1u);
+  umbel_asset_free(asset);
+}
+
 TEST(CAsset, has_its_mistakes_named) {
   const Scratch scratch;
   const std::string path = written(scratch).string();
@@ -123,15 +200,29 @@ TEST(CAsset, has_its_mistakes_named) {
   umbel_asset_info info{};
   EXPECT_EQ(umbel_asset_get_info(asset, &info), UMBEL_ERROR_INVALID_ARGUMENT);
   umbel_residency* residency = nullptr;
-  EXPECT_EQ(umbel_residency_create(asset, 1, 1, &residency), UMBEL_ERROR_INVALID_ARGUMENT);
+  umbel_residency_config config;
+  umbel_residency_config_init(&config);
+  config.budget_bytes = 1;
+  EXPECT_EQ(umbel_residency_create(asset, &config, &residency), UMBEL_ERROR_INVALID_ARGUMENT);
   EXPECT_NE(std::string(umbel_last_error()).find("budget"), std::string::npos);
-  ASSERT_EQ(umbel_residency_create(asset, 1 << 24, 1, &residency), UMBEL_OK);
+  ASSERT_EQ(umbel_residency_create(asset, nullptr, &residency), UMBEL_OK);
+  umbel_residency* jumpy = nullptr;
+  umbel_residency_config_init(&config);
+  EXPECT_EQ(config.hysteresis, umbel::ResidencyConfig{}.hysteresis);
+  EXPECT_EQ(config.budget_bytes, umbel::ResidencyConfig{}.budget_bytes);
+  config.hysteresis = 0.5f;
+  EXPECT_EQ(umbel_residency_create(asset, &config, &jumpy), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(umbel_last_error()).find("hysteresis"), std::string::npos);
   umbel_stream_step step;
   umbel_stream_step_init(&step);
   umbel_stream_view view{};
   view.mesh = 9;
   EXPECT_EQ(umbel_residency_step(residency, &view, 1, 0, &step), UMBEL_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(umbel_residency_step(residency, nullptr, 1, 0, &step), UMBEL_ERROR_INVALID_ARGUMENT);
+  view.mesh = 0;
+  view.plane_count = 6;
+  EXPECT_EQ(umbel_residency_step(residency, &view, 1, 0, &step), UMBEL_ERROR_INVALID_ARGUMENT);
+  EXPECT_NE(std::string(umbel_last_error()).find("planes"), std::string::npos);
   const umbel_stream_cluster wrong{0, 1u << 30, 0, 0};
   umbel_cluster_geometry geometry;
   umbel_cluster_geometry_init(&geometry);

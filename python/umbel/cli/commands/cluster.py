@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from umbel.geometry.mesh import Mesh
 
 
-# Where most of what weights can save is saved, at little loss of fill.
-SHARED_VERTEX_WEIGHT = 0.3
-
-
 class Method(str, enum.Enum):
     bisect = "bisect"
     morton = "morton"
@@ -32,11 +28,6 @@ class Preset(str, enum.Enum):
     quality = "quality"
     fast = "fast"
     exact = "exact"
-
-
-class Weights(str, enum.Enum):
-    none = "none"
-    shared_vertices = "shared-vertices"
 
 
 _FLAGS = {
@@ -83,8 +74,13 @@ def command(
         typer.Option(metavar="N", help="Halve larger parts without a search; 0: never."),
     ] = None,
     weights: Annotated[
-        Weights, typer.Option(help="What keeps triangles together besides their positions.")
-    ] = Weights.none,
+        str,
+        typer.Option(
+            metavar="none|shared-vertices|normals|MIX",
+            help="What keeps triangles together besides their positions; a mix has weights, as in "
+            "shared-vertices=0.3,normals=4.",
+        ),
+    ] = "none",
     output: Annotated[
         Path | None,
         typer.Option(
@@ -106,7 +102,10 @@ def command(
 
     from umbel.cli.progress import Bar
     from umbel.cluster.clusters import cluster_mesh
+    from umbel.cluster.weights import weights_of
     from umbel.geometry.repair import weld
+
+    mix = weights_of(weights)
 
     mesh = load_mesh(source, allow_outside=allow_outside, threads=threads)
     # Vertices count by what they are, not by how a file stores them; triangles keep their order.
@@ -123,9 +122,8 @@ def command(
             overlap_cost=overlap,
             vertex_underfill_cost=vertex_underfill,
             presplit_threshold=presplit,
-            shared_vertex_weight=SHARED_VERTEX_WEIGHT
-            if weights is Weights.shared_vertices
-            else 0.0,
+            shared_vertex_weight=mix.get("shared-vertices", 0.0),
+            normal_weight=mix.get("normals", 0.0),
             method=method.value,
             progress=bar,
             threads=threads,

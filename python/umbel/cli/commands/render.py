@@ -129,6 +129,16 @@ def command(
     progressive: Annotated[
         bool, typer.Option("--progressive", help="Write OUT after 1, 2, 4, ... paths a pixel.")
     ] = False,
+    denoise: Annotated[
+        bool,
+        typer.Option("--denoise", help="Take the noise out, with Intel's Open Image Denoise."),
+    ] = False,
+    features: Annotated[
+        bool,
+        typer.Option(
+            "--features", help="Write OUT-albedo and OUT-normal too, as denoisers read them."
+        ),
+    ] = False,
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
@@ -137,9 +147,12 @@ def command(
     check_output(output, ".png", ".exr", inputs=[source])
     if spp < 1:
         fail(f"--spp must be at least 1, not {spp}")
-    from umbel.trace.picture import check_format, save_picture, tone_map
+    from umbel.trace.denoise import denoiser
+    from umbel.trace.picture import check_format, save_features, save_picture, tone_map
 
     check_format(output)
+    if denoise:
+        denoiser()
     if exposure != "auto":
         tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
     method = _accel(source, accel, pixel_error)
@@ -188,7 +201,9 @@ def command(
             )
             bounds = [0.05 + 0.95 * (k + i) / len(cameras) for i in (0, 1)]
             for film_now in _passes(film, spp, progressive, _part(bar, *bounds)):
-                save_picture(path, film_now.pixels, exposure)
+                save_picture(path, film_now.denoised() if denoise else film_now.pixels, exposure)
+            if features:
+                save_features(path, *film.features())
             results.append(_result(path, renderer, film, view))
     result = _summary(results, spp, method, time.perf_counter() - began)
     show({"input": source, **result, "warnings": heard}, as_json, str(output))
