@@ -44,6 +44,7 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "kd-tree, binned": partial(umbel.KdTree, builder="binned"),
     "kd-tree, compact": partial(umbel.KdTree, compact=True),
     "two-level grid": umbel.TwoLevelGrid,
+    "octree": umbel.Octree,
     "bounding intervals": umbel.IntervalHierarchy,
 }
 BASE = "BVH, width 2"
@@ -161,6 +162,7 @@ LINES = {
     "kd-tree, stack": "#c0392b",
     "kd-tree, binned": "#e6a197",
     "two-level grid": "#e08e1b",
+    "octree": "#8a6d3b",
     "bounding intervals": "#7d5ba6",
 }
 

@@ -46,7 +46,7 @@ static_assert(sizeof(Node) == 8);
 /// nodes[0] is the root and its cell is `bounds`. No nodes for no triangles.
 struct Tree {
   std::vector<Node> nodes;
-  /// Triangle indices, ascending in each leaf. Leaves with the same triangles share their list.
+  /// Triangle or box indices, ascending in each leaf. Leaves with the same ones share their list.
   std::vector<uint32_t> references;
   Aabb bounds;
 };
@@ -70,6 +70,9 @@ struct Config {
                               ///< triangles or more; splits that did not pay are undone
   float max_references = 16;  ///< 1..64: most references a triangle, which bounds memory
   uint32_t bins = 64;         ///< binned: bins an axis, 4..256
+  /// 0..255: a cell of so few triangles becomes a leaf, whatever a split would save. 0: the cost
+  /// alone decides.
+  uint32_t target_leaf_size = 0;
   bvh::InvalidTriangles invalid = bvh::InvalidTriangles::kRefuse;
 };
 
@@ -79,6 +82,16 @@ struct Config {
 /// 400 bytes a triangle on meshes of little overlap.
 UMBEL_API Tree build(const MeshView& mesh, const Config& config = {},
                      const BuildOptions& options = {});
+
+/// Over boxes, each around a primitive of the caller's own, for the traversals of
+/// kdtree_traverse.hpp. Empty boxes, NaN and infinities are refused (kInvalidMesh, naming the
+/// first). What the limits above say of triangles goes for boxes; config.invalid means nothing.
+UMBEL_API Tree build(std::span<const Aabb> boxes, const Config& config = {},
+                     const BuildOptions& options = {});
+
+/// Which of the boxes that a tree was built over touch a box, sorted.
+UMBEL_API std::vector<uint32_t> overlaps(const Tree& tree, std::span<const Aabb> boxes,
+                                         const Aabb& box);
 
 struct Statistics {
   uint32_t nodes;   ///< inner nodes and leaves

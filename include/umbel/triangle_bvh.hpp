@@ -68,6 +68,7 @@ class UMBEL_API Bvh : public TriangleQueries {
   BvhStatistics statistics() const;
 
  private:
+  friend struct BvhAccess;  // of collision.hpp
   struct Data;
   Data& data();
   const Data& data() const;

@@ -4,7 +4,8 @@
 //   umbel_base.h     results, errors, structs that every part shares
 //   umbel_cluster.h  clusters of triangles or boxes, ordered and bounded as meshlets
 //   umbel_bvh.h      bounding volume hierarchies: rays, distances, overlaps
-//   umbel_kdtree.h   kd-trees: the same queries
+//   umbel_kdtree.h   kd-trees: the same queries; kd-trees over boxes
+//   umbel_uniform.h  grids, octrees, interval hierarchies: the same queries
 //   umbel_lod.h      continuous level of detail: building, saving, selecting
 //   umbel_asset.h    .umbel files, and streaming them under a budget
 #ifndef UMBEL_UMBEL_H
@@ -16,5 +17,6 @@
 #include "umbel/umbel_cluster.h"
 #include "umbel/umbel_kdtree.h"
 #include "umbel/umbel_lod.h"
+#include "umbel/umbel_uniform.h"
 
 #endif  // UMBEL_UMBEL_H

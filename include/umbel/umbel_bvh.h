@@ -211,6 +211,28 @@ UMBEL_C_API umbel_result umbel_bvh_overlaps_frustum(const umbel_bvh* bvh, const 
                                                     uint32_t* triangles, size_t capacity,
                                                     size_t* count);
 
+// ---- collision detection -----------------------------------------------------------------------
+
+/// Triangle `first` of the first mesh and triangle `second` of the second.
+typedef struct umbel_triangle_pair {
+  uint32_t first, second;
+} umbel_triangle_pair;
+
+/// Every pair of triangles of two meshes that have a point in common, sorted: decided exactly;
+/// triangles that only touch count. `second_to_first` places the second mesh: three rows of four of
+/// an affine map, or NULL for where it was built; its corners are mapped in double and rounded to
+/// floats. Two calls, as with the overlaps: with `pairs` NULL `*count` is set to how many there
+/// are.
+UMBEL_C_API umbel_result umbel_bvh_collide(const umbel_bvh* first, const umbel_bvh* second,
+                                           const double* second_to_first, uint32_t threads,
+                                           umbel_triangle_pair* pairs, size_t capacity,
+                                           size_t* count);
+
+/// Sets `*result` to 1 if there is such a pair, else to 0; stops at the first that is found.
+UMBEL_C_API umbel_result umbel_bvh_collides(const umbel_bvh* first, const umbel_bvh* second,
+                                            const double* second_to_first, uint32_t threads,
+                                            uint8_t* result);
+
 // ---- deforming meshes, files and statistics ----------------------------------------------------
 
 typedef struct umbel_refit_report {

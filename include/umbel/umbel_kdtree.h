@@ -44,6 +44,8 @@ typedef struct umbel_kdtree_config {
   uint32_t traversal;       ///< umbel_kdtree_traversal
   uint32_t compact;         ///< nonzero: triangles share vertices; less memory, slower rays
   uint32_t simd;            ///< umbel_simd: what queries use; results are the same for all
+  uint32_t
+      target_leaf_size;  ///< [0, 255] so few triangles are not split any more; 0: by cost alone
 } umbel_kdtree_config;
 
 typedef struct umbel_kdtree_statistics {
@@ -127,6 +129,51 @@ UMBEL_C_API umbel_result umbel_kdtree_overlaps_frustum(const umbel_kdtree* tree,
                                                        const umbel_plane* planes,
                                                        uint32_t* triangles, size_t capacity,
                                                        size_t* count);
+
+// ---- kd-trees over boxes -----------------------------------------------------------------------
+//
+//   float nearest_sphere(void* user, const uint32_t* primitives, size_t count) {
+//     struct search* s = user;
+//     for (size_t i = 0; i < count; ++i) test(s, primitives[i]);   // lowers s->nearest
+//     return s->nearest;
+//   }
+//   ...
+//   umbel_box_kdtree_build(boxes_of_spheres, count, NULL, NULL, &tree);
+//   umbel_box_kdtree_traverse(tree, &ray, nearest_sphere, &search, NULL);
+//   umbel_box_kdtree_free(tree);
+
+/// A kd-tree over the boxes of the caller's own primitives, which the caller tests.
+typedef struct umbel_box_kdtree umbel_box_kdtree;
+
+/// `boxes` (finite, min <= max) are not needed afterwards. `config` (the defaults) and `options`
+/// may be NULL; of the config what queries use means nothing. `*tree` is NULL on failure, else to
+/// be freed.
+UMBEL_C_API umbel_result umbel_box_kdtree_build(const umbel_aabb* boxes, size_t box_count,
+                                                const umbel_kdtree_config* config,
+                                                const umbel_build_options* options,
+                                                umbel_box_kdtree** tree);
+/// NULL is legal.
+UMBEL_C_API void umbel_box_kdtree_free(umbel_box_kdtree* tree);
+
+/// Of `triangle_count`, boxes.
+UMBEL_C_API umbel_result umbel_box_kdtree_get_statistics(const umbel_box_kdtree* tree,
+                                                         umbel_kdtree_statistics* statistics);
+
+/// Tests the primitives of a leaf, `count` of them. What it returns is the limit from then on:
+/// cells that the ray enters behind it are not visited, and the limit never rises. One below the
+/// ray's t_min ends the traversal.
+typedef float (*umbel_kdtree_visit)(void* user, const uint32_t* primitives, size_t count);
+
+/// Visits the leaves that a ray passes through, from near to far. A primitive may lie in several
+/// leaves. `*limit` (may be NULL) is the last limit, or t_max.
+UMBEL_C_API umbel_result umbel_box_kdtree_traverse(const umbel_box_kdtree* tree,
+                                                   const umbel_ray* ray, umbel_kdtree_visit visit,
+                                                   void* user, float* limit);
+
+/// The primitives whose boxes touch a box, as umbel_kdtree_overlaps_box gives triangles.
+UMBEL_C_API umbel_result umbel_box_kdtree_overlaps_box(const umbel_box_kdtree* tree,
+                                                       const umbel_aabb* box, uint32_t* primitives,
+                                                       size_t capacity, size_t* count);
 
 #ifdef __cplusplus
 }

@@ -1,5 +1,5 @@
-// Structures that divide triangles uniformly, without weighing costs: a two-level grid and the
-// bounding interval hierarchy. They are built in little more time than a sort takes: for
+// Structures that divide triangles uniformly, without weighing costs: a two-level grid, an octree
+// and the bounding interval hierarchy. They are built in little more time than a sort takes: for
 // comparing structures, and for meshes that few rays are traced through. Queries and their results
 // are those of every structure.
 #pragma once
@@ -41,6 +41,38 @@ class UMBEL_API TwoLevelGrid : public TriangleQueries {
   /// `masks` is empty (all bits set) or one a triangle. Throws as kdtree::build does.
   static TwoLevelGrid build(const MeshView& mesh, const GridConfig& config = {},
                             std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
+
+  Statistics statistics() const;
+
+ private:
+  struct Data;
+  const Data& data() const;
+};
+
+struct OctreeConfig {
+  uint32_t max_leaf_size = 4;  ///< 1..64: cells of so few triangles are not cut any more
+  uint32_t max_depth = 0;      ///< 1..20; 0: 6 + log4(triangles)
+  float max_references = 16;   ///< 1..64: most references a triangle, which bounds memory
+  bool compact = false;        ///< as above
+  Simd simd = Simd::kAuto;
+  bvh::CostModel cost;  ///< of statistics; the planes across the three axes count as three visits
+  bvh::InvalidTriangles invalid = bvh::InvalidTriangles::kRefuse;
+};
+
+/// An octree (Glassner, "Space Subdivision for Fast Ray Tracing", 1984): a cube around the mesh is
+/// cut into eight at its middle, again and again, where more than `max_leaf_size` triangles are;
+/// each leaf lists the triangles that touch its cell. A node has 16 bytes. Cells stay whole where
+/// cutting them tells no triangles apart.
+class UMBEL_API Octree : public TriangleQueries {
+ public:
+  Octree();  ///< no triangles; every query misses
+  ~Octree() override;
+  Octree(Octree&&) noexcept;
+  Octree& operator=(Octree&&) noexcept;
+
+  /// `masks` is empty (all bits set) or one a triangle. Throws as kdtree::build does.
+  static Octree build(const MeshView& mesh, const OctreeConfig& config = {},
+                      std::span<const uint32_t> masks = {}, const BuildOptions& options = {});
 
   Statistics statistics() const;
 

@@ -152,6 +152,7 @@ void bind_stream(nb::module_& module);
 void bind_trace(nb::module_& module);
 void bind_queries(nb::module_& module);
 void bind_bvh(nb::module_& module);
+void bind_dynamic_tree(nb::module_& module);
 void bind_kdtree(nb::module_& module);
 void bind_uniform(nb::module_& module);
 void bind_timed_clusters(nb::module_& module);

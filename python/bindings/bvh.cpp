@@ -6,6 +6,7 @@
 
 #include "bind.hpp"
 #include "umbel/bvh_presets.hpp"
+#include "umbel/collision.hpp"
 #include "umbel/triangle_bvh.hpp"
 
 namespace umbel::python {
@@ -246,6 +247,37 @@ void bind_builds(nb::class_<Bvh, TriangleQueries>& bvh) {
           "(sah_cost, built_sah_cost, rebuild_advised)");
 }
 
+CollisionOptions collision_options(const std::array<double, 12>& second_to_first,
+                                   uint32_t threads) {
+  CollisionOptions options;
+  options.second_to_first = second_to_first;
+  options.threads = threads;
+  return options;
+}
+
+void bind_collisions(nb::class_<Bvh, TriangleQueries>& bvh) {
+  bvh.def(
+         "collide",
+         [](const Bvh& self, const Bvh& other, const std::array<double, 12>& rows,
+            uint32_t threads) {
+           std::vector<TrianglePair> pairs;
+           {
+             nb::gil_scoped_release release;
+             pairs = collide(self, other, collision_options(rows, threads));
+           }
+           return take<int32_t>(std::move(pairs));
+         },
+         "other"_a, "second_to_first"_a, "threads"_a = 0)
+      .def(
+          "collides",
+          [](const Bvh& self, const Bvh& other, const std::array<double, 12>& rows,
+             uint32_t threads) {
+            nb::gil_scoped_release release;
+            return collides(self, other, collision_options(rows, threads));
+          },
+          "other"_a, "second_to_first"_a, "threads"_a = 0);
+}
+
 }  // namespace
 
 void bind_bvh(nb::module_& module) {
@@ -254,6 +286,7 @@ void bind_bvh(nb::module_& module) {
   bind_kary(module);
   nb::class_<Bvh, TriangleQueries> bvh(module, "Bvh", "A hierarchy over triangles.");
   bind_builds(bvh);
+  bind_collisions(bvh);
   bvh.def("statistics", [](const Bvh& self) { return statistics_dict(self.statistics()); });
 }
 

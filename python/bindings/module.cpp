@@ -18,6 +18,7 @@ NB_MODULE(_umbel, module) {
   bind_trace(module);
   bind_queries(module);
   bind_bvh(module);
+  bind_dynamic_tree(module);
   bind_kdtree(module);
   bind_uniform(module);
   bind_meshopt(module);

@@ -30,6 +30,20 @@ uniform::TwoLevelGrid build_grid(const MeshArrays& mesh, float density, float le
   });
 }
 
+uniform::Octree build_octree(const MeshArrays& mesh, uint32_t max_leaf_size, uint32_t max_depth,
+                             float max_references, bool compact, const Cost& cost,
+                             bool drop_invalid, const Masks& masks, const nb::object& progress,
+                             uint32_t threads) {
+  uniform::OctreeConfig config;
+  config.max_leaf_size = max_leaf_size;
+  config.max_depth = max_depth;
+  config.max_references = max_references;
+  set_common(config, compact, cost, drop_invalid);
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return uniform::Octree::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
+  });
+}
+
 uniform::IntervalHierarchy build_intervals(const MeshArrays& mesh, uint32_t max_leaf_size,
                                            bool compact, const Cost& cost, bool drop_invalid,
                                            const Masks& masks, const nb::object& progress,
@@ -52,6 +66,12 @@ void bind_uniform(nb::module_& module) {
                   "progress"_a = nb::none(), "threads"_a = 0)
       .def("statistics",
            [](const uniform::TwoLevelGrid& grid) { return statistics_dict(grid.statistics()); });
+  nb::class_<uniform::Octree, TriangleQueries>(module, "Octree", "An octree.")
+      .def_static("build", &build_octree, "mesh"_a, "max_leaf_size"_a, "max_depth"_a,
+                  "max_references"_a, "compact"_a, "cost"_a, "drop_invalid"_a,
+                  "masks"_a = nb::none(), "progress"_a = nb::none(), "threads"_a = 0)
+      .def("statistics",
+           [](const uniform::Octree& tree) { return statistics_dict(tree.statistics()); });
   nb::class_<uniform::IntervalHierarchy, TriangleQueries>(module, "IntervalHierarchy",
                                                           "A bounding interval hierarchy.")
       .def_static("build", &build_intervals, "mesh"_a, "max_leaf_size"_a, "compact"_a, "cost"_a,

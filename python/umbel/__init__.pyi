@@ -5,6 +5,7 @@ from . import bvh as bvh
 from . import cuda as cuda
 from . import io as io
 from . import shapes as shapes
+from .accel.box_kdtree import BoxKdTree as BoxKdTree
 from .accel.bvh import Bvh as Bvh
 from .accel.kdtree import KdTree as KdTree
 from .accel.trees import Bvh2 as Bvh2
@@ -13,6 +14,7 @@ from .accel.trees import build_bvh2 as build_bvh2
 from .accel.trees import build_kary as build_kary
 from .accel.trimesh_rays import trimesh_rays as trimesh_rays
 from .accel.uniform import IntervalHierarchy as IntervalHierarchy
+from .accel.uniform import Octree as Octree
 from .accel.uniform import TwoLevelGrid as TwoLevelGrid
 from .cluster.area_growth import AreaGrowth as AreaGrowth
 from .cluster.area_growth import RebuildPolicy as RebuildPolicy

@@ -2,6 +2,7 @@
 
 from umbel.accel.bvh import Bvh as Bvh
 from umbel.accel.bvh import Refit as Refit
+from umbel.accel.dynamic_tree import DynamicTree as DynamicTree
 from umbel.accel.rays import Hits as Hits
 from umbel.accel.tree_options import PRESETS as PRESETS
 from umbel.accel.tree_options import TreeOptions as TreeOptions

@@ -12,6 +12,7 @@
 #include "capi/queries.hpp"
 #include "capi/structs.hpp"
 #include "umbel/bvh_presets.hpp"
+#include "umbel/collision.hpp"
 
 namespace umbel::capi {
 namespace {
@@ -333,4 +334,42 @@ umbel_result umbel_bvh_overlaps_sphere(const umbel_bvh* bvh, const umbel_sphere*
 umbel_result umbel_bvh_overlaps_frustum(const umbel_bvh* bvh, const umbel_plane* planes,
                                         uint32_t* triangles, size_t capacity, size_t* count) {
   return capi::overlaps(capi::queried(bvh), planes, triangles, capacity, count);
+}
+
+// ---- collision detection -----------------------------------------------------------------------
+
+namespace {
+
+CollisionOptions collision_options(const double* second_to_first, uint32_t threads) {
+  CollisionOptions options;
+  if (second_to_first) std::copy_n(second_to_first, 12, options.second_to_first.begin());
+  options.threads = threads;
+  return options;
+}
+
+}  // namespace
+
+umbel_result umbel_bvh_collide(const umbel_bvh* first, const umbel_bvh* second,
+                               const double* second_to_first, uint32_t threads,
+                               umbel_triangle_pair* pairs, size_t capacity, size_t* count) {
+  static_assert(sizeof(umbel_triangle_pair) == sizeof(TrianglePair));
+  if (count) *count = 0;
+  return capi::guard([&] {
+    capi::required(count, "count");
+    const auto found =
+        collide(capi::required(first, "first").bvh, capi::required(second, "second").bvh,
+                collision_options(second_to_first, threads));
+    capi::hand_out_all(found, reinterpret_cast<TrianglePair*>(pairs), "pairs", capacity, count);
+  });
+}
+
+umbel_result umbel_bvh_collides(const umbel_bvh* first, const umbel_bvh* second,
+                                const double* second_to_first, uint32_t threads, uint8_t* result) {
+  return capi::guard([&] {
+    uint8_t& answer = capi::required(result, "result");
+    answer = collides(capi::required(first, "first").bvh, capi::required(second, "second").bvh,
+                      collision_options(second_to_first, threads))
+                 ? 1
+                 : 0;
+  });
 }

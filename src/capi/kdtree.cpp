@@ -2,19 +2,23 @@
 #include "umbel/kdtree.hpp"
 
 #include <algorithm>
-#include <cstring>
 
-#include "base/fields.hpp"
 #include "capi/bvh_input.hpp"
 #include "capi/cluster_input.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/queries.hpp"
 #include "capi/structs.hpp"
+#include "umbel/kdtree_traverse.hpp"
 #include "umbel/umbel_kdtree.h"
 
 /// What a C caller holds.
 struct umbel_kdtree {
   umbel::kdtree::KdTree tree;
+};
+struct umbel_box_kdtree {
+  umbel::kdtree::Tree tree;
+  std::vector<umbel::Aabb> boxes;
+  umbel::bvh::CostModel cost;
 };
 
 namespace umbel::capi {
@@ -42,6 +46,7 @@ umbel_kdtree_config config_as_c(const KdTreeConfig& config) {
   result.traversal = static_cast<uint32_t>(config.traversal);
   result.compact = config.compact;
   result.simd = static_cast<uint32_t>(config.simd);
+  result.target_leaf_size = config.tree.target_leaf_size;
   return result;
 }
 
@@ -61,17 +66,7 @@ KdTreeConfig kdtree_config(const umbel_kdtree_config* config) {
   result.traversal = static_cast<Traversal>(given.traversal);
   result.compact = given.compact != 0;
   result.simd = simd_of(given.simd);
-  return result;
-}
-
-umbel_kdtree_statistics statistics_of(const KdTree& tree) {
-  const kdtree::Statistics found = tree.statistics();
-  umbel_kdtree_statistics result{};
-  COPY_FIELDS(result, found, nodes, leaves, empty_leaves, max_depth);
-  result.triangle_count = tree.triangle_count();
-  COPY_FIELDS(result, found, references, sah_cost, inner_visits, leaf_visits, tests, bytes);
-  const Aabb bounds = tree.bounds();
-  std::memcpy(&result.bounds, &bounds, sizeof bounds);
+  result.tree.target_leaf_size = given.target_leaf_size;
   return result;
 }
 
@@ -118,8 +113,9 @@ umbel_result umbel_kdtree_load(const char* path, uint32_t traversal, umbel_kdtre
 umbel_result umbel_kdtree_get_statistics(const umbel_kdtree* tree,
                                          umbel_kdtree_statistics* statistics) {
   return capi::guard([&] {
-    capi::write_struct(capi::statistics_of(capi::required(tree, "tree").tree), statistics,
-                       "statistics");
+    const kdtree::KdTree& of = capi::required(tree, "tree").tree;
+    capi::write_struct(capi::kdtree_statistics(of.statistics(), of.triangle_count(), of.bounds()),
+                       statistics, "statistics");
   });
 }
 
@@ -170,4 +166,53 @@ umbel_result umbel_kdtree_overlaps_sphere(const umbel_kdtree* tree, const umbel_
 umbel_result umbel_kdtree_overlaps_frustum(const umbel_kdtree* tree, const umbel_plane* planes,
                                            uint32_t* triangles, size_t capacity, size_t* count) {
   return capi::overlaps(capi::queried(tree), planes, triangles, capacity, count);
+}
+
+// ---- over boxes --------------------------------------------------------------------------------
+
+umbel_result umbel_box_kdtree_build(const umbel_aabb* boxes, size_t box_count,
+                                    const umbel_kdtree_config* config,
+                                    const umbel_build_options* options, umbel_box_kdtree** tree) {
+  return capi::hand_out(tree, "tree", [&] {
+    const auto given = capi::elements<const Aabb>(boxes, box_count, "boxes");
+    const kdtree::Config settings = capi::kdtree_config(config).tree;
+    return umbel_box_kdtree{kdtree::build(given, settings, capi::build_options(options)),
+                            {given.begin(), given.end()},
+                            settings.cost};
+  });
+}
+
+void umbel_box_kdtree_free(umbel_box_kdtree* tree) { delete tree; }
+
+umbel_result umbel_box_kdtree_get_statistics(const umbel_box_kdtree* tree,
+                                             umbel_kdtree_statistics* statistics) {
+  return capi::guard([&] {
+    const umbel_box_kdtree& of = capi::required(tree, "tree");
+    capi::write_struct(
+        capi::kdtree_statistics(kdtree::statistics(of.tree, of.cost),
+                                static_cast<uint32_t>(of.boxes.size()), of.tree.bounds),
+        statistics, "statistics");
+  });
+}
+
+umbel_result umbel_box_kdtree_traverse(const umbel_box_kdtree* tree, const umbel_ray* ray,
+                                       umbel_kdtree_visit visit, void* user, float* limit) {
+  return capi::guard([&] {
+    const kdtree::Tree& of = capi::required(tree, "tree").tree;
+    if (!visit) throw Error(ErrorCode::kInvalidArgument, "visit is NULL");
+    const Ray& given = *capi::elements<const Ray>(&capi::required(ray, "ray"), 1, "ray").data();
+    const float last = kdtree::traverse(of, given, [&](std::span<const uint32_t> primitives) {
+      return visit(user, primitives.data(), primitives.size());
+    });
+    if (limit) *limit = last;
+  });
+}
+
+umbel_result umbel_box_kdtree_overlaps_box(const umbel_box_kdtree* tree, const umbel_aabb* box,
+                                           uint32_t* primitives, size_t capacity, size_t* count) {
+  return capi::hand_out_found(primitives, "primitives", capacity, count, [&] {
+    const umbel_box_kdtree& of = capi::required(tree, "tree");
+    const Aabb& region = *capi::elements<const Aabb>(&capi::required(box, "box"), 1, "box").data();
+    return kdtree::overlaps(of.tree, of.boxes, region);
+  });
 }

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
+#include "base/fields.hpp"
 #include "base/parallel.hpp"
 #include "capi/hand_out.hpp"
 #include "capi/structs.hpp"
@@ -145,6 +147,16 @@ umbel_result overlaps(Queried in, const umbel_plane* planes, uint32_t* triangles
     return frustum;
   };
   return overlaps_of(in, region, triangles, capacity, count);
+}
+
+umbel_kdtree_statistics kdtree_statistics(const kdtree::Statistics& found, uint32_t triangle_count,
+                                          const Aabb& bounds) {
+  umbel_kdtree_statistics result{};
+  COPY_FIELDS(result, found, nodes, leaves, empty_leaves, max_depth);
+  result.triangle_count = triangle_count;
+  COPY_FIELDS(result, found, references, sah_cost, inner_visits, leaf_visits, tests, bytes);
+  std::memcpy(&result.bounds, &bounds, sizeof bounds);
+  return result;
 }
 
 }  // namespace umbel::capi

@@ -2,7 +2,9 @@
 #pragma once
 
 #include "capi/bvh_input.hpp"
+#include "umbel/kdtree.hpp"
 #include "umbel/triangle_queries.hpp"
+#include "umbel/umbel_kdtree.h"
 
 namespace umbel::capi {
 
@@ -33,5 +35,9 @@ umbel_result overlaps(Queried in, const umbel_sphere* sphere, uint32_t* triangle
 /// `planes`: six.
 umbel_result overlaps(Queried in, const umbel_plane* planes, uint32_t* triangles, size_t capacity,
                       size_t* count) noexcept;
+
+/// Of a kd-tree, or of a structure that is measured as one.
+umbel_kdtree_statistics kdtree_statistics(const kdtree::Statistics& found, uint32_t triangle_count,
+                                          const Aabb& bounds);
 
 }  // namespace umbel::capi

@@ -106,21 +106,21 @@ bool BoxSet::split(const Aabb& cell, const Split& split, uint64_t spare, BoxSet&
   if (both.size() > spare) return false;
   std::vector<Halves> halves(both.size());
   parallel_for(both.size(), 512, [&](size_t i) {
-    halves[i] = halves_of(*mesh_, items_[both[i]].triangle, cell, split);
+    halves[i] = primitives_->halves(items_[both[i]].triangle, cell, split);
   });
   for (size_t i = 0; i < both.size(); ++i) {
     const uint32_t triangle = items_[both[i]].triangle;
     if (!is_empty(halves[i].below)) first.push_back({halves[i].below, triangle});
     if (!is_empty(halves[i].above)) second.push_back({halves[i].above, triangle});
   }
-  below = BoxSet(*mesh_, *rule_, bins_, std::move(first));
-  above = BoxSet(*mesh_, *rule_, bins_, std::move(second));
+  below = BoxSet(*primitives_, *rule_, bins_, std::move(first));
+  above = BoxSet(*primitives_, *rule_, bins_, std::move(second));
   return true;
 }
 
 double BoxSet::grow_small(const CostRule& rule, const Aabb& cell, const Allowance& left,
                           Subtree& out) const {
-  SmallSet small(*mesh_);
+  SmallSet small(*primitives_);
   for (const Item& item : items_) small.push(item.triangle, item.box);
   return small.grow(rule, cell, left, out);
 }
@@ -129,7 +129,7 @@ void build_binned(const Input& input, const Config& config, Progress& progress, 
   std::vector<BoxSet::Item> items(input.boxes.size());
   for (size_t i = 0; i < items.size(); ++i) items[i] = {input.boxes[i], input.triangles[i]};
   Grower<BoxSet>(input.rule, progress)
-      .build(BoxSet(input.mesh, input.rule, config.bins, std::move(items)), input.bounds,
+      .build(BoxSet(input.primitives, input.rule, config.bins, std::move(items)), input.bounds,
              input.allowance, root);
 }
 

@@ -91,7 +91,7 @@ double BoxGrower::grow(const Span& span, const Aabb& cell, const Allowance& left
 
 double BoxGrower::grow_small(const Span& span, const Aabb& cell, const Allowance& left,
                              Subtree& out) const {
-  SmallSet small(mesh_);
+  SmallSet small(primitives_);
   for (uint32_t i = 0; i < span.count; ++i) {
     const Item& item = items_[span.first + i];
     small.push(item.triangle, item.box());
@@ -234,7 +234,7 @@ bool BoxGrower::split(const Span& span, const Aabb& cell, const Split& split, ui
     } else if (is_flat || low >= split.at) {
       *next_above++ = item;
     } else {
-      const Halves halves = halves_of(mesh_, item.triangle, cell, split);
+      const Halves halves = primitives_.halves(item.triangle, cell, split);
       keep(next_below, halves.below, item.triangle);
       keep(next_above, halves.above, item.triangle);
     }

@@ -16,7 +16,8 @@ class BoxGrower {
   /// With more boxes than this, events that stay sorted are faster.
   static constexpr uint32_t kMost = 1u << 12;
 
-  BoxGrower(const MeshView& mesh, const CostRule& rule) : mesh_(mesh), rule_(rule) {}
+  BoxGrower(const Primitives& primitives, const CostRule& rule)
+      : primitives_(primitives), rule_(rule) {}
 
   void push(uint32_t triangle, const Aabb& box);
 
@@ -60,7 +61,7 @@ class BoxGrower {
   bool split(const Span& span, const Aabb& cell, const Split& split, uint64_t spare, Span& below,
              Span& above);
 
-  const MeshView& mesh_;
+  const Primitives& primitives_;
   const CostRule& rule_;
   std::vector<Item> items_;
   uint32_t begins_[3][kMostIntervals], ends_[3][kMostIntervals];

@@ -17,8 +17,8 @@ class BoxSet {
   };
 
   BoxSet() = default;
-  BoxSet(const MeshView& mesh, const CostRule& rule, uint32_t bins, std::vector<Item> items)
-      : mesh_(&mesh), rule_(&rule), bins_(bins), items_(std::move(items)) {}
+  BoxSet(const Primitives& primitives, const CostRule& rule, uint32_t bins, std::vector<Item> items)
+      : primitives_(&primitives), rule_(&rule), bins_(bins), items_(std::move(items)) {}
 
   uint32_t size() const { return static_cast<uint32_t>(items_.size()); }
   bool is_small() const { return items_.size() <= SmallSet::kMost; }
@@ -30,7 +30,7 @@ class BoxSet {
                     Subtree& out) const;
 
  private:
-  const MeshView* mesh_ = nullptr;
+  const Primitives* primitives_ = nullptr;
   const CostRule* rule_ = nullptr;
   uint32_t bins_ = 0;
   std::vector<Item> items_;

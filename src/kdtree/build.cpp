@@ -1,6 +1,7 @@
-// From a mesh to a kd-tree: checks the input, and runs a builder.
+// From a mesh or boxes to a kd-tree: checks the input, and runs a builder.
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <string>
 
 #include "base/parallel.hpp"
@@ -42,6 +43,7 @@ void check_config(const Config& c) {
   check_range("bad_refines", c.bad_refines, 0, 64);
   check_range("max_references", double(c.max_references), 1, 64);
   check_range("bins", c.bins, 4, 256);
+  check_range("target_leaf_size", c.target_leaf_size, 0, 255);
 }
 
 uint32_t depth_limit(const Config& config, size_t count) {
@@ -55,7 +57,24 @@ CostRule cost_rule(const Config& config, const Aabb& bounds) {
     longest = std::max(longest,
                        double(component(bounds.max, axis)) - double(component(bounds.min, axis)));
   return {config.cost.traversal, config.cost.intersection, 1 - double(config.empty_bonus),
-          longest * 1e-9};
+          longest * 1e-9, config.target_leaf_size};
+}
+
+/// `boxes` are those of the primitives `numbers`.
+Tree build_over(const Primitives& primitives, std::span<const uint32_t> numbers,
+                std::span<const Aabb> boxes, const Config& config, Progress& progress) {
+  Aabb bounds;
+  for (const Aabb& box : boxes) extend(bounds, box);
+  const double spare = double(numbers.size()) * (double(config.max_references) - 1);
+  const uint64_t room = kMostReferences - numbers.size();
+  const Allowance allowance{depth_limit(config, numbers.size()), config.bad_refines,
+                            std::min(static_cast<uint64_t>(spare), room)};
+  const CostRule rule = cost_rule(config, bounds);
+  const Input input{primitives, numbers, boxes, bounds, rule, allowance};
+  Branch root;
+  (config.builder == Builder::kExact ? build_exact : build_binned)(input, config, progress, root);
+  progress.report(0.95, "joining subtrees");
+  return join(root, bounds);
 }
 
 Tree build_usable(const MeshView& mesh, std::span<const uint32_t> triangles, const Config& config,
@@ -64,17 +83,23 @@ Tree build_usable(const MeshView& mesh, std::span<const uint32_t> triangles, con
   parallel_for(triangles.size(), 4096, [&](size_t i) {
     for (const Vec3& corner : corners_of(mesh, triangles[i])) extend(boxes[i], corner);
   });
-  Aabb bounds;
-  for (const Aabb& box : boxes) extend(bounds, box);
-  const double spare = double(triangles.size()) * (double(config.max_references) - 1);
-  const uint64_t room = kMostReferences - triangles.size();
-  const Allowance allowance{depth_limit(config, triangles.size()), config.bad_refines,
-                            std::min(static_cast<uint64_t>(spare), room)};
-  const Input input{mesh, triangles, boxes, bounds, cost_rule(config, bounds), allowance};
-  Branch root;
-  (config.builder == Builder::kExact ? build_exact : build_binned)(input, config, progress, root);
-  progress.report(0.95, "joining subtrees");
-  return join(root, bounds);
+  return build_over(Primitives(mesh), triangles, boxes, config, progress);
+}
+
+void check_boxes(std::span<const Aabb> boxes) {
+  for (size_t i = 0; i < boxes.size(); ++i) {
+    const Aabb& box = boxes[i];
+    if (is_finite(box.min) && is_finite(box.max) && !is_empty(box)) continue;
+    throw Error(ErrorCode::kInvalidMesh,
+                "box " + std::to_string(i) + " is empty, or has a NaN or infinite corner");
+  }
+}
+
+void check_count(size_t count, const char* what) {
+  if (count < kMostReferences) return;
+  throw Error(ErrorCode::kUnsupported, std::to_string(count) + " " + what + " are more than the " +
+                                           std::to_string(kMostReferences) +
+                                           " that a kd-tree can hold");
 }
 
 }  // namespace
@@ -90,10 +115,7 @@ Builder builder_by_name(std::string_view name) {
 
 Tree build(const MeshView& mesh, const Config& config, const BuildOptions& options) {
   check_config(config);
-  if (mesh.triangles.size() >= kMostReferences)
-    throw Error(ErrorCode::kUnsupported,
-                std::to_string(mesh.triangles.size()) + " triangles are more than the " +
-                    std::to_string(kMostReferences) + " that a kd-tree can hold");
+  check_count(mesh.triangles.size(), "triangles");
   MeshView geometry;
   geometry.positions = mesh.positions;
   geometry.triangles = mesh.triangles;
@@ -105,6 +127,26 @@ Tree build(const MeshView& mesh, const Config& config, const BuildOptions& optio
         usable_triangles(geometry, config.invalid == bvh::InvalidTriangles::kDrop);
     progress.report(0.02, "checking triangles");
     if (!triangles.empty()) tree = build_usable(geometry, triangles, config, progress);
+  });
+  progress.report(1, "joining subtrees");
+  return tree;
+}
+
+Tree build(std::span<const Aabb> boxes, const Config& config, const BuildOptions& options) {
+  check_config(config);
+  check_count(boxes.size(), "boxes");
+  Progress progress(options);
+  progress.report(0, "checking boxes");
+  Tree tree;
+  with_threads(options.threads, [&] {
+    check_boxes(boxes);
+    if (boxes.empty()) return;
+    std::vector<uint32_t> numbers(boxes.size());
+    std::iota(numbers.begin(), numbers.end(), 0u);
+    // -0 and 0 are one plane.
+    std::vector<Aabb> clean(boxes.begin(), boxes.end());
+    for (Aabb& box : clean) box = without_negative_zero(box);
+    tree = build_over(Primitives(std::span<const Aabb>(clean)), numbers, clean, config, progress);
   });
   progress.report(1, "joining subtrees");
   return tree;

@@ -4,14 +4,15 @@
 #include <span>
 
 #include "base/progress.hpp"
+#include "kdtree/clip.hpp"
 #include "kdtree/grow.hpp"
 
 namespace umbel::kdtree {
 
-/// What a builder is given: some triangles of a mesh, all finite, and their boxes; not none.
+/// What a builder is given: some triangles of a mesh, or all of the boxes, all finite; not none.
 struct Input {
-  const MeshView& mesh;
-  std::span<const uint32_t> triangles;
+  const Primitives& primitives;
+  std::span<const uint32_t> triangles;  ///< their numbers among the primitives
   std::span<const Aabb> boxes;
   Aabb bounds;
   CostRule rule;

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <span>
 
 #include "base/math.hpp"
 #include "kdtree/split_cost.hpp"
@@ -142,5 +143,26 @@ inline Halves halves_of(const MeshView& mesh, uint32_t triangle, const Aabb& cel
   };
   return {common(cell_below(cell, split)), common(cell_above(cell, split))};
 }
+
+/// What a tree is built over: the triangles of a mesh, or boxes.
+class Primitives {
+ public:
+  explicit Primitives(const MeshView& mesh) : mesh_(&mesh) {}
+  explicit Primitives(std::span<const Aabb> boxes) : boxes_(boxes) {}
+
+  /// Of a primitive that reaches into the cell and to both sides of the plane.
+  Halves halves(uint32_t primitive, const Aabb& cell, const Split& split) const {
+    if (mesh_) return halves_of(*mesh_, primitive, cell, split);
+    return {part(primitive, cell_below(cell, split)), part(primitive, cell_above(cell, split))};
+  }
+
+ private:
+  Aabb part(uint32_t primitive, const Aabb& cell) const {
+    return {max(boxes_[primitive].min, cell.min), min(boxes_[primitive].max, cell.max)};
+  }
+
+  const MeshView* mesh_ = nullptr;
+  std::span<const Aabb> boxes_;
+};
 
 }  // namespace umbel::kdtree

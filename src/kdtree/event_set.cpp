@@ -72,23 +72,23 @@ struct EventSet::Division {
   }
 };
 
-EventSet::EventSet(const MeshView& mesh, const CostRule& rule, std::span<const uint32_t> numbers,
-                   std::span<const Aabb> boxes) {
+EventSet::EventSet(const Primitives& primitives, const CostRule& rule,
+                   std::span<const uint32_t> numbers, std::span<const Aabb> boxes) {
   const auto count = static_cast<uint32_t>(boxes.size());
   std::array<uint32_t, 3> flats{};
   for (const Aabb& box : boxes)
     for (uint32_t axis = 0; axis < 3; ++axis)
       flats[axis] += component(box.min, axis) == component(box.max, axis);
-  allocate(mesh, rule, count, flats);
+  allocate(primitives, rule, count, flats);
   std::copy(numbers.begin(), numbers.end(), triangles_.data());
   parallel_for(6, 1, [&](size_t i) {
     sort_ends(static_cast<uint32_t>(i / 2), i % 2 == 0 ? kLow : kHigh, boxes);
   });
 }
 
-void EventSet::allocate(const MeshView& mesh, const CostRule& rule, uint32_t count,
+void EventSet::allocate(const Primitives& primitives, const CostRule& rule, uint32_t count,
                         const std::array<uint32_t, 3>& flats) {
-  mesh_ = &mesh;
+  primitives_ = &primitives;
   rule_ = &rule;
   count_ = count;
   triangles_ = CpuBuffer<uint32_t>(count);
@@ -222,7 +222,7 @@ bool EventSet::split(const Aabb& cell, const Split& split, uint64_t spare, Event
   if (division.split.size() > spare) return false;
   division.halves.resize(division.split.size());
   parallel_for(division.split.size(), 512, [&](size_t i) {
-    division.halves[i] = halves_of(*mesh_, triangles_[division.split[i]], cell, split);
+    division.halves[i] = primitives_->halves(triangles_[division.split[i]], cell, split);
   });
   division.below = division.whole_below;
   division.above = division.whole_above;
@@ -237,8 +237,8 @@ bool EventSet::split(const Aabb& cell, const Split& split, uint64_t spare, Event
     flats_below[axis] = std::min(most, division.below);
     flats_above[axis] = std::min(most, division.above);
   }
-  below.allocate(*mesh_, *rule_, division.below, flats_below);
-  above.allocate(*mesh_, *rule_, division.above, flats_above);
+  below.allocate(*primitives_, *rule_, division.below, flats_below);
+  above.allocate(*primitives_, *rule_, division.above, flats_above);
   const auto filter_list = [&](size_t i) {
     filter(static_cast<uint32_t>(i / 3), static_cast<Kind>(i % 3), division, below, above);
   };
@@ -294,7 +294,7 @@ double EventSet::grow_small(const CostRule& rule, const Aabb& cell, const Allowa
     for (const Event& e : list(axis, kFlat))
       component(boxes[e.id].min, axis) = component(boxes[e.id].max, axis) = e.at;
   }
-  BoxGrower grower(*mesh_, rule);
+  BoxGrower grower(*primitives_, rule);
   for (uint32_t i = 0; i < count_; ++i) grower.push(triangles_[i], boxes[i]);
   return grower.grow(cell, left, out);
 }

@@ -36,7 +36,7 @@ class EventSet {
  public:
   EventSet() = default;
   /// The triangles `numbers` of a mesh, whose boxes these are.
-  EventSet(const MeshView& mesh, const CostRule& rule, std::span<const uint32_t> numbers,
+  EventSet(const Primitives& primitives, const CostRule& rule, std::span<const uint32_t> numbers,
            std::span<const Aabb> boxes);
 
   uint32_t size() const { return count_; }
@@ -52,7 +52,7 @@ class EventSet {
   enum Kind : uint32_t { kLow, kHigh, kFlat };
   struct Division;
 
-  void allocate(const MeshView& mesh, const CostRule& rule, uint32_t count,
+  void allocate(const Primitives& primitives, const CostRule& rule, uint32_t count,
                 const std::array<uint32_t, 3>& flats);
   EventList& list(uint32_t axis, Kind kind) { return lists_[3 * axis + kind]; }
   const EventList& list(uint32_t axis, Kind kind) const { return lists_[3 * axis + kind]; }
@@ -63,7 +63,7 @@ class EventSet {
   void filter(uint32_t axis, Kind kind, const Division& division, EventSet& below,
               EventSet& above) const;
 
-  const MeshView* mesh_ = nullptr;
+  const Primitives* primitives_ = nullptr;
   const CostRule* rule_ = nullptr;
   uint32_t count_ = 0;
   CpuBuffer<uint32_t> triangles_;

@@ -9,7 +9,7 @@ namespace umbel::kdtree {
 void build_exact(const Input& input, const Config& /*config*/, Progress& progress, Branch& root) {
   progress.report(0.05, "sorting events");
   Grower<EventSet>(input.rule, progress)
-      .build(EventSet(input.mesh, input.rule, input.triangles, input.boxes), input.bounds,
+      .build(EventSet(input.primitives, input.rule, input.triangles, input.boxes), input.bounds,
              input.allowance, root);
 }
 

@@ -39,7 +39,7 @@ struct Branch {
 inline bool is_worth(const CostRule& rule, const Split& split, uint32_t count,
                      const Allowance& left, bool& is_bad) {
   constexpr uint32_t kFew = 16;  // with these a bad split seldom leads to good ones
-  if (count == 0 || left.levels == 0 || !split.exists()) return false;
+  if (count <= rule.target_leaf_size || left.levels == 0 || !split.exists()) return false;
   const double leaf = rule.leaf(count);
   is_bad = split.cost >= leaf;
   if (!is_bad) return true;

@@ -11,7 +11,7 @@ double SmallSet::grow(const CostRule& rule, const Aabb& cell, const Allowance& l
   Split best;
   // No subtree costs less than a visit of its root.
   if (as_leaf > rule.traversal && left.levels > 0) best = best_split(rule, cell);
-  SmallSet below(mesh_), above(mesh_);
+  SmallSet below(primitives_), above(primitives_);
   if (!is_worth(rule, best, count_, left, is_bad) || !split(cell, best, left.spare, below, above)) {
     add_leaf(triangles(), out);
     return as_leaf;
@@ -139,7 +139,7 @@ bool SmallSet::split(const Aabb& cell, const Split& split, uint64_t spare, Small
     } else if (is_flat || low[i] >= split.at) {
       above.push(triangle_[i], box);
     } else {
-      const Halves halves = halves_of(mesh_, triangle_[i], cell, split);
+      const Halves halves = primitives_.halves(triangle_[i], cell, split);
       const bool in_below = !is_empty(halves.below), in_above = !is_empty(halves.above);
       if (in_below) below.push(triangle_[i], halves.below);
       if (in_above) above.push(triangle_[i], halves.above);

@@ -13,7 +13,7 @@ class SmallSet {
  public:
   static constexpr uint32_t kMost = 24;
 
-  explicit SmallSet(const MeshView& mesh) : mesh_(mesh) {}
+  explicit SmallSet(const Primitives& primitives) : primitives_(primitives) {}
 
   uint32_t size() const { return count_; }
   std::span<const uint32_t> triangles() const { return {triangle_, count_}; }
@@ -38,7 +38,7 @@ class SmallSet {
              SmallSet& above) const;
 
   static constexpr uint32_t kLanes = 8, kMostPlanes = 2 * kMost + kLanes;
-  const MeshView& mesh_;
+  const Primitives& primitives_;
   uint32_t count_ = 0;
   uint32_t triangle_[kMost];
   float low_[3][kMost], high_[3][kMost];

@@ -33,6 +33,7 @@ struct CostRule {
   double traversal, intersection, empty_factor;
   /// Added to every extent: far below what matters, but cells without area compare by length.
   double pad;
+  uint32_t target_leaf_size;  ///< so few triangles are not split any more
 
   double area(const Aabb& cell) const {
     const double x = double(cell.max.x) - double(cell.min.x) + pad,

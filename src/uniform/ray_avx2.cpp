@@ -8,10 +8,12 @@
 #include "query/isa_avx2.hpp"
 #include "uniform/grid_traverse.hpp"
 #include "uniform/interval_traverse.hpp"
+#include "uniform/octree_traverse.hpp"
 
 namespace umbel {
 
 const RayKernels* avx2_grid_kernels() { return grid_kernels<TriangleTester<Avx2>>(); }
+const RayKernels* avx2_octree_kernels() { return octree_kernels<TriangleTester<Avx2>>(); }
 const RayKernels* avx2_interval_kernels() { return interval_kernels<TriangleTester<Avx2>>(); }
 
 }  // namespace umbel
@@ -21,6 +23,7 @@ const RayKernels* avx2_interval_kernels() { return interval_kernels<TriangleTest
 #else
 namespace umbel {
 const RayKernels* avx2_grid_kernels() { return nullptr; }
+const RayKernels* avx2_octree_kernels() { return nullptr; }
 const RayKernels* avx2_interval_kernels() { return nullptr; }
 }  // namespace umbel
 #endif

@@ -2,6 +2,7 @@
 #include "query/plain_triangles.hpp"
 #include "uniform/grid_traverse.hpp"
 #include "uniform/interval_traverse.hpp"
+#include "uniform/octree_traverse.hpp"
 #include "uniform/ray_kernels.hpp"
 
 namespace umbel {
@@ -12,6 +13,7 @@ struct Plain {};
 }  // namespace
 
 const RayKernels* portable_grid_kernels() { return grid_kernels<PlainTriangles<Plain>>(); }
+const RayKernels* portable_octree_kernels() { return octree_kernels<PlainTriangles<Plain>>(); }
 const RayKernels* portable_interval_kernels() { return interval_kernels<PlainTriangles<Plain>>(); }
 
 }  // namespace umbel

@@ -173,6 +173,34 @@ class Bvh(TriangleQueries):
         self.tree = None  # its boxes are those of the old positions
         return report
 
+    def collide(
+        self, other: Bvh, transform: ArrayLike | None = None, *, threads: int = 0
+    ) -> NDArray[np.int32]:
+        """(k, 2) the pairs of a triangle of this mesh and one of the other that have a point in
+        common, sorted. Decided exactly: triangles that only touch, also in one plane, count.
+        Surfaces collide, not what they enclose. `transform`, (4, 4) or (3, 4), places the other
+        mesh; its corners are mapped in double and rounded to floats."""
+        return self._native.collide(
+            other._native, self._pose_of(other, transform), thread_count(threads)
+        )
+
+    def collides(self, other: Bvh, transform: ArrayLike | None = None, *, threads: int = 0) -> bool:
+        """Whether there is such a pair; stops at the first that is found."""
+        return self._native.collides(
+            other._native, self._pose_of(other, transform), thread_count(threads)
+        )
+
+    def _pose_of(self, other: Bvh, transform: ArrayLike | None) -> list[float]:
+        """The map from the other mesh's local coordinates to this one's, row by row."""
+        rows = np.eye(4) if transform is None else np.asarray(transform, np.float64)
+        if rows.shape not in ((4, 4), (3, 4)):
+            raise Error(f"transform must have shape (4, 4) or (3, 4), not {rows.shape}")
+        if rows.shape == (4, 4) and (rows[3] != (0, 0, 0, 1)).any():
+            raise Error("the last row of transform must be 0, 0, 0, 1")
+        local = rows[:3].copy()
+        local[:, 3] += local[:, :3] @ other._origin - self._origin
+        return [float(x) for x in local.ravel()]
+
     def statistics(self) -> dict[str, Any]:
         """`width nodes leaves max_depth references sah_cost bytes`."""
         return self._native.statistics()

@@ -52,6 +52,7 @@ class KdTree(SpatialPartition):
         bad_refines: int | None = None,
         max_references: float | None = None,
         bins: int | None = None,
+        target_leaf_size: int | None = None,
         invalid: str = "refuse",
         progress: Progress | None = None,
     ) -> None:
@@ -69,6 +70,8 @@ class KdTree(SpatialPartition):
         bad_refines: 0..64 splits on one path that may cost more than a leaf.
         max_references: 1..64, most references a triangle, which bounds memory.
         bins: 4..256, of binned.
+        target_leaf_size: 0..255; cells of so few triangles become leaves, whatever a split would
+            save. By cost alone where None or 0.
         invalid: "refuse" or "drop" triangles with a NaN or infinite vertex.
         """
         config = _umbel.KdTreeConfig()
@@ -85,6 +88,7 @@ class KdTree(SpatialPartition):
             "bad_refines": bad_refines,
             "max_references": max_references,
             "bins": bins,
+            "target_leaf_size": target_leaf_size,
         }
         configure(config, options)
         mesh = mesh_from(positions, triangles)

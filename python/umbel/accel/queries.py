@@ -119,7 +119,7 @@ def _number(name: str, value: float) -> float:
 class SpatialPartition(TriangleQueries):
     """What kd-trees and uniform structures say of themselves besides."""
 
-    _native: _umbel.KdTree | _umbel.TwoLevelGrid | _umbel.IntervalHierarchy
+    _native: _umbel.KdTree | _umbel.TwoLevelGrid | _umbel.Octree | _umbel.IntervalHierarchy
 
     def statistics(self) -> dict[str, Any]:
         """`nodes leaves empty_leaves max_depth references sah_cost inner_visits leaf_visits tests

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class CommonOptions(TypedDict, total=False):
-    """The options of both structures; `compact`, `masks` and `invalid` are those of `umbel.Bvh`."""
+    """The options of all structures; `compact`, `masks` and `invalid` are those of `umbel.Bvh`."""
 
     compact: bool
     masks: ArrayLike | None
@@ -31,11 +31,11 @@ class CommonOptions(TypedDict, total=False):
 
 
 class _Uniform(SpatialPartition):
-    _native: _umbel.TwoLevelGrid | _umbel.IntervalHierarchy
+    _native: _umbel.TwoLevelGrid | _umbel.Octree | _umbel.IntervalHierarchy
 
     def _build(
         self,
-        structure: type[_umbel.TwoLevelGrid] | type[_umbel.IntervalHierarchy],
+        structure: type[_umbel.TwoLevelGrid | _umbel.Octree | _umbel.IntervalHierarchy],
         source: tuple[Any, ArrayLike | None],
         threads: int,
         settings: dict[str, Any],
@@ -97,6 +97,39 @@ class TwoLevelGrid(_Uniform):
 
     def __repr__(self) -> str:
         return f"<TwoLevelGrid: {len(self)} triangles, {self.statistics()['leaves']} cells>"
+
+
+class Octree(_Uniform):
+    """An octree (Glassner 1984), with the queries of `umbel.Bvh`: a cube is cut into eight, again
+    and again, and each leaf lists the triangles that touch its cell."""
+
+    def __init__(
+        self,
+        positions: Any,
+        triangles: ArrayLike | None = None,
+        threads: int = 0,
+        *,
+        max_leaf_size: int = 4,
+        max_depth: int | None = None,
+        max_references: float = 16,
+        **options: Unpack[CommonOptions],
+    ) -> None:
+        """
+        positions, triangles: as of `umbel.Bvh`.
+        max_leaf_size: 1..64; cells of so few triangles are not cut any more.
+        max_depth: 1..20; 6 + log4(m) where None.
+        max_references: 1..64, most references a triangle, which bounds memory.
+        """
+        settings = {
+            "max_leaf_size": max_leaf_size,
+            "max_depth": 0 if max_depth is None else max_depth,
+            "max_references": max_references,
+        }
+        source = (positions, triangles)
+        self._build(_umbel.Octree, source, threads, settings, **options)
+
+    def __repr__(self) -> str:
+        return f"<Octree: {len(self)} triangles, {self.statistics()['nodes']} nodes>"
 
 
 class IntervalHierarchy(_Uniform):

@@ -161,3 +161,16 @@ def test_walls_that_rounding_has_bent_are_not_lost(data: Path, builder: str) -> 
     hits = tree.intersect(origins, directions)
     assert np.array_equal(hits.primitive, expected.primitive)
     assert np.array_equal(hits.t, expected.t)
+
+
+def test_the_command_passes_settings_on(umbel_command: Umbel, blob_ply: Path) -> None:
+    plain = umbel_command("kdtree", blob_ply, "--json").json
+    few = umbel_command("kdtree", blob_ply, "--json", "--target-leaf-size", "40").json
+    assert few["nodes"] < plain["nodes"]
+    shallow = umbel_command(
+        *("kdtree", blob_ply, "--json", "--max-depth", "5", "--bad-refines", "0"),
+        *("--empty-bonus", "0", "--traversal", "short-stack"),
+    ).json
+    assert shallow["max_depth"] <= 5 and shallow["traversal"] == "short-stack"
+    failed = umbel_command("kdtree", blob_ply, "--max-depth", "65")
+    assert failed.status == 1 and "--max-depth" in failed.err

@@ -15,6 +15,7 @@ from helpers.commands import Umbel
 STRUCTURES: list[Callable[..., Any]] = [
     umbel.KdTree,
     umbel.TwoLevelGrid,
+    umbel.Octree,
     umbel.IntervalHierarchy,
 ]
 

@@ -10,7 +10,7 @@ from typing import Any
 from umbel.accel.kdtree import KdTree
 from umbel.accel.queries import TriangleQueries
 from umbel.accel.tree_options import builders
-from umbel.accel.uniform import IntervalHierarchy, TwoLevelGrid
+from umbel.accel.uniform import IntervalHierarchy, Octree, TwoLevelGrid
 from umbel.bench.bvh import kmeans as bvh_kmeans
 from umbel.bench.bvh.scenes import Kmeans
 from umbel.errors import Error
@@ -61,6 +61,7 @@ STRUCTURES: Mapping[str, Callable[..., TriangleQueries]] = {
     "kdtree ropes": partial(KdTree, ropes=True),
     "kdtree binned": partial(KdTree, builder="binned"),
     "grid": TwoLevelGrid,
+    "octree": Octree,
     "bih": IntervalHierarchy,
 }
 """What is compared besides hierarchies: the same for all widths."""

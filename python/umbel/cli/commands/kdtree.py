@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -15,13 +16,42 @@ from umbel.cli.run import Json, Threads, ends_cleanly, heard, show
 from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
 
 
+class Traversal(str, enum.Enum):
+    stack = "stack"
+    ropes = "ropes"
+    short_stack = "short-stack"
+
+
 @ends_cleanly(FLAGS)
 def command(
     # Long: typer reads the flags and their help from the signature.
     source: MeshFile,
     builder: Annotated[str, typer.Option(help="exact or binned.")] = "exact",
     ropes: Annotated[bool, typer.Option(help="Trace by ropes instead of with a stack.")] = False,
+    traversal: Annotated[
+        Traversal | None, typer.Option(help="How rays are traced, in place of --ropes.")
+    ] = None,
     cost: Costs = "3,2",
+    max_depth: Annotated[
+        int | None, typer.Option(metavar="N", help="Deepest level of a leaf, 1 to 64.")
+    ] = None,
+    target_leaf_size: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="So few triangles are not split any more, 0 to 255."),
+    ] = None,
+    empty_bonus: Annotated[
+        float | None, typer.Option(metavar="F", help="Bonus for cutting off empty space, 0 to 0.9.")
+    ] = None,
+    bad_refines: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Splits on a path that may cost more than a leaf, 0 to 64."),
+    ] = None,
+    max_references: Annotated[
+        float | None, typer.Option(metavar="F", help="Most references a triangle, 1 to 64.")
+    ] = None,
+    bins: Annotated[
+        int | None, typer.Option(metavar="N", help="binned: bins an axis, 4 to 256.")
+    ] = None,
     compact: Compact = False,
     drop_invalid: DropInvalid = False,
     output: Annotated[
@@ -49,7 +79,14 @@ def command(
             mesh,
             builder=builder,
             ropes=ropes,
+            traversal=None if traversal is None else traversal.value,
             cost=costs,
+            max_depth=max_depth,
+            target_leaf_size=target_leaf_size,
+            empty_bonus=empty_bonus,
+            bad_refines=bad_refines,
+            max_references=max_references,
+            bins=bins,
             compact=compact,
             invalid="drop" if drop_invalid else "refuse",
             progress=bar,

@@ -1,0 +1,242 @@
+// A tree that primitives join and leave one at a time (Goldsmith & Salmon, "Automatic Creation of
+// Object Hierarchies for Ray Tracing", 1987). The node where a primitive adds least to the area of
+// the tree is found by branch and bound (Bittner, Hapala & Havran, "Incremental BVH construction
+// for ray tracing", 2015), and on the way up from it nodes are exchanged where that saves area
+// (Kensler, "Tree rotations for improving bounding volume hierarchies", 2008).
+#pragma once
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "base/big_vector.hpp"
+#include "bvh/tree/merge_tree.hpp"
+#include "umbel/dynamic_bvh.hpp"
+
+namespace umbel::bvh {
+
+/// Half the area of a union.
+inline float united_area(const Aabb& a, const Aabb& b) { return area_of(united(a, b)); }
+
+/// Siblings are stored next to each other, in pairs.
+class GrowingTree {
+ public:
+  /// With room for so many primitives at once.
+  explicit GrowingTree(size_t primitives) : nodes_(2 * primitives), parents_(primitives) {}
+
+  bool empty() const { return pairs_ == 0; }
+  std::span<const DynamicNode> nodes() const { return {nodes_.data(), 2 * size_t{pairs_}}; }
+
+  /// From now on remembers where primitives are, so that they can be found again.
+  void track() { is_tracking_ = true; }
+  /// The leaf of a primitive that is there.
+  uint32_t leaf_of(uint32_t primitive) const { return leaves_[primitive]; }
+
+  void insert(uint32_t primitive, const Aabb& box) {
+    const DynamicNode leaf{box, Subtree::of_primitive(primitive).link, area_of(box)};
+    if (pairs_ == 0) {
+      make_room();
+      pairs_ = 1;  // the first holds the root alone
+      put(0, leaf);
+      return;
+    }
+    const uint32_t sibling = best_sibling(box, leaf.half_area);
+    const uint32_t pair = split(sibling);
+    put(2 * pair + 1, leaf);
+    climb(sibling);
+  }
+
+  /// Takes out a leaf; its sibling takes the place of their parent.
+  void remove(uint32_t leaf) {
+    if (leaf == 0) {
+      pairs_ = 0;
+      free_pairs_.clear();
+      return;
+    }
+    const uint32_t pair = leaf / 2, parent = parents_[pair];
+    put(parent, nodes_[leaf ^ 1]);
+    free_pairs_.push_back(pair);
+    if (parent != 0) climb(parents_[parent / 2]);
+  }
+
+  /// A root, to be put; for a tree that is made from the root down.
+  void set_root() {
+    make_room();
+    pairs_ = 1;
+  }
+  /// Gives a node two children, which are to be put; returns their pair.
+  uint32_t make_inner(uint32_t node) {
+    const uint32_t pair = new_pair();
+    nodes_[node].link = Subtree::of_merge(pair).link;
+    parents_[pair] = node;
+    return pair;
+  }
+
+  /// Moves a node into another place; its children follow.
+  void put(uint32_t at, const DynamicNode& node) {
+    nodes_[at] = node;
+    if (!node.is_leaf()) {
+      parents_[node.link] = at;
+    } else if (is_tracking_) {
+      const uint32_t primitive = node.primitive();
+      if (leaves_.size() <= primitive)
+        leaves_.resize(std::max<size_t>(primitive + 1, 2 * leaves_.size()));
+      leaves_[primitive] = at;
+    }
+  }
+
+  /// Makes the boxes of all nodes those of their children, whose leaves' were set.
+  void refit() {
+    for (const uint32_t node : inner_nodes()) set_box(node, united_children(node));
+  }
+  void set_box(uint32_t node, const Aabb& box) {
+    nodes_[node].box = box;
+    nodes_[node].half_area = area_of(box);
+  }
+
+  /// The same tree as merges, as many as there are pairs below the root. Nothing was removed.
+  Subtree to_merges(BigVector<Merge>& merges) const {
+    for (const uint32_t node : inner_nodes()) {
+      const uint32_t pair = nodes_[node].link;
+      const Subtree left = merge_of(2 * pair), right = merge_of(2 * pair + 1);
+      merges[pair - 1] = {nodes_[node].box, left, right,
+                          count_of(left, merges) + count_of(right, merges)};
+    }
+    return merge_of(0);
+  }
+
+ private:
+  /// Children before parents.
+  std::vector<uint32_t> inner_nodes() const {
+    std::vector<uint32_t> order;
+    order.reserve(pairs_);
+    if (!nodes_[0].is_leaf()) order.push_back(0);
+    for (size_t i = 0; i < order.size(); ++i) {
+      const uint32_t left = nodes_[order[i]].first_child();
+      for (const uint32_t child : {left, left + 1})
+        if (!nodes_[child].is_leaf()) order.push_back(child);
+    }
+    std::reverse(order.begin(), order.end());
+    return order;
+  }
+  Aabb united_children(uint32_t node) const {
+    const uint32_t left = nodes_[node].first_child();
+    return united(nodes_[left].box, nodes_[left + 1].box);
+  }
+
+  /// Gives a node two children, the first of which is what it was; returns their pair.
+  uint32_t split(uint32_t node) {
+    const DynamicNode first = nodes_[node];
+    const uint32_t pair = make_inner(node);
+    put(2 * pair, first);
+    return pair;
+  }
+
+  void make_room() {
+    if (nodes_.size() > 2 * size_t{pairs_} + 1) return;
+    const size_t pairs = std::max<size_t>(16, nodes_.size());
+    nodes_.resize(2 * pairs);
+    parents_.resize(pairs);
+  }
+  uint32_t new_pair() {
+    if (!free_pairs_.empty()) {
+      const uint32_t pair = free_pairs_.back();
+      free_pairs_.pop_back();
+      return pair;
+    }
+    make_room();
+    return pairs_++;
+  }
+
+  /// A pair to be searched, and by how much its ancestors grow.
+  struct Candidate {
+    float growth;
+    uint32_t pair;
+  };
+
+  Subtree merge_of(uint32_t node) const {
+    const DynamicNode& of = nodes_[node];
+    return of.is_leaf() ? Subtree{of.link} : Subtree::of_merge(of.link - 1);
+  }
+  static uint32_t count_of(Subtree subtree, const BigVector<Merge>& merges) {
+    return subtree.is_primitive() ? 1 : merges[subtree.index()].count;
+  }
+
+  /// The node that should become the sibling of the box.
+  uint32_t best_sibling(const Aabb& box, float area) {
+    float best = united_area(nodes_[0].box, box);
+    uint32_t best_node = 0;
+    candidates_.clear();
+    if (!nodes_[0].is_leaf()) candidates_.push_back({best - nodes_[0].half_area, nodes_[0].link});
+    while (!candidates_.empty()) {
+      const Candidate candidate = candidates_.back();
+      candidates_.pop_back();
+      // Whatever lies below: the new parent is no smaller than the box itself.
+      if (candidate.growth + area >= best) continue;
+      Candidate below[2];
+      for (uint32_t i = 0; i < 2; ++i) {
+        const DynamicNode& node = nodes_[2 * candidate.pair + i];
+        const float cost = candidate.growth + united_area(node.box, box);
+        if (cost < best) {
+          best = cost;
+          best_node = 2 * candidate.pair + i;
+        }
+        below[i] = {cost - node.half_area, node.link};
+      }
+      // The more promising one is searched first, so it is pushed last.
+      if (below[0].growth < below[1].growth) std::swap(below[0], below[1]);
+      for (const Candidate& next : below)
+        if (!Subtree{next.pair}.is_primitive() && next.growth + area < best)
+          candidates_.push_back(next);
+    }
+    return best_node;
+  }
+
+  /// Brings boxes up to date from a node that is new upwards, and rotates, as far as that may
+  /// change anything: a rotation depends on the boxes of children and grandchildren.
+  void climb(uint32_t node) {
+    for (uint32_t changed = 3; changed > 0; node = parents_[node / 2]) {
+      const uint32_t left = nodes_[node].first_child();
+      const Aabb box = united_children(node);
+      changed = box == nodes_[node].box ? changed - 1 : 2;
+      set_box(node, box);
+      if (rotate(left, left + 1)) changed = 2;
+      if (node == 0) return;
+    }
+  }
+
+  /// Exchanges one of two siblings with a child of the other where that shrinks the other most;
+  /// false where it does not.
+  bool rotate(uint32_t left, uint32_t right) {
+    float best = 0;
+    uint32_t node = 0, child = 0;
+    for (const auto& [outer, inner] : {std::pair{left, right}, std::pair{right, left}}) {
+      if (nodes_[inner].is_leaf()) continue;
+      const uint32_t first = nodes_[inner].first_child();
+      for (const uint32_t leaving : {first, first + 1}) {
+        const float gain =
+            nodes_[inner].half_area - united_area(nodes_[outer].box, nodes_[leaving ^ 1].box);
+        if (gain <= best) continue;
+        best = gain;
+        node = outer;
+        child = leaving;
+      }
+    }
+    if (best == 0) return false;
+    const DynamicNode moved = nodes_[node];
+    put(node, nodes_[child]);
+    put(child, moved);
+    set_box(node ^ 1, united_children(node ^ 1));
+    return true;
+  }
+
+  BigVector<DynamicNode> nodes_;  ///< pair p is nodes 2 p and 2 p + 1
+  BigVector<uint32_t> parents_;   ///< of each pair, a node
+  BigVector<uint32_t> leaves_;    ///< of each primitive, where `is_tracking_`
+  std::vector<uint32_t> free_pairs_;
+  uint32_t pairs_ = 0;  ///< free ones included
+  bool is_tracking_ = false;
+  std::vector<Candidate> candidates_;
+};
+
+}  // namespace umbel::bvh
