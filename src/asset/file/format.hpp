@@ -34,15 +34,15 @@ struct FileEntry {
 
 struct MeshEntry {
   AssetMesh mesh;
-  Range attributes, levels, roots, nodes;
+  Range attributes{}, levels{}, roots{}, nodes{};
 };
 
 /// A table that is not read with the file header: that of nodes, which follows the pages, and that
 /// of pages where it has checksums of its slices.
 struct TableSection {
-  uint64_t offset, count;
-  uint32_t element_bytes;
-  uint64_t checksum;
+  uint64_t offset = 0, count = 0;
+  uint32_t element_bytes = 0;
+  uint64_t checksum = 0;
   std::vector<uint64_t> slices;  ///< a checksum for every kSliceEntries, or none
 };
 
