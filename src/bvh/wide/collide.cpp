@@ -115,13 +115,16 @@ class Collider {
   Collider(const BvhData& first, const BvhData& second, const CollisionOptions& options)
       : first_(first), second_(second), placement_(options.second_to_first, second.bounds) {}
 
-  /// All pairs, sorted; where `stops_at_first`, some of them, if there are any.
-  std::vector<TrianglePair> run(bool stops_at_first) {
-    if (first_.reference_count == 0 || second_.reference_count == 0) return {};
-    std::vector<PartPair> tasks = first_pairs();
-    std::vector<std::vector<TrianglePair>> found(tasks.size());
-    parallel_for(tasks.size(), 1, [&](size_t i) { descend(tasks[i], stops_at_first, found[i]); });
+  /// All pairs, sorted.
+  std::vector<TrianglePair> pairs() {
     std::vector<TrianglePair> all;
+    if (is_nothing()) return all;
+    const std::vector<PartPair> tasks = first_pairs();
+    std::vector<std::vector<TrianglePair>> found(tasks.size());
+    parallel_for(tasks.size(), 1, [&](size_t i) {
+      std::vector<PartPair> waiting{tasks[i]};
+      while (!waiting.empty()) step(waiting, found[i]);
+    });
     for (auto& part : found) {
       all.insert(all.end(), part.begin(), part.end());
       std::vector<TrianglePair>().swap(part);
@@ -132,7 +135,34 @@ class Collider {
     return all;
   }
 
+  /// Whether there are any. Most meshes that collide do so soon, and most that do not are told
+  /// apart soon: other threads are called only after some thousand steps.
+  bool any(uint32_t threads) {
+    if (is_nothing()) return false;
+    std::vector<PartPair> waiting{root()};
+    std::vector<TrianglePair> found;
+    for (uint32_t steps = 0; steps < kStepsAlone && !waiting.empty(); ++steps) {
+      step(waiting, found);
+      if (!found.empty()) return true;
+    }
+    std::atomic<bool> is_found{false};
+    if (waiting.empty()) return false;
+    with_threads(threads, [&] {
+      parallel_for(waiting.size(), 1, [&](size_t i) {
+        std::vector<PartPair> below{waiting[i]};
+        std::vector<TrianglePair> here;
+        while (!below.empty() && here.empty() && !is_found.load(std::memory_order_relaxed))
+          step(below, here);
+        if (!here.empty()) is_found.store(true, std::memory_order_relaxed);
+      });
+    });
+    return is_found;
+  }
+
  private:
+  static constexpr uint32_t kStepsAlone = 4096;
+
+  bool is_nothing() const { return first_.reference_count == 0 || second_.reference_count == 0; }
   PartPair root() const { return {{0, first_.bounds}, {0, placement_.box(second_.bounds)}}; }
 
   /// Calls visit(pair) for the pairs of parts of both that meet.
@@ -166,18 +196,14 @@ class Collider {
     return pairs;
   }
 
-  void descend(const PartPair& from, bool stops_at_first, std::vector<TrianglePair>& found) {
-    std::vector<PartPair> stack{from};
-    while (!stack.empty()) {
-      if (stops_at_first && is_found_.load(std::memory_order_relaxed)) return;
-      const PartPair pair = stack.back();
-      stack.pop_back();
-      if (pair.is_leaves())
-        test_leaves(pair, found);
-      else
-        expand(pair, [&](const PartPair& below) { stack.push_back(below); });
-      if (!found.empty()) is_found_.store(true, std::memory_order_relaxed);
-    }
+  /// Takes the last pair, and puts those that it is made of in its place.
+  void step(std::vector<PartPair>& waiting, std::vector<TrianglePair>& found) const {
+    const PartPair pair = waiting.back();
+    waiting.pop_back();
+    if (pair.is_leaves())
+      test_leaves(pair, found);
+    else
+      expand(pair, [&](const PartPair& below) { waiting.push_back(below); });
   }
 
   struct PlacedTriangle {
@@ -211,7 +237,6 @@ class Collider {
   const BvhData& first_;
   const BvhData& second_;
   Placement placement_;
-  std::atomic<bool> is_found_{false};
 };
 
 }  // namespace
@@ -220,26 +245,16 @@ struct BvhAccess {
   static const BvhData& data(const Bvh& bvh) { return bvh.data(); }
 };
 
-namespace {
-
-std::vector<TrianglePair> run(const Bvh& first, const Bvh& second, const CollisionOptions& options,
-                              bool stops_at_first) {
+std::vector<TrianglePair> collide(const Bvh& first, const Bvh& second,
+                                  const CollisionOptions& options) {
+  Collider collider(BvhAccess::data(first), BvhAccess::data(second), options);
   std::vector<TrianglePair> pairs;
-  with_threads(options.threads, [&] {
-    pairs = Collider(BvhAccess::data(first), BvhAccess::data(second), options).run(stops_at_first);
-  });
+  with_threads(options.threads, [&] { pairs = collider.pairs(); });
   return pairs;
 }
 
-}  // namespace
-
-std::vector<TrianglePair> collide(const Bvh& first, const Bvh& second,
-                                  const CollisionOptions& options) {
-  return run(first, second, options, false);
-}
-
 bool collides(const Bvh& first, const Bvh& second, const CollisionOptions& options) {
-  return !run(first, second, options, true).empty();
+  return Collider(BvhAccess::data(first), BvhAccess::data(second), options).any(options.threads);
 }
 
 }  // namespace umbel
