@@ -144,6 +144,7 @@ void bind_errors(nb::module_& module);
 void bind_mesh(nb::module_& module);
 void bind_obj(nb::module_& module);
 void bind_source(nb::module_& module);
+void bind_scale(nb::module_& module);
 void bind_cluster(nb::module_& module);
 void bind_frame_clusters(nb::module_& module);
 void bind_lod(nb::module_& module);

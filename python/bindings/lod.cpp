@@ -176,6 +176,8 @@ nb::dict limiting_factor_counts(const std::array<uint64_t, lod::kLimitingFactors
   return result;
 }
 
+}  // namespace
+
 Dict build_report(const lod::Report& report) {
   Dict result;
   PUT_FIELDS(result, report, input_triangles, input_vertices, degenerate_triangles, root_groups,
@@ -198,6 +200,8 @@ Dict build_report(const lod::Report& report) {
   result["seconds"] = report.seconds;
   return result;
 }
+
+namespace {
 
 Dict verify_dag(const lod::Dag& dag, uint32_t cuts, uint32_t seed, const nb::object& progress,
                 uint32_t threads) {

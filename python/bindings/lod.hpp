@@ -9,6 +9,8 @@ namespace umbel::python {
 /// Throws kInvalidArgument naming the first index that is no cluster.
 void check_cut(const lod::Tables& tables, std::span<const uint32_t> cut);
 
+/// What a build says of itself.
+Dict build_report(const lod::Report& report);
 Dict report_dict(const lod::VerifyReport& report);
 Dict geometry_dict(lod::ClusterGeometry&& geometry);
 

@@ -13,6 +13,7 @@ NB_MODULE(_umbel, module) {
   bind_cluster(module);
   bind_frame_clusters(module);
   bind_lod(module);
+  bind_scale(module);
   bind_asset(module);
   bind_stream(module);
   bind_trace(module);

@@ -144,4 +144,19 @@ RouteSlice RouteFile::read(uint32_t unit) const {
   return slice;
 }
 
+void RouteFile::check() const {
+  for (const RouteWriter::Entry& entry : index_) read(entry.unit);
+}
+
+bool is_whole_route(const std::filesystem::path& path) {
+  if (!std::filesystem::exists(path)) return false;
+  try {
+    RouteFile(path).check();
+    return true;
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kCorrupt) return false;
+    throw;
+  }
+}
+
 }  // namespace umbel::scale

@@ -62,6 +62,8 @@ class RouteFile {
   RouteSlice read(uint32_t unit) const;
   /// Triangles of a unit, without reading them.
   uint64_t triangles(uint32_t unit) const;
+  /// Reads all of it. Throws kCorrupt where a byte has changed.
+  void check() const;
 
  private:
   const RouteWriter::Entry* find(uint32_t unit) const;
@@ -72,5 +74,8 @@ class RouteFile {
   bool has_materials_ = false;
   std::vector<RouteWriter::Entry> index_;
 };
+
+/// Whether the file is there, and every byte of it is as it was written.
+bool is_whole_route(const std::filesystem::path& path);
 
 }  // namespace umbel::scale

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -11,9 +12,12 @@
 #include "scale/point_rule.hpp"
 #include "scale/route.hpp"
 #include "scale/route_exits.hpp"
+#include "scale/route_file.hpp"
 #include "scale/summary.hpp"
+#include "scale/undecided_edges.hpp"
 #include "scale/unit_task.hpp"
 #include "scale/work_file.hpp"
+#include "scale/work_folder.hpp"
 
 namespace umbel::scale {
 namespace {
@@ -44,13 +48,30 @@ void for_each_array(TierPlan& plan, Visit& visit) {
 struct UnitSummary {
   std::vector<uint32_t> next_level;
   std::vector<uint64_t> triangles;  // of the exits
+  std::vector<uint64_t> undecided;  // edges
   std::vector<lod::Report> report;
 };
 
 template <typename Visit>
 void for_each_array(UnitSummary& summary, Visit& visit) {
-  visit(summary.next_level), visit(summary.triangles), visit(summary.report);
+  visit(summary.next_level), visit(summary.triangles), visit(summary.undecided);
+  visit(summary.report);
 }
+
+// What the passes over the input have found.
+struct Passes {
+  std::vector<SourceSummary> summary;
+  std::vector<uint64_t> digest;
+  std::vector<std::byte> partition;
+};
+
+template <typename Visit>
+void for_each_array(Passes& passes, Visit& visit) {
+  visit(passes.summary), visit(passes.digest), visit(passes.partition);
+}
+
+// Triangles that a pass reads between two reports.
+constexpr uint64_t kStep = uint64_t{64} << 20;
 
 // Enough cells for planes between them to come near enough, and no more for a small mesh.
 uint32_t resolution_of(uint64_t triangles) {
@@ -58,29 +79,6 @@ uint32_t resolution_of(uint64_t triangles) {
   while (resolution < 256 && uint64_t{resolution} * resolution * resolution < 64 * triangles)
     resolution *= 2;
   return resolution;
-}
-
-fs::path tier_folder(const fs::path& work, uint32_t tier) {
-  return work / std::string("t").append(std::to_string(tier));
-}
-
-std::string number(uint32_t n) {
-  std::string digits = std::to_string(n);
-  return std::string(digits.size() < 6 ? 6 - digits.size() : 0, '0') + digits;
-}
-
-fs::path unit_file(const fs::path& work, const Task& task, const char* what) {
-  return tier_folder(work, task.tier) / "unit" /
-         (std::string("u").append(number(task.unit)) + what);
-}
-
-fs::path shard_file(const fs::path& work, uint32_t tier, uint32_t shard) {
-  return tier_folder(work, tier) / "route" / (std::string("s").append(number(shard)) + ".route");
-}
-
-void make_folders(const fs::path& work, uint32_t tier) {
-  fs::create_directories(tier_folder(work, tier) / "route");
-  fs::create_directories(tier_folder(work, tier) / "unit");
 }
 
 io::SourceStreams streams_of(const TierPlan& plan) {
@@ -101,70 +99,171 @@ void add_to(lod::Report& sum, const lod::Report& report) {
 class Tiers {
  public:
   Tiers(const io::TriangleSource& source, const lod::Config& config, const ScaleConfig& scale,
-        const fs::path& work, const TaskRunner& run_tasks)
-      : source_(source), scale_(scale), work_(work), run_tasks_(run_tasks) {
-    dag_.config = config;
-  }
+        const fs::path& work, const TierOptions& options)
+      : source_(source), config_(config), scale_(scale), work_(work), options_(options) {}
 
-  lod::Dag run() {
+  BuiltTiers run() {
     begin();
     while (true) {
       run_tier();
       if (plan_.tier[0].is_last) break;
       next_tier();
     }
-    join_parts(parts_, dag_);
-    return std::move(dag_);
+    return std::move(built_);
   }
 
  private:
-  const lod::Config& config() const { return dag_.config; }
+  void report(double fraction, std::string_view stage) const {
+    if (options_.progress) options_.progress(fraction, stage);
+  }
 
-  // The passes over the input.
+  // The passes over the input but the last. What they found before is taken from the folder.
   void begin() {
-    const SourceSummary summary = summarise(source_, 0, source_.triangles());
-    const PointRule rule{choose_origin(summary), config().position_step};
-    triangles_ = source_.triangles();
-    dag_.report.input_triangles = triangles_;
-    const Aabb box = box_of(summary, rule);
-    partition_ = build_partition(
-        source_, rule, box, {.capacity = scale_.capacity, .resolution = resolution_of(triangles_)},
-        &dag_.source_digest);
-    make_folders(work_, 0);
-    const auto files =
-        route(source_, partition_, {rule, scale_.capacity}, tier_folder(work_, 0) / "route");
+    triangles_ = built_.report.input_triangles = source_.triangles();
+    make_tier_folders(work_, 0);
+    const Passes passes = find_passes();
+    const SourceSummary& summary = passes.summary[0];
+    rule_ = {choose_origin(summary), config_.position_step};
+    built_.origin = rule_.origin;
+    built_.source_digest = passes.digest[0];
+    partition_ = Partition::from_bytes(passes.partition);
+    shards_ = static_cast<uint32_t>((triangles_ + kShardTriangles - 1) / kShardTriangles);
     const io::SourceStreams streams = source_.streams();
-    plan_.tier = {TierConfig{.config = config(), .box = box, .rounds = scale_.rounds}};
-    plan_.shards = {static_cast<uint32_t>(files.size())};
+    plan_.tier = {
+        TierConfig{.config = config_, .box = box_of(summary, rule_), .rounds = scale_.rounds}};
+    plan_.shards = {shards_};
     plan_.streams = {streams.normals, streams.tangents, streams.uvs, streams.colors,
                      streams.materials};
     plan_.extras = streams.extras;
     const bool is_one = partition_.units() == 1;
     set_last(is_one);
     plan_.tier[0].is_whole = is_one;
+    write_plan();
+  }
+
+  Passes find_passes() {
+    const fs::path path = tier_folder(work_, 0) / "passes";
+    const bool is_there = is_whole(path);
+    Passes passes;
+    if (is_there) {
+      passes = read_record<Passes>(path);
+      if (options_.input_is_same) return passes;
+    }
+    SourceSummary summary;
+    for (uint64_t at = 0; at < triangles_; at += kStep) {
+      report(0.02 * part(at), "reading");
+      summary.merge(summarise(source_, at, std::min(at + kStep, triangles_)));
+    }
+    if (is_there) {
+      if (summary.fingerprint != passes.summary[0].fingerprint ||
+          summary.triangles != passes.summary[0].triangles)
+        throw Error(ErrorCode::kInvalidArgument,
+                    "the build in " + work_.string() +
+                        " cannot be resumed: the input has changed since; remove the folder to "
+                        "begin again");
+      return passes;
+    }
+    passes.summary = {summary};
+    passes.digest = {0};
+    const PointRule rule{choose_origin(summary), config_.position_step};
+    passes.partition = partition_of_source(box_of(summary, rule), rule, passes.digest[0]).bytes();
+    write_record(path, passes);
+    return passes;
+  }
+
+  double part(uint64_t triangle) const {
+    return triangles_ == 0 ? 1 : static_cast<double>(triangle) / static_cast<double>(triangles_);
+  }
+
+  Partition partition_of_source(const Aabb& box, const PointRule& rule, uint64_t& digest) const {
+    PartitionBuilder builder(
+        box, {.capacity = scale_.capacity, .resolution = resolution_of(triangles_)});
+    for (uint64_t* once = &digest; !builder.is_done(); once = nullptr) {
+      CellCounts counts;
+      for (uint64_t at = 0; at == 0 || at < triangles_; at += kStep) {
+        report(0.02 + 0.03 * part(at), "dividing");
+        CellCounts some =
+            count_cells(source_, rule, builder, at, std::min(at + kStep, triangles_), once);
+        if (at == 0)
+          counts = std::move(some);
+        else
+          counts.merge(some);
+      }
+      builder.advance(counts);
+    }
+    return builder.finished();
+  }
+
+  // The last pass over the input, but for the files that are there and whole.
+  void route_source() const {
+    SharedLeafCounts before;
+    for (uint32_t s = 0; s < shards_; ++s) {
+      const uint64_t begin = s * kShardTriangles;
+      const uint64_t end = std::min(begin + kShardTriangles, triangles_);
+      report(0.05 + 0.05 * part(begin), "sorting");
+      const fs::path path = shard_file(work_, 0, s);
+      if (!is_whole_route(path))
+        route_shard(source_, partition_, {rule_, scale_.capacity}, before, begin, end, path);
+      for (const auto& [leaf, count] : count_shared_leaves(source_, rule_, partition_, begin, end))
+        before[leaf] += count;
+    }
   }
 
   void set_last(bool is_last) {
     plan_.tier[0].is_last = is_last;
     // How many triangles there are in all, only the last unit knows.
-    plan_.tier[0].config.stop_triangles = is_last ? config().stop_triangles : 0;
+    plan_.tier[0].config.stop_triangles = is_last ? config_.stop_triangles : 0;
+  }
+
+  void write_plan() {
+    plan_.first_serial = {serial_};
+    plan_.partition = partition_.bytes();
+    write_record(plan_file(work_, tier_), plan_);
+  }
+
+  // Whether a unit was built before, and nothing of it has been damaged since.
+  bool is_done(const Task& task) const {
+    const fs::path done = unit_file(work_, task, ".done");
+    if (!fs::exists(done)) return false;
+    if (is_whole(done) && is_whole(unit_file(work_, task, ".parts")) &&
+        is_whole(unit_file(work_, task, ".exits")))
+      return true;
+    fs::remove(done);
+    return false;
   }
 
   void run_tier() {
-    plan_.first_serial = {serial_};
-    plan_.partition = partition_.bytes();
-    write_record(tier_folder(work_, tier_) / "plan", plan_);
-    std::vector<Task> tasks;
-    for (uint32_t u = 0; u < partition_.units(); ++u) tasks.push_back({tier_, u});
-    run_tasks_(tasks);
+    std::vector<Task> tasks, missing;
+    for (uint32_t u = 0; u < partition_.units(); ++u) {
+      tasks.push_back({tier_, u});
+      if (!is_done(tasks.back())) missing.push_back(tasks.back());
+    }
+    if (!missing.empty()) {
+      if (tier_ == 0)
+        route_source();
+      else
+        route_tier();
+      const double share = plan_.tier[0].is_last ? 0.9 - fraction_ : 0.75 * (0.9 - fraction_);
+      const std::string stage = "tier " + std::to_string(tier_ + 1) + ", " +
+                                std::to_string(tasks.size()) +
+                                (tasks.size() == 1 ? " unit" : " units");
+      options_.run(missing, [&](size_t done) {
+        const double all = static_cast<double>(tasks.size());
+        const double so_far = static_cast<double>(tasks.size() - missing.size() + done) / all;
+        report(fraction_ + share * so_far, stage);
+      });
+      fraction_ += share;
+    }
     uint64_t left = 0;
+    undecided_ = 0;
     uint32_t next_level = plan_.tier[0].level;
     for (const Task& task : tasks) {
       const auto summary = read_record<UnitSummary>(unit_file(work_, task, ".done"));
       left += summary.triangles[0];
+      undecided_ += summary.undecided[0];
       next_level = std::max(next_level, summary.next_level[0]);
-      add_to(dag_.report, summary.report[0]);
-      parts_.push_back(unit_file(work_, task, ".parts"));
+      add_to(built_.report, summary.report[0]);
+      built_.parts.push_back(unit_file(work_, task, ".parts"));
     }
     if (static_cast<double>(left) > kLeastProgress * static_cast<double>(triangles_))
       scale_.capacity *= 2;
@@ -173,31 +272,46 @@ class Tiers {
     serial_ += partition_.units();
   }
 
-  Exits exits_of(uint32_t unit) const {
-    return read_record<Exits>(unit_file(work_, {tier_, unit}, ".exits"));
+  Exits exits_of(uint32_t tier, uint32_t unit) const {
+    return read_record<Exits>(unit_file(work_, {tier, unit}, ".exits"));
   }
 
+  // Its plan; the way there is only taken once a unit of it must be built.
   void next_tier() {
     const uint32_t units = partition_.units();
-    plan_.non_manifold = tier_ == 0 ? decide_edges(units) : std::vector<PositionEdge>{};
+    make_tier_folders(work_, tier_ + 1);
+    const fs::path path = plan_file(work_, tier_ + 1);
     set_last(triangles_ <= scale_.capacity);
+    if (is_whole(path)) {
+      plan_ = read_record<TierPlan>(path);
+      partition_ = Partition::from_bytes(plan_.partition);
+      ++tier_;
+      return;
+    }
+    report(fraction_, "planning");
+    plan_.non_manifold = tier_ == 0 ? decide_edges(units) : std::vector<PositionEdge>{};
     partition_ = plan_.tier[0].is_last ? Partition() : partition_of_exits(units);
-    make_folders(work_, tier_ + 1);
-    SharedLeafCounts shared;
-    for (uint32_t u = 0; u < units; ++u)
-      route_exits(exits_of(u), partition_, scale_.capacity, shared,
-                  shard_file(work_, tier_ + 1, u));
     plan_.shards = {units};
     ++tier_;
+    write_plan();
+  }
+
+  void route_tier() const {
+    const bool is_shared = partition_.shared_leaves() > 0;
+    SharedLeafCounts shared;
+    for (uint32_t u = 0; u < plan_.shards[0]; ++u) {
+      report(fraction_, "sorting");
+      const fs::path path = shard_file(work_, tier_, u);
+      // Which unit of a shared leaf is next depends on all slices before.
+      if (!is_shared && is_whole(path)) continue;
+      route_exits(exits_of(tier_ - 1, u), partition_, scale_.capacity, shared, path);
+    }
   }
 
   std::vector<PositionEdge> decide_edges(uint32_t units) const {
-    std::vector<PositionEdge> undecided;
-    for (uint32_t u = 0; u < units; ++u) {
-      const Exits exits = exits_of(u);
-      undecided.insert(undecided.end(), exits.undecided.begin(), exits.undecided.end());
-    }
-    return non_manifold_edges(std::move(undecided));
+    UndecidedEdges edges(tier_folder(work_, 0) / "edges", undecided_);
+    for (uint32_t u = 0; u < units; ++u) edges.add(exits_of(0, u).undecided);
+    return edges.non_manifold();
   }
 
   // By their clusters' places.
@@ -208,7 +322,7 @@ class Tiers {
     while (!builder.is_done()) {
       CellCounts counts = builder.empty_counts();
       for (uint32_t u = 0; u < units; ++u) {
-        const Exits exits = exits_of(u);
+        const Exits exits = exits_of(tier_, u);
         for (size_t c = 0; c < exits.clusters.size(); ++c)
           builder.count(counts, middle(exits.clusters.boxes[c]),
                         static_cast<uint32_t>(exits.clusters.cluster_corners(c).size() / 3));
@@ -219,15 +333,17 @@ class Tiers {
   }
 
   const io::TriangleSource& source_;
+  const lod::Config& config_;
   ScaleConfig scale_;
   const fs::path& work_;
-  const TaskRunner& run_tasks_;
-  lod::Dag dag_;
+  const TierOptions& options_;
+  BuiltTiers built_;
   TierPlan plan_;
+  PointRule rule_;
   Partition partition_;
-  std::vector<fs::path> parts_;
-  uint32_t tier_ = 0, serial_ = 0;
-  uint64_t triangles_ = 0;
+  uint32_t tier_ = 0, serial_ = 0, shards_ = 0;
+  uint64_t triangles_ = 0, undecided_ = 0;
+  double fraction_ = 0.1;
 };
 
 }  // namespace
@@ -255,19 +371,39 @@ void run_task(const std::filesystem::path& work, const Task& task) {
         build_unit(std::move(slices), plan.non_manifold, partition, task.unit, tier, serial, parts);
   }
   write_record(unit_file(work, task, ".exits"), built.exits);
-  UnitSummary summary{{built.next_level}, {built.exits.clusters.triangle_count()}, {built.report}};
+  UnitSummary summary{{built.next_level},
+                      {built.exits.clusters.triangle_count()},
+                      {built.exits.undecided.size()},
+                      {built.report}};
   write_record(unit_file(work, task, ".done"), summary);
 }
 
-lod::Dag build_in_tiers(const io::TriangleSource& source, const lod::Config& config,
-                        const ScaleConfig& scale, const std::filesystem::path& work,
-                        const TaskRunner& run_tasks) {
+BuiltTiers build_tiers(const io::TriangleSource& source, const lod::Config& config,
+                       const ScaleConfig& scale, const std::filesystem::path& work,
+                       const TierOptions& options) {
   if (config.measured_error)
     throw Error(ErrorCode::kUnsupported,
                 "measured_error needs the whole mesh in memory: leave it out, or build in memory");
   if (config.position_step != 0)
     throw Error(ErrorCode::kUnsupported, "position_step is not possible unit by unit yet");
-  return Tiers(source, config, scale, work, run_tasks).run();
+  if (config.lock_borders)
+    throw Error(ErrorCode::kUnsupported, "lock_borders is not possible unit by unit yet");
+  if (source.triangles() == 0) throw Error(ErrorCode::kInvalidMesh, "there are no triangles");
+  return Tiers(source, config, scale, work, options).run();
+}
+
+lod::Dag build_in_tiers(const io::TriangleSource& source, const lod::Config& config,
+                        const ScaleConfig& scale, const std::filesystem::path& work,
+                        const TaskRunner& run_tasks) {
+  TierOptions options;
+  options.run = [&](std::span<const Task> tasks, const auto&) { run_tasks(tasks); };
+  const BuiltTiers built = build_tiers(source, config, scale, work, options);
+  lod::Dag dag;
+  dag.config = config;
+  dag.report = built.report;
+  dag.source_digest = built.source_digest;
+  join_parts(built.parts, dag);
+  return dag;
 }
 
 }  // namespace umbel::scale

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <functional>
 #include <span>
+#include <string_view>
+#include <vector>
 
 #include "io/source/triangle_source.hpp"
 #include "umbel/lod/build.hpp"
@@ -27,9 +29,33 @@ using TaskRunner = std::function<void(std::span<const Task>)>;
 /// One task, by what is in the folder alone.
 void run_task(const std::filesystem::path& work, const Task& task);
 
-/// Builds all of a source. The folder must be empty. The DAG is the same for any way to run the
-/// tasks. Its report has no seconds. Throws kUnsupported for a configuration with measured_error,
-/// which needs the whole source, or a position_step.
+struct TierOptions {
+  /// Runs every task once, and returns when all are done; may call the function with how many are.
+  std::function<void(std::span<const Task>, const std::function<void(size_t)>&)> run;
+  /// Of everything, up to 0.9: writing the asset is the rest. May throw, to stop.
+  std::function<void(double fraction, std::string_view stage)> progress;
+  /// The input is known to be that of the build that the folder has: it is not read to make sure.
+  bool input_is_same = false;
+};
+
+/// What is left once all units are built.
+struct BuiltTiers {
+  std::vector<std::filesystem::path> parts;  ///< rising by serial number
+  lod::Report report;                        ///< but for what it says of groups
+  uint64_t source_digest = 0;
+  Vec3d origin{};  ///< that positions are relative to
+};
+
+/// Builds all of a source, unit by unit. What the folder has of an earlier build, which was of the
+/// same input and configuration, is taken where it is whole. Throws what build_in_tiers throws, and
+/// kInvalidArgument where the input is another.
+BuiltTiers build_tiers(const io::TriangleSource& source, const lod::Config& config,
+                       const ScaleConfig& scale, const std::filesystem::path& work,
+                       const TierOptions& options);
+
+/// The same, and all groups as one DAG in memory. It is the same for any way to run the tasks. Its
+/// report has no seconds. Throws kUnsupported for a configuration with measured_error, which needs
+/// the whole source, or a position_step.
 lod::Dag build_in_tiers(const io::TriangleSource& source, const lod::Config& config,
                         const ScaleConfig& scale, const std::filesystem::path& work,
                         const TaskRunner& run_tasks);

@@ -52,4 +52,19 @@ std::vector<std::byte> SliceReader::read(uint32_t unit) const {
   return bytes;
 }
 
+void SliceReader::check() const {
+  for (const SliceWriter::Entry& entry : index_) read(static_cast<uint32_t>(entry.unit));
+}
+
+bool is_whole(const std::filesystem::path& path) {
+  if (!std::filesystem::exists(path)) return false;
+  try {
+    SliceReader(path).check();
+    return true;
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kCorrupt) return false;
+    throw;
+  }
+}
+
 }  // namespace umbel::scale

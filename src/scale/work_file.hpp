@@ -87,12 +87,17 @@ class SliceReader {
   explicit SliceReader(const std::filesystem::path& path);
   /// Empty for a unit that the file has nothing for.
   std::vector<std::byte> read(uint32_t unit) const;
+  /// Reads all of it. Throws kCorrupt where a byte has changed.
+  void check() const;
 
  private:
   std::filesystem::path path_;
   InputFile file_;
   std::vector<SliceWriter::Entry> index_;
 };
+
+/// Whether a file of slices is there, and every byte of it is as it was written.
+bool is_whole(const std::filesystem::path& path);
 
 template <typename Record>
 std::vector<std::byte> bytes_of(Record& record) {

@@ -20,9 +20,22 @@ def peak_rss_bytes() -> int:
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024
     import resource
+
+    return _max_rss(resource.RUSAGE_SELF)
+
+
+def worker_peak_rss_bytes() -> int:
+    """The most that any one of the processes had that this one started and that have ended."""
+    import resource
+
+    return _max_rss(resource.RUSAGE_CHILDREN)
+
+
+def _max_rss(who: int) -> int:
+    import resource
     import sys
 
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = resource.getrusage(who).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
 
 

@@ -15,7 +15,8 @@ PATIENCE = 0.7  # seconds without a bar; what is done by then needs none
 class Bar:
     """Shows what a long call reports to it: `with Bar() as bar: work(progress=bar)`."""
 
-    def __init__(self) -> None:
+    def __init__(self, time_left: bool = False) -> None:
+        self._time_left = time_left
         self._started = time.monotonic()
         self._wanted = sys.stderr.isatty()
         self._rich: Any = None
@@ -51,13 +52,20 @@ class Bar:
 
     def _open(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+        from rich.progress import (
+            BarColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
 
         self._rich = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             TextColumn("{task.percentage:>3.0f}%"),
             TimeElapsedColumn(),
+            *([TextColumn("left:"), TimeRemainingColumn()] if self._time_left else []),
             console=Console(stderr=True),
             transient=True,
         )

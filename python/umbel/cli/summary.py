@@ -29,7 +29,7 @@ def build_rows(built: Mapping[str, Any]) -> dict[str, str]:
     size = _size_of(built["input"])
     rows = {
         "input": counted(built["input_triangles"], "triangle")
-        + f", {counted(built['input_vertices'], 'vertex')}"
+        + (f", {counted(built['input_vertices'], 'vertex')}" if built["input_vertices"] else "")
         + (f", {megabytes(size)}" if size is not None else ""),
         "asset": f"{megabytes(built['file_bytes'])}, "
         f"{built['bytes_per_input_triangle']:.1f} bytes a triangle",

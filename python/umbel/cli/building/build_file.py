@@ -44,6 +44,8 @@ class Options:
     measured_error: bool = False
     allow_outside: bool = False
     force: bool = False
+    #: Given or decided by what fits into memory; None: not in units.
+    unit_triangles: int | None = None
 
     def check(self) -> None:
         """Refuses, before any file is read, what would fail with every one."""
@@ -61,16 +63,142 @@ class Options:
 
     def plain(self) -> dict[str, Any]:
         """As an asset's metadata store it."""
-        return {**asdict(self), "group_size": list(self.group_size)}
+        said = {**asdict(self), "group_size": list(self.group_size)}
+        if self.unit_triangles is None:
+            del said["unit_triangles"]
+        return said
 
     def settings(self) -> dict[str, Any]:
         """Those for `build_lod`."""
-        return {k: v for k, v in asdict(self).items() if k not in ("instances", "allow_outside")}
+        other = ("instances", "allow_outside", "unit_triangles")
+        return {k: v for k, v in asdict(self).items() if k not in other}
+
+    def not_in_units(self) -> str | None:
+        """A flag that only a build in memory knows; None where units have all that is asked for."""
+        flags = ("precision", "drop_invalid", "measured_error")
+        found = next((f"--{name.replace('_', '-')}" for name in flags if getattr(self, name)), None)
+        return "--instances on" if found is None and self.instances == "on" else found
 
     @staticmethod
     def of(plain: dict[str, Any]) -> Options:
         """From what `plain` gives."""
         return Options(**{**plain, "group_size": tuple(plain["group_size"])})
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The flags of a build that say what it may take, and do not change the asset."""
+
+    memory: str | None = None
+    work: Path | None = None
+    resume: bool = False
+
+
+def in_units(source: str, output: Path, options: Options, limits: Limits) -> bool:
+    """Whether a file is built unit by unit: it is asked for, was begun that way, or would not fit
+    into memory."""
+    from umbel.scale.memory import as_bytes
+
+    if limits.memory is not None:
+        as_bytes(limits.memory)
+    wanted = options.unit_triangles is not None
+    begun = limits.resume and (limits.work or _work_of(output)).is_dir()
+    large = wanted or begun or (not is_address(source) and _is_too_large(source, limits))
+    if not large:
+        return False
+    flag = options.not_in_units()
+    if flag is None and not is_address(source):
+        return True
+    if flag is None:
+        fail(f"{source}: units are built of files, not of addresses; fetch it first")
+    if wanted or begun or limits.memory is not None:
+        fail(f"{source} does not fit into that memory, and {flag} is not possible unit by unit")
+    return False
+
+
+def _is_too_large(source: str, limits: Limits) -> bool:
+    try:
+        # Most are small, and need nothing imported.
+        if Path(source).stat().st_size < 1 << 20:
+            return False
+    except OSError:
+        return False
+    from umbel.scale.build_asset import is_too_large
+
+    return is_too_large(source, limits.memory)
+
+
+def _work_of(output: Path) -> Path:
+    return output.with_name(output.name + ".work")
+
+
+def build_units(
+    source: str,
+    output: Path,
+    options: Options,
+    limits: Limits,
+    *,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> dict[str, Any]:
+    """As `build_file`, unit by unit."""
+    from umbel.cli.measure import peak_rss_bytes, sha256_of, worker_peak_rss_bytes
+    from umbel.cli.run import say
+    from umbel.scale.build_asset import build_asset
+
+    work = limits.work or _work_of(output)
+    path = Path(source)
+    chosen = {key: getattr(options, key) for key in _IN_UNITS}
+    try:
+        built = build_asset(
+            path,
+            output,
+            memory=limits.memory,
+            work=work,
+            resume=limits.resume,
+            unit_triangles=options.unit_triangles or 0,
+            metadata={"source": {"file": path.name, "options": options.plain()}},
+            progress=progress,
+            threads=threads,
+            **chosen,
+        )
+    except BaseException:
+        if work.is_dir() and (work / "manifest.json").exists():
+            say(f"what is done stays in {work}; the same command with --resume goes on with it")
+        raise
+    size = output.stat().st_size
+    triangles = built["input_triangles"]
+    all_levels = built["triangles_all_levels"]
+    return {
+        "input": source,
+        "output": str(output),
+        "status": "built",
+        "stored_triangles": triangles,
+        **built,
+        "mean_fill": all_levels / (built["clusters"] * (options.max_triangles or 256)),
+        "max_cluster_vertices": None,
+        "dropped_triangles": 0,
+        "meshes": 1,
+        "instances": 1,
+        "file_bytes": size,
+        "bytes_per_input_triangle": size / triangles,
+        "input_vertices": None,
+        "peak_rss_bytes": peak_rss_bytes() + built["workers"] * worker_peak_rss_bytes(),
+        "sha256": sha256_of(output),
+        "triangles_per_second": _rate(built, built["seconds"]),
+    }
+
+
+#: Flags that decide what the asset is, of those that units have.
+_IN_UNITS = (
+    "max_triangles",
+    "max_vertices",
+    "group_size",
+    "attributes",
+    "mix_materials",
+    "seams",
+    "creases",
+)
 
 
 def build_file(

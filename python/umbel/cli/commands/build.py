@@ -13,7 +13,7 @@ from umbel.cli.inputs import AllowOutside
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
-    from umbel.cli.building.build_file import Options
+    from umbel.cli.building.build_file import Limits, Options
 
 _FLAGS = {
     "with force": "with --force",
@@ -24,6 +24,9 @@ _FLAGS = {
     "group size": "--group-size",
     "min_group": "the first number of --group-size",
     "max_group": "the second number of --group-size",
+    "with resume": "with --resume",
+    "unit_triangles": "--unit-triangles",
+    "memory of": "--memory",
 }
 
 
@@ -149,6 +152,34 @@ def command(
         bool,
         typer.Option("--keep-going", help="Of several inputs: go on after one that fails."),
     ] = False,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Build in about so much memory, as in 2GB: a mesh that takes more is built in "
+            "parts, on disk. Without it, three quarters of what is free.",
+        ),
+    ] = None,
+    work: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DIR",
+            help="Where a mesh that does not fit into memory is built, beside the output unless "
+            "it is given. It stays where the build is stopped.",
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on with a build that was stopped, in the same folder."),
+    ] = False,
+    unit_triangles: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Build in parts of at most N triangles (4194304 where memory asks for parts). "
+            "Smaller ones need less memory; the result is another.",
+        ),
+    ] = None,
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
@@ -156,7 +187,7 @@ def command(
     """Build continuous-LOD assets from meshes or scenes.
 
     With --json and several inputs, one object a file is printed, each on a line."""
-    from umbel.cli.building.build_file import Options
+    from umbel.cli.building.build_file import Limits, Options
     from umbel.cli.building.jobs import is_many
 
     options = Options(
@@ -173,13 +204,17 @@ def command(
         measured_error=measured_error,
         force=force,
         allow_outside=allow_outside,
+        unit_triangles=unit_triangles,
     )
     options.check()
     if jobs < 1:
         fail(f"--jobs must be at least 1, not {jobs}")
     if not is_many(inputs, output):
-        _build_one(inputs[0], Path(output), options, skip_unchanged, as_json, threads)
+        limits = Limits(memory, None if work is None else Path(work), resume)
+        _build_one(inputs[0], Path(output), options, limits, skip_unchanged, as_json, threads)
         return
+    if memory is not None or work is not None or resume or unit_triangles is not None:
+        fail("--memory, --work, --resume and --unit-triangles are for one input")
     from umbel.cli.building.build_many import build_many
 
     build_many(
@@ -196,23 +231,33 @@ def command(
 
 
 def _build_one(
-    source: str, output: Path, options: Options, skip_unchanged: bool, as_json: bool, threads: int
+    source: str,
+    output: Path,
+    options: Options,
+    limits: Limits,
+    skip_unchanged: bool,
+    as_json: bool,
+    threads: int,
 ) -> None:
-    from umbel.cli.building.build_file import build_file
+    from umbel.cli.building.build_file import build_file, build_units, in_units
     from umbel.cli.outputs import check_output
     from umbel.cli.progress import Bar
     from umbel.cli.summary import build_rows, print_rows
 
     check_output(output, ".umbel", inputs=[source])
-    with Bar() as bar:
-        result = build_file(
-            source,
-            output,
-            options,
-            skip_unchanged=skip_unchanged,
-            progress=bar,
-            threads=threads,
-        )
+    units = in_units(source, output, options, limits)
+    with Bar(time_left=units) as bar:
+        if units:
+            result = build_units(source, output, options, limits, progress=bar, threads=threads)
+        else:
+            result = build_file(
+                source,
+                output,
+                options,
+                skip_unchanged=skip_unchanged,
+                progress=bar,
+                threads=threads,
+            )
     if as_json:
         show({**result, "warnings": heard}, as_json, str(output))
     elif result["status"] == "unchanged":

@@ -1,0 +1,133 @@
+// Builds in units, through a work folder.
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+
+#include "base/parallel.hpp"
+#include "bind.hpp"
+#include "io/source/plain_source.hpp"
+#include "lod.hpp"
+#include "scale/build_asset.hpp"
+
+namespace umbel::python {
+namespace {
+
+using scale::WorkFolder;
+
+/// A folder that can be given back before the object goes.
+struct HeldFolder {
+  std::unique_ptr<WorkFolder> folder;
+};
+
+scale::ScaleConfig scale_of(uint64_t unit_triangles) {
+  scale::ScaleConfig config;
+  if (unit_triangles > 0) config.capacity = unit_triangles;
+  return config;
+}
+
+Dict finished_dict(const scale::Finished& finished) {
+  Dict result;
+  PUT_FIELDS(result, finished, levels, groups, clusters, triangles, bytes);
+  result["report"] = build_report(finished.report);
+  return result;
+}
+
+Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::Config& config,
+           uint64_t unit_triangles, const std::filesystem::path& path, const nb::object& metadata,
+           const std::string& materials, const nb::typed<nb::list, nb::bytes>& files, bool exact,
+           uint32_t page_bytes, const std::vector<std::string>& command, uint32_t workers,
+           uint64_t input_vertices, bool input_is_same, const nb::object& progress,
+           uint32_t threads) {
+  if (!held.folder) throw Error(ErrorCode::kInvalidArgument, "the work folder was closed");
+  scale::AssetBuild build;
+  build.config = config;
+  build.scale = scale_of(unit_triangles);
+  build.input_vertices = input_vertices;
+  build.input_is_same = input_is_same;
+  build.finish.asset = exact ? AssetConfig::exact() : AssetConfig{};
+  build.finish.asset.page_bytes = page_bytes;
+  build.finish.contents.materials = materials;
+  build.finish.contents.first_materials = {0};
+  for (const nb::handle file : files) {
+    const auto bytes = nb::cast<nb::bytes>(file);
+    const auto* first = static_cast<const std::byte*>(bytes.data());
+    build.finish.contents.files.emplace_back(first, first + bytes.size());
+  }
+  build.finish.metadata = [&](const scale::Finished& finished) {
+    const nb::gil_scoped_acquire held_lock;
+    return nb::cast<std::string>(metadata(finished_dict(finished)));
+  };
+  const io::PlainSource plain(source);
+  const auto executor = command.empty()
+                            ? scale::make_local_executor(held.folder->path())
+                            : scale::make_process_executor(held.folder->path(), command, workers);
+  return finished_dict(run(progress, threads, [&](const BuildOptions& options) {
+    return scale::build_asset(config.attributes ? source : plain, build, *held.folder, *executor,
+                              path, options);
+  }));
+}
+
+}  // namespace
+
+void bind_scale(nb::module_& module) {
+  nb::class_<HeldFolder>(module, "WorkFolder", "The folder of a build that can be resumed.")
+      .def(
+          "__init__",
+          [](HeldFolder* self, const std::filesystem::path& path, const lod::Config& config,
+             uint64_t unit_triangles, const scale::Identity& identity, bool resume) {
+            scale::Identity all = identity;
+            for (auto& field : scale::identity_of(config, scale_of(unit_triangles)))
+              all.push_back(std::move(field));
+            new (self) HeldFolder{std::make_unique<WorkFolder>(path, all, resume)};
+          },
+          "path"_a, "config"_a, "unit_triangles"_a, "identity"_a, "resume"_a,
+          nb::sig("def __init__(self, path: str | os.PathLike[str], config: LodConfig, "
+                  "unit_triangles: int, identity: collections.abc.Sequence[tuple[str, str]], "
+                  "resume: bool) -> None"))
+      .def_prop_ro("is_resumed",
+                   [](const HeldFolder& self) { return self.folder && self.folder->is_resumed(); })
+      .def("close", [](HeldFolder& self) { self.folder.reset(); })
+      .def("remove", [](HeldFolder& self) {
+        if (self.folder) self.folder->remove();
+        self.folder.reset();
+      });
+  module.def(
+      "plan_units",
+      [](const io::TriangleSource& source, const lod::Config& config, uint64_t unit_triangles,
+         uint64_t memory, uint32_t cores) {
+        const io::PlainSource plain(source);
+        const auto streams = config.attributes ? source.streams() : plain.streams();
+        const scale::MemoryPlan plan = scale::plan_memory(memory, cores, source.triangles(),
+                                                          streams, scale_of(unit_triangles));
+        Dict result;
+        PUT_FIELDS(result, plan, unit_bytes, least, workers);
+        return result;
+      },
+      "source"_a, "config"_a, "unit_triangles"_a, "memory"_a, "cores"_a,
+      "How many units fit into so many bytes side by side, and what one takes.");
+  module.def("build_units", &build, "folder"_a, "source"_a, "config"_a, "unit_triangles"_a,
+             "path"_a, "metadata"_a, "materials"_a, "files"_a, "exact"_a, "page_bytes"_a,
+             "command"_a, "workers"_a, "input_vertices"_a, "input_is_same"_a,
+             "progress"_a = nb::none(), "threads"_a = 0,
+             nb::sig("def build_units(folder: WorkFolder, source: TriangleSource, config: "
+                     "LodConfig, unit_triangles: int, path: str | os.PathLike[str], metadata: "
+                     "collections.abc.Callable[[dict[str, typing.Any]], str], materials: str, "
+                     "files: list[bytes], exact: bool, page_bytes: int, command: "
+                     "collections.abc.Sequence[str], workers: int, input_vertices: int, "
+                     "input_is_same: bool, progress: object | None = None, threads: int = 0) -> "
+                     "dict[str, typing.Any]"));
+  module.def(
+      "run_unit",
+      [](const std::filesystem::path& work, uint32_t tier, uint32_t unit, uint32_t threads) {
+        scale::begin_worker();
+        const nb::gil_scoped_release release;
+        with_threads(threads, [&] { scale::run_task(work, {tier, unit}); });
+      },
+      "work"_a, "tier"_a, "unit"_a, "threads"_a,
+      nb::sig("def run_unit(work: str | os.PathLike[str], tier: int, unit: int, threads: int) -> "
+              "None"),
+      "Builds one unit in a process of its own.");
+}
+
+}  // namespace umbel::python

@@ -1,0 +1,1 @@
+"""Building assets of meshes that do not fit into memory."""

@@ -1,0 +1,73 @@
+"""How much memory there is."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from umbel.errors import Error
+
+_UNITS = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+_UNITS |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40}
+
+
+def as_bytes(memory: float | str) -> int:
+    """A number of bytes, or a text such as "2GB"; powers of 1000, and of 1024 for GiB."""
+    size = 0.0
+    if isinstance(memory, str):
+        number = memory.strip().rstrip("BbIiKkMmGgTt")
+        try:
+            size = float(number) * _UNITS[memory.strip()[len(number) :].strip().upper()]
+        except (KeyError, ValueError):
+            size = 0.0
+    else:
+        size = float(memory)
+    if not 1 <= size < 1e18:
+        raise Error(f"memory must be a size such as '2GB', not {memory!r}")
+    return int(size)
+
+
+def free_bytes() -> int:
+    """What this process may still take: of the machine, and of its control group."""
+    free = [_available(), _left_in_group()]
+    return min((size for size in free if size is not None), default=1 << 40)
+
+
+def _available() -> int | None:
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) << 10
+    except (OSError, ValueError, IndexError):
+        pass
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+def _left_in_group() -> int | None:
+    """Of Linux's control groups, version 2 or 1."""
+    try:
+        groups = [line.split(":", 2) for line in Path("/proc/self/cgroup").read_text().splitlines()]
+    except OSError:
+        return None
+    left: list[int] = []
+    for _, controllers, path in (group for group in groups if len(group) == 3):
+        if controllers == "":
+            root, most, used = Path("/sys/fs/cgroup"), "memory.max", "memory.current"
+        elif "memory" in controllers.split(","):
+            root = Path("/sys/fs/cgroup/memory")
+            most, used = "memory.limit_in_bytes", "memory.usage_in_bytes"
+        else:
+            continue
+        folder = root / path.lstrip("/")
+        while True:
+            # It may say "max", or be a group that cannot be seen from here.
+            with contextlib.suppress(OSError, ValueError):
+                left.append(int((folder / most).read_text()) - int((folder / used).read_text()))
+            if folder == root:
+                break
+            folder = folder.parent
+    return max(0, min(left)) if left else None

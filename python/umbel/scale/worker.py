@@ -1,0 +1,31 @@
+"""A process that builds one unit. It ends with 0, or says one sentence and ends with 10 and the
+number of the error's kind."""
+
+from __future__ import annotations
+
+import sys
+
+_CODES = ("invalid_argument", "invalid_mesh", "io", "corrupt", "unsupported", "cancelled", "device")
+_IO, _UNSUPPORTED = _CODES.index("io"), _CODES.index("unsupported")
+
+
+def main(arguments: list[str]) -> int:
+    """Threads, work folder, tier, unit."""
+    from umbel import _umbel
+    from umbel.errors import Error
+
+    threads, work, tier, unit = arguments
+    try:
+        _umbel.run_unit(work, int(tier), int(unit), int(threads))
+        return 0
+    except Error as error:
+        code = _CODES.index(error.code) if error.code in _CODES else _UNSUPPORTED
+        print(error, file=sys.stderr)
+    except MemoryError:
+        code = _IO
+        print(
+            f"unit {unit} of tier {tier} needs more memory than there is: give more, and go on "
+            "with resume",
+            file=sys.stderr,
+        )
+    return 10 + code

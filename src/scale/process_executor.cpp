@@ -1,0 +1,159 @@
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <thread>
+#include <utility>
+
+#include "scale/executor.hpp"
+#include "scale/work_folder.hpp"
+
+#if defined(__unix__) || defined(__APPLE__)
+#define UMBEL_POSIX_PROCESSES 1
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#if defined(__linux__)
+#include <sys/prctl.h>
+#endif
+
+extern char** environ;  // NOLINT(readability-redundant-declaration)
+#endif
+
+namespace umbel::scale {
+
+#if defined(UMBEL_POSIX_PROCESSES)
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// A process that is killed may have been the largest when memory ran out: it is tried again.
+constexpr int kTries = 3;
+
+class ProcessExecutor final : public Executor {
+ public:
+  ProcessExecutor(fs::path work, std::vector<std::string> command, size_t workers)
+      : work_(std::move(work)), command_(std::move(command)), workers_(workers) {}
+
+  ~ProcessExecutor() override {
+    for (const auto& [process, task] : running_) ::kill(process, SIGKILL);
+    for (const auto& [process, task] : running_) ::waitpid(process, nullptr, 0);
+  }
+
+  size_t slots() const override { return workers_; }
+
+  void submit(const Task& task) override {
+    std::vector<std::string> words = command_;
+    words.insert(words.end(),
+                 {work_.string(), std::to_string(task.tier), std::to_string(task.unit)});
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    const std::string said = error_file(task).string();
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, said.c_str(),
+                                     O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    posix_spawn_file_actions_adddup2(&actions, STDERR_FILENO, STDOUT_FILENO);
+    pid_t process = 0;
+    const int error =
+        ::posix_spawnp(&process, words[0].c_str(), &actions, nullptr, arguments.data(), environ);
+    posix_spawn_file_actions_destroy(&actions);
+    if (error != 0)
+      throw Error(ErrorCode::kIo, "a worker cannot be started: " + words[0] + ": " +
+                                      std::generic_category().message(error));
+    running_[process] = task;
+  }
+
+  std::optional<TaskResult> wait(std::chrono::milliseconds most) override {
+    constexpr std::chrono::milliseconds kStep{2};
+    for (std::chrono::milliseconds waited{0};; waited += kStep) {
+      for (const auto& [process, task] : running_) {
+        int status = 0;
+        if (::waitpid(process, &status, WNOHANG) != process) continue;
+        const Task ended = task;
+        running_.erase(process);
+        return finish(ended, status);
+      }
+      if (waited >= most) return std::nullopt;
+      std::this_thread::sleep_for(kStep);
+    }
+  }
+
+ private:
+  fs::path error_file(const Task& task) const { return unit_file(work_, task, ".said"); }
+
+  std::optional<TaskResult> finish(const Task& task, int status) {
+    const fs::path path = error_file(task);
+    std::ifstream file(path, std::ios::binary);
+    std::string said{std::istreambuf_iterator<char>(file), {}};
+    std::error_code ignored;
+    fs::remove(path, ignored);
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return TaskResult{task, {}, {}};
+    while (!said.empty() && (said.back() == '\n' || said.back() == '\r')) said.pop_back();
+    const std::string name =
+        "unit " + std::to_string(task.unit) + " of tier " + std::to_string(task.tier);
+    if (WIFSIGNALED(status)) {
+      if (++killed_[{task.tier, task.unit}] < kTries) {
+        workers_ = std::max<size_t>(1, workers_ / 2);
+        submit(task);
+        return std::nullopt;
+      }
+      said = name + " was killed " + std::to_string(kTries) + " times, by signal " +
+             std::to_string(WTERMSIG(status)) +
+             ": most likely memory ran out; give more, and go on with resume";
+      return TaskResult{task, said, ErrorCode::kIo};
+    }
+    // The last line is the sentence; what is above it is for those who look for a fault.
+    const size_t line = said.find_last_of('\n');
+    if (line != std::string::npos) said = said.substr(line + 1);
+    if (said.empty()) said = name + " could not be built";
+    return TaskResult{task, said, code_of(WEXITSTATUS(status))};
+  }
+
+  // A worker ends with 10 and its error's code.
+  static ErrorCode code_of(int status) {
+    const int code = status - 10;
+    const bool is_code = code >= 0 && code <= static_cast<int>(ErrorCode::kDevice);
+    return is_code ? static_cast<ErrorCode>(code) : ErrorCode::kUnsupported;
+  }
+
+  fs::path work_;
+  std::vector<std::string> command_;
+  size_t workers_;
+  std::map<pid_t, Task> running_;
+  std::map<std::pair<uint32_t, uint32_t>, int> killed_;
+};
+
+}  // namespace
+
+std::unique_ptr<Executor> make_process_executor(fs::path work, std::vector<std::string> command,
+                                                size_t workers) {
+  return std::make_unique<ProcessExecutor>(std::move(work), std::move(command), workers);
+}
+
+void begin_worker() {
+  std::signal(SIGINT, SIG_IGN);
+#if defined(__linux__)
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+#endif
+}
+
+#else
+
+std::unique_ptr<Executor> make_process_executor(std::filesystem::path work,
+                                                std::vector<std::string> /*command*/,
+                                                size_t /*workers*/) {
+  return make_local_executor(std::move(work));
+}
+
+void begin_worker() {}
+
+#endif
+
+}  // namespace umbel::scale

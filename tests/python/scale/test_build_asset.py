@@ -1,0 +1,221 @@
+"""Builds in units: the same bytes however they are run, stopped or resumed; what is refused."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import umbel
+from umbel.scale.build_asset import build_asset, is_too_large
+from umbel.testing import giant
+
+UNIT = 4000
+
+
+@pytest.fixture(scope="module")
+def terrain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("mesh") / "terrain.ply"
+    giant.write(giant.terrain(20_000, seed=3), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def expected(terrain: Path) -> bytes:
+    output = terrain.with_name("expected.umbel")
+    build_asset(terrain, output, unit_triangles=UNIT, workers=1, threads=1)
+    return output.read_bytes()
+
+
+class Stop(Exception):
+    pass
+
+
+def stopping(after: int) -> Any:
+    """A progress callback that raises at its n-th call."""
+    left = [after]
+
+    def report(_fraction: float, _stage: str) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise Stop
+
+    return report
+
+
+def stopped(terrain: Path, output: Path, after: int = 1 << 30, stage: str = "tier 2") -> None:
+    """A build that ends when a stage begins, or after so many reports."""
+
+    def report(fraction: float, name: str) -> None:
+        if name.startswith(stage):
+            raise Stop
+        counted(fraction, name)
+
+    counted = stopping(after)
+    with pytest.raises(Stop):
+        build_asset(terrain, output, unit_triangles=UNIT, workers=1, progress=report)
+
+
+def test_result_is_sound_and_leaves_no_work(terrain: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    report = build_asset(terrain, output, unit_triangles=UNIT)
+    assert umbel.verify(output).ok
+    assert report["input_triangles"] == umbel.load(terrain).triangles.shape[0]
+    assert os.listdir(tmp_path) == ["a.umbel"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_bytes_do_not_depend_on_workers(
+    terrain: Path, expected: bytes, tmp_path: Path, workers: int
+) -> None:
+    output = tmp_path / "a.umbel"
+    build_asset(terrain, output, unit_triangles=UNIT, workers=workers, memory="8GB")
+    assert output.read_bytes() == expected
+
+
+@pytest.mark.parametrize("after", [0, 1, 2, 4, 7])
+def test_stopped_build_goes_on(terrain: Path, expected: bytes, tmp_path: Path, after: int) -> None:
+    output = tmp_path / "a.umbel"
+    stopped(terrain, output, after)
+    assert not output.exists()
+    with pytest.raises(umbel.Error, match="not finished: go on with resume"):
+        build_asset(terrain, output, unit_triangles=UNIT)
+    build_asset(terrain, output, unit_triangles=UNIT, resume=True)
+    assert output.read_bytes() == expected
+    assert not (tmp_path / "a.umbel.work").exists()
+
+
+def test_every_damaged_work_file_is_found(terrain: Path, expected: bytes, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    stopped(terrain, output)
+    kept = tmp_path / "kept"
+    shutil.copytree(tmp_path / "a.umbel.work", kept)
+    kinds: dict[str, Path] = {}
+    for path in sorted(kept.rglob("*")):
+        if path.is_file() and path.parent.name in ("unit", "route"):
+            kinds.setdefault(f"{path.parent.parent.name}{path.suffix}", path)
+    assert len(kinds) >= 4
+    for path in kinds.values():
+        shutil.rmtree(tmp_path / "a.umbel.work")
+        shutil.copytree(kept, tmp_path / "a.umbel.work")
+        damaged = tmp_path / "a.umbel.work" / path.relative_to(kept)
+        data = bytearray(damaged.read_bytes())
+        data[len(data) // 3] ^= 0x10
+        damaged.write_bytes(data)
+        shutil.copytree(tmp_path / "a.umbel.work", tmp_path / "again")
+        build_asset(
+            terrain, output, unit_triangles=UNIT, resume=True, work=tmp_path / "again", workers=1
+        )
+        assert output.read_bytes() == expected, path.name
+
+
+def test_changed_input_is_refused(terrain: Path, tmp_path: Path) -> None:
+    mesh = tmp_path / "mesh.ply"
+    shutil.copy(terrain, mesh)
+    stopped(mesh, tmp_path / "a.umbel")
+    data = bytearray(mesh.read_bytes())
+    data[-40] ^= 1
+    time.sleep(0.01)
+    mesh.write_bytes(data)
+    with pytest.raises(umbel.Error, match=r"input has changed|vertex index"):
+        build_asset(mesh, tmp_path / "a.umbel", unit_triangles=UNIT, resume=True)
+
+
+def test_touched_input_is_not(terrain: Path, expected: bytes, tmp_path: Path) -> None:
+    stopped(terrain, tmp_path / "a.umbel")
+    os.utime(terrain)
+    build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, resume=True)
+    assert (tmp_path / "a.umbel").read_bytes()[-1000:] == expected[-1000:]
+
+
+def test_other_setting_is_refused_by_name(terrain: Path, tmp_path: Path) -> None:
+    stopped(terrain, tmp_path / "a.umbel")
+    with pytest.raises(umbel.Error, match="max_triangles was 128 and is now 64"):
+        build_asset(
+            terrain, tmp_path / "a.umbel", unit_triangles=UNIT, resume=True, max_triangles=64
+        )
+
+
+def test_two_builds_in_one_folder_are_refused(terrain: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    said: list[str] = []
+
+    def report(_fraction: float, stage: str) -> None:
+        if stage.startswith("tier") and not said:
+            with pytest.raises(umbel.Error) as error:
+                build_asset(terrain, output, unit_triangles=UNIT, resume=True)
+            said.append(str(error.value))
+
+    build_asset(terrain, output, unit_triangles=UNIT, progress=report)
+    assert "another build is at work" in said[0]
+
+
+def test_folder_of_somebody_else_stays(terrain: Path, tmp_path: Path) -> None:
+    (tmp_path / "precious.txt").write_text("mine")
+    with pytest.raises(umbel.Error, match=r"precious\.txt"):
+        build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, work=tmp_path)
+    assert (tmp_path / "precious.txt").read_text() == "mine"
+
+
+def test_too_little_memory_says_what_would_do(terrain: Path, tmp_path: Path) -> None:
+    with pytest.raises(umbel.Error, match=r"need 0\.\d+ GB"):
+        build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, memory="50MB")
+
+
+def test_blocks_build_what_the_file_does(terrain: Path, tmp_path: Path) -> None:
+    mesh = umbel.load(terrain)
+    half = len(mesh.triangles) // 2
+    blocks = [(mesh.positions, mesh.triangles[:half]), (mesh.positions, mesh.triangles[half:])]
+    build_asset(blocks, tmp_path / "a.umbel", unit_triangles=UNIT)
+    assert umbel.verify(tmp_path / "a.umbel").ok
+    one, other = umbel.Asset(tmp_path / "a.umbel"), terrain.with_name("expected.umbel")
+    assert np.array_equal(one.tables.groups, umbel.Asset(other).tables.groups)
+
+
+def umbel_command(*words: object) -> list[str]:
+    return [sys.executable, "-m", "umbel", *map(str, words)]
+
+
+def test_killed_command_goes_on(terrain: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    command = umbel_command("build", terrain, "-o", output, "--unit-triangles", UNIT)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    units = tmp_path / "a.umbel.work" / "t0" / "unit"
+    while process.poll() is None and not list(units.glob("*.done")):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not output.exists()
+    subprocess.run([*command, "--resume"], check=True, stdout=subprocess.DEVNULL)
+    assert umbel.verify(output).ok
+    assert os.listdir(tmp_path) == ["a.umbel"]
+
+
+def test_full_disk_is_a_sentence_and_resumable(terrain: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    command = umbel_command("build", terrain, "-o", output, "--unit-triangles", UNIT)
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=limit)
+    assert done.returncode == 1
+    assert "File too large" in done.stderr
+    assert "--resume" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not output.exists()
+    subprocess.run([*command, "--resume"], check=True, stdout=subprocess.DEVNULL)
+    assert umbel.verify(output).ok
+
+
+def test_small_files_are_never_too_large(terrain: Path) -> None:
+    assert not is_too_large(terrain, memory="1MB")
