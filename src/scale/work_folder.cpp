@@ -94,7 +94,8 @@ bool is_temporary(const fs::path& path) {
 // What a build makes in its folder: files of these names, and folders t0, t1, ...
 bool is_own(const fs::path& path) {
   const std::string name = path.filename().string();
-  if (name == "manifest.json" || name == "lock" || name == "source" || name == "source_stamp" || is_temporary(path))
+  if (name == "manifest.json" || name == "lock" || name == "source" || name == "source_stamp" ||
+      is_temporary(path))
     return true;
   return name.size() > 1 && name[0] == 't' &&
          name.find_first_not_of("0123456789", 1) == std::string::npos;
