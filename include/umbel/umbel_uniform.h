@@ -34,7 +34,8 @@ typedef struct umbel_uniform_config {
   float density;           ///< [0.001, 16] grid: cells a triangle of the top level
   float leaf_density;      ///< [0.001, 16] grid: cells of a cell's own grid for each triangle there
   float max_references;    ///< [1, 64] grid, octree: most references a triangle
-  uint32_t max_leaf_size;  ///< [1, 64] octree, intervals: so few triangles are not cut any more
+  uint32_t max_leaf_size;  ///< [1, 64] octree, intervals: so few triangles are not cut any more;
+                           ///< 0: 8 of an octree, 4 of intervals
   uint32_t max_depth;      ///< [1, 20] octree; 0: 6 + log4(triangles)
   uint32_t drop_invalid;   ///< nonzero: leave out triangles with a NaN or infinite vertex
   uint32_t compact;        ///< nonzero: triangles share vertices; less memory, slower rays

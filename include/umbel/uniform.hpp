@@ -50,7 +50,7 @@ class UMBEL_API TwoLevelGrid : public TriangleQueries {
 };
 
 struct OctreeConfig {
-  uint32_t max_leaf_size = 4;  ///< 1..64: cells of so few triangles are not cut any more
+  uint32_t max_leaf_size = 8;  ///< 1..64: cells of so few triangles are not cut any more
   uint32_t max_depth = 0;      ///< 1..20; 0: 6 + log4(triangles)
   float max_references = 16;   ///< 1..64: most references a triangle, which bounds memory
   bool compact = false;        ///< as above

@@ -30,7 +30,6 @@ umbel_uniform_config default_config() {
   result.density = grid.density;
   result.leaf_density = grid.leaf_density;
   result.max_references = grid.max_references;
-  result.max_leaf_size = octree.max_leaf_size;
   result.max_depth = octree.max_depth;
   result.simd = static_cast<uint32_t>(grid.simd);
   result.traversal_cost = grid.cost.traversal;
@@ -63,14 +62,14 @@ umbel_uniform build(const umbel_uniform_config& given, const umbel_bvh_mesh* mes
   }
   if (given.structure == UMBEL_UNIFORM_OCTREE) {
     uniform::OctreeConfig config;
-    config.max_leaf_size = given.max_leaf_size;
+    if (given.max_leaf_size != 0) config.max_leaf_size = given.max_leaf_size;
     config.max_depth = given.max_depth;
     config.max_references = given.max_references;
     return build<uniform::Octree>(config, given, mesh, options);
   }
   if (given.structure == UMBEL_UNIFORM_INTERVALS) {
     uniform::IntervalConfig config;
-    config.max_leaf_size = given.max_leaf_size;
+    if (given.max_leaf_size != 0) config.max_leaf_size = given.max_leaf_size;
     return build<uniform::IntervalHierarchy>(config, given, mesh, options);
   }
   throw Error(ErrorCode::kInvalidArgument,

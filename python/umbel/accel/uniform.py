@@ -109,7 +109,7 @@ class Octree(_Uniform):
         triangles: ArrayLike | None = None,
         threads: int = 0,
         *,
-        max_leaf_size: int = 4,
+        max_leaf_size: int = 8,
         max_depth: int | None = None,
         max_references: float = 16,
         **options: Unpack[CommonOptions],
