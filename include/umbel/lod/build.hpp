@@ -72,7 +72,8 @@ struct Config {
   /// cannot have fewer triangles than it needs.
   bool lock_borders = false;
   /// Errors are distances to the source, sampled in both directions through hierarchies over both
-  /// surfaces (docs/lod.md), instead of sums of what each step moved. Slower, and closer.
+  /// surfaces, with a margin (docs/lod.md), instead of sums of what each step moved. Slower, and
+  /// closer, but no bound.
   bool measured_error = false;
 };
 

@@ -14,8 +14,6 @@ namespace {
 // Points of the source that a cluster carries; half of them are the farthest. A cluster of a coarse
 // level stands for more of the source, and there are fewer of them.
 constexpr size_t kCarried = 16, kMostCarried = 512;
-// Triangles of a simplified group that are sampled; a quarter of them are the largest.
-constexpr size_t kSampled = 512;
 // Distances change by no more than the way between samples does, and are larger than at the
 // samples by less than this nearly everywhere.
 constexpr float kMargin = 1.5f;
@@ -23,30 +21,6 @@ constexpr float kMargin = 1.5f;
 constexpr float kKnownWell = 0.5f;
 
 using Corners = std::array<Vec3, 3>;
-
-// The largest triangles, and others at even steps.
-std::vector<uint32_t> triangles_to_sample(std::span<const Corners> triangles) {
-  const size_t count = triangles.size();
-  std::vector<uint32_t> order(count);
-  std::iota(order.begin(), order.end(), 0u);
-  if (count <= kSampled) return order;
-  std::vector<float> areas(count);
-  for (size_t t = 0; t < count; ++t) {
-    const auto& [a, b, c] = triangles[t];
-    const Vec3 n = cross(b - a, c - a);
-    areas[t] = dot(n, n);
-  }
-  const auto larger = [&](uint32_t a, uint32_t b) {
-    return areas[a] != areas[b] ? areas[a] > areas[b] : a < b;
-  };
-  const size_t largest = kSampled / 4;
-  std::nth_element(order.begin(), order.begin() + largest, order.end(), larger);
-  std::sort(order.begin() + largest, order.end());
-  const size_t step = (count - largest) / (kSampled - largest);
-  std::vector<uint32_t> chosen(order.begin(), order.begin() + largest);
-  for (size_t i = largest; i < count; i += std::max<size_t>(step, 1)) chosen.push_back(order[i]);
-  return chosen;
-}
 
 // The middle of its longest side, where a triangle is farthest from its corners.
 Vec3 middle_of(const Corners& p) {
@@ -62,19 +36,21 @@ Vec3 middle_of(const Corners& p) {
 }  // namespace
 
 SurfaceDistance::SurfaceDistance(const Source& source, const ClusterSet& clusters)
-    : source_(source) {
+    : source_(source), first_new_(source.mesh.positions.size()) {
   surface_.build(clusters, source.mesh.positions, source.scale, true);
 }
 
-std::vector<std::vector<Vec3>> SurfaceDistance::first_samples(const ClusterSet& clusters) const {
-  std::vector<std::vector<Vec3>> samples(clusters.size());
-  parallel_for(clusters.size(), 256, [&](size_t c) {
-    const auto vertices = clusters.cluster_vertices(c);
-    const size_t count = std::min(vertices.size(), kCarried);
-    for (size_t i = 0; i < count; ++i)
-      samples[c].push_back(position(vertices[i * vertices.size() / count]));
-  });
-  return samples;
+void SurfaceDistance::add_vertices(const ClusterSet& set, std::span<const uint32_t> clusters,
+                                   std::vector<Vec3>& samples) const {
+  std::vector<uint32_t> vertices;
+  for (uint32_t c : clusters)
+    for (uint32_t v : set.cluster_vertices(c)) {
+      const uint32_t id = source_.has_wedges ? source_.position_ids[v] : v;
+      if (id < first_new_) vertices.push_back(id);
+    }
+  std::sort(vertices.begin(), vertices.end());
+  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  for (uint32_t v : vertices) samples.push_back(position(v));
 }
 
 Measured SurfaceDistance::measure(const ClusterSet& made, std::span<const Vec3> samples,
@@ -100,21 +76,18 @@ Measured SurfaceDistance::measure(const ClusterSet& made, std::span<const Vec3> 
     hint = at.block;
   }
 
-  std::vector<Corners> triangles;
-  triangles.reserve(made.triangle_count());
+  hint = kNone;
   for (size_t c = 0; c < made.size(); ++c) {
     const auto vertices = made.cluster_vertices(c);
     const auto corners = made.cluster_corners(c);
-    for (size_t i = 0; i < corners.size(); i += 3)
-      triangles.push_back({position(vertices[corners[i]]), position(vertices[corners[i + 1]]),
-                           position(vertices[corners[i + 2]])});
-  }
-  hint = kNone;
-  for (uint32_t t : triangles_to_sample(triangles)) {
-    const TriangleDistanceTree::Nearest at =
-        surface_.nearest(middle_of(triangles[t]), farthest, hint);
-    farthest = std::max(farthest, at.squared);
-    hint = at.block;
+    for (size_t i = 0; i < corners.size(); i += 3) {
+      const Vec3 middle =
+          middle_of({position(vertices[corners[i]]), position(vertices[corners[i + 1]]),
+                     position(vertices[corners[i + 2]])});
+      const TriangleDistanceTree::Nearest at = surface_.nearest(middle, farthest, hint);
+      farthest = std::max(farthest, at.squared);
+      hint = at.block;
+    }
   }
   farthest = std::sqrt(farthest);
   result.distance = farthest / source_.scale;

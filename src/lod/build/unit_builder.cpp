@@ -56,7 +56,7 @@ void UnitBuilder::make_finest_level(std::vector<PositionPair>* undecided) {
       [&] { grouper_.prepare(unit_.pending); });
   if (!config_.measured_error) return;
   surface_distance_ = std::make_unique<SurfaceDistance>(unit_.source, unit_.pending);
-  samples_ = surface_distance_->first_samples(unit_.pending);
+  samples_.resize(unit_.pending.size());
 }
 
 void UnitBuilder::run(uint32_t rounds) {
@@ -142,6 +142,7 @@ void UnitBuilder::measure(const Clusters& groups, const std::vector<GroupResult>
     std::vector<Vec3> samples;
     for (uint32_t c : members_of(groups, g))
       samples.insert(samples.end(), samples_[c].begin(), samples_[c].end());
+    surface_distance_->add_vertices(unit_.pending, members_of(groups, g), samples);
     measured[g] = surface_distance_->measure(results[g].clusters, samples, unit_.level);
   });
 }

@@ -8,6 +8,8 @@ namespace {
 
 // Components may be removed where the error is more than this part of the group's extent.
 constexpr float kPruneAbove = 0.01f;
+// What one collapse may cost attributes in any case, as a part of the group's extent.
+constexpr float kAttributeLoss = 0.01f;
 // Of the triangles; to get from these to the target only collapses are done that cost little more.
 constexpr float kLimitBelow = 0.85f;
 
@@ -74,6 +76,8 @@ Candidate CollapseMethods::regular(size_t target, size_t good) {
   if (!group_.has_non_manifold && !group_.source.has_wedges) given.unlimited_until = good;
   given.pause_above = kPruneAbove;
   given.pause_until = good;
+  given.keep_attributes_below = good;
+  given.attribute_loss = kAttributeLoss;
   run_with_removal(given, target);
   if (group_.has_non_manifold && collapser_.has_moved_non_manifold() &&
       !check_.faults(collapser_.triangles()).empty()) {

@@ -68,6 +68,8 @@ void EdgeCollapser::collapse_all() {
     const bool is_above = left > input.limit_below;
     if (is_above) cost_limit_ = kMostRise * costs_.largest_squared_error();
     is_unlimited_ = is_unlimited_to_the_end_ || is_above;
+    if (left > input.keep_attributes_below)
+      attribute_limit_ = std::max(attribute_limit_, kMostRise * costs_.largest_attribute_loss());
     process(queue_.pop());
   }
   if (!is_paused_) mesh_.copy_triangles(result_);
@@ -86,6 +88,8 @@ void EdgeCollapser::load(const CollapseInput& input) {
   may_pause_ = std::isfinite(input.pause_above);
   pause_above_ = input.pause_above * mesh_.extent();
   pause_above_ *= pause_above_;
+  attribute_limit_ = input.attribute_loss * mesh_.extent();
+  attribute_limit_ *= attribute_limit_;
   limiting_factors_.assign(mesh_.position_count(), LimitingFactor::kCost);
   choices_.resize(mesh_.position_count());
   states_.assign(mesh_.position_count(), State::kCurrent);
@@ -123,10 +127,20 @@ void EdgeCollapser::process(uint32_t p) {
       return queue_.set(p, choices_[p].rank);
     }
   }
+  if (legal && loses_attributes(p, target)) {
+    limiting_factors_[p] = LimitingFactor::kCost;
+    return;
+  }
   if (legal)
     collapse(p, target);
   else
     collapse_loop();
+}
+
+// A vertex may go a small way and yet take a large triangle's texture coordinates across a seam.
+bool EdgeCollapser::loses_attributes(uint32_t p, uint32_t target) {
+  return mesh_.triangle_count() <= mesh_.input().keep_attributes_below &&
+         !(costs_.squared_attribute_error(p, target) <= attribute_limit_);
 }
 
 void EdgeCollapser::enqueue_postponed() {

@@ -76,6 +76,7 @@ class EdgeCollapser {
   void enqueue_best(uint32_t p);
   void enqueue_best_legal(uint32_t p);
   void enqueue_postponed();
+  bool loses_attributes(uint32_t p, uint32_t target);
   void offer(uint32_t p, uint32_t target);
   void choose(uint32_t p, const Choice& choice);
   void collapse(uint32_t p, uint32_t target);
@@ -94,8 +95,9 @@ class EdgeCollapser {
   RemovableComponents components_{mesh_};
 
   size_t target_ = 0;
-  float cost_limit_ = 0.0f;   // as a squared distance
-  float pause_above_ = 0.0f;  // as a squared distance
+  float cost_limit_ = 0.0f;       // as a squared distance
+  float pause_above_ = 0.0f;      // as a squared distance
+  float attribute_limit_ = 0.0f;  // as a squared distance
   bool is_unlimited_ = false, is_unlimited_to_the_end_ = false;
   bool may_pause_ = false, is_paused_ = false, has_moved_non_manifold_ = false;
   BucketQueue queue_;                             // of positions, then components

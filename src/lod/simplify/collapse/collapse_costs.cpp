@@ -61,7 +61,7 @@ class RanksOfMoves {
 void CollapseCosts::build() {
   const size_t count = mesh_.position_count();
   area_ = 0.0;
-  largest_ = largest_of_attributes_ = 0.0f;
+  largest_ = largest_of_attributes_ = largest_attribute_loss_ = 0.0f;
   displacements_.assign(count, 0.0f);
   quadrics_.assign(count, Quadric{});
   for (size_t t = 0; t < mesh_.input().triangles.size(); t += 4) add_planes(t);
@@ -261,23 +261,25 @@ CollapseCosts::Choice CollapseCosts::cheapest_of_smooth_moves(uint32_t p) const 
   return best;
 }
 
+float CollapseCosts::squared_attribute_error(uint32_t p, uint32_t target) {
+  if (attributes_.is_empty()) return 0.0f;
+  const WedgeMap::Move whole{p, target, true};
+  if (!mesh_.has_wedges()) wedges_.set({&whole, 1});
+  return kAttributesInError * wedges_.cost(mesh_.point(target) - mesh_.point(p));
+}
+
 void CollapseCosts::merge(uint32_t p, uint32_t target) {
   const Vec3 d = mesh_.point(target) - mesh_.point(p);
   const bool merges = !mesh_.is_fixed(target);
   const float value = std::max(value_at(quadrics_[p], d), 0.0f);
-  float attributes = 0.0f;
-  if (!attributes_.is_empty()) {
-    const WedgeMap::Move whole{p, target, true};
-    if (!mesh_.has_wedges()) wedges_.set({&whole, 1});
-    attributes = wedges_.cost(d);
-    if (merges) wedges_.merge(d, attributes_);
-  }
+  const float attributes = squared_attribute_error(p, target);
+  if (merges && !attributes_.is_empty()) wedges_.merge(d, attributes_);
   const float moved = displacements_[p] + length(d), weight = quadrics_[p].weight;
   displacements_[target] = std::max(displacements_[target], moved);
   if (weight > 0.0f) {
     largest_ = std::max(largest_, std::min(value / weight, moved * moved));
-    largest_of_attributes_ =
-        std::max(largest_of_attributes_, std::min(kAttributesInError * attributes, moved * moved));
+    largest_of_attributes_ = std::max(largest_of_attributes_, std::min(attributes, moved * moved));
+    largest_attribute_loss_ = std::max(largest_attribute_loss_, attributes);
   }
   if (!merges) return;
   add_moved(quadrics_[target], quadrics_[p], d, value);

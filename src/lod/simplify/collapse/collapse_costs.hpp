@@ -57,6 +57,9 @@ class CollapseCosts {
 
   /// The squared distance that a collapse adds to the error.
   float squared_error(uint32_t p, uint32_t target) const;
+  /// The same of the attributes, however little the vertices move. The wedge map holds what the
+  /// vertices of p become.
+  float squared_attribute_error(uint32_t p, uint32_t target);
   /// Adds p's quadrics to the target's, and what the collapse costs to the errors. The wedge map
   /// holds what the vertices of p become.
   void merge(uint32_t p, uint32_t target);
@@ -65,6 +68,8 @@ class CollapseCosts {
 
   float largest_squared_error() const { return largest_; }
   float largest_squared_attribute_error() const { return largest_of_attributes_; }
+  /// Of collapses whose vertices moved less, too.
+  float largest_attribute_loss() const { return largest_attribute_loss_; }
   double area() const { return area_; }
 
  private:
@@ -86,6 +91,7 @@ class CollapseCosts {
   std::vector<Move> moves_;
   double area_ = 0.0;
   float largest_ = 0.0f, largest_of_attributes_ = 0.0f;  // squared distances
+  float largest_attribute_loss_ = 0.0f;
 };
 
 inline float CollapseCosts::rank_of_position(uint32_t p, uint32_t target) const {

@@ -36,6 +36,10 @@ struct CollapseInput {
   /// than `pause_until` triangles are left, the loop pauses.
   float pause_above = std::numeric_limits<float>::infinity();
   size_t pause_until = std::numeric_limits<size_t>::max();
+  /// With fewer triangles than this, attributes may lose at most this part of the extent in one
+  /// collapse, or little more than in those before it.
+  size_t keep_attributes_below = 0;
+  float attribute_loss = std::numeric_limits<float>::infinity();
   bool non_manifold_moves = false;  ///< manifold positions move as non-manifold ones do
   bool allow_flips = false;         ///< triangles may flip
 };

@@ -361,6 +361,35 @@ TEST(EdgeCollapser, after_a_pause_it_goes_on_as_if_there_had_been_none) {
   EXPECT_EQ(collapser.error(), error);
 }
 
+// On a plane, so that positions cost nothing: a step of an attribute along a line.
+TEST(EdgeCollapser, attributes_may_stop_it_short_of_its_target) {
+  SubMesh sub_mesh(shapes::grid(16, 16));
+  for (const size_t corner : {0, 16, 272, 288}) sub_mesh.locked[corner] = 1;
+  const auto& positions = sub_mesh.mesh.positions;
+  for (const Vec3& p : positions) sub_mesh.attributes.push_back(p.x < 0.47f ? 0.0f : 100.0f);
+  sub_mesh.weights = {1.0f};
+  // How wide the widest triangle is that has both values.
+  const auto widest = [&](const std::vector<Triangle>& triangles) {
+    float result = 0.0f;
+    for (const Triangle& t : triangles) {
+      const auto [low, high] =
+          std::minmax({positions[t[0]].x, positions[t[1]].x, positions[t[2]].x});
+      if (low < 0.47f && high >= 0.47f) result = std::max(result, high - low);
+    }
+    return result;
+  };
+  EdgeCollapser collapser;
+  CollapseInput input = sub_mesh.input();
+  collapser.run(input, 2);
+  EXPECT_LT(collapser.triangles().size(), 6u);
+  input.keep_attributes_below = 300;
+  input.attribute_loss = 0.01f;
+  collapser.run(input, 2);
+  EXPECT_GE(collapser.triangles().size(), 6u);
+  EXPECT_LT(collapser.triangles().size(), 200u);
+  EXPECT_LT(widest(collapser.triangles()), 0.13f);
+}
+
 TEST(EdgeCollapser, small_components_go_once_larger_ones_would_pay_for_them) {
   Mesh mesh = shapes::blob(4, 3);
   const uint32_t large = static_cast<uint32_t>(mesh.positions.size());
