@@ -153,7 +153,7 @@ class BuilderComparison {
   std::vector<StageTime> build(const Scene& scene, const cuda::DeviceBvhConfig& config, int runs,
                                size_t& scratch_bytes) {
     const auto build = [&](void* scratch, const auto& stage) {
-      cuda::run(scratch, scratch_bytes, backend_.stream(), [&](auto& exec) {
+      cuda::run(scratch, scratch_bytes, backend_.stream(), scene.nodes.data(), [&](auto& exec) {
         cuda::build_compact(exec, scene.corners(), nullptr, scene.n, config,
                             {scene.nodes.data(), scene.leaves.data(), scene.info.data()}, stage);
       });

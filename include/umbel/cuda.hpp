@@ -3,6 +3,7 @@
 
 #include "umbel/cuda_bvh.hpp"
 #include "umbel/cuda_clusters.hpp"
+#include "umbel/cuda_memory.hpp"
 #include "umbel/cuda_select.hpp"
 #include "umbel/cuda_trace.hpp"
 #include "umbel/cuda_types.hpp"

@@ -100,6 +100,10 @@ struct DeviceFeedback {
   uint32_t* requests = nullptr;
 };
 
+/// Writes a view into device memory, behind what is in the stream. Nothing waits; a captured graph
+/// writes this view again at every replay.
+UMBEL_API void put_view(const lod::View& view, lod::View* to, Stream stream = nullptr);
+
 /// Selects. With pages, an instance shows what it can with what is there: a group is refined only
 /// if its page is there and all groups made from it are refined, so there is no hole and no overlap
 /// whatever is missing. A page is wanted if a group of it must be refined and one of the groups

@@ -79,6 +79,10 @@ typedef struct umbel_cuda_feedback {
   uint32_t* requests;  ///< room for one a page
 } umbel_cuda_feedback;
 
+/// Writes a view of the host into device memory, in the stream, without waiting.
+UMBEL_C_API umbel_result umbel_cuda_put_view(const umbel_lod_view* view, umbel_lod_view* to,
+                                             void* stream);
+
 /// `pages` and `feedback` may be NULL: then everything is there. `out` may be while `scratch` is.
 UMBEL_C_API umbel_result umbel_cuda_select(
     void* scratch, size_t* scratch_bytes, const umbel_cuda_tables* tables,

@@ -69,7 +69,7 @@ void build_bvh(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
                const DeviceBvhConfig& config, const DeviceBvh& out, Stream stream) {
   device_references(mesh.triangles, config);
   const MeshCorners corners = corners_of(mesh);
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, mesh.positions, [&](auto& exec) {
     build_compact(exec, corners, mesh.items, mesh.triangles, config, view(out), NoStages{});
   });
 }
@@ -79,10 +79,10 @@ void refit_bvh(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
   const uint32_t references = device_references(mesh.triangles, config);
   const MeshCorners corners = corners_of(mesh);
   if (references == 0) {
-    run(scratch, scratch_bytes, stream, [](auto&) {});
+    run(scratch, scratch_bytes, stream, mesh.positions, [](auto&) {});
     return;
   }
-  run(scratch, scratch_bytes, stream,
+  run(scratch, scratch_bytes, stream, mesh.positions,
       [&](auto& exec) { refit_triangles(exec, corners, references, view(bvh)); });
 }
 

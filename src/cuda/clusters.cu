@@ -24,7 +24,7 @@ void build_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh
   const cluster::FrameMesh input{positions_of(mesh),
                                  reinterpret_cast<const Triangle*>(mesh.indices), mesh.items,
                                  mesh.triangles};
-  run(scratch, scratch_bytes, stream,
+  run(scratch, scratch_bytes, stream, mesh.positions,
       [&](auto& exec) { cluster::build_frame(exec, input, checked, view(out)); });
 }
 
@@ -32,7 +32,7 @@ void measure_frame_clusters(void* scratch, size_t& scratch_bytes, uint32_t trian
                             const FrameClusterConfig& config, const DeviceClusters& clusters,
                             const DeviceAreaGrowth& growth, bool is_new, Stream stream) {
   const uint32_t most = cluster::CheckedFrameConfig::of(config, triangles).most_clusters(triangles);
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, clusters.offsets, [&](auto& exec) {
     cluster::measure_area_growth(exec, view(clusters), most, view(growth), is_new);
   });
 }
@@ -45,7 +45,7 @@ void refit_frame_clusters(void* scratch, size_t& scratch_bytes, const DeviceMesh
   const cluster::FrameMesh ordered{positions_of(mesh),
                                    reinterpret_cast<const Triangle*>(clusters.indices), nullptr,
                                    mesh.triangles};
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, mesh.positions, [&](auto& exec) {
     exec.for_each_team(most, cluster::RefitCluster{ordered, view(clusters)});
     cluster::measure_area_growth(exec, view(clusters), most, view(growth), false);
   });
@@ -61,7 +61,7 @@ void rebuild_worst_frame_clusters(void* scratch, size_t& scratch_bytes, const De
     throw Error(ErrorCode::kInvalidArgument,
                 "with max_vertices, only all clusters together can be rebuilt");
   const cluster::Positions positions = positions_of(mesh);
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, mesh.positions, [&](auto& exec) {
     cluster::rebuild_worst(exec, positions, checked, view(clusters), view(growth), mesh.triangles,
                            budget, view(out), view(out_growth));
   });
@@ -74,7 +74,7 @@ void list_frame_vertices(void* scratch, size_t& scratch_bytes, uint32_t triangle
   if (!checked.max_vertices && 3 * checked.block.max_items > cluster::FewVertices::kMost)
     throw Error(ErrorCode::kInvalidArgument,
                 "clusters may have more vertices than a byte can count: set max_vertices");
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, clusters.offsets, [&](auto& exec) {
     cluster::list_vertices(exec, view(clusters), checked.most_clusters(triangles),
                            {out.offsets, out.vertices, out.corners});
   });

@@ -11,6 +11,7 @@
 #include <algorithm>
 
 #include "cuda/cuda_exec.cuh"
+#include "cuda/device_guard.hpp"
 #else
 #include "base/exec.hpp"
 #endif
@@ -19,9 +20,11 @@ namespace umbel::cuda {
 
 #if defined(__CUDACC__)
 
-/// Runs work(executor) over the scratch memory, or finds out how much it needs.
+/// Runs work(executor) over the scratch memory, or finds out how much it needs. `place` is memory
+/// of the device to work on, which need not be the current one.
 template <typename Work>
-void run(void* scratch, size_t& scratch_bytes, Stream stream, const Work& work) {
+void run(void* scratch, size_t& scratch_bytes, Stream stream, const void* place, const Work& work) {
+  const DeviceGuard guard(scratch ? scratch : place);
   Arena arena = scratch ? Arena(scratch, scratch_bytes) : Arena();
   CudaExec exec(stream, arena);
   work(exec);
@@ -29,16 +32,32 @@ void run(void* scratch, size_t& scratch_bytes, Stream stream, const Work& work) 
   if (!scratch) scratch_bytes = std::max(arena.most(), Arena::kAlignment);
 }
 
+/// Runs what takes no scratch memory.
+template <typename Work>
+void run_alone(Stream stream, const void* place, const Work& work) {
+  const DeviceGuard guard(place);
+  Arena arena(nullptr, 0);
+  CudaExec exec(stream, arena);
+  work(exec);
+}
+
 #else
 
 /// The same interface. This executor allocates by itself; `scratch` only tells whether to run.
 template <typename Work>
-void run(void* scratch, size_t& scratch_bytes, Stream /*stream*/, const Work& work) {
+void run(void* scratch, size_t& scratch_bytes, Stream /*stream*/, const void* /*place*/,
+         const Work& work) {
   CpuExec exec;
   if (scratch)
     work(exec);
   else
     scratch_bytes = 256;
+}
+
+template <typename Work>
+void run_alone(Stream /*stream*/, const void* /*place*/, const Work& work) {
+  CpuExec exec;
+  work(exec);
 }
 
 #endif

@@ -38,7 +38,7 @@ void check_device_tables(const lod::Tables& tables) {
 void mark_resident_groups(void* scratch, size_t& scratch_bytes, const DeviceTables& tables,
                           const Range* levels, uint32_t level_count, const DevicePages& pages,
                           Stream stream) {
-  run(scratch, scratch_bytes, stream,
+  run(scratch, scratch_bytes, stream, tables.groups,
       [&](auto& exec) { mark_groups(exec, tables, levels, level_count, pages); });
 }
 
@@ -50,8 +50,23 @@ void select_instances(void* scratch, size_t& scratch_bytes, const DeviceTables& 
                 std::to_string(scene.instance_count) + " instances of a mesh of " +
                     std::to_string(tables.group_count) +
                     " groups are too many for one selection: together at most 2^32 - 2");
-  run(scratch, scratch_bytes, stream,
+  run(scratch, scratch_bytes, stream, tables.groups,
       [&](auto& exec) { select_by_queue(exec, tables, scene, pages, room, out, feedback); });
+}
+
+namespace {
+
+/// The view is part of the work: nothing is copied from the host later.
+struct PutView {
+  lod::View view;
+  lod::View* to;
+  UMBEL_HOST_DEVICE void operator()(size_t) const { *to = view; }
+};
+
+}  // namespace
+
+void put_view(const lod::View& view, lod::View* to, Stream stream) {
+  run_alone(stream, to, [&](auto& exec) { exec.for_each(1, PutView{view, to}); });
 }
 
 }  // namespace umbel::cuda

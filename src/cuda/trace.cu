@@ -29,7 +29,7 @@ void check_rays(const DeviceRays& rays) {
 void intersect_rays(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
                     const DeviceRays& rays, const DeviceHits& hits, Stream stream) {
   check_rays(rays);
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, bvh.nodes, [&](auto& exec) {
     exec.for_each_traversal(rays.count, TraceRay<false>{tree_of(bvh), rays, hits, nullptr});
   });
 }
@@ -37,7 +37,7 @@ void intersect_rays(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
 void occluded_rays(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
                    const DeviceRays& rays, uint8_t* results, Stream stream) {
   check_rays(rays);
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, bvh.nodes, [&](auto& exec) {
     exec.for_each_traversal(rays.count, TraceRay<true>{tree_of(bvh), rays, {}, results});
   });
 }
@@ -45,21 +45,21 @@ void occluded_rays(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
 void closest_points(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh,
                     const DevicePoints& points, const DeviceClosest& out, Stream stream) {
   check_stride(points.stride, sizeof(Vec3), "stride");
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, bvh.nodes, [&](auto& exec) {
     exec.for_each_traversal(points.count, FindClosest{tree_of(bvh), points, out});
   });
 }
 
 void count_overlaps(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh, const Aabb* boxes,
                     uint32_t count, uint32_t* offsets, Stream stream) {
-  run(scratch, scratch_bytes, stream,
+  run(scratch, scratch_bytes, stream, bvh.nodes,
       [&](auto& exec) { count_touching(exec, tree_of(bvh), boxes, count, offsets); });
 }
 
 void list_overlaps(void* scratch, size_t& scratch_bytes, const DeviceBvh& bvh, const Aabb* boxes,
                    uint32_t count, uint32_t* offsets, uint32_t* primitives, uint32_t room,
                    Stream stream) {
-  run(scratch, scratch_bytes, stream, [&](auto& exec) {
+  run(scratch, scratch_bytes, stream, bvh.nodes, [&](auto& exec) {
     list_touching(exec, tree_of(bvh), boxes, count, offsets, primitives, room);
   });
 }

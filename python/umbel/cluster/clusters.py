@@ -140,10 +140,27 @@ def cluster_mesh(
             made = _umbel.cluster_mesh(
                 arrays, config, shared_vertex_weight, progress, thread_count(threads)
             )
+    return _measured(arrays, made, max_triangles, shared_vertex_weight, threads)
 
+
+def clusters_of(
+    mesh: Any, items: Any, offsets: Any, max_triangles: int = 128, *, threads: int = 0
+) -> Clusters:
+    """Clusters of a mesh that were made elsewhere, as on a device: cluster i is
+    items[offsets[i]:offsets[i + 1]]."""
+    starts = indices("offsets", offsets)
+    ranges = np.stack([starts[:-1], np.diff(starts)], axis=1)
+    segments = np.array([[0, len(ranges)]], np.uint32)
+    made = (indices("items", items), ranges, segments)
+    return _measured(native(as_mesh(mesh)), made, max_triangles, 0.0, threads)
+
+
+def _measured(
+    arrays: Any, made: tuple[Any, ...], max_triangles: int, weight: float, threads: int
+) -> Clusters:
     def measure() -> dict[str, Any]:
         return _umbel.mesh_cluster_metrics(
-            arrays, made[0], made[1], max_triangles, shared_vertex_weight, thread_count(threads)
+            arrays, made[0], made[1], max_triangles, weight, thread_count(threads)
         )
 
     return Clusters(*made, measure)

@@ -2,7 +2,8 @@
 of levels of detail, on a CUDA device.
 
 Takes arrays of CuPy, PyTorch, Numba, or anything with `__cuda_array_interface__` or DLPack, without
-copying them, and puts its work into the current stream of their package; nothing waits. Needs the
+copying them, and puts its work into the current stream of their package; nothing waits. Arrays of
+NumPy are copied to the device and back. Needs the
 library umbel_cuda_c, which `make cuda` builds: its path is UMBEL_CUDA_LIBRARY, or it lies in the
 package's folder.
 """

@@ -21,6 +21,7 @@ from umbel.cuda.calls import (
     on_host,
     triangles_array,
 )
+from umbel.cuda.memory import given_back
 from umbel.cuda.rays import BvhStruct, Queries
 from umbel.errors import Error
 
@@ -56,7 +57,8 @@ class Bvh(Queries):
     """A hierarchy over one mesh, on a device: 8 children a node, in 80 bytes.
 
     positions: (n, 3) float32; rows may be apart, as in a vertex buffer. They are not checked;
-        triangles with a NaN or an infinite corner are never hit.
+        triangles with a NaN or an infinite corner are never hit. Arrays of NumPy are copied to the
+        device, and where these are one, all answers are copied back: both wait.
     triangles: (m, 3) uint32 or int32, contiguous.
     builder: "lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans", "kmeans-q1" to "kmeans-q5" or
         "sweep". Those of "ploc" and "kmeans" wait for the stream while they build; the others do
@@ -108,8 +110,8 @@ class Bvh(Queries):
                 ctypes.byref(references),
             )
         )
-        self._empty = make = empty or maker(positions)
-        self._scratch = Scratch(make)
+        self._scratch = Scratch(empty or maker(positions), where)
+        make = self._scratch.make
         self._arrays = {
             "nodes": make((nodes.value, NODE_BYTES), "uint8"),
             "triangles": make((max(references.value, 1), TRIANGLE_BYTES), "uint8"),
@@ -131,11 +133,11 @@ class Bvh(Queries):
     def arrays(self) -> dict[str, Any]:
         """The tree, on the device, as bytes: `nodes` (room, 80), `triangles` (references, 48) and
         `info` (40,). compact_bvh.hpp describes them."""
-        return dict(self._arrays)
+        return {k: given_back(v, self._scratch.last) for k, v in self._arrays.items()}
 
     def info(self) -> BvhInfo:
         """What is said of the whole tree. Waits for the device."""
-        words = struct.unpack("<2I8f", on_host(self._arrays["info"]).tobytes())
+        words = struct.unpack("<2I8f", on_host(self._arrays["info"], self._scratch.last).tobytes())
         return BvhInfo(words[0], words[1], (words[2:5], words[5:8]), words[8])
 
     def _struct(self) -> BvhStruct:

@@ -19,6 +19,7 @@ from umbel.cuda.calls import (
     on_host,
     triangles_array,
 )
+from umbel.cuda.memory import given_back
 from umbel.errors import Error
 
 
@@ -42,7 +43,8 @@ METHODS = {"morton": 0, "hybrid": 1}
 class FrameClusters:
     """Clusters of one mesh through its frames, on a device.
 
-    positions: (n, 3) float32; rows may be apart, as in a vertex buffer.
+    positions: (n, 3) float32; rows may be apart, as in a vertex buffer. Arrays of NumPy are copied
+        to the device, and where the first positions are one, `arrays` are copied back: both wait.
     triangles: (m, 3) uint32 or int32, contiguous.
     empty: makes an array: called with a shape and the name of a NumPy type, as in
         `lambda shape, dtype: cupy.empty(shape, dtype)`. By default it is made by the package of
@@ -72,7 +74,7 @@ class FrameClusters:
         where = current_stream(positions) if stream is None else stream
         device_array(positions, "positions", ("f4",), 3, where)
         self._source = triangles_array(triangles, where)
-        self._empty = empty or maker(positions)
+        self._scratch = Scratch(empty or maker(positions), where)
         self._config = _Config(
             ctypes.sizeof(_Config),
             METHODS[method],
@@ -92,9 +94,8 @@ class FrameClusters:
         self._most = most.value
         self._arrays = self._make_arrays()
         self._next: dict[str, Any] | None = None
-        self._now = self._empty((max(self._most, 1),), "int64")
-        self._total = self._empty((2,), "int64")
-        self._scratch = Scratch(self._empty)
+        self._now = self._scratch.make((max(self._most, 1),), "int64")
+        self._total = self._scratch.make((2,), "int64")
         self.build(positions, stream=where)
 
     def build(self, positions: Any, *, stream: int | None = None) -> None:
@@ -108,7 +109,7 @@ class FrameClusters:
         mesh = self._mesh(positions, where)
         mesh.indices = address(self._arrays["triangles"])
         mesh.items = address(self._arrays["items"])
-        other = self._next or self._make_arrays()
+        other = self._next or self._make_arrays(where)
         self._build(mesh, other, where)
         self._arrays, self._next = other, self._arrays
 
@@ -128,7 +129,7 @@ class FrameClusters:
         where = current_stream(positions) if stream is None else stream
         self.refit(positions, stream=where)
         mesh = self._mesh(positions, where)
-        other = self._next or self._make_arrays()
+        other = self._next or self._make_arrays(where)
         self._call(
             "umbel_cuda_rebuild_worst_frame_clusters",
             [ctypes.byref(mesh), ctypes.byref(self._config), ctypes.c_uint32(clusters)],
@@ -147,16 +148,18 @@ class FrameClusters:
         """The clusters, on the device: `items` (m,), `triangles` (m, 3), `offsets`, `boxes` and
         `count` (1,), how many of the offsets (and one more) and boxes there are. They change with
         the next call; integers are int32."""
-        return {k: v for k, v in self._arrays.items() if k != "at_build"}
+        return {
+            k: given_back(v, self._scratch.last) for k, v in self._arrays.items() if k != "at_build"
+        }
 
     @property
     def areas(self) -> Any:
         """(2,) int64 on the device: area ratios now and at the build, times 2^40."""
-        return self._total
+        return given_back(self._total, self._scratch.last)
 
     def area_growth(self) -> AreaGrowth:
         """As last measured. Waits for the device."""
-        values = on_host(self._total)
+        values = on_host(self._total, self._scratch.last)
         return AreaGrowth(float(values[0]) / 2**40, float(values[1]) / 2**40)
 
     def step(
@@ -174,20 +177,20 @@ class FrameClusters:
         if action == "rebuild":
             self.update(positions, stream=stream)
         elif action == "rebuild_worst":
-            count = int(on_host(self._arrays["count"])[0])
+            count = int(on_host(self._arrays["count"], self._scratch.last)[0])
             worst = max(1, round(policy.budget * count))
             self.rebuild_worst(positions, worst, stream=stream)
         return action
 
-    def _make_arrays(self) -> dict[str, Any]:
+    def _make_arrays(self, stream: int | None = None) -> dict[str, Any]:
         most, size = max(self._most, 1), max(self._size, 1)
         return {
-            "items": self._empty((size,), "int32"),
-            "triangles": self._empty((size, 3), "int32"),
-            "offsets": self._empty((most + 1,), "int32"),
-            "boxes": self._empty((most, 6), "float32"),
-            "count": self._empty((1,), "int32"),
-            "at_build": self._empty((most,), "int64"),
+            "items": self._scratch.make((size,), "int32", stream),
+            "triangles": self._scratch.make((size, 3), "int32", stream),
+            "offsets": self._scratch.make((most + 1,), "int32", stream),
+            "boxes": self._scratch.make((most, 6), "float32", stream),
+            "count": self._scratch.make((1,), "int32", stream),
+            "at_build": self._scratch.make((most,), "int64", stream),
         }
 
     def _mesh(self, positions: Any, stream: int) -> MeshStruct:

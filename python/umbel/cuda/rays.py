@@ -10,6 +10,7 @@ from typing import Any
 from umbel.cuda.arrays import DeviceArray, current_stream, device_array
 from umbel.cuda.c_structs import c_fields
 from umbel.cuda.calls import Scratch, address, on_host
+from umbel.cuda.memory import given_back
 from umbel.errors import Error
 
 ALL_BITS = 0xFFFFFFFF
@@ -59,7 +60,6 @@ class Queries(ABC):
     queries.
     """
 
-    _empty: Any
     _scratch: Scratch
     _masks: DeviceArray | None
 
@@ -93,12 +93,12 @@ class Queries(ABC):
         rays = self._rays(origins, directions, t_min, t_max, where)
         rays.mask, rays.cull_back_faces = _bits(mask), cull_back_faces
         hits = {
-            "t": self._made(rays.count, "float32"),
-            "primitive": self._made(rays.count, "int32"),
-            "uv": self._made(rays.count, "float32", 2),
+            "t": self._made(where, rays.count, "float32"),
+            "primitive": self._made(where, rays.count, "int32"),
+            "uv": self._made(where, rays.count, "float32", 2),
         }
         self._query("umbel_cuda_intersect", rays, _addresses(hits), stream=where)
-        return hits
+        return {name: given_back(array, where) for name, array in hits.items()}
 
     def occluded(
         self,
@@ -115,9 +115,9 @@ class Queries(ABC):
         where = current_stream(origins) if stream is None else stream
         rays = self._rays(origins, directions, t_min, t_max, where)
         rays.mask, rays.cull_back_faces = _bits(mask), cull_back_faces
-        results = self._made(rays.count, "uint8")
+        results = self._made(where, rays.count, "uint8")
         self._query("umbel_cuda_occluded", rays, ctypes.c_void_p(address(results)), stream=where)
-        return results
+        return given_back(results, where)
 
     def closest_point(
         self, points: Any, *, max_distance: float = math.inf, stream: int | None = None
@@ -136,18 +136,15 @@ class Queries(ABC):
         if not max_distance >= 0:
             raise Error(f"max_distance must be at least 0, not {max_distance}")
         found = {
-            "point": self._made(count, "float32", 3),
-            "distance": self._made(count, "float32"),
-            "primitive": self._made(count, "int32"),
-            "uv": self._made(count, "float32", 2),
+            "point": self._made(where, count, "float32", 3),
+            "distance": self._made(where, count, "float32"),
+            "primitive": self._made(where, count, "int32"),
+            "uv": self._made(where, count, "float32", 2),
         }
-        self._query(
-            "umbel_cuda_closest_points",
-            _Points(given.pointer, given.strides[0], count, max_distance),
-            _addresses(found),
-            stream=where,
-        )
-        return found
+        points_struct = _Points(given.pointer, given.strides[0], count, max_distance)
+        out = _addresses(found)
+        self._query("umbel_cuda_closest_points", points_struct, out, stream=where)
+        return {name: given_back(array, where) for name, array in found.items()}
 
     def overlaps(self, boxes: Any, *, stream: int | None = None) -> tuple[Any, Any]:
         """The triangles that touch boxes, exactly.
@@ -163,7 +160,7 @@ class Queries(ABC):
         if given.strides[0] != 24 and given.shape[0] > 1:
             raise Error("boxes must be contiguous")
         count = given.shape[0]
-        offsets = self._made(count + 1, "int32")
+        offsets = self._made(where, count + 1, "int32")
         head = (
             ctypes.byref(self._struct()),
             ctypes.c_void_p(given.pointer),
@@ -171,8 +168,8 @@ class Queries(ABC):
             ctypes.c_void_p(address(offsets)),
         )
         self._scratch.call("umbel_cuda_count_overlaps", *head, stream=where)
-        total = int(on_host(offsets)[count])
-        triangles = self._made(total, "int32")
+        total = int(on_host(offsets, where)[count])
+        triangles = self._made(where, total, "int32")
         self._scratch.call(
             "umbel_cuda_list_overlaps",
             *head,
@@ -180,23 +177,26 @@ class Queries(ABC):
             ctypes.c_uint32(total),
             stream=where,
         )
-        return offsets, triangles
+        return given_back(offsets, where), given_back(triangles, where)
 
     def _rays(self, origins: Any, directions: Any, t_min: Any, t_max: Any, stream: int) -> _Rays:
         starts = device_array(origins, "origins", ("f4",), 3, stream)
         count = starts.shape[0]
 
+        owners = [starts]
+
         def of_rays(given: Any, name: str, columns: int = 0) -> DeviceArray:
             array = device_array(given, name, ("f4",), columns, stream)
             if array.shape[0] != count:
                 raise Error(f"there are {count} origins, but {array.shape[0]} {name}")
+            owners.append(array)
             return array
 
         def ends(given: Any, name: str) -> int | None:
             return None if given is None else of_rays(given, name).pointer
 
         ways = of_rays(directions, "directions", 3)
-        return _Rays(
+        rays = _Rays(
             origins=starts.pointer,
             directions=ways.pointer,
             origin_stride=starts.strides[0],
@@ -207,9 +207,11 @@ class Queries(ABC):
             count=count,
             masks=None if self._masks is None else self._masks.pointer,
         )
+        rays.owners = owners  # copies of what is on the host live as long as this
+        return rays
 
-    def _made(self, count: int, dtype: str, columns: int = 0) -> Any:
-        return self._empty((count, columns) if columns else (count,), dtype)
+    def _made(self, stream: int, count: int, dtype: str, columns: int = 0) -> Any:
+        return self._scratch.answer((count, columns) if columns else (count,), dtype, stream)
 
     def _query(self, name: str, queries: ctypes.Structure, out: Any, stream: int) -> None:
         self._scratch.call(

@@ -101,15 +101,17 @@ class Selection:
     at worst; 0 for pages that nobody wants."""
     requests_array: Any = None
     """(p,), with pages: the first `requests` of them are wanted and missing, ascending."""
+    stream: int | None = None
+    """Where they are written; it must still be there when values are asked for."""
 
     def counts(self) -> Counts:
         """Waits for the device."""
-        return Counts(*(int(n) & 0xFFFFFFFF for n in on_host(self.counts_array)))
+        return Counts(*(int(n) & 0xFFFFFFFF for n in on_host(self.counts_array, self.stream)))
 
     def cuts(self) -> list[Any]:
         """A NumPy array of clusters for each instance. Waits for the device."""
         self._expect_room()
-        offsets, clusters = on_host(self.offsets), on_host(self.clusters)
+        offsets, clusters = on_host(self.offsets, self.stream), on_host(self.clusters)
         return [clusters[a:b] for a, b in pairwise(offsets)]
 
     def requests(self) -> Any:
@@ -155,7 +157,7 @@ class Selector:
         import numpy as np
 
         self._where = current_stream(like) if stream is None else stream
-        self._empty = empty or maker(like)
+        self._scratch = Scratch(empty or maker(like), self._where)
         self._put = put or _putter(like)
         self._levels = np.ascontiguousarray(tables.levels)
         self._inner = int((tables.nodes["child_count"] > 0).sum())
@@ -173,6 +175,8 @@ class Selector:
             self._sizes[0],
             layers,
         )
+        # One a stream, for good: a captured graph writes and reads it again.
+        self._views: dict[int, Any] = {}
         self._pages: dict[str, Any] | None = None
         if page_of_group is not None:
             pages = np.ascontiguousarray(page_of_group, np.uint32)
@@ -182,9 +186,8 @@ class Selector:
             self._pages = {
                 "page_of_group": self._put(pages.view(np.int32)),
                 "resident": None,
-                "states": self._empty((max(len(pages), 1),), "int32"),
+                "states": self._scratch.make((max(len(pages), 1),), "int32"),
             }
-        self._scratch = Scratch(self._empty)
 
     def set_resident(self, resident: Any, *, stream: int | None = None) -> None:
         """Says which pages are in memory: (p,) uint8 on the device, 1 or 0. The array is kept; call
@@ -195,7 +198,7 @@ class Selector:
         given = device_array(resident, "resident", ("u1", "i1", "b1"), 0, where)
         if given.shape[0] < self._page_count:
             raise Error(f"there are {self._page_count} pages, but resident has {given.shape[0]}")
-        self._pages["resident"] = resident
+        self._pages["resident"] = given
         self._scratch.call(
             "umbel_cuda_mark_resident_groups",
             ctypes.byref(self._tables),
@@ -231,7 +234,7 @@ class Selector:
         if instances.strides[0] != 48 and instances.shape[0] > 1:
             raise Error("transforms must be contiguous")
         if hasattr(view, "kind"):
-            view = self._put(view_words(view))
+            view = self._put_view(view_words(view), where)
         seen = device_array(view, "view", ("f4",), 0, where)
         if seen.shape[0] != 7:
             raise Error(f"view must have the shape (7,), not {seen.shape}")
@@ -239,10 +242,11 @@ class Selector:
         count = instances.shape[0]
         sizes = room or tuple(min(each * count, MOST_ROOM) for each in (self._inner, *self._sizes))
         chosen = Selection(
-            self._empty((count + 1,), "int32"),
-            self._empty((max(sizes[2], 1),), "int32"),
-            self._empty((6,), "int32"),
-            *self._make_feedback(),
+            self._scratch.answer((count + 1,), "int32", where),
+            self._scratch.answer((max(sizes[2], 1),), "int32", where),
+            self._scratch.answer((6,), "int32", where),
+            *self._make_feedback(where),
+            stream=where,
         )
         scene = _Scene(
             seen.pointer,
@@ -257,7 +261,7 @@ class Selector:
             resident = self._pages["resident"]
             if resident is None:
                 raise Error("set_resident must say what is in memory first")
-            pages = ctypes.byref(self._pages_struct(address(resident)))
+            pages = ctypes.byref(self._pages_struct(resident.pointer))
             feedback = ctypes.byref(
                 _Pointers(address(chosen.urgencies), address(chosen.requests_array), None)
             )
@@ -273,11 +277,27 @@ class Selector:
         )
         return chosen
 
-    def _make_feedback(self) -> tuple[Any, Any]:
+    def _put_view(self, words: Any, stream: int) -> Any:
+        """A view on the device, written by a kernel that has it as an argument, so nothing waits
+        and the call can be captured."""
+        view = self._views.get(stream)
+        if view is None:
+            view = self._views[stream] = self._scratch.answer((7,), "float32", stream)
+        check(
+            library().umbel_cuda_put_view(
+                ctypes.c_void_p(words.ctypes.data),
+                ctypes.c_void_p(address(view)),
+                ctypes.c_void_p(stream),
+            )
+        )
+        return view
+
+    def _make_feedback(self, stream: int) -> tuple[Any, Any]:
         if self._pages is None:
             return None, None
         count = max(self._page_count, 1)
-        return self._empty((count,), "float32"), self._empty((count,), "int32")
+        answer = self._scratch.answer
+        return answer((count,), "float32", stream), answer((count,), "int32", stream)
 
     def _pages_struct(self, resident: int) -> _Pages:
         assert self._pages is not None

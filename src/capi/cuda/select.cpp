@@ -75,6 +75,14 @@ umbel_result umbel_cuda_mark_resident_groups(void* scratch, size_t* scratch_byte
   });
 }
 
+umbel_result umbel_cuda_put_view(const umbel_lod_view* view, umbel_lod_view* to, void* stream) {
+  return guard([&] {
+    umbel::cuda::put_view(*umbel::capi::same<umbel::lod::View>(&required(view, "view")),
+                          reinterpret_cast<umbel::lod::View*>(&required(to, "to")),
+                          static_cast<umbel::cuda::Stream>(stream));
+  });
+}
+
 umbel_result umbel_cuda_select(void* scratch, size_t* scratch_bytes,
                                const umbel_cuda_tables* tables, const umbel_cuda_scene* scene,
                                const umbel_cuda_pages* pages, const umbel_cuda_room* room,

@@ -15,6 +15,7 @@ import pytest
 
 import umbel
 from helpers.commands import Umbel
+from helpers.cuda_packages import Processor, packaged
 from helpers.meshes import is_closed, triangle_keys
 
 BUILD_FIELDS = [
@@ -325,6 +326,32 @@ def test_cluster_writes_arrays_and_colours(
 def test_cuda_that_is_not_there_is_one_sentence(umbel_command: Umbel, blob_ply: Path) -> None:
     done = umbel_command("cluster", blob_ply, "--device", "cuda")
     assert done.status == 1 and "CUDA" in done.err and len(done.err.splitlines()) == 1
+    done = umbel_command("cluster", blob_ply, "--device", "cuda", "--method", "bisect")
+    assert done.status == 1 and "morton and hybrid" in done.err
+
+
+@pytest.mark.parametrize("method", ["morton", "hybrid"])
+def test_a_device_makes_the_clusters_of_the_processor(
+    umbel_command: Umbel,
+    blob_ply: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    method: str,
+) -> None:
+    packaged(Processor, monkeypatch)
+    here, there = tmp_path / "here.npz", tmp_path / "there.npz"
+    said = umbel_command("cluster", blob_ply, "--method", method, "-o", here, "--json").json
+    given = ("--device", "cuda", "--method", method)
+    done = umbel_command("cluster", blob_ply, *given, "-o", there, "--json")
+    assert done.status == 0, done.err
+    times = ("output", "seconds", "triangles_per_second", "file_bytes")
+    for result in (said, done.json):
+        for name in times:
+            result.pop(name)
+    assert done.json == said
+    with np.load(here) as one, np.load(there) as other:
+        assert np.array_equal(one["items"], other["items"])
+        assert np.array_equal(one["offsets"], other["offsets"])
 
 
 def test_plain_output_has_a_line_a_field(umbel_command: Umbel, blob_asset: Path) -> None:

@@ -64,8 +64,9 @@ def test_dlpack_gives_address_shape_and_stride():
 @pytest.mark.parametrize(
     ("array", "message"),
     [
-        (np.zeros((4, 3), np.float32), "must be in the memory of a CUDA device"),
-        ([1, 2, 3], "must be an array on a CUDA device .* not list"),
+        (np.zeros((4, 2), np.float32), r"must have the shape \(n, 3\), not \(4, 2\)"),
+        (np.zeros((4, 3), np.float64), "must have elements of f4, not f8"),
+        ([1, 2, 3], "must be an array of NumPy, or one on a CUDA device .* not list"),
         (Interface((4, 2)), r"must have the shape \(n, 3\), not \(4, 2\)"),
         (Interface((12,)), r"must have the shape \(n, 3\), not \(12,\)"),
         (Interface((4, 3), "<f8"), "must have elements of f4, not f8"),

@@ -26,6 +26,20 @@ void enqueue(StreamState* stream, Work work);
 void finish();
 /// Fills what an arena takes or gives back, in the order of the work around it.
 void poison(void* memory, size_t bytes);
+
+// There are two devices, which are told apart and work alike. Memory belongs to the one that was
+// current when it was allocated.
+int current_device();
+void set_device(int device);
+void allocated(const void* memory, size_t bytes);
+void freed(const void* memory);
+/// -1 for memory of the host.
+int device_of(const void* memory);
+/// A kernel is started on the current device.
+void launched();
+/// How many kernels were started on a device.
+size_t launches(int device);
+
 void begin_capture(StreamState& stream);
 Graph end_capture(StreamState& stream);
 

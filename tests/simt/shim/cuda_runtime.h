@@ -133,12 +133,33 @@ using cudaStream_t = CUstream_st*;
 using cudaGraph_t = umbel::simt::Graph*;
 using cudaGraphExec_t = umbel::simt::Graph*;
 
-enum cudaMemcpyKind { cudaMemcpyHostToDevice, cudaMemcpyDeviceToHost, cudaMemcpyDeviceToDevice };
+enum cudaMemcpyKind {
+  cudaMemcpyHostToDevice,
+  cudaMemcpyDeviceToHost,
+  cudaMemcpyDeviceToDevice,
+  cudaMemcpyDefault
+};
 enum cudaStreamCaptureMode { cudaStreamCaptureModeThreadLocal };
 inline constexpr unsigned cudaStreamNonBlocking = 1;
 
-inline cudaError_t cudaGetDeviceCount(int* count) { return *count = 1, cudaSuccess; }
-inline cudaError_t cudaGetDevice(int* device) { return *device = 0, cudaSuccess; }
+inline cudaError_t cudaGetDeviceCount(int* count) { return *count = 2, cudaSuccess; }
+
+inline cudaError_t cudaGetDevice(int* device) {
+  return *device = umbel::simt::current_device(), cudaSuccess;
+}
+inline cudaError_t cudaSetDevice(int device) {
+  return umbel::simt::set_device(device), cudaSuccess;
+}
+enum cudaMemoryType { cudaMemoryTypeUnregistered, cudaMemoryTypeHost, cudaMemoryTypeDevice };
+struct cudaPointerAttributes {
+  cudaMemoryType type;
+  int device;
+};
+inline cudaError_t cudaPointerGetAttributes(cudaPointerAttributes* found, const void* memory) {
+  const int device = umbel::simt::device_of(memory);
+  *found = {device < 0 ? cudaMemoryTypeUnregistered : cudaMemoryTypeDevice, device};
+  return cudaSuccess;
+}
 
 inline cudaError_t cudaDeviceSynchronize() { return umbel::simt::finish(), cudaSuccess; }
 inline cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
@@ -148,10 +169,12 @@ inline cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
 template <typename T>
 cudaError_t cudaMalloc(T** memory, size_t bytes) {
   *memory = static_cast<T*>(std::aligned_alloc(256, (bytes + 255) / 256 * 256));
+  umbel::simt::allocated(*memory, bytes);
   return cudaSuccess;
 }
 inline cudaError_t cudaFree(void* memory) {
   umbel::simt::finish();
+  umbel::simt::freed(memory);
   std::free(memory);
   return cudaSuccess;
 }
@@ -187,6 +210,12 @@ inline cudaError_t cudaStreamCreate(cudaStream_t* stream) {
 inline cudaError_t cudaStreamDestroy(cudaStream_t stream) {
   umbel::simt::finish();
   delete stream;
+  return cudaSuccess;
+}
+enum cudaStreamCaptureStatus { cudaStreamCaptureStatusNone, cudaStreamCaptureStatusActive };
+inline cudaError_t cudaStreamIsCapturing(cudaStream_t stream, cudaStreamCaptureStatus* status) {
+  const bool captures = stream && stream->captures;
+  *status = captures ? cudaStreamCaptureStatusActive : cudaStreamCaptureStatusNone;
   return cudaSuccess;
 }
 inline cudaError_t cudaStreamBeginCapture(cudaStream_t stream, cudaStreamCaptureMode) {
@@ -255,6 +284,7 @@ cudaError_t cudaLaunchKernelEx(const cudaLaunchConfig_t* config, void (*kernel)(
   const bool is_cooperative = config->numAttrs > 0 && config->attrs[0].val.cooperative;
   const unsigned blocks = config->gridDim.x, threads = config->blockDim.x;
   if (blocks == 0 || threads == 0 || threads > 1024) return cudaErrorInvalidValue;
+  umbel::simt::launched();
   umbel::simt::enqueue(
       config->stream, [=, ... values = static_cast<std::decay_t<Parameters>>(arguments)]() {
         umbel::simt::run_grid(blocks, threads, is_cooperative, [&] { kernel(values...); });

@@ -45,8 +45,12 @@ def command(
     # Long: typer reads the flags and their help from the signature.
     source: MeshFile,
     method: Annotated[
-        Method, typer.Option(help="Bisection by cost, or runs of the Morton order.")
-    ] = Method.bisect,
+        Method | None,
+        typer.Option(
+            help="Bisection by cost (on cpu the default; cpu only), runs of the Morton order, or "
+            "both (hybrid; on cuda the default)."
+        ),
+    ] = None,
     device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
     preset: Annotated[
         Preset, typer.Option(help="Where limits and penalties start from.")
@@ -95,11 +99,12 @@ def command(
     threads: Threads = 0,
 ) -> None:
     """Cluster a mesh and say how good the clusters are."""
-    if device is Device.cuda:
-        fail("this build of Umbel has no CUDA support; use --device cpu")
+    if device is Device.cuda and method is Method.bisect:
+        fail("--device cuda has the methods morton and hybrid")
     if output is not None:
         check_output(output, ".glb", ".npz", inputs=[source])
 
+    from umbel.cli.on_device import cluster_on_device
     from umbel.cli.progress import Bar
     from umbel.cluster.clusters import cluster_mesh
     from umbel.cluster.weights import weights_of
@@ -112,22 +117,33 @@ def command(
     mesh = weld(mesh, threads=threads)
     with Bar() as bar:
         began = time.perf_counter()
-        clusters = cluster_mesh(
-            mesh,
-            max_triangles,
-            max_vertices,
-            preset.value,
-            min_triangles=min_triangles,
-            underfill_cost=underfill,
-            overlap_cost=overlap,
-            vertex_underfill_cost=vertex_underfill,
-            presplit_threshold=presplit,
-            shared_vertex_weight=mix.get("shared-vertices", 0.0),
-            normal_weight=mix.get("normals", 0.0),
-            method=method.value,
-            progress=bar,
-            threads=threads,
-        )
+        if device is Device.cuda:
+            clusters = cluster_on_device(
+                mesh,
+                (method or Method.hybrid).value,
+                max_triangles,
+                min_triangles,
+                max_vertices,
+                underfill,
+                threads,
+            )
+        else:
+            clusters = cluster_mesh(
+                mesh,
+                max_triangles,
+                max_vertices,
+                preset.value,
+                min_triangles=min_triangles,
+                underfill_cost=underfill,
+                overlap_cost=overlap,
+                vertex_underfill_cost=vertex_underfill,
+                presplit_threshold=presplit,
+                shared_vertex_weight=mix.get("shared-vertices", 0.0),
+                normal_weight=mix.get("normals", 0.0),
+                method=(method or Method.bisect).value,
+                progress=bar,
+                threads=threads,
+            )
         seconds = time.perf_counter() - began
     written = None if output is None else str(output)
     result = {"input": source, "output": written, **clusters.metrics()}

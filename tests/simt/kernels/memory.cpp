@@ -1,0 +1,2 @@
+// src/cuda/memory.cu for the emulated device.
+#include "cuda/memory.cu"
