@@ -56,6 +56,7 @@ HEADER_LAYERS = {
     "cuda_types.hpp": "cluster/frame",
     "cuda_clusters.hpp": "cuda",
     "cuda.hpp": "cuda",
+    "cuda_memory.hpp": "cuda",
     "bvh.hpp": "bvh/tree",
     "bvh_traverse.hpp": "bvh/tree",
     "dynamic_bvh.hpp": "bvh/build",
@@ -95,6 +96,7 @@ HEADER_LAYERS = {
     "umbel_cuda_bvh.h": "capi",
     "umbel_cuda_select.h": "capi",
     "umbel_cuda_trace.h": "capi",
+    "umbel_cuda_memory.h": "capi",
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]', re.MULTILINE)
