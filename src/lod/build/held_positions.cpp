@@ -1,10 +1,9 @@
 #include "lod/build/held_positions.hpp"
 
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
 
 #include "base/interner.hpp"
+#include "base/radix_sort.hpp"
 #include "lod/dag/topology.hpp"
 #include "mesh/vertex_bits.hpp"
 
@@ -34,7 +33,9 @@ void append_ends_of_open_edges(const Source& source, const ClusterSet& finest,
       edges.insert(edges.end(), {edge_key({a, b}), edge_key({b, d}), edge_key({d, a})});
     }
   }
-  tbb::parallel_sort(edges.begin(), edges.end());
+  std::vector<uint64_t> spare(edges.size());
+  if (radix_sort(edges.data(), spare.data(), edges.size(), 0, 64) != edges.data())
+    edges.swap(spare);
   for (size_t i = 0, next = 0; i < edges.size(); i = next) {
     for (next = i + 1; next < edges.size() && edges[next] == edges[i];) ++next;
     if (next != i + 1) continue;
