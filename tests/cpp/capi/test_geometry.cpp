@@ -202,8 +202,7 @@ TEST(LodGeometry, pages_have_the_clusters_of_the_tables) {
   EXPECT_EQ(umbel_asset_read_page(asset, info.pages, &page), UMBEL_ERROR_INVALID_ARGUMENT);
   EXPECT_EQ(page, nullptr);
   umbel_residency* residency = nullptr;
-  ASSERT_EQ(umbel_residency_create(asset, nullptr, &residency), UMBEL_OK)
-      << umbel_last_error();
+  ASSERT_EQ(umbel_residency_create(asset, nullptr, &residency), UMBEL_OK) << umbel_last_error();
   EXPECT_EQ(umbel_residency_get_page(residency, 0, &page), UMBEL_OK);  // has the roots
   umbel_residency_free(residency);
   Geometry g;
