@@ -156,7 +156,7 @@ def clusters_of(
 
 
 def _measured(
-    arrays: Any, made: tuple[Any, ...], max_triangles: int, weight: float, threads: int
+    arrays: Any, made: tuple[Any, Any, Any], max_triangles: int, weight: float, threads: int
 ) -> Clusters:
     def measure() -> dict[str, Any]:
         return _umbel.mesh_cluster_metrics(

@@ -87,8 +87,7 @@ std::vector<std::pair<std::string, Mesh>> meshes() {
           {"fan", shapes::fan(5000)},
           {"soup", shapes::soup(4000, 3)},
           {"rich", rich(shapes::blob(4, 2))},
-          {"skinned", skinned(shapes::terrain(50, 50, 5))},
-          {"empty", Mesh{}}};
+          {"skinned", skinned(shapes::terrain(50, 50, 5))}};
 }
 
 TEST(Finish, WritesTheBytesOfTheWriterInMemory) {
