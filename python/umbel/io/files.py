@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import gzip
 import os
-import tempfile
+import secrets
 import warnings
 import zlib
 from collections.abc import Iterable, Iterator
@@ -92,23 +92,17 @@ def _first_bad_word(text: bytes) -> tuple[str, int]:
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A binary file to write that takes the name `path` only when all of it is on disk."""
-    temporary = ""
+    # Named before it is made, so that an interrupt at any moment leaves nothing.
+    temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}.part"
     try:
-        handle, temporary = tempfile.mkstemp(
-            dir=path.parent or Path(), prefix=f".{path.name}.", suffix=".part"
-        )
-        with os.fdopen(handle, "wb") as file:
+        with temporary.open("xb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
         os.replace(temporary, path)
     except BaseException as error:
-        if temporary:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         if isinstance(error, OSError):
             raise Error(f"cannot write {path}: {error.strerror or error}") from None
         raise

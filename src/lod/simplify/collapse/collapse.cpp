@@ -93,6 +93,7 @@ void EdgeCollapser::load(const CollapseInput& input) {
   limiting_factors_.assign(mesh_.position_count(), LimitingFactor::kCost);
   choices_.resize(mesh_.position_count());
   states_.assign(mesh_.position_count(), State::kCurrent);
+  ranked_again_.assign(mesh_.has_wedges() ? mesh_.position_count() : 0, kNone);
 }
 
 void EdgeCollapser::fill_queue() {
@@ -113,9 +114,7 @@ void EdgeCollapser::process(uint32_t p) {
   const bool by_loop =
       !legal && states_[p] == State::kLoop && link_.has_loop() && loop_.find(p, target);
   if (!legal && !by_loop) return enqueue_best_legal(p);
-  // What the vertices become depends on triangles that may have changed.
-  if (legal && mesh_.has_wedges() && costs_.rank(p, target) > kSameRank * choices_[p].rank)
-    return enqueue_best(p);
+  if (legal && mesh_.has_wedges() && was_ranked_too_low(p)) return;
   if (!is_unlimited_ || may_pause_) {
     const float error = costs_.squared_error(p, target);
     if (!is_unlimited_ && !(error <= cost_limit_)) {
@@ -135,6 +134,23 @@ void EdgeCollapser::process(uint32_t p) {
     collapse(p, target);
   else
     collapse_loop();
+}
+
+// What the vertices become depends on triangles that may have changed. Then p is ranked again, but
+// only once for one mesh: where large attributes cancel out, the two ways to the same rank round
+// differently.
+bool EdgeCollapser::was_ranked_too_low(uint32_t p) {
+  const float rank = costs_.rank(p, choices_[p].target);
+  if (!(rank > kSameRank * choices_[p].rank)) return false;
+  const auto left = static_cast<uint32_t>(mesh_.triangle_count());
+  if (ranked_again_[p] != left) {
+    ranked_again_[p] = left;
+    enqueue_best(p);
+  } else {
+    choices_[p].rank = rank;
+    queue_.set(p, rank);
+  }
+  return true;
 }
 
 // A vertex may go a small way and yet take a large triangle's texture coordinates across a seam.

@@ -76,6 +76,7 @@ class EdgeCollapser {
   void enqueue_best(uint32_t p);
   void enqueue_best_legal(uint32_t p);
   void enqueue_postponed();
+  bool was_ranked_too_low(uint32_t p);
   bool loses_attributes(uint32_t p, uint32_t target);
   void offer(uint32_t p, uint32_t target);
   void choose(uint32_t p, const Choice& choice);
@@ -103,6 +104,7 @@ class EdgeCollapser {
   BucketQueue queue_;                             // of positions, then components
   std::vector<Choice> choices_;                   // of positions
   std::vector<State> states_;                     // of choices_
+  std::vector<uint32_t> ranked_again_;            // of positions: with how many triangles left
   std::vector<Choice> candidates_;                // scratch
   std::vector<uint32_t> postponed_;               // positions whose choice is over the limit
   std::vector<LimitingFactor> limiting_factors_;  // of positions that are not in the queue

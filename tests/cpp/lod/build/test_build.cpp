@@ -282,5 +282,27 @@ TEST(Build, impossible_configs_and_bad_meshes_are_refused) {
   EXPECT_EQ(code({}, bad), ErrorCode::kInvalidMesh);
 }
 
+TEST(Build, ends_where_large_texture_coordinates_cancel_out) {
+  // 64 charts with vertices of their own, which lie far apart in the texture.
+  Mesh mesh;
+  for (uint32_t chart = 0; chart < 64; ++chart) {
+    const Mesh square = shapes::grid(6, 6);
+    const auto first = static_cast<uint32_t>(mesh.positions.size());
+    const auto x = static_cast<float>(chart % 8), y = static_cast<float>(chart / 8);
+    for (const Vec3& p : square.positions) {
+      mesh.positions.push_back({p.x + x, p.y + y, p.z});
+      mesh.uvs.push_back({p.x + 10.0f * static_cast<float>(chart), p.y});
+    }
+    for (const Triangle& t : square.triangles)
+      mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+  for (const SeamRule rule : {SeamRule::kProtect, SeamRule::kAllow, SeamRule::kIgnore}) {
+    Config config;
+    config.seams = config.creases = rule;
+    const VerifyReport report = check(mesh, build(mesh.view(), config));
+    EXPECT_TRUE(report.ok) << first_problem(report);
+  }
+}
+
 }  // namespace
 }  // namespace umbel::lod
