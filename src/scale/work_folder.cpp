@@ -159,9 +159,11 @@ void WorkFolder::compare(const Identity& identity) const {
   for (const auto& [name, value] : identity) {
     const auto at = found.find(name);
     const std::string before = at == found.end() ? "nothing" : at->second;
-    if (before != value)
-      refuse("the build in " + path_.string() + " cannot be resumed: " + name + " was " + before +
-             " and is now " + value);
+    if (before != value) {
+      std::string changed = name;
+      changed.append(" was ").append(before).append(" and is now ").append(value);
+      refuse("the build in " + path_.string() + " cannot be resumed: " + changed);
+    }
     found.erase(at);
   }
   if (!found.empty())

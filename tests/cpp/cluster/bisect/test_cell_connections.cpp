@@ -110,7 +110,8 @@ TEST(CellConnections, clusters_do_not_depend_on_threads_or_on_the_order_of_crowd
   Items items = chain(150000, 101);
   // A crowd in one cell gets a grid of its own, whose items are connected to the others'.
   for (uint32_t i = 0; i < 80000; ++i) {
-    const float x = 7e4f + 1e-3f * float(i % 400), y = 1e-3f * float(i / 400);
+    const uint32_t row = i / 400;
+    const float x = 7e4f + 1e-3f * float(i % 400), y = 1e-3f * float(row);
     items.boxes.push_back({{x, y, 0}, {x + 1e-3f, y + 1e-3f, 1}});
     items.ranges.push_back({uint32_t(items.targets.size()), 1});
     items.targets.push_back(i);

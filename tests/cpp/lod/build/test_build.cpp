@@ -288,7 +288,8 @@ TEST(Build, ends_where_large_texture_coordinates_cancel_out) {
   for (uint32_t chart = 0; chart < 64; ++chart) {
     const Mesh square = shapes::grid(6, 6);
     const auto first = static_cast<uint32_t>(mesh.positions.size());
-    const auto x = static_cast<float>(chart % 8), y = static_cast<float>(chart / 8);
+    const uint32_t row = chart / 8;
+    const auto x = static_cast<float>(chart % 8), y = static_cast<float>(row);
     for (const Vec3& p : square.positions) {
       mesh.positions.push_back({p.x + x, p.y + y, p.z});
       mesh.uvs.push_back({p.x + 10.0f * static_cast<float>(chart), p.y});
