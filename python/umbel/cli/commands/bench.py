@@ -12,6 +12,7 @@ import typer
 
 from umbel.cli.failure import naming_file
 from umbel.cli.inputs import AllowOutside
+from umbel.cli.options import option
 from umbel.cli.outputs import made_folder
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, say, show
 
@@ -88,42 +89,27 @@ def bvh(
         list[Path] | None,
         typer.Argument(metavar="SCENES", help="Meshes; without any, a generated one."),
     ] = None,
-    generated: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Also a generated plant of about N triangles."),
-    ] = None,
-    kmeans: Annotated[
-        str | None,
-        typer.Option(metavar="K,P,I", help="Parameters of k-means, instead of each scene's own."),
-    ] = None,
-    samples: Annotated[int, typer.Option(min=1, metavar="N", help="Paths traced a pixel.")] = 1,
-    share: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="F", help="Of each picture that is traced.")
-    ] = 0.05,
-    width: Annotated[
-        list[int] | None,
-        typer.Option(metavar="2|4|8", help="Children a node; several times.  [default: 2, 8]"),
-    ] = None,
-    part: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="builders|stages|iterations", help="Only this; several times.  [default: all]"
-        ),
-    ] = None,
-    builder: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME", help="Only this and the sweep; several times.  [default: all]"
-        ),
-    ] = None,
-    device: Annotated[
-        str,
-        typer.Option(
-            metavar="cpu|cuda",
-            help="Where trees are built and traced; on CUDA, of the options, only --builder, "
-            "--runs, --generated and the output's count.",
-        ),
-    ] = "cpu",
+    generated: int | None = option(None, "N", "Also a generated plant of about N triangles."),
+    kmeans: str | None = option(
+        None, "K,P,I", "Parameters of k-means, instead of each scene's own."
+    ),
+    samples: int = option(1, "N", "Paths traced a pixel.", min=1),
+    share: float = option(0.05, "F", "Of each picture that is traced.", min=0.0, max=1.0),
+    width: list[int] | None = option(
+        None, "2|4|8", "Children a node; several times.  [default: 2, 8]"
+    ),
+    part: list[str] | None = option(
+        None, "builders|stages|iterations", "Only this; several times.  [default: all]"
+    ),
+    builder: list[str] | None = option(
+        None, "NAME", "Only this and the sweep; several times.  [default: all]"
+    ),
+    device: str = option(
+        "cpu",
+        "cpu|cuda",
+        "Where trees are built and traced; on CUDA, of the options, only --builder, "
+        "--runs, --generated and the output's count.",
+    ),
     output: Folder = None,
     runs: Runs = 3,
     allow_outside: AllowOutside = False,
@@ -162,9 +148,7 @@ def bvh(
 def lod(
     inputs: Inputs = None,
     output: Folder = None,
-    samples: Annotated[
-        int, typer.Option(min=100, metavar="N", help="Points on each surface.")
-    ] = 50_000,
+    samples: int = option(50_000, "N", "Points on each surface.", min=100),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
@@ -204,9 +188,7 @@ def stream(
         list[Path] | None,
         typer.Argument(metavar="INPUT", help="Assets or meshes; without any, a blob."),
     ] = None,
-    seconds: Annotated[
-        float, typer.Option(min=0.1, metavar="S", help="Simulated seconds of the camera's path.")
-    ] = 20.0,
+    seconds: float = option(20.0, "S", "Simulated seconds of the camera's path.", min=0.1),
     output: Folder = None,
     allow_outside: AllowOutside = False,
     as_json: Json = False,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from umbel.cli.inputs import AllowOutside
+from umbel.cli.options import Attributes, Instances, SeamRule, option, switch
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
@@ -30,29 +30,12 @@ _FLAGS = {
 }
 
 
-class Attributes(str, enum.Enum):
-    auto = "auto"
-    none = "none"
-
-
 def _group_size(text: str) -> tuple[int, int]:
     low, _, high = text.partition(":")
     try:
         return int(low), int(high or low)
     except ValueError:
         fail(f"--group-size must be two numbers such as 24:32, not {text!r}")
-
-
-class Instances(str, enum.Enum):
-    auto = "auto"
-    on = "on"
-    off = "off"
-
-
-class SeamRule(str, enum.Enum):
-    protect = "protect"
-    allow = "allow"
-    ignore = "ignore"
 
 
 @ends_cleanly(_FLAGS)
@@ -76,110 +59,70 @@ def command(
             "it as the meshes do below their common folder.",
         ),
     ],
-    max_triangles: Annotated[
-        int, typer.Option(metavar="N", help="Most triangles a cluster (4 to 256).")
-    ] = 128,
-    max_vertices: Annotated[
-        int, typer.Option(metavar="N", help="Most vertices a cluster (6 to 256).")
-    ] = 128,
-    group_size: Annotated[
-        str, typer.Option(metavar="MIN:MAX", help="Clusters that are simplified together.")
-    ] = "24:32",
-    attributes: Annotated[
-        Attributes,
-        typer.Option(help="Keep normals, UVs, colours, joints and the like, or drop them."),
-    ] = Attributes.auto,
-    seams: Annotated[
-        SeamRule,
-        typer.Option(help="Lines where UVs or colours jump: keep, count as error, or ignore."),
-    ] = SeamRule.allow,
-    creases: Annotated[
-        SeamRule, typer.Option(help="The same of lines where only normals do.")
-    ] = SeamRule.allow,
-    instances: Annotated[
-        Instances,
-        typer.Option(
-            help="Of a scene: keep its meshes and their instances apart, or make one "
-            "mesh of all that is drawn; auto: apart if that is more than twice what is stored."
-        ),
-    ] = Instances.auto,
-    mix_materials: Annotated[
-        bool,
-        typer.Option("--mix-materials", help="Clusters may mix materials, kept by triangle."),
-    ] = False,
-    precision: Annotated[
-        str | None,
-        typer.Option(
-            metavar="0.1mm|16bits",
-            help="Snap positions to a power-of-two grid no coarser than so many millimetres "
-            "(where the mesh's unit is the metre), or of so many steps over the longest side. "
-            "Without it, nothing is lost.",
-        ),
-    ] = None,
-    drop_invalid: Annotated[
-        bool,
-        typer.Option(
-            "--drop-invalid", help="Leave out triangles with NaN, infinite or missing vertices."
-        ),
-    ] = False,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force",
-            help="Build even where --precision, or rounding to 32-bit floats, takes the area of "
-            "more than 1 % of the triangles.",
-        ),
-    ] = False,
-    measured_error: Annotated[
-        bool,
-        typer.Option(
-            "--measured-error",
-            help="Measure errors as distances to the mesh, in both directions; twice as slow.",
-        ),
-    ] = False,
-    jobs: Annotated[
-        int, typer.Option(metavar="N", help="Of several inputs: build N files side by side.")
-    ] = 1,
-    skip_unchanged: Annotated[
-        bool,
-        typer.Option(
-            "--skip-unchanged",
-            help="Leave an asset that is there as it is, if it was made of the same file (and "
-            "those that it refers to), with the same flags, by the same version.",
-        ),
-    ] = False,
-    keep_going: Annotated[
-        bool,
-        typer.Option("--keep-going", help="Of several inputs: go on after one that fails."),
-    ] = False,
-    memory: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SIZE",
-            help="Build in about so much memory, as in 2GB: a mesh that takes more is built in "
-            "parts, on disk. Without it, three quarters of what is free.",
-        ),
-    ] = None,
-    work: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DIR",
-            help="Where a mesh that does not fit into memory is built, beside the output unless "
-            "it is given. It stays where the build is stopped.",
-        ),
-    ] = None,
-    resume: Annotated[
-        bool,
-        typer.Option("--resume", help="Go on with a build that was stopped, in the same folder."),
-    ] = False,
-    unit_triangles: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Build in parts of at most N triangles (4194304 where memory asks for parts). "
-            "Smaller ones need less memory; the result is another.",
-        ),
-    ] = None,
+    max_triangles: int = option(128, "N", "Most triangles a cluster (4 to 256)."),
+    max_vertices: int = option(128, "N", "Most vertices a cluster (6 to 256)."),
+    group_size: str = option("24:32", "MIN:MAX", "Clusters that are simplified together."),
+    attributes: Attributes = option(
+        Attributes.auto, None, "Keep normals, UVs, colours, joints and the like, or drop them."
+    ),
+    seams: SeamRule = option(
+        SeamRule.allow, None, "Lines where UVs or colours jump: keep, count as error, or ignore."
+    ),
+    creases: SeamRule = option(SeamRule.allow, None, "The same of lines where only normals do."),
+    instances: Instances = option(
+        Instances.auto,
+        None,
+        "Of a scene: keep its meshes and their instances apart, or make one "
+        "mesh of all that is drawn; auto: apart if that is more than twice what is stored.",
+    ),
+    mix_materials: bool = switch(
+        "--mix-materials", "Clusters may mix materials, kept by triangle."
+    ),
+    precision: str | None = option(
+        None,
+        "0.1mm|16bits",
+        "Snap positions to a power-of-two grid no coarser than so many millimetres "
+        "(where the mesh's unit is the metre), or of so many steps over the longest side. "
+        "Without it, nothing is lost.",
+    ),
+    drop_invalid: bool = switch(
+        "--drop-invalid", "Leave out triangles with NaN, infinite or missing vertices."
+    ),
+    force: bool = switch(
+        "--force",
+        "Build even where --precision, or rounding to 32-bit floats, takes the area of "
+        "more than 1 % of the triangles.",
+    ),
+    measured_error: bool = switch(
+        "--measured-error",
+        "Measure errors as distances to the mesh, in both directions; twice as slow.",
+    ),
+    jobs: int = option(1, "N", "Of several inputs: build N files side by side."),
+    skip_unchanged: bool = switch(
+        "--skip-unchanged",
+        "Leave an asset that is there as it is, if it was made of the same file (and "
+        "those that it refers to), with the same flags, by the same version.",
+    ),
+    keep_going: bool = switch("--keep-going", "Of several inputs: go on after one that fails."),
+    memory: str | None = option(
+        None,
+        "SIZE",
+        "Build in about so much memory, as in 2GB: a mesh that takes more is built in "
+        "parts, on disk. Without it, three quarters of what is free.",
+    ),
+    work: str | None = option(
+        None,
+        "DIR",
+        "Where a mesh that does not fit into memory is built, beside the output unless "
+        "it is given. It stays where the build is stopped.",
+    ),
+    resume: bool = switch("--resume", "Go on with a build that was stopped, in the same folder."),
+    unit_triangles: int | None = option(
+        None,
+        "N",
+        "Build in parts of at most N triangles (4194304 where memory asks for parts). "
+        "Smaller ones need less memory; the result is another.",
+    ),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import enum
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
+from umbel.cli.options import Distance, file_to_keep, option
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show
 from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
@@ -20,85 +18,62 @@ if TYPE_CHECKING:
     from umbel.accel.trees import KaryTree
 
 
-class Distance(str, enum.Enum):
-    euclidean = "euclidean"
-    manhattan = "manhattan"
-
-
-def _knob(metavar: str | None, text: str) -> Any:
+def _knob(metavar: str | None, text: str, value: Any = None) -> Any:
     """An option of one builder."""
-    return typer.Option(metavar=metavar, help=text, rich_help_panel="Settings of builders")
+    return option(value, metavar, text, rich_help_panel="Settings of builders")
 
 
 @ends_cleanly(FLAGS)
 def command(
     # Long: typer reads the flags and their help from the signature.
     source: MeshFile,
-    builder: Annotated[
-        str,
-        typer.Option(
-            help="fast, quality or best; a builder: sweep, binned, sbvh, lbvh, kmeans, "
-            "agglomerative, aac, insertion, ...; or kmeans-q1 to kmeans-q5, aac-fast, aac-hq."
-        ),
-    ] = "quality",
-    device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
-    width: Annotated[int, typer.Option(metavar="2|4|8", help="Children a node.")] = 8,
+    builder: str = option(
+        "quality",
+        None,
+        "fast, quality or best; a builder: sweep, binned, sbvh, lbvh, kmeans, "
+        "agglomerative, aac, insertion, ...; or kmeans-q1 to kmeans-q5, aac-fast, aac-hq.",
+    ),
+    device: Device = option(Device.cpu, None, "Where to work."),
+    width: int = option(8, "2|4|8", "Children a node."),
     cost: Costs = "3,2",
-    max_leaf_size: Annotated[int, typer.Option(metavar="N", help="Most triangles a leaf.")] = 8,
-    max_depth: Annotated[
-        int | None, typer.Option(metavar="N", help="Deepest level of a leaf, 8 to 255.")
-    ] = None,
+    max_leaf_size: int = option(8, "N", "Most triangles a leaf."),
+    max_depth: int | None = option(None, "N", "Deepest level of a leaf, 8 to 255."),
     compact: Compact = False,
     drop_invalid: DropInvalid = False,
-    reinsertion_rounds: Annotated[
-        int | None, _knob("N", "Rounds of reinsertion, after any builder: 0 to 64.")
-    ] = None,
-    bins: Annotated[int | None, _knob("N", "binned: bins an axis, 4 to 256.")] = None,
-    spatial_budget: Annotated[
-        float | None, _knob("F", "sbvh: references beyond the triangles, as a fraction: 0 to 4.")
-    ] = None,
-    spatial_overlap: Annotated[
-        float | None, _knob("F", "sbvh: overlap from which on spatial splits are tried: 0 to 1.")
-    ] = None,
-    morton_bits: Annotated[int | None, _knob("30|63", "lbvh: bits of the code.")] = None,
-    hlbvh_bits: Annotated[
-        int | None, _knob("N", "hlbvh: leading bits of the code built by SAH, 3 to 30.")
-    ] = None,
-    clusters: Annotated[int | None, _knob("K", "kmeans: clusters a node, 2 to 64.")] = None,
-    candidates: Annotated[
-        int | None, _knob("P", "kmeans: candidates a representative, 1 to 64.")
-    ] = None,
-    iterations: Annotated[int | None, _knob("I", "kmeans: Lloyd iterations, 0 to 100.")] = None,
-    distance: Annotated[
-        Distance | None, _knob(None, "kmeans: distance of boxes, by means or by medians.")
-    ] = None,
-    kary: Annotated[
-        bool, _knob(None, "kmeans: the clusters themselves, up to K children a node.")
-    ] = False,
-    forwarded_clusters: Annotated[
-        int | None, _knob("N", "kmeans: nodes a treelet forwards, 0 to 64; 1 as published.")
-    ] = None,
-    aac_leaf_size: Annotated[
-        int | None, _knob("N", "aac: fewer triangles are not halved any more, 2 to 128.")
-    ] = None,
-    aac_epsilon: Annotated[
-        float | None, _knob("E", "aac: n triangles forward some n^(0.5-E) nodes, 0 to 0.5.")
-    ] = None,
-    ploc_radius: Annotated[
-        int | None, _knob("N", "ploc: neighbours searched each way, 1 to 128.")
-    ] = None,
-    ploc_sweep: Annotated[
-        int | None,
-        _knob("N", "ploc: full sweep above so many triangles, 0 to 255; 0 as published."),
-    ] = None,
-    atrbvh_bits: Annotated[
-        int | None, _knob("N", "atrbvh: as --hlbvh-bits, to begin with; 0 as published.")
-    ] = None,
-    treelet_size: Annotated[int | None, _knob("N", "atrbvh: leaves of a treelet, 3 to 15.")] = None,
-    treelet_rounds: Annotated[int | None, _knob("N", "atrbvh: rounds, 1 to 16.")] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="OUT.umbvh", help="Keep it.")
-    ] = None,
+    reinsertion_rounds: int | None = _knob(
+        "N", "Rounds of reinsertion, after any builder: 0 to 64."
+    ),
+    bins: int | None = _knob("N", "binned: bins an axis, 4 to 256."),
+    spatial_budget: float | None = _knob(
+        "F", "sbvh: references beyond the triangles, as a fraction: 0 to 4."
+    ),
+    spatial_overlap: float | None = _knob(
+        "F", "sbvh: overlap from which on spatial splits are tried: 0 to 1."
+    ),
+    morton_bits: int | None = _knob("30|63", "lbvh: bits of the code."),
+    hlbvh_bits: int | None = _knob("N", "hlbvh: leading bits of the code built by SAH, 3 to 30."),
+    clusters: int | None = _knob("K", "kmeans: clusters a node, 2 to 64."),
+    candidates: int | None = _knob("P", "kmeans: candidates a representative, 1 to 64."),
+    iterations: int | None = _knob("I", "kmeans: Lloyd iterations, 0 to 100."),
+    distance: Distance | None = _knob(None, "kmeans: distance of boxes, by means or by medians."),
+    kary: bool = _knob(None, "kmeans: the clusters themselves, up to K children a node.", False),
+    forwarded_clusters: int | None = _knob(
+        "N", "kmeans: nodes a treelet forwards, 0 to 64; 1 as published."
+    ),
+    aac_leaf_size: int | None = _knob(
+        "N", "aac: fewer triangles are not halved any more, 2 to 128."
+    ),
+    aac_epsilon: float | None = _knob(
+        "E", "aac: n triangles forward some n^(0.5-E) nodes, 0 to 0.5."
+    ),
+    ploc_radius: int | None = _knob("N", "ploc: neighbours searched each way, 1 to 128."),
+    ploc_sweep: int | None = _knob(
+        "N", "ploc: full sweep above so many triangles, 0 to 255; 0 as published."
+    ),
+    atrbvh_bits: int | None = _knob("N", "atrbvh: as --hlbvh-bits, to begin with; 0 as published."),
+    treelet_size: int | None = _knob("N", "atrbvh: leaves of a treelet, 3 to 15."),
+    treelet_rounds: int | None = _knob("N", "atrbvh: rounds, 1 to 16."),
+    output: Path | None = file_to_keep("OUT.umbvh"),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,

@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import enum
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
+from umbel.cli.options import Method, Preset, option
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Device, Json, Threads, ends_cleanly, fail, heard, show
 
 if TYPE_CHECKING:
     from umbel.cluster.clusters import Clusters
     from umbel.geometry.mesh import Mesh
-
-
-class Method(str, enum.Enum):
-    bisect = "bisect"
-    morton = "morton"
-    hybrid = "hybrid"
-
-
-class Preset(str, enum.Enum):
-    quality = "quality"
-    fast = "fast"
-    exact = "exact"
 
 
 _FLAGS = {
@@ -44,56 +30,34 @@ _FLAGS = {
 def command(
     # Long: typer reads the flags and their help from the signature.
     source: MeshFile,
-    method: Annotated[
-        Method | None,
-        typer.Option(
-            help="Bisection by cost (on cpu the default; cpu only), runs of the Morton order, or "
-            "both (hybrid; on cuda the default)."
-        ),
-    ] = None,
-    device: Annotated[Device, typer.Option(help="Where to work.")] = Device.cpu,
-    preset: Annotated[
-        Preset, typer.Option(help="Where limits and penalties start from.")
-    ] = Preset.quality,
-    max_triangles: Annotated[
-        int, typer.Option(metavar="N", help="Most triangles a cluster.")
-    ] = 128,
-    min_triangles: Annotated[
-        int | None, typer.Option(metavar="N", help="Fewest triangles of all clusters but one.")
-    ] = None,
-    max_vertices: Annotated[
-        int, typer.Option(metavar="N", help="Most unique vertices a cluster; 0: no limit.")
-    ] = 0,
-    underfill: Annotated[
-        float | None, typer.Option(metavar="C", help="Price of missing triangles, 0 to 1.")
-    ] = None,
-    overlap: Annotated[
-        float | None, typer.Option(metavar="C", help="Price of overlapping boxes, 0 to 1.")
-    ] = None,
-    vertex_underfill: Annotated[
-        float | None, typer.Option(metavar="C", help="Price of missing vertices, 0 to 1.")
-    ] = None,
-    presplit: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Halve larger parts without a search; 0: never."),
-    ] = None,
-    weights: Annotated[
-        str,
-        typer.Option(
-            metavar="none|shared-vertices|normals|MIX",
-            help="What keeps triangles together besides their positions; a mix has weights, as in "
-            "shared-vertices=0.3,normals=4.",
-        ),
-    ] = "none",
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT",
-            help="A .glb shows the clusters in colours; a .npz holds `items` and `offsets`.",
-        ),
-    ] = None,
+    method: Method | None = option(
+        None,
+        None,
+        "Bisection by cost (on cpu the default; cpu only), runs of the Morton order, or "
+        "both (hybrid; on cuda the default).",
+    ),
+    device: Device = option(Device.cpu, None, "Where to work."),
+    preset: Preset = option(Preset.quality, None, "Where limits and penalties start from."),
+    max_triangles: int = option(128, "N", "Most triangles a cluster."),
+    min_triangles: int | None = option(None, "N", "Fewest triangles of all clusters but one."),
+    max_vertices: int = option(0, "N", "Most unique vertices a cluster; 0: no limit."),
+    underfill: float | None = option(None, "C", "Price of missing triangles, 0 to 1."),
+    overlap: float | None = option(None, "C", "Price of overlapping boxes, 0 to 1."),
+    vertex_underfill: float | None = option(None, "C", "Price of missing vertices, 0 to 1."),
+    presplit: int | None = option(None, "N", "Halve larger parts without a search; 0: never."),
+    weights: str = option(
+        "none",
+        "none|shared-vertices|normals|MIX",
+        "What keeps triangles together besides their positions; a mix has weights, as in "
+        "shared-vertices=0.3,normals=4.",
+    ),
+    output: Path | None = option(
+        None,
+        "OUT",
+        "A .glb shows the clusters in colours; a .npz holds `items` and `offsets`.",
+        "-o",
+        "--output",
+    ),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,

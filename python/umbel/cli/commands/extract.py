@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from umbel.cli.options import option
 from umbel.cli.outputs import check_output
 from umbel.cli.run import USAGE, Json, Threads, ends_cleanly, fail, heard, show
 
@@ -18,20 +19,11 @@ def command(
         Path,
         typer.Option("-o", "--output", metavar="OUT", help="Mesh to write: .glb .gltf .ply .obj."),
     ],
-    error: Annotated[
-        float | None,
-        typer.Option(
-            metavar="E",
-            help="Coarsest cut with at most this error, in the mesh's unit; inf: the coarsest.",
-        ),
-    ] = None,
-    triangles: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Finest cut with at most so many triangles."),
-    ] = None,
-    level: Annotated[
-        int | None, typer.Option(metavar="L", help="A level as it was built; 0: the mesh itself.")
-    ] = None,
+    error: float | None = option(
+        None, "E", "Coarsest cut with at most this error, in the mesh's unit; inf: the coarsest."
+    ),
+    triangles: int | None = option(None, "N", "Finest cut with at most so many triangles."),
+    level: int | None = option(None, "L", "A level as it was built; 0: the mesh itself."),
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:

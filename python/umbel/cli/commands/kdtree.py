@@ -2,61 +2,39 @@
 
 from __future__ import annotations
 
-import enum
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from umbel.cli.inputs import AllowOutside, MeshFile, load_mesh
+from umbel.cli.options import Traversal, file_to_keep, option
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, heard, show
 from umbel.cli.structures import FLAGS, Compact, Costs, DropInvalid, parse_cost, ray_speeds
-
-
-class Traversal(str, enum.Enum):
-    stack = "stack"
-    ropes = "ropes"
-    short_stack = "short-stack"
 
 
 @ends_cleanly(FLAGS)
 def command(
     # Long: typer reads the flags and their help from the signature.
     source: MeshFile,
-    builder: Annotated[str, typer.Option(help="exact or binned.")] = "exact",
-    ropes: Annotated[bool, typer.Option(help="Trace by ropes instead of with a stack.")] = False,
-    traversal: Annotated[
-        Traversal | None, typer.Option(help="How rays are traced, in place of --ropes.")
-    ] = None,
+    builder: str = option("exact", None, "exact or binned."),
+    ropes: bool = option(False, None, "Trace by ropes instead of with a stack."),
+    traversal: Traversal | None = option(None, None, "How rays are traced, in place of --ropes."),
     cost: Costs = "3,2",
-    max_depth: Annotated[
-        int | None, typer.Option(metavar="N", help="Deepest level of a leaf, 1 to 64.")
-    ] = None,
-    target_leaf_size: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="So few triangles are not split any more, 0 to 255."),
-    ] = None,
-    empty_bonus: Annotated[
-        float | None, typer.Option(metavar="F", help="Bonus for cutting off empty space, 0 to 0.9.")
-    ] = None,
-    bad_refines: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Splits on a path that may cost more than a leaf, 0 to 64."),
-    ] = None,
-    max_references: Annotated[
-        float | None, typer.Option(metavar="F", help="Most references a triangle, 1 to 64.")
-    ] = None,
-    bins: Annotated[
-        int | None, typer.Option(metavar="N", help="binned: bins an axis, 4 to 256.")
-    ] = None,
+    max_depth: int | None = option(None, "N", "Deepest level of a leaf, 1 to 64."),
+    target_leaf_size: int | None = option(
+        None, "N", "So few triangles are not split any more, 0 to 255."
+    ),
+    empty_bonus: float | None = option(None, "F", "Bonus for cutting off empty space, 0 to 0.9."),
+    bad_refines: int | None = option(
+        None, "N", "Splits on a path that may cost more than a leaf, 0 to 64."
+    ),
+    max_references: float | None = option(None, "F", "Most references a triangle, 1 to 64."),
+    bins: int | None = option(None, "N", "binned: bins an axis, 4 to 256."),
     compact: Compact = False,
     drop_invalid: DropInvalid = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="OUT.umkd", help="Keep it.")
-    ] = None,
+    output: Path | None = file_to_keep("OUT.umkd"),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import time
 from dataclasses import replace
 from functools import partial
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from umbel.cli.inputs import AllowOutside, bytes_of, load_mesh
+from umbel.cli.options import Accel, Up, option, switch
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
 
@@ -23,19 +23,6 @@ if TYPE_CHECKING:
     from umbel.trace.renderer import Film, Renderer
 
 _COARSE = 20_000  # triangles of the cut on which an asset's cameras are chosen
-
-
-class Accel(str, enum.Enum):
-    bvh = "bvh"
-    kdtree = "kdtree"
-    grid = "grid"
-    bih = "bih"
-    lod = "lod"
-
-
-class Up(str, enum.Enum):
-    y = "y"
-    z = "z"
 
 
 _FLAGS = {
@@ -59,86 +46,56 @@ def command(
             "-o", "--output", metavar="OUT", help="Picture: .png (tone-mapped) or .exr (linear)."
         ),
     ],
-    width: Annotated[int, typer.Option(metavar="N", help="Pixels.")] = 1024,
-    height: Annotated[int, typer.Option(metavar="N", help="Pixels.")] = 768,
-    spp: Annotated[int, typer.Option(metavar="N", help="Paths a pixel.")] = 64,
-    camera: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="auto|file|x,y,z:tx,ty,tz:fov",
-            help="From a point to a point with the vertical field of view in degrees; auto: the "
-            "mesh fills the picture; auto:AZIMUTH,ELEVATION[:FOV]: from this direction; file: all "
-            "cameras of a glTF file; file:NAME or file:NUMBER: one of them. Several cameras make "
-            "OUT-1, OUT-2, ...  [default: auto]",
-        ),
-    ] = None,
-    accel: Annotated[
-        Accel | None,
-        typer.Option(
-            help="bvh, kdtree, grid (two-level) or bih (bounding intervals): all triangles, by the "
-            "same picture; lod: the cut that the camera needs, of an asset.  "
-            "[default: bvh, lod for assets]"
-        ),
-    ] = None,
-    pixel_error: Annotated[
-        float | None,
-        typer.Option(metavar="P", help="Error of a cut in pixels, with lod.  [default: 1]"),
-    ] = None,
-    budget: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SIZE",
-            help="Most memory of an asset's pages and of what is traced, as in 64MB; errors grow "
-            "where it is not enough. Instances share what they show.",
-        ),
-    ] = None,
-    bounce_error: Annotated[
-        float,
-        typer.Option(
-            metavar="FACTOR",
-            help="How many times the pixel error may be for rays that bounce or look for light, "
-            "with --budget.",
-        ),
-    ] = 1.0,
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 1,
-    bounces: Annotated[int, typer.Option(metavar="N", help="Most bounces of a path.")] = 32,
-    shadow_samples: Annotated[
-        int, typer.Option(metavar="N", help="Rays to lights at each hit: 0, 1 or 2.")
-    ] = 2,
-    clamp: Annotated[
-        float,
-        typer.Option(metavar="R", help="Most radiance of one indirect sample; 0: no limit."),
-    ] = 8.0,
-    exposure: Annotated[
-        str, typer.Option(metavar="auto|STOPS", help="Brightness of a PNG.")
-    ] = "auto",
-    up: Annotated[Up, typer.Option(help="Axis to the zenith.")] = Up.y,
-    ground: Annotated[bool, typer.Option("--ground", help="Put a floor under the mesh.")] = False,
-    sun: Annotated[
-        str | None,
-        typer.Option(metavar="AZIMUTH,ELEVATION", help="Where the sun stands, in degrees."),
-    ] = None,
-    light: Annotated[
-        str,
-        typer.Option(metavar="sky|R,G,B", help="A sky with a sun, or one colour from everywhere."),
-    ] = "sky",
-    hide: Annotated[
-        list[str] | None,
-        typer.Option(metavar="MATERIAL", help="Leave out triangles; * and ? match any name."),
-    ] = None,
-    progressive: Annotated[
-        bool, typer.Option("--progressive", help="Write OUT after 1, 2, 4, ... paths a pixel.")
-    ] = False,
-    denoise: Annotated[
-        bool,
-        typer.Option("--denoise", help="Take the noise out, with Intel's Open Image Denoise."),
-    ] = False,
-    features: Annotated[
-        bool,
-        typer.Option(
-            "--features", help="Write OUT-albedo and OUT-normal too, as denoisers read them."
-        ),
-    ] = False,
+    width: int = option(1024, "N", "Pixels."),
+    height: int = option(768, "N", "Pixels."),
+    spp: int = option(64, "N", "Paths a pixel."),
+    camera: list[str] | None = option(
+        None,
+        "auto|file|x,y,z:tx,ty,tz:fov",
+        "From a point to a point with the vertical field of view in degrees; auto: the "
+        "mesh fills the picture; auto:AZIMUTH,ELEVATION[:FOV]: from this direction; file: all "
+        "cameras of a glTF file; file:NAME or file:NUMBER: one of them. Several cameras make "
+        "OUT-1, OUT-2, ...  [default: auto]",
+    ),
+    accel: Accel | None = option(
+        None,
+        None,
+        "bvh, kdtree, grid (two-level) or bih (bounding intervals): all triangles, by the "
+        "same picture; lod: the cut that the camera needs, of an asset.  "
+        "[default: bvh, lod for assets]",
+    ),
+    pixel_error: float | None = option(
+        None, "P", "Error of a cut in pixels, with lod.  [default: 1]"
+    ),
+    budget: str | None = option(
+        None,
+        "SIZE",
+        "Most memory of an asset's pages and of what is traced, as in 64MB; errors grow "
+        "where it is not enough. Instances share what they show.",
+    ),
+    bounce_error: float = option(
+        1.0,
+        "FACTOR",
+        "How many times the pixel error may be for rays that bounce or look for light, "
+        "with --budget.",
+    ),
+    seed: int = option(1, "N", "Of the noise."),
+    bounces: int = option(32, "N", "Most bounces of a path."),
+    shadow_samples: int = option(2, "N", "Rays to lights at each hit: 0, 1 or 2."),
+    clamp: float = option(8.0, "R", "Most radiance of one indirect sample; 0: no limit."),
+    exposure: str = option("auto", "auto|STOPS", "Brightness of a PNG."),
+    up: Up = option(Up.y, None, "Axis to the zenith."),
+    ground: bool = switch("--ground", "Put a floor under the mesh."),
+    sun: str | None = option(None, "AZIMUTH,ELEVATION", "Where the sun stands, in degrees."),
+    light: str = option("sky", "sky|R,G,B", "A sky with a sun, or one colour from everywhere."),
+    hide: list[str] | None = option(
+        None, "MATERIAL", "Leave out triangles; * and ? match any name."
+    ),
+    progressive: bool = switch("--progressive", "Write OUT after 1, 2, 4, ... paths a pixel."),
+    denoise: bool = switch("--denoise", "Take the noise out, with Intel's Open Image Denoise."),
+    features: bool = switch(
+        "--features", "Write OUT-albedo and OUT-normal too, as denoisers read them."
+    ),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,

@@ -9,26 +9,21 @@ import typer
 
 from umbel.cli.failure import naming_file, one_line
 from umbel.cli.inputs import bytes_of
+from umbel.cli.options import option
 from umbel.cli.run import CHECK_FAILED, Json, Threads, ends_cleanly, say, show
 
 
 @ends_cleanly()
 def command(
     path: Annotated[str, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
-    cuts: Annotated[
-        int, typer.Option(min=0, max=1_000_000, metavar="N", help="Random cuts to look at.")
-    ] = 64,
-    seed: Annotated[
-        int, typer.Option(min=0, max=0xFFFFFFFF, metavar="N", help="Which random cuts.")
-    ] = 1,
-    memory: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SIZE",
-            help="Read pages in order, several times, in about so much memory, as in 1GB; of each "
-            "random cut, look at one window.",
-        ),
-    ] = None,
+    cuts: int = option(64, "N", "Random cuts to look at.", min=0, max=1_000_000),
+    seed: int = option(1, "N", "Which random cuts.", min=0, max=0xFFFFFFFF),
+    memory: str | None = option(
+        None,
+        "SIZE",
+        "Read pages in order, several times, in about so much memory, as in 1GB; of each "
+        "random cut, look at one window.",
+    ),
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:

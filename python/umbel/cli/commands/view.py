@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from umbel.cli.options import option, switch
 from umbel.cli.outputs import check_folder
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, say, show
 
@@ -15,16 +16,11 @@ from umbel.cli.run import Json, Threads, ends_cleanly, fail, say, show
 @ends_cleanly()
 def command(
     path: Annotated[str, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="N", help="Port to serve on; 0: any free one.")
-    ] = 0,
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Serve only; do not open the browser.")
-    ] = False,
-    export: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write a folder for a static host instead of serving."),
-    ] = None,
+    port: int = option(0, "N", "Port to serve on; 0: any free one.", min=0, max=65535),
+    no_browser: bool = switch("--no-browser", "Serve only; do not open the browser."),
+    export: Path | None = option(
+        None, "DIR", "Write a folder for a static host instead of serving."
+    ),
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
