@@ -1,33 +1,14 @@
 /* Clusters a generated grid and measures the clusters; the caller owns all memory. */
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <umbel/umbel.h>
+
+#include "example.h"
 
 enum { COLUMNS = 200, ROWS = 100 };
 
 static umbel_vec3 positions[(COLUMNS + 1) * (ROWS + 1)];
 static uint32_t indices[COLUMNS * ROWS * 2][3];
 
-static void make_grid(void) {
-  size_t triangle = 0;
-  for (uint32_t y = 0; y <= ROWS; ++y) {
-    for (uint32_t x = 0; x <= COLUMNS; ++x) {
-      umbel_vec3* p = &positions[y * (COLUMNS + 1) + x];
-      p->x = (float)x;
-      p->y = (float)y;
-      p->z = 5.0f * sinf(0.1f * (float)x) * cosf(0.1f * (float)y);
-    }
-  }
-  for (uint32_t y = 0; y < ROWS; ++y) {
-    for (uint32_t x = 0; x < COLUMNS; ++x) {
-      const uint32_t v = y * (COLUMNS + 1) + x, above = v + COLUMNS + 1;
-      const uint32_t two[2][3] = {{v, v + 1, above}, {v + 1, above + 1, above}};
-      memcpy(indices[triangle], two, sizeof two);
-      triangle += 2;
-    }
-  }
-}
+static float hills(float x, float y) { return 5.0f * sinf(0.1f * x) * cosf(0.1f * y); }
 
 static int show(float fraction, const char* stage, void* user) {
   (void)user;
@@ -35,14 +16,9 @@ static int show(float fraction, const char* stage, void* user) {
   return 1; /* 0 would cancel */
 }
 
-static void check(umbel_result result) {
-  if (result == UMBEL_OK) return;
-  fprintf(stderr, "%s: %s\n", umbel_result_name(result), umbel_last_error());
-  exit(1);
-}
-
 int main(void) {
-  make_grid();
+  make_field(COLUMNS, ROWS, (umbel_vec2){0, 0}, (umbel_vec2){COLUMNS, ROWS}, hills, positions,
+             indices);
 
   umbel_cluster_input input;
   umbel_cluster_input_init(&input);

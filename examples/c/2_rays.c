@@ -1,8 +1,7 @@
 /* Rays against a generated hill: an ASCII picture with shadows, and the closest point. */
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <umbel/umbel.h>
+
+#include "example.h"
 
 enum { SIDE = 100, WIDTH = 64, HEIGHT = 24 };
 
@@ -12,31 +11,7 @@ static umbel_ray rays[WIDTH * HEIGHT], shadow_rays[WIDTH * HEIGHT];
 static umbel_hit hits[WIDTH * HEIGHT];
 static uint8_t in_shadow[WIDTH * HEIGHT];
 
-static void make_hill(void) {
-  size_t triangle = 0;
-  for (uint32_t y = 0; y <= SIDE; ++y) {
-    for (uint32_t x = 0; x <= SIDE; ++x) {
-      umbel_vec3* p = &positions[y * (SIDE + 1) + x];
-      p->x = 2.0f * (float)x / SIDE - 1.0f;
-      p->y = 2.0f * (float)y / SIDE - 1.0f;
-      p->z = expf(-6.0f * (p->x * p->x + p->y * p->y));
-    }
-  }
-  for (uint32_t y = 0; y < SIDE; ++y) {
-    for (uint32_t x = 0; x < SIDE; ++x) {
-      const uint32_t v = y * (SIDE + 1) + x, above = v + SIDE + 1;
-      const uint32_t two[2][3] = {{v, v + 1, above}, {v + 1, above + 1, above}};
-      memcpy(indices[triangle], two, sizeof two);
-      triangle += 2;
-    }
-  }
-}
-
-static void check(umbel_result result) {
-  if (result == UMBEL_OK) return;
-  fprintf(stderr, "%s: %s\n", umbel_result_name(result), umbel_last_error());
-  exit(1);
-}
+static float hill(float x, float y) { return expf(-6.0f * (x * x + y * y)); }
 
 /* Rays straight down, one per character. */
 static void aim(void) {
@@ -66,7 +41,7 @@ static void aim_at_sun(void) {
 }
 
 int main(void) {
-  make_hill();
+  make_field(SIDE, SIDE, (umbel_vec2){-1, -1}, (umbel_vec2){2, 2}, hill, positions, indices);
   umbel_bvh_mesh mesh;
   umbel_bvh_mesh_init(&mesh);
   mesh.positions = positions;

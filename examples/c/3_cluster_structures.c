@@ -5,9 +5,8 @@
  * and know them, else the same by hand. No GPU is needed: addresses are where the arrays would be.
  */
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <umbel/umbel.h>
+
+#include "example.h"
 
 #if defined(__has_include)
 #if __has_include(<vulkan/vulkan_core.h>)
@@ -46,29 +45,7 @@ enum { COLUMNS = 120, ROWS = 120, INDEX_FORMAT_8BIT = 1 };
 static umbel_vec3 points[(COLUMNS + 1) * (ROWS + 1)];
 static uint32_t indices[COLUMNS * ROWS * 2][3];
 
-static void make_hills(void) {
-  size_t triangle = 0;
-  for (uint32_t y = 0; y <= ROWS; ++y)
-    for (uint32_t x = 0; x <= COLUMNS; ++x) {
-      umbel_vec3* p = &points[y * (COLUMNS + 1) + x];
-      p->x = (float)x;
-      p->y = (float)y;
-      p->z = 5.0f * sinf(0.1f * (float)x) * cosf(0.1f * (float)y);
-    }
-  for (uint32_t y = 0; y < ROWS; ++y)
-    for (uint32_t x = 0; x < COLUMNS; ++x) {
-      const uint32_t v = y * (COLUMNS + 1) + x, above = v + COLUMNS + 1;
-      const uint32_t two[2][3] = {{v, v + 1, above}, {v + 1, above + 1, above}};
-      memcpy(indices[triangle], two, sizeof two);
-      triangle += 2;
-    }
-}
-
-static void check(umbel_result result) {
-  if (result == UMBEL_OK) return;
-  fprintf(stderr, "%s: %s\n", umbel_result_name(result), umbel_last_error());
-  exit(1);
-}
+static float hills(float x, float y) { return 5.0f * sinf(0.1f * x) * cosf(0.1f * y); }
 
 static void* room(size_t count, size_t size) {
   void* memory = malloc(count * size + 1);
@@ -117,7 +94,8 @@ static void fill(const umbel_lod_geometry* all, uint64_t position_address, uint6
 }
 
 int main(void) {
-  make_hills();
+  make_field(COLUMNS, ROWS, (umbel_vec2){0, 0}, (umbel_vec2){COLUMNS, ROWS}, hills, points,
+             indices);
   umbel_lod_mesh mesh;
   umbel_lod_mesh_init(&mesh);
   mesh.positions = points;

@@ -42,14 +42,24 @@ def data() -> Path:
     return DATA
 
 
+def _saved_blob(folders: pytest.TempPathFactory, subdivisions: int) -> Path:
+    import umbel
+
+    path = folders.mktemp("meshes") / "blob.ply"
+    umbel.save(path, umbel.shapes.blob(subdivisions))
+    return path
+
+
 @pytest.fixture(scope="session")
 def blob_ply(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A closed mesh of 20,480 triangles in a file."""
-    import umbel
+    return _saved_blob(tmp_path_factory, 5)
 
-    path = tmp_path_factory.mktemp("meshes") / "blob.ply"
-    umbel.save(path, umbel.shapes.blob(5))
-    return path
+
+@pytest.fixture(scope="session")
+def small_ply(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One of 1,280 triangles."""
+    return _saved_blob(tmp_path_factory, 3)
 
 
 @pytest.fixture(scope="session")

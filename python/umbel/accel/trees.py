@@ -26,9 +26,37 @@ KARY_NODE = np.dtype(
 """A node of a `KaryTree`."""
 
 
-class Bvh2:
+class _Tree:
+    """What both kinds of trees have."""
+
+    _native: _umbel.Bvh2 | _umbel.KaryTree
+    _config: _umbel.BvhConfig
+
+    @property
+    def primitives(self) -> NDArray[np.uint32]:
+        """(p,) in the order of the leaves: each box or triangle once, or, with spatial splits, at
+        least once. A read-only view."""
+        return self._native.primitives
+
+    def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
+        """`nodes leaves max_depth references sah_cost bytes`."""
+        return self._native.statistics(*(cost or self._config.cost))
+
+    def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
+        """Expected cost of a random line, for (traversal, intersection) costs; those of the build
+        where None. A visit of a node costs the same for any number of children."""
+        return float(self.statistics(cost)["sah_cost"])
+
+    def __repr__(self) -> str:
+        nodes, primitives = len(self._native.nodes), len(self.primitives)
+        return f"<{type(self).__name__}: {nodes} nodes, {primitives} primitives>"
+
+
+class Bvh2(_Tree):
     """A binary tree, as a builder gave it. `nodes[0]` is the root, and children come after their
     parent. Made by `build_bvh2`."""
+
+    _native: _umbel.Bvh2
 
     def __init__(
         self,
@@ -47,30 +75,12 @@ class Bvh2:
         words = self._native.nodes
         return words.view(NODE).reshape(len(words))
 
-    @property
-    def primitives(self) -> NDArray[np.uint32]:
-        """(p,) in the order of the leaves: each box or triangle once, or, with spatial splits, at
-        least once. A read-only view."""
-        return self._native.primitives
-
-    def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
-        """`nodes leaves max_depth references sah_cost bytes`."""
-        return self._native.statistics(*(cost or self._config.cost))
-
-    def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
-        """Expected cost of a random line, for (traversal, intersection) costs; those of the build
-        where None."""
-        return float(self.statistics(cost)["sah_cost"])
-
     def epo(self, cost: tuple[float, float] | None = None, *, threads: int = 0) -> float:
         """End-point overlap (Aila, Karras & Laine 2013); only for trees over triangles."""
         if self._mesh is None:
             raise Error("epo needs triangles, and this tree was built over boxes")
         costs = cost or self._config.cost
         return self._native.end_point_overlap(self._mesh, *costs, threads=thread_count(threads))
-
-    def __repr__(self) -> str:
-        return f"<Bvh2: {len(self._native.nodes)} nodes, {len(self._native.primitives)} primitives>"
 
 
 def build_bvh2(
@@ -93,7 +103,7 @@ def build_bvh2(
     return Bvh2(_umbel.build_bvh2_mesh(mesh, config, progress, thread_count(threads)), config, mesh)
 
 
-class KaryTree:
+class KaryTree(_Tree):
     """The clusters of k-means with up to k children a node, before they become a binary tree.
     `nodes[0]` is the root, and children come after their parent. Made by `build_kary`."""
 
@@ -107,23 +117,6 @@ class KaryTree:
         `primitives[first]` on, and no children; an inner node has `children` from `first` on."""
         words = self._native.nodes
         return words.view(KARY_NODE).reshape(len(words))
-
-    @property
-    def primitives(self) -> NDArray[np.uint32]:
-        """(p,) in the order of the leaves, each box or triangle once. A read-only view."""
-        return self._native.primitives
-
-    def statistics(self, cost: tuple[float, float] | None = None) -> dict[str, Any]:
-        """`nodes leaves max_depth references sah_cost bytes`."""
-        return self._native.statistics(*(cost or self._config.cost))
-
-    def sah_cost(self, cost: tuple[float, float] | None = None) -> float:
-        """Expected cost of a random line, for (traversal, intersection) costs, where a visit of a
-        node costs the same for any number of children."""
-        return float(self.statistics(cost)["sah_cost"])
-
-    def __repr__(self) -> str:
-        return f"<KaryTree: {len(self.nodes)} nodes, {len(self.primitives)} primitives>"
 
 
 def build_kary(

@@ -32,6 +32,13 @@ class CommonOptions(TypedDict, total=False):
 
 class _Uniform(SpatialPartition):
     _native: _umbel.TwoLevelGrid | _umbel.Octree | _umbel.IntervalHierarchy
+    _counted = ("nodes", "nodes")
+    """One of the statistics, and what it counts."""
+
+    def __repr__(self) -> str:
+        field, parts = self._counted
+        count = self.statistics()[field]
+        return f"<{type(self).__name__}: {len(self)} triangles, {count} {parts}>"
 
     def _build(
         self,
@@ -71,6 +78,8 @@ class TwoLevelGrid(_Uniform):
     """A grid whose cells hold grids (Kalojanov, Billeter & Slusallek 2011), with the queries of
     `umbel.Bvh`."""
 
+    _counted = ("leaves", "cells")
+
     def __init__(
         self,
         positions: Any,
@@ -92,11 +101,7 @@ class TwoLevelGrid(_Uniform):
             "leaf_density": leaf_density,
             "max_references": max_references,
         }
-        source = (positions, triangles)
-        self._build(_umbel.TwoLevelGrid, source, threads, settings, **options)
-
-    def __repr__(self) -> str:
-        return f"<TwoLevelGrid: {len(self)} triangles, {self.statistics()['leaves']} cells>"
+        self._build(_umbel.TwoLevelGrid, (positions, triangles), threads, settings, **options)
 
 
 class Octree(_Uniform):
@@ -125,11 +130,7 @@ class Octree(_Uniform):
             "max_depth": 0 if max_depth is None else max_depth,
             "max_references": max_references,
         }
-        source = (positions, triangles)
-        self._build(_umbel.Octree, source, threads, settings, **options)
-
-    def __repr__(self) -> str:
-        return f"<Octree: {len(self)} triangles, {self.statistics()['nodes']} nodes>"
+        self._build(_umbel.Octree, (positions, triangles), threads, settings, **options)
 
 
 class IntervalHierarchy(_Uniform):
@@ -149,8 +150,4 @@ class IntervalHierarchy(_Uniform):
         max_leaf_size: 1..64, most triangles a leaf.
         """
         settings = {"max_leaf_size": max_leaf_size}
-        source = (positions, triangles)
-        self._build(_umbel.IntervalHierarchy, source, threads, settings, **options)
-
-    def __repr__(self) -> str:
-        return f"<IntervalHierarchy: {len(self)} triangles, {self.statistics()['nodes']} nodes>"
+        self._build(_umbel.IntervalHierarchy, (positions, triangles), threads, settings, **options)

@@ -48,42 +48,38 @@ class Processor:
 class Device:
     """A package with arrays on a device."""
 
+    name = ""
+
     def __init__(self):
         self.options = {}
         self.library = cuda.library_path()
+        self.package = importlib.import_module(self.name)
+        self.cuda = importlib.import_module(f"{self.name}.cuda")
+        self.works = self.cuda.is_available()
 
 
 class Torch(Device):
-    def __init__(self):
-        super().__init__()
-        self.torch = importlib.import_module("torch")
-        self.works = self.torch.cuda.is_available()
+    name = "torch"
 
     def put(self, array):
-        return self.torch.from_numpy(array).cuda()
+        return self.package.from_numpy(array).cuda()
 
     def get(self, array):
         return array.cpu().numpy()
 
 
 class Cupy(Device):
-    def __init__(self):
-        super().__init__()
-        self.cupy = importlib.import_module("cupy")
-        self.works = self.cupy.cuda.is_available()
+    name = "cupy"
 
     def put(self, array):
-        return self.cupy.asarray(array)
+        return self.package.asarray(array)
 
     def get(self, array):
         return array.get()
 
 
 class Numba(Device):
-    def __init__(self):
-        super().__init__()
-        self.cuda = importlib.import_module("numba.cuda")
-        self.works = self.cuda.is_available()
+    name = "numba"
 
     def put(self, array):
         return self.cuda.to_device(array)

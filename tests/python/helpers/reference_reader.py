@@ -50,21 +50,20 @@ class Attribute:
     step: float
 
 
-# The apex, and whether the edges (b, c) and (c, a) are gates, by the bits of the word.
+# The words for each apex: where neither of the edges (b, c) and (c, a) is a gate, the first is, the
+# second, or both; empty where there is no word.
+APEXES = {
+    "new": ("00011", "0010", "0011", "1"),
+    "from": ("", "00010", "", "011"),
+    "into": ("", "", "00001", "010"),
+    "named": ("00000001", "00000010", "00000011", "000001"),
+    "nothing": ("00000000", "", "", ""),
+}
 WORDS = {
-    "1": ("new", 1, 1),
-    "011": ("from", 1, 1),
-    "010": ("into", 1, 1),
-    "0011": ("new", 0, 1),
-    "0010": ("new", 1, 0),
-    "00011": ("new", 0, 0),
-    "00010": ("from", 1, 0),
-    "00001": ("into", 0, 1),
-    "000001": ("named", 1, 1),
-    "00000011": ("named", 0, 1),
-    "00000010": ("named", 1, 0),
-    "00000001": ("named", 0, 0),
-    "00000000": ("nothing", 0, 0),
+    word: (apex, gates & 1, gates >> 1)
+    for apex, words in APEXES.items()
+    for gates, word in enumerate(words)
+    if word
 }
 
 

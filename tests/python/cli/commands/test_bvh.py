@@ -40,13 +40,6 @@ def bvh_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[s
     return run
 
 
-@pytest.fixture(scope="module")
-def small_ply(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("meshes") / "small.ply"
-    umbel.save(path, umbel.shapes.blob(3))
-    return path
-
-
 def test_fields_are_those_of_the_contract(umbel_command: Umbel, blob_ply: Path) -> None:
     done = umbel_command("bvh", blob_ply, "--json")
     assert done.status == 0 and done.err == ""

@@ -17,28 +17,23 @@ const START_OF_INCOMING = 2;
 const EXPLICIT = 3;
 const NO_TRIANGLE = 4;
 
-/** Prefix codes in the order of their bits: apex, and whether the right and left edge are active. */
-const CODES: readonly [string, number, number, number][] = [
-  ["1", NEW, 1, 1],
-  ["011", END_OF_OUTGOING, 1, 1],
-  ["010", START_OF_INCOMING, 1, 1],
-  ["0011", NEW, 0, 1],
-  ["0010", NEW, 1, 0],
-  ["00011", NEW, 0, 0],
-  ["00010", END_OF_OUTGOING, 1, 0],
-  ["00001", START_OF_INCOMING, 0, 1],
-  ["000001", EXPLICIT, 1, 1],
-  ["00000011", EXPLICIT, 0, 1],
-  ["00000010", EXPLICIT, 1, 0],
-  ["00000001", EXPLICIT, 0, 0],
-  ["00000000", NO_TRIANGLE, 0, 0],
+/** Prefix codes by apex: where neither edge is active, the right one, the left one, or both. */
+const CODES = [
+  ["00011", "0010", "0011", "1"],
+  ["", "00010", "", "011"],
+  ["", "", "00001", "010"],
+  ["00000001", "00000010", "00000011", "000001"],
+  ["00000000", "", "", ""],
 ];
 /** By the next eight bits: length of the code, apex, right and left, in 4, 3, 1 and 1 bits. */
 const TABLE = new Uint16Array(256);
-for (const [code, apex, right, left] of CODES) {
-  const low = [...code].reduce((sum, bit, i) => sum | (Number(bit) << i), 0);
-  for (let high = 0; high < 1 << (8 - code.length); ++high)
-    TABLE[low | (high << code.length)] = code.length | (apex << 4) | (right << 7) | (left << 8);
+for (const [apex, codes] of CODES.entries()) {
+  for (const [edges, code] of codes.entries()) {
+    if (code === "") continue;
+    const low = [...code].reduce((sum, bit, i) => sum | (Number(bit) << i), 0);
+    for (let high = 0; high < 1 << (8 - code.length); ++high)
+      TABLE[low | (high << code.length)] = code.length | (apex << 4) | (edges << 7);
+  }
 }
 
 /** Decodes one cluster after another; keeps its scratch memory between them. */
