@@ -15,7 +15,7 @@ import pytest
 
 import umbel
 from helpers.commands import Umbel
-from helpers.cuda_packages import Processor, packaged
+from helpers.cuda_packages import packaged
 from helpers.meshes import is_closed, triangle_keys
 
 BUILD_FIELDS = [
@@ -338,7 +338,7 @@ def test_a_device_makes_the_clusters_of_the_processor(
     monkeypatch: pytest.MonkeyPatch,
     method: str,
 ) -> None:
-    packaged(Processor, monkeypatch)
+    packaged("processor", monkeypatch)
     here, there = tmp_path / "here.npz", tmp_path / "there.npz"
     said = umbel_command("cluster", blob_ply, "--method", method, "-o", here, "--json").json
     given = ("--device", "cuda", "--method", method)

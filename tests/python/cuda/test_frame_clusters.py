@@ -9,7 +9,7 @@ import importlib
 import numpy as np
 import pytest
 
-from helpers.cuda_packages import ON_PROCESSOR, PACKAGES, HostArray, Processor, Torch, packaged
+from helpers.cuda_packages import ON_PROCESSOR, PACKAGES, HostArray, Processor, packaged
 from umbel import cuda
 from umbel.cluster.area_growth import RebuildPolicy
 
@@ -36,12 +36,12 @@ def twisted(positions, turns):
 
 @pytest.fixture(params=PACKAGES)
 def package(request, monkeypatch):
-    return packaged(PACKAGES[request.param], monkeypatch)
+    return packaged(request.param, monkeypatch)
 
 
 @pytest.fixture
 def torch_package(monkeypatch):
-    return packaged(Torch, monkeypatch)
+    return packaged("torch", monkeypatch)
 
 
 def clusters_of(package, positions, triangles, *method, **settings):

@@ -14,7 +14,7 @@ umbel = pytest.importorskip("umbel._umbel") and pytest.importorskip("umbel")
 
 @pytest.fixture(params=PACKAGES)
 def package(request, monkeypatch):
-    return packaged(PACKAGES[request.param], monkeypatch)
+    return packaged(request.param, monkeypatch)
 
 
 def mesh_and_trees(package, **settings):

@@ -11,7 +11,7 @@ import types
 import numpy as np
 import pytest
 
-from helpers.cuda_packages import HostArray, Processor, packaged
+from helpers.cuda_packages import HostArray, packaged
 from umbel import cuda
 from umbel.cuda import calls
 from umbel.cuda.arrays import device_array
@@ -89,7 +89,7 @@ class Package:
 
 @pytest.fixture
 def library(monkeypatch):
-    packaged(Processor, monkeypatch)
+    packaged("processor", monkeypatch)
     stand_in = Library(calls.library())
     monkeypatch.setattr(calls, "_load", lambda path: stand_in)
     return stand_in

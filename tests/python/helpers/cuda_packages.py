@@ -4,6 +4,7 @@ functions on the processor. Needs nothing of the package that is compiled."""
 from __future__ import annotations
 
 import importlib
+from functools import partial
 
 import numpy as np
 import pytest
@@ -45,60 +46,37 @@ class Processor:
         return array.get()
 
 
+# How arrays come to the device, and back.
+WAYS = {
+    "torch": (lambda torch, array: torch.from_numpy(array).cuda(), lambda a: a.cpu().numpy()),
+    "cupy": (lambda cupy, array: cupy.asarray(array), lambda a: a.get()),
+    "numba": (lambda numba, array: numba.cuda.to_device(array), lambda a: a.copy_to_host()),
+}
+
+
 class Device:
     """A package with arrays on a device."""
 
-    name = ""
-
-    def __init__(self):
+    def __init__(self, name):
+        package = importlib.import_module(name)
+        put, self.get = WAYS[name]
+        self.put = partial(put, package)
         self.options = {}
         self.library = cuda.library_path()
-        self.package = importlib.import_module(self.name)
-        self.cuda = importlib.import_module(f"{self.name}.cuda")
-        self.works = self.cuda.is_available()
+        self.works = importlib.import_module(f"{name}.cuda").is_available()
 
 
-class Torch(Device):
-    name = "torch"
-
-    def put(self, array):
-        return self.package.from_numpy(array).cuda()
-
-    def get(self, array):
-        return array.cpu().numpy()
-
-
-class Cupy(Device):
-    name = "cupy"
-
-    def put(self, array):
-        return self.package.asarray(array)
-
-    def get(self, array):
-        return array.get()
-
-
-class Numba(Device):
-    name = "numba"
-
-    def put(self, array):
-        return self.cuda.to_device(array)
-
-    def get(self, array):
-        return array.copy_to_host()
-
-
-def packaged(make, monkeypatch):
+def packaged(name, monkeypatch):
     try:
-        package = make()
+        package = Processor() if name == "processor" else Device(name)
     except ImportError:
-        pytest.skip(f"there is no {make.__name__.lower()} here")
+        pytest.skip(f"there is no {name} here")
     if not package.works:
-        pytest.skip(f"{make.__name__.lower()} finds no CUDA device")
+        pytest.skip(f"{name} finds no CUDA device")
     if not package.library.is_file():
         pytest.skip(f"there is no {package.library}")
     monkeypatch.setenv("UMBEL_CUDA_LIBRARY", str(package.library))
     return package
 
 
-PACKAGES = {"processor": Processor, "torch": Torch, "cupy": Cupy, "numba": Numba}
+PACKAGES = ("processor", *WAYS)

@@ -15,6 +15,7 @@ from helpers.mesh_files import (
     TETRA_TRIANGLES,
     corners,
 )
+from helpers.refusals import refused
 from umbel.errors import Error
 
 
@@ -136,9 +137,8 @@ def damaged(change: Any) -> GltfBuilder:
     ],
 )
 def test_broken_containers_are_named(tmp_path: Path, data: bytes, says: str) -> None:
-    with pytest.raises(Error, match=says) as caught:
+    with refused(says, "mesh.glb"):
         read(tmp_path, data)
-    assert "mesh.glb" in str(caught.value)
 
 
 @pytest.mark.parametrize(

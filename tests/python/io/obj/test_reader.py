@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.mesh_files import corners
+from helpers.refusals import refused
 from umbel import Bvh, KdTree, TwoLevelGrid, build_lod, cluster_mesh, validate
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
@@ -221,9 +222,8 @@ def test_a_position_that_is_nan_is_named_with_its_file_and_the_remedy(tmp_path: 
     ],
 )
 def test_damage_is_named_with_its_line(tmp_path: Path, text: str, says: str) -> None:
-    with pytest.raises(Error, match=says) as caught:
+    with refused(says, "mesh.obj"):
         read(tmp_path, text)
-    assert "mesh.obj" in str(caught.value)
 
 
 @pytest.mark.parametrize(

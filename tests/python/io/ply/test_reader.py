@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES, ply_bytes
+from helpers.refusals import refused
 from umbel import validate
 from umbel.errors import Error, LoadWarning
 from umbel.io import load
@@ -285,9 +286,8 @@ ASCII = ply_bytes(
     ],
 )
 def test_damage_is_named(tmp_path: Path, data: bytes, says: str) -> None:
-    with pytest.raises(Error, match=says) as caught:
+    with refused(says, "mesh.ply"):
         read(tmp_path, data)
-    assert "mesh.ply" in str(caught.value)
 
 
 def test_huge_list_counts_do_not_allocate(tmp_path: Path) -> None:

@@ -10,20 +10,19 @@ const MAX_VERTICES = 256;
 const MAX_EDGES = 3 * 256;
 const NO_EDGE = 0xffff;
 
-/** Where the apex of the triangle across an active edge (a, b) comes from. */
+/** Where the apex of the triangle across an active edge (a, b) comes from: a row of CODES. */
 const NEW = 0;
 const END_OF_OUTGOING = 1;
-const START_OF_INCOMING = 2;
 const EXPLICIT = 3;
 const NO_TRIANGLE = 4;
 
 /** Prefix codes by apex: where neither edge is active, the right one, the left one, or both. */
 const CODES = [
-  ["00011", "0010", "0011", "1"],
-  ["", "00010", "", "011"],
-  ["", "", "00001", "010"],
-  ["00000001", "00000010", "00000011", "000001"],
-  ["00000000", "", "", ""],
+  ["00011", "0010", "0011", "1"], // a new vertex
+  ["", "00010", "", "011"], // the end of the outgoing edge
+  ["", "", "00001", "010"], // the start of the incoming edge
+  ["00000001", "00000010", "00000011", "000001"], // explicit
+  ["00000000", "", "", ""], // no triangle
 ];
 /** By the next eight bits: length of the code, apex, right and left, in 4, 3, 1 and 1 bits. */
 const TABLE = new Uint16Array(256);
