@@ -140,7 +140,6 @@ def build_lod(
         refuse_collapse(given, extra.get("grid_step"))
     warn_of_rounding(given)
 
-    low, high = _pair(group_size)
     config: dict[str, Any] = {
         "max_triangles": max_triangles,
         "max_vertices": max_vertices,
@@ -148,8 +147,7 @@ def build_lod(
         "underfill_cost": underfill_cost,
         "vertex_underfill_cost": vertex_underfill_cost,
         "overlap_cost": overlap_cost,
-        "min_group": low,
-        "max_group": high,
+        **_group_limits(group_size),
         "group_underfill_cost": group_underfill_cost,
         "group_overlap_cost": group_overlap_cost,
         "ratio": ratio,
@@ -228,12 +226,12 @@ def _native_config(config: dict[str, Any]) -> _umbel.LodConfig:
     return native_config
 
 
-def _pair(group_size: Sequence[int]) -> tuple[int, int]:
+def _group_limits(group_size: Sequence[int]) -> dict[str, int]:
     try:
         low, high = (int(value) for value in group_size)
     except (TypeError, ValueError):
         raise Error(f"group_size must be two integers, not {group_size!r}") from None
-    return low, high
+    return {"min_group": low, "max_group": high}
 
 
 def _describe(source: Any, mesh: Mesh) -> dict[str, Any]:

@@ -16,6 +16,11 @@ from umbel.lod.save import Savable
 from umbel.lod.tables import HasTables
 
 
+def _from_tables(name: str) -> Any:
+    """A property that is one of the tables."""
+    return property(lambda lod: getattr(lod.tables, name), doc=f"See `Tables.{name}`.")
+
+
 class Lod(HasTables, Savable):
     """A mesh as a DAG of clusters, in memory. `build_lod` makes it, `save` writes it."""
 
@@ -64,25 +69,10 @@ class Lod(HasTables, Savable):
         or 0xffffffff where it is new."""
         return self._native.source_vertices[self._native.cluster_vertices]
 
-    @property
-    def levels(self) -> NDArray[Any]:
-        """See `Tables.levels`."""
-        return self.tables.levels
-
-    @property
-    def groups(self) -> NDArray[Any]:
-        """See `Tables.groups`."""
-        return self.tables.groups
-
-    @property
-    def clusters(self) -> NDArray[Any]:
-        """See `Tables.clusters`."""
-        return self.tables.clusters
-
-    @property
-    def nodes(self) -> NDArray[Any]:
-        """See `Tables.nodes`."""
-        return self.tables.nodes
+    levels: NDArray[Any] = _from_tables("levels")
+    groups: NDArray[Any] = _from_tables("groups")
+    clusters: NDArray[Any] = _from_tables("clusters")
+    nodes: NDArray[Any] = _from_tables("nodes")
 
     @property
     def _mesh_origin(self) -> NDArray[np.float64]:

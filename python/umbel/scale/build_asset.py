@@ -16,7 +16,7 @@ from umbel.errors import Error
 from umbel.geometry.arrays import thread_count
 from umbel.geometry.repair import Progress
 from umbel.io.blocks import Paths, Source, open_source
-from umbel.lod.build import _native_config, _pair
+from umbel.lod.build import _group_limits, _native_config
 from umbel.lod.materials import write_materials
 from umbel.plain_json import encode
 from umbel.scale.memory import as_bytes, free_bytes
@@ -85,12 +85,10 @@ def build_asset(
         raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
     if unit_triangles < 0 or 0 < unit_triangles < 1000:
         raise Error(f"unit_triangles must be at least 1000, not {unit_triangles}")
-    low, high = _pair(group_size)
     config: dict[str, Any] = {
         "max_triangles": max_triangles,
         "max_vertices": max_vertices,
-        "min_group": low,
-        "max_group": high,
+        **_group_limits(group_size),
         "attributes": attributes == "auto",
         "mix_materials": mix_materials,
         "seams": seams,

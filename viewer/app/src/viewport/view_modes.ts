@@ -10,23 +10,23 @@ export interface ViewModeInfo {
   key: string;
 }
 
-export const VIEW_MODES: Record<ViewMode, ViewModeInfo> = {
-  shaded: { name: "Shaded", about: "The surface with its materials.", key: "1" },
-  clusters: { name: "Clusters", about: "One colour for each cluster.", key: "2" },
-  groups: {
-    name: "Groups",
-    about: "One colour for clusters that are exchanged together.",
-    key: "3",
-  },
-  levels: { name: "Levels", about: "From the finest level to the coarsest.", key: "4" },
-  error: { name: "Error", about: "How far each cluster may be from the full mesh.", key: "5" },
-  overlap: {
-    name: "Overlap",
-    about: "The clusters’ boxes: the denser, the more overlap.",
-    key: "6",
-  },
-  pages: { name: "Pages", about: "Where finer clusters are still to arrive.", key: "7" },
+const ABOUT: Record<ViewMode, string> = {
+  shaded: "The surface with its materials.",
+  clusters: "One colour for each cluster.",
+  groups: "One colour for clusters that are exchanged together.",
+  levels: "From the finest level to the coarsest.",
+  error: "How far each cluster may be from the full mesh.",
+  overlap: "The clusters’ boxes: the denser, the more overlap.",
+  pages: "Where finer clusters are still to arrive.",
 };
+
+/** In the order of their keys, 1 to 7. */
+export const VIEW_MODES = Object.fromEntries(
+  Object.entries(ABOUT).map(([mode, about], i) => [
+    mode,
+    { name: mode[0].toUpperCase() + mode.slice(1), about, key: String(i + 1) },
+  ]),
+) as Record<ViewMode, ViewModeInfo>;
 
 type Rgb = readonly [number, number, number];
 
