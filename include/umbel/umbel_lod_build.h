@@ -224,6 +224,27 @@ UMBEL_C_API umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, 
 UMBEL_C_API umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact,
                                            umbel_vec3d origin, const umbel_build_options* options);
 
+/// How a .umbel file is written: AssetConfig of umbel/asset.hpp. The defaults in brackets are those
+/// of umbel_lod_save_config_init; bits of 0, and a step of 0, keep floats unchanged.
+typedef struct umbel_lod_save_config {
+  uint32_t struct_size;
+  uint32_t normal_bits;   ///< [10] of each of two octahedral components, 2..16
+  uint32_t tangent_bits;  ///< [10] of the angle about the normal, 2..16; needs normal_bits
+  uint32_t color_bits;    ///< [8] of red, green, blue (as sRGB) and alpha, 2..16
+  float uv_step;          ///< [2^-14] texture coordinates become multiples of this power of two
+  uint32_t page_bytes;    ///< [0] a multiple of 4096, up to 1 GiB; 0: 40 to 256 KiB, as it grows
+  umbel_vec3d origin;     ///< [0] the point of the world that positions are relative to
+} umbel_lod_save_config;
+
+UMBEL_C_API void umbel_lod_save_config_init_sized(umbel_lod_save_config* config, size_t size);
+static inline void umbel_lod_save_config_init(umbel_lod_save_config* config) {
+  umbel_lod_save_config_init_sized(config, sizeof *config);
+}
+/// Writes a .umbel file beside `path` and renames it. `config` and `options` may be NULL.
+UMBEL_C_API umbel_result umbel_lod_save_with(const umbel_lod* lod, const char* path,
+                                             const umbel_lod_save_config* config,
+                                             const umbel_build_options* options);
+
 /// Verifies the DAG with that many random cuts; UMBEL_ERROR_CORRUPT and a sentence if it is wrong.
 UMBEL_C_API umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed,
                                           const umbel_build_options* options);

@@ -138,12 +138,15 @@ nb::typed<nb::list, Dict> summaries_of(const Asset& asset, const nb::object& pro
   return list;
 }
 
+/// Bits of normals, tangents and colours, and the step of texture coordinates.
+using AttributePrecision = std::tuple<uint32_t, uint32_t, uint32_t, float>;
+
 uint64_t write(const std::filesystem::path& path, const nb::typed<nb::list, lod::Dag>& dags,
                const std::string& metadata, const std::string& materials,
                const Flat<uint32_t>& first_materials, const nb::typed<nb::list, nb::bytes>& files,
-               const Flat<uint32_t>& instance_meshes, const Rows<float, 12>& transforms, bool exact,
-               uint32_t page_bytes, const nb::object& progress, uint32_t threads,
-               const std::array<double, 3>& origin, const std::string& scene) {
+               const Flat<uint32_t>& instance_meshes, const Rows<float, 12>& transforms,
+               const AttributePrecision& precision, uint32_t page_bytes, const nb::object& progress,
+               uint32_t threads, const std::array<double, 3>& origin, const std::string& scene) {
   AssetContents contents;
   for (const nb::handle dag : dags) contents.meshes.push_back(nb::cast<const lod::Dag*>(dag));
   contents.metadata = metadata;
@@ -164,7 +167,8 @@ uint64_t write(const std::filesystem::path& path, const nb::typed<nb::list, lod:
                                                  std::to_string(meshes.size()) +
                                                  " instances, not " + std::to_string(rows.size()));
   for (size_t i = 0; i < rows.size(); ++i) contents.instances.push_back({meshes[i], rows[i]});
-  AssetConfig config = exact ? AssetConfig::exact() : AssetConfig{};
+  AssetConfig config;
+  std::tie(config.normal_bits, config.tangent_bits, config.color_bits, config.uv_step) = precision;
   config.page_bytes = page_bytes;
   return run(progress, threads, [&](const BuildOptions& options) {
     return write_asset(path, contents, options, config);
@@ -280,13 +284,13 @@ void bind_asset(nb::module_& module) {
           "cuts"_a = 64, "seed"_a = 1, "progress"_a = nb::none(), "threads"_a = 0, "memory"_a = 0);
   module.def(
       "write_asset", &write, "path"_a, "dags"_a, "metadata"_a, "materials"_a, "first_materials"_a,
-      "files"_a, "instance_meshes"_a, "transforms"_a, "exact"_a, "page_bytes"_a,
+      "files"_a, "instance_meshes"_a, "transforms"_a, "precision"_a, "page_bytes"_a,
       "progress"_a = nb::none(), "threads"_a = 0, "origin"_a = std::array<double, 3>{},
       "scene"_a = "",
       nb::sig("def write_asset(path: str | os.PathLike[str], dags: list[Dag], metadata: str, "
               "materials: str, first_materials: typing.Any, files: list[bytes], instance_meshes: "
               "typing.Any, "
-              "transforms: typing.Any, exact: bool, page_bytes: int, "
+              "transforms: typing.Any, precision: tuple[int, int, int, float], page_bytes: int, "
               "progress: object | None = None, threads: int = 0, "
               "origin: typing.Sequence[float] = (0, 0, 0), scene: str = '') -> int"));
   module.def(

@@ -222,22 +222,6 @@ umbel_result umbel_lod_get_limiting_factors(const umbel_lod* lod, uint32_t* limi
   });
 }
 
-umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,
-                            const umbel_build_options* options) {
-  return umbel_lod_save_at(lod, path, exact, {0, 0, 0}, options);
-}
-
-umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact,
-                               umbel_vec3d origin, const umbel_build_options* options) {
-  return capi::guard([&] {
-    AssetContents contents;
-    contents.meshes = {&capi::required(lod, "lod").dag};
-    contents.origin = {origin.x, origin.y, origin.z};
-    write_asset(&capi::required(path, "path"), contents, capi::build_options(options),
-                exact ? AssetConfig::exact() : AssetConfig{});
-  });
-}
-
 umbel_result umbel_lod_verify(const umbel_lod* lod, uint32_t cuts, uint32_t seed,
                               const umbel_build_options* options) {
   return capi::guard(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from umbel.errors import Error
 from umbel.geometry.arrays import numbers, thread_count, whole
 from umbel.geometry.mesh import Material
 from umbel.geometry.origin import origin_of, relative_transform, zero_origin
+from umbel.lod.attribute_precision import attribute_precision
 from umbel.lod.materials import write_materials
 from umbel.plain_json import encode
 
@@ -58,6 +59,7 @@ class Savable(ABC):
         path: str | os.PathLike[str],
         *,
         exact: bool | None = None,
+        attribute_bits: Mapping[str, int] | None = None,
         textures: str = "embed",
         page_bytes: int = PAGE_BYTES,
         progress: Progress | None = None,
@@ -68,6 +70,11 @@ class Savable(ABC):
 
         exact: keep every bit of normals, tangents, UVs and colours, or store them in fewer bits
             (docs/format.md); None: as the build did with positions, exactly without `precision`.
+        attribute_bits: of some attributes, instead; 0 keeps every bit. "normal": of each of two
+            octahedral components, 2 to 16; "tangent": of the angle about the normal, 2 to 16 (all,
+            where normals keep all); "color": of red, green, blue and alpha, 2 to 16; "uv": after
+            the point, 1 to 24. Those not given have, where not exact, 8, 8, 8 and 12 bits with
+            positions of up to 16, one more (but for colours) with 17, two with 18 and more.
         textures: "embed" the materials' images, leave them "external" where they are files in
             the asset's folder or below, or "none".
         page_bytes: what is read at once, at most, where one group does not take more. 0: 40 KiB,
@@ -78,6 +85,7 @@ class Savable(ABC):
             metadata=self.metadata(),
             origin=self.origin,
             exact=exact,
+            attribute_bits=attribute_bits,
             textures=textures,
             page_bytes=page_bytes,
             progress=progress,
@@ -93,6 +101,7 @@ def save_asset(
     *,
     metadata: dict[str, Any] | None = None,
     exact: bool | None = None,
+    attribute_bits: Mapping[str, int] | None = None,
     textures: str = "embed",
     page_bytes: int = PAGE_BYTES,
     origin: ArrayLike | None = None,
@@ -114,9 +123,6 @@ def save_asset(
     if not instances and any(not np.array_equal(lod.origin, around) for lod in lods):
         instances = [(k, np.eye(4)) for k in range(len(lods))]
     meshes, transforms = _placed(lods, instances, around)
-    keep = exact
-    if keep is None:
-        keep = any(lod.config["position_step"] == 0 for lod in lods)
     folder = Path(os.fspath(path)).absolute().parent
     all_materials, firsts = _joined([lod._materials for lod in lods])
     materials, files = write_materials(all_materials, textures, folder, thread_count(threads))
@@ -129,7 +135,7 @@ def save_asset(
         files,
         meshes.astype(np.uint32),
         transforms.reshape(-1, 12),
-        keep,
+        attribute_precision(lods, exact, attribute_bits),
         page_bytes,
         progress,
         thread_count(threads),

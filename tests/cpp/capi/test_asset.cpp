@@ -31,6 +31,45 @@ int read_from(void* user, uint64_t offset, uint64_t size, void* out) {
   return 0;
 }
 
+TEST(CAsset, attributes_are_saved_as_exactly_as_asked) {
+  const Scratch scratch;
+  Mesh mesh = shapes::blob(3, 1);
+  mesh.normals.assign(mesh.positions.size(), {0, 0.6f, 0.8f});
+  for (const Vec3& p : mesh.positions) mesh.uvs.push_back({p.x, p.y});
+  umbel_lod_mesh given;
+  umbel_lod_mesh_init(&given);
+  given.positions = reinterpret_cast<const umbel_vec3*>(mesh.positions.data());
+  given.position_count = mesh.positions.size();
+  given.triangles = mesh.triangles[0].data();
+  given.triangle_count = mesh.triangles.size();
+  given.normals = reinterpret_cast<const umbel_vec3*>(mesh.normals.data());
+  given.uvs = reinterpret_cast<const umbel_vec2*>(mesh.uvs.data());
+  umbel_lod* lod = nullptr;
+  ASSERT_EQ(umbel_lod_build(&given, nullptr, nullptr, &lod), UMBEL_OK) << umbel_last_error();
+  const std::string path = (scratch / "a.umbel").string();
+  umbel_lod_save_config config;
+  umbel_lod_save_config_init(&config);
+  EXPECT_EQ(config.normal_bits, AssetConfig{}.normal_bits);
+  config.normal_bits = 7;
+  config.uv_step = 0.125f;
+  config.origin = {1, 2, 3};
+  ASSERT_EQ(umbel_lod_save_with(lod, path.c_str(), &config, nullptr), UMBEL_OK);
+  const Asset asset(path);
+  EXPECT_EQ(asset.info().normal_bits, 7u);
+  EXPECT_EQ(asset.info().uv_step, 0.125f);
+  EXPECT_EQ(asset.info().origin, (Vec3d{1, 2, 3}));
+  for (uint32_t c = 0; c < asset.tables().clusters.size(); ++c)
+    for (const Vec2& uv : asset.geometry(c).uvs) EXPECT_EQ(std::round(uv.x * 8), uv.x * 8);
+
+  ASSERT_EQ(umbel_lod_save_with(lod, path.c_str(), nullptr, nullptr), UMBEL_OK);
+  EXPECT_EQ(Asset(path).info().uv_step, AssetConfig{}.uv_step);
+  config.normal_bits = 17;
+  EXPECT_EQ(umbel_lod_save_with(lod, path.c_str(), &config, nullptr), UMBEL_ERROR_INVALID_ARGUMENT);
+  config.struct_size = 1;
+  EXPECT_EQ(umbel_lod_save_with(lod, path.c_str(), &config, nullptr), UMBEL_ERROR_INVALID_ARGUMENT);
+  umbel_lod_free(lod);
+}
+
 TEST(CAsset, streams_to_the_cut_that_is_asked_for) {
   const Scratch scratch;
   std::vector<char> bytes = testing::read_bytes(written(scratch));

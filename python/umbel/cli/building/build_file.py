@@ -27,6 +27,24 @@ _LEAST_BYTES = 2
 """Of an asset, for each triangle: no mesh takes less."""
 
 
+#: Flags of the penalties of clusters and groups.
+COST_FLAGS = {
+    "underfill_cost": "--underfill",
+    "vertex_underfill_cost": "--vertex-underfill",
+    "overlap_cost": "--overlap",
+    "group_underfill_cost": "--group-underfill",
+    "group_overlap_cost": "--group-overlap",
+}
+
+#: Flags that say how an asset is saved.
+_SAVED = ("normal_bits", "tangent_bits", "color_bits", "uv_bits")
+
+_ONLY_IN_MEMORY = (
+    *("precision", "drop_invalid", "measured_error", "min_triangles", "lock_borders"),
+    *_SAVED,
+)
+
+
 @dataclass(frozen=True)
 class Options:
     """The flags of a build that decide what the asset is."""
@@ -40,6 +58,17 @@ class Options:
     instances: str = "auto"
     mix_materials: bool = False
     precision: str | None = None
+    normal_bits: int | None = None
+    tangent_bits: int | None = None
+    color_bits: int | None = None
+    uv_bits: int | None = None
+    min_triangles: int = 0
+    underfill_cost: float = 0.3
+    vertex_underfill_cost: float = 0.5
+    overlap_cost: float = 0.0
+    group_underfill_cost: float = 0.5
+    group_overlap_cost: float = 0.0
+    lock_borders: bool = False
     drop_invalid: bool = False
     measured_error: bool = False
     allow_outside: bool = False
@@ -50,6 +79,7 @@ class Options:
     def check(self) -> None:
         """Refuses, before any file is read, what would fail with every one."""
         from umbel.geometry.repair import parse_precision
+        from umbel.lod.attribute_precision import check_attribute_bits
 
         if not 4 <= self.max_triangles <= 256:
             fail(f"--max-triangles must be from 4 to 256, not {self.max_triangles}")
@@ -60,6 +90,20 @@ class Options:
             fail(f"--group-size must be MIN:MAX with 2 <= MIN <= MAX <= 1024, not {low}:{high}")
         if self.precision is not None:
             parse_precision(self.precision)
+        check_attribute_bits(self.attribute_bits())
+        if not 0 <= self.min_triangles <= self.max_triangles:
+            fail(
+                f"--min-triangles must be from 0 to {self.max_triangles}, not {self.min_triangles}"
+            )
+        for name, flag in COST_FLAGS.items():
+            if not 0 <= getattr(self, name) <= 1:
+                fail(f"{flag} must be from 0 to 1, not {getattr(self, name)}")
+
+    def attribute_bits(self) -> dict[str, int]:
+        """As `Lod.save` takes them."""
+        names = ("normal", "tangent", "color", "uv")
+        given = {name: getattr(self, f"{name}_bits") for name in names}
+        return {name: bits for name, bits in given.items() if bits is not None}
 
     def plain(self) -> dict[str, Any]:
         """As an asset's metadata store it."""
@@ -70,14 +114,20 @@ class Options:
 
     def settings(self) -> dict[str, Any]:
         """Those for `build_lod`."""
-        other = ("instances", "allow_outside", "unit_triangles")
+        other = ("instances", "allow_outside", "unit_triangles", *_SAVED)
         return {k: v for k, v in asdict(self).items() if k not in other}
 
     def not_in_units(self) -> str | None:
         """A flag that only a build in memory knows; None where units have all that is asked for."""
-        flags = ("precision", "drop_invalid", "measured_error")
-        found = next((f"--{name.replace('_', '-')}" for name in flags if getattr(self, name)), None)
-        return "--instances on" if found is None and self.instances == "on" else found
+        flags = {
+            **{name: f"--{name.replace('_', '-')}" for name in _ONLY_IN_MEMORY},
+            **COST_FLAGS,
+        }
+        usual = Options()
+        for name, flag in flags.items():
+            if getattr(self, name) != getattr(usual, name):
+                return flag
+        return "--instances on" if self.instances == "on" else None
 
     @staticmethod
     def of(plain: dict[str, Any]) -> Options:
@@ -237,7 +287,9 @@ def build_file(
         left_out = lod.report["dropped_triangles"]
         warnings.warn(f"{source}: {left_out:,} invalid triangles left out", stacklevel=2)
     began = time.perf_counter()
-    file_bytes = lod.save(output, progress=progress, threads=threads)
+    file_bytes = lod.save(
+        output, attribute_bits=options.attribute_bits(), progress=progress, threads=threads
+    )
     return {
         "input": source,
         "output": str(output),

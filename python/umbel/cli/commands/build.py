@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,6 +27,10 @@ _FLAGS = {
     "with resume": "with --resume",
     "unit_triangles": "--unit-triangles",
     "memory of": "--memory",
+    "normal bits": "--normal-bits",
+    "tangent bits": "--tangent-bits",
+    "color bits": "--color-bits",
+    "uv bits": "--uv-bits",
 }
 
 
@@ -36,6 +40,19 @@ def _group_size(text: str) -> tuple[int, int]:
         return int(low), int(high or low)
     except ValueError:
         fail(f"--group-size must be two numbers such as 24:32, not {text!r}")
+
+
+def _bits(of: str) -> Any:
+    return option(
+        None,
+        "N",
+        f"Bits of each stored number of {of} (2 to 16; 0: floats, unchanged). Without it, what "
+        "goes with --precision; all without that.",
+    )
+
+
+def _cost(value: float, what: str) -> Any:
+    return option(value, "C", f"What {what}, 0 to 1.")
 
 
 @ends_cleanly(_FLAGS)
@@ -84,6 +101,24 @@ def command(
         "Snap positions to a power-of-two grid no coarser than so many millimetres "
         "(where the mesh's unit is the metre), or of so many steps over the longest side. "
         "Without it, nothing is lost.",
+    ),
+    normal_bits: int | None = _bits("normals"),
+    tangent_bits: int | None = _bits("tangents"),
+    color_bits: int | None = _bits("colours"),
+    uv_bits: int | None = option(
+        None, "N", "Texture coordinates are multiples of 2^-N (1 to 24; 0: unchanged)."
+    ),
+    min_triangles: int = option(
+        0, "N", "Least triangles a cluster should have; 0: a quarter of the most."
+    ),
+    underfill: float = _cost(0.3, "clusters of few triangles cost"),
+    vertex_underfill: float = _cost(0.5, "clusters of few vertices cost"),
+    overlap: float = _cost(0.0, "overlap of clusters' boxes costs"),
+    group_underfill: float = _cost(0.5, "groups of few clusters cost"),
+    group_overlap: float = _cost(0.0, "overlap of groups' boxes costs"),
+    lock_borders: bool = switch(
+        "--lock-borders",
+        "Keep open edges as they are in every cut, so that parts built apart join.",
     ),
     drop_invalid: bool = switch(
         "--drop-invalid", "Leave out triangles with NaN, infinite or missing vertices."
@@ -143,6 +178,17 @@ def command(
         instances=instances.value,
         mix_materials=mix_materials,
         precision=precision,
+        normal_bits=normal_bits,
+        tangent_bits=tangent_bits,
+        color_bits=color_bits,
+        uv_bits=uv_bits,
+        min_triangles=min_triangles,
+        underfill_cost=underfill,
+        vertex_underfill_cost=vertex_underfill,
+        overlap_cost=overlap,
+        group_underfill_cost=group_underfill,
+        group_overlap_cost=group_overlap,
+        lock_borders=lock_borders,
         drop_invalid=drop_invalid,
         measured_error=measured_error,
         force=force,
