@@ -53,10 +53,11 @@ UMBEL_HOST_DEVICE inline bool is_last_to_arrive(uint32_t* counter, uint32_t othe
 }
 
 /// As atomic_add of 1, to count what was found: nothing is said of other memory. Lanes of a warp
-/// that come here together must have the same counter, and cost one operation.
+/// that come here together cost one operation a counter.
 UMBEL_HOST_DEVICE inline uint32_t atomic_count(uint32_t* counter) {
 #if defined(__CUDA_ARCH__)
-  const uint32_t together = __activemask();
+  const uint32_t together =
+      __match_any_sync(__activemask(), reinterpret_cast<unsigned long long>(counter));
   const uint32_t lane = threadIdx.x % 32;
   const int first = __ffs(int(together)) - 1;
   uint32_t old = 0;

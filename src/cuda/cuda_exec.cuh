@@ -35,8 +35,12 @@ __global__ void __launch_bounds__(kThreads) run_each(size_t n, Body body) {
   if (i < n) body(i);
 }
 
-/// So many blocks keep any device busy; each does several shares of the work.
-inline constexpr uint32_t kMostBlocks = 2048;
+/// So many blocks keep any device busy; each does several shares of the work. The emulator of
+/// tests/simt has fewer, so that they do on small meshes.
+#if !defined(UMBEL_MOST_BLOCKS)
+#define UMBEL_MOST_BLOCKS 2048
+#endif
+inline constexpr uint32_t kMostBlocks = UMBEL_MOST_BLOCKS;
 
 template <typename Body>
 __global__ void __launch_bounds__(kThreads)
@@ -207,13 +211,20 @@ class CudaExec {
                       const Body& body) {
     const size_t n = size_t(each) * most;
     if (n == 0 || layers == 0 || arena_.counts()) return;
-    const size_t blocks = std::min((n + detail::kThreads - 1) / detail::kThreads,
-                                   resident_blocks(detail::run_layers<Body>, detail::kThreads));
+    size_t blocks = std::min((n + detail::kThreads - 1) / detail::kThreads,
+                             resident_blocks(detail::run_layers<Body>, detail::kThreads));
     cudaLaunchAttribute together;
     together.id = cudaLaunchAttributeCooperative;
     together.val.cooperative = 1;
-    launch_with(&together, "starting a kernel of layers", detail::run_layers<Body>, blocks,
-                detail::kThreads, counts, layers, most, each, body);
+    // What is said of a device does not hold of a part of it, as MPS and green contexts give.
+    cudaError_t result = cudaSuccess;
+    for (;; blocks /= 2) {
+      result = try_launch(&together, detail::run_layers<Body>, blocks, detail::kThreads, counts,
+                          layers, most, each, body);
+      if (result != cudaErrorCooperativeLaunchTooLarge || blocks == 1) break;
+      cudaGetLastError();  // or the next call that asks would see it
+    }
+    check(result, "starting a kernel of layers");
   }
 
   template <typename Body>
@@ -250,7 +261,7 @@ class CudaExec {
   void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
     const auto indices = thrust::counting_iterator<size_t>(0);
     with_scratch("reducing", [&](void* scratch, size_t& bytes) {
-      return cub::DeviceReduce::TransformReduce(scratch, bytes, indices, result, int64_t(n),
+      return cub::DeviceReduce::TransformReduce(scratch, bytes, indices, result, count_of(n),
                                                 detail::Folded<T, Op>{op},
                                                 detail::Mapped<T, Map>{map}, init, stream_);
     });
@@ -261,7 +272,7 @@ class CudaExec {
     const auto values = thrust::make_transform_iterator(thrust::counting_iterator<size_t>(0),
                                                         detail::UpTo<T, In>{in, n});
     with_scratch("scanning", [&](void* scratch, size_t& bytes) {
-      return cub::DeviceScan::ExclusiveSum(scratch, bytes, values, out, int64_t(n) + 1, stream_);
+      return cub::DeviceScan::ExclusiveSum(scratch, bytes, values, out, count_of(n + 1), stream_);
     });
   }
 
@@ -269,7 +280,7 @@ class CudaExec {
   void select(size_t n, const Keep& keep, uint32_t* out, uint32_t* count) {
     const auto indices = thrust::counting_iterator<uint32_t>(0);
     with_scratch("selecting", [&](void* scratch, size_t& bytes) {
-      return cub::DeviceSelect::If(scratch, bytes, indices, out, count, int64_t(n),
+      return cub::DeviceSelect::If(scratch, bytes, indices, out, count, count_of(n),
                                    detail::Kept<Keep>{keep}, stream_);
     });
   }
@@ -289,8 +300,8 @@ class CudaExec {
     cub::DoubleBuffer<Key> key_buffers(keys, other_keys.data());
     cub::DoubleBuffer<uint32_t> value_buffers(values, other_values.data());
     with_scratch("sorting", [&](void* scratch, size_t& bytes) {
-      return cub::DeviceRadixSort::SortPairs(scratch, bytes, key_buffers, value_buffers, int64_t(n),
-                                             int(first_bit), int(last_bit), stream_);
+      return cub::DeviceRadixSort::SortPairs(scratch, bytes, key_buffers, value_buffers,
+                                             count_of(n), int(first_bit), int(last_bit), stream_);
     });
     if (arena_.counts()) return;
     // After an odd number of passes the result is in the other buffers.
@@ -299,6 +310,12 @@ class CudaExec {
   }
 
  private:
+  /// CUB counts in as many bits as it is given, and 32 take it less.
+  static int32_t count_of(size_t n) {
+    if (n > 0x7fffffffu)
+      throw Error(ErrorCode::kUnsupported, "more items than CUB counts in 32 bits");
+    return static_cast<int32_t>(n);
+  }
   static uint32_t blocks(size_t n, uint32_t each) {
     const size_t count = (n + each - 1) / each;
     if (count > 0x7fffffffu)
@@ -310,18 +327,18 @@ class CudaExec {
   template <typename... Parameters, typename... Arguments>
   void launch(const char* what, void (*kernel)(Parameters...), size_t blocks, uint32_t threads,
               const Arguments&... arguments) {
-    launch_with(nullptr, what, kernel, blocks, threads, arguments...);
+    check(try_launch(nullptr, kernel, blocks, threads, arguments...), what);
   }
   template <typename... Parameters, typename... Arguments>
-  void launch_with(cudaLaunchAttribute* attribute, const char* what, void (*kernel)(Parameters...),
-                   size_t blocks, uint32_t threads, const Arguments&... arguments) {
+  cudaError_t try_launch(cudaLaunchAttribute* attribute, void (*kernel)(Parameters...),
+                         size_t blocks, uint32_t threads, const Arguments&... arguments) {
     cudaLaunchConfig_t config{};
     config.gridDim = dim3(uint32_t(blocks));
     config.blockDim = dim3(threads);
     config.stream = stream_;
     config.attrs = attribute;
     config.numAttrs = attribute ? 1 : 0;
-    check(cudaLaunchKernelEx(&config, kernel, arguments...), what);
+    return cudaLaunchKernelEx(&config, kernel, arguments...);
   }
 
   /// Blocks of a kernel that the device holds at a time.

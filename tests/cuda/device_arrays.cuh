@@ -39,6 +39,7 @@ class DeviceArray {
   explicit DeviceArray(size_t size) : size_(size) {
     check(cudaMalloc(&memory_, bytes() + kGuard), "allocating on the device");
     check(cudaMemset(memory_, 0xa5, bytes() + kGuard), "filling device memory");
+    settle();
   }
   explicit DeviceArray(const std::vector<T>& values) : DeviceArray(values.size()) { write(values); }
   DeviceArray(const DeviceArray&) = delete;
@@ -63,10 +64,14 @@ class DeviceArray {
   void write(const std::vector<T>& values) {
     check(cudaMemcpy(memory_, values.data(), values.size() * sizeof(T), cudaMemcpyHostToDevice),
           "copying");
+    settle();
   }
 
  private:
   static constexpr size_t kGuard = 256;
+  /// Neither a copy from pageable memory nor a fill is done when its call returns, and streams that
+  /// do not block wait for neither.
+  static void settle() { check(cudaDeviceSynchronize(), "waiting for the device"); }
   size_t bytes() const { return (size_ > 0 ? size_ : 1) * sizeof(T); }
 
   size_t size_;

@@ -92,6 +92,27 @@ class ExecOnDevice : public OnDevice {
     });
     EXPECT_EQ(seen.read(), expected);
   }
+  /// Lanes of a warp that come to a counter together need not have the same one.
+  void counters(size_t n) {
+    constexpr uint32_t kCounters = 5;
+    const DeviceArray<uint32_t> counts(std::vector<uint32_t>(kCounters, 0)), seen(n);
+    run([&](CudaExec& exec) {
+      exec.for_each(n, [counts = counts.data(), seen = seen.data()] __device__(size_t i) {
+        if (i % 7 != 3) seen[i] = atomic_count(&counts[i % kCounters]);
+      });
+    });
+    const auto numbers = seen.read();
+    std::vector<std::vector<uint32_t>> of(kCounters);
+    for (size_t i = 0; i < n; ++i)
+      if (i % 7 != 3) of[i % kCounters].push_back(numbers[i]);
+    const auto ends = counts.read();
+    for (uint32_t c = 0; c < kCounters; ++c) {
+      std::sort(of[c].begin(), of[c].end());
+      std::vector<uint32_t> expected(ends[c]);
+      std::iota(expected.begin(), expected.end(), 0u);
+      EXPECT_EQ(of[c], expected);
+    }
+  }
   void select(size_t n) {
     const auto keys = random_keys<uint32_t>(n, 3);
     std::vector<uint32_t> expected(n);
@@ -142,6 +163,19 @@ TEST_F(ExecOnDevice, for_each_visits_each_index_once) {
   for (const size_t n : kSizes) for_each(n);
 }
 TEST_F(ExecOnDevice, layers_follow_each_other_until_one_is_empty) { layers(); }
+#if defined(UMBEL_SIMT)
+// As under MPS or in a green context. No device can be asked to be so.
+TEST_F(ExecOnDevice, layers_run_where_the_device_holds_fewer_blocks_than_it_says) {
+  for (const uint32_t blocks : {2u, 1u}) {
+    simt::set_blocks_together(blocks);
+    layers();
+  }
+  simt::set_blocks_together(~0u);
+}
+#endif
+TEST_F(ExecOnDevice, lanes_may_count_at_different_counters) {
+  for (const size_t n : kSizes) counters(n);
+}
 TEST_F(ExecOnDevice, reduce_sums) {
   for (const size_t n : kSizes) reduce(n);
 }

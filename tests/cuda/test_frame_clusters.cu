@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <limits>
+#include <numeric>
 #include <random>
 
 #include "device_arrays.cuh"
@@ -148,6 +151,45 @@ TEST_F(FrameClustersOnDevice, builds_are_the_bytes_of_the_processor) {
       scene.first.expect_same(scene.expected);
       scene.first.expect_area_growth(scene.expected.area_growth());
     }
+}
+
+// A minimum with a NaN depends on the order of its operands, and that of a reduction on the run.
+TEST_F(FrameClustersOnDevice, what_is_no_number_gives_the_same_clusters_each_time) {
+  Mesh mesh = shapes::soup(kEmulated ? 200 : 40000, 5);
+  const float none = std::numeric_limits<float>::quiet_NaN();
+  for (size_t v = 0; v < mesh.positions.size(); v += 40) mesh.positions[v] = {none, 0, none};
+  for (const FrameMethod method : {FrameMethod::kMorton, FrameMethod::kHybrid}) {
+    FrameClusterConfig config;
+    config.method = method;
+    Scene scene(mesh, config);
+    scene.build(scene.first, scene.input());
+    const auto items = scene.first.items.read();
+    const auto boxes = scene.first.boxes.read(scene.first.count.read()[0]);
+    std::vector<uint32_t> sorted = items, all(scene.n);
+    std::sort(sorted.begin(), sorted.end());
+    std::iota(all.begin(), all.end(), 0u);
+    EXPECT_EQ(sorted, all);
+    for (int run = 0; run < 3; ++run) {
+      scene.build(scene.second, scene.input());
+      EXPECT_EQ(scene.second.items.read(), items);
+      EXPECT_TRUE(same_bytes(scene.second.boxes.read(boxes.size()), boxes));
+    }
+  }
+}
+
+// Many triangles in one bin of a block: more than are ranked by comparing all with all.
+TEST_F(FrameClustersOnDevice, crowded_bins_are_divided_as_on_the_processor) {
+  Mesh mesh = shapes::soup(700, 8);
+  for (size_t v = 0; v < mesh.positions.size(); ++v) {
+    Vec3& p = mesh.positions[v];
+    p = {p.x * 1e-3f + (v < 3 ? 1.0f : 0.0f), p.y * 1e-3f, p.z * 1e-3f};
+  }
+  FrameClusterConfig config;
+  config.max_triangles = 100;
+  Scene scene(mesh, config);
+  scene.expected.build(mesh.positions);
+  scene.build(scene.first, scene.input());
+  scene.first.expect_same(scene.expected);
 }
 
 class LargerFrameClustersOnDevice : public FrameClustersOnDevice {};

@@ -134,12 +134,9 @@ struct HplocClimb {
       shared.nearest[i] = nearest_within(shared.clusters, count, i, radius);
     team.sync();
     uint32_t left = 0;
-    bool found_any = false;
-    for (uint32_t i = 0; i < count; ++i) {
-      left += goes_away(shared.nearest, i) ? 0 : 1;
-      found_any |= goes_away(shared.nearest, i);
-    }
-    if (!found_any) {
+    for (uint32_t first = 0; first < count; first += team.size())
+      left += team.count(stays(shared.nearest, count, first + team.rank()));
+    if (left == count) {
       // Only where areas are no numbers.
       team.sync();
       for (uint32_t i = team.rank(); i < count; i += team.size())
@@ -147,10 +144,13 @@ struct HplocClimb {
       team.sync();
       left = (count + 1) / 2;
     }
-    for (uint32_t i = team.rank(); i < count; i += team.size()) {
-      if (goes_away(shared.nearest, i)) continue;
-      uint32_t to = 0;
-      for (uint32_t k = 0; k < i; ++k) to += goes_away(shared.nearest, k) ? 0 : 1;
+    uint32_t before = 0;
+    for (uint32_t first = 0; first < count; first += team.size()) {
+      const uint32_t i = first + team.rank();
+      const bool is_left = stays(shared.nearest, count, i);
+      const uint32_t to = before + team.rank_among(is_left);
+      before += team.count(is_left);
+      if (!is_left) continue;
       HplocCluster cluster = shared.clusters[i];
       const uint32_t other = shared.nearest[i];
       if (other != i && shared.nearest[other] == i) merge(cluster, shared.clusters[other]);
@@ -163,9 +163,9 @@ struct HplocClimb {
     return left;
   }
 
-  /// It is the right one of a pair.
-  UMBEL_HOST_DEVICE static bool goes_away(const uint32_t* nearest, uint32_t i) {
-    return nearest[i] < i && nearest[nearest[i]] == i;
+  /// It is not the right one of a pair.
+  UMBEL_HOST_DEVICE static bool stays(const uint32_t* nearest, uint32_t count, uint32_t i) {
+    return i < count && !(nearest[i] < i && nearest[nearest[i]] == i);
   }
 
   /// Of n slots the lowest one is never taken, and the others are one too high.

@@ -231,6 +231,7 @@ struct SweepRange {
     return best;
   }
 
+  /// All lanes see the first order when it is done, and the others after their next sync.
   template <typename Team>
   UMBEL_HOST_DEVICE void partition(const Team& team, const SweepTask& task, const Choice& choice,
                                    Shared& shared) const {
@@ -255,7 +256,6 @@ struct SweepRange {
       team.sync();
       for (uint32_t i = own.offset; i < own.offset + own.count; ++i) order[i] = spare[i];
     }
-    team.sync();
   }
 };
 

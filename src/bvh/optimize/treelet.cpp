@@ -2,6 +2,7 @@
 #include "bvh/optimize/treelet.hpp"
 
 #include <string>
+
 namespace umbel::bvh {
 namespace {
 
@@ -59,7 +60,7 @@ Bvh2 put_back(const Bvh2& tree, const Items& items, Bvh2 over_items) {
 }
 
 void check_arguments(uint32_t size, uint32_t rounds) {
-  if (size < 3 || size > Treelet::kMost)
+  if (size < 3 || size > TreeletMemory::kMost)
     throw Error(ErrorCode::kInvalidArgument,
                 "treelet_size is " + std::to_string(size) + ", but must be from 3 to 15");
   if (rounds > 16)

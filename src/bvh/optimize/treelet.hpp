@@ -23,152 +23,257 @@ struct TreeletInput {
   Merge* merges;
 };
 
-/// One treelet: takes it apart and agglomerates it, on one thread.
-class Treelet {
- public:
+/// A subtree of a treelet.
+struct TreeletPart {
+  Aabb box;
+  float cost;
+  uint32_t count;
+  Subtree subtree;  ///< until it is written: ~i for what the i-th join made
+};
+struct TreeletMerge {
+  Aabb box;
+  float cost;
+  uint32_t count;
+  Subtree left, right;  ///< as those of parts
+};
+
+/// The memory of a team that restructures a treelet.
+struct TreeletMemory {
   static constexpr uint32_t kMost = 15;
 
-  UMBEL_HOST_DEVICE Treelet(const TreeletInput& tree, float* costs, const LeafRule& rule)
-      : tree_(tree), costs_(costs), rule_(rule) {}
+  TreeletPart parts[kMost + 1];
+  TreeletMerge joins[kMost];
+  float distance[kMost + 1][kMost + 1];  ///< of pairs, the larger index first
+  uint32_t merges[kMost];                ///< that were taken apart, the root first
+};
 
-  UMBEL_HOST_DEVICE float cost_of(Subtree s) const {
-    if (!s.is_primitive()) return costs_[s.index()];
-    return rule_.leaf_cost(tree_.boxes[s.index()],
-                           tree_.primitives ? tree_.primitives[s.index()] : 1);
-  }
-  /// Of the merge as it is.
-  UMBEL_HOST_DEVICE float cost_of_merge(const Merge& m) const {
-    return rule_.cheaper(m.box, m.count, cost_of(m.left), cost_of(m.right));
-  }
+/// One treelet: a team takes it apart and agglomerates it.
+template <typename Team>
+class Treelet {
+ public:
+  UMBEL_HOST_DEVICE Treelet(const Team& team, const TreeletInput& tree, float* costs,
+                            const MergeParents& parents, const LeafRule& rule,
+                            TreeletMemory& memory)
+      : team_(team), tree_(tree), costs_(costs), parents_(parents), rule_(rule), m_(memory) {}
 
-  /// True if the treelet of at most `size` subtrees below the merge `root` has become cheaper.
-  UMBEL_HOST_DEVICE bool restructure(uint32_t root, uint32_t size) {
+  /// Restructures the treelet of at most `size` subtrees below the merge `root`, if it becomes
+  /// cheaper by that.
+  UMBEL_HOST_DEVICE void restructure(uint32_t root, uint32_t size) {
     take_apart(root, size);
-    const uint32_t leaves = used_;
-    const float cost = join();
-    if (!(cost < costs_[root] * kWorthwhile)) return false;
-    write(leaves);
-    costs_[root] = cost;
-    return true;
+    const bool is_cheaper = join() < costs_[root] * kWorthwhile;
+    team_.sync();  // all have read what is written now
+    if (is_cheaper) write();
+    team_.sync();
   }
-
-  /// The merges that were taken apart, the root first, once restructured.
-  UMBEL_HOST_DEVICE uint32_t merge_count() const { return merge_count_; }
-  UMBEL_HOST_DEVICE uint32_t merge(uint32_t i) const { return merge_ids_[i]; }
 
  private:
   static constexpr float kWorthwhile = 1 - 1e-5f;  ///< rounding alone should move nothing
+  static constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-  struct Part {
-    Aabb box;
-    float cost;
-    uint32_t count;
-    Subtree subtree;  ///< until it is written: ~i for what the i-th join made
-  };
-  struct Join {
-    Part left, right;
-    Aabb box;
-    float cost;
-    uint32_t count;
-  };
+  UMBEL_HOST_DEVICE TreeletPart part_of(Subtree s) const {
+    if (s.is_primitive()) {
+      const uint32_t i = s.index();
+      const Aabb& box = tree_.boxes[i];
+      return {box, rule_.leaf_cost(box, tree_.primitives ? tree_.primitives[i] : 1), 1, s};
+    }
+    const Merge& merge = tree_.merges[s.index()];
+    return {merge.box, costs_[s.index()], merge.count, s};
+  }
 
-  UMBEL_HOST_DEVICE uint32_t count_of(Subtree s) const {
-    return s.is_primitive() ? 1 : tree_.merges[s.index()].count;
-  }
-  UMBEL_HOST_DEVICE Part part_of(Subtree s) const {
-    const Aabb& box = s.is_primitive() ? tree_.boxes[s.index()] : tree_.merges[s.index()].box;
-    return {box, cost_of(s), count_of(s), s};
-  }
+  struct Largest {
+    float area;
+    uint32_t part;
+    Subtree subtree;
+  };
+  /// Of equal ones the first.
+  struct Larger {
+    UMBEL_HOST_DEVICE Largest operator()(const Largest& a, const Largest& b) const {
+      if (a.area != b.area) return a.area > b.area ? a : b;
+      return a.part <= b.part ? a : b;
+    }
+  };
 
   /// Opens the merge with the largest box again and again.
   UMBEL_HOST_DEVICE void take_apart(uint32_t root, uint32_t size) {
     used_ = merge_count_ = 0;
-    open(root);
+    open(root, 0, used_);
     while (used_ < size) {
-      float largest = -1;
-      uint32_t chosen = used_;
-      for (uint32_t i = 0; i < used_; ++i) {
-        if (parts_[i].subtree.is_primitive()) continue;
-        const float area = area_of(parts_[i].box);
-        if (area <= largest) continue;
-        largest = area;
-        chosen = i;
+      Largest largest{-1, kNone, {kNone}};
+      for (uint32_t i = team_.rank(); i < used_; i += team_.size()) {
+        const TreeletPart& part = m_.parts[i];
+        if (part.subtree.is_primitive()) continue;
+        largest = Larger{}(largest, {number(area_of(part.box)), i, part.subtree});
       }
-      if (chosen == used_) return;
-      const uint32_t merge = parts_[chosen].subtree.index();
-      parts_[chosen] = parts_[--used_];
-      open(merge);
+      largest = team_.reduce(largest, Larger{});
+      if (largest.part == kNone) return;
+      // The last part takes the place of the one that is opened.
+      open(largest.subtree.index(), largest.part, used_ - 1);
     }
   }
-  UMBEL_HOST_DEVICE void open(uint32_t merge) {
-    merge_ids_[merge_count_++] = merge;
-    parts_[used_++] = part_of(tree_.merges[merge].left);
-    parts_[used_++] = part_of(tree_.merges[merge].right);
+  /// Puts the children of a merge at the parts from `at` on, once what is there is at `last_to`.
+  UMBEL_HOST_DEVICE void open(uint32_t merge, uint32_t last_to, uint32_t at) {
+    for (uint32_t k = team_.rank(); k < 2; k += team_.size()) {
+      if (k == 0 && at > 0) m_.parts[last_to] = m_.parts[at];
+      if (k == 0) m_.merges[merge_count_] = merge;
+      m_.parts[at + k] = part_of(k == 0 ? tree_.merges[merge].left : tree_.merges[merge].right);
+    }
+    ++merge_count_;
+    used_ = at + 2;
+    team_.sync();
+  }
+
+  /// Two parts, named by the larger index, times kRow, and the smaller one.
+  struct Nearest {
+    float distance;
+    uint32_t pair;
+  };
+  static constexpr uint32_t kRow = TreeletMemory::kMost + 1;
+  struct Nearer {
+    UMBEL_HOST_DEVICE Nearest operator()(const Nearest& a, const Nearest& b) const {
+      if (a.distance != b.distance) return a.distance < b.distance ? a : b;
+      return a.pair <= b.pair ? a : b;
+    }
+  };
+
+  /// Calls visit(i, j) with all j < i < used_, shared out among the team.
+  template <typename Visit>
+  UMBEL_HOST_DEVICE void each_pair(const Visit& visit) const {
+    const uint32_t columns = Team::kIsSerial ? 1 : kRow, rows = team_.size() / columns;
+    for (uint32_t i = 1 + team_.rank() / columns; i < used_; i += rows)
+      for (uint32_t j = team_.rank() % columns; j < i; j += columns) visit(i, j);
   }
 
   /// Joins the parts into one, and returns its cost.
   UMBEL_HOST_DEVICE float join() {
-    for (uint32_t i = 1; i < used_; ++i)
-      for (uint32_t j = 0; j < i; ++j) distance_[i][j] = distance(i, j);
+    each_pair([&](uint32_t i, uint32_t j) {
+      m_.distance[i][j] = distance(m_.parts[i].box, m_.parts[j].box);
+    });
+    team_.sync();
     join_count_ = 0;
     while (used_ > 1) {
-      uint32_t a = 1, b = 0;
-      for (uint32_t i = 2; i < used_; ++i)
-        for (uint32_t j = 0; j < i; ++j)
-          if (distance_[i][j] < distance_[a][b]) a = i, b = j;
-      join_two(a, b);
+      Nearest nearest{kInfinity, kRow};  // the first pair
+      each_pair([&](uint32_t i, uint32_t j) {
+        nearest = Nearer{}(nearest, {m_.distance[i][j], kRow * i + j});
+      });
+      nearest = team_.reduce(nearest, Nearer{});
+      join_two(nearest.pair / kRow, nearest.pair % kRow);
     }
-    return parts_[0].cost;
+    return m_.parts[0].cost;
   }
-  UMBEL_HOST_DEVICE float distance(uint32_t i, uint32_t j) const {
-    return area_of(united(parts_[i].box, parts_[j].box));
+  UMBEL_HOST_DEVICE static float distance(const Aabb& a, const Aabb& b) {
+    return number(area_of(united(a, b)));
+  }
+  /// Infinite where it is no number, which has no order.
+  UMBEL_HOST_DEVICE static float number(float x) {
+    if (x == x) return x;
+    return kInfinity;
   }
 
-  /// Writes the joined part to b < a, and moves the last one to a.
+  /// Puts the joined part at b < a, and moves the last one to a.
   UMBEL_HOST_DEVICE void join_two(uint32_t a, uint32_t b) {
-    Join& join = joins_[join_count_];
-    join.left = parts_[b];
-    join.right = parts_[a];
-    join.box = united(join.left.box, join.right.box);
-    join.count = join.left.count + join.right.count;
-    join.cost = rule_.cheaper(join.box, join.count, join.left.cost, join.right.cost);
-    parts_[b] = {join.box, join.cost, join.count, {~join_count_++}};
+    const Subtree left = m_.parts[b].subtree, right = m_.parts[a].subtree;
+    TreeletPart joined;
+    joined.box = united(m_.parts[b].box, m_.parts[a].box);
+    joined.count = m_.parts[b].count + m_.parts[a].count;
+    joined.cost = rule_.cheaper(joined.box, joined.count, m_.parts[b].cost, m_.parts[a].cost);
+    joined.subtree = {~join_count_};
     const uint32_t last = --used_;
-    if (a != last) {
-      parts_[a] = parts_[last];
-      for (uint32_t i = 0; i < last; ++i)
-        if (i != a) (i < a ? distance_[a][i] : distance_[i][a]) = distance_[last][i];
+    for (uint32_t i = team_.rank(); i < last; i += team_.size()) {
+      if (i == b) continue;
+      if (i != a) between(a, i) = between(last, i);
+      between(i, b) = distance(m_.parts[i == a ? last : i].box, joined.box);
     }
-    for (uint32_t i = 0; i < used_; ++i)
-      if (i != b) (i < b ? distance_[b][i] : distance_[i][b]) = distance(i, b);
+    team_.sync();
+    if (team_.rank() == 0) {
+      m_.joins[join_count_] = {joined.box, joined.cost, joined.count, left, right};
+      m_.parts[a] = m_.parts[last];
+      m_.parts[b] = joined;
+    }
+    ++join_count_;
+    team_.sync();
+  }
+  UMBEL_HOST_DEVICE float& between(uint32_t i, uint32_t j) const {
+    return i < j ? m_.distance[j][i] : m_.distance[i][j];
   }
 
   /// The last join becomes the root; the others, from the last on, the merges below it.
-  UMBEL_HOST_DEVICE void write(uint32_t leaves) {
-    for (uint32_t i = 0; i + 1 < leaves; ++i) {
-      const Join& join = joins_[i];
+  UMBEL_HOST_DEVICE void write() {
+    for (uint32_t i = team_.rank(); i < join_count_; i += team_.size()) {
+      const TreeletMerge& join = m_.joins[i];
       const uint32_t id = id_of(i);
-      tree_.merges[id] = {join.box, resolved(join.left.subtree, i), resolved(join.right.subtree, i),
-                          join.count};
+      const Subtree left = resolved(join.left, i), right = resolved(join.right, i);
+      tree_.merges[id] = {join.box, left, right, join.count};
       costs_[id] = join.cost;
+      for (const Subtree s : {left, right})
+        (s.is_primitive() ? parents_.of_items : parents_.of_merges)[s.index()] = id;
     }
   }
   UMBEL_HOST_DEVICE uint32_t id_of(uint32_t join) const {
-    return merge_ids_[join_count_ - 1 - join];
+    return m_.merges[join_count_ - 1 - join];
   }
   /// Links ~i with i below `joins` are joins: ids of primitives and merges never come so high.
   UMBEL_HOST_DEVICE Subtree resolved(Subtree s, uint32_t joins) const {
     return ~s.link < joins ? Subtree::of_merge(id_of(~s.link)) : s;
   }
 
+  const Team& team_;
   const TreeletInput& tree_;
   float* costs_;
+  const MergeParents& parents_;
   const LeafRule& rule_;
-  Part parts_[kMost + 1];
-  Join joins_[kMost];
-  float distance_[kMost + 1][kMost + 1];
-  uint32_t merge_ids_[kMost];
+  TreeletMemory& m_;
   uint32_t used_ = 0, merge_count_ = 0, join_count_ = 0;
+};
+
+/// Every lane climbs from an item, and goes on from a merge if it is the second to arrive there.
+/// What lanes find to restructure, all of them do together.
+struct TreeletClimb {
+  static constexpr uint32_t kLanes = 32;
+  struct Shared {
+    uint32_t found[kLanes];
+    TreeletMemory memory;
+  };
+
+  TreeletInput tree;
+  float* costs;
+  MergeParents parents;
+  uint32_t* arrived;
+  LeafRule rule;
+  uint32_t size;
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const {
+    for (uint32_t first = 0; first < kLanes; first += team.size()) {
+      const size_t item = index * kLanes + first + team.rank();
+      climb(team, item < tree.items ? parents.of_items[item] : kNone, shared);
+    }
+  }
+
+ private:
+  template <typename Team>
+  UMBEL_HOST_DEVICE void climb(const Team& team, uint32_t node, Shared& shared) const {
+    while (team.count(node != kNone) > 0) {
+      if (node != kNone && !is_last_to_arrive(&arrived[node], 1)) node = kNone;
+      bool is_large = false;
+      if (node != kNone) {
+        const Merge& merge = tree.merges[node];
+        costs[node] =
+            rule.cheaper(merge.box, merge.count, cost_of(merge.left), cost_of(merge.right));
+        is_large = merge.count >= size;
+      }
+      const uint32_t place = team.rank_among(is_large), found = team.count(is_large);
+      if (is_large) shared.found[place] = node;
+      team.sync();
+      for (uint32_t i = 0; i < found; ++i)
+        Treelet<Team>(team, tree, costs, parents, rule, shared.memory)
+            .restructure(shared.found[i], size);
+      if (node != kNone) node = parents.of_merges[node];
+    }
+  }
+  UMBEL_HOST_DEVICE float cost_of(Subtree s) const {
+    if (!s.is_primitive()) return costs[s.index()];
+    return rule.leaf_cost(tree.boxes[s.index()], tree.primitives ? tree.primitives[s.index()] : 1);
+  }
 };
 
 /// Restructures treelets of `size` subtrees (3..15) all over the tree, in rounds.
@@ -181,35 +286,22 @@ class TreeletRounds {
     arrived_ = exec.template allocate<uint32_t>(tree.items);
     merge_parents_ = exec.template allocate<uint32_t>(tree.items);
     item_parents_ = exec.template allocate<uint32_t>(tree.items);
-    find_parents(exec, tree.merges, tree.items - 1, root,
-                 {merge_parents_.data(), item_parents_.data()});
+    find_parents(exec, tree.merges, tree.items - 1, root, parents());
   }
 
   void run_round(uint32_t size) {
     exec_.for_each(tree_.items,
                    [arrived = arrived_.data()] UMBEL_DEVICE_LAMBDA(size_t i) { arrived[i] = 0; });
-    exec_.for_each(tree_.items, [tree = tree_, rule = rule_, size, costs = costs_.data(),
-                                 arrived = arrived_.data(), of_merges = merge_parents_.data(),
-                                 of_items = item_parents_.data()] UMBEL_DEVICE_LAMBDA(size_t item) {
-      Treelet treelet(tree, costs, rule);
-      uint32_t node = of_items[item];
-      while (node != kNone && is_last_to_arrive(&arrived[node], 1)) {
-        costs[node] = treelet.cost_of_merge(tree.merges[node]);
-        if (tree.merges[node].count >= size && treelet.restructure(node, size)) {
-          for (uint32_t i = 0; i < treelet.merge_count(); ++i) {
-            const uint32_t id = treelet.merge(i);
-            for (const Subtree s : {tree.merges[id].left, tree.merges[id].right})
-              (s.is_primitive() ? of_items : of_merges)[s.index()] = id;
-          }
-        }
-        node = of_merges[node];
-      }
-    });
+    exec_.for_each_team(
+        (tree_.items + size_t{TreeletClimb::kLanes} - 1) / TreeletClimb::kLanes,
+        TreeletClimb{tree_, costs_.data(), parents(), arrived_.data(), rule_, size});
   }
 
  private:
   template <typename T>
   using Buffer = typename Exec::template Buffer<T>;
+
+  MergeParents parents() const { return {merge_parents_.data(), item_parents_.data()}; }
 
   Exec& exec_;
   TreeletInput tree_;

@@ -33,6 +33,7 @@ struct BlockConstraints {
 struct BlockLimits {
   static constexpr uint32_t kItems = 2048;
   static constexpr uint32_t kBins = 32;
+  static constexpr uint32_t kFew = 256;   ///< keys that are ranked by comparing all with all
   static constexpr uint32_t kDepth = 12;  ///< nodes that wait, each the larger half of its parent
 };
 
@@ -64,13 +65,17 @@ template <typename Bin>
 struct BlockMemory {
   BlockBox items[BlockLimits::kItems];
   uint16_t order[BlockLimits::kItems], other[BlockLimits::kItems];
-  Bin bins[3][BlockLimits::kBins];
+  union {
+    Bin bins[3][BlockLimits::kBins];
+    uint32_t few[BlockLimits::kFew];  ///< keys, once the bins have been summed up
+  };
   BlockBox lefts[3][BlockLimits::kBins],
       rights[3][BlockLimits::kBins];  ///< of all bins up to, and from
   uint32_t counts[3][BlockLimits::kBins];
   uint32_t before[3][BlockLimits::kBins];
   BlockNode waiting[BlockLimits::kDepth];
   uint32_t depth;
+  uint32_t few_count, bound;
 };
 
 template <typename Team, typename Bin>
@@ -84,7 +89,7 @@ class BlockBisector {
                                   Memory& memory)
       : team_(team), constraints_(constraints), m_(memory) {}
 
-  /// Orders `count` items, which lie in memory.items, into memory.order; calls
+  /// Orders `count` items, which lanes have put into memory.items, into memory.order; calls
   /// start(position) on one lane where a cluster begins.
   template <typename Start>
   UMBEL_HOST_DEVICE void run(uint32_t count, const BlockBox& box, const Start& start) {
@@ -134,6 +139,7 @@ class BlockBisector {
       m_.bins[i / kBins][i % kBins] = Bin::empty();
       m_.counts[i / kBins][i % kBins] = 0;
     }
+    if (team_.rank() == 0) m_.few_count = 0;
     team_.sync();
     const Binning x = Binning::of(node.box, 0), y = Binning::of(node.box, 1),
                   z = Binning::of(node.box, 2);
@@ -307,7 +313,6 @@ class BlockBisector {
                                         const Binning& binning) {
     const uint32_t axis = split.axis(), bin = split.bin();
     const uint32_t wanted = split.left - m_.before[axis][bin];
-    // The keys of the bin's items, in memory that is free until the items are divided.
     if constexpr (Team::kIsSerial) {
       uint32_t keys[BlockLimits::kItems];
       uint32_t count = 0;
@@ -321,22 +326,35 @@ class BlockBisector {
       // `wanted` keys of the bin or fewer are below low, more below high; at first none and all.
       uint32_t low = first_middle(node, binning, int(axis), bin) * BlockLimits::kItems;
       uint32_t high = first_middle(node, binning, int(axis), bin + 1) * BlockLimits::kItems;
-      while (high - low > 1) {
+      uint32_t below_low = 0, below_high = m_.counts[axis][bin];
+      while (below_high - below_low > BlockLimits::kFew) {
         const uint32_t middle = low + (high - low) / 2;
         uint32_t below = 0;
-        for (uint32_t i = node.begin + team_.rank(); i < node.end; i += team_.size()) {
-          const uint32_t item = m_.order[i];
-          if (binning.bin(m_.items[item].middle(int(axis))) == bin && key(axis, item) < middle)
-            ++below;
-        }
-        below = team_.reduce(below, Sum{});
-        if (below <= wanted)
-          low = middle;
-        else
-          high = middle;
+        each_key(node, axis, [&](uint32_t key) { below += key >= low && key < middle ? 1 : 0; });
+        below = below_low + team_.reduce(below, Sum{});
+        (below <= wanted ? low : high) = middle;
+        (below <= wanted ? below_low : below_high) = below;
       }
-      return low;
+      each_key(node, axis, [&](uint32_t key) {
+        if (key >= low && key < high) m_.few[team_.add(&m_.few_count, 1)] = key;
+      });
+      team_.sync();
+      const uint32_t few = below_high - below_low;
+      for (uint32_t i = team_.rank(); i < few; i += team_.size()) {
+        uint32_t below = below_low;
+        for (uint32_t k = 0; k < few; ++k) below += m_.few[k] < m_.few[i] ? 1 : 0;
+        if (below == wanted) m_.bound = m_.few[i];
+      }
+      team_.sync();
+      return m_.bound;
     }
+  }
+  /// Calls visit with the keys of a node's items, each on one lane. Keys of a bin are those from
+  /// its first middle on, so they need not be asked for their bin.
+  template <typename Visit>
+  UMBEL_HOST_DEVICE void each_key(const Node& node, uint32_t axis, const Visit& visit) const {
+    for (uint32_t i = node.begin + team_.rank(); i < node.end; i += team_.size())
+      visit(key(axis, m_.order[i]));
   }
   struct Sum {
     UMBEL_HOST_DEVICE uint32_t operator()(uint32_t a, uint32_t b) const { return a + b; }

@@ -85,7 +85,6 @@ struct BisectBlock {
       item.keep_within(root);
       memory.items[i] = item;
     }
-    team.sync();
     BlockBisector<Team, Bin>(team, constraints, memory).run(count, root, [&](uint32_t i) {
       first[begin + i] = 1;
     });

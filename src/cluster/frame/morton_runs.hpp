@@ -51,8 +51,11 @@ void bound_centers(Exec& exec, const FrameMesh& mesh, Aabb* centers) {
       mesh.count, Aabb{},
       [=] UMBEL_DEVICE_LAMBDA(size_t i) {
         if (i >= mesh.size()) return Aabb{};
-        const Vec3 c = center(mesh.box(uint32_t(i)));
-        return Aabb{c, c};
+        // Into an empty box, which takes no NaN: what a minimum with one gives depends on the
+        // order.
+        Aabb box;
+        extend(box, center(mesh.box(uint32_t(i))));
+        return box;
       },
       UniteBoxes{}, centers);
 #endif

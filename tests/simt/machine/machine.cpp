@@ -100,6 +100,7 @@ Fiber* home = nullptr;
 Thread* running = nullptr;
 Grid grid;
 char end_tag;
+uint32_t most_together = ~0u;
 std::vector<std::unique_ptr<Block>> places;
 std::vector<std::unique_ptr<Thread>> all_threads;
 std::vector<Thread*> free_threads;
@@ -177,6 +178,13 @@ uint32_t meet_in_block(bool counts, bool flag) {
   return meet(block.meeting, grid.threads, flag, "its block", [&](const auto& wake) {
     for (Thread* t : block.threads) wake(*t);
   });
+}
+
+uint32_t lanes_with(const Warp& warp, uint32_t mask, uint64_t value) {
+  uint32_t lanes = 0;
+  for (uint32_t l = 0; l < kWarpLanes; ++l)
+    if (mask >> l & 1 && warp.lanes[l].value == value) lanes |= 1u << l;
+  return lanes;
 }
 
 /// Ends a gathering of lanes, or of some of them.
@@ -277,6 +285,8 @@ uint32_t random_below(uint32_t end) { return uint32_t(generator() % end); }
 
 int multiprocessors() { return int(1 + random_below(3)); }
 int blocks_per_multiprocessor() { return 1; }
+uint32_t blocks_together() { return most_together; }
+void set_blocks_together(uint32_t blocks) { most_together = blocks; }
 
 void run_grid(uint32_t blocks, uint32_t threads, bool is_cooperative,
               const std::function<void()>& thread) {
@@ -378,7 +388,10 @@ uint64_t meet_warp(WarpOp op, uint32_t mask, uint64_t value, uint32_t from) {
       const uint32_t source = (op == WarpOp::kShuffleXor ? l ^ to.from : to.from) % kWarpLanes;
       if ((op == WarpOp::kShuffle || op == WarpOp::kShuffleXor) && !(mask >> source & 1))
         fail("a lane asks for the value of one that is not in the mask");
-      to.result = op == WarpOp::kBallot ? ballot : warp.lanes[source].value;
+      if (op == WarpOp::kMatch)
+        to.result = lanes_with(warp, mask, to.value);
+      else
+        to.result = op == WarpOp::kBallot ? ballot : warp.lanes[source].value;
     }
     for (uint32_t l = 0; l < kWarpLanes; ++l)
       if (mask >> l & 1) {

@@ -28,6 +28,9 @@ uint32_t random_below(uint32_t end);
 /// What a device is said to have, by the seed.
 int multiprocessors();
 int blocks_per_multiprocessor();
+/// Most blocks of a cooperative launch, where the device is shared: fewer than it is said to have.
+uint32_t blocks_together();
+void set_blocks_together(uint32_t blocks);
 
 /// Runs `thread` as each thread of a grid, some blocks at a time, in any order. In a cooperative
 /// launch all blocks at a time.
@@ -39,13 +42,13 @@ void yield();
 
 // Each of these names by its caller's address the place in a kernel that it was called from.
 
-enum class WarpOp : uint32_t { kSync, kBallot, kShuffle, kShuffleXor };
+enum class WarpOp : uint32_t { kSync, kBallot, kShuffle, kShuffleXor, kMatch };
 
 void meet_block();
 uint32_t count_in_block(bool flag);
 void meet_grid();
 /// What the lanes of `mask` agree on: the ballot, or the value of the lane `from`, or of the one
-/// whose number differs by the bits of `from`.
+/// whose number differs by the bits of `from`; or the lanes with the same value.
 uint64_t meet_warp(WarpOp op, uint32_t mask, uint64_t value, uint32_t from);
 /// The lanes that happen to be at this place together.
 uint32_t gather_lanes();

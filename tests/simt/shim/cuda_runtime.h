@@ -34,6 +34,8 @@ inline const umbel::simt::Index3& gridDim = umbel::simt::grid_size;
   static const char name##_of_block = 0; \
   Type* const name =                     \
       static_cast<Type*>(umbel::simt::shared_memory(&name##_of_block, (count) * sizeof(Type)))
+/// See src/cuda/cuda_exec.cuh.
+#define UMBEL_MOST_BLOCKS 2
 /// See src/cuda/arena.hpp.
 #define UMBEL_POISON(memory, bytes) umbel::simt::poison(memory, bytes)
 /// See src/base/exec.hpp.
@@ -66,6 +68,10 @@ template <typename T>
 UMBEL_SIMT_INLINE T __shfl_xor_sync(unsigned mask, T value, int bits) {
   return T(umbel::simt::meet_warp(umbel::simt::WarpOp::kShuffleXor, mask, uint64_t(value),
                                   uint32_t(bits)));
+}
+template <typename T>
+UMBEL_SIMT_INLINE unsigned __match_any_sync(unsigned mask, T value) {
+  return unsigned(umbel::simt::meet_warp(umbel::simt::WarpOp::kMatch, mask, uint64_t(value), 0));
 }
 UMBEL_SIMT_INLINE unsigned __activemask() { return umbel::simt::gather_lanes(); }
 
@@ -284,6 +290,8 @@ cudaError_t cudaLaunchKernelEx(const cudaLaunchConfig_t* config, void (*kernel)(
   const bool is_cooperative = config->numAttrs > 0 && config->attrs[0].val.cooperative;
   const unsigned blocks = config->gridDim.x, threads = config->blockDim.x;
   if (blocks == 0 || threads == 0 || threads > 1024) return cudaErrorInvalidValue;
+  if (is_cooperative && blocks > umbel::simt::blocks_together())
+    return cudaErrorCooperativeLaunchTooLarge;
   umbel::simt::launched();
   umbel::simt::enqueue(
       config->stream, [=, ... values = static_cast<std::decay_t<Parameters>>(arguments)]() {
