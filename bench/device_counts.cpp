@@ -8,6 +8,7 @@
 #include <cstdio>
 
 #include "bvh/compressed/trace_batches.hpp"
+#include "cluster/frame/build_frame.hpp"
 #include "crowd.hpp"
 #include "lod/select/instances.hpp"
 #include "mesh_reader.hpp"
@@ -125,8 +126,65 @@ void count_builds(const Mesh& mesh) {
   }
 }
 
+/// What a frame of examples/cuda starts, and the bytes that each step moves at least: all that it
+/// reads and writes, once a kernel, as if every vertex were read once and nothing stayed in a
+/// cache.
+void count_frame(const Mesh& mesh, double bytes_a_ray) {
+  constexpr double kRays = 1920 * 1080;
+  const auto n = static_cast<uint32_t>(mesh.triangles.size());
+  const CpuBuffer<uint32_t> items(n), offsets(size_t{n} + 1);
+  const CpuBuffer<Triangle> triangles(n);
+  const CpuBuffer<Aabb> boxes(n);
+  uint32_t count = 0;
+  const auto* first = reinterpret_cast<const char*>(mesh.positions.data());
+  const cluster::FrameMesh input{{first, sizeof(Vec3)}, mesh.triangles.data(), nullptr, n};
+  const double each = n, vertices = static_cast<double>(mesh.positions.size());
+  const double gathered = 12 * each + 12 * vertices;  // indices and positions
+  const auto sorted = [&](double key, double bits) {
+    const double passes = std::ceil(bits / 8), pair = key + 4;
+    return each * (key + 2 * pair * (passes + (int(passes) % 2 ? 1 : 0)));
+  };
+  std::printf("\n| step of a frame | kernels | waits | MB |\n|---|--:|--:|--:|\n");
+  const auto row = [](const char* step, const CountingExec& exec, double bytes) {
+    std::printf("| %s | %u | %u | %.0f |\n", step, exec.kernels, exec.waits, 1e-6 * bytes);
+  };
+  CountingExec deform;
+  deform.kernels = 2;
+  row("deform", deform, 24 * vertices);
+  for (const FrameMethod method : {FrameMethod::kMorton, FrameMethod::kHybrid}) {
+    FrameClusterConfig config;
+    config.method = method;
+    CountingExec exec;
+    cluster::build_frame(exec, input, cluster::CheckedFrameConfig::of(config, n),
+                         {items.data(), triangles.data(), offsets.data(), boxes.data(), &count});
+    const bool is_hybrid = method == FrameMethod::kHybrid;
+    const double order = 2 * gathered + 8 * each + sorted(4, 30);
+    const double bisect = is_hybrid ? 2 * gathered + 10 * each : 0;
+    const double write = gathered + 20 * each + 28.0 * count;
+    row(is_hybrid ? "clusters, hybrid" : "clusters, Morton", exec, order + bisect + write);
+  }
+  const CpuBuffer<bvh::CompactNode> nodes(bvh::compact_node_capacity(n));
+  const CpuBuffer<bvh::CompactTriangle> leaves(n);
+  bvh::CompactInfo info{};
+  CountingExec exec;
+  const uint32_t most = max_frame_clusters(n, {});
+  cuda::build_compact(exec, {{first, sizeof(Vec3)}, triangles.data()}, items.data(), n,
+                      cuda::device_builder_preset("lbvh"), {nodes.data(), leaves.data(), &info},
+                      cuda::NoStages{}, {offsets.data(), boxes.data(), &count, most});
+  const bvh::ClusterCodeBits bits(most);
+  const double codes = gathered + (24 + 24 + 24 + 12) * each + sorted(8, bits.below_cluster());
+  // Merges are written once; boxes below are read by the merge above, and again by the layout.
+  const double tree = (12 + 24 + 36 + 24 + 16 + 4) * each, layout = (36 + 16 + 16 + 8) * each;
+  const double finish = gathered + (4 + 4 + 48 + 48) * each + 3 * 80.0 * info.nodes;
+  row("a tree over the clusters", exec, codes + tree + layout + finish);
+  CountingExec rays;
+  rays.kernels = 1;
+  row("two million rays", rays, kRays * bytes_a_ray);
+}
+
+/// Returns the bytes that a ray reads and writes.
 template <bool any>
-void count_rays(const char* what, const bvh::CompactTree& tree, const std::vector<Ray>& rays) {
+double count_rays(const char* what, const bvh::CompactTree& tree, const std::vector<Ray>& rays) {
   double nodes = 0, triangles = 0;
   for (const Ray& ray : rays) {
     bvh::RayVisitor<any, CountTriangles> visitor;
@@ -141,6 +199,7 @@ void count_rays(const char* what, const bvh::CompactTree& tree, const std::vecto
   const double bytes = (80 * nodes + 48 * triangles) / n + (any ? 33 : 48);
   std::printf("| %s | %zu | %.1f | %.1f | %.0f |\n", what, rays.size(), nodes / n, triangles / n,
               bytes);
+  return bytes;
 }
 
 void count_mesh(const std::string& path) {
@@ -156,9 +215,10 @@ void count_mesh(const std::string& path) {
       "\nA tree of %.1f MB:\n\n| rays | of | nodes a ray | triangles a ray | "
       "bytes a ray |\n|---|--:|--:|--:|--:|\n",
       1e-6 * (80.0 * tree.info.nodes + 48.0 * tree.info.triangles));
-  count_rays<false>("primary, nearest", tree.view(), primary);
+  const double bytes = count_rays<false>("primary, nearest", tree.view(), primary);
   count_rays<false>("bounce, nearest", tree.view(), bounce);
   count_rays<true>("bounce, any", tree.view(), bounce);
+  count_frame(mesh, bytes);
 }
 
 void count_selection() {

@@ -63,6 +63,11 @@ add_library(umbel::cuda ALIAS umbel_cuda)
 add_library(umbel_cuda_c SHARED $<TARGET_OBJECTS:umbel_cuda>)
 set_target_properties(umbel_cuda_c PROPERTIES LINKER_LANGUAGE CXX)
 target_link_libraries(umbel_cuda_c PRIVATE umbel_internal TBB::tbb CUDA::cudart_static)
+# As it lies in the wheel umbel-cuda: oneTBB's wheel puts its library into the environment's lib
+# folder; no other runtime is needed.
+set_target_properties(umbel_cuda_c PROPERTIES BUILD_RPATH "$ORIGIN/../../..;$ORIGIN/../../../../lib")
+target_link_options(umbel_cuda_c PRIVATE
+                    $<$<CXX_COMPILER_ID:GNU>:-static-libstdc++;-static-libgcc>)
 
 if(UMBEL_BUILD_TESTS)
   file(GLOB umbel_cuda_test_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/cuda/*.cu
@@ -78,8 +83,11 @@ if(UMBEL_BUILD_TESTS)
 endif()
 
 if(UMBEL_BUILD_BENCH)
+  add_executable(cuda_frame_example ${PROJECT_SOURCE_DIR}/examples/cuda/frame_graph.cu)
   foreach(name cuda_bench cuda_bvh_bench cuda_query_bench)
     add_executable(${name} ${PROJECT_SOURCE_DIR}/bench/cuda/${name}.cu)
+  endforeach()
+  foreach(name cuda_frame_example cuda_bench cuda_bvh_bench cuda_query_bench)
     umbel_cuda_compile_options(${name})
     set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bench)
     target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/bench)

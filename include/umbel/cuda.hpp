@@ -2,6 +2,7 @@
 #pragma once
 
 #include "umbel/cuda_bvh.hpp"
+#include "umbel/cuda_cluster_bvh.hpp"
 #include "umbel/cuda_clusters.hpp"
 #include "umbel/cuda_memory.hpp"
 #include "umbel/cuda_select.hpp"

@@ -3,6 +3,7 @@
 //
 //   umbel_base.h     results, errors, structs that every part shares
 //   umbel_cluster.h  clusters of triangles or boxes, ordered and bounded as meshlets
+//   umbel_frame_clusters.h  clusters of meshes that change every frame
 //   umbel_bvh.h      bounding volume hierarchies: rays, distances, overlaps
 //   umbel_kdtree.h   kd-trees: the same queries; kd-trees over boxes
 //   umbel_uniform.h  grids, octrees, interval hierarchies: the same queries
@@ -15,6 +16,7 @@
 #include "umbel/umbel_base.h"
 #include "umbel/umbel_bvh.h"
 #include "umbel/umbel_cluster.h"
+#include "umbel/umbel_frame_clusters.h"
 #include "umbel/umbel_kdtree.h"
 #include "umbel/umbel_lod.h"
 #include "umbel/umbel_uniform.h"

@@ -12,33 +12,11 @@
 #define UMBEL_UMBEL_CUDA_CLUSTERS_H
 
 #include "umbel/umbel_cuda_types.h"
+#include "umbel/umbel_frame_clusters.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-typedef enum umbel_frame_method {
-  UMBEL_FRAME_MORTON = 0,  ///< runs in Morton order: the fastest
-  UMBEL_FRAME_HYBRID = 1,  ///< blocks of the Morton order, bisected: a third of the area
-} umbel_frame_method;
-
-typedef struct umbel_frame_config {
-  uint32_t struct_size;
-  uint32_t method;         ///< an umbel_frame_method; default UMBEL_FRAME_HYBRID
-  uint32_t max_triangles;  ///< of a cluster, from 1 (hybrid: 2) to 512; default 128
-  uint32_t min_triangles;  ///< hybrid: from 1 to max_triangles / 2; 0, the default: a quarter
-  uint32_t max_vertices;   ///< of a cluster, from 3 to 256; 0, the default: no limit
-  float underfill_cost;    ///< hybrid: penalty for missing triangles, from 0 to 4; default 1
-  uint32_t code_bits;      ///< of Morton codes: 30, 63, or 0, the default: by the number
-} umbel_frame_config;
-
-/// Sets the defaults.
-UMBEL_C_API void umbel_frame_config_init(umbel_frame_config* config);
-
-/// Most clusters that so many triangles can give.
-UMBEL_C_API umbel_result umbel_frame_max_clusters(uint32_t triangles,
-                                                  const umbel_frame_config* config,
-                                                  uint32_t* clusters);
 
 /// Clusters of a frame, in device memory. Cluster c has triangles [offsets[c], offsets[c + 1]).
 typedef struct umbel_cuda_clusters {

@@ -6,6 +6,7 @@
 #include "cuda/device_mesh.hpp"
 #include "cuda/run.hpp"
 #include "umbel/cuda_bvh.hpp"
+#include "umbel/cuda_cluster_bvh.hpp"
 
 namespace umbel::cuda {
 namespace {
@@ -71,6 +72,26 @@ void build_bvh(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
   const MeshCorners corners = corners_of(mesh);
   run(scratch, scratch_bytes, stream, mesh.positions, [&](auto& exec) {
     build_compact(exec, corners, mesh.items, mesh.triangles, config, view(out), NoStages{});
+  });
+}
+
+void build_cluster_bvh(void* scratch, size_t& scratch_bytes, const DeviceMesh& mesh,
+                       const FrameClusterConfig& cluster_config, const DeviceClusters& clusters,
+                       const DeviceBvhConfig& config, const DeviceBvh& out, Stream stream) {
+  device_references(mesh.triangles, config);
+  const bool has_codes = config.builder == DeviceBuilder::kLbvh ||
+                         config.builder == DeviceBuilder::kAtrbvh ||
+                         config.builder == DeviceBuilder::kHploc;
+  if (!has_codes || config.presplit != 0)
+    throw Error(ErrorCode::kInvalidArgument,
+                "a tree over clusters is built by lbvh, atrbvh or hploc, without presplit");
+  const MeshCorners corners{positions_of(mesh),
+                            reinterpret_cast<const Triangle*>(clusters.indices)};
+  const bvh::ClusterRanges ranges{clusters.offsets, clusters.boxes, clusters.count,
+                                  max_frame_clusters(mesh.triangles, cluster_config)};
+  run(scratch, scratch_bytes, stream, mesh.positions, [&](auto& exec) {
+    build_compact(exec, corners, clusters.items, mesh.triangles, config, view(out), NoStages{},
+                  ranges);
   });
 }
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "umbel/cuda_bvh.hpp"
+#include "umbel/cuda_cluster_bvh.hpp"
 
 namespace umbel::cuda {
 
@@ -16,6 +16,11 @@ struct BuiltBvh {
 
 /// On the processor: CUDA's compiler would compile its lambdas for the device only.
 BuiltBvh build_on_processor(const Mesh& mesh, const DeviceBvhConfig& config);
+
+/// Over clusters that the processor made.
+BuiltBvh build_cluster_bvh_on_processor(const Mesh& mesh, const FrameClusterer& clusters,
+                                        const FrameClusterConfig& of_clusters,
+                                        const DeviceBvhConfig& config);
 
 /// With all boxes for these positions.
 BuiltBvh refit_on_processor(BuiltBvh tree, const Mesh& mesh);

@@ -24,6 +24,26 @@ BuiltBvh build_on_processor(const Mesh& mesh, const DeviceBvhConfig& config) {
   return tree;
 }
 
+BuiltBvh build_cluster_bvh_on_processor(const Mesh& mesh, const FrameClusterer& clusters,
+                                        const FrameClusterConfig& of_clusters,
+                                        const DeviceBvhConfig& config) {
+  const auto n = static_cast<uint32_t>(mesh.triangles.size());
+  BuiltBvh tree;
+  tree.nodes.resize(bvh::compact_node_capacity(n));
+  tree.triangles.resize(n);
+  const auto count = static_cast<uint32_t>(clusters.count());
+  const uint32_t most = max_frame_clusters(n, of_clusters);
+  CpuExec exec;
+  build_compact(exec,
+                {{reinterpret_cast<const char*>(mesh.positions.data()), sizeof(Vec3)},
+                 clusters.triangles().data()},
+                clusters.items().data(), n, config,
+                {tree.nodes.data(), tree.triangles.data(), &tree.info}, NoStages{},
+                {clusters.offsets().data(), clusters.boxes().data(), &count, most});
+  tree.nodes.resize(tree.info.nodes);
+  return tree;
+}
+
 BuiltBvh refit_on_processor(BuiltBvh tree, const Mesh& mesh) {
   const auto references = static_cast<uint32_t>(tree.triangles.size());
   tree.nodes.resize(bvh::compact_node_capacity(references));

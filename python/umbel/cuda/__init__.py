@@ -10,7 +10,16 @@ package's folder.
 
 from umbel.cuda.bvh import Bvh
 from umbel.cuda.calls import library_path
+from umbel.cuda.cluster_bvh import ClusterBvh
 from umbel.cuda.frame_clusters import FrameClusters
 from umbel.cuda.select import Selection, Selector, view_words
 
-__all__ = ["Bvh", "FrameClusters", "Selection", "Selector", "library_path", "view_words"]
+__all__ = [
+    "Bvh",
+    "ClusterBvh",
+    "FrameClusters",
+    "Selection",
+    "Selector",
+    "library_path",
+    "view_words",
+]

@@ -117,12 +117,12 @@ class Bvh(Queries):
             "triangles": make((max(references.value, 1), TRIANGLE_BYTES), "uint8"),
             "info": make((40,), "uint8"),
         }
-        self._call("umbel_cuda_build_bvh", mesh, where)
+        self._build(mesh, where)
 
     def build(self, positions: Any, *, stream: int | None = None) -> None:
         """Builds again, for other positions of as many vertices."""
         where = current_stream(positions) if stream is None else stream
-        self._call("umbel_cuda_build_bvh", mesh_struct(positions, self._source, where), where)
+        self._build(mesh_struct(positions, self._source, where), where)
 
     def refit(self, positions: Any, *, stream: int | None = None) -> None:
         """Keeps the nodes, and makes their boxes for other positions."""
@@ -139,6 +139,9 @@ class Bvh(Queries):
         """What is said of the whole tree. Waits for the device."""
         words = struct.unpack("<2I8f", on_host(self._arrays["info"], self._scratch.last).tobytes())
         return BvhInfo(words[0], words[1], (words[2:5], words[5:8]), words[8])
+
+    def _build(self, mesh: MeshStruct, stream: int) -> None:
+        self._call("umbel_cuda_build_bvh", mesh, stream)
 
     def _struct(self) -> BvhStruct:
         return BvhStruct(*(address(self._arrays[name]) for name in ("nodes", "triangles", "info")))

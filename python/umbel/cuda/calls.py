@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +30,20 @@ class MeshStruct(ctypes.Structure):
     )
 
 
+LIBRARY = "libumbel_cuda_c.so"
+
+
 def library_path() -> Path:
-    """Where the library is looked for."""
-    return Path(
-        os.environ.get("UMBEL_CUDA_LIBRARY", Path(__file__).parents[1] / "libumbel_cuda_c.so")
-    )
+    """Where the library is looked for: what UMBEL_CUDA_LIBRARY names, or beside the package, or in
+    the package umbel_cuda, which `pip install umbel-cuda` puts there."""
+    if named := os.environ.get("UMBEL_CUDA_LIBRARY"):
+        return Path(named)
+    beside = Path(__file__).parents[1] / LIBRARY
+    if not beside.is_file():
+        installed = find_spec("umbel_cuda")
+        for folder in (installed and installed.submodule_search_locations) or ():
+            return Path(folder) / LIBRARY
+    return beside
 
 
 @cache
@@ -43,7 +53,8 @@ def _load(path: str) -> ctypes.CDLL:
     except OSError as error:
         raise Error(
             f"umbel.cuda needs the library umbel_cuda_c, and {path} cannot be loaded ({error}); "
-            "`make cuda` builds it for CUDA devices, and UMBEL_CUDA_LIBRARY says where it is"
+            "`pip install umbel-cuda` installs it, or `make cuda` builds it and UMBEL_CUDA_LIBRARY "
+            "says where it is"
         ) from None
     loaded.umbel_last_error.restype = ctypes.c_char_p
     return loaded

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from umbel.cluster.area_growth import AreaGrowth, RebuildPolicy
 from umbel.cuda.arrays import current_stream, device_array
@@ -21,6 +21,9 @@ from umbel.cuda.calls import (
 )
 from umbel.cuda.memory import given_back
 from umbel.errors import Error
+
+if TYPE_CHECKING:
+    from umbel.cuda.cluster_bvh import ClusterBvh
 
 
 class _Config(ctypes.Structure):
@@ -151,6 +154,22 @@ class FrameClusters:
         return {
             k: given_back(v, self._scratch.last) for k, v in self._arrays.items() if k != "at_build"
         }
+
+    def bvh(self, positions: Any, builder: str = "lbvh", **options: Any) -> ClusterBvh:
+        """A hierarchy with a subtree for every cluster, at these positions. Its `build` follows the
+        clusters as they are then, in the stream of the call, and nothing waits."""
+        from umbel.cuda.cluster_bvh import ClusterBvh
+
+        return ClusterBvh(self, positions, builder, **options)
+
+    @property
+    def source(self) -> Any:
+        """The mesh's triangles, as they were given or, from the host, copied."""
+        return self._source.owner
+
+    def as_arguments(self) -> tuple[ctypes.Structure, ctypes.Structure]:
+        """What C functions take: umbel_frame_config and umbel_cuda_clusters, as they are now."""
+        return self._config, self._clusters(self._arrays)
 
     @property
     def areas(self) -> Any:

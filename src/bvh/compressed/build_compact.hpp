@@ -13,6 +13,7 @@
 #include "bvh/build/ploc.hpp"
 #include "bvh/build/presplit.hpp"
 #include "bvh/build/radix_merges.hpp"
+#include "bvh/compressed/cluster_order.hpp"
 #include "bvh/compressed/compact_tree.hpp"
 #include "bvh/optimize/treelet.hpp"
 #include "cluster/frame/frame_mesh.hpp"
@@ -42,9 +43,12 @@ struct MeshCorners {
 /// of 0, and the root. `stage` is called with the name of each stage that ends.
 template <typename Exec, typename Stage>
 void build_by_codes(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
-                    bvh::Merge* merges, bvh::Subtree* root, const Stage& stage) {
+                    const bvh::ClusterRanges& clusters, bvh::Merge* merges, bvh::Subtree* root,
+                    const Stage& stage) {
   const bool is_hlbvh = config.builder == DeviceBuilder::kHlbvh;
-  const auto order = morton_order<uint64_t>(exec, boxes, n, is_hlbvh ? bvh::kHlbvhBits : 21);
+  const auto order = clusters.most > 0
+                         ? bvh::cluster_order(exec, boxes, n, clusters)
+                         : morton_order<uint64_t>(exec, boxes, n, is_hlbvh ? bvh::kHlbvhBits : 21);
   stage("codes");
   const uint64_t* codes = order.codes.data();
   const uint32_t* primitives = order.primitives.data();
@@ -85,7 +89,8 @@ void build_sweep(Exec& exec, const Aabb* boxes, uint32_t n, bvh::Merge* merges,
 
 template <typename Exec, typename Stage>
 void build_merges(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
-                  bvh::Merge* merges, bvh::Subtree* root, const Stage& stage) {
+                  const bvh::ClusterRanges& clusters, bvh::Merge* merges, bvh::Subtree* root,
+                  const Stage& stage) {
   if (config.builder == DeviceBuilder::kKmeans)
     build_kmeans(exec, config, boxes, n, merges, root, stage);
   else if (config.builder == DeviceBuilder::kSweep)
@@ -93,7 +98,7 @@ void build_merges(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, 
   else if (config.builder == DeviceBuilder::kPloc)
     bvh::Ploc<Exec>().run(exec, boxes, n, config.ploc_radius, merges, root);
   else
-    build_by_codes(exec, config, boxes, n, merges, root, stage);
+    build_by_codes(exec, config, boxes, n, clusters, merges, root, stage);
   stage("tree");
 }
 
@@ -141,11 +146,12 @@ void make_boxes(Exec& exec, const MeshCorners& corners, uint32_t n, uint32_t ref
   bring_to_scale(exec, boxes, references);
 }
 
-/// Over n triangles with these names (none: by their indices), at most 2^28 references.
+/// Over n triangles with these names (none: by their indices), at most 2^28 references. With
+/// clusters, `config` names a builder that starts from codes, without presplit.
 template <typename Exec, typename Stage>
 void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names, uint32_t n,
-                   const DeviceBvhConfig& config, const bvh::CompactArrays& out,
-                   const Stage& stage) {
+                   const DeviceBvhConfig& config, const bvh::CompactArrays& out, const Stage& stage,
+                   const bvh::ClusterRanges& clusters = {}) {
   const uint32_t references = device_references(n, config);
   if (n == 0) {
     exec.for_each(1, [out] UMBEL_DEVICE_LAMBDA(size_t) { *out.info = bvh::CompactInfo{}; });
@@ -161,7 +167,8 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
     auto root = exec.template allocate<bvh::Subtree>(1);
     make_boxes(exec, corners, n, references, boxes.data(), parts.data(), triangle_of.data());
     stage("boxes");
-    build_merges(exec, config, boxes.data(), references, merges.data(), root.data(), stage);
+    build_merges(exec, config, boxes.data(), references, clusters, merges.data(), root.data(),
+                 stage);
     exec.for_each(1, [out, references] UMBEL_DEVICE_LAMBDA(size_t) {
       *out.info = bvh::CompactInfo{};
       out.info->triangles = references;

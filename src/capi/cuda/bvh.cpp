@@ -7,7 +7,6 @@
 #include "umbel/umbel_cuda_bvh.h"
 
 namespace umbel::capi {
-namespace {
 
 static_assert(sizeof(umbel_compact_info) == sizeof(bvh::CompactInfo));
 
@@ -21,6 +20,8 @@ cuda::DeviceBvhConfig bvh_config_of(const umbel_cuda_bvh_config* given) {
   config.kmeans = kmeans_config(c);
   return config;
 }
+
+namespace {
 
 umbel_cuda_bvh_config config_of(const cuda::DeviceBvhConfig& c) {
   return {sizeof(umbel_cuda_bvh_config),

@@ -1,21 +1,12 @@
 // umbel_cuda_clusters.h over cuda_clusters.hpp. Part of the library umbel::cuda.
 #include "capi/cuda/input.hpp"
+#include "capi/frame_input.hpp"
 #include "capi/guard.hpp"
 #include "umbel/cuda_clusters.hpp"
 #include "umbel/umbel_cuda_clusters.h"
 
 namespace umbel::capi {
 namespace {
-
-FrameClusterConfig config_of(const umbel_frame_config* given) {
-  const umbel_frame_config& c = sized_config(given, "umbel_frame_config_init");
-  return {static_cast<FrameMethod>(c.method),
-          c.max_triangles,
-          c.min_triangles,
-          c.max_vertices,
-          c.underfill_cost,
-          c.code_bits};
-}
 
 /// What is only looked at when there is work to do may be missing before.
 struct Call {
@@ -24,9 +15,7 @@ struct Call {
 
   size_t& bytes() const { return required(scratch_bytes, "scratch_bytes"); }
   cuda::DeviceClusters of(const umbel_cuda_clusters* given, const char* name) const {
-    if (!given && !scratch) return {};
-    const umbel_cuda_clusters& c = required(given, name);
-    return {c.items, c.indices, c.offsets, reinterpret_cast<Aabb*>(c.boxes), c.count};
+    return clusters_of(given, scratch, name);
   }
   cuda::DeviceAreaGrowth of(const umbel_cuda_area_growth* given, const char* name) const {
     if (!given && !scratch) return {};
@@ -39,27 +28,10 @@ struct Call {
 }  // namespace umbel::capi
 
 using umbel::capi::Call;
-using umbel::capi::config_of;
+using umbel::capi::frame_config;
 using umbel::capi::guard;
 using umbel::capi::mesh_of;
 using umbel::capi::stream_of;
-
-void umbel_frame_config_init(umbel_frame_config* config) {
-  if (!config) return;
-  const umbel::FrameClusterConfig defaults;
-  *config = {sizeof *config,         static_cast<uint32_t>(defaults.method),
-             defaults.max_triangles, defaults.min_triangles,
-             defaults.max_vertices,  defaults.underfill_cost,
-             defaults.code_bits};
-}
-
-umbel_result umbel_frame_max_clusters(uint32_t triangles, const umbel_frame_config* config,
-                                      uint32_t* clusters) {
-  return guard([&] {
-    umbel::capi::required(clusters, "clusters") =
-        umbel::max_frame_clusters(triangles, config_of(config));
-  });
-}
 
 umbel_result umbel_cuda_build_frame_clusters(void* scratch, size_t* scratch_bytes,
                                              const umbel_cuda_mesh* mesh,
@@ -67,7 +39,7 @@ umbel_result umbel_cuda_build_frame_clusters(void* scratch, size_t* scratch_byte
                                              const umbel_cuda_clusters* out, void* stream) {
   return guard([&] {
     const Call call{scratch, scratch_bytes};
-    umbel::cuda::build_frame_clusters(scratch, call.bytes(), mesh_of(mesh), config_of(config),
+    umbel::cuda::build_frame_clusters(scratch, call.bytes(), mesh_of(mesh), frame_config(config),
                                       call.of(out, "out"), stream_of(stream));
   });
 }
@@ -79,7 +51,7 @@ umbel_result umbel_cuda_measure_frame_clusters(void* scratch, size_t* scratch_by
                                                void* stream) {
   return guard([&] {
     const Call call{scratch, scratch_bytes};
-    umbel::cuda::measure_frame_clusters(scratch, call.bytes(), triangles, config_of(config),
+    umbel::cuda::measure_frame_clusters(scratch, call.bytes(), triangles, frame_config(config),
                                         call.of(clusters, "clusters"), call.of(growth, "growth"),
                                         is_new != 0, stream_of(stream));
   });
@@ -92,7 +64,7 @@ umbel_result umbel_cuda_refit_frame_clusters(void* scratch, size_t* scratch_byte
                                              const umbel_cuda_area_growth* growth, void* stream) {
   return guard([&] {
     const Call call{scratch, scratch_bytes};
-    umbel::cuda::refit_frame_clusters(scratch, call.bytes(), mesh_of(mesh), config_of(config),
+    umbel::cuda::refit_frame_clusters(scratch, call.bytes(), mesh_of(mesh), frame_config(config),
                                       call.of(clusters, "clusters"), call.of(growth, "growth"),
                                       stream_of(stream));
   });
@@ -106,7 +78,7 @@ umbel_result umbel_cuda_rebuild_worst_frame_clusters(
   return guard([&] {
     const Call call{scratch, scratch_bytes};
     umbel::cuda::rebuild_worst_frame_clusters(
-        scratch, call.bytes(), mesh_of(mesh), config_of(config), budget,
+        scratch, call.bytes(), mesh_of(mesh), frame_config(config), budget,
         call.of(clusters, "clusters"), call.of(growth, "growth"), call.of(out, "out"),
         call.of(out_growth, "out_growth"), stream_of(stream));
   });
@@ -121,7 +93,7 @@ umbel_result umbel_cuda_list_frame_vertices(void* scratch, size_t* scratch_bytes
     const umbel_cuda_vertex_lists lists =
         scratch ? umbel::capi::required(out, "out") : umbel_cuda_vertex_lists{};
     umbel::cuda::list_frame_vertices(
-        scratch, call.bytes(), triangles, config_of(config), call.of(clusters, "clusters"),
+        scratch, call.bytes(), triangles, frame_config(config), call.of(clusters, "clusters"),
         {lists.offsets, lists.vertices, lists.corners}, stream_of(stream));
   });
 }

@@ -217,3 +217,33 @@ def test_a_view_is_put_into_the_stream_without_a_copy(library, package):
     assert library.waits == []
     assert len(chosen[0].cuts()) == 20
     assert set(library.waits) == {5}
+
+
+def test_a_whole_frame_is_in_one_stream_and_waits_for_nothing(library, package):
+    clusters = cuda.FrameClusters(*mesh(), max_triangles=16, empty=package.maker, stream=5)
+    bvh = clusters.bvh(mesh()[0], empty=package.maker, stream=5)
+    origins = HostArray(POSITIONS[TRIANGLES].mean(axis=1, dtype=np.float32) * 2)
+    directions = HostArray(-origins.array)
+    addresses = []
+    for turn in range(3):
+        library.calls.clear()
+        positions = HostArray(POSITIONS + np.float32(turn) * POSITIONS[:, ::-1])
+        clusters.build(positions, stream=5)
+        bvh.build(positions, stream=5)
+        hits = bvh.intersect(origins, directions, stream=5)
+        names = [name for name, _, _ in library.calls]
+        assert names == [
+            "umbel_cuda_build_frame_clusters",
+            "umbel_cuda_measure_frame_clusters",
+            "umbel_cuda_build_cluster_bvh",
+            "umbel_cuda_intersect",
+        ]
+        assert {stream for _, stream, _ in library.calls} == {5}
+        addresses.append([place for _, _, place in library.calls])
+        whole = cuda.Bvh(positions, mesh()[1], empty=package.maker, stream=5)
+        expected = whole.intersect(origins, directions, stream=5)
+        for name in ("t", "primitive", "uv"):
+            assert np.array_equal(hits[name].array, expected[name].array)
+        assert np.isfinite(hits["t"].array).any()
+    assert library.waits == []
+    assert addresses[1] == addresses[2]  # so a captured graph may be replayed

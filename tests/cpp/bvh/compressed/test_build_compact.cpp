@@ -206,7 +206,7 @@ bvh::Bvh2 merged(const std::vector<Aabb>& boxes, const DeviceBvhConfig& config) 
   BigVector<bvh::Merge> merges(boxes.size());
   bvh::Subtree root{};
   CpuExec exec;
-  build_merges(exec, config, boxes.data(), uint32_t(boxes.size()), merges.data(), &root,
+  build_merges(exec, config, boxes.data(), uint32_t(boxes.size()), {}, merges.data(), &root,
                NoStages{});
   return bvh::emit(merges, root, boxes);
 }

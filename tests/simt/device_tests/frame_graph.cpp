@@ -1,0 +1,2 @@
+// tests/cuda/test_frame_graph.cu on the emulated device.
+#include "cuda/test_frame_graph.cu"
