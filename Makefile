@@ -21,7 +21,7 @@ PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
 .PHONY: help setup tools build test test-cpp test-python test-viewer test-install test-asan test-tsan \
-        fuzz cuda simt gpu gpu-carry demo lint format bench clean
+        fuzz cuda simt gpu gpu-check gpu-carry demo lint format bench clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
@@ -72,8 +72,11 @@ cuda: tools  ## umbel::cuda with its tests and benchmark, in build/release; no G
 simt: tools  ## the tests of umbel::cuda on an emulated device; SEEDS=1000 for longer
 	@scripts/simt.sh
 
-gpu:  ## on a machine with a GPU: builds, tests, sanitizes, measures; see scripts/gpu.sh
-	@scripts/gpu.sh
+gpu:  ## on a machine with a GPU: tests and measures; see scripts/gpu.sh
+	@scripts/gpu.sh measure
+
+gpu-check:  ## on a machine with a GPU: sanitizers, and arrays of Python's packages
+	@scripts/gpu.sh check
 
 gpu-carry: build  ## what `make gpu` needs on a machine without a network, into build/gpu-carry
 	@scripts/gpu_carry.sh

@@ -1,130 +1,174 @@
 #!/usr/bin/env bash
-# What `make gpu` does, on a machine with a GPU, nvcc, CMake and ninja, and without a network: builds
-# with CUDA, runs the tests on the device, the benchmarks, the small tests again under
-# compute-sanitizer's memcheck and racecheck, and those of arrays of PyTorch, CuPy and Numba where
-# Python has them. Writes bench/results/gpu-<device>*, and after every step packs that and the logs
-# into gpu-results.tar.gz in $OUT, if there is such a folder. What does not end within eight minutes
-# is cut off, and said to have failed.
+# What `make gpu` and `make gpu-check` do, on a machine with a GPU and without a network.
 #
-# What CMake would download elsewhere is taken from build/gpu-carry, which `make gpu-carry` fills on a
-# machine with a network (46 MB): oneTBB as a wheel, GoogleTest's and meshoptimizer's sources, and two
-# meshes for the benchmarks. Carry it along with the repository.
-set -euo pipefail
+#   scripts/gpu.sh measure    tests, the smallest first; then benchmarks, and a profile
+#   scripts/gpu.sh check      the small tests under compute-sanitizer, and arrays of Python's packages
+#
+# Each is one call of at most UMBEL_GPU_SECONDS (480). Every step has a log, a time limit, and an
+# outcome of its own: passed, failed, out of time, or skipped; what one does stops no other. After
+# every step bench/results/gpu-DEVICE*.md and the logs are packed into gpu-results.tar.gz in $OUT, if
+# there is such a folder.
+#
+# Programs come from build/gpu-carry/bin, which `make gpu-carry` fills on another machine, so that
+# nothing is built here; without it they are built for this GPU, which needs nvcc, CMake and ninja.
+set -uo pipefail
 cd "$(dirname "$0")/.."
 
-carry=$PWD/build/gpu-carry
+mode=${1:-measure}
+carry=${UMBEL_GPU_CARRY:-$PWD/build/gpu-carry}
+results_folder=${UMBEL_GPU_RESULTS:-bench/results}
+seconds=${UMBEL_GPU_SECONDS:-480}
 started=$SECONDS
 
 fail() {
   printf 'gpu: %s\n' "$*" >&2
   exit 1
 }
-step() { printf '== %s (%d s)\n' "$*" $((SECONDS - started)); }
-# within SECONDS COMMAND...: at most so long, and never beyond the eight minutes.
-within() {
-  local left=$((480 - (SECONDS - started))) most=$1
-  shift
-  timeout $((left < 1 ? 1 : left < most ? left : most)) "$@"
-}
-
+[[ $mode == measure || $mode == check ]] || fail "measure or check, not $mode"
 [[ $(nvidia-smi -L 2>/dev/null) == *GPU* ]] ||
   fail "there is no NVIDIA GPU here (nvidia-smi lists none); \`make cuda\` builds without one"
-command -v nvcc >/dev/null 2>&1 || [[ -x /usr/local/cuda/bin/nvcc ]] ||
-  fail "there is no nvcc here: put CUDA's bin folder on the PATH"
-command -v nvcc >/dev/null 2>&1 || export PATH=/usr/local/cuda/bin:$PATH
-for tool in cmake ninja; do
-  command -v "$tool" >/dev/null 2>&1 || fail "there is no $tool here"
-done
-
 device=$(nvidia-smi --query-gpu=name --format=csv,noheader -i 0)
-arch=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader -i 0 | tr -d '. ')
-arguments=()
-if [[ -d $carry ]]; then
-  arguments+=("-DTBB_DIR=$carry/tbb/lib/cmake/tbb" "-DUMBEL_MESHOPTIMIZER_DIR=$carry/meshoptimizer"
-    "-DUMBEL_GOOGLETEST_DIR=$carry/googletest")
-  export LD_LIBRARY_PATH=$carry/tbb/lib:${LD_LIBRARY_PATH:-}
-fi
+results=$results_folder/gpu-$(tr -cs 'A-Za-z0-9\n' '-' <<<"${device,,}")
+logs=${UMBEL_GPU_LOGS:-build/gpu-logs}
+mkdir -p "$logs" "$results_folder"
 
-step "building for $device, compute capability $arch"
-CUDA_ARCHS=$arch scripts/cuda.sh "${arguments[@]}"
+status=0
+outcomes=()
 
-results=bench/results/gpu-$(tr -cs 'A-Za-z0-9\n' '-' <<<"${device,,}").md
+# Everything so far, where it is brought back from.
 keep() {
   [[ -d ${OUT:-} ]] || return 0
-  tar czf "$OUT/gpu-results.tar.gz" "${results%.md}"* build/*.log 2>/dev/null || true
+  tar czf "$OUT/gpu-results.tar.gz" "$results"* "$logs" 2>/dev/null || true
 }
-status=0
+note() {
+  outcomes+=("| $1 | $2 | $3 |")
+  printf '== %s: %s\n' "$1" "$2"
+}
+# step NAME SECONDS COMMAND...: what it prints goes to the log.
+step() {
+  local name=$1 most=$2 left=$((seconds - (SECONDS - started))) begun=$SECONDS code=0
+  shift 2
+  if ((left < 5)); then
+    note "$name" "skipped: no time is left" 0
+    status=1
+    return 1
+  fi
+  printf '== %s (at %d s)\n' "$name" $((SECONDS - started))
+  timeout -k 5 $((left < most ? left : most)) "$@" >"$logs/$name.log" 2>&1 || code=$?
+  case $code in
+    0) note "$name" passed $((SECONDS - begun)) ;;
+    124 | 137) note "$name" "out of time" $((SECONDS - begun)) ;;
+    *) note "$name" "failed ($code)" $((SECONDS - begun)) ;;
+  esac
+  if ((code != 0)); then
+    tail -n 20 "$logs/$name.log"
+    status=1
+  fi
+  keep
+  return "$code"
+}
+skip() { note "$1" "skipped: $2" 0; }
 
-step "tests"
-tests=passed
-within 200 ctest --test-dir build/release -L cuda -j 4 --output-on-failure --no-tests=error \
-  >build/gpu-tests.log 2>&1 || tests=failed
-tail -n 40 build/gpu-tests.log
-[[ $tests == passed ]] || status=1
-keep
+# Programs that were carried here, or else are built here.
+bin=$carry/bin
+tests=$bin/umbel_cuda_tests
+library=$bin/libumbel_cuda_c.so
+[[ -d $carry/tbb/lib ]] && export LD_LIBRARY_PATH=$carry/tbb/lib:${LD_LIBRARY_PATH:-}
+if [[ ! -x $tests ]]; then
+  command -v nvcc >/dev/null 2>&1 || export PATH=/usr/local/cuda/bin:$PATH
+  for tool in nvcc cmake ninja; do
+    command -v "$tool" >/dev/null 2>&1 ||
+      fail "there is neither $bin, which \`make gpu-carry\` fills, nor $tool"
+  done
+  arguments=()
+  if [[ -d $carry ]]; then
+    arguments+=("-DTBB_DIR=$carry/tbb/lib/cmake/tbb" "-DUMBEL_MESHOPTIMIZER_DIR=$carry/meshoptimizer"
+      "-DUMBEL_GOOGLETEST_DIR=$carry/googletest")
+  fi
+  arch=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader -i 0 | tr -d '. ')
+  CUDA_ARCHS=$arch step build 300 scripts/cuda.sh "${arguments[@]}" || exit 1
+  bin=build/release/bench
+  tests=build/release/umbel_cuda_tests
+  library=build/release/libumbel_cuda_c.so
+fi
 
-step "benchmark"
 meshes=()
 for mesh in "$carry"/dragon_871k.ply "$carry"/conference_331k.ply "${MESH:-}"; do
   [[ -n $mesh && -f $mesh ]] && meshes+=("$mesh")
 done
-within 110 build/release/bench/cuda_bench --large 16 "${meshes[@]}" | tee "$results" || status=1
-keep
-within 60 build/release/bench/cuda_query_bench "${meshes[@]}" | tee -a "$results" || status=1
-keep
-# Then the tests have been skipped.
-if grep -q '^# Clusters without' "$results"; then
-  echo "gpu: there is a GPU, but CUDA finds no device" >&2
-  status=1
-fi
+small='ExecOnDevice.*:TeamsOnDevice.*:BuildersSmallOnDevice.*:*OnDevice.c_gives*:OnDevice.*'
 
 # Tables and charts of hierarchies need Python; what was measured is kept without it.
-if [[ ${#meshes[@]} -gt 0 ]]; then
-  step "hierarchies"
-  measured=${results%.md}-bvh
-  if within 110 build/release/bench/cuda_bvh_bench --runs 10 --large 16 "${meshes[@]}" \
-    >"$measured.json"; then
-    PYTHONPATH=python "${PYTHON:-python3}" -m umbel.bench.bvh.cuda "$measured.json" bench/results \
-      "$(basename "$measured")" || echo "gpu: no tables of hierarchies: Python cannot make them" >&2
+tables() {
+  PYTHONPATH=python "${PYTHON:-python3}" -m umbel.bench.bvh.cuda "$results-bvh.json" \
+    "$results_folder" "$(basename "$results")-bvh"
+}
+
+measure() {
+  step smallest-tests 60 "$tests" --gtest_filter="$small" --gtest_brief=1
+  step tests 180 "$tests" --gtest_filter="-$small" --gtest_brief=1
+  step clusters 60 "$bin/cuda_bench" --large 16 "${meshes[@]}"
+  step rays-and-selection 60 "$bin/cuda_query_bench" "${meshes[@]}"
+  step frame 30 "$bin/cuda_frame_example" 200
+  if ((${#meshes[@]} > 0)); then
+    # shellcheck disable=SC2016
+    step hierarchies 120 bash -c '"$0" --runs 10 --large 16 "${@:2}" >"$1"' \
+      "$bin/cuda_bvh_bench" "$results-bvh.json" "${meshes[@]}" && step tables 20 "$tables_in_shell"
   else
-    status=1
+    skip hierarchies "there is no mesh in $carry"
   fi
-  keep
-fi
+  if command -v nsys >/dev/null 2>&1 && ((${#meshes[@]} > 0)); then
+    step profile 60 nsys profile --stats=true --force-overwrite=true -o "$logs/profile" \
+      "$bin/cuda_bvh_bench" --runs 2 "${meshes[0]}"
+  else
+    skip profile "there is no nsys here"
+  fi
+}
 
-sanitizer=""
-if command -v compute-sanitizer >/dev/null 2>&1; then
-  for tool in memcheck racecheck; do
-    step "compute-sanitizer $tool"
-    if within 100 compute-sanitizer --tool "$tool" --error-exitcode 9 build/release/umbel_cuda_tests \
-      --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:FrameClustersOnDevice.vertex*:'\
-'BuildersSmall*:SelectOnDevice.what_is*:TraceOnDevice.overlaps*:TraceOnDevice.closest*:'\
-'TraceOnDevice.masks*:TraceOnDevice.hits_are_those_of_brute*' \
-      >"build/sanitizer-$tool.log" 2>&1; then
-      sanitizer+="$tool found nothing. "
+check() {
+  local tool
+  for tool in memcheck racecheck synccheck; do
+    if command -v compute-sanitizer >/dev/null 2>&1; then
+      step "$tool" 130 compute-sanitizer --tool "$tool" --error-exitcode 9 "$tests" \
+        --gtest_brief=1 --gtest_filter='FrameClustersOnDevice.c_gives*:TeamsOnDevice.*:'\
+'FrameClustersOnDevice.vertex*:BuildersSmall*:SelectOnDevice.what_is*:TraceOnDevice.overlaps*:'\
+'TraceOnDevice.closest*:TraceOnDevice.masks*:TraceOnDevice.hits_are_those_of_brute*:FrameGraph*'
     else
-      tail -n 20 "build/sanitizer-$tool.log"
-      sanitizer+="$tool failed. "
-      status=1
+      skip "$tool" "there is no compute-sanitizer here"
     fi
-    keep
   done
-else
-  sanitizer="There is no compute-sanitizer here. "
-fi
+  # umbel.cuda needs nothing that is compiled but the library, so it runs from the sources.
+  if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
+    PYTHONPATH=python UMBEL_CUDA_LIBRARY=$library step python 120 "${PYTHON:-python3}" -m pytest \
+      --noconftest -p no:cacheprovider tests/python/cuda/test_frame_clusters.py \
+      tests/python/cuda/test_rays.py
+  else
+    skip python "there is no pytest here"
+  fi
+}
 
-# umbel.cuda needs nothing that is compiled but the library, so it runs from the sources.
-arrays="no pytest"
-if "${PYTHON:-python3}" -c 'import numpy, pytest' >/dev/null 2>&1; then
-  step "arrays of Python's packages"
-  PYTHONPATH=python UMBEL_CUDA_LIBRARY=$PWD/build/release/libumbel_cuda_c.so \
-    within 120 "${PYTHON:-python3}" -m pytest --noconftest -p no:cacheprovider \
-    tests/python/cuda/test_frame_clusters.py tests/python/cuda/test_rays.py 2>&1 |
-    tee build/gpu-python.log || status=1
-  arrays=$(tail -n 1 build/gpu-python.log | tr -d '=')
-fi
+# `timeout` starts programs, not functions.
+export -f tables
+export results results_folder
+tables_in_shell=$logs/tables.sh
+printf '#!/usr/bin/env bash\ntables\n' >"$tables_in_shell"
+chmod +x "$tables_in_shell"
 
-printf '\nTests: %s. %sPython: %s.\n' "$tests" "$sanitizer" "$(xargs <<<"$arrays")" >>"$results"
+if [[ $mode == measure ]]; then measure; else check; fi
+
+page=$results.md
+if [[ $mode == check ]]; then page=$results-checks.md; fi
+{
+  printf '# %s\n\n' "$device"
+  printf '`make gpu%s` of %s, driver %s.\n\n' "$([[ $mode == check ]] && echo -check)" \
+    "$(git rev-parse --short HEAD 2>/dev/null || echo 'an unknown revision')" \
+    "$(nvidia-smi --query-gpu=driver_version --format=csv,noheader -i 0)"
+  printf '| step | outcome | seconds |\n|---|---|--:|\n'
+  printf '%s\n' "${outcomes[@]}"
+  for figures in clusters rays-and-selection frame; do
+    [[ $mode == measure && -s $logs/$figures.log ]] && printf '\n' && cat "$logs/$figures.log"
+  done
+} >"$page"
 keep
-step "done: $results"
-exit $status
+printf '== done: %s\n' "$page"
+exit "$status"

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # What `make gpu-carry` does: puts into build/gpu-carry what `make gpu` needs on a machine without a
-# network. Needs a network itself, or Debian's libgtest-dev and a build of this repository.
+# network: the programs, built for compute capability 9.0 (CUDA_ARCHS for others), oneTBB, two meshes,
+# and the sources to build the programs again. Needs a network, or Debian's libgtest-dev and a build
+# of this repository.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -35,6 +37,14 @@ echo "gpu-carry: GoogleTest"
 [[ -d /usr/src/googletest/googletest ]] || fail "there is no /usr/src/googletest: install googletest"
 mkdir -p "$carry/googletest"
 cp -rL /usr/src/googletest/googletest/{include,src} "$carry/googletest/"
+
+echo "gpu-carry: programs"
+CUDA_ARCHS=${CUDA_ARCHS:-90} scripts/cuda.sh >build/gpu-carry.log 2>&1 ||
+  fail "the programs could not be built; the log is build/gpu-carry.log"
+mkdir -p "$carry/bin"
+cp build/release/umbel_cuda_tests build/release/libumbel_cuda_c.so \
+  build/release/bench/{cuda_bench,cuda_bvh_bench,cuda_query_bench,cuda_frame_example} "$carry/bin/"
+strip "$carry"/bin/*
 
 data=${UMBEL_DATA:-../shared/data}
 for mesh in "${MESH:-$data/dragon_871k.ply}" "$data/conference_331k.ply"; do

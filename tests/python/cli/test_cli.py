@@ -354,6 +354,28 @@ def test_a_device_makes_the_clusters_of_the_processor(
         assert np.array_equal(one["offsets"], other["offsets"])
 
 
+@pytest.mark.parametrize("builder", ["fast", "quality", "kmeans-q2"])
+def test_a_device_builds_a_tree(
+    umbel_command: Umbel, blob_ply: Path, monkeypatch: pytest.MonkeyPatch, builder: str
+) -> None:
+    packaged("processor", monkeypatch)
+    given = ("bvh", blob_ply, "--builder", builder, "--json")
+    done = umbel_command(*given, "--device", "cuda")
+    assert done.status == 0, done.err
+    found, said = done.json, umbel_command(*given).json
+    assert found.keys() == said.keys()
+    assert found["references"] == found["triangles"] == said["triangles"]
+    assert 0.8 * said["sah_cost"] < found["sah_cost"] < 1.6 * said["sah_cost"]
+    assert found["max_depth"] <= 32
+    assert found["nodes"] - 1 + found["leaves"] >= 8 ** (found["max_depth"] // 3)
+    assert found["bytes"] == 80 * found["nodes"] + 48 * found["references"]
+    assert found["primary_mrays_per_second"] > 0 and found["diffuse_mrays_per_second"] > 0
+    done = umbel_command(*given, "--device", "cuda", "--bins", "8")
+    assert done.status == 1 and "--bins" in done.err
+    done = umbel_command(*given, "--device", "cuda", "--width", "4")
+    assert done.status == 1 and "width" in done.err
+
+
 def test_plain_output_has_a_line_a_field(umbel_command: Umbel, blob_asset: Path) -> None:
     done = umbel_command("info", blob_asset)
     assert "input_triangles: 20,480" in done.out.splitlines()

@@ -89,11 +89,21 @@ def run_example(word, names):
 
 
 def test_clusters_of_frames(torch):
-    names = run_example("FrameClusters", on_device(umbel.shapes.blob(3, seed=1)))
+    names = run_example("clusters.refit", on_device(umbel.shapes.blob(3, seed=1)))
     arrays = names["clusters"].arrays
     count = int(arrays["count"][0])
     assert 1 < count < 200
     assert arrays["offsets"][count] == len(names["triangles"])
+
+
+def test_a_tree_over_clusters(torch):
+    names = on_device(umbel.shapes.sphere(3)) | {"cuda": cuda}
+    directions = np.random.default_rng(1).normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    names |= {"origins": tensor(np.zeros((200, 3)), np.float32)}
+    names |= {"directions": tensor(directions, np.float32)}
+    t = run_example("clusters.bvh", names)["hits"]["t"]
+    assert np.allclose(t, 1.5, atol=0.03)
 
 
 def test_hierarchies(torch):

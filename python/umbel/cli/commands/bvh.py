@@ -80,8 +80,8 @@ def command(
 ) -> None:
     """Build a bounding volume hierarchy over a mesh and measure it: its cost, and its rays a second
     (three views of 512 x 512 pixels, and a diffuse bounce from what they hit)."""
-    if device is Device.cuda:
-        fail("this build of Umbel has no CUDA support; use --device cpu")
+    if device is Device.cuda and (output is not None or compact or kary or width != 8):
+        fail("--device cuda has neither -o nor --compact nor --kary nor other widths than 8")
     if output is not None:
         check_output(output, ".umbvh", inputs=[source])
     if kary and not builder.startswith("kmeans"):
@@ -114,11 +114,26 @@ def command(
 
     from umbel.accel.bvh import Bvh
     from umbel.accel.trees import Bvh2, build_bvh2, build_kary
+    from umbel.cli.on_device import bvh_on_device
     from umbel.cli.progress import Bar
     from umbel.geometry.origin import warn_of_origin, zero_origin
 
     mesh = load_mesh(source, allow_outside=allow_outside, drops=drop_invalid, threads=threads)
     origin, mesh = mesh.origin, replace(mesh, origin=zero_origin())  # for rays in float32
+    result: dict[str, Any] = {
+        "input": source,
+        "output": None if output is None else str(output),
+        "builder": builder,
+        "triangles": len(mesh.triangles),
+        "origin": origin.tolist(),
+    }
+    if device is Device.cuda:
+        given: dict[str, Any] = {**options}
+        del given["invalid"]
+        result |= bvh_on_device(mesh, builder, given, threads)
+        result["warnings"] = heard
+        show(result, as_json, source)
+        return
     with Bar() as bar:
         began = time.perf_counter()
         tree: Bvh2 | KaryTree
@@ -133,12 +148,7 @@ def command(
         bvh.save(output)
         warn_of_origin(output, origin)
     found, wide = tree.statistics(costs), bvh.statistics()
-    result: dict[str, Any] = {
-        "input": source,
-        "output": None if output is None else str(output),
-        "builder": builder,
-        "triangles": len(mesh.triangles),
-        "origin": origin.tolist(),
+    result |= {
         "width": width,
         "nodes": found["nodes"],
         "leaves": found["leaves"],

@@ -1,0 +1,105 @@
+"""What `make gpu` does where programs fail or do not end: it goes on, and says so. The GPU and the
+programs are stand-ins."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SMI = """
+case "$*" in
+  -L) echo "GPU 0: Stand-in 9" ;;
+  *name*) echo "Stand-in 9" ;;
+  *) echo 9.0 ;;
+esac
+"""
+
+
+def put_program(path: Path, body: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/usr/bin/env bash\n{body}\n")
+    path.chmod(0o755)
+
+
+@pytest.fixture
+def machine(tmp_path: Path):
+    """Runs the script with a GPU and programs that work, but for some; returns what it said."""
+    names = ("cuda_bench", "cuda_query_bench", "cuda_frame_example", "cuda_bvh_bench")
+    programs = {"umbel_cuda_tests": "echo tested"} | {name: f"echo '# {name}'" for name in names}
+
+    def run(mode: str, **changed: str) -> tuple[int, str, Path]:
+        carry, out = tmp_path / "carry", tmp_path / "out"
+        out.mkdir()
+        for name, body in (programs | changed).items():
+            put_program(carry / "bin" / name, body)
+        put_program(tmp_path / "path" / "nvidia-smi", SMI)
+        environment = {
+            **os.environ,
+            "PATH": f"{tmp_path / 'path'}:{os.environ['PATH']}",
+            "OUT": str(out),
+            "UMBEL_GPU_CARRY": str(carry),
+            "UMBEL_GPU_RESULTS": str(tmp_path / "results"),
+            "UMBEL_GPU_LOGS": str(tmp_path / "logs"),
+            "UMBEL_GPU_SECONDS": "9",
+            "PYTHON": sys.executable,
+        }
+        done = subprocess.run(
+            [ROOT / "scripts" / "gpu.sh", mode],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+        with tarfile.open(out / "gpu-results.tar.gz") as archive:
+            assert any(name.endswith("tests.log") or "check" in mode for name in archive.getnames())
+        page = "gpu-stand-in-9.md" if mode == "measure" else "gpu-stand-in-9-checks.md"
+        return done.returncode, (tmp_path / "results" / page).read_text(), out
+
+    return run
+
+
+def outcomes(page: str) -> dict[str, str]:
+    rows = [line.split("|") for line in page.splitlines() if line.startswith("| ")]
+    return {row[1].strip(): row[2].strip() for row in rows[1:]}
+
+
+def test_all_steps_are_done_and_figures_are_kept(machine) -> None:
+    status, page, _ = machine("measure")
+    assert status == 0
+    found = outcomes(page)
+    for step in ("smallest-tests", "tests", "clusters", "rays-and-selection", "frame"):
+        assert found[step] == "passed"
+    assert found["hierarchies"].startswith("skipped")  # there are no meshes
+    assert "# cuda_bench" in page and "# cuda_query_bench" in page
+
+
+def test_what_fails_or_does_not_end_stops_nothing_else(machine) -> None:
+    status, page, _ = machine("measure", umbel_cuda_tests="exit 3", cuda_bench="sleep 60")
+    assert status == 1
+    found = outcomes(page)
+    assert found["smallest-tests"] == found["tests"] == "failed (3)"
+    assert found["clusters"] == "out of time"
+    assert found["frame"].startswith("skipped: no time")
+    assert "cuda_query_bench" not in page
+
+
+def test_a_crash_is_told_from_time_that_ran_out(machine) -> None:
+    status, page, _ = machine("measure", cuda_bench="kill -SEGV $$")
+    assert status == 1
+    assert outcomes(page)["clusters"] == "failed (139)"
+    assert outcomes(page)["frame"] == "passed"
+
+
+def test_without_a_gpu_it_says_so() -> None:
+    done = subprocess.run(
+        [ROOT / "scripts" / "gpu.sh"], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 1
+    assert "there is no NVIDIA GPU here" in done.stderr
