@@ -148,7 +148,7 @@ UMBEL_API View view_for_budget(const Tables& tables, const View& view, const Cos
 
 struct BudgetCuts {
   InstanceCuts cuts;  ///< one an instance; of the mesh alone without any
-  View view;          ///< of view_for_budget: nothing is coarser than it asks for
+  View view;          ///< of view_for_budget, or an infinite error where that costs too much
   uint64_t cost = 0;  ///< over the budget only where no cut is within it
 };
 

@@ -357,8 +357,8 @@ class _Budget:
         return np.split(clusters, offsets[1:-1]) if len(offsets) > 1 else []
 
     def check(self, tables: Tables, *cuts: NDArray[np.uint32]) -> None:
-        """Raises where the cuts have more, and so would the roots. (A camera within the spheres of
-        groups has those refined whatever it allows.)"""
+        """Raises where the cuts have more, and so would the roots. (A view of a camera within the
+        spheres of groups has those refined whatever it allows.)"""
         roots = np.flatnonzero(np.isinf(tables.groups["error"])[tables.clusters["group"]])
         if len(cuts) * self._cost(tables, roots) <= self.most:
             return

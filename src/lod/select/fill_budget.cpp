@@ -3,6 +3,7 @@
 // holes exactly if with each group all are in it that have clusters made from that group; so only
 // such groups may follow.
 #include <algorithm>
+#include <limits>
 #include <queue>
 #include <utility>
 
@@ -16,6 +17,20 @@
 
 namespace umbel::lod {
 namespace {
+
+/// A group that may be refined next.
+struct Candidate {
+  float turning_point, error;
+  uint32_t instance, group;
+  /// Whether another comes before this: the farther from good enough, the earlier. With the eye in
+  /// their spheres many are infinitely far: then the larger error decides.
+  bool operator<(const Candidate& other) const {
+    if (turning_point != other.turning_point) return turning_point < other.turning_point;
+    if (error != other.error) return error < other.error;
+    if (instance != other.instance) return instance > other.instance;
+    return group > other.group;
+  }
+};
 
 /// The refined groups of one instance.
 class InstanceCut {
@@ -44,8 +59,9 @@ class InstanceCut {
     return groups;
   }
 
-  float turning_point_of(uint32_t group) const {
-    return turning_point(tables_.groups[group], wanted_);
+  Candidate candidate(uint32_t instance, uint32_t group) const {
+    const Group& g = tables_.groups[group];
+    return {turning_point(g, wanted_), g.error, instance, group};
   }
 
   /// What the cut costs more (or less) with the group refined.
@@ -82,9 +98,12 @@ class InstanceCut {
 
   /// Ascending.
   std::vector<uint32_t> clusters() const {
-    std::vector<uint32_t> cut =
-        select_hierarchy(tables_, fitted_.view, {fitted_.planes, normal_cones_});
-    if (extra_.keys().empty()) return cut;
+    // Clusters face the eye that is wanted: the view that fits may have none.
+    const bool has_eye = fitted_.view.kind == wanted_.view.kind;
+    std::vector<uint32_t> cut = select_hierarchy(
+        tables_, fitted_.view,
+        {fitted_.planes, has_eye ? normal_cones_ : std::span<const ClusterBounds>{}});
+    if (has_eye && extra_.keys().empty()) return cut;
     std::erase_if(cut, [&](uint32_t c) { return !is_drawn(c); });
     for (const uint64_t group : extra_.keys()) {
       const auto [begin, end] = range(static_cast<uint32_t>(group));
@@ -108,7 +127,7 @@ class InstanceCut {
   bool is_shown(uint32_t cluster) const {
     const Group& group = tables_.groups[tables_.clusters[cluster].group];
     return !is_outside(group.sphere, fitted_.planes) &&
-           is_visible(tables_, cluster, fitted_.view, {fitted_.planes, normal_cones_});
+           is_visible(tables_, cluster, wanted_.view, {fitted_.planes, normal_cones_});
   }
   /// Of a cluster whose own group is refined, or about to be.
   bool is_drawn(uint32_t cluster) const {
@@ -135,18 +154,6 @@ class InstanceCut {
   Seen wanted_, fitted_;
   std::span<const ClusterBounds> normal_cones_;
   Interner<uint64_t, IntegerHash> extra_;  ///< groups that are refined although no view says so
-};
-
-/// A group that may be refined next.
-struct Candidate {
-  float turning_point;
-  uint32_t instance, group;
-  /// Whether another comes before this: the farther from good enough, the earlier.
-  bool operator<(const Candidate& other) const {
-    if (turning_point != other.turning_point) return turning_point < other.turning_point;
-    if (instance != other.instance) return instance > other.instance;
-    return group > other.group;
-  }
 };
 
 uint64_t cost_of(const Tables& tables, const Costs& costs, std::span<const uint32_t> cut) {
@@ -180,7 +187,7 @@ void refine_what_fits(std::vector<InstanceCut>& cuts, uint64_t left) {
   std::vector<std::vector<Candidate>> first(cuts.size());
   parallel_for(cuts.size(), 1, [&](size_t i) {
     for (const uint32_t g : cuts[i].all_next())
-      first[i].push_back({cuts[i].turning_point_of(g), static_cast<uint32_t>(i), g});
+      first[i].push_back(cuts[i].candidate(static_cast<uint32_t>(i), g));
   });
   std::priority_queue<Candidate> queue;
   for (const std::vector<Candidate>& some : first)
@@ -196,7 +203,7 @@ void refine_what_fits(std::vector<InstanceCut>& cuts, uint64_t left) {
     room -= price;
     next.clear();
     cut.refine(best.group, next);
-    for (const uint32_t g : next) queue.push({cut.turning_point_of(g), best.instance, g});
+    for (const uint32_t g : next) queue.push(cut.candidate(best.instance, g));
   }
 }
 
@@ -206,17 +213,24 @@ BudgetCuts select_for_budget(const Tables& tables, const View& view, const Costs
                              uint64_t budget, const Culling& culling,
                              std::span<const Transform> instances) {
   BudgetCuts result;
-  result.view = view_for_budget(tables, view, costs, budget, culling, instances);
   const GeneratedClusters generated(tables);
-  std::vector<InstanceCut> cuts =
-      instance_cuts(tables, generated, costs, view, result.view, culling, instances);
-  std::vector<std::vector<uint32_t>> clusters(cuts.size());
+  std::vector<InstanceCut> cuts;
+  std::vector<std::vector<uint32_t>> clusters;
   const auto gather = [&] {
+    clusters.resize(cuts.size());
     parallel_for(cuts.size(), 1, [&](size_t i) { clusters[i] = cuts[i].clusters(); });
     result.cost = 0;
     for (const auto& cut : clusters) result.cost += cost_of(tables, costs, cut);
   };
-  gather();
+  const auto start_from = [&](const View& fitted) {
+    result.view = fitted;
+    cuts = instance_cuts(tables, generated, costs, view, fitted, culling, instances);
+    gather();
+  };
+  start_from(view_for_budget(tables, view, costs, budget, culling, instances));
+  // No threshold leaves a group as it is whose sphere has the eye inside; an error does.
+  if (result.cost > budget && view.kind == View::Kind::kCamera)
+    start_from(view_error(std::numeric_limits<float>::infinity()));
   if (result.cost < budget) {
     refine_what_fits(cuts, budget - result.cost);
     gather();

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -94,6 +96,41 @@ TEST(FillBudget, nothing_that_fits_is_left) {
       if (next) EXPECT_GT(price + int64_t(made.cost), int64_t(budget)) << g;
     }
   }
+}
+
+// Every threshold refines the groups whose spheres have the eye inside.
+TEST(FillBudget, an_eye_inside_keeps_the_budget) {
+  const Tables& tables = blob_dag().tables;
+  const std::vector<uint32_t> costs = triangle_costs(tables);
+  const auto cones = normal_cone_bounds(tables, testing::reader_of(blob_dag()));
+  const View inside = view_camera({0.1f, 0.2f, 0.9f}, 1.0f, 1080, 1.0f);
+  const uint64_t by_threshold =
+      sum(costs, select(tables, view_for_budget(tables, inside, costs, 1)));
+  const uint64_t coarsest =
+      sum(costs, select(tables, view_error(std::numeric_limits<float>::infinity())));
+  ASSERT_GT(by_threshold, 2 * coarsest);
+  uint64_t last = 0;
+  for (const uint64_t budget : {coarsest, (coarsest + by_threshold) / 2, by_threshold - 1}) {
+    const BudgetCuts made = select_for_budget(tables, inside, costs, budget);
+    EXPECT_LE(made.cost, budget);
+    EXPECT_EQ(made.cost, sum(costs, made.cuts.clusters));
+    EXPECT_GT(made.cost, last);
+    last = made.cost;
+    expect_closed(blob_dag(), made.cuts.clusters);
+    // What faces away costs nothing and is left out.
+    const BudgetCuts culled = select_for_budget(tables, inside, costs, budget, {{}, cones});
+    EXPECT_LE(culled.cost, budget);
+    EXPECT_EQ(culled.cost, sum(costs, culled.cuts.clusters));
+    for (const uint32_t c : culled.cuts.clusters) {
+      const ClusterBounds& b = cones[c];
+      const double x = b.sphere.center.x - 0.1, y = b.sphere.center.y - 0.2,
+                   z = b.sphere.center.z - 0.9;
+      const double along = x * b.cone_axis.x + y * b.cone_axis.y + z * b.cone_axis.z;
+      EXPECT_LT(along,
+                (b.cone_cutoff + 1e-4) * std::sqrt(x * x + y * y + z * z) + b.sphere.radius + 1e-4);
+    }
+  }
+  EXPECT_GT(select_for_budget(tables, inside, costs, coarsest - 1).cost, coarsest - 1);
 }
 
 TEST(FillBudget, counts_clusters_and_groups) {
