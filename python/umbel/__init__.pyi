@@ -55,6 +55,7 @@ from .lod.scene_lod import SceneLod as SceneLod
 from .lod.tables import Tables as Tables
 from .lod.verify import VerifyReport as VerifyReport
 from .lod.verify import verify as verify
+from .scale.build_asset import build_asset as build_asset
 from .trace.denoise import denoise as denoise
 from .trace.picture import save_picture as save_picture
 from .trace.picture import tone_map as tone_map

@@ -146,6 +146,13 @@ def build_asset(
         )
         del opened
         folder.remove()
+    except Error as error:
+        # Of an input or an argument at fault nothing is worth keeping: once that is mended, it
+        # could not be resumed.
+        begun = folder.is_resumed or any(folder_path.glob("t0/unit/*.done"))
+        if not begun and error.code not in ("io", "cancelled"):
+            folder.remove()
+        raise
     finally:
         folder.close()
     report = {**finished.pop("report"), "seconds": time.perf_counter() - began}

@@ -171,6 +171,18 @@ def test_too_little_memory_says_what_would_do(terrain: Path, tmp_path: Path) -> 
         build_asset(terrain, tmp_path / "a.umbel", unit_triangles=UNIT, memory="50MB")
 
 
+def test_input_at_fault_leaves_no_folder(terrain: Path, tmp_path: Path) -> None:
+    data = terrain.read_bytes()
+    broken, output = tmp_path / "mesh.ply", tmp_path / "a.umbel"
+    for fault in (data[:-100], data[:-4] + b"\xff\xff\xff\x7f", b""):
+        broken.write_bytes(fault)
+        with pytest.raises(umbel.Error, match=r"mesh\.ply"):
+            build_asset(broken, output, unit_triangles=UNIT)
+        assert os.listdir(tmp_path) == ["mesh.ply"]
+    broken.write_bytes(data)
+    umbel.build_asset(broken, output, unit_triangles=UNIT)
+
+
 def test_blocks_build_what_the_file_does(terrain: Path, tmp_path: Path) -> None:
     mesh = umbel.load(terrain)
     half = len(mesh.triangles) // 2
