@@ -21,7 +21,7 @@ PACKAGE := $(shell find CMakeLists.txt pyproject.toml LICENSE $(wildcard README.
              src python -not -path '*/__pycache__*' -not -path '*/.*' 2>/dev/null)
 
 .PHONY: help setup tools build test test-cpp test-python test-viewer test-install test-asan test-tsan \
-        fuzz cuda simt gpu gpu-check gpu-carry demo lint format bench clean
+        fuzz cuda simt gpu gpu-check gpu-carry vulkan demo lint format bench clean
 
 help:  ## what there is to make
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## */\t/' | expand -t 16
@@ -80,6 +80,9 @@ gpu-check:  ## on a machine with a GPU: sanitizers, and arrays of Python's packa
 
 gpu-carry: build  ## what `make gpu` needs on a machine without a network, into build/gpu-carry
 	@scripts/gpu_carry.sh
+
+vulkan: build  ## the Vulkan renderer in examples/vulkan with its tests; no GPU needed
+	@scripts/vulkan.sh
 
 demo: setup  ## a real scan to a verified LOD asset; MESH=my.glb for your own
 	@.venv/bin/python scripts/demo.py $(if $(MESH),"$(MESH)")

@@ -1,0 +1,90 @@
+// Vulkan's functions, found at run time, so that the program starts, and says what is missing, on
+// machines without a Vulkan loader.
+#pragma once
+
+#define VK_NO_PROTOTYPES
+#include <vulkan/vulkan.h>
+
+// Every function that the sample calls.
+#define SAMPLE_INSTANCE_FUNCTIONS(X)          \
+  X(vkDestroyInstance)                        \
+  X(vkEnumeratePhysicalDevices)               \
+  X(vkGetPhysicalDeviceProperties)            \
+  X(vkGetPhysicalDeviceFeatures2)             \
+  X(vkGetPhysicalDeviceMemoryProperties)      \
+  X(vkGetPhysicalDeviceQueueFamilyProperties) \
+  X(vkEnumerateDeviceExtensionProperties)     \
+  X(vkCreateDebugUtilsMessengerEXT)           \
+  X(vkDestroyDebugUtilsMessengerEXT)          \
+  X(vkCreateDevice)                           \
+  X(vkGetDeviceProcAddr)
+
+#define SAMPLE_DEVICE_FUNCTIONS(X) \
+  X(vkDestroyDevice)               \
+  X(vkGetDeviceQueue)              \
+  X(vkCreateCommandPool)           \
+  X(vkDestroyCommandPool)          \
+  X(vkAllocateCommandBuffers)      \
+  X(vkResetCommandPool)            \
+  X(vkBeginCommandBuffer)          \
+  X(vkEndCommandBuffer)            \
+  X(vkQueueSubmit2)                \
+  X(vkCreateFence)                 \
+  X(vkDestroyFence)                \
+  X(vkWaitForFences)               \
+  X(vkResetFences)                 \
+  X(vkCreateBuffer)                \
+  X(vkDestroyBuffer)               \
+  X(vkGetBufferMemoryRequirements) \
+  X(vkGetBufferDeviceAddress)      \
+  X(vkCreateImage)                 \
+  X(vkDestroyImage)                \
+  X(vkGetImageMemoryRequirements)  \
+  X(vkCreateImageView)             \
+  X(vkDestroyImageView)            \
+  X(vkAllocateMemory)              \
+  X(vkFreeMemory)                  \
+  X(vkBindBufferMemory)            \
+  X(vkBindImageMemory)             \
+  X(vkMapMemory)                   \
+  X(vkCreateShaderModule)          \
+  X(vkDestroyShaderModule)         \
+  X(vkCreatePipelineLayout)        \
+  X(vkDestroyPipelineLayout)       \
+  X(vkCreateComputePipelines)      \
+  X(vkCreateGraphicsPipelines)     \
+  X(vkDestroyPipeline)             \
+  X(vkCmdBindPipeline)             \
+  X(vkCmdPushConstants)            \
+  X(vkCmdDispatchIndirect)         \
+  X(vkCmdDrawIndirect)             \
+  X(vkCmdFillBuffer)               \
+  X(vkCmdUpdateBuffer)             \
+  X(vkCmdCopyBuffer)               \
+  X(vkCmdCopyImageToBuffer)        \
+  X(vkCmdPipelineBarrier2)         \
+  X(vkCmdBeginRendering)           \
+  X(vkCmdEndRendering)             \
+  X(vkCmdSetViewport)              \
+  X(vkCmdSetScissor)
+
+#define SAMPLE_OPTIONAL_FUNCTIONS(X) X(vkCmdDrawMeshTasksIndirectEXT)
+
+#define SAMPLE_DECLARE(name) inline PFN_##name name = nullptr;
+namespace sample {
+inline PFN_vkGetInstanceProcAddr vkGetInstanceProcAddr = nullptr;
+inline PFN_vkCreateInstance vkCreateInstance = nullptr;
+inline PFN_vkEnumerateInstanceLayerProperties vkEnumerateInstanceLayerProperties = nullptr;
+SAMPLE_INSTANCE_FUNCTIONS(SAMPLE_DECLARE)
+SAMPLE_DEVICE_FUNCTIONS(SAMPLE_DECLARE)
+SAMPLE_OPTIONAL_FUNCTIONS(SAMPLE_DECLARE)
+
+/// Throws Unavailable where there is no loader.
+void load_global_functions();
+void load_instance_functions(VkInstance instance);
+void load_device_functions(VkDevice device);
+
+/// Throws a sentence for anything but success.
+void check(VkResult result, const char* what);
+}  // namespace sample
+#undef SAMPLE_DECLARE

@@ -1,0 +1,67 @@
+// shaders/scene.glsl for C++: the same structs, byte by byte.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <umbel/types.hpp>
+
+#include "functions.hpp"
+
+namespace sample {
+
+struct GpuNode {
+  umbel::Vec3 center;
+  float radius, error;
+  uint32_t group, first_child, children;
+};
+
+struct GpuGroup {
+  umbel::Vec3 center;
+  float radius, error;
+  uint32_t first_cluster, clusters, page;
+};
+
+struct GpuCluster {
+  umbel::Vec3 low, high;
+  uint32_t group, generating_group, words, vertices, triangles;
+};
+
+struct GpuInstance {
+  std::array<float, 12> rows;
+  umbel::Vec3 eye;
+  float threshold;
+  std::array<umbel::Vec4, 5> planes;
+};
+
+struct GpuItem {
+  uint32_t instance, index;
+};
+
+inline constexpr uint32_t kMostLayers = 32;
+inline constexpr uint32_t kRow = 128;
+
+struct GpuCounts {
+  std::array<std::array<uint32_t, 4>, kMostLayers> layers{};
+  std::array<uint32_t, 4> mesh_draw{}, draw{};
+  uint32_t overflow = 0;
+};
+
+struct GpuFrame {
+  std::array<float, 16> clip_from_world;  // by columns
+  umbel::Vec4 eye;
+  VkDeviceAddress nodes, groups, clusters, instances, pool, first_word, usable, wanted, queue,
+      visible, counts;
+  uint32_t capacity;
+  uint32_t padding = 0;
+};
+
+struct GpuPush {
+  VkDeviceAddress frame;
+  uint32_t layer;
+};
+inline constexpr uint32_t kPushBytes = 12;
+
+static_assert(sizeof(GpuNode) == 32 && sizeof(GpuGroup) == 32 && sizeof(GpuCluster) == 44);
+static_assert(sizeof(GpuInstance) == 144 && sizeof(GpuItem) == 8);
+
+}  // namespace sample

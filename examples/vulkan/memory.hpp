@@ -1,0 +1,62 @@
+// Buffers that shaders reach by address, and images to draw on. A renderer allocates some twenty of
+// them once, so each has memory of its own; what comes and goes (pages) shares one buffer.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "device.hpp"
+
+namespace sample {
+
+enum class Place { kDevice, kHost };  ///< kHost: mapped, for uploads and for reading back
+
+class Buffer {
+ public:
+  Buffer(const Device& device, uint64_t bytes, Place place);
+  ~Buffer();
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
+
+  VkBuffer handle() const { return buffer_; }
+  VkDeviceAddress address() const { return address_; }
+  uint64_t bytes() const { return bytes_; }
+  /// What a host buffer holds.
+  template <class T>
+  std::span<T> mapped() const {
+    return {static_cast<T*>(mapped_), bytes_ / sizeof(T)};
+  }
+  /// Fills the start of a device buffer and waits: for what is made once.
+  void fill(std::span<const std::byte> data) const;
+
+ private:
+  const Device& device_;
+  uint64_t bytes_;
+  VkBuffer buffer_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  VkDeviceAddress address_ = 0;
+  void* mapped_ = nullptr;
+};
+
+class Image {
+ public:
+  Image(const Device& device, uint32_t width, uint32_t height, VkFormat format,
+        VkImageUsageFlags usage, VkImageAspectFlags aspect);
+  ~Image();
+  Image(const Image&) = delete;
+  Image& operator=(const Image&) = delete;
+  VkImageView view() const { return view_; }
+  VkImage handle() const { return image_; }
+  /// Its contents need not survive if it was undefined before.
+  void change_layout(VkCommandBuffer commands, VkImageLayout from, VkImageLayout to) const;
+
+ private:
+  const Device& device_;
+  VkImageAspectFlags aspect_;
+  VkImage image_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  VkImageView view_ = VK_NULL_HANDLE;
+};
+
+}  // namespace sample

@@ -1,0 +1,33 @@
+// The sample's pipelines. All take the frame's address and a number as push constants, and nothing
+// else, so they share one layout without descriptors.
+#pragma once
+
+#include "device.hpp"
+
+namespace sample {
+
+inline constexpr VkFormat kColorFormat = VK_FORMAT_R8G8B8A8_UNORM;
+inline constexpr VkFormat kDepthFormat = VK_FORMAT_D32_SFLOAT;
+
+class Pipelines {
+ public:
+  /// `mesh_shaders`: clusters are drawn by them, else by a vertex shader.
+  Pipelines(const Device& device, bool mesh_shaders);
+  ~Pipelines();
+  Pipelines(const Pipelines&) = delete;
+  Pipelines& operator=(const Pipelines&) = delete;
+
+  VkPipelineLayout layout() const { return layout_; }
+  VkPipeline select() const { return select_; }
+  VkPipeline draw() const { return draw_; }
+
+ private:
+  void make_select();
+  void make_draw(bool mesh_shaders);
+
+  const Device& device_;
+  VkPipelineLayout layout_ = VK_NULL_HANDLE;
+  VkPipeline select_ = VK_NULL_HANDLE, draw_ = VK_NULL_HANDLE;
+};
+
+}  // namespace sample

@@ -1,0 +1,213 @@
+#include "renderer.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "layouts.hpp"
+#include "projection.hpp"
+
+namespace sample {
+
+namespace {
+
+constexpr uint32_t kMostInstances = 1u << 16;  // what a request has bits for
+
+// As many pages as the pool has slots. Few pages are much smaller than the largest, so that nearly
+// none lacks a slot; one that does is not usable until another leaves.
+std::unique_ptr<umbel::Residency> make_residency(const umbel::Asset& asset, uint32_t slots) {
+  umbel::ResidencyConfig config;
+  config.budget_bytes = uint64_t{slots} * asset.info().page_bytes;
+  return std::make_unique<umbel::Residency>(asset, config);
+}
+
+// mesh shaders have arrays for so many.
+bool fits_mesh_shader(const Tables& tables) {
+  return tables.max_triangles() <= 128 && tables.max_vertices() <= 128;
+}
+
+}  // namespace
+
+Renderer::Renderer(const Device& device, const umbel::Asset& asset,
+                   std::vector<umbel::Transform> instances, const RendererConfig& config)
+    : device_(device),
+      asset_(asset),
+      config_(config),
+      transforms_(std::move(instances)),
+      tables_(device, asset),
+      pool_(device, asset, tables_, config.budget_bytes),
+      mesh_shaders_(config.mesh_shaders && device.mesh_shaders() && fits_mesh_shader(tables_)),
+      pipelines_(device, mesh_shaders_),
+      instances_(device, transforms_.size() * sizeof(GpuInstance), Place::kHost),
+      frame_(device, sizeof(GpuFrame), Place::kHost),
+      queue_(device, 2 * uint64_t{config.capacity} * sizeof(GpuItem), Place::kDevice),
+      visible_(device, uint64_t{config.capacity} * sizeof(GpuItem), Place::kDevice),
+      counts_(device, sizeof(GpuCounts), Place::kDevice),
+      counts_read_(device, sizeof(GpuCounts), Place::kHost),
+      wanted_(device, tables_.host().groups.size() * 4, Place::kHost),
+      readback_(device, uint64_t{config.width} * config.height * 4, Place::kHost),
+      color_(device, config.width, config.height, kColorFormat,
+             VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
+             VK_IMAGE_ASPECT_COLOR_BIT),
+      depth_(device, config.width, config.height, kDepthFormat,
+             VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT, VK_IMAGE_ASPECT_DEPTH_BIT),
+      residency_(make_residency(asset, pool_.slots())) {
+  if (transforms_.empty() || transforms_.size() > kMostInstances) {
+    throw std::runtime_error("the sample draws 1 to 65536 instances.");
+  }
+}
+
+FrameReport Renderer::draw(const FrameInput& input, double now) {
+  write_instances(input);
+  write_frame(input);
+  pool_.update(asset_, *residency_);
+  device_.run([&](VkCommandBuffer commands) {
+    pool_.record(commands);
+    record_selection(commands);
+    record_drawing(commands, input);
+    record_readback(commands);
+  });
+  const GpuCounts& counts = counts_read_.mapped<GpuCounts>()[0];
+  if (counts.overflow != 0) {
+    throw std::runtime_error("more than " + std::to_string(config_.capacity) +
+                             " clusters or nodes are visible: ask for a larger error.");
+  }
+  const std::vector<umbel::StreamView> wanted = requests();
+  FrameReport report;
+  report.clusters = counts.draw[1];
+  report.views = static_cast<uint32_t>(wanted.size());
+  report.step = residency_->step(wanted, now);
+  report.used_slots = pool_.used();
+  report.slots = pool_.slots();
+  return report;
+}
+
+void Renderer::write_instances(const FrameInput& input) {
+  const umbel::Camera& camera = input.camera;
+  const float aspect = static_cast<float>(config_.width) / static_cast<float>(config_.height);
+  const umbel::lod::View view =
+      umbel::lod::view_camera(camera.position, camera.fov_y, config_.height, input.pixel_error);
+  const std::vector<umbel::lod::Plane> planes =
+      umbel::lod::frustum_planes(camera, aspect, input.near_plane);
+  const std::span<GpuInstance> out = instances_.mapped<GpuInstance>();
+  views_.clear();
+  for (size_t i = 0; i < transforms_.size(); ++i) {
+    umbel::StreamView& local = views_.emplace_back();
+    local.view = umbel::lod::to_object(view, transforms_[i]);
+    out[i] = {transforms_[i].rows, local.view.eye, local.view.threshold, {}};
+    for (size_t p = 0; p < 5; ++p) {
+      const umbel::lod::Plane plane = umbel::lod::to_object(planes[p], transforms_[i]);
+      local.planes.push_back(plane);
+      out[i].planes[p] = {plane.normal.x, plane.normal.y, plane.normal.z, plane.offset};
+    }
+  }
+}
+
+void Renderer::write_frame(const FrameInput& input) const {
+  const float aspect = static_cast<float>(config_.width) / static_cast<float>(config_.height);
+  const umbel::Vec3& eye = input.camera.position;
+  frame_.mapped<GpuFrame>()[0] = {
+      .clip_from_world = clip_from_world(input.camera, aspect, input.near_plane),
+      .eye = {eye.x, eye.y, eye.z, 1},
+      .nodes = tables_.nodes().address(),
+      .groups = tables_.groups().address(),
+      .clusters = tables_.clusters().address(),
+      .instances = instances_.address(),
+      .pool = pool_.words().address(),
+      .first_word = pool_.first_word().address(),
+      .usable = pool_.usable().address(),
+      .wanted = wanted_.address(),
+      .queue = queue_.address(),
+      .visible = visible_.address(),
+      .counts = counts_.address(),
+      .capacity = config_.capacity};
+}
+
+void Renderer::record_selection(VkCommandBuffer commands) const {
+  GpuCounts start;
+  for (auto& layer : start.layers) layer = {0, 1, 1, 0};
+  const uint32_t items = static_cast<uint32_t>(transforms_.size());
+  start.layers[0] = {(items + 63) / 64, 1, 1, items};
+  start.mesh_draw = {kRow, 0, 1, 0};
+  start.draw = {3 * tables_.max_triangles(), 0, 0, 0};
+  vkCmdUpdateBuffer(commands, counts_.handle(), 0, sizeof start, &start);
+  vkCmdFillBuffer(commands, wanted_.handle(), 0, VK_WHOLE_SIZE, 0);
+  vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelines_.select());
+  for (uint32_t layer = 0; layer < tables_.layers(); ++layer) {
+    wait_for_writes(commands);
+    const GpuPush push{frame_.address(), layer};
+    vkCmdPushConstants(commands, pipelines_.layout(), VK_SHADER_STAGE_ALL, 0, kPushBytes, &push);
+    vkCmdDispatchIndirect(commands, counts_.handle(), layer * sizeof start.layers[0]);
+  }
+  wait_for_writes(commands);
+}
+
+void Renderer::record_drawing(VkCommandBuffer commands, const FrameInput& input) const {
+  color_.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
+                       VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL);
+  depth_.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
+                       VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL);
+  const umbel::Vec4& b = input.background;
+  const VkRenderingAttachmentInfo color{.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
+                                        .imageView = color_.view(),
+                                        .imageLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
+                                        .loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR,
+                                        .storeOp = VK_ATTACHMENT_STORE_OP_STORE,
+                                        .clearValue = {.color = {.float32 = {b.x, b.y, b.z, b.w}}}};
+  const VkRenderingAttachmentInfo depth{.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
+                                        .imageView = depth_.view(),
+                                        .imageLayout = VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL,
+                                        .loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR,
+                                        .storeOp = VK_ATTACHMENT_STORE_OP_DONT_CARE,
+                                        .clearValue = {.depthStencil = {0, 0}}};
+  const VkRect2D area{{0, 0}, {config_.width, config_.height}};
+  const VkRenderingInfo info{.sType = VK_STRUCTURE_TYPE_RENDERING_INFO,
+                             .renderArea = area,
+                             .layerCount = 1,
+                             .colorAttachmentCount = 1,
+                             .pColorAttachments = &color,
+                             .pDepthAttachment = &depth};
+  const VkViewport viewport{
+      0, 0, static_cast<float>(config_.width), static_cast<float>(config_.height), 0, 1};
+  const GpuPush push{frame_.address(), static_cast<uint32_t>(input.looks)};
+  vkCmdBeginRendering(commands, &info);
+  vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipelines_.draw());
+  vkCmdSetViewport(commands, 0, 1, &viewport);
+  vkCmdSetScissor(commands, 0, 1, &area);
+  vkCmdPushConstants(commands, pipelines_.layout(), VK_SHADER_STAGE_ALL, 0, kPushBytes, &push);
+  if (mesh_shaders_) {
+    vkCmdDrawMeshTasksIndirectEXT(commands, counts_.handle(), offsetof(GpuCounts, mesh_draw), 1,
+                                  16);
+  } else {
+    vkCmdDrawIndirect(commands, counts_.handle(), offsetof(GpuCounts, draw), 1, 16);
+  }
+  vkCmdEndRendering(commands);
+}
+
+void Renderer::record_readback(VkCommandBuffer commands) const {
+  color_.change_layout(commands, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
+                       VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
+  const VkBufferImageCopy copy{.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1},
+                               .imageExtent = {config_.width, config_.height, 1}};
+  vkCmdCopyImageToBuffer(commands, color_.handle(), VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
+                         readback_.handle(), 1, &copy);
+  const VkBufferCopy counts{.size = sizeof(GpuCounts)};
+  vkCmdCopyBuffer(commands, counts_.handle(), counts_read_.handle(), 1, &counts);
+  wait_for_writes(commands);
+}
+
+// The instances that want some group the most. Whatever any instance wants, one of these wants, so
+// of thousands of instances the residency follows only the few that differ.
+std::vector<umbel::StreamView> Renderer::requests() const {
+  std::vector<uint32_t> instances;
+  for (const uint32_t request : wanted_.mapped<uint32_t>().first(tables_.host().groups.size())) {
+    if (request != 0) instances.push_back(request & 0xffff);
+  }
+  std::sort(instances.begin(), instances.end());
+  instances.erase(std::unique(instances.begin(), instances.end()), instances.end());
+  std::vector<umbel::StreamView> wanted;
+  for (const uint32_t i : instances) wanted.push_back(views_[i]);
+  return wanted;
+}
+
+}  // namespace sample

@@ -1,0 +1,72 @@
+// A frame: pages, selection, drawing, and what the selection asks the residency for.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <umbel/umbel.hpp>
+#include <vector>
+
+#include "page_pool.hpp"
+#include "pipelines.hpp"
+#include "tables.hpp"
+
+namespace sample {
+
+struct RendererConfig {
+  uint32_t width = 960, height = 540;
+  uint64_t budget_bytes = uint64_t{64} << 20;  ///< of pages on the device, decoded
+  uint32_t capacity = 1u << 18;                ///< most clusters, and nodes of a layer, of a frame
+  bool mesh_shaders = true;                    ///< where the device has them
+};
+
+struct FrameInput {
+  umbel::Camera camera;
+  float pixel_error = 1;
+  float near_plane = 0.01f;
+  enum class Looks : uint32_t { kNormals = 0, kClusters = 1 } looks = Looks::kNormals;
+  umbel::Vec4 background{1, 1, 1, 1};
+};
+
+struct FrameReport {
+  uint32_t clusters = 0;  ///< drawn
+  uint32_t views = 0;     ///< instances that asked for groups
+  umbel::StreamStep step;
+  uint32_t used_slots = 0, slots = 0;
+};
+
+class Renderer {
+ public:
+  /// The asset must outlive it.
+  Renderer(const Device& device, const umbel::Asset& asset, std::vector<umbel::Transform> instances,
+           const RendererConfig& config);
+
+  /// Draws, and then lets the residency load what the picture lacked. `now` is in seconds. Throws
+  /// if more is visible than RendererConfig::capacity holds.
+  FrameReport draw(const FrameInput& input, double now);
+  /// The last frame's pixels, red, green, blue, alpha, row by row from the top.
+  std::span<const uint8_t> pixels() const { return readback_.mapped<uint8_t>(); }
+  bool mesh_shaders() const { return mesh_shaders_; }
+
+ private:
+  void write_instances(const FrameInput& input);
+  void write_frame(const FrameInput& input) const;
+  void record_selection(VkCommandBuffer commands) const;
+  void record_drawing(VkCommandBuffer commands, const FrameInput& input) const;
+  void record_readback(VkCommandBuffer commands) const;
+  std::vector<umbel::StreamView> requests() const;
+
+  const Device& device_;
+  const umbel::Asset& asset_;
+  RendererConfig config_;
+  std::vector<umbel::Transform> transforms_;
+  std::vector<umbel::StreamView> views_;  ///< one an instance, of the frame
+  Tables tables_;
+  PagePool pool_;
+  bool mesh_shaders_;
+  Pipelines pipelines_;
+  Buffer instances_, frame_, queue_, visible_, counts_, counts_read_, wanted_, readback_;
+  Image color_, depth_;
+  std::unique_ptr<umbel::Residency> residency_;
+};
+
+}  // namespace sample

@@ -1,0 +1,20 @@
+// A cluster of the pool: its corners, vertices and triangles.
+uint cluster_start(Cluster cluster) {
+  return frame.first_word.at[frame.groups.at[cluster.group].page] + cluster.words;
+}
+
+vec3 local_position(uint start, uint vertex) {
+  uint w = start + 4 * vertex;
+  return uintBitsToFloat(uvec3(frame.pool.at[w], frame.pool.at[w + 1], frame.pool.at[w + 2]));
+}
+
+uint corner(Cluster cluster, uint start, uint index) {
+  uint word = frame.pool.at[start + 4 * cluster.vertices + index / 2];
+  return (index & 1) == 0 ? word & 0xffff : word >> 16;
+}
+
+vec3 world_position(vec3 p, Instance instance) {
+  precise vec3 world = vec3(dot(instance.rows[0], vec4(p, 1)), dot(instance.rows[1], vec4(p, 1)),
+                            dot(instance.rows[2], vec4(p, 1)));
+  return world;
+}

@@ -1,0 +1,50 @@
+// What shaders read and write, all by address. layouts.hpp has the same for C++.
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+
+struct Node { vec3 center; float radius; float error; uint group, first_child, children; };
+struct Group { vec3 center; float radius; float error; uint first_cluster, clusters, page; };
+// `words`: where its vertices are, from the start of its page. A vertex takes four words: its
+// position and a free one. Triangles follow: three half words each.
+struct Cluster { vec3 low, high; uint group, generating_group, words, vertices, triangles; };
+// From its space to the world; and the view and the frustum in its space.
+struct Instance { vec4 rows[3]; vec3 eye; float threshold; vec4 planes[5]; };
+struct Item { uint instance, index; };  // of a queue a node, of the list of the visible a cluster
+
+layout(buffer_reference, scalar) readonly buffer Nodes { Node at[]; };
+layout(buffer_reference, scalar) readonly buffer Groups { Group at[]; };
+layout(buffer_reference, scalar) readonly buffer Clusters { Cluster at[]; };
+layout(buffer_reference, scalar) readonly buffer Instances { Instance at[]; };
+layout(buffer_reference, scalar) readonly buffer Words { uint at[]; };
+layout(buffer_reference, scalar) buffer Wanted { uint at[]; };
+layout(buffer_reference, scalar) buffer Items { Item at[]; };
+// An indirect dispatch a layer of the hierarchy, each with its number of items; the two indirect
+// draws; and whether a list was too short.
+layout(buffer_reference, scalar) buffer Counts {
+  uvec4 layers[32];
+  uvec4 mesh_draw, draw;
+  uint overflow;
+};
+
+layout(buffer_reference, scalar) readonly buffer Frame {
+  mat4 clip_from_world;
+  vec4 eye;
+  Nodes nodes;
+  Groups groups;
+  Clusters clusters;
+  Instances instances;
+  Words pool;    // pages in memory
+  Words first_word;  // of each page in the pool; kNone: not there
+  Words usable;  // one a group: it and all coarser groups above it are in memory
+  Wanted wanted;  // one a group: by which instance the most
+  Items queue;   // two halves, for one layer and the next
+  Items visible;
+  Counts counts;
+  uint capacity;  // of the list of visible clusters, and of half the queue
+};
+
+const uint kNone = 0xffffffffu;
+const uint kRow = 128;  // mesh workgroups in a row of the indirect draw
+
+layout(push_constant, scalar) uniform Push { Frame frame; uint layer; };
