@@ -88,7 +88,12 @@ class Gatherer {
   void gather_vertices() {
     VertexTable table;
     bool has_materials = false;
-    for (const Slice& slice : slices_) has_materials |= !slice.exits.materials.empty();
+    size_t vertices = 0;
+    for (const Slice& slice : slices_) {
+      has_materials |= !slice.exits.materials.empty();
+      vertices += slice.exits.flags.size();
+    }
+    table.reserve(vertices);
     for (const Slice& slice : slices_) {
       const Exits& exits = slice.exits;
       std::vector<uint32_t>& numbers = numbers_.emplace_back();

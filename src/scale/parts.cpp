@@ -45,6 +45,7 @@ void PartsWriter::add_group(const lod::NewGroup& group) {
 
 void PartsWriter::finish_level(const lod::ClusterSet& pending) {
   size_t member = 0;
+  number_.resize(unit_.source.mesh.positions.size(), kNone);  // there may be new ones
   while (written_ < summary_.groups.size()) {
     const auto groups =
         static_cast<uint32_t>(std::min<size_t>(kBlockGroups, summary_.groups.size() - written_));
@@ -62,13 +63,14 @@ void PartsWriter::add_cluster(const lod::ClusterSet& pending, uint32_t cluster) 
   clusters.append(pending.cluster_vertices(cluster), pending.cluster_corners(cluster), kNone,
                   pending.material[cluster], pending.boxes[cluster]);
   for (uint32_t& v : std::span(clusters.vertices).subspan(first)) {
-    const auto [number, is_new] = used_.insert(v);
-    if (is_new) {
+    uint32_t& number = number_[v];
+    if (number == kNone) {
       const uint32_t material = unit_.source.material(v);
-      number_.push_back(table_.insert(unit_.source.mesh, v, material));
+      number = table_.insert(unit_.source.mesh, v, material);
+      used_.push_back(v);
       summary_.largest_material[0] = std::max(summary_.largest_material[0], material);
     }
-    v = number_[number];
+    v = number;
   }
   extend(summary_.box[0], pending.boxes[cluster]);
   summary_.triangles[0] += pending.cluster_corners(cluster).size() / 3;
@@ -86,9 +88,9 @@ void PartsWriter::write_block(uint32_t groups) {
   file_.add(static_cast<uint32_t>(summary_.blocks.size()), bytes_of(block_));
   summary_.blocks.push_back(groups);
   block_ = {};
-  table_ = {};
-  used_ = Interner<uint32_t, IntegerHash>();
-  number_.clear();
+  table_.clear();
+  for (const uint32_t v : used_) number_[v] = kNone;
+  used_.clear();
 }
 
 void PartsWriter::commit() {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "asset/codec/choose_format.hpp"
-#include "base/interner.hpp"
 #include "lod/build/group_sink.hpp"
 #include "lod/build/unit.hpp"
 #include "scale/exits.hpp"
@@ -79,9 +78,9 @@ class PartsWriter final : public lod::GroupSink {
   std::vector<uint32_t> members_;  // of groups that were added since the last level
   size_t written_ = 0;             // groups
   PartsBlock block_;
-  VertexTable table_;                     // of the block
-  Interner<uint32_t, IntegerHash> used_;  // the unit's vertices that it has
-  std::vector<uint32_t> number_;          // in the block, by number in used_
+  VertexTable table_;             // of the block
+  std::vector<uint32_t> number_;  // in the block, of each vertex of the unit, or kNone
+  std::vector<uint32_t> used_;    // the unit's vertices that have one
 };
 
 PartsSummary read_summary(const std::filesystem::path& parts);

@@ -71,8 +71,11 @@ class ProcessExecutor final : public Executor {
   }
 
   std::optional<TaskResult> wait(std::chrono::milliseconds most) override {
-    constexpr std::chrono::milliseconds kStep{2};
-    for (std::chrono::milliseconds waited{0};; waited += kStep) {
+    // Most units take seconds; looking more often takes time from them.
+    constexpr std::chrono::milliseconds kLongest{25};
+    std::chrono::milliseconds step{1};
+    for (std::chrono::milliseconds waited{0};;
+         waited += step, step = std::min(2 * step, kLongest)) {
       for (const auto& [process, task] : running_) {
         int status = 0;
         if (::waitpid(process, &status, WNOHANG) != process) continue;
@@ -81,7 +84,7 @@ class ProcessExecutor final : public Executor {
         return finish(ended, status);
       }
       if (waited >= most) return std::nullopt;
-      std::this_thread::sleep_for(kStep);
+      std::this_thread::sleep_for(step);
     }
   }
 

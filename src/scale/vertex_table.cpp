@@ -31,14 +31,14 @@ void write_row(const Mesh& mesh, uint32_t vertex, uint32_t material, std::vector
 
 }  // namespace
 
-void VertexTable::grow() {
-  index_.reset(2 * size() + 16);
+void VertexTable::grow(size_t room) {
+  index_.reset(room);
   const auto never = [](uint32_t) { return false; };  // rows differ from each other
   for (uint32_t i = 0; i < size(); ++i) index_.find_or_insert(hashes_[i], i, never);
 }
 
 uint32_t VertexTable::insert(const Mesh& from, uint32_t vertex, uint32_t material) {
-  if (size() >= index_.room()) grow();
+  if (size() >= index_.room()) grow(2 * size() + 16);
   write_row(from, vertex, material, row_);
   uint64_t hash = row_.size();
   for (const uint32_t word : row_) hash = mix64(hash ^ word);
@@ -53,6 +53,19 @@ uint32_t VertexTable::insert(const Mesh& from, uint32_t vertex, uint32_t materia
   lod::append_vertex(mesh_, from, vertex);
   mesh_.extras = from.extras;
   return next;
+}
+
+void VertexTable::reserve(size_t vertices) {
+  if (vertices > index_.room()) grow(vertices);
+}
+
+void VertexTable::clear() {
+  const size_t count = size();
+  mesh_ = {};
+  materials_.clear();
+  rows_.clear();
+  hashes_.clear();
+  index_.reset(count);
 }
 
 Mesh VertexTable::take_mesh() {

@@ -14,13 +14,17 @@ class VertexTable {
   /// The number of a vertex of `from`, which has the same streams in every call.
   uint32_t insert(const Mesh& from, uint32_t vertex, uint32_t material);
 
-  size_t size() const { return materials_.size(); }
+  size_t size() const { return hashes_.size(); }
+  /// Makes room for so many vertices in all.
+  void reserve(size_t vertices);
+  /// Forgets all vertices, but keeps room for as many.
+  void clear();
   /// The vertices, rising by number, without triangles and without -0.
   Mesh take_mesh();
   std::vector<uint32_t> take_materials() { return std::move(materials_); }
 
  private:
-  void grow();
+  void grow(size_t room);
 
   Mesh mesh_;
   std::vector<uint32_t> materials_;
