@@ -147,8 +147,7 @@ class Treelet {
   UMBEL_HOST_DEVICE float join() {
     each_pair([&](uint32_t i, uint32_t j) {
       m_.distance[i][j] = distance(m_.parts[i].box, m_.parts[j].box);
-    });
-    team_.sync();
+    });  // until the first two are joined, each lane looks at those that it wrote
     join_count_ = 0;
     while (used_ > 1) {
       Nearest nearest{kInfinity, kRow};  // the first pair
