@@ -22,12 +22,13 @@ LARGEST = 400_000  # bytes
 
 #: The file, and what its picture is made with beside the size.
 PICTURES = {
-    "dragon": "dragon_871k.ply --ground --camera auto:12,8:24 --sun 60,28 --spp 64",
-    "car": "car_lamborghini.glb --ground --camera auto:-12,9:26 --sun 200,40 --spp 64",
+    "dragon": "dragon_871k.ply --ground --camera auto:12,8:24 --sun 60,28 --spp 64 --denoise",
+    "car": "car_lamborghini.glb --ground --camera auto:-12,9:26 --sun 200,40 --spp 64 "
+    "--denoise",
     "tokyo": "littlest_tokyo.glb --ground --hide outline --camera auto:38,15:28 --sun 70,40 "
-    "--clamp 2 --spp 320",
+    "--spp 64 --denoise",
     "sponza": "sponza_dabrovic_66k.obj --camera=-9.5,1.6,-0.4:4,4,0.1:75 --sun 40,66 "
-    "--clamp 4 --spp 384",
+    "--spp 96 --denoise",
 }
 SIZE = "--width 880 --height 550"
 

@@ -106,9 +106,9 @@ UMBEL_API AacConfig aac_preset(std::string_view name);
 /// | binned        | bins                  | 4..256          | 32      | Wald 2007                   |
 /// | sbvh          | spatial_budget        | 0..4            | 0.3     | Stich et al. 2009           |
 /// | sbvh          | spatial_overlap       | 0..1            | 1e-5    | their alpha                 |
-/// | lbvh          | morton_bits           | 30, 63          | 63      | Karras 2012                 |
+/// | lbvh          | morton_bits           | 30, 60, 63      | 63      | Karras 2012                 |
 /// | hlbvh         | hlbvh_bits            | 3..30           | 15      | Garanzha et al. 2011        |
-/// | kmeans        | kmeans.clusters       | 2..64           | 8       | Meister & Bittner 2016: k   |
+/// | kmeans        | kmeans.clusters       | 2..1024         | 8       | Meister & Bittner 2016: k   |
 /// | kmeans        | kmeans.candidates     | 1..64           | 5       | their p                     |
 /// | kmeans        | kmeans.iterations     | 0..100          | 2       | their i                     |
 /// | kmeans        | kmeans.distance       | both            | squared | their slides                |
@@ -135,7 +135,7 @@ struct Config {
   uint32_t bins = 32;             ///< binned: bins an axis, 4..256
   float spatial_budget = 0.3f;    ///< spatial: references beyond the input's, as a fraction, 0..4
   float spatial_overlap = 1e-5f;  ///< spatial: Stich's alpha, 0..1
-  uint32_t morton_bits = 63;      ///< lbvh: 30 or 63
+  uint32_t morton_bits = 63;      ///< lbvh: 30, 60 (as most papers) or 63
   uint32_t hlbvh_bits = 15;       ///< hlbvh: leading code bits built by SAH, 3..30
   uint32_t ploc_radius = 16;      ///< ploc: neighbours searched each way, 1..128
   /// ploc: the tree above the largest subtrees of at most so many primitives is also built by the
@@ -191,8 +191,8 @@ struct KaryTree {
 };
 
 /// The clusters of k-means as they are, before they become a binary tree: a node has two to
-/// `config.kmeans.clusters` children, a leaf at most `config.max_leaf_size` primitives. No level
-/// is deeper than 80. Refuses what `build` refuses of boxes.
+/// `config.kmeans.clusters` children (64 at most), a leaf up to `config.max_leaf_size` primitives.
+/// No level is deeper than 80. Refuses what `build` refuses of boxes.
 UMBEL_API KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config = {},
                                      const BuildOptions& options = {});
 /// Over triangles, as `build` takes them.

@@ -75,13 +75,13 @@ typedef struct umbel_bvh_config {
   uint32_t bins;                ///< [4, 256] binned: bins an axis
   float spatial_budget;         ///< [0, 4] spatial: references beyond the input's, as a fraction
   float spatial_overlap;        ///< [0, 1] spatial: the overlap from which on splits are tried
-  uint32_t morton_bits;         ///< lbvh: 30 or 63
+  uint32_t morton_bits;         ///< lbvh: 30, 60 or 63
   uint32_t hlbvh_bits;          ///< [3, 30] hlbvh: leading bits of the code built by SAH
   uint32_t ploc_radius;         ///< [1, 128] ploc: neighbours searched each way
   uint32_t treelet_size;        ///< [3, 15] atrbvh: leaves of a treelet
   uint32_t treelet_rounds;      ///< [1, 16] atrbvh
   uint32_t reinsertion_rounds;  ///< [0, 64] rounds of reinsertion after any builder
-  uint32_t kmeans_clusters;     ///< [2, 64] kmeans: k
+  uint32_t kmeans_clusters;     ///< [2, 1024] kmeans: k; 64 in k-ary trees
   uint32_t kmeans_candidates;   ///< [1, 64] kmeans: p
   uint32_t kmeans_iterations;   ///< [0, 100] kmeans: i
   uint32_t kmeans_manhattan;    ///< nonzero: the Manhattan distance and medians

@@ -26,6 +26,10 @@ void check_bvh_config(const DeviceBvhConfig& c) {
   bvh::Config same;
   COPY_FIELDS(same, c, cost, hlbvh_bits, ploc_radius, treelet_size, treelet_rounds, kmeans);
   bvh::check_config(same, 0);
+  if (c.kmeans.clusters > bvh::kMostKmeansClusters)
+    throw Error(ErrorCode::kInvalidArgument, "kmeans.clusters is " +
+                                                 std::to_string(c.kmeans.clusters) +
+                                                 ", but must be from 2 to 64 on a device");
 }
 
 bvh::CompactArrays view(const DeviceBvh& b) { return {b.nodes, b.triangles, b.info}; }

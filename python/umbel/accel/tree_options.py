@@ -32,7 +32,7 @@ class TreeOptions(TypedDict, total=False):
     spatial_overlap: float | None
     """sbvh: the overlap from which on spatial splits are tried, 0 to 1."""
     morton_bits: int | None
-    """lbvh: 30 or 63."""
+    """lbvh: 30, 60 or 63."""
     hlbvh_bits: int | None
     """hlbvh: leading bits of the code that are built by SAH, 3 to 30."""
     ploc_radius: int | None
@@ -47,7 +47,7 @@ class TreeOptions(TypedDict, total=False):
     treelet_rounds: int | None
     """atrbvh: 1 to 16."""
     clusters: int | None
-    """kmeans: k, 2 to 64."""
+    """kmeans: k, 2 to 1024; 64 at most in k-ary trees."""
     candidates: int | None
     """kmeans: p, 1 to 64."""
     iterations: int | None

@@ -23,27 +23,35 @@ void report(const KmeansTimes& times, const BuildProgress& progress) {
   progress.stage_took("agglomeration", times.agglomeration);
 }
 
-}  // namespace
-
-Bvh2 build_kmeans(Boxes boxes, const Config& config, BuildProgress& progress) {
+template <uint32_t kMost>
+Bvh2 build(Boxes boxes, const Config& config, BuildProgress& progress) {
   const KmeansConfig& settings = config.kmeans;
   const auto count = static_cast<uint32_t>(boxes.size());
   BigVector<Merge> merges(count);
   Subtree root{};
   {
     CpuExec exec;
-    KmeansPasses<CpuExec> passes(exec, boxes.data(), count, settings, kFewForKmeans);
+    KmeansPasses<CpuExec, kMost> passes(exec, boxes.data(), count, settings,
+                                        std::max(kFewForKmeans, settings.clusters));
     passes.run([&](double done) { progress.report(0.6 * done, "clustering"); });
     progress.report(0.6, "joining clusters");
     StageClock clock;
-    KmeansTreelets<CpuExec>(exec, passes, LeafRule(config), forwarded_clusters(settings),
-                            merges.data())
+    KmeansTreelets<CpuExec, kMost>(exec, passes, LeafRule(config),
+                                   forwarded_clusters<kMost>(settings), merges.data())
         .run(&root);
     clock.lap(passes.times().agglomeration);
     report(passes.times(), progress);
   }
   progress.report(0.9, "laying out");
   return emit(merges, root, boxes);
+}
+
+}  // namespace
+
+Bvh2 build_kmeans(Boxes boxes, const Config& config, BuildProgress& progress) {
+  return config.kmeans.clusters <= kMostKmeansClusters
+             ? build<kMostKmeansClusters>(boxes, config, progress)
+             : build<kMostKmeansClustersOnCpu>(boxes, config, progress);
 }
 
 }  // namespace umbel::bvh

@@ -52,22 +52,23 @@ inline constexpr uint32_t kKmeansLanes = 4, kKmeansBlock = 64;
 
 /// Labels the items of a chunk and adds up those of each representative. Columns and labels must be
 /// readable up to a multiple of kKmeansLanes beyond the chunk.
-template <KmeansDistance kDistance>
+template <KmeansDistance kDistance, uint32_t kMost>
 struct KmeansAssign {
+  using Label = KmeansLabel<kMost>;
   static constexpr uint32_t kLanes = 128;
   struct Shared {
-    KmeansPoint representatives[kMostKmeansClusters];
-    KmeansSum sums[kMostKmeansClusters];
-    uint32_t counts[kMostKmeansClusters];
+    KmeansPoint representatives[kMost];
+    KmeansSum sums[kMost];
+    uint32_t counts[kMost];
     int32_t cells[6][KmeansChunk::kMost + 1];  // one more, against bank conflicts
-    uint8_t labels[KmeansChunk::kMost];
+    Label labels[KmeansChunk::kMost];
   };
 
   KmeansPoints points;
   KmeansDivided* divided;
   const KmeansChunk* chunks;
   const KmeansPoint* representatives;  ///< k a cluster
-  uint8_t* labels;
+  Label* labels;
   KmeansTotals totals;
   KmeansGrid grid;
   uint32_t k;
@@ -113,7 +114,7 @@ struct KmeansAssign {
         nearest = r;
       }
       is_changed |= labels[i] != nearest;
-      labels[i] = shared.labels[i - chunk.begin] = static_cast<uint8_t>(nearest);
+      labels[i] = shared.labels[i - chunk.begin] = static_cast<Label>(nearest);
     }
     return is_changed;
   }
@@ -134,7 +135,7 @@ struct KmeansAssign {
       for (uint32_t i = 0; i < count; ++i) {
         changes |= nearest.label[i] ^ labels[begin + i];
         labels[begin + i] = shared.labels[begin - chunk.begin + i] =
-            static_cast<uint8_t>(nearest.label[i]);
+            static_cast<Label>(nearest.label[i]);
       }
     }
     return changes != 0;
@@ -174,7 +175,7 @@ struct KmeansAssign {
     for (uint32_t i = chunk.begin + team.rank(); i < chunk.end; i += team.size()) {
       const uint64_t rank = i - cluster.offset + 1;
       labels[i] = shared.labels[i - chunk.begin] =
-          static_cast<uint8_t>((rank * k - 1) / cluster.count);
+          static_cast<Label>((rank * k - 1) / cluster.count);
     }
   }
 

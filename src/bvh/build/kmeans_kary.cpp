@@ -67,6 +67,10 @@ KaryTree tree_of(const KmeansPasses<CpuExec>& passes, Boxes boxes) {
 KaryTree build_kmeans_kary(std::span<const Aabb> boxes, const Config& config,
                            const BuildOptions& options) {
   check_config(config, boxes.size());
+  if (config.kmeans.clusters > kMostKmeansClusters)
+    throw Error(ErrorCode::kInvalidArgument, "kmeans.clusters is " +
+                                                 std::to_string(config.kmeans.clusters) +
+                                                 ", but must be from 2 to 64 in k-ary trees");
   check_boxes(boxes);
   KaryTree tree;
   if (boxes.empty()) return tree;

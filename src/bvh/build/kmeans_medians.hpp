@@ -8,6 +8,7 @@
 namespace umbel::bvh {
 
 /// Makes keys of a component: the representative above, the number below.
+template <typename Label>
 struct KmeansMedianKeys {
   static constexpr uint32_t kLanes = 128;
   using Shared = NothingShared;
@@ -16,7 +17,7 @@ struct KmeansMedianKeys {
   uint32_t component;
   const KmeansChunk* chunks;
   const uint32_t* starts;  ///< where the items of each chunk go
-  const uint8_t* labels;
+  const Label* labels;
   uint32_t k;
   uint64_t* keys;
   uint32_t* values;
@@ -40,8 +41,9 @@ class KmeansMedians {
 
   /// Moves the representatives, `k` for each of `clusters` clusters, that have some of the items,
   /// which are `most_items` at most.
+  template <typename Label>
   void run(const KmeansPoints& points, uint32_t most_items, const KmeansChunk* chunks,
-           uint32_t chunk_count, const uint8_t* labels, const uint32_t* counts, uint32_t clusters,
+           uint32_t chunk_count, const Label* labels, const uint32_t* counts, uint32_t clusters,
            uint32_t k, KmeansPoint* representatives) {
     const size_t groups = size_t(clusters) * k;
     auto begins = exec_.template allocate<uint32_t>(groups + 1);
@@ -58,8 +60,9 @@ class KmeansMedians {
     uint32_t bits = 1;
     while (bits < 32 && groups >> bits != 0) ++bits;
     for (uint32_t v = 0; v < 6; ++v) {
-      exec_.for_each_team(chunk_count, KmeansMedianKeys{points, v, chunks, starts.data(), labels, k,
-                                                        keys.data(), values.data()});
+      exec_.for_each_team(chunk_count,
+                          KmeansMedianKeys<Label>{points, v, chunks, starts.data(), labels, k,
+                                                  keys.data(), values.data()});
       exec_.radix_sort_pairs(items, keys.data(), values.data(), 0, 32 + bits);
       exec_.for_each(groups, [=, values = values.data(),
                               begins = begins.data()] UMBEL_DEVICE_LAMBDA(size_t g) {

@@ -16,10 +16,10 @@
 namespace umbel::bvh {
 
 /// Seeds a cluster that is divided, and clears what will be added up.
-template <KmeansDistance kDistance>
+template <KmeansDistance kDistance, uint32_t kMost>
 struct KmeansSeed {
   static constexpr uint32_t kLanes = 32;
-  using Shared = KmeansSeedingShared;
+  using Shared = KmeansSeedingShared<kMost>;
 
   KmeansPoints points;
   KmeansDivided* divided;
@@ -38,8 +38,8 @@ struct KmeansSeed {
     }
     uint32_t used = 1;
     if (!evenly) {
-      KmeansSeeding<kDistance, Team> seeding(team, points, *of.cluster,
-                                             nearest + of.cluster->offset, shared);
+      KmeansSeeding<kDistance, kMost, Team> seeding(team, points, *of.cluster,
+                                                    nearest + of.cluster->offset, shared);
       used = seeding.run(k, candidates);
       seeding.write(representatives + i * k);
     }
@@ -49,10 +49,10 @@ struct KmeansSeed {
 
 /// Seeds a cluster again if all its items have one label: means of a few distant items may coincide
 /// once rounded.
-template <KmeansDistance kDistance>
+template <KmeansDistance kDistance, uint32_t kMost>
 struct KmeansReseed {
   static constexpr uint32_t kLanes = 32;
-  using Shared = KmeansSeedingShared;
+  using Shared = KmeansSeedingShared<kMost>;
 
   KmeansPoints points;
   KmeansDivided* divided;
@@ -73,7 +73,8 @@ struct KmeansReseed {
     if (team.rank() == 0) of.is_reseeded = is_undivided;
     if (!is_undivided) return;
     for (uint32_t r = team.rank(); r < k; r += team.size()) counts[i * k + r] = 0;
-    KmeansSeeding<kDistance, Team> seeding(team, points, cluster, nearest + cluster.offset, shared);
+    KmeansSeeding<kDistance, kMost, Team> seeding(team, points, cluster, nearest + cluster.offset,
+                                                  shared);
     const uint32_t used = seeding.choose_farthest();
     seeding.write(representatives + i * k);
     if (team.rank() == 0) of.used = used;
@@ -81,18 +82,20 @@ struct KmeansReseed {
 };
 
 /// Moves the items of a chunk to those of the same label, in their old order.
+template <uint32_t kMost>
 struct KmeansMove {
+  using Label = KmeansLabel<kMost>;
   static constexpr uint32_t kLanes = 128;
   struct Shared {
-    uint32_t next[kMostKmeansClusters];
+    uint32_t next[kMost];
     uint32_t targets[KmeansChunk::kMost];
-    uint8_t labels[KmeansChunk::kMost];
+    Label labels[KmeansChunk::kMost];
   };
 
   KmeansPoints from, to;
   const KmeansDivided* divided;
   const KmeansChunk* chunks;
-  const uint8_t* labels;
+  const Label* labels;
   const uint32_t* starts;  ///< the sums of KmeansTotals::chunk_counts
   uint32_t k;
 
@@ -129,9 +132,11 @@ struct KmeansMove {
   }
 };
 
-template <typename Exec>
+/// For k of at most kMost.
+template <typename Exec, uint32_t kMost = kMostKmeansClusters>
 class KmeansPasses {
  public:
+  using Label = KmeansLabel<kMost>;
   template <typename T>
   using Buffer = typename Exec::template Buffer<T>;
 
@@ -139,7 +144,7 @@ class KmeansPasses {
   KmeansPasses(Exec& exec, const Aabb* boxes, uint32_t n, const KmeansConfig& config, uint32_t stop)
       : exec_(exec), config_(config), n_(n), stop_(stop) {
     for (auto& points : points_) points = make_points();
-    labels_ = exec.template allocate<uint8_t>(n);
+    labels_ = exec.template allocate<Label>(n);
     nearest_ = exec.template allocate<float>(Exec::kSerialTeams ? n : 0);
     clusters_ = exec.template allocate<KmeansCluster>(2 * size_t(n));
     // As many as there can be: how many there are is known only later.
@@ -251,9 +256,9 @@ class KmeansPasses {
     list_chunks();
     clock.lap(times_.sizes);
     exec_.for_each_team(size_.divided,
-                        KmeansSeed<kDistance>{items(level()), divided(), nearest_.data(),
-                                              representatives_.data(), totals(), config_.clusters,
-                                              config_.candidates, level() >= kMaxLevel});
+                        KmeansSeed<kDistance, kMost>{
+                            items(level()), divided(), nearest_.data(), representatives_.data(),
+                            totals(), config_.clusters, config_.candidates, level() >= kMaxLevel});
     clock.lap(times_.seeding);
     iterate<kDistance>();
     clock.lap(times_.iterations);
@@ -291,17 +296,17 @@ class KmeansPasses {
     if (config_.iterations == 0) return;
     exec_.for_each_team(
         size_.divided,
-        KmeansReseed<kDistance>{items(level()), divided(), nearest_.data(), representatives_.data(),
-                                counts_.data(), config_.clusters});
+        KmeansReseed<kDistance, kMost>{items(level()), divided(), nearest_.data(),
+                                       representatives_.data(), counts_.data(), config_.clusters});
     assign<kDistance>(KmeansDivided::kReseeded, false);
   }
 
   template <KmeansDistance kDistance>
   void assign(uint32_t pass, bool adds) {
-    exec_.for_each_team(
-        size_.chunks,
-        KmeansAssign<kDistance>{items(level()), divided(), chunks_.data(), representatives_.data(),
-                                labels_.data(), totals(), grid_, config_.clusters, pass, adds});
+    exec_.for_each_team(size_.chunks,
+                        KmeansAssign<kDistance, kMost>{
+                            items(level()), divided(), chunks_.data(), representatives_.data(),
+                            labels_.data(), totals(), grid_, config_.clusters, pass, adds});
   }
 
   /// To the means or medians of what was assigned in the pass before, whose totals are cleared.
@@ -390,8 +395,9 @@ class KmeansPasses {
         chunk_counts_.data());
     const size_t last = level() - 1;
     exec_.for_each_team(
-        chunks, KmeansMove{items(last), items(last + 1), divided_[last % 2].data(), chunks_.data(),
-                           labels_.data(), chunk_counts_.data(), config_.clusters});
+        chunks,
+        KmeansMove<kMost>{items(last), items(last + 1), divided_[last % 2].data(), chunks_.data(),
+                          labels_.data(), chunk_counts_.data(), config_.clusters});
   }
 
  private:
@@ -400,7 +406,7 @@ class KmeansPasses {
   uint32_t n_, stop_;
   KmeansGrid grid_;
   Points points_[2];  ///< items of level i are in points_[i % 2]
-  Buffer<uint8_t> labels_;
+  Buffer<Label> labels_;
   Buffer<float> nearest_;  ///< for single threads: distances of items to their representatives
   Buffer<KmeansCluster> clusters_;
   std::vector<uint32_t> levels_;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <type_traits>
 
 #include "base/exec.hpp"
 #include "base/hash.hpp"
@@ -103,6 +104,13 @@ struct KmeansCluster {
   uint32_t first = 0, parts = 0;
 };
 
+/// k, at most, on a device, whose teams share little memory, and in k-ary trees.
 constexpr uint32_t kMostKmeansClusters = 64;
+/// k, at most, on a processor.
+constexpr uint32_t kMostKmeansClustersOnCpu = 1024;
+
+/// The number of a representative, of at most kMost.
+template <uint32_t kMost>
+using KmeansLabel = std::conditional_t<kMost <= 256, uint8_t, uint16_t>;
 
 }  // namespace umbel::bvh

@@ -8,15 +8,16 @@
 
 namespace umbel::bvh {
 
+template <uint32_t kMost>
 struct KmeansSeedingShared {
-  KmeansPoint representatives[kMostKmeansClusters];
+  KmeansPoint representatives[kMost];
 };
 
 /// Seeds one cluster. Every lane has one of these.
-template <KmeansDistance kDistance, typename Team>
+template <KmeansDistance kDistance, uint32_t kMost, typename Team>
 class KmeansSeeding {
  public:
-  using Shared = KmeansSeedingShared;
+  using Shared = KmeansSeedingShared<kMost>;
 
   /// `nearest` has room for a number an item where teams are single threads.
   UMBEL_HOST_DEVICE KmeansSeeding(const Team& team, const KmeansPoints& points,
@@ -60,6 +61,8 @@ class KmeansSeeding {
   }
 
  private:
+  static constexpr uint32_t kMostCandidates = 64;
+
   /// Of candidates equally far, the first counts.
   struct Candidate {
     float distance = 0;
@@ -78,7 +81,7 @@ class KmeansSeeding {
 
   UMBEL_HOST_DEVICE KmeansPoint item(uint32_t i) const { return points_.at(cluster_.offset + i); }
   UMBEL_HOST_DEVICE uint32_t drawn(uint32_t candidate) const {
-    return dice_.draw(used_ * kMostKmeansClusters + candidate, cluster_.count);
+    return dice_.draw(used_ * kMostCandidates + candidate, cluster_.count);
   }
 
   /// An item becomes the next representative.

@@ -2,6 +2,8 @@
 // level from the bottom, treelets of one level side by side, each by a team.
 #pragma once
 
+#include <algorithm>
+
 #include "bvh/build/kmeans_passes.hpp"
 #include "bvh/tree/treelet_join.hpp"
 
@@ -11,22 +13,30 @@ namespace umbel::bvh {
 /// random seeds do.
 inline constexpr uint32_t kFewForKmeans = 64;
 
+/// Items of a treelet, at most, where k is at most kMost.
+template <uint32_t kMost>
+inline constexpr uint32_t kMostInTreelet = kMost <= kMostKmeansClusters ? kMostJoined : 2 * kMost;
+
 /// Subtrees that a treelet forwards to the one above it, at most.
-inline uint32_t forwarded_clusters(const KmeansConfig& config) {
-  const uint32_t most = kMostJoined / config.clusters;
+template <uint32_t kMost = kMostKmeansClusters>
+uint32_t forwarded_clusters(const KmeansConfig& config) {
+  uint32_t most = kMostInTreelet<kMost> / config.clusters;
+  // Where k is large there are nearly as many clusters as items: more would take much memory.
+  if constexpr (kMost > kMostKmeansClusters) most = std::min(most, 4u);
   return config.forwarded_clusters == 0 || config.forwarded_clusters > most
              ? most
              : config.forwarded_clusters;
 }
 
 /// Joins one treelet of a level.
+template <uint32_t kMostItems>
 struct KmeansTreelet {
   static constexpr uint32_t kLanes = 64;
   struct Shared {
-    TreeletJoin join;
+    TreeletJoinOf<kMostItems> join;
     union {  // one after the other
-      TreeletAgglomeration agglomeration;
-      TreeletSweep sweep;
+      TreeletAgglomerationOf<kMostItems> agglomeration;
+      TreeletSweepOf<kMostItems> sweep;
     };
   };
 
@@ -45,7 +55,7 @@ struct KmeansTreelet {
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t i, Shared& shared) const {
     const KmeansCluster& cluster = clusters[i];
-    TreeletJoin& join = shared.join;
+    TreeletJoinOf<kMostItems>& join = shared.join;
     gather(team, cluster, join);
     team.sync();
     join.agglomerate(team, rule, shared.agglomeration);
@@ -57,7 +67,7 @@ struct KmeansTreelet {
  private:
   template <typename Team>
   UMBEL_HOST_DEVICE void gather(const Team& team, const KmeansCluster& cluster,
-                                TreeletJoin& join) const {
+                                TreeletJoinOf<kMostItems>& join) const {
     if (cluster.parts == 0) {
       if (team.rank() == 0) join.begin(cluster.count);
       for (uint32_t i = team.rank(); i < cluster.count; i += team.size()) {
@@ -82,11 +92,11 @@ struct KmeansTreelet {
   }
 };
 
-template <typename Exec>
+template <typename Exec, uint32_t kMost = kMostKmeansClusters>
 class KmeansTreelets {
  public:
   /// A treelet forwards at most `forwarded`, so that those of `clusters` parts fit into one.
-  KmeansTreelets(Exec& exec, const KmeansPasses<Exec>& passes, const LeafRule& rule,
+  KmeansTreelets(Exec& exec, const KmeansPasses<Exec, kMost>& passes, const LeafRule& rule,
                  uint32_t forwarded, Merge* merges)
       : exec_(exec), passes_(passes), rule_(rule), forwarded_(forwarded), merges_(merges) {}
 
@@ -110,14 +120,15 @@ class KmeansTreelets {
   void join_level(size_t level) {
     const uint32_t begin = passes_.levels()[level], end = passes_.levels()[level + 1];
     const size_t own = level % 2, below = 1 - own;
-    exec_.for_each_team(end - begin,
-                        KmeansTreelet{passes_.items(level), passes_.clusters() + begin, end,
-                                      begin == 0, rule_, forwarded_, merges_, up_[below].data(),
-                                      counts_[below].data(), up_[own].data(), counts_[own].data()});
+    exec_.for_each_team(
+        end - begin, KmeansTreelet<kMostInTreelet<kMost>>{
+                         passes_.items(level), passes_.clusters() + begin, end, begin == 0, rule_,
+                         forwarded_, merges_, up_[below].data(), counts_[below].data(),
+                         up_[own].data(), counts_[own].data()});
   }
 
   Exec& exec_;
-  const KmeansPasses<Exec>& passes_;
+  const KmeansPasses<Exec, kMost>& passes_;
   LeafRule rule_;
   uint32_t forwarded_;
   Merge* merges_;

@@ -93,8 +93,9 @@ Bvh2 build(Boxes boxes, uint32_t bits, const Config& config, Progress& progress)
 }  // namespace
 
 Bvh2 build_lbvh(Boxes boxes, const Config& config, BuildProgress& progress) {
-  return config.morton_bits <= 30 ? build<uint32_t>(boxes, 10, config, progress)
-                                  : build<uint64_t>(boxes, 21, config, progress);
+  return config.morton_bits <= 30
+             ? build<uint32_t>(boxes, 10, config, progress)
+             : build<uint64_t>(boxes, config.morton_bits / 3, config, progress);
 }
 
 }  // namespace umbel::bvh

@@ -48,9 +48,9 @@ void check_config(const Config& c, size_t primitives) {
   check_range("bins", c.bins, 4, 256);
   check_range("spatial_budget", double(c.spatial_budget), 0, 4);
   check_range("spatial_overlap", double(c.spatial_overlap), 0, 1);
-  if (c.morton_bits != 30 && c.morton_bits != 63)
+  if (c.morton_bits != 30 && c.morton_bits != 60 && c.morton_bits != 63)
     throw Error(ErrorCode::kInvalidArgument,
-                "morton_bits is " + std::to_string(c.morton_bits) + ", but must be 30 or 63");
+                "morton_bits is " + std::to_string(c.morton_bits) + ", but must be 30, 60 or 63");
   check_range("hlbvh_bits", c.hlbvh_bits, 3, 30);
   check_range("ploc_radius", c.ploc_radius, 1, 128);
   check_range("ploc_sweep", c.ploc_sweep, 0, 255);
@@ -58,7 +58,7 @@ void check_config(const Config& c, size_t primitives) {
   check_range("treelet_size", c.treelet_size, 3, 15);
   check_range("treelet_rounds", c.treelet_rounds, 1, 16);
   check_range("reinsertion_rounds", c.reinsertion_rounds, 0, 64);
-  check_range("kmeans.clusters", c.kmeans.clusters, 2, 64);
+  check_range("kmeans.clusters", c.kmeans.clusters, 2, 1024);
   check_range("kmeans.candidates", c.kmeans.candidates, 1, 64);
   check_range("kmeans.iterations", c.kmeans.iterations, 0, 100);
   check_range("kmeans.forwarded_clusters", c.kmeans.forwarded_clusters, 0, 64);

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <type_traits>
 #include <utility>
 
 #include "base/axis.hpp"
@@ -29,10 +30,12 @@ struct Join {
   uint32_t left, right;
 };
 
+/// Items of a treelet, at most, whose team shares little memory.
 constexpr uint32_t kMostJoined = 128;
 
-/// By agglomeration: a join is above the two that it joins.
-class TreeletAgglomeration {
+/// By agglomeration: a join is above the two that it joins. For at most kMost items, as below.
+template <uint32_t kMost>
+class TreeletAgglomerationOf {
  public:
   /// By a team, all of whose lanes see the joins after its next sync.
   template <typename Team>
@@ -124,16 +127,17 @@ class TreeletAgglomeration {
     distances_[i] = nearest.area;
   }
 
-  alignas(16) float columns_[6][kMostJoined + 4];
-  float distances_[kMostJoined];
-  uint32_t nearest_[kMostJoined];
-  uint32_t nodes_[kMostJoined];
-  uint32_t counts_[kMostJoined];
+  alignas(16) float columns_[6][kMost + 4];
+  float distances_[kMost];
+  uint32_t nearest_[kMost];
+  uint32_t nodes_[kMost];
+  uint32_t counts_[kMost];
 };
 
 /// By a full sweep: a range of the items is split where areas times weights are smallest. Ranges
 /// are split a level at a time, each axis of each of them by a lane of its own.
-class TreeletSweep {
+template <uint32_t kMost>
+class TreeletSweepOf {
  public:
   /// By a team, all of whose lanes see the joins after its next sync.
   template <typename Team>
@@ -165,9 +169,11 @@ class TreeletSweep {
   }
 
  private:
+  using Item = std::conditional_t<kMost <= 256, uint8_t, uint16_t>;
+
   struct Choice {
     float cost;
-    uint8_t position;
+    Item position;
     uint8_t axis;
   };
 
@@ -178,7 +184,7 @@ class TreeletSweep {
   template <typename Team>
   UMBEL_HOST_DEVICE void sort(const Team& team, const JoinItem* items, uint32_t axis,
                               uint32_t count) {
-    uint8_t* order = orders_[axis];
+    Item* order = orders_[axis];
     float* centers = right_[axis];
     if constexpr (Team::kIsSerial) {
       for (uint32_t i = 0; i < count; ++i) {
@@ -189,7 +195,7 @@ class TreeletSweep {
           order[at] = order[at - 1];
         }
         centers[at] = center;
-        order[at] = static_cast<uint8_t>(i);
+        order[at] = static_cast<Item>(i);
       }
     } else {
       for (uint32_t i = team.rank(); i < count; i += team.size())
@@ -199,17 +205,17 @@ class TreeletSweep {
         uint32_t before = 0;
         for (uint32_t j = 0; j < count; ++j)
           before += centers[j] < centers[i] || (centers[j] == centers[i] && j < i) ? 1 : 0;
-        order[before] = static_cast<uint8_t>(i);
+        order[before] = static_cast<Item>(i);
       }
       team.sync();
     }
   }
 
   UMBEL_HOST_DEVICE Choice cheapest(const JoinItem* items, const Range& range, uint32_t axis) {
-    Choice best{std::numeric_limits<float>::infinity(), static_cast<uint8_t>(range.count / 2),
+    Choice best{std::numeric_limits<float>::infinity(), static_cast<Item>(range.count / 2),
                 static_cast<uint8_t>(axis)};
     if (range.count == 2) return best;
-    const uint8_t* order = orders_[axis] + range.offset;
+    const Item* order = orders_[axis] + range.offset;
     float* right = right_[axis] + range.offset;
     Aabb box;
     float weight = 0;
@@ -226,7 +232,7 @@ class TreeletSweep {
       const float cost = area_of(box) * weight + right[i];
       if (cost >= best.cost) continue;
       best.cost = cost;
-      best.position = static_cast<uint8_t>(i);
+      best.position = static_cast<Item>(i);
     }
     return best;
   }
@@ -235,13 +241,13 @@ class TreeletSweep {
   UMBEL_HOST_DEVICE void choose(const Range& range, Choice* choices) {
     for (uint32_t axis = 1; axis < 3; ++axis)
       if (choices[axis].cost < choices[0].cost) choices[0] = choices[axis];
-    const uint8_t* order = orders_[choices[0].axis] + range.offset;
+    const Item* order = orders_[choices[0].axis] + range.offset;
     for (uint32_t i = 0; i < range.count; ++i) goes_left_[order[i]] = i < choices[0].position;
   }
 
   UMBEL_HOST_DEVICE void partition(const Range& range, const Choice& choice, uint32_t axis) {
     if (axis == choice.axis) return;
-    uint8_t *order = orders_[axis] + range.offset, *kept = kept_[axis] + range.offset;
+    Item *order = orders_[axis] + range.offset, *kept = kept_[axis] + range.offset;
     uint32_t left = 0, right = 0;
     for (uint32_t i = 0; i < range.count; ++i)
       (goes_left_[order[i]] ? order[left++] : kept[right++]) = order[i];
@@ -267,19 +273,20 @@ class TreeletSweep {
     return found;
   }
 
-  float weights_[kMostJoined], right_[3][kMostJoined];
-  Range ranges_[kMostJoined];
-  Choice choices_[3 * kMostJoined / 2];  ///< ranges of a level have two items at least
+  float weights_[kMost], right_[3][kMost];
+  Range ranges_[kMost];
+  Choice choices_[3 * kMost / 2];  ///< ranges of a level have two items at least
   uint32_t found_;
-  uint8_t orders_[3][kMostJoined], kept_[3][kMostJoined];
-  bool goes_left_[kMostJoined];
+  Item orders_[3][kMost], kept_[3][kMost];
+  bool goes_left_[kMost];
 };
 
 /// A treelet: its items, the best way found to join them, and what is left to the one above. It
 /// lies in memory that a team shares, so nothing has a value at first.
-class TreeletJoin {
+template <uint32_t kMost>
+class TreeletJoinOf {
  public:
-  /// By one lane; at most kMostJoined items.
+  /// By one lane; at most kMost items.
   UMBEL_HOST_DEVICE void begin(uint32_t items) {
     size_ = items;
     cost_ = 0;
@@ -289,7 +296,7 @@ class TreeletJoin {
   /// By a team, once all lanes see the items.
   template <typename Team>
   UMBEL_HOST_DEVICE void agglomerate(const Team& team, const LeafRule& rule,
-                                     TreeletAgglomeration& agglomeration) {
+                                     TreeletAgglomerationOf<kMost>& agglomeration) {
     if (size_ < 2) return;
     agglomeration.run(team, nodes_, size_, joins_);
     if (team.rank() == 0) cost_ = evaluate(rule, joins_);
@@ -298,7 +305,8 @@ class TreeletJoin {
 
   /// By a team. Keeps what is there if it is cheaper.
   template <typename Team>
-  UMBEL_HOST_DEVICE void sweep(const Team& team, const LeafRule& rule, TreeletSweep& sweep) {
+  UMBEL_HOST_DEVICE void sweep(const Team& team, const LeafRule& rule,
+                               TreeletSweepOf<kMost>& sweep) {
     if (size_ < 3) return;
     sweep.run(team, nodes_, size_, by_sweep_);
     if (team.rank() != 0) return;
@@ -357,10 +365,14 @@ class TreeletJoin {
 
   uint32_t size_;  ///< items
   float cost_;
-  Join joins_[kMostJoined], by_sweep_[kMostJoined];
-  uint32_t open_[kMostJoined];
-  bool is_open_[kMostJoined];
-  JoinItem nodes_[2 * kMostJoined];  ///< items, and then joins
+  Join joins_[kMost], by_sweep_[kMost];
+  uint32_t open_[kMost];
+  bool is_open_[kMost];
+  JoinItem nodes_[2 * kMost];  ///< items, and then joins
 };
+
+using TreeletAgglomeration = TreeletAgglomerationOf<kMostJoined>;
+using TreeletSweep = TreeletSweepOf<kMostJoined>;
+using TreeletJoin = TreeletJoinOf<kMostJoined>;
 
 }  // namespace umbel::bvh

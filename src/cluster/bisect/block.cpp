@@ -43,6 +43,7 @@ void Block::bisect_prepared(const Segment& segment) {
   vertices_.load(segment.source, out_items_, count);
   if (constraints_.config.max_vertices) constraints_ = vertices_.expected(items_, constraints_);
   items_.sort(segment.source);
+  if (constraints_.few_vertices) vertices_.number(items_);
   if (is_leaf(0, count, 0)) return write_cluster(0, count, 0);
   split_node(0, count, 2 * uint32_t(std::bit_width(count)) + 8);
 }

@@ -7,6 +7,7 @@ namespace umbel::cluster {
 void BlockVertices::load(const Source& source, const uint32_t* items, uint32_t count) {
   vertices_ = source.vertices;
   arity_ = source.arity;
+  all_are_numbered_ = false;
   shared_.load(source, items, count);
 }
 
@@ -87,14 +88,31 @@ void BlockVertices::enter(const BlockItems& items, uint32_t begin, uint32_t end)
     node_count_ = count_by_bits(order, begin, end);
     return;
   }
-  numbers_.resize(std::max(numbers_.size(), size_t(items.count()) * arity_));
-  table_.clear(size_t(end - begin) * arity_);
-  for (uint32_t i = begin; i < end; ++i) {
-    const uint32_t* vertices = vertices_of(items, order[i]);
-    for (uint32_t k = 0; k < arity_; ++k)
-      numbers_[size_t(order[i]) * arity_ + k] = table_.insert(vertices[k]);
+  if (!all_are_numbered_) {
+    number_items(items, order + begin, end - begin);
+    node_count_ = table_.count();
+    return;
   }
-  node_count_ = table_.count();
+  reset();
+  node_count_ = 0;
+  for (uint32_t i = begin; i < end; ++i) node_count_ += insert(order[i]);
+}
+
+void BlockVertices::number(const BlockItems& items) {
+  if (shared_.active()) return;
+  number_items(items, items.order(0), items.count());
+  all_are_numbered_ = true;
+}
+
+void BlockVertices::number_items(const BlockItems& items, const uint32_t* locals, uint32_t count) {
+  numbers_.resize(std::max(numbers_.size(), size_t(items.count()) * arity_));
+  table_.clear(size_t(count) * arity_);
+  for (uint32_t i = 0; i < count; ++i) {
+    const uint32_t* vertices = vertices_of(items, locals[i]);
+    for (uint32_t k = 0; k < arity_; ++k)
+      numbers_[size_t(locals[i]) * arity_ + k] = table_.insert(vertices[k]);
+  }
+  if (seen_.size() < table_.count()) seen_.resize(table_.count(), 0);
 }
 
 }  // namespace umbel::cluster

@@ -9,8 +9,8 @@
 namespace umbel::cluster {
 namespace {
 
-constexpr uint32_t kSampledItems = 1 << 12;    ///< of a node, about
-constexpr size_t kLeastCells = 1 << 10;        ///< in a sample, where there are as many
+constexpr uint32_t kSampledItems = 1 << 11;    ///< of a node, about
+constexpr size_t kLeastCells = 1 << 8;         ///< in a sample, where there are as many
 constexpr uint32_t kSampledCorners = 1 << 15;  ///< of a node, about
 constexpr uint32_t kWindow = 1 << 10;          ///< items on each side of a plane, at least
 

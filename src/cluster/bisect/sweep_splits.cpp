@@ -141,12 +141,12 @@ SplitSweep::ClustersOfVertices SplitSweep::clusters_of_vertices(const Node& node
   return {limit, usable, std::min(lost, kMostLost * usable)};
 }
 
-float SplitSweep::ClustersOfVertices::clusters_of(float vertices) const {
-  if (vertices <= limit) return 1.0f;
+void SplitSweep::ClustersNeeded::grow_to(float items, float vertices) {
+  const float before = clusters;
+  while (clusters * most_items < items) clusters += 1.0f;
+  if (clusters != before) capacity = of.capacity(clusters);
   // The capacity grows with the clusters, by usable - lost at least.
-  float clusters = std::floor(vertices / limit);
-  while (capacity(clusters) < vertices) clusters += 1.0f;
-  return clusters;
+  while (vertices > of.limit && capacity < vertices) capacity = of.capacity(clusters += 1.0f);
 }
 
 // Both kinds of what is missing count for the clusters that a side needs. Prices may exceed 1 here,
@@ -163,17 +163,18 @@ void SplitSweep::weigh_vertices(const Node& node, int axis, uint32_t node_vertic
       kLastSplits * cost * (4.0f - 2.0f * cost) * (1.0f / 3.0f) * items_per_vertex;
   const float most = static_cast<float>(node.most_items);
   const float full = static_cast<float>(std::min(node.most_items, config.max_items));
-  const auto weight = [&](uint32_t items, uint32_t vertices) {
+  const auto weight = [&](uint32_t items, uint32_t vertices, ClustersNeeded& needed) {
     if (items < least) return kInfinity;
     const float i = static_cast<float>(items), v = static_cast<float>(vertices);
-    const float k = std::max(std::ceil(i / most), clusters.clusters_of(v));
-    return i + item_price * std::max(k * full - i, 0.0f) +
-           vertex_price * std::max(clusters.capacity(k) - v, 0.0f);
+    needed.grow_to(i, v);
+    return i + item_price * std::max(needed.clusters * full - i, 0.0f) +
+           vertex_price * std::max(needed.capacity - v, 0.0f);
   };
-  for (uint32_t i = 0; i + 1 < n; ++i) {
-    left_weight_[i] = weight(i + 1, left_vertices_[axis][i]);
-    right_weight_[i] = weight(n - i - 1, right_vertices_[axis][i]);
-  }
+  ClustersNeeded on_left{clusters, most}, on_right = on_left;
+  for (uint32_t i = 0; i + 1 < n; ++i)
+    left_weight_[i] = weight(i + 1, left_vertices_[axis][i], on_left);
+  for (uint32_t i = n - 1; i-- > 0;)
+    right_weight_[i] = weight(n - i - 1, right_vertices_[axis][i], on_right);
 }
 
 }  // namespace umbel::cluster

@@ -45,7 +45,14 @@ class SplitSweep {
     float capacity(float clusters) const {
       return clusters * usable - lost * (clusters - std::sqrt(clusters));
     }
-    float clusters_of(float vertices) const;
+  };
+  /// The least clusters that hold so many items and vertices, which only grow along an order.
+  struct ClustersNeeded {
+    const ClustersOfVertices& of;
+    float most_items;
+    float clusters = 1.0f, capacity = of.capacity(1.0f);
+
+    void grow_to(float items, float vertices);
   };
 
   void sweep(const Node& node, const uint32_t* order, Box4& all);

@@ -50,9 +50,9 @@ def command(
     spatial_overlap: float | None = _knob(
         "F", "sbvh: overlap from which on spatial splits are tried: 0 to 1."
     ),
-    morton_bits: int | None = _knob("30|63", "lbvh: bits of the code."),
+    morton_bits: int | None = _knob("30|60|63", "lbvh: bits of the code."),
     hlbvh_bits: int | None = _knob("N", "hlbvh: leading bits of the code built by SAH, 3 to 30."),
-    clusters: int | None = _knob("K", "kmeans: clusters a node, 2 to 64."),
+    clusters: int | None = _knob("K", "kmeans: clusters a node, 2 to 1024."),
     candidates: int | None = _knob("P", "kmeans: candidates a representative, 1 to 64."),
     iterations: int | None = _knob("I", "kmeans: Lloyd iterations, 0 to 100."),
     distance: Distance | None = _knob(None, "kmeans: distance of boxes, by means or by medians."),

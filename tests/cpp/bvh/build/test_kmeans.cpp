@@ -54,6 +54,29 @@ TEST(Kmeans, treelets_of_64_clusters_forward_two) {
   expect_same(most, build(boxes, kmeans(settings)));
 }
 
+TEST(Kmeans, up_to_1024_clusters_make_trees_about_as_good) {
+  const Mesh mesh = shapes::blob(6, 4);
+  const std::vector<Aabb> boxes = triangle_boxes(mesh.view());
+  const double few = cost_of(boxes, kmeans({.clusters = 64}));
+  for (const uint32_t k : {65u, 256u, 257u, 1024u})
+    EXPECT_LT(cost_of(boxes, kmeans({.clusters = k})), 1.1 * few) << k;
+}
+
+TEST(Kmeans, large_clusters_are_the_same_on_any_number_of_threads) {
+  const std::vector<Aabb> boxes = random_boxes(30000, 6);
+  for (const uint32_t k : {100u, 1024u}) {
+    const Config config = kmeans({.clusters = k});
+    expect_same(build(boxes, config, with_thread_count(1)),
+                build(boxes, config, with_thread_count(8)));
+  }
+}
+
+TEST(Kmeans, treelets_of_256_clusters_forward_four) {
+  const std::vector<Aabb> boxes = random_boxes(5000, 2);
+  const Bvh2 most = build(boxes, kmeans({.clusters = 256}));
+  expect_same(most, build(boxes, kmeans({.clusters = 256, .forwarded_clusters = 4})));
+}
+
 TEST(Kmeans, times_of_all_stages_are_told_and_change_nothing) {
   const std::vector<Aabb> boxes = random_boxes(50000, 4);
   std::vector<std::string> stages;
@@ -175,6 +198,10 @@ TEST(KmeansKary, scale_changes_nothing_but_boxes) {
   EXPECT_EQ(tree.primitives, huge.primitives);
   ASSERT_EQ(tree.nodes.size(), huge.nodes.size());
   EXPECT_EQ(tree.nodes[0].max.x * 0x1p90f, huge.nodes[0].max.x);
+}
+
+TEST(KmeansKary, more_than_64_children_are_refused) {
+  EXPECT_THROW(build_kmeans_kary(random_boxes(10, 1), kmeans({.clusters = 65})), Error);
 }
 
 TEST(KmeansKary, bad_boxes_are_refused) {
