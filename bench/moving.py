@@ -39,7 +39,7 @@ def twist(rest: Positions, t: float) -> Positions:
     a, b = (k for k in range(3) if k != along)
     centred = rest - (low + high) / 2
     angle = 6 * np.pi * t * centred[:, along] / (high - low)[along]
-    moved = rest.copy()
+    moved: Positions = rest.copy()
     moved[:, a] = np.cos(angle) * centred[:, a] - np.sin(angle) * centred[:, b]
     moved[:, b] = np.sin(angle) * centred[:, a] + np.cos(angle) * centred[:, b]
     return moved
@@ -52,8 +52,8 @@ def burst(rest: Positions, t: float) -> Positions:
     cells = np.clip((centers - low) / (high - low).max() * 12, 0, 11).astype(np.int64)
     numbers = cells @ np.array([144, 12, 1])
     targets = np.random.default_rng(1).uniform(-0.5, 0.5, (1728, 3)) * (high - low)
-    moved = rest + np.repeat(targets[numbers] * t, 3, axis=0)
-    return moved.astype(np.float32)
+    moved: Positions = (rest + np.repeat(targets[numbers] * t, 3, axis=0)).astype(np.float32)
+    return moved
 
 
 MOTIONS: dict[str, Motion] = {"twist": twist, "burst": burst}
@@ -137,7 +137,8 @@ def frame_times(rows: list[dict[str, Any]], motion: str) -> dict[str, tuple[floa
 
 def winners(times: dict[str, tuple[float, float]]) -> str:
     """Which strategy is done first, from how many rays a triangle on."""
-    ways, at = [], 0.0
+    ways: list[str] = []
+    at = 0.0
     name = min(times, key=lambda n: times[n])
     while True:
         ways.append(f"{name}" if not ways else f"from {at:.2g} {name}")
