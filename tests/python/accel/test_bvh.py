@@ -97,7 +97,6 @@ OPTIONS: list[tuple[str, dict[str, Any]]] = [
     ("sbvh", {"spatial_budget": 0.0}),
     ("sbvh", {"spatial_overlap": 1.0}),
     ("lbvh", {"morton_bits": 30}),
-    ("lbvh", {"morton_bits": 60}),
     ("hlbvh", {"hlbvh_bits": 3}),
     ("kmeans", {"clusters": 3}),
     ("kmeans", {"clusters": 1024}),
