@@ -18,6 +18,14 @@ umbel_lod_save_config save_config(const AssetConfig& config) {
   return result;
 }
 
+void save(const umbel_lod* lod, const char* path, const AssetConfig& config, umbel_vec3d origin,
+          const umbel_build_options* options) {
+  AssetContents contents;
+  contents.meshes = {&required(lod, "lod").dag};
+  contents.origin = {origin.x, origin.y, origin.z};
+  write_asset(&required(path, "path"), contents, build_options(options), config);
+}
+
 }  // namespace
 }  // namespace umbel::capi
 
@@ -33,12 +41,9 @@ umbel_result umbel_lod_save_with(const umbel_lod* lod, const char* path,
   return capi::guard([&] {
     const umbel_lod_save_config given =
         config ? capi::read_struct(config, "config") : capi::save_config(AssetConfig{});
-    AssetContents contents;
-    contents.meshes = {&capi::required(lod, "lod").dag};
-    contents.origin = {given.origin.x, given.origin.y, given.origin.z};
     AssetConfig precision;
     COPY_FIELDS(precision, given, SAVE_FIELDS);
-    write_asset(&capi::required(path, "path"), contents, capi::build_options(options), precision);
+    capi::save(lod, path, precision, given.origin, options);
   });
 }
 
@@ -49,7 +54,7 @@ umbel_result umbel_lod_save(const umbel_lod* lod, const char* path, int exact,
 
 umbel_result umbel_lod_save_at(const umbel_lod* lod, const char* path, int exact,
                                umbel_vec3d origin, const umbel_build_options* options) {
-  umbel_lod_save_config config = capi::save_config(exact ? AssetConfig::exact() : AssetConfig{});
-  config.origin = origin;
-  return umbel_lod_save_with(lod, path, &config, options);
+  return capi::guard([&] {
+    capi::save(lod, path, exact ? AssetConfig::exact() : AssetConfig{}, origin, options);
+  });
 }
