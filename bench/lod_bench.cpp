@@ -25,6 +25,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "arguments.hpp"
 #include "base/math.hpp"
 #include "closest_point.hpp"
 #include "peak_memory.hpp"
@@ -304,30 +305,17 @@ std::string machine() {
 
 Options parse(int count, char** arguments) {
   Options options;
-  for (int i = 1; i < count; ++i) {
-    const std::string argument = arguments[i];
-    const bool has_value = i + 1 < count;
-    if (argument == "--runs" && has_value)
-      options.runs = static_cast<int>(std::max(1L, std::strtol(arguments[++i], nullptr, 10)));
-    else if (argument == "--triangles" && has_value)
-      options.triangles = std::strtoull(arguments[++i], nullptr, 10);
-    else if (argument == "--samples" && has_value)
-      options.samples = std::max<size_t>(2, std::strtoull(arguments[++i], nullptr, 10));
-    else if (argument == "--processor-time")
-      options.processor_time = true;
-    else if (argument == "--measured-error")
-      options.measured_error = true;
-    else if (argument == "--attributes")
-      options.attributes = true;
-    else if (argument == "--ray-tracing")
-      options.ray_tracing = true;
-    else if (argument.rfind("--", 0) == 0)
-      bench::fail(argument,
-                  "is not an option; there are --runs, --triangles, --samples, --processor-time, "
-                  "--measured-error, --attributes, --ray-tracing");
-    else
-      options.meshes.push_back(argument);
-  }
+  options.meshes = bench::read_arguments(
+      count, arguments,
+      {{"--runs", [&](uint64_t n) { options.runs = static_cast<int>(n); }},
+       {"--triangles", [&](uint64_t n) { options.triangles = n; }},
+       {"--samples", [&](uint64_t n) { options.samples = std::max<uint64_t>(2, n); }},
+       {"--processor-time", &options.processor_time},
+       {"--measured-error", &options.measured_error},
+       {"--attributes", &options.attributes},
+       {"--ray-tracing", &options.ray_tracing}},
+      "[--runs N] [--triangles N] [--samples N] [--processor-time] [--measured-error] "
+      "[--attributes] [--ray-tracing] MESH.ply...");
   return options;
 }
 
@@ -335,13 +323,6 @@ Options parse(int count, char** arguments) {
 
 int main(int count, char** arguments) {
   const Options options = parse(count, arguments);
-  if (options.meshes.empty()) {
-    std::fprintf(stderr,
-                 "usage: %s [--runs N] [--triangles N] [--samples N] [--processor-time] "
-                 "[--measured-error] [--attributes] [--ray-tracing] MESH.ply...\n",
-                 arguments[0]);
-    return 2;
-  }
   std::printf(
       "%s, %u hardware threads. Median of %d runs, %s time. Distances are those of the cut with at "
       "most %llu triangles\nto the source and back, %zu samples, in millionths of the "

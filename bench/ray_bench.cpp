@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "arguments.hpp"
 #include "base/parallel.hpp"
 #include "bvh/wide/widen.hpp"
 #include "ray_peers.hpp"
@@ -268,20 +269,13 @@ void run_mesh(const std::string& path, const Options& options, Embree* embree,
 
 Options parse(int argc, char** argv) {
   Options options;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const bool has_value = i + 1 < argc;
-    if (argument == "--embree" && has_value)
-      options.embree = argv[++i];
-    else if (argument == "--runs" && has_value)
-      options.runs = std::max(1ul, std::strtoul(argv[++i], nullptr, 10));
-    else if (argument == "--size" && has_value)
-      options.size = static_cast<uint32_t>(std::max(4ul, std::strtoul(argv[++i], nullptr, 10)));
-    else if (argument == "--only" && has_value)
-      options.only = argv[++i];
-    else
-      options.meshes.push_back(argument);
-  }
+  options.meshes = bench::read_arguments(
+      argc, argv,
+      {{"--embree", &options.embree},
+       {"--runs", [&](uint64_t n) { options.runs = n; }},
+       {"--size", [&](uint64_t n) { options.size = std::max(4u, static_cast<uint32_t>(n)); }},
+       {"--only", &options.only}},
+      "[--embree LIBRARY] [--runs N] [--size PIXELS] [--only TEXT] MESH...");
   return options;
 }
 
@@ -297,11 +291,6 @@ std::string processor() {
 
 int main(int argc, char** argv) {
   const Options options = parse(argc, argv);
-  if (options.meshes.empty()) {
-    fprintf(stderr,
-            "ray_bench [--embree LIBRARY] [--runs N] [--size PIXELS] [--only TEXT] MESH...\n");
-    return 2;
-  }
   const auto embree = options.embree.empty() ? nullptr : bench::open_embree(options.embree);
   printf("One core of %s\n\n", processor().c_str());
   std::vector<Ratios> ratios;

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "arguments.hpp"
 #include "clocks.hpp"
 #include "picture_rays.hpp"
 #include "ply_reader.hpp"
@@ -62,21 +63,12 @@ void run_mesh(const std::string& path, const Options& options) {
 
 Options parse(int argc, char** argv) {
   Options options;
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    const auto number = [&] {
-      if (++i == argc) bench::fail(word, "needs a number");
-      return static_cast<uint32_t>(std::max(1L, std::strtol(argv[i], nullptr, 10)));
-    };
-    if (word == "--runs")
-      options.runs = number();
-    else if (word == "--size")
-      options.size = std::max(number() / 16, 1u) * 16;
-    else if (word == "--samples")
-      options.samples = number();
-    else
-      options.meshes.push_back(word);
-  }
+  options.meshes = bench::read_arguments(
+      argc, argv,
+      {{"--runs", [&](uint64_t n) { options.runs = static_cast<uint32_t>(n); }},
+       {"--size",
+        [&](uint64_t n) { options.size = std::max(static_cast<uint32_t>(n) / 16, 1u) * 16; }},
+       {"--samples", [&](uint64_t n) { options.samples = static_cast<uint32_t>(n); }}});
   return options;
 }
 

@@ -1,35 +1,22 @@
 // umbel::Error as umbel.Error, and umbel.Cancelled where a progress callback asked to stop.
+#include <iterator>
+
 #include "bind.hpp"
 
 namespace umbel::python {
 namespace {
 
-const char* name_of(ErrorCode code) {
-  switch (code) {
-    case ErrorCode::kInvalidArgument:
-      return "invalid_argument";
-    case ErrorCode::kInvalidMesh:
-      return "invalid_mesh";
-    case ErrorCode::kIo:
-      return "io";
-    case ErrorCode::kCorrupt:
-      return "corrupt";
-    case ErrorCode::kUnsupported:
-      return "unsupported";
-    case ErrorCode::kCancelled:
-      return "cancelled";
-    case ErrorCode::kDevice:
-      return "device";
-  }
-  return "unknown";
-}
+/// In the order of ErrorCode.
+constexpr const char* kNames[] = {"invalid_argument", "invalid_mesh", "io",    "corrupt",
+                                  "unsupported",      "cancelled",    "device"};
+static_assert(std::size(kNames) == static_cast<size_t>(ErrorCode::kDevice) + 1);
 
 void raise(const Error& error) {
   const nb::module_ errors = nb::module_::import_("umbel.errors");
   const bool cancelled = error.code() == ErrorCode::kCancelled;
   const nb::object type = errors.attr(cancelled ? "Cancelled" : "Error");
   const nb::object value = type(error.what());
-  value.attr("code") = name_of(error.code());
+  value.attr("code") = kNames[static_cast<size_t>(error.code())];
   PyErr_SetObject(type.ptr(), value.ptr());
 }
 

@@ -9,52 +9,46 @@ namespace {
 using Cost = std::tuple<float, float>;
 using Masks = std::optional<Flat<uint32_t>>;
 
-template <typename Config>
-void set_common(Config& config, bool compact, const Cost& cost, bool drop_invalid) {
+/// Builds a structure with a config that has what is its own; sets what all of them have.
+template <typename Structure, typename Config>
+Structure build(Config config, const MeshArrays& mesh, bool compact, const Cost& cost,
+                bool drop_invalid, const Masks& masks, const nb::object& progress,
+                uint32_t threads) {
   config.compact = compact;
   config.cost = {std::get<0>(cost), std::get<1>(cost)};
   if (drop_invalid) config.invalid = bvh::InvalidTriangles::kDrop;
+  return run(progress, threads, [&](const BuildOptions& options) {
+    return Structure::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
+  });
 }
 
 uniform::TwoLevelGrid build_grid(const MeshArrays& mesh, float density, float leaf_density,
                                  float max_references, bool compact, const Cost& cost,
                                  bool drop_invalid, const Masks& masks, const nb::object& progress,
                                  uint32_t threads) {
-  uniform::GridConfig config;
-  config.density = density;
-  config.leaf_density = leaf_density;
-  config.max_references = max_references;
-  set_common(config, compact, cost, drop_invalid);
-  return run(progress, threads, [&](const BuildOptions& options) {
-    return uniform::TwoLevelGrid::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
-  });
+  const uniform::GridConfig config{
+      .density = density, .leaf_density = leaf_density, .max_references = max_references};
+  return build<uniform::TwoLevelGrid>(config, mesh, compact, cost, drop_invalid, masks, progress,
+                                      threads);
 }
 
 uniform::Octree build_octree(const MeshArrays& mesh, uint32_t max_leaf_size, uint32_t max_depth,
                              float max_references, bool compact, const Cost& cost,
                              bool drop_invalid, const Masks& masks, const nb::object& progress,
                              uint32_t threads) {
-  uniform::OctreeConfig config;
-  config.max_leaf_size = max_leaf_size;
-  config.max_depth = max_depth;
-  config.max_references = max_references;
-  set_common(config, compact, cost, drop_invalid);
-  return run(progress, threads, [&](const BuildOptions& options) {
-    return uniform::Octree::build(mesh.view(), config, rows_of<uint32_t>(masks), options);
-  });
+  const uniform::OctreeConfig config{
+      .max_leaf_size = max_leaf_size, .max_depth = max_depth, .max_references = max_references};
+  return build<uniform::Octree>(config, mesh, compact, cost, drop_invalid, masks, progress,
+                                threads);
 }
 
 uniform::IntervalHierarchy build_intervals(const MeshArrays& mesh, uint32_t max_leaf_size,
                                            bool compact, const Cost& cost, bool drop_invalid,
                                            const Masks& masks, const nb::object& progress,
                                            uint32_t threads) {
-  uniform::IntervalConfig config;
-  config.max_leaf_size = max_leaf_size;
-  set_common(config, compact, cost, drop_invalid);
-  return run(progress, threads, [&](const BuildOptions& options) {
-    return uniform::IntervalHierarchy::build(mesh.view(), config, rows_of<uint32_t>(masks),
-                                             options);
-  });
+  return build<uniform::IntervalHierarchy>(uniform::IntervalConfig{.max_leaf_size = max_leaf_size},
+                                           mesh, compact, cost, drop_invalid, masks, progress,
+                                           threads);
 }
 
 }  // namespace

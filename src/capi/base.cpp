@@ -1,6 +1,7 @@
 // Results and errors from C (umbel_base.h): turns exceptions into results. The sentence is kept in
 // memory that is there from the start, so that even running out of memory can be reported.
 #include <algorithm>
+#include <iterator>
 #include <new>
 #include <stdexcept>
 #include <string_view>
@@ -21,24 +22,15 @@ umbel_result fail(umbel_result result, std::string_view sentence) noexcept {
   return result;
 }
 
+/// In the order of ErrorCode.
+constexpr umbel_result kResults[] = {
+    UMBEL_ERROR_INVALID_ARGUMENT, UMBEL_ERROR_INVALID_MESH, UMBEL_ERROR_IO,    UMBEL_ERROR_CORRUPT,
+    UMBEL_ERROR_UNSUPPORTED,      UMBEL_ERROR_CANCELLED,    UMBEL_ERROR_DEVICE};
+static_assert(std::size(kResults) == static_cast<size_t>(ErrorCode::kDevice) + 1);
+
 umbel_result result_of(ErrorCode code) noexcept {
-  switch (code) {
-    case ErrorCode::kInvalidArgument:
-      return UMBEL_ERROR_INVALID_ARGUMENT;
-    case ErrorCode::kInvalidMesh:
-      return UMBEL_ERROR_INVALID_MESH;
-    case ErrorCode::kIo:
-      return UMBEL_ERROR_IO;
-    case ErrorCode::kCorrupt:
-      return UMBEL_ERROR_CORRUPT;
-    case ErrorCode::kUnsupported:
-      return UMBEL_ERROR_UNSUPPORTED;
-    case ErrorCode::kCancelled:
-      return UMBEL_ERROR_CANCELLED;
-    case ErrorCode::kDevice:
-      return UMBEL_ERROR_DEVICE;
-  }
-  return UMBEL_ERROR_INTERNAL;
+  const auto number = static_cast<size_t>(code);
+  return number < std::size(kResults) ? kResults[number] : UMBEL_ERROR_INTERNAL;
 }
 
 }  // namespace

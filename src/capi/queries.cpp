@@ -21,15 +21,19 @@ static_assert(offsetof(umbel_hit, u) == offsetof(Hit, u));
 static_assert(offsetof(umbel_closest_point, primitive) == offsetof(ClosestPoint, primitive));
 static_assert(offsetof(umbel_closest_point, u) == offsetof(ClosestPoint, u));
 
+const TriangleQueries& queried(Queried in) { return required(in.structure, in.name); }
+
 struct RayQuery {
+  const TriangleQueries& structure;
   std::span<const Ray> rays;
   RayOptions options;
   uint32_t threads = 0;
 };
 
-RayQuery ray_query(const umbel_ray* rays, size_t count, const umbel_ray_options* options) {
-  RayQuery query;
-  query.rays = elements<const Ray>(rays, count, "rays");
+RayQuery ray_query(Queried in, const umbel_ray* rays, size_t count,
+                   const umbel_ray_options* options) {
+  const TriangleQueries& structure = queried(in);
+  RayQuery query{structure, elements<const Ray>(rays, count, "rays"), {}, 0};
   if (!options) return query;
   const umbel_ray_options given = read_struct(options, "options");
   query.options = {given.mask, given.cull_back_faces != 0};
@@ -38,8 +42,6 @@ RayQuery ray_query(const umbel_ray* rays, size_t count, const umbel_ray_options*
 }
 
 Vec3 vec(const umbel_vec3& v) { return {v.x, v.y, v.z}; }
-
-const TriangleQueries& queried(Queried in) { return required(in.structure, in.name); }
 
 /// Hands out the triangles that overlap the region that region() makes.
 template <typename Region>
@@ -54,20 +56,18 @@ umbel_result overlaps_of(Queried in, const Region& region, uint32_t* triangles, 
 umbel_result intersect(Queried in, const umbel_ray* rays, size_t count,
                        const umbel_ray_options* options, umbel_hit* hits) noexcept {
   return guard([&] {
-    const TriangleQueries& structure = queried(in);
-    const RayQuery query = ray_query(rays, count, options);
-    structure.intersect(query.rays, elements<Hit>(hits, count, "hits"), query.options,
-                        query.threads);
+    const RayQuery query = ray_query(in, rays, count, options);
+    query.structure.intersect(query.rays, elements<Hit>(hits, count, "hits"), query.options,
+                              query.threads);
   });
 }
 
 umbel_result occluded(Queried in, const umbel_ray* rays, size_t count,
                       const umbel_ray_options* options, uint8_t* results) noexcept {
   return guard([&] {
-    const TriangleQueries& structure = queried(in);
-    const RayQuery query = ray_query(rays, count, options);
-    structure.occluded(query.rays, elements<uint8_t>(results, count, "results"), query.options,
-                       query.threads);
+    const RayQuery query = ray_query(in, rays, count, options);
+    query.structure.occluded(query.rays, elements<uint8_t>(results, count, "results"),
+                             query.options, query.threads);
   });
 }
 
@@ -75,8 +75,7 @@ umbel_result all_hits(Queried in, const umbel_ray* rays, size_t count,
                       const umbel_ray_options* options, size_t hits_per_ray, umbel_hit* hits,
                       uint32_t* hit_counts) noexcept {
   return guard([&] {
-    const TriangleQueries& structure = queried(in);
-    const RayQuery query = ray_query(rays, count, options);
+    const RayQuery query = ray_query(in, rays, count, options);
     const auto counts = elements<uint32_t>(hit_counts, count, "hit_counts");
     if (hits_per_ray > kNone || (count > 0 && hits_per_ray > SIZE_MAX / sizeof(Hit) / count))
       throw Error(ErrorCode::kInvalidArgument, "hits_per_ray is " + std::to_string(hits_per_ray) +
@@ -84,7 +83,7 @@ umbel_result all_hits(Queried in, const umbel_ray* rays, size_t count,
     const auto room = elements<Hit>(hits, count * hits_per_ray, "hits");
     with_threads(query.threads, [&] {
       parallel_for(count, 64, [&](size_t i) {
-        counts[i] = static_cast<uint32_t>(structure.all_hits(
+        counts[i] = static_cast<uint32_t>(query.structure.all_hits(
             query.rays[i], room.subspan(i * hits_per_ray, hits_per_ray), query.options));
       });
     });

@@ -54,17 +54,15 @@ umbel_uniform build(Config config, const umbel_uniform_config& given, const umbe
 umbel_uniform build(const umbel_uniform_config& given, const umbel_bvh_mesh* mesh,
                     const umbel_build_options* options) {
   if (given.structure == UMBEL_UNIFORM_GRID) {
-    uniform::GridConfig config;
-    config.density = given.density;
-    config.leaf_density = given.leaf_density;
-    config.max_references = given.max_references;
+    const uniform::GridConfig config{.density = given.density,
+                                     .leaf_density = given.leaf_density,
+                                     .max_references = given.max_references};
     return build<uniform::TwoLevelGrid>(config, given, mesh, options);
   }
   if (given.structure == UMBEL_UNIFORM_OCTREE) {
-    uniform::OctreeConfig config;
+    uniform::OctreeConfig config{.max_depth = given.max_depth,
+                                 .max_references = given.max_references};
     if (given.max_leaf_size != 0) config.max_leaf_size = given.max_leaf_size;
-    config.max_depth = given.max_depth;
-    config.max_references = given.max_references;
     return build<uniform::Octree>(config, given, mesh, options);
   }
   if (given.structure == UMBEL_UNIFORM_INTERVALS) {

@@ -86,6 +86,16 @@ class LeafIntersector {
   Triangles triangles_;
 };
 
+/// Goes through a structure's cells (traverse_cells) with the part of the ray in its bounds.
+template <typename Tree, typename Triangles, typename Leaf>
+static inline bool traverse(const Tree& tree, const LeafIntersector<Triangles>& intersector,
+                            const float& cull, const Leaf& leaf) {
+  ClippedRay clipped;
+  const RayFrame& f = intersector.frame();
+  return clip_to_bounds(tree, f, cull, clipped) &&
+         traverse_cells<Triangles>(tree, f, clipped, cull, leaf);
+}
+
 template <typename Intersector, typename Tree>
 constexpr RayKernels structure_kernels{intersect_ray<Intersector, Tree>,
                                        occluded_ray<Intersector, Tree>,

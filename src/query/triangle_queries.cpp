@@ -21,6 +21,15 @@ void check_same_length(const char* queries, size_t count, const char* results, s
                                                  " and " + std::to_string(count) + " " + queries);
 }
 
+template <typename Work>
+void for_rays(size_t count, uint32_t threads, const Work& work) {
+  with_threads(threads, [&] {
+    parallel_chunks(count, kRaysAtOnce, [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) work(i);
+    });
+  });
+}
+
 Hit miss(const LeafStore& /*store*/, const Ray& /*ray*/, const RayOptions& /*options*/) {
   return {};
 }
@@ -56,22 +65,15 @@ size_t TriangleQueries::all_hits(const Ray& ray, std::span<Hit> hits,
 void TriangleQueries::intersect(std::span<const Ray> rays, std::span<Hit> hits,
                                 const RayOptions& options, uint32_t threads) const {
   check_same_length("rays", rays.size(), "hits", hits.size());
-  with_threads(threads, [&] {
-    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        hits[i] = store_->rays->intersect(*store_, rays[i], options);
-    });
-  });
+  for_rays(rays.size(), threads,
+           [&](size_t i) { hits[i] = store_->rays->intersect(*store_, rays[i], options); });
 }
 
 void TriangleQueries::occluded(std::span<const Ray> rays, std::span<uint8_t> results,
                                const RayOptions& options, uint32_t threads) const {
   check_same_length("rays", rays.size(), "results", results.size());
-  with_threads(threads, [&] {
-    parallel_chunks(rays.size(), kRaysAtOnce, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i)
-        results[i] = store_->rays->occluded(*store_, rays[i], options) ? 1 : 0;
-    });
+  for_rays(rays.size(), threads, [&](size_t i) {
+    results[i] = store_->rays->occluded(*store_, rays[i], options) ? 1 : 0;
   });
 }
 

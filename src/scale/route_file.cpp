@@ -8,6 +8,7 @@
 
 #include "base/bytes.hpp"
 #include "base/hash.hpp"
+#include "scale/whole_file.hpp"
 
 namespace umbel::scale {
 namespace {
@@ -148,15 +149,6 @@ void RouteFile::check() const {
   for (const RouteWriter::Entry& entry : index_) read(entry.unit);
 }
 
-bool is_whole_route(const std::filesystem::path& path) {
-  if (!std::filesystem::exists(path)) return false;
-  try {
-    RouteFile(path).check();
-    return true;
-  } catch (const Error& error) {
-    if (error.code() == ErrorCode::kCorrupt) return false;
-    throw;
-  }
-}
+bool is_whole_route(const std::filesystem::path& path) { return is_whole_file<RouteFile>(path); }
 
 }  // namespace umbel::scale

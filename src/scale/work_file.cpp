@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "scale/whole_file.hpp"
+
 namespace umbel::scale {
 namespace {
 
@@ -56,15 +58,6 @@ void SliceReader::check() const {
   for (const SliceWriter::Entry& entry : index_) read(static_cast<uint32_t>(entry.unit));
 }
 
-bool is_whole(const std::filesystem::path& path) {
-  if (!std::filesystem::exists(path)) return false;
-  try {
-    SliceReader(path).check();
-    return true;
-  } catch (const Error& error) {
-    if (error.code() == ErrorCode::kCorrupt) return false;
-    throw;
-  }
-}
+bool is_whole(const std::filesystem::path& path) { return is_whole_file<SliceReader>(path); }
 
 }  // namespace umbel::scale

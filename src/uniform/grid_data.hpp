@@ -6,7 +6,7 @@
 
 #include "query/cells.hpp"
 #include "query/leaf_lists.hpp"
-#include "umbel/uniform.hpp"
+#include "uniform/structure_data.hpp"
 
 namespace umbel {
 
@@ -46,11 +46,10 @@ struct TopCell {
   GridSize size{1, 1, 1};
 };
 
-struct GridData : LeafStore {
+struct GridData : UniformData {
   GridFrame frame;
   BigVector<TopCell> tops;
   BigVector<Range> cells;  ///< the references of each
-  uniform::Statistics statistics{};
 
   UMBEL_GRID uint32_t top_index(const std::array<uint32_t, 3>& at) const {
     return frame.index(at[0], at[1], at[2]);

@@ -181,18 +181,9 @@ static inline GridEnd traverse_inner(const GridData& grid, const TopCell& top,
   }
 }
 
-template <typename Triangles>
-class GridIntersector : public LeafIntersector<Triangles> {
- public:
-  using LeafIntersector<Triangles>::LeafIntersector;
-};
-
 template <typename Triangles, typename Leaf>
-static inline bool traverse(const GridData& grid, const GridIntersector<Triangles>& intersector,
-                            const float& cull, const Leaf& leaf) {
-  ClippedRay clipped;
-  const RayFrame& f = intersector.frame();
-  if (!clip_to_bounds(grid, f, cull, clipped)) return false;
+static inline bool traverse_cells(const GridData& grid, const RayFrame& f, ClippedRay& clipped,
+                                  const float& cull, const Leaf& leaf) {
   GridSteps<Triangles> top(f, grid.frame);
   if (clipped.entry_axis == 3 || !top.enter(clipped.entry, clipped.entry_axis))
     return traverse_by_halves(grid, f, clipped, cull, leaf);
@@ -214,7 +205,7 @@ static inline bool traverse(const GridData& grid, const GridIntersector<Triangle
 
 template <typename Triangles>
 static const RayKernels* grid_kernels() {
-  return &structure_kernels<GridIntersector<Triangles>, GridData>;
+  return &structure_kernels<LeafIntersector<Triangles>, GridData>;
 }
 
 }  // namespace umbel

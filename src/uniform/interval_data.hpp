@@ -3,7 +3,7 @@
 
 #include "query/cells.hpp"
 #include "query/leaf_lists.hpp"
-#include "umbel/uniform.hpp"
+#include "uniform/structure_data.hpp"
 
 namespace umbel {
 
@@ -29,9 +29,8 @@ struct IntervalNode {
 };
 static_assert(sizeof(IntervalNode) == 12);
 
-struct IntervalData : LeafStore {
+struct IntervalData : UniformData {
   BigVector<IntervalNode> nodes;
-  uniform::Statistics statistics{};
 };
 
 /// For the queries of query/traverse_leaves.hpp.

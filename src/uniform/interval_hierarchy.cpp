@@ -130,38 +130,6 @@ class IntervalBuilder {
   uint32_t max_leaf_size_;
 };
 
-uniform::Statistics measure(const IntervalData& data, const bvh::CostModel& cost) {
-  uniform::Statistics s{};
-  s.nodes = static_cast<uint32_t>(data.nodes.size());
-  s.references = data.reference_count;
-  s.bytes = data.nodes.size() * sizeof(IntervalNode) + data.leaf_bytes();
-  if (data.nodes.empty()) return s;
-  struct Visit {
-    IntervalNodes::Link link;
-    uint32_t depth;
-  };
-  const IntervalNodes nodes(data);
-  const double whole = cell_area(data.bounds);
-  std::vector<Visit> stack{{nodes.root(), 0}};
-  while (!stack.empty()) {
-    const Visit visit = stack.back();
-    stack.pop_back();
-    const double share = whole > 0 ? cell_area(visit.link.cell) / whole : 1;
-    if (nodes.is_leaf(visit.link)) {
-      ++s.leaves;
-      s.max_depth = std::max(s.max_depth, visit.depth);
-      s.leaf_visits += share;
-      s.tests += share * data.nodes[visit.link.name].count;
-      continue;
-    }
-    s.inner_visits += share;
-    stack.push_back({nodes.above(visit.link), visit.depth + 1});
-    stack.push_back({nodes.below(visit.link), visit.depth + 1});
-  }
-  s.sah_cost = double(cost.traversal) * s.inner_visits + double(cost.intersection) * s.tests;
-  return s;
-}
-
 void check_config(const uniform::IntervalConfig& config) {
   if (config.max_leaf_size < 1 || config.max_leaf_size > 64)
     throw Error(
@@ -194,52 +162,55 @@ void build_intervals(const MeshView& mesh, const uniform::IntervalConfig& config
   fill_store(lists, order, mesh, masks, data);
 }
 
-void prepare(IntervalData& data, Simd simd) {
-  const bool is_plain = choose_simd(simd) == Simd::kPortable;
-  data.rays = is_plain ? portable_interval_kernels() : avx2_interval_kernels();
-  if (data.nodes.empty()) data.rays = &kNoRays;
-  data.shapes = &shape_kernels_of<IntervalNodes>;
-  prepare_scale(data);
+}  // namespace
+
+uniform::Statistics measure(const IntervalData& data, const bvh::CostModel& cost) {
+  uniform::Statistics s = sizes_of(data, data.nodes);
+  if (data.nodes.empty()) return s;
+  struct Visit {
+    IntervalNodes::Link link;
+    uint32_t depth;
+  };
+  const IntervalNodes nodes(data);
+  const double whole = cell_area(data.bounds);
+  std::vector<Visit> stack{{nodes.root(), 0}};
+  while (!stack.empty()) {
+    const Visit visit = stack.back();
+    stack.pop_back();
+    const double share = whole > 0 ? cell_area(visit.link.cell) / whole : 1;
+    if (nodes.is_leaf(visit.link)) {
+      ++s.leaves;
+      s.max_depth = std::max(s.max_depth, visit.depth);
+      s.leaf_visits += share;
+      s.tests += share * data.nodes[visit.link.name].count;
+      continue;
+    }
+    s.inner_visits += share;
+    stack.push_back({nodes.above(visit.link), visit.depth + 1});
+    stack.push_back({nodes.below(visit.link), visit.depth + 1});
+  }
+  s.sah_cost = double(cost.traversal) * s.inner_visits + double(cost.intersection) * s.tests;
+  return s;
 }
 
-}  // namespace
+void prepare(IntervalData& data, Simd simd) {
+  set_queries(data, simd, portable_interval_kernels(), avx2_interval_kernels(),
+              &shape_kernels_of<IntervalNodes>);
+}
 
 namespace uniform {
 
-struct IntervalHierarchy::Data : IntervalData {};
-
-const IntervalHierarchy::Data& IntervalHierarchy::data() const {
-  return static_cast<const Data&>(*store_);
-}
-
-IntervalHierarchy::IntervalHierarchy() : TriangleQueries(std::make_unique<Data>()) {
-  prepare(static_cast<Data&>(*store_), Simd::kAuto);
-}
-IntervalHierarchy::~IntervalHierarchy() = default;
-// What was moved from stays without triangles, so that every query on it has an answer.
-IntervalHierarchy::IntervalHierarchy(IntervalHierarchy&& other) noexcept : IntervalHierarchy() {
-  swap(other);
-}
-IntervalHierarchy& IntervalHierarchy::operator=(IntervalHierarchy&& other) noexcept {
-  swap(other);
-  return *this;
-}
+IntervalHierarchy::IntervalHierarchy()
+    : UniformStructure(store_without_triangles<IntervalData>()) {}
 
 IntervalHierarchy IntervalHierarchy::build(const MeshView& mesh, const IntervalConfig& config,
                                            std::span<const uint32_t> masks,
                                            const BuildOptions& options) {
   check_config(config);
-  choose_simd(config.simd);
   IntervalHierarchy result;
-  auto& data = static_cast<Data&>(*result.store_);
-  build_over(mesh, masks, options,
-             [&](const MeshView& geometry) { build_intervals(geometry, config, masks, data); });
-  prepare(data, config.simd);
-  data.statistics = measure(data, config.cost);
+  result.store_ = build_over<IntervalData>(mesh, config, masks, options, build_intervals);
   return result;
 }
-
-Statistics IntervalHierarchy::statistics() const { return data().statistics; }
 
 }  // namespace uniform
 }  // namespace umbel

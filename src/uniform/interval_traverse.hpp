@@ -7,19 +7,9 @@
 
 namespace umbel {
 
-template <typename Triangles>
-class IntervalIntersector : public LeafIntersector<Triangles> {
- public:
-  using LeafIntersector<Triangles>::LeafIntersector;
-};
-
 template <typename Triangles, typename Leaf>
-static inline bool traverse(const IntervalData& tree,
-                            const IntervalIntersector<Triangles>& intersector, const float& cull,
-                            const Leaf& leaf) {
-  ClippedRay clipped;
-  const RayFrame& f = intersector.frame();
-  if (!clip_to_bounds(tree, f, cull, clipped)) return false;
+static inline bool traverse_cells(const IntervalData& tree, const RayFrame& f,
+                                  const ClippedRay& clipped, const float& cull, const Leaf& leaf) {
   CellEntry stack[kMaxIntervalDepth + 1];
   CellEntry* top = stack;
   const IntervalNode* const nodes = tree.nodes.data();
@@ -62,7 +52,7 @@ static inline bool traverse(const IntervalData& tree,
 
 template <typename Triangles>
 static const RayKernels* interval_kernels() {
-  return &structure_kernels<IntervalIntersector<Triangles>, IntervalData>;
+  return &structure_kernels<LeafIntersector<Triangles>, IntervalData>;
 }
 
 }  // namespace umbel

@@ -201,11 +201,22 @@ void build_octree(const MeshView& mesh, const uniform::OctreeConfig& config,
   fill_store(lists, part.references, mesh, masks, data);
 }
 
+void check_config(const uniform::OctreeConfig& c) {
+  const auto check = [](const char* name, double value, uint32_t low, uint32_t high) {
+    if (!(value >= low && value <= high))
+      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
+                                                   ", but must be from " + std::to_string(low) +
+                                                   " to " + std::to_string(high));
+  };
+  check("max_leaf_size", c.max_leaf_size, 1, 64);
+  check("max_depth", c.max_depth, 0, kMaxOctreeDepth);
+  check("max_references", double(c.max_references), 1, 64);
+}
+
+}  // namespace
+
 uniform::Statistics measure(const OctreeData& data, const bvh::CostModel& cost) {
-  uniform::Statistics s{};
-  s.nodes = static_cast<uint32_t>(data.nodes.size());
-  s.references = data.reference_count;
-  s.bytes = data.nodes.size() * sizeof(OctreeNode) + data.leaf_bytes();
+  uniform::Statistics s = sizes_of(data, data.nodes);
   if (data.nodes.empty()) return s;
   const double whole = cell_area(data.bounds);
   const OctreeNodes nodes(data);
@@ -238,59 +249,22 @@ uniform::Statistics measure(const OctreeData& data, const bvh::CostModel& cost) 
   return s;
 }
 
-void check_config(const uniform::OctreeConfig& c) {
-  const auto check = [](const char* name, double value, uint32_t low, uint32_t high) {
-    if (!(value >= low && value <= high))
-      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
-                                                   ", but must be from " + std::to_string(low) +
-                                                   " to " + std::to_string(high));
-  };
-  check("max_leaf_size", c.max_leaf_size, 1, 64);
-  check("max_depth", c.max_depth, 0, kMaxOctreeDepth);
-  check("max_references", double(c.max_references), 1, 64);
-}
-
 void prepare(OctreeData& data, Simd simd) {
-  const bool is_plain = choose_simd(simd) == Simd::kPortable;
-  data.rays = is_plain ? portable_octree_kernels() : avx2_octree_kernels();
-  if (data.nodes.empty()) data.rays = &kNoRays;
-  data.shapes = &shape_kernels_of<OctreeNodes>;
-  prepare_scale(data);
+  set_queries(data, simd, portable_octree_kernels(), avx2_octree_kernels(),
+              &shape_kernels_of<OctreeNodes>);
 }
-
-}  // namespace
 
 namespace uniform {
 
-struct Octree::Data : OctreeData {};
-
-const Octree::Data& Octree::data() const { return static_cast<const Data&>(*store_); }
-
-Octree::Octree() : TriangleQueries(std::make_unique<Data>()) {
-  prepare(static_cast<Data&>(*store_), Simd::kAuto);
-}
-Octree::~Octree() = default;
-// What was moved from stays without triangles, so that every query on it has an answer.
-Octree::Octree(Octree&& other) noexcept : Octree() { swap(other); }
-Octree& Octree::operator=(Octree&& other) noexcept {
-  swap(other);
-  return *this;
-}
+Octree::Octree() : UniformStructure(store_without_triangles<OctreeData>()) {}
 
 Octree Octree::build(const MeshView& mesh, const OctreeConfig& config,
                      std::span<const uint32_t> masks, const BuildOptions& options) {
   check_config(config);
-  choose_simd(config.simd);
   Octree result;
-  auto& data = static_cast<Data&>(*result.store_);
-  build_over(mesh, masks, options,
-             [&](const MeshView& geometry) { build_octree(geometry, config, masks, data); });
-  prepare(data, config.simd);
-  data.statistics = measure(data, config.cost);
+  result.store_ = build_over<OctreeData>(mesh, config, masks, options, build_octree);
   return result;
 }
-
-Statistics Octree::statistics() const { return data().statistics; }
 
 }  // namespace uniform
 }  // namespace umbel

@@ -4,7 +4,7 @@
 
 #include "query/cells.hpp"
 #include "query/leaf_lists.hpp"
-#include "umbel/uniform.hpp"
+#include "uniform/structure_data.hpp"
 
 namespace umbel {
 
@@ -49,9 +49,8 @@ struct OctreeName {
   }
 };
 
-struct OctreeData : LeafStore {
+struct OctreeData : UniformData {
   BigVector<OctreeNode> nodes;
-  uniform::Statistics statistics{};
 };
 
 /// For the queries of query/traverse_leaves.hpp.
@@ -70,18 +69,16 @@ class OctreeNodes {
   }
   Link below(const Link& link) const {
     const OctreeNode& node = data_.nodes[link.name.node];
-    Aabb cell = link.cell;
-    float& high = component(cell.max, link.name.axes);
+    const uint32_t axis = link.name.axes;
     // The cube may reach beyond the bounds.
-    high = std::min(high, component(node.middle, link.name.axes));
-    return {link.name.side(node, 0), cell};
+    const float plane = std::min(component(link.cell.max, axis), component(node.middle, axis));
+    return {link.name.side(node, 0), cell_below(link.cell, axis, plane)};
   }
   Link above(const Link& link) const {
     const OctreeNode& node = data_.nodes[link.name.node];
-    Aabb cell = link.cell;
-    float& low = component(cell.min, link.name.axes);
-    low = std::max(low, component(node.middle, link.name.axes));
-    return {link.name.side(node, 1), cell};
+    const uint32_t axis = link.name.axes;
+    const float plane = std::max(component(link.cell.min, axis), component(node.middle, axis));
+    return {link.name.side(node, 1), cell_above(link.cell, axis, plane)};
   }
   CellChildren<Link> children(const Link& link) const { return {below(link), above(link), error_}; }
   template <typename Visit>

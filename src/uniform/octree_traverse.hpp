@@ -7,18 +7,9 @@
 
 namespace umbel {
 
-template <typename Triangles>
-class OctreeIntersector : public LeafIntersector<Triangles> {
- public:
-  using LeafIntersector<Triangles>::LeafIntersector;
-};
-
 template <typename Triangles, typename Leaf>
-static inline bool traverse(const OctreeData& tree, const OctreeIntersector<Triangles>& intersector,
-                            const float& cull, const Leaf& leaf) {
-  ClippedRay clipped;
-  const RayFrame& f = intersector.frame();
-  if (!clip_to_bounds(tree, f, cull, clipped)) return false;
+static inline bool traverse_cells(const OctreeData& tree, const RayFrame& f,
+                                  const ClippedRay& clipped, const float& cull, const Leaf& leaf) {
   struct Entry {
     uint32_t node, axis, child;
     float from, to;
@@ -61,7 +52,7 @@ static inline bool traverse(const OctreeData& tree, const OctreeIntersector<Tria
 
 template <typename Triangles>
 static const RayKernels* octree_kernels() {
-  return &structure_kernels<OctreeIntersector<Triangles>, OctreeData>;
+  return &structure_kernels<LeafIntersector<Triangles>, OctreeData>;
 }
 
 }  // namespace umbel

@@ -206,6 +206,25 @@ class GridBuilder {
   std::vector<Aabb> boxes_;
 };
 
+void check_config(const uniform::GridConfig& c) {
+  const auto check = [](const char* name, float value, float low, float high) {
+    if (!(value >= low && value <= high))
+      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
+                                                   ", but must be from " + std::to_string(low) +
+                                                   " to " + std::to_string(high));
+  };
+  check("density", c.density, 0.001f, 16);
+  check("leaf_density", c.leaf_density, 0.001f, 16);
+  check("max_references", c.max_references, 1, 64);
+}
+
+void build_grid(const MeshView& mesh, const uniform::GridConfig& config,
+                std::span<const uint32_t> masks, GridData& data) {
+  GridBuilder(mesh, config).build(masks, data);
+}
+
+}  // namespace
+
 uniform::Statistics measure(const GridData& data, const bvh::CostModel& cost) {
   uniform::Statistics s{};
   s.bytes =
@@ -238,60 +257,23 @@ uniform::Statistics measure(const GridData& data, const bvh::CostModel& cost) {
   return s;
 }
 
-void check_config(const uniform::GridConfig& c) {
-  const auto check = [](const char* name, float value, float low, float high) {
-    if (!(value >= low && value <= high))
-      throw Error(ErrorCode::kInvalidArgument, std::string(name) + " is " + std::to_string(value) +
-                                                   ", but must be from " + std::to_string(low) +
-                                                   " to " + std::to_string(high));
-  };
-  check("density", c.density, 0.001f, 16);
-  check("leaf_density", c.leaf_density, 0.001f, 16);
-  check("max_references", c.max_references, 1, 64);
-}
-
 void prepare(GridData& data, Simd simd) {
-  const bool is_plain = choose_simd(simd) == Simd::kPortable;
-  data.rays = is_plain ? portable_grid_kernels() : avx2_grid_kernels();
-  if (data.cells.empty()) data.rays = &kNoRays;
-  data.shapes = &shape_kernels_of<GridNodes>;
   data.frame.box = data.bounds;
-  prepare_scale(data);
+  set_queries(data, simd, portable_grid_kernels(), avx2_grid_kernels(),
+              &shape_kernels_of<GridNodes>);
 }
-
-}  // namespace
 
 namespace uniform {
 
-struct TwoLevelGrid::Data : GridData {};
-
-const TwoLevelGrid::Data& TwoLevelGrid::data() const { return static_cast<const Data&>(*store_); }
-
-TwoLevelGrid::TwoLevelGrid() : TriangleQueries(std::make_unique<Data>()) {
-  prepare(static_cast<Data&>(*store_), Simd::kAuto);
-}
-TwoLevelGrid::~TwoLevelGrid() = default;
-// What was moved from stays without triangles, so that every query on it has an answer.
-TwoLevelGrid::TwoLevelGrid(TwoLevelGrid&& other) noexcept : TwoLevelGrid() { swap(other); }
-TwoLevelGrid& TwoLevelGrid::operator=(TwoLevelGrid&& other) noexcept {
-  swap(other);
-  return *this;
-}
+TwoLevelGrid::TwoLevelGrid() : UniformStructure(store_without_triangles<GridData>()) {}
 
 TwoLevelGrid TwoLevelGrid::build(const MeshView& mesh, const GridConfig& config,
                                  std::span<const uint32_t> masks, const BuildOptions& options) {
   check_config(config);
-  choose_simd(config.simd);
   TwoLevelGrid result;
-  auto& data = static_cast<Data&>(*result.store_);
-  build_over(mesh, masks, options,
-             [&](const MeshView& geometry) { GridBuilder(geometry, config).build(masks, data); });
-  prepare(data, config.simd);
-  data.statistics = measure(data, config.cost);
+  result.store_ = build_over<GridData>(mesh, config, masks, options, build_grid);
   return result;
 }
-
-Statistics TwoLevelGrid::statistics() const { return data().statistics; }
 
 }  // namespace uniform
 }  // namespace umbel

@@ -3,6 +3,7 @@
 // meshes must refuse one with a sentence, or give what its header promises; no size of anything
 // becomes an integer that it does not fit.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -231,23 +232,8 @@ void other_structures(Input& in, const Mesh& mesh) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Input in(data, size);
-  const uint32_t subject = in.below(5);
-  const Mesh mesh = scaled_shape(in);
-  switch (subject) {
-    case 0:
-      cluster(in, mesh);
-      break;
-    case 1:
-      cluster_frames(in, mesh);
-      break;
-    case 2:
-      levels(in, mesh);
-      break;
-    case 3:
-      hierarchies(in, mesh);
-      break;
-    default:
-      other_structures(in, mesh);
-  }
+  constexpr std::array kSubjects{cluster, cluster_frames, levels, hierarchies, other_structures};
+  const auto subject = kSubjects[in.below(kSubjects.size())];
+  subject(in, scaled_shape(in));
   return 0;
 }

@@ -5,6 +5,7 @@
 #include <array>
 
 #include "container_bytes.hpp"
+#include "umbel/mesh.hpp"
 #include "umbel/triangle_queries.hpp"
 
 namespace umbel::fuzz {
@@ -37,6 +38,20 @@ inline void ask_everything(const TriangleQueries& tree) {
   ask_rays(tree, {0.1f, 0.2f, 0.3f}, {-0.5f, 0.25f, 1});
   ask_rays(tree, box.min, {box.max.x - box.min.x, box.max.y - box.min.y, box.max.z - box.min.z});
   ask_rays(tree, box.max, {0, -1, 0});
+}
+
+/// The files of a few meshes, each built with each config.
+template <typename Structure, typename Config>
+std::vector<Bytes> make_seeds(const std::vector<Config>& configs) {
+  std::vector<Bytes> seeds;
+  for (const Mesh& mesh : {shapes::sphere(1), shapes::soup(20, 1), Mesh{}})
+    for (const Config& config : configs) {
+      std::vector<uint32_t> masks;
+      if (config.compact) masks.assign(mesh.triangles.size(), 5);
+      Structure::build(mesh.view(), config, masks).save(scratch());
+      seeds.push_back(read_file());
+    }
+  return seeds;
 }
 
 /// Reads a file made of the fuzzer's bytes and a seed, its checksums repaired, and asks.

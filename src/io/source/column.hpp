@@ -8,7 +8,9 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <tuple>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "umbel/types.hpp"
@@ -16,6 +18,10 @@
 namespace umbel::io {
 
 enum class Scalar : uint8_t { kI8, kU8, kI16, kU16, kI32, kU32, kI64, kU64, kF32, kF64 };
+
+/// In the order of Scalar.
+using ScalarTypes = std::tuple<int8_t, uint8_t, int16_t, uint16_t, int32_t, uint32_t, int64_t,
+                               uint64_t, float, double>;
 
 constexpr uint32_t size_of(Scalar type) {
   constexpr uint32_t kSizes[] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
@@ -48,28 +54,10 @@ struct Column {
 /// Calls work(T{}) with the type of the values.
 template <typename Work>
 void with_type(Scalar type, const Work& work) {
-  switch (type) {
-    case Scalar::kI8:
-      return work(int8_t{});
-    case Scalar::kU8:
-      return work(uint8_t{});
-    case Scalar::kI16:
-      return work(int16_t{});
-    case Scalar::kU16:
-      return work(uint16_t{});
-    case Scalar::kI32:
-      return work(int32_t{});
-    case Scalar::kU32:
-      return work(uint32_t{});
-    case Scalar::kI64:
-      return work(int64_t{});
-    case Scalar::kU64:
-      return work(uint64_t{});
-    case Scalar::kF32:
-      return work(float{});
-    case Scalar::kF64:
-      return work(double{});
-  }
+  const auto number = static_cast<size_t>(type);
+  [&]<size_t... i>(std::index_sequence<i...>) {
+    ((number == i && (work(std::tuple_element_t<i, ScalarTypes>{}), true)) || ...);
+  }(std::make_index_sequence<std::tuple_size_v<ScalarTypes>>{});
 }
 
 /// A value as it is in a file.

@@ -178,6 +178,16 @@ void add_double_triangle(const PatchInput& input, std::span<const uint32_t> vert
   out.push_back({c, b, a});
 }
 
+/// Takes the triangles of the patches that are gone, and adds others.
+void replace_patches(const std::vector<uint32_t>& patch_of, const std::vector<uint8_t>& gone,
+                     const std::vector<Triangle>& added, std::vector<Triangle>& triangles) {
+  size_t kept = 0;
+  for (uint32_t t = 0; t < triangles.size(); ++t)
+    if (!gone[patch_of[t]]) triangles[kept++] = triangles[t];
+  triangles.resize(kept);
+  triangles.insert(triangles.end(), added.begin(), added.end());
+}
+
 }  // namespace
 
 float remove_patches(const PatchInput& input, size_t target, std::vector<Triangle>& triangles) {
@@ -211,11 +221,7 @@ float remove_patches(const PatchInput& input, size_t target, std::vector<Triangl
     add_double_triangle(input, corners, doubles);
     remove(order.back());
   }
-  size_t kept = 0;
-  for (uint32_t t = 0; t < triangles.size(); ++t)
-    if (!gone[patch_of[t]]) triangles[kept++] = triangles[t];
-  triangles.resize(kept);
-  triangles.insert(triangles.end(), doubles.begin(), doubles.end());
+  replace_patches(patch_of, gone, doubles, triangles);
   return moved;
 }
 
@@ -243,11 +249,7 @@ float cap_patches(const PatchInput& input, size_t target, std::vector<Triangle>&
     moved = std::max(moved, patches[s].diagonal());
     caps.insert(caps.end(), its_caps.begin(), its_caps.end());
   }
-  size_t kept = 0;
-  for (uint32_t t = 0; t < triangles.size(); ++t)
-    if (!capped[patch_of[t]]) triangles[kept++] = triangles[t];
-  triangles.resize(kept);
-  triangles.insert(triangles.end(), caps.begin(), caps.end());
+  replace_patches(patch_of, capped, caps, triangles);
   return moved;
 }
 

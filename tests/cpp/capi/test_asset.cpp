@@ -24,6 +24,18 @@ std::filesystem::path written(const Scratch& scratch) {
   return scratch / "a.umbel";
 }
 
+struct OpenedAsset {
+  OpenedAsset() {
+    EXPECT_EQ(umbel_asset_open(written(scratch).string().c_str(), &asset), UMBEL_OK);
+  }
+  ~OpenedAsset() { umbel_asset_free(asset); }
+  OpenedAsset(const OpenedAsset&) = delete;
+  OpenedAsset& operator=(const OpenedAsset&) = delete;
+
+  Scratch scratch;
+  umbel_asset* asset = nullptr;
+};
+
 int read_from(void* user, uint64_t offset, uint64_t size, void* out) {
   const auto& bytes = *static_cast<std::vector<char>*>(user);
   if (offset + size > bytes.size()) return 1;
@@ -116,10 +128,8 @@ TEST(CAsset, streams_to_the_cut_that_is_asked_for) {
 }
 
 TEST(CAsset, streams_what_a_view_of_levels_of_detail_asks_for) {
-  const Scratch scratch;
-  const std::string path = written(scratch).string();
-  umbel_asset* asset = nullptr;
-  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
+  const OpenedAsset opened;
+  umbel_asset* const asset = opened.asset;
   umbel_residency* residency = nullptr;
   ASSERT_EQ(umbel_residency_create(asset, nullptr, &residency), UMBEL_OK);
   umbel_stream_step step;
@@ -147,7 +157,6 @@ TEST(CAsset, streams_what_a_view_of_levels_of_detail_asks_for) {
   EXPECT_EQ(umbel_residency_step(residency, &by_level, 1, seconds, &step),
             UMBEL_ERROR_INVALID_ARGUMENT);
   umbel_residency_free(residency);
-  umbel_asset_free(asset);
 }
 
 // Steps until everything is there; returns the size of the cut.
@@ -167,10 +176,8 @@ size_t settled(umbel_residency* residency, const umbel_stream_view& view, double
 }
 
 TEST(CAsset, shows_and_loads_little_of_what_lies_outside_the_planes) {
-  const Scratch scratch;
-  const std::string path = written(scratch).string();
-  umbel_asset* asset = nullptr;
-  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
+  const OpenedAsset opened;
+  umbel_asset* const asset = opened.asset;
   double seconds = 0;
   const float eye[] = {0, 0, 3}, up[] = {0, 1, 0};
   const float toward[] = {0, 0, 0}, away[] = {0, 0, 6};
@@ -194,14 +201,11 @@ TEST(CAsset, shows_and_loads_little_of_what_lies_outside_the_planes) {
   EXPECT_LE(counts[1], counts[0]);
   EXPECT_LT(counts[2], counts[1] / 2);
   EXPECT_LT(bytes[2], bytes[1] / 2);
-  umbel_asset_free(asset);
 }
 
 TEST(CAsset, a_step_keeps_the_limits_of_its_config) {
-  const Scratch scratch;
-  const std::string path = written(scratch).string();
-  umbel_asset* asset = nullptr;
-  ASSERT_EQ(umbel_asset_open(path.c_str(), &asset), UMBEL_OK);
+  const OpenedAsset opened;
+  umbel_asset* const asset = opened.asset;
   uint32_t most[2] = {};
   for (int i = 0; i < 2; ++i) {
     umbel_residency_config config;
@@ -221,7 +225,6 @@ TEST(CAsset, a_step_keeps_the_limits_of_its_config) {
   }
   EXPECT_EQ(most[0], 1u);
   EXPECT_GT(most[1], 1u);
-  umbel_asset_free(asset);
 }
 
 TEST(CAsset, has_its_mistakes_named) {

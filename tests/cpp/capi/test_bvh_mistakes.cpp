@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "capi/bvh_call.hpp"
+#include "capi/newer.hpp"
 
 namespace umbel {
 namespace {
@@ -141,15 +142,8 @@ TEST(CapiBvhMistakes, structs_that_were_not_initialised_are_refused) {
 }
 
 TEST(CapiBvhMistakes, newer_callers_are_served_while_what_is_new_is_zero) {
-  struct NewerConfig {
-    umbel_bvh_config known;
-    uint32_t fresh[4];
-  };
-  NewerConfig config;
-  umbel_bvh_config_init_sized(&config.known, sizeof config);
-  EXPECT_EQ(config.known.struct_size, sizeof config);
+  auto config = testing::newer(umbel_bvh_config_init_sized);
   EXPECT_EQ(config.known.width, 8u);
-  EXPECT_EQ(config.fresh[3], 0u);
   Call call;
   umbel_bvh* made = nullptr;
   ASSERT_EQ(umbel_bvh_build(&call.mesh, &config.known, nullptr, &made), UMBEL_OK)

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "capi/cluster_call.hpp"
+#include "capi/newer.hpp"
 #include "umbel/version.hpp"
 
 namespace umbel {
@@ -103,15 +104,8 @@ TEST(CapiErrors, any_number_of_threads_is_legal) {
 }
 
 TEST(CapiErrors, callers_of_a_newer_version_are_served_while_what_is_new_is_zero) {
-  struct NewerConfig {
-    umbel_cluster_config known;
-    uint32_t fresh[4];
-  };
-  NewerConfig config;
-  umbel_cluster_config_init_sized(&config.known, sizeof config);
-  EXPECT_EQ(config.known.struct_size, sizeof config);
+  auto config = testing::newer(umbel_cluster_config_init_sized);
   EXPECT_EQ(config.known.max_items, 128u);
-  EXPECT_EQ(config.fresh[3], 0u);
   GoodCall call;
   ASSERT_EQ(umbel_cluster_build(&call.input, &config.known, nullptr, &call.output), UMBEL_OK);
   config.fresh[2] = 1;

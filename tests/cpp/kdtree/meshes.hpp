@@ -1,6 +1,8 @@
 // Meshes that are hard on kd-trees.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <random>
 #include <string>
 #include <vector>
@@ -95,5 +97,30 @@ inline std::vector<NamedMesh> hard_meshes() {
           {"needles", needles(150)},       {"on a line", on_a_line(40)},
           {"blob", shapes::blob(3, 5)},    {"one triangle", shapes::soup(1, 5)}};
 }
+
+/// Triangles that no planes tell apart.
+inline std::vector<NamedMesh> inseparable_meshes() {
+  return {{"concentric", concentric(4000)},
+          {"identical", identical(10000)},
+          {"needles", needles(4000)},
+          {"fan", shapes::fan(10000)},
+          {"on a line", on_a_line(5000)}};
+}
+
+/// Runs check(mesh) on each of the hard meshes.
+template <typename Check>
+void for_hard_meshes(const Check& check) {
+  for (const NamedMesh& named : hard_meshes()) {
+    SCOPED_TRACE(named.name);
+    check(named.mesh.view());
+  }
+}
+
+/// Files of what structures fail on most easily.
+inline constexpr const char* kNastyFiles[] = {
+    "nasty_synth_all_degenerate.ply",    "nasty_mpi_180.ply",
+    "nasty_office_chair_7k.ply",         "nasty_synth_t_junctions.ply",
+    "nasty_synth_dragon_tiny.ply",       "nasty_synth_dragon_scale_1e15.ply",
+    "nasty_synth_same_centroid_20k.ply", "nasty_synth_dragon_ecef_f32.ply"};
 
 }  // namespace umbel::testing

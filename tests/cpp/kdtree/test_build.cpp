@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "bvh/oracle.hpp"
+#include "bvh/real_meshes.hpp"
 #include "kdtree/meshes.hpp"
 #include "umbel/kdtree.hpp"
 
@@ -227,23 +227,14 @@ TEST(KdTreeBuild, stays_within_its_bounds_on_what_never_comes_apart) {
 }
 
 TEST(KdTreeBuild, real_meshes_and_nasty_ones) {
-  bool is_any = false;
-  for (const char* name :
-       {"nasty_synth_all_degenerate.ply", "nasty_mpi_180.ply", "nasty_office_chair_7k.ply",
-        "nasty_synth_t_junctions.ply", "nasty_synth_dragon_tiny.ply",
-        "nasty_synth_dragon_scale_1e15.ply", "nasty_synth_same_centroid_20k.ply"}) {
-    const std::optional<Mesh> mesh = read_mesh(name);
-    if (!mesh) continue;
-    is_any = true;
-    SCOPED_TRACE(name);
-    const auto count = static_cast<uint32_t>(mesh->triangles.size());
+  for_real_meshes(kNastyFiles, [](const char*, const Mesh& mesh) {
+    const auto count = static_cast<uint32_t>(mesh.triangles.size());
     for (const kdtree::Builder builder : kBuilders) {
-      const Tree tree = kdtree::build(mesh->view(), config_of(builder));
+      const Tree tree = kdtree::build(mesh.view(), config_of(builder));
       check(tree, count);
       EXPECT_LE(statistics(tree).references, 16 * uint64_t{count});
     }
-  }
-  if (!is_any) GTEST_SKIP() << "no meshes in " << data_folder();
+  });
 }
 
 TEST(KdTreeBuild, scale_does_not_change_the_tree) {

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "base/container_faults.hpp"
+#include "base/structure_file_tests.hpp"
 #include "bvh/oracle.hpp"
 #include "kdtree/meshes.hpp"
 #include "umbel/kdtree.hpp"
@@ -9,20 +9,19 @@ namespace umbel {
 namespace {
 
 using namespace testing;
-using kdtree::KdTree;
-using kdtree::KdTreeConfig;
-using kdtree::Traversal;
+using kdtree::KdTree, kdtree::KdTreeConfig, kdtree::Traversal;
 
-std::vector<KdTreeConfig> kinds() {
-  std::vector<KdTreeConfig> all(2);
-  all[1].compact = true;
-  return all;
-}
+struct KdTreeFiles {
+  using Structure = KdTree;
 
-/// Asks everything, as a query that leaves an array would be noticed by the sanitizers at least.
-Failure failure_of(const std::filesystem::path& path) {
-  try {
-    KdTree tree = KdTree::load(path.string());
+  static std::vector<KdTreeConfig> kinds() {
+    std::vector<KdTreeConfig> all(2);
+    all[1].compact = true;
+    return all;
+  }
+
+  /// Asks everything, as a query that leaves an array would be noticed by the sanitizers at least.
+  static void ask(KdTree& tree) {
     for (const Traversal traversal : kTraversals) {
       tree.set_traversal(traversal);
       for (const Vec3& p : {Vec3{0, 0, 0}, Vec3{0.3f, -0.2f, 0.9f}, Vec3{5, 5, 5}})
@@ -33,18 +32,9 @@ Failure failure_of(const std::filesystem::path& path) {
           tree.all_hits({p, 0, d}, hits);
         }
     }
-  } catch (const Error& error) {
-    EXPECT_GT(std::string(error.what()).size(), 10u);
-    return error.code();
   }
-  return std::nullopt;
-}
-
-std::vector<char> bytes_of(const Mesh& mesh, const KdTreeConfig& config = {}) {
-  const Scratch scratch;
-  KdTree::build(mesh.view(), config).save((scratch / "a").string());
-  return read_bytes(scratch / "a");
-}
+};
+INSTANTIATE_TYPED_TEST_SUITE_P(KdTree, StructureFile, KdTreeFiles);
 
 TEST(KdTreeFile, a_loaded_tree_answers_as_the_saved_one) {
   const Scratch scratch;
@@ -54,7 +44,7 @@ TEST(KdTreeFile, a_loaded_tree_answers_as_the_saved_one) {
     std::vector<uint32_t> masks(mesh.triangles.size());
     for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1 + i % 3;
     const std::vector<Ray> rays = adversarial_rays(mesh, 140, 1);
-    for (const KdTreeConfig& config : kinds())
+    for (const KdTreeConfig& config : KdTreeFiles::kinds())
       for (const bool masked : {false, true}) {
         const KdTree saved = KdTree::build(mesh, config, masked ? masks : std::vector<uint32_t>{});
         saved.save((scratch / "a").string());
@@ -86,34 +76,10 @@ TEST(KdTreeFile, a_tree_without_triangles_can_be_saved_and_loaded) {
   EXPECT_FALSE(loaded.intersect(Ray{{0, 0, 0}, 0, {0, 0, 1}}).hit());
 }
 
-TEST(KdTreeFile, any_byte_that_is_changed_is_noticed) {
-  for (const KdTreeConfig& config : kinds()) {
-    const std::vector<char> whole = bytes_of(shapes::sphere(0), config);
-    ASSERT_LT(whole.size(), 4000u);
-    expect_changed_bytes_are_noticed(whole, failure_of);
-  }
-}
-
-TEST(KdTreeFile, any_length_but_the_right_one_is_noticed) {
-  for (const KdTreeConfig& config : kinds())
-    expect_other_lengths_are_noticed(bytes_of(shapes::sphere(0), config), failure_of);
-}
-
-TEST(KdTreeFile, wrong_words_under_right_checksums_are_errors_or_harmless) {
-  for (const KdTreeConfig& config : kinds())
-    EXPECT_GT(count_wrong_words_refused(bytes_of(shapes::sphere(1), config), failure_of), 300u);
-}
-
-TEST(KdTreeFile, random_changes_under_right_checksums_never_crash) {
-  for (const KdTreeConfig& config : kinds())
-    ask_files_with_random_changes(bytes_of(shapes::blob(2, 1), config), failure_of);
-}
-
-TEST(KdTreeFile, files_that_are_none_or_newer_are_refused) {
-  expect_other_files_are_refused(bytes_of(shapes::sphere(1)), failure_of);
+TEST(KdTreeFile, files_of_other_structures_are_refused) {
   const Scratch scratch;
   Bvh::build(shapes::sphere(1).view()).save((scratch / "a.umbvh").string());
-  EXPECT_EQ(failure_of(scratch / "a.umbvh"), ErrorCode::kCorrupt);
+  EXPECT_EQ(failure_of<KdTreeFiles>(scratch / "a.umbvh"), ErrorCode::kCorrupt);
 }
 
 TEST(KdTreeFile, what_cannot_be_written_leaves_what_was_there) {

@@ -9,16 +9,14 @@ using namespace testing;
 using kdtree::KdTree;
 
 TEST(KdTreeQueries, distances_and_overlaps_are_those_of_the_hierarchy) {
-  for (const NamedMesh& named : hard_meshes()) {
-    SCOPED_TRACE(named.name);
-    const MeshView mesh = named.mesh.view();
+  for_hard_meshes([](const MeshView& mesh) {
     const Bvh bvh = Bvh::build(mesh);
     for (const bool compact : {false, true}) {
       kdtree::KdTreeConfig config;
       config.compact = compact;
       expect_same_shapes(KdTree::build(mesh, config), bvh, mesh, 150);
     }
-  }
+  });
 }
 
 TEST(KdTreeQueries, of_meshes_of_extreme_size_and_far_from_the_origin) {

@@ -10,9 +10,7 @@ namespace umbel {
 namespace {
 
 using namespace testing;
-using kdtree::KdTree;
-using kdtree::KdTreeConfig;
-using kdtree::Traversal;
+using kdtree::KdTree, kdtree::KdTreeConfig, kdtree::Traversal;
 
 std::string described(const KdTreeConfig& c) {
   return std::string(name(c.tree.builder)) + ", " + std::string(name(c.traversal)) +

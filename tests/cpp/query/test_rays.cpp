@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <set>
 
-#include "bvh/oracle.hpp"
+#include "bvh/real_meshes.hpp"
 
 namespace umbel {
 namespace {
@@ -254,37 +254,27 @@ const char* const kRealMeshes[] = {"armadillo_86k.ply",
                                    "nasty_trumpet_24k.ply"};
 
 TEST(BvhOracle, hits_on_real_meshes_equal_brute_force) {
-  size_t read = 0;
-  for (const char* name : kRealMeshes) {
-    const auto mesh = read_mesh(name);
-    if (!mesh) continue;
-    ++read;
-    const std::vector<Ray> rays = adversarial_rays(mesh->view(), 28, 21);
-    const std::vector<Truth> truths = truths_of(mesh->view(), rays);
+  for_real_meshes(kRealMeshes, [](const char* name, const Mesh& mesh) {
+    const std::vector<Ray> rays = adversarial_rays(mesh.view(), 28, 21);
+    const std::vector<Truth> truths = truths_of(mesh.view(), rays);
     for (const uint32_t width : {2u, 4u, 8u})
       for (const bool compact : {false, true}) {
         BvhConfig config;
         config.width = width, config.compact = compact;
-        expect_right_hits(Bvh::build(mesh->view(), config), mesh->view(), rays, truths,
+        expect_right_hits(Bvh::build(mesh.view(), config), mesh.view(), rays, truths,
                           std::string(name) + ", " + described(config));
       }
-  }
-  if (read == 0) GTEST_SKIP() << "no meshes";
+  });
 }
 
 TEST(BvhOracle, hits_on_large_meshes_equal_brute_force) {
-  const char* const names[] = {"dragon_871k.ply", "conference_331k.ply", "bench_arch_329k.ply",
-                               "bench_scan_1111k.ply"};
-  size_t read = 0;
-  for (const char* name : names) {
-    const auto mesh = read_mesh(name);
-    if (!mesh) continue;
-    ++read;
-    const std::vector<Ray> rays = adversarial_rays(mesh->view(), 14, 22);
-    expect_right_hits(Bvh::build(mesh->view()), mesh->view(), rays, truths_of(mesh->view(), rays),
+  constexpr const char* names[] = {"dragon_871k.ply", "conference_331k.ply", "bench_arch_329k.ply",
+                                   "bench_scan_1111k.ply"};
+  for_real_meshes(names, [](const char* name, const Mesh& mesh) {
+    const std::vector<Ray> rays = adversarial_rays(mesh.view(), 14, 22);
+    expect_right_hits(Bvh::build(mesh.view()), mesh.view(), rays, truths_of(mesh.view(), rays),
                       name);
-  }
-  if (read == 0) GTEST_SKIP() << "no meshes";
+  });
 }
 
 TEST(BvhOracle, every_builder_takes_every_nasty_mesh) {

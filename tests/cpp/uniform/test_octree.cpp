@@ -1,5 +1,8 @@
+#include "bvh/real_meshes.hpp"
 #include "bvh/same_answers.hpp"
 #include "kdtree/meshes.hpp"
+#include "uniform/cell_lists.hpp"
+#include "uniform/meshes.hpp"
 #include "uniform/octree_data.hpp"
 
 namespace umbel {
@@ -15,9 +18,7 @@ struct Peek : Octree {
 };
 
 TEST(Octree, every_leaf_lists_the_triangles_that_touch_its_cell) {
-  for (const NamedMesh& named : hard_meshes()) {
-    SCOPED_TRACE(named.name);
-    const MeshView mesh = named.mesh.view();
+  for_hard_meshes([](const MeshView& mesh) {
     const Peek tree(Octree::build(mesh));
     const OctreeData& data = tree.peek();
     ASSERT_EQ(data.bounds, bounds(mesh));
@@ -32,30 +33,16 @@ TEST(Octree, every_leaf_lists_the_triangles_that_touch_its_cell) {
         continue;
       }
       ++leaves;
-      std::vector<uint32_t> listed;
-      nodes.visit_runs(link, [&](uint32_t run) {
-        data.for_each_triangle(run, [&](const LeafTriangle& t) { listed.push_back(t.primitive); });
-      });
-      ASSERT_TRUE(std::is_sorted(listed.begin(), listed.end()));
-      for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-        const Triangle& c = mesh.triangles[t];
-        const bool touches = touches_box(link.cell, mesh.positions[c[0]], mesh.positions[c[1]],
-                                         mesh.positions[c[2]]);
-        if (touches) {
-          ASSERT_TRUE(std::binary_search(listed.begin(), listed.end(), t)) << "triangle " << t;
-        }
-      }
+      expect_lists_what_touches(nodes, link, data, mesh);
     }
     EXPECT_EQ(tree.statistics().leaves, leaves);
     EXPECT_EQ(tree.statistics().references, data.reference_count);
     EXPECT_EQ(tree.statistics().nodes, leaves + (leaves - 1) / 7);
-  }
+  });
 }
 
 TEST(Octree, answers_are_those_of_the_hierarchy_in_every_form) {
-  for (const NamedMesh& named : hard_meshes()) {
-    SCOPED_TRACE(named.name);
-    const MeshView mesh = named.mesh.view();
+  for_hard_meshes([](const MeshView& mesh) {
     const Bvh bvh = Bvh::build(mesh);
     const std::vector<Ray> rays = adversarial_rays(mesh, 350, 4);
     for (const Simd simd : {Simd::kPortable, Simd::kAuto})
@@ -65,15 +52,13 @@ TEST(Octree, answers_are_those_of_the_hierarchy_in_every_form) {
         expect_same_rays(Octree::build(mesh, config), bvh, rays);
       }
     expect_same_shapes(Octree::build(mesh), bvh, mesh, 100);
-  }
+  });
 }
 
 TEST(Octree, hits_equal_brute_force_and_masks_and_sizes_change_nothing) {
-  const Mesh ball = shapes::blob(3, 2);
-  std::vector<uint32_t> masks(ball.triangles.size());
-  for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1 + i % 3;
-  for (const Mesh& mesh : {ball, transformed(ball, 1e-12f), transformed(ball, 1e12f),
-                           transformed(ball, 1, {1000, -3000, 500})}) {
+  const std::vector<Mesh> balls = balls_of_all_sizes();
+  const std::vector<uint32_t> masks = mixed_masks(balls[0]);
+  for (const Mesh& mesh : balls) {
     const Bvh bvh = Bvh::build(mesh.view()), masked = Bvh::build(mesh.view(), {}, masks);
     const Octree tree = Octree::build(mesh.view());
     const Octree masked_tree = Octree::build(mesh.view(), {}, masks);
@@ -123,12 +108,7 @@ TEST(Octree, the_same_bytes_for_any_number_of_threads) {
 }
 
 TEST(Octree, stays_within_its_bounds_on_what_never_comes_apart) {
-  const NamedMesh meshes[] = {{"concentric", concentric(4000)},
-                              {"identical", identical(10000)},
-                              {"needles", needles(4000)},
-                              {"fan", shapes::fan(10000)},
-                              {"on a line", on_a_line(5000)}};
-  for (const NamedMesh& named : meshes) {
+  for (const NamedMesh& named : inseparable_meshes()) {
     SCOPED_TRACE(named.name);
     for (const float most : {1.0f, 3.0f, 16.0f}) {
       OctreeConfig config;
@@ -141,22 +121,12 @@ TEST(Octree, stays_within_its_bounds_on_what_never_comes_apart) {
 }
 
 TEST(Octree, real_meshes_and_nasty_ones) {
-  bool is_any = false;
-  for (const char* name :
-       {"nasty_synth_all_degenerate.ply", "nasty_mpi_180.ply", "nasty_office_chair_7k.ply",
-        "nasty_synth_t_junctions.ply", "nasty_synth_dragon_tiny.ply",
-        "nasty_synth_dragon_scale_1e15.ply", "nasty_synth_same_centroid_20k.ply",
-        "nasty_synth_dragon_ecef_f32.ply"}) {
-    const std::optional<Mesh> mesh = read_mesh(name);
-    if (!mesh) continue;
-    is_any = true;
-    SCOPED_TRACE(name);
-    const Bvh bvh = Bvh::build(mesh->view());
-    const Octree tree = Octree::build(mesh->view());
-    for (const Ray& ray : adversarial_rays(mesh->view(), 700, 8))
+  for_real_meshes(kNastyFiles, [](const char*, const Mesh& mesh) {
+    const Bvh bvh = Bvh::build(mesh.view());
+    const Octree tree = Octree::build(mesh.view());
+    for (const Ray& ray : adversarial_rays(mesh.view(), 700, 8))
       ASSERT_EQ(tree.intersect(ray), bvh.intersect(ray));
-  }
-  if (!is_any) GTEST_SKIP() << "no meshes in " << data_folder();
+  });
 }
 
 TEST(Octree, is_empty_without_triangles_and_refuses_what_is_wrong) {

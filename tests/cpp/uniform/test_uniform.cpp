@@ -1,10 +1,12 @@
 #include <array>
 #include <cstring>
 
+#include "bvh/real_meshes.hpp"
 #include "bvh/same_answers.hpp"
 #include "kdtree/meshes.hpp"
 #include "uniform/grid_data.hpp"
 #include "uniform/interval_data.hpp"
+#include "uniform/meshes.hpp"
 
 namespace umbel {
 namespace {
@@ -81,11 +83,9 @@ TEST(Uniform, rays_in_planes_of_the_grid_miss_nothing) {
 }
 
 TEST(Uniform, masks_intervals_and_sizes_are_those_of_the_hierarchy) {
-  const Mesh ball = shapes::blob(3, 2);
-  std::vector<uint32_t> masks(ball.triangles.size());
-  for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1 + i % 3;
-  for (const Mesh& mesh : {ball, transformed(ball, 1e-12f), transformed(ball, 1e12f),
-                           transformed(ball, 1, {1000, -3000, 500})}) {
+  const std::vector<Mesh> balls = balls_of_all_sizes();
+  const std::vector<uint32_t> masks = mixed_masks(balls[0]);
+  for (const Mesh& mesh : balls) {
     const Bvh bvh = Bvh::build(mesh.view(), {}, masks);
     const TwoLevelGrid grid = TwoLevelGrid::build(mesh.view(), {}, masks);
     const IntervalHierarchy intervals = IntervalHierarchy::build(mesh.view(), {}, masks);
@@ -150,12 +150,7 @@ TEST(Uniform, same_bytes_for_any_number_of_threads) {
 }
 
 TEST(Uniform, stays_within_its_bounds_on_what_never_comes_apart) {
-  const NamedMesh meshes[] = {{"concentric", concentric(4000)},
-                              {"identical", identical(10000)},
-                              {"needles", needles(4000)},
-                              {"fan", shapes::fan(10000)},
-                              {"on a line", on_a_line(5000)}};
-  for (const NamedMesh& named : meshes) {
+  for (const NamedMesh& named : inseparable_meshes()) {
     SCOPED_TRACE(named.name);
     const auto count = static_cast<uint32_t>(named.mesh.triangles.size());
     for (const float most : {1.0f, 3.0f, 16.0f}) {
@@ -171,27 +166,19 @@ TEST(Uniform, stays_within_its_bounds_on_what_never_comes_apart) {
 }
 
 TEST(Uniform, real_meshes_and_nasty_ones) {
-  bool is_any = false;
-  for (const char* name :
-       {"nasty_synth_all_degenerate.ply", "nasty_mpi_180.ply", "nasty_office_chair_7k.ply",
-        "nasty_synth_t_junctions.ply", "nasty_synth_dragon_tiny.ply",
-        "nasty_synth_dragon_scale_1e15.ply", "nasty_synth_same_centroid_20k.ply",
-        "nasty_synth_dragon_ecef_f32.ply", "conference_331k.ply"}) {
-    const std::optional<Mesh> mesh = read_mesh(name);
-    if (!mesh) continue;
-    is_any = true;
-    SCOPED_TRACE(name);
-    const Bvh bvh = Bvh::build(mesh->view());
-    const std::vector<Ray> rays = adversarial_rays(mesh->view(), 700, 8);
-    const TwoLevelGrid grid = TwoLevelGrid::build(mesh->view());
-    const IntervalHierarchy intervals = IntervalHierarchy::build(mesh->view());
+  std::vector<const char*> files(std::begin(kNastyFiles), std::end(kNastyFiles));
+  files.push_back("conference_331k.ply");
+  for_real_meshes(files, [](const char*, const Mesh& mesh) {
+    const Bvh bvh = Bvh::build(mesh.view());
+    const std::vector<Ray> rays = adversarial_rays(mesh.view(), 700, 8);
+    const TwoLevelGrid grid = TwoLevelGrid::build(mesh.view());
+    const IntervalHierarchy intervals = IntervalHierarchy::build(mesh.view());
     for (const Ray& ray : rays) {
       const Hit hit = bvh.intersect(ray);
       ASSERT_EQ(grid.intersect(ray), hit);
       ASSERT_EQ(intervals.intersect(ray), hit);
     }
-  }
-  if (!is_any) GTEST_SKIP() << "no meshes in " << data_folder();
+  });
 }
 
 TEST(Uniform, nothing_is_hit_without_triangles_and_moves_leave_none) {

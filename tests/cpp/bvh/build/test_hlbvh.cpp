@@ -1,18 +1,14 @@
 #include <gtest/gtest.h>
 
 #include "base/morton.hpp"
+#include "bvh/build/config_of.hpp"
 #include "bvh/oracle.hpp"
 #include "bvh/tree_tests.hpp"
 
 namespace umbel::bvh {
 namespace {
 
-Config hlbvh(uint32_t bits) {
-  Config config;
-  config.builder = Builder::kHlbvh;
-  config.hlbvh_bits = bits;
-  return config;
-}
+Config hlbvh(uint32_t bits) { return config_of(Builder::kHlbvh, &Config::hlbvh_bits, bits); }
 
 double cost_of(const std::vector<Aabb>& boxes, Config config) {
   return sah_cost(build(boxes, config), config.cost);

@@ -1,17 +1,13 @@
 #include <gtest/gtest.h>
 
 #include "base/morton.hpp"
+#include "bvh/build/config_of.hpp"
 #include "bvh/tree_tests.hpp"
 
 namespace umbel::bvh {
 namespace {
 
-Config lbvh(uint32_t bits) {
-  Config config;
-  config.builder = Builder::kLbvh;
-  config.morton_bits = bits;
-  return config;
-}
+Config lbvh(uint32_t bits) { return config_of(Builder::kLbvh, &Config::morton_bits, bits); }
 
 TEST(Lbvh, is_the_radix_tree_of_the_codes) {
   // With leaves of one, an inner node splits where the highest bit differs: codes below the left

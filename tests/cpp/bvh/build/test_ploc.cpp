@@ -4,6 +4,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "bvh/build/config_of.hpp"
 #include "bvh/build/ploc.hpp"
 #include "bvh/oracle.hpp"
 #include "bvh/tree_tests.hpp"
@@ -12,9 +13,7 @@ namespace umbel::bvh {
 namespace {
 
 Config ploc(uint32_t radius) {
-  Config config;
-  config.builder = Builder::kPloc;
-  config.ploc_radius = radius;
+  Config config = config_of(Builder::kPloc, &Config::ploc_radius, radius);
   config.ploc_sweep = 0;
   return config;
 }

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "base/container_faults.hpp"
+#include "base/structure_file_tests.hpp"
 #include "bvh/oracle.hpp"
 
 namespace umbel {
@@ -8,42 +8,37 @@ namespace {
 
 using namespace testing;
 
-std::vector<BvhConfig> kinds() {
-  std::vector<BvhConfig> all;
-  for (const uint32_t width : {2u, 4u, 8u})
-    for (const bool compact : {false, true}) {
-      BvhConfig config;
-      config.width = width, config.compact = compact;
-      all.push_back(config);
-    }
-  return all;
-}
+struct BvhFiles {
+  using Structure = Bvh;
 
-/// Asks everything, as a query that leaves an array would be noticed by the sanitizers at least.
-void ask_everything(const Bvh& tree) {
-  for (const Vec3& p : {Vec3{0, 0, 0}, Vec3{0.3f, -0.2f, 0.9f}, Vec3{5, 5, 5}}) {
-    for (const Vec3& d : {Vec3{1, 0, 0}, Vec3{-0.3f, 0.4f, -0.8f}}) {
-      tree.intersect({p, 0, d});
-      tree.occluded({p, 0, d});
-      std::array<Hit, 4> hits;
-      tree.all_hits({p, 0, d}, hits);
-    }
-    tree.closest_point(p);
-    tree.contains(p);
-    tree.overlaps(Sphere{p, 0.5f});
-    tree.overlaps(Aabb{{p.x - 1, p.y - 1, p.z - 1}, p});
+  static std::vector<BvhConfig> kinds() {
+    std::vector<BvhConfig> all;
+    for (const uint32_t width : {2u, 4u, 8u})
+      for (const bool compact : {false, true}) {
+        BvhConfig config;
+        config.width = width, config.compact = compact;
+        all.push_back(config);
+      }
+    return all;
   }
-}
 
-Failure failure_of(const std::filesystem::path& path) {
-  try {
-    ask_everything(Bvh::load(path.string()));
-  } catch (const Error& error) {
-    EXPECT_GT(std::string(error.what()).size(), 10u);
-    return error.code();
+  /// Asks everything, as a query that leaves an array would be noticed by the sanitizers at least.
+  static void ask(const Bvh& tree) {
+    for (const Vec3& p : {Vec3{0, 0, 0}, Vec3{0.3f, -0.2f, 0.9f}, Vec3{5, 5, 5}}) {
+      for (const Vec3& d : {Vec3{1, 0, 0}, Vec3{-0.3f, 0.4f, -0.8f}}) {
+        tree.intersect({p, 0, d});
+        tree.occluded({p, 0, d});
+        std::array<Hit, 4> hits;
+        tree.all_hits({p, 0, d}, hits);
+      }
+      tree.closest_point(p);
+      tree.contains(p);
+      tree.overlaps(Sphere{p, 0.5f});
+      tree.overlaps(Aabb{{p.x - 1, p.y - 1, p.z - 1}, p});
+    }
   }
-  return std::nullopt;
-}
+};
+INSTANTIATE_TYPED_TEST_SUITE_P(Bvh, StructureFile, BvhFiles);
 
 TEST(BvhFile, a_loaded_tree_answers_as_the_saved_one) {
   const Scratch scratch;
@@ -51,7 +46,7 @@ TEST(BvhFile, a_loaded_tree_answers_as_the_saved_one) {
   std::vector<uint32_t> masks(mesh.triangles.size());
   for (uint32_t i = 0; i < masks.size(); ++i) masks[i] = 1 + i % 3;
   const std::vector<Ray> rays = adversarial_rays(mesh.view(), 280, 1);
-  for (const BvhConfig& config : kinds())
+  for (const BvhConfig& config : BvhFiles::kinds())
     for (const bool masked : {false, true}) {
       const std::string path = (scratch / "a.umbvh").string();
       const Bvh saved = Bvh::build(mesh.view(), config, masked ? masks : std::vector<uint32_t>{});
@@ -82,7 +77,7 @@ TEST(BvhFile, trees_of_every_builder_can_be_saved_and_loaded) {
       config.tree = bvh::Config{};
       config.tree.builder = builder;
       Bvh::build(mesh.view(), config).save((scratch / "a").string());
-      EXPECT_EQ(failure_of(scratch / "a"), std::nullopt) << bvh::name(builder);
+      EXPECT_EQ(failure_of<BvhFiles>(scratch / "a"), std::nullopt) << bvh::name(builder);
     }
 }
 
@@ -94,39 +89,6 @@ TEST(BvhFile, a_loaded_tree_can_be_refitted) {
   const RefitReport report = tree.refit(moved.view());
   EXPECT_NEAR(report.sah_cost, report.built_sah_cost, 1e-4 * report.built_sah_cost);
   EXPECT_EQ(tree.bounds(), bounds(moved.view()));
-}
-
-std::vector<char> bytes_of(const Mesh& mesh, const BvhConfig& config = {}) {
-  const Scratch scratch;
-  Bvh::build(mesh.view(), config).save((scratch / "a").string());
-  return read_bytes(scratch / "a");
-}
-
-TEST(BvhFile, any_byte_that_is_changed_is_noticed) {
-  for (const BvhConfig& config : kinds()) {
-    const std::vector<char> whole = bytes_of(shapes::sphere(0), config);
-    ASSERT_LT(whole.size(), 4000u);
-    expect_changed_bytes_are_noticed(whole, failure_of);
-  }
-}
-
-TEST(BvhFile, any_length_but_the_right_one_is_noticed) {
-  for (const BvhConfig& config : kinds())
-    expect_other_lengths_are_noticed(bytes_of(shapes::sphere(0), config), failure_of);
-}
-
-TEST(BvhFile, wrong_words_under_right_checksums_are_errors_or_harmless) {
-  for (const BvhConfig& config : kinds())
-    EXPECT_GT(count_wrong_words_refused(bytes_of(shapes::sphere(1), config), failure_of), 300u);
-}
-
-TEST(BvhFile, random_changes_under_right_checksums_never_crash) {
-  for (const BvhConfig& config : kinds())
-    ask_files_with_random_changes(bytes_of(shapes::blob(2, 1), config), failure_of);
-}
-
-TEST(BvhFile, files_that_are_none_or_newer_are_refused) {
-  expect_other_files_are_refused(bytes_of(shapes::sphere(1)), failure_of);
 }
 
 TEST(BvhFile, what_cannot_be_written_leaves_what_was_there) {
