@@ -138,7 +138,8 @@ class Treelet {
   /// Calls visit(i, j) with all j < i < used_, shared out among the team.
   template <typename Visit>
   UMBEL_HOST_DEVICE void each_pair(const Visit& visit) const {
-    const uint32_t columns = Team::kIsSerial ? 1 : kRow, rows = team_.size() / columns;
+    const uint32_t columns = team_.size() < kRow ? team_.size() : kRow;
+    const uint32_t rows = team_.size() / columns;
     for (uint32_t i = 1 + team_.rank() / columns; i < used_; i += rows)
       for (uint32_t j = team_.rank() % columns; j < i; j += columns) visit(i, j);
   }
@@ -243,8 +244,10 @@ struct TreeletClimb {
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const {
     for (uint32_t first = 0; first < kLanes; first += team.size()) {
-      const size_t item = index * kLanes + first + team.rank();
-      climb(team, item < tree.items ? parents.of_items[item] : kNone, shared);
+      const uint32_t lane = first + team.rank();  // may be beyond, if 32 is no multiple of the size
+      const size_t item = index * kLanes + lane;
+      const bool climbs = lane < kLanes && item < tree.items;
+      climb(team, climbs ? parents.of_items[item] : kNone, shared);
     }
   }
 
