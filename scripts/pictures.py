@@ -23,8 +23,7 @@ LARGEST = 400_000  # bytes
 #: The file, and what its picture is made with beside the size.
 PICTURES = {
     "dragon": "dragon_871k.ply --ground --camera auto:12,8:24 --sun 60,28 --spp 64 --denoise",
-    "car": "car_lamborghini.glb --ground --camera auto:-12,9:26 --sun 200,40 --spp 64 "
-    "--denoise",
+    "car": "car_lamborghini.glb --ground --camera auto:-12,9:26 --sun 200,40 --spp 64 --denoise",
     "tokyo": "littlest_tokyo.glb --ground --hide outline --camera auto:38,15:28 --sun 70,40 "
     "--spp 64 --denoise",
     "sponza": "sponza_dabrovic_66k.obj --camera=-9.5,1.6,-0.4:4,4,0.1:75 --sun 40,66 "

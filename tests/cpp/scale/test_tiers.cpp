@@ -93,9 +93,7 @@ TEST(Tiers, RefusesWhatNeedsTheWholeMesh) {
   EXPECT_THROW(build(shapes::blob(3, 1), 300, false, config), Error);
 }
 
-TEST(Tiers, RefusesAMeshWithoutTriangles) {
-  EXPECT_THROW(build(Mesh{}, 300, false, {}), Error);
-}
+TEST(Tiers, RefusesAMeshWithoutTriangles) { EXPECT_THROW(build(Mesh{}, 300, false, {}), Error); }
 
 }  // namespace
 }  // namespace umbel::scale::testing
