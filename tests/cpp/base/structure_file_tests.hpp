@@ -35,7 +35,7 @@ template <typename Files>
 class StructureFile : public ::testing::Test {};
 TYPED_TEST_SUITE_P(StructureFile);
 
-TYPED_TEST_P(StructureFile, any_byte_that_is_changed_is_noticed) {
+TYPED_TEST_P(StructureFile, AnyByteThatIsChangedIsNoticed) {
   for (const auto& config : TypeParam::kinds()) {
     const std::vector<char> whole = bytes_of<TypeParam>(shapes::sphere(0), config);
     ASSERT_LT(whole.size(), 4000u);
@@ -43,33 +43,33 @@ TYPED_TEST_P(StructureFile, any_byte_that_is_changed_is_noticed) {
   }
 }
 
-TYPED_TEST_P(StructureFile, any_length_but_the_right_one_is_noticed) {
+TYPED_TEST_P(StructureFile, AnyLengthButTheRightOneIsNoticed) {
   for (const auto& config : TypeParam::kinds())
     expect_other_lengths_are_noticed(bytes_of<TypeParam>(shapes::sphere(0), config),
                                      failure_of<TypeParam>);
 }
 
-TYPED_TEST_P(StructureFile, wrong_words_under_right_checksums_are_errors_or_harmless) {
+TYPED_TEST_P(StructureFile, WrongWordsUnderRightChecksumsAreErrorsOrHarmless) {
   for (const auto& config : TypeParam::kinds())
     EXPECT_GT(count_wrong_words_refused(bytes_of<TypeParam>(shapes::sphere(1), config),
                                         failure_of<TypeParam>),
               300u);
 }
 
-TYPED_TEST_P(StructureFile, random_changes_under_right_checksums_never_crash) {
+TYPED_TEST_P(StructureFile, RandomChangesUnderRightChecksumsNeverCrash) {
   for (const auto& config : TypeParam::kinds())
     ask_files_with_random_changes(bytes_of<TypeParam>(shapes::blob(2, 1), config),
                                   failure_of<TypeParam>);
 }
 
-TYPED_TEST_P(StructureFile, files_that_are_none_or_newer_are_refused) {
+TYPED_TEST_P(StructureFile, FilesThatAreNoneOrNewerAreRefused) {
   expect_other_files_are_refused(bytes_of<TypeParam>(shapes::sphere(1)), failure_of<TypeParam>);
 }
 
-REGISTER_TYPED_TEST_SUITE_P(StructureFile, any_byte_that_is_changed_is_noticed,
-                            any_length_but_the_right_one_is_noticed,
-                            wrong_words_under_right_checksums_are_errors_or_harmless,
-                            random_changes_under_right_checksums_never_crash,
-                            files_that_are_none_or_newer_are_refused);
+REGISTER_TYPED_TEST_SUITE_P(StructureFile, AnyByteThatIsChangedIsNoticed,
+                            AnyLengthButTheRightOneIsNoticed,
+                            WrongWordsUnderRightChecksumsAreErrorsOrHarmless,
+                            RandomChangesUnderRightChecksumsNeverCrash,
+                            FilesThatAreNoneOrNewerAreRefused);
 
 }  // namespace umbel::testing
