@@ -20,6 +20,8 @@ struct Candidate {
   SimplifyMethod method = SimplifyMethod::kRegular;
   std::vector<PositionPair> locked_edges;  ///< new edges between two locked positions of the group
   bool valid = false;                      ///< it can take the group's place in every cut
+  /// Any topology will do: the whole group gets new positions (move_vertices.hpp).
+  bool renews_positions = false;
   AddedVertices added;
   /// New attributes of the group's vertices, as many values each as the group has attributes.
   std::vector<uint32_t> refitted;

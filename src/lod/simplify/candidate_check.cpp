@@ -12,6 +12,11 @@ void CandidateCheck::reset(const Allowance& allow) {
   knows_topology_ = knows_spare_ = false;
 }
 
+bool CandidateCheck::is_alone() const {
+  return allow_.new_positions &&
+         std::none_of(group_.locked.begin(), group_.locked.end(), [](uint8_t l) { return l != 0; });
+}
+
 std::span<const PositionPair> CandidateCheck::faults(std::span<const Triangle> triangles) {
   result_positions_.clear();
   for (const Triangle& t : triangles) result_positions_.push_back(group_.positions_of(t));

@@ -20,6 +20,9 @@ class CandidateCheck {
   void reset(const Allowance& allow);
   const Allowance& allowance() const { return allow_; }
 
+  /// Whether the group shares no position with others, and may get new ones.
+  bool is_alone() const;
+
   /// Edges that no neighbour expects, as pairs of positions. Valid until the next call.
   std::span<const PositionPair> faults(std::span<const Triangle> triangles);
   /// Repairs what it can of the faults; returns those that are left.

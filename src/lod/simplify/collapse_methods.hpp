@@ -27,6 +27,8 @@ class CollapseMethods {
   LimitingFactor limiting_factor() const { return collapser_.limiting_factor(); }
   /// Whether the last of them may have left no triangle of a component.
   bool may_lose_components() const { return collapser_.has_moved_non_manifold(); }
+  /// Whether it went on, for want of others, with collapses that cost far more than the first.
+  bool was_forced() const { return collapser_.was_forced(); }
   double area() const { return collapser_.area(); }  ///< of the group
 
  private:

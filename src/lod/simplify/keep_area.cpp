@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/math.hpp"
-#include "lod/dag/topology.hpp"
+#include "lod/simplify/move_vertices.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -84,38 +84,6 @@ std::vector<Vec3> centroids_of(const GroupMesh& group, const GroupComponents& co
   return centroids;
 }
 
-// Gives a vertex of the result a new position. `first_there` is the first new vertex there.
-void move_vertex(const GroupMesh& group, uint32_t vertex, const Vec3& position,
-                 uint32_t& first_there, Simplified& result) {
-  AddedVertices& added = result.added;
-  const uint32_t current = result.mesh.vertices[vertex];
-  Mesh one;
-  if (current < kAddedVertex)
-    append_vertex(one, group.source.mesh, current);
-  else
-    append_vertex(one, added.mesh, current - kAddedVertex);
-  one.positions[0] = position;
-  append_vertex(added.mesh, one, 0);
-  const uint32_t number = kAddedVertex + static_cast<uint32_t>(added.position_ids.size());
-  added.position_ids.push_back(first_there);
-  if (first_there == kNone) first_there = number;
-  added.materials.push_back(group.material(vertex));
-  result.mesh.vertices[vertex] = number;
-  result.mesh.positions[vertex] = position;
-}
-
-// New positions that touch a non-manifold edge are in one component with those it connects.
-void add_non_manifold_components(std::span<const Triangle> enlarged,
-                                 std::span<const uint32_t> new_vertex_at, AddedVertices& added) {
-  std::vector<uint32_t> numbers(new_vertex_at.size());
-  std::iota(numbers.begin(), numbers.end(), 0u);
-  const std::vector<uint32_t> components = non_manifold_components(enlarged, numbers);
-  added.components.resize(added.position_ids.size(), kNone);
-  for (uint32_t p = 0; p < new_vertex_at.size(); ++p)
-    if (new_vertex_at[p] != kNone && components[p] != kNone)
-      added.components[new_vertex_at[p] - kAddedVertex] = new_vertex_at[components[p]];
-}
-
 }  // namespace
 
 void keep_area(const GroupMesh& group, GroupComponents& components, double area_before,
@@ -125,7 +93,7 @@ void keep_area(const GroupMesh& group, GroupComponents& components, double area_
   if (growth.empty()) return;
   const std::vector<Vec3> centroids = centroids_of(group, components);
   const float unscale = 1.0f / group.source.scale, step = group.config.position_step;
-  std::vector<Triangle> enlarged;                   // of positions
+  std::vector<Triangle> enlarged;                   // of the group's vertices
   std::vector<Vec3> moved(group.position_count());  // unscaled
   for (const Triangle& t : left) {
     const uint32_t component = components.of(t);
@@ -137,28 +105,15 @@ void keep_area(const GroupMesh& group, GroupComponents& components, double area_
            unscale;
       if (step > 0) snap_to_grid(std::span(&to, 1), step);
     }
-    enlarged.push_back(group.positions_of(t));
+    enlarged.push_back(t);
     // Components may be as small as the steps between floats.
-    const auto [a, b, c] = enlarged.back();
+    const auto [a, b, c] = group.positions_of(t);
     if (moved[a] == moved[b] || moved[b] == moved[c] || moved[c] == moved[a]) return;
   }
   if (enlarged.empty()) return;
-  std::vector<uint32_t> new_vertex_at(group.position_count(), kNone);
-  std::vector<uint8_t> has_moved(group.vertices.size(), 0);
-  float farthest = 0;
-  for (const Triangle& t : left) {
-    if (!(growth[components.of(t)] >= kLeastGrowth)) continue;
-    for (const uint32_t v : t) {
-      if (std::exchange(has_moved[v], 1)) continue;
-      const uint32_t p = group.position_of[v];
-      move_vertex(group, v, moved[p], new_vertex_at[p], result);
-      farthest = std::max(farthest, length(moved[p] - group.positions[v] * unscale));
-    }
-  }
-  result.error += farthest;
+  result.error += move_vertices(group, enlarged, moved, result);
   result.method = SimplifyMethod::kSloppy;
   result.limiting_factor = LimitingFactor::kAreaLost;
-  add_non_manifold_components(enlarged, new_vertex_at, result.added);
 }
 
 }  // namespace umbel::lod

@@ -48,6 +48,21 @@ Candidate MeshoptMethods::permissive(size_t target) {
   return {};
 }
 
+Candidate MeshoptMethods::unbound(size_t target) {
+  if (!is_suitable()) return {};
+  held_.assign(group_.position_count(), 0);
+  Candidate result = collapse(target);
+  accept_unbound(result);
+  return result;
+}
+
+// Verification knows new positions by this method.
+void MeshoptMethods::accept_unbound(Candidate& candidate) const {
+  if (candidate.triangles.empty() || group_.mixes_materials(candidate.triangles)) return;
+  candidate.valid = candidate.renews_positions = true;
+  candidate.method = SimplifyMethod::kSloppy;
+}
+
 Candidate MeshoptMethods::collapse(size_t target) {
   const auto attribute_values = group_.attributes.values();
   const auto attribute_weights = group_.attributes.weights();
@@ -98,7 +113,9 @@ Candidate MeshoptMethods::merge_cells(size_t target) {
       std::numeric_limits<float>::max(), &result.error);
   result.triangles.resize(count / 3);
   result.error *= kCellErrorFactor / group_.source.scale * extent_of(group_);
-  if (!group_.mixes_materials(result.triangles) && check_.repair(components_, result).empty())
+  if (check_.is_alone())
+    accept_unbound(result);
+  else if (!group_.mixes_materials(result.triangles) && check_.repair(components_, result).empty())
     check_.accept(result);
   return result;
 }

@@ -19,6 +19,8 @@ class MeshoptMethods {
   /// Edge collapse across attribute seams. Where it leaves faults that cannot be repaired, it runs
   /// again with the vertices around them held. The components must be known.
   Candidate permissive(size_t target);
+  /// The same with any topology, for a group that shares nothing with others.
+  Candidate unbound(size_t target);
   /// Vertices in one cell of a grid become one (Rossignac & Borrel 1993). The components must be
   /// known.
   Candidate merge_cells(size_t target);
@@ -26,6 +28,7 @@ class MeshoptMethods {
  private:
   bool is_suitable() const;
   Candidate collapse(size_t target);
+  void accept_unbound(Candidate& candidate) const;
   void hold_around(uint32_t position);
 
   GroupMesh& group_;

@@ -6,6 +6,7 @@
 #include "lod/simplify/add_refitted.hpp"
 #include "lod/simplify/decimate.hpp"
 #include "lod/simplify/keep_area.hpp"
+#include "lod/simplify/move_vertices.hpp"
 
 namespace umbel::lod {
 namespace {
@@ -14,6 +15,11 @@ namespace {
 constexpr double kGoodEnough = 0.7;
 // And one that keeps more than this after the last method is not worth a level.
 constexpr double kStuck = 0.85;
+
+// How far what was there is from what is left.
+float deviation(const Candidate& candidate) {
+  return std::max({candidate.error, candidate.attribute_error, candidate.removed_radius});
+}
 
 }  // namespace
 
@@ -53,32 +59,49 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   result.added = std::move(best.added);
   result.mesh = sub_mesh_of(best, result.added);
   add_refitted(group_, best, result);
-  if (config.keep_area && allow.new_positions && !by_caller &&
-      best.triangles.size() < group_.triangles.size())
+  if (best.renews_positions)
+    renew_positions(group_, result);
+  else if (config.keep_area && allow.new_positions && !by_caller &&
+           best.triangles.size() < group_.triangles.size())
     keep_area(group_, components_, collapse_.area(), result);
   return result;
 }
 
-// Each method is tried only if those before it left more than `good` triangles.
+// Each method is tried only if those before it left more than `good` triangles, or had to move the
+// surface far because topology let nothing else move.
 LimitingFactor GroupSimplifier::try_methods(size_t target, size_t good, Candidate& best) {
+  const auto is_good = [&] { return best.triangles.size() <= good; };
   const auto consider = [&](Candidate candidate) {
     if (candidate.valid && candidate.triangles.size() < best.triangles.size())
       best = std::move(candidate);
   };
-  const auto is_good = [&] { return best.triangles.size() <= good; };
+  const auto prefer = [&](Candidate candidate) {
+    if (!candidate.valid) return;
+    const bool enough = candidate.triangles.size() <= good;
+    if (enough && is_good() ? deviation(candidate) < deviation(best)
+                            : candidate.triangles.size() < best.triangles.size())
+      best = std::move(candidate);
+  };
   LimitingFactor limit = LimitingFactor::kNone;
   consider(collapse_.regular(target, static_cast<size_t>(kGoodEnough * group_.triangles.size())));
   if (best.method == SimplifyMethod::kPrune) limit = LimitingFactor::kSmallComponents;
-  if (!is_good()) limit = collapse_.limiting_factor();
-  if (!is_good() || collapse_.may_lose_components()) components_.find();
+  const bool forced = collapse_.was_forced();
+  if (!is_good() || forced) limit = collapse_.limiting_factor();
+  if (!is_good() || forced || collapse_.may_lose_components()) components_.find();
 
   const Config& config = group_.config;
   const bool last_resort = check_.allowance().last_resort;
   const bool protects_seams =
       config.seams == SeamRule::kProtect || config.creases == SeamRule::kProtect;
   const bool across_seams = !protects_seams || last_resort;
-  if (across_seams && !is_good()) consider(meshopt_.permissive(target));
-  if (across_seams && !is_good()) consider(collapse_.non_manifold(target, false));
+  if (across_seams && (!is_good() || forced)) {
+    const bool alone = check_.is_alone();
+    prefer(alone ? meshopt_.unbound(target) : meshopt_.permissive(target));
+    // Cells do not ask which side of a seam a vertex is on.
+    if (alone && group_.attributes.weights().empty()) prefer(meshopt_.merge_cells(target));
+    prefer(collapse_.non_manifold(target, true));
+    if (!is_good()) prefer(collapse_.non_manifold(target, false));
+  }
   if (!is_good()) consider(components_.prune(best, target));
   if (!last_resort) return limit;
   if (!is_good()) consider(collapse_.non_manifold(target, true));

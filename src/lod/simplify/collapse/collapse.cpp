@@ -10,6 +10,8 @@ namespace {
 
 // Beyond so many times the largest squared error so far, a limited collapse is postponed.
 constexpr float kMostRise = 16.0f;
+// So many times the target is near enough.
+constexpr double kNear = 1.1;
 // Ranks within this factor count as the same: about the width of a bucket of the queue.
 constexpr float kSameRank = 1.0625f;
 
@@ -66,7 +68,10 @@ void EdgeCollapser::collapse_all() {
       continue;
     }
     const bool is_above = left > input.limit_below;
-    if (is_above) cost_limit_ = kMostRise * costs_.largest_squared_error();
+    if (is_above) {
+      early_error_ = costs_.largest_squared_error();
+      cost_limit_ = kMostRise * early_error_;
+    }
     is_unlimited_ = is_unlimited_to_the_end_ || is_above;
     if (left > input.keep_attributes_below)
       attribute_limit_ = std::max(attribute_limit_, kMostRise * costs_.largest_attribute_loss());
@@ -83,7 +88,7 @@ void EdgeCollapser::load(const CollapseInput& input) {
   loop_.reset();
   locked_edges_.clear();
   postponed_.clear();
-  removed_radius_ = cost_limit_ = 0.0f;
+  removed_radius_ = cost_limit_ = early_error_ = 0.0f;
   is_unlimited_to_the_end_ = is_paused_ = has_moved_non_manifold_ = false;
   may_pause_ = std::isfinite(input.pause_above);
   pause_above_ = input.pause_above * mesh_.extent();
@@ -325,6 +330,13 @@ bool EdgeCollapser::refit(uint32_t vertex, std::span<float> values) const {
   const uint32_t p = mesh_.input().position_of[vertex];
   return mesh_.kind(p) == Kind::kInterior && !mesh_.has_wedges(p) && costs_.stands_for_others(p) &&
          attributes_.refit(vertex, values);
+}
+
+bool EdgeCollapser::was_forced() const {
+  const bool is_short = mesh_.triangle_count() > kNear * static_cast<double>(target_);
+  if (!is_short && !(costs_.largest_squared_error() > kMostRise * early_error_)) return false;
+  const LimitingFactor limit = limiting_factor();
+  return limit == LimitingFactor::kTopology || limit == LimitingFactor::kFlip;
 }
 
 LimitingFactor EdgeCollapser::limiting_factor() const {

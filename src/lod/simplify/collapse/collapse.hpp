@@ -58,6 +58,8 @@ class EdgeCollapser {
   /// What stops most of the positions that are left: of the moves of each, the one that fails at
   /// the last of the tests says why.
   LimitingFactor limiting_factor() const;
+  /// Whether the error rose steeply towards the end, and topology kept most of what is left.
+  bool was_forced() const;
   /// Whether it did what may leave a non-manifold edge, or no triangle of a component.
   bool has_moved_non_manifold() const { return has_moved_non_manifold_; }
   /// New edges between locked positions of different non-manifold components.
@@ -109,6 +111,7 @@ class EdgeCollapser {
   std::vector<uint32_t> postponed_;               // positions whose choice is over the limit
   std::vector<LimitingFactor> limiting_factors_;  // of positions that are not in the queue
   float removed_radius_ = 0.0f;
+  float early_error_ = 0.0f;  // as a squared distance, at `limit_below`
   std::vector<PositionPair> locked_edges_;
   std::vector<Triangle> result_;
 };
