@@ -47,6 +47,13 @@ void GroupComponents::find() {
   }
 }
 
+bool GroupComponents::has_main() const {
+  std::vector<size_t> counts(components_.size(), 0);
+  for (const Triangle& t : group_.triangles)
+    if (2 * ++counts[of(t)] > group_.triangles.size()) return true;
+  return false;
+}
+
 std::vector<float> GroupComponents::removable_radii() const {
   size_t removable = 0;
   for (const Triangle& t : group_.triangles) removable += !components_[of(t)].fixed;

@@ -34,6 +34,9 @@ class GroupComponents {
   /// Of vertices: component and material in one number.
   std::span<const uint64_t> with_materials() const { return with_materials_; }
 
+  /// Whether one of them has more than half the triangles.
+  bool has_main() const;
+
   /// How far each component is from the rest at most, infinite where another group touches it.
   /// Empty where the others make too little room.
   std::vector<float> removable_radii() const;

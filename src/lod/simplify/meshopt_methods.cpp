@@ -113,7 +113,7 @@ Candidate MeshoptMethods::merge_cells(size_t target) {
       std::numeric_limits<float>::max(), &result.error);
   result.triangles.resize(count / 3);
   result.error *= kCellErrorFactor / group_.source.scale * extent_of(group_);
-  if (check_.is_alone())
+  if (may_be_unbound())
     accept_unbound(result);
   else if (!group_.mixes_materials(result.triangles) && check_.repair(components_, result).empty())
     check_.accept(result);

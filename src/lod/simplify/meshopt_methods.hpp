@@ -19,7 +19,10 @@ class MeshoptMethods {
   /// Edge collapse across attribute seams. Where it leaves faults that cannot be repaired, it runs
   /// again with the vertices around them held. The components must be known.
   Candidate permissive(size_t target);
-  /// The same with any topology, for a group that shares nothing with others.
+  /// Whether any topology will do: the group shares nothing with others, and is not many small
+  /// components, which are enlarged where others of them go. The components must be known.
+  bool may_be_unbound() const { return check_.is_alone() && components_.has_main(); }
+  /// Edge collapse to any topology.
   Candidate unbound(size_t target);
   /// Vertices in one cell of a grid become one (Rossignac & Borrel 1993). The components must be
   /// known.

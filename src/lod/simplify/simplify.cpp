@@ -95,10 +95,10 @@ LimitingFactor GroupSimplifier::try_methods(size_t target, size_t good, Candidat
       config.seams == SeamRule::kProtect || config.creases == SeamRule::kProtect;
   const bool across_seams = !protects_seams || last_resort;
   if (across_seams && (!is_good() || forced)) {
-    const bool alone = check_.is_alone();
-    prefer(alone ? meshopt_.unbound(target) : meshopt_.permissive(target));
+    const bool unbound = meshopt_.may_be_unbound();
+    prefer(unbound ? meshopt_.unbound(target) : meshopt_.permissive(target));
     // Cells do not ask which side of a seam a vertex is on.
-    if (alone && group_.attributes.weights().empty()) prefer(meshopt_.merge_cells(target));
+    if (unbound && group_.attributes.weights().empty()) prefer(meshopt_.merge_cells(target));
     prefer(collapse_.non_manifold(target, true));
     if (!is_good()) prefer(collapse_.non_manifold(target, false));
   }
