@@ -122,7 +122,7 @@ struct Dag {
   /// One a vertex of `vertices`: the vertex of the input that it is, so that a renderer can keep
   /// its own vertex buffer; where several were equal, the first that a triangle uses. kNone: it is
   /// new. With Config::position_step its position is rounded, with Config::refit_attributes false
-  /// all but enlarged components' and the caller's own new vertices are the input's.
+  /// all but those of `sloppy` groups and the caller's own new vertices are the input's.
   std::vector<uint32_t> source_vertices;
   std::vector<uint32_t> vertex_offsets;    ///< clusters + 1, into cluster_vertices
   std::vector<uint32_t> triangle_offsets;  ///< clusters + 1, in triangles
