@@ -56,7 +56,7 @@ endfunction()
 file(GLOB umbel_binding_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/python/bindings/*.cpp)
 umbel_python_module(_umbel ${umbel_binding_sources})
 
-# What `umbel bench` compares with, and encoders for tests: for development, not for wheels.
+# What `umbel bench` compares with: for development, not for wheels.
 if(UMBEL_BUILD_BENCH)
   file(GLOB umbel_peer_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/python/peers/*.cpp)
   umbel_python_module(_peers ${umbel_peer_sources} ${PROJECT_SOURCE_DIR}/python/bindings/bind.cpp)

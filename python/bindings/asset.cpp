@@ -106,6 +106,28 @@ FoundCut find_cut(const Asset& asset, const lod::View& view, uint32_t mesh,
   return found;
 }
 
+/// The boxes and triangle counts of a cut's clusters, read page by page.
+std::tuple<Array<float>, Array<uint32_t>> cut_boxes(const Asset& asset, const lod::View& view,
+                                                   uint32_t mesh) {
+  std::vector<float> boxes;
+  std::vector<uint32_t> triangles;
+  {
+    const nb::gil_scoped_release release;
+    asset.walk(
+        view,
+        [&](const CutGroup& group) {
+          for (const uint32_t c : group.clusters) {
+            const lod::Cluster& cluster = group.page.groups[group.index].clusters[c];
+            const auto& [low, high] = cluster.box;
+            boxes.insert(boxes.end(), {low.x, low.y, low.z, high.x, high.y, high.z});
+            triangles.push_back(cluster.triangle_count);
+          }
+        },
+        mesh);
+  }
+  return {take<float>(std::move(boxes)), take<uint32_t>(std::move(triangles))};
+}
+
 lod::View find_view(const Asset& asset, const lod::View& view, uint64_t triangles,
                     const Flat<uint32_t>& meshes, const Rows<float, 12>& transforms) {
   const auto rows = rows_of<std::array<float, 12>>(transforms);
@@ -231,6 +253,7 @@ void bind_asset(nb::module_& module) {
           },
           "index"_a)
       .def("find_cut", &find_cut, "view"_a, "mesh"_a = 0, "planes"_a = nb::none())
+      .def("cut_boxes", &cut_boxes, "view"_a, "mesh"_a = 0)
       .def("view_for_triangles", &find_view, "view"_a, "triangles"_a, "meshes"_a, "transforms"_a)
       .def("found_mesh", &mesh_of_found, "found"_a)
       .def("summaries", &summaries_of, "progress"_a = nb::none())

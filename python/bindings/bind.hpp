@@ -159,5 +159,6 @@ void bind_uniform(nb::module_& module);
 void bind_timed_clusters(nb::module_& module);
 /// The decoders that compressed glTF needs.
 void bind_meshopt(nb::module_& module);
+void bind_meshopt_encode(nb::module_& module);
 
 }  // namespace umbel::python

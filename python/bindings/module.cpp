@@ -23,5 +23,6 @@ NB_MODULE(_umbel, module) {
   bind_kdtree(module);
   bind_uniform(module);
   bind_meshopt(module);
+  bind_meshopt_encode(module);
   bind_timed_clusters(module);
 }

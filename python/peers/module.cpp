@@ -1,5 +1,5 @@
-// The extension module umbel._peers: meshoptimizer's own builders under the clock of `umbel bench`,
-// and its encoders for tests. It is built with the programs in bench/, and no wheel has it.
+// The extension module umbel._peers: meshoptimizer's own builders under the clock of `umbel bench`.
+// It is built with the programs in bench/, and no wheel has it.
 #include <meshoptimizer.h>
 #include <nanobind/stl/string.h>
 
@@ -19,7 +19,6 @@ NB_MODULE(_peers, module) {
                std::to_string(MESHOPTIMIZER_VERSION % 1000 / 10);
       },
       "The version of meshoptimizer that is built in.");
-  bind_encoders(module);
   bind_meshlets(module);
   bind_clusterlod(module);
 }

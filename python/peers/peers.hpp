@@ -5,7 +5,6 @@
 
 namespace umbel::python {
 
-void bind_encoders(nanobind::module_& module);
 void bind_meshlets(nanobind::module_& module);
 void bind_clusterlod(nanobind::module_& module);
 

@@ -31,6 +31,10 @@ from .cluster.frame_clusters import FrameClusters as FrameClusters
 from .errors import Cancelled as Cancelled
 from .errors import Error as Error
 from .errors import LoadWarning as LoadWarning
+from .export.lod_glb import LodGlbReport as LodGlbReport
+from .export.lod_glb import export_glb as export_glb
+from .export.tiles import TilesReport as TilesReport
+from .export.tiles import export_tiles as export_tiles
 from .geometry.camera import Camera as Camera
 from .geometry.camera import angular_error as angular_error
 from .geometry.camera import pixel_error as pixel_error

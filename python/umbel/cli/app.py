@@ -9,6 +9,7 @@ from umbel.cli.commands import (
     build,
     bvh,
     cluster,
+    export,
     extract,
     info,
     kdtree,
@@ -44,6 +45,6 @@ def _umbel(
     pass
 
 
-for _module in (build, info, verify, extract, render, cluster, bvh, kdtree, view):
+for _module in (build, info, verify, extract, export, render, cluster, bvh, kdtree, view):
     app.command(_module.__name__.rpartition(".")[2])(_module.command)
 app.add_typer(bench.app, name="bench")

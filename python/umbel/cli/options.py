@@ -75,3 +75,9 @@ class Accel(str, enum.Enum):
 class Up(str, enum.Enum):
     y = "y"
     z = "z"
+
+
+class ExportFormat(str, enum.Enum):
+    tiles = "3dtiles"
+    glb = "glb"
+    viewer = "viewer"

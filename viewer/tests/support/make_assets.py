@@ -9,6 +9,7 @@ Arrays are base64 of their little-endian bytes.
 import base64
 import json
 import os
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -123,6 +124,8 @@ def main() -> None:
     big = umbel.shapes.blob(7, seed=5)
     umbel.build_lod(big, precision="16bits").save(folder / "planet.umbel")
     dump(folder / "planet.umbel")
+    shutil.rmtree(folder / "planet_tiles", ignore_errors=True)
+    umbel.export_tiles(folder / "planet.umbel", folder / "planet_tiles", tile_triangles=8192)
     make_textured(folder)
     for name in REAL:
         if (DATA / name).is_file():

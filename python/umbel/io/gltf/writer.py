@@ -4,7 +4,6 @@ that they are from, with their materials, images, skin, cameras and lights."""
 from __future__ import annotations
 
 import copy
-import io
 import json
 import urllib.parse
 from pathlib import Path
@@ -15,14 +14,12 @@ from umbel.errors import Error, warn_lost
 from umbel.io.files import write_all
 from umbel.io.gltf.arrays import Arrays, Json
 from umbel.io.gltf.attach import attach
-from umbel.io.gltf.materials import extensions_in, texture_sets, write_material
+from umbel.io.gltf.material_table import MaterialTable
+from umbel.io.gltf.materials import extensions_in
 from umbel.io.gltf.primitives import write_primitives
 from umbel.io.gltf.skins import Skin, common_root, has_joints
-from umbel.io.gltf.textures import TextureTable
 from umbel.io.gltf.tree import check_tree, worlds
 from umbel.io.scene import Instance, Scene
-from umbel.io.textures.images import TextureImage, decode, mime_type
-from umbel.io.textures.packed import packed
 from umbel.plain_json import plain
 
 _MOST_BYTES = 0xFFFFFFFF
@@ -48,7 +45,7 @@ class _Writer:
     def __init__(self, arrays: Arrays, scene: Scene, name: str) -> None:
         self.arrays, self.scene, self.name = arrays, scene, name
         self.lost: list[str] = []
-        self.materials = _Materials(arrays, scene, self.lost)
+        self.materials = MaterialTable(self._keep_image, scene.materials, self.lost)
         tree = scene.tree
         check_tree(tree, scene.name or "the scene")
         self.nodes: list[Json] = [_node(node) for node in tree.get("nodes", [])]
@@ -85,6 +82,9 @@ class _Writer:
         root["extensionsUsed"] = sorted(extensions_in(root))
         root["extensionsRequired"] = sorted(self.materials.table.required)
         return {key: value for key, value in root.items() if value not in ([], {})}, self.lost
+
+    def _keep_image(self, data: bytes, _: str) -> Json:
+        return {"bufferView": self.arrays.blob(data)}
 
     def _scene(self) -> Json:
         entry = {**self.entry, "nodes": self.roots}
@@ -131,60 +131,6 @@ class _Writer:
             self._numbers[index] = len(self.meshes)
             self.meshes.append(entry)
         return self._numbers[index]
-
-
-class _Materials:
-    """The file's materials: all of the scene's in their order, and after them those that had to
-    lose a texture because a mesh lacks its UVs."""
-
-    def __init__(self, arrays: Arrays, scene: Scene, lost: list[str]) -> None:
-        self.arrays, self.materials, self.lost = arrays, list(scene.materials), lost
-        self.table = TextureTable(self._store)
-        self.entries: list[Json] = []
-        self._fewer: dict[tuple[int, int], int] = {}
-
-    def write(self) -> None:
-        for k, material in enumerate(self.materials):
-            self.materials[k], lost = packed(material)
-            self.lost += lost
-            self.entries.append(write_material(self.materials[k], self.table.info))
-
-    def number(self, index: int, sets: int) -> int:
-        """That of a material for a mesh with so many sets of UVs."""
-        if texture_sets(self.entries[index]) <= sets:
-            return index
-        key = index, sets
-        if key not in self._fewer:
-
-            def info(slot: str, given: Json, image: TextureImage) -> Json | None:
-                made = self.table.info(slot, given, image)
-                return made if made is not None and texture_sets({slot: made}) <= sets else None
-
-            self._fewer[key] = len(self.entries)
-            self.entries.append(write_material(self.materials[index], info))
-        return self._fewer[key]
-
-    def _store(self, slot: str, image: TextureImage) -> Json | None:
-        try:
-            data = image.encoded()
-            kind = mime_type(data)
-            if not kind:  # glTF knows no other formats
-                data, kind = _as_png(data, image), "image/png"
-        except Error as error:
-            if str(error) not in self.lost:
-                self.lost.append(str(error))
-            return None
-        return {"bufferView": self.arrays.blob(data), "mimeType": kind}
-
-
-def _as_png(data: bytes, image: TextureImage) -> bytes:
-    from PIL import Image
-
-    texels = decode(data, str(image.path or "an image"))
-    out = io.BytesIO()
-    opaque = bool((texels[..., 3] == 255).all())
-    Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels).save(out, "PNG")
-    return out.getvalue()
 
 
 def _node(node: Json) -> Json:

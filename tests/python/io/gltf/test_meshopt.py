@@ -16,21 +16,16 @@ from helpers.mesh_files import (
 from umbel import _umbel
 
 
-@pytest.fixture
-def encoders() -> Any:
-    return pytest.importorskip("umbel._peers")
-
-
 @pytest.mark.parametrize("extension", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
 @pytest.mark.parametrize("index_kind", [np.uint16, np.uint32])
 def test_meshopt_streams_give_the_bytes_that_were_encoded(
-    tmp_path: Path, encoders: Any, extension: str, index_kind: Any
+    tmp_path: Path, extension: str, index_kind: Any
 ) -> None:
     positions, triangles = bumpy_sphere()
     n = len(positions)
     quantised = np.zeros((n, 4), np.int16)
     quantised[:, :3] = (positions / 2 * 32767).round()
-    packed = encoders.encode_vertex(quantised.view(np.uint8))
+    packed = _umbel.meshopt_encode_vertex(quantised.view(np.uint8))
     flat = triangles.reshape(-1)
     b = GltfBuilder()
     b.root["buffers"] = [{"byteLength": 1 << 20, "extensions": {extension: {"fallback": True}}}]
@@ -40,8 +35,8 @@ def test_meshopt_streams_give_the_bytes_that_were_encoded(
                                    "type": "VEC3", "normalized": True})  # fmt: skip
     size = np.dtype(index_kind).itemsize
     modes = {
-        "TRIANGLES": encoders.encode_index(flat, n),
-        "INDICES": encoders.encode_index_sequence(flat, n),
+        "TRIANGLES": _umbel.meshopt_encode_index(flat, n),
+        "INDICES": _umbel.meshopt_encode_index_sequence(flat, n),
     }
     primitives = []
     for mode, stream in modes.items():
@@ -58,7 +53,7 @@ def test_meshopt_streams_give_the_bytes_that_were_encoded(
     assert np.isclose(signed_volume(mesh), 2 * signed_volume(type(mesh)(mesh.positions, triangles)))
 
 
-def test_meshopt_filters_are_undone(tmp_path: Path, encoders: Any) -> None:
+def test_meshopt_filters_are_undone(tmp_path: Path) -> None:
     positions, triangles = bumpy_sphere()
     n = len(positions)
     unit = np.zeros((n, 4), np.float32)
@@ -70,7 +65,9 @@ def test_meshopt_filters_are_undone(tmp_path: Path, encoders: Any) -> None:
     b.root["buffers"] = [{"byteLength": 1 << 20}]
 
     def filtered(values: Any, name: str, stride: int, bits: int, **accessor: Any) -> int:
-        stream = encoders.encode_vertex(encoders.encode_filter(values, name, stride, bits))
+        stream = _umbel.meshopt_encode_vertex(
+            _umbel.meshopt_encode_filter(values, name, stride, bits)
+        )
         view = b.meshopt_view(stream, n, stride, "ATTRIBUTES", "KHR_meshopt_compression", name)
         return b.add("accessors", {"bufferView": view, "count": n, **accessor})
 
@@ -103,7 +100,7 @@ def test_meshopt_filters_are_undone(tmp_path: Path, encoders: Any) -> None:
         (lambda c, d: c.meshopt_filter(np.zeros((4, 8), np.uint8), "OCTAHEDRAL", 4), "8 bytes"),
     ],
 )
-def test_meshopt_codecs_reject_what_makes_no_sense(encoders: Any, call: Any, says: str) -> None:
-    good = encoders.encode_vertex(np.arange(256 * 16, dtype=np.uint8).reshape(256, 16))
+def test_meshopt_codecs_reject_what_makes_no_sense(call: Any, says: str) -> None:
+    good = _umbel.meshopt_encode_vertex(np.arange(256 * 16, dtype=np.uint8).reshape(256, 16))
     with pytest.raises(ValueError, match=says):
         call(_umbel, good)

@@ -1,0 +1,96 @@
+"""`umbel export`: an asset for other viewers."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from umbel.cli.options import ExportFormat, Up, option, switch
+from umbel.cli.outputs import check_folder, check_output
+from umbel.cli.progress import Bar
+from umbel.cli.run import USAGE, Json, Threads, ends_cleanly, fail, heard, is_asset, show
+
+
+@ends_cleanly()
+def command(
+    path: Annotated[str, typer.Argument(metavar="FILE", help="Asset (.umbel).")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="OUT", help="Folder to write, or .glb."),
+    ],
+    format: ExportFormat | None = option(
+        None,
+        None,
+        "3D Tiles 1.1 (default), glTF with MSFT_lod (default for .glb), or a page with the viewer.",
+    ),
+    tile_triangles: int = option(
+        32768, "N", "3dtiles: a cell with more of the asset's triangles is split.", min=1
+    ),
+    implicit_above: int = option(
+        10000, "N", "3dtiles: with more tiles, write implicit tiling.", min=0
+    ),
+    skirts: bool = switch(
+        "--skirts", "3dtiles: strips along tiles' borders that cover gaps between levels."
+    ),
+    up: Up | None = option(
+        None, None, "3dtiles: axis to the zenith; if not given, what is known of the source."
+    ),
+    as_json: Json = False,
+    threads: Threads = 0,
+) -> None:
+    """Write an asset for other viewers: a folder of 3D Tiles, one glTF file with a few levels, or a
+    web page. The result takes its name when all of it is written."""
+    if not is_asset(path):
+        fail(f"{path}: only .umbel files are exported; `umbel build` makes one of a mesh")
+    is_glb = output.suffix.lower() == ".glb"
+    chosen = format or (ExportFormat.glb if is_glb else ExportFormat.tiles)
+    if chosen is not ExportFormat.tiles and (skirts or up is not None):
+        fail(f"--skirts and --up are for --format 3dtiles, not {chosen.value}", USAGE)
+    if chosen is ExportFormat.glb:
+        check_output(output, ".glb", inputs=[path])
+    else:
+        check_folder(output.absolute().parent, f"{output}: ")
+    started = time.perf_counter()
+    with Bar() as bar:
+        if chosen is ExportFormat.glb:
+            result = _glb(path, output, bar)
+        elif chosen is ExportFormat.viewer:
+            result = _viewer(path, output)
+        else:
+            from umbel.export.tiles import export_tiles
+
+            report = export_tiles(
+                path,
+                output,
+                tile_triangles=tile_triangles,
+                implicit_above=implicit_above,
+                skirts=skirts,
+                up=None if up is None else up.value,
+                progress=bar,
+                threads=threads,
+            )
+            result = dataclasses.asdict(report)
+    seconds = time.perf_counter() - started
+    head = {"input": path, "output": str(output), "format": chosen.value}
+    show(head | result | {"seconds": seconds, "warnings": heard}, as_json, str(output))
+
+
+def _glb(path: str, output: Path, bar: Bar) -> dict[str, Any]:
+    from umbel.export.lod_glb import export_glb
+
+    return {"files": 1} | dataclasses.asdict(export_glb(path, output, progress=bar))
+
+
+def _viewer(path: str, output: Path) -> dict[str, Any]:
+    from umbel.viewer.view import export_viewer
+
+    if "://" in path:
+        fail(f"{path}: the viewer shows files on this machine; download the asset first")
+    index = export_viewer(path, output)
+    files = [file for file in output.rglob("*") if file.is_file()]
+    size = sum(file.stat().st_size for file in files)
+    return {"files": len(files), "bytes": size, "url": index.absolute().as_uri()}

@@ -1,0 +1,1 @@
+"""Assets for other viewers: 3D Tiles, and glTF with levels."""

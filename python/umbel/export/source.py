@@ -1,0 +1,157 @@
+"""What an export reads of an asset: the boxes of a cut's clusters, and what of a cut lies in a box.
+Both read the pages that they need and keep none.
+
+All coordinates here are those of tiles: relative to the asset's origin, with z up."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from umbel import _umbel
+from umbel.errors import Error
+from umbel.export.piece import Doubles, Piece
+from umbel.geometry.mesh import Material
+from umbel.io.scene import join, transformed, with_default
+from umbel.lod.asset import Asset
+from umbel.lod.instances import all_instances, local_transforms, scale_range
+
+#: From glTF's axes, y up, to those of tiles, z up, as 3D Tiles 1.1 defines it.
+Y_TO_Z = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+_MARGIN = 1e-5
+"""How much larger than a box what is read for it is, as planes are floats."""
+
+
+def axis_up(asset: Asset, up: str | None) -> str:
+    """The axis to the zenith: the one asked for, that of the asset's source, or z for maps."""
+    if up not in (None, "y", "z"):
+        raise Error(f"up must be 'y' or 'z', not {up!r}")
+    said = asset.coordinates.get("up")
+    if up or said in ("y", "z"):
+        return str(up or said)
+    return "z" if asset.coordinates.get("crs") or asset.origin.any() else "y"
+
+
+class Source:
+    """An asset in the coordinates of tiles."""
+
+    def __init__(self, asset: Asset, up: str | None = None) -> None:
+        self.asset = asset
+        self.turn = Y_TO_Z if axis_up(asset, up) == "y" else np.eye(3)
+        self.materials = asset.materials
+        self._meshes = [mesh for mesh, _ in all_instances(asset)]
+        self._rows = local_transforms(asset)
+        self._turned = self.turn @ self._rows.astype(np.float64)
+        self._moved = bool(len(asset._native.instance_meshes()))
+        meshes = [mesh["bounds"] for mesh in asset.meshes]
+        self.boxes = np.array(
+            [_box_of(meshes[k], m) for k, m in zip(self._meshes, self._turned, strict=True)]
+        ).reshape(-1, 6)
+
+    @property
+    def origin(self) -> Doubles:
+        """(3,): where the tiles' coordinates are zero, in the world with z up."""
+        origin: Doubles = self.turn @ self.asset.origin
+        return origin
+
+    def bounds(self) -> tuple[Doubles, Doubles]:
+        """The least and greatest corner of all levels of all instances."""
+        used = self.boxes[(self.boxes[:, :3] <= self.boxes[:, 3:]).all(axis=1)]
+        if not len(used):
+            raise Error(f"{self.asset.path}: the asset has no triangles to export")
+        return used[:, :3].min(axis=0), used[:, 3:].max(axis=0)
+
+    def _view(self, instance: int, error: float) -> _umbel.View:
+        view = _umbel.view_error(error)
+        return _umbel.view_in_instance(view, self._rows[instance].reshape(1, 12))
+
+    def cluster_boxes(self, error: float) -> Iterator[tuple[Doubles, NDArray[np.uint32]]]:
+        """For each instance the (n, 6) boxes of its cut's clusters, and their triangle counts."""
+        for k, mesh in enumerate(self._meshes):
+            boxes, counts = self.asset._native.cut_boxes(self._view(k, error), mesh)
+            yield _moved_boxes(boxes.reshape(-1, 6).astype(np.float64), self._turned[k]), counts
+
+    def error_for(self, triangles: int) -> float:
+        """The least error at which all instances have at most so many triangles; that of the
+        coarsest cut, where that has more."""
+        native = self.asset._native
+        meshes, rows = native.instance_meshes(), native.transforms().reshape(-1, 12)
+        view = native.view_for_triangles(_umbel.view_error(0), triangles, meshes, rows)
+        return float(view.error) if np.isfinite(view.error) else self.coarsest_error()
+
+    def coarsest_error(self) -> float:
+        """The error of the coarsest cut."""
+        errors = [0.0]
+        for k, mesh in enumerate(self._meshes):
+            found = self.asset._native.find_cut(self._view(k, np.inf), mesh)
+            errors.append(found.error * scale_range(self._turned[k])[1])
+        return max(errors)
+
+    def cut(self, error: float, low: Doubles, high: Doubles) -> Piece | None:
+        """The cut at an error: all clusters that are in a box at least in part, or nothing."""
+        pad = _MARGIN * (np.abs(np.concatenate([low, high])).max() + (high - low).max())
+        low, high = low - pad, high + pad
+        planes = np.zeros((6, 4))
+        planes[:3, :3], planes[3:, :3] = np.eye(3), -np.eye(3)
+        planes[:3, 3], planes[3:, 3] = -low, high
+        touching = (self.boxes[:, :3] <= high) & (self.boxes[:, 3:] >= low)
+        blocks = []
+        for k in np.flatnonzero(touching.all(axis=1)).tolist():
+            own = _planes_in(planes, self._turned[k])
+            found = self.asset._native.find_cut(self._view(k, error), self._meshes[k], own)
+            if found.triangles:
+                made = self.asset._mesh([], self._meshes[k], self.materials, found)
+                made.origin = np.zeros(3)
+                matrix = np.eye(4)
+                matrix[:3] = self._rows[k]
+                blocks.append(transformed(made, matrix) if self._moved else made)
+        if not blocks:
+            return None
+        mesh = join(blocks, [(k, m.triangles, m.material_ids) for k, m in enumerate(blocks)])
+        _, mesh.material_ids = with_default(self.materials, mesh.material_ids)
+        return Piece.of(mesh).turned(self.turn)
+
+
+def material_list(source: Source) -> list[Material]:
+    """The asset's materials, and one more for triangles without any."""
+    return [*source.materials, Material(name="default", metallic=1.0)]
+
+
+def source_name(asset: Asset) -> str:
+    """What the asset calls itself."""
+    return str(asset.info["metadata"].get("name") or Path(asset.path).stem)
+
+
+def copyright_of(asset: Asset) -> dict[str, Any]:
+    """glTF's `asset` of the source, without what is of its file alone."""
+    said = asset.scene.get("asset", {})
+    return {k: said[k] for k in ("copyright", "extras") if k in said and json.dumps(said[k])}
+
+
+def _box_of(bounds: Any, matrix: Doubles) -> Doubles:
+    if bounds is None:
+        return np.array([np.inf] * 3 + [-np.inf] * 3)
+    box: Doubles = _moved_boxes(np.array(bounds, np.float64).reshape(1, 6), matrix)[0]
+    return box
+
+
+def _moved_boxes(boxes: Doubles, matrix: Doubles) -> Doubles:
+    """The boxes around boxes that a (3, 4) matrix moves."""
+    linear, shift = matrix[:, :3], matrix[:, 3]
+    centers = (boxes[:, :3] + boxes[:, 3:]) / 2 @ linear.T + shift
+    halves = (boxes[:, 3:] - boxes[:, :3]) / 2 @ np.abs(linear).T
+    return np.concatenate([centers - halves, centers + halves], axis=1)
+
+
+def _planes_in(planes: Doubles, matrix: Doubles) -> NDArray[np.float32]:
+    """The planes in the space that a (3, 4) matrix takes to theirs."""
+    own = np.empty_like(planes)
+    own[:, :3] = planes[:, :3] @ matrix[:, :3]
+    own[:, 3] = planes[:, 3] + planes[:, :3] @ matrix[:, 3]
+    length = np.linalg.norm(own[:, :3], axis=1, keepdims=True)
+    return np.ascontiguousarray(own / np.where(length > 0, length, 1), np.float32)

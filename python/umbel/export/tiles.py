@@ -1,0 +1,234 @@
+"""An asset as 3D Tiles 1.1: a folder of glTF tiles for other viewers."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from umbel.errors import Cancelled, Error, warn_lost
+from umbel.export.glb import glb_bytes, grid_node
+from umbel.export.packed import PackedArrays, quantized
+from umbel.export.plan import Plan, Tile, make_plan
+from umbel.export.skirts import with_skirts
+from umbel.export.source import Y_TO_Z, Source, copyright_of, material_list
+from umbel.export.tileset import implicit_error, subtrees, tileset
+from umbel.geometry.arrays import thread_count, whole
+from umbel.geometry.repair import Progress
+from umbel.io.files import write_all
+from umbel.io.gltf.material_table import MaterialTable
+from umbel.io.textures.packed import packed
+from umbel.lod.asset import Asset
+
+TILE_TRIANGLES = 32_768
+IMPLICIT_ABOVE = 10_000
+STEPS = 2**15
+"""Positions of a tile are on a grid of so many steps along its cell; a power of two, so that cells
+side by side round points between them equally, and float arithmetic gives both the same."""
+
+
+@dataclass(frozen=True)
+class TilesReport:
+    """What was written."""
+
+    files: int
+    bytes: int
+    tiles: int  #: with content
+    depth: int  #: of the tree: 0 is the root alone
+    triangles: int  #: of all tiles
+    implicit: bool
+    errors: list[float]  #: of tiles that have children, by depth, as the levels say
+    #: the most that tiles of different errors side by side can be apart, across the surface
+    largest_gap: float
+    largest_move: float  #: of a vertex, as positions are rounded to the grid of a tile
+
+
+def export_tiles(
+    source: Asset | str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    tile_triangles: int = TILE_TRIANGLES,
+    implicit_above: int = IMPLICIT_ABOVE,
+    skirts: bool = False,
+    up: str | None = None,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> TilesReport:
+    """Writes an asset as 3D Tiles 1.1 (docs/export.md) to a folder that is empty or not there yet.
+    It takes its name when all is written. Reads what a tile needs, tile by tile.
+
+    tile_triangles: most of the source's triangles in a cell that is not split.
+    implicit_above: with more tiles the tree is written as implicit tiling.
+    skirts: hang strips from tiles' borders that cover gaps beside tiles of another error.
+    up: "y" or "z", the asset's axis to the zenith; None: what is known of its source.
+    progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
+    """
+    most = whole("tile_triangles", tile_triangles)
+    if most < 1:
+        raise Error("tile_triangles must be at least 1")
+    above = whole("implicit_above", implicit_above)
+    asset = source if isinstance(source, Asset) else Asset(source)
+    target = Path(folder)
+    check_target(target)
+    with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".umbel-") as made:
+        whole_folder = Path(made) / "tiles"
+        try:
+            whole_folder.mkdir()
+            writer = _Writer(Source(asset, up), whole_folder, skirts)
+            report = writer.write(most, above, thread_count(threads), progress)
+            if target.exists():
+                target.rmdir()
+            whole_folder.rename(target)
+        except OSError as error:
+            raise Error(f"cannot write {target}: {error.strerror or error}") from None
+    return report
+
+
+def check_target(folder: Path) -> None:
+    """Refuses a folder that is there with something in it, or cannot be made."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise Error(f"{folder} is there already and is not an empty folder")
+    if not folder.absolute().parent.is_dir():
+        raise Error(f"{folder}: there is no folder {folder.absolute().parent}")
+
+
+class _Writer:
+    def __init__(self, source: Source, folder: Path, skirts: bool) -> None:
+        self.source, self.folder, self.skirts = source, folder, skirts
+        self.asset = copyright_of(source.asset)
+        self.files = self.bytes = 0
+        self.images: dict[bytes, str] = {}
+        self.materials = self._shared_materials()
+
+    def write(
+        self, most: int, implicit_above: int, threads: int, progress: Progress | None
+    ) -> TilesReport:
+        report = progress or (lambda *_: None)
+        if report(0.0, "choosing tiles") is False:
+            raise Cancelled("cancelled")
+        plan = make_plan(self.source, most)
+        tiles = list(plan.tiles())
+        for done, (tile, chunks) in enumerate(self._contents(plan, tiles, threads)):
+            if chunks:
+                self._file(f"tiles/{tile.name}.glb", chunks)
+            if report(done / len(tiles), "writing tiles") is False:
+                raise Cancelled("cancelled")
+        plan.prune()
+        if plan.root.box is None and not plan.root.children:
+            raise Error(f"{self.source.asset.path}: all triangles are degenerate")
+        tiles = list(plan.tiles())
+        implicit = len(tiles) > implicit_above
+        if implicit:
+            for name, data in subtrees(plan).items():
+                self._file(name, [data])
+        self._file("tileset.json", [tileset(plan, self.source.origin, implicit)])
+        return self._report(plan, tiles, implicit)
+
+    def _report(self, plan: Plan, tiles: list[Tile], implicit: bool) -> TilesReport:
+        moves = [self._step(plan, tile) for tile in tiles if tile.box is not None]
+        move = max(moves) * 3**0.5 / 2
+        # The root has no neighbour; tiles of the same error fit.
+        inner = sorted({tile.error for tile in tiles if tile.depth > 0}, reverse=True)
+        return TilesReport(
+            files=self.files,
+            bytes=self.bytes,
+            tiles=len(moves),
+            depth=max(tile.depth for tile in tiles),
+            triangles=sum(tile.triangles for tile in tiles),
+            implicit=implicit,
+            errors=[implicit_error(plan) / 2**d for d in range(len(plan.errors))]
+            if implicit
+            else plan.errors,
+            largest_gap=sum(inner[:2]) + 2 * move if len(inner) > 1 else 0.0,
+            largest_move=move,
+        )
+
+    @staticmethod
+    def _step(plan: Plan, tile: Tile) -> float:
+        return plan.grid.side / float(2**tile.depth * STEPS)
+
+    def _contents(
+        self, plan: Plan, tiles: list[Tile], threads: int
+    ) -> Iterator[tuple[Tile, list[bytes]]]:
+        """The files of all tiles in their order, made by several threads, a few ahead."""
+        count = threads or os.cpu_count() or 1
+        waiting: list[tuple[Tile, Future[list[bytes]]]] = []
+        with ThreadPoolExecutor(count) as pool:
+            try:
+                for tile in tiles:
+                    waiting.append((tile, pool.submit(self._content, plan, tile)))
+                    if len(waiting) > 2 * count:
+                        first, future = waiting.pop(0)
+                        yield first, future.result()
+                for tile, future in waiting:
+                    yield tile, future.result()
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
+
+    def _content(self, plan: Plan, tile: Tile) -> list[bytes]:
+        """The file of a tile, in chunks; none if nothing is in its cell."""
+        low, high = plan.grid.cell(tile)
+        piece = self.source.cut(tile.error, low, high)
+        if piece is None:
+            return []
+        for axis, value, above in plan.grid.cuts(tile):
+            piece = piece.half(axis, value, above)
+        if self.skirts and tile.depth > 0:
+            parent = plan.errors[tile.depth - 1]
+            piece = with_skirts(piece, low, high, parent + tile.error)
+        # In glTF's axes the cell's least corner is another.
+        corner = np.minimum(low @ Y_TO_Z, high @ Y_TO_Z)
+        step = self._step(plan, tile)
+        surface = quantized(piece.turned(Y_TO_Z.T), corner, step)
+        if surface is None:
+            return []
+        points = surface.rows["POSITION"].astype(np.float64) * step + corner
+        box = np.stack([points.min(axis=0), points.max(axis=0)]) @ Y_TO_Z.T
+        tile.box, tile.triangles = np.sort(box, axis=0), len(surface.triangles)
+        arrays = PackedArrays()
+        used = [] if surface.materials is None else np.unique(surface.materials).tolist()
+        lost: list[str] = []
+        table = MaterialTable(self._keep_image, [self.materials[k] for k in used], lost)
+        table.write()
+        numbers = {k: i for i, k in enumerate(used)}
+        primitives = arrays.mesh(surface, lambda k, sets: table.number(numbers[k], sets))
+        scene = {
+            "asset": self.asset,
+            "roots": [0],
+            "nodes": [grid_node(corner, step, mesh=0)],
+            "meshes": [{"primitives": primitives}],
+        }
+        return glb_bytes(arrays, table, scene, name=tile.name)
+
+    def _shared_materials(self) -> list[Any]:
+        """The materials; their images become files that all tiles share."""
+        lost: list[str] = []
+        given = []
+        for material in material_list(self.source):
+            ours, gone = packed(material)
+            given.append(ours)
+            lost += gone
+        MaterialTable(self._keep_image, given, lost).write()
+        if lost:
+            warn_lost("the tiles have not all textures", list(dict.fromkeys(lost)))
+        return given
+
+    def _keep_image(self, data: bytes, kind: str) -> dict[str, Any]:
+        if data not in self.images:
+            name = f"textures/{len(self.images)}.{kind.rpartition('/')[2]}"
+            self._file(name, [data])
+            self.images[data] = name
+        return {"uri": f"../../{self.images[data]}"}
+
+    def _file(self, name: str, chunks: list[bytes]) -> None:
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_all(path, chunks)
+        self.files += 1
+        self.bytes += sum(len(chunk) for chunk in chunks)
