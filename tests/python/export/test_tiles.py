@@ -225,7 +225,10 @@ def test_implicit_tiling_names_the_tiles_that_are_there(
             flags = below if level == levels else stored[first : first + 8**level]
             for morton in np.flatnonzero(flags):
                 own = [sum((morton >> 3 * b + k & 1) << b for b in range(level)) for k in range(3)]
-                place = (depth + level, *(p * 2**level + v for p, v in zip((x, y, z), own)))
+                place = (
+                    depth + level,
+                    *(p * 2**level + v for p, v in zip((x, y, z), own, strict=True)),
+                )
                 if level == levels:
                     pending.append(place)
                 else:
