@@ -65,7 +65,7 @@ def test_importing_the_package_imports_nothing_else() -> None:
 
 #: Each imports only what is listed before it, when it is imported itself.
 ROOMS = ["errors", "plain_json", "geometry", "shapes", "cluster", "accel", "bvh", "io", "lod"]
-ROOMS += ["scale", "trace", "viewer", "cuda", "bench", "testing", "cli"]
+ROOMS += ["scale", "export", "trace", "viewer", "cuda", "bench", "testing", "cli"]
 
 
 def imported_rooms(source: Path) -> set[str]:
