@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/math.hpp"
+#include "scale/vertex_table.hpp"
 
 namespace umbel::scale {
 namespace {
@@ -66,7 +67,9 @@ void PartsWriter::add_cluster(const lod::ClusterSet& pending, uint32_t cluster) 
     uint32_t& number = number_[v];
     if (number == kNone) {
       const uint32_t material = unit_.source.material(v);
-      number = table_.insert(unit_.source.mesh, v, material);
+      number = static_cast<uint32_t>(used_.size());
+      lod::append_vertex(block_.vertices, unit_.source.mesh, v);
+      if (!unit_.source.vertex_materials.empty()) block_.materials.push_back(material);
       used_.push_back(v);
       summary_.largest_material[0] = std::max(summary_.largest_material[0], material);
     }
@@ -82,13 +85,12 @@ void PartsWriter::add_cluster(const lod::ClusterSet& pending, uint32_t cluster) 
 }
 
 void PartsWriter::write_block(uint32_t groups) {
-  block_.vertices = table_.take_mesh();
-  if (!unit_.source.vertex_materials.empty()) block_.materials = table_.take_materials();
+  block_.vertices.extras = unit_.source.mesh.extras;
+  drop_negative_zeros(block_.vertices);
   asset::add(statistics_, asset::vertex_statistics(block_.vertices, 0));
   file_.add(static_cast<uint32_t>(summary_.blocks.size()), bytes_of(block_));
   summary_.blocks.push_back(groups);
   block_ = {};
-  table_.clear();
   for (const uint32_t v : used_) number_[v] = kNone;
   used_.clear();
 }

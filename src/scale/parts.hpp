@@ -10,7 +10,6 @@
 #include "lod/build/group_sink.hpp"
 #include "lod/build/unit.hpp"
 #include "scale/exits.hpp"
-#include "scale/vertex_table.hpp"
 #include "scale/work_file.hpp"
 
 namespace umbel::scale {
@@ -78,7 +77,6 @@ class PartsWriter final : public lod::GroupSink {
   std::vector<uint32_t> members_;  // of groups that were added since the last level
   size_t written_ = 0;             // groups
   PartsBlock block_;
-  VertexTable table_;             // of the block
   std::vector<uint32_t> number_;  // in the block, of each vertex of the unit, or kNone
   std::vector<uint32_t> used_;    // the unit's vertices that have one
 };

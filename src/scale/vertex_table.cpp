@@ -59,23 +59,18 @@ void VertexTable::reserve(size_t vertices) {
   if (vertices > index_.room()) grow(vertices);
 }
 
-void VertexTable::clear() {
-  const size_t count = size();
-  mesh_ = {};
-  materials_.clear();
-  rows_.clear();
-  hashes_.clear();
-  index_.reset(count);
+Mesh VertexTable::take_mesh() {
+  drop_negative_zeros(mesh_);
+  return std::move(mesh_);
 }
 
-Mesh VertexTable::take_mesh() {
+void drop_negative_zeros(Mesh& mesh) {
   const auto normalise = [](auto& stream) {
     for (auto& value : stream) value = without_negative_zero(value);
   };
-  normalise(mesh_.positions), normalise(mesh_.normals), normalise(mesh_.tangents);
-  normalise(mesh_.uvs), normalise(mesh_.colors);
-  for (float& value : mesh_.extra_values) value += 0.0f;
-  return std::move(mesh_);
+  normalise(mesh.positions), normalise(mesh.normals), normalise(mesh.tangents);
+  normalise(mesh.uvs), normalise(mesh.colors);
+  for (float& value : mesh.extra_values) value += 0.0f;
 }
 
 }  // namespace umbel::scale

@@ -17,8 +17,6 @@ class VertexTable {
   size_t size() const { return hashes_.size(); }
   /// Makes room for so many vertices in all.
   void reserve(size_t vertices);
-  /// Forgets all vertices, but keeps room for as many.
-  void clear();
   /// The vertices, rising by number, without triangles and without -0.
   Mesh take_mesh();
   std::vector<uint32_t> take_materials() { return std::move(materials_); }
@@ -32,5 +30,8 @@ class VertexTable {
   std::vector<uint64_t> hashes_;
   HashIndex index_;
 };
+
+/// Of all vertices.
+void drop_negative_zeros(Mesh& mesh);
 
 }  // namespace umbel::scale
