@@ -9,6 +9,7 @@
 #include <thread>
 #include <umbel/trace.hpp>
 
+#include "checks.hpp"
 #include "png.hpp"
 #include "projection.hpp"
 #include "renderer.hpp"
@@ -16,13 +17,29 @@
 #include "unavailable.hpp"
 
 namespace {
-
 int failures = 0;
+}
 
-void expect(bool good, const std::string& what) {
+void sample::expect(bool good, const std::string& what) {
   std::printf("%s: %s\n", good ? "ok" : "FAILED", what.c_str());
   if (!good) ++failures;
 }
+
+bool sample::draw_whole(Renderer& renderer, const FrameInput& input) {
+  for (uint32_t f = 0; f < 500; ++f) {
+    const FrameReport report = renderer.draw(input, 0.01 * f);
+    if (report.views > 0 && report.step.caught_up && report.step.worst_error <= 1) {
+      renderer.draw(input, 0.01 * f);
+      return renderer.draw(input, 0.01 * f).used_slots > 0;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return false;
+}
+
+namespace {
+
+using sample::expect;
 
 constexpr umbel::Vec4 kRed{1, 0, 0, 1};
 
@@ -73,19 +90,6 @@ void no_red_from_inside(const sample::Device& device, const umbel::Asset& asset,
 constexpr uint32_t kSide = 4;  // samples of a pixel, squared
 constexpr uint32_t kWidth = 240, kHeight = 180;
 
-// Draws until nothing is missing.
-bool draw_whole(sample::Renderer& renderer, const sample::FrameInput& input) {
-  for (uint32_t f = 0; f < 500; ++f) {
-    const sample::FrameReport report = renderer.draw(input, 0.01 * f);
-    if (report.views > 0 && report.step.caught_up && report.step.worst_error <= 1) {
-      renderer.draw(input, 0.01 * f);
-      return renderer.draw(input, 0.01 * f).used_slots > 0;
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return false;
-}
-
 // The picture, as large as the tracer's.
 std::vector<umbel::Vec3> means(std::span<const uint8_t> pixels) {
   std::vector<umbel::Vec3> out(size_t{kWidth} * kHeight, {0, 0, 0});
@@ -109,7 +113,7 @@ void agrees_with_the_tracer(const sample::Device& device, const umbel::Asset& as
   input.camera.position = {1.2f, 1.0f, 2.6f};
   input.pixel_error = 2;
   input.background = {0.5f, 0.5f, 0.5f, 1};
-  if (!draw_whole(renderer, input)) return expect(false, "all pages arrive");
+  if (!sample::draw_whole(renderer, input)) return expect(false, "all pages arrive");
   sample::write_png(folder + "/normals.png", config.width, config.height, renderer.pixels());
 
   const umbel::lod::View view = umbel::lod::view_camera(input.camera.position, input.camera.fov_y,
@@ -146,6 +150,7 @@ int main(int argc, char** argv) try {
   no_red_from_inside(device, asset, true, folder);
   no_red_from_inside(device, asset, false, folder);
   agrees_with_the_tracer(device, asset, folder);
+  sample::check_occlusion(device, asset, folder);
   expect(device.validation_messages() == 0, "the validation layers found nothing");
   return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 } catch (const sample::Unavailable& error) {

@@ -56,6 +56,7 @@
   X(vkDestroyPipeline)             \
   X(vkCmdBindPipeline)             \
   X(vkCmdPushConstants)            \
+  X(vkCmdDispatch)                 \
   X(vkCmdDispatchIndirect)         \
   X(vkCmdDrawIndirect)             \
   X(vkCmdFillBuffer)               \

@@ -42,24 +42,25 @@ inline constexpr uint32_t kRow = 128;
 
 struct GpuCounts {
   std::array<std::array<uint32_t, 4>, kMostLayers> layers{};
-  std::array<uint32_t, 4> mesh_draw{}, draw{};
+  std::array<std::array<uint32_t, 4>, 2> mesh_draw{}, draw{};
+  std::array<uint32_t, 4> hidden{};
   uint32_t overflow = 0;
 };
 
 struct GpuFrame {
-  std::array<float, 16> clip_from_world;  // by columns
+  std::array<float, 16> clip_from_world, last_clip_from_world;  // by columns
   umbel::Vec4 eye;
   VkDeviceAddress nodes, groups, clusters, instances, pool, first_word, usable, wanted, queue,
-      visible, counts;
-  uint32_t capacity;
-  uint32_t padding = 0;
+      visible, hidden, pyramid, counts;
+  uint32_t capacity, occlusion;
+  std::array<uint32_t, 2> size;
 };
 
 struct GpuPush {
   VkDeviceAddress frame;
-  uint32_t layer;
+  uint32_t layer, pass;
 };
-inline constexpr uint32_t kPushBytes = 12;
+inline constexpr uint32_t kPushBytes = 16;
 
 static_assert(sizeof(GpuNode) == 32 && sizeof(GpuGroup) == 32 && sizeof(GpuCluster) == 44);
 static_assert(sizeof(GpuInstance) == 144 && sizeof(GpuItem) == 8);

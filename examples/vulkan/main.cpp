@@ -1,7 +1,8 @@
 // Flies round a field of instances, drawn headless, a picture a frame.
 //   umbel_vulkan [FILE.umbel] [--frames N] [--out DIR] [--size W H] [--instances N] [--error
 //   PIXELS]
-//                [--budget MB] [--looks normals|clusters] [--no-mesh-shaders] [--validate]
+//                [--budget MB] [--looks normals|clusters] [--no-mesh-shaders] [--no-occlusion]
+//                [--validate]
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -23,6 +24,7 @@ struct Options {
   float error = 1;
   sample::RendererConfig renderer;
   sample::DeviceOptions device;
+  bool occlusion = true;
   sample::FrameInput::Looks looks = sample::FrameInput::Looks::kNormals;
 };
 
@@ -65,6 +67,8 @@ Options parse(int argc, char** argv) {
         throw std::invalid_argument("no such looks: " + looks);
     } else if (word == "--no-mesh-shaders")
       options.device.mesh_shaders = false;
+    else if (word == "--no-occlusion")
+      options.occlusion = false;
     else if (word == "--validate")
       options.device.validation = true;
     else if (word.starts_with("--") || !options.file.empty()) {
@@ -109,15 +113,19 @@ void run(const Options& options) {
     input.camera = camera_at(box, 0.05f * static_cast<float>(f), field_size);
     input.pixel_error = options.error;
     input.looks = options.looks;
+    input.occlusion = options.occlusion;
     input.near_plane = 0.001f * spacing;
     const double now =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     const sample::FrameReport report = renderer.draw(input, now);
     const std::string name = options.out + "/frame_" + std::to_string(f) + ".png";
     sample::write_png(name, config.width, config.height, renderer.pixels());
-    std::printf("%s: %u clusters, error %.2f of what is allowed, %u views, %u of %u slots\n",
-                name.c_str(), report.clusters, static_cast<double>(report.step.worst_error),
-                report.views, report.used_slots, report.slots);
+    std::printf(
+        "%s: %u clusters (%u late, %u hidden), error %.2f of what is allowed, %u views, %u of %u "
+        "slots\n",
+        name.c_str(), report.clusters, report.late, report.hidden,
+        static_cast<double>(report.step.worst_error), report.views, report.used_slots,
+        report.slots);
   }
   if (device.validation_messages() > 0) throw std::runtime_error("validation found faults.");
 }

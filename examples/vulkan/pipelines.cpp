@@ -1,7 +1,6 @@
 #include "pipelines.hpp"
 
 #include <array>
-#include <span>
 
 #include "layouts.hpp"
 
@@ -13,6 +12,8 @@ namespace {
 #include "cluster.frag.h"
 #include "cluster.mesh.h"
 #include "cluster.vert.h"
+#include "depth_pyramid.comp.h"
+#include "retest.comp.h"
 #include "select.comp.h"
 
 class Module {
@@ -46,23 +47,28 @@ Pipelines::Pipelines(const Device& device, bool mesh_shaders) : device_(device) 
                                           .pushConstantRangeCount = 1,
                                           .pPushConstantRanges = &push};
   check(vkCreatePipelineLayout(device.handle(), &layout, nullptr, &layout_), "a layout");
-  make_select();
+  select_ = make_compute(select_comp);
+  pyramid_ = make_compute(depth_pyramid_comp);
+  retest_ = make_compute(retest_comp);
   make_draw(mesh_shaders);
 }
 
 Pipelines::~Pipelines() {
-  vkDestroyPipeline(device_.handle(), draw_, nullptr);
-  vkDestroyPipeline(device_.handle(), select_, nullptr);
+  for (VkPipeline pipeline : {draw_, retest_, pyramid_, select_}) {
+    vkDestroyPipeline(device_.handle(), pipeline, nullptr);
+  }
   vkDestroyPipelineLayout(device_.handle(), layout_, nullptr);
 }
 
-void Pipelines::make_select() {
-  const Module module(device_, select_comp);
+VkPipeline Pipelines::make_compute(std::span<const uint32_t> shader) const {
+  const Module module(device_, shader);
   const VkComputePipelineCreateInfo info{.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
                                          .stage = module.stage(VK_SHADER_STAGE_COMPUTE_BIT),
                                          .layout = layout_};
-  check(vkCreateComputePipelines(device_.handle(), VK_NULL_HANDLE, 1, &info, nullptr, &select_),
-        "the selection's pipeline");
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  check(vkCreateComputePipelines(device_.handle(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
+        "a compute pipeline");
+  return pipeline;
 }
 
 // Long, but only a list of what Vulkan wants to know: triangles from both sides, a depth test.

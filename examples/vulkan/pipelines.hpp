@@ -2,6 +2,9 @@
 // else, so they share one layout without descriptors.
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "device.hpp"
 
 namespace sample {
@@ -19,15 +22,18 @@ class Pipelines {
 
   VkPipelineLayout layout() const { return layout_; }
   VkPipeline select() const { return select_; }
+  VkPipeline pyramid() const { return pyramid_; }
+  VkPipeline retest() const { return retest_; }
   VkPipeline draw() const { return draw_; }
 
  private:
-  void make_select();
+  VkPipeline make_compute(std::span<const uint32_t> shader) const;
   void make_draw(bool mesh_shaders);
 
   const Device& device_;
   VkPipelineLayout layout_ = VK_NULL_HANDLE;
-  VkPipeline select_ = VK_NULL_HANDLE, draw_ = VK_NULL_HANDLE;
+  VkPipeline select_ = VK_NULL_HANDLE, pyramid_ = VK_NULL_HANDLE, retest_ = VK_NULL_HANDLE,
+             draw_ = VK_NULL_HANDLE;
 };
 
 }  // namespace sample

@@ -41,7 +41,8 @@ Renderer::Renderer(const Device& device, const umbel::Asset& asset,
       instances_(device, transforms_.size() * sizeof(GpuInstance), Place::kHost),
       frame_(device, sizeof(GpuFrame), Place::kHost),
       queue_(device, 2 * uint64_t{config.capacity} * sizeof(GpuItem), Place::kDevice),
-      visible_(device, uint64_t{config.capacity} * sizeof(GpuItem), Place::kDevice),
+      visible_(device, 2 * uint64_t{config.capacity} * sizeof(GpuItem), Place::kDevice),
+      hidden_(device, uint64_t{config.capacity} * sizeof(GpuItem), Place::kDevice),
       counts_(device, sizeof(GpuCounts), Place::kDevice),
       counts_read_(device, sizeof(GpuCounts), Place::kHost),
       wanted_(device, tables_.host().groups.size() * 4, Place::kHost),
@@ -50,36 +51,50 @@ Renderer::Renderer(const Device& device, const umbel::Asset& asset,
              VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
              VK_IMAGE_ASPECT_COLOR_BIT),
       depth_(device, config.width, config.height, kDepthFormat,
-             VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT, VK_IMAGE_ASPECT_DEPTH_BIT),
+             VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
+             VK_IMAGE_ASPECT_DEPTH_BIT),
+      pyramid_(device, config.width, config.height),
       residency_(make_residency(asset, pool_.slots())) {
   if (transforms_.empty() || transforms_.size() > kMostInstances) {
     throw std::runtime_error("the sample draws 1 to 65536 instances.");
   }
 }
 
-FrameReport Renderer::draw(const FrameInput& input, double now) {
-  write_instances(input);
+FrameReport Renderer::draw(const FrameInput& wanted_input, double now) {
+  FrameInput input = wanted_input;
+  input.frozen &= report_.slots > 0;  // the first frame has none before it
+  if (!input.frozen) {
+    write_instances(input);
+    pool_.update(asset_, *residency_);
+  }
   write_frame(input);
-  pool_.update(asset_, *residency_);
   device_.run([&](VkCommandBuffer commands) {
-    pool_.record(commands);
-    record_selection(commands);
-    record_drawing(commands, input);
+    if (!input.frozen) {
+      pool_.record(commands);
+      record_selection(commands);
+    }
+    record_passes(commands, input);
     record_readback(commands);
   });
+  if (input.frozen) return report_;
+  check_capacity();
+  if (input.occlusion) last_clip_from_world_ = frame_.mapped<GpuFrame>()[0].clip_from_world;
   const GpuCounts& counts = counts_read_.mapped<GpuCounts>()[0];
-  if (counts.overflow != 0) {
-    throw std::runtime_error("more than " + std::to_string(config_.capacity) +
-                             " clusters or nodes are visible: ask for a larger error.");
-  }
   const std::vector<umbel::StreamView> wanted = requests();
-  FrameReport report;
-  report.clusters = counts.draw[1];
-  report.views = static_cast<uint32_t>(wanted.size());
-  report.step = residency_->step(wanted, now);
-  report.used_slots = pool_.used();
-  report.slots = pool_.slots();
-  return report;
+  report_.late = counts.draw[1][1];
+  report_.clusters = counts.draw[0][1] + report_.late;
+  report_.hidden = counts.hidden[3] - report_.late;
+  report_.views = static_cast<uint32_t>(wanted.size());
+  report_.step = residency_->step(wanted, now);
+  report_.used_slots = pool_.used();
+  report_.slots = pool_.slots();
+  return report_;
+}
+
+void Renderer::check_capacity() const {
+  if (counts_read_.mapped<GpuCounts>()[0].overflow == 0) return;
+  throw std::runtime_error("more than " + std::to_string(config_.capacity) +
+                           " clusters or nodes are visible: ask for a larger error.");
 }
 
 void Renderer::write_instances(const FrameInput& input) {
@@ -108,6 +123,7 @@ void Renderer::write_frame(const FrameInput& input) const {
   const umbel::Vec3& eye = input.camera.position;
   frame_.mapped<GpuFrame>()[0] = {
       .clip_from_world = clip_from_world(input.camera, aspect, input.near_plane),
+      .last_clip_from_world = last_clip_from_world_,
       .eye = {eye.x, eye.y, eye.z, 1},
       .nodes = tables_.nodes().address(),
       .groups = tables_.groups().address(),
@@ -119,8 +135,12 @@ void Renderer::write_frame(const FrameInput& input) const {
       .wanted = wanted_.address(),
       .queue = queue_.address(),
       .visible = visible_.address(),
+      .hidden = hidden_.address(),
+      .pyramid = pyramid_.address(),
       .counts = counts_.address(),
-      .capacity = config_.capacity};
+      .capacity = config_.capacity,
+      .occlusion = input.occlusion ? 1u : 0u,
+      .size = {config_.width, config_.height}};
 }
 
 void Renderer::record_selection(VkCommandBuffer commands) const {
@@ -128,37 +148,61 @@ void Renderer::record_selection(VkCommandBuffer commands) const {
   for (auto& layer : start.layers) layer = {0, 1, 1, 0};
   const uint32_t items = static_cast<uint32_t>(transforms_.size());
   start.layers[0] = {(items + 63) / 64, 1, 1, items};
-  start.mesh_draw = {kRow, 0, 1, 0};
-  start.draw = {3 * tables_.max_triangles(), 0, 0, 0};
+  start.hidden = {0, 1, 1, 0};
+  start.mesh_draw.fill({kRow, 0, 1, 0});
+  start.draw.fill({3 * tables_.max_triangles(), 0, 0, 0});
   vkCmdUpdateBuffer(commands, counts_.handle(), 0, sizeof start, &start);
   vkCmdFillBuffer(commands, wanted_.handle(), 0, VK_WHOLE_SIZE, 0);
   vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelines_.select());
   for (uint32_t layer = 0; layer < tables_.layers(); ++layer) {
     wait_for_writes(commands);
-    const GpuPush push{frame_.address(), layer};
+    const GpuPush push{frame_.address(), layer, 0};
     vkCmdPushConstants(commands, pipelines_.layout(), VK_SHADER_STAGE_ALL, 0, kPushBytes, &push);
     vkCmdDispatchIndirect(commands, counts_.handle(), layer * sizeof start.layers[0]);
   }
   wait_for_writes(commands);
 }
 
-void Renderer::record_drawing(VkCommandBuffer commands, const FrameInput& input) const {
+// First what was visible in the last frame, by its depth; with the depth of that, what is visible
+// beside it. A wrong guess costs time, never a pixel.
+void Renderer::record_passes(VkCommandBuffer commands, const FrameInput& input) const {
   color_.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
                        VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL);
   depth_.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
                        VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL);
+  begin_drawing(commands, input, true);
+  record_pass(commands, input, 0);
+  if (input.frozen) record_pass(commands, input, 1);
+  vkCmdEndRendering(commands);
+  if (input.frozen || !input.occlusion) return;
+
+  depth_.change_layout(commands, VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL,
+                       VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
+  pyramid_.record(commands, depth_, pipelines_, frame_.address());
+  vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelines_.retest());
+  vkCmdDispatchIndirect(commands, counts_.handle(), offsetof(GpuCounts, hidden));
+  wait_for_writes(commands);
+  depth_.change_layout(commands, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
+                       VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL);
+  begin_drawing(commands, input, false);
+  record_pass(commands, input, 1);
+  vkCmdEndRendering(commands);
+}
+
+void Renderer::begin_drawing(VkCommandBuffer commands, const FrameInput& input, bool first) const {
+  const VkAttachmentLoadOp load = first ? VK_ATTACHMENT_LOAD_OP_CLEAR : VK_ATTACHMENT_LOAD_OP_LOAD;
   const umbel::Vec4& b = input.background;
   const VkRenderingAttachmentInfo color{.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
                                         .imageView = color_.view(),
                                         .imageLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
-                                        .loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR,
+                                        .loadOp = load,
                                         .storeOp = VK_ATTACHMENT_STORE_OP_STORE,
                                         .clearValue = {.color = {.float32 = {b.x, b.y, b.z, b.w}}}};
   const VkRenderingAttachmentInfo depth{.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
                                         .imageView = depth_.view(),
                                         .imageLayout = VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL,
-                                        .loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR,
-                                        .storeOp = VK_ATTACHMENT_STORE_OP_DONT_CARE,
+                                        .loadOp = load,
+                                        .storeOp = VK_ATTACHMENT_STORE_OP_STORE,
                                         .clearValue = {.depthStencil = {0, 0}}};
   const VkRect2D area{{0, 0}, {config_.width, config_.height}};
   const VkRenderingInfo info{.sType = VK_STRUCTURE_TYPE_RENDERING_INFO,
@@ -169,19 +213,22 @@ void Renderer::record_drawing(VkCommandBuffer commands, const FrameInput& input)
                              .pDepthAttachment = &depth};
   const VkViewport viewport{
       0, 0, static_cast<float>(config_.width), static_cast<float>(config_.height), 0, 1};
-  const GpuPush push{frame_.address(), static_cast<uint32_t>(input.looks)};
   vkCmdBeginRendering(commands, &info);
-  vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipelines_.draw());
   vkCmdSetViewport(commands, 0, 1, &viewport);
   vkCmdSetScissor(commands, 0, 1, &area);
+}
+
+void Renderer::record_pass(VkCommandBuffer commands, const FrameInput& input, uint32_t pass) const {
+  const GpuPush push{frame_.address(), static_cast<uint32_t>(input.looks), pass};
+  vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipelines_.draw());
   vkCmdPushConstants(commands, pipelines_.layout(), VK_SHADER_STAGE_ALL, 0, kPushBytes, &push);
+  const uint64_t draw = pass * sizeof(GpuCounts::draw) / 2;
   if (mesh_shaders_) {
-    vkCmdDrawMeshTasksIndirectEXT(commands, counts_.handle(), offsetof(GpuCounts, mesh_draw), 1,
-                                  16);
+    vkCmdDrawMeshTasksIndirectEXT(commands, counts_.handle(), offsetof(GpuCounts, mesh_draw) + draw,
+                                  1, 16);
   } else {
-    vkCmdDrawIndirect(commands, counts_.handle(), offsetof(GpuCounts, draw), 1, 16);
+    vkCmdDrawIndirect(commands, counts_.handle(), offsetof(GpuCounts, draw) + draw, 1, 16);
   }
-  vkCmdEndRendering(commands);
 }
 
 void Renderer::record_readback(VkCommandBuffer commands) const {

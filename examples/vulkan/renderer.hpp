@@ -1,11 +1,13 @@
 // A frame: pages, selection, drawing, and what the selection asks the residency for.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <umbel/umbel.hpp>
 #include <vector>
 
+#include "depth_pyramid.hpp"
 #include "page_pool.hpp"
 #include "pipelines.hpp"
 #include "tables.hpp"
@@ -25,10 +27,14 @@ struct FrameInput {
   float near_plane = 0.01f;
   enum class Looks : uint32_t { kNormals = 0, kClusters = 1 } looks = Looks::kNormals;
   umbel::Vec4 background{1, 1, 1, 1};
+  bool occlusion = true;  ///< leaves out what the depth hides; the picture is the same without
+  bool frozen = false;    ///< draws the last frame's clusters again, from this camera
 };
 
 struct FrameReport {
   uint32_t clusters = 0;  ///< drawn
+  uint32_t late = 0;      ///< of these by the second pass
+  uint32_t hidden = 0;    ///< in the frustum, and left out
   uint32_t views = 0;     ///< instances that asked for groups
   umbel::StreamStep step;
   uint32_t used_slots = 0, slots = 0;
@@ -51,7 +57,10 @@ class Renderer {
   void write_instances(const FrameInput& input);
   void write_frame(const FrameInput& input) const;
   void record_selection(VkCommandBuffer commands) const;
-  void record_drawing(VkCommandBuffer commands, const FrameInput& input) const;
+  void record_passes(VkCommandBuffer commands, const FrameInput& input) const;
+  void begin_drawing(VkCommandBuffer commands, const FrameInput& input, bool first) const;
+  void record_pass(VkCommandBuffer commands, const FrameInput& input, uint32_t pass) const;
+  void check_capacity() const;
   void record_readback(VkCommandBuffer commands) const;
   std::vector<umbel::StreamView> requests() const;
 
@@ -64,8 +73,11 @@ class Renderer {
   PagePool pool_;
   bool mesh_shaders_;
   Pipelines pipelines_;
-  Buffer instances_, frame_, queue_, visible_, counts_, counts_read_, wanted_, readback_;
+  Buffer instances_, frame_, queue_, visible_, hidden_, counts_, counts_read_, wanted_, readback_;
   Image color_, depth_;
+  DepthPyramid pyramid_;
+  std::array<float, 16> last_clip_from_world_{};  ///< of the frame that made the pyramid
+  FrameReport report_;
   std::unique_ptr<umbel::Residency> residency_;
 };
 

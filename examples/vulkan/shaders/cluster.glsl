@@ -12,9 +12,3 @@ uint corner(Cluster cluster, uint start, uint index) {
   uint word = frame.pool.at[start + 4 * cluster.vertices + index / 2];
   return (index & 1) == 0 ? word & 0xffff : word >> 16;
 }
-
-vec3 world_position(vec3 p, Instance instance) {
-  precise vec3 world = vec3(dot(instance.rows[0], vec4(p, 1)), dot(instance.rows[1], vec4(p, 1)),
-                            dot(instance.rows[2], vec4(p, 1)));
-  return world;
-}

@@ -9,7 +9,7 @@ layout(location = 0) out vec3 position;
 layout(location = 1) flat out uint id;
 
 void main() {
-  Item item = frame.visible.at[gl_InstanceIndex];
+  Item item = frame.visible.at[pass * frame.capacity + gl_InstanceIndex];
   Cluster cluster = frame.clusters.at[item.index];
   uint index = uint(gl_VertexIndex);
   position = vec3(0);

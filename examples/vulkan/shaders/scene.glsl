@@ -19,16 +19,19 @@ layout(buffer_reference, scalar) readonly buffer Instances { Instance at[]; };
 layout(buffer_reference, scalar) readonly buffer Words { uint at[]; };
 layout(buffer_reference, scalar) buffer Wanted { uint at[]; };
 layout(buffer_reference, scalar) buffer Items { Item at[]; };
-// An indirect dispatch a layer of the hierarchy, each with its number of items; the two indirect
-// draws; and whether a list was too short.
+layout(buffer_reference, scalar) buffer Floats { float at[]; };
+// An indirect dispatch a layer of the hierarchy, each with its number of items; the indirect draws
+// of both passes, by mesh shaders or without; the indirect dispatch over what the first pass left
+// out, with its number; and whether a list was too short.
 layout(buffer_reference, scalar) buffer Counts {
   uvec4 layers[32];
-  uvec4 mesh_draw, draw;
+  uvec4 mesh_draw[2], draw[2];
+  uvec4 hidden;
   uint overflow;
 };
 
 layout(buffer_reference, scalar) readonly buffer Frame {
-  mat4 clip_from_world;
+  mat4 clip_from_world, last_clip_from_world;  // of this frame, and of the pyramid so far
   vec4 eye;
   Nodes nodes;
   Groups groups;
@@ -39,12 +42,22 @@ layout(buffer_reference, scalar) readonly buffer Frame {
   Words usable;  // one a group: it and all coarser groups above it are in memory
   Wanted wanted;  // one a group: by which instance the most
   Items queue;   // two halves, for one layer and the next
-  Items visible;
+  Items visible;  // two halves, for the first pass and the second
+  Items hidden;  // what the last frame's depth hides
+  Floats pyramid;
   Counts counts;
-  uint capacity;  // of the list of visible clusters, and of half the queue
+  uint capacity;  // of half the list of visible clusters, and of half the queue
+  uint occlusion;  // whether what is hidden is left out
+  uvec2 size;     // of the picture
 };
 
 const uint kNone = 0xffffffffu;
 const uint kRow = 128;  // mesh workgroups in a row of the indirect draw
 
-layout(push_constant, scalar) uniform Push { Frame frame; uint layer; };
+layout(push_constant, scalar) uniform Push { Frame frame; uint layer, pass; };
+
+vec3 world_position(vec3 p, Instance instance) {
+  precise vec3 world = vec3(dot(instance.rows[0], vec4(p, 1)), dot(instance.rows[1], vec4(p, 1)),
+                            dot(instance.rows[2], vec4(p, 1)));
+  return world;
+}

@@ -4,6 +4,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "scene.glsl"
 #include "refine.glsl"
+#include "occlusion.glsl"
+#include "show.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -34,14 +36,14 @@ void pass_on(Node node, uint instance) {
   }
 }
 
-void show(uint cluster, uint instance) {
-  uint slot = atomicAdd(frame.counts.draw.y, 1);
+void hide(uint cluster, uint instance) {
+  uint slot = atomicAdd(frame.counts.hidden.w, 1);
   if (slot >= frame.capacity) {
     frame.counts.overflow = 1;
     return;
   }
-  frame.visible.at[slot] = Item(instance, cluster);
-  atomicMax(frame.counts.mesh_draw.y, slot / kRow + 1);
+  frame.hidden.at[slot] = Item(instance, cluster);
+  atomicMax(frame.counts.hidden.x, slot / 64 + 1);
 }
 
 void show_group(uint group, Instance instance, uint index) {
@@ -49,7 +51,14 @@ void show_group(uint group, Instance instance, uint index) {
   for (uint c = g.first_cluster; c < g.first_cluster + g.clusters; ++c) {
     Cluster cluster = frame.clusters.at[c];
     if (cluster.generating_group != kNone && is_open(cluster.generating_group, instance)) continue;
-    if (!box_is_outside(cluster.low, cluster.high, instance)) show(c, index);
+    if (box_is_outside(cluster.low, cluster.high, instance)) continue;
+    // Instances stand still; where they move, this takes where they were in the last frame.
+    if (frame.occlusion != 0 && is_hidden(cluster.low, cluster.high, instance,
+                                          frame.last_clip_from_world)) {
+      hide(c, index);
+    } else {
+      show(c, index, 0);
+    }
   }
 }
 

@@ -1,0 +1,22 @@
+// The sample's tests, a file each; check.cpp runs them.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <umbel/umbel.hpp>
+
+#include "renderer.hpp"
+
+namespace sample {
+
+/// Prints what was found, and counts what is not good.
+void expect(bool good, const std::string& what);
+
+/// Draws until nothing is missing, and then once more. False if pages do not arrive.
+bool draw_whole(Renderer& renderer, const FrameInput& input);
+
+/// With and without: the same pixels; fewer clusters where much is behind something.
+void check_occlusion(const Device& device, const umbel::Asset& asset,
+                     const std::filesystem::path& folder);
+
+}  // namespace sample
