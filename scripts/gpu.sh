@@ -9,7 +9,7 @@
 # every step bench/results/gpu-DEVICE*.md and the logs are packed into gpu-results.tar.gz in $OUT, if
 # there is such a folder.
 #
-# Programs come from build/gpu-carry/bin, which `make gpu-carry` fills on another machine, so that
+# Programs come from build/gpu-carry/carried.tar.gz, which `make gpu-carry` fills on another machine, so that
 # nothing is built here; without it they are built for this GPU, which needs nvcc, CMake and ninja.
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -70,6 +70,9 @@ step() {
 skip() { note "$1" "skipped: $2" 0; }
 
 # Programs that were carried here, or else are built here.
+if [[ -f $carry/carried.tar.gz ]] && ! tar xzf "$carry/carried.tar.gz" -C "$carry"; then
+  fail "$carry/carried.tar.gz is damaged; run \`make gpu-carry\` again"
+fi
 bin=$carry/bin
 tests=$bin/umbel_cuda_tests
 library=$bin/libumbel_cuda_c.so

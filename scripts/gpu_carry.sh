@@ -57,4 +57,12 @@ for mesh in "${MESH:-$data/dragon_871k.ply}" "$data/conference_331k.ply"; do
   fi
 done
 chmod -R u+w "$carry"
-du -sh "$carry"
+
+# One archive: machine code packs well, and what may travel is often limited.
+tar czf build/gpu-carry.tar.gz -C "$carry" .
+rm -rf "$carry"
+mkdir "$carry"
+mv build/gpu-carry.tar.gz "$carry/carried.tar.gz"
+tracked=$(git ls-files -z | xargs -0 du -cb | awk '$2 == "total" { bytes += $1 } END { print bytes }')
+carried=$(stat -c %s "$carry/carried.tar.gz")
+echo "gpu-carry: $carry has $((carried >> 20)) MiB, the repository's files $((tracked >> 20)) MiB more"

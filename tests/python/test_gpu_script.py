@@ -4,6 +4,7 @@ programs are stand-ins."""
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -33,11 +34,15 @@ def machine(tmp_path: Path):
     names = ("cuda_bench", "cuda_query_bench", "cuda_frame_example", "cuda_bvh_bench")
     programs = {"umbel_cuda_tests": "echo tested"} | {name: f"echo '# {name}'" for name in names}
 
-    def run(mode: str, **changed: str) -> tuple[int, str, Path]:
+    def run(mode: str, packed: bool = False, **changed: str) -> tuple[int, str, Path]:
         carry, out = tmp_path / "carry", tmp_path / "out"
         out.mkdir()
         for name, body in (programs | changed).items():
             put_program(carry / "bin" / name, body)
+        if packed:
+            with tarfile.open(carry / "carried.tar.gz", "w:gz") as archive:
+                archive.add(carry / "bin", "bin")
+            shutil.rmtree(carry / "bin")
         put_program(tmp_path / "path" / "nvidia-smi", SMI)
         environment = {
             **os.environ,
@@ -95,6 +100,12 @@ def test_a_crash_is_told_from_time_that_ran_out(machine) -> None:
     assert status == 1
     assert outcomes(page)["clusters"] == "failed (139)"
     assert outcomes(page)["frame"] == "passed"
+
+
+def test_carried_programs_are_unpacked(machine) -> None:
+    status, page, _ = machine("measure", packed=True)
+    assert status == 0
+    assert outcomes(page)["tests"] == "passed"
 
 
 def test_without_a_gpu_it_says_so() -> None:
