@@ -31,8 +31,8 @@ class NewPositions {
       }
       const float before = p.x;
       while (!known_.insert(without_negative_zero(p)).second && enlarged)
-        p.x = step > 0 ? p.x + step : std::nextafter(p.x, std::numeric_limits<float>::max());
-      farthest = std::max(farthest, p.x - before);
+        p.x = next(p.x, step, before < 0.5f * kMost);
+      farthest = std::max(farthest, std::fabs(p.x - before));
     }
     return farthest;
   }
@@ -40,6 +40,14 @@ class NewPositions {
   bool is_empty() const { return known_.keys().empty(); }
 
  private:
+  static constexpr float kMost = std::numeric_limits<float>::max();
+
+  // Where floats are farther apart than the step, which is a power of two, all are multiples of it.
+  static float next(float x, float step, bool upwards) {
+    return upwards ? std::max(x + step, std::nextafter(x, kMost))
+                   : std::min(x - step, std::nextafter(x, -kMost));
+  }
+
   Interner<Vec3, ValueHash> known_;
 };
 
