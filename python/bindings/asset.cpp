@@ -108,7 +108,7 @@ FoundCut find_cut(const Asset& asset, const lod::View& view, uint32_t mesh,
 
 /// The boxes and triangle counts of a cut's clusters, read page by page.
 std::tuple<Array<float>, Array<uint32_t>> cut_boxes(const Asset& asset, const lod::View& view,
-                                                   uint32_t mesh) {
+                                                    uint32_t mesh) {
   std::vector<float> boxes;
   std::vector<uint32_t> triangles;
   {
