@@ -4,7 +4,7 @@ notice it.
     scripts/simt_mutations.py [--seeds 4] [--only PART_OF_A_PLACE,...] [-o TABLE.md]
 
 Nothing is compiled again: the emulated device (tests/simt) passes over a place if it is told the
-place's address. Build umbel_simt_tests_tsan with `make simt` first. The exit status is 1 if
+place's address. Build the programs with `make simt` first. The exit status is 1 if
 something is left out and nobody notices.
 """
 
@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
+from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -49,18 +50,23 @@ def tests_of(program: Path) -> list[str]:
     return [test for test in tests if "OnDevice" in test and not test.startswith("Larger")]
 
 
-def place_of(library: Path, address: str) -> str:
-    """Where the code asks to wait: in device_team.cuh only what is not asked for by a caller."""
+def place_of(library: Path, address: str) -> str | None:
+    """Where the code asks to wait: in device_team.cuh only what is not asked for by a caller. None
+    where a test asks."""
     lines = subprocess.run(
         ["addr2line", "-i", "-e", library, address], capture_output=True, text=True, check=True
     ).stdout.splitlines()
-    frames = [Path(line.split(" ")[0]) for line in lines]
-    inner = [str(f).split("/src/", 1)[1] for f in frames if "/src/" in str(f)]
-    kept = inner or [str(frames[-1])]
-    # A team's sync() and an arrival stand for their callers.
-    while len(kept) > 1 and (is_line(kept[0], "sync() const") or "base/exec.hpp" in kept[0]):
-        kept.pop(0)
-    return kept[0]
+    for line in lines:
+        frame = line.split(" ")[0]
+        if "/tests/simt/" in frame:
+            continue
+        if "/src/" not in frame:
+            return None
+        place = frame.split("/src/", 1)[1]
+        # A team's sync() and an arrival stand for their callers.
+        if not is_line(place, "sync() const") and "base/exec.hpp" not in place:
+            return place
+    return None
 
 
 def is_line(place: str, text: str) -> bool:
@@ -68,13 +74,20 @@ def is_line(place: str, text: str) -> bool:
     return text in (ROOT / "src" / path).read_text().splitlines()[int(line) - 1]
 
 
-def find_sites(
-    program: Path, library: Path, tests: list[str]
-) -> tuple[dict[tuple[str, str], set[str]], dict[tuple[str, str], list[tuple[float, str]]]]:
-    """The addresses of each place, and the tests that get there with how long they take."""
-    addresses: dict[tuple[str, str], set[str]] = defaultdict(set)
-    reached: dict[tuple[str, str], dict[str, float]] = defaultdict(dict)
-    places: dict[str, str] = {}
+@dataclass
+class Site:
+    """A place that waits: where it is in one program, and the tests that get there."""
+
+    program: Path
+    addresses: set[str] = field(default_factory=set)
+    tests: dict[str, float] = field(default_factory=dict)
+    """With how long they take."""
+
+
+def find_sites(program: Path, library: Path, tests: list[str]) -> dict[tuple[str, str], Site]:
+    """The sites of each place and kind of waiting."""
+    sites: dict[tuple[str, str], Site] = {}
+    places: dict[str, str | None] = {}
     with tempfile.TemporaryDirectory() as folder:
         for test in tests:
             path, start = Path(folder) / "sites", time.monotonic()
@@ -86,23 +99,22 @@ def find_sites(
                 kind, address = line.split()
                 if address not in places:
                     places[address] = place_of(library, address)
-                site = (places[address], kind)
-                addresses[site].add(address)
-                reached[site][test] = time.monotonic() - start
-    return addresses, {
-        site: sorted((seconds, test) for test, seconds in by.items())
-        for site, by in reached.items()
-    }
+                place = places[address]
+                if place is None:
+                    continue
+                site = sites.setdefault((place, kind), Site(program))
+                site.addresses.add(address)
+                site.tests[test] = time.monotonic() - start
+    return sites
 
 
-def notice(
-    program: Path, skipped: set[str], tests: list[tuple[float, str]], seeds: int
-) -> tuple[str, str] | None:
+def notice(site: Site, seeds: int) -> tuple[str, str] | None:
     for seed in range(1, seeds + 1):
-        for seconds, test in tests:
+        for test, seconds in sorted(site.tests.items(), key=lambda pair: pair[1]):
             # A test that goes on for ten times its own time does not end.
             limit = max(30, 10 * seconds)
-            status = run(program, test, seed, limit, SIMT_SKIP=",".join(sorted(skipped)))
+            skipped = ",".join(sorted(site.addresses))
+            status = run(site.program, test, seed, limit, SIMT_SKIP=skipped)
             if status != 0:
                 return HOW.get(status, f"status {status}"), f"{test}, seed {seed}"
     return None
@@ -115,17 +127,24 @@ def main() -> int:
     parser.add_argument("--only", default="", help="parts of places (path:line), with commas")
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
-    program = options.build / "umbel_simt_tests_tsan"
-    library = options.build / "libumbel_simt_tsan.so"
-    addresses, reached = find_sites(program, library, tests_of(program))
+    # The executor's tests have their kernels in themselves.
+    executor = options.build / "umbel_simt_exec_tests_tsan"
+    algorithms = options.build / "umbel_simt_tests_tsan"
+    sites: dict[tuple[str, str], list[Site]] = defaultdict(list)
+    for program, library in (
+        (executor, executor),
+        (algorithms, options.build / "libumbel_simt_tsan.so"),
+    ):
+        for at, site in find_sites(program, library, tests_of(program)).items():
+            sites[at].append(site)
     rows = ["| left out | where | noticed as | by |", "|---|---|---|---|"]
     print("\n".join(rows), flush=True)
     missed = 0
-    for place, kind in sorted(addresses):
+    for place, kind in sorted(sites):
         if not any(part in place for part in options.only.split(",")):
             continue
-        site = (place, kind)
-        noticed = notice(program, addresses[site], reached[site], options.seeds)
+        found = (notice(site, options.seeds) for site in sites[place, kind])
+        noticed = next((one for one in found if one), None)
         how, by = noticed or ("**nothing**", "")
         missed += noticed is None
         rows.append(f"| {kind} | {place} | {how} | {by} |")

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <numeric>
 #include <random>
 
@@ -248,7 +249,100 @@ void expect_teams_to_fold() {
   EXPECT_EQ(out.read(), expected);
 }
 
+/// Folds and ranks right after each other, and items that the same team takes one after the other:
+/// each may overwrite what other lanes still read.
+template <uint32_t lanes>
+struct InTurn {
+  static constexpr uint32_t kLanes = lanes;
+  struct Shared {
+    uint32_t folded;
+  };
+  struct Most {
+    UMBEL_HOST_DEVICE uint32_t operator()(uint32_t a, uint32_t b) const { return a > b ? a : b; }
+  };
+  uint32_t* out;  ///< of each item's lanes
+
+  UMBEL_HOST_DEVICE static uint32_t first(uint32_t index, uint32_t rank) {
+    return (rank * 7 + index) % 61;
+  }
+  UMBEL_HOST_DEVICE static uint32_t second(uint32_t index, uint32_t rank) {
+    return (rank * 5 + index) % 67;
+  }
+  UMBEL_HOST_DEVICE static bool is_third(uint32_t rank) { return rank % 3 == 0; }
+  UMBEL_HOST_DEVICE static bool is_odd(uint32_t rank) { return rank % 2 == 1; }
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const {
+    const uint32_t rank = team.rank(), item = uint32_t(index);
+    const uint32_t one = team.reduce(first(item, rank), Most());
+    const uint32_t other = team.reduce(second(item, rank), Most());
+    const uint32_t thirds = team.rank_among(is_third(rank));
+    const uint32_t odds = team.rank_among(is_odd(rank));
+    if (rank == 0) shared.folded = one + 100 * other;
+    team.sync();
+    out[index * lanes + rank] = shared.folded ^ thirds << 14 ^ odds << 23;
+  }
+};
+
+/// Writes at once what lanes may still read of the team's last item.
+template <uint32_t lanes>
+struct HandOver {
+  static constexpr uint32_t kLanes = lanes;
+  struct Shared {
+    uint32_t value;
+  };
+  uint32_t* out;  ///< of each item's lanes
+
+  template <typename Team>
+  UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const {
+    if (team.rank() == lanes - 1) shared.value = uint32_t(index) * 7;
+    team.sync();
+    out[index * lanes + team.rank()] = shared.value + team.rank();
+  }
+};
+
+template <uint32_t lanes>
+void expect_items_to_be_handed_over() {
+  constexpr uint32_t n = (kEmulated ? 2 : 1) * 4 * detail::kMostBlocks + 3;
+  std::vector<uint32_t> expected;
+  for (uint32_t i = 0; i < n; ++i)
+    for (uint32_t rank = 0; rank < lanes; ++rank) expected.push_back(i * 7 + rank);
+  const DeviceArray<uint32_t> out(expected.size()), count(std::vector<uint32_t>{n});
+  run([&](CudaExec& exec) { exec.for_each_team_of(count.data(), n, HandOver<lanes>{out.data()}); });
+  EXPECT_EQ(out.read(), expected);
+}
+
+template <uint32_t lanes>
+void expect_turns_to_be_apart() {
+  using Body = InTurn<lanes>;
+  constexpr uint32_t n = (kEmulated ? 2 : 1) * 4 * detail::kMostBlocks + 3;
+  std::vector<uint32_t> expected;
+  for (uint32_t i = 0; i < n; ++i) {
+    uint32_t one = 0, other = 0, thirds = 0, odds = 0;
+    for (uint32_t rank = 0; rank < lanes; ++rank) {
+      one = std::max(one, Body::first(i, rank));
+      other = std::max(other, Body::second(i, rank));
+    }
+    for (uint32_t rank = 0; rank < lanes; ++rank) {
+      expected.push_back((one + 100 * other) ^ thirds << 14 ^ odds << 23);
+      thirds += Body::is_third(rank);
+      odds += Body::is_odd(rank);
+    }
+  }
+  const DeviceArray<uint32_t> out(expected.size()), count(std::vector<uint32_t>{n});
+  run([&](CudaExec& exec) { exec.for_each_team_of(count.data(), n, Body{out.data()}); });
+  EXPECT_EQ(out.read(), expected);
+}
+
 class TeamsOnDevice : public OnDevice {};
+TEST_F(TeamsOnDevice, what_follows_waits_for_those_that_still_read) {
+  expect_turns_to_be_apart<32>();
+  expect_turns_to_be_apart<64>();
+  expect_turns_to_be_apart<256>();
+  expect_items_to_be_handed_over<32>();
+  expect_items_to_be_handed_over<256>();
+}
+
 TEST_F(TeamsOnDevice, warps_and_blocks_do_what_one_thread_does) {
   expect_teams_to_fold<32>();
   expect_teams_to_fold<256>();

@@ -181,6 +181,7 @@ class TreeletSweepOf {
     return component(item.box.min, axis) + component(item.box.max, axis);
   }
 
+  // All lanes see the order after their next sync.
   template <typename Team>
   UMBEL_HOST_DEVICE void sort(const Team& team, const JoinItem* items, uint32_t axis,
                               uint32_t count) {
@@ -207,7 +208,6 @@ class TreeletSweepOf {
           before += centers[j] < centers[i] || (centers[j] == centers[i] && j < i) ? 1 : 0;
         order[before] = static_cast<Item>(i);
       }
-      team.sync();
     }
   }
 
@@ -293,14 +293,13 @@ class TreeletJoinOf {
   }
   UMBEL_HOST_DEVICE void put(uint32_t i, const JoinItem& item) { nodes_[i] = item; }
 
-  /// By a team, once all lanes see the items.
+  /// By a team, once all lanes see the items. The first lane sees what becomes of them.
   template <typename Team>
   UMBEL_HOST_DEVICE void agglomerate(const Team& team, const LeafRule& rule,
                                      TreeletAgglomerationOf<kMost>& agglomeration) {
     if (size_ < 2) return;
     agglomeration.run(team, nodes_, size_, joins_);
     if (team.rank() == 0) cost_ = evaluate(rule, joins_);
-    team.sync();
   }
 
   /// By a team. Keeps what is there if it is cheaper.
