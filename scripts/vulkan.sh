@@ -22,8 +22,11 @@ if [[ ${VULKAN_DRIVER:-} != system ]]; then
   # Only these headers: the others are of another C library.
   ln -sfn "$files/include/vulkan" "$work/include/vulkan"
   ln -sfn "$files/include/vk_video" "$work/include/vk_video"
+  ln -sfn "$files/include/GLFW" "$work/include/GLFW"
   printf -v glslang '%s;' "${run[@]}"
-  headers=(-DVULKAN_HEADERS="$work/include" -DGLSLANG="$glslang$files/bin/glslangValidator")
+  headers=(-DVULKAN_HEADERS="$work/include" -DGLSLANG="$glslang$files/bin/glslangValidator"
+    -DGLFW_HEADERS="$work/include" -DGLFW_LIBRARY="$libraries/libglfw.so"
+    -DCMAKE_EXE_LINKER_FLAGS=-Wl,--allow-shlib-undefined)
   export VK_DRIVER_FILES=$files/share/vulkan/icd.d/lvp_icd.json
   export VK_LAYER_PATH=$files/share/vulkan/explicit_layer.d
 fi
@@ -41,4 +44,11 @@ status=0
 ((status == 77)) && exit 0
 ((status == 0)) || exit "$status"
 "${run[@]}" "$work/program/umbel_vulkan" --instances 1000 --frames 8 --looks clusters --validate \
-  --error 4 --out "$work/frames"
+  --headless --error 4 --out "$work/frames"
+# The window, where there is a server of pictures without a screen.
+if command -v xvfb-run >/dev/null; then
+  xvfb-run -a "${run[@]}" "$work/program/umbel_vulkan" --instances 100 --frames 10 --validate \
+    --error 4 --size 320 240 --out "$work/frames"
+else
+  echo "vulkan: the window is not tested: no xvfb-run"
+fi

@@ -151,6 +151,7 @@ int main(int argc, char** argv) try {
   no_red_from_inside(device, asset, false, folder);
   agrees_with_the_tracer(device, asset, folder);
   sample::check_occlusion(device, asset, folder);
+  sample::check_controls();
   expect(device.validation_messages() == 0, "the validation layers found nothing");
   return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 } catch (const sample::Unavailable& error) {

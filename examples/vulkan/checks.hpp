@@ -19,4 +19,7 @@ bool draw_whole(Renderer& renderer, const FrameInput& input);
 void check_occlusion(const Device& device, const umbel::Asset& asset,
                      const std::filesystem::path& folder);
 
+/// Drags turn and move the camera as far as they say; keys change what they say.
+void check_controls();
+
 }  // namespace sample

@@ -68,12 +68,13 @@ struct Features {
 
 Device::Device(const DeviceOptions& options) {
   load_global_functions();
-  make_instance(options.validation);
+  make_instance(options);
   choose(options.mesh_shaders);
-  make_device();
+  make_device(!options.window_extensions.empty());
 }
 
-void Device::make_instance(bool validation) {
+void Device::make_instance(const DeviceOptions& options) {
+  const bool validation = options.validation;
   if (validation && !has_validation_layer()) {
     throw Unavailable(std::string("the layer ") + kValidationLayer + " is not installed.");
   }
@@ -85,14 +86,15 @@ void Device::make_instance(bool validation) {
   const VkValidationFeaturesEXT features{.sType = VK_STRUCTURE_TYPE_VALIDATION_FEATURES_EXT,
                                          .enabledValidationFeatureCount = 1,
                                          .pEnabledValidationFeatures = enabled};
-  const char* extensions[] = {VK_EXT_DEBUG_UTILS_EXTENSION_NAME};
+  std::vector<const char*> extensions = options.window_extensions;
+  extensions.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
   const VkInstanceCreateInfo info{.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO,
                                   .pNext = validation ? &features : nullptr,
                                   .pApplicationInfo = &application,
                                   .enabledLayerCount = validation ? 1u : 0u,
                                   .ppEnabledLayerNames = &kValidationLayer,
-                                  .enabledExtensionCount = 1,
-                                  .ppEnabledExtensionNames = extensions};
+                                  .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                  .ppEnabledExtensionNames = extensions.data()};
   if (vkCreateInstance(&info, nullptr, &instance_) != VK_SUCCESS) {
     throw Unavailable("there is no Vulkan driver.");
   }
@@ -141,7 +143,7 @@ void Device::choose(bool mesh_shaders) {
       "dynamic rendering and synchronization2.");
 }
 
-void Device::make_device() {
+void Device::make_device(bool swapchain) {
   Features features(mesh_shaders_);
   features.mesh.meshShader = mesh_shaders_;
   features.v12.bufferDeviceAddress = VK_TRUE;
@@ -155,13 +157,15 @@ void Device::make_device() {
                                       .queueFamilyIndex = family_,
                                       .queueCount = 1,
                                       .pQueuePriorities = &priority};
-  const char* extensions[] = {VK_EXT_MESH_SHADER_EXTENSION_NAME};
+  std::vector<const char*> extensions;
+  if (mesh_shaders_) extensions.push_back(VK_EXT_MESH_SHADER_EXTENSION_NAME);
+  if (swapchain) extensions.push_back(VK_KHR_SWAPCHAIN_EXTENSION_NAME);
   const VkDeviceCreateInfo info{.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
                                 .pNext = &features.all,
                                 .queueCreateInfoCount = 1,
                                 .pQueueCreateInfos = &queue,
-                                .enabledExtensionCount = mesh_shaders_ ? 1u : 0u,
-                                .ppEnabledExtensionNames = extensions};
+                                .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                .ppEnabledExtensionNames = extensions.data()};
   check(vkCreateDevice(physical_, &info, nullptr, &device_), "the device");
   load_device_functions(device_);
   vkGetDeviceQueue(device_, family_, 0, &queue_);

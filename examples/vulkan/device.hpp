@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "functions.hpp"
 
@@ -12,6 +13,8 @@ namespace sample {
 struct DeviceOptions {
   bool validation = false;   ///< with synchronisation validation; throws Unavailable without layer
   bool mesh_shaders = true;  ///< if the device has them
+  /// What a window needs of the instance; with any, the device can have a swapchain.
+  std::vector<const char*> window_extensions;
 };
 
 class Device {
@@ -25,6 +28,10 @@ class Device {
   /// Records commands, runs them, and waits until they are done.
   void run(const std::function<void(VkCommandBuffer)>& record) const;
 
+  VkInstance instance() const { return instance_; }
+  VkPhysicalDevice physical() const { return physical_; }
+  uint32_t family() const { return family_; }  ///< of the queue
+  VkQueue queue() const { return queue_; }
   VkDevice handle() const { return device_; }
   const std::string& name() const { return name_; }
   bool mesh_shaders() const { return mesh_shaders_; }
@@ -34,9 +41,9 @@ class Device {
   uint32_t memory_type(uint32_t types, VkMemoryPropertyFlags wanted) const;
 
  private:
-  void make_instance(bool validation);
+  void make_instance(const DeviceOptions& options);
   void choose(bool mesh_shaders);
-  void make_device();
+  void make_device(bool swapchain);
 
   VkInstance instance_ = VK_NULL_HANDLE;
   VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;

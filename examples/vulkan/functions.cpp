@@ -35,6 +35,10 @@ void load_instance_functions(VkInstance instance) {
 #define SAMPLE_LOAD(name) need(name, vkGetInstanceProcAddr(instance, #name), #name);
   SAMPLE_INSTANCE_FUNCTIONS(SAMPLE_LOAD)
 #undef SAMPLE_LOAD
+#define SAMPLE_LOAD(name) \
+  name = reinterpret_cast<PFN_##name>(vkGetInstanceProcAddr(instance, #name));
+  SAMPLE_SURFACE_FUNCTIONS(SAMPLE_LOAD)
+#undef SAMPLE_LOAD
 }
 
 void load_device_functions(VkDevice device) {

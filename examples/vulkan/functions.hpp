@@ -21,6 +21,7 @@
 
 #define SAMPLE_DEVICE_FUNCTIONS(X) \
   X(vkDestroyDevice)               \
+  X(vkDeviceWaitIdle)              \
   X(vkGetDeviceQueue)              \
   X(vkCreateCommandPool)           \
   X(vkDestroyCommandPool)          \
@@ -63,13 +64,27 @@
   X(vkCmdUpdateBuffer)             \
   X(vkCmdCopyBuffer)               \
   X(vkCmdCopyImageToBuffer)        \
+  X(vkCmdBlitImage)                \
   X(vkCmdPipelineBarrier2)         \
   X(vkCmdBeginRendering)           \
   X(vkCmdEndRendering)             \
   X(vkCmdSetViewport)              \
   X(vkCmdSetScissor)
 
-#define SAMPLE_OPTIONAL_FUNCTIONS(X) X(vkCmdDrawMeshTasksIndirectEXT)
+// Null where the device or the instance lacks the extension.
+#define SAMPLE_OPTIONAL_FUNCTIONS(X) \
+  X(vkCmdDrawMeshTasksIndirectEXT)   \
+  X(vkCreateSwapchainKHR)            \
+  X(vkDestroySwapchainKHR)           \
+  X(vkGetSwapchainImagesKHR)         \
+  X(vkAcquireNextImageKHR)           \
+  X(vkQueuePresentKHR)
+
+#define SAMPLE_SURFACE_FUNCTIONS(X)            \
+  X(vkDestroySurfaceKHR)                       \
+  X(vkGetPhysicalDeviceSurfaceSupportKHR)      \
+  X(vkGetPhysicalDeviceSurfaceCapabilitiesKHR) \
+  X(vkGetPhysicalDeviceSurfaceFormatsKHR)
 
 #define SAMPLE_DECLARE(name) inline PFN_##name name = nullptr;
 namespace sample {
@@ -79,6 +94,7 @@ inline PFN_vkEnumerateInstanceLayerProperties vkEnumerateInstanceLayerProperties
 SAMPLE_INSTANCE_FUNCTIONS(SAMPLE_DECLARE)
 SAMPLE_DEVICE_FUNCTIONS(SAMPLE_DECLARE)
 SAMPLE_OPTIONAL_FUNCTIONS(SAMPLE_DECLARE)
+SAMPLE_SURFACE_FUNCTIONS(SAMPLE_DECLARE)
 
 /// Throws Unavailable where there is no loader.
 void load_global_functions();

@@ -28,6 +28,22 @@ bool fits_mesh_shader(const Tables& tables) {
 
 }  // namespace
 
+Picture::Picture(const Device& device, uint32_t width, uint32_t height)
+    : color(device, width, height, kColorFormat,
+            VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
+            VK_IMAGE_ASPECT_COLOR_BIT),
+      depth(device, width, height, kDepthFormat,
+            VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
+            VK_IMAGE_ASPECT_DEPTH_BIT),
+      pyramid(device, width, height),
+      readback(device, uint64_t{width} * height * 4, Place::kHost) {}
+
+void Renderer::resize(uint32_t width, uint32_t height) {
+  config_.width = width;
+  config_.height = height;
+  picture_ = std::make_unique<Picture>(device_, width, height);
+}
+
 Renderer::Renderer(const Device& device, const umbel::Asset& asset,
                    std::vector<umbel::Transform> instances, const RendererConfig& config)
     : device_(device),
@@ -46,14 +62,7 @@ Renderer::Renderer(const Device& device, const umbel::Asset& asset,
       counts_(device, sizeof(GpuCounts), Place::kDevice),
       counts_read_(device, sizeof(GpuCounts), Place::kHost),
       wanted_(device, tables_.host().groups.size() * 4, Place::kHost),
-      readback_(device, uint64_t{config.width} * config.height * 4, Place::kHost),
-      color_(device, config.width, config.height, kColorFormat,
-             VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
-             VK_IMAGE_ASPECT_COLOR_BIT),
-      depth_(device, config.width, config.height, kDepthFormat,
-             VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
-             VK_IMAGE_ASPECT_DEPTH_BIT),
-      pyramid_(device, config.width, config.height),
+      picture_(std::make_unique<Picture>(device, config.width, config.height)),
       residency_(make_residency(asset, pool_.slots())) {
   if (transforms_.empty() || transforms_.size() > kMostInstances) {
     throw std::runtime_error("the sample draws 1 to 65536 instances.");
@@ -136,7 +145,7 @@ void Renderer::write_frame(const FrameInput& input) const {
       .queue = queue_.address(),
       .visible = visible_.address(),
       .hidden = hidden_.address(),
-      .pyramid = pyramid_.address(),
+      .pyramid = picture_->pyramid.address(),
       .counts = counts_.address(),
       .capacity = config_.capacity,
       .occlusion = input.occlusion ? 1u : 0u,
@@ -166,24 +175,24 @@ void Renderer::record_selection(VkCommandBuffer commands) const {
 // First what was visible in the last frame, by its depth; with the depth of that, what is visible
 // beside it. A wrong guess costs time, never a pixel.
 void Renderer::record_passes(VkCommandBuffer commands, const FrameInput& input) const {
-  color_.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
-                       VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL);
-  depth_.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
-                       VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL);
+  picture_->color.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
+                                VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL);
+  picture_->depth.change_layout(commands, VK_IMAGE_LAYOUT_UNDEFINED,
+                                VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL);
   begin_drawing(commands, input, true);
   record_pass(commands, input, 0);
   if (input.frozen) record_pass(commands, input, 1);
   vkCmdEndRendering(commands);
   if (input.frozen || !input.occlusion) return;
 
-  depth_.change_layout(commands, VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL,
-                       VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
-  pyramid_.record(commands, depth_, pipelines_, frame_.address());
+  picture_->depth.change_layout(commands, VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL,
+                                VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
+  picture_->pyramid.record(commands, picture_->depth, pipelines_, frame_.address());
   vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelines_.retest());
   vkCmdDispatchIndirect(commands, counts_.handle(), offsetof(GpuCounts, hidden));
   wait_for_writes(commands);
-  depth_.change_layout(commands, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
-                       VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL);
+  picture_->depth.change_layout(commands, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
+                                VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL);
   begin_drawing(commands, input, false);
   record_pass(commands, input, 1);
   vkCmdEndRendering(commands);
@@ -193,13 +202,13 @@ void Renderer::begin_drawing(VkCommandBuffer commands, const FrameInput& input, 
   const VkAttachmentLoadOp load = first ? VK_ATTACHMENT_LOAD_OP_CLEAR : VK_ATTACHMENT_LOAD_OP_LOAD;
   const umbel::Vec4& b = input.background;
   const VkRenderingAttachmentInfo color{.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
-                                        .imageView = color_.view(),
+                                        .imageView = picture_->color.view(),
                                         .imageLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
                                         .loadOp = load,
                                         .storeOp = VK_ATTACHMENT_STORE_OP_STORE,
                                         .clearValue = {.color = {.float32 = {b.x, b.y, b.z, b.w}}}};
   const VkRenderingAttachmentInfo depth{.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO,
-                                        .imageView = depth_.view(),
+                                        .imageView = picture_->depth.view(),
                                         .imageLayout = VK_IMAGE_LAYOUT_DEPTH_ATTACHMENT_OPTIMAL,
                                         .loadOp = load,
                                         .storeOp = VK_ATTACHMENT_STORE_OP_STORE,
@@ -232,12 +241,12 @@ void Renderer::record_pass(VkCommandBuffer commands, const FrameInput& input, ui
 }
 
 void Renderer::record_readback(VkCommandBuffer commands) const {
-  color_.change_layout(commands, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
-                       VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
+  picture_->color.change_layout(commands, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
+                                VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
   const VkBufferImageCopy copy{.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1},
                                .imageExtent = {config_.width, config_.height, 1}};
-  vkCmdCopyImageToBuffer(commands, color_.handle(), VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
-                         readback_.handle(), 1, &copy);
+  vkCmdCopyImageToBuffer(commands, picture_->color.handle(), VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
+                         picture_->readback.handle(), 1, &copy);
   const VkBufferCopy counts{.size = sizeof(GpuCounts)};
   vkCmdCopyBuffer(commands, counts_.handle(), counts_read_.handle(), 1, &counts);
   wait_for_writes(commands);

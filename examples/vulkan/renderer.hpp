@@ -25,7 +25,7 @@ struct FrameInput {
   umbel::Camera camera;
   float pixel_error = 1;
   float near_plane = 0.01f;
-  enum class Looks : uint32_t { kNormals = 0, kClusters = 1 } looks = Looks::kNormals;
+  enum class Looks : uint32_t { kNormals = 0, kClusters = 1, kShaded = 2 } looks = Looks::kNormals;
   umbel::Vec4 background{1, 1, 1, 1};
   bool occlusion = true;  ///< leaves out what the depth hides; the picture is the same without
   bool frozen = false;    ///< draws the last frame's clusters again, from this camera
@@ -40,6 +40,14 @@ struct FrameReport {
   uint32_t used_slots = 0, slots = 0;
 };
 
+/// What is drawn on, all of one size.
+struct Picture {
+  Picture(const Device& device, uint32_t width, uint32_t height);
+  Image color, depth;
+  DepthPyramid pyramid;
+  Buffer readback;
+};
+
 class Renderer {
  public:
   /// The asset must outlive it.
@@ -50,7 +58,11 @@ class Renderer {
   /// if more is visible than RendererConfig::capacity holds.
   FrameReport draw(const FrameInput& input, double now);
   /// The last frame's pixels, red, green, blue, alpha, row by row from the top.
-  std::span<const uint8_t> pixels() const { return readback_.mapped<uint8_t>(); }
+  std::span<const uint8_t> pixels() const { return picture_->readback.mapped<uint8_t>(); }
+  /// The same on the device, in the layout for transfers from it.
+  const Image& color() const { return picture_->color; }
+  /// Pages and requests stay.
+  void resize(uint32_t width, uint32_t height);
   bool mesh_shaders() const { return mesh_shaders_; }
 
  private:
@@ -73,9 +85,8 @@ class Renderer {
   PagePool pool_;
   bool mesh_shaders_;
   Pipelines pipelines_;
-  Buffer instances_, frame_, queue_, visible_, hidden_, counts_, counts_read_, wanted_, readback_;
-  Image color_, depth_;
-  DepthPyramid pyramid_;
+  Buffer instances_, frame_, queue_, visible_, hidden_, counts_, counts_read_, wanted_;
+  std::unique_ptr<Picture> picture_;
   std::array<float, 16> last_clip_from_world_{};  ///< of the frame that made the pyramid
   FrameReport report_;
   std::unique_ptr<umbel::Residency> residency_;

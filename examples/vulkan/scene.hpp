@@ -2,7 +2,9 @@
 // instances of a mesh.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <umbel/umbel.hpp>
 #include <vector>
@@ -28,5 +30,27 @@ inline std::vector<umbel::Transform> field(uint32_t count, float spacing) {
   }
   return out;
 }
+
+/// The diagonal of a box.
+inline float size_of(const umbel::Aabb& box) {
+  const float x = box.max.x - box.min.x, y = box.max.y - box.min.y, z = box.max.z - box.min.z;
+  return std::sqrt(x * x + y * y + z * z);
+}
+
+/// What the sample shows: an asset, and how its instances stand.
+struct Field {
+  Field(const std::filesystem::path& file, uint32_t instance_count)
+      : asset(file),
+        box(asset.info().bounds),
+        spacing(1.2f * std::max(box.max.x - box.min.x, box.max.z - box.min.z)),
+        count(instance_count) {}
+  std::vector<umbel::Transform> instances() const { return field(count, spacing); }
+  float size() const { return spacing * std::sqrt(static_cast<float>(count)); }
+
+  umbel::Asset asset;
+  umbel::Aabb box;
+  float spacing;
+  uint32_t count;
+};
 
 }  // namespace sample

@@ -1,4 +1,4 @@
-// Looks: 0 the surface's normal, turned to the eye; 1 a colour a cluster.
+// Looks: 0 the surface's normal, turned to the eye; 1 a colour a cluster; 2 grey, lit from the eye.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "scene.glsl"
@@ -17,5 +17,6 @@ void main() {
     vec3 hue = 0.35 + 0.6 * vec3(h >> 24, h >> 16 & 255, h >> 8 & 255) / 255.0;
     looks = hue * (0.3 + 0.7 * dot(normal, to_eye));
   }
+  if (layer == 2) looks = vec3(0.15 + 0.75 * dot(normal, to_eye));
   color = vec4(looks, 1);
 }

@@ -1,0 +1,26 @@
+// The command line of umbel_vulkan.
+#pragma once
+
+#include <string>
+
+#include "renderer.hpp"
+
+namespace sample {
+
+struct Options {
+  std::string file;  ///< empty: a generated mesh
+  std::string out = ".";
+  uint32_t frames = 0;  ///< 0: eight pictures, or until the window is closed
+  uint32_t instances = 1000, budget_mb = 64;
+  bool headless = false, help = false;
+  RendererConfig renderer;
+  DeviceOptions device;
+  FrameInput input;  ///< all but its camera
+};
+
+extern const char* const kUsage;
+
+/// Throws std::invalid_argument with a sentence.
+Options parse_options(int argc, char** argv);
+
+}  // namespace sample
