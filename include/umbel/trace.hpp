@@ -195,4 +195,12 @@ struct Picture {
 UMBEL_API Picture render(const Scene& scene, const Camera& camera, const Settings& settings = {},
                          const BuildOptions& options = {});
 
+/// How many boxes the ray through the middle of each pixel pierces, row by row from the top: what a
+/// heatmap of overlapping clusters shows. The camera's lens does not count. A box that is empty
+/// (its least corner above its greatest) or NaN is pierced by none. Throws as accumulate does for
+/// the camera and the size.
+UMBEL_API std::vector<uint32_t> boxes_per_pixel(std::span<const Aabb> boxes, const Camera& camera,
+                                                uint32_t width, uint32_t height,
+                                                const BuildOptions& options = {});
+
 }  // namespace umbel::trace

@@ -291,6 +291,18 @@ void bind_scene(nb::module_& module) {
       "mesh"_a, "up"_a, "width"_a, "height"_a, "azimuth"_a, "elevation"_a, "fov_y"_a, "margin"_a);
 }
 
+void bind_boxes(nb::module_& module) {
+  module.def(
+      "boxes_per_pixel",
+      [](const Rows<float, 6>& boxes, const Camera& camera, uint32_t width, uint32_t height,
+         uint32_t threads) {
+        return take<uint32_t>(run(nb::none(), threads, [&](const BuildOptions& options) {
+          return trace::boxes_per_pixel(rows_of<Aabb>(boxes), camera, width, height, options);
+        }));
+      },
+      "boxes"_a, "camera"_a, "width"_a, "height"_a, "threads"_a = 0);
+}
+
 Dict statistics_of(const trace::Film& film) {
   const trace::Statistics& s = film.statistics;
   Dict result;
@@ -362,6 +374,7 @@ void bind_trace(nb::module_& module) {
   bind_shading(module);
   bind_material(module);
   bind_scene(module);
+  bind_boxes(module);
   bind_film(module);
 }
 

@@ -23,6 +23,7 @@ from .cluster.clusters import Clusters as Clusters
 from .cluster.clusters import Meshlets as Meshlets
 from .cluster.clusters import build_clusters as build_clusters
 from .cluster.clusters import cluster_bounds as cluster_bounds
+from .cluster.clusters import cluster_boxes as cluster_boxes
 from .cluster.clusters import cluster_mesh as cluster_mesh
 from .cluster.clusters import order_clusters as order_clusters
 from .cluster.colors import cluster_colors as cluster_colors
@@ -61,6 +62,9 @@ from .lod.verify import VerifyReport as VerifyReport
 from .lod.verify import verify as verify
 from .scale.build_asset import build_asset as build_asset
 from .trace.denoise import denoise as denoise
+from .trace.heatmap import boxes_per_pixel as boxes_per_pixel
+from .trace.heatmap import heatmap as heatmap
+from .trace.heatmap import save_heatmap as save_heatmap
 from .trace.picture import save_picture as save_picture
 from .trace.picture import tone_map as tone_map
 from .trace.renderer import Film as Film

@@ -6,11 +6,22 @@
 namespace umbel::trace {
 namespace {
 
-void require(bool holds, const char* sentence) {
+void require(bool holds, const std::string& sentence) {
   if (!holds) throw Error(ErrorCode::kInvalidArgument, sentence);
 }
 
 }  // namespace
+
+void check_picture_size(uint32_t width, uint32_t height) {
+  constexpr uint32_t kLargest = 32768;
+  constexpr uint64_t kMostPixels = 1u << 28;
+  const std::string picture =
+      "a picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels: ";
+  require(width >= 1 && width <= kLargest && height >= 1 && height <= kLargest,
+          picture + "each must be from 1 to 32768");
+  require(uint64_t{width} * height <= kMostPixels,
+          picture + "at most 268435456 (16384 x 16384) fit");
+}
 
 RayCamera::RayCamera(const Camera& camera, uint32_t width, uint32_t height)
     : position_(camera.position),
@@ -50,6 +61,21 @@ Ray RayCamera::ray(float x, float y, const Vec2& lens) const {
   ray.origin = position_ + basis_.to_world(from);
   ray.direction = normalized(basis_.to_world(through * focus_distance_ - from), -basis_.z);
   return ray;
+}
+
+bool RayCamera::pixel_of(const Vec3& point, double (&at)[2]) const {
+  const double away[3] = {double{point.x} - position_.x, double{point.y} - position_.y,
+                          double{point.z} - position_.z};
+  const auto along = [&](const Vec3& axis) {
+    return away[0] * axis.x + away[1] * axis.y + away[2] * axis.z;
+  };
+  const double depth = -along(basis_.z),
+               size = std::abs(along(basis_.x)) + std::abs(along(basis_.y));
+  // Beyond that nothing is known to fit the picture's numbers, and nothing is lost.
+  if (!(depth > 1e-6 * size)) return false;
+  at[0] = center_x_ + along(basis_.x) / (depth * scale_);
+  at[1] = center_y_ - along(basis_.y) / (depth * scale_);
+  return true;
 }
 
 }  // namespace umbel::trace

@@ -7,6 +7,9 @@
 
 namespace umbel::trace {
 
+/// Throws kInvalidArgument for a size that no picture can have.
+void check_picture_size(uint32_t width, uint32_t height);
+
 class RayCamera {
  public:
   /// Throws kInvalidArgument for values out of range, or a target at the position.
@@ -15,6 +18,9 @@ class RayCamera {
   /// The ray through (x, y) of the picture, in pixels, from the lens' point that `lens` of the unit
   /// square maps to.
   Ray ray(float x, float y, const Vec2& lens) const;
+
+  /// Where a point is seen through a pinhole, in pixels. False if it is not before the camera.
+  bool pixel_of(const Vec3& point, double (&at)[2]) const;
 
  private:
   Vec3 position_;

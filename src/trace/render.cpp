@@ -22,14 +22,8 @@ void require(bool holds, const std::string& sentence) {
 }
 
 void check(const Settings& s) {
-  constexpr uint32_t kLargest = 32768, kMostSamples = 1u << 24;
-  constexpr uint64_t kMostPixels = 1u << 28;
-  require(s.width >= 1 && s.width <= kLargest && s.height >= 1 && s.height <= kLargest,
-          "a picture of " + std::to_string(s.width) + " x " + std::to_string(s.height) +
-              " pixels: each must be from 1 to 32768");
-  require(uint64_t{s.width} * s.height <= kMostPixels,
-          "a picture of " + std::to_string(s.width) + " x " + std::to_string(s.height) +
-              " pixels: at most 268435456 (16384 x 16384) fit");
+  constexpr uint32_t kMostSamples = 1u << 24;
+  check_picture_size(s.width, s.height);
   require(s.samples >= 1 && s.samples <= kMostSamples,
           "samples is " + std::to_string(s.samples) + ", but must be from 1 to 16777216");
   require(s.max_bounces <= 1024,

@@ -64,6 +64,10 @@ class Traversal(str, enum.Enum):
     short_stack = "short-stack"
 
 
+class Heatmap(str, enum.Enum):
+    overlap = "overlap"
+
+
 class Accel(str, enum.Enum):
     bvh = "bvh"
     kdtree = "kdtree"

@@ -279,6 +279,21 @@ def _given(clusters: Clusters) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     )
 
 
+def cluster_boxes(mesh: Any, clusters: Clusters) -> NDArray[np.float32]:
+    """(k, 6) the boxes of clusters of a mesh's triangles: least and greatest corners, relative to
+    the mesh's origin."""
+    source = as_mesh(mesh)
+    items, offsets = clusters.items, clusters.offsets
+    if len(items) and int(items.max()) >= len(source.triangles):
+        raise Error(f"clusters of triangle {items.max()}, and there are {len(source.triangles)}")
+    if not len(clusters):
+        return np.zeros((0, 6), np.float32)
+    corners = source.positions[source.triangles[items]]
+    low = np.minimum.reduceat(corners.min(axis=1), offsets[:-1])
+    high = np.maximum.reduceat(corners.max(axis=1), offsets[:-1])
+    return np.hstack([low, high]).astype(np.float32, copy=False)
+
+
 def cluster_bounds(
     mesh: Any, clusters: Clusters, *, progress: Progress | None = None, threads: int = 0
 ) -> ClusterBounds:

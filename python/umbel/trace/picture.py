@@ -61,7 +61,7 @@ def save_picture(
     file = Path(path)
     kind = file.suffix.lower()
     if kind == ".png":
-        _save_png(file, tone_map(pixels, exposure))
+        save_rgb(file, tone_map(pixels, exposure))
     elif kind == ".exr":
         _save_exr(file, _rgb(pixels))
     else:
@@ -84,8 +84,8 @@ def save_features(
         _save_exr(paths[0], colors)
         _save_exr(paths[1], normals)
     else:
-        _save_png(paths[0], np.round(255 * _srgb(np.clip(colors, 0, 1))).astype(np.uint8))
-        _save_png(paths[1], np.round(128 + 127 * np.clip(normals, -1, 1)).astype(np.uint8))
+        save_rgb(paths[0], np.round(255 * _srgb(np.clip(colors, 0, 1))).astype(np.uint8))
+        save_rgb(paths[1], np.round(128 + 127 * np.clip(normals, -1, 1)).astype(np.uint8))
     return paths
 
 
@@ -101,7 +101,8 @@ def check_format(path: Path) -> None:
         _pillow()
 
 
-def _save_png(path: Path, rgb: NDArray[np.uint8]) -> None:
+def save_rgb(path: Path, rgb: NDArray[np.uint8]) -> None:
+    """Writes (h, w, 3) colours as a .png, as they are."""
     image = _pillow().fromarray(rgb)
     with replacing(path) as file:
         image.save(file, "PNG", optimize=True)

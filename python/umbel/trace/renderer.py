@@ -26,6 +26,18 @@ _AZIMUTH, _ELEVATION, _MARGIN = 35.0, 15.0, 0.06
 _GROUND = (2.0, 16.0, 128.0, 1024.0)
 
 
+def native_camera(camera: Camera, up: str = "y") -> _umbel.TraceCamera:
+    """The library's camera. `up` is the axis to the zenith, for a camera that does not say."""
+    if camera.target is None:
+        raise Error("a camera for a picture needs a target")
+    out = _umbel.TraceCamera()
+    out.position = triple(camera.position, "the camera's position")
+    out.target = triple(camera.target, "the camera's target")
+    out.up = triple(axes_of(up)[0] if camera.up is None else camera.up, "the camera's up")
+    out.fov_y = camera.fov_y
+    return out
+
+
 class Renderer:
     """A mesh (a Mesh, a path, anything with .vertices and .faces) ready to be rendered from any
     number of cameras.
@@ -118,16 +130,7 @@ class Renderer:
         return Camera(position, target, native.fov_y, height, up=native.up)
 
     def _native(self, camera: Camera) -> _umbel.TraceCamera:
-        if camera.target is None:
-            raise Error("a camera for a picture needs a target")
-        camera = camera.relative_to(self.origin)
-        out = _umbel.TraceCamera()
-        out.position = triple(camera.position, "the camera's position")
-        out.target = triple(camera.target, "the camera's target")
-        up = axes_of(self.up)[0] if camera.up is None else camera.up
-        out.up = triple(up, "the camera's up")
-        out.fov_y = camera.fov_y
-        return out
+        return native_camera(camera.relative_to(self.origin), self.up)
 
     def _of_file(self, which: str) -> Camera:
         """A camera of the mesh's file by its name or its number from 1; the first for ""."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from umbel.cli.inputs import AllowOutside, bytes_of, load_mesh
-from umbel.cli.options import Accel, Up, option, switch
+from umbel.cli.options import Accel, Heatmap, Up, option, switch
 from umbel.cli.outputs import check_output
 from umbel.cli.run import Json, Threads, ends_cleanly, fail, heard, is_asset, show
 
@@ -96,12 +96,36 @@ def command(
     features: bool = switch(
         "--features", "Write OUT-albedo and OUT-normal too, as denoisers read them."
     ),
+    heatmap: Heatmap | None = option(
+        None,
+        None,
+        "No path tracing: how many boxes of clusters each pixel's ray pierces. An .exr has the "
+        "counts.",
+    ),
+    clusters: str | None = option(
+        None,
+        "bisect|morton|hybrid|FILE.npz",
+        "Of a mesh, with --heatmap: made so, or read as `umbel cluster -o` writes them.  "
+        "[default: bisect]",
+    ),
+    most: int | None = option(
+        None, "N", "Boxes at the end of the heatmap's scale.  [default: the picture's most]"
+    ),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
 ) -> None:
     """Render path-traced pictures of a mesh, or of the cut of an asset that a camera needs."""
     check_output(output, ".png", ".exr", inputs=[source])
+    method = _accel(source, accel, pixel_error)
+    if heatmap is not None:
+        if denoise or features or progressive or budget is not None:
+            fail("--heatmap traces no paths: no --denoise, --features, --progressive or --budget")
+        from umbel.cli.heatmaps import check_heatmap
+
+        check_heatmap(clusters, most, of_cut=method is Accel.lod)
+    elif clusters is not None or most is not None:
+        fail("--clusters and --most are for --heatmap")
     if spp < 1:
         fail(f"--spp must be at least 1, not {spp}")
     from umbel.trace.denoise import denoiser
@@ -112,11 +136,10 @@ def command(
         denoiser()
     if exposure != "auto":
         tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
-    method = _accel(source, accel, pixel_error)
-    most = None if budget is None else bytes_of("--budget", budget)
-    if most is not None and (method is not Accel.lod or ground):
+    limit = None if budget is None else bytes_of("--budget", budget)
+    if limit is not None and (method is not Accel.lod or ground):
         fail("--budget is for .umbel assets with --accel lod, without --ground")
-    if not bounce_error >= 1 or (bounce_error > 1 and most is None):
+    if not bounce_error >= 1 or (bounce_error > 1 and budget is None):
         fail("--bounce-error must be at least 1, and needs --budget")
     from umbel.cli.progress import Bar
     from umbel.trace.renderer import Renderer
@@ -136,15 +159,28 @@ def command(
             return Renderer(mesh, **options, progress=_part(bar, 0.0, 0.05))
 
         views: _Views | _Streamed
-        if most is None:
+        if limit is None:
             load = partial(load_mesh, source, allow_outside=allow_outside, threads=threads)
             views = _Views(source, method, pixel_error or 1.0, prepare, load)
         else:
             options["bounce_error"] = bounce_error
-            views = _Streamed(source, most, pixel_error or 1.0, options)
+            views = _Streamed(source, limit, pixel_error or 1.0, options)
         cameras = [text for given in camera or ["auto"] for text in views.named(given)]
         outputs = _outputs(output, len(cameras))
-        results = []
+        results: list[dict[str, Any]] = []
+        if heatmap is not None:
+            assert isinstance(views, _Views)
+            for text, path in zip(cameras, outputs, strict=True):
+                view = views.view(text, width, height)
+                boxes, origin = views.boxes(view, clusters, threads)
+                results.append(_save_heatmap(path, boxes, view, origin, width, height, most))
+            total = {"total_seconds": time.perf_counter() - began}
+            show(
+                {"input": source, **_joined(results), **total, "warnings": heard},
+                as_json,
+                str(output),
+            )
+            return
         for k, (text, path) in enumerate(zip(cameras, outputs, strict=True)):
             renderer, view = views.renderer(text, width, height)
             film = renderer.film(
@@ -235,6 +271,7 @@ class _Views:
     ) -> None:
         self._prepare, self._pixel_error = prepare, pixel_error
         self._asset = None
+        self._boxes: Any = None  # of the mesh, once they are wanted
         if not is_asset(source):
             self._whole = prepare(load())
             return
@@ -254,12 +291,25 @@ class _Views:
         count = len(self._whole.mesh.cameras)
         return [f"file:{k + 1}" for k in range(count)] if text == "file" and count else [text]
 
+    def view(self, text: str, width: int, height: int) -> Camera:
+        return replace(self._whole.view(text, width, height), pixel_error=self._pixel_error)
+
+    def boxes(self, view: Camera, clusters: str | None, threads: int) -> tuple[Any, Any]:
+        """The boxes of the clusters that the view shows, and what they are relative to."""
+        from umbel.cli.heatmaps import boxes_of_cuts, boxes_of_mesh
+
+        if self._asset is not None:
+            shown = self._asset.scene_cuts(camera=view)
+            return boxes_of_cuts(self._asset, shown), self._asset.origin
+        if self._boxes is None:
+            self._boxes = boxes_of_mesh(self._whole.mesh, clusters, threads)
+        return self._boxes, self._whole.origin
+
     def renderer(self, text: str, width: int, height: int) -> tuple[Renderer, Camera]:
         """What shows the view, and its camera."""
-        view = self._whole.view(text, width, height)
+        view = self.view(text, width, height)
         if self._asset is None:
             return self._whole, view
-        view = replace(view, pixel_error=self._pixel_error)
         shown = self._asset.scene_cuts(camera=view)
         return self._prepare(self._asset.scene_mesh(shown)), view
 
@@ -294,14 +344,42 @@ class _Streamed:
 
 def _result(path: Path, renderer: Renderer, film: Film, camera: Camera) -> dict[str, Any]:
     return {
-        "output": str(path),
-        "position": list(camera.position),
-        "target": list(camera.target or ()),
-        "fov": camera.fov_y * 57.29577951308232,
+        **_where(path, camera),
         "triangles": renderer.triangles,
         **_memory(renderer),
         **film.statistics,
     }
+
+
+def _save_heatmap(
+    path: Path, boxes: Any, view: Camera, origin: Any, width: int, height: int, most: int | None
+) -> dict[str, Any]:
+    from umbel.trace.heatmap import boxes_per_pixel, save_heatmap
+
+    counts = boxes_per_pixel(boxes, view.relative_to(origin), width, height)
+    save_heatmap(path, counts, most)
+    hit = counts[counts > 0]
+    return {
+        **_where(path, view),
+        "clusters": len(boxes),
+        "mean_boxes": float(hit.mean()) if len(hit) else 0.0,
+        "most_boxes": int(counts.max()),
+    }
+
+
+def _where(path: Path, camera: Camera) -> dict[str, Any]:
+    return {
+        "output": str(path),
+        "position": list(camera.position),
+        "target": list(camera.target or ()),
+        "fov": camera.fov_y * 57.29577951308232,
+    }
+
+
+def _joined(results: list[dict[str, Any]]) -> dict[str, Any]:
+    if len(results) == 1:
+        return results[0]
+    return {f"view_{k + 1}": r for k, r in enumerate(results)}
 
 
 def _memory(renderer: Renderer) -> dict[str, Any]:
@@ -334,4 +412,4 @@ def _summary(
     if len(results) == 1:
         kept = ("output", "position", "target", "fov", "scene_bytes", "page_bytes", "pixel_error")
         return summary | {k: results[0][k] for k in kept if k in results[0]}
-    return summary | {f"view_{k + 1}": r for k, r in enumerate(results)}
+    return summary | _joined(results)
