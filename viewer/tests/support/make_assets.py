@@ -127,6 +127,10 @@ def main() -> None:
     shutil.rmtree(folder / "planet_tiles", ignore_errors=True)
     umbel.export_tiles(folder / "planet.umbel", folder / "planet_tiles", tile_triangles=8192)
     make_textured(folder)
+    for path in (ROOT / "tests" / "vectors" / "format3").glob("*.umbel"):
+        copy = folder / f"format3_{path.name}"
+        shutil.copyfile(path, copy)
+        dump(copy)
     for name in REAL:
         if (DATA / name).is_file():
             out = folder / f"{Path(name).stem}.umbel"
