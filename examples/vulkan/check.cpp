@@ -14,6 +14,7 @@
 #include "projection.hpp"
 #include "renderer.hpp"
 #include "scene.hpp"
+#include "traced_renderer.hpp"
 #include "unavailable.hpp"
 
 namespace {
@@ -25,7 +26,7 @@ void sample::expect(bool good, const std::string& what) {
   if (!good) ++failures;
 }
 
-bool sample::draw_whole(Renderer& renderer, const FrameInput& input) {
+bool sample::draw_whole(FrameMaker& renderer, const FrameInput& input) {
   for (uint32_t f = 0; f < 500; ++f) {
     const FrameReport report = renderer.draw(input, 0.01 * f);
     if (report.views > 0 && report.step.caught_up && report.step.worst_error <= 1) {
@@ -105,16 +106,17 @@ std::vector<umbel::Vec3> means(std::span<const uint8_t> pixels) {
 }
 
 // Umbel's tracer, given the cut of the same view, sees the same normals.
+template <class Maker>
 void agrees_with_the_tracer(const sample::Device& device, const umbel::Asset& asset,
-                            const std::string& folder) {
+                            const std::string& picture) {
   const sample::RendererConfig config{.width = kWidth * kSide, .height = kHeight * kSide};
-  sample::Renderer renderer(device, asset, sample::field(1, 1), config);
+  Maker renderer(device, asset, sample::field(1, 1), config);
   sample::FrameInput input;
   input.camera.position = {1.2f, 1.0f, 2.6f};
   input.pixel_error = 2;
   input.background = {0.5f, 0.5f, 0.5f, 1};
   if (!sample::draw_whole(renderer, input)) return expect(false, "all pages arrive");
-  sample::write_png(folder + "/normals.png", config.width, config.height, renderer.pixels());
+  sample::write_png(picture, config.width, config.height, renderer.pixels());
 
   const umbel::lod::View view = umbel::lod::view_camera(input.camera.position, input.camera.fov_y,
                                                         config.height, input.pixel_error);
@@ -134,7 +136,8 @@ void agrees_with_the_tracer(const sample::Device& device, const umbel::Asset& as
   }
   const double psnr = -10 * std::log10(sum / (3.0 * static_cast<double>(drawn.size())));
   char text[128];
-  std::snprintf(text, sizeof text, "%.1f dB to Umbel's tracer on the same cut, at least 35", psnr);
+  std::snprintf(text, sizeof text, "%s: %.1f dB to Umbel's tracer on the same cut, at least 35",
+                renderer.method().c_str(), psnr);
   expect(psnr >= 35, text);
 }
 
@@ -149,8 +152,14 @@ int main(int argc, char** argv) try {
   const umbel::Asset asset{std::filesystem::path(folder + "/blob.umbel")};
   no_red_from_inside(device, asset, true, folder);
   no_red_from_inside(device, asset, false, folder);
-  agrees_with_the_tracer(device, asset, folder);
+  agrees_with_the_tracer<sample::Renderer>(device, asset, folder + "/normals.png");
   sample::check_occlusion(device, asset, folder);
+  if (device.ray_tracing()) {
+    agrees_with_the_tracer<sample::TracedRenderer>(device, asset, folder + "/traced_normals.png");
+    sample::check_traced(device, asset, folder);
+  } else {
+    std::printf("skipped: nothing is traced: the device has no ray tracing pipeline.\n");
+  }
   sample::check_controls();
   expect(device.validation_messages() == 0, "the validation layers found nothing");
   return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;

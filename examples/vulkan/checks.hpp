@@ -13,11 +13,15 @@ namespace sample {
 void expect(bool good, const std::string& what);
 
 /// Draws until nothing is missing, and then once more. False if pages do not arrive.
-bool draw_whole(Renderer& renderer, const FrameInput& input);
+bool draw_whole(FrameMaker& renderer, const FrameInput& input);
 
 /// With and without: the same pixels; fewer clusters where much is behind something.
 void check_occlusion(const Device& device, const umbel::Asset& asset,
                      const std::filesystem::path& folder);
+
+/// The same picture as drawn and as by Umbel's tracer; structures are built where the cut changed.
+void check_traced(const Device& device, const umbel::Asset& asset,
+                  const std::filesystem::path& folder);
 
 /// Drags turn and move the camera as far as they say; keys change what they say.
 void check_controls();

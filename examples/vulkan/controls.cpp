@@ -10,10 +10,10 @@ namespace sample {
 
 namespace {
 
-constexpr float kStep = 0.08f;        // of the distance to the target, a press
+constexpr float kStep = 0.08f;             // of the distance to the target, a press
 constexpr float kErrorStep = 1.41421356f;  // a press
-constexpr float kTurn = 3.1415927f;   // a drag over the whole height
-constexpr float kSteepest = 0.999f;   // of a look straight up or down
+constexpr float kTurn = 3.1415927f;        // a drag over the whole height
+constexpr float kSteepest = 0.999f;        // of a look straight up or down
 constexpr uint32_t kLeastBudget = 1, kMostBudget = 1u << 16;
 
 umbel::Vec3 plus(const umbel::Vec3& a, const umbel::Vec3& b, float scale) {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "renderer.hpp"
+#include "frame.hpp"
 
 namespace sample {
 

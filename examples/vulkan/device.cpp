@@ -1,5 +1,6 @@
 #include "device.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <vector>
@@ -44,15 +45,30 @@ bool has_extension(VkPhysicalDevice device, const char* name) {
   return false;
 }
 
+constexpr const char* kRayExtensions[] = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                                          VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+                                          VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME};
+
+bool has_ray_extensions(VkPhysicalDevice device) {
+  return std::all_of(std::begin(kRayExtensions), std::end(kRayExtensions),
+                     [&](const char* name) { return has_extension(device, name); });
+}
+
 // What the sample asks of a device, chained for a query or for a creation.
 struct Features {
+  VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
+      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR};
+  VkPhysicalDeviceRayTracingPipelineFeaturesKHR rays{
+      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR};
   VkPhysicalDeviceMeshShaderFeaturesEXT mesh{
       VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MESH_SHADER_FEATURES_EXT};
   VkPhysicalDeviceVulkan13Features v13{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES};
   VkPhysicalDeviceVulkan12Features v12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
   VkPhysicalDeviceFeatures2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2};
-  explicit Features(bool with_mesh_shaders) {
-    v13.pNext = with_mesh_shaders ? &mesh : nullptr;
+  Features(bool with_mesh_shaders, bool with_rays) {
+    structures.pNext = &rays;
+    mesh.pNext = with_rays ? &structures : nullptr;
+    v13.pNext = with_mesh_shaders ? &mesh : mesh.pNext;
     v12.pNext = &v13;
     all.pNext = &v12;
   }
@@ -121,7 +137,8 @@ void Device::choose(bool mesh_shaders) {
     vkGetPhysicalDeviceProperties(device, &properties);
     if (properties.apiVersion < VK_API_VERSION_1_3) continue;
     const bool mesh = mesh_shaders && has_extension(device, VK_EXT_MESH_SHADER_EXTENSION_NAME);
-    Features features(mesh);
+    const bool rays = has_ray_extensions(device);
+    Features features(mesh, rays);
     vkGetPhysicalDeviceFeatures2(device, &features.all);
     if (!features.enough()) continue;
     uint32_t families = 0;
@@ -135,6 +152,8 @@ void Device::choose(bool mesh_shaders) {
       family_ = f;
       name_ = static_cast<const char*>(properties.deviceName);
       mesh_shaders_ = mesh && features.mesh.meshShader;
+      ray_tracing_ =
+          rays && features.structures.accelerationStructure && features.rays.rayTracingPipeline;
       return;
     }
   }
@@ -144,8 +163,10 @@ void Device::choose(bool mesh_shaders) {
 }
 
 void Device::make_device(bool swapchain) {
-  Features features(mesh_shaders_);
+  Features features(mesh_shaders_, ray_tracing_);
   features.mesh.meshShader = mesh_shaders_;
+  features.structures.accelerationStructure = ray_tracing_;
+  features.rays.rayTracingPipeline = ray_tracing_;
   features.v12.bufferDeviceAddress = VK_TRUE;
   features.v12.scalarBlockLayout = VK_TRUE;
   features.v13.dynamicRendering = VK_TRUE;
@@ -159,6 +180,9 @@ void Device::make_device(bool swapchain) {
                                       .pQueuePriorities = &priority};
   std::vector<const char*> extensions;
   if (mesh_shaders_) extensions.push_back(VK_EXT_MESH_SHADER_EXTENSION_NAME);
+  if (ray_tracing_) {
+    extensions.insert(extensions.end(), std::begin(kRayExtensions), std::end(kRayExtensions));
+  }
   if (swapchain) extensions.push_back(VK_KHR_SWAPCHAIN_EXTENSION_NAME);
   const VkDeviceCreateInfo info{.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
                                 .pNext = &features.all,
@@ -209,6 +233,19 @@ void Device::run(const std::function<void(VkCommandBuffer)>& record) const {
   check(vkQueueSubmit2(queue_, 1, &submit, fence_), "a submission");
   check(vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX), "a frame");
   check(vkResetFences(device_, 1, &fence_), "the fence");
+}
+
+RayLimits Device::ray_limits() const {
+  VkPhysicalDeviceAccelerationStructurePropertiesKHR structures{
+      .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR};
+  VkPhysicalDeviceRayTracingPipelinePropertiesKHR rays{
+      .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR,
+      .pNext = &structures};
+  VkPhysicalDeviceProperties2 all{.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2,
+                                  .pNext = &rays};
+  vkGetPhysicalDeviceProperties2(physical_, &all);
+  return {structures.minAccelerationStructureScratchOffsetAlignment, rays.shaderGroupHandleSize,
+          rays.shaderGroupBaseAlignment};
 }
 
 uint32_t Device::memory_type(uint32_t types, VkMemoryPropertyFlags wanted) const {

@@ -17,6 +17,10 @@ struct DeviceOptions {
   std::vector<const char*> window_extensions;
 };
 
+struct RayLimits {
+  uint32_t scratch_alignment, handle_bytes, handle_alignment;
+};
+
 class Device {
  public:
   /// Takes the first device that does. Throws Unavailable where none does.
@@ -35,6 +39,8 @@ class Device {
   VkDevice handle() const { return device_; }
   const std::string& name() const { return name_; }
   bool mesh_shaders() const { return mesh_shaders_; }
+  bool ray_tracing() const { return ray_tracing_; }  ///< structures and the pipeline
+  RayLimits ray_limits() const;
   /// Errors and warnings that the validation layers have printed.
   uint32_t validation_messages() const { return messages_; }
   /// A memory type of the wanted properties among `types`.
@@ -55,7 +61,7 @@ class Device {
   VkCommandBuffer commands_ = VK_NULL_HANDLE;
   VkFence fence_ = VK_NULL_HANDLE;
   std::string name_;
-  bool mesh_shaders_ = false;
+  bool mesh_shaders_ = false, ray_tracing_ = false;
   uint32_t messages_ = 0;
 };
 

@@ -10,6 +10,7 @@
   X(vkDestroyInstance)                        \
   X(vkEnumeratePhysicalDevices)               \
   X(vkGetPhysicalDeviceProperties)            \
+  X(vkGetPhysicalDeviceProperties2)           \
   X(vkGetPhysicalDeviceFeatures2)             \
   X(vkGetPhysicalDeviceMemoryProperties)      \
   X(vkGetPhysicalDeviceQueueFamilyProperties) \
@@ -65,6 +66,7 @@
   X(vkCmdCopyBuffer)               \
   X(vkCmdCopyImageToBuffer)        \
   X(vkCmdBlitImage)                \
+  X(vkCmdCopyBufferToImage)        \
   X(vkCmdPipelineBarrier2)         \
   X(vkCmdBeginRendering)           \
   X(vkCmdEndRendering)             \
@@ -72,13 +74,21 @@
   X(vkCmdSetScissor)
 
 // Null where the device or the instance lacks the extension.
-#define SAMPLE_OPTIONAL_FUNCTIONS(X) \
-  X(vkCmdDrawMeshTasksIndirectEXT)   \
-  X(vkCreateSwapchainKHR)            \
-  X(vkDestroySwapchainKHR)           \
-  X(vkGetSwapchainImagesKHR)         \
-  X(vkAcquireNextImageKHR)           \
-  X(vkQueuePresentKHR)
+#define SAMPLE_OPTIONAL_FUNCTIONS(X)            \
+  X(vkCmdDrawMeshTasksIndirectEXT)              \
+  X(vkCreateSwapchainKHR)                       \
+  X(vkDestroySwapchainKHR)                      \
+  X(vkGetSwapchainImagesKHR)                    \
+  X(vkAcquireNextImageKHR)                      \
+  X(vkQueuePresentKHR)                          \
+  X(vkCreateAccelerationStructureKHR)           \
+  X(vkDestroyAccelerationStructureKHR)          \
+  X(vkGetAccelerationStructureBuildSizesKHR)    \
+  X(vkGetAccelerationStructureDeviceAddressKHR) \
+  X(vkCmdBuildAccelerationStructuresKHR)        \
+  X(vkCreateRayTracingPipelinesKHR)             \
+  X(vkGetRayTracingShaderGroupHandlesKHR)       \
+  X(vkCmdTraceRaysKHR)
 
 #define SAMPLE_SURFACE_FUNCTIONS(X)            \
   X(vkDestroySurfaceKHR)                       \

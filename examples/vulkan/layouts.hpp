@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <umbel/types.hpp>
 
@@ -51,9 +52,16 @@ struct GpuFrame {
   std::array<float, 16> clip_from_world, last_clip_from_world;  // by columns
   umbel::Vec4 eye;
   VkDeviceAddress nodes, groups, clusters, instances, pool, first_word, usable, wanted, queue,
-      visible, hidden, pyramid, counts;
+      visible, hidden, pyramid, counts, rays;
   uint32_t capacity, occlusion;
   std::array<uint32_t, 2> size;
+};
+
+// What only a traced picture needs.
+struct GpuRays {
+  VkDeviceAddress scene, clusters, picture;
+  umbel::Vec3 right, up, forward, sun;
+  umbel::Vec4 background;
 };
 
 struct GpuPush {
@@ -64,5 +72,6 @@ inline constexpr uint32_t kPushBytes = 16;
 
 static_assert(sizeof(GpuNode) == 32 && sizeof(GpuGroup) == 32 && sizeof(GpuCluster) == 44);
 static_assert(sizeof(GpuInstance) == 144 && sizeof(GpuItem) == 8);
+static_assert(offsetof(GpuFrame, capacity) == 256 && sizeof(GpuRays) == 88);
 
 }  // namespace sample

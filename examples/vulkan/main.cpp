@@ -7,6 +7,7 @@
 
 #include "clock.hpp"
 #include "controls.hpp"
+#include "make_frames.hpp"
 #include "options.hpp"
 #include "png.hpp"
 #include "scene.hpp"
@@ -29,23 +30,27 @@ umbel::Camera camera_at(const umbel::Aabb& box, float turn, float field_size) {
 
 void draw_pictures(const sample::Options& options, const sample::Field& field) {
   const sample::Device device(options.device);
-  sample::Renderer renderer(device, field.asset, field.instances(), options.renderer);
-  std::printf("%s, clusters drawn by %s\n", device.name().c_str(),
-              renderer.mesh_shaders() ? "mesh shaders" : "a vertex shader");
+  const std::unique_ptr<sample::FrameMaker> renderer =
+      sample::make_frames(device, field, options, options.renderer);
+  std::printf("%s, clusters %s\n", device.name().c_str(), renderer->method().c_str());
   const sample::Clock clock;
   const uint32_t frames = options.frames == 0 ? kFrames : options.frames;
   for (uint32_t f = 0; f < frames; ++f) {
     sample::FrameInput input = options.input;
     input.camera = camera_at(field.box, 0.05f * static_cast<float>(f), field.size());
-    const sample::FrameReport report = renderer.draw(input, clock.seconds());
+    const sample::FrameReport report = renderer->draw(input, clock.seconds());
     const std::string name = options.out + "/frame_" + std::to_string(f) + ".png";
-    sample::write_png(name, options.renderer.width, options.renderer.height, renderer.pixels());
+    sample::write_png(name, options.renderer.width, options.renderer.height, renderer->pixels());
     std::printf(
         "%s: %u clusters (%u late, %u hidden), error %.2f of what is allowed, %u views, %u of %u "
         "slots\n",
         name.c_str(), report.clusters, report.late, report.hidden,
         static_cast<double>(report.step.worst_error), report.views, report.used_slots,
         report.slots);
+    if (options.trace) {
+      std::printf("    %u structures built, %u kept, %.1f MB\n", report.built, report.kept,
+                  static_cast<double>(report.structure_bytes) * 1e-6);
+    }
   }
   if (device.validation_messages() > 0) throw std::runtime_error("validation found faults.");
 }

@@ -39,6 +39,10 @@ class Buffer {
   void* mapped_ = nullptr;
 };
 
+/// Of the pictures that are made, and of their depths.
+inline constexpr VkFormat kColorFormat = VK_FORMAT_R8G8B8A8_UNORM;
+inline constexpr VkFormat kDepthFormat = VK_FORMAT_D32_SFLOAT;
+
 class Image {
  public:
   Image(const Device& device, uint32_t width, uint32_t height, VkFormat format,

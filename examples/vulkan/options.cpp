@@ -16,6 +16,7 @@ const char* const kUsage =
     "  --error PIXELS             allowed (1)\n"
     "  --budget MB                of pages on the device (64)\n"
     "  --looks normals|clusters|shaded\n"
+    "  --trace                    by rays, with shadows, instead of drawing\n"
     "  --no-mesh-shaders          vertex pulling, even where there are mesh shaders\n"
     "  --no-occlusion             draws what is hidden, too\n"
     "  --validate                 with the validation layers; faults end it with 1\n";
@@ -88,6 +89,8 @@ Options parse_options(int argc, char** argv) {
       options.renderer.height = number(value(), kMostPixels);
     } else if (word == "--looks") {
       options.input.looks = looks(value());
+    } else if (word == "--trace") {
+      options.trace = true;
     } else if (word == "--no-mesh-shaders") {
       options.device.mesh_shaders = false;
     } else if (word == "--no-occlusion") {

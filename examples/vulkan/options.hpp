@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "renderer.hpp"
+#include "frame.hpp"
 
 namespace sample {
 
@@ -12,7 +12,7 @@ struct Options {
   std::string out = ".";
   uint32_t frames = 0;  ///< 0: eight pictures, or until the window is closed
   uint32_t instances = 1000, budget_mb = 64;
-  bool headless = false, help = false;
+  bool headless = false, help = false, trace = false;
   RendererConfig renderer;
   DeviceOptions device;
   FrameInput input;  ///< all but its camera

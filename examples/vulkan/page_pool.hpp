@@ -27,6 +27,11 @@ class PagePool {
   const Buffer& words() const { return words_; }
   const Buffer& first_word() const { return first_word_; }
   const Buffer& usable() const { return usable_; }
+  /// Where a cluster of a usable group lies, in `words`.
+  uint64_t word_of(const Tables& tables, uint32_t cluster) const {
+    const uint32_t page = tables.page_of_group(tables.host().clusters[cluster].group);
+    return uint64_t{first_word_.mapped<uint32_t>()[page]} + tables.word_of_cluster(cluster);
+  }
   uint32_t slots() const { return slots_; }
   uint32_t used() const { return slots_ - static_cast<uint32_t>(free_.size()); }
 

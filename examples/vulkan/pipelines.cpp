@@ -3,6 +3,7 @@
 #include <array>
 
 #include "layouts.hpp"
+#include "shader_module.hpp"
 
 namespace sample {
 
@@ -16,37 +17,10 @@ namespace {
 #include "retest.comp.h"
 #include "select.comp.h"
 
-class Module {
- public:
-  Module(const Device& device, std::span<const uint32_t> words) : device_(device) {
-    const VkShaderModuleCreateInfo info{.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
-                                        .codeSize = words.size_bytes(),
-                                        .pCode = words.data()};
-    check(vkCreateShaderModule(device.handle(), &info, nullptr, &module_), "a shader");
-  }
-  ~Module() { vkDestroyShaderModule(device_.handle(), module_, nullptr); }
-  Module(const Module&) = delete;
-  Module& operator=(const Module&) = delete;
-  VkPipelineShaderStageCreateInfo stage(VkShaderStageFlagBits stage) const {
-    return {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
-            .stage = stage,
-            .module = module_,
-            .pName = "main"};
-  }
-
- private:
-  const Device& device_;
-  VkShaderModule module_ = VK_NULL_HANDLE;
-};
-
 }  // namespace
 
 Pipelines::Pipelines(const Device& device, bool mesh_shaders) : device_(device) {
-  const VkPushConstantRange push{.stageFlags = VK_SHADER_STAGE_ALL, .size = kPushBytes};
-  const VkPipelineLayoutCreateInfo layout{.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
-                                          .pushConstantRangeCount = 1,
-                                          .pPushConstantRanges = &push};
-  check(vkCreatePipelineLayout(device.handle(), &layout, nullptr, &layout_), "a layout");
+  layout_ = make_layout(device);
   select_ = make_compute(select_comp);
   pyramid_ = make_compute(depth_pyramid_comp);
   retest_ = make_compute(retest_comp);
@@ -61,7 +35,7 @@ Pipelines::~Pipelines() {
 }
 
 VkPipeline Pipelines::make_compute(std::span<const uint32_t> shader) const {
-  const Module module(device_, shader);
+  const ShaderModule module(device_, shader);
   const VkComputePipelineCreateInfo info{.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
                                          .stage = module.stage(VK_SHADER_STAGE_COMPUTE_BIT),
                                          .layout = layout_};
@@ -73,9 +47,9 @@ VkPipeline Pipelines::make_compute(std::span<const uint32_t> shader) const {
 
 // Long, but only a list of what Vulkan wants to know: triangles from both sides, a depth test.
 void Pipelines::make_draw(bool mesh_shaders) {
-  const Module first(device_, mesh_shaders ? std::span<const uint32_t>(cluster_mesh)
-                                           : std::span<const uint32_t>(cluster_vert));
-  const Module fragment(device_, cluster_frag);
+  const ShaderModule first(device_, mesh_shaders ? std::span<const uint32_t>(cluster_mesh)
+                                                 : std::span<const uint32_t>(cluster_vert));
+  const ShaderModule fragment(device_, cluster_frag);
   const std::array stages = {
       first.stage(mesh_shaders ? VK_SHADER_STAGE_MESH_BIT_EXT : VK_SHADER_STAGE_VERTEX_BIT),
       fragment.stage(VK_SHADER_STAGE_FRAGMENT_BIT)};

@@ -5,12 +5,9 @@
 #include <cstdint>
 #include <span>
 
-#include "device.hpp"
+#include "memory.hpp"
 
 namespace sample {
-
-inline constexpr VkFormat kColorFormat = VK_FORMAT_R8G8B8A8_UNORM;
-inline constexpr VkFormat kDepthFormat = VK_FORMAT_D32_SFLOAT;
 
 class Pipelines {
  public:

@@ -6,20 +6,13 @@
 
 #include "layouts.hpp"
 #include "projection.hpp"
+#include "streaming.hpp"
 
 namespace sample {
 
 namespace {
 
 constexpr uint32_t kMostInstances = 1u << 16;  // what a request has bits for
-
-// As many pages as the pool has slots. Few pages are much smaller than the largest, so that nearly
-// none lacks a slot; one that does is not usable until another leaves.
-std::unique_ptr<umbel::Residency> make_residency(const umbel::Asset& asset, uint32_t slots) {
-  umbel::ResidencyConfig config;
-  config.budget_bytes = uint64_t{slots} * asset.info().page_bytes;
-  return std::make_unique<umbel::Residency>(asset, config);
-}
 
 // mesh shaders have arrays for so many.
 bool fits_mesh_shader(const Tables& tables) {

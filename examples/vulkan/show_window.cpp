@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "clock.hpp"
+#include "make_frames.hpp"
 #include "swapchain.hpp"
 #include "unavailable.hpp"
 #ifdef SAMPLE_HAS_WINDOW
@@ -23,7 +24,8 @@ constexpr double kTitleSeconds = 0.25;
 class Show {
  public:
   Show(const Options& options, const Field& field, Window& window)
-      : field_(field),
+      : options_(options),
+        field_(field),
         window_(window),
         device_(with_window(options.device, window)),
         swapchain_(device_, window.surface(device_.instance())),
@@ -32,8 +34,8 @@ class Show {
     sized_ = swapchain_.resize(window_.size());
     config_ = options.renderer;
     make_renderer();
-    std::printf("%s, clusters drawn by %s\n%s\n", device_.name().c_str(),
-                renderer_->mesh_shaders() ? "mesh shaders" : "a vertex shader", kControlsHelp);
+    std::printf("%s, clusters %s\n%s\n", device_.name().c_str(), renderer_->method().c_str(),
+                kControlsHelp);
   }
 
   void frame() {
@@ -67,7 +69,7 @@ class Show {
       config_.height = swapchain_.size().height;
     }
     renderer_.reset();
-    renderer_ = std::make_unique<Renderer>(device_, field_.asset, field_.instances(), config_);
+    renderer_ = make_frames(device_, field_, options_, config_);
   }
 
   void write_title(const FrameReport& report) {
@@ -80,13 +82,14 @@ class Show {
     frames_ = 0;
   }
 
+  const Options& options_;
   const Field& field_;
   Window& window_;
   Device device_;
   Swapchain swapchain_;
   Controls controls_;
   RendererConfig config_;
-  std::unique_ptr<Renderer> renderer_;
+  std::unique_ptr<FrameMaker> renderer_;
   Clock clock_;
   bool sized_ = false;  // the swapchain is the window's size
   double titled_at_ = 0;

@@ -26,6 +26,9 @@ class Tables {
   const Buffer& clusters() const { return clusters_; }
   const umbel::lod::Tables& host() const { return host_; }
   const std::vector<PageLayout>& pages() const { return pages_; }
+  uint32_t page_of_group(uint32_t group) const { return page_of_group_[group]; }
+  /// From the start of its page.
+  uint32_t word_of_cluster(uint32_t cluster) const { return words_of_cluster_[cluster]; }
   uint32_t layers() const { return layers_; }  ///< of the hierarchy
   uint32_t max_triangles() const { return max_triangles_; }
   uint32_t max_vertices() const { return max_vertices_; }

@@ -30,6 +30,18 @@ layout(buffer_reference, scalar) buffer Counts {
   uint overflow;
 };
 
+// What only a traced picture needs: the top-level structure, the cluster of each geometry, counted
+// from its instance's custom index, where the picture goes, and the way through a pixel:
+// forward + x right + y up, from -1 to 1 over the picture.
+layout(buffer_reference, scalar) buffer Picture { uint at[]; };
+layout(buffer_reference, scalar) readonly buffer Rays {
+  uint64_t scene;
+  Words clusters;
+  Picture picture;
+  vec3 right, up, forward, sun;
+  vec4 background;
+};
+
 layout(buffer_reference, scalar) readonly buffer Frame {
   mat4 clip_from_world, last_clip_from_world;  // of this frame, and of the pyramid so far
   vec4 eye;
@@ -46,6 +58,7 @@ layout(buffer_reference, scalar) readonly buffer Frame {
   Items hidden;  // what the last frame's depth hides
   Floats pyramid;
   Counts counts;
+  Rays rays;
   uint capacity;  // of half the list of visible clusters, and of half the queue
   uint occlusion;  // whether what is hidden is left out
   uvec2 size;     // of the picture
