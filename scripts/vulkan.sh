@@ -45,6 +45,8 @@ status=0
 ((status == 0)) || exit "$status"
 "${run[@]}" "$work/program/umbel_vulkan" --instances 1000 --frames 8 --looks clusters --validate \
   --headless --error 4 --out "$work/frames"
+"${run[@]}" "$work/program/umbel_vulkan" --instances 100 --frames 4 --looks shaded --validate \
+  --trace --headless --error 4 --out "$work/traced" || (($? == 77))
 # The window, where there is a server of pictures without a screen.
 if command -v xvfb-run >/dev/null; then
   xvfb-run -a "${run[@]}" "$work/program/umbel_vulkan" --instances 100 --frames 10 --validate \

@@ -57,8 +57,8 @@ void built_where_the_cut_changed(TracedRenderer& traced) {
   traced.draw(over_field(0), 10);
   const FrameReport still = traced.draw(over_field(0), 10);
   expect(still.built == 0 && still.kept > 50, "a camera that stands still builds none of " +
-                                                   std::to_string(still.kept) +
-                                                   " bottom-level structures");
+                                                  std::to_string(still.kept) +
+                                                  " bottom-level structures");
   uint64_t built = 0, kept = 0;
   for (uint32_t step = 1; step <= kSteps; ++step) {
     const FrameReport report = traced.draw(over_field(step), 10 + step);

@@ -65,8 +65,11 @@ struct Features {
   VkPhysicalDeviceVulkan13Features v13{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES};
   VkPhysicalDeviceVulkan12Features v12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
   VkPhysicalDeviceFeatures2 all{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2};
-  Features(bool with_mesh_shaders, bool with_rays) {
+  VkPhysicalDeviceClusterAccelerationStructureFeaturesNV clusters{
+      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CLUSTER_ACCELERATION_STRUCTURE_FEATURES_NV};
+  Features(bool with_mesh_shaders, bool with_rays, bool with_clusters) {
     structures.pNext = &rays;
+    rays.pNext = with_clusters ? &clusters : nullptr;
     mesh.pNext = with_rays ? &structures : nullptr;
     v13.pNext = with_mesh_shaders ? &mesh : mesh.pNext;
     v12.pNext = &v13;
@@ -138,7 +141,9 @@ void Device::choose(bool mesh_shaders) {
     if (properties.apiVersion < VK_API_VERSION_1_3) continue;
     const bool mesh = mesh_shaders && has_extension(device, VK_EXT_MESH_SHADER_EXTENSION_NAME);
     const bool rays = has_ray_extensions(device);
-    Features features(mesh, rays);
+    const bool clusters =
+        rays && has_extension(device, VK_NV_CLUSTER_ACCELERATION_STRUCTURE_EXTENSION_NAME);
+    Features features(mesh, rays, clusters);
     vkGetPhysicalDeviceFeatures2(device, &features.all);
     if (!features.enough()) continue;
     uint32_t families = 0;
@@ -163,7 +168,8 @@ void Device::choose(bool mesh_shaders) {
 }
 
 void Device::make_device(bool swapchain) {
-  Features features(mesh_shaders_, ray_tracing_);
+  Features features(mesh_shaders_, ray_tracing_, cluster_structures_);
+  features.clusters.clusterAccelerationStructure = cluster_structures_;
   features.mesh.meshShader = mesh_shaders_;
   features.structures.accelerationStructure = ray_tracing_;
   features.rays.rayTracingPipeline = ray_tracing_;
@@ -182,6 +188,9 @@ void Device::make_device(bool swapchain) {
   if (mesh_shaders_) extensions.push_back(VK_EXT_MESH_SHADER_EXTENSION_NAME);
   if (ray_tracing_) {
     extensions.insert(extensions.end(), std::begin(kRayExtensions), std::end(kRayExtensions));
+  }
+  if (cluster_structures_) {
+    extensions.push_back(VK_NV_CLUSTER_ACCELERATION_STRUCTURE_EXTENSION_NAME);
   }
   if (swapchain) extensions.push_back(VK_KHR_SWAPCHAIN_EXTENSION_NAME);
   const VkDeviceCreateInfo info{.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,

@@ -41,6 +41,7 @@ class Device {
   bool mesh_shaders() const { return mesh_shaders_; }
   bool ray_tracing() const { return ray_tracing_; }  ///< structures and the pipeline
   RayLimits ray_limits() const;
+  bool cluster_structures() const { return cluster_structures_; }  ///< NVIDIA's, with all of that
   /// Errors and warnings that the validation layers have printed.
   uint32_t validation_messages() const { return messages_; }
   /// A memory type of the wanted properties among `types`.
@@ -61,7 +62,7 @@ class Device {
   VkCommandBuffer commands_ = VK_NULL_HANDLE;
   VkFence fence_ = VK_NULL_HANDLE;
   std::string name_;
-  bool mesh_shaders_ = false, ray_tracing_ = false;
+  bool mesh_shaders_ = false, ray_tracing_ = false, cluster_structures_ = false;
   uint32_t messages_ = 0;
 };
 

@@ -5,6 +5,10 @@
 #define VK_NO_PROTOTYPES
 #include <vulkan/vulkan.h>
 
+#ifndef VK_NV_cluster_acceleration_structure
+#error The sample needs newer Vulkan headers, such as 1.4.309 of Debian 13.
+#endif
+
 // Every function that the sample calls.
 #define SAMPLE_INSTANCE_FUNCTIONS(X)          \
   X(vkDestroyInstance)                        \
@@ -74,21 +78,23 @@
   X(vkCmdSetScissor)
 
 // Null where the device or the instance lacks the extension.
-#define SAMPLE_OPTIONAL_FUNCTIONS(X)            \
-  X(vkCmdDrawMeshTasksIndirectEXT)              \
-  X(vkCreateSwapchainKHR)                       \
-  X(vkDestroySwapchainKHR)                      \
-  X(vkGetSwapchainImagesKHR)                    \
-  X(vkAcquireNextImageKHR)                      \
-  X(vkQueuePresentKHR)                          \
-  X(vkCreateAccelerationStructureKHR)           \
-  X(vkDestroyAccelerationStructureKHR)          \
-  X(vkGetAccelerationStructureBuildSizesKHR)    \
-  X(vkGetAccelerationStructureDeviceAddressKHR) \
-  X(vkCmdBuildAccelerationStructuresKHR)        \
-  X(vkCreateRayTracingPipelinesKHR)             \
-  X(vkGetRayTracingShaderGroupHandlesKHR)       \
-  X(vkCmdTraceRaysKHR)
+#define SAMPLE_OPTIONAL_FUNCTIONS(X)               \
+  X(vkCmdDrawMeshTasksIndirectEXT)                 \
+  X(vkCreateSwapchainKHR)                          \
+  X(vkDestroySwapchainKHR)                         \
+  X(vkGetSwapchainImagesKHR)                       \
+  X(vkAcquireNextImageKHR)                         \
+  X(vkQueuePresentKHR)                             \
+  X(vkCreateAccelerationStructureKHR)              \
+  X(vkDestroyAccelerationStructureKHR)             \
+  X(vkGetAccelerationStructureBuildSizesKHR)       \
+  X(vkGetAccelerationStructureDeviceAddressKHR)    \
+  X(vkCmdBuildAccelerationStructuresKHR)           \
+  X(vkCreateRayTracingPipelinesKHR)                \
+  X(vkGetRayTracingShaderGroupHandlesKHR)          \
+  X(vkCmdTraceRaysKHR)                             \
+  X(vkGetClusterAccelerationStructureBuildSizesNV) \
+  X(vkCmdBuildClusterAccelerationStructureIndirectNV)
 
 #define SAMPLE_SURFACE_FUNCTIONS(X)            \
   X(vkDestroySurfaceKHR)                       \

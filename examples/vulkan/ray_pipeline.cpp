@@ -45,8 +45,12 @@ RayPipeline::RayPipeline(const Device& device) : device_(device) {
       group(VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR, 1, VK_SHADER_UNUSED_KHR),
       group(VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR, VK_SHADER_UNUSED_KHR, 2)};
   static_assert(groups.size() == kGroups);
+  const VkRayTracingPipelineClusterAccelerationStructureCreateInfoNV clusters{
+      .sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CLUSTER_ACCELERATION_STRUCTURE_CREATE_INFO_NV,
+      .allowClusterAccelerationStructure = VK_TRUE};
   const VkRayTracingPipelineCreateInfoKHR info{
       .sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR,
+      .pNext = device.cluster_structures() ? &clusters : nullptr,
       .stageCount = stages.size(),
       .pStages = stages.data(),
       .groupCount = kGroups,

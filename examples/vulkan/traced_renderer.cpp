@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 #include <stdexcept>
 
 #include "host_cut.hpp"
@@ -39,11 +40,14 @@ TracedRenderer::TracedRenderer(const Device& device, const umbel::Asset& asset,
       tables_(device, asset),
       pool_(device, asset, tables_, config.budget_bytes),
       pipeline_(device),
-      groups_(device),
+      groups_(device, tables_),
       frame_(device, sizeof(GpuFrame), Place::kHost),
       rays_(device, sizeof(GpuRays), Place::kHost),
       target_(std::make_unique<Target>(device, config.width, config.height)),
-      residency_(make_residency(asset, pool_.slots())) {}
+      residency_(make_residency(asset, pool_.slots())) {
+  all_clusters_.resize(tables_.host().clusters.size());
+  std::iota(all_clusters_.begin(), all_clusters_.end(), 0u);
+}
 
 void TracedRenderer::resize(uint32_t width, uint32_t height) {
   config_.width = width;
@@ -60,11 +64,9 @@ FrameReport TracedRenderer::draw(const FrameInput& input, double now) {
     device_.run([&](VkCommandBuffer commands) {
       pool_.record(commands);
       wait_for_writes(commands);
-      groups_.record(commands, tables_, pool_);
-      wait_for_writes(commands);
-      record_scene(commands);
     });
-    groups_.end();
+    groups_.build(tables_, pool_);
+    build_scene();
   }
   write_frame(input);
   device_.run([&](VkCommandBuffer commands) {
@@ -80,7 +82,7 @@ FrameReport TracedRenderer::draw(const FrameInput& input, double now) {
   report_.slots = pool_.slots();
   report_.built = groups_.built();
   report_.kept = groups_.kept();
-  report_.structure_bytes = groups_.bytes() + scene_->structures()[0]->bytes();
+  report_.structure_bytes = groups_.bytes() + scene_->bytes();
   return report_;
 }
 
@@ -116,36 +118,41 @@ void TracedRenderer::find_cut(FrameReport& report) {
   }
 }
 
-void TracedRenderer::reserve(std::unique_ptr<Buffer>& buffer, uint64_t bytes) const {
-  if (buffer != nullptr && buffer->bytes() >= bytes) return;
-  buffer.reset();
-  buffer = std::make_unique<Buffer>(device_, bytes + bytes / 2, Place::kHost);
+template <class T>
+void TracedRenderer::upload(std::unique_ptr<Buffer>& buffer, std::span<const T> values) const {
+  if (buffer == nullptr || buffer->bytes() < values.size_bytes()) {
+    buffer.reset();
+    buffer = std::make_unique<Buffer>(device_, values.size_bytes() * 3 / 2, Place::kHost);
+  }
+  std::copy(values.begin(), values.end(), buffer->mapped<T>().begin());
 }
 
 // The top level is small, and built anew in every frame.
-void TracedRenderer::record_scene(VkCommandBuffer commands) {
+void TracedRenderer::build_scene() {
+  const bool numbered = groups_.numbers_clusters();
   for (size_t i = 0; i < placed_.size(); ++i) {
-    placed_[i].instanceCustomIndex = groups_.first_cluster(numbers_[i]) & 0xffffff;
-    placed_[i].accelerationStructureReference = groups_.structure(numbers_[i]).address();
+    placed_[i].instanceCustomIndex = numbered ? 0 : groups_.first_cluster(numbers_[i]) & 0xffffff;
+    placed_[i].accelerationStructureReference = groups_.address(numbers_[i]);
   }
-  reserve(placed_buffer_, std::max<size_t>(placed_.size(), 1) * sizeof placed_[0]);
-  std::copy(placed_.begin(), placed_.end(),
-            placed_buffer_->mapped<VkAccelerationStructureInstanceKHR>().begin());
-  reserve(clusters_buffer_, std::max<size_t>(groups_.clusters().size(), 1) * 4);
-  std::copy(groups_.clusters().begin(), groups_.clusters().end(),
-            clusters_buffer_->mapped<uint32_t>().begin());
+  upload(placed_buffer_, std::span<const VkAccelerationStructureInstanceKHR>(placed_));
+  upload(clusters_buffer_,
+         std::span<const uint32_t>(numbered ? all_clusters_ : groups_.clusters()));
   const VkAccelerationStructureGeometryInstancesDataKHR instances{
       .sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR,
       .data = {.deviceAddress = placed_buffer_->address()}};
-  scene_input_.geometries = {{.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
-                              .geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR,
-                              .geometry = {.instances = instances},
-                              .flags = VK_GEOMETRY_OPAQUE_BIT_KHR}};
-  scene_input_.ranges = {{.primitiveCount = static_cast<uint32_t>(placed_.size())}};
-  scene_.reset();
-  scene_ = std::make_unique<StructureBuilds>(device_, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR,
-                                             std::span(&scene_input_, 1));
-  scene_->record(commands);
+  const StructureInput input{
+      .geometries = {{.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
+                      .geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR,
+                      .geometry = {.instances = instances},
+                      .flags = VK_GEOMETRY_OPAQUE_BIT_KHR}},
+      .ranges = {{.primitiveCount = static_cast<uint32_t>(placed_.size())}}};
+  const StructureBuilds builds(device_, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR,
+                               std::span(&input, 1));
+  device_.run([&](VkCommandBuffer commands) {
+    builds.record(commands);
+    wait_for_writes(commands);
+  });
+  scene_ = builds.structures()[0];
 }
 
 void TracedRenderer::write_frame(const FrameInput& input) const {
@@ -154,7 +161,7 @@ void TracedRenderer::write_frame(const FrameInput& input) const {
   const umbel::Vec3 right = unit(cross(forward, camera.up));
   const float tangent = std::tan(camera.fov_y / 2);
   const float aspect = static_cast<float>(config_.width) / static_cast<float>(config_.height);
-  rays_.mapped<GpuRays>()[0] = {.scene = scene_->structures()[0]->address(),
+  rays_.mapped<GpuRays>()[0] = {.scene = scene_->address(),
                                 .clusters = clusters_buffer_->address(),
                                 .picture = target_->traced.address(),
                                 .right = scaled(right, tangent * aspect),

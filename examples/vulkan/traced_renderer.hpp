@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "acceleration.hpp"
 #include "frame.hpp"
 #include "page_pool.hpp"
 #include "ray_pipeline.hpp"
@@ -35,10 +36,11 @@ class TracedRenderer : public FrameMaker {
 
   void choose_views(const FrameInput& input);
   void find_cut(FrameReport& report);
-  void record_scene(VkCommandBuffer commands);
+  void build_scene();
   void write_frame(const FrameInput& input) const;
   void record_copies(VkCommandBuffer commands) const;
-  void reserve(std::unique_ptr<Buffer>& buffer, uint64_t bytes) const;
+  template <class T>
+  void upload(std::unique_ptr<Buffer>& buffer, std::span<const T> values) const;
 
   const Device& device_;
   const umbel::Asset& asset_;
@@ -50,10 +52,10 @@ class TracedRenderer : public FrameMaker {
   RayPipeline pipeline_;
   TracedGroups groups_;
   std::vector<VkAccelerationStructureInstanceKHR> placed_;
-  std::vector<uint32_t> numbers_;  ///< of each one's structure in groups_
+  std::vector<uint32_t> numbers_;       ///< of each one's structure in groups_
+  std::vector<uint32_t> all_clusters_;  ///< 0, 1, 2, ...
   std::unique_ptr<Buffer> placed_buffer_, clusters_buffer_;
-  StructureInput scene_input_;
-  std::unique_ptr<StructureBuilds> scene_;
+  std::shared_ptr<AccelerationStructure> scene_;
   Buffer frame_, rays_;
   std::unique_ptr<Target> target_;
   FrameReport report_;
