@@ -36,7 +36,8 @@ AccelerationStructure::~AccelerationStructure() {
 }
 
 StructureBuilds::StructureBuilds(const Device& device, VkAccelerationStructureTypeKHR type,
-                                 std::span<const StructureInput> inputs) {
+                                 std::span<const StructureInput> inputs,
+                                 VkBuildAccelerationStructureFlagsKHR flags) {
   if (inputs.empty()) return;
   const uint64_t scratch_alignment = device.ray_limits().scratch_alignment;
   std::vector<uint64_t> offsets, sizes, scratch_offsets;
@@ -44,8 +45,9 @@ StructureBuilds::StructureBuilds(const Device& device, VkAccelerationStructureTy
   for (const StructureInput& input : inputs) {
     infos_.push_back({.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR,
                       .type = type,
-                      .flags = VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR,
-                      .mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+                      .flags = flags,
+                      .mode = input.refitted ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
+                                             : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
                       .geometryCount = static_cast<uint32_t>(input.geometries.size()),
                       .pGeometries = input.geometries.data()});
     ranges_.push_back(input.ranges.data());
@@ -59,15 +61,22 @@ StructureBuilds::StructureBuilds(const Device& device, VkAccelerationStructureTy
     offsets.push_back(storage_bytes);
     sizes.push_back(needs.accelerationStructureSize);
     scratch_offsets.push_back(scratch_bytes);
-    storage_bytes += aligned(needs.accelerationStructureSize, kStructureAlignment);
-    scratch_bytes += aligned(needs.buildScratchSize, scratch_alignment);
+    if (!input.refitted) {
+      storage_bytes += aligned(needs.accelerationStructureSize, kStructureAlignment);
+    }
+    scratch_bytes += aligned(input.refitted ? needs.updateScratchSize : needs.buildScratchSize,
+                             scratch_alignment);
   }
-  const auto storage = std::make_shared<const Buffer>(device, storage_bytes, Place::kDevice);
+  const auto storage = storage_bytes == 0
+                           ? nullptr
+                           : std::make_shared<const Buffer>(device, storage_bytes, Place::kDevice);
   scratch_ = std::make_unique<Buffer>(device, scratch_bytes + scratch_alignment, Place::kDevice);
   const VkDeviceAddress scratch = aligned(scratch_->address(), scratch_alignment);
   for (size_t i = 0; i < infos_.size(); ++i) {
-    structures_.push_back(
-        std::make_shared<AccelerationStructure>(device, type, storage, offsets[i], sizes[i]));
+    structures_.push_back(inputs[i].refitted ? inputs[i].refitted
+                                             : std::make_shared<AccelerationStructure>(
+                                                   device, type, storage, offsets[i], sizes[i]));
+    if (inputs[i].refitted) infos_[i].srcAccelerationStructure = structures_[i]->handle();
     infos_[i].dstAccelerationStructure = structures_[i]->handle();
     infos_[i].scratchData.deviceAddress = scratch + scratch_offsets[i];
   }

@@ -29,18 +29,23 @@ class AccelerationStructure {
   VkDeviceAddress address_ = 0;
 };
 
-/// One structure to be built: its geometries, and how many primitives each has.
+/// One structure to be built: its geometries, and how many primitives each has. Or one that is
+/// there already, to be refitted to the same geometries where their vertices have moved.
 struct StructureInput {
   std::vector<VkAccelerationStructureGeometryKHR> geometries;
   std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges;
+  std::shared_ptr<AccelerationStructure> refitted{};
 };
 
 /// Builds structures of one type. `record` may be called once, after all others are done.
 class StructureBuilds {
  public:
-  /// Makes the structures, empty so far. The inputs must live until `record`.
+  /// Makes the structures, empty so far. The inputs must live until `record`. Structures that are
+  /// refitted later need the flag for updates.
   StructureBuilds(const Device& device, VkAccelerationStructureTypeKHR type,
-                  std::span<const StructureInput> inputs);
+                  std::span<const StructureInput> inputs,
+                  VkBuildAccelerationStructureFlagsKHR flags =
+                      VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR);
   /// Each waits for no other: they run side by side on the device.
   void record(VkCommandBuffer commands) const;
   /// In the order of the inputs.

@@ -157,6 +157,7 @@ int main(int argc, char** argv) try {
   if (device.ray_tracing()) {
     agrees_with_the_tracer<sample::TracedRenderer>(device, asset, folder + "/traced_normals.png");
     sample::check_traced(device, asset, folder);
+    sample::check_deform(device);
   } else {
     std::printf("skipped: nothing is traced: the device has no ray tracing pipeline.\n");
   }

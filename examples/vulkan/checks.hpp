@@ -23,6 +23,9 @@ void check_occlusion(const Device& device, const umbel::Asset& asset,
 void check_traced(const Device& device, const umbel::Asset& asset,
                   const std::filesystem::path& folder);
 
+/// Clusters of a deforming mesh by compute shaders: the processor's bytes; any policy's picture.
+void check_deform(const Device& device);
+
 /// Drags turn and move the camera as far as they say; keys change what they say.
 void check_controls();
 

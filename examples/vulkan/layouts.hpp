@@ -62,6 +62,7 @@ struct GpuRays {
   VkDeviceAddress scene, clusters, picture;
   umbel::Vec3 right, up, forward, sun;
   umbel::Vec4 background;
+  VkDeviceAddress positions, triangles, offsets;  // of a deforming mesh
 };
 
 struct GpuPush {
@@ -72,6 +73,6 @@ inline constexpr uint32_t kPushBytes = 16;
 
 static_assert(sizeof(GpuNode) == 32 && sizeof(GpuGroup) == 32 && sizeof(GpuCluster) == 44);
 static_assert(sizeof(GpuInstance) == 144 && sizeof(GpuItem) == 8);
-static_assert(offsetof(GpuFrame, capacity) == 256 && sizeof(GpuRays) == 88);
+static_assert(offsetof(GpuFrame, capacity) == 256 && sizeof(GpuRays) == 112);
 
 }  // namespace sample

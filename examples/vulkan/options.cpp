@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <vector>
 
 namespace sample {
 
@@ -58,37 +59,61 @@ FrameInput::Looks looks(const std::string& word) {
   throw std::invalid_argument("no such looks: " + word);
 }
 
+// The words of a command line, one after the other.
+class Words {
+ public:
+  Words(int argc, char** argv) : words_(argv + 1, argv + argc) {}
+  bool next(std::string& word) {
+    if (at_ == words_.size()) return false;
+    word = words_[at_++];
+    return true;
+  }
+  /// What follows the word that was taken last.
+  std::string value() {
+    if (at_ == words_.size()) throw std::invalid_argument(words_[at_ - 1] + " needs a value");
+    return words_[at_++];
+  }
+
+ private:
+  std::vector<std::string> words_;
+  size_t at_ = 0;
+};
+
+constexpr uint32_t kMostPixels = 16384, kMostFrames = 1u << 20, kMostMegabytes = 1u << 16;
+
+void take_file(const std::string& word, std::string& file) {
+  if (word.starts_with("-") || !file.empty()) {
+    throw std::invalid_argument("no such option: " + word);
+  }
+  file = word;
+}
+
 }  // namespace
 
 Options parse_options(int argc, char** argv) {
-  constexpr uint32_t kMostPixels = 16384, kMostFrames = 1u << 20, kMostMegabytes = 1u << 16;
   Options options;
-  int at = 1;
-  const auto value = [&]() -> std::string {
-    if (at + 1 >= argc) throw std::invalid_argument(std::string(argv[at]) + " needs a value");
-    return argv[++at];
-  };
-  for (; at < argc; ++at) {
-    const std::string word = argv[at];
+  Words words(argc, argv);
+  std::string word;
+  while (words.next(word)) {
     if (word == "--headless") {
       options.headless = true;
     } else if (word == "--help" || word == "-h") {
       options.help = true;
     } else if (word == "--frames") {
-      options.frames = number(value(), kMostFrames);
+      options.frames = number(words.value(), kMostFrames);
     } else if (word == "--out") {
-      options.out = value();
+      options.out = words.value();
     } else if (word == "--instances") {
-      options.instances = number(value(), 1u << 16);
+      options.instances = number(words.value(), 1u << 16);
     } else if (word == "--budget") {
-      options.budget_mb = number(value(), kMostMegabytes);
+      options.budget_mb = number(words.value(), kMostMegabytes);
     } else if (word == "--error") {
-      options.input.pixel_error = pixels(value());
+      options.input.pixel_error = pixels(words.value());
     } else if (word == "--size") {
-      options.renderer.width = number(value(), kMostPixels);
-      options.renderer.height = number(value(), kMostPixels);
+      options.renderer.width = number(words.value(), kMostPixels);
+      options.renderer.height = number(words.value(), kMostPixels);
     } else if (word == "--looks") {
-      options.input.looks = looks(value());
+      options.input.looks = looks(words.value());
     } else if (word == "--trace") {
       options.trace = true;
     } else if (word == "--no-mesh-shaders") {
@@ -97,10 +122,31 @@ Options parse_options(int argc, char** argv) {
       options.input.occlusion = false;
     } else if (word == "--validate") {
       options.device.validation = true;
-    } else if (word.starts_with("-") || !options.file.empty()) {
-      throw std::invalid_argument("no such option: " + word);
     } else {
-      options.file = word;
+      take_file(word, options.file);
+    }
+  }
+  return options;
+}
+
+DeformOptions parse_deform_options(int argc, char** argv) {
+  DeformOptions options;
+  Words words(argc, argv);
+  std::string word;
+  while (words.next(word)) {
+    if (word == "--frames") {
+      options.frames = number(words.value(), kMostFrames);
+    } else if (word == "--out") {
+      options.out = words.value();
+    } else if (word == "--max-triangles") {
+      options.max_triangles = number(words.value(), 512);
+    } else if (word == "--size") {
+      options.width = number(words.value(), kMostPixels);
+      options.height = number(words.value(), kMostPixels);
+    } else if (word == "--validate") {
+      options.device.validation = true;
+    } else {
+      take_file(word, options.file);
     }
   }
   return options;

@@ -1,4 +1,4 @@
-// The command line of umbel_vulkan.
+// The command lines of umbel_vulkan and umbel_vulkan_deform.
 #pragma once
 
 #include <string>
@@ -22,5 +22,14 @@ extern const char* const kUsage;
 
 /// Throws std::invalid_argument with a sentence.
 Options parse_options(int argc, char** argv);
+
+struct DeformOptions {
+  std::string file;  ///< its finest level; empty: a generated mesh
+  std::string out = ".";
+  uint32_t frames = 60, max_triangles = 256, width = 640, height = 480;
+  DeviceOptions device;
+};
+
+DeformOptions parse_deform_options(int argc, char** argv);
 
 }  // namespace sample

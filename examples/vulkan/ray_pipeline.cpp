@@ -14,7 +14,6 @@ namespace sample {
 namespace {
 
 // Compiled by CMake: an array of words each.
-#include "trace.rchit.h"
 #include "trace.rgen.h"
 #include "trace.rmiss.h"
 
@@ -32,11 +31,12 @@ constexpr VkRayTracingShaderGroupCreateInfoKHR group(VkRayTracingShaderGroupType
 
 }  // namespace
 
-RayPipeline::RayPipeline(const Device& device) : device_(device) {
+RayPipeline::RayPipeline(const Device& device, std::span<const uint32_t> hit_shader)
+    : device_(device) {
   if (!device.ray_tracing()) throw Unavailable("the device has no ray tracing pipeline.");
   layout_ = make_layout(device);
   const ShaderModule generate(device, trace_rgen), miss(device, trace_rmiss),
-      hit(device, trace_rchit);
+      hit(device, hit_shader);
   const std::array stages = {generate.stage(VK_SHADER_STAGE_RAYGEN_BIT_KHR),
                              miss.stage(VK_SHADER_STAGE_MISS_BIT_KHR),
                              hit.stage(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR)};

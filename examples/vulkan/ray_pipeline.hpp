@@ -1,7 +1,9 @@
 // The ray tracing pipeline: ray generation, one miss and one hit shader, and the table of them.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
 
 #include "memory.hpp"
 
@@ -9,8 +11,8 @@ namespace sample {
 
 class RayPipeline {
  public:
-  /// Throws Unavailable where the device has none.
-  explicit RayPipeline(const Device& device);
+  /// `hit` says what a ray finds. Throws Unavailable where the device has no such pipeline.
+  RayPipeline(const Device& device, std::span<const uint32_t> hit);
   ~RayPipeline();
   RayPipeline(const RayPipeline&) = delete;
   RayPipeline& operator=(const RayPipeline&) = delete;

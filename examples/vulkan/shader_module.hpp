@@ -33,8 +33,8 @@ class ShaderModule {
   VkShaderModule module_ = VK_NULL_HANDLE;
 };
 
-inline VkPipelineLayout make_layout(const Device& device) {
-  const VkPushConstantRange push{.stageFlags = VK_SHADER_STAGE_ALL, .size = kPushBytes};
+inline VkPipelineLayout make_layout(const Device& device, uint32_t push_bytes = kPushBytes) {
+  const VkPushConstantRange push{.stageFlags = VK_SHADER_STAGE_ALL, .size = push_bytes};
   const VkPipelineLayoutCreateInfo info{.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
                                         .pushConstantRangeCount = 1,
                                         .pPushConstantRanges = &push};

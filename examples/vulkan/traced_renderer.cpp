@@ -1,25 +1,23 @@
 #include "traced_renderer.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <numeric>
 #include <stdexcept>
 
 #include "host_cut.hpp"
 #include "layouts.hpp"
-#include "projection.hpp"
+#include "ray_camera.hpp"
 #include "streaming.hpp"
 
 namespace sample {
 
 namespace {
 
+// Compiled by CMake: an array of words.
+#include "trace.rchit.h"
+
 constexpr uint32_t kMostGeometries = 1u << 24;  // a custom index has 24 bits
-constexpr umbel::Vec3 kSun{0.45f, 0.75f, 0.48f};
-
-umbel::Vec3 scaled(const umbel::Vec3& a, float by) { return {by * a.x, by * a.y, by * a.z}; }
-
 }  // namespace
 
 TracedRenderer::Target::Target(const Device& device, uint32_t width, uint32_t height)
@@ -39,7 +37,7 @@ TracedRenderer::TracedRenderer(const Device& device, const umbel::Asset& asset,
       transforms_(std::move(instances)),
       tables_(device, asset),
       pool_(device, asset, tables_, config.budget_bytes),
-      pipeline_(device),
+      pipeline_(device, trace_rchit),
       groups_(device, tables_),
       frame_(device, sizeof(GpuFrame), Place::kHost),
       rays_(device, sizeof(GpuRays), Place::kHost),
@@ -156,27 +154,19 @@ void TracedRenderer::build_scene() {
 }
 
 void TracedRenderer::write_frame(const FrameInput& input) const {
-  const umbel::Camera& camera = input.camera;
-  const umbel::Vec3 forward = unit(minus(camera.target, camera.position));
-  const umbel::Vec3 right = unit(cross(forward, camera.up));
-  const float tangent = std::tan(camera.fov_y / 2);
-  const float aspect = static_cast<float>(config_.width) / static_cast<float>(config_.height);
-  rays_.mapped<GpuRays>()[0] = {.scene = scene_->address(),
-                                .clusters = clusters_buffer_->address(),
-                                .picture = target_->traced.address(),
-                                .right = scaled(right, tangent * aspect),
-                                .up = scaled(cross(right, forward), tangent),
-                                .forward = forward,
-                                .sun = unit(kSun),
-                                .background = input.background};
-  frame_.mapped<GpuFrame>()[0] = {
-      .eye = {camera.position.x, camera.position.y, camera.position.z, 1},
-      .groups = tables_.groups().address(),
-      .clusters = tables_.clusters().address(),
-      .pool = pool_.words().address(),
-      .first_word = pool_.first_word().address(),
-      .rays = rays_.address(),
-      .size = {config_.width, config_.height}};
+  GpuRays rays = rays_through(input, config_.width, config_.height);
+  rays.scene = scene_->address();
+  rays.clusters = clusters_buffer_->address();
+  rays.picture = target_->traced.address();
+  rays_.mapped<GpuRays>()[0] = rays;
+  const umbel::Vec3& eye = input.camera.position;
+  frame_.mapped<GpuFrame>()[0] = {.eye = {eye.x, eye.y, eye.z, 1},
+                                  .groups = tables_.groups().address(),
+                                  .clusters = tables_.clusters().address(),
+                                  .pool = pool_.words().address(),
+                                  .first_word = pool_.first_word().address(),
+                                  .rays = rays_.address(),
+                                  .size = {config_.width, config_.height}};
 }
 
 void TracedRenderer::record_copies(VkCommandBuffer commands) const {

@@ -40,6 +40,7 @@ layout(buffer_reference, scalar) readonly buffer Rays {
   Picture picture;
   vec3 right, up, forward, sun;
   vec4 background;
+  Words positions, triangles, offsets;  // of a deforming mesh
 };
 
 layout(buffer_reference, scalar) readonly buffer Frame {
