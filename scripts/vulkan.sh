@@ -47,6 +47,8 @@ status=0
   --headless --error 4 --out "$work/frames"
 "${run[@]}" "$work/program/umbel_vulkan" --instances 100 --frames 4 --looks shaded --validate \
   --trace --headless --error 4 --out "$work/traced" || (($? == 77))
+"${run[@]}" "$work/program/umbel_vulkan_deform" --frames 8 --size 320 240 --validate \
+  --out "$work/deform" || (($? == 77))
 # The window, where there is a server of pictures without a screen.
 if command -v xvfb-run >/dev/null; then
   xvfb-run -a "${run[@]}" "$work/program/umbel_vulkan" --instances 100 --frames 10 --validate \
