@@ -2,6 +2,7 @@
 // the milliseconds of each step as a table, and pictures.
 //   umbel_vulkan_deform [FILE.umbel] [--frames N] [--out DIR] [--max-triangles N] [--size W H]
 //                       [--validate]
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -9,8 +10,11 @@
 #include <fstream>
 #include <stdexcept>
 #include <string>
+#include <umbel/trace.hpp>
+#include <vector>
 
 #include "deform/deforming_renderer.hpp"
+#include "heat_colors.hpp"
 #include "options.hpp"
 #include "png.hpp"
 #include "scene.hpp"
@@ -71,6 +75,30 @@ struct Sums {
   }
 };
 
+// A heatmap, until all are there and their scale is known.
+struct Heatmap {
+  std::string file;
+  std::vector<uint32_t> counts;
+};
+
+void write_heatmaps(const std::vector<Heatmap>& heatmaps, uint32_t width, uint32_t height) {
+  uint32_t most = 1;
+  for (const Heatmap& map : heatmaps) {
+    most = std::max(most, *std::max_element(map.counts.begin(), map.counts.end()));
+  }
+  std::printf("heatmaps, from 0 to %u boxes:\n", most);
+  for (const Heatmap& map : heatmaps) {
+    uint64_t sum = 0, covered = 0;
+    for (const uint32_t count : map.counts) {
+      sum += count;
+      covered += count > 0;
+    }
+    std::printf("  %s: %.1f boxes in the mean\n", map.file.c_str(),
+                static_cast<double>(sum) / static_cast<double>(std::max<uint64_t>(covered, 1)));
+    sample::write_png(map.file, width, height, sample::heat_colors(map.counts, most));
+  }
+}
+
 void run(const sample::DeformOptions& options) {
   std::filesystem::create_directories(options.out);
   const umbel::Mesh mesh =
@@ -85,11 +113,19 @@ void run(const sample::DeformOptions& options) {
   sample::FrameInput input;
   input.camera = camera_of(mesh);
   input.looks = sample::FrameInput::Looks::kClusters;
+  std::vector<Heatmap> heatmaps;
   for (const Way& way : kWays) {
     sample::DeformingRenderer renderer(device, mesh, options.max_triangles, options.width,
                                        options.height);
     Sums sums;
+    const auto number = std::to_string(&way - kWays);
+    const auto draw_heatmap = [&](const std::string& pose) {
+      heatmaps.push_back({options.out + "/heatmap_" + number + "_" + pose + ".png",
+                          umbel::trace::boxes_per_pixel(renderer.clusters().boxes(), input.camera,
+                                                        options.width, options.height)});
+    };
     renderer.draw(0, way.policy, input);  // clusters at rest, beside the count
+    draw_heatmap("rest");
     for (uint32_t f = 0; f < options.frames; ++f) {
       const float time = static_cast<float>(f + 1) / static_cast<float>(options.frames + 1);
       const sample::DeformReport report = renderer.draw(time, way.policy, input);
@@ -99,7 +135,7 @@ void run(const sample::DeformOptions& options) {
           << ',' << t.scene << ',' << t.trace << ',' << report.growth.area_ratio << ','
           << report.built << '\n';
       if (f == options.frames / 2) {
-        const auto number = std::to_string(&way - kWays);
+        draw_heatmap("bent");
         sample::write_png(options.out + "/deform_" + number + ".png", options.width, options.height,
                           renderer.pixels());
       }
@@ -110,6 +146,7 @@ void run(const sample::DeformOptions& options) {
                 t.deform / n, t.clusters / n, t.structures / n, t.scene / n, t.trace / n,
                 t.all() / n, sums.area_ratio / n, sums.worst, sums.rebuilds);
   }
+  write_heatmaps(heatmaps, options.width, options.height);
   if (device.validation_messages() > 0) throw std::runtime_error("validation found faults.");
 }
 
