@@ -19,6 +19,7 @@
 
 #include "asset/codec/choose_format.hpp"
 #include "asset/codec/connectivity.hpp"
+#include "asset/file/format.hpp"
 #include "asset/file/group_chunk.hpp"
 #include "base/math.hpp"
 #include "ply_reader.hpp"
@@ -124,7 +125,7 @@ void measure(const std::string& path, int runs) {
     const auto children =
         static_cast<uint32_t>(asset::children_of(asset::group_of(dag, g).clusters).size());
     chunk.tables = asset::decode_tables(format, box, dag.tables.groups[g].clusters.count, children,
-                                        chunk.bytes);
+                                        chunk.bytes, asset::kVersionMajor);
     bytes += chunk.bytes.size();
     for (const lod::Cluster& cluster : chunk.tables.clusters)
       triangles += cluster.triangle_count, vertices += cluster.vertex_count;

@@ -40,29 +40,45 @@ asset::VertexFormat format_of(uint8_t choice) {
   return asset::make_format(attributes);
 }
 
-void decode_any(const uint8_t* data, size_t size) {
-  const asset::VertexFormat format = format_of(data[0]);
-  const uint32_t clusters = 1 + data[1] % 4, references = data[1] / 64;
-  std::vector<std::byte> chunk(size - 2);
-  std::transform(data + 2, data + size, chunk.begin(), [](uint8_t b) { return std::byte{b}; });
-  // The ends of clusters lie somewhere within the chunk, or hardly any input would get past them.
-  const size_t records = 32 * size_t{references} + 8 * asset::components(format);
-  const size_t begin = records + 24 * size_t{clusters};
-  for (uint32_t c = 0; c < clusters && chunk.size() > begin; ++c) {
-    const auto end = static_cast<uint32_t>(begin + (chunk.size() - begin) * (c + 1) / clusters);
-    for (size_t i = 0; i < 4; ++i)
-      chunk[records + 24 * c + i] = static_cast<std::byte>(end >> (8 * i));
-  }
-  const umbel::Aabb bounds{{0, 0, 0}, {1, 1, 1}};
-  const asset::ChunkTables tables =
-      asset::decode_tables(format, bounds, clusters, references, chunk);
-  const auto decoded = asset::decode_clusters(format, tables, chunk, clusters);
-  for (uint32_t c = 0; c < clusters; ++c) {
+void decode_clusters(const asset::VertexFormat& format, const asset::ChunkTables& tables,
+                     const std::vector<std::byte>& chunk) {
+  const auto decoded = asset::decode_clusters(format, tables, chunk, tables.clusters.size());
+  for (size_t c = 0; c < decoded.size(); ++c) {
     if (decoded[c].positions.size() != tables.clusters[c].vertex_count)
       fail("vertices are missing");
     for (const uint8_t v : decoded[c].triangles)
       if (v >= tables.clusters[c].vertex_count) fail("a triangle has a vertex that is not there");
   }
+}
+
+void decode_any(const uint8_t* data, size_t size) {
+  const asset::VertexFormat format = format_of(data[0]);
+  const uint32_t clusters = 1 + data[1] % 4, references = data[1] / 64;
+  const uint32_t version = data[1] & 4 ? 3 : 4;
+  std::vector<std::byte> chunk(size - 2);
+  std::transform(data + 2, data + size, chunk.begin(), [](uint8_t b) { return std::byte{b}; });
+  const umbel::Aabb bounds{{0, 0, 0}, {1, 1, 1}};
+  if (data[1] & 8) {
+    decode_clusters(
+        format, asset::decode_tables(format, bounds, clusters, references, chunk, version), chunk);
+    return;
+  }
+  // Hardly any input would get past the tables: here they are right, of a few bytes.
+  const size_t begin = 2 * size_t{clusters} + asset::components(format);
+  if (chunk.size() <= begin) return;
+  asset::ChunkTables tables{{}, {}, {}, {}, static_cast<uint32_t>(begin), version};
+  for (uint32_t c = 0; c < asset::components(format); ++c) {
+    const auto byte = static_cast<uint32_t>(chunk[c]);
+    tables.ranges.push_back({static_cast<int32_t>(byte << byte % 24), byte % 33});
+  }
+  for (uint32_t c = 0; c < clusters; ++c) {
+    const size_t at = asset::components(format) + 2 * size_t{c};
+    tables.ends.push_back(
+        static_cast<uint32_t>(begin + (chunk.size() - begin) * (c + 1) / clusters));
+    tables.clusters.push_back({umbel::kNone, umbel::kNone, 0, static_cast<uint32_t>(chunk[at]) + 1,
+                               static_cast<uint32_t>(chunk[at + 1]) + 1, bounds});
+  }
+  decode_clusters(format, tables, chunk);
 }
 
 std::vector<Triangle> sorted(std::vector<Triangle> triangles) {

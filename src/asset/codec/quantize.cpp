@@ -288,7 +288,7 @@ uint32_t components(const VertexFormat& format) {
   return static_cast<uint32_t>(format.is_smooth.size());
 }
 
-uint32_t row_stride(const VertexFormat& format) { return std::max(components(format), 4u); }
+uint32_t row_stride(const VertexFormat& format) { return (components(format) + 3) & ~3u; }
 
 void quantize(const VertexFormat& format, const Mesh& streams, std::span<const uint32_t> vertices,
               std::span<int32_t> out) {

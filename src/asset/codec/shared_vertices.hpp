@@ -54,6 +54,7 @@ class SharedVertices {
   /// kNone.
   std::vector<uint32_t> encode(std::span<const uint32_t> ids, std::span<const BorderEdge> edges,
                                BitWriter& out);
+  const GroupBorders& borders() const { return borders_; }
 
  private:
   uint32_t copy_of(uint32_t vertex, uint32_t after) const;

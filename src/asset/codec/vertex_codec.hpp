@@ -58,7 +58,7 @@ bool is_known(const AttributeFormat& attribute);
 /// not have it.
 VertexFormat make_format(std::vector<AttributeFormat> attributes);
 uint32_t components(const VertexFormat& format);
-/// From one decoded vertex's integers to the next's: those of positions alone are four apart.
+/// From one decoded vertex's integers to the next's: a multiple of four, for vector instructions.
 uint32_t row_stride(const VertexFormat& format);
 
 /// `components(format)` integers a vertex, in the order of `vertices`, indices into the streams.
@@ -75,15 +75,24 @@ struct ComponentRange {
   uint32_t bits;  ///< <= 32
 };
 
-/// Writes `integers`, those of `predictors.size()` vertices in the order of the traversal, but for
-/// those whose source (their equal among the group's earlier vertices) is not kNone.
-void encode_vertices(const VertexFormat& format, std::span<const int32_t> integers,
-                     std::span<const Predictors> predictors, std::span<const uint32_t> source,
+/// What earlier vertices of the group tell of a cluster's, which may themselves be of the cluster.
+struct KnownVertices {
+  /// The vertex of an earlier cluster that each equals, or kNone.
+  std::span<const uint32_t> equal;
+  /// The earlier vertex at the position of each that has no equal, or kNone. Empty in version 3 of
+  /// the file format, which has no such thing.
+  std::span<const uint32_t> twin;
+};
+
+/// Writes the vertices from `first` to the last of `group`, the integers of the group's vertices,
+/// components(format) apart, in the order of the traversal: those without an equal.
+void encode_vertices(const VertexFormat& format, std::span<const int32_t> group, uint32_t first,
+                     std::span<const Predictors> predictors, const KnownVertices& known,
                      std::span<const ComponentRange> ranges, BitWriter& out);
 /// Reads them into `group`, the integers of the group's vertices, row_stride(format) apart, from
-/// its vertex `first` on. Sources are below that.
+/// its vertex `first` on.
 void decode_vertices(const VertexFormat& format, std::span<const Predictors> predictors,
-                     std::span<const uint32_t> source, std::span<const ComponentRange> ranges,
+                     const KnownVertices& known, std::span<const ComponentRange> ranges,
                      BitReader& in, std::span<int32_t> group, uint32_t first);
 
 }  // namespace umbel::asset

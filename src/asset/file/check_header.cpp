@@ -87,7 +87,7 @@ void check_pages(const AssetInfo& info, std::span<const PageEntry> pages, uint32
   // In order, so that reading all pages is reading the file once.
   for (size_t i = 0; i < pages.size(); ++i) {
     const PageEntry& page = pages[i];
-    if (page.offset % kPageAlignment != 0 ||
+    if (page.offset % page_alignment(info.version_major) != 0 ||
         !inside(page.offset, page.bytes, earliest, info.file_bytes) ||
         page.groups > page.bytes / kGroupRecordBytes)
       corrupt("page " + std::to_string(first + i) + " has " + std::to_string(page.groups) +

@@ -14,8 +14,11 @@
 
 namespace umbel::asset {
 
-inline constexpr uint16_t kVersionMajor = 3, kVersionMinor = 2;
-inline constexpr uint64_t kPageAlignment = 4096;
+/// What is written; versions from kOldestMajor on are read.
+inline constexpr uint16_t kVersionMajor = 4, kVersionMinor = 0, kOldestMajor = 3;
+/// Of pages and the end of the file header: a cache line.
+inline constexpr uint64_t kPageAlignment = 64;
+constexpr uint64_t page_alignment(uint32_t version) { return version == 3 ? 4096 : kPageAlignment; }
 
 struct PageEntry {
   uint64_t offset;  // from the start of the file, a multiple of kPageAlignment

@@ -4,14 +4,14 @@
 #include <limits>
 
 #include "asset/codec/shared_vertices.hpp"
+#include "asset/codec/twins.hpp"
 #include "asset/file/box_steps.hpp"
+#include "asset/file/chunk_tables.hpp"
 #include "asset/file/records.hpp"
 #include "base/bytes.hpp"
 
 namespace umbel::asset {
 namespace {
-
-constexpr uint16_t kNoReference = 0xffff;
 
 std::span<const uint32_t> vertices_of(const GroupView& group, uint32_t cluster) {
   return group.cluster_vertices.subspan(
@@ -66,32 +66,35 @@ Integers quantize_group(const ChunkFormat& mesh, const GroupView& group) {
 
 class GroupEncoder {
  public:
-  GroupEncoder(const ChunkFormat& mesh, const GroupView& group, std::vector<std::byte>& chunk)
+  GroupEncoder(const ChunkFormat& mesh, const GroupView& group)
       : group_(group),
         format_(mesh.vertices),
         integers_(quantize_group(mesh, group)),
         ranges_(ranges_of(components(format_), integers_.values)),
         shared_(integers_.vertices),
-        chunk_(chunk) {}
+        twins_(integers_.vertices) {}
 
   const std::vector<ComponentRange>& ranges() const { return ranges_; }
 
-  void encode(uint32_t cluster) {
-    BitWriter out(chunk_);
+  void encode(uint32_t cluster, std::vector<std::byte>& data) {
+    BitWriter out(data);
     const std::span<const uint32_t> vertices = vertices_of(group_, cluster);
     const Traversal traversal = encode_triangles(triangles_of(group_, cluster),
                                                  static_cast<uint32_t>(vertices.size()), out);
     const uint32_t stride = components(format_);
+    const auto first = static_cast<uint32_t>(ordered_.size() / stride);
     ids_.resize(vertices.size());
-    ordered_.resize(vertices.size() * stride);
+    ordered_.resize(ordered_.size() + vertices.size() * stride);
     const int32_t* const integers = integers_.values.data() + integers_.first[cluster];
     for (size_t v = 0; v < vertices.size(); ++v) {
       ids_[v] = vertices[traversal.vertices[v]];
       std::copy_n(integers + size_t{traversal.vertices[v]} * stride, stride,
-                  ordered_.data() + v * stride);
+                  ordered_.data() + (first + v) * stride);
     }
-    const std::vector<uint32_t> source = shared_.encode(ids_, traversal.border, out);
-    encode_vertices(format_, ordered_, traversal.predictors, source, ranges_, out);
+    const std::vector<uint32_t> equal = shared_.encode(ids_, traversal.border, out);
+    const std::vector<uint32_t> twin =
+        twins_.encode(shared_.borders(), equal, ordered_, stride, out);
+    encode_vertices(format_, ordered_, first, traversal.predictors, {equal, twin}, ranges_, out);
     out.finish();
   }
 
@@ -101,19 +104,10 @@ class GroupEncoder {
   Integers integers_;
   std::vector<ComponentRange> ranges_;
   SharedVertices shared_;
+  Twins twins_;
   std::vector<uint32_t> ids_;
-  std::vector<int32_t> ordered_;
-  std::vector<std::byte>& chunk_;
+  std::vector<int32_t> ordered_;  // of the clusters so far, in the order of their traversals
 };
-
-void write_record(ByteWriter& out, const lod::Cluster& cluster, uint32_t end, uint16_t reference,
-                  const ChunkFormat& mesh) {
-  out.u32(end);
-  out.u16(static_cast<uint16_t>((cluster.vertex_count - 1) | (cluster.triangle_count - 1) << 8));
-  out.u16(reference);
-  out.u32(cluster.material + mesh.first_material);
-  for (const uint16_t step : box_steps(cluster.box, mesh.bounds)) out.u16(step);
-}
 
 }  // namespace
 
@@ -152,36 +146,30 @@ void check_references(uint32_t group, size_t references) {
 
 std::vector<std::byte> encode_chunk(const ChunkFormat& format, const GroupView& group,
                                     std::span<const uint32_t> children) {
-  const uint64_t tables_at = kReferenceBytes * children.size();
-  std::vector<std::byte> chunk(tables_at + kComponentBytes * components(format.vertices) +
-                               kClusterRecordBytes * group.clusters.size());
-  GroupEncoder encoder(format, group, chunk);
-  std::vector<uint32_t> ends;
+  GroupEncoder encoder(format, group);
+  PackedTables tables{encoder.ranges(), {}};
+  std::vector<std::byte> data;
   for (uint32_t i = 0; i < group.clusters.size(); ++i) {
-    encoder.encode(i);
-    ends.push_back(static_cast<uint32_t>(chunk.size()));
+    const lod::Cluster& cluster = group.clusters[i];
+    const size_t begin = data.size();
+    encoder.encode(i, data);
+    const auto child = std::find(children.begin(), children.end(), cluster.generating_group);
+    tables.clusters.push_back(
+        {static_cast<uint32_t>(data.size() - begin), cluster.vertex_count, cluster.triangle_count,
+         child == children.end() ? kNone : static_cast<uint32_t>(child - children.begin()),
+         cluster.material + format.first_material, box_steps(cluster.box, format.bounds)});
   }
+  const auto references = static_cast<uint32_t>(children.size());
+  std::vector<std::byte> chunk(kReferenceBytes * references);
+  for (size_t i = 0; i < references; ++i) write_reference(chunk, i, {children[i], 0, 0, {}, 0});
+  write_tables(tables, references, chunk);
+  chunk.insert(chunk.end(), data.begin(), data.end());
   // A cluster has at most 256 vertices; only the number of clusters is free.
   if (chunk.size() >= std::numeric_limits<uint32_t>::max() / 2)
     throw Error(ErrorCode::kInvalidArgument, "group " + std::to_string(group.number) + " takes " +
                                                  std::to_string(chunk.size()) +
                                                  " bytes, but a group may take 2 GiB");
   chunk.resize(aligned(chunk.size(), kChunkAlignment));
-  for (size_t i = 0; i < children.size(); ++i)
-    write_reference(chunk, i, {children[i], 0, 0, {}, 0});
-  ByteWriter out(chunk);
-  out.skip_to(tables_at);
-  for (const ComponentRange& component : encoder.ranges()) {
-    out.u32(static_cast<uint32_t>(component.lowest));
-    out.u32(component.bits);
-  }
-  for (uint32_t i = 0; i < group.clusters.size(); ++i) {
-    const lod::Cluster& cluster = group.clusters[i];
-    const auto child = std::find(children.begin(), children.end(), cluster.generating_group);
-    const auto reference =
-        child == children.end() ? kNoReference : static_cast<uint16_t>(child - children.begin());
-    write_record(out, cluster, ends[i], reference, format);
-  }
   return chunk;
 }
 
@@ -200,43 +188,29 @@ uint32_t referred_group(std::span<const std::byte> chunk, size_t index) {
 }
 
 ChunkTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
-                          uint32_t references, std::span<const std::byte> chunk) {
+                          uint32_t references, std::span<const std::byte> chunk, uint32_t version) {
+  const uint64_t before = kReferenceBytes * references;
+  if (before > chunk.size()) corrupt("a group's tables are longer than its chunk");
+  const TableCounts counts{components(format), clusters, references};
+  PackedTables packed = version == 3 ? read_tables_3(chunk.subspan(before), counts)
+                                     : read_tables(chunk.subspan(before), counts);
   ChunkTables tables;
-  const uint64_t bytes = kReferenceBytes * references + kComponentBytes * components(format) +
-                         kClusterRecordBytes * clusters;
-  if (bytes > chunk.size()) corrupt("a group's tables are longer than its chunk");
-  tables.first_data = static_cast<uint32_t>(bytes);
+  tables.version = version;
+  tables.ranges = std::move(packed.ranges);
   ByteReader in(chunk);
   tables.children.resize(references);
   for (GroupRef& child : tables.children) read(in, child);
-  tables.ranges.resize(components(format));
-  for (ComponentRange& range : tables.ranges) {
-    range.lowest = static_cast<int32_t>(in.u32());
-    range.bits = in.u32();
-    if (range.bits > 32)
-      corrupt("a group's components have " + std::to_string(range.bits) + " bits");
-  }
-  tables.clusters.resize(clusters);
-  tables.ends.resize(clusters);
-  uint32_t begin = tables.first_data;
-  for (uint32_t i = 0; i < clusters; ++i) {
-    lod::Cluster& cluster = tables.clusters[i];
-    tables.ends[i] = in.u32();
-    const uint32_t counts = in.u16(), reference = in.u16();
-    cluster.vertex_count = (counts & 0xff) + 1;
-    cluster.triangle_count = (counts >> 8) + 1;
-    cluster.material = in.u32();
-    if (reference != kNoReference && reference >= references)
-      corrupt("a cluster was made from group " + std::to_string(reference) + " of " +
-              std::to_string(references));
-    cluster.group = kNone;
-    cluster.generating_group = reference == kNoReference ? kNone : tables.children[reference].group;
-    std::array<uint16_t, 6> steps;
-    for (uint16_t& step : steps) step = in.u16();
-    cluster.box = box_of_steps(steps, bounds);
-    if (tables.ends[i] < begin || tables.ends[i] > chunk.size())
-      corrupt("a cluster's data lie outside its group's chunk");
-    begin = tables.ends[i];
+  uint64_t end = before + packed.bytes;
+  tables.first_data = static_cast<uint32_t>(end);
+  tables.clusters.reserve(clusters);
+  tables.ends.reserve(clusters);
+  for (const ClusterRecord& record : packed.clusters) {
+    end += record.bytes;
+    if (end > chunk.size()) corrupt("a cluster's data lie outside its group's chunk");
+    tables.ends.push_back(static_cast<uint32_t>(end));
+    tables.clusters.push_back(
+        {kNone, record.reference == kNone ? kNone : tables.children[record.reference].group,
+         record.material, record.vertices, record.triangles, box_of_steps(record.box, bounds)});
   }
   return tables;
 }
@@ -251,7 +225,7 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
   std::vector<int32_t> integers(vertices * stride);
   GroupBorders borders(vertices);
   std::array<Predictors, kMaxLocal> predictors;
-  std::array<uint32_t, kMaxLocal> source;
+  std::array<uint32_t, kMaxLocal> equals, twins;
   uint32_t begin = tables.first_data, first = 0;
   for (size_t i = 0; i < count; ++i) {
     const lod::Cluster& cluster = tables.clusters[i];
@@ -260,9 +234,11 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
     const auto mine = std::span(predictors).first(cluster.vertex_count);
     decode_triangles(in, all[i].triangles, mine, borders.add_cluster(cluster.vertex_count));
     borders.list_last();
-    const auto sources = std::span(source).first(cluster.vertex_count);
-    decode_shared(in, borders, sources);
-    decode_vertices(format, mine, sources, tables.ranges, in, integers, first);
+    const auto equal = std::span(equals).first(cluster.vertex_count);
+    decode_shared(in, borders, equal);
+    const auto twin = std::span(twins).first(tables.version == 3 ? 0 : cluster.vertex_count);
+    if (!twin.empty()) decode_twins(in, borders, equal, twin);
+    decode_vertices(format, mine, {equal, twin}, tables.ranges, in, integers, first);
     in.finish();
     dequantize(
         format,

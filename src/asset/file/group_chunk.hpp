@@ -12,7 +12,7 @@
 
 namespace umbel::asset {
 
-inline constexpr uint64_t kReferenceBytes = 32, kComponentBytes = 8, kClusterRecordBytes = 24;
+inline constexpr uint64_t kReferenceBytes = 32, kComponentBytes = 8;
 /// Clusters name the group that they were made from in 16 bits, one value of which is none.
 inline constexpr uint32_t kMaxReferences = 0xffff;
 inline constexpr uint64_t kChunkAlignment = 8;
@@ -55,11 +55,13 @@ struct ChunkTables {
   std::vector<lod::Cluster> clusters;  ///< `group` is not set
   std::vector<uint32_t> ends;          ///< of each cluster's data, in the chunk
   uint32_t first_data;                 ///< where the first cluster's data begin
+  uint32_t version;                    ///< of the file format, which its data have
 };
 
-/// Throws kCorrupt if the chunk is too short or holds impossible values.
+/// Of a file of the format's version 3 or 4. Throws kCorrupt if the chunk is too short or holds
+/// impossible values.
 ChunkTables decode_tables(const VertexFormat& format, const Aabb& bounds, uint32_t clusters,
-                          uint32_t references, std::span<const std::byte> chunk);
+                          uint32_t references, std::span<const std::byte> chunk, uint32_t version);
 
 /// Decodes the first `count` clusters of a chunk: each may share vertices with those before it.
 /// Throws kCorrupt if the bits do not decode to their vertices and triangles.

@@ -233,9 +233,10 @@ uint64_t opening_bytes_in(std::span<const std::byte> bytes, uint64_t file_bytes)
   if (in.u64() != xxh64(bytes.data(), bytes.size() - 8))
     corrupt("the header's checksum does not hold");
   in.skip_to(8);
-  if (const uint16_t major = in.u16(); major != kVersionMajor)
+  if (const uint16_t major = in.u16(); major < kOldestMajor || major > kVersionMajor)
     throw Error(ErrorCode::kUnsupported, "the file has format version " + std::to_string(major) +
-                                             ", but this Umbel reads version " +
+                                             ", but this Umbel reads versions " +
+                                             std::to_string(kOldestMajor) + " to " +
                                              std::to_string(kVersionMajor));
   const FixedHeader fixed = read_fixed_header(bytes);
   if (fixed.info.file_bytes != file_bytes)

@@ -103,8 +103,9 @@ AssetPage decode_page(const FileHeader& header, std::span<const VertexFormat> fo
     if (record.offset < end) corrupt("two groups of a page overlap");
     end = uint64_t{record.offset} + record.bytes;
     const auto chunk = std::span(bytes).subspan(record.offset, record.bytes);
-    ChunkTables tables = decode_tables(formats[record.mesh], header.meshes[record.mesh].mesh.bounds,
-                                       record.group.clusters.count, references, chunk);
+    ChunkTables tables =
+        decode_tables(formats[record.mesh], header.meshes[record.mesh].mesh.bounds,
+                      record.group.clusters.count, references, chunk, header.info.version_major);
     for (const GroupRef& child : tables.children)
       if (child.page >= header.info.pages || child.group >= header.meshes[record.mesh].mesh.groups)
         corrupt("group " + std::to_string(record.id) + " was made from group " +

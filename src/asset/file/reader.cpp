@@ -131,9 +131,9 @@ std::vector<lod::ClusterGeometry> Asset::State::decode(const AssetPage& page, si
   const PageGroup& group = page.groups[index];
   const auto chunk = std::span(page.bytes).subspan(group.offset, group.bytes);
   const asset::VertexFormat& format = formats[group.mesh];
-  const auto tables =
-      asset::decode_tables(format, meshes[group.mesh].bounds, group.group.clusters.count,
-                           static_cast<uint32_t>(group.children.size()), chunk);
+  const auto tables = asset::decode_tables(
+      format, meshes[group.mesh].bounds, group.group.clusters.count,
+      static_cast<uint32_t>(group.children.size()), chunk, header.info.version_major);
   try {
     return asset::decode_clusters(format, tables, chunk, tables.clusters.size());
   } catch (const Error& error) {

@@ -16,7 +16,7 @@
 namespace umbel::asset {
 namespace {
 
-constexpr uint64_t kMaxPageBytes = 1u << 30;
+constexpr uint64_t kMaxPageBytes = 1u << 30, kPageSizeStep = 4096;
 // Numbers of materials may be floats; whole ones are exact up to here.
 constexpr uint32_t kMostFirstMaterial = 1u << 24;
 constexpr uint32_t kPagesAReport = 64;
@@ -147,7 +147,7 @@ class Writer {
 }  // namespace
 
 void check_contents(const AssetContents& contents, const AssetConfig& config, size_t meshes) {
-  if (config.page_bytes % kPageAlignment != 0 || config.page_bytes > kMaxPageBytes)
+  if (config.page_bytes % kPageSizeStep != 0 || config.page_bytes > kMaxPageBytes)
     refuse("page_bytes is " + std::to_string(config.page_bytes) +
            ", but must be a multiple of 4096 up to 1 GiB, or 0");
   if (!contents.first_materials.empty() && contents.first_materials.size() != meshes)

@@ -162,6 +162,7 @@ class Borders:
         self.next: dict[int, int] = {}
         self.previous: dict[int, int] = {}
         self.vertices: list[int] = []
+        self.last: list[int] = []
 
     def add(self, first: int, walk: Walk) -> list[int]:
         """The next cluster's border vertices."""
@@ -185,7 +186,27 @@ class Borders:
                             equal[w] = u
                             w, u = ahead.get(w), back.get(u)
         self.vertices += mine
+        self.last = mine
         return equal
+
+    def read_twins(self, bits: Bits, equal: dict[int, int]) -> dict[int, int]:
+        """The last cluster's vertices that have the position of an earlier one, and of which."""
+        twins: dict[int, int] = {}
+        others = self.vertices[: len(self.vertices) - len(self.last)]
+        if bits.take(1):
+            for i, v in enumerate(self.last):
+                if v in equal or v in twins or not bits.take(1):
+                    continue
+                choice = self.last[:i] if bits.take(1) else others
+                twins[v] = choice[bits.below(len(choice))]
+                for ahead, back in ((self.next, self.previous), (self.previous, self.next)):
+                    w, u = ahead.get(v), back.get(twins[v])
+                    while w is not None and u is not None and w != u:
+                        if max(w, u) in equal or max(w, u) in twins or not bits.take(1):
+                            break
+                        twins[max(w, u)] = min(w, u)
+                        w, u = ahead.get(w), back.get(u)
+        return twins
 
 
 def signed(value: int) -> int:
@@ -199,25 +220,43 @@ def read_vertices(
     ranges: list,
     rows: list[list[int]],
     equal: dict[int, int],
+    twins: dict[int, int] | None,
 ) -> None:
-    """Appends the integers of a cluster's vertices to those of its group."""
+    """Appends the integers of a cluster's vertices to those of its group. Version 3 has no twins,
+    and says them to be None."""
     smooth = [a.smooth for a in attributes for _ in range(a.components)]
-    damping, parameters, values = bits.take(2), [], []
+    damping, parameters, of_twins, values = bits.take(2), [], [], []
     base = len(rows)
-    for lowest, width in ranges:
-        parameters.append(bits.take(5))
-        values.append(0 if base in equal else signed(lowest + bits.take(width)))
+    for i, (lowest, width) in enumerate(ranges):
+        stored = twins is None or width > 0
+        parameters.append(bits.take(5) if stored else 31)
+        own = bool(twins) and i >= 3 and stored and bits.take(1)
+        of_twins.append(bits.take(5) if own else None)
+        if base in equal:
+            values.append(0)
+        elif twins and base in twins and i < 3:
+            values.append(rows[twins[base]][i])
+        else:
+            values.append(signed(lowest + bits.take(width)))
     rows.append(rows[equal[base]] if base in equal else values)
     for v in range(base + 1, base + walk.seen):
         if v in equal:
             rows.append(rows[equal[v]])
             continue
         a, b, across = (rows[base + parent] for parent in walk.parents[v - base])
+        twin = rows[twins[v]] if twins and v in twins else None
         row = []
         for i, k in enumerate(parameters):
+            if twin and i < 3:
+                row.append(twin[i])
+                continue
+            beside = twin is not None and of_twins[i] is not None
+            k = of_twins[i] if beside else k
             r = 0 if k == 31 else bits.rice(k)
             remainder = r // 2 if r % 2 == 0 else -(r + 1) // 2
-            if smooth[i]:
+            if beside:
+                predicted = twin[i]
+            elif smooth[i]:
                 predicted = (a[i] + b[i]) // 2
             else:
                 predicted = a[i] + b[i] - across[i]
@@ -280,6 +319,37 @@ def numbers(layout: str, data: bytes, offset: int, count: int, stride: int) -> l
     return [struct.unpack_from(layout, data, offset + i * stride) for i in range(count)]
 
 
+def tables_3(part: bytes, components: int, clusters: int, references: int) -> tuple:
+    """The components' ranges, the clusters' records, and where their data begin."""
+    ranges = numbers("<iI", part, 32 * references, components, 8)
+    begin = 32 * references + 8 * components
+    records = numbers("<IBBHI6H", part, begin, clusters, 24)
+    return ranges, records, begin + 24 * clusters
+
+
+def tables_4(part: bytes, components: int, clusters: int, references: int) -> tuple:
+    """The same, of version 4, with records as version 3 has them."""
+    before = 32 * references
+    bits = Bits(part[before:])
+    ranges = [(signed(bits.take(32)), bits.take(6)) for _ in range(components)]
+    size, lowest, material = bits.take(6), bits.take(32), bits.take(6)
+    axes = [(bits.take(16), bits.take(5), bits.take(5)) for _ in range(3)]
+    reference = references.bit_length()
+    row = size + 16 + reference + material + sum(corner + extent for _, corner, extent in axes)
+    begin = end = before + (components * 38 + 122 + row * clusters + 7) // 8
+    records = []
+    for _ in range(clusters):
+        end += bits.take(size)
+        counts = bits.take(8), bits.take(8)
+        made_from = bits.take(reference)
+        index = 0xFFFF if made_from == 0 else made_from - 1
+        number = lowest + bits.take(material)
+        corners = [(low + bits.take(corner), bits.take(extent)) for low, corner, extent in axes]
+        box = [low for low, _ in corners] + [low + extent for low, extent in corners]
+        records.append((end, *counts, index, number, *box))
+    return ranges, records, begin
+
+
 @dataclass
 class Group:
     mesh: int
@@ -304,8 +374,8 @@ class Reader:
     def __init__(self, path: Path):
         self.data = data = path.read_bytes()
         assert data[:8] == b"\xabUMBL\r\n\x1a"
-        major, _, size, file_bytes, head_bytes = struct.unpack_from("<HHIQQ", data, 8)
-        assert major == 3
+        self.major, _, size, file_bytes, head_bytes = struct.unpack_from("<HHIQQ", data, 8)
+        assert self.major in (3, 4)
         assert file_bytes == len(data)
         (count,) = struct.unpack_from("<I", data, 40)
         self.sections = {}
@@ -370,17 +440,16 @@ class Reader:
         low, high = np.array(entry[3:9], np.float64).reshape(2, 3)
         components = sum(a.components for a in attributes)
         refs = numbers("<IIIfffff", part, 0, references, 32)
-        ranges = numbers("<iI", part, 32 * references, components, 8)
-        begin = 32 * references + 8 * components
-        records = numbers("<IBBHI6H", part, begin, clusters, 24)
-        begin += 24 * clusters
+        tables = tables_3 if self.major == 3 else tables_4
+        ranges, records, begin = tables(part, components, clusters, references)
         borders, rows, made, boxes = Borders(), [], [], []
         for end, vertices, triangles, _, _, *box in records:
             bits = Bits(part[begin:end])
             walk = Walk(bits, vertices + 1, triangles + 1)
             first = len(rows)
             equal = borders.read_shared(bits, first, walk)
-            read_vertices(bits, walk, attributes, ranges, rows, equal)
+            twins = None if self.major == 3 else borders.read_twins(bits, equal)
+            read_vertices(bits, walk, attributes, ranges, rows, equal, twins)
             assert 0 <= bits.left < 8
             assert bits.value == 0
             values = decode_values(np.array(rows[first:], np.int64), attributes)

@@ -7,14 +7,16 @@ import { Random } from "../support/random.js";
 import { show } from "./drive.js";
 import { mutated } from "./mutate.js";
 
-const FOLDER = join(ROOT, "tests/vectors/viewer");
+const FOLDERS = ["viewer", "format3"].map((name) => join(ROOT, "tests/vectors", name));
 
-/** Small assets of each kind, and all inputs that ever failed. */
+/** Small assets of each kind, of both versions of the format, and all inputs that ever failed. */
 export function corpus(): { name: string; file: Uint8Array }[] {
-  return readdirSync(FOLDER)
-    .filter((name) => name.endsWith(".umbel"))
-    .sort()
-    .map((name) => ({ name, file: new Uint8Array(readFileSync(join(FOLDER, name))) }));
+  return FOLDERS.flatMap((folder) =>
+    readdirSync(folder)
+      .filter((name) => name.endsWith(".umbel"))
+      .sort()
+      .map((name) => ({ name, file: new Uint8Array(readFileSync(join(folder, name))) })),
+  );
 }
 
 /** Shows damaged files until so many milliseconds are over; returns how many. */

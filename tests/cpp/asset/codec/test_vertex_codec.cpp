@@ -19,9 +19,10 @@ VertexFormat floats_and_grid() {
   return make_format({{kPositions, Coding::kGrid, 0, 0.25f}, {kNormals, Coding::kFloats, 0, 0}});
 }
 
-/// Codes `count` vertices of random integers of `bits` bits, some of which an earlier cluster has.
+/// Codes `count` vertices of random integers of `bits` bits, some of which an earlier cluster has,
+/// and with twins some whose position an earlier vertex has.
 void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t bits,
-                          std::mt19937& random) {
+                          bool with_twins, std::mt19937& random) {
   const uint32_t width = components(format), stride = row_stride(format);
   std::vector<int32_t> integers(count * width);
   for (int32_t& i : integers) i = bits == 0 ? 7 : static_cast<int32_t>(random()) >> (32 - bits);
@@ -31,18 +32,26 @@ void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t b
         predictors_of(uint32_t(random() % v), uint32_t(random() % v), uint32_t(random() % v));
   const auto lowest = static_cast<int32_t>(bits == 0 ? 7 : ~0u << (bits - 1));
   const std::vector<ComponentRange> ranges(width, {lowest, bits});
-  std::vector<uint32_t> source(count, kNone);
-  std::vector<int32_t> group(size_t{2} * count * stride);
+  std::vector<uint32_t> equal(count, kNone), twin(with_twins ? count : 0, kNone);
   for (uint32_t v = 0; v < count; ++v) {
-    std::copy_n(&integers[size_t{v} * width], width, &group[size_t{v} * stride]);
-    if (random() % 4 == 0) source[v] = v;
+    if (random() % 4 == 0) {
+      equal[v] = v;
+    } else if (with_twins && v > 0 && random() % 2 == 0) {
+      twin[v] = static_cast<uint32_t>(random() % v + (random() % 2) * count);
+      std::copy_n(&integers[size_t{twin[v] % count} * width], 3, &integers[size_t{v} * width]);
+    }
   }
+  // The earlier cluster has the same vertices.
+  std::vector<int32_t> group(size_t{2} * count * stride), given = integers;
+  given.insert(given.end(), integers.begin(), integers.end());
+  for (uint32_t v = 0; v < count; ++v)
+    std::copy_n(&integers[size_t{v} * width], width, &group[size_t{v} * stride]);
   std::vector<std::byte> bytes;
   BitWriter out(bytes);
-  encode_vertices(format, integers, predictors, source, ranges, out);
+  encode_vertices(format, given, count, predictors, {equal, twin}, ranges, out);
   out.finish();
   BitReader in(bytes);
-  decode_vertices(format, predictors, source, ranges, in, group, count);
+  decode_vertices(format, predictors, {equal, twin}, ranges, in, group, count);
   EXPECT_NO_THROW(in.finish());
   for (uint32_t v = 0; v < count; ++v)
     EXPECT_TRUE(std::equal(&integers[size_t{v} * width], &integers[size_t{v} * width] + width,
@@ -56,7 +65,8 @@ TEST(VertexCodec, gives_back_any_integers) {
   for (const VertexFormat& format : {floats_and_grid(), alone})
     for (uint32_t bits = 0; bits <= 32; ++bits)
       for (uint32_t count = 1; count <= 256; count += 51)
-        expect_same_integers(format, count, bits, random);
+        for (const bool with_twins : {false, true})
+          expect_same_integers(format, count, bits, with_twins, random);
 }
 
 TEST(VertexFormat, refuses_what_cannot_be) {

@@ -27,10 +27,15 @@ std::vector<char> with_slices(const std::vector<char>& whole) {
   header.has_page_slices = true;
   const auto nodes = file.subspan(header.nodes.offset, header.nodes.count * asset::kNodeBytes);
   header.nodes.slices = asset::slice_checksums(nodes, asset::kNodeBytes);
+  const uint64_t more = asset::header_bytes(header) - opening;
+  for (asset::PageEntry& page : header.pages) page.offset += more;
+  for (asset::FileEntry& embedded : header.files) embedded.offset += more;
+  header.nodes.offset += more;
+  header.info.file_bytes += more;
   const std::vector<std::byte> made = asset::encode_header(header);
-  EXPECT_EQ(made.size(), opening);  // within the padding
-  std::vector<char> bytes = whole;
+  std::vector<char> bytes(made.size());
   std::memcpy(bytes.data(), made.data(), made.size());
+  bytes.insert(bytes.end(), whole.begin() + static_cast<ptrdiff_t>(opening), whole.end());
   return bytes;
 }
 

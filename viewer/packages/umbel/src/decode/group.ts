@@ -3,7 +3,6 @@
 import { corrupt } from "../errors.js";
 import { type FileHeader, NONE } from "../format/file_header.js";
 import {
-  CLUSTER_ROW,
   type GroupReference,
   type MeshEntry,
   REFERENCE_ROW,
@@ -11,9 +10,11 @@ import {
 } from "../format/tables.js";
 import { decodeValues, type Values } from "./attribute_values.js";
 import { BIT_PADDING, BitReader } from "./bit_reader.js";
+import { type ChunkTables, readChunkTables } from "./chunk_tables.js";
 import { TriangleDecoder } from "./connectivity.js";
 import { SharedVertices } from "./shared_vertices.js";
-import { type ComponentRanges, decodeVertices } from "./vertices.js";
+import { Twins } from "./twins.js";
+import { decodeVertices } from "./vertices.js";
 
 /** A group without its geometry. Groups and clusters of all meshes are numbered through. */
 export interface GroupInfo {
@@ -57,8 +58,7 @@ const triangleDecoder = new TriangleDecoder();
 export class GroupReader {
   private readonly chunk: DataView;
   private readonly info: GroupInfo;
-  private readonly componentsAt: number;
-  private readonly clustersAt: number;
+  private readonly tables: ChunkTables;
 
   constructor(
     private readonly header: FileHeader,
@@ -75,10 +75,15 @@ export class GroupReader {
     if (word(13) + word(14) > view.byteLength - BIT_PADDING)
       corrupt(`A group of page ${page} does not lie in it.`);
     this.chunk = new DataView(view.buffer, word(13), word(14) + BIT_PADDING);
-    this.componentsAt = REFERENCE_ROW * word(7);
-    this.clustersAt = this.componentsAt + 8 * mesh.smooth.length;
-    if (this.clustersAt + CLUSTER_ROW * clusterCount > word(14))
+    if (REFERENCE_ROW * word(7) > word(14))
       corrupt(`A group of page ${page} is larger than its chunk.`);
+    const counts = {
+      components: mesh.smooth.length,
+      clusters: clusterCount,
+      references: word(7),
+    };
+    const tablesAt = REFERENCE_ROW * word(7);
+    this.tables = readChunkTables(this.chunk, tablesAt, counts, header.fixed.major);
     this.info = {
       group: mesh.firstGroup + word(1),
       mesh: word(0),
@@ -100,7 +105,7 @@ export class GroupReader {
   }
 
   read(): GroupGeometry {
-    const { info, chunk } = this;
+    const { info, chunk, tables } = this;
     const { attributes } = this.mesh;
     for (let i = 0; i < info.clusterCount; ++i) this.readCluster(i);
     // Allocates only now: readCluster has checked the counts against the bytes of the file.
@@ -108,11 +113,10 @@ export class GroupReader {
     const indices = new Uint32Array(3 * info.triangleOffsets[info.clusterCount]);
     const rows = new Int32Array(this.mesh.smooth.length * vertexCount);
     const shared = new SharedVertices(vertexCount);
-    const ranges = this.ranges();
+    const twins = this.header.fixed.major === 3 ? undefined : new Twins(vertexCount, shared);
     const bits = new BitReader(chunk);
-    let begin = this.dataAt;
+    let begin = tables.dataAt;
     for (let i = 0; i < info.clusterCount; ++i) {
-      const end = chunk.getUint32(this.clustersAt + CLUSTER_ROW * i, true);
       const first = info.vertexOffsets[i];
       const count = info.vertexOffsets[i + 1] - first;
       const firstTriangle = info.triangleOffsets[i];
@@ -120,25 +124,21 @@ export class GroupReader {
       bits.at = 8 * begin;
       triangleDecoder.decode(bits, count, triangles, indices, 3 * firstTriangle, first);
       shared.read(bits, triangleDecoder, first, count);
+      twins?.read(bits);
       decodeVertices(
         bits,
         this.mesh.smooth,
-        ranges,
+        tables.ranges,
         triangleDecoder.predictors,
-        shared.equal,
+        { equal: shared.equal, twin: twins?.twin, anyTwin: twins?.any ?? false },
         rows,
         first,
         count,
       );
-      if (Math.ceil(bits.at / 8) !== end) corrupt(`Cluster ${info.firstCluster + i} is damaged.`);
-      begin = end;
+      begin = tables.ends[i];
+      if (Math.ceil(bits.at / 8) !== begin) corrupt(`Cluster ${info.firstCluster + i} is damaged.`);
     }
     return { info, indices, values: decodeValues(attributes, rows, vertexCount) };
-  }
-
-  /** Offset of the first cluster's data. */
-  private get dataAt(): number {
-    return this.clustersAt + CLUSTER_ROW * this.info.clusterCount;
   }
 
   private get mesh(): MeshEntry {
@@ -156,42 +156,28 @@ export class GroupReader {
     });
   }
 
-  private ranges(): ComponentRanges {
-    const count = this.mesh.smooth.length;
-    const ranges = { lowest: new Int32Array(count), bits: new Uint8Array(count) };
-    for (let i = 0; i < count; ++i) {
-      ranges.lowest[i] = this.chunk.getInt32(this.componentsAt + 8 * i, true);
-      const width = this.chunk.getUint32(this.componentsAt + 8 * i + 4, true);
-      if (width > 32) corrupt(`Group ${this.info.group} has a component of ${width} bits.`);
-      ranges.bits[i] = width;
-    }
-    return ranges;
-  }
-
   private readCluster(i: number): void {
-    const { info, chunk } = this;
+    const { info, tables } = this;
     const { low, high } = this.mesh;
-    const row = this.clustersAt + CLUSTER_ROW * i;
-    const vertices = chunk.getUint8(row + 4) + 1;
-    const triangles = chunk.getUint8(row + 5) + 1;
-    const begin = i > 0 ? chunk.getUint32(row - CLUSTER_ROW, true) : this.dataAt;
-    const bits = 8 * (chunk.getUint32(row, true) - begin);
-    const { maxVertices, maxTriangles } = this.header.fixed;
+    const vertices = tables.vertices[i];
+    const triangles = tables.triangles[i];
+    const begin = i > 0 ? tables.ends[i - 1] : tables.dataAt;
+    const bits = 8 * (tables.ends[i] - begin);
+    const { major, maxVertices, maxTriangles } = this.header.fixed;
     // A bit for each triangle, and the parameters that precede the vertices.
-    const minBits = triangles + 5 * this.mesh.smooth.length + 2;
+    const stored = tables.ranges.bits.reduce((n, b) => n + (b > 0 || major === 3 ? 1 : 0), 0);
+    const minBits = triangles + 5 * stored + 2;
     const isTooLarge = vertices > Math.min(maxVertices, 3 * triangles) || triangles > maxTriangles;
     if (isTooLarge || bits < minBits)
       corrupt(`Cluster ${info.firstCluster + i} is larger than the file says.`);
     info.vertexOffsets[i + 1] = info.vertexOffsets[i] + vertices;
     info.triangleOffsets[i + 1] = info.triangleOffsets[i] + triangles;
-    const from = chunk.getUint16(row + 6, true);
-    if (from !== 0xffff && from >= info.references.length)
-      corrupt(`Cluster ${info.firstCluster + i} was made from no group of the page.`);
-    info.generating[i] = from === 0xffff ? NONE : (info.references[from] as GroupReference).group;
-    info.material[i] = chunk.getUint32(row + 8, true);
+    const from = tables.references[i];
+    info.generating[i] = from < 0 ? NONE : (info.references[from] as GroupReference).group;
+    info.material[i] = tables.materials[i];
     for (let j = 0; j < 6; ++j) {
       const axis = j % 3;
-      const q = chunk.getUint16(row + 12 + 2 * j, true);
+      const q = tables.boxes[6 * i + j];
       info.boxes[6 * i + j] = low[axis] + (high[axis] - low[axis]) * (q / 65535);
     }
   }

@@ -10,10 +10,11 @@ export class SharedVertices {
   /** For each vertex of the group the earlier one that it is equal to, or -1. */
   readonly equal: Int32Array;
   /** The next and the previous vertex along the border of its cluster, or -1. */
-  private readonly next: Int32Array;
-  private readonly previous: Int32Array;
-  /** Border vertices of all clusters so far. */
-  private readonly border: number[] = [];
+  readonly next: Int32Array;
+  readonly previous: Int32Array;
+  /** Border vertices of all clusters so far; those of the last begin at `lastBorder`. */
+  readonly border: number[] = [];
+  lastBorder = 0;
 
   constructor(vertices: number) {
     this.equal = new Int32Array(vertices).fill(NONE);
@@ -38,6 +39,7 @@ export class SharedVertices {
           this.follow(bits, v, u, next, previous);
           this.follow(bits, v, u, previous, next);
         }
+    this.lastBorder = border.length;
     for (let v = first; v < first + count; ++v) if (this.isBorder(v)) border.push(v);
   }
 

@@ -1,6 +1,7 @@
 // The file header of an .umbel file: everything before the first page, as docs/format.md describes
 // it. All indices are checked here, so later code trusts them.
 
+import { leastClusterBytes } from "../decode/chunk_tables.js";
 import { corrupt, UmbelError } from "../errors.js";
 import { viewOf } from "./binary.js";
 import { type Json, uvSetsOf } from "./gltf.js";
@@ -13,7 +14,6 @@ import {
 } from "./sections.js";
 import { checkSlices } from "./table_slices.js";
 import {
-  CLUSTER_ROW,
   type EmbeddedFile,
   type Instance,
   type MeshEntry,
@@ -70,7 +70,7 @@ export function readFileHeader(bytes: Uint8Array): FileHeader {
     throw new UmbelError("unsupported", "The file has too many instances for this viewer.");
   if (pages.groups.reduce((sum, count) => sum + count, 0) !== groups)
     corrupt("The file is damaged: its pages do not hold all groups.");
-  if (pages.size.reduce((sum, size) => sum + size, 0) < CLUSTER_ROW * clusters)
+  if (pages.size.reduce((sum, size) => sum + size, 0) < leastClusterBytes(fixed.major) * clusters)
     corrupt("The file is damaged: its pages cannot hold all clusters.");
   return {
     fixed,

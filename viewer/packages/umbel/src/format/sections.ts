@@ -6,13 +6,16 @@ import { type Json, jsonOf } from "./gltf.js";
 import { hasChecksum } from "./xxh64.js";
 
 export const FIXED_HEADER_SIZE = 128;
-const MAJOR = 3;
+/** Versions that are read. */
+const OLDEST = 3;
+const NEWEST = 4;
 const MAGIC = [0xab, 0x55, 0x4d, 0x42, 0x4c, 0x0d, 0x0a, 0x1a];
 const SECTION_ROW = 40;
 const MAX_SECTIONS = 1024;
 
 /** The values of the fixed header. */
 export interface FixedHeader {
+  major: number;
   minor: number;
   size: number;
   fileBytes: number;
@@ -51,10 +54,10 @@ export function readFixedHeader(bytes: Uint8Array): FixedHeader {
     throw new UmbelError("not-umbel", "This is not an .umbel file.");
   const view = viewOf(bytes);
   const major = view.getUint16(8, true);
-  if (major !== MAJOR)
+  if (major < OLDEST || major > NEWEST)
     throw new UmbelError(
       "version",
-      `The file has format version ${major}; this viewer reads version ${MAJOR}.`,
+      `The file has format version ${major}; this viewer reads ${OLDEST} to ${NEWEST}.`,
     );
   const size = view.getUint32(12, true);
   if (size < FIXED_HEADER_SIZE || size > 4096 || size % 8 !== 0)
@@ -63,6 +66,7 @@ export function readFixedHeader(bytes: Uint8Array): FixedHeader {
   if (!hasChecksum(bytes.subarray(0, size - 8), view, size - 8))
     corrupt("The file is damaged: its header's checksum does not match.");
   const fixed = {
+    major,
     minor: view.getUint16(10, true),
     size,
     fileBytes: readU64(view, 16),

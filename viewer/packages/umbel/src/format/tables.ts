@@ -62,7 +62,6 @@ export interface EmbeddedFile {
 /** Bytes of the rows in a page; a page is at least as large as its rows. */
 export const PAGE_HEADER = 16;
 export const GROUP_ROW = 64;
-export const CLUSTER_ROW = 24;
 export const REFERENCE_ROW = 32;
 /** More groups than fit into a browser's memory. */
 const MAX_GROUPS = 2 ** 26;
