@@ -317,7 +317,9 @@ class ComponentEncoder {
                    const KnownVertices& known, int damping) {
     const uint32_t stride = components(format);
     const int32_t* const column = group.data() + size_t{first} * stride + component;
-    std::vector<uint32_t> all, others, beside;
+    std::vector<uint32_t> all, beside;
+    remainders_.reserve(predictors.size());
+    all.reserve(predictors.size());
     for (size_t v = 1; v < predictors.size(); ++v) {
       const uint32_t twin = twin_of(known, v);
       if (known.equal[v] != kNone || (twin != kNone && component < kPositionComponents)) {
@@ -328,13 +330,16 @@ class ComponentEncoder {
       remainders_.push_back(zigzag(static_cast<int32_t>(
           value - predicted(format, component, column, stride, predictors[v], damping))));
       all.push_back(remainders_.back());
-      if (twin == kNone) others.push_back(remainders_.back());
       if (twin == kNone) continue;
       beside.push_back(zigzag(static_cast<int32_t>(
           value - static_cast<uint32_t>(group[size_t{twin} * stride + component]))));
     }
     usual_ = best_parameter(all);
     if (beside.empty()) return;
+    std::vector<uint32_t> others;
+    for (size_t v = 1; v < predictors.size(); ++v)
+      if (known.equal[v] == kNone && twin_of(known, v) == kNone)
+        others.push_back(remainders_[v - 1]);
     const uint32_t usual = best_parameter(others), of_twins = best_parameter(beside);
     if (bits(others, usual) + bits(beside, of_twins) + kParameterBits >= bits(all, usual_)) return;
     usual_ = usual;
