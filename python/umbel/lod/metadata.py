@@ -9,7 +9,7 @@ import struct
 from typing import Any
 
 _MAGIC = b"\xabUMBL\r\n\x1a"
-_MAJOR = 3
+_MAJOR = 4
 
 
 def stored(path: str | os.PathLike[str]) -> dict[str, Any] | None:
