@@ -58,6 +58,15 @@ add_library(umbel_cuda STATIC ${umbel_cuda_sources})
 umbel_cuda_compile_options(umbel_cuda)
 target_link_libraries(umbel_cuda PUBLIC umbel_internal PRIVATE TBB::tbb CUDA::cudart_static)
 add_library(umbel::cuda ALIAS umbel_cuda)
+set_target_properties(umbel_cuda PROPERTIES EXPORT_NAME cuda)
+
+# Installed beside umbel::umbel, where it links that very library.
+if(UMBEL_INSTALL AND NOT UMBEL_BUILD_SHARED)
+  install(TARGETS umbel_cuda EXPORT umbel-cuda-targets
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT library)
+  install(EXPORT umbel-cuda-targets NAMESPACE umbel:: DESTINATION ${umbel_cmake_dir}
+          COMPONENT library)
+endif()
 
 # The C interface by itself, for Python and other languages that load libraries.
 add_library(umbel_cuda_c SHARED $<TARGET_OBJECTS:umbel_cuda>)

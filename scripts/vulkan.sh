@@ -31,11 +31,13 @@ if [[ ${VULKAN_DRIVER:-} != system ]]; then
   export VK_LAYER_PATH=$files/share/vulkan/explicit_layer.d
 fi
 
+# The toolkit that umbel::cuda was built with, if it was.
+cuda=$(sed -n 's/^CUDAToolkit_ROOT:[A-Z]*=//p' build/release/CMakeCache.txt)
 tbb=$(sed -n 's/^TBB_DIR:[A-Z]*=//p' build/release/CMakeCache.txt)
 {
   cmake --install build/release --prefix "$work/prefix" --component library
   cmake -S examples/vulkan -B "$work/program" -G Ninja -DCMAKE_BUILD_TYPE=Release \
-    -DCMAKE_PREFIX_PATH="$work/prefix" -DTBB_DIR="$tbb" "${headers[@]}"
+    -DCMAKE_PREFIX_PATH="$work/prefix" -DTBB_DIR="$tbb" ${cuda:+-DCUDAToolkit_ROOT="$cuda"} "${headers[@]}"
   cmake --build "$work/program"
 } >"$work/build.log" 2>&1 || { cat "$work/build.log" >&2; exit 1; }
 

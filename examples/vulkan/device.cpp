@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <span>
 #include <vector>
 
 #include "unavailable.hpp"
@@ -49,8 +50,11 @@ constexpr const char* kRayExtensions[] = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSIO
                                           VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
                                           VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME};
 
-bool has_ray_extensions(VkPhysicalDevice device) {
-  return std::all_of(std::begin(kRayExtensions), std::end(kRayExtensions),
+constexpr const char* kShareExtensions[] = {VK_KHR_EXTERNAL_MEMORY_FD_EXTENSION_NAME,
+                                            VK_KHR_EXTERNAL_SEMAPHORE_FD_EXTENSION_NAME};
+
+bool has_all(VkPhysicalDevice device, std::span<const char* const> names) {
+  return std::all_of(names.begin(), names.end(),
                      [&](const char* name) { return has_extension(device, name); });
 }
 
@@ -140,7 +144,7 @@ void Device::choose(bool mesh_shaders) {
     vkGetPhysicalDeviceProperties(device, &properties);
     if (properties.apiVersion < VK_API_VERSION_1_3) continue;
     const bool mesh = mesh_shaders && has_extension(device, VK_EXT_MESH_SHADER_EXTENSION_NAME);
-    const bool rays = has_ray_extensions(device);
+    const bool rays = has_all(device, kRayExtensions);
     const bool clusters =
         rays && has_extension(device, VK_NV_CLUSTER_ACCELERATION_STRUCTURE_EXTENSION_NAME);
     Features features(mesh, rays, clusters);
@@ -187,7 +191,10 @@ void Device::make_device(bool swapchain) {
   std::vector<const char*> extensions;
   if (mesh_shaders_) extensions.push_back(VK_EXT_MESH_SHADER_EXTENSION_NAME);
   if (ray_tracing_) {
-    extensions.insert(extensions.end(), std::begin(kRayExtensions), std::end(kRayExtensions));
+    for (const char* name : kRayExtensions) extensions.push_back(name);
+  }
+  if (shares_) {
+    for (const char* name : kShareExtensions) extensions.push_back(name);
   }
   if (cluster_structures_) {
     extensions.push_back(VK_NV_CLUSTER_ACCELERATION_STRUCTURE_EXTENSION_NAME);
@@ -227,7 +234,8 @@ Device::~Device() {
   if (instance_ != VK_NULL_HANDLE) vkDestroyInstance(instance_, nullptr);
 }
 
-void Device::run(const std::function<void(VkCommandBuffer)>& record) const {
+void Device::run(const std::function<void(VkCommandBuffer)>& record, VkSemaphore wait,
+                 VkSemaphore signal) const {
   check(vkResetCommandPool(device_, pool_, 0), "the command pool");
   const VkCommandBufferBeginInfo begin{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
                                        .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT};
@@ -236,9 +244,19 @@ void Device::run(const std::function<void(VkCommandBuffer)>& record) const {
   check(vkEndCommandBuffer(commands_), "recording");
   const VkCommandBufferSubmitInfo buffer{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO,
                                          .commandBuffer = commands_};
+  const auto on_semaphore = [](VkSemaphore semaphore) {
+    return VkSemaphoreSubmitInfo{.sType = VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO,
+                                 .semaphore = semaphore,
+                                 .stageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT};
+  };
+  const VkSemaphoreSubmitInfo before = on_semaphore(wait), after = on_semaphore(signal);
   const VkSubmitInfo2 submit{.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO_2,
+                             .waitSemaphoreInfoCount = wait == VK_NULL_HANDLE ? 0u : 1u,
+                             .pWaitSemaphoreInfos = &before,
                              .commandBufferInfoCount = 1,
-                             .pCommandBufferInfos = &buffer};
+                             .pCommandBufferInfos = &buffer,
+                             .signalSemaphoreInfoCount = signal == VK_NULL_HANDLE ? 0u : 1u,
+                             .pSignalSemaphoreInfos = &after};
   check(vkQueueSubmit2(queue_, 1, &submit, fence_), "a submission");
   check(vkWaitForFences(device_, 1, &fence_, VK_TRUE, UINT64_MAX), "a frame");
   check(vkResetFences(device_, 1, &fence_), "the fence");

@@ -29,8 +29,10 @@ class Device {
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
 
-  /// Records commands, runs them, and waits until they are done.
-  void run(const std::function<void(VkCommandBuffer)>& record) const;
+  /// Records commands, runs them once `wait` (if any) is signalled, signals `signal` (if any), and
+  /// waits until they are done.
+  void run(const std::function<void(VkCommandBuffer)>& record, VkSemaphore wait = VK_NULL_HANDLE,
+           VkSemaphore signal = VK_NULL_HANDLE) const;
 
   VkInstance instance() const { return instance_; }
   VkPhysicalDevice physical() const { return physical_; }
@@ -39,6 +41,8 @@ class Device {
   VkDevice handle() const { return device_; }
   const std::string& name() const { return name_; }
   bool mesh_shaders() const { return mesh_shaders_; }
+  /// Memory and semaphores can be given to CUDA, by file descriptors.
+  bool shares() const { return shares_; }
   bool ray_tracing() const { return ray_tracing_; }  ///< structures and the pipeline
   RayLimits ray_limits() const;
   bool cluster_structures() const { return cluster_structures_; }  ///< NVIDIA's, with all of that
@@ -62,7 +66,7 @@ class Device {
   VkCommandBuffer commands_ = VK_NULL_HANDLE;
   VkFence fence_ = VK_NULL_HANDLE;
   std::string name_;
-  bool mesh_shaders_ = false, ray_tracing_ = false, cluster_structures_ = false;
+  bool mesh_shaders_ = false, ray_tracing_ = false, cluster_structures_ = false, shares_ = false;
   uint32_t messages_ = 0;
 };
 

@@ -38,6 +38,8 @@
   X(vkCreateFence)                 \
   X(vkDestroyFence)                \
   X(vkWaitForFences)               \
+  X(vkCreateSemaphore)             \
+  X(vkDestroySemaphore)            \
   X(vkResetFences)                 \
   X(vkCreateBuffer)                \
   X(vkDestroyBuffer)               \
@@ -78,23 +80,25 @@
   X(vkCmdSetScissor)
 
 // Null where the device or the instance lacks the extension.
-#define SAMPLE_OPTIONAL_FUNCTIONS(X)               \
-  X(vkCmdDrawMeshTasksIndirectEXT)                 \
-  X(vkCreateSwapchainKHR)                          \
-  X(vkDestroySwapchainKHR)                         \
-  X(vkGetSwapchainImagesKHR)                       \
-  X(vkAcquireNextImageKHR)                         \
-  X(vkQueuePresentKHR)                             \
-  X(vkCreateAccelerationStructureKHR)              \
-  X(vkDestroyAccelerationStructureKHR)             \
-  X(vkGetAccelerationStructureBuildSizesKHR)       \
-  X(vkGetAccelerationStructureDeviceAddressKHR)    \
-  X(vkCmdBuildAccelerationStructuresKHR)           \
-  X(vkCreateRayTracingPipelinesKHR)                \
-  X(vkGetRayTracingShaderGroupHandlesKHR)          \
-  X(vkCmdTraceRaysKHR)                             \
-  X(vkGetClusterAccelerationStructureBuildSizesNV) \
-  X(vkCmdBuildClusterAccelerationStructureIndirectNV)
+#define SAMPLE_OPTIONAL_FUNCTIONS(X)                  \
+  X(vkCmdDrawMeshTasksIndirectEXT)                    \
+  X(vkCreateSwapchainKHR)                             \
+  X(vkDestroySwapchainKHR)                            \
+  X(vkGetSwapchainImagesKHR)                          \
+  X(vkAcquireNextImageKHR)                            \
+  X(vkQueuePresentKHR)                                \
+  X(vkCreateAccelerationStructureKHR)                 \
+  X(vkDestroyAccelerationStructureKHR)                \
+  X(vkGetAccelerationStructureBuildSizesKHR)          \
+  X(vkGetAccelerationStructureDeviceAddressKHR)       \
+  X(vkCmdBuildAccelerationStructuresKHR)              \
+  X(vkCreateRayTracingPipelinesKHR)                   \
+  X(vkGetRayTracingShaderGroupHandlesKHR)             \
+  X(vkCmdTraceRaysKHR)                                \
+  X(vkGetClusterAccelerationStructureBuildSizesNV)    \
+  X(vkCmdBuildClusterAccelerationStructureIndirectNV) \
+  X(vkGetMemoryFdKHR)                                 \
+  X(vkGetSemaphoreFdKHR)
 
 #define SAMPLE_SURFACE_FUNCTIONS(X)            \
   X(vkDestroySurfaceKHR)                       \

@@ -16,16 +16,29 @@ Buffer::Buffer(const Device& device, uint64_t bytes, Place place)
              VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
              VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR;
   }
-  const VkBufferCreateInfo info{
-      .sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, .size = bytes_, .usage = usage};
+  constexpr auto kFile = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
+  const VkExternalMemoryBufferCreateInfo outside{
+      .sType = VK_STRUCTURE_TYPE_EXTERNAL_MEMORY_BUFFER_CREATE_INFO, .handleTypes = kFile};
+  const VkBufferCreateInfo info{.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO,
+                                .pNext = place == Place::kShared ? &outside : nullptr,
+                                .size = bytes_,
+                                .usage = usage};
   check(vkCreateBuffer(device.handle(), &info, nullptr, &buffer_), "a buffer");
   VkMemoryRequirements needs;
   vkGetBufferMemoryRequirements(device.handle(), buffer_, &needs);
   const VkMemoryPropertyFlags wanted =
-      place == Place::kDevice
+      place != Place::kHost
           ? VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT
           : VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+  // CUDA takes memory that is one buffer's alone.
+  const VkMemoryDedicatedAllocateInfo alone{
+      .sType = VK_STRUCTURE_TYPE_MEMORY_DEDICATED_ALLOCATE_INFO, .buffer = buffer_};
+  const VkExportMemoryAllocateInfo exported{.sType = VK_STRUCTURE_TYPE_EXPORT_MEMORY_ALLOCATE_INFO,
+                                            .pNext = &alone,
+                                            .handleTypes = kFile};
+  allocated_ = needs.size;
   const VkMemoryAllocateFlagsInfo flags{.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO,
+                                        .pNext = place == Place::kShared ? &exported : nullptr,
                                         .flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT};
   const VkMemoryAllocateInfo allocate{
       .sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO,
@@ -45,6 +58,15 @@ Buffer::Buffer(const Device& device, uint64_t bytes, Place place)
 Buffer::~Buffer() {
   vkDestroyBuffer(device_.handle(), buffer_, nullptr);
   vkFreeMemory(device_.handle(), memory_, nullptr);
+}
+
+int Buffer::share() const {
+  const VkMemoryGetFdInfoKHR info{.sType = VK_STRUCTURE_TYPE_MEMORY_GET_FD_INFO_KHR,
+                                  .memory = memory_,
+                                  .handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT};
+  int file = -1;
+  check(vkGetMemoryFdKHR(device_.handle(), &info, &file), "shared memory");
+  return file;
 }
 
 void Buffer::fill(std::span<const std::byte> data) const {

@@ -10,7 +10,8 @@
 
 namespace sample {
 
-enum class Place { kDevice, kHost };  ///< kHost: mapped, for uploads and for reading back
+/// kHost: mapped, for uploads and for reading back. kShared: on the device, for CUDA too.
+enum class Place { kDevice, kHost, kShared };
 
 class Buffer {
  public:
@@ -27,12 +28,16 @@ class Buffer {
   std::span<T> mapped() const {
     return {static_cast<T*>(mapped_), bytes_ / sizeof(T)};
   }
+  /// Its memory as a file descriptor, of a shared buffer; whoever takes it closes it.
+  int share() const;
+  /// Of its memory, which may have more than the buffer.
+  uint64_t allocated() const { return allocated_; }
   /// Fills the start of a device buffer and waits: for what is made once.
   void fill(std::span<const std::byte> data) const;
 
  private:
   const Device& device_;
-  uint64_t bytes_;
+  uint64_t bytes_, allocated_ = 0;
   VkBuffer buffer_ = VK_NULL_HANDLE;
   VkDeviceMemory memory_ = VK_NULL_HANDLE;
   VkDeviceAddress address_ = 0;

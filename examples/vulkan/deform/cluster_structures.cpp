@@ -11,7 +11,7 @@ constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR |
     VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR;
 
-VkAccelerationStructureGeometryKHR geometry_of(const Reclusterer& clusters, uint32_t first) {
+VkAccelerationStructureGeometryKHR geometry_of(const DeformingClusters& clusters, uint32_t first) {
   const VkAccelerationStructureGeometryTrianglesDataKHR triangles{
       .sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR,
       .vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
@@ -28,7 +28,7 @@ VkAccelerationStructureGeometryKHR geometry_of(const Reclusterer& clusters, uint
 
 }  // namespace
 
-void ClusterStructures::follow(const Reclusterer& clusters) {
+void ClusterStructures::follow(DeformingClusters& clusters) {
   const std::span<const uint32_t> offsets = clusters.offsets(), kept = clusters.kept();
   std::vector<StructureInput> inputs(clusters.count());
   for (uint32_t c = 0; c < clusters.count(); ++c) {
@@ -39,10 +39,12 @@ void ClusterStructures::follow(const Reclusterer& clusters) {
   built_ = clusters.count() - static_cast<uint32_t>(kept.size());
   const StructureBuilds builds(device_, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, inputs,
                                kFlags);
-  device_.run([&](VkCommandBuffer commands) {
-    builds.record(commands);
-    wait_for_writes(commands);
-  });
+  device_.run(
+      [&](VkCommandBuffer commands) {
+        builds.record(commands);
+        wait_for_writes(commands);
+      },
+      clusters.ready());
   structures_ = builds.structures();
 }
 

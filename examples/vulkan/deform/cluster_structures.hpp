@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "acceleration.hpp"
-#include "deform/reclusterer.hpp"
+#include "deform/deforming_clusters.hpp"
 
 namespace sample {
 
@@ -15,7 +15,7 @@ class ClusterStructures {
   explicit ClusterStructures(const Device& device) : device_(device) {}
 
   /// After the clusters have changed, or their positions. Waits for the device.
-  void follow(const Reclusterer& clusters);
+  void follow(DeformingClusters& clusters);
   /// The top level, built anew. Waits for the device.
   void build_scene();
 

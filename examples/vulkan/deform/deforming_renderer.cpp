@@ -18,7 +18,7 @@ DeformingRenderer::DeformingRenderer(const Device& device, const umbel::Mesh& me
       width_(width),
       height_(height),
       pipeline_(device, deform_rchit),
-      clusters_(device, mesh, max_triangles),
+      clusters_(make_clusters(device, mesh, max_triangles)),
       structures_(device),
       frame_(device, sizeof(GpuFrame), Place::kHost),
       rays_(device, sizeof(GpuRays), Place::kHost),
@@ -29,13 +29,13 @@ umbel::RebuildPolicy::Action DeformingRenderer::cluster(const umbel::RebuildPoli
   using Action = umbel::RebuildPolicy::Action;
   ++frames_since_;
   Action action = Action::kRebuild;
-  if (clusters_.count() > 0) {
-    clusters_.refit();
-    action = policy.decide(clusters_.growth(), frames_since_);
+  if (clusters_->count() > 0) {
+    clusters_->refit();
+    action = policy.decide(clusters_->growth(), frames_since_);
   }
-  if (action == Action::kRebuild) clusters_.build();
+  if (action == Action::kRebuild) clusters_->build();
   if (action == Action::kRebuildWorst) {
-    clusters_.rebuild_worst(static_cast<uint32_t>(policy.budget * clusters_.count()));
+    clusters_->rebuild_worst(static_cast<uint32_t>(policy.budget * clusters_->count()));
   }
   if (action != Action::kKeep) frames_since_ = 0;
   return action;
@@ -49,9 +49,9 @@ DeformReport DeformingRenderer::draw(float time, const umbel::RebuildPolicy& pol
     work();
     milliseconds = 1e3 * clock.seconds();
   };
-  timed(report.times.deform, [&] { clusters_.deform(time); });
+  timed(report.times.deform, [&] { clusters_->deform(time); });
   timed(report.times.clusters, [&] { report.action = cluster(policy); });
-  timed(report.times.structures, [&] { structures_.follow(clusters_); });
+  timed(report.times.structures, [&] { structures_.follow(*clusters_); });
   timed(report.times.scene, [&] { structures_.build_scene(); });
   write_frame(input);
   timed(report.times.trace, [&] {
@@ -64,8 +64,8 @@ DeformReport DeformingRenderer::draw(float time, const umbel::RebuildPolicy& pol
       wait_for_writes(commands);
     });
   });
-  report.growth = clusters_.growth();
-  report.clusters = clusters_.count();
+  report.growth = clusters_->growth();
+  report.clusters = clusters_->count();
   report.built = structures_.built();
   report.structure_bytes = structures_.bytes();
   return report;
@@ -75,9 +75,9 @@ void DeformingRenderer::write_frame(const FrameInput& input) const {
   GpuRays rays = rays_through(input, width_, height_);
   rays.scene = structures_.scene();
   rays.picture = traced_.address();
-  rays.positions = clusters_.positions().address();
-  rays.triangles = clusters_.triangles().address();
-  rays.offsets = clusters_.offsets_buffer().address();
+  rays.positions = clusters_->positions().address();
+  rays.triangles = clusters_->triangles().address();
+  rays.offsets = clusters_->offsets_buffer().address();
   rays_.mapped<GpuRays>()[0] = rays;
   const umbel::Vec3& eye = input.camera.position;
   frame_.mapped<GpuFrame>()[0] = {

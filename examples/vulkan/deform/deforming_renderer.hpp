@@ -5,7 +5,7 @@
 #include <umbel/umbel.hpp>
 
 #include "deform/cluster_structures.hpp"
-#include "deform/reclusterer.hpp"
+#include "deform/deforming_clusters.hpp"
 #include "frame.hpp"
 #include "ray_pipeline.hpp"
 
@@ -34,7 +34,7 @@ class DeformingRenderer {
   /// The mesh at a time from 0 to 1, clustered as `policy` says; the first frame builds.
   DeformReport draw(float time, const umbel::RebuildPolicy& policy, const FrameInput& input);
   std::span<const uint8_t> pixels() const { return readback_.mapped<uint8_t>(); }
-  const Reclusterer& clusters() const { return clusters_; }
+  const DeformingClusters& clusters() const { return *clusters_; }
 
  private:
   umbel::RebuildPolicy::Action cluster(const umbel::RebuildPolicy& policy);
@@ -43,7 +43,7 @@ class DeformingRenderer {
   const Device& device_;
   uint32_t width_, height_;
   RayPipeline pipeline_;
-  Reclusterer clusters_;
+  std::unique_ptr<DeformingClusters> clusters_;
   ClusterStructures structures_;
   Buffer frame_, rays_, traced_, readback_;
   uint32_t frames_since_ = 0;

@@ -39,11 +39,10 @@ std::vector<uint64_t> shares(std::span<const umbel::Aabb> boxes) {
 void Growth::measure(std::span<const umbel::Aabb> boxes) { now_ = shares(boxes); }
 
 void Growth::rebuilt(std::span<const umbel::Aabb> boxes, std::span<const uint32_t> numbers) {
-  std::vector<uint64_t> kept;
-  for (const uint32_t n : numbers) kept.push_back(at_build_[n]);
   measure(boxes);
-  at_build_ = now_;
-  std::copy(kept.begin(), kept.end(), at_build_.begin());
+  std::vector<uint64_t> at_build = now_;
+  for (size_t c = 0; c < numbers.size(); ++c) at_build[c] = at_build_[numbers[c]];
+  at_build_ = std::move(at_build);
 }
 
 umbel::AreaGrowth Growth::growth() const {

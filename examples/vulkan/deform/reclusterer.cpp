@@ -50,7 +50,8 @@ float largest_extent(const umbel::Mesh& mesh) {
 
 }  // namespace
 
-Reclusterer::Reclusterer(const Device& device, const umbel::Mesh& mesh, uint32_t max_triangles)
+Reclusterer::Reclusterer(const Device& device, const umbel::Mesh& mesh, uint32_t max_triangles,
+                         Place positions)
     : device_(device),
       max_triangles_(max_triangles),
       vertices_(static_cast<uint32_t>(mesh.positions.size())),
@@ -65,7 +66,7 @@ Reclusterer::Reclusterer(const Device& device, const umbel::Mesh& mesh, uint32_t
       write_(device, write_triangles_comp, sizeof(GpuMeshPush)),
       cluster_boxes_(device, cluster_boxes_comp, sizeof(GpuMeshPush)),
       rest_(device, 12 * uint64_t{vertices_}, Place::kDevice),
-      positions_(device, 12 * uint64_t{vertices_}, Place::kDevice),
+      positions_(device, 12 * uint64_t{vertices_}, positions),
       source_(device, 12 * uint64_t{size_}, Place::kDevice),
       source_items_(device, 4 * uint64_t{size_}, Place::kDevice),
       keys_{{device, 4 * uint64_t{size_}, Place::kDevice},
@@ -115,13 +116,17 @@ void Reclusterer::write_mesh(const Buffer& from, const Buffer& from_items) {
                                 .size = extent_};
 }
 
-void Reclusterer::deform(float time) {
+void Reclusterer::deform(float time) { deform(time, VK_NULL_HANDLE); }
+
+void Reclusterer::deform(float time, VkSemaphore signal) {
   time_ = time;
   write_mesh(source_, source_items_);
-  device_.run([&](VkCommandBuffer commands) {
-    const GpuMeshPush all = push(0, size_);
-    deform_.record(commands, &all, groups_of(vertices_, kThreads));
-  });
+  device_.run(
+      [&](VkCommandBuffer commands) {
+        const GpuMeshPush all = push(0, size_);
+        deform_.record(commands, &all, groups_of(vertices_, kThreads));
+      },
+      VK_NULL_HANDLE, signal);
 }
 
 // The grid is made on the host: a few lines, in double precision, which not all devices have.

@@ -11,39 +11,37 @@
 #include <vector>
 
 #include "deform/compute.hpp"
+#include "deform/deforming_clusters.hpp"
 #include "deform/growth.hpp"
 #include "deform/layouts.hpp"
 #include "memory.hpp"
 
 namespace sample {
 
-class Reclusterer {
+class Reclusterer : public DeformingClusters {
  public:
   /// Up to four million triangles, as 30-bit codes tell apart; throws for more, or for none.
-  Reclusterer(const Device& device, const umbel::Mesh& mesh, uint32_t max_triangles);
+  /// `positions`: where they are, kShared if CUDA clusters them.
+  Reclusterer(const Device& device, const umbel::Mesh& mesh, uint32_t max_triangles,
+              Place positions = Place::kDevice);
 
-  /// Moves the vertices to where they are at a time from 0 to 1.
-  void deform(float time);
-  /// Clusters of these positions alone, whatever came before.
-  void build();
-  /// The clusters stay; their boxes follow.
-  void refit();
-  /// Refits, and then rebuilds up to `clusters` of those that have grown by the largest factors;
-  /// the others come first, in their old order.
-  void rebuild_worst(uint32_t clusters);
+  void deform(float time) override;
+  void deform(float time, VkSemaphore signal);
+  void build() override;
+  void refit() override;
+  void rebuild_worst(uint32_t clusters) override;
 
-  uint32_t count() const { return static_cast<uint32_t>(offsets_host_.size()) - 1; }
-  std::span<const uint32_t> offsets() const { return offsets_host_; }
-  std::span<const umbel::Aabb> boxes() const { return boxes_.mapped<umbel::Aabb>().first(count()); }
-  umbel::AreaGrowth growth() const { return growth_.growth(); }
-  /// How many of the first clusters are those of the last frame, which had these numbers.
-  std::span<const uint32_t> kept() const { return kept_; }
-
-  uint32_t vertices() const { return vertices_; }
-  const Buffer& positions() const { return positions_; }
-  const Buffer& triangles() const { return *triangles_; }
-  const Buffer& items() const { return *items_; }
-  const Buffer& offsets_buffer() const { return offsets_; }
+  std::span<const uint32_t> offsets() const override { return offsets_host_; }
+  std::span<const umbel::Aabb> boxes() const override {
+    return boxes_.mapped<umbel::Aabb>().first(count());
+  }
+  umbel::AreaGrowth growth() const override { return growth_.growth(); }
+  std::span<const uint32_t> kept() const override { return kept_; }
+  uint32_t vertices() const override { return vertices_; }
+  const Buffer& positions() const override { return positions_; }
+  const Buffer& triangles() const override { return *triangles_; }
+  const Buffer& items() const override { return *items_; }
+  const Buffer& offsets_buffer() const override { return offsets_; }
 
  private:
   /// Clusters the triangles from `first` on, which `from` has, into `triangles_` and `items_`.
