@@ -9,6 +9,8 @@
 #include "io/source/plain_source.hpp"
 #include "lod.hpp"
 #include "scale/build_asset.hpp"
+#include "scale/route_file.hpp"
+#include "scale/work_file.hpp"
 
 namespace umbel::python {
 namespace {
@@ -33,12 +35,51 @@ Dict finished_dict(const scale::Finished& finished) {
   return result;
 }
 
+/// Tasks go to an object of Python: umbel.scale.executor has what it must do.
+class PythonExecutor final : public scale::Executor {
+ public:
+  explicit PythonExecutor(nb::object object) : object_(std::move(object)) {}
+  PythonExecutor(const PythonExecutor&) = delete;
+  ~PythonExecutor() override {
+    const nb::gil_scoped_acquire held;
+    object_.reset();
+  }
+
+  size_t slots() const override {
+    const nb::gil_scoped_acquire held;
+    return nb::cast<size_t>(object_.attr("slots")());
+  }
+  void submit(const scale::Task& task) override {
+    const nb::gil_scoped_acquire held;
+    object_.attr("submit")(task.tier, task.unit);
+  }
+  std::optional<scale::TaskResult> wait(std::chrono::milliseconds most) override {
+    using Ended = std::tuple<uint32_t, uint32_t, int, std::string>;  // ..., error's kind, error
+    const nb::gil_scoped_acquire held;
+    const nb::object ended = object_.attr("wait")(static_cast<double>(most.count()) / 1e3);
+    if (ended.is_none()) return std::nullopt;
+    const auto [tier, unit, code, error] = nb::cast<Ended>(ended);
+    return scale::TaskResult{{tier, unit}, error, static_cast<ErrorCode>(code)};
+  }
+
+ private:
+  nb::object object_;
+};
+
+std::unique_ptr<scale::Executor> make_executor(const std::filesystem::path& work,
+                                               const std::vector<std::string>& command,
+                                               uint32_t workers, const nb::object& executor) {
+  if (!executor.is_none()) return std::make_unique<PythonExecutor>(executor);
+  if (command.empty()) return scale::make_local_executor(work);
+  return scale::make_process_executor(work, command, workers);
+}
+
 Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::Config& config,
            uint64_t unit_triangles, const std::filesystem::path& path, const nb::object& metadata,
            const std::string& materials, const nb::typed<nb::list, nb::bytes>& files, bool exact,
            uint32_t page_bytes, const std::vector<std::string>& command, uint32_t workers,
            uint64_t input_vertices, bool input_is_same, const nb::object& progress,
-           uint32_t threads) {
+           uint32_t threads, const nb::object& executor_object) {
   if (!held.folder) throw Error(ErrorCode::kInvalidArgument, "the work folder was closed");
   scale::AssetBuild build;
   build.config = config;
@@ -59,9 +100,7 @@ Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::
     return nb::cast<std::string>(metadata(finished_dict(finished)));
   };
   const io::PlainSource plain(source);
-  const auto executor = command.empty()
-                            ? scale::make_local_executor(held.folder->path())
-                            : scale::make_process_executor(held.folder->path(), command, workers);
+  const auto executor = make_executor(held.folder->path(), command, workers, executor_object);
   return finished_dict(run(progress, threads, [&](const BuildOptions& options) {
     return scale::build_asset(config.attributes ? source : plain, build, *held.folder, *executor,
                               path, options);
@@ -109,25 +148,39 @@ void bind_scale(nb::module_& module) {
   module.def("build_units", &build, "folder"_a, "source"_a, "config"_a, "unit_triangles"_a,
              "path"_a, "metadata"_a, "materials"_a, "files"_a, "exact"_a, "page_bytes"_a,
              "command"_a, "workers"_a, "input_vertices"_a, "input_is_same"_a,
-             "progress"_a = nb::none(), "threads"_a = 0,
+             "progress"_a = nb::none(), "threads"_a = 0, "executor"_a = nb::none(),
              nb::sig("def build_units(folder: WorkFolder, source: TriangleSource, config: "
                      "LodConfig, unit_triangles: int, path: str | os.PathLike[str], metadata: "
                      "collections.abc.Callable[[dict[str, typing.Any]], str], materials: str, "
                      "files: list[bytes], exact: bool, page_bytes: int, command: "
                      "collections.abc.Sequence[str], workers: int, input_vertices: int, "
-                     "input_is_same: bool, progress: object | None = None, threads: int = 0) -> "
-                     "dict[str, typing.Any]"));
+                     "input_is_same: bool, progress: object | None = None, threads: int = 0, "
+                     "executor: object | None = None) -> dict[str, typing.Any]"));
   module.def(
       "run_unit",
-      [](const std::filesystem::path& work, uint32_t tier, uint32_t unit, uint32_t threads) {
-        scale::begin_worker();
+      [](const std::filesystem::path& work, uint32_t tier, uint32_t unit, uint32_t threads,
+         const std::optional<std::vector<uint32_t>>& shards) {
         const nb::gil_scoped_release release;
-        with_threads(threads, [&] { scale::run_task(work, {tier, unit}); });
+        with_threads(threads, [&] { scale::run_task(work, {tier, unit}, shards); });
       },
-      "work"_a, "tier"_a, "unit"_a, "threads"_a,
-      nb::sig("def run_unit(work: str | os.PathLike[str], tier: int, unit: int, threads: int) -> "
-              "None"),
-      "Builds one unit in a process of its own.");
+      "work"_a, "tier"_a, "unit"_a, "threads"_a, "shards"_a = nb::none(),
+      nb::sig("def run_unit(work: str | os.PathLike[str], tier: int, unit: int, threads: int, "
+              "shards: list[int] | None = None) -> None"),
+      "Builds one unit, of all routed files or of those with these numbers.");
+  module.def("begin_worker", &scale::begin_worker,
+             "This process ends when the one that started it does, and leaves Ctrl-C to that.");
+  module.def(
+      "slice_places",
+      [](const std::filesystem::path& path, uint32_t tier) {
+        const nb::gil_scoped_release release;
+        const scale::SlicePlaces places =
+            tier == 0 ? scale::RouteFile(path).places() : scale::SliceReader(path).places();
+        return std::tuple(places.bytes, places.common, places.slices);
+      },
+      "path"_a, "tier"_a,
+      nb::sig("def slice_places(path: str | os.PathLike[str], tier: int) -> tuple[int, "
+              "list[tuple[int, int]], list[tuple[int, int, int]]]"),
+      "Of a routed file: its bytes, stretches that every unit needs, and each unit's own.");
 }
 
 }  // namespace umbel::python

@@ -4,6 +4,7 @@ is first used; editors and type checkers read it too."""
 from . import bvh as bvh
 from . import cuda as cuda
 from . import io as io
+from . import scale as scale
 from . import shapes as shapes
 from .accel.box_kdtree import BoxKdTree as BoxKdTree
 from .accel.bvh import Bvh as Bvh

@@ -126,13 +126,24 @@ uint64_t RouteFile::triangles(uint32_t unit) const {
   return entry ? entry->triangles : 0;
 }
 
+uint64_t RouteFile::size_of(const RouteWriter::Entry& e) const {
+  return 4 * (uint64_t{floats_} * e.vertices + uint64_t{has_materials_ ? 4u : 3u} * e.triangles +
+              uint64_t{3} * e.mail);
+}
+
+SlicePlaces RouteFile::places() const {
+  SlicePlaces places{file_.size(), {{0, kHeaderBytes}}, {}};
+  places.common.emplace_back(file_.size() - index_.size() * kEntryBytes, file_.size());
+  for (const RouteWriter::Entry& e : index_)
+    places.slices.emplace_back(e.unit, e.offset, e.offset + size_of(e));
+  return places;
+}
+
 RouteSlice RouteFile::read(uint32_t unit) const {
   RouteSlice slice;
   const auto* e = find(unit);
   if (!e) return slice;
-  const uint64_t words = uint64_t{floats_} * e->vertices +
-                         uint64_t{has_materials_ ? 4u : 3u} * e->triangles + uint64_t{3} * e->mail;
-  std::vector<std::byte> bytes(4 * words);
+  std::vector<std::byte> bytes(size_of(*e));
   file_.read(e->offset, bytes);
   if (xxh64(bytes.data(), bytes.size(), unit) != e->hash)
     corrupt(path_.string() + " is damaged: its part for unit " + std::to_string(unit) +

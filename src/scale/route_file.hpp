@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/file.hpp"
+#include "scale/slice_places.hpp"
 #include "umbel/types.hpp"
 
 namespace umbel::scale {
@@ -64,9 +65,12 @@ class RouteFile {
   uint64_t triangles(uint32_t unit) const;
   /// Reads all of it. Throws kCorrupt where a byte has changed.
   void check() const;
+  SlicePlaces places() const;
 
  private:
   const RouteWriter::Entry* find(uint32_t unit) const;
+  /// Of a slice, in bytes.
+  uint64_t size_of(const RouteWriter::Entry& entry) const;
 
   std::filesystem::path path_;
   InputFile file_;

@@ -348,23 +348,27 @@ class Tiers {
 
 }  // namespace
 
-void run_task(const std::filesystem::path& work, const Task& task) {
-  const auto plan = read_record<TierPlan>(tier_folder(work, task.tier) / "plan");
+void run_task(const std::filesystem::path& work, const Task& task,
+              const std::optional<std::vector<uint32_t>>& shards) {
+  const auto plan = read_record<TierPlan>(plan_file(work, task.tier));
   const Partition partition = Partition::from_bytes(plan.partition);
   const TierConfig& tier = plan.tier.at(0);
   const uint32_t serial = plan.first_serial.at(0) + task.unit;
   const fs::path parts = unit_file(work, task, ".parts");
+  std::vector<fs::path> files;
+  if (shards)
+    for (const uint32_t s : *shards) files.push_back(shard_file(work, task.tier, s));
+  else
+    for (uint32_t s = 0; s < plan.shards.at(0); ++s)
+      files.push_back(shard_file(work, task.tier, s));
   BuiltUnit built;
   if (task.tier == 0) {
-    std::vector<fs::path> files;
-    for (uint32_t s = 0; s < plan.shards.at(0); ++s) files.push_back(shard_file(work, 0, s));
     built = build_unit(read_unit(files, partition, streams_of(plan), tier.box, task.unit), tier,
                        serial, parts);
   } else {
     std::vector<Slice> slices;
-    for (uint32_t s = 0; s < plan.shards.at(0); ++s) {
-      const std::vector<std::byte> bytes =
-          SliceReader(shard_file(work, task.tier, s)).read(task.unit);
+    for (const fs::path& file : files) {
+      const std::vector<std::byte> bytes = SliceReader(file).read(task.unit);
       if (!bytes.empty()) slices.push_back(record_of<Slice>(bytes));
     }
     built =

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -26,8 +27,10 @@ struct Task {
 /// Runs every task once; returns when all are done.
 using TaskRunner = std::function<void(std::span<const Task>)>;
 
-/// One task, by what is in the folder alone.
-void run_task(const std::filesystem::path& work, const Task& task);
+/// One task, by what is in the folder alone. `shards`: numbers of the routed files that have
+/// something for it, rising, where a machine was given only these; without them all are read.
+void run_task(const std::filesystem::path& work, const Task& task,
+              const std::optional<std::vector<uint32_t>>& shards = std::nullopt);
 
 struct TierOptions {
   /// Runs every task once, and returns when all are done; may call the function with how many are.

@@ -58,6 +58,14 @@ void SliceReader::check() const {
   for (const SliceWriter::Entry& entry : index_) read(static_cast<uint32_t>(entry.unit));
 }
 
+SlicePlaces SliceReader::places() const {
+  const uint64_t index = file_.size() - kTail - index_.size() * sizeof(SliceWriter::Entry);
+  SlicePlaces places{file_.size(), {{index, file_.size()}}, {}};
+  for (const SliceWriter::Entry& e : index_)
+    places.slices.emplace_back(static_cast<uint32_t>(e.unit), e.offset, e.offset + e.bytes);
+  return places;
+}
+
 bool is_whole(const std::filesystem::path& path) { return is_whole_file<SliceReader>(path); }
 
 }  // namespace umbel::scale

@@ -14,6 +14,7 @@
 #include "base/bytes.hpp"
 #include "base/file.hpp"
 #include "base/hash.hpp"
+#include "scale/slice_places.hpp"
 
 namespace umbel::scale {
 
@@ -89,6 +90,7 @@ class SliceReader {
   std::vector<std::byte> read(uint32_t unit) const;
   /// Reads all of it. Throws kCorrupt where a byte has changed.
   void check() const;
+  SlicePlaces places() const;
 
  private:
   std::filesystem::path path_;

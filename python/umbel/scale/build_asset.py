@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,19 @@ from umbel.io.blocks import Paths, Source, open_source
 from umbel.lod.build import _group_limits, _native_config
 from umbel.lod.materials import write_materials
 from umbel.plain_json import encode
+from umbel.scale.executor import Executor, library
+from umbel.scale.feed import Feed
 from umbel.scale.memory import as_bytes, free_bytes
+from umbel.scale.staging import Staging
+from umbel.scale.storage import (
+    as_path,
+    expand,
+    fetch_sources,
+    is_address,
+    put_file,
+    scratch,
+    sha256_of,
+)
 
 #: Of an input file, what a build in memory takes a byte, at least.
 _IN_MEMORY = 8
@@ -49,6 +63,7 @@ def build_asset(
     resume: bool = False,
     unit_triangles: int = 0,
     workers: int = 0,
+    executor: Executor | None = None,
     max_triangles: int = 128,
     max_vertices: int = 128,
     group_size: tuple[int, int] = (24, 32),
@@ -68,7 +83,10 @@ def build_asset(
     `build_lod` gives. Returns a report.
 
     source: a mesh file, several as one mesh, or an iterable of blocks: see
-        `umbel.io.blocks.open_source`.
+        `umbel.io.blocks.open_source`. Files may be patterns (`tiles/*.ply`), which stand for what
+        they match in the order of the names, and source, output and work may be addresses
+        (`s3://bucket/city.umbel`) of whatever fsspec knows; this machine then has a copy in its
+        folder for temporary files.
     memory: bytes, or a text such as "2GB"; None: three quarters of what is free.
     work: a folder for what is built before it is whole, some 60 bytes a triangle; by default beside
         the output, OUTPUT.work. It is removed at the end, and stays where the build is stopped.
@@ -76,6 +94,8 @@ def build_asset(
     unit_triangles: most triangles of a unit, by default 4 Mi. Smaller units need less memory, and
         leave slightly coarser levels. This changes the result.
     workers: processes that build units side by side; 0: as many as memory and cores allow.
+    executor: builds units elsewhere, such as `umbel.scale.Ray()`. The work folder must then be one
+        that all machines have, or an address.
     metadata: added to what the asset says of itself.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     The rest is as `build_lod` and `Lod.save` have it.
@@ -95,22 +115,28 @@ def build_asset(
         "creases": creases,
     }
     native = _native_config(config)
-    output = Path(os.fspath(output))
-    folder_path = (
-        Path(os.fspath(work)) if work is not None else output.with_name(output.name + ".work")
-    )
-    identity = [("format", "1"), ("library", _library()), ("input", _names(source))]
+    place = _place(source, output, work, executor is not None)
+    folder_path, made = place.folder, place.output
+    identity = [("format", "1"), ("library", library()), ("input", place.named)]
     limit = _limit(memory)
+    staging = Staging(place.url, folder_path) if place.url else None
     folder = _umbel.WorkFolder(folder_path, native, unit_triangles, identity, resume)
     try:
-        _remove_leftovers(output)
-        opened = open_source(source, folder_path / "source")
+        if staging:
+            staging.begin()
+        _remove_leftovers(made)
+        files_or_blocks = fetch_sources(place.files, place.fetched) if place.files else source
+        opened = open_source(files_or_blocks, folder_path / "source")
         is_same = _is_same_input(opened, folder_path / "source_stamp", folder.is_resumed)
         cores = thread_count(threads) or os.cpu_count() or 1
         plan = _umbel.plan_units(opened.triangles, native, unit_triangles, limit, cores)
         count = min(workers, plan["workers"]) if workers > 0 else plan["workers"]
+        feed = None
+        if executor:
+            executor.start(plan["unit_bytes"], 1)
+            feed = Feed(executor, str(folder_path.absolute()), 1, staging)
         materials, files = write_materials(
-            opened.materials, textures, output.absolute().parent, thread_count(threads)
+            opened.materials, textures, made.absolute().parent, thread_count(threads)
         )
         said = {
             "generator": f"umbel {_umbel.version()}",
@@ -131,7 +157,7 @@ def build_asset(
             opened.triangles,
             native,
             unit_triangles,
-            output,
+            made,
             metadata_of,
             materials,
             files,
@@ -143,18 +169,32 @@ def build_asset(
             is_same,
             progress,
             thread_count(threads),
+            feed,
         )
         del opened
+        stored = {}
+        if place.output_url:
+            stored["sha256"] = sha256_of(made)
+            put_file(made, place.output_url)
         folder.remove()
+        if staging:
+            staging.remove()
+        place.remove()
     except Error as error:
         # Of an input or an argument at fault nothing is worth keeping: once that is mended, it
         # could not be resumed.
         begun = folder.is_resumed or any(folder_path.glob("t0/unit/*.done"))
         if not begun and error.code not in ("io", "cancelled"):
             folder.remove()
+            if staging:
+                staging.remove()
         raise
     finally:
         folder.close()
+        if executor:
+            executor.close()
+        if staging:
+            staging.close()
     report = {**finished.pop("report"), "seconds": time.perf_counter() - began}
     return {
         **report,
@@ -165,7 +205,58 @@ def build_asset(
         "file_bytes": finished["bytes"],
         "workers": count,
         "unit_triangles": unit_triangles or 4 << 20,
+        **stored,
+        **({"units": feed.measured} if feed else {}),
     }
+
+
+@dataclass
+class _Place:
+    """Where a build reads, works and writes. What is at an address has a stand-in here."""
+
+    files: list[str]  #: that are read; none for blocks
+    named: str  #: the input, as a build that goes on must have it again
+    output: Path
+    output_url: str | None
+    folder: Path  #: to work in
+    url: str | None  #: of the work folder
+    root: Path | None  #: of all stand-ins
+
+    @property
+    def fetched(self) -> Path:
+        """Where source files go."""
+        return (self.root or self.folder) / "files"
+
+    def remove(self) -> None:
+        """Removes the stand-ins."""
+        if self.root:
+            shutil.rmtree(self.root, ignore_errors=True)
+
+
+def _place(source: Any, output: str | os.PathLike[str], work: Any, is_elsewhere: bool) -> _Place:
+    files = [source] if isinstance(source, (str, os.PathLike)) else source
+    is_files = isinstance(files, Sequence) and all(
+        isinstance(path, (str, os.PathLike)) for path in files
+    )
+    names = expand(files) if is_files else []
+    named = ", ".join(n if is_address(n) else os.path.abspath(n) for n in names) or "blocks"
+    output_url = str(output) if is_address(output) else None
+    if work is None and output_url and is_elsewhere:
+        work = output_url + ".work"
+    url = str(work).rstrip("/") if is_address(work) else None
+    if url and not is_elsewhere:
+        raise Error(f"{url}: a work folder at an address is for a build with an executor")
+    root = None
+    if url or output_url or any(is_address(name) for name in names):
+        root = scratch(url or output_url or os.path.abspath(as_path(output)))
+        root.mkdir(parents=True, exist_ok=True)
+    made = root / "asset.umbel" if root and output_url else Path(as_path(output))
+    folder = made.with_name(made.name + ".work")
+    if root and (url or (output_url and work is None)):
+        folder = root / "work"
+    elif work is not None:
+        folder = Path(as_path(work))
+    return _Place(names, named, made, output_url, folder, url, root)
 
 
 def _command(threads: int) -> list[str]:
@@ -178,20 +269,6 @@ def _command(threads: int) -> list[str]:
         "sys.exit(main(sys.argv[1:]))"
     )
     return [sys.executable, "-c", code, str(threads)]
-
-
-def _library() -> str:
-    """Which build of the library this is: arrays in work files are as it has them in memory."""
-    status = os.stat(_umbel.__file__)
-    return f"{_umbel.version()} {status.st_size} {status.st_mtime_ns}"
-
-
-def _names(source: Any) -> str:
-    if isinstance(source, (str, os.PathLike)):
-        source = [source]
-    if isinstance(source, (list, tuple)) and all(isinstance(p, (str, os.PathLike)) for p in source):
-        return ", ".join(os.path.abspath(os.fspath(path)) for path in source)
-    return "blocks"
 
 
 def _described(source: Source) -> dict[str, Any]:

@@ -16,6 +16,7 @@ def main(arguments: list[str]) -> int:
 
     threads, work, tier, unit = arguments
     try:
+        _umbel.begin_worker()
         _umbel.run_unit(work, int(tier), int(unit), int(threads))
         return 0
     except Error as error:

@@ -1,0 +1,161 @@
+"""Files at addresses: what fsspec knows, such as s3://, gcs://, az://, sftp:// and http://."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from umbel.errors import Error
+
+
+def is_address(name: Any) -> bool:
+    """Whether a name is an address rather than a path."""
+    return isinstance(name, str) and "://" in name and not name.startswith("file://")
+
+
+def as_path(name: str | os.PathLike[str]) -> str:
+    """A path, also of file://."""
+    return os.fspath(name).removeprefix("file://")
+
+
+class Folder:
+    """A folder at an address."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url.rstrip("/")
+        self._system, self._root = _open(self.url)
+
+    def _at(self, name: str) -> str:
+        return f"{self._root}/{name}"
+
+    def files(self) -> dict[str, int]:
+        """Names of all files in it and below, and their bytes. What others wrote since is seen."""
+        self._system.invalidate_cache()
+        found = self._system.find(self._root, detail=True)
+        begin = len(self._root.rstrip("/")) + 1
+        return {
+            path[begin:]: int(about["size"] or 0)
+            for path, about in found.items()
+            if about.get("type") == "file" and len(path) > begin
+        }
+
+    def put(self, path: Path, name: str) -> None:
+        """A file of this machine to a name."""
+        self._system.put_file(str(path), self._at(name))
+
+    def get(self, name: str, path: Path) -> None:
+        """A file to this machine; it has its name there once it is whole."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        try:
+            self._system.get_file(self._at(name), str(part))
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def stretches(self, wanted: Sequence[tuple[str, int, int]]) -> list[bytes]:
+        """Bytes from the first to one past the last, of files by name."""
+        if not wanted:
+            return []
+        found: list[bytes] = self._system.cat_ranges(
+            [self._at(name) for name, _, _ in wanted],
+            [begin for _, begin, _ in wanted],
+            [end for _, _, end in wanted],
+            on_error="raise",
+        )
+        for (name, begin, end), data in zip(wanted, found, strict=True):
+            if len(data) != end - begin:
+                raise Error(f"{self.url}/{name} is shorter than {end} bytes")
+        return found
+
+    def remove(self, names: Sequence[str]) -> None:
+        """Removes files by name."""
+        if names:
+            self._system.rm([self._at(name) for name in names])
+
+
+def _open(url: str) -> tuple[Any, str]:
+    try:
+        import fsspec.core
+    except ImportError:
+        raise Error(f"{url}: addresses need fsspec: pip install 'umbel[remote]'") from None
+    try:
+        system, path = fsspec.core.url_to_fs(url)
+    except Exception as error:  # every file system has its own
+        raise Error(f"cannot use {url}: {error}") from None
+    return system, str(path).rstrip("/")
+
+
+def scratch(url: str) -> Path:
+    """The folder of this machine that stands for an address, the same at every start."""
+    name = hashlib.blake2b(url.rstrip("/").encode(), digest_size=8).hexdigest()
+    return Path(tempfile.gettempdir()) / f"umbel-{name}"
+
+
+def expand(names: Sequence[str | os.PathLike[str]]) -> list[str]:
+    """Patterns as the files that they name, in the order of their names."""
+    found: list[str] = []
+    for given in names:
+        name = as_path(given)
+        if not any(c in name for c in "*?["):
+            found.append(name)
+            continue
+        if is_address(name):
+            system, path = _open(name)
+            matches = sorted(system.unstrip_protocol(match) for match in system.glob(path))
+        else:
+            matches = sorted(glob.glob(name, recursive=True))
+        if not matches:
+            raise Error(f"no file matches {name}")
+        found += matches
+    return found
+
+
+def fetch_sources(names: Sequence[str], folder: Path) -> list[Path]:
+    """Source files on this machine; those at addresses are fetched, unless they are there."""
+    paths: list[Path] = []
+    for number, name in enumerate(names):
+        if not is_address(name):
+            paths.append(Path(name))
+            continue
+        if name.lower().endswith(".gltf"):
+            raise Error(f"{name}: a .gltf refers to other files; give a .glb")
+        system, at = _open(name)
+        path = folder / f"{number:06d}" / at.rsplit("/", 1)[-1]
+        try:
+            about = system.info(at)
+            which = json.dumps({k: str(about.get(k)) for k in ("size", "ETag", "LastModified")})
+            tag = path.with_name(".tag")
+            if not (path.exists() and tag.exists() and tag.read_text() == which):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                tag.unlink(missing_ok=True)
+                system.get_file(at, str(path))
+                tag.write_text(which)
+        except Exception as error:
+            raise Error(f"cannot read {name}: {error}") from None
+        paths.append(path)
+    return paths
+
+
+def sha256_of(path: Path) -> str:
+    """Of a file of any size."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        while block := file.read(1 << 22):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def put_file(path: Path, url: str) -> None:
+    """A file of this machine to an address."""
+    system, at = _open(url)
+    try:
+        system.put_file(str(path), at)
+    except Exception as error:
+        raise Error(f"cannot write {url}: {error}") from None

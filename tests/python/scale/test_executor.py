@@ -1,0 +1,104 @@
+"""Builds by executors: the same bytes as those of one machine, through a folder or an address."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+import umbel
+from umbel.scale.build_asset import build_asset
+from umbel.scale.executor import InProcess, Result, Task, perform
+from umbel.testing import giant
+
+UNIT = 4000
+
+
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("tiles")
+    giant.write_tiles(giant.scan(20_000, seed=3), folder, ".ply")
+    return sorted(folder.glob("*.ply"))
+
+
+@pytest.fixture(scope="module")
+def expected(tiles: list[Path]) -> bytes:
+    output = tiles[0].parent / "expected.umbel"
+    build_asset(tiles, output, unit_triangles=UNIT, workers=1, threads=1)
+    return output.read_bytes()
+
+
+class Careless(InProcess):
+    """Does tasks in any order, some twice, and loses some."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self._random = random.Random(seed)
+        self.lost = 0
+
+    def slots(self) -> int:
+        return 3
+
+    def wait(self, seconds: float) -> Result | None:
+        if not self._waiting:
+            return None
+        self._waiting.rotate(self._random.randrange(3))
+        task = self._waiting.popleft()
+        if self._random.random() < 0.3 and self.lost < 4:
+            self.lost += 1
+            return Result(task, "lost", "io")
+        if self._random.random() < 0.3:
+            perform(task)
+        return perform(task)
+
+
+def test_tasks_in_this_process(tiles: list[Path], expected: bytes, tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    report = build_asset(tiles, output, unit_triangles=UNIT, executor=InProcess())
+    assert output.read_bytes() == expected
+    assert len(report["units"]) > 4
+    assert all(unit["build_seconds"] > 0 for unit in report["units"])
+
+
+def test_patterns_are_files_by_name(tiles: list[Path], expected: bytes, tmp_path: Path) -> None:
+    pattern = str(tiles[0].parent / "*.ply")
+    build_asset(pattern, tmp_path / "a.umbel", unit_triangles=UNIT)
+    assert (tmp_path / "a.umbel").read_bytes() == expected
+    with pytest.raises(umbel.Error, match="no file matches"):
+        build_asset(str(tmp_path / "*.ply"), tmp_path / "b.umbel")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lost_and_repeated_tasks(
+    tiles: list[Path], expected: bytes, tmp_path: Path, seed: int
+) -> None:
+    output = tmp_path / "a.umbel"
+    careless = Careless(seed)
+    build_asset(tiles, output, unit_triangles=UNIT, executor=careless)
+    assert careless.lost > 0
+    assert output.read_bytes() == expected
+
+
+class Hopeless(InProcess):
+    def wait(self, seconds: float) -> Result | None:
+        return (
+            Result(self._waiting.popleft(), "its machine burned", "io") if self._waiting else None
+        )
+
+
+def test_what_is_lost_again_and_again_ends_the_build(tiles: list[Path], tmp_path: Path) -> None:
+    output = tmp_path / "a.umbel"
+    with pytest.raises(umbel.Error, match="its machine burned"):
+        build_asset(tiles, output, unit_triangles=UNIT, executor=Hopeless())
+    assert not output.exists()
+
+
+class OfAnother(InProcess):
+    def submit(self, task: Task) -> None:
+        super().submit(Task(task.work, task.tier, task.unit, task.threads, "0.0 of old"))
+
+
+def test_other_build_of_the_library_is_refused(tiles: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(umbel.Error, match="has another build of umbel"):
+        build_asset(tiles, tmp_path / "a.umbel", unit_triangles=UNIT, executor=OfAnother())

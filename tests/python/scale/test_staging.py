@@ -1,0 +1,136 @@
+"""Work folders, sources and outputs at addresses: what is there, and what is fetched of it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import umbel
+from umbel.scale.build_asset import build_asset
+from umbel.scale.executor import InProcess, Result, Task
+from umbel.testing import giant
+
+fsspec = pytest.importorskip("fsspec")
+
+UNIT = 4000
+TILES = "memory://bucket/tiles/*.ply"
+OUTPUT = "memory://bucket/scan.umbel"
+WORK = "memory://bucket/work"
+
+
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("tiles")
+    giant.write_tiles(giant.scan(20_000, seed=3), folder, ".ply")
+    return sorted(folder.glob("*.ply"))
+
+
+@pytest.fixture(scope="module")
+def expected(tiles: list[Path]) -> bytes:
+    output = tiles[0].parent / "expected.umbel"
+    build_asset(tiles, output, unit_triangles=UNIT, workers=1, threads=1)
+    return output.read_bytes()
+
+
+@pytest.fixture
+def bucket(tiles: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    system = fsspec.filesystem("memory")
+    for tile in tiles:
+        system.pipe(f"/bucket/tiles/{tile.name}", tile.read_bytes())
+    yield system
+    system.rm("/bucket", recursive=True)
+
+
+def names(bucket: Any) -> list[str]:
+    return sorted(path for path in bucket.find("/bucket") if "/tiles/" not in path)
+
+
+class Stops(InProcess):
+    """Is ended after so many tasks."""
+
+    def __init__(self, after: int) -> None:
+        super().__init__()
+        self.left = after
+        self.done: list[tuple[int, int]] = []
+
+    def wait(self, seconds: float) -> Result | None:
+        if self.left == 0:
+            raise KeyboardInterrupt
+        result = super().wait(seconds)
+        if result:
+            assert not result.error, result.error
+            self.left -= 1
+            self.done.append((result.task.tier, result.task.unit))
+        return result
+
+
+def build(executor: Any, **options: Any) -> dict[str, Any]:
+    return build_asset(TILES, OUTPUT, work=WORK, unit_triangles=UNIT, executor=executor, **options)
+
+
+def test_everything_at_addresses(bucket: Any, expected: bytes, tmp_path: Path) -> None:
+    report = build(InProcess())
+    assert names(bucket) == ["/bucket/scan.umbel"]
+    assert bucket.cat("/bucket/scan.umbel") == expected
+    assert not list((tmp_path / "temporary").iterdir())
+    first = [unit for unit in report["units"] if unit["tier"] == 0]
+    # Of routed files each unit fetches its own part.
+    routed = sum(unit["fetch_bytes"] for unit in first)
+    assert routed < 40 * report["input_triangles"]
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+@pytest.mark.parametrize("after", [1, 4, 9])
+def test_driver_starts_again(
+    bucket: Any, expected: bytes, tmp_path: Path, after: int, elsewhere: bool
+) -> None:
+    first, second = Stops(after), Stops(-1)
+    with pytest.raises(KeyboardInterrupt):
+        build(first)
+    assert "/bucket/work/manifest.json" in names(bucket)
+    if elsewhere:
+        shutil.rmtree(tmp_path / "temporary")
+        (tmp_path / "temporary").mkdir()
+    with pytest.raises(umbel.Error, match="not finished: go on with resume"):
+        build(Stops(-1))
+    build(second, resume=True)
+    assert bucket.cat("/bucket/scan.umbel") == expected
+    assert names(bucket) == ["/bucket/scan.umbel"]
+    # What was stored is not built again; of the last, nobody may have heard.
+    assert not set(first.done) & set(second.done)
+
+
+def test_damaged_input_of_a_unit_is_noticed(bucket: Any) -> None:
+    class Damages(InProcess):
+        def submit(self, task: Task) -> None:
+            assert task.inputs
+            path = f"/bucket/work/t0/route/s{task.inputs[0].shard:06d}.route"
+            data = bytearray(bucket.cat(path))
+            begin, end = task.inputs[0].stretches[-1]
+            data[(begin + end) // 2] ^= 1
+            bucket.pipe(path, bytes(data))
+            super().submit(task)
+
+    with pytest.raises(umbel.Error, match="is damaged"):
+        build(Damages())
+    assert "/bucket/scan.umbel" not in names(bucket)
+
+
+def test_folders_of_others_are_left_alone(bucket: Any) -> None:
+    bucket.pipe("/bucket/work/notes.txt", b"mine")
+    with pytest.raises(umbel.Error, match=r"no build's, such as notes\.txt"):
+        build(InProcess())
+    assert names(bucket) == ["/bucket/work/notes.txt"]
+
+
+def test_addresses_without_an_executor(bucket: Any, expected: bytes) -> None:
+    build_asset(TILES, OUTPUT, unit_triangles=UNIT, workers=1)
+    assert bucket.cat("/bucket/scan.umbel") == expected
+    with pytest.raises(umbel.Error, match="for a build with an executor"):
+        build_asset(TILES, OUTPUT, work=WORK, unit_triangles=UNIT)
