@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 from umbel.errors import Error
@@ -18,15 +19,14 @@ class Dask(Futures):
 
     def __init__(self, client: Any) -> None:
         try:
-            import distributed
+            self._distributed: Any = import_module("distributed")
         except ImportError:
             raise Error("building with Dask needs it: pip install 'umbel[dask]'") from None
         super().__init__()
-        self._distributed = distributed
         self._own = isinstance(client, str)
         if self._own:
             try:
-                client = distributed.Client(client, set_as_default=False)
+                client = self._distributed.Client(client, set_as_default=False)
             except Exception as error:
                 raise Error(f"no Dask scheduler at {client}: {error}") from None
         self._client = client

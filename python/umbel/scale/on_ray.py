@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 from umbel.errors import Error
@@ -21,11 +22,10 @@ class Ray(Futures):
 
     def __init__(self, address: str = "auto", **options: Any) -> None:
         try:
-            import ray
+            self._ray: Any = import_module("ray")
         except ImportError:
             raise Error("building with Ray needs it: pip install 'umbel[ray]'") from None
         super().__init__()
-        self._ray = ray
         self._address = address
         self._options = options
         self._connected = False

@@ -1,0 +1,159 @@
+"""Builds on a Ray and a Dask cluster of this machine, with tiles, work and asset on an S3 server:
+the bytes are those of one process, also where workers and the driver are killed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.s3_server import s3_server
+
+from umbel.scale import Dask, Ray
+from umbel.scale.build_asset import build_asset
+from umbel.testing import giant
+
+UNIT = 4000
+PLACES = ("s3://bucket/tiles/*.ply", "s3://bucket/scan.umbel")
+WORK = "s3://bucket/work"
+
+DRIVER = f"""
+import sys, umbel
+from umbel.scale import Ray
+umbel.build_asset(*{PLACES!r}, work={WORK!r}, unit_triangles={UNIT}, resume=True,
+                  executor=Ray(sys.argv[1]))
+"""
+
+
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("tiles")
+    giant.write_tiles(giant.scan(40_000, seed=3), folder, ".ply")
+    return sorted(folder.glob("*.ply"))
+
+
+@pytest.fixture(scope="module")
+def expected(tiles: list[Path]) -> str:
+    output = tiles[0].parent / "expected.umbel"
+    build_asset(tiles, output, unit_triangles=UNIT, workers=1, threads=1)
+    return hashlib.sha256(output.read_bytes()).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def bucket(tiles: list[Path]) -> Iterator[Any]:
+    # Ray's sockets have names of 107 characters at most, so pytest's folders are too deep.
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", folder)
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        patch.setattr("tempfile.tempdir", None)
+        with s3_server(patch) as system:
+            for tile in tiles:
+                system.put_file(str(tile), f"bucket/tiles/{tile.name}")
+            yield system
+
+
+@pytest.fixture(scope="module")
+def ray_cluster(bucket: Any) -> Iterator[str]:
+    """Two machines with a processor each."""
+    pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    node = {
+        "num_cpus": 1,
+        "memory": 1 << 30,
+        "object_store_memory": 80 << 20,
+        "node_ip_address": "127.0.0.1",
+    }
+    cluster = Cluster()
+    try:
+        cluster.add_node(**node, include_dashboard=False)
+        cluster.add_node(**node)
+        yield cluster.address
+    finally:
+        cluster.shutdown()
+
+
+def check(bucket: Any, expected: str) -> None:
+    assert hashlib.sha256(bucket.cat_file("bucket/scan.umbel")).hexdigest() == expected
+    assert [name for name in bucket.find("bucket") if "/tiles/" not in name] == [
+        "bucket/scan.umbel"
+    ]
+    bucket.rm_file("bucket/scan.umbel")
+
+
+def test_ray(bucket: Any, ray_cluster: str, expected: str) -> None:
+    report = build_asset(*PLACES, work=WORK, unit_triangles=UNIT, executor=Ray(ray_cluster))
+    assert report["sha256"] == expected
+    check(bucket, expected)
+
+
+def test_ray_through_a_folder(
+    tiles: list[Path], ray_cluster: str, expected: str, tmp_path: Path
+) -> None:
+    output = tmp_path / "a.umbel"
+    build_asset(tiles, output, unit_triangles=UNIT, executor=Ray(ray_cluster))
+    assert hashlib.sha256(output.read_bytes()).hexdigest() == expected
+
+
+def ray_workers() -> list[int]:
+    """Processes of this user that are at a unit."""
+    found = []
+    for path in Path("/proc").iterdir():
+        try:
+            if path.name.isdigit() and (path / "cmdline").read_bytes().startswith(b"ray::perform"):
+                found.append(int(path.name))
+        except OSError:
+            continue
+    return found
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_workers_and_driver_killed(bucket: Any, ray_cluster: str, expected: str, seed: int) -> None:
+    chance = random.Random(seed)
+    killed = {"workers": 0, "drivers": 0}
+    for start in range(8):
+        driver = subprocess.Popen([sys.executable, "-c", DRIVER, ray_cluster])
+        # The last ones are left alone.
+        end = time.monotonic() + (chance.uniform(4, 8) if start < 3 else 60)
+        try:
+            while driver.poll() is None and time.monotonic() < end:
+                time.sleep(chance.uniform(0.2, 0.6))
+                workers = ray_workers()
+                if workers and killed["workers"] < 4:
+                    os.kill(chance.choice(workers), signal.SIGKILL)
+                    killed["workers"] += 1
+            if driver.poll() is None:
+                killed["drivers"] += 1
+        finally:
+            driver.kill()
+        if driver.wait() == 0:
+            break
+    else:
+        pytest.fail("the build did not end")
+    print(killed)
+    check(bucket, expected)
+
+
+def test_dask(bucket: Any, expected: str) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address=None,
+    ) as cluster:
+        report = build_asset(
+            *PLACES, work=WORK, unit_triangles=UNIT, executor=Dask(cluster.scheduler_address)
+        )
+    assert report["sha256"] == expected
+    check(bucket, expected)
