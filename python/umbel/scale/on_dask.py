@@ -58,9 +58,10 @@ class Dask(Futures):
 
     def _wait(self, futures: list[Any], seconds: float) -> list[Any]:
         try:
-            waited = self._distributed.wait(
-                futures, timeout=max(seconds, 1e-3), return_when="FIRST_COMPLETED"
-            )
+            with self._client.as_current():
+                waited = self._distributed.wait(
+                    futures, timeout=max(seconds, 1e-3), return_when="FIRST_COMPLETED"
+                )
         except TimeoutError:
             return []
         return list(waited.done)

@@ -20,6 +20,7 @@ from umbel.lod.metadata import stored
 if TYPE_CHECKING:
     from umbel.io.scene import Scene
     from umbel.lod.scene_lod import SceneLod
+    from umbel.scale.executor import Executor
 
 Progress = Callable[[float, str], "bool | None"]
 
@@ -198,7 +199,6 @@ def build_units(
 
     work = limits.work or _work_of(output)
     path = Path(source)
-    chosen = {key: getattr(options, key) for key in _IN_UNITS}
     try:
         built = build_asset(
             path,
@@ -206,22 +206,71 @@ def build_units(
             memory=limits.memory,
             work=work,
             resume=limits.resume,
-            unit_triangles=options.unit_triangles or 0,
             metadata={"source": {"file": path.name, "options": options.plain()}},
             progress=progress,
             threads=threads,
-            **chosen,
+            **_for_units(options),
         )
     except BaseException:
         if work.is_dir() and (work / "manifest.json").exists():
             say(f"what is done stays in {work}; the same command with --resume goes on with it")
         raise
-    size = output.stat().st_size
-    triangles = built["input_triangles"]
-    all_levels = built["triangles_all_levels"]
     return {
         "input": source,
         "output": str(output),
+        **_described(built, options),
+        "peak_rss_bytes": peak_rss_bytes() + built["workers"] * worker_peak_rss_bytes(),
+        "sha256": sha256_of(output),
+    }
+
+
+def build_units_elsewhere(
+    sources: list[str],
+    output: str,
+    options: Options,
+    limits: tuple[str | None, str | None, bool],
+    executor: Executor,
+    *,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> dict[str, Any]:
+    """The same of all sources as one mesh, by an executor. `limits`: memory, work, resume."""
+    from umbel.cli.measure import peak_rss_bytes, sha256_of
+    from umbel.scale.build_asset import build_asset
+
+    memory, work, resume = limits
+    built = build_asset(
+        sources,
+        output,
+        memory=memory,
+        work=work,
+        resume=resume,
+        executor=executor,
+        metadata={"source": {"options": options.plain()}},
+        progress=progress,
+        threads=threads,
+        **_for_units(options),
+    )
+    sha256 = built.get("sha256") or sha256_of(Path(output.removeprefix("file://")))
+    return {
+        "input": sources[0] if len(sources) == 1 else sources,
+        "output": output,
+        **_described(built, options),
+        "peak_rss_bytes": peak_rss_bytes(),
+        "sha256": sha256,
+    }
+
+
+def _for_units(options: Options) -> dict[str, Any]:
+    chosen = {key: getattr(options, key) for key in _IN_UNITS}
+    return {**chosen, "unit_triangles": options.unit_triangles or 0}
+
+
+def _described(built: dict[str, Any], options: Options) -> dict[str, Any]:
+    """What is said of a build in units."""
+    triangles = built["input_triangles"]
+    all_levels = built["triangles_all_levels"]
+    return {
         "status": "built",
         "stored_triangles": triangles,
         **built,
@@ -230,11 +279,8 @@ def build_units(
         "dropped_triangles": 0,
         "meshes": 1,
         "instances": 1,
-        "file_bytes": size,
-        "bytes_per_input_triangle": size / triangles,
+        "bytes_per_input_triangle": built["file_bytes"] / triangles,
         "input_vertices": None,
-        "peak_rss_bytes": peak_rss_bytes() + built["workers"] * worker_peak_rss_bytes(),
-        "sha256": sha256_of(output),
         "triangles_per_second": _rate(built, built["seconds"]),
     }
 

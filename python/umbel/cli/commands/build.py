@@ -158,6 +158,13 @@ def command(
         "Build in parts of at most N triangles (4194304 where memory asks for parts). "
         "Smaller ones need less memory; the result is another.",
     ),
+    ray: str | None = option(
+        None,
+        "auto|ADDRESS",
+        "Build in parts on a Ray cluster: all inputs as one mesh. Inputs, output and --work may "
+        "then be addresses, such as s3://.",
+    ),
+    dask: str | None = option(None, "ADDRESS", "The same by a Dask scheduler."),
     allow_outside: AllowOutside = False,
     as_json: Json = False,
     threads: Threads = 0,
@@ -198,6 +205,11 @@ def command(
     options.check()
     if jobs < 1:
         fail(f"--jobs must be at least 1, not {jobs}")
+    if ray is not None or dask is not None:
+        _build_elsewhere(
+            inputs, output, options, (memory, work, resume), (ray, dask), as_json, threads
+        )
+        return
     if not is_many(inputs, output):
         limits = Limits(memory, None if work is None else Path(work), resume)
         _build_one(inputs[0], Path(output), options, limits, skip_unchanged, as_json, threads)
@@ -217,6 +229,45 @@ def command(
         threads=threads,
         flags=_FLAGS,
     )
+
+
+def _build_elsewhere(
+    inputs: list[str],
+    output: str,
+    options: Options,
+    limits: tuple[str | None, str | None, bool],
+    engines: tuple[str | None, str | None],
+    as_json: bool,
+    threads: int,
+) -> None:
+    """One asset of all inputs, by the workers of a cluster."""
+    from umbel.cli.building.build_file import build_units_elsewhere
+    from umbel.cli.outputs import check_output
+    from umbel.cli.progress import Bar
+    from umbel.cli.summary import build_rows, print_rows
+    from umbel.io.addresses import is_address
+    from umbel.scale import Dask, Ray
+
+    ray, dask = engines
+    if ray is not None and dask is not None:
+        fail("--ray and --dask: give one of them")
+    flag = options.not_in_units()
+    if flag is not None:
+        fail(f"{flag} is not possible unit by unit")
+    if not output.lower().endswith(".umbel"):
+        fail(f"{output}: the output of --ray and --dask is one asset, and must end in .umbel")
+    if not is_address(output):
+        check_output(Path(output), ".umbel", inputs=[i for i in inputs if not is_address(i)])
+    executor = Ray(ray) if ray is not None else Dask(str(dask))
+    with Bar(time_left=True) as bar:
+        result = build_units_elsewhere(
+            inputs, output, options, limits, executor, progress=bar, threads=threads
+        )
+    if as_json:
+        show({**result, "warnings": heard}, as_json, output)
+    else:
+        name = inputs[0] if len(inputs) == 1 else f"{len(inputs)} inputs"
+        print_rows(f"{name} as a continuous-LOD asset, {output}", build_rows(result))
 
 
 def _build_one(
