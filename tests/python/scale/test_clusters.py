@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from helpers.commands import Umbel
 from helpers.s3_server import s3_server
 from umbel.scale import Dask, Ray
 from umbel.scale.build_asset import build_asset
@@ -143,6 +144,21 @@ def test_workers_and_driver_killed(bucket: Any, ray_cluster: str, expected: str,
             break
     assert workers_killed > 0 and start > 0
     check(bucket, expected)
+
+
+def test_command(
+    bucket: Any, tiles: list[Path], ray_cluster: str, umbel_command: Umbel, tmp_path: Path
+) -> None:
+    outputs = [tmp_path / "a.umbel", "s3://bucket/scan.umbel"]
+    sums = []
+    for output, source in zip(outputs, (tiles[0].parent / "*.ply", PLACES[0]), strict=True):
+        done = umbel_command(
+            "build", source, "-o", output, "--ray", ray_cluster, "--unit-triangles", UNIT, "--json"
+        )
+        assert done.status == 0, done.err
+        sums.append(done.json["sha256"])
+    bucket.rm_file("bucket/scan.umbel")
+    assert sums[0] == sums[1] == hashlib.sha256(outputs[0].read_bytes()).hexdigest()
 
 
 def test_dask(bucket: Any, expected: str) -> None:
