@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from umbel.errors import Error
-from umbel.export.packed import EXTENSIONS, Json, PackedArrays
+from umbel.export.packed import EXTENSIONS, INSTANCING, Json, PackedArrays
 from umbel.export.piece import Doubles
 from umbel.io.gltf.material_table import MaterialTable
 from umbel.io.gltf.materials import extensions_in
@@ -39,8 +39,11 @@ def glb_bytes(
         "bufferViews": arrays.views,
         "buffers": arrays.buffers(),
     }
-    root["extensionsUsed"] = sorted({*extensions_in(root), *EXTENSIONS})
-    root["extensionsRequired"] = sorted({*materials.table.required, *EXTENSIONS})
+    used = {*extensions_in(root), *EXTENSIONS}
+    root["extensionsUsed"] = sorted(used)
+    # A reader without instances would show one of each, and as large as its grid.
+    needed = {*EXTENSIONS, *used.intersection([INSTANCING])}
+    root["extensionsRequired"] = sorted({*materials.table.required, *needed})
     root = {key: value for key, value in root.items() if value not in ([], {})}
     text = json.dumps(plain(root), separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)

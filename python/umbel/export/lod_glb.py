@@ -13,6 +13,7 @@ from umbel.export.glb import glb_bytes, grid_node
 from umbel.export.packed import Json, PackedArrays, Quantized, quantized
 from umbel.export.piece import Doubles
 from umbel.export.plan import Grid
+from umbel.export.repeats import Repeat, Repeats
 from umbel.export.source import Y_TO_Z, Source, copyright_of, material_list, source_name
 from umbel.geometry.repair import Progress
 from umbel.io.files import write_all
@@ -43,12 +44,14 @@ def export_glb(
     source: Asset | str | os.PathLike[str],
     path: str | os.PathLike[str],
     *,
+    flatten: bool = False,
     progress: Progress | None = None,
 ) -> LodGlbReport:
     """Writes an asset as one .glb of all its triangles and of coarser levels, each with a quarter
     of the triangles, by the extension MSFT_lod (docs/export.md). Everything is loaded at once: for
     assets of some millions of triangles.
 
+    flatten: store each instance, for viewers without EXT_mesh_gpu_instancing.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
     asset = source if isinstance(source, Asset) else Asset(source)
@@ -58,34 +61,48 @@ def export_glb(
     made = Source(asset, "y")  # as the asset has them: glTF says nothing of other axes
     low, high = made.bounds()
     report = progress or (lambda *_: None)
-    levels = []
+    repeats = None if flatten else Repeats(made)
+    grid = _grid(low, high)
+    corner = np.minimum(grid.corner @ Y_TO_Z, (grid.corner + grid.side) @ Y_TO_Z)
+    step = grid.side / _STEPS
+    levels, errors = [], []
     for error, share in _errors(made, asset.path):
         if report(share, "reading levels") is False:
             raise Cancelled("cancelled")
-        levels.append((error, made.cut(error, low, high)))
-    grid = _grid(low, high)
-    surfaces, errors = [], []
-    for error, piece in levels:
-        corner = np.minimum(grid.corner @ Y_TO_Z, (grid.corner + grid.side) @ Y_TO_Z)
-        surface = (
-            None if piece is None else quantized(piece.turned(Y_TO_Z.T), corner, grid.side / _STEPS)
-        )
-        if surface is not None:
-            surfaces.append(surface)
+        several = repeats.within(error, low, high, corner, step) if repeats else []
+        piece = made.cut(error, low, high, {int(k) for one in several for k in one.instances})
+        surface = None if piece is None else quantized(piece.turned(Y_TO_Z.T), corner, step)
+        if surface is not None or several:
+            levels.append(_Level(surface, several))
             errors.append(error)
-    if not surfaces:
+    if not levels:
         raise Error(f"{asset.path}: all triangles are degenerate")
     coverages = _coverages(errors, float(np.linalg.norm(high - low)))
-    chunks = _file(made, surfaces, coverages, corner, grid.side / _STEPS, target.name)
+    chunks = _file(made, levels, coverages, corner, step, target.name)
     write_all(target, chunks)
     return LodGlbReport(
         bytes=sum(len(chunk) for chunk in chunks),
-        levels=len(surfaces),
-        triangles=[len(surface.triangles) for surface in surfaces],
+        levels=len(levels),
+        triangles=[level.triangles for level in levels],
         errors=errors,
         coverages=coverages,
-        largest_move=grid.side / _STEPS * 3**0.5 / 2,
+        largest_move=step * 3**0.5 / 2,
     )
+
+
+@dataclass(frozen=True)
+class _Level:
+    surface: Quantized | None  #: all but what is drawn several times
+    repeats: list[Repeat]
+
+    def surfaces(self) -> list[Quantized]:
+        own = [] if self.surface is None else [self.surface]
+        return own + [repeat.surface for repeat in self.repeats]
+
+    @property
+    def triangles(self) -> int:
+        own = 0 if self.surface is None else len(self.surface.triangles)
+        return own + sum(repeat.triangles for repeat in self.repeats)
 
 
 def _errors(source: Source, path: str) -> list[tuple[float, float]]:
@@ -120,7 +137,7 @@ def _coverages(errors: list[float], size: float) -> list[float]:
 
 def _file(
     source: Source,
-    surfaces: list[Quantized],
+    levels: list[_Level],
     coverages: list[float],
     corner: Doubles,
     step: float,
@@ -131,20 +148,27 @@ def _file(
     table = MaterialTable(
         lambda data, _: {"bufferView": arrays.blob(data)}, material_list(source), lost
     )
+    surfaces = [surface for level in levels for surface in level.surfaces()]
     if any(surface.materials is not None for surface in surfaces):
         table.write()
     if lost:
         warn_lost(f"{name} has not all textures", list(dict.fromkeys(lost)))
     title = source_name(source.asset)
-    meshes = [
-        {"name": f"{title} {k}", "primitives": arrays.mesh(surface, table.number)}
-        for k, surface in enumerate(surfaces)
-    ]
-    nodes: list[Json] = [
-        grid_node(corner, step, mesh=k, name=mesh["name"]) for k, mesh in enumerate(meshes)
-    ]
-    if len(nodes) > 1:
-        nodes[0]["extensions"] = {"MSFT_lod": {"ids": list(range(1, len(nodes)))}}
+    meshes: list[Json] = []
+    nodes: list[Json] = [{} for _ in levels]
+    for k, level in enumerate(levels):
+        name, first = f"{title} {k}", len(meshes)
+        for surface in level.surfaces():
+            meshes.append({"name": name, "primitives": arrays.mesh(surface, table.number)})
+        own = [] if level.surface is None else [grid_node(corner, step, mesh=first)]
+        own += [r.node(arrays, first + len(own) + j, corner) for j, r in enumerate(level.repeats)]
+        if level.repeats:
+            nodes[k] = {"name": name, "children": [len(nodes) + j for j in range(len(own))]}
+            nodes += own
+        else:
+            nodes[k] = {**own[0], "name": name}
+    if len(levels) > 1:
+        nodes[0]["extensions"] = {"MSFT_lod": {"ids": list(range(1, len(levels)))}}
         nodes[0]["extras"] = {"MSFT_screencoverage": coverages}
     roots = [0]
     origin = source.asset.origin

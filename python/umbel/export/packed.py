@@ -15,6 +15,7 @@ from umbel.export.piece import DIRECTIONS, Doubles, Indices, Piece
 Json = dict[str, Any]
 
 EXTENSIONS = ("EXT_meshopt_compression", "KHR_mesh_quantization")
+INSTANCING = "EXT_mesh_gpu_instancing"
 _BYTE, _USHORT, _UINT, _FLOAT = 5120, 5123, 5125, 5126
 _VERTICES, _INDICES = 34962, 34963
 _UV_STEPS = 2.0**14

@@ -6,7 +6,7 @@ All coordinates here are those of tiles: relative to the asset's origin, with z 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from umbel import _umbel
 from umbel.errors import Error
 from umbel.export.piece import Doubles, Piece
-from umbel.geometry.mesh import Material
+from umbel.geometry.mesh import Material, Mesh
 from umbel.io.scene import join, transformed, with_default
 from umbel.lod.asset import Asset
 from umbel.lod.instances import all_instances, local_transforms, scale_range
@@ -44,13 +44,20 @@ class Source:
         self.asset = asset
         self.turn = Y_TO_Z if axis_up(asset, up) == "y" else np.eye(3)
         self.materials = asset.materials
-        self._meshes = [mesh for mesh, _ in all_instances(asset)]
+        #: Of each instance its mesh, and the (3, 4) matrix from that to tiles.
+        self.meshes = [mesh for mesh, _ in all_instances(asset)]
         self._rows = local_transforms(asset)
-        self._turned = self.turn @ self._rows.astype(np.float64)
+        self.turned = self.turn @ self._rows.astype(np.float64)
         self._moved = bool(len(asset._native.instance_meshes()))
-        meshes = [mesh["bounds"] for mesh in asset.meshes]
+        #: (n, 6): around each mesh as it is stored, and around each instance.
+        self.mesh_boxes = np.array([_box_of(mesh["bounds"]) for mesh in asset.meshes]).reshape(
+            -1, 6
+        )
         self.boxes = np.array(
-            [_box_of(meshes[k], m) for k, m in zip(self._meshes, self._turned, strict=True)]
+            [
+                _placed_box(self.mesh_boxes[k], m)
+                for k, m in zip(self.meshes, self.turned, strict=True)
+            ]
         ).reshape(-1, 6)
 
     @property
@@ -72,9 +79,9 @@ class Source:
 
     def cluster_boxes(self, error: float) -> Iterator[tuple[Doubles, NDArray[np.uint32]]]:
         """For each instance the (n, 6) boxes of its cut's clusters, and their triangle counts."""
-        for k, mesh in enumerate(self._meshes):
+        for k, mesh in enumerate(self.meshes):
             boxes, counts = self.asset._native.cut_boxes(self._view(k, error), mesh)
-            yield _moved_boxes(boxes.reshape(-1, 6).astype(np.float64), self._turned[k]), counts
+            yield _moved_boxes(boxes.reshape(-1, 6).astype(np.float64), self.turned[k]), counts
 
     def error_for(self, triangles: int) -> float:
         """The least error at which all instances have at most so many triangles; that of the
@@ -87,13 +94,32 @@ class Source:
     def coarsest_error(self) -> float:
         """The error of the coarsest cut."""
         errors = [0.0]
-        for k, mesh in enumerate(self._meshes):
+        for k, mesh in enumerate(self.meshes):
             found = self.asset._native.find_cut(self._view(k, np.inf), mesh)
-            errors.append(found.error * scale_range(self._turned[k])[1])
+            errors.append(found.error * scale_range(self.turned[k])[1])
         return max(errors)
 
-    def cut(self, error: float, low: Doubles, high: Doubles) -> Piece | None:
-        """The cut at an error: all clusters that are in a box at least in part, or nothing."""
+    def mesh_cut(self, instance: int, error: float, least: int) -> Piece | None:
+        """The cut of an instance at an error, whole, in the space of its mesh; nothing where it has
+        fewer than `least` triangles."""
+        mesh = self.meshes[instance]
+        found = self.asset._native.find_cut(self._view(instance, error), mesh)
+        if found.triangles < max(1, least):
+            return None
+        made = self._read(mesh, found)
+        _, made.material_ids = with_default(self.materials, made.material_ids)
+        return Piece.of(made)
+
+    def _read(self, mesh: int, found: _umbel.FoundCut) -> Mesh:
+        made = self.asset._mesh([], mesh, self.materials, found)
+        made.origin = np.zeros(3)
+        return made
+
+    def cut(
+        self, error: float, low: Doubles, high: Doubles, without: Collection[int] = ()
+    ) -> Piece | None:
+        """The cut at an error: all clusters that are in a box at least in part, or nothing. Leaves
+        out the instances of these numbers."""
         pad = _MARGIN * (np.abs(np.concatenate([low, high])).max() + (high - low).max())
         low, high = low - pad, high + pad
         planes = np.zeros((6, 4))
@@ -102,11 +128,12 @@ class Source:
         touching = (self.boxes[:, :3] <= high) & (self.boxes[:, 3:] >= low)
         blocks = []
         for k in np.flatnonzero(touching.all(axis=1)).tolist():
-            own = _planes_in(planes, self._turned[k])
-            found = self.asset._native.find_cut(self._view(k, error), self._meshes[k], own)
+            if k in without:
+                continue
+            own = _planes_in(planes, self.turned[k])
+            found = self.asset._native.find_cut(self._view(k, error), self.meshes[k], own)
             if found.triangles:
-                made = self.asset._mesh([], self._meshes[k], self.materials, found)
-                made.origin = np.zeros(3)
+                made = self._read(self.meshes[k], found)
                 matrix = np.eye(4)
                 matrix[:3] = self._rows[k]
                 blocks.append(transformed(made, matrix) if self._moved else made)
@@ -133,11 +160,14 @@ def copyright_of(asset: Asset) -> dict[str, Any]:
     return {k: said[k] for k in ("copyright", "extras") if k in said and json.dumps(said[k])}
 
 
-def _box_of(bounds: Any, matrix: Doubles) -> Doubles:
+def _box_of(bounds: Any) -> Doubles:
     if bounds is None:
         return np.array([np.inf] * 3 + [-np.inf] * 3)
-    box: Doubles = _moved_boxes(np.array(bounds, np.float64).reshape(1, 6), matrix)[0]
-    return box
+    return np.array(bounds, np.float64).reshape(6)
+
+
+def _placed_box(box: Doubles, matrix: Doubles) -> Doubles:
+    return box if box[0] > box[3] else _moved_boxes(box[None], matrix)[0]
 
 
 def _moved_boxes(boxes: Doubles, matrix: Doubles) -> Doubles:

@@ -14,8 +14,10 @@ import numpy as np
 
 from umbel.errors import Cancelled, Error, warn_lost
 from umbel.export.glb import glb_bytes, grid_node
-from umbel.export.packed import PackedArrays, quantized
+from umbel.export.packed import PackedArrays, Quantized, quantized
+from umbel.export.piece import Doubles
 from umbel.export.plan import Plan, Tile, make_plan
+from umbel.export.repeats import Repeat, Repeats
 from umbel.export.skirts import with_skirts
 from umbel.export.source import Y_TO_Z, Source, copyright_of, material_list
 from umbel.export.tileset import implicit_error, subtrees, tileset
@@ -31,6 +33,8 @@ IMPLICIT_ABOVE = 10_000
 STEPS = 2**15
 """Positions of a tile are on a grid of so many steps along its cell; a power of two, so that cells
 side by side round points between them equally, and float arithmetic gives both the same."""
+_MARGIN = 2.0**-10
+"""How far within its cell, of the cell's side, an instance is that is not cut at its planes."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,7 @@ def export_tiles(
     tile_triangles: int = TILE_TRIANGLES,
     implicit_above: int = IMPLICIT_ABOVE,
     skirts: bool = False,
+    flatten: bool = False,
     up: str | None = None,
     progress: Progress | None = None,
     threads: int = 0,
@@ -66,6 +71,7 @@ def export_tiles(
     tile_triangles: most of the source's triangles in a cell that is not split.
     implicit_above: with more tiles the tree is written as implicit tiling.
     skirts: hang strips from tiles' borders that cover gaps beside tiles of another error.
+    flatten: store each instance, for viewers without EXT_mesh_gpu_instancing.
     up: "y" or "z", the asset's axis to the zenith; None: what is known of its source.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
@@ -80,7 +86,7 @@ def export_tiles(
         whole_folder = Path(made) / "tiles"
         try:
             whole_folder.mkdir()
-            writer = _Writer(Source(asset, up), whole_folder, skirts)
+            writer = _Writer(Source(asset, up), whole_folder, skirts, flatten)
             report = writer.write(most, above, thread_count(threads), progress)
             if target.exists():
                 target.rmdir()
@@ -99,8 +105,9 @@ def check_target(folder: Path) -> None:
 
 
 class _Writer:
-    def __init__(self, source: Source, folder: Path, skirts: bool) -> None:
+    def __init__(self, source: Source, folder: Path, skirts: bool, flatten: bool) -> None:
         self.source, self.folder, self.skirts = source, folder, skirts
+        self.repeats = None if flatten else Repeats(source)
         self.asset = copyright_of(source.asset)
         self.files = self.bytes = 0
         self.images: dict[bytes, str] = {}
@@ -174,37 +181,74 @@ class _Writer:
     def _content(self, plan: Plan, tile: Tile) -> list[bytes]:
         """The file of a tile, in chunks; none if nothing is in its cell."""
         low, high = plan.grid.cell(tile)
-        piece = self.source.cut(tile.error, low, high)
-        if piece is None:
+        # In glTF's axes the cell's least corner is another.
+        corner = np.minimum(low @ Y_TO_Z, high @ Y_TO_Z)
+        step = self._step(plan, tile)
+        repeats: list[Repeat] = []
+        if self.repeats is not None:
+            inner = (high - low) * _MARGIN
+            repeats = self.repeats.within(tile.error, low + inner, high - inner, corner, step)
+        surface = self._surface(plan, tile, corner, step, repeats)
+        boxes = [repeat.box for repeat in repeats]
+        if surface is not None:
+            points = surface.rows["POSITION"].astype(np.float64) * step + corner
+            box = np.stack([points.min(axis=0), points.max(axis=0)]) @ Y_TO_Z.T
+            boxes.append(np.sort(box, axis=0))
+            tile.triangles = len(surface.triangles)
+        if not boxes:
             return []
+        corners = np.stack(boxes)
+        tile.box = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+        tile.triangles += sum(repeat.triangles for repeat in repeats)
+        return self._chunks(tile.name, corner, step, surface, repeats)
+
+    def _surface(
+        self, plan: Plan, tile: Tile, corner: Doubles, step: float, repeats: list[Repeat]
+    ) -> Quantized | None:
+        """All in a tile's cell but what is drawn several times."""
+        low, high = plan.grid.cell(tile)
+        without = {int(k) for repeat in repeats for k in repeat.instances}
+        piece = self.source.cut(tile.error, low, high, without)
+        if piece is None:
+            return None
         for axis, value, above in plan.grid.cuts(tile):
             piece = piece.half(axis, value, above)
         if self.skirts and tile.depth > 0:
             parent = plan.errors[tile.depth - 1]
             piece = with_skirts(piece, low, high, parent + tile.error)
-        # In glTF's axes the cell's least corner is another.
-        corner = np.minimum(low @ Y_TO_Z, high @ Y_TO_Z)
-        step = self._step(plan, tile)
-        surface = quantized(piece.turned(Y_TO_Z.T), corner, step)
-        if surface is None:
-            return []
-        points = surface.rows["POSITION"].astype(np.float64) * step + corner
-        box = np.stack([points.min(axis=0), points.max(axis=0)]) @ Y_TO_Z.T
-        tile.box, tile.triangles = np.sort(box, axis=0), len(surface.triangles)
+        return quantized(piece.turned(Y_TO_Z.T), corner, step)
+
+    def _chunks(
+        self,
+        name: str,
+        corner: Doubles,
+        step: float,
+        surface: Quantized | None,
+        repeats: list[Repeat],
+    ) -> list[bytes]:
+        """The file of a tile."""
         arrays = PackedArrays()
-        used = [] if surface.materials is None else np.unique(surface.materials).tolist()
+        surfaces = [] if surface is None else [surface]
+        surfaces += [repeat.surface for repeat in repeats]
+        ids = [one.materials for one in surfaces if one.materials is not None]
+        used = np.unique(np.concatenate(ids)).tolist() if ids else []
         lost: list[str] = []
         table = MaterialTable(self._keep_image, [self.materials[k] for k in used], lost)
         table.write()
         numbers = {k: i for i, k in enumerate(used)}
-        primitives = arrays.mesh(surface, lambda k, sets: table.number(numbers[k], sets))
+        meshes = [
+            {"primitives": arrays.mesh(one, lambda k, sets: table.number(numbers[k], sets))}
+            for one in surfaces
+        ]
+        nodes = [] if surface is None else [grid_node(corner, step, mesh=0)]
+        nodes += [r.node(arrays, len(nodes) + k, corner) for k, r in enumerate(repeats)]
         scene = {
             "asset": self.asset,
-            "roots": [0],
-            "nodes": [grid_node(corner, step, mesh=0)],
-            "meshes": [{"primitives": primitives}],
+            "roots": list(range(len(nodes))),
+            "nodes": nodes,
+            "meshes": meshes,
         }
-        return glb_bytes(arrays, table, scene, name=tile.name)
+        return glb_bytes(arrays, table, scene, name=name)
 
     def _shared_materials(self) -> list[Any]:
         """The materials; their images become files that all tiles share."""

@@ -36,6 +36,9 @@ def command(
     skirts: bool = switch(
         "--skirts", "3dtiles: strips along tiles' borders that cover gaps between levels."
     ),
+    flatten: bool = switch(
+        "--flatten", "Store each instance, for viewers without EXT_mesh_gpu_instancing."
+    ),
     up: Up | None = option(
         None, None, "3dtiles: axis to the zenith; if not given, what is known of the source."
     ),
@@ -50,6 +53,8 @@ def command(
     chosen = format or (ExportFormat.glb if is_glb else ExportFormat.tiles)
     if chosen is not ExportFormat.tiles and (skirts or up is not None):
         fail(f"--skirts and --up are for --format 3dtiles, not {chosen.value}", USAGE)
+    if chosen is ExportFormat.viewer and flatten:
+        fail("--flatten is for --format 3dtiles and glb, not viewer", USAGE)
     if chosen is ExportFormat.glb:
         check_output(output, ".glb", inputs=[path])
     else:
@@ -57,7 +62,7 @@ def command(
     started = time.perf_counter()
     with Bar() as bar:
         if chosen is ExportFormat.glb:
-            result = _glb(path, output, bar)
+            result = _glb(path, output, flatten, bar)
         elif chosen is ExportFormat.viewer:
             result = _viewer(path, output)
         else:
@@ -69,6 +74,7 @@ def command(
                 tile_triangles=tile_triangles,
                 implicit_above=implicit_above,
                 skirts=skirts,
+                flatten=flatten,
                 up=None if up is None else up.value,
                 progress=bar,
                 threads=threads,
@@ -79,10 +85,11 @@ def command(
     show(head | result | {"seconds": seconds, "warnings": heard}, as_json, str(output))
 
 
-def _glb(path: str, output: Path, bar: Bar) -> dict[str, Any]:
+def _glb(path: str, output: Path, flatten: bool, bar: Bar) -> dict[str, Any]:
     from umbel.export.lod_glb import export_glb
 
-    return {"files": 1} | dataclasses.asdict(export_glb(path, output, progress=bar))
+    report = export_glb(path, output, flatten=flatten, progress=bar)
+    return {"files": 1} | dataclasses.asdict(report)
 
 
 def _viewer(path: str, output: Path) -> dict[str, Any]:

@@ -156,7 +156,7 @@ def instance_matrices(node: Json, buffers: Buffers, index: int) -> list[Float64A
     scale = given.get("SCALE", np.ones((n, 3), np.float32))
     if (translation.shape[1], rotation.shape[1], scale.shape[1]) != (3, 4, 3):
         raise Error(f"{buffers.where}: {name} have attributes of the wrong width")
-    return list(_composed(translation, rotation, scale))
+    return list(composed(translation, rotation, scale))
 
 
 def local_matrix(node: Json, what: str) -> Float64Array:
@@ -168,7 +168,7 @@ def local_matrix(node: Json, what: str) -> Float64Array:
     translation = _vector(node.get("translation", (0, 0, 0)), 3, what, "translation")
     rotation = _vector(node.get("rotation", (0, 0, 0, 1)), 4, what, "rotation")
     scale = _vector(node.get("scale", (1, 1, 1)), 3, what, "scale")
-    out: Float64Array = _composed(translation[None], rotation[None], scale[None])[0]
+    out: Float64Array = composed(translation[None], rotation[None], scale[None])[0]
     return out
 
 
@@ -182,7 +182,7 @@ def _vector(values: Any, size: int, what: str, key: str) -> Float64Array:
     return array
 
 
-def _composed(translation: Any, rotation: Any, scale: Any) -> Float64Array:
+def composed(translation: Any, rotation: Any, scale: Any) -> Float64Array:
     """(n, 4, 4) from translations, unit quaternions (x, y, z, w) and scales."""
     q = np.asarray(rotation, np.float64)
     with np.errstate(all="ignore"):

@@ -42,6 +42,11 @@ def test_a_glb_by_its_name(umbel_command: Umbel, asset: Path, tmp_path: Path) ->
     assert (done.json["format"], done.json["files"]) == ("glb", 1)
     assert done.json["bytes"] == (tmp_path / "a.glb").stat().st_size
     assert umbel_command("export", asset, "-o", tmp_path / "b.glb", "--skirts").status == 2
+    flat = umbel_command("export", asset, "-o", tmp_path / "b.glb", "--flatten")
+    assert flat.status == 0
+    assert (tmp_path / "b.glb").read_bytes() == (tmp_path / "a.glb").read_bytes()
+    page = ("export", asset, "-o", tmp_path / "page", "--format", "viewer", "--flatten")
+    assert umbel_command(*page).status == 2
 
 
 def test_only_assets_are_exported(umbel_command: Umbel, tmp_path: Path) -> None:
