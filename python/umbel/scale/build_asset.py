@@ -249,7 +249,6 @@ def _place(source: Any, output: str | os.PathLike[str], work: Any, is_elsewhere:
     root = None
     if url or output_url or any(is_address(name) for name in names):
         root = scratch(url or output_url or os.path.abspath(as_path(output)))
-        root.mkdir(parents=True, exist_ok=True)
     made = root / "asset.umbel" if root and output_url else Path(as_path(output))
     folder = made.with_name(made.name + ".work")
     if root and (url or (output_url and work is None)):

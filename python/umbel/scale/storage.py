@@ -93,9 +93,15 @@ def _open(url: str) -> tuple[Any, str]:
 
 
 def scratch(url: str) -> Path:
-    """The folder of this machine that stands for an address, the same at every start."""
+    """The folder of this machine that stands for an address, the same at every start. Made if it is
+    not there."""
     name = hashlib.blake2b(url.rstrip("/").encode(), digest_size=8).hexdigest()
-    return Path(tempfile.gettempdir()) / f"umbel-{name}"
+    path = Path(tempfile.gettempdir()) / f"umbel-{name}"
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # Anybody can guess the name, and temporary files may be in a folder that all can write to.
+    if path.is_symlink() or (hasattr(os, "getuid") and path.stat().st_uid != os.getuid()):
+        raise Error(f"{path} is somebody else's: set TMPDIR to a folder of your own")
+    return path
 
 
 def expand(names: Sequence[str | os.PathLike[str]]) -> list[str]:

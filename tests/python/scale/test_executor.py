@@ -10,23 +10,8 @@ import pytest
 import umbel
 from umbel.scale.build_asset import build_asset
 from umbel.scale.executor import InProcess, Result, Task, perform
-from umbel.testing import giant
 
 UNIT = 4000
-
-
-@pytest.fixture(scope="module")
-def tiles(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    folder = tmp_path_factory.mktemp("tiles")
-    giant.write_tiles(giant.scan(20_000, seed=3), folder, ".ply")
-    return sorted(folder.glob("*.ply"))
-
-
-@pytest.fixture(scope="module")
-def expected(tiles: list[Path]) -> bytes:
-    output = tiles[0].parent / "expected.umbel"
-    build_asset(tiles, output, unit_triangles=UNIT, workers=1, threads=1)
-    return output.read_bytes()
 
 
 class Careless(InProcess):
@@ -53,31 +38,33 @@ class Careless(InProcess):
         return perform(task)
 
 
-def test_tasks_in_this_process(tiles: list[Path], expected: bytes, tmp_path: Path) -> None:
+def test_tasks_in_this_process(tiles: list[Path], made_of_tiles: bytes, tmp_path: Path) -> None:
     output = tmp_path / "a.umbel"
     report = build_asset(tiles, output, unit_triangles=UNIT, executor=InProcess())
-    assert output.read_bytes() == expected
+    assert output.read_bytes() == made_of_tiles
     assert len(report["units"]) > 4
     assert all(unit["build_seconds"] > 0 for unit in report["units"])
 
 
-def test_patterns_are_files_by_name(tiles: list[Path], expected: bytes, tmp_path: Path) -> None:
+def test_patterns_are_files_by_name(
+    tiles: list[Path], made_of_tiles: bytes, tmp_path: Path
+) -> None:
     pattern = str(tiles[0].parent / "*.ply")
     build_asset(pattern, tmp_path / "a.umbel", unit_triangles=UNIT)
-    assert (tmp_path / "a.umbel").read_bytes() == expected
+    assert (tmp_path / "a.umbel").read_bytes() == made_of_tiles
     with pytest.raises(umbel.Error, match="no file matches"):
         build_asset(str(tmp_path / "*.ply"), tmp_path / "b.umbel")
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_lost_and_repeated_tasks(
-    tiles: list[Path], expected: bytes, tmp_path: Path, seed: int
+    tiles: list[Path], made_of_tiles: bytes, tmp_path: Path, seed: int
 ) -> None:
     output = tmp_path / "a.umbel"
     careless = Careless(seed)
     build_asset(tiles, output, unit_triangles=UNIT, executor=careless)
     assert careless.lost > 0
-    assert output.read_bytes() == expected
+    assert output.read_bytes() == made_of_tiles
 
 
 class Hopeless(InProcess):

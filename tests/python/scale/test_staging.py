@@ -12,7 +12,7 @@ import pytest
 import umbel
 from umbel.scale.build_asset import build_asset
 from umbel.scale.executor import InProcess, Result, Task
-from umbel.testing import giant
+from umbel.scale.storage import scratch
 
 fsspec = pytest.importorskip("fsspec")
 
@@ -20,20 +20,6 @@ UNIT = 4000
 TILES = "memory://bucket/tiles/*.ply"
 OUTPUT = "memory://bucket/scan.umbel"
 WORK = "memory://bucket/work"
-
-
-@pytest.fixture(scope="module")
-def tiles(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    folder = tmp_path_factory.mktemp("tiles")
-    giant.write_tiles(giant.scan(20_000, seed=3), folder, ".ply")
-    return sorted(folder.glob("*.ply"))
-
-
-@pytest.fixture(scope="module")
-def expected(tiles: list[Path]) -> bytes:
-    output = tiles[0].parent / "expected.umbel"
-    build_asset(tiles, output, unit_triangles=UNIT, workers=1, threads=1)
-    return output.read_bytes()
 
 
 @pytest.fixture
@@ -74,10 +60,10 @@ def build(executor: Any, **options: Any) -> dict[str, Any]:
     return build_asset(TILES, OUTPUT, work=WORK, unit_triangles=UNIT, executor=executor, **options)
 
 
-def test_everything_at_addresses(bucket: Any, expected: bytes, tmp_path: Path) -> None:
+def test_everything_at_addresses(bucket: Any, made_of_tiles: bytes, tmp_path: Path) -> None:
     report = build(InProcess())
     assert names(bucket) == ["/bucket/scan.umbel"]
-    assert bucket.cat("/bucket/scan.umbel") == expected
+    assert bucket.cat("/bucket/scan.umbel") == made_of_tiles
     assert not list((tmp_path / "temporary").iterdir())
     first = [unit for unit in report["units"] if unit["tier"] == 0]
     # Of routed files each unit fetches its own part.
@@ -88,7 +74,7 @@ def test_everything_at_addresses(bucket: Any, expected: bytes, tmp_path: Path) -
 @pytest.mark.parametrize("elsewhere", [False, True])
 @pytest.mark.parametrize("after", [1, 4, 9])
 def test_driver_starts_again(
-    bucket: Any, expected: bytes, tmp_path: Path, after: int, elsewhere: bool
+    bucket: Any, made_of_tiles: bytes, tmp_path: Path, after: int, elsewhere: bool
 ) -> None:
     first, second = Stops(after), Stops(-1)
     with pytest.raises(KeyboardInterrupt):
@@ -100,7 +86,7 @@ def test_driver_starts_again(
     with pytest.raises(umbel.Error, match="not finished: go on with resume"):
         build(Stops(-1))
     build(second, resume=True)
-    assert bucket.cat("/bucket/scan.umbel") == expected
+    assert bucket.cat("/bucket/scan.umbel") == made_of_tiles
     assert names(bucket) == ["/bucket/scan.umbel"]
     # What was stored is not built again; of the last, nobody may have heard.
     assert not set(first.done) & set(second.done)
@@ -129,8 +115,18 @@ def test_folders_of_others_are_left_alone(bucket: Any) -> None:
     assert names(bucket) == ["/bucket/work/notes.txt"]
 
 
-def test_addresses_without_an_executor(bucket: Any, expected: bytes) -> None:
+def test_addresses_without_an_executor(bucket: Any, made_of_tiles: bytes) -> None:
     build_asset(TILES, OUTPUT, unit_triangles=UNIT, workers=1)
-    assert bucket.cat("/bucket/scan.umbel") == expected
+    assert bucket.cat("/bucket/scan.umbel") == made_of_tiles
     with pytest.raises(umbel.Error, match="for a build with an executor"):
         build_asset(TILES, OUTPUT, work=WORK, unit_triangles=UNIT)
+
+
+def test_folder_of_somebody_else_is_refused(bucket: Any, tmp_path: Path) -> None:
+    (tmp_path / "theirs").mkdir()
+    stand_in = scratch(WORK)
+    stand_in.rmdir()
+    stand_in.symlink_to(tmp_path / "theirs")
+    with pytest.raises(umbel.Error, match="set TMPDIR"):
+        build(InProcess())
+    assert not list((tmp_path / "theirs").iterdir())
