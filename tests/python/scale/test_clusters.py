@@ -159,6 +159,19 @@ def test_command(
     assert sums[0] == sums[1] == hashlib.sha256(outputs[0].read_bytes()).hexdigest()
 
 
+def test_command_with_one_file(
+    tiles: list[Path], ray_cluster: str, umbel_command: Umbel, tmp_path: Path
+) -> None:
+    sums = []
+    for flags in ([], ["--ray", ray_cluster]):
+        output = tmp_path / f"{len(flags)}.umbel"
+        arguments = ["build", tiles[0], "-o", output, "--unit-triangles", UNIT, "--json", *flags]
+        done = umbel_command(*arguments)
+        assert done.status == 0, done.err
+        sums.append(done.json["sha256"])
+    assert sums[0] == sums[1]
+
+
 def test_dask(bucket: Any, expected: str) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

@@ -239,6 +239,9 @@ def build_units_elsewhere(
     from umbel.scale.build_asset import build_asset
 
     memory, work, resume = limits
+    # What a build on this machine says of one file.
+    is_one = len(sources) == 1 and not any(c in sources[0] for c in "*?[")
+    file = {"file": sources[0].rsplit("/", 1)[-1]} if is_one else {}
     built = build_asset(
         sources,
         output,
@@ -246,7 +249,7 @@ def build_units_elsewhere(
         work=work,
         resume=resume,
         executor=executor,
-        metadata={"source": {"options": options.plain()}},
+        metadata={"source": {**file, "options": options.plain()}},
         progress=progress,
         threads=threads,
         **_for_units(options),
