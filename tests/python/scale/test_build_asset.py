@@ -229,5 +229,20 @@ def test_full_disk_is_a_sentence_and_resumable(terrain: Path, tmp_path: Path) ->
     assert umbel.verify(output).ok
 
 
+def test_no_flag_is_suggested_that_units_do_not_have(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.obj"
+    bad.write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n")
+    command = umbel_command("build", bad, "-o", tmp_path / "a.umbel")
+    in_memory = subprocess.run(command, capture_output=True, text=True)
+    assert "--drop-invalid" in in_memory.stderr
+    in_units = subprocess.run(
+        [*command, "--unit-triangles", str(UNIT)], capture_output=True, text=True
+    )
+    assert in_units.returncode == 1
+    assert "not finite" in in_units.stderr
+    assert "--drop-invalid" not in in_units.stderr
+    assert os.listdir(tmp_path) == ["bad.obj"]
+
+
 def test_small_files_are_never_too_large(terrain: Path) -> None:
     assert not is_too_large(terrain, memory="1MB")

@@ -11,8 +11,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from umbel.cli.failure import Failure
 from umbel.cli.outputs import check_space
-from umbel.cli.run import fail
+from umbel.cli.run import FAULT, fail
 from umbel.io.addresses import fetched, is_address, load_fetched, name_of
 from umbel.io.references import source_digest
 from umbel.lod.metadata import stored
@@ -200,17 +201,18 @@ def build_units(
     work = limits.work or _work_of(output)
     path = Path(source)
     try:
-        built = build_asset(
-            path,
-            output,
-            memory=limits.memory,
-            work=work,
-            resume=limits.resume,
-            metadata={"source": {"file": path.name, "options": options.plain()}},
-            progress=progress,
-            threads=threads,
-            **_for_units(options),
-        )
+        with _nothing_is_dropped():
+            built = build_asset(
+                path,
+                output,
+                memory=limits.memory,
+                work=work,
+                resume=limits.resume,
+                metadata={"source": {"file": path.name, "options": options.plain()}},
+                progress=progress,
+                threads=threads,
+                **_for_units(options),
+            )
     except BaseException:
         if work.is_dir() and (work / "manifest.json").exists():
             say(f"what is done stays in {work}; the same command with --resume goes on with it")
@@ -242,18 +244,19 @@ def build_units_elsewhere(
     # What a build on this machine says of one file.
     is_one = len(sources) == 1 and not any(c in sources[0] for c in "*?[")
     file = {"file": sources[0].rsplit("/", 1)[-1]} if is_one else {}
-    built = build_asset(
-        sources,
-        output,
-        memory=memory,
-        work=work,
-        resume=resume,
-        executor=executor,
-        metadata={"source": {**file, "options": options.plain()}},
-        progress=progress,
-        threads=threads,
-        **_for_units(options),
-    )
+    with _nothing_is_dropped():
+        built = build_asset(
+            sources,
+            output,
+            memory=memory,
+            work=work,
+            resume=resume,
+            executor=executor,
+            metadata={"source": {**file, "options": options.plain()}},
+            progress=progress,
+            threads=threads,
+            **_for_units(options),
+        )
     sha256 = built.get("sha256") or sha256_of(Path(output.removeprefix("file://")))
     return {
         "input": sources[0] if len(sources) == 1 else sources,
@@ -262,6 +265,19 @@ def build_units_elsewhere(
         "peak_rss_bytes": peak_rss_bytes(),
         "sha256": sha256,
     }
+
+
+@contextmanager
+def _nothing_is_dropped() -> Iterator[None]:
+    """A build in units has no flag that leaves invalid triangles out, so none is suggested."""
+    from umbel.errors import Error
+
+    try:
+        yield
+    except Error as error:
+        if error.code != "invalid_mesh":
+            raise
+        raise Failure(str(error), FAULT) from error
 
 
 def _for_units(options: Options) -> dict[str, Any]:
