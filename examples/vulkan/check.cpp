@@ -153,6 +153,7 @@ int main(int argc, char** argv) try {
   no_red_from_inside(device, asset, true, folder);
   no_red_from_inside(device, asset, false, folder);
   agrees_with_the_tracer<sample::Renderer>(device, asset, folder + "/normals.png");
+  sample::check_paths(device, asset);
   sample::check_occlusion(device, asset, folder);
   if (device.ray_tracing()) {
     agrees_with_the_tracer<sample::TracedRenderer>(device, asset, folder + "/traced_normals.png");

@@ -15,6 +15,9 @@ void expect(bool good, const std::string& what);
 /// Draws until nothing is missing, and then once more. False if pages do not arrive.
 bool draw_whole(FrameMaker& renderer, const FrameInput& input);
 
+/// Mesh shaders and vertex pulling draw the same picture.
+void check_paths(const Device& device, const umbel::Asset& asset);
+
 /// With and without: the same pixels; fewer clusters where much is behind something.
 void check_occlusion(const Device& device, const umbel::Asset& asset,
                      const std::filesystem::path& folder);

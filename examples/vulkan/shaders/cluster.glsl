@@ -12,3 +12,10 @@ uint corner(Cluster cluster, uint start, uint index) {
   uint word = frame.pool.at[start + 4 * cluster.vertices + index / 2];
   return (index & 1) == 0 ? word & 0xffff : word >> 16;
 }
+
+// The same bits in mesh and vertex shaders, as world_position.
+vec4 clip_position(vec3 p) {
+  mat4 m = frame.clip_from_world;
+  precise vec4 clip = ((m[0] * p.x + m[1] * p.y) + m[2] * p.z) + m[3];
+  return clip;
+}

@@ -19,5 +19,5 @@ void main() {
   uint start = cluster_start(cluster);
   vec3 p = local_position(start, corner(cluster, start, index));
   position = world_position(p, frame.instances.at[item.instance]);
-  gl_Position = frame.clip_from_world * vec4(position, 1);
+  gl_Position = clip_position(position);
 }

@@ -70,8 +70,12 @@ const uint kRow = 128;  // mesh workgroups in a row of the indirect draw
 
 layout(push_constant, scalar) uniform Push { Frame frame; uint layer, pass; };
 
+// `precise`, and in this order: all shaders find the same bits, whoever compiles them.
+float along(vec4 row, vec3 p) {
+  precise float sum = ((row.x * p.x + row.y * p.y) + row.z * p.z) + row.w;
+  return sum;
+}
+
 vec3 world_position(vec3 p, Instance instance) {
-  precise vec3 world = vec3(dot(instance.rows[0], vec4(p, 1)), dot(instance.rows[1], vec4(p, 1)),
-                            dot(instance.rows[2], vec4(p, 1)));
-  return world;
+  return vec3(along(instance.rows[0], p), along(instance.rows[1], p), along(instance.rows[2], p));
 }
