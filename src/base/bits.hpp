@@ -80,6 +80,9 @@ class BitWriter {
   uint32_t bits_ = 0;
 };
 
+// A call would keep the reader's state in memory.
+#define UMBEL_READ_INLINE [[gnu::always_inline]] inline
+
 /// Past the end it reads anything; `finish` tells, so that inner loops need no checks.
 class BitReader {
  public:
@@ -88,13 +91,13 @@ class BitReader {
       : next_(in.data()), end_(next_ + in.size()), limit_(end_ + beyond) {}
 
   /// `count` <= 32 bits.
-  uint32_t read(uint32_t count) {
+  UMBEL_READ_INLINE uint32_t read(uint32_t count) {
     ensure(count);
     return take(count);
   }
 
   /// Afterwards 56 bits may be taken.
-  void refill() {
+  UMBEL_READ_INLINE void refill() {
     if (limit_ - next_ >= 8) {
       uint64_t word;
       std::memcpy(&word, next_, 8);
@@ -113,32 +116,32 @@ class BitReader {
   }
 
   /// Afterwards `count` <= 56 bits may be read. Most times they are there.
-  void ensure(uint32_t count) {
+  UMBEL_READ_INLINE void ensure(uint32_t count) {
     if (bits_ < count) refill();
   }
 
-  uint32_t take(uint32_t count) {
+  UMBEL_READ_INLINE uint32_t take(uint32_t count) {
     const uint32_t value = peek(count);
     skip(count);
     return value;
   }
 
   /// The next `count` <= 32 bits, which stay.
-  uint32_t peek(uint32_t count) const {
+  UMBEL_READ_INLINE uint32_t peek(uint32_t count) const {
     return static_cast<uint32_t>(held_ & ((uint64_t{1} << count) - 1));
   }
   /// What was peeked at.
-  void skip(uint32_t count) {
+  UMBEL_READ_INLINE void skip(uint32_t count) {
     held_ >>= count;
     bits_ -= count;
   }
 
-  uint32_t rice(uint32_t k) {
+  UMBEL_READ_INLINE uint32_t rice(uint32_t k) {
     ensure(kRiceEscape + k);
     return take_rice(k);
   }
   /// Where kRiceEscape + k bits are there for sure. It takes no more, or leaves 56.
-  uint32_t take_rice(uint32_t k) {
+  UMBEL_READ_INLINE uint32_t take_rice(uint32_t k) {
     const auto quotient =
         static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << kRiceEscape));
     if (quotient == kRiceEscape) [[unlikely]] {
@@ -149,6 +152,17 @@ class BitReader {
     }
     skip(quotient + 1);
     return quotient << k | take(k);
+  }
+
+  /// The same where `mask` has all bits, and 0 without a bit read where it has none.
+  UMBEL_READ_INLINE uint32_t take_rice(uint32_t k, uint32_t mask) {
+    const auto quotient =
+        static_cast<uint32_t>(std::countr_zero(held_ | uint64_t{1} << kRiceEscape));
+    if ((quotient & mask) == kRiceEscape) [[unlikely]]
+      return take_rice(k);
+    const auto low = static_cast<uint32_t>((held_ >> (quotient + 1)) & ((uint64_t{1} << k) - 1));
+    skip((quotient + 1 + k) & mask);
+    return (quotient << k | low) & mask;
   }
 
   /// Throws kCorrupt unless what was read ends in the last byte of the input.

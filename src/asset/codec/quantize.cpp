@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "asset/codec/octahedral.hpp"
 #include "asset/codec/vertex_codec.hpp"
 #include "base/bytes.hpp"
 #include "base/math.hpp"
@@ -42,20 +43,14 @@ Vec2 to_octahedron(const Vec3& v) {
   return {(1 - std::fabs(y)) * sign_of(x), (1 - std::fabs(x)) * sign_of(y)};
 }
 
-Vec3 from_octahedron(float x, float y) {
-  const float z = 1 - std::fabs(x) - std::fabs(y);
-  const float fold = std::max(-z, 0.0f);
-  const Vec3 v{x - fold * sign_of(x), y - fold * sign_of(y), z};
-  return v * (1.0f / std::sqrt(dot(v, v)));
-}
-
-/// The largest integer of a component, 1 on the octahedron.
-int32_t octahedral_steps(uint32_t bits) { return (int32_t{1} << bits) / 2 - 1; }
-float octahedral_scale(uint32_t bits) { return static_cast<float>(octahedral_steps(bits)); }
-
-Vec3 decoded_normal(const int32_t* in, uint32_t bits) {
-  const float scale = 1.0f / octahedral_scale(bits);
-  return from_octahedron(static_cast<float>(in[0]) * scale, static_cast<float>(in[1]) * scale);
+/// The edge of the square has each direction twice: the one with positive integers is taken.
+void put_octahedral(const Vec3& normal, uint32_t bits, int32_t* out) {
+  const Vec2 p = to_octahedron(normal);
+  const int32_t steps = octahedral_steps(bits);
+  out[0] = rounded(p.x * static_cast<float>(steps));
+  out[1] = rounded(p.y * static_cast<float>(steps));
+  if (std::abs(out[0]) == steps) out[1] = std::abs(out[1]);
+  if (std::abs(out[1]) == steps) out[0] = std::abs(out[0]);
 }
 
 // ---- tangents: an angle in the plane of the decoded normal
@@ -98,6 +93,34 @@ float to_srgb(float linear) {
 float from_srgb(float s) {
   return s <= 0.04045f ? s / 12.92f : std::pow((s + 0.055f) / 1.055f, 2.4f);
 }
+
+/// Values of colours' integers. Those of 8 bits come from a table: powers take most of the time.
+class LinearColors {
+ public:
+  explicit LinearColors(uint32_t bits)
+      : scale_(1.0f / static_cast<float>((1u << bits) - 1)),
+        table_(bits == 8 ? of_bytes() : nullptr) {}
+
+  float plain(int32_t i) const { return static_cast<float>(i) * scale_; }
+  float from_srgb(int32_t i) const {
+    if (table_ != nullptr && static_cast<uint32_t>(i) < 256) return table_[i];
+    return asset::from_srgb(plain(i));
+  }
+
+ private:
+  static const float* of_bytes() {
+    static const std::array<float, 256> table = [] {
+      std::array<float, 256> values;
+      for (int i = 0; i < 256; ++i)
+        values[i] = asset::from_srgb(static_cast<float>(i) * (1.0f / 255.0f));
+      return values;
+    }();
+    return table.data();
+  }
+
+  float scale_;
+  const float* table_;
+};
 
 uint32_t components_of(const AttributeFormat& format) {
   switch (format.coding) {
@@ -153,9 +176,6 @@ bool is_allowed(const AttributeFormat& f, bool has_octahedral_normals) {
 int32_t integer_of(float f, const AttributeFormat& format) {
   return format.coding == Coding::kGrid ? on_grid(f, format.step) : ordered(f);
 }
-float float_of(int32_t i, Coding coding, float step) {
-  return coding == Coding::kGrid ? static_cast<float>(i) * step : unordered(i);
-}
 
 template <typename Vector>
 using FloatsOf = std::array<float, sizeof(Vector) / sizeof(float)>;
@@ -165,11 +185,18 @@ void put_floats(const Vector& value, const AttributeFormat& format, int32_t* out
   for (const float f : std::bit_cast<FloatsOf<Vector>>(value)) *out++ = integer_of(f, format);
 }
 
-template <typename Vector>
-void get_floats(const int32_t* in, Coding coding, float step, Vector& value) {
-  FloatsOf<Vector> floats;
-  for (float& f : floats) f = float_of(*in++, coding, step);
-  value = std::bit_cast<Vector>(floats);
+/// Of vertices `stride` apart, `count` values each, to rows of `row` floats.
+template <uint32_t kCount>
+void get_floats(const AttributeFormat& format, const int32_t* in, uint32_t stride, size_t vertices,
+                float* out, size_t row) {
+  const auto each = [&](const auto& decoded) {
+    for (size_t v = 0; v < vertices; ++v, in += stride, out += row)
+      for (uint32_t k = 0; k < kCount; ++k) out[k] = decoded(in[k]);
+  };
+  if (format.coding == Coding::kGrid)
+    each([step = format.step](int32_t i) { return static_cast<float>(i) * step; });
+  else
+    each([](int32_t i) { return unordered(i); });
 }
 
 void put_stream(const Mesh& streams, uint32_t vertex, const AttributeFormat& format, int32_t* out) {
@@ -195,9 +222,7 @@ void quantize_one(const AttributeFormat& format, const int32_t* normals, uint32_
   for (size_t i = 0; i < vertices.size(); ++i, out += stride) {
     const uint32_t v = vertices[i];
     if (format.coding == Coding::kOctahedral) {
-      const Vec2 p = to_octahedron(streams.normals[v]);
-      out[0] = rounded(p.x * octahedral_scale(format.bits));
-      out[1] = rounded(p.y * octahedral_scale(format.bits));
+      put_octahedral(streams.normals[v], format.bits, out);
     } else if (format.coding == Coding::kAngle) {
       const Vec4& t = streams.tangents[v];
       out[0] = angle_of(t, plane_of(normals + i * stride, normal_bits), format.bits);
@@ -228,15 +253,17 @@ void dequantize_extras(const VertexFormat& format, std::span<const int32_t> inte
   extras.clear();
   for (const AttributeFormat& f : format.attributes)
     if (is_known(f) && is_extra(f)) extras.push_back({static_cast<ExtraKind>(f.attribute), f.set});
-  const size_t width = extra_width(extras), stride = row_stride(format);
-  geometry.extra_values.resize(integers.size() / stride * width);
+  const size_t width = extra_width(extras);
+  const uint32_t stride = row_stride(format);
+  const size_t vertices = integers.size() / stride;
+  geometry.extra_values.resize(vertices * width);
   size_t at = 0, to = 0;
   for (const AttributeFormat& f : format.attributes) {
     if (is_known(f) && is_extra(f)) {
-      for (size_t v = 0; v * stride < integers.size(); ++v)
-        for (uint32_t k = 0; k < f.components; ++k)
-          geometry.extra_values[v * width + to + k] =
-              float_of(integers[v * stride + at + k], f.coding, f.step);
+      const auto get = f.components == 1   ? get_floats<1>
+                       : f.components == 2 ? get_floats<2>
+                                           : get_floats<4>;
+      get(f, integers.data() + at, stride, vertices, geometry.extra_values.data() + to, width);
       to += f.components;
     }
     at += f.components;
@@ -320,34 +347,36 @@ void dequantize(const VertexFormat& format, std::span<const int32_t> integers,
       stream.resize(count);
       for (size_t v = 0; v < count; ++v) decoded(in + v * stride, stream[v]);
     };
-    const auto floats = [&, coding = f.coding, step = f.step](const int32_t* i, auto& value) {
-      get_floats(i, coding, step, value);
+    const auto floats = [&]<typename Vector>(std::vector<Vector>& stream) {
+      stream.resize(count);
+      constexpr uint32_t kWidth = sizeof(Vector) / sizeof(float);
+      get_floats<kWidth>(f, in, stride, count, reinterpret_cast<float*>(stream.data()), kWidth);
     };
     if (f.coding == Coding::kOctahedral) {
       normal_bits = f.bits, normal_at = at - f.components;
-      fill(geometry.normals,
-           [&](const int32_t* i, Vec3& n) { n = decoded_normal(i, normal_bits); });
+      geometry.normals.resize(count);
+      decode_normals(in, stride, normal_bits, geometry.normals);
     } else if (f.coding == Coding::kAngle) {
       fill(geometry.tangents, [&](const int32_t* i, Vec4& t) {
         const int32_t* const normal = i - (at - f.components) + normal_at;
         t = decoded_tangent(i, plane_of(normal, normal_bits), f.bits);
       });
     } else if (f.coding == Coding::kSrgb) {
-      const float scale = 1.0f / static_cast<float>((1u << f.bits) - 1);
+      const LinearColors linear(f.bits);
       fill(geometry.colors, [&](const int32_t* i, Vec4& c) {
-        const auto value = [&](int k) { return static_cast<float>(i[k]) * scale; };
-        c = {from_srgb(value(0)), from_srgb(value(1)), from_srgb(value(2)), value(3)};
+        c = {linear.from_srgb(i[0]), linear.from_srgb(i[1]), linear.from_srgb(i[2]),
+             linear.plain(i[3])};
       });
     } else if (f.attribute == kPositions) {
-      fill(geometry.positions, floats);
+      floats(geometry.positions);
     } else if (f.attribute == kNormals) {
-      fill(geometry.normals, floats);
+      floats(geometry.normals);
     } else if (f.attribute == kTangents) {
-      fill(geometry.tangents, floats);
+      floats(geometry.tangents);
     } else if (f.attribute == kUvs) {
-      fill(geometry.uvs, floats);
+      floats(geometry.uvs);
     } else {
-      fill(geometry.colors, floats);
+      floats(geometry.colors);
     }
   }
   dequantize_extras(format, integers, geometry);

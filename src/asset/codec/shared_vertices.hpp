@@ -36,6 +36,9 @@ class GroupBorders {
   /// Along the border from a vertex, or kNone.
   uint32_t next(uint32_t vertex) const { return next_[vertex]; }
   uint32_t previous(uint32_t vertex) const { return previous_[vertex]; }
+  /// The same of all vertices.
+  const uint32_t* next() const { return next_.data(); }
+  const uint32_t* previous() const { return previous_.data(); }
 
  private:
   std::vector<uint32_t> next_, previous_, listed_;

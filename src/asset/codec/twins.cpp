@@ -1,6 +1,7 @@
 #include "asset/codec/twins.hpp"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 namespace umbel::asset {
@@ -134,33 +135,48 @@ std::vector<uint32_t> Twins::encode(const GroupBorders& borders, std::span<const
   return ClusterTwins(borders, equal, group, stride, heads_, next_with_hash_).encode(out);
 }
 
-void decode_twins(BitReader& reader, const GroupBorders& borders, std::span<const uint32_t> equal,
+bool decode_twins(BitReader& reader, const GroupBorders& borders, std::span<const uint32_t> equal,
                   std::span<uint32_t> twin) {
+  if (!reader.read(1)) return false;
   BitReader in = reader;  // its state stays in registers
-  std::ranges::fill(twin, kNone);
   const uint32_t first = borders.first();
-  const std::span<const uint32_t> mine = borders.last(), others = borders.earlier();
-  const auto is_known = [&](uint32_t v) {
-    return (equal[v - first] & twin[v - first]) != kNone;  // all bits of both
+  std::array<uint8_t, kMaxLocal> is_open;  // 1: neither shared nor a twin
+  for (size_t v = 0; v < twin.size(); ++v) {
+    twin[v] = kNone;
+    is_open[v] = equal[v] == kNone;
+  }
+  // Known vertices have no bit: none is taken, rather than to branch on it, too.
+  const std::array links{borders.next(), borders.previous()};
+  const auto follow = [&](uint32_t v, uint32_t u, bool forward) {
+    const uint32_t *const ahead = links[!forward], *const back = links[forward];
+    while (true) {
+      v = ahead[v];
+      u = back[u];
+      if (v == kNone || u == kNone || v == u) return;
+      const uint32_t later = std::max(v, u) - first;
+      in.ensure(1);
+      if (in.take(is_open[later]) == 0) return;
+      is_open[later] = 0;
+      twin[later] = std::min(v, u);
+    }
   };
-  const uint32_t count = in.read(1) ? static_cast<uint32_t>(mine.size()) : 0;
-  for (uint32_t i = 0; i < count; ++i) {
+  const std::span<const uint32_t> mine = borders.last(), others = borders.earlier();
+  for (uint32_t i = 0; i < mine.size(); ++i) {
     const uint32_t v = mine[i];
-    if (is_known(v) || !in.read(1)) continue;
-    const std::span<const uint32_t> list = in.read(1) ? mine.first(i) : others;
+    in.ensure(2);
+    if (in.take(is_open[v - first]) == 0) continue;
+    const std::span<const uint32_t> list = in.take(1) ? mine.first(i) : others;
     const uint32_t index = in.read(bits_below(static_cast<uint32_t>(list.size())));
     if (index >= list.size())
       corrupt("a vertex has the position of the border vertex " + std::to_string(index) + " of " +
               std::to_string(list.size()));
+    is_open[v - first] = 0;
     twin[v - first] = list[index];
-    for (const bool forward : {true, false})
-      follow_twins(borders, v, list[index], forward, [&](uint32_t later, uint32_t earlier) {
-        if (is_known(later) || !in.read(1)) return false;
-        twin[later - first] = earlier;
-        return true;
-      });
+    follow(v, list[index], true);
+    follow(v, list[index], false);
   }
   reader = in;
+  return true;
 }
 
 }  // namespace umbel::asset

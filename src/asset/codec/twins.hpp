@@ -28,9 +28,9 @@ class Twins {
   std::vector<uint32_t> heads_, next_with_hash_;  // border vertices by their positions
 };
 
-/// Reads the twins of the last cluster in `borders` into `twin`. Throws kCorrupt if a number is out
-/// of range.
-void decode_twins(BitReader& in, const GroupBorders& borders, std::span<const uint32_t> equal,
+/// Reads the twins of the last cluster in `borders` into `twin`; false, and nothing in it, if the
+/// cluster has none. Throws kCorrupt if a number is out of range.
+bool decode_twins(BitReader& in, const GroupBorders& borders, std::span<const uint32_t> equal,
                   std::span<uint32_t> twin);
 
 }  // namespace umbel::asset

@@ -75,24 +75,34 @@ struct ComponentRange {
   uint32_t bits;  ///< <= 32
 };
 
+/// The triangles of a cluster, which are read before its vertices.
+struct ClusterTriangles {
+  std::span<const Predictors> predictors;  ///< of each vertex
+  std::span<const uint8_t> triangles;      ///< in the numbers of the traversal
+};
+
 /// What earlier vertices of the group tell of a cluster's, which may themselves be of the cluster.
 struct KnownVertices {
   /// The vertex of an earlier cluster that each equals, or kNone.
   std::span<const uint32_t> equal;
-  /// The earlier vertex at the position of each that has no equal, or kNone. Empty in version 3 of
-  /// the file format, which has no such thing.
+  /// The earlier vertex at the position of each that has no equal, or kNone; to the decoder, none
+  /// at all if the cluster has no twins.
   std::span<const uint32_t> twin;
 };
 
 /// Writes the vertices from `first` to the last of `group`, the integers of the group's vertices,
 /// components(format) apart, in the order of the traversal: those without an equal.
 void encode_vertices(const VertexFormat& format, std::span<const int32_t> group, uint32_t first,
-                     std::span<const Predictors> predictors, const KnownVertices& known,
+                     const ClusterTriangles& cluster, const KnownVertices& known,
                      std::span<const ComponentRange> ranges, BitWriter& out);
 /// Reads them into `group`, the integers of the group's vertices, row_stride(format) apart, from
 /// its vertex `first` on.
-void decode_vertices(const VertexFormat& format, std::span<const Predictors> predictors,
+void decode_vertices(const VertexFormat& format, const ClusterTriangles& cluster,
                      const KnownVertices& known, std::span<const ComponentRange> ranges,
                      BitReader& in, std::span<int32_t> group, uint32_t first);
+/// Reads those of version 3 of the file format, which has no twins.
+void decode_vertices_3(const VertexFormat& format, std::span<const Predictors> predictors,
+                       std::span<const uint32_t> equal, std::span<const ComponentRange> ranges,
+                       BitReader& in, std::span<int32_t> group, uint32_t first);
 
 }  // namespace umbel::asset

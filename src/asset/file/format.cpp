@@ -1,5 +1,7 @@
 #include "asset/file/format.hpp"
 
+#include <cmath>
+
 #include "asset/file/check_header.hpp"
 #include "asset/file/header_frame.hpp"
 #include "asset/file/records.hpp"
@@ -47,6 +49,19 @@ TableSection read_slices(ByteReader& in, const Section& table, const Section& sl
             " checksums for " + std::to_string(table.count) + " entries");
   return {table.offset, table.count, table.element_bytes, table.checksum,
           read_table<uint64_t>(in, slices)};
+}
+
+/// Where a tree of instances is, if there is one.
+void read_instance_tree(FileHeader& header, ByteReader& in, const Sections& sections) {
+  const Section &nodes = sections[kInstanceNodes], &pages = sections[kInstancePages];
+  header.coarsest_errors = read_table<float>(in, sections[kCoarsestErrors]);
+  header.instance_nodes = {nodes.offset, nodes.count, nodes.element_bytes, nodes.checksum, {}};
+  header.instance_pages = {pages.offset, pages.count, pages.element_bytes, pages.checksum, {}};
+  if (nodes.count > 0 && header.coarsest_errors.size() != header.meshes.size())
+    corrupt("section IERR has " + std::to_string(header.coarsest_errors.size()) +
+            " elements, but there are " + std::to_string(header.meshes.size()) + " meshes");
+  for (const float error : header.coarsest_errors)
+    if (!std::isfinite(error) || error < 0) corrupt("section IERR has no finite error");
 }
 
 /// Reads the table of pages, unless that is read in slices.
@@ -147,6 +162,7 @@ std::vector<std::byte> encode_header(const FileHeader& header) {
         slice_checksums(std::span(bytes).subspan(pages.offset, pages.count * pages.element_bytes),
                         pages.element_bytes));
   write_table(out, layout.sections[kNodeSlices], header.nodes.slices);
+  write_table(out, layout.sections[kCoarsestErrors], header.coarsest_errors);
   write_frame(bytes, header.info, layout);
   return bytes;
 }
@@ -174,6 +190,7 @@ FileHeader decode_header(std::span<const std::byte> bytes) {
   header.files = read_table<FileEntry>(in, sections[kFiles]);
   header.page_table = read_slices(in, sections[kPages], sections[kPageSlices], "PSUM");
   header.nodes = read_slices(in, sections[kNodes], sections[kNodeSlices], "NSUM");
+  read_instance_tree(header, in, sections);
   header.info.pages = static_cast<uint32_t>(header.page_table.count);
   read_pages(header, bytes, is_opening);
   check_header(header);

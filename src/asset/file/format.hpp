@@ -64,6 +64,9 @@ struct FileHeader {
   bool has_page_slices = false;
   TableSection page_table;  // where the pages are, in a file that was read
   TableSection nodes;
+  /// Of a tree of instances; none if all are in `instances`.
+  std::vector<float> coarsest_errors;  // one a mesh
+  TableSection instance_nodes, instance_pages;
 };
 
 /// Whether a table of so many entries is long enough to be read in slices.

@@ -94,7 +94,8 @@ class GroupEncoder {
     const std::vector<uint32_t> equal = shared_.encode(ids_, traversal.border, out);
     const std::vector<uint32_t> twin =
         twins_.encode(shared_.borders(), equal, ordered_, stride, out);
-    encode_vertices(format_, ordered_, first, traversal.predictors, {equal, twin}, ranges_, out);
+    encode_vertices(format_, ordered_, first, {traversal.predictors, traversal.triangles},
+                    {equal, twin}, ranges_, out);
     out.finish();
   }
 
@@ -236,9 +237,14 @@ std::vector<lod::ClusterGeometry> decode_clusters(const VertexFormat& format,
     borders.list_last();
     const auto equal = std::span(equals).first(cluster.vertex_count);
     decode_shared(in, borders, equal);
-    const auto twin = std::span(twins).first(tables.version == 3 ? 0 : cluster.vertex_count);
-    if (!twin.empty()) decode_twins(in, borders, equal, twin);
-    decode_vertices(format, mine, {equal, twin}, tables.ranges, in, integers, first);
+    if (tables.version == 3) {
+      decode_vertices_3(format, mine, equal, tables.ranges, in, integers, first);
+    } else {
+      auto twin = std::span(twins).first(cluster.vertex_count);
+      if (!decode_twins(in, borders, equal, twin)) twin = {};
+      decode_vertices(format, {mine, all[i].triangles}, {equal, twin}, tables.ranges, in, integers,
+                      first);
+    }
     in.finish();
     dequantize(
         format,

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "asset/file/check_header.hpp"
+#include "asset/instances/tree_file.hpp"
 #include "base/bytes.hpp"
 #include "base/hash.hpp"
 #include "base/math.hpp"
@@ -45,7 +46,10 @@ constexpr std::array<SectionKind, kSectionCount> kSections{
      {four_letters("ORIG"), "ORIG", 24, true, true},
      {four_letters("SCEN"), "SCEN", 1, true, true},
      {four_letters("PSUM"), "PSUM", 8, true, true},
-     {four_letters("NSUM"), "NSUM", 8, true, true}}};
+     {four_letters("NSUM"), "NSUM", 8, true, true},
+     {four_letters("IERR"), "IERR", 4, true, true},
+     {four_letters("ITRE"), "ITRE", kInstanceNodeBytes, false, true},
+     {four_letters("IPAG"), "IPAG", 1, false, true}}};
 
 void write_fixed_header(ByteWriter& out, const AssetInfo& info, const Layout& layout,
                         uint64_t tables_checksum, uint64_t opening_checksum) {
@@ -120,7 +124,10 @@ Layout layout_of(const FileHeader& header) {
       origins_of(header).size(),
       header.scene.size(),
       header.has_page_slices ? slices_of(header.pages.size()) : 0,
-      header.nodes.slices.size()};
+      header.nodes.slices.size(),
+      header.coarsest_errors.size(),
+      header.instance_nodes.count,
+      header.instance_pages.count};
   Layout layout{};
   for (size_t i = 0; i < kSectionCount; ++i)
     layout.sections[i] = {0, counts[i], kSections[i].element_bytes, 0};
@@ -135,8 +142,13 @@ Layout layout_of(const FileHeader& header) {
     layout.opening_bytes = at;
     add(kPages);
   }
-  layout.sections[kNodes].offset = header.nodes.offset;
-  layout.sections[kNodes].checksum = header.nodes.checksum;
+  const auto place = [&](size_t i, const TableSection& table) {
+    layout.sections[i].offset = table.offset;
+    layout.sections[i].checksum = table.checksum;
+  };
+  place(kNodes, header.nodes);
+  place(kInstanceNodes, header.instance_nodes);
+  place(kInstancePages, header.instance_pages);
   layout.bytes = aligned(at, kPageAlignment);
   return layout;
 }

@@ -27,6 +27,9 @@ enum SectionIndex {
   kScene,
   kPageSlices,
   kNodeSlices,
+  kCoarsestErrors,
+  kInstanceNodes,
+  kInstancePages,
   kSectionCount
 };
 

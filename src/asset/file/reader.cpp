@@ -9,6 +9,7 @@
 #include "asset/file/group_chunk.hpp"
 #include "asset/file/page.hpp"
 #include "asset/file/page_table.hpp"
+#include "asset/instances/tree_file.hpp"
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
 #include "lod/verify/table_structure.hpp"
@@ -58,6 +59,10 @@ struct Asset::State {
   mutable std::mutex tables_mutex;
   mutable std::atomic<bool> has_tables = false;
   mutable AllTables tables;
+  std::vector<InstancedMesh> instanced;
+  mutable std::mutex instances_mutex;
+  mutable std::atomic<bool> has_instances = false;
+  mutable asset::StoredInstanceTree instances;
   // A cache of decoded groups for geometry(): one a slot, by group number.
   static constexpr size_t kSlots = 16;
   mutable std::mutex decoded_mutex;
@@ -69,6 +74,7 @@ struct Asset::State {
   }
   std::vector<std::byte> read(uint64_t offset, uint64_t bytes, uint64_t checksum,
                               const std::string& name) const;
+  const asset::StoredInstanceTree& instance_tree() const;
   AssetPage read_page(uint32_t page) const;
   AssetPage page_of(uint32_t page, std::vector<std::byte> bytes) const;
   std::vector<lod::ClusterGeometry> decode(const AssetPage& page, size_t index) const;
@@ -95,6 +101,8 @@ void Asset::State::read_header() {
     meshes.push_back(entry.mesh);
     formats.push_back(asset::format_of(header, entry));
   }
+  for (size_t m = 0; m < header.coarsest_errors.size() && m < meshes.size(); ++m)
+    instanced.push_back({meshes[m].bounds, header.coarsest_errors[m]});
 }
 
 void check_sum(std::span<const std::byte> bytes, uint64_t checksum, const std::string& name) {
@@ -108,6 +116,23 @@ std::vector<std::byte> Asset::State::read(uint64_t offset, uint64_t size, uint64
   source->read(offset, bytes);
   check_sum(bytes, checksum, name);
   return bytes;
+}
+
+const asset::StoredInstanceTree& Asset::State::instance_tree() const {
+  if (!has_instances.load(std::memory_order_acquire)) {
+    const std::lock_guard lock(instances_mutex);
+    if (!has_instances.load(std::memory_order_relaxed)) {
+      const asset::TableSection& table = header.instance_nodes;
+      if (table.count == 0) return instances;
+      const std::vector<std::byte> bytes = read(table.offset, table.count * table.element_bytes,
+                                                table.checksum, "the instances' nodes");
+      instances =
+          asset::decode_instance_nodes(bytes, table.count, table.element_bytes,
+                                       header.instance_pages.count, header.instances.size());
+      has_instances.store(true, std::memory_order_release);
+    }
+  }
+  return instances;
 }
 
 AssetPage Asset::State::read_page(uint32_t page) const {
@@ -266,6 +291,30 @@ const AssetInfo& Asset::info() const { return state_->header.info; }
 const std::vector<AssetMesh>& Asset::meshes() const { return state_->meshes; }
 
 const std::vector<Instance>& Asset::instances() const { return state_->header.instances; }
+
+const std::vector<InstanceNode>& Asset::instance_nodes() const {
+  return state_->instance_tree().nodes;
+}
+
+bool Asset::has_instance_tree() const { return state_->header.instance_nodes.count > 0; }
+
+uint32_t Asset::placement_bytes(uint32_t node) const {
+  const asset::StoredInstanceTree& tree = state_->instance_tree();
+  if (node >= tree.pages.size()) out_of_range("node of instances", node, tree.pages.size());
+  return tree.pages[node].bytes;
+}
+
+std::vector<Instance> Asset::placements(uint32_t node) const {
+  const asset::StoredInstanceTree& tree = state_->instance_tree();
+  if (node >= tree.pages.size()) out_of_range("node of instances", node, tree.pages.size());
+  const asset::PlacementPage& page = tree.pages[node];
+  const std::vector<std::byte> bytes =
+      state_->read(state_->header.instance_pages.offset + page.offset, page.bytes, page.checksum,
+                   "page " + std::to_string(node) + " of the instances");
+  return asset::decode_placements(bytes, node, tree.nodes[node].placements, state_->meshes.size());
+}
+
+const std::vector<InstancedMesh>& Asset::instanced_meshes() const { return state_->instanced; }
 
 const std::string& Asset::materials() const { return state_->header.materials; }
 

@@ -74,9 +74,11 @@ inline void write(ByteWriter& out, const PageEntry& page) {
 }
 
 inline void write(ByteWriter& out, uint64_t checksum) { out.u64(checksum); }
+inline void write(ByteWriter& out, float error) { out.f32(error); }
 
 inline void read(ByteReader& in, Range& range) { range = in.range(); }
 inline void read(ByteReader& in, uint64_t& checksum) { checksum = in.u64(); }
+inline void read(ByteReader& in, float& error) { error = in.f32(); }
 
 inline void read(ByteReader& in, Vec3d& point) {
   point.x = in.f64();

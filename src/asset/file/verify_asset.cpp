@@ -23,6 +23,11 @@ std::vector<uint8_t> broken_pages(const Asset& asset, const BuildOptions& option
 
 }  // namespace
 
+void asset::check_instances(const Asset& asset) {
+  if (!asset.has_instance_tree()) return;
+  for (uint32_t n = 0; n < asset.instance_nodes().size(); ++n) asset.placements(n);
+}
+
 lod::VerifyReport verify_asset(const Asset& asset, uint32_t cuts, uint32_t seed,
                                const BuildOptions& options) {
   return asset::with_report([&](lod::VerifyReport& report) {
@@ -34,6 +39,7 @@ lod::VerifyReport verify_asset(const Asset& asset, uint32_t cuts, uint32_t seed,
     if (!asset.header_is_whole())
       asset::add_checksum_error(report, "the checksum of the tables does not hold");
     for (uint32_t file = 0; file < asset.files(); ++file) asset.file(file);
+    asset::check_instances(asset);
     // Errors in damaged pages' geometry would only repeat the cause.
     if (!report.ok) return;
     for (uint32_t m = 0; m < asset.meshes().size(); ++m)

@@ -327,6 +327,7 @@ void verify_all(const Asset& asset, uint64_t memory, uint32_t cuts, uint32_t see
   if (!asset.header_is_whole())
     add_checksum_error(report, "the checksum of the tables does not hold");
   for (uint32_t file = 0; file < asset.files(); ++file) asset.file(file);
+  check_instances(asset);
   std::vector<std::string> broken;
   std::vector<GroupTables> groups = read_group_tables(asset, progress, 0.1, broken);
   for (const std::string& sentence : broken) add_checksum_error(report, sentence);

@@ -40,6 +40,9 @@ inline lod::VerifyConfig verify_config(const AssetInfo& info, const AssetMesh& m
   return config;
 }
 
+/// Reads all of a tree of instances. Throws kCorrupt.
+void check_instances(const Asset& asset);
+
 inline bool is_damage(const Error& error) {
   return error.code() == ErrorCode::kCorrupt || error.code() == ErrorCode::kUnsupported;
 }

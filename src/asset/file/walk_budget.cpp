@@ -122,13 +122,19 @@ class Budget {
     bool operator<(const Pending& other) const { return key < other.key; }
   };
 
+  /// A transform that flattens things has errors, but no camera in its space.
+  static double factor_of(const Transform& transform, bool by_error) {
+    if (by_error) return 1 / lod::largest_stretch(transform);
+    const lod::Stretch s = lod::stretch(transform);
+    return s.least / s.most;
+  }
+
   /// Instances that differ only in what does not change their cuts count together.
   void add(std::span<const Instance> instances) {
     std::map<std::pair<uint32_t, double>, Shown*> alike;
     for (const Instance& instance : instances) {
-      const lod::Stretch s = lod::stretch(instance.transform);
       const bool by_error = view_.kind == lod::View::Kind::kError;
-      const double factor = by_error ? 1 / s.most : s.least / s.most;
+      const double factor = factor_of(instance.transform, by_error);
       Shown* known = nullptr;
       if (by_error) known = alike[{instance.mesh, factor}];
       if (known) {

@@ -4,12 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <utility>
 
 #include "asset/file/format.hpp"
 #include "asset/file/group_chunk.hpp"
 #include "asset/file/page.hpp"
+#include "asset/instances/build_tree.hpp"
+#include "asset/instances/tree_file.hpp"
 #include "base/hash.hpp"
 #include "base/math.hpp"
 
@@ -47,7 +50,10 @@ class Writer {
                            contents_.origin.z + 0.0};
     header_.scene = contents_.scene;
     header_.materials = contents_.materials;
-    header_.instances = contents_.instances;
+    if (contents_.instances.size() > contents_.most_listed_instances)
+      build_instances();
+    else
+      header_.instances = contents_.instances;
     header_.files.resize(contents_.files.size());
   }
 
@@ -84,6 +90,22 @@ class Writer {
     header_.info.max_triangles = std::max(header_.info.max_triangles, mesh.max_triangles);
     header_.info.max_vertices = std::max(header_.info.max_vertices, mesh.max_vertices);
     groups_.push_back(std::move(mesh.groups));
+  }
+
+  /// Of instances too many to be listed, whose tree lists only the stand-ins of its root.
+  void build_instances() {
+    for (size_t m = 0; m < groups_.size(); ++m) {
+      // Errors never fall towards the roots, whose own are infinite.
+      float error = 0;
+      for (const GroupEntry& entry : groups_[m])
+        if (std::isfinite(entry.group.error)) error = std::max(error, entry.group.error);
+      instanced_.push_back({header_.meshes[m].mesh.bounds, error});
+      header_.coarsest_errors.push_back(error);
+    }
+    instances_ = std::make_unique<InstanceTree>(contents_.instances, instanced_);
+    header_.instances = instances_->top();
+    // As many sections as there will be.
+    header_.instance_nodes.count = header_.instance_pages.count = 1;
   }
 
   GroupRef reference_to(const GroupName& name) const {
@@ -135,6 +157,29 @@ class Writer {
       header_.files[i] = {at, bytes.size(), xxh64(bytes.data(), bytes.size())};
       at += bytes.size();
     }
+    if (instances_) write_instances(file);
+  }
+
+  /// Pages of placements in their nodes' order, coarse ones first, then the nodes.
+  void write_instances(OutputFile& file) {
+    uint64_t& at = header_.info.file_bytes;
+    at = aligned(at, 8);
+    StoredInstanceTree tree{instances_->nodes(), {}};
+    const uint64_t first = at;
+    for (uint32_t n = 0; n < tree.nodes.size(); ++n) {
+      const std::vector<std::byte> page = encode_placements(n, instances_->placements(n));
+      file.write(at, page);
+      tree.pages.push_back(
+          {at - first, static_cast<uint32_t>(page.size()), xxh64(page.data(), page.size())});
+      at += page.size();
+    }
+    // The nodes have the pages' checksums.
+    header_.instance_pages = {first, at - first, 1, 0, {}};
+    const std::vector<std::byte> nodes = encode_instance_nodes(tree);
+    file.write(at, nodes);
+    header_.instance_nodes = {
+        at, tree.nodes.size(), kInstanceNodeBytes, xxh64(nodes.data(), nodes.size()), {}};
+    at += nodes.size();
   }
 
   const AssetContents& contents_;
@@ -142,6 +187,8 @@ class Writer {
   std::vector<lod::Node> nodes_;
   std::vector<std::vector<GroupEntry>> groups_;  // by mesh
   PagePlan plan_;
+  std::vector<InstancedMesh> instanced_;
+  std::unique_ptr<InstanceTree> instances_;  // none if all are listed
 };
 
 }  // namespace

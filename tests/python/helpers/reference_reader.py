@@ -6,263 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
+from helpers.reference_codec import (
+    Attribute,
+    Bits,
+    Borders,
+    Walk,
+    read_vertices,
+    read_vertices_3,
+    signed,
+)
+
 NONE = 0xFFFFFFFF
 NAMES = {0: "positions", 1: "normals", 2: "tangents", 4: "uvs", 8: "colors"}
 NAMES |= {16: "joints", 32: "weights", 64: "material"}
-
-
-class Bits:
-    """A stream of bits, the lowest of a byte first."""
-
-    def __init__(self, data: bytes):
-        self.value, self.left = int.from_bytes(data, "little"), 8 * len(data)
-
-    def take(self, count: int) -> int:
-        value = self.value & ((1 << count) - 1)
-        self.value >>= count
-        self.left -= count
-        return value
-
-    def zeros(self, most: int) -> int:
-        count = 0
-        while count < most and self.take(1) == 0:
-            count += 1
-        return count
-
-    def rice(self, k: int) -> int:
-        quotient = self.zeros(16)
-        return self.take(32) if quotient == 16 else quotient << k | self.take(k)
-
-    def below(self, count: int) -> int:
-        value = self.take(max(count - 1, 0).bit_length())
-        assert value < count
-        return value
-
-
-@dataclass
-class Attribute:
-    flag: int
-    set: int
-    coding: int
-    components: int
-    smooth: int
-    bits: int
-    step: float
-
-
-# The words for each apex: where neither of the edges (b, c) and (c, a) is a gate, the first is, the
-# second, or both; empty where there is no word.
-APEXES = {
-    "new": ("00011", "0010", "0011", "1"),
-    "from": ("", "00010", "", "011"),
-    "into": ("", "", "00001", "010"),
-    "named": ("00000001", "00000010", "00000011", "000001"),
-    "nothing": ("00000000", "", "", ""),
-}
-WORDS = {
-    word: (apex, gates & 1, gates >> 1)
-    for apex, words in APEXES.items()
-    for gates, word in enumerate(words)
-    if word
-}
-
-
-class Walk:
-    """The triangles of a cluster, and from which vertices each vertex is predicted."""
-
-    def __init__(self, bits: Bits, vertices: int, triangles: int):
-        self.bits, self.seen, self.next = bits, 0, 0
-        self.triangles: list[tuple[int, int, int]] = []
-        self.parents: list[tuple[int, int, int]] = []
-        self.gates: list[tuple[int, int, int]] = []
-        self.border: list[tuple[int, int]] = []
-        self.open: set[int] = set()
-        self.begins: dict[int, int] = {}
-        self.ends: dict[int, int] = {}
-        while len(self.triangles) < triangles:
-            gate = self.pop()
-            if gate is None:
-                self.start()
-            else:
-                self.cross(*gate)
-        while self.seen < vertices:
-            self.new_after_last()
-        assert self.seen == vertices
-
-    def new(self, a: int, b: int, across: int) -> int:
-        self.parents.append((a, b, across))
-        self.seen += 1
-        return self.seen - 1
-
-    def new_after_last(self) -> int:
-        before = max(self.seen, 1) - 1
-        return self.new(before, before, before)
-
-    def close(self, gate: int) -> None:
-        a, b, _ = self.gates[gate]
-        self.open.discard(gate)
-        if self.begins.get(a) == gate:
-            del self.begins[a]
-        if self.ends.get(b) == gate:
-            del self.ends[b]
-
-    def pop(self) -> tuple[int, int, int] | None:
-        while self.next < len(self.gates):
-            gate = self.next
-            self.next += 1
-            if gate in self.open:
-                self.close(gate)
-                return self.gates[gate]
-        return None
-
-    def pass_edge(self, x: int, y: int, w: int, is_gate: int) -> None:
-        gate = self.begins.get(x)
-        if gate is None or self.gates[gate][1] != y:
-            gate = self.ends.get(y)
-        if gate is not None and self.gates[gate][0] == x:
-            self.close(gate)
-        elif is_gate:
-            self.begins[y] = self.ends[x] = len(self.gates)
-            self.open.add(len(self.gates))
-            self.gates.append((y, x, w))
-        else:
-            self.border.append((x, y))
-
-    def start(self) -> None:
-        take, below = self.bits.take, self.bits.below
-        a, b, c = (self.new_after_last() if take(1) else below(self.seen) for _ in range(3))
-        self.triangles.append((a, b, c))
-        for edge in ((a, b, c), (b, c, a), (c, a, b)):
-            self.pass_edge(*edge, take(1))
-
-    def cross(self, a: int, b: int, across: int) -> None:
-        word = ""
-        while word not in WORDS:
-            word += str(self.bits.take(1))
-        apex, right, left = WORDS[word]
-        if apex == "nothing":
-            return
-        if apex == "new":
-            c = self.new(a, b, across)
-        elif apex == "from":
-            c = self.gates[self.begins[b]][1]
-        elif apex == "into":
-            c = self.gates[self.ends[a]][0]
-        else:
-            c = self.bits.below(self.seen)
-        self.triangles.append((a, b, c))
-        self.pass_edge(b, c, a, right)
-        self.pass_edge(c, a, b, left)
-
-
-class Borders:
-    """The borders of a group's clusters, whose vertices are numbered one after the other."""
-
-    def __init__(self) -> None:
-        self.next: dict[int, int] = {}
-        self.previous: dict[int, int] = {}
-        self.vertices: list[int] = []
-        self.last: list[int] = []
-
-    def add(self, first: int, walk: Walk) -> list[int]:
-        """The next cluster's border vertices."""
-        for x, y in walk.border:
-            self.next[first + x] = first + y
-            self.previous[first + y] = first + x
-        mine = range(first, first + walk.seen)
-        return [v for v in mine if v in self.next or v in self.previous]
-
-    def read_shared(self, bits: Bits, first: int, walk: Walk) -> dict[int, int]:
-        """The vertices of the next cluster that earlier ones have, and which those are."""
-        equal: dict[int, int] = {}
-        mine = self.add(first, walk)
-        if bits.take(1):
-            for v in mine:
-                if v not in equal and bits.take(1):
-                    equal[v] = self.vertices[bits.below(len(self.vertices))]
-                    for ahead, back in ((self.next, self.previous), (self.previous, self.next)):
-                        w, u = ahead.get(v), back.get(equal[v])
-                        while w is not None and u is not None and w not in equal and bits.take(1):
-                            equal[w] = u
-                            w, u = ahead.get(w), back.get(u)
-        self.vertices += mine
-        self.last = mine
-        return equal
-
-    def read_twins(self, bits: Bits, equal: dict[int, int]) -> dict[int, int]:
-        """The last cluster's vertices that have the position of an earlier one, and of which."""
-        twins: dict[int, int] = {}
-        others = self.vertices[: len(self.vertices) - len(self.last)]
-        if bits.take(1):
-            for i, v in enumerate(self.last):
-                if v in equal or v in twins or not bits.take(1):
-                    continue
-                choice = self.last[:i] if bits.take(1) else others
-                twins[v] = choice[bits.below(len(choice))]
-                for ahead, back in ((self.next, self.previous), (self.previous, self.next)):
-                    w, u = ahead.get(v), back.get(twins[v])
-                    while w is not None and u is not None and w != u:
-                        if max(w, u) in equal or max(w, u) in twins or not bits.take(1):
-                            break
-                        twins[max(w, u)] = min(w, u)
-                        w, u = ahead.get(w), back.get(u)
-        return twins
-
-
-def signed(value: int) -> int:
-    return (value + 2**31) % 2**32 - 2**31
-
-
-def read_vertices(
-    bits: Bits,
-    walk: Walk,
-    attributes: list[Attribute],
-    ranges: list,
-    rows: list[list[int]],
-    equal: dict[int, int],
-    twins: dict[int, int] | None,
-) -> None:
-    """Appends the integers of a cluster's vertices to those of its group. Version 3 has no twins,
-    and says them to be None."""
-    smooth = [a.smooth for a in attributes for _ in range(a.components)]
-    damping, parameters, of_twins, values = bits.take(2), [], [], []
-    base = len(rows)
-    for i, (lowest, width) in enumerate(ranges):
-        stored = twins is None or width > 0
-        parameters.append(bits.take(5) if stored else 31)
-        own = bool(twins) and i >= 3 and stored and bits.take(1)
-        of_twins.append(bits.take(5) if own else None)
-        if base in equal:
-            values.append(0)
-        elif twins and base in twins and i < 3:
-            values.append(rows[twins[base]][i])
-        else:
-            values.append(signed(lowest + bits.take(width)))
-    rows.append(rows[equal[base]] if base in equal else values)
-    for v in range(base + 1, base + walk.seen):
-        if v in equal:
-            rows.append(rows[equal[v]])
-            continue
-        a, b, across = (rows[base + parent] for parent in walk.parents[v - base])
-        twin = rows[twins[v]] if twins and v in twins else None
-        row = []
-        for i, k in enumerate(parameters):
-            if twin and i < 3:
-                row.append(twin[i])
-                continue
-            beside = twin is not None and of_twins[i] is not None
-            k = of_twins[i] if beside else k
-            r = 0 if k == 31 else bits.rice(k)
-            remainder = r // 2 if r % 2 == 0 else -(r + 1) // 2
-            if beside:
-                predicted = twin[i]
-            elif smooth[i]:
-                predicted = (a[i] + b[i]) // 2
-            else:
-                predicted = a[i] + b[i] - across[i]
-                predicted -= damping * (a[i] + b[i] - 2 * across[i]) // 16
-            row.append(signed(predicted + remainder))
-        rows.append(row)
 
 
 def decode_octahedral(i: np.ndarray, bits: int) -> np.ndarray:
@@ -448,8 +204,12 @@ class Reader:
             walk = Walk(bits, vertices + 1, triangles + 1)
             first = len(rows)
             equal = borders.read_shared(bits, first, walk)
-            twins = None if self.major == 3 else borders.read_twins(bits, equal)
-            read_vertices(bits, walk, attributes, ranges, rows, equal, twins)
+            if self.major == 3:
+                read_vertices_3(bits, walk, attributes, ranges, rows, equal)
+            else:
+                twins = borders.read_twins(bits, equal)
+                has_twins = borders.has_twins
+                read_vertices(bits, walk, attributes, ranges, rows, equal, twins, has_twins)
             assert 0 <= bits.left < 8
             assert bits.value == 0
             values = decode_values(np.array(rows[first:], np.int64), attributes)

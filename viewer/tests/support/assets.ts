@@ -12,13 +12,16 @@ export const ASSETS = join(ROOT, "build/viewer/assets");
 export const PYTHON = process.env.UMBEL_PYTHON ?? join(ROOT, ".venv/bin/python");
 
 function stampOf(script: string): string {
-  const reader = readFileSync(join(ROOT, "tests/python/helpers/reference_reader.py"));
+  const helpers = join(ROOT, "tests/python/helpers");
+  const reader = readFileSync(join(helpers, "reference_reader.py"));
+  const codec = readFileSync(join(helpers, "reference_codec.py"));
   const textured = readFileSync(join(ROOT, "viewer/tests/support/make_textured.py"));
   const where = execFileSync(PYTHON, ["-c", "import umbel._umbel as m; print(m.__file__)"]);
   const library = statSync(where.toString().trim());
   return createHash("sha256")
     .update(readFileSync(script))
     .update(reader)
+    .update(codec)
     .update(textured)
     .update(`${library.mtimeMs} ${library.size}`)
     .digest("hex");

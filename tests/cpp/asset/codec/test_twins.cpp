@@ -57,7 +57,7 @@ TEST(Twins, are_all_found_and_read_back) {
     decode_triangles(in, triangles, predictors, borders.add_cluster(Creased::kVertices));
     borders.list_last();
     decode_shared(in, borders, equal);
-    decode_twins(in, borders, equal, twin);
+    EXPECT_TRUE(decode_twins(in, borders, equal, twin));
     EXPECT_NO_THROW(in.finish());
     EXPECT_EQ(twin, made.twin[c]);
     for (uint32_t v = 0; v < Creased::kVertices; ++v) {

@@ -18,55 +18,140 @@ using umbel::testing::synthetic_dag;
 VertexFormat floats_and_grid() {
   return make_format({{kPositions, Coding::kGrid, 0, 0.25f}, {kNormals, Coding::kFloats, 0, 0}});
 }
+VertexFormat octahedral_and_uvs() {
+  return make_format({{kPositions, Coding::kGrid, 0, 0.25f},
+                      {kNormals, Coding::kOctahedral, 8, 0},
+                      {kUvs, Coding::kGrid, 0, 0.25f}});
+}
+
+/// A cluster's integers, coded and decoded, must be the same; `equal` and `twin` name vertices of a
+/// group whose first half are the same vertices. The result is the bytes that they take.
+size_t expect_same(const VertexFormat& format, std::span<const int32_t> integers,
+                   const ClusterTriangles& cluster, const KnownVertices& known,
+                   std::span<const ComponentRange> ranges) {
+  const uint32_t width = components(format), stride = row_stride(format);
+  const auto count = static_cast<uint32_t>(cluster.predictors.size());
+  std::vector<int32_t> group(size_t{2} * count * stride);
+  std::vector<int32_t> given(integers.begin(), integers.end());
+  given.insert(given.end(), integers.begin(), integers.end());
+  for (uint32_t v = 0; v < count; ++v)
+    std::copy_n(&integers[size_t{v} * width], width, &group[size_t{v} * stride]);
+  std::vector<std::byte> bytes;
+  BitWriter out(bytes);
+  encode_vertices(format, given, count, cluster, known, ranges, out);
+  out.finish();
+  BitReader in(bytes);
+  KnownVertices to_decode = known;
+  if (std::ranges::all_of(known.twin, [](uint32_t twin) { return twin == kNone; }))
+    to_decode.twin = {};
+  decode_vertices(format, cluster, to_decode, ranges, in, group, count);
+  EXPECT_NO_THROW(in.finish());
+  for (uint32_t v = 0; v < count; ++v)
+    EXPECT_TRUE(std::equal(&integers[size_t{v} * width], &integers[size_t{v} * width] + width,
+                           &group[size_t{count + v} * stride]))
+        << v << " of " << count;
+  return bytes.size();
+}
 
 /// Codes `count` vertices of random integers of `bits` bits, some of which an earlier cluster has,
-/// and with twins some whose position an earlier vertex has.
+/// and with twins some whose position an earlier vertex has, and then often its other values.
 void expect_same_integers(const VertexFormat& format, uint32_t count, uint32_t bits,
                           bool with_twins, std::mt19937& random) {
-  const uint32_t width = components(format), stride = row_stride(format);
+  const uint32_t width = components(format);
   std::vector<int32_t> integers(count * width);
   for (int32_t& i : integers) i = bits == 0 ? 7 : static_cast<int32_t>(random()) >> (32 - bits);
   std::vector<Predictors> predictors(count);
   for (uint32_t v = 1; v < count; ++v)
     predictors[v] =
         predictors_of(uint32_t(random() % v), uint32_t(random() % v), uint32_t(random() % v));
+  std::vector<uint8_t> triangles(size_t{3} * count);
+  for (uint8_t& corner : triangles) corner = static_cast<uint8_t>(random() % count);
   const auto lowest = static_cast<int32_t>(bits == 0 ? 7 : ~0u << (bits - 1));
   const std::vector<ComponentRange> ranges(width, {lowest, bits});
-  std::vector<uint32_t> equal(count, kNone), twin(with_twins ? count : 0, kNone);
+  std::vector<uint32_t> equal(count, kNone), twin(count, kNone);
   for (uint32_t v = 0; v < count; ++v) {
     if (random() % 4 == 0) {
       equal[v] = v;
     } else if (with_twins && v > 0 && random() % 2 == 0) {
       twin[v] = static_cast<uint32_t>(random() % v + (random() % 2) * count);
-      std::copy_n(&integers[size_t{twin[v] % count} * width], 3, &integers[size_t{v} * width]);
+      std::copy_n(&integers[size_t{twin[v] % count} * width], random() % 2 ? width : 3,
+                  &integers[size_t{v} * width]);
     }
   }
-  // The earlier cluster has the same vertices.
-  std::vector<int32_t> group(size_t{2} * count * stride), given = integers;
-  given.insert(given.end(), integers.begin(), integers.end());
-  for (uint32_t v = 0; v < count; ++v)
-    std::copy_n(&integers[size_t{v} * width], width, &group[size_t{v} * stride]);
-  std::vector<std::byte> bytes;
-  BitWriter out(bytes);
-  encode_vertices(format, given, count, predictors, {equal, twin}, ranges, out);
-  out.finish();
-  BitReader in(bytes);
-  decode_vertices(format, predictors, {equal, twin}, ranges, in, group, count);
-  EXPECT_NO_THROW(in.finish());
-  for (uint32_t v = 0; v < count; ++v)
-    EXPECT_TRUE(std::equal(&integers[size_t{v} * width], &integers[size_t{v} * width] + width,
-                           &group[size_t{count + v} * stride]))
-        << v << " of " << count << " with " << bits << " bits";
+  expect_same(format, integers, {predictors, triangles}, {equal, twin}, ranges);
 }
 
 TEST(VertexCodec, gives_back_any_integers) {
   std::mt19937 random(3);
   const VertexFormat alone = make_format({{kPositions, Coding::kGrid, 0, 0.25f}});
-  for (const VertexFormat& format : {floats_and_grid(), alone})
+  for (const VertexFormat& format : {floats_and_grid(), alone, octahedral_and_uvs()})
     for (uint32_t bits = 0; bits <= 32; ++bits)
       for (uint32_t count = 1; count <= 256; count += 51)
         for (const bool with_twins : {false, true})
           expect_same_integers(format, count, bits, with_twins, random);
+}
+
+/// Most of a sphere of 162 vertices, and their normals.
+struct Ball {
+  std::vector<int32_t> integers;
+  std::vector<uint8_t> triangles;
+  std::vector<Predictors> predictors;
+};
+Ball ball(const VertexFormat& format) {
+  Ball made;
+  Mesh mesh = shapes::sphere(2);
+  mesh.normals = mesh.positions;
+  std::vector<uint8_t> triangles;
+  for (const Triangle& t : std::span(mesh.triangles).first(kMaxLocal))
+    for (const uint32_t v : t) triangles.push_back(static_cast<uint8_t>(v));
+  std::vector<std::byte> bytes;
+  BitWriter out(bytes);
+  const auto count = static_cast<uint32_t>(mesh.positions.size());
+  const Traversal traversal = encode_triangles(triangles, count, out);
+  const std::vector<uint32_t> order(traversal.vertices.begin(), traversal.vertices.end());
+  made.integers.resize(size_t{count} * components(format));
+  quantize(format, mesh, order, made.integers);
+  made.triangles = traversal.triangles;
+  made.predictors = traversal.predictors;
+  return made;
+}
+
+TEST(VertexCodec, predicts_the_normals_of_smooth_surfaces_by_their_triangles) {
+  const AttributeFormat positions{kPositions, Coding::kGrid, 0, 0x1p-15f};
+  const VertexFormat format = make_format({positions, {kNormals, Coding::kOctahedral, 8, 0}});
+  const Ball made = ball(format);
+  const std::vector<uint32_t> none(made.predictors.size(), kNone);
+  const std::vector<ComponentRange> ranges(5, {-(1 << 17), 18});
+  const auto bytes = [&](std::span<const uint8_t> triangles) {
+    return expect_same(format, made.integers, {made.predictors, triangles}, {none, none}, ranges);
+  };
+  // Without triangles, each normal is predicted by two others. A bit for each component less.
+  EXPECT_LT(8 * bytes(made.triangles) + 2 * none.size(), 8 * bytes({}));
+}
+
+TEST(VertexCodec, stores_values_of_twins_once) {
+  const VertexFormat format = octahedral_and_uvs();
+  Ball made = ball(make_format({format.attributes[0], format.attributes[1]}));
+  // Random texture coordinates; every second vertex has those of the one before.
+  std::mt19937 random(5);
+  const auto count = static_cast<uint32_t>(made.predictors.size());
+  std::vector<int32_t> integers;
+  std::vector<uint32_t> none(count, kNone), twin(count, kNone);
+  for (uint32_t v = 0; v < count; ++v) {
+    if (v % 2 == 1) {
+      twin[v] = count + v - 1;
+      integers.insert(integers.end(), integers.end() - 7, integers.end());
+      continue;
+    }
+    integers.insert(integers.end(), &made.integers[5 * v], &made.integers[5 * v] + 5);
+    for (int c = 0; c < 2; ++c) integers.push_back(static_cast<int32_t>(random() % 65536));
+  }
+  const std::vector<ComponentRange> ranges(7, {-(1 << 17), 18});
+  const size_t all =
+      expect_same(format, integers, {made.predictors, made.triangles}, {none, none}, ranges);
+  const size_t once =
+      expect_same(format, integers, {made.predictors, made.triangles}, {none, twin}, ranges);
+  EXPECT_LT(10 * once, 6 * all);
 }
 
 TEST(VertexFormat, refuses_what_cannot_be) {

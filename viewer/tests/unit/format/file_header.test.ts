@@ -3,7 +3,7 @@ import { readFileHeader } from "../../../packages/umbel/src/format/file_header.j
 import { readFixedHeader } from "../../../packages/umbel/src/format/sections.js";
 import { assetBytes, assetNames, expectedOf, words } from "../../support/assets.js";
 import { kindOf } from "../../support/error_kind.js";
-import { jsonSection, originSection, withSections } from "../../support/rewrite.js";
+import { jsonSection, originSection, sealFileHeader, withSections } from "../../support/rewrite.js";
 
 test.each(assetNames())("the file header of %s equals the reference reader's", (name) => {
   const header = readFileHeader(assetBytes(name));
@@ -41,6 +41,19 @@ test("another major version is rejected as such", () => {
   const other = assetBytes("planet").slice(0, 128);
   other[8] = 2;
   expect(kindOf(() => readFixedHeader(other))).toBe("version");
+});
+
+test("sections that are not known may lie behind the file header", () => {
+  const name = "ITRE";
+  const file = withSections(assetBytes("planet"), [{ name, stride: 1, bytes: new Uint8Array(8) }]);
+  const view = new DataView(file.buffer, file.byteOffset, file.byteLength);
+  for (let row = view.getUint32(12, true); ; row += 40) {
+    if (String.fromCharCode(...file.subarray(row, row + 4)) !== name) continue;
+    view.setBigUint64(row + 8, BigInt(file.length - 8), true);
+    break;
+  }
+  sealFileHeader(file);
+  expect(readFileHeader(file).groups).toBe(expectedOf("planet").groups);
 });
 
 describe("optional sections", () => {

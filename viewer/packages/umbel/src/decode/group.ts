@@ -15,6 +15,7 @@ import { TriangleDecoder } from "./connectivity.js";
 import { SharedVertices } from "./shared_vertices.js";
 import { Twins } from "./twins.js";
 import { decodeVertices } from "./vertices.js";
+import { decodeVertices3 } from "./vertices_3.js";
 
 /** A group without its geometry. Groups and clusters of all meshes are numbered through. */
 export interface GroupInfo {
@@ -125,20 +126,43 @@ export class GroupReader {
       triangleDecoder.decode(bits, count, triangles, indices, 3 * firstTriangle, first);
       shared.read(bits, triangleDecoder, first, count);
       twins?.read(bits);
-      decodeVertices(
-        bits,
-        this.mesh.smooth,
-        tables.ranges,
-        triangleDecoder.predictors,
-        { equal: shared.equal, twin: twins?.twin, anyTwin: twins?.any ?? false },
-        rows,
-        first,
-        count,
-      );
+      this.readVertices(bits, shared, twins, rows, indices, i);
       begin = tables.ends[i];
       if (Math.ceil(bits.at / 8) !== begin) corrupt(`Cluster ${info.firstCluster + i} is damaged.`);
     }
     return { info, indices, values: decodeValues(attributes, rows, vertexCount) };
+  }
+
+  private readVertices(
+    bits: BitReader,
+    { equal }: SharedVertices,
+    twins: Twins | undefined,
+    rows: Int32Array,
+    indices: Uint32Array,
+    i: number,
+  ): void {
+    const { smooth, attributes } = this.mesh;
+    const { vertexOffsets, triangleOffsets } = this.info;
+    const { ranges } = this.tables;
+    const { predictors } = triangleDecoder;
+    const first = vertexOffsets[i];
+    const count = vertexOffsets[i + 1] - first;
+    if (twins === undefined)
+      decodeVertices3(bits, smooth, ranges, predictors, equal, rows, first, count);
+    else
+      decodeVertices(bits, attributes, ranges, {
+        rows,
+        stride: smooth.length,
+        first,
+        count,
+        indices,
+        at: 3 * triangleOffsets[i],
+        end: 3 * triangleOffsets[i + 1],
+        predictors,
+        equal,
+        twin: twins.twin,
+        anyTwin: twins.any,
+      });
   }
 
   private get mesh(): MeshEntry {

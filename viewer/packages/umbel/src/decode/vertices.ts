@@ -1,104 +1,146 @@
 // Decodes the vertices of a cluster: integers, each the sum of a prediction from earlier vertices and
-// a residual in a Rice code. The prediction is the parallelogram of Touma and Gotsman ("Triangle Mesh
-// Compression", 1998), damped, or a mean. docs/format.md specifies it under "A cluster's data".
+// a residual in a Rice code, attribute by attribute. The prediction is the parallelogram of Touma and
+// Gotsman ("Triangle Mesh Compression", 1998), damped, or a mean, or of normals the triangles'.
+// docs/format.md specifies it under "A cluster's data".
 
 import { corrupt } from "../errors.js";
-import { MAX_COMPONENTS } from "../format/attributes.js";
+import { type Attribute, MAX_COMPONENTS } from "../format/attributes.js";
 import type { BitReader } from "./bit_reader.js";
 import type { ComponentRanges } from "./chunk_tables.js";
+import { folded, NormalPredictor } from "./normal_prediction.js";
 
 /** The Rice parameter of a component whose residuals are all zero. */
-const ALL_ZERO = 31;
-/** In place of a Rice parameter of twins: they are coded as all others are. */
-const AS_OTHERS = 32;
-const POSITION_COMPONENTS = 3;
-/** The Rice parameters of each component, of usual vertices and of those with a twin; scratch. */
-const parameters = new Uint8Array(MAX_COMPONENTS);
-const twinParameters = new Uint8Array(MAX_COMPONENTS);
+export const ALL_ZERO = 31;
+/** What a vertex's twin tells of an attribute: nothing, all values, or what a bit says. */
+const NOTHING = 0;
+const ALL = 1;
+const FLAGS = 2;
+/** The Rice parameters of each component, of usual vertices and of those that start a region. */
+const usual = new Uint8Array(MAX_COMPONENTS);
+const starts = new Uint8Array(MAX_COMPONENTS);
+const normals = new NormalPredictor();
 
-/** What earlier vertices of the group tell: for each the one that it is equal to, or -1. */
-export interface KnownVertices {
+/** A component's value, predicted from those of three vertices. */
+export function predict(
+  isSmooth: boolean | number,
+  damping: number,
+  a: number,
+  b: number,
+  across: number,
+): number {
+  const sum = a + b;
+  return isSmooth
+    ? Math.floor(sum / 2)
+    : sum - across - Math.floor((damping * (sum - 2 * across)) / 16);
+}
+
+function residual(bits: BitReader, k: number): number {
+  const r = k === ALL_ZERO ? 0 : bits.rice(k);
+  return (r >>> 1) ^ -(r & 1);
+}
+
+/** The cluster whose vertices are read, among those of its group. */
+export interface ClusterRows {
+  rows: Int32Array;
+  stride: number;
+  /** Its first vertex, and how many it has. */
+  first: number;
+  count: number;
+  /** The group's triangles; the cluster's are those from `at` to `end`. */
+  indices: Uint32Array;
+  at: number;
+  end: number;
+  /** For each vertex of the cluster, the three that predict it. */
+  predictors: Uint8Array;
+  /** For each vertex of the group the earlier one that it is equal to, or -1. */
   equal: Int32Array;
-  /** The one that has its position, or -1; undefined in version 3 of the format. */
-  twin: Int32Array | undefined;
-  /** Whether any vertex of the cluster has a twin. */
+  /** The one that has its position, or -1, and whether any vertex of the cluster has one. */
+  twin: Int32Array;
   anyTwin: boolean;
 }
 
-/** Reads the parameters of a cluster and its first vertex; returns the damping. */
-function readParameters(
-  bits: BitReader,
-  ranges: ComponentRanges,
-  { equal, twin, anyTwin }: KnownVertices,
-  rows: Int32Array,
-  first: number,
-): number {
-  const stride = ranges.bits.length;
-  const damping = bits.take(2);
-  const same = twin ? twin[first] : -1;
-  for (let i = 0; i < stride; ++i) {
-    const isStored = twin === undefined || ranges.bits[i] > 0;
-    parameters[i] = isStored ? bits.take(5) : ALL_ZERO;
-    const hasOwn = anyTwin && i >= POSITION_COMPONENTS && isStored && bits.take(1) === 1;
-    twinParameters[i] = hasOwn ? bits.take(5) : AS_OTHERS;
-    if (equal[first] >= 0) continue;
-    rows[first * stride + i] =
-      same >= 0 && i < POSITION_COMPONENTS
-        ? rows[same * stride + i]
-        : ranges.lowest[i] + bits.take(ranges.bits[i]);
-  }
-  return damping;
-}
-
-/**
- * Writes the rows of a cluster's vertices among those of its group.
- * @param smooth for each component 1 if it is predicted by the mean of two, 0 by a parallelogram
- * @param predictors those of the cluster's TriangleDecoder
- * @param first the cluster's first vertex in the group
- */
+/** Writes the rows of a cluster's vertices. */
 export function decodeVertices(
   bits: BitReader,
-  smooth: Uint8Array,
+  attributes: readonly Attribute[],
   ranges: ComponentRanges,
-  predictors: Uint8Array,
-  known: KnownVertices,
-  rows: Int32Array,
-  first: number,
-  count: number,
+  cluster: ClusterRows,
 ): void {
-  const stride = smooth.length;
-  const { equal, anyTwin } = known;
-  const damping = readParameters(bits, ranges, known, rows, first);
+  const { rows, stride, first, count, equal } = cluster;
+  for (let v = first; v < first + count; ++v)
+    if (equal[v] >= first) corrupt("a vertex is shared with a later one");
+    else if (equal[v] >= 0) rows.copyWithin(v * stride, equal[v] * stride, (equal[v] + 1) * stride);
+  const damping = bits.take(2);
+  let at = 0;
+  for (const attribute of attributes) {
+    decodeAttribute(bits, attribute, at, ranges, cluster, damping);
+    at += attribute.components;
+  }
+}
+
+function fillLowest(at: number, end: number, ranges: ComponentRanges, cluster: ClusterRows): void {
+  const { rows, stride, first, count, equal } = cluster;
+  for (let v = first; v < first + count; ++v)
+    if (equal[v] < 0) for (let i = at; i < end; ++i) rows[v * stride + i] = ranges.lowest[i];
+}
+
+function readTwinRule(bits: BitReader, at: number, anyTwin: boolean): number {
+  if (!anyTwin) return NOTHING;
+  if (at === 0) return ALL;
+  if (bits.take(1) === 0) return NOTHING;
+  return bits.take(1) === 1 ? ALL : FLAGS;
+}
+
+function decodeAttribute(
+  bits: BitReader,
+  attribute: Attribute,
+  at: number,
+  ranges: ComponentRanges,
+  cluster: ClusterRows,
+  damping: number,
+): void {
+  const { rows, stride, first, count, predictors, equal, twin } = cluster;
+  const end = at + attribute.components;
+  if (ranges.bits.subarray(at, end).every((width) => width === 0)) {
+    fillLowest(at, end, ranges, cluster);
+    return;
+  }
+  const rule = readTwinRule(bits, at, cluster.anyTwin);
+  const isOctahedral = attribute.name === "normals" && attribute.coding === 2;
+  const isGeometric = isOctahedral && bits.take(1) === 1;
+  const steps = 2 ** (attribute.bits - 1) - 1;
+  if (isGeometric) {
+    const { indices, at: from, end: to } = cluster;
+    normals.predict(rows, stride, indices, from, to, first, count, bits.take(4), steps);
+  }
+  const hasStarts = !isGeometric && bits.take(1) === 1;
+  for (let i = at; i < end; ++i) {
+    const isCoded = isGeometric || ranges.bits[i] > 0;
+    usual[i] = isCoded ? bits.take(5) : ALL_ZERO;
+    starts[i] = isCoded && hasStarts ? bits.take(5) : usual[i];
+  }
   for (let v = 0; v < count; ++v) {
+    if (equal[first + v] >= 0) continue;
     const row = (first + v) * stride;
-    const same = equal[first + v];
-    if (same >= 0) {
-      if (same >= first) corrupt("a vertex is shared with a later one");
-      for (let i = 0; i < stride; ++i) rows[row + i] = rows[same * stride + i];
-      continue;
-    }
-    if (v === 0) continue;
-    const a = (first + predictors[3 * v]) * stride;
-    const b = (first + predictors[3 * v + 1]) * stride;
-    const opposite = (first + predictors[3 * v + 2]) * stride;
-    const twin = anyTwin && known.twin ? known.twin[first + v] : -1;
-    let i = 0;
-    if (twin >= 0) for (; i < POSITION_COMPONENTS; ++i) rows[row + i] = rows[twin * stride + i];
-    for (; i < stride; ++i) {
-      const isBeside = twin >= 0 && twinParameters[i] !== AS_OTHERS;
-      const k = isBeside ? twinParameters[i] : parameters[i];
-      const residual = k === ALL_ZERO ? 0 : bits.rice(k);
-      let predicted: number;
-      if (isBeside) {
-        predicted = rows[twin * stride + i];
-      } else {
-        const sum = rows[a + i] + rows[b + i];
-        const far = rows[opposite + i];
-        predicted = smooth[i]
-          ? Math.floor(sum / 2)
-          : sum - far - Math.floor((damping * (sum - 2 * far)) / 16);
-      }
-      rows[row + i] = predicted + ((residual >>> 1) ^ -(residual & 1));
+    const same = rule === NOTHING ? -1 : twin[first + v];
+    if (same >= 0 && (rule === ALL || bits.take(1) === 1)) {
+      for (let i = at; i < end; ++i) rows[row + i] = rows[same * stride + i];
+    } else if (isGeometric) {
+      const x = (normals.u[v] + residual(bits, usual[at])) | 0;
+      const y = (normals.v[v] + residual(bits, usual[at + 1])) | 0;
+      rows[row + at] = normals.isLower[v] ? folded(x, y, steps) : x;
+      rows[row + at + 1] = normals.isLower[v] ? folded(y, x, steps) : y;
+    } else if (v === 0) {
+      for (let i = at; i < end; ++i) rows[row + i] = ranges.lowest[i] + bits.take(ranges.bits[i]);
+    } else {
+      const a = (first + predictors[3 * v]) * stride;
+      const b = (first + predictors[3 * v + 1]) * stride;
+      const across = (first + predictors[3 * v + 2]) * stride;
+      const parameters = a === b ? starts : usual;
+      for (let i = at; i < end; ++i)
+        rows[row + i] =
+          predict(attribute.isSmooth, damping, rows[a + i], rows[b + i], rows[across + i]) +
+          residual(bits, parameters[i]);
     }
   }
 }

@@ -94,8 +94,10 @@ export function readSections(view: DataView, fixed: FixedHeader): Map<string, Se
     const offset = readU64(view, row + 8);
     const size = readU64(view, row + 16);
     const count = readU64(view, row + 24);
-    const end = name === "NODE" ? fixed.fileBytes : fixed.headerBytes;
     const minStride = REQUIRED[name] ?? OPTIONAL[name];
+    // Sections that this reader does not know may lie anywhere.
+    const isInHeader = minStride !== undefined && name !== "NODE";
+    const end = isInHeader ? fixed.headerBytes : fixed.fileBytes;
     if (offset + size > end || (minStride && (stride < minStride || stride * count !== size)))
       corrupt(`The file is damaged: its section ${name} does not fit.`);
     if (minStride && sections.has(name))

@@ -1,0 +1,354 @@
+// Decodes what vertex_encoder.cpp writes: attribute after attribute, each of all vertices.
+#include "asset/codec/attribute_code.hpp"
+#include "asset/codec/vertex_decoding.hpp"
+
+namespace umbel::asset {
+namespace {
+
+/// An attribute of the format, and its first component.
+struct Column {
+  const AttributeFormat& format;
+  uint32_t at;
+  std::span<const ComponentRange> ranges;
+};
+
+/// Which parameters the remainders of a vertex have.
+enum Kind : uint32_t { kUsual = 0, kStart = 1 };
+
+/// What predicts a vertex: three rows of the group, as offsets.
+struct Source {
+  size_t a, b, across;
+  Kind kind;
+};
+
+/// The sources of vertices whose twins tell nothing.
+struct OwnSources {
+  const Predictors* predictors;
+  size_t first, stride;
+
+  UMBEL_READ_INLINE Source operator()(uint32_t v) const {
+    const Predictors p = predictors[v];
+    return {first + p.a() * stride, first + p.b() * stride, first + p.across() * stride,
+            starts_region(p) ? kStart : kUsual};
+  }
+  UMBEL_READ_INLINE bool is_copy(uint32_t, BitReader&) const { return false; }
+  size_t twin_row(uint32_t) const { return 0; }
+};
+
+/// The same of vertices that have the values of their twins: with kFlags if a bit says so.
+template <bool kFlags>
+struct TwinSources : OwnSources {
+  const uint32_t* twin;
+
+  UMBEL_READ_INLINE bool is_copy(uint32_t v, BitReader& bits) const {
+    return kFlags ? bits.take(twin[v] != kNone) != 0 : twin[v] != kNone;
+  }
+  size_t twin_row(uint32_t v) const { return twin[v] * stride; }
+};
+
+/// The Rice codes of a component by kind.
+struct RiceCodes {
+  std::array<uint8_t, 2> parameters{};
+  std::array<uint32_t, 2> masks{};  ///< 0: there is no code
+
+  RiceCodes(uint32_t usual, uint32_t start) {
+    for (const auto& [kind, parameter] : {std::pair{kUsual, usual}, std::pair{kStart, start}})
+      if (parameter != kAllZero)
+        parameters[kind] = static_cast<uint8_t>(parameter), masks[kind] = ~0u;
+  }
+  UMBEL_READ_INLINE uint32_t take(Kind kind, BitReader& bits) const {
+    return bits.take_rice(parameters[kind], masks[kind]);
+  }
+};
+
+/// Reads the vertices of a cluster.
+class ClusterReader {
+ public:
+  ClusterReader(const VertexFormat& format, const ClusterTriangles& cluster,
+                const KnownVertices& known, BitReader& in, std::span<int32_t> group, uint32_t first)
+      : cluster_(cluster),
+        known_(known),
+        in_(in),
+        stride_(row_stride(format)),
+        group_(group.data()),
+        first_(size_t{first} * stride_),
+        damping_(static_cast<int>(in.read(kDampingBits))),
+        own_(copy_shared(known.equal, row_stride(format), group, group_ + first_)) {}
+
+  void read(const Column& column) {
+    if (!is_stored(column.ranges)) {
+      for (uint32_t c = 0; c < column.ranges.size(); ++c)
+        for (const uint32_t v : own()) row(v)[column.at + c] = column.ranges[c].lowest;
+      return;
+    }
+    const AttributeCode code = read_code(column);
+    read_first(column, code);
+    const OwnSources sources{cluster_.predictors.data(), first_, stride_};
+    const TwinSources<false> copies{sources, known_.twin.data()};
+    if (column.at == 0 && are_fast_positions(column)) {
+      if (code.twins == TwinRule::kAll)
+        read_positions(code, copies);
+      else if (is_plain(code))
+        read_plain_positions(code);
+      else
+        read_positions(code, sources);
+    } else if (code.twins == TwinRule::kFlags) {
+      read_others(column, code, TwinSources<true>{sources, known_.twin.data()});
+    } else if (code.twins == TwinRule::kAll) {
+      read_others(column, code, copies);
+    } else {
+      read_others(column, code, sources);
+    }
+  }
+
+ private:
+  std::span<const uint8_t> own() const { return std::span(own_.vertices).first(own_.count); }
+  /// Those that predictions are for: vertex 0 has none but its triangles'.
+  std::span<const uint8_t> own(const AttributeCode& code) const {
+    const bool without_first = !code.is_geometric && own_.count > 0 && own_.vertices[0] == 0;
+    return own().subspan(without_first);
+  }
+  bool has_twins() const { return !known_.twin.empty(); }
+  int32_t* row(uint32_t v) const { return group_ + first_ + v * stride_; }
+
+  AttributeCode read_code(const Column& column) {
+    AttributeCode code;
+    if (column.at == 0)
+      code.twins = has_twins() ? TwinRule::kAll : TwinRule::kNothing;
+    else if (has_twins() && in_.read(1))
+      code.twins = in_.read(1) ? TwinRule::kAll : TwinRule::kFlags;
+    if (may_be_geometric(column.format) && in_.read(1)) {
+      code.is_geometric = true;
+      code.shift = in_.read(kNormalShiftBits);
+    } else {
+      code.has_starts = in_.read(1) != 0;
+    }
+    for (uint32_t c = 0; c < column.ranges.size(); ++c) {
+      const bool coded = is_coded(code, column.ranges[c]);
+      const uint32_t usual = coded ? in_.read(kParameterBits) : kAllZero;
+      const uint32_t start = coded && code.has_starts ? in_.read(kParameterBits) : usual;
+      code.parameters[0][c] = static_cast<uint8_t>(usual);
+      code.parameters[1][c] = static_cast<uint8_t>(start);
+    }
+    return code;
+  }
+
+  /// Vertex 0, unless triangles predict it.
+  void read_first(const Column& column, const AttributeCode& code) {
+    if (code.is_geometric || own_.count == 0 || own_.vertices[0] != 0) return;
+    const bool may_copy = code.twins != TwinRule::kNothing && known_.twin[0] != kNone;
+    const bool copied = may_copy && (code.twins == TwinRule::kAll || in_.read(1));
+    for (uint32_t c = 0; c < column.ranges.size(); ++c) {
+      int32_t& value = row(0)[column.at + c];
+      if (copied)
+        value = group_[known_.twin[0] * stride_ + column.at + c];
+      else
+        value = static_cast<int32_t>(static_cast<uint32_t>(column.ranges[c].lowest) +
+                                     in_.read(column.ranges[c].bits));
+    }
+  }
+
+  static bool are_fast_positions(const Column& column) {
+    return column.ranges.size() == 3 && !column.format.is_smooth && are_small(column.ranges);
+  }
+
+  template <typename Sources>
+  void read_others(const Column& column, const AttributeCode& code, const Sources sources) {
+    const bool small = are_small(column.ranges), smooth = column.format.is_smooth != 0;
+    const size_t count = column.ranges.size();
+    if (code.is_geometric)
+      read_geometric(column, code, sources);
+    else if (small && count == 2)
+      smooth ? read_pair<true>(column, code, sources) : read_pair<false>(column, code, sources);
+    else
+      read_any(column, code, sources);
+  }
+
+  /// The largest parameter for which one refill holds a flag and two remainders.
+  static constexpr uint8_t kShort = (55 - 2 * kRiceEscape) / 2;
+  /// How many bits must be there before a remainder that follows another: none where one refill
+  /// holds a flag and two remainders.
+  static uint32_t bits_between(const AttributeCode& code, size_t count) {
+    const bool are_short = std::ranges::all_of(code.parameters, [&](const auto& p) {
+      return std::all_of(p.begin(), p.begin() + static_cast<ptrdiff_t>(count),
+                         [](uint32_t k) { return k <= kShort || k == kAllZero; });
+    });
+    return are_short ? 0 : kRiceEscape + kAllZero;
+  }
+
+  /// Whether the remainders of positions have short codes, the same for all vertices.
+  static bool is_plain(const AttributeCode& code) {
+    const auto& k = code.parameters[0];
+    return !code.has_starts && std::max({k[0], k[1], k[2]}) <= kShort;
+  }
+
+  template <typename Sources>
+  [[gnu::noinline]] void read_any(const Column& column, const AttributeCode& code,
+                                  const Sources sources) {
+    BitReader bits = in_;  // its state stays in registers
+    const int32_t* const values = group_ + column.at;
+    for (const uint32_t v : own(code)) {
+      bits.refill();
+      if (sources.is_copy(v, bits)) {
+        std::copy_n(values + sources.twin_row(v), column.ranges.size(), row(v) + column.at);
+        continue;
+      }
+      const Source source = sources(v);
+      for (uint32_t c = 0; c < column.ranges.size(); ++c) {
+        const auto at = [&](size_t offset) { return int64_t{values[offset + c]}; };
+        const uint32_t k = code.parameters[source.kind][c];
+        const uint32_t remainder = k == kAllZero ? 0 : bits.rice(k);
+        const uint32_t expected =
+            column.format.is_smooth
+                ? predicted_smooth(at(source.a), at(source.b))
+                : predicted_flat(at(source.a), at(source.b), at(source.across), damping_);
+        row(v)[column.at + c] =
+            static_cast<int32_t>(expected + static_cast<uint32_t>(unzigzag(remainder)));
+      }
+    }
+    in_ = bits;
+  }
+
+  /// Three components predicted flat, four lanes at a time: the fourth is another attribute's,
+  /// which comes later.
+  template <typename Sources>
+  [[gnu::noinline]] void read_positions(const AttributeCode& code, const Sources sources) {
+    BitReader bits = in_;
+    const size_t stride = stride_;
+    int32_t *const group = group_, *const mine = group_ + first_;
+    const uint32_t between = bits_between(code, 2);
+    const FlatLanes flat(damping_);
+    const std::array codes{codes_of(code, 0), codes_of(code, 1), codes_of(code, 2)};
+    for (const uint32_t v : own(code)) {
+      if (sources.is_copy(v, bits)) {
+        store(load(group + sources.twin_row(v)), mine + v * stride);
+        continue;
+      }
+      bits.refill();
+      const Source source = sources(v);
+      const uint32_t r0 = codes[0].take(source.kind, bits);
+      bits.ensure(between);
+      const uint32_t r1 = codes[1].take(source.kind, bits);
+      bits.refill();
+      const uint32_t r2 = codes[2].take(source.kind, bits);
+      const Lanes sum = load(group + source.a) + load(group + source.b);
+      store(flat(sum, load(group + source.across)) + unzigzag_lanes(Lanes{r0, r1, r2, 0}),
+            mine + v * stride);
+    }
+    in_ = bits;
+  }
+
+  /// The same without twins and starts, of short codes: what scans consist of.
+  void read_plain_positions(const AttributeCode& code) {
+    BitReader bits = in_;
+    const size_t stride = stride_;
+    int32_t* const mine = group_ + first_;
+    const FlatLanes flat(damping_);
+    const auto [k0, k1, k2] = std::array<uint32_t, 3>{code.parameters[0][0], code.parameters[0][1],
+                                                      code.parameters[0][2]};
+    for (const uint32_t v : own(code)) {
+      const Predictors p = cluster_.predictors[v];
+      bits.refill();
+      const uint32_t r0 = bits.take_rice(k0), r1 = bits.take_rice(k1);
+      const uint32_t r2 = bits.rice(k2);
+      const Lanes sum = load(mine + stride * p.a()) + load(mine + stride * p.b());
+      store(flat(sum, load(mine + stride * p.across())) + unzigzag_lanes(Lanes{r0, r1, r2, 0}),
+            mine + stride * v);
+    }
+    in_ = bits;
+  }
+
+  static RiceCodes codes_of(const AttributeCode& code, uint32_t c) {
+    return {code.parameters[0][c], code.parameters[1][c]};
+  }
+
+  template <bool kSmooth, typename Sources>
+  [[gnu::noinline]] void read_pair(const Column& column, const AttributeCode& code,
+                                   const Sources sources) {
+    BitReader bits = in_;
+    int32_t *const values = group_ + column.at, *const mine = values + first_;
+    const size_t stride = stride_;
+    const std::array codes{codes_of(code, 0), codes_of(code, 1)};
+    const FlatLanes flat(damping_);
+    const uint32_t between = bits_between(code, 2);
+    for (const uint32_t v : own(code)) {
+      bits.refill();
+      if (sources.is_copy(v, bits)) {
+        store_two(load_two(values + sources.twin_row(v)), mine + v * stride);
+        continue;
+      }
+      const Source source = sources(v);
+      const uint32_t first = codes[0].take(source.kind, bits);
+      bits.ensure(between);
+      const uint32_t second = codes[1].take(source.kind, bits);
+      const Lanes sum = load_two(values + source.a) + load_two(values + source.b);
+      Lanes expected;
+      if (kSmooth)
+        expected = reinterpret_cast<Lanes>(reinterpret_cast<SignedLanes>(sum) >> 1);
+      else
+        expected = flat(sum, load_two(values + source.across));
+      store_two(expected + unzigzag_lanes(Lanes{first, second, 0, 0}), mine + v * stride);
+    }
+    in_ = bits;
+  }
+
+  template <typename Sources>
+  [[gnu::noinline]] void read_geometric(const Column& column, const AttributeCode& code,
+                                        const Sources sources) {
+    const int32_t steps = octahedral_steps(column.format.bits);
+    UnfoldedNormals normals;
+    predict_normals(group_ + first_, static_cast<uint32_t>(stride_), cluster_.triangles,
+                    static_cast<uint32_t>(cluster_.predictors.size()), code.shift, steps, normals);
+    BitReader bits = in_;
+    const std::array codes{RiceCodes(code.parameters[0][0], code.parameters[0][0]),
+                           RiceCodes(code.parameters[0][1], code.parameters[0][1])};
+    const uint32_t between = bits_between(code, 2);
+    const size_t stride = stride_;
+    int32_t *const values = group_ + column.at, *const mine = values + first_;
+    for (const uint32_t v : own()) {
+      bits.refill();
+      if (sources.is_copy(v, bits)) {
+        store_two(load_two(values + sources.twin_row(v)), mine + v * stride);
+        continue;
+      }
+      const uint32_t x_rest = codes[0].take(kUsual, bits);
+      bits.ensure(between);
+      const uint32_t y_rest = codes[1].take(kUsual, bits);
+      const auto sum = [](int32_t expected, uint32_t rest) {
+        return static_cast<int32_t>(static_cast<uint32_t>(expected) +
+                                    static_cast<uint32_t>(unzigzag(rest)));
+      };
+      const int32_t x = sum(normals.u[v], x_rest), y = sum(normals.v[v], y_rest);
+      int32_t folded_x = x, folded_y = y;
+      fold(folded_x, folded_y, steps);
+      const bool is_lower = normals.is_lower[v] != 0;
+      mine[v * stride] = is_lower ? folded_x : x;
+      mine[v * stride + 1] = is_lower ? folded_y : y;
+    }
+    in_ = bits;
+  }
+
+  const ClusterTriangles& cluster_;
+  const KnownVertices& known_;
+  BitReader& in_;
+  size_t stride_;
+  int32_t* group_;
+  size_t first_;  // of its values, in the group's
+  int damping_;
+  OwnVertices own_;
+};
+
+}  // namespace
+
+void decode_vertices(const VertexFormat& format, const ClusterTriangles& cluster,
+                     const KnownVertices& known, std::span<const ComponentRange> ranges,
+                     BitReader& in, std::span<int32_t> group, uint32_t first) {
+  ClusterReader reader(format, cluster, known, in, group, first);
+  uint32_t at = 0;
+  for (const AttributeFormat& attribute : format.attributes) {
+    reader.read({attribute, at, ranges.subspan(at, attribute.components)});
+    at += attribute.components;
+  }
+}
+
+}  // namespace umbel::asset

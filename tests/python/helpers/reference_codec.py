@@ -1,0 +1,345 @@
+"""Decodes the clusters of `.umbel` files by docs/format.md alone, for reference_reader.py."""
+
+from dataclasses import dataclass
+
+
+class Bits:
+    """A stream of bits, the lowest of a byte first."""
+
+    def __init__(self, data: bytes):
+        self.value, self.left = int.from_bytes(data, "little"), 8 * len(data)
+
+    def take(self, count: int) -> int:
+        value = self.value & ((1 << count) - 1)
+        self.value >>= count
+        self.left -= count
+        return value
+
+    def zeros(self, most: int) -> int:
+        count = 0
+        while count < most and self.take(1) == 0:
+            count += 1
+        return count
+
+    def rice(self, k: int) -> int:
+        quotient = self.zeros(16)
+        return self.take(32) if quotient == 16 else quotient << k | self.take(k)
+
+    def below(self, count: int) -> int:
+        value = self.take(max(count - 1, 0).bit_length())
+        assert value < count
+        return value
+
+
+@dataclass
+class Attribute:
+    flag: int
+    set: int
+    coding: int
+    components: int
+    smooth: int
+    bits: int
+    step: float
+
+
+# The words for each apex: where neither of the edges (b, c) and (c, a) is a gate, the first is, the
+# second, or both; empty where there is no word.
+APEXES = {
+    "new": ("00011", "0010", "0011", "1"),
+    "from": ("", "00010", "", "011"),
+    "into": ("", "", "00001", "010"),
+    "named": ("00000001", "00000010", "00000011", "000001"),
+    "nothing": ("00000000", "", "", ""),
+}
+WORDS = {
+    word: (apex, gates & 1, gates >> 1)
+    for apex, words in APEXES.items()
+    for gates, word in enumerate(words)
+    if word
+}
+
+
+class Walk:
+    """The triangles of a cluster, and from which vertices each vertex is predicted."""
+
+    def __init__(self, bits: Bits, vertices: int, triangles: int):
+        self.bits, self.seen, self.next = bits, 0, 0
+        self.triangles: list[tuple[int, int, int]] = []
+        self.parents: list[tuple[int, int, int]] = []
+        self.gates: list[tuple[int, int, int]] = []
+        self.border: list[tuple[int, int]] = []
+        self.open: set[int] = set()
+        self.begins: dict[int, int] = {}
+        self.ends: dict[int, int] = {}
+        while len(self.triangles) < triangles:
+            gate = self.pop()
+            if gate is None:
+                self.start()
+            else:
+                self.cross(*gate)
+        while self.seen < vertices:
+            self.new_after_last()
+        assert self.seen == vertices
+
+    def new(self, a: int, b: int, across: int) -> int:
+        self.parents.append((a, b, across))
+        self.seen += 1
+        return self.seen - 1
+
+    def new_after_last(self) -> int:
+        before = max(self.seen, 1) - 1
+        return self.new(before, before, before)
+
+    def close(self, gate: int) -> None:
+        a, b, _ = self.gates[gate]
+        self.open.discard(gate)
+        if self.begins.get(a) == gate:
+            del self.begins[a]
+        if self.ends.get(b) == gate:
+            del self.ends[b]
+
+    def pop(self) -> tuple[int, int, int] | None:
+        while self.next < len(self.gates):
+            gate = self.next
+            self.next += 1
+            if gate in self.open:
+                self.close(gate)
+                return self.gates[gate]
+        return None
+
+    def pass_edge(self, x: int, y: int, w: int, is_gate: int) -> None:
+        gate = self.begins.get(x)
+        if gate is None or self.gates[gate][1] != y:
+            gate = self.ends.get(y)
+        if gate is not None and self.gates[gate][0] == x:
+            self.close(gate)
+        elif is_gate:
+            self.begins[y] = self.ends[x] = len(self.gates)
+            self.open.add(len(self.gates))
+            self.gates.append((y, x, w))
+        else:
+            self.border.append((x, y))
+
+    def start(self) -> None:
+        take, below = self.bits.take, self.bits.below
+        a, b, c = (self.new_after_last() if take(1) else below(self.seen) for _ in range(3))
+        self.triangles.append((a, b, c))
+        for edge in ((a, b, c), (b, c, a), (c, a, b)):
+            self.pass_edge(*edge, take(1))
+
+    def cross(self, a: int, b: int, across: int) -> None:
+        word = ""
+        while word not in WORDS:
+            word += str(self.bits.take(1))
+        apex, right, left = WORDS[word]
+        if apex == "nothing":
+            return
+        if apex == "new":
+            c = self.new(a, b, across)
+        elif apex == "from":
+            c = self.gates[self.begins[b]][1]
+        elif apex == "into":
+            c = self.gates[self.ends[a]][0]
+        else:
+            c = self.bits.below(self.seen)
+        self.triangles.append((a, b, c))
+        self.pass_edge(b, c, a, right)
+        self.pass_edge(c, a, b, left)
+
+
+class Borders:
+    """The borders of a group's clusters, whose vertices are numbered one after the other."""
+
+    def __init__(self) -> None:
+        self.next: dict[int, int] = {}
+        self.previous: dict[int, int] = {}
+        self.vertices: list[int] = []
+        self.last: list[int] = []
+        self.has_twins = False
+
+    def add(self, first: int, walk: Walk) -> list[int]:
+        """The next cluster's border vertices."""
+        for x, y in walk.border:
+            self.next[first + x] = first + y
+            self.previous[first + y] = first + x
+        mine = range(first, first + walk.seen)
+        return [v for v in mine if v in self.next or v in self.previous]
+
+    def read_shared(self, bits: Bits, first: int, walk: Walk) -> dict[int, int]:
+        """The vertices of the next cluster that earlier ones have, and which those are."""
+        equal: dict[int, int] = {}
+        mine = self.add(first, walk)
+        if bits.take(1):
+            for v in mine:
+                if v not in equal and bits.take(1):
+                    equal[v] = self.vertices[bits.below(len(self.vertices))]
+                    for ahead, back in ((self.next, self.previous), (self.previous, self.next)):
+                        w, u = ahead.get(v), back.get(equal[v])
+                        while w is not None and u is not None and w not in equal and bits.take(1):
+                            equal[w] = u
+                            w, u = ahead.get(w), back.get(u)
+        self.vertices += mine
+        self.last = mine
+        return equal
+
+    def read_twins(self, bits: Bits, equal: dict[int, int]) -> dict[int, int]:
+        """The last cluster's vertices at the position of an earlier vertex, and that vertex."""
+        twins: dict[int, int] = {}
+        others = self.vertices[: len(self.vertices) - len(self.last)]
+        self.has_twins = bits.take(1) == 1
+        if self.has_twins:
+            for i, v in enumerate(self.last):
+                if v in equal or v in twins or not bits.take(1):
+                    continue
+                choice = self.last[:i] if bits.take(1) else others
+                twins[v] = choice[bits.below(len(choice))]
+                for ahead, back in ((self.next, self.previous), (self.previous, self.next)):
+                    w, u = ahead.get(v), back.get(twins[v])
+                    while w is not None and u is not None and w != u:
+                        if max(w, u) in equal or max(w, u) in twins or not bits.take(1):
+                            break
+                        twins[max(w, u)] = min(w, u)
+                        w, u = ahead.get(w), back.get(u)
+        return twins
+
+
+def signed(value: int) -> int:
+    return (value + 2**31) % 2**32 - 2**31
+
+
+def predict_normals(
+    triangles: list[tuple[int, int, int]], positions: list[list[int]], shift: int, steps: int
+) -> list[tuple[int, int, bool]]:
+    """Octahedral integers of vertices by their triangles, and whether they are in the lower half,
+    which is not folded out."""
+    sums = [[0, 0, 0] for _ in positions]
+    for triangle in triangles:
+        a, b, c = (positions[v] for v in triangle)
+        e, f = ([signed(q - p) >> shift for p, q in zip(a, end, strict=True)] for end in (b, c))
+        for v in triangle:
+            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                sums[v][i] = signed(sums[v][i] + e[j] * f[k] - e[k] * f[j])
+    normals = []
+    for x, y, z in sums:
+        length = float(abs(x) + abs(y) + abs(z))
+        scale = steps / length if length > 0 else 0.0
+        u, v = (int(i * scale + (steps + 1.5)) - (steps + 1) for i in (x, y))
+        normals.append((u, v, z < 0))
+    return normals
+
+
+def fold(u: int, v: int, steps: int) -> tuple[int, int]:
+    x, y = steps - abs(v), steps - abs(u)
+    return signed(-x if u < 0 else x), signed(-y if v < 0 else y)
+
+
+def remainder_of(bits: Bits, k: int) -> int:
+    r = 0 if k == 31 else bits.rice(k)
+    return r // 2 if r % 2 == 0 else -(r + 1) // 2
+
+
+def predict(attribute: Attribute, damping: int, a: int, b: int, across: int) -> int:
+    if attribute.smooth:
+        return (a + b) // 2
+    return a + b - across - damping * (a + b - 2 * across) // 16
+
+
+class Cluster4:
+    """Reads the vertices of a cluster into the rows of its group, attribute by attribute."""
+
+    def __init__(
+        self, bits: Bits, walk: Walk, rows: list, equal: dict, twins: dict, has_twins: bool
+    ):
+        self.has_twins = has_twins
+        self.bits, self.walk, self.rows, self.equal, self.twins = bits, walk, rows, equal, twins
+        self.base = len(rows)
+        self.damping = bits.take(2)
+        self.own = [v for v in range(walk.seen) if self.base + v not in equal]
+        mine = range(self.base, self.base + walk.seen)
+        rows += [list(rows[equal[v]]) if v in equal else [] for v in mine]
+
+    def read(self, attribute: Attribute, at: int, ranges: list) -> None:
+        take, rows, base = self.bits.take, self.rows, self.base
+        if not any(width for _, width in ranges):
+            for v in self.own:
+                rows[base + v] += [lowest for lowest, _ in ranges]
+            return
+        ruled = all_twins = at == 0
+        if at > 0 and self.has_twins and take(1):
+            ruled, all_twins = True, take(1) == 1
+        is_octahedral = (attribute.flag, attribute.set, attribute.coding) == (1, 0, 2)
+        geometric = is_octahedral and take(1) == 1
+        steps, normals, starts = 2 ** (attribute.bits - 1) - 1, [], False
+        if geometric:
+            positions = [row[:3] for row in rows[base:]]
+            normals = predict_normals(self.walk.triangles, positions, take(4), steps)
+        else:
+            starts = take(1) == 1
+        parameters = []
+        for _, width in ranges:
+            usual = take(5) if width > 0 or geometric else 31
+            start = take(5) if starts and width > 0 else usual
+            parameters.append((usual, start))
+        for v in self.own:
+            row, twin = rows[base + v], self.twins.get(base + v)
+            if twin is not None and ruled and (all_twins or take(1)):
+                row += rows[twin][at : at + len(ranges)]
+            elif geometric:
+                u, w, lower = normals[v]
+                u = signed(u + remainder_of(self.bits, parameters[0][0]))
+                w = signed(w + remainder_of(self.bits, parameters[1][0]))
+                row += fold(u, w, steps) if lower else (u, w)
+            elif v == 0:
+                row += [signed(lowest + take(width)) for lowest, width in ranges]
+            else:
+                parents = self.walk.parents[v]
+                a, b, across = (rows[base + parent] for parent in parents)
+                for i, k in enumerate(parameters, at):
+                    start = parents[0] == parents[1]
+                    predicted = predict(attribute, self.damping, a[i], b[i], across[i])
+                    row.append(signed(predicted + remainder_of(self.bits, k[start])))
+
+
+def read_vertices(
+    bits: Bits,
+    walk: Walk,
+    attributes: list[Attribute],
+    ranges: list,
+    rows: list[list[int]],
+    equal: dict[int, int],
+    twins: dict[int, int],
+    has_twins: bool,
+) -> None:
+    """Appends the integers of a cluster's vertices to those of its group."""
+    cluster, at = Cluster4(bits, walk, rows, equal, twins, has_twins), 0
+    for attribute in attributes:
+        cluster.read(attribute, at, ranges[at : at + attribute.components])
+        at += attribute.components
+
+
+def read_vertices_3(
+    bits: Bits,
+    walk: Walk,
+    attributes: list[Attribute],
+    ranges: list,
+    rows: list[list[int]],
+    equal: dict[int, int],
+) -> None:
+    """The same, of version 3: vertex by vertex."""
+    of = [a for a in attributes for _ in range(a.components)]
+    damping, parameters, values = bits.take(2), [], []
+    base = len(rows)
+    for lowest, width in ranges:
+        parameters.append(bits.take(5))
+        values.append(0 if base in equal else signed(lowest + bits.take(width)))
+    rows.append(rows[equal[base]] if base in equal else values)
+    for v in range(base + 1, base + walk.seen):
+        if v in equal:
+            rows.append(rows[equal[v]])
+            continue
+        a, b, across = (rows[base + parent] for parent in walk.parents[v - base])
+        row = []
+        for i, k in enumerate(parameters):
+            predicted = predict(of[i], damping, a[i], b[i], across[i])
+            row.append(signed(predicted + remainder_of(bits, k)))
+        rows.append(row)
