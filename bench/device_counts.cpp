@@ -10,7 +10,9 @@
 #include "bvh/compressed/trace_batches.hpp"
 #include "cluster/frame/build_frame.hpp"
 #include "crowd.hpp"
+#include "device_memory/exec.hpp"
 #include "lod/select/instances.hpp"
+#include "lod/select/select_queue.hpp"
 #include "mesh_reader.hpp"
 #include "picture_rays.hpp"
 // The processor's form of this, as in tests/on_processor.
@@ -19,6 +21,7 @@
 namespace {
 
 using namespace umbel;
+using bench::CountingExec, bench::KernelCounts;
 
 struct CountTriangles {
   uint64_t triangles = 0;
@@ -44,142 +47,149 @@ struct Tree {
   bvh::CompactTree view() const { return {nodes.data(), triangles.data(), &info}; }
 };
 
-/// Counts what cuda_exec.cuh would start: what CUB does counts as the kernels of its usual ways.
-class CountingExec : public CpuExec {
- public:
-  uint32_t kernels = 0, waits = 0;
+/// What builds over a mesh need.
+struct Input {
+  explicit Input(const Mesh& mesh)
+      : positions{reinterpret_cast<const char*>(mesh.positions.data()), sizeof(Vec3)},
+        triangles(mesh.triangles.data()),
+        n(static_cast<uint32_t>(mesh.triangles.size())),
+        nodes(bvh::compact_node_capacity(n)),
+        leaves(n) {}
 
-  template <typename T>
-  T read(const T* value) {
-    ++waits;
-    return CpuExec::read(value);
-  }
-  template <typename Body>
-  void for_each(size_t n, const Body& body, size_t grain = 1024) {
-    kernels += n > 0 ? 1 : 0;
-    CpuExec::for_each(n, body, grain);
-  }
-  template <typename Body>
-  void for_each_of(const uint32_t* count, uint32_t most, uint32_t each, const Body& body) {
-    ++kernels;
-    CpuExec::for_each_of(count, most, each, body);
-  }
-  template <typename Body>
-  void for_each_layer(const uint32_t* counts, uint32_t layers, uint32_t most, uint32_t each,
-                      const Body& body) {
-    ++kernels;
-    CpuExec::for_each_layer(counts, layers, most, each, body);
-  }
-  template <typename Body>
-  void for_each_team(size_t n, const Body& body) {
-    kernels += n > 0 ? 1 : 0;
-    CpuExec::for_each_team(n, body);
-  }
-  template <typename Body>
-  void for_each_team_of(const uint32_t* count, uint32_t most, const Body& body) {
-    ++kernels;
-    CpuExec::for_each_team_of(count, most, body);
-  }
-  template <typename T, typename Map, typename Op>
-  void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
-    kernels += 2;
-    CpuExec::reduce(n, init, map, op, result);
-  }
-  template <typename T, typename In>
-  void exclusive_scan(size_t n, const In& in, T* out) {
-    kernels += 2;
-    CpuExec::exclusive_scan(n, in, out);
-  }
-  template <typename Keep>
-  void select(size_t n, const Keep& keep, uint32_t* out, uint32_t* count) {
-    kernels += 2;
-    CpuExec::select(n, keep, out, count);
-  }
-  template <typename Key>
-  void run_length(size_t n, const Key* keys, uint32_t* starts, uint32_t* runs) {
-    kernels += 3;
-    CpuExec::run_length(n, keys, starts, runs);
-  }
-  template <typename Key>
-  void radix_sort_pairs(size_t n, Key* keys, uint32_t* values, uint32_t first_bit,
-                        uint32_t last_bit) {
-    const uint32_t passes = (last_bit - first_bit + 7) / 8;
-    kernels += 2 + passes + (passes % 2 == 0 ? 0 : 2);
-    CpuExec::radix_sort_pairs(n, keys, values, first_bit, last_bit);
-  }
+  cluster::Positions positions;
+  const Triangle* triangles;
+  uint32_t n;
+  CpuBuffer<bvh::CompactNode> nodes;
+  CpuBuffer<bvh::CompactTriangle> leaves;
+  bvh::CompactInfo info{};
 };
 
-void count_builds(const Mesh& mesh) {
-  const auto n = static_cast<uint32_t>(mesh.triangles.size());
-  const cuda::MeshCorners corners{
-      {reinterpret_cast<const char*>(mesh.positions.data()), sizeof(Vec3)}, mesh.triangles.data()};
-  const CpuBuffer<bvh::CompactNode> nodes(bvh::compact_node_capacity(n));
-  const CpuBuffer<bvh::CompactTriangle> triangles(n);
-  bvh::CompactInfo info{};
-  std::printf("\n| builder | kernels | waits |\n|---|--:|--:|\n");
-  for (const char* builder : {"lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans-q1", "kmeans-q2",
-                              "kmeans-q5", "sweep"}) {
+std::vector<KernelCounts> count_build(Input& input, const char* builder, CountingExec& exec) {
+  std::vector<KernelCounts> stages;
+  cuda::build_compact(exec, {input.positions, input.triangles}, nullptr, input.n,
+                      cuda::device_builder_preset(builder),
+                      {input.nodes.data(), input.leaves.data(), &input.info},
+                      [&](const char* stage) { stages.push_back(exec.take(stage)); });
+  return stages;
+}
+
+KernelCounts sum_of(const std::vector<KernelCounts>& stages) {
+  KernelCounts sum;
+  for (const KernelCounts& stage : stages) sum.add(stage);
+  return sum;
+}
+
+void count_builds(Input& input) {
+  std::printf(
+      "\n| builder | kernels | waits | words read a triangle | written | atomics | bytes moved "
+      "|\n|---|--:|--:|--:|--:|--:|--:|\n");
+  const double n = input.n;
+  const auto row = [&](const std::string& name, uint32_t waits, const KernelCounts& c) {
+    std::printf("| %s | %.0f | %u | %.1f | %.1f | %.2f | %.0f |\n", name.c_str(),
+                double(c.launches), waits, double(c.words_read) / n, double(c.words_written) / n,
+                double(c.atomics) / n, double(c.bytes) / n);
+    std::fflush(stdout);
+  };
+  for (const char* builder : {"lbvh", "hlbvh", "atrbvh", "ploc", "hploc", "kmeans-q2", "sweep"}) {
+    // The sweep of larger meshes takes longer than all the rest.
+    if (builder == std::string("sweep") && input.n > 200000) continue;
     CountingExec exec;
-    cuda::build_compact(exec, corners, nullptr, n, cuda::device_builder_preset(builder),
-                        {nodes.data(), triangles.data(), &info}, cuda::NoStages{});
-    std::printf("| %s | %u | %u |\n", builder, exec.kernels, exec.waits);
+    const std::vector<KernelCounts> stages = count_build(input, builder, exec);
+    row(builder, exec.waits, sum_of(stages));
+    if (builder != std::string("lbvh") && builder != std::string("hploc")) continue;
+    for (const KernelCounts& stage : stages) row("– " + stage.stage, 0, stage);
   }
 }
 
-/// What a frame of examples/cuda starts, and the bytes that each step moves at least: all that it
-/// reads and writes, once a kernel, as if every vertex were read once and nothing stayed in a
-/// cache.
-void count_frame(const Mesh& mesh, double bytes_a_ray) {
-  constexpr double kRays = 1920 * 1080;
-  const auto n = static_cast<uint32_t>(mesh.triangles.size());
-  const CpuBuffer<uint32_t> items(n), offsets(size_t{n} + 1);
-  const CpuBuffer<Triangle> triangles(n);
-  const CpuBuffer<Aabb> boxes(n);
+/// Clusters of a frame, and the arrays that they are in.
+struct Clusters {
+  CpuBuffer<uint32_t> items, offsets;
+  CpuBuffer<Triangle> triangles;
+  CpuBuffer<Aabb> boxes;
   uint32_t count = 0;
-  const auto* first = reinterpret_cast<const char*>(mesh.positions.data());
-  const cluster::FrameMesh input{{first, sizeof(Vec3)}, mesh.triangles.data(), nullptr, n};
-  const double each = n, vertices = static_cast<double>(mesh.positions.size());
-  const double gathered = 12 * each + 12 * vertices;  // indices and positions
-  const auto sorted = [&](double key, double bits) {
-    const double passes = std::ceil(bits / 8), pair = key + 4;
-    return each * (key + 2 * pair * (passes + (int(passes) % 2 ? 1 : 0)));
-  };
-  std::printf("\n| step of a frame | kernels | waits | MB |\n|---|--:|--:|--:|\n");
-  const auto row = [](const char* step, const CountingExec& exec, double bytes) {
-    std::printf("| %s | %u | %u | %.0f |\n", step, exec.kernels, exec.waits, 1e-6 * bytes);
-  };
-  CountingExec deform;
-  deform.kernels = 2;
-  row("deform", deform, 24 * vertices);
-  for (const FrameMethod method : {FrameMethod::kMorton, FrameMethod::kHybrid}) {
+
+  explicit Clusters(uint32_t n) : items(n), offsets(size_t{n} + 1), triangles(n), boxes(n) {}
+
+  KernelCounts build(const Input& input, FrameMethod method) {
     FrameClusterConfig config;
     config.method = method;
     CountingExec exec;
-    cluster::build_frame(exec, input, cluster::CheckedFrameConfig::of(config, n),
+    cluster::build_frame(exec, {input.positions, input.triangles, nullptr, input.n},
+                         cluster::CheckedFrameConfig::of(config, input.n),
                          {items.data(), triangles.data(), offsets.data(), boxes.data(), &count});
-    const bool is_hybrid = method == FrameMethod::kHybrid;
-    const double order = 2 * gathered + 8 * each + sorted(4, 30);
-    const double bisect = is_hybrid ? 2 * gathered + 10 * each : 0;
-    const double write = gathered + 20 * each + 28.0 * count;
-    row(is_hybrid ? "clusters, hybrid" : "clusters, Morton", exec, order + bisect + write);
+    return exec.take("clusters");
   }
-  const CpuBuffer<bvh::CompactNode> nodes(bvh::compact_node_capacity(n));
-  const CpuBuffer<bvh::CompactTriangle> leaves(n);
-  bvh::CompactInfo info{};
+};
+
+/// What a frame of examples/cuda starts, and the bytes that it moves.
+void count_frame(const Mesh& mesh, Input& input, double bytes_a_ray) {
+  constexpr double kRays = 1920 * 1080;
+  std::printf("\n| step of a frame | kernels | MB |\n|---|--:|--:|\n");
+  const auto row = [](const char* step, uint64_t kernels, double bytes) {
+    std::printf("| %s | %.0f | %.0f |\n", step, double(kernels), 1e-6 * bytes);
+  };
+  row("deform", 2, 24.0 * static_cast<double>(mesh.positions.size()));
+  Clusters clusters(input.n);
+  const KernelCounts morton = clusters.build(input, FrameMethod::kMorton);
+  row("clusters, Morton", morton.launches, double(morton.bytes));
+  const KernelCounts hybrid = clusters.build(input, FrameMethod::kHybrid);
+  row("clusters, hybrid", hybrid.launches, double(hybrid.bytes));
   CountingExec exec;
-  const uint32_t most = max_frame_clusters(n, {});
-  cuda::build_compact(exec, {{first, sizeof(Vec3)}, triangles.data()}, items.data(), n,
-                      cuda::device_builder_preset("lbvh"), {nodes.data(), leaves.data(), &info},
-                      cuda::NoStages{}, {offsets.data(), boxes.data(), &count, most});
-  const bvh::ClusterCodeBits bits(most);
-  const double codes = gathered + (24 + 24 + 24 + 12) * each + sorted(8, bits.below_cluster());
-  // Merges are written once; boxes below are read by the merge above, and again by the layout.
-  const double tree = (12 + 24 + 36 + 24 + 16 + 4) * each, layout = (36 + 16 + 16 + 8) * each;
-  const double finish = gathered + (4 + 4 + 48 + 48) * each + 3 * 80.0 * info.nodes;
-  row("a tree over the clusters", exec, codes + tree + layout + finish);
-  CountingExec rays;
-  rays.kernels = 1;
-  row("two million rays", rays, kRays * bytes_a_ray);
+  cuda::build_compact(exec, {input.positions, clusters.triangles.data()}, clusters.items.data(),
+                      input.n, cuda::device_builder_preset("lbvh"),
+                      {input.nodes.data(), input.leaves.data(), &input.info}, cuda::NoStages{},
+                      {clusters.offsets.data(), clusters.boxes.data(), &clusters.count,
+                       max_frame_clusters(input.n, {})});
+  const KernelCounts tree = exec.take("tree");
+  row("a tree over the clusters", tree.launches, double(tree.bytes));
+  row("two million rays", 1, kRays * bytes_a_ray);
+}
+
+/// An H200 as the model has it. What a device does not publish is assumed.
+struct Model {
+  static constexpr double kBandwidth = 4.8e12;  ///< bytes a second, as published
+  static constexpr double kLaunch = 2e-6;       ///< of a kernel in a graph, after another: assumed
+  static constexpr double kAtomics = 1e11;      ///< a second, where few meet: assumed
+
+  static double besides(const KernelCounts& c) {
+    return double(c.launches) * kLaunch + double(c.atomics) / kAtomics;
+  }
+  static double seconds(const KernelCounts& c) { return double(c.bytes) / kBandwidth + besides(c); }
+};
+
+/// A goal, and what the model says of it: also the share of the bandwidth that would do.
+void print_goal(const char* work, const KernelCounts& c, double goal) {
+  const double left = goal - Model::besides(c);
+  std::printf("| %s | %.0f | %.2f | %.1f | %.3f | %.3f | %.0f %% |\n", work, double(c.launches),
+              1e-6 * double(c.atomics), 1e-6 * double(c.bytes), 1e3 * Model::seconds(c), 1e3 * goal,
+              100 * double(c.bytes) / Model::kBandwidth / left);
+}
+
+/// For a mesh of that many triangles, if each takes what one of this mesh does.
+KernelCounts scaled(KernelCounts c, double factor) {
+  c.bytes = static_cast<uint64_t>(double(c.bytes) * factor);
+  c.atomics = static_cast<uint64_t>(double(c.atomics) * factor);
+  return c;
+}
+
+void print_goal_head() {
+  std::printf(
+      "\n| work | kernels | million atomics | MB | model ms | goal ms | bandwidth that the goal "
+      "takes |\n|---|--:|--:|--:|--:|--:|--:|\n");
+}
+
+void count_goals(Input& input) {
+  print_goal_head();
+  constexpr double kLarge = 16e6;
+  const auto build = [&](const char* name) {
+    CountingExec exec;
+    return scaled(sum_of(count_build(input, name, exec)), kLarge / input.n);
+  };
+  print_goal("LBVH, ready to trace, 16 M triangles", build("lbvh"), kLarge / 2.5e9);
+  print_goal("H-PLOC, ready to trace, 16 M triangles", build("hploc"), kLarge / 1.5e9);
+  Clusters clusters(input.n);
+  print_goal("Morton clusters of the mesh", clusters.build(input, FrameMethod::kMorton), 0.12e-3);
+  print_goal("hybrid clusters of the mesh", clusters.build(input, FrameMethod::kHybrid), 0.3e-3);
 }
 
 /// Returns the bytes that a ray reads and writes.
@@ -206,7 +216,9 @@ void count_mesh(const std::string& path) {
   constexpr uint32_t kSize = 1024;
   const Mesh mesh = bench::read_mesh(path);
   std::printf("\n## %s: %zu triangles\n", bench::file_name(path).c_str(), mesh.triangles.size());
-  count_builds(mesh);
+  Input input(mesh);
+  count_goals(input);
+  count_builds(input);
   const trace::Scene scene = trace::Scene::build(mesh.view());
   const auto primary = bench::camera_rays(trace::auto_camera(scene, kSize, kSize), kSize, 1);
   const auto bounce = bench::bounces(mesh, primary, scene.structure());
@@ -218,7 +230,19 @@ void count_mesh(const std::string& path) {
   const double bytes = count_rays<false>("primary, nearest", tree.view(), primary);
   count_rays<false>("bounce, nearest", tree.view(), bounce);
   count_rays<true>("bounce, any", tree.view(), bounce);
-  count_frame(mesh, bytes);
+  count_frame(mesh, input, bytes);
+}
+
+uint32_t layers_of(const lod::Tables& tables) {
+  uint32_t layers = 0;
+  for (std::vector<uint32_t> layer{0}, next; !layer.empty(); ++layers) {
+    next.clear();
+    for (const uint32_t node : layer)
+      for (uint32_t k = 0; k < tables.nodes[node].children.count; ++k)
+        next.push_back(tables.nodes[node].children.offset + k);
+    std::swap(layer, next);
+  }
+  return layers;
 }
 
 void count_selection() {
@@ -255,19 +279,29 @@ void count_selection() {
       "%.0f | %.0f | %.0f | %.0f | %zu |\n",
       crowd.instances.size(), tables.groups.size(), tables.clusters.size(), tables.nodes.size(),
       visited, opened, groups, clusters, cuts.clusters.size());
-  const double bits = std::ceil(static_cast<double>(tables.groups.size()) / 32) *
-                      static_cast<double>(crowd.instances.size());
-  const double traffic = bench::selection_bytes(crowd, groups, cuts.clusters.size());
-  std::printf("\nWords of bits: %.0f. Bytes through memory at least: %.1f MB.\n", bits,
-              1e-6 * traffic);
+  // As on a device.
+  const CpuBuffer<uint32_t> offsets(crowd.instances.size() + 1), out(cuts.clusters.size() + 1000);
+  cuda::SelectionCounts found{};
+  const auto room = static_cast<uint32_t>(out.size());
+  CountingExec exec;
+  cuda::select_by_queue(
+      exec,
+      {tables.nodes.data(), tables.groups.data(), tables.clusters.data(), nullptr,
+       static_cast<uint32_t>(tables.groups.size()), layers_of(tables)},
+      {&crowd.view, crowd.planes.data(), static_cast<uint32_t>(crowd.planes.size()),
+       crowd.instances.data(), static_cast<uint32_t>(crowd.instances.size())},
+      {}, {static_cast<uint32_t>(tables.nodes.size() * 64), room, room},
+      {offsets.data(), out.data(), &found}, {});
+  print_goal_head();
+  print_goal("selection of 10,000 instances", exec.take("selection"), 0.15e-3);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) try {
   std::printf("# What devices do\n");
-  for (int i = 1; i < argc; ++i) count_mesh(argv[i]);
   count_selection();
+  for (int i = 1; i < argc; ++i) count_mesh(argv[i]);
   return 0;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "device_counts: %s\n", error.what());

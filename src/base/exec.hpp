@@ -19,6 +19,14 @@
 #include "base/radix_sort_pairs.hpp"
 #include "base/team.hpp"
 
+/// Before a loop that is to leave no index behind that is not a constant, so that arrays stay in
+/// registers.
+#if defined(__CUDA_ARCH__) && !defined(UMBEL_SIMT)
+#define UMBEL_UNROLL _Pragma("unroll")
+#else
+#define UMBEL_UNROLL
+#endif
+
 namespace umbel {
 
 #if defined(__CUDA_ARCH__) && !defined(UMBEL_ADD_RELEASE)
@@ -31,11 +39,21 @@ __device__ inline uint32_t add_release(uint32_t* counter, uint32_t amount) {
                : "memory");
   return old;
 }
+/// Exchanges a word in global memory, after all that the thread wrote before.
+__device__ inline uint64_t exchange_release(uint64_t* word, uint64_t value) {
+  uint64_t old;
+  asm volatile("atom.exch.release.gpu.global.b64 %0, [%1], %2;"
+               : "=l"(old)
+               : "l"(__cvta_generic_to_global(word)), "l"(value)
+               : "memory");
+  return old;
+}
 /// What others released before the thread's last atomic operation is seen from here on. Less than
 /// __threadfence(), which puts all fences of all threads in one order.
 __device__ inline void acquire() { asm volatile("fence.acq_rel.gpu;" ::: "memory"); }
 // The emulator of tests/simt has its own.
 #define UMBEL_ADD_RELEASE(counter, amount) ::umbel::add_release(counter, amount)
+#define UMBEL_EXCHANGE_RELEASE(word, value) ::umbel::exchange_release(word, value)
 #define UMBEL_ACQUIRE() ::umbel::acquire()
 #endif
 
@@ -49,6 +67,22 @@ UMBEL_HOST_DEVICE inline bool is_last_to_arrive(uint32_t* counter, uint32_t othe
   return true;
 #else
   return std::atomic_ref<uint32_t>(*counter).fetch_add(1, std::memory_order_acq_rel) == others;
+#endif
+}
+
+/// Where two threads meet that each know something, no more than a word: false for the first one,
+/// which leaves its word. The second one gets that, and sees what the first one wrote before. The
+/// place is kNobodyMet at first, which is no word of theirs.
+inline constexpr uint64_t kNobodyMet = ~uint64_t{0};
+UMBEL_HOST_DEVICE inline bool is_second_to_meet(uint64_t* place, uint64_t own, uint64_t& other) {
+#if defined(__CUDA_ARCH__)
+  other = UMBEL_EXCHANGE_RELEASE(place, own);
+  if (other == kNobodyMet) return false;
+  UMBEL_ACQUIRE();
+  return true;
+#else
+  other = std::atomic_ref<uint64_t>(*place).exchange(own, std::memory_order_acq_rel);
+  return other != kNobodyMet;
 #endif
 }
 
@@ -181,7 +215,8 @@ class CpuExec {
     for_each_team(std::min(*count, most), body);
   }
 
-  /// *result = op(... op(op(init, map(0)), map(1)) ..., map(n - 1)).
+  /// *result = op(... op(op(init, map(0)), map(1)) ..., map(n - 1)). Each map(i) is called once, so
+  /// it may write what belongs to i.
   template <typename T, typename Map, typename Op>
   void reduce(size_t n, T init, const Map& map, const Op& op, T* result) {
     Buffer<T> partial(chunks(n));

@@ -40,6 +40,8 @@ struct SerialTeam {
   UMBEL_HOST_DEVICE uint32_t rank_among(bool) const { return 0; }
   /// The lanes for which `flag` holds.
   UMBEL_HOST_DEVICE uint32_t count(bool flag) const { return flag ? 1 : 0; }
+  /// The same as bits; of teams of at most 32 lanes.
+  UMBEL_HOST_DEVICE uint32_t ballot(bool flag) const { return flag ? 1 : 0; }
 
   UMBEL_HOST_DEVICE static uint32_t add(uint32_t* counter, uint32_t amount) {
     const uint32_t old = *counter;

@@ -28,11 +28,29 @@ namespace umbel::cuda {
 namespace detail {
 
 inline constexpr uint32_t kThreads = 256;
+/// Few threads are put into smaller blocks, so that they are on more multiprocessors. The emulator
+/// of tests/simt has fewer.
+#if !defined(UMBEL_FEW_THREADS)
+#define UMBEL_FEW_THREADS (1 << 16)
+#endif
+inline constexpr uint32_t kThreadsOfFew = 64, kFew = UMBEL_FEW_THREADS;
 
 template <typename Body>
 __global__ void __launch_bounds__(kThreads) run_each(size_t n, Body body) {
-  const size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const size_t i = size_t(blockIdx.x) * blockDim.x + threadIdx.x;
   if (i < n) body(i);
+}
+
+/// The first thing that a lane of a group (a thread of a warp, or a team) does, of `n` in a grid of
+/// which every block has `groups` of `size`. Where there is no more than one for each, groups of
+/// other blocks do what is next, so that a few are on all multiprocessors.
+__device__ inline size_t first_index(size_t n, uint32_t groups, uint32_t size, uint32_t group) {
+  const size_t in_order = size_t(blockIdx.x) * groups + group;
+  const size_t spread = size_t(group) * gridDim.x + blockIdx.x;
+  return (n <= size_t(gridDim.x) * groups * size ? spread : in_order) * size;
+}
+__device__ inline size_t first_thread_index(size_t n) {
+  return first_index(n, kThreads / kWarp, kWarp, threadIdx.x / kWarp) + threadIdx.x % kWarp;
 }
 
 /// So many blocks keep any device busy; each does several shares of the work. The emulator of
@@ -46,9 +64,7 @@ template <typename Body>
 __global__ void __launch_bounds__(kThreads)
     run_counted(const uint32_t* count, uint32_t most, uint32_t each, Body body) {
   const size_t n = size_t(each) * (*count < most ? *count : most);
-  for (size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x; i < n;
-       i += size_t(gridDim.x) * kThreads)
-    body(i);
+  for (size_t i = first_thread_index(n); i < n; i += size_t(gridDim.x) * kThreads) body(i);
 }
 
 /// One kernel for all layers, whose blocks wait for each other between them; so all of them must be
@@ -61,9 +77,7 @@ __global__ void __launch_bounds__(kThreads)
     const uint32_t count = __ldcg(counts + layer);
     if (count == 0) return;  // for all blocks
     const size_t n = size_t(each) * (count < most ? count : most);
-    for (size_t i = size_t(blockIdx.x) * kThreads + threadIdx.x; i < n;
-         i += size_t(gridDim.x) * kThreads)
-      body(layer, i);
+    for (size_t i = first_thread_index(n); i < n; i += size_t(gridDim.x) * kThreads) body(layer, i);
     grid.sync();
   }
 }
@@ -118,7 +132,7 @@ __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
   constexpr uint32_t kTeams = kTeamsPerBlock<Body>;
   UMBEL_SHARED(unsigned char, shared, kTeams * sizeof(Shared));
   const uint32_t team = threadIdx.x / Body::kLanes;
-  const size_t i = size_t(blockIdx.x) * kTeams + team;
+  const size_t i = size_t(blockIdx.x) * (blockDim.x / Body::kLanes) + team;
   if (i < n) body(Team{}, i, reinterpret_cast<Shared*>(shared)[team]);
 }
 
@@ -131,7 +145,7 @@ __global__ void __launch_bounds__(Body::kLanes* kTeamsPerBlock<Body>)
   UMBEL_SHARED(unsigned char, shared, kTeams * sizeof(Shared));
   const uint32_t team = threadIdx.x / Body::kLanes;
   const size_t n = *count < most ? *count : most;
-  for (size_t i = size_t(blockIdx.x) * kTeams + team; i < n; i += size_t(gridDim.x) * kTeams) {
+  for (size_t i = first_index(n, kTeams, 1, team); i < n; i += size_t(gridDim.x) * kTeams) {
     body(Team{}, i, reinterpret_cast<Shared*>(shared)[team]);
     Team{}.sync();  // the next one has the same memory
   }
@@ -192,8 +206,8 @@ class CudaExec {
   template <typename Body>
   void for_each(size_t n, const Body& body, size_t /*grain*/ = 1) {
     if (n == 0 || arena_.counts()) return;
-    launch("starting a kernel", detail::run_each<Body>, blocks(n, detail::kThreads),
-           detail::kThreads, n, body);
+    const uint32_t threads = n <= detail::kFew ? detail::kThreadsOfFew : detail::kThreads;
+    launch("starting a kernel", detail::run_each<Body>, blocks(n, threads), threads, n, body);
   }
 
   template <typename Body>
@@ -241,10 +255,10 @@ class CudaExec {
 
   template <typename Body>
   void for_each_team(size_t n, const Body& body) {
-    constexpr uint32_t kTeams = detail::kTeamsPerBlock<Body>;
     if (n == 0 || arena_.counts()) return;
-    launch("starting a kernel of teams", detail::run_teams<Body>, blocks(n, kTeams),
-           Body::kLanes * kTeams, n, body);
+    const uint32_t teams = n * Body::kLanes <= detail::kFew / 4 ? 1 : detail::kTeamsPerBlock<Body>;
+    launch("starting a kernel of teams", detail::run_teams<Body>, blocks(n, teams),
+           Body::kLanes * teams, n, body);
   }
 
   template <typename Body>

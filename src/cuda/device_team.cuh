@@ -61,9 +61,10 @@ struct WarpTeam : DeviceTeam {
     return result;
   }
   __device__ uint32_t rank_among(bool flag) const {
-    return __popc(__ballot_sync(kAllLanes, flag) & ((1u << rank()) - 1));
+    return __popc(ballot(flag) & ((1u << rank()) - 1));
   }
-  __device__ uint32_t count(bool flag) const { return __popc(__ballot_sync(kAllLanes, flag)); }
+  __device__ uint32_t count(bool flag) const { return __popc(ballot(flag)); }
+  __device__ uint32_t ballot(bool flag) const { return __ballot_sync(kAllLanes, flag); }
 };
 
 /// All threads of a block, which are a multiple of a warp.

@@ -129,6 +129,23 @@ TEST_F(BuildersOnDevice, scratch_is_enough_for_medians_where_few_clusters_are_fo
     }
 }
 
+TEST_F(BuildersOnDevice, more_clusters_than_a_device_takes_are_refused) {
+  const MeshOnDevice mesh(shapes::soup(9, 1));
+  const TreeOnDevice tree(9);
+  DeviceBvhConfig config = device_builder_preset("kmeans");
+  size_t bytes = 0;
+  config.kmeans.clusters = 64;
+  EXPECT_NO_THROW(build_bvh(nullptr, bytes, mesh.view(), config, tree.view()));
+  config.kmeans.clusters = 65;  // a processor takes them
+  try {
+    build_bvh(nullptr, bytes, mesh.view(), config, tree.view());
+    FAIL() << "65 clusters were taken";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ErrorCode::kInvalidArgument);
+    EXPECT_STREQ(e.what(), "kmeans.clusters is 65, but must be from 2 to 64 on a device");
+  }
+}
+
 class LargerBuildersOnDevice : public BuildersOnDevice {};
 
 TEST_F(LargerBuildersOnDevice, are_those_of_the_processor) {

@@ -108,6 +108,30 @@ def test_carried_programs_are_unpacked(machine) -> None:
     assert outcomes(page)["tests"] == "passed"
 
 
+def test_tables_need_nothing_but_python(tmp_path: Path) -> None:
+    builders = ", ".join(
+        f'{{"builder": "{name}", "sah": 10, "nodes": 9, "scratch_bytes": 1, "refit_ms": 1, '
+        '"primary_ms": 1, "bounce_ms": 1, "stages": {"tree": 1}}'
+        for name in ("lbvh", "sweep")
+    )
+    (tmp_path / "measured.json").write_text(
+        '{"device": "Stand-in", "runs": 1, "scenes": [{"scene": "ball", "triangles": 9, '
+        f'"primary_rays": 5, "bounce_rays": 5, "builders": [{builders}]}}]}}'
+    )
+    hidden = "import sys; sys.modules.update({'umbel._umbel': None, 'numpy': None}); import runpy; "
+    module = "runpy.run_module('umbel.bench.bvh.cuda', run_name='__main__')"
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", hidden + module, "measured.json", ".", "table"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "python")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "## ball" in (tmp_path / "table.md").read_text()
+
+
 def test_without_a_gpu_it_says_so() -> None:
     done = subprocess.run(
         [ROOT / "scripts" / "gpu.sh"], capture_output=True, text=True, check=False, timeout=60

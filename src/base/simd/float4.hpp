@@ -38,6 +38,15 @@ inline Float4 max4(Float4 a, Float4 b) {
 #endif
 }
 
+inline Float4 sqrt4(Float4 a) {
+#if defined(__SSE2__)
+  return Float4(_mm_sqrt_ps(__m128(a)));
+#else
+  for (int i = 0; i < 4; ++i) a[i] = __builtin_sqrtf(a[i]);
+  return a;
+#endif
+}
+
 /// Bit i is set where lane i of a is at most that of b.
 inline uint32_t at_most(Float4 a, Float4 b) {
 #if defined(__SSE2__)

@@ -10,6 +10,7 @@
 
 #include "bvh/build/ploc.hpp"
 #include "bvh/build/radix_splits.hpp"
+#include "bvh/tree/merge_sums.hpp"
 
 namespace umbel::bvh {
 
@@ -21,24 +22,14 @@ struct HplocCluster {
   uint32_t slot;
 };
 
-/// What climbs have left at the nodes of the radix tree, one element a node; node i is where the
-/// codes i and i + 1 part.
-struct HplocNodes {
-  uint32_t* arrived;
-  uint32_t* begins;      ///< of the codes below
-  uint32_t* ends;        ///< the last one
-  uint32_t* left_kept;   ///< clusters that the left child forwarded
-  uint32_t* right_kept;  ///< clusters that the right child forwarded
-};
-
 /// A team takes the leaves of kLanes codes.
+template <typename Sums>
 struct HplocClimb {
   static constexpr uint32_t kLanes = 32;
   static constexpr uint32_t kKept = kLanes / 2;  ///< clusters that a node forwards, at most
 
-  /// A node at which two children have met.
+  /// A node at which two children have met, and which has clusters to merge.
   struct Met {
-    bool is_large;           ///< it has clusters to merge
     uint32_t begin, middle;  ///< where the codes of its children begin
     uint32_t left, right;    ///< clusters of its children
     uint32_t most;           ///< that it may forward
@@ -52,10 +43,13 @@ struct HplocClimb {
   const uint64_t* codes;
   uint32_t n;
   uint32_t radius;
-  HplocNodes nodes;
+  /// Of the nodes of the radix tree: the far end of the child that came first, and the clusters
+  /// that it forwarded.
+  uint64_t* first_child;
   HplocCluster* clusters;  ///< those of a node begin where its codes begin
   Merge* merges;
   Subtree* root;
+  Sums sums;
 
   template <typename Team>
   UMBEL_HOST_DEVICE void operator()(const Team& team, size_t index, Shared& shared) const {
@@ -71,46 +65,49 @@ struct HplocClimb {
   template <typename Team>
   UMBEL_HOST_DEVICE void climb(const Team& team, bool is_active, uint32_t leaf,
                                Shared& shared) const {
-    uint32_t begin = leaf, end = leaf, kept = 1;
-    while (team.count(is_active) > 0) {
-      Met& met = shared.met[team.rank()];
-      met.is_large = false;
-      if (is_active) is_active = meet(begin, end, kept, met);
+    RadixClimb up{};
+    if (is_active) up = RadixClimb::from(codes, n, leaf);
+    uint32_t kept = 1;
+    while (team.ballot(is_active) != 0) {
+      bool is_large = false;
+      if (is_active) is_active = meet(up, kept, shared.met[team.rank()], is_large);
+      uint32_t large = team.ballot(is_large);
       team.sync();
-      for (uint32_t lane = 0; lane < team.size(); ++lane) {
-        if (!shared.met[lane].is_large) continue;
+      while (large != 0) {
+        const auto lane = static_cast<uint32_t>(std::countr_zero(large));
+        large &= large - 1;
         const uint32_t left = merge_at(team, shared.met[lane], shared);
         if (lane == team.rank()) kept = left;
       }
       team.sync();
-      if (is_active && end - begin == n - 1) {
+      if (is_active && up.is_all()) {
         *root = clusters[0].subtree;
         is_active = false;
       }
     }
   }
 
-  /// Goes up from the node of the codes [begin, end]; false for the first one that arrives there.
-  UMBEL_HOST_DEVICE bool meet(uint32_t& begin, uint32_t& end, uint32_t& kept, Met& met) const {
-    if (end - begin == n - 1) return true;  // the only leaf
-    const bool is_right = end == n - 1 || (begin > 0 && common_bits(codes, begin - 1, begin) >
-                                                            common_bits(codes, end, end + 1));
-    const uint32_t parent = is_right ? begin - 1 : end;
-    (is_right ? nodes.ends[parent] : nodes.begins[parent]) = is_right ? end : begin;
-    (is_right ? nodes.right_kept[parent] : nodes.left_kept[parent]) = kept;
-    if (!is_last_to_arrive(&nodes.arrived[parent], 1)) return false;
-    begin = nodes.begins[parent];
-    end = nodes.ends[parent];
-    const uint32_t count = end - begin + 1;
+  /// Goes up to the next node; false for the first one that arrives there.
+  UMBEL_HOST_DEVICE bool meet(RadixClimb& up, uint32_t& kept, Met& met, bool& is_large) const {
+    if (up.is_all()) return true;  // the only leaf
+    const bool is_right = up.is_right();
+    const uint32_t parent = up.parent();
+    uint64_t other = 0;
+    if (!is_second_to_meet(&first_child[parent], uint64_t{up.far_end()} << 32 | kept, other))
+      return false;
+    up.go_up(static_cast<uint32_t>(other >> 32));
+    const bool is_root = up.is_all();
+    is_large = up.count() > kKept || is_root;
+    if (is_large) {
+      const auto other_kept = static_cast<uint32_t>(other);
+      met.begin = up.begin;
+      met.middle = parent + 1;
+      met.left = is_right ? other_kept : kept;
+      met.right = is_right ? kept : other_kept;
+      met.most = is_root ? 1 : kKept;
+    }
     // Few are forwarded as they are: those of the right child follow those of the left one.
-    kept = count;
-    const bool is_root = count == n;
-    met = {count > kKept || is_root,
-           begin,
-           parent + 1,
-           nodes.left_kept[parent],
-           nodes.right_kept[parent],
-           is_root ? 1 : kKept};
+    kept = up.count();
     return true;
   }
 
@@ -135,7 +132,8 @@ struct HplocClimb {
     team.sync();
     uint32_t left = 0;
     for (uint32_t first = 0; first < count; first += team.size())
-      left += team.count(stays(shared.nearest, count, first + team.rank()));
+      left +=
+          uint32_t(std::popcount(team.ballot(stays(shared.nearest, count, first + team.rank()))));
     if (left == count) {
       // Only where areas are no numbers.
       team.sync();
@@ -148,8 +146,10 @@ struct HplocClimb {
     for (uint32_t first = 0; first < count; first += team.size()) {
       const uint32_t i = first + team.rank();
       const bool is_left = stays(shared.nearest, count, i);
-      const uint32_t to = before + team.rank_among(is_left);
-      before += team.count(is_left);
+      const uint32_t all_left = team.ballot(is_left);
+      const uint32_t to =
+          before + uint32_t(std::popcount(all_left & ((uint32_t{1} << team.rank()) - 1)));
+      before += uint32_t(std::popcount(all_left));
       if (!is_left) continue;
       HplocCluster cluster = shared.clusters[i];
       const uint32_t other = shared.nearest[i];
@@ -170,37 +170,37 @@ struct HplocClimb {
 
   /// Of n slots the lowest one is never taken, and the others are one too high.
   UMBEL_HOST_DEVICE void merge(HplocCluster& left, const HplocCluster& right) const {
-    const uint32_t higher = left.slot > right.slot ? left.slot : right.slot;
+    const uint32_t id = (left.slot > right.slot ? left.slot : right.slot) - 1;
+    const typename Sums::Sum of_left = sums.of(left.subtree, left.box),
+                             of_right = sums.of(right.subtree, right.box);
     left.slot = left.slot < right.slot ? left.slot : right.slot;
     left.box = united(left.box, right.box);
     left.count += right.count;
-    merges[higher - 1] = {left.box, left.subtree, right.subtree, left.count};
-    left.subtree = Subtree::of_merge(higher - 1);
+    const Merge merge{left.box, left.subtree, right.subtree, left.count};
+    merges[id] = merge;
+    sums.join(id, merge, of_left, of_right);
+    left.subtree = Subtree::of_merge(id);
   }
 };
 
 /// Writes the n - 1 merges of n > 0 primitives in the order of their codes, and the root.
 /// Neighbours are searched within `radius` of the clusters of a node, of which there are at
 /// most 32.
-template <typename Exec>
+template <typename Exec, typename Sums = NoMergeSums>
 void hploc_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives, const Aabb* boxes,
-                  uint32_t n, uint32_t radius, Merge* merges, Subtree* root) {
+                  uint32_t n, uint32_t radius, Merge* merges, Subtree* root,
+                  const Sums& sums = {}) {
   auto clusters = exec.template allocate<HplocCluster>(n);
-  auto arrived = exec.template allocate<uint32_t>(n);
-  auto begins = exec.template allocate<uint32_t>(n);
-  auto ends = exec.template allocate<uint32_t>(n);
-  auto left_kept = exec.template allocate<uint32_t>(n);
-  auto right_kept = exec.template allocate<uint32_t>(n);
+  auto first_child = exec.template allocate<uint64_t>(n);
   exec.for_each(n, [=, clusters = clusters.data(),
-                    arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                    first_child = first_child.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
     const uint32_t primitive = primitives[i];
     clusters[i] = {boxes[primitive], Subtree::of_primitive(primitive), 1, static_cast<uint32_t>(i)};
-    arrived[i] = 0;
+    first_child[i] = kNobodyMet;
   });
-  const HplocNodes nodes{arrived.data(), begins.data(), ends.data(), left_kept.data(),
-                         right_kept.data()};
-  exec.for_each_team((n + size_t{HplocClimb::kLanes} - 1) / HplocClimb::kLanes,
-                     HplocClimb{codes, n, radius, nodes, clusters.data(), merges, root});
+  exec.for_each_team(
+      (n + size_t{HplocClimb<Sums>::kLanes} - 1) / HplocClimb<Sums>::kLanes,
+      HplocClimb<Sums>{codes, n, radius, first_child.data(), clusters.data(), merges, root, sums});
 }
 
 }  // namespace umbel::bvh

@@ -192,6 +192,51 @@ struct SplitCounts {
   }
 };
 
+/// The largest factor of so many splits, found a digit at a time, from the highest down: a pass
+/// over the triangles sums up the splits of all values that the digit may have.
+struct SplitFactor {
+  static constexpr uint32_t kDigitBits = 4, kDigits = 6, kLastBit = 32 - kDigits * kDigitBits;
+  static constexpr uint32_t kValues = (1u << kDigitBits) - 1;  ///< other than 0
+
+  /// Splits for each value of a digit, 1 first. More than fit count as the most that do.
+  struct Sums {
+    uint32_t of[kValues];
+  };
+  struct Add {
+    UMBEL_HOST_DEVICE Sums operator()(const Sums& a, const Sums& b) const {
+      Sums sums;
+      for (uint32_t v = 0; v < kValues; ++v) {
+        const uint32_t sum = a.of[v] + b.of[v];
+        sums.of[v] = sum < a.of[v] ? 0xffffffffu : sum;
+      }
+      return sums;
+    }
+  };
+
+  SplitCounts splits_of;
+  uint32_t extra;
+  Sums* sums;         ///< of each digit
+  uint64_t* factors;  ///< by the digits before each; and by all of them
+
+  /// With one digit more than `factors` has.
+  UMBEL_HOST_DEVICE uint64_t after(uint32_t digit) const {
+    uint32_t value = 0;  // sums do not fall
+    for (uint32_t step = 1u << (kDigitBits - 1); step > 0; step /= 2)
+      if (sums[digit].of[value + step - 1] <= extra) value += step;
+    return factors[digit] + (uint64_t{value} << (32 - kDigitBits * (digit + 1)));
+  }
+  /// The splits of a triangle for each value of a digit.
+  UMBEL_HOST_DEVICE Sums operator()(size_t i, uint32_t digit) const {
+    const uint64_t factor = digit == 0 ? 0 : after(digit - 1);
+    if (i == 0) factors[digit] = factor;
+    Sums splits;
+    for (uint32_t v = 0; v < kValues; ++v)
+      splits.of[v] = static_cast<uint32_t>(
+          splits_of(i, factor + (uint64_t{v + 1} << (32 - kDigitBits * (digit + 1)))));
+    return splits;
+  }
+};
+
 /// Boxes of parts of triangles, and the triangles that they belong to: `extra` more than there are
 /// triangles. corners(i) gives a triangle's three corners. n > 0. Long, as it is one kernel after
 /// the other, all of which use the same arrays.
@@ -212,53 +257,46 @@ void presplit(Exec& exec, const Corners& corners, uint32_t n, uint32_t extra, Aa
         return box_of_finite(c.a, c.b, c.c);
       },
       unite, scene.data());
-  exec.for_each(
-      n, [=, scene = scene.data(), priorities = priorities.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-        const auto c = corners(static_cast<uint32_t>(i));
-        priorities[i] = split_priority(SplitGrid::around(*scene), c.a, c.b, c.c);
-      });
   exec.reduce(
       n, 0.0f,
-      [priorities = priorities.data()] UMBEL_DEVICE_LAMBDA(size_t i) { return priorities[i]; },
+      [=, scene = scene.data(), priorities = priorities.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+        const auto c = corners(static_cast<uint32_t>(i));
+        const float priority = split_priority(SplitGrid::around(*scene), c.a, c.b, c.c);
+        priorities[i] = priority;
+        return priority;
+      },
       [] UMBEL_DEVICE_LAMBDA(float a, float b) { return a > b ? a : b; }, largest.data());
-  // The factor is found bit by bit.
-  auto factor = exec.template allocate<uint64_t>(1);
-  auto sum = exec.template allocate<uint64_t>(1);
+  auto sums = exec.template allocate<SplitFactor::Sums>(SplitFactor::kDigits);
+  auto factors = exec.template allocate<uint64_t>(SplitFactor::kDigits);
   const SplitCounts splits_of{priorities.data(), largest.data()};
-  exec.for_each(1, [factor = factor.data()] UMBEL_DEVICE_LAMBDA(size_t) { *factor = 0; });
-  constexpr uint32_t kLastBit = 8;
-  for (uint32_t bit = 32; bit-- > kLastBit;) {
+  const SplitFactor search{splits_of, extra, sums.data(), factors.data()};
+  for (uint32_t digit = 0; digit < SplitFactor::kDigits; ++digit)
     exec.reduce(
-        n, uint64_t{0},
-        [=, factor = factor.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-          return splits_of(i, *factor | uint64_t{1} << bit);
-        },
-        [] UMBEL_DEVICE_LAMBDA(uint64_t a, uint64_t b) { return a + b; }, sum.data());
-    exec.for_each(1, [=, factor = factor.data(), sum = sum.data()] UMBEL_DEVICE_LAMBDA(size_t) {
-      if (*sum <= extra) *factor |= uint64_t{1} << bit;
-    });
-  }
+        n, SplitFactor::Sums{}, [=] UMBEL_DEVICE_LAMBDA(size_t i) { return search(i, digit); },
+        SplitFactor::Add{}, sums.data() + digit);
   // What is left goes to those that are next, in their order; and if that is not enough, to all.
-  auto next = exec.template allocate<uint32_t>(n + size_t{1});
+  // Both the next ones and all splits are counted, these in the upper half.
+  auto counts = exec.template allocate<uint64_t>(n + size_t{1});
   auto offsets = exec.template allocate<uint32_t>(n + size_t{1});
   exec.exclusive_scan(
       n,
-      [=, factor = factor.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
-        return splits_of(i, *factor + (uint64_t{1} << kLastBit)) > splits_of(i, *factor);
+      [=] UMBEL_DEVICE_LAMBDA(size_t i) -> uint64_t {
+        const uint64_t factor = search.after(SplitFactor::kDigits - 1);
+        const uint64_t splits = splits_of(i, factor);
+        const bool is_next = splits_of(i, factor + (uint64_t{1} << SplitFactor::kLastBit)) > splits;
+        return splits << 32 | (is_next ? 1 : 0);
       },
-      next.data());
-  exec.reduce(
-      n, uint64_t{0},
-      [=, factor = factor.data()] UMBEL_DEVICE_LAMBDA(size_t i) { return splits_of(i, *factor); },
-      [] UMBEL_DEVICE_LAMBDA(uint64_t a, uint64_t b) { return a + b; }, sum.data());
+      counts.data());
   exec.exclusive_scan(
       n,
-      [=, factor = factor.data(), sum = sum.data(),
-       next = next.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
-        const auto rest = static_cast<uint32_t>(extra - *sum);
-        const uint32_t given = rest < next[n] ? rest : next[n], more = rest - given;
-        const bool is_next = next[i + 1] > next[i] && next[i] < given;
-        return 1 + static_cast<uint32_t>(splits_of(i, *factor)) + (is_next ? 1 : 0) + more / n +
+      [=, counts = counts.data()] UMBEL_DEVICE_LAMBDA(size_t i) -> uint32_t {
+        const auto rest = extra - static_cast<uint32_t>(counts[n] >> 32),
+                   all_next = static_cast<uint32_t>(counts[n]);
+        const uint32_t given = rest < all_next ? rest : all_next, more = rest - given;
+        const uint64_t own = counts[i + 1] - counts[i];
+        const bool is_next =
+            static_cast<uint32_t>(own) != 0 && static_cast<uint32_t>(counts[i]) < given;
+        return 1 + static_cast<uint32_t>(own >> 32) + (is_next ? 1 : 0) + more / n +
                (i < more % n ? 1 : 0);
       },
       offsets.data());

@@ -1,46 +1,49 @@
 // The radix tree over sorted Morton codes for any executor (Apetrei, "Fast and Simple Agglomerative
 // LBVH Construction", 2014): a thread climbs from every leaf, and of the two that meet at a node
-// the second one makes it, with its box, and climbs on.
+// the second one makes it, with its box, and climbs on. What it made itself it keeps in registers,
+// and what the first one knew comes with the one atomic operation in which they meet.
 #pragma once
 
 #include <cstdint>
 
 #include "base/exec.hpp"
 #include "bvh/build/radix_splits.hpp"
-#include "bvh/tree/merge_tree.hpp"
+#include "bvh/tree/merge_sums.hpp"
 
 namespace umbel::bvh {
 
 /// Writes the n - 1 merges of n > 0 codes, merge i where the codes i and i + 1 part, and the root.
-template <typename Exec>
+template <typename Exec, typename Sums = NoMergeSums>
 void radix_merges(Exec& exec, const uint64_t* codes, const uint32_t* primitives, const Aabb* boxes,
-                  uint32_t n, Merge* merges, Subtree* root) {
-  auto arrived = exec.template allocate<uint32_t>(n);
-  auto begins = exec.template allocate<uint32_t>(n);  // of the codes below a merge
-  auto ends = exec.template allocate<uint32_t>(n);    // the last one
-  exec.for_each(n, [arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) { arrived[i] = 0; });
-  exec.for_each(n, [=, arrived = arrived.data(), begins = begins.data(),
-                    ends = ends.data()] UMBEL_DEVICE_LAMBDA(size_t leaf) {
-    auto begin = static_cast<uint32_t>(leaf), end = begin;
-    Subtree subtree = Subtree::of_primitive(primitives[leaf]);
-    while (end - begin < n - 1) {
-      const bool is_right = end == n - 1 || (begin > 0 && common_bits(codes, begin - 1, begin) >
-                                                              common_bits(codes, end, end + 1));
-      const uint32_t parent = is_right ? begin - 1 : end;
-      Merge& merge = merges[parent];
-      (is_right ? merge.right : merge.left) = subtree;
-      (is_right ? ends[parent] : begins[parent]) = is_right ? end : begin;
-      if (!is_last_to_arrive(&arrived[parent], 1)) return;
-      begin = begins[parent];
-      end = ends[parent];
-      const auto box_of = [&](Subtree s) {
-        return s.is_primitive() ? boxes[s.index()] : merges[s.index()].box;
-      };
-      merge.box = united(box_of(merge.left), box_of(merge.right));
-      merge.count = end - begin + 1;
-      subtree = Subtree::of_merge(parent);
+                  uint32_t n, Merge* merges, Subtree* root, const Sums& sums = {}) {
+  auto met =
+      exec.template allocate<uint64_t>(n);  // the far end of the codes below, and the subtree
+  exec.for_each(n, [met = met.data()] UMBEL_DEVICE_LAMBDA(size_t i) { met[i] = kNobodyMet; });
+  exec.for_each(n, [=, met = met.data()] UMBEL_DEVICE_LAMBDA(size_t leaf) {
+    RadixClimb climb = RadixClimb::from(codes, n, static_cast<uint32_t>(leaf));
+    Subtree own = Subtree::of_primitive(primitives[leaf]);
+    Aabb box = boxes[own.index()];
+    typename Sums::Sum sum = sums.of(own, box);
+    while (!climb.is_all()) {
+      const bool is_right = climb.is_right();
+      const uint32_t parent = climb.parent();
+      uint64_t left_there = 0;
+      if (!is_second_to_meet(&met[parent], uint64_t{climb.far_end()} << 32 | own.link, left_there))
+        return;
+      climb.go_up(static_cast<uint32_t>(left_there >> 32));
+      const Subtree other{static_cast<uint32_t>(left_there)};
+      const Aabb other_box =
+          other.is_primitive() ? boxes[other.index()] : merges[other.index()].box;
+      const typename Sums::Sum other_sum = sums.of(other, other_box);
+      const Merge merge{is_right ? united(other_box, box) : united(box, other_box),
+                        is_right ? other : own, is_right ? own : other, climb.count()};
+      merges[parent] = merge;
+      sum = is_right ? sums.join(parent, merge, other_sum, sum)
+                     : sums.join(parent, merge, sum, other_sum);
+      own = Subtree::of_merge(parent);
+      box = merge.box;
     }
-    *root = subtree;
+    *root = own;
   });
 }
 

@@ -29,4 +29,46 @@ UMBEL_HOST_DEVICE inline uint32_t radix_split(const Key* codes, uint32_t begin, 
   return high;
 }
 
+/// A range of codes, with the subtree over them, on its way up the radix tree. Node i is where the
+/// codes i and i + 1 part.
+struct RadixClimb {
+  const uint64_t* codes;
+  uint32_t n;
+  uint32_t begin, end;  ///< its codes, the last one included
+  int before, behind;   ///< bits in common with the codes beside it; -1: there are none
+
+  UMBEL_HOST_DEVICE static RadixClimb from(const uint64_t* codes, uint32_t n, uint32_t leaf) {
+    RadixClimb climb{codes, n, leaf, leaf, -1, -1};
+    climb.look_before();
+    climb.look_behind();
+    return climb;
+  }
+  UMBEL_HOST_DEVICE bool is_all() const { return end - begin == n - 1; }
+  UMBEL_HOST_DEVICE uint32_t count() const { return end - begin + 1; }
+  /// Of the two children of the node above.
+  UMBEL_HOST_DEVICE bool is_right() const { return before > behind; }
+  UMBEL_HOST_DEVICE uint32_t parent() const { return is_right() ? begin - 1 : end; }
+  /// What the one that it meets there does not know.
+  UMBEL_HOST_DEVICE uint32_t far_end() const { return is_right() ? end : begin; }
+
+  /// To the node above, with the far end of the other child.
+  UMBEL_HOST_DEVICE void go_up(uint32_t other_far_end) {
+    if (is_right()) {
+      begin = other_far_end;
+      look_before();
+    } else {
+      end = other_far_end;
+      look_behind();
+    }
+  }
+
+ private:
+  UMBEL_HOST_DEVICE void look_before() {
+    before = begin > 0 ? common_bits(codes, begin - 1, begin) : -1;
+  }
+  UMBEL_HOST_DEVICE void look_behind() {
+    behind = end + 1 < n ? common_bits(codes, end, end + 1) : -1;
+  }
+};
+
 }  // namespace umbel::bvh

@@ -39,12 +39,17 @@ struct MeshCorners {
   }
 };
 
+/// Whether a builder makes each merge once and for all, from below, and so can sum up with it.
+inline bool sums_while_building(const DeviceBvhConfig& config) {
+  return config.builder == DeviceBuilder::kLbvh || config.builder == DeviceBuilder::kHploc;
+}
+
 /// The binary tree of n > 0 boxes. There is room for n merges; those that are not used get a count
 /// of 0, and the root. `stage` is called with the name of each stage that ends.
-template <typename Exec, typename Stage>
+template <typename Exec, typename Stage, typename Sums>
 void build_by_codes(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
                     const bvh::ClusterRanges& clusters, bvh::Merge* merges, bvh::Subtree* root,
-                    const Stage& stage) {
+                    const Stage& stage, const Sums& sums) {
   const bool is_hlbvh = config.builder == DeviceBuilder::kHlbvh;
   const auto order = clusters.most > 0
                          ? bvh::cluster_order(exec, boxes, n, clusters)
@@ -55,7 +60,9 @@ void build_by_codes(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes
   if (is_hlbvh) {
     bvh::hlbvh_merges(exec, codes, primitives, boxes, n, config.hlbvh_bits, merges, root);
   } else if (config.builder == DeviceBuilder::kHploc) {
-    bvh::hploc_merges(exec, codes, primitives, boxes, n, config.ploc_radius, merges, root);
+    bvh::hploc_merges(exec, codes, primitives, boxes, n, config.ploc_radius, merges, root, sums);
+  } else if (sums_while_building(config)) {
+    bvh::radix_merges(exec, codes, primitives, boxes, n, merges, root, sums);
   } else {
     bvh::radix_merges(exec, codes, primitives, boxes, n, merges, root);
   }
@@ -87,10 +94,10 @@ void build_sweep(Exec& exec, const Aabb* boxes, uint32_t n, bvh::Merge* merges,
   bvh::sweep_merges(exec, {boxes, nullptr, nullptr, nullptr}, count.data(), n, merges, root);
 }
 
-template <typename Exec, typename Stage>
+template <typename Exec, typename Stage, typename Sums = bvh::NoMergeSums>
 void build_merges(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, uint32_t n,
                   const bvh::ClusterRanges& clusters, bvh::Merge* merges, bvh::Subtree* root,
-                  const Stage& stage) {
+                  const Stage& stage, const Sums& sums = {}) {
   if (config.builder == DeviceBuilder::kKmeans)
     build_kmeans(exec, config, boxes, n, merges, root, stage);
   else if (config.builder == DeviceBuilder::kSweep)
@@ -98,52 +105,68 @@ void build_merges(Exec& exec, const DeviceBvhConfig& config, const Aabb* boxes, 
   else if (config.builder == DeviceBuilder::kPloc)
     bvh::Ploc<Exec>().run(exec, boxes, n, config.ploc_radius, merges, root);
   else
-    build_by_codes(exec, config, boxes, n, clusters, merges, root, stage);
+    build_by_codes(exec, config, boxes, n, clusters, merges, root, stage, sums);
   stage("tree");
 }
 
+/// What boxes are multiplied by.
+struct BoxScale {
+  float factor = 1;
+  uint32_t is_needed = 0;
+};
+
 /// Brings coordinates of extreme size to about 1 by a power of two, so that areas neither overflow
 /// nor vanish. What that rounds away costs quality alone: nodes get their boxes from triangles.
+/// `scene` holds all boxes; *has_area says whether it has any area after that.
 template <typename Exec>
-void bring_to_scale(Exec& exec, Aabb* boxes, uint32_t n) {
-  auto largest = exec.template allocate<float>(1);
-  exec.reduce(
-      n, 0.0f,
-      [=] UMBEL_DEVICE_LAMBDA(size_t i) {
-        const Aabb& b = boxes[i];
-        float most = 0;
-        for (const float x : {b.min.x, b.min.y, b.min.z, b.max.x, b.max.y, b.max.z})
-          if (std::fabs(x) > most) most = std::fabs(x);
-        return most;
-      },
-      [] UMBEL_DEVICE_LAMBDA(float a, float b) { return a > b ? a : b; }, largest.data());
-  exec.for_each(n, [=, largest = largest.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
-    const float most = *largest;
-    if (most == 0 || (most >= 1e-6f && most <= 1e6f)) return;
-    const uint32_t exponent = std::bit_cast<uint32_t>(most) >> 23;  // of a normal number
-    const float scale = exponent == 0     ? 0x1p126f
-                        : exponent == 254 ? 0x1p-126f * 0.5f
-                                          : std::bit_cast<float>((254 - exponent) << 23);
-    boxes[i].min = boxes[i].min * scale;
-    boxes[i].max = boxes[i].max * scale;
+void bring_to_scale(Exec& exec, const Aabb* scene, Aabb* boxes, uint32_t n, uint32_t* has_area) {
+  auto scale = exec.template allocate<BoxScale>(1);
+  exec.for_each(1, [=, scale = scale.data()] UMBEL_DEVICE_LAMBDA(size_t) {
+    Aabb whole = *scene;
+    float most = 0;
+    for (const float x :
+         {whole.min.x, whole.min.y, whole.min.z, whole.max.x, whole.max.y, whole.max.z})
+      if (std::fabs(x) > most) most = std::fabs(x);
+    BoxScale found;
+    if (most != 0 && !(most >= 1e-6f && most <= 1e6f)) {
+      const uint32_t exponent = std::bit_cast<uint32_t>(most) >> 23;  // of a normal number
+      found = {exponent == 0     ? 0x1p126f
+               : exponent == 254 ? 0x1p-126f * 0.5f
+                                 : std::bit_cast<float>((254 - exponent) << 23),
+               1};
+      whole = {whole.min * found.factor, whole.max * found.factor};
+    }
+    *has_area = bvh::CompactSums::area(whole) > 0;
+    *scale = found;
   });
+  exec.for_each_of(&scale.data()->is_needed, 1, n,
+                   [=, scale = scale.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                     boxes[i].min = boxes[i].min * scale->factor;
+                     boxes[i].max = boxes[i].max * scale->factor;
+                   });
 }
 
 /// The boxes that a tree is built over: of triangles, or of their parts.
 template <typename Exec>
 void make_boxes(Exec& exec, const MeshCorners& corners, uint32_t n, uint32_t references,
-                Aabb* boxes, Aabb* parts, uint32_t* triangles) {
+                Aabb* boxes, Aabb* parts, uint32_t* triangles, uint32_t* has_area) {
+  auto scene = exec.template allocate<Aabb>(1);
   if (references > n) {
     bvh::presplit(exec, corners, n, references - n, parts, triangles);
-    exec.for_each(references, [=] UMBEL_DEVICE_LAMBDA(size_t i) { boxes[i] = parts[i]; });
+    exec.reduce(
+        references, Aabb{}, [=] UMBEL_DEVICE_LAMBDA(size_t i) { return boxes[i] = parts[i]; },
+        cluster::UniteBoxes{}, scene.data());
   } else {
-    exec.for_each(n, [=] UMBEL_DEVICE_LAMBDA(size_t i) {
-      const TriangleCorners c = corners(static_cast<uint32_t>(i));
-      const Aabb box = bvh::box_of_finite(c.a, c.b, c.c);
-      boxes[i] = is_empty(box) ? Aabb{{0, 0, 0}, {0, 0, 0}} : box;
-    });
+    exec.reduce(
+        n, Aabb{},
+        [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+          const TriangleCorners c = corners(static_cast<uint32_t>(i));
+          const Aabb box = bvh::box_of_finite(c.a, c.b, c.c);
+          return boxes[i] = is_empty(box) ? Aabb{{0, 0, 0}, {0, 0, 0}} : box;
+        },
+        cluster::UniteBoxes{}, scene.data());
   }
-  bring_to_scale(exec, boxes, references);
+  bring_to_scale(exec, scene.data(), boxes, references, has_area);
 }
 
 /// Over n triangles with these names (none: by their indices), at most 2^28 references. With
@@ -165,18 +188,31 @@ void build_compact(Exec& exec, const MeshCorners& corners, const uint32_t* names
     auto boxes = exec.template allocate<Aabb>(references);
     auto merges = exec.template allocate<bvh::Merge>(references);
     auto root = exec.template allocate<bvh::Subtree>(1);
-    make_boxes(exec, corners, n, references, boxes.data(), parts.data(), triangle_of.data());
+    auto has_area = exec.template allocate<uint32_t>(1);
+    make_boxes(exec, corners, n, references, boxes.data(), parts.data(), triangle_of.data(),
+               has_area.data());
     stage("boxes");
-    build_merges(exec, config, boxes.data(), references, clusters, merges.data(), root.data(),
-                 stage);
-    exec.for_each(1, [out, references] UMBEL_DEVICE_LAMBDA(size_t) {
-      *out.info = bvh::CompactInfo{};
-      out.info->triangles = references;
-    });
     const uint32_t merge_count =
         config.builder == DeviceBuilder::kKmeans ? references : references - 1;
-    bvh::lay_out_compact(exec, {merges.data(), merge_count, root.data(), boxes.data(), references},
-                         config.cost, config.max_leaf_size, out.nodes, out.info, order.data());
+    const bvh::BinaryTree tree{merges.data(), merge_count, root.data(), boxes.data(), references};
+    const auto sums_in = [&](const bvh::CompactSumArrays<Exec>& arrays) {
+      return arrays.sums(has_area.data(), config.cost, config.max_leaf_size);
+    };
+    const auto lay_out = [&](const bvh::CompactSums& sums) {
+      bvh::lay_out_compact(exec, tree, sums, out.nodes, out.info, order.data());
+    };
+    if (sums_while_building(config)) {
+      const bvh::CompactSumArrays<Exec> arrays(exec, merge_count);
+      build_merges(exec, config, boxes.data(), references, clusters, merges.data(), root.data(),
+                   stage, sums_in(arrays));
+      lay_out(sums_in(arrays));
+    } else {
+      build_merges(exec, config, boxes.data(), references, clusters, merges.data(), root.data(),
+                   stage);
+      const bvh::CompactSumArrays<Exec> arrays(exec, merge_count);
+      bvh::sum_up(exec, tree, sums_in(arrays));
+      lay_out(sums_in(arrays));
+    }
     stage("nodes");
   }
   auto ordered_parts = exec.template allocate<Aabb>(splits ? references : 0);

@@ -1,16 +1,13 @@
-// From a binary tree of merges to the compact one of compact_bvh.hpp, for any executor: leaves by
-// cost, bottom-up (as in Karras & Aila, "Fast parallel construction of high-quality bounding volume
-// hierarchies", 2013); then nodes of 8 children from the top, a level at a time, each by opening
-// the child with the largest area again and again (Wald, Benthin & Boulos, "Getting Rid of
-// Packets", 2008), in slots by octants (Ylitie, Karras & Laine, 2017).
+// From a binary tree of merges to the compact one of compact_bvh.hpp, for any executor: nodes of 8
+// children from the top, a level at a time, in slots by octants (Ylitie, Karras & Laine, 2017).
 //
-// On the way up every merge finds out how many nodes there would be below it if it became one. So
-// on the way down each node knows where all below it goes, and the same bytes come out whatever the
-// order in which nodes are done.
+// On the way up (compact_sums.hpp) every merge found out how many nodes there would be below it if
+// it became one. So on the way down each node knows where all below it goes, and the same bytes
+// come out whatever the order in which nodes are done.
 #pragma once
 
 #include "bvh/compressed/compact_refit.hpp"
-#include "bvh/tree/leaf_rule.hpp"
+#include "bvh/compressed/compact_sums.hpp"
 #include "bvh/tree/merge_parents.hpp"
 
 namespace umbel::bvh {
@@ -24,121 +21,16 @@ struct BinaryTree {
   uint32_t items;
 };
 
-/// What is below a merge.
-struct CompactBelow {
-  double cost;
-  uint32_t nodes;    ///< if it became a node: with itself, and room for what may have to be evened
-  uint16_t height;   ///< if it became a node: levels of nodes
-  uint16_t is_leaf;  ///< it is cheaper as a leaf
-};
-
-/// Subtrees that are too deep are laid out by halving, or rather eighthing, their sequence of
-/// items: parts of 8, 64, 512, ... items.
-struct EvenSubtree {
-  /// The size of each part but the last one, of more than 8 items.
-  UMBEL_HOST_DEVICE static uint32_t part(uint32_t items) {
-    uint64_t part = 8;
-    while (part * 8 < items) part *= 8;
-    return static_cast<uint32_t>(part);
-  }
-  /// Nodes for so many items.
-  UMBEL_HOST_DEVICE static uint32_t nodes(uint32_t items) {
-    uint32_t sum = 0;
-    while (items > 8) {
-      const uint32_t each = part(items);
-      uint32_t full = 0;
-      for (uint32_t size = 8; size < each; size *= 8) full = 8 * full + 1;
-      sum += 1 + items / each * full;
-      items %= each;
-    }
-    return sum;
-  }
-};
-
-/// The tree on the way up and down.
+/// The tree on the way down.
 struct CompactLayout {
-  static constexpr uint32_t kEvenLevel = 10;  ///< of nodes that may be too deep
-  static constexpr uint32_t kMostHeight = kMaxCompactDepth - kEvenLevel;
-
   BinaryTree tree;
-  CompactBelow* below;  ///< a merge
-  double traversal, intersection;
-  uint32_t max_leaf_size;
+  CompactSums sums;
 
-  UMBEL_HOST_DEVICE static double area(const Aabb& b) {
-    const double x = double(b.max.x) - double(b.min.x), y = double(b.max.y) - double(b.min.y),
-                 z = double(b.max.z) - double(b.min.z);
-    return x * y + y * z + z * x;
-  }
   UMBEL_HOST_DEVICE const Aabb& box(Subtree s) const {
     return s.is_primitive() ? tree.boxes[s.index()] : tree.merges[s.index()].box;
   }
   UMBEL_HOST_DEVICE uint32_t count(Subtree s) const {
     return s.is_primitive() ? 1 : tree.merges[s.index()].count;
-  }
-  UMBEL_HOST_DEVICE bool is_leaf(Subtree s) const {
-    return s.is_primitive() || below[s.index()].is_leaf != 0;
-  }
-  UMBEL_HOST_DEVICE uint32_t nodes(Subtree s) const {
-    return is_leaf(s) ? 0 : below[s.index()].nodes;
-  }
-  /// Without area a line meets every node or none.
-  UMBEL_HOST_DEVICE double weight(Subtree s) const {
-    return area(box(*tree.root)) > 0 ? area(box(s)) : 1;
-  }
-  UMBEL_HOST_DEVICE double cost(Subtree s) const {
-    return s.is_primitive() ? weight(s) * intersection : below[s.index()].cost;
-  }
-
-  /// The children of a merge that becomes a node. Returns how many.
-  UMBEL_HOST_DEVICE uint32_t open(uint32_t merge, Subtree children[8]) const {
-    float areas[8];
-    uint32_t count = 0;
-    const auto add = [&](uint32_t at, Subtree s) {
-      children[at] = s;
-      areas[at] = is_leaf(s) ? -1 : area_of(box(s));
-    };
-    add(count++, tree.merges[merge].left);
-    add(count++, tree.merges[merge].right);
-    while (count < 8) {
-      uint32_t largest = 0;
-      for (uint32_t i = 1; i < count; ++i)
-        if (areas[i] > areas[largest]) largest = i;
-      if (!(areas[largest] >= 0)) break;
-      const Merge& opened = tree.merges[children[largest].index()];
-      add(largest, opened.left);
-      add(count++, opened.right);
-    }
-    return count;
-  }
-
-  /// What is below a merge whose children are done.
-  UMBEL_HOST_DEVICE void sum_up(uint32_t id) const {
-    const Merge& merge = tree.merges[id];
-    const double whole = weight(Subtree::of_merge(id));
-    const double split = whole * traversal + cost(merge.left) + cost(merge.right);
-    const double leaf = whole * intersection * merge.count;
-    CompactBelow& sum = below[id];
-    sum = {split, 0, 0, uint16_t(merge.count <= max_leaf_size && leaf <= split)};
-    if (sum.is_leaf) {
-      sum.cost = leaf;
-      return;
-    }
-    Subtree children[8];
-    const uint32_t found = open(id, children);
-    uint32_t height = 0;
-    sum.nodes = 1;
-    for (uint32_t i = 0; i < found; ++i) {
-      if (is_leaf(children[i])) continue;
-      const CompactBelow& child = below[children[i].index()];
-      sum.nodes += child.nodes;
-      if (child.height > height) height = child.height;
-    }
-    sum.height = static_cast<uint16_t>(height < 0xffff ? height + 1 : height);
-    if (sum.height > kMostHeight) {
-      const uint32_t even = EvenSubtree::nodes(merge.count);
-      if (even > sum.nodes) sum.nodes = even;
-    }
   }
 };
 
@@ -158,22 +50,19 @@ struct CompactTop {
   CompactLayout layout;
   CompactNode* nodes;
   uint32_t* order;     ///< which item each entry of the leaves is
-  uint32_t* even_at;   ///< of a merge that was laid out evenly: kEvenBit, and where its items begin
-  uint32_t* any_even;  ///< whether there are such
+  uint32_t* any_even;  ///< not 0: there are merges that were laid out evenly
   CompactTask* next;
   uint32_t* next_count;
 
-  static constexpr uint32_t kEvenBit = 0x80000000u;
-
   UMBEL_HOST_DEVICE void operator()(const CompactTask& task, uint32_t level) const {
     if (task.merge == CompactTask::kEven) return make_even(task);
-    const bool is_tall = layout.below[task.merge].height > CompactLayout::kMostHeight;
+    const CompactBelow whole = layout.sums.below[task.merge];
     // Of the room below it, something may be left over.
-    if (is_tall) clear_below(task);
-    if (is_tall && level == CompactLayout::kEvenLevel)
+    if (whole.is_tall()) clear_below(task, whole);
+    if (whole.is_tall() && level == CompactBelow::kEvenLevel)
       begin_even(task);
     else
-      make(task);
+      make(task, whole);
   }
   /// The only node, where all is in one leaf.
   UMBEL_HOST_DEVICE void make_only(Subtree root) const {
@@ -188,20 +77,22 @@ struct CompactTop {
     next[atomic_count(next_count)] = task;
   }
 
-  UMBEL_HOST_DEVICE void make(const CompactTask& task) const {
-    Subtree children[8], slots[8];
-    const uint32_t count = layout.open(task.merge, children);
-    const uint32_t used = choose_slots(task.merge, children, count, slots);
+  UMBEL_HOST_DEVICE void make(const CompactTask& task, const CompactBelow& whole) const {
+    Subtree children[8] = {whole.left, whole.right};
+    CompactBelow of_child[8] = {layout.sums.look(whole.left), layout.sums.look(whole.right)};
+    const uint32_t count = layout.sums.open(children, of_child);
+    uint32_t used = 0;  // slots, as bits
+    const uint32_t child_in = choose_slots(task.merge, children, count, used);
     CompactNode node{};
     node.first_child = task.below;
     node.first_triangle = task.triangle;
     uint32_t triangle = task.triangle, inner = 0;
     for (uint32_t slot = 0; slot < 8; ++slot) {
       if ((used >> slot & 1) == 0) continue;
-      const Subtree child = slots[slot];
-      if (layout.is_leaf(child)) {
-        node.meta[slot] = static_cast<uint8_t>(layout.count(child));
-        triangle = write_leaf(child, triangle);
+      const uint32_t k = child_in >> 4 * slot & 7;
+      if (of_child[k].is_leaf()) {
+        node.meta[slot] = static_cast<uint8_t>(layout.count(children[k]));
+        triangle = write_leaf(children[k], triangle);
       } else {
         node.meta[slot] = CompactNode::kInner;
         node.inner |= static_cast<uint8_t>(1u << slot);
@@ -211,21 +102,22 @@ struct CompactTop {
     uint32_t next = task.below, below = task.below + inner;
     for (uint32_t slot = 0; slot < 8; ++slot) {
       if ((node.inner >> slot & 1) == 0) continue;
-      const Subtree child = slots[slot];
-      push({child.index(), 0, next++, below, triangle});
-      below += layout.nodes(child) - 1;
-      triangle += layout.count(child);
+      const uint32_t k = child_in >> 4 * slot & 7;
+      push({children[k].index(), 0, next++, below, triangle});
+      below += of_child[k].nodes() - 1;
+      triangle += layout.count(children[k]);
     }
     nodes[task.node] = node;
   }
 
-  UMBEL_HOST_DEVICE void clear_below(const CompactTask& task) const {
-    for (uint32_t i = 0; i + 1 < layout.below[task.merge].nodes; ++i)
-      nodes[task.below + i] = CompactNode{};
+  UMBEL_HOST_DEVICE void clear_below(const CompactTask& task, const CompactBelow& whole) const {
+    for (uint32_t i = 0; i + 1 < whole.nodes(); ++i) nodes[task.below + i] = CompactNode{};
   }
 
   UMBEL_HOST_DEVICE void begin_even(CompactTask task) const {
-    even_at[task.merge] = kEvenBit | task.triangle;
+    CompactBelow& even = layout.sums.below[task.merge];
+    even.area = CompactBelow::kEven;
+    even.packed = task.triangle;
     *any_even = 1;
     task.items = layout.tree.merges[task.merge].count;
     make_even(task);
@@ -254,9 +146,9 @@ struct CompactTop {
   }
 
   /// Gives each child the slot of the corner that it lies towards, the clearest first. Returns the
-  /// slots that are used, as bits.
+  /// child of each slot that is used, four bits a slot.
   UMBEL_HOST_DEVICE uint32_t choose_slots(uint32_t merge, const Subtree* children, uint32_t count,
-                                          Subtree slots[8]) const {
+                                          uint32_t& used) const {
     const Aabb& whole = layout.tree.merges[merge].box;
     const Vec3 center = whole.min + whole.max;
     Vec3 away[8];
@@ -264,7 +156,7 @@ struct CompactTop {
       const Aabb& box = layout.box(children[i]);
       away[i] = box.min + box.max - center;
     }
-    uint32_t placed = 0, used = 0;
+    uint32_t placed = 0, child_in = 0;
     for (uint32_t round = 0; round < count; ++round) {
       float best = 0;
       uint32_t best_child = kNone, best_slot = 0;
@@ -283,9 +175,9 @@ struct CompactTop {
       }
       placed |= 1u << best_child;
       used |= 1u << best_slot;
-      slots[best_slot] = children[best_child];
+      child_in |= best_child << 4 * best_slot;
     }
-    return used;
+    return child_in;
   }
 
   /// The items below, of which there are at most 8. Returns the index behind them.
@@ -306,43 +198,31 @@ struct CompactTop {
   }
 };
 
-/// Lays out a tree of at least one item: the nodes without their boxes, info->nodes and
-/// info->sah_cost, and which item each entry of the leaves is. max_leaf_size is at most 8.
+/// Lays out a tree of at least one item, once all merges are summed up: the nodes without their
+/// boxes, `info` without bounds, and which item each entry of the leaves is.
 /// Long, as it is one kernel after the other, all of which use the same arrays.
 template <typename Exec>
-void lay_out_compact(Exec& exec, const BinaryTree& tree, const CostModel& cost,
-                     uint32_t max_leaf_size, CompactNode* nodes, CompactInfo* info,
-                     uint32_t* order) {
-  auto below = exec.template allocate<CompactBelow>(tree.merge_count);
-  auto arrived = exec.template allocate<uint32_t>(tree.merge_count);
-  auto parents_of_merges = exec.template allocate<uint32_t>(tree.merge_count);
-  auto parents_of_items = exec.template allocate<uint32_t>(tree.items);
-  const MergeParents parents{parents_of_merges.data(), parents_of_items.data()};
-  find_parents(exec, tree.merges, tree.merge_count, tree.root, parents);
-  const CompactLayout layout{tree, below.data(), cost.traversal, cost.intersection, max_leaf_size};
-  exec.for_each(tree.merge_count,
-                [arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) { arrived[i] = 0; });
-  exec.for_each(tree.items,
-                [layout, parents, arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t item) {
-                  uint32_t merge = parents.of_items[item];
-                  while (merge != kNone && is_last_to_arrive(&arrived[merge], 1)) {
-                    layout.sum_up(merge);
-                    merge = parents.of_merges[merge];
-                  }
-                });
+void lay_out_compact(Exec& exec, const BinaryTree& tree, const CompactSums& sums,
+                     CompactNode* nodes, CompactInfo* info, uint32_t* order) {
+  const CompactLayout layout{tree, sums};
   // Nodes of a level have two items each at least.
   const uint32_t most = tree.items / 2 + 1;
   auto list = exec.template allocate<CompactTask>(most);
   auto other = exec.template allocate<CompactTask>(most);
   auto counts = exec.template allocate<uint32_t>(kMaxCompactDepth + 2);
   uint32_t* any_even = counts.data() + kMaxCompactDepth + 1;
-  const CompactTop top{layout, nodes, order, arrived.data(), any_even, nullptr, nullptr};
+  const CompactTop top{layout, nodes, order, any_even, nullptr, nullptr};
   exec.for_each(1, [=, list = list.data(), counts = counts.data()] UMBEL_DEVICE_LAMBDA(size_t) {
     for (uint32_t i = 0; i < kMaxCompactDepth + 2; ++i) counts[i] = 0;
     const Subtree root = *layout.tree.root;
-    info->sah_cost = static_cast<float>(layout.cost(root) / layout.weight(root));
-    info->nodes = layout.is_leaf(root) ? 1 : layout.nodes(root);
-    if (layout.is_leaf(root)) {
+    const Aabb box = layout.box(root);
+    const CompactSums::Sum sum = layout.sums.of(root, box);
+    CompactInfo whole{};
+    whole.triangles = layout.tree.items;
+    whole.nodes = sum.below.is_leaf() ? 1 : sum.below.nodes();
+    whole.sah_cost = static_cast<float>(sum.cost / layout.sums.weight(box));
+    *info = whole;
+    if (sum.below.is_leaf()) {
       top.make_only(root);
     } else {
       counts[0] = 1;
@@ -357,20 +237,52 @@ void lay_out_compact(Exec& exec, const BinaryTree& tree, const CostModel& cost,
                         own.next_count = counts + level + 1;
                         own((level % 2 == 0 ? list : other)[i], level);
                       });
-  exec.for_each(tree.items, [top, parents] UMBEL_DEVICE_LAMBDA(size_t item) {
-    if (*top.any_even == 0) return;
-    const Merge* merges = top.layout.tree.merges;
-    Subtree child = Subtree::of_primitive(static_cast<uint32_t>(item));
+  // Trees are seldom that deep: otherwise two kernels whose threads do nothing.
+  auto parents_of_merges = exec.template allocate<uint32_t>(tree.merge_count);
+  auto parents_of_items = exec.template allocate<uint32_t>(tree.items);
+  const MergeParents parents{parents_of_merges.data(), parents_of_items.data()};
+  exec.for_each_of(any_even, 1, tree.merge_count + 1, [=] UMBEL_DEVICE_LAMBDA(size_t i) {
+    parents.set_below(tree.merges, tree.merge_count, *tree.root, i);
+  });
+  exec.for_each_of(any_even, 1, tree.items, [layout, order, parents] UMBEL_DEVICE_LAMBDA(size_t i) {
+    const Merge* merges = layout.tree.merges;
+    const auto item = static_cast<uint32_t>(i);
+    Subtree child = Subtree::of_primitive(item);
     uint32_t before = 0;
     for (uint32_t merge = parents.of_items[item]; merge != kNone;
          merge = parents.of_merges[merge]) {
-      if (merges[merge].right.link == child.link) before += top.layout.count(merges[merge].left);
-      if (top.even_at[merge] & CompactTop::kEvenBit) {
-        top.order[(top.even_at[merge] & ~CompactTop::kEvenBit) + before] =
-            static_cast<uint32_t>(item);
+      if (merges[merge].right.link == child.link) before += layout.count(merges[merge].left);
+      const CompactBelow& even = layout.sums.below[merge];
+      if (even.area == CompactBelow::kEven) {
+        order[even.packed + before] = item;
         return;
       }
       child = Subtree::of_merge(merge);
+    }
+  });
+}
+
+/// Sums up the merges of a tree that is there.
+template <typename Exec>
+void sum_up(Exec& exec, const BinaryTree& tree, const CompactSums& sums) {
+  auto arrived = exec.template allocate<uint32_t>(tree.merge_count);
+  auto parents_of_merges = exec.template allocate<uint32_t>(tree.merge_count);
+  auto parents_of_items = exec.template allocate<uint32_t>(tree.items);
+  const MergeParents parents{parents_of_merges.data(), parents_of_items.data()};
+  exec.for_each(tree.merge_count + size_t{1},
+                [=, arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t i) {
+                  if (i < tree.merge_count) arrived[i] = 0;
+                  parents.set_below(tree.merges, tree.merge_count, *tree.root, i);
+                });
+  exec.for_each(tree.items, [=, arrived = arrived.data()] UMBEL_DEVICE_LAMBDA(size_t item) {
+    uint32_t id = parents.of_items[item];
+    while (id != kNone && is_last_to_arrive(&arrived[id], 1)) {
+      const Merge merge = tree.merges[id];
+      const auto sum_of = [&](Subtree s) {
+        return sums.of(s, s.is_primitive() ? tree.boxes[s.index()] : Aabb{});
+      };
+      sums.join(id, merge, sum_of(merge.left), sum_of(merge.right));
+      id = parents.of_merges[id];
     }
   });
 }

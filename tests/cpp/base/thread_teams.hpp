@@ -44,6 +44,14 @@ class ThreadTeam {
   }
   uint32_t rank_among(bool flag) const { return count_of(flag, rank_); }
   uint32_t count(bool flag) const { return count_of(flag, kLanes); }
+  uint32_t ballot(bool flag) const {
+    meeting_->flags[rank_] = flag;
+    sync();
+    uint32_t bits = 0;
+    for (uint32_t k = 0; k < kLanes; ++k) bits |= uint32_t{meeting_->flags[k]} << k;
+    sync();
+    return bits;
+  }
 
   static uint32_t add(uint32_t* counter, uint32_t amount) {
     return std::atomic_ref<uint32_t>(*counter).fetch_add(amount, std::memory_order_relaxed);

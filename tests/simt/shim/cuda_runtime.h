@@ -36,10 +36,12 @@ inline const umbel::simt::Index3& gridDim = umbel::simt::grid_size;
       static_cast<Type*>(umbel::simt::shared_memory(&name##_of_block, (count) * sizeof(Type)))
 /// See src/cuda/cuda_exec.cuh.
 #define UMBEL_MOST_BLOCKS 2
+#define UMBEL_FEW_THREADS 1024
 /// See src/cuda/arena.hpp.
 #define UMBEL_POISON(memory, bytes) umbel::simt::poison(memory, bytes)
 /// See src/base/exec.hpp.
 #define UMBEL_ADD_RELEASE(counter, amount) umbel_simt_add_release(counter, amount)
+#define UMBEL_EXCHANGE_RELEASE(word, value) umbel_simt_exchange_release(word, value)
 #define UMBEL_ACQUIRE() umbel::simt::acquire_last()
 
 struct alignas(16) uint4 {
@@ -120,6 +122,11 @@ UMBEL_SIMT_INLINE uint32_t umbel_simt_add_release(uint32_t* counter, uint32_t am
   const bool releases = umbel::simt::releases(counter);
   return std::atomic_ref<uint32_t>(*counter).fetch_add(
       amount, releases ? std::memory_order_release : std::memory_order_relaxed);
+}
+UMBEL_SIMT_INLINE uint64_t umbel_simt_exchange_release(uint64_t* word, uint64_t value) {
+  const bool releases = umbel::simt::releases(word);
+  return std::atomic_ref<uint64_t>(*word).exchange(
+      value, releases ? std::memory_order_release : std::memory_order_relaxed);
 }
 
 // The runtime.

@@ -348,8 +348,12 @@ TEST(CompactTreeLayout, trees_that_are_too_deep_are_laid_out_evenly) {
     std::vector<uint32_t> order(n);
     tree.info = {};
     tree.info.triangles = n;
-    bvh::lay_out_compact(exec, {merges.data(), n - 1, &last, boxes.data(), n}, {}, 8,
-                         tree.nodes.data(), &tree.info, order.data());
+    const bvh::BinaryTree binary{merges.data(), n - 1, &last, boxes.data(), n};
+    const bvh::CompactSumArrays<CpuExec> arrays(exec, n - 1);
+    const uint32_t has_area = 1;
+    const bvh::CompactSums sums = arrays.sums(&has_area, {}, 8);
+    bvh::sum_up(exec, binary, sums);
+    bvh::lay_out_compact(exec, binary, sums, tree.nodes.data(), &tree.info, order.data());
     for (uint32_t i = 0; i < n; ++i) {
       const Triangle& t = mesh.triangles[order[i]];
       tree.triangles[i] = {mesh.positions[t[0]], order[i], mesh.positions[t[1]], 0,

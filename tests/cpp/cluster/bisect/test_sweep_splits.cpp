@@ -22,6 +22,9 @@ TEST(SweepSplits, clusters_are_full_of_vertices_where_those_run_out_first) {
   const Items items = items_of(mesh);
   const ClusterMetrics m = cluster_metrics(items.input(), checked(items, config), 128);
   EXPECT_GE(m.mean_vertices, 0.88 * 64);
+  ClusterConfig fast = cluster_preset("fast", 128);
+  fast.max_vertices = 64;
+  EXPECT_GE(cluster_metrics(items.input(), checked(items, fast), 128).mean_vertices, 0.82 * 64);
   // Triangles of their own vertices lose none to their neighbours: 21 fill a cluster.
   const Mesh loose = soup(20000, 3);
   EXPECT_LE(cluster_mesh(loose.view(), config).ranges.size(), 1.05 * 20000 / 21);
