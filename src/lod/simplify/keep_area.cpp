@@ -86,6 +86,11 @@ std::vector<Vec3> centroids_of(const GroupMesh& group, const GroupComponents& co
 
 }  // namespace
 
+bool loses_area(const GroupMesh& group, GroupComponents& components, double area_before,
+                const Simplified& result) {
+  return !growths(group, components, area_before, result.mesh.triangles).empty();
+}
+
 void keep_area(const GroupMesh& group, GroupComponents& components, double area_before,
                Simplified& result) {
   const std::vector<Triangle>& left = result.mesh.triangles;

@@ -14,4 +14,8 @@ namespace umbel::lod {
 void keep_area(const GroupMesh& group, GroupComponents& components, double area_before,
                Simplified& result);
 
+/// Whether that would enlarge something: for groups that may not have new positions.
+bool loses_area(const GroupMesh& group, GroupComponents& components, double area_before,
+                const Simplified& result);
+
 }  // namespace umbel::lod

@@ -61,9 +61,12 @@ Simplified GroupSimplifier::simplify(const ClusterSet& set, std::span<const uint
   add_refitted(group_, best, result);
   if (best.renews_positions)
     renew_positions(group_, result);
-  else if (config.keep_area && allow.new_positions && !by_caller &&
-           best.triangles.size() < group_.triangles.size())
-    keep_area(group_, components_, collapse_.area(), result);
+  else if (config.keep_area && !by_caller && best.triangles.size() < group_.triangles.size()) {
+    if (allow.new_positions)
+      keep_area(group_, components_, collapse_.area(), result);
+    else if (loses_area(group_, components_, collapse_.area(), result))
+      result.limiting_factor = LimitingFactor::kAreaLost;
+  }
   return result;
 }
 

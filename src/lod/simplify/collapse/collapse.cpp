@@ -181,14 +181,12 @@ void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   LimitingFactor& limit = limiting_factors_[p] = rules_.limiting_factor();
   candidates_.clear();
   mesh_.for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
-    candidates_.push_back(costs_.choice(p, {costs_.rank_of_position(p, target), target, c, after}));
-  });
-  std::sort(candidates_.begin(), candidates_.end(), [](const Choice& a, const Choice& b) {
-    return a.rank != b.rank ? a.rank < b.rank : a.target < b.target;
+    candidates_.push_back({costs_.rank_of_position(p, target), target, c, after});
   });
   const uint32_t illegal = link_.has_loop() ? kNone : choices_[p].target;
   Choice loop{std::numeric_limits<float>::infinity(), kNone};
-  for (const Choice& candidate : candidates_) {
+  while (!candidates_.empty()) {
+    const Choice candidate = next_candidate(p);
     if (!(candidate.rank < loop.rank)) break;
     if (candidate.target == illegal) continue;
     if (rules_.allow(p, candidate.target)) {
@@ -204,6 +202,27 @@ void EdgeCollapser::enqueue_best_legal(uint32_t p) {
   if (loop.target == kNone) return;
   choose(p, loop);
   states_[p] = State::kLoop;
+}
+
+// Takes the cheapest of the candidates, of equals that of the lowest target. Attributes only add to
+// what positions cost, so they are looked at where that comes first; the corner is kNone then.
+EdgeCollapser::Choice EdgeCollapser::next_candidate(uint32_t p) {
+  const auto comes_first = [](const CollapseCosts::Move& a, const CollapseCosts::Move& b) {
+    if (a.rank != b.rank) return a.rank < b.rank;
+    const bool a_is_known = a.corner == kNone, b_is_known = b.corner == kNone;
+    return a_is_known != b_is_known ? b_is_known : a.target < b.target;
+  };
+  while (true) {
+    const auto first = std::min_element(candidates_.begin(), candidates_.end(), comes_first);
+    if (first->corner != kNone) {
+      *first = {costs_.choice(p, *first).rank, first->target, kNone, false};
+      continue;
+    }
+    const Choice choice{first->rank, first->target};
+    *first = candidates_.back();
+    candidates_.pop_back();
+    return choice;
+  }
 }
 
 // `target` is a new neighbour of p. At a border only some neighbours are where it may move to.

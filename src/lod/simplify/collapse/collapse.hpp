@@ -77,6 +77,7 @@ class EdgeCollapser {
   void process(uint32_t p);
   void enqueue_best(uint32_t p);
   void enqueue_best_legal(uint32_t p);
+  Choice next_candidate(uint32_t p);
   void enqueue_postponed();
   bool was_ranked_too_low(uint32_t p);
   bool loses_attributes(uint32_t p, uint32_t target);
@@ -107,7 +108,7 @@ class EdgeCollapser {
   std::vector<Choice> choices_;                   // of positions
   std::vector<State> states_;                     // of choices_
   std::vector<uint32_t> ranked_again_;            // of positions: with how many triangles left
-  std::vector<Choice> candidates_;                // scratch
+  std::vector<CollapseCosts::Move> candidates_;   // scratch
   std::vector<uint32_t> postponed_;               // positions whose choice is over the limit
   std::vector<LimitingFactor> limiting_factors_;  // of positions that are not in the queue
   float removed_radius_ = 0.0f;

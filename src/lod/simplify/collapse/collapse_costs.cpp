@@ -63,6 +63,7 @@ void CollapseCosts::build() {
   area_ = 0.0;
   largest_ = largest_of_attributes_ = largest_attribute_loss_ = 0.0f;
   displacements_.assign(count, 0.0f);
+  slots_.resize(count);
   quadrics_.assign(count, Quadric{});
   for (size_t t = 0; t < mesh_.input().triangles.size(); t += 4) add_planes(t);
   for (uint32_t p = 0; p < count; ++p) {
@@ -135,6 +136,7 @@ void CollapseCosts::add_boundary_quadrics(uint32_t p) {
   };
   const auto& position_of = mesh_.input().position_of;
   const bool is_closed = mesh_.kind(p) == Kind::kInterior;  // two triangles at every edge
+  if (is_closed) find_slots(p);
   for (size_t i = 0; i < link.size(); ++i) {
     const auto [n, q] = link[i];
     const uint32_t c = mesh_.corner(p, i);
@@ -145,7 +147,7 @@ void CollapseCosts::add_boundary_quadrics(uint32_t p) {
     if (after != before) {
       add(c, n, kBorderWeight);
     } else if (after == 1) {
-      const uint32_t opposite = corner_before(p, n);
+      const uint32_t opposite = is_closed ? mesh_.corner(p, slots_[n]) : corner_before(p, n);
       const uint32_t here = mesh_.vertex(opposite);
       const uint32_t there = mesh_.vertex(previous_corner(opposite));
       if (!mesh_.same_material(here, mesh_.vertex(c)) ||
@@ -158,6 +160,12 @@ void CollapseCosts::add_boundary_quadrics(uint32_t p) {
       }
     }
   }
+}
+
+// Of an interior position, whose neighbours each come before it in one triangle.
+void CollapseCosts::find_slots(uint32_t p) {
+  const auto link = mesh_.link(p);
+  for (uint32_t i = 0; i < link.size(); ++i) slots_[link[i].prev] = i;
 }
 
 // The corner at p of the triangle in which q comes before p, or kNone.
@@ -220,8 +228,9 @@ CollapseCosts::Choice CollapseCosts::cheapest_with_attributes(uint32_t p) {
   }
   if (moves_.empty()) return {std::numeric_limits<float>::infinity(), kNone};
   std::swap(moves_[0], moves_[first]);
-  return attributes_.is_empty() || mesh_.has_wedges(p) ? cheapest_of_moves(p)
-                                                       : cheapest_of_smooth_moves(p);
+  if (attributes_.is_empty()) return cheapest_of_moves(p);
+  if (!mesh_.has_wedges(p)) return cheapest_of_smooth_moves(p);
+  return mesh_.kind(p) == Kind::kInterior ? cheapest_of_wedges(p) : cheapest_of_moves(p);
 }
 
 CollapseCosts::Choice CollapseCosts::cheapest_of_moves(uint32_t p) {
@@ -230,6 +239,23 @@ CollapseCosts::Choice CollapseCosts::cheapest_of_moves(uint32_t p) {
     if (!(move.rank < best.rank)) continue;
     const Choice candidate = choice(p, move);
     if (candidate.rank < best.rank) best = candidate;
+  }
+  return best;
+}
+
+// The same where p has several vertices inside the surface. Both triangles at each edge are known,
+// and a move is left as soon as some of its vertices cost too much.
+CollapseCosts::Choice CollapseCosts::cheapest_of_wedges(uint32_t p) {
+  find_slots(p);
+  const float factor = quadrics_[p].weight * quadrics_[p].scale;
+  Choice best{std::numeric_limits<float>::infinity(), kNone};
+  for (const Move& move : moves_) {
+    if (!(move.rank < best.rank)) continue;
+    const auto is_too_high = [&](float sum) { return !(move.rank + sum * factor < best.rank); };
+    const uint32_t other = mesh_.corner(p, slots_[move.target]);
+    const float sum = wedges_.cost_of(p, move.target, move.corner, other, is_too_high);
+    const float rank = move.rank + sum * factor;
+    if (rank < best.rank) best = {rank, move.target};
   }
   return best;
 }

@@ -78,9 +78,11 @@ class CollapseCosts {
   void add_planes(size_t first);
   void add_boundary_quadrics(uint32_t p);
   uint32_t corner_before(uint32_t p, uint32_t q) const;
+  void find_slots(uint32_t p);
   Choice cheapest_position(uint32_t p) const;
   Choice cheapest_with_attributes(uint32_t p);
   Choice cheapest_of_moves(uint32_t p);
+  Choice cheapest_of_wedges(uint32_t p);
   Choice cheapest_of_smooth_moves(uint32_t p) const;
 
   const CollapseMesh& mesh_;
@@ -89,6 +91,7 @@ class CollapseCosts {
   std::vector<Quadric> quadrics_;     // of positions; scale: from cost to rank
   std::vector<float> displacements_;  // of positions: how far vertices that ended there have moved
   std::vector<Move> moves_;
+  std::vector<uint32_t> slots_;  // of positions around the last one: where it comes before
   double area_ = 0.0;
   float largest_ = 0.0f, largest_of_attributes_ = 0.0f;  // squared distances
   float largest_attribute_loss_ = 0.0f;
