@@ -22,8 +22,19 @@ InstanceSpace space_of(const Transform& transform) {
 
 Stretch stretch(const Transform& transform) { return space_of(transform).stretch(); }
 
+double largest_stretch(const Transform& transform) {
+  const InstanceSpace space(transform);
+  return space.is_finite() ? space.most() : space_of(transform).most();
+}
+
 View to_object(const View& view, const Transform& transform) {
   check(view);
+  if (view.kind == View::Kind::kError) {
+    // What a transform flattens has errors too, which its largest scale says.
+    View result = view;
+    result.error = scaled(view.error, 1 / largest_stretch(transform));
+    return result;
+  }
   const View result = space_of(transform).view(view);
   if (view.kind == View::Kind::kCamera && !is_finite(result.eye))
     throw Error(ErrorCode::kInvalidArgument,

@@ -19,6 +19,8 @@ struct Stretch {
 };
 /// Throws kInvalidArgument where the transform is not finite and invertible.
 Stretch stretch(const Transform& transform);
+/// The largest of them, also of a transform that flattens things. Throws where it is not finite.
+double largest_stretch(const Transform& transform);
 
 /// An error or a threshold of a view in an instance's space, never infinite.
 UMBEL_HOST_DEVICE inline float scaled(float value, double factor) {
@@ -44,10 +46,18 @@ class InstanceSpace {
     eigenvalues_of_square(values);
     const double low = least_of(values), high = -least_of_negative(values);
     is_invertible_ = is_finite_ && low > 0 && determinant_ != 0;
+    most_ = is_finite_ && high > 0 ? std::sqrt(high) : 0;
     stretch_ = is_invertible_ ? Stretch{std::sqrt(low), std::sqrt(high)} : Stretch{1, 1};
   }
 
+  UMBEL_HOST_DEVICE bool is_finite() const { return is_finite_; }
   UMBEL_HOST_DEVICE bool is_invertible() const { return is_invertible_; }
+  /// The largest factor by which the transform changes lengths, also if it flattens things; more
+  /// than 0, and 0 only if it is not finite.
+  UMBEL_HOST_DEVICE double most() const {
+    constexpr double kLeast = 1e-30;
+    return is_finite_ && most_ < kLeast ? kLeast : most_;
+  }
   UMBEL_HOST_DEVICE double determinant() const { return determinant_; }
   UMBEL_HOST_DEVICE Stretch stretch() const { return stretch_; }
 
@@ -134,7 +144,7 @@ class InstanceSpace {
     }
   }
 
-  double m_[3][3], columns_[3][3], move_[3], determinant_;
+  double m_[3][3], columns_[3][3], move_[3], determinant_, most_;
   Stretch stretch_;
   bool is_finite_, is_invertible_;
 };
