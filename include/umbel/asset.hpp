@@ -67,6 +67,24 @@ struct Instance {
   bool operator==(const Instance&) const = default;
 };
 
+/// A node of the tree of an asset's instances: see instance_tree.hpp.
+struct InstanceNode {
+  Sphere sphere;         ///< contains all instances and stand-ins below it
+  float error;           ///< of its stand-ins, in the scene's unit; at least its children's
+  float coarsest_error;  ///< that the placements of its page have with their coarsest clusters
+  Range children;        ///< consecutive nodes; none for a leaf
+  Range stand_ins;       ///< in the page of its parent; of the root in Asset::instances()
+  uint32_t instances;    ///< below it
+  uint32_t placements;   ///< in its page: a leaf's instances, or the stand-ins of its children
+  bool operator==(const InstanceNode&) const = default;
+};
+
+/// What a tree of instances knows of a mesh.
+struct InstancedMesh {
+  Aabb bounds;
+  float coarsest_error;  ///< of its coarsest clusters; 0 if nothing is finer
+};
+
 /// A reference to a group, from a coarser group that was made from it, or from the roots.
 struct GroupRef {
   uint32_t group;
@@ -138,6 +156,8 @@ struct AssetContents {
   std::vector<const lod::Dag*> meshes;
   /// Empty: each mesh once, untransformed.
   std::vector<Instance> instances;
+  /// More instances than this become a tree: see instance_tree.hpp.
+  uint32_t most_listed_instances = 1u << 16;
   std::string metadata = "{}";   ///< a JSON object, read as AssetInfo::metadata
   std::string materials = "{}";  ///< a JSON object: see docs/format.md, section MTRL
   /// What is added to each mesh's material numbers, so that each may have its own of `materials`;
@@ -194,7 +214,18 @@ class UMBEL_API Asset {
 
   const AssetInfo& info() const;
   const std::vector<AssetMesh>& meshes() const;
+  /// The instances; where there is a tree of them, the stand-ins of its root.
   const std::vector<Instance>& instances() const;
+  /// The tree of instances, breadth first: no nodes where all instances are listed. The first call
+  /// reads them, 64 bytes each. Throws kCorrupt if they make no tree.
+  const std::vector<InstanceNode>& instance_nodes() const;
+  bool has_instance_tree() const;
+  /// The placements of a node's page, read. Throws kCorrupt if its checksum does not hold.
+  std::vector<Instance> placements(uint32_t node) const;
+  /// Bytes of a node's page.
+  uint32_t placement_bytes(uint32_t node) const;
+  /// One a mesh; none without a tree.
+  const std::vector<InstancedMesh>& instanced_meshes() const;
   /// JSON; docs/format.md, section MTRL.
   const std::string& materials() const;
   /// JSON, or ""; docs/format.md, section SCEN.

@@ -149,6 +149,7 @@ void bind_cluster(nb::module_& module);
 void bind_frame_clusters(nb::module_& module);
 void bind_lod(nb::module_& module);
 void bind_asset(nb::module_& module);
+void bind_instance_tree(nb::module_& module);
 void bind_stream(nb::module_& module);
 void bind_trace(nb::module_& module);
 void bind_queries(nb::module_& module);

@@ -16,6 +16,7 @@ NB_MODULE(_umbel, module) {
   bind_scale(module);
   bind_asset(module);
   bind_stream(module);
+  bind_instance_tree(module);
   bind_trace(module);
   bind_queries(module);
   bind_bvh(module);

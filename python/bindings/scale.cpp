@@ -1,8 +1,10 @@
 // Builds in units, through a work folder.
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <optional>
+#include <tuple>
 
 #include "base/parallel.hpp"
 #include "bind.hpp"
@@ -30,7 +32,7 @@ scale::ScaleConfig scale_of(uint64_t unit_triangles) {
 
 Dict finished_dict(const scale::Finished& finished) {
   Dict result;
-  PUT_FIELDS(result, finished, levels, groups, clusters, triangles, bytes);
+  PUT_FIELDS(result, finished, levels, groups, clusters, triangles, bytes, collapsed_triangles);
   result["report"] = build_report(finished.report);
   return result;
 }
@@ -76,18 +78,21 @@ std::unique_ptr<scale::Executor> make_executor(const std::filesystem::path& work
 
 Dict build(const HeldFolder& held, const io::TriangleSource& source, const lod::Config& config,
            uint64_t unit_triangles, const std::filesystem::path& path, const nb::object& metadata,
-           const std::string& materials, const nb::typed<nb::list, nb::bytes>& files, bool exact,
-           uint32_t page_bytes, const std::vector<std::string>& command, uint32_t workers,
-           uint64_t input_vertices, bool input_is_same, const nb::object& progress,
-           uint32_t threads, const nb::object& executor_object) {
+           const std::string& materials, const nb::typed<nb::list, nb::bytes>& files,
+           const std::tuple<uint32_t, uint32_t, uint32_t, float>& precision, uint32_t page_bytes,
+           const std::vector<std::string>& command, uint32_t workers, uint64_t input_vertices,
+           bool input_is_same, const nb::object& progress, uint32_t threads,
+           const nb::object& executor_object, bool force) {
   if (!held.folder) throw Error(ErrorCode::kInvalidArgument, "the work folder was closed");
   scale::AssetBuild build;
   build.config = config;
   build.scale = scale_of(unit_triangles);
   build.input_vertices = input_vertices;
   build.input_is_same = input_is_same;
-  build.finish.asset = exact ? AssetConfig::exact() : AssetConfig{};
-  build.finish.asset.page_bytes = page_bytes;
+  build.force = force;
+  AssetConfig& asset = build.finish.asset;
+  std::tie(asset.normal_bits, asset.tangent_bits, asset.color_bits, asset.uv_step) = precision;
+  asset.page_bytes = page_bytes;
   build.finish.contents.materials = materials;
   build.finish.contents.first_materials = {0};
   for (const nb::handle file : files) {
@@ -134,28 +139,33 @@ void bind_scale(nb::module_& module) {
   module.def(
       "plan_units",
       [](const io::TriangleSource& source, const lod::Config& config, uint64_t unit_triangles,
-         uint64_t memory, uint32_t cores) {
+         uint64_t memory, uint32_t cores, uint64_t vertices) {
+        const nb::gil_scoped_release release;
         const io::PlainSource plain(source);
-        const auto streams = config.attributes ? source.streams() : plain.streams();
-        const scale::MemoryPlan plan = scale::plan_memory(memory, cores, source.triangles(),
-                                                          streams, scale_of(unit_triangles));
+        const io::TriangleSource& read = config.attributes ? source : plain;
+        const scale::MemoryPlan plan =
+            scale::plan_memory(memory, cores, read.triangles(), read.streams(),
+                               scale_of(unit_triangles), scale::vertex_share(read, vertices));
+        const nb::gil_scoped_acquire held;
         Dict result;
         PUT_FIELDS(result, plan, unit_bytes, least, workers);
         return result;
       },
-      "source"_a, "config"_a, "unit_triangles"_a, "memory"_a, "cores"_a,
+      "source"_a, "config"_a, "unit_triangles"_a, "memory"_a, "cores"_a, "vertices"_a = 0,
       "How many units fit into so many bytes side by side, and what one takes.");
-  module.def("build_units", &build, "folder"_a, "source"_a, "config"_a, "unit_triangles"_a,
-             "path"_a, "metadata"_a, "materials"_a, "files"_a, "exact"_a, "page_bytes"_a,
-             "command"_a, "workers"_a, "input_vertices"_a, "input_is_same"_a,
-             "progress"_a = nb::none(), "threads"_a = 0, "executor"_a = nb::none(),
-             nb::sig("def build_units(folder: WorkFolder, source: TriangleSource, config: "
-                     "LodConfig, unit_triangles: int, path: str | os.PathLike[str], metadata: "
-                     "collections.abc.Callable[[dict[str, typing.Any]], str], materials: str, "
-                     "files: list[bytes], exact: bool, page_bytes: int, command: "
-                     "collections.abc.Sequence[str], workers: int, input_vertices: int, "
-                     "input_is_same: bool, progress: object | None = None, threads: int = 0, "
-                     "executor: object | None = None) -> dict[str, typing.Any]"));
+  module.def(
+      "build_units", &build, "folder"_a, "source"_a, "config"_a, "unit_triangles"_a, "path"_a,
+      "metadata"_a, "materials"_a, "files"_a, "precision"_a, "page_bytes"_a, "command"_a,
+      "workers"_a, "input_vertices"_a, "input_is_same"_a, "progress"_a = nb::none(),
+      "threads"_a = 0, "executor"_a = nb::none(), "force"_a = false,
+      nb::sig(
+          "def build_units(folder: WorkFolder, source: TriangleSource, config: "
+          "LodConfig, unit_triangles: int, path: str | os.PathLike[str], metadata: "
+          "collections.abc.Callable[[dict[str, typing.Any]], str], materials: str, "
+          "files: list[bytes], precision: tuple[int, int, int, float], page_bytes: int, command: "
+          "collections.abc.Sequence[str], workers: int, input_vertices: int, "
+          "input_is_same: bool, progress: object | None = None, threads: int = 0, "
+          "executor: object | None = None, force: bool = False) -> dict[str, typing.Any]"));
   module.def(
       "run_unit",
       [](const std::filesystem::path& work, uint32_t tier, uint32_t unit, uint32_t threads,

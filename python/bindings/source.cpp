@@ -137,6 +137,9 @@ Dict add_obj(io::TableLayout& layout, const std::filesystem::path& path, const s
   Dict out;
   out["columns"] = columns;
   out["triangles"] = part.triangles;
+  const bool is_indexed_once = !part.uv_indices.is_there() && !part.normal_indices.is_there();
+  const uint64_t rows = tables.layout.tables[part.positions.table].rows;
+  out["vertices"] = is_indexed_once ? nb::cast(rows) : nb::none();
   out["color_divisor"] = part.color_divisor;
   out["has_materials"] = tables.has_materials;
   out["misses_material"] = tables.misses_material;

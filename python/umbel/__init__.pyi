@@ -54,7 +54,10 @@ from .lod.asset import Asset as Asset
 from .lod.build import build_lod as build_lod
 from .lod.build_scene import build_scene as build_scene
 from .lod.deform import deforming_tables as deforming_tables
+from .lod.instance_selector import InstanceSelector as InstanceSelector
+from .lod.instance_selector import InstanceStep as InstanceStep
 from .lod.lod import Lod as Lod
+from .lod.placements import Placements as Placements
 from .lod.residency import Residency as Residency
 from .lod.save import save_asset as save_asset
 from .lod.scene_lod import SceneLod as SceneLod

@@ -22,10 +22,20 @@ struct MemoryPlan {
   uint32_t workers = 1;     ///< units that fit in side by side, no more than cores
 };
 
+/// How many vertices a source has, a triangle.
+struct VertexShare {
+  double given = 0.5;     ///< as it is read, block by block
+  double distinct = 0.5;  ///< once equal ones are one
+};
+
+/// Of some blocks. `vertices`: of the whole source, where they are known; 0: they are not.
+VertexShare vertex_share(const io::TriangleSource& source, uint64_t vertices);
+
 /// For `memory` bytes in all. Throws kInvalidArgument, saying what would do, where that is too
 /// little for one unit.
 MemoryPlan plan_memory(uint64_t memory, uint32_t cores, uint64_t triangles,
-                       const io::SourceStreams& streams, const ScaleConfig& scale);
+                       const io::SourceStreams& streams, const ScaleConfig& scale,
+                       const VertexShare& share = {});
 
 struct AssetBuild {
   lod::Config config;
@@ -33,7 +43,7 @@ struct AssetBuild {
   FinishOptions finish;
   /// Reported as the mesh's: units cannot know it.
   uint64_t input_vertices = 0;
-  bool input_is_same = false;  ///< see TierOptions
+  bool input_is_same = false, force = false;  ///< see TierOptions
 };
 
 /// Builds what the folder does not have yet, and writes the asset. The bytes depend on the source

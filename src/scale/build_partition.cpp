@@ -182,27 +182,30 @@ void PartitionBuilder::cut(const Cells& cells, uint32_t node, uint32_t used) {
 
 CellCounts count_cells(const io::TriangleSource& source, const PointRule& rule,
                        const PartitionBuilder& builder, uint64_t begin, uint64_t end,
-                       uint64_t* digest) {
+                       SourceMeasure* measure) {
   CellCounts counts = builder.empty_counts();
   io::for_each_block(source, begin, end, io::kBlockTriangles, [&](const io::TriangleBlock& block) {
     const std::vector<Vec3> points = points_of(block, rule);
     for (const Triangle& t : block.triangles)
       builder.count(counts, centroid(points[t[0]], points[t[1]], points[t[2]]), 1);
-    if (!digest) return;
+    if (!measure) return;
     MeshView view;
     view.positions = points;
     view.triangles = block.triangles;
-    *digest += triangle_set_digest(view);
+    measure->digest += triangle_set_digest(view);
+    if (measure->is_exact != 0) return;
+    const RoundingLoss loss = rounding_loss(block.positions, rule.origin, points, block.triangles);
+    measure->degenerate += loss.degenerate;
+    measure->largest_move = std::max(measure->largest_move, loss.largest_move);
   });
   return counts;
 }
 
 Partition build_partition(const io::TriangleSource& source, const PointRule& rule, const Aabb& box,
-                          const PartitionConfig& config, uint64_t* digest) {
+                          const PartitionConfig& config, SourceMeasure* measure) {
   PartitionBuilder builder(box, config);
-  if (digest) *digest = 0;
-  for (; !builder.is_done(); digest = nullptr)  // once is enough
-    builder.advance(count_cells(source, rule, builder, 0, source.triangles(), digest));
+  for (; !builder.is_done(); measure = nullptr)  // once is enough
+    builder.advance(count_cells(source, rule, builder, 0, source.triangles(), measure));
   return builder.finished();
 }
 

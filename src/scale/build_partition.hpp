@@ -56,14 +56,21 @@ class PartitionBuilder {
   std::vector<Pending> pending_, next_;
 };
 
-/// Counts the triangles [begin, end) for this round. Adds their digest (triangle_set_digest), of
-/// which those of parts of the input add up, where one is asked for.
+/// What a pass finds besides: of parts of the input it adds up.
+struct SourceMeasure {
+  uint64_t digest = 0;      ///< triangle_set_digest
+  uint64_t degenerate = 0;  ///< triangles that lost their area as positions were rounded
+  double largest_move = 0;  ///< of a vertex, by that
+  uint64_t is_exact = 0;    ///< given: nothing is rounded
+};
+
+/// Counts the triangles [begin, end) for this round, and measures them where that is asked for.
 CellCounts count_cells(const io::TriangleSource& source, const PointRule& rule,
                        const PartitionBuilder& builder, uint64_t begin, uint64_t end,
-                       uint64_t* digest = nullptr);
+                       SourceMeasure* measure = nullptr);
 
-/// All rounds over a whole source, and its digest where that is asked for.
+/// All rounds over a whole source.
 Partition build_partition(const io::TriangleSource& source, const PointRule& rule, const Aabb& box,
-                          const PartitionConfig& config, uint64_t* digest = nullptr);
+                          const PartitionConfig& config, SourceMeasure* measure = nullptr);
 
 }  // namespace umbel::scale

@@ -29,6 +29,8 @@ struct Finished {
   uint32_t levels = 0, groups = 0, clusters = 0;
   uint64_t triangles = 0;  ///< of all levels
   uint64_t bytes = 0;      ///< of the asset
+  /// That lost their area as positions were rounded: of the whole build.
+  uint64_t collapsed_triangles = 0;
 };
 
 struct FinishOptions {

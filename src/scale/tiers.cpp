@@ -24,9 +24,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A tier that keeps more than this part of the triangles is followed by one of larger units: what
-// is left is mostly borders.
-constexpr double kLeastProgress = 0.85;
+// A tier that keeps more than this part of the triangles, by the rounds that it has, is followed by
+// one of larger units: what is left is mostly borders.
+double least_progress(uint32_t rounds) { return rounds > 1 ? 0.85 : 0.92; }
 
 // Of a tier, for its tasks: what is one value is an array of one.
 struct TierPlan {
@@ -61,13 +61,13 @@ void for_each_array(UnitSummary& summary, Visit& visit) {
 // What the passes over the input have found.
 struct Passes {
   std::vector<SourceSummary> summary;
-  std::vector<uint64_t> digest;
+  std::vector<SourceMeasure> measure;
   std::vector<std::byte> partition;
 };
 
 template <typename Visit>
 void for_each_array(Passes& passes, Visit& visit) {
-  visit(passes.summary), visit(passes.digest), visit(passes.partition);
+  visit(passes.summary), visit(passes.measure), visit(passes.partition);
 }
 
 // Triangles that a pass reads between two reports.
@@ -100,7 +100,12 @@ class Tiers {
  public:
   Tiers(const io::TriangleSource& source, const lod::Config& config, const ScaleConfig& scale,
         const fs::path& work, const TierOptions& options)
-      : source_(source), config_(config), scale_(scale), work_(work), options_(options) {}
+      : source_(source),
+        config_(config),
+        scale_(scale),
+        rounds_(scale.rounds_of_tier()),
+        work_(work),
+        options_(options) {}
 
   BuiltTiers run() {
     begin();
@@ -125,12 +130,15 @@ class Tiers {
     const SourceSummary& summary = passes.summary[0];
     rule_ = {choose_origin(summary), config_.position_step};
     built_.origin = rule_.origin;
-    built_.source_digest = passes.digest[0];
+    const SourceMeasure& measure = passes.measure[0];
+    built_.source_digest = measure.digest;
+    built_.report.largest_move = static_cast<float>(measure.largest_move);
+    built_.collapsed_triangles = measure.degenerate;
+    refuse_collapse(measure);
     partition_ = Partition::from_bytes(passes.partition);
     shards_ = static_cast<uint32_t>((triangles_ + kShardTriangles - 1) / kShardTriangles);
     const io::SourceStreams streams = source_.streams();
-    plan_.tier = {
-        TierConfig{.config = config_, .box = box_of(summary, rule_), .rounds = scale_.rounds}};
+    plan_.tier = {TierConfig{.config = config_, .box = box_of(summary, rule_), .rounds = rounds_}};
     plan_.shards = {shards_};
     plan_.streams = {streams.normals, streams.tangents, streams.uvs, streams.colors,
                      streams.materials};
@@ -164,21 +172,37 @@ class Tiers {
       return passes;
     }
     passes.summary = {summary};
-    passes.digest = {0};
+    passes.measure = {SourceMeasure{}};
     const PointRule rule{choose_origin(summary), config_.position_step};
-    passes.partition = partition_of_source(box_of(summary, rule), rule, passes.digest[0]).bytes();
+    passes.measure[0].is_exact = summary.exact && rule.origin == Vec3d{0, 0, 0} ? 1 : 0;
+    passes.partition = partition_of_source(box_of(summary, rule), rule, passes.measure[0]).bytes();
     write_record(path, passes);
     return passes;
+  }
+
+  // As a build in memory does, before anything is built.
+  void refuse_collapse(const SourceMeasure& measure) const {
+    constexpr double kMost = 0.01;
+    const auto collapsed = static_cast<double>(measure.degenerate);
+    if (options_.force || collapsed <= kMost * static_cast<double>(triangles_)) return;
+    throw Error(ErrorCode::kInvalidMesh,
+                std::to_string(measure.degenerate) + " of " + std::to_string(triangles_) +
+                    " triangles lost their area when positions were rounded to 32-bit floats, "
+                    "which moved vertices by up to " +
+                    std::to_string(measure.largest_move) +
+                    ": the mesh is too large for its finest details; build parts of it that lie "
+                    "closer together, or build it as it is with force");
   }
 
   double part(uint64_t triangle) const {
     return triangles_ == 0 ? 1 : static_cast<double>(triangle) / static_cast<double>(triangles_);
   }
 
-  Partition partition_of_source(const Aabb& box, const PointRule& rule, uint64_t& digest) const {
+  Partition partition_of_source(const Aabb& box, const PointRule& rule,
+                                SourceMeasure& measure) const {
     PartitionBuilder builder(
         box, {.capacity = scale_.capacity, .resolution = resolution_of(triangles_)});
-    for (uint64_t* once = &digest; !builder.is_done(); once = nullptr) {
+    for (SourceMeasure* once = &measure; !builder.is_done(); once = nullptr) {
       CellCounts counts;
       for (uint64_t at = 0; at == 0 || at < triangles_; at += kStep) {
         report(0.02 + 0.03 * part(at), "dividing");
@@ -265,7 +289,7 @@ class Tiers {
       add_to(built_.report, summary.report[0]);
       built_.parts.push_back(unit_file(work_, task, ".parts"));
     }
-    if (static_cast<double>(left) > kLeastProgress * static_cast<double>(triangles_))
+    if (static_cast<double>(left) > least_progress(rounds_) * static_cast<double>(triangles_))
       scale_.capacity *= 2;
     triangles_ = left;
     plan_.tier[0].level = next_level;
@@ -335,6 +359,7 @@ class Tiers {
   const io::TriangleSource& source_;
   const lod::Config& config_;
   ScaleConfig scale_;
+  const uint32_t rounds_;
   const fs::path& work_;
   const TierOptions& options_;
   BuiltTiers built_;
@@ -392,7 +417,6 @@ BuiltTiers build_tiers(const io::TriangleSource& source, const lod::Config& conf
     throw Error(ErrorCode::kUnsupported, "position_step is not possible unit by unit yet");
   if (config.lock_borders)
     throw Error(ErrorCode::kUnsupported, "lock_borders is not possible unit by unit yet");
-  if (source.triangles() == 0) throw Error(ErrorCode::kInvalidMesh, "there are no triangles");
   return Tiers(source, config, scale, work, options).run();
 }
 

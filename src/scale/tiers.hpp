@@ -17,7 +17,14 @@ namespace umbel::scale {
 
 struct ScaleConfig {
   uint64_t capacity = uint64_t{4} << 20;  ///< triangles of a unit
-  uint32_t rounds = 2;                    ///< levels that a tier makes
+  uint32_t rounds = 0;                    ///< levels that a tier makes; 0: by the capacity
+
+  /// What stays at the border of a unit costs quality, the more the longer it stays: of small
+  /// units, borders are so large a part that they move after every level.
+  uint32_t rounds_of_tier() const {
+    constexpr uint64_t kLarge = uint64_t{2} << 20;
+    return rounds > 0 ? rounds : capacity >= kLarge ? 2 : 1;
+  }
 };
 
 struct Task {
@@ -39,6 +46,8 @@ struct TierOptions {
   std::function<void(double fraction, std::string_view stage)> progress;
   /// The input is known to be that of the build that the folder has: it is not read to make sure.
   bool input_is_same = false;
+  /// Build even where over 1 % of the triangles lose their area as positions are rounded.
+  bool force = false;
 };
 
 /// What is left once all units are built.
@@ -47,6 +56,8 @@ struct BuiltTiers {
   lod::Report report;                        ///< but for what it says of groups
   uint64_t source_digest = 0;
   Vec3d origin{};  ///< that positions are relative to
+  /// Triangles that lost their area as positions were rounded; report.largest_move says how far.
+  uint64_t collapsed_triangles = 0;
 };
 
 /// Builds all of a source, unit by unit. What the folder has of an earlier build, which was of the

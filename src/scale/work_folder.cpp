@@ -108,7 +108,7 @@ Identity identity_of(const lod::Config& c, const ScaleConfig& scale) {
   const auto add = [&](const char* name, const auto& value) {
     fields.emplace_back(name, text_of(value));
   };
-  add("unit_triangles", scale.capacity), add("rounds", scale.rounds);
+  add("unit_triangles", scale.capacity), add("rounds", scale.rounds_of_tier());
   add("max_triangles", c.max_triangles), add("max_vertices", c.max_vertices);
   add("min_triangles", c.min_triangles), add("underfill_cost", c.underfill_cost);
   add("vertex_underfill_cost", c.vertex_underfill_cost), add("overlap_cost", c.overlap_cost);

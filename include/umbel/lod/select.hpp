@@ -94,7 +94,7 @@ UMBEL_API std::vector<ClusterBounds> normal_cone_bounds(const Tables& tables,
 
 /// The view of the scene in an instance's own space. If the transform scales directions
 /// differently, the result asks for enough detail in all of them. Throws kInvalidArgument where the
-/// transform is not finite and invertible.
+/// transform is not finite or, for a camera, not invertible.
 UMBEL_API View to_object(const View& view, const Transform& transform);
 /// The same half-space.
 UMBEL_API Plane to_object(const Plane& plane, const Transform& transform);

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from umbel.io.files import replacing
+from umbel.replacing import replacing
 
 WITHOUT = "no charts: matplotlib is missing; `pip install 'umbel[bench]'` brings it"
 

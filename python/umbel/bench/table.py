@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from umbel.io.files import write_all
+from umbel.replacing import write_all
 
 Row = dict[str, Any]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 
@@ -79,8 +79,9 @@ def print_rows(title: str, rows: Mapping[str, str]) -> None:
     Console().print(table)
 
 
-def _size_of(path: str) -> int | None:
+def _size_of(paths: str | Sequence[str]) -> int | None:
+    """Of one input or all; None where some are not files, such as patterns and addresses."""
     try:
-        return os.path.getsize(path)
+        return sum(os.path.getsize(p) for p in ([paths] if isinstance(paths, str) else paths))
     except (OSError, ValueError):
         return None

@@ -42,6 +42,11 @@ class Source:
 
     def __init__(self, asset: Asset, up: str | None = None) -> None:
         self.asset = asset
+        if asset.has_instance_tree:
+            raise Error(
+                f"{asset.path} has a tree of {asset.instance_count:,} instances, which cannot be "
+                "exported: save_asset stores up to 65,536 as a list"
+            )
         self.turn = Y_TO_Z if axis_up(asset, up) == "y" else np.eye(3)
         self.materials = asset.materials
         #: Of each instance its mesh, and the (3, 4) matrix from that to tiles.
@@ -179,9 +184,11 @@ def _moved_boxes(boxes: Doubles, matrix: Doubles) -> Doubles:
 
 
 def _planes_in(planes: Doubles, matrix: Doubles) -> NDArray[np.float32]:
-    """The planes in the space that a (3, 4) matrix takes to theirs."""
+    """The planes in the space that a (3, 4) matrix takes to theirs, but for those beside which a
+    matrix that flattens things puts all alike."""
     own = np.empty_like(planes)
     own[:, :3] = planes[:, :3] @ matrix[:, :3]
     own[:, 3] = planes[:, 3] + planes[:, :3] @ matrix[:, 3]
     length = np.linalg.norm(own[:, :3], axis=1, keepdims=True)
-    return np.ascontiguousarray(own / np.where(length > 0, length, 1), np.float32)
+    kept = length[:, 0] > 0
+    return np.ascontiguousarray(own[kept] / length[kept], np.float32)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import gzip
-import os
-import secrets
 import warnings
 import zlib
-from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error
+from umbel.replacing import replacing as replacing
+from umbel.replacing import write_all as write_all
 
 GZIP = b"\x1f\x8b"
 
@@ -87,29 +85,3 @@ def _first_bad_word(text: bytes) -> tuple[str, int]:
             except ValueError:
                 return word[:40].decode("utf-8", "replace"), number
     return "(something)", 0
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A binary file to write that takes the name `path` only when all of it is on disk."""
-    # Named before it is made, so that an interrupt at any moment leaves nothing.
-    temporary = path.parent / f".{path.name}.{secrets.token_hex(8)}.part"
-    try:
-        with temporary.open("xb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        if isinstance(error, OSError):
-            raise Error(f"cannot write {path}: {error.strerror or error}") from None
-        raise
-
-
-def write_all(path: Path, chunks: Iterable[bytes]) -> None:
-    """Writes the chunks one after another; all or nothing."""
-    with replacing(path) as file:
-        for chunk in chunks:
-            file.write(chunk)

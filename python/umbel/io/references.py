@@ -5,19 +5,17 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
-import mmap
 import os
 import posixpath
 import struct
 import urllib.parse
 import zlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 _MAPS = (b"map_", b"bump", b"norm", b"disp", b"decal", b"refl")
-_SMALL = 1 << 20
+_BLOCK = 1 << 20
 _JSON_CHUNK = 0x4E4F534A
 
 
@@ -63,9 +61,8 @@ def source_digest(path: Path, allow_outside: bool = False) -> str:
             digests[name] = "outside"
             continue
         try:
-            with _contents(path.parent / name) as data:
-                digests[name] = hashlib.sha256(data).hexdigest()
-                waiting += references(name, _unpacked(name, data))
+            digests[name], named = _read(path.parent / name, name)
+            waiting += named
         except (OSError, ValueError):
             if not digests:
                 raise
@@ -84,15 +81,35 @@ def leads_outside(name: str) -> bool:
     return relative.is_absolute() or ".." in parts or bool(parts and ":" in parts[0])
 
 
-@contextmanager
-def _contents(path: Path) -> Iterator[Any]:
-    """The file's bytes; those of a large one are not copied into memory."""
+def _read(path: Path, name: str) -> tuple[str, list[str]]:
+    """A file's SHA-256 and the files that it names. Meshes of any size take little memory."""
+    digest = hashlib.sha256()
+    named: list[str] = []
+    kept = b""
+    lower = name.lower()
     with path.open("rb") as file:
-        if os.fstat(file.fileno()).st_size < _SMALL:
-            yield file.read()
-            return
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as view:
-            yield view
+        while block := file.read(_BLOCK):
+            digest.update(block)
+            if lower.endswith(".obj"):
+                lines, kept = _whole_lines(kept + block)
+                named += references(name, lines)
+            elif kept[:4] == b"glTF" or block[:4] == b"glTF":
+                kept += block if len(kept) < _json_end(kept or block) else b""
+            elif not lower.endswith((".ply", ".stl")):
+                kept += block
+    named += references(name, _unpacked(name, kept))
+    return digest.hexdigest(), list(dict.fromkeys(named))
+
+
+def _whole_lines(text: bytes) -> tuple[bytes, bytes]:
+    """What ends with a line, and the rest. A line that does not end is no name."""
+    end = text.rfind(b"\n") + 1
+    return text[:end], text[end:] if len(text) - end < _BLOCK else b""
+
+
+def _json_end(head: bytes) -> int:
+    """Where the first chunk of a GLB ends."""
+    return 20 + int(struct.unpack_from("<I", head, 12)[0]) if len(head) >= 20 else 0
 
 
 def _unpacked(name: str, data: Any) -> Any:

@@ -82,6 +82,19 @@ class Asset(HasTables):
         return [(int(m), matrix) for m, matrix in zip(meshes, matrices, strict=True)]
 
     @property
+    def has_instance_tree(self) -> bool:
+        """Whether the instances are a tree, which `InstanceSelector` selects from. `instances` are
+        then the few that stand for all of them from afar."""
+        return _umbel.has_instance_tree(self._native)
+
+    @property
+    def instance_count(self) -> int:
+        """All instances, those of a tree too; without any, every mesh is shown once."""
+        if self.has_instance_tree:
+            return int(_umbel.instance_nodes(self._native)["instances"][0])
+        return len(self._native.instance_meshes()) or len(self.meshes)
+
+    @property
     def _mesh_origin(self) -> NDArray[np.float64]:
         """Where meshes lie: with instances those take them to the world, origin and all."""
         return zero_origin() if len(self._native.instance_meshes()) else self.origin

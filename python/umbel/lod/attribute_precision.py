@@ -41,9 +41,19 @@ def attribute_precision(
     if exact is None:
         exact = any(lod.config["position_step"] == 0 for lod in lods)
     usual = dict.fromkeys(MOST_BITS, 0) if exact else _beside(max(map(_position_bits, lods)))
-    all_bits = {**usual, **given}
-    uv_step = 2.0 ** -all_bits["uv"] if all_bits["uv"] else 0.0
-    return all_bits["normal"], all_bits["tangent"], all_bits["color"], uv_step
+    return _stored({**usual, **given})
+
+
+def exact_but(bits: Mapping[str, int] | None) -> tuple[int, int, int, float]:
+    """The same where every bit is kept but of what `bits` says."""
+    given = dict(bits or {})
+    check_attribute_bits(given)
+    return _stored({**dict.fromkeys(MOST_BITS, 0), **given})
+
+
+def _stored(bits: Mapping[str, int]) -> tuple[int, int, int, float]:
+    uv_step = 2.0 ** -bits["uv"] if bits["uv"] else 0.0
+    return bits["normal"], bits["tangent"], bits["color"], uv_step
 
 
 def _beside(position_bits: int) -> dict[str, int]:

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,12 +33,16 @@ from umbel.geometry.repair import drop_invalid as drop_invalid_triangles
 from umbel.io import load_scene
 from umbel.lod.lod import Lod
 
+if TYPE_CHECKING:
+    from umbel.scale.stored_lod import StoredLod
+
 SEAM_RULES = {"protect": 0, "allow": 1, "ignore": 2}
 
 Decimate = Callable[..., Any]
 """See `build_lod`."""
 
 
+@overload
 def build_lod(
     mesh: Any,
     *,
@@ -74,10 +78,66 @@ def build_lod(
     precision: str | float | None = None,
     allow_outside: bool = False,
     force: bool = False,
+    memory: None = None,
+    work: None = None,
+    resume: Literal[False] = False,
+    unit_triangles: None = None,
     progress: Progress | None = None,
     threads: int = 0,
-) -> Lod:
+) -> Lod: ...
+
+
+@overload
+def build_lod(mesh: Any, *, resume: bool = False, **in_units: Any) -> StoredLod: ...
+
+
+def build_lod(  # type: ignore[misc]  # the second overload does not list all settings again
+    mesh: Any,
+    *,
+    max_triangles: int = 128,
+    max_vertices: int = 128,
+    min_triangles: int = 0,
+    underfill_cost: float = 0.3,
+    vertex_underfill_cost: float = 0.5,
+    overlap_cost: float = 0.0,
+    group_size: Sequence[int] = (24, 32),
+    group_underfill_cost: float = 0.5,
+    group_overlap_cost: float = 0.0,
+    ratio: float = 0.5,
+    attributes: str = "auto",
+    normal_weight: float = 0.5,
+    uv_weight: float = 0.5,
+    color_weight: float = 0.5,
+    tangent_weight: float = 0.25,
+    skin_weight: float = 0.5,
+    mix_materials: bool = False,
+    keep_area: bool = True,
+    seams: str = "allow",
+    creases: str = "allow",
+    refit_attributes: bool = True,
+    measured_error: bool = False,
+    max_levels: int = 0,
+    stop_triangles: int = 0,
+    max_error: float = math.inf,
+    lock_borders: bool = False,
+    locked: ArrayLike | None = None,
+    decimate: Decimate | None = None,
+    drop_invalid: bool = False,
+    precision: str | float | None = None,
+    allow_outside: bool = False,
+    force: bool = False,
+    memory: float | str | None = None,
+    work: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    unit_triangles: int | None = None,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> Lod | StoredLod:
     """Builds the DAG of a mesh, a path, or anything with .vertices and .faces.
+
+    With `memory`, `work` or `unit_triangles` a mesh of any size, in units (docs/scale.md): what
+    comes back then is a `StoredLod`, an open `Asset`. The mesh may also be several paths or an
+    iterable of blocks, as `build_asset` takes them.
 
     max_triangles, max_vertices: most a cluster may have (4..256, 6..256; 0: no limit but 256).
     min_triangles: least a cluster should have; 0: a quarter of max_triangles.
@@ -122,24 +182,17 @@ def build_lod(
     allow_outside: of a path, as `umbel.load` has it.
     force: build even where over 1 % of the triangles lose their area, by `precision` or because
         float32 cannot hold where their vertices are; that raises otherwise.
+    memory: most bytes that a build in units takes, or a text such as "2GB"; by default three
+        quarters of what is free.
+    work: a folder for what is built before it is whole, some 60 bytes a triangle; by default one
+        for temporary files.
+    resume: go on with what an earlier call with the same arguments left in `work`.
+    unit_triangles: most triangles of a unit, by default 4 Mi.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
     """
     # Long, because every setting is named and described here.
-    given = _one_mesh(mesh, allow_outside)
-    source = _describe(mesh, given)
     if attributes not in ("auto", "none"):
         raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
-    if attributes == "none":
-        given = _without_attributes(given)
-    extra: dict[str, Any] = {"dropped_triangles": 0}
-    if drop_invalid:
-        given, extra["dropped_triangles"] = drop_invalid_triangles(given, threads=threads)
-    if precision is not None:
-        extra["grid_step"] = grid_step(given, precision)
-    if not force:
-        refuse_collapse(given, extra.get("grid_step"))
-    warn_of_rounding(given)
-
     config: dict[str, Any] = {
         "max_triangles": max_triangles,
         "max_vertices": max_vertices,
@@ -151,7 +204,7 @@ def build_lod(
         "group_underfill_cost": group_underfill_cost,
         "group_overlap_cost": group_overlap_cost,
         "ratio": ratio,
-        "position_step": extra.get("grid_step", 0.0),
+        "position_step": 0.0,
         "attributes": attributes == "auto",
         "normal_weight": normal_weight,
         "uv_weight": uv_weight,
@@ -170,6 +223,32 @@ def build_lod(
     }
     if max_error != math.inf:
         config["max_error"] = max_error
+    if memory is not None or work is not None or resume or unit_triangles is not None:
+        from umbel.scale.stored_lod import build_stored
+
+        refused = {
+            "locked": locked is not None,
+            "decimate": decimate is not None,
+            "drop_invalid": drop_invalid,
+            "precision": precision is not None,
+            "allow_outside": allow_outside,
+        }
+        limits = {"memory": memory, "resume": resume, "force": force}
+        limits["unit_triangles"] = unit_triangles or 0
+        return build_stored(mesh, config, refused, limits, work, progress, threads)
+    _warn_of_size(mesh)
+    given = _one_mesh(mesh, allow_outside)
+    source = _describe(mesh, given)
+    if attributes == "none":
+        given = _without_attributes(given)
+    extra: dict[str, Any] = {"dropped_triangles": 0}
+    if drop_invalid:
+        given, extra["dropped_triangles"] = drop_invalid_triangles(given, threads=threads)
+    if precision is not None:
+        extra["grid_step"] = config["position_step"] = grid_step(given, precision)
+    if not force:
+        refuse_collapse(given, extra.get("grid_step"))
+    warn_of_rounding(given)
     with about(given, DROPS):
         dag = _umbel.build_lod(
             native(given),
@@ -185,6 +264,20 @@ def build_lod(
     built = Lod(dag, report, config, source, materials, name, given.tree, given.origin)
     built.coordinates = given.coordinates
     return built
+
+
+def _warn_of_size(source: Any) -> None:
+    """Before the system ends a build that takes more memory than there is."""
+    if not isinstance(source, (str, os.PathLike)):
+        return
+    from umbel.scale.memory import is_too_large
+
+    if is_too_large(source):
+        sentence = (
+            f"building {os.fspath(source)} in memory may take more than is free; with memory= or "
+            "work= it is built in units, on disk"
+        )
+        warnings.warn(sentence, RuntimeWarning, stacklevel=3)
 
 
 def _one_mesh(source: Any, allow_outside: bool) -> Mesh:

@@ -94,6 +94,10 @@ def scene_cuts(asset: Asset, *, or_coarsest: bool = False, **how: Any) -> list[I
     pages that the cuts need, and no tables."""
     if sum(value is not None for value in how.values()) != 1:
         raise Error("a scene needs exactly one of error, camera, level and triangles")
+    if asset.has_instance_tree:
+        if how.get("level") is not None or how.get("triangles") is not None:
+            raise Error(f"{asset.path} has a tree of instances: choose by error or by camera")
+        return _tree_cuts(asset, _scene_view(asset, how.get("error"), how.get("camera")))
     if how.get("level") is not None:
         return _cuts_by_level(asset, how["level"])
     most = None if how.get("triangles") is None else check_budget("triangles", how["triangles"])
@@ -188,6 +192,72 @@ def _cuts(asset: Asset, view: _umbel.View) -> list[InstanceCut]:
     return _found(asset, views)
 
 
+def _tree_cuts(asset: Asset, view: _umbel.View) -> list[InstanceCut]:
+    """What a view shows of a tree of instances, whole."""
+    shown = shown_instances(asset, _umbel.InstanceSelector(asset._native, 0), view)
+    matrices: NDArray[Any] = shown.transforms
+    if asset.origin.any():
+        matrices = matrices.astype(np.float64)
+        matrices[:, :, 3] += asset.origin
+    views = [shown.views[k] for k in shown.view_of]
+    return _found(asset, views, list(zip(shown.meshes.tolist(), matrices, strict=True)))
+
+
+@dataclass(frozen=True)
+class ShownInstances:
+    """Instances and the views of their own spaces, which many share."""
+
+    meshes: NDArray[Any]
+    transforms: NDArray[Any]
+    """(n, 3, 4), relative to the asset's origin."""
+    view_of: NDArray[np.int64]
+    """(n,): which of `views` each has."""
+    views: list[_umbel.View]
+    view_meshes: list[int]
+
+
+def listed_instances(asset: Asset, view: _umbel.View) -> ShownInstances:
+    """All instances of an asset that lists them, each with a view of its own."""
+    rows = local_transforms(asset)
+    views = [_umbel.view_in_instance(view, row.reshape(1, 12)) for row in rows]
+    meshes = [mesh for mesh, _ in all_instances(asset)]
+    return ShownInstances(np.array(meshes), rows, np.arange(len(rows)), views, meshes)
+
+
+def shown_instances(
+    asset: Asset,
+    selector: _umbel.InstanceSelector,
+    view: _umbel.View,
+    planes: NDArray[np.float32] | None = None,
+) -> ShownInstances:
+    """What a view shows of a tree of instances, after reading what it needs. Those for which their
+    mesh's coarsest clusters will do share one view a mesh."""
+    runs = selector.settle(view, planes)[0]
+    meshes, rows = selector.placements(runs)
+    coarsest = np.repeat(runs[:, 3] != 0, runs[:, 2])
+    fine = np.flatnonzero(~coarsest)
+    count = len(asset.meshes)
+    view_of = meshes.astype(np.int64)
+    view_of[fine] = count + np.arange(len(fine))
+    views = [_umbel.view_error(float(np.finfo(np.float32).max))] * count
+    views += [_umbel.view_in_instance(view, rows[k].reshape(1, 12)) for k in fine]
+    view_meshes = [*range(count), *meshes[fine].tolist()]
+    return ShownInstances(meshes, rows.reshape(-1, 3, 4), view_of, views, view_meshes)
+
+
+def instances_of_meshes(asset: Asset) -> NDArray[np.int64]:
+    """How many instances each mesh has. Reads all of a tree of instances."""
+    count = len(asset.meshes)
+    if not asset.has_instance_tree:
+        return np.bincount([mesh for mesh, _ in all_instances(asset)], minlength=count)
+    total = np.zeros(count, np.int64)
+    children = _umbel.instance_nodes(asset._native)["children"].reshape(-1, 2)
+    for node in np.flatnonzero(children[:, 1] == 0):
+        meshes, _ = _umbel.placements_of_node(asset._native, int(node))
+        total += np.bincount(meshes, minlength=count)
+    return total
+
+
 def _cuts_by_level(asset: Asset, level: int) -> list[InstanceCut]:
     """A level of every mesh; the coarsest of one that does not have as many."""
     levels = [asset.meshes[mesh]["levels"] for mesh, _ in all_instances(asset)]
@@ -195,12 +265,15 @@ def _cuts_by_level(asset: Asset, level: int) -> list[InstanceCut]:
     return _found(asset, [_umbel.view_level(min(level, max(n - 1, 0))) for n in levels])
 
 
-def _found(asset: Asset, views: Sequence[_umbel.View]) -> list[InstanceCut]:
+def _found(
+    asset: Asset, views: Sequence[_umbel.View], instances: list[MeshInstance] | None = None
+) -> list[InstanceCut]:
     """The cuts of all instances, each seen with a view of its own space; equal ones are found
     once."""
     known: dict[tuple[Any, ...], tuple[_umbel.FoundCut, NDArray[np.uint32]]] = {}
     shown = []
-    for (mesh, matrix), view in zip(all_instances(asset), views, strict=True):
+    instances = all_instances(asset) if instances is None else instances
+    for (mesh, matrix), view in zip(instances, views, strict=True):
         key = (mesh, view.kind, view.error, view.threshold, view.level, tuple(view.eye))
         if key not in known:
             found = asset._native.find_cut(view, mesh)

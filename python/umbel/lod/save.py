@@ -18,6 +18,7 @@ from umbel.geometry.mesh import Material
 from umbel.geometry.origin import origin_of, relative_transform, zero_origin
 from umbel.lod.attribute_precision import attribute_precision
 from umbel.lod.materials import write_materials
+from umbel.lod.placements import Placements
 from umbel.plain_json import encode
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ class Savable(ABC):
 def save_asset(
     path: str | os.PathLike[str],
     lods: Sequence[Lod],
-    instances: Sequence[tuple[int, ArrayLike]] = (),
+    instances: Sequence[tuple[int, ArrayLike]] | Placements = (),
     *,
     metadata: dict[str, Any] | None = None,
     exact: bool | None = None,
@@ -113,14 +114,16 @@ def save_asset(
     Returns its bytes.
 
     instances: which mesh is where: (index into `lods`, (3, 4) or (4, 4) matrix that takes column
-        vectors from the mesh to the world). None: every mesh once, where it is.
+        vectors from the mesh to the world); or `Placements`, for millions of them. None: every
+        mesh once, where it is. More than 65,536 are stored as a tree, which is read as views need
+        it (docs/instances.md): in another order than they were given.
     metadata: what `Asset.info["metadata"]` shall be.
     origin: where the asset lies: it is kept relative to that. None: where the first mesh lies.
     scene: what `Asset.scene` shall be.
     The rest is as `Lod.save` has it.
     """
     around = origin_of(origin if origin is not None else lods[0].origin if lods else zero_origin())
-    if not instances and any(not np.array_equal(lod.origin, around) for lod in lods):
+    if not len(instances) and any(not np.array_equal(lod.origin, around) for lod in lods):
         instances = [(k, np.eye(4)) for k in range(len(lods))]
     meshes, transforms = _placed(lods, instances, around)
     folder = Path(os.fspath(path)).absolute().parent
@@ -146,11 +149,13 @@ def save_asset(
 
 def _placed(
     lods: Sequence[Lod],
-    instances: Sequence[tuple[int, ArrayLike]],
+    instances: Sequence[tuple[int, ArrayLike]] | Placements,
     origin: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """The instances' meshes, and the matrices that take meshes without their own origins to the
     world without `origin`."""
+    if isinstance(instances, Placements):
+        return instances.relative([lod.origin for lod in lods], origin)
     for instance in instances:
         if not isinstance(instance, Sequence) or len(instance) != 2:
             raise Error("instances must be pairs of a mesh's index and a matrix")

@@ -7,23 +7,28 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import umbel
 from umbel import _umbel
-from umbel.errors import Error
+from umbel.errors import Error, LoadWarning
 from umbel.geometry.arrays import thread_count
+from umbel.geometry.mesh import Mesh
+from umbel.geometry.origin import Rounding
+from umbel.geometry.precision_loss import warn_of_rounding
 from umbel.geometry.repair import Progress
 from umbel.io.blocks import Paths, Source, open_source
+from umbel.lod.attribute_precision import exact_but
 from umbel.lod.build import _group_limits, _native_config
 from umbel.lod.materials import write_materials
 from umbel.plain_json import encode
 from umbel.scale.executor import Executor, library
 from umbel.scale.feed import Feed
-from umbel.scale.memory import as_bytes, free_bytes
+from umbel.scale.memory import limit_of
 from umbel.scale.staging import Staging
 from umbel.scale.storage import (
     as_path,
@@ -35,27 +40,12 @@ from umbel.scale.storage import (
     sha256_of,
 )
 
-#: Of an input file, what a build in memory takes a byte, at least.
-_IN_MEMORY = 8
-
-
-def is_too_large(source: str | os.PathLike[str], memory: float | str | None = None) -> bool:
-    """Whether a build of a file in memory would take more than `memory`, by default three quarters
-    of what is free: a guess, from the file's size."""
-    try:
-        size = Path(source).stat().st_size
-    except OSError:
-        return False
-    # Most files are small, whatever is free.
-    return size * _IN_MEMORY > (64 << 20) and size * _IN_MEMORY > _limit(memory)
-
-
-def _limit(memory: float | str | None) -> int:
-    return free_bytes() * 3 // 4 if memory is None else as_bytes(memory)
+#: What an asset says of itself besides what the library knows.
+Metadata = dict[str, Any] | Callable[[list[Path]], dict[str, Any]] | None
 
 
 def build_asset(
-    source: Paths | Iterable[Any],
+    source: Paths | Mesh | Iterable[Any],
     output: str | os.PathLike[str],
     *,
     memory: float | str | None = None,
@@ -71,10 +61,13 @@ def build_asset(
     mix_materials: bool = False,
     seams: str = "allow",
     creases: str = "allow",
+    attribute_bits: Mapping[str, int] | None = None,
+    force: bool = False,
     textures: str = "embed",
-    metadata: dict[str, Any] | None = None,
+    metadata: Metadata = None,
     progress: Progress | None = None,
     threads: int = 0,
+    **settings: Any,
 ) -> dict[str, Any]:
     """Builds an asset of a mesh of any size, in parts of space that fit into memory: units.
 
@@ -82,7 +75,7 @@ def build_asset(
     and threads, or how often the build was stopped. A mesh that fits into one unit gives what
     `build_lod` gives. Returns a report.
 
-    source: a mesh file, several as one mesh, or an iterable of blocks: see
+    source: a mesh file, several as one mesh, a `Mesh`, or an iterable of blocks: see
         `umbel.io.blocks.open_source`. Files may be patterns (`tiles/*.ply`), which stand for what
         they match in the order of the names, and source, output and work may be addresses
         (`s3://bucket/city.umbel`) of whatever fsspec knows; this machine then has a copy in its
@@ -96,15 +89,16 @@ def build_asset(
     workers: processes that build units side by side; 0: as many as memory and cores allow.
     executor: builds units elsewhere, such as `umbel.scale.Ray()`. The work folder must then be one
         that all machines have, or an address.
-    metadata: added to what the asset says of itself.
+    metadata: added to what the asset says of itself; or what gives that for the files that are
+        read, as they are on this machine.
     progress: called with (fraction, stage); returning False cancels (umbel.Cancelled).
+    settings: others of `build_lod`: min_triangles, the costs, ratio, the weights, keep_area,
+        refit_attributes, max_levels, stop_triangles, max_error. Those that need the whole mesh in
+        memory are refused.
     The rest is as `build_lod` and `Lod.save` have it.
     """
-    began = time.perf_counter()
     if attributes not in ("auto", "none"):
         raise Error(f"attributes must be 'auto' or 'none', not {attributes!r}")
-    if unit_triangles < 0 or 0 < unit_triangles < 1000:
-        raise Error(f"unit_triangles must be at least 1000, not {unit_triangles}")
     config: dict[str, Any] = {
         "max_triangles": max_triangles,
         "max_vertices": max_vertices,
@@ -114,11 +108,80 @@ def build_asset(
         "seams": seams,
         "creases": creases,
     }
+    for name, value in settings.items():
+        if name not in _SETTINGS:
+            raise Error(f"{name} is no setting of a build in units")
+        config[name] = value
+    return build_with(
+        source,
+        output,
+        config,
+        memory=memory,
+        work=work,
+        resume=resume,
+        unit_triangles=unit_triangles,
+        workers=workers,
+        executor=executor,
+        attribute_bits=attribute_bits,
+        force=force,
+        textures=textures,
+        metadata=metadata,
+        progress=progress,
+        threads=threads,
+    )
+
+
+#: The library's sentence about what rounding takes, which knows no files.
+_LOST = "lost their area when positions were rounded"
+#: Of `build_lod`, those that only change what a unit does by itself.
+_SETTINGS = (
+    "min_triangles",
+    "underfill_cost",
+    "vertex_underfill_cost",
+    "overlap_cost",
+    "group_underfill_cost",
+    "group_overlap_cost",
+    "ratio",
+    "normal_weight",
+    "uv_weight",
+    "color_weight",
+    "tangent_weight",
+    "keep_area",
+    "refit_attributes",
+    "max_levels",
+    "stop_triangles",
+    "max_error",
+)
+
+
+def build_with(
+    source: Paths | Mesh | Iterable[Any],
+    output: str | os.PathLike[str],
+    config: dict[str, Any],
+    *,
+    memory: float | str | None = None,
+    work: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    unit_triangles: int = 0,
+    workers: int = 0,
+    executor: Executor | None = None,
+    attribute_bits: Mapping[str, int] | None = None,
+    force: bool = False,
+    textures: str = "embed",
+    metadata: Metadata = None,
+    progress: Progress | None = None,
+    threads: int = 0,
+) -> dict[str, Any]:
+    """As `build_asset`, by a configuration as the library takes it."""
+    began = time.perf_counter()
+    if unit_triangles < 0 or 0 < unit_triangles < 1000:
+        raise Error(f"unit_triangles must be at least 1000, not {unit_triangles}")
     native = _native_config(config)
+    precision = exact_but(attribute_bits)
     place = _place(source, output, work, executor is not None)
     folder_path, made = place.folder, place.output
     identity = [("format", "1"), ("library", library()), ("input", place.named)]
-    limit = _limit(memory)
+    limit = limit_of(memory)
     staging = Staging(place.url, folder_path) if place.url else None
     folder = _umbel.WorkFolder(folder_path, native, unit_triangles, identity, resume)
     try:
@@ -126,10 +189,14 @@ def build_asset(
             staging.begin()
         _remove_leftovers(made)
         files_or_blocks = fetch_sources(place.files, place.fetched) if place.files else source
-        opened = open_source(files_or_blocks, folder_path / "source")
+        opened = open_source(
+            files_or_blocks, folder_path / "source", config.get("attributes", True)
+        )
         is_same = _is_same_input(opened, folder_path / "source_stamp", folder.is_resumed)
         cores = thread_count(threads) or os.cpu_count() or 1
-        plan = _umbel.plan_units(opened.triangles, native, unit_triangles, limit, cores)
+        plan = _umbel.plan_units(
+            opened.triangles, native, unit_triangles, limit, cores, opened.vertices or 0
+        )
         count = min(workers, plan["workers"]) if workers > 0 else plan["workers"]
         feed = None
         if executor:
@@ -138,13 +205,15 @@ def build_asset(
         materials, files = write_materials(
             opened.materials, textures, made.absolute().parent, thread_count(threads)
         )
-        said = {
+        said: dict[str, Any] = {
             "generator": f"umbel {_umbel.version()}",
-            "name": "",
+            "name": _name(place.files),
             "config": {**config, "unit_triangles": unit_triangles or 4 << 20},
             "source": {"triangles": opened.triangles.triangles, **_described(opened)},
-            **(metadata or {}),
         }
+        more = metadata(opened.files) if callable(metadata) else metadata or {}
+        for key, value in more.items():
+            said[key] = {**said[key], **value} if key == "source" else value
         if opened.coordinates:
             said["coordinates"] = opened.coordinates
 
@@ -161,16 +230,19 @@ def build_asset(
             metadata_of,
             materials,
             files,
-            True,
+            precision,
             0,
             _command(max(1, cores // count)),
             count,
-            0,
+            opened.vertices or 0,
             is_same,
             progress,
             thread_count(threads),
             feed,
+            force,
         )
+        _warn_of_rounding(opened, finished, place.said)
+        finished["report"]["input_vertices"] = opened.vertices
         del opened
         stored = {}
         if place.output_url:
@@ -188,6 +260,10 @@ def build_asset(
             folder.remove()
             if staging:
                 staging.remove()
+        if _LOST in str(error) and len(place.files) == 1:
+            named = Error(f"{place.files[0]}: {error}")
+            named.code = error.code
+            raise named from None
         raise
     finally:
         folder.close()
@@ -195,6 +271,7 @@ def build_asset(
             executor.close()
         if staging:
             staging.close()
+    _warn_of_area(finished, place.said)
     report = {**finished.pop("report"), "seconds": time.perf_counter() - began}
     return {
         **report,
@@ -221,6 +298,11 @@ class _Place:
     folder: Path  #: to work in
     url: str | None  #: of the work folder
     root: Path | None  #: of all stand-ins
+
+    @property
+    def said(self) -> str:
+        """The input, for sentences."""
+        return self.files[0] if len(self.files) == 1 else f"{len(self.files) or 'the'} inputs"
 
     @property
     def fetched(self) -> Path:
@@ -268,6 +350,41 @@ def _command(threads: int) -> list[str]:
         "sys.exit(main(sys.argv[1:]))"
     )
     return [sys.executable, "-c", code, str(threads)]
+
+
+def _warn_of_rounding(source: Source, finished: dict[str, Any], named: str) -> None:
+    """As a build in memory does; what an edge is mostly like, some triangles tell."""
+    moved = finished["report"]["largest_move"]
+    if moved == 0:
+        return
+    some = source.triangles.read(0, min(source.triangles.triangles, 10_000))
+    sample = Mesh(some["positions"], some["triangles"], source=named)
+    sample.rounding = Rounding(moved, finished["collapsed_triangles"])
+    warn_of_rounding(sample)
+
+
+def _warn_of_area(finished: dict[str, Any], named: str) -> None:
+    """Where a build in memory would have enlarged what is left: a unit cannot, as it does not know
+    which positions others have."""
+    by_method = finished["report"]["groups_by_reason"]
+    thinner = sum(
+        factors.get("area lost", 0) for name, factors in by_method.items() if name != "sloppy"
+    )
+    if thinner:
+        warnings.warn(
+            f"{named}: in {thinner} of {finished['groups']} groups small components (leaves, "
+            "rubble) get sparser: only a build in memory enlarges those that are left",
+            LoadWarning,
+            stacklevel=3,
+        )
+
+
+def _name(files: Sequence[str]) -> str:
+    """As a mesh of one file has it."""
+    if len(files) != 1:
+        return ""
+    path = PurePath(files[0])
+    return PurePath(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 
 def _described(source: Source) -> dict[str, Any]:

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from umbel.errors import Error
 
+#: Of an input file, what a build in memory takes a byte, at least.
+_IN_MEMORY = 8
+
 _UNITS = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
 _UNITS |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40}
 
@@ -26,6 +29,22 @@ def as_bytes(memory: float | str) -> int:
     if not 1 <= size < 1e18:
         raise Error(f"memory must be a size such as '2GB', not {memory!r}")
     return int(size)
+
+
+def limit_of(memory: float | str | None) -> int:
+    """So many bytes; of None three quarters of what is free."""
+    return free_bytes() * 3 // 4 if memory is None else as_bytes(memory)
+
+
+def is_too_large(source: str | os.PathLike[str], memory: float | str | None = None) -> bool:
+    """Whether a build of a file in memory would take more than `memory`, by default three quarters
+    of what is free: a guess, from the file's size."""
+    try:
+        size = Path(source).stat().st_size
+    except (OSError, ValueError):
+        return False
+    # Most files are small, whatever is free.
+    return size * _IN_MEMORY > (64 << 20) and size * _IN_MEMORY > limit_of(memory)
 
 
 def free_bytes() -> int:

@@ -109,7 +109,7 @@ def expand(names: Sequence[str | os.PathLike[str]]) -> list[str]:
     found: list[str] = []
     for given in names:
         name = as_path(given)
-        if not any(c in name for c in "*?["):
+        if not any(c in name for c in "*?[") or os.path.exists(name):
             found.append(name)
             continue
         if is_address(name):

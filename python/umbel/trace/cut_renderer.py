@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from umbel import _umbel
 from umbel.errors import Error
@@ -17,7 +18,12 @@ from umbel.geometry.camera import Camera
 from umbel.geometry.mesh import Mesh
 from umbel.geometry.repair import Progress
 from umbel.lod.asset import Asset
-from umbel.lod.instances import all_instances, asset_boxes, local_transforms
+from umbel.lod.instances import (
+    ShownInstances,
+    asset_boxes,
+    listed_instances,
+    shown_instances,
+)
 from umbel.lod.residency import Residency
 from umbel.trace.renderer import Renderer
 from umbel.trace.shading import Environment, Shading, matching
@@ -38,6 +44,8 @@ class CutRenderer(Renderer):
         cut would take more, errors are larger: `pixel_error` says what they became.
     bounce_error: how many times larger the error may be for bounce and shadow rays. They then trace
         a cut of their own, and start beyond the distance that it may have to the camera's.
+    aspect: width / height of the picture. What is outside of it is then left out of the camera's
+        cut of a tree of instances, if other rays trace a cut of their own.
     hide: as `Renderer` has it, by clusters: where they mix materials, by that of most of their
         triangles.
     The rest is as `Renderer` has it.
@@ -53,6 +61,7 @@ class CutRenderer(Renderer):
         up: str = "y",
         hide: Sequence[str] = (),
         bounce_error: float = 1.0,
+        aspect: float | None = None,
         progress: Progress | None = None,
         threads: int = 0,
     ) -> None:
@@ -69,28 +78,27 @@ class CutRenderer(Renderer):
             local = (self.mesh.world_positions - self.origin).astype(np.float32)
             self.mesh = replace(self.mesh, positions=local, origin=self.origin)
         camera = camera.relative_to(self.origin)
-        transforms = local_transforms(asset)
-        meshes = [mesh for mesh, _ in all_instances(asset)]
-        self._instances = list(zip(meshes, transforms, strict=True))
         residency = Residency(asset, max(int(budget * _PAGES), 1), groups_per_step=(1 << 32) - 1)
         factors = [1.0] if bounce_error == 1 else [1.0, bounce_error]
-        self.pixel_error, self.estimate, tables = _settle(
-            residency, self._instances, camera, budget, factors, hidden
+        planes = _wide_frustum(camera, aspect) if aspect and len(factors) > 1 else None
+        self.pixel_error, self.estimate, cuts = _settle(
+            residency, _Instances(asset, camera, planes), budget, factors, hidden
         )
         self.page_bytes = residency.statistics["resident_bytes"]
         residency.close()
-        count = len(self._instances)
-        for k, table in enumerate(tables):
-            table[:, 0] += k * count  # the instances of the cut before come first
-        kinds = [_ALL_RAYS] if len(tables) == 1 else [_CAMERA_RAYS, _OTHER_RAYS]
+        first = 0
+        for cut in cuts:
+            cut.table[:, 0] += first  # the instances of the cut before come first
+            first += len(cut.transforms)
+        kinds = [_ALL_RAYS] if len(cuts) == 1 else [_CAMERA_RAYS, _OTHER_RAYS]
         pixel = 2 * math.tan(0.5 * camera.fov_y) / camera.height
-        gap = 0.0 if len(tables) == 1 else sum(factors) * self.pixel_error * pixel
+        gap = 0.0 if len(cuts) == 1 else sum(factors) * self.pixel_error * pixel
         shading = _shading_of(asset)
         self._scene = _umbel.cluster_scene(
             asset._native,
-            np.concatenate(tables),
-            np.tile(transforms.reshape(-1, 12), (len(tables), 1)),
-            np.repeat(np.array(kinds, np.uint32), count),
+            np.concatenate([cut.table for cut in cuts]),
+            np.concatenate([cut.transforms.reshape(-1, 12) for cut in cuts]),
+            np.repeat(np.array(kinds, np.uint32), [len(cut.transforms) for cut in cuts]),
             gap,
             shading.materials,
             shading.textures,
@@ -125,36 +133,88 @@ def _shading_of(asset: Asset) -> Shading:
     )
 
 
+@dataclass(frozen=True)
+class _Cut:
+    """What is traced for some kinds of rays."""
+
+    table: NDArray[np.uint32]
+    """(c, 4): an instance's cluster: the instance, and the page, group and cluster."""
+    transforms: NDArray[Any]
+
+
+class _Instances:
+    """The instances that a camera sees: all that are listed, or some of a tree of them."""
+
+    def __init__(self, asset: Asset, camera: Camera, planes: NDArray[np.float32] | None) -> None:
+        self._asset, self._camera, self._planes = asset, camera, planes
+        self._selector = None
+        if asset.has_instance_tree:
+            self._selector = _umbel.InstanceSelector(asset._native, 1 << 30)
+
+    def seen(self, pixels: float, is_camera: bool) -> ShownInstances:
+        """With so large errors, by the camera's rays or by others."""
+        view = replace(self._camera, pixel_error=pixels).view()
+        if self._selector is None:
+            return listed_instances(self._asset, view)
+        planes = self._planes if is_camera else None
+        return shown_instances(self._asset, self._selector, view, planes)
+
+
+def _wide_frustum(camera: Camera, aspect: float) -> NDArray[np.float32]:
+    """A little more than the picture, whose filter reaches beyond it."""
+    wide = replace(camera, fov_y=min(1.05 * camera.fov_y, 0.99 * math.pi))
+    return wide.planes(1.02 * aspect).astype(np.float32)
+
+
 def _settle(
     residency: Residency,
-    instances: list[tuple[int, Any]],
-    camera: Camera,
+    instances: _Instances,
     budget: int,
     factors: list[float],
     hidden: list[int],
-) -> tuple[float, int, list[Any]]:
+) -> tuple[float, int, list[_Cut]]:
     """Loads until the cuts are there, of so many times the error each; the error in pixels that
-    fits the budget, about how much what is traced will take, and the cuts' tables."""
-    pixels = camera.pixel_error
+    fits the budget, about how much what is traced will take, and the cuts."""
+    asked = pixels = instances._camera.pixel_error
     while True:
-        needs, tables = 0, []
-        for factor in factors:
-            fits = _load(residency, _views(instances, camera, factor * pixels))
-            clusters, triangles, vertices, drawn = residency._native.cost()
+        needs, cuts = 0, []
+        for k, factor in enumerate(factors):
+            seen = instances.seen(factor * pixels, k == 0 and len(factors) > 1)
+            fits = _load(residency, [(m, v, None) for m, v in _pairs(seen)])
+            clusters, triangles, vertices, _ = residency._native.cost()
+            table = _spread(residency._native.table(hidden), seen.view_of)
             needs += (
                 _BYTES_A_TRIANGLE * triangles
                 + _BYTES_A_VERTEX * vertices
                 + _BYTES_A_CLUSTER * clusters
-                + _BYTES_AN_INSTANCE * drawn
+                + _BYTES_AN_INSTANCE * len(table)
             )
-            tables.append(residency._native.table(hidden))
+            cuts.append(_Cut(table, seen.transforms))
             if not fits or needs > budget:
                 break
         else:
-            return pixels, needs, tables
-        if pixels > 1e6 * camera.pixel_error:
+            return pixels, needs, cuts
+        if pixels > 1e6 * asked:
             raise Error(f"even the coarsest cut takes {needs} bytes, more than the budget")
         pixels *= max(1.1, math.sqrt(needs / budget))
+
+
+def _pairs(seen: ShownInstances) -> Iterable[tuple[int, _umbel.View]]:
+    return zip(seen.view_meshes, seen.views, strict=True)
+
+
+def _spread(table: NDArray[np.uint32], view_of: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """A table of views' clusters as one of instances'; several instances may share a view."""
+    views = table[:, 0].astype(np.int64)
+    table = table[np.argsort(views, kind="stable")]
+    counts = np.bincount(views, minlength=int(view_of.max(initial=-1)) + 1)
+    begins = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    each = counts[view_of]
+    first = np.cumsum(each) - each
+    rows = np.arange(int(each.sum())) + np.repeat(begins[view_of] - first, each)
+    spread: NDArray[np.uint32] = table[rows]
+    spread[:, 0] = np.repeat(np.arange(len(view_of), dtype=np.uint32), each)
+    return spread
 
 
 def _load(residency: Residency, views: list[tuple[int, _umbel.View, None]]) -> bool:
@@ -169,15 +229,3 @@ def _load(residency: Residency, views: list[tuple[int, _umbel.View, None]]) -> b
         if not (said["in_flight"] or step["loaded"] or step["requested"]):
             return False
         time.sleep(0.001)
-
-
-def _views(
-    instances: list[tuple[int, Any]], camera: Camera, pixels: float
-) -> list[tuple[int, _umbel.View, None]]:
-    eye = tuple(float(x) for x in camera.position)
-    view = _umbel.view_camera(eye, camera.fov_y, camera.height, pixels)
-    rows = np.array([matrix for _, matrix in instances], np.float32).reshape(-1, 1, 12)
-    return [
-        (mesh, _umbel.view_in_instance(view, row), None)
-        for (mesh, _), row in zip(instances, rows, strict=True)
-    ]

@@ -45,7 +45,8 @@ std::vector<uint32_t> read_block(const TableLayout& layout, const TablePart& par
     if (ids[i] >= vertices)
       throw Error(ErrorCode::kInvalidMesh,
                   part.name + ": triangle " + std::to_string(begin + i / 3) + " has vertex index " +
-                      std::to_string(ids[i]) + ", of " + std::to_string(vertices) + " there are");
+                      index_text(ids[i], part.indices.type) + ", of " + std::to_string(vertices) +
+                      " there are");
   return number_vertices(ids);
 }
 

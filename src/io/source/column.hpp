@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <string>
 #include <tuple>
 #include <type_traits>
 #include <utility>
@@ -92,6 +93,21 @@ Out converted(T value, const Column& column) {
             ? static_cast<float>(value) / static_cast<float>(kLargest)
             : static_cast<float>(static_cast<double>(value) / static_cast<double>(kLargest));
     return std::max(scaled, -1.0f);
+  }
+}
+
+/// An index that was converted, as the file has it.
+inline std::string index_text(uint32_t index, Scalar type) {
+  switch (type) {
+    case Scalar::kI8:
+    case Scalar::kI16:
+    case Scalar::kI32:
+      return std::to_string(static_cast<int32_t>(index));
+    case Scalar::kI64:
+    case Scalar::kU64:
+      return index == kNone ? "beyond 32 bits" : std::to_string(index);
+    default:
+      return std::to_string(index);
   }
 }
 

@@ -68,3 +68,12 @@ TriangleBlock MeshSource::read(uint64_t begin, uint64_t end) const {
 }
 
 }  // namespace umbel::io
+
+namespace umbel {
+
+std::unique_ptr<TriangleSource> source_of(const MeshView& mesh, const Vec3d& origin,
+                                          std::string name) {
+  return std::make_unique<io::MeshSource>(mesh, origin, std::move(name));
+}
+
+}  // namespace umbel

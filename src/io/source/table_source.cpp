@@ -159,10 +159,10 @@ class PartReader {
     rows(column, begin, end, ids);
     for (size_t i = 0; i < ids.size(); ++i)
       if (ids[i] >= count && !(may_miss && ids[i] == kNone))
-        throw Error(ErrorCode::kInvalidMesh, part_.name + ": triangle " +
-                                                 std::to_string(begin + i / 3) +
-                                                 " has vertex index " + std::to_string(ids[i]) +
-                                                 ", of " + std::to_string(count) + " there are");
+        throw Error(ErrorCode::kInvalidMesh,
+                    part_.name + ": triangle " + std::to_string(begin + i / 3) +
+                        " has vertex index " + index_text(ids[i], column.type) + ", of " +
+                        std::to_string(count) + " there are");
     return ids;
   }
 

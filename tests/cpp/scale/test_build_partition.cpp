@@ -29,20 +29,20 @@ TEST(BuildPartition, PartsOfTheInputMayBeCountedApart) {
   config.resolution = 4;  // so that cells have too many, and there are rounds
   PartitionBuilder builder(bounds(mesh.view()), config);
   size_t rounds = 0;
-  uint64_t digest = 0;
+  SourceMeasure measure;
   for (; !builder.is_done(); ++rounds) {
     CellCounts counts = builder.empty_counts();
     for (uint64_t at = 0; at < source.triangles(); at += 1000)
       counts.merge(count_cells(source, {}, builder, at,
                                std::min<uint64_t>(at + 1000, source.triangles()),
-                               rounds == 0 ? &digest : nullptr));
+                               rounds == 0 ? &measure : nullptr));
     builder.advance(counts);
   }
   EXPECT_GT(rounds, 1u);
-  EXPECT_EQ(digest, triangle_set_digest(mesh.view()));
-  uint64_t whole = 0;
+  EXPECT_EQ(measure.digest, triangle_set_digest(mesh.view()));
+  SourceMeasure whole;
   build_partition(source, {}, bounds(mesh.view()), config, &whole);
-  EXPECT_EQ(whole, digest);
+  EXPECT_EQ(whole.digest, measure.digest);
   EXPECT_EQ(builder.finished().bytes(), partition_of(mesh, config).bytes());
 }
 

@@ -19,7 +19,8 @@ struct Built {
   size_t first_units = 0;
 };
 
-Built build(const Mesh& mesh, uint64_t capacity, bool reversed = false, lod::Config config = {}) {
+Built build(const Mesh& mesh, uint64_t capacity, bool reversed = false, lod::Config config = {},
+            uint32_t rounds = 0) {
   const umbel::testing::Scratch scratch;
   const io::MeshSource source(mesh.view(), {0, 0, 0}, "mesh");
   Built built;
@@ -31,6 +32,7 @@ Built build(const Mesh& mesh, uint64_t capacity, bool reversed = false, lod::Con
   };
   ScaleConfig scale;
   scale.capacity = capacity;
+  scale.rounds = rounds;
   built.dag = build_in_tiers(source, config, scale, scratch / ".", run);
   return built;
 }
@@ -66,14 +68,24 @@ std::vector<std::pair<std::string, Mesh>> meshes() {
 }
 
 TEST(Tiers, EveryMeshIsSoundAndTheSameInAnyOrder) {
-  for (const auto& [name, mesh] : meshes()) {
-    SCOPED_TRACE(name);
-    const Built built = build(mesh, 1000);
-    EXPECT_GT(built.first_units, 2u);
-    EXPECT_GT(built.tiers, 1u);
-    expect_sound(mesh, built.dag);
-    EXPECT_TRUE(same(built.dag, build(mesh, 1000, true).dag));
-  }
+  for (const auto& [name, mesh] : meshes())
+    for (const uint32_t rounds : {1u, 2u}) {
+      SCOPED_TRACE(name + ", rounds: " + std::to_string(rounds));
+      const Built built = build(mesh, 1000, false, {}, rounds);
+      EXPECT_GT(built.first_units, 2u);
+      EXPECT_GT(built.tiers, 1u);
+      expect_sound(mesh, built.dag);
+      EXPECT_TRUE(same(built.dag, build(mesh, 1000, true, {}, rounds).dag));
+    }
+}
+
+TEST(Tiers, SmallUnitsMoveTheirBordersAfterEveryLevel) {
+  EXPECT_EQ((ScaleConfig{.capacity = 65536}.rounds_of_tier()), 1u);
+  EXPECT_EQ(ScaleConfig{}.rounds_of_tier(), 2u);
+  const Mesh mesh = shapes::terrain(60, 60, 1);
+  const Built built = build(mesh, 1000);
+  EXPECT_TRUE(same(built.dag, build(mesh, 1000, false, {}, 1).dag));
+  EXPECT_GT(built.tiers, build(mesh, 1000, false, {}, 2).tiers);
 }
 
 TEST(Tiers, OneUnitIsWhatBuildMakes) {
@@ -93,7 +105,12 @@ TEST(Tiers, RefusesWhatNeedsTheWholeMesh) {
   EXPECT_THROW(build(shapes::blob(3, 1), 300, false, config), Error);
 }
 
-TEST(Tiers, RefusesAMeshWithoutTriangles) { EXPECT_THROW(build(Mesh{}, 300, false, {}), Error); }
+TEST(Tiers, AMeshWithoutTrianglesHasNoClusters) {
+  const Built built = build(Mesh{}, 300);
+  EXPECT_TRUE(built.dag.tables.clusters.empty());
+  EXPECT_TRUE(built.dag.tables.groups.empty());
+  expect_sound(Mesh{}, built.dag);
+}
 
 }  // namespace
 }  // namespace umbel::scale::testing

@@ -16,7 +16,7 @@ from helpers.mesh_files import TETRA_POSITIONS, TETRA_TRIANGLES
 from helpers.meshes import full_mesh
 from umbel.errors import Error
 from umbel.geometry.mesh import Mesh
-from umbel.io import files, load, save
+from umbel.io import load, save
 
 EXTENSIONS = [".glb", ".ply", ".obj"]
 
@@ -170,7 +170,7 @@ def test_a_full_disk_leaves_the_old_file_and_no_other(
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(files.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(Error, match=r"cannot write .*: No space left on device"):
         save(path, (TETRA_POSITIONS, TETRA_TRIANGLES))
     assert path.read_bytes() == b"old"
@@ -188,7 +188,7 @@ def test_interruption_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
     def interrupted(_: int) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.os, "fsync", interrupted)
+    monkeypatch.setattr(os, "fsync", interrupted)
     with pytest.raises(KeyboardInterrupt):
         save(tmp_path / "a.ply", (TETRA_POSITIONS, TETRA_TRIANGLES))
     assert list(tmp_path.iterdir()) == []

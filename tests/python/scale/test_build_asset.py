@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 import umbel
-from umbel.scale.build_asset import build_asset, is_too_large
+from umbel.scale.build_asset import build_asset
+from umbel.scale.memory import is_too_large
 from umbel.testing import giant
 
 UNIT = 4000

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.bench.table import Row
-from umbel.io.files import replacing
+from umbel.replacing import replacing
 
 GROUPS = {
     "speed_ratio": "trace speed",

@@ -7,11 +7,9 @@ rays: path tracing of three views. All is normalised to the full sweep with zero
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -23,10 +21,11 @@ from umbel.accel.trees import Bvh2, build_bvh2
 from umbel.bench.bvh import kmeans as bvh_kmeans
 from umbel.bench.bvh.columns import MEANS
 from umbel.bench.bvh.methods import LARGE, PARTS, Effort, Method, compared_structures, methods
-from umbel.bench.bvh.paths import HEIGHT, WIDTH, View, path_view, preview, trace
+from umbel.bench.bvh.paths import preview
 from umbel.bench.bvh.plant import plant
 from umbel.bench.bvh.scenes import COSTS, GENERATED, Kmeans, Scene, scene
 from umbel.bench.bvh.totals import cheapest, normalised
+from umbel.bench.bvh.tracing import clock_of, trace_pictures
 from umbel.bench.table import Row, geometric_means
 from umbel.bench.timing import Machine, Span, Timed, Timing, take_turns, this_machine
 from umbel.errors import Error
@@ -81,6 +80,7 @@ class Comparison:
             "kmeans": self.settings,
             "samples": self.effort.samples,
             "share": self.effort.share,
+            "resolution": list(self.effort.resolution),
             "machine": self.machine.fields(),
         }
 
@@ -104,7 +104,7 @@ def compare(
     for number, (name, load) in enumerate(scenes.items()):
         report = Span(progress, name).part(number / len(scenes), (number + 1) / len(scenes))
         report(0.0, "loading")
-        on = scene(name, load, kmeans, effort.threads)
+        on = scene(name, load, kmeans, effort.threads, effort.resolution)
         found.settings[name] = str(on.kmeans)
         spans = _spans(report.part(0.02, 1.0), effort.parts)
         runs, threads = effort.build_runs(on.mesh), effort.threads
@@ -184,40 +184,17 @@ def _rows(
         rows.append(_row(on, name, found, other.seconds))
     trees = [timing.result for timing in built]
     structures = [timing.result for timing in others]
-    views = _views(on, trees[0], effort)
     traced: list[Row] = []
     for number, width in enumerate(effort.widths):
         part = report.part(*(0.2 + 0.8 * (number + k) / len(effort.widths) for k in (0, 1)))
-        measured = _traced(on.mesh, trees, structures, views, width, effort, part)
+        measured = trace_pictures(on, trees, structures, width, effort, part)
         traced += [{**row, **extra} for row, extra in zip(rows, measured, strict=True)]
     return normalised(traced)
-
-
-def _views(on: Scene, tree: Bvh2, effort: Effort) -> list[View]:
-    """The rays, found with any tree."""
-    bvh = Bvh.from_tree(tree, on.mesh, threads=effort.threads)
-    return [
-        path_view(
-            bvh,
-            on.mesh,
-            camera,
-            samples=effort.samples,
-            share=effort.share,
-            seed=number + 1,
-            threads=effort.threads,
-        )
-        for number, camera in enumerate(on.cameras)
-    ]
 
 
 def _previews(on: Scene, tree: Bvh2, threads: int) -> NDArray[np.uint8]:
     bvh = Bvh.from_tree(tree, on.mesh, threads=threads)
     return np.hstack([preview(bvh, on.mesh, camera) for camera in on.cameras])
-
-
-def clock_of(threads: int) -> Callable[[], float]:
-    """Of one thread the processor time counts, of several the wall clock's."""
-    return time.thread_time if threads == 1 else time.perf_counter
 
 
 def _build(
@@ -243,68 +220,4 @@ def _row(on: Scene, builder: str, found: Mapping[str, Any], seconds: float) -> R
         "build_seconds": seconds,
         "mtriangles_per_second": triangles / seconds * 1e-6,
         **found,
-    }
-
-
-def _traced(
-    mesh: Mesh,
-    trees: Sequence[Bvh2],
-    structures: Sequence[TriangleQueries],
-    views: Sequence[View],
-    width: int,
-    effort: Effort,
-    report: Span,
-) -> list[Row]:
-    """What tracing adds to the row of each tree."""
-    clock = clock_of(effort.threads)
-    traced: list[TriangleQueries] = []
-    widen_seconds = []
-    for tree in trees:
-        began = clock()
-        traced.append(Bvh.from_tree(tree, mesh, width=width, threads=effort.threads))
-        widen_seconds.append(clock() - began)
-    traced += structures
-    widen_seconds += [0.0] * len(structures)
-
-    def work(structure: TriangleQueries, view: View) -> tuple[None, float]:
-        began = clock()
-        trace(structure, view, effort.threads)
-        return None, clock() - began
-
-    entries = [
-        Timed(f"tracing view {number + 1}, width {width}", partial(work, structure, view))
-        for structure in traced
-        for number, view in enumerate(views)
-    ]
-    seconds = [timing.seconds for timing in take_turns(entries, effort.runs, report)]
-    rows = []
-    for index, (structure, widening) in enumerate(zip(traced, widen_seconds, strict=True)):
-        own = seconds[index * len(views) : (index + 1) * len(views)]
-        rows.append(
-            {
-                "width": width,
-                "wide_bytes": structure.statistics()["bytes"],
-                "widen_seconds": widening,
-                **trace_figures(own, views),
-            }
-        )
-    return rows
-
-
-def trace_figures(seconds: Sequence[float], views: Sequence[View]) -> Row:
-    """Rays a second, and the seconds and rays of one sample of every pixel of a picture, means
-    over the views."""
-    rays = sum(view.rays for view in views)
-    pixels = WIDTH * HEIGHT
-    return {
-        "rays": rays,
-        "mrays_per_second": rays / sum(seconds) * 1e-6,
-        **{
-            f"view{number + 1}_mrays_per_second": view.rays / own * 1e-6
-            for number, (own, view) in enumerate(zip(seconds, views, strict=True))
-        },
-        "sample_seconds": fmean(
-            own / view.paths * pixels for own, view in zip(seconds, views, strict=True)
-        ),
-        "sample_rays": fmean(view.rays / view.paths * pixels for view in views),
     }

@@ -240,7 +240,7 @@ def draw(path: Path, found: DeviceComparison, scene: str) -> None:
     """Stacked bars of the stages of each build, and bars of the ratios to the sweep."""
     from matplotlib.figure import Figure
 
-    from umbel.io.files import replacing
+    from umbel.replacing import replacing
 
     rows = [row for row in found.rows if row["scene"] == scene]
     # The sweep would hide all others.

@@ -12,6 +12,7 @@ from umbel.accel.queries import TriangleQueries
 from umbel.accel.tree_options import builders
 from umbel.accel.uniform import IntervalHierarchy, Octree, TwoLevelGrid
 from umbel.bench.bvh import kmeans as bvh_kmeans
+from umbel.bench.bvh.paths import HEIGHT, TILE, WIDTH
 from umbel.bench.bvh.scenes import Kmeans
 from umbel.errors import Error
 from umbel.geometry.mesh import Mesh
@@ -82,6 +83,8 @@ class Effort:
     """Paths a pixel."""
     share: float = 0.05
     """Of each picture's tiles."""
+    resolution: tuple[int, int] = (WIDTH, HEIGHT)
+    """Of the pictures, in whole tiles."""
     widths: Sequence[int] = (2, 8)
     """Children a node of what is traced."""
     threads: int = 0
@@ -89,6 +92,13 @@ class Effort:
     """What is compared: the builders, the stages of k-means, its iterations."""
     builders: Sequence[str] = ()
     """Those that are compared with the full sweep; none: all."""
+
+    def __post_init__(self) -> None:
+        if any(side < TILE or side % TILE for side in self.resolution):
+            raise Error(
+                f"the resolution must be multiples of {TILE}, not {self.resolution[0]} x "
+                f"{self.resolution[1]}"
+            )
 
     def build_runs(self, mesh: Mesh) -> int:
         """How often each tree is built."""

@@ -22,6 +22,9 @@ from umbel.geometry.mesh import Mesh
 
 Floats = NDArray[np.float64]
 
+Size = tuple[int, int]
+"""Width and height of a picture, multiples of a tile's."""
+
 WIDTH, HEIGHT = 1024, 768
 SHADOW_SAMPLES = 2
 TILE = 16
@@ -73,12 +76,13 @@ def path_view(
     *,
     samples: int = 1,
     share: float = 1.0,
-    seed: int = 1,
+    seed: int | Sequence[int] = 1,
+    size: Size = (WIDTH, HEIGHT),
     threads: int = 0,
 ) -> View:
-    """The rays of so many paths a pixel of 1024 x 768, in this share of the picture's tiles."""
+    """The rays of so many paths a pixel, in this share of the picture's tiles."""
     dice = np.random.default_rng(seed)
-    rays = camera_rays(camera, samples, share, dice)
+    rays = camera_rays(camera, samples, share, dice, size)
     paths, batches, lamp = len(rays[0]), [], None
     for bounce in range(_MOST_BOUNCES + 1):
         batches.append(Batch(rays, math.inf, shadow=False))
@@ -119,22 +123,28 @@ def _shadows(
     return found
 
 
-def camera_rays(camera: TraceCamera, samples: int, share: float, dice: np.random.Generator) -> Rays:
+def camera_rays(
+    camera: TraceCamera,
+    samples: int,
+    share: float,
+    dice: np.random.Generator,
+    size: Size = (WIDTH, HEIGHT),
+) -> Rays:
     """Rays through each pixel of so many tiles of 16 x 16, spread over the picture."""
-    pixels = (np.repeat(numbers, samples) for numbers in _pixels(share))
+    pixels = (np.repeat(numbers, samples) for numbers in _pixels(share, size))
     x, y = (numbers + dice.random(len(numbers)) for numbers in pixels)
-    return _through(camera, x / WIDTH, y / HEIGHT)
+    return _through(camera, x / size[0], y / size[1], size[0] / size[1])
 
 
-def _through(camera: TraceCamera, x: Floats, y: Floats) -> Rays:
-    """Rays through points of a picture of the usual shape, from 0 to 1, the top left first."""
+def _through(camera: TraceCamera, x: Floats, y: Floats, aspect: float = WIDTH / HEIGHT) -> Rays:
+    """Rays through points of a picture, from 0 to 1, the top left first."""
     position, target = np.array(camera.position), np.array(camera.target)
     forward = (target - position) / np.linalg.norm(target - position)
     right = np.cross(forward, camera.up)
     right /= np.linalg.norm(right)
     upwards = np.cross(right, forward)
     high = math.tan(camera.fov_y / 2)
-    wide = high * WIDTH / HEIGHT
+    wide = high * aspect
     directions = (
         forward + ((x * 2 - 1) * wide)[:, None] * right - ((y * 2 - 1) * high)[:, None] * upwards
     )
@@ -162,8 +172,10 @@ def preview(
     return rounded
 
 
-def _pixels(share: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    across, down = WIDTH // TILE, HEIGHT // TILE
+def _pixels(
+    share: float, size: Size = (WIDTH, HEIGHT)
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    across, down = size[0] // TILE, size[1] // TILE
     count = max(round(across * down * share), 1)
     # Multiples of the golden ratio spread evenly, however many are taken.
     order = np.argsort(np.arange(across * down) * _GOLDEN % 1.0, kind="stable")

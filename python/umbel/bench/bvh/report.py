@@ -10,11 +10,34 @@ from umbel.bench.bvh import kmeans as bvh_kmeans
 from umbel.bench.bvh.columns import CHEAPEST, COLUMNS, MEANS
 from umbel.bench.bvh.compare import Comparison
 from umbel.bench.bvh.methods import LARGE, Effort
-from umbel.bench.bvh.paths import HEIGHT, WIDTH
 from umbel.bench.bvh.scenes import COSTS
 from umbel.bench.bvh.totals import HQ, LQ
+from umbel.bench.bvh.tracing import passes
 from umbel.bench.table import csv_text, markdown, write_tables
 from umbel.bench.timing import cores
+
+
+def _totals(effort: Effort) -> str:
+    """What was traced, and what of the total times follows from it."""
+    paths = "1 path" if effort.samples == 1 else f"{effort.samples} paths"
+    once = ", each ray once" if len(passes(effort.samples)) > 1 else ""
+    what = (
+        f"a build, widening and one picture with {LQ} (LQ) and {HQ} (HQ) samples a pixel, the mean "
+        "of the views"
+    )
+    if effort.share < 1:
+        return (
+            f"{paths} a pixel in {effort.share:.3g} of the pictures' tiles were traced{once}; the "
+            f"total times, of {what}, are extrapolated from that."
+        )
+    how = {
+        LQ: f"LQ is measured, and HQ is {HQ // LQ} times its tracing",
+        HQ: f"HQ is measured, and the tracing of LQ is the mean of {HQ // LQ} pictures",
+    }.get(effort.samples, "both in proportion to what was traced")
+    return (
+        f"{paths} a pixel of whole pictures were traced{once}. The total times are those of "
+        f"{what}: {how}."
+    )
 
 
 def _legend(effort: Effort) -> str:
@@ -29,13 +52,9 @@ def _legend(effort: Effort) -> str:
         f"{COSTS[0]:g} and {COSTS[1]:g}."
     ]
     if "builders" in effort.parts:
-        share = "" if effort.share >= 1 else f" in {effort.share:.3g} of the pictures' tiles"
-        paths = "1 path" if effort.samples == 1 else f"{effort.samples} paths"
         parts += [
-            f"Three views of {WIDTH} x {HEIGHT}, two shadow rays at each hit. {paths} a pixel"
-            f"{share} were traced; the total times, those of one picture with {LQ} (LQ) and {HQ} "
-            "(HQ) samples a pixel, are extrapolated from that: build, widening and tracing. Width: "
-            "children a node of what is traced.",
+            f"Three views of {effort.resolution[0]} x {effort.resolution[1]}, two shadow rays at "
+            f"each hit. {_totals(effort)} Width: children a node of what is traced.",
             "Ratios are to the full sweep of the same width with zero build time: for speed more "
             "is better, for the others less.",
         ]

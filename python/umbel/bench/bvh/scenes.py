@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from umbel._umbel import TraceCamera
-from umbel.bench.bvh.paths import HEIGHT, WIDTH, views_around
+from umbel.bench.bvh.paths import HEIGHT, WIDTH, Size, views_around
 from umbel.errors import Error
 from umbel.geometry.mesh import Mesh
 from umbel.trace.renderer import Renderer
@@ -93,7 +93,11 @@ class Scene:
 
 
 def scene(
-    name: str, load: Callable[[], Mesh], kmeans: Kmeans | None = None, threads: int = 0
+    name: str,
+    load: Callable[[], Mesh],
+    kmeans: Kmeans | None = None,
+    threads: int = 0,
+    size: Size = (WIDTH, HEIGHT),
 ) -> Scene:
     """Loads a scene. `kmeans` replaces what is known to suit it."""
     given = load()
@@ -101,14 +105,15 @@ def scene(
     if not len(mesh.triangles):
         raise Error(f"{name} has no triangles to build a hierarchy over")
     known = next((s for s in SETTINGS if name.lower().startswith(s.prefix)), Setting(""))
-    return Scene(name, mesh, kmeans or known.kmeans, _cameras(mesh, known.cameras, threads))
+    cameras = _cameras(mesh, known.cameras, threads, size)
+    return Scene(name, mesh, kmeans or known.kmeans, cameras)
 
 
-def _cameras(mesh: Mesh, texts: Sequence[str], threads: int) -> list[TraceCamera]:
+def _cameras(mesh: Mesh, texts: Sequence[str], threads: int, size: Size) -> list[TraceCamera]:
     renderer = Renderer(mesh, preset="fast", threads=threads)
     if texts:
-        return [renderer.camera(text, WIDTH, HEIGHT) for text in texts]
-    camera = renderer.camera("auto", WIDTH, HEIGHT)
+        return [renderer.camera(text, *size) for text in texts]
+    camera = renderer.camera("auto", *size)
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
     position = np.array(camera.position)
     return views_around(

@@ -3,9 +3,10 @@ when there is something to build, so that a run over files that are up to date i
 
 from __future__ import annotations
 
+import hashlib
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -41,10 +42,7 @@ COST_FLAGS = {
 #: Flags that say how an asset is saved.
 _SAVED = ("normal_bits", "tangent_bits", "color_bits", "uv_bits")
 
-_ONLY_IN_MEMORY = (
-    *("precision", "drop_invalid", "measured_error", "min_triangles", "lock_borders"),
-    *_SAVED,
-)
+_ONLY_IN_MEMORY = ("precision", "drop_invalid", "measured_error", "lock_borders")
 
 
 @dataclass(frozen=True)
@@ -121,14 +119,10 @@ class Options:
 
     def not_in_units(self) -> str | None:
         """A flag that only a build in memory knows; None where units have all that is asked for."""
-        flags = {
-            **{name: f"--{name.replace('_', '-')}" for name in _ONLY_IN_MEMORY},
-            **COST_FLAGS,
-        }
         usual = Options()
-        for name, flag in flags.items():
+        for name in _ONLY_IN_MEMORY:
             if getattr(self, name) != getattr(usual, name):
-                return flag
+                return f"--{name.replace('_', '-')}"
         return "--instances on" if self.instances == "on" else None
 
     @staticmethod
@@ -142,19 +136,20 @@ class Limits:
     """The flags of a build that say what it may take, and do not change the asset."""
 
     memory: str | None = None
-    work: Path | None = None
+    work: str | None = None
     resume: bool = False
 
 
-def in_units(source: str, output: Path, options: Options, limits: Limits) -> bool:
-    """Whether a file is built unit by unit: it is asked for, was begun that way, or would not fit
-    into memory."""
+def in_units(sources: Sequence[str], output: Path, options: Options, limits: Limits) -> bool:
+    """Whether files are built unit by unit: it is asked for, was begun that way, or they would not
+    fit into memory. Several are one mesh."""
     from umbel.scale.memory import as_bytes
 
     if limits.memory is not None:
         as_bytes(limits.memory)
-    wanted = options.unit_triangles is not None
-    begun = limits.resume and (limits.work or _work_of(output)).is_dir()
+    source = sources[0]
+    wanted = options.unit_triangles is not None or len(sources) > 1
+    begun = limits.resume and _work_of(output, limits).is_dir()
     large = wanted or begun or (not is_address(source) and _is_too_large(source, limits))
     if not large:
         return False
@@ -163,6 +158,8 @@ def in_units(source: str, output: Path, options: Options, limits: Limits) -> boo
         return True
     if flag is None:
         fail(f"{source}: units are built of files, not of addresses; fetch it first")
+    if len(sources) > 1:
+        fail(f"several files as one mesh are built unit by unit, where {flag} is not possible")
     if wanted or begun or limits.memory is not None:
         fail(f"{source} does not fit into that memory, and {flag} is not possible unit by unit")
     return False
@@ -175,95 +172,81 @@ def _is_too_large(source: str, limits: Limits) -> bool:
             return False
     except OSError:
         return False
-    from umbel.scale.build_asset import is_too_large
+    from umbel.scale.memory import is_too_large
 
     return is_too_large(source, limits.memory)
 
 
-def _work_of(output: Path) -> Path:
-    return output.with_name(output.name + ".work")
+def _work_of(output: Path, limits: Limits) -> Path:
+    return Path(limits.work) if limits.work else output.with_name(output.name + ".work")
 
 
 def build_units(
-    source: str,
-    output: Path,
+    sources: Sequence[str],
+    output: str,
     options: Options,
     limits: Limits,
     *,
+    executor: Executor | None = None,
+    skip_unchanged: bool = False,
     progress: Progress | None = None,
     threads: int = 0,
 ) -> dict[str, Any]:
-    """As `build_file`, unit by unit."""
+    """As `build_file`, of one file or of several as one mesh, unit by unit; on other machines where
+    there is an executor. Output and sources may then be addresses, and sources patterns."""
     from umbel.cli.measure import peak_rss_bytes, sha256_of, worker_peak_rss_bytes
     from umbel.cli.run import say
     from umbel.scale.build_asset import build_asset
+    from umbel.scale.storage import as_path, expand
 
-    work = limits.work or _work_of(output)
-    path = Path(source)
+    files = expand(sources)
+    named = sources[0] if len(sources) == 1 else list(sources)
+    if skip_unchanged and not any(is_address(file) for file in (*files, output)):
+        origin = _origin(files, [Path(file) for file in files], options)
+        if _is_current(Path(as_path(output)), origin):
+            return {"input": named, "output": output, "status": "unchanged"}
+    work = None if is_address(output) else _work_of(Path(as_path(output)), limits)
     try:
         with _nothing_is_dropped():
             built = build_asset(
-                path,
+                files,
                 output,
                 memory=limits.memory,
-                work=work,
+                work=limits.work if executor else work,
                 resume=limits.resume,
-                metadata={"source": {"file": path.name, "options": options.plain()}},
+                executor=executor,
+                metadata=lambda here: {"source": _origin(files, here, options)},
                 progress=progress,
                 threads=threads,
                 **_for_units(options),
             )
     except BaseException:
-        if work.is_dir() and (work / "manifest.json").exists():
+        if work is not None and (work / "manifest.json").exists():
             say(f"what is done stays in {work}; the same command with --resume goes on with it")
         raise
+    workers = 0 if executor else built["workers"] * worker_peak_rss_bytes()
     return {
-        "input": source,
-        "output": str(output),
+        "input": named,
+        "output": output,
         **_described(built, options),
-        "peak_rss_bytes": peak_rss_bytes() + built["workers"] * worker_peak_rss_bytes(),
-        "sha256": sha256_of(output),
+        "peak_rss_bytes": peak_rss_bytes() + workers,
+        "sha256": built.get("sha256") or sha256_of(Path(as_path(output))),
     }
 
 
-def build_units_elsewhere(
-    sources: list[str],
-    output: str,
-    options: Options,
-    limits: tuple[str | None, str | None, bool],
-    executor: Executor,
-    *,
-    progress: Progress | None = None,
-    threads: int = 0,
-) -> dict[str, Any]:
-    """The same of all sources as one mesh, by an executor. `limits`: memory, work, resume."""
-    from umbel.cli.measure import peak_rss_bytes, sha256_of
-    from umbel.scale.build_asset import build_asset
-
-    memory, work, resume = limits
-    # What a build on this machine says of one file.
-    is_one = len(sources) == 1 and not any(c in sources[0] for c in "*?[")
-    file = {"file": sources[0].rsplit("/", 1)[-1]} if is_one else {}
-    with _nothing_is_dropped():
-        built = build_asset(
-            sources,
-            output,
-            memory=memory,
-            work=work,
-            resume=resume,
-            executor=executor,
-            metadata={"source": {**file, "options": options.plain()}},
-            progress=progress,
-            threads=threads,
-            **_for_units(options),
-        )
-    sha256 = built.get("sha256") or sha256_of(Path(output.removeprefix("file://")))
+def _origin(files: Sequence[str], here: Sequence[Path], options: Options) -> dict[str, Any]:
+    """What an asset says of what it was built of. `here`: the files, or their copies."""
+    names = [file.rsplit("/", 1)[-1] if is_address(file) else Path(file).name for file in files]
+    digests = [_digest(path, options.allow_outside) for path in here]
+    digest = digests[0]
+    if len(files) > 1:
+        known = [one for one in digests if one is not None]
+        lines = "\n".join(known).encode()
+        digest = hashlib.sha256(lines).hexdigest() if len(known) == len(files) else None
     return {
-        "input": sources[0] if len(sources) == 1 else sources,
-        "output": output,
-        **_described(built, options),
-        "peak_rss_bytes": peak_rss_bytes(),
-        "sha256": sha256,
+        **({"file": names[0]} if len(files) == 1 else {"files": names}),
+        "sha256": digest,
+        "options": options.plain(),
     }
 
 
@@ -281,8 +264,15 @@ def _nothing_is_dropped() -> Iterator[None]:
 
 
 def _for_units(options: Options) -> dict[str, Any]:
+    usual = Options()
     chosen = {key: getattr(options, key) for key in _IN_UNITS}
-    return {**chosen, "unit_triangles": options.unit_triangles or 0}
+    # Said in the asset only where they are asked for.
+    for key in ("min_triangles", *COST_FLAGS):
+        if getattr(options, key) != getattr(usual, key):
+            chosen[key] = getattr(options, key)
+    bits = options.attribute_bits()
+    chosen |= {"force": options.force}
+    return {**chosen, "attribute_bits": bits, "unit_triangles": options.unit_triangles or 0}
 
 
 def _described(built: dict[str, Any], options: Options) -> dict[str, Any]:
@@ -293,13 +283,12 @@ def _described(built: dict[str, Any], options: Options) -> dict[str, Any]:
         "status": "built",
         "stored_triangles": triangles,
         **built,
-        "mean_fill": all_levels / (built["clusters"] * (options.max_triangles or 256)),
+        "mean_fill": all_levels / max(1, built["clusters"] * (options.max_triangles or 256)),
         "max_cluster_vertices": None,
         "dropped_triangles": 0,
         "meshes": 1,
         "instances": 1,
-        "bytes_per_input_triangle": built["file_bytes"] / triangles,
-        "input_vertices": None,
+        "bytes_per_input_triangle": built["file_bytes"] / triangles if triangles else 0.0,
         "triangles_per_second": _rate(built, built["seconds"]),
     }
 

@@ -35,7 +35,10 @@ def plan(inputs: Sequence[str], folder: Path, may_miss: bool = False) -> list[Jo
     the innermost folder that holds all of them. `may_miss`: a file that is not there is a job,
     too; building it says so."""
     if folder.suffix.lower() == ".umbel" and not folder.is_dir():
-        fail(f"{folder}: with several inputs the output is a folder, not one asset")
+        fail(
+            f"{folder}: with several inputs the output is a folder; with --memory or "
+            "--unit-triangles they become one asset"
+        )
     found = [(text, *_matches(text, may_miss)) for text in inputs]
     bases = [base for _, base, _ in found if base is not None]
     root = os.path.commonpath(bases) if bases else ""
@@ -56,6 +59,15 @@ def plan(inputs: Sequence[str], folder: Path, may_miss: bool = False) -> list[Jo
             by_output[output] = source
             jobs[key] = Job(source, output)
     return list(jobs.values())
+
+
+def files_of(inputs: Sequence[str]) -> list[str]:
+    """The files that become one mesh, each once: those of folders and patterns by name."""
+    found: dict[str, str] = {}
+    for text in inputs:
+        for source in _matches(text, may_miss=True)[1]:
+            found.setdefault(source if is_address(source) else os.path.abspath(source), source)
+    return list(found.values())
 
 
 def _is_group(text: str) -> bool:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from umbel.cli import Stopped, _stop
-from umbel.cli.building.build_file import Options, build_file
+from umbel.cli.building.build_file import Limits, Options, build_file, build_units, in_units
 from umbel.cli.failure import one_line
 from umbel.cli.run import hear, heard, sentence_of
 
@@ -41,15 +41,17 @@ def _answer(job: dict[str, Any]) -> dict[str, Any]:
     from umbel.plain_json import plain
 
     source, output = job["input"], job["output"]
+    options, limits = Options.of(job["options"]), Limits(resume=True)
+    common: dict[str, Any] = {
+        "skip_unchanged": job["skip_unchanged"],
+        "progress": lambda fraction, stage: None,  # where a signal gets through
+        "threads": job["threads"],
+    }
     try:
-        done = build_file(
-            source,
-            Path(output),
-            Options.of(job["options"]),
-            skip_unchanged=job["skip_unchanged"],
-            progress=lambda fraction, stage: None,  # where a signal gets through
-            threads=job["threads"],
-        )
+        if in_units([source], Path(output), options, limits):
+            done = build_units([source], output, options, limits, **common)
+        else:
+            done = build_file(source, Path(output), options, **common)
     except Exception as error:
         done = {"input": source, "output": output, "status": "failed"}
         done["error"] = one_line(sentence_of(error, job["flags"], source, [source, output]))

@@ -75,6 +75,7 @@ def clusters(
 _BVH_FLAGS = {
     "triangles": "--generated",
     "parts": "--part",
+    "the resolution": "--resolution",
     "kmeans.clusters": "the first number of --kmeans",
     "kmeans.candidates": "the second number of --kmeans",
     "kmeans.iterations": "the third number of --kmeans",
@@ -95,6 +96,7 @@ def bvh(
     ),
     samples: int = option(1, "N", "Paths traced a pixel.", min=1),
     share: float = option(0.05, "F", "Of each picture that is traced.", min=0.0, max=1.0),
+    resolution: str = option("1024x768", "WxH", "Of the pictures, multiples of 16."),
     width: list[int] | None = option(
         None, "2|4|8", "Children a node; several times.  [default: 2, 8]"
     ),
@@ -137,7 +139,16 @@ def bvh(
     if device == "cuda":
         _bvh_on_device(inputs, builder or [], runs, output, scenes, as_json)
         return
-    effort = Effort(runs, samples, share, widths, threads, part or PARTS, builder or ())
+    effort = Effort(
+        runs,
+        samples,
+        share,
+        _resolution(resolution),
+        widths,
+        threads,
+        part or PARTS,
+        builder or (),
+    )
     with Bar() as bar:
         found = compare(inputs, effort, kmeans=parameters, progress=bar)
     _finish(found, "bvh", scenes, output, as_json, write, _print_bvh)
@@ -225,6 +236,14 @@ def _kmeans(text: str) -> Kmeans:
     except ValueError:
         fail(f"--kmeans is {text!r}, but must be three whole numbers such as 8,5,2")
     return Kmeans(clusters, candidates, iterations)
+
+
+def _resolution(text: str) -> tuple[int, int]:
+    try:
+        width, height = (int(part) for part in text.split("x"))
+    except ValueError:
+        fail(f"--resolution is {text!r}, but must be two whole numbers such as 1024x768")
+    return width, height
 
 
 def _bvh_on_device(

@@ -205,17 +205,25 @@ def command(
     options.check()
     if jobs < 1:
         fail(f"--jobs must be at least 1, not {jobs}")
+    limits = Limits(memory, work, resume)
     if ray is not None or dask is not None:
         _build_elsewhere(
-            inputs, output, options, (memory, work, resume), (ray, dask), as_json, threads
+            inputs, output, options, limits, (ray, dask), skip_unchanged, as_json, threads
         )
         return
-    if not is_many(inputs, output):
-        limits = Limits(memory, None if work is None else Path(work), resume)
-        _build_one(inputs[0], Path(output), options, limits, skip_unchanged, as_json, threads)
+    is_limited = limits != Limits() or unit_triangles is not None
+    is_one_asset = output.lower().endswith(".umbel") and not os.path.isdir(output)
+    if not is_many(inputs, output) or (is_limited and is_one_asset):
+        from umbel.cli.building.jobs import files_of
+
+        files = files_of(inputs) if is_many(inputs, output) else inputs
+        _build_one(files, output, options, limits, skip_unchanged, as_json, threads)
         return
-    if memory is not None or work is not None or resume or unit_triangles is not None:
-        fail("--memory, --work, --resume and --unit-triangles are for one input")
+    if is_limited:
+        fail(
+            "--memory, --work, --resume and --unit-triangles are for one asset: name it, as in "
+            "-o OUT.umbel, and all inputs become one mesh"
+        )
     from umbel.cli.building.build_many import build_many
 
     build_many(
@@ -235,16 +243,16 @@ def _build_elsewhere(
     inputs: list[str],
     output: str,
     options: Options,
-    limits: tuple[str | None, str | None, bool],
+    limits: Limits,
     engines: tuple[str | None, str | None],
+    skip_unchanged: bool,
     as_json: bool,
     threads: int,
 ) -> None:
     """One asset of all inputs, by the workers of a cluster."""
-    from umbel.cli.building.build_file import build_units_elsewhere
+    from umbel.cli.building.build_file import build_units
     from umbel.cli.outputs import check_output
     from umbel.cli.progress import Bar
-    from umbel.cli.summary import build_rows, print_rows
     from umbel.io.addresses import is_address
     from umbel.scale import Dask, Ray
 
@@ -260,19 +268,22 @@ def _build_elsewhere(
         check_output(Path(output), ".umbel", inputs=[i for i in inputs if not is_address(i)])
     executor = Ray(ray) if ray is not None else Dask(str(dask))
     with Bar(time_left=True) as bar:
-        result = build_units_elsewhere(
-            inputs, output, options, limits, executor, progress=bar, threads=threads
+        result = build_units(
+            inputs,
+            output,
+            options,
+            limits,
+            executor=executor,
+            skip_unchanged=skip_unchanged,
+            progress=bar,
+            threads=threads,
         )
-    if as_json:
-        show({**result, "warnings": heard}, as_json, output)
-    else:
-        name = inputs[0] if len(inputs) == 1 else f"{len(inputs)} inputs"
-        print_rows(f"{name} as a continuous-LOD asset, {output}", build_rows(result))
+    _show(result, inputs, output, as_json)
 
 
 def _build_one(
-    source: str,
-    output: Path,
+    sources: list[str],
+    output: str,
     options: Options,
     limits: Limits,
     skip_unchanged: bool,
@@ -282,26 +293,29 @@ def _build_one(
     from umbel.cli.building.build_file import build_file, build_units, in_units
     from umbel.cli.outputs import check_output
     from umbel.cli.progress import Bar
+
+    check_output(Path(output), ".umbel", inputs=sources)
+    units = in_units(sources, Path(output), options, limits)
+    with Bar(time_left=units) as bar:
+        common: dict[str, Any] = {
+            "skip_unchanged": skip_unchanged,
+            "progress": bar,
+            "threads": threads,
+        }
+        if units:
+            result = build_units(sources, output, options, limits, **common)
+        else:
+            result = build_file(sources[0], Path(output), options, **common)
+    _show(result, sources, output, as_json)
+
+
+def _show(result: dict[str, Any], sources: list[str], output: str, as_json: bool) -> None:
     from umbel.cli.summary import build_rows, print_rows
 
-    check_output(output, ".umbel", inputs=[source])
-    units = in_units(source, output, options, limits)
-    with Bar(time_left=units) as bar:
-        if units:
-            result = build_units(source, output, options, limits, progress=bar, threads=threads)
-        else:
-            result = build_file(
-                source,
-                output,
-                options,
-                skip_unchanged=skip_unchanged,
-                progress=bar,
-                threads=threads,
-            )
     if as_json:
-        show({**result, "warnings": heard}, as_json, str(output))
+        show({**result, "warnings": heard}, as_json, output)
     elif result["status"] == "unchanged":
         print(f"{output} is up to date")
     else:
-        name = os.path.basename(source)
+        name = os.path.basename(sources[0]) if len(sources) == 1 else f"{len(sources)} inputs"
         print_rows(f"{name} as a continuous-LOD asset, {output}", build_rows(result))

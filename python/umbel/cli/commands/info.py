@@ -30,7 +30,7 @@ def _asset_info(path: str) -> dict[str, Any]:
     from umbel.cli.measure import sha256_of, total_counts
     from umbel.io.addresses import is_address
     from umbel.lod.asset import Asset
-    from umbel.lod.instances import all_instances
+    from umbel.lod.instances import instances_of_meshes
 
     asset = Asset(path)
     info = asset.info
@@ -39,8 +39,8 @@ def _asset_info(path: str) -> dict[str, Any]:
     counts = [
         mesh | found for mesh, found in zip(asset.meshes, asset._native.summaries(), strict=True)
     ]
-    drawn = [asset.meshes[mesh] for mesh, _ in all_instances(asset)]
-    triangles = sum(mesh["source_triangles"] for mesh in drawn)
+    drawn = list(zip(instances_of_meshes(asset).tolist(), asset.meshes, strict=True))
+    triangles = sum(count * mesh["source_triangles"] for count, mesh in drawn)
     names = ("normals", "tangents", "uvs", "colors")
     return {
         "input": path,
@@ -48,13 +48,13 @@ def _asset_info(path: str) -> dict[str, Any]:
         "format_version": info["format_version"],
         **stored,
         "input_triangles": triangles,
-        "input_vertices": sum(mesh["source_vertices"] for mesh in drawn),
+        "input_vertices": sum(count * mesh["source_vertices"] for count, mesh in drawn),
         "stored_triangles": info["source_triangles"],
         **total_counts(counts, info["max_triangles"]),
         "pages": info["pages"],
         "materials": _material_count(asset, counts),
         "meshes": len(asset.meshes),
-        "instances": len(drawn),
+        "instances": asset.instance_count,
         "bounds": _bounds(asset),
         "origin": list(info["origin"]),
         "coordinates": asset.coordinates,

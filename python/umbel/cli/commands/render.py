@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from umbel.trace.renderer import Film, Renderer
 
 _COARSE = 20_000  # triangles of the cut on which an asset's cameras are chosen
+_INSTANCES_BUDGET = "2GB"  # for trees of instances, which are not made one mesh
 
 
 _FLAGS = {
@@ -71,7 +72,8 @@ def command(
         None,
         "SIZE",
         "Most memory of an asset's pages and of what is traced, as in 64MB; errors grow "
-        "where it is not enough. Instances share what they show.",
+        "where it is not enough. Instances share what they show.  [default: none, 2GB for a "
+        "tree of instances]",
     ),
     bounce_error: float = option(
         1.0,
@@ -136,6 +138,10 @@ def command(
         denoiser()
     if exposure != "auto":
         tone_map([[[0.0, 0.0, 0.0]]], exposure)  # says now what is wrong with it
+    if method is Accel.lod and budget is None and _has_instance_tree(source):
+        if heatmap is not None:
+            fail("--heatmap is not for assets with a tree of instances")
+        budget = _INSTANCES_BUDGET
     limit = None if budget is None else bytes_of("--budget", budget)
     if limit is not None and (method is not Accel.lod or ground):
         fail("--budget is for .umbel assets with --accel lod, without --ground")
@@ -213,6 +219,12 @@ def _accel(source: str, accel: Accel | None, pixel_error: float | None) -> Accel
         if not pixel_error > 0:
             fail(f"--pixel-error must be more than 0, not {pixel_error}")
     return accel
+
+
+def _has_instance_tree(source: str) -> bool:
+    from umbel.lod.asset import Asset
+
+    return Asset(source).has_instance_tree
 
 
 def _environment(sun: str | None, light: str) -> Any:
@@ -339,7 +351,8 @@ class _Streamed:
         text = "auto:35,15" if text == "auto" else text
         view = Renderer(asset_boxes(self._asset), up=self._options["up"]).view(text, width, height)
         view = replace(view, pixel_error=self._pixel_error)
-        return CutRenderer(self._asset, view, self._budget, **self._options), view
+        aspect = width / height
+        return CutRenderer(self._asset, view, self._budget, aspect=aspect, **self._options), view
 
 
 def _result(path: Path, renderer: Renderer, film: Film, camera: Camera) -> dict[str, Any]:

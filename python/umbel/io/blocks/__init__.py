@@ -4,18 +4,19 @@ them."""
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from umbel import _umbel
-from umbel.errors import Error
-from umbel.geometry.mesh import Material
-from umbel.io import load
+from umbel.errors import Error, LoadWarning
+from umbel.geometry.mesh import Material, Mesh
+from umbel.io import load_scene
 from umbel.io.blocks import gltf, obj, ply, stl
 from umbel.io.blocks.layout import Layout
-from umbel.io.blocks.spool import spool, spool_mesh
+from umbel.io.blocks.spool import refuse_further, spool, spool_mesh
 from umbel.io.coordinates import sidecar
 
 __all__ = ["Source", "open_source"]
@@ -36,38 +37,58 @@ class Source:
     materials: list[Material] = field(default_factory=list)
     coordinates: dict[str, str] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)  #: that are read; none for an iterator
+    vertices: int | None = None  #: of all files, where they are known without reading those
 
 
-def open_source(source: Paths | Iterable[Any], work: str | os.PathLike[str]) -> Source:
-    """One file, several, or an iterable of blocks (anything with `positions` and `triangles`, and
-    perhaps `normals`, `tangents`, `uvs`, `colors` and `materials`; or pairs of the first two), as
-    one mesh: parts that have vertices at equal positions join there.
+def open_source(
+    source: Paths | Mesh | Iterable[Any], work: str | os.PathLike[str], attributes: bool = True
+) -> Source:
+    """One file, several, a mesh, or an iterable of blocks (meshes; anything with `positions` and
+    `triangles`, and perhaps `normals`, `tangents`, `uvs`, `colors` and `materials`, a number a
+    triangle; or pairs of the first two), as one mesh: parts that have vertices at equal positions
+    join there.
 
     Binary PLY and STL and uncompressed glTF are read where they are. All else is written once to
     tables in the folder `work`, which must stay: OBJ and iterables in little memory; text of the
     other formats, packed, compressed and skinned files as a whole, so those must fit into memory;
-    large meshes whose triangles jump about among their vertices.
+    large meshes whose triangles jump about among their vertices. Joints and further sets of texture
+    coordinates are refused, unless `attributes` are not wanted.
     """
     layout = Layout(Path(work))
+    coordinates: dict[str, str] = {}
     if isinstance(source, (str, os.PathLike)):
         files: list[Path] | None = [Path(source)]
     elif isinstance(source, Sequence) and all(isinstance(p, (str, os.PathLike)) for p in source):
         files = [Path(path) for path in source]
+    elif isinstance(source, Mesh):
+        files, coordinates = None, source.coordinates
+        _add_mesh(layout, source, source.source or source.name or "the mesh", attributes)
     else:
         files = None
-        spool(layout, source, "the blocks")
-    coordinates: dict[str, str] = {}
+        spool(layout, source, "the blocks", attributes)
     for file in files or []:
-        coordinates = coordinates or _add(layout, file)
+        said = _add(layout, file, attributes)
+        if said and coordinates and said != coordinates:
+            warnings.warn(
+                f"{file}: its coordinates are {_told(said)}, not {_told(coordinates)} as before; "
+                "they are read as the same",
+                LoadWarning,
+                stacklevel=2,
+            )
+        coordinates = coordinates or said
     if files is not None and not files:
         raise Error("there are no files to read")
     native = layout.finished()
     native.put_in_order(layout.work / "sorted_", _LEAST_BYTES, _BLOCK)
     triangles = _umbel.TableSource(native)
-    return Source(triangles, layout.materials, coordinates, files or [])
+    return Source(triangles, layout.materials, coordinates, files or [], layout.vertices)
 
 
-def _add(layout: Layout, file: Path) -> dict[str, str]:
+def _told(coordinates: dict[str, str]) -> str:
+    return ", ".join(f"{key} {value[:40]}" for key, value in coordinates.items())
+
+
+def _add(layout: Layout, file: Path, attributes: bool) -> dict[str, str]:
     """Adds a file; gives what it says of its coordinates."""
     kinds = {
         ".ply": ply.lay_out,
@@ -79,6 +100,14 @@ def _add(layout: Layout, file: Path) -> dict[str, str]:
     lay_out = kinds.get(file.suffix.lower())
     if lay_out is not None and lay_out(layout, file):
         return {**(gltf.COORDINATES if lay_out is gltf.lay_out else {}), **sidecar(file)}
-    mesh = load(file)
-    spool_mesh(layout, mesh, str(file))
+    scene = load_scene(file)
+    gltf.warn_of_nodes(scene, file)
+    mesh = scene.flatten()
+    _add_mesh(layout, mesh, str(file), attributes)
     return mesh.coordinates
+
+
+def _add_mesh(layout: Layout, mesh: Mesh, name: str, attributes: bool) -> None:
+    if attributes:
+        refuse_further(mesh, name)
+    spool_mesh(layout, mesh, name)

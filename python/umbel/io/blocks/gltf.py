@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from umbel.errors import Error, LoadWarning, warn_lost
 from umbel.io.blocks.layout import Column, Layout
 from umbel.io.coordinates import GLTF as COORDINATES
 from umbel.io.files import GZIP, read_head
@@ -17,7 +19,7 @@ from umbel.io.gltf.materials import read_material
 from umbel.io.gltf.nodes import Nodes
 from umbel.io.gltf.reader import check_header
 from umbel.io.gltf.schema import check_schema
-from umbel.io.scene import NO_MATERIAL
+from umbel.io.scene import NO_MATERIAL, Instance, Scene
 
 __all__ = ["COORDINATES", "lay_out"]
 
@@ -62,7 +64,16 @@ def lay_out(layout: Layout, path: Path) -> bool:
     except _Whole:
         return False
     plan.add_to(layout)
+    warn_of_nodes(plan.scene(), path)
     return True
+
+
+def warn_of_nodes(scene: Scene, path: Path) -> None:
+    """Says what gets lost as all becomes one mesh."""
+    lost = scene.merge_loss()
+    if lost:
+        sentence = f"{path}: {lost}; only a build in memory, with instances on, keeps its nodes"
+        warnings.warn(sentence, LoadWarning, stacklevel=5)
 
 
 class _Plan:
@@ -167,11 +178,33 @@ class _Plan:
             raise _Whole
         return path, 0, length
 
+    def _view(self, index: int) -> bytes:
+        """The bytes of an image that is in a buffer."""
+        view = self.buffers.item("bufferViews", index, "an image")
+        try:
+            path, at, size = self._buffer(view["buffer"])
+        except _Whole:  # a buffer that is not a plain file
+            return self.buffers.view(index, "an image")[0]
+        offset, length = view.get("byteOffset", 0), view["byteLength"]
+        if view.get("extensions") or offset + length > size:
+            raise Error(f"bufferViews[{index}] of an image is not in its buffer")
+        with path.open("rb") as file:
+            file.seek(at + offset)
+            return file.read(length)
+
+    def scene(self) -> Scene:
+        """Where its meshes are, without them."""
+        drawn = dict.fromkeys(node for node, *_ in self.parts)
+        instances = [Instance(0, self.nodes.world(node), "", node) for node in drawn]
+        return Scene(instances=instances, tree={"nodes": self.root.get("nodes") or []})
+
     def add_to(self, layout: Layout) -> None:
-        offset = len(layout.materials)
-        textures = texture_reader(self.buffers, [])
+        lost: list[str] = []
+        textures = texture_reader(self.buffers, lost, self._view)
         entries = self.root.get("materials") or []
-        layout.materials += [read_material(entry, textures.image) for entry in entries]
+        numbers = layout.shared.add([read_material(entry, textures.image) for entry in entries])
+        if lost:
+            warn_lost(f"{self.path} was read without", lost)
         files: dict[Path, int] = {}
         tables: dict[tuple[int, str], Column] = {}
 
@@ -195,7 +228,7 @@ class _Plan:
                 triangles = self._accessor(indices)["count"] // 3
             number = None if not entries else material
             if number is not None and number != NO_MATERIAL:
-                number += offset
+                number = numbers[number]
             layout.add_part(
                 str(self.path), columns, triangles, number, transform=self.nodes.world(node)
             )

@@ -10,6 +10,7 @@ import numpy as np
 
 from umbel import _umbel
 from umbel.geometry.mesh import Material
+from umbel.io.blocks.shared_materials import SharedMaterials
 from umbel.io.scene import NO_MATERIAL
 
 #: Table, NumPy's name of the type without its byte order, offsets in the row, whether integers
@@ -33,9 +34,15 @@ class Layout:
     """Collects files, tables and parts, and the materials of all of them."""
 
     work: Path
-    materials: list[Material] = field(default_factory=list)
+    shared: SharedMaterials = field(default_factory=SharedMaterials)
     native: Any = field(default_factory=_umbel.TableLayout)
     parts: list[_Part] = field(default_factory=list)
+    vertices: int | None = 0  #: of all parts; None where a part's are not known
+    _rows: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def materials(self) -> list[Material]:
+        return self.shared.all
 
     def add_file(self, path: Path) -> int:
         return int(self.native.add_file(path))
@@ -43,7 +50,9 @@ class Layout:
     def add_table(
         self, file: int, offset: int, stride: int, rows: int, big_endian: bool = False
     ) -> int:
-        return int(self.native.add_table(file, offset, stride, rows, big_endian))
+        table = int(self.native.add_table(file, offset, stride, rows, big_endian))
+        self._rows[table] = rows
+        return table
 
     def add_part(
         self,
@@ -54,9 +63,15 @@ class Layout:
         color_divisor: float = 1.0,
         transform: np.ndarray[Any, Any] | None = None,
         may_miss: bool = False,
+        vertices: int | None = None,
     ) -> None:
         """A mesh with vertices of its own. `material`: of all triangles, or what is added to the
-        numbers in a column; None: it has none."""
+        numbers in a column; None: it has none. `vertices`: how many, where no table says it."""
+        table, _, offsets, _ = columns["positions"]
+        if table in self._rows:
+            vertices = self._rows[table] * (len(offsets) // 3)
+        if self.vertices is not None:
+            self.vertices = None if vertices is None else self.vertices + vertices
         if transform is not None and np.array_equal(transform, np.eye(4)):
             transform = None
         rows = None if transform is None else transform[:3].reshape(-1).tolist()

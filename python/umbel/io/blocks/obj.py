@@ -22,8 +22,7 @@ def lay_out(layout: Layout, path: Path) -> bool:
         warnings.warn(note.decode("utf-8", "replace"), LoadWarning, stacklevel=4)
     material = None
     if found["has_materials"]:
-        material = len(layout.materials)
-        layout.materials += materials_of(found, Folder(path.parent), where)
+        material = layout.shared.add_in_order(materials_of(found, Folder(path.parent), where))
     layout.add_part(
         where,
         found["columns"],
@@ -31,5 +30,6 @@ def lay_out(layout: Layout, path: Path) -> bool:
         material,
         found["color_divisor"],
         may_miss=found["misses_material"],
+        vertices=found["vertices"],
     )
     return True

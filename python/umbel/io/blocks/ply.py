@@ -72,8 +72,8 @@ def lay_out(layout: Layout, path: Path) -> bool:
         )
     material = None
     if "materials" in columns:
-        material = len(layout.materials)
-        layout.materials += [Material(name=f"material_{k}") for k in range(largest + 1)]
+        named = [Material(name=f"material_{k}") for k in range(largest + 1)]
+        material = layout.shared.add_in_order(named)
     layout.add_part(str(path), columns, triangles, material)
     return True
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from umbel.errors import Error
-from umbel.geometry.mesh import Mesh, to_uint32
+from umbel.geometry.mesh import Material, Mesh, to_uint32
 from umbel.io.blocks.layout import Column, Layout
+from umbel.io.blocks.shared_materials import SharedMaterials
 from umbel.io.files import replacing
 
 _WIDTHS = {"positions": 3, "normals": 3, "tangents": 4, "uvs": 2, "colors": 4}
@@ -19,26 +20,21 @@ _MOST_VERTICES = 2**32 - 2
 _BLOCK = 1 << 20
 
 
-def spool(layout: Layout, blocks: Iterable[Any], name: str) -> None:
+def spool(layout: Layout, blocks: Iterable[Any], name: str, attributes: bool = True) -> None:
     """Adds what an iterable gives, block by block. Blocks have the same streams."""
     streams: list[str] | None = None
-    rows = _checked(blocks, name)
+    rows = _checked(blocks, name, layout.shared, attributes)
     first = next(rows, None)
     while first is not None:
         streams = streams or list(first[0])
         first = _spool_part(layout, first, rows, name, streams)
-    if streams is None:
-        raise Error(f"{name} hold no triangles")
 
 
 def spool_mesh(layout: Layout, mesh: Mesh, name: str) -> None:
     """Adds a mesh that is in memory."""
-    if mesh.joints is not None or mesh.uv_sets:
-        raise Error(f"{name}: joints and further texture coordinates cannot be read in blocks")
     offset = None
     if mesh.material_ids is not None:
-        offset = len(layout.materials)
-        layout.materials += mesh.materials
+        offset = layout.shared.add_in_order(mesh.materials)
     vertices = {
         key: getattr(mesh, key)
         for key in _WIDTHS
@@ -53,11 +49,36 @@ def spool_mesh(layout: Layout, mesh: Mesh, name: str) -> None:
 Rows = tuple[dict[str, NDArray[Any]], NDArray[np.uint32], NDArray[np.uint32] | None]
 
 
-def _checked(blocks: Iterable[Any], name: str) -> Iterator[Rows]:
-    """The arrays of each block that has triangles."""
+def refuse_further(mesh: Mesh, name: str) -> None:
+    """Raises where a mesh has attributes that tables of vertices do not."""
+    found = "joints" if mesh.joints is not None else "further sets of texture coordinates"
+    if mesh.joints is not None or mesh.uv_sets:
+        raise Error(
+            f"{name} has {found}, which only a build in memory keeps; in units it can be built "
+            "without attributes"
+        )
+
+
+def _checked(
+    blocks: Iterable[Any], name: str, shared: SharedMaterials, attributes: bool
+) -> Iterator[Rows]:
+    """The arrays of each block that has triangles. Materials of meshes are added to those known."""
+    known: list[Material] | None = None
+    number = 0
+    is_empty = True
     for k, block in enumerate(blocks):
         place = f"{name}: block {k}"
-        if isinstance(block, (tuple, list)) and len(block) == 2:
+        mesh: dict[str, Any]
+        if isinstance(block, Mesh):
+            if attributes:
+                refuse_further(block, place)
+            mesh = {key: getattr(block, key) for key in _WIDTHS}
+            mesh |= {"positions": block.world_positions, "triangles": block.triangles}
+            if block.material_ids is not None:
+                if block.materials != known:
+                    known, number = block.materials, shared.add_in_order(block.materials)
+                mesh["materials"] = block.material_ids + np.uint32(number)
+        elif isinstance(block, (tuple, list)) and len(block) == 2:
             mesh = {"positions": block[0], "triangles": block[1]}
         else:
             mesh = {key: getattr(block, key, None) for key in (*_WIDTHS, "triangles", "materials")}
@@ -73,6 +94,7 @@ def _checked(blocks: Iterable[Any], name: str) -> Iterator[Rows]:
         for key, array in arrays.items():
             if len(array) != count:
                 raise Error(f"{place} has {count} positions and {len(array)} of {key}")
+        is_empty = False
         if not len(triangles):
             continue
         if int(triangles.max()) >= count:
@@ -85,6 +107,9 @@ def _checked(blocks: Iterable[Any], name: str) -> Iterator[Rows]:
         if materials is not None and np.shape(materials) != (len(triangles),):
             raise Error(f"{place}: materials must have one entry a triangle")
         yield arrays, triangles, None if materials is None else to_uint32(np.asarray(materials))
+    # Most likely an iterator that has been used up; a mesh without triangles is one.
+    if is_empty:
+        raise Error(f"there are no blocks in {name}")
 
 
 def _rows(values: Any, width: int, what: str) -> NDArray[Any]:

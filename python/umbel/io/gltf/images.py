@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from umbel.errors import Error
 from umbel.io.gltf.buffers import Buffers, Json, data_uri
 from umbel.io.gltf.textures import Source, TextureReader
 
 
-def texture_reader(buffers: Buffers, lost: list[str]) -> TextureReader:
+def texture_reader(
+    buffers: Buffers, lost: list[str], view: Callable[[int], bytes] | None = None
+) -> TextureReader:
     """The textures of a file. What is damaged or outside the file's folder is left out, and a
     sentence added to `lost`; the mesh does not depend on it. A file that is missing is for its
-    user to name."""
-    return TextureReader(buffers.root, lambda entry: _source(entry, buffers, lost))
+    user to name. `view` gives the bytes of a buffer view where `buffers` do not have them."""
+    read = view or (lambda index: buffers.view(index, "an image")[0])
+    return TextureReader(buffers.root, lambda entry: _source(entry, buffers, lost, read))
 
 
-def _source(entry: Json, buffers: Buffers, lost: list[str]) -> Source:
+def _source(entry: Json, buffers: Buffers, lost: list[str], view: Callable[[int], bytes]) -> Source:
     uri = entry.get("uri")
     try:
         if isinstance(uri, str) and uri.startswith("data:"):
@@ -22,7 +27,7 @@ def _source(entry: Json, buffers: Buffers, lost: list[str]) -> Source:
         if isinstance(uri, str) and buffers.folder is not None:
             return None, buffers.folder.find_uri(uri, may_miss=True)
         if "bufferView" in entry:
-            return buffers.view(entry["bufferView"], "an image")[0], None
+            return view(entry["bufferView"]), None
     except Error as error:
         sentence = str(error).removeprefix(f"{buffers.where}: ")
         lost.append(f"an image: {sentence}")
