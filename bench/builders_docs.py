@@ -46,7 +46,7 @@ OTHERS = ("kdtree", "grid", "bih")
 
 def short(scene: str) -> str:
     """A scene's name in the tables."""
-    return re.sub(r"^bench_|_\d+k$|_dabrovic.*|_city$", "", scene)
+    return re.sub(r"^bench_|^littlest_|(_mri_iso)?_\d+k$|_dabrovic.*|_city$", "", scene)
 
 
 def mean(values: Sequence[str]) -> float | None:
@@ -67,18 +67,21 @@ def hierarchies(lines: str) -> str:
 
 
 class Run:
-    """The tables of a run."""
+    """The tables of a run, or of several on a scene each."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, *folders: Path) -> None:
+        self.folders = folders
         self.rows = self._read("bvh.csv")
         self.scenes = list(dict.fromkeys(row["scene"] for row in self.rows))
         self.builders = list(dict.fromkeys(row["builder"] for row in self.rows))
         self._at = {(row["scene"], row["builder"], int(row["width"])): row for row in self.rows}
 
     def _read(self, name: str) -> list[Row]:
-        with (self.folder / name).open() as file:
-            return list(csv.DictReader(file))
+        rows = []
+        for folder in self.folders:
+            with (folder / name).open() as file:
+                rows += list(csv.DictReader(file))
+        return rows
 
     def of(self, builder: str, field: str, width: int) -> list[str]:
         """A figure of a builder on each scene."""
@@ -97,7 +100,7 @@ class Run:
     def scenes_table(self) -> str:
         lines = []
         for scene in self.scenes:
-            row = self._at[scene, "kmeans", 2]
+            row = next(r for r in self.rows if (r["scene"], r["builder"]) == (scene, "kmeans"))
             rays = f"{float(row['sample_rays']) * 1e-6:.1f} M"
             lines.append([short(scene), f"{int(row['triangles']):,}", row["kmeans"], rays])
         return table(["scene", "triangles", "k-means", "rays a sample of a picture"], lines)

@@ -1,5 +1,5 @@
 """Tables and charts of a run that documents show: what stands in a document between
-`<!-- NAME: from a run -->` and `<!-- end -->` is replaced."""
+`<!-- NAME: from SOURCE -->` and `<!-- end -->` is replaced."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def fill(document: Path, texts: Mapping[str, str]) -> None:
-    """Puts the texts where they belong; all places must be known and filled."""
+def fill(document: Path, texts: Mapping[str, str], source: str = "a run") -> None:
+    """Puts the texts where they belong; all places of this source must be known and filled."""
     content = document.read_text()
-    places = re.findall(r"<!-- (.+): from a run -->", content)
+    places = re.findall(rf"<!-- (.+): from {source} -->", content)
     if sorted(places) != sorted(texts):
         raise SystemExit(f"{document.name} has places for {places}, but there are {list(texts)}")
     for name, text in texts.items():
-        pattern = rf"(<!-- {re.escape(name)}: from a run -->\n).*?(<!-- end -->)"
+        pattern = rf"(<!-- {re.escape(name)}: from {source} -->\n).*?(<!-- end -->)"
         content = re.sub(
             pattern, lambda found, text=text: f"{found[1]}{text}\n{found[2]}", content, flags=re.S
         )

@@ -14,5 +14,16 @@ foreach(source ${umbel_bench_sources})
   endif()
 endforeach()
 
+# Counts loads and stores by the calls that -fsanitize=thread puts into code: bench/device_memory
+# has these functions, and nothing is sanitized. Counts are of code at -O1, which keeps loads as they
+# are written.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  target_sources(device_counts PRIVATE ${PROJECT_SOURCE_DIR}/bench/device_memory/calls.cpp)
+  set_source_files_properties(${PROJECT_SOURCE_DIR}/bench/device_counts.cpp
+                              PROPERTIES COMPILE_OPTIONS "-O1;-fsanitize=thread;-Wno-tsan")
+else()
+  set_target_properties(device_counts PROPERTIES EXCLUDE_FROM_ALL ON)
+endif()
+
 include(UmbelTinybvh)
 include(UmbelUfbx)

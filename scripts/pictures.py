@@ -28,6 +28,10 @@ PICTURES = {
     "--spp 64 --denoise",
     "sponza": "sponza_dabrovic_66k.obj --camera=-9.5,1.6,-0.4:4,4,0.1:75 --sun 40,66 "
     "--spp 96 --denoise",
+    "chess": "textured/chess-board.glb --ground --camera=-251.7,140.1,-343.5:-14,-4,-4:21 "
+    "--sun 150,40 --spp 64 --denoise",
+    "cat": "textured/cat.glb --ground --camera=2.05,0.9,4.51:0.08,0.45,-0.06:15 --sun 70,40 "
+    "--spp 64 --denoise",
 }
 SIZE = "--width 880 --height 550"
 

@@ -1,6 +1,6 @@
 """Builds meshes in units by processes of their own, and checks what comes out.
 
-    .venv/bin/python scripts/units_experiment.py FOLDER [--capacity 4096] [--only PART_OF_NAME]
+    .venv/bin/python scripts/units_experiment.py FOLDER [--capacity 4096] [--rounds N] [--only PART]
 
 For each mesh file of the folder: one worker, one worker with the units in reverse order, two and
 four workers must give the same bytes, and every result must pass `verify`. Runs build/release's
@@ -41,12 +41,12 @@ def write_raw(mesh: umbel.Mesh, path: Path) -> None:
             file.write(np.uint64(len(array)).tobytes() + array.tobytes())
 
 
-def lines_of(program: Path, mesh: Path, capacity: int) -> list[str]:
+def lines_of(program: Path, mesh: Path, capacity: int, rounds: int) -> list[str]:
     """What each way to run gives."""
     lines = []
     for workers, order in RUNS:
         with tempfile.TemporaryDirectory() as work:
-            command = [str(program), str(mesh), work, str(capacity), workers, order]
+            command = [str(program), str(mesh), work, str(capacity), workers, order, str(rounds)]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             lines.append((done.stdout + done.stderr).strip())
     return lines
@@ -57,6 +57,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--capacity", type=int, default=4096)
+    parser.add_argument("--rounds", type=int, default=0, help="levels a tier; 0: by the capacity")
     parser.add_argument("--only", default="")
     parser.add_argument("--least", type=int, default=0, help="leave out meshes of fewer triangles")
     parser.add_argument("--most", type=int, default=1 << 32, help="and of more")
@@ -75,10 +76,13 @@ def main() -> int:
             except umbel.Error as error:
                 print(f"{path.name}: not read: {error}", flush=True)
                 continue
+            if not len(mesh.triangles):
+                print(f"{path.name}: no triangles", flush=True)
+                continue
             if not args.least <= len(mesh.triangles) <= args.most:
                 continue
             write_raw(mesh, raw)
-            lines = lines_of(args.program, raw, args.capacity)
+            lines = lines_of(args.program, raw, args.capacity, args.rounds)
         good = len(set(lines)) == 1 and "verify ok" in lines[0]
         failed += not good
         shown = lines[:1] if good else lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -13,6 +14,8 @@ import pytest
 
 import umbel
 from helpers.commands import ROOT
+from umbel.testing import giant
+from umbel.viewer.server import PAGE
 
 PYTHON_EXAMPLES = sorted((ROOT / "examples" / "python").glob("*.py"))
 BUILD = ROOT / "build" / "release"
@@ -46,6 +49,24 @@ def path_with_umbel(tmp_path: Path) -> str:
 @pytest.mark.parametrize("example", PYTHON_EXAMPLES, ids=lambda path: path.stem)
 def test_python_examples_run(example: Path, tmp_path: Path) -> None:
     assert _run(sys.executable, example, folder=tmp_path)
+
+
+def test_the_city_is_built_once(tmp_path: Path) -> None:
+    script = ROOT / "examples" / "city" / "city.py"
+    options = ("--triangles", "30e3", "--tile-lots", "1", "--unit-triangles", "20000")
+    command = (sys.executable, script, "city", *options, "--memory", "1GB")
+    said = _run(*command, "--until", "asset", folder=tmp_path)
+    assert re.search(r"^tiles: .*\"files\": 4", said, re.MULTILINE)
+    city = tmp_path / "city"
+    figures = json.loads((city / "figures.json").read_text())
+    asset = umbel.Asset(city / "city.umbel")
+    assert sum(m.images != {} for m in asset.materials) == 9 == len(asset.materials)
+    assert len(asset.mesh(asset.cut(level=0)).triangles) == figures["tiles"]["triangles"]
+    assert umbel.verify(city / "city.umbel")
+    if PAGE.is_dir():
+        assert "asset: done before" in _run(*command, "--until", "site", folder=tmp_path)
+        assert (city / "site" / "index.html").is_file()
+    assert "| asset |" in (city / "figures.md").read_text()
 
 
 def test_python_examples_take_files(blob_ply: Path, tmp_path: Path) -> None:
@@ -101,6 +122,8 @@ def test_cpp_examples_run(installed: Path, tmp_path: Path) -> None:
     assert "clusters" in _run(build / "1_clusters", folder=tmp_path)
     assert ": ok" in _run(build / "2_levels_of_detail", folder=tmp_path)
     assert "nodes from the file" in _run(build / "3_rays", folder=tmp_path)
+    assert ": ok" in _run(build / "4_larger_than_memory", folder=tmp_path)
+    assert not (tmp_path / "terrain.umbel.work").exists()
 
 
 def test_c_examples_run(installed: Path, tmp_path: Path) -> None:
@@ -130,12 +153,14 @@ def test_readme_shell_runs(blob_ply: Path, tmp_path: Path, path_with_umbel: str)
     shutil.copy(blob_ply, tmp_path / "dragon.ply")
     (tmp_path / "models" / "trees").mkdir(parents=True)
     umbel.save(tmp_path / "models" / "trees" / "oak.glb", umbel.shapes.torus(12, 8))
+    giant.write_tiles(giant.city(2000, seams=True), tmp_path / "tiles", ".glb", 1000)
     lines = [line for line in _readme("sh").splitlines() if line.startswith("umbel ")]
     assert len(lines) >= 4
     # The viewer serves until it is interrupted (see test_view.py).
     lines = [line for line in lines if not line.startswith("umbel view ")]
     _run("bash", "-ec", "\n".join(lines), folder=tmp_path, PATH=path_with_umbel)
     assert (tmp_path / "assets" / "trees" / "oak.umbel").is_file()
+    assert (tmp_path / "city.png").is_file()
 
 
 def test_readme_cpp_runs(installed: Path, tmp_path: Path) -> None:

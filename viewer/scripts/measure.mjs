@@ -12,7 +12,7 @@
 
 import { spawn } from "node:child_process";
 import { resolve } from "node:path";
-import { chromium } from "@playwright/test";
+import { launch } from "./chromium.mjs";
 
 const LOADS = 7;
 const CUTS = 1000;
@@ -29,16 +29,7 @@ const url = await new Promise((found, failed) => {
   server.stdout.once("data", (line) => found(JSON.parse(line).url));
   server.once("error", failed);
 });
-const browser = await chromium.launch({
-  executablePath: process.env.UMBEL_CHROMIUM ?? "/usr/bin/chromium",
-  args: [
-    "--headless",
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--js-flags=--expose-gc",
-  ],
-});
+const browser = await launch();
 
 function median(numbers) {
   return numbers.sort((a, b) => a - b)[Math.floor(numbers.length / 2)];

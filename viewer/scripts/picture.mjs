@@ -9,7 +9,7 @@ import { spawn } from "node:child_process";
 import { writeFileSync } from "node:fs";
 import { resolve } from "node:path";
 import { fileURLToPath } from "node:url";
-import { chromium } from "@playwright/test";
+import { launch } from "./chromium.mjs";
 
 const OUT = fileURLToPath(new URL("../../docs/images/viewer.jpg", import.meta.url));
 const WIDTH = 640;
@@ -31,10 +31,7 @@ const url = await new Promise((found, failed) => {
   server.stdout.once("data", (line) => found(JSON.parse(line).url));
   server.once("error", failed);
 });
-const browser = await chromium.launch({
-  executablePath: process.env.UMBEL_CHROMIUM ?? "/usr/bin/chromium",
-  args: ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-});
+const browser = await launch();
 const page = await browser.newPage({
   viewport: { width: WIDTH + 300, height: HEIGHT },
   deviceScaleFactor: 1.5,

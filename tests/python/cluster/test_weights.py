@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import umbel
+from helpers.commands import Umbel
 from umbel.cluster.weights import DEFAULTS, face_normals, normal_connections, weights_of
 
 
@@ -63,6 +66,39 @@ def test_mixes_are_read_by_name() -> None:
     for wrong in ("", "edges", "normals=-1", "normals=x", "normals=inf", "normals,normals"):
         with pytest.raises(umbel.Error):
             weights_of(wrong)
+
+
+@pytest.mark.parametrize(
+    ("text", "mix"),
+    [
+        ("normals", {"normal_weight": DEFAULTS["normals"]}),
+        ("shared-vertices=0.3,normals=4", {"shared_vertex_weight": 0.3, "normal_weight": 4.0}),
+    ],
+)
+def test_the_command_takes_weights_by_name(
+    umbel_command: Umbel, tmp_path: Path, text: str, mix: dict[str, float]
+) -> None:
+    mesh, kept = roof(), tmp_path / "clusters.npz"
+    umbel.save(tmp_path / "roof.ply", mesh)
+    flags = ("cluster", tmp_path / "roof.ply", "--max-triangles", 64, "--json")
+    plain = umbel_command(*flags).json
+    said = umbel_command(*flags, "--weights", text, "-o", kept).json
+    assert said["max_size"] <= 64 and plain["ratio_cut"] == 0 < said["ratio_cut"]
+    made = umbel.cluster_mesh(mesh, 64, **mix)
+    with np.load(kept) as arrays:
+        assert np.array_equal(arrays["items"], made.items)
+        assert np.array_equal(arrays["offsets"], made.offsets)
+    assert spread(mesh, made) < 0.5 * spread(mesh, umbel.cluster_mesh(mesh, 64))
+
+
+def test_the_command_refuses_weights_that_do_not_exist(
+    umbel_command: Umbel, tmp_path: Path
+) -> None:
+    umbel.save(tmp_path / "roof.ply", roof(4, 4))
+    for wrong, word in (("edges", "edges"), ("normals=-1", "normals")):
+        done = umbel_command("cluster", tmp_path / "roof.ply", "--weights", wrong, "--json")
+        assert done.status == 1 and word in done.json["error"]
+        assert len(done.err.strip().splitlines()) == 1
 
 
 def test_normals_need_bisection_and_a_mesh() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import importlib.util
 import math
 import re
@@ -16,7 +17,7 @@ import umbel
 from helpers.commands import Umbel
 from umbel.accel.tree_options import builders
 from umbel.accel.trees import build_bvh2, kmeans_times
-from umbel.bench.bvh import columns, methods, paths, report, totals
+from umbel.bench.bvh import columns, methods, paths, report, totals, tracing
 from umbel.bench.bvh import compare as bench
 from umbel.bench.bvh import kmeans as bvh_kmeans
 from umbel.bench.bvh.plant import GROUND, plant
@@ -98,12 +99,12 @@ def test_the_cheapest_builder_is_the_lower_envelope() -> None:
 
 
 def test_a_sample_is_scaled_from_the_paths_to_the_pixels() -> None:
-    def view(count: int, traced: int) -> paths.View:
-        rays = (np.zeros((traced, 3), np.float32), np.zeros((traced, 3), np.float32))
-        return paths.View(count, [paths.Batch(rays, math.inf, False)])
-
-    pixels = paths.WIDTH * paths.HEIGHT
-    figures = bench.trace_figures([2.0, 1.0], [view(pixels // 4, 4000), view(pixels // 2, 8000)])
+    pixels = 64 * 48
+    tallies = [
+        tracing.Tally(2.0, pixels // 4, 4000),
+        tracing.Tally(1.0, pixels // 2, 8000),
+    ]
+    figures = tracing.trace_figures(tallies, pixels)
     assert figures == {
         "rays": 12000,
         "mrays_per_second": pytest.approx(0.004),
@@ -191,6 +192,51 @@ def test_builders_can_be_chosen(blob: umbel.Mesh) -> None:
     assert [row["builder"] for row in chosen.rows] == ["sweep", "binned", "ploc 2018", "ploc"]
     with pytest.raises(umbel.Error, match="no builder 'plock'"):
         methods.methods(Kmeans(8, 5, 2), ["plock"])
+
+
+def test_whole_pictures_are_traced_in_passes(blob: umbel.Mesh) -> None:
+    effort = methods.Effort(
+        runs=2,
+        samples=20,
+        share=1.0,
+        resolution=(32, 16),
+        widths=(2,),
+        threads=1,
+        parts=("builders",),
+        builders=("lbvh",),
+    )
+    assert tracing.passes(20) == [8, 8, 4]
+    sweep, lbvh = bench.compare({"blob": lambda: blob}, effort).rows
+    assert sweep["rays"] == lbvh["rays"] > 3 * 20 * 32 * 16  # three views, and shadow rays
+    for r in (sweep, lbvh):  # all of every picture was traced, so nothing is scaled up
+        assert r["sample_rays"] == pytest.approx(r["rays"] / 3 / 20)
+        assert r["sample_seconds"] == pytest.approx(
+            r["rays"] / r["mrays_per_second"] * 1e-6 / 3 / 20
+        )
+    cameras = scene("blob", lambda: blob, size=(32, 16)).cameras
+    first, second = (
+        paths.camera_rays(cameras[0], 1, 1.0, np.random.default_rng(seed), (32, 16))
+        for seed in (1, (1, 1))
+    )
+    assert len(first[1]) == 32 * 16 and not np.array_equal(first[1], second[1])
+
+
+@pytest.mark.parametrize(
+    ("samples", "share", "says"),
+    [
+        (8, 1.0, "8 paths a pixel of whole pictures were traced. .* LQ is measured, and HQ is 16"),
+        (128, 1.0, "whole pictures were traced, each ray once. .* HQ is measured"),
+        (2, 1.0, "whole pictures .* both in proportion"),
+        (1, 0.05, "1 path a pixel in 0.05 of the pictures' tiles .* extrapolated"),
+    ],
+)
+def test_the_report_says_what_is_extrapolated(
+    found: bench.Comparison, samples: int, share: float, says: str
+) -> None:
+    effort = methods.Effort(samples=samples, share=share, resolution=(256, 192))
+    text = report.report(dataclasses.replace(found, effort=effort))
+    assert re.search(says, text) and "Three views of 256 x 192" in text
+    assert ("extrapolated" in text) == (share < 1)
 
 
 def test_a_comparison_can_be_cancelled(blob: umbel.Mesh) -> None:
@@ -323,6 +369,7 @@ def test_command_writes_tables_and_charts(umbel_command: Umbel, tmp_path: Path) 
     said = done.json
     assert set(said) >= {"rows", "means", "cheapest", "stages", "iterations", "kmeans", "machine"}
     assert {r["width"] for r in said["rows"]} == {4} and said["share"] == 0.002
+    assert said["resolution"] == [1024, 768]
     assert said["kmeans"] == {"a mesh": "k 6, p 3, i 1"}
 
     for name, rows in {
@@ -364,6 +411,8 @@ def test_without_scenes_one_is_made(umbel_command: Umbel) -> None:
     [
         (("--width", 3), "2, 4 or 8"),
         (("--kmeans", "8,5"), "8,5,2"),
+        (("--resolution", "640"), "1024x768"),
+        (("--resolution", "640x360"), "--resolution must be multiples of 16, not 640 x 360"),
         (("--kmeans", "8,5,x"), "8,5,2"),
         (("--kmeans", "1,5,2", "--part", "builders"), "first number of --kmeans"),
         (("--part", "rays"), "builders, stages, iterations, not rays"),

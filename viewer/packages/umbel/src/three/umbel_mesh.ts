@@ -229,14 +229,17 @@ export class UmbelMesh extends Object3D {
   }
 
   private applyUpdates(start: number): void {
-    const count = this.updates.apply(start, (update) => this.apply(update));
+    const count = this.updates.apply(start, {
+      add: (group) => this.residents.add(group),
+      finish: (update) => this.finish(update),
+    });
     if (!this.updates.isEmpty) this.onChange?.();
     if (count > 0 && this.tintFunction) this.paint();
   }
 
-  private apply(update: StreamUpdate): void {
+  /** Of an update whose groups are uploaded. */
+  private finish(update: StreamUpdate): void {
     for (const group of update.removed) this.residents.remove(group);
-    for (const group of update.added) this.residents.add(group);
     this.statistics = update.statistics;
     this.pages = update.pages;
     if (!update.cuts) return;

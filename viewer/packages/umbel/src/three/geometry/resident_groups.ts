@@ -52,7 +52,9 @@ export class ResidentGroups {
     return found;
   }
 
+  /** Does nothing where the group is there. */
   add(group: RenderGroup): void {
+    if (this.groups.has(group.group)) return;
     const slot = this.slots.allocate(group.clusterCount);
     this.onSlots(slot + group.clusterCount);
     let [arena, allocation] = this.allocate(group, slot);
