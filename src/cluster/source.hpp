@@ -44,6 +44,7 @@ struct Source {
     s.positions = mesh.positions.data();
     s.vertices = reinterpret_cast<const uint32_t*>(mesh.triangles.data());
     s.arity = 3;
+    s.vertex_count = mesh.positions.size();
     s.shared_vertex_weight = shared_vertex_weight;
     return s;
   }
@@ -91,6 +92,7 @@ struct Source {
   const Vec3* positions = nullptr;
   const uint32_t* vertices = nullptr;  ///< `arity` an item, or null: connections have their bits
   uint32_t arity = 0;                  ///< 0: items have no vertices
+  size_t vertex_count = SIZE_MAX;      ///< all vertices are below it
   float shared_vertex_weight = 0.0f;
 };
 

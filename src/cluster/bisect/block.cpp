@@ -55,8 +55,8 @@ void Block::split_node(uint32_t begin, uint32_t end, uint32_t depth) {
   if (depth > 0 && !(presplit && end - begin > presplit)) best = find_split(begin, end);
   if (!best.position) best = median(begin, end);
   const uint32_t middle = begin + best.position;
-  const bool left_leaf = is_leaf(begin, middle, best.axis);
-  const bool right_leaf = is_leaf(middle, end, best.axis);
+  const bool left_leaf = is_leaf(begin, middle, best.axis, best.left_vertices);
+  const bool right_leaf = is_leaf(middle, end, best.axis, best.right_vertices);
   // Leaves need no other order than the one at hand.
   if (!left_leaf || !right_leaf) items_.partition(begin, end, best);
   const uint32_t left = depth > 0 ? depth - 1 : 0;
@@ -94,9 +94,11 @@ AxisSplit Block::median(uint32_t begin, uint32_t end) const {
   return {0.0f, n > most_items_ ? constraints_.middle(n) : n / 2, axis};
 }
 
-bool Block::is_leaf(uint32_t begin, uint32_t end, int axis) {
+// Its vertices are counted unless they are known.
+bool Block::is_leaf(uint32_t begin, uint32_t end, int axis, uint32_t vertices) {
   const uint32_t n = end - begin, max_vertices = constraints_.config.max_vertices;
   if (n > most_items_) return false;
+  if (max_vertices && vertices != kNone) return n == 1 || vertices <= max_vertices;
   return n == 1 || !max_vertices || uint64_t(n) * vertices_.per_item() <= max_vertices ||
          vertices_.within(items_, begin, end, axis, max_vertices);
 }

@@ -30,7 +30,7 @@ class Block {
   void split_halves(uint32_t begin, uint32_t middle, uint32_t end, uint32_t depth);
   AxisSplit find_split(uint32_t begin, uint32_t end);
   AxisSplit median(uint32_t begin, uint32_t end) const;
-  bool is_leaf(uint32_t begin, uint32_t end, int axis);
+  bool is_leaf(uint32_t begin, uint32_t end, int axis, uint32_t vertices = kNone);
   void write_cluster(uint32_t begin, uint32_t end, int axis);
 
   SplitConstraints constraints_{ClusterConfig{}};  ///< max_items is what vertices will allow

@@ -15,6 +15,7 @@ struct AxisSplit {
   float cost;
   uint32_t position = 0;  ///< items on the left; 0: none found
   int axis = 0;
+  uint32_t left_vertices = kNone, right_vertices = kNone;  ///< of the sides, where they are known
 };
 
 /// Items are named by local indices, from 0 on in the order in which they came.

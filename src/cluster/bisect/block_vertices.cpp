@@ -1,12 +1,14 @@
 #include "cluster/bisect/block_vertices.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace umbel::cluster {
 
 void BlockVertices::load(const Source& source, const uint32_t* items, uint32_t count) {
   vertices_ = source.vertices;
   arity_ = source.arity;
+  vertex_count_ = source.vertex_count;
   all_are_numbered_ = false;
   shared_.load(source, items, count);
 }
@@ -83,19 +85,8 @@ bool BlockVertices::within(const BlockItems& items, uint32_t begin, uint32_t end
 }
 
 void BlockVertices::enter(const BlockItems& items, uint32_t begin, uint32_t end) {
-  const uint32_t* order = items.order(0);
-  if (shared_.active()) {
-    node_count_ = count_by_bits(order, begin, end);
-    return;
-  }
-  if (!all_are_numbered_) {
-    number_items(items, order + begin, end - begin);
-    node_count_ = table_.count();
-    return;
-  }
-  reset();
-  node_count_ = 0;
-  for (uint32_t i = begin; i < end; ++i) node_count_ += insert(order[i]);
+  if (!shared_.active() && !all_are_numbered_)
+    number_items(items, items.order(0) + begin, end - begin);
 }
 
 void BlockVertices::number(const BlockItems& items) {
@@ -104,15 +95,67 @@ void BlockVertices::number(const BlockItems& items) {
   all_are_numbered_ = true;
 }
 
+// Those of a small mesh are numbers already.
 void BlockVertices::number_items(const BlockItems& items, const uint32_t* locals, uint32_t count) {
+  constexpr size_t kFew = 1 << 14;
   numbers_.resize(std::max(numbers_.size(), size_t(items.count()) * arity_));
-  table_.clear(size_t(count) * arity_);
-  for (uint32_t i = 0; i < count; ++i) {
-    const uint32_t* vertices = vertices_of(items, locals[i]);
-    for (uint32_t k = 0; k < arity_; ++k)
-      numbers_[size_t(locals[i]) * arity_ + k] = table_.insert(vertices[k]);
+  const auto number = [&](const auto& number_of) {
+    for (uint32_t i = 0; i < count; ++i) {
+      const uint32_t* vertices = vertices_of(items, locals[i]);
+      for (uint32_t k = 0; k < arity_; ++k)
+        numbers_[size_t(locals[i]) * arity_ + k] = number_of(vertices[k]);
+    }
+  };
+  size_t numbers = vertex_count_;
+  if (numbers <= kFew) {
+    number([](uint32_t vertex) { return vertex; });
+  } else {
+    table_.clear(size_t(count) * arity_);
+    number([&](uint32_t vertex) { return table_.insert(vertex); });
+    numbers = table_.count();
   }
-  if (seen_.size() < table_.count()) seen_.resize(table_.count(), 0);
+  if (last_.size() < numbers) last_.resize(numbers, 0);
+}
+
+void BlockVertices::count_sides(const uint32_t* order, uint32_t n, uint32_t* left,
+                                uint32_t* right) {
+  if (shared_.active()) {
+    shared_.clear();
+    for (uint32_t i = 0, count = 0; i < n; ++i) left[i] = count += shared_.insert(order[i]);
+    shared_.clear();
+    for (uint32_t i = n, count = 0; i-- > 0; count += shared_.insert(order[i])) right[i] = count;
+    return;
+  }
+  if (first_ > kNone - n) {
+    std::fill(last_.begin(), last_.end(), 0u);
+    first_ = 1;
+  }
+  arity_ == 3 ? count_sides_of<3>(order, n, left, right) : count_sides_of<0>(order, n, left, right);
+  first_ += n;
+}
+
+// In one pass: `right` first counts the vertices that each item is the last to have. No branch can
+// predict which are new, so nothing branches on it: what they take away, they take from behind the
+// end. An arity of 0 is known at run time only.
+template <uint32_t kArity>
+void BlockVertices::count_sides_of(const uint32_t* order, uint32_t n, uint32_t* left,
+                                   uint32_t* right) {
+  const uint32_t arity = kArity > 0 ? kArity : arity_, first = first_;
+  const uint32_t* const numbers = numbers_.data();
+  uint32_t* const last = last_.data();
+  uint32_t count = 0;
+  for (uint32_t i = 0; i < n; ++i) {
+    const uint32_t* const of_item = numbers + size_t(order[i]) * arity;
+    right[i] = arity;
+    for (uint32_t k = 0; k < arity; ++k) {
+      const uint32_t before = std::exchange(last[of_item[k]], first + i);
+      const bool is_new = before < first;
+      count += is_new;
+      --right[is_new ? n : before - first];
+    }
+    left[i] = count;
+  }
+  for (uint32_t i = n, behind = 0; i-- > 0;) behind += std::exchange(right[i], behind);
 }
 
 }  // namespace umbel::cluster

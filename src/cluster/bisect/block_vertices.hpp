@@ -30,28 +30,12 @@ class BlockVertices {
   /// Numbers the vertices of all items, which is worth it where most nodes are counted.
   void number(const BlockItems& items);
 
-  /// Prepares to count along the orders of a node's items: `reset` and then `insert` of each.
+  /// Prepares to count along the orders of a node's items.
   void enter(const BlockItems& items, uint32_t begin, uint32_t end);
   uint32_t per_item() const { return arity_; }
-  /// Of the node.
-  uint32_t node_count() const { return node_count_; }
-  void reset() {
-    if (shared_.active()) return shared_.clear();
-    if (++pass_ != 0) return;
-    std::fill(seen_.begin(), seen_.end(), 0);
-    pass_ = 1;
-  }
-  /// How many of an item's vertices are new.
-  uint32_t insert(uint32_t local) {
-    if (shared_.active()) return shared_.insert(local);
-    uint32_t fresh = 0;
-    for (uint32_t k = 0; k < arity_; ++k) {
-      uint32_t& seen = seen_[numbers_[size_t(local) * arity_ + k]];
-      fresh += seen != pass_ ? 1 : 0;
-      seen = pass_;
-    }
-    return fresh;
-  }
+  /// Along an order of the node's n items: left[i] are the vertices of those up to the i-th,
+  /// right[i] those of the ones behind it. There is room for one more on the right.
+  void count_sides(const uint32_t* order, uint32_t n, uint32_t* left, uint32_t* right);
 
  private:
   const uint32_t* vertices_of(const BlockItems& items, uint32_t local) const {
@@ -59,17 +43,20 @@ class BlockVertices {
   }
   void number_items(const BlockItems& items, const uint32_t* locals, uint32_t count);
   uint32_t count_by_bits(const uint32_t* order, uint32_t begin, uint32_t end);
+  template <uint32_t kArity>
+  void count_sides_of(const uint32_t* order, uint32_t n, uint32_t* left, uint32_t* right);
 
   const uint32_t* vertices_ = nullptr;  ///< of the source
   uint32_t arity_ = 0;
+  size_t vertex_count_ = 0;  ///< of the source
   VertexTable table_;
   QuickVertexCount quick_count_;
   SharedBits shared_;
   std::vector<uint32_t> numbers_;  ///< of the vertices of the node's items, or of all
   bool all_are_numbered_ = false;
-  std::vector<uint32_t> seen_;  ///< the last pass that saw each vertex
-  uint32_t pass_ = 0;
-  uint32_t node_count_ = 0;
+  /// Of each vertex, the position of the last item that had it, from first_ on in this order.
+  std::vector<uint32_t> last_;
+  uint32_t first_ = 1;
 };
 
 }  // namespace umbel::cluster

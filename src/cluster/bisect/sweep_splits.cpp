@@ -1,12 +1,14 @@
 #include "cluster/bisect/sweep_splits.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 namespace umbel::cluster {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr uint32_t kPadding = 4;     ///< of arrays that are read four at a time
 constexpr float kMostLost = 0.6f;    ///< of a cluster's vertices, as duplicates of others'
 constexpr float kLastSplits = 2.0f;  ///< how much more what is missing costs near the leaves
 
@@ -16,16 +18,16 @@ AxisSplit SplitSweep::cheapest(BlockItems& items, BlockVertices* vertices,
                                const SplitConstraints& constraints, uint32_t most_items,
                                uint32_t begin, uint32_t end) {
   const uint32_t n = end - begin;
-  for (auto* array : {&left_area_, &right_area_, &extra_, &left_weight_, &right_weight_})
-    if (array->size() < n) array->resize(n);
+  for (auto* array : {&left_area_, &right_area_, &extra_, &left_weight_, &right_weight_, &bounds_})
+    if (array->size() < n + kPadding) array->resize(n + kPadding);
   const Node node{items, constraints, most_items, n,
                   items.normalise(begin, end, items.bounds(begin, end))};
-  ClustersOfVertices clusters{};
   uint32_t least = 0;
   if (vertices) {
     vertices->enter(items, begin, end);
     count_vertices(node, begin, *vertices);
-    clusters = clusters_of_vertices(node, vertices->node_count());
+    const uint32_t node_vertices = left_vertices_[0][n - 1];
+    weights_.reset(node, clusters_of_vertices(node, node_vertices), node_vertices);
     // A side of limit / arity items fits whatever they are; smaller ones are a waste.
     least = std::min({std::max(constraints.config.max_vertices / vertices->per_item(), 1u),
                       constraints.config.min_items, std::max(n / 2, 1u)});
@@ -43,7 +45,10 @@ AxisSplit SplitSweep::cheapest(BlockItems& items, BlockVertices* vertices,
     else
       std::fill_n(extra_.begin(), n, 0.0f);
     if (constraints.config.overlap_cost > 0.0f) add_overlap(node, order);
-    if (vertices) weigh_vertices(node, axis, vertices->node_count(), clusters, least);
+    if (vertices) {
+      search_by_vertices(node, axis, least, best);
+      continue;
+    }
     for (uint32_t i = 0; i + 1 < n; ++i) {
       const float cost =
           left_area_[i] * left_weight_[i] + right_area_[i] * right_weight_[i] + extra_[i];
@@ -110,15 +115,10 @@ void SplitSweep::weigh_items(const Node& node) {
 void SplitSweep::count_vertices(const Node& node, uint32_t begin, BlockVertices& vertices) {
   const uint32_t n = node.n;
   for (int axis = 0; axis < 3; ++axis) {
-    const uint32_t* order = node.items.order(axis) + begin;
     std::vector<uint32_t>&left = left_vertices_[axis], &right = right_vertices_[axis];
-    if (left.size() < n) left.resize(n);
-    if (right.size() < n) right.resize(n);
-    vertices.reset();
-    for (uint32_t i = 0, count = 0; i + 1 < n; ++i) left[i] = count += vertices.insert(order[i]);
-    vertices.reset();
-    for (uint32_t i = n - 1, count = 0; i > 0; --i)
-      right[i - 1] = count += vertices.insert(order[i]);
+    if (left.size() < n + kPadding) left.resize(n + kPadding);
+    if (right.size() < n + kPadding) right.resize(n + kPadding);
+    vertices.count_sides(node.items.order(axis) + begin, n, left.data(), right.data());
   }
 }
 
@@ -141,40 +141,82 @@ SplitSweep::ClustersOfVertices SplitSweep::clusters_of_vertices(const Node& node
   return {limit, usable, std::min(lost, kMostLost * usable)};
 }
 
-void SplitSweep::ClustersNeeded::grow_to(float items, float vertices) {
-  const float before = clusters;
-  while (clusters * most_items < items) clusters += 1.0f;
-  if (clusters != before) capacity = of.capacity(clusters);
-  // The capacity grows with the clusters, by usable - lost at least.
-  while (vertices > of.limit && capacity < vertices) capacity = of.capacity(clusters += 1.0f);
-}
-
 // Both kinds of what is missing count for the clusters that a side needs. Prices may exceed 1 here,
-// where every position is evaluated.
-void SplitSweep::weigh_vertices(const Node& node, int axis, uint32_t node_vertices,
-                                const ClustersOfVertices& clusters, uint32_t least) {
+// where every position is a candidate.
+void SplitSweep::VertexWeights::reset(const Node& node, const ClustersOfVertices& clusters,
+                                      uint32_t node_vertices) {
   const ClusterConfig& config = node.constraints.config;
-  const uint32_t n = node.n;
-  const float items_per_vertex = static_cast<float>(n) / static_cast<float>(node_vertices);
-  const float item_price = kLastSplits * config.underfill_cost;
+  const float items_per_vertex = static_cast<float>(node.n) / static_cast<float>(node_vertices);
+  clusters_ = clusters;
+  most_ = static_cast<float>(node.most_items);
+  full_ = static_cast<float>(std::min(node.most_items, config.max_items));
+  item_price_ = kLastSplits * config.underfill_cost;
   // Less than in proportion: at the highest prices clusters fill up with duplicates.
   const float cost = config.vertex_underfill_cost;
-  const float vertex_price =
-      kLastSplits * cost * (4.0f - 2.0f * cost) * (1.0f / 3.0f) * items_per_vertex;
-  const float most = static_cast<float>(node.most_items);
-  const float full = static_cast<float>(std::min(node.most_items, config.max_items));
-  const auto weight = [&](uint32_t items, uint32_t vertices, ClustersNeeded& needed) {
-    if (items < least) return kInfinity;
-    const float i = static_cast<float>(items), v = static_cast<float>(vertices);
-    needed.grow_to(i, v);
-    return i + item_price * std::max(needed.clusters * full - i, 0.0f) +
-           vertex_price * std::max(needed.capacity - v, 0.0f);
+  vertex_price_ = kLastSplits * cost * (4.0f - 2.0f * cost) * (1.0f / 3.0f) * items_per_vertex;
+  const size_t count = node.n + 1 + 2 * kPadding;
+  if (items_.size() < count) items_.resize(count), capacities_.resize(count);
+  float clusters_needed = 1.0f, capacity = clusters_.capacity(1.0f);
+  for (uint32_t items = 0; items <= node.n; ++items) {
+    const float i = static_cast<float>(items);
+    while (clusters_needed * most_ < i) capacity = clusters_.capacity(clusters_needed += 1.0f);
+    items_[kPadding + items] = i + item_price_ * std::max(clusters_needed * full_ - i, 0.0f);
+    capacities_[kPadding + items] = capacity;
+  }
+}
+
+float SplitSweep::VertexWeights::operator()(uint32_t items, uint32_t vertices) const {
+  const float i = static_cast<float>(items), v = static_cast<float>(vertices);
+  float clusters = 1.0f;
+  while (clusters * most_ < i) clusters += 1.0f;
+  // The capacity grows with the clusters, by usable - lost at least.
+  float capacity = clusters_.capacity(clusters);
+  while (v > clusters_.limit && capacity < v) capacity = clusters_.capacity(clusters += 1.0f);
+  return i + item_price_ * std::max(clusters * full_ - i, 0.0f) +
+         vertex_price_ * std::max(capacity - v, 0.0f);
+}
+
+// Below what splits cost, four at once.
+void SplitSweep::bound_costs(const Node& node, int axis) {
+  const uint32_t n = node.n;
+  const uint32_t *left = left_vertices_[axis].data(), *right = right_vertices_[axis].data();
+  const auto count4 = [](const uint32_t* p) {
+    Int4 counts;
+    memcpy(&counts, p, sizeof counts);
+    return __builtin_convertvector(counts, Float4);
   };
-  ClustersNeeded on_left{clusters, most}, on_right = on_left;
-  for (uint32_t i = 0; i + 1 < n; ++i)
-    left_weight_[i] = weight(i + 1, left_vertices_[axis][i], on_left);
-  for (uint32_t i = n - 1; i-- > 0;)
-    right_weight_[i] = weight(n - i - 1, right_vertices_[axis][i], on_right);
+  for (uint32_t i = 0; i + 1 < n; i += 4) {
+    const uint32_t on_left = i + 1, on_right = n - i - 1;
+    const Float4 left_weight =
+        weights_.least(weights_.items(on_left), weights_.capacities(on_left), count4(left + i));
+    const Float4 right_weight = weights_.least(
+        weights_.items_down(on_right), weights_.capacities_down(on_right), count4(right + i));
+    const Float4 cost = load4(&left_area_[i]) * left_weight + load4(&right_area_[i]) * right_weight;
+    store4(&bounds_[i], cost + load4(&extra_[i]));
+  }
+}
+
+// Few positions cost so little that it has to be known exactly. A side of less than `least` items
+// is not legal.
+void SplitSweep::search_by_vertices(const Node& node, int axis, uint32_t least, AxisSplit& best) {
+  bound_costs(node, axis);
+  const uint32_t n = node.n, begin = least - 1, end = n - least;
+  const uint32_t *left = left_vertices_[axis].data(), *right = right_vertices_[axis].data();
+  const float* const bounds = bounds_.data();
+  const auto cost_at = [&](uint32_t i) {
+    return left_area_[i] * weights_(i + 1, left[i]) +
+           right_area_[i] * weights_(n - i - 1, right[i]) + extra_[i];
+  };
+  const auto lowest = std::min_element(bounds + begin, bounds + end) - bounds;
+  if (!(bounds[lowest] < best.cost)) return;
+  float most = std::min(best.cost, cost_at(static_cast<uint32_t>(lowest)));
+  for (uint32_t i = begin; i < end; ++i) {
+    if (!(bounds[i] <= most)) continue;
+    const float cost = cost_at(i);
+    if (!(cost < best.cost)) continue;
+    best = {cost, i + 1, axis, left[i], right[i]};
+    most = std::min(most, cost);
+  }
 }
 
 }  // namespace umbel::cluster

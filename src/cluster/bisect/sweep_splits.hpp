@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/simd/float4.hpp"
 #include "cluster/bisect/block_items.hpp"
 #include "cluster/bisect/block_vertices.hpp"
 #include "cluster/bisect/connection_cost.hpp"
@@ -46,13 +47,36 @@ class SplitSweep {
       return clusters * usable - lost * (clusters - std::sqrt(clusters));
     }
   };
-  /// The least clusters that hold so many items and vertices, which only grow along an order.
-  struct ClustersNeeded {
-    const ClustersOfVertices& of;
-    float most_items;
-    float clusters = 1.0f, capacity = of.capacity(1.0f);
+  /// What a side weighs by the clusters that its items and vertices need.
+  class VertexWeights {
+   public:
+    void reset(const Node& node, const ClustersOfVertices& clusters, uint32_t node_vertices);
+    float operator()(uint32_t items, uint32_t vertices) const;
+    /// At most that, and the same unless the vertices need more clusters than the items.
+    Float4 least(Float4 of_items, Float4 capacities, Float4 vertices) const {
+      return of_items + splat(vertex_price_) * max4(capacities - vertices, splat(0.0f));
+    }
+    /// Of so many items and one, two and three more.
+    Float4 items(uint32_t count) const { return load4(&items_[kPadding + count]); }
+    Float4 capacities(uint32_t count) const { return load4(&capacities_[kPadding + count]); }
+    /// Of so many items and one, two and three less.
+    Float4 items_down(uint32_t count) const { return reversed(&items_[kPadding + count - 3]); }
+    Float4 capacities_down(uint32_t count) const {
+      return reversed(&capacities_[kPadding + count - 3]);
+    }
 
-    void grow_to(float items, float vertices);
+   private:
+    static constexpr uint32_t kPadding = 4;
+    static Float4 reversed(const float* p) {
+      const Float4 v = load4(p);
+      return __builtin_shufflevector(v, v, 3, 2, 1, 0);
+    }
+
+    ClustersOfVertices clusters_{};
+    float most_ = 0, full_ = 0, item_price_ = 0, vertex_price_ = 0;
+    // Of 0, 1, 2, ... items, with padding at both ends: what they weigh without their vertices, and
+    // the capacity of the clusters that they need.
+    std::vector<float> items_, capacities_;
   };
 
   void sweep(const Node& node, const uint32_t* order, Box4& all);
@@ -61,13 +85,15 @@ class SplitSweep {
   void weigh_items(const Node& node);
   void count_vertices(const Node& node, uint32_t begin, BlockVertices& vertices);
   ClustersOfVertices clusters_of_vertices(const Node& node, uint32_t node_vertices) const;
-  void weigh_vertices(const Node& node, int axis, uint32_t node_vertices,
-                      const ClustersOfVertices& clusters, uint32_t least);
+  void bound_costs(const Node& node, int axis);
+  void search_by_vertices(const Node& node, int axis, uint32_t least, AxisSplit& best);
 
   ConnectionCost connections_;
   // By position, less one: of the sides, and what is added to their cost.
   std::vector<float> left_area_, right_area_, extra_, left_weight_, right_weight_;
+  std::vector<float> bounds_;  ///< of the cost, from below
   std::array<std::vector<uint32_t>, 3> left_vertices_, right_vertices_;  ///< an axis
+  VertexWeights weights_;
   std::vector<Box4> left_boxes_;
 };
 

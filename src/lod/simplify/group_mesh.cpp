@@ -86,7 +86,14 @@ void GroupMesh::drop_repeated_triangles() {
     return Triangle{t[first], t[(first + 1) % 3], t[(first + 2) % 3]};
   };
   uint32_t kept = 0;
+  const auto is_non_manifold = [&](uint32_t v) {
+    return non_manifold_component[position_of[v]] != kNone;
+  };
   for (size_t i = 0; i < triangles.size(); ++i) {
+    if (!std::all_of(triangles[i].begin(), triangles[i].end(), is_non_manifold)) {
+      triangles[kept++] = triangles[i];
+      continue;
+    }
     const Triangle t = normal_form(triangles[i]);
     const uint64_t hash = mix64((uint64_t{t[0]} << 32 | t[1]) ^ mix64(t[2]));
     const uint32_t found = index_.find_or_insert(

@@ -33,15 +33,15 @@ void AttributeQuadrics::build(const CollapseInput& input) {
 
 // What is the same everywhere, or has no weight, costs nothing.
 void AttributeQuadrics::find_columns(const CollapseInput& input) {
-  const size_t width = input.attribute_weights.size();
-  std::vector<uint8_t> differs(width, 0);
-  const float* const first = input.attributes.data();
-  for (size_t v = 0; v < input.position_of.size(); ++v)
-    for (size_t k = 0; k < width; ++k) differs[k] |= first[v * width + k] != first[k];
+  const size_t width = input.attribute_weights.size(), vertices = input.position_of.size();
   columns_.clear();
   weights_.clear();
   for (uint32_t k = 0; k < width; ++k) {
-    if (!differs[k] || input.attribute_weights[k] == 0.0f) continue;
+    if (input.attribute_weights[k] == 0.0f) continue;
+    const float* const values = input.attributes.data() + k;
+    size_t v = 1;
+    while (v < vertices && values[v * width] == values[0]) ++v;
+    if (v >= vertices) continue;
     columns_.push_back(k);
     weights_.push_back(input.attribute_weights[k]);
   }
@@ -54,8 +54,10 @@ void AttributeQuadrics::add_triangle(const CollapseInput& input, const Triangle&
   const float d11 = dot(e1, e1), d12 = dot(e1, e2), d22 = dot(e2, e2);
   const float determinant = d11 * d22 - d12 * d12;
   const float area = 0.5f * length(cross(e1, e2));
-  for (uint32_t v : t) quadrics_[v].weight += area;
-  if (!(determinant > 1e-6f * d11 * d22)) return;
+  if (!(determinant > 1e-6f * d11 * d22)) {
+    for (uint32_t v : t) quadrics_[v].weight += area;
+    return;
+  }
   const Vec3 gu = (e1 * d22 - e2 * d12) * (1.0f / determinant);
   const Vec3 gv = (e2 * d11 - e1 * d12) * (1.0f / determinant);
   const Float4 ux = splat(gu.x), uy = splat(gu.y), uz = splat(gu.z);
@@ -77,10 +79,18 @@ void AttributeQuadrics::add_triangle(const CollapseInput& input, const Triangle&
       store4(out + 2 * stride_, load4(out + 2 * stride_) + wz);
     }
   }
-  Quadric sum{};
-  sum.xx = sum_of(xx), sum.yy = sum_of(yy), sum.zz = sum_of(zz);
-  sum.xy = sum_of(xy), sum.xz = sum_of(xz), sum.yz = sum_of(yz);
-  for (uint32_t v : t) add(quadrics_[v], sum);
+  // All else in the quadric is 0.
+  Float4 none = splat(0.0f), none_either = none;
+  transpose(xx, yy, zz, xy);
+  transpose(xz, yz, none, none_either);
+  const Float4 low = (xx + yy) + (zz + xy);
+  Float4 high = (xz + yz) + (none + none_either);
+  high[2] = area;
+  for (uint32_t v : t) {
+    Quadric& q = quadrics_[v];
+    store4(&q.xx, load4(&q.xx) + low);
+    store4(&q.xz, load4(&q.xz) + high);
+  }
 }
 
 float AttributeQuadrics::cost(uint32_t from, uint32_t to, const Vec3& d) const {
@@ -98,6 +108,29 @@ float AttributeQuadrics::cost(uint32_t from, uint32_t to, const Vec3& d) const {
   }
   const float sum = sum_of(splat(q.weight) * squares - splat(2.0f) * products);
   return std::max(value_at(q, d) + sum, 0.0f);
+}
+
+AttributeQuadrics::MoveCosts::MoveCosts(const AttributeQuadrics& all, uint32_t from, const Vec3& d)
+    : all_(all), here_(all.values_of(from)), weight_(splat(all.quadrics_[from].weight)) {
+  const float* const g = all.gradients_of(from);
+  const Float4 dx = splat(d.x), dy = splat(d.y), dz = splat(d.z);
+  const uint32_t stride = all.stride_;
+  for (uint32_t k = 0; k < stride; k += 4)
+    means_[k / 4] = load4(g + k) * dx + load4(g + stride + k) * dy +
+                    load4(g + 2 * stride + k) * dz + load4(g + 3 * stride + k);
+  of_position_ = value_at(all.quadrics_[from], d);
+}
+
+float AttributeQuadrics::MoveCosts::operator()(uint32_t to) const {
+  const float* const there = all_.values_of(to);
+  Float4 products = splat(0.0f), squares = products;
+  for (uint32_t k = 0; k < all_.stride_; k += 4) {
+    const Float4 difference = load4(there + k) - load4(here_ + k);
+    products = products + difference * means_[k / 4];
+    squares = squares + difference * difference;
+  }
+  const float sum = sum_of(weight_ * squares - splat(2.0f) * products);
+  return std::max(of_position_ + sum, 0.0f);
 }
 
 Float4 AttributeQuadrics::costs(uint32_t from, const std::array<uint32_t, 4>& to, Float4 dx,

@@ -20,10 +20,26 @@ namespace umbel::lod {
 
 class AttributeQuadrics {
  public:
+  static constexpr uint32_t kMostAttributes = 32;
+
   /// `input` lives as long as the quadrics are used.
   void build(const CollapseInput& input);
 
   bool is_empty() const { return count_ == 0; }  ///< there are no attributes
+
+  /// `cost` of one vertex and way for any vertex there.
+  class MoveCosts {
+   public:
+    MoveCosts(const AttributeQuadrics& all, uint32_t from, const Vec3& d);
+    float operator()(uint32_t to) const;
+
+   private:
+    const AttributeQuadrics& all_;
+    const float* here_;
+    Float4 weight_;
+    float of_position_;
+    std::array<Float4, kMostAttributes / 4> means_;  // what the differences are multiplied by
+  };
 
   /// Of the vertex `from` as it becomes `to`, which is `d` away.
   float cost(uint32_t from, uint32_t to, const Vec3& d) const;

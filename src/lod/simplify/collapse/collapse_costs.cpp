@@ -211,26 +211,39 @@ CollapseCosts::Choice CollapseCosts::choice(uint32_t p, const Move& move) {
 
 // Attributes only add to what positions cost.
 CollapseCosts::Choice CollapseCosts::cheapest_with_attributes(uint32_t p) {
-  moves_.clear();
-  mesh_.for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
-    moves_.push_back({0.0f, target, c, after});
-  });
+  list_moves(p);
+  if (moves_.empty()) return {std::numeric_limits<float>::infinity(), kNone};
+  Move* const moves = moves_.data();
+  const size_t count = moves_.size();
   const RanksOfMoves ranks_of(quadrics_[p], mesh_.coordinates(p));
   size_t first = 0;
-  for (size_t begin = 0; begin < moves_.size(); begin += 4) {
-    const auto at = [&](size_t i) { return std::min(begin + i, moves_.size() - 1); };
+  for (size_t begin = 0; begin < count; begin += 4) {
+    const auto at = [&](size_t i) { return std::min(begin + i, count - 1); };
     const std::array<float, 4> ranks =
-        ranks_of([&](size_t i) { return mesh_.coordinates(moves_[at(i)].target); });
-    for (size_t i = begin; i < std::min(begin + 4, moves_.size()); ++i) {
-      moves_[i].rank = ranks[i - begin];
-      if (moves_[i].rank < moves_[first].rank) first = i;
+        ranks_of([&](size_t i) { return mesh_.coordinates(moves[at(i)].target); });
+    for (size_t i = begin; i < std::min(begin + 4, count); ++i) {
+      moves[i].rank = ranks[i - begin];
+      if (moves[i].rank < moves[first].rank) first = i;
     }
   }
-  if (moves_.empty()) return {std::numeric_limits<float>::infinity(), kNone};
-  std::swap(moves_[0], moves_[first]);
+  std::swap(moves[0], moves[first]);
   if (attributes_.is_empty()) return cheapest_of_moves(p);
   if (!mesh_.has_wedges(p)) return cheapest_of_smooth_moves(p);
   return mesh_.kind(p) == Kind::kInterior ? cheapest_of_wedges(p) : cheapest_of_moves(p);
+}
+
+void CollapseCosts::list_moves(uint32_t p) {
+  size_t count = 0;
+  Move* const room = room_for_moves(2 * mesh_.rings().size(p));
+  mesh_.for_each_target(p, [&](uint32_t c, uint32_t target, bool after) {
+    room[count++] = {0.0f, target, c, after};
+  });
+  moves_ = {room, count};
+}
+
+CollapseCosts::Move* CollapseCosts::room_for_moves(size_t most) {
+  if (room_.size() < most) room_.resize(2 * most);
+  return room_.data();
 }
 
 CollapseCosts::Choice CollapseCosts::cheapest_of_moves(uint32_t p) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "lod/simplify/collapse/attribute_quadrics.hpp"
@@ -79,6 +80,8 @@ class CollapseCosts {
   void add_boundary_quadrics(uint32_t p);
   uint32_t corner_before(uint32_t p, uint32_t q) const;
   void find_slots(uint32_t p);
+  void list_moves(uint32_t p);
+  Move* room_for_moves(size_t most);
   Choice cheapest_position(uint32_t p) const;
   Choice cheapest_with_attributes(uint32_t p);
   Choice cheapest_of_moves(uint32_t p);
@@ -90,7 +93,8 @@ class CollapseCosts {
   WedgeMap& wedges_;
   std::vector<Quadric> quadrics_;     // of positions; scale: from cost to rank
   std::vector<float> displacements_;  // of positions: how far vertices that ended there have moved
-  std::vector<Move> moves_;
+  std::vector<Move> room_;
+  std::span<Move> moves_;        // in room_, of the last position
   std::vector<uint32_t> slots_;  // of positions around the last one: where it comes before
   double area_ = 0.0;
   float largest_ = 0.0f, largest_of_attributes_ = 0.0f;  // squared distances

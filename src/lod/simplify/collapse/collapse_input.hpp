@@ -16,7 +16,7 @@ struct CollapseInput {
   std::span<const Triangle> triangles;       ///< of vertices
   std::span<const uint32_t> position_of;     ///< of vertices
   std::span<const Vec3> positions;           ///< of vertices
-  std::span<const float> attributes;         ///< attribute_weights.size() a vertex
+  std::span<const float> attributes;         ///< attribute_weights.size() a vertex, 32 at most
   std::span<const float> attribute_weights;  ///< a difference of 1 counts as this part of the root
                                              ///< of the area that has it
   std::span<const uint8_t> locked;           ///< of positions: stays where it is

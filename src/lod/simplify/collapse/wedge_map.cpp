@@ -61,11 +61,17 @@ bool WedgeMap::find_cheapest(uint32_t p, uint32_t target) {
 // Across a seam. It has nowhere to go where no vertex at the target has its material.
 WedgeMap::Move WedgeMap::cheapest(uint32_t from, uint32_t target, const Vec3& d) const {
   Move best{from, kNone, false, 0.0f};
-  for (uint32_t to : mesh_.wedges(target)) {
-    if (!mesh_.is_used(to) || !mesh_.same_material(from, to)) continue;
-    const float cost = attributes_.is_empty() ? 0.0f : attributes_.cost(from, to, d);
-    if (best.to == kNone || cost < best.cost) best.to = to, best.cost = cost;
-  }
+  const auto find = [&](const auto& cost_of) {
+    for (uint32_t to : mesh_.wedges(target)) {
+      if (!mesh_.is_used(to) || !mesh_.same_material(from, to)) continue;
+      const float cost = cost_of(to);
+      if (best.to == kNone || cost < best.cost) best.to = to, best.cost = cost;
+    }
+  };
+  if (attributes_.is_empty())
+    find([](uint32_t) { return 0.0f; });
+  else
+    find(AttributeQuadrics::MoveCosts(attributes_, from, d));
   return best;
 }
 
