@@ -17,7 +17,7 @@ from umbel.geometry.mesh import Mesh
 from umbel.geometry.origin import relative_transform
 from umbel.io import load_scene
 from umbel.io.scene import Scene, scene_of, transformed_far, with_default
-from umbel.lod.instances import instance_boxes, scale_range
+from umbel.lod.instances import instance_boxes, scale_ranges
 
 MODES = ("auto", "on", "off")
 _REPEATED = 2.0
@@ -65,7 +65,8 @@ def mesh_instances(scene: Scene) -> list[tuple[int, Any]]:
 
 def largest_scale(scene: Scene, mesh: int) -> float:
     """The largest scale of a mesh's instances."""
-    return max(scale_range(i.transform)[1] for i in scene.instances if i.mesh == mesh)
+    matrices = [instance.transform for instance in scene.instances if instance.mesh == mesh]
+    return float(scale_ranges(matrices)[:, 1].max())
 
 
 def scene_boxes(scene: Scene) -> Mesh:
@@ -80,16 +81,19 @@ def scene_boxes(scene: Scene) -> Mesh:
 
 def matrix_rounding(scene: Scene, origin: NDArray[np.float64]) -> list[float]:
     """For each instance, how far its matrix in float32, as assets store it, moves a vertex."""
-    moved = []
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        box = _umbel.bounds(native(mesh))
-        exact = relative_transform(instance.transform, mesh.origin, origin)
-        with np.errstate(over="ignore", invalid="ignore"):
-            off = np.abs(exact.astype(np.float32) - exact)
-        largest = np.abs(np.array(box)).max(axis=0) if box else np.zeros(3)
-        moved.append(float(np.linalg.norm(off[:, :3] @ largest + off[:, 3])))
-    return moved
+    boxes = [_umbel.bounds(native(mesh)) for mesh in scene.meshes]
+    largest = np.array([np.zeros(3) if box is None else np.abs(box).max(axis=0) for box in boxes])
+    exact = np.array(
+        [
+            relative_transform(one.transform, scene.meshes[one.mesh].origin, origin)
+            for one in scene.instances
+        ]
+    ).reshape(-1, 3, 4)
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = np.abs(exact.astype(np.float32) - exact)
+    of_each = largest[[one.mesh for one in scene.instances]]
+    by = (off[:, :, :3] @ of_each[:, :, None])[:, :, 0] + off[:, :, 3]
+    return [float(length) for length in np.linalg.norm(by, axis=1)]
 
 
 def _keep_instances(scene: Scene) -> Scene:
@@ -99,15 +103,18 @@ def _keep_instances(scene: Scene) -> Scene:
     kept: dict[int, int] = {}
     every = [mesh.material_ids for mesh in scene.meshes if mesh.material_ids is not None]
     apart.materials, _ = with_default(scene.materials, np.concatenate(every) if every else None)
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        if not len(mesh.triangles):
-            continue
-        _, ids = with_default(scene.materials, mesh.material_ids)
-        mesh = replace(mesh, material_ids=ids, materials=apart.materials)
+    meshes: dict[int, Mesh] = {}
+    for k, mesh in enumerate(scene.meshes):
+        if len(mesh.triangles):
+            _, ids = with_default(scene.materials, mesh.material_ids)
+            meshes[k] = replace(mesh, material_ids=ids, materials=apart.materials)
+    drawn = [instance for instance in scene.instances if instance.mesh in meshes]
+    for instance in drawn:
         if not np.isfinite(instance.transform).all():
             raise Error(f"the instance {instance.name!r} has a matrix that is not finite")
-        least, most = scale_range(instance.transform)
+    scales = scale_ranges([instance.transform for instance in drawn])
+    for instance, (least, most) in zip(drawn, scales, strict=True):
+        mesh = meshes[instance.mesh]
         if not least > _FLAT * most:
             apart.instances.append(replace(instance, mesh=len(apart.meshes), transform=np.eye(4)))
             apart.meshes.append(transformed_far(mesh, instance.transform))

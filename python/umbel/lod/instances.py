@@ -51,18 +51,19 @@ def all_instances(asset: Asset) -> list[MeshInstance]:
 def instance_boxes(bounds: Sequence[Any], instances: Sequence[MeshInstance]) -> Mesh:
     """The boxes of instances, as a mesh. `bounds` are the meshes' least and greatest corners, or
     None for a mesh without triangles."""
-    corners = []
-    for mesh, matrix in instances:
-        if bounds[mesh] is None:
-            continue
-        low, high = np.array(bounds[mesh], np.float64)
-        unit = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
-        with np.errstate(invalid="ignore"):  # what is not finite is refused later
-            corners.append((low + unit * (high - low)) @ matrix[:3, :3].T + matrix[:3, 3])
-    if not corners:
+    drawn = [one for one in instances if bounds[one[0]] is not None]
+    if not drawn:
         return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
-    faces = np.concatenate([np.array(_BOX, np.uint32) + 8 * k for k in range(len(corners))])
-    return Mesh(np.concatenate(corners), faces)
+    matrices = np.array([matrix[:3] for _, matrix in drawn], np.float64)
+    boxes = np.array([np.zeros((2, 3)) if box is None else box for box in bounds], np.float64)
+    low, high = boxes[[mesh for mesh, _ in drawn]].transpose(1, 0, 2)[:, :, None]
+    unit = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
+    with np.errstate(invalid="ignore"):  # what is not finite is refused later
+        local = low + unit * (high - low)
+        corners = local @ matrices[:, :, :3].transpose(0, 2, 1) + matrices[:, None, :, 3]
+    first = 8 * np.arange(len(drawn), dtype=np.uint32)
+    faces = np.array(_BOX, np.uint32) + first[:, None, None]
+    return Mesh(corners.reshape(-1, 3), faces.reshape(-1, 3))
 
 
 def asset_boxes(asset: Asset) -> Mesh:
@@ -84,8 +85,14 @@ def local_transforms(asset: Asset) -> NDArray[np.float32]:
 
 def scale_range(matrix: NDArray[Any]) -> tuple[float, float]:
     """The smallest and the largest factor by which a matrix scales lengths."""
-    factors = np.linalg.svd(np.asarray(matrix, np.float64)[:3, :3], compute_uv=False)
-    return float(factors[-1]), float(factors[0])
+    least, most = scale_ranges([matrix])[0]
+    return float(least), float(most)
+
+
+def scale_ranges(matrices: Sequence[NDArray[Any]]) -> NDArray[np.float64]:
+    """(n, 2): the smallest and the largest factor by which each matrix scales lengths."""
+    turns = np.array([matrix[:3, :3] for matrix in matrices], np.float64).reshape(-1, 3, 3)
+    return np.linalg.svd(turns, compute_uv=False)[:, [2, 0]]
 
 
 def scene_cuts(asset: Asset, *, or_coarsest: bool = False, **how: Any) -> list[InstanceCut]:

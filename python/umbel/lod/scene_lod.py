@@ -10,7 +10,7 @@ import numpy as np
 
 from umbel.io.scene import Scene
 from umbel.lod.arrange import is_single, matrix_rounding, mesh_instances, scene_boxes
-from umbel.lod.instances import scale_range
+from umbel.lod.instances import scale_ranges
 from umbel.lod.lod import Lod
 from umbel.lod.save import Savable
 
@@ -67,6 +67,8 @@ def _report(
     moved: Sequence[float],
 ) -> dict[str, Any]:
     reports = [lod.report for lod in lods]
+    own = np.array([reports[mesh]["largest_move"] for mesh, _ in instances])
+    scales = scale_ranges([matrix for _, matrix in instances])
     sums = [
         *("degenerate_triangles", "dropped_triangles", "seconds"),
         *("root_groups", "root_triangles", "stuck_groups"),
@@ -85,10 +87,7 @@ def _report(
             for method in reports[0]["groups_by_reason"]
         },
         "waits_by_reason": _summed([one["waits_by_reason"] for one in reports]),
-        "largest_move": max(
-            reports[mesh]["largest_move"] * scale_range(matrix)[1] + by
-            for (mesh, matrix), by in zip(instances, moved, strict=True)
-        ),
+        "largest_move": float((own * scales[:, 1] + moved).max()),
     }
     if step is not None:
         report["grid_step"] = step
